@@ -1,0 +1,56 @@
+# How every library and test of the project is declared: one place for the language level, the
+# warnings and the sanitizers, all private to the target (no global flags).
+
+add_library(forcegrid_warnings INTERFACE)
+target_compile_options(forcegrid_warnings INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor
+  -Woverloaded-virtual -Wcast-align -Wno-psabi
+  $<$<BOOL:${FORCEGRID_WARNINGS_AS_ERRORS}>:-Werror>)
+
+add_library(forcegrid_sanitizers INTERFACE)
+if(FORCEGRID_SANITIZE STREQUAL "address")
+  set(flags -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+elseif(FORCEGRID_SANITIZE STREQUAL "thread")
+  set(flags -fsanitize=thread)
+elseif(NOT FORCEGRID_SANITIZE STREQUAL "")
+  message(FATAL_ERROR "FORCEGRID_SANITIZE is '${FORCEGRID_SANITIZE}'; use address or thread")
+endif()
+if(flags)
+  target_compile_options(forcegrid_sanitizers INTERFACE ${flags})
+  target_link_options(forcegrid_sanitizers INTERFACE ${flags})
+  # Function multiversioning resolves before a sanitizer's runtime is up, and the allocation
+  # test replaces malloc: both stay out of sanitized builds.
+  target_compile_definitions(forcegrid_sanitizers INTERFACE FORCEGRID_SANITIZED=1)
+endif()
+
+# forcegrid_library(NAME sources...): a static library whose headers are included as "folder/header.h".
+function(forcegrid_library name)
+  add_library(${name} STATIC ${ARGN})
+  target_compile_features(${name} PUBLIC cxx_std_20)
+  target_include_directories(${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include>)
+  target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:forcegrid_warnings>
+                                PUBLIC $<BUILD_INTERFACE:forcegrid_sanitizers>)
+endfunction()
+
+# forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [TIMEOUT s])
+# SERIAL: the test runs alone (it keeps deadlines or uses both cores).
+function(forcegrid_test name)
+  cmake_parse_arguments(arg "SERIAL" "TIMEOUT" "LABELS;SOURCES;LIBS" ${ARGN})
+  if(NOT arg_TIMEOUT)
+    set(arg_TIMEOUT 60)
+  endif()
+  add_executable(${name} ${arg_SOURCES})
+  target_compile_features(${name} PRIVATE cxx_std_20)
+  target_compile_definitions(${name} PRIVATE
+    FORCEGRID_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    FORCEGRID_PROGRAM="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/forcegrid")
+  target_link_libraries(${name} PRIVATE ${arg_LIBS} forcegrid_warnings forcegrid_sanitizers
+                                        GTest::gmock GTest::gtest_main)
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
+  set(properties LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
+  if(arg_SERIAL)
+    list(APPEND properties RUN_SERIAL TRUE)
+  endif()
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES ${properties})
+endfunction()

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <limits>
+
+namespace forcegrid {
+
+/// One answer of the simulator: the force that the object exerts on the tool at `position_W`.
+/// W is the workspace frame; lengths in metres, forces in newtons, times in seconds of the servo's
+/// clock.
+struct Sample {
+  double time_s = 0.0;  ///< when the tool was at `position_W`
+  Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
+  Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
+  bool has_stiffness = false;
+  Eigen::Matrix3d stiffness_W = Eigen::Matrix3d::Zero();  ///< dF/dP [N/m]
+  std::uint32_t contact_epoch = 0;  ///< a new number at every discontinuity
+  Eigen::Vector3d contact_point_W = Eigen::Vector3d::Zero();
+  double relative_residual = 0.0;
+  bool converged = true;
+  bool from_query = false;  ///< asked for by the method, not sampled along the path
+};
+
+enum class EstimateStatus : std::uint8_t {
+  kOk,
+  kPartlyKnown,  ///< some of what the answer rests on is still the null force of an empty grid
+  kUnknown,      ///< nothing known here yet; the force is zero
+  kOutside,      ///< position beyond the method's workspace; the force is zero
+  kNotFinite,    ///< position or result was not finite; the force is zero
+};
+
+/// Static text for messages and files, e.g. "outside the grid".
+const char* to_string(EstimateStatus status) noexcept;
+
+struct ForceEstimate {
+  Eigen::Vector3d force_W = Eigen::Vector3d::Zero();  ///< zero unless kOk or kPartlyKnown
+  EstimateStatus status = EstimateStatus::kUnknown;
+  /// [N] one standard deviation of the force's error, NaN for a method that can't tell.
+  double uncertainty_N = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Bridges slow forces to a fast loop: takes in the simulator's samples as they arrive and gives a
+/// force at any time and position. All of it runs on the servo thread.
+/// Real-time: every function is bounded and neither allocates, locks nor throws; implementations
+/// allocate in their constructors only. Threads: one.
+class ForceMethod {
+ public:
+  virtual ~ForceMethod() = default;
+
+  /// The method's name on the command line, e.g. "forcegrid".
+  virtual const char* name() const noexcept = 0;
+
+  /// Takes in one sample. Non-finite samples and those older than the newest taken in are ignored
+  /// unless a method says otherwise. The method keeps what it can't use at once for work().
+  virtual void take_sample(const Sample& sample) noexcept = 0;
+
+  /// Tells the tool's time [s] and position once a servo cycle, before force().
+  virtual void observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
+    static_cast<void>(time_s);
+    static_cast<void>(position_W);
+  }
+
+  /// The tool touched an object (a new contact epoch) or came off it: what was learnt before may no
+  /// longer hold.
+  virtual void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept = 0;
+  virtual void contact_lost() noexcept = 0;
+
+  /// Does at most `budget` units of pending work (for a grid: vertices).
+  /// @returns the units done; less than `budget` when nothing is left to do.
+  virtual int work(int budget) noexcept = 0;
+
+  /// The force at `position_W` and time `time_s`. At any moment between the other calls the answer
+  /// is consistent, whatever work is pending.
+  [[nodiscard]] virtual ForceEstimate force(double time_s,
+                                            const Eigen::Vector3d& position_W) const noexcept = 0;
+};
+
+}  // namespace forcegrid

@@ -1,0 +1,125 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace forcegrid::profiles {
+
+/// A profile that can't be used. `what()` names file, line, key, what is wrong and what to write.
+class ProfileError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// Three numbers, one an axis: joints a, b, c (base, shoulder, elbow) or x, y, z.
+using Axes = std::array<double, 3>;
+
+/// The hand that holds the emulated device: a mass on a spring and damper to a moving target.
+struct HandProfile {
+  double mass_kg = 0.0;
+  double damping_N_s_per_m = 0.0;
+  double stiffness_N_per_m = 0.0;
+  std::string source;  ///< where the numbers come from
+};
+
+/// Everything driver and emulator know of one kind of arm, read from one TOML file. It is data
+/// only: each side has its own codec and its own kinematics, so that neither can hide the other's
+/// mistake. Joint angle q_i = encoder_sign_i * (2 pi n_i / counts_per_turn_i) * (d_i / D_i);
+/// linkage angle theta_i = linkage_offset_rad_i + linkage_sign_i * q_i (theta_a yaw, theta_b from
+/// the vertical, theta_c absolute from straight down). Device frame D: x toward the user, y to the
+/// user's right, z up. Source: the device fact sheets named in the file's `source`.
+struct DeviceProfile {
+  std::string file;  ///< the file it came from, for messages
+  std::string name;
+  std::string description;
+  std::string source;
+
+  struct Usb {
+    std::string protocol;  ///< "w2"
+    std::uint16_t vendor_id = 0;
+    std::uint16_t product_id = 0;
+    std::uint16_t device_release = 0;  ///< bcdDevice
+    std::string manufacturer;
+    std::string product;
+    std::string serial;
+    std::uint16_t usage_page = 0;
+    std::uint16_t usage = 0;
+    int report_bytes = 0;
+    int frame_period_us = 0;  ///< bus frame: 1000 at full speed
+  } usb;
+
+  struct Kinematics {
+    Axes link_length_m{};  ///< L_a, L_b, L_c
+    Axes origin_m{};       ///< o_x, o_y, o_z
+    Axes capstan_diameter_m{};
+    Axes body_diameter_m{};
+    Axes encoder_counts_per_turn{};  ///< quadrature counts of one motor turn
+    Axes encoder_sign{};             ///< s_i, +1 or -1
+    Axes linkage_sign{};             ///< +1 or -1
+    Axes linkage_offset_rad{};
+    Axes joint_min_rad{};  ///< hard stops, in q
+    Axes joint_max_rad{};
+  } kinematics;
+
+  struct Motors {
+    Axes torque_constant_Nm_per_A{};
+    Axes max_current_A{};               ///< limit of what the host commands
+    double full_scale_current_A = 0.0;  ///< I_full of the firmware's PWM
+  } motors;
+
+  struct Limits {
+    double max_force_N = 0.0;
+    double max_force_rate_N_per_s = 0.0;
+    Axes max_joint_torque_Nm{};
+    double max_stiffness_N_per_m = 0.0;
+    double max_damping_N_s_per_m = 0.0;
+    double max_speed_m_per_s = 0.0;
+    Axes workspace_min_m{};  ///< D, axis-aligned box in which force may be rendered
+    Axes workspace_max_m{};
+  } limits;
+
+  struct Calibration {
+    std::array<int, 6> pose_counts{};  ///< counters in the calibration pose
+    std::string instruction;           ///< how a person puts the arm there
+  } calibration;
+
+  /// Static gravity model of the links (driver's compensation, off unless asked for).
+  struct Gravity {
+    double acceleration_m_per_s2 = 0.0;
+    double link_b_mass_kg = 0.0;
+    double link_c_mass_kg = 0.0;
+    double link_b_center_m = 0.0;  ///< from the shoulder along link B
+    double link_c_center_m = 0.0;  ///< from the elbow along link C
+    bool balanced = true;          ///< the emulated arm is counterbalanced: gravity does not move it
+  } gravity;
+
+  /// The emulated arm only.
+  struct Dynamics {
+    double tip_mass_kg = 0.0;
+    double joint_inertia_kg_m2 = 0.0;
+    double coulomb_friction_Nm = 0.0;
+    double coulomb_smoothing_s_per_rad = 0.0;  ///< friction = -coulomb * tanh(smoothing * q')
+    double viscous_friction_Nm_s_per_rad = 0.0;
+    double stop_stiffness_Nm_per_rad = 0.0;
+    double stop_damping_Nm_s_per_rad = 0.0;
+  } dynamics;
+
+  HandProfile firm_hand;
+  HandProfile light_hand;
+};
+
+/// Reads and checks one profile. An unknown, missing, mistyped, non-finite or impossible value is
+/// an error.
+/// @param name_or_path a file name with a slash or ending in ".toml", or a profile's name, looked
+///        up in $FORCEGRID_PROFILE_PATH (if set), then beside the installed program, then in the
+///        source tree.
+/// @throws ProfileError naming file, line and key; for an unknown name, the names there are.
+DeviceProfile load_device_profile(const std::string& name_or_path);
+
+/// Names that load_device_profile finds without a path, sorted.
+std::vector<std::string> available_profiles();
+
+}  // namespace forcegrid::profiles
