@@ -15,7 +15,7 @@ struct Sample {
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
   bool has_stiffness = false;
   Eigen::Matrix3d stiffness_W = Eigen::Matrix3d::Zero();  ///< dF/dP [N/m]
-  std::uint32_t contact_epoch = 0;  ///< a new number at every discontinuity
+  std::uint32_t contact_epoch = 0;                        ///< a new number at every discontinuity
   Eigen::Vector3d contact_point_W = Eigen::Vector3d::Zero();
   double relative_residual = 0.0;
   bool converged = true;

@@ -1,0 +1,21 @@
+#include "forcegrid/force_method.h"
+
+namespace forcegrid {
+
+const char* to_string(EstimateStatus status) noexcept {
+  switch (status) {
+    case EstimateStatus::kOk:
+      return "ok";
+    case EstimateStatus::kPartlyKnown:
+      return "partly known";
+    case EstimateStatus::kUnknown:
+      return "nothing known yet";
+    case EstimateStatus::kOutside:
+      return "outside the workspace";
+    case EstimateStatus::kNotFinite:
+      return "not finite";
+  }
+  return "invalid status";
+}
+
+}  // namespace forcegrid

@@ -1,0 +1,53 @@
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "forcegrid/methods.h"
+#include "tests/support/allocation_count.h"
+
+namespace forcegrid {
+namespace {
+
+using testing::AllocationCount;
+
+TEST(AllocationCount, SeesAnAllocation) {
+  AllocationCount count;
+  std::vector<double> allocating(100);
+  allocating[0] = 1.0;
+  EXPECT_GE(count.value(), 1u);
+  EXPECT_EQ(allocating[0], 1.0);
+}
+
+TEST(ForceMethods, NeverAllocateAfterConstruction) {
+  ForcegridMethod::Options options;
+  options.geometry.min_W = Eigen::Vector3d::Constant(-0.05);
+  options.geometry.max_W = Eigen::Vector3d::Constant(0.05);
+  options.geometry.cells = Eigen::Vector3i::Constant(20);
+  options.candle_light = {0.02, 0.001};
+  options.samples_per_cell = 3;
+  for (const std::string& name : method_names()) {
+    const auto method = make_force_method(name, options);
+    double sum = 0.0;
+    AllocationCount count;
+    for (int i = 0; i < 200; ++i) {
+      const Eigen::Vector3d at(0.0002 * i - 0.02, 0.01, 0.0001 * i);
+      if (i % 50 == 0) {
+        method->contact_made(static_cast<std::uint32_t>(i), at);
+      }
+      Sample sample;
+      sample.position_W = at;
+      sample.force_W = 3.0 * at;
+      sample.time_s = i;
+      method->take_sample(sample);
+      method->observe(i, at);
+      method->work(100);
+      sum += method->force(i, at).force_W.x();
+    }
+    method->contact_lost();
+    EXPECT_EQ(count.value(), 0u) << name;
+    EXPECT_NE(sum, 0.0) << name;
+  }
+}
+
+}  // namespace
+}  // namespace forcegrid

@@ -1,0 +1,151 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "forcegrid/methods.h"
+
+namespace forcegrid {
+namespace {
+
+using Eigen::Vector3d;
+
+ForcegridMethod::Options small_grid() {
+  ForcegridMethod::Options options;
+  options.geometry.min_W = Vector3d(-0.05, -0.05, -0.05);
+  options.geometry.max_W = Vector3d(0.05, 0.05, 0.05);
+  options.geometry.cells = Eigen::Vector3i(10, 10, 10);
+  options.candle_light = {0.03, 0.001};
+  return options;
+}
+
+Sample sample_at(const Vector3d& position_W, const Vector3d& force_W, double time_s) {
+  Sample sample;
+  sample.position_W = position_W;
+  sample.force_W = force_W;
+  sample.time_s = time_s;
+  return sample;
+}
+
+TEST(ForceMethods, RefuseAnUnknownNameAndListTheKnownOnes) {
+  try {
+    make_force_method("forcgrid", small_grid());
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("forcgrid"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("forcegrid, hold"), std::string::npos);
+  }
+}
+
+TEST(ForceMethods, KnowNothingThenNothingInFreeSpaceThenWhatTheyWereTold) {
+  for (const std::string& name : method_names()) {
+    SCOPED_TRACE(name);
+    const auto method = make_force_method(name, small_grid());
+    EXPECT_EQ(method->name(), name);
+    EXPECT_EQ(method->force(0.0, Vector3d::Zero()).status, EstimateStatus::kUnknown);
+    method->contact_lost();
+    EXPECT_EQ(method->force(0.0, Vector3d::Zero()).status, EstimateStatus::kOk);
+    EXPECT_EQ(method->force(0.0, Vector3d::Zero()).force_W, Vector3d::Zero());
+    method->contact_made(1, Vector3d::Zero());
+    EXPECT_EQ(method->force(0.0, Vector3d::Zero()).status, EstimateStatus::kUnknown);
+    method->take_sample(sample_at(Vector3d::Zero(), Vector3d(1, 2, 3), 0.1));
+    while (method->work(64) > 0) {
+    }
+    const ForceEstimate estimate = method->force(0.2, Vector3d(0.001, 0.0, 0.0));
+    EXPECT_EQ(estimate.status, EstimateStatus::kOk);
+    EXPECT_LT((estimate.force_W - Vector3d(1, 2, 3)).norm(), 1e-6);
+    EXPECT_TRUE(std::isnan(estimate.uncertainty_N));
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(method->force(0.2, Vector3d(nan, 0, 0)).status, EstimateStatus::kNotFinite);
+    EXPECT_EQ(method->force(nan, Vector3d::Zero()).status, EstimateStatus::kNotFinite);
+    // A new contact forgets the old one, an end of contact is free space.
+    method->contact_made(2, Vector3d::Zero());
+    EXPECT_EQ(method->force(0.3, Vector3d::Zero()).status, EstimateStatus::kUnknown);
+    method->contact_lost();
+    EXPECT_EQ(method->force(0.3, Vector3d::Zero()).force_W, Vector3d::Zero());
+  }
+}
+
+TEST(ForceMethods, IgnoreSamplesThatAreNotFinite) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const std::string& name : method_names()) {
+    SCOPED_TRACE(name);
+    const auto method = make_force_method(name, small_grid());
+    method->contact_made(1, Vector3d::Zero());
+    method->take_sample(sample_at(Vector3d::Zero(), Vector3d(nan, 0, 0), 0.1));
+    method->take_sample(sample_at(Vector3d::Zero(), Vector3d(1, 0, 0), nan));
+    while (method->work(64) > 0) {
+    }
+    EXPECT_EQ(method->force(0.2, Vector3d::Zero()).status, EstimateStatus::kUnknown);
+  }
+}
+
+TEST(HoldMethod, IgnoresALateSample) {
+  const auto method = make_force_method("hold", small_grid());
+  method->contact_made(1, Vector3d::Zero());
+  method->take_sample(sample_at(Vector3d::Zero(), Vector3d(2, 0, 0), 0.2));
+  method->take_sample(sample_at(Vector3d::Zero(), Vector3d(1, 0, 0), 0.1));
+  EXPECT_EQ(method->force(0.3, Vector3d::Zero()).force_W, Vector3d(2, 0, 0));
+}
+
+TEST(ForcegridMethod, StopsCountingACellAtItsThreshold) {
+  ForcegridMethod::Options options = small_grid();
+  options.samples_per_cell = 2;
+  ForcegridMethod method(options);
+  method.contact_made(1, Vector3d::Zero());
+  for (int i = 0; i < 5; ++i) {
+    method.take_sample(sample_at(Vector3d(0.001, 0.001, 0.001), Vector3d(i, 0, 0), 0.1 * i));
+    while (method.work(1000) > 0) {
+    }
+  }
+  EXPECT_EQ(method.samples_over_threshold(), 3u);
+  // Samples 0 and 1 at one place: their mean.
+  EXPECT_NEAR(method.force(1.0, Vector3d(0.001, 0.001, 0.001)).force_W.x(), 0.5, 1e-6);
+  // Another cell still takes samples, and a new contact counts afresh.
+  method.take_sample(sample_at(Vector3d(0.011, 0.001, 0.001), Vector3d::Zero(), 1.0));
+  EXPECT_EQ(method.samples_over_threshold(), 3u);
+  method.contact_made(2, Vector3d::Zero());
+  method.take_sample(sample_at(Vector3d(0.001, 0.001, 0.001), Vector3d::Zero(), 1.1));
+  EXPECT_EQ(method.samples_over_threshold(), 3u);
+}
+
+TEST(ForcegridMethod, StartsOnACleanGridHoweverQuicklyContactsFollow) {
+  ForcegridMethod method(small_grid());
+  for (int contact = 1; contact < 30; ++contact) {
+    method.contact_made(static_cast<std::uint32_t>(contact), Vector3d::Zero());
+    method.take_sample(sample_at(Vector3d::Zero(), Vector3d(contact, 0, 0), contact));
+    for (int cycle = 0; cycle < contact % 7; ++cycle) {
+      method.work(200 * (contact % 5));
+      const ForceEstimate estimate = method.force(contact, Vector3d::Zero());
+      if (estimate.status == EstimateStatus::kOk) {
+        ASSERT_NEAR(estimate.force_W.x(), contact, 1e-5);
+      }
+    }
+  }
+  while (method.work(1000) > 0) {
+  }
+  ASSERT_EQ(method.force(99.0, Vector3d::Zero()).status, EstimateStatus::kOk);
+  EXPECT_NEAR(method.force(99.0, Vector3d::Zero()).force_W.x(), 29.0, 1e-5);
+}
+
+TEST(ForcegridMethod, CutsTheOldestFillShortWhenSamplesOverrunTheBudgetAndCountsIt) {
+  ForcegridMethod method(small_grid());
+  method.contact_made(1, Vector3d::Zero());
+  for (int i = 0; i < 10; ++i) {
+    method.take_sample(sample_at(Vector3d::Zero(), Vector3d(i, 0, 0), 0.1 * i));
+  }
+  EXPECT_EQ(method.fills_cut_short(), 2u);
+  while (method.work(1000) > 0) {
+  }
+  EXPECT_NEAR(method.force(2.0, Vector3d::Zero()).force_W.x(), (2 + 9) / 2.0, 1e-5);
+}
+
+TEST(ForcegridMethod, RefusesAThresholdThatIsNotACount) {
+  ForcegridMethod::Options options = small_grid();
+  options.samples_per_cell = -1;
+  EXPECT_THROW(ForcegridMethod{options}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace forcegrid
