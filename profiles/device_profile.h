@@ -62,6 +62,9 @@ struct DeviceProfile {
     Axes linkage_offset_rad{};
     Axes joint_min_rad{};  ///< hard stops, in q
     Axes joint_max_rad{};
+    /// Hard stops of the angle between the links, theta_b + theta_c (0: folded, pi: stretched).
+    double elbow_min_rad = 0.0;
+    double elbow_max_rad = 0.0;
   } kinematics;
 
   struct Motors {
@@ -93,7 +96,7 @@ struct DeviceProfile {
     double link_c_mass_kg = 0.0;
     double link_b_center_m = 0.0;  ///< from the shoulder along link B
     double link_c_center_m = 0.0;  ///< from the elbow along link C
-    bool balanced = true;          ///< the emulated arm is counterbalanced: gravity does not move it
+    bool balanced = true;  ///< the emulated arm is counterbalanced: gravity does not move it
   } gravity;
 
   /// The emulated arm only.
