@@ -62,10 +62,18 @@ ForceGrid::ForceGrid(const GridGeometry& geometry, const CandleLight& candle_lig
   if (!(candle_light_.unit_m > 0.0) || !std::isfinite(candle_light_.unit_m)) {
     throw std::invalid_argument("grid: the weight's unit of length must be positive and finite");
   }
-  vertices_ = (geometry_.cells.array() + 1).cast<std::size_t>();
+  row_ = geometry_.cells.z() + 1;
+  slab_ = row_ * (geometry_.cells.y() + 1);
   spacing_m_ = geometry_.spacing_m();
   inverse_spacing_per_m_ = spacing_m_.cwiseInverse();
-  data_.assign(geometry_.vertex_count(), Vertex{{0.0F, 0.0F, 0.0F}, 0.0F});
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto a = static_cast<std::size_t>(axis);
+    min_[a] = geometry_.min_W[axis];
+    inverse_[a] = inverse_spacing_per_m_[axis];
+    last_[a] = static_cast<float>(geometry_.cells[axis]);
+  }
+  last_[3] = 1.0F;  // the fourth lane, always zero, counts as inside
+  data_.assign(geometry_.vertex_count(), kEmpty);
 
   // A sample lies within half a cell of its nearest vertex, so a vertex within r of the sample is
   // within r plus half a diagonal of that vertex. Neighbours beyond the grid's own size never are.
@@ -97,10 +105,7 @@ ForceGrid::ForceGrid(const GridGeometry& geometry, const CandleLight& candle_lig
   for (const Candidate& candidate : candidates) {
     const Neighbour& n = candidate.neighbour;
     neighbours_.push_back(n);
-    neighbour_offset_.push_back(
-        (std::ptrdiff_t{n.di} * static_cast<std::ptrdiff_t>(vertices_.y()) + n.dj) *
-            static_cast<std::ptrdiff_t>(vertices_.z()) +
-        n.dk);
+    neighbour_offset_.push_back(n.di * slab_ + n.dj * row_ + n.dk);
     neighbour_x_m_.push_back(static_cast<float>(n.di * spacing_m_.x()));
     neighbour_y_m_.push_back(static_cast<float>(n.dj * spacing_m_.y()));
     neighbour_z_m_.push_back(static_cast<float>(n.dk * spacing_m_.z()));
@@ -115,47 +120,39 @@ ForceGrid::ForceGrid(const GridGeometry& geometry, const CandleLight& candle_lig
   }
 }
 
-ForceEstimate ForceGrid::sample(const Eigen::Vector3d& position_W) const noexcept {
+ForceEstimate ForceGrid::sample_with_status(const Eigen::Vector3d& position_W) const noexcept {
   ForceEstimate estimate;
+  if (!position_W.allFinite()) {
+    estimate.status = EstimateStatus::kNotFinite;
+    return estimate;
+  }
   const Eigen::Array3d u = (position_W - geometry_.min_W).cwiseProduct(inverse_spacing_per_m_);
-  const Eigen::Array3d cells = geometry_.cells.cast<double>();
-  if (!((u >= 0.0).all() && (u <= cells).all())) {
-    estimate.status =
-        position_W.allFinite() ? EstimateStatus::kOutside : EstimateStatus::kNotFinite;
+  if (!((u >= 0.0).all() && (u <= geometry_.cells.cast<double>().array()).all())) {
+    estimate.status = EstimateStatus::kOutside;
     return estimate;
   }
   const Eigen::Array3i cell = u.cast<int>().min(geometry_.cells.array() - 1);
-  const Eigen::Array3f t = (u - cell.cast<double>()).cast<float>();
-
-  const std::size_t row = vertices_.z();
-  const std::size_t slab = row * vertices_.y();
-  const Vertex* corner = &data_[vertex_index(cell.x(), cell.y(), cell.z())];
-  const auto load = [](const Vertex* vertex) -> Array4f {
-    return Eigen::Map<const Array4f, Eigen::Aligned16>(vertex->force_W);
-  };
-  const Array4f v000 = load(corner), v001 = load(corner + 1);
-  const Array4f v010 = load(corner + row), v011 = load(corner + row + 1);
-  const Array4f v100 = load(corner + slab), v101 = load(corner + slab + 1);
-  const Array4f v110 = load(corner + slab + row), v111 = load(corner + slab + row + 1);
-
-  const float z = t.z();
-  const Array4f v00 = v000 + z * (v001 - v000);
-  const Array4f v01 = v010 + z * (v011 - v010);
-  const Array4f v10 = v100 + z * (v101 - v100);
-  const Array4f v11 = v110 + z * (v111 - v110);
-  const Array4f v0 = v00 + t.y() * (v01 - v00);
-  const Array4f v1 = v10 + t.y() * (v11 - v10);
-  const Array4f v = v0 + t.x() * (v1 - v0);
-
-  const Array4f least = v000.min(v001).min(v010.min(v011)).min(v100.min(v101).min(v110.min(v111)));
-  if (least[3] > 0.0F) {
-    estimate.status = EstimateStatus::kOk;
-  } else if (v[3] > 0.0F) {
-    estimate.status = EstimateStatus::kPartlyKnown;
-  } else {
-    return estimate;
+  const Eigen::Array3d t = u - cell.cast<double>();
+  int known = 0;
+  int unknown = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Array3i step(corner & 1, corner >> 1 & 1, corner >> 2 & 1);
+    const double share = (step > 0).select(t, 1.0 - t).prod();
+    if (share == 0.0) {
+      continue;
+    }
+    const Eigen::Array3i at = cell + step;
+    const Vertex& v = data_[vertex_index(at.x(), at.y(), at.z())];
+    if (v.weight < 0.0F) {
+      ++unknown;
+      continue;
+    }
+    ++known;
+    estimate.force_W += share * Eigen::Vector3d(v.force_W[0], v.force_W[1], v.force_W[2]);
   }
-  estimate.force_W = v.head<3>().cast<double>();
+  if (known > 0) {
+    estimate.status = unknown == 0 ? EstimateStatus::kOk : EstimateStatus::kPartlyKnown;
+  }
   return estimate;
 }
 
@@ -222,7 +219,7 @@ void ForceGrid::update_eight(const Fill& fill, std::size_t first) noexcept {
       use[lane] = use[lane] && (at >= 0).all() && (at <= geometry_.cells.array()).all();
     }
     vertex[lane] = use[lane] ? centre + neighbour_offset_[first + lane] : centre;
-    old_weight[static_cast<Eigen::Index>(lane)] = vertex[lane]->weight;
+    old_weight[static_cast<Eigen::Index>(lane)] = std::max(vertex[lane]->weight, 0.0F);
   }
   const Array8f new_weight = old_weight + added;
   const Array8f share = added / new_weight;
@@ -238,13 +235,12 @@ void ForceGrid::update_eight(const Fill& fill, std::size_t first) noexcept {
 
 void ForceGrid::clear(std::size_t first, std::size_t last) noexcept {
   std::fill(data_.begin() + static_cast<std::ptrdiff_t>(first),
-            data_.begin() + static_cast<std::ptrdiff_t>(std::min(last, data_.size())),
-            Vertex{{0.0F, 0.0F, 0.0F}, 0.0F});
+            data_.begin() + static_cast<std::ptrdiff_t>(std::min(last, data_.size())), kEmpty);
 }
 
 Eigen::Vector4f ForceGrid::vertex(int i, int j, int k) const noexcept {
   const Vertex& v = data_[vertex_index(i, j, k)];
-  return {v.force_W[0], v.force_W[1], v.force_W[2], v.weight};
+  return {v.force_W[0], v.force_W[1], v.force_W[2], std::max(v.weight, 0.0F)};
 }
 
 std::size_t ForceGrid::cell_index(const Eigen::Vector3d& position_W) const noexcept {
