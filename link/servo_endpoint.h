@@ -1,0 +1,82 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string_view>
+
+#include "link/address.h"
+#include "link/messages.h"
+#include "link/statistics.h"
+
+namespace forcegrid::link {
+
+/// A sample's position may differ from the tool state (or query) that it answers, since a solver
+/// may move its tool in steps; beyond this the sample is taken as forged.
+inline constexpr double kMaxEchoDistance_m = 0.05;
+/// Tool states that are remembered to check echoes: 2 s at 4 kHz. Older echoes count as late.
+inline constexpr std::size_t kRememberedToolStates = 8192;
+inline constexpr std::size_t kRememberedQueries = 1024;
+
+/// The servo's end of the link: sends tool states and queries, receives checked samples.
+///
+/// A sample is accepted when its datagram is well-formed (wire.h), comes from the simulator's
+/// address, carries this run's session id, echoes sequence and time of a tool state sent in this
+/// session, lies within kMaxEchoDistance_m of it, and is newer than the newest accepted one. A
+/// reply (query_id != 0) must instead match an unanswered query of the session in id, time and
+/// position; it is never late. Everything else is dropped and counted.
+///
+/// Threads: one at a time.
+class ServoEndpoint {
+ public:
+  /// Opens a non-blocking socket on a free loopback port. The simulator need not run yet.
+  /// @param simulator   where it listens, see parse_address()
+  /// @param session_id  not zero; the default is random, as forging must be hard
+  /// @throws LinkError for an address beyond loopback, port 0, session 0, or no socket.
+  explicit ServoEndpoint(const Address& simulator, std::uint64_t session_id = random_session_id());
+  explicit ServoEndpoint(std::string_view simulator,
+                         std::uint64_t session_id = random_session_id());
+  /// Says goodbye to the simulator if that has not been done.
+  ~ServoEndpoint();
+  ServoEndpoint(const ServoEndpoint&) = delete;
+  ServoEndpoint& operator=(const ServoEndpoint&) = delete;
+
+  /// Sends one message. `ToolState::sequence` must rise from call to call, and so must
+  /// `Query::query_id`, which starts above 0. A missing simulator (ECONNREFUSED) is only counted.
+  /// Real-time: one or two system calls that don't block; no allocation, lock of ours or throw.
+  SendStatus send(const ToolState& state) noexcept;
+  SendStatus send(const Query& query) noexcept;
+
+  /// The next acceptable sample or reply, if one has arrived. Looks at no more than 256 datagrams
+  /// a call, so that a flood can't hold the caller.
+  /// Real-time: bounded, does not block; no allocation, lock of ours or throw.
+  [[nodiscard]] std::optional<ForceSample> receive() noexcept;
+
+  /// Waits until something has arrived, `timeout` has passed or a signal came. Zero or less: looks
+  /// and returns.
+  /// @returns true when receive() has something to look at.
+  /// Real-time: blocks up to `timeout`; for the link's thread, not for the servo's.
+  bool wait(std::chrono::nanoseconds timeout) noexcept;
+
+  /// The simulator said goodbye and nothing of it has been accepted since.
+  [[nodiscard]] bool simulator_ended() const noexcept;
+
+  /// Tells the simulator that this run ends. Real-time: as send().
+  void say_goodbye() noexcept;
+
+  [[nodiscard]] std::uint64_t session_id() const noexcept;
+  [[nodiscard]] const Address& simulator_address() const noexcept;
+  /// Where this end receives.
+  [[nodiscard]] const Address& local_address() const noexcept;
+  [[nodiscard]] const LinkStatistics& statistics() const noexcept;
+
+  /// From the system's random source, never zero. Real-time: no; may throw LinkError.
+  static std::uint64_t random_session_id();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace forcegrid::link

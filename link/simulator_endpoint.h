@@ -1,0 +1,98 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string_view>
+
+#include "link/address.h"
+#include "link/messages.h"
+#include "link/statistics.h"
+
+namespace forcegrid::link {
+
+inline constexpr std::size_t kQueuedQueries = 64;
+
+/// The simulator's end of the link, and the C++ client library for simulators of other projects:
+///
+///   SimulatorEndpoint servo("127.0.0.1:24870");
+///   while (running) {
+///     const auto news = servo.receive(std::chrono::milliseconds(100));
+///     if (news.new_session) forget_the_old_run();
+///     if (news.tool_state) {
+///       ForceSample sample = answer_to(*news.tool_state);   // position and echo filled in
+///       sample.force_W_N = ...;
+///       sample.converged = true;
+///       servo.send(sample);
+///     }
+///     while (auto query = servo.next_query()) ...           // in idle time, if at all
+///   }
+///
+/// One servo at a time: the first that is heard holds the link until it says goodbye or has been
+/// silent for `silence_limit`. Until then other servos are counted as foreign and get no answer.
+/// A new session from the address of the current servo takes over at once, and a session that has
+/// been replaced does not come back.
+///
+/// Threads: one at a time.
+class SimulatorEndpoint {
+ public:
+  /// Listens at `address` ("ADDR:PORT", see parse_address(); port 0 chooses a free one).
+  /// @throws LinkError for an address beyond loopback, a port in use, or no socket.
+  explicit SimulatorEndpoint(const Address& address,
+                             std::chrono::nanoseconds silence_limit = std::chrono::seconds(2));
+  explicit SimulatorEndpoint(std::string_view address,
+                             std::chrono::nanoseconds silence_limit = std::chrono::seconds(2));
+  /// Says goodbye to the servo, if there is one.
+  ~SimulatorEndpoint();
+  SimulatorEndpoint(const SimulatorEndpoint&) = delete;
+  SimulatorEndpoint& operator=(const SimulatorEndpoint&) = delete;
+
+  /// What receive() found; all empty after a time-out or a signal.
+  struct News {
+    std::optional<ToolState> tool_state;  ///< the newest one, if it is new since the last call
+    std::size_t queries = 0;              ///< how many wait in next_query()
+    bool new_session = false;             ///< another run of a servo began; forget the old one
+    bool servo_ended = false;             ///< the servo said goodbye
+  };
+
+  /// Takes in all that has arrived (at most 4096 datagrams a call), and waits for a first usable
+  /// datagram up to `timeout` if there is none; zero or less does not wait. Returns early,
+  /// possibly empty, when a signal interrupts the wait, so that the caller can look at its stop
+  /// flag.
+  /// Real-time: blocks up to `timeout`; no allocation or throw.
+  [[nodiscard]] News receive(std::chrono::nanoseconds timeout) noexcept;
+
+  /// The oldest waiting query of the current session. The queue holds kQueuedQueries; when it is
+  /// full the oldest gives way, and is counted. Real-time: yes.
+  [[nodiscard]] std::optional<Query> next_query() noexcept;
+
+  /// Sends `sample` to the current servo with the next sequence number (`sample.sequence` is not
+  /// used). Samples go out in the order of the tool states that they answer.
+  /// Real-time: one or two system calls that don't block; no allocation or throw.
+  SendStatus send(const ForceSample& sample) noexcept;
+
+  /// A servo holds the link and was heard within the silence limit. Real-time: yes.
+  [[nodiscard]] bool servo_alive() const noexcept;
+  /// Sessions since the start; 0 before the first. Real-time: yes.
+  [[nodiscard]] std::uint64_t session_count() const noexcept;
+  [[nodiscard]] std::uint64_t session_id() const noexcept;  ///< 0 without a servo
+  /// Where this end listens, with the port that the system chose.
+  [[nodiscard]] const Address& address() const noexcept;
+  [[nodiscard]] std::uint16_t port() const noexcept;
+  [[nodiscard]] const LinkStatistics& statistics() const noexcept;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// A sample for the tool's position with the echo filled in; force zero, not in contact.
+/// Real-time: yes. Threads: any.
+[[nodiscard]] ForceSample answer_to(const ToolState& state) noexcept;
+/// A reply for the query's position with id and echo time filled in (echo_sequence is 0 in a
+/// reply).
+[[nodiscard]] ForceSample answer_to(const Query& query) noexcept;
+
+}  // namespace forcegrid::link

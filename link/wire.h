@@ -1,0 +1,94 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <variant>
+
+#include "link/messages.h"
+
+/// The datagrams of the link, to the byte; docs/link_protocol.md has the same as tables.
+///
+/// header (24 bytes) | payload (fixed size for each type) | CRC-32 of all bytes before it (4 bytes)
+///
+/// All numbers are little-endian; reals are IEEE 754 doubles.
+namespace forcegrid::link {
+
+inline constexpr std::uint16_t kProtocolVersion = 1;
+
+inline constexpr std::size_t kHeaderBytes = 24;
+inline constexpr std::size_t kChecksumBytes = 4;
+inline constexpr std::size_t kToolStateBytes = kHeaderBytes + 56 + kChecksumBytes;
+inline constexpr std::size_t kQueryBytes = kHeaderBytes + 32 + kChecksumBytes;
+inline constexpr std::size_t kForceSampleBytes = kHeaderBytes + 184 + kChecksumBytes;
+inline constexpr std::size_t kGoodbyeBytes = kHeaderBytes + kChecksumBytes;
+/// No datagram of this or a later version is longer; it fits every path without fragmentation.
+inline constexpr std::size_t kMaxDatagramBytes = 511;
+static_assert(kForceSampleBytes <= kMaxDatagramBytes);
+
+/// Bounds of what is believed, both ways; each holds for the absolute value of every component.
+inline constexpr double kMaxPosition_m = 10.0;
+inline constexpr double kMaxVelocity_m_per_s = 100.0;
+inline constexpr double kMaxForce_N = 1000.0;
+inline constexpr double kMaxStiffness_N_per_m = 1e7;
+inline constexpr double kMaxSolveTime_s = 3600.0;  ///< and not below zero
+
+enum class MessageType : std::uint16_t {
+  kToolState = 1,
+  kQuery = 2,
+  kForceSample = 3,
+  kGoodbye = 4,
+};
+
+/// What is wrong with a datagram, in the order in which it is checked.
+enum class WireStatus : std::uint8_t {
+  kOk,
+  kTooShort,     ///< no room for header and checksum
+  kBadMagic,     ///< does not start with "FGRD"
+  kBadVersion,   ///< another version of the protocol
+  kBadType,      ///< no such message type
+  kBadLength,    ///< datagram or its length field differ from the type's fixed size
+  kBadChecksum,  ///< corrupted on its way
+  kBadReserved,  ///< a reserved field, an unknown flag or an undeclared stiffness is not zero
+  kNotFinite,    ///< NaN or infinity
+  kOutOfRange,   ///< beyond the bounds above, time or residual below zero, session or query id 0
+};
+inline constexpr std::size_t kWireStatusCount = 10;
+
+/// Static text in lower case, e.g. "bad checksum".
+const char* to_string(WireStatus status) noexcept;
+
+/// Either side to the other: this end stops now; don't wait for a time-out.
+struct Goodbye {};
+
+/// A checked datagram. Unless `status` is kOk the message is std::monostate and `session_id` 0.
+struct Decoded {
+  WireStatus status = WireStatus::kTooShort;
+  std::uint64_t session_id = 0;
+  std::variant<std::monostate, ToolState, Query, ForceSample, Goodbye> message;
+};
+
+/// Checks a received datagram completely and reads it. Safe for any bytes of any length.
+/// Real-time: bounded, no allocation, lock or throw. Threads: any.
+[[nodiscard]] Decoded decode(std::span<const std::byte> datagram) noexcept;
+
+/// `size_bytes` is 0 unless `status` is kOk.
+struct Encoded {
+  WireStatus status = WireStatus::kOutOfRange;
+  std::size_t size_bytes = 0;
+};
+
+/// Writes `message` to the front of `buffer`. What decode() would refuse is refused here as well,
+/// so a fault shows on the side that made it; kTooShort means that the buffer is too small.
+/// @param session_id  the servo's number for this run, not zero
+/// Real-time: bounded, no allocation, lock or throw. Threads: any.
+[[nodiscard]] Encoded encode(const ToolState& message, std::uint64_t session_id,
+                             std::span<std::byte> buffer) noexcept;
+[[nodiscard]] Encoded encode(const Query& message, std::uint64_t session_id,
+                             std::span<std::byte> buffer) noexcept;
+[[nodiscard]] Encoded encode(const ForceSample& message, std::uint64_t session_id,
+                             std::span<std::byte> buffer) noexcept;
+[[nodiscard]] Encoded encode(const Goodbye& message, std::uint64_t session_id,
+                             std::span<std::byte> buffer) noexcept;
+
+}  // namespace forcegrid::link
