@@ -1,0 +1,708 @@
+#include "simulator/elastic_object.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <type_traits>
+
+#include "simulator/error.h"
+#include "simulator/spring_kernels.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using kernels::BlockInverse;
+using kernels::Float4;
+using kernels::Lanes;
+using kernels::Precise;
+
+constexpr int kMaxEvaluationsAStep = 16;
+constexpr int kMaxHalvings = 4;
+constexpr int kMaxRecoverySteps = 24;
+constexpr int kRecoveryIterations = 40;
+constexpr int kMaxLineSearchTrials = 12;
+constexpr double kLargestRecoveryMove_m = 1e-3;
+// A correction aims this much below the tolerance, since the linear residual isn't the true one,
+// and no further than this fraction of the present residual, where the law's curvature takes over.
+constexpr double kAimBelowTolerance = 0.5;
+constexpr double kAimBelowResidual = 0.01;
+// The preconditioner tolerates this much motion before it is worth computing anew.
+constexpr double kPreconditionerReach_m = 1e-3;
+// A residual that grows by more than this under a correction tells of an unstable state.
+constexpr double kDivergence = 2.0;
+constexpr int kMaxStalls = 3;
+// Below this fraction of where it began a lane is at single precision's end.
+constexpr double kFinishedLane = 1e-13;
+
+void check(const SolverOptions& options) {
+  const auto positive = [](double value, const char* name) {
+    if (!(value > 0.0) || !std::isfinite(value)) {
+      throw Error(std::string("solver: ") + name + " is " + std::to_string(value) +
+                  "; it must be finite and > 0");
+    }
+  };
+  positive(options.relative_tolerance, "relative_tolerance");
+  positive(options.force_floor_N, "force_floor_N");
+  positive(options.max_step_m, "max_step_m");
+  positive(options.sensitivity_tolerance, "sensitivity_tolerance");
+  positive(options.max_steps, "max_steps");
+  positive(options.iterations_per_step, "iterations_per_step");
+  positive(options.max_iterations, "max_iterations");
+}
+
+enum class Outcome { kSettled, kOutOfIterations, kUnstable };
+
+}  // namespace
+
+template <typename Real>
+class ElasticObject<Real>::Implementation {
+ public:
+  Implementation(const SpringMesh& mesh, const SolverOptions& options)
+      : options_(options), vertices_(static_cast<std::int32_t>(mesh.rest_position_W.size())) {
+    check(mesh);
+    check(options);
+    origin_W_ = 0.5 * (mesh.surface_min_W + mesh.surface_max_W);
+    const std::size_t n = mesh.rest_position_W.size();
+    rest_.reserve(n);
+    for (const Eigen::Vector3d& position_W : mesh.rest_position_W) {
+      rest_.push_back(position_W - origin_W_);
+    }
+    fixed_ = mesh.fixed;
+    build_rows(mesh);
+    state_.resize(n);
+    residual_.resize(n);
+    direction_.resize(n);
+    product_.resize(n);
+    saved_state_.resize(n);
+    inverse_.resize(n);
+    correction_.resize(n);
+    if constexpr (kDouble) {
+      position_.resize(n);
+      saved_position_.resize(n);
+      force_.resize(n);
+      t_N_per_m_.resize(tangent_.size());
+    } else {
+      single_position_.resize(n);
+    }
+    free_.resize(n);
+    release();
+  }
+
+  const SolverOptions& options() const noexcept { return options_; }
+  std::size_t vertex_count() const noexcept { return rest_.size(); }
+  std::size_t spring_count() const noexcept { return springs_; }
+  bool grabbed() const noexcept { return !patch_.empty(); }
+  const std::vector<std::int32_t>& patch() const noexcept { return patch_; }
+
+  template <typename Visit>
+  void visit_grabbable(const Eigen::Vector3d& point_W, double radius_m, Visit visit) const {
+    const Eigen::Vector3d centre = point_W - origin_W_;
+    for (std::int32_t i = 0; i < vertices_; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (fixed_[at] == 0 && (rest_[at] - centre).norm() <= radius_m) {
+        visit(i);
+      }
+    }
+  }
+
+  int grab(const Eigen::Vector3d& point_W, double radius_m) {
+    if (grabbed()) {
+      throw Error("elastic object: a patch is held already; call release() first");
+    }
+    visit_grabbable(point_W, radius_m, [this](std::int32_t i) { patch_.push_back(i); });
+    if (patch_.empty()) {
+      return 0;
+    }
+    for (const std::int32_t i : patch_) {
+      const auto at = static_cast<std::size_t>(i);
+      free_[at] = 0;
+      constrained_.push_back(i);
+      for (int c = 0; c < 3; ++c) {
+        state_[at].component[c][1 + c] = 1.0F;
+      }
+    }
+    solve_sensitivities();
+    return static_cast<int>(patch_.size());
+  }
+
+  void release() noexcept {
+    patch_.clear();
+    constrained_.clear();
+    displacement_.setZero();
+    preconditioner_valid_ = false;
+    for (std::int32_t i = 0; i < vertices_; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      free_[at] = fixed_[at] == 0 ? 1 : 0;
+      if (free_[at] == 0) {
+        constrained_.push_back(i);
+      }
+      state_[at] = Lanes{};
+      set_position(at, rest_[at]);
+    }
+    last_ = Equilibrium{};
+    last_.converged = true;
+  }
+
+  Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept {
+    const auto start = std::chrono::steady_clock::now();
+    const auto finish = [&start](Equilibrium& result) {
+      result.solve_time_s =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    const auto clear_counts = [](Equilibrium& result) {
+      result.steps = result.evaluations = result.iterations = result.halvings = 0;
+      result.left_branch = false;
+    };
+    if (!displacement_W.allFinite()) {
+      Equilibrium unchanged = last_;
+      clear_counts(unchanged);
+      unchanged.converged = false;
+      unchanged.reached = false;
+      finish(unchanged);
+      return unchanged;
+    }
+    if (!grabbed()) {
+      Equilibrium untouched;
+      untouched.displacement_W = displacement_W;
+      untouched.converged = true;
+      finish(untouched);
+      return untouched;
+    }
+    clear_counts(last_);
+    last_.reached = true;
+    double step_limit_m = options_.max_step_m;
+    int steps = 0;
+    for (;;) {
+      const Eigen::Vector3d left = displacement_W - displacement_;
+      const double pieces = std::max(1.0, std::ceil(left.norm() / step_limit_m * (1.0 - 1e-12)));
+      const Eigen::Vector3d target =
+          pieces > 1.0 ? Eigen::Vector3d(displacement_ + left / pieces) : displacement_W;
+      const double length_m = (target - displacement_).norm();
+      ++steps;
+      const bool last = pieces <= 1.0 || steps >= options_.max_steps;
+      save();
+      advance_to(target);
+      const Outcome outcome = last ? settle() : relax();
+      if (outcome == Outcome::kUnstable) {
+        if (last_.halvings < kMaxHalvings && length_m > 0.0) {
+          restore();
+          ++last_.halvings;
+          --steps;
+          step_limit_m = 0.5 * length_m;
+          continue;
+        }
+        last_.left_branch = true;
+        recover();
+        if (last) {
+          settle();
+        }
+      }
+      if (last) {
+        last_.reached = pieces <= 1.0;
+        break;
+      }
+    }
+    last_.steps = steps;
+    last_.displacement_W = displacement_;
+    finish(last_);
+    return last_;
+  }
+
+  std::vector<Eigen::Vector3d> positions_W() const {
+    std::vector<Eigen::Vector3d> positions;
+    positions.reserve(rest_.size());
+    for (std::size_t i = 0; i < rest_.size(); ++i) {
+      positions.push_back(origin_W_ + position(i));
+    }
+    return positions;
+  }
+
+  Eigen::Matrix3d sensitivity(std::size_t vertex) const {
+    Eigen::Matrix3d s;
+    for (int c = 0; c < 3; ++c) {
+      for (int j = 0; j < 3; ++j) {
+        s(c, j) = static_cast<double>(state_[vertex].component[c][1 + j]);
+      }
+    }
+    return s;
+  }
+
+ private:
+  static constexpr bool kDouble = std::is_same_v<Real, double>;
+
+  void build_rows(const SpringMesh& mesh) {
+    rows_.row_begin.assign(rest_.size() + 1, 0);
+    for (const Spring& spring : mesh.springs) {
+      ++rows_.row_begin[static_cast<std::size_t>(std::min(spring.a, spring.b)) + 1];
+    }
+    for (std::size_t i = 0; i < rest_.size(); ++i) {
+      rows_.row_begin[i + 1] += rows_.row_begin[i];
+    }
+    springs_ = mesh.springs.size();
+    const std::size_t padded = (springs_ + kernels::kSpringPadding - 1) / kernels::kSpringPadding *
+                               kernels::kSpringPadding;
+    rows_.owner.resize(padded);
+    rows_.other.resize(padded);
+    constants_.resize(padded);
+    tangent_.resize(padded);
+    std::vector<std::int32_t> next(rows_.row_begin.begin(), rows_.row_begin.end() - 1);
+    for (const Spring& spring : mesh.springs) {
+      const auto a = static_cast<std::size_t>(std::min(spring.a, spring.b));
+      const auto b = static_cast<std::size_t>(std::max(spring.a, spring.b));
+      const auto at = static_cast<std::size_t>(next[a]++);
+      const double length_m = (rest_[a] - rest_[b]).norm();
+      rows_.owner[at] = static_cast<std::int32_t>(a);
+      rows_.other[at] = static_cast<std::int32_t>(b);
+      constants_[at] = {static_cast<Real>(1.0 / length_m),
+                        static_cast<Real>(spring.stiffness_N_per_m * length_m)};
+    }
+    cubic_ = static_cast<Real>(mesh.cubic_coefficient);
+  }
+
+  Eigen::Vector3d position(std::size_t i) const noexcept {
+    if constexpr (kDouble) {
+      return {position_[i].xyz[0], position_[i].xyz[1], position_[i].xyz[2]};
+    } else {
+      return {state_[i].component[0][0], state_[i].component[1][0], state_[i].component[2][0]};
+    }
+  }
+
+  void set_position(std::size_t i, const Eigen::Vector3d& position) noexcept {
+    if constexpr (kDouble) {
+      position_[i].xyz = kernels::Double4{position.x(), position.y(), position.z(), 0.0};
+    } else {
+      for (int c = 0; c < 3; ++c) {
+        state_[i].component[c][0] = static_cast<float>(position[c]);
+      }
+    }
+  }
+
+  void save() noexcept {
+    std::copy(state_.begin(), state_.end(), saved_state_.begin());
+    if constexpr (kDouble) {
+      std::copy(position_.begin(), position_.end(), saved_position_.begin());
+    }
+    saved_displacement_ = displacement_;
+  }
+
+  void restore() noexcept {
+    std::copy(saved_state_.begin(), saved_state_.end(), state_.begin());
+    if constexpr (kDouble) {
+      std::copy(saved_position_.begin(), saved_position_.end(), position_.begin());
+    }
+    displacement_ = saved_displacement_;
+    // What an unstable state left here may not be finite, and is multiplied by zero when CG starts.
+    std::fill(direction_.begin(), direction_.end(), Lanes{});
+    std::fill(product_.begin(), product_.end(), Lanes{});
+  }
+
+  // In double, lane 0 of the state holds the correction to the positions until this adds it.
+  void absorb_correction() noexcept {
+    if constexpr (kDouble) {
+      for (std::size_t i = 0; i < rest_.size(); ++i) {
+        for (int c = 0; c < 3; ++c) {
+          position_[i].xyz[c] += static_cast<double>(state_[i].component[c][0]);
+          state_[i].component[c][0] = 0.0F;
+        }
+      }
+    }
+  }
+
+  void place_patch() noexcept {
+    for (const std::int32_t i : patch_) {
+      const auto at = static_cast<std::size_t>(i);
+      set_position(at, rest_[at] + displacement_);
+    }
+  }
+
+  void advance_to(const Eigen::Vector3d& displacement) noexcept {
+    const Eigen::Vector3f step = (displacement - displacement_).template cast<float>();
+    if (!step.isZero(0.0F)) {
+      kernels::predict(vertices_, step.data(), state_.data());
+      absorb_correction();
+    }
+    displacement_ = displacement;
+    place_patch();
+  }
+
+  // Fills residual_ (zero on constrained vertices), tangent_ and last_'s force and residuals.
+  void evaluate() noexcept {
+    const bool refresh =
+        !preconditioner_valid_ ||
+        (displacement_ - preconditioner_displacement_).norm() > kPreconditionerReach_m;
+    const Precise* force = nullptr;
+    if constexpr (kDouble) {
+      kernels::evaluate(rows_, constants_.data(), cubic_, state_.data(), position_.data(),
+                        t_N_per_m_.data(), force_.data(), residual_.data(), tangent_.data());
+      force = force_.data();
+    } else {
+      kernels::evaluate(rows_, constants_.data(), cubic_, state_.data(), single_position_.data(),
+                        residual_.data(), tangent_.data());
+    }
+    if (refresh) {
+      kernels::sum_blocks(rows_, tangent_.data(), inverse_.data());
+      for (std::size_t i = 0; i < inverse_.size(); ++i) {
+        kernels::invert_block(inverse_[i], free_[i] != 0);
+      }
+      preconditioner_displacement_ = displacement_;
+      preconditioner_valid_ = true;
+    }
+    const kernels::StateSums sums =
+        kernels::summarise(vertices_, inverse_.data(), state_.data(), residual_.data(), force);
+    Eigen::Vector3d raw = Eigen::Vector3d::Zero();
+    for (const std::int32_t i : patch_) {
+      const auto at = static_cast<std::size_t>(i);
+      for (int c = 0; c < 3; ++c) {
+        if constexpr (kDouble) {
+          raw[c] += force_[at].xyz[c];
+        } else {
+          raw[c] += static_cast<double>(residual_[at].component[c][0]);
+        }
+      }
+    }
+    double sensitivity_squared = 0.0;
+    for (int j = 0; j < 3; ++j) {
+      last_.force_W[j] = sums.force_N[j];
+      sensitivity_squared += sums.sensitivity_squared[j];
+      for (int k = 0; k < 3; ++k) {
+        last_.stiffness_W(j, k) = sums.stiffness_N_per_m[j][k];
+      }
+    }
+    last_.raw_force_W = raw;
+    last_.force_gap_N = (last_.force_W - raw).norm();
+    residual_N_ = std::sqrt(sums.residual_squared_N2);
+    force_scale_N_ = std::max(last_.force_W.norm(), options_.force_floor_N);
+    last_.relative_residual = residual_N_ / force_scale_N_;
+    stiffness_scale_N_per_m_ = std::max(last_.stiffness_W.norm(), 1e-12);
+    last_.sensitivity_residual = std::sqrt(sensitivity_squared) / stiffness_scale_N_per_m_;
+    last_.converged = std::isfinite(residual_N_) && last_.force_W.allFinite() &&
+                      last_.stiffness_W.allFinite() &&
+                      last_.relative_residual <= options_.relative_tolerance;
+    ++last_.evaluations;
+    for (const std::int32_t i : constrained_) {
+      residual_[static_cast<std::size_t>(i)] = Lanes{};
+    }
+  }
+
+  bool finite() const noexcept {
+    return std::isfinite(residual_N_) && std::isfinite(last_.sensitivity_residual) &&
+           last_.force_W.allFinite();
+  }
+
+  struct Descent {
+    bool unstable = false;      // K is not positive definite along some lane's direction
+    int lane_0_iterations = 0;  // done before that
+  };
+
+  // Preconditioned conjugate gradients on all four lanes from the residual that evaluate() left,
+  // until lane 0 is at `residual_aim_N` and the others at `sensitivity_aim_N_per_m`.
+  Descent descend(int max_iterations, double residual_aim_N,
+                  double sensitivity_aim_N_per_m) noexcept {
+    Descent result;
+    const Float4 zero{};
+    kernels::StepSums sums = kernels::take_step(vertices_, zero, inverse_.data(), direction_.data(),
+                                                state_.data(), residual_.data(), product_.data());
+    kernels::next_direction(vertices_, zero, direction_.data(), product_.data());
+    const Float4 first = sums.preconditioned;
+    Float4 before = first;
+    for (int iteration = 0; iteration < max_iterations; ++iteration) {
+      const Float4 curvature =
+          kernels::apply_stiffness(rows_, tangent_.data(), direction_.data(), product_.data());
+      Float4 alpha{};
+      bool active = false;
+      for (int lane = 0; lane < 4; ++lane) {
+        if (!(before[lane] > first[lane] * static_cast<float>(kFinishedLane))) {
+          continue;
+        }
+        if (!(curvature[lane] > 0.0F)) {
+          result.unstable = true;
+          return result;
+        }
+        alpha[lane] = before[lane] / curvature[lane];
+        active = true;
+      }
+      if (!active) {
+        return result;
+      }
+      sums = kernels::take_step(vertices_, alpha, inverse_.data(), direction_.data(), state_.data(),
+                                residual_.data(), product_.data());
+      ++last_.iterations;
+      ++result.lane_0_iterations;
+      const double sensitivity_N_per_m =
+          std::sqrt(static_cast<double>(sums.squared[1]) + static_cast<double>(sums.squared[2]) +
+                    static_cast<double>(sums.squared[3]));
+      const double residual_N = std::sqrt(static_cast<double>(sums.squared[0]));
+      if (!std::isfinite(residual_N) || !std::isfinite(sensitivity_N_per_m)) {
+        result.unstable = true;
+        return result;
+      }
+      if (residual_N <= residual_aim_N && sensitivity_N_per_m <= sensitivity_aim_N_per_m) {
+        return result;
+      }
+      Float4 beta{};
+      for (int lane = 0; lane < 4; ++lane) {
+        beta[lane] = before[lane] > 0.0F ? sums.preconditioned[lane] / before[lane] : 0.0F;
+      }
+      before = sums.preconditioned;
+      kernels::next_direction(vertices_, beta, direction_.data(), product_.data());
+    }
+    return result;
+  }
+
+  // A step on the way: one evaluation and a fixed number of iterations.
+  Outcome relax() noexcept {
+    evaluate();
+    if (!finite()) {
+      return Outcome::kUnstable;
+    }
+    const Descent descent = descend(options_.iterations_per_step, 0.0, 0.0);
+    absorb_correction();
+    return descent.unstable ? Outcome::kUnstable : Outcome::kSettled;
+  }
+
+  // The last step: corrections until the tolerances hold.
+  Outcome settle() noexcept {
+    evaluate();
+    int iterations_left = options_.max_iterations;
+    int stalls = 0;
+    for (int round = 0; round < kMaxEvaluationsAStep; ++round) {
+      if (!finite()) {
+        return Outcome::kUnstable;
+      }
+      if (last_.converged && last_.sensitivity_residual <= options_.sensitivity_tolerance) {
+        return Outcome::kSettled;
+      }
+      if (iterations_left <= 0) {
+        return Outcome::kOutOfIterations;
+      }
+      const double before_N = residual_N_;
+      const bool was_converged = last_.converged;
+      const double aim_N =
+          std::max(kAimBelowTolerance * options_.relative_tolerance * force_scale_N_,
+                   kAimBelowResidual * residual_N_);
+      const double sensitivity_aim_N_per_m =
+          kAimBelowTolerance * options_.sensitivity_tolerance * stiffness_scale_N_per_m_;
+      const int done_before = last_.iterations;
+      const Descent descent = descend(iterations_left, aim_N, sensitivity_aim_N_per_m);
+      iterations_left -= std::max(1, last_.iterations - done_before);
+      absorb_correction();
+      if (descent.unstable) {
+        return Outcome::kUnstable;
+      }
+      evaluate();
+      if (!was_converged && residual_N_ > kDivergence * before_N) {
+        return Outcome::kUnstable;
+      }
+      if (residual_N_ > 0.7 * before_N && ++stalls >= kMaxStalls) {
+        return last_.converged ? Outcome::kSettled : Outcome::kOutOfIterations;
+      }
+    }
+    return last_.converged ? Outcome::kSettled : Outcome::kOutOfIterations;
+  }
+
+  void solve_sensitivities() {
+    Equilibrium kept = last_;
+    settle();
+    kept.force_W.setZero();
+    kept.stiffness_W = last_.stiffness_W;
+    kept.sensitivity_residual = last_.sensitivity_residual;
+    last_ = kept;
+  }
+
+  // [J] The springs' energy: k l0^2 (e^2 / 2 + c e^4 / 4) each.
+  double energy() const noexcept {
+    double sum_J = 0.0;
+    for (std::int32_t i = 0; i < vertices_; ++i) {
+      const auto a = static_cast<std::size_t>(i);
+      const Eigen::Vector3d here = position(a);
+      for (std::int32_t s = rows_.row_begin[a]; s < rows_.row_begin[a + 1]; ++s) {
+        const auto at = static_cast<std::size_t>(s);
+        const auto b = static_cast<std::size_t>(rows_.other[at]);
+        const auto inverse_length = static_cast<double>(constants_[at].inverse_length_per_m);
+        const double strain = (position(b) - here).norm() * inverse_length - 1.0;
+        const double strain2 = strain * strain;
+        sum_J += static_cast<double>(constants_[at].scale_N) / inverse_length * strain2 *
+                 (0.5 + 0.25 * static_cast<double>(cubic_) * strain2);
+      }
+    }
+    return sum_J;
+  }
+
+  // From an unstable or diverging state downhill in energy to another branch: truncated Newton
+  // steps with a backtracking line search, the tool held where it is.
+  void recover() noexcept {
+    restore_finite();
+    double energy_J = energy();
+    for (int step = 0; step < kMaxRecoverySteps; ++step) {
+      preconditioner_valid_ = false;
+      evaluate();
+      if (!finite() || last_.converged) {
+        return;
+      }
+      std::copy(state_.begin(), state_.end(), saved_state_.begin());
+      if constexpr (kDouble) {
+        std::copy(position_.begin(), position_.end(), saved_position_.begin());
+      }
+      const Descent descent = descend(kRecoveryIterations, 0.1 * residual_N_, 1e30);
+      double largest_m = 0.0;
+      for (std::size_t i = 0; i < rest_.size(); ++i) {
+        for (int c = 0; c < 3; ++c) {
+          float move = 0.0F;
+          if (descent.lane_0_iterations == 0) {
+            move = direction_[i].component[c][0];
+          } else if constexpr (kDouble) {
+            move = state_[i].component[c][0];
+          } else {
+            move = state_[i].component[c][0] - saved_state_[i].component[c][0];
+          }
+          correction_[i][c] = move;
+        }
+        largest_m = std::max(largest_m, static_cast<double>(correction_[i].norm()));
+      }
+      std::copy(saved_state_.begin(), saved_state_.end(), state_.begin());
+      if (!(largest_m > 0.0) || !std::isfinite(largest_m)) {
+        return;
+      }
+      double scale = largest_m > kLargestRecoveryMove_m || descent.lane_0_iterations == 0
+                         ? kLargestRecoveryMove_m / largest_m
+                         : 1.0;
+      bool lower = false;
+      for (int trial = 0; trial < kMaxLineSearchTrials && !lower; ++trial) {
+        for (std::size_t i = 0; i < rest_.size(); ++i) {
+          const Eigen::Vector3d base = saved_position(i);
+          set_position(i, base + scale * correction_[i].template cast<double>());
+        }
+        const double trial_J = energy();
+        lower = trial_J < energy_J;
+        if (lower) {
+          energy_J = trial_J;
+        }
+        scale *= 0.5;
+      }
+      if (!lower) {
+        for (std::size_t i = 0; i < rest_.size(); ++i) {
+          set_position(i, saved_position(i));
+        }
+        return;
+      }
+    }
+  }
+
+  Eigen::Vector3d saved_position(std::size_t i) const noexcept {
+    if constexpr (kDouble) {
+      return {saved_position_[i].xyz[0], saved_position_[i].xyz[1], saved_position_[i].xyz[2]};
+    } else {
+      return {saved_state_[i].component[0][0], saved_state_[i].component[1][0],
+              saved_state_[i].component[2][0]};
+    }
+  }
+
+  // The state at the start of the step with the patch moved on: finite, whatever happened since.
+  void restore_finite() noexcept {
+    const Eigen::Vector3d displacement = displacement_;
+    restore();
+    displacement_ = displacement;
+    place_patch();
+  }
+
+  SolverOptions options_;
+  std::int32_t vertices_ = 0;
+  Eigen::Vector3d origin_W_;
+  std::vector<Eigen::Vector3d> rest_;  // [m] from origin_W_, so that float keeps its digits
+  std::vector<std::uint8_t> fixed_;
+  std::vector<std::uint8_t> free_;
+  std::vector<std::int32_t> patch_;
+  std::vector<std::int32_t> constrained_;  // fixed vertices and the patch
+  std::size_t springs_ = 0;
+  kernels::SpringRows rows_;
+  std::vector<kernels::SpringConstants<Real>> constants_;
+  Real cubic_{};
+
+  std::vector<Lanes> state_;
+  std::vector<Lanes> residual_;
+  std::vector<Lanes> direction_;
+  std::vector<Lanes> product_;
+  std::vector<Lanes> saved_state_;
+  std::vector<BlockInverse> inverse_;
+  std::vector<kernels::SpringTangent> tangent_;
+  std::vector<Eigen::Vector3f> correction_;
+  std::vector<Precise> position_;  // double only
+  std::vector<Precise> saved_position_;
+  std::vector<Precise> force_;
+  std::vector<double> t_N_per_m_;
+  std::vector<kernels::Single> single_position_;  // float only
+  bool preconditioner_valid_ = false;
+  Eigen::Vector3d preconditioner_displacement_ = Eigen::Vector3d::Zero();
+
+  Eigen::Vector3d displacement_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d saved_displacement_ = Eigen::Vector3d::Zero();
+  double residual_N_ = 0.0;
+  double force_scale_N_ = 1.0;
+  double stiffness_scale_N_per_m_ = 1.0;
+  Equilibrium last_;
+};
+
+template <typename Real>
+ElasticObject<Real>::ElasticObject(const SpringMesh& mesh, const SolverOptions& options)
+    : implementation_(std::make_unique<Implementation>(mesh, options)) {}
+template <typename Real>
+ElasticObject<Real>::~ElasticObject() = default;
+template <typename Real>
+ElasticObject<Real>::ElasticObject(ElasticObject&&) noexcept = default;
+template <typename Real>
+ElasticObject<Real>& ElasticObject<Real>::operator=(ElasticObject&&) noexcept = default;
+
+template <typename Real>
+std::size_t ElasticObject<Real>::vertex_count() const noexcept {
+  return implementation_->vertex_count();
+}
+template <typename Real>
+std::size_t ElasticObject<Real>::spring_count() const noexcept {
+  return implementation_->spring_count();
+}
+template <typename Real>
+const SolverOptions& ElasticObject<Real>::options() const noexcept {
+  return implementation_->options();
+}
+template <typename Real>
+int ElasticObject<Real>::count_grabbable(const Eigen::Vector3d& point_W,
+                                         double radius_m) const noexcept {
+  int count = 0;
+  implementation_->visit_grabbable(point_W, radius_m, [&count](std::int32_t) { ++count; });
+  return count;
+}
+template <typename Real>
+int ElasticObject<Real>::grab(const Eigen::Vector3d& point_W, double radius_m) {
+  return implementation_->grab(point_W, radius_m);
+}
+template <typename Real>
+void ElasticObject<Real>::release() noexcept {
+  implementation_->release();
+}
+template <typename Real>
+bool ElasticObject<Real>::grabbed() const noexcept {
+  return implementation_->grabbed();
+}
+template <typename Real>
+Equilibrium ElasticObject<Real>::move_to(const Eigen::Vector3d& displacement_W) noexcept {
+  return implementation_->move_to(displacement_W);
+}
+template <typename Real>
+std::vector<Eigen::Vector3d> ElasticObject<Real>::positions_W() const {
+  return implementation_->positions_W();
+}
+template <typename Real>
+const std::vector<std::int32_t>& ElasticObject<Real>::patch() const noexcept {
+  return implementation_->patch();
+}
+template <typename Real>
+Eigen::Matrix3d ElasticObject<Real>::sensitivity(std::size_t vertex) const {
+  return implementation_->sensitivity(vertex);
+}
+
+template class ElasticObject<float>;
+template class ElasticObject<double>;
+
+}  // namespace forcegrid::simulator

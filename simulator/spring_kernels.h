@@ -1,0 +1,115 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace forcegrid::simulator::kernels {
+
+/// Four numbers side by side, one SIMD register (GCC and Clang vector extension).
+/// Lane 0 belongs to the positions, lanes 1 to 3 to the columns of the sensitivity S = dx/dP.
+using Float4 = float __attribute__((vector_size(16)));
+using Double4 = double __attribute__((vector_size(32)));
+
+/// One vertex's position [m] or force [N] in double precision; w is 0. A class, since a container
+/// of bare vector types would forget their alignment.
+struct alignas(32) Precise {
+  Double4 xyz;
+};
+struct alignas(16) Single {
+  Float4 xyz;
+};
+
+/// The three components of one vertex, four lanes each: component[c][0] = x_c (or r_c),
+/// component[c][1 + j] = dx_c / dP_j.
+struct Lanes {
+  Float4 component[3];
+};
+
+/// The symmetric 3 x 3 inverse of a vertex's diagonal block of K, and 1 for a free vertex; all zero
+/// for a vertex that can't move freely.
+struct BlockInverse {
+  Float4 diagonal;      ///< xx, yy, zz, 1 if free
+  Float4 off_diagonal;  ///< xy, yz, zx, 0
+};
+
+/// The springs, sorted by their lower vertex: those of vertex i are row_begin[i] ..
+/// row_begin[i + 1] - 1 and lead from owner[] = i to other[] > i. Both lists, and every array with
+/// an entry a spring, are padded to a multiple of kSpringPadding with springs from vertex 0 to
+/// itself that no row contains.
+struct SpringRows {
+  std::vector<std::int32_t> row_begin;
+  std::vector<std::int32_t> owner;
+  std::vector<std::int32_t> other;
+  std::int32_t vertex_count() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
+};
+inline constexpr std::size_t kSpringPadding = 16;
+
+/// What never changes of one spring with f = k l0 (e + c e^3), e = l / l0 - 1.
+template <typename Real>
+struct SpringConstants {
+  Real inverse_length_per_m;  ///< 1 / l0
+  Real scale_N;               ///< k l0
+};
+
+/// What a spring contributes to K at the current state: H = w w^T + t I, with
+/// w = sqrt(f' - f/l) u, u the unit vector along it and t = f / l. f' >= f/l for both laws.
+struct SpringTangent {
+  float w_x, w_y, w_z;
+  float t_N_per_m;
+};
+
+/// Forces and sensitivity residuals of the current state.
+///   residual lane 0:  r = -dE/dx (springs' force on each vertex) [N]
+///   residual lane j:  -(K S)_j [N/m]
+/// with S from lanes 1-3 of `state`. Positions come from lane 0 of `state` in single precision
+/// (`position` is scratch), or from `position` in double; then r is in `force` in full precision as
+/// well, lane 0 of `state` is ignored and `t_N_per_m` is scratch.
+void evaluate(const SpringRows& rows, const SpringConstants<float>* constants, float cubic,
+              const Lanes* state, Single* position, Lanes* residual,
+              SpringTangent* tangent) noexcept;
+void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, double cubic,
+              const Lanes* state, const Precise* position, double* t_N_per_m, Precise* force,
+              Lanes* residual, SpringTangent* tangent) noexcept;
+
+/// block = sum of w w^T + max(t, 0) I over each vertex's springs, to be inverted by invert_block().
+/// The clamp keeps the preconditioner positive; K itself is not clamped.
+void sum_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInverse* block) noexcept;
+
+/// product = K direction; `product` must be zero before.
+/// @returns the lanes' dot products direction . product.
+Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent, const Lanes* direction,
+                       Lanes* product) noexcept;
+
+/// state += alpha direction; residual -= alpha product on free vertices; product = M residual.
+struct StepSums {
+  Float4 preconditioned;  ///< residual . M residual
+  Float4 squared;         ///< residual . residual over the free vertices
+};
+StepSums take_step(std::int32_t vertex_count, Float4 alpha, const BlockInverse* inverse,
+                   const Lanes* direction, Lanes* state, Lanes* residual, Lanes* product) noexcept;
+
+/// direction = product + beta direction; product = 0.
+void next_direction(std::int32_t vertex_count, Float4 beta, Lanes* direction,
+                    Lanes* product) noexcept;
+
+/// What a state amounts to, see ElasticObject: with R the residual's lanes,
+///   force = sum_i S_i^T r_i (over all vertices: the patch has S = I, fixed ones S = 0)
+///   stiffness = sum_i S_i^T (-K S)_i.
+struct StateSums {
+  double force_N[3];
+  double stiffness_N_per_m[3][3];
+  double residual_squared_N2;     ///< over the free vertices
+  double sensitivity_squared[3];  ///< [N^2/m^2] |(K S)_j|^2 over the free vertices
+};
+/// @param force  null, or the forces in double precision, used instead of lane 0 of `residual`.
+StateSums summarise(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* state,
+                    const Lanes* residual, const Precise* force) noexcept;
+
+/// Lane 0 of `state` += S step.
+void predict(std::int32_t vertex_count, const float step_m[3], Lanes* state) noexcept;
+
+/// Turns the sums that evaluate() gave into the block's inverse.
+void invert_block(BlockInverse& block, bool free) noexcept;
+
+}  // namespace forcegrid::simulator::kernels
