@@ -60,8 +60,12 @@ struct DeviceStatistics {
   std::uint64_t reports_drained = 0;   ///< queued ones that were skipped in favour of a newer one
   std::uint64_t reports_lost = 0;      ///< exchanges whose report never came (a kick was needed)
   std::uint64_t commands_sent = 0;
-  std::uint64_t kicks = 0;               ///< zero reports sent to start or restart the exchange
-  std::uint64_t commands_starved = 0;  ///< exchanges sent with zero current since the servo was silent
+  std::uint64_t kicks = 0;  ///< zero reports sent to start or restart the exchange
+  std::uint64_t commands_starved =
+      0;  ///< exchanges sent with zero current since the servo was silent
+  std::uint64_t commands_not_finite = 0;  ///< sent as zeros: a current was NaN or infinite
+  std::uint64_t commands_clamped = 0;     ///< a current was beyond the profile's limit
+  std::uint64_t refreshes = 0;  ///< exchanges begun without a new command, to renew the counts
 };
 
 /// A haptic device as the servo loop sees it: newest counts in, currents out. The handle and all

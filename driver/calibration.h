@@ -1,0 +1,26 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "driver/device.h"
+#include "profiles/device_profile.h"
+
+namespace forcegrid::driver {
+
+/// Calibrates an arm that has no index pulse: a person holds it in its calibration pose and presses
+/// the calibration button; then the counters are set to the pose's counts. Motors have zero current
+/// all the while.
+/// @param timeout    how long the person may take.
+/// @param on_prompt  called once, on this thread, with what to do; may be empty.
+/// @throws DeviceError when the button is not pressed in time or the device fails.
+/// Real-time: no; before the loop. Threads: as Device::newest_report().
+void calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Duration timeout,
+               const std::function<void(const std::string&)>& on_prompt = {});
+
+/// Sets the counters at once: the caller knows that the arm is in its calibration pose.
+/// @throws DeviceError when the device does not take them.
+/// Real-time: no; before the loop. Threads: as Device::newest_report().
+void calibrate_now(Device& device, const profiles::DeviceProfile& profile);
+
+}  // namespace forcegrid::driver

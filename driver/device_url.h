@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace forcegrid::driver {
+
+/// Where a device is.
+struct DeviceUrl {
+  enum class Kind : std::uint8_t {
+    kHidId,    ///< hid:VID:PID or hid:VID:PID:serial
+    kHidNode,  ///< hid:/dev/hidrawN
+    kHidPort,  ///< hid:path=BUS-PORT, the USB port as sysfs names it
+    kUsbip,    ///< usbip://HOST:PORT/BUSID
+  };
+
+  std::string text;  ///< as it was written
+  Kind kind = Kind::kHidId;
+  std::uint16_t vendor_id = 0;
+  std::uint16_t product_id = 0;
+  std::string serial;     ///< empty: any
+  std::string node;       ///< "/dev/hidraw3"
+  std::string port_path;  ///< "1-2" or "1-2.4"
+  std::string host;       ///< name or address, without brackets
+  std::uint16_t tcp_port = 0;
+  std::string bus_id;  ///< "1-1"
+};
+
+/// Reads one of
+///   hid:1234:0006            vendor and product, four hexadecimal digits each
+///   hid:1234:0006:SERIAL     and the serial number
+///   hid:/dev/hidraw3
+///   hid:path=1-2             the USB port, for devices that share a serial number
+///   usbip://HOST:3240/1-1    a device on a USB/IP server; an IPv6 address in brackets
+/// (`emulated:NAME` is the caller's.)
+/// @throws DeviceError naming the part that is wrong and the forms there are.
+/// Real-time: no. Threads: any.
+DeviceUrl parse_device_url(const std::string& text);
+
+/// A text of the forms that parse_device_url() takes, one a line, for --help and messages.
+const char* device_url_forms() noexcept;
+
+}  // namespace forcegrid::driver

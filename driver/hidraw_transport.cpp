@@ -1,0 +1,130 @@
+#include "driver/hidraw_transport.h"
+
+#include <hidapi.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "driver/device.h"
+
+namespace forcegrid::driver {
+namespace {
+
+constexpr std::size_t kMaxReportBytes = 64;
+
+std::string narrow(const wchar_t* text) {
+  std::string result;
+  for (; text != nullptr && *text != L'\0'; ++text) {
+    result += *text < 0x80 ? static_cast<char>(*text) : '?';
+  }
+  return result;
+}
+
+/// hidapi takes whole milliseconds and reads a negative number as "for ever".
+int milliseconds(rt::Duration timeout) noexcept {
+  const auto count = std::chrono::ceil<std::chrono::milliseconds>(timeout).count();
+  return count < 0 ? 0 : (count > 60'000 ? 60'000 : static_cast<int>(count));
+}
+
+class HidrawTransport final : public Transport {
+ public:
+  explicit HidrawTransport(const HidrawNode& node)
+      : node_(node.node),
+        identity_{node.vendor_id, node.product_id, node.manufacturer, node.product, node.serial},
+        report_descriptor_(node.report_descriptor) {
+    if (hid_init() != 0) {
+      throw DeviceError("hidapi: can't start (" + narrow(hid_error(nullptr)) +
+                        "); check that libhidapi-hidraw0 is installed");
+    }
+    errno = 0;
+    device_ = hid_open_path(node_.c_str());
+    if (device_ == nullptr) {
+      const int reason = errno;
+      const std::string words = reason != 0 ? std::strerror(reason) : narrow(hid_error(nullptr));
+      throw DeviceError(
+          "open " + node_ + ": " + words +
+          (reason == EACCES || reason == EPERM
+               ? "; install udev/70-forcegrid.rules to /etc/udev/rules.d, run `udevadm control "
+                 "--reload`, and plug the device in again"
+               : "; plug the device in again"));
+    }
+  }
+
+  ~HidrawTransport() override { close(); }
+
+  const TransportIdentity& identity() const noexcept override { return identity_; }
+  const std::vector<std::uint8_t>& report_descriptor() const noexcept override {
+    return report_descriptor_;
+  }
+  const std::string& failure() const noexcept override { return failure_; }
+
+  ReadResult read(std::span<std::uint8_t> buffer, rt::Duration timeout) noexcept override {
+    if (device_ == nullptr) {
+      return {.status = TransportStatus::kDisconnected};
+    }
+    const int count =
+        hid_read_timeout(device_, buffer.data(), buffer.size(), milliseconds(timeout));
+    if (count < 0) {
+      fail("read");
+      return {.status = TransportStatus::kDisconnected};
+    }
+    if (count == 0) {
+      return {.status = TransportStatus::kTimeout};
+    }
+    return {.status = TransportStatus::kOk,
+            .bytes = static_cast<std::size_t>(count),
+            .arrived = rt::Clock::now()};
+  }
+
+  WriteResult write(std::span<const std::uint8_t> report, rt::Duration) noexcept override {
+    std::array<std::uint8_t, kMaxReportBytes + 1> buffer{};  // the report ID slot stays zero
+    if (device_ == nullptr) {
+      return {.status = TransportStatus::kDisconnected};
+    }
+    if (report.size() > kMaxReportBytes) {
+      failure_ = "write " + node_ + ": a report of more than 64 bytes; send the protocol's reports";
+      return {.status = TransportStatus::kProtocol};
+    }
+    std::memcpy(buffer.data() + 1, report.data(), report.size());
+    errno = 0;
+    const int count = hid_write(device_, buffer.data(), report.size() + 1);
+    if (count < 0 && errno == ETIMEDOUT) {
+      return {.status = TransportStatus::kTimeout};
+    }
+    if (count != static_cast<int>(report.size() + 1)) {
+      fail("write");
+      return {.status = TransportStatus::kDisconnected};
+    }
+    return {.status = TransportStatus::kOk, .completed = rt::Clock::now()};
+  }
+
+  void close() noexcept override {
+    if (device_ != nullptr) {
+      hid_close(device_);
+      device_ = nullptr;
+    }
+  }
+
+ private:
+  void fail(const char* action) {
+    const int reason = errno;
+    failure_ = std::string(action) + " " + node_ + ": " +
+               (reason != 0 ? std::strerror(reason) : narrow(hid_error(device_)).c_str()) +
+               "; plug the device in again";
+  }
+
+  std::string node_;
+  TransportIdentity identity_;
+  std::vector<std::uint8_t> report_descriptor_;
+  std::string failure_;
+  hid_device* device_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<Transport> open_hidraw_transport(const HidrawNode& node) {
+  return std::make_unique<HidrawTransport>(node);
+}
+
+}  // namespace forcegrid::driver

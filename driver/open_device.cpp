@@ -1,0 +1,23 @@
+#include "driver/open_device.h"
+
+#include "driver/device_url.h"
+#include "driver/hidraw_nodes.h"
+#include "driver/hidraw_transport.h"
+#include "driver/usbip_transport.h"
+#include "driver/w2_device.h"
+
+namespace forcegrid::driver {
+
+std::unique_ptr<Device> open_device(const std::string& url, const profiles::DeviceProfile& profile,
+                                    const OpenOptions& options) {
+  const DeviceUrl parsed = parse_device_url(url);
+  if (parsed.kind == DeviceUrl::Kind::kUsbip) {
+    return start_w2_device(open_usbip_transport(parsed, options.connect_timeout), profile, options,
+                           url, true);
+  }
+  const HidrawNode node = select_hidraw_node(parsed, list_hidraw_nodes());
+  return start_w2_device(open_hidraw_transport(node), profile, options, url,
+                         parsed.kind == DeviceUrl::Kind::kHidId);
+}
+
+}  // namespace forcegrid::driver

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "driver/device.h"
+#include "profiles/device_profile.h"
+
+namespace forcegrid::driver {
+
+struct OpenOptions {
+  rt::Duration connect_timeout = std::chrono::seconds(2);  ///< USB/IP: connecting, and each step
+  rt::Duration open_timeout = std::chrono::seconds(3);     ///< until the first report
+  rt::Duration stale_after = std::chrono::milliseconds(100);
+  rt::Duration servo_silence = std::chrono::milliseconds(50);  ///< then zero current is sent
+  bool realtime_io = true;  ///< ask for SCHED_FIFO for the I/O thread
+  /// Called on the opening thread with what the user should know, e.g. that real-time scheduling
+  /// was refused. Empty: nobody is told.
+  std::function<void(const std::string&)> notice;
+};
+
+/// Opens the device that `url` names (see device_url.h), checks that it is what `profile` says, and
+/// starts its exchange: the newest report is there when this returns, motors have zero current.
+///
+/// Checked before the first OUT: vendor and product number (unless the node or port was named),
+/// then the HID report descriptor: usage page, usage, report lengths, no report IDs. The older W1
+/// protocol has the same numbers and strings and is refused by name.
+/// @throws DeviceError naming the device, what happened and the remedy.
+/// Real-time: no; before the loop. Threads: any.
+std::unique_ptr<Device> open_device(const std::string& url, const profiles::DeviceProfile& profile,
+                                    const OpenOptions& options = {});
+
+}  // namespace forcegrid::driver

@@ -1,0 +1,640 @@
+#include "driver/w2_device.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <future>
+#include <mutex>
+#include <thread>
+
+#include "driver/hid_descriptor.h"
+#include "driver/w2_codec.h"
+#include "rt/mailbox.h"
+#include "rt/thread.h"
+
+namespace forcegrid::driver {
+namespace {
+
+// Then a report counts as lost. USB loses none, so this is long enough for a host that is late.
+constexpr rt::Duration kReadTimeout = std::chrono::milliseconds(40);
+constexpr rt::Duration kWriteTimeout = std::chrono::milliseconds(50);
+// While another report may still be on its way from before a kick: one round trip each way.
+constexpr rt::Duration kSettleAtOpen = std::chrono::milliseconds(20);
+constexpr rt::Duration kSettleAfterKick = std::chrono::milliseconds(3);
+constexpr rt::Duration kPollWhenFaulted = std::chrono::milliseconds(500);
+constexpr int kMaxDrained = 64;  // hidraw queues as many
+constexpr int kMaxRejectedInARow = 10;
+constexpr double kRefreshPhase = 0.6;   // of a bus frame after a report
+constexpr double kRefreshMargin = 0.1;  // of a bus frame, for the way from here to the servo
+constexpr int kExchangeDecay = 64;      // exchanges
+constexpr int kCounterTolerance = 200;  // counts an arm in a hand may move within an exchange
+
+constexpr std::size_t kBufferBytes = 65;  // a report that is too long is seen as such
+
+std::string hexadecimal(unsigned value) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text(4, '0');
+  for (std::size_t i = 0; i < 4; ++i) {
+    text[3 - i] = kDigits[(value >> (4 * i)) & 0xF];
+  }
+  return text;
+}
+
+/// What the servo hands over, with the time it did.
+struct IssuedCommand {
+  MotorCommand command;
+  rt::TimePoint issued{};
+};
+
+struct CounterRequest {
+  std::uint32_t id = 0;
+  std::array<std::int16_t, 6> counts{};
+  rt::TimePoint deadline{};
+};
+
+/// Why an exchange is begun.
+enum class Reason : std::uint8_t { kCommand, kRefresh, kCounters, kStop };
+
+/// Counters that one thread writes and any thread reads.
+struct AtomicStatistics {
+  std::atomic<std::uint64_t> reports_received{0};
+  std::atomic<std::uint64_t> reports_rejected{0};
+  std::atomic<std::uint64_t> reports_drained{0};
+  std::atomic<std::uint64_t> reports_lost{0};
+  std::atomic<std::uint64_t> commands_sent{0};
+  std::atomic<std::uint64_t> kicks{0};
+  std::atomic<std::uint64_t> commands_starved{0};
+  std::atomic<std::uint64_t> commands_not_finite{0};
+  std::atomic<std::uint64_t> commands_clamped{0};
+  std::atomic<std::uint64_t> refreshes{0};
+};
+
+void count(std::atomic<std::uint64_t>& counter) noexcept {
+  counter.fetch_add(1, std::memory_order_relaxed);
+}
+
+class W2Device final : public Device {
+ public:
+  W2Device(std::unique_ptr<Transport> transport, const profiles::DeviceProfile& profile,
+           const OpenOptions& options, const std::string& url)
+      : transport_(std::move(transport)),
+        options_(options),
+        identity_{url, transport_->identity().manufacturer, transport_->identity().product,
+                  transport_->identity().serial},
+        max_current_A_(profile.motors.max_current_A),
+        frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
+        refresh_exchange_(frame_),
+        wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
+    if (wake_ < 0) {
+      throw DeviceError("device '" + url + "': eventfd: " + std::strerror(errno) +
+                        "; raise the limit of open files");
+    }
+    try {
+      begin_exchange();
+      std::promise<rt::Scheduling> promise;
+      std::future<rt::Scheduling> scheduling = promise.get_future();
+      thread_ = std::thread([this, promise = std::move(promise)]() mutable {
+        rt::name_current_thread("fg-device-io");
+        promise.set_value(options_.realtime_io
+                              ? rt::make_current_thread_realtime(rt::kDeviceIoPriority)
+                              : rt::Scheduling{});
+        run();
+      });
+      const rt::Scheduling granted = scheduling.get();
+      if (options_.realtime_io && !granted.realtime && options_.notice) {
+        options_.notice("device I/O thread: " + granted.reason);
+      }
+    } catch (...) {
+      static_cast<void>(stop());
+      ::close(wake_);
+      throw;
+    }
+  }
+
+  ~W2Device() override {
+    static_cast<void>(stop());
+    ::close(wake_);
+  }
+
+  const DeviceIdentity& identity() const noexcept override { return identity_; }
+
+  DeviceReport newest_report() noexcept override {
+    static_cast<void>(reports_.fetch(report_for_servo_));
+    return report_for_servo_;
+  }
+
+  void command(const MotorCommand& command) noexcept override {
+    commands_.publish({command, rt::Clock::now()});
+    wake_up();
+  }
+
+  DeviceHealth health() const noexcept override {
+    DeviceHealth health = health_.load(std::memory_order_acquire);
+    // The I/O thread can be held by the kernel, so silence is noticed here, too.
+    if (health == DeviceHealth::kRunning && silent(rt::Clock::now())) {
+      health_.compare_exchange_strong(health, DeviceHealth::kStale, std::memory_order_acq_rel);
+      health = health_.load(std::memory_order_acquire);
+    }
+    return health;
+  }
+
+  DeviceStatistics statistics() const noexcept override {
+    const auto value = [](const std::atomic<std::uint64_t>& counter) {
+      return counter.load(std::memory_order_relaxed);
+    };
+    return {.reports_received = value(statistics_.reports_received),
+            .reports_rejected = value(statistics_.reports_rejected),
+            .reports_drained = value(statistics_.reports_drained),
+            .reports_lost = value(statistics_.reports_lost),
+            .commands_sent = value(statistics_.commands_sent),
+            .kicks = value(statistics_.kicks),
+            .commands_starved = value(statistics_.commands_starved),
+            .commands_not_finite = value(statistics_.commands_not_finite),
+            .commands_clamped = value(statistics_.commands_clamped),
+            .refreshes = value(statistics_.refreshes)};
+  }
+
+  std::string failure() const override {
+    const DeviceHealth now = health();
+    if (now == DeviceHealth::kRunning) {
+      return "";
+    }
+    {
+      const std::lock_guard lock(failure_mutex_);
+      if (!failure_.empty()) {
+        return failure_;
+      }
+    }
+    return now == DeviceHealth::kClosed ? "device '" + identity_.url + "': closed; open it again"
+                                        : stale_words();
+  }
+
+  void load_counters(const std::array<std::int16_t, 6>& counts, rt::Duration timeout) override {
+    const rt::TimePoint deadline = rt::Clock::now() + timeout;
+    const std::uint32_t id = ++last_counter_request_;
+    counter_requests_.publish({.id = id, .counts = counts, .deadline = deadline});
+    wake_up();
+    while (counters_loaded_.load(std::memory_order_acquire) != id) {
+      if (health() != DeviceHealth::kRunning) {
+        throw DeviceError(failure());
+      }
+      // The I/O thread gives up at the deadline; a little later it can't succeed any more.
+      if (rt::Clock::now() > deadline + kReadTimeout + kWriteTimeout) {
+        throw DeviceError("device '" + identity_.url +
+                          "': it did not take the encoder counters; hold the arm still in its "
+                          "calibration pose and try again");
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+
+  bool stop() noexcept override {
+    const std::lock_guard lock(stop_mutex_);
+    if (thread_.joinable()) {
+      stop_requested_.store(true, std::memory_order_release);
+      wake_up();
+      thread_.join();
+    } else if (!stopped_) {
+      finish();
+    }
+    stopped_ = true;
+    return zero_delivered_;
+  }
+
+ private:
+  void wake_up() const noexcept {
+    const std::uint64_t one = 1;
+    // It can only fail when it has been woken 2^64 - 1 times already.
+    static_cast<void>(!::write(wake_, &one, sizeof one));
+  }
+
+  /// Sleeps until `deadline` or wake_up().
+  void wait(rt::TimePoint deadline) const noexcept {
+    const auto left = std::max(deadline - rt::Clock::now(), rt::Duration::zero());
+    const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
+    const timespec time{
+        .tv_sec = whole.count(),
+        .tv_nsec = static_cast<long>(
+            std::chrono::duration_cast<std::chrono::nanoseconds>(left - whole).count())};
+    pollfd entry{.fd = wake_, .events = POLLIN, .revents = 0};
+    if (::ppoll(&entry, 1, &time, nullptr) > 0) {
+      std::uint64_t times = 0;
+      static_cast<void>(!::read(wake_, &times, sizeof times));
+    }
+  }
+
+  bool silent(rt::TimePoint now) const noexcept {
+    const rt::TimePoint last{rt::Duration(last_report_.load(std::memory_order_acquire))};
+    return now - last > options_.stale_after;
+  }
+
+  std::string stale_words() const {
+    return "device '" + identity_.url + "': no report for " +
+           std::to_string(
+               std::chrono::duration_cast<std::chrono::milliseconds>(options_.stale_after)
+                   .count()) +
+           " ms; check the cable and the device's power, then open it again";
+  }
+
+  void fail(DeviceHealth health, const std::string& words) noexcept {
+    {
+      const std::lock_guard lock(failure_mutex_);
+      if (failure_.empty()) {
+        failure_ = words;
+      }
+    }
+    DeviceHealth expected = DeviceHealth::kRunning;
+    health_.compare_exchange_strong(expected, health, std::memory_order_acq_rel);
+  }
+
+  void fail_with(TransportStatus status) noexcept {
+    fail(status == TransportStatus::kDisconnected ? DeviceHealth::kUnplugged
+                                                  : DeviceHealth::kProtocol,
+         transport_->failure());
+  }
+
+  bool running() const noexcept {
+    return health_.load(std::memory_order_acquire) == DeviceHealth::kRunning;
+  }
+
+  // --- one exchange ---
+
+  WriteResult send(const w2::ReportBytes& bytes) noexcept {
+    const WriteResult result = transport_->write(bytes, kWriteTimeout);
+    if (result.status == TransportStatus::kOk) {
+      count(statistics_.commands_sent);
+      released_ = result.completed;
+    }
+    return result;
+  }
+
+  /// Reads until `deadline`, and then what else is queued, so that the newest report is left.
+  /// @returns kOk with the newest whole report in `newest`, kTimeout when none came.
+  TransportStatus receive(rt::Duration timeout, rt::Duration settle, w2::InputReport& newest,
+                          rt::TimePoint& arrived) noexcept {
+    bool found = false;
+    for (int i = 0; i < kMaxDrained; ++i) {
+      const ReadResult result =
+          transport_->read(buffer_, i == 0 ? timeout : (found ? settle : rt::Duration::zero()));
+      if (result.status == TransportStatus::kTimeout) {
+        break;
+      }
+      if (result.status != TransportStatus::kOk) {
+        return result.status;
+      }
+      last_length_ = result.bytes;
+      if (!w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, newest)) {
+        count(statistics_.reports_rejected);
+        ++rejected_in_a_row_;
+        wrong_length_ = true;
+        continue;
+      }
+      rejected_in_a_row_ = 0;
+      if (found) {
+        count(statistics_.reports_drained);
+      }
+      found = true;
+      arrived = result.arrived;
+    }
+    return found ? TransportStatus::kOk : TransportStatus::kTimeout;
+  }
+
+  void publish(const w2::InputReport& input, rt::TimePoint arrived) noexcept {
+    last_report_.store(arrived.time_since_epoch().count(), std::memory_order_release);
+    count(statistics_.reports_received);
+    reports_.publish({.sequence = ++sequence_,
+                      .counts = unwrapper_.follow(input.counts),
+                      .calibration_button = input.calibration_button,
+                      .released = released_,
+                      .received = arrived});
+    last_arrival_ = arrived;
+  }
+
+  // --- opening, on the opening thread ---
+
+  /// Kick start: W2 speaks first, but its first report may have gone to another host, or to nobody
+  /// since the kernel discards reports for a while after opening. The first report that comes may
+  /// be arbitrarily old and is discarded; a zero write keeps the ping-pong going.
+  void begin_exchange() {
+    const rt::TimePoint deadline = rt::Clock::now() + options_.open_timeout;
+    bool discarded_first = false;
+    while (rt::Clock::now() < deadline) {
+      w2::InputReport input;
+      rt::TimePoint arrived;
+      wrong_length_ = false;
+      const TransportStatus status = receive(
+          kReadTimeout, discarded_first ? rt::Duration::zero() : kSettleAtOpen, input, arrived);
+      if (status != TransportStatus::kOk && status != TransportStatus::kTimeout) {
+        throw DeviceError(transport_->failure());
+      }
+      if (wrong_length_) {
+        throw DeviceError(wrong_length_words());
+      }
+      if (status == TransportStatus::kOk && discarded_first && released_ != rt::TimePoint{}) {
+        publish(input, arrived);
+        return;
+      }
+      discarded_first = discarded_first || status == TransportStatus::kOk;
+      if (status == TransportStatus::kTimeout) {
+        count(statistics_.kicks);
+      }
+      const WriteResult sent = send(w2::encode_currents({}));
+      if (sent.status != TransportStatus::kOk && sent.status != TransportStatus::kTimeout) {
+        throw DeviceError(transport_->failure());
+      }
+    }
+    throw DeviceError(
+        "device '" + identity_.url + "': no report within " +
+        std::to_string(
+            std::chrono::duration_cast<std::chrono::milliseconds>(options_.open_timeout).count()) +
+        " ms; press the device's reset button or plug it in again, and end other programs that use "
+        "it");
+  }
+
+  std::string wrong_length_words() const {
+    return "device '" + identity_.url + "': it sends reports of " + std::to_string(last_length_) +
+           " bytes where W2 has 14" +
+           (last_length_ == w2::kW1ReportBytes
+                ? "; this is the older W1 firmware, which can't be calibrated from the host and "
+                  "counts the other way: install the W2 firmware"
+                : "; check that it is the device of the profile");
+  }
+
+  // --- the I/O thread ---
+
+  void run() noexcept {
+    while (running() && !stop_requested_.load(std::memory_order_acquire)) {
+      const Reason reason = wait_for_reason();
+      if (reason == Reason::kStop || health() != DeviceHealth::kRunning) {
+        break;
+      }
+      exchange(reason);
+    }
+    if (!stop_requested_.load(std::memory_order_acquire)) {
+      // A fault: the motors get zero at once, not only when somebody calls stop().
+      zero_delivered_ = send(w2::encode_currents({})).status == TransportStatus::kOk;
+      while (!stop_requested_.load(std::memory_order_acquire)) {
+        wait(rt::Clock::now() + kPollWhenFaulted);
+      }
+    }
+    finish();
+  }
+
+  /// The last zero, then the end of the transport.
+  void finish() noexcept {
+    zero_delivered_ = send(w2::encode_currents({})).status == TransportStatus::kOk;
+    transport_->close();
+    DeviceHealth expected = DeviceHealth::kRunning;
+    health_.compare_exchange_strong(expected, DeviceHealth::kClosed, std::memory_order_acq_rel);
+  }
+
+  /// After a report has come: the moment for the next exchange, and why.
+  ///
+  /// The device samples its counters when it takes an OUT, so the counts that the servo will read
+  /// are as old as the last exchange. A new command is sent at once. Without one, the last command
+  /// is sent again after 0.6 of a bus frame, in time for the next frame, so that the counts stay
+  /// fresh; but not when that exchange could still be on its way at the servo's next read, for then
+  /// the command that follows that read would have to wait for it.
+  Reason wait_for_reason() noexcept {
+    const rt::TimePoint refresh_at = last_arrival_ + scaled(kRefreshPhase);
+    bool held_back = false;
+    for (;;) {
+      if (stop_requested_.load(std::memory_order_acquire)) {
+        return Reason::kStop;
+      }
+      if (counter_requests_.fetch(counter_request_)) {
+        counters_pending_ = true;
+      }
+      if (counters_pending_) {
+        return Reason::kCounters;
+      }
+      if (commands_.fetch(latest_)) {
+        commanded_ = true;
+        return Reason::kCommand;
+      }
+      const rt::TimePoint now = rt::Clock::now();
+      const rt::TimePoint silent_at = latest_.issued + options_.servo_silence;
+      const bool starved = commanded_ && now >= silent_at;
+      const rt::TimePoint next_read = latest_.command.next_read;
+      const rt::TimePoint begin = std::max(now, refresh_at);
+      const bool may_refresh = !commanded_ || starved || next_read == rt::TimePoint{} ||
+                               begin + refresh_exchange_ + scaled(kRefreshMargin) <= next_read;
+      if (may_refresh && now >= refresh_at) {
+        return Reason::kRefresh;
+      }
+      if (!may_refresh && !held_back) {
+        held_back = true;
+        // Else one slow exchange would hold back for ever the ones that could correct it.
+        refresh_exchange_ -= refresh_exchange_ / kExchangeDecay;
+      }
+      wait(may_refresh ? refresh_at : std::max(silent_at, refresh_at));
+    }
+  }
+
+  rt::Duration scaled(double frames) const noexcept {
+    return std::chrono::duration_cast<rt::Duration>(frames * frame_);
+  }
+
+  w2::ReportBytes bytes_for(Reason reason) noexcept {
+    if (reason == Reason::kCounters) {
+      commanded_ = false;
+      unwrapper_.restart(counter_request_.counts);
+      return w2::encode_load_counters(counter_request_.counts);
+    }
+    if (!commanded_) {
+      return w2::encode_currents({});
+    }
+    if (rt::Clock::now() >= latest_.issued + options_.servo_silence) {
+      count(statistics_.commands_starved);
+      return w2::encode_currents({});
+    }
+    const w2::Currents currents = w2::report_currents(latest_.command.current_A, max_current_A_);
+    if (reason == Reason::kCommand) {
+      if (!currents.finite) {
+        count(statistics_.commands_not_finite);
+      }
+      if (currents.clamped) {
+        count(statistics_.commands_clamped);
+      }
+    }
+    // Read last: a fault that another thread has noticed in between must not let a current pass.
+    return w2::encode_currents(running() ? currents.current_mA : std::array<std::int16_t, 3>{});
+  }
+
+  void exchange(Reason reason) noexcept {
+    const w2::ReportBytes bytes = bytes_for(reason);
+    const rt::TimePoint begun = rt::Clock::now();
+    WriteResult sent = send(bytes);
+    if (reason == Reason::kRefresh) {
+      count(statistics_.refreshes);
+    }
+    rt::Duration settle = rt::Duration::zero();
+    for (bool kicked = false;; kicked = true) {
+      if (sent.status != TransportStatus::kOk && sent.status != TransportStatus::kTimeout) {
+        fail_with(sent.status);
+        return;
+      }
+      w2::InputReport input;
+      rt::TimePoint arrived;
+      wrong_length_ = false;
+      const TransportStatus status = receive(kReadTimeout, settle, input, arrived);
+      if (status == TransportStatus::kOk) {
+        publish(input, arrived);
+        if (reason == Reason::kRefresh && !kicked) {
+          learn_refresh_exchange(arrived - begun);
+        }
+        if (reason == Reason::kCounters) {
+          check_counters(input);
+        }
+        return;
+      }
+      if (status != TransportStatus::kTimeout) {
+        fail_with(status);
+        return;
+      }
+      if (rejected_in_a_row_ >= kMaxRejectedInARow) {
+        fail(DeviceHealth::kProtocol, wrong_length_words());
+        return;
+      }
+      if (stop_requested_.load(std::memory_order_acquire)) {
+        return;
+      }
+      if (silent(rt::Clock::now())) {
+        fail(DeviceHealth::kStale, stale_words());
+        return;
+      }
+      // No usable report: a discarded one must be followed by a write, and a lost one by a kick, or
+      // the ping-pong stands still.
+      if (!wrong_length_) {
+        count(statistics_.reports_lost);
+        count(statistics_.kicks);
+        settle = kSettleAfterKick;
+      }
+      sent = send(w2::encode_currents({}));
+    }
+  }
+
+  void learn_refresh_exchange(rt::Duration measured) noexcept {
+    const rt::Duration bounded = std::min(measured, 2 * frame_);
+    refresh_exchange_ =
+        std::max(bounded, refresh_exchange_ - (refresh_exchange_ - bounded) / kExchangeDecay);
+  }
+
+  void check_counters(const w2::InputReport& input) noexcept {
+    bool taken = !input.calibration_button;
+    for (std::size_t i = 0; i < input.counts.size(); ++i) {
+      taken = taken && std::abs(input.counts[i] - counter_request_.counts[i]) <= kCounterTolerance;
+    }
+    if (taken) {
+      counters_pending_ = false;
+      counters_loaded_.store(counter_request_.id, std::memory_order_release);
+    } else if (rt::Clock::now() > counter_request_.deadline) {
+      counters_pending_ = false;
+    }
+  }
+
+  std::unique_ptr<Transport> transport_;
+  const OpenOptions options_;
+  const DeviceIdentity identity_;
+  const std::array<double, 3> max_current_A_;
+  const rt::Duration frame_;
+
+  // I/O thread (and opening thread before it starts).
+  rt::Duration refresh_exchange_;  ///< OUT submitted to IN arrived; decaying maximum of refreshes
+  std::array<std::uint8_t, kBufferBytes> buffer_{};
+  w2::CounterUnwrapper unwrapper_;
+  IssuedCommand latest_;
+  CounterRequest counter_request_;
+  rt::TimePoint released_{};
+  rt::TimePoint last_arrival_{};
+  std::uint64_t sequence_ = 0;
+  std::size_t last_length_ = 0;
+  int rejected_in_a_row_ = 0;
+  bool wrong_length_ = false;
+  bool commanded_ = false;
+  bool counters_pending_ = false;
+  bool zero_delivered_ = false;  ///< read after the thread has been joined
+
+  // Set-up and servo thread.
+  DeviceReport report_for_servo_;
+  std::uint32_t last_counter_request_ = 0;
+  bool stopped_ = false;
+  std::mutex stop_mutex_;
+
+  // Between threads.
+  rt::Mailbox<DeviceReport> reports_;
+  rt::Mailbox<IssuedCommand> commands_;
+  rt::Mailbox<CounterRequest> counter_requests_;
+  AtomicStatistics statistics_;
+  std::atomic<std::int64_t> last_report_{0};  ///< the clock's ticks
+  mutable std::atomic<DeviceHealth> health_{DeviceHealth::kRunning};
+  std::atomic<std::uint32_t> counters_loaded_{0};
+  std::atomic<bool> stop_requested_{false};
+  mutable std::mutex failure_mutex_;
+  std::string failure_;
+  const int wake_;
+  std::thread thread_;
+};
+
+void check_descriptor(const Transport& transport, const profiles::DeviceProfile& profile,
+                      const std::string& url) {
+  const auto refuse = [&](const std::string& problem) {
+    throw DeviceError("device '" + url + "': " + problem);
+  };
+  HidInterface interface;
+  try {
+    interface = parse_hid_descriptor(transport.report_descriptor());
+  } catch (const DeviceError& error) {
+    refuse(std::string(error.what()) + "; check that it is the device of profile '" + profile.name +
+           "'");
+  }
+  if (interface.usage_page != profile.usb.usage_page || interface.usage != profile.usb.usage) {
+    refuse("its HID usage is " + hexadecimal(interface.usage_page) + ":" +
+           hexadecimal(interface.usage) + " where profile '" + profile.name + "' has " +
+           hexadecimal(profile.usb.usage_page) + ":" + hexadecimal(profile.usb.usage) +
+           "; name another device or profile");
+  }
+  if (interface.has_report_ids) {
+    refuse(
+        "its reports carry report IDs, which W2 does not have; check that it is the device of "
+        "profile '" +
+        profile.name + "'");
+  }
+  if (interface.input_bytes == w2::kW1ReportBytes && interface.output_bytes == w2::kW1ReportBytes) {
+    refuse(
+        "it speaks the older W1 protocol (reports of 8 bytes), which can't be calibrated from "
+        "the host and counts the other way; install the W2 firmware (reports of 14 bytes)");
+  }
+  const auto wanted = static_cast<std::size_t>(profile.usb.report_bytes);
+  if (interface.input_bytes != wanted || interface.output_bytes != wanted) {
+    refuse("its reports have " + std::to_string(interface.input_bytes) + " bytes in and " +
+           std::to_string(interface.output_bytes) + " out where profile '" + profile.name +
+           "' has " + std::to_string(wanted) + "; name another device or profile");
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<Device> start_w2_device(std::unique_ptr<Transport> transport,
+                                        const profiles::DeviceProfile& profile,
+                                        const OpenOptions& options, const std::string& url,
+                                        bool check_ids) {
+  const TransportIdentity& identity = transport->identity();
+  if (check_ids && (identity.vendor_id != profile.usb.vendor_id ||
+                    identity.product_id != profile.usb.product_id)) {
+    throw DeviceError("device '" + url + "': it is " + hexadecimal(identity.vendor_id) + ":" +
+                      hexadecimal(identity.product_id) + " where profile '" + profile.name +
+                      "' has " + hexadecimal(profile.usb.vendor_id) + ":" +
+                      hexadecimal(profile.usb.product_id) + "; name another device or profile");
+  }
+  check_descriptor(*transport, profile, url);
+  return std::make_unique<W2Device>(std::move(transport), profile, options, url);
+}
+
+}  // namespace forcegrid::driver

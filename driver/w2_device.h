@@ -1,0 +1,20 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "driver/open_device.h"
+#include "driver/transport.h"
+
+namespace forcegrid::driver {
+
+/// Checks that `transport` leads to a W2 device of `profile` and starts its exchange.
+/// @param url  for messages and identity.
+/// @param check_ids  whether vendor and product number have to be the profile's.
+/// @throws DeviceError
+std::unique_ptr<Device> start_w2_device(std::unique_ptr<Transport> transport,
+                                        const profiles::DeviceProfile& profile,
+                                        const OpenOptions& options, const std::string& url,
+                                        bool check_ids);
+
+}  // namespace forcegrid::driver
