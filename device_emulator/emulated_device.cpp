@@ -1,0 +1,258 @@
+#include "device_emulator/emulated_device.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <string>
+
+namespace forcegrid::emulator {
+
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr rt::Duration kPhysicsChunk = std::chrono::milliseconds(1);
+constexpr rt::Duration kHostGone = std::chrono::seconds(2);
+// ESCON set-value range; the margin absorbs rounding of 0.5 +- 0.4.
+constexpr double kDutyFullScale = 0.4;
+constexpr double kDutyMargin = 1e-9;
+constexpr std::int32_t kPowerUpRange_counts = 20000;
+
+Vector3d vector(const profiles::Axes& axes) { return {axes[0], axes[1], axes[2]}; }
+
+Vector3d calibration_counts(const profiles::DeviceProfile& profile) {
+  const auto& pose = profile.calibration.pose_counts;
+  return {static_cast<double>(pose[0]), static_cast<double>(pose[1]), static_cast<double>(pose[2])};
+}
+
+std::optional<profiles::HandProfile> hand_of(const DeviceOptions& options) {
+  switch (options.hand) {
+    case HandKind::kFirm:
+      return options.profile.firm_hand;
+    case HandKind::kLight:
+      return options.profile.light_hand;
+    case HandKind::kNone:
+      break;
+  }
+  return std::nullopt;
+}
+
+std::array<std::int64_t, 6> encoder_positions(const ArmModel& arm) {
+  const Vector3d counts = arm.kinematics().counts(arm.joint_angle_rad());
+  return {std::llround(counts[0]), std::llround(counts[1]), std::llround(counts[2]), 0, 0, 0};
+}
+
+W2Firmware::Counters power_up_counters(const DeviceOptions& options) {
+  W2Firmware::Counters counters{};
+  if (options.operator_script.calibrated) {
+    std::copy(options.profile.calibration.pose_counts.begin(),
+              options.profile.calibration.pose_counts.end(), counters.begin());
+  } else if (options.random_power_up_counters) {
+    std::mt19937_64 random(options.operator_script.seed);
+    for (std::size_t i = 0; i < 3; ++i) {
+      counters[i] = static_cast<std::int32_t>(random() % (2 * kPowerUpRange_counts + 1)) -
+                    kPowerUpRange_counts;
+    }
+  }
+  return counters;
+}
+
+}  // namespace
+
+HandKind parse_hand(std::string_view name) {
+  if (name == "firm") {
+    return HandKind::kFirm;
+  }
+  if (name == "light") {
+    return HandKind::kLight;
+  }
+  if (name == "none") {
+    return HandKind::kNone;
+  }
+  throw std::invalid_argument("hand '" + std::string(name) +
+                              "' is unknown; use firm, light or none");
+}
+
+FrameOrder parse_frame_order(std::string_view name) {
+  if (name == "out-first") {
+    return FrameOrder::kOutFirst;
+  }
+  if (name == "in-first") {
+    return FrameOrder::kInFirst;
+  }
+  throw std::invalid_argument("frame order '" + std::string(name) +
+                              "' is unknown; use out-first or in-first");
+}
+
+EmulatedDevice::EmulatedDevice(const DeviceOptions& options, rt::TimePoint start)
+    : usb_(options.profile.usb),
+      firmware_(options.profile.motors.full_scale_current_A),
+      arm_(options.profile, hand_of(options),
+           ArmKinematics(options.profile.kinematics)
+               .joint_angle_rad(calibration_counts(options.profile))),
+      script_(options.operator_script, arm_.position_D()),
+      frame_order_(options.frame_order),
+      name_(options.profile.name),
+      full_scale_current_A_(options.profile.motors.full_scale_current_A),
+      torque_per_current_Nm_per_A_(
+          vector(options.profile.kinematics.encoder_sign)
+              .cwiseProduct(vector(options.profile.motors.torque_constant_Nm_per_A))
+              .cwiseProduct(vector(options.profile.kinematics.body_diameter_m))
+              .cwiseQuotient(vector(options.profile.kinematics.capstan_diameter_m))),
+      now_(start),
+      samples_(kSampleCapacity) {
+  firmware_.turn_encoders(encoder_positions(arm_));
+  firmware_.set_counters(power_up_counters(options));
+}
+
+void EmulatedDevice::advance_to(rt::TimePoint now) noexcept {
+  if (now - now_ > kLongestStep) {
+    physics_skipped_s_ += rt::seconds(now - now_ - kLongestStep);
+    now_ = now - kLongestStep;
+    if (firmware_.check_watchdog(now_)) {
+      drive_motors();
+    }
+  }
+  while (now_ < now) {
+    rt::TimePoint end = std::min(now, now_ + kPhysicsChunk);
+    if (const auto deadline = firmware_.watchdog_deadline(); deadline && *deadline > now_) {
+      end = std::min(end, *deadline);
+    }
+    const auto fed = firmware_.last_feed();
+    const auto action =
+        script_.update(end, {.host_present = usb_.configured() && fed && end - *fed < kHostGone,
+                             .counters_loaded = firmware_.statistics().counters_loaded});
+    if (action.press_button) {
+      firmware_.press_calibration_button();
+    }
+    arm_.advance(rt::seconds(end - now_), current_A_.cwiseProduct(torque_per_current_Nm_per_A_),
+                 action.target_D);
+    now_ = end;
+    if (!current_A_.isZero(0.0)) {
+      motors_last_nonzero_ = now_;
+    }
+    if (firmware_.check_watchdog(now_)) {
+      drive_motors();
+    }
+  }
+  firmware_.turn_encoders(encoder_positions(arm_));
+}
+
+W2UsbDevice::ControlReply EmulatedDevice::control(const SetupPacket& setup,
+                                                  std::span<const std::uint8_t> data,
+                                                  rt::TimePoint now) {
+  advance_to(now);
+  auto reply = usb_.control(setup, data);
+  if (usb_.configured() != firmware_.configured()) {
+    firmware_.set_configured(usb_.configured(), now);
+  }
+  return reply;
+}
+
+EmulatedDevice::FrameResult EmulatedDevice::run_frame(
+    rt::TimePoint now, std::optional<std::span<const std::uint8_t>> out_packet,
+    bool in_wanted) noexcept {
+  advance_to(now);
+  FrameResult result;
+  const auto serve_out = [&] {
+    if (out_packet && !usb_.halted(W2UsbDevice::kEndpointOut)) {
+      result.out_taken = firmware_.offer_out(*out_packet);
+    }
+  };
+  const auto serve_in = [&] {
+    if (in_wanted && !usb_.halted(W2UsbDevice::kEndpointIn)) {
+      result.in = firmware_.collect_in();
+    }
+  };
+  if (frame_order_ == FrameOrder::kOutFirst) {
+    serve_out();
+    run_firmware(now);
+    serve_in();
+  } else {
+    serve_in();
+    serve_out();
+    run_firmware(now);
+  }
+  return result;
+}
+
+void EmulatedDevice::bus_reset(rt::TimePoint now) noexcept {
+  usb_.bus_reset();
+  firmware_.set_configured(false, now);
+}
+
+void EmulatedDevice::run_firmware(rt::TimePoint now) noexcept {
+  if (firmware_.run(now)) {
+    CounterSample& sample = samples_[sample_count_ % kSampleCapacity];
+    sample.time_ns = std::chrono::nanoseconds(now.time_since_epoch()).count();
+    sample.counts = firmware_.counters();
+    ++sample_count_;
+  }
+  if (firmware_.statistics().reports_applied != reports_applied_) {
+    reports_applied_ = firmware_.statistics().reports_applied;
+    drive_motors();
+  }
+}
+
+void EmulatedDevice::drive_motors() noexcept {
+  const W2Firmware::Outputs& outputs = firmware_.outputs();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double fraction = (outputs.duty[i] - W2Firmware::kZeroCurrentDuty) / kDutyFullScale;
+    double current_A = full_scale_current_A_ * fraction;
+    if (!outputs.motor_enable) {
+      current_A = 0.0;
+    } else if (!(std::abs(fraction) <= 1.0 + kDutyMargin)) {
+      current_A = 0.0;
+      ++out_of_range_currents_;
+    }
+    current_A_[static_cast<Eigen::Index>(i)] = current_A;
+  }
+  max_abs_current_A_ = max_abs_current_A_.cwiseMax(current_A_.cwiseAbs());
+}
+
+EmulatorReport EmulatedDevice::report() const {
+  EmulatorReport report;
+  report.device = name_;
+  const Vector3d torque_Nm = current_A_.cwiseProduct(torque_per_current_Nm_per_A_);
+  const Vector3d tip_D = arm_.position_D();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto axis = static_cast<Eigen::Index>(i);
+    report.final_current_mA[i] = 1e3 * current_A_[axis];
+    report.max_abs_current_mA[i] = 1e3 * max_abs_current_A_[axis];
+    report.final_torque_Nm[i] = torque_Nm[axis];
+    report.tip_position_m[i] = tip_D[axis];
+  }
+  report.motor_energy_delivered_J = arm_.work().motor_positive_J;
+  report.motor_energy_absorbed_J = arm_.work().motor_negative_J;
+  if (!current_A_.isZero(0.0)) {
+    report.seconds_since_motors_nonzero = 0.0;
+  } else if (motors_last_nonzero_) {
+    report.seconds_since_motors_nonzero = rt::seconds(now_ - *motors_last_nonzero_);
+  }
+  report.out_of_range_currents = out_of_range_currents_;
+  const W2Firmware::Statistics& statistics = firmware_.statistics();
+  report.watchdog_trips = statistics.watchdog_trips;
+  report.reports_sent = statistics.reports_sent;
+  report.reports_received = statistics.reports_received;
+  report.short_reports = statistics.short_reports;
+  report.long_reports = statistics.long_reports;
+  report.reports_drained = statistics.reports_drained;
+  report.counters_loaded = statistics.counters_loaded;
+  report.physics_skipped_s = physics_skipped_s_;
+  report.counters = firmware_.counters();
+  report.configured = usb_.configured();
+  return report;
+}
+
+std::vector<CounterSample> EmulatedDevice::samples() const {
+  const std::size_t kept = std::min(sample_count_, kSampleCapacity);
+  std::vector<CounterSample> result;
+  result.reserve(kept);
+  for (std::size_t i = sample_count_ - kept; i < sample_count_; ++i) {
+    result.push_back(samples_[i % kSampleCapacity]);
+  }
+  return result;
+}
+
+}  // namespace forcegrid::emulator

@@ -1,0 +1,41 @@
+#include "device_emulator/emulator_report.h"
+
+#include <nlohmann/json.hpp>
+
+namespace forcegrid::emulator {
+
+void to_json(nlohmann::json& json, const EmulatorReport& report) {
+  json = nlohmann::json{
+      {"device", report.device},
+      {"busid", report.busid},
+      {"final_current_mA", report.final_current_mA},
+      {"max_abs_current_mA", report.max_abs_current_mA},
+      {"final_torque_Nm", report.final_torque_Nm},
+      {"motor_energy_delivered_J", report.motor_energy_delivered_J},
+      {"motor_energy_absorbed_J", report.motor_energy_absorbed_J},
+      {"seconds_since_motors_nonzero", nullptr},
+      {"out_of_range_currents", report.out_of_range_currents},
+      {"watchdog_trips", report.watchdog_trips},
+      {"reports_sent", report.reports_sent},
+      {"reports_received", report.reports_received},
+      {"short_reports", report.short_reports},
+      {"long_reports", report.long_reports},
+      {"reports_drained", report.reports_drained},
+      {"counters_loaded", report.counters_loaded},
+      {"frames", report.frames},
+      {"frames_late", report.frames_late},
+      {"frames_skipped", report.frames_skipped},
+      {"worst_lateness_us", report.worst_lateness_us},
+      {"physics_skipped_s", report.physics_skipped_s},
+      {"tip_position_m", report.tip_position_m},
+      {"counters", report.counters},
+      {"attached", report.attached},
+      {"configured", report.configured},
+      {"unplugged", report.unplugged},
+  };
+  if (report.seconds_since_motors_nonzero) {
+    json["seconds_since_motors_nonzero"] = *report.seconds_since_motors_nonzero;
+  }
+}
+
+}  // namespace forcegrid::emulator

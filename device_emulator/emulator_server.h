@@ -1,0 +1,149 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "device_emulator/emulated_device.h"
+#include "device_emulator/emulator_report.h"
+#include "rt/thread.h"
+
+namespace forcegrid::emulator {
+
+/// The emulator can't be set up. `what()` says why and what to do about it.
+class EmulatorError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// Where to listen. Loopback only.
+struct ListenAddress {
+  std::string address;  ///< numeric, without brackets
+  std::uint16_t port = 0;
+  bool ipv6 = false;
+  /// "127.0.0.1:3240" or "[::1]:3240".
+  [[nodiscard]] std::string text() const;
+};
+
+/// "ADDR:PORT" with ADDR an IPv4 address in 127.0.0.0/8, "[::1]" or "localhost", and PORT 0 (any
+/// free one) to 65535.
+/// @throws EmulatorError for anything else; for an address that is not loopback with the reason.
+ListenAddress parse_listen_address(std::string_view text);
+
+/// Why connections were closed, all counted.
+enum class CloseReason : std::uint8_t {
+  kServed,              ///< device list sent, or import refused: the protocol ends there
+  kClientClosed,        ///< by the client, between two messages
+  kTruncated,           ///< by the client, within a message
+  kSocketError,         ///< reset or another error of the system
+  kBadVersion,          ///< protocol version other than 1.1.1
+  kUnknownOperation,    ///< neither device list nor import
+  kUnknownCommand,      ///< neither submit nor unlink
+  kBadDirection,        ///< direction neither 0 nor 1
+  kWrongDevice,         ///< device id other than the imported one
+  kBadTransferLength,   ///< negative or more than 64 KiB
+  kIsochronous,         ///< isochronous packets on a device that has no such endpoint
+  kTooManyUrbs,         ///< more than kMaxPendingUrbs pending
+  kDuplicateSequence,   ///< sequence number of an URB that is still pending
+  kSlowClient,          ///< does not take its replies
+  kIdle,                ///< asked for nothing within 10 s
+  kTooManyConnections,  ///< more than kMaxConnections
+  kUnplugged,           ///< unplug()
+  kServerStopped,
+  kCount
+};
+const char* to_string(CloseReason reason) noexcept;
+
+struct ServerOptions {
+  std::string listen = "127.0.0.1:3240";
+  std::vector<DeviceOptions> devices;  ///< bus ids 1-1, 1-2, ...; all of one frame period
+};
+
+/// Serves emulated devices over USB/IP and runs their bus.
+///
+/// One thread does it all: each bus frame (usb.frame_period_us, on absolute deadlines) it takes in
+/// what clients have sent, answers control transfers and unlinks at once, runs one frame of every
+/// device with the interrupt URBs that are pending, and sends the replies without waiting. A client
+/// that does not take its replies is dropped when kMaxUnsentBytes wait for it; nothing a client
+/// does holds up a frame. A frame that begins late is counted and never made up for: the next one
+/// begins at least half a period later, and physics advances by the true time.
+///
+/// The device of a client that vanishes gets a bus reset and waits, unconfigured, for the next one;
+/// its firmware goes on and its watchdog trips.
+///
+/// Threads: all members may be called from any thread; they lock a mutex (with priority
+/// inheritance) against the frame thread, which holds it for the part of each frame that is not
+/// sleep.
+class EmulatorServer {
+ public:
+  static constexpr std::size_t kMaxConnections = 64;
+  static constexpr std::size_t kMaxPendingUrbs = 256;          ///< per connection
+  static constexpr std::size_t kMaxUnsentBytes = 512 * 1024;   ///< per connection
+  static constexpr std::size_t kMaxReadPerFrame = 128 * 1024;  ///< per connection
+
+  struct Statistics {
+    std::uint64_t connections = 0;  ///< accepted
+    std::array<std::uint64_t, static_cast<std::size_t>(CloseReason::kCount)> closed{};
+    rt::Scheduling scheduling;  ///< of the frame thread; `reason` says why it was refused
+
+    [[nodiscard]] std::uint64_t closed_for(CloseReason reason) const noexcept {
+      return closed[static_cast<std::size_t>(reason)];
+    }
+  };
+
+  /// One device of the server, seen from outside.
+  class DeviceHandle {
+   public:
+    [[nodiscard]] const std::string& busid() const;
+    [[nodiscard]] EmulatorReport report() const;
+    /// Newest counter samples with their true times, oldest first.
+    [[nodiscard]] std::vector<CounterSample> samples() const;
+    /// Pulls the cable: the client's connection closes at once, the device is not listed and can't
+    /// be imported until replug(). Its power stays on.
+    void unplug();
+    void replug();
+    void press_calibration_button();
+
+   private:
+    friend class EmulatorServer;
+    DeviceHandle(EmulatorServer& server, std::size_t index) : server_(&server), index_(index) {}
+    EmulatorServer* server_;
+    std::size_t index_;
+  };
+
+  /// Binds and listens; clients may connect from now on and are served from start() on.
+  /// @throws EmulatorError when the address can't be used (not loopback, port in use), when there
+  ///         is no device or when their frame periods differ; std::invalid_argument for a profile
+  ///         that can't be emulated.
+  explicit EmulatorServer(const ServerOptions& options);
+  ~EmulatorServer();
+  EmulatorServer(const EmulatorServer&) = delete;
+  EmulatorServer& operator=(const EmulatorServer&) = delete;
+
+  /// Starts the frame thread and waits until its scheduling is settled. Once.
+  void start();
+  /// Closes every connection and joins the frame thread. Idempotent. Reports stay readable.
+  void stop() noexcept;
+
+  [[nodiscard]] std::uint16_t port() const noexcept;
+  /// "127.0.0.1:41234".
+  [[nodiscard]] std::string address() const;
+  [[nodiscard]] std::size_t device_count() const noexcept;
+  /// @throws std::out_of_range beyond device_count().
+  [[nodiscard]] DeviceHandle device(std::size_t index = 0);
+  [[nodiscard]] EmulatorReport report(std::size_t index = 0) const;
+  [[nodiscard]] Statistics statistics() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace forcegrid::emulator

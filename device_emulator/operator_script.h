@@ -1,0 +1,74 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "device_emulator/hand_motion.h"
+#include "rt/clock.h"
+
+namespace forcegrid::emulator {
+
+/// What the person who holds the arm does, as a target for the hand over time:
+///
+/// 1. keeps still in the calibration pose until a host has fed the watchdog for 0.2 s, then presses
+///    the calibration button (unless that host has loaded the counters already) and keeps still
+///    until command 1 loads them (`calibrated`: both are skipped);
+/// 2. moves in 1.2 s to the approach point, 10 mm above the contact point, and in 0.5 s down to
+///    0.5 mm below the contact height, both minimum-jerk, and waits 0.5 s;
+/// 3. makes the motion relative to that point, without end;
+/// 4. when the host has gone (device detached, or silent for 2 s) returns in 1.2 s to the
+///    calibration pose and starts again with the next host.
+///
+/// The target never jumps. Time is an argument and must not decrease.
+/// Real-time: update() neither allocates, locks nor throws. Threads: one.
+class OperatorScript {
+ public:
+  struct Options {
+    MotionKind motion = MotionKind::kChirp;
+    double amplitude_m = HandMotion::kNominalAmplitude_m;  ///< see HandMotion
+    std::uint64_t seed = 1;
+    bool calibrated = false;
+    Eigen::Vector3d contact_D = Eigen::Vector3d::Zero();  ///< [m] frame D
+    double approach_height_m = 0.010;                     ///< approach point above contact_D
+    double contact_depth_m = 0.0005;                      ///< how far below contact_D the tool goes
+  };
+
+  /// What the operator sees of the device.
+  struct Senses {
+    bool host_present = false;          ///< configured, and the watchdog has been fed lately
+    std::uint64_t counters_loaded = 0;  ///< how often command 1 has been executed
+  };
+
+  struct Action {
+    Eigen::Vector3d target_D = Eigen::Vector3d::Zero();  ///< [m] of the hand, frame D
+    bool press_button = false;                           ///< the calibration button goes down now
+  };
+
+  enum class Phase : std::uint8_t { kWaiting, kCalibrating, kApproaching, kMoving, kReturning };
+
+  /// @param home_D [m] tip in the calibration pose, frame D.
+  OperatorScript(const Options& options, const Eigen::Vector3d& home_D);
+
+  [[nodiscard]] Action update(rt::TimePoint now, const Senses& senses) noexcept;
+  [[nodiscard]] Phase phase() const noexcept { return phase_; }
+
+  static constexpr double kButtonDelay_s = 0.2;
+  static constexpr double kApproach_s = 1.2;
+  static constexpr double kDescent_s = 0.5;
+  static constexpr double kPause_s = 0.5;
+  static constexpr double kReturn_s = 1.2;
+
+ private:
+  Options options_;
+  HandMotion motion_;
+  Eigen::Vector3d home_D_;
+  Eigen::Vector3d target_D_;
+  Eigen::Vector3d return_from_D_;
+  Phase phase_ = Phase::kWaiting;
+  rt::TimePoint phase_start_{};
+  std::optional<rt::TimePoint> host_since_;
+  std::uint64_t loads_before_host_ = 0;
+};
+
+}  // namespace forcegrid::emulator

@@ -1,0 +1,123 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "rt/clock.h"
+
+namespace forcegrid::emulator {
+
+/// The program in a W2 device: the ping-pong loop, the watchdog, current to PWM, the counters and
+/// the calibration latch, as the device sheet has them. Time is an argument, so that it can be
+/// driven in simulated time; it must not decrease.
+///
+/// Report IN (14 bytes, little-endian int16): counters a..f, info (1: calibration button pressed
+/// since the last command 1). Report OUT: current a, b, c [mA], command (1: load counters a, b, c
+/// from the next three and d, e, f from the currents; anything else: apply the currents), attr0..2.
+/// Source: haptikfabrikenapi `firmware/main.cpp` (b8d6c94), by way of its fact sheet.
+/// Real-time: no allocation, lock or throw after construction. Threads: one.
+class W2Firmware {
+ public:
+  static constexpr std::size_t kReportBytes = 14;
+  static constexpr std::size_t kPacketBytes = 64;  ///< of both interrupt endpoints
+  /// OUT packets the device takes before it answers NAK. The sheet speaks of queued reports and
+  /// gives no depth; two is the least with which there is something to drain.
+  static constexpr std::size_t kOutDepth = 2;
+  static constexpr rt::Duration kStartUp = std::chrono::seconds(1);
+  static constexpr rt::Duration kWatchdog = std::chrono::milliseconds(500);
+  static constexpr double kZeroCurrentDuty = 0.5;
+
+  using Report = std::array<std::uint8_t, kReportBytes>;
+  using Counters = std::array<std::int32_t, 6>;
+
+  /// What the pins of the motor amplifiers see.
+  struct Outputs {
+    bool motor_enable = false;
+    std::array<double, 3> duty{kZeroCurrentDuty, kZeroCurrentDuty, kZeroCurrentDuty};
+  };
+
+  struct Statistics {
+    std::uint64_t reports_sent = 0;      ///< IN reports the host has collected
+    std::uint64_t reports_received = 0;  ///< OUT reports of the right length, drained ones included
+    std::uint64_t short_reports = 0;     ///< OUT reports of fewer than 14 bytes
+    std::uint64_t long_reports = 0;      ///< OUT reports of more than 14 bytes
+    std::uint64_t reports_drained = 0;   ///< OUT reports skipped for a newer one
+    std::uint64_t reports_applied = 0;   ///< OUT reports acted on; each has fed the watchdog
+    std::uint64_t counters_loaded = 0;   ///< command 1 executed
+    std::uint64_t watchdog_trips = 0;
+  };
+
+  /// @param full_scale_current_A I_full, the current at a duty of 90 %; positive.
+  explicit W2Firmware(double full_scale_current_A) noexcept;
+
+  /// Positions of the six encoders [counts] as the quadrature decoders see them; counters follow by
+  /// the difference to the last call, and start from the first.
+  void turn_encoders(const std::array<std::int64_t, 6>& position_counts) noexcept;
+  /// Puts the counters [counts] somewhere, as if the shafts had been turned unseen.
+  void set_counters(const Counters& counts) noexcept { counters_ = counts; }
+  void press_calibration_button() noexcept { info_ = true; }
+
+  /// The host has put the device into (or out of) its configuration. Leaving it empties both
+  /// endpoints, as a bus reset does; the program goes on.
+  void set_configured(bool configured, rt::TimePoint now) noexcept;
+
+  /// The host sends a packet to EP1 OUT. @returns false for NAK: full, or not configured.
+  [[nodiscard]] bool offer_out(std::span<const std::uint8_t> packet) noexcept;
+  /// The host asks EP1 IN. @returns nothing for NAK.
+  [[nodiscard]] std::optional<Report> collect_in() noexcept;
+  /// Whether collect_in() would give a report.
+  [[nodiscard]] bool in_armed() const noexcept { return in_armed_; }
+
+  /// The program runs until it has to wait for the host or for time.
+  /// @returns true when it has sampled the counters into a new IN report.
+  bool run(rt::TimePoint now) noexcept;
+
+  /// When the watchdog will trip if nothing feeds it; nothing while it is not running.
+  [[nodiscard]] std::optional<rt::TimePoint> watchdog_deadline() const noexcept;
+  /// Trips the watchdog when `now` has reached its deadline. @returns true when it did.
+  bool check_watchdog(rt::TimePoint now) noexcept;
+
+  [[nodiscard]] bool configured() const noexcept { return configured_; }
+  [[nodiscard]] const Outputs& outputs() const noexcept { return outputs_; }
+  [[nodiscard]] const Counters& counters() const noexcept { return counters_; }
+  [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
+  /// When the watchdog was last fed; nothing before the first time.
+  [[nodiscard]] std::optional<rt::TimePoint> last_feed() const noexcept { return last_feed_; }
+
+ private:
+  enum class State : std::uint8_t {
+    kAwaitConfiguration,
+    kStartingUp,
+    kArmReport,
+    kAwaitCollection,
+    kAwaitReport
+  };
+  struct Packet {
+    std::array<std::uint8_t, kPacketBytes> bytes{};
+    std::size_t size = 0;
+  };
+
+  Report sample() const noexcept;
+  void act_on(const Packet& packet, rt::TimePoint now) noexcept;
+
+  double full_scale_current_A_;
+  State state_ = State::kAwaitConfiguration;
+  bool configured_ = false;
+  rt::TimePoint started_{};
+  Counters counters_{};
+  std::optional<std::array<std::int64_t, 6>> encoders_;
+  bool info_ = false;
+  Report in_report_{};
+  bool in_armed_ = false;
+  std::array<Packet, kOutDepth> out_queue_;
+  std::size_t out_count_ = 0;
+  std::optional<rt::TimePoint> last_feed_;
+  bool watchdog_running_ = false;
+  Outputs outputs_;
+  Statistics statistics_;
+};
+
+}  // namespace forcegrid::emulator
