@@ -13,7 +13,8 @@ namespace forcegrid::rt {
 /// Threads: one thread pushes, one thread pops.
 template <typename T>
 class SpscRing {
-  static_assert(std::is_trivially_copyable_v<T>);
+  // Fixed-size Eigen vectors are welcome; a type that owns memory is not.
+  static_assert(std::is_trivially_destructible_v<T>);
 
  public:
   /// @param capacity elements it holds at most; at least 1.

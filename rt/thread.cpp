@@ -47,6 +47,8 @@ std::string lock_memory(std::size_t stack_bytes) {
   return {};
 }
 
+void unlock_memory() noexcept { munlockall(); }
+
 void name_current_thread(const char* name) noexcept {
   char shortened[16] = {};
   std::strncpy(shortened, name, sizeof shortened - 1);

@@ -30,6 +30,9 @@ Scheduling make_current_thread_realtime(int priority);
 /// Real-time: no; call it before the first cycle.
 std::string lock_memory(std::size_t stack_bytes = 256 * 1024);
 
+/// Undoes lock_memory() for work that may page, after the last cycle. Real-time: no.
+void unlock_memory() noexcept;
+
 /// Names the calling thread (at most 15 characters are kept), for `top -H` and debuggers.
 void name_current_thread(const char* name) noexcept;
 

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <type_traits>
+
+#include "forcegrid/force_method.h"
+#include "servo_loop/fault.h"
+
+namespace forcegrid::servo {
+
+/// Methods that one loop can run side by side: the rendered one and its shadows.
+inline constexpr std::size_t kMaxMethods = 4;
+
+using Triple = std::array<double, 3>;
+
+inline Triple triple(const Eigen::Vector3d& v) noexcept { return {v.x(), v.y(), v.z()}; }
+inline Eigen::Vector3d vector(const Triple& t) noexcept { return {t[0], t[1], t[2]}; }
+
+/// Everything one servo cycle saw and did, for telemetry and the flight record. Plain data.
+struct CycleRecord {
+  std::uint64_t cycle = 0;
+  std::int64_t time_ns = 0;    ///< CLOCK_MONOTONIC at the start of the cycle
+  double period_us = 0.0;      ///< since the start of the cycle before; 0 in the first
+  double compute_us = 0.0;     ///< from reading the report to the end of the fill step
+  double report_age_us = 0.0;  ///< start of the cycle minus completion of the OUT that released it
+  std::uint64_t report_sequence = 0;
+  std::array<std::int32_t, 3> counts{};
+  Triple position_W_m{};
+  Triple velocity_W_m_per_s{};
+  std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
+  std::array<EstimateStatus, kMaxMethods> method_status{};
+  double gain = 0.0;             ///< ramp and fade, 0..1
+  Triple commanded_force_D_N{};  ///< after ramp, fade and every limit
+  Triple current_A{};
+  std::uint8_t limits_acted = 0;  ///< driver::LimitFlag bits
+  bool in_contact = false;
+  std::uint32_t contact_epoch = 0;
+  std::uint64_t samples_taken = 0;  ///< since the start
+  double sample_age_ms =
+      0.0;  ///< since the tool was where the newest sample was computed; -1: none
+  std::uint32_t missed_deadlines = 0;  ///< deadlines that passed unserved just before this cycle
+  Fault fault = Fault::kNone;
+};
+static_assert(std::is_trivially_copyable_v<CycleRecord>);
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,74 @@
+#include "servo_loop/link_thread.h"
+
+#include <algorithm>
+
+namespace forcegrid::servo {
+namespace {
+
+// How long a new tool state may wait for its datagram: short against the simulator's period.
+constexpr auto kPoll = std::chrono::milliseconds(1);
+
+ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
+  ArrivedSample arrived;
+  arrived.arrived = now;
+  arrived.in_contact = from.in_contact;
+  Sample& to = arrived.sample;
+  to.time_s = 1e-9 * static_cast<double>(from.echo_servo_time_ns);
+  to.position_W = vector(from.position_W_m);
+  to.force_W = vector(from.force_W_N);
+  to.has_stiffness = from.has_stiffness;
+  to.stiffness_W = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
+      from.stiffness_W_N_per_m.data());
+  to.contact_epoch = from.contact_epoch;
+  to.contact_point_W = vector(from.contact_point_W_m);
+  to.relative_residual = from.relative_residual;
+  to.converged = from.converged;
+  to.from_query = from.query_id != 0;
+  return arrived;
+}
+
+}  // namespace
+
+LinkThread::LinkThread(std::string_view simulator_address, ServoPorts& ports)
+    : ports_(ports), endpoint_(simulator_address) {}
+
+LinkThread::~LinkThread() { stop(); }
+
+void LinkThread::start() {
+  thread_ = std::thread([this] {
+    rt::name_current_thread("link");
+    while (!stop_.load(std::memory_order_acquire)) {
+      exchange();
+      endpoint_.wait(kPoll);
+    }
+    endpoint_.say_goodbye();
+  });
+}
+
+void LinkThread::stop() {
+  stop_.store(true, std::memory_order_release);
+  if (thread_.joinable()) {
+    thread_.join();
+  }
+}
+
+void LinkThread::exchange() {
+  link::ToolState tool;
+  if (ports_.tool.fetch(tool)) {
+    endpoint_.send(tool);  // what becomes of it is in statistics()
+  }
+  while (const auto sample = endpoint_.receive()) {
+    worst_solve_time_s_ = std::max(worst_solve_time_s_, sample->solve_time_s);
+    worst_relative_residual_ = std::max(worst_relative_residual_, sample->relative_residual);
+    samples_not_converged_ += sample->converged ? 0 : 1;
+    if (sample->in_contact && !first_contact_) {
+      first_contact_ = FirstContact{sample->echo_servo_time_ns, sample->contact_epoch,
+                                    vector(sample->contact_point_W_m)};
+    }
+    if (!ports_.samples.push(arrived_sample(*sample, rt::Clock::now()))) {
+      ++samples_lost_;
+    }
+  }
+}
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <string_view>
+#include <thread>
+
+#include "link/servo_endpoint.h"
+#include "servo_loop/servo_loop.h"
+
+namespace forcegrid::servo {
+
+/// The first sample in contact: where and when the tool touched, as far as the simulator's rate
+/// can tell.
+struct FirstContact {
+  std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC of the tool state that the simulator answered
+  std::uint32_t epoch = 0;
+  Eigen::Vector3d point_W = Eigen::Vector3d::Zero();
+};
+
+/// Carries the servo's newest tool state to the simulator and the simulator's checked samples to
+/// the servo, on a thread of its own.
+/// Threads: start and stop from one; statistics() after stop().
+class LinkThread {
+ public:
+  /// @throws link::LinkError for an address that can't be used.
+  LinkThread(std::string_view simulator_address, ServoPorts& ports);
+  ~LinkThread();
+  LinkThread(const LinkThread&) = delete;
+  LinkThread& operator=(const LinkThread&) = delete;
+
+  void start();
+  /// Says goodbye to the simulator and joins. Idempotent.
+  void stop();
+
+  const link::LinkStatistics& statistics() const noexcept { return endpoint_.statistics(); }
+  /// After stop(); nothing if the tool never touched.
+  const std::optional<FirstContact>& first_contact() const noexcept { return first_contact_; }
+  /// Samples that found the servo's ring full. After stop().
+  std::uint64_t samples_lost() const noexcept { return samples_lost_; }
+  /// [s] largest solve time that a sample stated. After stop().
+  double worst_solve_time_s() const noexcept { return worst_solve_time_s_; }
+  double worst_relative_residual() const noexcept { return worst_relative_residual_; }
+  std::uint64_t samples_not_converged() const noexcept { return samples_not_converged_; }
+
+ private:
+  void exchange();
+
+  ServoPorts& ports_;
+  link::ServoEndpoint endpoint_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+  std::optional<FirstContact> first_contact_;
+  std::uint64_t samples_lost_ = 0;
+  std::uint64_t samples_not_converged_ = 0;
+  double worst_solve_time_s_ = 0.0;
+  double worst_relative_residual_ = 0.0;
+};
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "driver/device.h"
+#include "driver/kinematics.h"
+#include "profiles/device_profile.h"
+#include "rt/clock.h"
+#include "servo_loop/fault.h"
+
+namespace forcegrid::servo {
+
+/// Believes or disbelieves what the device says, and estimates the tool's velocity from it.
+/// Real-time: no allocation, lock or throw. Threads: one.
+class MotionGuard {
+ public:
+  /// No new report for this long is a fault.
+  static constexpr rt::Duration kStaleAfter = std::chrono::milliseconds(100);
+  /// Time constant of the velocity estimate, first order: quantisation steps of 20 um at 1 kHz
+  /// would otherwise read as 20 mm/s.
+  static constexpr double kVelocityTimeConstant_s = 0.010;
+  /// A report's counts may differ from the last one's by this many times the profile's largest
+  /// speed, plus kJumpFloor_m, before the encoders are disbelieved.
+  static constexpr double kJumpFactor = 3.0;
+  static constexpr double kJumpFloor_m = 0.002;
+
+  explicit MotionGuard(const profiles::DeviceProfile& profile);
+
+  /// Looks at one cycle's report and pose.
+  [[nodiscard]] Fault check(rt::TimePoint now, driver::DeviceHealth health,
+                            const driver::DeviceReport& report,
+                            const driver::ArmPose& pose) noexcept;
+
+  /// [m/s] filtered; zero until two reports have been seen.
+  const Eigen::Vector3d& velocity_D() const noexcept { return velocity_D_; }
+
+ private:
+  double max_speed_m_per_s_;
+  bool has_last_ = false;
+  std::uint64_t last_sequence_ = 0;
+  rt::TimePoint last_sampled_{};
+  Eigen::Vector3d last_position_D_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_D_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace forcegrid::servo

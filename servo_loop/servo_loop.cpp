@@ -1,0 +1,214 @@
+#include "servo_loop/servo_loop.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace forcegrid::servo {
+namespace {
+
+// The device's I/O thread sends zero current after 50 ms of silence, so a longer pause is a new
+// start for the force.
+constexpr rt::Duration kStall = std::chrono::milliseconds(50);
+
+double to_us(rt::Duration duration) noexcept { return 1e6 * rt::seconds(duration); }
+
+double servo_time_s(rt::TimePoint time) noexcept { return rt::seconds(time.time_since_epoch()); }
+
+}  // namespace
+
+ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& profile,
+                     std::vector<ForceMethod*> methods, ServoPorts& ports,
+                     const ServoOptions& options)
+    : device_(device),
+      kinematics_(profile),
+      limiter_(profile),
+      guard_(profile),
+      methods_(std::move(methods)),
+      ports_(ports),
+      options_(options),
+      force_box_min_D_(vector(profile.limits.workspace_min_m)),
+      force_box_max_D_(vector(profile.limits.workspace_max_m)),
+      sample_period_s_(1.0 / options.simulator_rate_Hz) {
+  if (!(options_.rate_Hz >= 100.0 && options_.rate_Hz <= 4000.0)) {
+    throw std::invalid_argument("servo rate: use 100 to 4000 Hz");
+  }
+  if (!(options_.simulator_rate_Hz > 0.0 && options_.simulator_rate_Hz <= 4000.0)) {
+    throw std::invalid_argument("simulator rate: use more than 0 and at most 4000 Hz");
+  }
+  if (options_.fill_budget < 1) {
+    throw std::invalid_argument("fill budget: use at least 1 a cycle");
+  }
+  if (!(options_.ramp_in_s > 0.0) || !(options_.fade_s > 0.0) ||
+      !(options_.sample_timeout_s > 0.0)) {
+    throw std::invalid_argument("ramp, fade and sample time-out must be positive");
+  }
+  if (methods_.empty() || methods_.size() > kMaxMethods ||
+      std::count(methods_.begin(), methods_.end(), nullptr) > 0) {
+    throw std::invalid_argument("servo loop: 1 to 4 methods");
+  }
+}
+
+Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept {
+  CycleRecord record;
+  record.cycle = cycle_++;
+  record.time_ns = now.time_since_epoch().count();
+  record.missed_deadlines = missed_before_this_;
+  const double elapsed_s = record.cycle == 0 ? 0.0 : rt::seconds(now - last_cycle_);
+  record.period_us = 1e6 * elapsed_s;
+  last_cycle_ = now;
+
+  // Encoder report -> counts -> joint angles -> tool, believed only if plausible.
+  const driver::DeviceReport report = device_.newest_report();
+  const driver::ArmPose pose = kinematics_.forward(report.counts);
+  Fault fault = guard_.check(now, device_.health(), report, pose);
+  const Eigen::Vector3d position_W = options_.workspace.position_W(pose.position_D);
+  if (fault == Fault::kNone) {
+    send_tool_state(now, position_W);
+  }
+
+  // What the simulator has said since the last cycle, and the force there from each method.
+  take_samples();
+  const double time_s = servo_time_s(now);
+  for (std::size_t i = 0; i < methods_.size(); ++i) {
+    methods_[i]->observe(time_s, position_W);
+    const ForceEstimate estimate = methods_[i]->force(time_s, position_W);
+    record.method_force_W_N[i] = triple(estimate.force_W);
+    record.method_status[i] = estimate.status;
+  }
+
+  // Ramp, fade, workspace bound; then every limit of the profile, and torque to current.
+  record.gain = force_gain(now, elapsed_s);
+  const bool in_force_box = (pose.position_D.array() >= force_box_min_D_.array()).all() &&
+                            (pose.position_D.array() <= force_box_max_D_.array()).all();
+  const Eigen::Vector3d wanted_force_D =
+      in_force_box ? Eigen::Vector3d(record.gain * vector(record.method_force_W_N[0]))
+                   : Eigen::Vector3d::Zero();
+  const Eigen::Vector3d gravity_Nm = options_.gravity_compensation
+                                         ? kinematics_.gravity_torque(pose.joint_angle_rad)
+                                         : Eigen::Vector3d::Zero();
+  const driver::LimitedForce limited = limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm);
+  if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
+    fault = Fault::kNotFinite;
+  }
+
+  // Out it goes; a fault commands zero.
+  driver::MotorCommand command;
+  command.next_read = next_read;
+  if (fault == Fault::kNone) {
+    command.current_A = limited.current_A;
+    record.commanded_force_D_N = triple(limited.force_D);
+  }
+  device_.command(command);
+
+  // What the budget leaves goes into filling.
+  for (ForceMethod* method : methods_) {
+    method->work(options_.fill_budget);
+  }
+
+  record.report_age_us = to_us(now - report.released);
+  record.report_sequence = report.sequence;
+  record.counts = {report.counts[0], report.counts[1], report.counts[2]};
+  record.position_W_m = triple(position_W);
+  record.velocity_W_m_per_s = triple(guard_.velocity_D());
+  record.current_A = command.current_A;
+  record.limits_acted = limited.acted;
+  record.in_contact = in_contact_;
+  record.contact_epoch = contact_epoch_;
+  record.samples_taken = samples_taken_;
+  record.sample_age_ms = has_sample_ ? 1e3 * (time_s - newest_sample_time_s_) : -1.0;
+  record.fault = fault;
+  record.compute_us = to_us(rt::Clock::now() - now);
+  if (!ports_.records.push(record)) {
+    ports_.records_lost.fetch_add(1, std::memory_order_relaxed);
+  }
+  return fault;
+}
+
+void ServoLoop::take_samples() noexcept {
+  ArrivedSample arrived;
+  // Bounded by the ring's capacity, whatever the link thread does meanwhile.
+  for (int i = 0; i < 64 && ports_.samples.pop(arrived); ++i) {
+    if (has_sample_) {
+      const double interval_s = rt::seconds(arrived.arrived - newest_sample_arrived_);
+      sample_period_s_ += 0.1 * (std::clamp(interval_s, 0.0, 1.0) - sample_period_s_);
+    }
+    has_sample_ = true;
+    newest_sample_arrived_ = arrived.arrived;
+    newest_sample_time_s_ = arrived.sample.time_s;
+    ++samples_taken_;
+    const Sample& sample = arrived.sample;
+    if (arrived.in_contact && (!in_contact_ || sample.contact_epoch != contact_epoch_)) {
+      for (ForceMethod* method : methods_) {
+        method->contact_made(sample.contact_epoch, sample.contact_point_W);
+      }
+    } else if (!arrived.in_contact && (in_contact_ || !contact_known_)) {
+      for (ForceMethod* method : methods_) {
+        method->contact_lost();
+      }
+    }
+    contact_known_ = true;
+    in_contact_ = arrived.in_contact;
+    contact_epoch_ = sample.contact_epoch;
+    if (in_contact_) {
+      for (ForceMethod* method : methods_) {
+        method->take_sample(sample);
+      }
+    }
+  }
+}
+
+double ServoLoop::force_gain(rt::TimePoint now, double elapsed_s) noexcept {
+  if (rt::from_seconds(elapsed_s) > kStall) {
+    ++stalls_;
+    gain_ = 0.0;
+    limiter_.reset();
+  }
+  const double timeout_s = std::max(options_.sample_timeout_s, 5.0 * sample_period_s_);
+  const bool fresh = has_sample_ && rt::seconds(now - newest_sample_arrived_) <= timeout_s;
+  const double step = fresh ? elapsed_s / options_.ramp_in_s : -elapsed_s / options_.fade_s;
+  gain_ = std::clamp(gain_ + step, 0.0, 1.0);
+  return gain_;
+}
+
+void ServoLoop::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
+  link::ToolState tool;
+  tool.sequence = ++tool_sequence_;
+  tool.servo_time_ns = now.time_since_epoch().count();
+  tool.position_W_m = triple(position_W);
+  tool.velocity_W_m_per_s = triple(guard_.velocity_D());
+  ports_.tool.publish(tool);
+}
+
+ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexcept {
+  ServoOutcome outcome;
+  rt::name_current_thread("servo");
+  outcome.scheduling = rt::make_current_thread_realtime(rt::kServoPriority);
+  outcome.memory_lock_refused = rt::lock_memory();
+
+  const rt::Duration period = rt::from_seconds(1.0 / options_.rate_Hz);
+  rt::TimePoint deadline = rt::Clock::now() + period;
+  const rt::TimePoint end = deadline + rt::from_seconds(seconds);
+  while (!stop.load(std::memory_order_relaxed) && (seconds <= 0.0 || deadline < end)) {
+    rt::sleep_until(deadline);
+    const rt::TimePoint now = rt::Clock::now();
+    outcome.fault = run_cycle(now, deadline + period);
+    if (outcome.fault != Fault::kNone) {
+      break;
+    }
+    // A deadline that has passed by now can't be kept: count it, take the next on the same raster.
+    deadline += period;
+    missed_before_this_ = 0;
+    for (const rt::TimePoint done = rt::Clock::now(); deadline < done; deadline += period) {
+      ++missed_before_this_;
+    }
+    outcome.missed_deadlines += missed_before_this_;
+  }
+  outcome.zero_current_delivered = device_.stop();
+  outcome.device_failure = outcome.fault == Fault::kNone ? std::string() : device_.failure();
+  outcome.cycles = cycle_;
+  outcome.stalls = stalls_;
+  return outcome;
+}
+
+}  // namespace forcegrid::servo

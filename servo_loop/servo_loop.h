@@ -1,0 +1,123 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "driver/device.h"
+#include "driver/force_limiter.h"
+#include "driver/kinematics.h"
+#include "forcegrid/force_method.h"
+#include "link/messages.h"
+#include "profiles/device_profile.h"
+#include "rt/mailbox.h"
+#include "rt/spsc_ring.h"
+#include "rt/thread.h"
+#include "servo_loop/cycle_record.h"
+#include "servo_loop/motion_guard.h"
+
+namespace forcegrid::servo {
+
+/// Where the workspace W lies in the device frame D. The axes are parallel (x toward the user, y to
+/// the user's right, z up) and lengths are not scaled, so forces need no conversion.
+struct WorkspaceMap {
+  Eigen::Vector3d W_origin_D = Eigen::Vector3d::Zero();  ///< [m] W's origin, expressed in D
+
+  Eigen::Vector3d position_W(const Eigen::Vector3d& position_D) const noexcept {
+    return position_D - W_origin_D;
+  }
+};
+
+struct ServoOptions {
+  double rate_Hz = 500.0;  ///< 100 to 4000
+  /// Vertices (or other units of a method's work) a cycle and method.
+  int fill_budget = 1000;
+  double ramp_in_s = 0.5;  ///< full force this long after start, or after a fade
+  double fade_s = 0.1;     ///< from full force to none once samples stop
+  /// Samples are missed after this long or five simulator periods, whichever is longer.
+  double sample_timeout_s = 0.25;
+  double simulator_rate_Hz = 30.0;
+  bool gravity_compensation = false;
+  WorkspaceMap workspace;
+};
+
+/// A simulator's answer on its way from the link thread to the servo.
+struct ArrivedSample {
+  Sample sample;
+  bool in_contact = false;
+  rt::TimePoint arrived{};
+};
+
+/// What the loop exchanges with other threads, all of it lock-free. The loop pops `samples`,
+/// pushes `records` and publishes `tool`.
+struct ServoPorts {
+  rt::SpscRing<ArrivedSample> samples{64};
+  rt::SpscRing<CycleRecord> records{8192};
+  rt::Mailbox<link::ToolState> tool;
+  std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
+};
+
+struct ServoOutcome {
+  Fault fault = Fault::kNone;
+  std::string device_failure;  ///< the device's own words, if it had any
+  std::uint64_t cycles = 0;
+  std::uint64_t missed_deadlines = 0;
+  /// Pauses longer than 50 ms, after which the force ramps in anew.
+  std::uint64_t stalls = 0;
+  rt::Scheduling scheduling;
+  std::string memory_lock_refused;  ///< empty when memory is locked
+  bool zero_current_delivered = false;
+};
+
+/// The real-time loop: device -> kinematics -> force method -> limits -> torque -> device.
+/// It owns neither device nor methods. Threads: constructed anywhere; run() on a thread of its own.
+class ServoLoop {
+ public:
+  /// @param methods the first is rendered, the others run in its shadow; 1 to kMaxMethods,
+  /// non-null.
+  /// @throws std::invalid_argument naming the option that can't be used.
+  ServoLoop(driver::Device& device, const profiles::DeviceProfile& profile,
+            std::vector<ForceMethod*> methods, ServoPorts& ports, const ServoOptions& options);
+
+  /// Runs cycles at absolute deadlines until `stop` is true, `seconds` have passed (0: no end), or
+  /// a fault. Every way out has written zero current. Asks for SCHED_FIFO and locked memory on the
+  /// calling thread first; a refusal is reported in the outcome and the loop goes on without.
+  ServoOutcome run(const std::atomic<bool>& stop, double seconds) noexcept;
+
+  /// One cycle, without waiting: reads, computes, commands, fills, records.
+  /// @param now the cycle's start. @param next_read when the next cycle will start.
+  /// Real-time: no allocation, lock, log or throw; bounded by methods and budget.
+  Fault run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept;
+
+ private:
+  void take_samples() noexcept;
+  double force_gain(rt::TimePoint now, double elapsed_s) noexcept;
+  void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
+
+  driver::Device& device_;
+  driver::ArmKinematics kinematics_;
+  driver::ForceLimiter limiter_;
+  MotionGuard guard_;
+  std::vector<ForceMethod*> methods_;
+  ServoPorts& ports_;
+  ServoOptions options_;
+  Eigen::Vector3d force_box_min_D_, force_box_max_D_;
+
+  rt::TimePoint last_cycle_{};
+  rt::TimePoint newest_sample_arrived_{};
+  double newest_sample_time_s_ = 0.0;
+  double sample_period_s_;
+  bool has_sample_ = false;
+  bool contact_known_ = false;
+  bool in_contact_ = false;
+  std::uint32_t contact_epoch_ = 0;
+  std::uint64_t samples_taken_ = 0;
+  double gain_ = 0.0;
+  std::uint32_t tool_sequence_ = 0;
+  std::uint64_t cycle_ = 0;
+  std::uint64_t stalls_ = 0;
+  std::uint32_t missed_before_this_ = 0;
+};
+
+}  // namespace forcegrid::servo

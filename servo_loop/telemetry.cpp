@@ -1,0 +1,130 @@
+#include "servo_loop/telemetry.h"
+
+#include <cerrno>
+#include <cinttypes>
+#include <cstring>
+#include <fstream>
+#include <iomanip>
+#include <stdexcept>
+#include <utility>
+
+namespace forcegrid::servo {
+namespace {
+
+constexpr auto kDrainInterval = std::chrono::milliseconds(20);
+constexpr std::int64_t kLine_ns = 1'000'000'000;
+
+}  // namespace
+
+Telemetry::Telemetry(ServoPorts& ports, TelemetryOptions options)
+    : ports_(ports), options_(std::move(options)) {}
+
+Telemetry::~Telemetry() { stop(); }
+
+void Telemetry::start() {
+  thread_ = std::thread([this] {
+    rt::name_current_thread("telemetry");
+    while (!stop_.load(std::memory_order_acquire)) {
+      drain();
+      std::this_thread::sleep_for(kDrainInterval);
+    }
+    drain();
+  });
+}
+
+void Telemetry::stop() {
+  stop_.store(true, std::memory_order_release);
+  if (thread_.joinable()) {
+    thread_.join();
+  }
+}
+
+void Telemetry::drain() {
+  CycleRecord record;
+  while (ports_.records.pop(record)) {
+    if (statistics_.cycles == 0) {
+      first_time_ns_ = record.time_ns;
+      next_line_ns_ = record.time_ns + kLine_ns;
+    } else {
+      statistics_.period_us.add(record.period_us);
+    }
+    ++statistics_.cycles;
+    statistics_.compute_us.add(record.compute_us);
+    statistics_.report_age_us.add(record.report_age_us);
+    if (record.sample_age_ms >= 0.0) {
+      statistics_.sample_age_ms.add(record.sample_age_ms);
+    }
+    statistics_.cycles_limited += record.limits_acted != 0 ? 1 : 0;
+    statistics_.missed_deadlines += record.missed_deadlines;
+    records_.push_back(record);
+    if (records_.size() > options_.keep_cycles) {
+      records_.pop_front();
+    }
+    if (options_.live != nullptr && record.time_ns >= next_line_ns_) {
+      print_live_line(record);
+      next_line_ns_ += kLine_ns;
+    }
+  }
+}
+
+void Telemetry::print_live_line(const CycleRecord& record) {
+  const double elapsed_s = 1e-9 * static_cast<double>(record.time_ns - first_time_ns_);
+  const Triple& p = record.position_W_m;
+  const Triple& f = record.commanded_force_D_N;
+  std::fprintf(options_.live,
+               "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
+               "%4" PRIu64 " cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64 "\n",
+               elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2],
+               record.in_contact ? "in contact" : "free", f[0], f[1], f[2],
+               statistics_.cycles - cycles_at_last_line_, 1e-3 * record.report_age_us,
+               record.sample_age_ms, statistics_.missed_deadlines);
+  std::fflush(options_.live);
+  cycles_at_last_line_ = statistics_.cycles;
+}
+
+void Telemetry::write_flight_record(const std::string& path, double seconds) const {
+  errno = 0;
+  std::ofstream file(path);
+  file << "time_s,cycle,period_us,compute_us,report_age_us,report_sequence,count_a,count_b,count_c,"
+          "x_W_m,y_W_m,z_W_m,vx_W_m_per_s,vy_W_m_per_s,vz_W_m_per_s,gain,fx_D_N,fy_D_N,fz_D_N,"
+          "current_a_A,current_b_A,current_c_A,limits_acted,in_contact,contact_epoch,samples_taken,"
+          "sample_age_ms,missed_deadlines,fault";
+  for (const std::string& name : options_.method_names) {
+    file << ',' << name << "_x_N," << name << "_y_N," << name << "_z_N," << name << "_status";
+  }
+  file << '\n' << std::setprecision(9);
+  const std::int64_t end_ns = records_.empty() ? 0 : records_.back().time_ns;
+  for (const CycleRecord& r : records_) {
+    if (end_ns - r.time_ns > static_cast<std::int64_t>(1e9 * seconds)) {
+      continue;
+    }
+    file << 1e-9 * static_cast<double>(r.time_ns - first_time_ns_) << ',' << r.cycle << ','
+         << r.period_us << ',' << r.compute_us << ',' << r.report_age_us << ','
+         << r.report_sequence;
+    for (const std::int32_t count : r.counts) {
+      file << ',' << count;
+    }
+    for (const Triple* t : {&r.position_W_m, &r.velocity_W_m_per_s}) {
+      file << ',' << (*t)[0] << ',' << (*t)[1] << ',' << (*t)[2];
+    }
+    file << ',' << r.gain;
+    for (const Triple* t : {&r.commanded_force_D_N, &r.current_A}) {
+      file << ',' << (*t)[0] << ',' << (*t)[1] << ',' << (*t)[2];
+    }
+    file << ',' << static_cast<int>(r.limits_acted) << ',' << r.in_contact << ',' << r.contact_epoch
+         << ',' << r.samples_taken << ',' << r.sample_age_ms << ',' << r.missed_deadlines << ','
+         << name_of(r.fault);
+    for (std::size_t i = 0; i < options_.method_names.size(); ++i) {
+      const Triple& f = r.method_force_W_N[i];
+      file << ',' << f[0] << ',' << f[1] << ',' << f[2] << ',' << to_string(r.method_status[i]);
+    }
+    file << '\n';
+  }
+  file.close();
+  if (!file) {
+    throw std::runtime_error("flight record " + path +
+                             " could not be written: " + std::strerror(errno));
+  }
+}
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <atomic>
+#include <cstdio>
+#include <deque>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "rt/percentiles.h"
+#include "servo_loop/cycle_record.h"
+#include "servo_loop/servo_loop.h"
+
+namespace forcegrid::servo {
+
+struct TelemetryOptions {
+  std::vector<std::string> method_names;  ///< in the loop's order
+  double rate_Hz = 500.0;
+  /// The newest this many cycles are kept; older ones only count in the statistics.
+  std::size_t keep_cycles = 300'000;
+  std::FILE* live = nullptr;  ///< where the live line goes, once a second; null: nowhere
+};
+
+/// Distributions over every cycle of a run, also those no longer kept.
+struct TelemetryStatistics {
+  rt::Percentiles period_us;
+  rt::Percentiles compute_us;
+  rt::Percentiles report_age_us;
+  rt::Percentiles sample_age_ms;
+  std::uint64_t cycles = 0;
+  std::uint64_t cycles_limited = 0;  ///< cycles in which a limit of the profile acted
+  std::uint64_t missed_deadlines = 0;
+};
+
+/// Drains the servo's records on a thread of its own, keeps them, and prints the live line.
+/// Real-time: no; it is the thread that may wait. Threads: start and stop from one.
+class Telemetry {
+ public:
+  Telemetry(ServoPorts& ports, TelemetryOptions options);
+  ~Telemetry();
+  Telemetry(const Telemetry&) = delete;
+  Telemetry& operator=(const Telemetry&) = delete;
+
+  void start();
+  /// Drains what is left and joins. Idempotent.
+  void stop();
+
+  /// After stop(): the kept cycles, oldest first, and the statistics of all.
+  const std::deque<CycleRecord>& records() const noexcept { return records_; }
+  const TelemetryStatistics& statistics() const noexcept { return statistics_; }
+  /// CycleRecord::time_ns of the first cycle, which need not be kept any more.
+  std::int64_t first_time_ns() const noexcept { return first_time_ns_; }
+
+  /// After stop(): writes the last `seconds` of cycles as CSV, one row each.
+  /// @throws std::runtime_error naming the file and the system's reason.
+  void write_flight_record(const std::string& path, double seconds = 5.0) const;
+
+ private:
+  void drain();
+  void print_live_line(const CycleRecord& record);
+
+  ServoPorts& ports_;
+  TelemetryOptions options_;
+  std::deque<CycleRecord> records_;
+  TelemetryStatistics statistics_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+  std::int64_t first_time_ns_ = 0;
+  std::int64_t next_line_ns_ = 0;
+  std::uint64_t cycles_at_last_line_ = 0;
+};
+
+}  // namespace forcegrid::servo

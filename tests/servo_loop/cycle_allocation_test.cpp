@@ -1,0 +1,55 @@
+#include <gtest/gtest.h>
+
+#include "forcegrid/methods.h"
+#include "servo_loop/servo_loop.h"
+#include "tests/servo_loop/scripted_device.h"
+#include "tests/support/allocation_count.h"
+
+namespace forcegrid::servo {
+namespace {
+
+TEST(ServoLoop, RunsACycleWithoutAllocating) {
+  const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
+  ScriptedDevice device(profile);
+  ForcegridMethod::Options grid;
+  grid.geometry.min_W = Eigen::Vector3d(-0.06, -0.08, -0.06);
+  grid.geometry.max_W = Eigen::Vector3d(0.06, 0.08, 0.06);
+  grid.geometry.cells.setConstant(20);
+  grid.candle_light = {0.02, 0.001};
+  const auto rendered = make_force_method("forcegrid", grid);
+  const auto shadow = make_force_method("hold", grid);
+  ServoPorts ports;
+  ServoLoop loop(device, profile, {rendered.get(), shadow.get()}, ports, {});
+  rt::TimePoint now(std::chrono::seconds(10));
+  std::uint64_t allocations = 0;
+  for (int i = 0; i < 1000; ++i) {
+    now += std::chrono::milliseconds(2);
+    device.show(Eigen::Vector3d(0.0, 0.0, 0.00001 * i), now);
+    if (i % 16 == 0) {
+      ArrivedSample arrived;
+      arrived.sample.force_W = Eigen::Vector3d(0.0, 0.0, -0.001 * i);
+      arrived.sample.time_s = rt::seconds(now.time_since_epoch());
+      arrived.sample.contact_epoch = 1 + i / 500;
+      arrived.in_contact = i % 400 > 10;
+      arrived.arrived = now;
+      ASSERT_TRUE(ports.samples.push(arrived));
+    }
+    if (i == 900) {
+      device.state = driver::DeviceHealth::kUnplugged;  // a fault does not allocate, either
+    }
+    const testing::AllocationCount count;
+    static_cast<void>(loop.run_cycle(now, now + std::chrono::milliseconds(2)));
+    allocations += count.value();
+  }
+  EXPECT_EQ(allocations, 0u);
+}
+
+TEST(AllocationCount, SeesWhatTheCycleIsCheckedFor) {
+  const testing::AllocationCount count;
+  std::string allocating(1000, 'x');
+  EXPECT_EQ(allocating.size(), 1000u);
+  EXPECT_GE(count.value(), 1u);
+}
+
+}  // namespace
+}  // namespace forcegrid::servo

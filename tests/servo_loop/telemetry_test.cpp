@@ -1,0 +1,83 @@
+#include "servo_loop/telemetry.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+namespace forcegrid::servo {
+namespace {
+
+CycleRecord record_at(std::uint64_t cycle) {
+  CycleRecord record;
+  record.cycle = cycle;
+  record.time_ns = static_cast<std::int64_t>(cycle) * 2'000'000;
+  record.period_us = 2000.0;
+  record.compute_us = 5.0;
+  record.method_force_W_N[0] = {0.0, 0.0, -0.001 * static_cast<double>(cycle)};
+  return record;
+}
+
+TEST(Telemetry, KeepsTheNewestCyclesAndCountsAll) {
+  ServoPorts ports;
+  TelemetryOptions options;
+  options.keep_cycles = 1000;
+  Telemetry telemetry(ports, options);
+  telemetry.start();
+  for (std::uint64_t i = 0; i < 5000;) {
+    if (ports.records.push(record_at(i))) {
+      ++i;
+    }
+  }
+  telemetry.stop();
+  EXPECT_EQ(telemetry.statistics().cycles, 5000u);
+  ASSERT_EQ(telemetry.records().size(), 1000u);
+  EXPECT_EQ(telemetry.records().front().cycle, 4000u);
+  EXPECT_EQ(telemetry.records().back().cycle, 4999u);
+  EXPECT_NEAR(telemetry.statistics().period_us.at(0.5), 2000.0, 2000.0 / 64);
+}
+
+TEST(Telemetry, WritesTheLastFiveSecondsAsAFlightRecord) {
+  ServoPorts ports;
+  TelemetryOptions options;
+  options.method_names = {"forcegrid"};
+  Telemetry telemetry(ports, options);
+  for (std::uint64_t i = 0; i < 4000; ++i) {
+    CycleRecord record = record_at(i);
+    record.fault = i == 3999 ? Fault::kUnplugged : Fault::kNone;
+    ASSERT_TRUE(ports.records.push(record));
+  }
+  telemetry.start();
+  telemetry.stop();
+  const std::string path = ::testing::TempDir() + "flight_record_test.csv";
+  telemetry.write_flight_record(path);
+  std::ifstream file(path);
+  std::string header;
+  std::getline(file, header);
+  EXPECT_EQ(header.rfind("time_s,cycle,", 0), 0u);
+  const auto columns = std::count(header.begin(), header.end(), ',');
+  int rows = 0;
+  std::string line;
+  std::string last;
+  while (std::getline(file, line)) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), columns);
+    last = line;
+    ++rows;
+  }
+  EXPECT_EQ(rows, 2501);  // 5 s of 2 ms cycles, both ends
+  EXPECT_NE(last.find("unplugged"), std::string::npos);
+}
+
+TEST(Telemetry, SaysWhichFlightRecordCouldNotBeWritten) {
+  ServoPorts ports;
+  Telemetry telemetry(ports, {});
+  try {
+    telemetry.write_flight_record("/nonexistent-folder/flight.csv");
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("/nonexistent-folder/flight.csv"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace forcegrid::servo
