@@ -7,6 +7,7 @@
 #include <string>
 #include <type_traits>
 
+#include "simulator/coarse_correction.h"
 #include "simulator/error.h"
 #include "simulator/spring_kernels.h"
 
@@ -28,8 +29,10 @@ constexpr double kLargestRecoveryMove_m = 1e-3;
 // and no further than this fraction of the present residual, where the law's curvature takes over.
 constexpr double kAimBelowTolerance = 0.5;
 constexpr double kAimBelowResidual = 0.01;
+// A step longer than this many times the last one is predicted to first order only.
+constexpr double kLargestTrend = 2.0;
 // The preconditioner tolerates this much motion before it is worth computing anew.
-constexpr double kPreconditionerReach_m = 1e-3;
+constexpr double kPreconditionerReach_m = 3e-3;
 // A residual that grows by more than this under a correction tells of an unstable state.
 constexpr double kDivergence = 2.0;
 constexpr int kMaxStalls = 3;
@@ -87,6 +90,9 @@ class ElasticObject<Real>::Implementation {
       single_position_.resize(n);
     }
     free_.resize(n);
+    coarse_ = make_coarse_grid(rest_);
+    coarse_residual_.resize(static_cast<std::size_t>(coarse_.node_count));
+    coarse_correction_.resize(static_cast<std::size_t>(coarse_.node_count));
     release();
   }
 
@@ -131,6 +137,8 @@ class ElasticObject<Real>::Implementation {
     patch_.clear();
     constrained_.clear();
     displacement_.setZero();
+    saved_displacement_.setZero();
+    trend_valid_ = false;
     preconditioner_valid_ = false;
     for (std::int32_t i = 0; i < vertices_; ++i) {
       const auto at = static_cast<std::size_t>(i);
@@ -182,7 +190,6 @@ class ElasticObject<Real>::Implementation {
       const double length_m = (target - displacement_).norm();
       ++steps;
       const bool last = pieces <= 1.0 || steps >= options_.max_steps;
-      save();
       advance_to(target);
       const Outcome outcome = last ? settle() : relax();
       if (outcome == Outcome::kUnstable) {
@@ -279,20 +286,13 @@ class ElasticObject<Real>::Implementation {
     }
   }
 
-  void save() noexcept {
-    std::copy(state_.begin(), state_.end(), saved_state_.begin());
-    if constexpr (kDouble) {
-      std::copy(position_.begin(), position_.end(), saved_position_.begin());
-    }
-    saved_displacement_ = displacement_;
-  }
-
   void restore() noexcept {
     std::copy(saved_state_.begin(), saved_state_.end(), state_.begin());
     if constexpr (kDouble) {
       std::copy(saved_position_.begin(), saved_position_.end(), position_.begin());
     }
     displacement_ = saved_displacement_;
+    trend_valid_ = false;
     // What an unstable state left here may not be finite, and is multiplied by zero when CG starts.
     std::fill(direction_.begin(), direction_.end(), Lanes{});
     std::fill(product_.begin(), product_.end(), Lanes{});
@@ -317,13 +317,23 @@ class ElasticObject<Real>::Implementation {
     }
   }
 
+  // Keeps the present state for restore() and predicts the one at `displacement`.
   void advance_to(const Eigen::Vector3d& displacement) noexcept {
-    const Eigen::Vector3f step = (displacement - displacement_).template cast<float>();
-    if (!step.isZero(0.0F)) {
-      kernels::predict(vertices_, step.data(), state_.data());
-      absorb_correction();
+    const Eigen::Vector3d step = displacement - displacement_;
+    const Eigen::Vector3d last_step = displacement_ - saved_displacement_;
+    const Eigen::Vector3f step_m = step.template cast<float>();
+    const double trend =
+        last_step.isZero(0.0) ? 0.0 : step.dot(last_step) / last_step.squaredNorm();
+    const bool trust = trend_valid_ && std::abs(trend) <= kLargestTrend;
+    if constexpr (kDouble) {
+      std::copy(position_.begin(), position_.end(), saved_position_.begin());
     }
+    kernels::predict(vertices_, step_m.data(), trust ? static_cast<float>(trend) : 0.0F,
+                     state_.data(), saved_state_.data());
+    absorb_correction();
+    saved_displacement_ = displacement_;
     displacement_ = displacement;
+    trend_valid_ = true;
     place_patch();
   }
 
@@ -391,6 +401,20 @@ class ElasticObject<Real>::Implementation {
            last_.force_W.allFinite();
   }
 
+  kernels::StepSums take_step(Float4 alpha) noexcept {
+    kernels::StepSums sums = kernels::take_step(vertices_, alpha, inverse_.data(), coarse_,
+                                                direction_.data(), state_.data(), residual_.data(),
+                                                product_.data(), coarse_residual_.data());
+    sums.preconditioned +=
+        kernels::solve_coarse(coarse_, coarse_residual_.data(), coarse_correction_.data());
+    return sums;
+  }
+
+  void next_direction(Float4 beta) noexcept {
+    kernels::next_direction(vertices_, beta, inverse_.data(), coarse_, coarse_correction_.data(),
+                            direction_.data(), product_.data());
+  }
+
   struct Descent {
     bool unstable = false;      // K is not positive definite along some lane's direction
     int lane_0_iterations = 0;  // done before that
@@ -402,9 +426,8 @@ class ElasticObject<Real>::Implementation {
                   double sensitivity_aim_N_per_m) noexcept {
     Descent result;
     const Float4 zero{};
-    kernels::StepSums sums = kernels::take_step(vertices_, zero, inverse_.data(), direction_.data(),
-                                                state_.data(), residual_.data(), product_.data());
-    kernels::next_direction(vertices_, zero, direction_.data(), product_.data());
+    kernels::StepSums sums = take_step(zero);
+    next_direction(zero);
     const Float4 first = sums.preconditioned;
     Float4 before = first;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
@@ -426,8 +449,7 @@ class ElasticObject<Real>::Implementation {
       if (!active) {
         return result;
       }
-      sums = kernels::take_step(vertices_, alpha, inverse_.data(), direction_.data(), state_.data(),
-                                residual_.data(), product_.data());
+      sums = take_step(alpha);
       ++last_.iterations;
       ++result.lane_0_iterations;
       const double sensitivity_N_per_m =
@@ -446,7 +468,7 @@ class ElasticObject<Real>::Implementation {
         beta[lane] = before[lane] > 0.0F ? sums.preconditioned[lane] / before[lane] : 0.0F;
       }
       before = sums.preconditioned;
-      kernels::next_direction(vertices_, beta, direction_.data(), product_.data());
+      next_direction(beta);
     }
     return result;
   }
@@ -504,6 +526,8 @@ class ElasticObject<Real>::Implementation {
 
   void solve_sensitivities() {
     Equilibrium kept = last_;
+    evaluate();
+    invert_coarse(rows_, tangent_, free_, coarse_);
     settle();
     kept.force_W.setZero();
     kept.stiffness_W = last_.stiffness_W;
@@ -533,7 +557,7 @@ class ElasticObject<Real>::Implementation {
   // From an unstable or diverging state downhill in energy to another branch: truncated Newton
   // steps with a backtracking line search, the tool held where it is.
   void recover() noexcept {
-    restore_finite();
+    restore_finite();  // from here on saved_state_ belongs to the line search
     double energy_J = energy();
     for (int step = 0; step < kMaxRecoverySteps; ++step) {
       preconditioner_valid_ = false;
@@ -633,6 +657,10 @@ class ElasticObject<Real>::Implementation {
   std::vector<Precise> force_;
   std::vector<double> t_N_per_m_;
   std::vector<kernels::Single> single_position_;  // float only
+  kernels::CoarseGrid coarse_;
+  std::vector<Lanes> coarse_residual_;
+  std::vector<Lanes> coarse_correction_;
+  bool trend_valid_ = false;  // saved_state_ is a former state, saved_displacement_ its place
   bool preconditioner_valid_ = false;
   Eigen::Vector3d preconditioner_displacement_ = Eigen::Vector3d::Zero();
 

@@ -21,7 +21,7 @@ struct SolverOptions {
   /// Steps a move may take; a move that needs more ends on the way there (Equilibrium::reached).
   int max_steps = 24;
   /// Conjugate-gradient iterations on each step but the last, which iterates to the tolerance.
-  int iterations_per_step = 6;
+  int iterations_per_step = 3;
   /// Conjugate-gradient iterations of the last step, all corrections together.
   int max_iterations = 240;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.

@@ -242,13 +242,38 @@ FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const Spr
   *dot = sum;
 }
 
-FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4* alpha_lanes,
-                                         const BlockInverse* inverse, const Lanes* direction,
-                                         Lanes* state, Lanes* residual, Lanes* product,
-                                         StepSums* sums) noexcept {
-  const Float4 alpha = *alpha_lanes;
+struct CoarseCell {
+  std::int32_t node[8];
+  float weight[8];
+};
+
+FORCEGRID_INLINE CoarseCell coarse_cell(const CoarseGrid& coarse, const CoarsePlace& place) {
+  const std::int32_t c = place.corner;
+  const std::int32_t y = coarse.stride_y;
+  const std::int32_t z = coarse.stride_z;
+  const float u1 = place.u;
+  const float u0 = 1.0F - u1;
+  const float v1 = place.v;
+  const float v0 = 1.0F - v1;
+  const float w1 = place.w;
+  const float w0 = 1.0F - w1;
+  return {{c, c + 1, c + y, c + y + 1, c + z, c + z + 1, c + z + y, c + z + y + 1},
+          {u0 * v0 * w0, u1 * v0 * w0, u0 * v1 * w0, u1 * v1 * w0, u0 * v0 * w1, u1 * v0 * w1,
+           u0 * v1 * w1, u1 * v1 * w1}};
+}
+
+template <bool kCoarse>
+FORCEGRID_INLINE void take_step_inline(std::int32_t vertex_count, Float4 alpha,
+                                       const BlockInverse* inverse, const CoarseGrid& coarse,
+                                       const Lanes* direction, Lanes* state, Lanes* residual,
+                                       Lanes* product, Lanes* coarse_residual, StepSums* sums) {
   Float4 preconditioned{};
   Float4 squared{};
+  if constexpr (kCoarse) {
+    for (std::int32_t k = 0; k < coarse.node_count; ++k) {
+      coarse_residual[k] = Lanes{};
+    }
+  }
   for (std::int32_t i = 0; i < vertex_count; ++i) {
     const BlockInverse& m = inverse[i];
     const Float4 free_alpha = alpha * broadcast(m.diagonal[3]);
@@ -272,17 +297,89 @@ FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4
     product[i].component[2] = z2;
     preconditioned += r[0] * z0 + r[1] * z1 + r[2] * z2;
     squared += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+    if constexpr (kCoarse) {
+      const CoarseCell cell = coarse_cell(coarse, coarse.place[i]);
+      for (int k = 0; k < 8; ++k) {
+        const Float4 weight = broadcast(cell.weight[k]);
+        Lanes& node = coarse_residual[cell.node[k]];
+        node.component[0] += weight * r[0];
+        node.component[1] += weight * r[1];
+        node.component[2] += weight * r[2];
+      }
+    }
   }
   sums->preconditioned = preconditioned;
   sums->squared = squared;
 }
 
+FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4* alpha,
+                                         const BlockInverse* inverse, const CoarseGrid& coarse,
+                                         const Lanes* direction, Lanes* state, Lanes* residual,
+                                         Lanes* product, Lanes* coarse_residual,
+                                         StepSums* sums) noexcept {
+  if (coarse.place.empty()) {
+    take_step_inline<false>(vertex_count, *alpha, inverse, coarse, direction, state, residual,
+                            product, coarse_residual, sums);
+  } else {
+    take_step_inline<true>(vertex_count, *alpha, inverse, coarse, direction, state, residual,
+                           product, coarse_residual, sums);
+  }
+}
+
+FORCEGRID_MULTIVERSION void solve_coarse_on(const CoarseGrid& coarse, const Lanes* coarse_residual,
+                                            Lanes* coarse_correction, Float4* dot) noexcept {
+  const std::int32_t nodes = coarse.node_count;
+  const std::int32_t unknowns = 3 * nodes;
+  Float4 sum{};
+  for (std::int32_t k = 0; k < nodes; ++k) {
+    const float* const row =
+        &coarse
+             .inverse_m_per_N[static_cast<std::size_t>(3 * k) * static_cast<std::size_t>(unknowns)];
+    Float4 e[3] = {};
+    for (std::int32_t m = 0; m < nodes; ++m) {
+      for (int c = 0; c < 3; ++c) {
+        const Float4 r = coarse_residual[m].component[c];
+        for (int d = 0; d < 3; ++d) {
+          e[d] += broadcast(row[d * unknowns + 3 * m + c]) * r;
+        }
+      }
+    }
+    for (int d = 0; d < 3; ++d) {
+      coarse_correction[k].component[d] = e[d];
+      sum += e[d] * coarse_residual[k].component[d];
+    }
+  }
+  *dot = sum;
+}
+
 FORCEGRID_MULTIVERSION void next_direction_on(std::int32_t vertex_count, const Float4* beta_lanes,
-                                              Lanes* direction, Lanes* product) noexcept {
+                                              const BlockInverse* inverse, const CoarseGrid& coarse,
+                                              const Lanes* coarse_correction, Lanes* direction,
+                                              Lanes* product) noexcept {
   const Float4 beta = *beta_lanes;
+  if (coarse.place.empty()) {
+    for (std::int32_t i = 0; i < vertex_count; ++i) {
+      for (int c = 0; c < 3; ++c) {
+        direction[i].component[c] = product[i].component[c] + beta * direction[i].component[c];
+        product[i].component[c] = Float4{};
+      }
+    }
+    return;
+  }
   for (std::int32_t i = 0; i < vertex_count; ++i) {
+    const CoarseCell cell = coarse_cell(coarse, coarse.place[i]);
+    Float4 e[3] = {};
+    for (int k = 0; k < 8; ++k) {
+      const Float4 weight = broadcast(cell.weight[k]);
+      const Lanes& node = coarse_correction[cell.node[k]];
+      e[0] += weight * node.component[0];
+      e[1] += weight * node.component[1];
+      e[2] += weight * node.component[2];
+    }
+    const Float4 free = broadcast(inverse[i].diagonal[3]);
     for (int c = 0; c < 3; ++c) {
-      direction[i].component[c] = product[i].component[c] + beta * direction[i].component[c];
+      direction[i].component[c] =
+          product[i].component[c] + free * e[c] + beta * direction[i].component[c];
       product[i].component[c] = Float4{};
     }
   }
@@ -335,14 +432,19 @@ FORCEGRID_MULTIVERSION void summarise_on(std::int32_t vertex_count, const BlockI
   sums->residual_squared_N2 = force != nullptr ? precise_squared : squared[0];
 }
 
-FORCEGRID_MULTIVERSION void predict_on(std::int32_t vertex_count, const Float4* step,
-                                       Lanes* state) noexcept {
-  const Float4 d = *step;  // 0, dP_x, dP_y, dP_z
+FORCEGRID_MULTIVERSION void predict_on(std::int32_t vertex_count, const float* step_m, float trend,
+                                       Lanes* state, Lanes* before) noexcept {
+  const Float4 step{0.0F, step_m[0], step_m[1], step_m[2]};
+  const Float4 sensitivity_trend{0.0F, trend, trend, trend};
   for (std::int32_t i = 0; i < vertex_count; ++i) {
     for (int c = 0; c < 3; ++c) {
       const Float4 x = state[i].component[c];
-      const Float4 product = x * d;
-      state[i].component[c][0] = x[0] + (product[1] + product[2] + product[3]);
+      const Float4 change = sensitivity_trend * (x - before[i].component[c]);
+      const Float4 move = (x + 0.5F * change) * step;
+      Float4 next = x + change;
+      next[0] = x[0] + (move[1] + move[2] + move[3]);
+      before[i].component[c] = x;
+      state[i].component[c] = next;
     }
   }
 }
@@ -383,15 +485,27 @@ Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent, con
 }
 
 StepSums take_step(std::int32_t vertex_count, Float4 alpha, const BlockInverse* inverse,
-                   const Lanes* direction, Lanes* state, Lanes* residual, Lanes* product) noexcept {
+                   const CoarseGrid& coarse, const Lanes* direction, Lanes* state, Lanes* residual,
+                   Lanes* product, Lanes* coarse_residual) noexcept {
   StepSums sums;
-  take_step_on(vertex_count, &alpha, inverse, direction, state, residual, product, &sums);
+  take_step_on(vertex_count, &alpha, inverse, coarse, direction, state, residual, product,
+               coarse_residual, &sums);
   return sums;
 }
 
-void next_direction(std::int32_t vertex_count, Float4 beta, Lanes* direction,
+Float4 solve_coarse(const CoarseGrid& coarse, const Lanes* coarse_residual,
+                    Lanes* coarse_correction) noexcept {
+  Float4 dot{};
+  if (!coarse.place.empty()) {
+    solve_coarse_on(coarse, coarse_residual, coarse_correction, &dot);
+  }
+  return dot;
+}
+
+void next_direction(std::int32_t vertex_count, Float4 beta, const BlockInverse* inverse,
+                    const CoarseGrid& coarse, const Lanes* coarse_correction, Lanes* direction,
                     Lanes* product) noexcept {
-  next_direction_on(vertex_count, &beta, direction, product);
+  next_direction_on(vertex_count, &beta, inverse, coarse, coarse_correction, direction, product);
 }
 
 StateSums summarise(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* state,
@@ -401,9 +515,9 @@ StateSums summarise(std::int32_t vertex_count, const BlockInverse* inverse, cons
   return sums;
 }
 
-void predict(std::int32_t vertex_count, const float step_m[3], Lanes* state) noexcept {
-  const Float4 step{0.0F, step_m[0], step_m[1], step_m[2]};
-  predict_on(vertex_count, &step, state);
+void predict(std::int32_t vertex_count, const float step_m[3], float trend, Lanes* state,
+             Lanes* before) noexcept {
+  predict_on(vertex_count, step_m, trend, state, before);
 }
 
 void invert_block(BlockInverse& block, bool free) noexcept {

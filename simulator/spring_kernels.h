@@ -81,16 +81,41 @@ void sum_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInver
 Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent, const Lanes* direction,
                        Lanes* product) noexcept;
 
-/// state += alpha direction; residual -= alpha product on free vertices; product = M residual.
+/// Where a vertex lies in the coarse grid: its cell's lowest corner and its trilinear coordinates
+/// there, all times 0 for a vertex that can't move freely.
+struct CoarsePlace {
+  std::int32_t corner;
+  float u, v, w;
+};
+
+/// Trilinear interpolation from a small regular grid over the object: the coarse half of the
+/// preconditioner. An empty `place` switches it off.
+struct CoarseGrid {
+  std::int32_t node_count = 0;
+  std::int32_t stride_y = 0;  ///< node number = x + stride_y y + stride_z z
+  std::int32_t stride_z = 0;
+  std::vector<CoarsePlace> place;      ///< one a vertex
+  std::vector<float> inverse_m_per_N;  ///< (3 node_count)^2, row major: the coarse K's inverse
+};
+
+/// state += alpha direction; residual -= alpha product on free vertices; product = M residual, M
+/// the block-Jacobi part; coarse_residual = P^T residual.
 struct StepSums {
   Float4 preconditioned;  ///< residual . M residual
   Float4 squared;         ///< residual . residual over the free vertices
 };
 StepSums take_step(std::int32_t vertex_count, Float4 alpha, const BlockInverse* inverse,
-                   const Lanes* direction, Lanes* state, Lanes* residual, Lanes* product) noexcept;
+                   const CoarseGrid& coarse, const Lanes* direction, Lanes* state, Lanes* residual,
+                   Lanes* product, Lanes* coarse_residual) noexcept;
 
-/// direction = product + beta direction; product = 0.
-void next_direction(std::int32_t vertex_count, Float4 beta, Lanes* direction,
+/// coarse_correction = (P^T K P)^-1 coarse_residual.
+/// @returns the lanes' dot products of the two.
+Float4 solve_coarse(const CoarseGrid& coarse, const Lanes* coarse_residual,
+                    Lanes* coarse_correction) noexcept;
+
+/// direction = product + P coarse_correction + beta direction; product = 0.
+void next_direction(std::int32_t vertex_count, Float4 beta, const BlockInverse* inverse,
+                    const CoarseGrid& coarse, const Lanes* coarse_correction, Lanes* direction,
                     Lanes* product) noexcept;
 
 /// What a state amounts to, see ElasticObject: with R the residual's lanes,
@@ -106,8 +131,12 @@ struct StateSums {
 StateSums summarise(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* state,
                     const Lanes* residual, const Precise* force) noexcept;
 
-/// Lane 0 of `state` += S step.
-void predict(std::int32_t vertex_count, const float step_m[3], Lanes* state) noexcept;
+/// Moves `state` to where the tool will be, to second order along the tool's last step:
+///   x += (S + trend/2 (S - S_before)) step,   S += trend (S - S_before),   before = old state
+/// @param trend  the step's component along the last one over the length of the last one; 0 for
+///   the first-order x += S step alone.
+void predict(std::int32_t vertex_count, const float step_m[3], float trend, Lanes* state,
+             Lanes* before) noexcept;
 
 /// Turns the sums that evaluate() gave into the block's inverse.
 void invert_block(BlockInverse& block, bool free) noexcept;
