@@ -84,9 +84,9 @@ struct ServerOptions {
 class EmulatorServer {
  public:
   static constexpr std::size_t kMaxConnections = 64;
-  static constexpr std::size_t kMaxPendingUrbs = 256;          ///< per connection
-  static constexpr std::size_t kMaxUnsentBytes = 512 * 1024;   ///< per connection
-  static constexpr std::size_t kMaxReadPerFrame = 128 * 1024;  ///< per connection
+  static constexpr std::size_t kMaxPendingUrbs = 256;         ///< per connection
+  static constexpr std::size_t kMaxUnsentBytes = 512 * 1024;  ///< per connection
+  static constexpr std::size_t kMaxReadPerFrame = 80 * 1024;  ///< per connection
 
   struct Statistics {
     std::uint64_t connections = 0;  ///< accepted

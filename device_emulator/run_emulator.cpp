@@ -1,0 +1,74 @@
+#include "device_emulator/run_emulator.h"
+
+#include <poll.h>
+
+#include <cmath>
+#include <ostream>
+#include <stdexcept>
+#include <string>
+
+namespace forcegrid::emulator {
+
+namespace {
+
+constexpr int kStopCheck_ms = 50;
+
+}  // namespace
+
+ServerOptions server_options(const EmulatorOptions& options) {
+  for (const double coordinate_m : options.contact_m) {
+    if (!std::isfinite(coordinate_m) || std::abs(coordinate_m) > 1.0) {
+      throw std::invalid_argument("contact point coordinate " + std::to_string(coordinate_m) +
+                                  " m is impossible; give metres in the device frame, within the "
+                                  "arm's workspace");
+    }
+  }
+  ServerOptions server;
+  server.listen = options.listen;
+  for (const std::string& name : options.profiles) {
+    DeviceOptions device;
+    device.profile = profiles::load_device_profile(name);
+    device.hand = parse_hand(options.hand);
+    device.frame_order = parse_frame_order(options.frame_order);
+    device.random_power_up_counters = options.random_power_up_counters;
+    device.operator_script.motion = parse_motion(options.motion);
+    device.operator_script.amplitude_m = options.amplitude_m;
+    device.operator_script.seed = options.seed;
+    device.operator_script.calibrated = options.calibrated;
+    device.operator_script.contact_D = {options.contact_m[0], options.contact_m[1],
+                                        options.contact_m[2]};
+    server.devices.push_back(device);
+  }
+  return server;
+}
+
+std::vector<EmulatorReport> run_emulator(const EmulatorOptions& options, std::ostream& out,
+                                         std::ostream& log, const std::atomic<bool>& stop,
+                                         int stop_fd) {
+  EmulatorServer server(server_options(options));
+  server.start();
+  if (const auto scheduling = server.statistics().scheduling; !scheduling.realtime) {
+    log << "emulator frame thread: " << scheduling.reason << std::endl;
+  }
+  for (std::size_t i = 0; i < server.device_count(); ++i) {
+    out << "listening " << server.address() << " busid " << server.device(i).busid() << " device "
+        << server.report(i).device << '\n';
+  }
+  out.flush();
+
+  pollfd watched{stop_fd, POLLIN, 0};
+  while (!stop.load(std::memory_order_acquire)) {
+    // A negative descriptor is ignored by poll, which then only waits.
+    if (::poll(&watched, 1, kStopCheck_ms) > 0) {
+      break;
+    }
+  }
+  server.stop();
+  std::vector<EmulatorReport> reports;
+  for (std::size_t i = 0; i < server.device_count(); ++i) {
+    reports.push_back(server.report(i));
+  }
+  return reports;
+}
+
+}  // namespace forcegrid::emulator

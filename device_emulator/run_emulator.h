@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+#include "device_emulator/emulator_report.h"
+#include "device_emulator/emulator_server.h"
+
+namespace forcegrid::emulator {
+
+/// What `forcegrid emulate` can be told; names as on the command line.
+struct EmulatorOptions {
+  std::vector<std::string> profiles;      ///< one device each: names or TOML files
+  std::string listen = "127.0.0.1:3240";  ///< ADDR:PORT, loopback only
+  std::string hand = "firm";              ///< firm, light, none
+  std::string motion = "chirp";           ///< see MotionKind
+  std::uint64_t seed = 1;
+  std::string frame_order = "out-first";  ///< out-first, in-first
+  bool calibrated = false;                ///< counters are true from the start; no button needed
+  bool random_power_up_counters = false;  ///< counters start anywhere instead of at 0
+  std::array<double, 3> contact_m{};      ///< contact point, frame D
+  double amplitude_m = HandMotion::kNominalAmplitude_m;
+};
+
+/// Checks the options and loads the profiles.
+/// @throws EmulatorError, std::invalid_argument or profiles::ProfileError naming what is wrong.
+ServerOptions server_options(const EmulatorOptions& options);
+
+/// Serves until `stop` is true or `stop_fd` can be read or is at its end. When ready it prints for
+/// each device the line `listening ADDR:PORT busid 1-1 device NAME` to `out` and flushes; a refusal
+/// of real-time scheduling goes to `log`, once.
+/// @param stop_fd a pipe, signalfd or standard input; -1: none.
+/// @returns what each device did.
+/// @throws as server_options() and EmulatorServer.
+/// Real-time: no. Threads: `stop` may be set from anywhere, a signal handler included; it is looked
+/// at every 50 ms.
+std::vector<EmulatorReport> run_emulator(const EmulatorOptions& options, std::ostream& out,
+                                         std::ostream& log, const std::atomic<bool>& stop,
+                                         int stop_fd = -1);
+
+}  // namespace forcegrid::emulator
