@@ -64,6 +64,8 @@ ForceGrid::ForceGrid(const GridGeometry& geometry, const CandleLight& candle_lig
   }
   row_ = geometry_.cells.z() + 1;
   slab_ = row_ * (geometry_.cells.y() + 1);
+  row_bytes_ = static_cast<std::size_t>(row_) * sizeof(Vertex);
+  slab_bytes_ = static_cast<std::size_t>(slab_) * sizeof(Vertex);
   spacing_m_ = geometry_.spacing_m();
   inverse_spacing_per_m_ = spacing_m_.cwiseInverse();
   for (int axis = 0; axis < 3; ++axis) {

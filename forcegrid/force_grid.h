@@ -122,6 +122,18 @@ class ForceGrid {
     __builtin_memcpy(&value, __builtin_assume_aligned(aligned, sizeof value), sizeof value);
     return value;
   }
+  /// The four lanes' sign bits, lane 0 lowest.
+  template <typename Register>
+  static int sign_bits(Register value) noexcept {
+#ifdef __SSE2__
+    using Float4 = float __attribute__((vector_size(16)));
+    return __builtin_ia32_movmskps(reinterpret_cast<Float4>(value));
+#else
+    using Int4 = std::int32_t __attribute__((vector_size(16)));
+    const auto negative = reinterpret_cast<Int4>(value) < 0;
+    return (negative[0] & 1) | (negative[1] & 2) | (negative[2] & 4) | (negative[3] & 8);
+#endif
+  }
   ForceEstimate sample_with_status(const Eigen::Vector3d& position_W) const noexcept;
   template <bool kChecked>
   void update_eight(const Fill& fill, std::size_t first) noexcept;
@@ -138,7 +150,8 @@ class ForceGrid {
   alignas(16) std::array<float, 4> last_{};      ///< index of the last vertex an axis
   std::ptrdiff_t row_ = 0;                       ///< vertices from one to the next along y
   std::ptrdiff_t slab_ = 0;                      ///< and along x
-  std::vector<Vertex> data_;                     ///< z runs fastest
+  std::size_t row_bytes_ = 0, slab_bytes_ = 0;
+  std::vector<Vertex> data_;  ///< z runs fastest
 
   // Neighbours of a vertex in order of distance, padded to a multiple of 8 with far-away ones.
   std::size_t neighbour_count_ = 0;
@@ -156,7 +169,6 @@ inline ForceEstimate ForceGrid::sample(const Eigen::Vector3d& position_W) const 
   using Double4 = double __attribute__((vector_size(32)));
   using Float4 = float __attribute__((vector_size(16)));
   using Int4 = std::int32_t __attribute__((vector_size(16)));
-  using Long2 = std::int64_t __attribute__((vector_size(16)));
   Double2 xy;
   __builtin_memcpy(&xy, position_W.data(), sizeof xy);
   xy = (xy - load<Double2>(min_.data())) * load<Double2>(inverse_.data());
@@ -165,22 +177,25 @@ inline ForceEstimate ForceGrid::sample(const Eigen::Vector3d& position_W) const 
   const Float4 index = __builtin_convertvector(exact_index, Float4);
   const Float4 last = load<Float4>(last_.data());
   const Int4 inside = (index >= 0.0F) & (index < last);  // all false for NaN
-  const auto halves = reinterpret_cast<Long2>(inside);
-  if ((halves[0] & halves[1]) != -1) [[unlikely]] {
+  if (sign_bits(inside) != 0b1111) [[unlikely]] {
     return sample_with_status(position_W);
   }
   const Int4 cell = __builtin_convertvector(index, Int4);
   const Float4 fraction = index - __builtin_convertvector(cell, Float4);
 
-  const std::ptrdiff_t row = row_;
-  const std::ptrdiff_t slab = slab_;
-  const Vertex* const corner = data_.data() + (cell[0] * slab + cell[1] * row + cell[2]);
+  // Unsigned, so that no sign has to be extended, and bytes, so that nothing has to be scaled.
+  using Unsigned4 = std::uint32_t __attribute__((vector_size(16)));
+  const auto at = reinterpret_cast<Unsigned4>(cell);
+  const std::size_t row = row_bytes_;
+  const std::size_t slab = slab_bytes_;
+  const char* const corner = reinterpret_cast<const char*>(data_.data()) +
+                             (at[0] * slab + at[1] * row + at[2] * sizeof(Vertex));
   const float a = fraction[0];
   const float b = fraction[1];
   const float c = fraction[2];
-  const auto mix_along_z = [c](const Vertex* vertex) {
-    const Float4 low = load<Float4>(vertex[0].force_W);
-    return low + c * (load<Float4>(vertex[1].force_W) - low);
+  const auto mix_along_z = [c](const char* vertex) {
+    const Float4 low = load<Float4>(vertex);
+    return low + c * (load<Float4>(vertex + sizeof(Vertex)) - low);
   };
   const Float4 v00 = mix_along_z(corner);
   const Float4 v01 = mix_along_z(corner + row);
@@ -190,7 +205,7 @@ inline ForceEstimate ForceGrid::sample(const Eigen::Vector3d& position_W) const 
   const Float4 v1 = v10 + b * (v11 - v10);
   const Float4 v = v0 + a * (v1 - v0);
   // One vertex without data pulls the fourth lane far below zero.
-  if (!(v[3] > 0.0F)) [[unlikely]] {
+  if ((sign_bits(v) & 0b1000) != 0) [[unlikely]] {
     return sample_with_status(position_W);
   }
   ForceEstimate estimate;
