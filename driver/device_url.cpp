@@ -15,13 +15,19 @@ constexpr std::size_t kBusIdBytes = 31;  // the protocol's field has 32 with its
   throw DeviceError("device '" + text + "': " + problem + "; write one of:\n" + device_url_forms());
 }
 
+std::string quoted(std::string_view part) {
+  std::string text(1, '\'');
+  text.append(part).append(1, '\'');
+  return text;
+}
+
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 std::uint16_t parse_id(const std::string& text, std::string_view part, const char* name) {
   std::uint16_t value = 0;
   const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value, 16);
   if (part.size() != 4 || error != std::errc() || end != part.data() + part.size()) {
-    fail(text, std::string(name) + " '" + std::string(part) + "' is not four hexadecimal digits");
+    fail(text, std::string(name) + " " + quoted(part) + " is not four hexadecimal digits");
   }
   return value;
 }
@@ -46,7 +52,7 @@ void parse_hid(DeviceUrl& url, std::string_view rest) {
         rest.starts_with(kNode) ? rest.substr(kNode.size()) : std::string_view();
     if (number.empty() || number.size() > 5 ||
         !std::all_of(number.begin(), number.end(), is_digit)) {
-      fail(url.text, "'" + std::string(rest) + "' is not /dev/hidraw and a number");
+      fail(url.text, quoted(rest) + " is not /dev/hidraw and a number");
     }
     url.kind = DeviceUrl::Kind::kHidNode;
     url.node = rest;
@@ -55,7 +61,7 @@ void parse_hid(DeviceUrl& url, std::string_view rest) {
   if (rest.starts_with("path=")) {
     rest.remove_prefix(5);
     if (!is_port_path(rest)) {
-      fail(url.text, "'" + std::string(rest) + "' is not a USB port such as 1-2 or 1-2.4");
+      fail(url.text, quoted(rest) + " is not a USB port such as 1-2 or 1-2.4");
     }
     url.kind = DeviceUrl::Kind::kHidPort;
     url.port_path = rest;
@@ -86,7 +92,7 @@ void parse_usbip(DeviceUrl& url, std::string_view rest) {
   }
   const std::string_view bus_id = rest.substr(slash + 1);
   if (!is_port_path(bus_id)) {
-    fail(url.text, "'" + std::string(bus_id) + "' is not a bus id such as 1-1");
+    fail(url.text, quoted(bus_id) + " is not a bus id such as 1-1");
   }
   url.bus_id = bus_id;
   std::string_view authority = rest.substr(0, slash);
@@ -112,7 +118,7 @@ void parse_usbip(DeviceUrl& url, std::string_view rest) {
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), url.tcp_port);
   if (port.empty() || error != std::errc() || end != port.data() + port.size() ||
       url.tcp_port == 0) {
-    fail(url.text, "'" + std::string(port) + "' is not a port from 1 to 65535");
+    fail(url.text, quoted(port) + " is not a port from 1 to 65535");
   }
 }
 

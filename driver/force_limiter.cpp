@@ -10,14 +10,19 @@ Eigen::Array3d array_of(const profiles::Axes& axes) {
   return Eigen::Array3d(axes[0], axes[1], axes[2]);
 }
 
-/// `vector`, shortened to `max_length`. stableNorm() does not overflow for huge finite vectors.
+/// `vector`, shortened to `max_length`.
 Eigen::Vector3d shortened(const Eigen::Vector3d& vector, double max_length, bool& acted) noexcept {
-  const double length = vector.stableNorm();
-  if (length <= max_length) {
+  // Divided by its largest element first: the square of a huge finite one would overflow.
+  const double largest = vector.cwiseAbs().maxCoeff();
+  if (largest == 0.0) {
+    return vector;
+  }
+  const Eigen::Vector3d relative = vector / largest;
+  if (largest * relative.norm() <= max_length) {
     return vector;
   }
   acted = true;
-  return (vector / length) * max_length;
+  return relative.normalized() * max_length;
 }
 
 /// The factor in [0, 1] that brings every element of `values` within +-`limits`.

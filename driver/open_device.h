@@ -14,6 +14,7 @@ struct OpenOptions {
   rt::Duration open_timeout = std::chrono::seconds(3);     ///< until the first report
   rt::Duration stale_after = std::chrono::milliseconds(100);
   rt::Duration servo_silence = std::chrono::milliseconds(50);  ///< then zero current is sent
+  rt::Duration write_timeout = std::chrono::milliseconds(50);  ///< until the device took a report
   bool realtime_io = true;  ///< ask for SCHED_FIFO for the I/O thread
   /// Called on the opening thread with what the user should know, e.g. that real-time scheduling
   /// was refused. Empty: nobody is told.

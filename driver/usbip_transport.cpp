@@ -313,7 +313,7 @@ class UsbipTransport final : public Transport {
     pump(deadline, [this] { return !out_.active; });
     const bool withdrawal_tried = out_.active && status_ == TransportStatus::kOk;
     if (withdrawal_tried) {
-      withdraw(out_);
+      withdraw(out_, std::max(timeout, kUnlinkTimeout));
     }
     if (status_ != TransportStatus::kOk) {
       return {.status = status_};
@@ -336,7 +336,7 @@ class UsbipTransport final : public Transport {
     }
     closing_ = true;
     if (status_ == TransportStatus::kOk && in_.active) {
-      withdraw(in_);
+      withdraw(in_, kUnlinkTimeout);
     }
     ::shutdown(socket_.get(), SHUT_RDWR);
     socket_.close();
@@ -485,12 +485,12 @@ class UsbipTransport final : public Transport {
 
   /// UNLINK of `request`. Afterwards it is not active: answered, withdrawn, or the transport
   /// failed.
-  void withdraw(Request& request) noexcept {
+  void withdraw(Request& request, rt::Duration timeout) noexcept {
     unlink_ = Request{.sequence = ++sequence_, .active = true};
     std::array<std::uint8_t, kHeaderBytes> message{};
     put_basic_header(message, kUnlink, unlink_.sequence, request.direction_in, request.endpoint);
     put32(&message[20], request.sequence);
-    const rt::TimePoint deadline = rt::Clock::now() + kUnlinkTimeout;
+    const rt::TimePoint deadline = rt::Clock::now() + timeout;
     if (!send_all(message, deadline)) {
       return;
     }

@@ -23,7 +23,6 @@ namespace {
 
 // Then a report counts as lost. USB loses none, so this is long enough for a host that is late.
 constexpr rt::Duration kReadTimeout = std::chrono::milliseconds(40);
-constexpr rt::Duration kWriteTimeout = std::chrono::milliseconds(50);
 // While another report may still be on its way from before a kick: one round trip each way.
 constexpr rt::Duration kSettleAtOpen = std::chrono::milliseconds(20);
 constexpr rt::Duration kSettleAfterKick = std::chrono::milliseconds(3);
@@ -185,7 +184,7 @@ class W2Device final : public Device {
         throw DeviceError(failure());
       }
       // The I/O thread gives up at the deadline; a little later it can't succeed any more.
-      if (rt::Clock::now() > deadline + kReadTimeout + kWriteTimeout) {
+      if (rt::Clock::now() > deadline + kReadTimeout + options_.write_timeout) {
         throw DeviceError("device '" + identity_.url +
                           "': it did not take the encoder counters; hold the arm still in its "
                           "calibration pose and try again");
@@ -266,7 +265,7 @@ class W2Device final : public Device {
   // --- one exchange ---
 
   WriteResult send(const w2::ReportBytes& bytes) noexcept {
-    const WriteResult result = transport_->write(bytes, kWriteTimeout);
+    const WriteResult result = transport_->write(bytes, options_.write_timeout);
     if (result.status == TransportStatus::kOk) {
       count(statistics_.commands_sent);
       released_ = result.completed;
