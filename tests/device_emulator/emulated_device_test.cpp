@@ -1,0 +1,303 @@
+#include "device_emulator/emulated_device.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <vector>
+
+namespace forcegrid::emulator {
+namespace {
+
+using Eigen::Vector3d;
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using Bytes = std::vector<std::uint8_t>;
+
+rt::TimePoint at(int time_ms) { return rt::TimePoint(milliseconds(time_ms)); }
+
+std::int16_t int16_at(const W2Firmware::Report& report, std::size_t offset) {
+  return static_cast<std::int16_t>(
+      static_cast<std::uint16_t>(report[offset] | (report[offset + 1] << 8)));
+}
+
+Bytes out_report(std::array<std::int16_t, 7> words) {
+  Bytes bytes;
+  for (const std::int16_t word : words) {
+    bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint16_t>(word) & 0xFFU));
+    bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint16_t>(word) >> 8));
+  }
+  return bytes;
+}
+
+DeviceOptions options_for(const char* profile, HandKind hand = HandKind::kFirm) {
+  DeviceOptions options;
+  options.profile = profiles::load_device_profile(profile);
+  options.hand = hand;
+  return options;
+}
+
+/// A host in simulated time: one frame a millisecond, always an IN transfer pending.
+class Bus {
+ public:
+  explicit Bus(const DeviceOptions& options) : device(options, at(0)) {
+    EXPECT_FALSE(device.control({0x00, 9, 1, 0, 0}, {}, at(0)).stalled);
+  }
+  /// Runs frames without OUT reports until time_ms.
+  void idle_until(int time_ms) {
+    while (now_ms < time_ms) {
+      frame(std::nullopt);
+    }
+  }
+  EmulatedDevice::FrameResult frame(const std::optional<Bytes>& out) {
+    ++now_ms;
+    auto result = device.run_frame(
+        at(now_ms), out ? std::optional<std::span<const std::uint8_t>>(*out) : std::nullopt, true);
+    if (result.in) {
+      last = *result.in;
+      ++reports;
+    }
+    return result;
+  }
+  /// One ping-pong every frame until time_ms.
+  void drive_until(int time_ms, const Bytes& out) {
+    while (now_ms < time_ms) {
+      frame(out);
+    }
+  }
+
+  EmulatedDevice device;
+  W2Firmware::Report last{};
+  int now_ms = 0;
+  int reports = 0;
+};
+
+const Bytes kZero(14, 0);
+
+TEST(EmulatedDevice, OutFirstReachesOneExchangeAFrame) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(1000);
+  EXPECT_EQ(bus.reports, 1) << "the unsolicited report of the start-up";
+  int answered = 0;
+  for (int i = 0; i < 100; ++i) {
+    const auto moved = bus.frame(kZero);
+    EXPECT_TRUE(moved.out_taken);
+    answered += moved.in.has_value() ? 1 : 0;
+  }
+  EXPECT_EQ(answered, 100);
+  // The counts collected in a frame were sampled in that frame.
+  EXPECT_EQ(bus.device.samples().back().time_ns, 1'100'000'000);
+}
+
+TEST(EmulatedDevice, InFirstCollectsTheAnswerAFrameLater) {
+  auto options = options_for("woodenhaptics_v2015");
+  options.frame_order = FrameOrder::kInFirst;
+  Bus bus(options);
+  bus.idle_until(1001);
+  ASSERT_EQ(bus.reports, 1);
+  EXPECT_FALSE(bus.frame(kZero).in.has_value()) << "its answer can't be ready within the frame";
+  const auto next = bus.frame(std::nullopt);
+  ASSERT_TRUE(next.in.has_value());
+  // Collected at 1003 ms, sampled at 1002 ms.
+  EXPECT_EQ(bus.device.samples().back().time_ns, 1'002'000'000);
+}
+
+TEST(EmulatedDevice, CalibratesWithTheOperatorAndReportsThePoseCounts) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(1000);
+  EXPECT_EQ(int16_at(bus.last, 4), 0) << "counters are zero at power-up";
+  bus.drive_until(1195, kZero);
+  EXPECT_EQ(int16_at(bus.last, 12), 0);
+  bus.drive_until(1210, kZero);
+  EXPECT_EQ(int16_at(bus.last, 12), 1) << "the operator has pressed the button";
+  bus.frame(out_report({0, 0, 0, 1, 0, 0, 6000}));
+  EXPECT_EQ(int16_at(bus.last, 0), 0);
+  EXPECT_EQ(int16_at(bus.last, 2), 0);
+  EXPECT_EQ(int16_at(bus.last, 4), 6000);
+  EXPECT_EQ(int16_at(bus.last, 12), 0);
+  EXPECT_EQ(bus.device.operator_phase(), OperatorScript::Phase::kCalibrating);
+  // From here the counters tell the truth: the tip goes to the contact point, D's origin.
+  bus.drive_until(3300, kZero);
+  const auto& kinematics = bus.device.arm().kinematics();
+  const Vector3d seen_D = kinematics.position_D(kinematics.joint_angle_rad(
+      Vector3d(int16_at(bus.last, 0), int16_at(bus.last, 2), int16_at(bus.last, 4))));
+  EXPECT_LT((seen_D - bus.device.arm().position_D()).norm(), 1e-4);  // half a count an axis
+  EXPECT_LT((seen_D - Vector3d(0.0, 0.0, -0.0005)).norm(), 3e-4);    // and friction's creep
+}
+
+TEST(EmulatedDevice, PowerUpCountersCanBeRandomAndAreSeeded) {
+  auto options = options_for("woodenhaptics_v2015");
+  options.random_power_up_counters = true;
+  const EmulatedDevice one(options, at(0));
+  const EmulatedDevice same(options, at(0));
+  options.operator_script.seed = 2;
+  const EmulatedDevice other(options, at(0));
+  EXPECT_EQ(one.firmware().counters(), same.firmware().counters());
+  EXPECT_NE(one.firmware().counters(), other.firmware().counters());
+  options.operator_script.calibrated = true;
+  const EmulatedDevice calibrated(options, at(0));
+  EXPECT_EQ(calibrated.firmware().counters(), (W2Firmware::Counters{0, 0, 6000, 0, 0, 0}));
+}
+
+TEST(EmulatedDevice, CurrentMovesTheTipByForceOverTheHandsStiffness) {
+  for (const char* name : {"woodenhaptics_v2015", "phantom_desktop"}) {
+    auto options = options_for(name);
+    Bus bus(options);
+    bus.idle_until(1000);
+    const Vector3d rest_D = bus.device.arm().position_D();
+    const std::array<double, 3> current_A{0.2, -0.3, 0.25};
+    bus.drive_until(4000, out_report({200, -300, 250, 0, 0, 0, 0}));
+    Vector3d torque_Nm;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto& kinematics = options.profile.kinematics;
+      torque_Nm[static_cast<Eigen::Index>(i)] =
+          kinematics.encoder_sign[i] * options.profile.motors.torque_constant_Nm_per_A[i] *
+          current_A[i] * kinematics.body_diameter_m[i] / kinematics.capstan_diameter_m[i];
+    }
+    const auto& arm = bus.device.arm();
+    const auto motion = arm.kinematics().motion(arm.joint_angle_rad(), Vector3d::Zero());
+    const Vector3d expected_D =
+        motion.jacobian_m_per_rad.transpose().partialPivLu().solve(torque_Nm) /
+        options.profile.firm_hand.stiffness_N_per_m;
+    EXPECT_GT(expected_D.norm(), 4e-4);
+    EXPECT_LT((arm.position_D() - rest_D - expected_D).norm(), 2e-3 * expected_D.norm() + 1e-6)
+        << name;
+    const auto report = bus.device.report();
+    EXPECT_NEAR(report.final_current_mA[1], -300.0, 1e-9);
+    EXPECT_NEAR(report.max_abs_current_mA[1], 300.0, 1e-9);
+    EXPECT_NEAR(report.final_torque_Nm[2], torque_Nm[2], 1e-12);
+    EXPECT_GT(report.motor_energy_delivered_J, 0.0);
+    EXPECT_EQ(report.seconds_since_motors_nonzero, 0.0);
+  }
+}
+
+TEST(EmulatedDevice, PositiveForceInEachDirectionPushesTheTipThatWay) {
+  // The sheets' currents for 1 N along x, y, z in the calibration pose.
+  struct Case {
+    const char* profile;
+    std::array<std::int16_t, 3> current_mA;
+    int axis;
+  };
+  for (const Case& c :
+       {Case{"woodenhaptics_v2015", {0, 659, 0}, 0}, Case{"woodenhaptics_v2015", {0, 0, 788}, 2},
+        Case{"phantom_desktop", {0, 0, 633}, 0}, Case{"phantom_desktop", {633, 0, 0}, 1},
+        Case{"phantom_desktop", {0, 633, 0}, 2}}) {
+    const auto options = options_for(c.profile);
+    Bus bus(options);
+    bus.idle_until(1000);
+    const Vector3d rest_D = bus.device.arm().position_D();
+    bus.drive_until(3500,
+                    out_report({c.current_mA[0], c.current_mA[1], c.current_mA[2], 0, 0, 0, 0}));
+    const Vector3d moved_D = bus.device.arm().position_D() - rest_D;
+    const Vector3d expected_D =
+        Vector3d::Unit(c.axis) / options.profile.firm_hand.stiffness_N_per_m;
+    // 2.5 mm of motion turn the Jacobian by some percent.
+    EXPECT_LT((moved_D - expected_D).norm(), 0.05 * expected_D.norm()) << c.profile << c.axis;
+  }
+}
+
+TEST(EmulatedDevice, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(1000);
+  bus.frame(out_report({6000, -6000, 6001, 0, 0, 0, 0}));
+  EXPECT_NEAR(bus.device.current_A()[0], 6.0, 1e-12);
+  EXPECT_NEAR(bus.device.current_A()[1], -6.0, 1e-12);
+  EXPECT_EQ(bus.device.current_A()[2], 0.0);
+  EXPECT_EQ(bus.device.report().out_of_range_currents, 1U);
+}
+
+TEST(EmulatedDevice, WatchdogCutsTheCurrentAtItsOwnTimeEvenWithinOneLongStep) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(1000);
+  bus.frame(out_report({300, 0, 0, 0, 0, 0, 0}));  // at 1001 ms
+  bus.device.advance_to(at(1001) + milliseconds(499));
+  EXPECT_NEAR(bus.device.report().final_current_mA[0], 300.0, 1e-9);
+  bus.device.advance_to(at(1901));
+  const auto report = bus.device.report();
+  EXPECT_EQ(report.final_current_mA, (std::array<double, 3>{0.0, 0.0, 0.0}));
+  EXPECT_EQ(report.watchdog_trips, 1U);
+  ASSERT_TRUE(report.seconds_since_motors_nonzero.has_value());
+  EXPECT_NEAR(*report.seconds_since_motors_nonzero, 0.4, 1e-9);
+}
+
+TEST(EmulatedDevice, BusResetStopsReportsAndTheWatchdogStopsTheMotors) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(1000);
+  bus.drive_until(1100, out_report({300, 0, 0, 0, 0, 0, 0}));
+  const auto counters = bus.device.firmware().counters();
+  bus.device.bus_reset(at(1100));
+  EXPECT_FALSE(bus.device.usb().configured());
+  const auto moved = bus.frame(kZero);
+  EXPECT_FALSE(moved.out_taken);
+  EXPECT_FALSE(moved.in.has_value());
+  EXPECT_NEAR(bus.device.report().final_current_mA[0], 300.0, 1e-9) << "the firmware can't know";
+  bus.idle_until(1700);
+  EXPECT_EQ(bus.device.report().final_current_mA[0], 0.0);
+  EXPECT_EQ(bus.device.report().watchdog_trips, 1U);
+  EXPECT_LT(std::abs(bus.device.firmware().counters()[2] - counters[2]), 100) << "kept";
+}
+
+TEST(EmulatedDevice, HaltedEndpointsMoveNothing) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(999);
+  ASSERT_FALSE(bus.device.control({0x02, 3, 0, 0x81, 0}, {}, at(999)).stalled);
+  bus.idle_until(1010);
+  EXPECT_EQ(bus.reports, 0);
+  ASSERT_FALSE(bus.device.control({0x02, 1, 0, 0x81, 0}, {}, at(1010)).stalled);
+  bus.idle_until(1011);
+  EXPECT_EQ(bus.reports, 1);
+}
+
+TEST(EmulatedDevice, LongStallsAreCountedNotIntegrated) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(1000);
+  bus.frame(out_report({300, 0, 0, 0, 0, 0, 0}));
+  bus.device.advance_to(at(61001));
+  EXPECT_NEAR(bus.device.report().physics_skipped_s, 59.0, 1e-9);
+  EXPECT_EQ(bus.device.report().final_current_mA[0], 0.0);
+  EXPECT_EQ(bus.device.report().watchdog_trips, 1U);
+}
+
+TEST(EmulatedDevice, KeepsTheNewestSamplesWithTheirTimes) {
+  Bus bus(options_for("woodenhaptics_v2015"));
+  bus.idle_until(1000);
+  bus.drive_until(6000, kZero);
+  const auto samples = bus.device.samples();
+  ASSERT_EQ(samples.size(), EmulatedDevice::kSampleCapacity);
+  EXPECT_EQ(samples.back().time_ns, 6'000'000'000);
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    ASSERT_EQ(samples[i].time_ns - samples[i - 1].time_ns, 1'000'000);
+  }
+}
+
+TEST(EmulatedDevice, UnbalancedArmFallsWithoutAHandAndABalancedOneDoesNot) {
+  auto options = options_for("woodenhaptics_v2015", HandKind::kNone);
+  EmulatedDevice loose(options, at(0));
+  loose.advance_to(at(300));
+  EXPECT_LT(loose.arm().position_D().z(), 0.200);
+  options.profile.gravity.balanced = true;
+  EmulatedDevice balanced(options, at(0));
+  balanced.advance_to(at(300));
+  EXPECT_NEAR(balanced.arm().position_D().z(), 0.205, 1e-9);
+}
+
+TEST(EmulatedDevice, NamesOfHandsAndFrameOrdersAreStrict) {
+  EXPECT_EQ(parse_hand("light"), HandKind::kLight);
+  EXPECT_EQ(parse_frame_order("in-first"), FrameOrder::kInFirst);
+  EXPECT_THROW(parse_hand("Firm"), std::invalid_argument);
+  EXPECT_THROW(parse_frame_order("out"), std::invalid_argument);
+}
+
+TEST(EmulatorReport, JsonCarriesTheSameNamesAndNullForNever) {
+  EmulatedDevice device(options_for("woodenhaptics_v2015"), at(0));
+  const nlohmann::json json = device.report();
+  EXPECT_EQ(json.at("device"), "woodenhaptics_v2015");
+  EXPECT_EQ(json.at("final_current_mA").size(), 3U);
+  EXPECT_EQ(json.at("watchdog_trips"), 0);
+  EXPECT_TRUE(json.at("seconds_since_motors_nonzero").is_null());
+}
+
+}  // namespace
+}  // namespace forcegrid::emulator

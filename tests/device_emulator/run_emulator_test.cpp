@@ -1,0 +1,120 @@
+#include "device_emulator/run_emulator.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <thread>
+
+namespace forcegrid::emulator {
+namespace {
+
+template <typename Call>
+std::string error_of(Call&& call) {
+  try {
+    call();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return {};
+}
+
+EmulatorOptions any_port() {
+  EmulatorOptions options;
+  options.profiles = {"woodenhaptics_v2015"};
+  options.listen = "127.0.0.1:0";
+  return options;
+}
+
+TEST(RunEmulator, SaysWhereItListensAndEndsWithTheReportWhenStopped) {
+  std::atomic<bool> stop{false};
+  std::ostringstream out;
+  std::ostringstream log;
+  auto options = any_port();
+  options.profiles.push_back("phantom_desktop");
+  std::thread stopper([&stop] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    stop = true;
+  });
+  const auto reports = run_emulator(options, out, log, stop);
+  stopper.join();
+  ASSERT_EQ(reports.size(), 2U);
+  EXPECT_EQ(reports[0].device, "woodenhaptics_v2015");
+  EXPECT_EQ(reports[1].busid, "1-2");
+  EXPECT_GT(reports[0].frames, 0U);
+  EXPECT_TRUE(std::regex_match(
+      out.str(),
+      std::regex("listening 127\\.0\\.0\\.1:[1-9][0-9]* busid 1-1 device woodenhaptics_v2015\n"
+                 "listening 127\\.0\\.0\\.1:[1-9][0-9]* busid 1-2 device phantom_desktop\n")))
+      << out.str();
+}
+
+TEST(RunEmulator, EndsWhenItsStopDescriptorCloses) {
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  std::thread stopper([&ends] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    ::close(ends[1]);
+  });
+  std::ostringstream out;
+  std::ostringstream log;
+  const std::atomic<bool> never{false};
+  EXPECT_EQ(run_emulator(any_port(), out, log, never, ends[0]).size(), 1U);
+  stopper.join();
+  ::close(ends[0]);
+}
+
+TEST(RunEmulator, WrongOptionsAreErrorsThatNameTheRemedy) {
+  auto options = any_port();
+  options.profiles = {"woodenhaptics_v1899"};
+  EXPECT_NE(error_of([&] { server_options(options); }).find("woodenhaptics_v2015"),
+            std::string::npos);
+  options = any_port();
+  options.hand = "iron";
+  EXPECT_NE(error_of([&] { server_options(options); }).find("firm, light or none"),
+            std::string::npos);
+  options = any_port();
+  options.contact_m = {0.0, std::nan(""), 0.0};
+  EXPECT_NE(error_of([&] { server_options(options); }).find("contact point"), std::string::npos);
+  options = any_port();
+  options.profiles.clear();
+  EXPECT_NE(error_of([&] { EmulatorServer server(server_options(options)); }).find("no device"),
+            std::string::npos);
+}
+
+TEST(ListenAddress, TakesLoopbackOnly) {
+  EXPECT_EQ(parse_listen_address("127.0.0.1:3240").port, 3240);
+  EXPECT_EQ(parse_listen_address("127.1.2.3:0").address, "127.1.2.3");
+  EXPECT_EQ(parse_listen_address("localhost:1").text(), "127.0.0.1:1");
+  EXPECT_TRUE(parse_listen_address("[::1]:3240").ipv6);
+  EXPECT_EQ(parse_listen_address("[::1]:3240").text(), "[::1]:3240");
+  for (const char* text : {"0.0.0.0:3240", "192.168.1.4:3240", "[::]:3240", "[fe80::1]:3240"}) {
+    const std::string message = error_of([text] { parse_listen_address(text); });
+    EXPECT_NE(message.find("not loopback"), std::string::npos) << message;
+    EXPECT_NE(message.find("SSH tunnel"), std::string::npos) << message;
+  }
+}
+
+TEST(ListenAddress, RefusesWhatIsNoAddress) {
+  for (const char* text : {"", ":", "3240", "127.0.0.1", "127.0.0.1:", ":3240", "127.0.0.1:65536",
+                           "127.0.0.1:-1", "127.0.0.1:32x", "127.0.0.1: 3240", "example.org:3240",
+                           "::1:3240", "127.0.0.256:1", "127.0.0.1:99999999999999999999"}) {
+    EXPECT_THROW(parse_listen_address(text), EmulatorError) << text;
+  }
+}
+
+TEST(ListenAddress, PortInUseIsAnErrorWithTheRemedy) {
+  EmulatorServer first(server_options(any_port()));
+  auto options = any_port();
+  options.listen = first.address();
+  const std::string message = error_of([&] { EmulatorServer second(server_options(options)); });
+  EXPECT_NE(message.find(first.address()), std::string::npos) << message;
+  EXPECT_NE(message.find("choose another port"), std::string::npos) << message;
+}
+
+}  // namespace
+}  // namespace forcegrid::emulator
