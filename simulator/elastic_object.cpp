@@ -97,6 +97,12 @@ class ElasticObject<Real>::Implementation {
   }
 
   const SolverOptions& options() const noexcept { return options_; }
+  void set_relative_tolerance(double relative_tolerance) {
+    SolverOptions changed = options_;
+    changed.relative_tolerance = relative_tolerance;
+    check(changed);
+    options_ = changed;
+  }
   std::size_t vertex_count() const noexcept { return rest_.size(); }
   std::size_t spring_count() const noexcept { return springs_; }
   bool grabbed() const noexcept { return !patch_.empty(); }
@@ -693,6 +699,10 @@ std::size_t ElasticObject<Real>::spring_count() const noexcept {
 template <typename Real>
 const SolverOptions& ElasticObject<Real>::options() const noexcept {
   return implementation_->options();
+}
+template <typename Real>
+void ElasticObject<Real>::set_relative_tolerance(double relative_tolerance) {
+  implementation_->set_relative_tolerance(relative_tolerance);
 }
 template <typename Real>
 int ElasticObject<Real>::count_grabbable(const Eigen::Vector3d& point_W,

@@ -82,6 +82,9 @@ class ElasticObject {
   std::size_t spring_count() const noexcept;
   const SolverOptions& options() const noexcept;
 
+  /// Changes SolverOptions::relative_tolerance from the next move on. Throws Error unless > 0.
+  void set_relative_tolerance(double relative_tolerance);
+
   /// Number of vertices that grab(point_W, radius_m) would hold.
   int count_grabbable(const Eigen::Vector3d& point_W, double radius_m) const noexcept;
 

@@ -1,0 +1,108 @@
+#include "simulator/sticky_contact.h"
+
+#include <cmath>
+#include <string>
+
+#include "simulator/error.h"
+
+namespace forcegrid::simulator {
+
+StickyContact::StickyContact(const SpringMesh& mesh, const ContactOptions& options)
+    : options_(options), surface_min_W_(mesh.surface_min_W), surface_max_W_(mesh.surface_max_W) {
+  if (!(options.patch_radius_m > 0.0) || !std::isfinite(options.patch_radius_m)) {
+    throw Error("contact: patch_radius_m is " + std::to_string(options.patch_radius_m) +
+                "; it must be finite and > 0");
+  }
+  if (!(options.approach_distance_m >= 0.0) || !std::isfinite(options.approach_distance_m)) {
+    throw Error("contact: approach_distance_m is " + std::to_string(options.approach_distance_m) +
+                "; it must be finite and >= 0");
+  }
+}
+
+bool StickyContact::at_surface(const Eigen::Vector3d& position_W) const noexcept {
+  if (position_W.x() < surface_min_W_.x() || position_W.x() > surface_max_W_.x() ||
+      position_W.y() < surface_min_W_.y() || position_W.y() > surface_max_W_.y()) {
+    return false;
+  }
+  const double height_m = position_W.z() - surface_max_W_.z();
+  if (height_m <= 0.0) {
+    return true;
+  }
+  return height_m <= options_.approach_distance_m && last_position_W_ &&
+         position_W.z() < last_position_W_->z();
+}
+
+template <typename Real>
+StickyContact::Answer StickyContact::step(ElasticObject<Real>& object,
+                                          const Eigen::Vector3d& position_W) {
+  Answer answer;
+  if (!position_W.allFinite()) {
+    answer.in_contact = in_contact_;
+    answer.epoch = epoch_;
+    answer.point_W = in_contact_ || !last_position_W_ ? point_W_ : *last_position_W_;
+    answer.equilibrium = object.move_to(position_W);
+    answer.equilibrium.converged = false;
+    answer.equilibrium.reached = false;
+    if (!in_contact_) {
+      answer.equilibrium.displacement_W.setZero();
+    }
+    answer.position_W = answer.point_W + answer.equilibrium.displacement_W;
+    return answer;
+  }
+  if (!in_contact_) {
+    const bool touching = at_surface(position_W);
+    if (!touching) {
+      must_leave_first_ = false;
+    } else if (!must_leave_first_ && object.grab(position_W, options_.patch_radius_m) > 0) {
+      in_contact_ = true;
+      point_W_ = position_W;
+      ++epoch_;
+    }
+  }
+  last_position_W_ = position_W;
+  answer.in_contact = in_contact_;
+  answer.point_W = in_contact_ ? point_W_ : position_W;
+  answer.position_W = position_W;
+  if (in_contact_) {
+    answer.equilibrium = object.move_to(position_W - point_W_);
+    if (answer.equilibrium.left_branch) {
+      ++epoch_;
+    }
+    if (!answer.equilibrium.reached) {
+      answer.position_W = point_W_ + answer.equilibrium.displacement_W;
+    }
+  } else {
+    answer.equilibrium.converged = true;
+  }
+  answer.epoch = epoch_;
+  return answer;
+}
+
+template <typename Real>
+void StickyContact::release(ElasticObject<Real>& object) noexcept {
+  if (in_contact_) {
+    object.release();
+    in_contact_ = false;
+    must_leave_first_ = true;
+    ++epoch_;
+  }
+}
+
+template <typename Real>
+void StickyContact::reset(ElasticObject<Real>& object) noexcept {
+  object.release();
+  in_contact_ = false;
+  must_leave_first_ = false;
+  last_position_W_.reset();
+  point_W_.setZero();
+  epoch_ = 0;
+}
+
+template StickyContact::Answer StickyContact::step(ElasticObject<float>&, const Eigen::Vector3d&);
+template StickyContact::Answer StickyContact::step(ElasticObject<double>&, const Eigen::Vector3d&);
+template void StickyContact::release(ElasticObject<float>&) noexcept;
+template void StickyContact::release(ElasticObject<double>&) noexcept;
+template void StickyContact::reset(ElasticObject<float>&) noexcept;
+template void StickyContact::reset(ElasticObject<double>&) noexcept;
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "simulator/elastic_object.h"
+#include "simulator/spring_mesh.h"
+
+namespace forcegrid::simulator {
+
+struct ContactOptions {
+  /// [m] Vertices within this distance of the contact point are held; > 0.
+  double patch_radius_m = 0.012;
+  /// [m] A tool that moves down touches this far above the surface already; >= 0.
+  double approach_distance_m = 0.2e-3;
+};
+
+/// When the tool touches the object, and what that is worth: it sticks. From the touch on, the
+/// patch around the contact point moves rigidly with the tool, relative to the tool's position at
+/// that moment, so that the force starts at zero.
+///
+/// The tool touches when, within the footprint of the object's surface (SpringMesh::surface_min_W,
+/// surface_max_W), it is at or below the surface, or up to approach_distance_m above it and lower
+/// than at the position before; and when a free vertex lies within patch_radius_m. The contact
+/// holds until release().
+///
+/// Threads: one.
+class StickyContact {
+ public:
+  /// Throws Error for options out of range.
+  explicit StickyContact(const SpringMesh& mesh, const ContactOptions& options = {});
+
+  /// What the object does to a tool at one position.
+  struct Answer {
+    bool in_contact = false;
+    std::uint32_t epoch = 0;  ///< 0 before any contact; +1 at every discontinuity
+    /// [m] The tool's position when it touched; its present position before any contact.
+    Eigen::Vector3d point_W = Eigen::Vector3d::Zero();
+    /// [m] Where force and stiffness were computed: the tool's position unless the move was longer
+    /// than the solver's bound (Equilibrium::reached).
+    Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
+    Equilibrium equilibrium;  ///< zero force without contact
+  };
+
+  /// Moves the tool to `position_W` [m], touching `object` if the rule above says so.
+  /// `object` must be the one of all calls since the last reset(). A position that is not finite
+  /// answers as the last one did, with converged and reached false.
+  /// Allocates when contact is made, otherwise not.
+  template <typename Real>
+  Answer step(ElasticObject<Real>& object, const Eigen::Vector3d& position_W);
+
+  /// Lets go, a new epoch. The tool must leave the surface before it can touch again.
+  template <typename Real>
+  void release(ElasticObject<Real>& object) noexcept;
+
+  /// A new run: no contact, epoch 0, the object at rest.
+  template <typename Real>
+  void reset(ElasticObject<Real>& object) noexcept;
+
+  bool in_contact() const noexcept { return in_contact_; }
+  const ContactOptions& options() const noexcept { return options_; }
+
+ private:
+  bool at_surface(const Eigen::Vector3d& position_W) const noexcept;
+
+  ContactOptions options_;
+  Eigen::Vector3d surface_min_W_;
+  Eigen::Vector3d surface_max_W_;
+  std::optional<Eigen::Vector3d> last_position_W_;
+  Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
+  std::uint32_t epoch_ = 0;
+  bool in_contact_ = false;
+  bool must_leave_first_ = false;
+};
+
+extern template StickyContact::Answer StickyContact::step(ElasticObject<float>&,
+                                                          const Eigen::Vector3d&);
+extern template StickyContact::Answer StickyContact::step(ElasticObject<double>&,
+                                                          const Eigen::Vector3d&);
+extern template void StickyContact::release(ElasticObject<float>&) noexcept;
+extern template void StickyContact::release(ElasticObject<double>&) noexcept;
+extern template void StickyContact::reset(ElasticObject<float>&) noexcept;
+extern template void StickyContact::reset(ElasticObject<double>&) noexcept;
+
+}  // namespace forcegrid::simulator
