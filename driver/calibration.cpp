@@ -4,8 +4,9 @@
 
 namespace forcegrid::driver {
 
-void calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Duration timeout,
-               const std::function<void(const std::string&)>& on_prompt) {
+bool calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Duration timeout,
+               const std::function<void(const std::string&)>& on_prompt,
+               const std::function<bool()>& cancelled) {
   const rt::TimePoint deadline = rt::Clock::now() + timeout;
   if (on_prompt) {
     on_prompt(profile.calibration.instruction);
@@ -13,6 +14,9 @@ void calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Durat
   while (!device.newest_report().calibration_button) {
     if (device.health() != DeviceHealth::kRunning) {
       throw DeviceError(device.failure());
+    }
+    if (cancelled && cancelled()) {
+      return false;
     }
     if (rt::Clock::now() > deadline) {
       throw DeviceError("device '" + device.identity().url +
@@ -22,6 +26,7 @@ void calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Durat
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   calibrate_now(device, profile);
+  return true;
 }
 
 void calibrate_now(Device& device, const profiles::DeviceProfile& profile) {

@@ -13,10 +13,13 @@ namespace forcegrid::driver {
 /// all the while.
 /// @param timeout    how long the person may take.
 /// @param on_prompt  called once, on this thread, with what to do; may be empty.
+/// @param cancelled  asked every few milliseconds; true gives up. May be empty.
+/// @returns false when it was cancelled.
 /// @throws DeviceError when the button is not pressed in time or the device fails.
 /// Real-time: no; before the loop. Threads: as Device::newest_report().
-void calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Duration timeout,
-               const std::function<void(const std::string&)>& on_prompt = {});
+bool calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Duration timeout,
+               const std::function<void(const std::string&)>& on_prompt = {},
+               const std::function<bool()>& cancelled = {});
 
 /// Sets the counters at once: the caller knows that the arm is in its calibration pose.
 /// @throws DeviceError when the device does not take them.
