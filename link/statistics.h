@@ -26,7 +26,7 @@ const char* to_string(SendStatus status) noexcept;
 struct LinkStatistics {
   std::uint64_t sent = 0;
   std::uint64_t send_invalid = 0;  ///< SendStatus::kInvalid and kNotRising
-  std::uint64_t send_no_peer = 0;  ///< SendStatus::kNoPeer
+  std::uint64_t send_no_peer = 0;  ///< nobody listened: kNoPeer, or sent and came back
   std::uint64_t send_failed = 0;   ///< SendStatus::kSystemFailed
   int last_send_errno = 0;         ///< of the newest kSystemFailed
 

@@ -1,0 +1,312 @@
+#include "link/servo_endpoint.h"
+
+#include <sys/random.h>
+
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <system_error>
+#include <variant>
+
+#include "link/sequence_tracker.h"
+#include "link/udp_socket.h"
+#include "link/wire.h"
+
+namespace forcegrid::link {
+namespace {
+
+constexpr int kMaxDatagramsPerCall = 256;
+
+/// What was sent under a number, to check what comes back.
+struct SentMessage {
+  bool used = false;
+  bool answered = false;  ///< queries only
+  std::uint32_t number = 0;
+  std::int64_t servo_time_ns = 0;
+  Vector3 position_W_m{};
+};
+
+bool near(const Vector3& a_W_m, const Vector3& b_W_m) noexcept {
+  return std::hypot(a_W_m[0] - b_W_m[0], a_W_m[1] - b_W_m[1], a_W_m[2] - b_W_m[2]) <=
+         kMaxEchoDistance_m;
+}
+
+Address loopback_like(const Address& peer) noexcept {
+  Address local;
+  local.is_ipv6 = peer.is_ipv6;
+  if (peer.is_ipv6) {
+    local.bytes[15] = 1;
+  } else {
+    local.bytes[0] = 127;
+    local.bytes[3] = 1;
+  }
+  return local;
+}
+
+/// Refuses what parse_address() would, for an Address that was put together otherwise.
+Address checked(const Address& address) {
+  return parse_address(to_string(address), PortZero::kRefused);
+}
+
+}  // namespace
+
+struct ServoEndpoint::State {
+  State(const Address& simulator_address, std::uint64_t session)
+      : simulator(checked(simulator_address)),
+        session_id(session),
+        socket(loopback_like(simulator)) {
+    if (session_id == 0) {
+      throw LinkError("link to " + to_string(simulator) +
+                      ": session id 0 is reserved; use random_session_id()");
+    }
+  }
+
+  template <typename Message>
+  SendStatus transmit(const Message& message) noexcept;
+  bool accept(const ForceSample& sample) noexcept;
+  bool accept_sample(const ForceSample& sample) noexcept;
+  bool accept_reply(const ForceSample& reply) noexcept;
+  SequenceTracker::Arrival track(std::uint32_t sequence) noexcept;
+
+  Address simulator;
+  std::uint64_t session_id;
+  UdpSocket socket;
+  LinkStatistics statistics;
+
+  std::array<SentMessage, kRememberedToolStates> tool_states{};
+  std::array<SentMessage, kRememberedQueries> queries{};
+  bool tool_state_sent = false;
+  std::uint32_t newest_tool_state = 0;
+  std::uint32_t newest_query = 0;  ///< 0: none yet
+
+  SequenceTracker tracker;
+  bool sample_accepted = false;
+  std::uint32_t newest_sample = 0;
+  std::uint32_t newest_echo = 0;
+  bool simulator_ended = false;
+  bool goodbye_said = false;
+};
+
+template <typename Message>
+SendStatus ServoEndpoint::State::transmit(const Message& message) noexcept {
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  const Encoded encoded = encode(message, session_id, buffer);
+  if (encoded.status != WireStatus::kOk) {
+    ++statistics.send_invalid;
+    return SendStatus::kInvalid;
+  }
+  const int error = socket.send_to(simulator, std::span(buffer).first(encoded.size_bytes));
+  statistics.send_no_peer = socket.undelivered();
+  if (error == 0) {
+    ++statistics.sent;
+    return SendStatus::kSent;
+  }
+  if (error == ECONNREFUSED) {
+    return SendStatus::kNoPeer;
+  }
+  ++statistics.send_failed;
+  statistics.last_send_errno = error;
+  return SendStatus::kSystemFailed;
+}
+
+SequenceTracker::Arrival ServoEndpoint::State::track(std::uint32_t sequence) noexcept {
+  const auto arrival = tracker.observe(sequence);
+  if (arrival == SequenceTracker::Arrival::kReordered) {
+    ++statistics.reordered;
+  }
+  statistics.lost = tracker.missing();
+  return arrival;
+}
+
+bool ServoEndpoint::State::accept(const ForceSample& sample) noexcept {
+  return sample.query_id != 0 ? accept_reply(sample) : accept_sample(sample);
+}
+
+bool ServoEndpoint::State::accept_sample(const ForceSample& sample) noexcept {
+  const SentMessage& sent = tool_states[sample.echo_sequence % kRememberedToolStates];
+  if (!sent.used || sent.number != sample.echo_sequence) {
+    const bool forgotten = sent.used && ahead_of(newest_tool_state, sample.echo_sequence) >=
+                                            static_cast<std::int32_t>(kRememberedToolStates);
+    ++(forgotten ? statistics.late : statistics.forged);
+    return false;
+  }
+  if (sent.servo_time_ns != sample.echo_servo_time_ns ||
+      !near(sent.position_W_m, sample.position_W_m)) {
+    ++statistics.forged;
+    return false;
+  }
+  // A live simulator numbers its samples in the order of what they answer, so a newer answer under
+  // an older number comes from one that has been started anew.
+  const bool newer_answer = ahead_of(sample.echo_sequence, newest_echo) > 0;
+  if (sample_accepted && newer_answer && ahead_of(sample.sequence, newest_sample) <= 0) {
+    tracker.restart();
+    sample_accepted = false;
+    ++statistics.restarts;
+  }
+  switch (track(sample.sequence)) {
+    case SequenceTracker::Arrival::kDuplicated:
+      ++statistics.duplicated;
+      return false;
+    case SequenceTracker::Arrival::kTooOld:
+      ++statistics.late;
+      return false;
+    case SequenceTracker::Arrival::kNewest:
+    case SequenceTracker::Arrival::kReordered:
+      break;
+  }
+  if (sample_accepted && (ahead_of(sample.echo_sequence, newest_echo) < 0 ||
+                          ahead_of(sample.sequence, newest_sample) < 0)) {
+    ++statistics.late;
+    return false;
+  }
+  sample_accepted = true;
+  newest_sample = sample.sequence;
+  newest_echo = sample.echo_sequence;
+  return true;
+}
+
+bool ServoEndpoint::State::accept_reply(const ForceSample& reply) noexcept {
+  SentMessage& sent = queries[reply.query_id % kRememberedQueries];
+  if (!sent.used || sent.number != reply.query_id) {
+    const bool forgotten = sent.used && ahead_of(newest_query, reply.query_id) >=
+                                            static_cast<std::int32_t>(kRememberedQueries);
+    ++(forgotten ? statistics.late : statistics.forged);
+    return false;
+  }
+  if (sent.servo_time_ns != reply.echo_servo_time_ns ||
+      !near(sent.position_W_m, reply.position_W_m)) {
+    ++statistics.forged;
+    return false;
+  }
+  track(reply.sequence);
+  if (sent.answered) {
+    ++statistics.duplicated;
+    return false;
+  }
+  sent.answered = true;
+  return true;
+}
+
+ServoEndpoint::ServoEndpoint(const Address& simulator, std::uint64_t session_id)
+    : state_(std::make_unique<State>(simulator, session_id)) {}
+
+ServoEndpoint::ServoEndpoint(std::string_view simulator, std::uint64_t session_id)
+    : ServoEndpoint(parse_address(simulator, PortZero::kRefused), session_id) {}
+
+ServoEndpoint::~ServoEndpoint() { say_goodbye(); }
+
+SendStatus ServoEndpoint::send(const ToolState& state) noexcept {
+  State& own = *state_;
+  if (own.tool_state_sent && ahead_of(state.sequence, own.newest_tool_state) <= 0) {
+    ++own.statistics.send_invalid;
+    return SendStatus::kNotRising;
+  }
+  const SendStatus status = own.transmit(state);
+  if (status == SendStatus::kSent) {
+    own.tool_state_sent = true;
+    own.newest_tool_state = state.sequence;
+    own.tool_states[state.sequence % kRememberedToolStates] = {
+        true, false, state.sequence, state.servo_time_ns, state.position_W_m};
+  }
+  return status;
+}
+
+SendStatus ServoEndpoint::send(const Query& query) noexcept {
+  State& own = *state_;
+  if (own.newest_query != 0 && ahead_of(query.query_id, own.newest_query) <= 0) {
+    ++own.statistics.send_invalid;
+    return SendStatus::kNotRising;
+  }
+  const SendStatus status = own.transmit(query);
+  if (status == SendStatus::kSent) {
+    own.newest_query = query.query_id;
+    own.queries[query.query_id % kRememberedQueries] = {true, false, query.query_id,
+                                                        query.servo_time_ns, query.position_W_m};
+  }
+  return status;
+}
+
+std::optional<ForceSample> ServoEndpoint::receive() noexcept {
+  State& own = *state_;
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  for (int i = 0; i < kMaxDatagramsPerCall; ++i) {
+    const UdpSocket::Received received = own.socket.receive(buffer);
+    own.statistics.send_no_peer = own.socket.undelivered();
+    if (received.kind == UdpSocket::Received::Kind::kNothing) {
+      return std::nullopt;
+    }
+    ++own.statistics.received;
+    if (received.sender != own.simulator) {
+      ++own.statistics.foreign_address;
+      continue;
+    }
+    if (received.size_bytes > buffer.size()) {
+      ++own.statistics.malformed[static_cast<std::size_t>(WireStatus::kBadLength)];
+      continue;
+    }
+    const Decoded decoded = decode(std::span(buffer).first(received.size_bytes));
+    if (decoded.status != WireStatus::kOk) {
+      ++own.statistics.malformed[static_cast<std::size_t>(decoded.status)];
+      continue;
+    }
+    if (decoded.session_id != own.session_id) {
+      ++own.statistics.foreign_session;
+      continue;
+    }
+    if (std::holds_alternative<Goodbye>(decoded.message)) {
+      ++own.statistics.accepted;
+      own.simulator_ended = true;
+      continue;
+    }
+    const auto* sample = std::get_if<ForceSample>(&decoded.message);
+    if (sample == nullptr) {
+      ++own.statistics.unexpected_type;
+      continue;
+    }
+    if (own.accept(*sample)) {
+      ++own.statistics.accepted;
+      own.simulator_ended = false;
+      return *sample;
+    }
+  }
+  return std::nullopt;
+}
+
+bool ServoEndpoint::wait(std::chrono::nanoseconds timeout) noexcept {
+  const bool readable = state_->socket.wait(timeout) == UdpSocket::Wait::kReadable;
+  state_->statistics.send_no_peer = state_->socket.undelivered();
+  return readable;
+}
+
+bool ServoEndpoint::simulator_ended() const noexcept { return state_->simulator_ended; }
+
+void ServoEndpoint::say_goodbye() noexcept {
+  if (!state_->goodbye_said) {
+    state_->goodbye_said = true;
+    state_->transmit(Goodbye{});
+  }
+}
+
+std::uint64_t ServoEndpoint::session_id() const noexcept { return state_->session_id; }
+
+const Address& ServoEndpoint::simulator_address() const noexcept { return state_->simulator; }
+
+const Address& ServoEndpoint::local_address() const noexcept {
+  return state_->socket.local_address();
+}
+
+const LinkStatistics& ServoEndpoint::statistics() const noexcept { return state_->statistics; }
+
+std::uint64_t ServoEndpoint::random_session_id() {
+  std::uint64_t session_id = 0;
+  while (session_id == 0) {
+    if (::getrandom(&session_id, sizeof session_id, 0) != static_cast<ssize_t>(sizeof session_id) &&
+        errno != EINTR) {
+      throw LinkError("link: no random session id from the system: " +
+                      std::generic_category().message(errno) + "; give one that no other run uses");
+    }
+  }
+  return session_id;
+}
+
+}  // namespace forcegrid::link

@@ -1,0 +1,319 @@
+#include "link/simulator_endpoint.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <variant>
+
+#include "link/sequence_tracker.h"
+#include "link/udp_socket.h"
+#include "link/wire.h"
+
+namespace forcegrid::link {
+namespace {
+
+constexpr int kMaxDatagramsPerCall = 4096;
+constexpr std::size_t kRememberedSessions = 16;
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+/// Refuses what parse_address() would, for an Address that was put together otherwise.
+Address checked(const Address& address) {
+  return parse_address(to_string(address), PortZero::kAllowed);
+}
+
+}  // namespace
+
+struct SimulatorEndpoint::State {
+  State(const Address& address, std::chrono::nanoseconds silence)
+      : socket(checked(address)), silence_limit(silence) {
+    if (silence <= std::chrono::nanoseconds::zero()) {
+      throw LinkError("link at " + to_string(address) +
+                      ": the silence limit must be above zero, for example 2 s");
+    }
+  }
+
+  void take(const UdpSocket::Received& received, std::span<const std::byte> datagram,
+            News& news) noexcept;
+  bool belongs_to_servo(const Address& sender, const Decoded& decoded, News& news) noexcept;
+  void take(const ToolState& state, News& news) noexcept;
+  void take(const Query& query) noexcept;
+  /// @returns whether the message of this number is to be used; counts it otherwise.
+  bool track(SequenceTracker& tracker, std::uint32_t number) noexcept;
+  void end_session() noexcept;
+  [[nodiscard]] bool alive() const noexcept;
+  template <typename Message>
+  SendStatus transmit(const Message& message) noexcept;
+
+  UdpSocket socket;
+  std::chrono::nanoseconds silence_limit;
+  LinkStatistics statistics;
+  std::uint64_t sent_without_servo = 0;
+
+  std::uint64_t session_id = 0;  ///< 0: no servo
+  std::uint64_t session_count = 0;
+  Address servo;
+  SteadyTime last_heard;
+  std::array<std::uint64_t, kRememberedSessions> ended_sessions{};
+  std::size_t next_ended = 0;
+
+  SequenceTracker tool_states;
+  SequenceTracker query_ids;
+  bool tool_state_seen = false;
+  std::uint32_t newest_tool_state = 0;
+
+  std::array<Query, kQueuedQueries> queue{};
+  std::size_t queue_begin = 0;
+  std::size_t queue_size = 0;
+
+  std::uint32_t sample_sequence = 0;
+};
+
+bool SimulatorEndpoint::State::alive() const noexcept {
+  return session_id != 0 && std::chrono::steady_clock::now() - last_heard < silence_limit;
+}
+
+void SimulatorEndpoint::State::end_session() noexcept {
+  if (session_id != 0) {
+    ended_sessions[next_ended] = session_id;
+    next_ended = (next_ended + 1) % kRememberedSessions;
+  }
+  session_id = 0;
+  tool_states.restart();
+  query_ids.restart();
+  tool_state_seen = false;
+  queue_begin = queue_size = 0;
+}
+
+bool SimulatorEndpoint::State::belongs_to_servo(const Address& sender, const Decoded& decoded,
+                                                News& news) noexcept {
+  if (decoded.session_id == session_id) {
+    if (sender != servo) {
+      ++statistics.foreign_address;
+      return false;
+    }
+    last_heard = std::chrono::steady_clock::now();
+    return true;
+  }
+  const bool opens = std::holds_alternative<ToolState>(decoded.message) ||
+                     std::holds_alternative<Query>(decoded.message);
+  const bool ended = std::ranges::find(ended_sessions, decoded.session_id) != ended_sessions.end();
+  if (!opens || ended || (alive() && sender != servo)) {
+    ++statistics.foreign_session;
+    return false;
+  }
+  end_session();
+  session_id = decoded.session_id;
+  servo = sender;
+  last_heard = std::chrono::steady_clock::now();
+  if (session_count++ > 0) {
+    ++statistics.restarts;
+  }
+  news.tool_state.reset();
+  news.new_session = true;
+  return true;
+}
+
+bool SimulatorEndpoint::State::track(SequenceTracker& tracker, std::uint32_t number) noexcept {
+  const auto arrival = tracker.observe(number);
+  statistics.lost = tool_states.missing() + query_ids.missing();
+  switch (arrival) {
+    case SequenceTracker::Arrival::kNewest:
+      return true;
+    case SequenceTracker::Arrival::kReordered:
+      ++statistics.reordered;
+      return true;
+    case SequenceTracker::Arrival::kDuplicated:
+      ++statistics.duplicated;
+      return false;
+    case SequenceTracker::Arrival::kTooOld:
+      ++statistics.late;
+      return false;
+  }
+  return false;
+}
+
+void SimulatorEndpoint::State::take(const ToolState& state, News& news) noexcept {
+  if (!track(tool_states, state.sequence)) {
+    return;
+  }
+  if (tool_state_seen && ahead_of(state.sequence, newest_tool_state) < 0) {
+    ++statistics.late;
+    return;
+  }
+  ++statistics.accepted;
+  if (news.tool_state) {
+    ++statistics.superseded;
+  }
+  tool_state_seen = true;
+  newest_tool_state = state.sequence;
+  news.tool_state = state;
+}
+
+void SimulatorEndpoint::State::take(const Query& query) noexcept {
+  if (!track(query_ids, query.query_id)) {
+    return;
+  }
+  if (queue_size == kQueuedQueries) {
+    queue_begin = (queue_begin + 1) % kQueuedQueries;
+    --queue_size;
+    --statistics.accepted;
+    ++statistics.overflowed;
+  }
+  queue[(queue_begin + queue_size) % kQueuedQueries] = query;
+  ++queue_size;
+  ++statistics.accepted;
+}
+
+void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
+                                    std::span<const std::byte> datagram, News& news) noexcept {
+  ++statistics.received;
+  if (received.size_bytes > datagram.size()) {
+    ++statistics.malformed[static_cast<std::size_t>(WireStatus::kBadLength)];
+    return;
+  }
+  const Decoded decoded = decode(datagram.first(received.size_bytes));
+  if (decoded.status != WireStatus::kOk) {
+    ++statistics.malformed[static_cast<std::size_t>(decoded.status)];
+    return;
+  }
+  if (std::holds_alternative<ForceSample>(decoded.message)) {
+    ++statistics.unexpected_type;
+    return;
+  }
+  if (!belongs_to_servo(received.sender, decoded, news)) {
+    return;
+  }
+  if (const auto* state = std::get_if<ToolState>(&decoded.message)) {
+    take(*state, news);
+  } else if (const auto* query = std::get_if<Query>(&decoded.message)) {
+    take(*query);
+  } else {
+    ++statistics.accepted;
+    end_session();
+    news.tool_state.reset();
+    news.servo_ended = true;
+  }
+}
+
+template <typename Message>
+SendStatus SimulatorEndpoint::State::transmit(const Message& message) noexcept {
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  const Encoded encoded = encode(message, session_id, buffer);
+  if (encoded.status != WireStatus::kOk) {
+    ++statistics.send_invalid;
+    return SendStatus::kInvalid;
+  }
+  const int error = socket.send_to(servo, std::span(buffer).first(encoded.size_bytes));
+  statistics.send_no_peer = sent_without_servo + socket.undelivered();
+  if (error == 0) {
+    ++statistics.sent;
+    return SendStatus::kSent;
+  }
+  if (error == ECONNREFUSED) {
+    return SendStatus::kNoPeer;
+  }
+  ++statistics.send_failed;
+  statistics.last_send_errno = error;
+  return SendStatus::kSystemFailed;
+}
+
+SimulatorEndpoint::SimulatorEndpoint(const Address& address, std::chrono::nanoseconds silence_limit)
+    : state_(std::make_unique<State>(address, silence_limit)) {}
+
+SimulatorEndpoint::SimulatorEndpoint(std::string_view address,
+                                     std::chrono::nanoseconds silence_limit)
+    : SimulatorEndpoint(parse_address(address, PortZero::kAllowed), silence_limit) {}
+
+SimulatorEndpoint::~SimulatorEndpoint() {
+  if (state_->session_id != 0) {
+    state_->transmit(Goodbye{});
+  }
+}
+
+SimulatorEndpoint::News SimulatorEndpoint::receive(std::chrono::nanoseconds timeout) noexcept {
+  State& own = *state_;
+  const auto deadline = std::chrono::steady_clock::now() + timeout;
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  News news;
+  for (int left = kMaxDatagramsPerCall; left > 0;) {
+    const std::uint64_t accepted_before = own.statistics.accepted;
+    for (; left > 0; --left) {
+      const UdpSocket::Received received = own.socket.receive(buffer);
+      if (received.kind == UdpSocket::Received::Kind::kNothing) {
+        break;
+      }
+      own.take(received, buffer, news);
+    }
+    if (own.statistics.accepted != accepted_before || left == 0) {
+      break;
+    }
+    if (own.socket.wait(deadline - std::chrono::steady_clock::now()) !=
+        UdpSocket::Wait::kReadable) {
+      break;
+    }
+  }
+  own.statistics.send_no_peer = own.sent_without_servo + own.socket.undelivered();
+  news.queries = own.queue_size;
+  return news;
+}
+
+std::optional<Query> SimulatorEndpoint::next_query() noexcept {
+  State& own = *state_;
+  if (own.queue_size == 0) {
+    return std::nullopt;
+  }
+  const Query query = own.queue[own.queue_begin];
+  own.queue_begin = (own.queue_begin + 1) % kQueuedQueries;
+  --own.queue_size;
+  return query;
+}
+
+SendStatus SimulatorEndpoint::send(const ForceSample& sample) noexcept {
+  State& own = *state_;
+  if (own.session_id == 0) {
+    own.statistics.send_no_peer = ++own.sent_without_servo + own.socket.undelivered();
+    return SendStatus::kNoPeer;
+  }
+  ForceSample numbered = sample;
+  numbered.sequence = own.sample_sequence + 1;
+  const SendStatus status = own.transmit(numbered);
+  if (status == SendStatus::kSent) {
+    own.sample_sequence = numbered.sequence;
+  }
+  return status;
+}
+
+bool SimulatorEndpoint::servo_alive() const noexcept { return state_->alive(); }
+
+std::uint64_t SimulatorEndpoint::session_count() const noexcept { return state_->session_count; }
+
+std::uint64_t SimulatorEndpoint::session_id() const noexcept { return state_->session_id; }
+
+const Address& SimulatorEndpoint::address() const noexcept {
+  return state_->socket.local_address();
+}
+
+std::uint16_t SimulatorEndpoint::port() const noexcept { return address().port; }
+
+const LinkStatistics& SimulatorEndpoint::statistics() const noexcept { return state_->statistics; }
+
+ForceSample answer_to(const ToolState& state) noexcept {
+  ForceSample sample;
+  sample.echo_sequence = state.sequence;
+  sample.echo_servo_time_ns = state.servo_time_ns;
+  sample.position_W_m = state.position_W_m;
+  sample.contact_point_W_m = state.position_W_m;
+  return sample;
+}
+
+ForceSample answer_to(const Query& query) noexcept {
+  ForceSample sample;
+  sample.query_id = query.query_id;
+  sample.echo_servo_time_ns = query.servo_time_ns;
+  sample.position_W_m = query.position_W_m;
+  sample.contact_point_W_m = query.position_W_m;
+  return sample;
+}
+
+}  // namespace forcegrid::link

@@ -1,0 +1,367 @@
+#include "link/wire.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <concepts>
+
+namespace forcegrid::link {
+namespace {
+
+constexpr std::array<char, 4> kMagic = {'F', 'G', 'R', 'D'};
+
+constexpr std::uint32_t kFlagInContact = 1U << 0U;
+constexpr std::uint32_t kFlagConverged = 1U << 1U;
+constexpr std::uint32_t kFlagHasStiffness = 1U << 2U;
+constexpr std::uint32_t kKnownFlags = kFlagInContact | kFlagConverged | kFlagHasStiffness;
+
+/// Appends little-endian fields; the caller has made sure that they fit.
+class Writer {
+ public:
+  explicit Writer(std::span<std::byte> buffer) noexcept : buffer_(buffer) {}
+
+  template <std::unsigned_integral T>
+  void put(T value) noexcept {
+    for (std::size_t i = 0; i < sizeof(T); ++i) {
+      buffer_[used_++] = static_cast<std::byte>((value >> (8U * i)) & 0xFFU);
+    }
+  }
+  void put(std::int64_t value) noexcept { put(static_cast<std::uint64_t>(value)); }
+  void put(double value) noexcept { put(std::bit_cast<std::uint64_t>(value)); }
+  template <std::size_t N>
+  void put(const std::array<double, N>& values) noexcept {
+    for (const double value : values) {
+      put(value);
+    }
+  }
+  [[nodiscard]] std::size_t used() const noexcept { return used_; }
+
+ private:
+  std::span<std::byte> buffer_;
+  std::size_t used_ = 0;
+};
+
+/// Reads little-endian fields; the caller has made sure that they are there.
+class Reader {
+ public:
+  explicit Reader(std::span<const std::byte> buffer) noexcept : buffer_(buffer) {}
+
+  template <std::unsigned_integral T>
+  void get(T& value) noexcept {
+    std::uint64_t bits = 0;
+    for (std::size_t i = 0; i < sizeof(T); ++i) {
+      bits |= std::to_integer<std::uint64_t>(buffer_[used_++]) << (8U * i);
+    }
+    value = static_cast<T>(bits);
+  }
+  void get(std::int64_t& value) noexcept {
+    std::uint64_t bits = 0;
+    get(bits);
+    value = static_cast<std::int64_t>(bits);
+  }
+  void get(double& value) noexcept {
+    std::uint64_t bits = 0;
+    get(bits);
+    value = std::bit_cast<double>(bits);
+  }
+  template <std::size_t N>
+  void get(std::array<double, N>& values) noexcept {
+    for (double& value : values) {
+      get(value);
+    }
+  }
+
+ private:
+  std::span<const std::byte> buffer_;
+  std::size_t used_ = 0;
+};
+
+std::uint32_t checksum(std::span<const std::byte> bytes) noexcept {
+  return static_cast<std::uint32_t>(
+      ::crc32(0, reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uInt>(bytes.size())));
+}
+
+template <std::size_t N>
+bool finite(const std::array<double, N>& values) noexcept {
+  return std::ranges::all_of(values, [](double value) { return std::isfinite(value); });
+}
+
+template <std::size_t N>
+bool within(const std::array<double, N>& values, double bound) noexcept {
+  return std::ranges::all_of(values, [bound](double value) { return std::abs(value) <= bound; });
+}
+
+WireStatus check(const ToolState& message) noexcept {
+  if (!finite(message.position_W_m) || !finite(message.velocity_W_m_per_s)) {
+    return WireStatus::kNotFinite;
+  }
+  if (message.servo_time_ns < 0 || !within(message.position_W_m, kMaxPosition_m) ||
+      !within(message.velocity_W_m_per_s, kMaxVelocity_m_per_s)) {
+    return WireStatus::kOutOfRange;
+  }
+  return WireStatus::kOk;
+}
+
+WireStatus check(const Query& message) noexcept {
+  if (!finite(message.position_W_m)) {
+    return WireStatus::kNotFinite;
+  }
+  if (message.query_id == 0 || message.servo_time_ns < 0 ||
+      !within(message.position_W_m, kMaxPosition_m)) {
+    return WireStatus::kOutOfRange;
+  }
+  return WireStatus::kOk;
+}
+
+WireStatus check(const ForceSample& message) noexcept {
+  if (!finite(message.position_W_m) || !finite(message.force_W_N) ||
+      !finite(message.stiffness_W_N_per_m) || !finite(message.contact_point_W_m) ||
+      !std::isfinite(message.relative_residual) || !std::isfinite(message.solve_time_s)) {
+    return WireStatus::kNotFinite;
+  }
+  if (!message.has_stiffness && !within(message.stiffness_W_N_per_m, 0.0)) {
+    return WireStatus::kBadReserved;
+  }
+  if (message.echo_servo_time_ns < 0 || !within(message.position_W_m, kMaxPosition_m) ||
+      !within(message.force_W_N, kMaxForce_N) ||
+      !within(message.stiffness_W_N_per_m, kMaxStiffness_N_per_m) ||
+      !within(message.contact_point_W_m, kMaxPosition_m) || message.relative_residual < 0.0 ||
+      message.solve_time_s < 0.0 || message.solve_time_s > kMaxSolveTime_s) {
+    return WireStatus::kOutOfRange;
+  }
+  return WireStatus::kOk;
+}
+
+WireStatus check(const Goodbye&) noexcept { return WireStatus::kOk; }
+
+constexpr std::size_t size_bytes(MessageType type) noexcept {
+  switch (type) {
+    case MessageType::kToolState:
+      return kToolStateBytes;
+    case MessageType::kQuery:
+      return kQueryBytes;
+    case MessageType::kForceSample:
+      return kForceSampleBytes;
+    case MessageType::kGoodbye:
+      return kGoodbyeBytes;
+  }
+  return 0;
+}
+
+void put_payload(Writer& writer, const ToolState& message) noexcept {
+  writer.put(message.servo_time_ns);
+  writer.put(message.position_W_m);
+  writer.put(message.velocity_W_m_per_s);
+}
+
+void put_payload(Writer& writer, const Query& message) noexcept {
+  writer.put(message.servo_time_ns);
+  writer.put(message.position_W_m);
+}
+
+void put_payload(Writer& writer, const ForceSample& message) noexcept {
+  writer.put(message.echo_servo_time_ns);
+  writer.put(message.echo_sequence);
+  writer.put(message.query_id);
+  writer.put(message.contact_epoch);
+  writer.put((message.in_contact ? kFlagInContact : 0U) |
+             (message.converged ? kFlagConverged : 0U) |
+             (message.has_stiffness ? kFlagHasStiffness : 0U));
+  writer.put(message.position_W_m);
+  writer.put(message.force_W_N);
+  writer.put(message.contact_point_W_m);
+  writer.put(message.relative_residual);
+  writer.put(message.solve_time_s);
+  writer.put(message.stiffness_W_N_per_m);
+}
+
+void put_payload(Writer&, const Goodbye&) noexcept {}
+
+template <typename Message>
+Encoded encode_as(MessageType type, std::uint32_t sequence, const Message& message,
+                  std::uint64_t session_id, std::span<std::byte> buffer) noexcept {
+  const std::size_t size = size_bytes(type);
+  if (buffer.size() < size) {
+    return {WireStatus::kTooShort, 0};
+  }
+  if (const WireStatus status = check(message); status != WireStatus::kOk) {
+    return {status, 0};
+  }
+  if (session_id == 0) {
+    return {WireStatus::kOutOfRange, 0};
+  }
+  Writer writer(buffer);
+  for (const char letter : kMagic) {
+    writer.put(static_cast<std::uint8_t>(letter));
+  }
+  writer.put(kProtocolVersion);
+  writer.put(static_cast<std::uint16_t>(type));
+  writer.put(static_cast<std::uint16_t>(size - kHeaderBytes - kChecksumBytes));
+  writer.put(std::uint16_t{0});
+  writer.put(sequence);
+  writer.put(session_id);
+  put_payload(writer, message);
+  writer.put(checksum(buffer.first(writer.used())));
+  return {WireStatus::kOk, writer.used()};
+}
+
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, ToolState& message) noexcept {
+  message.sequence = sequence;
+  reader.get(message.servo_time_ns);
+  reader.get(message.position_W_m);
+  reader.get(message.velocity_W_m_per_s);
+  return check(message);
+}
+
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Query& message) noexcept {
+  message.query_id = sequence;
+  reader.get(message.servo_time_ns);
+  reader.get(message.position_W_m);
+  return check(message);
+}
+
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, ForceSample& message) noexcept {
+  message.sequence = sequence;
+  reader.get(message.echo_servo_time_ns);
+  reader.get(message.echo_sequence);
+  reader.get(message.query_id);
+  reader.get(message.contact_epoch);
+  std::uint32_t flags = 0;
+  reader.get(flags);
+  message.in_contact = (flags & kFlagInContact) != 0;
+  message.converged = (flags & kFlagConverged) != 0;
+  message.has_stiffness = (flags & kFlagHasStiffness) != 0;
+  reader.get(message.position_W_m);
+  reader.get(message.force_W_N);
+  reader.get(message.contact_point_W_m);
+  reader.get(message.relative_residual);
+  reader.get(message.solve_time_s);
+  reader.get(message.stiffness_W_N_per_m);
+  return (flags & ~kKnownFlags) != 0 ? WireStatus::kBadReserved : check(message);
+}
+
+WireStatus get_payload(Reader&, std::uint32_t sequence, Goodbye&) noexcept {
+  return sequence == 0 ? WireStatus::kOk : WireStatus::kBadReserved;
+}
+
+template <typename Message>
+Decoded decode_as(Reader reader, std::uint32_t sequence, std::uint64_t session_id) noexcept {
+  Message message;
+  WireStatus status = get_payload(reader, sequence, message);
+  if (status == WireStatus::kOk && session_id == 0) {
+    status = WireStatus::kOutOfRange;
+  }
+  if (status != WireStatus::kOk) {
+    return {status, 0, {}};
+  }
+  return {WireStatus::kOk, session_id, message};
+}
+
+}  // namespace
+
+const char* to_string(WireStatus status) noexcept {
+  switch (status) {
+    case WireStatus::kOk:
+      return "ok";
+    case WireStatus::kTooShort:
+      return "too short";
+    case WireStatus::kBadMagic:
+      return "bad magic";
+    case WireStatus::kBadVersion:
+      return "bad version";
+    case WireStatus::kBadType:
+      return "bad type";
+    case WireStatus::kBadLength:
+      return "bad length";
+    case WireStatus::kBadChecksum:
+      return "bad checksum";
+    case WireStatus::kBadReserved:
+      return "reserved field not zero";
+    case WireStatus::kNotFinite:
+      return "not finite";
+    case WireStatus::kOutOfRange:
+      return "out of range";
+  }
+  return "unknown wire status";
+}
+
+Decoded decode(std::span<const std::byte> datagram) noexcept {
+  if (datagram.size() < kHeaderBytes + kChecksumBytes) {
+    return {WireStatus::kTooShort, 0, {}};
+  }
+  Reader reader(datagram);
+  for (const char letter : kMagic) {
+    std::uint8_t byte = 0;
+    reader.get(byte);
+    if (byte != static_cast<std::uint8_t>(letter)) {
+      return {WireStatus::kBadMagic, 0, {}};
+    }
+  }
+  std::uint16_t version = 0;
+  std::uint16_t type_number = 0;
+  std::uint16_t payload_bytes = 0;
+  std::uint16_t reserved = 0;
+  std::uint32_t sequence = 0;
+  std::uint64_t session_id = 0;
+  reader.get(version);
+  reader.get(type_number);
+  reader.get(payload_bytes);
+  reader.get(reserved);
+  reader.get(sequence);
+  reader.get(session_id);
+  if (version != kProtocolVersion) {
+    return {WireStatus::kBadVersion, 0, {}};
+  }
+  const auto type = static_cast<MessageType>(type_number);
+  const std::size_t size = size_bytes(type);
+  if (size == 0) {
+    return {WireStatus::kBadType, 0, {}};
+  }
+  if (datagram.size() != size || payload_bytes != size - kHeaderBytes - kChecksumBytes) {
+    return {WireStatus::kBadLength, 0, {}};
+  }
+  std::uint32_t stated_checksum = 0;
+  Reader(datagram.last(kChecksumBytes)).get(stated_checksum);
+  if (stated_checksum != checksum(datagram.first(size - kChecksumBytes))) {
+    return {WireStatus::kBadChecksum, 0, {}};
+  }
+  if (reserved != 0) {
+    return {WireStatus::kBadReserved, 0, {}};
+  }
+  switch (type) {
+    case MessageType::kToolState:
+      return decode_as<ToolState>(reader, sequence, session_id);
+    case MessageType::kQuery:
+      return decode_as<Query>(reader, sequence, session_id);
+    case MessageType::kForceSample:
+      return decode_as<ForceSample>(reader, sequence, session_id);
+    case MessageType::kGoodbye:
+      return decode_as<Goodbye>(reader, sequence, session_id);
+  }
+  return {WireStatus::kBadType, 0, {}};
+}
+
+Encoded encode(const ToolState& message, std::uint64_t session_id,
+               std::span<std::byte> buffer) noexcept {
+  return encode_as(MessageType::kToolState, message.sequence, message, session_id, buffer);
+}
+
+Encoded encode(const Query& message, std::uint64_t session_id,
+               std::span<std::byte> buffer) noexcept {
+  return encode_as(MessageType::kQuery, message.query_id, message, session_id, buffer);
+}
+
+Encoded encode(const ForceSample& message, std::uint64_t session_id,
+               std::span<std::byte> buffer) noexcept {
+  return encode_as(MessageType::kForceSample, message.sequence, message, session_id, buffer);
+}
+
+Encoded encode(const Goodbye& message, std::uint64_t session_id,
+               std::span<std::byte> buffer) noexcept {
+  return encode_as(MessageType::kGoodbye, 0, message, session_id, buffer);
+}
+
+}  // namespace forcegrid::link
