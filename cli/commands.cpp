@@ -1,0 +1,74 @@
+#include "cli/commands.h"
+
+#include <unistd.h>
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "cli/stop_request.h"
+#include "device_emulator/run_emulator.h"
+#include "driver/kinematics_json.h"
+#include "profiles/device_profile.h"
+#include "simulator/run_simulator.h"
+
+namespace forcegrid::cli {
+namespace {
+
+std::array<double, 3> three(const std::vector<double>& values) {
+  return {values.at(0), values.at(1), values.at(2)};
+}
+
+}  // namespace
+
+int emulate_command(const EmulateOptions& options) {
+  emulator::EmulatorOptions emulator;
+  emulator.profiles = options.devices;
+  emulator.listen = options.listen;
+  emulator.hand = options.hand;
+  emulator.motion = options.motion;
+  emulator.amplitude_m = 1e-3 * options.amplitude_mm;
+  emulator.seed = options.seed;
+  emulator.frame_order = options.frame_order;
+  emulator.calibrated = options.calibrated;
+  emulator.random_power_up_counters = options.random_counters;
+  emulator.contact_m = options.contact_m;
+  const auto reports = emulator::run_emulator(emulator, std::cout, std::cerr, StopRequest::stop(),
+                                              options.until_stdin_closes ? STDIN_FILENO : -1);
+  const nlohmann::json json =
+      reports.size() == 1 ? nlohmann::json(reports.front()) : nlohmann::json(reports);
+  write_json(options.json, json.dump(2));
+  return 0;
+}
+
+int simulate_command(const SimulateOptions& options) {
+  simulator::SimulatorOptions simulator;
+  simulator.scene = options.scene;
+  simulator.listen = options.listen;
+  simulator.rate_Hz = options.rate_Hz;
+  simulator.answer_delay_s = 1e-3 * options.delay_ms;
+  simulator.send_stiffness = !options.no_stiffness;
+  const simulator::SimulatorSummary summary =
+      simulator::run_simulator(simulator, std::cout, std::cerr, StopRequest::stop(),
+                               options.until_stdin_closes ? STDIN_FILENO : -1);
+  write_json(options.json, simulator::to_json(summary).dump(2));
+  return 0;
+}
+
+int kinematics_command(const KinematicsOptions& options) {
+  const profiles::DeviceProfile profile = profiles::load_device_profile(options.profile);
+  const std::array<double, 3> force_N =
+      options.force_N.empty() ? std::array<double, 3>{} : three(options.force_N);
+  JsonTarget target = options.json;
+  target.wanted = true;
+  if (!options.counts.empty()) {
+    write_json(target,
+               driver::kinematics_json_from_counts(profile, three(options.counts), force_N));
+  } else {
+    write_json(target,
+               driver::kinematics_json_from_position(profile, three(options.position_m), force_N));
+  }
+  return 0;
+}
+
+}  // namespace forcegrid::cli

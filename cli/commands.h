@@ -1,0 +1,53 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "cli/run_command.h"
+
+namespace forcegrid::cli {
+
+struct EmulateOptions {
+  std::vector<std::string> devices;  ///< profile names or files
+  std::string listen = "127.0.0.1:3240";
+  std::string hand = "firm";
+  std::string motion = "chirp";
+  double amplitude_mm = 10.0;
+  std::uint64_t seed = 1;
+  std::string frame_order = "out-first";
+  bool calibrated = false;
+  bool random_counters = false;
+  std::array<double, 3> contact_m{};
+  bool until_stdin_closes = false;
+  JsonTarget json;
+};
+
+/// Serves emulated devices until it is told to stop, then says what their motors did.
+int emulate_command(const EmulateOptions& options);
+
+struct SimulateOptions {
+  std::string scene = "block";
+  std::string listen = "127.0.0.1:24870";
+  double rate_Hz = 30.0;
+  double delay_ms = 0.0;
+  bool no_stiffness = false;
+  bool until_stdin_closes = false;
+  JsonTarget json;
+};
+
+/// Simulates a scene for a servo until it is told to stop, then says how it kept up.
+int simulate_command(const SimulateOptions& options);
+
+struct KinematicsOptions {
+  std::string profile;
+  std::vector<double> counts;
+  std::vector<double> position_m;
+  std::vector<double> force_N;
+  JsonTarget json;
+};
+
+/// Prints the arm's kinematics at counts or at a position as JSON.
+int kinematics_command(const KinematicsOptions& options);
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace forcegrid::cli {
+
+using Triple = std::array<double, 3>;
+
+/// One instant of the run.
+struct FigureRow {
+  double time_s = 0.0;  ///< since contact
+  Triple position_W_m{};
+  std::optional<Triple> truth_W_N;  ///< off-line force, when it was computed
+  std::vector<Triple> method_W_N;   ///< one a method
+};
+
+/// Writes `directory`/forces.csv, and from it forces.svg and forces.png with gnuplot: on top the
+/// tool's position and each method's force along z with the off-line force (Figure 7), below the
+/// methods' errors (Figure 8).
+/// @returns the files written.
+/// @throws std::runtime_error naming the file or program, the reason and the remedy. The CSV is
+///         kept when only the pictures fail.
+std::vector<std::string> write_figures(const std::string& directory,
+                                       const std::vector<std::string>& method_names,
+                                       const std::vector<FigureRow>& rows);
+
+}  // namespace forcegrid::cli

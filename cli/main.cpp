@@ -1,0 +1,226 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <string>
+
+#include "cli/commands.h"
+#include "cli/run_command.h"
+#include "cli/stop_request.h"
+#include "driver/device_url.h"
+#include "forcegrid/methods.h"
+#include "profiles/device_profile.h"
+#include "simulator/scene.h"
+
+namespace {
+
+using namespace forcegrid;
+using namespace forcegrid::cli;
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) {
+    text += (text.empty() ? "" : ", ") + word;
+  }
+  return text;
+}
+
+// `--json [FILE]` of every command.
+void add_json(CLI::App& command, JsonTarget& target) {
+  command
+      .add_option_function<std::vector<std::string>>(
+          "--json",
+          [&target](const std::vector<std::string>& values) {
+            target.wanted = true;
+            if (!values.empty() && values.front() != "{}") {
+              target.file = values.front();
+            }
+          },
+          "Summary as JSON, into FILE or to standard output")
+      ->expected(0, 1)
+      ->type_name("[FILE]")
+      ->trigger_on_parse();
+}
+
+const std::vector<std::string> kMotions = {"chirp", "lissajous", "random", "poke", "hold", "still"};
+const std::vector<std::string> kHands = {"firm", "light", "none"};
+const std::vector<std::string> kFrameOrders = {"out-first", "in-first"};
+
+void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
+  CLI::App& run = *app.add_subcommand("run", "Feel a scene through a device");
+  run.add_option(
+         "--device", o.device,
+         "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
+      ->capture_default_str();
+  run.add_option("--profile", o.profile,
+                 "Profile of an attached device (default woodenhaptics_v2015): " +
+                     joined(profiles::available_profiles()) + ", or a TOML file");
+  run.add_option("--scene", o.scene, "Object to feel: " + joined(simulator::scene_names()))
+      ->check(CLI::IsMember(simulator::scene_names()))
+      ->capture_default_str();
+  run.add_option("--simulator", o.simulator,
+                 "ADDR:PORT of a simulator that already runs, instead of --scene");
+  run.add_option("--seconds", o.seconds, "How long; 0 runs until Ctrl-C")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->capture_default_str();
+  run.add_option("--method", o.method, "Force method: " + joined(method_names()))
+      ->check(CLI::IsMember(method_names()))
+      ->capture_default_str();
+  run.add_option("--rate", o.rate_Hz, "Servo rate in Hz")
+      ->check(CLI::Range(100.0, 4000.0))
+      ->capture_default_str();
+  run.add_option("--fill-budget", o.fill_budget, "Vertices a cycle and method may update")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  run.add_option("--cells", o.cells, "Grid cells an axis: X,Y,Z")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str();
+  run.add_option("--r-mm", o.influence_radius_mm,
+                 "Distance of influence r; 0 is a sixth of the workspace's longest side")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  run.add_option("--unit-mm", o.unit_mm, "Unit of length in the grid's weight")
+      ->check(CLI::Range(0.001, 1000.0))
+      ->capture_default_str();
+  run.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  run.add_flag("--gravity-compensation", o.gravity_compensation, "Carry the links' weight");
+  run.add_flag("--calibrated", o.calibrated, "The counters are right already; ask for no button");
+  run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers a second of the started simulator")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
+  run.add_option_function<double>(
+         "--sim-delay-ms", [&o](double ms) { o.simulator_delay_s = 1e-3 * ms; },
+         "Hold each answer of the started simulator back this long (default 0)")
+      ->check(CLI::Range(0.0, 1000.0));
+  run.add_option("--hand", o.hand, "Emulated hand: " + joined(kHands))
+      ->check(CLI::IsMember(kHands))
+      ->capture_default_str();
+  run.add_option("--motion", o.motion, "Motion of the emulated hand: " + joined(kMotions))
+      ->check(CLI::IsMember(kMotions))
+      ->capture_default_str();
+  run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
+      ->check(CLI::Range(0.0, 30.0))
+      ->capture_default_str();
+  run.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
+  run.add_option("--frame-order", o.frame_order, "Emulated bus: " + joined(kFrameOrders))
+      ->check(CLI::IsMember(kFrameOrders))
+      ->capture_default_str();
+  run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
+      ->capture_default_str();
+  run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");
+  add_json(run, o.json);
+  run.callback([&o, &action] { action = [&o] { return run_command(o); }; });
+}
+
+void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action) {
+  CLI::App& emulate = *app.add_subcommand("emulate", "Serve emulated devices over USB/IP");
+  emulate
+      .add_option("--device", o.devices,
+                  "Profiles to serve as 1-1, 1-2, ...: " + joined(profiles::available_profiles()) +
+                      ", or TOML files")
+      ->required();
+  emulate.add_option("--listen", o.listen, "ADDR:PORT, loopback only; port 0 takes a free one")
+      ->capture_default_str();
+  emulate.add_option("--hand", o.hand, "Who holds the arm: " + joined(kHands))
+      ->check(CLI::IsMember(kHands))
+      ->capture_default_str();
+  emulate.add_option("--motion", o.motion, "What that hand does: " + joined(kMotions))
+      ->check(CLI::IsMember(kMotions))
+      ->capture_default_str();
+  emulate.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
+      ->check(CLI::Range(0.0, 30.0))
+      ->capture_default_str();
+  emulate.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
+  emulate.add_option("--frame-order", o.frame_order, "Bus: " + joined(kFrameOrders))
+      ->check(CLI::IsMember(kFrameOrders))
+      ->capture_default_str();
+  emulate.add_option("--contact", o.contact_m, "Where the hand goes to touch: X,Y,Z in metres")
+      ->delimiter(',')
+      ->capture_default_str();
+  emulate.add_flag("--calibrated", o.calibrated, "Counters are right from the start");
+  emulate.add_flag("--random-counters", o.random_counters, "Counters start anywhere");
+  emulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
+                   "End when standard input ends, for a parent process");
+  add_json(emulate, o.json);
+  emulate.callback([&o, &action] { action = [&o] { return emulate_command(o); }; });
+}
+
+void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& action) {
+  CLI::App& simulate = *app.add_subcommand("simulate", "Simulate a scene for a servo over UDP");
+  simulate.add_option("--scene", o.scene, "Object: " + joined(simulator::scene_names()))
+      ->check(CLI::IsMember(simulator::scene_names()))
+      ->capture_default_str();
+  simulate.add_option("--listen", o.listen, "ADDR:PORT, loopback only; port 0 takes a free one")
+      ->capture_default_str();
+  simulate.add_option("--rate", o.rate_Hz, "Answers a second")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
+  simulate.add_option("--delay-ms", o.delay_ms, "Hold each answer back this long")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
+  simulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
+                    "End when standard input ends, for a parent process");
+  add_json(simulate, o.json);
+  simulate.callback([&o, &action] { action = [&o] { return simulate_command(o); }; });
+}
+
+void add_kinematics(CLI::App& app, KinematicsOptions& o, std::function<int()>& action) {
+  CLI::App& kinematics =
+      *app.add_subcommand("kinematics", "Print an arm's kinematics as JSON, in the device frame");
+  kinematics
+      .add_option("--profile", o.profile,
+                  joined(profiles::available_profiles()) + ", or a TOML file")
+      ->required();
+  auto* counts = kinematics.add_option("--counts", o.counts, "Encoder counts A,B,C")
+                     ->delimiter(',')
+                     ->expected(3);
+  auto* position = kinematics.add_option("--position", o.position_m, "Position X,Y,Z in metres")
+                       ->delimiter(',')
+                       ->expected(3);
+  counts->excludes(position);
+  kinematics.add_option("--force", o.force_N, "Force X,Y,Z in newtons")
+      ->delimiter(',')
+      ->expected(3);
+  add_json(kinematics, o.json);
+  kinematics.callback([&o, &action, counts, position] {
+    if (counts->empty() && position->empty()) {
+      throw CLI::RequiredError("--counts A,B,C or --position X,Y,Z");
+    }
+    action = [&o] { return kinematics_command(o); };
+  });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Haptic interaction with virtual elastic objects", "forcegrid"};
+  app.set_version_flag("--version", FORCEGRID_VERSION);
+  app.require_subcommand(1);
+  app.set_help_all_flag("--help-all", "Help of every command");
+  RunOptions run;
+  EmulateOptions emulate;
+  SimulateOptions simulate;
+  KinematicsOptions kinematics;
+  std::function<int()> action;
+  add_run(app, run, action);
+  add_emulate(app, emulate, action);
+  add_simulate(app, simulate, action);
+  add_kinematics(app, kinematics, action);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int code = app.exit(error);
+    return code == 0 ? 0 : 2;
+  }
+  try {
+    StopRequest::install();
+    return action();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "forcegrid: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,444 @@
+#include "cli/run_command.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+#include <thread>
+
+#include "cli/child_process.h"
+#include "cli/figures.h"
+#include "cli/run_summary.h"
+#include "cli/stop_request.h"
+#include "driver/calibration.h"
+#include "driver/device_url.h"
+#include "driver/discovery.h"
+#include "driver/open_device.h"
+#include "forcegrid/methods.h"
+#include "profiles/device_profile.h"
+#include "servo_loop/link_thread.h"
+#include "servo_loop/servo_loop.h"
+#include "servo_loop/telemetry.h"
+#include "simulator/scene.h"
+#include "simulator/truth.h"
+
+namespace forcegrid::cli {
+namespace {
+
+using servo::Triple;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr char kEmulatedPrefix[] = "emulated:";
+constexpr milliseconds kChildStartTimeout{10000};
+constexpr milliseconds kChildEndTimeout{3000};
+
+// "listening 127.0.0.1:41234 busid 1-1 device NAME" -> "127.0.0.1:41234"
+std::string listening_address(ChildProcess& child, const std::string& what) {
+  const auto line = child.read_line(kChildStartTimeout);
+  const std::string prefix = "listening ";
+  if (!line || line->rfind(prefix, 0) != 0) {
+    throw std::runtime_error("the " + what + " did not start" +
+                             (child.running() ? " within 10 s" : " (its message is above)"));
+  }
+  return line->substr(prefix.size(), line->find(' ', prefix.size()) - prefix.size());
+}
+
+std::optional<nlohmann::json> final_report(ChildProcess* child) {
+  if (child == nullptr) {
+    return std::nullopt;
+  }
+  const std::string text = child->finish(kChildEndTimeout);
+  auto parsed = nlohmann::json::parse(text, nullptr, false);
+  if (parsed.is_discarded()) {
+    return std::nullopt;
+  }
+  return parsed;
+}
+
+void prepare_folder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  const std::string probe = folder + "/.writable";
+  std::ofstream file(probe);
+  file << "probe\n";
+  file.close();
+  if (error || !file) {
+    throw std::runtime_error("folder '" + folder + "' for the results can't be written (" +
+                             (error ? error.message() : std::strerror(errno)) +
+                             "); choose another with --out");
+  }
+  std::filesystem::remove(probe, error);
+}
+
+std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
+                                             const std::string& profile_name) {
+  std::vector<std::string> arguments = {"emulate",
+                                        "--device",
+                                        profile_name,
+                                        "--listen",
+                                        "127.0.0.1:0",
+                                        "--hand",
+                                        options.hand,
+                                        "--motion",
+                                        options.motion,
+                                        "--amplitude-mm",
+                                        std::to_string(options.amplitude_mm),
+                                        "--seed",
+                                        std::to_string(options.seed),
+                                        "--frame-order",
+                                        options.frame_order,
+                                        "--until-stdin-closes",
+                                        "--json"};
+  if (options.calibrated) {
+    arguments.push_back("--calibrated");
+  }
+  return std::make_unique<ChildProcess>(arguments);
+}
+
+std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options) {
+  return std::make_unique<ChildProcess>(std::vector<std::string>{
+      "simulate", "--scene", options.scene, "--listen", "127.0.0.1:0", "--rate",
+      std::to_string(options.simulator_rate_Hz), "--delay-ms",
+      std::to_string(1e3 * options.simulator_delay_s), "--until-stdin-closes", "--json"});
+}
+
+ForcegridMethod::Options grid_options(const RunOptions& options,
+                                      const profiles::DeviceProfile& profile,
+                                      const servo::WorkspaceMap& workspace) {
+  ForcegridMethod::Options grid;
+  grid.geometry.min_W = workspace.position_W(servo::vector(profile.limits.workspace_min_m));
+  grid.geometry.max_W = workspace.position_W(servo::vector(profile.limits.workspace_max_m));
+  grid.geometry.cells = {options.cells[0], options.cells[1], options.cells[2]};
+  const double longest_m = (grid.geometry.max_W - grid.geometry.min_W).maxCoeff();
+  grid.candle_light.influence_radius_m =
+      options.influence_radius_mm > 0.0 ? 1e-3 * options.influence_radius_mm : longest_m / 6.0;
+  grid.candle_light.unit_m = 1e-3 * options.unit_mm;
+  grid.samples_per_cell = options.samples_per_cell;
+  return grid;
+}
+
+std::unique_ptr<driver::Device> open(const std::string& url,
+                                     const profiles::DeviceProfile& profile) {
+  driver::OpenOptions open_options;
+  open_options.notice = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
+  try {
+    return driver::open_device(url, profile, open_options);
+  } catch (const driver::DeviceError& error) {
+    if (url.rfind("hid:", 0) != 0) {
+      throw;
+    }
+    std::vector<profiles::DeviceProfile> known;
+    for (const std::string& name : profiles::available_profiles()) {
+      known.push_back(profiles::load_device_profile(name));
+    }
+    throw driver::DeviceError(std::string(error.what()) + "\n" +
+                              driver::describe_attached_devices(known));
+  }
+}
+
+// Positions and forces of the cycles from the contact on.
+struct ContactCycles {
+  std::vector<const servo::CycleRecord*> records;
+  std::vector<Eigen::Vector3d> positions_W;
+};
+
+ContactCycles cycles_since(const std::deque<servo::CycleRecord>& records, std::int64_t contact_ns) {
+  ContactCycles cycles;
+  for (const servo::CycleRecord& record : records) {
+    if (record.time_ns >= contact_ns && record.fault == servo::Fault::kNone) {
+      cycles.records.push_back(&record);
+      cycles.positions_W.push_back(servo::vector(record.position_W_m));
+    }
+  }
+  return cycles;
+}
+
+double time_s(const servo::CycleRecord& record, std::int64_t contact_ns) {
+  return 1e-9 * static_cast<double>(record.time_ns - contact_ns);
+}
+
+void add_errors(RunSummary& summary, const std::vector<std::string>& names,
+                const ContactCycles& cycles, const std::vector<Eigen::Vector3d>& truth_W,
+                std::int64_t contact_ns) {
+  double truth_sum = 0.0;
+  for (const Eigen::Vector3d& force_W : truth_W) {
+    truth_sum += force_W.squaredNorm();
+    summary.force_max_N = std::max(summary.force_max_N, force_W.norm());
+  }
+  summary.force_rms_N = std::sqrt(truth_sum / static_cast<double>(truth_W.size()));
+  const auto percent = [&](double sum, double count) {
+    return count > 0.0 && summary.force_rms_N > 0.0
+               ? 100.0 * std::sqrt(sum / count) / summary.force_rms_N
+               : 0.0;
+  };
+  for (std::size_t method = 0; method < names.size(); ++method) {
+    double first_sum = 0.0;
+    double first_count = 0.0;
+    double rest_sum = 0.0;
+    double rest_count = 0.0;
+    double worst = 0.0;
+    for (std::size_t i = 0; i < truth_W.size(); ++i) {
+      const double squared =
+          (servo::vector(cycles.records[i]->method_force_W_N[method]) - truth_W[i]).squaredNorm();
+      if (time_s(*cycles.records[i], contact_ns) < 1.0) {
+        first_sum += squared;
+        first_count += 1.0;
+      } else {
+        rest_sum += squared;
+        rest_count += 1.0;
+        worst = std::max(worst, squared);
+      }
+    }
+    MethodError error;
+    error.rms_percent = percent(first_sum + rest_sum, first_count + rest_count);
+    error.rms_percent_first_1s = percent(first_sum, first_count);
+    error.rms_percent_after_1s = percent(rest_sum, rest_count);
+    error.max_percent_after_1s = percent(worst, 1.0);
+    summary.errors[names[method]] = error;
+  }
+}
+
+}  // namespace
+
+void write_json(const JsonTarget& target, const std::string& text) {
+  if (!target.wanted) {
+    return;
+  }
+  if (target.file.empty()) {
+    std::printf("%s\n", text.c_str());
+    if (std::fflush(stdout) != 0) {
+      throw std::runtime_error(std::string("standard output: ") + std::strerror(errno));
+    }
+    return;
+  }
+  errno = 0;
+  std::ofstream file(target.file);
+  file << text << '\n';
+  file.close();
+  if (!file) {
+    throw std::runtime_error("--json " + target.file + ": " + std::strerror(errno));
+  }
+}
+
+int run_command(const RunOptions& options) {
+  // With the JSON on standard output, everything for people goes to standard error.
+  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  const auto say = [out](const std::string& text) {
+    std::fputs(text.c_str(), out);
+    std::fflush(out);
+  };
+
+  const bool emulated = options.device.rfind(kEmulatedPrefix, 0) == 0;
+  const std::string profile_name =
+      emulated ? options.device.substr(sizeof kEmulatedPrefix - 1)
+               : (options.profile.empty() ? "woodenhaptics_v2015" : options.profile);
+  if (emulated && !options.profile.empty() && options.profile != profile_name) {
+    throw std::runtime_error("--profile " + options.profile + " contradicts --device " +
+                             options.device + "; an emulated device brings its own profile");
+  }
+  if (!emulated) {
+    driver::parse_device_url(options.device);
+  }
+  const profiles::DeviceProfile profile = profiles::load_device_profile(profile_name);
+
+  RunSummary summary;
+  summary.device = options.device;
+  summary.device_profile = profile.name;
+  summary.scene = options.simulator.empty() ? options.scene : "";
+  summary.method = options.method;
+  summary.rate_requested_Hz = options.rate_Hz;
+
+  // The rendered method first, the others in its shadow at the same path.
+  servo::ServoOptions servo_options;
+  servo_options.rate_Hz = options.rate_Hz;
+  servo_options.fill_budget = options.fill_budget;
+  servo_options.simulator_rate_Hz = options.simulator_rate_Hz;
+  servo_options.gravity_compensation = options.gravity_compensation;
+  const ForcegridMethod::Options grid = grid_options(options, profile, servo_options.workspace);
+  std::vector<std::unique_ptr<ForceMethod>> owned;
+  std::vector<ForceMethod*> methods;
+  std::vector<std::string> names;
+  const auto add_method = [&](const std::string& name) {
+    owned.push_back(make_force_method(name, grid));
+    methods.push_back(owned.back().get());
+    names.push_back(name);
+  };
+  add_method(options.method);
+  for (const std::string& name : method_names()) {
+    if (name != options.method) {
+      add_method(name);
+    }
+  }
+  prepare_folder(options.out);
+
+  std::unique_ptr<ChildProcess> emulator;
+  std::unique_ptr<ChildProcess> simulator;
+  if (options.simulator.empty()) {
+    simulator = start_simulator(options);
+  }
+  std::string url = options.device;
+  if (emulated) {
+    emulator = start_emulator(options, profile_name);
+    url = "usbip://" + listening_address(*emulator, "emulator") + "/1-1";
+  }
+  const std::string simulator_address =
+      simulator ? listening_address(*simulator, "simulator") : options.simulator;
+
+  servo::ServoPorts ports;
+  servo::LinkThread link(simulator_address, ports);
+  const std::unique_ptr<driver::Device> device = open(url, profile);
+  say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
+      ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
+  if (!options.calibrated) {
+    const bool calibrated = driver::calibrate(
+        *device, profile, seconds(60), [&](const std::string& text) { say(text + "\n"); },
+        [] { return StopRequest::stop().load(); });
+    if (!calibrated) {
+      say("Stopped before the arm was calibrated; the motors had no current.\n");
+      device->stop();
+      return 1;
+    }
+  }
+  say("Simulator: " + simulator_address + (simulator ? ", scene " + options.scene : "") +
+      "; method " + options.method + " at " + std::to_string(std::lround(options.rate_Hz)) +
+      " Hz; Ctrl-C ends it\n");
+
+  servo::TelemetryOptions telemetry_options;
+  telemetry_options.method_names = names;
+  telemetry_options.rate_Hz = options.rate_Hz;
+  telemetry_options.live = out;
+  servo::Telemetry telemetry(ports, telemetry_options);
+  servo::ServoLoop loop(*device, profile, methods, ports, servo_options);
+  link.start();
+  telemetry.start();
+  std::atomic<bool> ended{false};
+  std::thread servo_thread([&] {
+    summary.outcome = loop.run(StopRequest::stop(), options.seconds);
+    ended = true;
+  });
+  while (!ended) {
+    std::this_thread::sleep_for(milliseconds(20));
+    if (simulator && summary.notes.empty() && !simulator->running()) {
+      std::string how = simulator->abnormal_end();
+      summary.notes.push_back("the simulator process " + (how.empty() ? "ended" : how) +
+                              " during the run; the force faded to zero");
+      say(summary.notes.back() + "\n");
+    }
+  }
+  servo_thread.join();
+  link.stop();
+  telemetry.stop();
+  rt::unlock_memory();
+
+  if (!summary.outcome.scheduling.realtime) {
+    summary.notes.push_back(summary.outcome.scheduling.reason);
+  }
+  if (!summary.outcome.memory_lock_refused.empty()) {
+    summary.notes.push_back(summary.outcome.memory_lock_refused);
+  }
+  summary.device_statistics = device->statistics();
+  summary.link = link.statistics();
+  summary.samples_not_converged = link.samples_not_converged();
+  summary.worst_relative_residual = link.worst_relative_residual();
+  summary.worst_solve_time_s = link.worst_solve_time_s();
+  summary.records_lost = ports.records_lost.load();
+  summary.emulator = final_report(emulator.get());
+  summary.simulator = final_report(simulator.get());
+  const auto& records = telemetry.records();
+  if (records.size() > 1) {
+    summary.elapsed_s =
+        1e-9 * static_cast<double>(records.back().time_ns - telemetry.first_time_ns());
+  }
+  if (emulated && !summary.emulator) {
+    summary.notes.push_back("the emulator gave no report; it " + (emulator->abnormal_end().empty()
+                                                                      ? "is gone"
+                                                                      : emulator->abnormal_end()));
+  }
+  if (link.statistics().accepted == 0) {
+    summary.notes.push_back("no sample came from " + simulator_address +
+                            "; is a simulator listening there?");
+  }
+  if (summary.outcome.fault != servo::Fault::kNone) {
+    const std::string flight = options.out + "/flight_record.csv";
+    telemetry.write_flight_record(flight);
+    summary.files.push_back(flight);
+  }
+  say(loop_text(summary, telemetry.statistics()));
+
+  // The off-line forces: the same object, converged, at every measured position since the contact.
+  const auto contact = link.first_contact();
+  ContactCycles cycles;
+  if (contact) {
+    cycles = cycles_since(records, contact->time_ns);
+  }
+  std::vector<Eigen::Vector3d> truth_W;
+  if (!contact || cycles.records.size() < 2) {
+    summary.truth = "the tool never touched the object";
+  } else if (!simulator) {
+    summary.truth = "only the scenes of 'forcegrid simulate' can be solved off line";
+  } else if (options.no_truth) {
+    summary.truth = "skipped by --no-truth";
+  } else if (StopRequest::hurry()) {
+    summary.truth = "skipped by a second Ctrl-C";
+  } else {
+    simulator::TruthOptions truth_options;
+    truth_options.scene = options.scene;
+    truth_options.contact_point_W = contact->point_W;
+    truth_options.cancel = &StopRequest::hurry();
+    truth_options.progress = [out](double done, double remaining_s) {
+      std::fprintf(out, "\rOff-line forces: %3.0f %%, %2.0f s left (%s skips them) ", 100.0 * done,
+                   remaining_s, StopRequest::stop() ? "Ctrl-C" : "Ctrl-C twice");
+      std::fflush(out);
+    };
+    const simulator::TruthResult truth =
+        simulator::simulate_truth(cycles.positions_W, truth_options);
+    say("\n");
+    if (truth.cancelled) {
+      summary.truth = "skipped by a second Ctrl-C";
+    } else {
+      truth_W = truth.forces_W;
+      summary.truth = "computed";
+      summary.truth_details = truth.to_json();
+      if (truth.unconverged > 0) {
+        summary.notes.push_back(std::to_string(truth.unconverged) +
+                                " off-line forces did not reach their tolerance");
+      }
+      add_errors(summary, names, cycles, truth_W, contact->time_ns);
+    }
+  }
+
+  std::vector<FigureRow> rows;
+  for (std::size_t i = 0; i < cycles.records.size(); ++i) {
+    FigureRow row;
+    row.time_s = time_s(*cycles.records[i], contact->time_ns);
+    row.position_W_m = cycles.records[i]->position_W_m;
+    if (!truth_W.empty()) {
+      row.truth_W_N = servo::triple(truth_W[i]);
+    }
+    for (std::size_t method = 0; method < names.size(); ++method) {
+      row.method_W_N.push_back(cycles.records[i]->method_force_W_N[method]);
+    }
+    rows.push_back(std::move(row));
+  }
+  int status = summary.outcome.fault == servo::Fault::kNone ? 0 : 1;
+  try {
+    for (std::string& file : write_figures(options.out, names, rows)) {
+      summary.files.push_back(std::move(file));
+    }
+  } catch (const std::runtime_error& error) {
+    summary.notes.push_back(error.what());
+    std::fprintf(stderr, "forcegrid: %s\n", error.what());
+    status = 1;
+  }
+  say(errors_text(summary));
+  write_json(options.json, to_json(summary, telemetry.statistics()).dump(2));
+  return status;
+}
+
+}  // namespace forcegrid::cli

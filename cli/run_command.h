@@ -1,0 +1,54 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+namespace forcegrid::cli {
+
+/// `--json [FILE]`: not wanted, on standard output, or into a file.
+struct JsonTarget {
+  bool wanted = false;
+  std::string file;  ///< empty: standard output
+
+  bool on_stdout() const { return wanted && file.empty(); }
+};
+
+/// Writes `text` and a newline where the target says, if wanted at all.
+/// @throws std::runtime_error naming the file and the system's reason.
+void write_json(const JsonTarget& target, const std::string& text);
+
+/// What `forcegrid run` was asked for; the defaults are the main job.
+struct RunOptions {
+  std::string device = "emulated:woodenhaptics_v2015";
+  std::string profile;  ///< of a device that is not emulated; empty: woodenhaptics_v2015
+  std::string scene = "block";
+  std::string simulator;  ///< ADDR:PORT of a simulator that already runs; empty: start one
+  double simulator_rate_Hz = 30.0;
+  double simulator_delay_s = 0.0;
+  double seconds = 20.0;  ///< 0: until Ctrl-C
+  double rate_Hz = 500.0;
+  std::string method = "forcegrid";
+  int fill_budget = 1000;
+  std::array<int, 3> cells{49, 49, 49};
+  double influence_radius_mm = 0.0;  ///< 0: a sixth of the workspace's longest side
+  double unit_mm = 1.0;
+  int samples_per_cell = 0;
+  bool gravity_compensation = false;
+  bool calibrated = false;  ///< the counters are right already
+  std::string hand = "firm";
+  std::string motion = "chirp";
+  double amplitude_mm = 10.0;
+  std::uint64_t seed = 1;
+  std::string frame_order = "out-first";
+  std::string out = "out";
+  bool no_truth = false;
+  JsonTarget json;
+};
+
+/// Feels the scene through the device, then says how it went.
+/// @returns the program's exit status: 0, or 1 after a fault.
+/// @throws std::exception with a sentence for the user when it can't be set up.
+int run_command(const RunOptions& options);
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,183 @@
+#include "cli/run_summary.h"
+
+#include <cinttypes>
+#include <cstdarg>
+#include <cstdio>
+
+namespace forcegrid::cli {
+namespace {
+
+__attribute__((format(printf, 2, 3))) void append(std::string& text, const char* format, ...) {
+  char line[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(line, sizeof line, format, arguments);
+  va_end(arguments);
+  text += line;
+}
+
+nlohmann::json percentiles_json(const rt::Percentiles& p) {
+  return {{"p50", p.at(0.5)}, {"p99", p.at(0.99)}, {"p999", p.at(0.999)},
+          {"max", p.max()},   {"mean", p.mean()},  {"count", p.count()}};
+}
+
+void append_percentiles(std::string& text, const char* what, const rt::Percentiles& p) {
+  append(text, "  %-14s median %8.1f   p99 %8.1f   p99.9 %8.1f   max %8.1f\n", what, p.at(0.5),
+         p.at(0.99), p.at(0.999), p.max());
+}
+
+double measured_rate_Hz(const RunSummary& summary) {
+  return summary.elapsed_s > 0.0 && summary.outcome.cycles > 1
+             ? static_cast<double>(summary.outcome.cycles - 1) / summary.elapsed_s
+             : 0.0;
+}
+
+}  // namespace
+
+std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
+  std::string text = "\n";
+  const servo::ServoOutcome& outcome = summary.outcome;
+  append(text,
+         "%" PRIu64 " cycles in %.2f s at %.1f Hz (asked for %.0f), %" PRIu64
+         " missed deadlines, %s%s\n",
+         outcome.cycles, summary.elapsed_s, measured_rate_Hz(summary), summary.rate_requested_Hz,
+         outcome.missed_deadlines,
+         outcome.scheduling.realtime ? "real-time scheduling" : "no real-time scheduling",
+         outcome.memory_lock_refused.empty() ? ", memory locked" : ", memory not locked");
+  append_percentiles(text, "period / us", statistics.period_us);
+  append_percentiles(text, "compute / us", statistics.compute_us);
+  append_percentiles(text, "report age / us", statistics.report_age_us);
+  append(text,
+         "Device: %" PRIu64 " reports, %" PRIu64 " lost, %" PRIu64 " rejected; %" PRIu64
+         " commands, %" PRIu64 " clamped; zero current at the end %s\n",
+         summary.device_statistics.reports_received, summary.device_statistics.reports_lost,
+         summary.device_statistics.reports_rejected, summary.device_statistics.commands_sent,
+         summary.device_statistics.commands_clamped,
+         outcome.zero_current_delivered ? "delivered" : "could not be delivered");
+  append(text,
+         "Simulator: %" PRIu64 " samples taken, %" PRIu64
+         " rejected; longest solve %.1f ms, worst "
+         "relative residual %.1e, %" PRIu64 " not converged\n",
+         summary.link.accepted, summary.link.dropped(), 1e3 * summary.worst_solve_time_s,
+         summary.worst_relative_residual, summary.samples_not_converged);
+  if (statistics.cycles_limited > 0) {
+    append(text, "A limit of the profile acted in %" PRIu64 " cycles\n", statistics.cycles_limited);
+  }
+  if (outcome.stalls > 0) {
+    append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in anew\n",
+           outcome.stalls);
+  }
+  if (summary.records_lost > 0) {
+    append(text, "%" PRIu64 " cycles were not recorded: telemetry could not keep up\n",
+           summary.records_lost);
+  }
+  if (summary.emulator) {
+    const auto& e = *summary.emulator;
+    const auto current = e.at("final_current_mA").get<std::vector<double>>();
+    append(text, "Emulated motors: final current %.0f %.0f %.0f mA, %" PRIu64 " watchdog trips\n",
+           current[0], current[1], current[2], e.at("watchdog_trips").get<std::uint64_t>());
+  }
+  for (const std::string& note : summary.notes) {
+    text += "Note: " + note + "\n";
+  }
+  if (outcome.fault != servo::Fault::kNone) {
+    text += "FAULT: " + servo::sentence_for(outcome.fault);
+    if (!outcome.device_failure.empty()) {
+      text += " (" + outcome.device_failure + ")";
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string errors_text(const RunSummary& summary) {
+  std::string text;
+  if (!summary.errors.empty()) {
+    append(text, "Off-line force F_o: RMS %.2f N, largest %.2f N\n", summary.force_rms_N,
+           summary.force_max_N);
+    append(text,
+           "Error against F_o, %% of its RMS:   whole   first 1 s   after 1 s   worst after 1 s\n");
+    for (const auto& [name, error] : summary.errors) {
+      append(text, "  %-28s %9.2f %11.2f %11.2f %17.2f\n",
+             (name == "hold" ? "hold (streaming)" : name).c_str(), error.rms_percent,
+             error.rms_percent_first_1s, error.rms_percent_after_1s, error.max_percent_after_1s);
+    }
+  } else {
+    text += "No errors against the off-line force: " + summary.truth + "\n";
+  }
+  for (const std::string& file : summary.files) {
+    text += "Wrote " + file + "\n";
+  }
+  return text;
+}
+
+nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
+  using nlohmann::json;
+  const servo::ServoOutcome& outcome = summary.outcome;
+  json faults = json::array();
+  if (outcome.fault != servo::Fault::kNone) {
+    faults.push_back({{"name", servo::name_of(outcome.fault)},
+                      {"sentence", servo::sentence_for(outcome.fault)},
+                      {"device", outcome.device_failure}});
+  }
+  json rms = json::object();
+  json details = json::object();
+  for (const auto& [name, error] : summary.errors) {
+    rms[name] = error.rms_percent;
+    details[name] = {{"rms_error_percent", error.rms_percent},
+                     {"rms_error_percent_first_1s", error.rms_percent_first_1s},
+                     {"rms_error_percent_after_1s", error.rms_percent_after_1s},
+                     {"max_error_percent_after_1s", error.max_percent_after_1s}};
+  }
+  const driver::DeviceStatistics& device = summary.device_statistics;
+  json result = {
+      {"device", summary.device},
+      {"profile", summary.device_profile},
+      {"scene", summary.scene},
+      {"method", summary.method},
+      {"servo_rate_Hz", measured_rate_Hz(summary)},
+      {"servo_rate_requested_Hz", summary.rate_requested_Hz},
+      {"elapsed_s", summary.elapsed_s},
+      {"cycles", outcome.cycles},
+      {"missed_deadlines", outcome.missed_deadlines},
+      {"stalls", outcome.stalls},
+      {"records_lost", summary.records_lost},
+      {"realtime_scheduling", outcome.scheduling.realtime},
+      {"realtime_reason", outcome.scheduling.reason},
+      {"memory_locked", outcome.memory_lock_refused.empty()},
+      {"period_us", percentiles_json(statistics.period_us)},
+      {"compute_us", percentiles_json(statistics.compute_us)},
+      {"report_age_us", percentiles_json(statistics.report_age_us)},
+      {"sample_age_ms", percentiles_json(statistics.sample_age_ms)},
+      {"cycles_limited", statistics.cycles_limited},
+      {"reports_received", device.reports_received},
+      {"reports_lost", device.reports_lost},
+      {"reports_rejected", device.reports_rejected},
+      {"commands_sent", device.commands_sent},
+      {"commands_clamped", device.commands_clamped},
+      {"commands_starved", device.commands_starved},
+      {"kicks", device.kicks},
+      {"refreshes", device.refreshes},
+      {"zero_current_delivered", outcome.zero_current_delivered},
+      {"samples_received", summary.link.accepted},
+      {"samples_rejected", summary.link.dropped()},
+      {"samples_lost", summary.link.lost},
+      {"samples_not_converged", summary.samples_not_converged},
+      {"worst_relative_residual", summary.worst_relative_residual},
+      {"worst_solve_time_s", summary.worst_solve_time_s},
+      {"rms_error_percent", rms},
+      {"errors", details},
+      {"force_rms_N", summary.force_rms_N},
+      {"force_max_N", summary.force_max_N},
+      {"truth", summary.truth},
+      {"faults", faults},
+      {"notes", summary.notes},
+      {"files", summary.files},
+  };
+  result["truth_details"] = summary.truth_details.value_or(json());
+  result["emulator"] = summary.emulator.value_or(json());
+  result["simulator"] = summary.simulator.value_or(json());
+  return result;
+}
+
+}  // namespace forcegrid::cli

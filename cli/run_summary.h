@@ -1,0 +1,59 @@
+#pragma once
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "driver/device.h"
+#include "link/statistics.h"
+#include "servo_loop/servo_loop.h"
+#include "servo_loop/telemetry.h"
+
+namespace forcegrid::cli {
+
+/// How far one method was from the off-line force, in % of the RMS of |F_o| over the contact.
+struct MethodError {
+  double rms_percent = 0.0;           ///< whole contact
+  double rms_percent_first_1s = 0.0;  ///< RMS of the first second of contact
+  double rms_percent_after_1s = 0.0;  ///< RMS of the rest
+  double max_percent_after_1s = 0.0;
+};
+
+/// Everything a run has to say, in the order in which it becomes known.
+struct RunSummary {
+  std::string device;
+  std::string device_profile;
+  std::string scene;
+  std::string method;
+  double rate_requested_Hz = 0.0;
+  double elapsed_s = 0.0;  ///< from the first to the last cycle
+  servo::ServoOutcome outcome;
+  driver::DeviceStatistics device_statistics;
+  link::LinkStatistics link;
+  std::uint64_t samples_not_converged = 0;
+  double worst_relative_residual = 0.0;
+  double worst_solve_time_s = 0.0;
+  std::uint64_t records_lost = 0;
+  std::vector<std::string> notes;           ///< degradations, one sentence each
+  std::optional<nlohmann::json> emulator;   ///< its own report
+  std::optional<nlohmann::json> simulator;  ///< its own report
+  std::map<std::string, MethodError> errors;
+  double force_rms_N = 0.0;  ///< of |F_o|
+  double force_max_N = 0.0;
+  std::string truth;  ///< "computed", or why it was not
+  std::optional<nlohmann::json> truth_details;
+  std::vector<std::string> files;
+};
+
+/// The text for people that is printed as soon as the loop has ended: everything but the errors.
+std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
+
+/// The errors and the files, once they are there.
+std::string errors_text(const RunSummary& summary);
+
+/// The whole for programs; keys are documented in docs/summary_json.md.
+nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
+
+}  // namespace forcegrid::cli

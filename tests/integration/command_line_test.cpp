@@ -1,0 +1,115 @@
+// Wrong and right words on the command line: what they end with and what they say.
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/integration/program.h"
+
+namespace forcegrid {
+namespace {
+
+using nlohmann::json;
+using testing::fresh_folder;
+using testing::Program;
+
+struct Complaint {
+  std::vector<std::string> arguments;
+  int status;
+  std::vector<std::string> words;  // all in standard error or output
+};
+
+class Complaints : public ::testing::TestWithParam<Complaint> {};
+
+TEST_P(Complaints, NameTheInputAndTheRemedy) {
+  Program program = Program::forcegrid(GetParam().arguments);
+  EXPECT_EQ(program.wait(std::chrono::seconds(20)), GetParam().status);
+  const std::string said = program.standard_error() + program.standard_output();
+  for (const std::string& word : GetParam().words) {
+    EXPECT_NE(said.find(word), std::string::npos) << "'" << word << "' is not in: " << said;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Words, Complaints,
+    ::testing::Values(
+        Complaint{{}, 2, {"subcommand"}}, Complaint{{"rum"}, 2, {"rum"}},
+        Complaint{{"run", "--sceen", "block"}, 2, {"--sceen"}},
+        Complaint{{"run", "--scene", "blok"}, 2, {"blok", "block"}},
+        Complaint{{"run", "--method", "magic"}, 2, {"magic", "forcegrid", "hold"}},
+        Complaint{{"run", "--seconds", "-1"}, 2, {"--seconds"}},
+        Complaint{{"run", "--seconds", "soon"}, 2, {"--seconds", "soon"}},
+        Complaint{{"run", "--rate", "99"}, 2, {"--rate"}},
+        Complaint{{"run", "--device", "emulated:woodenhaptics_v1999"},
+                  1,
+                  {"woodenhaptics_v1999", "woodenhaptics_v2015", "phantom_desktop"}},
+        Complaint{{"run", "--device", "usb:1"}, 1, {"usb:1", "usbip://HOST"}},
+        Complaint{{"run", "--device", "usbip://127.0.0.1:1/1-1", "--simulator", "127.0.0.1:9"},
+                  1,
+                  {"usbip://127.0.0.1:1/1-1"}},
+        Complaint{{"run", "--device", "hid:1234:0006", "--simulator", "127.0.0.1:9"},
+                  1,
+                  {"1234:0006", "emulated:"}},
+        Complaint{{"run", "--simulator", "192.0.2.1:24870", "--seconds", "1"},
+                  1,
+                  {"192.0.2.1", "loopback"}},
+        Complaint{{"run", "--out", "/proc/no-such-folder"}, 1, {"/proc/no-such-folder", "--out"}},
+        Complaint{{"emulate"}, 2, {"--device"}},
+        Complaint{{"emulate", "--device", "phantom_desktop", "--listen", "0.0.0.0:3240"},
+                  1,
+                  {"0.0.0.0", "loopback"}},
+        Complaint{{"simulate", "--listen", "0.0.0.0:0"}, 1, {"0.0.0.0", "loopback"}},
+        Complaint{{"simulate", "--listen", "nonsense"}, 1, {"nonsense"}},
+        Complaint{{"kinematics", "--profile", "vintage"}, 2, {"--counts"}},
+        Complaint{{"kinematics", "--profile", "vintage", "--counts", "1,2"}, 2, {"--counts"}},
+        Complaint{{"kinematics", "--profile", "vintage", "--position", "9,9,9"}, 1, {"9"}},
+        Complaint{{"kinematics", "--profile", "no.toml", "--counts", "1,2,3"}, 1, {"no.toml"}}));
+
+TEST(CommandLine, RefusesAPortInUseAndNamesIt) {
+  Program first =
+      Program::forcegrid({"emulate", "--device", "phantom_desktop", "--listen", "127.0.0.1:0"});
+  const std::string line = first.wait_for_line("listening ");
+  const std::string address = line.substr(10, line.find(' ', 10) - 10);
+  Program second =
+      Program::forcegrid({"emulate", "--device", "phantom_desktop", "--listen", address});
+  EXPECT_EQ(second.wait(std::chrono::seconds(20)), 1);
+  EXPECT_NE(second.standard_error().find(address), std::string::npos) << second.standard_error();
+}
+
+TEST(CommandLine, PrintsTheKinematicsOfTheDeviceSheet) {
+  // Sheet 11.1 and 11.2, woodenhaptics_v2015, counts -1500, 1200, 5200, force -0.75, 0.25, 1.5 N.
+  Program program =
+      Program::forcegrid({"kinematics", "--profile", "woodenhaptics_v2015", "--counts",
+                          "-1500,1200,5200", "--force", "-0.75,0.25,1.5"});
+  ASSERT_EQ(program.wait(std::chrono::seconds(20)), 0) << program.standard_error();
+  const json result = json::parse(program.standard_output());
+  const double position_m[] = {0.069947798294, -0.087954703032, 0.144028221590};
+  const double torque_Nm[] = {0.006520922300, -0.249100221465, 0.319213855073};
+  const double current_A[] = {0.015735816360, -0.801480764044, 1.027071605768};
+  const int report_mA[] = {15, -801, 1027};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(result.at("position_m")[i].get<double>(), position_m[i], 1e-11);
+    EXPECT_NEAR(result.at("joint_torque_Nm")[i].get<double>(), torque_Nm[i], 1e-11);
+    EXPECT_NEAR(result.at("current_A")[i].get<double>(), current_A[i], 1e-11);
+    EXPECT_EQ(result.at("report_mA")[i], report_mA[i]);
+  }
+}
+
+TEST(CommandLine, InvertsAPosition) {
+  // Sheet D.3, PHANTOM class.
+  Program program = Program::forcegrid(
+      {"kinematics", "--profile", "phantom_desktop", "--position", "-0.06,0.08,-0.06"});
+  ASSERT_EQ(program.wait(std::chrono::seconds(20)), 0) << program.standard_error();
+  const json result = json::parse(program.standard_output());
+  const double angle_rad[] = {0.982649506346, -0.331518421211, -0.226388609935};
+  const double counts[] = {5765.290952, -1945.047692, -1328.241856};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(result.at("joint_angles_rad")[i].get<double>(), angle_rad[i], 1e-11);
+    EXPECT_NEAR(result.at("counts")[i].get<double>(), counts[i], 1e-5);
+  }
+}
+
+}  // namespace
+}  // namespace forcegrid

@@ -1,0 +1,195 @@
+// The main job through real bytes: emulated USB device, driver, servo loop, link, simulator, each
+// as its user starts it.
+
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "tests/integration/program.h"
+
+namespace forcegrid {
+namespace {
+
+using nlohmann::json;
+using testing::fresh_folder;
+using testing::Program;
+
+// "listening 127.0.0.1:41234 ..." -> "127.0.0.1:41234"
+std::string address_in(const std::string& line) {
+  const std::string rest = line.substr(std::string("listening ").size());
+  return rest.substr(0, rest.find(' '));
+}
+
+void expect_motors_off(const json& emulator) {
+  ASSERT_TRUE(emulator.is_object());
+  for (const double current_mA : emulator.at("final_current_mA")) {
+    EXPECT_EQ(current_mA, 0.0);
+  }
+}
+
+json parsed(const std::string& text) {
+  const json result = json::parse(text, nullptr, false);
+  EXPECT_FALSE(result.is_discarded()) << text;
+  return result.is_discarded() ? json::object() : result;
+}
+
+TEST(MainJob, FeelsTheSmallBlockAndSaysHowItWent) {
+  const std::string out = fresh_folder("run");
+  Program run =
+      Program::forcegrid({"run", "--scene", "small", "--seconds", "6", "--out", out, "--json"});
+  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  EXPECT_NEAR(summary.at("servo_rate_Hz").get<double>(), 500.0, 50.0);
+  EXPECT_GT(summary.at("cycles").get<int>() + summary.at("missed_deadlines").get<int>(), 2900);
+  for (const char* key : {"period_us", "compute_us", "report_age_us"}) {
+    for (const char* part : {"p50", "p99", "p999", "max"}) {
+      EXPECT_GT(summary.at(key).at(part).get<double>(), 0.0) << key << part;
+    }
+  }
+  EXPECT_NEAR(summary.at("period_us").at("p50").get<double>(), 2000.0, 100.0);
+  EXPECT_TRUE(summary.at("realtime_scheduling").is_boolean());
+  EXPECT_EQ(summary.at("method"), "forcegrid");
+  EXPECT_EQ(summary.at("faults"), json::array());
+  EXPECT_GT(summary.at("samples_received").get<int>(), 100);
+  EXPECT_EQ(summary.at("samples_rejected").get<int>(), 0);
+  EXPECT_TRUE(summary.at("reports_lost").is_number_unsigned());
+  EXPECT_LE(summary.at("worst_relative_residual").get<double>(), 1e-3);
+  // The force was really felt, and both methods are worse than perfect and better than nothing.
+  EXPECT_GT(summary.at("force_rms_N").get<double>(), 0.2);
+  for (const char* method : {"hold", "forcegrid"}) {
+    const double error = summary.at("rms_error_percent").at(method).get<double>();
+    EXPECT_GT(error, 0.1) << method;
+    EXPECT_LT(error, 60.0) << method;
+  }
+  EXPECT_EQ(summary.at("truth"), "computed");
+  EXPECT_EQ(summary.at("truth_details").at("unconverged"), 0);
+  expect_motors_off(summary.at("emulator"));
+  EXPECT_EQ(summary.at("emulator").at("watchdog_trips"), 0);
+  EXPECT_TRUE(summary.at("zero_current_delivered").get<bool>());
+  for (const char* file : {"/forces.csv", "/forces.svg", "/forces.png"}) {
+    EXPECT_GT(std::filesystem::file_size(out + file), 1000u) << file;
+  }
+  // The text for people went to standard error, with a live line a second.
+  EXPECT_NE(run.standard_error().find("in contact"), std::string::npos);
+  EXPECT_NE(run.standard_error().find("cycles in"), std::string::npos);
+}
+
+TEST(MainJob, EndsWithZeroCurrentAndASummaryAtCtrlC) {
+  const std::string out = fresh_folder("run");
+  Program run =
+      Program::forcegrid({"run", "--scene", "small", "--seconds", "0", "--no-truth", "--device",
+                          "emulated:phantom_desktop", "--out", out, "--json"});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  run.send_signal(SIGINT);
+  ASSERT_EQ(run.wait(std::chrono::seconds(10)), 0) << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  EXPECT_EQ(summary.at("faults"), json::array());
+  EXPECT_EQ(summary.at("truth"), "skipped by --no-truth");
+  expect_motors_off(summary.at("emulator"));
+  EXPECT_EQ(summary.at("emulator").at("watchdog_trips"), 0);
+  EXPECT_GT(summary.at("emulator").at("max_abs_current_mA")[1].get<double>(), 0.0);
+}
+
+TEST(MainJob, EndsInAFaultWithAFlightRecordWhenTheDeviceVanishes) {
+  const std::string out = fresh_folder("run");
+  Program emulator =
+      Program::forcegrid({"emulate", "--device", "woodenhaptics_v2015", "--listen", "127.0.0.1:0"});
+  const std::string address = address_in(emulator.wait_for_line("listening "));
+  Program run =
+      Program::forcegrid({"run", "--device", "usbip://" + address + "/1-1", "--scene", "small",
+                          "--seconds", "60", "--no-truth", "--out", out, "--json"});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  emulator.send_signal(SIGKILL);
+  ASSERT_EQ(run.wait(std::chrono::seconds(10)), 1) << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  ASSERT_EQ(summary.at("faults").size(), 1u);
+  EXPECT_EQ(summary.at("faults")[0].at("name"), "unplugged");
+  EXPECT_NE(run.standard_error().find("FAULT: The device is gone"), std::string::npos);
+  EXPECT_GT(std::filesystem::file_size(out + "/flight_record.csv"), 10000u);
+}
+
+TEST(MainJob, LeavesTheMotorsToTheWatchdogWhenItIsKilled) {
+  Program emulator = Program::forcegrid(
+      {"emulate", "--device", "woodenhaptics_v2015", "--listen", "127.0.0.1:0", "--json"});
+  const std::string address = address_in(emulator.wait_for_line("listening "));
+  Program run =
+      Program::forcegrid({"run", "--device", "usbip://" + address + "/1-1", "--scene", "small",
+                          "--seconds", "60", "--no-truth", "--out", fresh_folder("run")});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+  run.send_signal(SIGKILL);
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  emulator.send_signal(SIGINT);
+  ASSERT_EQ(emulator.wait(std::chrono::seconds(10)), 0);
+  const std::string text = emulator.standard_output();
+  const json report = parsed(text.substr(text.find('{')));
+  expect_motors_off(report);
+  EXPECT_EQ(report.at("watchdog_trips"), 1);
+}
+
+TEST(MainJob, FadesTheForceWhenTheSimulatorDies) {
+  Program simulator =
+      Program::forcegrid({"simulate", "--scene", "small", "--listen", "127.0.0.1:0"});
+  const std::string address = address_in(simulator.wait_for_line("listening "));
+  const std::string out = fresh_folder("run");
+  Program run =
+      Program::forcegrid({"run", "--simulator", address, "--seconds", "8", "--out", out, "--json"});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  simulator.send_signal(SIGKILL);
+  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  EXPECT_EQ(summary.at("faults"), json::array());
+  expect_motors_off(summary.at("emulator"));
+  // The last cycles before the end were already without force.
+  EXPECT_GT(summary.at("emulator").at("seconds_since_motors_nonzero").get<double>(), 0.5);
+}
+
+TEST(MainJob, GoesOnWithoutForceWhenNoSimulatorEverStarts) {
+  Program run = Program::forcegrid({"run", "--simulator", "127.0.0.1:9", "--seconds", "3", "--out",
+                                    fresh_folder("run"), "--json"});
+  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  EXPECT_EQ(summary.at("samples_received"), 0);
+  EXPECT_NE(summary.at("notes").dump().find("no sample came from 127.0.0.1:9"), std::string::npos);
+  for (const double current_mA : summary.at("emulator").at("max_abs_current_mA")) {
+    EXPECT_EQ(current_mA, 0.0);
+  }
+}
+
+TEST(MainJob, FeelsAForeignSimulatorInPython) {
+  Program spring({"python3", "-u", FORCEGRID_SOURCE_DIR "/examples/spring_simulator.py", "100",
+                  "127.0.0.1:24881"});
+  Program run = Program::forcegrid({"run", "--simulator", "127.0.0.1:24881", "--seconds", "6",
+                                    "--out", fresh_folder("run"), "--json"});
+  ASSERT_EQ(run.wait(), 0) << run.standard_error() << spring.standard_error();
+  const json summary = parsed(run.standard_output());
+  EXPECT_GT(summary.at("samples_received").get<int>(), 100);
+  EXPECT_EQ(summary.at("samples_rejected"), 0);
+  EXPECT_EQ(summary.at("faults"), json::array());
+  EXPECT_NE(summary.at("truth").get<std::string>().find("off line"), std::string::npos);
+}
+
+TEST(MainJob, RefusesADeviceThatSomebodyElseHolds) {
+  Program emulator =
+      Program::forcegrid({"emulate", "--device", "woodenhaptics_v2015", "--listen", "127.0.0.1:0"});
+  const std::string url = "usbip://" + address_in(emulator.wait_for_line("listening ")) + "/1-1";
+  Program first = Program::forcegrid({"run", "--device", url, "--simulator", "127.0.0.1:9",
+                                      "--seconds", "30", "--out", fresh_folder("run")});
+  ASSERT_TRUE(first.wait_for_text("Device: ")) << first.standard_error();
+  Program second = Program::forcegrid({"run", "--device", url, "--simulator", "127.0.0.1:9",
+                                       "--seconds", "3", "--out", fresh_folder("run")});
+  EXPECT_EQ(second.wait(std::chrono::seconds(15)), 1);
+  EXPECT_NE(second.standard_error().find(url), std::string::npos) << second.standard_error();
+  first.send_signal(SIGINT);
+  EXPECT_TRUE(first.wait(std::chrono::seconds(10)).has_value());
+}
+
+}  // namespace
+}  // namespace forcegrid
