@@ -1,0 +1,283 @@
+#include "simulator/run_simulator.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "link/servo_endpoint.h"
+#include "simulator/error.h"
+#include "simulator/scene.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using ::testing::HasSubstr;
+using namespace std::chrono_literals;
+
+// Generous: the machine may be busy. Everything that works ends far earlier.
+constexpr auto kPatience = 20s;
+
+// A stream that another thread may read while it is written.
+class SharedText : public std::stringbuf {
+ public:
+  int sync() override {
+    const std::lock_guard lock(mutex_);
+    flushed_ = str();
+    return 0;
+  }
+  std::string flushed() {
+    const std::lock_guard lock(mutex_);
+    return flushed_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::string flushed_;
+};
+
+class RunningSimulator {
+ public:
+  explicit RunningSimulator(SimulatorOptions options = {}, int stop_fd = -1) {
+    if (options.listen == SimulatorOptions{}.listen) {
+      options.listen = "127.0.0.1:0";
+    }
+    options.scene = "small";
+    options.nice = 0;
+    result_ = std::async(std::launch::async, [this, options, stop_fd] {
+      std::ostream out(&out_);
+      std::ostringstream log;
+      return run_simulator(options, out, log, stop_, stop_fd);
+    });
+    const auto give_up = std::chrono::steady_clock::now() + kPatience;
+    while (out_.flushed().empty() && std::chrono::steady_clock::now() < give_up) {
+      std::this_thread::sleep_for(1ms);
+    }
+  }
+  ~RunningSimulator() { stop_ = true; }
+
+  std::string line() { return out_.flushed(); }
+  std::string address() {
+    std::istringstream words(line());
+    std::string listening;
+    std::string address;
+    words >> listening >> address;
+    return address;
+  }
+  SimulatorSummary stop() {
+    stop_ = true;
+    return result_.get();
+  }
+  std::future<SimulatorSummary>& result() { return result_; }
+
+ private:
+  std::atomic<bool> stop_{false};
+  SharedText out_;
+  std::future<SimulatorSummary> result_;
+};
+
+// Sends the tool's position every few ms until a sample computed there arrives.
+std::optional<link::ForceSample> answer_at(link::ServoEndpoint& servo, std::uint32_t& sequence,
+                                           const link::Vector3& position_W_m) {
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (std::chrono::steady_clock::now() < give_up) {
+    link::ToolState state;
+    state.sequence = ++sequence;
+    state.servo_time_ns = 1000 + sequence;
+    state.position_W_m = position_W_m;
+    servo.send(state);
+    servo.wait(2ms);
+    while (const auto sample = servo.receive()) {
+      if (sample->query_id == 0 && sample->position_W_m == position_W_m) {
+        return sample;
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+TEST(RunSimulator, SaysWhereItListensAndWhatTheObjectIs) {
+  RunningSimulator simulator;
+  EXPECT_THAT(simulator.line(),
+              ::testing::MatchesRegex("listening 127\\.0\\.0\\.1:[0-9]+ scene small vertices 1089 "
+                                      "springs 8268\n"));
+  const SimulatorSummary summary = simulator.stop();
+  EXPECT_EQ(summary.vertices, 1089U);
+  EXPECT_EQ(summary.answers, 0U);
+}
+
+TEST(RunSimulator, AnswersAToolThatTouchesAndPulls) {
+  RunningSimulator simulator;
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  const auto above = answer_at(servo, sequence, {0.001, 0.002, 0.02});
+  ASSERT_TRUE(above);
+  EXPECT_FALSE(above->in_contact);
+  EXPECT_EQ(above->contact_epoch, 0U);
+  EXPECT_EQ(above->force_W_N, (link::Vector3{}));
+  EXPECT_EQ(above->contact_point_W_m, above->position_W_m);
+  EXPECT_TRUE(above->converged);
+
+  const auto touch = answer_at(servo, sequence, {0.001, 0.002, -0.0001});
+  ASSERT_TRUE(touch);
+  EXPECT_TRUE(touch->in_contact);
+  EXPECT_EQ(touch->contact_epoch, 1U);
+  EXPECT_EQ(touch->contact_point_W_m, touch->position_W_m);
+
+  const auto pull = answer_at(servo, sequence, {0.001, 0.002, 0.0099});
+  ASSERT_TRUE(pull);
+  EXPECT_EQ(pull->contact_point_W_m, touch->position_W_m);
+  EXPECT_EQ(pull->contact_epoch, 1U);
+  EXPECT_TRUE(pull->converged);
+  EXPECT_LE(pull->relative_residual, 1e-3);
+  EXPECT_GT(pull->solve_time_s, 0.0);
+  EXPECT_TRUE(pull->has_stiffness);
+  EXPECT_LE(pull->echo_sequence, sequence);
+  EXPECT_EQ(pull->echo_servo_time_ns, 1000 + static_cast<std::int64_t>(pull->echo_sequence));
+
+  ElasticObject<double> reference(make_scene("small").mesh);
+  reference.grab({0.001, 0.002, -0.0001}, 0.012);
+  reference.set_relative_tolerance(1e-8);
+  const Equilibrium expected = reference.move_to({0, 0, 0.01});
+  ASSERT_TRUE(expected.converged);
+  ASSERT_LT(expected.force_W.z(), -0.5);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    EXPECT_NEAR(pull->force_W_N[i], expected.force_W[row], 2e-3 * expected.force_W.norm());
+    EXPECT_NEAR(pull->stiffness_W_N_per_m[3 * i + i], expected.stiffness_W(row, row),
+                0.02 * expected.stiffness_W.norm());
+  }
+
+  const SimulatorSummary summary = simulator.stop();
+  EXPECT_GE(summary.ticks, 3U);
+  EXPECT_GE(summary.answers, 3U);
+  EXPECT_LE(summary.answers, summary.ticks);
+  EXPECT_EQ(summary.sessions, 1U);
+  EXPECT_EQ(summary.contacts, 1U);
+  EXPECT_EQ(summary.unconverged, 0U);
+  EXPECT_GT(summary.worst_relative_residual, 0.0);
+  EXPECT_LE(summary.worst_relative_residual, 1e-3);
+  const nlohmann::json json = to_json(summary);
+  EXPECT_EQ(json.at("scene"), "small");
+  EXPECT_GE(json.at("solve_ms").at("max").get<double>(),
+            json.at("solve_ms").at("p50").get<double>());
+}
+
+TEST(RunSimulator, ANewSessionFindsTheObjectAtRest) {
+  RunningSimulator simulator;
+  {
+    link::ServoEndpoint servo(simulator.address());
+    std::uint32_t sequence = 0;
+    ASSERT_TRUE(answer_at(servo, sequence, {0, 0, -0.0001}));
+    const auto pull = answer_at(servo, sequence, {0, 0, 0.01});
+    ASSERT_TRUE(pull);
+    EXPECT_LT(pull->force_W_N[2], -0.1);
+  }
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  const auto above = answer_at(servo, sequence, {0, 0, 0.01});
+  ASSERT_TRUE(above);
+  EXPECT_FALSE(above->in_contact);
+  EXPECT_EQ(above->contact_epoch, 0U);
+  EXPECT_EQ(above->force_W_N[2], 0.0);
+  const auto touch = answer_at(servo, sequence, {0, 0, -0.0002});
+  ASSERT_TRUE(touch);
+  EXPECT_EQ(touch->contact_epoch, 1U);
+  EXPECT_EQ(simulator.stop().sessions, 2U);
+}
+
+TEST(RunSimulator, AnswersQueriesBesideTheSamples) {
+  RunningSimulator simulator;
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  ASSERT_TRUE(answer_at(servo, sequence, {0, 0, -0.0001}));
+  ASSERT_TRUE(answer_at(servo, sequence, {0, 0, 0.005}));
+  link::Query query;
+  query.query_id = 1;
+  query.servo_time_ns = 77;
+  query.position_W_m = {0, 0, 0.0099};
+  servo.send(query);
+  std::optional<link::ForceSample> reply;
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (!reply && std::chrono::steady_clock::now() < give_up) {
+    servo.wait(5ms);
+    while (const auto sample = servo.receive()) {
+      if (sample->query_id == 1) {
+        reply = sample;
+      }
+    }
+  }
+  ASSERT_TRUE(reply);
+  EXPECT_TRUE(reply->in_contact);
+  EXPECT_TRUE(reply->converged);
+  EXPECT_EQ(reply->echo_servo_time_ns, 77);
+  const auto there = answer_at(servo, sequence, {0, 0, 0.0099});
+  ASSERT_TRUE(there);
+  EXPECT_NEAR(reply->force_W_N[2], there->force_W_N[2], 2e-3 * std::abs(there->force_W_N[2]));
+  EXPECT_EQ(simulator.stop().replies, 1U);
+}
+
+TEST(RunSimulator, DelaysItsAnswersAsASlowerMachineWould) {
+  SimulatorOptions options;
+  options.answer_delay_s = 0.3;
+  options.send_stiffness = false;
+  RunningSimulator simulator(options);
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  const auto start = std::chrono::steady_clock::now();
+  const auto sample = answer_at(servo, sequence, {0, 0, 0.02});
+  ASSERT_TRUE(sample);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 300ms);
+  EXPECT_FALSE(sample->has_stiffness);
+  simulator.stop();
+}
+
+TEST(RunSimulator, EndsWhenItsStandardInputCloses) {
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  RunningSimulator simulator({}, ends[0]);
+  EXPECT_EQ(simulator.result().wait_for(0s), std::future_status::timeout);
+  ::close(ends[1]);
+  EXPECT_EQ(simulator.result().wait_for(kPatience), std::future_status::ready);
+  ::close(ends[0]);
+}
+
+TEST(RunSimulator, RefusesOptionsOutOfRangeByName) {
+  const std::atomic<bool> stop{true};
+  const auto message = [&stop](const SimulatorOptions& options) -> std::string {
+    std::ostringstream out;
+    std::ostringstream log;
+    try {
+      run_simulator(options, out, log, stop);
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  SimulatorOptions options;
+  options.scene = "bloc";
+  EXPECT_THAT(message(options), HasSubstr("block, block_linear, small"));
+  options = {};
+  options.rate_Hz = 0.0;
+  EXPECT_THAT(message(options), HasSubstr("rate"));
+  options = {};
+  options.answer_delay_s = -1.0;
+  EXPECT_THAT(message(options), HasSubstr("delay"));
+  options = {};
+  options.scene = "small";
+  options.listen = "192.0.2.1:5000";
+  EXPECT_THAT(message(options), HasSubstr("192.0.2.1"));
+  RunningSimulator running;
+  options.listen = running.address();
+  EXPECT_THAT(message(options), HasSubstr(running.address()));
+}
+
+}  // namespace
+}  // namespace forcegrid::simulator
