@@ -150,7 +150,7 @@ FileDescriptor listen_on(const ListenAddress& where, std::uint16_t& bound_port) 
                "or port 0 for any free one"
              : (errno == EACCES ? "; ports below 1024 need root: choose a higher one" : ""));
   }
-  if (::listen(socket.get(), 16) != 0) {
+  if (::listen(socket.get(), 128) != 0) {
     fail("listen",
          errno == EADDRINUSE ? "; another server holds the port: choose another one" : "");
   }

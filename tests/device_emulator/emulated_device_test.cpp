@@ -48,13 +48,16 @@ class Bus {
   /// Runs frames without OUT reports until time_ms.
   void idle_until(int time_ms) {
     while (now_ms < time_ms) {
-      frame(std::nullopt);
+      frame();
     }
   }
-  EmulatedDevice::FrameResult frame(const std::optional<Bytes>& out) {
+  EmulatedDevice::FrameResult frame(const Bytes* out = nullptr) {
     ++now_ms;
-    auto result = device.run_frame(
-        at(now_ms), out ? std::optional<std::span<const std::uint8_t>>(*out) : std::nullopt, true);
+    std::optional<std::span<const std::uint8_t>> packet;
+    if (out != nullptr) {
+      packet = *out;
+    }
+    auto result = device.run_frame(at(now_ms), packet, true);
     if (result.in) {
       last = *result.in;
       ++reports;
@@ -64,7 +67,7 @@ class Bus {
   /// One ping-pong every frame until time_ms.
   void drive_until(int time_ms, const Bytes& out) {
     while (now_ms < time_ms) {
-      frame(out);
+      frame(&out);
     }
   }
 
@@ -82,7 +85,7 @@ TEST(EmulatedDevice, OutFirstReachesOneExchangeAFrame) {
   EXPECT_EQ(bus.reports, 1) << "the unsolicited report of the start-up";
   int answered = 0;
   for (int i = 0; i < 100; ++i) {
-    const auto moved = bus.frame(kZero);
+    const auto moved = bus.frame(&kZero);
     EXPECT_TRUE(moved.out_taken);
     answered += moved.in.has_value() ? 1 : 0;
   }
@@ -97,8 +100,8 @@ TEST(EmulatedDevice, InFirstCollectsTheAnswerAFrameLater) {
   Bus bus(options);
   bus.idle_until(1001);
   ASSERT_EQ(bus.reports, 1);
-  EXPECT_FALSE(bus.frame(kZero).in.has_value()) << "its answer can't be ready within the frame";
-  const auto next = bus.frame(std::nullopt);
+  EXPECT_FALSE(bus.frame(&kZero).in.has_value()) << "its answer can't be ready within the frame";
+  const auto next = bus.frame();
   ASSERT_TRUE(next.in.has_value());
   // Collected at 1003 ms, sampled at 1002 ms.
   EXPECT_EQ(bus.device.samples().back().time_ns, 1'002'000'000);
@@ -112,7 +115,7 @@ TEST(EmulatedDevice, CalibratesWithTheOperatorAndReportsThePoseCounts) {
   EXPECT_EQ(int16_at(bus.last, 12), 0);
   bus.drive_until(1210, kZero);
   EXPECT_EQ(int16_at(bus.last, 12), 1) << "the operator has pressed the button";
-  bus.frame(out_report({0, 0, 0, 1, 0, 0, 6000}));
+  bus.drive_until(bus.now_ms + 1, out_report({0, 0, 0, 1, 0, 0, 6000}));
   EXPECT_EQ(int16_at(bus.last, 0), 0);
   EXPECT_EQ(int16_at(bus.last, 2), 0);
   EXPECT_EQ(int16_at(bus.last, 4), 6000);
@@ -201,7 +204,7 @@ TEST(EmulatedDevice, PositiveForceInEachDirectionPushesTheTipThatWay) {
 TEST(EmulatedDevice, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
-  bus.frame(out_report({6000, -6000, 6001, 0, 0, 0, 0}));
+  bus.drive_until(bus.now_ms + 1, out_report({6000, -6000, 6001, 0, 0, 0, 0}));
   EXPECT_NEAR(bus.device.current_A()[0], 6.0, 1e-12);
   EXPECT_NEAR(bus.device.current_A()[1], -6.0, 1e-12);
   EXPECT_EQ(bus.device.current_A()[2], 0.0);
@@ -211,7 +214,7 @@ TEST(EmulatedDevice, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
 TEST(EmulatedDevice, WatchdogCutsTheCurrentAtItsOwnTimeEvenWithinOneLongStep) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
-  bus.frame(out_report({300, 0, 0, 0, 0, 0, 0}));  // at 1001 ms
+  bus.drive_until(bus.now_ms + 1, out_report({300, 0, 0, 0, 0, 0, 0}));  // at 1001 ms
   bus.device.advance_to(at(1001) + milliseconds(499));
   EXPECT_NEAR(bus.device.report().final_current_mA[0], 300.0, 1e-9);
   bus.device.advance_to(at(1901));
@@ -229,7 +232,7 @@ TEST(EmulatedDevice, BusResetStopsReportsAndTheWatchdogStopsTheMotors) {
   const auto counters = bus.device.firmware().counters();
   bus.device.bus_reset(at(1100));
   EXPECT_FALSE(bus.device.usb().configured());
-  const auto moved = bus.frame(kZero);
+  const auto moved = bus.frame(&kZero);
   EXPECT_FALSE(moved.out_taken);
   EXPECT_FALSE(moved.in.has_value());
   EXPECT_NEAR(bus.device.report().final_current_mA[0], 300.0, 1e-9) << "the firmware can't know";
@@ -253,7 +256,7 @@ TEST(EmulatedDevice, HaltedEndpointsMoveNothing) {
 TEST(EmulatedDevice, LongStallsAreCountedNotIntegrated) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
-  bus.frame(out_report({300, 0, 0, 0, 0, 0, 0}));
+  bus.drive_until(bus.now_ms + 1, out_report({300, 0, 0, 0, 0, 0, 0}));
   bus.device.advance_to(at(61001));
   EXPECT_NEAR(bus.device.report().physics_skipped_s, 59.0, 1e-9);
   EXPECT_EQ(bus.device.report().final_current_mA[0], 0.0);

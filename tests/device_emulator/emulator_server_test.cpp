@@ -10,6 +10,8 @@
 #include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <memory>
+#include <random>
 #include <string>
 #include <thread>
 #include <vector>
@@ -422,6 +424,46 @@ TEST_F(EmulatorServerTest, GarbageClosesOnlyTheConnectionItCameFrom) {
     EXPECT_TRUE(client.closed_by_server());
     EXPECT_TRUE(closes_for(c.reason, before + 1));
   }
+  EXPECT_EQ(healthy.control(3, hex("80 06 00 01 00 00 12 00"), kSecond).size(), 66U);
+}
+
+TEST_F(EmulatorServerTest, SurvivesRandomBytesAtEveryStageOfAConnection) {
+  constexpr unsigned kSeed = 20240611;
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::mt19937 random(kSeed);
+  Client healthy(server_.port());
+  ASSERT_TRUE(healthy.import("1-2"));
+  for (int i = 0; i < 60; ++i) {
+    Bytes noise(1 + random() % 300);
+    for (std::uint8_t& byte : noise) {
+      byte = static_cast<std::uint8_t>(random());
+    }
+    Client client(server_.port());
+    if (i % 3 == 1) {
+      client.push(import_request("1-1") + noise);
+    } else if (i % 3 == 2) {
+      // A well-formed header whose fields are random below the device id.
+      Bytes header =
+          word(1 + random() % 2) + word(static_cast<std::uint32_t>(random())) + word(kFirst);
+      client.push(import_request("1-1") + header + noise);
+    } else {
+      client.push(noise);
+    }
+  }
+  EXPECT_TRUE(eventually([this] { return !server_.report(0).attached; }));
+  EXPECT_EQ(healthy.control(3, hex("80 06 00 01 00 00 12 00"), kSecond).size(), 66U);
+  EXPECT_EQ(server_.report(0).max_abs_current_mA, (std::array<double, 3>{0.0, 0.0, 0.0}));
+}
+
+TEST_F(EmulatorServerTest, ConnectionsBeyondTheLimitAreClosedAndCounted) {
+  Client healthy(server_.port());
+  ASSERT_TRUE(healthy.import("1-2"));
+  std::vector<std::unique_ptr<Client>> crowd;
+  for (std::size_t i = 0; i < EmulatorServer::kMaxConnections; ++i) {
+    crowd.push_back(std::make_unique<Client>(server_.port()));
+    ASSERT_TRUE(crowd.back()->connected());
+  }
+  EXPECT_TRUE(closes_for(CloseReason::kTooManyConnections));
   EXPECT_EQ(healthy.control(3, hex("80 06 00 01 00 00 12 00"), kSecond).size(), 66U);
 }
 
