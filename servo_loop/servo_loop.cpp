@@ -27,6 +27,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       methods_(std::move(methods)),
       ports_(ports),
       options_(options),
+      bus_frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
       force_box_min_D_(vector(profile.limits.workspace_min_m)),
       force_box_max_D_(vector(profile.limits.workspace_max_m)),
       sample_period_s_(1.0 / options.simulator_rate_Hz) {
@@ -180,6 +181,23 @@ void ServoLoop::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& positi
   ports_.tool.publish(tool);
 }
 
+// How far `deadline` is from where it should lie against the device's bus frames, whose beginnings
+// the completion times of OUTs show; within half a frame either way.
+rt::Duration ServoLoop::shift_to_bus_phase(rt::TimePoint deadline) noexcept {
+  const rt::TimePoint released = device_.newest_report().released;
+  if (released == rt::TimePoint{} || bus_frame_ <= rt::Duration::zero()) {
+    return rt::Duration::zero();
+  }
+  const rt::Duration wanted = std::chrono::duration_cast<rt::Duration>(kBusPhase * bus_frame_);
+  rt::Duration shift = (released - wanted - deadline) % bus_frame_;
+  if (shift > bus_frame_ / 2) {
+    shift -= bus_frame_;
+  } else if (shift < -bus_frame_ / 2) {
+    shift += bus_frame_;
+  }
+  return shift;
+}
+
 ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexcept {
   ServoOutcome outcome;
   rt::name_current_thread("servo");
@@ -187,7 +205,8 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   outcome.memory_lock_refused = rt::lock_memory();
 
   const rt::Duration period = rt::from_seconds(1.0 / options_.rate_Hz);
-  rt::TimePoint deadline = rt::Clock::now() + period;
+  rt::TimePoint deadline = rt::Clock::now() + period + bus_frame_;
+  deadline += shift_to_bus_phase(deadline);
   const rt::TimePoint end = deadline + rt::from_seconds(seconds);
   while (!stop.load(std::memory_order_relaxed) && (seconds <= 0.0 || deadline < end)) {
     rt::sleep_until(deadline);
@@ -197,7 +216,7 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
       break;
     }
     // A deadline that has passed by now can't be kept: count it, take the next on the same raster.
-    deadline += period;
+    deadline += period + std::clamp(shift_to_bus_phase(deadline), -kLargestShift, kLargestShift);
     missed_before_this_ = 0;
     for (const rt::TimePoint done = rt::Clock::now(); deadline < done; deadline += period) {
       ++missed_before_this_;

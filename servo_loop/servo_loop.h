@@ -80,6 +80,15 @@ class ServoLoop {
   ServoLoop(driver::Device& device, const profiles::DeviceProfile& profile,
             std::vector<ForceMethod*> methods, ServoPorts& ports, const ServoOptions& options);
 
+  /// [bus frames] Where in the device's bus frame the cycles begin: the OUT that carries a cycle's
+  /// command is taken this long after the cycle began. Enough for waking up, computing and handing
+  /// over; little of it is left to age, and the report is back before the next cycle at 500 Hz even
+  /// on a bus that collects it one frame later.
+  static constexpr double kBusPhase = 0.4;
+  /// The raster of deadlines follows the bus by at most this much a cycle, which is more than two
+  /// crystals drift apart and too little to be seen in the period.
+  static constexpr rt::Duration kLargestShift = std::chrono::microseconds(1);
+
   /// Runs cycles at absolute deadlines until `stop` is true, `seconds` have passed (0: no end), or
   /// a fault. Every way out has written zero current. Asks for SCHED_FIFO and locked memory on the
   /// calling thread first; a refusal is reported in the outcome and the loop goes on without.
@@ -92,6 +101,7 @@ class ServoLoop {
 
  private:
   void take_samples() noexcept;
+  rt::Duration shift_to_bus_phase(rt::TimePoint deadline) noexcept;
   double force_gain(rt::TimePoint now, double elapsed_s) noexcept;
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
 
@@ -102,6 +112,7 @@ class ServoLoop {
   std::vector<ForceMethod*> methods_;
   ServoPorts& ports_;
   ServoOptions options_;
+  rt::Duration bus_frame_;
   Eigen::Vector3d force_box_min_D_, force_box_max_D_;
 
   rt::TimePoint last_cycle_{};

@@ -3,14 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <optional>
+#include <thread>
 #include <vector>
 
 #include "device_emulator/emulator_server.h"
-#include "driver/calibration.h"
 #include "driver/open_device.h"
+#include "forcegrid/hold_method.h"
 #include "profiles/device_profile.h"
-#include "rt/thread.h"
+#include "servo_loop/servo_loop.h"
 
 namespace forcegrid {
 namespace {
@@ -25,8 +28,9 @@ double quantile(std::vector<double> values, double p) {
   return values[static_cast<std::size_t>(p * static_cast<double>(values.size() - 1))];
 }
 
-// Reads the device as a servo of `rate_Hz` does for a second and compares each report that it
-// used with the emulator's record of its samples.
+// Runs the servo loop without force for 4 s (the hand approaches for 2.2 s and then never stands
+// still, so counts name their sample) and compares each report that a cycle used with the
+// emulator's record of its samples.
 Ages measure(emulator::FrameOrder order, double rate_Hz) {
   emulator::DeviceOptions device_options;
   device_options.profile = profiles::load_device_profile("phantom_desktop");
@@ -41,45 +45,33 @@ Ages measure(emulator::FrameOrder order, double rate_Hz) {
   const auto device =
       driver::open_device("usbip://" + server.address() + "/1-1", device_options.profile);
 
-  struct Reading {
-    rt::TimePoint now;
-    driver::DeviceReport report;
-  };
-  std::vector<Reading> readings;
-  const rt::Duration period = rt::from_seconds(1.0 / rate_Hz);
-  // 4 s: the hand approaches for 2.2 s and then never stands still, so counts name their sample.
-  rt::TimePoint deadline = rt::Clock::now() + period;
-  const int cycles = static_cast<int>(4.0 * rate_Hz);
-  for (int i = 0; i < cycles; ++i, deadline += period) {
-    rt::sleep_until(deadline);
-    readings.push_back({rt::Clock::now(), device->newest_report()});
-    driver::MotorCommand command;
-    command.next_read = deadline + period;
-    device->command(command);
-  }
+  HoldMethod method;
+  servo::ServoPorts ports;
+  servo::ServoOptions options;
+  options.rate_Hz = rate_Hz;
+  servo::ServoLoop loop(*device, device_options.profile, {&method}, ports, options);
+  const std::atomic<bool> stop{false};
+  std::thread([&] { EXPECT_EQ(loop.run(stop, 4.0).fault, servo::Fault::kNone); }).join();
   const std::vector<emulator::CounterSample> samples = server.device().samples();
-  device->stop();
   server.stop();
 
   Ages ages;
-  for (const Reading& reading : readings) {
-    const std::int64_t stated_ns = reading.report.released.time_since_epoch().count();
+  servo::CycleRecord record;
+  while (ports.records.pop(record)) {
     // Of the samples with these counts the one nearest to the stated time: counts repeat only when
     // the hand turns around, long before or after.
-    std::int64_t best_ns = 0;
-    bool found = false;
+    const double stated_ms = 1e-3 * record.report_age_us;
+    std::optional<double> true_ms;
     for (const auto& sample : samples) {
-      if (std::equal(sample.counts.begin(), sample.counts.begin() + 3,
-                     reading.report.counts.begin()) &&
-          (!found || std::abs(sample.time_ns - stated_ns) < std::abs(best_ns - stated_ns))) {
-        best_ns = sample.time_ns;
-        found = true;
+      const double age_ms = 1e-6 * static_cast<double>(record.time_ns - sample.time_ns);
+      if (std::equal(record.counts.begin(), record.counts.end(), sample.counts.begin()) &&
+          (!true_ms || std::abs(age_ms - stated_ms) < std::abs(*true_ms - stated_ms))) {
+        true_ms = age_ms;
       }
     }
-    if (found) {
-      const std::int64_t now_ns = reading.now.time_since_epoch().count();
-      ages.stated_ms.push_back(1e-6 * static_cast<double>(now_ns - stated_ns));
-      ages.true_ms.push_back(1e-6 * static_cast<double>(now_ns - best_ns));
+    if (true_ms) {
+      ages.stated_ms.push_back(stated_ms);
+      ages.true_ms.push_back(*true_ms);
     }
   }
   return ages;
@@ -110,6 +102,7 @@ INSTANTIATE_TEST_SUITE_P(OrdersAndRates, ReportAge,
                          ::testing::Values(std::pair{emulator::FrameOrder::kOutFirst, 500.0},
                                            std::pair{emulator::FrameOrder::kOutFirst, 230.0},
                                            std::pair{emulator::FrameOrder::kOutFirst, 1000.0},
+                                           std::pair{emulator::FrameOrder::kInFirst, 230.0},
                                            std::pair{emulator::FrameOrder::kInFirst, 500.0}));
 
 }  // namespace
