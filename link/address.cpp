@@ -13,7 +13,11 @@ namespace {
 constexpr std::uint8_t kIpv4LoopbackNet = 127;
 
 [[noreturn]] void fail(std::string_view text, std::string_view reason) {
-  throw LinkError("link address '" + std::string(text) + "': " + std::string(reason));
+  std::string shown(text);
+  // what() is a C string: a byte 0 in the input would hide the reason.
+  std::ranges::replace_if(
+      shown, [](char letter) { return letter < ' ' || letter > '~'; }, '?');
+  throw LinkError("link address '" + shown + "': " + std::string(reason));
 }
 
 std::uint16_t parse_port(std::string_view text, std::string_view digits, PortZero port_zero) {
