@@ -199,7 +199,7 @@ void add_kinematics(CLI::App& app, KinematicsOptions& o, std::function<int()>& a
 int main(int argc, char** argv) {
   CLI::App app{"Haptic interaction with virtual elastic objects", "forcegrid"};
   app.set_version_flag("--version", FORCEGRID_VERSION);
-  app.require_subcommand(1);
+  app.require_subcommand(0, 1);  // so that a misspelt one is named; none is refused below
   app.set_help_all_flag("--help-all", "Help of every command");
   RunOptions run;
   EmulateOptions emulate;
@@ -212,6 +212,9 @@ int main(int argc, char** argv) {
   add_kinematics(app, kinematics, action);
   try {
     app.parse(argc, argv);
+    if (!action) {
+      throw CLI::RequiredError("a subcommand: run, emulate, simulate or kinematics");
+    }
   } catch (const CLI::ParseError& error) {
     const int code = app.exit(error);
     return code == 0 ? 0 : 2;

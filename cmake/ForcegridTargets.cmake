@@ -42,6 +42,7 @@ function(forcegrid_test name)
   endif()
   add_executable(${name} ${arg_SOURCES})
   target_compile_features(${name} PRIVATE cxx_std_20)
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_compile_definitions(${name} PRIVATE
     FORCEGRID_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     FORCEGRID_PROGRAM="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/forcegrid")
