@@ -77,6 +77,10 @@ class HidrawTransport final : public Transport {
             .arrived = rt::Clock::now()};
   }
 
+  // hidapi keeps its descriptor to itself, so nothing can be waited for beside it.
+  bool can_wait() const noexcept override { return false; }
+  WaitEnd wait(int, rt::Duration) noexcept override { return WaitEnd::kTimeout; }
+
   WriteResult write(std::span<const std::uint8_t> report, rt::Duration) noexcept override {
     std::array<std::uint8_t, kMaxReportBytes + 1> buffer{};  // the report ID slot stays zero
     if (device_ == nullptr) {

@@ -23,6 +23,13 @@ struct ReadResult {
   rt::TimePoint arrived{};
 };
 
+/// What ended Transport::wait().
+enum class WaitEnd : std::uint8_t {
+  kReport,  ///< read() has a report, or a failure to tell
+  kOther,   ///< the other descriptor can be read
+  kTimeout,
+};
+
 struct WriteResult {
   TransportStatus status = TransportStatus::kTimeout;
   rt::TimePoint completed{};  ///< when the device had taken the report
@@ -52,6 +59,13 @@ class Transport {
   /// Real-time: no allocation or lock while the status is kOk or kTimeout.
   [[nodiscard]] virtual ReadResult read(std::span<std::uint8_t> buffer,
                                         rt::Duration timeout) noexcept = 0;
+
+  /// Whether wait() can be used.
+  virtual bool can_wait() const noexcept = 0;
+
+  /// Waits for a report and for `descriptor` at once. A transport that can't says kTimeout at once.
+  /// Real-time: as read().
+  [[nodiscard]] virtual WaitEnd wait(int descriptor, rt::Duration timeout) noexcept = 0;
 
   /// Sends one report and waits until the device has taken it. After kTimeout the report is
   /// withdrawn where the transport can do that.

@@ -70,9 +70,11 @@ std::uint16_t little16(const std::uint8_t* bytes) noexcept {
   return static_cast<std::uint16_t>(bytes[0] | (bytes[1] << 8));
 }
 
-/// Waits until `socket` is ready for `events`.
-/// @returns false at `deadline`.
-bool wait_ready(int socket, short events, rt::TimePoint deadline) noexcept {
+enum class Ready : std::uint8_t { kSocket, kOther, kTimeout };
+
+/// Waits until `socket` is ready for `events`, `other` (unless negative) can be read, or
+/// `deadline`.
+Ready wait_either(int socket, short events, int other, rt::TimePoint deadline) noexcept {
   for (;;) {
     const auto left = std::max(deadline - rt::Clock::now(), rt::Duration::zero());
     const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
@@ -80,15 +82,21 @@ bool wait_ready(int socket, short events, rt::TimePoint deadline) noexcept {
         .tv_sec = whole.count(),
         .tv_nsec = static_cast<long>(
             std::chrono::duration_cast<std::chrono::nanoseconds>(left - whole).count())};
-    pollfd entry{.fd = socket, .events = events, .revents = 0};
-    const int ready = ::ppoll(&entry, 1, &time, nullptr);
+    pollfd entries[2] = {{.fd = socket, .events = events, .revents = 0},
+                         {.fd = other, .events = POLLIN, .revents = 0}};
+    const int ready = ::ppoll(entries, 2, &time, nullptr);
     if (ready > 0) {
-      return true;
+      return entries[0].revents != 0 ? Ready::kSocket : Ready::kOther;
     }
     if (ready == 0 || errno != EINTR) {
-      return false;
+      return Ready::kTimeout;
     }
   }
+}
+
+/// @returns false at `deadline`.
+bool wait_ready(int socket, short events, rt::TimePoint deadline) noexcept {
+  return wait_either(socket, events, -1, deadline) == Ready::kSocket;
 }
 
 /// A socket that closes itself.
@@ -295,6 +303,26 @@ class UsbipTransport final : public Transport {
     queue_head_ = (queue_head_ + 1) % kReportQueue;
     --queue_size_;
     return {.status = TransportStatus::kOk, .bytes = report.size, .arrived = report.arrived};
+  }
+
+  bool can_wait() const noexcept override { return true; }
+
+  WaitEnd wait(int descriptor, rt::Duration timeout) noexcept override {
+    const rt::TimePoint deadline = rt::Clock::now() + std::max(timeout, rt::Duration::zero());
+    for (;;) {
+      pump(rt::TimePoint{}, [this] { return queue_size_ > 0; });
+      if (queue_size_ > 0 || status_ != TransportStatus::kOk) {
+        return WaitEnd::kReport;
+      }
+      switch (wait_either(socket_.get(), POLLIN, descriptor, deadline)) {
+        case Ready::kSocket:
+          break;
+        case Ready::kOther:
+          return WaitEnd::kOther;
+        case Ready::kTimeout:
+          return WaitEnd::kTimeout;
+      }
+    }
   }
 
   WriteResult write(std::span<const std::uint8_t> report, rt::Duration timeout) noexcept override {

@@ -31,7 +31,7 @@ constexpr int kMaxDrained = 64;  // hidraw queues as many
 constexpr int kMaxRejectedInARow = 10;
 constexpr double kRefreshPhase = 0.6;   // of a bus frame after a report
 constexpr double kRefreshMargin = 0.1;  // of a bus frame, for the way from here to the servo
-constexpr int kExchangeDecay = 64;      // exchanges
+constexpr int kRefreshDecay = 16;       // exchanges
 constexpr int kCounterTolerance = 200;  // counts an arm in a hand may move within an exchange
 
 constexpr std::size_t kBufferBytes = 65;  // a report that is too long is seen as such
@@ -58,7 +58,7 @@ struct CounterRequest {
 };
 
 /// Why an exchange is begun.
-enum class Reason : std::uint8_t { kCommand, kRefresh, kCounters, kStop };
+enum class Reason : std::uint8_t { kNone, kCommand, kRefresh, kCounters, kStop };
 
 /// Counters that one thread writes and any thread reads.
 struct AtomicStatistics {
@@ -88,7 +88,8 @@ class W2Device final : public Device {
                   transport_->identity().serial},
         max_current_A_(profile.motors.max_current_A),
         frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
-        refresh_exchange_(frame_),
+        refresh_time_(frame_),
+        may_overlap_(transport_->can_wait()),
         wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
     if (wake_ < 0) {
       throw DeviceError("device '" + url + "': eventfd: " + std::strerror(errno) +
@@ -277,10 +278,10 @@ class W2Device final : public Device {
   /// @returns kOk with the newest whole report in `newest`, kTimeout when none came.
   TransportStatus receive(rt::Duration timeout, rt::Duration settle, w2::InputReport& newest,
                           rt::TimePoint& arrived) noexcept {
-    bool found = false;
+    int found = 0;
     for (int i = 0; i < kMaxDrained; ++i) {
       const ReadResult result =
-          transport_->read(buffer_, i == 0 ? timeout : (found ? settle : rt::Duration::zero()));
+          transport_->read(buffer_, i == 0 ? timeout : (found > 0 ? settle : rt::Duration::zero()));
       if (result.status == TransportStatus::kTimeout) {
         break;
       }
@@ -295,13 +296,14 @@ class W2Device final : public Device {
         continue;
       }
       rejected_in_a_row_ = 0;
-      if (found) {
+      if (found > 0) {
         count(statistics_.reports_drained);
       }
-      found = true;
+      ++found;
       arrived = result.arrived;
     }
-    return found ? TransportStatus::kOk : TransportStatus::kTimeout;
+    found_ = found;
+    return found > 0 ? TransportStatus::kOk : TransportStatus::kTimeout;
   }
 
   void publish(const w2::InputReport& input, rt::TimePoint arrived) noexcept {
@@ -393,47 +395,63 @@ class W2Device final : public Device {
     health_.compare_exchange_strong(expected, DeviceHealth::kClosed, std::memory_order_acq_rel);
   }
 
-  /// After a report has come: the moment for the next exchange, and why.
-  ///
+  /// When the next refresh may begin.
+  struct RefreshPlan {
+    bool permitted = false;
+    rt::TimePoint at{};  ///< when it is due; if not permitted: when to look again
+  };
+
   /// The device samples its counters when it takes an OUT, so the counts that the servo will read
-  /// are as old as the last exchange. A new command is sent at once. Without one, the last command
-  /// is sent again after 0.6 of a bus frame, in time for the next frame, so that the counts stay
-  /// fresh; but not when that exchange could still be on its way at the servo's next read, for then
-  /// the command that follows that read would have to wait for it.
+  /// are as old as the last OUT. A new command is sent at once. Without one, the last command is
+  /// sent again after 0.6 of a bus frame, in time for the next frame, so that the counts stay
+  /// fresh; but not when that could still be in the way at the servo's next read, for then the
+  /// command that follows that read would have to wait for it.
+  RefreshPlan plan_refresh(rt::TimePoint now) noexcept {
+    const rt::TimePoint due = (may_overlap_ ? released_ : last_arrival_) + scaled(kRefreshPhase);
+    const rt::TimePoint silent_at = latest_.issued + options_.servo_silence;
+    const rt::TimePoint next_read = latest_.command.next_read;
+    if (!commanded_ || now >= silent_at || next_read == rt::TimePoint{} ||
+        std::max(now, due) + refresh_time_ + scaled(kRefreshMargin) <= next_read) {
+      return {.permitted = true, .at = due};
+    }
+    if (!held_back_) {
+      held_back_ = true;
+      // Else one slow refresh would hold back for ever the ones that could correct it.
+      refresh_time_ -= refresh_time_ / kRefreshDecay;
+    }
+    return {.permitted = false, .at = std::max(silent_at, due)};
+  }
+
+  /// After the last report has come: waits for the moment of the next exchange, and says why.
   Reason wait_for_reason() noexcept {
-    const rt::TimePoint refresh_at = last_arrival_ + scaled(kRefreshPhase);
-    bool held_back = false;
     for (;;) {
       if (stop_requested_.load(std::memory_order_acquire)) {
         return Reason::kStop;
       }
-      if (counter_requests_.fetch(counter_request_)) {
-        counters_pending_ = true;
-      }
-      if (counters_pending_) {
+      if (take_counter_request()) {
         return Reason::kCounters;
       }
-      if (commands_.fetch(latest_)) {
-        commanded_ = true;
+      if (take_command()) {
         return Reason::kCommand;
       }
       const rt::TimePoint now = rt::Clock::now();
-      const rt::TimePoint silent_at = latest_.issued + options_.servo_silence;
-      const bool starved = commanded_ && now >= silent_at;
-      const rt::TimePoint next_read = latest_.command.next_read;
-      const rt::TimePoint begin = std::max(now, refresh_at);
-      const bool may_refresh = !commanded_ || starved || next_read == rt::TimePoint{} ||
-                               begin + refresh_exchange_ + scaled(kRefreshMargin) <= next_read;
-      if (may_refresh && now >= refresh_at) {
+      const RefreshPlan refresh = plan_refresh(now);
+      if (refresh.permitted && now >= refresh.at) {
         return Reason::kRefresh;
       }
-      if (!may_refresh && !held_back) {
-        held_back = true;
-        // Else one slow exchange would hold back for ever the ones that could correct it.
-        refresh_exchange_ -= refresh_exchange_ / kExchangeDecay;
-      }
-      wait(may_refresh ? refresh_at : std::max(silent_at, refresh_at));
+      wait(refresh.at);
     }
+  }
+
+  bool take_counter_request() noexcept {
+    counters_pending_ = counter_requests_.fetch(counter_request_) || counters_pending_;
+    return counters_pending_;
+  }
+
+  bool take_command() noexcept {
+    const bool taken = commands_.fetch(latest_);
+    commanded_ = commanded_ || taken;
+    return taken;
   }
 
   rt::Duration scaled(double frames) const noexcept {
@@ -466,32 +484,76 @@ class W2Device final : public Device {
     return w2::encode_currents(running() ? currents.current_mA : std::array<std::int16_t, 3>{});
   }
 
-  void exchange(Reason reason) noexcept {
+  WriteResult send_for(Reason reason) noexcept {
+    held_back_ = false;
     const w2::ReportBytes bytes = bytes_for(reason);
     const rt::TimePoint begun = rt::Clock::now();
-    WriteResult sent = send(bytes);
+    const WriteResult sent = send(bytes);
     if (reason == Reason::kRefresh) {
       count(statistics_.refreshes);
+      if (may_overlap_ && sent.status == TransportStatus::kOk) {
+        learn_refresh_time(sent.completed - begun);
+      }
     }
+    return sent;
+  }
+
+  /// Sends, and waits for the report that this releases. What else is to be sent meanwhile goes out
+  /// without waiting, if the transport allows: on a bus that serves IN before OUT, a report comes a
+  /// frame later than the OUT that released it, and waiting for it would halve the rate and age the
+  /// counts by a frame. There are never more than two OUTs without their reports, and reports come
+  /// in the order of their OUTs.
+  void exchange(Reason reason) noexcept {
+    const rt::TimePoint begun = rt::Clock::now();
+    WriteResult sent = send_for(reason);
     rt::Duration settle = rt::Duration::zero();
-    for (bool kicked = false;; kicked = true) {
-      if (sent.status != TransportStatus::kOk && sent.status != TransportStatus::kTimeout) {
+    bool was_overlapped = false;
+    bool kicked = false;
+    for (;;) {
+      if (!usable(sent.status)) {
         fail_with(sent.status);
         return;
+      }
+      bool overlapping = false;
+      WriteResult second;
+      Reason next = Reason::kNone;
+      if (may_overlap_ && !kicked && reason != Reason::kCounters &&
+          sent.status == TransportStatus::kOk) {
+        next = wait_for_report_or_reason();
+      }
+      if (next != Reason::kNone) {
+        was_overlapped = true;
+        second = send_for(next);
+        if (!usable(second.status)) {
+          fail_with(second.status);
+          return;
+        }
+        overlapping = second.status == TransportStatus::kOk;
+        released_ = sent.completed;
       }
       w2::InputReport input;
       rt::TimePoint arrived;
       wrong_length_ = false;
       const TransportStatus status = receive(kReadTimeout, settle, input, arrived);
       if (status == TransportStatus::kOk) {
+        const bool both = overlapping && found_ > 1;
+        if (both) {
+          released_ = second.completed;
+        }
         publish(input, arrived);
-        if (reason == Reason::kRefresh && !kicked) {
-          learn_refresh_exchange(arrived - begun);
+        if (reason == Reason::kRefresh && !kicked && !may_overlap_) {
+          learn_refresh_time(arrived - begun);
         }
         if (reason == Reason::kCounters) {
           check_counters(input);
         }
-        return;
+        if (!overlapping || both) {
+          return;
+        }
+        sent = second;
+        released_ = second.completed;
+        reason = next;
+        continue;
       }
       if (status != TransportStatus::kTimeout) {
         fail_with(status);
@@ -514,15 +576,52 @@ class W2Device final : public Device {
         count(statistics_.reports_lost);
         count(statistics_.kicks);
         settle = kSettleAfterKick;
+        // A device may answer two OUTs with one report. It does so once, then each waits for its
+        // own.
+        may_overlap_ = may_overlap_ && !was_overlapped;
       }
+      kicked = true;
       sent = send(w2::encode_currents({}));
     }
   }
 
-  void learn_refresh_exchange(rt::Duration measured) noexcept {
+  static bool usable(TransportStatus status) noexcept {
+    return status == TransportStatus::kOk || status == TransportStatus::kTimeout;
+  }
+
+  /// While a report is on its way: waits for it, or for a reason to send something before it.
+  /// @returns kCommand or kRefresh; kNone when the report is there, or must be waited for first.
+  Reason wait_for_report_or_reason() noexcept {
+    const rt::TimePoint deadline = rt::Clock::now() + kReadTimeout;
+    for (;;) {
+      if (!running() || stop_requested_.load(std::memory_order_acquire) || take_counter_request()) {
+        return Reason::kNone;
+      }
+      // What has come already is newer than what a refresh could bring.
+      if (transport_->wait(-1, rt::Duration::zero()) == WaitEnd::kReport) {
+        return Reason::kNone;
+      }
+      if (take_command()) {
+        return Reason::kCommand;
+      }
+      const rt::TimePoint now = rt::Clock::now();
+      const RefreshPlan refresh = plan_refresh(now);
+      if (refresh.permitted && now >= refresh.at) {
+        return Reason::kRefresh;
+      }
+      if (now >= deadline) {
+        return Reason::kNone;
+      }
+      if (transport_->wait(wake_, std::min(refresh.at, deadline) - now) == WaitEnd::kOther) {
+        std::uint64_t times = 0;
+        static_cast<void>(!::read(wake_, &times, sizeof times));
+      }
+    }
+  }
+
+  void learn_refresh_time(rt::Duration measured) noexcept {
     const rt::Duration bounded = std::min(measured, 2 * frame_);
-    refresh_exchange_ =
-        std::max(bounded, refresh_exchange_ - (refresh_exchange_ - bounded) / kExchangeDecay);
+    refresh_time_ = std::max(bounded, refresh_time_ - (refresh_time_ - bounded) / kRefreshDecay);
   }
 
   void check_counters(const w2::InputReport& input) noexcept {
@@ -545,7 +644,11 @@ class W2Device final : public Device {
   const rt::Duration frame_;
 
   // I/O thread (and opening thread before it starts).
-  rt::Duration refresh_exchange_;  ///< OUT submitted to IN arrived; decaying maximum of refreshes
+  /// How long a refresh keeps a command waiting: from its submission until its OUT is taken, or
+  /// without overlap until its report comes. Decaying maximum.
+  rt::Duration refresh_time_;
+  bool may_overlap_;        ///< something may be sent before the report of the last OUT has come
+  bool held_back_ = false;  ///< a refresh has been held back since the last OUT
   std::array<std::uint8_t, kBufferBytes> buffer_{};
   w2::CounterUnwrapper unwrapper_;
   IssuedCommand latest_;
@@ -555,6 +658,7 @@ class W2Device final : public Device {
   std::uint64_t sequence_ = 0;
   std::size_t last_length_ = 0;
   int rejected_in_a_row_ = 0;
+  int found_ = 0;  ///< reports that the last receive() took in
   bool wrong_length_ = false;
   bool commanded_ = false;
   bool counters_pending_ = false;

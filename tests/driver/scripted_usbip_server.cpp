@@ -179,7 +179,7 @@ bool ScriptedUsbipServer::submit(int client, const Bytes& header) {
   }
   if (big32(header, 12) == 1) {
     pending_in_ = big32(header, 4);
-    return deliver(client);
+    return script_.in_first || deliver(client);
   }
   return out(client, header);
 }
@@ -253,6 +253,9 @@ bool ScriptedUsbipServer::out(int client, const Bytes& header) {
       button_ = false;
     }
   }
+  if (script_.in_first && !deliver(client)) {
+    return false;
+  }
   const std::uint32_t sequence = big32(header, 4);
   if (script_.lie_now.exchange(false)) {
     return send_all(client, script_.lie(sequence));
@@ -260,8 +263,12 @@ bool ScriptedUsbipServer::out(int client, const Bytes& header) {
   if (!send_all(client, reply(3, sequence, 0, length, {}))) {
     return false;
   }
+  if (script_.merge_outs > 0) {
+    --script_.merge_outs;
+    return true;
+  }
   armed_ = script_.send_reports;
-  return deliver(client);
+  return script_.in_first || deliver(client);
 }
 
 bool ScriptedUsbipServer::deliver(int client) {

@@ -34,7 +34,11 @@ struct Script {
   bool take_outs = true;
   bool speak_first = true;  ///< W2: one report before the first OUT
 
-  std::atomic<bool> send_reports{true};      ///< false: OUTs are taken, no report follows
+  std::atomic<bool> send_reports{true};  ///< false: OUTs are taken, no report follows
+  /// A bus that serves IN before OUT: a report is collected when the next OUT comes, just before
+  /// it.
+  std::atomic<bool> in_first{false};
+  std::atomic<int> merge_outs{0};            ///< so many of the next OUTs release no report
   std::atomic<int> wrong_length_reports{0};  ///< so many of the next reports have 13 bytes
   std::atomic<int> report_status{0};         ///< USB status of the next report, e.g. -ENODEV
   std::atomic<int> close_after_outs{-1};     ///< the connection ends after so many more OUTs

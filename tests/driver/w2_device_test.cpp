@@ -139,6 +139,7 @@ TEST_F(W2, DoesNotWaitForEverForADeviceThatTakesNothing) {
   script_.take_outs = false;
   OpenOptions options = patient();
   options.open_timeout = milliseconds(200);
+  options.write_timeout = milliseconds(50);
   EXPECT_THAT(error_of_open(options), HasSubstr("no report within 200 ms"));
 }
 
@@ -248,6 +249,34 @@ TEST_F(W2, KeepsCountsFreshWhileTheServoIsSilent) {
   const DeviceReport report = device->newest_report();
   EXPECT_TRUE(eventually([&] { return device->newest_report().sequence > report.sequence; }));
   EXPECT_GT(device->newest_report().released, report.released);
+}
+
+TEST_F(W2, SendsAgainBeforeAReportThatTheBusHandsOverLate) {
+  const auto device = open();
+  script_.in_first = true;
+  // Each report comes only with the next OUT: waiting for it first would stand still.
+  const auto sequence = device->newest_report().sequence;
+  DeviceReport report;
+  EXPECT_TRUE(eventually([&] {
+    report = device->newest_report();
+    return report.sequence > sequence + 100;
+  }));
+  EXPECT_LE(device->statistics().reports_lost, 1U);  // the switch may cost the report under way
+  EXPECT_LT(report.released, report.received);
+  device->command({.current_A = {0.25, 0.0, 0.0}});
+  EXPECT_TRUE(eventually([&] { return last_out() == currents(250, 0, 0); }));
+  device->load_counters({1, 2, 3, 0, 0, 0}, seconds(10));
+  EXPECT_TRUE(device->stop());
+  EXPECT_EQ(last_out(), kZero);
+}
+
+TEST_F(W2, GoesOnAfterTwoOutsThatReleaseOneReport) {
+  const auto device = open();
+  script_.merge_outs = 1;
+  EXPECT_TRUE(eventually([&] { return script_.merge_outs == 0; }));
+  const auto sequence = device->newest_report().sequence;
+  EXPECT_TRUE(eventually([&] { return device->newest_report().sequence > sequence + 20; }));
+  EXPECT_EQ(device->health(), DeviceHealth::kRunning);
 }
 
 TEST_F(W2, FollowsCountersThroughTheWrapOf16Bits) {
