@@ -13,6 +13,7 @@
 #include <cmath>
 #include <fstream>
 #include <memory>
+#include <ostream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -78,6 +79,8 @@ struct Example {
   const char* name;
   std::vector<std::string> command;  ///< without the stiffness
 };
+
+void PrintTo(const Example& example, std::ostream* out) { *out << example.name; }
 
 class SpringExample : public testing::TestWithParam<Example> {
  protected:

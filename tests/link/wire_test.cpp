@@ -302,7 +302,10 @@ TEST(Decode, RefusesTimesBelowZeroAndAQueryWithoutNumber) {
 }
 
 TEST(Decode, RefusesUnknownFlagsAndAStiffnessThatIsNotDeclared) {
-  EXPECT_EQ(decode(with<std::uint32_t>(kForceSample, 44, 8)).status, WireStatus::kBadReserved);
+  for (unsigned int bit = 3; bit < 32; ++bit) {
+    const std::uint32_t flags = 7U | (1U << bit);
+    EXPECT_EQ(decode(with(kForceSample, 44, flags)).status, WireStatus::kBadReserved);
+  }
   EXPECT_EQ(decode(with<std::uint32_t>(kForceSample, 44, 3)).status, WireStatus::kBadReserved);
   EXPECT_EQ(decode(with<std::uint32_t>(kGoodbye, 12, 1)).status, WireStatus::kBadReserved);
 }
