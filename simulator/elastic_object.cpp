@@ -21,7 +21,6 @@ using kernels::Precise;
 
 constexpr int kMaxEvaluationsAStep = 16;
 constexpr int kMaxHalvings = 4;
-constexpr int kMaxRecoverySteps = 24;
 constexpr int kRecoveryIterations = 40;
 constexpr int kMaxLineSearchTrials = 12;
 constexpr double kLargestRecoveryMove_m = 1e-3;
@@ -53,6 +52,7 @@ void check(const SolverOptions& options) {
   positive(options.max_steps, "max_steps");
   positive(options.iterations_per_step, "iterations_per_step");
   positive(options.max_iterations, "max_iterations");
+  positive(options.max_recovery_steps, "max_recovery_steps");
 }
 
 enum class Outcome { kSettled, kOutOfIterations, kUnstable };
@@ -565,7 +565,7 @@ class ElasticObject<Real>::Implementation {
   void recover() noexcept {
     restore_finite();  // from here on saved_state_ belongs to the line search
     double energy_J = energy();
-    for (int step = 0; step < kMaxRecoverySteps; ++step) {
+    for (int step = 0; step < options_.max_recovery_steps; ++step) {
       preconditioner_valid_ = false;
       evaluate();
       if (!finite() || last_.converged) {

@@ -24,6 +24,9 @@ struct SolverOptions {
   int iterations_per_step = 3;
   /// Conjugate-gradient iterations of the last step, all corrections together.
   int max_iterations = 240;
+  /// Descents in energy an answer may take after its state turned out unstable (a deep push snaps
+  /// through), each of some 20 ms on a block of 10,000 vertices; what is left goes on in the next.
+  int max_recovery_steps = 8;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
   double sensitivity_tolerance = 0.05;
 };

@@ -124,6 +124,7 @@ TruthResult simulate_truth(const SpringMesh& mesh, const std::vector<Eigen::Vect
   solver.max_step_m = options.max_step_m;
   solver.max_steps = 1000;
   solver.max_iterations = 2000;
+  solver.max_recovery_steps = 100;
   // Built here, so that a wrong mesh or option throws before any thread runs.
   ElasticObject<double> first_object(mesh, solver);
 

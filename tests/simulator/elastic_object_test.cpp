@@ -356,6 +356,24 @@ TEST(ElasticObject, DeepPushesEndWithinTheirBoundsWhateverTheObjectDoes) {
   EXPECT_TRUE(object.move_to({0, 0, 0.01}).converged);
 }
 
+TEST(ElasticObject, AfterASnapThroughItFindsTheOtherEquilibrium) {
+  SolverOptions options = tight(1e-6);
+  options.max_recovery_steps = 100;
+  const SpringMesh mesh = make_scene("small").mesh;
+  ElasticObject<double> object(mesh, options);
+  object.grab(Vector3d::Zero(), kPatchRadius_m);
+  int branch_changes = 0;
+  int unconverged = 0;
+  for (int i = 1; i <= 40; ++i) {
+    const Equilibrium answer = object.move_to({0.0002 * i, 0, -0.001 * i});
+    branch_changes += answer.left_branch ? 1 : 0;
+    unconverged += answer.converged ? 0 : 1;
+  }
+  EXPECT_GE(branch_changes, 1);
+  // Newton steps alone, without a descent in energy, leave nine of the forty unconverged.
+  EXPECT_LE(unconverged, 2);
+}
+
 TEST(ElasticObject, APositionThatIsNotFiniteChangesNothing) {
   ElasticObject<float> object(make_scene("small").mesh);
   object.grab(Vector3d::Zero(), kPatchRadius_m);
