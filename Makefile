@@ -19,7 +19,7 @@ run: build
 	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --seconds $(SECONDS) $(ARGS)
 
 test: build
-	ctest --test-dir build/release --output-on-failure
+	ctest --test-dir build/release -j2 --output-on-failure
 
 bench: build
 	build/release/bin/forcegrid_bench
@@ -28,7 +28,7 @@ bench: build
 sanitize: setup
 	for preset in asan tsan; do \
 	  cmake --preset $$preset >/dev/null && cmake --build --preset $$preset && \
-	  ctest --test-dir build/$$preset --output-on-failure || exit 1; \
+	  ctest --test-dir build/$$preset -j2 --output-on-failure || exit 1; \
 	done
 
 build: setup build/release/build.ninja

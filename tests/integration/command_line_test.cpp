@@ -16,6 +16,7 @@ using testing::fresh_folder;
 using testing::Program;
 
 struct Complaint {
+  std::string name;
   std::vector<std::string> arguments;
   int status;
   std::vector<std::string> words;  // all in standard error or output
@@ -35,37 +36,58 @@ TEST_P(Complaints, NameTheInputAndTheRemedy) {
 INSTANTIATE_TEST_SUITE_P(
     Words, Complaints,
     ::testing::Values(
-        Complaint{{}, 2, {"subcommand"}}, Complaint{{"rum"}, 2, {"rum"}},
-        Complaint{{"run", "--sceen", "block"}, 2, {"--sceen"}},
-        Complaint{{"run", "--scene", "blok"}, 2, {"blok", "block"}},
-        Complaint{{"run", "--method", "magic"}, 2, {"magic", "forcegrid", "hold"}},
-        Complaint{{"run", "--seconds", "-1"}, 2, {"--seconds"}},
-        Complaint{{"run", "--seconds", "soon"}, 2, {"--seconds", "soon"}},
-        Complaint{{"run", "--rate", "99"}, 2, {"--rate"}},
-        Complaint{{"run", "--device", "emulated:woodenhaptics_v1999"},
+        Complaint{"NoCommand", {}, 2, {"subcommand"}},
+        Complaint{"UnknownCommand", {"rum"}, 2, {"rum"}},
+        Complaint{"UnknownFlag", {"run", "--sceen", "block"}, 2, {"--sceen"}},
+        Complaint{"UnknownScene", {"run", "--scene", "blok"}, 2, {"blok", "block"}},
+        Complaint{"UnknownMethod", {"run", "--method", "magic"}, 2, {"magic", "forcegrid", "hold"}},
+        Complaint{"NegativeTime", {"run", "--seconds", "-1"}, 2, {"--seconds"}},
+        Complaint{"TimeIsNoNumber", {"run", "--seconds", "soon"}, 2, {"--seconds", "soon"}},
+        Complaint{"RateTooLow", {"run", "--rate", "99"}, 2, {"--rate"}},
+        Complaint{"UnknownProfile",
+                  {"run", "--device", "emulated:woodenhaptics_v1999"},
                   1,
                   {"woodenhaptics_v1999", "woodenhaptics_v2015", "phantom_desktop"}},
-        Complaint{{"run", "--device", "usb:1"}, 1, {"usb:1", "usbip://HOST"}},
-        Complaint{{"run", "--device", "usbip://127.0.0.1:1/1-1", "--simulator", "127.0.0.1:9"},
+        Complaint{"UnknownDeviceForm", {"run", "--device", "usb:1"}, 1, {"usb:1", "usbip://HOST"}},
+        Complaint{"NothingListens",
+                  {"run", "--device", "usbip://127.0.0.1:1/1-1", "--simulator", "127.0.0.1:9"},
                   1,
                   {"usbip://127.0.0.1:1/1-1"}},
-        Complaint{{"run", "--device", "hid:1234:0006", "--simulator", "127.0.0.1:9"},
+        Complaint{"NoSuchHidDevice",
+                  {"run", "--device", "hid:1234:0006", "--simulator", "127.0.0.1:9"},
                   1,
                   {"1234:0006", "emulated:"}},
-        Complaint{{"run", "--simulator", "192.0.2.1:24870", "--seconds", "1"},
+        Complaint{"SimulatorNotOnLoopback",
+                  {"run", "--simulator", "192.0.2.1:24870", "--seconds", "1"},
                   1,
                   {"192.0.2.1", "loopback"}},
-        Complaint{{"run", "--out", "/proc/no-such-folder"}, 1, {"/proc/no-such-folder", "--out"}},
-        Complaint{{"emulate"}, 2, {"--device"}},
-        Complaint{{"emulate", "--device", "phantom_desktop", "--listen", "0.0.0.0:3240"},
+        Complaint{"FolderNotWritable",
+                  {"run", "--out", "/proc/no-such-folder"},
+                  1,
+                  {"/proc/no-such-folder", "--out"}},
+        Complaint{"EmulateWithoutDevice", {"emulate"}, 2, {"--device"}},
+        Complaint{"EmulateBeyondLoopback",
+                  {"emulate", "--device", "phantom_desktop", "--listen", "0.0.0.0:3240"},
                   1,
                   {"0.0.0.0", "loopback"}},
-        Complaint{{"simulate", "--listen", "0.0.0.0:0"}, 1, {"0.0.0.0", "loopback"}},
-        Complaint{{"simulate", "--listen", "nonsense"}, 1, {"nonsense"}},
-        Complaint{{"kinematics", "--profile", "vintage"}, 2, {"--counts"}},
-        Complaint{{"kinematics", "--profile", "vintage", "--counts", "1,2"}, 2, {"--counts"}},
-        Complaint{{"kinematics", "--profile", "vintage", "--position", "9,9,9"}, 1, {"9"}},
-        Complaint{{"kinematics", "--profile", "no.toml", "--counts", "1,2,3"}, 1, {"no.toml"}}));
+        Complaint{"SimulateBeyondLoopback",
+                  {"simulate", "--listen", "0.0.0.0:0"},
+                  1,
+                  {"0.0.0.0", "loopback"}},
+        Complaint{"ListenIsNoAddress", {"simulate", "--listen", "nonsense"}, 1, {"nonsense"}},
+        Complaint{
+            "KinematicsWithoutInput", {"kinematics", "--profile", "vintage"}, 2, {"--counts"}},
+        Complaint{"TwoCounts",
+                  {"kinematics", "--profile", "vintage", "--counts", "1,2"},
+                  2,
+                  {"--counts"}},
+        Complaint{
+            "OutOfReach", {"kinematics", "--profile", "vintage", "--position", "9,9,9"}, 1, {"9"}},
+        Complaint{"NoSuchProfileFile",
+                  {"kinematics", "--profile", "no.toml", "--counts", "1,2,3"},
+                  1,
+                  {"no.toml"}}),
+    [](const auto& info) { return info.param.name; });
 
 TEST(CommandLine, RefusesAPortInUseAndNamesIt) {
   Program first =

@@ -164,10 +164,11 @@ TEST(MainJob, GoesOnWithoutForceWhenNoSimulatorEverStarts) {
 }
 
 TEST(MainJob, FeelsAForeignSimulatorInPython) {
-  Program spring({"python3", "-u", FORCEGRID_SOURCE_DIR "/examples/spring_simulator.py", "100",
-                  "127.0.0.1:24881"});
-  Program run = Program::forcegrid({"run", "--simulator", "127.0.0.1:24881", "--seconds", "6",
-                                    "--out", fresh_folder("run"), "--json"});
+  Program spring({"python3", FORCEGRID_SOURCE_DIR "/examples/spring_simulator.py", "0", "100"});
+  const std::string prefix = "listening on ";
+  const std::string address = spring.wait_for_line(prefix).substr(prefix.size());
+  Program run = Program::forcegrid(
+      {"run", "--simulator", address, "--seconds", "6", "--out", fresh_folder("run"), "--json"});
   ASSERT_EQ(run.wait(), 0) << run.standard_error() << spring.standard_error();
   const json summary = parsed(run.standard_output());
   EXPECT_GT(summary.at("samples_received").get<int>(), 100);

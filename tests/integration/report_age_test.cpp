@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cmath>
 #include <optional>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -103,7 +104,13 @@ INSTANTIATE_TEST_SUITE_P(OrdersAndRates, ReportAge,
                                            std::pair{emulator::FrameOrder::kOutFirst, 230.0},
                                            std::pair{emulator::FrameOrder::kOutFirst, 1000.0},
                                            std::pair{emulator::FrameOrder::kInFirst, 230.0},
-                                           std::pair{emulator::FrameOrder::kInFirst, 500.0}));
+                                           std::pair{emulator::FrameOrder::kInFirst, 500.0}),
+                         [](const auto& info) {
+                           return std::string(info.param.first == emulator::FrameOrder::kOutFirst
+                                                  ? "OutFirst"
+                                                  : "InFirst") +
+                                  std::to_string(static_cast<int>(info.param.second)) + "Hz";
+                         });
 
 }  // namespace
 }  // namespace forcegrid
