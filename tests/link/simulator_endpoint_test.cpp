@@ -248,7 +248,7 @@ TEST(SimulatorEndpoint, SaysGoodbyeToItsServo) {
   EXPECT_EQ(goodbye->session_id, kSession);
 }
 
-TEST(SimulatorEndpoint, SaysWhatToDoAboutAPortInUse) {
+TEST(SimulatorEndpoint, NamesTheRemedyForAPortInUse) {
   const RawPeer occupant;
   EXPECT_THAT([&] { SimulatorEndpoint simulator(occupant.address()); },
               testing::ThrowsMessage<LinkError>(testing::AllOf(
