@@ -22,6 +22,8 @@ struct Complaint {
   std::vector<std::string> words;  // all in standard error or output
 };
 
+void PrintTo(const Complaint& complaint, std::ostream* out) { *out << complaint.name; }
+
 class Complaints : public ::testing::TestWithParam<Complaint> {};
 
 TEST_P(Complaints, NameTheInputAndTheRemedy) {
@@ -87,7 +89,7 @@ INSTANTIATE_TEST_SUITE_P(
                   {"kinematics", "--profile", "no.toml", "--counts", "1,2,3"},
                   1,
                   {"no.toml"}}),
-    [](const auto& info) { return info.param.name; });
+    [](const auto& test) { return test.param.name; });
 
 TEST(CommandLine, RefusesAPortInUseAndNamesIt) {
   Program first =

@@ -105,11 +105,11 @@ INSTANTIATE_TEST_SUITE_P(OrdersAndRates, ReportAge,
                                            std::pair{emulator::FrameOrder::kOutFirst, 1000.0},
                                            std::pair{emulator::FrameOrder::kInFirst, 230.0},
                                            std::pair{emulator::FrameOrder::kInFirst, 500.0}),
-                         [](const auto& info) {
-                           return std::string(info.param.first == emulator::FrameOrder::kOutFirst
+                         [](const auto& test) {
+                           return std::string(test.param.first == emulator::FrameOrder::kOutFirst
                                                   ? "OutFirst"
                                                   : "InFirst") +
-                                  std::to_string(static_cast<int>(info.param.second)) + "Hz";
+                                  std::to_string(static_cast<int>(test.param.second)) + "Hz";
                          });
 
 }  // namespace
