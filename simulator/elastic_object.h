@@ -26,7 +26,7 @@ struct SolverOptions {
   int max_iterations = 240;
   /// Descents in energy an answer may take after its state turned out unstable (a deep push snaps
   /// through), each of some 20 ms on a block of 10,000 vertices; what is left goes on in the next.
-  int max_recovery_steps = 8;
+  int max_recovery_steps = 24;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
   double sensitivity_tolerance = 0.05;
 };
