@@ -172,11 +172,14 @@ inline ForceEstimate ForceGrid::sample(const Eigen::Vector3d& position_W) const 
   Double2 xy;
   __builtin_memcpy(&xy, position_W.data(), sizeof xy);
   xy = (xy - load<Double2>(min_.data())) * load<Double2>(inverse_.data());
-  const double z = (position_W.z() - min_[2]) * inverse_[2];
-  const Double4 exact_index = {xy[0], xy[1], z, 0.0};
+  Double2 z = {position_W.z(), 0.0};
+  z = (z - load<Double2>(min_.data() + 2)) * load<Double2>(inverse_.data() + 2);
+  const Double4 exact_index = {xy[0], xy[1], z[0], z[1]};
   const Float4 index = __builtin_convertvector(exact_index, Float4);
   const Float4 last = load<Float4>(last_.data());
-  const Int4 inside = (index >= 0.0F) & (index < last);  // all false for NaN
+  // Below the last vertex (false for NaN) and no sign bit set: inside. A negative zero and the
+  // upper border itself, which are inside as well, go the slow way.
+  const Int4 inside = (index < last) & ~reinterpret_cast<Int4>(index);
   if (sign_bits(inside) != 0b1111) [[unlikely]] {
     return sample_with_status(position_W);
   }
