@@ -18,19 +18,19 @@ void write_triple(std::ofstream& file, const Triple& t) {
 
 // gnuplot's text for one curve of column `column`, negated: the paper plots the force that the
 // hand exerts against the object's pull, upward with the tool.
-std::string force_curve(const std::string& csv, int column, const std::string& title, int style) {
-  return "'" + csv + "' using 1:(-$" + std::to_string(column) + ") with lines ls " +
+std::string force_curve(const std::string& data, int column, const std::string& title, int style) {
+  return data + " using 1:(-$" + std::to_string(column) + ") with lines ls " +
          std::to_string(style) + " title '" + title + "'";
 }
 
-std::string error_curve(const std::string& csv, int method_column, int truth_column,
+std::string error_curve(const std::string& data, int method_column, int truth_column,
                         const std::string& title, int style) {
   std::string squares;
   for (int axis = 0; axis < 3; ++axis) {
     squares += std::string(axis == 0 ? "" : "+") + "($" + std::to_string(method_column + axis) +
                "-$" + std::to_string(truth_column + axis) + ")**2";
   }
-  return "'" + csv + "' using 1:(sqrt(" + squares + ")) with lines ls " + std::to_string(style) +
+  return data + " using 1:(sqrt(" + squares + ")) with lines ls " + std::to_string(style) +
          " title '" + title + "'";
 }
 
@@ -75,6 +75,10 @@ std::vector<std::string> write_figures(const std::string& directory,
     return {csv};
   }
 
+  // More points than pixels only make the files large.
+  constexpr std::size_t kPointsDrawn = 3000;
+  const std::string data = "'" + csv + "' every " + std::to_string(rows.size() / kPointsDrawn + 1);
+
   constexpr int kFirstForceColumn = 5;
   std::string forces;
   std::string errors;
@@ -84,12 +88,12 @@ std::vector<std::string> write_figures(const std::string& directory,
   for (std::size_t i = method_names.size(); i-- > 0; ++style) {
     const int method_column = column + 3 * static_cast<int>(i);
     forces += (forces.empty() ? "" : ", ") +
-              force_curve(csv, method_column + 2, label_of(method_names[i]), style);
+              force_curve(data, method_column + 2, label_of(method_names[i]), style);
     errors += (errors.empty() ? "" : ", ") +
-              error_curve(csv, method_column, kFirstForceColumn, label_of(method_names[i]), style);
+              error_curve(data, method_column, kFirstForceColumn, label_of(method_names[i]), style);
   }
   if (has_truth) {
-    forces += ", " + force_curve(csv, kFirstForceColumn + 2, "off-line", 1);
+    forces += ", " + force_curve(data, kFirstForceColumn + 2, "off-line", 1);
   }
   const char* const panels = has_truth ? "3" : "2";
   std::string script =
@@ -111,8 +115,8 @@ std::vector<std::string> write_figures(const std::string& directory,
     script += std::string("set multiplot layout ") + panels + ",1\n";
     script +=
         "unset xlabel\nset ylabel 'tool along the normal / mm'\n"
-        "plot '" +
-        csv + "' using 1:(1000*$4) with lines ls 1 title 'position'\n";
+        "plot " +
+        data + " using 1:(1000*$4) with lines ls 1 title 'position'\n";
     script += has_truth ? "" : "set xlabel 'time since contact / s'\n";
     script += "set ylabel 'pull along the normal / N'\nplot " + forces + "\n";
     if (has_truth) {

@@ -1,5 +1,7 @@
 #include "cli/run_command.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -204,6 +206,29 @@ void add_errors(RunSummary& summary, const std::vector<std::string>& names,
   }
 }
 
+// Shows how far the off-line forces are: on a terminal one line that is written over and over,
+// elsewhere a line every quarter.
+class TruthProgress {
+ public:
+  explicit TruthProgress(std::FILE* out) : out_(out), terminal_(isatty(fileno(out)) == 1) {}
+
+  void operator()(double done, double remaining_s) {
+    if (!terminal_ && done < next_) {
+      return;
+    }
+    next_ += 0.25;
+    std::fprintf(out_, "%sOff-line forces: %3.0f %%, %2.0f s left (Ctrl-C skips them)%s",
+                 terminal_ ? "\r" : "", 100.0 * done, remaining_s,
+                 terminal_ && done < 1.0 ? " " : "\n");
+    std::fflush(out_);
+  }
+
+ private:
+  std::FILE* out_;
+  bool terminal_;
+  double next_ = 0.0;
+};
+
 }  // namespace
 
 void write_json(const JsonTarget& target, const std::string& text) {
@@ -332,6 +357,7 @@ int run_command(const RunOptions& options) {
     }
   }
   servo_thread.join();
+  StopRequest::main_part_is_over();
   link.stop();
   telemetry.stop();
   rt::unlock_memory();
@@ -385,22 +411,17 @@ int run_command(const RunOptions& options) {
   } else if (options.no_truth) {
     summary.truth = "skipped by --no-truth";
   } else if (StopRequest::hurry()) {
-    summary.truth = "skipped by a second Ctrl-C";
+    summary.truth = "skipped by Ctrl-C";
   } else {
     simulator::TruthOptions truth_options;
     truth_options.scene = options.scene;
     truth_options.contact_point_W = contact->point_W;
     truth_options.cancel = &StopRequest::hurry();
-    truth_options.progress = [out](double done, double remaining_s) {
-      std::fprintf(out, "\rOff-line forces: %3.0f %%, %2.0f s left (%s skips them) ", 100.0 * done,
-                   remaining_s, StopRequest::stop() ? "Ctrl-C" : "Ctrl-C twice");
-      std::fflush(out);
-    };
+    truth_options.progress = TruthProgress(out);
     const simulator::TruthResult truth =
         simulator::simulate_truth(cycles.positions_W, truth_options);
-    say("\n");
     if (truth.cancelled) {
-      summary.truth = "skipped by a second Ctrl-C";
+      summary.truth = "skipped by Ctrl-C";
     } else {
       truth_W = truth.forces_W;
       summary.truth = "computed";

@@ -8,6 +8,7 @@ namespace {
 std::atomic<int> requests{0};
 std::atomic<bool> stop_flag{false};
 std::atomic<bool> hurry_flag{false};
+std::atomic<bool> main_part_over{false};
 static_assert(std::atomic<int>::is_always_lock_free && std::atomic<bool>::is_always_lock_free);
 
 void on_signal(int /*signal*/) { StopRequest::request(); }
@@ -31,10 +32,12 @@ const std::atomic<bool>& StopRequest::stop() noexcept { return stop_flag; }
 const std::atomic<bool>& StopRequest::hurry() noexcept { return hurry_flag; }
 
 void StopRequest::request() noexcept {
-  if (requests.fetch_add(1) > 0) {
+  if (requests.fetch_add(1) > 0 || main_part_over.load()) {
     hurry_flag.store(true);
   }
   stop_flag.store(true);
 }
+
+void StopRequest::main_part_is_over() noexcept { main_part_over.store(true); }
 
 }  // namespace forcegrid::cli

@@ -13,8 +13,11 @@ class StopRequest {
   static int count() noexcept;
   /// True from the first request on.
   static const std::atomic<bool>& stop() noexcept;
-  /// True from the second request on: what is left to do is skipped, too.
+  /// True from the second request on, or from the first one after main_part_is_over(): what is
+  /// left to do is skipped, too.
   static const std::atomic<bool>& hurry() noexcept;
+  /// What follows is only evaluation; one request is enough to skip it.
+  static void main_part_is_over() noexcept;
   /// As if a signal had come; for a parent that has closed standard input.
   static void request() noexcept;
 };
