@@ -25,8 +25,6 @@ void StopRequest::install() {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-int StopRequest::count() noexcept { return requests.load(); }
-
 const std::atomic<bool>& StopRequest::stop() noexcept { return stop_flag; }
 
 const std::atomic<bool>& StopRequest::hurry() noexcept { return hurry_flag; }

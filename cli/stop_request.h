@@ -10,7 +10,6 @@ class StopRequest {
  public:
   /// Installs the handlers. SIGPIPE is ignored: a closed pipe is an error of the write.
   static void install();
-  static int count() noexcept;
   /// True from the first request on.
   static const std::atomic<bool>& stop() noexcept;
   /// True from the second request on, or from the first one after main_part_is_over(): what is
