@@ -28,7 +28,7 @@ function(forcegrid_library name)
   add_library(${name} STATIC ${ARGN})
   target_compile_features(${name} PUBLIC cxx_std_20)
   target_include_directories(${name} PUBLIC
-    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include>)
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include/forcegrid>)
   target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:forcegrid_warnings>
                                 PUBLIC $<BUILD_INTERFACE:forcegrid_sanitizers>)
 endfunction()
