@@ -9,8 +9,8 @@
 
 namespace forcegrid::rt {
 
-/// Percentiles of a stream of non-negative numbers in fixed memory: a histogram with 64 bins an
-/// octave from 1/64 up to 2^34, so that any percentile is known to within 0.8 %; the extremes are
+/// Percentiles of a stream of non-negative numbers in fixed memory: a histogram with 512 bins an
+/// octave from 1/64 up to 2^34 gives any percentile to within 0.2 %, never below; the extremes are
 /// exact.
 /// Real-time: add() neither allocates, locks nor throws.
 class Percentiles {
@@ -52,7 +52,7 @@ class Percentiles {
   }
 
  private:
-  static constexpr int kBinsPerOctave = 64;
+  static constexpr int kBinsPerOctave = 512;
   static constexpr int kLowestExponent = -6;
   static constexpr int kHighestExponent = 34;
   static constexpr std::size_t kBins =

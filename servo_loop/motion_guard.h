@@ -23,6 +23,9 @@ class MotionGuard {
   /// speed, plus kJumpFloor_m, before the encoders are disbelieved.
   static constexpr double kJumpFactor = 3.0;
   static constexpr double kJumpFloor_m = 0.002;
+  /// The filtered speed may be above the profile's limit for less than this: counts that a stalled
+  /// host or bus stamped late make one step look fast.
+  static constexpr rt::Duration kTooFastFor = std::chrono::milliseconds(20);
 
   explicit MotionGuard(const profiles::DeviceProfile& profile);
 
@@ -39,6 +42,8 @@ class MotionGuard {
   bool has_last_ = false;
   std::uint64_t last_sequence_ = 0;
   rt::TimePoint last_sampled_{};
+  rt::TimePoint sampled_before_last_{};  ///< the last counts can't be older than these
+  rt::TimePoint slow_enough_at_{};       ///< the newest report at a speed within the limit
   Eigen::Vector3d last_position_D_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_D_ = Eigen::Vector3d::Zero();
 };

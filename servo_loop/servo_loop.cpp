@@ -55,9 +55,13 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   record.cycle = cycle_++;
   record.time_ns = now.time_since_epoch().count();
   record.missed_deadlines = missed_before_this_;
-  const double elapsed_s = record.cycle == 0 ? 0.0 : rt::seconds(now - last_cycle_);
+  double elapsed_s = record.cycle == 0 ? 0.0 : rt::seconds(now - last_cycle_);
   record.period_us = 1e6 * elapsed_s;
   last_cycle_ = now;
+  if (rt::from_seconds(elapsed_s) > kStall) {
+    start_anew();
+    elapsed_s = 0.0;  // nothing was rendered meanwhile, so no force may have grown
+  }
 
   // Encoder report -> counts -> joint angles -> tool, believed only if plausible.
   const driver::DeviceReport report = device_.newest_report();
@@ -85,9 +89,10 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   const Eigen::Vector3d wanted_force_D =
       in_force_box ? Eigen::Vector3d(record.gain * vector(record.method_force_W_N[0]))
                    : Eigen::Vector3d::Zero();
-  const Eigen::Vector3d gravity_Nm = options_.gravity_compensation
-                                         ? kinematics_.gravity_torque(pose.joint_angle_rad)
-                                         : Eigen::Vector3d::Zero();
+  const Eigen::Vector3d gravity_Nm =
+      options_.gravity_compensation
+          ? Eigen::Vector3d(gravity_gain_ * kinematics_.gravity_torque(pose.joint_angle_rad))
+          : Eigen::Vector3d::Zero();
   const driver::LimitedForce limited = limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm);
   if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
     fault = Fault::kNotFinite;
@@ -160,16 +165,19 @@ void ServoLoop::take_samples() noexcept {
 }
 
 double ServoLoop::force_gain(rt::TimePoint now, double elapsed_s) noexcept {
-  if (rt::from_seconds(elapsed_s) > kStall) {
-    ++stalls_;
-    gain_ = 0.0;
-    limiter_.reset();
-  }
   const double timeout_s = std::max(options_.sample_timeout_s, 5.0 * sample_period_s_);
   const bool fresh = has_sample_ && rt::seconds(now - newest_sample_arrived_) <= timeout_s;
   const double step = fresh ? elapsed_s / options_.ramp_in_s : -elapsed_s / options_.fade_s;
   gain_ = std::clamp(gain_ + step, 0.0, 1.0);
+  gravity_gain_ = std::min(gravity_gain_ + elapsed_s / options_.ramp_in_s, 1.0);
   return gain_;
+}
+
+void ServoLoop::start_anew() noexcept {
+  ++stalls_;
+  gain_ = 0.0;
+  gravity_gain_ = 0.0;
+  limiter_.reset();
 }
 
 void ServoLoop::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
@@ -223,8 +231,10 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
     }
     outcome.missed_deadlines += missed_before_this_;
   }
-  outcome.zero_current_delivered = device_.stop();
+  // The cycle that ended the loop by a fault has commanded zero already. Asked before stop(), after
+  // which the device only says that it is closed.
   outcome.device_failure = outcome.fault == Fault::kNone ? std::string() : device_.failure();
+  outcome.zero_current_delivered = device_.stop();
   outcome.cycles = cycle_;
   outcome.stalls = stalls_;
   return outcome;

@@ -101,6 +101,7 @@ class ServoLoop {
 
  private:
   void take_samples() noexcept;
+  void start_anew() noexcept;
   rt::Duration shift_to_bus_phase(rt::TimePoint deadline) noexcept;
   double force_gain(rt::TimePoint now, double elapsed_s) noexcept;
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
@@ -125,6 +126,7 @@ class ServoLoop {
   std::uint32_t contact_epoch_ = 0;
   std::uint64_t samples_taken_ = 0;
   double gain_ = 0.0;
+  double gravity_gain_ = 0.0;
   std::uint32_t tool_sequence_ = 0;
   std::uint64_t cycle_ = 0;
   std::uint64_t stalls_ = 0;

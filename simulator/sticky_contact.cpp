@@ -51,6 +51,9 @@ StickyContact::Answer StickyContact::step(ElasticObject<Real>& object,
   }
   if (!in_contact_) {
     const bool touching = at_surface(position_W);
+    if (!last_position_W_ && touching) {
+      must_leave_first_ = true;
+    }
     if (!touching) {
       must_leave_first_ = false;
     } else if (!must_leave_first_ && object.grab(position_W, options_.patch_radius_m) > 0) {

@@ -23,7 +23,8 @@ struct ContactOptions {
 /// The tool touches when, within the footprint of the object's surface (SpringMesh::surface_min_W,
 /// surface_max_W), it is at or below the surface, or up to approach_distance_m above it and lower
 /// than at the position before; and when a free vertex lies within patch_radius_m. The contact
-/// holds until release().
+/// holds until release(). A tool that is first seen inside the object must leave it before it can
+/// touch: it never came through the surface.
 ///
 /// Threads: one.
 class StickyContact {

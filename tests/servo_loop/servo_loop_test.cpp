@@ -279,11 +279,35 @@ TEST_F(ServoLoopCycle, StartsTheRampAnewAfterAPause) {
   for (int i = 0; i < 100; ++i) {
     ASSERT_EQ(cycle(), Fault::kNone);
   }
-  now_ += std::chrono::milliseconds(60);
-  cycles_ = 0;
-  ASSERT_EQ(cycle(), Fault::kNone);
-  EXPECT_LT(record().gain, 0.7);
-  EXPECT_LT(std::abs(device_.commands.back().current_A[2]), 0.8);
+  for (const int pause_ms : {60, 1000}) {
+    ASSERT_NEAR(record().gain, 1.0, 1e-12);
+    now_ += std::chrono::milliseconds(pause_ms);
+    cycles_ = 0;
+    ASSERT_EQ(cycle(), Fault::kNone);
+    EXPECT_EQ(record().gain, 0.0);
+    EXPECT_TRUE(is_zero(device_.commands.back()));
+    ASSERT_EQ(cycle(), Fault::kNone);
+    EXPECT_NEAR(record().gain, 0.02, 1e-9);  // 2 ms of a 100 ms ramp
+    for (int i = 0; i < 100; ++i) {
+      ASSERT_EQ(cycle(), Fault::kNone);
+    }
+  }
+}
+
+TEST_F(ServoLoopCycle, BelievesCountsThatAStalledBusStampedLate) {
+  // At 0.3 m/s the tool moves 0.6 mm a cycle. One OUT takes 24 ms to be confirmed, so its counts
+  // look new although they are 24 ms old; the next ones are 7 mm on, 1 ms later.
+  double y_m = -0.03;
+  for (int i = 0; i < 20; ++i) {
+    y_m += 0.0006;
+    ASSERT_EQ(cycle(Vector3d(0.0, y_m, 0.0)), Fault::kNone);
+  }
+  now_ += std::chrono::milliseconds(24);
+  device_.show(Vector3d(0.0, y_m + 0.0006, 0.0), now_);
+  ASSERT_EQ(loop_.run_cycle(now_, now_ + kPeriod), Fault::kNone);
+  now_ += std::chrono::milliseconds(1);
+  device_.show(Vector3d(0.0, y_m + 0.0106, 0.0), now_);
+  EXPECT_EQ(loop_.run_cycle(now_, now_ + kPeriod), Fault::kNone);
 }
 
 TEST_F(ServoLoopCycle, ComparesItsVelocityWithAKnownMotion) {
