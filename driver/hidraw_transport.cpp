@@ -5,8 +5,10 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 
 #include "driver/device.h"
+#include "driver/node_lock.h"
 
 namespace forcegrid::driver {
 namespace {
@@ -31,6 +33,7 @@ class HidrawTransport final : public Transport {
  public:
   explicit HidrawTransport(const HidrawNode& node)
       : node_(node.node),
+        lock_(std::in_place, node.node),
         identity_{node.vendor_id, node.product_id, node.manufacturer, node.product, node.serial},
         report_descriptor_(node.report_descriptor) {
     if (hid_init() != 0) {
@@ -41,13 +44,9 @@ class HidrawTransport final : public Transport {
     device_ = hid_open_path(node_.c_str());
     if (device_ == nullptr) {
       const int reason = errno;
-      const std::string words = reason != 0 ? std::strerror(reason) : narrow(hid_error(nullptr));
-      throw DeviceError(
-          "open " + node_ + ": " + words +
-          (reason == EACCES || reason == EPERM
-               ? "; install udev/70-forcegrid.rules to /etc/udev/rules.d, run `udevadm control "
-                 "--reload`, and plug the device in again"
-               : "; plug the device in again"));
+      throw DeviceError("open " + node_ + ": " +
+                        (reason != 0 ? std::strerror(reason) : narrow(hid_error(nullptr)).c_str()) +
+                        "; plug the device in again");
     }
   }
 
@@ -108,6 +107,7 @@ class HidrawTransport final : public Transport {
       hid_close(device_);
       device_ = nullptr;
     }
+    lock_.reset();
   }
 
  private:
@@ -119,6 +119,7 @@ class HidrawTransport final : public Transport {
   }
 
   std::string node_;
+  std::optional<NodeLock> lock_;  ///< while the device is open
   TransportIdentity identity_;
   std::vector<std::uint8_t> report_descriptor_;
   std::string failure_;

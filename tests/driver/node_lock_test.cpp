@@ -1,0 +1,49 @@
+#include "driver/node_lock.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "driver/device.h"
+
+namespace forcegrid::driver {
+namespace {
+
+using testing::HasSubstr;
+
+// A lock is the same on a file as on a device node.
+class NodeLockTest : public testing::Test {
+ protected:
+  NodeLockTest() { std::ofstream(node_) << "node"; }
+  ~NodeLockTest() override { std::filesystem::remove(node_); }
+
+  static std::string error_of(const std::string& node) {
+    try {
+      const NodeLock lock(node);
+    } catch (const DeviceError& error) {
+      return error.what();
+    }
+    return "locked";
+  }
+
+  const std::string node_ = testing::TempDir() + "forcegrid_node_" + std::to_string(::getpid());
+};
+
+TEST_F(NodeLockTest, RefusesASecondHolderUntilTheFirstIsGone) {
+  {
+    const NodeLock first(node_);
+    EXPECT_THAT(error_of(node_), HasSubstr("open " + node_ + ": another program drives this"));
+  }
+  EXPECT_EQ(error_of(node_), "locked");
+}
+
+TEST_F(NodeLockTest, NamesANodeThatIsNotThere) {
+  EXPECT_THAT(error_of(node_ + "0"), HasSubstr("No such file or directory; plug the device in"));
+}
+
+}  // namespace
+}  // namespace forcegrid::driver
