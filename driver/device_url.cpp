@@ -45,14 +45,30 @@ bool is_port_path(std::string_view path) {
                      [](char c) { return is_digit(c) || c == '.'; });
 }
 
+/// A name that udev may give: no folder, nothing hidden.
+bool is_link_name(std::string_view name) {
+  constexpr std::string_view kAlso = "#+-.:=@_";
+  return !name.empty() && name.front() != '.' && std::all_of(name.begin(), name.end(), [&](char c) {
+    return is_digit(c) || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+           kAlso.find(c) != std::string_view::npos;
+  });
+}
+
 void parse_hid(DeviceUrl& url, std::string_view rest) {
   if (rest.starts_with("/")) {
     constexpr std::string_view kNode = "/dev/hidraw";
+    constexpr std::string_view kLink = "/dev/forcegrid/";
+    if (rest.starts_with(kLink) && is_link_name(rest.substr(kLink.size()))) {
+      url.kind = DeviceUrl::Kind::kHidNode;
+      url.node = rest;
+      return;
+    }
     const std::string_view number =
         rest.starts_with(kNode) ? rest.substr(kNode.size()) : std::string_view();
     if (number.empty() || number.size() > 5 ||
         !std::all_of(number.begin(), number.end(), is_digit)) {
-      fail(url.text, quoted(rest) + " is not /dev/hidraw and a number");
+      fail(url.text,
+           quoted(rest) + " is not /dev/hidraw and a number, nor a link of /dev/forcegrid");
     }
     url.kind = DeviceUrl::Kind::kHidNode;
     url.node = rest;
@@ -145,6 +161,7 @@ DeviceUrl parse_device_url(const std::string& text) {
 const char* device_url_forms() noexcept {
   return "  hid:1234:0006[:SERIAL]   vendor and product number, as lsusb shows them\n"
          "  hid:/dev/hidrawN         a device node\n"
+         "  hid:/dev/forcegrid/LINK  the same by the lasting name that the udev rule gives it\n"
          "  hid:path=BUS-PORT        the USB port, e.g. 1-2 (W2 devices share one serial number)\n"
          "  usbip://HOST:PORT/BUSID  a device on a USB/IP server, e.g. usbip://127.0.0.1:3240/1-1\n"
          "  emulated:PROFILE         an emulated device, e.g. emulated:woodenhaptics_v2015";

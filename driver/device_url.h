@@ -9,7 +9,7 @@ namespace forcegrid::driver {
 struct DeviceUrl {
   enum class Kind : std::uint8_t {
     kHidId,    ///< hid:VID:PID or hid:VID:PID:serial
-    kHidNode,  ///< hid:/dev/hidrawN
+    kHidNode,  ///< hid:/dev/hidrawN or hid:/dev/forcegrid/LINK
     kHidPort,  ///< hid:path=BUS-PORT, the USB port as sysfs names it
     kUsbip,    ///< usbip://HOST:PORT/BUSID
   };
@@ -19,7 +19,7 @@ struct DeviceUrl {
   std::uint16_t vendor_id = 0;
   std::uint16_t product_id = 0;
   std::string serial;     ///< empty: any
-  std::string node;       ///< "/dev/hidraw3"
+  std::string node;       ///< "/dev/hidraw3", or the link that udev makes to it
   std::string port_path;  ///< "1-2" or "1-2.4"
   std::string host;       ///< name or address, without brackets
   std::uint16_t tcp_port = 0;
@@ -30,6 +30,7 @@ struct DeviceUrl {
 ///   hid:1234:0006            vendor and product, four hexadecimal digits each
 ///   hid:1234:0006:SERIAL     and the serial number
 ///   hid:/dev/hidraw3
+///   hid:/dev/forcegrid/LINK  where udev/70-forcegrid.rules links to it
 ///   hid:path=1-2             the USB port, for devices that share a serial number
 ///   usbip://HOST:3240/1-1    a device on a USB/IP server; an IPv6 address in brackets
 /// (`emulated:NAME` is the caller's.)

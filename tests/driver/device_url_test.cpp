@@ -21,6 +21,8 @@ TEST(DeviceUrl, ReadsVendorAndProduct) {
 
 TEST(DeviceUrl, ReadsNodeAndPort) {
   EXPECT_EQ(parse_device_url("hid:/dev/hidraw12").node, "/dev/hidraw12");
+  EXPECT_EQ(parse_device_url("hid:/dev/forcegrid/w2-pci-0000:00:14.0-usb-0:2:1.0").node,
+            "/dev/forcegrid/w2-pci-0000:00:14.0-usb-0:2:1.0");
   const DeviceUrl port = parse_device_url("hid:path=3-1.4");
   EXPECT_EQ(port.kind, DeviceUrl::Kind::kHidPort);
   EXPECT_EQ(port.port_path, "3-1.4");
@@ -52,6 +54,8 @@ TEST(DeviceUrl, RefusesEverythingElseWithTheReasonAndTheForms) {
       {"hid:/dev/hidraw", "'/dev/hidraw' is not /dev/hidraw and a number"},
       {"hid:/dev/ttyACM0", "is not /dev/hidraw and a number"},
       {"hid:/dev/hidraw1/../sda", "is not /dev/hidraw and a number"},
+      {"hid:/dev/forcegrid/", "nor a link of /dev/forcegrid"},
+      {"hid:/dev/forcegrid/../sda", "nor a link of /dev/forcegrid"},
       {"hid:path=", "is not a USB port"},
       {"hid:path=1", "'1' is not a USB port"},
       {"hid:path=1-", "is not a USB port"},
