@@ -48,11 +48,12 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   append_percentiles(text, "compute / us", statistics.compute_us);
   append_percentiles(text, "report age / us", statistics.report_age_us);
   append(text,
-         "Device: %" PRIu64 " reports, %" PRIu64 " lost, %" PRIu64 " rejected; %" PRIu64
-         " commands, %" PRIu64 " clamped; zero current at the end %s\n",
-         summary.device_statistics.reports_received, summary.device_statistics.reports_lost,
-         summary.device_statistics.reports_rejected, summary.device_statistics.commands_sent,
-         summary.device_statistics.commands_clamped,
+         "Device: %" PRIu64 " reports, %" PRIu64 " stale ones skipped, %" PRIu64 " lost, %" PRIu64
+         " rejected; %" PRIu64 " commands, %" PRIu64 " clamped; zero current at the end %s\n",
+         summary.device_statistics.reports_received,
+         summary.device_statistics.reports_discarded + summary.device_statistics.reports_drained,
+         summary.device_statistics.reports_lost, summary.device_statistics.reports_rejected,
+         summary.device_statistics.commands_sent, summary.device_statistics.commands_clamped,
          outcome.zero_current_delivered ? "delivered" : "could not be delivered");
   append(text,
          "Simulator: %" PRIu64 " samples taken, %" PRIu64
@@ -151,6 +152,8 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"sample_age_ms", percentiles_json(statistics.sample_age_ms)},
       {"cycles_limited", statistics.cycles_limited},
       {"reports_received", device.reports_received},
+      {"reports_discarded", device.reports_discarded},
+      {"reports_drained", device.reports_drained},
       {"reports_lost", device.reports_lost},
       {"reports_rejected", device.reports_rejected},
       {"commands_sent", device.commands_sent},

@@ -55,10 +55,11 @@ struct DeviceIdentity {
 
 /// Counted since opening.
 struct DeviceStatistics {
-  std::uint64_t reports_received = 0;  ///< valid ones
-  std::uint64_t reports_rejected = 0;  ///< wrong length or otherwise not usable
-  std::uint64_t reports_drained = 0;   ///< queued ones that were skipped in favour of a newer one
-  std::uint64_t reports_lost = 0;      ///< exchanges whose report never came (a kick was needed)
+  std::uint64_t reports_received = 0;   ///< valid ones
+  std::uint64_t reports_rejected = 0;   ///< wrong length or otherwise not usable
+  std::uint64_t reports_drained = 0;    ///< queued ones that were skipped in favour of a newer one
+  std::uint64_t reports_discarded = 0;  ///< read while opening and not used, being of unknown age
+  std::uint64_t reports_lost = 0;       ///< exchanges whose report never came (a kick was needed)
   std::uint64_t commands_sent = 0;
   std::uint64_t kicks = 0;  ///< zero reports sent to start or restart the exchange
   std::uint64_t commands_starved =

@@ -65,6 +65,7 @@ struct AtomicStatistics {
   std::atomic<std::uint64_t> reports_received{0};
   std::atomic<std::uint64_t> reports_rejected{0};
   std::atomic<std::uint64_t> reports_drained{0};
+  std::atomic<std::uint64_t> reports_discarded{0};
   std::atomic<std::uint64_t> reports_lost{0};
   std::atomic<std::uint64_t> commands_sent{0};
   std::atomic<std::uint64_t> kicks{0};
@@ -151,6 +152,7 @@ class W2Device final : public Device {
     return {.reports_received = value(statistics_.reports_received),
             .reports_rejected = value(statistics_.reports_rejected),
             .reports_drained = value(statistics_.reports_drained),
+            .reports_discarded = value(statistics_.reports_discarded),
             .reports_lost = value(statistics_.reports_lost),
             .commands_sent = value(statistics_.commands_sent),
             .kicks = value(statistics_.kicks),
@@ -341,7 +343,10 @@ class W2Device final : public Device {
         publish(input, arrived);
         return;
       }
-      discarded_first = discarded_first || status == TransportStatus::kOk;
+      if (status == TransportStatus::kOk) {
+        discarded_first = true;
+        count(statistics_.reports_discarded);
+      }
       if (status == TransportStatus::kTimeout) {
         count(statistics_.kicks);
       }

@@ -115,6 +115,7 @@ TEST_F(W2, DiscardsTheFirstReportWhichMayBeOld) {
   script_.lie_now = true;
   const auto device = open();
   EXPECT_EQ(device->newest_report().counts, (std::array<std::int32_t, 6>{5, 6, 7, 0, 0, 0}));
+  EXPECT_EQ(device->statistics().reports_discarded, 1U);
 }
 
 TEST_F(W2, KicksADeviceWhoseFirstReportWentToSomebodyElse) {
