@@ -87,6 +87,11 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
   run.add_flag("--gravity-compensation", o.gravity_compensation, "Carry the links' weight");
+  run.add_option("--device-timeout-ms", o.device_timeout_ms,
+                 "Silence of the device after which the run ends with zero current; its own "
+                 "watchdog waits 500 ms")
+      ->check(CLI::Range(10, 450))
+      ->capture_default_str();
   run.add_flag("--calibrated", o.calibrated, "The counters are right already; ask for no button");
   run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers a second of the started simulator")
       ->check(CLI::Range(1.0, 1000.0))
@@ -141,6 +146,8 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
       ->delimiter(',')
       ->capture_default_str();
   emulate.add_flag("--calibrated", o.calibrated, "Counters are right from the start");
+  emulate.add_flag("--unsupported-weight", o.unsupported_weight,
+                   "The hand does not bear the links' weight: the host compensates gravity");
   emulate.add_flag("--random-counters", o.random_counters, "Counters start anywhere");
   emulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
                    "End when standard input ends, for a parent process");

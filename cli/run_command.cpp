@@ -23,6 +23,7 @@
 #include "driver/open_device.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
+#include "rt/thread.h"
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
 #include "servo_loop/telemetry.h"
@@ -100,6 +101,9 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
   if (options.calibrated) {
     arguments.push_back("--calibrated");
   }
+  if (options.gravity_compensation) {
+    arguments.push_back("--unsupported-weight");  // else two would carry it
+  }
   return std::make_unique<ChildProcess>(arguments);
 }
 
@@ -125,9 +129,10 @@ ForcegridMethod::Options grid_options(const RunOptions& options,
   return grid;
 }
 
-std::unique_ptr<driver::Device> open(const std::string& url,
-                                     const profiles::DeviceProfile& profile) {
+std::unique_ptr<driver::Device> open(const std::string& url, const profiles::DeviceProfile& profile,
+                                     int device_timeout_ms) {
   driver::OpenOptions open_options;
+  open_options.stale_after = milliseconds(device_timeout_ms);
   open_options.notice = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
   try {
     return driver::open_device(url, profile, open_options);
@@ -317,7 +322,10 @@ int run_command(const RunOptions& options) {
 
   servo::ServoPorts ports;
   servo::LinkThread link(simulator_address, ports);
-  const std::unique_ptr<driver::Device> device = open(url, profile);
+  // Filling locked memory may take longer than a device may be silent, so it comes before the
+  // device. A refusal is reported by the loop, which asks again.
+  static_cast<void>(rt::lock_memory());
+  const std::unique_ptr<driver::Device> device = open(url, profile, options.device_timeout_ms);
   say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
       ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
   if (!options.calibrated) {

@@ -35,7 +35,8 @@ struct RunOptions {
   double unit_mm = 1.0;
   int samples_per_cell = 0;
   bool gravity_compensation = false;
-  bool calibrated = false;  ///< the counters are right already
+  int device_timeout_ms = 100;  ///< silence after which the device counts as failed
+  bool calibrated = false;      ///< the counters are right already
   std::string hand = "firm";
   std::string motion = "chirp";
   double amplitude_mm = 10.0;
