@@ -1,0 +1,172 @@
+#include "tests/hil/hil_bench.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+namespace forcegrid::hil {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr milliseconds kPoll{20};
+constexpr seconds kPatience{20};              // software emulation is slow
+constexpr milliseconds kFirmwareStart{1100};  // 1 s after SET_CONFIGURATION
+
+std::vector<std::string> emulate_command(const std::vector<std::string>& profiles,
+                                         const std::vector<std::string>& more,
+                                         const std::string& report_file) {
+  std::vector<std::string> command = {FORCEGRID_PROGRAM, "emulate", "--device"};
+  command.insert(command.end(), profiles.begin(), profiles.end());
+  command.insert(command.end(), {"--listen", "127.0.0.1:3240", "--json", report_file});
+  command.insert(command.end(), more.begin(), more.end());
+  return command;
+}
+
+nlohmann::json json_of(const std::string& file) {
+  std::ifstream stream(file);
+  return nlohmann::json::parse(stream, nullptr, false);
+}
+
+template <typename Condition>
+bool eventually(Condition condition) {
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > deadline) {
+      return false;
+    }
+    std::this_thread::sleep_for(kPoll);
+  }
+  return true;
+}
+
+}  // namespace
+
+ShellResult shell(const std::string& command) {
+  ShellResult result;
+  std::FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) {
+    ADD_FAILURE() << "the guest's shell does not start";
+    return result;
+  }
+  char buffer[512];
+  for (std::size_t got = 0; (got = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;) {
+    result.text.append(buffer, got);
+  }
+  const int status = pclose(pipe);
+  result.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return result;
+}
+
+void measured(const std::string& name, double value, const std::string& unit) {
+  std::printf("HIL-MEASURED %s %.6g %s\n", name.c_str(), value, unit.c_str());
+  std::fflush(stdout);
+}
+
+std::vector<Node> nodes() {
+  std::vector<Node> found;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/sys/class/hidraw", error)) {
+    Node node;
+    node.name = entry.path().filename().string();
+    const fs::path usb = fs::canonical(entry.path() / "device", error).parent_path().parent_path();
+    if (!error && fs::exists(usb / "idVendor")) {
+      node.port = usb.filename().string();
+    }
+    found.push_back(node);
+  }
+  std::sort(found.begin(), found.end(),
+            [](const Node& a, const Node& b) { return a.name < b.name; });
+  return found;
+}
+
+Bench::Bench(const std::vector<std::string>& profiles,
+             const std::vector<std::string>& emulator_arguments)
+    : report_file_(forcegrid::testing::fresh_folder("emulator") + "/report.json"),
+      emulator_(emulate_command(profiles, emulator_arguments, report_file_)),
+      devices_(profiles.size()) {
+  // The last device's line: all are listening then.
+  emulator_.wait_for_text("busid 1-" + std::to_string(devices_), kPatience);
+  for (std::size_t i = 1; i <= devices_; ++i) {
+    plug_in("1-" + std::to_string(i));
+  }
+  if (!eventually([&] { return hil::nodes().size() >= devices_; })) {
+    ADD_FAILURE() << "the kernel made " << hil::nodes().size() << " of " << devices_
+                  << " hidraw nodes; its last words:\n"
+                  << shell("dmesg | tail -n 20").text << "The emulator:\n"
+                  << emulator_.standard_error();
+  }
+  shell("udevadm settle --timeout=20");
+  std::this_thread::sleep_for(kFirmwareStart);
+  nodes_ = hil::nodes();
+  nodes_.resize(std::max<std::size_t>(nodes_.size(), 1));
+}
+
+Bench::~Bench() { detach_all(); }
+
+void Bench::plug_in(const std::string& busid) {
+  const ShellResult attached = shell("usbip attach -r 127.0.0.1 -b " + busid);
+  EXPECT_EQ(attached.status, 0) << attached.text;
+}
+
+void Bench::unplug(int vhci_port) {
+  const std::size_t before = hil::nodes().size();
+  const ShellResult detached = shell("usbip detach -p " + std::to_string(vhci_port));
+  EXPECT_EQ(detached.status, 0) << detached.text;
+  EXPECT_TRUE(eventually([&] { return hil::nodes().size() < before; }));
+}
+
+void Bench::detach_all() {
+  for (std::size_t port = 0; port < devices_; ++port) {
+    shell("usbip detach -p " + std::to_string(port));
+  }
+  EXPECT_TRUE(eventually([] { return hil::nodes().empty(); }));
+}
+
+nlohmann::json Bench::end() {
+  emulator_.send_signal(SIGTERM);
+  const auto status = emulator_.wait(kPatience);
+  EXPECT_EQ(status.value_or(-1), 0) << "the emulator said: " << emulator_.standard_error();
+  return json_of(report_file_);
+}
+
+std::vector<std::string> run_arguments(const std::string& device, double seconds,
+                                       const std::string& folder,
+                                       const std::vector<std::string>& more) {
+  std::vector<std::string> arguments = {"run",       "--device",
+                                        device,      "--scene",
+                                        "small",     "--no-truth",
+                                        "--seconds", std::to_string(seconds),
+                                        "--rate",    "500",
+                                        "--out",     folder,
+                                        "--json",    folder + "/summary.json"};
+  // A guest on a busy host can stand still for longer than the usual 100 ms.
+  arguments.insert(arguments.end(), {"--device-timeout-ms", "400"});
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+EndedRun run(const std::string& device, double seconds, const std::vector<std::string>& more) {
+  EndedRun result;
+  result.folder = forcegrid::testing::fresh_folder("run");
+  Program program = Program::forcegrid(run_arguments(device, seconds, result.folder, more));
+  const auto status = program.wait(std::chrono::seconds(40) + milliseconds(long(1e3 * seconds)));
+  if (!status) {
+    ADD_FAILURE() << "the run did not end";
+  }
+  result.status = status.value_or(-1);
+  result.text = program.standard_output() + program.standard_error();
+  const std::string file = result.folder + "/summary.json";
+  result.summary = fs::exists(file) ? json_of(file) : nlohmann::json();
+  return result;
+}
+
+}  // namespace forcegrid::hil

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/integration/program.h"
+
+namespace forcegrid::hil {
+
+using forcegrid::testing::Program;
+
+/// What a shell command said (both streams) and its exit status.
+struct ShellResult {
+  int status = -1;
+  std::string text;
+};
+
+/// Runs `command` in the guest's shell.
+ShellResult shell(const std::string& command);
+
+/// [printed] One number for the runner's report: `HIL-MEASURED name value unit`.
+void measured(const std::string& name, double value, const std::string& unit);
+
+/// A hidraw node as the kernel made it, read from sysfs without the project's driver.
+struct Node {
+  std::string name;  ///< "hidraw0"
+  std::string port;  ///< USB port as sysfs names it, e.g. "3-1"; empty without a USB device
+  std::string dev() const { return "/dev/" + name; }
+};
+
+/// The nodes that there are, in the order of their names.
+std::vector<Node> nodes();
+
+/// Emulated devices in a process of their own, each attached to this kernel by a USB/IP cable.
+/// Everything ends with the object.
+class Bench {
+ public:
+  /// Starts the emulator and attaches each of `profiles`; waits until the kernel and udev are done
+  /// and the firmware has armed its first report (1 s after configuration).
+  explicit Bench(const std::vector<std::string>& profiles = {"woodenhaptics_v2015"},
+                 const std::vector<std::string>& emulator_arguments = {});
+  ~Bench();
+  Bench(const Bench&) = delete;
+  Bench& operator=(const Bench&) = delete;
+
+  /// The nodes of the attached devices.
+  const std::vector<Node>& nodes() const { return nodes_; }
+  const Node& node() const { return nodes_.at(0); }
+
+  /// Pulls the cable of the device that was attached at `vhci_port`, and waits until its node is
+  /// gone.
+  void unplug(int vhci_port = 0);
+  /// Plugs device `busid` in again.
+  void plug_in(const std::string& busid = "1-1");
+
+  /// Ends the emulator. @returns its report; a list of them with several devices.
+  nlohmann::json end();
+
+ private:
+  void detach_all();
+
+  std::string report_file_;
+  Program emulator_;
+  std::size_t devices_;
+  std::vector<Node> nodes_;
+};
+
+/// A `forcegrid run` that has ended.
+struct EndedRun {
+  int status = -1;
+  std::string text;        ///< both streams
+  nlohmann::json summary;  ///< null when it wrote none
+  std::string folder;      ///< of its results
+};
+
+/// The command line of a run on scene "small" without off-line forces, results in `folder`.
+std::vector<std::string> run_arguments(const std::string& device, double seconds,
+                                       const std::string& folder,
+                                       const std::vector<std::string>& more = {});
+
+/// The same run, to its end.
+EndedRun run(const std::string& device, double seconds, const std::vector<std::string>& more = {});
+
+}  // namespace forcegrid::hil

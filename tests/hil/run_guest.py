@@ -1,0 +1,435 @@
+#!/usr/bin/env python3
+"""Runs the hardware-in-the-loop scenarios in a virtual machine with a stock Debian kernel.
+
+The guest is an initramfs made of this machine's busybox, udev, usbip and lsusb, the project's program,
+the scenario program and the libraries they need; the kernel is Debian's, fetched by apt and unpacked,
+never installed. A scenario counts as passed only when the guest says so in so many words: a scenario
+without a result, or a guest that does not come to its end, is a failure.
+
+Exit status: 0 all passed; 1 a scenario failed or has no result; 2 the guest could not be made or run.
+"""
+
+import argparse
+import contextlib
+import fcntl
+import gzip
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid"]
+TOOLS = ["busybox", "udevadm", "usbip", "lsusb"]
+LONG_SUITE = "LongRun."  # left out of the smoke set
+MADE_TO_FAIL = "MadeToFail."  # only run when named
+
+
+class HilError(Exception):
+    """What went wrong and the remedy."""
+
+
+def output_of(command, **options):
+    """Standard output of a command that must succeed."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    except FileNotFoundError as error:
+        raise HilError(f"{command[0]}: not found; `make setup` installs it") from error
+    if done.returncode != 0:
+        raise HilError(f"`{' '.join(map(str, command))}` failed: {done.stderr.strip()}")
+    return done.stdout
+
+
+# --- the kernel ---
+
+
+class Kernel:
+    """An unpacked kernel package: boot/vmlinuz-VERSION and lib/modules/VERSION."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.version = next((folder / "lib/modules").iterdir()).name
+
+    @property
+    def image(self):
+        return self.folder / "boot" / f"vmlinuz-{self.version}"
+
+    def modules(self):
+        """Files of MODULES and of what these need, in the order of loading."""
+        files = []
+        for module in MODULES:
+            text = output_of(["modprobe", "-d", self.folder, "-S", self.version, "--show-depends",
+                              module])
+            for line in text.splitlines():
+                words = line.split()
+                if words[:1] == ["insmod"] and words[1] not in files:
+                    files.append(words[1])
+        return files
+
+
+def apt_options(private):
+    """Options for apt with package lists of our own, which needs no root."""
+    if private is None:
+        return []
+    for folder in ("lists/partial", "cache/archives/partial"):
+        (private / folder).mkdir(parents=True, exist_ok=True)
+    return ["-o", f"Dir::State::Lists={private}/lists", "-o", f"Dir::Cache={private}/cache"]
+
+
+def versioned_package(metapackage, options):
+    """The kernel package behind a metapackage, and its version."""
+    text = output_of(["apt-cache", *options, "show", "--no-all-versions", metapackage])
+    match = re.search(r"^Depends:.*?\b(linux-image-\d[^\s,]*)", text, re.MULTILINE)
+    if not match:
+        raise HilError(f"package {metapackage} names no kernel package")
+    package = match.group(1)
+    text = output_of(["apt-cache", *options, "show", "--no-all-versions", package])
+    match = re.search(r"^Version: (\S+)", text, re.MULTILINE)
+    if not match:
+        raise HilError(f"package {package} has no version")
+    return package, match.group(1)
+
+
+def unpack(package_file, folder):
+    """Unpacks kernel and modules into `folder`, which appears whole or not at all."""
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="unpacking-") as temporary:
+        target = pathlib.Path(temporary) / "kernel"
+        target.mkdir()
+        output_of(["dpkg", "-x", package_file, target])
+        (version,) = [entry.name for entry in (target / "lib/modules").iterdir()]
+        output_of(["depmod", "-b", target, version])
+        target.rename(folder)
+
+
+def fetch_kernel(cache, metapackage):
+    """The newest kernel that apt knows, or the newest in the cache when apt can't say."""
+    kernels = cache / "kernels"
+    kernels.mkdir(parents=True, exist_ok=True)
+    problems = []
+    for private in (None, cache / "apt"):
+        try:
+            options = apt_options(private)
+            if private is not None:
+                output_of(["apt-get", *options, "update", "-q"])
+            package, version = versioned_package(metapackage, options)
+            folder = kernels / f"{metapackage}_{version}"
+            if not folder.exists():
+                print(f"Fetching {package} {version} into {folder}", flush=True)
+                with tempfile.TemporaryDirectory(dir=cache, prefix="download-") as download:
+                    output_of(["apt-get", *options, "download", "-q", f"{package}={version}"],
+                              cwd=download)
+                    (file,) = pathlib.Path(download).glob("*.deb")
+                    unpack(file, folder)
+                for old in kernels.glob(f"{metapackage}_*"):
+                    if old != folder:
+                        shutil.rmtree(old)
+            return Kernel(folder)
+        except HilError as error:
+            problems.append(str(error))
+    cached = sorted(kernels.glob(f"{metapackage}_*"), key=lambda entry: entry.stat().st_mtime)
+    if cached:
+        print(f"apt does not answer ({problems[0]}); using {cached[-1].name} of the cache")
+        return Kernel(cached[-1])
+    raise HilError(
+        f"the guest's kernel ({metapackage}) can't be fetched and is not in {kernels}:\n  "
+        + "\n  ".join(problems)
+        + "\nRemedy: give this machine access to a Debian mirror (`sudo apt-get update` must work), or "
+        "fetch the package on another one (`apt-get download linux-image-...-amd64`, the versioned "
+        "one) and name the file: FORCEGRID_HIL_KERNEL_DEB=FILE make hil")
+
+
+def kernel_of(cache, metapackage):
+    named = os.environ.get("FORCEGRID_HIL_KERNEL_DEB")
+    cache.mkdir(parents=True, exist_ok=True)
+    with open(cache / "lock", "w", encoding="ascii") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not named:
+            return fetch_kernel(cache, metapackage)
+        file = pathlib.Path(named).resolve()
+        if not file.is_file():
+            raise HilError(f"FORCEGRID_HIL_KERNEL_DEB={named}: no such file")
+        folder = cache / "kernels" / f"file_{file.stem}"
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        if not folder.exists():
+            unpack(file, folder)
+        return Kernel(folder)
+
+
+# --- the guest's files ---
+
+
+class Initramfs:
+    """A folder that becomes the guest's root."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def path(self, inside):
+        path = self.folder / str(inside).lstrip("/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def add_text(self, inside, text, mode=0o644):
+        path = self.path(inside)
+        path.write_text(text, encoding="utf-8")
+        path.chmod(mode)
+
+    def add_file(self, source, inside, mode=None):
+        path = self.path(inside)
+        shutil.copyfile(source, path)
+        path.chmod(mode if mode is not None else os.stat(source).st_mode & 0o755)
+
+    def add_program(self, source, inside):
+        """A program with the libraries that it is linked to."""
+        self.add_file(source, inside, 0o755)
+        listed = subprocess.run(["ldd", source], capture_output=True, text=True, check=False).stdout
+        if "not found" in listed:
+            raise HilError(f"{source} lacks a library:\n{listed}")
+        for library in re.findall(r"(/\S+) \(0x", listed):
+            self.add_file(library, library, 0o755)
+
+    def pack(self, file):
+        names = [str(path.relative_to(self.folder)) for path in sorted(self.folder.rglob("*"))]
+        try:
+            packed = subprocess.run(
+                ["cpio", "--quiet", "-o", "-H", "newc", "-R", "0:0"], cwd=self.folder,
+                input="\n".join(names).encode(), capture_output=True, check=True).stdout
+        except (FileNotFoundError, subprocess.CalledProcessError) as error:
+            raise HilError(f"cpio: {error}; `make setup` installs it") from error
+        with gzip.open(file, "wb", compresslevel=1) as archive:
+            archive.write(packed)
+
+
+def tool(name):
+    """busybox-static has the very name of busybox, usbip may live in sbin."""
+    path = shutil.which(name, path=os.environ.get("PATH", "") + ":/usr/sbin:/sbin")
+    if path is None:
+        raise HilError(f"{name} is not installed; `make setup` installs it")
+    return path
+
+
+def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
+    with tempfile.TemporaryDirectory(dir=file.parent, prefix="root-") as temporary:
+        root = Initramfs(pathlib.Path(temporary))
+        for folder in ("proc", "sys", "dev", "tmp", "run", "root", "etc", "bin"):
+            (root.folder / folder).mkdir(exist_ok=True)
+        root.add_file(HERE / "guest/init", "init", 0o755)
+        for name in TOOLS:
+            root.add_program(tool(name), "/bin/busybox" if name == "busybox" else f"/usr/bin/{name}")
+        root.add_program(tool("udevadm"), "/usr/lib/systemd/systemd-udevd")
+        for rule in output_of(["dpkg", "-L", "udev"]).split():
+            if rule.endswith(".rules"):
+                root.add_file(rule, rule)
+        root.add_file(ROOT / "udev/70-forcegrid.rules", "/etc/udev/rules.d/70-forcegrid.rules", 0o644)
+        # "operator" is in plugdev, "visitor" in no group but its own.
+        root.add_text("/etc/passwd", "root:x:0:0:root:/root:/bin/sh\n"
+                      "operator:x:1000:1000::/tmp:/bin/sh\nvisitor:x:1001:1001::/tmp:/bin/sh\n")
+        root.add_text("/etc/group", "root:x:0:\ntty:x:5:\ndisk:x:6:\nlp:x:7:\nkmem:x:15:\ndialout:x:20:\n"
+                      "cdrom:x:24:\ntape:x:26:\naudio:x:29:\nvideo:x:44:\nplugdev:x:46:operator\n"
+                      "sgx:x:101:\ninput:x:102:\nkvm:x:103:\nrender:x:104:\noperator:x:1000:\n"
+                      "visitor:x:1001:\n")
+        root.add_text("/etc/nsswitch.conf", "passwd: files\ngroup: files\nhosts: files\n")
+        root.add_text("/etc/hosts", "127.0.0.1 localhost\n")
+        # Pictures are no matter of this guest: it accepts what would be drawn.
+        root.add_text("/usr/bin/gnuplot", "#!/bin/sh\ncat >/dev/null\n", 0o755)
+        root.add_program(program, "/usr/bin/forcegrid")
+        root.add_program(scenarios, "/hil/scenarios")
+        for profile in sorted((ROOT / "profiles").glob("*.toml")):
+            root.add_file(profile, f"/usr/share/forcegrid/profiles/{profile.name}", 0o644)
+        inside = []
+        for module in kernel.modules():
+            relative = "/" + str(pathlib.Path(module).relative_to(kernel.folder))
+            root.add_file(module, relative, 0o644)
+            inside.append(relative)
+        root.add_text("/hil/modules", "".join(f"{module}\n" for module in inside))
+        root.add_text("/hil/list", "".join(f"{name} {limit_s}\n" for name in names))
+        if shell:
+            root.add_text("/hil/shell", "")
+        root.pack(file)
+
+
+# --- running it ---
+
+
+def qemu_command(kernel, initramfs, accelerator):
+    return [
+        tool("qemu-system-x86_64"), "-M", "q35", "-accel",
+        "kvm" if accelerator == "kvm" else "tcg,thread=multi", "-cpu",
+        "host" if accelerator == "kvm" else "max", "-smp", "2", "-m", "768", "-display", "none",
+        "-no-reboot", "-nic", "none", "-kernel", str(kernel.image), "-initrd", str(initramfs),
+        "-append", "console=ttyS0 panic=-1 quiet"
+    ]
+
+
+def all_scenarios(program):
+    """The names in a GoogleTest program, as Suite.Test."""
+    names, suite = [], ""
+    for line in output_of([program, "--gtest_list_tests"]).splitlines():
+        if line and not line.startswith(" "):
+            suite = line.split()[0] if line.split()[0].endswith(".") else ""
+        elif suite:
+            names.append(suite + line.split()[0])
+    return names
+
+
+def chosen(names, wanted, only):
+    if only:
+        missing = [name for name in only if name not in names]
+        if missing:
+            raise HilError(f"no scenario {', '.join(missing)}; there are:\n  " + "\n  ".join(names))
+        return only
+    names = [name for name in names if not name.startswith(MADE_TO_FAIL)]
+    if wanted == "smoke":
+        names = [name for name in names if not name.startswith(LONG_SUITE)]
+    return names
+
+
+def read_results(text, names):
+    """What the guest said about each scenario.
+
+    @returns results by name, and whether the guest came to its end.
+    """
+    results = {name: {"status": "missing", "measured": {}, "log": ""} for name in names}
+    current = None
+    for line in text.splitlines():
+        words = line.split()
+        if words[:1] == ["HIL-BEGIN"] and len(words) == 3 and words[1] in results:
+            current = words[1]
+            results[current].update(status="unfinished", begun_s=float(words[2]))
+        elif words[:1] == ["HIL-END"] and len(words) == 4 and words[1] == current:
+            code = int(words[2])
+            results[current].update(
+                status="passed" if code == 0 else "timed out" if code in (137, 143) else "failed",
+                exit_status=code, seconds=round(float(words[3]) - results[current]["begun_s"], 2))
+            current = None
+        elif words[:1] == ["HIL-MEASURED"] and len(words) == 4 and current:
+            results[current]["measured"][words[1]] = {"value": float(words[2]), "unit": words[3]}
+        elif current:
+            results[current]["log"] += line + "\n"
+    ended = any(line.startswith("HIL-DONE") for line in text.splitlines()[-3:])
+    return results, ended
+
+
+def run_scenarios(command, folder, names, timeout_s):
+    console, said = folder / "console.log", folder / "scenarios.log"
+    for file in (console, said):
+        file.unlink(missing_ok=True)
+    command = command + ["-serial", f"file:{console}", "-serial", f"file:{said}"]
+    begun = time.monotonic()
+    with open(folder / "qemu.log", "w", encoding="utf-8") as log:
+        with contextlib.closing(Guest(command, log)) as guest:
+            in_time = guest.wait(timeout_s)
+            qemu_status = guest.status()
+    seconds = time.monotonic() - begun
+    text = said.read_text(encoding="utf-8", errors="replace") if said.exists() else ""
+    results, ended = read_results(text, names)
+    problem = ""
+    if not in_time:
+        problem = f"the guest did not end within {timeout_s} s and was stopped"
+    elif not ended:
+        problem = f"the guest stopped before its end (QEMU's exit status was {qemu_status})"
+    kernel = re.search(r"^HIL-KERNEL (.*)$", text, re.MULTILINE)
+    return {
+        "kernel": kernel.group(1) if kernel else "",
+        "wall_seconds": round(seconds, 1),
+        "guest_ended": in_time and ended,
+        "problem": problem,
+        "scenarios": results,
+    }
+
+
+class Guest:
+    """A running QEMU, which does not outlive its with block."""
+
+    def __init__(self, command, log):
+        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    def wait(self, timeout_s):
+        try:
+            self.process.wait(timeout_s)
+            return True
+        except subprocess.TimeoutExpired:
+            return False
+
+    def status(self):
+        return self.process.poll()
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+
+def print_results(outcome, folder):
+    print(f"Guest: Linux {outcome['kernel'] or '(no word from it)'}")
+    for name, result in outcome["scenarios"].items():
+        print(f"  {result['status']:>10}  {result.get('seconds', 0):6.1f} s  {name}")
+        for what, measure in result["measured"].items():
+            print(f"{'':24}{what} = {measure['value']:g} {measure['unit']}")
+        if result["status"] != "passed":
+            print("".join(f"      | {line}\n" for line in result["log"].splitlines()), end="")
+    if outcome["problem"]:
+        print(f"FAILED: {outcome['problem']}; the end of its console:")
+        console = folder / "console.log"
+        if console.exists():
+            text = console.read_text(encoding="utf-8", errors="replace")
+            print("".join(f"      | {line}\n" for line in text.splitlines()[-15:]), end="")
+        log = (folder / "qemu.log").read_text(encoding="utf-8", errors="replace").strip()
+        print(f"      | QEMU: {log}" if log else "", end="\n" if log else "")
+    passed = sum(result["status"] == "passed" for result in outcome["scenarios"].values())
+    print(f"{passed} of {len(outcome['scenarios'])} scenarios passed in "
+          f"{outcome['wall_seconds']} s; logs in {folder}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    build = ROOT / "build/release"
+    parser.add_argument("--program", type=pathlib.Path, default=build / "bin/forcegrid")
+    parser.add_argument("--scenarios", type=pathlib.Path, default=build / "tests/hil_scenarios")
+    parser.add_argument("--cache", type=pathlib.Path, default=ROOT / "build/hil",
+                        help="folder of the unpacked kernels")
+    parser.add_argument("--results", type=pathlib.Path, help="folder of logs (default CACHE/results)")
+    parser.add_argument("--kernel", default="linux-image-amd64", help="metapackage of the kernel")
+    parser.add_argument("--set", choices=["smoke", "full"], default="smoke")
+    parser.add_argument("--only", action="append", metavar="SUITE.TEST", help="just these")
+    parser.add_argument("--limit", type=int, default=60, help="seconds for one scenario")
+    parser.add_argument("--timeout", type=int, default=280, help="seconds for the guest")
+    parser.add_argument("--shell", action="store_true", help="a shell with the device attached")
+    arguments = parser.parse_args()
+    accelerator = os.environ.get("ACCEL", "tcg")
+    try:
+        if accelerator not in ("tcg", "kvm"):
+            raise HilError(f"ACCEL={accelerator}: it is tcg (the default) or kvm")
+        for program in (arguments.program, arguments.scenarios):
+            if not program.is_file():
+                raise HilError(f"{program} is not built; run `make build`")
+        results = arguments.results or arguments.cache / "results"
+        results.mkdir(parents=True, exist_ok=True)
+        names = chosen(all_scenarios(arguments.scenarios), arguments.set, arguments.only)
+        kernel = kernel_of(arguments.cache, arguments.kernel)
+        with tempfile.TemporaryDirectory(dir=results, prefix="guest-") as temporary:
+            initramfs = pathlib.Path(temporary) / "initramfs.gz"
+            make_initramfs(initramfs, kernel, arguments.program, arguments.scenarios, names,
+                           arguments.limit, arguments.shell)
+            command = qemu_command(kernel, initramfs, accelerator)
+            if arguments.shell:
+                return subprocess.run(command + ["-serial", "mon:stdio"], check=False).returncode
+            outcome = run_scenarios(command, results, names, arguments.timeout)
+    except HilError as error:
+        print(f"hil: {error}", file=sys.stderr)
+        return 2
+    (results / "results.json").write_text(json.dumps(outcome, indent=2) + "\n", encoding="utf-8")
+    print_results(outcome, results)
+    if not outcome["guest_ended"]:
+        return 2
+    return 0 if all(r["status"] == "passed" for r in outcome["scenarios"].values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
