@@ -13,7 +13,17 @@ STAMP   := build/.packages
 # name means the emulated one.
 DEVICE_URL = $(if $(findstring :,$(DEVICE)),$(DEVICE),emulated:$(DEVICE))
 
-.PHONY: run test build setup bench sanitize clean
+# make would take SHELL=1 for the shell of its recipes.
+ifeq ($(origin SHELL),command line)
+HIL_SHELL := $(filter-out 0,$(SHELL))
+override SHELL := /bin/sh
+endif
+HIL_KERNEL := linux-image-$(if $(filter rt,$(KERNEL)),rt-)amd64
+HIL := python3 tests/hil/run_guest.py --kernel $(HIL_KERNEL)
+UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
+AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
+
+.PHONY: run test build setup bench sanitize clean hil hil-full install-udev uninstall-udev
 
 run: build
 	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --seconds $(SECONDS) $(ARGS)
@@ -30,6 +40,30 @@ sanitize: setup
 	  cmake --preset $$preset >/dev/null && cmake --build --preset $$preset && \
 	  ctest --test-dir build/$$preset -j2 --output-on-failure || exit 1; \
 	done
+
+# The drivers on a real kernel, in a virtual machine (docs/hil.md). SHELL=1: a shell there instead;
+# KERNEL=rt: the PREEMPT_RT kernel; ACCEL=kvm: with KVM.
+hil: build
+ifneq ($(HIL_SHELL),)
+	$(HIL) --shell
+else ifneq ($(KERNEL),)
+	$(HIL)
+else
+	ctest --test-dir build/release -L hil --output-on-failure
+endif
+
+hil-full: build
+	$(HIL) --set full --timeout 1000
+
+# Lets the person at the computer, and the group plugdev, use the devices without root.
+install-udev:
+	$(AS_ROOT) install -D -m 644 udev/70-forcegrid.rules $(UDEV_RULE)
+	$(if $(DESTDIR),,$(AS_ROOT) udevadm control --reload)
+	@echo "Now plug the device in again."
+
+uninstall-udev:
+	$(AS_ROOT) rm -f $(UDEV_RULE)
+	$(if $(DESTDIR),,$(AS_ROOT) udevadm control --reload)
 
 build: setup build/release/build.ninja
 	cmake --build --preset release
