@@ -43,14 +43,40 @@ struct Range {
 };
 
 constexpr double kLargest = std::numeric_limits<double>::max();
-constexpr Range kPositive{std::numeric_limits<double>::min(), kLargest, "a number above 0"};
-constexpr Range kNotNegative{0.0, kLargest, "0 or a number above it"};
+constexpr double kAboveZero = std::numeric_limits<double>::min();
 constexpr Range kAnyNumber{-kLargest, kLargest, "a finite number"};
 // The arms are table-top devices: a length of metres is a unit mistaken.
 constexpr Range kLength_m{1e-4, 2.0, "a length in metres from 0.0001 to 2"};
+constexpr Range kLinkLength_m{0.0, 2.0, "a length in metres from 0 to 2"};
 constexpr Range kPlace_m{-2.0, 2.0, "a coordinate in metres from -2 to 2"};
 constexpr Range kAngle_rad{-2.0 * std::numbers::pi, 2.0 * std::numbers::pi,
                            "an angle in radians from -2 pi to 2 pi"};
+// Wide enough for any arm a person holds: what lies beyond is a unit or a digit mistaken.
+constexpr Range kTorqueConstant_Nm_per_A{1e-4, 10.0,
+                                         "a torque constant in N m/A from 0.0001 to 10"};
+// The report's currents are 16-bit milliamperes.
+constexpr Range kFullScale_A{1e-3, 32.0, "a current in amperes from 0.001 to 32"};
+constexpr Range kCurrent_A{kAboveZero, 32.0, "a current in amperes above 0 and at most 32"};
+constexpr Range kForce_N{kAboveZero, 100.0, "a force in newtons above 0 and at most 100"};
+constexpr Range kForceRate_N_per_s{kAboveZero, 1e6, "a rate in N/s above 0 and at most 1e6"};
+constexpr Range kJointTorque_Nm{kAboveZero, 1000.0, "a torque in N m above 0 and at most 1000"};
+constexpr Range kStiffness_N_per_m{kAboveZero, 1e5, "a stiffness in N/m above 0 and at most 1e5"};
+constexpr Range kMaxDamping_N_s_per_m{0.0, 1e3, "a damping in N s/m from 0 to 1000"};
+constexpr Range kSpeed_m_per_s{kAboveZero, 20.0, "a speed in m/s above 0 and at most 20"};
+constexpr Range kAcceleration_m_per_s2{0.0, 30.0, "an acceleration in m/s^2 from 0 to 30"};
+constexpr Range kLinkMass_kg{0.0, 20.0, "a mass in kilograms from 0 to 20"};
+constexpr Range kTipMass_kg{1e-3, 10.0, "a mass in kilograms from 0.001 to 10"};
+// Without joint inertia the arm's mass matrix is singular where its Jacobian is.
+constexpr Range kInertia_kg_m2{kAboveZero, 1.0, "an inertia in kg m^2 above 0 and at most 1"};
+constexpr Range kCoulomb_Nm{0.0, 10.0, "a friction torque in N m from 0 to 10"};
+constexpr Range kSmoothing_s_per_rad{kAboveZero, 1e4,
+                                     "a smoothing in s/rad above 0 and at most 1e4"};
+constexpr Range kViscous_Nm_s_per_rad{0.0, 10.0, "a friction in N m s/rad from 0 to 10"};
+constexpr Range kStopStiffness_Nm_per_rad{kAboveZero, 1e4,
+                                          "a stiffness in N m/rad above 0 and at most 1e4"};
+constexpr Range kStopDamping_Nm_s_per_rad{0.0, 100.0, "a damping in N m s/rad from 0 to 100"};
+constexpr Range kHandMass_kg{1e-3, 20.0, "a mass in kilograms from 0.001 to 20"};
+constexpr Range kHandDamping_N_s_per_m{0.0, 1e4, "a damping in N s/m from 0 to 1e4"};
 
 /// One table of the file: knows its keys, so that an unknown or missing one is an error that names
 /// its line.
@@ -97,6 +123,17 @@ class Table {
     return value->get();
   }
 
+  std::string usb_string(const char* key) const {
+    const std::string value = text(key, kMaxUsbStringLength);
+    const auto odd =
+        std::find_if(value.begin(), value.end(), [](char c) { return c < ' ' || c > '~'; });
+    if (odd != value.end()) {
+      refuse(key, "byte " + std::to_string(odd - value.begin() + 1) + " is no printable ASCII",
+             "write letters, digits, punctuation and spaces of ASCII only");
+    }
+    return value;
+  }
+
   bool flag(const char* key) const {
     const auto* value = required(key, "true or false").as_boolean();
     if (value == nullptr) {
@@ -119,6 +156,16 @@ class Table {
     Axes result{};
     for (std::size_t i = 0; i < 3; ++i) {
       result[i] = number_of(array[i], key, range, " in place " + std::to_string(i + 1));
+    }
+    return result;
+  }
+
+  Axes whole_axes(const char* key, std::int64_t min, std::int64_t max) const {
+    const toml::array& array = array_of(key, 3, "three times " + integer_words(min, max));
+    Axes result{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      result[i] = static_cast<double>(
+          integer_of(array[i], key, min, max, " in place " + std::to_string(i + 1)));
     }
     return result;
   }
@@ -236,9 +283,9 @@ DeviceProfile::Usb read_usb(const Table& root) {
   usb.vendor_id = word(table, "vendor_id");
   usb.product_id = word(table, "product_id");
   usb.device_release = word(table, "device_release");
-  usb.manufacturer = table.text("manufacturer", kMaxUsbStringLength);
-  usb.product = table.text("product", kMaxUsbStringLength);
-  usb.serial = table.text("serial", kMaxUsbStringLength);
+  usb.manufacturer = table.usb_string("manufacturer");
+  usb.product = table.usb_string("product");
+  usb.serial = table.usb_string("serial");
   usb.usage_page = word(table, "usage_page");
   usb.usage = word(table, "usage");
   usb.report_bytes = static_cast<int>(table.integer("report_bytes", 14, 14));
@@ -258,7 +305,7 @@ DeviceProfile::Kinematics read_kinematics(const Table& root) {
                   "joint_min_rad", "joint_max_rad", "elbow_min_rad", "elbow_max_rad"});
   DeviceProfile::Kinematics kinematics;
   // Some configurations put the height of the base into the origin: only L_a may be zero.
-  kinematics.link_length_m = table.axes("link_length_m", {0.0, 2.0, "a length in metres up to 2"});
+  kinematics.link_length_m = table.axes("link_length_m", kLinkLength_m);
   for (std::size_t i = 1; i < 3; ++i) {
     if (kinematics.link_length_m[i] < kLength_m.min) {
       table.refuse("link_length_m",
@@ -270,8 +317,16 @@ DeviceProfile::Kinematics read_kinematics(const Table& root) {
   kinematics.origin_m = table.axes("origin_m", kPlace_m);
   kinematics.capstan_diameter_m = table.axes("capstan_diameter_m", kLength_m);
   kinematics.body_diameter_m = table.axes("body_diameter_m", kLength_m);
-  kinematics.encoder_counts_per_turn = table.axes(
-      "encoder_counts_per_turn", {1.0, 1e7, "a number of quadrature counts from 1 to 1e7"});
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (!(kinematics.capstan_diameter_m[i] < kinematics.body_diameter_m[i])) {
+      table.refuse("capstan_diameter_m",
+                   number_text(kinematics.capstan_diameter_m[i]) + " in place " +
+                       std::to_string(i + 1) + " is not below body_diameter_m (" +
+                       number_text(kinematics.body_diameter_m[i]) + ")",
+                   "write a smaller diameter here or a larger one there");
+    }
+  }
+  kinematics.encoder_counts_per_turn = table.whole_axes("encoder_counts_per_turn", 1, 10'000'000);
   kinematics.encoder_sign = table.signs("encoder_sign");
   kinematics.linkage_sign = table.signs("linkage_sign");
   kinematics.linkage_offset_rad = table.axes("linkage_offset_rad", kAngle_rad);
@@ -300,10 +355,10 @@ DeviceProfile::Motors read_motors(const Table& root) {
   const Table table =
       root.table("motors", {"torque_constant_Nm_per_A", "max_current_A", "full_scale_current_A"});
   DeviceProfile::Motors motors;
-  motors.torque_constant_Nm_per_A = table.axes("torque_constant_Nm_per_A", kPositive);
-  motors.full_scale_current_A =
-      table.number("full_scale_current_A", {1e-3, 32.0, "a current in amperes from 0.001 to 32"});
-  motors.max_current_A = table.axes("max_current_A", kPositive);
+  motors.torque_constant_Nm_per_A =
+      table.axes("torque_constant_Nm_per_A", kTorqueConstant_Nm_per_A);
+  motors.full_scale_current_A = table.number("full_scale_current_A", kFullScale_A);
+  motors.max_current_A = table.axes("max_current_A", kCurrent_A);
   for (std::size_t i = 0; i < 3; ++i) {
     if (motors.max_current_A[i] > motors.full_scale_current_A) {
       table.refuse("max_current_A",
@@ -316,18 +371,74 @@ DeviceProfile::Motors read_motors(const Table& root) {
   return motors;
 }
 
-DeviceProfile::Limits read_limits(const Table& root) {
+/// The linkage reaches the distances from the shoulder between |L_b - L_c| and L_b + L_c. The
+/// farthest point of a box is one of its corners, the nearest may lie on a face or inside.
+void require_reachable_workspace(const Table& table, const DeviceProfile::Limits& limits,
+                                 const DeviceProfile::Kinematics& kinematics) {
+  const Axes shoulder_m = {0.0 - kinematics.origin_m[0], 0.0 - kinematics.origin_m[1],
+                           kinematics.link_length_m[0] - kinematics.origin_m[2]};
+  Axes nearest_m{};
+  Axes farthest_m{};
+  double nearest2_m2 = 0.0;
+  double farthest2_m2 = 0.0;
+  double longest_m = -1.0;
+  const char* longest_key = "workspace_max_m";
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double min_m = limits.workspace_min_m[i];
+    const double max_m = limits.workspace_max_m[i];
+    const bool min_is_farther = shoulder_m[i] - min_m > max_m - shoulder_m[i];
+    nearest_m[i] = std::clamp(shoulder_m[i], min_m, max_m);
+    farthest_m[i] = min_is_farther ? min_m : max_m;
+    const double near_m = nearest_m[i] - shoulder_m[i];
+    const double far_m = std::abs(farthest_m[i] - shoulder_m[i]);
+    nearest2_m2 += near_m * near_m;
+    farthest2_m2 += far_m * far_m;
+    if (far_m > longest_m) {
+      longest_m = far_m;
+      longest_key = min_is_farther ? "workspace_min_m" : "workspace_max_m";
+    }
+  }
+  const auto place_text = [](const Axes& place_m) {
+    return std::string("(") + number_text(place_m[0]) + ", " + number_text(place_m[1]) + ", " +
+           number_text(place_m[2]) + ")";
+  };
+  const double length_b_m = kinematics.link_length_m[1];
+  const double length_c_m = kinematics.link_length_m[2];
+  const double reach_m = length_b_m + length_c_m;
+  const double hole_m = std::abs(length_b_m - length_c_m);
+  const std::string remedy =
+      "write a workspace_min_m and workspace_max_m between which every point is more than " +
+      number_text(hole_m) + " m and less than " + number_text(reach_m) +
+      " m from the shoulder at " + place_text(shoulder_m) +
+      ", or correct kinematics.link_length_m and origin_m";
+  if (!(std::sqrt(farthest2_m2) < reach_m)) {
+    table.refuse(longest_key,
+                 "the linkage can't reach the corner " + place_text(farthest_m) +
+                     " of the workspace, " + number_text(std::sqrt(farthest2_m2)) +
+                     " m from the shoulder",
+                 remedy);
+  }
+  if (!(std::sqrt(nearest2_m2) > hole_m)) {
+    table.refuse("workspace_min_m",
+                 "the linkage can't fold to the point " + place_text(nearest_m) +
+                     " of the workspace, " + number_text(std::sqrt(nearest2_m2)) +
+                     " m from the shoulder",
+                 remedy);
+  }
+}
+
+DeviceProfile::Limits read_limits(const Table& root, const DeviceProfile::Kinematics& kinematics) {
   const Table table =
       root.table("limits", {"max_force_N", "max_force_rate_N_per_s", "max_joint_torque_Nm",
                             "max_stiffness_N_per_m", "max_damping_N_s_per_m", "max_speed_m_per_s",
                             "workspace_min_m", "workspace_max_m"});
   DeviceProfile::Limits limits;
-  limits.max_force_N = table.number("max_force_N", kPositive);
-  limits.max_force_rate_N_per_s = table.number("max_force_rate_N_per_s", kPositive);
-  limits.max_joint_torque_Nm = table.axes("max_joint_torque_Nm", kPositive);
-  limits.max_stiffness_N_per_m = table.number("max_stiffness_N_per_m", kPositive);
-  limits.max_damping_N_s_per_m = table.number("max_damping_N_s_per_m", kNotNegative);
-  limits.max_speed_m_per_s = table.number("max_speed_m_per_s", kPositive);
+  limits.max_force_N = table.number("max_force_N", kForce_N);
+  limits.max_force_rate_N_per_s = table.number("max_force_rate_N_per_s", kForceRate_N_per_s);
+  limits.max_joint_torque_Nm = table.axes("max_joint_torque_Nm", kJointTorque_Nm);
+  limits.max_stiffness_N_per_m = table.number("max_stiffness_N_per_m", kStiffness_N_per_m);
+  limits.max_damping_N_s_per_m = table.number("max_damping_N_s_per_m", kMaxDamping_N_s_per_m);
+  limits.max_speed_m_per_s = table.number("max_speed_m_per_s", kSpeed_m_per_s);
   limits.workspace_min_m = table.axes("workspace_min_m", kPlace_m);
   limits.workspace_max_m = table.axes("workspace_max_m", kPlace_m);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -338,6 +449,7 @@ DeviceProfile::Limits read_limits(const Table& root) {
                    "write a larger coordinate here or a smaller one there");
     }
   }
+  require_reachable_workspace(table, limits, kinematics);
   return limits;
 }
 
@@ -372,17 +484,23 @@ DeviceProfile::Calibration read_calibration(const Table& root,
   return calibration;
 }
 
-DeviceProfile::Gravity read_gravity(const Table& root) {
+DeviceProfile::Gravity read_gravity(const Table& root,
+                                    const DeviceProfile::Kinematics& kinematics) {
   const Table table =
       root.table("gravity", {"acceleration_m_per_s2", "link_b_mass_kg", "link_c_mass_kg",
                              "link_b_center_m", "link_c_center_m", "balanced"});
   DeviceProfile::Gravity gravity;
-  gravity.acceleration_m_per_s2 = table.number("acceleration_m_per_s2", kNotNegative);
-  gravity.link_b_mass_kg = table.number("link_b_mass_kg", kNotNegative);
-  gravity.link_c_mass_kg = table.number("link_c_mass_kg", kNotNegative);
+  gravity.acceleration_m_per_s2 = table.number("acceleration_m_per_s2", kAcceleration_m_per_s2);
+  gravity.link_b_mass_kg = table.number("link_b_mass_kg", kLinkMass_kg);
+  gravity.link_c_mass_kg = table.number("link_c_mass_kg", kLinkMass_kg);
   // A centre of mass behind the joint (a counterweight) is negative.
-  gravity.link_b_center_m = table.number("link_b_center_m", kPlace_m);
-  gravity.link_c_center_m = table.number("link_c_center_m", kPlace_m);
+  const auto center_m = [&](const char* key, double length_m) {
+    const std::string words = "a distance in metres from " + number_text(-length_m) + " to " +
+                              number_text(length_m) + ", the length of the link";
+    return table.number(key, {-length_m, length_m, words.c_str()});
+  };
+  gravity.link_b_center_m = center_m("link_b_center_m", kinematics.link_length_m[1]);
+  gravity.link_c_center_m = center_m("link_c_center_m", kinematics.link_length_m[2]);
   gravity.balanced = table.flag("balanced");
   return gravity;
 }
@@ -393,14 +511,17 @@ DeviceProfile::Dynamics read_dynamics(const Table& root) {
                               "coulomb_smoothing_s_per_rad", "viscous_friction_Nm_s_per_rad",
                               "stop_stiffness_Nm_per_rad", "stop_damping_Nm_s_per_rad"});
   DeviceProfile::Dynamics dynamics;
-  dynamics.tip_mass_kg = table.number("tip_mass_kg", kPositive);
-  dynamics.joint_inertia_kg_m2 = table.number("joint_inertia_kg_m2", kPositive);
-  dynamics.coulomb_friction_Nm = table.number("coulomb_friction_Nm", kNotNegative);
-  dynamics.coulomb_smoothing_s_per_rad = table.number("coulomb_smoothing_s_per_rad", kPositive);
+  dynamics.tip_mass_kg = table.number("tip_mass_kg", kTipMass_kg);
+  dynamics.joint_inertia_kg_m2 = table.number("joint_inertia_kg_m2", kInertia_kg_m2);
+  dynamics.coulomb_friction_Nm = table.number("coulomb_friction_Nm", kCoulomb_Nm);
+  dynamics.coulomb_smoothing_s_per_rad =
+      table.number("coulomb_smoothing_s_per_rad", kSmoothing_s_per_rad);
   dynamics.viscous_friction_Nm_s_per_rad =
-      table.number("viscous_friction_Nm_s_per_rad", kNotNegative);
-  dynamics.stop_stiffness_Nm_per_rad = table.number("stop_stiffness_Nm_per_rad", kPositive);
-  dynamics.stop_damping_Nm_s_per_rad = table.number("stop_damping_Nm_s_per_rad", kNotNegative);
+      table.number("viscous_friction_Nm_s_per_rad", kViscous_Nm_s_per_rad);
+  dynamics.stop_stiffness_Nm_per_rad =
+      table.number("stop_stiffness_Nm_per_rad", kStopStiffness_Nm_per_rad);
+  dynamics.stop_damping_Nm_s_per_rad =
+      table.number("stop_damping_Nm_s_per_rad", kStopDamping_Nm_s_per_rad);
   return dynamics;
 }
 
@@ -408,9 +529,9 @@ HandProfile read_hand(const Table& root, const char* key) {
   const Table table =
       root.table(key, {"mass_kg", "damping_N_s_per_m", "stiffness_N_per_m", "source"});
   HandProfile hand;
-  hand.mass_kg = table.number("mass_kg", kPositive);
-  hand.damping_N_s_per_m = table.number("damping_N_s_per_m", kNotNegative);
-  hand.stiffness_N_per_m = table.number("stiffness_N_per_m", kPositive);
+  hand.mass_kg = table.number("mass_kg", kHandMass_kg);
+  hand.damping_N_s_per_m = table.number("damping_N_s_per_m", kHandDamping_N_s_per_m);
+  hand.stiffness_N_per_m = table.number("stiffness_N_per_m", kStiffness_N_per_m);
   hand.source = table.text("source");
   return hand;
 }
@@ -496,9 +617,9 @@ DeviceProfile load_device_profile(const std::string& name_or_path) {
   profile.usb = read_usb(root);
   profile.kinematics = read_kinematics(root);
   profile.motors = read_motors(root);
-  profile.limits = read_limits(root);
+  profile.limits = read_limits(root, profile.kinematics);
   profile.calibration = read_calibration(root, profile.kinematics);
-  profile.gravity = read_gravity(root);
+  profile.gravity = read_gravity(root, profile.kinematics);
   profile.dynamics = read_dynamics(root);
   profile.firm_hand = read_hand(root, "firm_hand");
   profile.light_hand = read_hand(root, "light_hand");

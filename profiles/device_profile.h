@@ -115,7 +115,11 @@ struct DeviceProfile {
 };
 
 /// Reads and checks one profile. An unknown, missing, mistyped, non-finite or impossible value is
-/// an error.
+/// an error. Impossible is what no table-top arm has (each number has its range, which the error
+/// states), and what contradicts the rest of the file: a capstan not smaller than its body, a
+/// current above full scale, a centre of mass beyond its link, a calibration pose beyond the hard
+/// stops, a workspace with a point that the linkage can't reach (distance to the shoulder not
+/// between |L_b - L_c| and L_b + L_c).
 /// @param name_or_path a file name with a slash or ending in ".toml", or a profile's name, looked
 ///        up in $FORCEGRID_PROFILE_PATH (if set), then beside the installed program, then in the
 ///        source tree.

@@ -156,6 +156,9 @@ TEST(DeviceProfile, NamesTheFileThatIsMissingOrNoFile) {
   EXPECT_THAT(error_of(folder.path().string() + "/"), HasSubstr("not a regular file"));
 }
 
+const std::string k126Characters = "serial = \"" + std::string(126, 'x') + "\"";
+const std::string k127Characters = "serial = \"" + std::string(127, 'x') + "\"";
+
 struct Broken {
   const char* old_line;                 ///< start of the one line that is replaced
   const char* new_line;                 ///< its replacement; empty: the line is removed
@@ -269,6 +272,173 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"[light_hand]", "[ligth_hand]", "ligth_hand", "unknown table"},
         Broken{"description", "", "description", "missing", "# WoodenHaptics"},
         Broken{"[dynamics]", "colour = 3", "gravity.colour", "unknown key"}));
+
+// woodenhaptics_v2015: the shoulder is at (-0.22, 0, 0) of the device frame, the linkage reaches
+// distances from 0.04 m to 0.45 m.
+INSTANTIATE_TEST_SUITE_P(
+    Ranges, BrokenProfile,
+    testing::Values(
+        Broken{"manufacturer", "manufacturer = \"mb\\u00e9d\"", "usb.manufacturer",
+               "byte 3 is no printable ASCII"},
+        Broken{"product =", "product = \"HID\\tDEVICE\"", "usb.product",
+               "byte 4 is no printable ASCII"},
+        Broken{"serial", "serial = \"1\\u007F\"", "usb.serial", "byte 2 is no printable ASCII"},
+        Broken{"serial", k127Characters.c_str(), "usb.serial", "127 characters"},
+        Broken{"frame_period_us", "frame_period_us = 124", "usb.frame_period_us", "124 is"},
+        Broken{"frame_period_us", "frame_period_us = 10001", "usb.frame_period_us", "10001 is"},
+        Broken{"link_length_m", "link_length_m = [0.08, 0.205, 2.1]", "kinematics.link_length_m",
+               "2.1 in place 3 is impossible"},
+        Broken{"link_length_m", "link_length_m = [-0.01, 0.205, 0.245]", "kinematics.link_length_m",
+               "-0.01 in place 1 is impossible"},
+        Broken{"origin_m", "origin_m = [220, 0.0, 80]", "kinematics.origin_m", "220 in place 1"},
+        Broken{"capstan_diameter_m", "capstan_diameter_m = [0.01, 0.12, 0.01]",
+               "kinematics.capstan_diameter_m", "0.12 in place 2 is not below body_diameter_m"},
+        Broken{"body_diameter_m", "body_diameter_m = [160, 120, 120]", "kinematics.body_diameter_m",
+               "160 in place 1 is impossible"},
+        Broken{"body_diameter_m", "body_diameter_m = [0.16, 0.12, -0.12]",
+               "kinematics.body_diameter_m", "-0.12 in place 3 is impossible"},
+        Broken{"encoder_counts", "encoder_counts_per_turn = [2000, 2000, 2000.5]",
+               "kinematics.encoder_counts_per_turn", "wrong type in place 3"},
+        Broken{"encoder_counts", "encoder_counts_per_turn = [0, 2000, 2000]",
+               "kinematics.encoder_counts_per_turn", "0 in place 1 is impossible"},
+        Broken{"encoder_counts", "encoder_counts_per_turn = [2000, 10000001, 2000]",
+               "kinematics.encoder_counts_per_turn", "10000001 in place 2 is impossible"},
+        Broken{"joint_min_rad", "joint_min_rad = [-70, -0.6, -0.3]", "kinematics.joint_min_rad",
+               "-70 in place 1 is impossible"},
+        Broken{"joint_max_rad", "joint_max_rad = [70, 1.3, 2.3]", "kinematics.joint_max_rad",
+               "70 in place 1 is impossible"},
+        Broken{"elbow_min_rad", "elbow_min_rad = -0.1", "kinematics.elbow_min_rad",
+               "-0.1 is impossible"},
+        Broken{"elbow_max_rad", "elbow_max_rad = 3.2", "kinematics.elbow_max_rad",
+               "3.2 is impossible"},
+        Broken{"torque_constant", "torque_constant_Nm_per_A = [0.0259, 0.0259, 0.00009]",
+               "motors.torque_constant_Nm_per_A", "9e-05 in place 3 is impossible"},
+        Broken{"torque_constant", "torque_constant_Nm_per_A = [25.9, 25.9, 25.9]",
+               "motors.torque_constant_Nm_per_A", "25.9 in place 1 is impossible"},
+        Broken{"max_current_A", "max_current_A = [6.0, 0, 6.0]", "motors.max_current_A",
+               "0 in place 2 is impossible"},
+        Broken{"max_current_A", "max_current_A = [6.0, 6.0, 6000]", "motors.max_current_A",
+               "6000 in place 3 is impossible"},
+        Broken{"max_force_N", "max_force_N = 0", "limits.max_force_N", "0 is impossible"},
+        Broken{"max_force_N", "max_force_N = 100.1", "limits.max_force_N", "100.1 is impossible"},
+        Broken{"max_force_rate", "max_force_rate_N_per_s = 1.1e6", "limits.max_force_rate_N_per_s",
+               "1100000 is impossible"},
+        Broken{"max_joint_torque", "max_joint_torque_Nm = [2.25, 0, 1.6]",
+               "limits.max_joint_torque_Nm", "0 in place 2 is impossible"},
+        Broken{"max_joint_torque", "max_joint_torque_Nm = [2250, 1400, 1600]",
+               "limits.max_joint_torque_Nm", "2250 in place 1 is impossible"},
+        Broken{"max_stiffness", "max_stiffness_N_per_m = 0", "limits.max_stiffness_N_per_m",
+               "0 is impossible"},
+        Broken{"max_stiffness", "max_stiffness_N_per_m = 1.1e5", "limits.max_stiffness_N_per_m",
+               "110000 is impossible"},
+        Broken{"max_damping", "max_damping_N_s_per_m = 1001", "limits.max_damping_N_s_per_m",
+               "1001 is impossible"},
+        Broken{"max_speed", "max_speed_m_per_s = 0", "limits.max_speed_m_per_s", "0 is impossible"},
+        Broken{"max_speed", "max_speed_m_per_s = 20.5", "limits.max_speed_m_per_s",
+               "20.5 is impossible"},
+        Broken{"workspace_min_m", "workspace_min_m = [-60, -80, -60]", "limits.workspace_min_m",
+               "-60 in place 1 is impossible"},
+        Broken{"workspace_max_m", "workspace_max_m = [60, 80, 60]", "limits.workspace_max_m",
+               "60 in place 1 is impossible"},
+        // sqrt(0.43^2 + 0.12^2 + 0.1^2) = 0.4575 m
+        Broken{"workspace_max_m", "workspace_max_m = [0.21, 0.12, 0.1]", "limits.workspace_max_m",
+               "can't reach the corner (0.21, 0.12, 0.1) of the workspace, 0.457493169 m"},
+        Broken{"workspace_min_m", "workspace_min_m = [-0.06, -0.09, -0.4]",
+               "limits.workspace_min_m", "can't reach the corner (0.06, -0.09, -0.4)"},
+        Broken{"workspace_min_m", "workspace_min_m = [-0.19, -0.08, -0.06]",
+               "limits.workspace_min_m", "can't fold to the point (-0.19, 0, 0)"},
+        Broken{"link_length_m", "link_length_m = [0.08, 0.1, 0.12]", "limits.workspace_max_m",
+               "can't reach the corner", "workspace_max_m"},
+        Broken{"acceleration", "acceleration_m_per_s2 = -9.81", "gravity.acceleration_m_per_s2",
+               "-9.81 is impossible"},
+        Broken{"acceleration", "acceleration_m_per_s2 = 9810", "gravity.acceleration_m_per_s2",
+               "9810 is impossible"},
+        Broken{"link_b_mass_kg", "link_b_mass_kg = 170", "gravity.link_b_mass_kg",
+               "170 is impossible"},
+        Broken{"link_c_mass_kg", "link_c_mass_kg = 110", "gravity.link_c_mass_kg",
+               "110 is impossible"},
+        Broken{"link_b_center_m", "link_b_center_m = 0.21", "gravity.link_b_center_m",
+               "0.21 is impossible; write a distance in metres from -0.205 to 0.205"},
+        Broken{"link_c_center_m", "link_c_center_m = -0.25", "gravity.link_c_center_m",
+               "-0.25 is impossible; write a distance in metres from -0.245 to 0.245"},
+        Broken{"tip_mass_kg", "tip_mass_kg = 0.0009", "dynamics.tip_mass_kg",
+               "0.0009 is impossible"},
+        Broken{"tip_mass_kg", "tip_mass_kg = 100", "dynamics.tip_mass_kg", "100 is impossible"},
+        Broken{"joint_inertia", "joint_inertia_kg_m2 = 0", "dynamics.joint_inertia_kg_m2",
+               "0 is impossible"},
+        Broken{"joint_inertia", "joint_inertia_kg_m2 = 1.1", "dynamics.joint_inertia_kg_m2",
+               "1.1 is impossible"},
+        Broken{"coulomb_friction", "coulomb_friction_Nm = -0.02", "dynamics.coulomb_friction_Nm",
+               "-0.02 is impossible"},
+        Broken{"coulomb_friction", "coulomb_friction_Nm = 20", "dynamics.coulomb_friction_Nm",
+               "20 is impossible"},
+        Broken{"coulomb_smoothing", "coulomb_smoothing_s_per_rad = 0",
+               "dynamics.coulomb_smoothing_s_per_rad", "0 is impossible"},
+        Broken{"coulomb_smoothing", "coulomb_smoothing_s_per_rad = 10001",
+               "dynamics.coulomb_smoothing_s_per_rad", "10001 is impossible"},
+        Broken{"viscous_friction", "viscous_friction_Nm_s_per_rad = -0.002",
+               "dynamics.viscous_friction_Nm_s_per_rad", "-0.002 is impossible"},
+        Broken{"viscous_friction", "viscous_friction_Nm_s_per_rad = 11",
+               "dynamics.viscous_friction_Nm_s_per_rad", "11 is impossible"},
+        Broken{"stop_stiffness", "stop_stiffness_Nm_per_rad = 0",
+               "dynamics.stop_stiffness_Nm_per_rad", "0 is impossible"},
+        Broken{"stop_stiffness", "stop_stiffness_Nm_per_rad = 10001",
+               "dynamics.stop_stiffness_Nm_per_rad", "10001 is impossible"},
+        Broken{"stop_damping", "stop_damping_Nm_s_per_rad = 101",
+               "dynamics.stop_damping_Nm_s_per_rad", "101 is impossible"},
+        Broken{"mass_kg", "mass_kg = 0.0009", "firm_hand.mass_kg", "0.0009 is impossible"},
+        Broken{"mass_kg", "mass_kg = 200", "firm_hand.mass_kg", "200 is impossible"},
+        Broken{"damping_N_s_per_m", "damping_N_s_per_m = -10", "firm_hand.damping_N_s_per_m",
+               "-10 is impossible"},
+        Broken{"damping_N_s_per_m", "damping_N_s_per_m = 1.1e4", "firm_hand.damping_N_s_per_m",
+               "11000 is impossible"},
+        Broken{"stiffness_N_per_m", "stiffness_N_per_m = 4e5", "firm_hand.stiffness_N_per_m",
+               "400000 is impossible"}));
+
+struct Edge {
+  const char* old_line;  ///< start of the one line that is replaced
+  const char* new_line;
+};
+
+TEST(DeviceProfile, AcceptsTheLastValuesThatAreAllowed) {
+  const auto shipped = read_lines(load_device_profile("woodenhaptics_v2015").file);
+  const TemporaryFolder folder;
+  for (const Edge& edge :
+       {Edge{"serial", k126Characters.c_str()}, Edge{"product =", "product = \" ~\""},
+        Edge{"frame_period_us", "frame_period_us = 125"},
+        Edge{"capstan_diameter_m", "capstan_diameter_m = [0.01, 0.119, 0.01]"},
+        Edge{"encoder_counts", "encoder_counts_per_turn = [1, 10000000, 2000]"},
+        Edge{"torque", "torque_constant_Nm_per_A = [1e-4, 10, 0.1]"},
+        Edge{"max_force_N", "max_force_N = 100"},
+        Edge{"max_force_rate", "max_force_rate_N_per_s = 1e6"},
+        Edge{"max_joint_torque", "max_joint_torque_Nm = [1000, 1e-3, 1]"},
+        Edge{"max_stiffness", "max_stiffness_N_per_m = 1e5"},
+        Edge{"max_damping", "max_damping_N_s_per_m = 0"},
+        Edge{"max_speed", "max_speed_m_per_s = 20"},
+        // sqrt(0.425^2 + 0.11^2 + 0.09^2) = 0.4481 m, below 0.45 m
+        Edge{"workspace_max_m", "workspace_max_m = [0.205, 0.11, 0.09]"},
+        // 0.045 m from the shoulder, above 0.04 m
+        Edge{"workspace_min_m", "workspace_min_m = [-0.175, -0.08, -0.06]"},
+        Edge{"acceleration", "acceleration_m_per_s2 = 30"},
+        Edge{"link_b_mass_kg", "link_b_mass_kg = 20"},
+        Edge{"link_b_center_m", "link_b_center_m = 0.205"},
+        Edge{"link_c_center_m", "link_c_center_m = -0.245"},
+        Edge{"tip_mass_kg", "tip_mass_kg = 1e-3"}, Edge{"joint_inertia", "joint_inertia_kg_m2 = 1"},
+        Edge{"coulomb_friction", "coulomb_friction_Nm = 0"},
+        Edge{"viscous_friction", "viscous_friction_Nm_s_per_rad = 10"},
+        Edge{"stop_stiffness", "stop_stiffness_Nm_per_rad = 1e4"}, Edge{"mass_kg", "mass_kg = 20"},
+        Edge{"damping_N_s_per_m", "damping_N_s_per_m = 1e4"},
+        Edge{"stiffness_N_per_m", "stiffness_N_per_m = 1e5"}}) {
+    auto lines = shipped;
+    const auto line = std::find_if(lines.begin(), lines.end(), [&](const std::string& text) {
+      return text.starts_with(edge.old_line);
+    });
+    ASSERT_NE(line, lines.end()) << edge.old_line;
+    *line = edge.new_line;
+    const fs::path file = folder.write("edge.toml", lines);
+    EXPECT_NO_THROW(static_cast<void>(load_device_profile(file.string()))) << edge.new_line;
+  }
+}
 
 TEST(DeviceProfile, NamesTheLineOfASyntaxError) {
   auto lines = read_lines(load_device_profile("vintage").file);
