@@ -17,6 +17,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr std::chrono::milliseconds kEndTimeout{1000};
+
 [[noreturn]] void fail(const std::string& what) {
   throw std::runtime_error(what + ": " + std::strerror(errno));
 }
@@ -73,23 +75,16 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments) {
 }
 
 ChildProcess::~ChildProcess() {
-  if (to_child_ >= 0) {
-    close(to_child_);
-  }
-  if (from_child_ >= 0) {
-    close(from_child_);
-  }
+  // What it still says is read to the end, or it would complain of a broken pipe.
   for (const int signal_number : {0, SIGTERM, SIGKILL}) {
     if (signal_number != 0 && !status_) {
       kill(pid_, signal_number);
     }
-    for (int i = 0; i < 100 && !status_; ++i) {
-      reap();
-      if (!status_) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(10));
-      }
+    if (!status_) {
+      finish(kEndTimeout);
     }
   }
+  close(from_child_);
 }
 
 std::optional<std::string> ChildProcess::read_line(std::chrono::milliseconds timeout) {

@@ -4,6 +4,7 @@
 
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <stdexcept>
 
 #include "cli/stop_request.h"
@@ -31,9 +32,13 @@ int emulate_command(const EmulateOptions& options) {
   emulator.seed = options.seed;
   emulator.frame_order = options.frame_order;
   emulator.calibrated = options.calibrated;
+  emulator.hand_carries_weight = !options.unsupported_weight;
   emulator.random_power_up_counters = options.random_counters;
   emulator.contact_m = options.contact_m;
-  const auto reports = emulator::run_emulator(emulator, std::cout, std::cerr, StopRequest::stop(),
+  // A parent process says for all of its children that real-time scheduling is refused.
+  std::ostringstream unsaid;
+  std::ostream& log = options.until_stdin_closes ? static_cast<std::ostream&>(unsaid) : std::cerr;
+  const auto reports = emulator::run_emulator(emulator, std::cout, log, StopRequest::stop(),
                                               options.until_stdin_closes ? STDIN_FILENO : -1);
   const nlohmann::json json =
       reports.size() == 1 ? nlohmann::json(reports.front()) : nlohmann::json(reports);

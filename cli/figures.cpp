@@ -34,6 +34,15 @@ std::string error_curve(const std::string& data, int method_column, int truth_co
          " title '" + title + "'";
 }
 
+// A path between gnuplot's single quotes, where a quote is written twice.
+std::string quoted(const std::string& path) {
+  std::string text = "'";
+  for (const char character : path) {
+    text += character == '\'' ? std::string("''") : std::string(1, character);
+  }
+  return text + "'";
+}
+
 std::string label_of(const std::string& method) {
   return method == "hold" ? "streaming (hold)" : method;
 }
@@ -77,7 +86,7 @@ std::vector<std::string> write_figures(const std::string& directory,
 
   // More points than pixels only make the files large.
   constexpr std::size_t kPointsDrawn = 3000;
-  const std::string data = "'" + csv + "' every " + std::to_string(rows.size() / kPointsDrawn + 1);
+  const std::string data = quoted(csv) + " every " + std::to_string(rows.size() / kPointsDrawn + 1);
 
   constexpr int kFirstForceColumn = 5;
   std::string forces;
@@ -111,7 +120,7 @@ std::vector<std::string> write_figures(const std::string& directory,
   for (const bool svg : {true, false}) {
     script += svg ? "set terminal svg size 1000,900 background '#ffffff' font 'sans,13'\n"
                   : "set terminal pngcairo size 1000,900 background '#ffffff' font 'sans,11'\n";
-    script += "set output '" + directory + (svg ? "/forces.svg'\n" : "/forces.png'\n");
+    script += "set output " + quoted(directory + (svg ? "/forces.svg" : "/forces.png")) + "\n";
     script += std::string("set multiplot layout ") + panels + ",1\n";
     script +=
         "unset xlabel\nset ylabel 'tool along the normal / mm'\n"
@@ -125,7 +134,7 @@ std::vector<std::string> write_figures(const std::string& directory,
     }
     script += "unset multiplot\n";
   }
-  std::FILE* gnuplot = popen("gnuplot 2>&1 >/dev/null", "w");
+  std::FILE* gnuplot = popen("trap '' INT; exec gnuplot 2>&1 >/dev/null", "w");
   if (gnuplot == nullptr) {
     throw std::runtime_error(std::string("gnuplot could not be started: ") + std::strerror(errno));
   }

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <exception>
 #include <functional>
+#include <new>
 #include <string>
 
 #include "cli/commands.h"
@@ -23,6 +24,21 @@ std::string joined(const std::vector<std::string>& words) {
     text += (text.empty() ? "" : ", ") + word;
   }
   return text;
+}
+
+// A finite number from `low` to `high`; CLI::Range would let NaN through.
+CLI::Validator between(double low, double high) {
+  char range[64];
+  std::snprintf(range, sizeof range, "%g..%g", low, high);
+  const std::string text = range;
+  return CLI::Validator(
+      [low, high, text](std::string& input) {
+        double value = 0.0;
+        return CLI::detail::lexical_cast(input, value) && value >= low && value <= high
+                   ? std::string()
+                   : "'" + input + "' is no number in " + text;
+      },
+      text);
 }
 
 // `--json [FILE]` of every command.
@@ -61,13 +77,13 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
   run.add_option("--simulator", o.simulator,
                  "ADDR:PORT of a simulator that already runs, instead of --scene");
   run.add_option("--seconds", o.seconds, "How long; 0 runs until Ctrl-C")
-      ->check(CLI::Range(0.0, 86400.0))
+      ->check(between(0.0, 86400.0))
       ->capture_default_str();
   run.add_option("--method", o.method, "Force method: " + joined(method_names()))
       ->check(CLI::IsMember(method_names()))
       ->capture_default_str();
   run.add_option("--rate", o.rate_Hz, "Servo rate in Hz")
-      ->check(CLI::Range(100.0, 4000.0))
+      ->check(between(100.0, 4000.0))
       ->capture_default_str();
   run.add_option("--fill-budget", o.fill_budget, "Vertices a cycle and method may update")
       ->check(CLI::Range(1, 1000000))
@@ -78,10 +94,10 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   run.add_option("--r-mm", o.influence_radius_mm,
                  "Distance of influence r; 0 is a sixth of the workspace's longest side")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(between(0.0, 1000.0))
       ->capture_default_str();
   run.add_option("--unit-mm", o.unit_mm, "Unit of length in the grid's weight")
-      ->check(CLI::Range(0.001, 1000.0))
+      ->check(between(0.001, 1000.0))
       ->capture_default_str();
   run.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all")
       ->check(CLI::Range(0, 65535))
@@ -94,12 +110,12 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   run.add_flag("--calibrated", o.calibrated, "The counters are right already; ask for no button");
   run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers a second of the started simulator")
-      ->check(CLI::Range(1.0, 1000.0))
+      ->check(between(1.0, 1000.0))
       ->capture_default_str();
   run.add_option_function<double>(
          "--sim-delay-ms", [&o](double ms) { o.simulator_delay_s = 1e-3 * ms; },
          "Hold each answer of the started simulator back this long (default 0)")
-      ->check(CLI::Range(0.0, 1000.0));
+      ->check(between(0.0, 1000.0));
   run.add_option("--hand", o.hand, "Emulated hand: " + joined(kHands))
       ->check(CLI::IsMember(kHands))
       ->capture_default_str();
@@ -107,7 +123,7 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->check(CLI::IsMember(kMotions))
       ->capture_default_str();
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
-      ->check(CLI::Range(0.0, 30.0))
+      ->check(between(0.0, 30.0))
       ->capture_default_str();
   run.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
   run.add_option("--frame-order", o.frame_order, "Emulated bus: " + joined(kFrameOrders))
@@ -136,7 +152,7 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
       ->check(CLI::IsMember(kMotions))
       ->capture_default_str();
   emulate.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
-      ->check(CLI::Range(0.0, 30.0))
+      ->check(between(0.0, 30.0))
       ->capture_default_str();
   emulate.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
   emulate.add_option("--frame-order", o.frame_order, "Bus: " + joined(kFrameOrders))
@@ -163,10 +179,10 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
   simulate.add_option("--listen", o.listen, "ADDR:PORT, loopback only; port 0 takes a free one")
       ->capture_default_str();
   simulate.add_option("--rate", o.rate_Hz, "Answers a second")
-      ->check(CLI::Range(1.0, 1000.0))
+      ->check(between(1.0, 1000.0))
       ->capture_default_str();
   simulate.add_option("--delay-ms", o.delay_ms, "Hold each answer back this long")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(between(0.0, 1000.0))
       ->capture_default_str();
   simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
   simulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
@@ -229,6 +245,9 @@ int main(int argc, char** argv) {
   try {
     StopRequest::install();
     return action();
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "forcegrid: not enough memory; use fewer --cells or a smaller --r-mm\n");
+    return 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "forcegrid: %s\n", error.what());
     return 1;

@@ -40,6 +40,7 @@ using std::chrono::seconds;
 constexpr char kEmulatedPrefix[] = "emulated:";
 constexpr milliseconds kChildStartTimeout{10000};
 constexpr milliseconds kChildEndTimeout{3000};
+constexpr milliseconds kWatchdogProof{700};
 
 // "listening 127.0.0.1:41234 busid 1-1 device NAME" -> "127.0.0.1:41234"
 std::string listening_address(ChildProcess& child, const std::string& what) {
@@ -130,8 +131,9 @@ ForcegridMethod::Options grid_options(const RunOptions& options,
 }
 
 std::unique_ptr<driver::Device> open(const std::string& url, const profiles::DeviceProfile& profile,
-                                     int device_timeout_ms) {
+                                     int device_timeout_ms, bool realtime) {
   driver::OpenOptions open_options;
+  open_options.realtime_io = realtime;
   open_options.stale_after = milliseconds(device_timeout_ms);
   open_options.notice = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
   try {
@@ -236,6 +238,17 @@ class TruthProgress {
 
 }  // namespace
 
+void check_writable(const JsonTarget& target) {
+  if (target.file.empty()) {
+    return;
+  }
+  errno = 0;
+  if (!std::ofstream(target.file, std::ios::app)) {
+    throw std::runtime_error("--json " + target.file + " can't be written (" +
+                             std::strerror(errno) + "); name a file in a folder that exists");
+  }
+}
+
 void write_json(const JsonTarget& target, const std::string& text) {
   if (!target.wanted) {
     return;
@@ -252,7 +265,10 @@ void write_json(const JsonTarget& target, const std::string& text) {
   file << text << '\n';
   file.close();
   if (!file) {
-    throw std::runtime_error("--json " + target.file + ": " + std::strerror(errno));
+    const std::string reason = std::strerror(errno);
+    std::printf("%s\n", text.c_str());  // rather here than lost
+    throw std::runtime_error("--json " + target.file + ": " + reason +
+                             "; the summary is on standard output instead");
   }
 }
 
@@ -306,6 +322,16 @@ int run_command(const RunOptions& options) {
     }
   }
   prepare_folder(options.out);
+  check_writable(options.json);
+
+  // Said once and now; the threads that are refused the same later keep silent.
+  std::string realtime_refused;
+  std::thread([&] {
+    realtime_refused = rt::make_current_thread_realtime(rt::kServoPriority).reason;
+  }).join();
+  if (!realtime_refused.empty()) {
+    say("No real-time scheduling: " + realtime_refused + "\n");
+  }
 
   std::unique_ptr<ChildProcess> emulator;
   std::unique_ptr<ChildProcess> simulator;
@@ -325,7 +351,8 @@ int run_command(const RunOptions& options) {
   // Filling locked memory may take longer than a device may be silent, so it comes before the
   // device. A refusal is reported by the loop, which asks again.
   static_cast<void>(rt::lock_memory());
-  const std::unique_ptr<driver::Device> device = open(url, profile, options.device_timeout_ms);
+  const std::unique_ptr<driver::Device> device =
+      open(url, profile, options.device_timeout_ms, realtime_refused.empty());
   say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
       ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
   if (!options.calibrated) {
@@ -333,8 +360,14 @@ int run_command(const RunOptions& options) {
         *device, profile, seconds(60), [&](const std::string& text) { say(text + "\n"); },
         [] { return StopRequest::stop().load(); });
     if (!calibrated) {
-      say("Stopped before the arm was calibrated; the motors had no current.\n");
-      device->stop();
+      summary.notes.push_back("stopped before the arm was calibrated; the motors had no current");
+      say(summary.notes.back() + "\n");
+      summary.outcome.zero_current_delivered = device->stop();
+      summary.device_statistics = device->statistics();
+      summary.emulator = final_report(emulator.get());
+      summary.simulator = final_report(simulator.get());
+      summary.truth = "the loop never ran";
+      write_json(options.json, to_json(summary, servo::TelemetryStatistics{}).dump(2));
       return 1;
     }
   }
@@ -370,9 +403,6 @@ int run_command(const RunOptions& options) {
   telemetry.stop();
   rt::unlock_memory();
 
-  if (!summary.outcome.scheduling.realtime) {
-    summary.notes.push_back(summary.outcome.scheduling.reason);
-  }
   if (!summary.outcome.memory_lock_refused.empty()) {
     summary.notes.push_back(summary.outcome.memory_lock_refused);
   }
@@ -382,17 +412,11 @@ int run_command(const RunOptions& options) {
   summary.worst_relative_residual = link.worst_relative_residual();
   summary.worst_solve_time_s = link.worst_solve_time_s();
   summary.records_lost = ports.records_lost.load();
-  summary.emulator = final_report(emulator.get());
-  summary.simulator = final_report(simulator.get());
+  summary.samples_overrun = link.samples_lost();
   const auto& records = telemetry.records();
   if (records.size() > 1) {
     summary.elapsed_s =
         1e-9 * static_cast<double>(records.back().time_ns - telemetry.first_time_ns());
-  }
-  if (emulated && !summary.emulator) {
-    summary.notes.push_back("the emulator gave no report; it " + (emulator->abnormal_end().empty()
-                                                                      ? "is gone"
-                                                                      : emulator->abnormal_end()));
   }
   if (link.statistics().accepted == 0) {
     summary.notes.push_back("no sample came from " + simulator_address +
@@ -400,10 +424,37 @@ int run_command(const RunOptions& options) {
   }
   if (summary.outcome.fault != servo::Fault::kNone) {
     const std::string flight = options.out + "/flight_record.csv";
-    telemetry.write_flight_record(flight);
-    summary.files.push_back(flight);
+    try {
+      telemetry.write_flight_record(flight);
+      summary.files.push_back(flight);
+    } catch (const std::runtime_error& error) {
+      summary.notes.push_back(error.what());
+    }
+  }
+  summary.cycles_kept = records.size();
+  if (summary.cycles_kept < telemetry.statistics().cycles) {
+    summary.notes.push_back("only the last " + std::to_string(summary.cycles_kept) +
+                            " cycles were kept; errors, CSV and picture are theirs");
+  }
+  if (const auto* rendered = dynamic_cast<const ForcegridMethod*>(methods.front())) {
+    summary.grid_counts = {rendered->fills_cut_short(), rendered->samples_over_threshold(),
+                           rendered->samples_outside()};
   }
   say(loop_text(summary, telemetry.statistics()));
+
+  if (emulated && !summary.outcome.zero_current_delivered) {
+    // The proof is left to the device's own watchdog, which needs half a second.
+    std::this_thread::sleep_for(kWatchdogProof);
+  }
+  summary.emulator = final_report(emulator.get());
+  summary.simulator = final_report(simulator.get());
+  if (summary.emulator) {
+    say(motors_text(*summary.emulator));
+  } else if (emulated) {
+    const std::string how = emulator->abnormal_end();
+    summary.notes.push_back("the emulator gave no report; it " + (how.empty() ? "is gone" : how));
+    say("Note: " + summary.notes.back() + "\n");
+  }
 
   // The off-line forces: the same object, converged, at every measured position since the contact.
   const auto contact = link.first_contact();

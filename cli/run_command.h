@@ -14,8 +14,12 @@ struct JsonTarget {
   bool on_stdout() const { return wanted && file.empty(); }
 };
 
+/// @throws std::runtime_error when the target is a file that can't be written, with the reason.
+void check_writable(const JsonTarget& target);
+
 /// Writes `text` and a newline where the target says, if wanted at all.
-/// @throws std::runtime_error naming the file and the system's reason.
+/// @throws std::runtime_error naming the file and the system's reason; the text is then on standard
+///         output.
 void write_json(const JsonTarget& target, const std::string& text);
 
 /// What `forcegrid run` was asked for; the defaults are the main job.

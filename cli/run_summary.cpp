@@ -72,11 +72,30 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
     append(text, "%" PRIu64 " cycles were not recorded: telemetry could not keep up\n",
            summary.records_lost);
   }
-  if (summary.emulator) {
-    const auto& e = *summary.emulator;
-    const auto current = e.at("final_current_mA").get<std::vector<double>>();
-    append(text, "Emulated motors: final current %.0f %.0f %.0f mA, %" PRIu64 " watchdog trips\n",
-           current[0], current[1], current[2], e.at("watchdog_trips").get<std::uint64_t>());
+  const auto& status = statistics.rendered_status;
+  const auto count_of = [&](EstimateStatus which) {
+    return status[static_cast<std::size_t>(which)];
+  };
+  const std::uint64_t without = count_of(EstimateStatus::kUnknown) +
+                                count_of(EstimateStatus::kOutside) +
+                                count_of(EstimateStatus::kNotFinite);
+  if (without + count_of(EstimateStatus::kPartlyKnown) > 0) {
+    append(text,
+           "%s in contact: force known in %" PRIu64 " cycles, partly in %" PRIu64
+           ", not in %" PRIu64 " (%" PRIu64 " of these outside the grid)\n",
+           summary.method.c_str(), count_of(EstimateStatus::kOk),
+           count_of(EstimateStatus::kPartlyKnown), without, count_of(EstimateStatus::kOutside));
+  }
+  if (summary.samples_overrun > 0) {
+    append(text, "%" PRIu64 " samples came faster than the servo takes them and were dropped\n",
+           summary.samples_overrun);
+  }
+  const auto& [cut_short, over_threshold, outside] = summary.grid_counts;
+  if (cut_short + over_threshold + outside > 0) {
+    append(text,
+           "Grid: %" PRIu64 " fills cut short (raise --fill-budget), %" PRIu64
+           " samples over the threshold s, %" PRIu64 " outside the grid\n",
+           cut_short, over_threshold, outside);
   }
   for (const std::string& note : summary.notes) {
     text += "Note: " + note + "\n";
@@ -88,6 +107,15 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
     }
     text += "\n";
   }
+  return text;
+}
+
+std::string motors_text(const nlohmann::json& emulator) {
+  std::string text;
+  const auto current = emulator.at("final_current_mA").get<std::vector<double>>();
+  append(text, "Emulated motors: final current %.0f %.0f %.0f mA, %" PRIu64 " watchdog trips\n",
+         current.at(0), current.at(1), current.at(2),
+         emulator.at("watchdog_trips").get<std::uint64_t>());
   return text;
 }
 
@@ -143,6 +171,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"missed_deadlines", outcome.missed_deadlines},
       {"stalls", outcome.stalls},
       {"records_lost", summary.records_lost},
+      {"cycles_kept", summary.cycles_kept},
       {"realtime_scheduling", outcome.scheduling.realtime},
       {"realtime_reason", outcome.scheduling.reason},
       {"memory_locked", outcome.memory_lock_refused.empty()},
@@ -165,6 +194,8 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"samples_received", summary.link.accepted},
       {"samples_rejected", summary.link.dropped()},
       {"samples_lost", summary.link.lost},
+      {"samples_overrun", summary.samples_overrun},
+      {"samples_taken", statistics.samples_taken},
       {"samples_not_converged", summary.samples_not_converged},
       {"worst_relative_residual", summary.worst_relative_residual},
       {"worst_solve_time_s", summary.worst_solve_time_s},
@@ -177,6 +208,14 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"notes", summary.notes},
       {"files", summary.files},
   };
+  result["rendered_status_cycles"] = json::object();
+  for (std::size_t i = 0; i < statistics.rendered_status.size(); ++i) {
+    result["rendered_status_cycles"][to_string(static_cast<EstimateStatus>(i))] =
+        statistics.rendered_status[i];
+  }
+  result["grid"] = {{"fills_cut_short", summary.grid_counts[0]},
+                    {"samples_over_threshold", summary.grid_counts[1]},
+                    {"samples_outside", summary.grid_counts[2]}};
   result["truth_details"] = summary.truth_details.value_or(json());
   result["emulator"] = summary.emulator.value_or(json());
   result["simulator"] = summary.simulator.value_or(json());

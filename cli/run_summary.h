@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -36,6 +37,10 @@ struct RunSummary {
   double worst_relative_residual = 0.0;
   double worst_solve_time_s = 0.0;
   std::uint64_t records_lost = 0;
+  std::uint64_t cycles_kept = 0;
+  std::uint64_t samples_overrun = 0;  ///< accepted, but the servo's ring was full
+  /// Of a rendered forcegrid: fills cut short, samples over the threshold s, samples outside.
+  std::array<std::uint64_t, 3> grid_counts{};
   std::vector<std::string> notes;           ///< degradations, one sentence each
   std::optional<nlohmann::json> emulator;   ///< its own report
   std::optional<nlohmann::json> simulator;  ///< its own report
@@ -49,6 +54,9 @@ struct RunSummary {
 
 /// The text for people that is printed as soon as the loop has ended: everything but the errors.
 std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
+
+/// What the emulated motors did, from the emulator's report.
+std::string motors_text(const nlohmann::json& emulator);
 
 /// The errors and the files, once they are there.
 std::string errors_text(const RunSummary& summary);

@@ -22,10 +22,11 @@ struct Contact {
 }  // namespace
 
 ArmModel::ArmModel(const profiles::DeviceProfile& profile,
-                   std::optional<profiles::HandProfile> hand, const Vector3d& joint_angle_rad)
+                   std::optional<profiles::HandProfile> hand, const Vector3d& joint_angle_rad,
+                   bool hand_carries_weight)
     : kinematics_(profile.kinematics),
       dynamics_(profile.dynamics),
-      gravity_acts_(!profile.gravity.balanced && !hand.has_value()),
+      gravity_acts_(!profile.gravity.balanced && !(hand.has_value() && hand_carries_weight)),
       gravity_b_Nm_(profile.gravity.acceleration_m_per_s2 *
                     (profile.gravity.link_b_mass_kg * profile.gravity.link_b_center_m +
                      profile.gravity.link_c_mass_kg * profile.kinematics.link_length_m[1])),

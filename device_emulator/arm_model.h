@@ -47,8 +47,10 @@ class ArmModel {
 
   /// @param hand what holds the tip; nullopt: nothing.
   /// @param joint_angle_rad where the arm starts, at rest.
+  /// @param hand_carries_weight a hand bears the links' weight beside its spring, as a person does
+  ///        without noticing; false: the motors are expected to.
   ArmModel(const profiles::DeviceProfile& profile, std::optional<profiles::HandProfile> hand,
-           const Eigen::Vector3d& joint_angle_rad);
+           const Eigen::Vector3d& joint_angle_rad, bool hand_carries_weight = true);
 
   /// Advances by `duration_s` (any length; split into equal substeps of at most kSubstep_s) with a
   /// constant motor torque [N m] at the joints and the hand's target [m] moving at constant speed

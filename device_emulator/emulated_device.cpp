@@ -90,7 +90,8 @@ EmulatedDevice::EmulatedDevice(const DeviceOptions& options, rt::TimePoint start
       firmware_(options.profile.motors.full_scale_current_A),
       arm_(options.profile, hand_of(options),
            ArmKinematics(options.profile.kinematics)
-               .joint_angle_rad(calibration_counts(options.profile))),
+               .joint_angle_rad(calibration_counts(options.profile)),
+           options.hand_carries_weight),
       script_(options.operator_script, arm_.position_D()),
       frame_order_(options.frame_order),
       name_(options.profile.name),

@@ -33,6 +33,7 @@ FrameOrder parse_frame_order(std::string_view name);
 struct DeviceOptions {
   profiles::DeviceProfile profile;
   HandKind hand = HandKind::kFirm;
+  bool hand_carries_weight = true;          ///< see ArmModel
   OperatorScript::Options operator_script;  ///< `calibrated` also starts the counters true
   FrameOrder frame_order = FrameOrder::kOutFirst;
   /// Counters at power-up: false: 0; true: seeded random ones within +-20000.

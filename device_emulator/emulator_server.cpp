@@ -486,7 +486,7 @@ std::size_t EmulatorServer::Impl::take_operation(Connection& connection,
 }
 
 void EmulatorServer::Impl::import(Connection& connection, std::string_view busid) {
-  auto status = usbip::OpStatus::kNotAvailable;
+  auto status = usbip::OpStatus::kNoDevice;
   usbip::DeviceInfo info;
   for (std::size_t i = 0; i < ports.size(); ++i) {
     Port& port = *ports[i];

@@ -29,6 +29,7 @@ ServerOptions server_options(const EmulatorOptions& options) {
     DeviceOptions device;
     device.profile = profiles::load_device_profile(name);
     device.hand = parse_hand(options.hand);
+    device.hand_carries_weight = options.hand_carries_weight;
     device.frame_order = parse_frame_order(options.frame_order);
     device.random_power_up_counters = options.random_power_up_counters;
     device.operator_script.motion = parse_motion(options.motion);

@@ -20,6 +20,7 @@ struct EmulatorOptions {
   std::string motion = "chirp";           ///< see MotionKind
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";  ///< out-first, in-first
+  bool hand_carries_weight = true;        ///< false: for a host that compensates gravity
   bool calibrated = false;                ///< counters are true from the start; no button needed
   bool random_power_up_counters = false;  ///< counters start anywhere instead of at 0
   std::array<double, 3> contact_m{};      ///< contact point, frame D

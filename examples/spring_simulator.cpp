@@ -1,4 +1,4 @@
-// A plain spring as a simulator for Forcegrid: F = -k (P - P0), P0 being where the tool was first.
+// A plain spring at W's origin for Forcegrid: F = -k (P - P0), P0 being where the tool met it.
 // usage: spring_simulator ADDR:PORT [STIFFNESS_N_PER_M]
 
 #include <algorithm>
@@ -18,6 +18,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using namespace forcegrid::link;
+
+constexpr double kReach_m = 0.005;  // the spring catches a tool that comes so near to the origin
 
 double parse_stiffness_N_per_m(const std::string& text) {
   char* end = nullptr;
@@ -39,17 +41,21 @@ void run(SimulatorEndpoint& servo, double stiffness_N_per_m) {
     if (!news.tool_state) {
       continue;
     }
-    if (!first_W_m) {
-      first_W_m = news.tool_state->position_W_m;
+    const Vector3& p = news.tool_state->position_W_m;
+    if (!first_W_m && p[0] * p[0] + p[1] * p[1] + p[2] * p[2] < kReach_m * kReach_m) {
+      first_W_m = p;
     }
     ForceSample sample = answer_to(*news.tool_state);  // position and echo filled in
-    for (std::size_t i = 0; i < 3; ++i) {
+    sample.converged = true;
+    for (std::size_t i = 0; first_W_m && i < 3; ++i) {
       sample.force_W_N[i] = -stiffness_N_per_m * (sample.position_W_m[i] - (*first_W_m)[i]);
       sample.stiffness_W_N_per_m[4 * i] = -stiffness_N_per_m;
     }
-    sample.has_stiffness = sample.converged = sample.in_contact = true;
-    sample.contact_epoch = 1;
-    sample.contact_point_W_m = *first_W_m;
+    if (first_W_m) {
+      sample.has_stiffness = sample.in_contact = true;
+      sample.contact_epoch = 1;
+      sample.contact_point_W_m = *first_W_m;
+    }
     if (servo.send(sample) == SendStatus::kInvalid) {
       std::cerr << "spring_simulator: the force leaves the link's range; use a softer spring\n";
     }

@@ -13,6 +13,7 @@ using Array4f = Eigen::Array4f;
 using Array8f = Eigen::Array<float, 8, 1>;
 constexpr std::size_t kLanes = 8;
 constexpr std::size_t kMaxVertices = std::size_t{1} << 27;
+constexpr std::size_t kMaxNeighbours = std::size_t{1} << 24;
 
 }  // namespace
 
@@ -82,6 +83,12 @@ ForceGrid::ForceGrid(const GridGeometry& geometry, const CandleLight& candle_lig
   const double reach_m = r + 0.5 * spacing_m_.norm();
   reach_vertices_ = (reach_m * inverse_spacing_per_m_).array().floor().cast<int>();
   reach_vertices_ = reach_vertices_.cwiseMin(geometry_.cells);
+  const auto reach = (2 * reach_vertices_.array() + 1).cast<std::size_t>();
+  if (reach.prod() > kMaxNeighbours) {
+    throw std::invalid_argument("grid: a fill would reach over " + std::to_string(reach.prod()) +
+                                " vertices, more than " + std::to_string(kMaxNeighbours) +
+                                "; use a smaller r or fewer cells");
+  }
   struct Candidate {
     double distance2_m2;
     Neighbour neighbour;

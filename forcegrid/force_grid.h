@@ -49,7 +49,8 @@ struct CandleLight {
 class ForceGrid {
  public:
   /// Allocates 16 bytes a vertex (force and weight in single precision).
-  /// @throws std::invalid_argument for a geometry or radius that is not usable.
+  /// @throws std::invalid_argument for a geometry or radius that is not usable, or when r reaches
+  ///         over more than 2^24 vertices.
   ForceGrid(const GridGeometry& geometry, const CandleLight& candle_light);
 
   const GridGeometry& geometry() const noexcept { return geometry_; }

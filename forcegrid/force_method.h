@@ -66,7 +66,8 @@ class ForceMethod {
   virtual void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept = 0;
   virtual void contact_lost() noexcept = 0;
 
-  /// Does at most `budget` units of pending work (for a grid: vertices).
+  /// Does at most `budget` units of pending work (for a grid: vertices, rounded up to a multiple of
+  /// eight).
   /// @returns the units done; less than `budget` when nothing is left to do.
   virtual int work(int budget) noexcept = 0;
 

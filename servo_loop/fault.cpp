@@ -22,6 +22,8 @@ const char* name_of(Fault fault) noexcept {
       return "bad_pose";
     case Fault::kNotFinite:
       return "not_finite";
+    case Fault::kZeroNotDelivered:
+      return "zero_not_delivered";
   }
   return "invalid";
 }
@@ -33,8 +35,8 @@ std::string sentence_for(Fault fault) {
     case Fault::kUnplugged:
       return "The device is gone; check the cable, plug it in again, and start anew.";
     case Fault::kStaleReports:
-      return "The device stopped sending reports; its own watchdog has switched the motors off. "
-             "Unplug it, plug it in again, and start anew.";
+      return "The device stopped sending reports; its own watchdog switches the motors off half a "
+             "second after the last command. Unplug it, plug it in again, and start anew.";
     case Fault::kProtocol:
       return "The device sent reports that its protocol does not allow; check that the profile "
              "names this device's firmware.";
@@ -49,6 +51,9 @@ std::string sentence_for(Fault fault) {
     case Fault::kBadPose:
       return "The encoder counts belong to no pose of this arm; calibrate it, and check that the "
              "profile is the device's own.";
+    case Fault::kZeroNotDelivered:
+      return "The last command, zero current, did not reach the device; its own watchdog switches "
+             "the motors off half a second after the last report. Check the cable and the device.";
     case Fault::kNotFinite:
       return "A computed force was not a number; the simulator or the profile is at fault.";
   }

@@ -235,6 +235,9 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   // which the device only says that it is closed.
   outcome.device_failure = outcome.fault == Fault::kNone ? std::string() : device_.failure();
   outcome.zero_current_delivered = device_.stop();
+  if (outcome.fault == Fault::kNone && !outcome.zero_current_delivered) {
+    outcome.fault = Fault::kZeroNotDelivered;
+  }
   outcome.cycles = cycle_;
   outcome.stalls = stalls_;
   return outcome;

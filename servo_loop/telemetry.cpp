@@ -56,6 +56,10 @@ void Telemetry::drain() {
     }
     statistics_.cycles_limited += record.limits_acted != 0 ? 1 : 0;
     statistics_.missed_deadlines += record.missed_deadlines;
+    statistics_.samples_taken = record.samples_taken;
+    if (record.in_contact) {
+      ++statistics_.rendered_status[static_cast<std::size_t>(record.method_status[0])];
+    }
     records_.push_back(record);
     if (records_.size() > options_.keep_cycles) {
       records_.pop_front();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdio>
 #include <deque>
@@ -30,6 +31,9 @@ struct TelemetryStatistics {
   std::uint64_t cycles = 0;
   std::uint64_t cycles_limited = 0;  ///< cycles in which a limit of the profile acted
   std::uint64_t missed_deadlines = 0;
+  std::uint64_t samples_taken = 0;  ///< by the servo
+  /// Cycles in contact by what the rendered method said, indexed by EstimateStatus.
+  std::array<std::uint64_t, 5> rendered_status{};
 };
 
 /// Drains the servo's records on a thread of its own, keeps them, and prints the live line.

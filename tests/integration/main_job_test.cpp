@@ -8,8 +8,10 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "tests/integration/program.h"
 
@@ -31,6 +33,24 @@ void expect_motors_off(const json& emulator) {
   for (const double current_mA : emulator.at("final_current_mA")) {
     EXPECT_EQ(current_mA, 0.0);
   }
+}
+
+// The numbers of a CSV file, a row each, without its header.
+std::vector<std::vector<double>> rows_of(const std::string& path) {
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);
+  std::vector<std::vector<double>> rows;
+  while (std::getline(file, line)) {
+    std::istringstream cells(line);
+    std::vector<double> row;
+    for (std::string cell; std::getline(cells, cell, ',');) {
+      row.push_back(std::stod(cell));
+    }
+    rows.push_back(row);
+  }
+  EXPECT_FALSE(rows.empty()) << path;
+  return rows.empty() ? std::vector<std::vector<double>>{std::vector<double>(16)} : rows;
 }
 
 json parsed(const std::string& text) {
@@ -91,6 +111,11 @@ TEST(MainJob, EndsWithZeroCurrentAndASummaryAtCtrlC) {
   ASSERT_EQ(run.wait(std::chrono::seconds(10)), 0) << run.standard_error();
   const json summary = parsed(run.standard_output());
   EXPECT_EQ(summary.at("faults"), json::array());
+  // The hand came from above and touched the block's top, at z = 0 of the workspace.
+  const std::vector<double> touch = rows_of(out + "/forces.csv").front();
+  for (const std::size_t axis : {1U, 2U, 3U}) {
+    EXPECT_NEAR(touch.at(axis), 0.0, 0.002);
+  }
   EXPECT_EQ(summary.at("truth"), "skipped by --no-truth");
   expect_motors_off(summary.at("emulator"));
   EXPECT_EQ(summary.at("emulator").at("watchdog_trips"), 0);
@@ -174,7 +199,45 @@ TEST(MainJob, FeelsAForeignSimulatorInPython) {
   EXPECT_GT(summary.at("samples_received").get<int>(), 100);
   EXPECT_EQ(summary.at("samples_rejected"), 0);
   EXPECT_EQ(summary.at("faults"), json::array());
+  // 100 N/m over some 10 mm: felt, and within the arm's 5 N.
+  EXPECT_EQ(summary.at("cycles_limited"), 0);
+  EXPECT_GT(summary.at("emulator").at("max_abs_current_mA")[2].get<double>(), 100.0);
   EXPECT_NE(summary.at("truth").get<std::string>().find("off line"), std::string::npos);
+}
+
+TEST(MainJob, IsAFaultWhenTheDeviceHangsAndTheWatchdogProvesIt) {
+  Program emulator = Program::forcegrid(
+      {"emulate", "--device", "woodenhaptics_v2015", "--listen", "127.0.0.1:0", "--json"});
+  const std::string address = address_in(emulator.wait_for_line("listening "));
+  Program run =
+      Program::forcegrid({"run", "--device", "usbip://" + address + "/1-1", "--scene", "small",
+                          "--seconds", "60", "--no-truth", "--out", fresh_folder("run"), "--json"});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  emulator.send_signal(SIGSTOP);
+  ASSERT_EQ(run.wait(std::chrono::seconds(15)), 1) << run.standard_error();
+  emulator.send_signal(SIGCONT);
+  const json summary = parsed(run.standard_output());
+  ASSERT_EQ(summary.at("faults").size(), 1u);
+  EXPECT_FALSE(summary.at("zero_current_delivered").get<bool>());
+  std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+  emulator.send_signal(SIGINT);
+  ASSERT_EQ(emulator.wait(std::chrono::seconds(10)), 0);
+  const std::string text = emulator.standard_output();
+  expect_motors_off(parsed(text.substr(text.find('{'))));
+}
+
+TEST(MainJob, CompensatesTheLinksWeightWhereTheHandDoesNot) {
+  const std::string out = fresh_folder("run");
+  Program run =
+      Program::forcegrid({"run", "--scene", "small", "--seconds", "5", "--no-truth",
+                          "--gravity-compensation", "--motion", "still", "--out", out, "--json"});
+  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  // The hand rests where it touched within what friction allows; a weight carried twice or not at
+  // all moves it by more than 2 mm.
+  EXPECT_NEAR(rows_of(out + "/forces.csv").back().at(3), -0.0004, 0.0008);
+  EXPECT_GT(summary.at("emulator").at("max_abs_current_mA")[2].get<double>(), 50.0);
 }
 
 TEST(MainJob, RefusesADeviceThatSomebodyElseHolds) {

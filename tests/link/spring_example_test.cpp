@@ -141,17 +141,17 @@ class SpringExample : public testing::TestWithParam<Example> {
 
 TEST_P(SpringExample, AnswersWithTheForceOfASpringAtTheStatedPosition) {
   ServoEndpoint servo(start());
-  expect_a_spring(servo, {0.1, -0.2, 0.05});
+  expect_a_spring(servo, {0.001, -0.002, 0.003});
 }
 
 TEST_P(SpringExample, RestsAtTheNewFirstPositionInANewSession) {
   const std::string address = start();
   {
     ServoEndpoint servo(address);
-    expect_a_spring(servo, {0.1, 0.0, 0.0});
+    expect_a_spring(servo, {0.001, 0.0, 0.0});
   }
   ServoEndpoint servo(address);
-  expect_a_spring(servo, {-0.1, 0.3, 0.0});
+  expect_a_spring(servo, {-0.001, 0.003, 0.0});
 }
 
 TEST_P(SpringExample, IgnoresGarbage) {

@@ -42,13 +42,14 @@ class ScriptedDevice final : public driver::Device {
   void load_counters(const std::array<std::int16_t, 6>&, rt::Duration) override {}
   bool stop() noexcept override {
     stopped = true;
-    return true;
+    return delivers_zero;
   }
 
   driver::DeviceReport report;
   driver::DeviceHealth state = driver::DeviceHealth::kRunning;
   std::vector<driver::MotorCommand> commands;
   bool stopped = false;
+  bool delivers_zero = true;
 
  private:
   driver::ArmKinematics kinematics_;

@@ -340,6 +340,18 @@ TEST(ServoLoopRun, StopsTheDeviceHoweverItEnds) {
   }
 }
 
+TEST(ServoLoopRun, CallsItAFaultWhenTheLastZeroDoesNotReachTheDevice) {
+  const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
+  ScriptedDevice device(profile);
+  device.show(Vector3d::Zero(), rt::Clock::now() + std::chrono::seconds(1));
+  device.delivers_zero = false;
+  SpokenMethod method;
+  ServoPorts ports;
+  ServoLoop loop(device, profile, {&method}, ports, {});
+  const std::atomic<bool> stop{false};
+  EXPECT_EQ(loop.run(stop, 0.05).fault, Fault::kZeroNotDelivered);
+}
+
 TEST(ServoLoopRun, EndsAtOnceWhenToldToStop) {
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   ScriptedDevice device(profile);
@@ -376,7 +388,7 @@ TEST(ServoLoop, RefusesOptionsOutOfRange) {
 }
 
 TEST(Fault, HasANameAndASentenceForEach) {
-  for (int i = 0; i <= static_cast<int>(Fault::kNotFinite); ++i) {
+  for (int i = 0; i <= static_cast<int>(Fault::kZeroNotDelivered); ++i) {
     EXPECT_STRNE(name_of(static_cast<Fault>(i)), "invalid");
     EXPECT_NE(sentence_for(static_cast<Fault>(i)), "Unknown fault.");
   }

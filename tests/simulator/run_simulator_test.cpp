@@ -175,6 +175,7 @@ TEST(RunSimulator, ANewSessionFindsTheObjectAtRest) {
   {
     link::ServoEndpoint servo(simulator.address());
     std::uint32_t sequence = 0;
+    ASSERT_TRUE(answer_at(servo, sequence, {0, 0, 0.01}));
     ASSERT_TRUE(answer_at(servo, sequence, {0, 0, -0.0001}));
     const auto pull = answer_at(servo, sequence, {0, 0, 0.01});
     ASSERT_TRUE(pull);
@@ -197,6 +198,7 @@ TEST(RunSimulator, AnswersQueriesBesideTheSamples) {
   RunningSimulator simulator;
   link::ServoEndpoint servo(simulator.address());
   std::uint32_t sequence = 0;
+  ASSERT_TRUE(answer_at(servo, sequence, {0, 0, 0.01}));
   ASSERT_TRUE(answer_at(servo, sequence, {0, 0, -0.0001}));
   ASSERT_TRUE(answer_at(servo, sequence, {0, 0, 0.005}));
   link::Query query;

@@ -59,6 +59,15 @@ TEST_F(StickyContactTest, JustAboveItTouchesOnlyOnTheWayDown) {
   EXPECT_TRUE(step(0, 0, 0.00019).in_contact);
 }
 
+TEST_F(StickyContactTest, AToolThatIsFirstSeenInsideMustComeOutBeforeItCanTouch) {
+  EXPECT_FALSE(step(0.02, 0, -0.02).in_contact);
+  EXPECT_FALSE(step(0.01, 0, -0.01).in_contact);
+  EXPECT_FALSE(step(0, 0, 0.01).in_contact);
+  const auto touch = step(0, 0, -0.0005);
+  EXPECT_TRUE(touch.in_contact);
+  EXPECT_EQ(touch.point_W, top_ + Vector3d(0, 0, -0.0005));
+}
+
 TEST_F(StickyContactTest, BesideTheFootprintThereIsNoContact) {
   EXPECT_FALSE(step(0.0501, 0, -0.001).in_contact);
   EXPECT_FALSE(step(0, -0.0501, -0.001).in_contact);
@@ -77,6 +86,7 @@ TEST_F(StickyContactTest, WithoutAFreeVertexNearbyThereIsNoContact) {
 }
 
 TEST_F(StickyContactTest, ReleaseIsANewEpochAndTheToolMustLeaveFirst) {
+  step(0, 0, 0.01);
   step(0, 0, -0.001);
   step(0, 0, -0.002);
   contact_.release(object_);
@@ -91,7 +101,8 @@ TEST_F(StickyContactTest, ReleaseIsANewEpochAndTheToolMustLeaveFirst) {
 }
 
 TEST_F(StickyContactTest, ResetBeginsANewRun) {
-  step(0, 0, -0.001);
+  step(0, 0, 0.01);
+  ASSERT_TRUE(step(0, 0, -0.001).in_contact);
   step(0, 0, 0.01);
   contact_.reset(object_);
   const auto answer = step(0, 0, 0.01);
@@ -104,6 +115,7 @@ TEST_F(StickyContactTest, APositionThatIsNotFiniteIsNoTouchAndNoMove) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(step(0, 0, nan).in_contact);
   EXPECT_FALSE(step(nan, 0, -0.001).equilibrium.converged);
+  step(0, 0, 0.01);
   step(0, 0, -0.001);
   const auto pull = step(0, 0, 0.009);
   const auto answer = step(0, 0, nan);
