@@ -49,7 +49,7 @@ ifneq ($(HIL_SHELL),)
 else ifneq ($(KERNEL),)
 	$(HIL)
 else
-	ctest --test-dir build/release -L hil --output-on-failure
+	ctest --test-dir build/release -L hil -V
 endif
 
 hil-full: build

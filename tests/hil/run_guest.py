@@ -263,7 +263,7 @@ def qemu_command(kernel, initramfs, accelerator):
         "kvm" if accelerator == "kvm" else "tcg,thread=multi", "-cpu",
         "host" if accelerator == "kvm" else "max", "-smp", "2", "-m", "768", "-display", "none",
         "-no-reboot", "-nic", "none", "-kernel", str(kernel.image), "-initrd", str(initramfs),
-        "-append", "console=ttyS0 panic=-1 quiet"
+        "-append", "console=ttyS0 panic=-1 loglevel=7"
     ]
 
 
