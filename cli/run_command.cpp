@@ -233,7 +233,7 @@ class TruthProgress {
  private:
   std::FILE* out_;
   bool terminal_;
-  double next_ = 0.0;
+  double next_ = 0.25;
 };
 
 }  // namespace
