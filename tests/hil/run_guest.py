@@ -18,6 +18,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -318,8 +319,6 @@ def read_results(text, names):
 
 def run_scenarios(command, folder, names, timeout_s):
     console, said = folder / "console.log", folder / "scenarios.log"
-    for file in (console, said):
-        file.unlink(missing_ok=True)
     command = command + ["-serial", f"file:{console}", "-serial", f"file:{said}"]
     begun = time.monotonic()
     with open(folder / "qemu.log", "w", encoding="utf-8") as log:
@@ -366,6 +365,14 @@ class Guest:
             self.process.wait()
 
 
+def keep_results(outcome, run_folder, folder):
+    """Puts the results of a run into `folder`, whole: several runs may go on at once."""
+    (run_folder / "results.json").write_text(json.dumps(outcome, indent=2) + "\n", encoding="utf-8")
+    for name in ("results.json", "scenarios.log", "console.log", "qemu.log"):
+        if (run_folder / name).exists():
+            os.replace(run_folder / name, folder / name)
+
+
 def print_results(outcome, folder):
     print(f"Guest: Linux {outcome['kernel'] or '(no word from it)'}")
     for name, result in outcome["scenarios"].items():
@@ -384,7 +391,7 @@ def print_results(outcome, folder):
         print(f"      | QEMU: {log}" if log else "", end="\n" if log else "")
     passed = sum(result["status"] == "passed" for result in outcome["scenarios"].values())
     print(f"{passed} of {len(outcome['scenarios'])} scenarios passed in "
-          f"{outcome['wall_seconds']} s; logs in {folder}")
+          f"{outcome['wall_seconds']} s")
 
 
 def main():
@@ -403,6 +410,8 @@ def main():
     parser.add_argument("--shell", action="store_true", help="a shell with the device attached")
     arguments = parser.parse_args()
     accelerator = os.environ.get("ACCEL", "tcg")
+    # An exception, so that the guest ends with its runner.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
         if accelerator not in ("tcg", "kvm"):
             raise HilError(f"ACCEL={accelerator}: it is tcg (the default) or kvm")
@@ -420,12 +429,13 @@ def main():
             command = qemu_command(kernel, initramfs, accelerator)
             if arguments.shell:
                 return subprocess.run(command + ["-serial", "mon:stdio"], check=False).returncode
-            outcome = run_scenarios(command, results, names, arguments.timeout)
+            outcome = run_scenarios(command, pathlib.Path(temporary), names, arguments.timeout)
+            print_results(outcome, pathlib.Path(temporary))
+            keep_results(outcome, pathlib.Path(temporary), results)
+            print(f"Logs and results.json are in {results}")
     except HilError as error:
         print(f"hil: {error}", file=sys.stderr)
         return 2
-    (results / "results.json").write_text(json.dumps(outcome, indent=2) + "\n", encoding="utf-8")
-    print_results(outcome, results)
     if not outcome["guest_ended"]:
         return 2
     return 0 if all(r["status"] == "passed" for r in outcome["scenarios"].values()) else 1
