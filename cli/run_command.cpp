@@ -305,6 +305,7 @@ int run_command(const RunOptions& options) {
   servo_options.rate_Hz = options.rate_Hz;
   servo_options.fill_budget = options.fill_budget;
   servo_options.simulator_rate_Hz = options.simulator_rate_Hz;
+  servo_options.report_timeout = milliseconds(options.device_timeout_ms);
   servo_options.gravity_compensation = options.gravity_compensation;
   const ForcegridMethod::Options grid = grid_options(options, profile, servo_options.workspace);
   std::vector<std::unique_ptr<ForceMethod>> owned;

@@ -23,15 +23,15 @@ Fault fault_of(driver::DeviceHealth health) noexcept {
 
 }  // namespace
 
-MotionGuard::MotionGuard(const profiles::DeviceProfile& profile)
-    : max_speed_m_per_s_(profile.limits.max_speed_m_per_s) {}
+MotionGuard::MotionGuard(const profiles::DeviceProfile& profile, rt::Duration report_timeout)
+    : max_speed_m_per_s_(profile.limits.max_speed_m_per_s), report_timeout_(report_timeout) {}
 
 Fault MotionGuard::check(rt::TimePoint now, driver::DeviceHealth health,
                          const driver::DeviceReport& report, const driver::ArmPose& pose) noexcept {
   if (health != driver::DeviceHealth::kRunning) {
     return fault_of(health);
   }
-  if (report.sequence == 0 || now - report.received > kStaleAfter) {
+  if (report.sequence == 0 || now - report.received > report_timeout_) {
     return Fault::kStaleReports;
   }
   if (pose.status == driver::KinematicsStatus::kNotFinite ||

@@ -14,8 +14,6 @@ namespace forcegrid::servo {
 /// Real-time: no allocation, lock or throw. Threads: one.
 class MotionGuard {
  public:
-  /// No new report for this long is a fault.
-  static constexpr rt::Duration kStaleAfter = std::chrono::milliseconds(100);
   /// Time constant of the velocity estimate, first order: quantisation steps of 20 um at 1 kHz
   /// would otherwise read as 20 mm/s.
   static constexpr double kVelocityTimeConstant_s = 0.010;
@@ -27,7 +25,8 @@ class MotionGuard {
   /// host or bus stamped late make one step look fast.
   static constexpr rt::Duration kTooFastFor = std::chrono::milliseconds(20);
 
-  explicit MotionGuard(const profiles::DeviceProfile& profile);
+  /// @param report_timeout no new report for this long is a fault.
+  MotionGuard(const profiles::DeviceProfile& profile, rt::Duration report_timeout);
 
   /// Looks at one cycle's report and pose.
   [[nodiscard]] Fault check(rt::TimePoint now, driver::DeviceHealth health,
@@ -39,6 +38,7 @@ class MotionGuard {
 
  private:
   double max_speed_m_per_s_;
+  rt::Duration report_timeout_;
   bool has_last_ = false;
   std::uint64_t last_sequence_ = 0;
   rt::TimePoint last_sampled_{};

@@ -23,7 +23,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
     : device_(device),
       kinematics_(profile),
       limiter_(profile),
-      guard_(profile),
+      guard_(profile, options.report_timeout),
       methods_(std::move(methods)),
       ports_(ports),
       options_(options),

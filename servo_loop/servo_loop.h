@@ -38,6 +38,8 @@ struct ServoOptions {
   /// Samples are missed after this long or five simulator periods, whichever is longer.
   double sample_timeout_s = 0.25;
   double simulator_rate_Hz = 30.0;
+  /// No new report of the device for this long is a fault; less than its watchdog's 500 ms.
+  rt::Duration report_timeout = std::chrono::milliseconds(100);
   bool gravity_compensation = false;
   WorkspaceMap workspace;
 };

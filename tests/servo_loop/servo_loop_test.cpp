@@ -194,6 +194,20 @@ TEST_F(ServoLoopCycle, StopsWhenReportsAreTooOld) {
   EXPECT_TRUE(is_zero(device_.commands.back()));
 }
 
+TEST_F(ServoLoopCycle, WaitsForReportsAsLongAsItIsTold) {
+  ServoOptions patient = options();
+  patient.report_timeout = std::chrono::milliseconds(400);
+  ServoPorts ports;
+  ServoLoop loop(device_, profile_, {&method_}, ports, patient);
+  device_.show(Vector3d::Zero(), now_);
+  for (const int age_ms : {0, 101, 400}) {
+    const rt::TimePoint now = now_ + std::chrono::milliseconds(age_ms);
+    EXPECT_EQ(loop.run_cycle(now, now + kPeriod), Fault::kNone) << age_ms;
+  }
+  const rt::TimePoint late = now_ + std::chrono::milliseconds(401);
+  EXPECT_EQ(loop.run_cycle(late, late + kPeriod), Fault::kStaleReports);
+}
+
 TEST_F(ServoLoopCycle, StopsWhenTheEncodersJump) {
   ASSERT_EQ(cycle(Vector3d(0.0, 0.0, 0.0)), Fault::kNone);
   ASSERT_EQ(cycle(Vector3d(0.0, 0.001, 0.0)), Fault::kNone);
