@@ -12,9 +12,9 @@ using Matrix3 = std::array<double, 9>;  ///< row major
 /// Servo -> simulator: where the tool is. W: the workspace frame, x toward the operator, y to the
 /// operator's right, z up; the servo defines its origin and the simulator places its object in it.
 struct ToolState {
-  std::uint32_t sequence = 0;       ///< counts up by one a message
-  std::int64_t servo_time_ns = 0;   ///< the servo's clock when `position_W` was measured
-  Vector3 position_W_m{};           ///< operational point
+  std::uint32_t sequence = 0;      ///< counts up by one a message
+  std::int64_t servo_time_ns = 0;  ///< the servo's clock when `position_W` was measured
+  Vector3 position_W_m{};          ///< operational point
   Vector3 velocity_W_m_per_s{};
 };
 
@@ -27,19 +27,19 @@ struct Query {
 
 /// Simulator -> servo: the force that the object exerts on the tool at `position_W_m`.
 struct ForceSample {
-  std::uint32_t sequence = 0;        ///< the simulator's own count of samples
-  std::uint32_t echo_sequence = 0;   ///< ToolState::sequence that it answers
+  std::uint32_t sequence = 0;           ///< the simulator's own count of samples
+  std::uint32_t echo_sequence = 0;      ///< ToolState::sequence that it answers
   std::int64_t echo_servo_time_ns = 0;  ///< ToolState::servo_time_ns of that message
-  std::uint32_t query_id = 0;        ///< 0 for a sample, else Query::query_id
-  std::uint32_t contact_epoch = 0;   ///< 0 before any contact; a new number at every discontinuity
+  std::uint32_t query_id = 0;           ///< 0 for a sample, else Query::query_id
+  std::uint32_t contact_epoch = 0;  ///< 0 before any contact; a new number at every discontinuity
   bool in_contact = false;
   bool converged = false;  ///< the solver reached its tolerance
   bool has_stiffness = false;
   Vector3 position_W_m{};  ///< where the force was computed: not always where the tool is now
   Vector3 force_W_N{};
-  Matrix3 stiffness_W_N_per_m{};  ///< dF/dP, row major; zero unless has_stiffness
-  Vector3 contact_point_W_m{};    ///< where the tool touched; the tool's position before contact
-  double relative_residual = 0.0; ///< of the equilibrium; see the simulator's documentation
+  Matrix3 stiffness_W_N_per_m{};   ///< dF/dP, row major; zero unless has_stiffness
+  Vector3 contact_point_W_m{};     ///< where the tool touched; the tool's position before contact
+  double relative_residual = 0.0;  ///< of the equilibrium; see the simulator's documentation
   double solve_time_s = 0.0;
 };
 
