@@ -23,18 +23,13 @@ HIL := python3 tests/hil/run_guest.py --kernel $(HIL_KERNEL)
 UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
-# Tests that drive a device keep deadlines on a machine that others use, too: one that the machine
-# stood still in is tried once more, and ctest says so.
-run_tests = ctest --test-dir build/$(1) -j2 --output-on-failure -LE 'emulator|hil' && \
-	ctest --test-dir build/$(1) --output-on-failure -L 'emulator|hil' --repeat until-pass:2
-
 .PHONY: run test build setup bench sanitize clean hil hil-full install-udev uninstall-udev
 
 run: build
 	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --seconds $(SECONDS) $(ARGS)
 
 test: build
-	$(call run_tests,release)
+	ctest --test-dir build/release -j2 --output-on-failure
 
 bench: build
 	build/release/bin/forcegrid_bench
@@ -43,7 +38,7 @@ bench: build
 sanitize: setup
 	for preset in asan tsan; do \
 	  cmake --preset $$preset >/dev/null && cmake --build --preset $$preset && \
-	  $(call run_tests,$$preset) || exit 1; \
+	  ctest --test-dir build/$$preset -j2 --output-on-failure || exit 1; \
 	done
 
 # The drivers on a real kernel, in a virtual machine (docs/hil.md). SHELL=1: a shell there instead;
