@@ -36,11 +36,11 @@ class CountsOnly final : public driver::Device {
 void servo_cycle(benchmark::State& state) {
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   const driver::ArmKinematics kinematics(profile);
-  ForcegridMethod::Options grid;
-  grid.geometry.min_W = servo::vector(profile.limits.workspace_min_m);
-  grid.geometry.max_W = servo::vector(profile.limits.workspace_max_m);
-  grid.geometry.cells.setConstant(49);
-  grid.candle_light = {0.16 / 6, 0.001};
+  MethodOptions grid;
+  grid.grid.min_W = servo::vector(profile.limits.workspace_min_m);
+  grid.grid.max_W = servo::vector(profile.limits.workspace_max_m);
+  grid.grid.cells.setConstant(49);
+  grid.influence_radius_m = 0.16 / 6;
   ForcegridMethod method(grid);
   CountsOnly device;
   servo::ServoPorts ports;

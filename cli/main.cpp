@@ -41,6 +41,23 @@ CLI::Validator between(double low, double high) {
       text);
 }
 
+// A method's name with options that can be understood.
+CLI::Validator method_variant() {
+  return CLI::Validator(
+      [](std::string& input) {
+        try {
+          MethodOptions base;
+          base.grid.max_W.setConstant(0.1);
+          base.grid.cells.setConstant(10);
+          parse_method_variant(input, base);
+          return std::string();
+        } catch (const std::invalid_argument& error) {
+          return std::string(error.what());
+        }
+      },
+      "METHOD [KEY=VALUE...]");
+}
+
 // `--json [FILE]` of every command.
 void add_json(CLI::App& command, JsonTarget& target) {
   command
@@ -79,8 +96,15 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
   run.add_option("--seconds", o.seconds, "How long; 0 runs until Ctrl-C")
       ->check(between(0.0, 86400.0))
       ->capture_default_str();
-  run.add_option("--method", o.method, "Force method: " + joined(method_names()))
-      ->check(CLI::IsMember(method_names()))
+  run.add_option("--method", o.method,
+                 "Force method: " + joined(method_names()) +
+                     "; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
+      ->check(method_variant())
+      ->capture_default_str();
+  run.add_option("--shadow", o.shadows,
+                 "Methods that run beside it, judged on the same path but not felt")
+      ->delimiter(';')
+      ->check(method_variant())
       ->capture_default_str();
   run.add_option("--rate", o.rate_Hz, "Servo rate in Hz")
       ->check(between(100.0, 4000.0))

@@ -21,6 +21,7 @@
 #include "driver/device_url.h"
 #include "driver/discovery.h"
 #include "driver/open_device.h"
+#include "forcegrid/forcegrid_method.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
 #include "rt/thread.h"
@@ -115,19 +116,18 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options) {
       std::to_string(1e3 * options.simulator_delay_s), "--until-stdin-closes", "--json"});
 }
 
-ForcegridMethod::Options grid_options(const RunOptions& options,
-                                      const profiles::DeviceProfile& profile,
-                                      const servo::WorkspaceMap& workspace) {
-  ForcegridMethod::Options grid;
-  grid.geometry.min_W = workspace.position_W(servo::vector(profile.limits.workspace_min_m));
-  grid.geometry.max_W = workspace.position_W(servo::vector(profile.limits.workspace_max_m));
-  grid.geometry.cells = {options.cells[0], options.cells[1], options.cells[2]};
-  const double longest_m = (grid.geometry.max_W - grid.geometry.min_W).maxCoeff();
-  grid.candle_light.influence_radius_m =
+MethodOptions method_options(const RunOptions& options, const profiles::DeviceProfile& profile,
+                             const servo::WorkspaceMap& workspace) {
+  MethodOptions method;
+  method.grid.min_W = workspace.position_W(servo::vector(profile.limits.workspace_min_m));
+  method.grid.max_W = workspace.position_W(servo::vector(profile.limits.workspace_max_m));
+  method.grid.cells = {options.cells[0], options.cells[1], options.cells[2]};
+  const double longest_m = (method.grid.max_W - method.grid.min_W).maxCoeff();
+  method.influence_radius_m =
       options.influence_radius_mm > 0.0 ? 1e-3 * options.influence_radius_mm : longest_m / 6.0;
-  grid.candle_light.unit_m = 1e-3 * options.unit_mm;
-  grid.samples_per_cell = options.samples_per_cell;
-  return grid;
+  method.unit_m = 1e-3 * options.unit_mm;
+  method.samples_per_cell = options.samples_per_cell;
+  return method;
 }
 
 std::unique_ptr<driver::Device> open(const std::string& url, const profiles::DeviceProfile& profile,
@@ -307,20 +307,21 @@ int run_command(const RunOptions& options) {
   servo_options.simulator_rate_Hz = options.simulator_rate_Hz;
   servo_options.report_timeout = milliseconds(options.device_timeout_ms);
   servo_options.gravity_compensation = options.gravity_compensation;
-  const ForcegridMethod::Options grid = grid_options(options, profile, servo_options.workspace);
+  const MethodOptions base = method_options(options, profile, servo_options.workspace);
   std::vector<std::unique_ptr<ForceMethod>> owned;
   std::vector<ForceMethod*> methods;
   std::vector<std::string> names;
-  const auto add_method = [&](const std::string& name) {
-    owned.push_back(make_force_method(name, grid));
-    methods.push_back(owned.back().get());
-    names.push_back(name);
+  const auto add_method = [&](const std::string& text) {
+    const MethodVariant variant = parse_method_variant(text, base);
+    if (std::find(names.begin(), names.end(), variant.text) == names.end()) {
+      owned.push_back(make_force_method(variant.name, variant.options));
+      methods.push_back(owned.back().get());
+      names.push_back(variant.text);
+    }
   };
   add_method(options.method);
-  for (const std::string& name : method_names()) {
-    if (name != options.method) {
-      add_method(name);
-    }
+  for (const std::string& shadow : options.shadows) {
+    add_method(shadow);
   }
   prepare_folder(options.out);
   check_writable(options.json);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 namespace forcegrid::cli {
 
@@ -32,7 +33,8 @@ struct RunOptions {
   double simulator_delay_s = 0.0;
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;
-  std::string method = "forcegrid";
+  std::string method = "forcegrid";                       ///< MethodVariant
+  std::vector<std::string> shadows{"forcegrid", "hold"};  ///< judged on the same path, not felt
   int fill_budget = 1000;
   std::array<int, 3> cells{49, 49, 49};
   double influence_radius_mm = 0.0;  ///< 0: a sixth of the workspace's longest side

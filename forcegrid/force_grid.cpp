@@ -242,6 +242,12 @@ void ForceGrid::update_eight(const Fill& fill, std::size_t first) noexcept {
   }
 }
 
+std::size_t ForceGrid::allocated_bytes() const noexcept {
+  return data_.size() * sizeof(Vertex) + neighbours_.size() * sizeof(Neighbour) +
+         neighbour_offset_.size() * sizeof(neighbour_offset_[0]) +
+         (neighbour_x_m_.size() + neighbour_y_m_.size() + neighbour_z_m_.size()) * sizeof(float);
+}
+
 void ForceGrid::clear(std::size_t first, std::size_t last) noexcept {
   std::fill(data_.begin() + static_cast<std::ptrdiff_t>(first),
             data_.begin() + static_cast<std::ptrdiff_t>(std::min(last, data_.size())), kEmpty);

@@ -96,6 +96,9 @@ class ForceGrid {
   /// Vertices that a fill visits when it is not cut at the border.
   int vertices_per_fill() const noexcept { return static_cast<int>(neighbour_count_); }
 
+  /// Bytes allocated: vertices and the table of neighbours.
+  std::size_t allocated_bytes() const noexcept;
+
   /// Sets vertices [first, last) to null force with weight 0.
   void clear(std::size_t first, std::size_t last) noexcept;
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 
@@ -33,6 +34,12 @@ enum class EstimateStatus : std::uint8_t {
 /// Static text for messages and files, e.g. "outside the grid".
 const char* to_string(EstimateStatus status) noexcept;
 
+/// What a method needs from the simulator beyond forces along the path.
+struct MethodNeeds {
+  bool stiffness = false;  ///< samples with dF/dP; those without are of no use to it
+  bool requests = false;   ///< answers at positions of its own choice, see plan_request()
+};
+
 struct ForceEstimate {
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();  ///< zero unless kOk or kPartlyKnown
   EstimateStatus status = EstimateStatus::kUnknown;
@@ -51,6 +58,11 @@ class ForceMethod {
   /// The method's name on the command line, e.g. "forcegrid".
   virtual const char* name() const noexcept = 0;
 
+  virtual MethodNeeds needs() const noexcept { return {}; }
+
+  /// Bytes that it holds, itself included; fixed from construction on.
+  virtual std::size_t memory_bytes() const noexcept = 0;
+
   /// Takes in one sample. Non-finite samples and those older than the newest taken in are ignored
   /// unless a method says otherwise. The method keeps what it can't use at once for work().
   virtual void take_sample(const Sample& sample) noexcept = 0;
@@ -66,10 +78,22 @@ class ForceMethod {
   virtual void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept = 0;
   virtual void contact_lost() noexcept = 0;
 
-  /// Does at most `budget` units of pending work (for a grid: vertices, rounded up to a multiple of
-  /// eight).
+  /// Does pending work worth at most `budget` units, one unit being the update of one vertex of a
+  /// grid. Work that comes in larger pieces (a fit, eight vertices) is done at most one piece
+  /// beyond the budget.
   /// @returns the units done; less than `budget` when nothing is left to do.
   virtual int work(int budget) noexcept = 0;
+
+  /// Where the simulator should be asked next, the tool being at `position_W`. Called once for each
+  /// request that can be sent; the answer comes back through take_sample() with `from_query` set.
+  /// @returns false, leaving `wanted_W` alone, when nothing is worth asking.
+  virtual bool plan_request(double time_s, const Eigen::Vector3d& position_W,
+                            Eigen::Vector3d& wanted_W) noexcept {
+    static_cast<void>(time_s);
+    static_cast<void>(position_W);
+    static_cast<void>(wanted_W);
+    return false;
+  }
 
   /// The force at `position_W` and time `time_s`. At any moment between the other calls the answer
   /// is consistent, whatever work is pending.

@@ -7,18 +7,27 @@
 
 namespace forcegrid {
 
-ForcegridMethod::ForcegridMethod(const Options& options)
-    : grids_{ForceGrid(options.geometry, options.candle_light),
-             ForceGrid(options.geometry, options.candle_light)},
+ForcegridMethod::ForcegridMethod(const MethodOptions& options)
+    : grids_{ForceGrid(options.grid, {options.influence_radius(), options.unit_m}),
+             ForceGrid(options.grid, {options.influence_radius(), options.unit_m})},
       samples_per_cell_(options.samples_per_cell),
-      spare_cleared_to_(options.geometry.vertex_count()) {
+      spare_cleared_to_(options.grid.vertex_count()) {
   if (samples_per_cell_ < 0 || samples_per_cell_ > 65535) {
     throw std::invalid_argument("grid: the threshold s is " + std::to_string(samples_per_cell_) +
                                 "; use 0 (all samples) to 65535");
   }
   for (auto& counts : samples_in_cell_) {
-    counts.assign(samples_per_cell_ == 0 ? 0 : options.geometry.cell_count(), 0);
+    counts.assign(samples_per_cell_ == 0 ? 0 : options.grid.cell_count(), 0);
   }
+}
+
+std::size_t ForcegridMethod::memory_bytes() const noexcept {
+  std::size_t bytes = sizeof(*this) - sizeof(grids_);
+  for (std::size_t i = 0; i < grids_.size(); ++i) {
+    bytes += sizeof(grids_[i]) + grids_[i].allocated_bytes() +
+             samples_in_cell_[i].size() * sizeof(samples_in_cell_[i][0]);
+  }
+  return bytes;
 }
 
 void ForcegridMethod::take_sample(const Sample& sample) noexcept {

@@ -5,6 +5,7 @@
 
 #include "forcegrid/force_grid.h"
 #include "forcegrid/force_method.h"
+#include "forcegrid/method_options.h"
 
 namespace forcegrid {
 
@@ -18,18 +19,12 @@ namespace forcegrid {
 /// near-zero forces of the first touch. Source: forcegrid paper, sections 4 and 5.
 class ForcegridMethod final : public ForceMethod {
  public:
-  struct Options {
-    GridGeometry geometry;
-    CandleLight candle_light;
-    /// The paper's s: at most this many samples computed in one cell are used in a contact; 0 uses
-    /// all. At most 65535.
-    int samples_per_cell = 0;
-  };
-
+  /// Uses grid, influence_radius_m, unit_m and samples_per_cell.
   /// @throws std::invalid_argument for options that are not usable.
-  explicit ForcegridMethod(const Options& options);
+  explicit ForcegridMethod(const MethodOptions& options);
 
   const char* name() const noexcept override { return "forcegrid"; }
+  std::size_t memory_bytes() const noexcept override;
   /// Queues the sample for work(). Late samples are used: a grid does not mind the order. Queue
   /// full (8 unfinished samples): the oldest is cut short and counted.
   void take_sample(const Sample& sample) noexcept override;

@@ -14,6 +14,7 @@ namespace forcegrid {
 class HoldMethod final : public ForceMethod {
  public:
   const char* name() const noexcept override { return "hold"; }
+  std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   void take_sample(const Sample& sample) noexcept override;
   void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept override;
   void contact_lost() noexcept override;

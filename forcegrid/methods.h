@@ -5,17 +5,22 @@
 #include <vector>
 
 #include "forcegrid/force_method.h"
-#include "forcegrid/forcegrid_method.h"
+#include "forcegrid/method_options.h"
 
 namespace forcegrid {
 
 /// Names that make_force_method knows, in the order in which people should meet them.
 const std::vector<std::string>& method_names();
 
+/// "known methods: forcegrid, hold, ..." for messages.
+std::string known_methods();
+
+/// @throws std::invalid_argument naming `name` and the known ones unless it is one of them.
+void check_method_name(const std::string& name);
+
 /// Makes a method by its name on the command line.
-/// @param grid options of the grid methods; the others ignore them.
 /// @throws std::invalid_argument for an unknown name (listing the known ones) or unusable options.
 std::unique_ptr<ForceMethod> make_force_method(const std::string& name,
-                                               const ForcegridMethod::Options& grid);
+                                               const MethodOptions& options);
 
 }  // namespace forcegrid

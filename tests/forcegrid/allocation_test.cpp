@@ -19,11 +19,11 @@ TEST(AllocationCount, SeesAnAllocation) {
 }
 
 TEST(ForceMethods, NeverAllocateAfterConstruction) {
-  ForcegridMethod::Options options;
-  options.geometry.min_W = Eigen::Vector3d::Constant(-0.05);
-  options.geometry.max_W = Eigen::Vector3d::Constant(0.05);
-  options.geometry.cells = Eigen::Vector3i::Constant(20);
-  options.candle_light = {0.02, 0.001};
+  MethodOptions options;
+  options.grid.min_W = Eigen::Vector3d::Constant(-0.05);
+  options.grid.max_W = Eigen::Vector3d::Constant(0.05);
+  options.grid.cells = Eigen::Vector3i::Constant(20);
+  options.influence_radius_m = 0.02;
   options.samples_per_cell = 3;
   for (const std::string& name : method_names()) {
     const auto method = make_force_method(name, options);

@@ -4,6 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "forcegrid/forcegrid_method.h"
 #include "forcegrid/methods.h"
 
 namespace forcegrid {
@@ -11,12 +12,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-ForcegridMethod::Options small_grid() {
-  ForcegridMethod::Options options;
-  options.geometry.min_W = Vector3d(-0.05, -0.05, -0.05);
-  options.geometry.max_W = Vector3d(0.05, 0.05, 0.05);
-  options.geometry.cells = Eigen::Vector3i(10, 10, 10);
-  options.candle_light = {0.03, 0.001};
+MethodOptions small_grid() {
+  MethodOptions options;
+  options.grid.min_W = Vector3d(-0.05, -0.05, -0.05);
+  options.grid.max_W = Vector3d(0.05, 0.05, 0.05);
+  options.grid.cells = Eigen::Vector3i(10, 10, 10);
+  options.influence_radius_m = 0.03;
   return options;
 }
 
@@ -90,7 +91,7 @@ TEST(HoldMethod, IgnoresALateSample) {
 }
 
 TEST(ForcegridMethod, StopsCountingACellAtItsThreshold) {
-  ForcegridMethod::Options options = small_grid();
+  MethodOptions options = small_grid();
   options.samples_per_cell = 2;
   ForcegridMethod method(options);
   method.contact_made(1, Vector3d::Zero());
@@ -142,7 +143,7 @@ TEST(ForcegridMethod, CutsTheOldestFillShortWhenSamplesOverrunTheBudgetAndCounts
 }
 
 TEST(ForcegridMethod, RefusesAThresholdThatIsNotACount) {
-  ForcegridMethod::Options options = small_grid();
+  MethodOptions options = small_grid();
   options.samples_per_cell = -1;
   EXPECT_THROW(ForcegridMethod{options}, std::invalid_argument);
 }

@@ -11,11 +11,11 @@ namespace {
 TEST(ServoLoop, RunsACycleWithoutAllocating) {
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   ScriptedDevice device(profile);
-  ForcegridMethod::Options grid;
-  grid.geometry.min_W = Eigen::Vector3d(-0.06, -0.08, -0.06);
-  grid.geometry.max_W = Eigen::Vector3d(0.06, 0.08, 0.06);
-  grid.geometry.cells.setConstant(20);
-  grid.candle_light = {0.02, 0.001};
+  MethodOptions grid;
+  grid.grid.min_W = Eigen::Vector3d(-0.06, -0.08, -0.06);
+  grid.grid.max_W = Eigen::Vector3d(0.06, 0.08, 0.06);
+  grid.grid.cells.setConstant(20);
+  grid.influence_radius_m = 0.02;
   const auto rendered = make_force_method("forcegrid", grid);
   const auto shadow = make_force_method("hold", grid);
   ServoPorts ports;

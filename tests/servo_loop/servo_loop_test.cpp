@@ -22,6 +22,7 @@ constexpr rt::Duration kPeriod = std::chrono::milliseconds(2);
 class SpokenMethod final : public ForceMethod {
  public:
   const char* name() const noexcept override { return "spoken"; }
+  std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   void take_sample(const Sample&) noexcept override { ++samples; }
   void contact_made(std::uint32_t epoch, const Vector3d&) noexcept override {
     epochs.push_back(epoch);

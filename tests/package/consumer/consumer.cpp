@@ -4,10 +4,10 @@
 #include "link/simulator_endpoint.h"
 
 int main() {
-  forcegrid::ForcegridMethod::Options grid;
-  grid.geometry.max_W.setConstant(0.1);
-  grid.geometry.cells.setConstant(10);
-  grid.candle_light = {0.02, 0.001};
+  forcegrid::MethodOptions grid;
+  grid.grid.max_W.setConstant(0.1);
+  grid.grid.cells.setConstant(10);
+  grid.influence_radius_m = 0.02;
   const auto method = forcegrid::make_force_method("forcegrid", grid);
   method->contact_made(1, Eigen::Vector3d::Zero());
   forcegrid::Sample sample;
