@@ -27,9 +27,11 @@ struct DeviceReport {
   rt::TimePoint received{};  ///< when the report arrived at the host
 };
 
-/// What the motors shall do until the next command.
+/// What the motors shall do until the next command: the same torque in two units. A device uses the
+/// one that its protocol carries: W2 currents, the Falcon joint torques.
 struct MotorCommand {
   std::array<double, 3> current_A{};
+  std::array<double, 3> joint_torque_Nm{};
   /// When the servo will read the next report. The I/O thread starts no exchange in between that
   /// would still be on its way then. Zero (the clock's epoch): unknown.
   rt::TimePoint next_read{};
@@ -83,7 +85,7 @@ class Device {
   /// Real-time: wait-free. Threads: one caller at a time (servo, or set-up before it).
   [[nodiscard]] virtual DeviceReport newest_report() noexcept = 0;
 
-  /// Hands the currents to the I/O thread, which sends them with its next exchange. Non-finite or
+  /// Hands the command to the I/O thread, which sends them with its next exchange. Non-finite or
   /// out-of-limit currents never leave: the I/O side sends zero for a non-finite one and clamps in
   /// double before narrowing.
   /// Real-time: wait-free but for one non-blocking wake-up call. Threads: as newest_report().

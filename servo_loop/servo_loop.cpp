@@ -21,7 +21,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
                      std::vector<ForceMethod*> methods, ServoPorts& ports,
                      const ServoOptions& options)
     : device_(device),
-      kinematics_(profile),
+      mechanism_(driver::make_mechanism(profile)),
       limiter_(profile),
       guard_(profile, options.report_timeout),
       methods_(std::move(methods)),
@@ -65,7 +65,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
 
   // Encoder report -> counts -> joint angles -> tool, believed only if plausible.
   const driver::DeviceReport report = device_.newest_report();
-  const driver::ArmPose pose = kinematics_.forward(report.counts);
+  const driver::ArmPose pose = mechanism_->forward(report.counts);
   Fault fault = guard_.check(now, device_.health(), report, pose);
   const Eigen::Vector3d position_W = options_.workspace.position_W(pose.position_D);
   if (fault == Fault::kNone) {
@@ -91,7 +91,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
                    : Eigen::Vector3d::Zero();
   const Eigen::Vector3d gravity_Nm =
       options_.gravity_compensation
-          ? Eigen::Vector3d(gravity_gain_ * kinematics_.gravity_torque(pose.joint_angle_rad))
+          ? Eigen::Vector3d(gravity_gain_ * mechanism_->gravity_torque(pose.joint_angle_rad))
           : Eigen::Vector3d::Zero();
   const driver::LimitedForce limited = limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm);
   if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
@@ -103,6 +103,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   command.next_read = next_read;
   if (fault == Fault::kNone) {
     command.current_A = limited.current_A;
+    command.joint_torque_Nm = triple(limited.joint_torque_Nm);
     record.commanded_force_D_N = triple(limited.force_D);
   }
   device_.command(command);

@@ -7,7 +7,7 @@
 
 #include "driver/device.h"
 #include "driver/force_limiter.h"
-#include "driver/kinematics.h"
+#include "driver/mechanism.h"
 #include "forcegrid/force_method.h"
 #include "link/messages.h"
 #include "profiles/device_profile.h"
@@ -109,7 +109,7 @@ class ServoLoop {
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
 
   driver::Device& device_;
-  driver::ArmKinematics kinematics_;
+  std::unique_ptr<driver::Mechanism> mechanism_;
   driver::ForceLimiter limiter_;
   MotionGuard guard_;
   std::vector<ForceMethod*> methods_;
