@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "driver/device.h"
+#include "driver/hid_descriptor.h"
 
 namespace forcegrid::driver {
 namespace {
@@ -86,6 +87,15 @@ bool matches(const DeviceUrl& url, const HidrawNode& node) {
   return false;
 }
 
+bool has_usage(const HidrawNode& node, std::uint16_t usage_page, std::uint16_t usage) {
+  try {
+    const HidInterface interface = parse_hid_descriptor(node.report_descriptor);
+    return interface.usage_page == usage_page && interface.usage == usage;
+  } catch (const DeviceError&) {
+    return false;  // where it is the only node of its device, opening it says what is wrong
+  }
+}
+
 }  // namespace
 
 std::vector<HidrawNode> list_hidraw_nodes(const std::string& sysfs) {
@@ -159,6 +169,21 @@ HidrawNode select_hidraw_node(const DeviceUrl& url, const std::vector<HidrawNode
                       remedy);
   }
   return matching.front();
+}
+
+std::vector<HidrawNode> without_other_interfaces(std::vector<HidrawNode> nodes,
+                                                 std::uint16_t usage_page, std::uint16_t usage) {
+  std::vector<std::string> ports;
+  for (const HidrawNode& node : nodes) {
+    if (!node.port_path.empty() && has_usage(node, usage_page, usage)) {
+      ports.push_back(node.port_path);
+    }
+  }
+  std::erase_if(nodes, [&](const HidrawNode& node) {
+    return std::find(ports.begin(), ports.end(), node.port_path) != ports.end() &&
+           !has_usage(node, usage_page, usage);
+  });
+  return nodes;
 }
 
 std::string describe(const HidrawNode& node) {

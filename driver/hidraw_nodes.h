@@ -30,6 +30,12 @@ std::vector<HidrawNode> list_hidraw_nodes(const std::string& sysfs = "/sys");
 ///         (with their ports).
 HidrawNode select_hidraw_node(const DeviceUrl& url, const std::vector<HidrawNode>& nodes);
 
+/// `nodes` without the other interfaces of composite devices: of several nodes at one USB port, of
+/// which at least one has this HID usage, those that have another are left out. (A Teensy's second
+/// interface, of the same vendor and product, emulates a serial line.)
+std::vector<HidrawNode> without_other_interfaces(std::vector<HidrawNode> nodes,
+                                                 std::uint16_t usage_page, std::uint16_t usage);
+
 /// One line of text: "/dev/hidraw3 at USB port 1-2: 1234:0006 mbed.org HID DEVICE, serial
 /// 0123456789".
 std::string describe(const HidrawNode& node);

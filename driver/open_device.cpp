@@ -31,7 +31,11 @@ std::unique_ptr<Device> open_device(const std::string& url, const profiles::Devi
   if (parsed.kind == DeviceUrl::Kind::kHidNode) {
     follow_link(parsed);
   }
-  const HidrawNode node = select_hidraw_node(parsed, list_hidraw_nodes());
+  std::vector<HidrawNode> nodes = list_hidraw_nodes();
+  if (parsed.kind != DeviceUrl::Kind::kHidNode) {
+    nodes = without_other_interfaces(std::move(nodes), profile.usb.usage_page, profile.usb.usage);
+  }
+  const HidrawNode node = select_hidraw_node(parsed, nodes);
   return start_w2_device(open_hidraw_transport(node), profile, options, url,
                          parsed.kind == DeviceUrl::Kind::kHidId);
 }

@@ -23,8 +23,9 @@ void put_word(ReportBytes& bytes, std::size_t index, std::int16_t value) noexcep
 
 }  // namespace
 
-bool decode(std::span<const std::uint8_t> bytes, InputReport& report) noexcept {
-  if (bytes.size() != kReportBytes) {
+bool decode(std::span<const std::uint8_t> bytes, InputReport& report,
+            std::size_t wire_bytes) noexcept {
+  if (bytes.size() != wire_bytes || wire_bytes < kReportBytes) {
     return false;
   }
   for (std::size_t i = 0; i < report.counts.size(); ++i) {

@@ -9,6 +9,8 @@ namespace forcegrid::driver::w2 {
 
 /// Bytes of a W2 report on the wire, either way. There is no report ID.
 inline constexpr std::size_t kReportBytes = 14;
+/// W3 sends the same 14 bytes first in reports of this length; the rest means nothing.
+inline constexpr std::size_t kW3ReportBytes = 64;
 /// Bytes of the older W1 report, which this driver refuses.
 inline constexpr std::size_t kW1ReportBytes = 8;
 
@@ -21,9 +23,11 @@ struct InputReport {
   bool calibration_button = false;  ///< info is not 0: pressed since the last calibrate command
 };
 
+/// @param wire_bytes  length of a report on the wire: 14 (W2) or 64 (W3).
 /// @returns false when `bytes` is not exactly one report; `report` is then untouched.
 /// Real-time: no allocation, lock or throw. Threads: any.
-[[nodiscard]] bool decode(std::span<const std::uint8_t> bytes, InputReport& report) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> bytes, InputReport& report,
+                          std::size_t wire_bytes = kReportBytes) noexcept;
 
 /// Currents as a report has them.
 struct Currents {

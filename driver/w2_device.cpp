@@ -88,6 +88,7 @@ class W2Device final : public Device {
         identity_{url, transport_->identity().manufacturer, transport_->identity().product,
                   transport_->identity().serial},
         max_current_A_(profile.motors.max_current_A),
+        wire_bytes_(static_cast<std::size_t>(profile.usb.report_bytes)),
         frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
         refresh_time_(frame_),
         may_overlap_(transport_->can_wait()),
@@ -268,7 +269,10 @@ class W2Device final : public Device {
   // --- one exchange ---
 
   WriteResult send(const w2::ReportBytes& bytes) noexcept {
-    const WriteResult result = transport_->write(bytes, options_.write_timeout);
+    std::array<std::uint8_t, w2::kW3ReportBytes> padded{};
+    std::copy(bytes.begin(), bytes.end(), padded.begin());
+    const WriteResult result =
+        transport_->write(std::span(padded).first(wire_bytes_), options_.write_timeout);
     if (result.status == TransportStatus::kOk) {
       count(statistics_.commands_sent);
       released_ = result.completed;
@@ -291,7 +295,8 @@ class W2Device final : public Device {
         return result.status;
       }
       last_length_ = result.bytes;
-      if (!w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, newest)) {
+      if (!w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, newest,
+                      wire_bytes_)) {
         count(statistics_.reports_rejected);
         ++rejected_in_a_row_;
         wrong_length_ = true;
@@ -365,7 +370,7 @@ class W2Device final : public Device {
 
   std::string wrong_length_words() const {
     return "device '" + identity_.url + "': it sends reports of " + std::to_string(last_length_) +
-           " bytes where W2 has 14" +
+           " bytes where its profile has " + std::to_string(wire_bytes_) +
            (last_length_ == w2::kW1ReportBytes
                 ? "; this is the older W1 firmware, which can't be calibrated from the host and "
                   "counts the other way: install the W2 firmware"
@@ -646,6 +651,7 @@ class W2Device final : public Device {
   const OpenOptions options_;
   const DeviceIdentity identity_;
   const std::array<double, 3> max_current_A_;
+  const std::size_t wire_bytes_;  ///< length of a report: 14 (W2) or 64 (W3)
   const rt::Duration frame_;
 
   // I/O thread (and opening thread before it starts).
@@ -710,8 +716,8 @@ void check_descriptor(const Transport& transport, const profiles::DeviceProfile&
   }
   if (interface.has_report_ids) {
     refuse(
-        "its reports carry report IDs, which W2 does not have; check that it is the device of "
-        "profile '" +
+        "its reports carry report IDs, which the protocol does not have; check that it is the "
+        "device of profile '" +
         profile.name + "'");
   }
   if (interface.input_bytes == w2::kW1ReportBytes && interface.output_bytes == w2::kW1ReportBytes) {

@@ -277,8 +277,8 @@ DeviceProfile::Usb read_usb(const Table& root) {
               "serial", "usage_page", "usage", "report_bytes", "frame_period_us"});
   DeviceProfile::Usb usb;
   usb.protocol = table.text("protocol");
-  if (usb.protocol != "w2") {
-    table.refuse("protocol", "'" + usb.protocol + "' is unknown", "write \"w2\"");
+  if (usb.protocol != "w2" && usb.protocol != "w3") {
+    table.refuse("protocol", "'" + usb.protocol + "' is unknown", "write \"w2\" or \"w3\"");
   }
   usb.vendor_id = word(table, "vendor_id");
   usb.product_id = word(table, "product_id");
@@ -288,7 +288,11 @@ DeviceProfile::Usb read_usb(const Table& root) {
   usb.serial = table.usb_string("serial");
   usb.usage_page = word(table, "usage_page");
   usb.usage = word(table, "usage");
-  usb.report_bytes = static_cast<int>(table.integer("report_bytes", 14, 14));
+  usb.report_bytes = static_cast<int>(table.integer("report_bytes", 1, 64));
+  if (usb.report_bytes != (usb.protocol == "w3" ? 64 : 14)) {
+    table.refuse("report_bytes", std::to_string(usb.report_bytes) + " is impossible",
+                 "write 14 with protocol \"w2\" and 64 with \"w3\"");
+  }
   usb.frame_period_us = static_cast<int>(table.integer("frame_period_us", 125, 1000));
   if (usb.frame_period_us != 125 && usb.frame_period_us != 1000) {
     table.refuse("frame_period_us", std::to_string(usb.frame_period_us) + " is impossible",

@@ -38,7 +38,7 @@ struct DeviceProfile {
   std::string source;
 
   struct Usb {
-    std::string protocol;  ///< "w2"
+    std::string protocol;  ///< "w2", or "w3": the same in reports of 64 bytes
     std::uint16_t vendor_id = 0;
     std::uint16_t product_id = 0;
     std::uint16_t device_release = 0;  ///< bcdDevice

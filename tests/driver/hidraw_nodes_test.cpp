@@ -143,6 +143,32 @@ TEST_F(Sysfs, DescribesWhatWasLookedForFoundAndWhatToDo) {
   EXPECT_THAT(one, HasSubstr("--device hid:path=1-2"));
 }
 
+TEST(HidrawNodes, OfACompositeDeviceOnlyTheInterfaceWithTheUsageIsLeft) {
+  // The two interfaces of a Teensy RawHID (sheet section 2.2), and a mouse at another port.
+  const auto node = [](const std::string& name, const std::string& port,
+                       std::vector<std::uint8_t> descriptor) {
+    HidrawNode result;
+    result.node = name;
+    result.port_path = port;
+    result.report_descriptor = std::move(descriptor);
+    return result;
+  };
+  const std::vector<std::uint8_t> raw_hid = {
+      0x06, 0xAB, 0xFF, 0x0A, 0x00, 0x02, 0xA1, 0x01, 0x75, 0x08, 0x15, 0x00, 0x26, 0xFF,
+      0x00, 0x95, 0x40, 0x09, 0x01, 0x81, 0x02, 0x95, 0x40, 0x09, 0x02, 0x91, 0x02, 0xC0};
+  const std::vector<std::uint8_t> serial_line = {0x06, 0xC9, 0xFF, 0x09, 0x04, 0xA1, 0x5C, 0x75,
+                                                 0x08, 0x95, 0x40, 0x09, 0x75, 0x81, 0x02, 0xC0};
+  const std::vector<HidrawNode> nodes = {
+      node("/dev/hidraw0", "1-2", serial_line), node("/dev/hidraw1", "1-2", raw_hid),
+      node("/dev/hidraw2", "1-3", serial_line), node("/dev/hidraw3", "", serial_line)};
+  const auto left = without_other_interfaces(nodes, 0xFFAB, 0x0200);
+  ASSERT_EQ(left.size(), 3U) << "a device without the usage stays: opening it says what is wrong";
+  EXPECT_EQ(left[0].node, "/dev/hidraw1");
+  EXPECT_EQ(left[1].node, "/dev/hidraw2");
+  EXPECT_EQ(left[2].node, "/dev/hidraw3");
+  EXPECT_EQ(without_other_interfaces(nodes, 0x0001, 0x0002).size(), 4U);
+}
+
 TEST(HidrawTransport, NamesANodeThatCannotBeOpened) {
   HidrawNode node;
   node.node = "/dev/hidraw99999";

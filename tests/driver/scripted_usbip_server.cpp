@@ -245,7 +245,8 @@ bool ScriptedUsbipServer::out(int client, const Bytes& header) {
   {
     const std::lock_guard lock(mutex_);
     outs_.push_back(report);
-    if (report.size() == 14 && report[6] == 1) {  // load counters; d, e, f in the current fields
+    if (report.size() == script_.wire_bytes &&
+        report[6] == 1) {  // load counters; d, e, f in the current fields
       const auto word = [&](std::size_t i) {
         return static_cast<std::int16_t>(report[2 * i] | (report[2 * i + 1] << 8));
       };
@@ -291,6 +292,7 @@ bool ScriptedUsbipServer::deliver(int client) {
   }
   report.push_back(button_ ? 1 : 0);
   report.push_back(0);
+  report.resize(script_.wire_bytes, 0x5A);
   if (script_.wrong_length_reports > 0) {
     --script_.wrong_length_reports;
     report.pop_back();

@@ -25,6 +25,7 @@ struct Script {
                              0x08, 0x15, 0x00, 0x25, 0xFF, 0x95, 0x0E, 0x09, 0x01,
                              0x81, 0x02, 0x95, 0x0E, 0x09, 0x02, 0x91, 0x02, 0xC0};
   std::array<std::string, 3> strings = {"mbed.org", "HID DEVICE", "0123456789"};
+  std::size_t wire_bytes = 14;  ///< length of a report; beyond 14 the device sends noise
   std::uint32_t import_status = 0;
   std::uint16_t import_version = 0x0111;
   std::string import_bus_id = "1-1";

@@ -39,6 +39,20 @@ TEST(W2Codec, RefusesReportsOfAnotherLengthAndLeavesTheOldOne) {
   EXPECT_EQ(report.counts[0], 77);
 }
 
+TEST(W2Codec, TakesTheFirst14BytesOfAW3ReportAndNoOtherLength) {
+  std::array<std::uint8_t, kW3ReportBytes> bytes;
+  bytes.fill(0xA5);
+  const ReportBytes first = {0x24, 0xFA, 0xB0, 0x04, 0x50, 0x14, 0, 0, 0, 0, 0, 0, 0x01, 0};
+  std::copy(first.begin(), first.end(), bytes.begin());
+  InputReport report;
+  for (std::size_t length = 0; length < bytes.size(); ++length) {
+    EXPECT_FALSE(decode({bytes.data(), length}, report, kW3ReportBytes)) << length;
+  }
+  ASSERT_TRUE(decode(bytes, report, kW3ReportBytes));
+  EXPECT_EQ(report.counts, (std::array<std::int16_t, 6>{-1500, 1200, 5200, 0, 0, 0}));
+  EXPECT_TRUE(report.calibration_button);
+}
+
 TEST(W2Codec, EncodesTheSheetsOutputReports) {
   EXPECT_EQ(encode_currents({-1797, 172, 330}),
             (ReportBytes{0xFB, 0xF8, 0xAC, 0x00, 0x4A, 0x01, 0, 0, 0, 0, 0, 0, 0, 0}));

@@ -175,7 +175,61 @@ TEST_F(W2, RefusesAnotherVendorOrProduct) {
 
 TEST_F(W2, RefusesADeviceThatSendsReportsOfAnotherLength) {
   script_.wrong_length_reports = 1000;
-  EXPECT_THAT(error_of_open(), HasSubstr("reports of 13 bytes where W2 has 14"));
+  EXPECT_THAT(error_of_open(), HasSubstr("reports of 13 bytes where its profile has 14"));
+}
+
+// --- W3: the same reports in 64 bytes, sheet section 2.2 ---
+
+class W3 : public W2 {
+ protected:
+  W3() {
+    profile_.usb.protocol = "w3";
+    profile_.usb.vendor_id = 0x16C0;
+    profile_.usb.product_id = 0x0486;
+    profile_.usb.report_bytes = 64;
+    script_.wire_bytes = 64;
+    script_.strings = {"Teensyduino", "Teensyduino RawHID", "1234560"};
+    script_.device_descriptor = {0x12, 0x01, 0x00, 0x02, 0x00, 0x00, 0x00, 0x40, 0xC0,
+                                 0x16, 0x86, 0x04, 0x79, 0x02, 0x01, 0x02, 0x03, 0x01};
+    script_.configuration_descriptor = {
+        0x09, 0x02, 0x49, 0x00, 0x02, 0x01, 0x00, 0xC0, 0x32,  //
+        0x09, 0x04, 0x00, 0x00, 0x02, 0x03, 0x00, 0x00, 0x00,  // RawHID
+        0x09, 0x21, 0x11, 0x01, 0x00, 0x01, 0x22, 0x1C, 0x00,  //
+        0x07, 0x05, 0x83, 0x03, 0x40, 0x00, 0x01,              //
+        0x07, 0x05, 0x04, 0x03, 0x40, 0x00, 0x01,              //
+        0x09, 0x04, 0x01, 0x00, 0x02, 0x03, 0x00, 0x00, 0x00,  // serial line
+        0x09, 0x21, 0x11, 0x01, 0x00, 0x01, 0x22, 0x21, 0x00,  //
+        0x07, 0x05, 0x82, 0x03, 0x40, 0x00, 0x01,              //
+        0x07, 0x05, 0x02, 0x03, 0x20, 0x00, 0x02};
+    script_.report_descriptor = {0x06, 0xAB, 0xFF, 0x0A, 0x00, 0x02, 0xA1, 0x01, 0x75, 0x08,
+                                 0x15, 0x00, 0x26, 0xFF, 0x00, 0x95, 0x40, 0x09, 0x01, 0x81,
+                                 0x02, 0x95, 0x40, 0x09, 0x02, 0x91, 0x02, 0xC0};
+  }
+};
+
+TEST_F(W3, CarriesW2ReportsInTheFirst14Of64Bytes) {
+  server().set_counts({-1500, 1200, 5200, 0, 0, 0});
+  const auto device = open();
+  EXPECT_EQ(device->identity().serial, "1234560");
+  EXPECT_EQ(device->newest_report().counts,
+            (std::array<std::int32_t, 6>{-1500, 1200, 5200, 0, 0, 0}));
+  device->command({.current_A = {-1.797, 0.172, 0.330}});
+  Bytes expected = currents(-1797, 172, 330);
+  expected.resize(64);
+  EXPECT_TRUE(eventually([&] { return last_out() == expected; }));
+  device->load_counters({0, 0, 6000, 0, 0, 0}, seconds(10));
+  EXPECT_EQ(server().counts(), (std::array<std::int32_t, 6>{0, 0, 6000, 0, 0, 0}));
+  EXPECT_TRUE(device->stop());
+  EXPECT_EQ(last_out(), Bytes(64));
+  EXPECT_THAT(server().outs(), Each(testing::SizeIs(64)));
+}
+
+TEST_F(W3, RefusesReportsOf14Bytes) {
+  script_.wire_bytes = 14;
+  EXPECT_THAT(error_of_open(), HasSubstr("reports of 14 bytes where its profile has 64"));
+  script_.report_descriptor[16] = 14;
+  script_.report_descriptor[22] = 14;
+  EXPECT_THAT(error_of_open(), HasSubstr("14 bytes in and 14 out where profile"));
 }
 
 // --- running ---
