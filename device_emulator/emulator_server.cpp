@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <poll.h>
 #include <pthread.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -12,13 +13,13 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <deque>
 #include <future>
 #include <mutex>
 #include <optional>
 #include <span>
 #include <utility>
 
+#include "device_emulator/urb_host.h"
 #include "device_emulator/usbip_wire.h"
 
 namespace forcegrid::emulator {
@@ -27,6 +28,8 @@ namespace {
 
 constexpr rt::Duration kIdleLimit = std::chrono::seconds(10);
 constexpr std::size_t kMaxCommandsPerFrame = 64;
+// A ping-pong on a bulk endpoint needs three a frame; a client that floods the bus gets no more.
+constexpr int kMaxWakesPerFrame = 32;
 
 /// The frame thread outranks whoever asks for a report: a holder of the lock must inherit its
 /// priority, or a servo thread in between could hold up the bus.
@@ -72,22 +75,13 @@ class FileDescriptor {
   int fd_;
 };
 
-/// An interrupt transfer that waits for its frame.
-struct Urb {
-  std::uint32_t sequence = 0;
-  std::size_t buffer_bytes = 0;    // IN: what the client has room for
-  std::vector<std::uint8_t> data;  // OUT
-  std::size_t sent = 0;            // OUT: bytes of data that the device has taken
-};
-
 struct Connection {
   FileDescriptor socket;
   rt::TimePoint opened{};
   std::vector<std::uint8_t> received;
   std::vector<std::uint8_t> unsent;
   std::optional<std::size_t> device;  // imported
-  std::deque<Urb> in_urbs;
-  std::deque<Urb> out_urbs;
+  std::vector<Urb> urbs;
   std::optional<CloseReason> closing;
 
   void close(CloseReason reason) noexcept {
@@ -98,10 +92,25 @@ struct Connection {
 };
 
 struct Port {
-  EmulatedDevice device;
+  std::unique_ptr<EmulatedDevice> device;
   usbip::DeviceInfo info;
   bool attached = false;
   bool unplugged = false;
+
+  [[nodiscard]] bool has_bulk_endpoint() const noexcept {
+    const auto endpoints = device->endpoints();
+    return std::any_of(endpoints.begin(), endpoints.end(), [](const UsbEndpoint& endpoint) {
+      return endpoint.type == UsbTransferType::kBulk;
+    });
+  }
+  [[nodiscard]] const UsbEndpoint* endpoint(std::uint8_t address) const noexcept {
+    for (const UsbEndpoint& endpoint : device->endpoints()) {
+      if (endpoint.address == address) {
+        return &endpoint;
+      }
+    }
+    return nullptr;
+  }
 };
 
 struct FrameCounts {
@@ -262,6 +271,8 @@ struct EmulatorServer::Impl {
 
   void run();
   void frame(rt::TimePoint now);
+  /// Serves bulk endpoints, which a bus does not make wait for its next frame, until `deadline`.
+  void serve_bulk_until(rt::TimePoint deadline);
   void accept_clients(rt::TimePoint now);
   void receive(Connection& connection, rt::TimePoint now);
   /// @returns bytes consumed; 0 when the message is not complete or the connection is closing.
@@ -280,11 +291,12 @@ struct EmulatorServer::Impl {
   EmulatorReport report(std::size_t index) const;
 
   mutable PriorityMutex mutex;  // guards everything below but what start() and stop() own
-  std::vector<std::unique_ptr<Port>> ports;
+  std::vector<Port> ports;
   std::vector<Connection> connections;
   Statistics statistics;
   FrameCounts frames;
   std::vector<std::uint8_t> read_buffer = std::vector<std::uint8_t>(kMaxReadPerFrame);
+  std::vector<pollfd> bulk_sockets;  // of the frame thread alone
 
   ListenAddress listen_address;
   FileDescriptor listener;
@@ -312,17 +324,21 @@ EmulatorServer::Impl::Impl(const ServerOptions& options)
   frame_period = std::chrono::microseconds(period_us);
   const rt::TimePoint start = rt::Clock::now();
   for (std::size_t i = 0; i < options.devices.size(); ++i) {
-    const auto& usb = options.devices[i].profile.usb;
+    auto device = make_emulated_device(options.devices[i], start);
+    const UsbIdentity identity = device->identity();
     usbip::DeviceInfo info;
     info.busid = "1-" + std::to_string(i + 1);
     info.path = "/sys/devices/platform/forcegrid/usb1/" + info.busid;
     info.bus_number = 1;
     info.device_number = static_cast<std::uint32_t>(i + 2);  // 1 is the root hub
     info.speed = period_us < 1000 ? usbip::kSpeedHigh : usbip::kSpeedFull;
-    info.vendor_id = usb.vendor_id;
-    info.product_id = usb.product_id;
-    info.device_release = usb.device_release;
-    ports.push_back(std::make_unique<Port>(Port{EmulatedDevice(options.devices[i], start), info}));
+    info.vendor_id = identity.vendor_id;
+    info.product_id = identity.product_id;
+    info.device_release = identity.device_release;
+    info.interface_class = identity.interface_class;
+    info.interface_subclass = identity.interface_subclass;
+    info.interface_protocol = identity.interface_protocol;
+    ports.push_back(Port{.device = std::move(device), .info = std::move(info)});
   }
   listener = listen_on(listen_address, listen_address.port);
 }
@@ -332,6 +348,7 @@ void EmulatorServer::Impl::run() {
   scheduling.set_value(rt::make_current_thread_realtime(rt::kEmulatorFramePriority));
   rt::TimePoint deadline = rt::Clock::now() + frame_period;
   while (!stopping.load(std::memory_order_acquire)) {
+    serve_bulk_until(deadline);
     rt::sleep_until(deadline);
     const rt::TimePoint now = rt::Clock::now();
     const rt::Duration lateness = now - deadline;
@@ -355,6 +372,50 @@ void EmulatorServer::Impl::run() {
   }
 }
 
+void EmulatorServer::Impl::serve_bulk_until(rt::TimePoint deadline) {
+  for (int wake = 0; wake < kMaxWakesPerFrame; ++wake) {
+    rt::TimePoint until = deadline;
+    bulk_sockets.clear();
+    {
+      const std::lock_guard lock(mutex);
+      for (const Connection& connection : connections) {
+        if (connection.closing || !connection.device ||
+            !ports[*connection.device].has_bulk_endpoint()) {
+          continue;
+        }
+        bulk_sockets.push_back({connection.socket.get(), POLLIN, 0});
+        if (const auto due = ports[*connection.device].device->wake_time()) {
+          until = std::min(until, *due);
+        }
+      }
+    }
+    const rt::Duration wait = std::max(until - rt::Clock::now(), rt::Duration::zero());
+    if (bulk_sockets.empty()) {
+      return;
+    }
+    const auto wait_s = std::chrono::duration_cast<std::chrono::seconds>(wait);
+    const timespec timeout{.tv_sec = wait_s.count(),
+                           .tv_nsec = std::chrono::nanoseconds(wait - wait_s).count()};
+    // A socket that unplug() closes meanwhile only ends the wait.
+    (void)::ppoll(bulk_sockets.data(), bulk_sockets.size(), &timeout, nullptr);
+    const rt::TimePoint now = rt::Clock::now();
+    if (now >= deadline) {
+      return;
+    }
+    const std::lock_guard lock(mutex);
+    for (Connection& connection : connections) {
+      if (!connection.device || !ports[*connection.device].has_bulk_endpoint()) {
+        continue;
+      }
+      receive(connection, now);
+      if (!connection.closing) {
+        run_device(ports[*connection.device], &connection, now);
+        send(connection);
+      }
+    }
+  }
+}
+
 void EmulatorServer::Impl::frame(rt::TimePoint now) {
   accept_clients(now);
   for (Connection& connection : connections) {
@@ -367,7 +428,7 @@ void EmulatorServer::Impl::frame(rt::TimePoint now) {
         client = &connection;
       }
     }
-    run_device(*ports[i], client, now);
+    run_device(ports[i], client, now);
   }
   for (Connection& connection : connections) {
     send(connection);
@@ -470,10 +531,10 @@ std::size_t EmulatorServer::Impl::take_operation(Connection& connection,
   }
   if (operation == usbip::kOpReqDevlist) {
     std::vector<usbip::DeviceInfo> plugged;
-    for (const auto& port : ports) {
-      if (!port->unplugged) {
-        plugged.push_back(port->info);
-        plugged.back().configuration = port->device.usb().configured() ? 1 : 0;
+    for (const Port& port : ports) {
+      if (!port.unplugged) {
+        plugged.push_back(port.info);
+        plugged.back().configuration = port.device->configured() ? 1 : 0;
       }
     }
     usbip::append_devlist_reply(connection.unsent, plugged);
@@ -489,11 +550,12 @@ void EmulatorServer::Impl::import(Connection& connection, std::string_view busid
   auto status = usbip::OpStatus::kNoDevice;
   usbip::DeviceInfo info;
   for (std::size_t i = 0; i < ports.size(); ++i) {
-    Port& port = *ports[i];
+    Port& port = ports[i];
     if (port.info.busid != busid) {
       continue;
     }
     info = port.info;
+    info.configuration = port.device->configured() ? 1 : 0;
     if (port.unplugged) {
       status = usbip::OpStatus::kNoDevice;
     } else if (port.attached) {
@@ -524,7 +586,7 @@ std::size_t EmulatorServer::Impl::take_command(Connection& connection,
   if (command.command != usbip::kCmdSubmit && command.command != usbip::kCmdUnlink) {
     return refuse(CloseReason::kUnknownCommand);
   }
-  if (command.devid != ports[*connection.device]->info.devid()) {
+  if (command.devid != ports[*connection.device].info.devid()) {
     return refuse(CloseReason::kWrongDevice);
   }
   if (command.command == usbip::kCmdUnlink) {
@@ -551,7 +613,7 @@ std::size_t EmulatorServer::Impl::take_command(Connection& connection,
 
 void EmulatorServer::Impl::submit(Connection& connection, const usbip::Command& command,
                                   std::span<const std::uint8_t> data, rt::TimePoint now) {
-  Port& port = *ports[*connection.device];
+  Port& port = ports[*connection.device];
   const bool in = command.direction == 1;
   const auto finish = [&](std::int32_t status, std::size_t actual_bytes = 0,
                           std::span<const std::uint8_t> reply = {}) {
@@ -560,7 +622,7 @@ void EmulatorServer::Impl::submit(Connection& connection, const usbip::Command& 
   };
   if (command.endpoint == 0) {
     const SetupPacket setup = SetupPacket::from_bytes(command.setup);
-    auto reply = port.device.control(setup, data, now);
+    auto reply = port.device->control(setup, data, now);
     if (reply.stalled) {
       finish(usbip::kStalled);
     } else if (setup.device_to_host()) {
@@ -572,93 +634,58 @@ void EmulatorServer::Impl::submit(Connection& connection, const usbip::Command& 
     }
     return;
   }
-  if (command.endpoint != 1) {
+  const UsbEndpoint* endpoint =
+      command.endpoint < 16
+          ? port.endpoint(static_cast<std::uint8_t>(command.endpoint | (in ? 0x80U : 0U)))
+          : nullptr;
+  if (endpoint == nullptr) {
     finish(usbip::kStalled);
     return;
   }
-  const auto pending = [&command](const Urb& urb) { return urb.sequence == command.sequence; };
-  if (std::any_of(connection.in_urbs.begin(), connection.in_urbs.end(), pending) ||
-      std::any_of(connection.out_urbs.begin(), connection.out_urbs.end(), pending)) {
+  if (std::any_of(connection.urbs.begin(), connection.urbs.end(),
+                  [&command](const Urb& urb) { return urb.sequence == command.sequence; })) {
     connection.close(CloseReason::kDuplicateSequence);
     return;
   }
-  if (connection.in_urbs.size() + connection.out_urbs.size() >= kMaxPendingUrbs) {
+  if (connection.urbs.size() >= kMaxPendingUrbs) {
     connection.close(CloseReason::kTooManyUrbs);
     return;
   }
-  Urb urb;
+  Urb& urb = connection.urbs.emplace_back();
   urb.sequence = command.sequence;
+  urb.endpoint = *endpoint;
   urb.buffer_bytes = static_cast<std::size_t>(command.transfer_bytes);
   urb.data.assign(data.begin(), data.end());
-  (in ? connection.in_urbs : connection.out_urbs).push_back(std::move(urb));
+  urb.zero_packet = (command.transfer_flags & usbip::kFlagZeroPacket) != 0 && !data.empty();
+  urb.short_is_error = (command.transfer_flags & usbip::kFlagShortNotOk) != 0;
 }
 
 void EmulatorServer::Impl::unlink(Connection& connection, const usbip::Command& command) {
-  const auto wanted = [&command](const Urb& urb) {
+  const std::size_t removed = std::erase_if(connection.urbs, [&command](const Urb& urb) {
     return urb.sequence == command.unlink_sequence;
-  };
-  const std::size_t removed =
-      std::erase_if(connection.in_urbs, wanted) + std::erase_if(connection.out_urbs, wanted);
+  });
   usbip::append_unlink_reply(connection.unsent, command.sequence,
                              removed > 0 ? usbip::kUnlinked : 0);
 }
 
 void EmulatorServer::Impl::run_device(Port& port, Connection* client, rt::TimePoint now) {
-  EmulatedDevice& device = port.device;
+  EmulatedDevice& device = *port.device;
   if (client == nullptr) {
-    device.run_frame(now, std::nullopt, false);
+    std::vector<Urb> no_urbs;
+    std::vector<std::uint8_t> no_replies;
+    UrbHost nobody(no_urbs, no_replies);
+    device.run(now, nobody);
     return;
   }
-  const auto fail_all = [client](std::deque<Urb>& urbs, std::int32_t status) {
-    for (const Urb& urb : urbs) {
-      usbip::append_submit_reply(client->unsent, urb.sequence, status,
-                                 static_cast<std::uint32_t>(urb.sent), {});
-    }
-    urbs.clear();
-  };
-  if (!device.usb().configured()) {
-    fail_all(client->in_urbs, usbip::kBusError);
-    fail_all(client->out_urbs, usbip::kBusError);
-  }
-  if (device.usb().halted(W2UsbDevice::kEndpointIn)) {
-    fail_all(client->in_urbs, usbip::kStalled);
-  }
-  if (device.usb().halted(W2UsbDevice::kEndpointOut)) {
-    fail_all(client->out_urbs, usbip::kStalled);
-  }
-
-  std::optional<std::span<const std::uint8_t>> out_packet;
-  if (!client->out_urbs.empty()) {
-    const Urb& urb = client->out_urbs.front();
-    const auto rest = std::span(urb.data).subspan(urb.sent);
-    out_packet = rest.first(std::min(rest.size(), W2Firmware::kPacketBytes));
-  }
-  bool in_wanted = !client->in_urbs.empty();
-  if (in_wanted && client->in_urbs.front().buffer_bytes < W2Firmware::kReportBytes) {
-    // The device's packet would not fit; the host sees babble and the device gets no handshake.
-    in_wanted = false;
-    if (device.firmware().in_armed()) {
-      usbip::append_submit_reply(client->unsent, client->in_urbs.front().sequence, usbip::kBabble,
-                                 0, {});
-      client->in_urbs.pop_front();
+  UrbHost host(client->urbs, client->unsent);
+  for (const UsbEndpoint& endpoint : device.endpoints()) {
+    if (!device.configured()) {
+      host.fail_all(endpoint.address, usbip::kBusError);
+    } else if (device.halted(endpoint.address)) {
+      host.fail_all(endpoint.address, usbip::kStalled);
     }
   }
-
-  const EmulatedDevice::FrameResult moved = device.run_frame(now, out_packet, in_wanted);
-  if (moved.out_taken) {
-    Urb& urb = client->out_urbs.front();
-    urb.sent += out_packet->size();
-    if (urb.sent == urb.data.size()) {
-      usbip::append_submit_reply(client->unsent, urb.sequence, 0,
-                                 static_cast<std::uint32_t>(urb.sent), {});
-      client->out_urbs.pop_front();
-    }
-  }
-  if (moved.in) {
-    usbip::append_submit_reply(client->unsent, client->in_urbs.front().sequence, 0,
-                               static_cast<std::uint32_t>(moved.in->size()), *moved.in);
-    client->in_urbs.pop_front();
-  }
+  device.run(now, host);
 }
 
 void EmulatorServer::Impl::send(Connection& connection) {
@@ -684,17 +711,17 @@ void EmulatorServer::Impl::send(Connection& connection) {
 void EmulatorServer::Impl::release(Connection& connection, rt::TimePoint now) {
   ++statistics.closed[static_cast<std::size_t>(*connection.closing)];
   if (connection.device) {
-    Port& port = *ports[*connection.device];
+    Port& port = ports[*connection.device];
     port.attached = false;
-    port.device.bus_reset(now);
+    port.device->bus_reset(now);
     connection.device.reset();
   }
   connection.socket = FileDescriptor();
 }
 
 EmulatorReport EmulatorServer::Impl::report(std::size_t index) const {
-  const Port& port = *ports.at(index);
-  EmulatorReport result = port.device.report();
+  const Port& port = ports.at(index);
+  EmulatorReport result = port.device->report();
   result.busid = port.info.busid;
   result.attached = port.attached;
   result.unplugged = port.unplugged;
@@ -760,20 +787,20 @@ EmulatorServer::Statistics EmulatorServer::statistics() const {
 }
 
 const std::string& EmulatorServer::DeviceHandle::busid() const {
-  return server_->impl_->ports[index_]->info.busid;
+  return server_->impl_->ports[index_].info.busid;
 }
 
 EmulatorReport EmulatorServer::DeviceHandle::report() const { return server_->report(index_); }
 
 std::vector<CounterSample> EmulatorServer::DeviceHandle::samples() const {
   const std::lock_guard lock(server_->impl_->mutex);
-  return server_->impl_->ports[index_]->device.samples();
+  return server_->impl_->ports[index_].device->samples();
 }
 
 void EmulatorServer::DeviceHandle::unplug() {
   Impl& impl = *server_->impl_;
   const std::lock_guard lock(impl.mutex);
-  impl.ports[index_]->unplugged = true;
+  impl.ports[index_].unplugged = true;
   for (Connection& connection : impl.connections) {
     if (connection.device == index_) {
       connection.unsent.clear();
@@ -786,12 +813,12 @@ void EmulatorServer::DeviceHandle::unplug() {
 
 void EmulatorServer::DeviceHandle::replug() {
   const std::lock_guard lock(server_->impl_->mutex);
-  server_->impl_->ports[index_]->unplugged = false;
+  server_->impl_->ports[index_].unplugged = false;
 }
 
 void EmulatorServer::DeviceHandle::press_calibration_button() {
   const std::lock_guard lock(server_->impl_->mutex);
-  server_->impl_->ports[index_]->device.press_calibration_button();
+  server_->impl_->ports[index_].device->press_calibration_button();
 }
 
 }  // namespace forcegrid::emulator

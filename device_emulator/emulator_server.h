@@ -70,7 +70,9 @@ struct ServerOptions {
 ///
 /// One thread does it all: each bus frame (usb.frame_period_us, on absolute deadlines) it takes in
 /// what clients have sent, answers control transfers and unlinks at once, runs one frame of every
-/// device with the interrupt URBs that are pending, and sends the replies without waiting. A client
+/// device with the URBs that are pending, and sends the replies without waiting. Devices with bulk
+/// endpoints are also served between frames, whenever their client has sent something or they have
+/// something for it. A client
 /// that does not take its replies is dropped when kMaxUnsentBytes wait for it; nothing a client
 /// does holds up a frame. A frame that begins late is counted and never made up for: the next one
 /// begins at least half a period later, and physics advances by the true time.

@@ -92,10 +92,10 @@ void append_devlist_reply(std::vector<std::uint8_t>& out, std::span<const Device
   put32(out, static_cast<std::uint32_t>(devices.size()));
   for (const DeviceInfo& device : devices) {
     put_device(out, device);
-    put8(out, 3);  // interface 0: HID, no subclass, no protocol, padding
-    put8(out, 0);
-    put8(out, 0);
-    put8(out, 0);
+    put8(out, device.interface_class);
+    put8(out, device.interface_subclass);
+    put8(out, device.interface_protocol);
+    put8(out, 0);  // padding
   }
 }
 

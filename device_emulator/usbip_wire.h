@@ -46,6 +46,12 @@ inline constexpr std::int32_t kStalled = -32;    ///< EPIPE
 inline constexpr std::int32_t kBusError = -71;   ///< EPROTO: nobody answered
 inline constexpr std::int32_t kBabble = -75;     ///< EOVERFLOW: more data than buffer
 inline constexpr std::int32_t kUnlinked = -104;  ///< ECONNRESET
+/// EREMOTEIO: less data than buffer, where the client has said that this is an error
+inline constexpr std::int32_t kShortTransfer = -121;
+
+/// Transfer flags of CMD_SUBMIT (the kernel's URB_...); the others mean nothing to a device.
+inline constexpr std::uint32_t kFlagShortNotOk = 0x0001;
+inline constexpr std::uint32_t kFlagZeroPacket = 0x0040;
 
 /// enum usb_device_speed of the kernel.
 inline constexpr std::uint32_t kSpeedFull = 2;
@@ -62,6 +68,9 @@ struct DeviceInfo {
   std::uint16_t product_id = 0;
   std::uint16_t device_release = 0;
   std::uint8_t configuration = 0;
+  std::uint8_t interface_class = 0;
+  std::uint8_t interface_subclass = 0;
+  std::uint8_t interface_protocol = 0;
 
   /// The id that every URB must carry.
   [[nodiscard]] std::uint32_t devid() const noexcept { return (bus_number << 16) | device_number; }

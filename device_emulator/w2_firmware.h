@@ -67,9 +67,11 @@ class W2Firmware {
   /// The host sends a packet to EP1 OUT. @returns false for NAK: full, or not configured.
   [[nodiscard]] bool offer_out(std::span<const std::uint8_t> packet) noexcept;
   /// The host asks EP1 IN. @returns nothing for NAK.
-  [[nodiscard]] std::optional<Report> collect_in() noexcept;
+  std::optional<Report> collect_in() noexcept;
   /// Whether collect_in() would give a report.
   [[nodiscard]] bool in_armed() const noexcept { return in_armed_; }
+  /// What collect_in() would give; while in_armed().
+  [[nodiscard]] const Report& in_report() const noexcept { return in_report_; }
 
   /// The program runs until it has to wait for the host or for time.
   /// @returns true when it has sampled the counters into a new IN report.

@@ -46,33 +46,11 @@ constexpr int kReportBytes = 14;
 std::uint8_t low(std::uint16_t word) { return static_cast<std::uint8_t>(word & 0xFFU); }
 std::uint8_t high(std::uint16_t word) { return static_cast<std::uint8_t>(word >> 8); }
 
-std::vector<std::uint8_t> string_descriptor(const std::string& text) {
-  if (text.size() > 126 ||
-      std::any_of(text.begin(), text.end(), [](char c) { return c < 0x20 || c > 0x7E; })) {
-    throw std::invalid_argument("USB string '" + text +
-                                "' can't be emulated; use at most 126 printable ASCII characters");
-  }
-  std::vector<std::uint8_t> bytes{static_cast<std::uint8_t>(2 + 2 * text.size()),
-                                  kDescriptorString};
-  for (const char character : text) {
-    bytes.push_back(static_cast<std::uint8_t>(character));
-    bytes.push_back(0);
-  }
-  return bytes;
-}
-
-W2UsbDevice::ControlReply stall() { return {}; }
-W2UsbDevice::ControlReply done() { return {false, {}}; }
-W2UsbDevice::ControlReply word(std::uint16_t value) { return {false, {low(value), high(value)}}; }
+ControlReply stall() { return {}; }
+ControlReply done() { return {false, {}}; }
+ControlReply word(std::uint16_t value) { return {false, {low(value), high(value)}}; }
 
 }  // namespace
-
-SetupPacket SetupPacket::from_bytes(std::span<const std::uint8_t, 8> bytes) noexcept {
-  const auto little_endian = [&bytes](std::size_t at) {
-    return static_cast<std::uint16_t>(bytes[at] | (bytes[at + 1] << 8));
-  };
-  return {bytes[0], bytes[1], little_endian(2), little_endian(4), little_endian(6)};
-}
 
 W2UsbDevice::W2UsbDevice(const profiles::DeviceProfile::Usb& usb) {
   if (usb.protocol != "w2" || usb.report_bytes != kReportBytes) {
@@ -126,11 +104,11 @@ W2UsbDevice::W2UsbDevice(const profiles::DeviceProfile::Usb& usb) {
       0x07, 0x05, kEndpointIn,  0x03, 0x40, 0x00, 0x01,  // interrupt, 64 bytes, every frame
       0x07, 0x05, kEndpointOut, 0x03, 0x40, 0x00, 0x01};
   string_descriptors_ = {std::vector<std::uint8_t>{0x04, 0x03, 0x09, 0x04},  // English (US)
-                         string_descriptor(usb.manufacturer),
-                         string_descriptor(usb.product),
-                         string_descriptor(usb.serial),
-                         string_descriptor("01"),
-                         string_descriptor("HID")};
+                         usb_string_descriptor(usb.manufacturer),
+                         usb_string_descriptor(usb.product),
+                         usb_string_descriptor(usb.serial),
+                         usb_string_descriptor("01"),
+                         usb_string_descriptor("HID")};
 }
 
 void W2UsbDevice::bus_reset() noexcept {
@@ -144,8 +122,7 @@ bool W2UsbDevice::halted(std::uint8_t endpoint_address) const noexcept {
          (endpoint_address == kEndpointOut && out_halted_);
 }
 
-W2UsbDevice::ControlReply W2UsbDevice::control(const SetupPacket& setup,
-                                               std::span<const std::uint8_t> data) {
+ControlReply W2UsbDevice::control(const SetupPacket& setup, std::span<const std::uint8_t> data) {
   ControlReply reply;
   const std::uint8_t type = setup.request_type & kTypeMask;
   if (type == kTypeStandard) {
@@ -162,7 +139,7 @@ W2UsbDevice::ControlReply W2UsbDevice::control(const SetupPacket& setup,
   return reply;
 }
 
-W2UsbDevice::ControlReply W2UsbDevice::standard(const SetupPacket& setup) {
+ControlReply W2UsbDevice::standard(const SetupPacket& setup) {
   const std::uint8_t recipient = setup.request_type & kRecipientMask;
   const bool to_host = setup.device_to_host();
   const auto endpoint = static_cast<std::uint8_t>(setup.index & 0x8FU);
@@ -214,7 +191,7 @@ W2UsbDevice::ControlReply W2UsbDevice::standard(const SetupPacket& setup) {
   return stall();  // SET_INTERFACE, SYNCH_FRAME, SET_DESCRIPTOR and the unknown
 }
 
-W2UsbDevice::ControlReply W2UsbDevice::get_descriptor(const SetupPacket& setup) const {
+ControlReply W2UsbDevice::get_descriptor(const SetupPacket& setup) const {
   const std::uint8_t recipient = setup.request_type & kRecipientMask;
   const std::uint8_t type = high(setup.value);
   const std::uint8_t index = low(setup.value);

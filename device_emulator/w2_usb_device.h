@@ -5,22 +5,10 @@
 #include <span>
 #include <vector>
 
+#include "device_emulator/usb.h"
 #include "profiles/device_profile.h"
 
 namespace forcegrid::emulator {
-
-/// The eight bytes that open a control transfer (USB 2.0, section 9.3).
-struct SetupPacket {
-  std::uint8_t request_type = 0;
-  std::uint8_t request = 0;
-  std::uint16_t value = 0;
-  std::uint16_t index = 0;
-  std::uint16_t length = 0;
-
-  /// From the wire, where the three words are little-endian.
-  static SetupPacket from_bytes(std::span<const std::uint8_t, 8> bytes) noexcept;
-  [[nodiscard]] bool device_to_host() const noexcept { return (request_type & 0x80U) != 0; }
-};
 
 /// Endpoint 0 of a W2 device: descriptors, strings and the answers to control requests, with the
 /// STALLs of the mbed USB library that the real firmware is built on. Interrupt endpoints are
@@ -34,11 +22,6 @@ class W2UsbDevice {
  public:
   static constexpr std::uint8_t kEndpointIn = 0x81;
   static constexpr std::uint8_t kEndpointOut = 0x01;
-
-  struct ControlReply {
-    bool stalled = true;
-    std::vector<std::uint8_t> data;  ///< of a device-to-host transfer, at most `length` bytes
-  };
 
   /// @throws std::invalid_argument when the profile's protocol is not "w2", its reports are not of
   ///         14 bytes, or a string has a non-ASCII character or more than 126 characters.

@@ -33,12 +33,12 @@ const Bytes kReport =
 
 class W2UsbDeviceTest : public testing::Test {
  protected:
-  W2UsbDevice::ControlReply request(std::uint8_t type, std::uint8_t request, std::uint16_t value,
+  ControlReply request(std::uint8_t type, std::uint8_t request, std::uint16_t value,
                                     std::uint16_t index, std::uint16_t length,
                                     const Bytes& data = {}) {
     return device_.control({type, request, value, index, length}, data);
   }
-  void expect_data(const W2UsbDevice::ControlReply& reply, const Bytes& expected) {
+  void expect_data(const ControlReply& reply, const Bytes& expected) {
     EXPECT_FALSE(reply.stalled);
     EXPECT_THAT(reply.data, ElementsAreArray(expected));
   }

@@ -1,8 +1,9 @@
-#include "device_emulator/emulated_device.h"
+#include "device_emulator/emulated_w2.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -18,7 +19,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 rt::TimePoint at(int time_ms) { return rt::TimePoint(milliseconds(time_ms)); }
 
-std::int16_t int16_at(const W2Firmware::Report& report, std::size_t offset) {
+std::int16_t int16_at(const Bytes& report, std::size_t offset) {
   return static_cast<std::int16_t>(
       static_cast<std::uint16_t>(report[offset] | (report[offset + 1] << 8)));
 }
@@ -39,6 +40,40 @@ DeviceOptions options_for(const char* profile, HandKind hand = HandKind::kFirm) 
   return options;
 }
 
+/// What one bus frame moved.
+struct FrameResult {
+  bool out_taken = false;   ///< the OUT packet was acknowledged
+  std::optional<Bytes> in;  ///< the IN report that the host collected
+};
+
+/// A host that always asks EP1 IN, and has one packet or none for EP1 OUT.
+class OneFrame final : public UsbHost {
+ public:
+  explicit OneFrame(const Bytes* out) : out_(out) {}
+  std::optional<std::span<const std::uint8_t>> out_packet(std::uint8_t endpoint) override {
+    EXPECT_EQ(endpoint, 0x01);
+    return out_ != nullptr ? std::optional(std::span<const std::uint8_t>(*out_)) : std::nullopt;
+  }
+  void take_out(std::uint8_t endpoint) override {
+    EXPECT_EQ(endpoint, 0x01);
+    result.out_taken = true;
+  }
+  bool wants_in(std::uint8_t endpoint) override {
+    EXPECT_EQ(endpoint, 0x81);
+    return true;
+  }
+  bool give_in(std::uint8_t endpoint, std::span<const std::uint8_t> packet) override {
+    EXPECT_EQ(endpoint, 0x81);
+    EXPECT_EQ(packet.size(), W2Firmware::kReportBytes);
+    result.in.emplace(packet.begin(), packet.end());
+    return true;
+  }
+  FrameResult result;
+
+ private:
+  const Bytes* out_;
+};
+
 /// A host in simulated time: one frame a millisecond, always an IN transfer pending.
 class Bus {
  public:
@@ -51,18 +86,15 @@ class Bus {
       frame();
     }
   }
-  EmulatedDevice::FrameResult frame(const Bytes* out = nullptr) {
+  FrameResult frame(const Bytes* out = nullptr) {
     ++now_ms;
-    std::optional<std::span<const std::uint8_t>> packet;
-    if (out != nullptr) {
-      packet = *out;
-    }
-    auto result = device.run_frame(at(now_ms), packet, true);
-    if (result.in) {
-      last = *result.in;
+    OneFrame host(out);
+    device.run(at(now_ms), host);
+    if (host.result.in) {
+      last = *host.result.in;
       ++reports;
     }
-    return result;
+    return host.result;
   }
   /// One ping-pong every frame until time_ms.
   void drive_until(int time_ms, const Bytes& out) {
@@ -71,15 +103,15 @@ class Bus {
     }
   }
 
-  EmulatedDevice device;
-  W2Firmware::Report last{};
+  EmulatedW2 device;
+  Bytes last = Bytes(W2Firmware::kReportBytes);
   int now_ms = 0;
   int reports = 0;
 };
 
 const Bytes kZero(14, 0);
 
-TEST(EmulatedDevice, OutFirstReachesOneExchangeAFrame) {
+TEST(EmulatedW2, OutFirstReachesOneExchangeAFrame) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
   EXPECT_EQ(bus.reports, 1) << "the unsolicited report of the start-up";
@@ -94,7 +126,7 @@ TEST(EmulatedDevice, OutFirstReachesOneExchangeAFrame) {
   EXPECT_EQ(bus.device.samples().back().time_ns, 1'100'000'000);
 }
 
-TEST(EmulatedDevice, InFirstCollectsTheAnswerAFrameLater) {
+TEST(EmulatedW2, InFirstCollectsTheAnswerAFrameLater) {
   auto options = options_for("woodenhaptics_v2015");
   options.frame_order = FrameOrder::kInFirst;
   Bus bus(options);
@@ -107,7 +139,7 @@ TEST(EmulatedDevice, InFirstCollectsTheAnswerAFrameLater) {
   EXPECT_EQ(bus.device.samples().back().time_ns, 1'002'000'000);
 }
 
-TEST(EmulatedDevice, CalibratesWithTheOperatorAndReportsThePoseCounts) {
+TEST(EmulatedW2, CalibratesWithTheOperatorAndReportsThePoseCounts) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
   EXPECT_EQ(int16_at(bus.last, 4), 0) << "counters are zero at power-up";
@@ -130,21 +162,21 @@ TEST(EmulatedDevice, CalibratesWithTheOperatorAndReportsThePoseCounts) {
   EXPECT_LT((seen_D - Vector3d(0.0, 0.0, -0.0005)).norm(), 3e-4);    // and friction's creep
 }
 
-TEST(EmulatedDevice, PowerUpCountersCanBeRandomAndAreSeeded) {
+TEST(EmulatedW2, PowerUpCountersCanBeRandomAndAreSeeded) {
   auto options = options_for("woodenhaptics_v2015");
   options.random_power_up_counters = true;
-  const EmulatedDevice one(options, at(0));
-  const EmulatedDevice same(options, at(0));
+  const EmulatedW2 one(options, at(0));
+  const EmulatedW2 same(options, at(0));
   options.operator_script.seed = 2;
-  const EmulatedDevice other(options, at(0));
+  const EmulatedW2 other(options, at(0));
   EXPECT_EQ(one.firmware().counters(), same.firmware().counters());
   EXPECT_NE(one.firmware().counters(), other.firmware().counters());
   options.operator_script.calibrated = true;
-  const EmulatedDevice calibrated(options, at(0));
+  const EmulatedW2 calibrated(options, at(0));
   EXPECT_EQ(calibrated.firmware().counters(), (W2Firmware::Counters{0, 0, 6000, 0, 0, 0}));
 }
 
-TEST(EmulatedDevice, CurrentMovesTheTipByForceOverTheHandsStiffness) {
+TEST(EmulatedW2, CurrentMovesTheTipByForceOverTheHandsStiffness) {
   for (const char* name : {"woodenhaptics_v2015", "phantom_desktop"}) {
     auto options = options_for(name);
     Bus bus(options);
@@ -176,7 +208,7 @@ TEST(EmulatedDevice, CurrentMovesTheTipByForceOverTheHandsStiffness) {
   }
 }
 
-TEST(EmulatedDevice, PositiveForceInEachDirectionPushesTheTipThatWay) {
+TEST(EmulatedW2, PositiveForceInEachDirectionPushesTheTipThatWay) {
   // The sheets' currents for 1 N along x, y, z in the calibration pose.
   struct Case {
     const char* profile;
@@ -201,7 +233,7 @@ TEST(EmulatedDevice, PositiveForceInEachDirectionPushesTheTipThatWay) {
   }
 }
 
-TEST(EmulatedDevice, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
+TEST(EmulatedW2, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
   bus.drive_until(bus.now_ms + 1, out_report({6000, -6000, 6001, 0, 0, 0, 0}));
@@ -211,7 +243,7 @@ TEST(EmulatedDevice, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
   EXPECT_EQ(bus.device.report().out_of_range_currents, 1U);
 }
 
-TEST(EmulatedDevice, WatchdogCutsTheCurrentAtItsOwnTimeEvenWithinOneLongStep) {
+TEST(EmulatedW2, WatchdogCutsTheCurrentAtItsOwnTimeEvenWithinOneLongStep) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
   bus.drive_until(bus.now_ms + 1, out_report({300, 0, 0, 0, 0, 0, 0}));  // at 1001 ms
@@ -225,7 +257,7 @@ TEST(EmulatedDevice, WatchdogCutsTheCurrentAtItsOwnTimeEvenWithinOneLongStep) {
   EXPECT_NEAR(*report.seconds_since_motors_nonzero, 0.4, 1e-9);
 }
 
-TEST(EmulatedDevice, BusResetStopsReportsAndTheWatchdogStopsTheMotors) {
+TEST(EmulatedW2, BusResetStopsReportsAndTheWatchdogStopsTheMotors) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
   bus.drive_until(1100, out_report({300, 0, 0, 0, 0, 0, 0}));
@@ -242,7 +274,7 @@ TEST(EmulatedDevice, BusResetStopsReportsAndTheWatchdogStopsTheMotors) {
   EXPECT_LT(std::abs(bus.device.firmware().counters()[2] - counters[2]), 100) << "kept";
 }
 
-TEST(EmulatedDevice, HaltedEndpointsMoveNothing) {
+TEST(EmulatedW2, HaltedEndpointsMoveNothing) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(999);
   ASSERT_FALSE(bus.device.control({0x02, 3, 0, 0x81, 0}, {}, at(999)).stalled);
@@ -253,7 +285,7 @@ TEST(EmulatedDevice, HaltedEndpointsMoveNothing) {
   EXPECT_EQ(bus.reports, 1);
 }
 
-TEST(EmulatedDevice, LongStallsAreCountedNotIntegrated) {
+TEST(EmulatedW2, LongStallsAreCountedNotIntegrated) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
   bus.drive_until(bus.now_ms + 1, out_report({300, 0, 0, 0, 0, 0, 0}));
@@ -263,30 +295,30 @@ TEST(EmulatedDevice, LongStallsAreCountedNotIntegrated) {
   EXPECT_EQ(bus.device.report().watchdog_trips, 1U);
 }
 
-TEST(EmulatedDevice, KeepsTheNewestSamplesWithTheirTimes) {
+TEST(EmulatedW2, KeepsTheNewestSamplesWithTheirTimes) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
   bus.drive_until(6000, kZero);
   const auto samples = bus.device.samples();
-  ASSERT_EQ(samples.size(), EmulatedDevice::kSampleCapacity);
+  ASSERT_EQ(samples.size(), CounterSamples::kCapacity);
   EXPECT_EQ(samples.back().time_ns, 6'000'000'000);
   for (std::size_t i = 1; i < samples.size(); ++i) {
     ASSERT_EQ(samples[i].time_ns - samples[i - 1].time_ns, 1'000'000);
   }
 }
 
-TEST(EmulatedDevice, UnbalancedArmFallsWithoutAHandAndABalancedOneDoesNot) {
+TEST(EmulatedW2, UnbalancedArmFallsWithoutAHandAndABalancedOneDoesNot) {
   auto options = options_for("woodenhaptics_v2015", HandKind::kNone);
-  EmulatedDevice loose(options, at(0));
+  EmulatedW2 loose(options, at(0));
   loose.advance_to(at(300));
   EXPECT_LT(loose.arm().position_D().z(), 0.200);
   options.profile.gravity.balanced = true;
-  EmulatedDevice balanced(options, at(0));
+  EmulatedW2 balanced(options, at(0));
   balanced.advance_to(at(300));
   EXPECT_NEAR(balanced.arm().position_D().z(), 0.205, 1e-9);
 }
 
-TEST(EmulatedDevice, NamesOfHandsAndFrameOrdersAreStrict) {
+TEST(EmulatedW2, NamesOfHandsAndFrameOrdersAreStrict) {
   EXPECT_EQ(parse_hand("light"), HandKind::kLight);
   EXPECT_EQ(parse_frame_order("in-first"), FrameOrder::kInFirst);
   EXPECT_THROW(parse_hand("Firm"), std::invalid_argument);
@@ -294,7 +326,7 @@ TEST(EmulatedDevice, NamesOfHandsAndFrameOrdersAreStrict) {
 }
 
 TEST(EmulatorReport, JsonCarriesTheSameNamesAndNullForNever) {
-  EmulatedDevice device(options_for("woodenhaptics_v2015"), at(0));
+  EmulatedW2 device(options_for("woodenhaptics_v2015"), at(0));
   const nlohmann::json json = device.report();
   EXPECT_EQ(json.at("device"), "woodenhaptics_v2015");
   EXPECT_EQ(json.at("final_current_mA").size(), 3U);

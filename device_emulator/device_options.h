@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "device_emulator/operator_script.h"
+#include "profiles/device_profile.h"
+
+namespace forcegrid::emulator {
+
+/// Who holds the device.
+enum class HandKind : std::uint8_t { kFirm, kLight, kNone };
+/// "firm", "light" or "none". @throws std::invalid_argument for anything else.
+HandKind parse_hand(std::string_view name);
+
+/// What happens first within a bus frame; for devices with interrupt endpoints.
+enum class FrameOrder : std::uint8_t {
+  kOutFirst,  ///< OUT, firmware, IN: the answer to a report is collected in the same frame
+  kInFirst,   ///< IN, OUT, firmware: the answer is collected one frame later
+};
+/// "out-first" or "in-first". @throws std::invalid_argument for anything else.
+FrameOrder parse_frame_order(std::string_view name);
+
+struct DeviceOptions {
+  profiles::DeviceProfile profile;
+  HandKind hand = HandKind::kFirm;
+  bool hand_carries_weight = true;          ///< see ArmModel
+  OperatorScript::Options operator_script;  ///< `calibrated` also starts the counters true
+  FrameOrder frame_order = FrameOrder::kOutFirst;
+  /// Counters at power-up: false: 0; true: seeded random ones within +-20000.
+  bool random_power_up_counters = false;
+
+  /// The profile's numbers for `hand`; nothing for kNone.
+  [[nodiscard]] std::optional<profiles::HandProfile> hand_profile() const;
+};
+
+}  // namespace forcegrid::emulator

@@ -1,0 +1,219 @@
+#include "device_emulator/emulated_w2.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <string>
+
+namespace forcegrid::emulator {
+
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr rt::Duration kPhysicsChunk = std::chrono::milliseconds(1);
+constexpr rt::Duration kHostGone = std::chrono::seconds(2);
+// ESCON set-value range; the margin absorbs rounding of 0.5 +- 0.4.
+constexpr double kDutyFullScale = 0.4;
+constexpr double kDutyMargin = 1e-9;
+constexpr std::int32_t kPowerUpRange_counts = 20000;
+constexpr std::uint8_t kInterfaceClassHid = 3;
+
+constexpr std::array<UsbEndpoint, 2> kEndpoints = {
+    UsbEndpoint{W2UsbDevice::kEndpointIn, UsbTransferType::kInterrupt, W2Firmware::kPacketBytes},
+    UsbEndpoint{W2UsbDevice::kEndpointOut, UsbTransferType::kInterrupt, W2Firmware::kPacketBytes}};
+
+Vector3d vector(const profiles::Axes& axes) { return {axes[0], axes[1], axes[2]}; }
+
+Vector3d calibration_counts(const profiles::DeviceProfile& profile) {
+  const auto& pose = profile.calibration.pose_counts;
+  return {static_cast<double>(pose[0]), static_cast<double>(pose[1]), static_cast<double>(pose[2])};
+}
+
+std::array<std::int64_t, 6> encoder_positions(const ArmModel& arm) {
+  const Vector3d counts = arm.kinematics().counts(arm.joint_angle_rad());
+  return {std::llround(counts[0]), std::llround(counts[1]), std::llround(counts[2]), 0, 0, 0};
+}
+
+W2Firmware::Counters power_up_counters(const DeviceOptions& options) {
+  W2Firmware::Counters counters{};
+  if (options.operator_script.calibrated) {
+    std::copy(options.profile.calibration.pose_counts.begin(),
+              options.profile.calibration.pose_counts.end(), counters.begin());
+  } else if (options.random_power_up_counters) {
+    std::mt19937_64 random(options.operator_script.seed);
+    for (std::size_t i = 0; i < 3; ++i) {
+      counters[i] = static_cast<std::int32_t>(random() % (2 * kPowerUpRange_counts + 1)) -
+                    kPowerUpRange_counts;
+    }
+  }
+  return counters;
+}
+
+}  // namespace
+
+EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
+    : identity_{.vendor_id = options.profile.usb.vendor_id,
+                .product_id = options.profile.usb.product_id,
+                .device_release = options.profile.usb.device_release,
+                .interface_class = kInterfaceClassHid},
+      usb_(options.profile.usb),
+      firmware_(options.profile.motors.full_scale_current_A),
+      arm_(options.profile, options.hand_profile(),
+           ArmKinematics(options.profile.kinematics)
+               .joint_angle_rad(calibration_counts(options.profile)),
+           options.hand_carries_weight),
+      script_(options.operator_script, arm_.position_D()),
+      frame_order_(options.frame_order),
+      name_(options.profile.name),
+      full_scale_current_A_(options.profile.motors.full_scale_current_A),
+      torque_per_current_Nm_per_A_(
+          vector(options.profile.kinematics.encoder_sign)
+              .cwiseProduct(vector(options.profile.motors.torque_constant_Nm_per_A))
+              .cwiseProduct(vector(options.profile.kinematics.body_diameter_m))
+              .cwiseQuotient(vector(options.profile.kinematics.capstan_diameter_m))),
+      now_(start) {
+  firmware_.turn_encoders(encoder_positions(arm_));
+  firmware_.set_counters(power_up_counters(options));
+}
+
+UsbIdentity EmulatedW2::identity() const noexcept { return identity_; }
+
+std::span<const UsbEndpoint> EmulatedW2::endpoints() const noexcept { return kEndpoints; }
+
+void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
+  if (now - now_ > kLongestStep) {
+    physics_skipped_s_ += rt::seconds(now - now_ - kLongestStep);
+    now_ = now - kLongestStep;
+    if (firmware_.check_watchdog(now_)) {
+      drive_motors();
+    }
+  }
+  while (now_ < now) {
+    rt::TimePoint end = std::min(now, now_ + kPhysicsChunk);
+    if (const auto deadline = firmware_.watchdog_deadline(); deadline && *deadline > now_) {
+      end = std::min(end, *deadline);
+    }
+    const auto fed = firmware_.last_feed();
+    const auto action =
+        script_.update(end, {.host_present = usb_.configured() && fed && end - *fed < kHostGone,
+                             .counters_loaded = firmware_.statistics().counters_loaded});
+    if (action.press_button) {
+      firmware_.press_calibration_button();
+    }
+    arm_.advance(rt::seconds(end - now_), current_A_.cwiseProduct(torque_per_current_Nm_per_A_),
+                 action.target_D);
+    now_ = end;
+    if (!current_A_.isZero(0.0)) {
+      motors_last_nonzero_ = now_;
+    }
+    if (firmware_.check_watchdog(now_)) {
+      drive_motors();
+    }
+  }
+  firmware_.turn_encoders(encoder_positions(arm_));
+}
+
+ControlReply EmulatedW2::control(const SetupPacket& setup, std::span<const std::uint8_t> data,
+                                 rt::TimePoint now) {
+  advance_to(now);
+  auto reply = usb_.control(setup, data);
+  if (usb_.configured() != firmware_.configured()) {
+    firmware_.set_configured(usb_.configured(), now);
+  }
+  return reply;
+}
+
+void EmulatedW2::run(rt::TimePoint now, UsbHost& host) {
+  advance_to(now);
+  const auto serve_out = [&] {
+    const auto packet = host.out_packet(W2UsbDevice::kEndpointOut);
+    if (packet && !halted(W2UsbDevice::kEndpointOut) && firmware_.offer_out(*packet)) {
+      host.take_out(W2UsbDevice::kEndpointOut);
+    }
+  };
+  const auto serve_in = [&] {
+    if (firmware_.in_armed() && !halted(W2UsbDevice::kEndpointIn) &&
+        host.wants_in(W2UsbDevice::kEndpointIn) &&
+        host.give_in(W2UsbDevice::kEndpointIn, firmware_.in_report())) {
+      firmware_.collect_in();
+    }
+  };
+  if (frame_order_ == FrameOrder::kOutFirst) {
+    serve_out();
+    run_firmware(now);
+    serve_in();
+  } else {
+    serve_in();
+    serve_out();
+    run_firmware(now);
+  }
+}
+
+void EmulatedW2::bus_reset(rt::TimePoint now) noexcept {
+  usb_.bus_reset();
+  firmware_.set_configured(false, now);
+}
+
+void EmulatedW2::run_firmware(rt::TimePoint now) noexcept {
+  if (firmware_.run(now)) {
+    samples_.add(now, firmware_.counters());
+  }
+  if (firmware_.statistics().reports_applied != reports_applied_) {
+    reports_applied_ = firmware_.statistics().reports_applied;
+    drive_motors();
+  }
+}
+
+void EmulatedW2::drive_motors() noexcept {
+  const W2Firmware::Outputs& outputs = firmware_.outputs();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double fraction = (outputs.duty[i] - W2Firmware::kZeroCurrentDuty) / kDutyFullScale;
+    double current_A = full_scale_current_A_ * fraction;
+    if (!outputs.motor_enable) {
+      current_A = 0.0;
+    } else if (!(std::abs(fraction) <= 1.0 + kDutyMargin)) {
+      current_A = 0.0;
+      ++out_of_range_currents_;
+    }
+    current_A_[static_cast<Eigen::Index>(i)] = current_A;
+  }
+  max_abs_current_A_ = max_abs_current_A_.cwiseMax(current_A_.cwiseAbs());
+}
+
+EmulatorReport EmulatedW2::report() const {
+  EmulatorReport report;
+  report.device = name_;
+  const Vector3d torque_Nm = current_A_.cwiseProduct(torque_per_current_Nm_per_A_);
+  const Vector3d tip_D = arm_.position_D();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto axis = static_cast<Eigen::Index>(i);
+    report.final_current_mA[i] = 1e3 * current_A_[axis];
+    report.max_abs_current_mA[i] = 1e3 * max_abs_current_A_[axis];
+    report.final_torque_Nm[i] = torque_Nm[axis];
+    report.tip_position_m[i] = tip_D[axis];
+  }
+  report.motor_energy_delivered_J = arm_.work().motor_positive_J;
+  report.motor_energy_absorbed_J = arm_.work().motor_negative_J;
+  if (!current_A_.isZero(0.0)) {
+    report.seconds_since_motors_nonzero = 0.0;
+  } else if (motors_last_nonzero_) {
+    report.seconds_since_motors_nonzero = rt::seconds(now_ - *motors_last_nonzero_);
+  }
+  report.out_of_range_currents = out_of_range_currents_;
+  const W2Firmware::Statistics& statistics = firmware_.statistics();
+  report.watchdog_trips = statistics.watchdog_trips;
+  report.reports_sent = statistics.reports_sent;
+  report.reports_received = statistics.reports_received;
+  report.short_reports = statistics.short_reports;
+  report.long_reports = statistics.long_reports;
+  report.reports_drained = statistics.reports_drained;
+  report.counters_loaded = statistics.counters_loaded;
+  report.physics_skipped_s = physics_skipped_s_;
+  report.counters = firmware_.counters();
+  report.configured = usb_.configured();
+  return report;
+}
+
+}  // namespace forcegrid::emulator

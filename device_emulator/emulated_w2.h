@@ -1,0 +1,85 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "device_emulator/arm_model.h"
+#include "device_emulator/counter_samples.h"
+#include "device_emulator/emulated_device.h"
+#include "device_emulator/operator_script.h"
+#include "device_emulator/w2_firmware.h"
+#include "device_emulator/w2_usb_device.h"
+#include "rt/clock.h"
+
+namespace forcegrid::emulator {
+
+/// One W2 device behind its plug: endpoint 0, firmware, amplifiers, motors, arm, hand and operator.
+/// The arm starts at rest in the calibration pose. Motor torque at joint i is
+/// tau_i = s_i k_i I_i D_i / d_i with I_i = I_full (duty_i - 0.5) / 0.4 for a duty within 10..90 %.
+/// The servo amplifier (ESCON) treats any other duty as out of range: zero current, counted.
+///
+/// Real-time and threads: as EmulatedDevice.
+class EmulatedW2 final : public EmulatedDevice {
+ public:
+  /// @throws std::invalid_argument for a profile that can't be emulated (see W2UsbDevice).
+  EmulatedW2(const DeviceOptions& options, rt::TimePoint start);
+
+  [[nodiscard]] UsbIdentity identity() const noexcept override;
+  [[nodiscard]] std::span<const UsbEndpoint> endpoints() const noexcept override;
+  [[nodiscard]] bool configured() const noexcept override { return usb_.configured(); }
+  [[nodiscard]] bool halted(std::uint8_t endpoint_address) const noexcept override {
+    return usb_.halted(endpoint_address);
+  }
+  ControlReply control(const SetupPacket& setup, std::span<const std::uint8_t> data,
+                       rt::TimePoint now) override;
+
+  /// One bus frame: at most one packet each way, in the frame order chosen.
+  void run(rt::TimePoint now, UsbHost& host) override;
+
+  /// A watchdog that trips before `now` cuts the current at its own time.
+  void advance_to(rt::TimePoint now) noexcept override;
+
+  /// Attached and unconfigured. Counters and calibration survive, and the watchdog will find out.
+  void bus_reset(rt::TimePoint now) noexcept override;
+
+  void press_calibration_button() noexcept override { firmware_.press_calibration_button(); }
+
+  [[nodiscard]] EmulatorReport report() const override;
+  [[nodiscard]] std::vector<CounterSample> samples() const override { return samples_.newest(); }
+
+  [[nodiscard]] const W2UsbDevice& usb() const noexcept { return usb_; }
+  [[nodiscard]] const W2Firmware& firmware() const noexcept { return firmware_; }
+  [[nodiscard]] const ArmModel& arm() const noexcept { return arm_; }
+  [[nodiscard]] OperatorScript::Phase operator_phase() const noexcept { return script_.phase(); }
+  /// [A] flowing in motors a, b, c.
+  [[nodiscard]] const Eigen::Vector3d& current_A() const noexcept { return current_A_; }
+
+ private:
+  void run_firmware(rt::TimePoint now) noexcept;
+  void drive_motors() noexcept;
+
+  UsbIdentity identity_;
+  W2UsbDevice usb_;
+  W2Firmware firmware_;
+  ArmModel arm_;
+  OperatorScript script_;
+  FrameOrder frame_order_;
+  std::string name_;
+  double full_scale_current_A_;
+  Eigen::Vector3d torque_per_current_Nm_per_A_;
+
+  rt::TimePoint now_;
+  Eigen::Vector3d current_A_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d max_abs_current_A_ = Eigen::Vector3d::Zero();
+  std::optional<rt::TimePoint> motors_last_nonzero_;
+  std::uint64_t out_of_range_currents_ = 0;
+  std::uint64_t reports_applied_ = 0;
+  double physics_skipped_s_ = 0.0;
+  CounterSamples samples_;
+};
+
+}  // namespace forcegrid::emulator

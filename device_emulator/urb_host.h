@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "device_emulator/usb.h"
+
+namespace forcegrid::emulator {
+
+/// A transfer that a USB/IP client waits for.
+struct Urb {
+  std::uint32_t sequence = 0;
+  UsbEndpoint endpoint;
+  std::size_t buffer_bytes = 0;    ///< IN: what the client has room for
+  std::vector<std::uint8_t> data;  ///< OUT: what is to be sent; IN: what has come so far
+  std::size_t sent_bytes = 0;      ///< OUT: bytes of `data` that the device has taken
+  bool zero_packet = false;        ///< OUT: data of whole packets is followed by an empty packet
+  bool short_is_error = false;     ///< IN: less than buffer_bytes is an error
+};
+
+/// The host's end of the bus of one USB/IP client: it works off the client's pending transfers
+/// packet by packet, the oldest of each endpoint first, and writes the reply of each that is
+/// complete. An OUT transfer ends with its last packet; an IN transfer with a packet shorter than
+/// the endpoint's or with a full buffer.
+///
+/// Refers to the client's lists for as long as it lives.
+/// Real-time: no (replies are appended to a vector). Threads: one.
+class UrbHost final : public UsbHost {
+ public:
+  /// @param replies RET_SUBMIT messages are appended to it.
+  UrbHost(std::vector<Urb>& pending, std::vector<std::uint8_t>& replies) noexcept
+      : pending_(pending), replies_(replies) {}
+
+  [[nodiscard]] std::optional<std::span<const std::uint8_t>> out_packet(
+      std::uint8_t endpoint_address) override;
+  void take_out(std::uint8_t endpoint_address) override;
+  [[nodiscard]] bool wants_in(std::uint8_t endpoint_address) override;
+  [[nodiscard]] bool give_in(std::uint8_t endpoint_address,
+                             std::span<const std::uint8_t> packet) override;
+
+  /// Ends all transfers of an endpoint with a USB/IP status.
+  void fail_all(std::uint8_t endpoint_address, std::int32_t status);
+
+ private:
+  std::vector<Urb>::iterator first(std::uint8_t endpoint_address);
+  void complete(std::vector<Urb>::iterator urb, std::int32_t status);
+
+  std::vector<Urb>& pending_;
+  std::vector<std::uint8_t>& replies_;
+};
+
+}  // namespace forcegrid::emulator
