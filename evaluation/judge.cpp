@@ -1,0 +1,366 @@
+#include "evaluation/judge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+
+#include "rt/clock.h"
+
+namespace forcegrid::evaluation {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kAdaptationWindow_s = 0.5;
+constexpr double kAdapted_percent = 5.0;
+constexpr int kAllWork = 1 << 30;
+
+// The smallest value that a fraction `p` of `values` don't exceed; NaN without values. Reorders.
+double percentile(std::vector<double>& values, double p) {
+  if (values.empty()) {
+    return kNan;
+  }
+  const auto wanted = static_cast<std::size_t>(std::ceil(p * static_cast<double>(values.size())));
+  const auto nth =
+      values.begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(wanted, 1) - 1);
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
+}
+
+class Stopwatch {
+ public:
+  Stopwatch() {
+    std::vector<double> readings;
+    for (int i = 0; i < 1001; ++i) {
+      readings.push_back(ns_of([] {}));
+    }
+    overhead_ns_ = percentile(readings, 0.5);
+  }
+
+  template <typename Call>
+  double ns_of(const Call& call) const {
+    const rt::TimePoint before = rt::Clock::now();
+    call();
+    const rt::TimePoint after = rt::Clock::now();
+    return std::max(0.0, 1e9 * rt::seconds(after - before) - overhead_ns_);
+  }
+
+ private:
+  double overhead_ns_ = 0.0;
+};
+
+// A stretch of the trace within one contact or without any.
+struct Phase {
+  double begins_s = -kInfinity;
+  double known_s = -kInfinity;  ///< when the servo learns of it, unless a sample says so before
+  bool in_contact = false;
+  std::uint32_t epoch = 0;
+  Eigen::Vector3d point_W = Eigen::Vector3d::Zero();
+};
+
+std::vector<Phase> phases_of(const Trace& trace) {
+  std::vector<Phase> phases(1);
+  if (trace.events.empty() || !trace.events.front().made) {
+    phases.front().in_contact = true;
+    phases.front().epoch = 1;
+    phases.front().known_s = kInfinity;
+    if (!trace.samples.empty()) {
+      phases.front().known_s = trace.samples.front().delivered_s;
+      phases.front().point_W = trace.samples.front().sample.position_W;
+    }
+  }
+  for (const ContactEvent& event : trace.events) {
+    Phase phase;
+    phase.begins_s = event.time_s;
+    phase.known_s = event.delivered_s.value_or(event.time_s);
+    phase.in_contact = event.made;
+    phase.epoch = phases.back().epoch + (event.made ? 1 : 0);
+    phase.point_W = event.point_W;
+    phases.push_back(phase);
+  }
+  return phases;
+}
+
+class Play {
+ public:
+  Play(ForceMethod& method, const Trace& trace, const JudgeOptions& options)
+      : method_(method), trace_(trace), options_(options), phases_(phases_of(trace)) {
+    query_ns_.reserve(trace.servo.size());
+    cycle_ns_.reserve(trace.servo.size());
+    verdict_.forces_W.reserve(trace.servo.size());
+  }
+
+  Verdict run() {
+    verdict_.memory_bytes = method_.memory_bytes();
+    if (!trace_.servo.empty()) {
+      next_request_s_ = trace_.servo.front().time_s;
+    }
+    for (const ServoInstant& instant : trace_.servo) {
+      this_cycle_ns_ = 0.0;
+      deliver(instant.time_s);
+      query(instant);
+      request(instant);
+      if (options_.work_budget >= 0) {
+        const double work_ns = timed([&] { method_.work(options_.work_budget); });
+        if (!sample_ns_.empty()) {
+          sample_ns_.back() += work_ns;
+        }
+      }
+      cycle_ns_.push_back(this_cycle_ns_);
+    }
+    add_times();
+    return std::move(verdict_);
+  }
+
+ private:
+  template <typename Call>
+  double timed(const Call& call) {
+    const double ns = stopwatch_.ns_of(call);
+    this_cycle_ns_ += ns;
+    return ns;
+  }
+
+  void work_if_at_once() {
+    while (options_.work_budget < 0 && method_.work(kAllWork) > 0) {
+    }
+  }
+
+  void enter_next_phase() {
+    const Phase& phase = phases_[entered_++];
+    timed([&] {
+      if (phase.in_contact) {
+        method_.contact_made(phase.epoch, phase.point_W);
+      } else {
+        method_.contact_lost();
+      }
+      work_if_at_once();
+    });
+  }
+
+  void deliver(double now_s) {
+    for (;;) {
+      const double phase_s = entered_ < phases_.size() ? phases_[entered_].known_s : kInfinity;
+      const double sample_s = next_sample_ < trace_.samples.size()
+                                  ? trace_.samples[next_sample_].delivered_s
+                                  : kInfinity;
+      const double answer_s = answers_.empty() ? kInfinity : answers_.front().delivered_s;
+      if (std::min({phase_s, sample_s, answer_s}) > now_s) {
+        return;
+      }
+      if (phase_s <= sample_s && phase_s <= answer_s) {
+        enter_next_phase();
+      } else if (sample_s <= answer_s) {
+        deliver_sample(trace_.samples[next_sample_++].sample);
+      } else {
+        deliver_answer();
+      }
+    }
+  }
+
+  void deliver_sample(const Sample& recorded) {
+    std::size_t of = phases_.size() - 1;
+    while (of > 0 && phases_[of].begins_s > recorded.time_s) {
+      --of;
+    }
+    while (entered_ <= of) {
+      enter_next_phase();
+    }
+    if (of + 1 != entered_ || !phases_[of].in_contact) {
+      ++verdict_.samples_not_taken;
+      return;
+    }
+    Sample sample = recorded;
+    sample.contact_epoch = phases_[of].epoch;
+    sample.contact_point_W = phases_[of].point_W;
+    sample.from_query = false;
+    take(sample);
+    ++verdict_.samples_taken;
+  }
+
+  void deliver_answer() {
+    const Answer answer = answers_.front();
+    answers_.pop_front();
+    if (answer.asked_in_phase + 1 == entered_ || !phases_[answer.asked_in_phase].in_contact) {
+      take(answer.sample);
+      ++verdict_.requests_answered;
+    }
+  }
+
+  void take(Sample sample) {
+    if (!options_.stiffness_to_method) {
+      sample.has_stiffness = false;
+      sample.stiffness_W.setZero();
+    }
+    sample_ns_.push_back(timed([&] {
+      method_.take_sample(sample);
+      work_if_at_once();
+    }));
+  }
+
+  void query(const ServoInstant& instant) {
+    timed([&] { method_.observe(instant.time_s, instant.position_W); });
+    ForceEstimate estimate;
+    query_ns_.push_back(
+        timed([&] { estimate = method_.force(instant.time_s, instant.position_W); }));
+    verdict_.forces_W.push_back(estimate.force_W);
+    const auto status = static_cast<std::size_t>(estimate.status);
+    if (status < verdict_.cycles_by_status.size()) {
+      ++verdict_.cycles_by_status[status];
+    }
+  }
+
+  void request(const ServoInstant& instant) {
+    if (!options_.answer || !(options_.requests_per_s > 0.0) || entered_ == 0) {
+      return;
+    }
+    for (; next_request_s_ <= instant.time_s; next_request_s_ += 1.0 / options_.requests_per_s) {
+      Eigen::Vector3d wanted_W = Eigen::Vector3d::Zero();
+      bool wants = false;
+      timed([&] { wants = method_.plan_request(instant.time_s, instant.position_W, wanted_W); });
+      if (wants) {
+        Answer answer;
+        answer.sample = options_.answer(instant.time_s, wanted_W);
+        answer.sample.from_query = true;
+        answer.asked_in_phase = entered_ - 1;
+        answer.sample.contact_epoch = phases_[answer.asked_in_phase].epoch;
+        answer.sample.contact_point_W = phases_[answer.asked_in_phase].point_W;
+        answer.delivered_s = instant.time_s + options_.request_delay_s;
+        answers_.push_back(answer);
+      }
+    }
+  }
+
+  void add_times() {
+    verdict_.query_ns_median = percentile(query_ns_, 0.5);
+    verdict_.query_ns_p99 = percentile(query_ns_, 0.99);
+    verdict_.sample_us_median = 1e-3 * percentile(sample_ns_, 0.5);
+    verdict_.sample_us_p99 = 1e-3 * percentile(sample_ns_, 0.99);
+    double sum_ns = 0.0;
+    for (const double ns : cycle_ns_) {
+      sum_ns += ns;
+    }
+    verdict_.cycle_ns = cycle_ns_.empty() ? kNan : sum_ns / static_cast<double>(cycle_ns_.size());
+    verdict_.cycle_ns_median = percentile(cycle_ns_, 0.5);
+    verdict_.cycle_ns_p99 = percentile(cycle_ns_, 0.99);
+  }
+
+  struct Answer {
+    Sample sample;
+    double delivered_s = 0.0;
+    std::size_t asked_in_phase = 0;
+  };
+
+  ForceMethod& method_;
+  const Trace& trace_;
+  const JudgeOptions& options_;
+  const Stopwatch stopwatch_;
+  std::vector<Phase> phases_;
+  std::size_t entered_ = 0;  ///< phases that the method knows of
+  std::size_t next_sample_ = 0;
+  std::deque<Answer> answers_;
+  double next_request_s_ = 0.0;
+  double this_cycle_ns_ = 0.0;
+  std::vector<double> query_ns_;
+  std::vector<double> sample_ns_;
+  std::vector<double> cycle_ns_;
+  Verdict verdict_;
+};
+
+// RMS, 95th percentile and maximum of some instants' error, in % of the truth's RMS.
+struct ErrorFigures {
+  double rms_percent = kNan;
+  double p95_percent = kNan;
+  double max_percent = kNan;
+};
+
+ErrorFigures figures_of(std::vector<double> error_N, double truth_rms_N) {
+  ErrorFigures figures;
+  if (error_N.empty() || !(truth_rms_N > 0.0)) {
+    return figures;
+  }
+  double sum = 0.0;
+  double largest_N = 0.0;
+  for (const double error : error_N) {
+    sum += error * error;
+    largest_N = error <= largest_N ? largest_N : error;  // NaN, should there be one, stays
+  }
+  const double to_percent = 100.0 / truth_rms_N;
+  figures.rms_percent = to_percent * std::sqrt(sum / static_cast<double>(error_N.size()));
+  figures.p95_percent = to_percent * percentile(error_N, 0.95);
+  figures.max_percent = to_percent * largest_N;
+  return figures;
+}
+
+double adaptation_of(const std::vector<ServoInstant>& servo, const std::vector<double>& error_N,
+                     double truth_rms_N) {
+  const double begin_s = servo.front().time_s;
+  double adapted_s = kNan;
+  for (std::size_t i = 0; i < servo.size();) {
+    const double window = std::floor((servo[i].time_s - begin_s) / kAdaptationWindow_s);
+    const double end_s = (window + 1.0) * kAdaptationWindow_s;
+    std::vector<double> within;
+    for (; i < servo.size() && servo[i].time_s - begin_s < end_s; ++i) {
+      within.push_back(error_N[i]);
+    }
+    if (within.empty()) {
+      within.push_back(error_N[i++]);  // an instant that rounding put on the window's end
+    }
+    if (!(figures_of(within, truth_rms_N).rms_percent < kAdapted_percent)) {
+      adapted_s = kNan;
+    } else if (std::isnan(adapted_s)) {
+      adapted_s = end_s;
+    }
+  }
+  return adapted_s;
+}
+
+void add_errors(const std::vector<ServoInstant>& servo, Verdict& verdict) {
+  if (servo.empty()) {
+    return;
+  }
+  double truth_sum = 0.0;
+  std::vector<double> error_N;
+  std::vector<double> first_N;
+  std::vector<double> after_N;
+  verdict.largest_step_N = kNan;
+  Eigen::Vector3d error_before_W = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < servo.size(); ++i) {
+    truth_sum += servo[i].force_W.squaredNorm();
+    const Eigen::Vector3d error_W = verdict.forces_W[i] - servo[i].force_W;
+    error_N.push_back(error_W.norm());
+    if (servo[i].time_s - servo.front().time_s < 1.0) {
+      first_N.push_back(error_N.back());
+    } else {
+      if (!after_N.empty()) {
+        const double step_N = (error_W - error_before_W).norm();
+        verdict.largest_step_N = step_N <= verdict.largest_step_N ? verdict.largest_step_N : step_N;
+      }
+      after_N.push_back(error_N.back());
+    }
+    error_before_W = error_W;
+  }
+  verdict.truth_rms_N = std::sqrt(truth_sum / static_cast<double>(servo.size()));
+  verdict.adaptation_s = adaptation_of(servo, error_N, verdict.truth_rms_N);
+  const ErrorFigures first = figures_of(std::move(first_N), verdict.truth_rms_N);
+  verdict.rms_error_percent_first_1s = first.rms_percent;
+  verdict.p95_error_percent_first_1s = first.p95_percent;
+  verdict.max_error_percent_first_1s = first.max_percent;
+  const ErrorFigures after = figures_of(std::move(after_N), verdict.truth_rms_N);
+  verdict.rms_error_percent_after_1s = after.rms_percent;
+  verdict.p95_error_percent_after_1s = after.p95_percent;
+  verdict.max_error_percent_after_1s = after.max_percent;
+}
+
+}  // namespace
+
+Verdict judge(ForceMethod& method, const Trace& trace, const JudgeOptions& options) {
+  Verdict verdict = Play(method, trace, options).run();
+  add_errors(trace.servo, verdict);
+  if (!options.keep_forces) {
+    verdict.forces_W = {};
+  }
+  return verdict;
+}
+
+}  // namespace forcegrid::evaluation
