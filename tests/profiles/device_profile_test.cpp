@@ -80,6 +80,18 @@ TEST(DeviceProfile, EveryShippedProfileLoadsUnderItsOwnName) {
   }
 }
 
+TEST(DeviceProfile, HoldsTheNumbersOfTheSheetsTeensy) {
+  const DeviceProfile profile = load_device_profile("woodenhaptics_teensy");
+  EXPECT_EQ(profile.usb.protocol, "w3");
+  EXPECT_EQ(profile.usb.vendor_id, 0x16C0);
+  EXPECT_EQ(profile.usb.product_id, 0x0486);
+  EXPECT_EQ(profile.usb.device_release, 0x0279);
+  EXPECT_EQ(profile.usb.report_bytes, 64);
+  EXPECT_EQ(profile.usb.usage_page, 0xFFAB);
+  EXPECT_EQ(profile.usb.usage, 0x0200);
+  EXPECT_EQ(profile.usb.frame_period_us, 125);
+}
+
 TEST(DeviceProfile, HoldsTheNumbersOfTheWoodenHapticsSheet) {
   const DeviceProfile profile = load_device_profile("woodenhaptics_v2015");
   EXPECT_EQ(profile.usb.vendor_id, 0x1234);
@@ -461,6 +473,20 @@ TEST(DeviceProfile, RefusesAKeyThatStandsTwice) {
   const fs::path file = folder.write("twice.toml", lines);
   EXPECT_THAT(error_of(file.string()),
               HasSubstr(file.string() + ":" + std::to_string(number) + ": "));
+}
+
+TEST(DeviceProfile, RefusesAKeyThatTomlDoesNotAllowAlsoWhereTheParserOnlyAsserts) {
+  const TemporaryFolder folder;
+  const std::string error = error_of(folder.write("header.toml", {"[<"}).string());
+  EXPECT_NE(error.find("header.toml"), std::string::npos) << error;
+  EXPECT_NE(error.find("use letters, digits"), std::string::npos) << error;
+}
+
+TEST(DeviceProfile, RefusesCharactersBeyondAsciiWithTheirLine) {
+  const TemporaryFolder folder;
+  const std::string error =
+      error_of(folder.write("odd.toml", {"# first", "na\xcf\x91 = 1"}).string());
+  EXPECT_NE(error.find("odd.toml:2: a character that is not ASCII"), std::string::npos) << error;
 }
 
 }  // namespace
