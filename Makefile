@@ -5,6 +5,7 @@ DEVICE  ?= woodenhaptics_v2015
 SCENE   ?= block
 SECONDS ?= 20
 ARGS    ?=
+FUZZ_SECONDS ?= 600
 
 PROGRAM := build/release/bin/forcegrid
 STAMP   := build/.packages
@@ -23,7 +24,7 @@ HIL := python3 tests/hil/run_guest.py --kernel $(HIL_KERNEL)
 UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
-.PHONY: run test build setup bench sanitize clean hil hil-full install-udev uninstall-udev
+.PHONY: run test build setup bench sanitize fuzz clean hil hil-full install-udev uninstall-udev
 
 run: build
 	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --seconds $(SECONDS) $(ARGS)
@@ -76,6 +77,12 @@ setup: $(STAMP)
 $(STAMP): setup/packages.txt setup/install.sh
 	setup/install.sh
 	@mkdir -p build && touch $@
+
+# Random bytes, guided by coverage, to every place where bytes of strangers come in. New inputs are
+# kept in build/fuzz/corpus, an input that is a fault in build/fuzz/faults.
+fuzz: setup
+	cmake --preset fuzz >/dev/null && cmake --build --preset fuzz
+	tests/fuzz/run_fuzzers.sh build/fuzz $(FUZZ_SECONDS)
 
 clean:
 	rm -rf build out

@@ -12,8 +12,12 @@ if(FORCEGRID_SANITIZE STREQUAL "address")
   set(flags -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
 elseif(FORCEGRID_SANITIZE STREQUAL "thread")
   set(flags -fsanitize=thread)
+elseif(FORCEGRID_SANITIZE STREQUAL "fuzzer")
+  set(flags -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
+            -fno-omit-frame-pointer)
 elseif(NOT FORCEGRID_SANITIZE STREQUAL "")
-  message(FATAL_ERROR "FORCEGRID_SANITIZE is '${FORCEGRID_SANITIZE}'; use address or thread")
+  message(FATAL_ERROR "FORCEGRID_SANITIZE is '${FORCEGRID_SANITIZE}'; use address, thread or, with "
+                      "clang, fuzzer")
 endif()
 if(flags)
   target_compile_options(forcegrid_sanitizers INTERFACE ${flags})

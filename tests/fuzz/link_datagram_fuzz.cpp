@@ -1,0 +1,57 @@
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <vector>
+
+#include "link/wire.h"
+#include "tests/fuzz/fuzz_targets.h"
+
+namespace forcegrid::fuzz {
+namespace {
+
+void check(std::span<const std::byte> datagram) {
+  const link::Decoded decoded = link::decode(datagram);
+  const bool empty = std::holds_alternative<std::monostate>(decoded.message);
+  require((decoded.status == link::WireStatus::kOk) != empty, "a message only if it is sound");
+  if (empty) {
+    require(decoded.session_id == 0, "no session without a message");
+    return;
+  }
+  std::array<std::byte, link::kMaxDatagramBytes> again;
+  const link::Encoded encoded = std::visit(
+      [&](const auto& message) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(message)>, std::monostate>) {
+          return link::Encoded{};
+        } else {
+          return link::encode(message, decoded.session_id, again);
+        }
+      },
+      decoded.message);
+  require(encoded.status == link::WireStatus::kOk, "what is accepted can be sent");
+  require(encoded.size_bytes == datagram.size() &&
+              std::equal(datagram.begin(), datagram.end(), again.begin()),
+          "a message has one form");
+}
+
+}  // namespace
+
+void link_datagram(Input input) {
+  check(std::as_bytes(input));
+  // The same with length and checksum put right, so that what lies behind them is tried as well.
+  if (input.size() < link::kHeaderBytes + link::kChecksumBytes) {
+    return;
+  }
+  std::vector<std::byte> repaired(input.size());
+  std::memcpy(repaired.data(), input.data(), input.size());
+  const std::size_t body_bytes = input.size() - link::kChecksumBytes;
+  const auto crc = static_cast<std::uint32_t>(
+      ::crc32(0, reinterpret_cast<const Bytef*>(repaired.data()), static_cast<uInt>(body_bytes)));
+  for (std::size_t i = 0; i < link::kChecksumBytes; ++i) {
+    repaired[body_bytes + i] = static_cast<std::byte>(crc >> (8 * i));
+  }
+  check(repaired);
+}
+
+}  // namespace forcegrid::fuzz
