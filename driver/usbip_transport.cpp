@@ -50,6 +50,8 @@ constexpr std::uint8_t kEndpointDescriptor = 5;
 constexpr std::uint8_t kHidDescriptor = 0x21;
 constexpr std::uint8_t kReportDescriptor = 0x22;
 constexpr std::uint8_t kHidClass = 3;
+constexpr std::uint8_t kVendorClass = 0xFF;
+constexpr std::uint8_t kBulk = 2;
 constexpr std::uint8_t kInterrupt = 3;
 
 std::uint16_t get16(const std::uint8_t* bytes) noexcept {
@@ -221,7 +223,10 @@ std::string utf8_of(std::span<const std::uint8_t> utf16) {
   return text;
 }
 
-struct HidEndpoints {
+/// What the driver wants of a device.
+enum class InterfaceKind : std::uint8_t { kHid, kVendor };
+
+struct Endpoints {
   std::uint8_t configuration = 0;
   std::uint8_t interface = 0;
   std::uint16_t report_descriptor_bytes = 0;
@@ -232,13 +237,15 @@ struct HidEndpoints {
   std::uint8_t out_interval = 1;
 };
 
-/// The first HID interface that has an interrupt endpoint each way, in a configuration descriptor.
-std::optional<HidEndpoints> find_hid_interface(std::span<const std::uint8_t> bytes) {
+/// In a configuration descriptor, the first HID interface that has an interrupt endpoint each way,
+/// or the first vendor-specific one with a bulk endpoint each way.
+std::optional<Endpoints> find_interface(std::span<const std::uint8_t> bytes, InterfaceKind kind) {
+  const bool hid = kind == InterfaceKind::kHid;
   if (bytes.size() < 9) {
     return std::nullopt;
   }
-  HidEndpoints candidate;
-  bool is_hid = false;
+  Endpoints candidate;
+  bool is_wanted = false;
   std::size_t at = 0;
   while (bytes.size() - at >= 2) {
     const std::size_t length = bytes[at];
@@ -247,12 +254,13 @@ std::optional<HidEndpoints> find_hid_interface(std::span<const std::uint8_t> byt
     }
     const auto item = bytes.subspan(at, length);
     if (item[1] == kInterfaceDescriptor && length >= 9) {
-      candidate = HidEndpoints{.configuration = bytes[5], .interface = item[2]};
-      is_hid = item[5] == kHidClass && item[3] == 0;
-    } else if (is_hid && item[1] == kHidDescriptor && length >= 9 && item[6] == kReportDescriptor) {
+      candidate = Endpoints{.configuration = bytes[5], .interface = item[2]};
+      is_wanted = item[5] == (hid ? kHidClass : kVendorClass) && item[3] == 0;
+    } else if (hid && is_wanted && item[1] == kHidDescriptor && length >= 9 &&
+               item[6] == kReportDescriptor) {
       candidate.report_descriptor_bytes = little16(&item[7]);
-    } else if (is_hid && item[1] == kEndpointDescriptor && length >= 7 &&
-               (item[3] & 3) == kInterrupt) {
+    } else if (is_wanted && item[1] == kEndpointDescriptor && length >= 7 &&
+               (item[3] & 3) == (hid ? kInterrupt : kBulk)) {
       const auto packet_bytes = static_cast<std::uint16_t>(little16(&item[4]) & 0x7FF);
       if ((item[2] & 0x80) != 0 && candidate.in_endpoint == 0) {
         candidate.in_endpoint = item[2] & 0x0F;
@@ -263,8 +271,8 @@ std::optional<HidEndpoints> find_hid_interface(std::span<const std::uint8_t> byt
         candidate.out_interval = item[6];
       }
     }
-    if (is_hid && candidate.in_endpoint != 0 && candidate.out_endpoint != 0 &&
-        candidate.report_descriptor_bytes != 0) {
+    if (is_wanted && candidate.in_endpoint != 0 && candidate.out_endpoint != 0 &&
+        (!hid || candidate.report_descriptor_bytes != 0)) {
       return candidate;
     }
     at += length;
@@ -272,10 +280,10 @@ std::optional<HidEndpoints> find_hid_interface(std::span<const std::uint8_t> byt
   return std::nullopt;
 }
 
-class UsbipTransport final : public Transport {
+class UsbipTransport final : public BulkTransport {
  public:
-  UsbipTransport(const DeviceUrl& url, rt::Duration timeout)
-      : url_(url), socket_(connect_to(url, rt::Clock::now() + timeout)) {
+  UsbipTransport(const DeviceUrl& url, rt::Duration timeout, InterfaceKind kind)
+      : url_(url), kind_(kind), socket_(connect_to(url, rt::Clock::now() + timeout)) {
     import(rt::Clock::now() + timeout);
     enumerate(timeout);
     if (!submit_in()) {
@@ -300,9 +308,14 @@ class UsbipTransport final : public Transport {
     }
     const QueuedReport& report = queue_[queue_head_];
     std::memcpy(buffer.data(), report.bytes.data(), std::min(buffer.size(), report.size));
+    const ReadResult result{
+        .status = TransportStatus::kOk, .bytes = report.size, .arrived = report.arrived};
     queue_head_ = (queue_head_ + 1) % kReportQueue;
     --queue_size_;
-    return {.status = TransportStatus::kOk, .bytes = report.size, .arrived = report.arrived};
+    if (!in_.active && !closing_ && status_ == TransportStatus::kOk) {
+      submit_in();
+    }
+    return result;
   }
 
   bool can_wait() const noexcept override { return true; }
@@ -356,6 +369,28 @@ class UsbipTransport final : public Transport {
       return {.status = status_};
     }
     return {.status = TransportStatus::kOk, .completed = out_.completed};
+  }
+
+  TransportStatus control_out(const ControlRequest& request,
+                              rt::Duration timeout) noexcept override {
+    if (status_ != TransportStatus::kOk) {
+      return status_;
+    }
+    const rt::TimePoint deadline = rt::Clock::now() + std::max(timeout, rt::Duration::zero());
+    if (!exchange_control(request.request_type, request.request, request.value, request.index, 0,
+                          deadline)) {
+      if (status_ == TransportStatus::kOk) {
+        withdraw(control_, std::max(timeout, kUnlinkTimeout));
+      }
+      return status_ == TransportStatus::kOk ? TransportStatus::kTimeout : status_;
+    }
+    if (control_.status != 0) {
+      fail(
+          means_gone(control_.status) ? TransportStatus::kDisconnected : TransportStatus::kProtocol,
+          "it refuses control request " + std::to_string(request.request) + ": " +
+              usb_error_words(control_.status));
+    }
+    return status_;
   }
 
   void close() noexcept override {
@@ -637,7 +672,8 @@ class UsbipTransport final : public Transport {
     report.size = bytes.size();
     report.arrived = received_at_;
     ++queue_size_;
-    if (!closing_) {
+    // Bulk data are a stream, of which nothing may be lost: a full queue makes the device wait.
+    if (!closing_ && (kind_ == InterfaceKind::kHid || queue_size_ < kReportQueue)) {
       submit_in();
     }
   }
@@ -648,9 +684,11 @@ class UsbipTransport final : public Transport {
   }
 
   /// A control transfer on endpoint 0.
-  /// @returns the USB status; data of an IN transfer are in control_data_.
-  std::int32_t control(std::uint8_t request_type, std::uint8_t request, std::uint16_t value,
-                       std::uint16_t index, std::uint16_t length, rt::Duration timeout) {
+  /// @returns false when it was not answered by `deadline`, or the transport failed; else
+  ///          control_.status is the USB status and control_data_ has the data of an IN transfer.
+  bool exchange_control(std::uint8_t request_type, std::uint8_t request, std::uint16_t value,
+                        std::uint16_t index, std::uint16_t length,
+                        rt::TimePoint deadline) noexcept {
     const std::array<std::uint8_t, 8> setup = {request_type,
                                                request,
                                                static_cast<std::uint8_t>(value & 0xFF),
@@ -659,14 +697,20 @@ class UsbipTransport final : public Transport {
                                                static_cast<std::uint8_t>(index >> 8),
                                                static_cast<std::uint8_t>(length & 0xFF),
                                                static_cast<std::uint8_t>(length >> 8)};
-    const rt::TimePoint deadline = rt::Clock::now() + timeout;
-    if (submit(control_, 0, (request_type & 0x80) != 0, length, 0, setup, {})) {
-      pump(deadline, [this] { return !control_.active; });
-      if (control_.active) {
-        fail(TransportStatus::kDisconnected, "the device does not answer a control request");
-      }
+    if (!submit(control_, 0, (request_type & 0x80) != 0, length, 0, setup, {})) {
+      return false;
     }
-    if (status_ != TransportStatus::kOk) {
+    pump(deadline, [this] { return !control_.active; });
+    return status_ == TransportStatus::kOk && !control_.active;
+  }
+
+  /// The same while opening.
+  /// @returns the USB status.
+  std::int32_t control(std::uint8_t request_type, std::uint8_t request, std::uint16_t value,
+                       std::uint16_t index, std::uint16_t length, rt::Duration timeout) {
+    if (!exchange_control(request_type, request, value, index, length,
+                          rt::Clock::now() + timeout)) {
+      fail(TransportStatus::kDisconnected, "the device does not answer a control request");
       throw DeviceError(failure_);
     }
     return control_.status;
@@ -721,12 +765,14 @@ class UsbipTransport final : public Transport {
                        timeout, "configuration descriptor");
       }
     }
-    const auto found = find_hid_interface(configuration);
+    const bool hid = kind_ == InterfaceKind::kHid;
+    const auto found = find_interface(configuration, kind_);
     if (!found || found->in_bytes == 0 || found->in_bytes > kMaxReportBytes ||
         found->report_descriptor_bytes > kMaxTransferBytes) {
       fail_open(url_,
-                "it has no HID interface with an interrupt endpoint of 1 to 64 bytes each way; "
-                "this is not a device of the profile");
+                std::string(hid ? "it has no HID interface with an interrupt endpoint"
+                                : "it has no vendor-specific interface with a bulk endpoint") +
+                    " of 1 to 64 bytes each way; this is not a device of the profile");
     }
     endpoints_ = *found;
 
@@ -746,6 +792,9 @@ class UsbipTransport final : public Transport {
       fail_open(url_, "the device refuses its configuration: " + usb_error_words(status) +
                           "; plug it in again");
     }
+    if (!hid) {
+      return;
+    }
     // A device need not have an idle rate: its refusal (a stall) is of no consequence.
     static_cast<void>(control(0x21, kSetIdle, 0, endpoints_.interface, 0, timeout));
     report_descriptor_ =
@@ -754,10 +803,11 @@ class UsbipTransport final : public Transport {
   }
 
   DeviceUrl url_;
+  InterfaceKind kind_;
   Socket socket_;
   TransportIdentity identity_;
   std::vector<std::uint8_t> report_descriptor_;
-  HidEndpoints endpoints_;
+  Endpoints endpoints_;
   std::uint32_t device_id_ = 0;
   std::uint32_t sequence_ = 0;
   bool closing_ = false;
@@ -782,7 +832,12 @@ class UsbipTransport final : public Transport {
 }  // namespace
 
 std::unique_ptr<Transport> open_usbip_transport(const DeviceUrl& url, rt::Duration timeout) {
-  return std::make_unique<UsbipTransport>(url, timeout);
+  return std::make_unique<UsbipTransport>(url, timeout, InterfaceKind::kHid);
+}
+
+std::unique_ptr<BulkTransport> open_usbip_bulk_transport(const DeviceUrl& url,
+                                                         rt::Duration timeout) {
+  return std::make_unique<UsbipTransport>(url, timeout, InterfaceKind::kVendor);
 }
 
 }  // namespace forcegrid::driver

@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "driver/bulk_transport.h"
 #include "driver/device_url.h"
 #include "driver/transport.h"
 
@@ -18,5 +19,10 @@ namespace forcegrid::driver {
 /// @param timeout  of connecting, and again of each step of the enumeration.
 /// @throws DeviceError with the server's or system's words and the remedy.
 std::unique_ptr<Transport> open_usbip_transport(const DeviceUrl& url, rt::Duration timeout);
+
+/// The same for the first vendor-specific interface that has a bulk endpoint each way. Nothing that
+/// the device sends is dropped: while 32 packets wait to be read, no IN request is pending.
+std::unique_ptr<BulkTransport> open_usbip_bulk_transport(const DeviceUrl& url,
+                                                         rt::Duration timeout);
 
 }  // namespace forcegrid::driver
