@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cli/commands.h"
+#include "cli/evaluate_command.h"
 #include "cli/run_command.h"
 #include "cli/stop_request.h"
 #include "driver/device_url.h"
@@ -252,15 +253,17 @@ int main(int argc, char** argv) {
   EmulateOptions emulate;
   SimulateOptions simulate;
   KinematicsOptions kinematics;
+  EvaluateOptions evaluate;
   std::function<int()> action;
   add_run(app, run, action);
   add_emulate(app, emulate, action);
   add_simulate(app, simulate, action);
   add_kinematics(app, kinematics, action);
+  add_evaluate(app, evaluate, action);
   try {
     app.parse(argc, argv);
     if (!action) {
-      throw CLI::RequiredError("a subcommand: run, emulate, simulate or kinematics");
+      throw CLI::RequiredError("a subcommand: run, emulate, simulate, kinematics or evaluate");
     }
   } catch (const CLI::ParseError& error) {
     const int code = app.exit(error);
