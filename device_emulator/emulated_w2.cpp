@@ -20,10 +20,6 @@ constexpr double kDutyMargin = 1e-9;
 constexpr std::int32_t kPowerUpRange_counts = 20000;
 constexpr std::uint8_t kInterfaceClassHid = 3;
 
-constexpr std::array<UsbEndpoint, 2> kEndpoints = {
-    UsbEndpoint{W2UsbDevice::kEndpointIn, UsbTransferType::kInterrupt, W2Firmware::kPacketBytes},
-    UsbEndpoint{W2UsbDevice::kEndpointOut, UsbTransferType::kInterrupt, W2Firmware::kPacketBytes}};
-
 Vector3d vector(const profiles::Axes& axes) { return {axes[0], axes[1], axes[2]}; }
 
 Vector3d calibration_counts(const profiles::DeviceProfile& profile) {
@@ -59,7 +55,8 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
                 .device_release = options.profile.usb.device_release,
                 .interface_class = kInterfaceClassHid},
       usb_(options.profile.usb),
-      firmware_(options.profile.motors.full_scale_current_A),
+      firmware_(options.profile.motors.full_scale_current_A,
+                static_cast<std::size_t>(options.profile.usb.report_bytes)),
       arm_(options.profile, options.hand_profile(),
            ArmKinematics(options.profile.kinematics)
                .joint_angle_rad(calibration_counts(options.profile)),
@@ -74,13 +71,14 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
               .cwiseProduct(vector(options.profile.kinematics.body_diameter_m))
               .cwiseQuotient(vector(options.profile.kinematics.capstan_diameter_m))),
       now_(start) {
+  identity_.interfaces = usb_.interfaces();
   firmware_.turn_encoders(encoder_positions(arm_));
   firmware_.set_counters(power_up_counters(options));
 }
 
 UsbIdentity EmulatedW2::identity() const noexcept { return identity_; }
 
-std::span<const UsbEndpoint> EmulatedW2::endpoints() const noexcept { return kEndpoints; }
+std::span<const UsbEndpoint> EmulatedW2::endpoints() const noexcept { return usb_.endpoints(); }
 
 void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
   if (now - now_ > kLongestStep) {
@@ -128,15 +126,14 @@ ControlReply EmulatedW2::control(const SetupPacket& setup, std::span<const std::
 void EmulatedW2::run(rt::TimePoint now, UsbHost& host) {
   advance_to(now);
   const auto serve_out = [&] {
-    const auto packet = host.out_packet(W2UsbDevice::kEndpointOut);
-    if (packet && !halted(W2UsbDevice::kEndpointOut) && firmware_.offer_out(*packet)) {
-      host.take_out(W2UsbDevice::kEndpointOut);
+    const auto packet = host.out_packet(usb_.endpoint_out());
+    if (packet && !halted(usb_.endpoint_out()) && firmware_.offer_out(*packet)) {
+      host.take_out(usb_.endpoint_out());
     }
   };
   const auto serve_in = [&] {
-    if (firmware_.in_armed() && !halted(W2UsbDevice::kEndpointIn) &&
-        host.wants_in(W2UsbDevice::kEndpointIn) &&
-        host.give_in(W2UsbDevice::kEndpointIn, firmware_.in_report())) {
+    if (firmware_.in_armed() && !halted(usb_.endpoint_in()) && host.wants_in(usb_.endpoint_in()) &&
+        host.give_in(usb_.endpoint_in(), firmware_.in_report())) {
       firmware_.collect_in();
     }
   };

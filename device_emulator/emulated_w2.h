@@ -17,7 +17,7 @@
 
 namespace forcegrid::emulator {
 
-/// One W2 device behind its plug: endpoint 0, firmware, amplifiers, motors, arm, hand and operator.
+/// One W2 or W3 device behind its plug: endpoint 0, firmware, amplifiers, motors, arm, hand and operator.
 /// The arm starts at rest in the calibration pose. Motor torque at joint i is
 /// tau_i = s_i k_i I_i D_i / d_i with I_i = I_full (duty_i - 0.5) / 0.4 for a duty within 10..90 %.
 /// The servo amplifier (ESCON) treats any other duty as out of range: zero current, counted.

@@ -335,6 +335,7 @@ EmulatorServer::Impl::Impl(const ServerOptions& options)
     info.vendor_id = identity.vendor_id;
     info.product_id = identity.product_id;
     info.device_release = identity.device_release;
+    info.interfaces = identity.interfaces;
     info.interface_class = identity.interface_class;
     info.interface_subclass = identity.interface_subclass;
     info.interface_protocol = identity.interface_protocol;

@@ -33,7 +33,8 @@ struct UsbIdentity {
   std::uint16_t vendor_id = 0;
   std::uint16_t product_id = 0;
   std::uint16_t device_release = 0;  ///< bcdDevice
-  std::uint8_t interface_class = 0;  ///< of interface 0, the only one
+  std::uint8_t interfaces = 1;       ///< all of the same class, subclass and protocol
+  std::uint8_t interface_class = 0;
   std::uint8_t interface_subclass = 0;
   std::uint8_t interface_protocol = 0;
 };

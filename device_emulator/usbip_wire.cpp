@@ -38,7 +38,7 @@ void put_device(std::vector<std::uint8_t>& out, const DeviceInfo& device) {
   put8(out, 0);
   put8(out, device.configuration);
   put8(out, 1);  // configurations
-  put8(out, 1);  // interfaces
+  put8(out, device.interfaces);
 }
 
 void put_op_header(std::vector<std::uint8_t>& out, std::uint16_t code, OpStatus status) {
@@ -92,10 +92,12 @@ void append_devlist_reply(std::vector<std::uint8_t>& out, std::span<const Device
   put32(out, static_cast<std::uint32_t>(devices.size()));
   for (const DeviceInfo& device : devices) {
     put_device(out, device);
-    put8(out, device.interface_class);
-    put8(out, device.interface_subclass);
-    put8(out, device.interface_protocol);
-    put8(out, 0);  // padding
+    for (int i = 0; i < device.interfaces; ++i) {
+      put8(out, device.interface_class);
+      put8(out, device.interface_subclass);
+      put8(out, device.interface_protocol);
+      put8(out, 0);  // padding
+    }
   }
 }
 

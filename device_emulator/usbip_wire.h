@@ -68,6 +68,7 @@ struct DeviceInfo {
   std::uint16_t product_id = 0;
   std::uint16_t device_release = 0;
   std::uint8_t configuration = 0;
+  std::uint8_t interfaces = 1;  ///< all of the same class, subclass and protocol
   std::uint8_t interface_class = 0;
   std::uint8_t interface_subclass = 0;
   std::uint8_t interface_protocol = 0;

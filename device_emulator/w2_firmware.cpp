@@ -14,8 +14,9 @@ constexpr std::int16_t kLoadCounters = 1;
 
 }  // namespace
 
-W2Firmware::W2Firmware(double full_scale_current_A) noexcept
-    : full_scale_current_A_(full_scale_current_A) {}
+W2Firmware::W2Firmware(double full_scale_current_A, std::size_t wire_bytes) noexcept
+    : full_scale_current_A_(full_scale_current_A),
+      wire_bytes_(std::clamp(wire_bytes, kReportBytes, kPacketBytes)) {}
 
 void W2Firmware::turn_encoders(const std::array<std::int64_t, 6>& position_counts) noexcept {
   if (encoders_) {
@@ -50,9 +51,9 @@ bool W2Firmware::offer_out(std::span<const std::uint8_t> packet) noexcept {
   Packet& slot = out_queue_[out_count_++];
   std::copy(packet.begin(), packet.end(), slot.bytes.begin());
   slot.size = packet.size();
-  if (packet.size() == kReportBytes) {
+  if (packet.size() == wire_bytes_) {
     ++statistics_.reports_received;
-  } else if (packet.size() < kReportBytes) {
+  } else if (packet.size() < wire_bytes_) {
     ++statistics_.short_reports;
   } else {
     ++statistics_.long_reports;
@@ -125,18 +126,19 @@ bool W2Firmware::check_watchdog(rt::TimePoint now) noexcept {
 }
 
 W2Firmware::Report W2Firmware::sample() const noexcept {
-  Report report{};
+  Report report;
+  report.size_ = wire_bytes_;
   for (std::size_t i = 0; i < 6; ++i) {
     const auto low = static_cast<std::uint16_t>(static_cast<std::uint32_t>(counters_[i]) & 0xFFFFU);
-    report[2 * i] = static_cast<std::uint8_t>(low & 0xFFU);
-    report[2 * i + 1] = static_cast<std::uint8_t>(low >> 8);
+    report.bytes_[2 * i] = static_cast<std::uint8_t>(low & 0xFFU);
+    report.bytes_[2 * i + 1] = static_cast<std::uint8_t>(low >> 8);
   }
-  report[12] = info_ ? 1 : 0;
+  report.bytes_[12] = info_ ? 1 : 0;
   return report;
 }
 
 void W2Firmware::act_on(const Packet& packet, rt::TimePoint now) noexcept {
-  if (packet.size != kReportBytes) {
+  if (packet.size != wire_bytes_) {
     return;
   }
   last_feed_ = now;

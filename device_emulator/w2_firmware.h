@@ -17,11 +17,13 @@ namespace forcegrid::emulator {
 /// Report IN (14 bytes, little-endian int16): counters a..f, info (1: calibration button pressed
 /// since the last command 1). Report OUT: current a, b, c [mA], command (1: load counters a, b, c
 /// from the next three and d, e, f from the currents; anything else: apply the currents), attr0..2.
-/// Source: haptikfabrikenapi `firmware/main.cpp` (b8d6c94), by way of its fact sheet.
+/// W3 has the same two reports in 64 bytes: zeros follow IN, and what follows OUT is ignored, since
+/// hosts send whatever their memory holds there. Its program is not published; hosts treat it as
+/// W2. Source: haptikfabrikenapi `firmware/main.cpp` (b8d6c94), by way of its fact sheet.
 /// Real-time: no allocation, lock or throw after construction. Threads: one.
 class W2Firmware {
  public:
-  static constexpr std::size_t kReportBytes = 14;
+  static constexpr std::size_t kReportBytes = 14;  ///< of both reports that are used
   static constexpr std::size_t kPacketBytes = 64;  ///< of both interrupt endpoints
   /// OUT packets the device takes before it answers NAK. The sheet speaks of queued reports and
   /// gives no depth; two is the least with which there is something to drain.
@@ -30,7 +32,21 @@ class W2Firmware {
   static constexpr rt::Duration kWatchdog = std::chrono::milliseconds(500);
   static constexpr double kZeroCurrentDuty = 0.5;
 
-  using Report = std::array<std::uint8_t, kReportBytes>;
+  /// An IN report as it goes over the wire.
+  class Report {
+   public:
+    using value_type = std::uint8_t;
+    using const_iterator = const std::uint8_t*;
+    [[nodiscard]] const std::uint8_t* begin() const noexcept { return bytes_.data(); }
+    [[nodiscard]] const std::uint8_t* end() const noexcept { return bytes_.data() + size_; }
+    [[nodiscard]] std::size_t size() const noexcept { return size_; }
+    [[nodiscard]] std::uint8_t operator[](std::size_t i) const noexcept { return bytes_[i]; }
+
+   private:
+    friend class W2Firmware;
+    std::array<std::uint8_t, kPacketBytes> bytes_{};
+    std::size_t size_ = 0;
+  };
   using Counters = std::array<std::int32_t, 6>;
 
   /// What the pins of the motor amplifiers see.
@@ -42,8 +58,8 @@ class W2Firmware {
   struct Statistics {
     std::uint64_t reports_sent = 0;      ///< IN reports the host has collected
     std::uint64_t reports_received = 0;  ///< OUT reports of the right length, drained ones included
-    std::uint64_t short_reports = 0;     ///< OUT reports of fewer than 14 bytes
-    std::uint64_t long_reports = 0;      ///< OUT reports of more than 14 bytes
+    std::uint64_t short_reports = 0;     ///< OUT reports of fewer bytes
+    std::uint64_t long_reports = 0;      ///< OUT reports of more bytes
     std::uint64_t reports_drained = 0;   ///< OUT reports skipped for a newer one
     std::uint64_t reports_applied = 0;   ///< OUT reports acted on; each has fed the watchdog
     std::uint64_t counters_loaded = 0;   ///< command 1 executed
@@ -51,7 +67,8 @@ class W2Firmware {
   };
 
   /// @param full_scale_current_A I_full, the current at a duty of 90 %; positive.
-  explicit W2Firmware(double full_scale_current_A) noexcept;
+  /// @param wire_bytes length of a report on the wire, 14 (W2) to 64 (W3).
+  explicit W2Firmware(double full_scale_current_A, std::size_t wire_bytes = kReportBytes) noexcept;
 
   /// Positions of the six encoders [counts] as the quadrature decoders see them; counters follow by
   /// the difference to the last call, and start from the first.
@@ -83,6 +100,7 @@ class W2Firmware {
   bool check_watchdog(rt::TimePoint now) noexcept;
 
   [[nodiscard]] bool configured() const noexcept { return configured_; }
+  [[nodiscard]] std::size_t wire_bytes() const noexcept { return wire_bytes_; }
   [[nodiscard]] const Outputs& outputs() const noexcept { return outputs_; }
   [[nodiscard]] const Counters& counters() const noexcept { return counters_; }
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
@@ -106,6 +124,7 @@ class W2Firmware {
   void act_on(const Packet& packet, rt::TimePoint now) noexcept;
 
   double full_scale_current_A_;
+  std::size_t wire_bytes_;
   State state_ = State::kAwaitConfiguration;
   bool configured_ = false;
   rt::TimePoint started_{};

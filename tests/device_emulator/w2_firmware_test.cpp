@@ -155,6 +155,38 @@ TEST_F(W2FirmwareTest, WrongLengthReleasesTheNextReportButFeedsNothing) {
   EXPECT_TRUE(firmware_.check_watchdog(at(2500)));
 }
 
+// W3, sheet sections 2.2 and 3.3: 64 bytes each way, and hosts send noise behind the first 14.
+TEST(W3Firmware, ReportsAreTheSameIn64BytesAndWhatFollowsThemIsIgnored) {
+  W2Firmware firmware(6.0, 64);
+  firmware.set_counters({-1500, 1200, 5200, 0, 0, 0});
+  firmware.set_configured(true, at(0));
+  EXPECT_TRUE(firmware.run(at(1000)));
+  Bytes expected = hex("24 FA B0 04 50 14 00 00 00 00 00 00 00 00");
+  expected.resize(64);
+  EXPECT_THAT(firmware.in_report(), ElementsAreArray(expected));
+  ASSERT_TRUE(firmware.collect_in().has_value());
+  Bytes noisy = kCurrents;
+  noisy.resize(64, 0xA5);
+  EXPECT_TRUE(firmware.offer_out(noisy));
+  EXPECT_TRUE(firmware.run(at(1001)));
+  EXPECT_TRUE(firmware.outputs().motor_enable);
+  EXPECT_NEAR(firmware.outputs().duty[2], 0.522, 1e-12);  // 330 mA of 6 A
+  EXPECT_EQ(firmware.statistics().reports_received, 1U);
+}
+
+TEST(W3Firmware, AReportOf14BytesReleasesTheNextButFeedsNothing) {
+  W2Firmware firmware(6.0, 64);
+  firmware.set_configured(true, at(0));
+  EXPECT_TRUE(firmware.run(at(1000)));
+  ASSERT_TRUE(firmware.collect_in().has_value());
+  EXPECT_TRUE(firmware.offer_out(kCurrents));
+  EXPECT_TRUE(firmware.run(at(1001)));
+  EXPECT_TRUE(firmware.in_armed());
+  EXPECT_FALSE(firmware.outputs().motor_enable);
+  EXPECT_EQ(firmware.statistics().short_reports, 1U);
+  EXPECT_FALSE(firmware.last_feed().has_value());
+}
+
 TEST_F(W2FirmwareTest, CommandOneLoadsCountersAndGivesZeroCurrent) {
   firmware_.set_counters({111, 222, 333, 444, 555, 666});
   firmware_.press_calibration_button();
