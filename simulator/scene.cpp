@@ -17,6 +17,7 @@ constexpr NamedBlock kBlocks[] = {
     {"block", {22, 22, 21}, 10.0, 5.0},
     {"block_linear", {22, 22, 21}, 10.0, 0.0},
     {"small", {11, 11, 9}, 20.0, 5.0},
+    {"small_linear", {11, 11, 9}, 20.0, 0.0},
 };
 
 }  // namespace

@@ -14,6 +14,7 @@ namespace forcegrid::simulator {
 ///   block         0.1 m cube, 22 x 22 x 21 vertices, 84,566 cubic springs of k = 10 N/m
 ///   block_linear  the same with linear springs
 ///   small         0.1 m cube, 11 x 11 x 9 vertices, 8,268 cubic springs of k = 20 N/m
+///   small_linear  the same with linear springs
 ///
 /// All have face diagonals of 0.7 k, +-30 % random stiffness and a fixed bottom.
 struct Scene {

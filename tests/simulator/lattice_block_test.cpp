@@ -152,13 +152,13 @@ TEST(LatticeBlock, RefusesOptionsOutOfRangeByName) {
 }
 
 TEST(Scene, KnowsItsNamesAndListsThemForAnUnknownOne) {
-  EXPECT_THAT(scene_names(), ElementsAre("block", "block_linear", "small"));
+  EXPECT_THAT(scene_names(), ElementsAre("block", "block_linear", "small", "small_linear"));
   for (const char* wrong : {"blok", "", "Block", "block "}) {
     try {
       make_scene(wrong);
       ADD_FAILURE() << "'" << wrong << "' was taken";
     } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr("block, block_linear, small"));
+      EXPECT_THAT(error.what(), HasSubstr("block, block_linear, small, small_linear"));
       EXPECT_THAT(error.what(), HasSubstr("'" + std::string(wrong) + "'"));
     }
   }

@@ -265,7 +265,7 @@ TEST(RunSimulator, RefusesOptionsOutOfRangeByName) {
   };
   SimulatorOptions options;
   options.scene = "bloc";
-  EXPECT_THAT(message(options), HasSubstr("block, block_linear, small"));
+  EXPECT_THAT(message(options), HasSubstr("block, block_linear, small, small_linear"));
   options = {};
   options.rate_Hz = 0.0;
   EXPECT_THAT(message(options), HasSubstr("rate"));

@@ -1,0 +1,553 @@
+#include "evaluation/force_table.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <fstream>
+#include <mutex>
+#include <optional>
+#include <sstream>
+#include <thread>
+
+#include "simulator/truth.h"
+
+namespace forcegrid::evaluation {
+namespace {
+
+namespace fs = std::filesystem;
+using Eigen::Vector3d;
+
+constexpr int kFewestNodes = 4;  // what not-a-knot ends take
+constexpr int kMostNodes = 1000;
+// Raise when simulator/ changes what it answers: tables of another version aren't used.
+constexpr std::uint64_t kSolverVersion = 1;
+constexpr char kFileMark[8] = {'F', 'G', 'T', 'A', 'B', 'L', 'E', '1'};
+// A displacement on the lattice's edge may be outside by rounding.
+constexpr double kEdgeTolerance_m = 1e-9;
+constexpr std::chrono::milliseconds kProgressPeriod{200};
+
+// Inverse of the matrix that takes the n + 2 coefficients of a cubic spline to its values at the n
+// nodes, with the third derivative continuous at the second and the last but one.
+Eigen::MatrixXd interpolation_matrix(int nodes) {
+  const int size = nodes + 2;
+  Eigen::MatrixXd values = Eigen::MatrixXd::Zero(size, size);
+  for (int i = 0; i < nodes; ++i) {
+    values.block<1, 3>(i + 1, i) = Eigen::RowVector3d(1.0, 4.0, 1.0) / 6.0;
+  }
+  Eigen::Matrix<double, 1, 5> fourth_difference;
+  fourth_difference << 1.0, -4.0, 6.0, -4.0, 1.0;
+  values.block<1, 5>(0, 0) = fourth_difference;
+  values.block<1, 5>(size - 1, size - 5) = fourth_difference;
+  return values.inverse();
+}
+
+// The four B-splines that don't vanish at the fraction t of an interval, and their derivatives.
+void b_splines(double t, std::array<double, 4>& value, std::array<double, 4>& slope) {
+  const double u = 1.0 - t;
+  value = {u * u * u / 6.0, (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0,
+           (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0, t * t * t / 6.0};
+  slope = {-0.5 * u * u, t * (1.5 * t - 2.0), u * (2.0 - 1.5 * u), 0.5 * t * t};
+}
+
+std::string in_mm(const Vector3d& length_m) {
+  std::ostringstream text;
+  text << '(' << 1e3 * length_m.x() << ", " << 1e3 * length_m.y() << ", " << 1e3 * length_m.z()
+       << ") mm";
+  return text.str();
+}
+
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) {
+    throw ChartError("folder " + folder.string() + " can't be made (" + error.message() +
+                     "); name another one");
+  }
+}
+
+// The centre of the object's top, which the tool holds.
+Vector3d grip_W(const simulator::SpringMesh& mesh) {
+  return 0.5 * (mesh.surface_min_W + mesh.surface_max_W);
+}
+
+void add(ContentHash& hash, const Vector3d& vector) {
+  for (int axis = 0; axis < 3; ++axis) {
+    hash.add(vector[axis]);
+  }
+}
+
+ContentHash object_hash(const simulator::SpringMesh& mesh, const TableOptions& options) {
+  ContentHash hash;
+  hash.add(kSolverVersion);
+  for (const Vector3d& position_W : mesh.rest_position_W) {
+    add(hash, position_W);
+  }
+  hash.add(mesh.fixed.data(), mesh.fixed.size());
+  for (const simulator::Spring& spring : mesh.springs) {
+    hash.add(static_cast<std::uint64_t>(spring.a));
+    hash.add(static_cast<std::uint64_t>(spring.b));
+    hash.add(spring.stiffness_N_per_m);
+  }
+  hash.add(mesh.cubic_coefficient);
+  add(hash, grip_W(mesh));
+  hash.add(options.patch_radius_m);
+  hash.add(options.relative_tolerance);
+  hash.add(options.max_step_m);
+  return hash;
+}
+
+simulator::TruthResult solve(const simulator::SpringMesh& mesh, const TableOptions& options,
+                             const std::vector<Vector3d>& displacements_W, unsigned threads,
+                             const std::atomic<bool>* cancel, const Progress& progress) {
+  simulator::TruthOptions truth;
+  truth.contact_point_W = grip_W(mesh);
+  truth.relative_tolerance = options.relative_tolerance;
+  truth.patch_radius_m = options.patch_radius_m;
+  truth.max_step_m = options.max_step_m;
+  truth.threads = threads;
+  truth.progress = progress;
+  truth.cancel = cancel;
+  std::vector<Vector3d> positions_W;
+  positions_W.reserve(displacements_W.size());
+  for (const Vector3d& displacement_W : displacements_W) {
+    positions_W.push_back(truth.contact_point_W + displacement_W);
+  }
+  return simulator::simulate_truth(mesh, positions_W, truth);
+}
+
+// What a cache file keeps of a table.
+struct Layers {
+  std::vector<std::uint8_t> known;         // one a layer of equal z
+  std::vector<std::uint64_t> unconverged;  // one a layer
+  std::vector<Vector3d> forces_W;          // one a node
+};
+
+template <typename Item>
+void append(std::string& bytes, const std::vector<Item>& items) {
+  bytes.append(reinterpret_cast<const char*>(items.data()), items.size() * sizeof(Item));
+}
+
+template <typename Item>
+void take(const char*& at, std::vector<Item>& items) {
+  std::memcpy(static_cast<void*>(items.data()), at, items.size() * sizeof(Item));
+  at += items.size() * sizeof(Item);
+}
+
+fs::path table_file(const TableOptions& options, const std::string& key) {
+  return options.cache / ("table-" + key + ".bin");
+}
+
+void keep(const TableOptions& options, const std::string& key, const Layers& layers) {
+  if (options.cache.empty()) {
+    return;
+  }
+  std::string body;
+  append(body, layers.known);
+  append(body, layers.unconverged);
+  append(body, layers.forces_W);
+  ContentHash check;
+  check.add(body);
+  write_file(table_file(options, key),
+             std::string(kFileMark, sizeof kFileMark) + key + check.text() + body);
+}
+
+// The layers that an earlier call finished. A file that is damaged counts as none.
+void fetch(const TableOptions& options, const std::string& key, Layers& layers) {
+  if (options.cache.empty()) {
+    return;
+  }
+  std::ifstream file(table_file(options, key), std::ios::binary);
+  if (!file) {
+    return;
+  }
+  std::ostringstream content;
+  content << file.rdbuf();
+  const std::string bytes = content.str();
+  const std::size_t header = sizeof kFileMark + 2 * key.size();
+  const std::size_t expected = header + layers.known.size() +
+                               layers.unconverged.size() * sizeof(std::uint64_t) +
+                               layers.forces_W.size() * sizeof(Vector3d);
+  if (bytes.size() != expected || bytes.compare(0, sizeof kFileMark, kFileMark, 8) != 0) {
+    return;
+  }
+  ContentHash check;
+  check.add(bytes.substr(header));
+  if (bytes.substr(sizeof kFileMark, header - sizeof kFileMark) != key + check.text()) {
+    return;
+  }
+  const char* at = bytes.data() + header;
+  take(at, layers.known);
+  take(at, layers.unconverged);
+  take(at, layers.forces_W);
+}
+
+// From rest up or down to the layer's centre, then row by row, to and fro. The first node of the
+// layer is at index `first`.
+std::vector<Vector3d> path_of_layer(const TableLattice& lattice, int layer,
+                                    std::vector<std::size_t>& numbers) {
+  const auto nx = static_cast<std::size_t>(lattice.nodes[0]);
+  const auto ny = static_cast<std::size_t>(lattice.nodes[1]);
+  std::vector<Vector3d> path;
+  numbers.clear();
+  for (std::size_t j = 0; j < ny; ++j) {
+    for (std::size_t step = 0; step < nx; ++step) {
+      const std::size_t i = j % 2 == 0 ? step : nx - 1 - step;
+      numbers.push_back(i + nx * (j + ny * static_cast<std::size_t>(layer)));
+      path.push_back(lattice.node_W_m(numbers.back()));
+    }
+  }
+  path.insert(path.begin(), {0.0, 0.0, path.front().z()});
+  return path;
+}
+
+}  // namespace
+
+std::size_t TableLattice::node_count() const noexcept {
+  return static_cast<std::size_t>(nodes[0]) * static_cast<std::size_t>(nodes[1]) *
+         static_cast<std::size_t>(nodes[2]);
+}
+
+Vector3d TableLattice::node_W_m(std::size_t number) const noexcept {
+  const auto nx = static_cast<std::size_t>(nodes[0]);
+  const auto ny = static_cast<std::size_t>(nodes[1]);
+  return min_W_m + spacing_m * Vector3d(static_cast<double>(number % nx),
+                                        static_cast<double>(number / nx % ny),
+                                        static_cast<double>(number / (nx * ny)));
+}
+
+Vector3d TableLattice::max_W_m() const noexcept {
+  return min_W_m + spacing_m * Vector3d(nodes[0] - 1, nodes[1] - 1, nodes[2] - 1);
+}
+
+void TableLattice::check() const {
+  for (const int count : nodes) {
+    if (count < kFewestNodes || count > kMostNodes) {
+      throw ChartError("force table: " + std::to_string(count) +
+                       " nodes along an axis; use 4 to 1000");
+    }
+  }
+  if (!(spacing_m > 0.0) || !std::isfinite(spacing_m) || !min_W_m.allFinite()) {
+    throw ChartError("force table: the lattice needs a finite corner and a spacing above zero");
+  }
+}
+
+struct ForceTable::Weights {
+  std::array<std::size_t, 3> first;  // coefficient along each axis
+  std::array<std::array<double, 4>, 3> value;
+  std::array<std::array<double, 4>, 3> slope;
+};
+
+ForceTable::ForceTable(const TableLattice& lattice, const std::vector<Vector3d>& forces_W)
+    : lattice_(lattice) {
+  lattice.check();
+  if (forces_W.size() != lattice.node_count()) {
+    throw ChartError("force table: " + std::to_string(forces_W.size()) + " forces for " +
+                     std::to_string(lattice.node_count()) + " nodes");
+  }
+  for (std::size_t i = 0; i < forces_W.size(); ++i) {
+    if (!forces_W[i].allFinite()) {
+      throw ChartError("force table: the force at " + in_mm(lattice.node_W_m(i)) +
+                       " is not finite");
+    }
+  }
+  // One axis after the other: from values at nodes to coefficients.
+  std::array<std::size_t, 3> size{static_cast<std::size_t>(lattice.nodes[0]),
+                                  static_cast<std::size_t>(lattice.nodes[1]),
+                                  static_cast<std::size_t>(lattice.nodes[2])};
+  coefficients_W_N_ = forces_W;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const Eigen::MatrixXd matrix = interpolation_matrix(lattice.nodes[axis]);
+    std::array<std::size_t, 3> grown = size;
+    grown[axis] += 2;
+    std::vector<Vector3d> next(grown[0] * grown[1] * grown[2], Vector3d::Zero());
+    std::array<std::size_t, 3> at{};
+    for (at[2] = 0; at[2] < grown[2]; ++at[2]) {
+      for (at[1] = 0; at[1] < grown[1]; ++at[1]) {
+        for (at[0] = 0; at[0] < grown[0]; ++at[0]) {
+          Vector3d& sum = next[at[0] + grown[0] * (at[1] + grown[1] * at[2])];
+          std::array<std::size_t, 3> from = at;
+          for (std::size_t node = 0; node < size[axis]; ++node) {
+            from[axis] = node;
+            sum +=
+                matrix(static_cast<Eigen::Index>(at[axis]), static_cast<Eigen::Index>(node + 1)) *
+                coefficients_W_N_[from[0] + size[0] * (from[1] + size[1] * from[2])];
+          }
+        }
+      }
+    }
+    coefficients_W_N_ = std::move(next);
+    size = grown;
+  }
+  coefficients_ = size;
+}
+
+bool ForceTable::contains(const Vector3d& displacement_W) const noexcept {
+  return displacement_W.allFinite() &&
+         (displacement_W - clamped(displacement_W)).cwiseAbs().maxCoeff() <= kEdgeTolerance_m;
+}
+
+Vector3d ForceTable::clamped(const Vector3d& displacement_W) const noexcept {
+  return displacement_W.cwiseMax(lattice_.min_W_m).cwiseMin(lattice_.max_W_m());
+}
+
+ForceTable::Weights ForceTable::weights(const Vector3d& displacement_W) const {
+  if (!contains(displacement_W)) {
+    throw ChartError("force table: the displacement " + in_mm(displacement_W) +
+                     " lies outside its range, " + in_mm(lattice_.min_W_m) + " to " +
+                     in_mm(lattice_.max_W_m()) + "; use a smaller motion");
+  }
+  Weights result{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto a = static_cast<Eigen::Index>(axis);
+    const double x = (displacement_W[a] - lattice_.min_W_m[a]) / lattice_.spacing_m;
+    const double interval =
+        std::clamp(std::floor(x), 0.0, static_cast<double>(lattice_.nodes[axis] - 2));
+    result.first[axis] = static_cast<std::size_t>(interval);
+    b_splines(x - interval, result.value[axis], result.slope[axis]);
+  }
+  return result;
+}
+
+Vector3d ForceTable::force_W(const Vector3d& displacement_W) const {
+  return at(displacement_W).force_W;
+}
+
+ForceTable::Value ForceTable::at(const Vector3d& displacement_W) const {
+  const Weights w = weights(displacement_W);
+  Value result{Vector3d::Zero(), Eigen::Matrix3d::Zero()};
+  for (std::size_t l = 0; l < 4; ++l) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      const std::size_t row =
+          coefficients_[0] * (w.first[1] + j + coefficients_[1] * (w.first[2] + l)) + w.first[0];
+      Vector3d along = Vector3d::Zero();
+      Vector3d slope = Vector3d::Zero();
+      for (std::size_t i = 0; i < 4; ++i) {
+        along += w.value[0][i] * coefficients_W_N_[row + i];
+        slope += w.slope[0][i] * coefficients_W_N_[row + i];
+      }
+      result.force_W += w.value[1][j] * w.value[2][l] * along;
+      result.stiffness_W.col(0) += w.value[1][j] * w.value[2][l] * slope;
+      result.stiffness_W.col(1) += w.slope[1][j] * w.value[2][l] * along;
+      result.stiffness_W.col(2) += w.value[1][j] * w.slope[2][l] * along;
+    }
+  }
+  result.stiffness_W /= lattice_.spacing_m;
+  return result;
+}
+
+std::string table_key(const simulator::SpringMesh& mesh, const TableOptions& options) {
+  ContentHash hash = object_hash(mesh, options);
+  add(hash, options.lattice.min_W_m);
+  hash.add(options.lattice.spacing_m);
+  for (const int count : options.lattice.nodes) {
+    hash.add(static_cast<std::uint64_t>(count));
+  }
+  return hash.text();
+}
+
+BuiltTable build_table(const simulator::SpringMesh& mesh, const TableOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto elapsed_s = [&start] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  options.lattice.check();
+  simulator::check(mesh);
+  const auto layer_count = static_cast<std::size_t>(options.lattice.nodes[2]);
+  const std::string key = table_key(mesh, options);
+  Layers layers;
+  layers.known.assign(layer_count, 0);
+  layers.unconverged.assign(layer_count, 0);
+  layers.forces_W.assign(options.lattice.node_count(), Vector3d::Zero());
+  if (!options.cache.empty()) {
+    make_folder(options.cache);
+  }
+  fetch(options, key, layers);
+  std::vector<std::size_t> missing;
+  for (std::size_t layer = 0; layer < layer_count; ++layer) {
+    if (layers.known[layer] == 0) {
+      missing.push_back(layer);
+    }
+  }
+
+  if (!missing.empty()) {
+    std::mutex mutex;  // of everything below that the workers share
+    std::condition_variable changed;
+    std::vector<double> done_of(missing.size(), 0.0);
+    std::size_t next = 0;
+    std::exception_ptr error;
+    std::atomic<bool> abandon{false};
+    const unsigned wanted =
+        options.threads != 0 ? options.threads : std::max(1U, std::thread::hardware_concurrency());
+    std::size_t running = std::min<std::size_t>(wanted, missing.size());
+    const auto work = [&] {
+      try {
+        for (;;) {
+          std::size_t job = 0;
+          {
+            const std::lock_guard lock(mutex);
+            if (next == missing.size() || abandon) {
+              break;
+            }
+            job = next++;
+          }
+          std::vector<std::size_t> numbers;
+          const std::vector<Vector3d> path =
+              path_of_layer(options.lattice, static_cast<int>(missing[job]), numbers);
+          const simulator::TruthResult truth =
+              solve(mesh, options, path, 1, &abandon, [&, job](double done, double /*left*/) {
+                const std::lock_guard lock(mutex);
+                done_of[job] = done;
+              });
+          if (truth.cancelled) {
+            break;
+          }
+          const std::lock_guard lock(mutex);
+          for (std::size_t i = 0; i < numbers.size(); ++i) {
+            layers.forces_W[numbers[i]] = truth.forces_W[i + 1];
+          }
+          layers.known[missing[job]] = 1;
+          layers.unconverged[missing[job]] = truth.unconverged;
+          done_of[job] = 1.0;
+          keep(options, key, layers);
+        }
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        error = std::current_exception();
+        abandon = true;
+      }
+      const std::lock_guard lock(mutex);
+      --running;
+      changed.notify_all();
+    };
+    std::vector<std::jthread> workers;
+    for (std::size_t worker = running; worker > 0; --worker) {
+      workers.emplace_back(work);
+    }
+    std::unique_lock lock(mutex);
+    while (!changed.wait_for(lock, kProgressPeriod, [&running] { return running == 0; })) {
+      if (options.cancel != nullptr && *options.cancel) {
+        abandon = true;
+      }
+      if (options.progress) {
+        double done = 0.0;
+        for (const double each : done_of) {
+          done += each / static_cast<double>(done_of.size());
+        }
+        lock.unlock();
+        options.progress(done, done > 0.0 ? elapsed_s() * (1.0 - done) / done : 0.0);
+        lock.lock();
+      }
+    }
+    lock.unlock();
+    workers.clear();
+    if (error) {
+      std::rethrow_exception(error);
+    }
+    if (std::find(layers.known.begin(), layers.known.end(), 0) != layers.known.end()) {
+      throw Stopped();
+    }
+    if (options.progress) {
+      options.progress(1.0, 0.0);
+    }
+  }
+  BuiltTable built{ForceTable(options.lattice, layers.forces_W), key, missing.empty(), 0, 0.0};
+  for (const std::uint64_t each : layers.unconverged) {
+    built.unconverged += each;
+  }
+  built.elapsed_s = elapsed_s();
+  return built;
+}
+
+TableDifference compare_with_live(const ForceTable& table, const simulator::SpringMesh& mesh,
+                                  const std::vector<Vector3d>& displacements_W,
+                                  const TableOptions& options) {
+  ContentHash hash = object_hash(mesh, options);
+  std::vector<Vector3d> table_W;
+  for (const Vector3d& displacement_W : displacements_W) {
+    add(hash, displacement_W);
+    table_W.push_back(table.force_W(displacement_W));
+    add(hash, table_W.back());
+  }
+  const fs::path file = options.cache / ("difference-" + hash.text() + ".txt");
+  TableDifference difference;
+  difference.positions = displacements_W.size();
+  if (!options.cache.empty()) {
+    std::ifstream kept(file);
+    if (kept >> difference.rms_percent >> difference.max_N >> difference.live_rms_N >>
+        difference.unconverged >> difference.branch_changes) {
+      return difference;
+    }
+    make_folder(options.cache);
+  }
+  const simulator::TruthResult live =
+      solve(mesh, options, displacements_W, options.threads, options.cancel, options.progress);
+  if (live.cancelled) {
+    throw Stopped();
+  }
+  double squared_N2 = 0.0;
+  double live_N2 = 0.0;
+  for (std::size_t i = 0; i < displacements_W.size(); ++i) {
+    const double error_N = (table_W[i] - live.forces_W[i]).norm();
+    squared_N2 += error_N * error_N;
+    live_N2 += live.forces_W[i].squaredNorm();
+    difference.max_N = std::max(difference.max_N, error_N);
+  }
+  const double count = static_cast<double>(std::max<std::size_t>(1, displacements_W.size()));
+  difference.rms_percent = live_N2 > 0.0 ? 100.0 * std::sqrt(squared_N2 / live_N2) : 0.0;
+  difference.live_rms_N = std::sqrt(live_N2 / count);
+  difference.unconverged = live.unconverged;
+  difference.branch_changes = live.branch_changes;
+  if (!options.cache.empty()) {
+    std::ostringstream text;
+    text.precision(17);
+    text << difference.rms_percent << ' ' << difference.max_N << ' ' << difference.live_rms_N << ' '
+         << difference.unconverged << ' ' << difference.branch_changes << '\n';
+    write_file(file, text.str());
+  }
+  return difference;
+}
+
+void ContentHash::add(const void* data, std::size_t size) noexcept {
+  const auto* bytes = static_cast<const unsigned char*>(data);
+  for (std::size_t i = 0; i < size; ++i) {
+    state_ = (state_ ^ bytes[i]) * 0x100000001b3U;
+  }
+}
+
+void ContentHash::add(const std::string& text) noexcept {
+  add(static_cast<std::uint64_t>(text.size()));
+  add(text.data(), text.size());
+}
+
+std::string ContentHash::text() const {
+  char digits[17];
+  std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(state_));
+  return digits;
+}
+
+void write_file(const fs::path& file, const std::string& text) {
+  const fs::path unfinished = file.string() + ".part";
+  errno = 0;
+  std::ofstream stream(unfinished, std::ios::binary | std::ios::trunc);
+  stream.write(text.data(), static_cast<std::streamsize>(text.size()));
+  stream.close();
+  std::error_code renamed;
+  if (stream) {
+    fs::rename(unfinished, file, renamed);
+  }
+  if (!stream || renamed) {
+    const std::string reason = renamed ? renamed.message() : std::strerror(errno);
+    std::error_code ignored;
+    fs::remove(unfinished, ignored);
+    throw ChartError(file.string() + " could not be written: " + reason +
+                     "; free some space or choose another folder");
+  }
+}
+
+}  // namespace forcegrid::evaluation

@@ -1,0 +1,60 @@
+#include "evaluation/scenarios.h"
+
+#include "evaluation/trajectories.h"
+#include "simulator/scene.h"
+
+namespace forcegrid::evaluation {
+
+const std::vector<ChartScene>& chart_scenes() {
+  static const std::vector<ChartScene> all{
+      {"small_linear", "1,089 vertices, 8,268 linear springs", 1.2},
+      {"small", "1,089 vertices, 8,268 hardening springs", 1.0},
+      {"block_linear", "10,164 vertices, 84,566 linear springs", 1.2},
+      {"block", "10,164 vertices, 84,566 hardening springs", 1.0}};
+  return all;
+}
+
+const ChartScene& chart_scene(const std::string& name) {
+  std::string known;
+  for (const ChartScene& scene : chart_scenes()) {
+    if (scene.name == name) {
+      return scene;
+    }
+    known += (known.empty() ? "" : ", ") + scene.name;
+  }
+  throw ChartError("scene '" + name + "' is not one of the chart's: " + known);
+}
+
+simulator::SpringMesh make_mesh(const ChartScene& scene) {
+  simulator::SpringMesh mesh = simulator::make_scene(scene.name, first_contact_point_W()).mesh;
+  for (simulator::Spring& spring : mesh.springs) {
+    spring.stiffness_N_per_m *= scene.stiffness_factor;
+  }
+  return mesh;
+}
+
+std::vector<Eigen::Vector3d> displacements_along_motion(std::uint64_t seed, double every_s) {
+  const Trajectory motion("random", seed);
+  std::vector<Eigen::Vector3d> displacements_W;
+  for (double time_s = 0.0; time_s < motion.duration_s(); time_s += every_s) {
+    displacements_W.push_back(motion.position_W(time_s) - first_contact_point_W());
+  }
+  return displacements_W;
+}
+
+std::vector<Eigen::Vector3d> random_displacements(const TableLattice& lattice, std::uint64_t seed,
+                                                  int count) {
+  SeededNumbers numbers(seed);
+  const Eigen::Vector3d max_W_m = lattice.max_W_m();
+  std::vector<Eigen::Vector3d> displacements_W;
+  for (int i = 0; i < count; ++i) {
+    Eigen::Vector3d displacement_W;
+    for (int axis = 0; axis < 3; ++axis) {
+      displacement_W[axis] = numbers.uniform(lattice.min_W_m[axis], max_W_m[axis]);
+    }
+    displacements_W.push_back(displacement_W);
+  }
+  return displacements_W;
+}
+
+}  // namespace forcegrid::evaluation

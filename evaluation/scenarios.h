@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "evaluation/force_table.h"
+#include "simulator/spring_mesh.h"
+
+namespace forcegrid::evaluation {
+
+/// An object of the chart: a scene of the simulator, as stiff as lets the trajectories need 2 to
+/// 3 N (RMS), at the trajectories' first contact point.
+struct ChartScene {
+  std::string name;  ///< as simulator::make_scene knows it
+  std::string title;
+  double stiffness_factor = 1.0;  ///< of every spring
+};
+
+/// small_linear, small, block_linear, block: from the quickest to the hardest.
+const std::vector<ChartScene>& chart_scenes();
+
+/// @throws ChartError for an unknown name, listing the known ones.
+const ChartScene& chart_scene(const std::string& name);
+
+/// The object's mesh, its springs made stiffer by the scene's factor (the force scales alike).
+simulator::SpringMesh make_mesh(const ChartScene& scene);
+
+/// Displacements at which a table is compared with the object itself: along the motion `random`
+/// every `every_s` seconds, and uniformly random ones over the whole table.
+std::vector<Eigen::Vector3d> displacements_along_motion(std::uint64_t seed, double every_s);
+std::vector<Eigen::Vector3d> random_displacements(const TableLattice& lattice, std::uint64_t seed,
+                                                  int count);
+
+}  // namespace forcegrid::evaluation
