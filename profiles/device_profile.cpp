@@ -85,6 +85,10 @@ constexpr Range kViscous_Nm_s_per_rad{0.0, 10.0, "a friction in N m s/rad from 0
 constexpr Range kStopStiffness_Nm_per_rad{kAboveZero, 1e4,
                                           "a stiffness in N m/rad above 0 and at most 1e4"};
 constexpr Range kStopDamping_Nm_s_per_rad{0.0, 100.0, "a damping in N m s/rad from 0 to 100"};
+constexpr Range kKnobStopStiffness_N_per_m{kAboveZero, 1e6,
+                                           "a stiffness in N/m above 0 and at most 1e6"};
+constexpr Range kEncoder_rad_per_count{1e-7, 0.1, "an angle a count in radians from 1e-7 to 0.1"};
+constexpr Range kTorqueGain_per_Nm{1.0, 1e6, "a command for 1 N m from 1 to 1e6"};
 constexpr Range kHandMass_kg{1e-3, 20.0, "a mass in kilograms from 0.001 to 20"};
 constexpr Range kHandDamping_N_s_per_m{0.0, 1e4, "a damping in N s/m from 0 to 1e4"};
 
@@ -281,14 +285,37 @@ std::uint16_t word(const Table& table, const char* key) {
   return static_cast<std::uint16_t>(table.integer(key, 0, 0xFFFF));
 }
 
-DeviceProfile::Usb read_usb(const Table& root) {
-  const Table table = root.table(
-      "usb", {"protocol", "vendor_id", "product_id", "device_release", "manufacturer", "product",
-              "serial", "usage_page", "usage", "report_bytes", "frame_period_us"});
+/// Looked at before the root table, whose tables depend on it.
+DeviceKind read_kind(const toml::table& root, const std::string& file) {
+  const toml::node* node = root.get("kind");
+  if (node == nullptr) {
+    return DeviceKind::kArm;
+  }
+  const std::string kind = node->value_or(std::string());
+  if (kind != "arm" && kind != "delta") {
+    fail(file, node->source().begin.line, "kind", "'" + kind + "' is unknown",
+         "write \"arm\" or \"delta\"");
+  }
+  return kind == "delta" ? DeviceKind::kDelta : DeviceKind::kArm;
+}
+
+Table usb_table(const Table& root, DeviceKind kind) {
+  return kind == DeviceKind::kDelta
+             ? root.table("usb", {"protocol", "vendor_id", "product_id", "device_release",
+                                  "manufacturer", "product", "serial", "frame_period_us"})
+             : root.table("usb", {"protocol", "vendor_id", "product_id", "device_release",
+                                  "manufacturer", "product", "serial", "usage_page", "usage",
+                                  "report_bytes", "frame_period_us"});
+}
+
+DeviceProfile::Usb read_usb(const Table& root, DeviceKind kind) {
+  const Table table = usb_table(root, kind);
   DeviceProfile::Usb usb;
   usb.protocol = table.text("protocol");
-  if (usb.protocol != "w2" && usb.protocol != "w3") {
-    table.refuse("protocol", "'" + usb.protocol + "' is unknown", "write \"w2\" or \"w3\"");
+  const bool delta = kind == DeviceKind::kDelta;
+  if (delta ? usb.protocol != "falcon" : usb.protocol != "w2" && usb.protocol != "w3") {
+    table.refuse("protocol", "'" + usb.protocol + "' is unknown",
+                 delta ? "write \"falcon\"" : "write \"w2\" or \"w3\"");
   }
   usb.vendor_id = word(table, "vendor_id");
   usb.product_id = word(table, "product_id");
@@ -296,14 +323,20 @@ DeviceProfile::Usb read_usb(const Table& root) {
   usb.manufacturer = table.usb_string("manufacturer");
   usb.product = table.usb_string("product");
   usb.serial = table.usb_string("serial");
-  usb.usage_page = word(table, "usage_page");
-  usb.usage = word(table, "usage");
-  usb.report_bytes = static_cast<int>(table.integer("report_bytes", 1, 64));
-  if (usb.report_bytes != (usb.protocol == "w3" ? 64 : 14)) {
-    table.refuse("report_bytes", std::to_string(usb.report_bytes) + " is impossible",
-                 "write 14 with protocol \"w2\" and 64 with \"w3\"");
+  if (!delta) {
+    usb.usage_page = word(table, "usage_page");
+    usb.usage = word(table, "usage");
+    usb.report_bytes = static_cast<int>(table.integer("report_bytes", 1, 64));
+    if (usb.report_bytes != (usb.protocol == "w3" ? 64 : 14)) {
+      table.refuse("report_bytes", std::to_string(usb.report_bytes) + " is impossible",
+                   "write 14 with protocol \"w2\" and 64 with \"w3\"");
+    }
   }
   usb.frame_period_us = static_cast<int>(table.integer("frame_period_us", 125, 1000));
+  if (delta && usb.frame_period_us != 1000) {
+    table.refuse("frame_period_us", std::to_string(usb.frame_period_us) + " is impossible",
+                 "write 1000: the FT232R is a full-speed device");
+  }
   if (usb.frame_period_us != 125 && usb.frame_period_us != 1000) {
     table.refuse("frame_period_us", std::to_string(usb.frame_period_us) + " is impossible",
                  "write 1000 (full speed) or 125 (high speed)");
@@ -441,7 +474,131 @@ void require_reachable_workspace(const Table& table, const DeviceProfile::Limits
   }
 }
 
-DeviceProfile::Limits read_limits(const Table& root, const DeviceProfile::Kinematics& kinematics) {
+DeviceProfile::Delta read_delta(const Table& root) {
+  const Table table = root.table(
+      "delta", {"thigh_m", "shin_m", "platform_offset_u_m", "knee_end_m", "platform_end_m",
+                "platform_offset_v_m", "base_offset_u_m", "base_offset_v_m", "leg_azimuth_rad",
+                "encoder_rad_per_count", "zero_angle_rad", "center_m", "joint_min_rad",
+                "joint_max_rad", "knob_min_z_m", "knob_max_z_m", "knob_max_radius_m"});
+  DeviceProfile::Delta delta;
+  delta.thigh_m = table.number("thigh_m", kLength_m);
+  delta.shin_m = table.number("shin_m", kLength_m);
+  delta.platform_offset_u_m = table.number("platform_offset_u_m", kPlace_m);
+  delta.knee_end_m = table.number("knee_end_m", kLinkLength_m);
+  delta.platform_end_m = table.number("platform_end_m", kLinkLength_m);
+  delta.platform_offset_v_m = table.number("platform_offset_v_m", kPlace_m);
+  delta.base_offset_u_m = table.number("base_offset_u_m", kPlace_m);
+  delta.base_offset_v_m = table.number("base_offset_v_m", kPlace_m);
+  delta.leg_azimuth_rad = table.axes("leg_azimuth_rad", kAngle_rad);
+  delta.encoder_rad_per_count = table.number("encoder_rad_per_count", kEncoder_rad_per_count);
+  delta.zero_angle_rad = table.number("zero_angle_rad", kAngle_rad);
+  delta.center_m = table.axes("center_m", kPlace_m);
+  delta.joint_min_rad = table.number("joint_min_rad", kAngle_rad);
+  delta.joint_max_rad = table.number("joint_max_rad", kAngle_rad);
+  if (!(delta.joint_min_rad < delta.joint_max_rad)) {
+    table.refuse("joint_max_rad",
+                 "not above joint_min_rad (" + number_text(delta.joint_min_rad) + ")",
+                 "write a larger angle here or a smaller one there");
+  }
+  delta.knob_min_z_m = table.number("knob_min_z_m", kPlace_m);
+  delta.knob_max_z_m = table.number("knob_max_z_m", kPlace_m);
+  if (!(delta.knob_min_z_m < delta.knob_max_z_m)) {
+    table.refuse("knob_max_z_m", "not above knob_min_z_m (" + number_text(delta.knob_min_z_m) + ")",
+                 "write a larger coordinate here or a smaller one there");
+  }
+  delta.knob_max_radius_m = table.number("knob_max_radius_m", kLength_m);
+  return delta;
+}
+
+DeviceProfile::Falcon read_falcon(const Table& root, const DeviceProfile::Delta& delta) {
+  const Table table = root.table("falcon", {"torque_gain_per_Nm", "command_limit", "homing_out_rad",
+                                            "homing_in_rad", "homing_instruction"});
+  DeviceProfile::Falcon falcon;
+  falcon.torque_gain_per_Nm = table.number("torque_gain_per_Nm", kTorqueGain_per_Nm);
+  // The packet's commands are of 16 bits.
+  falcon.command_limit = static_cast<int>(table.integer("command_limit", 1, 32767));
+  falcon.homing_out_rad = table.number("homing_out_rad", kAngle_rad);
+  falcon.homing_in_rad = table.number("homing_in_rad", kAngle_rad);
+  if (!(falcon.homing_in_rad < falcon.homing_out_rad)) {
+    table.refuse("homing_out_rad",
+                 "not above homing_in_rad (" + number_text(falcon.homing_in_rad) + ")",
+                 "write a larger angle here or a smaller one there");
+  }
+  if (falcon.homing_in_rad <= delta.joint_min_rad) {
+    table.refuse("homing_in_rad", number_text(falcon.homing_in_rad) + " is beyond a hard stop",
+                 "write an angle above delta.joint_min_rad");
+  }
+  if (falcon.homing_out_rad >= delta.joint_max_rad) {
+    table.refuse("homing_out_rad", number_text(falcon.homing_out_rad) + " is beyond a hard stop",
+                 "write an angle below delta.joint_max_rad");
+  }
+  falcon.homing_instruction = table.text("homing_instruction");
+  return falcon;
+}
+
+/// Why the knob can't be at a place of the base frame; empty when it can. The legs close when
+/// |Q_v| <= b and the triangle of thigh, shin with its end pieces, and (Q_u, Q_w) exists.
+std::string obstacle_at(const DeviceProfile::Delta& delta, const Axes& place_B_m) {
+  if (place_B_m[2] < delta.knob_min_z_m || place_B_m[2] > delta.knob_max_z_m) {
+    return "delta.knob_min_z_m and knob_max_z_m cut it off";
+  }
+  if (std::hypot(place_B_m[0], place_B_m[1]) > delta.knob_max_radius_m) {
+    return "delta.knob_max_radius_m cuts it off";
+  }
+  for (std::size_t leg = 0; leg < 3; ++leg) {
+    const double cosine = std::cos(delta.leg_azimuth_rad[leg]);
+    const double sine = std::sin(delta.leg_azimuth_rad[leg]);
+    const double u_m = place_B_m[0] * cosine + place_B_m[1] * sine - delta.base_offset_u_m +
+                       delta.platform_offset_u_m;
+    const double v_m = -place_B_m[0] * sine + place_B_m[1] * cosine - delta.base_offset_v_m +
+                       delta.platform_offset_v_m;
+    const double shin2_m2 = delta.shin_m * delta.shin_m - v_m * v_m;
+    const double reach_m = std::hypot(u_m, place_B_m[2]);
+    const double shin_m =
+        delta.knee_end_m + delta.platform_end_m + std::sqrt(std::max(shin2_m2, 0.0));
+    const double cosine_knee =
+        (reach_m * reach_m + delta.thigh_m * delta.thigh_m - shin_m * shin_m) /
+        (2.0 * delta.thigh_m * reach_m);
+    if (!(shin2_m2 > 0.0) || !(std::abs(cosine_knee) < 1.0)) {
+      return "leg " + std::to_string(leg + 1) + " can't reach it";
+    }
+    const double angle_rad = std::atan2(place_B_m[2], u_m) - std::acos(cosine_knee);
+    if (angle_rad < delta.joint_min_rad || angle_rad > delta.joint_max_rad) {
+      return "leg " + std::to_string(leg + 1) + " would be at " + number_text(angle_rad) +
+             " rad, beyond delta.joint_min_rad and joint_max_rad";
+    }
+  }
+  return {};
+}
+
+/// A grid over the whole box: what a delta reaches is bounded by surfaces with dents.
+void require_reachable_workspace(const Table& table, const DeviceProfile::Limits& limits,
+                                 const DeviceProfile::Delta& delta) {
+  constexpr int kSteps = 8;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      for (int k = 0; k <= kSteps; ++k) {
+        const auto along = [&](std::size_t axis, int step) {
+          return limits.workspace_min_m[axis] +
+                 (limits.workspace_max_m[axis] - limits.workspace_min_m[axis]) * step / kSteps;
+        };
+        const Axes place_D_m = {along(0, i), along(1, j), along(2, k)};
+        const std::string obstacle =
+            obstacle_at(delta, {place_D_m[1] + delta.center_m[0], place_D_m[2] + delta.center_m[1],
+                                place_D_m[0] + delta.center_m[2]});
+        if (!obstacle.empty()) {
+          table.refuse("workspace_max_m",
+                       "the knob can't be at (" + number_text(place_D_m[0]) + ", " +
+                           number_text(place_D_m[1]) + ", " + number_text(place_D_m[2]) +
+                           ") of the workspace: " + obstacle,
+                       "write a smaller box, or correct delta.center_m or the mechanism");
+        }
+      }
+    }
+  }
+}
+
+DeviceProfile::Limits read_limits(const Table& root, const DeviceProfile& profile) {
   const Table table =
       root.table("limits", {"max_force_N", "max_force_rate_N_per_s", "max_joint_torque_Nm",
                             "max_stiffness_N_per_m", "max_damping_N_s_per_m", "max_speed_m_per_s",
@@ -463,7 +620,20 @@ DeviceProfile::Limits read_limits(const Table& root, const DeviceProfile::Kinema
                    "write a larger coordinate here or a smaller one there");
     }
   }
-  require_reachable_workspace(table, limits, kinematics);
+  if (profile.kind == DeviceKind::kDelta) {
+    const double most_Nm = profile.falcon.command_limit / profile.falcon.torque_gain_per_Nm;
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (limits.max_joint_torque_Nm[i] > most_Nm) {
+        table.refuse("max_joint_torque_Nm",
+                     number_text(limits.max_joint_torque_Nm[i]) + " in place " +
+                         std::to_string(i + 1) + " needs a command above falcon.command_limit",
+                     "write at most command_limit / torque_gain_per_Nm, " + number_text(most_Nm));
+      }
+    }
+    require_reachable_workspace(table, limits, profile.delta);
+  } else {
+    require_reachable_workspace(table, limits, profile.kinematics);
+  }
   return limits;
 }
 
@@ -519,11 +689,21 @@ DeviceProfile::Gravity read_gravity(const Table& root,
   return gravity;
 }
 
-DeviceProfile::Dynamics read_dynamics(const Table& root) {
-  const Table table =
-      root.table("dynamics", {"tip_mass_kg", "joint_inertia_kg_m2", "coulomb_friction_Nm",
-                              "coulomb_smoothing_s_per_rad", "viscous_friction_Nm_s_per_rad",
-                              "stop_stiffness_Nm_per_rad", "stop_damping_Nm_s_per_rad"});
+Table dynamics_table(const Table& root, DeviceKind kind) {
+  return kind == DeviceKind::kDelta
+             ? root.table("dynamics",
+                          {"tip_mass_kg", "joint_inertia_kg_m2", "coulomb_friction_Nm",
+                           "coulomb_smoothing_s_per_rad", "viscous_friction_Nm_s_per_rad",
+                           "stop_stiffness_Nm_per_rad", "stop_damping_Nm_s_per_rad",
+                           "knob_stop_stiffness_N_per_m", "knob_stop_damping_N_s_per_m"})
+             : root.table("dynamics",
+                          {"tip_mass_kg", "joint_inertia_kg_m2", "coulomb_friction_Nm",
+                           "coulomb_smoothing_s_per_rad", "viscous_friction_Nm_s_per_rad",
+                           "stop_stiffness_Nm_per_rad", "stop_damping_Nm_s_per_rad"});
+}
+
+DeviceProfile::Dynamics read_dynamics(const Table& root, DeviceKind kind) {
+  const Table table = dynamics_table(root, kind);
   DeviceProfile::Dynamics dynamics;
   dynamics.tip_mass_kg = table.number("tip_mass_kg", kTipMass_kg);
   dynamics.joint_inertia_kg_m2 = table.number("joint_inertia_kg_m2", kInertia_kg_m2);
@@ -536,6 +716,12 @@ DeviceProfile::Dynamics read_dynamics(const Table& root) {
       table.number("stop_stiffness_Nm_per_rad", kStopStiffness_Nm_per_rad);
   dynamics.stop_damping_Nm_s_per_rad =
       table.number("stop_damping_Nm_s_per_rad", kStopDamping_Nm_s_per_rad);
+  if (kind == DeviceKind::kDelta) {
+    dynamics.knob_stop_stiffness_N_per_m =
+        table.number("knob_stop_stiffness_N_per_m", kKnobStopStiffness_N_per_m);
+    dynamics.knob_stop_damping_N_s_per_m =
+        table.number("knob_stop_damping_N_s_per_m", kMaxDamping_N_s_per_m);
+  }
   return dynamics;
 }
 
@@ -639,21 +825,34 @@ DeviceProfile load_device_profile(const std::string& name_or_path) {
                        ": a key or table name has a character that TOML does not allow there; "
                        "use letters, digits, - and _");
   }
-  const Table root(parsed, file, "",
-                   {"name", "description", "source", "usb", "kinematics", "motors", "limits",
-                    "calibration", "gravity", "dynamics", "firm_hand", "light_hand"});
+  const DeviceKind kind = read_kind(parsed, file);
+  const Table root =
+      kind == DeviceKind::kDelta
+          ? Table(parsed, file, "",
+                  {"name", "description", "source", "kind", "usb", "delta", "falcon", "limits",
+                   "dynamics", "firm_hand", "light_hand"})
+          : Table(parsed, file, "",
+                  {"name", "description", "source", "kind", "usb", "kinematics", "motors", "limits",
+                   "calibration", "gravity", "dynamics", "firm_hand", "light_hand"});
   DeviceProfile profile;
   profile.file = file;
   profile.name = root.text("name");
   profile.description = root.text("description");
   profile.source = root.text("source");
-  profile.usb = read_usb(root);
-  profile.kinematics = read_kinematics(root);
-  profile.motors = read_motors(root);
-  profile.limits = read_limits(root, profile.kinematics);
-  profile.calibration = read_calibration(root, profile.kinematics);
-  profile.gravity = read_gravity(root, profile.kinematics);
-  profile.dynamics = read_dynamics(root);
+  profile.kind = kind;
+  profile.usb = read_usb(root, kind);
+  if (kind == DeviceKind::kDelta) {
+    profile.delta = read_delta(root);
+    profile.falcon = read_falcon(root, profile.delta);
+    profile.limits = read_limits(root, profile);
+  } else {
+    profile.kinematics = read_kinematics(root);
+    profile.motors = read_motors(root);
+    profile.limits = read_limits(root, profile);
+    profile.calibration = read_calibration(root, profile.kinematics);
+    profile.gravity = read_gravity(root, profile.kinematics);
+  }
+  profile.dynamics = read_dynamics(root, kind);
   profile.firm_hand = read_hand(root, "firm_hand");
   profile.light_hand = read_hand(root, "light_hand");
   return profile;

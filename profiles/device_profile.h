@@ -25,20 +25,32 @@ struct HandProfile {
   std::string source;  ///< where the numbers come from
 };
 
-/// Everything driver and emulator know of one kind of arm, read from one TOML file. It is data
+/// The mechanism of a device, by the key `kind` of its profile.
+enum class DeviceKind : std::uint8_t {
+  kArm,    ///< "arm", also when the key is absent: yaw and two links, see Kinematics
+  kDelta,  ///< "delta": three equal legs in parallel, see Delta
+};
+
+/// Everything driver and emulator know of one kind of device, read from one TOML file. It is data
 /// only: each side has its own codec and its own kinematics, so that neither can hide the other's
-/// mistake. Joint angle q_i = encoder_sign_i * (2 pi n_i / counts_per_turn_i) * (d_i / D_i);
-/// linkage angle theta_i = linkage_offset_rad_i + linkage_sign_i * q_i (theta_a yaw, theta_b from
-/// the vertical, theta_c absolute from straight down). Device frame D: x toward the user, y to the
-/// user's right, z up. Source: the device fact sheets named in the file's `source`.
+/// mistake. Device frame D: x toward the user, y to the user's right, z up.
+///
+/// An arm has the tables kinematics, motors, calibration and gravity, a delta has delta and falcon;
+/// what the other kind's tables would hold stays zero. Of an arm: joint angle q_i = encoder_sign_i
+/// * (2 pi n_i / counts_per_turn_i) * (d_i / D_i); linkage angle theta_i = linkage_offset_rad_i +
+/// linkage_sign_i * q_i (theta_a yaw, theta_b from the vertical, theta_c absolute from straight
+/// down). Source: the device fact sheets named in the file's `source`.
 struct DeviceProfile {
   std::string file;  ///< the file it came from, for messages
   std::string name;
   std::string description;
   std::string source;
+  DeviceKind kind = DeviceKind::kArm;
 
   struct Usb {
-    std::string protocol;  ///< "w2", or "w3": the same in reports of 64 bytes
+    /// Arm: "w2", or "w3", the same in reports of 64 bytes. Delta: "falcon", which is no HID device
+    /// and has no usage page, usage and report length.
+    std::string protocol;
     std::uint16_t vendor_id = 0;
     std::uint16_t product_id = 0;
     std::uint16_t device_release = 0;  ///< bcdDevice
@@ -72,6 +84,42 @@ struct DeviceProfile {
     Axes max_current_A{};               ///< limit of what the host commands
     double full_scale_current_A = 0.0;  ///< I_full of the firmware's PWM
   } motors;
+
+  /// Mechanism of a delta. In leg i's own frame u points out of the base at azimuth phi_i, v is u
+  /// turned by +90 degrees, and w is z of the base frame B: x to the user's right, y up, z out of
+  /// the device toward the user. Driven angle theta_i = zero_angle_rad + encoder_rad_per_count n_i,
+  /// from u toward w. Device frame: x_D = z_B - center_z, y_D = x_B - center_x,
+  /// z_D = y_B - center_y.
+  struct Delta {
+    double thigh_m = 0.0;              ///< a, driven arm
+    double shin_m = 0.0;               ///< b, parallelogram
+    double platform_offset_u_m = 0.0;  ///< c
+    double knee_end_m = 0.0;           ///< d, end piece between knee and shin
+    double platform_end_m = 0.0;       ///< e, end piece between shin and platform
+    double platform_offset_v_m = 0.0;  ///< f
+    double base_offset_u_m = 0.0;      ///< r
+    double base_offset_v_m = 0.0;      ///< s
+    Axes leg_azimuth_rad{};            ///< phi_1, phi_2, phi_3
+    double encoder_rad_per_count = 0.0;
+    double zero_angle_rad = 0.0;  ///< theta at zero counts
+    Axes center_m{};              ///< origin of D, in B
+    double joint_min_rad = 0.0;   ///< hard stops of each theta
+    double joint_max_rad = 0.0;
+    double knob_min_z_m = 0.0;  ///< hard stops of the knob against the body, in B
+    double knob_max_z_m = 0.0;
+    double knob_max_radius_m = 0.0;  ///< from the z axis of B
+  } delta;
+
+  /// Electronics of the Novint Falcon. Motor command = -torque_gain * theta's torque.
+  struct Falcon {
+    double torque_gain_per_Nm = 0.0;  ///< command for 1 N m at a driven angle
+    int command_limit = 0;            ///< largest command, of either sign
+    /// A homing axis has found its zero when theta has been above the first angle and then comes
+    /// below the second (the emulated device's rule).
+    double homing_out_rad = 0.0;
+    double homing_in_rad = 0.0;
+    std::string homing_instruction;  ///< how a person homes the device
+  } falcon;
 
   struct Limits {
     double max_force_N = 0.0;
@@ -108,6 +156,8 @@ struct DeviceProfile {
     double viscous_friction_Nm_s_per_rad = 0.0;
     double stop_stiffness_Nm_per_rad = 0.0;
     double stop_damping_Nm_s_per_rad = 0.0;
+    double knob_stop_stiffness_N_per_m = 0.0;  ///< delta only: the knob against the body
+    double knob_stop_damping_N_s_per_m = 0.0;
   } dynamics;
 
   HandProfile firm_hand;
@@ -119,7 +169,8 @@ struct DeviceProfile {
 /// states), and what contradicts the rest of the file: a capstan not smaller than its body, a
 /// current above full scale, a centre of mass beyond its link, a calibration pose beyond the hard
 /// stops, a workspace with a point that the linkage can't reach (distance to the shoulder not
-/// between |L_b - L_c| and L_b + L_c).
+/// between |L_b - L_c| and L_b + L_c), of a delta one whose legs do not close or that its hard
+/// stops cut off.
 /// @param name_or_path a file name with a slash or ending in ".toml", or a profile's name, looked
 ///        up in $FORCEGRID_PROFILE_PATH (if set), then beside the installed program, then in the
 ///        source tree.
