@@ -176,6 +176,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"realtime_reason", outcome.scheduling.reason},
       {"memory_locked", outcome.memory_lock_refused.empty()},
       {"period_us", percentiles_json(statistics.period_us)},
+      {"wakeup_us", percentiles_json(statistics.wakeup_us)},
       {"compute_us", percentiles_json(statistics.compute_us)},
       {"report_age_us", percentiles_json(statistics.report_age_us)},
       {"sample_age_ms", percentiles_json(statistics.sample_age_ms)},

@@ -57,6 +57,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   record.missed_deadlines = missed_before_this_;
   double elapsed_s = record.cycle == 0 ? 0.0 : rt::seconds(now - last_cycle_);
   record.period_us = 1e6 * elapsed_s;
+  record.wakeup_us = wakeup_us_;
   last_cycle_ = now;
   if (rt::from_seconds(elapsed_s) > kStall) {
     start_anew();
@@ -220,6 +221,7 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   while (!stop.load(std::memory_order_relaxed) && (seconds <= 0.0 || deadline < end)) {
     rt::sleep_until(deadline);
     const rt::TimePoint now = rt::Clock::now();
+    wakeup_us_ = 1e6 * rt::seconds(now - deadline);
     outcome.fault = run_cycle(now, deadline + period);
     if (outcome.fault != Fault::kNone) {
       break;

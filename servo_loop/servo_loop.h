@@ -122,6 +122,7 @@ class ServoLoop {
   rt::TimePoint newest_sample_arrived_{};
   double newest_sample_time_s_ = 0.0;
   double sample_period_s_;
+  double wakeup_us_ = 0.0;  ///< of the cycle that runs, by run()
   bool has_sample_ = false;
   bool contact_known_ = false;
   bool in_contact_ = false;

@@ -49,6 +49,7 @@ void Telemetry::drain() {
       statistics_.period_us.add(record.period_us);
     }
     ++statistics_.cycles;
+    statistics_.wakeup_us.add(record.wakeup_us);
     statistics_.compute_us.add(record.compute_us);
     statistics_.report_age_us.add(record.report_age_us);
     if (record.sample_age_ms >= 0.0) {

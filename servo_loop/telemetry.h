@@ -25,6 +25,7 @@ struct TelemetryOptions {
 /// Distributions over every cycle of a run, also those no longer kept.
 struct TelemetryStatistics {
   rt::Percentiles period_us;
+  rt::Percentiles wakeup_us;
   rt::Percentiles compute_us;
   rt::Percentiles report_age_us;
   rt::Percentiles sample_age_ms;

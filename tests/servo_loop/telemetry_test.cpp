@@ -13,6 +13,7 @@ CycleRecord record_at(std::uint64_t cycle) {
   record.cycle = cycle;
   record.time_ns = static_cast<std::int64_t>(cycle) * 2'000'000;
   record.period_us = 2000.0;
+  record.wakeup_us = 50.0;
   record.compute_us = 5.0;
   record.method_force_W_N[0] = {0.0, 0.0, -0.001 * static_cast<double>(cycle)};
   return record;
@@ -35,6 +36,7 @@ TEST(Telemetry, KeepsTheNewestCyclesAndCountsAll) {
   EXPECT_EQ(telemetry.records().front().cycle, 4000u);
   EXPECT_EQ(telemetry.records().back().cycle, 4999u);
   EXPECT_NEAR(telemetry.statistics().period_us.at(0.5), 2000.0, 2000.0 / 512);
+  EXPECT_NEAR(telemetry.statistics().wakeup_us.at(0.5), 50.0, 50.0 / 512);
 }
 
 TEST(Telemetry, WritesTheLastFiveSecondsAsAFlightRecord) {
