@@ -21,6 +21,8 @@ struct DeviceReport {
   std::uint64_t sequence = 0;            ///< 1 for the first used report; 0: none yet
   std::array<std::int32_t, 6> counts{};  ///< encoder counts a..f, 16-bit wraps undone
   bool calibration_button = false;       ///< latched by the device until it is calibrated
+  std::uint8_t homed = 0;                ///< Falcon: bit i is set when counter i is absolute
+  std::uint8_t buttons = 0;  ///< Falcon: bit 0 plus (far right), 1 forward, 2 centre, 3 minus
   /// When the OUT that released this report completed: the device samples its counters then, so
   /// now minus this is the age of the counts.
   rt::TimePoint released{};

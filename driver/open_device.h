@@ -5,6 +5,7 @@
 #include <string>
 
 #include "driver/device.h"
+#include "driver/falcon_firmware.h"
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
@@ -15,7 +16,8 @@ struct OpenOptions {
   rt::Duration stale_after = std::chrono::milliseconds(100);
   rt::Duration servo_silence = std::chrono::milliseconds(50);  ///< then zero current is sent
   rt::Duration write_timeout = std::chrono::milliseconds(50);  ///< until the device took a report
-  bool realtime_io = true;  ///< ask for SCHED_FIFO for the I/O thread
+  falcon::Firmware firmware;  ///< for a Falcon in which none runs; empty: none
+  bool realtime_io = true;    ///< ask for SCHED_FIFO for the I/O thread
   /// Called on the opening thread with what the user should know, e.g. that real-time scheduling
   /// was refused. Empty: nobody is told.
   std::function<void(const std::string&)> notice;
