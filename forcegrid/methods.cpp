@@ -2,8 +2,11 @@
 
 #include <stdexcept>
 
+#include "forcegrid/affine_methods.h"
 #include "forcegrid/forcegrid_method.h"
 #include "forcegrid/hold_method.h"
+#include "forcegrid/linear_method.h"
+#include "forcegrid/rls_method.h"
 
 namespace forcegrid {
 namespace {
@@ -28,6 +31,11 @@ std::unique_ptr<ForceMethod> with_options(const MethodOptions& options) {
 constexpr NamedMethod kMethods[] = {
     {"forcegrid", with_options<ForcegridMethod>},
     {"hold", plain<HoldMethod>},
+    {"linear", plain<LinearMethod>},
+    {"secant", plain<SecantMethod>},
+    {"broyden", plain<BroydenMethod>},
+    {"rls", plain<RlsMethod>},
+    {"tangent", plain<TangentMethod>},
 };
 
 }  // namespace

@@ -37,6 +37,8 @@ TEST(ForceMethods, NeverAllocateAfterConstruction) {
       Sample sample;
       sample.position_W = at;
       sample.force_W = 3.0 * at;
+      sample.has_stiffness = true;
+      sample.stiffness_W = 3.0 * Eigen::Matrix3d::Identity();
       sample.time_s = i;
       method->take_sample(sample);
       method->observe(i, at);

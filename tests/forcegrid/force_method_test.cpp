@@ -50,7 +50,9 @@ TEST(ForceMethods, KnowNothingThenNothingInFreeSpaceThenWhatTheyWereTold) {
     EXPECT_EQ(method->force(0.0, Vector3d::Zero()).force_W, Vector3d::Zero());
     method->contact_made(1, Vector3d::Zero());
     EXPECT_EQ(method->force(0.0, Vector3d::Zero()).status, EstimateStatus::kUnknown);
-    method->take_sample(sample_at(Vector3d::Zero(), Vector3d(1, 2, 3), 0.1));
+    Sample sample = sample_at(Vector3d::Zero(), Vector3d(1, 2, 3), 0.1);
+    sample.has_stiffness = true;  // zero; some methods need one
+    method->take_sample(sample);
     while (method->work(64) > 0) {
     }
     const ForceEstimate estimate = method->force(0.2, Vector3d(0.001, 0.0, 0.0));
