@@ -105,6 +105,17 @@ class ElasticObject<Real>::Implementation {
   }
   std::size_t vertex_count() const noexcept { return rest_.size(); }
   std::size_t spring_count() const noexcept { return springs_; }
+  std::size_t memory_bytes() const noexcept {
+    const auto bytes = [](const auto&... vectors) {
+      return (... + (vectors.capacity() * sizeof(*vectors.data())));
+    };
+    return sizeof *this +
+           bytes(rest_, fixed_, free_, rows_.row_begin, rows_.owner, rows_.other, constants_,
+                 patch_, constrained_, state_, residual_, direction_, product_, saved_state_,
+                 inverse_, tangent_, correction_, position_, saved_position_, force_, t_N_per_m_,
+                 single_position_, coarse_.place, coarse_.inverse_m_per_N, coarse_residual_,
+                 coarse_correction_);
+  }
   bool grabbed() const noexcept { return !patch_.empty(); }
   const std::vector<std::int32_t>& patch() const noexcept { return patch_; }
 
@@ -695,6 +706,10 @@ std::size_t ElasticObject<Real>::vertex_count() const noexcept {
 template <typename Real>
 std::size_t ElasticObject<Real>::spring_count() const noexcept {
   return implementation_->spring_count();
+}
+template <typename Real>
+std::size_t ElasticObject<Real>::memory_bytes() const noexcept {
+  return sizeof *this + implementation_->memory_bytes();
 }
 template <typename Real>
 const SolverOptions& ElasticObject<Real>::options() const noexcept {

@@ -83,6 +83,7 @@ class ElasticObject {
 
   std::size_t vertex_count() const noexcept;
   std::size_t spring_count() const noexcept;
+  std::size_t memory_bytes() const noexcept;  ///< that it holds, itself included
   const SolverOptions& options() const noexcept;
 
   /// Changes SolverOptions::relative_tolerance from the next move on. Throws Error unless > 0.
