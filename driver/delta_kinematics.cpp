@@ -31,7 +31,7 @@ struct DeltaKinematics::Driven {
   std::array<double, 3> sine{};
 };
 
-DeltaKinematics::DeltaKinematics(const DeltaGeometry& geometry)
+DeltaKinematics::DeltaKinematics(const profiles::DeviceProfile::Delta& geometry)
     : geometry_(geometry),
       end_pieces_m_(geometry.knee_end_m + geometry.platform_end_m),
       offset_u_m_(geometry.platform_offset_u_m - geometry.base_offset_u_m),

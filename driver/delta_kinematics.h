@@ -4,27 +4,9 @@
 #include <array>
 
 #include "driver/kinematics.h"
+#include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
-
-/// Lengths and angles of a delta mechanism with three equal legs. In leg i's own frame u points out
-/// of the base at azimuth phi_i, v is u turned by +90 degrees, w is the base frame's z.
-struct DeltaGeometry {
-  double thigh_m = 0.0;                     ///< a, driven arm
-  double shin_m = 0.0;                      ///< b, parallelogram
-  double platform_offset_u_m = 0.0;         ///< c
-  double knee_end_m = 0.0;                  ///< d, end piece between knee and shin
-  double platform_end_m = 0.0;              ///< e, end piece between shin and platform
-  double platform_offset_v_m = 0.0;         ///< f
-  double base_offset_u_m = 0.0;             ///< r
-  double base_offset_v_m = 0.0;             ///< s
-  std::array<double, 3> leg_azimuth_rad{};  ///< phi_i
-  double encoder_rad_per_count = 0.0;
-  double zero_angle_rad = 0.0;  ///< driven angle at zero counts
-  /// Driven angles beyond these are out of range.
-  double joint_min_rad = 0.0;
-  double joint_max_rad = 0.0;
-};
 
 /// Where a delta is. Values are valid for kOk, kOutOfRange and kSingular; the Jacobian of a
 /// singular pose is zero, so that it carries no force.
@@ -67,7 +49,7 @@ class DeltaKinematics {
   /// Steps of Newton's method from one start value; from the spheres it needs 6.
   static constexpr int kMaxSteps = 10;
 
-  explicit DeltaKinematics(const DeltaGeometry& geometry);
+  explicit DeltaKinematics(const profiles::DeviceProfile::Delta& geometry);
 
   /// Forward kinematics and Jacobian by Newton's method on
   ///
@@ -116,7 +98,7 @@ class DeltaKinematics {
   bool newton(const Driven& driven, DeltaPose& pose) const noexcept;
   bool within_stops(const Eigen::Vector3d& joint_angle_rad) const noexcept;
 
-  DeltaGeometry geometry_;
+  profiles::DeviceProfile::Delta geometry_;
   std::array<double, 3> cos_azimuth_;
   std::array<double, 3> sin_azimuth_;
   double end_pieces_m_;  ///< d + e

@@ -34,11 +34,20 @@ double scale_within(const Eigen::Array3d& values, const Eigen::Array3d& limits) 
 }  // namespace
 
 ForceLimiter::ForceLimiter(const profiles::DeviceProfile& profile)
-    : kinematics_(profile),
+    : current_per_torque_A_per_Nm_(Eigen::Array3d::Zero()),
       max_force_N_(profile.limits.max_force_N),
       max_force_rate_N_per_s_(profile.limits.max_force_rate_N_per_s),
       max_joint_torque_Nm_(array_of(profile.limits.max_joint_torque_Nm)),
-      max_current_A_(array_of(profile.motors.max_current_A)) {}
+      max_current_A_(array_of(profile.motors.max_current_A)) {
+  if (profile.kind == profiles::DeviceKind::kDelta) {
+    max_joint_torque_Nm_ =
+        max_joint_torque_Nm_.min(profile.falcon.command_limit / profile.falcon.torque_gain_per_Nm);
+    max_current_A_.setOnes();
+  } else {
+    current_per_torque_A_per_Nm_ =
+        ArmKinematics(profile).motor_current_A(Eigen::Vector3d::Ones()).array();
+  }
+}
 
 LimitedForce ForceLimiter::apply(const Eigen::Vector3d& force_D, const ArmPose& pose,
                                  double elapsed_s,
@@ -62,8 +71,9 @@ LimitedForce ForceLimiter::apply(const Eigen::Vector3d& force_D, const ArmPose& 
   const Eigen::Vector3d torque_Nm =
       ArmKinematics::joint_torque(pose, result.force_D) + extra_torque_Nm;
   const double torque_scale = scale_within(torque_Nm.array(), max_joint_torque_Nm_);
-  const Eigen::Vector3d current_A = kinematics_.motor_current_A(torque_scale * torque_Nm);
-  const double current_scale = scale_within(current_A.array(), max_current_A_);
+  const Eigen::Array3d current_A =
+      current_per_torque_A_per_Nm_ * (torque_scale * torque_Nm).array();
+  const double current_scale = scale_within(current_A, max_current_A_);
   result.joint_torque_Nm = current_scale * torque_scale * torque_Nm;
   if (!result.joint_torque_Nm.allFinite() || !current_A.allFinite()) {
     reset();

@@ -34,9 +34,11 @@ struct LimitedForce {
 ///   4. torque:  tau = J^T F + tau_extra,  tau <- tau min_i(1, tau_max_i / |tau_i|)
 ///   5. current: I = I(tau),  I <- I min_i(1, I_max_i / |I_i|)
 ///
-/// Vectors are scaled as a whole, so that 2, 4 and 5 keep their direction. All of it is in double;
-/// the currents that leave it fit the report, whose encoder clamps once more.
-/// Real-time: apply() and reset() are bounded and neither allocate, lock nor throw. Threads: one.
+/// A delta's commands are torques: its tau_max_i is at most what its largest command gives, its
+/// currents are zero, and step 5 does nothing. Vectors are scaled as a whole, so that 2, 4 and 5
+/// keep their direction. All of it is in double; the currents that leave it fit the report, whose
+/// encoder clamps once more. Real-time: apply() and reset() are bounded and neither allocate, lock
+/// nor throw. Threads: one.
 class ForceLimiter {
  public:
   explicit ForceLimiter(const profiles::DeviceProfile& profile);
@@ -53,7 +55,7 @@ class ForceLimiter {
   void reset() noexcept { last_force_D_.setZero(); }
 
  private:
-  ArmKinematics kinematics_;
+  Eigen::Array3d current_per_torque_A_per_Nm_;  ///< signed; zero for a delta
   double max_force_N_;
   double max_force_rate_N_per_s_;
   Eigen::Array3d max_joint_torque_Nm_;

@@ -22,7 +22,8 @@ class Mechanism {
   /// Forward kinematics and Jacobian of a report's counters.
   [[nodiscard]] virtual ArmPose forward(const std::array<std::int32_t, 6>& counts) noexcept = 0;
 
-  /// Joint torque [Nm] that holds the links' weight at these joint angles.
+  /// Joint torque [Nm] that holds the links' weight at these joint angles; zero for a delta, whose
+  /// profile has no masses.
   [[nodiscard]] virtual Eigen::Vector3d gravity_torque(
       const Eigen::Vector3d& joint_angle_rad) const noexcept = 0;
 };

@@ -234,7 +234,7 @@ TEST_F(Delta, StartsWithinFourteenMillimetresInTheForceBox) {
 
 TEST_F(Delta, LegsKeepTheirLengths) {
   // Straight from the mechanism: knee and platform joint, built with vectors, are a shin apart.
-  const DeltaGeometry g = falcon_sheet_geometry();
+  const profiles::DeviceProfile::Delta g = falcon_sheet_geometry();
   over_workspace(kinematics_, [&](const Vector3d& position_B, const DeltaInverse& inverse) {
     for (std::size_t leg = 0; leg < 3; ++leg) {
       const double phi = g.leg_azimuth_rad[leg];
@@ -349,7 +349,7 @@ TEST_F(Delta, AnglesThatNoPoseHasAreUnreachable) {
 }
 
 TEST_F(Delta, IsOutOfRangeBeyondTheStopsAndTheirTolerance) {
-  DeltaGeometry geometry = falcon_sheet_geometry();
+  profiles::DeviceProfile::Delta geometry = falcon_sheet_geometry();
   geometry.joint_min_rad = -0.3;
   geometry.joint_max_rad = 1.2;
   const DeltaKinematics stopped(geometry);
