@@ -22,13 +22,25 @@ const char* name_of(Fault fault) noexcept {
       return "bad_pose";
     case Fault::kNotFinite:
       return "not_finite";
+    case Fault::kLateReports:
+      return "late_reports";
+    case Fault::kFrozenEncoder:
+      return "frozen_encoder";
+    case Fault::kSaturatedEncoder:
+      return "saturated_encoder";
+    case Fault::kMotorWrongWay:
+      return "motor_wrong_way";
+    case Fault::kMotorNoAnswer:
+      return "motor_no_answer";
     case Fault::kZeroNotDelivered:
       return "zero_not_delivered";
   }
   return "invalid";
 }
 
-std::string sentence_for(Fault fault) {
+std::string sentence_for(Fault fault, int joint) {
+  const std::string which =
+      joint >= 0 && joint < 3 ? " of joint " + std::string(1, static_cast<char>('a' + joint)) : "";
   switch (fault) {
     case Fault::kNone:
       return "No fault.";
@@ -54,10 +66,33 @@ std::string sentence_for(Fault fault) {
     case Fault::kZeroNotDelivered:
       return "The last command, zero current, did not reach the device; its own watchdog switches "
              "the motors off half a second after the last report. Check the cable and the device.";
+    case Fault::kLateReports:
+      return "The device's reports come too late to feel anything by; check the cable, the hub and "
+             "the load of this computer.";
+    case Fault::kFrozenEncoder:
+      return "The encoder" + which +
+             " does not count although its motor's torque was taken away; check its cable. (If the "
+             "arm is stiffer than the profile says, correct dynamics.coulomb_friction_Nm there.)";
+    case Fault::kSaturatedEncoder:
+      return "The encoder" + which +
+             " is at the end of its range; check its cable and calibrate again.";
+    case Fault::kMotorWrongWay:
+      return "The motor" + which +
+             " pushes the wrong way; swap its leads, or correct encoder_sign in the profile.";
+    case Fault::kMotorNoAnswer:
+      return "A push of the motor" + which +
+             " moved nothing; switch the amplifiers on, let the arm move freely, and check the "
+             "encoder's cable.";
     case Fault::kNotFinite:
       return "A computed force was not a number; the simulator or the profile is at fault.";
   }
   return "Unknown fault.";
+}
+
+bool may_be_over_after_reconnecting(Fault fault) noexcept {
+  return fault == Fault::kUnplugged || fault == Fault::kStaleReports ||
+         fault == Fault::kLateReports || fault == Fault::kProtocol ||
+         fault == Fault::kZeroNotDelivered;
 }
 
 }  // namespace forcegrid::servo

@@ -16,6 +16,11 @@ enum class Fault : std::uint8_t {
   kTooFast,           ///< the tool moved faster than the profile allows
   kBadPose,           ///< counts that the linkage cannot have
   kNotFinite,         ///< a force or current was not a number
+  kLateReports,       ///< more than half of the time without a report for 25 ms and longer
+  kFrozenEncoder,     ///< a motor's torque came and went without a count
+  kSaturatedEncoder,  ///< a counter jumped to, or froze at, the end of its range
+  kMotorWrongWay,     ///< a motor pushed against its command before any force was rendered
+  kMotorNoAnswer,     ///< a motor's push moved nothing before any force was rendered
   kZeroNotDelivered,  ///< the loop ended, but its last, zero command did not reach the device
 };
 
@@ -23,6 +28,10 @@ enum class Fault : std::uint8_t {
 const char* name_of(Fault fault) noexcept;
 
 /// One sentence for people: what happened and what to do.
-std::string sentence_for(Fault fault);
+/// @param joint  0, 1, 2 for joints a, b, c where one is at fault; negative: none is named.
+std::string sentence_for(Fault fault, int joint = -1);
+
+/// Whether the device may be back later with nothing wrong: it vanished, fell silent or closed.
+bool may_be_over_after_reconnecting(Fault fault) noexcept;
 
 }  // namespace forcegrid::servo

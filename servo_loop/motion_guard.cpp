@@ -1,6 +1,9 @@
 #include "servo_loop/motion_guard.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 namespace forcegrid::servo {
 namespace {
@@ -34,21 +37,28 @@ Fault MotionGuard::check(rt::TimePoint now, driver::DeviceHealth health,
   if (report.sequence == 0 || now - report.received > report_timeout_) {
     return Fault::kStaleReports;
   }
-  if (pose.status == driver::KinematicsStatus::kNotFinite ||
-      pose.status == driver::KinematicsStatus::kOutOfRange) {
-    return Fault::kBadPose;
-  }
+  const bool possible = pose.status != driver::KinematicsStatus::kNotFinite &&
+                        pose.status != driver::KinematicsStatus::kOutOfRange;
   if (has_last_ && report.sequence == last_sequence_) {
-    return Fault::kNone;
+    return possible ? Fault::kNone : Fault::kBadPose;
   }
   if (has_last_) {
+    // One long pause is a pause, not a habit; a longer one is another fault, or the loop's own.
+    const rt::Duration gap = std::min(report.received - last_received_, report_timeout_);
+    late_s_ = std::max(0.0, late_s_ + (gap > kLateGap ? 0.5 : -0.5) * rt::seconds(gap));
+    if (late_s_ > kLateBudget_s) {
+      return Fault::kLateReports;
+    }
     const double elapsed_s = rt::seconds(report.released - last_sampled_);
     const Eigen::Vector3d step_D = pose.position_D - last_position_D_;
     // A late completion stamps counts late, never early: the last ones may have been sampled at any
     // time since the ones before them.
     const double longest_s = rt::seconds(report.released - sampled_before_last_);
     if (!(step_D.norm() <= kJumpFloor_m + kJumpFactor * max_speed_m_per_s_ * longest_s)) {
-      return Fault::kImplausibleJump;
+      return distrusted(Fault::kImplausibleJump, report);
+    }
+    if (!possible) {
+      return distrusted(Fault::kBadPose, report);
     }
     if (elapsed_s > 0.0) {
       const double share = 1.0 - std::exp(-elapsed_s / kVelocityTimeConstant_s);
@@ -59,16 +69,32 @@ Fault MotionGuard::check(rt::TimePoint now, driver::DeviceHealth health,
     } else if (report.released - slow_enough_at_ >= kTooFastFor) {
       return Fault::kTooFast;
     }
+  } else if (!possible) {
+    return distrusted(Fault::kBadPose, report);
   } else {
     slow_enough_at_ = report.released;
     last_sampled_ = report.released;
   }
   has_last_ = true;
   last_sequence_ = report.sequence;
+  last_received_ = report.received;
   sampled_before_last_ = last_sampled_;
   last_sampled_ = report.released;
   last_position_D_ = pose.position_D;
   return Fault::kNone;
+}
+
+// Counters are believed to have 16 bits in the device, as all devices of this project report them.
+Fault MotionGuard::distrusted(Fault otherwise, const driver::DeviceReport& report) noexcept {
+  for (int i = 0; i < 3; ++i) {
+    const auto low = static_cast<std::int16_t>(report.counts[static_cast<std::size_t>(i)]);
+    if (low == std::numeric_limits<std::int16_t>::max() ||
+        low == std::numeric_limits<std::int16_t>::min()) {
+      joint_ = i;
+      return Fault::kSaturatedEncoder;
+    }
+  }
+  return otherwise;
 }
 
 }  // namespace forcegrid::servo

@@ -25,6 +25,11 @@ class MotionGuard {
   /// host or bus stamped late make one step look fast.
   static constexpr rt::Duration kTooFastFor = std::chrono::milliseconds(20);
 
+  /// Reports further apart than this leave the hand without counts that are worth a force, and a
+  /// link on which that is so for more than half of the time, by this much, is a fault.
+  static constexpr rt::Duration kLateGap = std::chrono::milliseconds(25);
+  static constexpr double kLateBudget_s = 0.25;
+
   /// @param report_timeout no new report for this long is a fault.
   MotionGuard(const profiles::DeviceProfile& profile, rt::Duration report_timeout);
 
@@ -33,13 +38,21 @@ class MotionGuard {
                             const driver::DeviceReport& report,
                             const driver::ArmPose& pose) noexcept;
 
+  /// The joint at fault after kSaturatedEncoder: 0, 1, 2; else negative.
+  int joint() const noexcept { return joint_; }
+
   /// [m/s] filtered; zero until two reports have been seen.
   const Eigen::Vector3d& velocity_D() const noexcept { return velocity_D_; }
 
  private:
   double max_speed_m_per_s_;
   rt::Duration report_timeout_;
+  Fault distrusted(Fault otherwise, const driver::DeviceReport& report) noexcept;
+
   bool has_last_ = false;
+  int joint_ = -1;
+  rt::TimePoint last_received_{};
+  double late_s_ = 0.0;
   std::uint64_t last_sequence_ = 0;
   rt::TimePoint last_sampled_{};
   rt::TimePoint sampled_before_last_{};  ///< the last counts can't be older than these

@@ -20,10 +20,13 @@ double servo_time_s(rt::TimePoint time) noexcept { return rt::seconds(time.time_
 ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& profile,
                      std::vector<ForceMethod*> methods, ServoPorts& ports,
                      const ServoOptions& options)
-    : device_(device),
+    : device_(&device),
+      profile_(profile),
       mechanism_(driver::make_mechanism(profile)),
       limiter_(profile),
       guard_(profile, options.report_timeout),
+      encoder_watch_(profile),
+      motor_check_(profile, rt::from_seconds(1.0 / std::max(1.0, options.rate_Hz))),
       methods_(std::move(methods)),
       ports_(ports),
       options_(options),
@@ -55,7 +58,8 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   record.cycle = cycle_++;
   record.time_ns = now.time_since_epoch().count();
   record.missed_deadlines = missed_before_this_;
-  double elapsed_s = record.cycle == 0 ? 0.0 : rt::seconds(now - last_cycle_);
+  double elapsed_s = first_cycle_ ? 0.0 : rt::seconds(now - last_cycle_);
+  first_cycle_ = false;
   record.period_us = 1e6 * elapsed_s;
   record.wakeup_us = wakeup_us_;
   last_cycle_ = now;
@@ -65,9 +69,16 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
 
   // Encoder report -> counts -> joint angles -> tool, believed only if plausible.
-  const driver::DeviceReport report = device_.newest_report();
+  const driver::DeviceReport report = device_->newest_report();
   const driver::ArmPose pose = mechanism_->forward(report.counts);
-  Fault fault = guard_.check(now, device_.health(), report, pose);
+  Fault fault = guard_.check(now, device_->health(), report, pose);
+  faulty_joint_ = guard_.joint();
+  if (fault == Fault::kNone && options_.watch_encoders) {
+    if (const auto joint = encoder_watch_.check(now, report)) {
+      fault = Fault::kFrozenEncoder;
+      faulty_joint_ = *joint;
+    }
+  }
   const Eigen::Vector3d position_W = options_.workspace.position_W(pose.position_D);
   if (fault == Fault::kNone) {
     send_tool_state(now, position_W);
@@ -83,8 +94,14 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     record.method_status[i] = estimate.status;
   }
 
+  // Which way the motors push is known before anything is felt.
+  if (fault == Fault::kNone && options_.check_motors && !motors_checked_ && has_sample_) {
+    fault = check_motors(now, report, pose);
+  }
+
   // Ramp, fade, workspace bound; then every limit of the profile, and torque to current.
-  record.gain = force_gain(now, elapsed_s);
+  const bool may_render = motors_checked_ || !options_.check_motors;
+  record.gain = force_gain(now, elapsed_s, may_render);
   const bool in_force_box = (pose.position_D.array() >= force_box_min_D_.array()).all() &&
                             (pose.position_D.array() <= force_box_max_D_.array()).all();
   const Eigen::Vector3d wanted_force_D =
@@ -94,7 +111,8 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
       options_.gravity_compensation
           ? Eigen::Vector3d(gravity_gain_ * mechanism_->gravity_torque(pose.joint_angle_rad))
           : Eigen::Vector3d::Zero();
-  const driver::LimitedForce limited = limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm);
+  const driver::LimitedForce limited =
+      limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm + motor_check_.joint_torque_Nm());
   if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
     fault = Fault::kNotFinite;
   }
@@ -106,8 +124,11 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     command.current_A = limited.current_A;
     command.joint_torque_Nm = triple(limited.joint_torque_Nm);
     record.commanded_force_D_N = triple(limited.force_D);
+    if (options_.watch_encoders) {
+      relieve(now, elapsed_s, pose.jacobian_D.transpose() * limited.force_D, command);
+    }
   }
-  device_.command(command);
+  device_->command(command);
 
   // What the budget leaves goes into filling.
   for (ForceMethod* method : methods_) {
@@ -166,17 +187,72 @@ void ServoLoop::take_samples() noexcept {
   }
 }
 
-double ServoLoop::force_gain(rt::TimePoint now, double elapsed_s) noexcept {
+double ServoLoop::force_gain(rt::TimePoint now, double elapsed_s, bool may_render) noexcept {
   const double timeout_s = std::max(options_.sample_timeout_s, 5.0 * sample_period_s_);
-  const bool fresh = has_sample_ && rt::seconds(now - newest_sample_arrived_) <= timeout_s;
+  const bool fresh =
+      may_render && has_sample_ && rt::seconds(now - newest_sample_arrived_) <= timeout_s;
   const double step = fresh ? elapsed_s / options_.ramp_in_s : -elapsed_s / options_.fade_s;
   gain_ = std::clamp(gain_ + step, 0.0, 1.0);
   gravity_gain_ = std::min(gravity_gain_ + elapsed_s / options_.ramp_in_s, 1.0);
   return gain_;
 }
 
+Fault ServoLoop::check_motors(rt::TimePoint now, const driver::DeviceReport& report,
+                              const driver::ArmPose& pose) noexcept {
+  const MotorCheck::Verdict verdict = motor_check_.update(now, report, pose);
+  motors_checked_ = verdict == MotorCheck::Verdict::kPassed;
+  switch (verdict) {
+    case MotorCheck::Verdict::kRunning:
+    case MotorCheck::Verdict::kPassed:
+      return Fault::kNone;
+    case MotorCheck::Verdict::kWrongWay:
+      faulty_joint_ = motor_check_.joint();
+      return Fault::kMotorWrongWay;
+    case MotorCheck::Verdict::kNoAnswer:
+      break;
+  }
+  faulty_joint_ = motor_check_.joint();
+  return Fault::kMotorNoAnswer;
+}
+
+// Leads off the part of each joint's torque that comes from the force; what carries the links
+// stays.
+void ServoLoop::relieve(rt::TimePoint now, double elapsed_s, const Eigen::Vector3d& force_torque_Nm,
+                        driver::MotorCommand& command) noexcept {
+  const Eigen::Array3d part = encoder_watch_.relief(now, elapsed_s, force_torque_Nm);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto axis = static_cast<Eigen::Index>(i);
+    const double torque_Nm = command.joint_torque_Nm[i];
+    if (part[axis] >= 1.0 || torque_Nm == 0.0) {
+      continue;
+    }
+    // A limit may have scaled the torque down; no more is led off than there is.
+    const double left_Nm = torque_Nm - (1.0 - part[axis]) * force_torque_Nm[axis];
+    const double ratio = std::clamp(left_Nm / torque_Nm, 0.0, 1.0);
+    command.joint_torque_Nm[i] *= ratio;
+    command.current_A[i] *= ratio;
+  }
+}
+
+void ServoLoop::continue_with(driver::Device& device) {
+  device_ = &device;
+  guard_ = MotionGuard(profile_, options_.report_timeout);
+  limiter_.reset();
+  encoder_watch_.restart();
+  motor_check_ = MotorCheck(profile_, rt::from_seconds(1.0 / options_.rate_Hz));
+  motors_checked_ = false;
+  has_sample_ = false;  // what was said before is about a hand that has moved on
+  gain_ = 0.0;
+  gravity_gain_ = 0.0;
+  faulty_joint_ = -1;
+  missed_before_this_ = 0;
+  first_cycle_ = true;
+}
+
 void ServoLoop::start_anew() noexcept {
   ++stalls_;
+  encoder_watch_.restart();
+  motor_check_.restart();
   gain_ = 0.0;
   gravity_gain_ = 0.0;
   limiter_.reset();
@@ -194,7 +270,7 @@ void ServoLoop::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& positi
 // How far `deadline` is from where it should lie against the device's bus frames, whose beginnings
 // the completion times of OUTs show; within half a frame either way.
 rt::Duration ServoLoop::shift_to_bus_phase(rt::TimePoint deadline) noexcept {
-  const rt::TimePoint released = device_.newest_report().released;
+  const rt::TimePoint released = device_->newest_report().released;
   if (released == rt::TimePoint{} || bus_frame_ <= rt::Duration::zero()) {
     return rt::Duration::zero();
   }
@@ -236,13 +312,15 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   }
   // The cycle that ended the loop by a fault has commanded zero already. Asked before stop(), after
   // which the device only says that it is closed.
-  outcome.device_failure = outcome.fault == Fault::kNone ? std::string() : device_.failure();
-  outcome.zero_current_delivered = device_.stop();
+  outcome.device_failure = outcome.fault == Fault::kNone ? std::string() : device_->failure();
+  outcome.joint = outcome.fault == Fault::kNone ? -1 : faulty_joint_;
+  outcome.zero_current_delivered = device_->stop();
   if (outcome.fault == Fault::kNone && !outcome.zero_current_delivered) {
     outcome.fault = Fault::kZeroNotDelivered;
   }
   outcome.cycles = cycle_;
   outcome.stalls = stalls_;
+  outcome.encoder_doubts = encoder_watch_.doubts();
   return outcome;
 }
 

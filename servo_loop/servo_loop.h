@@ -15,7 +15,9 @@
 #include "rt/spsc_ring.h"
 #include "rt/thread.h"
 #include "servo_loop/cycle_record.h"
+#include "servo_loop/encoder_watch.h"
 #include "servo_loop/motion_guard.h"
+#include "servo_loop/motor_check.h"
 
 namespace forcegrid::servo {
 
@@ -41,6 +43,10 @@ struct ServoOptions {
   /// No new report of the device for this long is a fault; less than its watchdog's 500 ms.
   rt::Duration report_timeout = std::chrono::milliseconds(100);
   bool gravity_compensation = false;
+  /// Each motor gives a few short pushes before the first force is rendered: see MotorCheck.
+  bool check_motors = true;
+  /// Encoders that don't count are looked for: see EncoderWatch.
+  bool watch_encoders = true;
   WorkspaceMap workspace;
 };
 
@@ -62,18 +68,22 @@ struct ServoPorts {
 
 struct ServoOutcome {
   Fault fault = Fault::kNone;
+  int joint = -1;              ///< 0, 1, 2 where the fault is one joint's; else negative
   std::string device_failure;  ///< the device's own words, if it had any
   std::uint64_t cycles = 0;
   std::uint64_t missed_deadlines = 0;
   /// Pauses longer than 50 ms, after which the force ramps in anew.
   std::uint64_t stalls = 0;
+  /// How often a joint stood still under load until its torque was led off: see EncoderWatch.
+  std::uint64_t encoder_doubts = 0;
   rt::Scheduling scheduling;
   std::string memory_lock_refused;  ///< empty when memory is locked
   bool zero_current_delivered = false;
 };
 
 /// The real-time loop: device -> kinematics -> force method -> limits -> torque -> device.
-/// It owns neither device nor methods. Threads: constructed anywhere; run() on a thread of its own.
+/// It owns neither devices nor methods. Threads: constructed anywhere; run() on a thread of its
+/// own.
 class ServoLoop {
  public:
   /// @param methods the first is rendered, the others run in its shadow; 1 to kMaxMethods,
@@ -96,6 +106,11 @@ class ServoLoop {
   /// calling thread first; a refusal is reported in the outcome and the loop goes on without.
   ServoOutcome run(const std::atomic<bool>& stop, double seconds) noexcept;
 
+  /// Goes on with `device`, the same one opened again, in the next run(): nothing of the last one
+  /// is believed, the motors are checked again, and the force ramps in. Counts in outcomes go on.
+  /// Real-time: no. Threads: not during run().
+  void continue_with(driver::Device& device);
+
   /// One cycle, without waiting: reads, computes, commands, fills, records.
   /// @param now the cycle's start. @param next_read when the next cycle will start.
   /// Real-time: no allocation, lock, log or throw; bounded by methods and budget.
@@ -104,14 +119,21 @@ class ServoLoop {
  private:
   void take_samples() noexcept;
   void start_anew() noexcept;
+  Fault check_motors(rt::TimePoint now, const driver::DeviceReport& report,
+                     const driver::ArmPose& pose) noexcept;
+  void relieve(rt::TimePoint now, double elapsed_s, const Eigen::Vector3d& force_torque_Nm,
+               driver::MotorCommand& command) noexcept;
   rt::Duration shift_to_bus_phase(rt::TimePoint deadline) noexcept;
-  double force_gain(rt::TimePoint now, double elapsed_s) noexcept;
+  double force_gain(rt::TimePoint now, double elapsed_s, bool may_render) noexcept;
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
 
-  driver::Device& device_;
+  driver::Device* device_;
+  profiles::DeviceProfile profile_;
   std::unique_ptr<driver::Mechanism> mechanism_;
   driver::ForceLimiter limiter_;
   MotionGuard guard_;
+  EncoderWatch encoder_watch_;
+  MotorCheck motor_check_;
   std::vector<ForceMethod*> methods_;
   ServoPorts& ports_;
   ServoOptions options_;
@@ -132,6 +154,9 @@ class ServoLoop {
   double gravity_gain_ = 0.0;
   std::uint32_t tool_sequence_ = 0;
   std::uint64_t cycle_ = 0;
+  int faulty_joint_ = -1;
+  bool motors_checked_ = false;
+  bool first_cycle_ = true;
   std::uint64_t stalls_ = 0;
   std::uint32_t missed_before_this_ = 0;
 };

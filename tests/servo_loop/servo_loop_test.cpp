@@ -52,6 +52,9 @@ class ServoLoopCycle : public ::testing::Test {
     ServoOptions options;
     options.ramp_in_s = 0.1;
     options.fade_s = 0.1;
+    // A scripted device does not move by what it is told.
+    options.check_motors = false;
+    options.watch_encoders = false;
     return options;
   }
 

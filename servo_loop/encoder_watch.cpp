@@ -1,0 +1,81 @@
+#include "servo_loop/encoder_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace forcegrid::servo {
+
+EncoderWatch::EncoderWatch(const profiles::DeviceProfile& profile) noexcept
+    : loaded_above_Nm_(kFrictions * profile.dynamics.coulomb_friction_Nm) {}
+
+void EncoderWatch::restart() noexcept { joints_ = {}; }
+
+std::optional<int> EncoderWatch::check(rt::TimePoint now,
+                                       const driver::DeviceReport& report) noexcept {
+  const bool fresh = report.sequence != last_sequence_ && now - report.released <= kYoung;
+  last_sequence_ = report.sequence;
+  std::optional<int> frozen;
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    Joint& joint = joints_[i];
+    const std::int32_t counts = report.counts[i];
+    if (!joint.known || counts != joint.counts) {
+      if (joint.doubted) {
+        joint.doubted = false;
+        joint.doubt_no_sooner = now + kPatience;
+        joint.travel_counts = 0;
+      } else if (joint.known) {
+        joint.travel_counts += std::min(std::abs(counts - joint.counts), kMovedOn_counts);
+        if (joint.travel_counts >= kMovedOn_counts) {
+          joint.doubt_no_sooner = now;
+        }
+        joint.travel_counts = std::min(joint.travel_counts, kMovedOn_counts);
+      }
+      joint.known = true;
+      joint.counts = counts;
+      joint.still_since = now;
+      continue;
+    }
+    if (!joint.doubted) {
+      continue;
+    }
+    joint.reports_in_doubt += fresh ? 1 : 0;
+    if (now - joint.doubted_since >= kReliefTime && joint.part <= 0.0 &&
+        joint.reports_in_doubt >= kReportsInDoubt && !frozen) {
+      frozen = static_cast<int>(i);
+    }
+  }
+  return frozen;
+}
+
+Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
+                                    const Eigen::Vector3d& force_torque_Nm) noexcept {
+  Eigen::Array3d part;
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    Joint& joint = joints_[i];
+    const bool loaded = std::abs(force_torque_Nm[static_cast<Eigen::Index>(i)]) > loaded_above_Nm_;
+    if (loaded && !joint.loaded) {
+      joint.loaded_since = now;
+    }
+    joint.loaded = loaded;
+    if (!loaded) {
+      joint.doubted = false;
+    } else if (!joint.doubted && joint.known && now >= joint.doubt_no_sooner &&
+               now - std::max(joint.still_since, joint.loaded_since) >= kDoubtAfter) {
+      joint.doubted = true;
+      joint.doubted_since = now;
+      joint.reports_in_doubt = 0;
+      ++doubts_;
+    }
+    if (joint.doubted) {
+      const double led = rt::seconds(now - joint.doubted_since) / rt::seconds(kReliefTime);
+      joint.part = std::clamp(1.0 - led, 0.0, joint.part);
+    } else {
+      joint.part = std::min(1.0, joint.part + elapsed_s / rt::seconds(kReliefTime));
+    }
+    part[static_cast<Eigen::Index>(i)] = joint.part;
+  }
+  return part;
+}
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "driver/device.h"
+#include "profiles/device_profile.h"
+#include "rt/clock.h"
+
+namespace forcegrid::servo {
+
+/// Finds encoders that have stopped counting while their motor pushes.
+///
+/// Standing still is no proof: a hand can hold a joint against any torque, and within twice the
+/// Coulomb friction tau_c not even a change of torque moves it. What no live joint can hide is
+/// this: a torque far above friction is taken away, and nothing moves. So for each joint alone,
+///
+///   doubted:  |tau_F| > kFrictions tau_c, and no count for kDoubtAfter;
+///   relieved: its torque is led to zero within kReliefTime, until a count comes;
+///   frozen:   it is zero, kDoubtAfter + kReliefTime after the last count, and still no count.
+///
+/// where tau_F = J^T F is the torque of the rendered force (the links' weight is not taken away).
+/// A live joint moves within the first few milliseconds of the relief, by what friction had hidden;
+/// after that it is not doubted again for kPatience, unless it has moved on by itself.
+///
+/// Real-time: no allocation, lock or throw. Threads: one.
+class EncoderWatch {
+ public:
+  static constexpr double kFrictions = 5.0;
+  static constexpr rt::Duration kDoubtAfter = std::chrono::milliseconds(60);
+  static constexpr rt::Duration kReliefTime = std::chrono::milliseconds(40);
+  static constexpr rt::Duration kPatience = std::chrono::seconds(1);
+  /// A doubt needs this many reports that are this young: silence is another fault.
+  static constexpr int kReportsInDoubt = 4;
+  static constexpr rt::Duration kYoung = std::chrono::milliseconds(15);
+  /// Counts after which a joint has moved on by itself.
+  static constexpr std::int32_t kMovedOn_counts = 5;
+
+  explicit EncoderWatch(const profiles::DeviceProfile& profile) noexcept;
+
+  /// Looks at one cycle's report. @returns the joint (0, 1, 2) whose encoder is frozen.
+  [[nodiscard]] std::optional<int> check(rt::TimePoint now,
+                                         const driver::DeviceReport& report) noexcept;
+
+  /// What part of each joint's torque may be commanded, 0..1.
+  /// @param force_torque_Nm J^T F of the force that is to be rendered, all of it.
+  [[nodiscard]] Eigen::Array3d relief(rt::TimePoint now, double elapsed_s,
+                                      const Eigen::Vector3d& force_torque_Nm) noexcept;
+
+  /// Nothing has been rendered for a while: all that was seen before is void.
+  void restart() noexcept;
+
+  /// How often a joint has been doubted.
+  [[nodiscard]] std::uint64_t doubts() const noexcept { return doubts_; }
+
+ private:
+  struct Joint {
+    bool known = false;
+    std::int32_t counts = 0;
+    rt::TimePoint still_since{};
+    rt::TimePoint loaded_since{};
+    bool loaded = false;
+    bool doubted = false;
+    rt::TimePoint doubted_since{};
+    rt::TimePoint doubt_no_sooner{};
+    std::int32_t travel_counts = 0;
+    int reports_in_doubt = 0;
+    double part = 1.0;  ///< of the torque that may be commanded
+  };
+
+  double loaded_above_Nm_;
+  std::array<Joint, 3> joints_;
+  std::uint64_t last_sequence_ = 0;
+  std::uint64_t doubts_ = 0;
+};
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+
+#include "driver/device.h"
+#include "driver/kinematics.h"
+#include "profiles/device_profile.h"
+#include "rt/clock.h"
+
+namespace forcegrid::servo {
+
+/// Finds motors that push the wrong way, or not at all, before a force is rendered.
+///
+/// While a force is rendered the sign can't be seen: whoever moves slowly through an object
+/// balances either force, and looks the same to the encoders. A known push tells. Each joint in
+/// turn gets four short pushes, + - - +, as hard as about 1.5 N at the tip; a push that begins at t
+/// and lasts T changes the joint's course by
+///
+///   D = (q(t + T) - q(t)) - (q(t) - q(t - T)),
+///
+/// half of M^-1 tau T^2 for a mass, K^-1 tau for a spring, B^-1 tau T for a damper: along the
+/// torque for anything passive that hangs on the joint, hands included. Summed with the signs of
+/// the pushes, what a hand does of its own at constant speed, acceleration or jerk cancels.
+///
+/// A joint passes when the sum is positive; it is condemned when the sum is negative twice. One
+/// that does not answer within kAttempts, each harder than the last, has no power, no encoder, or
+/// is held fast.
+///
+/// Real-time: no allocation, lock or throw. Threads: one.
+class MotorCheck {
+ public:
+  enum class Verdict : std::uint8_t { kRunning, kPassed, kWrongWay, kNoAnswer };
+
+  static constexpr double kPush_N = 1.5;
+  static constexpr rt::Duration kPushTime = std::chrono::milliseconds(16);
+  static constexpr int kLeastPushCycles = 3;
+  static constexpr int kRestPushes = 2;  ///< pause after each push, in pushes
+  static constexpr int kAttempts = 3;
+  static constexpr double kHarder = 1.5;              ///< from attempt to attempt
+  static constexpr double kLeastAnswer_counts = 8.0;  ///< of the four pushes together
+
+  MotorCheck(const profiles::DeviceProfile& profile, rt::Duration period) noexcept;
+
+  /// One cycle, each with the newest report.
+  Verdict update(rt::TimePoint now, const driver::DeviceReport& report,
+                 const driver::ArmPose& pose) noexcept;
+
+  /// [Nm] to be commanded in this cycle; zero but while kRunning.
+  [[nodiscard]] const Eigen::Vector3d& joint_torque_Nm() const noexcept { return torque_Nm_; }
+
+  /// The joint that is being checked, or has been condemned: 0, 1, 2.
+  [[nodiscard]] int joint() const noexcept { return joint_; }
+
+  /// The loop has paused: the push in progress is void, the joint begins anew.
+  void restart() noexcept;
+
+ private:
+  struct Course {
+    double time_s = 0.0;
+    double angle_rad = 0.0;
+    double counts = 0.0;
+  };
+
+  void begin_attempt() noexcept;
+  Verdict judge() noexcept;
+
+  double friction_Nm_;
+  int push_cycles_;
+  int joint_ = 0;
+  int attempt_ = 0;
+  int negative_ = 0;
+  int push_ = 0;
+  int cycle_ = 0;  ///< since the rest before the push began
+  Course before_;
+  Course begin_;
+  double answer_rad_ = 0.0;
+  double answer_counts_ = 0.0;
+  Verdict verdict_ = Verdict::kRunning;
+  Eigen::Vector3d torque_Nm_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,239 @@
+// Faults that only the arm's own physics show: encoders that freeze, motors that push the wrong
+// way. The loop runs against the emulator's arm in simulated time, so that all motions and hands
+// can be gone through.
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "forcegrid/hold_method.h"
+#include "servo_loop/servo_loop.h"
+#include "tests/servo_loop/simulated_arm.h"
+
+namespace forcegrid::servo {
+namespace {
+
+using Eigen::Vector3d;
+using emulator::HandKind;
+using emulator::MotionKind;
+using std::chrono::milliseconds;
+
+constexpr rt::Duration kPeriod = milliseconds(2);
+constexpr std::uint64_t kSeed = 7;
+constexpr rt::TimePoint kStart{std::chrono::seconds(1000)};
+
+// A spring to the place where the tool came to rest first, felt through 30 answers a second that
+// are 10 ms old; that is what the loop meets in earnest.
+class Bench {
+ public:
+  Bench(const std::string& profile, HandKind hand, MotionKind motion, double stiffness_N_per_m)
+      : profile_(profiles::load_device_profile(profile)),
+        arm_(profile_, hand, motion, kSeed, kStart),
+        stiffness_N_per_m_(stiffness_N_per_m),
+        loop_(arm_, profile_, {&method_}, ports_, {}) {}
+
+  // One cycle. The tool is grabbed at the operator's contact point.
+  Fault cycle() {
+    now_ += kPeriod;
+    arm_.advance_to(now_);
+    if (++cycles_ % 16 == 0) {
+      answer();
+    }
+    const Fault fault = loop_.run_cycle(now_, now_ + kPeriod);
+    CycleRecord record;
+    while (ports_.records.pop(record)) {
+      last_ = record;
+      most_force_N_ = std::max(most_force_N_, vector(record.commanded_force_D_N).norm());
+    }
+    return fault;
+  }
+
+  // Runs for `seconds` or until a fault.
+  Fault run(double seconds) {
+    const rt::TimePoint end = now_ + rt::from_seconds(seconds);
+    Fault fault = Fault::kNone;
+    while (fault == Fault::kNone && now_ < end) {
+      fault = cycle();
+    }
+    return fault;
+  }
+
+  double time_s() const { return rt::seconds(now_ - kStart); }
+
+  profiles::DeviceProfile profile_;
+  SimulatedArm arm_;
+  double stiffness_N_per_m_;
+  HoldMethod method_;
+  ServoPorts ports_;
+  ServoLoop loop_;
+  CycleRecord last_;
+  double most_force_N_ = 0.0;
+  rt::TimePoint now_ = kStart;
+
+ private:
+  void answer() {
+    const Vector3d position_W = arm_.arm().position_D();
+    const bool in_contact = position_W.norm() < 0.1 && (grabbed_ || position_W.z() <= 0.0);
+    grabbed_ = grabbed_ || in_contact;
+    ArrivedSample arrived;
+    arrived.sample.position_W = position_W;
+    arrived.sample.force_W =
+        in_contact ? Vector3d(-stiffness_N_per_m_ * position_W) : Vector3d(Vector3d::Zero());
+    arrived.sample.time_s = rt::seconds((now_ - milliseconds(10)).time_since_epoch());
+    arrived.sample.contact_epoch = 1;
+    arrived.in_contact = in_contact;
+    arrived.arrived = now_;
+    ASSERT_TRUE(ports_.samples.push(arrived));
+  }
+
+  std::uint64_t cycles_ = 0;
+  bool grabbed_ = false;
+};
+
+std::string name_of_hand(HandKind hand) {
+  return hand == HandKind::kFirm ? "firm" : (hand == HandKind::kLight ? "light" : "no");
+}
+
+const std::vector<MotionKind> kMotions = {MotionKind::kChirp,  MotionKind::kLissajous,
+                                          MotionKind::kRandom, MotionKind::kPoke,
+                                          MotionKind::kHold,   MotionKind::kStill};
+
+class NormalRun : public ::testing::TestWithParam<std::tuple<std::string, HandKind>> {};
+
+TEST_P(NormalRun, RaisesNoAlarmInAnyMotion) {
+  const auto& [profile, hand] = GetParam();
+  for (const MotionKind motion : kMotions) {
+    // With this method an object stiffer than damping / age, 2.5 Ns/m / 26 ms, shakes a light hand.
+    for (const double stiffness_N_per_m : {60.0, hand == HandKind::kFirm ? 250.0 : 80.0}) {
+      Bench bench(profile, hand, motion, stiffness_N_per_m);
+      const Fault fault = bench.run(12.0);
+      // An arm that nobody holds falls, and that is too fast.
+      EXPECT_EQ(fault, hand == HandKind::kNone ? Fault::kTooFast : Fault::kNone)
+          << name_of(fault) << ": " << name_of_hand(hand) << " hand, "
+          << emulator::to_string(motion) << ", " << stiffness_N_per_m << " N/m, after "
+          << bench.time_s() << " s";
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    ProfilesAndHands, NormalRun,
+    ::testing::Combine(::testing::Values("woodenhaptics_v2015", "woodenhaptics_v2019", "polhem_v1",
+                                         "vintage", "phantom_desktop"),
+                       ::testing::Values(HandKind::kFirm, HandKind::kLight, HandKind::kNone)),
+    [](const auto& test) {
+      return std::get<0>(test.param) + "_" + name_of_hand(std::get<1>(test.param));
+    });
+
+using Course = std::tuple<HandKind, MotionKind>;
+
+std::string course_name(const ::testing::TestParamInfo<Course>& test) {
+  return name_of_hand(std::get<0>(test.param)) + "_" + emulator::to_string(std::get<1>(test.param));
+}
+
+class FrozenEncoders : public ::testing::TestWithParam<Course> {};
+
+// All three counters stop in mid-force. By its own rule the watch sees it when a loaded joint has
+// not counted for 100 ms; a joint that no force loads may freeze unseen, and does no harm.
+TEST_P(FrozenEncoders, AreFoundATenthOfASecondAfterTheLastCountUnderLoad) {
+  const auto& [hand, motion] = GetParam();
+  Bench bench("woodenhaptics_v2015", hand, motion, 80.0);
+  ASSERT_EQ(bench.run(4.0), Fault::kNone);
+  // The moment has a force far above friction (0.02 Nm, which 0.1 N at the tip overcome).
+  while (vector(bench.last_.commanded_force_D_N).norm() < 0.8) {
+    ASSERT_EQ(bench.cycle(), Fault::kNone);
+    ASSERT_LT(bench.time_s(), 20.0);
+  }
+  const std::array<std::int32_t, 3> stuck = bench.last_.counts;
+  const double frozen_at_s = bench.time_s();
+  bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+    std::copy(stuck.begin(), stuck.end(), counts.begin());
+  };
+  ASSERT_EQ(bench.run(1.5), Fault::kFrozenEncoder);
+  // 100 ms and the patience with a joint that was still, and was doubted, just before.
+  EXPECT_LE(bench.time_s() - frozen_at_s, 1.15);
+  RecordProperty("found_after_ms", static_cast<int>(1e3 * (bench.time_s() - frozen_at_s)));
+  EXPECT_EQ(bench.last_.current_A, (Triple{}));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    HandsAndMotions, FrozenEncoders,
+    // (A light hand that keeps still holds no force that is far above friction.)
+    ::testing::Values(
+        Course{HandKind::kFirm, MotionKind::kChirp},
+        Course{HandKind::kFirm, MotionKind::kLissajous},
+        Course{HandKind::kFirm, MotionKind::kRandom}, Course{HandKind::kFirm, MotionKind::kPoke},
+        Course{HandKind::kFirm, MotionKind::kHold}, Course{HandKind::kLight, MotionKind::kChirp},
+        Course{HandKind::kLight, MotionKind::kLissajous},
+        Course{HandKind::kLight, MotionKind::kRandom}, Course{HandKind::kLight, MotionKind::kPoke}),
+    course_name);
+
+TEST(FrozenEncoder, IsNamedByItsJoint) {
+  for (const int joint : {1, 2}) {
+    Bench bench("woodenhaptics_v2015", HandKind::kFirm, MotionKind::kChirp, 250.0);
+    ASSERT_EQ(bench.run(4.0), Fault::kNone);
+    while (vector(bench.last_.commanded_force_D_N).norm() < 1.5) {
+      ASSERT_EQ(bench.cycle(), Fault::kNone);
+      ASSERT_LT(bench.time_s(), 20.0);
+    }
+    const auto index = static_cast<std::size_t>(joint);
+    const std::int32_t stuck = bench.last_.counts[index];
+    bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+      counts[index] = stuck;
+    };
+    EXPECT_EQ(bench.run(1.5), Fault::kFrozenEncoder) << joint;
+    EXPECT_EQ(bench.last_.counts[index], stuck);
+  }
+}
+
+class MotorsAtFault : public ::testing::TestWithParam<std::tuple<std::string, HandKind>> {};
+
+TEST_P(MotorsAtFault, AreFoundBeforeAnyForceWhenTheyPushTheWrongWay) {
+  const auto& [profile, hand] = GetParam();
+  for (int joint = 0; joint < 3; ++joint) {
+    Bench bench(profile, hand, MotionKind::kChirp, 80.0);
+    bench.arm_.motor_sign[joint] = -1.0;
+    EXPECT_EQ(bench.run(3.0), Fault::kMotorWrongWay) << joint;
+    EXPECT_EQ(bench.most_force_N_, 0.0);
+    EXPECT_EQ(bench.last_.current_A, (Triple{}));
+  }
+}
+
+TEST_P(MotorsAtFault, AreFoundBeforeAnyForceWhenTheyDoNothing) {
+  const auto& [profile, hand] = GetParam();
+  Bench bench(profile, hand, MotionKind::kStill, 80.0);
+  bench.arm_.motor_sign[1] = 0.0;
+  EXPECT_EQ(bench.run(4.0), Fault::kMotorNoAnswer);
+  EXPECT_EQ(bench.most_force_N_, 0.0);
+}
+
+TEST_P(MotorsAtFault, AreCheckedWithTapsOfThreeNewtonsAtMostThatLeaveTheHandWhereItIs) {
+  const auto& [profile, hand] = GetParam();
+  Bench bench(profile, hand, MotionKind::kStill, 80.0);
+  SimulatedArm undisturbed(bench.profile_, hand, MotionKind::kStill, kSeed, kStart);
+  double farthest_m = 0.0;
+  while (bench.last_.gain == 0.0) {
+    ASSERT_EQ(bench.cycle(), Fault::kNone);
+    undisturbed.advance_to(bench.now_);
+    ASSERT_LT(bench.time_s(), 2.0);
+    farthest_m = std::max(farthest_m,
+                          (bench.arm_.arm().position_D() - undisturbed.arm().position_D()).norm());
+  }
+  EXPECT_GT(farthest_m, 0.0001);
+  EXPECT_LT(farthest_m, hand == HandKind::kFirm ? 0.004 : 0.012);
+}
+
+INSTANTIATE_TEST_SUITE_P(ProfilesAndHands, MotorsAtFault,
+                         ::testing::Combine(::testing::Values("woodenhaptics_v2015", "polhem_v1",
+                                                              "phantom_desktop"),
+                                            ::testing::Values(HandKind::kFirm, HandKind::kLight)),
+                         [](const auto& test) {
+                           return std::get<0>(test.param) + "_" +
+                                  name_of_hand(std::get<1>(test.param));
+                         });
+
+}  // namespace
+}  // namespace forcegrid::servo
