@@ -19,12 +19,17 @@ ifeq ($(origin SHELL),command line)
 HIL_SHELL := $(filter-out 0,$(SHELL))
 override SHELL := /bin/sh
 endif
+ifneq ($(filter-out rt,$(KERNEL)),)
+$(error KERNEL=$(KERNEL): it is rt, or left out for the stock kernel)
+endif
 HIL_KERNEL := linux-image-$(if $(filter rt,$(KERNEL)),rt-)amd64
 HIL := python3 tests/hil/run_guest.py --kernel $(HIL_KERNEL)
+# The driver or the whole loop against a device, in user space.
+USER_SPACE_TESTS := ^(W2\.|W3\.|UsbipTransport|EmulatorServer|MainJob|.*ReportAge|.*Falcon|.*Fault|.*Reconnect|.*Malformed)
 UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
-.PHONY: run test build setup bench sanitize fuzz clean hil hil-full install-udev uninstall-udev
+.PHONY: run test build setup bench sanitize fuzz clean hil hil-full hil-matrix install-udev uninstall-udev
 
 run: build
 	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --seconds $(SECONDS) $(ARGS)
@@ -48,13 +53,21 @@ hil: build
 ifneq ($(HIL_SHELL),)
 	$(HIL) --shell
 else ifneq ($(KERNEL),)
-	$(HIL)
+	$(HIL) --timeout 600
 else
 	ctest --test-dir build/release -L hil -V
 endif
 
 hil-full: build
-	$(HIL) --set full --timeout 1000
+	$(HIL) --set full --timeout 1200
+
+# docs/hil_matrix.md: what is covered where, from the last complete runs of the guest (hil, hil-full,
+# each kernel) and a run of the tests that drive an emulated device without a kernel.
+hil-matrix: build
+	@mkdir -p build/hil/results
+	ctest --test-dir build/release -LE hil -R '$(USER_SPACE_TESTS)' -j2 \
+	  --output-junit $(CURDIR)/build/hil/results/user_space.xml || true
+	python3 tests/hil/matrix.py --junit build/hil/results/user_space.xml
 
 # Lets the person at the computer, and the group plugdev, use the devices without root.
 install-udev:

@@ -71,6 +71,16 @@ void measured(const std::string& name, double value, const std::string& unit) {
   std::fflush(stdout);
 }
 
+void covers_device(const std::string& name) {
+  std::printf("HIL-DEVICE %s\n", name.c_str());
+  std::fflush(stdout);
+}
+
+void covers_host(const std::string& name) {
+  std::printf("HIL-HOST %s\n", name.c_str());
+  std::fflush(stdout);
+}
+
 std::vector<Node> nodes() {
   std::vector<Node> found;
   std::error_code error;
@@ -93,6 +103,9 @@ Bench::Bench(const std::vector<std::string>& profiles,
     : report_file_(forcegrid::testing::fresh_folder("emulator") + "/report.json"),
       emulator_(emulate_command(profiles, emulator_arguments, report_file_)),
       devices_(profiles.size()) {
+  for (const std::string& profile : profiles) {
+    covers_device(fs::path(profile).stem().string());
+  }
   // The last device's line: all are listening then.
   emulator_.wait_for_text("busid 1-" + std::to_string(devices_), kPatience);
   for (std::size_t i = 1; i <= devices_; ++i) {
@@ -152,6 +165,7 @@ std::vector<std::string> run_arguments(const std::string& device, double seconds
 }
 
 EndedRun run(const std::string& device, double seconds, const std::vector<std::string>& more) {
+  covers_host("forcegrid-hidraw");
   EndedRun result;
   result.folder = forcegrid::testing::fresh_folder("run");
   Program program = Program::forcegrid(run_arguments(device, seconds, result.folder, more));

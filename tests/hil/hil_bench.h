@@ -23,6 +23,11 @@ ShellResult shell(const std::string& command);
 /// [printed] One number for the runner's report: `HIL-MEASURED name value unit`.
 void measured(const std::string& name, double value, const std::string& unit);
 
+/// [printed] What a scenario has covered, for the matrix: `HIL-DEVICE name`, `HIL-HOST name`. Bench
+/// and run() say it themselves.
+void covers_device(const std::string& name);
+void covers_host(const std::string& name);
+
 /// A hidraw node as the kernel made it, read from sysfs without the project's driver.
 struct Node {
   std::string name;  ///< "hidraw0"

@@ -27,8 +27,11 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid"]
-TOOLS = ["busybox", "udevadm", "usbip", "lsusb"]
-LONG_SUITE = "LongRun."  # left out of the smoke set
+TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest"]
+CLIENTS = ["hil_client_hidraw", "hil_client_libusb"]  # beside the scenario program
+LONG_SUITE = "Long"  # left out of the smoke set: suites that begin so
+# What glibc converts character sets with; hidapi's libusb back end reads USB strings by it.
+GCONV = ["gconv-modules", "gconv-modules.d/gconv-modules-extra.conf", "UTF-16.so"]
 MADE_TO_FAIL = "MadeToFail."  # only run when named
 
 
@@ -241,8 +244,14 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
         root.add_text("/usr/bin/gnuplot", "#!/bin/sh\ncat >/dev/null\n", 0o755)
         root.add_program(program, "/usr/bin/forcegrid")
         root.add_program(scenarios, "/hil/scenarios")
+        for client in CLIENTS:
+            root.add_program(scenarios.parent / client, f"/usr/bin/{client}")
         for profile in sorted((ROOT / "profiles").glob("*.toml")):
             root.add_file(profile, f"/usr/share/forcegrid/profiles/{profile.name}", 0o644)
+        (gconv,) = {pathlib.Path(name).parent for name in output_of(["dpkg", "-L", "libc6"]).split()
+                    if name.endswith("/gconv/UTF-16.so")}
+        for name in GCONV:
+            root.add_file(gconv / name, gconv / name)
         inside = []
         for module in kernel.modules():
             relative = "/" + str(pathlib.Path(module).relative_to(kernel.folder))
@@ -296,7 +305,8 @@ def read_results(text, names):
 
     @returns results by name, and whether the guest came to its end.
     """
-    results = {name: {"status": "missing", "measured": {}, "log": ""} for name in names}
+    results = {name: {"status": "missing", "measured": {}, "devices": [], "hosts": [], "log": ""}
+               for name in names}
     current = None
     for line in text.splitlines():
         words = line.split()
@@ -311,6 +321,10 @@ def read_results(text, names):
             current = None
         elif words[:1] == ["HIL-MEASURED"] and len(words) == 4 and current:
             results[current]["measured"][words[1]] = {"value": float(words[2]), "unit": words[3]}
+        elif words[:1] in (["HIL-DEVICE"], ["HIL-HOST"]) and len(words) == 2 and current:
+            covered = results[current]["devices" if words[0] == "HIL-DEVICE" else "hosts"]
+            if words[1] not in covered:
+                covered.append(words[1])
         elif current:
             results[current]["log"] += line + "\n"
     ended = any(line.startswith("HIL-DONE") for line in text.splitlines()[-3:])
@@ -365,12 +379,59 @@ class Guest:
             self.process.wait()
 
 
-def keep_results(outcome, run_folder, folder):
-    """Puts the results of a run into `folder`, whole: several runs may go on at once."""
-    (run_folder / "results.json").write_text(json.dumps(outcome, indent=2) + "\n", encoding="utf-8")
-    for name in ("results.json", "scenarios.log", "console.log", "qemu.log"):
+def keep_results(outcome, run_folder, folder, whole_set):
+    """Puts the results of a run into `folder`, whole: several runs may go on at once.
+
+    Those of a whole set are also kept by set and kernel, for the matrix and the table of timings.
+    """
+    text = json.dumps(outcome, indent=2) + "\n"
+    names = ["results.json", "scenarios.log", "console.log", "qemu.log"]
+    (run_folder / "results.json").write_text(text, encoding="utf-8")
+    if whole_set:
+        names.append(f"set_{outcome['set']}_{outcome['metapackage']}.json")
+        (run_folder / names[-1]).write_text(text, encoding="utf-8")
+    for name in names:
         if (run_folder / name).exists():
             os.replace(run_folder / name, folder / name)
+
+
+TIMING = "Timing.OfTheServoLoopBesideCyclictest"
+TIMING_ROWS = [("wake-up, cyclictest", "cyclictest_wakeup"), ("wake-up, servo loop", "servo_wakeup"),
+               ("period, servo loop", "servo_period")]
+PARTS = ["p50", "p99", "p999", "max"]
+
+
+def timing_of(outcome):
+    """[us] by row and part; nothing where the scenario did not run or failed."""
+    scenario = outcome["scenarios"].get(TIMING, {})
+    if scenario.get("status") != "passed":
+        return None
+    return {title: [scenario["measured"][f"{name}_{part}"]["value"] for part in PARTS]
+            for title, name in TIMING_ROWS}
+
+
+def keep_timing(outcome, folder):
+    """Adds this boot to the table of timings, one boot for each kernel, and prints its line."""
+    timing = timing_of(outcome)
+    if timing is None:
+        return
+    file = folder / "timing.json"
+    kernels = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    kernels[outcome["metapackage"]] = {"kernel": outcome["kernel"], "date": outcome["date"],
+                                       "us": timing}
+    lines = ["Wake-up latency and period at 500 Hz in microseconds; software emulation unless ACCEL=kvm."]
+    for kernel in kernels.values():
+        lines += ["", f"{kernel['kernel']}, {kernel['date']}",
+                  f"  {'':22}" + "".join(f"{part:>10}" for part in PARTS)]
+        lines += [f"  {title:22}" + "".join(f"{value:10.0f}" for value in values)
+                  for title, values in kernel["us"].items()]
+    file.write_text(json.dumps(kernels, indent=2) + "\n", encoding="utf-8")
+    (folder / "timing.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    wakeup, servo, period = timing.values()
+    print(f"Timing ({outcome['kernel'].split()[0]}): wake-up p50/p99/max cyclictest "
+          f"{wakeup[0]:.0f}/{wakeup[1]:.0f}/{wakeup[3]:.0f} us, servo loop "
+          f"{servo[0]:.0f}/{servo[1]:.0f}/{servo[3]:.0f} us; period p50/p99/max "
+          f"{period[0]:.0f}/{period[1]:.0f}/{period[3]:.0f} us; {folder / 'timing.txt'}")
 
 
 def print_results(outcome, folder):
@@ -415,7 +476,8 @@ def main():
     try:
         if accelerator not in ("tcg", "kvm"):
             raise HilError(f"ACCEL={accelerator}: it is tcg (the default) or kvm")
-        for program in (arguments.program, arguments.scenarios):
+        clients = [arguments.scenarios.parent / client for client in CLIENTS]
+        for program in (arguments.program, arguments.scenarios, *clients):
             if not program.is_file():
                 raise HilError(f"{program} is not built; run `make build`")
         results = arguments.results or arguments.cache / "results"
@@ -430,8 +492,11 @@ def main():
             if arguments.shell:
                 return subprocess.run(command + ["-serial", "mon:stdio"], check=False).returncode
             outcome = run_scenarios(command, pathlib.Path(temporary), names, arguments.timeout)
+            outcome.update(set=arguments.set, metapackage=arguments.kernel, accelerator=accelerator,
+                           date=time.strftime("%Y-%m-%d"))
             print_results(outcome, pathlib.Path(temporary))
-            keep_results(outcome, pathlib.Path(temporary), results)
+            keep_results(outcome, pathlib.Path(temporary), results, not arguments.only)
+            keep_timing(outcome, results)
             print(f"Logs and results.json are in {results}")
     except HilError as error:
         print(f"hil: {error}", file=sys.stderr)

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Tests of the runner itself: what must fail does fail, and says why."""
 
+import contextlib
+import io
 import json
 import os
 import pathlib
@@ -8,6 +10,8 @@ import subprocess
 import sys
 import tempfile
 import unittest
+
+import run_guest
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -92,6 +96,60 @@ class Runner(unittest.TestCase):
             self.assertIn(words, done.stderr)
 
 
+class Results(unittest.TestCase):
+    """What the runner makes of the guest's words, without a guest."""
+
+    def outcome(self, metapackage, kernel, first_us):
+        measured = {f"{name}_{part}": {"value": first_us + i, "unit": "us"}
+                    for _, name in run_guest.TIMING_ROWS for i, part in enumerate(run_guest.PARTS)}
+        return {"metapackage": metapackage, "kernel": kernel, "date": "2026-01-02", "set": "smoke",
+                "scenarios": {run_guest.TIMING: {"status": "passed", "measured": measured}}}
+
+    def test_devices_hosts_and_measures_belong_to_the_scenario_that_said_them(self):
+        results, ended = run_guest.read_results(
+            "HIL-BEGIN A.One 1.0\nHIL-DEVICE arm\nHIL-HOST kernel\nHIL-DEVICE arm\n"
+            "HIL-MEASURED x 3 us\nHIL-END A.One 0 2.5\nHIL-HOST hidraw\n"
+            "HIL-BEGIN A.Two 3.0\nHIL-END A.Two 1 4.0\nHIL-DONE 5.0\n", ["A.One", "A.Two"])
+        self.assertTrue(ended)
+        self.assertEqual(results["A.One"]["devices"], ["arm"])
+        self.assertEqual(results["A.One"]["hosts"], ["kernel"])
+        self.assertEqual(results["A.One"]["measured"], {"x": {"value": 3.0, "unit": "us"}})
+        self.assertEqual(results["A.One"]["seconds"], 1.5)
+        self.assertEqual(results["A.Two"]["status"], "failed")
+        self.assertEqual(results["A.Two"]["devices"], [])
+
+    def test_the_table_of_timings_keeps_one_boot_of_each_kernel(self):
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = pathlib.Path(temporary)
+            said = io.StringIO()
+            with contextlib.redirect_stdout(said):
+                run_guest.keep_timing(self.outcome("linux-image-amd64", "6.1-amd64 #1", 7), folder)
+                run_guest.keep_timing(self.outcome("linux-image-rt-amd64", "6.1-rt #1", 40), folder)
+                run_guest.keep_timing(self.outcome("linux-image-amd64", "6.1-amd64 #1", 100), folder)
+            self.assertIn("wake-up p50/p99/max cyclictest 100/101/103 us", said.getvalue())
+            text = (folder / "timing.txt").read_text(encoding="utf-8")
+            self.assertEqual([line.split()[-4:] for line in text.splitlines() if "cyclictest" in line],
+                             [["100", "101", "102", "103"], ["40", "41", "42", "43"]])
+
+    def test_no_timing_is_kept_of_a_boot_in_which_its_scenario_failed(self):
+        with tempfile.TemporaryDirectory() as temporary:
+            outcome = self.outcome("linux-image-amd64", "6.1-amd64 #1", 7)
+            outcome["scenarios"][run_guest.TIMING]["status"] = "failed"
+            run_guest.keep_timing(outcome, pathlib.Path(temporary))
+            self.assertEqual(list(pathlib.Path(temporary).iterdir()), [])
+
+    def test_results_are_kept_by_set_and_kernel_when_the_set_was_complete(self):
+        with tempfile.TemporaryDirectory() as temporary:
+            run, kept = pathlib.Path(temporary) / "run", pathlib.Path(temporary) / "kept"
+            run.mkdir()
+            kept.mkdir()
+            run_guest.keep_results(self.outcome("linux-image-amd64", "6.1 #1", 7), run, kept, False)
+            self.assertEqual([file.name for file in kept.iterdir()], ["results.json"])
+            run_guest.keep_results(self.outcome("linux-image-amd64", "6.1 #1", 7), run, kept, True)
+            self.assertEqual(sorted(file.name for file in kept.iterdir()),
+                             ["results.json", "set_smoke_linux-image-amd64.json"])
+
+
 class MakeTargets(unittest.TestCase):
     """What the Makefile makes of its words."""
 
@@ -106,6 +164,13 @@ class MakeTargets(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("run_guest.py --kernel linux-image-amd64 --shell", done.stdout)
         self.assertNotIn("--shell", self.make("-n", "hil").stdout)
+
+    def test_the_kernel_is_the_stock_one_or_rt_and_nothing_else(self):
+        self.assertIn("--kernel linux-image-rt-amd64", self.make("-n", "hil", "KERNEL=rt").stdout)
+        self.assertIn("--kernel linux-image-amd64", self.make("-n", "hil-full").stdout)
+        wrong = self.make("-n", "hil", "KERNEL=fast")
+        self.assertNotEqual(wrong.returncode, 0)
+        self.assertIn("KERNEL=fast: it is rt", wrong.stderr)
 
     def test_the_rule_is_installed_and_uninstalled(self):
         with tempfile.TemporaryDirectory() as root:
