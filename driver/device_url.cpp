@@ -100,6 +100,27 @@ void parse_hid(DeviceUrl& url, std::string_view rest) {
   }
 }
 
+/// @param rest  what follows "falcon": nothing, or a colon and more.
+void parse_falcon(DeviceUrl& url, std::string_view rest) {
+  url.kind = DeviceUrl::Kind::kFalcon;
+  if (rest.empty()) {
+    return;
+  }
+  rest.remove_prefix(1);
+  if (rest.starts_with("path=")) {
+    rest.remove_prefix(5);
+    if (!is_port_path(rest)) {
+      fail(url.text, quoted(rest) + " is not a USB port such as 1-2 or 1-2.4");
+    }
+    url.port_path = rest;
+    return;
+  }
+  if (rest.empty()) {
+    fail(url.text, "the serial number after the colon is empty");
+  }
+  url.serial = rest;
+}
+
 void parse_usbip(DeviceUrl& url, std::string_view rest) {
   url.kind = DeviceUrl::Kind::kUsbip;
   const std::size_t slash = rest.find('/');
@@ -145,6 +166,7 @@ DeviceUrl parse_device_url(const std::string& text) {
   url.text = text;
   constexpr std::string_view kHid = "hid:";
   constexpr std::string_view kUsbip = "usbip://";
+  constexpr std::string_view kFalcon = "falcon";
   if (std::any_of(text.begin(), text.end(), [](char c) { return c <= ' ' || c == '\x7f'; })) {
     fail(text, "it contains a blank or a control character");
   }
@@ -152,8 +174,10 @@ DeviceUrl parse_device_url(const std::string& text) {
     parse_hid(url, std::string_view(text).substr(kHid.size()));
   } else if (text.starts_with(kUsbip)) {
     parse_usbip(url, std::string_view(text).substr(kUsbip.size()));
+  } else if (text == kFalcon || text.starts_with(std::string(kFalcon) + ":")) {
+    parse_falcon(url, std::string_view(text).substr(kFalcon.size()));
   } else {
-    fail(text, "it begins with neither hid: nor usbip://");
+    fail(text, "it begins with neither hid: nor usbip:// nor falcon");
   }
   return url;
 }
@@ -163,6 +187,7 @@ const char* device_url_forms() noexcept {
          "  hid:/dev/hidrawN         a device node\n"
          "  hid:/dev/forcegrid/LINK  the same by the lasting name that the udev rule gives it\n"
          "  hid:path=BUS-PORT        the USB port, e.g. 1-2 (W2 devices share one serial number)\n"
+         "  falcon[:SERIAL]          an attached Novint Falcon; also falcon:path=BUS-PORT\n"
          "  usbip://HOST:PORT/BUSID  a device on a USB/IP server, e.g. usbip://127.0.0.1:3240/1-1\n"
          "  emulated:PROFILE         an emulated device, e.g. emulated:woodenhaptics_v2015";
 }

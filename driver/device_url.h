@@ -12,6 +12,7 @@ struct DeviceUrl {
     kHidNode,  ///< hid:/dev/hidrawN or hid:/dev/forcegrid/LINK
     kHidPort,  ///< hid:path=BUS-PORT, the USB port as sysfs names it
     kUsbip,    ///< usbip://HOST:PORT/BUSID
+    kFalcon,   ///< falcon, falcon:SERIAL or falcon:path=BUS-PORT
   };
 
   std::string text;  ///< as it was written
@@ -32,6 +33,9 @@ struct DeviceUrl {
 ///   hid:/dev/hidraw3
 ///   hid:/dev/forcegrid/LINK  where udev/70-forcegrid.rules links to it
 ///   hid:path=1-2             the USB port, for devices that share a serial number
+///   falcon                   the attached Novint Falcon
+///   falcon:SERIAL            the one with this serial number
+///   falcon:path=1-2          the one at this USB port
 ///   usbip://HOST:3240/1-1    a device on a USB/IP server; an IPv6 address in brackets
 /// (`emulated:NAME` is the caller's.)
 /// @throws DeviceError naming the part that is wrong and the forms there are.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdio>
 #include <future>
 #include <mutex>
 #include <thread>
@@ -50,12 +51,12 @@ void count(std::atomic<std::uint64_t>& counter) noexcept {
 
 class FalconDevice final : public Device {
  public:
-  FalconDevice(std::unique_ptr<BulkTransport> transport, const FalconParameters& parameters,
+  FalconDevice(std::unique_ptr<BulkTransport> transport, const profiles::DeviceProfile& profile,
                const OpenOptions& options, const std::string& url,
                const falcon::StartupTiming& timing)
       : transport_(std::move(transport)),
         port_(*transport_, options.connect_timeout),
-        parameters_(parameters),
+        parameters_(profile.falcon),
         options_(options),
         identity_{url, transport_->identity().manufacturer, transport_->identity().product,
                   transport_->identity().serial} {
@@ -141,7 +142,7 @@ class FalconDevice final : public Device {
   void load_counters(const std::array<std::int16_t, 6>&, rt::Duration) override {
     throw DeviceError("device '" + identity_.url +
                       "': its counters can't be set from the host; home it instead: " +
-                      falcon_homing_instruction());
+                      parameters_.homing_instruction);
   }
 
   bool stop() noexcept override {
@@ -357,7 +358,7 @@ class FalconDevice final : public Device {
            "device '" + identity_.url + "': axis " + falcon_axes_not_homed(packet.homed) +
                " lost its reference, so the positions are not known any more (the Falcon may have "
                "been switched off or restarted); start again and home it: " +
-               falcon_homing_instruction());
+               parameters_.homing_instruction);
       return;
     }
     publish(packet, arrived);
@@ -391,7 +392,7 @@ class FalconDevice final : public Device {
 
   std::unique_ptr<BulkTransport> transport_;
   ftdi::FtdiPort port_;
-  const FalconParameters parameters_;
+  const profiles::DeviceProfile::Falcon parameters_;
   const OpenOptions options_;
   const DeviceIdentity identity_;
 
@@ -403,7 +404,7 @@ class FalconDevice final : public Device {
   int unanswered_ = 0;  ///< packets sent since the last reply
   std::uint8_t homed_ = 0;
   bool commanded_ = false;
-  bool exchanging_ = false;  ///< the firmware runs
+  bool exchanging_ = false;      ///< the firmware runs
   bool zero_delivered_ = false;  ///< read after the thread has been joined
 
   // Set-up and servo thread.
@@ -425,11 +426,6 @@ class FalconDevice final : public Device {
 
 }  // namespace
 
-const char* falcon_homing_instruction() noexcept {
-  return "Take the Falcon's knob, pull it out toward you as far as it goes, then push it all the "
-         "way in; its light turns from red to green when all three axes know where they are.";
-}
-
 std::string falcon_axes_not_homed(std::uint8_t homed) {
   constexpr const char* kNames[] = {"1 (top)", "2 (right)", "3 (left)"};
   std::string text;
@@ -442,10 +438,22 @@ std::string falcon_axes_not_homed(std::uint8_t homed) {
 }
 
 std::unique_ptr<Device> start_falcon_device(std::unique_ptr<BulkTransport> transport,
-                                            const FalconParameters& parameters,
+                                            const profiles::DeviceProfile& profile,
                                             const OpenOptions& options, const std::string& url,
-                                            const falcon::StartupTiming& timing) {
-  return std::make_unique<FalconDevice>(std::move(transport), parameters, options, url, timing);
+                                            bool check_ids, const falcon::StartupTiming& timing) {
+  const TransportIdentity& identity = transport->identity();
+  if (check_ids && (identity.vendor_id != profile.usb.vendor_id ||
+                    identity.product_id != profile.usb.product_id)) {
+    char ids[64];
+    std::snprintf(ids, sizeof ids, "it is %04x:%04x where profile '", identity.vendor_id,
+                  identity.product_id);
+    char wanted[16];
+    std::snprintf(wanted, sizeof wanted, "%04x:%04x", profile.usb.vendor_id,
+                  profile.usb.product_id);
+    throw DeviceError("device '" + url + "': " + ids + profile.name + "' has " + wanted +
+                      "; name another device or profile");
+  }
+  return std::make_unique<FalconDevice>(std::move(transport), profile, options, url, timing);
 }
 
 }  // namespace forcegrid::driver

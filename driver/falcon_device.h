@@ -9,15 +9,6 @@
 
 namespace forcegrid::driver {
 
-/// What the Falcon's protocol needs to know of a profile.
-struct FalconParameters {
-  double torque_gain_per_Nm = 0.0;  ///< command units for one newton metre at the joint
-  int command_limit = 0;            ///< largest command
-};
-
-/// What a person does to home a Falcon; one sentence.
-const char* falcon_homing_instruction() noexcept;
-
 /// "1 (top), 3 (left)": the axes whose bit is not set in `homed`.
 std::string falcon_axes_not_homed(std::uint8_t homed);
 
@@ -27,10 +18,12 @@ std::string falcon_axes_not_homed(std::uint8_t homed);
 /// An axis that loses its reference later ends the exchange with zero, as the positions would jump.
 /// DeviceReport::homed and ::buttons are the device's own.
 /// @param url  for messages and identity.
+/// @param check_ids  whether vendor and product number have to be the profile's.
 /// @throws DeviceError
 std::unique_ptr<Device> start_falcon_device(std::unique_ptr<BulkTransport> transport,
-                                            const FalconParameters& parameters,
+                                            const profiles::DeviceProfile& profile,
                                             const OpenOptions& options, const std::string& url,
+                                            bool check_ids,
                                             const falcon::StartupTiming& timing = {});
 
 }  // namespace forcegrid::driver

@@ -61,7 +61,7 @@ class FtdiPort {
 
   struct Read {
     TransportStatus status = TransportStatus::kTimeout;
-    std::span<const std::uint8_t> data;  ///< at least one byte if kOk; valid until the next call
+    std::span<const std::uint8_t> data{};  ///< at least one byte if kOk; valid until the next call
     rt::TimePoint arrived{};
   };
   /// The next packet that has data; bare status packets are passed over.

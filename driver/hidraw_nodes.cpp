@@ -82,6 +82,7 @@ bool matches(const DeviceUrl& url, const HidrawNode& node) {
     case DeviceUrl::Kind::kHidPort:
       return node.port_path == url.port_path;
     case DeviceUrl::Kind::kUsbip:
+    case DeviceUrl::Kind::kFalcon:
       return false;
   }
   return false;

@@ -3,7 +3,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "driver/delta_kinematics.h"
 #include "driver/device.h"
+#include "driver/falcon_codec.h"
 #include "driver/kinematics.h"
 
 namespace forcegrid::driver {
@@ -58,6 +60,79 @@ Json describe(const profiles::DeviceProfile& profile, const ArmKinematics& kinem
   return json;
 }
 
+[[noreturn]] void refuse_unreachable_counts(const profiles::DeviceProfile& profile,
+                                            const std::array<double, 3>& counts) {
+  throw DeviceError("counts " + text_of(counts) + ": no pose of profile '" + profile.name +
+                    "' has them; give counts of legs 1, 2 and 3 that belong together, for "
+                    "instance near 0,0,0");
+}
+
+[[noreturn]] void refuse_singular_delta(const profiles::DeviceProfile& profile,
+                                        const std::string& what) {
+  throw DeviceError(what + ": singular for profile '" + profile.name +
+                    "' (arm and shin of a leg in one line, or the legs do not hold the platform); "
+                    "give a pose nearer to the middle of the workspace");
+}
+
+Json describe_delta(const profiles::DeviceProfile& profile, const DeltaPose& pose,
+                    const std::array<double, 3>& force_N) {
+  const Eigen::Vector3d torque_Nm = DeltaKinematics::joint_torque(pose, vector_of(force_N));
+  const falcon::Commands commands =
+      falcon::commands_for_torque({torque_Nm[0], torque_Nm[1], torque_Nm[2]},
+                                  profile.falcon.torque_gain_per_Nm, profile.falcon.command_limit);
+  Json json;
+  json["profile"] = profile.name;
+  json["frame"] = "base";
+  json["status"] = to_string(pose.status);
+  json["position_m"] = json_of(pose.position_B);
+  json["joint_angles_rad"] = json_of(pose.joint_angle_rad);
+  json["jacobian_m_per_rad"] =
+      Json::array({json_of(pose.jacobian_B.row(0)), json_of(pose.jacobian_B.row(1)),
+                   json_of(pose.jacobian_B.row(2))});
+  json["force_N"] = json_of(vector_of(force_N));
+  json["joint_torque_Nm"] = json_of(torque_Nm);
+  json["command"] = commands.command;
+  json["command_scaled"] = commands.scaled;
+  return json;
+}
+
+std::string delta_json_from_counts(const profiles::DeviceProfile& profile,
+                                   const std::array<double, 3>& counts,
+                                   const std::array<double, 3>& force_N) {
+  const DeltaKinematics kinematics(profile.delta);
+  const DeltaPose pose = kinematics.forward(kinematics.angles_of_counts(vector_of(counts)));
+  if (pose.status == KinematicsStatus::kSingular) {
+    refuse_singular_delta(profile, "counts " + text_of(counts));
+  }
+  if (pose.status != KinematicsStatus::kOk && pose.status != KinematicsStatus::kOutOfRange) {
+    refuse_unreachable_counts(profile, counts);
+  }
+  return describe_delta(profile, pose, force_N).dump(2);
+}
+
+std::string delta_json_from_position(const profiles::DeviceProfile& profile,
+                                     const std::array<double, 3>& position_m,
+                                     const std::array<double, 3>& force_N) {
+  const DeltaKinematics kinematics(profile.delta);
+  const DeltaInverse inverse = kinematics.inverse(vector_of(position_m));
+  const std::string what = "position " + text_of(position_m) + " m";
+  if (inverse.status == KinematicsStatus::kSingular) {
+    refuse_singular_delta(profile, what);
+  }
+  if (inverse.status == KinematicsStatus::kUnreachable) {
+    throw DeviceError(what + ": out of reach of profile '" + profile.name +
+                      "'; give a position in metres in the base frame, for instance " +
+                      text_of(profile.delta.center_m));
+  }
+  const DeltaPose pose = kinematics.forward(inverse.joint_angle_rad, vector_of(position_m));
+  if (pose.status != KinematicsStatus::kOk && pose.status != KinematicsStatus::kOutOfRange) {
+    refuse_singular_delta(profile, what);
+  }
+  Json json = describe_delta(profile, pose, force_N);
+  json["counts"] = json_of(inverse.counts);
+  return json.dump(2);
+}
+
 }  // namespace
 
 std::string kinematics_json_from_counts(const profiles::DeviceProfile& profile,
@@ -65,6 +140,9 @@ std::string kinematics_json_from_counts(const profiles::DeviceProfile& profile,
                                         const std::array<double, 3>& force_N) {
   require_finite(counts, "counts");
   require_finite(force_N, "force");
+  if (profile.kind == profiles::DeviceKind::kDelta) {
+    return delta_json_from_counts(profile, counts, force_N);
+  }
   const ArmKinematics kinematics(profile);
   const ArmPose pose = kinematics.forward(vector_of(counts));
   if (pose.status == KinematicsStatus::kSingular) {
@@ -81,6 +159,9 @@ std::string kinematics_json_from_position(const profiles::DeviceProfile& profile
                                           const std::array<double, 3>& force_N) {
   require_finite(position_m, "position");
   require_finite(force_N, "force");
+  if (profile.kind == profiles::DeviceKind::kDelta) {
+    return delta_json_from_position(profile, position_m, force_N);
+  }
   const ArmKinematics kinematics(profile);
   const ArmInverse inverse = kinematics.inverse(vector_of(position_m));
   if (inverse.status == KinematicsStatus::kUnreachable) {

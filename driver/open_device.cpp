@@ -3,8 +3,10 @@
 #include <filesystem>
 
 #include "driver/device_url.h"
+#include "driver/falcon_device.h"
 #include "driver/hidraw_nodes.h"
 #include "driver/hidraw_transport.h"
+#include "driver/libusb_transport.h"
 #include "driver/usbip_transport.h"
 #include "driver/w2_device.h"
 
@@ -19,11 +21,37 @@ void follow_link(DeviceUrl& url) {
   }
 }
 
+[[noreturn]] void refuse_profile(const DeviceUrl& url, const profiles::DeviceProfile& profile) {
+  throw DeviceError("device '" + url.text + "': profile '" + profile.name +
+                    "' describes a device of another kind (protocol " + profile.usb.protocol +
+                    "); choose the device's own with --profile");
+}
+
+std::unique_ptr<Device> open_falcon(const DeviceUrl& url, const profiles::DeviceProfile& profile,
+                                    const OpenOptions& options) {
+  if (url.kind == DeviceUrl::Kind::kUsbip) {
+    return start_falcon_device(open_usbip_bulk_transport(url, options.connect_timeout), profile,
+                               options, url.text, true);
+  }
+  if (url.kind != DeviceUrl::Kind::kFalcon) {
+    refuse_profile(url, profile);
+  }
+  return start_falcon_device(
+      open_libusb_transport(url, profile.usb.vendor_id, profile.usb.product_id), profile, options,
+      url.text, true);
+}
+
 }  // namespace
 
 std::unique_ptr<Device> open_device(const std::string& url, const profiles::DeviceProfile& profile,
                                     const OpenOptions& options) {
   DeviceUrl parsed = parse_device_url(url);
+  if (profile.usb.protocol == "falcon") {
+    return open_falcon(parsed, profile, options);
+  }
+  if (parsed.kind == DeviceUrl::Kind::kFalcon) {
+    refuse_profile(parsed, profile);
+  }
   if (parsed.kind == DeviceUrl::Kind::kUsbip) {
     return start_w2_device(open_usbip_transport(parsed, options.connect_timeout), profile, options,
                            url, true);

@@ -26,10 +26,14 @@ struct OpenOptions {
 /// Opens the device that `url` names (see device_url.h), checks that it is what `profile` says, and
 /// starts its exchange: the newest report is there when this returns, motors have zero current.
 ///
-/// Checked before the first OUT: vendor and product number (unless the node or port was named),
-/// then the HID report descriptor: usage page, usage, report lengths, no report IDs. The older W1
-/// protocol has the same numbers and strings and is refused by name.
-/// @throws DeviceError naming the device, what happened and the remedy.
+/// The profile's protocol says what is spoken. A Falcon is brought up first, which may take some
+/// seconds and options.firmware (see falcon_startup.h); it is checked by vendor and product number.
+///
+/// Checked before the first OUT to a W2 device: vendor and product number (unless the node or port
+/// was named), then the HID report descriptor: usage page, usage, report lengths, no report IDs.
+/// The older W1 protocol has the same numbers and strings and is refused by name.
+/// @throws DeviceError naming the device, what happened and the remedy; also for a profile whose
+///         device `url` can't be.
 /// Real-time: no; before the loop. Threads: any.
 std::unique_ptr<Device> open_device(const std::string& url, const profiles::DeviceProfile& profile,
                                     const OpenOptions& options = {});

@@ -37,11 +37,25 @@ TEST(DeviceUrl, ReadsUsbipServers) {
   EXPECT_EQ(parse_device_url("usbip://[::1]:65535/2-1.3").host, "::1");
 }
 
+TEST(DeviceUrl, ReadsFalcons) {
+  const DeviceUrl any = parse_device_url("falcon");
+  EXPECT_EQ(any.kind, DeviceUrl::Kind::kFalcon);
+  EXPECT_EQ(any.serial, "");
+  EXPECT_EQ(any.port_path, "");
+  EXPECT_EQ(parse_device_url("falcon:FV:0815").serial, "FV:0815");
+  const DeviceUrl port = parse_device_url("falcon:path=1-2.3");
+  EXPECT_EQ(port.port_path, "1-2.3");
+  EXPECT_EQ(port.serial, "");
+}
+
 TEST(DeviceUrl, RefusesEverythingElseWithTheReasonAndTheForms) {
   const std::pair<const char*, const char*> cases[] = {
-      {"", "neither hid: nor usbip://"},
-      {"1234:0006", "neither hid: nor usbip://"},
-      {"HID:1234:0006", "neither hid: nor usbip://"},
+      {"", "neither hid: nor usbip:// nor falcon"},
+      {"1234:0006", "neither hid: nor usbip:// nor falcon"},
+      {"HID:1234:0006", "neither hid: nor usbip:// nor falcon"},
+      {"falcons", "neither hid: nor usbip:// nor falcon"},
+      {"falcon:", "serial number after the colon is empty"},
+      {"falcon:path=2", "'2' is not a USB port"},
       {"hid:", "product number is missing"},
       {"hid:1234", "product number is missing"},
       {"hid:123:0006", "vendor number '123' is not four hexadecimal digits"},
