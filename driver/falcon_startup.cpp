@@ -29,6 +29,13 @@ std::string byte_text(std::uint8_t byte) {
   return {kDigits[byte >> 4], kDigits[byte & 0xF]};
 }
 
+/// Whether a reply has the very bytes that were sent, of which all commands are zero.
+bool is_echo(const InPacket& reply, const OutPacket& sent) {
+  const unsigned flags = sent.leds | (sent.homing ? 1U : 0U);
+  return reply.counts == std::array<std::int16_t, 3>{} && reply.buttons == (flags & 0xF) &&
+         reply.homed == flags >> 4;
+}
+
 class Startup {
  public:
   Startup(ftdi::FtdiPort& port, const std::function<std::string()>& failure, const std::string& url,
@@ -42,10 +49,12 @@ class Startup {
   }
 
   bool firmware_answers() {
-    const PacketBytes zero = encode({.leds = kLedRed});
     PacketParser parser;
     for (int probe = 0; probe < timing_.probes; ++probe) {
-      write(zero, "probing for running firmware");
+      // Something that only returns what it hears, like the boot loader, returns these lamps, too.
+      const OutPacket sent{
+          .leds = static_cast<std::uint8_t>(probe % 2 == 0 ? kLedRed : kLedRed | kLedBlue)};
+      write(encode(sent), "probing for running firmware");
       const rt::TimePoint deadline = rt::Clock::now() + timing_.probe_reply;
       for (;;) {
         const auto read = port_.read(deadline - rt::Clock::now());
@@ -55,7 +64,7 @@ class Startup {
         InPacket packet;
         bool found = false;
         for (const std::uint8_t byte : read.data) {
-          found = parser.take(byte, packet) || found;
+          found = (parser.take(byte, packet) && !is_echo(packet, sent)) || found;
         }
         if (found) {
           // Answers to earlier probes may still be on their way.

@@ -28,11 +28,11 @@ class ScriptedFalcon {
     bool answers_autobaud = true;
     /// The boot loader ends the image and stays where it is.
     bool runs_what_it_loaded = true;
-    std::optional<std::size_t> wrong_echo_at;   ///< byte of the image
-    std::optional<std::size_t> silent_from;     ///< byte of the image: no echo from here on
-    std::optional<std::size_t> unplugged_at;    ///< byte of the image
-    std::vector<std::uint8_t> before_greeting;  ///< spurious bytes before the answer
-    std::vector<std::uint8_t> before_packet;    ///< bytes before each packet's '<'
+    std::optional<std::size_t> wrong_echo_at{};   ///< byte of the image
+    std::optional<std::size_t> silent_from{};     ///< byte of the image: no echo from here on
+    std::optional<std::size_t> unplugged_at{};    ///< byte of the image
+    std::vector<std::uint8_t> before_greeting{};  ///< spurious bytes before the answer
+    std::vector<std::uint8_t> before_packet{};    ///< bytes before each packet's '<'
     bool takes_requests = true;
   };
 
