@@ -28,8 +28,10 @@ struct DeviceOptions {
   bool hand_carries_weight = true;          ///< see ArmModel
   OperatorScript::Options operator_script;  ///< `calibrated` also starts the counters true
   FrameOrder frame_order = FrameOrder::kOutFirst;
-  /// Counters at power-up: false: 0; true: seeded random ones within +-20000.
+  /// Arm's counters at power-up: false: 0; true: seeded random ones within +-20000. A Falcon's
+  /// always start anywhere.
   bool random_power_up_counters = false;
+  bool firmware_loaded = false;  ///< Falcon: the firmware runs from the start
 
   /// The profile's numbers for `hand`; nothing for kNone.
   [[nodiscard]] std::optional<profiles::HandProfile> hand_profile() const;

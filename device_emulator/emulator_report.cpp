@@ -36,6 +36,29 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
   if (report.seconds_since_motors_nonzero) {
     json["seconds_since_motors_nonzero"] = *report.seconds_since_motors_nonzero;
   }
+  if (!report.falcon) {
+    return;
+  }
+  for (const char* key : {"final_current_mA", "max_abs_current_mA", "out_of_range_currents",
+                          "short_reports", "long_reports", "reports_drained", "counters_loaded"}) {
+    json.erase(key);
+  }
+  const FalconReport& falcon = *report.falcon;
+  json.update({{"firmware_state", falcon.firmware_state},
+               {"final_command", falcon.final_command},
+               {"max_abs_command", falcon.max_abs_command},
+               {"max_abs_torque_Nm", falcon.max_abs_torque_Nm},
+               {"saturated_commands", falcon.saturated_commands},
+               {"malformed_packets", falcon.malformed_packets},
+               {"serial_overruns", falcon.serial_overruns},
+               {"serial_framing_errors", falcon.serial_framing_errors},
+               {"boot_handshakes", falcon.boot_handshakes},
+               {"firmware_bytes_loaded", falcon.firmware_bytes_loaded},
+               {"firmware_wrong_keys", falcon.firmware_wrong_keys},
+               {"firmware_starts", falcon.firmware_starts},
+               {"homed", falcon.homed},
+               {"lights", falcon.lights},
+               {"blocked_substeps", falcon.blocked_substeps}});
 }
 
 }  // namespace forcegrid::emulator

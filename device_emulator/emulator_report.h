@@ -15,6 +15,25 @@ struct CounterSample {
   std::array<std::int32_t, 6> counts{};
 };
 
+/// What only a Novint Falcon has to report.
+struct FalconReport {
+  std::string firmware_state;                     ///< "cold", "auto-baud", "loading" or "running"
+  std::array<std::int32_t, 3> final_command{};    ///< in force now, motors 1, 2, 3
+  std::array<std::int32_t, 3> max_abs_command{};  ///< largest ever
+  std::array<double, 3> max_abs_torque_Nm{};      ///< the same at the driven angles
+  std::uint64_t saturated_commands = 0;     ///< beyond the limit, one for each motor and packet
+  std::uint64_t malformed_packets = 0;      ///< '<' that no well-formed packet followed
+  std::uint64_t serial_overruns = 0;        ///< bytes lost because the host did not collect them
+  std::uint64_t serial_framing_errors = 0;  ///< bytes that the host was set too differently to read
+  std::uint64_t boot_handshakes = 0;        ///< answered by the boot loader
+  std::uint64_t firmware_bytes_loaded = 0;  ///< of all images
+  std::uint64_t firmware_wrong_keys = 0;    ///< images that were none
+  std::uint64_t firmware_starts = 0;        ///< images loaded to their end
+  std::array<bool, 3> homed{};
+  std::uint8_t lights = 0;             ///< 2 green, 4 blue, 8 red
+  std::uint64_t blocked_substeps = 0;  ///< of the physics, in which the legs would not have closed
+};
+
 /// What one emulated device, and above all its motors, really did.
 struct EmulatorReport {
   std::string device;  ///< profile name
@@ -50,9 +69,14 @@ struct EmulatorReport {
   bool attached = false;                   ///< a client has imported the device
   bool configured = false;                 ///< and set its configuration
   bool unplugged = false;
+
+  /// Of a Falcon alone, which has no currents, report lengths, draining and command 1: those of the
+  /// above stay zero, and its packets answered are both reports sent and received.
+  std::optional<FalconReport> falcon;
 };
 
-/// The same names; an absent value is null.
+/// The same names; an absent value is null. Of a Falcon the members of `falcon` stand beside the
+/// others, and what it has not is left out.
 void to_json(nlohmann::json& json, const EmulatorReport& report);
 
 }  // namespace forcegrid::emulator

@@ -1,5 +1,7 @@
 #include "device_emulator/operator_script.h"
 
+#include <cmath>
+
 namespace forcegrid::emulator {
 
 OperatorScript::OperatorScript(const Options& options, const Eigen::Vector3d& home_D)
@@ -23,9 +25,11 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
   if (!senses.host_present) {
     host_since_.reset();
     loads_before_host_ = senses.counters_loaded;
-    if (phase_ == Phase::kCalibrating) {
+    const bool at_home = phase_ == Phase::kCalibrating && !options_.homing;
+    if (at_home) {
       enter(Phase::kWaiting);
-    } else if (phase_ == Phase::kApproaching || phase_ == Phase::kMoving) {
+    } else if (phase_ == Phase::kCalibrating || phase_ == Phase::kApproaching ||
+               phase_ == Phase::kMoving) {
       return_from_D_ = target_D_;
       enter(Phase::kReturning);
     }
@@ -33,27 +37,32 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
     host_since_ = now;
   }
 
+  const bool calibrated =
+      options_.calibrated || senses.homed || senses.counters_loaded != loads_before_host_;
   if (phase_ == Phase::kReturning && rt::seconds(now - phase_start_) >= kReturn_s) {
     enter(Phase::kWaiting);
   }
   if (phase_ == Phase::kWaiting && host_since_ &&
       rt::seconds(now - *host_since_) >= kButtonDelay_s) {
-    if (options_.calibrated || senses.counters_loaded != loads_before_host_) {
+    if (calibrated) {
       enter(Phase::kApproaching);
     } else {
-      action.press_button = true;
+      action.press_button = !options_.homing;
       enter(Phase::kCalibrating);
     }
   }
-  if (phase_ == Phase::kCalibrating && senses.counters_loaded != loads_before_host_) {
-    enter(Phase::kApproaching);
+  if (phase_ == Phase::kCalibrating && calibrated) {
+    return_from_D_ = target_D_;
+    enter(options_.homing ? Phase::kReturning : Phase::kApproaching);
   }
 
   const double since_s = rt::seconds(now - phase_start_);
   switch (phase_) {
     case Phase::kWaiting:
-    case Phase::kCalibrating:
       target_D_ = home_D_;
+      break;
+    case Phase::kCalibrating:
+      target_D_ = options_.homing ? homing_target_D(since_s) : home_D_;
       break;
     case Phase::kApproaching:
       target_D_ = home_D_ + minimum_jerk(since_s / kApproach_s) * (approach_D - home_D_) +
@@ -71,6 +80,17 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
   }
   action.target_D = target_D_;
   return action;
+}
+
+Eigen::Vector3d OperatorScript::homing_target_D(double since_s) const noexcept {
+  constexpr double kStrokeAndPause_s = kHomingStroke_s + kHomingPause_s;
+  const double stroke = std::floor(since_s / kStrokeAndPause_s);
+  const double fraction = minimum_jerk((since_s - stroke * kStrokeAndPause_s) / kHomingStroke_s);
+  const bool outward = std::fmod(stroke, 2.0) == 0.0;
+  const Eigen::Vector3d& to_D = outward ? options_.homing->out_D : options_.homing->in_D;
+  const Eigen::Vector3d& from_D =
+      stroke == 0.0 ? home_D_ : (outward ? options_.homing->in_D : options_.homing->out_D);
+  return from_D + fraction * (to_D - from_D);
 }
 
 }  // namespace forcegrid::emulator

@@ -13,7 +13,9 @@ namespace forcegrid::emulator {
 ///
 /// 1. keeps still in the calibration pose until a host has fed the watchdog for 0.2 s, then presses
 ///    the calibration button (unless that host has loaded the counters already) and keeps still
-///    until command 1 loads them (`calibrated`: both are skipped);
+///    until command 1 loads them (`calibrated`: both are skipped); a device with a `homing` gesture
+///    is instead pulled out and pushed in, over and over, until all its axes are homed, and then
+///    brought back within 1.2 s;
 /// 2. moves in 1.2 s to the approach point, 10 mm above the contact point, and in 0.5 s down to
 ///    0.5 mm below the contact height, both minimum-jerk, and waits 0.5 s;
 /// 3. makes the motion relative to that point, without end;
@@ -24,6 +26,12 @@ namespace forcegrid::emulator {
 /// Real-time: update() neither allocates, locks nor throws. Threads: one.
 class OperatorScript {
  public:
+  /// Where the operator pulls a device, and then pushes it, to home it. [m] frame D.
+  struct HomingGesture {
+    Eigen::Vector3d out_D = Eigen::Vector3d::Zero();
+    Eigen::Vector3d in_D = Eigen::Vector3d::Zero();
+  };
+
   struct Options {
     MotionKind motion = MotionKind::kChirp;
     double amplitude_m = HandMotion::kNominalAmplitude_m;  ///< see HandMotion
@@ -32,12 +40,14 @@ class OperatorScript {
     Eigen::Vector3d contact_D = Eigen::Vector3d::Zero();  ///< [m] frame D
     double approach_height_m = 0.010;                     ///< approach point above contact_D
     double contact_depth_m = 0.0005;                      ///< how far below contact_D the tool goes
+    std::optional<HomingGesture> homing;                  ///< nothing: a button calibrates
   };
 
   /// What the operator sees of the device.
   struct Senses {
     bool host_present = false;          ///< configured, and the watchdog has been fed lately
     std::uint64_t counters_loaded = 0;  ///< how often command 1 has been executed
+    bool homed = false;                 ///< all axes; of a device with a homing gesture
   };
 
   struct Action {
@@ -58,8 +68,13 @@ class OperatorScript {
   static constexpr double kDescent_s = 0.5;
   static constexpr double kPause_s = 0.5;
   static constexpr double kReturn_s = 1.2;
+  static constexpr double kHomingStroke_s = 1.5;
+  static constexpr double kHomingPause_s = 0.3;
 
  private:
+  /// [m] `since_s` [s] after the homing gesture began.
+  Eigen::Vector3d homing_target_D(double since_s) const noexcept;
+
   Options options_;
   HandMotion motion_;
   Eigen::Vector3d home_D_;

@@ -32,6 +32,7 @@ ServerOptions server_options(const EmulatorOptions& options) {
     device.hand_carries_weight = options.hand_carries_weight;
     device.frame_order = parse_frame_order(options.frame_order);
     device.random_power_up_counters = options.random_power_up_counters;
+    device.firmware_loaded = options.firmware_loaded;
     device.operator_script.motion = parse_motion(options.motion);
     device.operator_script.amplitude_m = options.amplitude_m;
     device.operator_script.seed = options.seed;

@@ -23,6 +23,7 @@ struct EmulatorOptions {
   bool hand_carries_weight = true;        ///< false: for a host that compensates gravity
   bool calibrated = false;                ///< counters are true from the start; no button needed
   bool random_power_up_counters = false;  ///< counters start anywhere instead of at 0
+  bool firmware_loaded = false;           ///< a Falcon's firmware runs from the start
   std::array<double, 3> contact_m{};      ///< contact point, frame D
   double amplitude_m = HandMotion::kNominalAmplitude_m;
 };

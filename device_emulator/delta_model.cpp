@@ -1,0 +1,169 @@
+#include "device_emulator/delta_model.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <stdexcept>
+
+namespace forcegrid::emulator {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+DeltaModel::DeltaModel(const profiles::DeviceProfile& profile,
+                       std::optional<profiles::HandProfile> hand, const Vector3d& position_D)
+    : mechanism_(profile.delta),
+      dynamics_(profile.dynamics),
+      joint_min_rad_(profile.delta.joint_min_rad),
+      joint_max_rad_(profile.delta.joint_max_rad),
+      knob_min_x_m_(profile.delta.knob_min_z_m - profile.delta.center_m[2]),
+      knob_max_x_m_(profile.delta.knob_max_z_m - profile.delta.center_m[2]),
+      axis_D_(mechanism_.from_base(Vector3d::Zero())),
+      knob_max_radius_m_(profile.delta.knob_max_radius_m),
+      moving_mass_kg_(profile.dynamics.tip_mass_kg),
+      position_D_(position_D),
+      hand_target_D_(position_D) {
+  const auto pose = mechanism_.pose(position_D);
+  if (!pose) {
+    throw std::invalid_argument("the delta of profile " + profile.name +
+                                " can't start where its legs do not close; correct delta.center_m");
+  }
+  pose_ = *pose;
+  if (hand) {
+    moving_mass_kg_ += hand->mass_kg;
+    hand_stiffness_N_per_m_ = hand->stiffness_N_per_m;
+    hand_damping_N_s_per_m_ = hand->damping_N_s_per_m;
+  }
+}
+
+void DeltaModel::advance(double duration_s, const Vector3d& motor_torque_Nm,
+                         const Vector3d& hand_target_D) noexcept {
+  if (!(duration_s > 0.0)) {
+    return;
+  }
+  const double substeps = std::ceil(duration_s / kSubstep_s - 1e-9);
+  const double step_s = duration_s / substeps;
+  const Vector3d target_start_D = hand_target_D_;
+  const Vector3d target_speed_D = (hand_target_D - target_start_D) / duration_s;
+  for (double i = 0.0; i < substeps; i += 1.0) {
+    substep(step_s, motor_torque_Nm, target_start_D + (i + 0.5) * step_s * target_speed_D,
+            target_speed_D);
+  }
+  hand_target_D_ = hand_target_D;
+}
+
+double DeltaModel::kinetic_energy_J() const noexcept {
+  return 0.5 * moving_mass_kg_ * velocity_D_m_per_s_.squaredNorm() +
+         0.5 * dynamics_.joint_inertia_kg_m2 *
+             (pose_.rate_rad_per_m * velocity_D_m_per_s_).squaredNorm();
+}
+
+DeltaModel::Contacts DeltaModel::contacts_at(const Vector3d& position_D,
+                                             const DeltaMechanism::Pose& pose,
+                                             const Vector3d& velocity_D) const noexcept {
+  Contacts contacts;
+  const auto touch = [&](const Vector3d& axis_D, double excess, double stiffness, double damping) {
+    const double rate = axis_D.dot(velocity_D);
+    if (excess > 0.0 && stiffness * excess + damping * rate > 0.0) {
+      contacts.list[contacts.count++] = {axis_D, excess, rate, stiffness, damping};
+    }
+  };
+  for (int leg = 0; leg < 3; ++leg) {
+    const Vector3d axis_D = pose.rate_rad_per_m.row(leg).transpose();
+    const double angle_rad = pose.joint_angle_rad[leg];
+    const bool beyond = angle_rad > joint_max_rad_;
+    touch(beyond ? axis_D : Vector3d(-axis_D),
+          beyond ? angle_rad - joint_max_rad_ : joint_min_rad_ - angle_rad,
+          dynamics_.stop_stiffness_Nm_per_rad, dynamics_.stop_damping_Nm_s_per_rad);
+  }
+  const bool outward = position_D.x() > knob_max_x_m_;
+  touch(outward ? Vector3d(Vector3d::UnitX()) : Vector3d(-Vector3d::UnitX()),
+        outward ? position_D.x() - knob_max_x_m_ : knob_min_x_m_ - position_D.x(),
+        dynamics_.knob_stop_stiffness_N_per_m, dynamics_.knob_stop_damping_N_s_per_m);
+  const Vector3d radial_D(0.0, position_D.y() - axis_D_.y(), position_D.z() - axis_D_.z());
+  const double radius_m = radial_D.norm();
+  if (radius_m > knob_max_radius_m_) {
+    touch(radial_D / radius_m, radius_m - knob_max_radius_m_, dynamics_.knob_stop_stiffness_N_per_m,
+          dynamics_.knob_stop_damping_N_s_per_m);
+  }
+  return contacts;
+}
+
+void DeltaModel::substep(double step_s, const Vector3d& motor_torque_Nm,
+                         const Vector3d& target_mid_D, const Vector3d& target_speed_D) noexcept {
+  const Vector3d velocity_D = velocity_D_m_per_s_;
+  const Vector3d position_mid_D = position_D_ + 0.5 * step_s * velocity_D;
+  const auto at_mid = mechanism_.pose(position_mid_D);
+  if (!at_mid) {
+    velocity_D_m_per_s_.setZero();
+    ++blocked_substeps_;
+    return;
+  }
+  const Matrix3d& rate = at_mid->rate_rad_per_m;
+  const Matrix3d rate_squared = rate.transpose() * rate;
+
+  // Forces at the predicted midpoint with the velocity of the start; what the change of velocity
+  // adds is in `resistance`, the implicit part.
+  const Vector3d hand_N = hand_stiffness_N_per_m_ * (target_mid_D - position_mid_D) +
+                          hand_damping_N_s_per_m_ * (target_speed_D - velocity_D);
+  const Contacts contacts = contacts_at(position_mid_D, *at_mid, velocity_D);
+  Matrix3d resistance = dynamics_.joint_inertia_kg_m2 * rate_squared;
+  resistance.diagonal().array() += moving_mass_kg_ + 0.5 * step_s * hand_damping_N_s_per_m_ +
+                                   0.25 * step_s * step_s * hand_stiffness_N_per_m_;
+  Vector3d applied_N = hand_N + rate.transpose() * motor_torque_Nm;
+  for (std::size_t i = 0; i < contacts.count; ++i) {
+    const Contact& contact = contacts.list[i];
+    applied_N -=
+        contact.axis_D * (contact.stiffness * contact.excess + contact.damping * contact.rate);
+    resistance += (step_s * contact.damping + 0.25 * step_s * step_s * contact.stiffness) *
+                  contact.axis_D * contact.axis_D.transpose();
+  }
+
+  // Two passes: the second knows the velocities at the middle and the end of the substep.
+  Vector3d change_D = Vector3d::Zero();
+  Vector3d friction = Vector3d::Zero();  // [N m s/rad] secant coefficient
+  for (int pass = 0; pass < 2; ++pass) {
+    const Vector3d end_rate_rad_per_s = rate * (velocity_D + change_D);
+    for (int leg = 0; leg < 3; ++leg) {
+      const double speed = std::abs(end_rate_rad_per_s[leg]);
+      const double scaled = dynamics_.coulomb_smoothing_s_per_rad * speed;
+      const double coulomb =
+          scaled > 1e-6 ? dynamics_.coulomb_friction_Nm * std::tanh(scaled) / speed
+                        : dynamics_.coulomb_friction_Nm * dynamics_.coulomb_smoothing_s_per_rad;
+      friction[leg] = coulomb + dynamics_.viscous_friction_Nm_s_per_rad;
+    }
+    const Matrix3d braking = rate.transpose() * friction.asDiagonal() * rate;
+    const Vector3d bias = mechanism_.bias_rad_per_s2(position_mid_D, velocity_D + 0.5 * change_D);
+    const Matrix3d system = resistance + step_s * braking;
+    change_D =
+        system.llt().solve(step_s * (applied_N - braking * velocity_D -
+                                     dynamics_.joint_inertia_kg_m2 * rate.transpose() * bias));
+  }
+
+  const Vector3d moved_D = step_s * (velocity_D + 0.5 * change_D);
+  const auto at_end = mechanism_.pose(position_D_ + moved_D);
+  if (!at_end) {
+    velocity_D_m_per_s_.setZero();
+    ++blocked_substeps_;
+    return;
+  }
+  const Vector3d turned_rad = at_end->joint_angle_rad - pose_.joint_angle_rad;
+  velocity_D_m_per_s_ = velocity_D + change_D;
+  position_D_ += moved_D;
+  pose_ = *at_end;
+
+  const double motor_J = motor_torque_Nm.dot(turned_rad);
+  (motor_J > 0.0 ? work_.motor_positive_J : work_.motor_negative_J) += motor_J;
+  const Vector3d hand_mid_N =
+      hand_N - (0.5 * hand_damping_N_s_per_m_ + 0.25 * step_s * hand_stiffness_N_per_m_) * change_D;
+  work_.hand_J += hand_mid_N.dot(moved_D);
+  work_.friction_J -= friction.cwiseProduct(rate * velocity_D_m_per_s_).dot(rate * moved_D);
+  for (std::size_t i = 0; i < contacts.count; ++i) {
+    const Contact& contact = contacts.list[i];
+    const double force =
+        contact.stiffness * (contact.excess + 0.25 * step_s * contact.axis_D.dot(change_D)) +
+        contact.damping * (contact.rate + contact.axis_D.dot(change_D));
+    work_.stops_J -= force * contact.axis_D.dot(moved_D);
+  }
+}
+
+}  // namespace forcegrid::emulator
