@@ -40,12 +40,17 @@ struct MethodOptions {
   std::optional<double> ridge;   ///< forcegrid-mls: 1e-5
   std::optional<double> nugget;  ///< kriging: noise variance [N^2] a sample, 1e-5
 
+  /// kriging: samples in its dictionary, 2 to 32, 32. The bank's members have sizes of their own.
+  std::optional<int> samples;
+  /// kriging: how far apart samples are kept, in distance (1 mm) or in force (0.1 N).
+  std::optional<double> spacing_m, spacing_N;
+
   double influence_radius() const noexcept;  ///< [m] r with its default put in
 };
 
 /// A method's name with changes to its options, as people write it: "forcegrid unit=m s=3".
 /// Keys: unit (m, cells, mm or a length such as 2mm), r (30mm), s, weight, read, storage, cells
-/// (X,Y,Z or one number for all), ridge, nug.
+/// (X,Y,Z or one number for all), ridge, nug, samples, spacing (1mm), spacing_N (0.1).
 struct MethodVariant {
   std::string text;  ///< as given, blanks put in order
   std::string name;  ///< of the method

@@ -1,10 +1,13 @@
 #include "forcegrid/methods.h"
 
+#include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "forcegrid/affine_methods.h"
 #include "forcegrid/forcegrid_method.h"
 #include "forcegrid/hold_method.h"
+#include "forcegrid/kriging_method.h"
 #include "forcegrid/linear_method.h"
 #include "forcegrid/rls_method.h"
 
@@ -28,6 +31,24 @@ std::unique_ptr<ForceMethod> with_options(const MethodOptions& options) {
   return std::make_unique<Method>(options);
 }
 
+template <KrigingMethod::Kind kKind>
+std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
+  const auto refuse_unless = [](bool usable, const char* what) {
+    if (!usable) {
+      throw std::invalid_argument(std::string("kriging: ") + what);
+    }
+  };
+  const auto positive = [](const std::optional<double>& value) {
+    return !value || (std::isfinite(*value) && *value > 0.0);
+  };
+  refuse_unless(positive(options.nugget), "the nugget has to be above zero, e.g. 1e-5 N^2");
+  refuse_unless(positive(options.spacing_m), "the spacing has to be above zero, e.g. 1 mm");
+  refuse_unless(positive(options.spacing_N), "the spacing in force has to be above zero: 0.1 N");
+  refuse_unless(!options.samples || (*options.samples >= 2 && *options.samples <= 32),
+                "use 2 to 32 samples");
+  return std::make_unique<KrigingMethod>(kKind, options);
+}
+
 constexpr NamedMethod kMethods[] = {
     {"forcegrid", with_options<ForcegridMethod>},
     {"hold", plain<HoldMethod>},
@@ -36,6 +57,9 @@ constexpr NamedMethod kMethods[] = {
     {"broyden", plain<BroydenMethod>},
     {"rls", plain<RlsMethod>},
     {"tangent", plain<TangentMethod>},
+    {"kriging", kriging<KrigingMethod::Kind::kForceOnly>},
+    {"kriging-tangent", kriging<KrigingMethod::Kind::kTangent>},
+    {"kriging-bank", kriging<KrigingMethod::Kind::kBank>},
 };
 
 }  // namespace

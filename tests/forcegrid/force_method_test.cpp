@@ -56,15 +56,20 @@ TEST(ForceMethods, KnowNothingThenNothingInFreeSpaceThenWhatTheyWereTold) {
     while (method->work(64) > 0) {
     }
     const ForceEstimate estimate = method->force(0.2, Vector3d(0.001, 0.0, 0.0));
-    EXPECT_EQ(estimate.status, EstimateStatus::kOk);
-    EXPECT_LT((estimate.force_W - Vector3d(1, 2, 3)).norm(), 1e-6);
-    EXPECT_TRUE(std::isnan(estimate.uncertainty_N));
+    // Kriging without stiffness can't know the force a millimetre away; all kriging keeps from one
+    // contact to the next what it has learnt.
+    const bool kriging = name.starts_with("kriging");
+    EXPECT_EQ(estimate.status,
+              name == "kriging" ? EstimateStatus::kPartlyKnown : EstimateStatus::kOk);
+    EXPECT_LT((estimate.force_W - Vector3d(1, 2, 3)).norm(), kriging ? 0.01 : 1e-6);
+    EXPECT_EQ(std::isnan(estimate.uncertainty_N), !kriging);
     const double nan = std::numeric_limits<double>::quiet_NaN();
     EXPECT_EQ(method->force(0.2, Vector3d(nan, 0, 0)).status, EstimateStatus::kNotFinite);
     EXPECT_EQ(method->force(nan, Vector3d::Zero()).status, EstimateStatus::kNotFinite);
     // A new contact forgets the old one, an end of contact is free space.
     method->contact_made(2, Vector3d::Zero());
-    EXPECT_EQ(method->force(0.3, Vector3d::Zero()).status, EstimateStatus::kUnknown);
+    EXPECT_EQ(method->force(0.3, Vector3d::Zero()).status,
+              kriging ? EstimateStatus::kPartlyKnown : EstimateStatus::kUnknown);
     method->contact_lost();
     EXPECT_EQ(method->force(0.3, Vector3d::Zero()).force_W, Vector3d::Zero());
   }

@@ -1,0 +1,485 @@
+#include "forcegrid/kriging_field.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace forcegrid::kriging {
+namespace {
+
+constexpr double kRefreshFraction = 0.3;  // of the spacing: a repeated measurement
+constexpr double kEvictionReach_m2 = 1e-4;
+constexpr double kFarAway_m = 1e3;
+
+}  // namespace
+
+template <typename Real, int N, int M>
+DictionaryField<Real, N, M>::DictionaryField(const FieldSettings& settings) noexcept
+    : settings_(settings) {
+  collapse();
+}
+
+template <typename Real, int N, int M>
+double DictionaryField<Real, N, M>::data_scale() const noexcept {
+  double squares = 0.0;
+  for (int r = 0; r < factor_.rows(); ++r) {
+    squares += factor_.y(r) * factor_.y(r);
+  }
+  return std::max(1.0, squares / std::max(1, factor_.rows()));
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::covariances_of_force(const Eigen::Vector3d& p, const History& h,
+                                                       typename Factor::Columns& x) const noexcept {
+  std::size_t row = 0;
+  for (int b = 0; b < block_count_; ++b) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    const Stored& s = stored_[static_cast<std::size_t>(block.slot)];
+    if (block.stiffness) {
+      const Matrix36d k = settings_.kernel.force_stiffness(p, s.position_m);
+      for (std::size_t c = 0; c < 3; ++c) {
+        for (int i = 0; i < 6; ++i) {
+          x.column[c][row + static_cast<std::size_t>(i)] = k(static_cast<int>(c), i);
+        }
+      }
+      row += 6;
+    } else {
+      const Eigen::Matrix3d k = settings_.kernel.force_force(p, h, s.position_m, s.history);
+      for (std::size_t c = 0; c < 3; ++c) {
+        for (int i = 0; i < 3; ++i) {
+          x.column[c][row + static_cast<std::size_t>(i)] = k(static_cast<int>(c), i);
+        }
+      }
+      row += 3;
+    }
+  }
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::covariances_of_stiffness(
+    const Eigen::Vector3d& p, typename Factor::Columns& x) const noexcept {
+  std::size_t row = 0;
+  for (int b = 0; b < block_count_; ++b) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    const Stored& s = stored_[static_cast<std::size_t>(block.slot)];
+    if (block.stiffness) {
+      const Matrix6d k = settings_.kernel.stiffness_stiffness(p, s.position_m);
+      for (std::size_t c = 0; c < 6; ++c) {
+        for (int i = 0; i < 6; ++i) {
+          x.column[c][row + static_cast<std::size_t>(i)] = k(static_cast<int>(c), i);
+        }
+      }
+      row += 6;
+    } else {
+      const Matrix36d k = settings_.kernel.force_stiffness(s.position_m, p);
+      for (std::size_t c = 0; c < 6; ++c) {
+        for (int i = 0; i < 3; ++i) {
+          x.column[c][row + static_cast<std::size_t>(i)] = k(i, static_cast<int>(c));
+        }
+      }
+      row += 3;
+    }
+  }
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::append_force(int slot, bool solved) noexcept {
+  const Stored& s = stored_[static_cast<std::size_t>(slot)];
+  if (!solved) {
+    covariances_of_force(s.position_m, s.history, x_);
+    factor_.solve(x_, 3);
+  }
+  Eigen::Matrix3d own =
+      settings_.kernel.force_force(s.position_m, s.history, s.position_m, s.history);
+  own.diagonal().array() += settings_.nugget_N2 + s.doubt_N2;
+  factor_.template append<3>(x_, own, s.force_N, 0.5 * settings_.nugget_N2);
+  blocks_[static_cast<std::size_t>(block_count_++)] = {static_cast<std::int16_t>(slot), false};
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::append_stiffness(int slot) noexcept {
+  const Stored& s = stored_[static_cast<std::size_t>(slot)];
+  covariances_of_stiffness(s.position_m, x_);
+  factor_.solve(x_, 6);
+  const double noise = settings_.stiffness_noise_N_per_m;
+  const double relative = settings_.relative_stiffness_noise;
+  // A force doubted by some newtons makes the slope over a third of l doubtful as well.
+  const double doubt_length_m = settings_.kernel.length_m / 3.0;
+  const double variance = noise * noise + relative * relative * s.stiffness_N_per_m.squaredNorm() +
+                          s.doubt_N2 / (doubt_length_m * doubt_length_m);
+  Matrix6d own = settings_.kernel.stiffness_stiffness(s.position_m, s.position_m);
+  own.diagonal().array() += variance;
+  factor_.template append<6>(x_, own, s.stiffness_N_per_m, 0.5 * variance);
+  blocks_[static_cast<std::size_t>(block_count_++)] = {static_cast<std::int16_t>(slot), true};
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::remove_block(int block) noexcept {
+  int first = 0;
+  for (int b = 0; b < block; ++b) {
+    first += blocks_[static_cast<std::size_t>(b)].rows();
+  }
+  factor_.remove(first, blocks_[static_cast<std::size_t>(block)].rows());
+  std::copy(blocks_.begin() + block + 1, blocks_.begin() + block_count_, blocks_.begin() + block);
+  --block_count_;
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::remove_sample(int slot) noexcept {
+  for (int b = block_count_ - 1; b >= 0; --b) {
+    if (blocks_[static_cast<std::size_t>(b)].slot == slot) {
+      remove_block(b);
+    }
+  }
+  stored_[static_cast<std::size_t>(slot)].used = false;
+  --sample_count_;
+  if (transient_ == slot) {
+    transient_ = kNone;
+  }
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::factorise() noexcept {
+  const std::array<Block, kMaxBlocks> blocks = blocks_;
+  const int count = block_count_;
+  block_count_ = 0;
+  factor_.clear();
+  for (int b = 0; b < count; ++b) {
+    const Block& block = blocks[static_cast<std::size_t>(b)];
+    if (block.stiffness) {
+      append_stiffness(block.slot);
+    } else {
+      append_force(block.slot, false);
+    }
+  }
+  takes_since_factorisation_ = 0;
+}
+
+template <typename Real, int N, int M>
+double DictionaryField<Real, N, M>::distance_m2(const Stored& a, const Eigen::Vector3d& position_m,
+                                                const History& h,
+                                                const Eigen::Vector3d& force_N) const noexcept {
+  double moved_m2 = (a.position_m - position_m).squaredNorm();
+  if (settings_.kernel.history_gain > 0.0) {
+    moved_m2 += (a.history - h).squaredNorm();
+  }
+  const double per_force = settings_.spacing_m / settings_.spacing_N;
+  return std::max(moved_m2, per_force * per_force * (a.force_N - force_N).squaredNorm());
+}
+
+template <typename Real, int N, int M>
+double DictionaryField<Real, N, M>::separation_m2(const Stored& a, const Stored& b) const noexcept {
+  double moved_m2 = (a.position_m - b.position_m).squaredNorm();
+  if (settings_.kernel.history_gain > 0.0) {
+    moved_m2 += (a.history - b.history).squaredNorm();
+  }
+  return moved_m2;
+}
+
+// Inflates the noise of the samples that the surprise speaks against.
+template <typename Real, int N, int M>
+bool DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
+                                                const Eigen::Vector3d& error_N,
+                                                const Eigen::Matrix3d& covariance_N2) noexcept {
+  Eigen::Matrix3d v = covariance_N2 * data_scale();
+  v.diagonal().array() += settings_.nugget_N2;
+  const double normalised = error_N.dot(v.inverse() * error_N) / 3.0;
+  if (!(normalised > settings_.surprise)) {
+    return false;
+  }
+  const double doubt_N2 = error_N.squaredNorm() / 3.0 * (1.0 - settings_.surprise / normalised);
+  const double reach_m = 2.0 * settings_.kernel.length_m;
+  for (Stored& s : stored_) {
+    if (s.used) {
+      const double d2 = (s.position_m - observation.position_m).squaredNorm();
+      s.doubt_N2 += doubt_N2 * std::exp(-0.5 * d2 / (reach_m * reach_m));
+    }
+  }
+  return true;
+}
+
+// Decides on the transient sample. @returns true if rows of others than itself have moved.
+template <typename Real, int N, int M>
+bool DictionaryField<Real, N, M>::settle_transient() noexcept {
+  if (transient_ == kNone) {
+    return false;
+  }
+  const int slot = transient_;
+  const Stored& t = stored_[static_cast<std::size_t>(slot)];
+  int nearest = kNone;
+  double nearest_m2 = std::numeric_limits<double>::max();
+  for (int i = 0; i < N; ++i) {
+    const Stored& s = stored_[static_cast<std::size_t>(i)];
+    if (!s.used || i == slot) {
+      continue;
+    }
+    const double d2 = distance_m2(s, t.position_m, t.history, t.force_N);
+    if (d2 < nearest_m2) {
+      nearest_m2 = d2;
+      nearest = i;
+    }
+  }
+  const double spacing_m2 = settings_.spacing_m * settings_.spacing_m;
+  if (nearest == kNone || nearest_m2 >= spacing_m2) {
+    transient_ = kNone;
+    return false;
+  }
+  const Stored& n = stored_[static_cast<std::size_t>(nearest)];
+  if (nearest_m2 < kRefreshFraction * kRefreshFraction * spacing_m2 ||
+      n.doubt_N2 - t.doubt_N2 > 10.0 * settings_.nugget_N2) {
+    transient_ = kNone;
+    remove_sample(nearest);
+    return true;
+  }
+  const bool was_last =
+      block_count_ > 0 && blocks_[static_cast<std::size_t>(block_count_ - 1)].slot == slot;
+  remove_sample(slot);
+  return !was_last;
+}
+
+template <typename Real, int N, int M>
+bool DictionaryField<Real, N, M>::make_room(const Eigen::Vector3d& position_m) noexcept {
+  bool moved = false;
+  while (sample_count_ >= settings_.samples) {
+    int worst = kNone;
+    double worst_value = std::numeric_limits<double>::max();
+    for (int i = 0; i < N; ++i) {
+      const Stored& s = stored_[static_cast<std::size_t>(i)];
+      if (!s.used || i == transient_) {
+        continue;
+      }
+      double nearest_m2 = std::numeric_limits<double>::max();
+      for (int j = 0; j < N; ++j) {
+        const Stored& other = stored_[static_cast<std::size_t>(j)];
+        if (other.used && i != j) {
+          nearest_m2 = std::min(nearest_m2, separation_m2(s, other));
+        }
+      }
+      const double value = nearest_m2 /
+                           ((s.position_m - position_m).squaredNorm() + kEvictionReach_m2) /
+                           (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2));
+      if (value < worst_value) {
+        worst_value = value;
+        worst = i;
+      }
+    }
+    remove_sample(worst);
+    moved = true;
+  }
+  return moved;
+}
+
+// Keeps the stiffness of the newest samples only, leaving room for one more.
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::limit_stiffness() noexcept {
+  int kept = 0;
+  int oldest = kNone;
+  for (int b = 0; b < block_count_; ++b) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    if (!block.stiffness) {
+      continue;
+    }
+    ++kept;
+    if (oldest == kNone ||
+        stored_[static_cast<std::size_t>(block.slot)].order <
+            stored_[static_cast<std::size_t>(blocks_[static_cast<std::size_t>(oldest)].slot)]
+                .order) {
+      oldest = b;
+    }
+  }
+  if (kept >= settings_.stiffness_samples) {
+    remove_block(oldest);
+  }
+}
+
+template <typename Real, int N, int M>
+Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
+  Innovation innovation;
+  innovation.predicted = sample_count_ > 0;
+  covariances_of_force(o.position_m, o.history, x_);
+  factor_.solve(x_, 3);
+  const Eigen::Vector3d error_N = o.force_N - factor_.template mean<3>(x_);
+  innovation.error_N = error_N.norm();
+  bool stale = false;  // the rows that x_ was solved for have moved
+  bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
+  if (innovation.predicted) {
+    const Eigen::Matrix3d covariance_N2 =
+        settings_.kernel.force_force(o.position_m, o.history, o.position_m, o.history) -
+        factor_.template explained<3>(x_);
+    innovation.surprised = doubt_samples(o, error_N, covariance_N2);
+    fresh_needed = fresh_needed || innovation.surprised;
+  }
+
+  if (o.from_query) {
+    for (const Stored& s : stored_) {
+      if (s.used && distance_m2(s, o.position_m, o.history, o.force_N) <
+                        settings_.spacing_m * settings_.spacing_m) {
+        if (fresh_needed) {
+          factorise();
+          collapse();
+        }
+        return innovation;
+      }
+    }
+  } else {
+    stale = settle_transient();
+  }
+  if (make_room(o.position_m)) {
+    stale = true;
+  }
+  if (fresh_needed) {
+    factorise();
+    stale = true;
+  }
+
+  int slot = 0;
+  while (stored_[static_cast<std::size_t>(slot)].used) {
+    ++slot;
+  }
+  Stored& s = stored_[static_cast<std::size_t>(slot)];
+  s = {o.position_m, o.force_N, o.history, o.stiffness_N_per_m, 0.0, next_order_++, true};
+  ++sample_count_;
+  if (!o.from_query) {
+    transient_ = slot;
+  }
+  append_force(slot, !stale);
+  if constexpr (M > 0) {
+    if (o.has_stiffness && settings_.stiffness_samples > 0) {
+      limit_stiffness();
+      append_stiffness(slot);
+    }
+  }
+  collapse();
+  return innovation;
+}
+
+// Solves for the weights and sums up what doesn't depend on where the field is read.
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::collapse() noexcept {
+  factor_.weights(alpha_.data());
+  Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  std::array<Eigen::Matrix3d, kHistoryFeatures> lag;
+  lag.fill(Eigen::Matrix3d::Zero());
+  std::size_t lane = 0;
+  std::size_t few = 0;
+  std::size_t row = 0;
+  for (int b = 0; b < block_count_; ++b) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    const Stored& s = stored_[static_cast<std::size_t>(block.slot)];
+    if (block.stiffness) {
+      Eigen::Matrix3d m;
+      for (std::size_t i = 0; i < 6; ++i) {
+        const int r = kStiffnessRow[i];
+        const int c = kStiffnessColumn[i];
+        m(r, c) = m(c, r) = (r == c ? 1.0 : 0.5) * alpha_[row + i];
+        few_weight_[i][few] = static_cast<Real>(m(r, c));
+      }
+      for (std::size_t a = 0; a < 3; ++a) {
+        few_position_m_[a][few] = static_cast<Real>(s.position_m[static_cast<int>(a)]);
+      }
+      moment += m;
+      ++few;
+    } else {
+      const Eigen::Vector3d weight(alpha_[row], alpha_[row + 1], alpha_[row + 2]);
+      for (std::size_t a = 0; a < 3; ++a) {
+        lane_position_m_[a][lane] = static_cast<Real>(s.position_m[static_cast<int>(a)]);
+        lane_weight_[a][lane] = static_cast<Real>(weight[static_cast<int>(a)]);
+      }
+      moment += 0.5 * (weight * s.position_m.transpose() + s.position_m * weight.transpose());
+      sum += weight;
+      for (int j = 0; j < kHistoryFeatures; ++j) {
+        lag[static_cast<std::size_t>(j)] += weight * s.history.col(j).transpose();
+      }
+      ++lane;
+    }
+    row += static_cast<std::size_t>(block.rows());
+  }
+  lanes_used_ = padded(static_cast<int>(lane), kLanePadding);
+  few_lanes_used_ = padded(static_cast<int>(few), 4);
+  for (; lane < static_cast<std::size_t>(lanes_used_); ++lane) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      lane_position_m_[a][lane] = Real(kFarAway_m);
+      lane_weight_[a][lane] = Real(0);
+    }
+  }
+  for (; few < static_cast<std::size_t>(few_lanes_used_); ++few) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      few_position_m_[a][few] = Real(kFarAway_m);
+    }
+    for (std::size_t i = 0; i < 6; ++i) {
+      few_weight_[i][few] = Real(0);
+    }
+  }
+  const double s2 = settings_.kernel.stiffness_variance();
+  moment.diagonal().array() += moment.trace();
+  linear_N_per_m_ = (s2 * moment).template cast<Real>();
+  constant_N_ = (settings_.kernel.constant_N2 * sum).template cast<Real>();
+  for (std::size_t j = 0; j < kHistoryFeatures; ++j) {
+    history_N_per_m_[j] = (settings_.kernel.history_variance() * lag[j]).template cast<Real>();
+  }
+}
+
+template <typename Real, int N, int M>
+RadialTerms<Real> DictionaryField<Real, N, M>::radial_terms() const noexcept {
+  RadialTerms<Real> terms;
+  for (std::size_t a = 0; a < 3; ++a) {
+    terms.position_m[a] = lane_position_m_[a].data();
+    terms.weight[a] = lane_weight_[a].data();
+    terms.stiffness_position_m[a] = few_position_m_[a].data();
+  }
+  for (std::size_t i = 0; i < 6; ++i) {
+    terms.stiffness_weight[i] = few_weight_[i].data();
+  }
+  terms.samples = lanes_used_;
+  terms.stiffness_samples = few_lanes_used_;
+  terms.shape = settings_.kernel.shape;
+  terms.length_m = static_cast<Real>(settings_.kernel.length_m);
+  return terms;
+}
+
+template <typename Real, int N, int M>
+Reading DictionaryField<Real, N, M>::read(const Eigen::Vector3d& position_m,
+                                          const History& history) const noexcept {
+  const Eigen::Matrix<Real, 3, 1> p = position_m.template cast<Real>();
+  const RadialSum<Real> radial = radial_sum(radial_terms(), p.data());
+  Eigen::Matrix<Real, 3, 1> force = constant_N_ + linear_N_per_m_ * p;
+  if (settings_.kernel.history_gain > 0.0) {
+    const Eigen::Matrix<Real, 3, kHistoryFeatures> h = history.template cast<Real>();
+    for (int j = 0; j < kHistoryFeatures; ++j) {
+      force += history_N_per_m_[static_cast<std::size_t>(j)] * h.col(j);
+    }
+  }
+  Reading reading;
+  for (int a = 0; a < 3; ++a) {
+    reading.force_N[a] = static_cast<double>(force[a] + radial.force_N[a]);
+  }
+  reading.nearest_m2 = static_cast<double>(radial.nearest_m2);
+  return reading;
+}
+
+template <typename Real, int N, int M>
+double DictionaryField<Real, N, M>::deviation_N(const Eigen::Vector3d& position_m,
+                                                const History& history) const noexcept {
+  covariances_of_force(position_m, history, x_);
+  factor_.solve(x_, 3);
+  double explained_N2 = 0.0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t r = 0; r < static_cast<std::size_t>(factor_.rows()); ++r) {
+      explained_N2 += x_.column[c][r] * x_.column[c][r];
+    }
+  }
+  const double variance_N2 =
+      settings_.kernel.prior_variance_N2(position_m, history) - explained_N2 / 3.0;
+  return std::sqrt(std::max(variance_N2, 0.0) * data_scale());
+}
+
+template class DictionaryField<float, 32, 0>;
+template class DictionaryField<double, 32, 0>;
+template class DictionaryField<float, 32, 4>;
+template class DictionaryField<double, 32, 4>;
+template class DictionaryField<float, 48, 0>;
+template class DictionaryField<double, 48, 0>;
+
+}  // namespace forcegrid::kriging

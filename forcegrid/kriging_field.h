@@ -1,0 +1,194 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "forcegrid/kriging_factor.h"
+#include "forcegrid/kriging_kernel.h"
+#include "forcegrid/kriging_simd.h"
+
+namespace forcegrid::kriging {
+
+struct FieldSettings {
+  Kernel kernel;
+  double nugget_N2 = 1e-5;    ///< variance of the noise of a sample's force, an axis
+  int samples = 32;           ///< capacity of the dictionary, up to the field's
+  int stiffness_samples = 0;  ///< how many of the newest samples keep their stiffness as data
+
+  /// Two samples are as far apart as max(|dP|, spacing_m |dF| / spacing_N), with the difference of
+  /// the histories taken into |dP| where the kernel has history features. A stiff object in a light
+  /// hand is felt within less than a millimetre: only the force tells its samples apart.
+  double spacing_m = 1e-3;
+  double spacing_N = 0.1;
+
+  double stiffness_noise_N_per_m = 1.0;     ///< standard deviation of a component of dF/dP,
+  double relative_stiffness_noise = 0.002;  ///< and of its norm, added in squares
+  double surprise = 25.0;  ///< normalised squared innovation from which old samples are doubted
+};
+
+/// A sample as a field takes it: positions relative to the contact point.
+struct Observation {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
+  History history = History::Zero();
+  bool has_stiffness = false;
+  Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
+  bool from_query = false;
+};
+
+/// What taking in an observation showed.
+struct Innovation {
+  bool predicted = false;  ///< false: the field knew nothing before
+  double error_N = 0.0;    ///< |force - what the field would have said|
+  bool surprised = false;  ///< the dictionary was doubted where the observation was made
+};
+
+/// What a field says at a position.
+struct Reading {
+  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
+  double nearest_m2 = 0.0;  ///< squared distance of the nearest sample; huge without any
+};
+
+/// A conservative force field through a small dictionary of samples, behind an interface that hides
+/// its sizes. All positions are relative to the contact point.
+/// Real-time: nothing allocates, locks or throws after construction. Threads: one.
+class Field {
+ public:
+  virtual ~Field() = default;
+  virtual const FieldSettings& settings() const noexcept = 0;
+  virtual std::size_t memory_bytes() const noexcept = 0;
+  virtual int sample_count() const noexcept = 0;
+  virtual int row_count() const noexcept = 0;
+
+  /// Takes in one observation. In order: predict there; doubt old samples when that failed; decide
+  /// on the sample before; make room; add the new one; fit. Bounded: at most one full factorisation
+  /// of the dictionary, usually three to nine rows of it.
+  virtual Innovation take(const Observation& observation) noexcept = 0;
+
+  virtual Reading read(const Eigen::Vector3d& position_m,
+                       const History& history) const noexcept = 0;
+
+  /// [N] Posterior standard deviation of a component of the force, in the mean over the axes,
+  /// scaled by the data's own spread where that is above the prior's. O(rows^2).
+  virtual double deviation_N(const Eigen::Vector3d& position_m,
+                             const History& history) const noexcept = 0;
+};
+
+/// Kriging with Kernel's covariance over at most kMaxSamples samples, the newest kMaxStiffness of
+/// them with their stiffness:
+///
+///   alpha = (K + diag(nugget + q_i))^-1 F,   F(p) = sum_i K(p, p_i) alpha_i
+///
+/// Fitted in double precision, read in `Real`. For reading, the linear, constant and history parts
+/// of the sum collapse to a symmetric matrix, a vector and one matrix a feature, so only the radial
+/// part remains a sum over samples (kriging_simd.h).
+///
+/// Dictionary. The newest sample is always in, but transient: when the next one comes it stays if
+/// it is at least spacing_m from all others (FieldSettings), replaces the nearest if that is within
+/// 0.3 spacing_m or was doubted more, and goes otherwise. (Replacing within a full spacing would
+/// drag one sample along a slow motion and lose what it had known.) When full, the sample goes that
+/// has the least of  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) / (1 + q_i / (10 nugget)).
+///
+/// Forgetting is gated by surprise: with the innovation e and V = (predictive covariance)
+/// max(1, s2) + nugget I, s2 = F^T alpha / rows, a normalised square N = e^T V^-1 e / 3 above 25
+/// adds  q_i += |e|^2/3 (1 - 25/N) exp(-|p_i - P|^2 / (2 (2 l)^2))  to the noise of every sample.
+/// Forgetting by age instead would lose the directions that a resting hand doesn't explore, and
+/// make the loop unstable.
+///
+/// Answers to queries join the dictionary where it has no sample within spacing_m; they are never
+/// transient.
+///
+/// Failure: kinks within l of the samples; forces that depend on more than position (the history
+/// features are for those that depend on the path).
+/// Source: docs/kriging.md; Rasmussen and Williams, 2006, chapter 2.
+template <typename Real, int kMaxSamples, int kMaxStiffness>
+class DictionaryField final : public Field {
+ public:
+  /// @param settings must be usable: positive nugget, lengths and spacings, 2 <= samples <=
+  ///        kMaxSamples, stiffness_samples <= kMaxStiffness.
+  explicit DictionaryField(const FieldSettings& settings) noexcept;
+
+  const FieldSettings& settings() const noexcept override { return settings_; }
+  std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
+  int sample_count() const noexcept override { return sample_count_; }
+  int row_count() const noexcept override { return factor_.rows(); }
+  Innovation take(const Observation& observation) noexcept override;
+  Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
+  double deviation_N(const Eigen::Vector3d& position_m,
+                     const History& history) const noexcept override;
+
+  /// The sums that reading is made of, for tests of the lanes.
+  RadialTerms<Real> radial_terms() const noexcept;
+
+ private:
+  static constexpr int kMaxBlocks = kMaxSamples + kMaxStiffness;
+  static constexpr int kMaxRows = 3 * kMaxSamples + 6 * kMaxStiffness;
+  static constexpr int kLanes = padded(kMaxSamples, kLanePadding);
+  static constexpr int kFewLanes = kMaxStiffness == 0 ? 4 : padded(kMaxStiffness, 4);
+  static constexpr int kNone = -1;
+  /// Rounding of the rotations adds up slowly; a fresh factorisation this often keeps it out.
+  static constexpr int kTakesBetweenFactorisations = 1024;
+  using Factor = GrowingCholesky<kMaxRows>;
+
+  struct Stored {
+    Eigen::Vector3d position_m, force_N;
+    History history;
+    Vector6d stiffness_N_per_m;
+    double doubt_N2 = 0.0;  ///< q
+    std::uint64_t order = 0;
+    bool used = false;
+  };
+  /// Consecutive rows of the factor: a sample's force (3) or stiffness (6).
+  struct Block {
+    std::int16_t slot;
+    bool stiffness;
+    int rows() const noexcept { return stiffness ? 6 : 3; }
+  };
+
+  void covariances_of_force(const Eigen::Vector3d& p, const History& h,
+                            typename Factor::Columns& x) const noexcept;
+  void covariances_of_stiffness(const Eigen::Vector3d& p,
+                                typename Factor::Columns& x) const noexcept;
+  void append_force(int slot, bool solved) noexcept;
+  void append_stiffness(int slot) noexcept;
+  void remove_block(int block) noexcept;
+  void remove_sample(int slot) noexcept;
+  void factorise() noexcept;
+  bool doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
+                     const Eigen::Matrix3d& covariance_N2) noexcept;
+  bool settle_transient() noexcept;
+  bool make_room(const Eigen::Vector3d& position_m) noexcept;
+  void limit_stiffness() noexcept;
+  void collapse() noexcept;
+  double distance_m2(const Stored& a, const Eigen::Vector3d& position_m, const History& h,
+                     const Eigen::Vector3d& force_N) const noexcept;
+  double separation_m2(const Stored& a, const Stored& b) const noexcept;
+  double data_scale() const noexcept;
+
+  FieldSettings settings_;
+  std::array<Stored, kMaxSamples> stored_{};
+  std::array<Block, kMaxBlocks> blocks_{};
+  int block_count_ = 0;
+  int sample_count_ = 0;
+  int transient_ = kNone;
+  std::uint64_t next_order_ = 0;
+  int takes_since_factorisation_ = 0;
+  Factor factor_;
+  mutable typename Factor::Columns x_;
+  std::array<double, kMaxRows + kLanePadding> alpha_{};
+
+  // What reading needs: the radial terms lane by lane, the rest collapsed.
+  alignas(64) std::array<std::array<Real, kLanes>, 3> lane_position_m_;
+  alignas(64) std::array<std::array<Real, kLanes>, 3> lane_weight_;
+  alignas(64) std::array<std::array<Real, kFewLanes>, 3> few_position_m_;
+  alignas(64) std::array<std::array<Real, kFewLanes>, 6> few_weight_;
+  int lanes_used_ = 0;
+  int few_lanes_used_ = 0;
+  Eigen::Matrix<Real, 3, 3> linear_N_per_m_;
+  Eigen::Matrix<Real, 3, 1> constant_N_;
+  std::array<Eigen::Matrix<Real, 3, 3>, kHistoryFeatures> history_N_per_m_;
+};
+
+}  // namespace forcegrid::kriging

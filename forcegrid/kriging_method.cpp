@@ -1,0 +1,423 @@
+#include "forcegrid/kriging_method.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace forcegrid {
+namespace {
+
+using kriging::DictionaryField;
+using kriging::FieldSettings;
+using kriging::RadialShape;
+
+constexpr int kSamples = 32;
+constexpr int kHistorySamples = 48;
+constexpr int kStiffnessSamples = 4;
+constexpr double kNugget_N2 = 1e-5;
+
+// Lags 0 to 2 belong to the bank's first member with history, 3 to 5 to the others.
+constexpr ToolHistory::TimeConstants kTimeConstants_s = {0.010, 0.100, 1.000, 0.005, 0.030, 0.200};
+
+constexpr double kScoreKept = 0.85;
+constexpr double kHysteresis = 0.8;
+constexpr double kHandOver_s = 0.010;
+
+// Beyond these distances from every sample the force fades, and is unknown.
+constexpr double kFade_m = 0.060;
+constexpr double kUnknown_m = 0.090;
+
+// Requests: not twice within this time and distance, the nearer the better.
+constexpr double kAskAgain_s = 0.3;
+constexpr double kAskApart_m = 0.003;
+constexpr double kAskReach_m = 0.012;
+constexpr double kAskFurthest_m = 0.015;
+constexpr double kAskBeside_m = 0.006;
+
+constexpr double kLeastAhead_m = 1e-3;  // for the slope of the uncertainty
+
+constexpr double kVelocityFilter_s = 0.010;
+constexpr double kLongestStep_s = 0.1;
+
+}  // namespace
+
+KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
+    : kind_(kind), history_(kTimeConstants_s) {
+  members_.reserve(kMaxMembers);
+  FieldSettings settings;
+  settings.nugget_N2 = options.nugget.value_or(kNugget_N2);
+  settings.samples = options.samples.value_or(kSamples);
+  settings.spacing_m = options.spacing_m.value_or(settings.spacing_m);
+  settings.spacing_N = options.spacing_N.value_or(settings.spacing_N);
+  settings.stiffness_samples = kind == Kind::kForceOnly ? 0 : kStiffnessSamples;
+  if (kind != Kind::kBank) {
+    add_member(settings, 0);
+    return;
+  }
+  settings.samples = kSamples;
+  for (const double nugget_N2 : {1e-5, 1e-6, 1e-4, 1e-3}) {
+    settings.nugget_N2 = nugget_N2;
+    add_member(settings, 0);
+  }
+  FieldSettings kinks = settings;
+  kinks.nugget_N2 = 1e-5;
+  kinks.kernel.shape = RadialShape::kMatern72;
+  kinks.kernel.length_m = 0.015;
+  add_member(kinks, 0);
+  FieldSettings viscous = settings;
+  viscous.samples = kHistorySamples;
+  viscous.stiffness_samples = 0;
+  viscous.nugget_N2 = 1e-5;
+  viscous.kernel.history_gain = 0.03;
+  add_member(viscous, 0);
+  viscous.kernel.history_gain = 1.0;
+  add_member(viscous, 3);
+  viscous.nugget_N2 = 1e-4;
+  add_member(viscous, 3);
+}
+
+void KrigingMethod::add_member(const FieldSettings& settings, int first_lag) {
+  Member member;
+  member.uses_history = settings.kernel.history_gain > 0.0;
+  member.first_lag = first_lag;
+  if (member.uses_history) {
+    member.field = std::make_unique<DictionaryField<float, kHistorySamples, 0>>(settings);
+  } else if (settings.stiffness_samples > 0) {
+    member.field = std::make_unique<DictionaryField<float, kSamples, kStiffnessSamples>>(settings);
+  } else {
+    member.field = std::make_unique<DictionaryField<float, kSamples, 0>>(settings);
+  }
+  members_.push_back(std::move(member));
+}
+
+const char* KrigingMethod::name() const noexcept {
+  switch (kind_) {
+    case Kind::kForceOnly:
+      return "kriging";
+    case Kind::kTangent:
+      return "kriging-tangent";
+    case Kind::kBank:
+      return "kriging-bank";
+  }
+  return "invalid kind";
+}
+
+MethodNeeds KrigingMethod::needs() const noexcept {
+  MethodNeeds needs;
+  needs.stiffness = kind_ == Kind::kTangent;
+  return needs;
+}
+
+std::size_t KrigingMethod::memory_bytes() const noexcept {
+  std::size_t bytes =
+      sizeof(*this) + history_.allocated_bytes() + members_.capacity() * sizeof(Member);
+  for (const Member& member : members_) {
+    bytes += member.field->memory_bytes();
+  }
+  return bytes;
+}
+
+void KrigingMethod::take_sample(const Sample& sample) noexcept {
+  if (!in_contact_ || !std::isfinite(sample.time_s) || !sample.position_W.allFinite() ||
+      !sample.force_W.allFinite() || (!sample.from_query && sample.time_s < newest_sample_s_)) {
+    return;
+  }
+  if (!origin_known_) {
+    origin_W_ = sample.position_W;
+    origin_known_ = true;
+  }
+  // Members that are not felt may be late; the felt one never is by as much as the queue's length,
+  // for it is served first.
+  for (Member& member : members_) {
+    if (taken_ - member.next >= kLongestBacklog) {
+      queued(member.next).scored = false;
+      ++member.next;
+      ++samples_skipped_;
+    }
+  }
+  Queued& entry = queued(taken_++);
+  entry = Queued{};
+  kriging::Observation& o = entry.observation;
+  o.position_m = sample.position_W - origin_W_;
+  o.force_N = sample.force_W;
+  o.from_query = sample.from_query;
+  o.has_stiffness = sample.has_stiffness && sample.stiffness_W.allFinite();
+  if (o.has_stiffness) {
+    for (int i = 0; i < 6; ++i) {
+      const int r = kriging::kStiffnessRow[i];
+      const int c = kriging::kStiffnessColumn[i];
+      o.stiffness_N_per_m[i] = 0.5 * (sample.stiffness_W(r, c) + sample.stiffness_W(c, r));
+    }
+  }
+  if (sample.from_query) {
+    entry.scored = false;
+    return;
+  }
+  entry.lags_known = history_.find(sample.time_s, entry.lags);
+  newest_sample_s_ = sample.time_s;
+  newest_sample_W_ = sample.position_W;
+  if (observed_) {
+    const double interval_s = std::clamp(time_s_ - last_arrival_s_, 1e-3, 0.2);
+    sample_period_s_ += 0.2 * (interval_s - sample_period_s_);
+    last_arrival_s_ = time_s_;
+  }
+}
+
+void KrigingMethod::observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
+  if (!std::isfinite(time_s) || !position_W.allFinite()) {
+    return;
+  }
+  const double dt_s = time_s - time_s_;
+  if (observed_ && dt_s > 0.0 && dt_s < kLongestStep_s) {
+    const Eigen::Vector3d velocity_W = (position_W - position_W_) / dt_s;
+    velocity_W_ += dt_s / (dt_s + kVelocityFilter_s) * (velocity_W - velocity_W_);
+  } else if (!observed_ || dt_s != 0.0) {
+    velocity_W_.setZero();
+  }
+  observed_ = true;
+  time_s_ = time_s;
+  position_W_ = position_W;
+  history_.observe(time_s, position_W);
+}
+
+void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d& point_W) noexcept {
+  in_contact_ = true;
+  contact_state_known_ = true;
+  origin_known_ = point_W.allFinite();
+  if (origin_known_) {
+    origin_W_ = point_W;
+  }
+  first_of_contact_ = taken_;
+  contact_sampled_ = false;
+  handed_over_N_.setZero();
+  asked_.fill(Asked{});
+  update_uncertainty();
+}
+
+void KrigingMethod::contact_lost() noexcept {
+  in_contact_ = false;
+  contact_state_known_ = true;
+}
+
+kriging::History KrigingMethod::history_at(const Member& member,
+                                           const Eigen::Vector3d& position_W) const noexcept {
+  kriging::History h = kriging::History::Zero();
+  if (member.uses_history && !history_.empty()) {
+    h = history_.now().middleCols<kriging::kHistoryFeatures>(member.first_lag).cast<double>();
+    h.colwise() += position_W - position_W_;
+  }
+  return h;
+}
+
+// The felt member first, then the one furthest behind.
+KrigingMethod::Member* KrigingMethod::next_to_work() noexcept {
+  if (members_[active_].next < taken_) {
+    return &members_[active_];
+  }
+  Member* furthest = nullptr;
+  for (Member& member : members_) {
+    if (member.next < taken_ && (furthest == nullptr || member.next < furthest->next)) {
+      furthest = &member;
+    }
+  }
+  return furthest;
+}
+
+int KrigingMethod::take_one(Member& member) noexcept {
+  const std::uint64_t number = member.next++;
+  Queued& entry = queued(number);
+  kriging::Observation observation = entry.observation;
+  if (member.uses_history) {
+    if (observation.from_query || !entry.lags_known) {
+      entry.scored = false;  // where the tool has not been there is no history
+      return 1;
+    }
+    observation.history =
+        entry.lags.middleCols<kriging::kHistoryFeatures>(member.first_lag).cast<double>();
+  }
+  const kriging::Innovation innovation = member.field->take(observation);
+  entry.scored = entry.scored && innovation.predicted;
+  entry.error_N2[static_cast<std::size_t>(&member - members_.data())] =
+      innovation.error_N * innovation.error_N;
+  if (&member == &members_[active_]) {
+    contact_sampled_ = contact_sampled_ || (in_contact_ && number >= first_of_contact_);
+    if (member.next == taken_) {
+      update_uncertainty();
+    }
+  }
+  const int rows = member.field->row_count();
+  return 1 + rows * rows / 2;
+}
+
+// Takes the errors of each sample into the scores once all members have seen it, so that they are
+// always compared over the same samples.
+void KrigingMethod::score() noexcept {
+  std::uint64_t seen = taken_;
+  for (const Member& member : members_) {
+    seen = std::min(seen, member.next);
+  }
+  for (; scored_ < seen; ++scored_) {
+    const Queued& entry = queued(scored_);
+    if (!entry.scored) {
+      continue;
+    }
+    std::size_t best = active_;
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      Member& member = members_[i];
+      member.score_N2 = kScoreKept * member.score_N2 + (1.0 - kScoreKept) * entry.error_N2[i];
+      if (member.score_N2 < members_[best].score_N2) {
+        best = i;
+      }
+    }
+    if (best != active_ && members_[best].score_N2 < kHysteresis * members_[active_].score_N2) {
+      if (observed_ && in_contact_ && contact_sampled_) {
+        const Eigen::Vector3d p = position_W_ - origin_W_;
+        const double left = std::exp(-(time_s_ - handed_over_s_) / kHandOver_s);
+        handed_over_N_ =
+            left * handed_over_N_ +
+            members_[active_].field->read(p, history_at(members_[active_], position_W_)).force_N -
+            members_[best].field->read(p, history_at(members_[best], position_W_)).force_N;
+        handed_over_s_ = time_s_;
+      }
+      active_ = best;
+      update_uncertainty();
+    }
+  }
+}
+
+int KrigingMethod::work(int budget) noexcept {
+  int done = 0;
+  while (done < budget) {
+    Member* member = next_to_work();
+    if (member == nullptr) {
+      break;
+    }
+    done += take_one(*member);
+    if (members_.size() > 1) {
+      score();
+    }
+  }
+  return done;
+}
+
+void KrigingMethod::update_uncertainty() noexcept {
+  const Member& member = members_[active_];
+  if (!origin_known_ || member.field->sample_count() == 0) {
+    return;
+  }
+  uncertain_from_W_ = observed_ ? position_W_ : newest_sample_W_;
+  const double speed = velocity_W_.norm();
+  const double moves_m = speed * sample_period_s_;
+  const double ahead_m = std::max(moves_m, kLeastAhead_m);
+  const Eigen::Vector3d direction =
+      speed > 0.0 ? Eigen::Vector3d(velocity_W_ / speed) : Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d ahead_W = uncertain_from_W_ + ahead_m * direction;
+  uncertainty_from_N_ = member.field->deviation_N(uncertain_from_W_ - origin_W_,
+                                                  history_at(member, uncertain_from_W_));
+  uncertainty_slope_N_per_m_ =
+      (member.field->deviation_N(ahead_W - origin_W_, history_at(member, ahead_W)) -
+       uncertainty_from_N_) /
+      ahead_m;
+  // A tool at rest may start in any direction.
+  uncertain_direction_ =
+      moves_m < kLeastAhead_m ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : direction;
+}
+
+double KrigingMethod::uncertainty_N(const Eigen::Vector3d& position_W) const noexcept {
+  const Eigen::Vector3d d = position_W - uncertain_from_W_;
+  const double along_m = d.dot(uncertain_direction_);
+  const double beside_m = std::sqrt(std::max(0.0, d.squaredNorm() - along_m * along_m));
+  const double noise_N = 0.5 * std::sqrt(members_[active_].field->settings().nugget_N2);
+  return std::max(noise_N, uncertainty_from_N_ + uncertainty_slope_N_per_m_ * along_m +
+                               std::abs(uncertainty_slope_N_per_m_) * beside_m);
+}
+
+ForceEstimate KrigingMethod::force(double time_s,
+                                   const Eigen::Vector3d& position_W) const noexcept {
+  ForceEstimate estimate;
+  if (!std::isfinite(time_s) || !position_W.allFinite()) {
+    estimate.status = EstimateStatus::kNotFinite;
+    return estimate;
+  }
+  if (!in_contact_) {
+    if (contact_state_known_) {
+      estimate.status = EstimateStatus::kOk;  // free space: the force is known to be zero
+      estimate.uncertainty_N = 0.0;
+    }
+    return estimate;
+  }
+  const Member& member = members_[active_];
+  if (!origin_known_ || member.field->sample_count() == 0) {
+    return estimate;
+  }
+  const Eigen::Vector3d p = position_W - origin_W_;
+  const kriging::History history = history_at(member, position_W);
+  const kriging::Reading reading = member.field->read(p, history);
+  if (!(reading.nearest_m2 < kUnknown_m * kUnknown_m) || !reading.force_N.allFinite()) {
+    estimate.uncertainty_N =
+        std::sqrt(member.field->settings().kernel.prior_variance_N2(p, history));
+    return estimate;
+  }
+  estimate.force_W = reading.force_N;
+  const double age_s = time_s - handed_over_s_;
+  if (age_s < 5.0 * kHandOver_s) {
+    estimate.force_W += handed_over_N_ * std::exp(-std::max(age_s, 0.0) / kHandOver_s);
+  }
+  estimate.uncertainty_N = uncertainty_N(position_W);
+  estimate.status = contact_sampled_ && estimate.uncertainty_N <= kKnown_N
+                        ? EstimateStatus::kOk
+                        : EstimateStatus::kPartlyKnown;
+  if (reading.nearest_m2 > kFade_m * kFade_m) {
+    const double left = (kUnknown_m - std::sqrt(reading.nearest_m2)) / (kUnknown_m - kFade_m);
+    const double fade = left * left * (3.0 - 2.0 * left);
+    estimate.force_W *= fade;
+    estimate.uncertainty_N +=
+        (1.0 - fade) * std::sqrt(member.field->settings().kernel.prior_variance_N2(p, history));
+    estimate.status = EstimateStatus::kPartlyKnown;
+  }
+  return estimate;
+}
+
+bool KrigingMethod::plan_request(double time_s, const Eigen::Vector3d& position_W,
+                                 Eigen::Vector3d& wanted_W) noexcept {
+  if (!in_contact_ || !origin_known_ || !std::isfinite(time_s) || !position_W.allFinite()) {
+    return false;
+  }
+  const Member& member = members_[active_];
+  double best_N = 0.0;
+  const auto consider = [&](const Eigen::Vector3d& candidate_W) {
+    for (const Asked& asked : asked_) {
+      if (time_s - asked.time_s < kAskAgain_s &&
+          (candidate_W - asked.position_W).norm() < kAskApart_m) {
+        return;
+      }
+    }
+    const double near_m2 = (candidate_W - position_W).squaredNorm();
+    const double deviation_N =
+        member.field->deviation_N(candidate_W - origin_W_, history_at(member, candidate_W));
+    const double value_N = deviation_N * std::exp(-0.5 * near_m2 / (kAskReach_m * kAskReach_m));
+    if (deviation_N > kAsk_N && value_N > best_N) {
+      best_N = value_N;
+      wanted_W = candidate_W;
+    }
+  };
+  const double speed = velocity_W_.norm();
+  for (const double periods : {1.0, 2.0, 3.0}) {
+    const double ahead_m = std::min(periods * sample_period_s_ * speed, kAskFurthest_m);
+    if (ahead_m > 0.0) {
+      consider(position_W + ahead_m / speed * velocity_W_);
+    }
+  }
+  // Where the motion may turn to: one place around the tool a call.
+  const std::size_t around = next_around_++ % 6;
+  Eigen::Vector3d beside_W = position_W;
+  beside_W[static_cast<int>(around / 2)] += around % 2 == 0 ? kAskBeside_m : -kAskBeside_m;
+  consider(beside_W);
+  if (best_N <= 0.0) {
+    return false;
+  }
+  asked_[next_asked_] = {time_s, wanted_W};
+  next_asked_ = (next_asked_ + 1) % kAsked;
+  return true;
+}
+
+}  // namespace forcegrid

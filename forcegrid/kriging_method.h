@@ -1,0 +1,163 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "forcegrid/force_method.h"
+#include "forcegrid/history.h"
+#include "forcegrid/kriging_field.h"
+#include "forcegrid/method_options.h"
+
+namespace forcegrid {
+
+/// A conservative force field learnt from the samples (kriging::DictionaryField), or a bank of such
+/// fields that are told the same samples and of which the one that predicts best is felt.
+///
+///   F(P) = sum_i K(P - c, p_i) alpha_i,   p_i = P_i - c_i relative to the contact point
+///
+/// - `kriging`: one field, squared exponential kernel of 30 mm, 32 samples, nugget 1e-5 N^2. Needs:
+/// force.
+/// - `kriging-tangent`: the same, and the four newest samples' stiffness as data of the field's
+///   derivative (sigma_J = 1 N/m + 0.2 %). Needs: force and stiffness; samples without are taken.
+/// - `kriging-bank`: nuggets 1e-6, 1e-5, 1e-4 and 1e-3 for objects of different noise; Matern 7/2
+///   of 15 mm for kinks; three with history features for objects that remember (kf = 0.03 N^2 with
+///   lags of 10, 100, 1000 ms; kf = 1 with 5, 30, 200 ms and nuggets 1e-5 and 1e-4), 48 samples
+///   each. The first five use stiffness if samples carry it. Score of each member: the squared
+///   one-step prediction error, averaged over samples by 0.85 old + 0.15 new; another member takes
+///   over when its score is below 0.8 of the present one's, and the difference at that moment fades
+///   out within some 10 ms. Needs: force.
+///
+/// Work: a sample costs each field one piece, a change of some rows of its factor and the weights.
+/// A piece is done in one call of work(), that of the field being felt first. Until then it answers
+/// as before, so a piece never makes a cycle longer than one fit does. Contact: positions are
+/// relative to the contact point, and what was learnt is kept from one contact to the next; an
+/// object grabbed again is known at once if it is as stiff there.
+///
+/// force(): kUnknown before any sample and beyond 3 * 30 mm from all of them, force fading to zero
+/// from 2 * 30 mm on; kPartlyKnown while nothing of this contact has arrived, where the force
+/// fades, and where the uncertainty is above kKnown_N; kOk otherwise. The uncertainty is the
+/// field's posterior standard deviation, exact at two points that are updated with every sample:
+/// where the tool was then, and where it would be at the next one. Between and beyond them it is
+/// linear along that line, grows with the distance from it by the same slope, and is at least half
+/// a sample's noise.
+///
+/// Requests: see plan_request(). Options used: nugget, samples, spacing_m, spacing_N (the bank:
+/// spacing_m and spacing_N).
+/// Real-time: as ForceMethod. Cost and memory: docs/kriging.md. Failure: the first two sample
+/// periods of the first contact; kinks; see DictionaryField.
+class KrigingMethod final : public ForceMethod {
+ public:
+  enum class Kind { kForceOnly, kTangent, kBank };
+
+  /// @param options nugget, spacings and samples, which must be usable: make_force_method() checks.
+  KrigingMethod(Kind kind, const MethodOptions& options);
+
+  const char* name() const noexcept override;
+  MethodNeeds needs() const noexcept override;
+  std::size_t memory_bytes() const noexcept override;
+  /// Queues the sample. Samples out of contact, not finite, or older than the newest are ignored;
+  /// answers to queries may come in any order. A stiffness that is not finite is left out.
+  void take_sample(const Sample& sample) noexcept override;
+  void observe(double time_s, const Eigen::Vector3d& position_W) noexcept override;
+  void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept override;
+  void contact_lost() noexcept override;
+  /// A piece counts as half the square of its field's rows.
+  int work(int budget) noexcept override;
+  /// Asks along the predicted motion, up to three sample periods ahead, or 6 mm beside the tool:
+  /// where the force is least known, the nearer the better; at none where it is known to better
+  /// than kAsk_N, nor again where it has just been asked. Costs four deviation_N().
+  bool plan_request(double time_s, const Eigen::Vector3d& position_W,
+                    Eigen::Vector3d& wanted_W) noexcept override;
+  [[nodiscard]] ForceEstimate force(double time_s,
+                                    const Eigen::Vector3d& position_W) const noexcept override;
+
+  /// [N] Uncertainty up to which a force counts as known.
+  static constexpr double kKnown_N = 0.3;
+  /// [N] Uncertainty from which on a request is worth it.
+  static constexpr double kAsk_N = 0.1;
+
+  int member_count() const noexcept { return static_cast<int>(members_.size()); }
+  int active_member() const noexcept { return static_cast<int>(active_); }
+  const kriging::Field& member(int index) const noexcept {
+    return *members_[static_cast<std::size_t>(index)].field;
+  }
+  /// Samples that members not being felt passed over because they were too far behind.
+  std::uint64_t samples_skipped() const noexcept { return samples_skipped_; }
+
+ private:
+  static constexpr std::size_t kQueueLength = 32;
+  static constexpr std::uint64_t kLongestBacklog = 8;
+  static constexpr std::size_t kMaxMembers = 8;
+  static constexpr std::size_t kAsked = 16;
+
+  struct Member {
+    std::unique_ptr<kriging::Field> field;
+    int first_lag = 0;  ///< of the history that its features begin with
+    bool uses_history = false;
+    std::uint64_t next = 0;  ///< number of the sample that it takes next
+    double score_N2 = 0.0;
+  };
+  struct Queued {
+    kriging::Observation observation;  ///< without history
+    ToolHistory::Lags lags = ToolHistory::Lags::Zero();
+    bool lags_known = false;
+    bool scored = true;  ///< every member could predict it
+    std::array<double, kMaxMembers> error_N2{};
+  };
+  struct Asked {
+    double time_s = -1e300;
+    Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
+  };
+
+  void add_member(const kriging::FieldSettings& settings, int first_lag);
+  kriging::History history_at(const Member& member,
+                              const Eigen::Vector3d& position_W) const noexcept;
+  Queued& queued(std::uint64_t number) noexcept { return queue_[number % kQueueLength]; }
+  Member* next_to_work() noexcept;
+  int take_one(Member& member) noexcept;
+  void score() noexcept;
+  void update_uncertainty() noexcept;
+  double uncertainty_N(const Eigen::Vector3d& position_W) const noexcept;
+
+  Kind kind_;
+  std::vector<Member> members_;
+  std::size_t active_ = 0;
+  ToolHistory history_;
+
+  std::array<Queued, kQueueLength> queue_{};
+  std::uint64_t taken_ = 0;   ///< samples queued so far
+  std::uint64_t scored_ = 0;  ///< samples whose errors are in the scores
+  std::uint64_t samples_skipped_ = 0;
+
+  bool in_contact_ = false;
+  bool contact_state_known_ = false;
+  bool origin_known_ = false;
+  bool contact_sampled_ = false;  ///< the felt field has taken a sample of this contact
+  std::uint64_t first_of_contact_ = 0;
+  Eigen::Vector3d origin_W_ = Eigen::Vector3d::Zero();
+  double newest_sample_s_ = -1e300;
+  Eigen::Vector3d newest_sample_W_ = Eigen::Vector3d::Zero();
+
+  bool observed_ = false;
+  double time_s_ = 0.0;
+  Eigen::Vector3d position_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_W_ = Eigen::Vector3d::Zero();
+  double last_arrival_s_ = -1e300;
+  double sample_period_s_ = 1.0 / 30.0;
+
+  Eigen::Vector3d uncertain_from_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d uncertain_direction_ = Eigen::Vector3d::Zero();
+  double uncertainty_from_N_ = 0.0;
+  double uncertainty_slope_N_per_m_ = 0.0;
+
+  Eigen::Vector3d handed_over_N_ = Eigen::Vector3d::Zero();
+  double handed_over_s_ = 0.0;
+
+  std::array<Asked, kAsked> asked_{};
+  std::size_t next_asked_ = 0;
+  std::size_t next_around_ = 0;
+};
+
+}  // namespace forcegrid

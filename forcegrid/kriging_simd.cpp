@@ -1,0 +1,321 @@
+#include "forcegrid/kriging_simd.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "forcegrid/kriging_simd.cpp"
+#include <hwy/foreach_target.h>
+// Highway compiles what follows once for each instruction set.
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace forcegrid::kriging {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// -g', g'' and g''' of Kernel::radial(), lane by lane.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void radial(D d, RadialShape shape, hn::TFromD<D> length_m, V r2, V& minus_g1, V& g2,
+                       V& minus_g3) {
+  using T = hn::TFromD<D>;
+  const T inverse_l2 = T(1) / (length_m * length_m);
+  if (shape == RadialShape::kSquaredExponential) {
+    minus_g1 = hn::Exp(d, hn::Mul(r2, hn::Set(d, T(-0.5) * inverse_l2)));
+    g2 = hn::Mul(minus_g1, hn::Set(d, inverse_l2));
+    minus_g3 = hn::Mul(g2, hn::Set(d, inverse_l2));
+  } else {
+    const T k2 = T(7) * inverse_l2;
+    const V s = hn::Sqrt(hn::Mul(r2, hn::Set(d, k2)));
+    const V e = hn::Exp(d, hn::Neg(s));
+    const V third_e = hn::Mul(e, hn::Set(d, T(1) / T(3)));
+    const V third_e_s = hn::Mul(third_e, s);
+    g2 = hn::Mul(hn::Add(third_e, third_e_s), hn::Set(d, k2));
+    minus_g1 = hn::MulAdd(third_e_s, s, hn::MulAdd(e, s, e));
+    minus_g3 = hn::Mul(third_e, hn::Set(d, k2 * k2));
+  }
+}
+
+template <class T>
+HWY_INLINE RadialSum<T> sum_terms(const RadialTerms<T>& terms, const T* p_m) {
+  const hn::CappedTag<T, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const V px = hn::Set(d, p_m[0]);
+  const V py = hn::Set(d, p_m[1]);
+  const V pz = hn::Set(d, p_m[2]);
+  V fx = hn::Zero(d);
+  V fy = hn::Zero(d);
+  V fz = hn::Zero(d);
+  V nearest = hn::Set(d, std::numeric_limits<T>::max());
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < terms.samples; i += lanes) {
+    const V x = hn::Sub(px, hn::Load(d, terms.position_m[0] + i));
+    const V y = hn::Sub(py, hn::Load(d, terms.position_m[1] + i));
+    const V z = hn::Sub(pz, hn::Load(d, terms.position_m[2] + i));
+    const V ax = hn::Load(d, terms.weight[0] + i);
+    const V ay = hn::Load(d, terms.weight[1] + i);
+    const V az = hn::Load(d, terms.weight[2] + i);
+    const V r2 = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z)));
+    nearest = hn::Min(nearest, r2);
+    V minus_g1;
+    V g2;
+    V minus_g3;
+    radial(d, terms.shape, terms.length_m, r2, minus_g1, g2, minus_g3);
+    const V along = hn::Mul(g2, hn::MulAdd(x, ax, hn::MulAdd(y, ay, hn::Mul(z, az))));
+    fx = hn::MulAdd(minus_g1, ax, hn::NegMulAdd(along, x, fx));
+    fy = hn::MulAdd(minus_g1, ay, hn::NegMulAdd(along, y, fy));
+    fz = hn::MulAdd(minus_g1, az, hn::NegMulAdd(along, z, fz));
+  }
+  RadialSum<T> sum;
+  sum.force_N[0] = hn::GetLane(hn::SumOfLanes(d, fx));
+  sum.force_N[1] = hn::GetLane(hn::SumOfLanes(d, fy));
+  sum.force_N[2] = hn::GetLane(hn::SumOfLanes(d, fz));
+  sum.nearest_m2 = hn::GetLane(hn::MinOfLanes(d, nearest));
+  if (terms.stiffness_samples == 0) {
+    return sum;
+  }
+  const hn::CappedTag<T, 4> d4;
+  using V4 = hn::Vec<decltype(d4)>;
+  const int few_lanes = static_cast<int>(hn::Lanes(d4));
+  V4 gx = hn::Zero(d4);
+  V4 gy = hn::Zero(d4);
+  V4 gz = hn::Zero(d4);
+  for (int i = 0; i < terms.stiffness_samples; i += few_lanes) {
+    const V4 x = hn::Sub(hn::Set(d4, p_m[0]), hn::Load(d4, terms.stiffness_position_m[0] + i));
+    const V4 y = hn::Sub(hn::Set(d4, p_m[1]), hn::Load(d4, terms.stiffness_position_m[1] + i));
+    const V4 z = hn::Sub(hn::Set(d4, p_m[2]), hn::Load(d4, terms.stiffness_position_m[2] + i));
+    const V4 xx = hn::Load(d4, terms.stiffness_weight[0] + i);
+    const V4 yy = hn::Load(d4, terms.stiffness_weight[1] + i);
+    const V4 zz = hn::Load(d4, terms.stiffness_weight[2] + i);
+    const V4 xy = hn::Load(d4, terms.stiffness_weight[3] + i);
+    const V4 xz = hn::Load(d4, terms.stiffness_weight[4] + i);
+    const V4 yz = hn::Load(d4, terms.stiffness_weight[5] + i);
+    const V4 mx = hn::MulAdd(xx, x, hn::MulAdd(xy, y, hn::Mul(xz, z)));
+    const V4 my = hn::MulAdd(xy, x, hn::MulAdd(yy, y, hn::Mul(yz, z)));
+    const V4 mz = hn::MulAdd(xz, x, hn::MulAdd(yz, y, hn::Mul(zz, z)));
+    const V4 r2 = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z)));
+    V4 minus_g1;
+    V4 g2;
+    V4 minus_g3;
+    radial(d4, terms.shape, terms.length_m, r2, minus_g1, g2, minus_g3);
+    const V4 quadratic = hn::MulAdd(x, mx, hn::MulAdd(y, my, hn::Mul(z, mz)));
+    const V4 trace = hn::Add(xx, hn::Add(yy, zz));
+    const V4 along = hn::NegMulAdd(minus_g3, quadratic, hn::Mul(g2, trace));
+    const V4 twice_g2 = hn::Add(g2, g2);
+    gx = hn::MulAdd(twice_g2, mx, hn::MulAdd(along, x, gx));
+    gy = hn::MulAdd(twice_g2, my, hn::MulAdd(along, y, gy));
+    gz = hn::MulAdd(twice_g2, mz, hn::MulAdd(along, z, gz));
+  }
+  sum.force_N[0] += hn::GetLane(hn::SumOfLanes(d4, gx));
+  sum.force_N[1] += hn::GetLane(hn::SumOfLanes(d4, gy));
+  sum.force_N[2] += hn::GetLane(hn::SumOfLanes(d4, gz));
+  return sum;
+}
+
+RadialSum<float> radial_sum_float(const RadialTerms<float>& terms, const float* p_m) {
+  return sum_terms(terms, p_m);
+}
+
+RadialSum<double> radial_sum_double(const RadialTerms<double>& terms, const double* p_m) {
+  return sum_terms(terms, p_m);
+}
+
+void solve_lower_lanes(const PackedLower& l, double* const* x) {
+  const hn::CappedTag<double, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  double* HWY_RESTRICT x0 = x[0];
+  double* HWY_RESTRICT x1 = x[1];
+  double* HWY_RESTRICT x2 = x[2];
+  for (int r = l.rows; r < l.rows + kLanePadding; ++r) {
+    x0[r] = x1[r] = x2[r] = 0.0;
+  }
+  for (int j = 0; j < l.rows; ++j) {
+    const double* HWY_RESTRICT column = l.column(j);
+    const double inverse = l.inverse_diagonal[j];
+    const V s0 = hn::Set(d, x0[j] *= inverse);
+    const V s1 = hn::Set(d, x1[j] *= inverse);
+    const V s2 = hn::Set(d, x2[j] *= inverse);
+    for (int r = j + 1; r < l.rows; r += lanes) {
+      const V v = hn::LoadU(d, column + r);
+      hn::StoreU(hn::NegMulAdd(s0, v, hn::LoadU(d, x0 + r)), d, x0 + r);
+      hn::StoreU(hn::NegMulAdd(s1, v, hn::LoadU(d, x1 + r)), d, x1 + r);
+      hn::StoreU(hn::NegMulAdd(s2, v, hn::LoadU(d, x2 + r)), d, x2 + r);
+    }
+  }
+}
+
+void solve_upper_lanes(const PackedLower& l, double* x) {
+  const hn::CappedTag<double, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int r = l.rows; r < l.rows + kLanePadding; ++r) {
+    x[r] = 0.0;
+  }
+  for (int j = l.rows - 1; j >= 0; --j) {
+    const double* HWY_RESTRICT column = l.column(j);
+    V sum = hn::Zero(d);
+    for (int r = j + 1; r < l.rows; r += lanes) {
+      sum = hn::MulAdd(hn::LoadU(d, column + r), hn::LoadU(d, x + r), sum);
+    }
+    x[j] = (x[j] - hn::GetLane(hn::SumOfLanes(d, sum))) * l.inverse_diagonal[j];
+  }
+}
+
+void rotate_lanes(const double* column, double* other, double* moved, int count, double c,
+                  double s) {
+  const hn::CappedTag<double, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const V cv = hn::Set(d, c);
+  const V sv = hn::Set(d, s);
+  int r = 0;
+  for (; r + lanes <= count; r += lanes) {
+    const V a = hn::LoadU(d, column + r);
+    const V b = hn::LoadU(d, other + r);
+    hn::StoreU(hn::MulAdd(cv, a, hn::Mul(sv, b)), d, moved + r);
+    hn::StoreU(hn::NegMulAdd(sv, a, hn::Mul(cv, b)), d, other + r);
+  }
+  for (; r < count; ++r) {
+    const double a = column[r];
+    const double b = other[r];
+    moved[r] = c * a + s * b;
+    other[r] = c * b - s * a;
+  }
+}
+
+const char* target_name() { return hwy::TargetName(HWY_TARGET); }
+
+}  // namespace HWY_NAMESPACE
+}  // namespace forcegrid::kriging
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace forcegrid::kriging {
+
+HWY_EXPORT(radial_sum_float);
+HWY_EXPORT(radial_sum_double);
+HWY_EXPORT(solve_lower_lanes);
+HWY_EXPORT(solve_upper_lanes);
+HWY_EXPORT(rotate_lanes);
+HWY_EXPORT(target_name);
+
+RadialSum<float> radial_sum(const RadialTerms<float>& terms, const float p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_sum_float)(terms, p_m);
+}
+
+RadialSum<double> radial_sum(const RadialTerms<double>& terms, const double p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_sum_double)(terms, p_m);
+}
+
+void solve_lower(const PackedLower& l, double* const x[3]) noexcept {
+  HWY_DYNAMIC_DISPATCH(solve_lower_lanes)(l, x);
+}
+
+void solve_upper(const PackedLower& l, double* x) noexcept {
+  HWY_DYNAMIC_DISPATCH(solve_upper_lanes)(l, x);
+}
+
+void rotate(const double* column, double* other, double* moved, int count, double c,
+            double s) noexcept {
+  HWY_DYNAMIC_DISPATCH(rotate_lanes)(column, other, moved, count, c, s);
+}
+
+const char* instruction_set() noexcept { return HWY_DYNAMIC_DISPATCH(target_name)(); }
+
+template <typename Real>
+RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m[3]) noexcept {
+  const Real inverse_l2 = Real(1) / (terms.length_m * terms.length_m);
+  const auto radial = [&](Real r2, Real& minus_g1, Real& g2, Real& minus_g3) {
+    if (terms.shape == RadialShape::kSquaredExponential) {
+      minus_g1 = std::exp(Real(-0.5) * r2 * inverse_l2);
+      g2 = minus_g1 * inverse_l2;
+      minus_g3 = g2 * inverse_l2;
+    } else {
+      const Real k2 = Real(7) * inverse_l2;
+      const Real s = std::sqrt(k2 * r2);
+      const Real e = std::exp(-s);
+      minus_g1 = (Real(1) + s + s * s / Real(3)) * e;
+      g2 = k2 / Real(3) * (Real(1) + s) * e;
+      minus_g3 = k2 * k2 / Real(3) * e;
+    }
+  };
+  RadialSum<Real> sum{{0, 0, 0}, std::numeric_limits<Real>::max()};
+  Real minus_g1 = 0;
+  Real g2 = 0;
+  Real minus_g3 = 0;
+  for (int i = 0; i < terms.samples; ++i) {
+    const Real d[3] = {p_m[0] - terms.position_m[0][i], p_m[1] - terms.position_m[1][i],
+                       p_m[2] - terms.position_m[2][i]};
+    const Real r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    sum.nearest_m2 = std::min(sum.nearest_m2, r2);
+    radial(r2, minus_g1, g2, minus_g3);
+    const Real along =
+        g2 * (d[0] * terms.weight[0][i] + d[1] * terms.weight[1][i] + d[2] * terms.weight[2][i]);
+    for (int a = 0; a < 3; ++a) {
+      sum.force_N[a] += minus_g1 * terms.weight[a][i] - along * d[a];
+    }
+  }
+  for (int i = 0; i < terms.stiffness_samples; ++i) {
+    const Real d[3] = {p_m[0] - terms.stiffness_position_m[0][i],
+                       p_m[1] - terms.stiffness_position_m[1][i],
+                       p_m[2] - terms.stiffness_position_m[2][i]};
+    Real m_d[3] = {0, 0, 0};
+    for (int k = 0; k < 6; ++k) {
+      const int b = kStiffnessRow[k];
+      const int c = kStiffnessColumn[k];
+      m_d[b] += terms.stiffness_weight[k][i] * d[c];
+      if (b != c) {
+        m_d[c] += terms.stiffness_weight[k][i] * d[b];
+      }
+    }
+    radial(d[0] * d[0] + d[1] * d[1] + d[2] * d[2], minus_g1, g2, minus_g3);
+    const Real quadratic = d[0] * m_d[0] + d[1] * m_d[1] + d[2] * m_d[2];
+    const Real trace =
+        terms.stiffness_weight[0][i] + terms.stiffness_weight[1][i] + terms.stiffness_weight[2][i];
+    for (int a = 0; a < 3; ++a) {
+      sum.force_N[a] += Real(2) * g2 * m_d[a] + (g2 * trace - minus_g3 * quadratic) * d[a];
+    }
+  }
+  return sum;
+}
+template RadialSum<float> radial_sum_scalar(const RadialTerms<float>&, const float*) noexcept;
+template RadialSum<double> radial_sum_scalar(const RadialTerms<double>&, const double*) noexcept;
+
+void solve_lower_scalar(const PackedLower& l, double* const x[3]) noexcept {
+  for (int j = 0; j < l.rows; ++j) {
+    const double* column = l.column(j);
+    for (int k = 0; k < 3; ++k) {
+      x[k][j] *= l.inverse_diagonal[j];
+      for (int r = j + 1; r < l.rows; ++r) {
+        x[k][r] -= x[k][j] * column[r];
+      }
+    }
+  }
+}
+
+void solve_upper_scalar(const PackedLower& l, double* x) noexcept {
+  for (int j = l.rows - 1; j >= 0; --j) {
+    const double* column = l.column(j);
+    double sum = x[j];
+    for (int r = j + 1; r < l.rows; ++r) {
+      sum -= column[r] * x[r];
+    }
+    x[j] = sum * l.inverse_diagonal[j];
+  }
+}
+
+void rotate_scalar(const double* column, double* other, double* moved, int count, double c,
+                   double s) noexcept {
+  for (int r = 0; r < count; ++r) {
+    const double a = column[r];
+    const double b = other[r];
+    moved[r] = c * a + s * b;
+    other[r] = c * b - s * a;
+  }
+}
+
+}  // namespace forcegrid::kriging
+#endif  // HWY_ONCE
