@@ -131,8 +131,16 @@ void set_option(MethodOptions& options, const std::string& word) {
     options.ridge = positive(word, plain_number(word, value));
   } else if (key == "nug") {
     options.nugget = positive(word, plain_number(word, value));
+  } else if (key == "samples") {
+    options.samples = whole_number(word, value, 2, 32);
+  } else if (key == "spacing") {
+    options.spacing_m = length_m(word, value);
+  } else if (key == "spacing_N") {
+    options.spacing_N = positive(word, plain_number(word, value));
   } else {
-    refuse(word, "known keys are unit, r, s, weight, read, storage, cells, ridge, nug");
+    refuse(word,
+           "known keys are unit, r, s, weight, read, storage, cells, ridge, nug, samples, spacing, "
+           "spacing_N");
   }
 }
 
