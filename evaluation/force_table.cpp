@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
@@ -15,6 +14,7 @@
 #include <sstream>
 #include <thread>
 
+#include "evaluation/text_file.h"
 #include "simulator/truth.h"
 
 namespace forcegrid::evaluation {
@@ -532,22 +532,9 @@ std::string ContentHash::text() const {
 }
 
 void write_file(const fs::path& file, const std::string& text) {
-  const fs::path unfinished = file.string() + ".part";
-  errno = 0;
-  std::ofstream stream(unfinished, std::ios::binary | std::ios::trunc);
-  stream.write(text.data(), static_cast<std::streamsize>(text.size()));
-  stream.close();
-  std::error_code renamed;
-  if (stream) {
-    fs::rename(unfinished, file, renamed);
-  }
-  if (!stream || renamed) {
-    const std::string reason = renamed ? renamed.message() : std::strerror(errno);
-    std::error_code ignored;
-    fs::remove(unfinished, ignored);
-    throw ChartError(file.string() + " could not be written: " + reason +
-                     "; free some space or choose another folder");
-  }
+  TextWriter writer(file.string());
+  writer.write(text);
+  writer.finish();
 }
 
 }  // namespace forcegrid::evaluation

@@ -109,8 +109,8 @@ std::string table_key(const simulator::SpringMesh& mesh, const TableOptions& opt
 /// Solves the mesh at every node of the lattice, or takes the forces from the cache. The layers of
 /// equal z are independent jobs, each begun at rest and kept in the cache as soon as it is
 /// finished, so that an interrupted build goes on where it stopped.
-/// @throws ChartError for a folder or file that can't be read or written, Stopped, simulator::Error
-///         for a mesh that can't be solved.
+/// @throws ChartError or FileError for a folder or file that can't be written, Stopped,
+///         simulator::Error for a mesh that can't be solved.
 BuiltTable build_table(const simulator::SpringMesh& mesh, const TableOptions& options);
 
 /// How far a table is from the object itself.
@@ -143,8 +143,8 @@ class ContentHash {
   std::uint64_t state_ = 0xcbf29ce484222325U;
 };
 
-/// Writes `text` to a new file that takes the name `file` only when it is complete.
-/// @throws ChartError naming the file, the system's reason and the remedy.
+/// Writes `text` to a file that appears under its name only when it is complete.
+/// @throws FileError naming the file, the system's reason and the remedy.
 void write_file(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace forcegrid::evaluation

@@ -1,0 +1,484 @@
+#include "evaluation/chart.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "evaluation/chart_rows.h"
+#include "evaluation/network.h"
+#include "evaluation/scenarios.h"
+#include "evaluation/trajectories.h"
+#include "forcegrid/methods.h"
+#include "simulator/direct_method.h"
+
+namespace forcegrid::evaluation {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr char kDirect[] = "direct";
+constexpr double kComparedEvery_s = 0.1;
+constexpr int kRandomComparisons = 60;
+constexpr double kLargestDifference_percent = 0.1;
+// Raise when what a row means changes.
+constexpr std::uint64_t kRowVersion = 1;
+
+// Variants of methods that a chart shows beside the methods as they are.
+constexpr const char* kVariants[] = {
+    "forcegrid unit=m",      "forcegrid unit=cells",     "forcegrid s=10",
+    "forcegrid weight=idw6", "forcegrid r=6mm",          "forcegrid read=tricubic",
+    "forcegrid cells=99",    "forcegrid storage=blocks", "forcegrid storage=adaptive",
+    "forcegrid+request s=3", "forcegrid-mls ridge=1e-3", "forcegrid-tangent weight=paper",
+    "kriging nug=1e-6",      "kriging nug=1e-4"};
+
+const std::vector<std::string> kQuickScenes{"small"};
+const std::vector<std::string> kQuickTrajectories{"chirp", "lissajous", "random",
+                                                  "poke",  "regrab",    "circle"};
+const std::vector<std::string> kQuickConditions{"ideal", "stiffness", "delay100", "requests120"};
+
+MethodOptions base_options() {
+  MethodOptions options;
+  options.grid.max_W = {0.16, 0.12, 0.12};
+  options.grid.cells.setConstant(49);
+  return options;
+}
+
+struct Method {
+  std::string text;
+  bool direct = false;
+  MethodNeeds needs;
+};
+
+// Makes a method to see that it can be made, and what it needs.
+Method method_of(const std::string& text) {
+  if (text == kDirect) {
+    return {text, true, {}};
+  }
+  const MethodVariant variant = parse_method_variant(text, base_options());
+  return {variant.text, false, make_force_method(variant.name, variant.options)->needs()};
+}
+
+struct Plan {
+  std::vector<std::string> scenes;
+  std::vector<std::string> trajectories;
+  std::vector<std::string> conditions;
+  std::vector<Method> methods;
+  std::vector<NotRun> not_run;
+};
+
+template <typename Check>
+std::vector<std::string> selected(const std::vector<std::string>& asked,
+                                  const std::vector<std::string>& otherwise, const Check& check) {
+  std::vector<std::string> names;
+  for (const std::string& name : asked.empty() ? otherwise : asked) {
+    check(name);
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      names.push_back(name);
+    }
+  }
+  return names;
+}
+
+Plan plan_of(const ChartOptions& options) {
+  std::vector<std::string> scenes;
+  for (const ChartScene& scene : chart_scenes()) {
+    scenes.push_back(scene.name);
+  }
+  std::vector<std::string> conditions;
+  for (const NetworkCondition& condition : network_conditions()) {
+    conditions.push_back(condition.name);
+  }
+  Plan plan;
+  plan.scenes = selected(options.scenes, options.quick ? kQuickScenes : scenes,
+                         [](const std::string& name) { chart_scene(name); });
+  plan.trajectories =
+      selected(options.trajectories, options.quick ? kQuickTrajectories : trajectory_names(),
+               [](const std::string& name) { Trajectory{name}; });
+  plan.conditions = selected(options.conditions, options.quick ? kQuickConditions : conditions,
+                             [](const std::string& name) { network_condition(name); });
+  const auto add = [&plan](const Method& method) {
+    if (std::none_of(plan.methods.begin(), plan.methods.end(),
+                     [&method](const Method& each) { return each.text == method.text; })) {
+      plan.methods.push_back(method);
+    }
+  };
+  for (const std::string& text : options.methods) {
+    add(method_of(text));
+  }
+  if (options.methods.empty()) {
+    std::vector<std::string> texts = default_chart_methods();
+    texts.push_back(options.default_method);
+    for (const std::string& text : texts) {
+      try {
+        add(method_of(text));
+      } catch (const std::invalid_argument& error) {
+        plan.not_run.push_back({text, error.what()});
+      }
+    }
+  }
+  return plan;
+}
+
+// Whether a method is judged under a condition and on a trajectory.
+bool applies(const Method& method, const NetworkCondition& condition,
+             const Trajectory& trajectory) {
+  if (method.direct) {
+    // The table stands for an object that is alike all over; a real one isn't.
+    const bool same_everywhere = std::all_of(
+        trajectory.contacts().begin(), trajectory.contacts().end(), [](const ContactSpan& span) {
+          return span.force_factor == 1.0 && span.point_W == first_contact_point_W();
+        });
+    return condition.name == "ideal" && same_everywhere;
+  }
+  return (condition.stiffness || !method.needs.stiffness) &&
+         (condition.requests_per_s > 0.0 || !method.needs.requests);
+}
+
+std::unique_ptr<ForceMethod> make(const Method& method, const simulator::SpringMesh& mesh) {
+  if (method.direct) {
+    simulator::DirectOptions options;
+    options.grab_on_own_thread = false;  // a recording doesn't wait for a thread
+    return std::make_unique<simulator::DirectMethod>(mesh, options);
+  }
+  const MethodVariant variant = parse_method_variant(method.text, base_options());
+  return make_force_method(variant.name, variant.options);
+}
+
+std::string row_key(const ChartOptions& options, const std::string& table_key,
+                    const std::string& trajectory, const NetworkCondition& condition,
+                    const std::string& method) {
+  ContentHash hash;
+  hash.add(kRowVersion);
+  hash.add(options.program);
+  hash.add(table_key);
+  hash.add(options.seed);
+  hash.add(trajectory);
+  hash.add(condition.name);
+  for (const double value : {condition.simulator_rate_Hz, condition.delay_s, condition.jitter_s,
+                             condition.loss, condition.noise_N, condition.requests_per_s,
+                             condition.stiffness ? 1.0 : 0.0, kChartServoRate_Hz}) {
+    hash.add(value);
+  }
+  hash.add(method);
+  return hash.text();
+}
+
+void check_stop(const ChartOptions& options) {
+  if (options.cancel != nullptr && *options.cancel) {
+    throw Stopped();
+  }
+}
+
+void say(const ChartOptions& options, const std::string& text) {
+  if (options.say) {
+    options.say(text);
+  }
+}
+
+std::string rounded(double value, const char* format) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+struct Object {
+  ChartScene scene;
+  simulator::SpringMesh mesh;
+  ForceTable table;
+  ChartTable facts;
+};
+
+TableOptions table_options(const ChartOptions& options, const std::string& what) {
+  TableOptions table;
+  table.threads = options.jobs;
+  table.cache = options.cache;
+  table.cancel = options.cancel;
+  if (options.progress) {
+    table.progress = [&options, what](double done, double remaining_s) {
+      options.progress(what, done, remaining_s);
+    };
+  }
+  return table;
+}
+
+Object make_object(const ChartOptions& options, const std::string& name) {
+  const ChartScene& scene = chart_scene(name);
+  simulator::SpringMesh mesh = make_mesh(scene);
+  const TableOptions building = table_options(options, "force table of " + name);
+  BuiltTable built = build_table(mesh, building);
+  ChartTable facts;
+  facts.scene = scene.name;
+  facts.title = scene.title;
+  facts.key = built.key;
+  facts.from_cache = built.from_cache;
+  facts.solved_s = built.elapsed_s;
+  facts.stiffness_N_per_m = -built.table.at(Vector3d::Zero()).stiffness_W(2, 2);
+  const TableOptions comparing = table_options(options, "live solves of " + name);
+  facts.along_motion = compare_with_live(
+      built.table, mesh, displacements_along_motion(options.seed, kComparedEvery_s), comparing);
+  facts.at_random = compare_with_live(
+      built.table, mesh, random_displacements(building.lattice, options.seed, kRandomComparisons),
+      comparing);
+  say(options, name + ": force table " +
+                   (built.from_cache ? std::string("from the cache")
+                                     : "solved in " + rounded(built.elapsed_s, "%.0f s")) +
+                   "; differs from live solves by " +
+                   rounded(facts.along_motion.rms_percent, "%.4f %% (RMS) at ") +
+                   std::to_string(facts.along_motion.positions) + " positions of a motion, " +
+                   rounded(facts.at_random.rms_percent, "%.4f %% at ") +
+                   std::to_string(facts.at_random.positions) + " random ones (largest " +
+                   rounded(1e3 * facts.at_random.max_N, "%.2f mN)"));
+  if (!(facts.along_motion.rms_percent < kLargestDifference_percent)) {
+    say(options, "WARNING: " + name + ": the table differs from live solves by more than " +
+                     rounded(kLargestDifference_percent, "%.1f %%") +
+                     " along a motion; errors of this size mean nothing");
+  }
+  if (built.unconverged > 0) {
+    say(options, "WARNING: " + name + ": " + std::to_string(built.unconverged) +
+                     " of the table's nodes missed the solver's tolerance");
+  }
+  return {scene, std::move(mesh), std::move(built.table), std::move(facts)};
+}
+
+ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Trace& trace,
+                   JudgeOptions judging, const Method& method) {
+  const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
+  judging.keep_forces = trajectory.is_closed_loop();
+  ChartRow row;
+  row.scene = object.scene.name;
+  row.trajectory = trajectory.name();
+  row.method = method.text;
+  row.verdict = judge(*made, trace, judging);
+  if (trajectory.is_closed_loop()) {
+    const double stored_J = 0.5 * object.facts.stiffness_N_per_m * Trajectory::kLoopRadius_m *
+                            Trajectory::kLoopRadius_m;
+    double sum_J = 0.0;
+    double worst_J = 0.0;
+    const std::vector<double> works_J = closed_loop_work_J(
+        trace.servo, row.verdict.forces_W, Trajectory::kFirstLoop_s, Trajectory::kLoopPeriod_s);
+    for (const double work_J : works_J) {
+      sum_J += work_J;
+      worst_J = std::abs(work_J) > std::abs(worst_J) ? work_J : worst_J;
+    }
+    row.loop_work_percent = 100.0 * sum_J / static_cast<double>(works_J.size()) / stored_J;
+    row.worst_loop_work_percent = 100.0 * worst_J / stored_J;
+  }
+  row.verdict.forces_W.clear();
+  row.verdict.forces_W.shrink_to_fit();
+  return row;
+}
+
+// What a row takes, learnt from the rows that are done.
+class TimeLeft {
+ public:
+  void add(const std::string& scene, const std::string& method, double time_s) {
+    for (const std::string& key : {scene + "/" + method, method, std::string()}) {
+      Mean& mean = means_[key];
+      mean.sum_s += time_s;
+      mean.count += 1.0;
+    }
+  }
+  double of(const std::string& scene, const std::string& method) const {
+    for (const std::string& key : {scene + "/" + method, method, std::string()}) {
+      const auto found = means_.find(key);
+      if (found != means_.end()) {
+        return found->second.sum_s / found->second.count;
+      }
+    }
+    return 0.0;
+  }
+
+ private:
+  struct Mean {
+    double sum_s = 0.0;
+    double count = 0.0;
+  };
+  std::map<std::string, Mean> means_;
+};
+
+struct Job {
+  std::size_t scene;
+  std::size_t trajectory;
+  const NetworkCondition* condition;
+  const Method* method;
+  std::string key;
+};
+
+}  // namespace
+
+std::vector<std::string> default_chart_methods() {
+  std::vector<std::string> texts;
+  for (const std::string& name : method_names()) {
+    texts.push_back(name);
+    for (const std::string variant : kVariants) {
+      if (variant.substr(0, variant.find(' ')) == name) {
+        texts.push_back(variant);
+      }
+    }
+  }
+  texts.emplace_back(kDirect);
+  return texts;
+}
+
+Chart make_chart(const ChartOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto elapsed_s = [&start] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  const Plan plan = plan_of(options);
+  RowStore store(options.out, options.program);
+  Chart chart;
+  chart.not_run = plan.not_run;
+  for (const NotRun& each : plan.not_run) {
+    say(options, "not run: " + each.method + ": " + each.reason);
+  }
+
+  std::vector<Object> objects;
+  for (const std::string& scene : plan.scenes) {
+    check_stop(options);
+    objects.push_back(make_object(options, scene));
+  }
+  std::vector<Trajectory> trajectories;
+  for (const std::string& name : plan.trajectories) {
+    trajectories.emplace_back(name, options.seed);
+  }
+
+  std::vector<Job> jobs;
+  for (std::size_t scene = 0; scene < objects.size(); ++scene) {
+    for (std::size_t trajectory = 0; trajectory < trajectories.size(); ++trajectory) {
+      for (const std::string& name : plan.conditions) {
+        const NetworkCondition& condition = network_condition(name);
+        for (const Method& method : plan.methods) {
+          if (applies(method, condition, trajectories[trajectory])) {
+            jobs.push_back({scene, trajectory, &condition, &method,
+                            row_key(options, objects[scene].facts.key,
+                                    trajectories[trajectory].name(), condition, method.text)});
+          }
+        }
+      }
+    }
+  }
+  if (jobs.empty()) {
+    throw ChartError(
+        "nothing to judge: the methods of the selection need what its conditions don't have; add "
+        "the condition stiffness for methods that need dF/dP, requests120 for those that ask");
+  }
+
+  TimeLeft times;
+  std::map<std::pair<std::string, std::string>, double> pending;
+  for (const Job& job : jobs) {
+    pending[{objects[job.scene].scene.name, job.method->text}] +=
+        store.find(job.key) == nullptr ? 1.0 : 0.0;
+  }
+  std::optional<Trace> trace;  // of the jobs in a row that share it
+  const Job* made_for = nullptr;
+  for (std::size_t j = 0; j < jobs.size(); ++j) {
+    const Job& job = jobs[j];
+    Object& object = objects[job.scene];
+    if (job.method->direct && object.facts.direct_cycle_us == 0.0) {
+      simulator::DirectMethod direct(object.mesh, {.grab_on_own_thread = false});
+      object.facts.direct_cycle_us = 1e6 * direct.measured_cycle_s(1.0 / kChartServoRate_Hz);
+    }
+    if (const ChartRow* kept = store.find(job.key)) {
+      chart.rows.push_back(*kept);
+      ++chart.rows_kept;
+      continue;
+    }
+    check_stop(options);
+    const Trajectory& trajectory = trajectories[job.trajectory];
+    if (made_for == nullptr || made_for->scene != job.scene ||
+        made_for->trajectory != job.trajectory || made_for->condition != job.condition) {
+      trace =
+          make_trace(trajectory, object.table, *job.condition, kChartServoRate_Hz, options.seed);
+      made_for = &job;
+    }
+    const double begin_s = elapsed_s();
+    ChartRow row = judge_row(object, trajectory, *trace,
+                             judge_options(trajectory, object.table, *job.condition, options.seed),
+                             *job.method);
+    row.key = job.key;
+    row.condition = job.condition->name;
+    times.add(row.scene, row.method, elapsed_s() - begin_s);
+    pending[{row.scene, row.method}] -= 1.0;
+    store.keep(row);
+    chart.rows.push_back(std::move(row));
+    if (options.progress) {
+      double remaining_s = 0.0;
+      for (const auto& [what, count] : pending) {
+        remaining_s += count * times.of(what.first, what.second);
+      }
+      options.progress("judging", static_cast<double>(j + 1) / static_cast<double>(jobs.size()),
+                       remaining_s);
+    }
+  }
+  for (const Object& object : objects) {
+    chart.tables.push_back(object.facts);
+  }
+  chart.numbers = numbers_of(chart, options.default_method);
+  chart.elapsed_s = elapsed_s();
+  return chart;
+}
+
+ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
+                    const std::string& trajectory_name, const std::string& condition_name,
+                    const std::vector<std::string>& methods) {
+  const NetworkCondition& condition = network_condition(condition_name);
+  const Trajectory trajectory(trajectory_name, options.seed);
+  std::vector<Method> parsed;
+  for (const std::string& text : methods) {
+    parsed.push_back(method_of(text));
+  }
+  const simulator::SpringMesh mesh = make_mesh(chart_scene(scene));
+  const BuiltTable built = build_table(mesh, table_options(options, "force table of " + scene));
+  ChartTrace result;
+  result.trace = make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed);
+  for (const Method& method : parsed) {
+    check_stop(options);
+    JudgeOptions judging = judge_options(trajectory, built.table, condition, options.seed);
+    judging.keep_forces = true;
+    result.methods.push_back(method.text);
+    result.forces_W.push_back(judge(*make(method, mesh), result.trace, judging).forces_W);
+  }
+  return result;
+}
+
+std::vector<double> closed_loop_work_J(const std::vector<ServoInstant>& servo,
+                                       const std::vector<Vector3d>& forces_W, double first_s,
+                                       double period_s) {
+  std::vector<double> works_J;
+  if (servo.size() < 3 || forces_W.size() != servo.size()) {
+    return works_J;
+  }
+  const double cycle_s =
+      (servo.back().time_s - servo.front().time_s) / static_cast<double>(servo.size() - 1);
+  const auto turn = static_cast<std::size_t>(std::lround(period_s / cycle_s));
+  auto begin = static_cast<std::size_t>(
+      std::max(1L, std::lround((first_s - servo.front().time_s) / cycle_s)));
+  for (; begin + turn < servo.size(); begin += turn) {
+    double work_J = 0.0;
+    for (std::size_t i = begin; i < begin + turn; ++i) {
+      work_J += 0.5 * forces_W[i].dot(servo[i + 1].position_W - servo[i - 1].position_W);
+    }
+    works_J.push_back(work_J);
+  }
+  return works_J;
+}
+
+std::vector<bool> pareto_front(const std::vector<double>& x, const std::vector<double>& y) {
+  std::vector<bool> on_front(x.size(), false);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    on_front[i] = std::isfinite(x[i]) && std::isfinite(y[i]);
+    for (std::size_t j = 0; j < x.size() && on_front[i]; ++j) {
+      on_front[i] = !(x[j] <= x[i] && y[j] <= y[i] && (x[j] < x[i] || y[j] < y[i]));
+    }
+  }
+  return on_front;
+}
+
+}  // namespace forcegrid::evaluation

@@ -1,0 +1,310 @@
+#include "evaluation/chart_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "evaluation/chart_html_parts.h"
+#include "evaluation/chart_plot.h"
+#include "evaluation/chart_rows.h"
+#include "evaluation/trajectories.h"
+
+namespace forcegrid::evaluation {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string number(double value, const char* format = "%.6g") {
+  if (!std::isfinite(value)) {
+    return {};
+  }
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+ordered_json or_null(double value) {
+  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
+}
+
+// Three significant digits, without an exponent for what people compare.
+std::string readable(double value) {
+  if (!std::isfinite(value)) {
+    return "&ndash;";
+  }
+  const double size = std::abs(value);
+  return number(value, size >= 100.0  ? "%.0f"
+                       : size >= 10.0 ? "%.1f"
+                       : size >= 1.0  ? "%.2f"
+                                      : "%.3f");
+}
+
+std::string escaped(const std::string& text) {
+  std::string result;
+  for (const char character : text) {
+    switch (character) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      default:
+        result += character;
+    }
+  }
+  return result;
+}
+
+ordered_json to_json(const TableDifference& difference) {
+  return {{"positions", difference.positions},
+          {"rms_percent", difference.rms_percent},
+          {"max_N", difference.max_N},
+          {"live_rms_N", difference.live_rms_N},
+          {"unconverged", difference.unconverged},
+          {"branch_changes", difference.branch_changes}};
+}
+
+std::string read_text(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream content;
+  content << stream.rdbuf();
+  if (!stream) {
+    throw ChartError(file.string() + " can't be read back; was it removed meanwhile?");
+  }
+  return content.str();
+}
+
+// Behind an XML declaration and document type, which HTML does not take.
+std::string svg_element(const std::string& svg) {
+  const std::size_t begin = svg.find("<svg");
+  return begin == std::string::npos ? std::string() : svg.substr(begin);
+}
+
+void add_numbers(std::string& html, const Chart& chart, const ChartOptions& options) {
+  html += "<h2>Goals</h2><p>Method <b>" + escaped(options.default_method) +
+          "</b>, the default of <code>forcegrid run</code>; costs are named by their method.";
+  html += chart.numbers.empty() ? "" : " Scene: " + escaped(chart.numbers.front().scene) + '.';
+  html +=
+      "</p><table class=sortable><thead><tr><th>figure<th>goal<th>measured<th><th>worst at"
+      "</tr></thead><tbody>";
+  for (const ChartNumber& each : chart.numbers) {
+    html += "<tr><td>" + escaped(each.name) + "<td>&le; " + number(each.goal) + ' ' + each.unit +
+            "<td>" + (each.known() ? readable(each.measured) + ' ' + each.unit : "") +
+            "<td class=" +
+            (!each.known() ? "none>not in this selection"
+             : each.met()  ? "met>met"
+                           : "missed>missed") +
+            "<td>" + escaped(each.worst) + "</tr>";
+  }
+  html += "</tbody></table>";
+}
+
+void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
+               const std::string& picture) {
+  html +=
+      "<h2>" + escaped(table.scene) + "</h2><p>" + escaped(table.title) +
+      ". Normal stiffness at rest " + readable(table.stiffness_N_per_m) +
+      " N/m. Forces come from a table of the converged object; it differs from live solves by " +
+      number(table.along_motion.rms_percent, "%.4f") + " % (RMS) at " +
+      std::to_string(table.along_motion.positions) + " positions along a motion and by " +
+      number(table.at_random.rms_percent, "%.4f") + " % at " +
+      std::to_string(table.at_random.positions) + " random ones.";
+  if (table.direct_cycle_us > 0.0) {
+    html += " One cycle of <code>direct</code> takes " + readable(table.direct_cycle_us) +
+            " &micro;s (90th percentile, measured live).";
+  }
+  html += "</p>" + svg_element(picture);
+  const std::vector<ChartPoint> points = points_of(chart, table.scene);
+  std::vector<std::string> trajectories;
+  for (const std::string& name : trajectory_names()) {
+    if (std::any_of(chart.rows.begin(), chart.rows.end(), [&](const ChartRow& row) {
+          return row.scene == table.scene && row.trajectory == name;
+        })) {
+      trajectories.push_back(name);
+    }
+  }
+  html +=
+      "<p>RMS error after the first second / in it, % of RMS F<sub>o</sub>; cost and memory.</p>"
+      "<table class=sortable><thead><tr><th>method<th>condition";
+  for (const std::string& name : trajectories) {
+    html += "<th>" + escaped(name);
+  }
+  html +=
+      "<th>static, geometric mean<th>cycle ns<th>query ns<th>sample &micro;s<th>memory kB"
+      "</tr></thead><tbody>";
+  for (const ChartPoint& point : points) {
+    html += std::string("<tr") + (point.on_front ? " class=front" : "") + "><td>" +
+            escaped(point.method) + "<td>" + escaped(point.condition);
+    const ChartRow* shown = nullptr;
+    for (const std::string& name : trajectories) {
+      const auto row =
+          std::find_if(chart.rows.begin(), chart.rows.end(), [&](const ChartRow& each) {
+            return each.scene == table.scene && each.trajectory == name &&
+                   each.condition == point.condition && each.method == point.method;
+          });
+      if (row == chart.rows.end()) {
+        html += "<td>";
+        continue;
+      }
+      html += "<td>" + readable(row->verdict.rms_error_percent_after_1s) + " <small>/ " +
+              readable(row->verdict.rms_error_percent_first_1s) + "</small>";
+      shown = &*row;
+    }
+    html += "<td>" + readable(point.error_percent) + "<td>" + readable(point.cycle_ns);
+    html += "<td>" + (shown ? readable(shown->verdict.query_ns_median) : "") + "<td>" +
+            (shown ? readable(shown->verdict.sample_us_median) : "") + "<td>" +
+            (shown ? readable(1e-3 * static_cast<double>(shown->verdict.memory_bytes)) : "") +
+            "</tr>";
+  }
+  html += "</tbody></table>";
+}
+
+}  // namespace
+
+std::string chart_csv(const Chart& chart) {
+  std::string text = "scene,trajectory,condition,method";
+  for (const RowFigure& figure : figures_of(ChartRow{})) {
+    text += std::string(",") + figure.first;
+  }
+  text += '\n';
+  for (const ChartRow& row : chart.rows) {
+    text += row.scene + ',' + row.trajectory + ',' + row.condition + ",\"" + row.method + '"';
+    for (const RowFigure& figure : figures_of(row)) {
+      text += ',' + number(figure.second, "%.9g");
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+std::string chart_json(const Chart& chart, const ChartOptions& options) {
+  ordered_json json;
+  json["default_method"] = options.default_method;
+  json["seed"] = options.seed;
+  json["servo_rate_Hz"] = kChartServoRate_Hz;
+  json["elapsed_s"] = chart.elapsed_s;
+  json["rows_kept"] = chart.rows_kept;
+  json["scenes"] = ordered_json::array();
+  for (const ChartTable& table : chart.tables) {
+    json["scenes"].push_back(
+        {{"name", table.scene},
+         {"title", table.title},
+         {"table_key", table.key},
+         {"table_from_cache", table.from_cache},
+         {"table_solved_s", table.solved_s},
+         {"stiffness_N_per_m", table.stiffness_N_per_m},
+         {"difference_along_motion", to_json(table.along_motion)},
+         {"difference_at_random", to_json(table.at_random)},
+         {"direct_cycle_us",
+          or_null(table.direct_cycle_us > 0.0 ? table.direct_cycle_us : std::nan(""))}});
+  }
+  json["numbers"] = ordered_json::array();
+  for (const ChartNumber& each : chart.numbers) {
+    json["numbers"].push_back({{"name", each.name},
+                               {"scene", each.scene},
+                               {"goal", each.goal},
+                               {"measured", or_null(each.measured)},
+                               {"unit", each.unit},
+                               {"worst_at", each.worst},
+                               {"met", each.known() ? ordered_json(each.met()) : nullptr}});
+  }
+  json["points"] = ordered_json::array();
+  for (const ChartTable& table : chart.tables) {
+    for (const ChartPoint& point : points_of(chart, table.scene)) {
+      json["points"].push_back({{"scene", table.scene},
+                                {"method", point.method},
+                                {"condition", point.condition},
+                                {"error_percent", or_null(point.error_percent)},
+                                {"cycle_ns", or_null(point.cycle_ns)},
+                                {"on_front", point.on_front}});
+    }
+  }
+  json["not_run"] = ordered_json::array();
+  for (const NotRun& each : chart.not_run) {
+    json["not_run"].push_back({{"method", each.method}, {"reason", each.reason}});
+  }
+  json["rows"] = ordered_json::array();
+  for (const ChartRow& row : chart.rows) {
+    json["rows"].push_back(to_json(row));
+  }
+  return json.dump(1) + '\n';
+}
+
+std::string chart_html(const Chart& chart, const ChartOptions& options,
+                       const std::vector<std::string>& pictures,
+                       const std::vector<ChartFigure>& figures) {
+  std::string html = kHtmlHead;
+  html += "<h1>Force methods: accuracy against speed</h1><p>" + std::to_string(chart.rows.size()) +
+          " rows, each one method on one object, motion and network; servo at 500 Hz. Errors are "
+          "|F - F<sub>o</sub>| in % of the RMS of |F<sub>o</sub>|, F<sub>o</sub> the converged "
+          "object's force. Click a column's head to sort.</p>";
+  add_numbers(html, chart, options);
+  for (std::size_t i = 0; i < chart.tables.size(); ++i) {
+    add_scene(html, chart, chart.tables[i], i < pictures.size() ? pictures[i] : std::string());
+  }
+  if (!figures.empty()) {
+    html += "<h2>The paper's figures 7 and 8</h2>";
+    for (const ChartFigure& figure : figures) {
+      html += "<h3>" + escaped(figure.title) + "</h3>" + svg_element(figure.svg);
+    }
+  }
+  if (!chart.not_run.empty()) {
+    html += "<h2>Not run</h2><ul>";
+    for (const NotRun& each : chart.not_run) {
+      html += "<li>" + escaped(each.method) + ": " + escaped(each.reason);
+    }
+    html += "</ul>";
+  }
+  ordered_json names = {"scene", "trajectory", "condition", "method"};
+  for (const RowFigure& figure : figures_of(ChartRow{})) {
+    names.push_back(figure.first);
+  }
+  ordered_json rows = ordered_json::array();
+  for (const ChartRow& row : chart.rows) {
+    ordered_json line = {row.scene, row.trajectory, row.condition, row.method};
+    for (const RowFigure& figure : figures_of(row)) {
+      // Four digits are enough to look at; all of them are in the CSV.
+      const std::string text = number(figure.second, "%.4g");
+      line.push_back(text.empty() ? ordered_json(nullptr) : ordered_json::parse(text));
+    }
+    rows.push_back(std::move(line));
+  }
+  html += kHtmlAllRows;
+  html += "<script>const names=" + names.dump() + ",rows=" + rows.dump() + ";</script>";
+  return html + kHtmlScript;
+}
+
+std::vector<std::filesystem::path> write_chart(const Chart& chart, const ChartOptions& options,
+                                               const std::vector<ChartFigure>& figures) {
+  std::vector<std::filesystem::path> files;
+  const auto write = [&](const char* name, const std::string& text) {
+    files.push_back(options.out / name);
+    write_file(files.back(), text);
+  };
+  write("accuracy.csv", chart_csv(chart));
+  write("accuracy.json", chart_json(chart, options));
+  std::vector<std::string> pictures;
+  for (const ChartTable& table : chart.tables) {
+    const std::filesystem::path svg = options.out / ("error_against_cost_" + table.scene + ".svg");
+    pictures.emplace_back();
+    if (write_error_cost_svg(svg, table.scene + ": " + table.title,
+                             points_of(chart, table.scene))) {
+      files.push_back(svg);
+      pictures.back() = read_text(svg);
+    }
+  }
+  write("index.html", chart_html(chart, options, pictures, figures));
+  return files;
+}
+
+}  // namespace forcegrid::evaluation

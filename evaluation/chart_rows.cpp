@@ -1,0 +1,156 @@
+#include "evaluation/chart_rows.h"
+
+#include <sys/file.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+namespace forcegrid::evaluation {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr char kNotFound[] = "";
+
+// One list for reading and writing: take(name, value) for every figure that is a plain number.
+template <typename Row, typename Take>
+void each_figure(Row& row, const Take& take) {
+  auto& v = row.verdict;
+  take("rms_error_percent_first_1s", v.rms_error_percent_first_1s);
+  take("p95_error_percent_first_1s", v.p95_error_percent_first_1s);
+  take("max_error_percent_first_1s", v.max_error_percent_first_1s);
+  take("rms_error_percent_after_1s", v.rms_error_percent_after_1s);
+  take("p95_error_percent_after_1s", v.p95_error_percent_after_1s);
+  take("max_error_percent_after_1s", v.max_error_percent_after_1s);
+  take("adaptation_s", v.adaptation_s);
+  take("largest_step_N", v.largest_step_N);
+  take("loop_work_percent", row.loop_work_percent);
+  take("worst_loop_work_percent", row.worst_loop_work_percent);
+  take("query_ns_median", v.query_ns_median);
+  take("query_ns_p99", v.query_ns_p99);
+  take("sample_us_median", v.sample_us_median);
+  take("sample_us_p99", v.sample_us_p99);
+  take("cycle_ns_mean", v.cycle_ns);
+  take("cycle_ns_median", v.cycle_ns_median);
+  take("cycle_ns_p99", v.cycle_ns_p99);
+  take("memory_bytes", v.memory_bytes);
+  take("samples_taken", v.samples_taken);
+  take("requests_answered", v.requests_answered);
+  take("truth_rms_N", v.truth_rms_N);
+}
+
+std::string system_error() { return std::strerror(errno == 0 ? EIO : errno); }
+
+}  // namespace
+
+std::vector<RowFigure> figures_of(const ChartRow& row) {
+  std::vector<RowFigure> figures;
+  each_figure(row, [&figures](const char* name, const auto& value) {
+    figures.emplace_back(name, static_cast<double>(value));
+  });
+  return figures;
+}
+
+ordered_json to_json(const ChartRow& row) {
+  ordered_json json{{"key", row.key},
+                    {"scene", row.scene},
+                    {"trajectory", row.trajectory},
+                    {"condition", row.condition},
+                    {"method", row.method}};
+  each_figure(row, [&json](const char* name, const auto& value) {
+    if (std::isfinite(static_cast<double>(value))) {
+      json[name] = value;
+    } else {
+      json[name] = nullptr;
+    }
+  });
+  return json;
+}
+
+ChartRow row_from_json(const ordered_json& json) {
+  ChartRow row;
+  row.key = json.at("key").get<std::string>();
+  row.scene = json.at("scene").get<std::string>();
+  row.trajectory = json.at("trajectory").get<std::string>();
+  row.condition = json.at("condition").get<std::string>();
+  row.method = json.at("method").get<std::string>();
+  each_figure(row, [&json](const char* name, auto& value) {
+    using Value = std::remove_reference_t<decltype(value)>;
+    const ordered_json& figure = json.at(name);
+    if (std::is_floating_point_v<Value> && figure.is_null()) {
+      value = std::numeric_limits<Value>::quiet_NaN();
+    } else {
+      value = figure.get<Value>();
+    }
+  });
+  return row;
+}
+
+RowStore::RowStore(const std::filesystem::path& folder, const std::string& program)
+    : file_name_(folder / "rows.jsonl"), program_(program) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) {
+    throw ChartError("folder " + folder.string() + " can't be made (" + error.message() +
+                     "); choose another one with --out");
+  }
+  const std::string lock_name = (folder / ".lock").string();
+  errno = 0;
+  lock_.reset(std::fopen(lock_name.c_str(), "w"));
+  if (!lock_) {
+    throw ChartError(lock_name + " can't be written (" + system_error() +
+                     "); choose another folder with --out");
+  }
+  if (flock(fileno(lock_.get()), LOCK_EX | LOCK_NB) != 0) {
+    throw ChartError("another chart is writing to " + folder.string() +
+                     "; wait for it or choose another folder with --out");
+  }
+  std::string kept;
+  {
+    std::ifstream file(file_name_);
+    for (std::string line; std::getline(file, line);) {
+      const ordered_json json = ordered_json::parse(line, nullptr, false);
+      if (json.is_discarded() || !json.is_object() ||
+          json.value("program", kNotFound) != program_) {
+        continue;
+      }
+      try {
+        ChartRow row = row_from_json(json);
+        kept += line + '\n';
+        rows_[row.key] = std::move(row);
+      } catch (const ordered_json::exception&) {
+        // A line that was damaged; its row is judged again.
+      }
+    }
+  }
+  write_file(file_name_, kept);
+  errno = 0;
+  file_.reset(std::fopen(file_name_.c_str(), "a"));
+  if (!file_) {
+    throw ChartError(file_name_.string() + " can't be written (" + system_error() +
+                     "); choose another folder with --out");
+  }
+}
+
+const ChartRow* RowStore::find(const std::string& key) const {
+  const auto found = rows_.find(key);
+  return found == rows_.end() ? nullptr : &found->second;
+}
+
+void RowStore::keep(const ChartRow& row) {
+  ordered_json json = to_json(row);
+  json["program"] = program_;
+  const std::string line = json.dump() + '\n';
+  errno = 0;
+  const bool written = std::fwrite(line.data(), 1, line.size(), file_.get()) == line.size();
+  if (std::fflush(file_.get()) != 0 || !written) {
+    throw ChartError(file_name_.string() + ": " + system_error() +
+                     "; free some space, then the same command goes on");
+  }
+  rows_[row.key] = row;
+}
+
+}  // namespace forcegrid::evaluation

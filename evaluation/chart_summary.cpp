@@ -1,0 +1,251 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include "evaluation/chart.h"
+#include "evaluation/scenarios.h"
+#include "evaluation/trajectories.h"
+
+namespace forcegrid::evaluation {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// What the method study measured with the paper's grid on such a block: RMS error after 1 s in %.
+struct Reference {
+  const char* trajectory;
+  double unit_mm_percent;
+  double unit_m_percent;
+};
+constexpr std::array<Reference, 6> kReferences{{{"chirp", 10.8, 47.0},
+                                                {"chirp_oblique", 7.1, 25.0},
+                                                {"lissajous", 23.0, 44.0},
+                                                {"random", 28.7, 46.0},
+                                                {"poke", 14.6, 53.0},
+                                                {"hold", 4.2, 6.8}}};
+
+bool is_static(const std::string& trajectory) { return Trajectory(trajectory).is_static(); }
+
+const ChartRow* find_row(const Chart& chart, const std::string& scene,
+                         const std::string& trajectory, const std::string& condition,
+                         const std::string& method) {
+  const auto found = std::find_if(chart.rows.begin(), chart.rows.end(), [&](const ChartRow& row) {
+    return row.scene == scene && row.trajectory == trajectory && row.condition == condition &&
+           row.method == method;
+  });
+  return found == chart.rows.end() ? nullptr : &*found;
+}
+
+// The largest of some values and where it was.
+struct Worst {
+  double value = kNan;
+  std::string where;
+  void take(double candidate, const std::string& at) {
+    if (std::isnan(value) || candidate > value) {
+      value = candidate;
+      where = at;
+    }
+  }
+};
+
+class Numbers {
+ public:
+  Numbers(const Chart& chart, const std::string& scene, const std::string& method)
+      : chart_(chart), scene_(scene), method_(method) {}
+
+  const ChartRow* row(const std::string& trajectory, const std::string& condition,
+                      const std::string& method) const {
+    return find_row(chart_, scene_, trajectory, condition, method);
+  }
+
+  // The worst of a figure over the static trajectories.
+  Worst over_static(const std::string& condition, double Verdict::*figure) const {
+    Worst worst;
+    for (const std::string& trajectory : trajectory_names()) {
+      const ChartRow* found = row(trajectory, condition, method_);
+      if (found != nullptr && is_static(trajectory)) {
+        worst.take(found->verdict.*figure, trajectory);
+      }
+    }
+    return worst;
+  }
+
+  double geometric_mean(const std::string& condition) const {
+    double sum = 0.0;
+    int count = 0;
+    for (const std::string& trajectory : trajectory_names()) {
+      const ChartRow* found = row(trajectory, condition, method_);
+      if (found != nullptr && is_static(trajectory)) {
+        sum += std::log(found->verdict.rms_error_percent_after_1s);
+        ++count;
+      }
+    }
+    return count > 0 ? std::exp(sum / count) : kNan;
+  }
+
+  Worst of(const std::string& trajectory, const std::string& condition,
+           double Verdict::*figure) const {
+    Worst worst;
+    if (const ChartRow* found = row(trajectory, condition, method_)) {
+      worst.take(found->verdict.*figure, trajectory);
+    }
+    return worst;
+  }
+
+  // The largest ratio of the error with stiffness on the link to that without.
+  Worst harm_of_stiffness() const {
+    Worst worst;
+    for (const std::string& trajectory : trajectory_names()) {
+      const ChartRow* without = row(trajectory, "ideal", method_);
+      const ChartRow* with = row(trajectory, "stiffness", method_);
+      if (without != nullptr && with != nullptr && is_static(trajectory)) {
+        worst.take(
+            with->verdict.rms_error_percent_after_1s / without->verdict.rms_error_percent_after_1s,
+            trajectory + ", after 1 s");
+        worst.take(
+            with->verdict.rms_error_percent_first_1s / without->verdict.rms_error_percent_first_1s,
+            trajectory + ", first second");
+      }
+    }
+    return worst;
+  }
+
+  // The worst cost of a method over the scene's rows without requests; the median row, so that a
+  // disturbance of the machine does not decide.
+  Worst cost(const std::string& method, double Verdict::*figure) const {
+    std::vector<double> values;
+    for (const ChartRow& each : chart_.rows) {
+      if (each.scene == scene_ && each.method == method && each.condition == "ideal" &&
+          std::isfinite(each.verdict.*figure)) {
+        values.push_back(each.verdict.*figure);
+      }
+    }
+    Worst worst;
+    if (!values.empty()) {
+      std::nth_element(values.begin(), values.begin() + static_cast<long>(values.size() / 2),
+                       values.end());
+      worst.take(values[values.size() / 2], "median over the trajectories");
+    }
+    return worst;
+  }
+
+  Worst reproduction(const std::string& method, double Reference::*figure) const {
+    Worst worst;
+    for (const Reference& reference : kReferences) {
+      if (const ChartRow* found = row(reference.trajectory, "ideal", method)) {
+        worst.take(
+            100.0 * std::abs(found->verdict.rms_error_percent_after_1s / (reference.*figure) - 1.0),
+            reference.trajectory);
+      }
+    }
+    return worst;
+  }
+
+  void add(const std::string& name, double goal, const Worst& worst, const std::string& unit) {
+    list_.push_back({name, scene_, goal, worst.value, unit, worst.where});
+  }
+
+  std::vector<ChartNumber> list_;
+
+ private:
+  const Chart& chart_;
+  std::string scene_;
+  std::string method_;
+};
+
+// Where a method is at its best without luxuries: the first of these that it has rows for.
+constexpr std::array<const char*, 3> kPointConditions{"ideal", "stiffness", "requests120"};
+
+}  // namespace
+
+std::vector<ChartPoint> points_of(const Chart& chart, const std::string& scene) {
+  struct Sum {
+    double log_error = 0.0;
+    double cycle_ns = 0.0;
+    double count = 0.0;
+  };
+  std::map<std::pair<std::string, std::string>, Sum> sums;  // by method and condition
+  std::vector<std::string> methods;
+  for (const ChartRow& row : chart.rows) {
+    if (row.scene == scene && is_static(row.trajectory)) {
+      Sum& sum = sums[{row.method, row.condition}];
+      sum.log_error += std::log(row.verdict.rms_error_percent_after_1s);
+      sum.cycle_ns += row.verdict.cycle_ns;
+      sum.count += 1.0;
+      if (std::find(methods.begin(), methods.end(), row.method) == methods.end()) {
+        methods.push_back(row.method);
+      }
+    }
+  }
+  std::vector<ChartPoint> points;
+  for (const std::string& method : methods) {
+    for (const char* condition : kPointConditions) {
+      const auto found = sums.find({method, condition});
+      if (found != sums.end()) {
+        const Sum& sum = found->second;
+        points.push_back(
+            {method, condition, std::exp(sum.log_error / sum.count), sum.cycle_ns / sum.count});
+        break;
+      }
+    }
+  }
+  std::sort(points.begin(), points.end(),
+            [](const ChartPoint& a, const ChartPoint& b) { return a.cycle_ns < b.cycle_ns; });
+  std::vector<double> cost;
+  std::vector<double> error;
+  for (const ChartPoint& point : points) {
+    cost.push_back(point.cycle_ns);
+    error.push_back(point.error_percent);
+  }
+  const std::vector<bool> front = pareto_front(cost, error);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    points[i].on_front = front[i];
+  }
+  return points;
+}
+
+std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& default_method) {
+  std::string hardest;
+  for (const ChartScene& scene : chart_scenes()) {
+    if (std::any_of(chart.rows.begin(), chart.rows.end(),
+                    [&scene](const ChartRow& row) { return row.scene == scene.name; })) {
+      hardest = scene.name;
+    }
+  }
+  constexpr auto kAfter = &Verdict::rms_error_percent_after_1s;
+  constexpr auto kFirst = &Verdict::rms_error_percent_first_1s;
+  Numbers n(chart, hardest, default_method);
+  n.add("RMS error on each static trajectory", 0.3, n.over_static("ideal", kAfter), "%");
+  n.add("its geometric mean over them", 0.15, {n.geometric_mean("ideal"), "all of them"}, "%");
+  n.add("worst instant after 1 s", 3.0,
+        n.over_static("ideal", &Verdict::max_error_percent_after_1s), "%");
+  n.add("first second of poke, force only", 12.0, n.of("poke", "ideal", kFirst), "%");
+  n.add("first second of poke, with stiffness", 4.0, n.of("poke", "stiffness", kFirst), "%");
+  n.add("first second of poke, 120 requests/s", 3.0, n.of("poke", "requests120", kFirst), "%");
+  n.add("error with stiffness / without", 1.0, n.harm_of_stiffness(), "");
+  n.add("+100 ms delay", 1.0, n.over_static("delay100", kAfter), "%");
+  n.add("20 ms + 20 ms jitter + 20 % loss", 0.4, n.over_static("lossy", kAfter), "%");
+  n.add("simulator at 10 Hz", 1.0, n.over_static("rate10", kAfter), "%");
+  n.add("10 mN noise", 0.8, n.over_static("noise10", kAfter), "%");
+  n.add("re-grab elsewhere, same stiffness", 0.3, n.of("regrab", "ideal", kAfter), "%");
+  n.add("re-grab elsewhere, +-30 % stiffness", 4.0, n.of("regrab_varied", "ideal", kAfter), "%");
+  Worst work;
+  if (const ChartRow* circle = n.row("circle", "ideal", default_method)) {
+    work.take(std::abs(circle->worst_loop_work_percent), "the worst turn");
+  }
+  n.add("work around a closed loop, of the stored energy", 1.0, work, "%");
+  n.add("query, kriging", 25.0, n.cost("kriging", &Verdict::query_ns_median), "ns");
+  n.add("query, forcegrid", 8.0, n.cost("forcegrid", &Verdict::query_ns_median), "ns");
+  n.add("taking in a sample, kriging", 30.0, n.cost("kriging", &Verdict::sample_us_median), "us");
+  n.add("taking in a sample, kriging-bank", 250.0,
+        n.cost("kriging-bank", &Verdict::sample_us_median), "us");
+  n.add("paper's grid in mm, deviation from the study", 20.0,
+        n.reproduction("forcegrid", &Reference::unit_mm_percent), "%");
+  n.add("paper's grid in m, deviation from the study", 20.0,
+        n.reproduction("forcegrid unit=m", &Reference::unit_m_percent), "%");
+  return n.list_;
+}
+
+}  // namespace forcegrid::evaluation
