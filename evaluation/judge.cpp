@@ -101,9 +101,6 @@ class Play {
 
   Verdict run() {
     verdict_.memory_bytes = method_.memory_bytes();
-    if (!trace_.servo.empty()) {
-      next_request_s_ = trace_.servo.front().time_s;
-    }
     for (std::size_t i = 0; i < trace_.servo.size(); ++i) {
       const ServoInstant& instant = trace_.servo[i];
       this_cycle_ns_ = 0.0;
@@ -237,10 +234,15 @@ class Play {
   }
 
   void request(const ServoInstant& instant) {
-    if (!options_.answer || !(options_.requests_per_s > 0.0) || entered_ == 0) {
+    if (!options_.answer || !(options_.requests_per_s > 0.0)) {
       return;
     }
-    for (; next_request_s_ <= instant.time_s; next_request_s_ += 1.0 / options_.requests_per_s) {
+    const double first_s = trace_.servo.front().time_s;
+    for (; first_s + static_cast<double>(next_request_) / options_.requests_per_s <= instant.time_s;
+         ++next_request_) {
+      if (entered_ == 0) {
+        continue;  // the method has not even heard of the first contact
+      }
       Eigen::Vector3d wanted_W = Eigen::Vector3d::Zero();
       bool wants = false;
       timed([&] { wants = method_.plan_request(instant.time_s, instant.position_W, wanted_W); });
@@ -289,7 +291,7 @@ class Play {
   std::size_t entered_ = 0;  ///< phases that the method knows of
   std::size_t next_sample_ = 0;
   std::deque<Answer> answers_;
-  double next_request_s_ = 0.0;
+  std::size_t next_request_ = 0;  ///< counts from the first servo instant on
   double this_cycle_ns_ = 0.0;
   volatile double discarded_N_ = 0.0;  ///< so that no query is optimised away
   std::vector<double> query_ns_;
