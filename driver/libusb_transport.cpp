@@ -242,6 +242,7 @@ class LibusbTransport final : public BulkTransport {
     bool any_active = false;
     for (Transfer* transfer : all()) {
       any_active = any_active || transfer->active;
+      transfer->done = false;  // a cancelled one is nothing to read
       // libusb still owns one that did not end; freeing it would be worse than losing it.
       if (transfer->transfer != nullptr && !transfer->active) {
         libusb_free_transfer(transfer->transfer);
