@@ -87,8 +87,12 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
          "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
       ->capture_default_str();
   run.add_option("--profile", o.profile,
-                 "Profile of an attached device (default woodenhaptics_v2015): " +
+                 "Profile of an attached device (default falcon for a Falcon, else "
+                 "woodenhaptics_v2015): " +
                      joined(profiles::available_profiles()) + ", or a TOML file");
+  run.add_option("--firmware", o.firmware,
+                 "Firmware file for a Novint Falcon in which none runs (always after power-on); an "
+                 "emulated one gets a synthetic image by default");
   run.add_option("--scene", o.scene, "Object to feel: " + joined(simulator::scene_names()))
       ->check(CLI::IsMember(simulator::scene_names()))
       ->capture_default_str();

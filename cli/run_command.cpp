@@ -130,16 +130,34 @@ MethodOptions method_options(const RunOptions& options, const profiles::DevicePr
   return method;
 }
 
+bool is_falcon(const profiles::DeviceProfile& profile) { return profile.usb.protocol == "falcon"; }
+
+/// What a device that runs none is given.
+driver::falcon::Firmware firmware_for(const RunOptions& options,
+                                      const profiles::DeviceProfile& profile, bool emulated) {
+  if (!options.firmware.empty()) {
+    if (!is_falcon(profile)) {
+      throw std::runtime_error("--firmware " + options.firmware + ": profile " + profile.name +
+                               " describes a device that keeps its firmware; leave it out");
+    }
+    return driver::falcon::load_firmware(options.firmware);
+  }
+  return emulated && is_falcon(profile) ? driver::falcon::synthetic_firmware()
+                                        : driver::falcon::Firmware{};
+}
+
 std::unique_ptr<driver::Device> open(const std::string& url, const profiles::DeviceProfile& profile,
+                                     const driver::falcon::Firmware& firmware,
                                      int device_timeout_ms, bool realtime) {
   driver::OpenOptions open_options;
+  open_options.firmware = firmware;
   open_options.realtime_io = realtime;
   open_options.stale_after = milliseconds(device_timeout_ms);
   open_options.notice = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
   try {
     return driver::open_device(url, profile, open_options);
   } catch (const driver::DeviceError& error) {
-    if (url.rfind("hid:", 0) != 0) {
+    if (url.rfind("hid:", 0) != 0 && url.rfind("falcon", 0) != 0) {
       throw;
     }
     std::vector<profiles::DeviceProfile> known;
@@ -281,17 +299,23 @@ int run_command(const RunOptions& options) {
   };
 
   const bool emulated = options.device.rfind(kEmulatedPrefix, 0) == 0;
-  const std::string profile_name =
-      emulated ? options.device.substr(sizeof kEmulatedPrefix - 1)
-               : (options.profile.empty() ? "woodenhaptics_v2015" : options.profile);
+  const bool attached_falcon = !emulated && driver::parse_device_url(options.device).kind ==
+                                                driver::DeviceUrl::Kind::kFalcon;
+  const std::string profile_name = emulated ? options.device.substr(sizeof kEmulatedPrefix - 1)
+                                   : !options.profile.empty() ? options.profile
+                                   : attached_falcon          ? "falcon"
+                                                              : "woodenhaptics_v2015";
   if (emulated && !options.profile.empty() && options.profile != profile_name) {
     throw std::runtime_error("--profile " + options.profile + " contradicts --device " +
                              options.device + "; an emulated device brings its own profile");
   }
-  if (!emulated) {
-    driver::parse_device_url(options.device);
-  }
   const profiles::DeviceProfile profile = profiles::load_device_profile(profile_name);
+  const driver::falcon::Firmware firmware = firmware_for(options, profile, emulated);
+  if (options.gravity_compensation && profile.kind == profiles::DeviceKind::kDelta) {
+    throw std::runtime_error(
+        "--gravity-compensation: the masses of the Falcon's moving parts are not known; leave it "
+        "out");
+  }
 
   RunSummary summary;
   summary.device = options.device;
@@ -354,10 +378,11 @@ int run_command(const RunOptions& options) {
   // device. A refusal is reported by the loop, which asks again.
   static_cast<void>(rt::lock_memory());
   const std::unique_ptr<driver::Device> device =
-      open(url, profile, options.device_timeout_ms, realtime_refused.empty());
+      open(url, profile, firmware, options.device_timeout_ms, realtime_refused.empty());
   say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
       ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
-  if (!options.calibrated) {
+  // A Falcon says itself whether its axes are homed, and has no force before.
+  if (!options.calibrated || is_falcon(profile)) {
     const bool calibrated = driver::calibrate(
         *device, profile, seconds(60), [&](const std::string& text) { say(text + "\n"); },
         [] { return StopRequest::stop().load(); });

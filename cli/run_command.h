@@ -26,7 +26,9 @@ void write_json(const JsonTarget& target, const std::string& text);
 /// What `forcegrid run` was asked for; the defaults are the main job.
 struct RunOptions {
   std::string device = "emulated:woodenhaptics_v2015";
-  std::string profile;  ///< of a device that is not emulated; empty: woodenhaptics_v2015
+  std::string profile;   ///< of a device that is not emulated; empty: falcon for a Falcon,
+                         ///< else woodenhaptics_v2015
+  std::string firmware;  ///< file for a Falcon in which none runs; empty: none
   std::string scene = "block";
   std::string simulator;  ///< ADDR:PORT of a simulator that already runs; empty: start one
   double simulator_rate_Hz = 30.0;
