@@ -111,11 +111,14 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
 }
 
 std::string motors_text(const nlohmann::json& emulator) {
+  // A Falcon's amplifiers take commands, and how much current flows is in no source.
+  const bool has_commands = emulator.contains("final_command");
+  const auto motor =
+      emulator.at(has_commands ? "final_command" : "final_current_mA").get<std::vector<double>>();
   std::string text;
-  const auto current = emulator.at("final_current_mA").get<std::vector<double>>();
-  append(text, "Emulated motors: final current %.0f %.0f %.0f mA, %" PRIu64 " watchdog trips\n",
-         current.at(0), current.at(1), current.at(2),
-         emulator.at("watchdog_trips").get<std::uint64_t>());
+  append(text, "Emulated motors: final %s %.0f %.0f %.0f%s, %" PRIu64 " watchdog trips\n",
+         has_commands ? "command" : "current", motor.at(0), motor.at(1), motor.at(2),
+         has_commands ? "" : " mA", emulator.at("watchdog_trips").get<std::uint64_t>());
   return text;
 }
 
