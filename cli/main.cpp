@@ -5,6 +5,7 @@
 #include <new>
 #include <string>
 
+#include "cli/chart_command.h"
 #include "cli/commands.h"
 #include "cli/evaluate_command.h"
 #include "cli/run_command.h"
@@ -258,16 +259,18 @@ int main(int argc, char** argv) {
   SimulateOptions simulate;
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
+  ChartAccuracyOptions chart_accuracy;
   std::function<int()> action;
   add_run(app, run, action);
   add_emulate(app, emulate, action);
   add_simulate(app, simulate, action);
   add_kinematics(app, kinematics, action);
   add_evaluate(app, evaluate, action);
+  add_chart(app, chart_accuracy, action);
   try {
     app.parse(argc, argv);
     if (!action) {
-      throw CLI::RequiredError("a subcommand: run, emulate, simulate, kinematics or evaluate");
+      throw CLI::RequiredError("a subcommand: run, emulate, simulate, kinematics, evaluate or chart");
     }
   } catch (const CLI::ParseError& error) {
     const int code = app.exit(error);

@@ -1,0 +1,292 @@
+#include "cli/chart_command.h"
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+#include "cli/figures.h"
+#include "cli/run_command.h"
+#include "cli/stop_request.h"
+#include "evaluation/chart.h"
+#include "evaluation/chart_report.h"
+#include "evaluation/network.h"
+#include "evaluation/scenarios.h"
+#include "evaluation/trajectories.h"
+#include "forcegrid/methods.h"
+
+namespace forcegrid::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kTerminalPeriod{200};
+constexpr std::chrono::seconds kLogPeriod{10};
+
+std::vector<std::string> scene_names() {
+  std::vector<std::string> names;
+  for (const evaluation::ChartScene& scene : evaluation::chart_scenes()) {
+    names.push_back(scene.name);
+  }
+  return names;
+}
+
+std::vector<std::string> condition_names() {
+  std::vector<std::string> names;
+  for (const evaluation::NetworkCondition& condition : evaluation::network_conditions()) {
+    names.push_back(condition.name);
+  }
+  return names;
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) {
+    text += (text.empty() ? "" : ", ") + word;
+  }
+  return text;
+}
+
+fs::path default_cache() {
+  const char* const cache = std::getenv("XDG_CACHE_HOME");
+  if (cache != nullptr && fs::path(cache).is_absolute()) {
+    return fs::path(cache) / "forcegrid";
+  }
+  const char* const home = std::getenv("HOME");
+  if (home != nullptr && fs::path(home).is_absolute()) {
+    return fs::path(home) / ".cache" / "forcegrid";
+  }
+  throw std::runtime_error(
+      "neither XDG_CACHE_HOME nor HOME names a folder for the force tables; give one with --cache");
+}
+
+// What identifies this program: its own bytes.
+std::string program_hash() {
+  const char* const self = "/proc/self/exe";
+  std::ifstream file(self, std::ios::binary);
+  evaluation::ContentHash hash;
+  std::vector<char> block(1 << 20);
+  while (file.read(block.data(), static_cast<std::streamsize>(block.size())), file.gcount() > 0) {
+    hash.add(block.data(), static_cast<std::size_t>(file.gcount()));
+  }
+  if (file.bad() || !file.eof()) {
+    throw std::runtime_error(std::string(self) +
+                             " can't be read; is /proc mounted? It tells rows of different "
+                             "programs apart");
+  }
+  return hash.text();
+}
+
+std::string time_text(double time_s) {
+  const long seconds = std::lround(time_s);
+  char text[32];
+  if (seconds < 60) {
+    std::snprintf(text, sizeof text, "%ld s", seconds);
+  } else {
+    std::snprintf(text, sizeof text, "%ld min %02ld s", seconds / 60, seconds % 60);
+  }
+  return text;
+}
+
+// On a terminal one line that is written over and over, elsewhere a line every ten seconds.
+class ProgressLine {
+ public:
+  void show(const std::string& what, double done, double remaining_s) {
+    const auto now = steady_clock::now();
+    if (now - shown_ < (terminal_ ? steady_clock::duration(kTerminalPeriod)
+                                  : steady_clock::duration(kLogPeriod))) {
+      return;
+    }
+    shown_ = now;
+    std::fprintf(stderr, "%s%s: %3.0f %%, %s left%s", terminal_ ? "\r\033[K" : "", what.c_str(),
+                 100.0 * done, time_text(remaining_s).c_str(), terminal_ ? "" : "\n");
+    open_ = terminal_;
+  }
+  void say(const std::string& text) {
+    clear();
+    std::fprintf(stderr, "%s\n", text.c_str());
+  }
+  void clear() {
+    if (open_) {
+      std::fputs("\r\033[K", stderr);
+      open_ = false;
+    }
+  }
+
+ private:
+  bool terminal_ = isatty(STDERR_FILENO) == 1;
+  bool open_ = false;
+  steady_clock::time_point shown_{};
+};
+
+struct Selection {
+  std::string scene;
+  std::string trajectory;
+  std::string condition;
+};
+
+Selection selection_of(const std::string& text) {
+  const std::size_t first = text.find('/');
+  const std::size_t second = first == std::string::npos ? first : text.find('/', first + 1);
+  if (second == std::string::npos) {
+    throw std::runtime_error("--figures " + text +
+                             ": write SCENE/TRAJECTORY/CONDITION, e.g. small/chirp/ideal");
+  }
+  Selection selection{text.substr(0, first), text.substr(first + 1, second - first - 1),
+                      text.substr(second + 1)};
+  evaluation::chart_scene(selection.scene);
+  evaluation::Trajectory{selection.trajectory};
+  evaluation::network_condition(selection.condition);
+  return selection;
+}
+
+evaluation::ChartFigure draw(const evaluation::ChartOptions& options, const Selection& selection,
+                             const std::vector<std::string>& methods) {
+  const evaluation::ChartTrace played = evaluation::trace_of(
+      options, selection.scene, selection.trajectory, selection.condition, methods);
+  std::vector<FigureRow> rows;
+  const auto triple = [](const Eigen::Vector3d& v) { return Triple{v.x(), v.y(), v.z()}; };
+  for (std::size_t i = 0; i < played.trace.servo.size(); ++i) {
+    const evaluation::ServoInstant& instant = played.trace.servo[i];
+    FigureRow row;
+    row.time_s = instant.time_s;
+    row.position_W_m = triple(instant.position_W - evaluation::first_contact_point_W());
+    row.truth_W_N = triple(instant.force_W);
+    for (const auto& forces_W : played.forces_W) {
+      row.method_W_N.push_back(triple(forces_W[i]));
+    }
+    rows.push_back(std::move(row));
+  }
+  const std::string name = selection.scene + "-" + selection.trajectory + "-" + selection.condition;
+  const fs::path folder = options.out / "figures" / name;
+  fs::create_directories(folder);
+  write_figures(folder.string(), played.methods, rows);
+  std::ifstream svg(folder / "forces.svg");
+  std::ostringstream text;
+  text << svg.rdbuf();
+  return {selection.scene + ", " + selection.trajectory + ", " + selection.condition, text.str()};
+}
+
+void print_numbers(const evaluation::Chart& chart, const std::string& method) {
+  std::printf("Goals, method %s, scene %s:\n", method.c_str(),
+              chart.numbers.empty() ? "none" : chart.numbers.front().scene.c_str());
+  for (const evaluation::ChartNumber& each : chart.numbers) {
+    if (each.known()) {
+      std::printf("  %-48s %9.4g %-2s  goal %g  %-6s  %s\n", each.name.c_str(), each.measured,
+                  each.unit.c_str(), each.goal, each.met() ? "met" : "MISSED", each.worst.c_str());
+    } else {
+      std::printf("  %-48s not in this selection\n", each.name.c_str());
+    }
+  }
+}
+
+}  // namespace
+
+void add_chart(CLI::App& app, ChartAccuracyOptions& o, std::function<int()>& action) {
+  CLI::App& chart = *app.add_subcommand("chart", "Chart force methods against each other");
+  chart.require_subcommand(1);
+  CLI::App& accuracy = *chart.add_subcommand(
+      "accuracy", "Errors and costs of force methods on objects, motions and networks");
+  accuracy.add_option("--out", o.out, "Folder for tables, pictures and the page")->required();
+  accuracy.add_option("--scenes", o.scenes, "Objects (default all): " + joined(scene_names()))
+      ->delimiter(',')
+      ->check(CLI::IsMember(scene_names()));
+  accuracy
+      .add_option("--trajectories", o.trajectories,
+                  "Motions (default all): " + joined(evaluation::trajectory_names()))
+      ->delimiter(',')
+      ->check(CLI::IsMember(evaluation::trajectory_names()));
+  accuracy
+      .add_option("--conditions", o.conditions,
+                  "Networks (default all): " + joined(condition_names()))
+      ->delimiter(',')
+      ->check(CLI::IsMember(condition_names()));
+  accuracy
+      .add_option("--methods", o.methods,
+                  "Methods with changes to their options, separated by ';' (default all, and "
+                  "variants that matter): " +
+                      joined(method_names()) + ", direct")
+      ->delimiter(';');
+  accuracy.add_flag("--quick", o.quick, "The small block and a selection, within a minute");
+  accuracy.add_option("--jobs", o.jobs, "Threads that make force tables; 0 is one a processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  accuracy.add_option("--cache", o.cache,
+                      "Folder of force tables (default forcegrid in the user's cache folder)");
+  accuracy.add_option("--seed", o.seed, "Of motions, noise and networks")->capture_default_str();
+  accuracy
+      .add_option("--figures", o.figures,
+                  "The paper's figures 7 and 8 for SCENE/TRAJECTORY/CONDITION (default: chirp, "
+                  "ideal, on the last scene)")
+      ->delimiter(',');
+  accuracy
+      .add_option("--figure-methods", o.figure_methods,
+                  "Methods in them, separated by ';' (default: that of 'run', forcegrid, hold)")
+      ->delimiter(';');
+  accuracy.callback([&o, &action] { action = [&o] { return chart_accuracy_command(o); }; });
+}
+
+int chart_accuracy_command(const ChartAccuracyOptions& asked) {
+  ProgressLine line;
+  evaluation::ChartOptions options;
+  options.out = asked.out;
+  options.cache = asked.cache.empty() ? default_cache() : fs::path(asked.cache);
+  options.scenes = asked.scenes;
+  options.trajectories = asked.trajectories;
+  options.conditions = asked.conditions;
+  options.methods = asked.methods;
+  options.quick = asked.quick;
+  options.jobs = asked.jobs;
+  options.seed = asked.seed;
+  options.default_method = RunOptions{}.method;
+  options.program = program_hash();
+  options.cancel = &StopRequest::stop();
+  options.say = [&line](const std::string& text) { line.say(text); };
+  options.progress = [&line](const std::string& what, double done, double remaining_s) {
+    line.show(what, done, remaining_s);
+  };
+  std::vector<Selection> selections;
+  for (const std::string& text : asked.figures) {
+    selections.push_back(selection_of(text));
+  }
+  std::vector<std::string> figure_methods = asked.figure_methods;
+  if (figure_methods.empty()) {
+    for (const std::string& method :
+         {options.default_method, std::string("forcegrid"), std::string("hold")}) {
+      if (std::find(figure_methods.begin(), figure_methods.end(), method) == figure_methods.end()) {
+        figure_methods.push_back(method);
+      }
+    }
+  }
+
+  try {
+    const evaluation::Chart chart = evaluation::make_chart(options);
+    if (selections.empty() && !chart.tables.empty()) {
+      selections.push_back({chart.tables.back().scene, "chirp", "ideal"});
+    }
+    std::vector<evaluation::ChartFigure> figures;
+    for (const Selection& selection : selections) {
+      figures.push_back(draw(options, selection, figure_methods));
+    }
+    const std::vector<fs::path> files = evaluation::write_chart(chart, options, figures);
+    line.clear();
+    print_numbers(chart, options.default_method);
+    std::printf("%zu rows (%zu of them from before) in %s; look at %s\n", chart.rows.size(),
+                chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
+  } catch (...) {
+    line.clear();
+    throw;
+  }
+  return 0;
+}
+
+}  // namespace forcegrid::cli

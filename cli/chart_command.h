@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+}
+
+namespace forcegrid::cli {
+
+/// What `forcegrid chart accuracy` was asked for; empty lists are all there is.
+struct ChartAccuracyOptions {
+  std::string out;
+  std::string cache;  ///< folder of force tables; empty: forcegrid in the user's cache folder
+  std::vector<std::string> scenes;
+  std::vector<std::string> trajectories;
+  std::vector<std::string> conditions;
+  std::vector<std::string> methods;  ///< MethodVariant texts, or direct
+  bool quick = false;
+  unsigned jobs = 0;  ///< 0: one a processor
+  std::uint64_t seed = 1;
+  std::vector<std::string> figures;         ///< SCENE/TRAJECTORY/CONDITION
+  std::vector<std::string> figure_methods;  ///< empty: the default method, forcegrid, hold
+};
+
+/// Adds the subcommand `chart` with its own subcommand `accuracy`, which sets `action`.
+void add_chart(CLI::App& app, ChartAccuracyOptions& options, std::function<int()>& action);
+
+/// Judges force methods on the chart's objects, motions and networks, and writes tables, pictures
+/// and a page into `options.out`, see docs/accuracy.md.
+/// @returns the program's exit status, 0.
+/// @throws std::exception with a sentence for the user.
+int chart_accuracy_command(const ChartAccuracyOptions& options);
+
+}  // namespace forcegrid::cli
