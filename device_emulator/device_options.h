@@ -3,7 +3,9 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
+#include <vector>
 
+#include "device_emulator/fault_spec.h"
 #include "device_emulator/operator_script.h"
 #include "profiles/device_profile.h"
 
@@ -31,7 +33,8 @@ struct DeviceOptions {
   /// Arm's counters at power-up: false: 0; true: seeded random ones within +-20000. A Falcon's
   /// always start anywhere.
   bool random_power_up_counters = false;
-  bool firmware_loaded = false;  ///< Falcon: the firmware runs from the start
+  std::vector<FaultSpec> faults;  ///< what shall go wrong, see FaultyDevice
+  bool firmware_loaded = false;   ///< Falcon: the firmware runs from the start
 
   /// The profile's numbers for `hand`; nothing for kNone.
   [[nodiscard]] std::optional<profiles::HandProfile> hand_profile() const;

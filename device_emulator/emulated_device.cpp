@@ -1,16 +1,33 @@
 #include "device_emulator/emulated_device.h"
 
+#include <algorithm>
+
 #include "device_emulator/emulated_falcon.h"
 #include "device_emulator/emulated_w2.h"
+#include "device_emulator/faulty_device.h"
 
 namespace forcegrid::emulator {
 
+bool EmulatedDevice::motors_on() const {
+  const EmulatorReport now = report();
+  const auto flows = [](double value) { return value != 0.0; };
+  return std::any_of(now.final_current_mA.begin(), now.final_current_mA.end(), flows) ||
+         std::any_of(now.final_torque_Nm.begin(), now.final_torque_Nm.end(), flows);
+}
+
 std::unique_ptr<EmulatedDevice> make_emulated_device(const DeviceOptions& options,
                                                      rt::TimePoint start) {
+  std::unique_ptr<EmulatedDevice> device;
   if (options.profile.kind == profiles::DeviceKind::kDelta) {
-    return std::make_unique<EmulatedFalcon>(options, start);
+    device = std::make_unique<EmulatedFalcon>(options, start);
+  } else {
+    device = std::make_unique<EmulatedW2>(options, start);
   }
-  return std::make_unique<EmulatedW2>(options, start);
+  if (options.faults.empty()) {
+    return device;
+  }
+  return std::make_unique<FaultyDevice>(std::move(device), options.profile.usb.protocol,
+                                        options.faults, start);
 }
 
 }  // namespace forcegrid::emulator

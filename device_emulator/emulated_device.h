@@ -57,6 +57,21 @@ class EmulatedDevice {
   /// The host lets go of the device; it goes on under its own power.
   virtual void bus_reset(rt::TimePoint now) noexcept = 0;
 
+  /// Power is gone and back at once: the firmware starts anew and knows nothing of before; what the
+  /// arm and the person do goes on. A device that keeps nothing in its firmware has only its bus
+  /// reset.
+  virtual void power_cycle(rt::TimePoint now) noexcept { bus_reset(now); }
+
+  /// Whether a motor has current.
+  [[nodiscard]] virtual bool motors_on() const;
+
+  /// Whether the cable is in. Out of it the device is not listed and can't be imported, and a
+  /// client that has it is cut off.
+  [[nodiscard]] virtual bool plugged_in() const noexcept { return true; }
+  /// Whether the server shall answer a pending IN transfer now with more bytes than its client
+  /// asked for, against all rules.
+  [[nodiscard]] virtual bool overfills_reply() noexcept { return false; }
+
   /// The person presses the button that the device has for calibration; nothing on one without.
   virtual void press_calibration_button() noexcept {}
 

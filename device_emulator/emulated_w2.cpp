@@ -153,6 +153,13 @@ void EmulatedW2::bus_reset(rt::TimePoint now) noexcept {
   firmware_.set_configured(false, now);
 }
 
+void EmulatedW2::power_cycle(rt::TimePoint now) noexcept {
+  advance_to(now);
+  usb_.bus_reset();
+  firmware_.reboot();
+  drive_motors();
+}
+
 void EmulatedW2::run_firmware(rt::TimePoint now) noexcept {
   if (firmware_.run(now)) {
     samples_.add(now, firmware_.counters());

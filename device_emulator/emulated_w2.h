@@ -17,10 +17,10 @@
 
 namespace forcegrid::emulator {
 
-/// One W2 or W3 device behind its plug: endpoint 0, firmware, amplifiers, motors, arm, hand and operator.
-/// The arm starts at rest in the calibration pose. Motor torque at joint i is
-/// tau_i = s_i k_i I_i D_i / d_i with I_i = I_full (duty_i - 0.5) / 0.4 for a duty within 10..90 %.
-/// The servo amplifier (ESCON) treats any other duty as out of range: zero current, counted.
+/// One W2 or W3 device behind its plug: endpoint 0, firmware, amplifiers, motors, arm, hand and
+/// operator. The arm starts at rest in the calibration pose. Motor torque at joint i is tau_i = s_i
+/// k_i I_i D_i / d_i with I_i = I_full (duty_i - 0.5) / 0.4 for a duty within 10..90 %. The servo
+/// amplifier (ESCON) treats any other duty as out of range: zero current, counted.
 ///
 /// Real-time and threads: as EmulatedDevice.
 class EmulatedW2 final : public EmulatedDevice {
@@ -45,6 +45,9 @@ class EmulatedW2 final : public EmulatedDevice {
 
   /// Attached and unconfigured. Counters and calibration survive, and the watchdog will find out.
   void bus_reset(rt::TimePoint now) noexcept override;
+
+  void power_cycle(rt::TimePoint now) noexcept override;
+  [[nodiscard]] bool motors_on() const override { return !current_A_.isZero(0.0); }
 
   void press_calibration_button() noexcept override { firmware_.press_calibration_button(); }
 

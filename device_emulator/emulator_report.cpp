@@ -4,6 +4,16 @@
 
 namespace forcegrid::emulator {
 
+void to_json(nlohmann::json& json, const FaultRecord& record) {
+  json = nlohmann::json{{"name", record.name},
+                        {"times", record.times},
+                        {"first_ns", record.first_ns},
+                        {"seconds_until_motors_off", nullptr}};
+  if (record.seconds_until_motors_off) {
+    json["seconds_until_motors_off"] = *record.seconds_until_motors_off;
+  }
+}
+
 void to_json(nlohmann::json& json, const EmulatorReport& report) {
   json = nlohmann::json{
       {"device", report.device},
@@ -32,6 +42,8 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
       {"attached", report.attached},
       {"configured", report.configured},
       {"unplugged", report.unplugged},
+      {"faults", report.faults},
+      {"motors_last_on_ns", report.motors_last_on_ns},
   };
   if (report.seconds_since_motors_nonzero) {
     json["seconds_since_motors_nonzero"] = *report.seconds_since_motors_nonzero;

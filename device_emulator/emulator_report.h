@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace forcegrid::emulator {
 
@@ -13,6 +14,16 @@ namespace forcegrid::emulator {
 struct CounterSample {
   std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC
   std::array<std::int32_t, 6> counts{};
+};
+
+/// What became of one fault that the device was asked for.
+struct FaultRecord {
+  std::string name;
+  std::uint64_t times = 0;    ///< how often it did something
+  std::int64_t first_ns = 0;  ///< CLOCK_MONOTONIC of the first time; 0: never
+  /// From the first time until current last flowed, 0 when none flowed any more; nothing while it
+  /// flows, or if the fault did nothing.
+  std::optional<double> seconds_until_motors_off;
 };
 
 /// What only a Novint Falcon has to report.
@@ -70,11 +81,16 @@ struct EmulatorReport {
   bool configured = false;                 ///< and set its configuration
   bool unplugged = false;
 
+  std::vector<FaultRecord> faults;     ///< in the order in which they were asked for
+  std::int64_t motors_last_on_ns = 0;  ///< CLOCK_MONOTONIC; 0: never, or no fault was asked for
+
   /// Of a Falcon alone, which has no currents, report lengths, draining and command 1: those of the
   /// above stay zero, and its packets answered are both reports sent and received.
   std::optional<FalconReport> falcon;
 };
 
+/// The same names; an absent value is null.
+void to_json(nlohmann::json& json, const FaultRecord& record);
 /// The same names; an absent value is null. Of a Falcon the members of `falcon` stand beside the
 /// others, and what it has not is left out.
 void to_json(nlohmann::json& json, const EmulatorReport& report);

@@ -28,6 +28,8 @@ namespace {
 
 constexpr rt::Duration kIdleLimit = std::chrono::seconds(10);
 constexpr std::size_t kMaxCommandsPerFrame = 64;
+constexpr int kIdlePoll_ms = 5;
+constexpr std::size_t kOverfill_bytes = 64;
 // A ping-pong on a bulk endpoint needs three a frame; a client that floods the bus gets no more.
 constexpr int kMaxWakesPerFrame = 32;
 
@@ -97,6 +99,7 @@ struct Port {
   bool attached = false;
   bool unplugged = false;
 
+  [[nodiscard]] bool available() const noexcept { return !unplugged && device->plugged_in(); }
   [[nodiscard]] bool has_bulk_endpoint() const noexcept {
     const auto endpoints = device->endpoints();
     return std::any_of(endpoints.begin(), endpoints.end(), [](const UsbEndpoint& endpoint) {
@@ -270,6 +273,7 @@ struct EmulatorServer::Impl {
   explicit Impl(const ServerOptions& options);
 
   void run();
+  void run_as_fast_as_asked();
   void frame(rt::TimePoint now);
   /// Serves bulk endpoints, which a bus does not make wait for its next frame, until `deadline`.
   void serve_bulk_until(rt::TimePoint deadline);
@@ -301,6 +305,7 @@ struct EmulatorServer::Impl {
   ListenAddress listen_address;
   FileDescriptor listener;
   rt::Duration frame_period{};
+  Pace pace = Pace::kRealTime;
 
   std::atomic<bool> stopping{false};
   std::promise<rt::Scheduling> scheduling;
@@ -322,6 +327,7 @@ EmulatorServer::Impl::Impl(const ServerOptions& options)
     }
   }
   frame_period = std::chrono::microseconds(period_us);
+  pace = options.pace;
   const rt::TimePoint start = rt::Clock::now();
   for (std::size_t i = 0; i < options.devices.size(); ++i) {
     auto device = make_emulated_device(options.devices[i], start);
@@ -370,6 +376,31 @@ void EmulatorServer::Impl::run() {
       const std::lock_guard lock(mutex);
       frames.skipped += static_cast<std::uint64_t>(missed);
     }
+  }
+}
+
+void EmulatorServer::Impl::run_as_fast_as_asked() {
+  rt::name_current_thread("emulator-frame");
+  scheduling.set_value({});
+  rt::TimePoint now = rt::Clock::now();
+  std::vector<pollfd> sockets;
+  while (!stopping.load(std::memory_order_acquire)) {
+    bool asked = false;
+    sockets.assign(1, {listener.get(), POLLIN, 0});
+    {
+      const std::lock_guard lock(mutex);
+      for (const Connection& connection : connections) {
+        sockets.push_back({connection.socket.get(), POLLIN, 0});
+        asked = asked || !connection.urbs.empty();
+      }
+    }
+    if (!asked) {
+      static_cast<void>(::poll(sockets.data(), sockets.size(), kIdlePoll_ms));
+    }
+    now += frame_period;
+    const std::lock_guard lock(mutex);
+    ++frames.frames;
+    frame(now);
   }
 }
 
@@ -533,7 +564,7 @@ std::size_t EmulatorServer::Impl::take_operation(Connection& connection,
   if (operation == usbip::kOpReqDevlist) {
     std::vector<usbip::DeviceInfo> plugged;
     for (const Port& port : ports) {
-      if (!port.unplugged) {
+      if (port.available()) {
         plugged.push_back(port.info);
         plugged.back().configuration = port.device->configured() ? 1 : 0;
       }
@@ -557,7 +588,7 @@ void EmulatorServer::Impl::import(Connection& connection, std::string_view busid
     }
     info = port.info;
     info.configuration = port.device->configured() ? 1 : 0;
-    if (port.unplugged) {
+    if (!port.available()) {
       status = usbip::OpStatus::kNoDevice;
     } else if (port.attached) {
       status = usbip::OpStatus::kDeviceBusy;
@@ -687,6 +718,18 @@ void EmulatorServer::Impl::run_device(Port& port, Connection* client, rt::TimePo
     }
   }
   device.run(now, host);
+  const auto in_urb = std::find_if(client->urbs.begin(), client->urbs.end(),
+                                   [](const Urb& urb) { return urb.endpoint.in(); });
+  if (in_urb != client->urbs.end() && device.overfills_reply()) {
+    const std::vector<std::uint8_t> data(in_urb->buffer_bytes + kOverfill_bytes);
+    usbip::append_submit_reply(client->unsent, in_urb->sequence, 0,
+                               static_cast<std::uint32_t>(data.size()), data);
+    client->urbs.erase(in_urb);
+  }
+  if (!device.plugged_in()) {
+    client->unsent.clear();
+    client->close(CloseReason::kUnplugged);
+  }
 }
 
 void EmulatorServer::Impl::send(Connection& connection) {
@@ -725,7 +768,7 @@ EmulatorReport EmulatorServer::Impl::report(std::size_t index) const {
   EmulatorReport result = port.device->report();
   result.busid = port.info.busid;
   result.attached = port.attached;
-  result.unplugged = port.unplugged;
+  result.unplugged = !port.available();
   result.frames = frames.frames;
   result.frames_late = frames.late;
   result.frames_skipped = frames.skipped;
@@ -743,7 +786,13 @@ void EmulatorServer::start() {
     throw EmulatorError("the emulator has been started before; make a new one");
   }
   auto settled = impl_->scheduling.get_future();
-  impl_->thread = std::thread([impl = impl_.get()] { impl->run(); });
+  impl_->thread = std::thread([impl = impl_.get()] {
+    if (impl->pace == Pace::kRealTime) {
+      impl->run();
+    } else {
+      impl->run_as_fast_as_asked();
+    }
+  });
   rt::Scheduling scheduling = settled.get();
   const std::lock_guard lock(impl_->mutex);
   impl_->statistics.scheduling = std::move(scheduling);

@@ -61,9 +61,20 @@ enum class CloseReason : std::uint8_t {
 };
 const char* to_string(CloseReason reason) noexcept;
 
+/// What a bus frame lasts.
+enum class Pace : std::uint8_t {
+  kRealTime,
+  /// As long as it takes: while a client waits for something one frame follows the other at once,
+  /// each a frame period later by the devices' clock. Start-up times and watchdogs then take a
+  /// fraction of their time; for tests that attach thousands of times, not for anything with
+  /// motors.
+  kAsFastAsAsked,
+};
+
 struct ServerOptions {
   std::string listen = "127.0.0.1:3240";
   std::vector<DeviceOptions> devices;  ///< bus ids 1-1, 1-2, ...; all of one frame period
+  Pace pace = Pace::kRealTime;
 };
 
 /// Serves emulated devices over USB/IP and runs their bus.

@@ -39,6 +39,9 @@ ServerOptions server_options(const EmulatorOptions& options) {
     device.operator_script.calibrated = options.calibrated;
     device.operator_script.contact_D = {options.contact_m[0], options.contact_m[1],
                                         options.contact_m[2]};
+    for (const std::string& fault : options.faults) {
+      device.faults.push_back(parse_fault(fault));
+    }
     server.devices.push_back(device);
   }
   return server;

@@ -26,6 +26,7 @@ struct EmulatorOptions {
   bool firmware_loaded = false;           ///< a Falcon's firmware runs from the start
   std::array<double, 3> contact_m{};      ///< contact point, frame D
   double amplitude_m = HandMotion::kNominalAmplitude_m;
+  std::vector<std::string> faults;  ///< of every device, see FaultSpec
 };
 
 /// Checks the options and loads the profiles.

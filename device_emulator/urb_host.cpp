@@ -56,6 +56,12 @@ bool UrbHost::give_in(std::uint8_t endpoint_address, std::span<const std::uint8_
   return true;
 }
 
+void UrbHost::babble(std::uint8_t endpoint_address) {
+  const auto urb = first(endpoint_address);
+  assert(urb != pending_.end());
+  complete(urb, usbip::kBabble);
+}
+
 void UrbHost::fail_all(std::uint8_t endpoint_address, std::int32_t status) {
   for (auto urb = first(endpoint_address); urb != pending_.end(); urb = first(endpoint_address)) {
     complete(urb, status);

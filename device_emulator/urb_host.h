@@ -41,6 +41,8 @@ class UrbHost final : public UsbHost {
   [[nodiscard]] bool give_in(std::uint8_t endpoint_address,
                              std::span<const std::uint8_t> packet) override;
 
+  void babble(std::uint8_t endpoint_address) override;
+
   /// Ends all transfers of an endpoint with a USB/IP status.
   void fail_all(std::uint8_t endpoint_address, std::int32_t status);
 

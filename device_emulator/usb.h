@@ -75,6 +75,9 @@ class UsbHost {
   ///          no handshake, and the device still has its packet.
   [[nodiscard]] virtual bool give_in(std::uint8_t endpoint_address,
                                      std::span<const std::uint8_t> packet) = 0;
+  /// Ends the host's transfer as if the device had sent more than there was room for; only after
+  /// wants_in().
+  virtual void babble(std::uint8_t endpoint_address) = 0;
 };
 
 /// String descriptor of printable ASCII.

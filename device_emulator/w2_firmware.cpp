@@ -44,6 +44,18 @@ void W2Firmware::set_configured(bool configured, rt::TimePoint now) noexcept {
   configured_ = configured;
 }
 
+void W2Firmware::reboot() noexcept {
+  state_ = State::kAwaitConfiguration;
+  configured_ = false;
+  counters_ = {};
+  info_ = false;
+  in_armed_ = false;
+  out_count_ = 0;
+  watchdog_running_ = false;
+  last_feed_.reset();
+  outputs_ = Outputs{};
+}
+
 bool W2Firmware::offer_out(std::span<const std::uint8_t> packet) noexcept {
   if (!configured_ || out_count_ == kOutDepth || packet.size() > kPacketBytes) {
     return false;

@@ -81,6 +81,9 @@ class W2Firmware {
   /// endpoints, as a bus reset does; the program goes on.
   void set_configured(bool configured, rt::TimePoint now) noexcept;
 
+  /// Power is gone and back: counters, calibration button, packets and outputs are as at power-up.
+  void reboot() noexcept;
+
   /// The host sends a packet to EP1 OUT. @returns false for NAK: full, or not configured.
   [[nodiscard]] bool offer_out(std::span<const std::uint8_t> packet) noexcept;
   /// The host asks EP1 IN. @returns nothing for NAK.

@@ -62,6 +62,7 @@ class OneFrame final : public UsbHost {
     EXPECT_EQ(endpoint, 0x81);
     return true;
   }
+  void babble(std::uint8_t) override {}
   bool give_in(std::uint8_t endpoint, std::span<const std::uint8_t> packet) override {
     EXPECT_EQ(endpoint, 0x81);
     EXPECT_EQ(packet.size(), W2Firmware::kReportBytes);

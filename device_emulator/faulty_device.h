@@ -1,0 +1,92 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <random>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "device_emulator/emulated_device.h"
+#include "device_emulator/fault_spec.h"
+
+namespace forcegrid::emulator {
+
+/// An emulated device between whose firmware and whose plug things go wrong: packets, endpoints,
+/// descriptors, power and plug of any device; counters and motors of those whose reports are W2's
+/// (protocols w2 and w3).
+///
+/// Every fault that has begun is recorded in the report, with the time until the motors had no
+/// current any more.
+///
+/// Real-time: as EmulatedDevice, but for run(), which copies packets. Threads: one.
+class FaultyDevice final : public EmulatedDevice {
+ public:
+  /// @param protocol of the device's profile.
+  /// @throws std::invalid_argument for a fault that needs a report layout which `protocol` does not
+  ///         have, naming both.
+  FaultyDevice(std::unique_ptr<EmulatedDevice> device, const std::string& protocol,
+               const std::vector<FaultSpec>& faults, rt::TimePoint start);
+  ~FaultyDevice() override;
+
+  [[nodiscard]] UsbIdentity identity() const noexcept override { return device_->identity(); }
+  [[nodiscard]] std::span<const UsbEndpoint> endpoints() const noexcept override {
+    return device_->endpoints();
+  }
+  [[nodiscard]] bool configured() const noexcept override { return device_->configured(); }
+  [[nodiscard]] bool halted(std::uint8_t endpoint_address) const noexcept override;
+  ControlReply control(const SetupPacket& setup, std::span<const std::uint8_t> data,
+                       rt::TimePoint now) override;
+  void run(rt::TimePoint now, UsbHost& host) override;
+  [[nodiscard]] std::optional<rt::TimePoint> wake_time() const noexcept override;
+  void advance_to(rt::TimePoint now) noexcept override;
+  void bus_reset(rt::TimePoint now) noexcept override;
+  void power_cycle(rt::TimePoint now) noexcept override { device_->power_cycle(now); }
+  void press_calibration_button() noexcept override { device_->press_calibration_button(); }
+  [[nodiscard]] bool motors_on() const override { return device_->motors_on(); }
+  [[nodiscard]] bool plugged_in() const noexcept override { return plugged_in_; }
+  [[nodiscard]] bool overfills_reply() noexcept override;
+  [[nodiscard]] EmulatorReport report() const override;
+  [[nodiscard]] std::vector<CounterSample> samples() const override { return device_->samples(); }
+
+ private:
+  struct Fault;
+  class Host;
+
+  void begin_what_is_due(rt::TimePoint now);
+  [[nodiscard]] const Fault* active(FaultKind kind) const noexcept;
+  [[nodiscard]] Fault* acting(FaultKind kind) noexcept;
+  /// Whether a fault that acts on single reports acts on this one.
+  [[nodiscard]] bool hits(Fault& fault);
+  void spoil_counters(std::vector<std::uint8_t>& report);
+  void spoil_bytes(std::vector<std::uint8_t>& report);
+  /// @returns what give_in() returns to the device.
+  bool give_in(UsbHost& host, std::uint8_t endpoint_address, std::span<const std::uint8_t> packet);
+  std::span<const std::uint8_t> spoil_out(std::span<const std::uint8_t> packet);
+  void deliver_late_reports(UsbHost& host);
+
+  struct LateReport {
+    rt::TimePoint due{};
+    std::uint8_t endpoint_address = 0;
+    std::vector<std::uint8_t> bytes;
+  };
+
+  std::unique_ptr<EmulatedDevice> device_;
+  bool has_modem_status_;  ///< each IN packet begins with the two status bytes of a serial chip
+  std::vector<Fault> faults_;
+  rt::TimePoint now_;
+  std::optional<rt::TimePoint> first_configured_;
+  std::optional<rt::TimePoint> motors_on_since_;
+  std::optional<rt::TimePoint> motors_last_on_;
+  rt::TimePoint busy_until_{};
+  rt::TimePoint unplugged_until_{};
+  bool plugged_in_ = true;
+  std::uint64_t attachments_ = 0;
+  std::deque<LateReport> late_;
+  std::vector<std::uint8_t> out_;  ///< a spoilt packet of the host
+};
+
+}  // namespace forcegrid::emulator
