@@ -53,13 +53,13 @@ hil: build
 ifneq ($(HIL_SHELL),)
 	$(HIL) --shell
 else ifneq ($(KERNEL),)
-	$(HIL) --timeout 600
+	$(HIL) --timeout 1200
 else
 	ctest --test-dir build/release -L hil -V
 endif
 
 hil-full: build
-	$(HIL) --set full --timeout 1200
+	$(HIL) --set full --timeout 3000
 
 # docs/hil_matrix.md: what is covered where, from the last complete runs of the guest (hil, hil-full,
 # each kernel) and a run of the tests that drive an emulated device without a kernel.

@@ -10,6 +10,7 @@ Exit status: 0 all passed; 1 a scenario failed or has no result; 2 the guest cou
 """
 
 import argparse
+import concurrent.futures
 import contextlib
 import fcntl
 import gzip
@@ -267,14 +268,33 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
 # --- running it ---
 
 
-def qemu_command(kernel, initramfs, accelerator):
+# How the guest's time passes. By instructions: one CPU, on which each instruction takes a nanosecond
+# and idle time nothing, so that a busy machine makes the guest slow but never late, and what happens
+# in it hardly differs from run to run. By the host's clock: two CPUs, and every pause of the host is
+# a pause of the guest.
+MACHINES = {
+    "instructions": ["-accel", "tcg,thread=single", "-icount", "shift=0,sleep=off", "-cpu", "max",
+                     "-smp", "1"],
+    "host": ["-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2"],
+    "kvm": ["-accel", "kvm", "-cpu", "host", "-smp", "2"],
+}
+
+
+def qemu_command(kernel, initramfs, machine):
     return [
-        tool("qemu-system-x86_64"), "-M", "q35", "-accel",
-        "kvm" if accelerator == "kvm" else "tcg,thread=multi", "-cpu",
-        "host" if accelerator == "kvm" else "max", "-smp", "2", "-m", "768", "-display", "none",
+        tool("qemu-system-x86_64"), "-M", "q35", *MACHINES[machine], "-m", "768", "-display", "none",
         "-no-reboot", "-nic", "none", "-kernel", str(kernel.image), "-initrd", str(initramfs),
         "-append", "console=ttyS0 panic=-1 loglevel=7"
     ]
+
+
+def machine_of(environment):
+    accelerator, clock = environment.get("ACCEL", "tcg"), environment.get("CLOCK", "instructions")
+    if accelerator not in ("tcg", "kvm"):
+        raise HilError(f"ACCEL={accelerator}: it is tcg (the default) or kvm")
+    if clock not in ("instructions", "host"):
+        raise HilError(f"CLOCK={clock}: it is instructions (the default) or host")
+    return "kvm" if accelerator == "kvm" else clock
 
 
 def all_scenarios(program):
@@ -357,6 +377,29 @@ def run_scenarios(command, folder, names, timeout_s):
     }
 
 
+def joined(outcomes, names, folders, folder):
+    """One outcome of guests that shared the scenarios, and their logs one after the other."""
+    scenarios = {name: result for outcome in outcomes
+                 for name, result in outcome["scenarios"].items()}
+    for log in ("console.log", "scenarios.log", "qemu.log"):
+        with open(folder / log, "wb") as whole:
+            for part in folders:
+                if (part / log).exists():
+                    whole.write((part / log).read_bytes())
+    return {
+        "kernel": next((o["kernel"] for o in outcomes if o["kernel"]), ""),
+        "wall_seconds": max(o["wall_seconds"] for o in outcomes),
+        "guest_ended": all(o["guest_ended"] for o in outcomes),
+        "problem": next((o["problem"] for o in outcomes if o["problem"]), ""),
+        "scenarios": {name: scenarios[name] for name in names},
+    }
+
+
+def shares_of(names, guests):
+    """The scenarios dealt out like cards."""
+    return [share for share in (names[i::guests] for i in range(guests)) if share]
+
+
 class Guest:
     """A running QEMU, which does not outlive its with block."""
 
@@ -418,10 +461,10 @@ def keep_timing(outcome, folder):
     file = folder / "timing.json"
     kernels = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     kernels[outcome["metapackage"]] = {"kernel": outcome["kernel"], "date": outcome["date"],
-                                       "us": timing}
-    lines = ["Wake-up latency and period at 500 Hz in microseconds; software emulation unless ACCEL=kvm."]
+                                       "machine": outcome["machine"], "us": timing}
+    lines = ["Wake-up latency and period at 500 Hz in microseconds."]
     for kernel in kernels.values():
-        lines += ["", f"{kernel['kernel']}, {kernel['date']}",
+        lines += ["", f"{kernel['kernel']}, {kernel['date']}, time by {kernel['machine']}",
                   f"  {'':22}" + "".join(f"{part:>10}" for part in PARTS)]
         lines += [f"  {title:22}" + "".join(f"{value:10.0f}" for value in values)
                   for title, values in kernel["us"].items()]
@@ -467,15 +510,15 @@ def main():
     parser.add_argument("--set", choices=["smoke", "full"], default="smoke")
     parser.add_argument("--only", action="append", metavar="SUITE.TEST", help="just these")
     parser.add_argument("--limit", type=int, default=60, help="seconds for one scenario")
-    parser.add_argument("--timeout", type=int, default=280, help="seconds for the guest")
+    parser.add_argument("--timeout", type=int, default=700, help="seconds for the guests")
+    parser.add_argument("--guests", type=int, default=2,
+                        help="guests that share the scenarios, where their time is their own")
     parser.add_argument("--shell", action="store_true", help="a shell with the device attached")
     arguments = parser.parse_args()
-    accelerator = os.environ.get("ACCEL", "tcg")
     # An exception, so that the guest ends with its runner.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
-        if accelerator not in ("tcg", "kvm"):
-            raise HilError(f"ACCEL={accelerator}: it is tcg (the default) or kvm")
+        machine = machine_of(os.environ)
         clients = [arguments.scenarios.parent / client for client in CLIENTS]
         for program in (arguments.program, arguments.scenarios, *clients):
             if not program.is_file():
@@ -485,17 +528,30 @@ def main():
         names = chosen(all_scenarios(arguments.scenarios), arguments.set, arguments.only)
         kernel = kernel_of(arguments.cache, arguments.kernel)
         with tempfile.TemporaryDirectory(dir=results, prefix="guest-") as temporary:
-            initramfs = pathlib.Path(temporary) / "initramfs.gz"
-            make_initramfs(initramfs, kernel, arguments.program, arguments.scenarios, names,
-                           arguments.limit, arguments.shell)
-            command = qemu_command(kernel, initramfs, accelerator)
+            temporary = pathlib.Path(temporary)
+
+            def command_for(folder, share):
+                folder.mkdir(exist_ok=True)
+                make_initramfs(folder / "initramfs.gz", kernel, arguments.program,
+                               arguments.scenarios, share, arguments.limit, arguments.shell)
+                return qemu_command(kernel, folder / "initramfs.gz", machine)
+
             if arguments.shell:
-                return subprocess.run(command + ["-serial", "mon:stdio"], check=False).returncode
-            outcome = run_scenarios(command, pathlib.Path(temporary), names, arguments.timeout)
-            outcome.update(set=arguments.set, metapackage=arguments.kernel, accelerator=accelerator,
+                # A person's time is the host's.
+                machine = "host" if machine == "instructions" else machine
+                command = command_for(temporary, names) + ["-serial", "mon:stdio"]
+                return subprocess.run(command, check=False).returncode
+            shares = shares_of(names, arguments.guests if machine == "instructions" else 1)
+            folders = [temporary / f"guest-{i}" for i in range(len(shares))]
+            commands = list(map(command_for, folders, shares))
+            with concurrent.futures.ThreadPoolExecutor(len(shares)) as pool:
+                outcomes = list(pool.map(run_scenarios, commands, folders, shares,
+                                         [arguments.timeout] * len(shares)))
+            outcome = joined(outcomes, names, folders, temporary)
+            outcome.update(set=arguments.set, metapackage=arguments.kernel, machine=machine,
                            date=time.strftime("%Y-%m-%d"))
-            print_results(outcome, pathlib.Path(temporary))
-            keep_results(outcome, pathlib.Path(temporary), results, not arguments.only)
+            print_results(outcome, temporary)
+            keep_results(outcome, temporary, results, not arguments.only)
             keep_timing(outcome, results)
             print(f"Logs and results.json are in {results}")
     except HilError as error:

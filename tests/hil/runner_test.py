@@ -89,6 +89,7 @@ class Runner(unittest.TestCase):
         for arguments, variables, words in (
                 (["--only", "No.Such"], {}, "no scenario No.Such"),
                 (["--only", SOUND], {"ACCEL": "hvf"}, "ACCEL=hvf: it is tcg (the default) or kvm"),
+                (["--only", SOUND], {"CLOCK": "sun"}, "CLOCK=sun: it is instructions (the default)"),
                 (["--only", SOUND], {"FORCEGRID_HIL_KERNEL_DEB": "nowhere.deb"},
                  "FORCEGRID_HIL_KERNEL_DEB=nowhere.deb: no such file")):
             done = self.run_guest(*arguments, **variables)
@@ -103,6 +104,7 @@ class Results(unittest.TestCase):
         measured = {f"{name}_{part}": {"value": first_us + i, "unit": "us"}
                     for _, name in run_guest.TIMING_ROWS for i, part in enumerate(run_guest.PARTS)}
         return {"metapackage": metapackage, "kernel": kernel, "date": "2026-01-02", "set": "smoke",
+                "machine": "instructions",
                 "scenarios": {run_guest.TIMING: {"status": "passed", "measured": measured}}}
 
     def test_devices_hosts_and_measures_belong_to_the_scenario_that_said_them(self):

@@ -51,9 +51,9 @@ Histogram histogram_of(const std::string& text) {
 // the other in the same boot: both sleep to absolute times with real-time priority 80, 500 times a
 // second.
 TEST(Timing, OfTheServoLoopBesideCyclictest) {
-  constexpr double kSeconds = 6.0;
+  constexpr double kSeconds = 4.0;
   const ShellResult cyclictest = shell(
-      "cyclictest --quiet --mlockall --priority=80 --interval=2000 --duration=6 "
+      "cyclictest --quiet --mlockall --priority=80 --interval=2000 --duration=4 "
       "--histogram=200000");
   ASSERT_EQ(cyclictest.status, 0) << cyclictest.text;
   EXPECT_THAT(cyclictest.text, HasSubstr("# Histogram Overflows: 00000"));
