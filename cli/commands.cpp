@@ -34,6 +34,7 @@ int emulate_command(const EmulateOptions& options) {
   emulator.calibrated = options.calibrated;
   emulator.hand_carries_weight = !options.unsupported_weight;
   emulator.random_power_up_counters = options.random_counters;
+  emulator.firmware_loaded = options.firmware_loaded;
   emulator.contact_m = options.contact_m;
   // A parent process says for all of its children that real-time scheduling is refused.
   std::ostringstream unsaid;

@@ -18,6 +18,7 @@ struct EmulateOptions {
   std::string frame_order = "out-first";
   bool calibrated = false;
   bool random_counters = false;
+  bool firmware_loaded = false;
   bool unsupported_weight = false;
   std::array<double, 3> contact_m{};
   bool until_stdin_closes = false;

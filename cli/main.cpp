@@ -195,6 +195,8 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
   emulate.add_flag("--unsupported-weight", o.unsupported_weight,
                    "The hand does not bear the links' weight: the host compensates gravity");
   emulate.add_flag("--random-counters", o.random_counters, "Counters start anywhere");
+  emulate.add_flag("--firmware-loaded", o.firmware_loaded,
+                   "A Falcon's firmware runs from the start");
   emulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
                    "End when standard input ends, for a parent process");
   add_json(emulate, o.json);

@@ -109,7 +109,8 @@ void EmulatedFalcon::advance_physics(rt::TimePoint now) noexcept {
 
 Vector3d EmulatedFalcon::torque_Nm() const noexcept {
   const auto& commands = firmware_.commands();
-  return Vector3d(commands[0], commands[1], commands[2]) / -torque_gain_per_Nm_;
+  // Subtracted, so that no command is a torque of 0 rather than of -0.
+  return (Vector3d::Zero() - Vector3d(commands[0], commands[1], commands[2])) / torque_gain_per_Nm_;
 }
 
 void EmulatedFalcon::bus_reset(rt::TimePoint now) noexcept {

@@ -40,7 +40,7 @@ class OperatorScript {
     Eigen::Vector3d contact_D = Eigen::Vector3d::Zero();  ///< [m] frame D
     double approach_height_m = 0.010;                     ///< approach point above contact_D
     double contact_depth_m = 0.0005;                      ///< how far below contact_D the tool goes
-    std::optional<HomingGesture> homing;                  ///< nothing: a button calibrates
+    std::optional<HomingGesture> homing{};               ///< nothing: a button calibrates
   };
 
   /// What the operator sees of the device.

@@ -133,7 +133,7 @@ INSTANTIATE_TEST_SUITE_P(
                "above falcon.command_limit"},
         Broken{"center_m = [0.0, 0.0, 0.120]", "center_m = [0.0, 0.0, 0.140]",
                "limits.workspace_max_m", "beyond delta.joint_min_rad and joint_max_rad"},
-        Broken{"knob_stop_stiffness_N_per_m = 5000.0", "knob_stop_stiffness_N_per_m = 0",
+        Broken{"knob_stop_stiffness_N_per_m = 100000.0", "knob_stop_stiffness_N_per_m = 0",
                "dynamics.knob_stop_stiffness_N_per_m", "impossible"},
         Broken{"homing_instruction = \"Pull", "homing_instruction = \"\" # \"Pull",
                "falcon.homing_instruction", "0 characters"}));
