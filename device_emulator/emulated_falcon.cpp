@@ -121,6 +121,13 @@ void EmulatedFalcon::bus_reset(rt::TimePoint now) noexcept {
   bridge_.set_asked(false, now);
 }
 
+void EmulatedFalcon::power_cycle(rt::TimePoint now) noexcept {
+  bus_reset(now);
+  firmware_.power_up();
+}
+
+bool EmulatedFalcon::motors_on() const { return any(firmware_.commands()); }
+
 void EmulatedFalcon::press_calibration_button() noexcept {
   firmware_.set_buttons(kCentreButton);
   button_until_ = now_ + kButtonPress;

@@ -58,6 +58,9 @@ class EmulatedFalcon final : public EmulatedDevice,
   void advance_to(rt::TimePoint now) noexcept override;
   /// Resets the FT232R as opening it does: lines low, FIFOs empty, latency 16 ms.
   void bus_reset(rt::TimePoint now) noexcept override;
+  /// Both power supplies: the firmware has to be loaded again.
+  void power_cycle(rt::TimePoint now) noexcept override;
+  [[nodiscard]] bool motors_on() const override;
   /// The centre button, for kButtonPress.
   void press_calibration_button() noexcept override;
 

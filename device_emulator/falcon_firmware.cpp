@@ -66,13 +66,22 @@ void FalconFirmware::modem_lines_changed(const LineSettings& line,
   const bool rising = line.dtr && !dtr_;
   dtr_ = line.dtr;
   if (rising && near(line.baud_Hz, kBootBaud_Hz)) {
-    state_ = State::kCold;
-    greeting_matched_ = 0;
-    last_packet_.reset();
-    lights_ = 0;
-    homing_ = false;
-    cut_motors();
+    start_boot_loader();
   }
+}
+
+void FalconFirmware::start_boot_loader() noexcept {
+  state_ = State::kCold;
+  greeting_matched_ = 0;
+  last_packet_.reset();
+  lights_ = 0;
+  homing_ = false;
+  cut_motors();
+}
+
+void FalconFirmware::power_up() noexcept {
+  start_boot_loader();
+  lose_zeros();
 }
 
 void FalconFirmware::receive(std::uint8_t character, const LineSettings& line,

@@ -80,6 +80,9 @@ class FalconFirmware final : public SerialPeer {
   FalconFirmware(const profiles::DeviceProfile& profile, Board& board, std::uint64_t seed,
                  bool running, bool homed);
 
+  /// Power has gone and come back: cold, motors off, zeros lost.
+  void power_up() noexcept;
+
   void receive(std::uint8_t character, const LineSettings& line,
                rt::TimePoint time) noexcept override;
   void modem_lines_changed(const LineSettings& line, rt::TimePoint time) noexcept override;
@@ -112,6 +115,7 @@ class FalconFirmware final : public SerialPeer {
   void boot(std::uint8_t character, const LineSettings& line, rt::TimePoint time) noexcept;
   void load(std::uint8_t character, const LineSettings& line, rt::TimePoint time) noexcept;
   void load_word(std::uint16_t word) noexcept;
+  void start_boot_loader() noexcept;
   void start_firmware() noexcept;
   void run(std::uint8_t character, rt::TimePoint time) noexcept;
   void answer(rt::TimePoint time) noexcept;

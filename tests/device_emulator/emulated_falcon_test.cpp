@@ -152,6 +152,23 @@ TEST(EmulatedFalcon, FirmwareSurvivesTheHostAndDiesWithTheDtrSequence) {
   EXPECT_FALSE(client.probe(5));
 }
 
+TEST(EmulatedFalcon, PowerCycleLosesFirmwareZerosAndForce) {
+  SimulatedFalconWire wire(ready_options());
+  FalconClient client(wire);
+  client.enter_normal_mode();
+  FalconState state;
+  ASSERT_TRUE(client.exchange({500, 0, 0}, 0, true, state));
+  EXPECT_TRUE(wire.device.motors_on());
+  EXPECT_EQ(state.homed, 7);
+  wire.device.power_cycle(wire.now);
+  EXPECT_FALSE(wire.device.motors_on());
+  EXPECT_EQ(wire.device.firmware().state(), FalconFirmware::State::kCold);
+  EXPECT_EQ(wire.device.bridge().latency_ms(), 16);
+  ASSERT_TRUE(client.start_up(FalconClient::image_without_blocks()));
+  ASSERT_TRUE(client.exchange({0, 0, 0}, 0, true, state));
+  EXPECT_EQ(state.homed, 0);
+}
+
 TEST(EmulatedFalcon, CountersAreOffByARandomOffsetUntilTheOperatorHasHomed) {
   auto options = falcon_options();
   options.firmware_loaded = true;

@@ -59,6 +59,52 @@ TEST_F(OperatorScriptTest, ApproachesTouchesWaitsAndMovesAfterCalibration) {
   EXPECT_EQ(script_.phase(), OperatorScript::Phase::kMoving);
 }
 
+TEST_F(OperatorScriptTest, PullsOutAndPushesInUntilTheDeviceIsHomedAndThenApproaches) {
+  const OperatorScript::HomingGesture gesture{.out_D = {0.09, 0.0, 0.2}, .in_D = {-0.02, 0.0, 0.2}};
+  options_.homing = gesture;
+  script_ = OperatorScript(options_, home_D_);
+  Vector3d last_D = home_D_;
+  Vector3d target_D = home_D_;
+  const auto run_to = [&](int from_ms, int to_ms, bool homed) {
+    for (int ms = from_ms; ms <= to_ms; ++ms) {
+      const auto action =
+          script_.update(rt::TimePoint(milliseconds(ms)), {.host_present = true, .homed = homed});
+      EXPECT_FALSE(action.press_button);
+      target_D = action.target_D;
+      EXPECT_LT((target_D - last_D).norm(), 0.6e-3) << ms << ": the target never jumps";
+      last_D = target_D;
+    }
+  };
+  // It begins at 0.2 s; a stroke takes 1.5 s and is followed by 0.3 s of rest.
+  run_to(0, 199, false);
+  EXPECT_EQ(target_D, home_D_);
+  run_to(200, 1750, false);
+  EXPECT_LT((target_D - gesture.out_D).norm(), 1e-9);
+  run_to(1751, 3550, false);
+  EXPECT_LT((target_D - gesture.in_D).norm(), 1e-9);
+  run_to(3551, 5350, false);
+  EXPECT_LT((target_D - gesture.out_D).norm(), 1e-9) << "again, as long as it is not homed";
+  EXPECT_EQ(script_.phase(), OperatorScript::Phase::kCalibrating);
+  run_to(5351, 6000, false);
+  run_to(6001, 7210, true);  // homed in mid-stroke; 1.2 s to come back
+  EXPECT_EQ(script_.phase(), OperatorScript::Phase::kApproaching);
+  run_to(7211, 9500, true);
+  EXPECT_EQ(script_.phase(), OperatorScript::Phase::kMoving);
+}
+
+TEST_F(OperatorScriptTest, GoesHomeWhenTheHostLeavesWithinTheHomingGesture) {
+  options_.homing =
+      OperatorScript::HomingGesture{.out_D = {0.09, 0.0, 0.2}, .in_D = {-0.02, 0.0, 0.2}};
+  script_ = OperatorScript(options_, home_D_);
+  for (int ms = 0; ms <= 1000; ++ms) {
+    (void)at(ms, true, 0);
+  }
+  EXPECT_GT((at(1001, false, 0).target_D - home_D_).norm(), 0.01) << "from where it is";
+  EXPECT_EQ(script_.phase(), OperatorScript::Phase::kReturning);
+  EXPECT_EQ(at(2300, false, 0).target_D, home_D_);
+  EXPECT_EQ(script_.phase(), OperatorScript::Phase::kWaiting);
+}
+
 TEST_F(OperatorScriptTest, CalibratedDevicesNeedNoButton) {
   options_.calibrated = true;
   script_ = OperatorScript(options_, home_D_);
