@@ -5,9 +5,10 @@
 
 #include <array>
 #include <cmath>
+#include <memory>
 
 #include "bench/ratios.h"
-#include "forcegrid/forcegrid_method.h"
+#include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
 #include "servo_loop/servo_loop.h"
 
@@ -41,12 +42,12 @@ void servo_cycle(benchmark::State& state) {
   grid.grid.max_W = servo::vector(profile.limits.workspace_max_m);
   grid.grid.cells.setConstant(49);
   grid.influence_radius_m = 0.16 / 6;
-  ForcegridMethod method(grid);
+  const std::unique_ptr<ForceMethod> method = make_force_method("forcegrid", grid);
   CountsOnly device;
   servo::ServoPorts ports;
   servo::ServoOptions options;
   options.fill_budget = 64;
-  servo::ServoLoop loop(device, profile, {&method}, ports, options);
+  servo::ServoLoop loop(device, profile, {method.get()}, ports, options);
   rt::TimePoint now = rt::Clock::now();
   std::int64_t cycle = 0;
   servo::CycleRecord record;

@@ -10,9 +10,13 @@
 #include "bench/openvdb_peer.h"
 #include "bench/ratios.h"
 #include "forcegrid/force_grid.h"
+#include "forcegrid/mls_grid.h"
 
 namespace forcegrid::bench {
 namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
 
 constexpr int kVertices = 50;
 constexpr int kPositions = 4096;
@@ -25,6 +29,37 @@ GridGeometry paper_geometry() {
   geometry.max_W.setConstant(0.16);
   geometry.cells.setConstant(kVertices - 1);
   return geometry;
+}
+
+constexpr int kEnough = 1 << 20;  // units: a whole fill
+
+CandleLight paper_light() {
+  CandleLight light;
+  light.influence_radius_m = kRadius_m;
+  light.mean_spacing_m = kSpacing_m;
+  return light;
+}
+
+const Vector3i kVerticesAnAxis = Vector3i::Constant(kVertices);
+
+using DenseGrid = ForceGrid<DenseStorage<ForceSegment>>;
+using BlockGrid = ForceGrid<BlockStorage<ForceSegment>>;
+using MomentGrid = MlsGrid<DenseStorage<MomentSegment>>;
+
+DenseGrid dense_grid(Instructions instructions = Instructions::kBest) {
+  return {paper_geometry(), paper_light(), DenseStorage<ForceSegment>(kVerticesAnAxis, false),
+          Interpolation::kTrilinear, instructions};
+}
+
+BlockGrid block_grid() {
+  return {paper_geometry(), paper_light(),
+          BlockStorage<ForceSegment>(kVerticesAnAxis, false,
+                                     BlockStorage<ForceSegment>::block_count(kVerticesAnAxis))};
+}
+
+MomentGrid moment_grid(Instructions instructions = Instructions::kBest) {
+  return {paper_geometry(), paper_light(), 1e-5,
+          DenseStorage<MomentSegment>(kVerticesAnAxis, false), instructions};
 }
 
 const std::vector<std::array<double, 3>>& index_positions() {
@@ -40,31 +75,38 @@ const std::vector<std::array<double, 3>>& index_positions() {
   return positions;
 }
 
-const std::vector<Eigen::Vector3d>& metric_positions() {
+const std::vector<Vector3d>& metric_positions() {
   static const auto positions = [] {
-    std::vector<Eigen::Vector3d> result;
+    std::vector<Vector3d> result;
     for (const auto& p : index_positions()) {
-      result.push_back(Eigen::Vector3d(p[0], p[1], p[2]) * kSpacing_m);
+      result.push_back(Vector3d(p[0], p[1], p[2]) * kSpacing_m);
     }
     return result;
   }();
   return positions;
 }
 
-void forcegrid_query(benchmark::State& state) {
-  ForceGrid grid(paper_geometry(), {kRadius_m, 0.001});
+template <typename Grid>
+void fill(Grid& grid, const Vector3d& position_W, const Vector3d& force_W) {
+  Sample sample;
+  sample.position_W = position_W;
+  sample.force_W = force_W;
+  GridFill one = grid.begin_fill(sample, false);
+  grid.continue_fill(one, kEnough);
+}
+
+// Reads a grid that is filled everywhere, at random positions.
+template <typename Grid, typename Read>
+void query(benchmark::State& state, Grid grid, Read read) {
   for (const auto& p : metric_positions()) {
-    ForceGrid::Fill fill;
-    if (grid.begin_fill(p, Eigen::Vector3d(1.0, std::sin(p.x() * 100), 3.0), fill)) {
-      grid.continue_fill(fill, 1 << 20);
-    }
+    fill(grid, p, Vector3d(1.0, std::sin(p.x() * 100), 3.0));
   }
   for (auto _ : state) {
     double x = 0.0;
     double y = 0.0;
     double z = 0.0;
-    for (const Eigen::Vector3d& p : metric_positions()) {
-      const ForceEstimate estimate = grid.sample(p);
+    for (const Vector3d& p : metric_positions()) {
+      const ForceEstimate estimate = read(grid, p);
       x += estimate.force_W.x();
       y += estimate.force_W.y();
       z += estimate.force_W.z();
@@ -73,7 +115,36 @@ void forcegrid_query(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * kPositions);
 }
+
+void forcegrid_query(benchmark::State& state) {
+  query(state, dense_grid(),
+        [](const DenseGrid& grid, const Vector3d& p) { return grid.sample(p); });
+}
 BENCHMARK(forcegrid_query);
+
+void forcegrid_query_blocks(benchmark::State& state) {
+  query(state, block_grid(),
+        [](const BlockGrid& grid, const Vector3d& p) { return grid.sample(p); });
+}
+BENCHMARK(forcegrid_query_blocks);
+
+void forcegrid_query_tricubic(benchmark::State& state) {
+  query(state, dense_grid(),
+        [](const DenseGrid& grid, const Vector3d& p) { return grid.sample_tricubic(p); });
+}
+BENCHMARK(forcegrid_query_tricubic);
+
+void forcegrid_mls_query(benchmark::State& state) {
+  query(state, moment_grid(),
+        [](const MomentGrid& grid, const Vector3d& p) { return grid.read(p); });
+}
+BENCHMARK(forcegrid_mls_query);
+
+void forcegrid_mls_query_scalar(benchmark::State& state) {
+  query(state, moment_grid(Instructions::kScalar),
+        [](const MomentGrid& grid, const Vector3d& p) { return grid.read(p); });
+}
+BENCHMARK(forcegrid_mls_query_scalar);
 
 // The least a trilinear read can do: eight aligned loads of four floats and their weighted sum.
 // No bounds, no status, positions already in cells and single precision.
@@ -124,12 +195,12 @@ void openvdb_box_sampler_query(benchmark::State& state) {
 BENCHMARK(openvdb_box_sampler_query);
 
 // All vertices of the grid that a fill at `centre` can reach.
-std::vector<Eigen::Vector3d> vertices_around(const Eigen::Vector3d& centre) {
-  std::vector<Eigen::Vector3d> result;
+std::vector<Vector3d> vertices_around(const Vector3d& centre) {
+  std::vector<Vector3d> result;
   for (int i = 0; i < kVertices; ++i) {
     for (int j = 0; j < kVertices; ++j) {
       for (int k = 0; k < kVertices; ++k) {
-        const Eigen::Vector3d vertex = Eigen::Vector3d(i, j, k) * kSpacing_m;
+        const Vector3d vertex = Vector3d(i, j, k) * kSpacing_m;
         if ((vertex - centre).cwiseAbs().maxCoeff() <= 2.0 * kRadius_m) {
           result.push_back(vertex);
         }
@@ -139,25 +210,35 @@ std::vector<Eigen::Vector3d> vertices_around(const Eigen::Vector3d& centre) {
   return result;
 }
 
-// One sample spread over its sphere at the grid's centre, r = 1/6 of the workspace.
-void forcegrid_fill_vertex(benchmark::State& state) {
-  ForceGrid grid(paper_geometry(), {kRadius_m, 0.001});
-  Eigen::Vector3d at = Eigen::Vector3d::Constant(0.08);
+// One sample after the other spread over its sphere at the grid's centre, r = 1/6 of the workspace.
+template <typename Grid>
+void fill_vertex(benchmark::State& state, Grid grid) {
+  Vector3d at = Vector3d::Constant(0.08);
   // Items are the vertices that change, those within r; a fill visits some more on its way.
   std::int64_t within_r = 0;
-  for (const Eigen::Vector3d& vertex : vertices_around(at)) {
+  for (const Vector3d& vertex : vertices_around(at)) {
     within_r += (vertex - at).norm() < kRadius_m ? 1 : 0;
   }
   for (auto _ : state) {
     at.x() = 0.160 - at.x();
-    ForceGrid::Fill fill;
-    if (grid.begin_fill(at, Eigen::Vector3d(1, 2, 3), fill)) {
-      grid.continue_fill(fill, 1 << 20);
-    }
+    fill(grid, at, Vector3d(1, 2, 3));
   }
   state.SetItemsProcessed(state.iterations() * within_r);
 }
+
+void forcegrid_fill_vertex(benchmark::State& state) { fill_vertex(state, dense_grid()); }
 BENCHMARK(forcegrid_fill_vertex);
+
+void forcegrid_fill_vertex_scalar(benchmark::State& state) {
+  fill_vertex(state, dense_grid(Instructions::kScalar));
+}
+BENCHMARK(forcegrid_fill_vertex_scalar);
+
+void forcegrid_fill_vertex_blocks(benchmark::State& state) { fill_vertex(state, block_grid()); }
+BENCHMARK(forcegrid_fill_vertex_blocks);
+
+void forcegrid_mls_fill_vertex(benchmark::State& state) { fill_vertex(state, moment_grid()); }
+BENCHMARK(forcegrid_mls_fill_vertex);
 
 // The least an update of the same vertices can do: read, add, write, in the same order.
 void bare_read_modify_write_vertex(benchmark::State& state) {
@@ -195,11 +276,18 @@ BENCHMARK(bare_read_modify_write_vertex);
 
 const bool registered = [] {
   report_time("bare_trilinear_query", "the yardstick");
-  report_time("forcegrid_query", "");
-  report_time("forcegrid_fill_vertex", "<= 4 ns");
+  report_time("forcegrid_query", "<= 8 ns");
+  report_time("forcegrid_query_tricubic", "");
+  report_time("forcegrid_mls_query", "");
+  report_time("forcegrid_fill_vertex", "<= 2 ns");
+  report_time("forcegrid_mls_fill_vertex", "");
   report_ratio("forcegrid_query", "openvdb_box_sampler_query", "<= 0.2");
   report_ratio("forcegrid_query", "bare_trilinear_query", "<= 1.5");
+  report_ratio("forcegrid_query_blocks", "forcegrid_query", "<= 1.5");
+  report_ratio("forcegrid_mls_query", "forcegrid_mls_query_scalar", "");
   report_ratio("forcegrid_fill_vertex", "bare_read_modify_write_vertex", "(stated)");
+  report_ratio("forcegrid_fill_vertex", "forcegrid_fill_vertex_scalar", "");
+  report_ratio("forcegrid_fill_vertex_blocks", "forcegrid_fill_vertex", "");
   return true;
 }();
 

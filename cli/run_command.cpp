@@ -21,7 +21,6 @@
 #include "driver/device_url.h"
 #include "driver/discovery.h"
 #include "driver/open_device.h"
-#include "forcegrid/forcegrid_method.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
 #include "rt/thread.h"
@@ -463,9 +462,8 @@ int run_command(const RunOptions& options) {
     summary.notes.push_back("only the last " + std::to_string(summary.cycles_kept) +
                             " cycles were kept; errors, CSV and picture are theirs");
   }
-  if (const auto* rendered = dynamic_cast<const ForcegridMethod*>(methods.front())) {
-    summary.grid_counts = {rendered->fills_cut_short(), rendered->samples_over_threshold(),
-                           rendered->samples_outside()};
+  for (const NamedCounter& counter : methods.front()->counters()) {
+    summary.counters[counter.name] = counter.value;
   }
   say(loop_text(summary, telemetry.statistics()));
 

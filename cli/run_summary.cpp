@@ -16,6 +16,11 @@ __attribute__((format(printf, 2, 3))) void append(std::string& text, const char*
   text += line;
 }
 
+std::uint64_t counter(const RunSummary& summary, const std::string& name) {
+  const auto found = summary.counters.find(name);
+  return found == summary.counters.end() ? 0 : found->second;
+}
+
 nlohmann::json percentiles_json(const rt::Percentiles& p) {
   return {{"p50", p.at(0.5)}, {"p99", p.at(0.99)}, {"p999", p.at(0.999)},
           {"max", p.max()},   {"mean", p.mean()},  {"count", p.count()}};
@@ -90,12 +95,26 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
     append(text, "%" PRIu64 " samples came faster than the servo takes them and were dropped\n",
            summary.samples_overrun);
   }
-  const auto& [cut_short, over_threshold, outside] = summary.grid_counts;
+  const std::uint64_t cut_short = counter(summary, "fills_cut_short");
+  const std::uint64_t over_threshold = counter(summary, "samples_over_threshold");
+  const std::uint64_t outside = counter(summary, "samples_outside");
   if (cut_short + over_threshold + outside > 0) {
     append(text,
            "Grid: %" PRIu64 " fills cut short (raise --fill-budget), %" PRIu64
            " samples over the threshold s, %" PRIu64 " outside the grid\n",
            cut_short, over_threshold, outside);
+  }
+  if (const std::uint64_t recycled = counter(summary, "blocks_recycled"); recycled > 0) {
+    append(text,
+           "Grid: %" PRIu64
+           " blocks were emptied to make room for others (use a larger pool=, fewer cells or a "
+           "smaller r)\n",
+           recycled);
+  }
+  if (const std::uint64_t unusable = counter(summary, "samples_unusable"); unusable > 0) {
+    append(text,
+           "Method: %" PRIu64 " samples were of no use to it (not finite, or without stiffness)\n",
+           unusable);
   }
   for (const std::string& note : summary.notes) {
     text += "Note: " + note + "\n";
@@ -217,9 +236,10 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
     result["rendered_status_cycles"][to_string(static_cast<EstimateStatus>(i))] =
         statistics.rendered_status[i];
   }
-  result["grid"] = {{"fills_cut_short", summary.grid_counts[0]},
-                    {"samples_over_threshold", summary.grid_counts[1]},
-                    {"samples_outside", summary.grid_counts[2]}};
+  result["grid"] = {{"fills_cut_short", counter(summary, "fills_cut_short")},
+                    {"samples_over_threshold", counter(summary, "samples_over_threshold")},
+                    {"samples_outside", counter(summary, "samples_outside")}};
+  result["counters"] = summary.counters;
   result["truth_details"] = summary.truth_details.value_or(json());
   result["emulator"] = summary.emulator.value_or(json());
   result["simulator"] = summary.simulator.value_or(json());

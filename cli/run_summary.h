@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -38,12 +37,11 @@ struct RunSummary {
   double worst_solve_time_s = 0.0;
   std::uint64_t records_lost = 0;
   std::uint64_t cycles_kept = 0;
-  std::uint64_t samples_overrun = 0;  ///< accepted, but the servo's ring was full
-  /// Of a rendered forcegrid: fills cut short, samples over the threshold s, samples outside.
-  std::array<std::uint64_t, 3> grid_counts{};
-  std::vector<std::string> notes;           ///< degradations, one sentence each
-  std::optional<nlohmann::json> emulator;   ///< its own report
-  std::optional<nlohmann::json> simulator;  ///< its own report
+  std::uint64_t samples_overrun = 0;              ///< accepted, but the servo's ring was full
+  std::map<std::string, std::uint64_t> counters;  ///< what the rendered method counts, by name
+  std::vector<std::string> notes;                 ///< degradations, one sentence each
+  std::optional<nlohmann::json> emulator;         ///< its own report
+  std::optional<nlohmann::json> simulator;        ///< its own report
   std::map<std::string, MethodError> errors;
   double force_rms_N = 0.0;  ///< of |F_o|
   double force_max_N = 0.0;

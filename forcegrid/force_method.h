@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <span>
 
 namespace forcegrid {
 
@@ -40,6 +41,12 @@ struct MethodNeeds {
   bool requests = false;   ///< answers at positions of its own choice, see plan_request()
 };
 
+/// Something that a method counts since it was made, e.g. samples that it could not use.
+struct NamedCounter {
+  const char* name = "";  ///< as a key of summaries, e.g. "samples_outside"; static text
+  std::uint64_t value = 0;
+};
+
 struct ForceEstimate {
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();  ///< zero unless kOk or kPartlyKnown
   EstimateStatus status = EstimateStatus::kUnknown;
@@ -62,6 +69,9 @@ class ForceMethod {
 
   /// Bytes that it holds, itself included; fixed from construction on.
   virtual std::size_t memory_bytes() const noexcept = 0;
+
+  /// What the method counts; the names and their order never change. Valid as long as the method.
+  virtual std::span<const NamedCounter> counters() const noexcept { return {}; }
 
   /// Takes in one sample. Non-finite samples and those older than the newest taken in are ignored
   /// unless a method says otherwise. The method keeps what it can't use at once for work().

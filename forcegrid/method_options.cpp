@@ -113,6 +113,8 @@ void set_option(MethodOptions& options, const std::string& word) {
                                           {{"dense", GridStorage::kDense},
                                            {"blocks", GridStorage::kBlocks},
                                            {"adaptive", GridStorage::kAdaptive}});
+  } else if (key == "pool") {
+    options.pool_blocks = whole_number(word, value, 1, 1 << 22);
   } else if (key == "cells") {
     std::string_view rest = value;
     for (int axis = 0; axis < 3; ++axis) {
@@ -139,8 +141,8 @@ void set_option(MethodOptions& options, const std::string& word) {
     options.spacing_N = positive(word, plain_number(word, value));
   } else {
     refuse(word,
-           "known keys are unit, r, s, weight, read, storage, cells, ridge, nug, samples, spacing, "
-           "spacing_N");
+           "known keys are unit, r, s, weight, read, storage, pool, cells, ridge, nug, samples, "
+           "spacing, spacing_N");
   }
 }
 

@@ -4,20 +4,11 @@
 #include <string>
 #include <string_view>
 
+#include "forcegrid/candle_light.h"
 #include "forcegrid/force_grid.h"
+#include "forcegrid/grid_geometry.h"
 
 namespace forcegrid {
-
-/// How a grid method's weight falls with the distance d from a sample, within r; h is the geometric
-/// mean of the grid's spacings. Names on the command line: paper, idw4, idw6.
-enum class WeightKind {
-  kPaper,     ///< CandleLight's
-  kInverse4,  ///< (1 - d/r)^2 / (0.05 + (d/h)^4)
-  kInverse6,  ///< (1 - d/r)^2 / (0.05 + (2 d/h)^6)
-};
-
-/// How a grid is read. Names: trilinear, tricubic.
-enum class Interpolation { kTrilinear, kTricubic };
 
 /// Where a grid's vertices live. Names: dense, blocks, adaptive.
 enum class GridStorage {
@@ -37,6 +28,8 @@ struct MethodOptions {
   int samples_per_cell = 0;          ///< the paper's s; 0: no threshold
   Interpolation interpolation = Interpolation::kTrilinear;
   GridStorage storage = GridStorage::kDense;
+  /// Blocks of block storage; 0: 64 MiB of them, or what four fills need up to 256 MiB.
+  int pool_blocks = 0;
   std::optional<double> ridge;   ///< forcegrid-mls: 1e-5
   std::optional<double> nugget;  ///< kriging: noise variance [N^2] a sample, 1e-5
 
@@ -49,8 +42,9 @@ struct MethodOptions {
 };
 
 /// A method's name with changes to its options, as people write it: "forcegrid unit=m s=3".
-/// Keys: unit (m, cells, mm or a length such as 2mm), r (30mm), s, weight, read, storage, cells
-/// (X,Y,Z or one number for all), ridge, nug, samples, spacing (1mm), spacing_N (0.1).
+/// Keys: unit (m, cells, mm or a length such as 2mm), r (30mm), s, weight, read, storage, pool
+/// (blocks), cells (X,Y,Z or one number for all), ridge, nug, samples, spacing (1mm), spacing_N
+/// (0.1).
 struct MethodVariant {
   std::string text;  ///< as given, blanks put in order
   std::string name;  ///< of the method

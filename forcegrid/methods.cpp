@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "forcegrid/affine_methods.h"
-#include "forcegrid/forcegrid_method.h"
+#include "forcegrid/grid_factory.h"
 #include "forcegrid/hold_method.h"
 #include "forcegrid/kriging_method.h"
 #include "forcegrid/linear_method.h"
@@ -26,9 +26,9 @@ std::unique_ptr<ForceMethod> plain(const MethodOptions& /*options*/) {
   return std::make_unique<Method>();
 }
 
-template <typename Method>
-std::unique_ptr<ForceMethod> with_options(const MethodOptions& options) {
-  return std::make_unique<Method>(options);
+template <GridMethodKind kKind>
+std::unique_ptr<ForceMethod> on_a_grid(const MethodOptions& options) {
+  return make_grid_method(kKind, options);
 }
 
 template <KrigingMethod::Kind kKind>
@@ -50,7 +50,10 @@ std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
 }
 
 constexpr NamedMethod kMethods[] = {
-    {"forcegrid", with_options<ForcegridMethod>},
+    {"forcegrid", on_a_grid<GridMethodKind::kSilent>},
+    {"forcegrid+request", on_a_grid<GridMethodKind::kRequest>},
+    {"forcegrid-mls", on_a_grid<GridMethodKind::kMls>},
+    {"forcegrid-tangent", on_a_grid<GridMethodKind::kTangent>},
     {"hold", plain<HoldMethod>},
     {"linear", plain<LinearMethod>},
     {"secant", plain<SecantMethod>},

@@ -25,8 +25,15 @@ TEST(ForceMethods, NeverAllocateAfterConstruction) {
   options.grid.cells = Eigen::Vector3i::Constant(20);
   options.influence_radius_m = 0.02;
   options.samples_per_cell = 3;
-  for (const std::string& name : method_names()) {
-    const auto method = make_force_method(name, options);
+  std::vector<std::string> variants = method_names();
+  for (const char* variant :
+       {"forcegrid storage=blocks", "forcegrid-tangent storage=adaptive read=tricubic",
+        "forcegrid+request storage=blocks read=tricubic", "forcegrid-mls storage=blocks"}) {
+    variants.emplace_back(variant);
+  }
+  for (const std::string& name : variants) {
+    const MethodVariant variant = parse_method_variant(name, options);
+    const auto method = make_force_method(variant.name, variant.options);
     double sum = 0.0;
     AllocationCount count;
     for (int i = 0; i < 200; ++i) {
@@ -43,6 +50,8 @@ TEST(ForceMethods, NeverAllocateAfterConstruction) {
       method->take_sample(sample);
       method->observe(i, at);
       method->work(100);
+      Eigen::Vector3d wanted_W;
+      sum += method->plan_request(i, at, wanted_W) ? 1.0 : 0.0;
       sum += method->force(i, at).force_W.x();
     }
     method->contact_lost();
