@@ -10,6 +10,7 @@
 #include "cli/evaluate_command.h"
 #include "cli/run_command.h"
 #include "cli/stop_request.h"
+#include "device_emulator/fault_spec.h"
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
@@ -58,6 +59,20 @@ CLI::Validator method_variant() {
         }
       },
       "METHOD [KEY=VALUE...]");
+}
+
+// What an emulated device shall do wrong.
+CLI::Validator fault_spec() {
+  return CLI::Validator(
+      [](std::string& input) {
+        try {
+          static_cast<void>(emulator::parse_fault(input));
+          return std::string();
+        } catch (const std::invalid_argument& error) {
+          return std::string(error.what());
+        }
+      },
+      "NAME[:KEY=VALUE,...]");
 }
 
 // `--json [FILE]` of every command.
@@ -159,6 +174,20 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
   run.add_option("--frame-order", o.frame_order, "Emulated bus: " + joined(kFrameOrders))
       ->check(CLI::IsMember(kFrameOrders))
       ->capture_default_str();
+  run.add_option(
+         "--fault", o.faults,
+         "Make the emulated device misbehave; may be repeated, see forcegrid emulate --help")
+      ->check(fault_spec())
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  run.add_flag("--no-motor-check", o.no_motor_check,
+               "Do not give each motor a few short pushes before the first force");
+  run.add_flag("--reconnect", o.reconnect,
+               "When the device vanishes or falls silent, wait for it and go on");
+  run.add_option("--reconnect-timeout", o.reconnect_timeout_s,
+                 "How long to wait for it, in seconds")
+      ->check(between(0.0, 86400.0))
+      ->capture_default_str();
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->capture_default_str();
   run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");
@@ -192,6 +221,15 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
       ->delimiter(',')
       ->capture_default_str();
   emulate.add_flag("--calibrated", o.calibrated, "Counters are right from the start");
+  emulate
+      .add_option("--fault", o.faults,
+                  "Misbehave; may be repeated. Any fault takes when=motors (in mid-force), "
+                  "when=power-up or when=SECONDS, for=SECONDS, count=N. The faults, with their own "
+                  "keys and defaults:\n" +
+                      emulator::fault_names_text())
+      ->check(fault_spec())
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   emulate.add_flag("--unsupported-weight", o.unsupported_weight,
                    "The hand does not bear the links' weight: the host compensates gravity");
   emulate.add_flag("--random-counters", o.random_counters, "Counters start anywhere");
@@ -272,7 +310,8 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (!action) {
-      throw CLI::RequiredError("a subcommand: run, emulate, simulate, kinematics, evaluate or chart");
+      throw CLI::RequiredError(
+          "a subcommand: run, emulate, simulate, kinematics, evaluate or chart");
     }
   } catch (const CLI::ParseError& error) {
     const int code = app.exit(error);

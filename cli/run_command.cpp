@@ -9,12 +9,14 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <thread>
 
 #include "cli/child_process.h"
 #include "cli/figures.h"
+#include "cli/reconnect.h"
 #include "cli/run_summary.h"
 #include "cli/stop_request.h"
 #include "driver/calibration.h"
@@ -101,6 +103,9 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
                                         "--json"};
   if (options.calibrated) {
     arguments.push_back("--calibrated");
+  }
+  for (const std::string& fault : options.faults) {
+    arguments.insert(arguments.end(), {"--fault", fault});
   }
   if (options.gravity_compensation) {
     arguments.push_back("--unsupported-weight");  // else two would carry it
@@ -308,12 +313,17 @@ int run_command(const RunOptions& options) {
     throw std::runtime_error("--profile " + options.profile + " contradicts --device " +
                              options.device + "; an emulated device brings its own profile");
   }
+  if (!emulated && !options.faults.empty()) {
+    throw std::runtime_error("--fault " + options.faults.front() +
+                             ": only an emulated device has faults on demand; use --device " +
+                             "emulated:PROFILE, or give --fault to forcegrid emulate");
+  }
   const profiles::DeviceProfile profile = profiles::load_device_profile(profile_name);
   const driver::falcon::Firmware firmware = firmware_for(options, profile, emulated);
   if (options.gravity_compensation && profile.kind == profiles::DeviceKind::kDelta) {
     throw std::runtime_error(
-        "--gravity-compensation: the masses of the Falcon's moving parts are not known; leave it "
-        "out");
+        "--gravity-compensation: the masses of the Falcon's moving parts are "
+        "not known; leave it out");
   }
 
   RunSummary summary;
@@ -330,6 +340,7 @@ int run_command(const RunOptions& options) {
   servo_options.simulator_rate_Hz = options.simulator_rate_Hz;
   servo_options.report_timeout = milliseconds(options.device_timeout_ms);
   servo_options.gravity_compensation = options.gravity_compensation;
+  servo_options.check_motors = !options.no_motor_check;
   const MethodOptions base = method_options(options, profile, servo_options.workspace);
   std::vector<std::unique_ptr<ForceMethod>> owned;
   std::vector<ForceMethod*> methods;
@@ -376,8 +387,10 @@ int run_command(const RunOptions& options) {
   // Filling locked memory may take longer than a device may be silent, so it comes before the
   // device. A refusal is reported by the loop, which asks again.
   static_cast<void>(rt::lock_memory());
-  const std::unique_ptr<driver::Device> device =
+  std::unique_ptr<driver::Device> device =
       open(url, profile, firmware, options.device_timeout_ms, realtime_refused.empty());
+  // Now, while it is there: where it is to be found again.
+  const std::string url_again = options.reconnect ? driver::lasting_url(url, profile) : url;
   say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
       ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
   // A Falcon says itself whether its axes are homed, and has no force before.
@@ -409,21 +422,72 @@ int run_command(const RunOptions& options) {
   servo::ServoLoop loop(*device, profile, methods, ports, servo_options);
   link.start();
   telemetry.start();
-  std::atomic<bool> ended{false};
-  std::thread servo_thread([&] {
-    summary.outcome = loop.run(StopRequest::stop(), options.seconds);
-    ended = true;
-  });
-  while (!ended) {
-    std::this_thread::sleep_for(milliseconds(20));
-    if (simulator && summary.notes.empty() && !simulator->running()) {
-      std::string how = simulator->abnormal_end();
-      summary.notes.push_back("the simulator process " + (how.empty() ? "ended" : how) +
-                              " during the run; the force faded to zero");
-      say(summary.notes.back() + "\n");
+  bool simulator_is_gone = false;
+  // Runs the loop until it ends by itself.
+  const auto run_loop = [&](double for_s) {
+    std::atomic<bool> ended{false};
+    servo::ServoOutcome outcome;
+    std::thread servo_thread([&] {
+      outcome = loop.run(StopRequest::stop(), for_s);
+      ended = true;
+    });
+    while (!ended) {
+      std::this_thread::sleep_for(milliseconds(20));
+      if (simulator && !simulator_is_gone && !simulator->running()) {
+        simulator_is_gone = true;
+        std::string how = simulator->abnormal_end();
+        summary.notes.push_back("the simulator process " + (how.empty() ? "ended" : how) +
+                                " during the run; the force faded to zero");
+        say(summary.notes.back() + "\n");
+      }
     }
+    servo_thread.join();
+    return outcome;
+  };
+  double left_s = options.seconds;
+  for (;;) {
+    const rt::TimePoint begun = rt::Clock::now();
+    const std::uint64_t missed_before = summary.outcome.missed_deadlines;
+    summary.outcome = run_loop(left_s);
+    summary.outcome.missed_deadlines += missed_before;
+    const rt::TimePoint ended = rt::Clock::now();
+    left_s -= options.seconds > 0.0 ? rt::seconds(ended - begun) : 0.0;
+    const servo::Fault fault = summary.outcome.fault;
+    if (!options.reconnect || !servo::may_be_over_after_reconnecting(fault) ||
+        StopRequest::stop() || (options.seconds > 0.0 && left_s <= 0.0)) {
+      break;
+    }
+    say(servo::sentence_for(fault) + " (" + summary.outcome.device_failure +
+        ")\nWaiting for the device, at most " +
+        std::to_string(std::lround(options.reconnect_timeout_s)) + " s; Ctrl-C ends it.\n");
+    Reconnect how;
+    how.open = [&] {
+      return open(url_again, profile, firmware, options.device_timeout_ms,
+                  realtime_refused.empty());
+    };
+    how.cancelled = [] { return StopRequest::stop().load(); };
+    how.say = say;
+    how.profile = &profile;
+    how.before = device->identity();
+    how.last_counts = device->newest_report().counts;
+    how.may_calibrate = !options.calibrated || is_falcon(profile);
+    how.timeout = rt::from_seconds(options.reconnect_timeout_s);
+    driver::add(summary.device_statistics, device->statistics());
+    device.reset();
+    Reconnected again = reconnect(how);
+    if (!again.device) {
+      summary.notes.push_back("not connected again: " + again.why_not);
+      break;
+    }
+    device = std::move(again.device);
+    loop.continue_with(*device);
+    summary.recovered.push_back(
+        {fault, summary.outcome.device_failure, ended.time_since_epoch().count()});
+    summary.recalibrations += again.recalibrated ? 1 : 0;
+    say("The device is back" +
+        std::string(again.recalibrated ? " and calibrated" : ", its counters are as they were") +
+        "; the force ramps in.\n");
   }
-  servo_thread.join();
   StopRequest::main_part_is_over();
   link.stop();
   telemetry.stop();
@@ -432,7 +496,9 @@ int run_command(const RunOptions& options) {
   if (!summary.outcome.memory_lock_refused.empty()) {
     summary.notes.push_back(summary.outcome.memory_lock_refused);
   }
-  summary.device_statistics = device->statistics();
+  if (device) {
+    driver::add(summary.device_statistics, device->statistics());
+  }
   summary.link = link.statistics();
   summary.samples_not_converged = link.samples_not_converged();
   summary.worst_relative_residual = link.worst_relative_residual();
@@ -448,14 +514,21 @@ int run_command(const RunOptions& options) {
     summary.notes.push_back("no sample came from " + simulator_address +
                             "; is a simulator listening there?");
   }
-  if (summary.outcome.fault != servo::Fault::kNone) {
-    const std::string flight = options.out + "/flight_record.csv";
+  const auto write_flight_record = [&](const std::string& name, std::int64_t end_ns) {
+    const std::string flight = options.out + "/" + name;
     try {
-      telemetry.write_flight_record(flight);
+      telemetry.write_flight_record(flight, servo::Telemetry::kFlightRecord_s, end_ns);
       summary.files.push_back(flight);
     } catch (const std::runtime_error& error) {
       summary.notes.push_back(error.what());
     }
+  };
+  for (std::size_t i = 0; i < summary.recovered.size(); ++i) {
+    write_flight_record("flight_record_" + std::to_string(i + 1) + ".csv",
+                        summary.recovered[i].time_ns);
+  }
+  if (summary.outcome.fault != servo::Fault::kNone) {
+    write_flight_record("flight_record.csv", std::numeric_limits<std::int64_t>::max());
   }
   summary.cycles_kept = records.size();
   if (summary.cycles_kept < telemetry.statistics().cycles) {

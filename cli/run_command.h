@@ -50,6 +50,10 @@ struct RunOptions {
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";
+  std::vector<std::string> faults;  ///< of the emulated device
+  bool no_motor_check = false;      ///< skip servo::MotorCheck
+  bool reconnect = false;           ///< wait for a device that has gone, and go on with it
+  double reconnect_timeout_s = 60.0;
   std::string out = "out";
   bool no_truth = false;
   JsonTarget json;

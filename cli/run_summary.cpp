@@ -54,11 +54,13 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   append_percentiles(text, "report age / us", statistics.report_age_us);
   append(text,
          "Device: %" PRIu64 " reports, %" PRIu64 " stale ones skipped, %" PRIu64 " lost, %" PRIu64
-         " rejected; %" PRIu64 " commands, %" PRIu64 " clamped; zero current at the end %s\n",
+         " late, %" PRIu64 " rejected; %" PRIu64 " commands, %" PRIu64
+         " clamped; zero current at the end %s\n",
          summary.device_statistics.reports_received,
          summary.device_statistics.reports_discarded + summary.device_statistics.reports_drained,
-         summary.device_statistics.reports_lost, summary.device_statistics.reports_rejected,
-         summary.device_statistics.commands_sent, summary.device_statistics.commands_clamped,
+         summary.device_statistics.reports_lost, summary.device_statistics.reports_late,
+         summary.device_statistics.reports_rejected, summary.device_statistics.commands_sent,
+         summary.device_statistics.commands_clamped,
          outcome.zero_current_delivered ? "delivered" : "could not be delivered");
   append(text,
          "Simulator: %" PRIu64 " samples taken, %" PRIu64
@@ -119,8 +121,12 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   for (const std::string& note : summary.notes) {
     text += "Note: " + note + "\n";
   }
+  if (!summary.recovered.empty()) {
+    append(text, "Connected again %zu times, %d of them with a new calibration\n",
+           summary.recovered.size(), summary.recalibrations);
+  }
   if (outcome.fault != servo::Fault::kNone) {
-    text += "FAULT: " + servo::sentence_for(outcome.fault);
+    text += "FAULT: " + servo::sentence_for(outcome.fault, outcome.joint);
     if (!outcome.device_failure.empty()) {
       text += " (" + outcome.device_failure + ")";
     }
@@ -168,8 +174,12 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
   json faults = json::array();
   if (outcome.fault != servo::Fault::kNone) {
     faults.push_back({{"name", servo::name_of(outcome.fault)},
-                      {"sentence", servo::sentence_for(outcome.fault)},
+                      {"sentence", servo::sentence_for(outcome.fault, outcome.joint)},
                       {"device", outcome.device_failure}});
+  }
+  json recovered = json::array();
+  for (const RecoveredFault& fault : summary.recovered) {
+    recovered.push_back({{"name", servo::name_of(fault.fault)}, {"device", fault.device_failure}});
   }
   json rms = json::object();
   json details = json::object();
@@ -208,6 +218,8 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"reports_drained", device.reports_drained},
       {"reports_lost", device.reports_lost},
       {"reports_rejected", device.reports_rejected},
+      {"reports_late", device.reports_late},
+      {"reports_unasked", device.reports_unasked},
       {"commands_sent", device.commands_sent},
       {"commands_clamped", device.commands_clamped},
       {"commands_starved", device.commands_starved},
@@ -228,6 +240,10 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"force_max_N", summary.force_max_N},
       {"truth", summary.truth},
       {"faults", faults},
+      {"reconnects", recovered.size()},
+      {"recovered_faults", recovered},
+      {"recalibrations", summary.recalibrations},
+      {"encoder_doubts", outcome.encoder_doubts},
       {"notes", summary.notes},
       {"files", summary.files},
   };

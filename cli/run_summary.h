@@ -21,6 +21,13 @@ struct MethodError {
   double max_percent_after_1s = 0.0;
 };
 
+/// A fault that did not end the run, because the device came back.
+struct RecoveredFault {
+  servo::Fault fault = servo::Fault::kNone;
+  std::string device_failure;
+  std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC of the end of the loop
+};
+
 /// Everything a run has to say, in the order in which it becomes known.
 struct RunSummary {
   std::string device;
@@ -30,6 +37,8 @@ struct RunSummary {
   double rate_requested_Hz = 0.0;
   double elapsed_s = 0.0;  ///< from the first to the last cycle
   servo::ServoOutcome outcome;
+  std::vector<RecoveredFault> recovered;  ///< faults after which the device was connected again
+  int recalibrations = 0;                 ///< of these reconnections, those that needed one
   driver::DeviceStatistics device_statistics;
   link::LinkStatistics link;
   std::uint64_t samples_not_converged = 0;

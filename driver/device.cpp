@@ -18,4 +18,20 @@ const char* to_string(DeviceHealth health) noexcept {
   return "device in an unknown state";
 }
 
+void add(DeviceStatistics& sum, const DeviceStatistics& more) noexcept {
+  sum.reports_received += more.reports_received;
+  sum.reports_rejected += more.reports_rejected;
+  sum.reports_drained += more.reports_drained;
+  sum.reports_discarded += more.reports_discarded;
+  sum.reports_lost += more.reports_lost;
+  sum.reports_late += more.reports_late;
+  sum.reports_unasked += more.reports_unasked;
+  sum.commands_sent += more.commands_sent;
+  sum.kicks += more.kicks;
+  sum.commands_starved += more.commands_starved;
+  sum.commands_not_finite += more.commands_not_finite;
+  sum.commands_clamped += more.commands_clamped;
+  sum.refreshes += more.refreshes;
+}
+
 }  // namespace forcegrid::driver

@@ -62,8 +62,10 @@ struct DeviceStatistics {
   std::uint64_t reports_received = 0;   ///< valid ones
   std::uint64_t reports_rejected = 0;   ///< wrong length or otherwise not usable
   std::uint64_t reports_drained = 0;    ///< queued ones that were skipped in favour of a newer one
-  std::uint64_t reports_discarded = 0;  ///< read while opening and not used, being of unknown age
+  std::uint64_t reports_discarded = 0;  ///< read while opening or stopping, and not used
   std::uint64_t reports_lost = 0;       ///< exchanges whose report never came (a kick was needed)
+  std::uint64_t reports_late = 0;       ///< came more than 4 ms after the OUT that released them
+  std::uint64_t reports_unasked = 0;    ///< of those drained: came without an OUT to release them
   std::uint64_t commands_sent = 0;
   std::uint64_t kicks = 0;  ///< zero reports sent to start or restart the exchange
   std::uint64_t commands_starved =
@@ -72,6 +74,9 @@ struct DeviceStatistics {
   std::uint64_t commands_clamped = 0;     ///< a current was beyond the profile's limit
   std::uint64_t refreshes = 0;  ///< exchanges begun without a new command, to renew the counts
 };
+
+/// Adds what was counted since another opening.
+void add(DeviceStatistics& sum, const DeviceStatistics& more) noexcept;
 
 /// A haptic device as the servo loop sees it: newest counts in, currents out. The handle and all
 /// blocking calls are on an I/O thread of the implementation's own; the servo meets it in lock-free

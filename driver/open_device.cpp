@@ -41,11 +41,23 @@ std::unique_ptr<Device> open_falcon(const DeviceUrl& url, const profiles::Device
       url.text, true);
 }
 
+/// The node that `url` means.
+HidrawNode find_node(DeviceUrl url, const profiles::DeviceProfile& profile) {
+  if (url.kind == DeviceUrl::Kind::kHidNode) {
+    follow_link(url);
+  }
+  std::vector<HidrawNode> nodes = list_hidraw_nodes();
+  if (url.kind != DeviceUrl::Kind::kHidNode) {
+    nodes = without_other_interfaces(std::move(nodes), profile.usb.usage_page, profile.usb.usage);
+  }
+  return select_hidraw_node(url, nodes);
+}
+
 }  // namespace
 
 std::unique_ptr<Device> open_device(const std::string& url, const profiles::DeviceProfile& profile,
                                     const OpenOptions& options) {
-  DeviceUrl parsed = parse_device_url(url);
+  const DeviceUrl parsed = parse_device_url(url);
   if (profile.usb.protocol == "falcon") {
     return open_falcon(parsed, profile, options);
   }
@@ -56,16 +68,17 @@ std::unique_ptr<Device> open_device(const std::string& url, const profiles::Devi
     return start_w2_device(open_usbip_transport(parsed, options.connect_timeout), profile, options,
                            url, true);
   }
-  if (parsed.kind == DeviceUrl::Kind::kHidNode) {
-    follow_link(parsed);
-  }
-  std::vector<HidrawNode> nodes = list_hidraw_nodes();
-  if (parsed.kind != DeviceUrl::Kind::kHidNode) {
-    nodes = without_other_interfaces(std::move(nodes), profile.usb.usage_page, profile.usb.usage);
-  }
-  const HidrawNode node = select_hidraw_node(parsed, nodes);
-  return start_w2_device(open_hidraw_transport(node), profile, options, url,
+  return start_w2_device(open_hidraw_transport(find_node(parsed, profile)), profile, options, url,
                          parsed.kind == DeviceUrl::Kind::kHidId);
+}
+
+std::string lasting_url(const std::string& url, const profiles::DeviceProfile& profile) {
+  const DeviceUrl parsed = parse_device_url(url);
+  if (parsed.kind != DeviceUrl::Kind::kHidId && parsed.kind != DeviceUrl::Kind::kHidNode) {
+    return url;
+  }
+  const HidrawNode node = find_node(parsed, profile);
+  return node.port_path.empty() ? url : "hid:path=" + node.port_path;
 }
 
 }  // namespace forcegrid::driver

@@ -13,6 +13,8 @@ namespace forcegrid::driver {
 struct OpenOptions {
   rt::Duration connect_timeout = std::chrono::seconds(2);  ///< USB/IP: connecting, and each step
   rt::Duration open_timeout = std::chrono::seconds(3);     ///< until the first report
+  /// How long nothing more may come before a report is taken for the newest, while opening.
+  rt::Duration settle_at_open = std::chrono::milliseconds(20);
   rt::Duration stale_after = std::chrono::milliseconds(100);
   rt::Duration servo_silence = std::chrono::milliseconds(50);  ///< then zero current is sent
   rt::Duration write_timeout = std::chrono::milliseconds(50);  ///< until the device took a report
@@ -37,5 +39,12 @@ struct OpenOptions {
 /// Real-time: no; before the loop. Threads: any.
 std::unique_ptr<Device> open_device(const std::string& url, const profiles::DeviceProfile& profile,
                                     const OpenOptions& options = {});
+
+/// How to open the very device that `url` opens now when it has been away and come back: a hidraw
+/// node by its USB port, since the kernel numbers nodes anew and devices of one kind may share a
+/// serial number; anything else as it is.
+/// @throws DeviceError as open_device() when there is no such device.
+/// Real-time: no. Threads: any.
+std::string lasting_url(const std::string& url, const profiles::DeviceProfile& profile);
 
 }  // namespace forcegrid::driver

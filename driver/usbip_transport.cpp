@@ -302,9 +302,10 @@ class UsbipTransport final : public BulkTransport {
   ReadResult read(std::span<std::uint8_t> buffer, rt::Duration timeout) noexcept override {
     const rt::TimePoint deadline = rt::Clock::now() + std::max(timeout, rt::Duration::zero());
     // Reports that arrived before a failure are still handed out.
-    pump(deadline, [this] { return queue_size_ > 0; });
+    pump(deadline, [this] { return queue_size_ > 0 || reading_ != TransportStatus::kOk; });
     if (queue_size_ == 0) {
-      return {.status = status_ == TransportStatus::kOk ? TransportStatus::kTimeout : status_};
+      const TransportStatus status = status_ != TransportStatus::kOk ? status_ : reading_;
+      return {.status = status == TransportStatus::kOk ? TransportStatus::kTimeout : status};
     }
     const QueuedReport& report = queue_[queue_head_];
     std::memcpy(buffer.data(), report.bytes.data(), std::min(buffer.size(), report.size));
@@ -312,7 +313,8 @@ class UsbipTransport final : public BulkTransport {
         .status = TransportStatus::kOk, .bytes = report.size, .arrived = report.arrived};
     queue_head_ = (queue_head_ + 1) % kReportQueue;
     --queue_size_;
-    if (!in_.active && !closing_ && status_ == TransportStatus::kOk) {
+    if (!in_.active && !closing_ && status_ == TransportStatus::kOk &&
+        reading_ == TransportStatus::kOk) {
       submit_in();
     }
     return result;
@@ -324,7 +326,7 @@ class UsbipTransport final : public BulkTransport {
     const rt::TimePoint deadline = rt::Clock::now() + std::max(timeout, rt::Duration::zero());
     for (;;) {
       pump(rt::TimePoint{}, [this] { return queue_size_ > 0; });
-      if (queue_size_ > 0 || status_ != TransportStatus::kOk) {
+      if (queue_size_ > 0 || status_ != TransportStatus::kOk || reading_ != TransportStatus::kOk) {
         return WaitEnd::kReport;
       }
       switch (wait_either(socket_.get(), POLLIN, descriptor, deadline)) {
@@ -339,6 +341,13 @@ class UsbipTransport final : public BulkTransport {
   }
 
   WriteResult write(std::span<const std::uint8_t> report, rt::Duration timeout) noexcept override {
+    if (status_ == TransportStatus::kProtocol && socket_.get() >= 0 &&
+        report.size() <= kMaxReportBytes) {
+      // What comes in can't be understood any more, but what goes out still can: a last zero must
+      // not be lost for want of a confirmation.
+      static_cast<void>(submit(out_, endpoints_.out_endpoint, false, report.size(),
+                               endpoints_.out_interval, {}, report));
+    }
     if (status_ != TransportStatus::kOk) {
       return {.status = status_};
     }
@@ -434,6 +443,20 @@ class UsbipTransport final : public BulkTransport {
       return;  // the first reason is the one that matters
     }
     status_ = status;
+    if (reading_ == TransportStatus::kOk) {
+      say(status, problem);
+    }
+  }
+
+  /// No more reports come, but the connection stands and reports can still be sent.
+  void fail_reading(TransportStatus status, const std::string& problem) {
+    if (status_ == TransportStatus::kOk && reading_ == TransportStatus::kOk) {
+      reading_ = status;
+      say(status, problem);
+    }
+  }
+
+  void say(TransportStatus status, const std::string& problem) {
     failure_ = "device '" + url_.text + "': " + problem +
                (status == TransportStatus::kDisconnected
                     ? "; check the device and its server, then open it again"
@@ -658,8 +681,9 @@ class UsbipTransport final : public BulkTransport {
   void take_report(std::span<const std::uint8_t> bytes, std::int32_t status) noexcept {
     if (status != 0) {
       if (!closing_) {
-        fail(means_gone(status) ? TransportStatus::kDisconnected : TransportStatus::kProtocol,
-             "no more reports: " + usb_error_words(status));
+        fail_reading(
+            means_gone(status) ? TransportStatus::kDisconnected : TransportStatus::kProtocol,
+            "no more reports: " + usb_error_words(status));
       }
       return;
     }
@@ -812,6 +836,7 @@ class UsbipTransport final : public BulkTransport {
   std::uint32_t sequence_ = 0;
   bool closing_ = false;
   TransportStatus status_ = TransportStatus::kOk;
+  TransportStatus reading_ = TransportStatus::kOk;  ///< of the IN endpoint alone
   std::string failure_;
 
   Request control_;

@@ -24,9 +24,10 @@ namespace {
 // Then a report counts as lost. USB loses none, so this is long enough for a host that is late.
 constexpr rt::Duration kReadTimeout = std::chrono::milliseconds(40);
 // While another report may still be on its way from before a kick: one round trip each way.
-constexpr rt::Duration kSettleAtOpen = std::chrono::milliseconds(20);
 constexpr rt::Duration kSettleAfterKick = std::chrono::milliseconds(3);
 constexpr rt::Duration kPollWhenFaulted = std::chrono::milliseconds(500);
+constexpr rt::Duration kLate = std::chrono::milliseconds(4);
+constexpr int kZeroAttempts = 2;
 constexpr int kMaxDrained = 64;  // hidraw queues as many
 constexpr int kMaxRejectedInARow = 10;
 constexpr double kRefreshPhase = 0.6;   // of a bus frame after a report
@@ -67,6 +68,8 @@ struct AtomicStatistics {
   std::atomic<std::uint64_t> reports_drained{0};
   std::atomic<std::uint64_t> reports_discarded{0};
   std::atomic<std::uint64_t> reports_lost{0};
+  std::atomic<std::uint64_t> reports_late{0};
+  std::atomic<std::uint64_t> reports_unasked{0};
   std::atomic<std::uint64_t> commands_sent{0};
   std::atomic<std::uint64_t> kicks{0};
   std::atomic<std::uint64_t> commands_starved{0};
@@ -155,6 +158,8 @@ class W2Device final : public Device {
             .reports_drained = value(statistics_.reports_drained),
             .reports_discarded = value(statistics_.reports_discarded),
             .reports_lost = value(statistics_.reports_lost),
+            .reports_late = value(statistics_.reports_late),
+            .reports_unasked = value(statistics_.reports_unasked),
             .commands_sent = value(statistics_.commands_sent),
             .kicks = value(statistics_.kicks),
             .commands_starved = value(statistics_.commands_starved),
@@ -316,6 +321,9 @@ class W2Device final : public Device {
   void publish(const w2::InputReport& input, rt::TimePoint arrived) noexcept {
     last_report_.store(arrived.time_since_epoch().count(), std::memory_order_release);
     count(statistics_.reports_received);
+    if (arrived - released_ > kLate) {
+      count(statistics_.reports_late);
+    }
     reports_.publish({.sequence = ++sequence_,
                       .counts = unwrapper_.follow(input.counts),
                       .calibration_button = input.calibration_button,
@@ -336,8 +344,9 @@ class W2Device final : public Device {
       w2::InputReport input;
       rt::TimePoint arrived;
       wrong_length_ = false;
-      const TransportStatus status = receive(
-          kReadTimeout, discarded_first ? rt::Duration::zero() : kSettleAtOpen, input, arrived);
+      const TransportStatus status =
+          receive(kReadTimeout, discarded_first ? rt::Duration::zero() : options_.settle_at_open,
+                  input, arrived);
       if (status != TransportStatus::kOk && status != TransportStatus::kTimeout) {
         throw DeviceError(transport_->failure());
       }
@@ -389,7 +398,7 @@ class W2Device final : public Device {
     }
     if (!stop_requested_.load(std::memory_order_acquire)) {
       // A fault: the motors get zero at once, not only when somebody calls stop().
-      zero_delivered_ = send(w2::encode_currents({})).status == TransportStatus::kOk;
+      zero_delivered_ = deliver_zero();
       while (!stop_requested_.load(std::memory_order_acquire)) {
         wait(rt::Clock::now() + kPollWhenFaulted);
       }
@@ -397,9 +406,39 @@ class W2Device final : public Device {
     finish();
   }
 
+  /// Sends zero current until the device has acted on it. That it took the report is no proof: a
+  /// firmware that waits for the host to collect a report takes the next one into its queue and
+  /// looks at it later, or never. The report that the zero releases is.
+  bool deliver_zero() noexcept {
+    for (int attempt = 0; attempt < kZeroAttempts; ++attempt) {
+      w2::InputReport input;
+      rt::TimePoint arrived;
+      if (receive(rt::Duration::zero(), rt::Duration::zero(), input, arrived) ==
+          TransportStatus::kOk) {
+        count(statistics_.reports_discarded);
+      }
+      if (send(w2::encode_currents({})).status != TransportStatus::kOk) {
+        return false;
+      }
+      wrong_length_ = false;
+      const TransportStatus status = receive(kReadTimeout, rt::Duration::zero(), input, arrived);
+      if (status == TransportStatus::kOk) {
+        count(statistics_.reports_discarded);
+      }
+      if (status == TransportStatus::kOk || wrong_length_) {
+        return true;
+      }
+      if (status != TransportStatus::kTimeout) {
+        return false;
+      }
+    }
+    return false;
+  }
+
   /// The last zero, then the end of the transport.
   void finish() noexcept {
-    zero_delivered_ = send(w2::encode_currents({})).status == TransportStatus::kOk;
+    // Since a delivered zero after a fault no current has been sent.
+    zero_delivered_ = zero_delivered_ || deliver_zero();
     transport_->close();
     DeviceHealth expected = DeviceHealth::kRunning;
     health_.compare_exchange_strong(expected, DeviceHealth::kClosed, std::memory_order_acq_rel);
@@ -514,6 +553,9 @@ class W2Device final : public Device {
   /// counts by a frame. There are never more than two OUTs without their reports, and reports come
   /// in the order of their OUTs.
   void exchange(Reason reason) noexcept {
+    if (!discard_unasked()) {
+      return;
+    }
     const rt::TimePoint begun = rt::Clock::now();
     WriteResult sent = send_for(reason);
     rt::Duration settle = rt::Duration::zero();
@@ -593,6 +635,25 @@ class W2Device final : public Device {
       kicked = true;
       sent = send(w2::encode_currents({}));
     }
+  }
+
+  /// Every OUT so far has its report, or has been given up. What comes now is a duplicate, or one
+  /// that is too late: taken for the answer to the next OUT, it would shift all answers after it.
+  /// @returns false after a failure.
+  bool discard_unasked() noexcept {
+    for (int i = 0; i < kMaxDrained; ++i) {
+      const ReadResult result = transport_->read(buffer_, rt::Duration::zero());
+      if (result.status == TransportStatus::kTimeout) {
+        return true;
+      }
+      if (result.status != TransportStatus::kOk) {
+        fail_with(result.status);
+        return false;
+      }
+      count(statistics_.reports_drained);
+      count(statistics_.reports_unasked);
+    }
+    return true;
   }
 
   static bool usable(TransportStatus status) noexcept {

@@ -71,8 +71,10 @@ std::string sentence_for(Fault fault, int joint) {
              "the load of this computer.";
     case Fault::kFrozenEncoder:
       return "The encoder" + which +
-             " does not count although its motor's torque was taken away; check its cable. (If the "
-             "arm is stiffer than the profile says, correct dynamics.coulomb_friction_Nm there.)";
+             " does not count although its motor's torque was taken away; check its cable and the "
+             "power of the amplifiers. (If the arm has more friction than the profile says, "
+             "correct "
+             "dynamics.coulomb_friction_Nm there.)";
     case Fault::kSaturatedEncoder:
       return "The encoder" + which +
              " is at the end of its range; check its cable and calibrate again.";

@@ -1,5 +1,6 @@
 #include "servo_loop/telemetry.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cinttypes>
 #include <cstring>
@@ -87,7 +88,8 @@ void Telemetry::print_live_line(const CycleRecord& record) {
   cycles_at_last_line_ = statistics_.cycles;
 }
 
-void Telemetry::write_flight_record(const std::string& path, double seconds) const {
+void Telemetry::write_flight_record(const std::string& path, double seconds,
+                                    std::int64_t end_ns) const {
   errno = 0;
   std::ofstream file(path);
   file << "time_s,cycle,period_us,compute_us,report_age_us,report_sequence,count_a,count_b,count_c,"
@@ -98,9 +100,10 @@ void Telemetry::write_flight_record(const std::string& path, double seconds) con
     file << ',' << name << "_x_N," << name << "_y_N," << name << "_z_N," << name << "_status";
   }
   file << '\n' << std::setprecision(9);
-  const std::int64_t end_ns = records_.empty() ? 0 : records_.back().time_ns;
+  const std::int64_t newest_ns = records_.empty() ? 0 : records_.back().time_ns;
+  const std::int64_t last_ns = std::min(end_ns, newest_ns);
   for (const CycleRecord& r : records_) {
-    if (end_ns - r.time_ns > static_cast<std::int64_t>(1e9 * seconds)) {
+    if (r.time_ns > last_ns || last_ns - r.time_ns > static_cast<std::int64_t>(1e9 * seconds)) {
       continue;
     }
     file << 1e-9 * static_cast<double>(r.time_ns - first_time_ns_) << ',' << r.cycle << ','

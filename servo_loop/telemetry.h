@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdio>
 #include <deque>
+#include <limits>
 #include <string>
 #include <thread>
 #include <vector>
@@ -56,9 +57,13 @@ class Telemetry {
   /// CycleRecord::time_ns of the first cycle, which need not be kept any more.
   std::int64_t first_time_ns() const noexcept { return first_time_ns_; }
 
-  /// After stop(): writes the last `seconds` of cycles as CSV, one row each.
+  static constexpr double kFlightRecord_s = 5.0;
+
+  /// After stop(): writes the last `seconds` of cycles before `end_ns` (CycleRecord::time_ns) as
+  /// CSV, one row each.
   /// @throws std::runtime_error naming the file and the system's reason.
-  void write_flight_record(const std::string& path, double seconds = 5.0) const;
+  void write_flight_record(const std::string& path, double seconds = kFlightRecord_s,
+                           std::int64_t end_ns = std::numeric_limits<std::int64_t>::max()) const;
 
  private:
   void drain();

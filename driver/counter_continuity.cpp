@@ -1,0 +1,40 @@
+#include "driver/counter_continuity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace forcegrid::driver {
+namespace {
+
+constexpr std::int32_t kAboutZero_counts = 50;
+constexpr double kSlack_m = 0.002;
+
+bool about_zero(const std::array<std::int32_t, 6>& counts) {
+  return std::all_of(counts.begin(), counts.begin() + 3,
+                     [](std::int32_t count) { return std::abs(count) <= kAboutZero_counts; });
+}
+
+}  // namespace
+
+std::string why_counters_are_lost(Mechanism& mechanism, const profiles::DeviceProfile& profile,
+                                  const std::array<std::int32_t, 6>& last,
+                                  const std::array<std::int32_t, 6>& now, rt::Duration away) {
+  if (about_zero(now) && !about_zero(last)) {
+    return "its encoder counters start from zero: it has lost power";
+  }
+  const ArmPose before = mechanism.forward(last);
+  const ArmPose after = mechanism.forward(now);
+  if (after.status == KinematicsStatus::kOutOfRange ||
+      after.status == KinematicsStatus::kNotFinite) {
+    return "its encoder counters belong to no pose of the arm";
+  }
+  const double moved_m = (after.position_D - before.position_D).norm();
+  if (!(moved_m <= kSlack_m + profile.limits.max_speed_m_per_s * rt::seconds(away))) {
+    return "its encoder counters put the tool " + std::to_string(std::lround(1e3 * moved_m)) +
+           " mm from where it was, farther than it can have moved";
+  }
+  return "";
+}
+
+}  // namespace forcegrid::driver
