@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kWidth_px = 1000.0;
 constexpr double kHeight_px = 620.0;
-constexpr double kLeft = 0.075;  // the plot's edges, of the picture
+constexpr double kLeft = 0.095;  // the plot's edges, of the picture
 constexpr double kRight = 0.975;
 constexpr double kBottom = 0.11;
 constexpr double kTop = 0.92;
@@ -136,7 +136,7 @@ bool write_error_cost_svg(const std::filesystem::path& file, const std::string& 
          << "\nset logscale xy\nset xrange [1e" << x.low << ":1e" << x.high << "]\nset yrange [1e"
          << y.low << ":1e" << y.high
          << "]\nset grid lt 1 lw 0.5 lc rgb '#dddddd'\nset border 3\n"
-            "set xtics nomirror\nset ytics nomirror\nset format x '%g'\nset format y '%g'\n"
+            "set xtics nomirror\nset ytics nomirror\nset format x '10^{%T}'\nset format y '%g'\n"
             "set xlabel 'mean cost of a servo cycle, samples included / ns'\n"
             "set ylabel 'RMS error after 1 s / % of RMS F_o, geometric mean' noenhanced\n"
             "set title "

@@ -385,13 +385,14 @@ BuiltTable build_table(const simulator::SpringMesh& mesh, const TableOptions& op
     const unsigned wanted =
         options.threads != 0 ? options.threads : std::max(1U, std::thread::hardware_concurrency());
     std::size_t running = std::min<std::size_t>(wanted, missing.size());
+    const auto stop_asked = [&options] { return options.cancel != nullptr && *options.cancel; };
     const auto work = [&] {
       try {
         for (;;) {
           std::size_t job = 0;
           {
             const std::lock_guard lock(mutex);
-            if (next == missing.size() || abandon) {
+            if (next == missing.size() || abandon || stop_asked()) {
               break;
             }
             job = next++;
@@ -431,7 +432,7 @@ BuiltTable build_table(const simulator::SpringMesh& mesh, const TableOptions& op
     }
     std::unique_lock lock(mutex);
     while (!changed.wait_for(lock, kProgressPeriod, [&running] { return running == 0; })) {
-      if (options.cancel != nullptr && *options.cancel) {
+      if (stop_asked()) {
         abandon = true;
       }
       if (options.progress) {
