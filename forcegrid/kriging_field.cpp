@@ -226,8 +226,16 @@ bool DictionaryField<Real, N, M>::settle_transient() noexcept {
     return false;
   }
   const Stored& n = stored_[static_cast<std::size_t>(nearest)];
-  if (nearest_m2 < kRefreshFraction * kRefreshFraction * spacing_m2 ||
-      n.doubt_N2 - t.doubt_N2 > 10.0 * settings_.nugget_N2) {
+  const double per_force = settings_.spacing_m / settings_.spacing_N;
+  const double from_first_m2 =
+      std::max({(n.first_position_m - t.position_m).squaredNorm(), nearest_m2,
+                per_force * per_force * (n.first_force_N - t.force_N).squaredNorm()});
+  const bool repeated = from_first_m2 < kRefreshFraction * kRefreshFraction * spacing_m2;
+  if (repeated || n.doubt_N2 - t.doubt_N2 > 10.0 * settings_.nugget_N2) {
+    if (repeated) {
+      stored_[static_cast<std::size_t>(slot)].first_position_m = n.first_position_m;
+      stored_[static_cast<std::size_t>(slot)].first_force_N = n.first_force_N;
+    }
     transient_ = kNone;
     remove_sample(nearest);
     return true;
@@ -338,7 +346,8 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     ++slot;
   }
   Stored& s = stored_[static_cast<std::size_t>(slot)];
-  s = {o.position_m, o.force_N, o.history, o.stiffness_N_per_m, 0.0, next_order_++, true};
+  s = {o.position_m,        o.force_N, o.position_m,  o.force_N, o.history,
+       o.stiffness_N_per_m, 0.0,       next_order_++, true};
   ++sample_count_;
   if (!o.from_query) {
     transient_ = slot;

@@ -86,10 +86,11 @@ class Field {
 /// part remains a sum over samples (kriging_simd.h).
 ///
 /// Dictionary. The newest sample is always in, but transient: when the next one comes it stays if
-/// it is at least spacing_m from all others (FieldSettings), replaces the nearest if that is within
-/// 0.3 spacing_m or was doubted more, and goes otherwise. (Replacing within a full spacing would
-/// drag one sample along a slow motion and lose what it had known.) When full, the sample goes that
-/// has the least of  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) / (1 + q_i / (10 nugget)).
+/// it is at least spacing_m from all others (FieldSettings), replaces the nearest if that was
+/// doubted more or if it is within 0.3 spacing_m of where that one began, and goes otherwise.
+/// (Without this bound a slow motion would drag one sample along and lose what it had known.) When
+/// full, the sample goes that has the least of  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) /
+/// (1 + q_i / (10 nugget)).
 ///
 /// Forgetting is gated by surprise: with the innovation e and V = (predictive covariance)
 /// max(1, s2) + nugget I, s2 = F^T alpha / rows, a normalised square N = e^T V^-1 e / 3 above 25
@@ -134,6 +135,7 @@ class DictionaryField final : public Field {
 
   struct Stored {
     Eigen::Vector3d position_m, force_N;
+    Eigen::Vector3d first_position_m, first_force_N;  ///< before others took its place
     History history;
     Vector6d stiffness_N_per_m;
     double doubt_N2 = 0.0;  ///< q

@@ -19,7 +19,8 @@ constexpr double kNugget_N2 = 1e-5;
 constexpr ToolHistory::TimeConstants kTimeConstants_s = {0.010, 0.100, 1.000, 0.005, 0.030, 0.200};
 
 constexpr double kScoreKept = 0.85;
-constexpr double kHysteresis = 0.8;
+constexpr double kHysteresis = 0.9;
+constexpr double kSpecialist = 3.0;
 constexpr double kHandOver_s = 0.010;
 
 // Beyond these distances from every sample the force fades, and is unknown.
@@ -60,6 +61,7 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
   }
   FieldSettings kinks = settings;
   kinks.nugget_N2 = 1e-5;
+  kinks.stiffness_samples = 0;
   kinks.kernel.shape = RadialShape::kMatern72;
   kinks.kernel.length_m = 0.015;
   add_member(kinks, 0);
@@ -78,6 +80,9 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
 void KrigingMethod::add_member(const FieldSettings& settings, int first_lag) {
   Member member;
   member.uses_history = settings.kernel.history_gain > 0.0;
+  if (member.uses_history || settings.kernel.shape != RadialShape::kSquaredExponential) {
+    member.handicap = kSpecialist;
+  }
   member.first_lag = first_lag;
   if (member.uses_history) {
     member.field = std::make_unique<DictionaryField<float, kHistorySamples, 0>>(settings);
@@ -263,7 +268,8 @@ void KrigingMethod::score() noexcept {
     std::size_t best = active_;
     for (std::size_t i = 0; i < members_.size(); ++i) {
       Member& member = members_[i];
-      member.score_N2 = kScoreKept * member.score_N2 + (1.0 - kScoreKept) * entry.error_N2[i];
+      member.score_N2 =
+          kScoreKept * member.score_N2 + (1.0 - kScoreKept) * member.handicap * entry.error_N2[i];
       if (member.score_N2 < members_[best].score_N2) {
         best = i;
       }

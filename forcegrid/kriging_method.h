@@ -24,10 +24,11 @@ namespace forcegrid {
 /// - `kriging-bank`: nuggets 1e-6, 1e-5, 1e-4 and 1e-3 for objects of different noise; Matern 7/2
 ///   of 15 mm for kinks; three with history features for objects that remember (kf = 0.03 N^2 with
 ///   lags of 10, 100, 1000 ms; kf = 1 with 5, 30, 200 ms and nuggets 1e-5 and 1e-4), 48 samples
-///   each. The first five use stiffness if samples carry it. Score of each member: the squared
+///   each. The first four use stiffness if samples carry it. Score of each member: the squared
 ///   one-step prediction error, averaged over samples by 0.85 old + 0.15 new; another member takes
-///   over when its score is below 0.8 of the present one's, and the difference at that moment fades
-///   out within some 10 ms. Needs: force.
+///   over when its score is below 0.9 of the present one's, and the difference at that moment fades
+///   out within some 10 ms. The errors of the last four, which are worse than the others wherever
+///   they are not needed, count three times. Needs: force.
 ///
 /// Work: a sample costs each field one piece, a change of some rows of its factor and the weights.
 /// A piece is done in one call of work(), that of the field being felt first. Until then it answers
@@ -98,6 +99,7 @@ class KrigingMethod final : public ForceMethod {
     bool uses_history = false;
     std::uint64_t next = 0;  ///< number of the sample that it takes next
     double score_N2 = 0.0;
+    double handicap = 1.0;  ///< its squared errors count this many times
   };
   struct Queued {
     kriging::Observation observation;  ///< without history
