@@ -191,6 +191,9 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->capture_default_str();
   run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");
+  run.add_option("--record", o.record,
+                 "Trace for 'forcegrid evaluate': samples and, at every cycle, position and "
+                 "off-line force; CSV, gzipped if the name ends in .gz");
   add_json(run, o.json);
   run.callback([&o, &action] { action = [&o] { return run_command(o); }; });
 }

@@ -17,6 +17,7 @@
 #include "cli/child_process.h"
 #include "cli/figures.h"
 #include "cli/reconnect.h"
+#include "cli/recording.h"
 #include "cli/run_summary.h"
 #include "cli/stop_request.h"
 #include "driver/calibration.h"
@@ -359,6 +360,7 @@ int run_command(const RunOptions& options) {
   }
   prepare_folder(options.out);
   check_writable(options.json);
+  check_recording(options);
 
   // Said once and now; the threads that are refused the same later keep silent.
   std::string realtime_refused;
@@ -420,6 +422,9 @@ int run_command(const RunOptions& options) {
   telemetry_options.live = out;
   servo::Telemetry telemetry(ports, telemetry_options);
   servo::ServoLoop loop(*device, profile, methods, ports, servo_options);
+  if (!options.record.empty()) {
+    link.keep_samples(kRecordedSamples);
+  }
   link.start();
   telemetry.start();
   bool simulator_is_gone = false;
@@ -605,6 +610,21 @@ int run_command(const RunOptions& options) {
     rows.push_back(std::move(row));
   }
   int status = summary.outcome.fault == servo::Fault::kNone ? 0 : 1;
+  try {
+    if (!options.record.empty()) {
+      if (truth_W.empty()) {
+        throw std::runtime_error("no trace was recorded in " + options.record +
+                                 ", for want of off-line forces: " + summary.truth);
+      }
+      evaluation::write_trace(options.record,
+                              trace_of(link.samples(), cycles.records, truth_W, contact->time_ns));
+      summary.files.push_back(options.record);
+    }
+  } catch (const std::runtime_error& error) {
+    summary.notes.push_back(error.what());
+    std::fprintf(stderr, "forcegrid: %s\n", error.what());
+    status = 1;
+  }
   try {
     for (std::string& file : write_figures(options.out, names, rows)) {
       summary.files.push_back(std::move(file));

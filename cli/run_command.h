@@ -56,6 +56,7 @@ struct RunOptions {
   double reconnect_timeout_s = 60.0;
   std::string out = "out";
   bool no_truth = false;
+  std::string record;  ///< trace file to write, see docs/traces.md; empty: none
   JsonTarget json;
 };
 

@@ -65,8 +65,14 @@ void LinkThread::exchange() {
       first_contact_ = FirstContact{sample->echo_servo_time_ns, sample->contact_epoch,
                                     vector(sample->contact_point_W_m)};
     }
-    if (!ports_.samples.push(arrived_sample(*sample, rt::Clock::now()))) {
+    const ArrivedSample arrived = arrived_sample(*sample, rt::Clock::now());
+    if (!ports_.samples.push(arrived)) {
       ++samples_lost_;
+    } else if (samples_to_keep_ > 0) {
+      if (samples_.size() == samples_to_keep_) {
+        samples_.pop_front();
+      }
+      samples_.push_back(arrived);
     }
   }
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <optional>
 #include <string_view>
 #include <thread>
@@ -29,6 +30,9 @@ class LinkThread {
   LinkThread(const LinkThread&) = delete;
   LinkThread& operator=(const LinkThread&) = delete;
 
+  /// Before start(): keeps the newest `count` samples that reach the servo, for samples().
+  void keep_samples(std::size_t count) noexcept { samples_to_keep_ = count; }
+
   void start();
   /// Says goodbye to the simulator and joins. Idempotent.
   void stop();
@@ -36,6 +40,8 @@ class LinkThread {
   const link::LinkStatistics& statistics() const noexcept { return endpoint_.statistics(); }
   /// After stop(); nothing if the tool never touched.
   const std::optional<FirstContact>& first_contact() const noexcept { return first_contact_; }
+  /// The samples kept, in order of arrival. After stop().
+  const std::deque<ArrivedSample>& samples() const noexcept { return samples_; }
   /// Samples that found the servo's ring full. After stop().
   std::uint64_t samples_lost() const noexcept { return samples_lost_; }
   /// [s] largest solve time that a sample stated. After stop().
@@ -51,6 +57,8 @@ class LinkThread {
   std::atomic<bool> stop_{false};
   std::thread thread_;
   std::optional<FirstContact> first_contact_;
+  std::size_t samples_to_keep_ = 0;
+  std::deque<ArrivedSample> samples_;
   std::uint64_t samples_lost_ = 0;
   std::uint64_t samples_not_converged_ = 0;
   double worst_solve_time_s_ = 0.0;
