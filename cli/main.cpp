@@ -147,6 +147,10 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
   run.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
+  run.add_option("--requests-per-s", o.requests_per_s,
+                 "Forces at positions of its own choice that the method may ask the simulator for "
+                 "(default 120 for a method that needs them, else 0)")
+      ->check(between(0.0, 4000.0));
   run.add_flag("--gravity-compensation", o.gravity_compensation, "Carry the links' weight");
   run.add_option("--device-timeout-ms", o.device_timeout_ms,
                  "Silence of the device after which the run ends with zero current; its own "

@@ -44,6 +44,7 @@ constexpr char kEmulatedPrefix[] = "emulated:";
 constexpr milliseconds kChildStartTimeout{10000};
 constexpr milliseconds kChildEndTimeout{3000};
 constexpr milliseconds kWatchdogProof{700};
+constexpr double kDefaultRequests_per_s = 120.0;
 
 // "listening 127.0.0.1:41234 busid 1-1 device NAME" -> "127.0.0.1:41234"
 std::string listening_address(ChildProcess& child, const std::string& what) {
@@ -149,6 +150,29 @@ driver::falcon::Firmware firmware_for(const RunOptions& options,
   }
   return emulated && is_falcon(profile) ? driver::falcon::synthetic_firmware()
                                         : driver::falcon::Firmware{};
+}
+
+// Only the rendered method may ask the simulator: its shadows see what it sees along the path.
+double requests_per_s(const RunOptions& options, const std::vector<ForceMethod*>& methods,
+                      const std::vector<std::string>& names) {
+  for (std::size_t i = 1; i < methods.size(); ++i) {
+    if (methods[i]->needs().requests) {
+      throw std::runtime_error("--shadow \"" + names[i] +
+                               "\": only the rendered method's requests reach the simulator; give "
+                               "it as --method");
+    }
+  }
+  const bool needed = methods.front()->needs().requests;
+  const double asked = options.requests_per_s.value_or(needed ? kDefaultRequests_per_s : 0.0);
+  if (needed && asked == 0.0) {
+    throw std::runtime_error("--requests-per-s 0: method \"" + names.front() +
+                             "\" lives on its requests; give more, or another method");
+  }
+  if (asked > options.rate_Hz) {
+    throw std::runtime_error("--requests-per-s " + std::to_string(std::lround(asked)) +
+                             ": a request a cycle at most; give a number up to --rate");
+  }
+  return asked;
 }
 
 std::unique_ptr<driver::Device> open(const std::string& url, const profiles::DeviceProfile& profile,
@@ -358,6 +382,7 @@ int run_command(const RunOptions& options) {
   for (const std::string& shadow : options.shadows) {
     add_method(shadow);
   }
+  servo_options.requests_per_s = requests_per_s(options, methods, names);
   prepare_folder(options.out);
   check_writable(options.json);
   check_recording(options);
@@ -514,6 +539,9 @@ int run_command(const RunOptions& options) {
   if (records.size() > 1) {
     summary.elapsed_s =
         1e-9 * static_cast<double>(records.back().time_ns - telemetry.first_time_ns());
+  }
+  if (servo_options.requests_per_s > 0.0 && summary.outcome.requests_made == 0) {
+    summary.notes.push_back("method " + options.method + " made no request");
   }
   if (link.statistics().accepted == 0) {
     summary.notes.push_back("no sample came from " + simulator_address +

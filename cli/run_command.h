@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,7 @@ struct RunOptions {
   double influence_radius_mm = 0.0;  ///< 0: a sixth of the workspace's longest side
   double unit_mm = 1.0;
   int samples_per_cell = 0;
+  std::optional<double> requests_per_s;  ///< default: 120 for a method that needs them, else 0
   bool gravity_compensation = false;
   int device_timeout_ms = 100;  ///< silence after which the device counts as failed
   bool calibrated = false;      ///< the counters are right already

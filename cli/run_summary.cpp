@@ -202,6 +202,8 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"cycles", outcome.cycles},
       {"missed_deadlines", outcome.missed_deadlines},
       {"stalls", outcome.stalls},
+      {"requests_made", outcome.requests_made},
+      {"answers_taken", outcome.answers_taken},
       {"records_lost", summary.records_lost},
       {"cycles_kept", summary.cycles_kept},
       {"realtime_scheduling", outcome.scheduling.realtime},

@@ -57,11 +57,15 @@ void LinkThread::exchange() {
   if (ports_.tool.fetch(tool)) {
     endpoint_.send(tool);  // what becomes of it is in statistics()
   }
+  link::Query query;
+  while (ports_.queries.pop(query)) {
+    endpoint_.send(query);
+  }
   while (const auto sample = endpoint_.receive()) {
     worst_solve_time_s_ = std::max(worst_solve_time_s_, sample->solve_time_s);
     worst_relative_residual_ = std::max(worst_relative_residual_, sample->relative_residual);
     samples_not_converged_ += sample->converged ? 0 : 1;
-    if (sample->in_contact && !first_contact_) {
+    if (sample->in_contact && !first_contact_ && sample->query_id == 0) {
       first_contact_ = FirstContact{sample->echo_servo_time_ns, sample->contact_epoch,
                                     vector(sample->contact_point_W_m)};
     }

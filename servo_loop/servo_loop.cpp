@@ -40,6 +40,9 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
   if (!(options_.simulator_rate_Hz > 0.0 && options_.simulator_rate_Hz <= 4000.0)) {
     throw std::invalid_argument("simulator rate: use more than 0 and at most 4000 Hz");
   }
+  if (!(options_.requests_per_s >= 0.0 && options_.requests_per_s <= options_.rate_Hz)) {
+    throw std::invalid_argument("requests: use 0 to one a cycle");
+  }
   if (options_.fill_budget < 1) {
     throw std::invalid_argument("fill budget: use at least 1 a cycle");
   }
@@ -130,6 +133,10 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
   device_->command(command);
 
+  if (fault == Fault::kNone && options_.requests_per_s > 0.0 && now >= next_request_) {
+    make_request(now, position_W);
+  }
+
   // What the budget leaves goes into filling.
   for (ForceMethod* method : methods_) {
     method->work(options_.fill_budget);
@@ -158,6 +165,10 @@ void ServoLoop::take_samples() noexcept {
   ArrivedSample arrived;
   // Bounded by the ring's capacity, whatever the link thread does meanwhile.
   for (int i = 0; i < 64 && ports_.samples.pop(arrived); ++i) {
+    if (arrived.sample.from_query) {
+      take_answer(arrived);
+      continue;
+    }
     if (has_sample_) {
       const double interval_s = rt::seconds(arrived.arrived - newest_sample_arrived_);
       sample_period_s_ += 0.1 * (std::clamp(interval_s, 0.0, 1.0) - sample_period_s_);
@@ -184,6 +195,36 @@ void ServoLoop::take_samples() noexcept {
         method->take_sample(sample);
       }
     }
+  }
+}
+
+// An answer is no sign of where the tool is or of contact, and is of no use in another one. Only
+// the method that asked learns from it, so that its shadows stay what they are.
+void ServoLoop::take_answer(const ArrivedSample& answer) noexcept {
+  if (in_contact_ && answer.in_contact && answer.sample.contact_epoch == contact_epoch_) {
+    methods_[0]->take_sample(answer.sample);
+    ++answers_taken_;
+  }
+}
+
+void ServoLoop::make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
+  const rt::Duration interval = rt::from_seconds(1.0 / options_.requests_per_s);
+  // On a raster, so that the rate is met although cycles don't divide it; but what a pause has kept
+  // from being asked is not asked at once.
+  next_request_ += interval;
+  if (next_request_ <= now) {
+    next_request_ = now + interval;
+  }
+  Eigen::Vector3d wanted_W = Eigen::Vector3d::Zero();
+  if (!in_contact_ || !methods_[0]->plan_request(servo_time_s(now), position_W, wanted_W)) {
+    return;
+  }
+  link::Query query;
+  query.query_id = ++last_query_id_;
+  query.servo_time_ns = now.time_since_epoch().count();
+  query.position_W_m = triple(wanted_W);
+  if (ports_.queries.push(query)) {
+    ++requests_made_;
   }
 }
 
@@ -320,6 +361,8 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   }
   outcome.cycles = cycle_;
   outcome.stalls = stalls_;
+  outcome.requests_made = requests_made_;
+  outcome.answers_taken = answers_taken_;
   outcome.encoder_doubts = encoder_watch_.doubts();
   return outcome;
 }

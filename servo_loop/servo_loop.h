@@ -40,6 +40,9 @@ struct ServoOptions {
   /// Samples are missed after this long or five simulator periods, whichever is longer.
   double sample_timeout_s = 0.25;
   double simulator_rate_Hz = 30.0;
+  /// How often a second the rendered method may ask the simulator for a force at a position of its
+  /// own choice, see ForceMethod::plan_request(); 0: never. At most once a cycle.
+  double requests_per_s = 0.0;
   /// No new report of the device for this long is a fault; less than its watchdog's 500 ms.
   rt::Duration report_timeout = std::chrono::milliseconds(100);
   bool gravity_compensation = false;
@@ -58,10 +61,11 @@ struct ArrivedSample {
 };
 
 /// What the loop exchanges with other threads, all of it lock-free. The loop pops `samples`,
-/// pushes `records` and publishes `tool`.
+/// pushes `records` and `queries` and publishes `tool`.
 struct ServoPorts {
   rt::SpscRing<ArrivedSample> samples{64};
   rt::SpscRing<CycleRecord> records{8192};
+  rt::SpscRing<link::Query> queries{64};
   rt::Mailbox<link::ToolState> tool;
   std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
 };
@@ -74,6 +78,8 @@ struct ServoOutcome {
   std::uint64_t missed_deadlines = 0;
   /// Pauses longer than 50 ms, after which the force ramps in anew.
   std::uint64_t stalls = 0;
+  std::uint64_t requests_made = 0;  ///< of the rendered method, handed to the link
+  std::uint64_t answers_taken = 0;  ///< to these, given to the method
   /// How often a joint stood still under load until its torque was led off: see EncoderWatch.
   std::uint64_t encoder_doubts = 0;
   rt::Scheduling scheduling;
@@ -118,6 +124,8 @@ class ServoLoop {
 
  private:
   void take_samples() noexcept;
+  void take_answer(const ArrivedSample& answer) noexcept;
+  void make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
   void start_anew() noexcept;
   Fault check_motors(rt::TimePoint now, const driver::DeviceReport& report,
                      const driver::ArmPose& pose) noexcept;
@@ -150,6 +158,10 @@ class ServoLoop {
   bool in_contact_ = false;
   std::uint32_t contact_epoch_ = 0;
   std::uint64_t samples_taken_ = 0;
+  rt::TimePoint next_request_{};
+  std::uint32_t last_query_id_ = 0;
+  std::uint64_t requests_made_ = 0;
+  std::uint64_t answers_taken_ = 0;
   double gain_ = 0.0;
   double gravity_gain_ = 0.0;
   std::uint32_t tool_sequence_ = 0;
