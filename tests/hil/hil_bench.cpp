@@ -103,6 +103,7 @@ Bench::Bench(const std::vector<std::string>& profiles,
     : report_file_(forcegrid::testing::fresh_folder("emulator") + "/report.json"),
       emulator_(emulate_command(profiles, emulator_arguments, report_file_)),
       devices_(profiles.size()) {
+  covers_host("kernel");
   for (const std::string& profile : profiles) {
     covers_device(fs::path(profile).stem().string());
   }
