@@ -96,10 +96,12 @@ TEST_F(ChartAccuracy, JudgesWritesAndGoesOnWhereItWas) {
   EXPECT_NEAR(grid->at("rms_error_percent_after_1s").get<double>(), 10.8, 2.2);
   EXPECT_NEAR(tangent->at("rms_error_percent_after_1s").get<double>(), 5.8, 1.2);
   EXPECT_TRUE(hold->at("loop_work_percent").is_null());
-  // Streaming feeds about three times the stored energy into the hand at every turn.
+  // Streaming lags by 50 ms: on an isotropic spring that feeds pi K r^2 sin(w T), 156 % of the
+  // stored energy, into the hand at every turn; sideways this block is stiffer.
   const json* circling = row_of(chart, "circle", "ideal", "hold");
   ASSERT_NE(circling, nullptr);
-  EXPECT_NEAR(circling->at("loop_work_percent").get<double>(), 328.0, 66.0);
+  EXPECT_GT(circling->at("loop_work_percent").get<double>(), 156.0);
+  EXPECT_LT(circling->at("loop_work_percent").get<double>(), 400.0);
   EXPECT_LT(chart.at("scenes").at(0).at("difference_along_motion").at("rms_percent"), 0.1);
   for (const char* const name :
        {"/accuracy.csv", "/index.html", "/error_against_cost_small.svg",
