@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 
 #include "driver/hidraw_nodes.h"
 
@@ -18,20 +20,66 @@ std::string ids(std::uint16_t vendor_id, std::uint16_t product_id) {
   return text;
 }
 
+/// A device that has no HID node.
+struct UsbDevice {
+  std::uint16_t vendor_id = 0;
+  std::uint16_t product_id = 0;
+  std::string serial;
+  std::string port_path;  ///< "1-2.4"
+};
+
+std::string first_line(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  std::string line;
+  std::getline(stream, line);
+  return line;
+}
+
+/// The attached devices with the numbers of a profile of `protocol`, by their ports.
+std::vector<UsbDevice> list_usb_devices(const std::vector<profiles::DeviceProfile>& known,
+                                        const std::string& protocol, const std::string& sysfs) {
+  std::vector<UsbDevice> found;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(sysfs + "/bus/usb/devices", error)) {
+    const std::string vendor = first_line(entry.path() / "idVendor");
+    const std::string product = first_line(entry.path() / "idProduct");
+    for (const profiles::DeviceProfile& profile : known) {
+      if (profile.usb.protocol == protocol &&
+          vendor + ":" + product == ids(profile.usb.vendor_id, profile.usb.product_id)) {
+        found.push_back({.vendor_id = profile.usb.vendor_id,
+                         .product_id = profile.usb.product_id,
+                         .serial = first_line(entry.path() / "serial"),
+                         .port_path = entry.path().filename().string()});
+        break;
+      }
+    }
+  }
+  std::sort(found.begin(), found.end(),
+            [](const UsbDevice& a, const UsbDevice& b) { return a.port_path < b.port_path; });
+  return found;
+}
+
 }  // namespace
 
 std::string describe_attached_devices(const std::vector<profiles::DeviceProfile>& known,
                                       const std::string& sysfs) {
-  std::string text = "Looked for HID devices of these profiles:\n";
+  std::string text = "Looked for devices of these profiles:\n";
   for (const profiles::DeviceProfile& profile : known) {
     text += "  " + ids(profile.usb.vendor_id, profile.usb.product_id) + "  " + profile.name + " (" +
             profile.description + ")\n";
   }
   const std::vector<HidrawNode> nodes = list_hidraw_nodes(sysfs);
-  text += nodes.empty() ? "Found: no HID device at all.\n" : "Found:\n";
-  bool any_known = false;
+  const std::vector<UsbDevice> falcons = list_usb_devices(known, "falcon", sysfs);
+  text += nodes.empty() && falcons.empty() ? "Found: no HID device at all, and no Falcon.\n"
+                                           : "Found:\n";
+  bool any_known = !falcons.empty();
   bool any_forbidden = false;
   std::string example;
+  for (const UsbDevice& falcon : falcons) {
+    text += "  " + ids(falcon.vendor_id, falcon.product_id) + " at USB port " + falcon.port_path +
+            (falcon.serial.empty() ? "" : ", serial " + falcon.serial) + " [known]\n";
+    example = example.empty() ? "falcon:path=" + falcon.port_path : example;
+  }
   for (const HidrawNode& node : nodes) {
     const bool is_known = std::any_of(known.begin(), known.end(), [&](const auto& profile) {
       return profile.usb.vendor_id == node.vendor_id && profile.usb.product_id == node.product_id;

@@ -8,7 +8,7 @@ namespace forcegrid::driver {
 
 /// A text for someone who has no device, or wonders why it is not seen: which devices were looked
 /// for (those of `known`), what was found (every HID device, and which of them are known and may
-/// be opened), and what to do next (udev rule, naming a device, running without one).
+/// be opened; every Falcon), and what to do next (udev rule, naming a device, running without one).
 /// @param known  e.g. all profiles of available_profiles().
 /// @param sysfs  where sysfs is mounted.
 /// Real-time: no. Threads: any.

@@ -143,6 +143,24 @@ TEST_F(Sysfs, DescribesWhatWasLookedForFoundAndWhatToDo) {
   EXPECT_THAT(one, HasSubstr("--device hid:path=1-2"));
 }
 
+TEST_F(Sysfs, DescribesAFalconWhichHasNoHidNode) {
+  const auto device = root_ / "bus" / "usb" / "devices" / "2-1.3";
+  std::filesystem::create_directories(device);
+  std::ofstream(device / "idVendor") << "0403\n";
+  std::ofstream(device / "idProduct") << "cb48\n";
+  std::ofstream(device / "serial") << "FV0815\n";
+  const std::string text =
+      describe_attached_devices({profiles::load_device_profile("woodenhaptics_v2015"),
+                                 profiles::load_device_profile("falcon")},
+                                root_.string());
+  EXPECT_THAT(text, HasSubstr("0403:cb48 at USB port 2-1.3, serial FV0815 [known]"));
+  EXPECT_THAT(text, HasSubstr("--device falcon:path=2-1.3"));
+  // Not one of the profiles' devices: any other FTDI chip.
+  std::ofstream(device / "idProduct") << "6001\n";
+  EXPECT_THAT(describe_attached_devices({profiles::load_device_profile("falcon")}, root_.string()),
+              HasSubstr("no HID device at all, and no Falcon"));
+}
+
 TEST(HidrawNodes, OfACompositeDeviceOnlyTheInterfaceWithTheUsageIsLeft) {
   // The two interfaces of a Teensy RawHID (sheet section 2.2), and a mouse at another port.
   const auto node = [](const std::string& name, const std::string& port,
