@@ -10,7 +10,7 @@
 namespace forcegrid::cli {
 namespace {
 
-constexpr auto kRetry = std::chrono::milliseconds(250);
+constexpr auto kRetry = std::chrono::milliseconds(50);
 constexpr auto kLook = std::chrono::milliseconds(20);
 constexpr auto kCalibrationTimeout = std::chrono::seconds(60);
 
@@ -32,12 +32,11 @@ std::string seconds_text(rt::Duration duration) {
 }
 
 // Makes sure of the counters. @returns why not; empty when they can be used.
-std::string settle_counters(const Reconnect& how, driver::Device& device, rt::Duration away,
-                            bool& recalibrated) {
+std::string settle_counters(const Reconnect& how, driver::Device& device, bool& recalibrated) {
   if (!how.may_calibrate) {
     const auto mechanism = driver::make_mechanism(*how.profile);
-    const std::string lost = driver::why_counters_are_lost(
-        *mechanism, *how.profile, how.last_counts, device.newest_report().counts, away);
+    const std::string lost =
+        driver::why_counters_are_lost(*mechanism, how.last_counts, device.newest_report().counts);
     return lost.empty() ? "" : lost + "; start anew without --calibrated";
   }
   recalibrated = driver::calibrate(
@@ -62,7 +61,7 @@ Reconnected reconnect(const Reconnect& how) {
                          how.before.serial;
         return result;
       }
-      result.why_not = settle_counters(how, *device, rt::Clock::now() - gone, result.recalibrated);
+      result.why_not = settle_counters(how, *device, result.recalibrated);
       if (result.why_not.empty()) {
         result.device = std::move(device);
       }

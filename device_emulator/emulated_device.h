@@ -68,9 +68,6 @@ class EmulatedDevice {
   /// Whether the cable is in. Out of it the device is not listed and can't be imported, and a
   /// client that has it is cut off.
   [[nodiscard]] virtual bool plugged_in() const noexcept { return true; }
-  /// Whether the server shall answer a pending IN transfer now with more bytes than its client
-  /// asked for, against all rules.
-  [[nodiscard]] virtual bool overfills_reply() noexcept { return false; }
 
   /// The person presses the button that the device has for calibration; nothing on one without.
   virtual void press_calibration_button() noexcept {}

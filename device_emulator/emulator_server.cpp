@@ -29,7 +29,6 @@ namespace {
 constexpr rt::Duration kIdleLimit = std::chrono::seconds(10);
 constexpr std::size_t kMaxCommandsPerFrame = 64;
 constexpr int kIdlePoll_ms = 5;
-constexpr std::size_t kOverfill_bytes = 64;
 // A ping-pong on a bulk endpoint needs three a frame; a client that floods the bus gets no more.
 constexpr int kMaxWakesPerFrame = 32;
 
@@ -718,14 +717,6 @@ void EmulatorServer::Impl::run_device(Port& port, Connection* client, rt::TimePo
     }
   }
   device.run(now, host);
-  const auto in_urb = std::find_if(client->urbs.begin(), client->urbs.end(),
-                                   [](const Urb& urb) { return urb.endpoint.in(); });
-  if (in_urb != client->urbs.end() && device.overfills_reply()) {
-    const std::vector<std::uint8_t> data(in_urb->buffer_bytes + kOverfill_bytes);
-    usbip::append_submit_reply(client->unsent, in_urb->sequence, 0,
-                               static_cast<std::uint32_t>(data.size()), data);
-    client->urbs.erase(in_urb);
-  }
   if (!device.plugged_in()) {
     client->unsent.clear();
     client->close(CloseReason::kUnplugged);

@@ -103,6 +103,7 @@ class FaultyDevice::Host final : public UsbHost {
   }
 
   void babble(std::uint8_t endpoint_address) override { host_.babble(endpoint_address); }
+  void overfill(std::uint8_t endpoint_address) override { host_.overfill(endpoint_address); }
 
   bool wants_in(std::uint8_t endpoint_address) override {
     return device_.busy_until_ <= device_.now_ && host_.wants_in(endpoint_address);
@@ -284,15 +285,6 @@ void FaultyDevice::bus_reset(rt::TimePoint now) noexcept {
   busy_until_ = now;
 }
 
-bool FaultyDevice::overfills_reply() noexcept {
-  Fault* fault = acting(FaultKind::kOverLongPayload);
-  if (fault == nullptr) {
-    return false;
-  }
-  fault->act(now_);
-  return true;
-}
-
 void FaultyDevice::spoil_counters(std::vector<std::uint8_t>& report) {
   if (report.size() < 2 * kCounters) {
     return;
@@ -363,6 +355,11 @@ bool FaultyDevice::give_in(UsbHost& host, std::uint8_t endpoint_address,
     babble->act(now_);
     host.babble(endpoint_address);
     return false;
+  }
+  if (Fault* too_much = acting(FaultKind::kOverLongPayload)) {
+    too_much->act(now_);
+    host.overfill(endpoint_address);
+    return true;  // for the device everything was as usual
   }
   std::vector<std::uint8_t> report(packet.begin(), packet.end());
   spoil_counters(report);

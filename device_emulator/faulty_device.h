@@ -48,7 +48,6 @@ class FaultyDevice final : public EmulatedDevice {
   void press_calibration_button() noexcept override { device_->press_calibration_button(); }
   [[nodiscard]] bool motors_on() const override { return device_->motors_on(); }
   [[nodiscard]] bool plugged_in() const noexcept override { return plugged_in_; }
-  [[nodiscard]] bool overfills_reply() noexcept override;
   [[nodiscard]] EmulatorReport report() const override;
   [[nodiscard]] std::vector<CounterSample> samples() const override { return device_->samples(); }
 

@@ -7,6 +7,12 @@
 
 namespace forcegrid::emulator {
 
+namespace {
+
+constexpr std::size_t kOverfill_bytes = 64;
+
+}  // namespace
+
 std::vector<Urb>::iterator UrbHost::first(std::uint8_t endpoint_address) {
   return std::find_if(pending_.begin(), pending_.end(), [endpoint_address](const Urb& urb) {
     return urb.endpoint.address == endpoint_address;
@@ -60,6 +66,13 @@ void UrbHost::babble(std::uint8_t endpoint_address) {
   const auto urb = first(endpoint_address);
   assert(urb != pending_.end());
   complete(urb, usbip::kBabble);
+}
+
+void UrbHost::overfill(std::uint8_t endpoint_address) {
+  const auto urb = first(endpoint_address);
+  assert(urb != pending_.end());
+  urb->data.resize(urb->buffer_bytes + kOverfill_bytes);
+  complete(urb, 0);
 }
 
 void UrbHost::fail_all(std::uint8_t endpoint_address, std::int32_t status) {

@@ -42,6 +42,7 @@ class UrbHost final : public UsbHost {
                              std::span<const std::uint8_t> packet) override;
 
   void babble(std::uint8_t endpoint_address) override;
+  void overfill(std::uint8_t endpoint_address) override;
 
   /// Ends all transfers of an endpoint with a USB/IP status.
   void fail_all(std::uint8_t endpoint_address, std::int32_t status);

@@ -78,6 +78,9 @@ class UsbHost {
   /// Ends the host's transfer as if the device had sent more than there was room for; only after
   /// wants_in().
   virtual void babble(std::uint8_t endpoint_address) = 0;
+  /// Ends the host's transfer with more bytes than it asked for, which no bus can do, but a server
+  /// on the way; only after wants_in().
+  virtual void overfill(std::uint8_t endpoint_address) = 0;
 };
 
 /// String descriptor of printable ASCII.

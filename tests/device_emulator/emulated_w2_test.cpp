@@ -63,6 +63,7 @@ class OneFrame final : public UsbHost {
     return true;
   }
   void babble(std::uint8_t) override {}
+  void overfill(std::uint8_t) override {}
   bool give_in(std::uint8_t endpoint, std::span<const std::uint8_t> packet) override {
     EXPECT_EQ(endpoint, 0x81);
     EXPECT_EQ(packet.size(), W2Firmware::kReportBytes);
