@@ -64,12 +64,10 @@ void EmulatedFalcon::run(rt::TimePoint now, UsbHost& host) {
     const bool asked = host.wants_in(Ft232rUsb::kEndpointIn);
     bridge_.set_asked(asked, now);
     const auto packet = asked ? bridge_.in_packet(now) : std::nullopt;
-    if (!packet) {
+    if (!packet || !host.give_in(Ft232rUsb::kEndpointIn, packet->data())) {
       return;
     }
-    if (host.give_in(Ft232rUsb::kEndpointIn, packet->data())) {
-      bridge_.in_taken(now);
-    }
+    bridge_.in_taken(now);
   }
 }
 
