@@ -95,6 +95,10 @@ class HidrawTransport final : public Transport {
     if (count < 0 && errno == ETIMEDOUT) {
       return {.status = TransportStatus::kTimeout};
     }
+    if (count < 0 && errno == EPIPE) {
+      failure_ = "write " + node_ + ": the device refuses reports (STALL); plug it in again";
+      return {.status = TransportStatus::kProtocol};
+    }
     if (count != static_cast<int>(report.size() + 1)) {
       fail("write");
       return {.status = TransportStatus::kDisconnected};
