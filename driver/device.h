@@ -113,8 +113,9 @@ class Device {
   virtual void load_counters(const std::array<std::int16_t, 6>& counts,
                              rt::Duration timeout = std::chrono::seconds(2)) = 0;
 
-  /// Sends zero current, waits until it is on the wire or 200 ms have passed, then closes the
-  /// handle and joins the I/O thread. Idempotent; the destructor of every implementation calls it.
+  /// Sends zero current, waits until the device has answered it or 200 ms have passed, then closes
+  /// the handle and joins the I/O thread. Idempotent; the destructor of every implementation calls
+  /// it.
   /// @returns true when the zero command is known to have been delivered.
   virtual bool stop() noexcept = 0;
 };
