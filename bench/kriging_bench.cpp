@@ -1,0 +1,151 @@
+// Reading and fitting the kriging field against the bare trilinear read.
+
+#include <benchmark/benchmark.h>
+
+#include <array>
+#include <random>
+#include <vector>
+
+#include "bench/ratios.h"
+#include "forcegrid/kriging_field.h"
+#include "forcegrid/kriging_method.h"
+
+namespace forcegrid::bench {
+namespace {
+
+using kriging::DictionaryField;
+using kriging::FieldSettings;
+using kriging::Observation;
+
+constexpr unsigned kSeed = 11;
+constexpr int kPositions = 1024;
+const kriging::History kNoHistory = kriging::History::Zero();
+
+std::vector<Eigen::Vector3d> positions(int count, double size_m) {
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> uniform(-size_m, size_m);
+  std::vector<Eigen::Vector3d> result;
+  for (int i = 0; i < count; ++i) {
+    result.emplace_back(uniform(random), uniform(random), uniform(random));
+  }
+  return result;
+}
+
+// A hardening spring: something smooth to fit.
+Eigen::Vector3d force_N(const Eigen::Vector3d& p) {
+  return -200.0 * (1.0 + 500.0 * p.squaredNorm()) * p;
+}
+
+template <typename FieldType>
+void fill(FieldType& field) {
+  for (const Eigen::Vector3d& p : positions(40, 0.015)) {
+    Observation o;
+    o.position_m = p;
+    o.force_N = force_N(p);
+    field.take(o);
+  }
+}
+
+void kriging_read_32(benchmark::State& state) {
+  DictionaryField<float, 32, 0> field{FieldSettings{}};
+  fill(field);
+  const auto at = positions(kPositions, 0.02);
+  for (auto _ : state) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : at) {
+      sum += field.read(p, kNoHistory).force_N;
+    }
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(state.iterations() * kPositions);
+}
+BENCHMARK(kriging_read_32);
+
+// The same sum by plain loops in double precision.
+void kriging_read_32_scalar(benchmark::State& state) {
+  DictionaryField<double, 32, 0> field{FieldSettings{}};
+  fill(field);
+  const auto at = positions(kPositions, 0.02);
+  const kriging::RadialTerms<double> terms = field.radial_terms();
+  for (auto _ : state) {
+    double sum = 0.0;
+    for (const Eigen::Vector3d& p : at) {
+      sum += kriging::radial_sum_scalar(terms, p.data()).force_N[0];
+    }
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(state.iterations() * kPositions);
+}
+BENCHMARK(kriging_read_32_scalar);
+
+// As the loop calls it: virtual, with contact, hand-over, uncertainty and status.
+void kriging_force(benchmark::State& state) {
+  KrigingMethod method(KrigingMethod::Kind::kForceOnly, {});
+  method.contact_made(1, Eigen::Vector3d::Zero());
+  double time_s = 0.0;
+  for (const Eigen::Vector3d& p : positions(40, 0.015)) {
+    Sample sample;
+    sample.time_s = time_s += 0.033;
+    sample.position_W = p;
+    sample.force_W = force_N(p);
+    method.observe(time_s, p);
+    method.take_sample(sample);
+    method.work(1 << 30);
+  }
+  const auto at = positions(kPositions, 0.02);
+  for (auto _ : state) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : at) {
+      sum += method.force(time_s, p).force_W;
+    }
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(state.iterations() * kPositions);
+}
+BENCHMARK(kriging_force);
+
+// Samples along a path that fills the dictionary anew: each is committed and one evicted.
+template <KrigingMethod::Kind kKind>
+void take_samples(benchmark::State& state) {
+  KrigingMethod method(kKind, {});
+  method.contact_made(1, Eigen::Vector3d::Zero());
+  double time_s = 0.0;
+  std::size_t next = 0;
+  const auto at = positions(kPositions, 0.02);
+  for (auto _ : state) {
+    const Eigen::Vector3d& p = at[next++ % kPositions];
+    for (int cycle = 0; cycle < 8; ++cycle) {
+      method.observe(time_s += 0.004, p);
+    }
+    Sample sample;
+    sample.time_s = time_s;
+    sample.position_W = p;
+    sample.force_W = force_N(p);
+    method.take_sample(sample);
+    while (method.work(1 << 30) > 0) {
+    }
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+void kriging_sample(benchmark::State& state) {
+  take_samples<KrigingMethod::Kind::kForceOnly>(state);
+}
+BENCHMARK(kriging_sample);
+void kriging_bank_sample(benchmark::State& state) {
+  take_samples<KrigingMethod::Kind::kBank>(state);
+}
+BENCHMARK(kriging_bank_sample);
+
+const bool registered = [] {
+  report_time("kriging_read_32", "<= 25 ns");
+  report_time("kriging_read_32_scalar", "<= 250 ns");
+  report_time("kriging_force", "");
+  report_time("kriging_sample", "<= 30 us");
+  report_time("kriging_bank_sample", "<= 250 us");
+  report_ratio("kriging_read_32", "bare_trilinear_query", "<= 6.1");
+  report_ratio("kriging_read_32_scalar", "bare_trilinear_query", "<= 61");
+  return true;
+}();
+
+}  // namespace
+}  // namespace forcegrid::bench
