@@ -64,6 +64,20 @@ TEST_P(ReferenceTraces, GiveTheErrorsOfTheReferenceWithinATenth) {
   }
 }
 
+// Kriging may be better, and no more than a tenth worse.
+TEST_P(ReferenceTraces, AreFollowedByKrigingAsWellAsByTheReference) {
+  const Trace trace = read_trace(kFolder + GetParam() + ".csv.gz");
+  const auto reference = references().at(GetParam());
+  for (const char* method : {"kriging nug=1e-5", "kriging nug=1e-6", "kriging-bank"}) {
+    EXPECT_LT(error_percent(method, trace), 1.1 * reference.at(method)) << method;
+  }
+  JudgeOptions without_stiffness;
+  without_stiffness.stiffness_to_method = false;
+  const auto bank = make_force_method("kriging-bank", {});
+  EXPECT_LT(judge(*bank, trace, without_stiffness).rms_error_percent_after_1s,
+            1.1 * reference.at("kriging-bank"));
+}
+
 INSTANTIATE_TEST_SUITE_P(Recorded, ReferenceTraces,
                          ::testing::Values("chirpN", "chirpT", "liss", "human", "poke",
                                            "human_delay100", "human_noise10mN"),
