@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <set>
 #include <thread>
 
 using forcegrid::driver::ControlRequest;
@@ -37,6 +38,10 @@ struct libusb_device_handle {
 };
 
 namespace {
+
+// What the transport has not returned: a transfer that never ends, and its handle.
+std::set<libusb_transfer*> live_transfers;
+std::set<libusb_device_handle*> live_handles;
 
 libusb_context the_context;
 std::vector<libusb_device> device_list;
@@ -94,6 +99,14 @@ FakeLibusb& FakeLibusb::bus() { return *the_bus; }
 void FakeLibusb::reset() {
   the_bus = std::make_unique<FakeLibusb>();
   pending.clear();
+  for (libusb_transfer* transfer : live_transfers) {
+    delete transfer;
+  }
+  for (libusb_device_handle* handle : live_handles) {
+    delete handle;
+  }
+  live_transfers.clear();
+  live_handles.clear();
 }
 
 }  // namespace forcegrid::driver
@@ -155,6 +168,7 @@ int LIBUSB_CALL libusb_open(libusb_device* device, libusb_device_handle** handle
   const int error = FakeLibusb::bus().devices.at(device->number).open_error;
   if (error == 0) {
     *handle = new libusb_device_handle{device->number};
+    live_handles.insert(*handle);
     ++FakeLibusb::bus().handles;
   }
   return error;
@@ -162,6 +176,7 @@ int LIBUSB_CALL libusb_open(libusb_device* device, libusb_device_handle** handle
 void LIBUSB_CALL libusb_close(libusb_device_handle* handle) {
   if (handle != nullptr) {
     --FakeLibusb::bus().handles;
+    live_handles.erase(handle);
     delete handle;
   }
 }
@@ -231,13 +246,16 @@ int LIBUSB_CALL libusb_release_interface(libusb_device_handle*, int) {
 
 libusb_transfer* LIBUSB_CALL libusb_alloc_transfer(int) {
   ++FakeLibusb::bus().allocated;
-  return new libusb_transfer{};
+  auto* const transfer = new libusb_transfer{};
+  live_transfers.insert(transfer);
+  return transfer;
 }
 void LIBUSB_CALL libusb_free_transfer(libusb_transfer* transfer) {
   FakeLibusb& bus = FakeLibusb::bus();
   ++bus.freed;
   bus.freed_in_use += std::any_of(pending.begin(), pending.end(),
                                   [&](const Pending& entry) { return entry.transfer == transfer; });
+  live_transfers.erase(transfer);
   delete transfer;
 }
 
