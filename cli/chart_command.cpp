@@ -216,6 +216,8 @@ void add_chart(CLI::App& app, ChartAccuracyOptions& o, std::function<int()>& act
                   "variants that matter): " +
                       joined(method_names()) + ", direct")
       ->delimiter(';');
+  accuracy.add_option("--goals-for", o.goals_for,
+                      "Method that is held against the goals (default: that of 'run')");
   accuracy.add_flag("--quick", o.quick, "The small block and a selection, within a minute");
   accuracy.add_option("--jobs", o.jobs, "Threads that make force tables; 0 is one a processor")
       ->check(CLI::Range(0, 1024))
@@ -247,7 +249,7 @@ int chart_accuracy_command(const ChartAccuracyOptions& asked) {
   options.quick = asked.quick;
   options.jobs = asked.jobs;
   options.seed = asked.seed;
-  options.default_method = RunOptions{}.method;
+  options.default_method = asked.goals_for.empty() ? RunOptions{}.method : asked.goals_for;
   options.program = program_hash();
   options.cancel = &StopRequest::stop();
   options.say = [&line](const std::string& text) { line.say(text); };

@@ -19,6 +19,7 @@ struct ChartAccuracyOptions {
   std::vector<std::string> trajectories;
   std::vector<std::string> conditions;
   std::vector<std::string> methods;  ///< MethodVariant texts, or direct
+  std::string goals_for;             ///< method held against the goals; empty: that of `run`
   bool quick = false;
   unsigned jobs = 0;  ///< 0: one a processor
   std::uint64_t seed = 1;

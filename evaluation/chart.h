@@ -29,7 +29,7 @@ struct ChartOptions {
   bool quick = false;
   unsigned jobs = 0;                         ///< threads that make tables; 0: one a processor
   std::uint64_t seed = 1;                    ///< of trajectories, noise and network
-  std::string default_method = "forcegrid";  ///< of `forcegrid run`, held against the goals
+  std::string default_method = "forcegrid";  ///< held against the goals
   /// Identifies the program that measures: rows of another program aren't taken over.
   std::string program;
   std::function<void(const std::string&)> say;  ///< facts and warnings, a line each

@@ -92,7 +92,7 @@ std::string svg_element(const std::string& svg) {
 
 void add_numbers(std::string& html, const Chart& chart, const ChartOptions& options) {
   html += "<h2>Goals</h2><p>Method <b>" + escaped(options.default_method) +
-          "</b>, the default of <code>forcegrid run</code>; costs are named by their method.";
+          "</b>; costs are named by their method.";
   html += chart.numbers.empty() ? "" : " Scene: " + escaped(chart.numbers.front().scene) + '.';
   html +=
       "</p><table class=sortable><thead><tr><th>figure<th>goal<th>measured<th><th>worst at"

@@ -44,7 +44,7 @@ constexpr double kHoldHeight_m = 0.012;
 constexpr double kTremorAmplitude_m[3] = {0.0002, 0.00025, 0.0003};
 constexpr double kTremorFrequency_Hz[3] = {8.4, 9.6, 10.7};
 constexpr double kHoldRise_s = 0.35;
-constexpr double kDriftAmplitude_m[3] = {0.00067, 0.00067, 0.00033};
+constexpr double kDriftAmplitude_m[3] = {0.00064, 0.00064, 0.00043};
 constexpr double kDriftFrequency_Hz[3] = {0.05, 0.07, 0.11};
 
 constexpr double kTapPeriod_s = 0.8;

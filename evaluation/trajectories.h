@@ -32,7 +32,7 @@ struct ContactSpan {
 ///   poke           minimum jerk out in 100 ms to 8 targets in turn (5 to 20 mm, one of them a
 ///                  push of 5 mm), 0.35 s there, back; one every 0.8 s, the first at 0.05 s
 ///   hold           12 mm up, minimum jerk in 0.35 s, with a tremor of 0.2, 0.25, 0.3 mm at 8.4,
-///                  9.6, 10.7 Hz and a drift of 0.67, 0.67, 0.33 mm at 0.05, 0.07, 0.11 Hz
+///                  9.6, 10.7 Hz and a drift of 0.64, 0.64, 0.43 mm at 0.05, 0.07, 0.11 Hz
 ///   tapping        0.4 s in contact, 0.4 s in the air: pushes 2.5 to 4.5 mm deep and 3 mm
 ///   sideways,
 ///                  half a sine each, at places scattered by +-2 mm, seeded; the force is
