@@ -48,6 +48,9 @@ CLI::Validator between(double low, double high) {
 CLI::Validator method_variant() {
   return CLI::Validator(
       [](std::string& input) {
+        if (input == "direct") {  // of the simulator, not one of forcegrid/
+          return std::string();
+        }
         try {
           MethodOptions base;
           base.grid.max_W.setConstant(0.1);
@@ -119,7 +122,7 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   run.add_option("--method", o.method,
                  "Force method: " + joined(method_names()) +
-                     "; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
+                     ", direct; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
       ->check(method_variant())
       ->capture_default_str();
   run.add_option("--shadow", o.shadows,

@@ -30,6 +30,7 @@
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
 #include "servo_loop/telemetry.h"
+#include "simulator/direct_method.h"
 #include "simulator/scene.h"
 #include "simulator/truth.h"
 
@@ -40,6 +41,8 @@ using servo::Triple;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
+constexpr char kDirect[] = "direct";
+constexpr double kDirectShare = 0.5;  // of a cycle that method direct may take
 constexpr char kEmulatedPrefix[] = "emulated:";
 constexpr milliseconds kChildStartTimeout{10000};
 constexpr milliseconds kChildEndTimeout{3000};
@@ -67,6 +70,29 @@ std::optional<nlohmann::json> final_report(ChildProcess* child) {
     return std::nullopt;
   }
   return parsed;
+}
+
+// The scene itself as a force method, if a servo cycle has the time for it.
+std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
+  if (!options.simulator.empty()) {
+    throw std::runtime_error(
+        "method direct needs the object in this process, but --simulator names another one; leave "
+        "that out or choose another method");
+  }
+  auto direct =
+      std::make_unique<simulator::DirectMethod>(simulator::make_scene(options.scene).mesh);
+  const double period_s = 1.0 / options.rate_Hz;
+  const double cycle_s = direct->measured_cycle_s(period_s);
+  if (cycle_s > kDirectShare * period_s) {
+    char times[64];
+    std::snprintf(times, sizeof times, "%.2f ms, more than half of the %.2f ms", 1e3 * cycle_s,
+                  1e3 * period_s);
+    throw std::runtime_error("method direct: one cycle of scene " + options.scene + " takes " +
+                             times +
+                             " that --rate leaves; use --scene small, a lower --rate, or "
+                             "another method");
+  }
+  return direct;
 }
 
 void prepare_folder(const std::string& folder) {
@@ -371,6 +397,14 @@ int run_command(const RunOptions& options) {
   std::vector<ForceMethod*> methods;
   std::vector<std::string> names;
   const auto add_method = [&](const std::string& text) {
+    if (text == kDirect && std::find(names.begin(), names.end(), text) == names.end()) {
+      owned.push_back(make_direct(options));
+      methods.push_back(owned.back().get());
+      names.push_back(text);
+    }
+    if (text == kDirect) {
+      return;
+    }
     const MethodVariant variant = parse_method_variant(text, base);
     if (std::find(names.begin(), names.end(), variant.text) == names.end()) {
       owned.push_back(make_force_method(variant.name, variant.options));

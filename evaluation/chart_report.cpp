@@ -121,7 +121,7 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
       std::to_string(table.at_random.positions) + " random ones.";
   if (table.direct_cycle_us > 0.0) {
     html += " One cycle of <code>direct</code> takes " + readable(table.direct_cycle_us) +
-            " &micro;s (90th percentile, measured live).";
+            " &micro;s (median, measured live).";
   }
   html += "</p>" + svg_element(picture);
   const std::vector<ChartPoint> points = points_of(chart, table.scene);

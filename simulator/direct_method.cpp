@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kMeasuredSpeed_m_per_s = 0.2;
 constexpr double kMeasuredReach_m = 0.008;
-constexpr double kMeasuredPercentile = 0.9;
+constexpr int kSettlingCycles = 40;  // until the stiffness of a new grip is right
 
 }  // namespace
 
@@ -143,13 +143,16 @@ double DirectMethod::measured_cycle_s(double servo_period_s, int cycles) {
                 " m of the top's centre; use a larger grip");
   }
   rt::Percentiles time_us;
-  for (int cycle = 1; cycle <= cycles; ++cycle) {
+  for (int cycle = 1; cycle <= kSettlingCycles + cycles; ++cycle) {
     const double path_m = kMeasuredSpeed_m_per_s * servo_period_s * cycle;
     const double height_m = kMeasuredReach_m * 0.5 * (1.0 - std::cos(path_m / kMeasuredReach_m));
-    time_us.add(1e6 * object_.move_to({0.0, 0.5 * height_m, height_m}).solve_time_s);
+    const double time_s = object_.move_to({0.0, 0.5 * height_m, height_m}).solve_time_s;
+    if (cycle > kSettlingCycles) {
+      time_us.add(1e6 * time_s);
+    }
   }
   object_.release();
-  return 1e-6 * time_us.at(kMeasuredPercentile);
+  return 1e-6 * time_us.at(0.5);
 }
 
 }  // namespace forcegrid::simulator

@@ -57,7 +57,7 @@ class DirectMethod final : public ForceMethod {
   /// The answer of the last observe(), for its counts and residuals.
   const Equilibrium& equilibrium() const noexcept { return equilibrium_; }
 
-  /// [s] What observe() takes at the 90th percentile, measured on this processor: the object is
+  /// [s] What observe() takes in the median, measured on this processor: the object is
   /// grabbed at the top and moved to and fro at 0.2 m/s for `cycles` cycles of `servo_period_s`.
   /// Not while in use. Throws Error if the object can't be grabbed.
   double measured_cycle_s(double servo_period_s, int cycles = 60);
