@@ -27,7 +27,7 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid"]
+MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid", "ftdi_sio"]
 TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest"]
 CLIENTS = ["hil_client_hidraw", "hil_client_libusb"]  # beside the scenario program
 LONG_SUITE = "Long"  # left out of the smoke set: suites that begin so
