@@ -37,10 +37,14 @@ function(forcegrid_library name)
                                 PUBLIC $<BUILD_INTERFACE:forcegrid_sanitizers>)
 endfunction()
 
-# forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [TIMEOUT s])
+# forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [SINGLE_THREADED] [TIMEOUT s])
 # SERIAL: the test runs alone (it keeps deadlines or uses both cores).
+# SINGLE_THREADED: it starts no thread, so that ThreadSanitizer has nothing to see in it.
 function(forcegrid_test name)
-  cmake_parse_arguments(arg "SERIAL" "TIMEOUT" "LABELS;SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(arg "SERIAL;SINGLE_THREADED" "TIMEOUT" "LABELS;SOURCES;LIBS" ${ARGN})
+  if(arg_SINGLE_THREADED AND FORCEGRID_SANITIZE STREQUAL "thread")
+    return()
+  endif()
   if(NOT arg_TIMEOUT)
     set(arg_TIMEOUT 60)
   endif()
