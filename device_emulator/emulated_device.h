@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "device_emulator/boot_loader_faults.h"
 #include "device_emulator/device_options.h"
 #include "device_emulator/emulator_report.h"
 #include "device_emulator/usb.h"
@@ -71,6 +72,10 @@ class EmulatedDevice {
 
   /// The person presses the button that the device has for calibration; nothing on one without.
   virtual void press_calibration_button() noexcept {}
+
+  /// From now on `faults`, which outlives the device or is null, says what its boot loader does
+  /// wrong; nothing on a device without one.
+  virtual void set_boot_loader_faults(BootLoaderFaults* /*faults*/) noexcept {}
 
   /// Device part of the report (frames and attachment belong to the server).
   [[nodiscard]] virtual EmulatorReport report() const = 0;

@@ -61,6 +61,9 @@ class EmulatedFalcon final : public EmulatedDevice,
   /// Both power supplies: the firmware has to be loaded again.
   void power_cycle(rt::TimePoint now) noexcept override;
   [[nodiscard]] bool motors_on() const override;
+  void set_boot_loader_faults(BootLoaderFaults* faults) noexcept override {
+    firmware_.set_boot_loader_faults(faults);
+  }
   /// The centre button, for kButtonPress.
   void press_calibration_button() noexcept override;
 

@@ -111,9 +111,13 @@ void FalconFirmware::boot(std::uint8_t character, const LineSettings& line,
                           rt::TimePoint time) noexcept {
   if (state_ == State::kAutoBaud && !dtr_ && near(line.baud_Hz, kLoaderBaud_Hz) &&
       (character == 'A' || character == 'a')) {
+    if (stuck_at(BootStep::kBaudRate)) {
+      return;
+    }
     state_ = State::kLoading;
     section_ = Section::kKey;
     low_byte_.reset();
+    image_byte_ = 0;
     board_.send(std::span(&character, 1), line.baud_Hz, time);
     return;
   }
@@ -127,6 +131,9 @@ void FalconFirmware::boot(std::uint8_t character, const LineSettings& line,
   }
   if (++greeting_matched_ == kGreeting.size()) {
     greeting_matched_ = 0;
+    if (stuck_at(BootStep::kGreeting)) {
+      return;
+    }
     state_ = State::kAutoBaud;
     ++statistics_.handshakes;
     board_.send(kGreetingReply, line.baud_Hz, time);
@@ -136,7 +143,9 @@ void FalconFirmware::boot(std::uint8_t character, const LineSettings& line,
 void FalconFirmware::load(std::uint8_t character, const LineSettings& line,
                           rt::TimePoint time) noexcept {
   ++statistics_.bytes_loaded;
-  board_.send(std::span(&character, 1), line.baud_Hz, time);
+  const std::uint8_t echo = faults_ != nullptr ? faults_->echo(image_byte_, character) : character;
+  ++image_byte_;
+  board_.send(std::span(&echo, 1), line.baud_Hz, time);
   if (!low_byte_) {
     low_byte_ = character;
     return;
@@ -164,7 +173,11 @@ void FalconFirmware::load_word(std::uint16_t word) noexcept {
       return;
     case Section::kBlockSize:
       if (word == 0) {
-        start_firmware();
+        if (stuck_at(BootStep::kStart)) {
+          section_ = Section::kRefused;
+        } else {
+          start_firmware();
+        }
         return;
       }
       section_ = Section::kBlock;

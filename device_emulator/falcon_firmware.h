@@ -7,6 +7,7 @@
 #include <random>
 #include <span>
 
+#include "device_emulator/boot_loader_faults.h"
 #include "device_emulator/ft232r.h"
 #include "profiles/device_profile.h"
 #include "rt/clock.h"
@@ -80,6 +81,9 @@ class FalconFirmware final : public SerialPeer {
   FalconFirmware(const profiles::DeviceProfile& profile, Board& board, std::uint64_t seed,
                  bool running, bool homed);
 
+  /// What its boot loader does wrong; null for nothing. It is asked as long as the firmware lives.
+  void set_boot_loader_faults(BootLoaderFaults* faults) noexcept { faults_ = faults; }
+
   /// Power has gone and come back: cold, motors off, zeros lost.
   void power_up() noexcept;
 
@@ -122,7 +126,12 @@ class FalconFirmware final : public SerialPeer {
   void cut_motors() noexcept;
   void lose_zeros() noexcept;
 
+  [[nodiscard]] bool stuck_at(BootStep step) const noexcept {
+    return faults_ != nullptr && faults_->stuck_at(step);
+  }
+
   Board& board_;
+  BootLoaderFaults* faults_ = nullptr;
   double rad_per_count_;
   double zero_angle_rad_;
   std::int32_t command_limit_;
@@ -137,7 +146,8 @@ class FalconFirmware final : public SerialPeer {
   enum class Section : std::uint8_t { kKey, kHeader, kBlockSize, kBlock, kRefused };
   Section section_ = Section::kKey;
   std::optional<std::uint8_t> low_byte_;
-  std::size_t words_left_ = 0;  // of the header or the block
+  std::uint64_t image_byte_ = 0;  // the next one's place in the image
+  std::size_t words_left_ = 0;    // of the header or the block
 
   std::array<std::uint8_t, kPacketBytes> packet_{};
   std::size_t packet_size_ = 0;

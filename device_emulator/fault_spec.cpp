@@ -56,6 +56,14 @@ constexpr std::array<Row, static_cast<std::size_t>(FaultKind::kCount)> kRows = {
      "motors push the other way"},
     {FaultKind::kMalformedDescriptors, "malformed-descriptors", "seed=1 when=power-up",
      "descriptors are mutated, in another way at each attachment"},
+    {FaultKind::kStatusOnly, "status-only", "when=power-up",
+     "the serial chip sends its status, and nothing of what it gets from the firmware"},
+    {FaultKind::kWrongEcho, "wrong-echo", "at=20 when=power-up",
+     "the boot loader returns byte AT of the image with its lowest bit turned"},
+    {FaultKind::kStuckBootLoader, "stuck-boot-loader", "step=start when=power-up",
+     "the boot loader does not answer its greeting, does not return the character of the "
+     "baud-rate, "
+     "or takes the image and does not start it (greeting, baud-rate, start)"},
 }};
 
 const Row& row_of(FaultKind kind) { return kRows[static_cast<std::size_t>(kind)]; }
@@ -152,6 +160,18 @@ void set(FaultSpec& spec, const std::string& whole, std::string_view key, std::s
     spec.counts = static_cast<std::int32_t>(whole_number(whole, key, value, 1, 32767));
   } else if (key == "bits") {
     spec.bits = static_cast<int>(whole_number(whole, key, value, 4, 16));
+  } else if (key == "at") {
+    spec.image_byte = whole_number(whole, key, value, 0, 1'000'000);
+  } else if (key == "step") {
+    if (value == "greeting") {
+      spec.boot_step = BootStep::kGreeting;
+    } else if (value == "baud-rate") {
+      spec.boot_step = BootStep::kBaudRate;
+    } else if (value == "start") {
+      spec.boot_step = BootStep::kStart;
+    } else {
+      refuse(whole, key, value, "greeting, baud-rate or start");
+    }
   } else if (key == "size") {
     if (value != "small" && value != "large") {
       refuse(whole, key, value, "small or large");

@@ -6,6 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "device_emulator/boot_loader_faults.h"
+
 namespace forcegrid::emulator {
 
 /// What an emulated device can do wrong.
@@ -32,6 +34,9 @@ enum class FaultKind : std::uint8_t {
   kConnectionClosed,
   kWrongWayMotor,
   kMalformedDescriptors,
+  kStatusOnly,
+  kWrongEcho,
+  kStuckBootLoader,
   kCount
 };
 
@@ -62,7 +67,9 @@ struct FaultSpec {
   std::int32_t counts = 0;        ///< size of a jump [encoder counts]
   int bits = 16;                  ///< width of a counter
   bool small_corruption = false;  ///< only the lowest bits of counters
-  std::uint64_t seed = 1;         ///< of everything random
+  std::uint64_t image_byte = 0;   ///< of firmware that is being loaded, from 0
+  BootStep boot_step = BootStep::kStart;
+  std::uint64_t seed = 1;  ///< of everything random
 };
 
 /// "drop-report" and so on.

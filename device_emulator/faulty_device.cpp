@@ -18,6 +18,15 @@ constexpr std::size_t kCommandWord = 3;
 constexpr std::size_t kModemStatusBytes = 2;
 constexpr std::size_t kMostReportBytes = 64;
 
+// A Falcon's packet: '<', three values of four nibbles each, the least significant first, each a
+// character from 0x41 on, two bytes more, '>'. Source: device fact sheet, section 5.
+constexpr std::size_t kFalconPacketBytes = 16;
+constexpr std::uint8_t kFalconBegin = '<';
+constexpr std::uint8_t kFalconEnd = '>';
+constexpr std::size_t kFalconFirstValue = 1;
+constexpr std::uint8_t kFalconZero = 0x41;
+constexpr std::size_t kFalconNibbles = 4;
+
 std::int16_t word(std::span<const std::uint8_t> bytes, std::size_t index) {
   return static_cast<std::int16_t>(
       static_cast<std::uint16_t>(bytes[2 * index] | (bytes[2 * index + 1] << 8)));
@@ -29,22 +38,79 @@ void put_word(std::span<std::uint8_t> bytes, std::size_t index, std::int16_t val
   bytes[2 * index + 1] = static_cast<std::uint8_t>(bits >> 8);
 }
 
-bool needs_counters(FaultKind kind) {
+/// Refuses what a device of `protocol` can't have.
+void check_fits(FaultKind kind, const std::string& protocol) {
+  const bool hid = protocol == "w2" || protocol == "w3";
+  const bool falcon = protocol == "falcon";
+  const auto refuse = [&](const char* why, const char* with) {
+    throw std::invalid_argument(std::string("fault '") + name_of(kind) + "' " + why +
+                                " protocol '" + protocol + "'; use it with a " + with + " device");
+  };
   switch (kind) {
     case FaultKind::kCorruptReport:
     case FaultKind::kFrozenEncoder:
     case FaultKind::kJumpingEncoder:
     case FaultKind::kWrappingEncoder:
     case FaultKind::kSaturatedEncoder:
-    case FaultKind::kWatchdogTrip:
     case FaultKind::kWrongWayMotor:
-      return true;
+      if (!hid && !falcon) {
+        refuse("changes counters or motors, whose place in a packet is not known of",
+               "w2, w3 or falcon");
+      }
+      return;
+    case FaultKind::kWatchdogTrip:
+      if (!hid) {
+        refuse("needs firmware that answers reports without taking them, which is not so with",
+               "w2 or w3");
+      }
+      return;
+    case FaultKind::kStatusOnly:
+    case FaultKind::kWrongEcho:
+    case FaultKind::kStuckBootLoader:
+      if (!falcon) {
+        refuse("is one of a serial chip and a boot loader, which are not there with", "falcon");
+      }
+      return;
     default:
-      return false;
+      return;
   }
 }
 
 }  // namespace
+
+/// The three values of one report or of one command, in the bytes that carry them.
+class FaultyDevice::Counters {
+ public:
+  /// @param nibbles a Falcon's four characters a value; else two bytes, the lower first.
+  Counters(std::span<std::uint8_t> bytes, bool nibbles) : bytes_(bytes), nibbles_(nibbles) {}
+
+  [[nodiscard]] std::int16_t get(std::size_t axis) const {
+    if (!nibbles_) {
+      return word(bytes_, axis);
+    }
+    unsigned bits = 0;
+    for (std::size_t i = 0; i < kFalconNibbles; ++i) {
+      bits |= static_cast<unsigned>((bytes_[kFalconNibbles * axis + i] - kFalconZero) & 0xF)
+              << (4 * i);
+    }
+    return static_cast<std::int16_t>(static_cast<std::uint16_t>(bits));
+  }
+  void put(std::size_t axis, std::int16_t value) {
+    if (!nibbles_) {
+      put_word(bytes_, axis, value);
+      return;
+    }
+    const auto bits = static_cast<std::uint16_t>(value);
+    for (std::size_t i = 0; i < kFalconNibbles; ++i) {
+      bytes_[kFalconNibbles * axis + i] =
+          static_cast<std::uint8_t>(kFalconZero + ((bits >> (4 * i)) & 0xF));
+    }
+  }
+
+ private:
+  std::span<std::uint8_t> bytes_;
+  bool nibbles_;
+};
 
 struct FaultyDevice::Fault {
   explicit Fault(const FaultSpec& s) : spec(s), random(s.seed) {}
@@ -121,19 +187,53 @@ class FaultyDevice::Host final : public UsbHost {
 FaultyDevice::FaultyDevice(std::unique_ptr<EmulatedDevice> device, const std::string& protocol,
                            const std::vector<FaultSpec>& faults, rt::TimePoint start)
     : device_(std::move(device)), has_modem_status_(protocol == "falcon"), now_(start) {
-  const bool has_counters = protocol == "w2" || protocol == "w3";
   for (const FaultSpec& spec : faults) {
-    if (needs_counters(spec.kind) && !has_counters) {
-      throw std::invalid_argument(std::string("fault '") + name_of(spec.kind) +
-                                  "' needs reports whose counters are known, which protocol '" +
-                                  protocol + "' does not have here; use it with a w2 or w3 device");
-    }
+    check_fits(spec.kind, protocol);
     faults_.emplace_back(spec);
   }
+  device_->set_boot_loader_faults(this);
   begin_what_is_due(start);
 }
 
 FaultyDevice::~FaultyDevice() = default;
+
+std::uint8_t FaultyDevice::echo(std::uint64_t image_byte, std::uint8_t character) noexcept {
+  Fault* const wrong = acting(FaultKind::kWrongEcho);
+  if (wrong == nullptr || image_byte != wrong->spec.image_byte) {
+    return character;
+  }
+  wrong->act(now_);
+  return character ^ 1U;
+}
+
+bool FaultyDevice::stuck_at(BootStep step) noexcept {
+  Fault* const stuck = acting(FaultKind::kStuckBootLoader);
+  if (stuck == nullptr || step != stuck->spec.boot_step) {
+    return false;
+  }
+  stuck->act(now_);
+  return true;
+}
+
+std::vector<FaultyDevice::Counters> FaultyDevice::counters_in(std::span<std::uint8_t> packet,
+                                                              std::size_t prefix) const {
+  std::vector<Counters> found;
+  if (!has_modem_status_) {
+    if (packet.size() >= prefix + 2 * kCounters) {
+      found.emplace_back(packet.subspan(prefix, 2 * kCounters), false);
+    }
+    return found;
+  }
+  for (std::size_t at = prefix; at + kFalconPacketBytes <= packet.size();) {
+    if (packet[at] != kFalconBegin || packet[at + kFalconPacketBytes - 1] != kFalconEnd) {
+      ++at;  // the rest of one that began in the packet before
+      continue;
+    }
+    found.emplace_back(packet.subspan(at + kFalconFirstValue, kFalconNibbles * kCounters), true);
+    at += kFalconPacketBytes;
+  }
+  return found;
+}
 
 const FaultyDevice::Fault* FaultyDevice::active(FaultKind kind) const noexcept {
   for (const Fault& fault : faults_) {
@@ -286,59 +386,61 @@ void FaultyDevice::bus_reset(rt::TimePoint now) noexcept {
 }
 
 void FaultyDevice::spoil_counters(std::vector<std::uint8_t>& report) {
-  if (report.size() < 2 * kCounters) {
-    return;
-  }
-  std::array<std::int16_t, kCounters> true_counters{};
-  for (std::size_t i = 0; i < kCounters; ++i) {
-    true_counters[i] = word(report, i);
-  }
-  for (Fault& fault : faults_) {
-    const FaultKind kind = fault.spec.kind;
-    const bool of_encoders =
-        kind == FaultKind::kFrozenEncoder || kind == FaultKind::kJumpingEncoder ||
-        kind == FaultKind::kWrappingEncoder || kind == FaultKind::kSaturatedEncoder;
-    if (!fault.active || !of_encoders || !hits(fault)) {
-      continue;
-    }
-    if (!fault.counters_at_start) {
-      fault.counters_at_start = true_counters;
-    }
-    for (std::size_t i = 0; i < kCounters; ++i) {
-      if (!fault.touches(i)) {
+  const std::size_t prefix = has_modem_status_ ? kModemStatusBytes : 0;
+  for (Counters& counters : counters_in(report, prefix)) {
+    const std::array<std::int16_t, kCounters> true_counters = {counters.get(0), counters.get(1),
+                                                               counters.get(2)};
+    for (Fault& fault : faults_) {
+      const FaultKind kind = fault.spec.kind;
+      const bool of_encoders =
+          kind == FaultKind::kFrozenEncoder || kind == FaultKind::kJumpingEncoder ||
+          kind == FaultKind::kWrappingEncoder || kind == FaultKind::kSaturatedEncoder;
+      if (!fault.active || !of_encoders || !hits(fault)) {
         continue;
       }
-      const std::int32_t start = (*fault.counters_at_start)[i];
-      std::int32_t value = word(report, i);
-      if (kind == FaultKind::kFrozenEncoder) {
-        value = start;
-      } else if (kind == FaultKind::kJumpingEncoder) {
-        value += fault.spec.counts;
-      } else if (kind == FaultKind::kSaturatedEncoder) {
-        value = std::numeric_limits<std::int16_t>::max();
-      } else {
-        const std::int32_t range = 1 << fault.spec.bits;
-        std::int32_t moved = (value - start) % range;
-        moved += moved < -range / 2 ? range : (moved >= range / 2 ? -range : 0);
-        value = start + moved;
+      if (!fault.counters_at_start) {
+        fault.counters_at_start = true_counters;
       }
-      put_word(report, i, static_cast<std::int16_t>(value));
+      for (std::size_t i = 0; i < kCounters; ++i) {
+        if (!fault.touches(i)) {
+          continue;
+        }
+        const std::int32_t start = (*fault.counters_at_start)[i];
+        std::int32_t value = counters.get(i);
+        if (kind == FaultKind::kFrozenEncoder) {
+          value = start;
+        } else if (kind == FaultKind::kJumpingEncoder) {
+          value += fault.spec.counts;
+        } else if (kind == FaultKind::kSaturatedEncoder) {
+          value = std::numeric_limits<std::int16_t>::max();
+        } else {
+          const std::int32_t range = 1 << fault.spec.bits;
+          std::int32_t moved = (value - start) % range;
+          moved += moved < -range / 2 ? range : (moved >= range / 2 ? -range : 0);
+          value = start + moved;
+        }
+        counters.put(i, static_cast<std::int16_t>(value));
+      }
     }
   }
 }
 
 void FaultyDevice::spoil_bytes(std::vector<std::uint8_t>& report) {
-  if (Fault* corrupt = acting(FaultKind::kCorruptReport);
-      corrupt != nullptr && report.size() >= 2 * kCounters && hits(*corrupt)) {
-    for (std::size_t i = 0; i < kCounters; ++i) {
-      const auto random = static_cast<std::uint16_t>(corrupt->random());
-      const auto bits = static_cast<std::uint16_t>(word(report, i));
-      const int spoilt =
-          corrupt->spec.small_corruption ? (bits & ~3) | (random & 3) : static_cast<int>(random);
-      put_word(report, i, static_cast<std::int16_t>(static_cast<std::uint16_t>(spoilt)));
+  const std::size_t prefix = has_modem_status_ ? kModemStatusBytes : 0;
+  if (Fault* corrupt = acting(FaultKind::kCorruptReport)) {
+    for (Counters& counters : counters_in(report, prefix)) {
+      if (!hits(*corrupt)) {
+        continue;
+      }
+      for (std::size_t i = 0; i < kCounters; ++i) {
+        const auto random = static_cast<std::uint16_t>(corrupt->random());
+        const auto bits = static_cast<std::uint16_t>(counters.get(i));
+        const int spoilt =
+            corrupt->spec.small_corruption ? (bits & ~3) | (random & 3) : static_cast<int>(random);
+        counters.put(i, static_cast<std::int16_t>(static_cast<std::uint16_t>(spoilt)));
+      }
     }
   }
-  const std::size_t prefix = has_modem_status_ ? kModemStatusBytes : 0;
   for (const FaultKind kind : {FaultKind::kShortReport, FaultKind::kLongReport}) {
     if (Fault* length = acting(kind); length != nullptr && hits(*length)) {
       report.resize(std::min(kMostReportBytes, prefix + length->spec.bytes));
@@ -350,6 +452,10 @@ bool FaultyDevice::give_in(UsbHost& host, std::uint8_t endpoint_address,
                            std::span<const std::uint8_t> packet) {
   if (has_modem_status_ && packet.size() <= kModemStatusBytes) {
     return host.give_in(endpoint_address, packet);  // it carries nothing
+  }
+  if (Fault* status_only = acting(FaultKind::kStatusOnly)) {
+    status_only->act(now_);
+    return host.give_in(endpoint_address, packet.first(kModemStatusBytes));
   }
   if (Fault* babble = acting(FaultKind::kBabble)) {
     babble->act(now_);
@@ -386,15 +492,22 @@ bool FaultyDevice::give_in(UsbHost& host, std::uint8_t endpoint_address,
 std::span<const std::uint8_t> FaultyDevice::spoil_out(std::span<const std::uint8_t> packet) {
   Fault* const wrong_way = acting(FaultKind::kWrongWayMotor);
   Fault* const trip = acting(FaultKind::kWatchdogTrip);
-  if ((wrong_way == nullptr && trip == nullptr) || packet.size() < 2 * (kCommandWord + 1)) {
+  if (wrong_way == nullptr && trip == nullptr) {
+    return packet;
+  }
+  const std::size_t shortest = has_modem_status_ ? kFalconPacketBytes : 2 * (kCommandWord + 1);
+  if (packet.size() < shortest) {
     return packet;
   }
   out_.assign(packet.begin(), packet.end());
-  if (wrong_way != nullptr && word(out_, kCommandWord) == 0) {
-    for (std::size_t i = 0; i < kCounters; ++i) {
-      if (wrong_way->touches(i)) {
-        const int turned = std::min<int>(-word(out_, i), std::numeric_limits<std::int16_t>::max());
-        put_word(out_, i, static_cast<std::int16_t>(turned));
+  if (wrong_way != nullptr && (has_modem_status_ || word(out_, kCommandWord) == 0)) {
+    for (Counters& commands : counters_in(out_, 0)) {
+      for (std::size_t i = 0; i < kCounters; ++i) {
+        if (wrong_way->touches(i)) {
+          const int turned =
+              std::min<int>(-commands.get(i), std::numeric_limits<std::int16_t>::max());
+          commands.put(i, static_cast<std::int16_t>(turned));
+        }
       }
     }
   }

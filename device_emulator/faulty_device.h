@@ -16,18 +16,18 @@
 namespace forcegrid::emulator {
 
 /// An emulated device between whose firmware and whose plug things go wrong: packets, endpoints,
-/// descriptors, power and plug of any device; counters and motors of those whose reports are W2's
-/// (protocols w2 and w3).
+/// descriptors, power and plug of any device; counters and motors of those whose packets it can
+/// read (protocols w2, w3 and falcon); serial chip and boot loader of a Falcon.
 ///
 /// Every fault that has begun is recorded in the report, with the time until the motors had no
 /// current any more.
 ///
 /// Real-time: as EmulatedDevice, but for run(), which copies packets. Threads: one.
-class FaultyDevice final : public EmulatedDevice {
+class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
  public:
   /// @param protocol of the device's profile.
-  /// @throws std::invalid_argument for a fault that needs a report layout which `protocol` does not
-  ///         have, naming both.
+  /// @throws std::invalid_argument for a fault that a device of this protocol can't have, naming
+  ///         both.
   FaultyDevice(std::unique_ptr<EmulatedDevice> device, const std::string& protocol,
                const std::vector<FaultSpec>& faults, rt::TimePoint start);
   ~FaultyDevice() override;
@@ -54,12 +54,20 @@ class FaultyDevice final : public EmulatedDevice {
  private:
   struct Fault;
   class Host;
+  class Counters;
+
+  // BootLoaderFaults, as the device's boot loader asks.
+  std::uint8_t echo(std::uint64_t image_byte, std::uint8_t character) noexcept override;
+  bool stuck_at(BootStep step) noexcept override;
 
   void begin_what_is_due(rt::TimePoint now);
   [[nodiscard]] const Fault* active(FaultKind kind) const noexcept;
   [[nodiscard]] Fault* acting(FaultKind kind) noexcept;
   /// Whether a fault that acts on single reports acts on this one.
   [[nodiscard]] bool hits(Fault& fault);
+  /// Where the three counters of each report in `packet` are, behind `prefix` bytes.
+  [[nodiscard]] std::vector<Counters> counters_in(std::span<std::uint8_t> packet,
+                                                  std::size_t prefix) const;
   void spoil_counters(std::vector<std::uint8_t>& report);
   void spoil_bytes(std::vector<std::uint8_t>& report);
   /// @returns what give_in() returns to the device.

@@ -53,6 +53,8 @@ TEST(FaultSpec, HasDefaultsAndTakesWhatIsSaid) {
   EXPECT_TRUE(parse_fault("corrupt-report:size=small").small_corruption);
   EXPECT_EQ(parse_fault("wrong-way-motor").start, FaultSpec::Start::kPowerUp);
   EXPECT_EQ(parse_fault("firmware-reboot").count, 1u);
+  EXPECT_EQ(parse_fault("wrong-echo:at=70").image_byte, 70u);
+  EXPECT_EQ(parse_fault("stuck-boot-loader:step=baud-rate").boot_step, BootStep::kBaudRate);
 }
 
 TEST(FaultSpec, RefusesWhatItDoesNotKnowAndSaysWhatThereIs) {
@@ -68,6 +70,9 @@ TEST(FaultSpec, RefusesWhatItDoesNotKnowAndSaysWhatThereIs) {
   EXPECT_NE(refusal("drop-report:").find("nothing follows"), std::string::npos);
   EXPECT_NE(refusal("drop-report:probability=1.5").find("0 to 1"), std::string::npos);
   EXPECT_NE(refusal("short-report:bytes=65").find("64"), std::string::npos);
+  EXPECT_NE(refusal("stuck-boot-loader:step=lunch").find("greeting, baud-rate or start"),
+            std::string::npos);
+  EXPECT_NE(refusal("wrong-echo:at=-1").find("from 0"), std::string::npos);
 }
 
 TEST(FaultSpec, ListsEveryFaultByAName) {
@@ -342,16 +347,27 @@ TEST(FaultyDevice, WaitsUntilTheMotorsHavePushedForHalfASecond) {
   EXPECT_NEAR(*bus.device->report().faults[0].seconds_until_motors_off, 0.015, 0.01);
 }
 
-TEST(FaultyDevice, RefusesFaultsOfCountersItDoesNotKnow) {
+TEST(FaultyDevice, RefusesFaultsThatItsDeviceCannotHave) {
   DeviceOptions options;
   options.profile = profiles::load_device_profile("woodenhaptics_v2015");
+  const auto refusal_of = [&](const char* fault, const char* protocol) -> std::string {
+    try {
+      FaultyDevice(make_emulated_device(options, at(0)), protocol, {parse_fault(fault)}, at(0));
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
   for (const char* fault : {"frozen-encoder", "wrong-way-motor", "corrupt-report"}) {
-    EXPECT_THROW(
-        FaultyDevice(make_emulated_device(options, at(0)), "falcon", {parse_fault(fault)}, at(0)),
-        std::invalid_argument);
+    EXPECT_NE(refusal_of(fault, "another").find("use it with a w2, w3 or falcon device"),
+              std::string::npos);
   }
-  EXPECT_NO_THROW(FaultyDevice(make_emulated_device(options, at(0)), "falcon",
-                               {parse_fault("nak-out")}, at(0)));
+  EXPECT_NE(refusal_of("watchdog-trip", "falcon").find("use it with a w2 or w3 device"),
+            std::string::npos);
+  for (const char* fault : {"status-only", "wrong-echo", "stuck-boot-loader"}) {
+    EXPECT_NE(refusal_of(fault, "w2").find("use it with a falcon device"), std::string::npos);
+  }
+  EXPECT_EQ(refusal_of("nak-out", "another"), "");
 }
 
 TEST(DescriptorMutations, AreTheSameForTheSameNumbersAndOthersForOthers) {

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+
+namespace forcegrid::emulator {
+
+/// Where a boot loader can stop for good, in the order in which a host comes by.
+enum class BootStep : std::uint8_t {
+  kGreeting,  ///< it does not answer the greeting
+  kBaudRate,  ///< it does not return the character from which it learns the baud rate
+  kStart,     ///< it takes and returns the whole image, but never starts it
+};
+
+/// What is wrong with a boot loader, asked by it as it goes along.
+/// Real-time: implementations neither allocate, lock nor throw.
+class BootLoaderFaults {
+ public:
+  virtual ~BootLoaderFaults() = default;
+  /// What the loader returns for `character`, which is byte `image_byte` of the image, from 0.
+  [[nodiscard]] virtual std::uint8_t echo(std::uint64_t image_byte,
+                                          std::uint8_t character) noexcept = 0;
+  /// Whether it goes no further, now that it is at `step`.
+  [[nodiscard]] virtual bool stuck_at(BootStep step) noexcept = 0;
+};
+
+}  // namespace forcegrid::emulator
