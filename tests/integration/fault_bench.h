@@ -55,15 +55,21 @@ struct FaultyRun {
   }
 };
 
-/// An emulated WoodenHaptics whose arm starts in the middle of the workspace, in a firm hand, with
-/// true counters; its driver and a servo loop, in this process.
+/// An emulated device that starts in the middle of the workspace, in a firm hand, with true
+/// counters (a Falcon also with its firmware running); its driver and a servo loop, in this
+/// process.
 class FaultBench {
  public:
   explicit FaultBench(const std::string& fault,
-                      emulator::MotionKind motion = emulator::MotionKind::kLissajous) {
-    options_.profile = profiles::load_device_profile("woodenhaptics_v2015");
-    // Sheet, 11.4: the counts of the workspace's origin.
-    options_.profile.calibration.pose_counts = {0, 1313, 2535, 0, 0, 0};
+                      emulator::MotionKind motion = emulator::MotionKind::kLissajous,
+                      const char* profile = "woodenhaptics_v2015") {
+    options_.profile = profiles::load_device_profile(profile);
+    if (options_.profile.kind == profiles::DeviceKind::kDelta) {
+      options_.firmware_loaded = true;
+    } else {
+      // Sheet, 11.4: the counts of the workspace's origin.
+      options_.profile.calibration.pose_counts = {0, 1313, 2535, 0, 0, 0};
+    }
     options_.operator_script.calibrated = true;
     options_.operator_script.motion = motion;
     options_.faults = {emulator::parse_fault(fault)};
