@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kRefreshFraction = 0.3;  // of the spacing: a repeated measurement
 constexpr double kEvictionReach_m2 = 1e-4;
+constexpr double kQueryValue = 0.05;  // the tool may never pass where it was asked
 constexpr double kFarAway_m = 1e3;
 
 }  // namespace
@@ -264,9 +265,9 @@ bool DictionaryField<Real, N, M>::make_room(const Eigen::Vector3d& position_m) n
           nearest_m2 = std::min(nearest_m2, separation_m2(s, other));
         }
       }
-      const double value = nearest_m2 /
-                           ((s.position_m - position_m).squaredNorm() + kEvictionReach_m2) /
-                           (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2));
+      const double value =
+          nearest_m2 / ((s.position_m - position_m).squaredNorm() + kEvictionReach_m2) /
+          (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2)) * (s.from_query ? kQueryValue : 1.0);
       if (value < worst_value) {
         worst_value = value;
         worst = i;
@@ -346,8 +347,8 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     ++slot;
   }
   Stored& s = stored_[static_cast<std::size_t>(slot)];
-  s = {o.position_m,        o.force_N, o.position_m,  o.force_N, o.history,
-       o.stiffness_N_per_m, 0.0,       next_order_++, true};
+  s = {o.position_m,        o.force_N, o.position_m,  o.force_N,    o.history,
+       o.stiffness_N_per_m, 0.0,       next_order_++, o.from_query, true};
   ++sample_count_;
   if (!o.from_query) {
     transient_ = slot;

@@ -90,7 +90,7 @@ class Field {
 /// doubted more or if it is within 0.3 spacing_m of where that one began, and goes otherwise.
 /// (Without this bound a slow motion would drag one sample along and lose what it had known.) When
 /// full, the sample goes that has the least of  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) /
-/// (1 + q_i / (10 nugget)).
+/// (1 + q_i / (10 nugget)), where answers to queries count a twentieth.
 ///
 /// Forgetting is gated by surprise: with the innovation e and V = (predictive covariance)
 /// max(1, s2) + nugget I, s2 = F^T alpha / rows, a normalised square N = e^T V^-1 e / 3 above 25
@@ -140,6 +140,7 @@ class DictionaryField final : public Field {
     Vector6d stiffness_N_per_m;
     double doubt_N2 = 0.0;  ///< q
     std::uint64_t order = 0;
+    bool from_query = false;
     bool used = false;
   };
   /// Consecutive rows of the factor: a sample's force (3) or stiffness (6).

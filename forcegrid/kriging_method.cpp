@@ -13,6 +13,7 @@ using kriging::RadialShape;
 constexpr int kSamples = 32;
 constexpr int kHistorySamples = 48;
 constexpr int kStiffnessSamples = 4;
+constexpr int kBankStiffnessSamples = 2;
 constexpr double kNugget_N2 = 1e-5;
 
 // Lags 0 to 2 belong to the bank's first member with history, 3 to 5 to the others.
@@ -55,6 +56,7 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
     return;
   }
   settings.samples = kSamples;
+  settings.stiffness_samples = kBankStiffnessSamples;
   for (const double nugget_N2 : {1e-5, 1e-6, 1e-4, 1e-3}) {
     settings.nugget_N2 = nugget_N2;
     add_member(settings, 0);
@@ -232,12 +234,13 @@ int KrigingMethod::take_one(Member& member) noexcept {
   Queued& entry = queued(number);
   kriging::Observation observation = entry.observation;
   if (member.uses_history) {
-    if (observation.from_query || !entry.lags_known) {
-      entry.scored = false;  // where the tool has not been there is no history
+    if (entry.lags_known) {
+      observation.history =
+          entry.lags.middleCols<kriging::kHistoryFeatures>(member.first_lag).cast<double>();
+    } else if (!observation.from_query) {
+      entry.scored = false;  // its path was not observed
       return 1;
     }
-    observation.history =
-        entry.lags.middleCols<kriging::kHistoryFeatures>(member.first_lag).cast<double>();
   }
   const kriging::Innovation innovation = member.field->take(observation);
   entry.scored = entry.scored && innovation.predicted;

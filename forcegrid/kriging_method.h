@@ -24,11 +24,12 @@ namespace forcegrid {
 /// - `kriging-bank`: nuggets 1e-6, 1e-5, 1e-4 and 1e-3 for objects of different noise; Matern 7/2
 ///   of 15 mm for kinks; three with history features for objects that remember (kf = 0.03 N^2 with
 ///   lags of 10, 100, 1000 ms; kf = 1 with 5, 30, 200 ms and nuggets 1e-5 and 1e-4), 48 samples
-///   each. The first four use stiffness if samples carry it. Score of each member: the squared
-///   one-step prediction error, averaged over samples by 0.85 old + 0.15 new; another member takes
-///   over when its score is below 0.9 of the present one's, and the difference at that moment fades
-///   out within some 10 ms. The errors of the last four, which are worse than the others wherever
-///   they are not needed, count three times. Needs: force.
+///   each; an answer to a query counts as given to a tool at rest. The first four use the two
+///   newest samples' stiffness if samples carry it. Score of each member: the squared one-step
+///   prediction error, averaged over samples by 0.85 old + 0.15 new; another member takes over when
+///   its score is below 0.9 of the present one's, and the difference at that moment fades out
+///   within some 10 ms. The errors of the last four, which are worse than the others wherever they
+///   are not needed, count three times. Needs: force.
 ///
 /// Work: a sample costs each field one piece, a change of some rows of its factor and the weights.
 /// A piece is done in one call of work(), that of the field being felt first. Until then it answers
