@@ -2,7 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -99,6 +101,30 @@ TEST(FalconJob, ComplainsAboutFirmwareThatIsMissingOrNotWanted) {
   Program unwanted = Program::forcegrid({"run", "--firmware", firmware_file()});
   EXPECT_EQ(unwanted.wait(), 1);
   EXPECT_THAT(unwanted.standard_error(), HasSubstr("keeps its firmware"));
+}
+
+TEST(FalconJob, RefusesATruncatedImageBeforeAByteIsSent) {
+  const std::string image = firmware_file();
+  std::filesystem::resize_file(image, 31);  // of 34 bytes, in the middle of its block
+  Program emulator =
+      Program::forcegrid({"emulate", "--device", "falcon", "--listen", "127.0.0.1:0", "--json"});
+  const std::string line = emulator.wait_for_line("listening ");
+  const std::string url = "usbip://" + line.substr(10, line.find(' ', 10) - 10) + "/1-1";
+  Program run = Program::forcegrid({"run", "--device", url, "--profile", "falcon", "--firmware",
+                                    image, "--scene", "small", "--seconds", "1", "--no-truth",
+                                    "--out", fresh_folder("falcon_truncated")});
+  EXPECT_EQ(run.wait(), 1);
+  EXPECT_THAT(run.standard_error(), HasSubstr("firmware '" + image +
+                                              "': byte 22: a block of 2 words begins, but only 3 "
+                                              "bytes follow"));
+  EXPECT_THAT(run.standard_error(), HasSubstr("nothing was sent"));
+  emulator.send_signal(SIGTERM);
+  ASSERT_EQ(emulator.wait(), 0) << emulator.standard_error();
+  const std::string text = emulator.standard_output();
+  const json report = parsed(text.substr(text.find('{')));
+  EXPECT_EQ(report.at("firmware_state"), "cold");
+  EXPECT_EQ(report.at("boot_handshakes"), 0);
+  EXPECT_EQ(report.at("firmware_bytes_loaded"), 0);
 }
 
 TEST(FalconJob, PrintsTheKinematicsOfTheSheet) {
