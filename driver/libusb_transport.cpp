@@ -207,7 +207,9 @@ class LibusbTransport final : public BulkTransport {
   WaitEnd wait(int, rt::Duration) noexcept override { return WaitEnd::kTimeout; }
 
   WriteResult write(std::span<const std::uint8_t> bytes, rt::Duration timeout) noexcept override {
-    if (status_ != TransportStatus::kOk) {
+    const bool failed_before = status_ != TransportStatus::kOk;
+    // An IN that failed leaves the way to the motors open: a last zero still goes out.
+    if (failed_before && (status_ != TransportStatus::kProtocol || !out_works_)) {
       return {.status = status_};
     }
     if (bytes.size() > kMaxBulkBytes) {
@@ -219,6 +221,9 @@ class LibusbTransport final : public BulkTransport {
                               out_.buffer.data(), static_cast<int>(bytes.size()), &on_done, &out_,
                               0);
     const TransportStatus status = run(out_, timeout, "it does not take data");
+    if (!failed_before && status_ != TransportStatus::kOk) {
+      out_works_ = false;
+    }
     return {.status = status, .completed = out_.completed};
   }
 
@@ -480,6 +485,7 @@ class LibusbTransport final : public BulkTransport {
   std::array<Transfer, kInTransfers> in_;
   Transfer out_;
   Transfer control_;
+  bool out_works_ = true;    ///< no OUT has failed
   std::uint64_t ended_ = 0;  ///< transfers so far, to keep their order
   TransportStatus status_ = TransportStatus::kOk;
   std::string failure_;

@@ -72,6 +72,9 @@ libusb_transfer_status progress(Pending& entry) {
     }
     return falcon.control(request) ? LIBUSB_TRANSFER_COMPLETED : LIBUSB_TRANSFER_STALL;
   }
+  if (is_in(&transfer) ? bus.stalls_in : bus.stalls_out) {
+    return LIBUSB_TRANSFER_STALL;
+  }
   if (is_in(&transfer)) {
     const std::vector<std::uint8_t> packet = falcon.in();
     if (packet.size() > static_cast<std::size_t>(transfer.length)) {

@@ -26,6 +26,8 @@ struct FakeLibusb {
 
   std::vector<Device> devices;
   bool takes_out = true;        ///< false: OUT is NAKed for ever
+  bool stalls_in = false;       ///< IN stalls
+  bool stalls_out = false;      ///< OUT stalls
   bool answers_control = true;  ///< false: control requests stall
   bool cancels = true;          ///< false: a cancelled transfer never ends
   int submit_error = 0;

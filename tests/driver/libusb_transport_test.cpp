@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "driver/device.h"
+#include "driver/falcon_codec.h"
 #include "driver/falcon_device.h"
 #include "fake_libusb.h"
 
@@ -195,6 +196,34 @@ TEST_F(Libusb, TellsARefusedRequest) {
   EXPECT_EQ(transport->control_out({0x40, 9, 1, 0}, seconds(5)), TransportStatus::kProtocol);
   EXPECT_THAT(transport->failure(),
               AllOf(HasSubstr("refuses a control request"), HasSubstr("stalled")));
+}
+
+constexpr ControlRequest kRunBaudRate{.request_type = 0x40, .request = 3, .value = 2};
+
+TEST_F(Libusb, StillSendsAZeroWhenOnlyTheWayBackHasFailed) {
+  const auto transport = open();
+  ASSERT_EQ(transport->control_out(kRunBaudRate, seconds(5)), TransportStatus::kOk);
+  FakeLibusb::bus().stalls_in = true;
+  ReadResult read;
+  do {
+    read = transport->read(buffer_, seconds(5));  // what had arrived comes first
+  } while (read.status == TransportStatus::kOk);
+  EXPECT_EQ(read.status, TransportStatus::kProtocol);
+  ASSERT_TRUE(falcon_->packets().empty());
+  // It is sent, but the transport has failed all the same.
+  EXPECT_EQ(transport->write(falcon::encode({}), seconds(5)).status, TransportStatus::kProtocol);
+  EXPECT_EQ(falcon_->packets().size(), 1U);
+  EXPECT_THAT(transport->failure(), HasSubstr("no more data: the endpoint stalled"));
+}
+
+TEST_F(Libusb, SendsNothingMoreWhenTheWayThereHasFailed) {
+  const auto transport = open();
+  ASSERT_EQ(transport->control_out(kRunBaudRate, seconds(5)), TransportStatus::kOk);
+  FakeLibusb::bus().stalls_out = true;
+  EXPECT_EQ(transport->write(falcon::encode({}), seconds(5)).status, TransportStatus::kProtocol);
+  FakeLibusb::bus().stalls_out = false;
+  EXPECT_EQ(transport->write(falcon::encode({}), seconds(5)).status, TransportStatus::kProtocol);
+  EXPECT_TRUE(falcon_->packets().empty());
 }
 
 TEST_F(Libusb, TellsAnUnplug) {
