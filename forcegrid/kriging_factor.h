@@ -40,6 +40,13 @@ class GrowingCholesky {
     }
   }
 
+  /// Data f <- f + factor * (L x), given x as solved: y <- y + factor x.
+  void add_to_data(const std::array<double, kStride>& x, double factor) noexcept {
+    for (std::size_t r = 0; r < static_cast<std::size_t>(rows_); ++r) {
+      y_[r] += factor * x[r];
+    }
+  }
+
   /// K^-1 f.
   void weights(double* alpha) const noexcept {
     std::copy_n(y_.data(), rows_, alpha);

@@ -11,6 +11,12 @@ namespace {
 constexpr double kRefreshFraction = 0.3;  // of the spacing: a repeated measurement
 constexpr double kEvictionReach_m2 = 1e-4;
 constexpr double kQueryValue = 0.05;  // the tool may never pass where it was asked
+constexpr double kLeastScaleVariance = 1e-4;
+constexpr double kMostScaleVariance = 0.09;
+constexpr double kScaleKnown = 1e-7;  // variance from which on another sample tells nothing
+constexpr double kScaleForgotten = 0.3;
+constexpr double kLeastScale = 0.5;
+constexpr double kMostScale = 2.0;
 constexpr double kFarAway_m = 1e3;
 
 }  // namespace
@@ -200,6 +206,74 @@ bool DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
   return true;
 }
 
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::begin_contact(std::uint64_t contact) noexcept {
+  contact_ = contact;
+  if (scale_variance_ > 0.0) {
+    const double change = scale_ - 1.0;
+    expected_scale_variance_ +=
+        kScaleForgotten * (change * change + scale_variance_ - expected_scale_variance_);
+    expected_scale_variance_ =
+        std::clamp(expected_scale_variance_, kLeastScaleVariance, kMostScaleVariance);
+  }
+  scale_ = 1.0;
+  scale_variance_ = sample_count_ > 0 ? expected_scale_variance_ : 0.0;
+}
+
+// The data of earlier contacts, with zeros for those of this one.
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::earlier_contacts(
+    std::array<double, Factor::kStride>& f) const noexcept {
+  std::size_t row = 0;
+  for (int b = 0; b < block_count_; ++b) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    const Stored& s = stored_[static_cast<std::size_t>(block.slot)];
+    for (int i = 0; i < block.rows(); ++i) {
+      const double value = block.stiffness ? s.stiffness_N_per_m[i] : s.force_N[i];
+      f[row++] = s.contact == contact_ ? 0.0 : value;
+    }
+  }
+}
+
+// With the columns of x_ solved: the covariances of the observation, and earlier_contacts().
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::scale_earlier_contacts(
+    Eigen::Vector3d& error_N, const Eigen::Matrix3d& covariance_N2) noexcept {
+  const std::array<double, Factor::kStride>& earlier = x_.column[3];
+  Eigen::Vector3d predicted_N = Eigen::Vector3d::Zero();
+  for (std::size_t r = 0; r < static_cast<std::size_t>(factor_.rows()); ++r) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      predicted_N[static_cast<int>(c)] += x_.column[c][r] * earlier[r];
+    }
+  }
+  Eigen::Matrix3d v = covariance_N2 * data_scale();
+  v.diagonal().array() += settings_.nugget_N2;
+  const Eigen::Matrix3d inverse = v.inverse();
+  double told = predicted_N.dot(inverse * predicted_N);
+  double asked = predicted_N.dot(inverse * error_N);
+  if (!(told > 0.0) || !std::isfinite(told) || !std::isfinite(asked)) {
+    return;
+  }
+  const Eigen::Vector3d left_N = error_N - asked / (1.0 / scale_variance_ + told) * predicted_N;
+  const double doubt = std::max(1.0, left_N.dot(inverse * left_N) / 3.0);
+  told /= doubt;
+  asked /= doubt;
+  scale_variance_ = 1.0 / (1.0 / scale_variance_ + told);
+  const double scale =
+      std::clamp(scale_ * (1.0 + scale_variance_ * asked), kLeastScale, kMostScale);
+  const double factor = scale / scale_;
+  scale_ = scale;
+  for (Stored& s : stored_) {
+    if (s.used && s.contact != contact_) {
+      s.force_N *= factor;
+      s.first_force_N *= factor;
+      s.stiffness_N_per_m *= factor;
+    }
+  }
+  factor_.add_to_data(earlier, factor - 1.0);
+  error_N -= (factor - 1.0) * predicted_N;
+}
+
 // Decides on the transient sample. @returns true if rows of others than itself have moved.
 template <typename Real, int N, int M>
 bool DictionaryField<Real, N, M>::settle_transient() noexcept {
@@ -306,9 +380,18 @@ template <typename Real, int N, int M>
 Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   Innovation innovation;
   innovation.predicted = sample_count_ > 0;
+  if (o.contact != contact_) {
+    begin_contact(o.contact);
+  }
+  const bool scaling = scale_variance_ > kScaleKnown;
   covariances_of_force(o.position_m, o.history, x_);
-  factor_.solve(x_, 3);
-  const Eigen::Vector3d error_N = o.force_N - factor_.template mean<3>(x_);
+  if (scaling) {
+    earlier_contacts(x_.column[3]);
+    x_.column[4].fill(0.0);
+    x_.column[5].fill(0.0);
+  }
+  factor_.solve(x_, scaling ? 6 : 3);
+  Eigen::Vector3d error_N = o.force_N - factor_.template mean<3>(x_);
   innovation.error_N = error_N.norm();
   bool stale = false;  // the rows that x_ was solved for have moved
   bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
@@ -316,6 +399,9 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     const Eigen::Matrix3d covariance_N2 =
         settings_.kernel.force_force(o.position_m, o.history, o.position_m, o.history) -
         factor_.template explained<3>(x_);
+    if (scaling) {
+      scale_earlier_contacts(error_N, covariance_N2);
+    }
     innovation.surprised = doubt_samples(o, error_N, covariance_N2);
     fresh_needed = fresh_needed || innovation.surprised;
   }
@@ -347,8 +433,8 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     ++slot;
   }
   Stored& s = stored_[static_cast<std::size_t>(slot)];
-  s = {o.position_m,        o.force_N, o.position_m,  o.force_N,    o.history,
-       o.stiffness_N_per_m, 0.0,       next_order_++, o.from_query, true};
+  s = {o.position_m, o.force_N,     o.position_m, o.force_N, o.history, o.stiffness_N_per_m,
+       0.0,          next_order_++, o.from_query, o.contact, true};
   ++sample_count_;
   if (!o.from_query) {
     transient_ = slot;

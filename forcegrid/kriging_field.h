@@ -36,6 +36,7 @@ struct Observation {
   bool has_stiffness = false;
   Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
   bool from_query = false;
+  std::uint64_t contact = 0;  ///< number of the contact that it was made in
 };
 
 /// What taking in an observation showed.
@@ -98,6 +99,18 @@ class Field {
 /// Forgetting by age instead would lose the directions that a resting hand doesn't explore, and
 /// make the loop unstable.
 ///
+/// Contacts. Another place of an object is often of the same shape of stiffness, but stiffer or
+/// softer. At a new contact all that is known of earlier ones is taken to be right but for one
+/// factor s, N(1, v), which a scalar Kalman filter learns from the innovations e with the part m of
+/// the prediction that comes from earlier contacts:
+///
+///   s - 1 = p m^T V^-1 e,   p = 1 / (1/v + m^T V^-1 m),   v <- p,
+///
+/// V being inflated by the normalised square of what s leaves of e. The samples of the earlier
+/// contacts are multiplied by s, within 0.5 and 2. v begins with the mean square of what the
+/// contacts before took, 0.03 at first and between 1e-4 and 0.09: objects that prove to be alike
+/// everywhere are left alone.
+///
 /// Answers to queries join the dictionary where it has no sample within spacing_m; they are never
 /// transient.
 ///
@@ -141,6 +154,7 @@ class DictionaryField final : public Field {
     double doubt_N2 = 0.0;  ///< q
     std::uint64_t order = 0;
     bool from_query = false;
+    std::uint64_t contact = 0;
     bool used = false;
   };
   /// Consecutive rows of the factor: a sample's force (3) or stiffness (6).
@@ -161,6 +175,10 @@ class DictionaryField final : public Field {
   void factorise() noexcept;
   bool doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
                      const Eigen::Matrix3d& covariance_N2) noexcept;
+  void begin_contact(std::uint64_t contact) noexcept;
+  void earlier_contacts(std::array<double, Factor::kStride>& f) const noexcept;
+  void scale_earlier_contacts(Eigen::Vector3d& error_N,
+                              const Eigen::Matrix3d& covariance_N2) noexcept;
   bool settle_transient() noexcept;
   bool make_room(const Eigen::Vector3d& position_m) noexcept;
   void limit_stiffness() noexcept;
@@ -178,6 +196,10 @@ class DictionaryField final : public Field {
   int transient_ = kNone;
   std::uint64_t next_order_ = 0;
   int takes_since_factorisation_ = 0;
+  std::uint64_t contact_ = 0;
+  double scale_ = 1.0;           ///< s of this contact so far
+  double scale_variance_ = 0.0;  ///< v; 0: there is no earlier contact
+  double expected_scale_variance_ = 0.03;
   Factor factor_;
   mutable typename Factor::Columns x_;
   std::array<double, kMaxRows + kLanePadding> alpha_{};

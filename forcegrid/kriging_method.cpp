@@ -147,6 +147,7 @@ void KrigingMethod::take_sample(const Sample& sample) noexcept {
   o.position_m = sample.position_W - origin_W_;
   o.force_N = sample.force_W;
   o.from_query = sample.from_query;
+  o.contact = contact_;
   o.has_stiffness = sample.has_stiffness && sample.stiffness_W.allFinite();
   if (o.has_stiffness) {
     for (int i = 0; i < 6; ++i) {
@@ -187,6 +188,7 @@ void KrigingMethod::observe(double time_s, const Eigen::Vector3d& position_W) no
 }
 
 void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d& point_W) noexcept {
+  ++contact_;
   in_contact_ = true;
   contact_state_known_ = true;
   origin_known_ = point_W.allFinite();

@@ -134,6 +134,7 @@ class KrigingMethod final : public ForceMethod {
   std::uint64_t scored_ = 0;  ///< samples whose errors are in the scores
   std::uint64_t samples_skipped_ = 0;
 
+  std::uint64_t contact_ = 0;  ///< contacts made so far
   bool in_contact_ = false;
   bool contact_state_known_ = false;
   bool origin_known_ = false;
