@@ -36,7 +36,7 @@ struct RunOptions {
   double simulator_delay_s = 0.0;
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;
-  std::string method = "forcegrid";                       ///< MethodVariant
+  std::string method = "kriging-bank";                    ///< MethodVariant
   std::vector<std::string> shadows{"forcegrid", "hold"};  ///< judged on the same path, not felt
   int fill_budget = 1000;
   std::array<int, 3> cells{49, 49, 49};

@@ -74,19 +74,23 @@ TEST(MainJob, FeelsTheSmallBlockAndSaysHowItWent) {
   }
   EXPECT_NEAR(summary.at("period_us").at("p50").get<double>(), 2000.0, 100.0);
   EXPECT_TRUE(summary.at("realtime_scheduling").is_boolean());
-  EXPECT_EQ(summary.at("method"), "forcegrid");
+  EXPECT_EQ(summary.at("method"), "kriging-bank");
   EXPECT_EQ(summary.at("faults"), json::array());
   EXPECT_GT(summary.at("samples_received").get<int>(), 100);
   EXPECT_EQ(summary.at("samples_rejected").get<int>(), 0);
   EXPECT_TRUE(summary.at("reports_lost").is_number_unsigned());
   EXPECT_LE(summary.at("worst_relative_residual").get<double>(), 1e-3);
-  // The force was really felt, and both methods are worse than perfect and better than nothing.
+  // The force was really felt; the methods in the shadow are worse than perfect and better than
+  // nothing, and the one that was felt is nearer to the truth than the streamed force.
   EXPECT_GT(summary.at("force_rms_N").get<double>(), 0.2);
   for (const char* method : {"hold", "forcegrid"}) {
     const double error = summary.at("rms_error_percent").at(method).get<double>();
     EXPECT_GT(error, 0.1) << method;
     EXPECT_LT(error, 60.0) << method;
   }
+  EXPECT_GT(summary.at("rms_error_percent").at("kriging-bank").get<double>(), 0.0);
+  EXPECT_LT(summary.at("rms_error_percent").at("kriging-bank").get<double>(),
+            0.5 * summary.at("rms_error_percent").at("hold").get<double>());
   EXPECT_EQ(summary.at("truth"), "computed");
   EXPECT_EQ(summary.at("truth_details").at("unconverged"), 0);
   expect_motors_off(summary.at("emulator"));
