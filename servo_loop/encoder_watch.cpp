@@ -13,8 +13,15 @@ void EncoderWatch::restart() noexcept { joints_ = {}; }
 
 std::optional<int> EncoderWatch::check(rt::TimePoint now,
                                        const driver::DeviceReport& report) noexcept {
-  const bool fresh = report.sequence != last_sequence_ && now - report.released <= kYoung;
-  last_sequence_ = report.sequence;
+  if (report.sequence != last_sequence_) {
+    const rt::Duration since_last = report.released - last_released_;
+    if (since_last > rt::Duration::zero() && since_last <= kYoung &&
+        now - report.released <= kYoung) {
+      watched_ += since_last;
+    }
+    last_sequence_ = report.sequence;
+    last_released_ = report.released;
+  }
   std::optional<int> frozen;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     Joint& joint = joints_[i];
@@ -33,15 +40,13 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
       }
       joint.known = true;
       joint.counts = counts;
-      joint.still_since = now;
+      joint.still_since = watched_;
       continue;
     }
     if (!joint.doubted) {
       continue;
     }
-    joint.reports_in_doubt += fresh ? 1 : 0;
-    if (now - joint.doubted_since >= kReliefTime && joint.part <= 0.0 &&
-        joint.reports_in_doubt >= kReportsInDoubt && !frozen) {
+    if (watched_ - joint.watched_at_doubt >= kReliefTime && joint.part <= 0.0 && !frozen) {
       frozen = static_cast<int>(i);
     }
   }
@@ -55,16 +60,16 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
     Joint& joint = joints_[i];
     const bool loaded = std::abs(force_torque_Nm[static_cast<Eigen::Index>(i)]) > loaded_above_Nm_;
     if (loaded && !joint.loaded) {
-      joint.loaded_since = now;
+      joint.loaded_since = watched_;
     }
     joint.loaded = loaded;
     if (!loaded) {
       joint.doubted = false;
     } else if (!joint.doubted && joint.known && now >= joint.doubt_no_sooner &&
-               now - std::max(joint.still_since, joint.loaded_since) >= kDoubtAfter) {
+               watched_ - std::max(joint.still_since, joint.loaded_since) >= kDoubtAfter) {
       joint.doubted = true;
       joint.doubted_since = now;
-      joint.reports_in_doubt = 0;
+      joint.watched_at_doubt = watched_;
       ++doubts_;
     }
     if (joint.doubted) {

@@ -25,6 +25,10 @@ namespace forcegrid::servo {
 /// A live joint moves within the first few milliseconds of the relief, by what friction had hidden;
 /// after that it is not doubted again for kPatience, unless it has moved on by itself.
 ///
+/// The times of doubting and freezing run only while reports come: what lies between two reports
+/// more than kYoung apart counts for nothing. In such a silence no count can come, and no command
+/// reaches a device that takes one for each report, so that its motors keep their torque.
+///
 /// Real-time: no allocation, lock or throw. Threads: one.
 class EncoderWatch {
  public:
@@ -32,8 +36,8 @@ class EncoderWatch {
   static constexpr rt::Duration kDoubtAfter = std::chrono::milliseconds(60);
   static constexpr rt::Duration kReliefTime = std::chrono::milliseconds(40);
   static constexpr rt::Duration kPatience = std::chrono::seconds(1);
-  /// A doubt needs this many reports that are this young: silence is another fault.
-  static constexpr int kReportsInDoubt = 4;
+  /// An older report, or one later than this after the last, proves nothing: silence is another
+  /// fault.
   static constexpr rt::Duration kYoung = std::chrono::milliseconds(15);
   /// Counts after which a joint has moved on by itself.
   static constexpr std::int32_t kMovedOn_counts = 5;
@@ -59,20 +63,22 @@ class EncoderWatch {
   struct Joint {
     bool known = false;
     std::int32_t counts = 0;
-    rt::TimePoint still_since{};
-    rt::TimePoint loaded_since{};
+    rt::Duration still_since{};   ///< by watched_
+    rt::Duration loaded_since{};  ///< by watched_
     bool loaded = false;
     bool doubted = false;
     rt::TimePoint doubted_since{};
+    rt::Duration watched_at_doubt{};
     rt::TimePoint doubt_no_sooner{};
     std::int32_t travel_counts = 0;
-    int reports_in_doubt = 0;
     double part = 1.0;  ///< of the torque that may be commanded
   };
 
   double loaded_above_Nm_;
   std::array<Joint, 3> joints_;
   std::uint64_t last_sequence_ = 0;
+  rt::TimePoint last_released_{};
+  rt::Duration watched_{};  ///< how long reports have come one soon after the other, in all
   std::uint64_t doubts_ = 0;
 };
 

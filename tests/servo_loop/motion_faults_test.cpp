@@ -23,6 +23,9 @@ using std::chrono::milliseconds;
 
 constexpr rt::Duration kPeriod = milliseconds(2);
 constexpr std::uint64_t kSeed = 7;
+// One report in a hundred gets lost at 1 kHz, and the driver waits for it this long.
+constexpr rt::Duration kLossEvery = milliseconds(100);
+constexpr rt::Duration kSilence = milliseconds(40);
 constexpr rt::TimePoint kStart{std::chrono::seconds(1000)};
 
 // A spring to the place where the tool came to rest first, felt through 30 answers a second that
@@ -38,6 +41,8 @@ class Bench {
   // One cycle. The tool is grabbed at the operator's contact point.
   Fault cycle() {
     now_ += kPeriod;
+    const rt::Duration in_exchange = (now_ - kStart) % (kLossEvery + kSilence);
+    arm_.silent = loses_reports_ && in_exchange >= kLossEvery;
     arm_.advance_to(now_);
     if (++cycles_ % 16 == 0) {
       answer();
@@ -71,6 +76,7 @@ class Bench {
   ServoLoop loop_;
   CycleRecord last_;
   double most_force_N_ = 0.0;
+  bool loses_reports_ = false;
   rt::TimePoint now_ = kStart;
 
  private:
@@ -116,6 +122,22 @@ TEST_P(NormalRun, RaisesNoAlarmInAnyMotion) {
           << emulator::to_string(motion) << ", " << stiffness_N_per_m << " N/m, after "
           << bench.time_s() << " s";
     }
+  }
+}
+
+// A joint may stand still while no report comes, and its motor keep its torque then.
+TEST_P(NormalRun, RaisesNoAlarmInAnyMotionThoughReportsGetLost) {
+  const auto& [profile, hand] = GetParam();
+  if (hand == HandKind::kNone) {
+    return;  // it falls, whatever else happens
+  }
+  for (const MotionKind motion : kMotions) {
+    Bench bench(profile, hand, motion, 60.0);
+    bench.loses_reports_ = true;
+    const Fault fault = bench.run(12.0);
+    EXPECT_EQ(fault, Fault::kNone)
+        << name_of(fault) << ": " << name_of_hand(hand) << " hand, " << emulator::to_string(motion)
+        << ", after " << bench.time_s() << " s";
   }
 }
 
@@ -170,6 +192,22 @@ INSTANTIATE_TEST_SUITE_P(
         Course{HandKind::kLight, MotionKind::kLissajous},
         Course{HandKind::kLight, MotionKind::kRandom}, Course{HandKind::kLight, MotionKind::kPoke}),
     course_name);
+
+TEST_P(FrozenEncoders, AreFoundThoughReportsGetLost) {
+  const auto& [hand, motion] = GetParam();
+  Bench bench("woodenhaptics_v2015", hand, motion, 80.0);
+  ASSERT_EQ(bench.run(4.0), Fault::kNone);
+  while (vector(bench.last_.commanded_force_D_N).norm() < 0.8) {
+    ASSERT_EQ(bench.cycle(), Fault::kNone);
+    ASSERT_LT(bench.time_s(), 20.0);
+  }
+  const std::array<std::int32_t, 3> stuck = bench.last_.counts;
+  bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+    std::copy(stuck.begin(), stuck.end(), counts.begin());
+  };
+  bench.loses_reports_ = true;
+  EXPECT_EQ(bench.run(2.0), Fault::kFrozenEncoder);
+}
 
 TEST(FrozenEncoder, IsNamedByItsJoint) {
   for (const int joint : {1, 2}) {

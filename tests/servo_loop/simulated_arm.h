@@ -27,6 +27,10 @@ class SimulatedArm final : public driver::Device {
 
   /// Moves the arm up to 1 ms before `now` and shows that; then up to `now`.
   void advance_to(rt::TimePoint now) {
+    if (silent) {
+      move_to(now);
+      return;
+    }
     move_to(now - std::chrono::milliseconds(1));
     const Eigen::Vector3d counts = arm_.kinematics().counts(arm_.joint_angle_rad());
     for (std::size_t i = 0; i < 3; ++i) {
@@ -45,6 +49,9 @@ class SimulatedArm final : public driver::Device {
   const driver::DeviceIdentity& identity() const noexcept override { return identity_; }
   driver::DeviceReport newest_report() noexcept override { return report_; }
   void command(const driver::MotorCommand& command) noexcept override {
+    if (silent) {
+      return;
+    }
     for (std::size_t i = 0; i < 3; ++i) {
       const auto axis = static_cast<Eigen::Index>(i);
       current_A_[axis] = command.current_A[i] * motor_sign[axis];
@@ -59,6 +66,9 @@ class SimulatedArm final : public driver::Device {
   const emulator::ArmModel& arm() const { return arm_; }
   emulator::OperatorScript::Phase phase() const { return script_.phase(); }
 
+  /// No report comes. The driver sends a command for each report that it gets, so that the motors
+  /// keep the last one.
+  bool silent = false;
   /// Changes what the encoders say.
   std::function<void(rt::TimePoint, std::array<std::int32_t, 6>&)> spoil_counts;
   /// -1: leads swapped; 0: no power.

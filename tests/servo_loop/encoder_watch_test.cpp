@@ -1,0 +1,74 @@
+#include "servo_loop/encoder_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <optional>
+
+#include "profiles/device_profile.h"
+
+namespace forcegrid::servo {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr rt::Duration kPeriod = milliseconds(2);
+constexpr rt::TimePoint kStart{std::chrono::seconds(1000)};
+// Far above five times the friction of any joint of these devices.
+const Eigen::Vector3d kLoad_Nm(0.0, 0.0, 0.5);
+
+/// Joint c is loaded and does not count; time passes in cycles.
+class Still {
+ public:
+  /// Until `end` after the start or a verdict. @returns the joint that is said to be frozen.
+  std::optional<int> run_to(rt::Duration end, bool reports_come) {
+    std::optional<int> frozen;
+    while (!frozen && now_ < kStart + end) {
+      now_ += kPeriod;
+      if (reports_come) {
+        ++report_.sequence;
+        report_.released = now_ - milliseconds(1);
+      }
+      frozen = watch_.check(now_, report_);
+      part_ = watch_.relief(now_, rt::seconds(kPeriod), kLoad_Nm)[2];
+    }
+    return frozen;
+  }
+  rt::Duration elapsed() const { return now_ - kStart; }
+  double part() const { return part_; }
+
+ private:
+  EncoderWatch watch_{profiles::load_device_profile("woodenhaptics_v2015")};
+  driver::DeviceReport report_;
+  rt::TimePoint now_ = kStart;
+  double part_ = 1.0;
+};
+
+TEST(EncoderWatch, CondemnsALoadedJointATenthOfASecondAfterItsLastCount) {
+  Still joint;
+  EXPECT_EQ(joint.run_to(milliseconds(98), true), std::nullopt);
+  EXPECT_EQ(joint.run_to(milliseconds(120), true), 2);
+}
+
+// A doubt arises after 60 ms, and then reports stay away for as long as the driver waits for a lost
+// one. No command has reached the motors meanwhile, so that nothing had a reason to move.
+TEST(EncoderWatch, CondemnsNoJointWhoseReliefFallsIntoASilence) {
+  Still joint;
+  ASSERT_EQ(joint.run_to(milliseconds(72), true), std::nullopt);
+  EXPECT_LT(joint.part(), 1.0) << "the joint is in doubt";
+  EXPECT_EQ(joint.run_to(milliseconds(112), false), std::nullopt);
+  EXPECT_EQ(joint.part(), 0.0);
+  // 12 ms of the 40 have been seen; after the silence the joint has the rest of them to move.
+  EXPECT_EQ(joint.run_to(milliseconds(136), true), std::nullopt);
+  EXPECT_EQ(joint.run_to(milliseconds(160), true), 2) << "frozen after all";
+}
+
+TEST(EncoderWatch, DoesNotTakeASilenceForAJointThatStandsStill) {
+  Still joint;
+  ASSERT_EQ(joint.run_to(milliseconds(40), true), std::nullopt);
+  ASSERT_EQ(joint.run_to(milliseconds(90), false), std::nullopt);
+  EXPECT_EQ(joint.part(), 1.0) << "40 ms without a count have been seen, not 90";
+}
+
+}  // namespace
+}  // namespace forcegrid::servo
