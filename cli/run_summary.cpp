@@ -61,7 +61,9 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
          summary.device_statistics.reports_lost, summary.device_statistics.reports_late,
          summary.device_statistics.reports_rejected, summary.device_statistics.commands_sent,
          summary.device_statistics.commands_clamped,
-         outcome.zero_current_delivered ? "delivered" : "could not be delivered");
+         outcome.zero_current_delivered ? "delivered"
+                                        : "could not be delivered: the motors are left to the "
+                                          "device's own watchdog");
   append(text,
          "Simulator: %" PRIu64 " samples taken, %" PRIu64
          " rejected; longest solve %.1f ms, worst "

@@ -45,10 +45,14 @@ std::string sentence_for(Fault fault, int joint) {
     case Fault::kNone:
       return "No fault.";
     case Fault::kUnplugged:
-      return "The device is gone; check the cable, plug it in again, and start anew.";
+      return "The device is gone; check the cable, plug it in again, and start anew. Motors that "
+             "still "
+             "have power are left to the device's own watchdog.";
     case Fault::kStaleReports:
-      return "The device stopped sending reports; its own watchdog switches the motors off half a "
-             "second after the last command. Unplug it, plug it in again, and start anew.";
+      return "The device stopped sending reports; the motors are left to its own watchdog (half a "
+             "second after the last command in W2 firmware). Unplug it, plug it in again, and "
+             "start "
+             "anew.";
     case Fault::kProtocol:
       return "The device sent reports that its protocol does not allow; check that the profile "
              "names this device's firmware.";
@@ -64,8 +68,9 @@ std::string sentence_for(Fault fault, int joint) {
       return "The encoder counts belong to no pose of this arm; calibrate it, and check that the "
              "profile is the device's own.";
     case Fault::kZeroNotDelivered:
-      return "The last command, zero current, did not reach the device; its own watchdog switches "
-             "the motors off half a second after the last report. Check the cable and the device.";
+      return "The last command, zero current, did not reach the device; the motors are left to its "
+             "own watchdog (half a second after the last command in W2 firmware). Check the cable "
+             "and the device.";
     case Fault::kLateReports:
       return "The device's reports come too late to feel anything by; check the cable, the hub and "
              "the load of this computer.";
