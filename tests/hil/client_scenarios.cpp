@@ -126,7 +126,7 @@ TEST(LongOtherClients, HidapiOnHidrawIn64Bytes) {
   expect_lockstep(kHidraw, "woodenhaptics_teensy", "16C0:0486", 64, kTeensy);
 }
 
-TEST(OtherClients, HidapiOnLibusbIn64Bytes) {
+TEST(LongOtherClients, HidapiOnLibusbIn64Bytes) {
   expect_lockstep(kLibusb, "woodenhaptics_teensy", "16C0:0486", 64, kTeensy);
 }
 

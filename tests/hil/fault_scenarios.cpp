@@ -42,12 +42,9 @@ struct FaultyRun {
 };
 
 /// The tool is at the object from 1.7 s on; after half a second of force the fault begins.
-FaultyRun run_with(const std::string& fault, const std::vector<std::string>& arguments = {}) {
-  constexpr double kSeconds = 5.0;
+FaultyRun run_with(const std::string& fault, double run_s = 5.0) {
   Bench bench({"woodenhaptics_v2015"}, {"--calibrated", "--fault", fault});
-  std::vector<std::string> all = {"--calibrated"};
-  all.insert(all.end(), arguments.begin(), arguments.end());
-  FaultyRun result{run("hid:1234:0006", kSeconds, all), {}};
+  FaultyRun result{run("hid:1234:0006", run_s, {"--calibrated"}), {}};
   std::this_thread::sleep_for(seconds(1));  // longer than the device's watchdog takes
   result.emulator = bench.end();
   EXPECT_EQ(result.emulator.at("final_current_mA"), kNoCurrent) << result.felt.text;
@@ -80,10 +77,23 @@ double seconds_until_motors_off(const FaultyRun& result) {
   return taken_s;
 }
 
-/// Commands still reach the device: it gets zero, within `within_s` of the fault's first act.
+/// The run ends by itself and the motors are off within `within_s` of the fault's first act. When
+/// the last zero can't be known to have been taken, the program says who stops the motors.
+void expect_motors_off(const std::string& fault, const std::vector<std::string>& names,
+                       double within_s, double run_s = 5.0) {
+  const FaultyRun result = run_with(fault, run_s);
+  expect_named(result, names);
+  if (!result.felt.summary.at("zero_current_delivered").get<bool>()) {
+    EXPECT_THAT(result.felt.text, HasSubstr("watchdog"));
+  }
+  EXPECT_GT(largest_mA(result.emulator), 0.0) << "the motors never pushed";
+  EXPECT_LE(seconds_until_motors_off(result), within_s) << result.felt.text;
+}
+
+/// Commands still reach the device, and the program knows that the last zero did.
 void expect_zero_sent(const std::string& fault, const std::vector<std::string>& names,
-                      double within_s) {
-  const FaultyRun result = run_with(fault);
+                      double within_s, double run_s = 5.0) {
+  const FaultyRun result = run_with(fault, run_s);
   expect_named(result, names);
   EXPECT_TRUE(result.felt.summary.at("zero_current_delivered").get<bool>()) << result.felt.text;
   EXPECT_GT(largest_mA(result.emulator), 0.0) << "the motors never pushed";
@@ -98,15 +108,66 @@ void expect_watchdog(const std::string& fault, const std::vector<std::string>& n
   EXPECT_FALSE(result.felt.summary.at("zero_current_delivered").get<bool>()) << result.felt.text;
   EXPECT_GT(largest_mA(result.emulator), 0.0) << "the motors never pushed";
   EXPECT_LE(seconds_until_motors_off(result), kWatchdog_s + kSlack_s) << result.felt.text;
-  if (names != std::vector<std::string>{"unplugged"}) {
-    EXPECT_THAT(result.felt.text, HasSubstr("watchdog"));
+  EXPECT_THAT(result.felt.text, HasSubstr("watchdog"));
+}
+
+/// The loop goes on and counts. @returns its summary.
+FaultyRun expect_endured(const std::string& fault) {
+  FaultyRun result = run_with(fault);
+  EXPECT_EQ(result.felt.status, 0) << result.felt.text;
+  if (result.felt.summary.is_object()) {
+    EXPECT_TRUE(result.felt.summary.at("faults").empty()) << result.felt.text;
+    EXPECT_TRUE(result.felt.summary.at("zero_current_delivered").get<bool>());
   }
+  EXPECT_GT(largest_mA(result.emulator), 0.0) << "the motors never pushed";
+  return result;
 }
 
 // --- reports ---
 
-TEST(LongFault, CorruptReportsEndTheRun) {
+TEST(LongFault, DroppedReportsAreCountedAndKickedFor) {
+  const FaultyRun result = expect_endured("drop-report:every=100");
+  EXPECT_GT(number(result.felt.summary, "reports_lost"), 0);
+  EXPECT_GT(number(result.felt.summary, "kicks"), 0);
+}
+
+TEST(LongFault, DuplicatedReportsAreDrained) {
+  const FaultyRun result = expect_endured("duplicate-report:every=20");
+  EXPECT_GT(number(result.felt.summary, "reports_drained"), 0);
+}
+
+TEST(LongFault, ReportsLateBy5msAreEndured) { expect_endured("late-report:ms=5"); }
+
+TEST(LongFault, ReportsLateBy50msEndTheRun) {
+  expect_motors_off("late-report:ms=50", {"late_reports"}, 2.0);
+}
+
+TEST(LongFault, ReportsLateBy500msEndTheRun) {
+  // The scenarios' --device-timeout-ms 400, and what was under way.
+  expect_motors_off("late-report:ms=500", {"stale_reports"}, 0.6);
+}
+
+TEST(LongFault, LongReportsEndTheRun) {
+  // usbhid offers room for the descriptor's report: more may be babble, and never come up here.
+  expect_motors_off("long-report", {"protocol", "stale_reports", "late_reports"}, 0.6);
+}
+
+TEST(Fault, CorruptReportsEndTheRun) {
   expect_zero_sent("corrupt-report:size=large", {"implausible_jump", "too_fast", "bad_pose"}, 0.1);
+}
+
+TEST(LongFault, ASmallCorruptionIsEndured) { expect_endured("corrupt-report:size=small"); }
+
+// --- encoders ---
+
+TEST(LongFault, AJumpingEncoderEndsTheRun) {
+  expect_zero_sent("jumping-encoder", {"implausible_jump"}, 0.15);
+}
+
+TEST(LongFault, AWrapOf16BitsIsNormal) { expect_endured("wrapping-encoder:axis=c,bits=16"); }
+
+TEST(LongFault, ASaturatedEncoderEndsTheRun) {
+  expect_zero_sent("saturated-encoder", {"saturated_encoder"}, 0.1);
 }
 
 // --- endpoints ---
@@ -116,8 +177,12 @@ TEST(LongFault, BabbleLeavesTheMotorsToTheWatchdog) {
   expect_watchdog("babble", {"stale_reports"});
 }
 
+TEST(LongFault, AStallOnOutLeavesTheMotorsToTheWatchdog) {
+  expect_watchdog("stall-out", {"protocol"});
+}
+
 // The kernel may hold whoever writes to a hidraw node for 5 s.
-TEST(Fault, NakForEverOnOutLeavesTheMotorsToTheWatchdogAndHoldsNobodyUp) {
+TEST(LongFault, NakForEverOnOutLeavesTheMotorsToTheWatchdogAndHoldsNobodyUp) {
   const auto begun = std::chrono::steady_clock::now();
   expect_watchdog("nak-out", {"stale_reports"});
   const double took_s =
@@ -126,7 +191,34 @@ TEST(Fault, NakForEverOnOutLeavesTheMotorsToTheWatchdogAndHoldsNobodyUp) {
   EXPECT_LT(took_s, 30.0);
 }
 
+TEST(LongFault, AStallOnControlLeavesNoDeviceToOpen) {
+  covers_device("woodenhaptics_v2015");
+  covers_host("kernel");
+  covers_host("forcegrid-hidraw");
+  const std::string report_file = forcegrid::testing::fresh_folder("stalled") + "/report.json";
+  Program emulator =
+      Program::forcegrid({"emulate", "--device", "woodenhaptics_v2015", "--listen",
+                          "127.0.0.1:3240", "--fault", "stall-control", "--json", report_file});
+  ASSERT_TRUE(emulator.wait_for_text("busid 1-1"));
+  shell("usbip attach -r 127.0.0.1 -b 1-1");
+  std::this_thread::sleep_for(seconds(5));
+  const EndedRun refused = run("hid:1234:0006", 1.0, {"--calibrated"});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.text, HasSubstr("not found"));
+  shell("usbip detach -p 0");
+  emulator.send_signal(SIGTERM);
+  EXPECT_EQ(emulator.wait(seconds(20)).value_or(-1), 0) << emulator.standard_error();
+  std::ifstream file(report_file);
+  const auto report = nlohmann::json::parse(file, nullptr, false);
+  ASSERT_TRUE(report.is_object());
+  EXPECT_EQ(report.at("max_abs_current_mA"), kNoCurrent);
+}
+
 // --- firmware and motors ---
+
+TEST(LongFault, FirmwareThatIsTooSlowEndsTheRun) {
+  expect_motors_off("slow-firmware:ms=50", {"late_reports", "stale_reports"}, 2.0);
+}
 
 TEST(LongFault, AConnectionThatClosesEndsTheRun) {
   expect_watchdog("connection-closed", {"unplugged"});

@@ -117,7 +117,7 @@ TEST(OpenAndRun, ByPortSerialAndLinkOneAfterTheOther) {
   expect_motors_off(bench.end());
 }
 
-TEST(OpenAndRun, ADeviceOfAnotherProfile) {
+TEST(LongOpenAndRun, ADeviceOfAnotherProfile) {
   Bench bench({"phantom_desktop"}, {"--calibrated"});
   const EndedRun felt = run("hid:1209:0001", 1.0, {"--calibrated", "--profile", "phantom_desktop"});
   expect_sound(felt, 1.0);
