@@ -58,7 +58,7 @@ class Runner(unittest.TestCase):
 
     def test_a_guest_that_ends_early_is_a_failure_though_nothing_has_failed(self):
         ending = "MadeToFail.TheGuestEndsTooEarly"
-        done = self.run_guest("--only", ending, "--only", SOUND)
+        done = self.run_guest("--guests", "1", "--only", ending, "--only", SOUND)
         self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
         self.assertIn("the guest stopped before its end", done.stdout)
         scenarios = self.results()["scenarios"]
