@@ -129,8 +129,11 @@ std::vector<std::string> write_figures(const std::string& directory,
     script += has_truth ? "" : "set xlabel 'time since contact / s'\n";
     script += "set ylabel 'pull along the normal / N'\nplot " + forces + "\n";
     if (has_truth) {
-      script += "set xlabel 'time since contact / s'\nset ylabel '|F - F_{off-line}| / N'\nplot " +
-                errors + "\n";
+      // Methods differ by orders of magnitude.
+      script +=
+          "set xlabel 'time since contact / s'\nset ylabel '|F - F_{off-line}| / N'\n"
+          "set logscale y\nset format y '10^{%T}'\nset yrange [1e-5:*]\nplot " +
+          errors + "\nunset logscale y\nset format y\nset yrange [*:*]\n";
     }
     script += "unset multiplot\n";
   }
