@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <vector>
 
@@ -57,7 +58,10 @@ void usbip_server(Input input) {
   std::array<std::uint8_t, 4096> reply;
   for (;;) {
     pollfd wait{.fd = client, .events = POLLIN, .revents = 0};
-    require(::poll(&wait, 1, 5000) == 1, "the server closes a connection that its client closed");
+    int ready = -1;
+    while ((ready = ::poll(&wait, 1, 5000)) < 0 && errno == EINTR) {  // the fuzzer's own alarm
+    }
+    require(ready == 1, "the server closes a connection that its client closed");
     if (::recv(client, reply.data(), reply.size(), 0) <= 0) {
       break;
     }
