@@ -6,6 +6,7 @@ SCENE   ?= block
 SECONDS ?= 20
 ARGS    ?=
 FUZZ_SECONDS ?= 600
+SANITIZERS ?= asan tsan
 
 PROGRAM := build/release/bin/forcegrid
 STAMP   := build/.packages
@@ -40,9 +41,10 @@ test: build
 bench: build
 	build/release/bin/forcegrid_bench
 
-# The tests again under AddressSanitizer with UndefinedBehaviorSanitizer, and ThreadSanitizer.
+# The tests again under AddressSanitizer with UndefinedBehaviorSanitizer, and, where there are threads,
+# under ThreadSanitizer. SANITIZERS=asan: that one alone.
 sanitize: setup
-	for preset in asan tsan; do \
+	for preset in $(SANITIZERS); do \
 	  cmake --preset $$preset >/dev/null && cmake --build --preset $$preset && \
 	  ctest --test-dir build/$$preset -j2 --output-on-failure || exit 1; \
 	done
