@@ -17,7 +17,7 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
     const rt::Duration since_last = report.released - last_released_;
     if (since_last > rt::Duration::zero() && since_last <= kYoung &&
         now - report.released <= kYoung) {
-      watched_ += since_last;
+      watched_ += std::min(since_last, kCredit);
     }
     last_sequence_ = report.sequence;
     last_released_ = report.released;

@@ -27,7 +27,9 @@ namespace forcegrid::servo {
 ///
 /// The times of doubting and freezing run only while reports come: what lies between two reports
 /// more than kYoung apart counts for nothing. In such a silence no count can come, and no command
-/// reaches a device that takes one for each report, so that its motors keep their torque.
+/// reaches a device that takes one for each report, so that its motors keep their torque. And a
+/// report gives at most kCredit: where each takes long, the zero that was commanded takes as long to
+/// reach the motors and what it does as long to come back, so that what counts is how many came.
 ///
 /// Real-time: no allocation, lock or throw. Threads: one.
 class EncoderWatch {
@@ -39,6 +41,8 @@ class EncoderWatch {
   /// An older report, or one later than this after the last, proves nothing: silence is another
   /// fault.
   static constexpr rt::Duration kYoung = std::chrono::milliseconds(15);
+  /// A report proves no more than this much time without a count.
+  static constexpr rt::Duration kCredit = std::chrono::milliseconds(4);
   /// Counts after which a joint has moved on by itself.
   static constexpr std::int32_t kMovedOn_counts = 5;
 
@@ -78,7 +82,7 @@ class EncoderWatch {
   std::array<Joint, 3> joints_;
   std::uint64_t last_sequence_ = 0;
   rt::TimePoint last_released_{};
-  rt::Duration watched_{};  ///< how long reports have come one soon after the other, in all
+  rt::Duration watched_{};  ///< how long reports have come one soon after the other, by their credit
   std::uint64_t doubts_ = 0;
 };
 

@@ -21,11 +21,12 @@ const Eigen::Vector3d kLoad_Nm(0.0, 0.0, 0.5);
 class Still {
  public:
   /// Until `end` after the start or a verdict. @returns the joint that is said to be frozen.
-  std::optional<int> run_to(rt::Duration end, bool reports_come) {
+  /// @param apart from one report to the next, when reports come.
+  std::optional<int> run_to(rt::Duration end, bool reports_come, rt::Duration apart = kPeriod) {
     std::optional<int> frozen;
     while (!frozen && now_ < kStart + end) {
       now_ += kPeriod;
-      if (reports_come) {
+      if (reports_come && (now_ - kStart) % apart == rt::Duration::zero()) {
         ++report_.sequence;
         report_.released = now_ - milliseconds(1);
       }
@@ -68,6 +69,16 @@ TEST(EncoderWatch, DoesNotTakeASilenceForAJointThatStandsStill) {
   ASSERT_EQ(joint.run_to(milliseconds(40), true), std::nullopt);
   ASSERT_EQ(joint.run_to(milliseconds(90), false), std::nullopt);
   EXPECT_EQ(joint.part(), 1.0) << "40 ms without a count have been seen, not 90";
+}
+
+// Where an exchange takes 12 ms, the zero of the relief is in force that much later, and what it
+// does is seen later still: ten reports have to say that nothing moved, not three.
+TEST(EncoderWatch, GivesAJointTenReportsToMoveHoweverFarTheyAreApart) {
+  Still joint;
+  EXPECT_EQ(joint.run_to(milliseconds(15 * 12), true, milliseconds(12)), std::nullopt);
+  EXPECT_EQ(joint.run_to(milliseconds(24 * 12), true, milliseconds(12)), std::nullopt);
+  EXPECT_EQ(joint.part(), 0.0);
+  EXPECT_EQ(joint.run_to(milliseconds(28 * 12), true, milliseconds(12)), 2);
 }
 
 }  // namespace
