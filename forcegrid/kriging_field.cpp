@@ -470,18 +470,18 @@ void DictionaryField<Real, N, M>::collapse() noexcept {
         const int r = kStiffnessRow[i];
         const int c = kStiffnessColumn[i];
         m(r, c) = m(c, r) = (r == c ? 1.0 : 0.5) * alpha_[row + i];
-        few_weight_[i][few] = static_cast<Real>(m(r, c));
+        few_rows_[3 + i][few] = static_cast<Real>(m(r, c));
       }
       for (std::size_t a = 0; a < 3; ++a) {
-        few_position_m_[a][few] = static_cast<Real>(s.position_m[static_cast<int>(a)]);
+        few_rows_[a][few] = static_cast<Real>(s.position_m[static_cast<int>(a)]);
       }
       moment += m;
       ++few;
     } else {
       const Eigen::Vector3d weight(alpha_[row], alpha_[row + 1], alpha_[row + 2]);
       for (std::size_t a = 0; a < 3; ++a) {
-        lane_position_m_[a][lane] = static_cast<Real>(s.position_m[static_cast<int>(a)]);
-        lane_weight_[a][lane] = static_cast<Real>(weight[static_cast<int>(a)]);
+        lane_rows_[a][lane] = static_cast<Real>(s.position_m[static_cast<int>(a)]);
+        lane_rows_[3 + a][lane] = static_cast<Real>(weight[static_cast<int>(a)]);
       }
       moment += 0.5 * (weight * s.position_m.transpose() + s.position_m * weight.transpose());
       sum += weight;
@@ -496,16 +496,16 @@ void DictionaryField<Real, N, M>::collapse() noexcept {
   few_lanes_used_ = padded(static_cast<int>(few), 4);
   for (; lane < static_cast<std::size_t>(lanes_used_); ++lane) {
     for (std::size_t a = 0; a < 3; ++a) {
-      lane_position_m_[a][lane] = Real(kFarAway_m);
-      lane_weight_[a][lane] = Real(0);
+      lane_rows_[a][lane] = Real(kFarAway_m);
+      lane_rows_[3 + a][lane] = Real(0);
     }
   }
   for (; few < static_cast<std::size_t>(few_lanes_used_); ++few) {
     for (std::size_t a = 0; a < 3; ++a) {
-      few_position_m_[a][few] = Real(kFarAway_m);
+      few_rows_[a][few] = Real(kFarAway_m);
     }
     for (std::size_t i = 0; i < 6; ++i) {
-      few_weight_[i][few] = Real(0);
+      few_rows_[3 + i][few] = Real(0);
     }
   }
   const double s2 = settings_.kernel.stiffness_variance();
@@ -520,14 +520,10 @@ void DictionaryField<Real, N, M>::collapse() noexcept {
 template <typename Real, int N, int M>
 RadialTerms<Real> DictionaryField<Real, N, M>::radial_terms() const noexcept {
   RadialTerms<Real> terms;
-  for (std::size_t a = 0; a < 3; ++a) {
-    terms.position_m[a] = lane_position_m_[a].data();
-    terms.weight[a] = lane_weight_[a].data();
-    terms.stiffness_position_m[a] = few_position_m_[a].data();
-  }
-  for (std::size_t i = 0; i < 6; ++i) {
-    terms.stiffness_weight[i] = few_weight_[i].data();
-  }
+  terms.sample_rows = lane_rows_[0].data();
+  terms.stride = kLanes;
+  terms.stiffness_rows = few_rows_[0].data();
+  terms.stiffness_stride = kFewLanes;
   terms.samples = lanes_used_;
   terms.stiffness_samples = few_lanes_used_;
   terms.shape = settings_.kernel.shape;

@@ -205,10 +205,8 @@ class DictionaryField final : public Field {
   std::array<double, kMaxRows + kLanePadding> alpha_{};
 
   // What reading needs: the radial terms lane by lane, the rest collapsed.
-  alignas(64) std::array<std::array<Real, kLanes>, 3> lane_position_m_;
-  alignas(64) std::array<std::array<Real, kLanes>, 3> lane_weight_;
-  alignas(64) std::array<std::array<Real, kFewLanes>, 3> few_position_m_;
-  alignas(64) std::array<std::array<Real, kFewLanes>, 6> few_weight_;
+  alignas(64) std::array<std::array<Real, kLanes>, 6> lane_rows_;    // as RadialTerms
+  alignas(64) std::array<std::array<Real, kFewLanes>, 9> few_rows_;  // has them
   int lanes_used_ = 0;
   int few_lanes_used_ = 0;
   Eigen::Matrix<Real, 3, 3> linear_N_per_m_;

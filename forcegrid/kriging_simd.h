@@ -14,18 +14,28 @@ constexpr int padded(int count, int multiple) {
   return (count + multiple - 1) / multiple * multiple;
 }
 
-/// What the radial part of a field is read from. Arrays are padded to whole multiples of
-/// kLanePadding (stiffness: 4) with weights of zero at positions far away.
+/// What the radial part of a field is read from: rows of `stride` numbers, padded to whole
+/// multiples of kLanePadding (stiffness: 4) with weights of zero at positions far away, aligned to
+/// 64 bytes.
 template <typename Real>
 struct RadialTerms {
-  const Real* position_m[3];  ///< of the samples
-  const Real* weight[3];      ///< alpha
-  int samples = 0;            ///< padded
-  const Real* stiffness_position_m[3];
-  const Real* stiffness_weight[6];  ///< M, halved off the diagonal
-  int stiffness_samples = 0;        ///< padded
+  const Real* sample_rows = nullptr;  ///< x, y, z of the samples, then alpha_x, alpha_y, alpha_z
+  int stride = 0;
+  int samples = 0;                       ///< padded
+  const Real* stiffness_rows = nullptr;  ///< x, y, z, then the six of M, halved off the diagonal
+  int stiffness_stride = 0;
+  int stiffness_samples = 0;  ///< padded
   RadialShape shape = RadialShape::kSquaredExponential;
   Real length_m = Real(0.03);
+
+  const Real* position_m(int axis) const noexcept { return sample_rows + axis * stride; }
+  const Real* weight(int axis) const noexcept { return sample_rows + (3 + axis) * stride; }
+  const Real* stiffness_position_m(int axis) const noexcept {
+    return stiffness_rows + axis * stiffness_stride;
+  }
+  const Real* stiffness_weight(int component) const noexcept {
+    return stiffness_rows + (3 + component) * stiffness_stride;
+  }
 };
 
 template <typename Real>

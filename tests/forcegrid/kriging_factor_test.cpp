@@ -206,14 +206,10 @@ void expect_equal_sums(RadialShape shape, std::mt19937& random, Real tolerance) 
     }
   }
   RadialTerms<Real> terms;
-  for (std::size_t a = 0; a < 3; ++a) {
-    terms.position_m[a] = samples[a].data();
-    terms.weight[a] = samples[a + 3].data();
-    terms.stiffness_position_m[a] = few[a].data();
-  }
-  for (std::size_t i = 0; i < 6; ++i) {
-    terms.stiffness_weight[i] = few[i + 3].data();
-  }
+  terms.sample_rows = samples[0].data();
+  terms.stride = static_cast<int>(samples[0].size());
+  terms.stiffness_rows = few[0].data();
+  terms.stiffness_stride = static_cast<int>(few[0].size());
   terms.shape = shape;
   for (const int count : {16, 32}) {
     for (const int stiffness : {0, 4}) {
