@@ -109,12 +109,7 @@ void DictionaryField<Real, N, M>::append_stiffness(int slot) noexcept {
   const Stored& s = stored_[static_cast<std::size_t>(slot)];
   covariances_of_stiffness(s.position_m, x_);
   factor_.solve(x_, 6);
-  const double noise = settings_.stiffness_noise_N_per_m;
-  const double relative = settings_.relative_stiffness_noise;
-  // A force doubted by some newtons makes the slope over a third of l doubtful as well.
-  const double doubt_length_m = settings_.kernel.length_m / 3.0;
-  const double variance = noise * noise + relative * relative * s.stiffness_N_per_m.squaredNorm() +
-                          s.doubt_N2 / (doubt_length_m * doubt_length_m);
+  const double variance = stiffness_variance(s.stiffness_N_per_m, s.doubt_N2);
   Matrix6d own = settings_.kernel.stiffness_stiffness(s.position_m, s.position_m);
   own.diagonal().array() += variance;
   factor_.template append<6>(x_, own, s.stiffness_N_per_m, 0.5 * variance);
@@ -235,27 +230,28 @@ void DictionaryField<Real, N, M>::earlier_contacts(
   }
 }
 
-// With the columns of x_ solved: the covariances of the observation, and earlier_contacts().
+// With `x` solved, the covariances of the observed quantity, and `earlier`, earlier_contacts().
 template <typename Real, int N, int M>
+template <int kCount>
 void DictionaryField<Real, N, M>::scale_earlier_contacts(
-    Eigen::Vector3d& error_N, const Eigen::Matrix3d& covariance_N2) noexcept {
-  const std::array<double, Factor::kStride>& earlier = x_.column[3];
-  Eigen::Vector3d predicted_N = Eigen::Vector3d::Zero();
+    const typename Factor::Columns& x, const std::array<double, Factor::kStride>& earlier,
+    const Eigen::Matrix<double, kCount, kCount>& variance,
+    Eigen::Matrix<double, kCount, 1>& error) noexcept {
+  using Vector = Eigen::Matrix<double, kCount, 1>;
+  Vector predicted = Vector::Zero();
   for (std::size_t r = 0; r < static_cast<std::size_t>(factor_.rows()); ++r) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      predicted_N[static_cast<int>(c)] += x_.column[c][r] * earlier[r];
+    for (std::size_t c = 0; c < static_cast<std::size_t>(kCount); ++c) {
+      predicted[static_cast<int>(c)] += x.column[c][r] * earlier[r];
     }
   }
-  Eigen::Matrix3d v = covariance_N2 * data_scale();
-  v.diagonal().array() += settings_.nugget_N2;
-  const Eigen::Matrix3d inverse = v.inverse();
-  double told = predicted_N.dot(inverse * predicted_N);
-  double asked = predicted_N.dot(inverse * error_N);
+  const Eigen::Matrix<double, kCount, kCount> inverse = variance.inverse();
+  double told = predicted.dot(inverse * predicted);
+  double asked = predicted.dot(inverse * error);
   if (!(told > 0.0) || !std::isfinite(told) || !std::isfinite(asked)) {
     return;
   }
-  const Eigen::Vector3d left_N = error_N - asked / (1.0 / scale_variance_ + told) * predicted_N;
-  const double doubt = std::max(1.0, left_N.dot(inverse * left_N) / 3.0);
+  const Vector left = error - asked / (1.0 / scale_variance_ + told) * predicted;
+  const double doubt = std::max(1.0, left.dot(inverse * left) / kCount);
   told /= doubt;
   asked /= doubt;
   scale_variance_ = 1.0 / (1.0 / scale_variance_ + told);
@@ -271,7 +267,34 @@ void DictionaryField<Real, N, M>::scale_earlier_contacts(
     }
   }
   factor_.add_to_data(earlier, factor - 1.0);
-  error_N -= (factor - 1.0) * predicted_N;
+  error -= (factor - 1.0) * predicted;
+}
+
+template <typename Real, int N, int M>
+double DictionaryField<Real, N, M>::stiffness_variance(const Vector6d& stiffness_N_per_m,
+                                                       double doubt_N2) const noexcept {
+  const double noise = settings_.stiffness_noise_N_per_m;
+  const double relative = settings_.relative_stiffness_noise;
+  // A force doubted by some newtons makes the slope over a third of l doubtful as well.
+  const double doubt_length_m = settings_.kernel.length_m / 3.0;
+  return noise * noise + relative * relative * stiffness_N_per_m.squaredNorm() +
+         doubt_N2 / (doubt_length_m * doubt_length_m);
+}
+
+// The stiffness tells at once how stiff this contact is, where the first force is none.
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::scale_by_stiffness(const Observation& o) noexcept {
+  typename Factor::Columns earlier;
+  earlier_contacts(earlier.column[0]);
+  factor_.solve(earlier, 3);
+  covariances_of_stiffness(o.position_m, x_);
+  factor_.solve(x_, 6);
+  Matrix6d v = (settings_.kernel.stiffness_stiffness(o.position_m, o.position_m) -
+                factor_.template explained<6>(x_)) *
+               data_scale();
+  v.diagonal().array() += stiffness_variance(o.stiffness_N_per_m, 0.0);
+  Vector6d error_N_per_m = o.stiffness_N_per_m - factor_.template mean<6>(x_);
+  scale_earlier_contacts<6>(x_, earlier.column[0], v, error_N_per_m);
 }
 
 // Decides on the transient sample. @returns true if rows of others than itself have moved.
@@ -383,6 +406,12 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   if (o.contact != contact_) {
     begin_contact(o.contact);
   }
+  if constexpr (M > 0) {
+    if (scale_variance_ > kLeastScaleVariance && o.has_stiffness &&
+        settings_.stiffness_samples > 0) {
+      scale_by_stiffness(o);
+    }
+  }
   const bool scaling = scale_variance_ > kScaleKnown;
   covariances_of_force(o.position_m, o.history, x_);
   if (scaling) {
@@ -400,7 +429,9 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
         settings_.kernel.force_force(o.position_m, o.history, o.position_m, o.history) -
         factor_.template explained<3>(x_);
     if (scaling) {
-      scale_earlier_contacts(error_N, covariance_N2);
+      Eigen::Matrix3d v = covariance_N2 * data_scale();
+      v.diagonal().array() += settings_.nugget_N2;
+      scale_earlier_contacts<3>(x_, x_.column[3], v, error_N);
     }
     innovation.surprised = doubt_samples(o, error_N, covariance_N2);
     fresh_needed = fresh_needed || innovation.surprised;

@@ -92,6 +92,33 @@ TEST(DictionaryField, LearnsInAFewSamplesThatAnotherContactIsStifferOrSofter) {
   }
 }
 
+// Where the tool grabs, the force tells nothing. How stiff the object is there tells how stiff it
+// is 10 mm around.
+TEST(DictionaryField, LearnsFromTheFirstStiffnessThatAnotherContactIsStifferOrSofter) {
+  const AnchoredSprings object(kSeed);
+  for (const double scale : {0.7, 1.0, 1.3}) {
+    const AnchoredSprings elsewhere(kSeed, scale);
+    Tangent field([] {
+      FieldSettings settings;
+      settings.stiffness_samples = 4;
+      return settings;
+    }());
+    for (const Vector3d& p : scattered(30, 0.012)) {
+      field.take(observe_with_stiffness(p, object));
+    }
+    Observation first = observe_with_stiffness(Vector3d::Zero(), elsewhere);
+    first.contact = 1;
+    field.take(first);
+    double error_N2 = 0.0;
+    double size_N2 = 0.0;
+    for (const Vector3d& p : scattered(50, 0.010, kSeed + 1)) {
+      error_N2 += (force_N(field, p) - elsewhere.force_N(p)).squaredNorm();
+      size_N2 += elsewhere.force_N(p).squaredNorm();
+    }
+    EXPECT_LT(std::sqrt(error_N2 / size_N2), 0.01) << "scale " << scale << ", seed " << kSeed;
+  }
+}
+
 TEST(DictionaryField, PassesThroughItsSamplesAsTheNuggetGoesToZero) {
   const AnchoredSprings object(kSeed);
   double last_error_N = 1e9;
