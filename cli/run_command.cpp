@@ -605,6 +605,9 @@ int run_command(const RunOptions& options) {
   for (const NamedCounter& counter : methods.front()->counters()) {
     summary.counters[counter.name] = counter.value;
   }
+  for (const char* member : methods.front()->members()) {
+    summary.members.emplace_back(member);
+  }
   say(loop_text(summary, telemetry.statistics()));
 
   if (emulated && !summary.outcome.zero_current_delivered) {

@@ -37,6 +37,29 @@ double measured_rate_Hz(const RunSummary& summary) {
              : 0.0;
 }
 
+// Who was felt for how long, of a method with several members.
+void append_members(std::string& text, const RunSummary& summary,
+                    const servo::TelemetryStatistics& statistics) {
+  std::uint64_t all = 0;
+  for (const std::uint64_t cycles : statistics.rendered_member) {
+    all += cycles;
+  }
+  if (summary.members.empty() || all == 0) {
+    return;
+  }
+  text += summary.method + ", members felt:";
+  const char* separator = " ";
+  for (std::size_t i = 0; i < summary.members.size(); ++i) {
+    if (statistics.rendered_member[i] > 0) {
+      append(text, "%s%s %.1f %%", separator, summary.members[i].c_str(),
+             100.0 * static_cast<double>(statistics.rendered_member[i]) / static_cast<double>(all));
+      separator = ", ";
+    }
+  }
+  append(text, "; %" PRIu64 " changes; uncertainty of the force %.1f mN (median)\n",
+         statistics.member_changes, statistics.uncertainty_mN.at(0.5));
+}
+
 }  // namespace
 
 std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
@@ -95,6 +118,7 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
            summary.method.c_str(), count_of(EstimateStatus::kOk),
            count_of(EstimateStatus::kPartlyKnown), without, count_of(EstimateStatus::kOutside));
   }
+  append_members(text, summary, statistics);
   if (summary.samples_overrun > 0) {
     append(text, "%" PRIu64 " samples came faster than the servo takes them and were dropped\n",
            summary.samples_overrun);
@@ -260,6 +284,19 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
                     {"samples_over_threshold", counter(summary, "samples_over_threshold")},
                     {"samples_outside", counter(summary, "samples_outside")}};
   result["counters"] = summary.counters;
+  result["member_cycles"] = json::object();
+  for (std::size_t i = 0; i < summary.members.size(); ++i) {
+    result["member_cycles"][summary.members[i]] = statistics.rendered_member[i];
+  }
+  result["member_changes"] = statistics.member_changes;
+  result["first_member_changes"] = json::array();
+  for (const servo::MemberChange& change : statistics.first_changes) {
+    result["first_member_changes"].push_back({{"time_s", change.time_s},
+                                              {"from", summary.members.at(change.from)},
+                                              {"to", summary.members.at(change.to)},
+                                              {"reason", to_string(change.reason)}});
+  }
+  result["uncertainty_mN"] = percentiles_json(statistics.uncertainty_mN);
   result["truth_details"] = summary.truth_details.value_or(json());
   result["emulator"] = summary.emulator.value_or(json());
   result["simulator"] = summary.simulator.value_or(json());

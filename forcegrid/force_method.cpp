@@ -18,4 +18,14 @@ const char* to_string(EstimateStatus status) noexcept {
   return "invalid status";
 }
 
+const char* to_string(ChoiceReason reason) noexcept {
+  switch (reason) {
+    case ChoiceReason::kFirst:
+      return "first";
+    case ChoiceReason::kPredictedBetter:
+      return "predicted better";
+  }
+  return "invalid reason";
+}
+
 }  // namespace forcegrid

@@ -47,12 +47,27 @@ struct NamedCounter {
   std::uint64_t value = 0;
 };
 
+/// Why the member of a method that speaks does so.
+enum class ChoiceReason : std::uint8_t {
+  kFirst,            ///< it is the one that a method begins with
+  kPredictedBetter,  ///< it has foretold the last samples better than the one before
+};
+
+/// Static text for messages and files, e.g. "predicted better".
+const char* to_string(ChoiceReason reason) noexcept;
+
 struct ForceEstimate {
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();  ///< zero unless kOk or kPartlyKnown
   EstimateStatus status = EstimateStatus::kUnknown;
   /// [N] one standard deviation of the force's error, NaN for a method that can't tell.
   double uncertainty_N = std::numeric_limits<double>::quiet_NaN();
+  /// Who speaks of a method that chooses between several fields, an index into members(); and why.
+  std::uint8_t member = 0;
+  ChoiceReason reason = ChoiceReason::kFirst;
 };
+
+/// Most members that a method has.
+inline constexpr std::size_t kMaxMembers = 16;
 
 /// Bridges slow forces to a fast loop: takes in the simulator's samples as they arrive and gives a
 /// force at any time and position. All of it runs on the servo thread.
@@ -72,6 +87,10 @@ class ForceMethod {
 
   /// What the method counts; the names and their order never change. Valid as long as the method.
   virtual std::span<const NamedCounter> counters() const noexcept { return {}; }
+
+  /// Names of the fields between which the method chooses, at most kMaxMembers, fixed from
+  /// construction on; empty where there is no choice.
+  virtual std::span<const char* const> members() const noexcept { return {}; }
 
   /// Takes in one sample. Non-finite samples and those older than the newest taken in are ignored
   /// unless a method says otherwise. The method keeps what it can't use at once for work().

@@ -52,34 +52,40 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
   settings.spacing_N = options.spacing_N.value_or(settings.spacing_N);
   settings.stiffness_samples = kind == Kind::kForceOnly ? 0 : kStiffnessSamples;
   if (kind != Kind::kBank) {
-    add_member(settings, 0);
+    add_member(name(), settings, 0);
     return;
   }
   settings.samples = kSamples;
   settings.stiffness_samples = kBankStiffnessSamples;
-  for (const double nugget_N2 : {1e-5, 1e-6, 1e-4, 1e-3}) {
-    settings.nugget_N2 = nugget_N2;
-    add_member(settings, 0);
+  struct Noise {
+    const char* name;
+    double nugget_N2;
+  };
+  for (const Noise& noise : {Noise{"smooth", 1e-5}, Noise{"exact", 1e-6}, Noise{"noisy", 1e-4},
+                             Noise{"very noisy", 1e-3}}) {
+    settings.nugget_N2 = noise.nugget_N2;
+    add_member(noise.name, settings, 0);
   }
   FieldSettings kinks = settings;
   kinks.nugget_N2 = 1e-5;
   kinks.stiffness_samples = 0;
   kinks.kernel.shape = RadialShape::kMatern72;
   kinks.kernel.length_m = 0.015;
-  add_member(kinks, 0);
+  add_member("kinks", kinks, 0);
   FieldSettings viscous = settings;
   viscous.samples = kHistorySamples;
   viscous.stiffness_samples = 0;
   viscous.nugget_N2 = 1e-5;
   viscous.kernel.history_gain = 0.03;
-  add_member(viscous, 0);
+  add_member("slowly viscous", viscous, 0);
   viscous.kernel.history_gain = 1.0;
-  add_member(viscous, 3);
+  add_member("viscous", viscous, 3);
   viscous.nugget_N2 = 1e-4;
-  add_member(viscous, 3);
+  add_member("noisy viscous", viscous, 3);
 }
 
-void KrigingMethod::add_member(const FieldSettings& settings, int first_lag) {
+void KrigingMethod::add_member(const char* name, const FieldSettings& settings, int first_lag) {
+  names_[members_.size()] = name;
   Member member;
   member.uses_history = settings.kernel.history_gain > 0.0;
   if (member.uses_history || settings.kernel.shape != RadialShape::kSquaredExponential) {
@@ -290,6 +296,7 @@ void KrigingMethod::score() noexcept {
         handed_over_s_ = time_s_;
       }
       active_ = best;
+      reason_ = ChoiceReason::kPredictedBetter;
       update_uncertainty();
     }
   }
@@ -345,6 +352,8 @@ double KrigingMethod::uncertainty_N(const Eigen::Vector3d& position_W) const noe
 ForceEstimate KrigingMethod::force(double time_s,
                                    const Eigen::Vector3d& position_W) const noexcept {
   ForceEstimate estimate;
+  estimate.member = static_cast<std::uint8_t>(active_);
+  estimate.reason = reason_;
   if (!std::isfinite(time_s) || !position_W.allFinite()) {
     estimate.status = EstimateStatus::kNotFinite;
     return estimate;

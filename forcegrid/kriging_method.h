@@ -80,6 +80,12 @@ class KrigingMethod final : public ForceMethod {
   /// [N] Uncertainty from which on a request is worth it.
   static constexpr double kAsk_N = 0.1;
 
+  /// "smooth" (nugget 1e-5 N^2), "exact" (1e-6), "noisy" (1e-4), "very noisy" (1e-3), "kinks",
+  /// "slowly viscous", "viscous", "noisy viscous" of the bank.
+  std::span<const char* const> members() const noexcept override {
+    return {names_.data(), members_.size() > 1 ? members_.size() : 0};
+  }
+
   int member_count() const noexcept { return static_cast<int>(members_.size()); }
   int active_member() const noexcept { return static_cast<int>(active_); }
   const kriging::Field& member(int index) const noexcept {
@@ -91,7 +97,6 @@ class KrigingMethod final : public ForceMethod {
  private:
   static constexpr std::size_t kQueueLength = 32;
   static constexpr std::uint64_t kLongestBacklog = 8;
-  static constexpr std::size_t kMaxMembers = 8;
   static constexpr std::size_t kAsked = 16;
 
   struct Member {
@@ -114,7 +119,7 @@ class KrigingMethod final : public ForceMethod {
     Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
   };
 
-  void add_member(const kriging::FieldSettings& settings, int first_lag);
+  void add_member(const char* name, const kriging::FieldSettings& settings, int first_lag);
   kriging::History history_at(const Member& member,
                               const Eigen::Vector3d& position_W) const noexcept;
   Queued& queued(std::uint64_t number) noexcept { return queue_[number % kQueueLength]; }
@@ -126,7 +131,9 @@ class KrigingMethod final : public ForceMethod {
 
   Kind kind_;
   std::vector<Member> members_;
+  std::array<const char*, kMaxMembers> names_{};
   std::size_t active_ = 0;
+  ChoiceReason reason_ = ChoiceReason::kFirst;
   ToolHistory history_;
 
   std::array<Queued, kQueueLength> queue_{};

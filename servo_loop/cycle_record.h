@@ -32,6 +32,9 @@ struct CycleRecord {
   Triple velocity_W_m_per_s{};
   std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
   std::array<EstimateStatus, kMaxMethods> method_status{};
+  std::array<double, kMaxMethods> method_uncertainty_N{};  ///< NaN: it can't tell
+  std::uint8_t rendered_member = 0;  ///< of the first method's members(), who spoke
+  ChoiceReason rendered_reason = ChoiceReason::kFirst;
   double gain = 0.0;             ///< ramp and fade, 0..1
   Triple commanded_force_D_N{};  ///< after ramp, fade and every limit
   Triple current_A{};

@@ -95,6 +95,11 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     const ForceEstimate estimate = methods_[i]->force(time_s, position_W);
     record.method_force_W_N[i] = triple(estimate.force_W);
     record.method_status[i] = estimate.status;
+    record.method_uncertainty_N[i] = estimate.uncertainty_N;
+    if (i == 0) {
+      record.rendered_member = estimate.member;
+      record.rendered_reason = estimate.reason;
+    }
   }
 
   // Which way the motors push is known before anything is felt.

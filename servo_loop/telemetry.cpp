@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cinttypes>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <iomanip>
@@ -59,9 +60,7 @@ void Telemetry::drain() {
     statistics_.cycles_limited += record.limits_acted != 0 ? 1 : 0;
     statistics_.missed_deadlines += record.missed_deadlines;
     statistics_.samples_taken = record.samples_taken;
-    if (record.in_contact) {
-      ++statistics_.rendered_status[static_cast<std::size_t>(record.method_status[0])];
-    }
+    take_rendered(record);
     records_.push_back(record);
     if (records_.size() > options_.keep_cycles) {
       records_.pop_front();
@@ -70,6 +69,26 @@ void Telemetry::drain() {
       print_live_line(record);
       next_line_ns_ += kLine_ns;
     }
+  }
+}
+
+void Telemetry::take_rendered(const CycleRecord& record) {
+  if (record.rendered_member != last_member_) {
+    ++statistics_.member_changes;
+    if (statistics_.first_changes.size() < kChangesKept) {
+      statistics_.first_changes.push_back(
+          {1e-9 * static_cast<double>(record.time_ns - first_time_ns_), last_member_,
+           record.rendered_member, record.rendered_reason});
+    }
+    last_member_ = record.rendered_member;
+  }
+  if (!record.in_contact) {
+    return;
+  }
+  ++statistics_.rendered_status[static_cast<std::size_t>(record.method_status[0])];
+  ++statistics_.rendered_member[std::min<std::size_t>(record.rendered_member, kMaxMembers - 1)];
+  if (std::isfinite(record.method_uncertainty_N[0])) {
+    statistics_.uncertainty_mN.add(1e3 * record.method_uncertainty_N[0]);
   }
 }
 
@@ -95,9 +114,10 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
   file << "time_s,cycle,period_us,compute_us,report_age_us,report_sequence,count_a,count_b,count_c,"
           "x_W_m,y_W_m,z_W_m,vx_W_m_per_s,vy_W_m_per_s,vz_W_m_per_s,gain,fx_D_N,fy_D_N,fz_D_N,"
           "current_a_A,current_b_A,current_c_A,limits_acted,in_contact,contact_epoch,samples_taken,"
-          "sample_age_ms,missed_deadlines,fault";
+          "sample_age_ms,missed_deadlines,fault,rendered_member,rendered_reason";
   for (const std::string& name : options_.method_names) {
-    file << ',' << name << "_x_N," << name << "_y_N," << name << "_z_N," << name << "_status";
+    file << ',' << name << "_x_N," << name << "_y_N," << name << "_z_N," << name << "_status,"
+         << name << "_uncertainty_N";
   }
   file << '\n' << std::setprecision(9);
   const std::int64_t newest_ns = records_.empty() ? 0 : records_.back().time_ns;
@@ -121,10 +141,12 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
     }
     file << ',' << static_cast<int>(r.limits_acted) << ',' << r.in_contact << ',' << r.contact_epoch
          << ',' << r.samples_taken << ',' << r.sample_age_ms << ',' << r.missed_deadlines << ','
-         << name_of(r.fault);
+         << name_of(r.fault) << ',' << static_cast<int>(r.rendered_member) << ','
+         << to_string(r.rendered_reason);
     for (std::size_t i = 0; i < options_.method_names.size(); ++i) {
       const Triple& f = r.method_force_W_N[i];
-      file << ',' << f[0] << ',' << f[1] << ',' << f[2] << ',' << to_string(r.method_status[i]);
+      file << ',' << f[0] << ',' << f[1] << ',' << f[2] << ',' << to_string(r.method_status[i])
+           << ',' << r.method_uncertainty_N[i];
     }
     file << '\n';
   }

@@ -23,6 +23,14 @@ struct TelemetryOptions {
   std::FILE* live = nullptr;  ///< where the live line goes, once a second; null: nowhere
 };
 
+/// The rendered method let another of its members be felt.
+struct MemberChange {
+  double time_s = 0.0;  ///< since the first cycle
+  std::uint8_t from = 0;
+  std::uint8_t to = 0;
+  ChoiceReason reason = ChoiceReason::kFirst;
+};
+
 /// Distributions over every cycle of a run, also those no longer kept.
 struct TelemetryStatistics {
   rt::Percentiles period_us;
@@ -36,6 +44,11 @@ struct TelemetryStatistics {
   std::uint64_t samples_taken = 0;  ///< by the servo
   /// Cycles in contact by what the rendered method said, indexed by EstimateStatus.
   std::array<std::uint64_t, 5> rendered_status{};
+  /// Cycles in contact by who spoke of the rendered method's members.
+  std::array<std::uint64_t, kMaxMembers> rendered_member{};
+  rt::Percentiles uncertainty_mN;  ///< of the rendered force in contact, where the method tells it
+  std::uint64_t member_changes = 0;
+  std::vector<MemberChange> first_changes;  ///< at most kChangesKept of them
 };
 
 /// Drains the servo's records on a thread of its own, keeps them, and prints the live line.
@@ -58,6 +71,7 @@ class Telemetry {
   std::int64_t first_time_ns() const noexcept { return first_time_ns_; }
 
   static constexpr double kFlightRecord_s = 5.0;
+  static constexpr std::size_t kChangesKept = 200;
 
   /// After stop(): writes the last `seconds` of cycles before `end_ns` (CycleRecord::time_ns) as
   /// CSV, one row each.
@@ -67,6 +81,7 @@ class Telemetry {
 
  private:
   void drain();
+  void take_rendered(const CycleRecord& record);
   void print_live_line(const CycleRecord& record);
 
   ServoPorts& ports_;
@@ -78,6 +93,7 @@ class Telemetry {
   std::int64_t first_time_ns_ = 0;
   std::int64_t next_line_ns_ = 0;
   std::uint64_t cycles_at_last_line_ = 0;
+  std::uint8_t last_member_ = 0;
 };
 
 }  // namespace forcegrid::servo

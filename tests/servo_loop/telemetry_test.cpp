@@ -39,6 +39,32 @@ TEST(Telemetry, KeepsTheNewestCyclesAndCountsAll) {
   EXPECT_NEAR(telemetry.statistics().wakeup_us.at(0.5), 50.0, 50.0 / 512);
 }
 
+TEST(Telemetry, TellsWhoOfTheRenderedMethodsMembersWasFeltAndWhenItChanged) {
+  ServoPorts ports;
+  Telemetry telemetry(ports, {});
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    CycleRecord record = record_at(i);
+    record.in_contact = i >= 10;
+    record.rendered_member = i < 60 ? 0 : 3;
+    record.rendered_reason = i < 60 ? ChoiceReason::kFirst : ChoiceReason::kPredictedBetter;
+    record.method_uncertainty_N[0] = 0.02;
+    ASSERT_TRUE(ports.records.push(record));
+  }
+  telemetry.start();
+  telemetry.stop();
+  const TelemetryStatistics& statistics = telemetry.statistics();
+  EXPECT_EQ(statistics.rendered_member[0], 50u);
+  EXPECT_EQ(statistics.rendered_member[3], 40u);
+  EXPECT_EQ(statistics.member_changes, 1u);
+  ASSERT_EQ(statistics.first_changes.size(), 1u);
+  EXPECT_DOUBLE_EQ(statistics.first_changes[0].time_s, 0.12);
+  EXPECT_EQ(statistics.first_changes[0].from, 0);
+  EXPECT_EQ(statistics.first_changes[0].to, 3);
+  EXPECT_EQ(statistics.first_changes[0].reason, ChoiceReason::kPredictedBetter);
+  EXPECT_EQ(statistics.uncertainty_mN.count(), 90u);
+  EXPECT_NEAR(statistics.uncertainty_mN.at(0.5), 20.0, 20.0 / 512);
+}
+
 TEST(Telemetry, WritesTheLastFiveSecondsAsAFlightRecord) {
   ServoPorts ports;
   TelemetryOptions options;
