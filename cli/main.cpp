@@ -160,7 +160,8 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
                  "watchdog waits 500 ms")
       ->check(CLI::Range(10, 450))
       ->capture_default_str();
-  run.add_flag("--calibrated", o.calibrated, "The counters are right already; ask for no button");
+  run.add_flag("--calibrated", o.calibrated,
+               "The counters are right already; ask for no button (a Falcon is homed anyway)");
   run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers a second of the started simulator")
       ->check(between(1.0, 1000.0))
       ->capture_default_str();

@@ -111,7 +111,7 @@ void prepare_folder(const std::string& folder) {
 }
 
 std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
-                                             const std::string& profile_name) {
+                                             const std::string& profile_name, bool homes_itself) {
   std::vector<std::string> arguments = {"emulate",
                                         "--device",
                                         profile_name,
@@ -129,7 +129,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
                                         options.frame_order,
                                         "--until-stdin-closes",
                                         "--json"};
-  if (options.calibrated) {
+  if (options.calibrated && !homes_itself) {
     arguments.push_back("--calibrated");
   }
   for (const std::string& fault : options.faults) {
@@ -437,7 +437,7 @@ int run_command(const RunOptions& options) {
   }
   std::string url = options.device;
   if (emulated) {
-    emulator = start_emulator(options, profile_name);
+    emulator = start_emulator(options, profile_name, is_falcon(profile));
     url = "usbip://" + listening_address(*emulator, "emulator") + "/1-1";
   }
   const std::string simulator_address =
@@ -455,6 +455,9 @@ int run_command(const RunOptions& options) {
   say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
       ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
   // A Falcon says itself whether its axes are homed, and has no force before.
+  if (options.calibrated && is_falcon(profile)) {
+    say("Falcon: --calibrated changes nothing, as it says itself whether its axes are homed\n");
+  }
   if (!options.calibrated || is_falcon(profile)) {
     const bool calibrated = driver::calibrate(
         *device, profile, seconds(60), [&](const std::string& text) { say(text + "\n"); },

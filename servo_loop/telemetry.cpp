@@ -46,7 +46,7 @@ void Telemetry::drain() {
   while (ports_.records.pop(record)) {
     if (statistics_.cycles == 0) {
       first_time_ns_ = record.time_ns;
-      next_line_ns_ = record.time_ns + kLine_ns;
+      last_line_ns_ = record.time_ns;
     } else {
       statistics_.period_us.add(record.period_us);
     }
@@ -65,9 +65,11 @@ void Telemetry::drain() {
     if (records_.size() > options_.keep_cycles) {
       records_.pop_front();
     }
-    if (options_.live != nullptr && record.time_ns >= next_line_ns_) {
+    if (options_.live != nullptr && record.time_ns >= last_line_ns_ + kLine_ns) {
       print_live_line(record);
-      next_line_ns_ += kLine_ns;
+      // On the second where the loop was on time; from here on after a pause.
+      const bool late = record.time_ns >= last_line_ns_ + 2 * kLine_ns;
+      last_line_ns_ = late ? record.time_ns : last_line_ns_ + kLine_ns;
     }
   }
 }
@@ -94,15 +96,16 @@ void Telemetry::take_rendered(const CycleRecord& record) {
 
 void Telemetry::print_live_line(const CycleRecord& record) {
   const double elapsed_s = 1e-9 * static_cast<double>(record.time_ns - first_time_ns_);
+  const double since_s = 1e-9 * static_cast<double>(record.time_ns - last_line_ns_);
   const Triple& p = record.position_W_m;
   const Triple& f = record.commanded_force_D_N;
   std::fprintf(options_.live,
                "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
-               "%4" PRIu64 " cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64 "\n",
+               "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64 "\n",
                elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2],
                record.in_contact ? "in contact" : "free", f[0], f[1], f[2],
-               statistics_.cycles - cycles_at_last_line_, 1e-3 * record.report_age_us,
-               record.sample_age_ms, statistics_.missed_deadlines);
+               static_cast<double>(statistics_.cycles - cycles_at_last_line_) / since_s,
+               1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines);
   std::fflush(options_.live);
   cycles_at_last_line_ = statistics_.cycles;
 }

@@ -91,7 +91,7 @@ class Telemetry {
   std::atomic<bool> stop_{false};
   std::thread thread_;
   std::int64_t first_time_ns_ = 0;
-  std::int64_t next_line_ns_ = 0;
+  std::int64_t last_line_ns_ = 0;
   std::uint64_t cycles_at_last_line_ = 0;
   std::uint8_t last_member_ = 0;
 };

@@ -104,6 +104,25 @@ TEST_F(Reconnect, RefusesLostCountersThatNobodyCanCalibrate) {
   EXPECT_EQ(summary(run).at("faults").at(0).at("name"), "unplugged");
 }
 
+// Its firmware lives on while the cable is out, and is loaded again when its power was.
+TEST_F(Reconnect, MeetsAFalconAgainWithAndWithoutItsFirmware) {
+  for (const bool power_lost : {false, true}) {
+    const std::string out = fresh_folder("run");
+    Program run = Program::forcegrid(
+        arguments(simulator_, power_lost ? "firmware-reboot:ms=500" : "connection-closed:ms=20",
+                  out, {"--device", "emulated:falcon", "--seconds", "7", "--reconnect"}));
+    ASSERT_EQ(run.wait(), 0) << run.standard_error();
+    const json result = summary(run);
+    EXPECT_EQ(result.at("faults"), json::array());
+    EXPECT_EQ(result.at("reconnects"), 1);
+    EXPECT_EQ(result.at("recovered_faults").at(0).at("name"), "unplugged");
+    EXPECT_EQ(result.at("emulator").at("firmware_starts"), power_lost ? 2 : 1);
+    EXPECT_LT(result.at("emulator").at("seconds_since_motors_nonzero").get<double>(), 2.0);
+    EXPECT_EQ(result.at("emulator").at("final_command"), json({0, 0, 0}));
+    EXPECT_TRUE(result.at("zero_current_delivered").get<bool>());
+  }
+}
+
 TEST_F(Reconnect, GivesUpAfterItsTimeAndAtCtrlC) {
   for (const bool by_signal : {false, true}) {
     const std::string out = fresh_folder("run");
@@ -127,8 +146,7 @@ TEST_F(Reconnect, SaysThatTheWatchdogStopsTheMotorsWhereNothingElseCan) {
   Program run = Program::forcegrid(
       arguments(simulator_, "nak-out", out, {"--calibrated", "--seconds", "20"}));
   ASSERT_EQ(run.wait(), 1) << run.standard_error();
-  EXPECT_NE(run.standard_error().find("the motors are left to its own watchdog"),
-            std::string::npos)
+  EXPECT_NE(run.standard_error().find("the motors are left to its own watchdog"), std::string::npos)
       << run.standard_error();
   const json result = summary(run);
   EXPECT_EQ(result.at("faults").at(0).at("name"), "stale_reports");
