@@ -40,6 +40,22 @@ std::vector<std::string> scene_names() {
   return names;
 }
 
+std::vector<std::string> known_scene_names() {
+  std::vector<std::string> names = scene_names();
+  for (const evaluation::ChartScene& scene : evaluation::walled_scenes()) {
+    names.push_back(scene.name);
+  }
+  return names;
+}
+
+std::vector<std::string> wall_names() {
+  std::vector<std::string> names;
+  for (const evaluation::NamedWalls& walls : evaluation::named_walls()) {
+    names.push_back(walls.name);
+  }
+  return names;
+}
+
 std::vector<std::string> condition_names() {
   std::vector<std::string> names;
   for (const evaluation::NetworkCondition& condition : evaluation::network_conditions()) {
@@ -197,9 +213,12 @@ void add_chart(CLI::App& app, ChartAccuracyOptions& o, std::function<int()>& act
   CLI::App& accuracy = *chart.add_subcommand(
       "accuracy", "Errors and costs of force methods on objects, motions and networks");
   accuracy.add_option("--out", o.out, "Folder for tables, pictures and the page")->required();
-  accuracy.add_option("--scenes", o.scenes, "Objects (default all): " + joined(scene_names()))
+  accuracy
+      .add_option("--scenes", o.scenes,
+                  "Objects (default all): " + joined(scene_names()) +
+                      "; with walls, e.g. small+wall_flat: " + joined(wall_names()))
       ->delimiter(',')
-      ->check(CLI::IsMember(scene_names()));
+      ->check(CLI::IsMember(known_scene_names()));
   accuracy
       .add_option("--trajectories", o.trajectories,
                   "Motions (default all): " + joined(evaluation::trajectory_names()))

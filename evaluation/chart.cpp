@@ -126,15 +126,16 @@ Plan plan_of(const ChartOptions& options) {
 }
 
 // Whether a method is judged under a condition and on a trajectory.
-bool applies(const Method& method, const NetworkCondition& condition,
+bool applies(const Method& method, const ChartScene& scene, const NetworkCondition& condition,
              const Trajectory& trajectory) {
   if (method.direct) {
-    // The table stands for an object that is alike all over; a real one isn't.
+    // The table stands for an object that is alike all over; a real one isn't. Nor does the
+    // mesh know walls.
     const bool same_everywhere = std::all_of(
         trajectory.contacts().begin(), trajectory.contacts().end(), [](const ContactSpan& span) {
           return span.force_factor == 1.0 && span.point_W == first_contact_point_W();
         });
-    return condition.name == "ideal" && same_everywhere;
+    return condition.name == "ideal" && same_everywhere && scene.walls.empty();
   }
   return (condition.stiffness || !method.needs.stiffness) &&
          (condition.requests_per_s > 0.0 || !method.needs.requests);
@@ -150,12 +151,13 @@ std::unique_ptr<ForceMethod> make(const Method& method, const simulator::SpringM
   return make_force_method(variant.name, variant.options);
 }
 
-std::string row_key(const ChartOptions& options, const std::string& table_key,
-                    const std::string& trajectory, const NetworkCondition& condition,
-                    const std::string& method) {
+std::string row_key(const ChartOptions& options, const std::string& scene,
+                    const std::string& table_key, const std::string& trajectory,
+                    const NetworkCondition& condition, const std::string& method) {
   ContentHash hash;
   hash.add(kRowVersion);
   hash.add(options.program);
+  hash.add(scene);
   hash.add(table_key);
   hash.add(options.seed);
   hash.add(trajectory);
@@ -355,9 +357,9 @@ Chart make_chart(const ChartOptions& options) {
       for (const std::string& name : plan.conditions) {
         const NetworkCondition& condition = network_condition(name);
         for (const Method& method : plan.methods) {
-          if (applies(method, condition, trajectories[trajectory])) {
+          if (applies(method, objects[scene].scene, condition, trajectories[trajectory])) {
             jobs.push_back({scene, trajectory, &condition, &method,
-                            row_key(options, objects[scene].facts.key,
+                            row_key(options, objects[scene].scene.name, objects[scene].facts.key,
                                     trajectories[trajectory].name(), condition, method.text)});
           }
         }
@@ -394,14 +396,15 @@ Chart make_chart(const ChartOptions& options) {
     const Trajectory& trajectory = trajectories[job.trajectory];
     if (made_for == nullptr || made_for->scene != job.scene ||
         made_for->trajectory != job.trajectory || made_for->condition != job.condition) {
-      trace =
-          make_trace(trajectory, object.table, *job.condition, kChartServoRate_Hz, options.seed);
+      trace = make_trace(trajectory, object.table, *job.condition, kChartServoRate_Hz, options.seed,
+                         object.scene.walls);
       made_for = &job;
     }
     const double begin_s = elapsed_s();
-    ChartRow row = judge_row(object, trajectory, *trace,
-                             judge_options(trajectory, object.table, *job.condition, options.seed),
-                             *job.method);
+    ChartRow row = judge_row(
+        object, trajectory, *trace,
+        judge_options(trajectory, object.table, *job.condition, options.seed, object.scene.walls),
+        *job.method);
     row.key = job.key;
     row.condition = job.condition->name;
     times.add(row.scene, row.method, elapsed_s() - begin_s);
@@ -434,13 +437,15 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
   for (const std::string& text : methods) {
     parsed.push_back(method_of(text));
   }
+  const std::vector<Wall>& walls = chart_scene(scene).walls;
   const simulator::SpringMesh mesh = make_mesh(chart_scene(scene));
   const BuiltTable built = build_table(mesh, table_options(options, "force table of " + scene));
   ChartTrace result;
-  result.trace = make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed);
+  result.trace =
+      make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, walls);
   for (const Method& method : parsed) {
     check_stop(options);
-    JudgeOptions judging = judge_options(trajectory, built.table, condition, options.seed);
+    JudgeOptions judging = judge_options(trajectory, built.table, condition, options.seed, walls);
     judging.keep_forces = true;
     result.methods.push_back(method.text);
     result.forces_W.push_back(judge(*make(method, mesh), result.trace, judging).forces_W);

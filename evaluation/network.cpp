@@ -15,9 +15,9 @@ constexpr std::uint64_t kNoiseStream = 0x6E6F697365U;
 constexpr std::uint64_t kNetworkStream = 0x6E6574U;
 constexpr std::uint64_t kRequestStream = 0x726571U;
 
-// What the object answers to a tool at `position_W` at `time_s`.
-Sample answer(const Trajectory& trajectory, const ForceTable& table, double time_s,
-              const Vector3d& position_W) {
+// What object and walls answer to a tool at `position_W` at `time_s`.
+Sample answer(const Trajectory& trajectory, const ForceTable& table, const std::vector<Wall>& walls,
+              double time_s, const Vector3d& position_W) {
   Sample sample;
   sample.time_s = time_s;
   sample.position_W = position_W;
@@ -35,6 +35,11 @@ Sample answer(const Trajectory& trajectory, const ForceTable& table, double time
     const ForceTable::Value value = table.at(position_W - span.point_W);
     sample.force_W = span.force_factor * value.force_W;
     sample.stiffness_W = span.force_factor * value.stiffness_W;
+    for (const Wall& wall : walls) {
+      const Wall::Value pushed = wall.at(position_W - first_contact_point_W());
+      sample.force_W += pushed.force_W;
+      sample.stiffness_W += pushed.stiffness_W;
+    }
   }
   return sample;
 }
@@ -86,7 +91,8 @@ const NetworkCondition& network_condition(const std::string& name) {
 }
 
 Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
-                 const NetworkCondition& condition, double servo_rate_Hz, std::uint64_t seed) {
+                 const NetworkCondition& condition, double servo_rate_Hz, std::uint64_t seed,
+                 const std::vector<Wall>& walls) {
   Trace trace;
   const double period_s = 1.0 / servo_rate_Hz;
   const auto instants =
@@ -96,7 +102,7 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
     ServoInstant instant;
     instant.time_s = static_cast<double>(i) * period_s;
     instant.position_W = trajectory.position_W(instant.time_s);
-    instant.force_W = answer(trajectory, table, instant.time_s, instant.position_W).force_W;
+    instant.force_W = answer(trajectory, table, walls, instant.time_s, instant.position_W).force_W;
     const int now = trajectory.contact_at(instant.time_s);
     if (contact >= 0 && now != contact) {
       trace.events.push_back({instant.time_s, false, Vector3d::Zero()});
@@ -120,7 +126,7 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
     }
     const ServoInstant& instant = trace.servo[at];
     DeliveredSample delivered;
-    delivered.sample = answer(trajectory, table, instant.time_s, instant.position_W);
+    delivered.sample = answer(trajectory, table, walls, instant.time_s, instant.position_W);
     add_noise(delivered.sample, condition.noise_N, noise);
     const double jitter_s = condition.jitter_s * network.uniform(0.0, 1.0);
     const bool lost = network.uniform(0.0, 1.0) < condition.loss;
@@ -137,13 +143,14 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
 }
 
 JudgeOptions judge_options(const Trajectory& trajectory, const ForceTable& table,
-                           const NetworkCondition& condition, std::uint64_t seed) {
+                           const NetworkCondition& condition, std::uint64_t seed,
+                           const std::vector<Wall>& walls) {
   JudgeOptions options;
   options.stiffness_to_method = condition.stiffness;
   options.requests_per_s = condition.requests_per_s;
   if (condition.requests_per_s > 0.0) {
     options.request_delay_s = 1.0 / condition.requests_per_s;
-    options.answer = [&trajectory, &table, noise_N = condition.noise_N,
+    options.answer = [&trajectory, &table, walls, noise_N = condition.noise_N,
                       noise = SeededNumbers(seed ^ kRequestStream)](
                          double time_s, const Vector3d& position_W) mutable {
       Vector3d reached_W = position_W;
@@ -152,7 +159,7 @@ JudgeOptions judge_options(const Trajectory& trajectory, const ForceTable& table
         const Vector3d& point_W = trajectory.contacts()[static_cast<std::size_t>(contact)].point_W;
         reached_W = point_W + table.clamped(position_W - point_W);
       }
-      Sample sample = answer(trajectory, table, time_s, reached_W);
+      Sample sample = answer(trajectory, table, walls, time_s, reached_W);
       sample.from_query = true;
       add_noise(sample, noise_N, noise);
       return sample;

@@ -7,26 +7,42 @@ namespace forcegrid::evaluation {
 
 const std::vector<ChartScene>& chart_scenes() {
   static const std::vector<ChartScene> all{
-      {"small_linear", "1,089 vertices, 8,268 linear springs", 1.2},
-      {"small", "1,089 vertices, 8,268 hardening springs", 1.0},
-      {"block_linear", "10,164 vertices, 84,566 linear springs", 1.2},
-      {"block", "10,164 vertices, 84,566 hardening springs", 1.0}};
+      {"small_linear", "1,089 vertices, 8,268 linear springs", 1.2, "small_linear", {}},
+      {"small", "1,089 vertices, 8,268 hardening springs", 1.0, "small", {}},
+      {"block_linear", "10,164 vertices, 84,566 linear springs", 1.2, "block_linear", {}},
+      {"block", "10,164 vertices, 84,566 hardening springs", 1.0, "block", {}}};
+  return all;
+}
+
+const std::vector<ChartScene>& walled_scenes() {
+  static const std::vector<ChartScene> all = [] {
+    std::vector<ChartScene> scenes;
+    for (const ChartScene& scene : chart_scenes()) {
+      for (const NamedWalls& each : named_walls()) {
+        scenes.push_back({scene.name + '+' + each.name, scene.title + ", and " + each.title,
+                          scene.stiffness_factor, scene.object, each.walls});
+      }
+    }
+    return scenes;
+  }();
   return all;
 }
 
 const ChartScene& chart_scene(const std::string& name) {
   std::string known;
-  for (const ChartScene& scene : chart_scenes()) {
-    if (scene.name == name) {
-      return scene;
+  for (const auto* scenes : {&chart_scenes(), &walled_scenes()}) {
+    for (const ChartScene& scene : *scenes) {
+      if (scene.name == name) {
+        return scene;
+      }
+      known += (known.empty() ? "" : ", ") + scene.name;
     }
-    known += (known.empty() ? "" : ", ") + scene.name;
   }
   throw ChartError("scene '" + name + "' is not one of the chart's: " + known);
 }
 
 simulator::SpringMesh make_mesh(const ChartScene& scene) {
-  simulator::SpringMesh mesh = simulator::make_scene(scene.name, first_contact_point_W()).mesh;
+  simulator::SpringMesh mesh = simulator::make_scene(scene.object, first_contact_point_W()).mesh;
   for (simulator::Spring& spring : mesh.springs) {
     spring.stiffness_N_per_m *= scene.stiffness_factor;
   }

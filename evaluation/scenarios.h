@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "evaluation/force_table.h"
+#include "evaluation/wall.h"
 #include "simulator/spring_mesh.h"
 
 namespace forcegrid::evaluation {
@@ -11,14 +12,21 @@ namespace forcegrid::evaluation {
 /// An object of the chart: a scene of the simulator, as stiff as lets the trajectories need 2 to
 /// 3 N (RMS), at the trajectories' first contact point.
 struct ChartScene {
-  std::string name;  ///< as simulator::make_scene knows it
+  std::string name;
   std::string title;
   double stiffness_factor = 1.0;  ///< of every spring
+  std::string object;             ///< as simulator::make_scene knows it
+  std::vector<Wall> walls;        ///< second objects that the tool comes up against
 };
 
-/// small_linear, small, block_linear, block: from the quickest to the hardest.
+/// small_linear, small, block_linear, block: from the quickest to the hardest. What a chart takes
+/// when nothing is selected.
 const std::vector<ChartScene>& chart_scenes();
 
+/// Each of them with each of named_walls(), e.g. small+wall_flat.
+const std::vector<ChartScene>& walled_scenes();
+
+/// One of either.
 /// @throws ChartError for an unknown name, listing the known ones.
 const ChartScene& chart_scene(const std::string& name);
 
