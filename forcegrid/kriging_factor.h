@@ -40,6 +40,15 @@ class GrowingCholesky {
     }
   }
 
+  /// x <- L^-1 x of three columns that are zero above row `first`; each has kStride numbers.
+  void solve_from(int first, double* const x[3]) const noexcept {
+    const PackedLower all = lower();
+    double* const below[3] = {x[0] + first, x[1] + first, x[2] + first};
+    solve_lower({all.column(first) + first, inverse_diagonal_.data() + first, kMaxRows - first,
+                 rows_ - first},
+                below);
+  }
+
   /// Data f <- f + factor * (L x), given x as solved: y <- y + factor x.
   void add_to_data(const std::array<double, kStride>& x, double factor) noexcept {
     for (std::size_t r = 0; r < static_cast<std::size_t>(rows_); ++r) {
@@ -52,6 +61,9 @@ class GrowingCholesky {
     std::copy_n(y_.data(), rows_, alpha);
     solve_upper(lower(), alpha);
   }
+
+  /// alpha <- L^-T alpha; it has room for kLanePadding numbers behind its rows.
+  void solve_transposed(double* alpha) const noexcept { solve_upper(lower(), alpha); }
 
   /// Mean of `kCount` new quantities whose covariances with the rows are solved in `x`: x^T y.
   template <int kCount>

@@ -11,6 +11,7 @@ namespace {
 constexpr double kRefreshFraction = 0.3;  // of the spacing: a repeated measurement
 constexpr double kEvictionReach_m2 = 1e-4;
 constexpr double kQueryValue = 0.05;  // the tool may never pass where it was asked
+constexpr double kNeededValue = 1e6;
 constexpr double kLeastScaleVariance = 1e-4;
 constexpr double kMostScaleVariance = 0.09;
 constexpr double kScaleKnown = 1e-7;  // variance from which on another sample tells nothing
@@ -29,7 +30,7 @@ DictionaryField<Real, N, M>::DictionaryField(const FieldSettings& settings) noex
 
 template <typename Real, int N, int M>
 double DictionaryField<Real, N, M>::data_scale() const noexcept {
-  double squares = 0.0;
+  double squares = -explained_squares();
   for (int r = 0; r < factor_.rows(); ++r) {
     squares += factor_.y(r) * factor_.y(r);
   }
@@ -179,17 +180,20 @@ double DictionaryField<Real, N, M>::separation_m2(const Stored& a, const Stored&
   return moved_m2;
 }
 
-// Inflates the noise of the samples that the surprise speaks against.
+// N: how large an innovation is, were it drawn from its prediction.
 template <typename Real, int N, int M>
-bool DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
-                                                const Eigen::Vector3d& error_N,
-                                                const Eigen::Matrix3d& covariance_N2) noexcept {
+double DictionaryField<Real, N, M>::normalised_square(
+    const Eigen::Vector3d& error_N, const Eigen::Matrix3d& covariance_N2) const noexcept {
   Eigen::Matrix3d v = covariance_N2 * data_scale();
   v.diagonal().array() += settings_.nugget_N2;
-  const double normalised = error_N.dot(v.inverse() * error_N) / 3.0;
-  if (!(normalised > settings_.surprise)) {
-    return false;
-  }
+  return error_N.dot(v.inverse() * error_N) / 3.0;
+}
+
+// Inflates the noise of the samples that the surprise speaks against.
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
+                                                const Eigen::Vector3d& error_N,
+                                                double normalised) noexcept {
   const double doubt_N2 = error_N.squaredNorm() / 3.0 * (1.0 - settings_.surprise / normalised);
   const double reach_m = 2.0 * settings_.kernel.length_m;
   for (Stored& s : stored_) {
@@ -198,7 +202,6 @@ bool DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
       s.doubt_N2 += doubt_N2 * std::exp(-0.5 * d2 / (reach_m * reach_m));
     }
   }
-  return true;
 }
 
 template <typename Real, int N, int M>
@@ -223,8 +226,9 @@ void DictionaryField<Real, N, M>::earlier_contacts(
   for (int b = 0; b < block_count_; ++b) {
     const Block& block = blocks_[static_cast<std::size_t>(b)];
     const Stored& s = stored_[static_cast<std::size_t>(block.slot)];
+    const Eigen::Vector3d own_N = s.force_N - feature_force_N(s);
     for (int i = 0; i < block.rows(); ++i) {
-      const double value = block.stiffness ? s.stiffness_N_per_m[i] : s.force_N[i];
+      const double value = block.stiffness ? s.stiffness_N_per_m[i] : own_N[i];
       f[row++] = s.contact == contact_ ? 0.0 : value;
     }
   }
@@ -261,8 +265,9 @@ void DictionaryField<Real, N, M>::scale_earlier_contacts(
   scale_ = scale;
   for (Stored& s : stored_) {
     if (s.used && s.contact != contact_) {
-      s.force_N *= factor;
-      s.first_force_N *= factor;
+      const Eigen::Vector3d feature_N = feature_force_N(s);
+      s.force_N += (factor - 1.0) * (s.force_N - feature_N);
+      s.first_force_N += (factor - 1.0) * (s.first_force_N - feature_N);
       s.stiffness_N_per_m *= factor;
     }
   }
@@ -364,7 +369,8 @@ bool DictionaryField<Real, N, M>::make_room(const Eigen::Vector3d& position_m) n
       }
       const double value =
           nearest_m2 / ((s.position_m - position_m).squaredNorm() + kEvictionReach_m2) /
-          (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2)) * (s.from_query ? kQueryValue : 1.0);
+          (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2)) * (s.from_query ? kQueryValue : 1.0) *
+          (features_need(i) ? kNeededValue : 1.0);
       if (value < worst_value) {
         worst_value = value;
         worst = i;
@@ -399,6 +405,20 @@ void DictionaryField<Real, N, M>::limit_stiffness() noexcept {
   }
 }
 
+// Puts an observation into a free slot.
+template <typename Real, int N, int M>
+int DictionaryField<Real, N, M>::place(const Observation& o) noexcept {
+  int slot = 0;
+  while (stored_[static_cast<std::size_t>(slot)].used) {
+    ++slot;
+  }
+  stored_[static_cast<std::size_t>(slot)] = {
+      o.position_m, o.force_N,     o.position_m, o.force_N, o.history,  o.stiffness_N_per_m,
+      0.0,          next_order_++, o.from_query, o.contact, o.origin_W, true};
+  ++sample_count_;
+  return slot;
+}
+
 template <typename Real, int N, int M>
 Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   Innovation innovation;
@@ -420,21 +440,32 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     x_.column[5].fill(0.0);
   }
   factor_.solve(x_, scaling ? 6 : 3);
-  Eigen::Vector3d error_N = o.force_N - factor_.template mean<3>(x_);
+  Eigen::Vector3d mean_N = factor_.template mean<3>(x_);
+  Eigen::Matrix3d covariance_N2 = Eigen::Matrix3d::Zero();
+  if (innovation.predicted) {
+    covariance_N2 = settings_.kernel.force_force(o.position_m, o.history, o.position_m, o.history) -
+                    factor_.template explained<3>(x_);
+  }
+  add_features(o.position_m, o.origin_W, x_, mean_N, covariance_N2);
+  Eigen::Vector3d error_N = o.force_N - mean_N;
   innovation.error_N = error_N.norm();
   bool stale = false;  // the rows that x_ was solved for have moved
   bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
   if (innovation.predicted) {
-    const Eigen::Matrix3d covariance_N2 =
-        settings_.kernel.force_force(o.position_m, o.history, o.position_m, o.history) -
-        factor_.template explained<3>(x_);
     if (scaling) {
       Eigen::Matrix3d v = covariance_N2 * data_scale();
       v.diagonal().array() += settings_.nugget_N2;
       scale_earlier_contacts<3>(x_, x_.column[3], v, error_N);
     }
-    innovation.surprised = doubt_samples(o, error_N, covariance_N2);
-    fresh_needed = fresh_needed || innovation.surprised;
+    const double normalised = normalised_square(error_N, covariance_N2);
+    innovation.surprised = normalised > settings_.surprise;
+    if (innovation.surprised) {
+      stale = true;
+      if (!explain(o, error_N)) {
+        doubt_samples(o, error_N, normalised);
+        fresh_needed = true;
+      }
+    }
   }
 
   if (o.from_query) {
@@ -449,7 +480,7 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
       }
     }
   } else {
-    stale = settle_transient();
+    stale = settle_transient() || stale;
   }
   if (make_room(o.position_m)) {
     stale = true;
@@ -459,14 +490,7 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     stale = true;
   }
 
-  int slot = 0;
-  while (stored_[static_cast<std::size_t>(slot)].used) {
-    ++slot;
-  }
-  Stored& s = stored_[static_cast<std::size_t>(slot)];
-  s = {o.position_m, o.force_N,     o.position_m, o.force_N, o.history, o.stiffness_N_per_m,
-       0.0,          next_order_++, o.from_query, o.contact, true};
-  ++sample_count_;
+  const int slot = place(o);
   if (!o.from_query) {
     transient_ = slot;
   }
@@ -484,7 +508,7 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
 // Solves for the weights and sums up what doesn't depend on where the field is read.
 template <typename Real, int N, int M>
 void DictionaryField<Real, N, M>::collapse() noexcept {
-  factor_.weights(alpha_.data());
+  solve_weights();
   Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   std::array<Eigen::Matrix3d, kHistoryFeatures> lag;
@@ -593,8 +617,11 @@ double DictionaryField<Real, N, M>::deviation_N(const Eigen::Vector3d& position_
       explained_N2 += x_.column[c][r] * x_.column[c][r];
     }
   }
-  const double variance_N2 =
-      settings_.kernel.prior_variance_N2(position_m, history) - explained_N2 / 3.0;
+  Eigen::Vector3d mean_N = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d features_N2 = Eigen::Matrix3d::Zero();
+  add_features(position_m, origin_W_, x_, mean_N, features_N2);
+  const double variance_N2 = settings_.kernel.prior_variance_N2(position_m, history) +
+                             (features_N2.trace() - explained_N2) / 3.0;
   return std::sqrt(std::max(variance_N2, 0.0) * data_scale());
 }
 

@@ -37,6 +37,8 @@ struct Observation {
   Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
   bool from_query = false;
   std::uint64_t contact = 0;  ///< number of the contact that it was made in
+  /// [m] That contact's point in the workspace frame, where position_m is zero.
+  Eigen::Vector3d origin_W = Eigen::Vector3d::Zero();
 };
 
 /// What taking in an observation showed.
@@ -62,6 +64,10 @@ class Field {
   virtual std::size_t memory_bytes() const noexcept = 0;
   virtual int sample_count() const noexcept = 0;
   virtual int row_count() const noexcept = 0;
+
+  /// A contact was made at `point_W`, which positions that are read are relative to from now on.
+  /// Of use to fields that know something which is fixed in the workspace.
+  virtual void set_origin(const Eigen::Vector3d& point_W) noexcept { static_cast<void>(point_W); }
 
   /// Takes in one observation. In order: predict there; doubt old samples when that failed; decide
   /// on the sample before; make room; add the new one; fit. Bounded: at most one full factorisation
@@ -117,10 +123,10 @@ class Field {
 /// transient.
 ///
 /// Failure: kinks within l of the samples; forces that depend on more than position (the history
-/// features are for those that depend on the path).
+/// features are for those that depend on the path, HingeField for kinks).
 /// Source: docs/kriging.md; Rasmussen and Williams, 2006, chapter 2.
 template <typename Real, int kMaxSamples, int kMaxStiffness>
-class DictionaryField final : public Field {
+class DictionaryField : public Field {
  public:
   /// @param settings must be usable: positive nugget, lengths and spacings, 2 <= samples <=
   ///        kMaxSamples, stiffness_samples <= kMaxStiffness.
@@ -130,6 +136,7 @@ class DictionaryField final : public Field {
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   int sample_count() const noexcept override { return sample_count_; }
   int row_count() const noexcept override { return factor_.rows(); }
+  void set_origin(const Eigen::Vector3d& point_W) noexcept override { origin_W_ = point_W; }
   Innovation take(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   double deviation_N(const Eigen::Vector3d& position_m,
@@ -138,7 +145,8 @@ class DictionaryField final : public Field {
   /// The sums that reading is made of, for tests of the lanes.
   RadialTerms<Real> radial_terms() const noexcept;
 
- private:
+ protected:
+  static constexpr int kMaxSamplesHeld = kMaxSamples;
   static constexpr int kMaxBlocks = kMaxSamples + kMaxStiffness;
   static constexpr int kMaxRows = 3 * kMaxSamples + 6 * kMaxStiffness;
   static constexpr int kLanes = padded(kMaxSamples, kLanePadding);
@@ -157,6 +165,7 @@ class DictionaryField final : public Field {
     std::uint64_t order = 0;
     bool from_query = false;
     std::uint64_t contact = 0;
+    Eigen::Vector3d origin_W;
     bool used = false;
   };
   /// Consecutive rows of the factor: a sample's force (3) or stiffness (6).
@@ -165,6 +174,42 @@ class DictionaryField final : public Field {
     bool stiffness;
     int rows() const noexcept { return stiffness ? 6 : 3; }
   };
+
+  // For fields that add features, forces with a few unknown weights, to the covariance. Features
+  // are fitted where the weights are solved for, and stay as they are until then.
+
+  /// Solves for alpha_.
+  virtual void solve_weights() noexcept { factor_.weights(alpha_.data()); }
+  /// Adds to the mean and covariance of the force at `p`, given its covariances with the rows,
+  /// solved.
+  virtual void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
+                            const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
+                            Eigen::Matrix3d& covariance_N2) const noexcept {
+    static_cast<void>(p);
+    static_cast<void>(origin_W);
+    static_cast<void>(x);
+    static_cast<void>(mean_N);
+    static_cast<void>(covariance_N2);
+  }
+  /// The part of a sample's force that is the features'.
+  virtual Eigen::Vector3d feature_force_N(const Stored& sample) const noexcept {
+    static_cast<void>(sample);
+    return Eigen::Vector3d::Zero();
+  }
+  /// Of |y|^2, what the features explain.
+  virtual double explained_squares() const noexcept { return 0.0; }
+  /// Whether a surprise is explained by other features, so that nothing needs to be doubted. Then
+  /// the factor is in order, else it may be stale. Uses x_.
+  virtual bool explain(const Observation& observation, const Eigen::Vector3d& error_N) noexcept {
+    static_cast<void>(observation);
+    static_cast<void>(error_N);
+    return false;
+  }
+  /// A sample that features can't do without is the last to go.
+  virtual bool features_need(int slot) const noexcept {
+    static_cast<void>(slot);
+    return false;
+  }
 
   void covariances_of_force(const Eigen::Vector3d& p, const History& h,
                             typename Factor::Columns& x) const noexcept;
@@ -175,8 +220,11 @@ class DictionaryField final : public Field {
   void remove_block(int block) noexcept;
   void remove_sample(int slot) noexcept;
   void factorise() noexcept;
-  bool doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
-                     const Eigen::Matrix3d& covariance_N2) noexcept;
+  double normalised_square(const Eigen::Vector3d& error_N,
+                           const Eigen::Matrix3d& covariance_N2) const noexcept;
+  void doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
+                     double normalised) noexcept;
+  int place(const Observation& observation) noexcept;
   void begin_contact(std::uint64_t contact) noexcept;
   void earlier_contacts(std::array<double, Factor::kStride>& f) const noexcept;
   template <int kCount>
@@ -207,6 +255,7 @@ class DictionaryField final : public Field {
   double scale_ = 1.0;           ///< s of this contact so far
   double scale_variance_ = 0.0;  ///< v; 0: there is no earlier contact
   double expected_scale_variance_ = 0.03;
+  Eigen::Vector3d origin_W_ = Eigen::Vector3d::Zero();
   Factor factor_;
   mutable typename Factor::Columns x_;
   std::array<double, kMaxRows + kLanePadding> alpha_{};

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "forcegrid/kriging_hinge.h"
+
 namespace forcegrid {
 namespace {
 
@@ -50,6 +52,10 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
   settings.samples = options.samples.value_or(kSamples);
   settings.spacing_m = options.spacing_m.value_or(settings.spacing_m);
   settings.spacing_N = options.spacing_N.value_or(settings.spacing_N);
+  if (kind == Kind::kHinge) {
+    add_hinge_member(name(), settings);
+    return;
+  }
   settings.stiffness_samples = kind == Kind::kForceOnly ? 0 : kStiffnessSamples;
   if (kind != Kind::kBank) {
     add_member(name(), settings, 0);
@@ -102,12 +108,21 @@ void KrigingMethod::add_member(const char* name, const FieldSettings& settings, 
   members_.push_back(std::move(member));
 }
 
+void KrigingMethod::add_hinge_member(const char* name, const FieldSettings& settings) {
+  names_[members_.size()] = name;
+  Member member;
+  member.field = std::make_unique<kriging::HingeField<float>>(settings);
+  members_.push_back(std::move(member));
+}
+
 const char* KrigingMethod::name() const noexcept {
   switch (kind_) {
     case Kind::kForceOnly:
       return "kriging";
     case Kind::kTangent:
       return "kriging-tangent";
+    case Kind::kHinge:
+      return "kriging-hinge";
     case Kind::kBank:
       return "kriging-bank";
   }
@@ -135,8 +150,7 @@ void KrigingMethod::take_sample(const Sample& sample) noexcept {
     return;
   }
   if (!origin_known_) {
-    origin_W_ = sample.position_W;
-    origin_known_ = true;
+    set_origin(sample.position_W);
   }
   // Members that are not felt may be late; the felt one never is by as much as the queue's length,
   // for it is served first.
@@ -154,6 +168,7 @@ void KrigingMethod::take_sample(const Sample& sample) noexcept {
   o.force_N = sample.force_W;
   o.from_query = sample.from_query;
   o.contact = contact_;
+  o.origin_W = origin_W_;
   o.has_stiffness = sample.has_stiffness && sample.stiffness_W.allFinite();
   if (o.has_stiffness) {
     for (int i = 0; i < 6; ++i) {
@@ -197,15 +212,23 @@ void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d&
   ++contact_;
   in_contact_ = true;
   contact_state_known_ = true;
-  origin_known_ = point_W.allFinite();
-  if (origin_known_) {
-    origin_W_ = point_W;
+  origin_known_ = false;
+  if (point_W.allFinite()) {
+    set_origin(point_W);
   }
   first_of_contact_ = taken_;
   contact_sampled_ = false;
   handed_over_N_.setZero();
   asked_.fill(Asked{});
   update_uncertainty();
+}
+
+void KrigingMethod::set_origin(const Eigen::Vector3d& point_W) noexcept {
+  origin_known_ = true;
+  origin_W_ = point_W;
+  for (Member& member : members_) {
+    member.field->set_origin(point_W);
+  }
 }
 
 void KrigingMethod::contact_lost() noexcept {

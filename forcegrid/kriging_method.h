@@ -21,6 +21,9 @@ namespace forcegrid {
 /// force.
 /// - `kriging-tangent`: the same, and the four newest samples' stiffness as data of the field's
 ///   derivative (sigma_J = 1 N/m + 0.2 %). Needs: force and stiffness; samples without are taken.
+/// - `kriging-hinge`: the same as `kriging`, and up to two second objects, walls that push back,
+///   learnt where the force has a kink (kriging::HingeField). Good as a member of a bank, risky
+///   alone where surprises have other causes than walls. Needs: force; stiffness is not used.
 /// - `kriging-bank`: nuggets 1e-6, 1e-5, 1e-4 and 1e-3 for objects of different noise; Matern 7/2
 ///   of 15 mm for kinks; three with history features for objects that remember (kf = 0.03 N^2 with
 ///   lags of 10, 100, 1000 ms; kf = 1 with 5, 30, 200 ms and nuggets 1e-5 and 1e-4), 48 samples
@@ -51,7 +54,7 @@ namespace forcegrid {
 /// periods of the first contact; kinks; see DictionaryField.
 class KrigingMethod final : public ForceMethod {
  public:
-  enum class Kind { kForceOnly, kTangent, kBank };
+  enum class Kind { kForceOnly, kTangent, kHinge, kBank };
 
   /// @param options nugget, spacings and samples, which must be usable: make_force_method() checks.
   KrigingMethod(Kind kind, const MethodOptions& options);
@@ -120,6 +123,8 @@ class KrigingMethod final : public ForceMethod {
   };
 
   void add_member(const char* name, const kriging::FieldSettings& settings, int first_lag);
+  void add_hinge_member(const char* name, const kriging::FieldSettings& settings);
+  void set_origin(const Eigen::Vector3d& point_W) noexcept;
   kriging::History history_at(const Member& member,
                               const Eigen::Vector3d& position_W) const noexcept;
   Queued& queued(std::uint64_t number) noexcept { return queue_[number % kQueueLength]; }

@@ -62,6 +62,7 @@ constexpr NamedMethod kMethods[] = {
     {"tangent", plain<TangentMethod>},
     {"kriging", kriging<KrigingMethod::Kind::kForceOnly>},
     {"kriging-tangent", kriging<KrigingMethod::Kind::kTangent>},
+    {"kriging-hinge", kriging<KrigingMethod::Kind::kHinge>},
     {"kriging-bank", kriging<KrigingMethod::Kind::kBank>},
 };
 
