@@ -14,6 +14,7 @@
 #include "evaluation/network.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
+#include "evaluation/yardstick.h"
 #include "forcegrid/methods.h"
 #include "simulator/direct_method.h"
 
@@ -423,6 +424,7 @@ Chart make_chart(const ChartOptions& options) {
   for (const Object& object : objects) {
     chart.tables.push_back(object.facts);
   }
+  chart.bare_trilinear_read_ns = bare_trilinear_read_ns();
   chart.numbers = numbers_of(chart, options.default_method);
   chart.elapsed_s = elapsed_s();
   return chart;

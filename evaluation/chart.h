@@ -98,6 +98,7 @@ struct Chart {
   std::vector<ChartRow> rows;
   std::vector<NotRun> not_run;
   std::vector<ChartNumber> numbers;
+  double bare_trilinear_read_ns = std::numeric_limits<double>::quiet_NaN();  ///< on this machine
   std::size_t rows_kept = 0;  ///< taken over from an earlier call
   double elapsed_s = 0.0;
 };

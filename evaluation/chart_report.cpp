@@ -92,7 +92,9 @@ std::string svg_element(const std::string& svg) {
 
 void add_numbers(std::string& html, const Chart& chart, const ChartOptions& options) {
   html += "<h2>Goals</h2><p>Method <b>" + escaped(options.default_method) +
-          "</b>; costs are named by their method.";
+          "</b>; costs are named by their method. The bare trilinear read, to which queries are "
+          "compared, took " +
+          readable(chart.bare_trilinear_read_ns) + " ns.";
   html += chart.numbers.empty() ? "" : " Scene: " + escaped(chart.numbers.front().scene) + '.';
   html +=
       "</p><table class=sortable><thead><tr><th>figure<th>goal<th>measured<th><th>worst at"
@@ -208,6 +210,7 @@ std::string chart_json(const Chart& chart, const ChartOptions& options) {
          {"direct_cycle_us",
           or_null(table.direct_cycle_us > 0.0 ? table.direct_cycle_us : std::nan(""))}});
   }
+  json["bare_trilinear_read_ns"] = chart.bare_trilinear_read_ns;
   json["numbers"] = ordered_json::array();
   for (const ChartNumber& each : chart.numbers) {
     json["numbers"].push_back({{"name", each.name},

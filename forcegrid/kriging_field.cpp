@@ -24,7 +24,8 @@ constexpr double kFarAway_m = 1e3;
 
 template <typename Real, int N, int M>
 DictionaryField<Real, N, M>::DictionaryField(const FieldSettings& settings) noexcept
-    : settings_(settings) {
+    : settings_(settings),
+      inverse_length_per_m_(static_cast<Real>(1.0 / settings.kernel.length_m)) {
   collapse();
 }
 
@@ -535,7 +536,8 @@ void DictionaryField<Real, N, M>::collapse() noexcept {
     } else {
       const Eigen::Vector3d weight(alpha_[row], alpha_[row + 1], alpha_[row + 2]);
       for (std::size_t a = 0; a < 3; ++a) {
-        lane_rows_[a][lane] = static_cast<Real>(s.position_m[static_cast<int>(a)]);
+        lane_rows_[a][lane] =
+            static_cast<Real>(s.position_m[static_cast<int>(a)] / settings_.kernel.length_m);
         lane_rows_[3 + a][lane] = static_cast<Real>(weight[static_cast<int>(a)]);
       }
       moment += 0.5 * (weight * s.position_m.transpose() + s.position_m * weight.transpose());
@@ -583,6 +585,7 @@ RadialTerms<Real> DictionaryField<Real, N, M>::radial_terms() const noexcept {
   terms.stiffness_samples = few_lanes_used_;
   terms.shape = settings_.kernel.shape;
   terms.length_m = static_cast<Real>(settings_.kernel.length_m);
+  terms.inverse_length_per_m = inverse_length_per_m_;
   return terms;
 }
 

@@ -263,6 +263,7 @@ class DictionaryField : public Field {
   // What reading needs: the radial terms lane by lane, the rest collapsed.
   alignas(64) std::array<std::array<Real, kLanes>, 6> lane_rows_;    // as RadialTerms
   alignas(64) std::array<std::array<Real, kFewLanes>, 9> few_rows_;  // has them
+  Real inverse_length_per_m_;
   int lanes_used_ = 0;
   int few_lanes_used_ = 0;
   Eigen::Matrix<Real, 3, 3> linear_N_per_m_;

@@ -98,6 +98,7 @@ void KrigingMethod::add_member(const char* name, const FieldSettings& settings, 
     member.handicap = kSpecialist;
   }
   member.first_lag = first_lag;
+  member.least_uncertainty_N = 0.5 * std::sqrt(settings.nugget_N2);
   if (member.uses_history) {
     member.field = std::make_unique<DictionaryField<float, kHistorySamples, 0>>(settings);
   } else if (settings.stiffness_samples > 0) {
@@ -367,9 +368,9 @@ double KrigingMethod::uncertainty_N(const Eigen::Vector3d& position_W) const noe
   const Eigen::Vector3d d = position_W - uncertain_from_W_;
   const double along_m = d.dot(uncertain_direction_);
   const double beside_m = std::sqrt(std::max(0.0, d.squaredNorm() - along_m * along_m));
-  const double noise_N = 0.5 * std::sqrt(members_[active_].field->settings().nugget_N2);
-  return std::max(noise_N, uncertainty_from_N_ + uncertainty_slope_N_per_m_ * along_m +
-                               std::abs(uncertainty_slope_N_per_m_) * beside_m);
+  return std::max(members_[active_].least_uncertainty_N,
+                  uncertainty_from_N_ + uncertainty_slope_N_per_m_ * along_m +
+                      std::abs(uncertainty_slope_N_per_m_) * beside_m);
 }
 
 ForceEstimate KrigingMethod::force(double time_s,

@@ -109,6 +109,7 @@ class KrigingMethod final : public ForceMethod {
     std::uint64_t next = 0;  ///< number of the sample that it takes next
     double score_N2 = 0.0;
     double handicap = 1.0;  ///< its squared errors count this many times
+    double least_uncertainty_N = 0.0;
   };
   struct Queued {
     kriging::Observation observation;  ///< without history

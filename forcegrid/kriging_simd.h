@@ -19,16 +19,19 @@ constexpr int padded(int count, int multiple) {
 /// 64 bytes.
 template <typename Real>
 struct RadialTerms {
-  const Real* sample_rows = nullptr;  ///< x, y, z of the samples, then alpha_x, alpha_y, alpha_z
+  /// x, y, z of the samples in units of the kernel's length, then alpha_x, alpha_y, alpha_z.
+  const Real* sample_rows = nullptr;
   int stride = 0;
-  int samples = 0;                       ///< padded
-  const Real* stiffness_rows = nullptr;  ///< x, y, z, then the six of M, halved off the diagonal
+  int samples = 0;  ///< padded
+  const Real* stiffness_rows =
+      nullptr;  ///< x, y, z [m], then the six of M, halved off the diagonal
   int stiffness_stride = 0;
   int stiffness_samples = 0;  ///< padded
   RadialShape shape = RadialShape::kSquaredExponential;
   Real length_m = Real(0.03);
+  Real inverse_length_per_m = Real(1) / Real(0.03);
 
-  const Real* position_m(int axis) const noexcept { return sample_rows + axis * stride; }
+  const Real* position(int axis) const noexcept { return sample_rows + axis * stride; }
   const Real* weight(int axis) const noexcept { return sample_rows + (3 + axis) * stride; }
   const Real* stiffness_position_m(int axis) const noexcept {
     return stiffness_rows + axis * stiffness_stride;
