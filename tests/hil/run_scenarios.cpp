@@ -224,6 +224,10 @@ TEST(MadeToFail, AnExpectationThatDoesNotHold) {
 
 TEST(MadeToFail, TheGuestEndsTooEarly) { shell("poweroff -f; sleep 10"); }
 
+TEST(MadeToFail, TheKernelReportsAFaultOfItsOwn) {
+  EXPECT_EQ(shell("echo 'BUG: made to fail' > /dev/kmsg").status, 0);
+}
+
 TEST(MadeToFail, ItNeverEnds) { std::this_thread::sleep_for(std::chrono::hours(1)); }
 
 }  // namespace

@@ -65,6 +65,13 @@ class Runner(unittest.TestCase):
         self.assertEqual(scenarios[ending]["status"], "unfinished")
         self.assertEqual(scenarios[SOUND]["status"], "missing")
 
+    def test_a_fault_of_the_guests_kernel_is_a_failure_though_nothing_has_failed(self):
+        complaining = "MadeToFail.TheKernelReportsAFaultOfItsOwn"
+        done = self.run_guest("--only", complaining)
+        self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
+        self.assertIn("the guest's kernel reported a fault of its own: BUG: made to fail", done.stdout)
+        self.assertEqual(self.results()["scenarios"][complaining]["status"], "passed")
+
     def test_a_guest_that_takes_too_long_is_stopped(self):
         done = self.run_guest("--timeout", "1", "--only", SOUND)
         self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
