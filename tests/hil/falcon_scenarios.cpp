@@ -7,7 +7,6 @@
 #include <signal.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -16,6 +15,8 @@
 #include <thread>
 #include <vector>
 
+#include "tests/hil/falcon_bench.h"
+#include "tests/hil/faulty_run.h"
 #include "tests/hil/hil_bench.h"
 
 namespace forcegrid::hil {
@@ -30,42 +31,9 @@ using ::testing::Not;
 using Clock = std::chrono::steady_clock;
 
 constexpr char kSerial[] = "FT000001";
-const nlohmann::json kNoCommand = {0, 0, 0};
-const std::vector<std::string> kHomed = {"--firmware-loaded", "--calibrated"};
 
 double seconds_between(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double>(to - from).count();
-}
-
-std::string first_line(const fs::path& path) {
-  std::ifstream stream(path);
-  std::string line;
-  std::getline(stream, line);
-  return line;
-}
-
-template <typename Condition>
-bool eventually(Condition condition) {
-  const auto deadline = Clock::now() + seconds(20);
-  while (!condition()) {
-    if (Clock::now() > deadline) {
-      return false;
-    }
-    std::this_thread::sleep_for(milliseconds(20));
-  }
-  return true;
-}
-
-/// The USB port of the attached Falcon as sysfs names it, e.g. "3-1"; empty without one.
-std::string port_of_falcon() {
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator("/sys/bus/usb/devices", error)) {
-    if (first_line(entry.path() / "idVendor") == "0403" &&
-        first_line(entry.path() / "idProduct") == "cb48") {
-      return entry.path().filename().string();
-    }
-  }
-  return "";
 }
 
 /// The kernel's driver of the interface at `port`; empty when none has it.
@@ -78,120 +46,14 @@ std::string driver_of(const std::string& port) {
 
 /// The usbfs node of the device at `port`.
 std::string usb_node(const std::string& port) {
-  const fs::path usb = "/sys/bus/usb/devices/" + port;
+  const std::string usb = "/sys/bus/usb/devices/" + port;
   char node[64];
-  std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", std::stoi(first_line(usb / "busnum")),
-                std::stoi(first_line(usb / "devnum")));
+  std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", std::stoi(first_line(usb + "/busnum")),
+                std::stoi(first_line(usb + "/devnum")));
   return node;
 }
 
-/// An emulated Falcon in a process of its own, attached to this kernel by a USB/IP cable.
-/// Everything ends with the object.
-class FalconBench {
- public:
-  explicit FalconBench(const std::vector<std::string>& emulator_arguments = {})
-      : report_file_(forcegrid::testing::fresh_folder("falcon_emulator") + "/report.json"),
-        emulator_(Program::forcegrid(command(emulator_arguments, report_file_))) {
-    covers_host("kernel");
-    covers_device("falcon");
-    emulator_.wait_for_text("busid 1-1");
-    plug_in();
-  }
-  ~FalconBench() {
-    shell("usbip detach -p 0");
-    EXPECT_TRUE(eventually([] { return port_of_falcon().empty(); }));
-  }
-  FalconBench(const FalconBench&) = delete;
-  FalconBench& operator=(const FalconBench&) = delete;
-
-  const std::string& port() const { return port_; }
-
-  /// Pulls the cable, and waits until the kernel knows.
-  void unplug() {
-    const ShellResult detached = shell("usbip detach -p 0");
-    EXPECT_EQ(detached.status, 0) << detached.text;
-    EXPECT_TRUE(eventually([] { return port_of_falcon().empty(); }));
-  }
-  /// Plugs it in, and waits until kernel and udev are done.
-  void plug_in() {
-    const ShellResult attached = shell("usbip attach -r 127.0.0.1 -b 1-1");
-    EXPECT_EQ(attached.status, 0) << attached.text;
-    const auto has_interface = [] {
-      const std::string port = port_of_falcon();
-      return !port.empty() && fs::exists("/sys/bus/usb/devices/" + port + "/" + port + ":1.0");
-    };
-    EXPECT_TRUE(eventually(has_interface)) << shell("dmesg | tail -n 20").text;
-    shell("udevadm settle --timeout=20");
-    port_ = port_of_falcon();
-  }
-
-  /// Ends the emulator. @returns its report.
-  nlohmann::json end() {
-    emulator_.send_signal(SIGTERM);
-    EXPECT_EQ(emulator_.wait(seconds(20)).value_or(-1), 0)
-        << "the emulator said: " << emulator_.standard_error();
-    std::ifstream file(report_file_);
-    return nlohmann::json::parse(file, nullptr, false);
-  }
-
- private:
-  static std::vector<std::string> command(const std::vector<std::string>& more,
-                                          const std::string& report_file) {
-    std::vector<std::string> arguments = {"emulate",        "--device", "falcon",   "--listen",
-                                          "127.0.0.1:3240", "--json",   report_file};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
-  }
-
-  std::string report_file_;
-  Program emulator_;
-  std::string port_;
-};
-
-/// `forcegrid run` on libusb, to its end.
-EndedRun run_falcon(const std::string& url, double duration_s,
-                    const std::vector<std::string>& more = {}) {
-  covers_host("forcegrid-libusb");
-  EndedRun result;
-  result.folder = forcegrid::testing::fresh_folder("falcon_run");
-  Program program = Program::forcegrid(run_arguments(url, duration_s, result.folder, more));
-  result.status = program.wait(seconds(50)).value_or(-1);
-  result.text = program.standard_output() + program.standard_error();
-  std::ifstream file(result.folder + "/summary.json");
-  if (file) {
-    result.summary = nlohmann::json::parse(file, nullptr, false);
-  }
-  return result;
-}
-
-/// A file with a boot stream of the right form and one block of `words` (fact sheet, section 4.4).
-std::string image_file(std::size_t words) {
-  std::string image("\xAA\x08", 2);
-  image.append(16, '\0');
-  image.append("\x3F\x00\x02\x80", 4);
-  image.push_back(static_cast<char>(words & 0xFF));
-  image.push_back(static_cast<char>(words >> 8));
-  image.append("\x3F\x00\x00\x80", 4);
-  for (std::size_t i = 0; i < words; ++i) {
-    image.push_back(static_cast<char>(i & 0xFF));
-    image.push_back(static_cast<char>(i >> 8 & 0xFF));
-  }
-  image.append(2, '\0');
-  const std::string file = forcegrid::testing::fresh_folder("falcon_firmware") + "/firmware.bin";
-  std::ofstream(file, std::ios::binary) << image;
-  return file;
-}
-
 std::size_t bytes_of_image(std::size_t words) { return 30 + 2 * words; }
-
-std::int64_t number(const nlohmann::json& json, const char* key) {
-  return json.at(key).get<std::int64_t>();
-}
-
-std::int64_t largest_command(const nlohmann::json& emulator) {
-  const auto peak = emulator.at("max_abs_command").get<std::vector<std::int64_t>>();
-  return *std::max_element(peak.begin(), peak.end());
-}
 
 /// No fault, the zero at the end was answered, and not a byte was lost on the way.
 void expect_sound(const EndedRun& felt, double duration_s) {
@@ -206,7 +68,7 @@ void expect_sound(const EndedRun& felt, double duration_s) {
 
 void expect_motors_off_and_clean_line(const nlohmann::json& emulator) {
   ASSERT_TRUE(emulator.is_object());
-  EXPECT_EQ(emulator.at("final_command"), kNoCommand) << emulator;
+  EXPECT_EQ(emulator.at("final_command"), kMotorsOff) << emulator;
   EXPECT_EQ(number(emulator, "malformed_packets"), 0);
   EXPECT_EQ(number(emulator, "serial_overruns"), 0);
   EXPECT_EQ(number(emulator, "serial_framing_errors"), 0);
@@ -361,7 +223,7 @@ TEST(LongFalcon, IsTakenFromFtdiSioWhereThatWasToldToHaveItAndGivenBack) {
       << program.standard_output() << program.standard_error();
   EXPECT_TRUE(eventually([&] { return driver_of(bench.port()) == "ftdi_sio"; }))
       << "its driver has not got it back, but '" << driver_of(bench.port()) << "'";
-  EXPECT_EQ(bench.end().at("final_command"), kNoCommand);
+  EXPECT_EQ(bench.end().at("final_command"), kMotorsOff);
 }
 
 // --- The cable ---
@@ -392,7 +254,7 @@ TEST(LongFalcon, UnpluggedDuringTheDownloadEndsTheRunAndTakesItsFirmwareNextTime
   const EndedRun again = run_falcon("falcon", 1.0, {"--firmware", image_file(2)});
   expect_sound(again, 1.0);
   const nlohmann::json emulator = bench.end();
-  EXPECT_EQ(emulator.at("final_command"), kNoCommand);
+  EXPECT_EQ(emulator.at("final_command"), kMotorsOff);
   EXPECT_EQ(number(emulator, "firmware_starts"), 1) << "the first image had no end";
   EXPECT_GT(number(emulator, "firmware_bytes_loaded"),
             static_cast<std::int64_t>(bytes_of_image(2)));

@@ -36,18 +36,6 @@ nlohmann::json json_of(const std::string& file) {
   return nlohmann::json::parse(stream, nullptr, false);
 }
 
-template <typename Condition>
-bool eventually(Condition condition) {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > deadline) {
-      return false;
-    }
-    std::this_thread::sleep_for(kPoll);
-  }
-  return true;
-}
-
 }  // namespace
 
 ShellResult shell(const std::string& command) {
@@ -79,6 +67,24 @@ void covers_device(const std::string& name) {
 void covers_host(const std::string& name) {
   std::printf("HIL-HOST %s\n", name.c_str());
   std::fflush(stdout);
+}
+
+bool eventually(const std::function<bool()>& condition) {
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > deadline) {
+      return false;
+    }
+    std::this_thread::sleep_for(kPoll);
+  }
+  return true;
+}
+
+std::string first_line(const std::string& file) {
+  std::ifstream stream(file);
+  std::string line;
+  std::getline(stream, line);
+  return line;
 }
 
 std::vector<Node> nodes() {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -27,6 +28,13 @@ void measured(const std::string& name, double value, const std::string& unit);
 /// and run() say it themselves.
 void covers_device(const std::string& name);
 void covers_host(const std::string& name);
+
+/// Waits until `condition` holds, at most 20 s: software emulation is slow. @returns whether it
+/// does.
+bool eventually(const std::function<bool()>& condition);
+
+/// The first line of a file; empty without one.
+std::string first_line(const std::string& file);
 
 /// A hidraw node as the kernel made it, read from sysfs without the project's driver.
 struct Node {
