@@ -135,6 +135,10 @@ void kriging_bank_sample(benchmark::State& state) {
   take_samples<KrigingMethod::Kind::kBank>(state);
 }
 BENCHMARK(kriging_bank_sample);
+void kriging_store_sample(benchmark::State& state) {
+  take_samples<KrigingMethod::Kind::kStore>(state);
+}
+BENCHMARK(kriging_store_sample);
 
 const bool registered = [] {
   report_time("kriging_read_32", "<= 25 ns");
@@ -142,6 +146,7 @@ const bool registered = [] {
   report_time("kriging_force", "");
   report_time("kriging_sample", "<= 30 us");
   report_time("kriging_bank_sample", "<= 250 us");
+  report_time("kriging_store_sample", "<= 100 us");
   report_ratio("kriging_read_32", "bare_trilinear_query", "<= 6.1");
   report_ratio("kriging_read_32_scalar", "bare_trilinear_query", "<= 61");
   return true;

@@ -130,6 +130,9 @@ Plan plan_of(const ChartOptions& options) {
 bool applies(const Method& method, const ChartScene& scene, const NetworkCondition& condition,
              const Trajectory& trajectory) {
   if (method.direct) {
+    if (trajectory.is_exploration()) {
+      return false;  // the large object is made of tables; there is no mesh of it
+    }
     // The table stands for an object that is alike all over; a real one isn't. Nor does the
     // mesh know walls.
     const bool same_everywhere = std::all_of(
@@ -252,7 +255,7 @@ Object make_object(const ChartOptions& options, const std::string& name) {
 ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Trace& trace,
                    JudgeOptions judging, const Method& method) {
   const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
-  judging.keep_forces = trajectory.is_closed_loop();
+  judging.keep_forces = trajectory.is_closed_loop() || trajectory.is_exploration();
   ChartRow row;
   row.scene = object.scene.name;
   row.trajectory = trajectory.name();
@@ -271,6 +274,10 @@ ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Tra
     }
     row.loop_work_percent = 100.0 * sum_J / static_cast<double>(works_J.size()) / stored_J;
     row.worst_loop_work_percent = 100.0 * worst_J / stored_J;
+  }
+  if (trajectory.is_exploration()) {
+    row.returns =
+        return_errors(trace.servo, trajectory.contacts().front().point_W, row.verdict.forces_W);
   }
   row.verdict.forces_W.clear();
   row.verdict.forces_W.shrink_to_fit();

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/exploration.h"
 #include "evaluation/force_table.h"
 #include "evaluation/judge.h"
 #include "evaluation/trace.h"
@@ -51,6 +52,7 @@ struct ChartRow {
   /// other trajectories.
   double loop_work_percent = std::numeric_limits<double>::quiet_NaN();
   double worst_loop_work_percent = std::numeric_limits<double>::quiet_NaN();
+  ReturnErrors returns;  ///< NaN for trajectories other than `exploration`
 };
 
 /// An object of the chart and how well its table stands for it.

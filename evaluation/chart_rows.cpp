@@ -29,6 +29,11 @@ void each_figure(Row& row, const Take& take) {
   take("largest_step_N", v.largest_step_N);
   take("loop_work_percent", row.loop_work_percent);
   take("worst_loop_work_percent", row.worst_loop_work_percent);
+  take("return_33ms_percent", row.returns.first_33ms_percent);
+  take("return_100ms_percent", row.returns.to_100ms_percent);
+  take("return_500ms_percent", row.returns.to_500ms_percent);
+  take("return_1s_percent", row.returns.to_1s_percent);
+  take("second_half_percent", row.returns.second_half_percent);
   take("query_ns_median", v.query_ns_median);
   take("query_ns_p99", v.query_ns_p99);
   take("sample_us_median", v.sample_us_median);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "evaluation/exploration.h"
+
 namespace forcegrid::evaluation {
 namespace {
 
@@ -32,7 +34,10 @@ Sample answer(const Trajectory& trajectory, const ForceTable& table, const std::
   if (contact >= 0) {
     const ContactSpan& span = contacts[static_cast<std::size_t>(contact)];
     sample.contact_point_W = span.point_W;
-    const ForceTable::Value value = table.at(position_W - span.point_W);
+    const Vector3d displacement_W = position_W - span.point_W;
+    const ForceTable::Value value = trajectory.is_exploration()
+                                        ? large_object(table, displacement_W)
+                                        : table.at(displacement_W);
     sample.force_W = span.force_factor * value.force_W;
     sample.stiffness_W = span.force_factor * value.stiffness_W;
     for (const Wall& wall : walls) {
@@ -155,7 +160,7 @@ JudgeOptions judge_options(const Trajectory& trajectory, const ForceTable& table
                          double time_s, const Vector3d& position_W) mutable {
       Vector3d reached_W = position_W;
       const int contact = trajectory.contact_at(time_s);
-      if (contact >= 0) {
+      if (contact >= 0 && !trajectory.is_exploration()) {
         const Vector3d& point_W = trajectory.contacts()[static_cast<std::size_t>(contact)].point_W;
         reached_W = point_W + table.clamped(position_W - point_W);
       }

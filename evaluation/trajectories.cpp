@@ -5,6 +5,7 @@
 #include <numbers>
 #include <utility>
 
+#include "evaluation/exploration.h"
 #include "evaluation/force_table.h"
 
 namespace forcegrid::evaluation {
@@ -139,7 +140,8 @@ const std::vector<std::pair<std::string, Trajectory::Kind>>& Trajectory::kinds()
                                                              {"tapping", Kind::kTapping},
                                                              {"regrab", Kind::kRegrab},
                                                              {"regrab_varied", Kind::kRegrabVaried},
-                                                             {"circle", Kind::kCircle}};
+                                                             {"circle", Kind::kCircle},
+                                                             {"exploration", Kind::kExploration}};
   return all;
 }
 
@@ -166,7 +168,8 @@ Trajectory::Trajectory(const std::string& name, std::uint64_t seed) : name_(name
   }
   kind_ = found->second;
   SeededNumbers numbers(seed);
-  if (kind_ == Kind::kRandom || kind_ == Kind::kRegrab || kind_ == Kind::kRegrabVaried) {
+  if (kind_ == Kind::kRandom || kind_ == Kind::kRegrab || kind_ == Kind::kRegrabVaried ||
+      kind_ == Kind::kExploration) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       double power = 0.0;
       for (int i = 0; i < kRandomSines; ++i) {
@@ -184,6 +187,9 @@ Trajectory::Trajectory(const std::string& name, std::uint64_t seed) : name_(name
   }
   if (kind_ == Kind::kPoke) {
     duration_s_ = kPokeDuration_s;
+  }
+  if (kind_ == Kind::kExploration) {
+    duration_s_ = kExploration_s;
   }
   if (kind_ == Kind::kTapping) {
     for (double begin_s = 0.0; begin_s < duration_s_; begin_s += kTapPeriod_s) {
@@ -215,7 +221,7 @@ Trajectory::Trajectory(const std::string& name, std::uint64_t seed) : name_(name
 
 bool Trajectory::is_static() const noexcept {
   return kind_ != Kind::kTapping && kind_ != Kind::kRegrab && kind_ != Kind::kRegrabVaried &&
-         kind_ != Kind::kCircle;
+         kind_ != Kind::kCircle && kind_ != Kind::kExploration;
 }
 
 int Trajectory::contact_at(double time_s) const noexcept {
@@ -256,6 +262,8 @@ Vector3d Trajectory::displacement_W(double time_s) const noexcept {
       return hold_W(time_s);
     case Kind::kCircle:
       return circle_W(time_s);
+    case Kind::kExploration:
+      return exploration_centre_W_m(time_s) + rise(time_s, kSlowRise_s) * random_W(time_s);
     default:
       return Vector3d::Zero();
   }

@@ -42,6 +42,8 @@ struct ContactSpan {
 ///   regrab_varied  the same, each place stiffer or softer by up to 30 %, seeded
 ///   circle         8 mm around (0, 0, 9) mm at 0.8 Hz, in a plane tilted by 45 degrees about x,
 ///                  reached in the first second: for the work around a closed loop
+///   exploration    as `random` does, around the centres of nine tiles in turn, each visited twice
+///                  for 13 s, on a large object made of the scene's (exploration.h)
 ///
 /// The first six are the static trajectories: one contact that lasts from 0 to the end.
 /// Source: the method study that the accuracy figures refer to; tapping, regrab and circle are
@@ -56,6 +58,7 @@ class Trajectory {
   double duration_s() const noexcept { return duration_s_; }
   bool is_static() const noexcept;
   bool is_closed_loop() const noexcept { return kind_ == Kind::kCircle; }
+  bool is_exploration() const noexcept { return kind_ == Kind::kExploration; }
 
   /// [m] at `time_s` in 0..duration_s().
   Eigen::Vector3d position_W(double time_s) const noexcept;
@@ -81,7 +84,8 @@ class Trajectory {
     kTapping,
     kRegrab,
     kRegrabVaried,
-    kCircle
+    kCircle,
+    kExploration
   };
   struct Sine {
     double amplitude_m;

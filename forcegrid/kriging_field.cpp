@@ -191,18 +191,20 @@ double DictionaryField<Real, N, M>::normalised_square(
 }
 
 // Inflates the noise of the samples that the surprise speaks against.
+// @returns the variance added where the observation was made.
 template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
-                                                const Eigen::Vector3d& error_N,
-                                                double normalised) noexcept {
+double DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
+                                                  const Eigen::Vector3d& error_N,
+                                                  double normalised) noexcept {
   const double doubt_N2 = error_N.squaredNorm() / 3.0 * (1.0 - settings_.surprise / normalised);
-  const double reach_m = 2.0 * settings_.kernel.length_m;
+  const double reach_m = settings_.doubt_reach_m();
   for (Stored& s : stored_) {
     if (s.used) {
       const double d2 = (s.position_m - observation.position_m).squaredNorm();
       s.doubt_N2 += doubt_N2 * std::exp(-0.5 * d2 / (reach_m * reach_m));
     }
   }
+  return doubt_N2;
 }
 
 template <typename Real, int N, int M>
@@ -421,12 +423,30 @@ int DictionaryField<Real, N, M>::place(const Observation& o) noexcept {
 }
 
 template <typename Real, int N, int M>
+int DictionaryField<Real, N, M>::bring_in(const Observation& o, double doubt_N2) noexcept {
+  ++takes_since_factorisation_;
+  const int slot = place(o);
+  stored_[static_cast<std::size_t>(slot)].doubt_N2 = doubt_N2;
+  append_force(slot, false);
+  return slot;
+}
+
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::apply_changes() noexcept {
+  if (takes_since_factorisation_ >= kTakesBetweenFactorisations) {
+    factorise();
+  }
+  collapse();
+}
+
+template <typename Real, int N, int M>
 Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   Innovation innovation;
   innovation.predicted = sample_count_ > 0;
   if (o.contact != contact_) {
     begin_contact(o.contact);
   }
+  const double scale_before = scale_;
   if constexpr (M > 0) {
     if (scale_variance_ > kLeastScaleVariance && o.has_stiffness &&
         settings_.stiffness_samples > 0) {
@@ -458,12 +478,13 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
       v.diagonal().array() += settings_.nugget_N2;
       scale_earlier_contacts<3>(x_, x_.column[3], v, error_N);
     }
+    innovation.scale = scale_ / scale_before;
     const double normalised = normalised_square(error_N, covariance_N2);
     innovation.surprised = normalised > settings_.surprise;
     if (innovation.surprised) {
       stale = true;
       if (!explain(o, error_N)) {
-        doubt_samples(o, error_N, normalised);
+        innovation.doubt_N2 = doubt_samples(o, error_N, normalised);
         fresh_needed = true;
       }
     }

@@ -26,6 +26,9 @@ struct FieldSettings {
   double stiffness_noise_N_per_m = 1.0;     ///< standard deviation of a component of dF/dP,
   double relative_stiffness_noise = 0.002;  ///< and of its norm, added in squares
   double surprise = 25.0;  ///< normalised squared innovation from which old samples are doubted
+
+  /// [m] Samples that a surprise is that far from are doubted by a factor exp(-1/2) less.
+  double doubt_reach_m() const noexcept { return 2.0 * kernel.length_m; }
 };
 
 /// A sample as a field takes it: positions relative to the contact point.
@@ -46,6 +49,14 @@ struct Innovation {
   bool predicted = false;  ///< false: the field knew nothing before
   double error_N = 0.0;    ///< |force - what the field would have said|
   bool surprised = false;  ///< the dictionary was doubted where the observation was made
+  double doubt_N2 = 0.0;   ///< variance that was added to samples there
+  double scale = 1.0;      ///< factor that the forces of earlier contacts were multiplied by
+};
+
+/// What one piece of Field::follow() did.
+struct Followed {
+  bool changed = false;  ///< the field says something else than before
+  bool more = false;     ///< there may be more to do
 };
 
 /// What a field says at a position.
@@ -81,6 +92,14 @@ class Field {
   /// scaled by the data's own spread where that is above the prior's. O(rows^2).
   virtual double deviation_N(const Eigen::Vector3d& position_m,
                              const History& history) const noexcept = 0;
+
+  /// Told where the tool is and where it will soon be, does one bounded piece of what makes the
+  /// field know more there. A field that knows the same wherever the tool is has nothing to do.
+  virtual Followed follow(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahead_m) noexcept {
+    static_cast<void>(tool_m);
+    static_cast<void>(ahead_m);
+    return {};
+  }
 };
 
 /// Kriging with Kernel's covariance over at most kMaxSamples samples, the newest kMaxStiffness of
@@ -141,6 +160,32 @@ class DictionaryField : public Field {
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   double deviation_N(const Eigen::Vector3d& position_m,
                      const History& history) const noexcept override;
+
+  /// A sample of the dictionary as its owner sees it.
+  struct Kept {
+    int slot;
+    Eigen::Vector3d position_m;
+    Eigen::Vector3d force_N;
+    double doubt_N2;
+    bool from_query;
+    bool newest;  ///< the transient one, which take() decides on
+  };
+  /// `use` on each sample of the dictionary.
+  template <typename Use>
+  void for_each_sample(Use use) const noexcept {
+    for (int slot = 0; slot < kMaxSamples; ++slot) {
+      const Stored& s = stored_[static_cast<std::size_t>(slot)];
+      if (s.used) {
+        use(Kept{slot, s.position_m, s.force_N, s.doubt_N2, s.from_query, slot == transient_});
+      }
+    }
+  }
+  /// For an owner who changes the dictionary: takes out a sample; puts one in, which takes
+  /// sample_count() < settings().samples, without asking whether it is news, and returns its slot.
+  /// The field's answers are those of before until apply_changes(), which must follow.
+  void drop(int slot) noexcept { remove_sample(slot); }
+  int bring_in(const Observation& observation, double doubt_N2) noexcept;
+  void apply_changes() noexcept;
 
   /// The sums that reading is made of, for tests of the lanes.
   RadialTerms<Real> radial_terms() const noexcept;
@@ -222,8 +267,8 @@ class DictionaryField : public Field {
   void factorise() noexcept;
   double normalised_square(const Eigen::Vector3d& error_N,
                            const Eigen::Matrix3d& covariance_N2) const noexcept;
-  void doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
-                     double normalised) noexcept;
+  double doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
+                       double normalised) noexcept;
   int place(const Observation& observation) noexcept;
   void begin_contact(std::uint64_t contact) noexcept;
   void earlier_contacts(std::array<double, Factor::kStride>& f) const noexcept;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "forcegrid/kriging_hinge.h"
+#include "forcegrid/kriging_store_field.h"
 
 namespace forcegrid {
 namespace {
@@ -39,6 +40,10 @@ constexpr double kAskBeside_m = 0.006;
 
 constexpr double kLeastAhead_m = 1e-3;  // for the slope of the uncertainty
 
+// A store brings in what it has around where the tool will be then, and again further on.
+constexpr double kFollowAhead_s = 0.050;
+constexpr double kFollowFurther_m = 0.003;
+
 constexpr double kVelocityFilter_s = 0.010;
 constexpr double kLongestStep_s = 0.1;
 
@@ -54,6 +59,10 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
   settings.spacing_N = options.spacing_N.value_or(settings.spacing_N);
   if (kind == Kind::kHinge) {
     add_hinge_member(name(), settings);
+    return;
+  }
+  if (kind == Kind::kStore) {
+    add_store_member(name(), settings);
     return;
   }
   settings.stiffness_samples = kind == Kind::kForceOnly ? 0 : kStiffnessSamples;
@@ -116,6 +125,19 @@ void KrigingMethod::add_hinge_member(const char* name, const FieldSettings& sett
   members_.push_back(std::move(member));
 }
 
+void KrigingMethod::add_store_member(const char* name, const FieldSettings& settings) {
+  names_[members_.size()] = name;
+  kriging::SampleStore::Settings store;
+  store.spacing_m = settings.spacing_m;
+  store.spacing_N = settings.spacing_N;
+  store.nugget_N2 = settings.nugget_N2;
+  store_ = std::make_unique<kriging::SampleStore>(store);
+  Member member;
+  member.least_uncertainty_N = 0.5 * std::sqrt(settings.nugget_N2);
+  member.field = std::make_unique<kriging::StoreField>(settings, *store_, true);
+  members_.push_back(std::move(member));
+}
+
 const char* KrigingMethod::name() const noexcept {
   switch (kind_) {
     case Kind::kForceOnly:
@@ -124,6 +146,8 @@ const char* KrigingMethod::name() const noexcept {
       return "kriging-tangent";
     case Kind::kHinge:
       return "kriging-hinge";
+    case Kind::kStore:
+      return "kriging-store";
     case Kind::kBank:
       return "kriging-bank";
   }
@@ -142,7 +166,7 @@ std::size_t KrigingMethod::memory_bytes() const noexcept {
   for (const Member& member : members_) {
     bytes += member.field->memory_bytes();
   }
-  return bytes;
+  return bytes + (store_ != nullptr ? store_->memory_bytes() : 0);
 }
 
 void KrigingMethod::take_sample(const Sample& sample) noexcept {
@@ -207,6 +231,9 @@ void KrigingMethod::observe(double time_s, const Eigen::Vector3d& position_W) no
   time_s_ = time_s;
   position_W_ = position_W;
   history_.observe(time_s, position_W);
+  if ((position_W_ + kFollowAhead_s * velocity_W_ - followed_to_W_).norm() > kFollowFurther_m) {
+    pieces_to_follow_ = kMostPieces;
+  }
 }
 
 void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d& point_W) noexcept {
@@ -281,7 +308,10 @@ int KrigingMethod::take_one(Member& member) noexcept {
   if (&member == &members_[active_]) {
     contact_sampled_ = contact_sampled_ || (in_contact_ && number >= first_of_contact_);
     if (member.next == taken_) {
-      update_uncertainty();
+      pieces_to_follow_ = kMostPieces;
+      if (store_ == nullptr) {  // else after what follows has been brought in
+        update_uncertainty();
+      }
     }
   }
   const int rows = member.field->row_count();
@@ -326,12 +356,35 @@ void KrigingMethod::score() noexcept {
   }
 }
 
+// Whether there may be something for the felt field to bring in.
+bool KrigingMethod::may_follow() const noexcept {
+  return store_ != nullptr && pieces_to_follow_ > 0 && in_contact_ && origin_known_ &&
+         members_[active_].next == taken_;
+}
+
+// One piece of that, where the tool is going.
+int KrigingMethod::follow() noexcept {
+  const Eigen::Vector3d tool_W = observed_ ? position_W_ : newest_sample_W_;
+  followed_to_W_ = tool_W + kFollowAhead_s * velocity_W_;
+  kriging::Field& field = *members_[active_].field;
+  const kriging::Followed followed = field.follow(tool_W - origin_W_, followed_to_W_ - origin_W_);
+  pieces_to_follow_ = followed.more ? pieces_to_follow_ - 1 : 0;
+  if (pieces_to_follow_ == 0) {
+    update_uncertainty();
+  }
+  return 1 + field.row_count() * field.row_count() / 2;
+}
+
 int KrigingMethod::work(int budget) noexcept {
   int done = 0;
   while (done < budget) {
     Member* member = next_to_work();
     if (member == nullptr) {
-      break;
+      if (!may_follow()) {
+        break;
+      }
+      done += follow();
+      continue;
     }
     done += take_one(*member);
     if (members_.size() > 1) {

@@ -8,6 +8,7 @@
 #include "forcegrid/force_method.h"
 #include "forcegrid/history.h"
 #include "forcegrid/kriging_field.h"
+#include "forcegrid/kriging_store.h"
 #include "forcegrid/method_options.h"
 
 namespace forcegrid {
@@ -24,6 +25,9 @@ namespace forcegrid {
 /// - `kriging-hinge`: the same as `kriging`, and up to two second objects, walls that push back,
 ///   learnt where the force has a kink (kriging::HingeField). Good as a member of a bank, risky
 ///   alone where surprises have other causes than walls. Needs: force; stiffness is not used.
+/// - `kriging-store`: one field as `kriging` over the 32 most useful of up to 8192 samples
+///   (kriging::StoreField, kriging::SampleStore), which are exchanged as the tool moves. Needs:
+///   force.
 /// - `kriging-bank`: nuggets 1e-6, 1e-5, 1e-4 and 1e-3 for objects of different noise; Matern 7/2
 ///   of 15 mm for kinks; three with history features for objects that remember (kf = 0.03 N^2 with
 ///   lags of 10, 100, 1000 ms; kf = 1 with 5, 30, 200 ms and nuggets 1e-5 and 1e-4), 48 samples
@@ -36,9 +40,12 @@ namespace forcegrid {
 ///
 /// Work: a sample costs each field one piece, a change of some rows of its factor and the weights.
 /// A piece is done in one call of work(), that of the field being felt first. Until then it answers
-/// as before, so a piece never makes a cycle longer than one fit does. Contact: positions are
-/// relative to the contact point, and what was learnt is kept from one contact to the next; an
-/// object grabbed again is known at once if it is as stiff there.
+/// as before, so a piece never makes a cycle longer than one fit does. With a store, pieces that
+/// exchange up to three samples each follow a sample, and a motion of 3 mm beyond where the field
+/// was prepared for: 50 ms ahead of the tool. They end when there is nothing worth it, at the
+/// latest after kMostPieces. Contact: positions are relative to the contact point, and what was
+/// learnt is kept from one contact to the next; an object grabbed again is known at once if it is
+/// as stiff there.
 ///
 /// force(): kUnknown before any sample and beyond 3 * 30 mm from all of them, force fading to zero
 /// from 2 * 30 mm on; kPartlyKnown while nothing of this contact has arrived, where the force
@@ -49,12 +56,12 @@ namespace forcegrid {
 /// a sample's noise.
 ///
 /// Requests: see plan_request(). Options used: nugget, samples, spacing_m, spacing_N (the bank:
-/// spacing_m and spacing_N).
+/// spacing_m and spacing_N; the store: up to 48 samples and 5 mm).
 /// Real-time: as ForceMethod. Cost and memory: docs/kriging.md. Failure: the first two sample
 /// periods of the first contact; kinks; see DictionaryField.
 class KrigingMethod final : public ForceMethod {
  public:
-  enum class Kind { kForceOnly, kTangent, kHinge, kBank };
+  enum class Kind { kForceOnly, kTangent, kHinge, kStore, kBank };
 
   /// @param options nugget, spacings and samples, which must be usable: make_force_method() checks.
   KrigingMethod(Kind kind, const MethodOptions& options);
@@ -78,6 +85,8 @@ class KrigingMethod final : public ForceMethod {
   [[nodiscard]] ForceEstimate force(double time_s,
                                     const Eigen::Vector3d& position_W) const noexcept override;
 
+  /// Pieces of exchanges in a row, see above.
+  static constexpr int kMostPieces = 4;
   /// [N] Uncertainty up to which a force counts as known.
   static constexpr double kKnown_N = 0.3;
   /// [N] Uncertainty from which on a request is worth it.
@@ -94,6 +103,10 @@ class KrigingMethod final : public ForceMethod {
   const kriging::Field& member(int index) const noexcept {
     return *members_[static_cast<std::size_t>(index)].field;
   }
+  /// The samples of kriging-store; null for the others.
+  const kriging::SampleStore* store() const noexcept { return store_.get(); }
+  /// False when the store's memory could not be had; the method then must not be used.
+  bool allocated() const noexcept { return store_ == nullptr || store_->allocated(); }
   /// Samples that members not being felt passed over because they were too far behind.
   std::uint64_t samples_skipped() const noexcept { return samples_skipped_; }
 
@@ -125,6 +138,7 @@ class KrigingMethod final : public ForceMethod {
 
   void add_member(const char* name, const kriging::FieldSettings& settings, int first_lag);
   void add_hinge_member(const char* name, const kriging::FieldSettings& settings);
+  void add_store_member(const char* name, const kriging::FieldSettings& settings);
   void set_origin(const Eigen::Vector3d& point_W) noexcept;
   kriging::History history_at(const Member& member,
                               const Eigen::Vector3d& position_W) const noexcept;
@@ -132,10 +146,13 @@ class KrigingMethod final : public ForceMethod {
   Member* next_to_work() noexcept;
   int take_one(Member& member) noexcept;
   void score() noexcept;
+  bool may_follow() const noexcept;
+  int follow() noexcept;
   void update_uncertainty() noexcept;
   double uncertainty_N(const Eigen::Vector3d& position_W) const noexcept;
 
   Kind kind_;
+  std::unique_ptr<kriging::SampleStore> store_;  ///< of kriging-store, else null
   std::vector<Member> members_;
   std::array<const char*, kMaxMembers> names_{};
   std::size_t active_ = 0;
@@ -168,6 +185,9 @@ class KrigingMethod final : public ForceMethod {
   Eigen::Vector3d uncertain_direction_ = Eigen::Vector3d::Zero();
   double uncertainty_from_N_ = 0.0;
   double uncertainty_slope_N_per_m_ = 0.0;
+
+  int pieces_to_follow_ = 0;  ///< at most, until the felt field knows what there is around
+  Eigen::Vector3d followed_to_W_ = Eigen::Vector3d::Zero();
 
   Eigen::Vector3d handed_over_N_ = Eigen::Vector3d::Zero();
   double handed_over_s_ = 0.0;

@@ -77,7 +77,7 @@ Value choice(const std::string& word, std::string_view text,
   refuse(word, "use one of: " + names);
 }
 
-void set_option(MethodOptions& options, const std::string& word) {
+void set_option(MethodOptions& options, const std::string& method, const std::string& word) {
   const std::size_t equals = word.find('=');
   const std::string key = word.substr(0, equals);
   if (equals == std::string::npos) {
@@ -134,7 +134,7 @@ void set_option(MethodOptions& options, const std::string& word) {
   } else if (key == "nug") {
     options.nugget = positive(word, plain_number(word, value));
   } else if (key == "samples") {
-    options.samples = whole_number(word, value, 2, 32);
+    options.samples = whole_number(word, value, 2, method == "kriging-store" ? 48 : 32);
   } else if (key == "spacing") {
     options.spacing_m = length_m(word, value);
   } else if (key == "spacing_N") {
@@ -162,7 +162,7 @@ MethodVariant parse_method_variant(std::string_view text, const MethodOptions& b
   check_method_name(variant.name);
   variant.text = variant.name;
   for (std::string word; words >> word;) {
-    set_option(variant.options, word);
+    set_option(variant.options, variant.name, word);
     variant.text += " " + word;
   }
   return variant;

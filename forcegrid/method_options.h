@@ -33,7 +33,8 @@ struct MethodOptions {
   std::optional<double> ridge;   ///< forcegrid-mls: 1e-5
   std::optional<double> nugget;  ///< kriging: noise variance [N^2] a sample, 1e-5
 
-  /// kriging: samples in its dictionary, 2 to 32, 32. The bank's members have sizes of their own.
+  /// kriging: samples in its dictionary, 2 to 32 (kriging-store: 48), 32. The bank's members have
+  /// sizes of their own.
   std::optional<int> samples;
   /// kriging: how far apart samples are kept, in distance (1 mm) or in force (0.1 N).
   std::optional<double> spacing_m, spacing_N;

@@ -44,9 +44,18 @@ std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
   refuse_unless(positive(options.nugget), "the nugget has to be above zero, e.g. 1e-5 N^2");
   refuse_unless(positive(options.spacing_m), "the spacing has to be above zero, e.g. 1 mm");
   refuse_unless(positive(options.spacing_N), "the spacing in force has to be above zero: 0.1 N");
-  refuse_unless(!options.samples || (*options.samples >= 2 && *options.samples <= 32),
-                "use 2 to 32 samples");
-  return std::make_unique<KrigingMethod>(kKind, options);
+  constexpr bool kStored = kKind == KrigingMethod::Kind::kStore;
+  refuse_unless(
+      !options.samples || (*options.samples >= 2 && *options.samples <= (kStored ? 48 : 32)),
+      kStored ? "use 2 to 48 samples" : "use 2 to 32 samples");
+  refuse_unless(!kStored || !options.spacing_m || *options.spacing_m <= 0.005,
+                "a store's spacing has to be at most 5 mm, half a cell of its grid");
+  auto method = std::make_unique<KrigingMethod>(kKind, options);
+  if (!method->allocated()) {
+    throw std::runtime_error(std::string(method->name()) +
+                             ": not enough memory for its samples; free some, or use kriging");
+  }
+  return method;
 }
 
 constexpr NamedMethod kMethods[] = {
@@ -64,6 +73,7 @@ constexpr NamedMethod kMethods[] = {
     {"kriging-tangent", kriging<KrigingMethod::Kind::kTangent>},
     {"kriging-hinge", kriging<KrigingMethod::Kind::kHinge>},
     {"kriging-bank", kriging<KrigingMethod::Kind::kBank>},
+    {"kriging-store", kriging<KrigingMethod::Kind::kStore>},
 };
 
 }  // namespace

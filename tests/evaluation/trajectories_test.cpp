@@ -136,8 +136,11 @@ TEST(Trajectory, NoneLeavesTheForceTableOrJumps) {
         ASSERT_TRUE((position_W.array() <= Eigen::Array3d(0.16, 0.12, 0.12)).all()) << name;
         const int contact = trajectory.contact_at(t_s);
         if (contact >= 0) {
-          const Vector3d d =
+          Vector3d d =
               position_W - trajectory.contacts()[static_cast<std::size_t>(contact)].point_W;
+          if (trajectory.is_exploration()) {
+            d.head<2>().setZero();  // folded into the table
+          }
           ASSERT_TRUE((d.array() >= range.min_W_m.array() - 1e-9).all()) << name << ' ' << t_s;
           ASSERT_TRUE((d.array() <= range.max_W_m().array() + 1e-9).all()) << name << ' ' << t_s;
         }
