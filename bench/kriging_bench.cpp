@@ -8,6 +8,7 @@
 
 #include "bench/ratios.h"
 #include "forcegrid/kriging_field.h"
+#include "forcegrid/kriging_grid_method.h"
 #include "forcegrid/kriging_method.h"
 
 namespace forcegrid::bench {
@@ -140,6 +141,86 @@ void kriging_store_sample(benchmark::State& state) {
 }
 BENCHMARK(kriging_store_sample);
 
+// The grid alone: eight vertices of force and stiffness.
+void posterior_grid_read(benchmark::State& state) {
+  PosteriorGrid grid(Eigen::Vector3d::Constant(-0.032), Eigen::Vector3i::Constant(16), 0.004, 30);
+  for (int x = 0; x <= 16; ++x) {
+    for (int y = 0; y <= 16; ++y) {
+      for (int z = 0; z <= 16; ++z) {
+        const Eigen::Vector3i vertex(x, y, z);
+        const Eigen::Matrix3d j = -200.0 * Eigen::Matrix3d::Identity();
+        grid.write(vertex, {force_N(grid.position_m(vertex)), j, 1e-3}, 1);
+      }
+    }
+  }
+  const auto at = positions(kPositions, 0.02);
+  for (auto _ : state) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : at) {
+      sum += grid.read(p).force_N;
+    }
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(state.iterations() * kPositions);
+}
+BENCHMARK(posterior_grid_read);
+
+KrigingGridMethod kriging_grid() {
+  MethodOptions options;
+  options.grid.min_W.setConstant(-0.08);
+  options.grid.max_W.setConstant(0.08);
+  return KrigingGridMethod(options);
+}
+
+// As the loop calls it, all of it on the grid's known part.
+void forcegrid_kriging_force(benchmark::State& state) {
+  KrigingGridMethod method = kriging_grid();
+  method.contact_made(1, Eigen::Vector3d::Zero());
+  double time_s = 0.0;
+  const auto at = positions(kPositions, 0.02);
+  for (const Eigen::Vector3d& p : at) {
+    Sample sample;
+    sample.time_s = time_s += 0.033;
+    sample.position_W = p;
+    sample.force_W = force_N(p);
+    method.observe(time_s, p);
+    method.take_sample(sample);
+    while (method.work(1 << 30) > 0) {
+    }
+  }
+  for (auto _ : state) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : at) {
+      sum += method.force(time_s, p).force_W;
+    }
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(state.iterations() * kPositions);
+}
+BENCHMARK(forcegrid_kriging_force);
+
+// Each sample at another place: all vertices around it are written.
+void forcegrid_kriging_sample(benchmark::State& state) {
+  KrigingGridMethod method = kriging_grid();
+  method.contact_made(1, Eigen::Vector3d::Zero());
+  double time_s = 0.0;
+  std::size_t next = 0;
+  const auto at = positions(kPositions, 0.02);
+  for (auto _ : state) {
+    const Eigen::Vector3d& p = at[next++ % kPositions];
+    Sample sample;
+    sample.time_s = time_s += 0.033;
+    sample.position_W = p;
+    sample.force_W = force_N(p);
+    method.observe(time_s, p);
+    method.take_sample(sample);
+    while (method.work(1 << 30) > 0) {
+    }
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+BENCHMARK(forcegrid_kriging_sample);
+
 const bool registered = [] {
   report_time("kriging_read_32", "<= 25 ns");
   report_time("kriging_read_32_scalar", "<= 250 ns");
@@ -147,6 +228,11 @@ const bool registered = [] {
   report_time("kriging_sample", "<= 30 us");
   report_time("kriging_bank_sample", "<= 250 us");
   report_time("kriging_store_sample", "<= 100 us");
+  report_time("posterior_grid_read", "");
+  report_time("forcegrid_kriging_force", "<= 25 ns");
+  report_time("forcegrid_kriging_sample", "");
+  report_ratio("posterior_grid_read", "bare_trilinear_query", "<= 6.1");
+  report_ratio("forcegrid_kriging_force", "bare_trilinear_query", "<= 6.1");
   report_ratio("kriging_read_32", "bare_trilinear_query", "<= 6.1");
   report_ratio("kriging_read_32_scalar", "bare_trilinear_query", "<= 61");
   return true;

@@ -20,6 +20,7 @@ struct alignas(16) ForceVertex {
 static_assert(sizeof(ForceVertex) == 16);
 
 struct alignas(64) ForceSegment {
+  using Vertex = ForceVertex;
   std::array<ForceVertex, kSegmentVertices> vertices{};
 };
 

@@ -13,17 +13,18 @@
 namespace forcegrid {
 
 /// The eight vertices around a cell where those along each axis are a fixed way apart.
+template <typename Vertex>
 class StridedCorners {
  public:
-  StridedCorners(const ForceVertex* lowest, std::size_t row, std::size_t slab) noexcept
+  StridedCorners(const Vertex* lowest, std::size_t row, std::size_t slab) noexcept
       : lowest_(lowest), row_(row), slab_(slab) {}
   template <int kA, int kB, int kC>
-  const ForceVertex* at() const noexcept {
+  const Vertex* at() const noexcept {
     return lowest_ + (kA * slab_ + kB * row_ + kC);
   }
 
  private:
-  const ForceVertex* lowest_;
+  const Vertex* lowest_;
   std::size_t row_, slab_;  ///< vertices from one to the next along y, and along x
 };
 
@@ -85,10 +86,14 @@ class DenseStorage {
   /// at<a, b, c>() points at the vertex (i + a, j + b, k + c). For reading.
   template <typename Use>
   auto with_corners(std::uint32_t i, std::uint32_t j, std::uint32_t k,
-                    Use use) const noexcept requires std::is_same_v<Segment, ForceSegment> {
+                    Use use) const noexcept requires requires {
+    typename Segment::Vertex;
+  }
+  {
     const std::size_t row = row_ * kSegmentVertices;
     const std::size_t slab = slab_ * kSegmentVertices;
-    return use(StridedCorners(active_->vertices.data() + (i * slab + j * row + k), row, slab));
+    return use(StridedCorners<typename Segment::Vertex>(
+        active_->vertices.data() + (i * slab + j * row + k), row, slab));
   }
 
   /// Forgets everything. If the other array is still being cleared, this one is not ready() yet.
@@ -228,10 +233,11 @@ class BlockStorage {
   }
 
   // Neighbours may lie in up to eight blocks; where they are is worked out axis by axis.
+  template <typename Vertex>
   class Corners {
    public:
-    Corners(const ForceVertex* pool, const std::uint32_t* directory, std::size_t row,
-            std::size_t slab, std::uint32_t i, std::uint32_t j, std::uint32_t k) noexcept
+    Corners(const Vertex* pool, const std::uint32_t* directory, std::size_t row, std::size_t slab,
+            std::uint32_t i, std::uint32_t j, std::uint32_t k) noexcept
         : pool_(pool), directory_(directory) {
       for (std::uint32_t step = 0; step < 2; ++step) {
         block_x_[step] = ((i + step) / kBlockVertices) * slab;
@@ -243,29 +249,33 @@ class BlockStorage {
       }
     }
     template <int kA, int kB, int kC>
-    const ForceVertex* at() const noexcept {
+    const Vertex* at() const noexcept {
       const std::size_t block = directory_[block_x_[kA] + block_y_[kB] + block_z_[kC]];
       return pool_ +
              (block * (kBlockSegments * kSegmentVertices) + in_x_[kA] + in_y_[kB] + in_z_[kC]);
     }
 
    private:
-    const ForceVertex* pool_;
+    const Vertex* pool_;
     const std::uint32_t* directory_;
     std::array<std::size_t, 2> block_x_, block_y_, block_z_, in_x_, in_y_, in_z_;
   };
   template <typename Use>
   auto with_corners(std::uint32_t i, std::uint32_t j, std::uint32_t k,
-                    Use use) const noexcept requires std::is_same_v<Segment, ForceSegment> {
+                    Use use) const noexcept requires requires {
+    typename Segment::Vertex;
+  }
+  {
     if (all_in_one_block(i, j, k)) [[likely]] {
       const std::size_t block = directory_[(i / kBlockVertices) * slab_ +
                                            (j / kBlockVertices) * row_ + k / kBlockVertices];
-      return use(StridedCorners(
+      return use(StridedCorners<typename Segment::Vertex>(
           segments_.data()->vertices.data() +
               (block * (kBlockSegments * kSegmentVertices) + vertex_in_block(i, j, k)),
           kBlockVertices, kBlockVertices * kBlockVertices));
     }
-    return use(Corners(segments_.data()->vertices.data(), directory_.data(), row_, slab_, i, j, k));
+    return use(Corners<typename Segment::Vertex>(segments_.data()->vertices.data(),
+                                                 directory_.data(), row_, slab_, i, j, k));
   }
 
   /// Takes time in proportion to the blocks in use, about 2 ns each.

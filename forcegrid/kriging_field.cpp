@@ -631,6 +631,48 @@ Reading DictionaryField<Real, N, M>::read(const Eigen::Vector3d& position_m,
 }
 
 template <typename Real, int N, int M>
+Eigen::Matrix3d DictionaryField<Real, N, M>::stiffness_N_per_m(
+    const Eigen::Vector3d& position_m, const History& /*history*/) const noexcept {
+  const Eigen::Matrix<Real, 3, 1> p = position_m.template cast<Real>();
+  const RadialSlope<Real> slope = radial_slope(radial_terms(), p.data());
+  Eigen::Matrix3d j = linear_N_per_m_.template cast<double>();
+  for (int i = 0; i < 6; ++i) {
+    const int r = kStiffnessRow[i];
+    const int c = kStiffnessColumn[i];
+    j(r, c) += static_cast<double>(slope.stiffness_N_per_m[i]);
+    if (r != c) {
+      j(c, r) += static_cast<double>(slope.stiffness_N_per_m[i]);
+    }
+  }
+  if (settings_.kernel.history_gain > 0.0) {
+    for (const auto& lag : history_N_per_m_) {
+      j += lag.template cast<double>();  // a step aside is ahead of every low-passed path
+    }
+  }
+  for (int m = 0; m < few_lanes_used_; ++m) {
+    const auto lane = static_cast<std::size_t>(m);
+    Eigen::Vector3d d;
+    Eigen::Matrix3d weight;
+    for (std::size_t a = 0; a < 3; ++a) {
+      d[static_cast<int>(a)] =
+          position_m[static_cast<int>(a)] - static_cast<double>(few_rows_[a][lane]);
+    }
+    for (std::size_t i = 0; i < 6; ++i) {
+      weight(kStiffnessRow[i], kStiffnessColumn[i]) = weight(
+          kStiffnessColumn[i], kStiffnessRow[i]) = static_cast<double>(few_rows_[3 + i][lane]);
+    }
+    const RadialDerivatives g = settings_.kernel.radial(d.squaredNorm());
+    const Eigen::Vector3d along = weight * d;
+    const double trace = weight.trace();
+    const double quadratic = d.dot(along);
+    j += 2.0 * g.g2 * weight + g.g3 * (2.0 * along * d.transpose() + 2.0 * d * along.transpose()) +
+         (g.g3 * trace + g.g4 * quadratic) * d * d.transpose();
+    j.diagonal().array() += g.g2 * trace + g.g3 * quadratic;
+  }
+  return j;
+}
+
+template <typename Real, int N, int M>
 double DictionaryField<Real, N, M>::deviation_N(const Eigen::Vector3d& position_m,
                                                 const History& history) const noexcept {
   covariances_of_force(position_m, history, x_);

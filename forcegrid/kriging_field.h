@@ -88,6 +88,11 @@ class Field {
   virtual Reading read(const Eigen::Vector3d& position_m,
                        const History& history) const noexcept = 0;
 
+  /// [N/m] dF/dP of read(), at the same history: how the force changes where the tool steps aside.
+  /// Symmetric but for history features.
+  virtual Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
+                                            const History& history) const noexcept = 0;
+
   /// [N] Posterior standard deviation of a component of the force, in the mean over the axes,
   /// scaled by the data's own spread where that is above the prior's. O(rows^2).
   virtual double deviation_N(const Eigen::Vector3d& position_m,
@@ -158,6 +163,8 @@ class DictionaryField : public Field {
   void set_origin(const Eigen::Vector3d& point_W) noexcept override { origin_W_ = point_W; }
   Innovation take(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
+  Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
+                                    const History& history) const noexcept override;
   double deviation_N(const Eigen::Vector3d& position_m,
                      const History& history) const noexcept override;
 

@@ -126,6 +126,37 @@ Reading HingeField<Real>::read(const Vector3d& position_m, const History& histor
   return reading;
 }
 
+// Of m(phi) u, u = grad s: m' dphi/ds u u^T + m grad u, the curvature of a ball's distance being
+// that of the ball through P.
+template <typename Real>
+Eigen::Matrix3d HingeField<Real>::push_stiffness_N_per_m(
+    int hinge, const Vector3d& position_W) const noexcept {
+  const Hinge& shape = hinges_[static_cast<std::size_t>(hinge)];
+  const Hinge::At at = shape.at(position_W);
+  const Eigen::Vector2d k = hinge_stiffness(hinge);
+  const double push_N = (k[0] + k[1] * at.penetration_m) * at.penetration_m;
+  if (push_N >= 0.0) {
+    return Eigen::Matrix3d::Zero();
+  }
+  const double per_depth = 1.0 / (1.0 + std::exp(-at.depth_m / shape.softness_m));  // dphi/ds
+  const double length = 1.0 - shape.curvature_per_m * at.depth_m;                   // |w|
+  const Eigen::Matrix3d along = at.inward_W * at.inward_W.transpose();
+  const double bend_N_per_m =
+      std::abs(length) > 1e-9 ? -push_N * shape.curvature_per_m / length : 0.0;
+  return (k[0] + 2.0 * k[1] * at.penetration_m) * per_depth * along +
+         bend_N_per_m * (Eigen::Matrix3d::Identity() - along);
+}
+
+template <typename Real>
+Eigen::Matrix3d HingeField<Real>::stiffness_N_per_m(const Vector3d& position_m,
+                                                    const History& history) const noexcept {
+  Eigen::Matrix3d j = Base::stiffness_N_per_m(position_m, history);
+  for (int h = 0; h < hinge_count_; ++h) {
+    j += push_stiffness_N_per_m(h, position_m + this->origin_W_);
+  }
+  return j;
+}
+
 template <typename Real>
 Vector3d HingeField<Real>::feature_force_N(const Stored& sample) const noexcept {
   Vector3d force_N = Vector3d::Zero();

@@ -88,6 +88,8 @@ class HingeField final : public DictionaryField<Real, 48, 0> {
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   Innovation take(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
+  Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
+                                    const History& history) const noexcept override;
 
   int hinge_count() const noexcept { return hinge_count_; }
   const Hinge& hinge(int index) const noexcept { return hinges_[static_cast<std::size_t>(index)]; }
@@ -139,6 +141,8 @@ class HingeField final : public DictionaryField<Real, 48, 0> {
   bool features_need(int slot) const noexcept override;
 
   Eigen::Vector3d push_N(int hinge, const Eigen::Vector3d& position_W) const noexcept;
+  Eigen::Matrix3d push_stiffness_N_per_m(int hinge,
+                                         const Eigen::Vector3d& position_W) const noexcept;
   Eigen::Vector3d position_of_block(int block) const noexcept;
   void solve_columns(const Hinge& hinge, Columns& columns) const noexcept;
   Fit fit(const Set& set) const noexcept;

@@ -27,8 +27,7 @@ constexpr double kHysteresis = 0.9;
 constexpr double kSpecialist = 3.0;
 constexpr double kHandOver_s = 0.010;
 
-// Beyond these distances from every sample the force fades, and is unknown.
-constexpr double kFade_m = 0.060;
+// Beyond this distance from every sample the force is unknown.
 constexpr double kUnknown_m = 0.090;
 
 // Requests: not twice within this time and distance, the nearer the better.
@@ -43,6 +42,8 @@ constexpr double kLeastAhead_m = 1e-3;  // for the slope of the uncertainty
 // A store brings in what it has around where the tool will be then, and again further on.
 constexpr double kFollowAhead_s = 0.050;
 constexpr double kFollowFurther_m = 0.003;
+
+constexpr double kScaleChanged = 1e-3;  // what was told from earlier contacts is out of date
 
 constexpr double kVelocityFilter_s = 0.010;
 constexpr double kLongestStep_s = 0.1;
@@ -306,6 +307,10 @@ int KrigingMethod::take_one(Member& member) noexcept {
   entry.error_N2[static_cast<std::size_t>(&member - members_.data())] =
       innovation.error_N * innovation.error_N;
   if (&member == &members_[active_]) {
+    ++fits_;
+    if (innovation.surprised || std::abs(innovation.scale - 1.0) > kScaleChanged) {
+      surprised_fit_ = fits_;
+    }
     contact_sampled_ = contact_sampled_ || (in_contact_ && number >= first_of_contact_);
     if (member.next == taken_) {
       pieces_to_follow_ = kMostPieces;
@@ -368,6 +373,7 @@ int KrigingMethod::follow() noexcept {
   followed_to_W_ = tool_W + kFollowAhead_s * velocity_W_;
   kriging::Field& field = *members_[active_].field;
   const kriging::Followed followed = field.follow(tool_W - origin_W_, followed_to_W_ - origin_W_);
+  fits_ += followed.changed ? 1 : 0;
   pieces_to_follow_ = followed.more ? pieces_to_follow_ - 1 : 0;
   if (pieces_to_follow_ == 0) {
     update_uncertainty();
@@ -426,6 +432,14 @@ double KrigingMethod::uncertainty_N(const Eigen::Vector3d& position_W) const noe
                       std::abs(uncertainty_slope_N_per_m_) * beside_m);
 }
 
+void KrigingMethod::say_how_sure(const Eigen::Vector3d& position_W,
+                                 ForceEstimate& estimate) const noexcept {
+  estimate.uncertainty_N = uncertainty_N(position_W);
+  estimate.status = contact_sampled_ && estimate.uncertainty_N <= kKnown_N
+                        ? EstimateStatus::kOk
+                        : EstimateStatus::kPartlyKnown;
+}
+
 ForceEstimate KrigingMethod::force(double time_s,
                                    const Eigen::Vector3d& position_W) const noexcept {
   ForceEstimate estimate;
@@ -459,10 +473,7 @@ ForceEstimate KrigingMethod::force(double time_s,
   if (age_s < 5.0 * kHandOver_s) {
     estimate.force_W += handed_over_N_ * std::exp(-std::max(age_s, 0.0) / kHandOver_s);
   }
-  estimate.uncertainty_N = uncertainty_N(position_W);
-  estimate.status = contact_sampled_ && estimate.uncertainty_N <= kKnown_N
-                        ? EstimateStatus::kOk
-                        : EstimateStatus::kPartlyKnown;
+  say_how_sure(position_W, estimate);
   if (reading.nearest_m2 > kFade_m * kFade_m) {
     const double left = (kUnknown_m - std::sqrt(reading.nearest_m2)) / (kUnknown_m - kFade_m);
     const double fade = left * left * (3.0 - 2.0 * left);
@@ -481,7 +492,13 @@ bool KrigingMethod::plan_request(double time_s, const Eigen::Vector3d& position_
   }
   const Member& member = members_[active_];
   double best_N = 0.0;
-  const auto consider = [&](const Eigen::Vector3d& candidate_W) {
+  const auto consider = [&](Eigen::Vector3d candidate_W) {
+    if (lattice_spacing_m_ > 0.0) {
+      const Eigen::Vector3d corner_W = origin_W_ + lattice_corner_m_;
+      candidate_W =
+          corner_W + lattice_spacing_m_ *
+                         ((candidate_W - corner_W) / lattice_spacing_m_).array().round().matrix();
+    }
     for (const Asked& asked : asked_) {
       if (time_s - asked.time_s < kAskAgain_s &&
           (candidate_W - asked.position_W).norm() < kAskApart_m) {

@@ -103,6 +103,31 @@ class KrigingMethod final : public ForceMethod {
   const kriging::Field& member(int index) const noexcept {
     return *members_[static_cast<std::size_t>(index)].field;
   }
+  // For a method that reads the felt field in its own way.
+
+  /// The contact point, or null while there is no contact, or nothing is known of it.
+  const Eigen::Vector3d* origin_W() const noexcept {
+    return in_contact_ && origin_known_ && members_[active_].field->sample_count() > 0 ? &origin_W_
+                                                                                       : nullptr;
+  }
+  /// Where the tool will be half a sample period from now.
+  Eigen::Vector3d soon_W() const noexcept {
+    return (observed_ ? position_W_ : newest_sample_W_) + 0.5 * sample_period_s_ * velocity_W_;
+  }
+  /// How often the felt field has changed, and the last of these changes at which it was surprised
+  /// or found another scale for earlier contacts.
+  std::uint64_t fits() const noexcept { return fits_; }
+  std::uint64_t surprised_fit() const noexcept { return surprised_fit_; }
+  /// Adds uncertainty and status to a force that the felt field tells within kFade_m of a sample.
+  void say_how_sure(const Eigen::Vector3d& position_W, ForceEstimate& estimate) const noexcept;
+  /// Requests ask at the points of a lattice, relative to the contact point, from now on.
+  void ask_on_lattice(const Eigen::Vector3d& corner_m, double spacing_m) noexcept {
+    lattice_corner_m_ = corner_m;
+    lattice_spacing_m_ = spacing_m;
+  }
+  /// [m] Beyond this distance from every sample the force fades.
+  static constexpr double kFade_m = 0.060;
+
   /// The samples of kriging-store; null for the others.
   const kriging::SampleStore* store() const noexcept { return store_.get(); }
   /// False when the store's memory could not be had; the method then must not be used.
@@ -185,6 +210,11 @@ class KrigingMethod final : public ForceMethod {
   Eigen::Vector3d uncertain_direction_ = Eigen::Vector3d::Zero();
   double uncertainty_from_N_ = 0.0;
   double uncertainty_slope_N_per_m_ = 0.0;
+
+  std::uint64_t fits_ = 0;
+  std::uint64_t surprised_fit_ = 0;
+  Eigen::Vector3d lattice_corner_m_ = Eigen::Vector3d::Zero();
+  double lattice_spacing_m_ = 0.0;  ///< 0: requests ask anywhere
 
   int pieces_to_follow_ = 0;  ///< at most, until the felt field knows what there is around
   Eigen::Vector3d followed_to_W_ = Eigen::Vector3d::Zero();

@@ -167,6 +167,72 @@ RadialSum<double> radial_sum_double(const RadialTerms<double>& terms, const doub
   return sum_terms(terms, p_m);
 }
 
+template <RadialShape kShape, class T>
+HWY_INLINE RadialSlope<T> slope_of_terms(const RadialTerms<T>& terms, const T* p_m) {
+  const hn::CappedTag<T, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const T inverse_l = terms.inverse_length_per_m;
+  const V px = hn::Set(d, p_m[0] * inverse_l);
+  const V py = hn::Set(d, p_m[1] * inverse_l);
+  const V pz = hn::Set(d, p_m[2] * inverse_l);
+  const V half = hn::Set(d, T(0.5));
+  V xx = hn::Zero(d);
+  V yy = hn::Zero(d);
+  V zz = hn::Zero(d);
+  V xy = hn::Zero(d);
+  V xz = hn::Zero(d);
+  V yz = hn::Zero(d);
+  V all = hn::Zero(d);
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < terms.samples; i += lanes) {
+    const V x = hn::Sub(px, hn::Load(d, terms.position(0) + i));
+    const V y = hn::Sub(py, hn::Load(d, terms.position(1) + i));
+    const V z = hn::Sub(pz, hn::Load(d, terms.position(2) + i));
+    const V ax = hn::Load(d, terms.weight(0) + i);
+    const V ay = hn::Load(d, terms.weight(1) + i);
+    const V az = hn::Load(d, terms.weight(2) + i);
+    const V r2 = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z)));
+    V minus_g1;
+    V g2;
+    V minus_g3;
+    radial<kShape>(d, T(1), r2, minus_g1, g2, minus_g3);
+    const V s = hn::MulAdd(x, ax, hn::MulAdd(y, ay, hn::Mul(z, az)));
+    const V along = hn::Mul(hn::Mul(half, minus_g3), s);
+    const V wx = hn::NegMulAdd(along, x, hn::Mul(g2, ax));
+    const V wy = hn::NegMulAdd(along, y, hn::Mul(g2, ay));
+    const V wz = hn::NegMulAdd(along, z, hn::Mul(g2, az));
+    xx = hn::MulAdd(wx, x, xx);
+    yy = hn::MulAdd(wy, y, yy);
+    zz = hn::MulAdd(wz, z, zz);
+    xy = hn::MulAdd(wx, y, hn::MulAdd(wy, x, xy));
+    xz = hn::MulAdd(wx, z, hn::MulAdd(wz, x, xz));
+    yz = hn::MulAdd(wy, z, hn::MulAdd(wz, y, yz));
+    all = hn::MulAdd(g2, s, all);
+  }
+  const T trace = hn::GetLane(hn::SumOfLanes(d, all));
+  RadialSlope<T> slope;
+  slope.stiffness_N_per_m[0] = -inverse_l * (T(2) * hn::GetLane(hn::SumOfLanes(d, xx)) + trace);
+  slope.stiffness_N_per_m[1] = -inverse_l * (T(2) * hn::GetLane(hn::SumOfLanes(d, yy)) + trace);
+  slope.stiffness_N_per_m[2] = -inverse_l * (T(2) * hn::GetLane(hn::SumOfLanes(d, zz)) + trace);
+  slope.stiffness_N_per_m[3] = -inverse_l * hn::GetLane(hn::SumOfLanes(d, xy));
+  slope.stiffness_N_per_m[4] = -inverse_l * hn::GetLane(hn::SumOfLanes(d, xz));
+  slope.stiffness_N_per_m[5] = -inverse_l * hn::GetLane(hn::SumOfLanes(d, yz));
+  return slope;
+}
+
+template <class T>
+HWY_INLINE RadialSlope<T> slope_by_shape(const RadialTerms<T>& terms, const T* p_m) {
+  return terms.shape == RadialShape::kSquaredExponential
+             ? slope_of_terms<RadialShape::kSquaredExponential>(terms, p_m)
+             : slope_of_terms<RadialShape::kMatern72>(terms, p_m);
+}
+RadialSlope<float> radial_slope_float(const RadialTerms<float>& terms, const float* p_m) {
+  return slope_by_shape(terms, p_m);
+}
+RadialSlope<double> radial_slope_double(const RadialTerms<double>& terms, const double* p_m) {
+  return slope_by_shape(terms, p_m);
+}
+
 void solve_lower_lanes(const PackedLower& l, double* const* x) {
   const hn::CappedTag<double, kLanePadding> d;
   using V = hn::Vec<decltype(d)>;
@@ -242,6 +308,8 @@ namespace forcegrid::kriging {
 
 HWY_EXPORT(radial_sum_float);
 HWY_EXPORT(radial_sum_double);
+HWY_EXPORT(radial_slope_float);
+HWY_EXPORT(radial_slope_double);
 HWY_EXPORT(solve_lower_lanes);
 HWY_EXPORT(solve_upper_lanes);
 HWY_EXPORT(rotate_lanes);
@@ -253,6 +321,14 @@ RadialSum<float> radial_sum(const RadialTerms<float>& terms, const float p_m[3])
 
 RadialSum<double> radial_sum(const RadialTerms<double>& terms, const double p_m[3]) noexcept {
   return HWY_DYNAMIC_DISPATCH(radial_sum_double)(terms, p_m);
+}
+
+RadialSlope<float> radial_slope(const RadialTerms<float>& terms, const float p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_slope_float)(terms, p_m);
+}
+
+RadialSlope<double> radial_slope(const RadialTerms<double>& terms, const double p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_slope_double)(terms, p_m);
 }
 
 void solve_lower(const PackedLower& l, double* const x[3]) noexcept {
@@ -329,6 +405,39 @@ RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m
 }
 template RadialSum<float> radial_sum_scalar(const RadialTerms<float>&, const float*) noexcept;
 template RadialSum<double> radial_sum_scalar(const RadialTerms<double>&, const double*) noexcept;
+
+template <typename Real>
+RadialSlope<Real> radial_slope_scalar(const RadialTerms<Real>& terms, const Real p_m[3]) noexcept {
+  Kernel kernel;
+  kernel.shape = terms.shape;
+  kernel.length_m = static_cast<double>(terms.length_m);
+  RadialSlope<Real> slope{};
+  for (int i = 0; i < terms.samples; ++i) {
+    Real d[3];
+    Real weight[3];
+    Real r2 = 0;
+    Real s = 0;
+    for (int a = 0; a < 3; ++a) {
+      d[a] = p_m[a] - terms.position(a)[i] * terms.length_m;
+      weight[a] = terms.weight(a)[i];
+      r2 += d[a] * d[a];
+      s += d[a] * weight[a];
+    }
+    const RadialDerivatives g = kernel.radial(static_cast<double>(r2));
+    const auto g2 = static_cast<Real>(g.g2);
+    const auto g3 = static_cast<Real>(g.g3);
+    for (int k = 0; k < 6; ++k) {
+      const int b = kStiffnessRow[k];
+      const int c = kStiffnessColumn[k];
+      slope.stiffness_N_per_m[k] -= g2 * (weight[b] * d[c] + d[b] * weight[c]) +
+                                    (b == c ? g2 * s : Real(0)) + g3 * s * d[b] * d[c];
+    }
+  }
+  return slope;
+}
+template RadialSlope<float> radial_slope_scalar(const RadialTerms<float>&, const float*) noexcept;
+template RadialSlope<double> radial_slope_scalar(const RadialTerms<double>&,
+                                                 const double*) noexcept;
 
 void solve_lower_scalar(const PackedLower& l, double* const x[3]) noexcept {
   for (int j = 0; j < l.rows; ++j) {

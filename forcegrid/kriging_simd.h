@@ -57,6 +57,20 @@ RadialSum<double> radial_sum(const RadialTerms<double>& terms, const double p_m[
 template <typename Real>
 RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m[3]) noexcept;
 
+/// A symmetric stiffness [N/m] in the order of kStiffnessRow.
+template <typename Real>
+struct RadialSlope {
+  Real stiffness_N_per_m[6];
+};
+
+/// The derivative dF/dp of the samples' part of radial_sum():
+///
+///   sum_i  -g'' (alpha_i d^T + d alpha_i^T + (d.alpha_i) I) - g''' (d.alpha_i) d d^T
+RadialSlope<float> radial_slope(const RadialTerms<float>& terms, const float p_m[3]) noexcept;
+RadialSlope<double> radial_slope(const RadialTerms<double>& terms, const double p_m[3]) noexcept;
+template <typename Real>
+RadialSlope<Real> radial_slope_scalar(const RadialTerms<Real>& terms, const Real p_m[3]) noexcept;
+
 /// Lower triangular matrix, packed column by column; columns begin at their diagonal. Behind the
 /// last column kLanePadding finite numbers may be read.
 struct PackedLower {

@@ -60,6 +60,10 @@ class StoreField final : public Field {
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override {
     return working_.read(position_m, history);
   }
+  Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
+                                    const History& history) const noexcept override {
+    return working_.stiffness_N_per_m(position_m, history);
+  }
   double deviation_N(const Eigen::Vector3d& position_m,
                      const History& history) const noexcept override {
     return working_.deviation_N(position_m, history);

@@ -134,15 +134,18 @@ void set_option(MethodOptions& options, const std::string& method, const std::st
   } else if (key == "nug") {
     options.nugget = positive(word, plain_number(word, value));
   } else if (key == "samples") {
-    options.samples = whole_number(word, value, 2, method == "kriging-store" ? 48 : 32);
+    options.samples = whole_number(
+        word, value, 2, method == "kriging-store" || method == "forcegrid-kriging" ? 48 : 32);
   } else if (key == "spacing") {
     options.spacing_m = length_m(word, value);
   } else if (key == "spacing_N") {
     options.spacing_N = positive(word, plain_number(word, value));
+  } else if (key == "h") {
+    options.vertex_spacing_m = length_m(word, value);
   } else {
     refuse(word,
            "known keys are unit, r, s, weight, read, storage, pool, cells, ridge, nug, samples, "
-           "spacing, spacing_N");
+           "spacing, spacing_N, h");
   }
 }
 

@@ -39,13 +39,16 @@ struct MethodOptions {
   /// kriging: how far apart samples are kept, in distance (1 mm) or in force (0.1 N).
   std::optional<double> spacing_m, spacing_N;
 
+  /// forcegrid-kriging: h, between vertices, 2 to 20 mm, 4 mm.
+  std::optional<double> vertex_spacing_m;
+
   double influence_radius() const noexcept;  ///< [m] r with its default put in
 };
 
 /// A method's name with changes to its options, as people write it: "forcegrid unit=m s=3".
 /// Keys: unit (m, cells, mm or a length such as 2mm), r (30mm), s, weight, read, storage, pool
 /// (blocks), cells (X,Y,Z or one number for all), ridge, nug, samples, spacing (1mm), spacing_N
-/// (0.1).
+/// (0.1), h (4mm).
 struct MethodVariant {
   std::string text;  ///< as given, blanks put in order
   std::string name;  ///< of the method

@@ -7,6 +7,7 @@
 #include "forcegrid/affine_methods.h"
 #include "forcegrid/grid_factory.h"
 #include "forcegrid/hold_method.h"
+#include "forcegrid/kriging_grid_method.h"
 #include "forcegrid/kriging_method.h"
 #include "forcegrid/linear_method.h"
 #include "forcegrid/rls_method.h"
@@ -31,31 +32,55 @@ std::unique_ptr<ForceMethod> on_a_grid(const MethodOptions& options) {
   return make_grid_method(kKind, options);
 }
 
-template <KrigingMethod::Kind kKind>
-std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
-  const auto refuse_unless = [](bool usable, const char* what) {
-    if (!usable) {
-      throw std::invalid_argument(std::string("kriging: ") + what);
-    }
-  };
+void refuse_unless(bool usable, const char* what) {
+  if (!usable) {
+    throw std::invalid_argument(std::string("kriging: ") + what);
+  }
+}
+
+void check_kriging(const MethodOptions& options, bool stored) {
   const auto positive = [](const std::optional<double>& value) {
     return !value || (std::isfinite(*value) && *value > 0.0);
   };
   refuse_unless(positive(options.nugget), "the nugget has to be above zero, e.g. 1e-5 N^2");
   refuse_unless(positive(options.spacing_m), "the spacing has to be above zero, e.g. 1 mm");
   refuse_unless(positive(options.spacing_N), "the spacing in force has to be above zero: 0.1 N");
-  constexpr bool kStored = kKind == KrigingMethod::Kind::kStore;
   refuse_unless(
-      !options.samples || (*options.samples >= 2 && *options.samples <= (kStored ? 48 : 32)),
-      kStored ? "use 2 to 48 samples" : "use 2 to 32 samples");
-  refuse_unless(!kStored || !options.spacing_m || *options.spacing_m <= 0.005,
+      !options.samples || (*options.samples >= 2 && *options.samples <= (stored ? 48 : 32)),
+      stored ? "use 2 to 48 samples" : "use 2 to 32 samples");
+  refuse_unless(!stored || !options.spacing_m || *options.spacing_m <= 0.005,
                 "a store's spacing has to be at most 5 mm, half a cell of its grid");
-  auto method = std::make_unique<KrigingMethod>(kKind, options);
+}
+
+template <typename Method>
+std::unique_ptr<ForceMethod> if_allocated(std::unique_ptr<Method> method) {
   if (!method->allocated()) {
     throw std::runtime_error(std::string(method->name()) +
-                             ": not enough memory for its samples; free some, or use kriging");
+                             ": not enough memory for what it learns; free some, or use kriging");
   }
   return method;
+}
+
+template <KrigingMethod::Kind kKind>
+std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
+  check_kriging(options, kKind == KrigingMethod::Kind::kStore);
+  return if_allocated(std::make_unique<KrigingMethod>(kKind, options));
+}
+
+std::unique_ptr<ForceMethod> kriging_grid(const MethodOptions& options) {
+  check_kriging(options, true);
+  const Eigen::Array3d size_m = options.grid.max_W - options.grid.min_W;
+  refuse_unless((size_m > 0.0).all() && size_m.isFinite().all(),
+                "forcegrid-kriging needs a workspace: a box whose upper corner is above its lower");
+  const double h_m = options.vertex_spacing_m.value_or(KrigingGridMethod::kSpacing_m);
+  refuse_unless(h_m >= KrigingGridMethod::kLeastSpacing_m && h_m <= 0.020,
+                "use a distance between vertices h of 2mm to 20mm");
+  refuse_unless((2.0 * size_m / h_m < KrigingGridMethod::kMostCells).all(),
+                "the workspace has too many vertices; use a larger h, e.g. h=8mm");
+  refuse_unless(
+      options.pool_blocks == 0 || options.pool_blocks >= KrigingGridMethod::blocks_of_a_fill(h_m),
+      "the pool is smaller than what is written at once; use pool=96 or leave it out");
+  return if_allocated(std::make_unique<KrigingGridMethod>(options));
 }
 
 constexpr NamedMethod kMethods[] = {
@@ -74,6 +99,7 @@ constexpr NamedMethod kMethods[] = {
     {"kriging-hinge", kriging<KrigingMethod::Kind::kHinge>},
     {"kriging-bank", kriging<KrigingMethod::Kind::kBank>},
     {"kriging-store", kriging<KrigingMethod::Kind::kStore>},
+    {"forcegrid-kriging", kriging_grid},
 };
 
 }  // namespace

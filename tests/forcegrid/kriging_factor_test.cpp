@@ -224,6 +224,12 @@ void expect_equal_sums(RadialShape shape, std::mt19937& random, Real tolerance) 
           EXPECT_NEAR(lanes.force_N[a], plain.force_N[a], tolerance);
         }
         EXPECT_NEAR(lanes.nearest_m2, plain.nearest_m2, Real(1e-6) * plain.nearest_m2);
+        const RadialSlope<Real> slope = radial_slope(terms, p);
+        const RadialSlope<Real> plain_slope = radial_slope_scalar(terms, p);
+        for (int k = 0; k < 6; ++k) {  // a length is some 30 times less than a metre
+          EXPECT_NEAR(slope.stiffness_N_per_m[k], plain_slope.stiffness_N_per_m[k],
+                      Real(100) * tolerance);
+        }
       }
     }
   }

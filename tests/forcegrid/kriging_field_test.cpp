@@ -182,6 +182,55 @@ TEST(DictionaryField, HasNoCurlWhateverItIsTold) {
   }
 }
 
+template <typename FieldType>
+void expect_stiffness_as_differences(const FieldType& field, const History& history,
+                                     bool history_moves) {
+  constexpr double kStep_m = 1e-6;
+  for (const Vector3d& p : scattered(10, 0.015, kSeed + 1)) {
+    const Matrix3d j = field.stiffness_N_per_m(p, history);
+    for (int a = 0; a < 3; ++a) {
+      const Vector3d step = kStep_m * Vector3d::Unit(a);
+      History ahead = history;
+      History behind = history;
+      if (history_moves) {
+        ahead.colwise() += step;
+        behind.colwise() -= step;
+      }
+      const Vector3d difference =
+          (field.read(p + step, ahead).force_N - field.read(p - step, behind).force_N) /
+          (2.0 * kStep_m);
+      EXPECT_LT((j.col(a) - difference).norm(), 1e-6 * j.norm()) << "seed " << kSeed;
+    }
+  }
+}
+
+TEST(DictionaryField, TellsItsDerivativeWhateverItsKernelAndData) {
+  const AnchoredSprings object(kSeed);
+  for (const RadialShape shape : {RadialShape::kSquaredExponential, RadialShape::kMatern72}) {
+    FieldSettings settings;
+    settings.kernel.shape = shape;
+    settings.stiffness_samples = 4;
+    Tangent field(settings);
+    for (const Vector3d& p : scattered(25, 0.015)) {
+      field.take(observe_with_stiffness(p, object));
+    }
+    ASSERT_EQ(field.row_count(), 3 * field.sample_count() + 4 * 6);
+    expect_stiffness_as_differences(field, kNoHistory, false);
+  }
+  FieldSettings settings;
+  settings.kernel.history_gain = 1.0;
+  DictionaryField<double, 48, 0> remembering(settings);
+  History history;
+  for (const Vector3d& p : scattered(25, 0.015)) {
+    Observation o = observe(p, object.force_N(p));
+    o.history << p, 2.0 * p, -p;
+    o.history *= 0.1;
+    remembering.take(o);
+    history = o.history;
+  }
+  expect_stiffness_as_differences(remembering, history, true);
+}
+
 TEST(DictionaryField, DoesNoWorkAroundAClosedLoop) {
   const AnchoredSprings object(kSeed);
   Plain field{FieldSettings{}};

@@ -260,6 +260,17 @@ TEST(HingeField, FindsABallFromTheForcesOnIt) {
     const Vector3d found_m =
         hinge.anchor_W + (1.0 / hinge.curvature_per_m - hinge.depth_m) * hinge.normal_W;
     EXPECT_LT((found_m - centre_m).norm(), 1e-3);
+    // Its derivative, in front of the ball and in it.
+    for (const double depth_m : {-0.002, 0.0005, 0.002}) {
+      const Vector3d p = centre_m + (kRadius_m - depth_m) * Vector3d(0.1, -0.2, -1.0).normalized();
+      const Matrix3d j = field.stiffness_N_per_m(p, kNoHistory);
+      for (int axis = 0; axis < 3; ++axis) {
+        const Vector3d step = 1e-7 * Vector3d::Unit(axis);
+        EXPECT_LT(
+            (j.col(axis) - (force_N(field, p + step) - force_N(field, p - step)) / 2e-7).norm(),
+            1e-4 * j.norm());
+      }
+    }
   }
 }
 
