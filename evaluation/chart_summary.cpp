@@ -72,6 +72,18 @@ class Numbers {
     return worst;
   }
 
+  // The largest error of the windows after the tool has returned to a place.
+  Worst return_of(const std::string& method) const {
+    Worst worst;
+    if (const ChartRow* found = row("exploration", "ideal", method)) {
+      worst.take(found->returns.first_33ms_percent, "first 33 ms");
+      worst.take(found->returns.to_100ms_percent, "33 to 100 ms");
+      worst.take(found->returns.to_500ms_percent, "0.1 to 0.5 s");
+      worst.take(found->returns.to_1s_percent, "0.5 to 1 s");
+    }
+    return worst;
+  }
+
   double geometric_mean(const std::string& condition) const {
     double sum = 0.0;
     int count = 0;
@@ -241,6 +253,13 @@ std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& defau
     cost.value /= chart.bare_trilinear_read_ns;
     return cost;
   };
+  for (const char* method : {"kriging-store", "forcegrid-kriging"}) {
+    n.add(std::string("return after two minutes, ") + method, 0.1, n.return_of(method), "%");
+  }
+  n.add("query, forcegrid-kriging / bare trilinear read", 6.25,
+        of_bare_read(n.cost("forcegrid-kriging", &Verdict::query_ns_median)), "");
+  n.add("taking in a sample, kriging-store", 100.0,
+        n.cost("kriging-store", &Verdict::sample_us_median), "us");
   n.add("query, kriging / bare trilinear read", 6.25,
         of_bare_read(n.cost("kriging", &Verdict::query_ns_median)), "");
   n.add("query, forcegrid / bare trilinear read", 2.0,

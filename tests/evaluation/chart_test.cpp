@@ -136,6 +136,22 @@ TEST(ChartPoints, AreGeometricMeansOverTheStaticTrajectories) {
   EXPECT_TRUE(points_of(chart, "small").empty());
 }
 
+TEST(ChartNumbers, HoldTheWorstWindowAfterAReturnAgainstItsGoal) {
+  Chart chart;
+  chart.rows = {row_of("exploration", "ideal", "kriging-store", 0.3)};
+  ReturnErrors& returns = chart.rows.front().returns;
+  returns.first_33ms_percent = 0.05;
+  returns.to_100ms_percent = 0.08;
+  returns.to_500ms_percent = 0.12;
+  returns.to_1s_percent = 0.03;
+  const std::vector<ChartNumber> numbers = numbers_of(chart, "kriging");
+  const ChartNumber& each = number_named(numbers, "return after two minutes, kriging-store");
+  EXPECT_DOUBLE_EQ(each.measured, 0.12);
+  EXPECT_EQ(each.worst, "0.1 to 0.5 s");
+  EXPECT_FALSE(each.met());
+  EXPECT_FALSE(number_named(numbers, "return after two minutes, forcegrid-kriging").known());
+}
+
 TEST(ChartNumbers, HoldTheWorstTrajectoryAgainstTheGoal) {
   Chart chart;
   chart.rows = {
