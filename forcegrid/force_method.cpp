@@ -24,6 +24,8 @@ const char* to_string(ChoiceReason reason) noexcept {
       return "first";
     case ChoiceReason::kPredictedBetter:
       return "predicted better";
+    case ChoiceReason::kFoundWall:
+      return "found a wall";
   }
   return "invalid reason";
 }

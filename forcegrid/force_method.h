@@ -51,6 +51,7 @@ struct NamedCounter {
 enum class ChoiceReason : std::uint8_t {
   kFirst,            ///< it is the one that a method begins with
   kPredictedBetter,  ///< it has foretold the last samples better than the one before
+  kFoundWall,  ///< it alone explains the force of a second object that the tool came up against
 };
 
 /// Static text for messages and files, e.g. "predicted better".

@@ -483,7 +483,8 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     innovation.surprised = normalised > settings_.surprise;
     if (innovation.surprised) {
       stale = true;
-      if (!explain(o, error_N)) {
+      innovation.explained = explain(o, error_N);
+      if (!innovation.explained) {
         innovation.doubt_N2 = doubt_samples(o, error_N, normalised);
         fresh_needed = true;
       }
@@ -496,6 +497,8 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
                         settings_.spacing_m * settings_.spacing_m) {
         if (fresh_needed) {
           factorise();
+        }
+        if (fresh_needed || innovation.explained) {
           collapse();
         }
         return innovation;

@@ -48,7 +48,8 @@ struct Observation {
 struct Innovation {
   bool predicted = false;  ///< false: the field knew nothing before
   double error_N = 0.0;    ///< |force - what the field would have said|
-  bool surprised = false;  ///< the dictionary was doubted where the observation was made
+  bool surprised = false;  ///< the observation is not what the field could have expected
+  bool explained = false;  ///< by something else than doubt in the samples: a wall was found
   double doubt_N2 = 0.0;   ///< variance that was added to samples there
   double scale = 1.0;      ///< factor that the forces of earlier contacts were multiplied by
 };
@@ -79,6 +80,9 @@ class Field {
   /// A contact was made at `point_W`, which positions that are read are relative to from now on.
   /// Of use to fields that know something which is fixed in the workspace.
   virtual void set_origin(const Eigen::Vector3d& point_W) noexcept { static_cast<void>(point_W); }
+
+  /// Whether it knows of walls beyond the object, where no smooth field is right.
+  virtual bool knows_walls() const noexcept { return false; }
 
   /// Takes in one observation. In order: predict there; doubt old samples when that failed; decide
   /// on the sample before; make room; add the new one; fit. Bounded: at most one full factorisation

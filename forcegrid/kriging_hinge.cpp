@@ -25,6 +25,7 @@ constexpr double kDrop_nats = 3.0;
 constexpr double kConverged_nats = 0.02;
 constexpr double kExplainedScale = 3.0;       // of the data's scale before
 constexpr double kExplainedDeviations = 4.0;  // of a sample's noise
+constexpr double kSameDirection = 0.98;       // cosine
 constexpr int kFailuresInARow = 4;
 constexpr int kSamplesNeeded = 6;  // of those beyond a surface, never dropped
 
@@ -64,6 +65,13 @@ void tangents(const Vector3d& n, Vector3d& first, Vector3d& second) noexcept {
   n.cwiseAbs().minCoeff(&least);
   first = n.cross(Vector3d::Unit(least)).normalized();
   second = n.cross(first);
+}
+
+// A force that falls short along its own direction is an object that gives way (a cut,
+// relaxation), not a wall.
+bool gives_way(const Vector3d& expected_N, const Vector3d& force_N) noexcept {
+  return force_N.norm() < expected_N.norm() &&
+         force_N.dot(expected_N) > kSameDirection * force_N.norm() * expected_N.norm();
 }
 
 Hinge moved(const Hinge& hinge, const Eigen::Matrix<double, 5, 1>& step) noexcept {
@@ -678,6 +686,9 @@ bool HingeField<Real>::pursue(const Observation& o, const Vector3d& error_N) noe
     if (explained_by(fit_)) {
       return true;
     }
+  }
+  if (gives_way(o.force_N - error_N, o.force_N)) {
+    return false;
   }
   const std::array<Hinge, kMaxHinges> refined = hinges_;
   const int refined_count = hinge_count_;

@@ -91,6 +91,7 @@ class HingeField final : public DictionaryField<Real, 48, 0> {
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                     const History& history) const noexcept override;
 
+  bool knows_walls() const noexcept override { return hinge_count_ > 0; }
   int hinge_count() const noexcept { return hinge_count_; }
   const Hinge& hinge(int index) const noexcept { return hinges_[static_cast<std::size_t>(index)]; }
   /// k1 [N/m] and k2 [N/m^2], negative where the wall pushes.

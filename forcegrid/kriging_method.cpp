@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "forcegrid/kriging_hinge.h"
 #include "forcegrid/kriging_store_field.h"
@@ -25,6 +26,16 @@ constexpr ToolHistory::TimeConstants kTimeConstants_s = {0.010, 0.100, 1.000, 0.
 constexpr double kScoreKept = 0.85;
 constexpr double kHysteresis = 0.9;
 constexpr double kSpecialist = 3.0;
+// The member that finds walls. Squared errors of it against those of the best other: a proof, a
+// disproof (unless it is some mN), and what its score counts for.
+constexpr double kProof = 0.1;
+constexpr double kDisproof = 4.0;
+constexpr double kDisproof_N2 = 1e-3;
+constexpr int kProofs = 2;
+constexpr double kProvenWalls = 0.05;
+constexpr double kCalmWalls = 0.2;
+constexpr double kCalm = 0.17;    // of its samples are surprises: the first in half a second
+constexpr double kTrusted = 0.1;  // its score, before a surprise that it alone explains
 constexpr double kHandOver_s = 0.010;
 
 // Beyond this distance from every sample the force is unknown.
@@ -98,6 +109,10 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
   add_member("viscous", viscous, 3);
   viscous.nugget_N2 = 1e-4;
   add_member("noisy viscous", viscous, 3);
+  FieldSettings walls = settings;
+  walls.nugget_N2 = kNugget_N2;
+  walls.stiffness_samples = 0;
+  add_hinge_member("walls", walls);
 }
 
 void KrigingMethod::add_member(const char* name, const FieldSettings& settings, int first_lag) {
@@ -123,6 +138,9 @@ void KrigingMethod::add_hinge_member(const char* name, const FieldSettings& sett
   names_[members_.size()] = name;
   Member member;
   member.field = std::make_unique<kriging::HingeField<float>>(settings);
+  member.handicap = kSpecialist;
+  member.finds_walls = true;
+  member.least_uncertainty_N = 0.5 * std::sqrt(settings.nugget_N2);
   members_.push_back(std::move(member));
 }
 
@@ -275,10 +293,15 @@ kriging::History KrigingMethod::history_at(const Member& member,
   return h;
 }
 
-// The felt member first, then the one furthest behind.
+// The felt member first, then the one that finds walls, then the one furthest behind.
 KrigingMethod::Member* KrigingMethod::next_to_work() noexcept {
   if (members_[active_].next < taken_) {
     return &members_[active_];
+  }
+  for (Member& member : members_) {
+    if (member.finds_walls && member.next < taken_) {
+      return &member;
+    }
   }
   Member* furthest = nullptr;
   for (Member& member : members_) {
@@ -304,8 +327,18 @@ int KrigingMethod::take_one(Member& member) noexcept {
   }
   const kriging::Innovation innovation = member.field->take(observation);
   entry.scored = entry.scored && innovation.predicted;
-  entry.error_N2[static_cast<std::size_t>(&member - members_.data())] =
-      innovation.error_N * innovation.error_N;
+  const auto index = static_cast<std::size_t>(&member - members_.data());
+  entry.error_N2[index] = innovation.error_N * innovation.error_N;
+  if (!observation.from_query) {
+    member.surprises =
+        kScoreKept * member.surprises + (innovation.surprised ? 1.0 - kScoreKept : 0.0);
+  }
+  if (member.finds_walls && innovation.explained && member.surprises < kCalm) {
+    entry.wall_found = true;
+    if (index != active_ && kTrusted * member.score_N2 < members_[active_].score_N2) {
+      hand_over(index, ChoiceReason::kFoundWall);
+    }
+  }
   if (&member == &members_[active_]) {
     ++fits_;
     if (innovation.surprised || std::abs(innovation.scale - 1.0) > kScaleChanged) {
@@ -323,6 +356,34 @@ int KrigingMethod::take_one(Member& member) noexcept {
   return 1 + rows * rows / 2;
 }
 
+// What a member's score counts for. One that has found walls is right where no other is: others
+// have to be better by far, and by more once it has been proven.
+double KrigingMethod::rating(const Member& member) const noexcept {
+  if (member.field->knows_walls() && member.proofs >= kProofs) {
+    return kProvenWalls * member.score_N2;
+  }
+  if (member.field->knows_walls() && member.surprises < kCalm) {
+    return kCalmWalls * member.score_N2;
+  }
+  return member.handicap * member.score_N2;
+}
+
+// A wall is proven by samples that no member without it comes near to.
+void KrigingMethod::prove(Member& member, const Queued& entry) noexcept {
+  double others_N2 = std::numeric_limits<double>::max();
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    if (&members_[i] != &member) {
+      others_N2 = std::min(others_N2, entry.error_N2[i]);
+    }
+  }
+  const double own_N2 = entry.error_N2[static_cast<std::size_t>(&member - members_.data())];
+  if (!member.field->knows_walls() || own_N2 > kDisproof * others_N2 + kDisproof_N2) {
+    member.proofs = 0;
+  } else if (own_N2 < kProof * others_N2) {
+    ++member.proofs;
+  }
+}
+
 // Takes the errors of each sample into the scores once all members have seen it, so that they are
 // always compared over the same samples.
 void KrigingMethod::score() noexcept {
@@ -332,33 +393,39 @@ void KrigingMethod::score() noexcept {
   }
   for (; scored_ < seen; ++scored_) {
     const Queued& entry = queued(scored_);
-    if (!entry.scored) {
-      continue;
+    if (!entry.scored || entry.wall_found) {
+      continue;  // none could know that a wall was there
     }
     std::size_t best = active_;
     for (std::size_t i = 0; i < members_.size(); ++i) {
       Member& member = members_[i];
-      member.score_N2 =
-          kScoreKept * member.score_N2 + (1.0 - kScoreKept) * member.handicap * entry.error_N2[i];
-      if (member.score_N2 < members_[best].score_N2) {
+      member.score_N2 = kScoreKept * member.score_N2 + (1.0 - kScoreKept) * entry.error_N2[i];
+      if (member.finds_walls) {
+        prove(member, entry);
+      }
+      if (rating(member) < rating(members_[best])) {
         best = i;
       }
     }
-    if (best != active_ && members_[best].score_N2 < kHysteresis * members_[active_].score_N2) {
-      if (observed_ && in_contact_ && contact_sampled_) {
-        const Eigen::Vector3d p = position_W_ - origin_W_;
-        const double left = std::exp(-(time_s_ - handed_over_s_) / kHandOver_s);
-        handed_over_N_ =
-            left * handed_over_N_ +
-            members_[active_].field->read(p, history_at(members_[active_], position_W_)).force_N -
-            members_[best].field->read(p, history_at(members_[best], position_W_)).force_N;
-        handed_over_s_ = time_s_;
-      }
-      active_ = best;
-      reason_ = ChoiceReason::kPredictedBetter;
-      update_uncertainty();
+    if (best != active_ && rating(members_[best]) < kHysteresis * rating(members_[active_])) {
+      hand_over(best, ChoiceReason::kPredictedBetter);
     }
   }
+}
+
+void KrigingMethod::hand_over(std::size_t member, ChoiceReason reason) noexcept {
+  if (observed_ && in_contact_ && contact_sampled_) {
+    const Eigen::Vector3d p = position_W_ - origin_W_;
+    const double left = std::exp(-(time_s_ - handed_over_s_) / kHandOver_s);
+    handed_over_N_ =
+        left * handed_over_N_ +
+        members_[active_].field->read(p, history_at(members_[active_], position_W_)).force_N -
+        members_[member].field->read(p, history_at(members_[member], position_W_)).force_N;
+    handed_over_s_ = time_s_;
+  }
+  active_ = member;
+  reason_ = reason;
+  update_uncertainty();
 }
 
 // Whether there may be something for the felt field to bring in.

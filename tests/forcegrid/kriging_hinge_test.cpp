@@ -6,7 +6,9 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "forcegrid/kriging_method.h"
@@ -439,8 +441,9 @@ TEST(KrigingHinge, FeelsAWallWhereKrigingSmoothsIt) {
   const AnchoredSprings object(kSeed);
   const HandMotion motion(kSeed);
   const Vector3d point_W(0.08, 0.06, 0.05);
-  double error[2];
-  for (const auto kind : {KrigingMethod::Kind::kForceOnly, KrigingMethod::Kind::kHinge}) {
+  using Kind = KrigingMethod::Kind;
+  std::map<Kind, double> error;
+  for (const Kind kind : {Kind::kForceOnly, Kind::kHinge, Kind::kBank}) {
     KrigingMethod method(kind, {});
     method.contact_made(1, point_W);
     double squares_N2 = 0.0;
@@ -464,10 +467,66 @@ TEST(KrigingHinge, FeelsAWallWhereKrigingSmoothsIt) {
         method.work(1 << 30);
       }
     }
-    error[kind == KrigingMethod::Kind::kHinge] = std::sqrt(squares_N2 / truth_N2);
+    error[kind] = std::sqrt(squares_N2 / truth_N2);
+    if (kind == Kind::kBank) {
+      EXPECT_STREQ(method.members()[static_cast<std::size_t>(method.active_member())], "walls");
+    }
   }
-  EXPECT_GT(error[0], 0.03);
-  EXPECT_LT(error[1], 0.005);
+  EXPECT_GT(error[Kind::kForceOnly], 0.03);
+  EXPECT_LT(error[Kind::kHinge], 0.005);
+  EXPECT_LT(error[Kind::kBank], 0.005);
+}
+
+// The bank hands over at the very sample that explains a wall, and says why.
+TEST(KrigingHinge, TakesOverInTheBankAtTheFirstSampleBeyondAWall) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  const Vector3d surface_m(0, 0, 0.005);
+  KrigingMethod bank(KrigingMethod::Kind::kBank, {});
+  bank.contact_made(1, Vector3d::Zero());
+  bool touched = false;
+  for (int i = 0; i < 600 && !touched; ++i) {
+    const Vector3d p = motion.position_m(i * kPeriod_s);
+    const Vector3d wall_N = plane_N(p, Vector3d::UnitZ(), surface_m, 1000.0);
+    touched = wall_N.norm() > 0.2 && i > 30;
+    if (!touched && wall_N != Vector3d::Zero()) {
+      continue;  // the first touch is to be one that counts
+    }
+    bank.observe(i * kPeriod_s, p);
+    Sample sample;
+    sample.time_s = i * kPeriod_s;
+    sample.position_W = p;
+    sample.force_W = object.force_N(p) + wall_N;
+    bank.take_sample(sample);
+    bank.work(1 << 30);
+    const ForceEstimate estimate = bank.force(i * kPeriod_s, p);
+    EXPECT_EQ(estimate.reason == ChoiceReason::kFoundWall, touched);
+    EXPECT_EQ(std::string(bank.members()[estimate.member]) == "walls", touched);
+  }
+  EXPECT_TRUE(touched);
+}
+
+// A cut makes every force smaller at once. No wall does that, and the bank must not take it for
+// one.
+TEST(KrigingHinge, DoesNotTakeACutForAWall) {
+  const AnchoredSprings object(kSeed);
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    SCOPED_TRACE(seed);
+    const HandMotion motion(seed);
+    HingeField<double> field{FieldSettings{}};
+    int surprises = 0;
+    for (int i = 0; i < 300; ++i) {
+      const Vector3d p = motion.position_m(i * kPeriod_s);
+      const Innovation innovation =
+          field.take(observe(p, (i < 150 ? 1.0 : 0.5) * object.force_N(p)));
+      surprises += innovation.surprised ? 1 : 0;
+      if (i == 150) {
+        EXPECT_FALSE(innovation.explained);
+        EXPECT_EQ(field.hinge_count(), 0);
+      }
+    }
+    EXPECT_GT(surprises, 0);
+  }
 }
 
 }  // namespace
