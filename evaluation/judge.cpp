@@ -207,6 +207,7 @@ class Play {
   void query(std::size_t i) {
     const ServoInstant& instant = trace_.servo[i];
     timed([&] { method_.observe(instant.time_s, instant.position_W); });
+    expect_contact(i);
     ForceEstimate estimate;
     double query_ns = timed([&] { estimate = method_.force(instant.time_s, instant.position_W); });
     if (query_ns < kShortQuery_ns) {
@@ -217,6 +218,23 @@ class Play {
     const auto status = static_cast<std::size_t>(estimate.status);
     if (status < verdict_.cycles_by_status.size()) {
       ++verdict_.cycles_by_status[status];
+    }
+  }
+
+  void expect_contact(std::size_t i) {
+    expected_W_.reset();
+    if (!options_.expect || i == 0 || entered_ == 0 || phases_[entered_ - 1].in_contact) {
+      return;
+    }
+    const ServoInstant& before = trace_.servo[i - 1];
+    const ServoInstant& now = trace_.servo[i];
+    expected_W_ = options_.expect(
+        now.position_W, (now.position_W - before.position_W) / (now.time_s - before.time_s));
+    if (expected_W_) {
+      timed([&] {
+        method_.expect_contact(now.time_s, *expected_W_);
+        work_if_at_once();
+      });
     }
   }
 
@@ -248,11 +266,21 @@ class Play {
       timed([&] { wants = method_.plan_request(instant.time_s, instant.position_W, wanted_W); });
       if (wants) {
         Answer answer;
-        answer.sample = options_.answer(instant.time_s, wanted_W);
-        answer.sample.from_query = true;
         answer.asked_in_phase = entered_ - 1;
-        answer.sample.contact_epoch = phases_[answer.asked_in_phase].epoch;
-        answer.sample.contact_point_W = phases_[answer.asked_in_phase].point_W;
+        const Phase& phase = phases_[answer.asked_in_phase];
+        if (!phase.in_contact && expected_W_) {
+          if (!options_.answer_before_contact) {
+            continue;
+          }
+          answer.sample = options_.answer_before_contact(instant.time_s, wanted_W, *expected_W_);
+          answer.sample.before_contact = true;
+          answer.sample.contact_point_W = *expected_W_;
+        } else {
+          answer.sample = options_.answer(instant.time_s, wanted_W);
+          answer.sample.contact_point_W = phase.point_W;
+        }
+        answer.sample.from_query = true;
+        answer.sample.contact_epoch = phase.epoch;
         answer.delivered_s = instant.time_s + options_.request_delay_s;
         answers_.push_back(answer);
       }
@@ -291,7 +319,8 @@ class Play {
   std::size_t entered_ = 0;  ///< phases that the method knows of
   std::size_t next_sample_ = 0;
   std::deque<Answer> answers_;
-  std::size_t next_request_ = 0;  ///< counts from the first servo instant on
+  std::size_t next_request_ = 0;               ///< counts from the first servo instant on
+  std::optional<Eigen::Vector3d> expected_W_;  ///< where contact is expected at this instant
   double this_cycle_ns_ = 0.0;
   volatile double discarded_N_ = 0.0;  ///< so that no query is optimised away
   std::vector<double> query_ns_;

@@ -20,7 +20,17 @@ using Answerer = std::function<Sample(double time_s, const Eigen::Vector3d& posi
 struct JudgeOptions {
   /// Units of ForceMethod::work() a cycle; negative: all pending work at once after each sample.
   int work_budget = -1;
-  Answerer answer;                  ///< empty: requests are not answered
+  Answerer answer;  ///< empty: requests are not answered
+  /// Where the tool, going on straight, would touch soon; empty, or nothing: not known. Told to the
+  /// method in the air, once a servo instant (ForceMethod::expect_contact).
+  std::function<std::optional<Eigen::Vector3d>(const Eigen::Vector3d& position_W,
+                                               const Eigen::Vector3d& velocity_W)>
+      expect;
+  /// What the simulator would answer in the air for a tool at `position_W` that had touched at
+  /// `point_W`, the expected contact. Empty: such requests are not answered.
+  std::function<Sample(double time_s, const Eigen::Vector3d& position_W,
+                       const Eigen::Vector3d& point_W)>
+      answer_before_contact;
   double requests_per_s = 0.0;      ///< of a method that makes them
   double request_delay_s = 0.0;     ///< until an answer arrives
   bool stiffness_to_method = true;  ///< false: samples reach the method without dF/dP

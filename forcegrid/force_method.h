@@ -22,6 +22,8 @@ struct Sample {
   double relative_residual = 0.0;
   bool converged = true;
   bool from_query = false;  ///< asked for by the method, not sampled along the path
+  /// An answer that was asked for before contact: for a tool that had touched at `contact_point_W`.
+  bool before_contact = false;
 };
 
 enum class EstimateStatus : std::uint8_t {
@@ -108,6 +110,13 @@ class ForceMethod {
   virtual void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept = 0;
   virtual void contact_lost() noexcept = 0;
 
+  /// Out of contact: the tool, should it go straight on, will touch at `point_W` within some tenths
+  /// of a second. Told once a servo cycle for as long as that is so, by whoever knows the surface.
+  virtual void expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept {
+    static_cast<void>(time_s);
+    static_cast<void>(point_W);
+  }
+
   /// Does pending work worth at most `budget` units, one unit being the update of one vertex of a
   /// grid. Work that comes in larger pieces (a fit, eight vertices) is done at most one piece
   /// beyond the budget.
@@ -116,6 +125,7 @@ class ForceMethod {
 
   /// Where the simulator should be asked next, the tool being at `position_W`. Called once for each
   /// request that can be sent; the answer comes back through take_sample() with `from_query` set.
+  /// Out of contact only while a contact is expected, and for a tool that has touched there.
   /// @returns false, leaving `wanted_W` alone, when nothing is worth asking.
   virtual bool plan_request(double time_s, const Eigen::Vector3d& position_W,
                             Eigen::Vector3d& wanted_W) noexcept {

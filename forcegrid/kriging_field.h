@@ -77,9 +77,17 @@ class Field {
   virtual int sample_count() const noexcept = 0;
   virtual int row_count() const noexcept = 0;
 
-  /// A contact was made at `point_W`, which positions that are read are relative to from now on.
-  /// Of use to fields that know something which is fixed in the workspace.
-  virtual void set_origin(const Eigen::Vector3d& point_W) noexcept { static_cast<void>(point_W); }
+  /// A contact begins, or is expected, at `point_W`, which positions that are read are relative to
+  /// from now on. For fields that tell places apart or know something that is fixed in the
+  /// workspace; the others know of a contact from its first observation.
+  virtual void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept {
+    static_cast<void>(contact);
+    static_cast<void>(point_W);
+  }
+  /// Does one bounded piece of what enter_contact() left to do; until all is done, read() goes on
+  /// with what it had. @returns false when nothing was left.
+  virtual bool prepare() noexcept { return false; }
+  virtual bool ready() const noexcept { return true; }
 
   /// Whether it knows of walls beyond the object, where no smooth field is right.
   virtual bool knows_walls() const noexcept { return false; }
@@ -164,7 +172,9 @@ class DictionaryField : public Field {
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   int sample_count() const noexcept override { return sample_count_; }
   int row_count() const noexcept override { return factor_.rows(); }
-  void set_origin(const Eigen::Vector3d& point_W) noexcept override { origin_W_ = point_W; }
+  void enter_contact(std::uint64_t /*contact*/, const Eigen::Vector3d& point_W) noexcept override {
+    origin_W_ = point_W;
+  }
   Innovation take(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,

@@ -4,12 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include "forcegrid/contact_field.h"
 #include "forcegrid/kriging_hinge.h"
 #include "forcegrid/kriging_store_field.h"
 
 namespace forcegrid {
 namespace {
 
+using kriging::ContactField;
 using kriging::DictionaryField;
 using kriging::FieldSettings;
 using kriging::RadialShape;
@@ -48,6 +50,16 @@ constexpr double kAskReach_m = 0.012;
 constexpr double kAskFurthest_m = 0.015;
 constexpr double kAskBeside_m = 0.006;
 
+// Before contact: the expectation holds for this long unless it is told again, and for places that
+// differ by no more than this. Displacements to ask for, the surface's normal being z.
+constexpr double kExpected_s = 0.1;
+constexpr double kExpectedApart_m = 0.002;
+constexpr double kAskBefore_m[][3] = {
+    {0.0, 0.0, 0.004},      {0.0, 0.0, 0.012},      {0.005, 0.0, 0.006},     {-0.005, 0.0, 0.006},
+    {0.0, 0.005, 0.006},    {0.0, -0.005, 0.006},   {0.0, 0.0, 0.018},       {0.005, 0.005, 0.012},
+    {-0.005, 0.005, 0.012}, {0.005, -0.005, 0.012}, {-0.005, -0.005, 0.012}, {0.0, 0.0, 0.008},
+    {0.0, 0.0, -0.004}};
+
 constexpr double kLeastAhead_m = 1e-3;  // for the slope of the uncertainty
 
 // A store brings in what it has around where the tool will be then, and again further on.
@@ -78,6 +90,16 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
     return;
   }
   settings.stiffness_samples = kind == Kind::kForceOnly ? 0 : kStiffnessSamples;
+  if (kind == Kind::kContact) {
+    settings.samples = options.samples.value_or(ContactField::kMaxSamples);
+    settings.stiffness_samples = 0;
+    settings.kernel.constant_N2 = 0.0;
+    Member member;
+    member.field = std::make_unique<ContactField>(settings);
+    names_[0] = name();
+    members_.push_back(std::move(member));
+    return;
+  }
   if (kind != Kind::kBank) {
     add_member(name(), settings, 0);
     return;
@@ -169,6 +191,8 @@ const char* KrigingMethod::name() const noexcept {
       return "kriging-store";
     case Kind::kBank:
       return "kriging-bank";
+    case Kind::kContact:
+      return "kriging-contact";
   }
   return "invalid kind";
 }
@@ -189,8 +213,12 @@ std::size_t KrigingMethod::memory_bytes() const noexcept {
 }
 
 void KrigingMethod::take_sample(const Sample& sample) noexcept {
-  if (!in_contact_ || !std::isfinite(sample.time_s) || !sample.position_W.allFinite() ||
-      !sample.force_W.allFinite() || (!sample.from_query && sample.time_s < newest_sample_s_)) {
+  // Only a field that tells places apart can use what was asked for before contact.
+  const bool of_expected = sample.before_contact && sample.from_query && kind_ == Kind::kContact &&
+                           origin_known_ && sample.contact_point_W.allFinite();
+  if (!(of_expected || (in_contact_ && !sample.before_contact)) || !std::isfinite(sample.time_s) ||
+      !sample.position_W.allFinite() || !sample.force_W.allFinite() ||
+      (!sample.from_query && sample.time_s < newest_sample_s_)) {
     return;
   }
   if (!origin_known_) {
@@ -208,11 +236,11 @@ void KrigingMethod::take_sample(const Sample& sample) noexcept {
   Queued& entry = queued(taken_++);
   entry = Queued{};
   kriging::Observation& o = entry.observation;
-  o.position_m = sample.position_W - origin_W_;
+  o.origin_W = of_expected ? sample.contact_point_W : origin_W_;
+  o.position_m = sample.position_W - o.origin_W;
   o.force_N = sample.force_W;
   o.from_query = sample.from_query;
   o.contact = contact_;
-  o.origin_W = origin_W_;
   o.has_stiffness = sample.has_stiffness && sample.stiffness_W.allFinite();
   if (o.has_stiffness) {
     for (int i = 0; i < 6; ++i) {
@@ -259,6 +287,7 @@ void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d&
   ++contact_;
   in_contact_ = true;
   contact_state_known_ = true;
+  expected_s_ = -1e300;
   origin_known_ = false;
   if (point_W.allFinite()) {
     set_origin(point_W);
@@ -270,17 +299,32 @@ void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d&
   update_uncertainty();
 }
 
-void KrigingMethod::set_origin(const Eigen::Vector3d& point_W) noexcept {
-  origin_known_ = true;
-  origin_W_ = point_W;
-  for (Member& member : members_) {
-    member.field->set_origin(point_W);
-  }
-}
-
 void KrigingMethod::contact_lost() noexcept {
   in_contact_ = false;
   contact_state_known_ = true;
+  expected_s_ = -1e300;
+}
+
+void KrigingMethod::set_origin(const Eigen::Vector3d& point_W) noexcept {
+  origin_W_ = point_W;
+  origin_known_ = true;
+  for (Member& member : members_) {
+    member.field->enter_contact(contact_, point_W);
+  }
+}
+
+void KrigingMethod::expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept {
+  if (kind_ != Kind::kContact || in_contact_ || !std::isfinite(time_s) || !point_W.allFinite()) {
+    return;
+  }
+  const bool another =
+      !(time_s - expected_s_ < kExpected_s) || (point_W - origin_W_).norm() > kExpectedApart_m;
+  expected_s_ = time_s;
+  if (another) {
+    ++contact_;
+    set_origin(point_W);
+    asked_.fill(Asked{});
+  }
 }
 
 kriging::History KrigingMethod::history_at(const Member& member,
@@ -448,8 +492,25 @@ int KrigingMethod::follow() noexcept {
   return 1 + field.row_count() * field.row_count() / 2;
 }
 
+// A field that is not ready does not take the next sample: the budget is used up.
+int KrigingMethod::prepare(Member& member, int budget) noexcept {
+  int done = 0;
+  while (done < budget && !member.field->ready()) {
+    member.field->prepare();
+    const int rows = member.field->row_count();
+    done += 1 + rows * rows / 2;
+    if (member.field->ready() && &member == &members_[active_]) {
+      update_uncertainty();
+    }
+  }
+  return done;
+}
+
 int KrigingMethod::work(int budget) noexcept {
   int done = 0;
+  for (Member& member : members_) {
+    done += prepare(member, budget - done);
+  }
   while (done < budget) {
     Member* member = next_to_work();
     if (member == nullptr) {
@@ -460,6 +521,7 @@ int KrigingMethod::work(int budget) noexcept {
       continue;
     }
     done += take_one(*member);
+    done += prepare(*member, budget - done);
     if (members_.size() > 1) {
       score();
     }
@@ -554,8 +616,11 @@ ForceEstimate KrigingMethod::force(double time_s,
 
 bool KrigingMethod::plan_request(double time_s, const Eigen::Vector3d& position_W,
                                  Eigen::Vector3d& wanted_W) noexcept {
-  if (!in_contact_ || !origin_known_ || !std::isfinite(time_s) || !position_W.allFinite()) {
+  if (!origin_known_ || !std::isfinite(time_s) || !position_W.allFinite()) {
     return false;
+  }
+  if (!in_contact_) {
+    return plan_before_contact(time_s, wanted_W);
   }
   const Member& member = members_[active_];
   double best_N = 0.0;
@@ -566,11 +631,8 @@ bool KrigingMethod::plan_request(double time_s, const Eigen::Vector3d& position_
           corner_W + lattice_spacing_m_ *
                          ((candidate_W - corner_W) / lattice_spacing_m_).array().round().matrix();
     }
-    for (const Asked& asked : asked_) {
-      if (time_s - asked.time_s < kAskAgain_s &&
-          (candidate_W - asked.position_W).norm() < kAskApart_m) {
-        return;
-      }
+    if (asked_lately(time_s, candidate_W)) {
+      return;
     }
     const double near_m2 = (candidate_W - position_W).squaredNorm();
     const double deviation_N =
@@ -596,9 +658,38 @@ bool KrigingMethod::plan_request(double time_s, const Eigen::Vector3d& position_
   if (best_N <= 0.0) {
     return false;
   }
+  note_asked(time_s, wanted_W);
+  return true;
+}
+
+bool KrigingMethod::asked_lately(double time_s, const Eigen::Vector3d& candidate_W) const noexcept {
+  return std::any_of(asked_.begin(), asked_.end(), [&](const Asked& asked) {
+    return time_s - asked.time_s < kAskAgain_s &&
+           (candidate_W - asked.position_W).norm() < kAskApart_m;
+  });
+}
+
+void KrigingMethod::note_asked(double time_s, const Eigen::Vector3d& wanted_W) noexcept {
   asked_[next_asked_] = {time_s, wanted_W};
   next_asked_ = (next_asked_ + 1) % kAsked;
-  return true;
+}
+
+bool KrigingMethod::plan_before_contact(double time_s, Eigen::Vector3d& wanted_W) noexcept {
+  const kriging::Field& field = *members_[active_].field;
+  if (!(time_s - expected_s_ < kExpected_s) || !field.ready()) {
+    return false;
+  }
+  for (const auto& displacement_m : kAskBefore_m) {
+    const Eigen::Vector3d d(displacement_m);
+    const Eigen::Vector3d candidate_W = origin_W_ + d;
+    if (!asked_lately(time_s, candidate_W) &&
+        field.deviation_N(d, kriging::History::Zero()) > kAsk_N) {
+      wanted_W = candidate_W;
+      note_asked(time_s, wanted_W);
+      return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace forcegrid

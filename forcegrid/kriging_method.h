@@ -44,6 +44,12 @@ namespace forcegrid {
 ///   them with less than a tenth of the squared error of any other. Otherwise they count three
 ///   times. Needs: force.
 ///
+/// - `kriging-contact`: one field with the contact point as a further coordinate
+///   (kriging::ContactField), nugget 1e-5 N^2, 47 samples: a place that was touched before, or
+///   whose neighbourhood was, is known from the first cycle of a contact on. Needs: force and
+///   contact point; while a contact is expected it asks for forces there. Where the contact point
+///   is not finite, the first sample's position is taken for it.
+///
 /// Work: a sample costs each field one piece, a change of some rows of its factor and the weights.
 /// A piece is done in one call of work(), that of the field being felt first. Until then it answers
 /// as before, so a piece never makes a cycle longer than one fit does. With a store, pieces that
@@ -67,7 +73,7 @@ namespace forcegrid {
 /// periods of the first contact; kinks; see DictionaryField.
 class KrigingMethod final : public ForceMethod {
  public:
-  enum class Kind { kForceOnly, kTangent, kHinge, kStore, kBank };
+  enum class Kind { kForceOnly, kTangent, kHinge, kStore, kBank, kContact };
 
   /// @param options nugget, spacings and samples, which must be usable: make_force_method() checks.
   KrigingMethod(Kind kind, const MethodOptions& options);
@@ -81,11 +87,14 @@ class KrigingMethod final : public ForceMethod {
   void observe(double time_s, const Eigen::Vector3d& position_W) noexcept override;
   void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept override;
   void contact_lost() noexcept override;
+  void expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept override;
   /// A piece counts as half the square of its field's rows.
   int work(int budget) noexcept override;
   /// Asks along the predicted motion, up to three sample periods ahead, or 6 mm beside the tool:
   /// where the force is least known, the nearer the better; at none where it is known to better
-  /// than kAsk_N, nor again where it has just been asked. Costs four deviation_N().
+  /// than kAsk_N, nor again where it has just been asked. Costs four deviation_N(). Before an
+  /// expected contact (`kriging-contact` only): at the first of thirteen fixed displacements from
+  /// its point where that is so, at the cost of a deviation_N() each.
   bool plan_request(double time_s, const Eigen::Vector3d& position_W,
                     Eigen::Vector3d& wanted_W) noexcept override;
   [[nodiscard]] ForceEstimate force(double time_s,
@@ -174,7 +183,6 @@ class KrigingMethod final : public ForceMethod {
   void add_member(const char* name, const kriging::FieldSettings& settings, int first_lag);
   void add_hinge_member(const char* name, const kriging::FieldSettings& settings);
   void add_store_member(const char* name, const kriging::FieldSettings& settings);
-  void set_origin(const Eigen::Vector3d& point_W) noexcept;
   kriging::History history_at(const Member& member,
                               const Eigen::Vector3d& position_W) const noexcept;
   Queued& queued(std::uint64_t number) noexcept { return queue_[number % kQueueLength]; }
@@ -182,12 +190,17 @@ class KrigingMethod final : public ForceMethod {
   int take_one(Member& member) noexcept;
   double rating(const Member& member) const noexcept;
   void prove(Member& member, const Queued& entry) noexcept;
+  int prepare(Member& member, int budget) noexcept;
   void score() noexcept;
   void hand_over(std::size_t member, ChoiceReason reason) noexcept;
   bool may_follow() const noexcept;
   int follow() noexcept;
   void update_uncertainty() noexcept;
   double uncertainty_N(const Eigen::Vector3d& position_W) const noexcept;
+  void set_origin(const Eigen::Vector3d& point_W) noexcept;
+  bool asked_lately(double time_s, const Eigen::Vector3d& candidate_W) const noexcept;
+  void note_asked(double time_s, const Eigen::Vector3d& wanted_W) noexcept;
+  bool plan_before_contact(double time_s, Eigen::Vector3d& wanted_W) noexcept;
 
   Kind kind_;
   std::unique_ptr<kriging::SampleStore> store_;  ///< of kriging-store, else null
@@ -209,6 +222,7 @@ class KrigingMethod final : public ForceMethod {
   bool contact_sampled_ = false;  ///< the felt field has taken a sample of this contact
   std::uint64_t first_of_contact_ = 0;
   Eigen::Vector3d origin_W_ = Eigen::Vector3d::Zero();
+  double expected_s_ = -1e300;  ///< when the contact was last expected
   double newest_sample_s_ = -1e300;
   Eigen::Vector3d newest_sample_W_ = Eigen::Vector3d::Zero();
 

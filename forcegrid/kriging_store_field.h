@@ -53,8 +53,8 @@ class StoreField final : public Field {
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }  ///< no store
   int sample_count() const noexcept override { return working_.sample_count(); }
   int row_count() const noexcept override { return working_.row_count(); }
-  void set_origin(const Eigen::Vector3d& point_W) noexcept override {
-    working_.set_origin(point_W);
+  void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept override {
+    working_.enter_contact(contact, point_W);
   }
   Innovation take(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override {

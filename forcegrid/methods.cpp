@@ -100,6 +100,7 @@ constexpr NamedMethod kMethods[] = {
     {"kriging-bank", kriging<KrigingMethod::Kind::kBank>},
     {"kriging-store", kriging<KrigingMethod::Kind::kStore>},
     {"forcegrid-kriging", kriging_grid},
+    {"kriging-contact", kriging<KrigingMethod::Kind::kContact>},
 };
 
 }  // namespace

@@ -58,6 +58,9 @@ class Diary final : public ForceMethod {
     wanted_W = Vector3d(time_s, 0.0, 0.0);
     return true;
   }
+  void expect_contact(double /*time_s*/, const Vector3d& point_W) noexcept override {
+    note("expects " + text_of(point_W.x()));
+  }
   ForceEstimate force(double time_s, const Vector3d& /*position_W*/) const noexcept override {
     pending_at_force = std::max(pending_at_force, pending_work);
     ForceEstimate estimate;
@@ -311,6 +314,41 @@ TEST(Judge, DropsTheAnswersOfAContactThatIsOver) {
   EXPECT_EQ(verdict.requests_answered, 1u);
   EXPECT_THAT(diary.entries,
               ElementsAre("-1: lost", "-1: contact 1 at 7", "0.2: answer 0 epoch 1", "0.4: lost"));
+}
+
+TEST(Judge, TellsOfAnExpectedContactAndDeliversWhatWasAskedBeforeIt) {
+  Trace trace = still(0.6);
+  for (std::size_t i = 0; i < trace.servo.size(); ++i) {
+    trace.servo[i].position_W.x() = 0.1 * static_cast<double>(i);  // 1 m/s
+  }
+  trace.events = {{0.4, true, Vector3d(7.0, 0.0, 0.0), std::nullopt}};
+  Diary diary;
+  JudgeOptions options;
+  options.requests_per_s = 5.0;  // at 0, 0.2 and 0.4 s
+  options.request_delay_s = 0.25;
+  options.answer = [](double time_s, const Vector3d& /*position_W*/) {
+    return sample_of(time_s, time_s, 1.0).sample;
+  };
+  options.expect = [](const Vector3d& position_W,
+                      const Vector3d& velocity_W) -> std::optional<Vector3d> {
+    EXPECT_NEAR(velocity_W.x(), 1.0, 1e-9);
+    if (position_W.x() < 0.15) {
+      return std::nullopt;
+    }
+    return Vector3d(3.0, 0.0, 0.0);
+  };
+  options.answer_before_contact = [](double time_s, const Vector3d& /*position_W*/,
+                                     const Vector3d& point_W) {
+    return sample_of(time_s, time_s, 10.0 * point_W.x()).sample;
+  };
+  judge(diary, trace, options);
+  EXPECT_THAT(diary.entries,
+              ElementsAre("-1: lost", "0.2: expects 3", "0.2: answer 1 epoch 0", "0.3: expects 3",
+                          "0.3: contact 1 at 7", "0.4: answer 30 epoch 0"));
+  ASSERT_EQ(diary.samples.size(), 2u);
+  EXPECT_FALSE(diary.samples[0].before_contact) << "asked when no contact was expected";
+  EXPECT_TRUE(diary.samples[1].before_contact);
+  EXPECT_EQ(diary.samples[1].contact_point_W.x(), 3.0);
 }
 
 TEST(Judge, KeepsTheForcesWhenAsked) {

@@ -401,7 +401,7 @@ TEST(HingeField, LeavesAWallWhereItIsWhenTheContactMoves) {
   HingeField<double> field{FieldSettings{}};
   const Vector3d first_W(0.1, 0.05, 0.05);
   const Vector3d second_W(0.105, 0.048, 0.053);
-  field.set_origin(first_W);
+  field.enter_contact(1, first_W);
   for (int i = 0; i < 300; ++i) {
     const Vector3d p = motion.position_m(i * kPeriod_s);
     Observation o = observe(p, object.force_N(p) + wall_N(first_W + p));
@@ -409,7 +409,7 @@ TEST(HingeField, LeavesAWallWhereItIsWhenTheContactMoves) {
     field.take(o);
   }
   ASSERT_EQ(field.hinge_count(), 1);
-  field.set_origin(second_W);
+  field.enter_contact(2, second_W);
   double squares_N2 = 0.0;
   double truth_N2 = 0.0;
   double pushed_N2 = 0.0;
