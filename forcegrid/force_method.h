@@ -41,6 +41,8 @@ const char* to_string(EstimateStatus status) noexcept;
 struct MethodNeeds {
   bool stiffness = false;  ///< samples with dF/dP; those without are of no use to it
   bool requests = false;   ///< answers at positions of its own choice, see plan_request()
+  /// It makes requests for an expected contact as well, see expect_contact(); it can do without.
+  bool requests_before_contact = false;
 };
 
 /// Something that a method counts since it was made, e.g. samples that it could not use.

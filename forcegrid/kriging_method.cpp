@@ -200,6 +200,7 @@ const char* KrigingMethod::name() const noexcept {
 MethodNeeds KrigingMethod::needs() const noexcept {
   MethodNeeds needs;
   needs.stiffness = kind_ == Kind::kTangent;
+  needs.requests_before_contact = kind_ == Kind::kContact;
   return needs;
 }
 

@@ -37,8 +37,11 @@ struct ForceSample {
   bool has_stiffness = false;
   Vector3 position_W_m{};  ///< where the force was computed: not always where the tool is now
   Vector3 force_W_N{};
-  Matrix3 stiffness_W_N_per_m{};   ///< dF/dP, row major; zero unless has_stiffness
-  Vector3 contact_point_W_m{};     ///< where the tool touched; the tool's position before contact
+  Matrix3 stiffness_W_N_per_m{};  ///< dF/dP, row major; zero unless has_stiffness
+  /// Where the tool touched. Out of contact: where it would touch within some tenths of a second if
+  /// it went straight on, else its position. In a reply: where the tool touched that `force_W_N` is
+  /// for, in contact or not yet.
+  Vector3 contact_point_W_m{};
   double relative_residual = 0.0;  ///< of the equilibrium; see the simulator's documentation
   double solve_time_s = 0.0;
 };

@@ -11,6 +11,9 @@ namespace {
 // start for the force.
 constexpr rt::Duration kStall = std::chrono::milliseconds(50);
 
+// A contact point this far from a tool in the air is where it will touch.
+constexpr double kElsewhere_m = 1e-6;
+
 double to_us(rt::Duration duration) noexcept { return 1e6 * rt::seconds(duration); }
 
 double servo_time_s(rt::TimePoint time) noexcept { return rt::seconds(time.time_since_epoch()); }
@@ -50,6 +53,8 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       !(options_.sample_timeout_s > 0.0)) {
     throw std::invalid_argument("ramp, fade and sample time-out must be positive");
   }
+  asks_before_contact_ =
+      !methods_.empty() && methods_[0] != nullptr && methods_[0]->needs().requests_before_contact;
   if (methods_.empty() || methods_.size() > kMaxMethods ||
       std::count(methods_.begin(), methods_.end(), nullptr) > 0) {
     throw std::invalid_argument("servo loop: 1 to 4 methods");
@@ -92,6 +97,9 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   const double time_s = servo_time_s(now);
   for (std::size_t i = 0; i < methods_.size(); ++i) {
     methods_[i]->observe(time_s, position_W);
+    if (contact_expected_) {
+      methods_[i]->expect_contact(time_s, expected_point_W_);
+    }
     const ForceEstimate estimate = methods_[i]->force(time_s, position_W);
     record.method_force_W_N[i] = triple(estimate.force_W);
     record.method_status[i] = estimate.status;
@@ -195,6 +203,12 @@ void ServoLoop::take_samples() noexcept {
     contact_known_ = true;
     in_contact_ = arrived.in_contact;
     contact_epoch_ = sample.contact_epoch;
+    contact_expected_ =
+        !in_contact_ && (sample.contact_point_W - sample.position_W).norm() > kElsewhere_m;
+    if (!in_contact_) {
+      expected_point_W_ = sample.contact_point_W;
+      air_epoch_ = sample.contact_epoch;
+    }
     if (in_contact_) {
       for (ForceMethod* method : methods_) {
         method->take_sample(sample);
@@ -203,11 +217,17 @@ void ServoLoop::take_samples() noexcept {
   }
 }
 
-// An answer is no sign of where the tool is or of contact, and is of no use in another one. Only
-// the method that asked learns from it, so that its shadows stay what they are.
+// An answer is no sign of where the tool is or of contact, and is of no use in another one, unless
+// it was asked for before this one. Only the method that asked learns from it, so that its shadows
+// stay what they are.
 void ServoLoop::take_answer(const ArrivedSample& answer) noexcept {
-  if (in_contact_ && answer.in_contact && answer.sample.contact_epoch == contact_epoch_) {
-    methods_[0]->take_sample(answer.sample);
+  if (!answer.in_contact || !contact_known_) {
+    return;
+  }
+  Sample sample = answer.sample;
+  sample.before_contact = asks_before_contact_ && sample.contact_epoch == air_epoch_;
+  if (sample.before_contact || (in_contact_ && sample.contact_epoch == contact_epoch_)) {
+    methods_[0]->take_sample(sample);
     ++answers_taken_;
   }
 }
@@ -221,7 +241,8 @@ void ServoLoop::make_request(rt::TimePoint now, const Eigen::Vector3d& position_
     next_request_ = now + interval;
   }
   Eigen::Vector3d wanted_W = Eigen::Vector3d::Zero();
-  if (!in_contact_ || !methods_[0]->plan_request(servo_time_s(now), position_W, wanted_W)) {
+  const bool may_ask = in_contact_ || (contact_expected_ && asks_before_contact_);
+  if (!may_ask || !methods_[0]->plan_request(servo_time_s(now), position_W, wanted_W)) {
     return;
   }
   link::Query query;

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -157,6 +158,10 @@ class ServoLoop {
   bool contact_known_ = false;
   bool in_contact_ = false;
   std::uint32_t contact_epoch_ = 0;
+  std::optional<std::uint32_t> air_epoch_;  ///< of the newest sample out of contact
+  bool contact_expected_ = false;           ///< at expected_point_W_, as the simulator says
+  Eigen::Vector3d expected_point_W_ = Eigen::Vector3d::Zero();
+  bool asks_before_contact_ = false;
   std::uint64_t samples_taken_ = 0;
   rt::TimePoint next_request_{};
   std::uint32_t last_query_id_ = 0;

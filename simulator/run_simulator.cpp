@@ -29,7 +29,9 @@ constexpr int kMaxNice = 19;
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
 // A query is only begun when this many times the last one's time is left before the deadline.
 constexpr double kQueryMargin = 2.0;
-constexpr double kQueryDecay = 0.7;  // of the expected time, each time that there was none
+constexpr double kExpectedWithin_s = 0.3;
+constexpr double kExpectedApart_m = 0.002;  // taking hold of another patch takes a while
+constexpr double kQueryDecay = 0.7;         // of the expected time, each time that there was none
 
 void check(const SimulatorOptions& options) {
   if (!(options.rate_Hz > 0.0 && options.rate_Hz <= kMaxRate_Hz)) {
@@ -157,6 +159,8 @@ class Loop {
     newest_.reset();
     delayed_.clear();
     contact_answer_.reset();
+    expected_W_.reset();
+    epoch_ = 0;
     lost_epochs_ = 0;
   }
 
@@ -167,6 +171,7 @@ class Loop {
     }
     link::ForceSample sample = link::answer_to(*newest_);
     const Eigen::Vector3d position_W = to_vector(newest_->position_W_m);
+    const Eigen::Vector3d velocity_W = to_vector(newest_->velocity_W_m_per_s);
     newest_.reset();
     const bool was_in_contact = contact_.in_contact();
     const rt::TimePoint start = rt::Clock::now();
@@ -179,17 +184,31 @@ class Loop {
       contact_.reset(object_);
       return;
     }
+    epoch_ = answer.epoch;
+    expect_contact(position_W, velocity_W);
     if (answer.in_contact) {
       count(answer, was_in_contact, 1e3 * solve_s);
       contact_answer_ = answer;
     }
     fill(sample, answer, options_.send_stiffness);
+    if (expected_W_) {
+      sample.contact_point_W_m = to_array(*expected_W_);
+    }
     sample.solve_time_s = solve_s;
     sample.contact_epoch += lost_epochs_;
     if (delay_ > rt::Duration::zero()) {
       delayed_.push_back({rt::Clock::now() + delay_, sample});
     } else {
       send(sample);
+    }
+  }
+
+  void expect_contact(const Eigen::Vector3d& position_W, const Eigen::Vector3d& velocity_W) {
+    const auto touch_W = contact_.expected_touch(position_W, velocity_W, kExpectedWithin_s);
+    if (!touch_W) {
+      expected_W_.reset();
+    } else if (!expected_W_ || (*touch_W - *expected_W_).norm() > kExpectedApart_m) {
+      expected_W_ = touch_W;
     }
   }
 
@@ -245,14 +264,19 @@ class Loop {
     answer.position_W = to_vector(query->position_W_m);
     answer.point_W = answer.position_W;
     answer.equilibrium.converged = true;
-    if (contact_.in_contact() && contact_answer_) {
+    const bool held = contact_.in_contact() && contact_answer_;
+    if (held || expected_W_) {
       answer.in_contact = true;
-      answer.epoch = contact_answer_->epoch + lost_epochs_;
-      answer.point_W = contact_answer_->point_W;
-      if (!query_object_.grabbed()) {
-        query_object_.grab(answer.point_W, options_.contact.patch_radius_m);
+      answer.epoch = epoch_ + lost_epochs_;
+      answer.point_W = held ? contact_answer_->point_W : *expected_W_;
+      if (!query_object_.grabbed() || query_point_W_ != answer.point_W) {
+        query_object_.release();
+        query_point_W_ = answer.point_W;
+        answer.in_contact = query_object_.grab(answer.point_W, options_.contact.patch_radius_m) > 0;
         start = rt::Clock::now();  // once a contact, and no measure of the answers to come
       }
+    }
+    if (answer.in_contact) {
       answer.equilibrium = query_object_.move_to(answer.position_W - answer.point_W);
       answer.position_W = answer.point_W + answer.equilibrium.displacement_W;
     }
@@ -291,6 +315,9 @@ class Loop {
   rt::Duration delay_;
   std::optional<link::ToolState> newest_;
   std::optional<StickyContact::Answer> contact_answer_;
+  std::uint32_t epoch_ = 0;                    ///< of the newest answer, without the lost ones
+  std::optional<Eigen::Vector3d> expected_W_;  ///< where the tool will touch soon
+  Eigen::Vector3d query_point_W_ = Eigen::Vector3d::Zero();  ///< where query_object_ is held
   std::size_t queries_ = 0;
   double expected_query_s_ = 0.0;  ///< how long an answer takes, from the last one
   std::uint32_t lost_epochs_ = 0;

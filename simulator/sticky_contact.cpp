@@ -19,9 +19,25 @@ StickyContact::StickyContact(const SpringMesh& mesh, const ContactOptions& optio
   }
 }
 
+bool StickyContact::in_footprint(const Eigen::Vector3d& position_W) const noexcept {
+  return position_W.x() >= surface_min_W_.x() && position_W.x() <= surface_max_W_.x() &&
+         position_W.y() >= surface_min_W_.y() && position_W.y() <= surface_max_W_.y();
+}
+
+std::optional<Eigen::Vector3d> StickyContact::expected_touch(const Eigen::Vector3d& position_W,
+                                                             const Eigen::Vector3d& velocity_W,
+                                                             double within_s) const noexcept {
+  const double height_m = position_W.z() - surface_max_W_.z();
+  if (in_contact_ || must_leave_first_ || !position_W.allFinite() || !velocity_W.allFinite() ||
+      !(velocity_W.z() < 0.0) || height_m < 0.0 || height_m > -velocity_W.z() * within_s) {
+    return std::nullopt;
+  }
+  const Eigen::Vector3d touch_W = position_W - height_m / velocity_W.z() * velocity_W;
+  return in_footprint(touch_W) ? std::optional(touch_W) : std::nullopt;
+}
+
 bool StickyContact::at_surface(const Eigen::Vector3d& position_W) const noexcept {
-  if (position_W.x() < surface_min_W_.x() || position_W.x() > surface_max_W_.x() ||
-      position_W.y() < surface_min_W_.y() || position_W.y() > surface_max_W_.y()) {
+  if (!in_footprint(position_W)) {
     return false;
   }
   const double height_m = position_W.z() - surface_max_W_.z();

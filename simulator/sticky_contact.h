@@ -59,10 +59,17 @@ class StickyContact {
   template <typename Real>
   void reset(ElasticObject<Real>& object) noexcept;
 
+  /// Where a tool in the air at `position_W` [m] that goes straight on with `velocity_W` [m/s]
+  /// would touch within `within_s`; nothing if it would not, or the contact holds already.
+  std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
+                                                const Eigen::Vector3d& velocity_W,
+                                                double within_s) const noexcept;
+
   bool in_contact() const noexcept { return in_contact_; }
   const ContactOptions& options() const noexcept { return options_; }
 
  private:
+  bool in_footprint(const Eigen::Vector3d& position_W) const noexcept;
   bool at_surface(const Eigen::Vector3d& position_W) const noexcept;
 
   ContactOptions options_;

@@ -22,9 +22,19 @@ class CuriousMethod final : public ForceMethod {
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   void take_sample(const Sample& sample) noexcept override {
     (sample.from_query ? answers : samples) += 1;
+    newest = sample;
   }
   void contact_made(std::uint32_t, const Vector3d&) noexcept override { ++contacts; }
   void contact_lost() noexcept override { ++losses; }
+  MethodNeeds needs() const noexcept override {
+    MethodNeeds needs;
+    needs.requests_before_contact = asks_before_contact;
+    return needs;
+  }
+  void expect_contact(double, const Vector3d& point_W) noexcept override {
+    ++expectations;
+    expected_W = point_W;
+  }
   int work(int) noexcept override { return 0; }
   bool plan_request(double, const Vector3d& position_W, Vector3d& wanted_W) noexcept override {
     ++asked;
@@ -38,6 +48,10 @@ class CuriousMethod final : public ForceMethod {
   int contacts = 0;
   int losses = 0;
   int asked = 0;
+  int expectations = 0;
+  bool asks_before_contact = false;
+  Vector3d expected_W = Vector3d::Zero();
+  Sample newest;
 };
 
 class Requests : public ::testing::Test {
@@ -134,6 +148,65 @@ TEST_F(Requests, AreAnsweredToTheRenderedMethodAloneAndSayNothingOfContact) {
   EXPECT_EQ(rendered_.answers, 1);
   EXPECT_EQ(shadow_.samples, 1);
   EXPECT_EQ(shadow_.answers, 0);
+}
+
+// The simulator says where the tool will touch by the contact point of samples in the air.
+TEST_F(Requests, AreMadeBeforeContactByAMethodThatCanUseTheAnswers) {
+  const Vector3d expected_W(0.01, 0.02, -0.03);
+  for (const bool asks : {false, true}) {
+    rendered_ = CuriousMethod{};
+    rendered_.asks_before_contact = asks;
+    ServoLoop loop(device_, profile_, {&rendered_, &shadow_}, ports_, options(100.0));
+    ArrivedSample air;
+    air.sample.contact_epoch = 4;
+    air.sample.position_W = air.sample.contact_point_W = Vector3d(0.0, 0.0, 0.1);
+    air.arrived = now_;
+    ASSERT_TRUE(ports_.samples.push(air));
+    EXPECT_TRUE(run_cycles(loop, 50).empty()) << "no contact in sight";
+    EXPECT_EQ(rendered_.expectations, 0);
+    air.sample.contact_point_W = expected_W;
+    ASSERT_TRUE(ports_.samples.push(air));
+    const std::size_t queries = run_cycles(loop, 50).size();  // 0.1 s
+    EXPECT_EQ(rendered_.expectations, 50);
+    EXPECT_EQ(rendered_.expected_W, expected_W);
+    EXPECT_EQ(queries, asks ? 10u : 0u);
+
+    arrive(true, 3, true);  // of a contact that is over
+    arrive(true, 4, true);  // of the one that is expected
+    run_cycles(loop, 1);
+    EXPECT_EQ(rendered_.answers, asks ? 1 : 0);
+    EXPECT_EQ(rendered_.newest.before_contact, asks);
+    arrive(true, 5, false);
+    arrive(true, 4, true);  // too late, but of use
+    run_cycles(loop, 1);
+    EXPECT_EQ(rendered_.contacts, 1);
+    EXPECT_EQ(rendered_.answers, asks ? 2 : 0);
+    EXPECT_EQ(rendered_.newest.before_contact, asks);
+    arrive(true, 5, true);
+    run_cycles(loop, 1);
+    EXPECT_EQ(rendered_.answers, asks ? 3 : 1);
+    EXPECT_FALSE(rendered_.newest.before_contact);
+    EXPECT_EQ(rendered_.expectations, 51) << "nothing is expected in contact";
+  }
+}
+
+// What the link carries reaches the method: when, where, how good.
+TEST_F(Requests, AndSamplesCarryTimeContactPointResidualAndConvergence) {
+  ServoLoop loop(device_, profile_, {&rendered_}, ports_, options(0.0));
+  ArrivedSample arrived;
+  arrived.in_contact = true;
+  arrived.arrived = now_;
+  arrived.sample.time_s = 999.5;
+  arrived.sample.contact_epoch = 1;
+  arrived.sample.contact_point_W = Vector3d(0.01, 0.02, 0.03);
+  arrived.sample.relative_residual = 0.25;
+  arrived.sample.converged = false;
+  ASSERT_TRUE(ports_.samples.push(arrived));
+  run_cycles(loop, 1);
+  EXPECT_EQ(rendered_.newest.time_s, 999.5);
+  EXPECT_EQ(rendered_.newest.contact_point_W, Vector3d(0.01, 0.02, 0.03));
+  EXPECT_EQ(rendered_.newest.relative_residual, 0.25);
+  EXPECT_FALSE(rendered_.newest.converged);
 }
 
 TEST_F(Requests, AreAtMostOneACycle) {

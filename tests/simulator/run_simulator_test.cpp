@@ -226,6 +226,63 @@ TEST(RunSimulator, AnswersQueriesBesideTheSamples) {
   EXPECT_EQ(simulator.stop().replies, 1U);
 }
 
+TEST(RunSimulator, SaysWhereAnApproachingToolWillTouchAndAnswersQueriesForThatContact) {
+  RunningSimulator simulator;
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  const auto resting = answer_at(servo, sequence, {0, 0, 0.01});
+  ASSERT_TRUE(resting);
+  EXPECT_EQ(resting->contact_point_W_m, resting->position_W_m) << "a tool that does not move";
+
+  // 50 mm/s down and 20 mm/s to the side, from 5 mm above the surface: touches in 0.1 s.
+  const link::Vector3 expected_W{0.002, 0.001, 0.0};
+  link::Query query;
+  query.query_id = 1;
+  query.servo_time_ns = 77;
+  query.position_W_m = {0.002, 0.001, 0.006};
+  std::optional<link::ForceSample> sample;
+  std::optional<link::ForceSample> reply;
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (!reply && std::chrono::steady_clock::now() < give_up) {
+    link::ToolState state;
+    state.sequence = ++sequence;
+    state.servo_time_ns = 1000 + sequence;
+    state.position_W_m = {0.0, 0.001, 0.005};
+    state.velocity_W_m_per_s = {0.020, 0.0, -0.050};
+    servo.send(state);
+    servo.wait(2ms);
+    while (const auto each = servo.receive()) {
+      if (each->query_id == 1) {
+        reply = each;
+      } else if (!sample && each->contact_point_W_m != each->position_W_m) {
+        sample = each;
+        servo.send(query);
+      }
+    }
+  }
+  ASSERT_TRUE(sample);
+  EXPECT_FALSE(sample->in_contact);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    EXPECT_NEAR(sample->contact_point_W_m[axis], expected_W[axis], 1e-12);
+  }
+  ASSERT_TRUE(reply);
+  EXPECT_TRUE(reply->in_contact);
+  EXPECT_TRUE(reply->converged);
+  EXPECT_EQ(reply->contact_epoch, sample->contact_epoch) << "nothing has touched";
+  EXPECT_EQ(reply->contact_point_W_m, sample->contact_point_W_m);
+
+  // The force is what a tool that really touches there feels.
+  ASSERT_TRUE(answer_at(servo, sequence, {0.002, 0.001, 0.0001}));
+  const auto touched = answer_at(servo, sequence, {0.002, 0.001, 0.0});
+  ASSERT_TRUE(touched);
+  ASSERT_TRUE(touched->in_contact);
+  const double below_m = touched->contact_point_W_m[2];  // of a step above the surface
+  const auto there = answer_at(servo, sequence, {0.002, 0.001, 0.006 + below_m});
+  ASSERT_TRUE(there);
+  EXPECT_LT(there->force_W_N[2], -0.1);
+  EXPECT_NEAR(reply->force_W_N[2], there->force_W_N[2], 5e-3 * std::abs(there->force_W_N[2]));
+}
+
 TEST(RunSimulator, DelaysItsAnswersAsASlowerMachineWould) {
   SimulatorOptions options;
   options.answer_delay_s = 0.3;
