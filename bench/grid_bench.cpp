@@ -9,6 +9,7 @@
 
 #include "bench/openvdb_peer.h"
 #include "bench/ratios.h"
+#include "evaluation/yardstick.h"
 #include "forcegrid/force_grid.h"
 #include "forcegrid/mls_grid.h"
 
@@ -146,37 +147,18 @@ void forcegrid_mls_query_scalar(benchmark::State& state) {
 }
 BENCHMARK(forcegrid_mls_query_scalar);
 
-// The least a trilinear read can do: eight aligned loads of four floats and their weighted sum.
-// No bounds, no status, positions already in cells and single precision.
 void bare_trilinear_query(benchmark::State& state) {
-  using Float4 = float __attribute__((vector_size(16)));
-  std::vector<Float4> data(kVertices * kVertices * kVertices);
-  for (std::size_t i = 0; i < data.size(); ++i) {
-    const float value = std::sin(static_cast<float>(i));
-    data[i] = Float4{value, 2 * value, 3 * value, 1.0F};
-  }
+  const evaluation::BareTrilinearGrid grid;
+  static_assert(evaluation::BareTrilinearGrid::kVertices == kVertices);
   std::vector<std::array<float, 3>> positions;
   for (const auto& p : index_positions()) {
     positions.push_back(
         {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])});
   }
   for (auto _ : state) {
-    Float4 sum{};
+    evaluation::BareTrilinearGrid::Float4 sum{};
     for (const auto& p : positions) {
-      const int i = static_cast<int>(p[0]);
-      const int j = static_cast<int>(p[1]);
-      const int k = static_cast<int>(p[2]);
-      const float x = p[0] - static_cast<float>(i);
-      const float y = p[1] - static_cast<float>(j);
-      const float z = p[2] - static_cast<float>(k);
-      const Float4* corner = &data[static_cast<std::size_t>((i * kVertices + j) * kVertices + k)];
-      const Float4* next = corner + kVertices * kVertices;
-      const auto mix = [](Float4 a, Float4 b, float t) { return a + t * (b - a); };
-      const Float4 low =
-          mix(mix(corner[0], corner[1], z), mix(corner[kVertices], corner[kVertices + 1], z), y);
-      const Float4 high =
-          mix(mix(next[0], next[1], z), mix(next[kVertices], next[kVertices + 1], z), y);
-      sum += mix(low, high, x);
+      sum += grid.read(p);
     }
     benchmark::DoNotOptimize(sum);
   }

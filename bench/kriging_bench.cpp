@@ -47,18 +47,36 @@ void fill(FieldType& field) {
   }
 }
 
-void kriging_read_32(benchmark::State& state) {
-  DictionaryField<float, 32, 0> field{FieldSettings{}};
-  fill(field);
+// A sample, and all work that it causes.
+void tell(ForceMethod& method, double time_s, const Eigen::Vector3d& position_W) {
+  Sample sample;
+  sample.time_s = time_s;
+  sample.position_W = position_W;
+  sample.force_W = force_N(position_W);
+  method.observe(time_s, position_W);
+  method.take_sample(sample);
+  while (method.work(1 << 30) > 0) {
+  }
+}
+
+// @param read position -> force.
+template <typename Read>
+void time_reads(benchmark::State& state, Read read) {
   const auto at = positions(kPositions, 0.02);
   for (auto _ : state) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& p : at) {
-      sum += field.read(p, kNoHistory).force_N;
+      sum += read(p);
     }
     benchmark::DoNotOptimize(sum);
   }
   state.SetItemsProcessed(state.iterations() * kPositions);
+}
+
+void kriging_read_32(benchmark::State& state) {
+  DictionaryField<float, 32, 0> field{FieldSettings{}};
+  fill(field);
+  time_reads(state, [&](const Eigen::Vector3d& p) { return field.read(p, kNoHistory).force_N; });
 }
 BENCHMARK(kriging_read_32);
 
@@ -85,23 +103,9 @@ void kriging_force(benchmark::State& state) {
   method.contact_made(1, Eigen::Vector3d::Zero());
   double time_s = 0.0;
   for (const Eigen::Vector3d& p : positions(40, 0.015)) {
-    Sample sample;
-    sample.time_s = time_s += 0.033;
-    sample.position_W = p;
-    sample.force_W = force_N(p);
-    method.observe(time_s, p);
-    method.take_sample(sample);
-    method.work(1 << 30);
+    tell(method, time_s += 0.033, p);
   }
-  const auto at = positions(kPositions, 0.02);
-  for (auto _ : state) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& p : at) {
-      sum += method.force(time_s, p).force_W;
-    }
-    benchmark::DoNotOptimize(sum);
-  }
-  state.SetItemsProcessed(state.iterations() * kPositions);
+  time_reads(state, [&](const Eigen::Vector3d& p) { return method.force(time_s, p).force_W; });
 }
 BENCHMARK(kriging_force);
 
@@ -115,16 +119,10 @@ void take_samples(benchmark::State& state) {
   const auto at = positions(kPositions, 0.02);
   for (auto _ : state) {
     const Eigen::Vector3d& p = at[next++ % kPositions];
-    for (int cycle = 0; cycle < 8; ++cycle) {
+    for (int cycle = 1; cycle < 8; ++cycle) {
       method.observe(time_s += 0.004, p);
     }
-    Sample sample;
-    sample.time_s = time_s;
-    sample.position_W = p;
-    sample.force_W = force_N(p);
-    method.take_sample(sample);
-    while (method.work(1 << 30) > 0) {
-    }
+    tell(method, time_s += 0.004, p);
   }
   state.SetItemsProcessed(state.iterations());
 }
@@ -153,15 +151,7 @@ void posterior_grid_read(benchmark::State& state) {
       }
     }
   }
-  const auto at = positions(kPositions, 0.02);
-  for (auto _ : state) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& p : at) {
-      sum += grid.read(p).force_N;
-    }
-    benchmark::DoNotOptimize(sum);
-  }
-  state.SetItemsProcessed(state.iterations() * kPositions);
+  time_reads(state, [&](const Eigen::Vector3d& p) { return grid.read(p).force_N; });
 }
 BENCHMARK(posterior_grid_read);
 
@@ -177,25 +167,10 @@ void forcegrid_kriging_force(benchmark::State& state) {
   KrigingGridMethod method = kriging_grid();
   method.contact_made(1, Eigen::Vector3d::Zero());
   double time_s = 0.0;
-  const auto at = positions(kPositions, 0.02);
-  for (const Eigen::Vector3d& p : at) {
-    Sample sample;
-    sample.time_s = time_s += 0.033;
-    sample.position_W = p;
-    sample.force_W = force_N(p);
-    method.observe(time_s, p);
-    method.take_sample(sample);
-    while (method.work(1 << 30) > 0) {
-    }
+  for (const Eigen::Vector3d& p : positions(kPositions, 0.02)) {
+    tell(method, time_s += 0.033, p);
   }
-  for (auto _ : state) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& p : at) {
-      sum += method.force(time_s, p).force_W;
-    }
-    benchmark::DoNotOptimize(sum);
-  }
-  state.SetItemsProcessed(state.iterations() * kPositions);
+  time_reads(state, [&](const Eigen::Vector3d& p) { return method.force(time_s, p).force_W; });
 }
 BENCHMARK(forcegrid_kriging_force);
 
@@ -208,14 +183,7 @@ void forcegrid_kriging_sample(benchmark::State& state) {
   const auto at = positions(kPositions, 0.02);
   for (auto _ : state) {
     const Eigen::Vector3d& p = at[next++ % kPositions];
-    Sample sample;
-    sample.time_s = time_s += 0.033;
-    sample.position_W = p;
-    sample.force_W = force_N(p);
-    method.observe(time_s, p);
-    method.take_sample(sample);
-    while (method.work(1 << 30) > 0) {
-    }
+    tell(method, time_s += 0.033, p);
   }
   state.SetItemsProcessed(state.iterations());
 }
