@@ -8,7 +8,6 @@
 namespace forcegrid::kriging {
 namespace {
 
-constexpr double kRefreshFraction = 0.3;  // of the spacing: a repeated measurement
 constexpr double kReach_m2 = 1e-4;
 constexpr double kPlaceReach = 4.0;   // |c - c_i|^2 against |d_i|^2 in the value of a sample
 constexpr double kQueryValue = 0.05;  // the tool may never pass where it was asked
@@ -30,11 +29,7 @@ ContactField::ContactField(const FieldSettings& settings) noexcept : settings_(s
 }
 
 double ContactField::data_scale() const noexcept {
-  double squares = 0.0;
-  for (int r = 0; r < factor_.rows(); ++r) {
-    squares += factor_.y(r) * factor_.y(r);
-  }
-  return std::max(1.0, squares / std::max(1, factor_.rows()));
+  return std::max(1.0, factor_.squares() / std::max(1, factor_.rows()));
 }
 
 double ContactField::separation_m2(const Stored& a, const Eigen::Vector3d& position_m,
@@ -46,9 +41,8 @@ double ContactField::separation_m2(const Stored& a, const Eigen::Vector3d& posit
 double ContactField::distance_m2(const Stored& a, const Eigen::Vector3d& position_m,
                                  const Eigen::Vector3d& point_W,
                                  const Eigen::Vector3d& force_N) const noexcept {
-  const double per_force = settings_.spacing_m / settings_.spacing_N;
-  return std::max(separation_m2(a, position_m, point_W),
-                  per_force * per_force * (a.force_N - force_N).squaredNorm());
+  return settings_.spacing.distance_m2(separation_m2(a, position_m, point_W),
+                                       (a.force_N - force_N).squaredNorm());
 }
 
 double ContactField::away_m2_of(double displacement_m2,
@@ -385,17 +379,15 @@ void ContactField::settle_transient(bool& rows_moved) noexcept {
       nearest = i;
     }
   }
-  const double spacing_m2 = settings_.spacing_m * settings_.spacing_m;
-  if (nearest == kNone || nearest_m2 >= spacing_m2) {
+  if (nearest == kNone || settings_.spacing.apart(nearest_m2)) {
     transient_ = kNone;
     return;
   }
   const Stored& n = stored_[static_cast<std::size_t>(nearest)];
-  const double per_force = settings_.spacing_m / settings_.spacing_N;
   const double from_first_m2 =
-      std::max({(n.first_position_m - t.position_m).squaredNorm(), nearest_m2,
-                per_force * per_force * (n.first_force_N - t.force_N).squaredNorm()});
-  const bool repeated = from_first_m2 < kRefreshFraction * kRefreshFraction * spacing_m2;
+      settings_.spacing.distance_m2((n.first_position_m - t.position_m).squaredNorm(),
+                                    (n.first_force_N - t.force_N).squaredNorm());
+  const bool repeated = settings_.spacing.repeated(std::max(from_first_m2, nearest_m2));
   if (repeated || n.doubt_N2 - t.doubt_N2 > 10.0 * settings_.nugget_N2) {
     if (repeated) {
       t.first_position_m = n.first_position_m;
@@ -459,8 +451,8 @@ Innovation ContactField::take(const Observation& o) noexcept {
       o, error_N, own_covariance(o.position_m, with_origin, offset_N2_) - factor_.explained<3>(x_));
   fresh_needed = fresh_needed || innovation.surprised;
   if (o.from_query && std::any_of(stored_.begin(), stored_.end(), [&](const Stored& s) {
-        return s.used && distance_m2(s, o.position_m, o.origin_W, o.force_N) <
-                             settings_.spacing_m * settings_.spacing_m;
+        return s.used &&
+               !settings_.spacing.apart(distance_m2(s, o.position_m, o.origin_W, o.force_N));
       })) {
     if (fresh_needed) {
       begin_factor();

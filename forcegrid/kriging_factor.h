@@ -28,6 +28,14 @@ class GrowingCholesky {
 
   int rows() const noexcept { return rows_; }
   double y(int row) const noexcept { return y_[static_cast<std::size_t>(row)]; }
+  /// |y|^2: the squares of the data in units of what the prior expects of them.
+  double squares() const noexcept {
+    double sum = 0.0;
+    for (int row = 0; row < rows_; ++row) {
+      sum += y(row) * y(row);
+    }
+    return sum;
+  }
   void clear() noexcept { rows_ = 0; }
 
   /// x <- L^-1 x of the first `count` columns, 3 or 6.

@@ -8,7 +8,6 @@
 namespace forcegrid::kriging {
 namespace {
 
-constexpr double kRefreshFraction = 0.3;  // of the spacing: a repeated measurement
 constexpr double kEvictionReach_m2 = 1e-4;
 constexpr double kQueryValue = 0.05;  // the tool may never pass where it was asked
 constexpr double kNeededValue = 1e6;
@@ -31,11 +30,7 @@ DictionaryField<Real, N, M>::DictionaryField(const FieldSettings& settings) noex
 
 template <typename Real, int N, int M>
 double DictionaryField<Real, N, M>::data_scale() const noexcept {
-  double squares = -explained_squares();
-  for (int r = 0; r < factor_.rows(); ++r) {
-    squares += factor_.y(r) * factor_.y(r);
-  }
-  return std::max(1.0, squares / std::max(1, factor_.rows()));
+  return std::max(1.0, (factor_.squares() - explained_squares()) / std::max(1, factor_.rows()));
 }
 
 template <typename Real, int N, int M>
@@ -168,8 +163,7 @@ double DictionaryField<Real, N, M>::distance_m2(const Stored& a, const Eigen::Ve
   if (settings_.kernel.history_gain > 0.0) {
     moved_m2 += (a.history - h).squaredNorm();
   }
-  const double per_force = settings_.spacing_m / settings_.spacing_N;
-  return std::max(moved_m2, per_force * per_force * (a.force_N - force_N).squaredNorm());
+  return settings_.spacing.distance_m2(moved_m2, (a.force_N - force_N).squaredNorm());
 }
 
 template <typename Real, int N, int M>
@@ -326,17 +320,15 @@ bool DictionaryField<Real, N, M>::settle_transient() noexcept {
       nearest = i;
     }
   }
-  const double spacing_m2 = settings_.spacing_m * settings_.spacing_m;
-  if (nearest == kNone || nearest_m2 >= spacing_m2) {
+  if (nearest == kNone || settings_.spacing.apart(nearest_m2)) {
     transient_ = kNone;
     return false;
   }
   const Stored& n = stored_[static_cast<std::size_t>(nearest)];
-  const double per_force = settings_.spacing_m / settings_.spacing_N;
   const double from_first_m2 =
-      std::max({(n.first_position_m - t.position_m).squaredNorm(), nearest_m2,
-                per_force * per_force * (n.first_force_N - t.force_N).squaredNorm()});
-  const bool repeated = from_first_m2 < kRefreshFraction * kRefreshFraction * spacing_m2;
+      settings_.spacing.distance_m2((n.first_position_m - t.position_m).squaredNorm(),
+                                    (n.first_force_N - t.force_N).squaredNorm());
+  const bool repeated = settings_.spacing.repeated(std::max(from_first_m2, nearest_m2));
   if (repeated || n.doubt_N2 - t.doubt_N2 > 10.0 * settings_.nugget_N2) {
     if (repeated) {
       stored_[static_cast<std::size_t>(slot)].first_position_m = n.first_position_m;
@@ -493,8 +485,7 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
 
   if (o.from_query) {
     for (const Stored& s : stored_) {
-      if (s.used && distance_m2(s, o.position_m, o.history, o.force_N) <
-                        settings_.spacing_m * settings_.spacing_m) {
+      if (s.used && !settings_.spacing.apart(distance_m2(s, o.position_m, o.history, o.force_N))) {
         if (fresh_needed) {
           factorise();
         }

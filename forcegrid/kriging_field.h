@@ -8,6 +8,7 @@
 #include "forcegrid/kriging_factor.h"
 #include "forcegrid/kriging_kernel.h"
 #include "forcegrid/kriging_simd.h"
+#include "forcegrid/sample_spacing.h"
 
 namespace forcegrid::kriging {
 
@@ -17,11 +18,8 @@ struct FieldSettings {
   int samples = 32;           ///< capacity of the dictionary, up to the field's
   int stiffness_samples = 0;  ///< how many of the newest samples keep their stiffness as data
 
-  /// Two samples are as far apart as max(|dP|, spacing_m |dF| / spacing_N), with the difference of
-  /// the histories taken into |dP| where the kernel has history features. A stiff object in a light
-  /// hand is felt within less than a millimetre: only the force tells its samples apart.
-  double spacing_m = 1e-3;
-  double spacing_N = 0.1;
+  /// With the difference of the histories taken into |dP| where the kernel has history features.
+  SampleSpacing spacing;
 
   double stiffness_noise_N_per_m = 1.0;     ///< standard deviation of a component of dF/dP,
   double relative_stiffness_noise = 0.002;  ///< and of its norm, added in squares
@@ -129,8 +127,8 @@ class Field {
 /// part remains a sum over samples (kriging_simd.h).
 ///
 /// Dictionary. The newest sample is always in, but transient: when the next one comes it stays if
-/// it is at least spacing_m from all others (FieldSettings), replaces the nearest if that was
-/// doubted more or if it is within 0.3 spacing_m of where that one began, and goes otherwise.
+/// it is apart from all others (SampleSpacing), replaces the nearest if that was
+/// doubted more or if it is a repetition of where that one began, and goes otherwise.
 /// (Without this bound a slow motion would drag one sample along and lose what it had known.) When
 /// full, the sample goes that has the least of  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) /
 /// (1 + q_i / (10 nugget)), where answers to queries count a twentieth.
@@ -155,7 +153,7 @@ class Field {
 /// begins with the mean square of what the contacts before took, 0.03 at first and between 1e-4 and
 /// 0.09: objects that prove to be alike everywhere are left alone.
 ///
-/// Answers to queries join the dictionary where it has no sample within spacing_m; they are never
+/// Answers to queries join the dictionary where none of its samples is near; they are never
 /// transient.
 ///
 /// Failure: kinks within l of the samples; forces that depend on more than position (the history

@@ -79,8 +79,8 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
   FieldSettings settings;
   settings.nugget_N2 = options.nugget.value_or(kNugget_N2);
   settings.samples = options.samples.value_or(kSamples);
-  settings.spacing_m = options.spacing_m.value_or(settings.spacing_m);
-  settings.spacing_N = options.spacing_N.value_or(settings.spacing_N);
+  settings.spacing.metres = options.spacing_m.value_or(settings.spacing.metres);
+  settings.spacing.newtons = options.spacing_N.value_or(settings.spacing.newtons);
   if (kind == Kind::kHinge) {
     add_hinge_member(name(), settings);
     return;
@@ -169,8 +169,7 @@ void KrigingMethod::add_hinge_member(const char* name, const FieldSettings& sett
 void KrigingMethod::add_store_member(const char* name, const FieldSettings& settings) {
   names_[members_.size()] = name;
   kriging::SampleStore::Settings store;
-  store.spacing_m = settings.spacing_m;
-  store.spacing_N = settings.spacing_N;
+  store.spacing = settings.spacing;
   store.nugget_N2 = settings.nugget_N2;
   store_ = std::make_unique<kriging::SampleStore>(store);
   Member member;

@@ -76,6 +76,26 @@ HWY_INLINE void unit_radial(D d, V r2, V& minus_g1, V& g2) {
   }
 }
 
+// A lane's worth of samples: the way from each to the position, its weight, the distance squared.
+template <class V>
+struct SampleLanes {
+  V x, y, z, ax, ay, az, r2;
+};
+
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE SampleLanes<V> sample_lanes(D d, const RadialTerms<T>& terms, int first, V px, V py,
+                                       V pz) {
+  SampleLanes<V> lanes;
+  lanes.x = hn::Sub(px, hn::Load(d, terms.position(0) + first));
+  lanes.y = hn::Sub(py, hn::Load(d, terms.position(1) + first));
+  lanes.z = hn::Sub(pz, hn::Load(d, terms.position(2) + first));
+  lanes.ax = hn::Load(d, terms.weight(0) + first);
+  lanes.ay = hn::Load(d, terms.weight(1) + first);
+  lanes.az = hn::Load(d, terms.weight(2) + first);
+  lanes.r2 = hn::MulAdd(lanes.x, lanes.x, hn::MulAdd(lanes.y, lanes.y, hn::Mul(lanes.z, lanes.z)));
+  return lanes;
+}
+
 template <RadialShape kShape, class T>
 HWY_INLINE RadialSum<T> sum_terms(const RadialTerms<T>& terms, const T* p_m) {
   const hn::CappedTag<T, kLanePadding> d;
@@ -90,13 +110,7 @@ HWY_INLINE RadialSum<T> sum_terms(const RadialTerms<T>& terms, const T* p_m) {
   V nearest = hn::Set(d, std::numeric_limits<T>::max());
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int i = 0; i < terms.samples; i += lanes) {
-    const V x = hn::Sub(px, hn::Load(d, terms.position(0) + i));
-    const V y = hn::Sub(py, hn::Load(d, terms.position(1) + i));
-    const V z = hn::Sub(pz, hn::Load(d, terms.position(2) + i));
-    const V ax = hn::Load(d, terms.weight(0) + i);
-    const V ay = hn::Load(d, terms.weight(1) + i);
-    const V az = hn::Load(d, terms.weight(2) + i);
-    const V r2 = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z)));
+    const auto [x, y, z, ax, ay, az, r2] = sample_lanes(d, terms, i, px, py, pz);
     nearest = hn::Min(nearest, r2);
     V minus_g1;
     V g2;
@@ -185,13 +199,7 @@ HWY_INLINE RadialSlope<T> slope_of_terms(const RadialTerms<T>& terms, const T* p
   V all = hn::Zero(d);
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int i = 0; i < terms.samples; i += lanes) {
-    const V x = hn::Sub(px, hn::Load(d, terms.position(0) + i));
-    const V y = hn::Sub(py, hn::Load(d, terms.position(1) + i));
-    const V z = hn::Sub(pz, hn::Load(d, terms.position(2) + i));
-    const V ax = hn::Load(d, terms.weight(0) + i);
-    const V ay = hn::Load(d, terms.weight(1) + i);
-    const V az = hn::Load(d, terms.weight(2) + i);
-    const V r2 = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z)));
+    const auto [x, y, z, ax, ay, az, r2] = sample_lanes(d, terms, i, px, py, pz);
     V minus_g1;
     V g2;
     V minus_g3;

@@ -8,9 +8,8 @@
 namespace forcegrid::kriging {
 namespace {
 
-constexpr double kRefreshFraction = 0.3;  // of the spacing: a repeated measurement
-constexpr double kDoubtedMore = 10.0;     // nuggets
-constexpr double kQueryValue = 0.05;      // the tool may never pass where it was asked
+constexpr double kDoubtedMore = 10.0;  // nuggets
+constexpr double kQueryValue = 0.05;   // the tool may never pass where it was asked
 constexpr int kThinningLooks = 32;
 constexpr double kThinningReach_m2 = 1e-4;
 constexpr double kFarFromTool_m = 0.040;
@@ -117,19 +116,18 @@ void SampleStore::put(std::uint32_t number, const Observation& o) noexcept {
 }
 
 // The stored sample that is nearest to an observation by the distance of admission, if it is less
-// than spacing_m away: that is less than a cell, so only neighbours have to be looked at.
+// than the spacing away: that is less than a cell, so only neighbours have to be looked at.
 SampleStore::Nearest SampleStore::nearest(const Observation& o) const noexcept {
   Nearest result;
-  result.distance_m2 = settings_.spacing_m * settings_.spacing_m;
-  const double per_force = settings_.spacing_m / settings_.spacing_N;
+  const double reach_m = settings_.spacing.metres;
+  result.distance_m2 = reach_m * reach_m;
   std::array<std::uint64_t, 8> cells;
   std::size_t count = 0;
-  // The cells that a cube of half width spacing_m reaches.
+  // The cells that a cube of half the spacing reaches.
   for (int corner = 0; corner < 8; ++corner) {
-    const Eigen::Vector3d at(
-        o.position_m.x() + ((corner & 1) != 0 ? 1.0 : -1.0) * settings_.spacing_m,
-        o.position_m.y() + ((corner & 2) != 0 ? 1.0 : -1.0) * settings_.spacing_m,
-        o.position_m.z() + ((corner & 4) != 0 ? 1.0 : -1.0) * settings_.spacing_m);
+    const Eigen::Vector3d at(o.position_m.x() + ((corner & 1) != 0 ? 1.0 : -1.0) * reach_m,
+                             o.position_m.y() + ((corner & 2) != 0 ? 1.0 : -1.0) * reach_m,
+                             o.position_m.z() + ((corner & 4) != 0 ? 1.0 : -1.0) * reach_m);
     const std::uint64_t cell = cell_of(at, 0, 0, 0);
     if (std::find(cells.begin(), cells.begin() + count, cell) == cells.begin() + count) {
       cells[count++] = cell;
@@ -144,7 +142,7 @@ SampleStore::Nearest SampleStore::nearest(const Observation& o) const noexcept {
         continue;
       }
       const double changed_N2 = (force_N(n).cast<double>() - o.force_N).squaredNorm();
-      const double distance_m2 = std::max(moved_m2, per_force * per_force * changed_N2);
+      const double distance_m2 = settings_.spacing.distance_m2(moved_m2, changed_N2);
       if (distance_m2 < result.distance_m2) {
         result = {n, distance_m2};
       }
@@ -157,20 +155,17 @@ SampleStore::Admission SampleStore::admit(const Observation& o) noexcept {
   const Nearest near = nearest(o);
   if (near.number != kNone) {
     Rest& rest = rest_[near.number];
-    const double per_force = settings_.spacing_m / settings_.spacing_N;
-    double from_first_m2 = near.distance_m2;
-    double changed_m2 = 0.0;
+    double changed_N2 = 0.0;
     double moved_m2 = 0.0;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<Eigen::Index>(axis);
       const double moved_m = o.position_m[a] - rest.first_position_m[axis];
-      const double changed_m = per_force * (o.force_N[a] - rest.first_force_N[axis]);
+      const double changed_N = o.force_N[a] - rest.first_force_N[axis];
       moved_m2 += moved_m * moved_m;
-      changed_m2 += changed_m * changed_m;
+      changed_N2 += changed_N * changed_N;
     }
-    from_first_m2 = std::max({from_first_m2, moved_m2, changed_m2});
-    const bool repeated = from_first_m2 < kRefreshFraction * kRefreshFraction *
-                                              settings_.spacing_m * settings_.spacing_m;
+    const bool repeated = settings_.spacing.repeated(
+        std::max(near.distance_m2, settings_.spacing.distance_m2(moved_m2, changed_N2)));
     const bool doubted = doubt_N2_[near.number] > kDoubtedMore * settings_.nugget_N2;
     // The tool's own sample counts for more than an answer; an answer never takes its place.
     if ((!repeated && !doubted) || (o.from_query && !rest.from_query && !doubted)) {

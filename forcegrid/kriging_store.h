@@ -21,9 +21,9 @@ struct StoredSample {
 
 /// Thousands of samples of a force, found by place: a hash grid over a fixed pool.
 ///
-/// Admission. With the distance max(|dP|, spacing_m |dF| / spacing_N), a sample that has no stored
-/// one within spacing_m is added. One that has goes, but takes the nearest one's place if that is
-/// doubted more, or if it is within 0.3 spacing_m of where that one began (a repeated measurement;
+/// Admission. With the distance of SampleSpacing, a sample that is apart from all stored ones is
+/// added. One that has goes, but takes the nearest one's place if that is
+/// doubted more, or if it repeats what that one began with (a repeated measurement;
 /// without the bound a slow motion would drag one sample along and lose what it had known).
 ///
 /// Thinning. In a full store a sample that is added takes the place of another: of 32 that are
@@ -44,8 +44,7 @@ class SampleStore {
  public:
   struct Settings {
     std::size_t capacity = 8192;
-    double spacing_m = 1e-3;  ///< at most half a cell
-    double spacing_N = 0.1;
+    SampleSpacing spacing;    ///< its metres at most half a cell
     double nugget_N2 = 1e-5;  ///< of the fields that read it: doubt is counted in tens of these
   };
   enum class Admission : std::uint8_t {

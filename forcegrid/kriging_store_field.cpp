@@ -156,7 +156,7 @@ Followed StoreField::follow(const Eigen::Vector3d& tool_m,
                             const Eigen::Vector3d& ahead_m) noexcept {
   list(tool_m, ahead_m);
   measure();
-  const auto spacing_m2 = static_cast<float>(settings().spacing_m * settings().spacing_m);
+  const auto spacing_m2 = static_cast<float>(settings().spacing.metres * settings().spacing.metres);
   int exchanged = 0;
   for (; exchanged < kExchanges; ++exchanged) {
     const bool full = set_.count >= settings().samples;

@@ -184,8 +184,8 @@ std::unique_ptr<ContactField> plain_field() {
 FieldSettings keeping_everything() {
   FieldSettings settings;
   settings.samples = ContactField::kMaxSamples;
-  settings.spacing_m = 1e-9;
-  settings.spacing_N = 1e3;
+  settings.spacing.metres = 1e-9;
+  settings.spacing.newtons = 1e3;
   settings.surprise = 1e300;
   return settings;
 }

@@ -259,8 +259,8 @@ TEST(DictionaryField, EqualsADenseSolveOverItsDictionary) {
   FieldSettings settings;
   settings.samples = 12;
   settings.surprise = 1e300;
-  settings.spacing_m = 1e-9;  // keep everything, evict what the rule says
-  settings.spacing_N = 1e3;
+  settings.spacing.metres = 1e-9;  // keep everything, evict what the rule says
+  settings.spacing.newtons = 1e3;
   Plain field(settings);
   std::vector<Vector3d> kept;
   for (const Vector3d& p : scattered(300, 0.02)) {
@@ -402,7 +402,7 @@ TEST(DictionaryField, LearnsTheStiffnessOfAStiffObjectWithinAFifthOfAMillimetre)
   const Matrix3d j = Vector3d(-2000.0, -3000.0, -4000.0).asDiagonal();
   for (const double spacing_N : {0.1, 1e6}) {
     FieldSettings settings;
-    settings.spacing_N = spacing_N;
+    settings.spacing.newtons = spacing_N;
     Plain field(settings);
     const auto path = scattered(200, 1e-4);
     for (const Vector3d& p : path) {

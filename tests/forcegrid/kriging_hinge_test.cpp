@@ -110,7 +110,7 @@ TEST(HingeField, EqualsADenseSolveWithColumnsForItsHinges) {
   const std::array<Hinge, 2> hinges = {flat, ball};
   FieldSettings settings;
   settings.surprise = 1e300;  // the hinges are given
-  settings.spacing_m = 1e-9;
+  settings.spacing.metres = 1e-9;
   settings.nugget_N2 = 1e-4;
   HingeField<double> field(settings);
   std::mt19937 random(kSeed);

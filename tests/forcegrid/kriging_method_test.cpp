@@ -476,8 +476,8 @@ TEST(KrigingMethods, RefuseOptionsThatCannotBeUsedAndTakeThoseThatCan) {
   const KrigingMethod method(Kind::kForceOnly, variant.options);
   EXPECT_EQ(method.member(0).settings().nugget_N2, 1e-6);
   EXPECT_EQ(method.member(0).settings().samples, 16);
-  EXPECT_EQ(method.member(0).settings().spacing_m, 2e-3);
-  EXPECT_EQ(method.member(0).settings().spacing_N, 0.2);
+  EXPECT_EQ(method.member(0).settings().spacing.metres, 2e-3);
+  EXPECT_EQ(method.member(0).settings().spacing.newtons, 0.2);
 }
 
 }  // namespace

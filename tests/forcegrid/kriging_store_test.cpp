@@ -51,14 +51,14 @@ std::vector<Vector3d> scattered(int count, double size_m, unsigned seed = kSeed)
 class PlainStore {
  public:
   SampleStore::Admission admit(const Observation& o, const SampleStore::Settings& settings) {
-    const double per_force = settings.spacing_m / settings.spacing_N;
+    const double per_force = settings.spacing.metres / settings.spacing.newtons;
     const auto distance_m = [&](const Vector3f& position, const Vector3f& force) {
       return std::max((position.cast<double>() - o.position_m).norm(),
                       per_force * (force.cast<double>() - o.force_N).norm());
     };
     Kept* nearest = nullptr;
     for (Kept& each : kept) {
-      if (distance_m(each.position_m, each.force_N) < settings.spacing_m &&
+      if (distance_m(each.position_m, each.force_N) < settings.spacing.metres &&
           (nearest == nullptr || distance_m(each.position_m, each.force_N) <
                                      distance_m(nearest->position_m, nearest->force_N))) {
         nearest = &each;
@@ -71,7 +71,7 @@ class PlainStore {
       return SampleStore::Admission::kAdded;
     }
     if (std::max(distance_m(nearest->first_m, nearest->first_N),
-                 distance_m(nearest->position_m, nearest->force_N)) < 0.3 * settings.spacing_m) {
+                 distance_m(nearest->position_m, nearest->force_N)) < 0.3 * settings.spacing.metres) {
       nearest->position_m = position_m;
       nearest->force_N = force;
       return SampleStore::Admission::kReplaced;
