@@ -6,7 +6,6 @@
 #include <atomic>
 #include <chrono>
 #include <future>
-#include <mutex>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -18,6 +17,7 @@
 #include "simulator/run_simulator.h"
 #include "simulator/scene.h"
 #include "tests/servo_loop/scripted_device.h"
+#include "tests/support/flushed_text.h"
 
 namespace forcegrid::servo {
 namespace {
@@ -31,24 +31,6 @@ constexpr double kSpeed_m_per_s = 0.040;
 constexpr double kLowest_m = 0.001;
 constexpr double kHighest_m = 0.011;
 const Vector3d kTop_W(0.01, -0.02, 0.03);
-
-// What a thread has printed and flushed.
-class FlushedText final : public std::stringbuf {
- public:
-  int sync() override {
-    const std::lock_guard lock(mutex_);
-    flushed_ = str();
-    return 0;
-  }
-  std::string flushed() {
-    const std::lock_guard lock(mutex_);
-    return flushed_;
-  }
-
- private:
-  std::mutex mutex_;
-  std::string flushed_;
-};
 
 class Simulation {
  public:

@@ -7,7 +7,6 @@
 #include <atomic>
 #include <chrono>
 #include <future>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
@@ -15,6 +14,7 @@
 #include "link/servo_endpoint.h"
 #include "simulator/error.h"
 #include "simulator/scene.h"
+#include "tests/support/flushed_text.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -24,24 +24,6 @@ using namespace std::chrono_literals;
 
 // Generous: the machine may be busy. Everything that works ends far earlier.
 constexpr auto kPatience = 20s;
-
-// A stream that another thread may read while it is written.
-class SharedText : public std::stringbuf {
- public:
-  int sync() override {
-    const std::lock_guard lock(mutex_);
-    flushed_ = str();
-    return 0;
-  }
-  std::string flushed() {
-    const std::lock_guard lock(mutex_);
-    return flushed_;
-  }
-
- private:
-  std::mutex mutex_;
-  std::string flushed_;
-};
 
 class RunningSimulator {
  public:
@@ -79,7 +61,7 @@ class RunningSimulator {
 
  private:
   std::atomic<bool> stop_{false};
-  SharedText out_;
+  FlushedText out_;
   std::future<SimulatorSummary> result_;
 };
 
