@@ -240,6 +240,7 @@ void add_chart(CLI::App& app, ChartAccuracyOptions& o, std::function<int()>& act
   accuracy.add_flag("--quick", o.quick, "The small block and a selection, within a minute");
   accuracy.add_option("--jobs", o.jobs, "Threads that make force tables; 0 is one a processor")
       ->check(CLI::Range(0, 1024))
+      ->type_name("UINT threads")
       ->capture_default_str();
   accuracy.add_option("--cache", o.cache,
                       "Folder of force tables (default forcegrid in the user's cache folder)");

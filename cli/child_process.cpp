@@ -45,6 +45,7 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments) {
   std::string program = "forcegrid";
   argv.push_back(program.data());
   std::vector<std::string> copies = arguments;
+  copies.push_back("--no-config");  // the parent has said everything
   for (std::string& argument : copies) {
     argv.push_back(argument.data());
   }

@@ -312,7 +312,8 @@ void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& actio
                   "Box of the grid methods in metres: x0,y0,z0,x1,y1,z1 (default "
                   "0,0,0,0.16,0.12,0.12 if it holds the trace, else its box grown by 30 mm)")
       ->delimiter(',')
-      ->expected(6);
+      ->expected(6)
+      ->type_name("FLOAT m");
   evaluate.add_option("--cells", o.cells, "Grid cells: X,Y,Z, or one number for all axes")
       ->capture_default_str();
   evaluate.add_option("--r", o.radius,

@@ -7,6 +7,7 @@
 
 #include "cli/chart_command.h"
 #include "cli/commands.h"
+#include "cli/config_command.h"
 #include "cli/evaluate_command.h"
 #include "cli/run_command.h"
 #include "cli/stop_request.h"
@@ -92,6 +93,7 @@ void add_json(CLI::App& command, JsonTarget& target) {
           "Summary as JSON, into FILE or to standard output")
       ->expected(0, 1)
       ->type_name("[FILE]")
+      ->configurable(false)
       ->trigger_on_parse();
 }
 
@@ -119,7 +121,8 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
                  "ADDR:PORT of a simulator that already runs, instead of --scene");
   run.add_option("--seconds", o.seconds, "How long; 0 runs until Ctrl-C")
       ->check(between(0.0, 86400.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT s");
   run.add_option("--method", o.method,
                  "Force method: " + joined(method_names()) +
                      ", direct; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
@@ -132,43 +135,54 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   run.add_option("--rate", o.rate_Hz, "Servo rate in Hz")
       ->check(between(100.0, 4000.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT Hz");
   run.add_option("--fill-budget", o.fill_budget, "Vertices a cycle and method may update")
       ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("INT vertices");
   run.add_option("--cells", o.cells, "Grid cells an axis: X,Y,Z")
       ->delimiter(',')
       ->check(CLI::Range(1, 4096))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("[INT,INT,INT] cells");
   run.add_option("--r-mm", o.influence_radius_mm,
                  "Distance of influence r; 0 is a sixth of the workspace's longest side")
       ->check(between(0.0, 1000.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT mm");
   run.add_option("--unit-mm", o.unit_mm, "Unit of length in the grid's weight")
       ->check(between(0.001, 1000.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT mm");
   run.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all")
       ->check(CLI::Range(0, 65535))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("INT samples");
   run.add_option("--requests-per-s", o.requests_per_s,
                  "Forces at positions of its own choice that the method may ask the simulator for "
                  "(default 120 for a method that needs them, else 0)")
-      ->check(between(0.0, 4000.0));
+      ->check(between(0.0, 4000.0))
+      ->type_name("FLOAT 1/s");
   run.add_flag("--gravity-compensation", o.gravity_compensation, "Carry the links' weight");
   run.add_option("--device-timeout-ms", o.device_timeout_ms,
                  "Silence of the device after which the run ends with zero current; its own "
                  "watchdog waits 500 ms")
       ->check(CLI::Range(10, 450))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("INT ms");
   run.add_flag("--calibrated", o.calibrated,
                "The counters are right already; ask for no button (a Falcon is homed anyway)");
   run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers a second of the started simulator")
       ->check(between(1.0, 1000.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT Hz");
   run.add_option_function<double>(
          "--sim-delay-ms", [&o](double ms) { o.simulator_delay_s = 1e-3 * ms; },
-         "Hold each answer of the started simulator back this long (default 0)")
-      ->check(between(0.0, 1000.0));
+         "Hold each answer of the started simulator back this long")
+      ->default_str("0")
+      ->check(between(0.0, 1000.0))
+      ->type_name("FLOAT ms");
   run.add_option("--hand", o.hand, "Emulated hand: " + joined(kHands))
       ->check(CLI::IsMember(kHands))
       ->capture_default_str();
@@ -177,7 +191,8 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
       ->check(between(0.0, 30.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT mm");
   run.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
   run.add_option("--frame-order", o.frame_order, "Emulated bus: " + joined(kFrameOrders))
       ->check(CLI::IsMember(kFrameOrders))
@@ -195,7 +210,8 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
   run.add_option("--reconnect-timeout", o.reconnect_timeout_s,
                  "How long to wait for it, in seconds")
       ->check(between(0.0, 86400.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT s");
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->capture_default_str();
   run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");
@@ -223,14 +239,16 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
       ->capture_default_str();
   emulate.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
       ->check(between(0.0, 30.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT mm");
   emulate.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
   emulate.add_option("--frame-order", o.frame_order, "Bus: " + joined(kFrameOrders))
       ->check(CLI::IsMember(kFrameOrders))
       ->capture_default_str();
   emulate.add_option("--contact", o.contact_m, "Where the hand goes to touch: X,Y,Z in metres")
       ->delimiter(',')
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("[FLOAT,FLOAT,FLOAT] m");
   emulate.add_flag("--calibrated", o.calibrated, "Counters are right from the start");
   emulate
       .add_option("--fault", o.faults,
@@ -261,13 +279,17 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
       ->capture_default_str();
   simulate.add_option("--rate", o.rate_Hz, "Answers a second")
       ->check(between(1.0, 1000.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT Hz");
   simulate.add_option("--delay-ms", o.delay_ms, "Hold each answer back this long")
       ->check(between(0.0, 1000.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("FLOAT ms");
   simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
-  simulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
-                    "End when standard input ends, for a parent process");
+  simulate
+      .add_flag("--until-stdin-closes", o.until_stdin_closes,
+                "End when standard input ends, for a parent process")
+      ->configurable(false);
   add_json(simulate, o.json);
   simulate.callback([&o, &action] { action = [&o] { return simulate_command(o); }; });
 }
@@ -281,14 +303,17 @@ void add_kinematics(CLI::App& app, KinematicsOptions& o, std::function<int()>& a
       ->required();
   auto* counts = kinematics.add_option("--counts", o.counts, "Encoder counts A,B,C")
                      ->delimiter(',')
-                     ->expected(3);
+                     ->expected(3)
+                     ->configurable(false);
   auto* position = kinematics.add_option("--position", o.position_m, "Position X,Y,Z in metres")
                        ->delimiter(',')
-                       ->expected(3);
+                       ->expected(3)
+                       ->configurable(false);
   counts->excludes(position);
   kinematics.add_option("--force", o.force_N, "Force X,Y,Z in newtons")
       ->delimiter(',')
-      ->expected(3);
+      ->expected(3)
+      ->configurable(false);
   add_json(kinematics, o.json);
   kinematics.callback([&o, &action, counts, position] {
     if (counts->empty() && position->empty()) {
@@ -305,12 +330,17 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", FORCEGRID_VERSION);
   app.require_subcommand(0, 1);  // so that a misspelt one is named; none is refused below
   app.set_help_all_flag("--help-all", "Help of every command");
+  ConfigChoice choice = find_config_choice(argc, argv);
+  add_config_choice(app, choice);
   RunOptions run;
   EmulateOptions emulate;
   SimulateOptions simulate;
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
   ChartAccuracyOptions chart_accuracy;
+  ConfigOptions config;
+  std::vector<ConfigKey> config_keys_of_all;
+  std::vector<tools::ConfigLayer> layers;
   std::function<int()> action;
   add_run(app, run, action);
   add_emulate(app, emulate, action);
@@ -318,11 +348,21 @@ int main(int argc, char** argv) {
   add_kinematics(app, kinematics, action);
   add_evaluate(app, evaluate, action);
   add_chart(app, chart_accuracy, action);
+  add_config(app, config, config_keys_of_all, layers, action);
+  add_json(*app.get_subcommand("config"), config.json);
+  try {
+    layers = choice.none ? std::vector<tools::ConfigLayer>{} : tools::config_layers(choice.file);
+    config_keys_of_all = config_keys(app);
+    apply_config(config_keys_of_all, layers);
+  } catch (const tools::ConfigError& error) {
+    std::fprintf(stderr, "forcegrid: %s\n", error.what());
+    return 2;
+  }
   try {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: run, emulate, simulate, kinematics, evaluate or chart");
+          "a subcommand: run, emulate, simulate, kinematics, evaluate, chart or config");
     }
   } catch (const CLI::ParseError& error) {
     const int code = app.exit(error);

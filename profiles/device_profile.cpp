@@ -13,17 +13,7 @@
 #include <set>
 #include <string_view>
 
-// toml++ 3.3 asserts on some malformed files, "[<" for one, and in a release build takes it for
-// granted that they don't occur. Here its assertions are on in every build and refuse the file. No
-// other source includes it, so that its inline functions have one meaning.
-namespace {
-struct TomlAssertion {};
-}  // namespace
-#undef NDEBUG
-#define TOML_ASSERT(expression) static_cast<void>((expression) || (throw TomlAssertion{}, false))
-#define TOML_HEADER_ONLY 1
-#define TOML_EXCEPTIONS 1
-#include <toml++/toml.h>
+#include "profiles/toml_parser.h"
 
 namespace forcegrid::profiles {
 namespace {
@@ -782,23 +772,6 @@ std::string find_file(const std::string& name_or_path) {
                      joined(available_profiles()) + ", or a file name that ends in .toml");
 }
 
-// The whole file. toml++ 3.3 gets lost in some characters beyond ASCII, which no profile needs.
-std::string read_ascii(const std::string& file) {
-  std::ifstream stream(file, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(stream), {}};
-  if (!stream) {
-    throw ProfileError(file + ": can't be read; make the file readable");
-  }
-  const auto odd = std::find_if(text.begin(), text.end(), [](char c) {
-    return static_cast<unsigned char>(c) > 0x7E || c == '\0';
-  });
-  if (odd != text.end()) {
-    throw ProfileError(file + ":" + std::to_string(1 + std::count(text.begin(), odd, '\n')) +
-                       ": a character that is not ASCII; write it in ASCII");
-  }
-  return text;
-}
-
 }  // namespace
 
 DeviceProfile load_device_profile(const std::string& name_or_path) {
@@ -813,17 +786,11 @@ DeviceProfile load_device_profile(const std::string& name_or_path) {
     throw ProfileError("device profile '" + file +
                        "': not a regular file; write the path of a .toml file");
   }
-  const std::string text = read_ascii(file);
   toml::table parsed;
   try {
-    parsed = toml::parse(text, file);
-  } catch (const toml::parse_error& problem) {
-    throw ProfileError(file + ":" + std::to_string(problem.source().begin.line) + ": " +
-                       std::string(problem.description()) + "; correct the TOML syntax");
-  } catch (const TomlAssertion&) {
-    throw ProfileError(file +
-                       ": a key or table name has a character that TOML does not allow there; "
-                       "use letters, digits, - and _");
+    parsed = read_toml_file(file);
+  } catch (const TomlError& problem) {
+    throw ProfileError(problem.what());
   }
   const DeviceKind kind = read_kind(parsed, file);
   const Table root =

@@ -18,7 +18,7 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  /// This project's command with `arguments`.
+  /// This project's command with `arguments`; no configuration file counts but one that they name.
   static Program forcegrid(std::vector<std::string> arguments);
 
   void send_signal(int number) const;
