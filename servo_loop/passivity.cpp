@@ -1,0 +1,150 @@
+#include "servo_loop/passivity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace forcegrid::servo {
+namespace {
+
+/// The damping that takes `excess_J` out within one cycle, at most `max_N_s_per_m`.
+double damping(double excess_J, double max_N_s_per_m, double dt_s,
+               double speed_squared_m2_per_s2) noexcept {
+  const double per_damping_J = dt_s * speed_squared_m2_per_s2;
+  return excess_J >= max_N_s_per_m * per_damping_J ? max_N_s_per_m : excess_J / per_damping_J;
+}
+
+}  // namespace
+
+PassivityGuard::PassivityGuard(const PassivityOptions& options) : options_(options) {
+  if (!(options.allowance_J >= 0.0) || !(options.bound_J > options.allowance_J) ||
+      !std::isfinite(options.bound_J)) {
+    throw std::invalid_argument(
+        "passivity: the energy allowance must not be negative, and the bound above it");
+  }
+  if (!(options.max_damping_N_s_per_m >= 0.0) || !std::isfinite(options.max_damping_N_s_per_m)) {
+    throw std::invalid_argument("passivity: the largest damping must not be negative");
+  }
+  if (!(options.arm_damping_N_s_per_m >= 0.0) || !std::isfinite(options.arm_damping_N_s_per_m)) {
+    throw std::invalid_argument("passivity: the arm's damping must not be negative");
+  }
+  if (!(options.velocity_time_constant_s > 0.0) ||
+      !std::isfinite(options.velocity_time_constant_s)) {
+    throw std::invalid_argument("passivity: the velocity's time constant must be positive");
+  }
+  if (!(options.dead_band_counts >= 0.0) || !std::isfinite(options.dead_band_counts)) {
+    throw std::invalid_argument("passivity: the dead band must not be negative");
+  }
+}
+
+Eigen::Vector3d PassivityGuard::apply(double dt_s, const Eigen::Vector3d& position_W,
+                                      const Eigen::Vector3d& wanted_W) noexcept {
+  if (!position_W.allFinite() || !wanted_W.allFinite() || !std::isfinite(dt_s)) {
+    restart();
+    return wanted_W;
+  }
+  const bool counts = has_last_ && dt_s > 0.0;
+  const Eigen::Vector3d step_W =
+      counts ? Eigen::Vector3d(position_W - last_position_W_) : Eigen::Vector3d::Zero();
+  Eigen::Vector3d force_W = wanted_W;
+  damping_N_s_per_m_ = 0.0;
+  if (counts) {
+    observe(dt_s, step_W, wanted_W);
+    const double share = 1.0 - std::exp(-dt_s / options_.velocity_time_constant_s);
+    velocity_W_ += share * (step_W / dt_s - velocity_W_);
+    settle(dt_s, wanted_W);
+    if (options_.mode == PassivityMode::kControl) {
+      shorten(dt_s, step_W, wanted_W);
+      force_W = scale_ * wanted_W + damp(dt_s);
+    }
+  }
+  has_last_ = true;
+  last_position_W_ = position_W;
+  last_wanted_W_ = wanted_W;
+  rendered_W_ = force_W;
+  return force_W;
+}
+
+void PassivityGuard::observe(double dt_s, const Eigen::Vector3d& step_W,
+                             const Eigen::Vector3d& wanted_W) noexcept {
+  const Eigen::Array3d rounding_m = (step_W - dt_s * velocity_W_)
+                                        .array()
+                                        .max(-resolution_W_m_.array())
+                                        .min(resolution_W_m_.array());
+  const Eigen::Array3d change_N = (wanted_W - last_wanted_W_).array();
+  const Eigen::Array3d given_J = rendered_W_.array() * step_W.array() + 0.5 * rounding_m * change_N;
+  energy_W_J_ += given_J.matrix();
+  total_J_ += given_J.sum();
+  largest_J_ = std::max(largest_J_, energy_to_hand_J());
+
+  // Of the sampling's energy, what the arm's damping takes at this speed.
+  const Eigen::Array3d motion_m = step_W.array() - rounding_m;
+  const Eigen::Array3d sampling_J = -0.5 * motion_m * change_N;
+  const double bearable_J =
+      options_.arm_damping_N_s_per_m * (motion_m * step_W.array()).sum() / dt_s;
+  const double whole_J = std::abs(sampling_J.sum());
+  const double borne_J = std::clamp(2.0 * bearable_J - whole_J, 0.0, whole_J);
+  account_W_J_ += given_J.matrix();
+  if (borne_J > 0.0) {
+    account_W_J_ -= (borne_J / whole_J * sampling_J).matrix();
+  }
+}
+
+void PassivityGuard::settle(double dt_s, const Eigen::Vector3d& wanted_W) noexcept {
+  idle_s_ = wanted_W.isZero(0.0) ? idle_s_ + dt_s : 0.0;
+  if (idle_s_ >= kNewAccount_s) {
+    energy_W_J_.setZero();
+    account_W_J_.setZero();
+  }
+}
+
+// The velocity without what quantisation alone makes of a tool at rest, and without a step where
+// that ends.
+Eigen::Vector3d PassivityGuard::moving_W() const noexcept {
+  const Eigen::Array3d band_m_per_s =
+      options_.dead_band_counts / options_.velocity_time_constant_s * resolution_W_m_.array();
+  const Eigen::Array3d speed_m_per_s = velocity_W_.array().abs();
+  return (velocity_W_.array().sign() * (speed_m_per_s - band_m_per_s).max(0.0)).matrix();
+}
+
+Eigen::Vector3d PassivityGuard::damp(double dt_s) noexcept {
+  const Eigen::Vector3d moving = moving_W();
+  Eigen::Array3d damping_N_s_per_m = Eigen::Array3d::Zero();
+  if (options_.each_axis) {
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      const double excess_J = account_W_J_[i] - options_.allowance_J;
+      if (excess_J > 0.0 && moving[i] != 0.0) {
+        damping_N_s_per_m[i] =
+            damping(excess_J, options_.max_damping_N_s_per_m, dt_s, moving[i] * velocity_W_[i]);
+      }
+    }
+  } else {
+    const double excess_J = account_J() - options_.allowance_J;
+    if (excess_J > 0.0 && !moving.isZero(0.0)) {
+      damping_N_s_per_m.setConstant(
+          damping(excess_J, options_.max_damping_N_s_per_m, dt_s, moving.dot(velocity_W_)));
+    }
+  }
+  damping_N_s_per_m_ = damping_N_s_per_m.maxCoeff();
+  const Eigen::Vector3d force_W = -(damping_N_s_per_m * moving.array()).matrix();
+  damped_J_ -= dt_s * force_W.dot(velocity_W_);
+  return force_W;
+}
+
+void PassivityGuard::shorten(double dt_s, const Eigen::Vector3d& step_W,
+                             const Eigen::Vector3d& wanted_W) noexcept {
+  // The filtered velocity is late, the raw one is coarse: what gives more counts.
+  const double power_watt = std::max(wanted_W.dot(velocity_W_), wanted_W.dot(step_W) / dt_s);
+  const double left_watt = std::max(0.0, options_.bound_J - account_J()) / (kBoundCycles * dt_s);
+  const double allowed = power_watt > left_watt ? left_watt / power_watt : 1.0;
+  scale_ = std::min({allowed, 1.0, scale_ + dt_s / kRecovery_s});
+}
+
+void PassivityGuard::restart() noexcept {
+  has_last_ = false;
+  rendered_W_.setZero();
+  last_wanted_W_.setZero();
+  velocity_W_.setZero();
+}
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,152 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+namespace forcegrid::servo {
+
+/// What the guard does with what it observes.
+enum class PassivityMode : std::uint8_t {
+  kObserve,  ///< counts the energy, changes no force
+  kControl,  ///< damps and, if that is not enough, scales the force down
+};
+
+struct PassivityOptions {
+  PassivityMode mode = PassivityMode::kControl;
+  /// Each axis of W has an account of its own and is damped alone, instead of one for the force as
+  /// a whole. An object whose force across the motion depends on the motion moves energy from one
+  /// axis to another without giving any, and is then damped for nothing.
+  bool each_axis = false;
+  /// [J] A sampled spring leaks a little energy although it is harmless; below this nothing is
+  /// done.
+  double allowance_J = 0.3e-3;
+  /// [J] No power is given that would take the energy beyond this within two cycles. Above
+  /// allowance_J.
+  double bound_J = 0.5e-3;
+  double max_damping_N_s_per_m = 10.0;
+  /// What the arm itself is trusted to have: the sampling of a stiffness up to twice this over the
+  /// cycle time is left to it. The method study's arm, without any hand.
+  double arm_damping_N_s_per_m = 0.3;
+  /// Time constant of the low-passed velocity that damps.
+  double velocity_time_constant_s = 0.010;
+  /// [counts] What this many counts within a time constant look like is no motion. One count that
+  /// comes and goes leaves just 1.0 in the filter, so that from 1.0 on it is never felt.
+  double dead_band_counts = 1.0;
+};
+
+/// Time-domain passivity: observes the energy that the rendered force gives to the hand, and damps
+/// what it must and nothing more.
+///
+/// Observer, with F_k the force rendered from cycle k on, P_k the position that cycle k reads:
+///
+///   E_k = E_{k-1} + F_{k-1} . (P_k - P_{k-1}) + c_k . (W_k - W_{k-1}) / 2          (given: E > 0)
+///
+/// E is what the hand got: compressing a spring makes it negative, a spring that gives back all it
+/// got ends at zero, and E > 0 is energy from nowhere. W is the force that the method wants. The
+/// last term undoes what quantisation adds: positions of resolution q make F_{k-1} . dP count
+/// K q^2 / 2 for every count that a resting tool trembles across, and up to K q^2 / 8 a cycle in
+/// motion. c = clamp(dP - v T, -q, q) is the part of the step that is rounding and not motion,
+/// twice the expected rounding error of P_k, and summation by parts turns sum F . d(error) into
+/// that term. It vanishes for q = 0.
+///
+/// The account that the controller acts on is E without the part of the sampling's own energy,
+/// -(dP - c) . dW / 2 a cycle and K v^2 T / 2 for a spring, that the arm's own damping b_0 turns
+/// into heat: all of it while K <= 2 b_0 / T (Colgate and Schenkel's condition), none of it from
+/// twice that on. It would otherwise grow for ever on any lossless object, and be damped. A force
+/// that jumps is not taken for a stiffness: none of its energy is left out.
+///
+/// Controller, after Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002), with an
+/// energy allowance E0, a low-passed velocity v and a dead band, since without them a lossless
+/// object is damped and raw quantised velocity rattles at up to 1 N:
+///
+///   F = s W - b u,  u = v max(0, 1 - v_0 / |v|),  v_0 = dead_band_counts q / tau
+///   b = min(b_max, (A - E0) / (T u . v)) where A > E0, else 0        (A: the account)
+///
+/// and where damping is not enough (a force that is 50 ms old and more asks for more damping than
+/// a sampled loop can give), s shortens the wanted force so that its power stays below
+/// (E_bound - A) / (kBoundCycles T). s falls at once and rises within kRecovery_s: an object that
+/// keeps giving energy fades.
+///
+/// A tool on which no force is wanted for kNewAccount_s stores nothing in the object any more: what
+/// is left in the account is then settled, and it starts at zero again. Otherwise what a lossy
+/// object has absorbed would be credit for an unstable one.
+///
+/// Pure: it has no clock and keeps no time but dt. Real-time: no allocation, lock or throw.
+/// Threads: one.
+class PassivityGuard {
+ public:
+  static constexpr double kBoundCycles = 2.0;
+  static constexpr double kRecovery_s = 0.1;
+  static constexpr double kNewAccount_s = 0.1;
+
+  /// @throws std::invalid_argument naming the option that can't be used.
+  explicit PassivityGuard(const PassivityOptions& options = {});
+
+  /// [m] By how much one encoder count moves the tool, by axis of W; zero (the default) for a
+  /// position that is not quantised. May change with the pose.
+  void set_resolution(const Eigen::Vector3d& resolution_W_m) noexcept {
+    resolution_W_m_ = resolution_W_m;
+  }
+
+  /// One cycle. A position or force that is not finite is not counted and the force is returned as
+  /// it is, for the limiter to find.
+  /// @param dt_s [s] since the last call, for which the last force was rendered. 0: not at all.
+  /// @param position_W [m] of the tool.
+  /// @param wanted_W [N] force on the hand.
+  /// @returns the force to render [N].
+  [[nodiscard]] Eigen::Vector3d apply(double dt_s, const Eigen::Vector3d& position_W,
+                                      const Eigen::Vector3d& wanted_W) noexcept;
+
+  /// What really goes out in place of what apply() returned, if a limit shortens it.
+  void set_rendered(const Eigen::Vector3d& force_W) noexcept { rendered_W_ = force_W; }
+
+  /// Nothing was rendered until now, and where the tool went meanwhile is not known.
+  void restart() noexcept;
+
+  /// [J] E since the account was opened; negative: the hand has put in more than it got.
+  double energy_to_hand_J() const noexcept { return energy_W_J_.sum(); }
+  /// [J] the same by axis of W.
+  const Eigen::Vector3d& axis_energy_to_hand_J() const noexcept { return energy_W_J_; }
+  /// [J] the largest energy_to_hand_J() since construction.
+  double largest_energy_to_hand_J() const noexcept { return largest_J_; }
+  /// [J] E since construction, over all accounts.
+  double total_energy_to_hand_J() const noexcept { return total_J_; }
+  /// [J] what the controller acts on.
+  double account_J() const noexcept { return account_W_J_.sum(); }
+  /// [J] taken out by damping, since construction.
+  double damped_energy_J() const noexcept { return damped_J_; }
+
+  /// [N s/m] of the last cycle; of the axis with most in mode each_axis.
+  double damping_N_s_per_m() const noexcept { return damping_N_s_per_m_; }
+  /// Part of the wanted force that is rendered, 0..1.
+  double scale() const noexcept { return scale_; }
+  /// [m/s] low-passed.
+  const Eigen::Vector3d& velocity_W() const noexcept { return velocity_W_; }
+
+ private:
+  void observe(double dt_s, const Eigen::Vector3d& step_W,
+               const Eigen::Vector3d& wanted_W) noexcept;
+  void settle(double dt_s, const Eigen::Vector3d& wanted_W) noexcept;
+  Eigen::Vector3d moving_W() const noexcept;
+  Eigen::Vector3d damp(double dt_s) noexcept;
+  void shorten(double dt_s, const Eigen::Vector3d& step_W,
+               const Eigen::Vector3d& wanted_W) noexcept;
+
+  PassivityOptions options_;
+  Eigen::Vector3d resolution_W_m_ = Eigen::Vector3d::Zero();
+  bool has_last_ = false;
+  Eigen::Vector3d last_position_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d last_wanted_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rendered_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d energy_W_J_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d account_W_J_ = Eigen::Vector3d::Zero();
+  double idle_s_ = 0.0;
+  double total_J_ = 0.0;
+  double largest_J_ = 0.0;
+  double damped_J_ = 0.0;
+  double damping_N_s_per_m_ = 0.0;
+  double scale_ = 1.0;
+};
+
+}  // namespace forcegrid::servo
