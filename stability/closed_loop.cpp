@@ -1,0 +1,242 @@
+#include "stability/closed_loop.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "stability/settling.h"
+#include "stability/slow_simulator.h"
+
+namespace forcegrid::stability {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kErrorsFrom_s = 1.0;
+constexpr double kComingToRest_s = 0.1;
+
+std::int64_t nanoseconds(double time_s) { return std::llround(1e9 * time_s); }
+
+// Pushes of a device that nobody holds, in every direction.
+const Vector3d& flick_direction_W() {
+  static const Vector3d direction_W = Vector3d(2.0, -1.0, 2.0) / 3.0;
+  return direction_W;
+}
+
+class Run {
+ public:
+  Run(const LoopSetup& setup, VirtualObject& object, ForceMethod* method)
+      : setup_(setup),
+        object_(object),
+        method_(method),
+        plant_(setup.device, setup.hand, setup.contact_point_W),
+        simulator_(setup.network, setup.seed),
+        count_age_ns_(nanoseconds(setup.timing.count_age_s)),
+        actuation_ns_(nanoseconds(setup.timing.actuation_delay_s)),
+        sampled_W_(setup.contact_point_W),
+        last_measured_W_(setup.contact_point_W) {
+    if (!(setup.servo_rate_Hz >= 50.0 && setup.servo_rate_Hz <= 20000.0)) {
+      throw std::invalid_argument("servo rate: use 50 to 20000 Hz");
+    }
+    if (!(setup.hold_s >= StatedRun::kJudged_s)) {
+      throw std::invalid_argument("hold: use at least the 2 s that are judged");
+    }
+    if (count_age_ns_ < 0 || actuation_ns_ < 0 ||
+        count_age_ns_ + actuation_ns_ > cycle_ns(1) - cycle_ns(0)) {
+      throw std::invalid_argument("device timing " + setup.timing.name +
+                                  ": age of the counts and delay of the force take longer than a "
+                                  "cycle; use a lower servo rate or a quicker bus");
+    }
+  }
+
+  LoopResult result() {
+    const double all_s = StatedRun::kMotion_s + setup_.hold_s;
+    const auto cycles = static_cast<std::int64_t>(std::llround(all_s * setup_.servo_rate_Hz));
+    std::int64_t cycle = 0;
+    for (; cycle < cycles && !diverged(); ++cycle) {
+      one_cycle(cycle);
+    }
+    LoopResult result;
+    result.end_s = 1e-9 * static_cast<double>(cycle_ns(cycle));
+    const Settling settling = judge_settling(held_W_);
+    result.behaviour = diverged() ? Behaviour::kDivergence : settling.behaviour;
+    result.hold_peak_to_peak_m = diverged() ? std::nan("") : settling.peak_to_peak_m;
+    result.truth_rms_N = cycles_judged_ > 0 ? std::sqrt(truth_square_N2_ / cycles_judged_) : 0.0;
+    result.force_error_percent = truth_square_N2_ > 0.0
+                                     ? 100.0 * std::sqrt(error_square_N2_ / truth_square_N2_)
+                                     : std::nan("");
+    result.energy_generated_J = generated_J_;
+    result.most_energy_generated_J = most_generated_J_;
+    result.largest_force_N = largest_force_N_;
+    result.samples_taken = samples_taken_;
+    result.samples_lost = simulator_.lost();
+    return result;
+  }
+
+ private:
+  std::int64_t cycle_ns(std::int64_t cycle) const {
+    return std::llround(1e9 * static_cast<double>(cycle) / setup_.servo_rate_Hz);
+  }
+
+  bool diverged() const {
+    const Vector3d away_W = plant_.position_W() - plant_.target_W();
+    return !away_W.allFinite() || !force_W_.allFinite() || away_W.norm() > StatedRun::kDivergence_m;
+  }
+
+  void take_samples(std::int64_t now_ns) {
+    while (const auto answer = simulator_.receive(now_ns)) {
+      ++samples_taken_;
+      const bool news = !contact_known_ || answer->sample.contact_epoch != epoch_;
+      if (answer->in_contact && (news || !in_contact_)) {
+        method_->contact_made(answer->sample.contact_epoch, answer->sample.contact_point_W);
+      } else if (!answer->in_contact && (in_contact_ || !contact_known_)) {
+        method_->contact_lost();
+      }
+      contact_known_ = true;
+      in_contact_ = answer->in_contact;
+      epoch_ = answer->sample.contact_epoch;
+      if (in_contact_) {
+        method_->take_sample(answer->sample);
+      }
+    }
+  }
+
+  Vector3d method_force_W(std::int64_t now_ns, const Vector3d& measured_W) {
+    simulator_.publish(now_ns, measured_W, object_);
+    take_samples(now_ns);
+    const double now_s = 1e-9 * static_cast<double>(now_ns);
+    method_->observe(now_s, measured_W);
+    return method_->force(now_s, measured_W).force_W;
+  }
+
+  void one_cycle(std::int64_t cycle) {
+    const std::int64_t now_ns = cycle_ns(cycle);
+    const std::int64_t next_ns = cycle_ns(cycle + 1);
+    const double now_s = 1e-9 * static_cast<double>(now_ns);
+    const Vector3d measured_W = plant_.measured_W(sampled_W_);
+    object_.advance(now_s, measured_W);
+    const Vector3d truth_W = object_.at(measured_W).force_W;
+    Vector3d wanted_W = method_ == nullptr ? truth_W : method_force_W(now_ns, measured_W);
+    if (now_s >= kErrorsFrom_s) {
+      error_square_N2_ += (wanted_W - truth_W).squaredNorm();
+      truth_square_N2_ += truth_W.squaredNorm();
+      cycles_judged_ += 1.0;
+    }
+    wanted_W -=
+        setup_.virtual_damping_N_s_per_m * setup_.servo_rate_Hz * (measured_W - last_measured_W_);
+    last_measured_W_ = measured_W;
+    const double size_N = wanted_W.norm();
+    if (size_N > setup_.device.max_force_N) {
+      wanted_W *= setup_.device.max_force_N / size_N;
+    }
+    largest_force_N_ = std::max(largest_force_N_, wanted_W.norm());
+    flick_if_due(now_s, static_cast<double>(next_ns - now_ns) * 1e-9);
+
+    const Vector3d object_begin_W = object_.at(plant_.position_W()).force_W;
+    const Vector3d begin_W = plant_.position_W();
+    move(now_ns, now_ns + actuation_ns_);
+    force_W_ = wanted_W;
+    move(now_ns + actuation_ns_, next_ns - count_age_ns_);
+    sampled_W_ = plant_.position_W();
+    move(next_ns - count_age_ns_, next_ns);
+    const Vector3d moved_W = plant_.position_W() - begin_W;
+    generated_J_ -= 0.5 * (object_begin_W + object_.at(plant_.position_W()).force_W).dot(moved_W);
+    most_generated_J_ = std::max(most_generated_J_, generated_J_);
+
+    if (method_ != nullptr) {
+      method_->work(setup_.fill_budget);
+    }
+    if (now_s >= StatedRun::kMotion_s + setup_.hold_s - StatedRun::kJudged_s) {
+      held_W_.push_back(plant_.position_W());
+    }
+  }
+
+  void flick_if_due(double now_s, double period_s) {
+    if (setup_.hand.holds() || now_s >= StatedRun::kMotion_s) {
+      return;
+    }
+    if (std::fmod(now_s, StatedRun::kFlickEvery_s) < 0.5 * period_s) {
+      plant_.flick(StatedRun::kFlick_N_s * flick_direction_W());
+    }
+  }
+
+  void move(std::int64_t from_ns, std::int64_t to_ns) {
+    const Vector3d begin_W = plant_.position_W();
+    const double end_s = 1e-9 * static_cast<double>(to_ns);
+    plant_.advance(to_ns - from_ns, force_W_, setup_.contact_point_W + StatedRun::target_W(end_s));
+    generated_J_ += force_W_.dot(plant_.position_W() - begin_W);
+  }
+
+  const LoopSetup& setup_;
+  VirtualObject& object_;
+  ForceMethod* method_;
+  Plant plant_;
+  SlowSimulator simulator_;
+  std::int64_t count_age_ns_;
+  std::int64_t actuation_ns_;
+  Vector3d sampled_W_;
+  Vector3d last_measured_W_;
+  Vector3d force_W_ = Vector3d::Zero();  // acts now
+  bool contact_known_ = false;
+  bool in_contact_ = false;
+  std::uint32_t epoch_ = 0;
+  std::uint64_t samples_taken_ = 0;
+  double error_square_N2_ = 0.0;
+  double truth_square_N2_ = 0.0;
+  double cycles_judged_ = 0.0;
+  double generated_J_ = 0.0;
+  double most_generated_J_ = 0.0;
+  double largest_force_N_ = 0.0;
+  std::vector<Vector3d> held_W_;
+};
+
+}  // namespace
+
+const std::vector<DeviceTiming>& device_timings() {
+  static const std::vector<DeviceTiming> all = {
+      {"ideal", 0.0, 0.0}, {"w2_full_speed", 0.6e-3, 0.4e-3}, {"w2_high_speed", 75e-6, 50e-6}};
+  return all;
+}
+
+const DeviceTiming& device_timing(const std::string& name) {
+  std::string known;
+  for (const DeviceTiming& timing : device_timings()) {
+    if (timing.name == name) {
+      return timing;
+    }
+    known += (known.empty() ? "" : ", ") + timing.name;
+  }
+  throw std::invalid_argument("device timing '" + name + "' is not known; use one of " + known);
+}
+
+const char* to_string(Behaviour behaviour) noexcept {
+  switch (behaviour) {
+    case Behaviour::kStable:
+      return "stable";
+    case Behaviour::kDivergence:
+      return "divergence";
+    case Behaviour::kLimitCycle:
+      return "limit cycle";
+    case Behaviour::kCreep:
+      return "creep";
+  }
+  return "unknown";
+}
+
+Vector3d StatedRun::target_W(double time_s) noexcept {
+  const double t_s =
+      time_s <= kMotion_s
+          ? time_s
+          : kMotion_s + kComingToRest_s * (1.0 - std::exp((kMotion_s - time_s) / kComingToRest_s));
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  const double size_m = kAmplitude_m * (1.0 - std::exp(-t_s / 0.5));
+  return size_m * Vector3d(std::sin(kTurn * 0.53 * t_s), std::sin(kTurn * 0.71 * t_s),
+                           0.5 * (1.0 - std::cos(kTurn * 0.97 * t_s)));
+}
+
+LoopResult run_closed_loop(const LoopSetup& setup, VirtualObject& object, ForceMethod* method) {
+  return Run(setup, object, method).result();
+}
+
+}  // namespace forcegrid::stability

@@ -1,0 +1,69 @@
+#include "stability/slow_simulator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace forcegrid::stability {
+
+SlowSimulator::SlowSimulator(const evaluation::NetworkCondition& network, std::uint64_t seed)
+    : network_(network), numbers_(seed) {
+  if (!(network.simulator_rate_Hz > 0.0) || !(network.loss >= 0.0 && network.loss <= 1.0) ||
+      !(network.delay_s >= 0.0) || !(network.jitter_s >= 0.0)) {
+    throw std::invalid_argument(
+        "simulator: the rate has to be above 0 Hz, loss within 0..1, delay and jitter not below 0");
+  }
+}
+
+void SlowSimulator::publish(std::int64_t now_ns, const Eigen::Vector3d& position_W,
+                            const VirtualObject& object) {
+  const double period_ns = 1e9 / network_.simulator_rate_Hz;
+  const auto tick_ns = [&](std::int64_t tick) {
+    return static_cast<std::int64_t>(std::llround(static_cast<double>(tick) * period_ns));
+  };
+  if (tick_ns(tick_) > now_ns) {
+    return;
+  }
+  // Ticks that fell between two cycles are all answered by the first of them.
+  const std::int64_t due_ns = tick_ns(tick_);
+  while (tick_ns(tick_) <= now_ns) {
+    ++tick_;
+  }
+  const VirtualObject::Value value = object.at(position_W);
+  const VirtualObject::Contact contact = object.contact();
+  Answer answer;
+  answer.in_contact = contact.in_contact;
+  answer.sample.time_s = 1e-9 * static_cast<double>(now_ns);
+  answer.sample.position_W = position_W;
+  answer.sample.force_W = value.force_W;
+  answer.sample.has_stiffness = network_.stiffness;
+  if (network_.stiffness) {
+    answer.sample.stiffness_W = value.stiffness_W;
+  }
+  answer.sample.contact_epoch = contact.epoch;
+  answer.sample.contact_point_W = contact.point_W;
+  for (Eigen::Index i = 0; i < 3 && network_.noise_N > 0.0; ++i) {
+    answer.sample.force_W[i] += network_.noise_N * numbers_.normal();
+  }
+  const double late_s = network_.delay_s + network_.jitter_s * numbers_.uniform(0.0, 1.0);
+  answer.arrives_ns = due_ns + static_cast<std::int64_t>(std::llround(period_ns + 1e9 * late_s));
+  if (numbers_.uniform(0.0, 1.0) < network_.loss) {
+    ++lost_;
+    return;
+  }
+  const auto place = std::upper_bound(
+      under_way_.begin(), under_way_.end(), answer.arrives_ns,
+      [](std::int64_t time_ns, const Answer& each) { return time_ns < each.arrives_ns; });
+  under_way_.insert(place, answer);
+}
+
+std::optional<SlowSimulator::Answer> SlowSimulator::receive(std::int64_t now_ns) {
+  if (under_way_.empty() || under_way_.front().arrives_ns > now_ns) {
+    return std::nullopt;
+  }
+  const Answer answer = under_way_.front();
+  under_way_.erase(under_way_.begin());
+  return answer;
+}
+
+}  // namespace forcegrid::stability

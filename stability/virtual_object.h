@@ -1,0 +1,92 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+#include "evaluation/force_table.h"
+
+namespace forcegrid::stability {
+
+/// What the tool is in contact with, as a perfect simulator would know it at every instant. Objects
+/// with a memory are advanced along the tool's path, once a servo cycle.
+/// Threads: one; every run has its own.
+class VirtualObject {
+ public:
+  using Value = evaluation::ForceTable::Value;
+
+  /// What the simulator says of the contact.
+  struct Contact {
+    bool in_contact = true;
+    std::uint32_t epoch = 1;  ///< a new number at every discontinuity
+    Eigen::Vector3d point_W = Eigen::Vector3d::Zero();
+  };
+
+  virtual ~VirtualObject() = default;
+
+  /// The tool is at `position_W` [m] at `time_s` [s]; times never decrease.
+  virtual void advance(double time_s, const Eigen::Vector3d& position_W) {
+    static_cast<void>(time_s);
+    static_cast<void>(position_W);
+  }
+
+  /// Force [N] and stiffness [N/m] for a tool at `position_W` in the object's present state.
+  virtual Value at(const Eigen::Vector3d& position_W) const = 0;
+
+  virtual Contact contact() const = 0;
+
+  /// [N/m] Normal stiffness at rest, which the charts vary.
+  virtual double stiffness_N_per_m() const noexcept = 0;
+};
+
+/// F = -K (x - c): what the theory of sampled springs speaks of.
+class LinearObject final : public VirtualObject {
+ public:
+  LinearObject(double stiffness_N_per_m, const Eigen::Vector3d& contact_point_W)
+      : stiffness_N_per_m_(stiffness_N_per_m), contact_point_W_(contact_point_W) {}
+
+  Value at(const Eigen::Vector3d& position_W) const override {
+    return {-stiffness_N_per_m_ * (position_W - contact_point_W_),
+            -stiffness_N_per_m_ * Eigen::Matrix3d::Identity()};
+  }
+  Contact contact() const override { return {true, 1, contact_point_W_}; }
+  double stiffness_N_per_m() const noexcept override { return stiffness_N_per_m_; }
+
+ private:
+  double stiffness_N_per_m_;
+  Eigen::Vector3d contact_point_W_;
+};
+
+/// A deformable object that the tool holds, from its force table, made as stiff as wanted:
+///
+///   F = K / K_table F_table(clamp(x - c))
+///
+/// Beyond the table the force stays what it is at its edge. `table` must outlive the object.
+class TableObject final : public VirtualObject {
+ public:
+  TableObject(const evaluation::ForceTable& table, double stiffness_N_per_m,
+              const Eigen::Vector3d& contact_point_W)
+      : table_(table),
+        factor_(stiffness_N_per_m / normal_stiffness_N_per_m(table)),
+        stiffness_N_per_m_(stiffness_N_per_m),
+        contact_point_W_(contact_point_W) {}
+
+  /// [N/m] -dF_z/dz at rest.
+  static double normal_stiffness_N_per_m(const evaluation::ForceTable& table) {
+    return -table.at(Eigen::Vector3d::Zero()).stiffness_W(2, 2);
+  }
+
+  Value at(const Eigen::Vector3d& position_W) const override {
+    const Value value = table_.at(table_.clamped(position_W - contact_point_W_));
+    return {factor_ * value.force_W, factor_ * value.stiffness_W};
+  }
+  Contact contact() const override { return {true, 1, contact_point_W_}; }
+  double stiffness_N_per_m() const noexcept override { return stiffness_N_per_m_; }
+
+ private:
+  const evaluation::ForceTable& table_;
+  double factor_;
+  double stiffness_N_per_m_;
+  Eigen::Vector3d contact_point_W_;
+};
+
+}  // namespace forcegrid::stability
