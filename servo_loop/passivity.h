@@ -75,7 +75,7 @@ struct PassivityOptions {
 /// Threads: one.
 class PassivityGuard {
  public:
-  static constexpr double kBoundCycles = 2.0;
+  static constexpr double kBoundCycles = 3.0;
   static constexpr double kRecovery_s = 0.1;
   static constexpr double kNewAccount_s = 0.1;
 
