@@ -2,9 +2,13 @@
 
 namespace forcegrid::evaluation {
 
-/// The parts of the chart's page that don't depend on its data.
+/// The parts of a chart's page that don't depend on its data. The title stands between the first
+/// two; the script takes `names` (of columns), `rows`, and `filterColumns`, how many of the first
+/// columns can be filtered.
 inline constexpr char kHtmlHead[] = R"html(<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>Force methods: accuracy against speed</title>
+<html lang="en"><head><meta charset="utf-8"><title>)html";
+
+inline constexpr char kHtmlStyle[] = R"html(</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <style>
 body{font:15px/1.5 system-ui,sans-serif;color:#222;background:#fff;max-width:1400px;margin:2em auto;padding:0 1em}
@@ -42,7 +46,7 @@ for (const table of document.querySelectorAll('table.sortable')) {
   }));
 }
 let order = 0, upwards = true;
-const filters = [0, 1, 2, 3].map(column => {
+const filters = names.slice(0, filterColumns).map((_, column) => {
   const select = document.createElement('select');
   select.append(new Option('all: ' + names[column], ''));
   [...new Set(rows.map(row => row[column]))].forEach(name => select.append(new Option(name, name)));

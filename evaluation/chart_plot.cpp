@@ -1,15 +1,12 @@
 #include "evaluation/chart_plot.h"
 
-#include <sys/wait.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <limits>
 #include <sstream>
+
+#include "evaluation/gnuplot.h"
 
 namespace forcegrid::evaluation {
 namespace {
@@ -45,14 +42,6 @@ struct LogAxis {
   }
   double fraction(double value) const { return (std::log10(value) - low) / (high - low); }
 };
-
-std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char character : text) {
-    result += character == '\'' ? std::string("''") : std::string(1, character);
-  }
-  return result + "'";
-}
 
 std::string label_of(const ChartPoint& point) {
   std::string text = point.method;
@@ -186,20 +175,7 @@ bool write_error_cost_svg(const std::filesystem::path& file, const std::string& 
   }
   script << '\n';
 
-  errno = 0;
-  std::FILE* gnuplot = popen("trap '' INT; exec gnuplot 2>&1 >/dev/null", "w");
-  if (gnuplot == nullptr) {
-    throw ChartError(std::string("gnuplot could not be started: ") + std::strerror(errno));
-  }
-  const std::string text = script.str();
-  std::fwrite(text.data(), 1, text.size(), gnuplot);
-  const int status = pclose(gnuplot);
-  if (status != 0) {
-    throw ChartError("gnuplot could not draw " + file.string() + " (status " +
-                     std::to_string(WIFEXITED(status) ? WEXITSTATUS(status) : status) +
-                     "); install the package gnuplot-nox, free some space or choose another "
-                     "folder; the same command goes on with the rows that are finished");
-  }
+  run_gnuplot(script.str(), file);
   return true;
 }
 

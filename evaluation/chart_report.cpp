@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "evaluation/chart_html_parts.h"
 #include "evaluation/chart_plot.h"
 #include "evaluation/chart_rows.h"
+#include "evaluation/page_text.h"
 #include "evaluation/trajectories.h"
 
 namespace forcegrid::evaluation {
@@ -17,52 +15,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-std::string number(double value, const char* format = "%.6g") {
-  if (!std::isfinite(value)) {
-    return {};
-  }
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
-
 ordered_json or_null(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
-}
-
-// Three significant digits, without an exponent for what people compare.
-std::string readable(double value) {
-  if (!std::isfinite(value)) {
-    return "&ndash;";
-  }
-  const double size = std::abs(value);
-  return number(value, size >= 100.0  ? "%.0f"
-                       : size >= 10.0 ? "%.1f"
-                       : size >= 1.0  ? "%.2f"
-                                      : "%.3f");
-}
-
-std::string escaped(const std::string& text) {
-  std::string result;
-  for (const char character : text) {
-    switch (character) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      case '"':
-        result += "&quot;";
-        break;
-      default:
-        result += character;
-    }
-  }
-  return result;
 }
 
 ordered_json to_json(const TableDifference& difference) {
@@ -72,22 +26,6 @@ ordered_json to_json(const TableDifference& difference) {
           {"live_rms_N", difference.live_rms_N},
           {"unconverged", difference.unconverged},
           {"branch_changes", difference.branch_changes}};
-}
-
-std::string read_text(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream content;
-  content << stream.rdbuf();
-  if (!stream) {
-    throw ChartError(file.string() + " can't be read back; was it removed meanwhile?");
-  }
-  return content.str();
-}
-
-// Behind an XML declaration and document type, which HTML does not take.
-std::string svg_element(const std::string& svg) {
-  const std::size_t begin = svg.find("<svg");
-  return begin == std::string::npos ? std::string() : svg.substr(begin);
 }
 
 void add_numbers(std::string& html, const Chart& chart, const ChartOptions& options) {
@@ -246,7 +184,7 @@ std::string chart_json(const Chart& chart, const ChartOptions& options) {
 std::string chart_html(const Chart& chart, const ChartOptions& options,
                        const std::vector<std::string>& pictures,
                        const std::vector<ChartFigure>& figures) {
-  std::string html = kHtmlHead;
+  std::string html = page_head("Force methods: accuracy against speed");
   html += "<h1>Force methods: accuracy against speed</h1><p>" + std::to_string(chart.rows.size()) +
           " rows, each one method on one object, motion and network; servo at 500 Hz. Errors are "
           "|F - F<sub>o</sub>| in % of the RMS of |F<sub>o</sub>|, F<sub>o</sub> the converged "
@@ -283,7 +221,8 @@ std::string chart_html(const Chart& chart, const ChartOptions& options,
     rows.push_back(std::move(line));
   }
   html += kHtmlAllRows;
-  html += "<script>const names=" + names.dump() + ",rows=" + rows.dump() + ";</script>";
+  html +=
+      "<script>const names=" + names.dump() + ",rows=" + rows.dump() + ",filterColumns=4;</script>";
   return html + kHtmlScript;
 }
 

@@ -1,19 +1,12 @@
 #include "evaluation/chart_rows.h"
 
-#include <sys/file.h>
-
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 namespace forcegrid::evaluation {
 namespace {
 
 using nlohmann::ordered_json;
-
-constexpr char kNotFound[] = "";
 
 // One list for reading and writing: take(name, value) for every figure that is a plain number.
 template <typename Row, typename Take>
@@ -46,8 +39,6 @@ void each_figure(Row& row, const Take& take) {
   take("requests_answered", v.requests_answered);
   take("truth_rms_N", v.truth_rms_N);
 }
-
-std::string system_error() { return std::strerror(errno == 0 ? EIO : errno); }
 
 }  // namespace
 
@@ -95,50 +86,10 @@ ChartRow row_from_json(const ordered_json& json) {
 }
 
 RowStore::RowStore(const std::filesystem::path& folder, const std::string& program)
-    : file_name_(folder / "rows.jsonl"), program_(program) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) {
-    throw ChartError("folder " + folder.string() + " can't be made (" + error.message() +
-                     "); choose another one with --out");
-  }
-  const std::string lock_name = (folder / ".lock").string();
-  errno = 0;
-  lock_.reset(std::fopen(lock_name.c_str(), "w"));
-  if (!lock_) {
-    throw ChartError(lock_name + " can't be written (" + system_error() +
-                     "); choose another folder with --out");
-  }
-  if (flock(fileno(lock_.get()), LOCK_EX | LOCK_NB) != 0) {
-    throw ChartError("another chart is writing to " + folder.string() +
-                     "; wait for it or choose another folder with --out");
-  }
-  std::string kept;
-  {
-    std::ifstream file(file_name_);
-    for (std::string line; std::getline(file, line);) {
-      const ordered_json json = ordered_json::parse(line, nullptr, false);
-      if (json.is_discarded() || !json.is_object() ||
-          json.value("program", kNotFound) != program_) {
-        continue;
-      }
-      try {
+    : file_(folder, program, [this](const ordered_json& json) {
         ChartRow row = row_from_json(json);
-        kept += line + '\n';
         rows_[row.key] = std::move(row);
-      } catch (const ordered_json::exception&) {
-        // A line that was damaged; its row is judged again.
-      }
-    }
-  }
-  write_file(file_name_, kept);
-  errno = 0;
-  file_.reset(std::fopen(file_name_.c_str(), "a"));
-  if (!file_) {
-    throw ChartError(file_name_.string() + " can't be written (" + system_error() +
-                     "); choose another folder with --out");
-  }
-}
+      }) {}
 
 const ChartRow* RowStore::find(const std::string& key) const {
   const auto found = rows_.find(key);
@@ -146,15 +97,7 @@ const ChartRow* RowStore::find(const std::string& key) const {
 }
 
 void RowStore::keep(const ChartRow& row) {
-  ordered_json json = to_json(row);
-  json["program"] = program_;
-  const std::string line = json.dump() + '\n';
-  errno = 0;
-  const bool written = std::fwrite(line.data(), 1, line.size(), file_.get()) == line.size();
-  if (std::fflush(file_.get()) != 0 || !written) {
-    throw ChartError(file_name_.string() + ": " + system_error() +
-                     "; free some space, then the same command goes on");
-  }
+  file_.keep(to_json(row));
   rows_[row.key] = row;
 }
 

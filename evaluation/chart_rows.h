@@ -1,15 +1,14 @@
 #pragma once
 
-#include <cstdio>
 #include <filesystem>
 #include <map>
-#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "evaluation/chart.h"
+#include "evaluation/row_file.h"
 
 namespace forcegrid::evaluation {
 
@@ -25,13 +24,10 @@ nlohmann::ordered_json to_json(const ChartRow& row);
 /// @throws nlohmann::json::exception for anything that to_json() did not make.
 ChartRow row_from_json(const nlohmann::ordered_json& json);
 
-/// Finished rows of a chart, one a line in `folder`/rows.jsonl.
-/// Threads: one. Processes: one a folder, which a lock on the file enforces.
+/// Finished rows of a chart, see RowFile.
 class RowStore {
  public:
-  /// Reads what an earlier call of the same program left; rows of another program are removed, as
-  /// is a line that was cut off in the middle.
-  /// @throws ChartError when the folder can't be made or used, or another chart is using it.
+  /// @throws ChartError as RowFile.
   RowStore(const std::filesystem::path& folder, const std::string& program);
 
   /// The row with this key, or null.
@@ -42,14 +38,8 @@ class RowStore {
   void keep(const ChartRow& row);
 
  private:
-  struct Close {
-    void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-  };
-  std::filesystem::path file_name_;
-  std::string program_;
   std::map<std::string, ChartRow> rows_;
-  std::unique_ptr<std::FILE, Close> lock_;
-  std::unique_ptr<std::FILE, Close> file_;
+  RowFile file_;
 };
 
 }  // namespace forcegrid::evaluation
