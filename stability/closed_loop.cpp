@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "stability/settling.h"
-#include "stability/slow_simulator.h"
 
 namespace forcegrid::stability {
 namespace {
@@ -31,11 +30,13 @@ class Run {
         object_(object),
         method_(method),
         plant_(setup.device, setup.hand, setup.contact_point_W),
-        simulator_(setup.network, setup.seed),
+        simulator_(setup.network, setup.fault, setup.seed),
+        guard_(setup.passivity),
         count_age_ns_(nanoseconds(setup.timing.count_age_s)),
         actuation_ns_(nanoseconds(setup.timing.actuation_delay_s)),
         sampled_W_(setup.contact_point_W),
         last_measured_W_(setup.contact_point_W) {
+    guard_.set_resolution(Vector3d::Constant(setup.device.position_step_m));
     if (!(setup.servo_rate_Hz >= 50.0 && setup.servo_rate_Hz <= 20000.0)) {
       throw std::invalid_argument("servo rate: use 50 to 20000 Hz");
     }
@@ -68,6 +69,8 @@ class Run {
                                      : std::nan("");
     result.energy_generated_J = generated_J_;
     result.most_energy_generated_J = most_generated_J_;
+    result.most_energy_to_hand_J = guard_.largest_energy_to_hand_J();
+    result.damped_energy_J = guard_.damped_energy_J();
     result.largest_force_N = largest_force_N_;
     result.samples_taken = samples_taken_;
     result.samples_lost = simulator_.lost();
@@ -118,6 +121,11 @@ class Run {
     object_.advance(now_s, measured_W);
     const Vector3d truth_W = object_.at(measured_W).force_W;
     Vector3d wanted_W = method_ == nullptr ? truth_W : method_force_W(now_ns, measured_W);
+    wanted_W -=
+        setup_.virtual_damping_N_s_per_m * setup_.servo_rate_Hz * (measured_W - last_measured_W_);
+    last_measured_W_ = measured_W;
+    const double period_s = 1e-9 * static_cast<double>(next_ns - now_ns);
+    wanted_W = guard_.apply(cycle == 0 ? 0.0 : period_s, measured_W, wanted_W);
     if (now_s >= kErrorsFrom_s) {
       error_square_N2_ += (wanted_W - truth_W).squaredNorm();
       truth_square_N2_ += truth_W.squaredNorm();
@@ -130,8 +138,9 @@ class Run {
     if (size_N > setup_.device.max_force_N) {
       wanted_W *= setup_.device.max_force_N / size_N;
     }
+    guard_.set_rendered(wanted_W);
     largest_force_N_ = std::max(largest_force_N_, wanted_W.norm());
-    flick_if_due(now_s, static_cast<double>(next_ns - now_ns) * 1e-9);
+    flick_if_due(now_s, period_s);
 
     const Vector3d object_begin_W = object_.at(plant_.position_W()).force_W;
     const Vector3d begin_W = plant_.position_W();
@@ -173,6 +182,7 @@ class Run {
   ForceMethod* method_;
   Plant plant_;
   SlowSimulator simulator_;
+  servo::PassivityGuard guard_;
   std::int64_t count_age_ns_;
   std::int64_t actuation_ns_;
   Vector3d sampled_W_;

@@ -7,8 +7,10 @@
 
 #include "evaluation/network.h"
 #include "forcegrid/force_method.h"
+#include "servo_loop/passivity.h"
 #include "stability/hand.h"
 #include "stability/plant.h"
+#include "stability/slow_simulator.h"
 #include "stability/virtual_object.h"
 
 namespace forcegrid::stability {
@@ -35,6 +37,9 @@ struct LoopSetup {
   Hand hand;
   evaluation::NetworkCondition network;
   Eigen::Vector3d contact_point_W = evaluation::first_contact_point_W();  ///< [m] where it begins
+  SimulatorFault fault = SimulatorFault::kNone;
+  /// The servo's guard; as it is here it only observes.
+  servo::PassivityOptions passivity{.mode = servo::PassivityMode::kObserve};
   double virtual_damping_N_s_per_m = 0.0;  ///< B, added by the servo from the last two positions
   /// [s] How long the hand keeps still; longer for boundaries at which oscillations decay slowly.
   double hold_s = 4.0;
@@ -63,6 +68,9 @@ struct LoopResult {
   /// path: what the rendering has added, at the end and at most.
   double energy_generated_J = 0.0;
   double most_energy_generated_J = 0.0;
+  /// [J] PassivityGuard::largest_energy_to_hand_J(): what a hand got without having put it in.
+  double most_energy_to_hand_J = 0.0;
+  double damped_energy_J = 0.0;  ///< taken out by the guard
   double largest_force_N = 0.0;  ///< rendered, after the limit of the motors
   double end_s = 0.0;            ///< of the run; earlier than usual after a divergence
   std::uint64_t samples_taken = 0;
@@ -93,9 +101,9 @@ struct StatedRun {
 
 /// One run of device, hand, servo, method, simulator and link in simulated time. In each cycle, as
 /// in servo::ServoLoop::run_cycle(): counts -> position -> what has arrived -> observe() -> force()
-/// -> limit of the motors -> work(). It is a loop of its own, since that one's mechanisms quantise
-/// and limit, which the theory that the charts are held against does not know; run
-/// servo::ServoLoop itself with SimulatedArm for what a device feels.
+/// -> passivity guard -> limit of the motors -> work(). It is a loop of its own, since that one's
+/// mechanisms quantise and limit, which the theory that the charts are held against does not know;
+/// run servo::ServoLoop itself with SimulatedArm for what a device feels.
 /// @param method nullptr: the object's exact force in every cycle, which is what `direct` renders.
 /// The same arguments give the same result to the last bit.
 /// @throws std::invalid_argument for a rate or timing that can't be, with the remedy.

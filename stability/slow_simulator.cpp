@@ -5,9 +5,21 @@
 #include <stdexcept>
 
 namespace forcegrid::stability {
+namespace {
 
-SlowSimulator::SlowSimulator(const evaluation::NetworkCondition& network, std::uint64_t seed)
-    : network_(network), numbers_(seed) {
+constexpr double kConverged = 0.6;
+constexpr double kPause_s = 0.2;
+constexpr double kJump_s = 0.5;
+constexpr double kSkew = 0.01;
+constexpr double kBias_N = 0.1;
+constexpr double kOneIn = 0.05;
+constexpr double kOutlier_N = 2.0;
+
+}  // namespace
+
+SlowSimulator::SlowSimulator(const evaluation::NetworkCondition& network, SimulatorFault fault,
+                             std::uint64_t seed)
+    : network_(network), fault_(fault), numbers_(seed) {
   if (!(network.simulator_rate_Hz > 0.0) || !(network.loss >= 0.0 && network.loss <= 1.0) ||
       !(network.delay_s >= 0.0) || !(network.jitter_s >= 0.0)) {
     throw std::invalid_argument(
@@ -45,6 +57,9 @@ void SlowSimulator::publish(std::int64_t now_ns, const Eigen::Vector3d& position
   for (Eigen::Index i = 0; i < 3 && network_.noise_N > 0.0; ++i) {
     answer.sample.force_W[i] += network_.noise_N * numbers_.normal();
   }
+  if (!spoil(answer.sample.time_s, answer)) {
+    return;
+  }
   const double late_s = network_.delay_s + network_.jitter_s * numbers_.uniform(0.0, 1.0);
   answer.arrives_ns = due_ns + static_cast<std::int64_t>(std::llround(period_ns + 1e9 * late_s));
   if (numbers_.uniform(0.0, 1.0) < network_.loss) {
@@ -55,6 +70,46 @@ void SlowSimulator::publish(std::int64_t now_ns, const Eigen::Vector3d& position
       under_way_.begin(), under_way_.end(), answer.arrives_ns,
       [](std::int64_t time_ns, const Answer& each) { return time_ns < each.arrives_ns; });
   under_way_.insert(place, answer);
+}
+
+bool SlowSimulator::spoil(double now_s, Answer& answer) {
+  Sample& sample = answer.sample;
+  switch (fault_) {
+    case SimulatorFault::kNone:
+      return true;
+    case SimulatorFault::kUnconverged:
+      unconverged_W_N_ += kConverged * (sample.force_W - unconverged_W_N_);
+      sample.force_W = unconverged_W_N_;
+      sample.converged = false;
+      return true;
+    case SimulatorFault::kRestarts:
+      sample.contact_epoch += static_cast<std::uint32_t>(now_s);
+      [[fallthrough]];
+    case SimulatorFault::kPauses:
+      return now_s < 1.0 || now_s - std::floor(now_s) >= kPause_s;
+    case SimulatorFault::kClockJump:
+      sample.time_s -= now_s >= 2.0 && now_s < 4.0 ? kJump_s : 0.0;
+      return true;
+    case SimulatorFault::kClockSkew:
+      sample.time_s *= 1.0 + kSkew;
+      return true;
+    case SimulatorFault::kBias:
+      sample.force_W.x() += kBias_N;
+      return true;
+    case SimulatorFault::kOutliers:
+      if (numbers_.uniform(0.0, 1.0) < kOneIn) {
+        for (Eigen::Index i = 0; i < 3; ++i) {
+          sample.force_W[i] += numbers_.uniform(-kOutlier_N, kOutlier_N);
+        }
+      }
+      return true;
+    case SimulatorFault::kNotFinite:
+      if (numbers_.uniform(0.0, 1.0) < kOneIn) {
+        sample.force_W.setConstant(std::nan(""));
+      }
+      return true;
+  }
+  return true;
 }
 
 std::optional<SlowSimulator::Answer> SlowSimulator::receive(std::int64_t now_ns) {
