@@ -203,6 +203,24 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->check(fault_spec())
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  run.add_option("--passivity", o.passivity,
+                 "What is done about energy that the force gives to the hand: control (damp it), "
+                 "observe (only count it), coupling (touch through a spring and damper)")
+      ->check(CLI::IsMember({"control", "observe", "coupling"}))
+      ->capture_default_str();
+  run.add_option("--passivity-allowance-mJ", o.passivity_allowance_mJ,
+                 "Energy in a contact from which on the control acts, in mJ")
+      ->check(between(0.01, 1000.0))
+      ->capture_default_str();
+  run.add_option("--passivity-damping", o.passivity_damping_N_s_per_m,
+                 "Most damping that the control adds, in N s/m; at most what the profile allows")
+      ->check(between(0.0, 100.0))
+      ->capture_default_str();
+  run.add_option("--coupling", o.coupling, "Of --passivity coupling: K,B in N/m and N s/m")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(between(0.001, 1e6))
+      ->capture_default_str();
   run.add_flag("--no-motor-check", o.no_motor_check,
                "Do not give each motor a few short pushes before the first force");
   run.add_flag("--reconnect", o.reconnect,

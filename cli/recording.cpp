@@ -35,7 +35,7 @@ evaluation::Trace trace_of(const std::deque<servo::ArrivedSample>& samples,
   evaluation::Trace trace;
   for (std::size_t i = 0; i < cycles.size(); ++i) {
     trace.servo.push_back({1e-9 * static_cast<double>(cycles[i]->time_ns - contact_ns),
-                           servo::vector(cycles[i]->position_W_m), truth_W.at(i)});
+                           servo::vector(cycles[i]->touching_W_m), truth_W.at(i)});
   }
   // The epoch of the present contact, as the servo knew it.
   std::optional<std::uint32_t> contact;

@@ -162,6 +162,19 @@ MethodOptions method_options(const RunOptions& options, const profiles::DevicePr
   return method;
 }
 
+// With a coupling the guard observes what that gives.
+void set_passivity(const RunOptions& options, servo::ServoOptions& servo_options) {
+  constexpr double kBoundOverAllowance = 0.7 / 0.3;
+  servo_options.passivity.mode = options.passivity == "control" ? servo::PassivityMode::kControl
+                                                                : servo::PassivityMode::kObserve;
+  servo_options.passivity.allowance_J = 1e-3 * options.passivity_allowance_mJ;
+  servo_options.passivity.bound_J = kBoundOverAllowance * servo_options.passivity.allowance_J;
+  servo_options.passivity.max_damping_N_s_per_m = options.passivity_damping_N_s_per_m;
+  if (options.passivity == "coupling") {
+    servo_options.coupling = servo::CouplingOptions{options.coupling.at(0), options.coupling.at(1)};
+  }
+}
+
 bool is_falcon(const profiles::DeviceProfile& profile) { return profile.usb.protocol == "falcon"; }
 
 /// What a device that runs none is given.
@@ -235,7 +248,7 @@ ContactCycles cycles_since(const std::deque<servo::CycleRecord>& records, std::i
   for (const servo::CycleRecord& record : records) {
     if (record.time_ns >= contact_ns && record.fault == servo::Fault::kNone) {
       cycles.records.push_back(&record);
-      cycles.positions_W.push_back(servo::vector(record.position_W_m));
+      cycles.positions_W.push_back(servo::vector(record.touching_W_m));
     }
   }
   return cycles;
@@ -382,6 +395,7 @@ int run_command(const RunOptions& options) {
   summary.device_profile = profile.name;
   summary.scene = options.simulator.empty() ? options.scene : "";
   summary.method = options.method;
+  summary.passivity = options.passivity;
   summary.rate_requested_Hz = options.rate_Hz;
 
   // The rendered method first, the others in its shadow at the same path.
@@ -392,6 +406,7 @@ int run_command(const RunOptions& options) {
   servo_options.report_timeout = milliseconds(options.device_timeout_ms);
   servo_options.gravity_compensation = options.gravity_compensation;
   servo_options.check_motors = !options.no_motor_check;
+  set_passivity(options, servo_options);
   const MethodOptions base = method_options(options, profile, servo_options.workspace);
   std::vector<std::unique_ptr<ForceMethod>> owned;
   std::vector<ForceMethod*> methods;
@@ -668,7 +683,7 @@ int run_command(const RunOptions& options) {
   for (std::size_t i = 0; i < cycles.records.size(); ++i) {
     FigureRow row;
     row.time_s = time_s(*cycles.records[i], contact->time_ns);
-    row.position_W_m = cycles.records[i]->position_W_m;
+    row.position_W_m = cycles.records[i]->touching_W_m;
     if (!truth_W.empty()) {
       row.truth_W_N = servo::triple(truth_W[i]);
     }

@@ -52,9 +52,13 @@ struct RunOptions {
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";
-  std::vector<std::string> faults;  ///< of the emulated device
-  bool no_motor_check = false;      ///< skip servo::MotorCheck
-  bool reconnect = false;           ///< wait for a device that has gone, and go on with it
+  std::vector<std::string> faults;    ///< of the emulated device
+  std::string passivity = "control";  ///< or observe, or coupling: see PassivityGuard
+  double passivity_allowance_mJ = 0.3;
+  double passivity_damping_N_s_per_m = 10.0;   ///< at most
+  std::vector<double> coupling{1000.0, 10.0};  ///< N/m, N s/m
+  bool no_motor_check = false;                 ///< skip servo::MotorCheck
+  bool reconnect = false;  ///< wait for a device that has gone, and go on with it
   double reconnect_timeout_s = 60.0;
   std::string out = "out";
   bool no_truth = false;

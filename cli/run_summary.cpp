@@ -96,6 +96,16 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   if (statistics.cycles_limited > 0) {
     append(text, "A limit of the profile acted in %" PRIu64 " cycles\n", statistics.cycles_limited);
   }
+  append(text,
+         "Energy given to the hand by the rendered force: %+.2f mJ in all, at most %.3f mJ in a "
+         "contact",
+         1e3 * outcome.energy_to_hand_J, 1e3 * outcome.largest_energy_to_hand_J);
+  if (outcome.cycles_damped + outcome.cycles_shortened > 0) {
+    append(text,
+           "; to stay passive %" PRIu64 " cycles were damped (%.2f mJ) and %" PRIu64 " shortened",
+           outcome.cycles_damped, 1e3 * outcome.damped_energy_J, outcome.cycles_shortened);
+  }
+  text += "\n";
   if (outcome.stalls > 0) {
     append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in anew\n",
            outcome.stalls);
@@ -272,6 +282,13 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"recovered_faults", recovered},
       {"recalibrations", summary.recalibrations},
       {"encoder_doubts", outcome.encoder_doubts},
+      {"passivity",
+       {{"mode", summary.passivity},
+        {"energy_to_hand_mJ", 1e3 * outcome.energy_to_hand_J},
+        {"largest_energy_to_hand_mJ", 1e3 * outcome.largest_energy_to_hand_J},
+        {"damped_energy_mJ", 1e3 * outcome.damped_energy_J},
+        {"cycles_damped", outcome.cycles_damped},
+        {"cycles_shortened", outcome.cycles_shortened}}},
       {"notes", summary.notes},
       {"files", summary.files},
   };

@@ -34,6 +34,7 @@ struct RunSummary {
   std::string device_profile;
   std::string scene;
   std::string method;
+  std::string passivity;  ///< control, observe or coupling
   double rate_requested_Hz = 0.0;
   double elapsed_s = 0.0;  ///< from the first to the last cycle
   servo::ServoOutcome outcome;
@@ -46,8 +47,8 @@ struct RunSummary {
   double worst_solve_time_s = 0.0;
   std::uint64_t records_lost = 0;
   std::uint64_t cycles_kept = 0;
-  std::uint64_t samples_overrun = 0;              ///< accepted, but the servo's ring was full
-  std::vector<std::string> members;  ///< of the rendered method, see ForceMethod::members()
+  std::uint64_t samples_overrun = 0;  ///< accepted, but the servo's ring was full
+  std::vector<std::string> members;   ///< of the rendered method, see ForceMethod::members()
   std::map<std::string, std::uint64_t> counters;  ///< what the rendered method counts, by name
   std::vector<std::string> notes;                 ///< degradations, one sentence each
   std::optional<nlohmann::json> emulator;         ///< its own report

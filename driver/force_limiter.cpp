@@ -74,6 +74,7 @@ LimitedForce ForceLimiter::apply(const Eigen::Vector3d& force_D, const ArmPose& 
   const Eigen::Array3d current_A =
       current_per_torque_A_per_Nm_ * (torque_scale * torque_Nm).array();
   const double current_scale = scale_within(current_A, max_current_A_);
+  result.torque_scale = current_scale * torque_scale;
   result.joint_torque_Nm = current_scale * torque_scale * torque_Nm;
   if (!result.joint_torque_Nm.allFinite() || !current_A.allFinite()) {
     reset();

@@ -24,6 +24,7 @@ struct LimitedForce {
   Eigen::Vector3d force_D = Eigen::Vector3d::Zero();          ///< [N] after force and slew limit
   Eigen::Vector3d joint_torque_Nm = Eigen::Vector3d::Zero();  ///< after every limit
   std::array<double, 3> current_A{};                          ///< after every limit
+  double torque_scale = 1.0;  ///< by which 4 and 5 scaled the torque of force_D and the extra one
 };
 
 /// The last thing between a wanted force and the motors. In this order:

@@ -29,6 +29,8 @@ struct CycleRecord {
   std::uint64_t report_sequence = 0;
   std::array<std::int32_t, 3> counts{};
   Triple position_W_m{};
+  /// Where the methods were asked: the tool, or the proxy of a virtual coupling.
+  Triple touching_W_m{};
   Triple velocity_W_m_per_s{};
   std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
   std::array<EstimateStatus, kMaxMethods> method_status{};
@@ -39,6 +41,10 @@ struct CycleRecord {
   Triple commanded_force_D_N{};  ///< after ramp, fade and every limit
   Triple current_A{};
   std::uint8_t limits_acted = 0;  ///< driver::LimitFlag bits
+  /// Given to the hand by the rendered force in this contact, see PassivityGuard.
+  double energy_to_hand_J = 0.0;
+  double passivity_damping_N_s_per_m = 0.0;  ///< that the guard added
+  double passivity_scale = 1.0;              ///< by which it shortened the wanted force
   bool in_contact = false;
   std::uint32_t contact_epoch = 0;
   std::uint64_t samples_taken = 0;  ///< since the start

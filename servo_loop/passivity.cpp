@@ -28,6 +28,9 @@ PassivityGuard::PassivityGuard(const PassivityOptions& options) : options_(optio
   if (!(options.arm_damping_N_s_per_m >= 0.0) || !std::isfinite(options.arm_damping_N_s_per_m)) {
     throw std::invalid_argument("passivity: the arm's damping must not be negative");
   }
+  if (!(options.moving_mass_kg > 0.0) || !std::isfinite(options.moving_mass_kg)) {
+    throw std::invalid_argument("passivity: the moving mass must be positive");
+  }
   if (!(options.velocity_time_constant_s > 0.0) ||
       !std::isfinite(options.velocity_time_constant_s)) {
     throw std::invalid_argument("passivity: the velocity's time constant must be positive");
@@ -52,7 +55,6 @@ Eigen::Vector3d PassivityGuard::apply(double dt_s, const Eigen::Vector3d& positi
     observe(dt_s, step_W, wanted_W);
     const double share = 1.0 - std::exp(-dt_s / options_.velocity_time_constant_s);
     velocity_W_ += share * (step_W / dt_s - velocity_W_);
-    settle(dt_s, wanted_W);
     if (options_.mode == PassivityMode::kControl) {
       shorten(dt_s, step_W, wanted_W);
       force_W = scale_ * wanted_W + damp(dt_s);
@@ -90,17 +92,14 @@ void PassivityGuard::observe(double dt_s, const Eigen::Vector3d& step_W,
   }
 }
 
-void PassivityGuard::settle(double dt_s, const Eigen::Vector3d& wanted_W) noexcept {
-  idle_s_ = wanted_W.isZero(0.0) ? idle_s_ + dt_s : 0.0;
-  if (idle_s_ >= kNewAccount_s) {
-    energy_W_J_.setZero();
-    account_W_J_.setZero();
-  }
+void PassivityGuard::open_account() noexcept {
+  energy_W_J_.setZero();
+  account_W_J_.setZero();
 }
 
 // The velocity without what quantisation alone makes of a tool at rest, and without a step where
 // that ends.
-Eigen::Vector3d PassivityGuard::moving_W() const noexcept {
+Eigen::Vector3d PassivityGuard::motion_W() const noexcept {
   const Eigen::Array3d band_m_per_s =
       options_.dead_band_counts / options_.velocity_time_constant_s * resolution_W_m_.array();
   const Eigen::Array3d speed_m_per_s = velocity_W_.array().abs();
@@ -108,7 +107,7 @@ Eigen::Vector3d PassivityGuard::moving_W() const noexcept {
 }
 
 Eigen::Vector3d PassivityGuard::damp(double dt_s) noexcept {
-  const Eigen::Vector3d moving = moving_W();
+  const Eigen::Vector3d moving = motion_W();
   Eigen::Array3d damping_N_s_per_m = Eigen::Array3d::Zero();
   if (options_.each_axis) {
     for (Eigen::Index i = 0; i < 3; ++i) {
@@ -133,10 +132,20 @@ Eigen::Vector3d PassivityGuard::damp(double dt_s) noexcept {
 
 void PassivityGuard::shorten(double dt_s, const Eigen::Vector3d& step_W,
                              const Eigen::Vector3d& wanted_W) noexcept {
-  // The filtered velocity is late, the raw one is coarse: what gives more counts.
-  const double power_watt = std::max(wanted_W.dot(velocity_W_), wanted_W.dot(step_W) / dt_s);
-  const double left_watt = std::max(0.0, options_.bound_J - account_J()) / (kBoundCycles * dt_s);
-  const double allowed = power_watt > left_watt ? left_watt / power_watt : 1.0;
+  // What s times the wanted force gives within the horizon is s linear + s^2 square. The filtered
+  // velocity is late, the raw one is coarse: what gives more counts.
+  const double horizon_s = kBoundCycles * dt_s;
+  const double linear_J =
+      horizon_s * std::max(wanted_W.dot(velocity_W_), wanted_W.dot(step_W) / dt_s);
+  const double square_J =
+      0.5 * wanted_W.squaredNorm() * horizon_s * horizon_s / options_.moving_mass_kg;
+  const double left_J = std::max(0.0, options_.bound_J - account_J());
+  double allowed = 1.0;
+  if (linear_J + square_J > left_J) {
+    const double root_J = std::sqrt(linear_J * linear_J + 4.0 * square_J * left_J);
+    allowed = linear_J > 0.0 ? 2.0 * left_J / (linear_J + root_J)
+                             : (root_J - linear_J) / (2.0 * square_J);
+  }
   scale_ = std::min({allowed, 1.0, scale_ + dt_s / kRecovery_s});
 }
 

@@ -20,13 +20,14 @@ struct PassivityOptions {
   /// [J] A sampled spring leaks a little energy although it is harmless; below this nothing is
   /// done.
   double allowance_J = 0.3e-3;
-  /// [J] No power is given that would take the energy beyond this within two cycles. Above
-  /// allowance_J.
-  double bound_J = 0.5e-3;
+  /// [J] The force is shortened where it would take the energy beyond this. Above allowance_J.
+  double bound_J = 0.7e-3;
   double max_damping_N_s_per_m = 10.0;
   /// What the arm itself is trusted to have: the sampling of a stiffness up to twice this over the
   /// cycle time is left to it. The method study's arm, without any hand.
   double arm_damping_N_s_per_m = 0.3;
+  /// What a force can set in motion at once: of the arm and a light hand together.
+  double moving_mass_kg = 0.1;
   /// Time constant of the low-passed velocity that damps.
   double velocity_time_constant_s = 0.010;
   /// [counts] What this many counts within a time constant look like is no motion. One count that
@@ -63,21 +64,20 @@ struct PassivityOptions {
 ///   b = min(b_max, (A - E0) / (T u . v)) where A > E0, else 0        (A: the account)
 ///
 /// and where damping is not enough (a force that is 50 ms old and more asks for more damping than
-/// a sampled loop can give), s shortens the wanted force so that its power stays below
-/// (E_bound - A) / (kBoundCycles T). s falls at once and rises within kRecovery_s: an object that
-/// keeps giving energy fades.
+/// a sampled loop can give), s shortens the wanted force so that what it gives within h =
+/// kBoundCycles T, the acceleration of the moving mass m by itself included, is left in the
+/// account:
 ///
-/// A tool on which no force is wanted for kNewAccount_s stores nothing in the object any more: what
-/// is left in the account is then settled, and it starts at zero again. Otherwise what a lossy
-/// object has absorbed would be credit for an unstable one.
+///   s W . v h + (s |W| h)^2 / 2m <= E_bound - A
+///
+/// s falls at once and rises within kRecovery_s: an object that keeps giving energy fades.
 ///
 /// Pure: it has no clock and keeps no time but dt. Real-time: no allocation, lock or throw.
 /// Threads: one.
 class PassivityGuard {
  public:
-  static constexpr double kBoundCycles = 3.0;
-  static constexpr double kRecovery_s = 0.1;
-  static constexpr double kNewAccount_s = 0.1;
+  static constexpr double kBoundCycles = 2.0;
+  static constexpr double kRecovery_s = 0.05;
 
   /// @throws std::invalid_argument naming the option that can't be used.
   explicit PassivityGuard(const PassivityOptions& options = {});
@@ -103,6 +103,10 @@ class PassivityGuard {
   /// Nothing was rendered until now, and where the tool went meanwhile is not known.
   void restart() noexcept;
 
+  /// E and the account start at zero again: for a tool out of contact, to which the object owes
+  /// nothing. Otherwise what a lossy object has absorbed would be credit for an unstable one.
+  void open_account() noexcept;
+
   /// [J] E since the account was opened; negative: the hand has put in more than it got.
   double energy_to_hand_J() const noexcept { return energy_W_J_.sum(); }
   /// [J] the same by axis of W.
@@ -120,14 +124,12 @@ class PassivityGuard {
   double damping_N_s_per_m() const noexcept { return damping_N_s_per_m_; }
   /// Part of the wanted force that is rendered, 0..1.
   double scale() const noexcept { return scale_; }
-  /// [m/s] low-passed.
-  const Eigen::Vector3d& velocity_W() const noexcept { return velocity_W_; }
+  /// [m/s] u: low-passed, without what quantisation alone makes of a tool at rest.
+  Eigen::Vector3d motion_W() const noexcept;
 
  private:
   void observe(double dt_s, const Eigen::Vector3d& step_W,
                const Eigen::Vector3d& wanted_W) noexcept;
-  void settle(double dt_s, const Eigen::Vector3d& wanted_W) noexcept;
-  Eigen::Vector3d moving_W() const noexcept;
   Eigen::Vector3d damp(double dt_s) noexcept;
   void shorten(double dt_s, const Eigen::Vector3d& step_W,
                const Eigen::Vector3d& wanted_W) noexcept;
@@ -141,7 +143,6 @@ class PassivityGuard {
   Eigen::Vector3d velocity_W_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d energy_W_J_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d account_W_J_ = Eigen::Vector3d::Zero();
-  double idle_s_ = 0.0;
   double total_J_ = 0.0;
   double largest_J_ = 0.0;
   double damped_J_ = 0.0;

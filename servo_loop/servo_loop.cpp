@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 namespace forcegrid::servo {
@@ -14,9 +15,28 @@ constexpr rt::Duration kStall = std::chrono::milliseconds(50);
 // A contact point this far from a tool in the air is where it will touch.
 constexpr double kElsewhere_m = 1e-6;
 
+// Out of contact for this long the object owes the hand nothing, nor the hand it.
+constexpr double kContactOver_s = 0.1;
+
 double to_us(rt::Duration duration) noexcept { return 1e6 * rt::seconds(duration); }
 
 double servo_time_s(rt::TimePoint time) noexcept { return rt::seconds(time.time_since_epoch()); }
+
+Eigen::Vector3d angle_per_count_rad(const profiles::DeviceProfile& profile) {
+  if (profile.kind == profiles::DeviceKind::kDelta) {
+    return Eigen::Vector3d::Constant(profile.delta.encoder_rad_per_count);
+  }
+  const auto& arm = profile.kinematics;
+  return (2.0 * std::numbers::pi * vector(arm.capstan_diameter_m).array() /
+          (vector(arm.encoder_counts_per_turn).array() * vector(arm.body_diameter_m).array()))
+      .abs();
+}
+
+PassivityOptions within_profile(PassivityOptions options, const profiles::DeviceProfile& profile) {
+  options.max_damping_N_s_per_m =
+      std::min(options.max_damping_N_s_per_m, profile.limits.max_damping_N_s_per_m);
+  return options;
+}
 
 }  // namespace
 
@@ -30,6 +50,8 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       guard_(profile, options.report_timeout),
       encoder_watch_(profile),
       motor_check_(profile, rt::from_seconds(1.0 / std::max(1.0, options.rate_Hz))),
+      passivity_(within_profile(options.passivity, profile)),
+      angle_per_count_rad_(angle_per_count_rad(profile).asDiagonal()),
       methods_(std::move(methods)),
       ports_(ports),
       options_(options),
@@ -52,6 +74,9 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
   if (!(options_.ramp_in_s > 0.0) || !(options_.fade_s > 0.0) ||
       !(options_.sample_timeout_s > 0.0)) {
     throw std::invalid_argument("ramp, fade and sample time-out must be positive");
+  }
+  if (options_.coupling) {
+    coupling_.emplace(*options_.coupling);
   }
   asks_before_contact_ =
       !methods_.empty() && methods_[0] != nullptr && methods_[0]->needs().requests_before_contact;
@@ -88,19 +113,20 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     }
   }
   const Eigen::Vector3d position_W = options_.workspace.position_W(pose.position_D);
+  const Eigen::Vector3d touching_W = coupling_ ? coupling_->proxy_W(position_W) : position_W;
   if (fault == Fault::kNone) {
-    send_tool_state(now, position_W);
+    send_tool_state(now, touching_W);
   }
 
   // What the simulator has said since the last cycle, and the force there from each method.
   take_samples();
   const double time_s = servo_time_s(now);
   for (std::size_t i = 0; i < methods_.size(); ++i) {
-    methods_[i]->observe(time_s, position_W);
+    methods_[i]->observe(time_s, touching_W);
     if (contact_expected_) {
       methods_[i]->expect_contact(time_s, expected_point_W_);
     }
-    const ForceEstimate estimate = methods_[i]->force(time_s, position_W);
+    const ForceEstimate estimate = methods_[i]->force(time_s, touching_W);
     record.method_force_W_N[i] = triple(estimate.force_W);
     record.method_status[i] = estimate.status;
     record.method_uncertainty_N[i] = estimate.uncertainty_N;
@@ -115,20 +141,25 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     fault = check_motors(now, report, pose);
   }
 
-  // Ramp, fade, workspace bound; then every limit of the profile, and torque to current.
+  // Ramp, fade, workspace bound, passivity; then every limit of the profile, and torque to current.
   const bool may_render = motors_checked_ || !options_.check_motors;
   record.gain = force_gain(now, elapsed_s, may_render);
   const bool in_force_box = (pose.position_D.array() >= force_box_min_D_.array()).all() &&
                             (pose.position_D.array() <= force_box_max_D_.array()).all();
-  const Eigen::Vector3d wanted_force_D =
+  const Eigen::Vector3d wanted_force_W =
       in_force_box ? Eigen::Vector3d(record.gain * vector(record.method_force_W_N[0]))
                    : Eigen::Vector3d::Zero();
+  if (coupling_) {
+    coupling_->advance(elapsed_s, wanted_force_W);
+  }
+  account_for_contact(elapsed_s);
+  const Eigen::Vector3d passive_force_D = keep_passive(elapsed_s, pose, position_W, wanted_force_W);
   const Eigen::Vector3d gravity_Nm =
       options_.gravity_compensation
           ? Eigen::Vector3d(gravity_gain_ * mechanism_->gravity_torque(pose.joint_angle_rad))
           : Eigen::Vector3d::Zero();
   const driver::LimitedForce limited =
-      limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm + motor_check_.joint_torque_Nm());
+      limiter_.apply(passive_force_D, pose, elapsed_s, gravity_Nm + motor_check_.joint_torque_Nm());
   if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
     fault = Fault::kNotFinite;
   }
@@ -145,9 +176,11 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     }
   }
   device_->command(command);
+  // A joint that the encoder watch relieves stands still, so that its force gives nothing.
+  passivity_.set_rendered(limited.torque_scale * vector(record.commanded_force_D_N));
 
   if (fault == Fault::kNone && options_.requests_per_s > 0.0 && now >= next_request_) {
-    make_request(now, position_W);
+    make_request(now, touching_W);
   }
 
   // What the budget leaves goes into filling.
@@ -159,9 +192,13 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   record.report_sequence = report.sequence;
   record.counts = {report.counts[0], report.counts[1], report.counts[2]};
   record.position_W_m = triple(position_W);
+  record.touching_W_m = triple(touching_W);
   record.velocity_W_m_per_s = triple(guard_.velocity_D());
   record.current_A = command.current_A;
   record.limits_acted = limited.acted;
+  record.energy_to_hand_J = passivity_.energy_to_hand_J();
+  record.passivity_damping_N_s_per_m = passivity_.damping_N_s_per_m();
+  record.passivity_scale = passivity_.scale();
   record.in_contact = in_contact_;
   record.contact_epoch = contact_epoch_;
   record.samples_taken = samples_taken_;
@@ -264,6 +301,26 @@ double ServoLoop::force_gain(rt::TimePoint now, double elapsed_s, bool may_rende
   return gain_;
 }
 
+// Elastic energy that the hand has put in stays its own through a fade; only the end of the contact
+// ends the account.
+void ServoLoop::account_for_contact(double elapsed_s) noexcept {
+  out_of_contact_s_ = in_contact_ ? 0.0 : out_of_contact_s_ + elapsed_s;
+  if (out_of_contact_s_ >= kContactOver_s) {
+    passivity_.open_account();
+  }
+}
+
+Eigen::Vector3d ServoLoop::keep_passive(double elapsed_s, const driver::ArmPose& pose,
+                                        const Eigen::Vector3d& position_W,
+                                        const Eigen::Vector3d& wanted_W) noexcept {
+  // W and D are parallel, so that both have the same resolution and force.
+  passivity_.set_resolution((pose.jacobian_D * angle_per_count_rad_).cwiseAbs().rowwise().sum());
+  const Eigen::Vector3d force_W = passivity_.apply(elapsed_s, position_W, wanted_W);
+  cycles_damped_ += passivity_.damping_N_s_per_m() > 0.0 ? 1 : 0;
+  cycles_shortened_ += passivity_.scale() < 1.0 ? 1 : 0;
+  return force_W;
+}
+
 Fault ServoLoop::check_motors(rt::TimePoint now, const driver::DeviceReport& report,
                               const driver::ArmPose& pose) noexcept {
   const MotorCheck::Verdict verdict = motor_check_.update(now, report, pose);
@@ -311,6 +368,7 @@ void ServoLoop::continue_with(driver::Device& device) {
   has_sample_ = false;  // what was said before is about a hand that has moved on
   gain_ = 0.0;
   gravity_gain_ = 0.0;
+  render_nothing();
   faulty_joint_ = -1;
   missed_before_this_ = 0;
   first_cycle_ = true;
@@ -323,6 +381,14 @@ void ServoLoop::start_anew() noexcept {
   gain_ = 0.0;
   gravity_gain_ = 0.0;
   limiter_.reset();
+  render_nothing();
+}
+
+void ServoLoop::render_nothing() noexcept {
+  passivity_.restart();
+  if (coupling_) {
+    coupling_->reset();
+  }
 }
 
 void ServoLoop::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
@@ -390,6 +456,11 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   outcome.requests_made = requests_made_;
   outcome.answers_taken = answers_taken_;
   outcome.encoder_doubts = encoder_watch_.doubts();
+  outcome.energy_to_hand_J = passivity_.total_energy_to_hand_J();
+  outcome.largest_energy_to_hand_J = passivity_.largest_energy_to_hand_J();
+  outcome.damped_energy_J = passivity_.damped_energy_J();
+  outcome.cycles_damped = cycles_damped_;
+  outcome.cycles_shortened = cycles_shortened_;
   return outcome;
 }
 

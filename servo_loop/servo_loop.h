@@ -19,6 +19,8 @@
 #include "servo_loop/encoder_watch.h"
 #include "servo_loop/motion_guard.h"
 #include "servo_loop/motor_check.h"
+#include "servo_loop/passivity.h"
+#include "servo_loop/virtual_coupling.h"
 
 namespace forcegrid::servo {
 
@@ -51,6 +53,11 @@ struct ServoOptions {
   bool check_motors = true;
   /// Encoders that don't count are looked for: see EncoderWatch.
   bool watch_encoders = true;
+  /// The observer is always on; what the controller may do is here. Its damping is at most the
+  /// profile's limits.max_damping_N_s_per_m.
+  PassivityOptions passivity;
+  /// The object is touched through a virtual coupling instead of by the tool itself.
+  std::optional<CouplingOptions> coupling;
   WorkspaceMap workspace;
 };
 
@@ -83,6 +90,11 @@ struct ServoOutcome {
   std::uint64_t answers_taken = 0;  ///< to these, given to the method
   /// How often a joint stood still under load until its torque was led off: see EncoderWatch.
   std::uint64_t encoder_doubts = 0;
+  double energy_to_hand_J = 0.0;          ///< by the rendered force, over the whole run
+  double largest_energy_to_hand_J = 0.0;  ///< in any one contact, at any time
+  double damped_energy_J = 0.0;           ///< by the passivity guard
+  std::uint64_t cycles_damped = 0;        ///< by it
+  std::uint64_t cycles_shortened = 0;     ///< whose force it shortened
   rt::Scheduling scheduling;
   std::string memory_lock_refused;  ///< empty when memory is locked
   bool zero_current_delivered = false;
@@ -128,6 +140,7 @@ class ServoLoop {
   void take_answer(const ArrivedSample& answer) noexcept;
   void make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
   void start_anew() noexcept;
+  void render_nothing() noexcept;
   Fault check_motors(rt::TimePoint now, const driver::DeviceReport& report,
                      const driver::ArmPose& pose) noexcept;
   void relieve(rt::TimePoint now, double elapsed_s, const Eigen::Vector3d& force_torque_Nm,
@@ -135,6 +148,10 @@ class ServoLoop {
   rt::Duration shift_to_bus_phase(rt::TimePoint deadline) noexcept;
   double force_gain(rt::TimePoint now, double elapsed_s, bool may_render) noexcept;
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
+  void account_for_contact(double elapsed_s) noexcept;
+  Eigen::Vector3d keep_passive(double elapsed_s, const driver::ArmPose& pose,
+                               const Eigen::Vector3d& position_W,
+                               const Eigen::Vector3d& wanted_W) noexcept;
 
   driver::Device* device_;
   profiles::DeviceProfile profile_;
@@ -143,6 +160,12 @@ class ServoLoop {
   MotionGuard guard_;
   EncoderWatch encoder_watch_;
   MotorCheck motor_check_;
+  PassivityGuard passivity_;
+  std::optional<VirtualCoupling> coupling_;
+  Eigen::Matrix3d angle_per_count_rad_;  ///< diagonal, unsigned
+  double out_of_contact_s_ = 0.0;
+  std::uint64_t cycles_damped_ = 0;
+  std::uint64_t cycles_shortened_ = 0;
   std::vector<ForceMethod*> methods_;
   ServoPorts& ports_;
   ServoOptions options_;

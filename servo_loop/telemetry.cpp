@@ -60,6 +60,8 @@ void Telemetry::drain() {
     statistics_.cycles_limited += record.limits_acted != 0 ? 1 : 0;
     statistics_.missed_deadlines += record.missed_deadlines;
     statistics_.samples_taken = record.samples_taken;
+    damped_since_line_ = damped_since_line_ || record.passivity_damping_N_s_per_m > 0.0;
+    shortened_since_line_ = shortened_since_line_ || record.passivity_scale < 1.0;
     take_rendered(record);
     records_.push_back(record);
     if (records_.size() > options_.keep_cycles) {
@@ -101,13 +103,22 @@ void Telemetry::print_live_line(const CycleRecord& record) {
   const Triple& f = record.commanded_force_D_N;
   std::fprintf(options_.live,
                "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
-               "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64 "\n",
+               "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64
+               "  energy %+.2f mJ%s\n",
                elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2],
                record.in_contact ? "in contact" : "free", f[0], f[1], f[2],
                static_cast<double>(statistics_.cycles - cycles_at_last_line_) / since_s,
-               1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines);
+               1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines,
+               1e3 * record.energy_to_hand_J, guard_text());
   std::fflush(options_.live);
   cycles_at_last_line_ = statistics_.cycles;
+  damped_since_line_ = shortened_since_line_ = false;
+}
+
+// What the passivity guard has done since the last line.
+const char* Telemetry::guard_text() const noexcept {
+  return shortened_since_line_ ? "  SHORTENED to stay passive"
+                               : (damped_since_line_ ? "  damped to stay passive" : "");
 }
 
 void Telemetry::write_flight_record(const std::string& path, double seconds,
@@ -116,7 +127,9 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
   std::ofstream file(path);
   file << "time_s,cycle,period_us,compute_us,report_age_us,report_sequence,count_a,count_b,count_c,"
           "x_W_m,y_W_m,z_W_m,vx_W_m_per_s,vy_W_m_per_s,vz_W_m_per_s,gain,fx_D_N,fy_D_N,fz_D_N,"
-          "current_a_A,current_b_A,current_c_A,limits_acted,in_contact,contact_epoch,samples_taken,"
+          "current_a_A,current_b_A,current_c_A,limits_acted,"
+          "energy_to_hand_J,passivity_damping_N_s_per_m,passivity_scale,in_contact,contact_epoch,"
+          "samples_taken,"
           "sample_age_ms,missed_deadlines,fault,rendered_member,rendered_reason";
   for (const std::string& name : options_.method_names) {
     file << ',' << name << "_x_N," << name << "_y_N," << name << "_z_N," << name << "_status,"
@@ -142,10 +155,11 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
     for (const Triple* t : {&r.commanded_force_D_N, &r.current_A}) {
       file << ',' << (*t)[0] << ',' << (*t)[1] << ',' << (*t)[2];
     }
-    file << ',' << static_cast<int>(r.limits_acted) << ',' << r.in_contact << ',' << r.contact_epoch
-         << ',' << r.samples_taken << ',' << r.sample_age_ms << ',' << r.missed_deadlines << ','
-         << name_of(r.fault) << ',' << static_cast<int>(r.rendered_member) << ','
-         << to_string(r.rendered_reason);
+    file << ',' << static_cast<int>(r.limits_acted) << ',' << r.energy_to_hand_J << ','
+         << r.passivity_damping_N_s_per_m << ',' << r.passivity_scale << ',' << r.in_contact << ','
+         << r.contact_epoch << ',' << r.samples_taken << ',' << r.sample_age_ms << ','
+         << r.missed_deadlines << ',' << name_of(r.fault) << ','
+         << static_cast<int>(r.rendered_member) << ',' << to_string(r.rendered_reason);
     for (std::size_t i = 0; i < options_.method_names.size(); ++i) {
       const Triple& f = r.method_force_W_N[i];
       file << ',' << f[0] << ',' << f[1] << ',' << f[2] << ',' << to_string(r.method_status[i])

@@ -83,6 +83,7 @@ class Telemetry {
   void drain();
   void take_rendered(const CycleRecord& record);
   void print_live_line(const CycleRecord& record);
+  const char* guard_text() const noexcept;
 
   ServoPorts& ports_;
   TelemetryOptions options_;
@@ -94,6 +95,8 @@ class Telemetry {
   std::int64_t last_line_ns_ = 0;
   std::uint64_t cycles_at_last_line_ = 0;
   std::uint8_t last_member_ = 0;
+  bool damped_since_line_ = false;
+  bool shortened_since_line_ = false;
 };
 
 }  // namespace forcegrid::servo

@@ -8,7 +8,15 @@
 namespace forcegrid::servo {
 namespace {
 
-TEST(ServoLoop, RunsACycleWithoutAllocating) {
+// The force grows and the tool goes along with it, so that the passivity guard has to act.
+class CycleAllocations : public ::testing::TestWithParam<bool> {};
+
+TEST_P(CycleAllocations, AreNone) {
+  ServoOptions options;
+  options.check_motors = false;
+  if (GetParam()) {
+    options.coupling = CouplingOptions{};
+  }
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   ScriptedDevice device(profile);
   MethodOptions grid;
@@ -19,12 +27,13 @@ TEST(ServoLoop, RunsACycleWithoutAllocating) {
   const auto rendered = make_force_method("forcegrid", grid);
   const auto shadow = make_force_method("hold", grid);
   ServoPorts ports;
-  ServoLoop loop(device, profile, {rendered.get(), shadow.get()}, ports, {});
+  ServoLoop loop(device, profile, {rendered.get(), shadow.get()}, ports, options);
   rt::TimePoint now(std::chrono::seconds(10));
   std::uint64_t allocations = 0;
+  bool guard_acted = false;
   for (int i = 0; i < 1000; ++i) {
     now += std::chrono::milliseconds(2);
-    device.show(Eigen::Vector3d(0.0, 0.0, 0.00001 * i), now);
+    device.show(Eigen::Vector3d(0.0, 0.0, -0.00001 * i), now);
     if (i % 16 == 0) {
       ArrivedSample arrived;
       arrived.sample.force_W = Eigen::Vector3d(0.0, 0.0, -0.001 * i);
@@ -40,9 +49,16 @@ TEST(ServoLoop, RunsACycleWithoutAllocating) {
     const testing::AllocationCount count;
     static_cast<void>(loop.run_cycle(now, now + std::chrono::milliseconds(2)));
     allocations += count.value();
+    for (CycleRecord record; ports.records.pop(record);) {
+      guard_acted = guard_acted || record.passivity_scale < 1.0;
+    }
   }
   EXPECT_EQ(allocations, 0u);
+  EXPECT_TRUE(guard_acted);
 }
+
+INSTANTIATE_TEST_SUITE_P(ToolAndCoupling, CycleAllocations, ::testing::Bool(),
+                         [](const auto& test) { return test.param ? "coupling" : "tool"; });
 
 TEST(AllocationCount, SeesWhatTheCycleIsCheckedFor) {
   const testing::AllocationCount count;

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "forcegrid/hold_method.h"
-#include "tests/servo_loop/scripted_device.h"
+#include "tests/servo_loop/loop_bench.h"
 
 namespace forcegrid::servo {
 namespace {
@@ -16,88 +16,7 @@ namespace {
 using driver::DeviceHealth;
 using Eigen::Vector3d;
 
-constexpr rt::Duration kPeriod = std::chrono::milliseconds(2);
-
-// Gives any force, also one that is not a number.
-class SpokenMethod final : public ForceMethod {
- public:
-  const char* name() const noexcept override { return "spoken"; }
-  std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
-  void take_sample(const Sample&) noexcept override { ++samples; }
-  void contact_made(std::uint32_t epoch, const Vector3d&) noexcept override {
-    epochs.push_back(epoch);
-  }
-  void contact_lost() noexcept override { ++losses; }
-  int work(int) noexcept override { return 0; }
-  ForceEstimate force(double, const Vector3d&) const noexcept override {
-    ForceEstimate estimate;
-    estimate.force_W = force_W;
-    estimate.status = EstimateStatus::kOk;
-    return estimate;
-  }
-  Vector3d force_W = Vector3d::Zero();
-  int samples = 0;
-  int losses = 0;
-  std::vector<std::uint32_t> epochs;
-};
-
-class ServoLoopCycle : public ::testing::Test {
- protected:
-  ServoLoopCycle()
-      : profile_(profiles::load_device_profile("woodenhaptics_v2015")),
-        device_(profile_),
-        loop_(device_, profile_, {&method_}, ports_, options()) {}
-
-  static ServoOptions options() {
-    ServoOptions options;
-    options.ramp_in_s = 0.1;
-    options.fade_s = 0.1;
-    // A scripted device does not move by what it is told.
-    options.check_motors = false;
-    options.watch_encoders = false;
-    return options;
-  }
-
-  void arrive(const Vector3d& force_W, bool in_contact = true, std::uint32_t epoch = 1) {
-    ArrivedSample arrived;
-    arrived.sample.force_W = force_W;
-    arrived.sample.contact_epoch = epoch;
-    arrived.sample.time_s = rt::seconds(now_.time_since_epoch());
-    arrived.in_contact = in_contact;
-    arrived.arrived = now_;
-    ASSERT_TRUE(ports_.samples.push(arrived));
-  }
-
-  // One cycle with the tool at `position_D`, a fresh report and, every 33 ms, a fresh sample.
-  Fault cycle(const Vector3d& position_D = Vector3d::Zero(), bool with_samples = true) {
-    now_ += kPeriod;
-    device_.show(position_D, now_ - std::chrono::milliseconds(1));
-    if (with_samples && cycles_++ % 16 == 0) {
-      arrive(method_.force_W);
-    }
-    return loop_.run_cycle(now_, now_ + kPeriod);
-  }
-
-  // The last record, and none left behind.
-  CycleRecord record() {
-    CycleRecord last;
-    while (ports_.records.pop(last)) {
-    }
-    return last;
-  }
-
-  profiles::DeviceProfile profile_;
-  ScriptedDevice device_;
-  SpokenMethod method_;
-  ServoPorts ports_;
-  ServoLoop loop_;
-  rt::TimePoint now_ = rt::TimePoint(std::chrono::seconds(1000));
-  int cycles_ = 0;
-};
-
-bool is_zero(const driver::MotorCommand& command) {
-  return command.current_A == std::array<double, 3>{};
-}
+class ServoLoopCycle : public LoopBench {};
 
 TEST_F(ServoLoopCycle, TurnsAForceIntoTheCurrentsOfTheDeviceSheet) {
   // Sheet 11.2: at counts 0, 0, 6000 a force of 1 N along z takes 0.788288288288 A on axis c.

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace forcegrid::servo {
+
+struct CouplingOptions {
+  double stiffness_N_per_m = 1000.0;
+  double damping_N_s_per_m = 10.0;
+};
+
+/// A spring and damper between the tool P and a massless proxy Q that touches the object in its
+/// place (Colgate, Stanley and Brown, IROS 1995; Adams and Hannaford, IEEE Trans. Robotics and
+/// Automation 15(3), 1999). The force F(Q) of the object on the proxy is the force on the hand, and
+///
+///   b d(Q - P)/dt + k (Q - P) = F(Q)
+///
+/// by backward Euler. At rest the object and the coupling are springs in series: a stiffness K is
+/// felt as K k / (K + k). The force error is K / (K + k) whatever the method, which is why it is
+/// the alternative and not the default.
+///
+/// Real-time: no allocation, lock or throw. Threads: one.
+class VirtualCoupling {
+ public:
+  /// @throws std::invalid_argument unless stiffness k and damping b are above zero.
+  explicit VirtualCoupling(const CouplingOptions& options = {});
+
+  /// [m] Q for a tool at `position_W`: where the object is asked for its force.
+  Eigen::Vector3d proxy_W(const Eigen::Vector3d& position_W) const noexcept {
+    return position_W + deflection_W_;
+  }
+
+  /// @param dt_s [s] for which `force_W` acts. @param force_W [N] of the object on the proxy; one
+  /// that is not finite changes nothing.
+  void advance(double dt_s, const Eigen::Vector3d& force_W) noexcept;
+
+  /// The proxy is where the tool is.
+  void reset() noexcept { deflection_W_.setZero(); }
+
+ private:
+  CouplingOptions options_;
+  Eigen::Vector3d deflection_W_ = Eigen::Vector3d::Zero();  ///< [m] Q - P
+};
+
+}  // namespace forcegrid::servo
