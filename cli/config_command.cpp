@@ -240,10 +240,25 @@ ordered_json json_of(const ConfigKey& key) {
 
 }  // namespace
 
-std::vector<ConfigKey> config_keys(CLI::App& app) {
+std::vector<ConfigKey> config_keys(CLI::App& app, const std::vector<std::string>& without) {
   std::vector<ConfigKey> keys;
   collect(app, "", keys);
+  std::erase_if(keys, [&](const ConfigKey& key) {
+    const std::string command = key.name.substr(0, key.name.find('.'));
+    return std::find(without.begin(), without.end(), command) != without.end();
+  });
   return keys;
+}
+
+void share_defaults(const CLI::App& from, CLI::App& to) {
+  for (CLI::Option* option : to.get_options()) {
+    const auto& names = option->get_lnames();
+    const CLI::Option* const same =
+        names.empty() ? nullptr : from.get_option_no_throw("--" + names.front());
+    if (same != nullptr && !same->get_default_str().empty()) {
+      option->default_str(same->get_default_str());
+    }
+  }
 }
 
 void apply_config(std::vector<ConfigKey>& keys, const std::vector<tools::ConfigLayer>& layers) {

@@ -31,9 +31,13 @@ struct ConfigKey {
   std::uint32_t line = 0;
 };
 
-/// The keys of `app`, which are the configurable options of all of its subcommands. The unit stands
-/// behind the type's name in CLI11's type_name(): "FLOAT Hz".
-std::vector<ConfigKey> config_keys(CLI::App& app);
+/// The keys of `app`, which are the configurable options of all of its subcommands but those of
+/// `without`. The unit stands behind the type's name in CLI11's type_name(): "FLOAT Hz".
+std::vector<ConfigKey> config_keys(CLI::App& app, const std::vector<std::string>& without);
+
+/// Shows the defaults of `from` for the options of the same names of `to`, which write to the same
+/// variables.
+void share_defaults(const CLI::App& from, CLI::App& to);
 
 /// Gives the values of `layers`, later ones over earlier ones, to the options' variables and makes
 /// them the defaults that --help shows. What the command line says later overrides them.

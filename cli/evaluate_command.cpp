@@ -14,6 +14,8 @@
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
 #include "forcegrid/methods.h"
+#include "simulator/truth.h"
+#include "tools/recording.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -237,12 +239,25 @@ void write_forces(const std::string& file, const Trace& trace,
   writer.finish();
 }
 
+std::vector<Eigen::Vector3d> solve_offline(const std::string& scene,
+                                           const Eigen::Vector3d& contact_point_W,
+                                           const std::vector<Eigen::Vector3d>& positions_W) {
+  std::fprintf(stderr, "Note: the recording has no off-line forces; solving scene %s for them\n",
+               scene.c_str());
+  simulator::TruthOptions options;
+  options.scene = scene;
+  options.contact_point_W = contact_point_W;
+  return simulator::simulate_truth(positions_W, options).forces_W;
+}
+
 void note(const std::string& text) { std::fprintf(stderr, "Note: %s\n", text.c_str()); }
 
 void evaluate(const EvaluateOptions& options) {
   GridGeometry grid = asked_workspace(options.workspace_m);
   std::vector<NamedVariant> variants = variants_of(options, grid);  // before reading for long
-  const Trace trace = evaluation::read_trace(options.trace);
+  const Trace trace = tools::is_recording_name(options.trace)
+                          ? tools::trace_of_recording(options.trace, solve_offline)
+                          : evaluation::read_trace(options.trace);
   const std::size_t outside = positions_outside(grid, trace);
   if (outside > 0 && options.workspace_m.empty()) {
     grid = box_around(trace);
@@ -304,7 +319,8 @@ void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& actio
       ->required();
   evaluate
       .add_option("--trace", o.trace,
-                  "CSV, gzipped if it ends in .gz: kind,t_s,delivered_s,x_m,y_m,z_m,fx_N,fy_N,fz_N"
+                  "Recording of forcegrid record (.h5), or CSV, gzipped if it ends in .gz: "
+                  "kind,t_s,delivered_s,x_m,y_m,z_m,fx_N,fy_N,fz_N"
                   "[,j00_N_per_m,...,j22_N_per_m][,residual]")
       ->required();
   evaluate

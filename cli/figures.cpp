@@ -1,13 +1,12 @@
 #include "cli/figures.h"
 
-#include <sys/wait.h>
-
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <iomanip>
 #include <stdexcept>
+
+#include "evaluation/gnuplot.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -32,15 +31,6 @@ std::string error_curve(const std::string& data, int method_column, int truth_co
   }
   return data + " using 1:(sqrt(" + squares + ")) with lines ls " + std::to_string(style) +
          " title '" + title + "'";
-}
-
-// A path between gnuplot's single quotes, where a quote is written twice.
-std::string quoted(const std::string& path) {
-  std::string text = "'";
-  for (const char character : path) {
-    text += character == '\'' ? std::string("''") : std::string(1, character);
-  }
-  return text + "'";
 }
 
 std::string label_of(const std::string& method) {
@@ -86,7 +76,8 @@ std::vector<std::string> write_figures(const std::string& directory,
 
   // More points than pixels only make the files large.
   constexpr std::size_t kPointsDrawn = 3000;
-  const std::string data = quoted(csv) + " every " + std::to_string(rows.size() / kPointsDrawn + 1);
+  const std::string data =
+      evaluation::quoted(csv) + " every " + std::to_string(rows.size() / kPointsDrawn + 1);
 
   constexpr int kFirstForceColumn = 5;
   std::string forces;
@@ -120,7 +111,8 @@ std::vector<std::string> write_figures(const std::string& directory,
   for (const bool svg : {true, false}) {
     script += svg ? "set terminal svg size 1000,900 background '#ffffff' font 'sans,13'\n"
                   : "set terminal pngcairo size 1000,900 background '#ffffff' font 'sans,11'\n";
-    script += "set output " + quoted(directory + (svg ? "/forces.svg" : "/forces.png")) + "\n";
+    script += "set output " +
+              evaluation::quoted(directory + (svg ? "/forces.svg" : "/forces.png")) + "\n";
     script += std::string("set multiplot layout ") + panels + ",1\n";
     script +=
         "unset xlabel\nset ylabel 'tool along the normal / mm'\n"
@@ -137,18 +129,7 @@ std::vector<std::string> write_figures(const std::string& directory,
     }
     script += "unset multiplot\n";
   }
-  std::FILE* gnuplot = popen("trap '' INT; exec gnuplot 2>&1 >/dev/null", "w");
-  if (gnuplot == nullptr) {
-    throw std::runtime_error(std::string("gnuplot could not be started: ") + std::strerror(errno));
-  }
-  std::fputs(script.c_str(), gnuplot);
-  const int status = pclose(gnuplot);
-  if (status != 0) {
-    throw std::runtime_error("gnuplot could not draw " + directory +
-                             "/forces.svg and .png (status " +
-                             std::to_string(WIFEXITED(status) ? WEXITSTATUS(status) : status) +
-                             "); install the package gnuplot-nox; the data is in " + csv);
-  }
+  evaluation::run_gnuplot(script, directory + "/forces.svg");
   return {csv, directory + "/forces.svg", directory + "/forces.png"};
 }
 

@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <functional>
@@ -9,6 +10,7 @@
 #include "cli/commands.h"
 #include "cli/config_command.h"
 #include "cli/evaluate_command.h"
+#include "cli/record_command.h"
 #include "cli/run_command.h"
 #include "cli/stop_request.h"
 #include "device_emulator/fault_spec.h"
@@ -16,6 +18,7 @@
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
 #include "simulator/scene.h"
+#include "tools/recording.h"
 
 namespace {
 
@@ -101,8 +104,22 @@ const std::vector<std::string> kMotions = {"chirp", "lissajous", "random", "poke
 const std::vector<std::string> kHands = {"firm", "light", "none"};
 const std::vector<std::string> kFrameOrders = {"out-first", "in-first"};
 
-void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
-  CLI::App& run = *app.add_subcommand("run", "Feel a scene through a device");
+// A motion by its name, or path:FILE.
+CLI::Validator motion() {
+  return CLI::Validator(
+      [](std::string& input) {
+        const bool known =
+            std::find(kMotions.begin(), kMotions.end(), input) != kMotions.end() ||
+            (input.starts_with("path:") && input.size() > std::string("path:").size());
+        return known ? std::string()
+                     : "'" + input + "' is no motion; use " + joined(kMotions) + ", path:FILE";
+      },
+      "{" + joined(kMotions) + ", path:FILE}");
+}
+
+CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptions& o,
+                     std::function<int()>& action) {
+  CLI::App& run = *app.add_subcommand(name, what);
   run.add_option(
          "--device", o.device,
          "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
@@ -187,7 +204,7 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->check(CLI::IsMember(kHands))
       ->capture_default_str();
   run.add_option("--motion", o.motion, "Motion of the emulated hand: " + joined(kMotions))
-      ->check(CLI::IsMember(kMotions))
+      ->check(motion())
       ->capture_default_str();
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
       ->check(between(0.0, 30.0))
@@ -211,15 +228,18 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
   run.add_option("--passivity-allowance-mJ", o.passivity_allowance_mJ,
                  "Energy in a contact from which on the control acts, in mJ")
       ->check(between(0.01, 1000.0))
+      ->type_name("FLOAT mJ")
       ->capture_default_str();
   run.add_option("--passivity-damping", o.passivity_damping_N_s_per_m,
                  "Most damping that the control adds, in N s/m; at most what the profile allows")
       ->check(between(0.0, 100.0))
+      ->type_name("FLOAT N s/m")
       ->capture_default_str();
   run.add_option("--coupling", o.coupling, "Of --passivity coupling: K,B in N/m and N s/m")
       ->delimiter(',')
       ->expected(2)
       ->check(between(0.001, 1e6))
+      ->type_name("FLOAT N/m and N s/m")
       ->capture_default_str();
   run.add_flag("--no-motor-check", o.no_motor_check,
                "Do not give each motor a few short pushes before the first force");
@@ -234,10 +254,36 @@ void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");
   run.add_option("--record", o.record,
-                 "Trace for 'forcegrid evaluate': samples and, at every cycle, position and "
-                 "off-line force; CSV, gzipped if the name ends in .gz");
+                 "FILE.h5: everything of every cycle, as forcegrid record. FILE.csv or .csv.gz: "
+                 "trace for 'forcegrid evaluate', samples and, at every cycle, position and "
+                 "off-line force");
   add_json(run, o.json);
-  run.callback([&o, &action] { action = [&o] { return run_command(o); }; });
+  run.callback([&run, &o, &action] {
+    o.settings = run.config_to_str(true);
+    action = [&o] { return run_command(o); };
+  });
+  return run;
+}
+
+void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
+  add_run_as("run", "Feel a scene through a device", app, o, action);
+}
+
+// `run` with a file to record to; its settings are those of [run].
+void add_record(CLI::App& app, RunOptions& o, std::function<int()>& action) {
+  CLI::App& record =
+      add_run_as("record", "Feel a scene and record every cycle to HDF5, see docs/recording.md",
+                 app, o, action);
+  record.remove_option(record.get_option("--record"));
+  record.add_option("FILE", o.record, "Recording to write, FILE.h5")
+      ->required()
+      ->check(CLI::Validator(
+          [](std::string& input) {
+            return tools::is_recording_name(input)
+                       ? std::string()
+                       : "'" + input + "' does not end in .h5 or .hdf5, as a recording's name does";
+          },
+          "FILE.h5"));
 }
 
 void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action) {
@@ -253,7 +299,7 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
       ->check(CLI::IsMember(kHands))
       ->capture_default_str();
   emulate.add_option("--motion", o.motion, "What that hand does: " + joined(kMotions))
-      ->check(CLI::IsMember(kMotions))
+      ->check(motion())
       ->capture_default_str();
   emulate.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
       ->check(between(0.0, 30.0))
@@ -356,11 +402,18 @@ int main(int argc, char** argv) {
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
   ChartAccuracyOptions chart_accuracy;
+  ReplayOptions replay;
+  PlotOptions plot;
   ConfigOptions config;
   std::vector<ConfigKey> config_keys_of_all;
   std::vector<tools::ConfigLayer> layers;
   std::function<int()> action;
   add_run(app, run, action);
+  add_record(app, run, action);
+  add_replay(app, replay, action);
+  add_json(*app.get_subcommand("replay"), replay.json);
+  add_plot(app, plot, action);
+  add_json(*app.get_subcommand("plot"), plot.json);
   add_emulate(app, emulate, action);
   add_simulate(app, simulate, action);
   add_kinematics(app, kinematics, action);
@@ -370,8 +423,9 @@ int main(int argc, char** argv) {
   add_json(*app.get_subcommand("config"), config.json);
   try {
     layers = choice.none ? std::vector<tools::ConfigLayer>{} : tools::config_layers(choice.file);
-    config_keys_of_all = config_keys(app);
+    config_keys_of_all = config_keys(app, {"record"});
     apply_config(config_keys_of_all, layers);
+    share_defaults(*app.get_subcommand("run"), *app.get_subcommand("record"));
   } catch (const tools::ConfigError& error) {
     std::fprintf(stderr, "forcegrid: %s\n", error.what());
     return 2;
@@ -380,7 +434,9 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: run, emulate, simulate, kinematics, evaluate, chart or config");
+          "a subcommand: run, record, replay, plot, emulate, simulate, kinematics, evaluate, chart "
+          "or "
+          "config");
     }
   } catch (const CLI::ParseError& error) {
     const int code = app.exit(error);

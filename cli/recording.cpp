@@ -1,15 +1,53 @@
 #include "cli/recording.h"
 
+#include <sys/utsname.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <ctime>
+#include <fstream>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "evaluation/text_file.h"
+#include "tools/hdf5_file.h"
+#include "tools/recording.h"
 
 namespace forcegrid::cli {
+namespace {
+
+std::string text_of(const std::string& file) {
+  std::ifstream stream(file);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+}  // namespace
+
+bool records_trace(const RunOptions& options) {
+  return !options.record.empty() && !tools::is_recording_name(options.record);
+}
 
 void check_recording(const RunOptions& options) {
   if (options.record.empty()) {
     return;
+  }
+  if (!records_trace(options)) {
+    errno = 0;
+    if (!std::ofstream(options.record, std::ios::app)) {
+      throw std::runtime_error("--record " + options.record + ": can't be written (" +
+                               std::strerror(errno) + "); name a file in a folder that exists");
+    }
+    return;
+  }
+  if (!options.record.ends_with(".csv") && !options.record.ends_with(".csv.gz")) {
+    throw std::runtime_error("--record " + options.record +
+                             ": ends neither in .h5 (a recording of everything) nor in .csv or "
+                             ".csv.gz (a trace for 'forcegrid evaluate'); name it so");
   }
   if (options.no_truth) {
     throw std::runtime_error(
@@ -26,6 +64,67 @@ void check_recording(const RunOptions& options) {
   } catch (const evaluation::FileError& error) {
     throw evaluation::TraceError(std::string("--record ") + error.what());
   }
+}
+
+std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
+                                                const profiles::DeviceProfile& profile,
+                                                const std::vector<std::string>& methods,
+                                                const std::string& device_url,
+                                                const driver::DeviceIdentity& identity) {
+  if (options.record.empty() || records_trace(options)) {
+    return nullptr;
+  }
+  tools::RecorderOptions recorder;
+  recorder.file = options.record;
+  recorder.rate_Hz = options.rate_Hz;
+  recorder.method_names = methods;
+  recorder.trouble = [](const std::string& sentence) {
+    std::fprintf(stderr, "forcegrid: --record: %s\n", sentence.c_str());
+  };
+  utsname system{};
+  uname(&system);
+  std::time_t now = std::time(nullptr);
+  char started[32];
+  std::strftime(started, sizeof started, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
+  recorder.attributes = {{"forcegrid_version", FORCEGRID_VERSION},
+                         {"started_utc", started},
+                         {"settings", options.settings},
+                         {"rate_Hz", std::to_string(options.rate_Hz)},
+                         {"scene", options.simulator.empty() ? options.scene : ""},
+                         {"profile_name", profile.name},
+                         {"profile", text_of(profile.file)},
+                         {"device_url", device_url},
+                         {"device_product", identity.product},
+                         {"device_manufacturer", identity.manufacturer},
+                         {"device_serial", identity.serial},
+                         {"version_hdf5", tools::hdf5_version()},
+                         {"version_compiler", __VERSION__},
+                         {"version_kernel", std::string(system.sysname) + " " + system.release +
+                                                " " + system.version + " " + system.machine}};
+  return std::make_unique<tools::Recorder>(std::move(recorder));
+}
+
+void complete_recording(const tools::Recorder& recorder, const std::string& file,
+                        const std::vector<const servo::CycleRecord*>& cycles,
+                        const std::vector<Eigen::Vector3d>& truth_W, const std::string& summary) {
+  using tools::Hdf5Type;
+  std::vector<std::pair<tools::Hdf5Column, std::vector<double>>> columns;
+  if (!truth_W.empty()) {
+    std::vector<double> time_s;
+    std::vector<double> position_W_m;
+    std::vector<double> force_W_N;
+    for (std::size_t i = 0; i < truth_W.size(); ++i) {
+      time_s.push_back(1e-9 * static_cast<double>(cycles[i]->time_ns - recorder.start_ns()));
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        position_W_m.push_back(cycles[i]->position_W_m[axis]);
+        force_W_N.push_back(truth_W[i][static_cast<Eigen::Index>(axis)]);
+      }
+    }
+    columns = {{{"/truth/time_s", Hdf5Type::kFloat64, {}, "of the cycle"}, time_s},
+               {{"/truth/position_W_m", Hdf5Type::kFloat64, {3}, "of the tool"}, position_W_m},
+               {{"/truth/force_W_N", Hdf5Type::kFloat64, {3}, "off-line force there"}, force_W_N}};
+  }
+  tools::add_to_hdf5(file, {{"summary_json", summary}, {"ended", "by its writer"}}, columns);
 }
 
 evaluation::Trace trace_of(const std::deque<servo::ArrivedSample>& samples,

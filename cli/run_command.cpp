@@ -33,6 +33,8 @@
 #include "simulator/direct_method.h"
 #include "simulator/scene.h"
 #include "simulator/truth.h"
+#include "tools/hdf5_file.h"
+#include "tools/recorder.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -134,6 +136,12 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
   }
   for (const std::string& fault : options.faults) {
     arguments.insert(arguments.end(), {"--fault", fault});
+  }
+  if (options.contact_m) {
+    const auto& at_m = *options.contact_m;
+    arguments.insert(arguments.end(),
+                     {"--contact", std::to_string(at_m[0]) + "," + std::to_string(at_m[1]) + "," +
+                                       std::to_string(at_m[2])});
   }
   if (options.gravity_compensation) {
     arguments.push_back("--unsupported-weight");  // else two would carry it
@@ -360,7 +368,7 @@ void write_json(const JsonTarget& target, const std::string& text) {
 
 int run_command(const RunOptions& options) {
   // With the JSON on standard output, everything for people goes to standard error.
-  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  std::FILE* const out = options.json.on_stdout() || options.text_on_stderr ? stderr : stdout;
   const auto say = [out](const std::string& text) {
     std::fputs(text.c_str(), out);
     std::fflush(out);
@@ -459,6 +467,7 @@ int run_command(const RunOptions& options) {
       simulator ? listening_address(*simulator, "simulator") : options.simulator;
 
   servo::ServoPorts ports;
+  std::unique_ptr<tools::Recorder> recorder;  // before the threads that give to it
   servo::LinkThread link(simulator_address, ports);
   // Filling locked memory may take longer than a device may be silent, so it comes before the
   // device. A refusal is reported by the loop, which asks again.
@@ -497,11 +506,16 @@ int run_command(const RunOptions& options) {
   telemetry_options.method_names = names;
   telemetry_options.rate_Hz = options.rate_Hz;
   telemetry_options.live = out;
-  servo::Telemetry telemetry(ports, telemetry_options);
-  servo::ServoLoop loop(*device, profile, methods, ports, servo_options);
-  if (!options.record.empty()) {
+  recorder = start_recorder(options, profile, names, url, device->identity());
+  if (records_trace(options)) {
     link.keep_samples(kRecordedSamples);
   }
+  if (recorder) {
+    link.on_sample([&](const servo::ArrivedSample& sample) { recorder->push(sample); });
+    telemetry_options.on_cycle = [&](const servo::CycleRecord& cycle) { recorder->push(cycle); };
+  }
+  servo::Telemetry telemetry(ports, telemetry_options);
+  servo::ServoLoop loop(*device, profile, methods, ports, servo_options);
   link.start();
   telemetry.start();
   bool simulator_is_gone = false;
@@ -574,6 +588,11 @@ int run_command(const RunOptions& options) {
   link.stop();
   telemetry.stop();
   rt::unlock_memory();
+  int status = summary.outcome.fault == servo::Fault::kNone ? 0 : 1;
+  if (recorder && !recorder->finish().trouble.empty()) {
+    summary.notes.push_back("--record: " + recorder->finish().trouble);
+    status = 1;
+  }
 
   if (!summary.outcome.memory_lock_refused.empty()) {
     summary.notes.push_back(summary.outcome.memory_lock_refused);
@@ -692,9 +711,8 @@ int run_command(const RunOptions& options) {
     }
     rows.push_back(std::move(row));
   }
-  int status = summary.outcome.fault == servo::Fault::kNone ? 0 : 1;
   try {
-    if (!options.record.empty()) {
+    if (records_trace(options)) {
       if (truth_W.empty()) {
         throw std::runtime_error("no trace was recorded in " + options.record +
                                  ", for want of off-line forces: " + summary.truth);
@@ -716,6 +734,19 @@ int run_command(const RunOptions& options) {
     summary.notes.push_back(error.what());
     std::fprintf(stderr, "forcegrid: %s\n", error.what());
     status = 1;
+  }
+  if (recorder) {
+    summary.files.push_back(options.record);
+  }
+  if (recorder && recorder->finish().closed) {
+    try {
+      complete_recording(*recorder, options.record, cycles.records, truth_W,
+                         to_json(summary, telemetry.statistics()).dump());
+    } catch (const tools::Hdf5Error& error) {
+      summary.notes.push_back(error.what());
+      std::fprintf(stderr, "forcegrid: %s\n", error.what());
+      status = 1;
+    }
   }
   say(errors_text(summary));
   write_json(options.json, to_json(summary, telemetry.statistics()).dump(2));

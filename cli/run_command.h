@@ -62,8 +62,12 @@ struct RunOptions {
   double reconnect_timeout_s = 60.0;
   std::string out = "out";
   bool no_truth = false;
-  std::string record;  ///< trace file to write, see docs/traces.md; empty: none
+  std::string record;  ///< trace (docs/traces.md) or recording (docs/recording.md) to write, by the
+                       ///< name's end; empty: none
+  std::string settings;                            ///< all of these as TOML, for the recording
+  std::optional<std::array<double, 3>> contact_m;  ///< where the emulated hand goes to touch; D
   JsonTarget json;
+  bool text_on_stderr = false;  ///< also where the JSON goes to a file
 };
 
 /// Feels the scene through the device, then says how it went.

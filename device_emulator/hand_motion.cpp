@@ -5,6 +5,7 @@
 #include <numbers>
 #include <random>
 #include <stdexcept>
+#include <utility>
 
 namespace forcegrid::emulator {
 
@@ -61,10 +62,14 @@ MotionKind parse_motion(std::string_view name) {
     known += known.empty() ? "" : ", ";
     known += entry.name;
   }
-  throw std::invalid_argument("motion '" + std::string(name) + "' is unknown; use one of " + known);
+  throw std::invalid_argument("motion '" + std::string(name) + "' is unknown; use one of " + known +
+                              ", path:FILE");
 }
 
 const char* to_string(MotionKind kind) noexcept {
+  if (kind == MotionKind::kPath) {
+    return "path";  // needs a file, so parse_motion() does not know it
+  }
   for (const Name& entry : kNames) {
     if (kind == entry.kind) {
       return entry.name;
@@ -83,11 +88,15 @@ double chirp_frequency_Hz(double time_s) noexcept {
          (kChirpEnd_Hz - kChirpStart_Hz) * std::clamp(time_s / kChirpRise_s, 0.0, 1.0);
 }
 
-HandMotion::HandMotion(MotionKind kind, double amplitude_m, std::uint64_t seed)
-    : kind_(kind), amplitude_m_(amplitude_m) {
+HandMotion::HandMotion(MotionKind kind, double amplitude_m, std::uint64_t seed,
+                       std::vector<PathPoint> path)
+    : kind_(kind), amplitude_m_(amplitude_m), path_(std::move(path)) {
   if (!(amplitude_m >= 0.0) || !std::isfinite(amplitude_m)) {
     throw std::invalid_argument("motion amplitude " + std::to_string(amplitude_m) +
                                 " m is impossible; give a finite length of at least 0");
+  }
+  if (kind == MotionKind::kPath && path_.size() < 2) {
+    throw std::invalid_argument("motion path without a path; give path:FILE");
   }
   std::mt19937_64 random(seed);
   const auto uniform = [&random](double low, double high) {
@@ -136,6 +145,8 @@ Vector3d HandMotion::displacement_D(double time_s) const noexcept {
       return scale * poke_D(time_s);
     case MotionKind::kHold:
       return scale * hold_D(time_s);
+    case MotionKind::kPath:
+      return displacement_along(path_, time_s);
     case MotionKind::kStill:
       break;
   }

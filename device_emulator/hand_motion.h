@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "device_emulator/recorded_path.h"
+
 namespace forcegrid::emulator {
 
 /// What the operator does once the tool has touched the object.
@@ -17,24 +19,27 @@ enum class MotionKind : std::uint8_t {
   kPoke,       ///< 100 ms out to one of 8 targets within 18 mm, 0.35 s there, back; every 0.8 s
   kHold,       ///< 12 mm up, then tremor (8.4 to 10.7 Hz, 0.2 to 0.3 mm) and a slow 1 mm drift
   kStill,      ///< none
+  kPath,       ///< that of a recording
 };
 
 /// @throws std::invalid_argument listing the names there are.
 MotionKind parse_motion(std::string_view name);
 const char* to_string(MotionKind kind) noexcept;
 
-/// Displacement of the hand's target over time, from zero, continuous in position and speed, never
-/// below its start along z (pulling only).
-/// Source: the motions of the method study that the accuracy figures refer to.
-/// Real-time: displacement_D() neither allocates, locks nor throws; up to 180 sines.
-/// Threads: const after construction.
+/// Displacement of the hand's target over time, from zero. All but a recorded path are continuous
+/// in position and speed and never below their start along z (pulling only). Source: the motions of
+/// the method study that the accuracy figures refer to. Real-time: displacement_D() neither
+/// allocates, locks nor throws; up to 180 sines. Threads: const after construction.
 class HandMotion {
  public:
   static constexpr double kNominalAmplitude_m = 0.010;
 
   /// @param amplitude_m A of the chirp; the other motions scale by amplitude_m / 10 mm.
   /// @param seed of `random` (phases, frequencies) and `poke` (targets).
-  HandMotion(MotionKind kind, double amplitude_m, std::uint64_t seed);
+  /// @param path of kPath only: at least two points; its length is as recorded.
+  /// @throws std::invalid_argument for an impossible amplitude, or a kPath without a path.
+  HandMotion(MotionKind kind, double amplitude_m, std::uint64_t seed,
+             std::vector<PathPoint> path = {});
 
   /// [m] frame D, at `time_s` [s] since the motion began; zero before.
   [[nodiscard]] Eigen::Vector3d displacement_D(double time_s) const noexcept;
@@ -56,6 +61,7 @@ class HandMotion {
   double amplitude_m_;
   std::array<std::vector<Sine>, 3> sines_;
   std::array<Eigen::Vector3d, 8> poke_targets_D_;
+  std::vector<PathPoint> path_;
 };
 
 /// Minimum-jerk blend from 0 at t <= 0 to 1 at t >= 1: 10 t^3 - 15 t^4 + 6 t^5.

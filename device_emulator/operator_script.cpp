@@ -6,7 +6,7 @@ namespace forcegrid::emulator {
 
 OperatorScript::OperatorScript(const Options& options, const Eigen::Vector3d& home_D)
     : options_(options),
-      motion_(options.motion, options.amplitude_m, options.seed),
+      motion_(options.motion, options.amplitude_m, options.seed, options.path),
       home_D_(home_D),
       target_D_(home_D),
       return_from_D_(home_D) {}

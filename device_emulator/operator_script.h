@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "device_emulator/hand_motion.h"
 #include "rt/clock.h"
@@ -35,6 +36,7 @@ class OperatorScript {
   struct Options {
     MotionKind motion = MotionKind::kChirp;
     double amplitude_m = HandMotion::kNominalAmplitude_m;  ///< see HandMotion
+    std::vector<PathPoint> path{};                         ///< of motion kPath
     std::uint64_t seed = 1;
     bool calibrated = false;
     Eigen::Vector3d contact_D = Eigen::Vector3d::Zero();  ///< [m] frame D

@@ -6,12 +6,14 @@
 #include <ostream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace forcegrid::emulator {
 
 namespace {
 
 constexpr int kStopCheck_ms = 50;
+constexpr char kPathPrefix[] = "path:";
 
 }  // namespace
 
@@ -33,7 +35,13 @@ ServerOptions server_options(const EmulatorOptions& options) {
     device.frame_order = parse_frame_order(options.frame_order);
     device.random_power_up_counters = options.random_power_up_counters;
     device.firmware_loaded = options.firmware_loaded;
-    device.operator_script.motion = parse_motion(options.motion);
+    if (options.motion.starts_with(kPathPrefix)) {
+      device.operator_script.motion = MotionKind::kPath;
+      device.operator_script.path =
+          read_recorded_path(options.motion.substr(std::string_view(kPathPrefix).size()));
+    } else {
+      device.operator_script.motion = parse_motion(options.motion);
+    }
     device.operator_script.amplitude_m = options.amplitude_m;
     device.operator_script.seed = options.seed;
     device.operator_script.calibrated = options.calibrated;

@@ -30,7 +30,7 @@ void run_gnuplot(const std::string& script, const std::filesystem::path& file) {
     throw ChartError("gnuplot could not draw " + file.string() + " (status " +
                      std::to_string(WIFEXITED(status) ? WEXITSTATUS(status) : status) +
                      "); install the package gnuplot-nox, free some space or choose another "
-                     "folder; the same command goes on with the rows that are finished");
+                     "folder with --out; the data lies beside it");
   }
 }
 

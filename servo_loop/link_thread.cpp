@@ -72,7 +72,12 @@ void LinkThread::exchange() {
     const ArrivedSample arrived = arrived_sample(*sample, rt::Clock::now());
     if (!ports_.samples.push(arrived)) {
       ++samples_lost_;
-    } else if (samples_to_keep_ > 0) {
+      continue;
+    }
+    if (on_sample_) {
+      on_sample_(arrived);
+    }
+    if (samples_to_keep_ > 0) {
       if (samples_.size() == samples_to_keep_) {
         samples_.pop_front();
       }

@@ -2,9 +2,11 @@
 
 #include <atomic>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <string_view>
 #include <thread>
+#include <utility>
 
 #include "link/servo_endpoint.h"
 #include "servo_loop/servo_loop.h"
@@ -33,6 +35,10 @@ class LinkThread {
   /// Before start(): keeps the newest `count` samples that reach the servo, for samples().
   void keep_samples(std::size_t count) noexcept { samples_to_keep_ = count; }
 
+  /// Before start(): gives each sample that reaches the servo to `take`, on the link's thread, which
+  /// it must not hold up.
+  void on_sample(std::function<void(const ArrivedSample&)> take) { on_sample_ = std::move(take); }
+
   void start();
   /// Says goodbye to the simulator and joins. Idempotent.
   void stop();
@@ -57,6 +63,7 @@ class LinkThread {
   std::atomic<bool> stop_{false};
   std::thread thread_;
   std::optional<FirstContact> first_contact_;
+  std::function<void(const ArrivedSample&)> on_sample_;
   std::size_t samples_to_keep_ = 0;
   std::deque<ArrivedSample> samples_;
   std::uint64_t samples_lost_ = 0;

@@ -63,6 +63,9 @@ void Telemetry::drain() {
     damped_since_line_ = damped_since_line_ || record.passivity_damping_N_s_per_m > 0.0;
     shortened_since_line_ = shortened_since_line_ || record.passivity_scale < 1.0;
     take_rendered(record);
+    if (options_.on_cycle) {
+      options_.on_cycle(record);
+    }
     records_.push_back(record);
     if (records_.size() > options_.keep_cycles) {
       records_.pop_front();

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdio>
 #include <deque>
+#include <functional>
 #include <limits>
 #include <string>
 #include <thread>
@@ -21,6 +22,8 @@ struct TelemetryOptions {
   /// The newest this many cycles are kept; older ones only count in the statistics.
   std::size_t keep_cycles = 300'000;
   std::FILE* live = nullptr;  ///< where the live line goes, once a second; null: nowhere
+  /// Given every cycle, on the thread that drains; must return soon.
+  std::function<void(const CycleRecord&)> on_cycle;
 };
 
 /// The rendered method let another of its members be felt.

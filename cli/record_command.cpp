@@ -1,0 +1,221 @@
+#include "cli/record_command.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "device_emulator/operator_script.h"
+#include "profiles/device_profile.h"
+#include "simulator/scene.h"
+#include "tools/path_comparison.h"
+#include "tools/recording.h"
+#include "tools/recording_plot.h"
+
+namespace forcegrid::cli {
+namespace {
+
+using nlohmann::ordered_json;
+using tools::Hdf5Reader;
+using tools::RecordingHeader;
+using tools::TimedPath;
+
+// How long the emulated operator needs from the first cycle to the first point of the path.
+constexpr double kBeforePath_s = emulator::OperatorScript::kApproach_s +
+                                 emulator::OperatorScript::kDescent_s +
+                                 emulator::OperatorScript::kPause_s;
+constexpr double kSpare_s = 1.0;
+
+TimedPath path_of(const Hdf5Reader& reader, const RecordingHeader& header) {
+  return {reader.numbers("/cycles/time_s", header.cycles),
+          tools::read_vectors(reader, "/cycles/position_W_m", header.cycles)};
+}
+
+struct ReplayedPart {
+  TimedPath tool;    ///< where it was
+  TimedPath target;  ///< where the hand wanted it
+};
+
+// From the first contact on (without any: from the start), and at most `seconds` (0: all). The hand
+// gave way to the force sent by its own stiffness, so what it wanted lies beyond the tool.
+ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& reader,
+                            const RecordingHeader& header, double hand_stiffness_N_per_m) {
+  const TimedPath whole = path_of(reader, header);
+  const auto force_N = tools::read_vectors(reader, "/cycles/sent_force_D_N", header.cycles);
+  const std::vector<double> in_contact = reader.numbers("/cycles/in_contact", header.cycles);
+  const auto touched = std::find(in_contact.begin(), in_contact.end(), 1.0);
+  ReplayedPart part;
+  for (auto i =
+           static_cast<std::size_t>(touched == in_contact.end() ? 0 : touched - in_contact.begin());
+       i < whole.time_s.size(); ++i) {
+    if (options.seconds > 0.0 && !part.tool.time_s.empty() &&
+        whole.time_s[i] > part.tool.time_s.front() + options.seconds) {
+      break;
+    }
+    part.tool.time_s.push_back(whole.time_s[i]);
+    part.tool.position_m.push_back(whole.position_m[i]);
+    part.target.time_s.push_back(whole.time_s[i]);
+    part.target.position_m.push_back(whole.position_m[i] - force_N[i] / hand_stiffness_N_per_m);
+  }
+  if (part.tool.time_s.size() < 2) {
+    throw std::runtime_error(options.file +
+                             ": fewer than two cycles to replay; record for longer, or give more "
+                             "--seconds");
+  }
+  return part;
+}
+
+void write_path(const std::string& file, const TimedPath& path) {
+  std::ofstream stream(file);
+  stream << "time_s,x_m,y_m,z_m\n" << std::setprecision(12);
+  for (std::size_t i = 0; i < path.time_s.size(); ++i) {
+    const Eigen::Vector3d& p = path.position_m[i];
+    stream << path.time_s[i] << ',' << p.x() << ',' << p.y() << ',' << p.z() << '\n';
+  }
+  stream.close();
+  if (!stream) {
+    throw std::runtime_error(file + " can't be written; choose another folder with --out");
+  }
+}
+
+void make_folder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) {
+    throw std::runtime_error("folder '" + folder + "' can't be made (" + error.message() +
+                             "); choose another with --out");
+  }
+}
+
+RunOptions run_options(const ReplayOptions& options, const RecordingHeader& header,
+                       const std::string& profile, const TimedPath& path) {
+  const emulator::OperatorScript::Options operator_defaults;
+  RunOptions run;
+  run.device = "emulated:" + profile;
+  run.scene = !options.scene.empty()  ? options.scene
+              : !header.scene.empty() ? header.scene
+                                      : run.scene;
+  run.method = !options.method.empty() ? options.method : header.method_names.at(0);
+  run.shadows.clear();
+  run.rate_Hz = header.rate_Hz;
+  run.seconds = path.time_s.back() - path.time_s.front() + kBeforePath_s + kSpare_s;
+  run.motion = "path:" + options.out + "/replayed_path.csv";
+  run.contact_m =
+      std::array<double, 3>{path.position_m.front().x(), path.position_m.front().y(),
+                            path.position_m.front().z() + operator_defaults.contact_depth_m};
+  run.record = options.out + "/replay.h5";
+  run.no_truth = true;
+  run.out = options.out;
+  run.json = {true, options.out + "/replay_run.json"};
+  run.text_on_stderr = options.json.on_stdout();
+  run.settings = "# replay of " + options.file + "\n";
+  return run;
+}
+
+}  // namespace
+
+void add_replay(CLI::App& app, ReplayOptions& o, std::function<int()>& action) {
+  CLI::App& replay = *app.add_subcommand(
+      "replay",
+      "Let the emulated hand take a recording's path again, with the same or another method.\n"
+      "(Into a method alone: forcegrid evaluate --trace FILE.h5; into pictures: forcegrid plot)");
+  replay.add_option("FILE", o.file, "Recording of forcegrid record")->required();
+  replay.add_option("--device", o.device,
+                    "Profile of the emulated device (default: the recording's)");
+  replay.add_option("--scene", o.scene, "Object to feel (default: the recording's, else block)");
+  replay.add_option("--method", o.method, "Force method (default: the recording's)");
+  replay.add_option("--seconds", o.seconds, "How much of it, from the first contact; 0 is all")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->type_name("FLOAT s")
+      ->capture_default_str();
+  replay.add_option("--out", o.out, "Folder for the path, replay.h5 and pictures")
+      ->capture_default_str();
+  replay.callback([&o, &action] { action = [&o] { return replay_command(o); }; });
+}
+
+void add_plot(CLI::App& app, PlotOptions& o, std::function<int()>& action) {
+  CLI::App& plot = *app.add_subcommand("plot", "Draw the standard pictures of a recording");
+  plot.add_option("FILE", o.file, "Recording of forcegrid record; also of a run that was killed")
+      ->required();
+  plot.add_option("--out", o.out, "Folder for recording.svg, .png and .csv")->capture_default_str();
+  plot.callback([&o, &action] { action = [&o] { return plot_command(o); }; });
+}
+
+int replay_command(const ReplayOptions& options) {
+  ReplayedPart part;
+  RunOptions run;
+  {
+    const Hdf5Reader reader(options.file);
+    const RecordingHeader header = tools::read_header(reader);
+    const std::string profile = options.device.empty() ? header.profile : options.device;
+    part = part_to_replay(options, reader, header,
+                          profiles::load_device_profile(profile).firm_hand.stiffness_N_per_m);
+    run = run_options(options, header, profile, part.target);
+  }
+  make_folder(options.out);
+  write_path(options.out + "/replayed_path.csv", part.target);
+  const int status = run_command(run);
+
+  const Hdf5Reader reader(run.record);
+  const RecordingHeader header = tools::read_header(reader);
+  ordered_json json{
+      {"replayed", options.file}, {"seconds", part.tool.time_s.back() - part.tool.time_s.front()},
+      {"method", run.method},     {"device", run.device},
+      {"recording", run.record},  {"run_summary", run.json.file}};
+  std::string sentence;
+  try {
+    const tools::PathComparison followed = tools::compare_paths(part.tool, path_of(reader, header));
+    json["followed_rms_mm"] = 1e3 * followed.rms_m;
+    json["followed_max_mm"] = 1e3 * followed.max_m;
+    json["began_after_s"] = followed.lag_s;
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "Replay: the tool followed the recorded path within %.2f mm RMS, %.2f mm at most",
+                  1e3 * followed.rms_m, 1e3 * followed.max_m);
+    sentence = text;
+  } catch (const std::invalid_argument& error) {
+    json["followed_rms_mm"] = nullptr;
+    sentence = "Replay: ended before the recorded path did (" + std::string(error.what()) + ")";
+  }
+  std::fprintf(options.json.on_stdout() ? stderr : stdout, "%s\n", sentence.c_str());
+  write_json(options.json, json.dump(2));
+  return status;
+}
+
+int plot_command(const PlotOptions& options) {
+  make_folder(options.out);
+  const Hdf5Reader reader(options.file);
+  const tools::RecordingPlot plot = tools::plot_recording(reader, options.out);
+  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  std::fprintf(
+      out, "%s: %s; %llu cycles, %.1f s, %llu missed deadlines\n", options.file.c_str(),
+      plot.header.complete ? "complete" : "not closed by its writer, readable all the same",
+      static_cast<unsigned long long>(plot.header.cycles), plot.duration_s,
+      static_cast<unsigned long long>(plot.missed_deadlines));
+  ordered_json files = plot.files;
+  for (const std::string& file : plot.files) {
+    std::fprintf(out, "  %s\n", file.c_str());
+  }
+  write_json(options.json, ordered_json{{"file", options.file},
+                                        {"complete", plot.header.complete},
+                                        {"forcegrid_version", plot.header.version},
+                                        {"device_profile", plot.header.profile},
+                                        {"methods", plot.header.method_names},
+                                        {"cycles", plot.header.cycles},
+                                        {"cycles_lost", plot.cycles_lost},
+                                        {"samples", plot.header.samples},
+                                        {"duration_s", plot.duration_s},
+                                        {"missed_deadlines", plot.missed_deadlines},
+                                        {"period_max_us", plot.period_max_us},
+                                        {"force_max_N", plot.force_max_N},
+                                        {"files", files}}
+                               .dump(2));
+  return 0;
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "cli/run_command.h"
+
+namespace CLI {
+class App;
+}
+
+namespace forcegrid::cli {
+
+struct ReplayOptions {
+  std::string file;
+  std::string device;    ///< profile; empty: the recording's
+  std::string scene;     ///< empty: the recording's, or block
+  std::string method;    ///< empty: the method that the recording rendered
+  double seconds = 0.0;  ///< of the path; 0: all
+  std::string out = "out";
+  JsonTarget json;
+};
+
+struct PlotOptions {
+  std::string file;
+  std::string out = "out";
+  JsonTarget json;
+};
+
+/// Add the subcommands, which set `action`.
+void add_replay(CLI::App& app, ReplayOptions& options, std::function<int()>& action);
+void add_plot(CLI::App& app, PlotOptions& options, std::function<int()>& action);
+
+/// Lets the emulated hand take a recording's path, from its first contact on, through the whole
+/// stack, and says how closely it followed.
+/// @returns 0, or 1 after a fault.
+/// @throws std::exception with a sentence for the user.
+int replay_command(const ReplayOptions& options);
+
+/// Draws a recording's standard pictures, and says what is in it.
+/// @throws std::exception with a sentence for the user.
+int plot_command(const PlotOptions& options);
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,343 @@
+#include "tools/hdf5_file.h"
+
+#include <hdf5.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <numeric>
+
+namespace forcegrid::tools {
+namespace {
+
+constexpr unsigned kDeflate = 1;  // the first level brings most of it
+constexpr std::size_t kChunkCache_bytes = 1 << 18;
+constexpr std::size_t kChunkCacheSlots = 521;  // a prime, as HDF5 wants
+constexpr double kEvictWritten = 1.0;
+constexpr std::size_t kLargestAttribute = 60'000;  // HDF5 keeps them in an object's header
+
+// Any of HDF5's identifiers, closed with it.
+class Id {
+ public:
+  Id(hid_t id, herr_t (*close)(hid_t)) noexcept : id_(id), close_(close) {}
+  ~Id() {
+    if (id_ >= 0) {
+      close_(id_);
+    }
+  }
+  Id(const Id&) = delete;
+  Id& operator=(const Id&) = delete;
+  operator hid_t() const noexcept { return id_; }
+
+ private:
+  hid_t id_;
+  herr_t (*close_)(hid_t);
+};
+
+// HDF5 prints its errors itself unless each thread tells it not to; here they become exceptions.
+// Nor may it tidy up at the program's end: what could not be written then makes it crash.
+void be_quiet() {
+  static const herr_t once = H5dont_atexit();
+  static_cast<void>(once);
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
+
+herr_t take_deepest(unsigned, const H5E_error2_t* error, void* text) {
+  if (error->desc != nullptr && error->desc[0] != '\0') {
+    *static_cast<std::string*>(text) = error->desc;
+  }
+  return 0;
+}
+
+[[noreturn]] void fail(const std::string& file, const std::string& what) {
+  std::string reason;
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_DOWNWARD, take_deepest, &reason);
+  throw Hdf5Error(file + ": " + what + (reason.empty() ? "" : " (" + reason + ")"));
+}
+
+template <typename Result>
+Result checked(Result result, const std::string& file, const std::string& what) {
+  if (result < 0) {
+    fail(file, what);
+  }
+  return result;
+}
+
+hid_t file_type(Hdf5Type type) {
+  switch (type) {
+    case Hdf5Type::kFloat64:
+      return H5T_IEEE_F64LE;
+    case Hdf5Type::kFloat32:
+      return H5T_IEEE_F32LE;
+    case Hdf5Type::kInt32:
+      return H5T_STD_I32LE;
+    case Hdf5Type::kUint8:
+      return H5T_STD_U8LE;
+    case Hdf5Type::kUint32:
+      return H5T_STD_U32LE;
+    case Hdf5Type::kUint64:
+      return H5T_STD_U64LE;
+  }
+  return H5T_IEEE_F64LE;
+}
+
+void write_attribute(hid_t object, const std::string& file, const std::string& name,
+                     const std::string& text) {
+  if (text.size() > kLargestAttribute) {
+    throw Hdf5Error(file + ": attribute " + name + " has " + std::to_string(text.size()) +
+                    " bytes, more than HDF5 keeps in one");
+  }
+  const Id type(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(type, std::max<std::size_t>(text.size(), 1));
+  H5Tset_cset(type, H5T_CSET_UTF8);
+  H5Tset_strpad(type, H5T_STR_NULLPAD);
+  const Id space(H5Screate(H5S_SCALAR), H5Sclose);
+  const Id attribute(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT),
+                     H5Aclose);
+  const std::string padded = text.empty() ? std::string(1, '\0') : text;
+  checked(attribute >= 0 ? H5Awrite(attribute, type, padded.data()) : -1, file,
+          "attribute " + name + " can't be written");
+}
+
+std::vector<hsize_t> shape(const Hdf5Column& column, std::uint64_t rows) {
+  std::vector<hsize_t> dimensions{rows};
+  dimensions.insert(dimensions.end(), column.row_shape.begin(), column.row_shape.end());
+  return dimensions;
+}
+
+hid_t create_dataset(hid_t file_id, const std::string& file, const Hdf5Column& column,
+                     std::uint64_t rows_per_chunk) {
+  const std::vector<hsize_t> now = shape(column, 0);
+  const std::vector<hsize_t> most = shape(column, H5S_UNLIMITED);
+  const std::vector<hsize_t> chunk = shape(column, rows_per_chunk);
+  const int rank = static_cast<int>(now.size());
+  const Id space(H5Screate_simple(rank, now.data(), most.data()), H5Sclose);
+  const Id creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  H5Pset_chunk(creation, rank, chunk.data());
+  H5Pset_shuffle(creation);
+  H5Pset_deflate(creation, kDeflate);
+  const Id access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
+  H5Pset_chunk_cache(access, kChunkCacheSlots, kChunkCache_bytes, kEvictWritten);
+  const Id links(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
+  H5Pset_create_intermediate_group(links, 1);
+  const hid_t dataset = H5Dcreate2(file_id, column.name.c_str(), file_type(column.type), space,
+                                   links, creation, access);
+  checked(dataset, file, column.name + " can't be made");
+  write_attribute(dataset, file, "meaning", column.meaning);
+  return dataset;
+}
+
+void append_rows(hid_t dataset, const std::string& file, const Hdf5Column& column,
+                 std::uint64_t rows_before, const std::vector<double>& numbers) {
+  const std::uint64_t added = numbers.size() / column.numbers_per_row();
+  const std::vector<hsize_t> all = shape(column, rows_before + added);
+  const std::vector<hsize_t> block = shape(column, added);
+  std::vector<hsize_t> start(block.size(), 0);
+  start.front() = rows_before;
+  const std::string what = column.name + " can't grow";
+  checked(H5Dset_extent(dataset, all.data()), file, what);
+  const Id there(H5Dget_space(dataset), H5Sclose);
+  checked(H5Sselect_hyperslab(there, H5S_SELECT_SET, start.data(), nullptr, block.data(), nullptr),
+          file, what);
+  const Id here(H5Screate_simple(static_cast<int>(block.size()), block.data(), nullptr), H5Sclose);
+  checked(H5Dwrite(dataset, H5T_NATIVE_DOUBLE, here, there, H5P_DEFAULT, numbers.data()), file,
+          what);
+}
+
+}  // namespace
+
+std::string hdf5_version() {
+  unsigned major = 0;
+  unsigned minor = 0;
+  unsigned release = 0;
+  H5get_libversion(&major, &minor, &release);
+  return std::to_string(major) + "." + std::to_string(minor) + "." + std::to_string(release);
+}
+
+std::size_t Hdf5Column::numbers_per_row() const noexcept {
+  return std::accumulate(row_shape.begin(), row_shape.end(), std::size_t{1}, std::multiplies<>());
+}
+
+struct Hdf5Writer::Column {
+  Hdf5Column description;
+  hid_t dataset = -1;
+  std::uint64_t rows = 0;
+};
+
+Hdf5Writer::Hdf5Writer(const std::string& file) : file_(file) {
+  be_quiet();
+  const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110);
+  errno = 0;
+  const hid_t id = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access);
+  if (id < 0) {
+    const std::string reason = errno != 0 ? std::strerror(errno) : "HDF5 refuses it";
+    throw Hdf5Error(file + ": can't be created (" + reason +
+                    "); name a file in a folder that exists and may be written");
+  }
+  id_ = id;
+}
+
+Hdf5Writer::~Hdf5Writer() {
+  try {
+    close();
+  } catch (const Hdf5Error&) {
+    // Who wants to know has called close().
+  }
+}
+
+void Hdf5Writer::add_attribute(const std::string& name, const std::string& text) {
+  write_attribute(id_, file_, name, text);
+}
+
+std::size_t Hdf5Writer::add_column(const Hdf5Column& column, std::uint64_t rows_per_chunk) {
+  Column made;
+  made.description = column;
+  made.dataset = create_dataset(id_, file_, column, rows_per_chunk);
+  columns_.push_back(made);
+  return columns_.size() - 1;
+}
+
+void Hdf5Writer::begin() {
+  checked(H5Fflush(id_, H5F_SCOPE_GLOBAL), file_, "can't be written");
+  checked(H5Fstart_swmr_write(id_), file_, "can't be written safely");
+}
+
+void Hdf5Writer::append(std::size_t column, const std::vector<double>& numbers) {
+  Column& to = columns_.at(column);
+  if (numbers.empty()) {
+    return;
+  }
+  be_quiet();
+  failed_ = true;
+  append_rows(to.dataset, file_, to.description, to.rows, numbers);
+  failed_ = false;
+  to.rows += numbers.size() / to.description.numbers_per_row();
+}
+
+void Hdf5Writer::flush() {
+  be_quiet();
+  failed_ = true;
+  for (const Column& column : columns_) {
+    checked(H5Dflush(column.dataset), file_, column.description.name + " can't be written");
+  }
+  failed_ = false;
+}
+
+void Hdf5Writer::close() {
+  if (id_ < 0) {
+    return;
+  }
+  if (failed_) {
+    // Left as a kill would leave it, whole up to the last flush: closing would write again.
+    columns_.clear();
+    id_ = -1;
+    return;
+  }
+  be_quiet();
+  for (const Column& column : columns_) {
+    failed_ = H5Dclose(column.dataset) < 0 || failed_;
+  }
+  columns_.clear();
+  failed_ = H5Fclose(id_) < 0 || failed_;
+  id_ = -1;
+  if (failed_) {
+    fail(file_, "can't be completed");
+  }
+}
+
+Hdf5Reader::Hdf5Reader(const std::string& file) : file_(file) {
+  be_quiet();
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) {
+    throw Hdf5Error(file + ": no such file; name a recording of 'forcegrid record'");
+  }
+  id_ = H5Fopen(file.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT);
+  if (id_ < 0) {
+    fail(file, "is no readable HDF5 file; name a recording of 'forcegrid record'");
+  }
+}
+
+Hdf5Reader::~Hdf5Reader() { H5Fclose(id_); }
+
+bool Hdf5Reader::has(const std::string& name) const {
+  std::size_t at = 0;  // HDF5 wants each group on the way to be asked for
+  while ((at = name.find('/', at + 1)) != std::string::npos) {
+    if (H5Lexists(id_, name.substr(0, at).c_str(), H5P_DEFAULT) <= 0) {
+      return false;
+    }
+  }
+  return H5Lexists(id_, name.c_str(), H5P_DEFAULT) > 0;
+}
+
+std::string Hdf5Reader::attribute(const std::string& name) const {
+  if (H5Aexists(id_, name.c_str()) <= 0) {
+    return "";
+  }
+  const Id attribute(H5Aopen(id_, name.c_str(), H5P_DEFAULT), H5Aclose);
+  const Id type(H5Aget_type(attribute), H5Tclose);
+  if (attribute < 0 || H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0) {
+    fail(file_, "attribute " + name + " is no text of fixed length");
+  }
+  std::string text(H5Tget_size(type), '\0');
+  checked(H5Aread(attribute, type, text.data()), file_, "attribute " + name + " can't be read");
+  text.resize(std::strlen(text.c_str()));
+  return text;
+}
+
+std::uint64_t Hdf5Reader::rows(const std::string& column) const {
+  const Id dataset(H5Dopen2(id_, column.c_str(), H5P_DEFAULT), H5Dclose);
+  const Id space(checked(dataset >= 0 ? H5Dget_space(dataset) : -1, file_, "has no " + column),
+                 H5Sclose);
+  const int rank = H5Sget_simple_extent_ndims(space);
+  std::vector<hsize_t> size(static_cast<std::size_t>(std::max(rank, 1)), 0);
+  H5Sget_simple_extent_dims(space, size.data(), nullptr);
+  return size.front();
+}
+
+std::vector<double> Hdf5Reader::numbers(const std::string& column, std::uint64_t rows,
+                                        std::uint64_t first) const {
+  const Id dataset(H5Dopen2(id_, column.c_str(), H5P_DEFAULT), H5Dclose);
+  const Id there(checked(dataset >= 0 ? H5Dget_space(dataset) : -1, file_, "has no " + column),
+                 H5Sclose);
+  std::vector<hsize_t> size(static_cast<std::size_t>(H5Sget_simple_extent_ndims(there)), 0);
+  H5Sget_simple_extent_dims(there, size.data(), nullptr);
+  if (size.empty() || size.front() < first + rows) {
+    throw Hdf5Error(file_ + ": " + column + " has fewer rows than its neighbours");
+  }
+  size.front() = rows;
+  std::vector<double> numbers(std::accumulate(size.begin(), size.end(), std::size_t{1},
+                                              [](std::size_t a, hsize_t b) { return a * b; }));
+  if (numbers.empty()) {
+    return numbers;
+  }
+  std::vector<hsize_t> start(size.size(), 0);
+  start.front() = first;
+  checked(H5Sselect_hyperslab(there, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr),
+          file_, column + " can't be read");
+  const Id here(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose);
+  checked(H5Dread(dataset, H5T_NATIVE_DOUBLE, here, there, H5P_DEFAULT, numbers.data()), file_,
+          column + " can't be read");
+  return numbers;
+}
+
+void add_to_hdf5(const std::string& file,
+                 const std::vector<std::pair<std::string, std::string>>& attributes,
+                 const std::vector<std::pair<Hdf5Column, std::vector<double>>>& columns) {
+  be_quiet();
+  const Id id(H5Fopen(file.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
+  checked(static_cast<hid_t>(id), file, "can't be opened again");
+  for (const auto& [name, text] : attributes) {
+    write_attribute(id, file, name, text);
+  }
+  for (const auto& [column, numbers] : columns) {
+    const std::uint64_t rows = numbers.size() / column.numbers_per_row();
+    const Id dataset(create_dataset(id, file, column, std::max<std::uint64_t>(rows, 1)), H5Dclose);
+    append_rows(dataset, file, column, 0, numbers);
+  }
+  checked(H5Fflush(id, H5F_SCOPE_GLOBAL), file, "can't be completed");
+}
+
+}  // namespace forcegrid::tools
