@@ -173,13 +173,16 @@ MethodOptions method_options(const RunOptions& options, const profiles::DevicePr
 // With a coupling the guard observes what that gives.
 void set_passivity(const RunOptions& options, servo::ServoOptions& servo_options) {
   constexpr double kBoundOverAllowance = 0.7 / 0.3;
-  servo_options.passivity.mode = options.passivity == "control" ? servo::PassivityMode::kControl
-                                                                : servo::PassivityMode::kObserve;
-  servo_options.passivity.allowance_J = 1e-3 * options.passivity_allowance_mJ;
-  servo_options.passivity.bound_J = kBoundOverAllowance * servo_options.passivity.allowance_J;
-  servo_options.passivity.max_damping_N_s_per_m = options.passivity_damping_N_s_per_m;
+  servo_options.rendering.passivity.mode = options.passivity == "control"
+                                               ? servo::PassivityMode::kControl
+                                               : servo::PassivityMode::kObserve;
+  servo_options.rendering.passivity.allowance_J = 1e-3 * options.passivity_allowance_mJ;
+  servo_options.rendering.passivity.bound_J =
+      kBoundOverAllowance * servo_options.rendering.passivity.allowance_J;
+  servo_options.rendering.passivity.max_damping_N_s_per_m = options.passivity_damping_N_s_per_m;
   if (options.passivity == "coupling") {
-    servo_options.coupling = servo::CouplingOptions{options.coupling.at(0), options.coupling.at(1)};
+    servo_options.rendering.coupling =
+        servo::CouplingOptions{options.coupling.at(0), options.coupling.at(1)};
   }
 }
 

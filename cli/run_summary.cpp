@@ -60,6 +60,23 @@ void append_members(std::string& text, const RunSummary& summary,
          statistics.member_changes, statistics.uncertainty_mN.at(0.5));
 }
 
+// How long each rung of the ladder was stood on.
+void append_rungs(std::string& text, const servo::TelemetryStatistics& statistics) {
+  if (statistics.cycles == 0) {
+    return;
+  }
+  text += "Force from";
+  const char* separator = " ";
+  for (int i = 0; i < servo::kRungs; ++i) {
+    const auto rung = static_cast<servo::Rung>(i);
+    append(text, "%s%s %.1f %%", separator, servo::to_string(rung),
+           100.0 * static_cast<double>(statistics.rung_cycles[static_cast<std::size_t>(i)]) /
+               static_cast<double>(statistics.cycles));
+    separator = ", ";
+  }
+  append(text, " of the cycles; %" PRIu64 " changes\n", statistics.rung_changes);
+}
+
 }  // namespace
 
 std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
@@ -96,6 +113,7 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   if (statistics.cycles_limited > 0) {
     append(text, "A limit of the profile acted in %" PRIu64 " cycles\n", statistics.cycles_limited);
   }
+  append_rungs(text, statistics);
   append(text,
          "Energy given to the hand by the rendered force: %+.2f mJ in all, at most %.3f mJ in a "
          "contact",
@@ -312,6 +330,20 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
                                               {"from", summary.members.at(change.from)},
                                               {"to", summary.members.at(change.to)},
                                               {"reason", to_string(change.reason)}});
+  }
+  result["rung_cycles"] = json::object();
+  for (int i = 0; i < servo::kRungs; ++i) {
+    result["rung_cycles"][servo::to_string(static_cast<servo::Rung>(i))] =
+        statistics.rung_cycles[static_cast<std::size_t>(i)];
+  }
+  result["rung_changes"] = statistics.rung_changes;
+  result["first_rung_changes"] = json::array();
+  for (const servo::RungChange& change : statistics.first_rung_changes) {
+    result["first_rung_changes"].push_back(
+        {{"time_s", change.time_s},
+         {"from", servo::to_string(change.from)},
+         {"to", servo::to_string(change.to)},
+         {"sentence", servo::sentence_for(change.to, change.held_back)}});
   }
   result["uncertainty_mN"] = percentiles_json(statistics.uncertainty_mN);
   result["truth_details"] = summary.truth_details.value_or(json());

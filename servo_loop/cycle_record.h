@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "forcegrid/force_method.h"
+#include "servo_loop/degradation_ladder.h"
 #include "servo_loop/fault.h"
 
 namespace forcegrid::servo {
@@ -37,7 +38,10 @@ struct CycleRecord {
   std::array<double, kMaxMethods> method_uncertainty_N{};  ///< NaN: it can't tell
   std::uint8_t rendered_member = 0;  ///< of the first method's members(), who spoke
   ChoiceReason rendered_reason = ChoiceReason::kFirst;
-  double gain = 0.0;             ///< ramp and fade, 0..1
+  double gain = 0.0;          ///< ramp and fade, 0..1
+  double damping_gain = 0.0;  ///< of the damping field, 0..1
+  Rung rung = Rung::kZero;
+  HeldBack held_back = HeldBack::kNoSamples;
   Triple commanded_force_D_N{};  ///< after ramp, fade and every limit
   Triple current_A{};
   std::uint8_t limits_acted = 0;  ///< driver::LimitFlag bits

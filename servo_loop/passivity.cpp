@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "servo_loop/dead_band.h"
+
 namespace forcegrid::servo {
 namespace {
 
@@ -97,13 +99,9 @@ void PassivityGuard::open_account() noexcept {
   account_W_J_.setZero();
 }
 
-// The velocity without what quantisation alone makes of a tool at rest, and without a step where
-// that ends.
 Eigen::Vector3d PassivityGuard::motion_W() const noexcept {
-  const Eigen::Array3d band_m_per_s =
-      options_.dead_band_counts / options_.velocity_time_constant_s * resolution_W_m_.array();
-  const Eigen::Array3d speed_m_per_s = velocity_W_.array().abs();
-  return (velocity_W_.array().sign() * (speed_m_per_s - band_m_per_s).max(0.0)).matrix();
+  return without_trembling_counts(velocity_W_, resolution_W_m_, options_.dead_band_counts,
+                                  options_.velocity_time_constant_s);
 }
 
 Eigen::Vector3d PassivityGuard::damp(double dt_s) noexcept {

@@ -30,8 +30,7 @@ struct PassivityOptions {
   double moving_mass_kg = 0.1;
   /// Time constant of the low-passed velocity that damps.
   double velocity_time_constant_s = 0.010;
-  /// [counts] What this many counts within a time constant look like is no motion. One count that
-  /// comes and goes leaves just 1.0 in the filter, so that from 1.0 on it is never felt.
+  /// See without_trembling_counts(); from 1.0 on a count that comes and goes is never felt.
   double dead_band_counts = 1.0;
 };
 
@@ -124,7 +123,7 @@ class PassivityGuard {
   double damping_N_s_per_m() const noexcept { return damping_N_s_per_m_; }
   /// Part of the wanted force that is rendered, 0..1.
   double scale() const noexcept { return scale_; }
-  /// [m/s] u: low-passed, without what quantisation alone makes of a tool at rest.
+  /// [m/s] u.
   Eigen::Vector3d motion_W() const noexcept;
 
  private:

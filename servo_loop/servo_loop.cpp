@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <limits>
 #include <stdexcept>
 
 namespace forcegrid::servo {
@@ -15,28 +15,9 @@ constexpr rt::Duration kStall = std::chrono::milliseconds(50);
 // A contact point this far from a tool in the air is where it will touch.
 constexpr double kElsewhere_m = 1e-6;
 
-// Out of contact for this long the object owes the hand nothing, nor the hand it.
-constexpr double kContactOver_s = 0.1;
-
 double to_us(rt::Duration duration) noexcept { return 1e6 * rt::seconds(duration); }
 
 double servo_time_s(rt::TimePoint time) noexcept { return rt::seconds(time.time_since_epoch()); }
-
-Eigen::Vector3d angle_per_count_rad(const profiles::DeviceProfile& profile) {
-  if (profile.kind == profiles::DeviceKind::kDelta) {
-    return Eigen::Vector3d::Constant(profile.delta.encoder_rad_per_count);
-  }
-  const auto& arm = profile.kinematics;
-  return (2.0 * std::numbers::pi * vector(arm.capstan_diameter_m).array() /
-          (vector(arm.encoder_counts_per_turn).array() * vector(arm.body_diameter_m).array()))
-      .abs();
-}
-
-PassivityOptions within_profile(PassivityOptions options, const profiles::DeviceProfile& profile) {
-  options.max_damping_N_s_per_m =
-      std::min(options.max_damping_N_s_per_m, profile.limits.max_damping_N_s_per_m);
-  return options;
-}
 
 }  // namespace
 
@@ -50,14 +31,11 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       guard_(profile, options.report_timeout),
       encoder_watch_(profile),
       motor_check_(profile, rt::from_seconds(1.0 / std::max(1.0, options.rate_Hz))),
-      passivity_(within_profile(options.passivity, profile)),
-      angle_per_count_rad_(angle_per_count_rad(profile).asDiagonal()),
+      renderer_(profile, options.rendering),
       methods_(std::move(methods)),
       ports_(ports),
       options_(options),
       bus_frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
-      force_box_min_D_(vector(profile.limits.workspace_min_m)),
-      force_box_max_D_(vector(profile.limits.workspace_max_m)),
       sample_period_s_(1.0 / options.simulator_rate_Hz) {
   if (!(options_.rate_Hz >= 100.0 && options_.rate_Hz <= 4000.0)) {
     throw std::invalid_argument("servo rate: use 100 to 4000 Hz");
@@ -70,13 +48,6 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
   }
   if (options_.fill_budget < 1) {
     throw std::invalid_argument("fill budget: use at least 1 a cycle");
-  }
-  if (!(options_.ramp_in_s > 0.0) || !(options_.fade_s > 0.0) ||
-      !(options_.sample_timeout_s > 0.0)) {
-    throw std::invalid_argument("ramp, fade and sample time-out must be positive");
-  }
-  if (options_.coupling) {
-    coupling_.emplace(*options_.coupling);
   }
   asks_before_contact_ =
       !methods_.empty() && methods_[0] != nullptr && methods_[0]->needs().requests_before_contact;
@@ -113,7 +84,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     }
   }
   const Eigen::Vector3d position_W = options_.workspace.position_W(pose.position_D);
-  const Eigen::Vector3d touching_W = coupling_ ? coupling_->proxy_W(position_W) : position_W;
+  const Eigen::Vector3d touching_W = renderer_.touching_W(position_W);
   if (fault == Fault::kNone) {
     send_tool_state(now, touching_W);
   }
@@ -142,24 +113,15 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
 
   // Ramp, fade, workspace bound, passivity; then every limit of the profile, and torque to current.
-  const bool may_render = motors_checked_ || !options_.check_motors;
-  record.gain = force_gain(now, elapsed_s, may_render);
-  const bool in_force_box = (pose.position_D.array() >= force_box_min_D_.array()).all() &&
-                            (pose.position_D.array() <= force_box_max_D_.array()).all();
-  const Eigen::Vector3d wanted_force_W =
-      in_force_box ? Eigen::Vector3d(record.gain * vector(record.method_force_W_N[0]))
-                   : Eigen::Vector3d::Zero();
-  if (coupling_) {
-    coupling_->advance(elapsed_s, wanted_force_W);
-  }
-  account_for_contact(elapsed_s);
-  const Eigen::Vector3d passive_force_D = keep_passive(elapsed_s, pose, position_W, wanted_force_W);
+  const Eigen::Vector3d wanted_force_D = renderer_.force(
+      cycle_to_render(now, elapsed_s, position_W, vector(record.method_force_W_N[0])), pose);
+  gravity_gain_ = std::min(gravity_gain_ + elapsed_s / options_.rendering.ladder.ramp_in_s, 1.0);
   const Eigen::Vector3d gravity_Nm =
       options_.gravity_compensation
           ? Eigen::Vector3d(gravity_gain_ * mechanism_->gravity_torque(pose.joint_angle_rad))
           : Eigen::Vector3d::Zero();
   const driver::LimitedForce limited =
-      limiter_.apply(passive_force_D, pose, elapsed_s, gravity_Nm + motor_check_.joint_torque_Nm());
+      limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm + motor_check_.joint_torque_Nm());
   if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
     fault = Fault::kNotFinite;
   }
@@ -177,7 +139,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
   device_->command(command);
   // A joint that the encoder watch relieves stands still, so that its force gives nothing.
-  passivity_.set_rendered(limited.torque_scale * vector(record.commanded_force_D_N));
+  renderer_.set_rendered(limited.torque_scale * vector(record.commanded_force_D_N));
 
   if (fault == Fault::kNone && options_.requests_per_s > 0.0 && now >= next_request_) {
     make_request(now, touching_W);
@@ -196,9 +158,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   record.velocity_W_m_per_s = triple(guard_.velocity_D());
   record.current_A = command.current_A;
   record.limits_acted = limited.acted;
-  record.energy_to_hand_J = passivity_.energy_to_hand_J();
-  record.passivity_damping_N_s_per_m = passivity_.damping_N_s_per_m();
-  record.passivity_scale = passivity_.scale();
+  renderer_.describe(record);
   record.in_contact = in_contact_;
   record.contact_epoch = contact_epoch_;
   record.samples_taken = samples_taken_;
@@ -291,34 +251,21 @@ void ServoLoop::make_request(rt::TimePoint now, const Eigen::Vector3d& position_
   }
 }
 
-double ServoLoop::force_gain(rt::TimePoint now, double elapsed_s, bool may_render) noexcept {
-  const double timeout_s = std::max(options_.sample_timeout_s, 5.0 * sample_period_s_);
-  const bool fresh =
-      may_render && has_sample_ && rt::seconds(now - newest_sample_arrived_) <= timeout_s;
-  const double step = fresh ? elapsed_s / options_.ramp_in_s : -elapsed_s / options_.fade_s;
-  gain_ = std::clamp(gain_ + step, 0.0, 1.0);
-  gravity_gain_ = std::min(gravity_gain_ + elapsed_s / options_.ramp_in_s, 1.0);
-  return gain_;
-}
-
-// Elastic energy that the hand has put in stays its own through a fade; only the end of the contact
-// ends the account.
-void ServoLoop::account_for_contact(double elapsed_s) noexcept {
-  out_of_contact_s_ = in_contact_ ? 0.0 : out_of_contact_s_ + elapsed_s;
-  if (out_of_contact_s_ >= kContactOver_s) {
-    passivity_.open_account();
-  }
-}
-
-Eigen::Vector3d ServoLoop::keep_passive(double elapsed_s, const driver::ArmPose& pose,
-                                        const Eigen::Vector3d& position_W,
-                                        const Eigen::Vector3d& wanted_W) noexcept {
-  // W and D are parallel, so that both have the same resolution and force.
-  passivity_.set_resolution((pose.jacobian_D * angle_per_count_rad_).cwiseAbs().rowwise().sum());
-  const Eigen::Vector3d force_W = passivity_.apply(elapsed_s, position_W, wanted_W);
-  cycles_damped_ += passivity_.damping_N_s_per_m() > 0.0 ? 1 : 0;
-  cycles_shortened_ += passivity_.scale() < 1.0 ? 1 : 0;
-  return force_W;
+ForceRenderer::Cycle ServoLoop::cycle_to_render(rt::TimePoint now, double elapsed_s,
+                                                const Eigen::Vector3d& position_W,
+                                                const Eigen::Vector3d& method_force_W) noexcept {
+  ForceRenderer::Cycle cycle;
+  cycle.elapsed_s = elapsed_s;
+  cycle.position_W = position_W;
+  cycle.velocity_W = guard_.velocity_D();
+  cycle.method_force_W = method_force_W;
+  cycle.sample_age_s = has_sample_ ? rt::seconds(now - newest_sample_arrived_)
+                                   : std::numeric_limits<double>::infinity();
+  cycle.sample_period_s = sample_period_s_;
+  const bool may_render = motors_checked_ || !options_.check_motors;
+  cycle.held_back = may_render ? HeldBack::kNot : HeldBack::kMotorCheck;
+  cycle.in_contact = in_contact_;
+  return cycle;
 }
 
 Fault ServoLoop::check_motors(rt::TimePoint now, const driver::DeviceReport& report,
@@ -366,9 +313,8 @@ void ServoLoop::continue_with(driver::Device& device) {
   motor_check_ = MotorCheck(profile_, rt::from_seconds(1.0 / options_.rate_Hz));
   motors_checked_ = false;
   has_sample_ = false;  // what was said before is about a hand that has moved on
-  gain_ = 0.0;
+  renderer_.drop();
   gravity_gain_ = 0.0;
-  render_nothing();
   faulty_joint_ = -1;
   missed_before_this_ = 0;
   first_cycle_ = true;
@@ -378,17 +324,9 @@ void ServoLoop::start_anew() noexcept {
   ++stalls_;
   encoder_watch_.restart();
   motor_check_.restart();
-  gain_ = 0.0;
+  renderer_.drop();
   gravity_gain_ = 0.0;
   limiter_.reset();
-  render_nothing();
-}
-
-void ServoLoop::render_nothing() noexcept {
-  passivity_.restart();
-  if (coupling_) {
-    coupling_->reset();
-  }
 }
 
 void ServoLoop::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
@@ -456,11 +394,12 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   outcome.requests_made = requests_made_;
   outcome.answers_taken = answers_taken_;
   outcome.encoder_doubts = encoder_watch_.doubts();
-  outcome.energy_to_hand_J = passivity_.total_energy_to_hand_J();
-  outcome.largest_energy_to_hand_J = passivity_.largest_energy_to_hand_J();
-  outcome.damped_energy_J = passivity_.damped_energy_J();
-  outcome.cycles_damped = cycles_damped_;
-  outcome.cycles_shortened = cycles_shortened_;
+  const PassivityGuard& guard = renderer_.guard();
+  outcome.energy_to_hand_J = guard.total_energy_to_hand_J();
+  outcome.largest_energy_to_hand_J = guard.largest_energy_to_hand_J();
+  outcome.damped_energy_J = guard.damped_energy_J();
+  outcome.cycles_damped = renderer_.cycles_damped();
+  outcome.cycles_shortened = renderer_.cycles_shortened();
   return outcome;
 }
 

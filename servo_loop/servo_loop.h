@@ -17,10 +17,9 @@
 #include "rt/thread.h"
 #include "servo_loop/cycle_record.h"
 #include "servo_loop/encoder_watch.h"
+#include "servo_loop/force_renderer.h"
 #include "servo_loop/motion_guard.h"
 #include "servo_loop/motor_check.h"
-#include "servo_loop/passivity.h"
-#include "servo_loop/virtual_coupling.h"
 
 namespace forcegrid::servo {
 
@@ -38,10 +37,6 @@ struct ServoOptions {
   double rate_Hz = 500.0;  ///< 100 to 4000
   /// Vertices (or other units of a method's work) a cycle and method.
   int fill_budget = 1000;
-  double ramp_in_s = 0.5;  ///< full force this long after start, or after a fade
-  double fade_s = 0.1;     ///< from full force to none once samples stop
-  /// Samples are missed after this long or five simulator periods, whichever is longer.
-  double sample_timeout_s = 0.25;
   double simulator_rate_Hz = 30.0;
   /// How often a second the rendered method may ask the simulator for a force at a position of its
   /// own choice, see ForceMethod::plan_request(); 0: never. At most once a cycle.
@@ -53,11 +48,7 @@ struct ServoOptions {
   bool check_motors = true;
   /// Encoders that don't count are looked for: see EncoderWatch.
   bool watch_encoders = true;
-  /// The observer is always on; what the controller may do is here. Its damping is at most the
-  /// profile's limits.max_damping_N_s_per_m.
-  PassivityOptions passivity;
-  /// The object is touched through a virtual coupling instead of by the tool itself.
-  std::optional<CouplingOptions> coupling;
+  RenderingOptions rendering;
   WorkspaceMap workspace;
 };
 
@@ -140,18 +131,15 @@ class ServoLoop {
   void take_answer(const ArrivedSample& answer) noexcept;
   void make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
   void start_anew() noexcept;
-  void render_nothing() noexcept;
   Fault check_motors(rt::TimePoint now, const driver::DeviceReport& report,
                      const driver::ArmPose& pose) noexcept;
   void relieve(rt::TimePoint now, double elapsed_s, const Eigen::Vector3d& force_torque_Nm,
                driver::MotorCommand& command) noexcept;
   rt::Duration shift_to_bus_phase(rt::TimePoint deadline) noexcept;
-  double force_gain(rt::TimePoint now, double elapsed_s, bool may_render) noexcept;
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
-  void account_for_contact(double elapsed_s) noexcept;
-  Eigen::Vector3d keep_passive(double elapsed_s, const driver::ArmPose& pose,
-                               const Eigen::Vector3d& position_W,
-                               const Eigen::Vector3d& wanted_W) noexcept;
+  ForceRenderer::Cycle cycle_to_render(rt::TimePoint now, double elapsed_s,
+                                       const Eigen::Vector3d& position_W,
+                                       const Eigen::Vector3d& method_force_W) noexcept;
 
   driver::Device* device_;
   profiles::DeviceProfile profile_;
@@ -160,17 +148,11 @@ class ServoLoop {
   MotionGuard guard_;
   EncoderWatch encoder_watch_;
   MotorCheck motor_check_;
-  PassivityGuard passivity_;
-  std::optional<VirtualCoupling> coupling_;
-  Eigen::Matrix3d angle_per_count_rad_;  ///< diagonal, unsigned
-  double out_of_contact_s_ = 0.0;
-  std::uint64_t cycles_damped_ = 0;
-  std::uint64_t cycles_shortened_ = 0;
+  ForceRenderer renderer_;
   std::vector<ForceMethod*> methods_;
   ServoPorts& ports_;
   ServoOptions options_;
   rt::Duration bus_frame_;
-  Eigen::Vector3d force_box_min_D_, force_box_max_D_;
 
   rt::TimePoint last_cycle_{};
   rt::TimePoint newest_sample_arrived_{};
@@ -190,7 +172,6 @@ class ServoLoop {
   std::uint32_t last_query_id_ = 0;
   std::uint64_t requests_made_ = 0;
   std::uint64_t answers_taken_ = 0;
-  double gain_ = 0.0;
   double gravity_gain_ = 0.0;
   std::uint32_t tool_sequence_ = 0;
   std::uint64_t cycle_ = 0;

@@ -62,6 +62,7 @@ void Telemetry::drain() {
     statistics_.samples_taken = record.samples_taken;
     damped_since_line_ = damped_since_line_ || record.passivity_damping_N_s_per_m > 0.0;
     shortened_since_line_ = shortened_since_line_ || record.passivity_scale < 1.0;
+    take_rung(record);
     take_rendered(record);
     if (options_.on_cycle) {
       options_.on_cycle(record);
@@ -77,6 +78,26 @@ void Telemetry::drain() {
       last_line_ns_ = late ? record.time_ns : last_line_ns_ + kLine_ns;
     }
   }
+}
+
+void Telemetry::take_rung(const CycleRecord& record) {
+  ++statistics_.rung_cycles[static_cast<std::size_t>(record.rung)];
+  if (record.rung == last_rung_) {
+    return;
+  }
+  const double time_s = 1e-9 * static_cast<double>(record.time_ns - first_time_ns_);
+  ++statistics_.rung_changes;
+  if (statistics_.first_rung_changes.size() < kChangesKept) {
+    statistics_.first_rung_changes.push_back({time_s, last_rung_, record.rung, record.held_back});
+  }
+  // Late samples come and go on a poor network; what they change is small, and in the summary.
+  const auto felt = [](Rung rung) { return rung == Rung::kFresh || rung == Rung::kOld; };
+  if (options_.live != nullptr && !(felt(record.rung) && felt(last_rung_))) {
+    std::fprintf(options_.live, "%7.1f s  %s\n", time_s,
+                 sentence_for(record.rung, record.held_back).c_str());
+    std::fflush(options_.live);
+  }
+  last_rung_ = record.rung;
 }
 
 void Telemetry::take_rendered(const CycleRecord& record) {
@@ -107,12 +128,12 @@ void Telemetry::print_live_line(const CycleRecord& record) {
   std::fprintf(options_.live,
                "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
                "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64
-               "  energy %+.2f mJ%s\n",
+               "  %s  energy %+.2f mJ%s\n",
                elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2],
                record.in_contact ? "in contact" : "free", f[0], f[1], f[2],
                static_cast<double>(statistics_.cycles - cycles_at_last_line_) / since_s,
                1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines,
-               1e3 * record.energy_to_hand_J, guard_text());
+               to_string(record.rung), 1e3 * record.energy_to_hand_J, guard_text());
   std::fflush(options_.live);
   cycles_at_last_line_ = statistics_.cycles;
   damped_since_line_ = shortened_since_line_ = false;
@@ -129,7 +150,8 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
   errno = 0;
   std::ofstream file(path);
   file << "time_s,cycle,period_us,compute_us,report_age_us,report_sequence,count_a,count_b,count_c,"
-          "x_W_m,y_W_m,z_W_m,vx_W_m_per_s,vy_W_m_per_s,vz_W_m_per_s,gain,fx_D_N,fy_D_N,fz_D_N,"
+          "x_W_m,y_W_m,z_W_m,vx_W_m_per_s,vy_W_m_per_s,vz_W_m_per_s,gain,damping_gain,rung,fx_D_N,"
+          "fy_D_N,fz_D_N,"
           "current_a_A,current_b_A,current_c_A,limits_acted,"
           "energy_to_hand_J,passivity_damping_N_s_per_m,passivity_scale,in_contact,contact_epoch,"
           "samples_taken,"
@@ -154,7 +176,7 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
     for (const Triple* t : {&r.position_W_m, &r.velocity_W_m_per_s}) {
       file << ',' << (*t)[0] << ',' << (*t)[1] << ',' << (*t)[2];
     }
-    file << ',' << r.gain;
+    file << ',' << r.gain << ',' << r.damping_gain << ',' << to_string(r.rung);
     for (const Triple* t : {&r.commanded_force_D_N, &r.current_A}) {
       file << ',' << (*t)[0] << ',' << (*t)[1] << ',' << (*t)[2];
     }

@@ -34,6 +34,14 @@ struct MemberChange {
   ChoiceReason reason = ChoiceReason::kFirst;
 };
 
+/// The loop stepped from one rung of its ladder to another.
+struct RungChange {
+  double time_s = 0.0;  ///< since the first cycle
+  Rung from = Rung::kZero;
+  Rung to = Rung::kZero;
+  HeldBack held_back = HeldBack::kNot;
+};
+
 /// Distributions over every cycle of a run, also those no longer kept.
 struct TelemetryStatistics {
   rt::Percentiles period_us;
@@ -49,6 +57,9 @@ struct TelemetryStatistics {
   std::array<std::uint64_t, 5> rendered_status{};
   /// Cycles in contact by who spoke of the rendered method's members.
   std::array<std::uint64_t, kMaxMembers> rendered_member{};
+  std::array<std::uint64_t, kRungs> rung_cycles{};  ///< indexed by Rung
+  std::uint64_t rung_changes = 0;
+  std::vector<RungChange> first_rung_changes;  ///< at most kChangesKept of them
   rt::Percentiles uncertainty_mN;  ///< of the rendered force in contact, where the method tells it
   std::uint64_t member_changes = 0;
   std::vector<MemberChange> first_changes;  ///< at most kChangesKept of them
@@ -84,6 +95,7 @@ class Telemetry {
 
  private:
   void drain();
+  void take_rung(const CycleRecord& record);
   void take_rendered(const CycleRecord& record);
   void print_live_line(const CycleRecord& record);
   const char* guard_text() const noexcept;
@@ -98,6 +110,7 @@ class Telemetry {
   std::int64_t last_line_ns_ = 0;
   std::uint64_t cycles_at_last_line_ = 0;
   std::uint8_t last_member_ = 0;
+  Rung last_rung_ = Rung::kZero;
   bool damped_since_line_ = false;
   bool shortened_since_line_ = false;
 };

@@ -90,7 +90,7 @@ class FaultBench {
     servo::ServoPorts ports;
     servo::ServoOptions servo_options;
     servo_options.check_motors = check_motors;
-    servo_options.ramp_in_s = 0.1;
+    servo_options.rendering.ladder.ramp_in_s = 0.1;
     servo::ServoLoop loop(*device, options_.profile, {&method}, ports, servo_options);
     const std::atomic<bool> stop{false};
     std::atomic<bool> ended{false};

@@ -15,7 +15,7 @@ TEST_P(CycleAllocations, AreNone) {
   ServoOptions options;
   options.check_motors = false;
   if (GetParam()) {
-    options.coupling = CouplingOptions{};
+    options.rendering.coupling = CouplingOptions{};
   }
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   ScriptedDevice device(profile);

@@ -23,8 +23,8 @@ class LoopBench : public ::testing::Test {
 
   static ServoOptions options() {
     ServoOptions options;
-    options.ramp_in_s = 0.1;
-    options.fade_s = 0.1;
+    options.rendering.ladder.ramp_in_s = 0.1;
+    options.rendering.ladder.fade_s = 0.1;
     // A scripted device does not move by what it is told.
     options.check_motors = false;
     options.watch_encoders = false;

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -32,7 +33,7 @@ class ObservingLoop : public LoopPassivity {
  protected:
   static ServoOptions observing() {
     ServoOptions options = LoopBench::options();
-    options.passivity.mode = PassivityMode::kObserve;
+    options.rendering.passivity.mode = PassivityMode::kObserve;
     return options;
   }
   ObservingLoop() : LoopPassivity(observing()) {}
@@ -41,6 +42,7 @@ class ObservingLoop : public LoopPassivity {
 TEST_F(ObservingLoop, CountsTheWorkOfTheForceThatLeftItRampAndFadeIncluded) {
   method_.force_W = Vector3d(0.0, 1.5, -0.5);
   double work_J = 0.0;
+  double most_work_J = 0.0;
   Vector3d force_W = Vector3d::Zero();
   Vector3d before_W = Vector3d::Zero();
   bool ramped = false;
@@ -49,6 +51,7 @@ TEST_F(ObservingLoop, CountsTheWorkOfTheForceThatLeftItRampAndFadeIncluded) {
     // Samples stop in the middle; from 0.25 s on the force fades.
     ASSERT_EQ(step(Vector3d(0.0, 0.02 * std::sin(0.02 * i), 0.0), i < 250), Fault::kNone);
     work_J += i == 0 ? 0.0 : force_W.dot(read_W() - before_W);
+    most_work_J = std::max(most_work_J, std::abs(work_J));
     force_W = vector(last_.commanded_force_D_N);
     before_W = read_W();
     ramped = ramped || (i < 250 && last_.gain > 0.4 && last_.gain < 0.6);
@@ -58,7 +61,7 @@ TEST_F(ObservingLoop, CountsTheWorkOfTheForceThatLeftItRampAndFadeIncluded) {
     ASSERT_NEAR(last_.energy_to_hand_J, work_J, 0.05e-3) << i;
   }
   EXPECT_TRUE(ramped && faded);
-  EXPECT_GT(std::abs(work_J), 1e-3);
+  EXPECT_GT(most_work_J, 1e-2);
 }
 
 TEST_F(LoopPassivity, CountsNoWorkOfTheTorqueThatCarriesTheLinks) {
@@ -124,7 +127,8 @@ class CoupledLoop : public LoopPassivity {
  protected:
   static ServoOptions coupled() {
     ServoOptions options = LoopBench::options();
-    options.coupling = CouplingOptions{.stiffness_N_per_m = 500.0, .damping_N_s_per_m = 5.0};
+    options.rendering.coupling =
+        CouplingOptions{.stiffness_N_per_m = 500.0, .damping_N_s_per_m = 5.0};
     return options;
   }
   CoupledLoop() : LoopPassivity(coupled()) {}

@@ -39,6 +39,35 @@ TEST(Telemetry, KeepsTheNewestCyclesAndCountsAll) {
   EXPECT_NEAR(telemetry.statistics().wakeup_us.at(0.5), 50.0, 50.0 / 512);
 }
 
+TEST(Telemetry, CountsTheRungsAndSaysWhenTheForceGivesWay) {
+  ServoPorts ports;
+  TelemetryOptions options;
+  std::FILE* live = std::tmpfile();
+  ASSERT_NE(live, nullptr);
+  options.live = live;
+  Telemetry telemetry(ports, options);
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    CycleRecord record = record_at(i);
+    record.rung = i < 50 ? Rung::kFresh : (i < 70 ? Rung::kOld : Rung::kDamping);
+    record.held_back = i < 70 ? HeldBack::kNot : HeldBack::kNoSamples;
+    ASSERT_TRUE(ports.records.push(record));
+  }
+  telemetry.start();
+  telemetry.stop();
+  std::rewind(live);
+  std::string said(4096, '\0');
+  said.resize(std::fread(said.data(), 1, said.size(), live));
+  std::fclose(live);
+  const TelemetryStatistics& statistics = telemetry.statistics();
+  EXPECT_EQ(statistics.rung_cycles, (std::array<std::uint64_t, kRungs>{50, 20, 30, 0}));
+  EXPECT_EQ(statistics.rung_changes, 3u);  // the first is from zero current
+  ASSERT_EQ(statistics.first_rung_changes.size(), 3u);
+  EXPECT_EQ(statistics.first_rung_changes[2].to, Rung::kDamping);
+  EXPECT_DOUBLE_EQ(statistics.first_rung_changes[2].time_s, 0.14);
+  EXPECT_NE(said.find("The force gives way to a damping field: no sample comes"), std::string::npos)
+      << said;
+}
+
 TEST(Telemetry, TellsWhoOfTheRenderedMethodsMembersWasFeltAndWhenItChanged) {
   ServoPorts ports;
   Telemetry telemetry(ports, {});

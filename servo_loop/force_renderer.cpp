@@ -1,0 +1,104 @@
+#include "servo_loop/force_renderer.h"
+
+#include <algorithm>
+#include <numbers>
+
+#include "servo_loop/motion_guard.h"
+
+namespace forcegrid::servo {
+namespace {
+
+Eigen::Vector3d angle_per_count_rad(const profiles::DeviceProfile& profile) {
+  if (profile.kind == profiles::DeviceKind::kDelta) {
+    return Eigen::Vector3d::Constant(profile.delta.encoder_rad_per_count);
+  }
+  const auto& arm = profile.kinematics;
+  return (2.0 * std::numbers::pi * vector(arm.capstan_diameter_m).array() /
+          (vector(arm.encoder_counts_per_turn).array() * vector(arm.body_diameter_m).array()))
+      .abs();
+}
+
+PassivityOptions within_profile(PassivityOptions options, const profiles::DeviceProfile& profile) {
+  options.max_damping_N_s_per_m =
+      std::min(options.max_damping_N_s_per_m, profile.limits.max_damping_N_s_per_m);
+  return options;
+}
+
+DampingFieldOptions within_profile(DampingFieldOptions options,
+                                   const profiles::DeviceProfile& profile) {
+  options.damping_N_s_per_m =
+      std::min(options.damping_N_s_per_m, profile.limits.max_damping_N_s_per_m);
+  options.max_force_N = std::min(options.max_force_N, 0.25 * profile.limits.max_force_N);
+  options.velocity_time_constant_s = MotionGuard::kVelocityTimeConstant_s;
+  return options;
+}
+
+}  // namespace
+
+ForceRenderer::ForceRenderer(const profiles::DeviceProfile& profile,
+                             const RenderingOptions& options)
+    : ladder_(options.ladder),
+      damping_field_(within_profile(options.damping_field, profile)),
+      guard_(within_profile(options.passivity, profile)),
+      angle_per_count_rad_(angle_per_count_rad(profile).asDiagonal()),
+      box_min_D_(vector(profile.limits.workspace_min_m)),
+      box_max_D_(vector(profile.limits.workspace_max_m)) {
+  if (options.coupling) {
+    coupling_.emplace(*options.coupling);
+  }
+}
+
+Eigen::Vector3d ForceRenderer::touching_W(const Eigen::Vector3d& position_W) const noexcept {
+  return coupling_ ? coupling_->proxy_W(position_W) : position_W;
+}
+
+Eigen::Vector3d ForceRenderer::force(const Cycle& cycle, const driver::ArmPose& pose) noexcept {
+  ladder_.update(cycle.elapsed_s, cycle.sample_age_s, cycle.sample_period_s, cycle.held_back);
+  account_for_contact(cycle);
+  const Eigen::Vector3d resolution_W_m =
+      (pose.jacobian_D * angle_per_count_rad_).cwiseAbs().rowwise().sum();
+  guard_.set_resolution(resolution_W_m);
+  Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
+  Eigen::Vector3d damping_W = Eigen::Vector3d::Zero();
+  if ((pose.position_D.array() >= box_min_D_.array()).all() &&
+      (pose.position_D.array() <= box_max_D_.array()).all()) {
+    force_W = ladder_.force_gain() * cycle.method_force_W;
+    damping_W = ladder_.damping_gain() * damping_field_.force_W(cycle.velocity_W, resolution_W_m);
+  }
+  if (coupling_) {
+    coupling_->advance(cycle.elapsed_s, force_W);
+  }
+  force_W = guard_.apply(cycle.elapsed_s, cycle.position_W, force_W);
+  cycles_damped_ += guard_.damping_N_s_per_m() > 0.0 ? 1 : 0;
+  cycles_shortened_ += guard_.scale() < 1.0 ? 1 : 0;
+  return force_W + damping_W;
+}
+
+// Elastic energy that the hand has put in stays its own through a fade; only the end of the contact
+// ends the account.
+void ForceRenderer::account_for_contact(const Cycle& cycle) noexcept {
+  out_of_contact_s_ = cycle.in_contact ? 0.0 : out_of_contact_s_ + cycle.elapsed_s;
+  if (out_of_contact_s_ >= kContactOver_s) {
+    guard_.open_account();
+  }
+}
+
+void ForceRenderer::drop() noexcept {
+  ladder_.drop();
+  guard_.restart();
+  if (coupling_) {
+    coupling_->reset();
+  }
+}
+
+void ForceRenderer::describe(CycleRecord& record) const noexcept {
+  record.gain = ladder_.force_gain();
+  record.damping_gain = ladder_.damping_gain();
+  record.rung = ladder_.rung();
+  record.held_back = ladder_.held_back();
+  record.energy_to_hand_J = guard_.energy_to_hand_J();
+  record.passivity_damping_N_s_per_m = guard_.damping_N_s_per_m();
+  record.passivity_scale = guard_.scale();
+}
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "driver/kinematics.h"
+#include "profiles/device_profile.h"
+#include "servo_loop/cycle_record.h"
+#include "servo_loop/damping_field.h"
+#include "servo_loop/degradation_ladder.h"
+#include "servo_loop/passivity.h"
+#include "servo_loop/virtual_coupling.h"
+
+namespace forcegrid::servo {
+
+struct RenderingOptions {
+  LadderOptions ladder;
+  /// What takes the force's place once it has faded; at most the profile's largest damping, and a
+  /// quarter of its largest force.
+  DampingFieldOptions damping_field;
+  /// The observer is always on; what the controller may do is here. Its damping is at most the
+  /// profile's limits.max_damping_N_s_per_m.
+  PassivityOptions passivity;
+  /// The object is touched through a virtual coupling instead of by the tool itself.
+  std::optional<CouplingOptions> coupling;
+};
+
+/// What becomes of a method's force before the profile's limits: the ladder of degradation, the
+/// workspace bound, the virtual coupling, and the passivity guard.
+/// Real-time: no allocation, lock or throw after construction. Threads: one.
+class ForceRenderer {
+ public:
+  /// The axes of W and D are parallel, so that a force and a resolution have no frame here.
+  struct Cycle {
+    double elapsed_s = 0.0;
+    Eigen::Vector3d position_W = Eigen::Vector3d::Zero();  ///< [m] of the tool
+    Eigen::Vector3d velocity_W = Eigen::Vector3d::Zero();  ///< [m/s] of MotionGuard
+    Eigen::Vector3d method_force_W = Eigen::Vector3d::Zero();
+    double sample_age_s = 0.0;     ///< see DegradationLadder::update()
+    double sample_period_s = 0.0;  ///< of the simulator
+    HeldBack held_back = HeldBack::kNot;
+    bool in_contact = false;
+  };
+
+  /// Out of contact for this long the object owes the hand nothing, nor the hand it.
+  static constexpr double kContactOver_s = 0.1;
+
+  /// @throws std::invalid_argument naming the option that can't be used.
+  ForceRenderer(const profiles::DeviceProfile& profile, const RenderingOptions& options);
+
+  /// [m] Where the object is touched by a tool at `position_W`.
+  Eigen::Vector3d touching_W(const Eigen::Vector3d& position_W) const noexcept;
+
+  /// [N] What the hand is to feel; zero outside the profile's box.
+  [[nodiscard]] Eigen::Vector3d force(const Cycle& cycle, const driver::ArmPose& pose) noexcept;
+
+  /// What the limits have left of it.
+  void set_rendered(const Eigen::Vector3d& force_W) noexcept { guard_.set_rendered(force_W); }
+
+  /// Nothing is rendered, at once; the force comes back by the ramp.
+  void drop() noexcept;
+
+  const DegradationLadder& ladder() const noexcept { return ladder_; }
+  const PassivityGuard& guard() const noexcept { return guard_; }
+  std::uint64_t cycles_damped() const noexcept { return cycles_damped_; }
+  std::uint64_t cycles_shortened() const noexcept { return cycles_shortened_; }
+  /// What the last cycle did, into its record.
+  void describe(CycleRecord& record) const noexcept;
+
+ private:
+  void account_for_contact(const Cycle& cycle) noexcept;
+
+  DegradationLadder ladder_;
+  DampingField damping_field_;
+  PassivityGuard guard_;
+  std::optional<VirtualCoupling> coupling_;
+  Eigen::Matrix3d angle_per_count_rad_;  ///< diagonal, unsigned
+  Eigen::Vector3d box_min_D_, box_max_D_;
+  double out_of_contact_s_ = 0.0;
+  std::uint64_t cycles_damped_ = 0;
+  std::uint64_t cycles_shortened_ = 0;
+};
+
+}  // namespace forcegrid::servo
