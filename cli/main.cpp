@@ -9,6 +9,7 @@
 #include "cli/chart_command.h"
 #include "cli/commands.h"
 #include "cli/config_command.h"
+#include "cli/devices_command.h"
 #include "cli/evaluate_command.h"
 #include "cli/record_command.h"
 #include "cli/run_command.h"
@@ -402,6 +403,7 @@ int main(int argc, char** argv) {
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
   ChartAccuracyOptions chart_accuracy;
+  DevicesOptions devices;
   ReplayOptions replay;
   PlotOptions plot;
   ConfigOptions config;
@@ -409,6 +411,8 @@ int main(int argc, char** argv) {
   std::vector<tools::ConfigLayer> layers;
   std::function<int()> action;
   add_run(app, run, action);
+  add_devices(app, devices, action);
+  add_json(*app.get_subcommand("devices"), devices.json);
   add_record(app, run, action);
   add_replay(app, replay, action);
   add_json(*app.get_subcommand("replay"), replay.json);
@@ -434,7 +438,8 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: run, record, replay, plot, emulate, simulate, kinematics, evaluate, chart "
+          "a subcommand: devices, run, record, replay, plot, emulate, simulate, kinematics, "
+          "evaluate, chart "
           "or "
           "config");
     }

@@ -759,42 +759,46 @@ class W2Device final : public Device {
 
 void check_descriptor(const Transport& transport, const profiles::DeviceProfile& profile,
                       const std::string& url) {
-  const auto refuse = [&](const std::string& problem) {
-    throw DeviceError("device '" + url + "': " + problem);
-  };
-  HidInterface interface;
-  try {
-    interface = parse_hid_descriptor(transport.report_descriptor());
-  } catch (const DeviceError& error) {
-    refuse(std::string(error.what()) + "; check that it is the device of profile '" + profile.name +
-           "'");
-  }
-  if (interface.usage_page != profile.usb.usage_page || interface.usage != profile.usb.usage) {
-    refuse("its HID usage is " + hexadecimal(interface.usage_page) + ":" +
-           hexadecimal(interface.usage) + " where profile '" + profile.name + "' has " +
-           hexadecimal(profile.usb.usage_page) + ":" + hexadecimal(profile.usb.usage) +
-           "; name another device or profile");
-  }
-  if (interface.has_report_ids) {
-    refuse(
-        "its reports carry report IDs, which the protocol does not have; check that it is the "
-        "device of profile '" +
-        profile.name + "'");
-  }
-  if (interface.input_bytes == w2::kW1ReportBytes && interface.output_bytes == w2::kW1ReportBytes) {
-    refuse(
-        "it speaks the older W1 protocol (reports of 8 bytes), which can't be calibrated from "
-        "the host and counts the other way; install the W2 firmware (reports of 14 bytes)");
-  }
-  const auto wanted = static_cast<std::size_t>(profile.usb.report_bytes);
-  if (interface.input_bytes != wanted || interface.output_bytes != wanted) {
-    refuse("its reports have " + std::to_string(interface.input_bytes) + " bytes in and " +
-           std::to_string(interface.output_bytes) + " out where profile '" + profile.name +
-           "' has " + std::to_string(wanted) + "; name another device or profile");
+  const std::string objection = descriptor_objection(transport.report_descriptor(), profile);
+  if (!objection.empty()) {
+    throw DeviceError("device '" + url + "': " + objection);
   }
 }
 
 }  // namespace
+
+std::string descriptor_objection(std::span<const std::uint8_t> report_descriptor,
+                                 const profiles::DeviceProfile& profile) {
+  HidInterface interface;
+  try {
+    interface = parse_hid_descriptor(report_descriptor);
+  } catch (const DeviceError& error) {
+    return std::string(error.what()) + "; check that it is the device of profile '" + profile.name +
+           "'";
+  }
+  if (interface.usage_page != profile.usb.usage_page || interface.usage != profile.usb.usage) {
+    return "its HID usage is " + hexadecimal(interface.usage_page) + ":" +
+           hexadecimal(interface.usage) + " where profile '" + profile.name + "' has " +
+           hexadecimal(profile.usb.usage_page) + ":" + hexadecimal(profile.usb.usage) +
+           "; name another device or profile";
+  }
+  if (interface.has_report_ids) {
+    return "its reports carry report IDs, which the protocol does not have; check that it is the "
+           "device of profile '" +
+           profile.name + "'";
+  }
+  if (interface.input_bytes == w2::kW1ReportBytes && interface.output_bytes == w2::kW1ReportBytes) {
+    return "it speaks the older W1 protocol (reports of 8 bytes), which can't be calibrated from "
+           "the host and counts the other way; install the W2 firmware (reports of 14 bytes)";
+  }
+  const auto wanted = static_cast<std::size_t>(profile.usb.report_bytes);
+  if (interface.input_bytes != wanted || interface.output_bytes != wanted) {
+    return "its reports have " + std::to_string(interface.input_bytes) + " bytes in and " +
+           std::to_string(interface.output_bytes) + " out where profile '" + profile.name +
+           "' has " + std::to_string(wanted) + "; name another device or profile";
+  }
+  return "";
+}
 
 std::unique_ptr<Device> start_w2_device(std::unique_ptr<Transport> transport,
                                         const profiles::DeviceProfile& profile,

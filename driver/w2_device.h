@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "driver/open_device.h"
@@ -16,5 +18,10 @@ std::unique_ptr<Device> start_w2_device(std::unique_ptr<Transport> transport,
                                         const profiles::DeviceProfile& profile,
                                         const OpenOptions& options, const std::string& url,
                                         bool check_ids);
+
+/// Why a device with this HID report descriptor is not that of `profile`, with the remedy; empty if
+/// it is. Real-time: no. Threads: any.
+std::string descriptor_objection(std::span<const std::uint8_t> report_descriptor,
+                                 const profiles::DeviceProfile& profile);
 
 }  // namespace forcegrid::driver
