@@ -118,11 +118,7 @@ void print_numbers(const evaluation::Chart& chart, const std::string& method) {
   }
 }
 
-}  // namespace
-
-void add_chart(CLI::App& app, ChartAccuracyOptions& o, std::function<int()>& action) {
-  CLI::App& chart = *app.add_subcommand("chart", "Chart force methods against each other");
-  chart.require_subcommand(1);
+void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>& action) {
   CLI::App& accuracy = *chart.add_subcommand(
       "accuracy", "Errors and costs of force methods on objects, motions and networks");
   accuracy.add_option("--out", o.out, "Folder for tables, pictures and the page")->required();
@@ -168,6 +164,15 @@ void add_chart(CLI::App& app, ChartAccuracyOptions& o, std::function<int()>& act
                   "Methods in them, separated by ';' (default: that of 'run', forcegrid, hold)")
       ->delimiter(';');
   accuracy.callback([&o, &action] { action = [&o] { return chart_accuracy_command(o); }; });
+}
+
+}  // namespace
+
+void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>& action) {
+  CLI::App& chart = *app.add_subcommand("chart", "Chart force methods against each other");
+  chart.require_subcommand(1);
+  add_accuracy(chart, options.accuracy, action);
+  add_chart_stability(chart, options.stability, action);
 }
 
 int chart_accuracy_command(const ChartAccuracyOptions& asked) {

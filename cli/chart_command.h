@@ -27,13 +27,40 @@ struct ChartAccuracyOptions {
   std::vector<std::string> figure_methods;  ///< empty: the default method, forcegrid, hold
 };
 
-/// Adds the subcommand `chart` with its own subcommand `accuracy`, which sets `action`.
-void add_chart(CLI::App& app, ChartAccuracyOptions& options, std::function<int()>& action);
+/// What `forcegrid chart stability` was asked for.
+struct ChartStabilityOptions {
+  std::string out;
+  std::string cache;                 ///< as ChartAccuracyOptions::cache
+  std::vector<std::string> methods;  ///< MethodVariant texts; empty: those of the chart
+  std::vector<std::string> parts;    ///< empty: all
+  std::vector<std::string> hands;    ///< empty: all
+  std::string goals_for;             ///< as ChartAccuracyOptions::goals_for
+  bool quick = false;
+  unsigned jobs = 0;  ///< 0: one a processor
+  std::uint64_t seed = 1;
+};
+
+struct ChartCommandOptions {
+  ChartAccuracyOptions accuracy;
+  ChartStabilityOptions stability;
+};
+
+/// Adds the subcommand `chart` with its own subcommands `accuracy` and `stability`, which set
+/// `action`.
+void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>& action);
+
+/// Adds the subcommand `stability` to `chart`.
+void add_chart_stability(CLI::App& chart, ChartStabilityOptions& options,
+                         std::function<int()>& action);
 
 /// Judges force methods on the chart's objects, motions and networks, and writes tables, pictures
 /// and a page into `options.out`, see docs/accuracy.md.
 /// @returns the program's exit status, 0.
 /// @throws std::exception with a sentence for the user.
 int chart_accuracy_command(const ChartAccuracyOptions& options);
+
+/// Closes the loop over force methods in simulated time, see docs/stability.md; as
+/// chart_accuracy_command().
+int chart_stability_command(const ChartStabilityOptions& options);
 
 }  // namespace forcegrid::cli

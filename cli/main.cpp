@@ -10,7 +10,6 @@
 #include "cli/commands.h"
 #include "cli/config_command.h"
 #include "cli/devices_command.h"
-#include "cli/doctor_command.h"
 #include "cli/evaluate_command.h"
 #include "cli/record_command.h"
 #include "cli/run_command.h"
@@ -403,9 +402,8 @@ int main(int argc, char** argv) {
   SimulateOptions simulate;
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
-  ChartAccuracyOptions chart_accuracy;
+  ChartCommandOptions chart;
   DevicesOptions devices;
-  DoctorOptions doctor;
   ReplayOptions replay;
   PlotOptions plot;
   ConfigOptions config;
@@ -415,8 +413,6 @@ int main(int argc, char** argv) {
   add_run(app, run, action);
   add_devices(app, devices, action);
   add_json(*app.get_subcommand("devices"), devices.json);
-  add_doctor(app, doctor, action);
-  add_json(*app.get_subcommand("doctor"), doctor.json);
   add_record(app, run, action);
   add_replay(app, replay, action);
   add_json(*app.get_subcommand("replay"), replay.json);
@@ -426,7 +422,7 @@ int main(int argc, char** argv) {
   add_simulate(app, simulate, action);
   add_kinematics(app, kinematics, action);
   add_evaluate(app, evaluate, action);
-  add_chart(app, chart_accuracy, action);
+  add_chart(app, chart, action);
   add_config(app, config, config_keys_of_all, layers, action);
   add_json(*app.get_subcommand("config"), config.json);
   try {
@@ -442,8 +438,7 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: devices, doctor, run, record, replay, plot, emulate, simulate, "
-          "kinematics, "
+          "a subcommand: devices, run, record, replay, plot, emulate, simulate, kinematics, "
           "evaluate, chart "
           "or "
           "config");

@@ -12,7 +12,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kErrorsFrom_s = 1.0;
 constexpr double kComingToRest_s = 0.1;
 
 std::int64_t nanoseconds(double time_s) { return std::llround(1e9 * time_s); }
@@ -51,13 +50,33 @@ class Run {
     }
   }
 
-  LoopResult result() {
+  LoopResult closed() {
     const double all_s = StatedRun::kMotion_s + setup_.hold_s;
     const auto cycles = static_cast<std::int64_t>(std::llround(all_s * setup_.servo_rate_Hz));
     std::int64_t cycle = 0;
     for (; cycle < cycles && !diverged(); ++cycle) {
       one_cycle(cycle);
     }
+    return result(cycle);
+  }
+
+  LoopResult open(const evaluation::Trajectory& trajectory) {
+    const auto cycles =
+        static_cast<std::int64_t>(std::floor(trajectory.duration_s() * setup_.servo_rate_Hz));
+    const Vector3d begin_W = trajectory.position_W(0.0);
+    for (std::int64_t cycle = 0; cycle < cycles; ++cycle) {
+      const double now_s = 1e-9 * static_cast<double>(cycle_ns(cycle));
+      sampled_W_ = setup_.contact_point_W + trajectory.position_W(now_s) - begin_W;
+      static_cast<void>(rendered_W(cycle));
+    }
+    LoopResult all = result(cycles);
+    all.energy_generated_J = all.most_energy_generated_J = std::nan("");
+    all.most_energy_to_hand_J = all.damped_energy_J = std::nan("");
+    return all;
+  }
+
+ private:
+  LoopResult result(std::int64_t cycle) const {
     LoopResult result;
     result.end_s = 1e-9 * static_cast<double>(cycle_ns(cycle));
     const Settling settling = judge_settling(held_W_);
@@ -74,10 +93,10 @@ class Run {
     result.largest_force_N = largest_force_N_;
     result.samples_taken = samples_taken_;
     result.samples_lost = simulator_.lost();
+    result.rattle_N = changes_ > 0.0 ? std::sqrt(change_square_N2_ / changes_) : 0.0;
     return result;
   }
 
- private:
   std::int64_t cycle_ns(std::int64_t cycle) const {
     return std::llround(1e9 * static_cast<double>(cycle) / setup_.servo_rate_Hz);
   }
@@ -113,34 +132,55 @@ class Run {
     return method_->force(now_s, measured_W).force_W;
   }
 
-  void one_cycle(std::int64_t cycle) {
+  // What the servo does in a cycle, all but moving the tool.
+  Vector3d rendered_W(std::int64_t cycle) {
     const std::int64_t now_ns = cycle_ns(cycle);
-    const std::int64_t next_ns = cycle_ns(cycle + 1);
+    const double period_s = 1e-9 * static_cast<double>(cycle_ns(cycle + 1) - now_ns);
     const double now_s = 1e-9 * static_cast<double>(now_ns);
     const Vector3d measured_W = plant_.measured_W(sampled_W_);
     object_.advance(now_s, measured_W);
     const Vector3d truth_W = object_.at(measured_W).force_W;
     Vector3d wanted_W = method_ == nullptr ? truth_W : method_force_W(now_ns, measured_W);
-    wanted_W -=
-        setup_.virtual_damping_N_s_per_m * setup_.servo_rate_Hz * (measured_W - last_measured_W_);
+    wanted_W -= setup_.virtual_damping_N_s_per_m / period_s * (measured_W - last_measured_W_);
     last_measured_W_ = measured_W;
-    const double period_s = 1e-9 * static_cast<double>(next_ns - now_ns);
     wanted_W = guard_.apply(cycle == 0 ? 0.0 : period_s, measured_W, wanted_W);
-    if (now_s >= kErrorsFrom_s) {
-      error_square_N2_ += (wanted_W - truth_W).squaredNorm();
-      truth_square_N2_ += truth_W.squaredNorm();
-      cycles_judged_ += 1.0;
-    }
-    wanted_W -=
-        setup_.virtual_damping_N_s_per_m * setup_.servo_rate_Hz * (measured_W - last_measured_W_);
-    last_measured_W_ = measured_W;
+    judge(now_s, wanted_W, truth_W);
     const double size_N = wanted_W.norm();
     if (size_N > setup_.device.max_force_N) {
       wanted_W *= setup_.device.max_force_N / size_N;
     }
     guard_.set_rendered(wanted_W);
     largest_force_N_ = std::max(largest_force_N_, wanted_W.norm());
-    flick_if_due(now_s, period_s);
+    if (method_ != nullptr) {
+      method_->work(setup_.fill_budget);
+    }
+    return wanted_W;
+  }
+
+  void judge(double now_s, const Vector3d& rendered_W, const Vector3d& truth_W) {
+    const Vector3d error_W = rendered_W - truth_W;
+    if (now_s >= setup_.errors_from_s) {
+      error_square_N2_ += error_W.squaredNorm();
+      truth_square_N2_ += truth_W.squaredNorm();
+      cycles_judged_ += 1.0;
+    }
+    if (holds_still(now_s)) {
+      change_square_N2_ += (error_W - last_error_W_).squaredNorm();
+      changes_ += 1.0;
+    }
+    last_error_W_ = error_W;
+  }
+
+  bool holds_still(double now_s) const {
+    return now_s >= StatedRun::kMotion_s + setup_.hold_s - StatedRun::kJudged_s;
+  }
+
+  void one_cycle(std::int64_t cycle) {
+    const std::int64_t now_ns = cycle_ns(cycle);
+    const std::int64_t next_ns = cycle_ns(cycle + 1);
+    const double now_s = 1e-9 * static_cast<double>(now_ns);
+    const Vector3d wanted_W = rendered_W(cycle);
+    flick_if_due(now_s, 1e-9 * static_cast<double>(next_ns - now_ns));
 
     const Vector3d object_begin_W = object_.at(plant_.position_W()).force_W;
     const Vector3d begin_W = plant_.position_W();
@@ -152,20 +192,17 @@ class Run {
     const Vector3d moved_W = plant_.position_W() - begin_W;
     generated_J_ -= 0.5 * (object_begin_W + object_.at(plant_.position_W()).force_W).dot(moved_W);
     most_generated_J_ = std::max(most_generated_J_, generated_J_);
-
-    if (method_ != nullptr) {
-      method_->work(setup_.fill_budget);
-    }
-    if (now_s >= StatedRun::kMotion_s + setup_.hold_s - StatedRun::kJudged_s) {
+    if (holds_still(now_s)) {
       held_W_.push_back(plant_.position_W());
     }
   }
 
   void flick_if_due(double now_s, double period_s) {
-    if (setup_.hand.holds() || now_s >= StatedRun::kMotion_s) {
+    const double since_first_s = now_s - StatedRun::kFirstFlick_s + 0.5 * period_s;
+    if (setup_.hand.holds() || now_s >= StatedRun::kMotion_s || since_first_s < 0.0) {
       return;
     }
-    if (std::fmod(now_s, StatedRun::kFlickEvery_s) < 0.5 * period_s) {
+    if (std::fmod(since_first_s, StatedRun::kFlickEvery_s) < period_s) {
       plant_.flick(StatedRun::kFlick_N_s * flick_direction_W());
     }
   }
@@ -198,6 +235,9 @@ class Run {
   double generated_J_ = 0.0;
   double most_generated_J_ = 0.0;
   double largest_force_N_ = 0.0;
+  double change_square_N2_ = 0.0;
+  double changes_ = 0.0;
+  Vector3d last_error_W_ = Vector3d::Zero();
   std::vector<Vector3d> held_W_;
 };
 
@@ -246,7 +286,12 @@ Vector3d StatedRun::target_W(double time_s) noexcept {
 }
 
 LoopResult run_closed_loop(const LoopSetup& setup, VirtualObject& object, ForceMethod* method) {
-  return Run(setup, object, method).result();
+  return Run(setup, object, method).closed();
+}
+
+LoopResult run_open_loop(const LoopSetup& setup, const evaluation::Trajectory& trajectory,
+                         VirtualObject& object, ForceMethod* method) {
+  return Run(setup, object, method).open(trajectory);
 }
 
 }  // namespace forcegrid::stability

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "evaluation/network.h"
+#include "evaluation/trajectories.h"
 #include "forcegrid/force_method.h"
 #include "servo_loop/passivity.h"
 #include "stability/hand.h"
@@ -43,7 +44,8 @@ struct LoopSetup {
   double virtual_damping_N_s_per_m = 0.0;  ///< B, added by the servo from the last two positions
   /// [s] How long the hand keeps still; longer for boundaries at which oscillations decay slowly.
   double hold_s = 4.0;
-  int fill_budget = 1000;  ///< of ForceMethod::work() a cycle
+  double errors_from_s = 1.0;  ///< force errors are counted from here on
+  int fill_budget = 1000;      ///< of ForceMethod::work() a cycle
   std::uint64_t seed = 1;
 };
 
@@ -60,10 +62,10 @@ struct LoopResult {
   Behaviour behaviour = Behaviour::kStable;
   /// [m] largest peak to peak of an axis in the last 2 s; NaN after a divergence.
   double hold_peak_to_peak_m = 0.0;
-  /// RMS of |F - F_o| in % of the RMS of |F_o| from 1 s on, F_o the object's force where the servo
-  /// believes the tool to be; NaN when there is no force.
+  /// RMS of |F - F_o| in % of the RMS of |F_o| from errors_from_s on, F_o the object's force where
+  /// the servo believes the tool to be; NaN when there is no force.
   double force_error_percent = 0.0;
-  double truth_rms_N = 0.0;  ///< of |F_o| from 1 s on
+  double truth_rms_N = 0.0;  ///< of |F_o| over the same time
   /// [J] work of the rendered force on the tool less that of the object's own force along the same
   /// path: what the rendering has added, at the end and at most.
   double energy_generated_J = 0.0;
@@ -71,6 +73,8 @@ struct LoopResult {
   /// [J] PassivityGuard::largest_energy_to_hand_J(): what a hand got without having put it in.
   double most_energy_to_hand_J = 0.0;
   double damped_energy_J = 0.0;  ///< taken out by the guard
+  /// [N] RMS change of F - F_o from one cycle to the next in the last 2 s.
+  double rattle_N = 0.0;
   double largest_force_N = 0.0;  ///< rendered, after the limit of the motors
   double end_s = 0.0;            ///< of the run; earlier than usual after a divergence
   std::uint64_t samples_taken = 0;
@@ -87,8 +91,9 @@ struct StatedRun {
   static constexpr double kSettled_m = 0.3e-3;
   static constexpr double kDivergence_m = 0.05;
   static constexpr double kAmplitude_m = 0.008;
-  /// A device that nobody holds is flicked with so much every 2 s of the motion instead.
-  static constexpr double kFlick_N_s = 0.008;
+  /// A device that nobody holds is flicked with so much at 1, 3 and 5 s instead.
+  static constexpr double kFlick_N_s = 0.002;
+  static constexpr double kFirstFlick_s = 1.0;
   static constexpr double kFlickEvery_s = 2.0;
 
   /// [m] The hand's target as a displacement from the contact point:
@@ -108,5 +113,11 @@ struct StatedRun {
 /// The same arguments give the same result to the last bit.
 /// @throws std::invalid_argument for a rate or timing that can't be, with the remedy.
 LoopResult run_closed_loop(const LoopSetup& setup, VirtualObject& object, ForceMethod* method);
+
+/// The same servo, method, simulator and link while the tool follows `trajectory` whatever is
+/// rendered: an open loop. The device's encoders count, its dynamics and the hand don't.
+/// `behaviour` is always kStable and the energies are NaN.
+LoopResult run_open_loop(const LoopSetup& setup, const evaluation::Trajectory& trajectory,
+                         VirtualObject& object, ForceMethod* method);
 
 }  // namespace forcegrid::stability

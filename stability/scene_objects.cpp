@@ -12,25 +12,32 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kFirstEvent_s = 2.0;
-constexpr double kSecondEvent_s = 4.0;
+constexpr double kSlide_s = 3.0;
 
 class SceneObject : public VirtualObject {
  public:
   explicit SceneObject(const BaseField& field)
-      : base_(field.table, field.stiffness_N_per_m, field.contact_point_W) {}
+      : base_(field.table, field.stiffness_N_per_m, field.contact_point_W),
+        first_event_s_(field.first_event_s),
+        second_event_s_(field.second_event_s) {}
 
   Value at(const Vector3d& position_W) const override { return base_.at(position_W); }
   Contact contact() const override { return base_.contact(); }
   double stiffness_N_per_m() const noexcept override { return base_.stiffness_N_per_m(); }
 
  protected:
+  double first_event_s() const { return first_event_s_; }
+  unsigned events_until(double time_s) const {
+    return (time_s >= first_event_s_ ? 1U : 0U) + (time_s >= second_event_s_ ? 1U : 0U);
+  }
   Vector3d displacement_W(const Vector3d& position_W) const {
     return position_W - base_.contact().point_W;
   }
 
  private:
   TableObject base_;
+  double first_event_s_;
+  double second_event_s_;
 };
 
 class Cut final : public SceneObject {
@@ -38,7 +45,7 @@ class Cut final : public SceneObject {
   Cut(const BaseField& field, bool announced) : SceneObject(field), announced_(announced) {}
 
   void advance(double time_s, const Vector3d& /*position_W*/) override {
-    cuts_ = (time_s >= kFirstEvent_s ? 1U : 0U) + (time_s >= kSecondEvent_s ? 1U : 0U);
+    cuts_ = events_until(time_s);
   }
   Value at(const Vector3d& position_W) const override {
     static constexpr std::array kFactors{1.0, 0.6, 0.3};
@@ -61,11 +68,9 @@ class Slide final : public SceneObject {
   Slide(const BaseField& field, bool announced) : SceneObject(field), announced_(announced) {}
 
   void advance(double time_s, const Vector3d& /*position_W*/) override {
-    slips_ = (time_s >= kFirstEvent_s ? 1U : 0U) + (time_s >= kSecondEvent_s ? 1U : 0U);
+    slips_ = events_until(time_s);
     const double done =
-        announced_
-            ? 0.5 * slips_
-            : std::clamp((time_s - kFirstEvent_s) / (kSecondEvent_s - kFirstEvent_s), 0.0, 1.0);
+        announced_ ? 0.5 * slips_ : std::clamp((time_s - first_event_s()) / kSlide_s, 0.0, 1.0);
     shift_W_ = done * Vector3d(0.008, -0.005, 0.0);
   }
   Value at(const Vector3d& position_W) const override {
@@ -90,7 +95,7 @@ class SecondContact final : public SceneObject {
  public:
   explicit SecondContact(const BaseField& field)
       : SceneObject(field),
-        wall_{.normal_W = Vector3d::UnitX(), .surface_W_m = {0.004, 0.0, 0.0}} {}
+        wall_{.normal_W = Vector3d::UnitX(), .surface_W_m = {0.002, 0.0, 0.0}} {}
 
   Value at(const Vector3d& position_W) const override {
     const Value soft = SceneObject::at(position_W);
@@ -222,10 +227,10 @@ class SnapThrough final : public SceneObject {
 
   void advance(double /*time_s*/, const Vector3d& position_W) override {
     const double x_m = displacement_W(position_W).x();
-    snapped_ = snapped_ ? x_m > 0.002 : x_m > 0.005;
+    snapped_ = snapped_ ? x_m > 0.001 : x_m > 0.002;
   }
   Value at(const Vector3d& position_W) const override {
-    return SceneObject::at(position_W - (snapped_ ? 0.002 : 0.0) * Vector3d::UnitX());
+    return SceneObject::at(position_W - (snapped_ ? 0.001 : 0.0) * Vector3d::UnitX());
   }
 
  private:

@@ -13,17 +13,21 @@ struct BaseField {
   const evaluation::ForceTable& table;
   double stiffness_N_per_m;         ///< K
   Eigen::Vector3d contact_point_W;  ///< [m] c
+  /// When what happens in a scene happens.
+  double first_event_s = 2.0;
+  double second_event_s = 4.0;
 };
 
-/// Stiffness drops to 60 % at 2 s and to 30 % at 4 s. @param announced each cut is a new contact
-/// epoch.
+/// Stiffness drops to 60 % at the first event and to 30 % at the second. @param announced each cut
+/// is a new contact epoch.
 std::unique_ptr<VirtualObject> make_cut(const BaseField& field, bool announced);
 
-/// The object slides along with the tool by (8, -5, 0) mm in 2..4 s; @param announced in two slips
-/// of half of that at 2 and at 4 s instead, each a new contact epoch with its new contact point.
+/// The object slides along with the tool by (8, -5, 0) mm in the 3 s from the first event on;
+/// @param announced in two slips of half of that at the two events instead, each a new contact
+/// epoch with its new contact point.
 std::unique_ptr<VirtualObject> make_slide(const BaseField& field, bool announced);
 
-/// A wall of 1000 N/m 4 mm along x behind the object.
+/// A wall of 1000 N/m 2 mm along x behind the object.
 std::unique_ptr<VirtualObject> make_second_contact(const BaseField& field);
 
 /// Contact with a flat surface 2 mm along x, made and lost as the hand goes to and fro, without
@@ -44,7 +48,7 @@ std::unique_ptr<VirtualObject> make_relaxation(const BaseField& field);
 /// Hysteresis (1994).
 std::unique_ptr<VirtualObject> make_hysteresis(const BaseField& field);
 
-/// A shell that buckles: beyond x = 5 mm it snaps by 2 mm, and back below 2 mm. Between, the force
+/// A shell that buckles: beyond x = 2 mm it snaps by 1 mm, and back below 1 mm. Between, the force
 /// is no function of position.
 std::unique_ptr<VirtualObject> make_snap_through(const BaseField& field);
 

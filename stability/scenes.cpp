@@ -28,7 +28,7 @@ const std::vector<Scene>& scenes() {
       {"hysteresis", "a plastic slider beside the object", make_hysteresis},
       {"viscous", "3 Ns/m beside the object", make_viscous},
       {"relaxation", "quasi-linear visco-elasticity, 80 ms and 0.8 s", make_relaxation},
-      {"snap_through", "a shell that buckles by 2 mm", make_snap_through},
+      {"snap_through", "a shell that buckles by 1 mm", make_snap_through},
       {"unconverged", "the solver covers 60 % of what is left a tick", make_held,
        Fault::kUnconverged},
       {"pauses", "no answers for 0.2 s of every second", make_held, Fault::kPauses},

@@ -11,7 +11,7 @@
 
 #include "forcegrid/hold_method.h"
 #include "servo_loop/servo_loop.h"
-#include "tests/servo_loop/simulated_arm.h"
+#include "stability/simulated_arm.h"
 
 namespace forcegrid::servo {
 namespace {
@@ -19,6 +19,7 @@ namespace {
 using Eigen::Vector3d;
 using emulator::HandKind;
 using emulator::MotionKind;
+using stability::SimulatedArm;
 using std::chrono::milliseconds;
 
 constexpr rt::Duration kPeriod = milliseconds(2);

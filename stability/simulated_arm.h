@@ -14,7 +14,7 @@
 #include "profiles/device_profile.h"
 #include "rt/clock.h"
 
-namespace forcegrid::servo {
+namespace forcegrid::stability {
 
 /// The emulator's arm, motors, hand and operator behind the driver's interface, without USB and in
 /// simulated time: what the loop commands moves the arm. Counts are sampled 1 ms before they are
@@ -27,7 +27,7 @@ class SimulatedArm final : public driver::Device {
 
   /// Moves the arm up to 1 ms before `now` and shows that; then up to `now`.
   void advance_to(rt::TimePoint now) {
-    if (silent) {
+    if (silent || mute) {
       move_to(now);
       return;
     }
@@ -57,7 +57,7 @@ class SimulatedArm final : public driver::Device {
       current_A_[axis] = command.current_A[i] * motor_sign[axis];
     }
   }
-  driver::DeviceHealth health() const noexcept override { return driver::DeviceHealth::kRunning; }
+  driver::DeviceHealth health() const noexcept override { return health_shown; }
   driver::DeviceStatistics statistics() const noexcept override { return {}; }
   std::string failure() const override { return ""; }
   void load_counters(const std::array<std::int16_t, 6>&, rt::Duration) override {}
@@ -69,6 +69,9 @@ class SimulatedArm final : public driver::Device {
   /// No report comes. The driver sends a command for each report that it gets, so that the motors
   /// keep the last one.
   bool silent = false;
+  /// No report comes, but commands still arrive.
+  bool mute = false;
+  driver::DeviceHealth health_shown = driver::DeviceHealth::kRunning;
   /// Changes what the encoders say.
   std::function<void(rt::TimePoint, std::array<std::int32_t, 6>&)> spoil_counts;
   /// -1: leads swapped; 0: no power.
@@ -117,4 +120,4 @@ class SimulatedArm final : public driver::Device {
   driver::DeviceIdentity identity_;
 };
 
-}  // namespace forcegrid::servo
+}  // namespace forcegrid::stability

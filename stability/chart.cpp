@@ -1,0 +1,278 @@
+#include "stability/chart.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <exception>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "evaluation/row_file.h"
+#include "evaluation/scenarios.h"
+#include "forcegrid/methods.h"
+#include "stability/scenes.h"
+#include "stability/theory.h"
+
+namespace forcegrid::stability {
+namespace {
+
+using std::chrono::steady_clock;
+
+// Raise when what a row means changes.
+constexpr int kRowVersion = 1;
+
+MethodVariant variant_of(const std::string& method) {
+  MethodOptions base;
+  base.grid.max_W = {0.16, 0.12, 0.12};
+  base.grid.cells.setConstant(49);
+  return parse_method_variant(method, base);
+}
+
+std::string key_of(const StabilityCase& cell, const std::string& table_key, std::uint64_t seed) {
+  return cell.text() + '/' + table_key + '/' + std::to_string(seed) + '/' +
+         std::to_string(kRowVersion);
+}
+
+// Makes each run's own method and object.
+class CaseRunner {
+ public:
+  CaseRunner(const StabilityCase& cell, const evaluation::ForceTable& table, std::uint64_t seed)
+      : cell_(cell), table_(table) {
+    if (cell.method != kExact) {
+      variant_ = variant_of(cell.method);
+    }
+    setup_ = setup_of(cell, variant_ && method()->needs().stiffness, seed);
+  }
+
+  LoopResult run(double stiffness_N_per_m) const {
+    const std::unique_ptr<VirtualObject> object = object_of(stiffness_N_per_m);
+    const std::unique_ptr<ForceMethod> made = variant_ ? method() : nullptr;
+    if (cell_.part == part::kOpen) {
+      const evaluation::Trajectory human("random", setup_.seed);
+      return run_open_loop(setup_, human, *object, made.get());
+    }
+    return run_closed_loop(setup_, *object, made.get());
+  }
+
+ private:
+  std::unique_ptr<ForceMethod> method() const {
+    return make_force_method(variant_->name, variant_->options);
+  }
+  std::unique_ptr<VirtualObject> object_of(double stiffness_N_per_m) const {
+    if (cell_.scene == "spring") {
+      return std::make_unique<LinearObject>(stiffness_N_per_m, setup_.contact_point_W);
+    }
+    BaseField field{table_, stiffness_N_per_m, setup_.contact_point_W};
+    if (cell_.part == part::kOpen) {
+      field.first_event_s = kOpenLoopFirstEvent_s;
+      field.second_event_s = kOpenLoopSecondEvent_s;
+    }
+    return scene_of(cell_.scene).make(field);
+  }
+
+  const StabilityCase& cell_;
+  const evaluation::ForceTable& table_;
+  std::optional<MethodVariant> variant_;
+  LoopSetup setup_;
+};
+
+// Works through cells on several threads; the first exception stops all.
+class Pool {
+ public:
+  Pool(const StabilityChartOptions& options, const evaluation::ForceTable& table,
+       std::size_t done_before)
+      : options_(options), table_(table), done_(done_before), total_(done_before) {}
+
+  void add(const StabilityCase& cell, std::string key, StabilityRow& place) {
+    jobs_.push_back({&cell, std::move(key), &place});
+    ++total_;
+  }
+
+  void run(evaluation::RowFile& file) {
+    const unsigned wanted =
+        options_.jobs > 0 ? options_.jobs : std::max(1U, std::thread::hardware_concurrency());
+    std::vector<std::thread> threads;
+    for (unsigned i = 0; i < wanted; ++i) {
+      threads.emplace_back([this, &file] { work(file); });
+    }
+    for (std::thread& thread : threads) {
+      thread.join();
+    }
+    if (failure_) {
+      std::rethrow_exception(failure_);
+    }
+  }
+
+ private:
+  struct Job {
+    const StabilityCase* cell;
+    std::string key;
+    StabilityRow* place;
+  };
+
+  void work(evaluation::RowFile& file) noexcept {
+    try {
+      for (std::size_t i = next_++; i < jobs_.size() && !failed_; i = next_++) {
+        if (options_.cancel != nullptr && options_.cancel->load()) {
+          throw evaluation::Stopped();
+        }
+        const Job& job = jobs_[i];
+        *job.place = run_case(*job.cell, table_, options_.seed);
+        nlohmann::ordered_json json = to_json(*job.place);
+        json["key"] = job.key;
+        const std::lock_guard lock(mutex_);
+        file.keep(std::move(json));
+        report();
+      }
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (!failed_) {
+        failure_ = std::current_exception();
+      }
+      failed_ = true;
+    }
+  }
+
+  void report() {
+    ++done_;
+    ++done_now_;
+    if (!options_.progress) {
+      return;
+    }
+    const double elapsed_s = std::chrono::duration<double>(steady_clock::now() - start_).count();
+    options_.progress(
+        "stability", static_cast<double>(done_) / static_cast<double>(total_),
+        elapsed_s / static_cast<double>(done_now_) * static_cast<double>(jobs_.size() - done_now_));
+  }
+
+  const StabilityChartOptions& options_;
+  const evaluation::ForceTable& table_;
+  std::vector<Job> jobs_;
+  std::atomic<std::size_t> next_{0};
+  std::atomic<bool> failed_{false};
+  std::mutex mutex_;
+  std::exception_ptr failure_;
+  std::size_t done_;
+  std::size_t done_now_ = 0;
+  std::size_t total_;
+  steady_clock::time_point start_ = steady_clock::now();
+};
+
+evaluation::BuiltTable table_of(const StabilityChartOptions& options, const std::string& scene) {
+  evaluation::TableOptions table;
+  table.threads = options.jobs;
+  table.cache = options.cache;
+  table.cancel = options.cancel;
+  if (options.progress) {
+    table.progress = [&options, scene](double done, double remaining_s) {
+      options.progress("force table of " + scene, done, remaining_s);
+    };
+  }
+  return evaluation::build_table(evaluation::make_mesh(evaluation::chart_scene(scene)), table);
+}
+
+SweepOptions sweep_options(const StabilityChartOptions& options) {
+  SweepOptions sweep;
+  sweep.device = kSweptDevice;
+  sweep.methods = {options.default_method};
+  for (const char* const other : {"hold", "rls"}) {
+    if (options.default_method != other) {
+      sweep.methods.emplace_back(other);
+    }
+  }
+  sweep.runs = options.swept_runs;
+  sweep.seed = options.seed;
+  sweep.jobs = options.jobs;
+  sweep.cancel = options.cancel;
+  if (options.progress) {
+    sweep.progress = [&options](double done, double remaining_s) {
+      options.progress("fault sweep", done, remaining_s);
+    };
+  }
+  return sweep;
+}
+
+}  // namespace
+
+StabilityRow run_case(const StabilityCase& cell, const evaluation::ForceTable& table,
+                      std::uint64_t seed) {
+  const CaseRunner runner(cell, table, seed);
+  StabilityRow row;
+  row.cell = cell;
+  row.run = runner.run(cell.stiffness_N_per_m);
+  if (cell.find_limit) {
+    row.limit = find_limit([&](double stiffness) { return runner.run(stiffness).behaviour; });
+  } else {
+    row.limit.largest_stable_N_per_m = row.limit.smallest_unstable_N_per_m = std::nan("");
+  }
+  return row;
+}
+
+double eigenvalue_limit_of(const StabilityCase& cell) {
+  const LoopSetup setup = setup_of(cell, false, 1);
+  const double device_s = setup.timing.count_age_s + setup.timing.actuation_delay_s;
+  const double cycle_s = 1.0 / cell.servo_rate_Hz;
+  const double tick_s = 1.0 / setup.network.simulator_rate_Hz;
+  SampledSpring spring =
+      cell.method == kExact
+          ? sampled_spring(setup.device, setup.hand, cycle_s, device_s)
+          : sampled_spring(setup.device, setup.hand, tick_s, tick_s + cell.delay_s + device_s);
+  spring.virtual_damping_N_s_per_m = cell.virtual_damping_N_s_per_m;
+  return eigenvalue_limit_N_per_m(spring);
+}
+
+StabilityChart make_stability_chart(const StabilityChartOptions& options) {
+  const auto start = steady_clock::now();
+  const std::vector<StabilityCase> cells = chart_cases(
+      {options.quick, options.methods, options.default_method, options.parts, options.hands});
+  for (const StabilityCase& cell : cells) {
+    if (cell.method != kExact) {
+      const MethodVariant variant = variant_of(cell.method);
+      check_method_name(variant.name);
+    }
+  }
+  const bool sweeps = options.parts.empty() || std::find(options.parts.begin(), options.parts.end(),
+                                                         part::kSweep) != options.parts.end();
+  if (cells.empty() && !sweeps) {
+    throw evaluation::ChartError(
+        "nothing to chart: no part of the selection has one of its hands; leave out --parts or "
+        "--hands");
+  }
+  std::map<std::string, StabilityRow> before;
+  evaluation::RowFile file(options.out, options.program, [&](const nlohmann::ordered_json& json) {
+    before[json.at("key").get<std::string>()] = row_from_json(json);
+  });
+  StabilityChart chart;
+  chart.scene = options.quick ? "small" : "block";
+  const evaluation::BuiltTable built = table_of(options, chart.scene);
+  chart.table_stiffness_N_per_m = TableObject::normal_stiffness_N_per_m(built.table);
+  chart.rows.resize(cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const auto found = before.find(key_of(cells[i], built.key, options.seed));
+    if (found != before.end()) {
+      chart.rows[i] = found->second;
+      ++chart.rows_kept;
+    }
+  }
+  Pool pool(options, built.table, chart.rows_kept);
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const std::string key = key_of(cells[i], built.key, options.seed);
+    if (before.find(key) == before.end()) {
+      pool.add(cells[i], key, chart.rows[i]);
+    }
+  }
+  pool.run(file);
+  if (sweeps) {
+    chart.sweep = sweep_faults(sweep_options(options));
+    chart.swept = sweep_table(chart.sweep, profiles::load_device_profile(kSweptDevice));
+  }
+  chart.numbers = numbers_of(chart, options.default_method);
+  chart.elapsed_s = std::chrono::duration<double>(steady_clock::now() - start).count();
+  return chart;
+}
+
+}  // namespace forcegrid::stability

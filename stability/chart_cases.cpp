@@ -1,0 +1,334 @@
+#include "stability/chart_cases.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <set>
+#include <stdexcept>
+
+#include "stability/scenes.h"
+
+namespace forcegrid::stability {
+namespace {
+
+struct Rate {
+  double servo_rate_Hz;
+  const char* timing;
+};
+
+const std::vector<Rate>& rates() {
+  static const std::vector<Rate> all = {
+      {500.0, "ideal"},  {500.0, "w2_full_speed"},  {1000.0, "ideal"}, {1000.0, "w2_full_speed"},
+      {2000.0, "ideal"}, {2000.0, "w2_high_speed"}, {4000.0, "ideal"}, {4000.0, "w2_high_speed"}};
+  return all;
+}
+
+// Methods whose promise is about contacts, shown where contacts change.
+constexpr const char* kContactMethods[] = {"kriging-contact", "kriging-hinge", "kriging-store"};
+
+bool is_exact(const StabilityCase& cell) { return cell.method == kExact; }
+
+class Cases {
+ public:
+  explicit Cases(const CaseSelection& selection)
+      : quick_(selection.quick), parts_(selection.parts), hands_(selection.hands) {
+    for (const std::string& hand : hands_) {
+      hand_of(hand);
+    }
+    for (const std::string& each : parts_) {
+      check_part(each);
+    }
+    methods_ = selection.methods.empty() ? chart_methods() : selection.methods;
+    for (const std::string& needed : {std::string(kExact), selection.default_method}) {
+      if (std::find(methods_.begin(), methods_.end(), needed) == methods_.end()) {
+        methods_.push_back(needed);
+      }
+    }
+    default_method_ = selection.default_method;
+    all_methods_ = selection.methods.empty();
+  }
+
+  std::vector<StabilityCase> all() {
+    map();
+    linear();
+    plane();
+    scenes_in_loops();
+    guard();
+    stress();
+    std::stable_partition(cells_.begin(), cells_.end(), is_exact);
+    return cells_;
+  }
+
+ private:
+  static void check_part(const std::string& name) {
+    std::string known;
+    for (const std::string& each : chart_parts()) {
+      if (each == name) {
+        return;
+      }
+      known += (known.empty() ? "" : ", ") + each;
+    }
+    throw std::invalid_argument("part '" + name + "' is not known; use one of " + known);
+  }
+
+  // Whether `name` is asked for by a list that asks for everything when it is empty.
+  static bool wanted(const std::vector<std::string>& list, const std::string& name) {
+    return list.empty() || std::find(list.begin(), list.end(), name) != list.end();
+  }
+
+  void add(StabilityCase cell) {
+    // Nobody holds the tool in the open loop, so that no hand is meant there.
+    if (!wanted(parts_, cell.part) || (cell.part != part::kOpen && !wanted(hands_, cell.hand))) {
+      return;
+    }
+    if (is_exact(cell)) {  // knows neither simulator nor network
+      cell.simulator_rate_Hz = 0.0;
+      cell.delay_s = 0.0;
+      cell.loss = 0.0;
+    }
+    if (texts_.insert(cell.text()).second) {
+      cells_.push_back(std::move(cell));
+    }
+  }
+
+  void map() {
+    for (const std::string& method : methods_) {
+      for (const Hand& hand : hands()) {
+        for (const Rate& rate : rates()) {
+          if (quick_ && (rate.servo_rate_Hz > 1000.0 || hand.name == "arm")) {
+            continue;
+          }
+          networks({.part = part::kMap,
+                    .method = method,
+                    .hand = hand.name,
+                    .timing = rate.timing,
+                    .servo_rate_Hz = rate.servo_rate_Hz});
+        }
+      }
+    }
+  }
+
+  // The quick rates are charted in all networks, the others in the usual one.
+  void networks(StabilityCase cell) {
+    const bool usual_only = cell.servo_rate_Hz > 1000.0;
+    const bool for_goals = cell.method == default_method_;
+    for (const double rate_Hz : {10.0, 30.0, 60.0}) {
+      for (const double delay_s : {0.0, 0.02, 0.1, 0.15}) {
+        for (const double loss : {0.0, 0.2}) {
+          const bool usual = rate_Hz == 30.0 && delay_s == 0.0 && loss == 0.0;
+          const bool ends = loss == 0.0 && delay_s != 0.02 && rate_Hz == 30.0;
+          if ((usual_only && !usual) || (delay_s == 0.15 && !for_goals) ||
+              (quick_ && !(ends && (usual || cell.timing != "ideal")))) {
+            continue;
+          }
+          cell.simulator_rate_Hz = rate_Hz;
+          cell.delay_s = delay_s;
+          cell.loss = loss;
+          add(cell);
+        }
+      }
+    }
+  }
+
+  void linear() {
+    for (const Hand& hand : hands()) {
+      for (const Rate& rate : rates()) {
+        if (quick_ && rate.servo_rate_Hz > 1000.0) {
+          continue;
+        }
+        StabilityCase cell{.part = part::kLinear,
+                           .scene = "spring",
+                           .method = kExact,
+                           .device = device::kLinear,
+                           .hand = hand.name,
+                           .timing = rate.timing,
+                           .servo_rate_Hz = rate.servo_rate_Hz};
+        add(cell);
+        if (rate.servo_rate_Hz > 500.0) {
+          continue;
+        }
+        cell.method = "hold";
+        // Periods that are whole numbers of cycles, which the eigenvalues are computed for.
+        for (const double rate_Hz : {10.0, 25.0, 50.0}) {
+          for (const double delay_s : {0.0, 0.02, 0.1}) {
+            cell.simulator_rate_Hz = rate_Hz;
+            cell.delay_s = delay_s;
+            add(cell);
+          }
+        }
+      }
+    }
+  }
+
+  void plane() {
+    for (const std::string& method : {std::string(kExact), default_method_}) {
+      for (const char* const kind : {device::kLinear, device::kStudy, device::kFriction}) {
+        for (const char* const hand : {"none", "light"}) {
+          for (const double damping : {0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0}) {
+            if (quick_ && (hand == std::string("none") || method != kExact)) {
+              continue;
+            }
+            add({.part = part::kPlane,
+                 .scene = "spring",
+                 .method = method,
+                 .device = kind,
+                 .hand = hand,
+                 .timing = "ideal",
+                 .virtual_damping_N_s_per_m = damping});
+          }
+        }
+      }
+    }
+  }
+
+  void scenes_in_loops() {
+    std::vector<std::string> methods = methods_;
+    if (all_methods_) {
+      methods.insert(methods.end(), std::begin(kContactMethods), std::end(kContactMethods));
+    }
+    for (const Scene& scene : scenes()) {
+      for (const std::string& method : methods) {
+        StabilityCase cell{.part = part::kOpen,
+                           .scene = scene.name,
+                           .method = method,
+                           .hand = "none",
+                           .timing = "ideal",
+                           .find_limit = false};
+        add(cell);
+        cell.part = part::kScene;
+        for (const char* const hand : {"light", "firm"}) {
+          for (const char* const timing : {"ideal", "w2_full_speed"}) {
+            if (quick_ && (hand == std::string("firm") || timing == std::string("ideal"))) {
+              continue;
+            }
+            cell.hand = hand;
+            cell.timing = timing;
+            cell.find_limit = !quick_ || method == default_method_ || method == kExact;
+            cell.stiffness_N_per_m = 200.0;
+            add(cell);
+            if (scene.name == "second_contact") {
+              cell.find_limit = false;
+              for (const double stiffness : {25.0, 50.0, 100.0}) {
+                cell.stiffness_N_per_m = stiffness;
+                add(cell);
+              }
+            }
+          }
+        }
+      }
+    }
+  }
+
+  void guard() {
+    for (const std::string& method : methods_) {
+      for (const char* const hand : {"none", "light", "firm"}) {
+        for (const Rate& rate : rates()) {
+          if (rate.servo_rate_Hz > 1000.0 || rate.timing == std::string("ideal") ||
+              (quick_ && method != default_method_ && method != "hold" && method != kExact)) {
+            continue;
+          }
+          StabilityCase cell{.part = part::kGuard,
+                             .method = method,
+                             .hand = hand,
+                             .timing = rate.timing,
+                             .servo_rate_Hz = rate.servo_rate_Hz};
+          for (const bool acts : {false, true}) {
+            cell.guard = acts;
+            add(cell);
+          }
+        }
+      }
+    }
+  }
+
+  void stress() {
+    for (const std::string& method : methods_) {
+      if (method == kExact) {
+        continue;
+      }
+      for (const Hand& hand : hands()) {
+        for (const bool acts : {false, true}) {
+          add({.part = part::kStress,
+               .method = method,
+               .hand = hand.name,
+               .timing = "w2_full_speed",
+               .delay_s = 0.2,
+               .loss = 0.3,
+               .guard = acts,
+               .find_limit = false});
+        }
+      }
+    }
+  }
+
+  bool quick_;
+  std::vector<std::string> parts_;
+  std::vector<std::string> hands_;
+  bool all_methods_;
+  std::vector<std::string> methods_;
+  std::string default_method_;
+  std::vector<StabilityCase> cells_;
+  std::set<std::string> texts_;  // of cells_
+};
+
+}  // namespace
+
+std::string StabilityCase::text() const {
+  char numbers[160];
+  std::snprintf(numbers, sizeof numbers, "%g/%g/%g/%g/%d/%g/%g/%d", servo_rate_Hz,
+                simulator_rate_Hz, delay_s, loss, guard ? 1 : 0, virtual_damping_N_s_per_m,
+                stiffness_N_per_m, find_limit ? 1 : 0);
+  return part + '/' + scene + '/' + method + '/' + device + '/' + hand + '/' + timing + '/' +
+         numbers;
+}
+
+LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed) {
+  LoopSetup setup;
+  setup.servo_rate_Hz = cell.servo_rate_Hz;
+  setup.timing = device_timing(cell.timing);
+  setup.hand = hand_of(cell.hand);
+  setup.network.simulator_rate_Hz = cell.method == kExact ? 30.0 : cell.simulator_rate_Hz;
+  setup.network.delay_s = cell.delay_s;
+  setup.network.loss = cell.loss;
+  setup.network.stiffness = stiffness;
+  setup.virtual_damping_N_s_per_m = cell.virtual_damping_N_s_per_m;
+  setup.seed = seed;
+  if (cell.guard) {
+    setup.passivity.mode = servo::PassivityMode::kControl;
+  }
+  if (cell.device == device::kLinear) {
+    setup.device.position_step_m = 0.0;
+    setup.device.max_force_N = std::numeric_limits<double>::infinity();
+    setup.hold_s = kLinearHold_s;
+  } else if (cell.device == device::kFriction) {
+    setup.device.coulomb_friction_N = 0.1;
+  }
+  if (cell.scene != "spring") {
+    const Scene& scene = scene_of(cell.scene);
+    setup.fault = scene.fault;
+    setup.network.noise_N = scene.noise_N;
+    if (cell.scene == "second_contact") {
+      setup.errors_from_s = kWallKnown_s;
+    }
+  }
+  return setup;
+}
+
+const std::vector<std::string>& chart_methods() {
+  static const std::vector<std::string> names = {
+      kExact,    "hold",      "linear",        "broyden", "rls",
+      "tangent", "forcegrid", "forcegrid-mls", "kriging", "kriging-bank"};
+  return names;
+}
+
+const std::vector<std::string>& chart_parts() {
+  static const std::vector<std::string> names = {part::kMap,    part::kLinear, part::kPlane,
+                                                 part::kScene,  part::kOpen,   part::kGuard,
+                                                 part::kStress, part::kSweep};
+  return names;
+}
+
+std::vector<StabilityCase> chart_cases(const CaseSelection& selection) {
+  return Cases(selection).all();
+}
+
+}  // namespace forcegrid::stability

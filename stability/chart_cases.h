@@ -1,0 +1,89 @@
+#pragma once
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "stability/closed_loop.h"
+
+namespace forcegrid::stability {
+
+/// The object's exact force in every cycle, which is what the method `direct` renders: the
+/// yardstick of the chart, not a method.
+inline constexpr char kExact[] = "exact";
+
+/// Parts of the chart.
+namespace part {
+inline constexpr char kMap[] = "map";        ///< hands x rates x timings x networks
+inline constexpr char kLinear[] = "linear";  ///< against the eigenvalues
+inline constexpr char kPlane[] = "plane";    ///< K over B
+inline constexpr char kScene[] = "scene";    ///< where methods fail
+inline constexpr char kOpen[] = "open";      ///< the same in open loop
+inline constexpr char kGuard[] = "guard";    ///< passivity guard on and off
+inline constexpr char kStress[] = "stress";  ///< 30 % loss, 200 ms
+inline constexpr char kSweep[] = "sweep";    ///< of faults, see fault_sweep.h; it has no cells
+}  // namespace part
+
+/// Devices of the chart.
+namespace device {
+inline constexpr char kStudy[] = "study";        ///< DeviceDynamics as it is
+inline constexpr char kLinear[] = "linear";      ///< no quantisation, no limit
+inline constexpr char kFriction[] = "friction";  ///< 0.1 N of Coulomb friction
+}  // namespace device
+
+/// One cell of the chart.
+struct StabilityCase {
+  std::string part;
+  std::string scene = "held";  ///< of scenes(), or "spring", a LinearObject
+  std::string method;          ///< MethodVariant text, or kExact
+  std::string device = device::kStudy;
+  std::string hand;
+  std::string timing;
+  double servo_rate_Hz = 500.0;
+  double simulator_rate_Hz = 30.0;  ///< of kExact, which needs none: 0
+  double delay_s = 0.0;
+  double loss = 0.0;
+  bool guard = false;  ///< the passivity guard acts
+  double virtual_damping_N_s_per_m = 0.0;
+  /// [N/m] stiffness of the run whose errors and energies are reported
+  double stiffness_N_per_m = 200.0;
+  bool find_limit = true;  ///< look for the largest stable stiffness, too
+
+  /// Everything that tells it from other cells, for files.
+  std::string text() const;
+};
+
+/// [s] hold of cells on the linear device, whose boundary is sought where decay is slow.
+inline constexpr double kLinearHold_s = 60.0;
+
+/// [s] In second_contact errors count from here on, when the hand has touched the wall: the first
+/// touch of a wall of which nobody knows can't be foretold.
+inline constexpr double kWallKnown_s = 3.0;
+
+/// When objects change in the open loop of 20 s, instead of at 2 and 4 s.
+inline constexpr double kOpenLoopFirstEvent_s = 7.0;
+inline constexpr double kOpenLoopSecondEvent_s = 13.0;
+
+/// The loop of a case, for a method that needs dF/dP or doesn't.
+LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed);
+
+/// What is charted.
+struct CaseSelection {
+  bool quick = false;
+  std::vector<std::string> methods;  ///< empty: all of chart_methods()
+  std::string default_method;        ///< is always among them
+  std::vector<std::string> parts;    ///< names in `part`; empty: all of them
+  std::vector<std::string> hands;    ///< empty: all of them
+};
+
+/// The names in `part`, in the order of the chart.
+const std::vector<std::string>& chart_parts();
+
+/// exact, hold, linear, broyden, rls, tangent, forcegrid, forcegrid-mls, kriging, kriging-bank.
+const std::vector<std::string>& chart_methods();
+
+/// All cells of the chart, exact ones first.
+/// @throws std::invalid_argument for an unknown part or hand, listing the known ones.
+std::vector<StabilityCase> chart_cases(const CaseSelection& selection);
+
+}  // namespace forcegrid::stability

@@ -1,0 +1,103 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "profiles/device_profile.h"
+#include "servo_loop/fault.h"
+
+namespace forcegrid::stability {
+
+/// What goes wrong in a run of the sweep, once and for good unless it says otherwise.
+enum class SweptFault : std::uint8_t {
+  kNone,                ///< the run that the others are compared with
+  kSimulatorStops,      ///< no answer any more
+  kSimulatorRestarts,   ///< no answer for 0.2 to 1 s, then a new contact epoch
+  kSimulatorJumps,      ///< the object is 3 mm elsewhere
+  kSimulatorNoise,      ///< 30 mN of white noise on each axis
+  kSimulatorBias,       ///< 0.2 N along x
+  kSimulatorOutliers,   ///< one answer in ten is off by up to 2 N on each axis
+  kSimulatorNotFinite,  ///< every answer is NaN
+  kSimulatorHuge,       ///< forces are a hundred times as large
+  kSimulatorReversed,   ///< forces have the wrong sign
+  kClockSkew,           ///< time stamps run 1 % fast
+  kLoss,                ///< 30 % of the answers are lost and the others 200 ms late
+  kCut,                 ///< the object has 40 % of its stiffness from then on
+  kReportsStop,         ///< the device falls silent
+  kReportsPause,        ///< for 60 ms
+  kUnplugged,           ///< the transport ends
+  kEncoderJumps,        ///< a counter is 500 counts off from then on
+  kEncoderFreezes,      ///< a counter stands still
+  kEncoderSaturates,    ///< a counter sticks at the end of 16 bits
+};
+
+/// All of them, in the order of the enumeration.
+const std::vector<SweptFault>& swept_faults();
+/// Short text for tables, e.g. "simulator stops".
+const char* to_string(SweptFault fault) noexcept;
+
+/// One seeded run of servo::ServoLoop on the emulated arm in simulated time.
+struct SweptRun {
+  SweptFault fault = SweptFault::kNone;
+  std::uint64_t seed = 0;
+  std::string method;
+  std::string hand;                             ///< firm, light
+  double stiffness_N_per_m = 0.0;               ///< of the object
+  double fault_at_s = 0.0;                      ///< after the start
+  servo::Fault ended_by = servo::Fault::kNone;  ///< kNone: the loop went on to the end
+  double largest_force_N = 0.0;                 ///< commanded, at any time
+  double largest_current_fraction = 0.0;        ///< of the profile's limits, at any time
+  /// [J] most that the hand has got from the rendered force without having put it in, at any time
+  /// after the fault:  sum (F_{k-1} + F_k) / 2 . (P_k - P_{k-1})  over the loop's own positions.
+  /// The force of the middle of a cycle leaves out the K v^2 T / 2 of a force that is held for one,
+  /// which every sampled spring leaks and the arm's damping takes up.
+  double energy_after_fault_J = 0.0;
+  /// [J] work of the motors on the arm after the loop had ended, until 0.1 s later.
+  double work_after_end_J = 0.0;
+};
+
+/// What is allowed: rounding, and the energy that a passivity guard may be wrong by.
+struct SweepLimits {
+  static constexpr double kRounding = 1e-9;
+  static constexpr double kEnergy_J = 1e-3;
+};
+
+/// Whether a run commanded more than the profile allows; whether energy came after the fault.
+bool force_above_limit(const SweptRun& run, const profiles::DeviceProfile& profile) noexcept;
+bool energy_after_fault(const SweptRun& run) noexcept;
+
+struct SweepOptions {
+  std::string device = "woodenhaptics_v2015";  ///< profile
+  std::vector<std::string> methods;            ///< MethodVariant texts, in turn
+  int runs = 2000;
+  std::uint64_t seed = 1;
+  unsigned jobs = 0;  ///< threads; 0: one a processor
+  std::function<void(double done, double remaining_s)> progress;
+  const std::atomic<bool>* cancel = nullptr;
+};
+
+/// Faults in turn, everything else drawn from the seed. The same options give the same runs
+/// whatever the number of threads.
+/// @throws evaluation::Stopped, profiles::ProfileError, std::invalid_argument for a method that
+/// can't be made.
+std::vector<SweptRun> sweep_faults(const SweepOptions& options);
+
+/// A line of the table of survivors and casualties.
+struct SweepLine {
+  SweptFault fault = SweptFault::kNone;
+  int runs = 0;
+  int survivors = 0;                                  ///< the loop went on
+  std::vector<std::pair<std::string, int>> ended_by;  ///< servo::name_of() and how often
+  int force_above_limit = 0;
+  int energy_after_fault = 0;
+  double largest_force_N = 0.0;
+  double most_energy_J = 0.0;
+  std::uint64_t worst_seed = 0;  ///< of the run with most energy
+};
+std::vector<SweepLine> sweep_table(const std::vector<SweptRun>& runs,
+                                   const profiles::DeviceProfile& profile);
+
+}  // namespace forcegrid::stability
