@@ -10,6 +10,7 @@
 #include "cli/commands.h"
 #include "cli/config_command.h"
 #include "cli/devices_command.h"
+#include "cli/doctor_command.h"
 #include "cli/evaluate_command.h"
 #include "cli/record_command.h"
 #include "cli/run_command.h"
@@ -404,6 +405,7 @@ int main(int argc, char** argv) {
   EvaluateOptions evaluate;
   ChartCommandOptions chart;
   DevicesOptions devices;
+  DoctorOptions doctor;
   ReplayOptions replay;
   PlotOptions plot;
   ConfigOptions config;
@@ -413,6 +415,8 @@ int main(int argc, char** argv) {
   add_run(app, run, action);
   add_devices(app, devices, action);
   add_json(*app.get_subcommand("devices"), devices.json);
+  add_doctor(app, doctor, action);
+  add_json(*app.get_subcommand("doctor"), doctor.json);
   add_record(app, run, action);
   add_replay(app, replay, action);
   add_json(*app.get_subcommand("replay"), replay.json);
@@ -438,7 +442,8 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: devices, run, record, replay, plot, emulate, simulate, kinematics, "
+          "a subcommand: devices, doctor, run, record, replay, plot, emulate, simulate, "
+          "kinematics, "
           "evaluate, chart "
           "or "
           "config");

@@ -1,0 +1,436 @@
+#include "tools/doctor.h"
+
+#include <sys/resource.h>
+#include <sys/utsname.h>
+#include <time.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <thread>
+
+#include "driver/library_versions.h"
+#include "rt/thread.h"
+#include "tools/hdf5_file.h"
+
+namespace forcegrid::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kRule[] = "70-forcegrid.rules";
+constexpr double kSlowIdle_us = 100.0;   // a twentieth of the 2 ms cycle
+constexpr double kGoodShare = 0.1;       // of a period, at the 99.9th percentile
+constexpr double kTolerableShare = 0.5;  // beyond it the next deadline is in danger
+constexpr char kLimits[] =
+    "# Real-time priority and locked memory for users of haptic devices.\n"
+    "@plugdev - rtprio 95\n"
+    "@plugdev - memlock unlimited\n";
+
+std::string text_of(const fs::path& file) {
+  std::ifstream stream(file);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+std::string first_line(const fs::path& file) {
+  std::ifstream stream(file);
+  std::string line;
+  std::getline(stream, line);
+  return line;
+}
+
+Finding rule_finding(const DoctorSystem& system) {
+  Finding finding{.check = "udev rule"};
+  const std::string target = system.etc + "/udev/rules.d/" + kRule;
+  std::string installed;
+  for (const std::string& folder : system.roots.rule_folders) {
+    std::error_code error;
+    if (installed.empty() && fs::exists(folder + "/" + kRule, error)) {
+      installed = folder + "/" + kRule;
+    }
+  }
+  const std::string install = "sudo make install-udev (or: sudo cp udev/70-forcegrid.rules " +
+                              target +
+                              " && sudo udevadm control --reload), then plug the device in again";
+  if (installed.empty()) {
+    finding.verdict = Verdict::kBad;
+    finding.what = std::string(kRule) + " is not installed";
+    finding.cost = "devices can be used by root only, and may be suspended when idle";
+  } else if (text_of(installed) != udev_rule_text()) {
+    finding.verdict = Verdict::kWarn;
+    finding.what = installed + " is not that of this version";
+    finding.cost = "newer devices may not be covered";
+  } else {
+    finding.what = installed + " is that of this version";
+    return finding;
+  }
+  finding.remedy = install;
+  finding.fixes.push_back({target, udev_rule_text(),
+                           "installs the rule; it acts on devices that are plugged in after "
+                           "'udevadm control --reload'"});
+  return finding;
+}
+
+Finding group_finding(const SurveyUser& user) {
+  Finding finding{.check = "group plugdev"};
+  if (!user.plugdev) {
+    finding.verdict = Verdict::kWarn;
+    finding.what = "there is no group plugdev";
+    finding.cost = "the rule then serves only who sits at the computer, not ssh and services";
+    finding.remedy = "sudo groupadd --system plugdev && sudo usermod -aG plugdev " + user.name +
+                     ", then log in again";
+  } else if (!user.plugdev_listed && user.name != "root") {
+    finding.verdict = Verdict::kWarn;
+    finding.what = user.name + " is not in group plugdev";
+    finding.cost = "devices can be used at the seat, not over ssh or by services";
+    finding.remedy = "sudo usermod -aG plugdev " + user.name + ", then log in again";
+  } else if (!user.plugdev_active && user.name != "root") {
+    finding.verdict = Verdict::kWarn;
+    finding.what = user.name + " is in group plugdev, but not yet in this session";
+    finding.cost = "as if not in it";
+    finding.remedy = "log in again (or for this shell: newgrp plugdev)";
+  } else {
+    finding.what = user.name == "root" ? "not needed by root" : user.name + " is in it";
+  }
+  return finding;
+}
+
+// Both limits come from one file.
+FileFix limits_fix(const DoctorSystem& system) {
+  return {system.etc + "/security/limits.d/95-forcegrid.conf", kLimits,
+          "lets group plugdev have real-time priority and locked memory, from the next login on"};
+}
+
+std::vector<Finding> limit_findings(const DoctorSystem& system) {
+  const std::string remedy =
+      "printf '@plugdev - rtprio 95\\n@plugdev - memlock unlimited\\n' | sudo tee " +
+      limits_fix(system).file + ", then log in again";
+  Finding realtime{.check = "real-time priority"};
+  realtime.what = "granted (SCHED_FIFO)";
+  if (!system.grants.realtime_refused.empty()) {
+    realtime.verdict = Verdict::kBad;
+    realtime.what = "refused: " + system.grants.realtime_refused;
+    realtime.cost = "any other program may hold the loop up for milliseconds";
+    realtime.remedy = remedy;
+    realtime.fixes.push_back(limits_fix(system));
+  }
+  Finding memory{.check = "locked memory"};
+  memory.what = "granted";
+  if (!system.grants.memory_refused.empty()) {
+    memory.verdict = Verdict::kWarn;
+    memory.what = "refused: " + system.grants.memory_refused;
+    memory.cost = "a page that was swapped out may hold a cycle up for milliseconds";
+    memory.remedy = remedy;
+    memory.fixes.push_back(limits_fix(system));
+  }
+  return {realtime, memory};
+}
+
+Finding kernel_finding(const DoctorSystem& system) {
+  Finding finding{.check = "kernel preemption"};
+  const std::string version = first_line(system.roots.proc + "/sys/kernel/version");
+  const std::string command_line = first_line(system.roots.proc + "/cmdline");
+  const std::string remedy =
+      "sudo apt-get install linux-image-rt-amd64, then reboot into it (or with the present kernel: "
+      "add preempt=full to GRUB_CMDLINE_LINUX in /etc/default/grub, sudo update-grub, reboot)";
+  const bool full = command_line.find("preempt=full") != std::string::npos;
+  if (first_line(system.roots.sysfs + "/kernel/realtime") == "1" ||
+      version.find("PREEMPT_RT") != std::string::npos) {
+    finding.what = "PREEMPT_RT";
+  } else if (version.empty()) {
+    finding.verdict = Verdict::kUnknown;
+    finding.what = "the kernel does not tell";
+  } else if (version.find("PREEMPT_DYNAMIC") != std::string::npos) {
+    finding.verdict = full ? Verdict::kGood : Verdict::kWarn;
+    finding.what = full ? "PREEMPT_DYNAMIC, full" : "PREEMPT_DYNAMIC without preempt=full";
+  } else {
+    finding.verdict =
+        version.find("PREEMPT") != std::string::npos ? Verdict::kGood : Verdict::kWarn;
+    finding.what = finding.verdict == Verdict::kGood ? "PREEMPT" : "no preemption in the kernel";
+  }
+  if (finding.verdict == Verdict::kWarn) {
+    finding.cost = "another program's long system call holds the loop up until its end";
+    finding.remedy = remedy;
+  }
+  return finding;
+}
+
+std::vector<fs::path> cpu_folders(const DoctorSystem& system) {
+  std::vector<fs::path> folders;
+  std::error_code error;
+  for (const auto& entry :
+       fs::directory_iterator(system.roots.sysfs + "/devices/system/cpu", error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("cpu") && name.size() > 3 &&
+        std::isdigit(static_cast<unsigned char>(name[3])) != 0) {
+      folders.push_back(entry.path());
+    }
+  }
+  std::sort(folders.begin(), folders.end());
+  return folders;
+}
+
+Finding governor_finding(const DoctorSystem& system) {
+  Finding finding{.check = "CPU governor"};
+  std::size_t known = 0;
+  std::string slow;
+  for (const fs::path& cpu : cpu_folders(system)) {
+    const fs::path file = cpu / "cpufreq/scaling_governor";
+    const std::string governor = first_line(file);
+    known += governor.empty() ? 0 : 1;
+    if (!governor.empty() && governor != "performance") {
+      slow += (slow.empty() ? "" : ", ") + cpu.filename().string() + " " + governor;
+      finding.fixes.push_back({file, "performance\n", "until the next start of the computer"});
+    }
+  }
+  if (known == 0) {
+    finding.verdict = Verdict::kUnknown;
+    finding.what = "the kernel does not govern the clock here (a virtual machine?)";
+  } else if (slow.empty()) {
+    finding.what = "performance";
+  } else {
+    finding.verdict = Verdict::kWarn;
+    finding.what = slow;
+    finding.cost =
+        "cycles take longer while the clock is low, since the loop alone does not raise it";
+    finding.remedy =
+        "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor";
+  }
+  return finding;
+}
+
+Finding idle_finding(const DoctorSystem& system) {
+  Finding finding{.check = "CPU idle states"};
+  double deepest_us = -1.0;
+  std::string name;
+  for (const fs::path& cpu : cpu_folders(system)) {
+    std::error_code error;
+    for (const auto& state : fs::directory_iterator(cpu / "cpuidle", error)) {
+      const std::string latency = first_line(state.path() / "latency");
+      const double latency_us = std::strtod(latency.c_str(), nullptr);
+      if (!latency.empty() && first_line(state.path() / "disable") != "1" &&
+          latency_us > deepest_us) {
+        deepest_us = latency_us;
+        name = first_line(state.path() / "name");
+      }
+    }
+  }
+  char text[120];
+  std::snprintf(text, sizeof text, "deepest enabled: %s, %.0f us to wake up", name.c_str(),
+                deepest_us);
+  finding.what = text;
+  if (deepest_us < 0.0) {
+    finding.verdict = Verdict::kUnknown;
+    finding.what = "the kernel does not manage idle states here (a virtual machine?)";
+  } else if (deepest_us > kSlowIdle_us) {
+    finding.verdict = Verdict::kWarn;
+    std::snprintf(text, sizeof text, "up to %.0f us of every cycle, before it begins", deepest_us);
+    finding.cost = text;
+    finding.remedy =
+        "sudo cpupower idle-set -D 100 (package linux-cpupower); it costs power, so "
+        "undo it with -E";
+  }
+  return finding;
+}
+
+Finding clock_finding(const DoctorSystem& system) {
+  Finding finding{.check = "clock and timers"};
+  const std::string source = first_line(
+      system.roots.sysfs + "/devices/system/clocksource/clocksource0/current_clocksource");
+  char text[120];
+  std::snprintf(text, sizeof text, "timer resolution %lld ns, clock source %s",
+                static_cast<long long>(system.grants.clock_resolution_ns), source.c_str());
+  finding.what = text;
+  if (system.grants.clock_resolution_ns > 1000) {
+    finding.verdict = Verdict::kBad;
+    finding.cost = "deadlines are kept to a tick of the kernel only, a cycle or more";
+    finding.remedy = "boot a kernel with CONFIG_HIGH_RES_TIMERS and without highres=off";
+  } else if (source == "hpet" || source == "acpi_pm" || source == "refined-jiffies") {
+    finding.verdict = Verdict::kWarn;
+    finding.cost = "each look at the clock takes a microsecond and more, some in every cycle";
+    finding.remedy =
+        "dmesg | grep -i clocksource says why tsc was given up; tsc=reliable on the "
+        "kernel's command line where it is sound";
+  }
+  return finding;
+}
+
+Finding irq_finding(const DoctorSystem& system) {
+  Finding finding{.check = "USB host controller's interrupt"};
+  std::ifstream interrupts(system.roots.proc + "/interrupts");
+  std::string shared;
+  std::size_t controllers = 0;
+  for (std::string line; std::getline(interrupts, line);) {
+    const bool usb = line.find("hci_hcd") != std::string::npos;
+    controllers += usb ? 1 : 0;
+    if (usb && line.find(", ") != std::string::npos) {
+      const std::size_t number = line.find_first_not_of(' ');
+      const std::size_t names = line.rfind("  ");
+      shared += (shared.empty() ? "IRQ " : "; IRQ ") +
+                line.substr(number, line.find(':') - number) + ":" + line.substr(names + 1);
+    }
+  }
+  if (controllers == 0) {
+    finding.verdict = Verdict::kUnknown;
+    finding.what = "no USB host controller";
+  } else if (shared.empty()) {
+    finding.what = "not shared";
+  } else {
+    finding.verdict = Verdict::kWarn;
+    finding.what = "shared: " + shared;
+    finding.cost = "the other device's interrupts come before a report of the haptic device";
+    finding.remedy =
+        "plug the device into a port of another controller (lsusb -t shows which), or "
+        "give the other device another slot";
+  }
+  return finding;
+}
+
+std::vector<Finding> device_findings(const DoctorSystem& system,
+                                     const std::vector<profiles::DeviceProfile>& known) {
+  std::vector<Finding> findings;
+  for (const FoundDevice& device : survey_devices(known, system.roots, system.user)) {
+    Finding finding{.check =
+                        "device at " + (device.port_path.empty() ? device.node : device.port_path)};
+    finding.what = device.manufacturer + " " + device.product + ", ready";
+    for (const Obstacle& obstacle : device.obstacles) {
+      Finding bad = finding;
+      bad.verdict = obstacle.blocks ? Verdict::kBad : Verdict::kWarn;
+      bad.what = obstacle.what;
+      bad.cost = obstacle.blocks ? "it can't be used" : "it may fail in use";
+      bad.remedy = obstacle.remedy;
+      if (obstacle.kind == "autosuspend") {
+        bad.fixes.push_back(
+            {system.roots.sysfs + "/bus/usb/devices/" + device.port_path + "/power/control", "on\n",
+             "until it is plugged in again"});
+      }
+      findings.push_back(bad);
+    }
+    if (device.obstacles.empty()) {
+      findings.push_back(finding);
+    }
+  }
+  if (findings.empty()) {
+    findings.push_back({.check = "devices",
+                        .verdict = Verdict::kUnknown,
+                        .what = "no haptic device is attached (forcegrid devices)"});
+  }
+  return findings;
+}
+
+}  // namespace
+
+const char* to_string(Verdict verdict) noexcept {
+  switch (verdict) {
+    case Verdict::kGood:
+      return "good";
+    case Verdict::kUnknown:
+      return "unknown";
+    case Verdict::kWarn:
+      return "warning";
+    case Verdict::kBad:
+      return "bad";
+  }
+  return "";
+}
+
+Grants ask_kernel() {
+  Grants grants;
+  std::thread([&] {
+    grants.realtime_refused = rt::make_current_thread_realtime(rt::kServoPriority).reason;
+    grants.memory_refused = rt::lock_memory();
+    rt::unlock_memory();
+  }).join();
+  timespec resolution{};
+  clock_getres(CLOCK_MONOTONIC, &resolution);
+  grants.clock_resolution_ns = resolution.tv_sec * 1'000'000'000LL + resolution.tv_nsec;
+  return grants;
+}
+
+std::vector<Finding> examine_system(const DoctorSystem& system,
+                                    const std::vector<profiles::DeviceProfile>& known) {
+  std::vector<Finding> findings{rule_finding(system), group_finding(system.user)};
+  for (Finding& finding : limit_findings(system)) {
+    findings.push_back(std::move(finding));
+  }
+  for (Finding (*look)(const DoctorSystem&) :
+       {kernel_finding, governor_finding, idle_finding, clock_finding, irq_finding}) {
+    findings.push_back(look(system));
+  }
+  for (Finding& finding : device_findings(system, known)) {
+    findings.push_back(std::move(finding));
+  }
+  return findings;
+}
+
+Finding library_versions() {
+  Finding finding{.check = "versions"};
+  utsname system{};
+  uname(&system);
+  std::vector<std::pair<std::string, std::string>> versions = driver::library_versions();
+  versions.insert(versions.end(), {{"HDF5", hdf5_version()},
+                                   {"Eigen", std::to_string(EIGEN_WORLD_VERSION) + "." +
+                                                 std::to_string(EIGEN_MAJOR_VERSION) + "." +
+                                                 std::to_string(EIGEN_MINOR_VERSION)},
+                                   {"compiler", __VERSION__},
+                                   {"kernel", std::string(system.release) + " " + system.version}});
+  for (const auto& [name, version] : versions) {
+    finding.what += (finding.what.empty() ? "" : ", ") + name + " " + version;
+  }
+  return finding;
+}
+
+Finding judge_wakeups(const std::string& check, const rt::Percentiles& latency_us, double period_us,
+                      bool realtime) {
+  Finding finding{.check = check};
+  const double p999_us = latency_us.at(0.999);
+  finding.measured = {{"wakeups", static_cast<double>(latency_us.count())},
+                      {"p50_us", latency_us.at(0.5)},
+                      {"p99_us", latency_us.at(0.99)},
+                      {"p99_9_us", p999_us},
+                      {"max_us", latency_us.max()},
+                      {"period_us", period_us}};
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "late by %.0f us in the median, p99 %.0f, p99.9 %.0f, worst %.0f (period %.0f)",
+                latency_us.at(0.5), latency_us.at(0.99), p999_us, latency_us.max(), period_us);
+  finding.what = text;
+  if (p999_us <= kGoodShare * period_us) {
+    return finding;
+  }
+  finding.verdict = p999_us <= kTolerableShare * period_us ? Verdict::kWarn : Verdict::kBad;
+  std::snprintf(text, sizeof text, "one cycle of 1000 begins %.0f %% of a period late or later",
+                100.0 * p999_us / period_us);
+  finding.cost = text;
+  finding.remedy = realtime ? "the kernel and processor findings above, first of all a PREEMPT_RT "
+                              "kernel: sudo apt-get install linux-image-rt-amd64"
+                            : "the real-time priority above";
+  return finding;
+}
+
+std::vector<std::string> apply_fixes(const std::vector<FileFix>& fixes) {
+  std::vector<std::string> done;
+  for (const FileFix& fix : fixes) {
+    errno = 0;
+    std::ofstream stream(fix.file);
+    stream << fix.text;
+    stream.close();
+    const std::string reason = errno != 0 ? std::strerror(errno) : "it did not take effect";
+    done.push_back(stream && text_of(fix.file) == fix.text
+                       ? "wrote " + fix.file + ": " + fix.words
+                       : "could not write " + fix.file + " (" + reason +
+                             "); run it as root: sudo "
+                             "forcegrid doctor --fix");
+  }
+  return done;
+}
+
+}  // namespace forcegrid::tools
