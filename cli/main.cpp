@@ -252,6 +252,8 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
       ->check(between(0.0, 86400.0))
       ->capture_default_str()
       ->type_name("FLOAT s");
+  run.add_flag("--live", o.live,
+               "A dashboard in the terminal (80 x 24 is enough) instead of a line a second");
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->capture_default_str();
   run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");

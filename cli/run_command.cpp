@@ -33,6 +33,7 @@
 #include "simulator/direct_method.h"
 #include "simulator/scene.h"
 #include "simulator/truth.h"
+#include "tools/dashboard.h"
 #include "tools/hdf5_file.h"
 #include "tools/recorder.h"
 
@@ -372,10 +373,18 @@ void write_json(const JsonTarget& target, const std::string& text) {
 int run_command(const RunOptions& options) {
   // With the JSON on standard output, everything for people goes to standard error.
   std::FILE* const out = options.json.on_stdout() || options.text_on_stderr ? stderr : stdout;
-  const auto say = [out](const std::string& text) {
+  std::unique_ptr<tools::Dashboard> dashboard;
+  const auto say = [out, &dashboard](const std::string& text) {
+    if (dashboard) {
+      dashboard->note(text);
+      return;
+    }
     std::fputs(text.c_str(), out);
     std::fflush(out);
   };
+  if (options.live) {
+    tools::Dashboard::check(out);
+  }
 
   const bool emulated = options.device.rfind(kEmulatedPrefix, 0) == 0;
   const bool attached_falcon = !emulated && driver::parse_device_url(options.device).kind ==
@@ -508,17 +517,35 @@ int run_command(const RunOptions& options) {
   servo::TelemetryOptions telemetry_options;
   telemetry_options.method_names = names;
   telemetry_options.rate_Hz = options.rate_Hz;
-  telemetry_options.live = out;
+  telemetry_options.live = options.live ? nullptr : out;
   recorder = start_recorder(options, profile, names, url, device->identity());
   if (records_trace(options)) {
     link.keep_samples(kRecordedSamples);
   }
   if (recorder) {
     link.on_sample([&](const servo::ArrivedSample& sample) { recorder->push(sample); });
-    telemetry_options.on_cycle = [&](const servo::CycleRecord& cycle) { recorder->push(cycle); };
+  }
+  if (recorder || options.live) {
+    telemetry_options.on_cycle = [&](const servo::CycleRecord& cycle) {
+      if (recorder) {
+        recorder->push(cycle);
+      }
+      if (dashboard) {
+        dashboard->add(cycle);
+      }
+    };
   }
   servo::Telemetry telemetry(ports, telemetry_options);
   servo::ServoLoop loop(*device, profile, methods, ports, servo_options);
+  if (options.live) {
+    std::vector<std::string> members;
+    for (const char* member : methods.front()->members()) {
+      members.emplace_back(member);
+    }
+    dashboard = std::make_unique<tools::Dashboard>(
+        out, tools::DashboardTitle{options.device, simulator ? options.scene : simulator_address,
+                                   options.method, members, options.rate_Hz});
+  }
   link.start();
   telemetry.start();
   bool simulator_is_gone = false;
@@ -590,6 +617,7 @@ int run_command(const RunOptions& options) {
   StopRequest::main_part_is_over();
   link.stop();
   telemetry.stop();
+  dashboard.reset();
   rt::unlock_memory();
   int status = summary.outcome.fault == servo::Fault::kNone ? 0 : 1;
   if (recorder && !recorder->finish().trouble.empty()) {

@@ -67,6 +67,7 @@ struct RunOptions {
   std::string settings;                            ///< all of these as TOML, for the recording
   std::optional<std::array<double, 3>> contact_m;  ///< where the emulated hand goes to touch; D
   JsonTarget json;
+  bool live = false;            ///< a dashboard instead of a line a second
   bool text_on_stderr = false;  ///< also where the JSON goes to a file
 };
 

@@ -147,6 +147,7 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
              &CycleRecord::passivity_damping_N_s_per_m, "that the guard added"),
       number("/cycles/passivity_scale", T::kFloat32, &CycleRecord::passivity_scale,
              "by which the guard shortened the wanted force"),
+      number("/cycles/rung", T::kUint8, &CycleRecord::rung, "what is felt, see names_rung"),
       number("/cycles/fault", T::kUint8, &CycleRecord::fault, "see names_fault"),
       {{"/cycles/work_on_hand_J",
         T::kFloat64,
@@ -250,6 +251,7 @@ class Recorder::Pages {
     writer_.add_attribute(
         "names_fault",
         names<servo::Fault>(1 + static_cast<int>(servo::Fault::kZeroNotDelivered), servo::name_of));
+    writer_.add_attribute("names_rung", names<servo::Rung>(servo::kRungs, servo::to_string));
     writer_.add_attribute("start_monotonic_ns", std::to_string(start_ns));
     for (const auto& [name, text] : options.attributes) {
       writer_.add_attribute(name, text);
