@@ -79,6 +79,7 @@ void add_chart_stability(CLI::App& chart, ChartStabilityOptions& o, std::functio
   stability.add_flag("--quick", o.quick, "The small block and fewer cells, within five minutes");
   stability.add_option("--jobs", o.jobs, "Threads; 0 is one a processor")
       ->check(CLI::Range(0, 1024))
+      ->type_name("UINT threads")
       ->capture_default_str();
   stability.add_option("--cache", o.cache,
                        "Folder of force tables (default forcegrid in the user's cache folder)");
