@@ -30,7 +30,7 @@ USER_SPACE_TESTS := ^(W2\.|W3\.|UsbipTransport|EmulatorServer|MainJob|.*ReportAg
 UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
-.PHONY: run test build setup bench sanitize fuzz clean hil hil-full hil-matrix install-udev uninstall-udev
+.PHONY: run test build setup bench bench-realtime sanitize fuzz clean hil hil-full hil-matrix install-udev uninstall-udev
 
 run: build
 	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --seconds $(SECONDS) $(ARGS)
@@ -40,6 +40,10 @@ test: build
 
 bench: build
 	build/release/bin/forcegrid_bench
+
+# Wake-ups of the loop beside cyclictest, idle and under load: half an hour. ARGS=--quick: two minutes.
+bench-realtime: build
+	/usr/bin/python3 bench/realtime.py $(ARGS)
 
 # The tests again under AddressSanitizer with UndefinedBehaviorSanitizer, and, where there are threads,
 # under ThreadSanitizer. SANITIZERS=asan: that one alone.

@@ -94,14 +94,12 @@ class InTerminal {
 };
 
 std::vector<std::string> live_run(const std::string& seconds) {
-  return {"run",        "--live",    "--scene",
-          "small",      "--seconds", seconds,
-          "--no-truth", "--out",     fresh_folder("live"),
-          "--hand",     "none",      "--calibrated"};
+  return {"run",        "--live", "--scene",           "small", "--seconds", seconds,
+          "--no-truth", "--out",  fresh_folder("live")};
 }
 
 TEST(Live, DrawsTheLoopAndGivesTheTerminalBackAtTheEnd) {
-  InTerminal run(live_run("2"));
+  InTerminal run(live_run("3"));
   ASSERT_TRUE(run.wait_for(kEnter)) << run.seen();
   ASSERT_TRUE(run.wait_for("of 500 cycles/s")) << run.seen();
   EXPECT_TRUE(run.gave_the_terminal_back());
