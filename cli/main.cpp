@@ -243,6 +243,11 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
       ->check(between(0.001, 1e6))
       ->type_name("FLOAT N/m and N s/m")
       ->capture_default_str();
+  run.add_option("--dead-man", o.dead_man,
+                 "Force only while this is held: button (any on a Falcon's grip), signal (SIGUSR2 "
+                 "at least every 0.2 s, from a switch of its own), none")
+      ->check(CLI::IsMember({"none", "button", "signal"}))
+      ->capture_default_str();
   run.add_flag("--no-motor-check", o.no_motor_check,
                "Do not give each motor a few short pushes before the first force");
   run.add_flag("--reconnect", o.reconnect,

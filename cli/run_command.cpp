@@ -20,6 +20,7 @@
 #include "cli/recording.h"
 #include "cli/run_summary.h"
 #include "cli/stop_request.h"
+#include "cli/terminal_keys.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
 #include "driver/discovery.h"
@@ -185,6 +186,28 @@ void set_passivity(const RunOptions& options, servo::ServoOptions& servo_options
     servo_options.rendering.coupling =
         servo::CouplingOptions{options.coupling.at(0), options.coupling.at(1)};
   }
+}
+
+void set_switches(const RunOptions& options, const profiles::DeviceProfile& profile,
+                  servo::ServoOptions& servo_options) {
+  StopRequest::install_switches();
+  servo_options.emergency_stop = &StopRequest::emergency();
+  servo_options.dead_man_signal = &StopRequest::dead_man();
+  if (options.dead_man == "button") {
+    if (!servo::DeviceButton::can_be_held(profile)) {
+      throw std::runtime_error(
+          "--dead-man button: the only button of " + profile.name +
+          " latches when it is pressed, and tells nobody whether it is held; use --dead-man signal "
+          "with a switch of its own");
+    }
+    servo_options.dead_man = servo::DeadMan::kButton;
+  } else if (options.dead_man == "signal") {
+    servo_options.dead_man = servo::DeadMan::kSignal;
+  }
+}
+
+std::string why_truth_is_skipped() {
+  return StopRequest::emergency().pressed() ? "skipped by the emergency stop" : "skipped by Ctrl-C";
 }
 
 bool is_falcon(const profiles::DeviceProfile& profile) { return profile.usb.protocol == "falcon"; }
@@ -427,6 +450,7 @@ int run_command(const RunOptions& options) {
   servo_options.gravity_compensation = options.gravity_compensation;
   servo_options.check_motors = !options.no_motor_check;
   set_passivity(options, servo_options);
+  set_switches(options, profile, servo_options);
   const MethodOptions base = method_options(options, profile, servo_options.workspace);
   std::vector<std::unique_ptr<ForceMethod>> owned;
   std::vector<ForceMethod*> methods;
@@ -490,6 +514,13 @@ int run_command(const RunOptions& options) {
   const std::string url_again = options.reconnect ? driver::lasting_url(url, profile) : url;
   say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
       ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
+  // No force has been rendered yet, but who presses a key now wants none later.
+  std::optional<TerminalKeys> keys(std::in_place);
+  const auto look_at_keys = [&](milliseconds timeout) {
+    if (keys->emergency_pressed(timeout)) {
+      StopRequest::request_emergency(servo::EmergencySource::kKey);
+    }
+  };
   // A Falcon says itself whether its axes are homed, and has no force before.
   if (options.calibrated && is_falcon(profile)) {
     say("Falcon: --calibrated changes nothing, as it says itself whether its axes are homed\n");
@@ -497,7 +528,10 @@ int run_command(const RunOptions& options) {
   if (!options.calibrated || is_falcon(profile)) {
     const bool calibrated = driver::calibrate(
         *device, profile, seconds(60), [&](const std::string& text) { say(text + "\n"); },
-        [] { return StopRequest::stop().load(); });
+        [&] {
+          look_at_keys(milliseconds(0));
+          return StopRequest::stop().load();
+        });
     if (!calibrated) {
       summary.notes.push_back("stopped before the arm was calibrated; the motors had no current");
       say(summary.notes.back() + "\n");
@@ -507,12 +541,12 @@ int run_command(const RunOptions& options) {
       summary.simulator = final_report(simulator.get());
       summary.truth = "the loop never ran";
       write_json(options.json, to_json(summary, servo::TelemetryStatistics{}).dump(2));
-      return 1;
+      return StopRequest::emergency().pressed() ? kEmergencyStatus : 1;
     }
   }
   say("Simulator: " + simulator_address + (simulator ? ", scene " + options.scene : "") +
       "; method " + options.method + " at " + std::to_string(std::lround(options.rate_Hz)) +
-      " Hz; Ctrl-C ends it\n");
+      " Hz; Ctrl-C ends it" + (keys->active() ? ", space or e stops the motors at once\n" : "\n"));
 
   servo::TelemetryOptions telemetry_options;
   telemetry_options.method_names = names;
@@ -558,7 +592,7 @@ int run_command(const RunOptions& options) {
       ended = true;
     });
     while (!ended) {
-      std::this_thread::sleep_for(milliseconds(20));
+      look_at_keys(milliseconds(20));
       if (simulator && !simulator_is_gone && !simulator->running()) {
         simulator_is_gone = true;
         std::string how = simulator->abnormal_end();
@@ -591,7 +625,10 @@ int run_command(const RunOptions& options) {
       return open(url_again, profile, firmware, options.device_timeout_ms,
                   realtime_refused.empty());
     };
-    how.cancelled = [] { return StopRequest::stop().load(); };
+    how.cancelled = [&] {
+      look_at_keys(milliseconds(0));
+      return StopRequest::stop().load();
+    };
     how.say = say;
     how.profile = &profile;
     how.before = device->identity();
@@ -614,12 +651,19 @@ int run_command(const RunOptions& options) {
         std::string(again.recalibrated ? " and calibrated" : ", its counters are as they were") +
         "; the force ramps in.\n");
   }
+  if (summary.outcome.fault == servo::Fault::kEmergencyStop) {
+    StopRequest::request_emergency(summary.outcome.emergency);  // what is left to do can wait
+  }
   StopRequest::main_part_is_over();
+  keys.reset();
   link.stop();
   telemetry.stop();
   dashboard.reset();
   rt::unlock_memory();
-  int status = summary.outcome.fault == servo::Fault::kNone ? 0 : 1;
+  const bool emergency =
+      summary.outcome.fault == servo::Fault::kEmergencyStop || StopRequest::emergency().pressed();
+  int status =
+      emergency ? kEmergencyStatus : (summary.outcome.fault == servo::Fault::kNone ? 0 : 1);
   if (recorder && !recorder->finish().trouble.empty()) {
     summary.notes.push_back("--record: " + recorder->finish().trouble);
     status = 1;
@@ -706,7 +750,7 @@ int run_command(const RunOptions& options) {
   } else if (options.no_truth) {
     summary.truth = "skipped by --no-truth";
   } else if (StopRequest::hurry()) {
-    summary.truth = "skipped by Ctrl-C";
+    summary.truth = why_truth_is_skipped();
   } else {
     simulator::TruthOptions truth_options;
     truth_options.scene = options.scene;
@@ -716,7 +760,7 @@ int run_command(const RunOptions& options) {
     const simulator::TruthResult truth =
         simulator::simulate_truth(cycles.positions_W, truth_options);
     if (truth.cancelled) {
-      summary.truth = "skipped by Ctrl-C";
+      summary.truth = why_truth_is_skipped();
     } else {
       truth_W = truth.forces_W;
       summary.truth = "computed";

@@ -24,6 +24,9 @@ void check_writable(const JsonTarget& target);
 ///         output.
 void write_json(const JsonTarget& target, const std::string& text);
 
+/// Exit status of a run that an emergency stop has ended.
+inline constexpr int kEmergencyStatus = 3;
+
 /// What `forcegrid run` was asked for; the defaults are the main job.
 struct RunOptions {
   std::string device = "emulated:woodenhaptics_v2015";
@@ -57,8 +60,9 @@ struct RunOptions {
   double passivity_allowance_mJ = 0.3;
   double passivity_damping_N_s_per_m = 10.0;   ///< at most
   std::vector<double> coupling{1000.0, 10.0};  ///< N/m, N s/m
-  bool no_motor_check = false;                 ///< skip servo::MotorCheck
-  bool reconnect = false;  ///< wait for a device that has gone, and go on with it
+  std::string dead_man = "none";  ///< or button, signal: what must be held for force, see DeadMan
+  bool no_motor_check = false;    ///< skip servo::MotorCheck
+  bool reconnect = false;         ///< wait for a device that has gone, and go on with it
   double reconnect_timeout_s = 60.0;
   std::string out = "out";
   bool no_truth = false;
@@ -72,7 +76,8 @@ struct RunOptions {
 };
 
 /// Feels the scene through the device, then says how it went.
-/// @returns the program's exit status: 0, or 1 after a fault.
+/// @returns the program's exit status: 0, 1 after a fault, kEmergencyStatus after an emergency
+/// stop.
 /// @throws std::exception with a sentence for the user when it can't be set up.
 int run_command(const RunOptions& options);
 

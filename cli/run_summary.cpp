@@ -180,7 +180,10 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
            summary.recovered.size(), summary.recalibrations);
   }
   if (outcome.fault != servo::Fault::kNone) {
-    text += "FAULT: " + servo::sentence_for(outcome.fault, outcome.joint);
+    text += outcome.fault == servo::Fault::kEmergencyStop
+                ? std::string("EMERGENCY STOP by ") + servo::words_of(outcome.emergency) + ". "
+                : std::string("FAULT: ");
+    text += servo::sentence_for(outcome.fault, outcome.joint);
     if (!outcome.device_failure.empty()) {
       text += " (" + outcome.device_failure + ")";
     }
@@ -300,6 +303,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"recovered_faults", recovered},
       {"recalibrations", summary.recalibrations},
       {"encoder_doubts", outcome.encoder_doubts},
+      {"emergency_stop", servo::name_of(outcome.emergency)},
       {"passivity",
        {{"mode", summary.passivity},
         {"energy_to_hand_mJ", 1e3 * outcome.energy_to_hand_J},

@@ -32,6 +32,8 @@ const char* name_of(Fault fault) noexcept {
       return "motor_wrong_way";
     case Fault::kMotorNoAnswer:
       return "motor_no_answer";
+    case Fault::kEmergencyStop:
+      return "emergency_stop";
     case Fault::kZeroNotDelivered:
       return "zero_not_delivered";
   }
@@ -67,6 +69,8 @@ std::string sentence_for(Fault fault, int joint) {
     case Fault::kBadPose:
       return "The encoder counts belong to no pose of this arm; calibrate it, and check that the "
              "profile is the device's own.";
+    case Fault::kEmergencyStop:
+      return "The motors got zero current at once; start anew when everything is in order.";
     case Fault::kZeroNotDelivered:
       return "The last command, zero current, did not reach the device; the motors are left to its "
              "own watchdog (half a second after the last command in W2 firmware). Check the cable "

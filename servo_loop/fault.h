@@ -21,6 +21,7 @@ enum class Fault : std::uint8_t {
   kSaturatedEncoder,  ///< a counter jumped to, or froze at, the end of its range
   kMotorWrongWay,     ///< a motor pushed against its command before any force was rendered
   kMotorNoAnswer,     ///< a motor's push moved nothing before any force was rendered
+  kEmergencyStop,     ///< somebody wanted it, see EmergencyStop
   kZeroNotDelivered,  ///< the loop ended, but its last, zero command did not reach the device
 };
 

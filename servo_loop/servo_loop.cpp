@@ -32,6 +32,9 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       encoder_watch_(profile),
       motor_check_(profile, rt::from_seconds(1.0 / std::max(1.0, options.rate_Hz))),
       renderer_(profile, options.rendering),
+      emergency_stop_(options.emergency_stop != nullptr ? options.emergency_stop
+                                                        : &own_emergency_stop_),
+      button_(profile),
       methods_(std::move(methods)),
       ports_(ports),
       options_(options),
@@ -45,6 +48,13 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
   }
   if (!(options_.requests_per_s >= 0.0 && options_.requests_per_s <= options_.rate_Hz)) {
     throw std::invalid_argument("requests: use 0 to one a cycle");
+  }
+  if (options_.dead_man == DeadMan::kButton && !DeviceButton::can_be_held(profile)) {
+    throw std::invalid_argument("dead man: profile " + profile.name +
+                                " describes a device without a button that can be held");
+  }
+  if (options_.dead_man == DeadMan::kSignal && options_.dead_man_signal == nullptr) {
+    throw std::invalid_argument("dead man: the signal is missing");
   }
   if (options_.fill_budget < 1) {
     throw std::invalid_argument("fill budget: use at least 1 a cycle");
@@ -83,6 +93,9 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
       faulty_joint_ = *joint;
     }
   }
+  if (emergency(report)) {
+    fault = Fault::kEmergencyStop;
+  }
   const Eigen::Vector3d position_W = options_.workspace.position_W(pose.position_D);
   const Eigen::Vector3d touching_W = renderer_.touching_W(position_W);
   if (fault == Fault::kNone) {
@@ -108,7 +121,10 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
 
   // Which way the motors push is known before anything is felt.
-  if (fault == Fault::kNone && options_.check_motors && !motors_checked_ && has_sample_) {
+  const HeldBack held_back = why_held_back(now);
+  if (held_back == HeldBack::kDeadMan) {
+    motor_check_.restart();
+  } else if (fault == Fault::kNone && held_back == HeldBack::kMotorCheck && has_sample_) {
     fault = check_motors(now, report, pose);
   }
 
@@ -251,6 +267,24 @@ void ServoLoop::make_request(rt::TimePoint now, const Eigen::Vector3d& position_
   }
 }
 
+bool ServoLoop::emergency(const driver::DeviceReport& report) noexcept {
+  button_.update(report);
+  if (button_.pressed() && options_.dead_man != DeadMan::kButton) {
+    emergency_stop_->press(EmergencySource::kDeviceButton);
+  }
+  return emergency_stop_->pressed();
+}
+
+HeldBack ServoLoop::why_held_back(rt::TimePoint now) const noexcept {
+  const bool held = options_.dead_man == DeadMan::kNone ||
+                    (options_.dead_man == DeadMan::kButton ? button_.held()
+                                                           : options_.dead_man_signal->held(now));
+  if (!held) {
+    return HeldBack::kDeadMan;
+  }
+  return options_.check_motors && !motors_checked_ ? HeldBack::kMotorCheck : HeldBack::kNot;
+}
+
 ForceRenderer::Cycle ServoLoop::cycle_to_render(rt::TimePoint now, double elapsed_s,
                                                 const Eigen::Vector3d& position_W,
                                                 const Eigen::Vector3d& method_force_W) noexcept {
@@ -262,8 +296,7 @@ ForceRenderer::Cycle ServoLoop::cycle_to_render(rt::TimePoint now, double elapse
   cycle.sample_age_s = has_sample_ ? rt::seconds(now - newest_sample_arrived_)
                                    : std::numeric_limits<double>::infinity();
   cycle.sample_period_s = sample_period_s_;
-  const bool may_render = motors_checked_ || !options_.check_motors;
-  cycle.held_back = may_render ? HeldBack::kNot : HeldBack::kMotorCheck;
+  cycle.held_back = why_held_back(now);
   cycle.in_contact = in_contact_;
   return cycle;
 }
@@ -309,6 +342,7 @@ void ServoLoop::continue_with(driver::Device& device) {
   device_ = &device;
   guard_ = MotionGuard(profile_, options_.report_timeout);
   limiter_.reset();
+  button_.restart();
   encoder_watch_.restart();
   motor_check_ = MotorCheck(profile_, rt::from_seconds(1.0 / options_.rate_Hz));
   motors_checked_ = false;
@@ -380,6 +414,10 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
       ++missed_before_this_;
     }
     outcome.missed_deadlines += missed_before_this_;
+  }
+  if (emergency_stop_->pressed()) {  // perhaps together with `stop`, or after the last cycle
+    outcome.fault = Fault::kEmergencyStop;
+    outcome.emergency = emergency_stop_->source();
   }
   // The cycle that ended the loop by a fault has commanded zero already. Asked before stop(), after
   // which the device only says that it is closed.

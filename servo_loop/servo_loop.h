@@ -16,6 +16,9 @@
 #include "rt/spsc_ring.h"
 #include "rt/thread.h"
 #include "servo_loop/cycle_record.h"
+#include "servo_loop/dead_man.h"
+#include "servo_loop/device_button.h"
+#include "servo_loop/emergency_stop.h"
 #include "servo_loop/encoder_watch.h"
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/motion_guard.h"
@@ -49,6 +52,13 @@ struct ServoOptions {
   /// Encoders that don't count are looked for: see EncoderWatch.
   bool watch_encoders = true;
   RenderingOptions rendering;
+  /// Ends the loop at zero current, within a cycle; null: only the device's button does. Outlives
+  /// the loop.
+  EmergencyStop* emergency_stop = nullptr;
+  /// What has to be held for force to be rendered. With kButton the device's button is no emergency
+  /// stop: to let go of it stops the force.
+  DeadMan dead_man = DeadMan::kNone;
+  const DeadManSignal* dead_man_signal = nullptr;  ///< of kSignal; outlives the loop
   WorkspaceMap workspace;
 };
 
@@ -71,8 +81,9 @@ struct ServoPorts {
 
 struct ServoOutcome {
   Fault fault = Fault::kNone;
-  int joint = -1;              ///< 0, 1, 2 where the fault is one joint's; else negative
-  std::string device_failure;  ///< the device's own words, if it had any
+  int joint = -1;  ///< 0, 1, 2 where the fault is one joint's; else negative
+  EmergencySource emergency = EmergencySource::kNone;  ///< of Fault::kEmergencyStop
+  std::string device_failure;                          ///< the device's own words, if it had any
   std::uint64_t cycles = 0;
   std::uint64_t missed_deadlines = 0;
   /// Pauses longer than 50 ms, after which the force ramps in anew.
@@ -131,6 +142,8 @@ class ServoLoop {
   void take_answer(const ArrivedSample& answer) noexcept;
   void make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
   void start_anew() noexcept;
+  bool emergency(const driver::DeviceReport& report) noexcept;
+  HeldBack why_held_back(rt::TimePoint now) const noexcept;
   Fault check_motors(rt::TimePoint now, const driver::DeviceReport& report,
                      const driver::ArmPose& pose) noexcept;
   void relieve(rt::TimePoint now, double elapsed_s, const Eigen::Vector3d& force_torque_Nm,
@@ -149,6 +162,9 @@ class ServoLoop {
   EncoderWatch encoder_watch_;
   MotorCheck motor_check_;
   ForceRenderer renderer_;
+  EmergencyStop own_emergency_stop_;
+  EmergencyStop* emergency_stop_;
+  DeviceButton button_;
   std::vector<ForceMethod*> methods_;
   ServoPorts& ports_;
   ServoOptions options_;

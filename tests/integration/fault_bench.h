@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <string>
@@ -60,6 +61,7 @@ struct FaultyRun {
 /// process.
 class FaultBench {
  public:
+  /// @param fault see FaultSpec; empty: none.
   explicit FaultBench(const std::string& fault,
                       emulator::MotionKind motion = emulator::MotionKind::kLissajous,
                       const char* profile = "woodenhaptics_v2015") {
@@ -72,10 +74,15 @@ class FaultBench {
     }
     options_.operator_script.calibrated = true;
     options_.operator_script.motion = motion;
-    options_.faults = {emulator::parse_fault(fault)};
+    if (!fault.empty()) {
+      options_.faults = {emulator::parse_fault(fault)};
+    }
   }
 
   emulator::DeviceOptions& options() { return options_; }
+
+  /// Called every 20 ms while the loop runs, with the newest record's time since the first.
+  std::function<void(emulator::EmulatorServer&, double seconds)> meanwhile;
 
   /// @param check_motors see ServoOptions.
   /// @param settle how long the emulator runs on, so that its watchdog may trip.
@@ -111,6 +118,10 @@ class FaultBench {
       arrived.arrived = rt::Clock::now();
       static_cast<void>(ports.samples.push(arrived));
       drain();
+      if (meanwhile && !result.records.empty()) {
+        meanwhile(server, 1e-9 * static_cast<double>(result.records.back().time_ns -
+                                                     result.records.front().time_ns));
+      }
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     servo.join();

@@ -1,0 +1,51 @@
+#pragma once
+
+#include "driver/device.h"
+#include "profiles/device_profile.h"
+
+namespace forcegrid::servo {
+
+/// The buttons of a device, as one.
+///
+/// A Falcon tells which of the four on its grip are down. A W2 or W3 device has the calibration
+/// button alone, and that latches: its report says that it has been pressed since the counters were
+/// loaded, not whether it is down. So it can be pressed once, and can't be held.
+/// Real-time: no allocation, lock or throw. Threads: one.
+class DeviceButton {
+ public:
+  explicit DeviceButton(const profiles::DeviceProfile& profile) noexcept
+      : tells_held_(can_be_held(profile)) {}
+
+  /// Whether a device of this profile tells that a button is being held.
+  static bool can_be_held(const profiles::DeviceProfile& profile) noexcept {
+    return profile.usb.protocol == "falcon";
+  }
+
+  /// Looks at a cycle's newest report.
+  void update(const driver::DeviceReport& report) noexcept {
+    if (report.sequence == 0) {
+      return;
+    }
+    const bool down = tells_held_ ? report.buttons != 0 : report.calibration_button;
+    pressed_ = down && seen_up_;
+    seen_up_ = seen_up_ || !down;
+    down_ = down;
+  }
+
+  /// It is down (a latching one: has gone down), and was up before. One that has been down from
+  /// the start was pressed for something else.
+  bool pressed() const noexcept { return pressed_; }
+  /// It is down now; never with a latching one.
+  bool held() const noexcept { return tells_held_ && down_; }
+
+  /// The reports to come are another connection's.
+  void restart() noexcept { seen_up_ = pressed_ = down_ = false; }
+
+ private:
+  bool tells_held_;
+  bool seen_up_ = false;
+  bool pressed_ = false;
+  bool down_ = false;
+};
+
+}  // namespace forcegrid::servo
