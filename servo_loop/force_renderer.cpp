@@ -55,6 +55,9 @@ Eigen::Vector3d ForceRenderer::touching_W(const Eigen::Vector3d& position_W) con
 Eigen::Vector3d ForceRenderer::force(const Cycle& cycle, const driver::ArmPose& pose) noexcept {
   ladder_.update(cycle.elapsed_s, cycle.sample_age_s, cycle.sample_period_s, cycle.held_back);
   account_for_contact(cycle);
+  if (ladder_.held_back() == HeldBack::kNot && ladder_.force_gain() < 1.0) {
+    guard_.grant(kRampPower_J_per_s * cycle.elapsed_s);
+  }
   const Eigen::Vector3d resolution_W_m =
       (pose.jacobian_D * angle_per_count_rad_).cwiseAbs().rowwise().sum();
   guard_.set_resolution(resolution_W_m);

@@ -46,6 +46,11 @@ class ForceRenderer {
   /// Out of contact for this long the object owes the hand nothing, nor the hand it.
   static constexpr double kContactOver_s = 0.1;
 
+  /// [J/s] A force that ramps in where the tool rests in the object brings its energy with it, and
+  /// the hand gets that: 3 N that push a light hand of 100 N/m out within the ramp give 90 mW. So
+  /// much is granted while the ramp lasts; without it the force would not come back after a fade.
+  static constexpr double kRampPower_J_per_s = 0.1;
+
   /// @throws std::invalid_argument naming the option that can't be used.
   ForceRenderer(const profiles::DeviceProfile& profile, const RenderingOptions& options);
 

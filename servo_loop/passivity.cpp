@@ -99,6 +99,13 @@ void PassivityGuard::open_account() noexcept {
   account_W_J_.setZero();
 }
 
+void PassivityGuard::grant(double energy_J) noexcept {
+  const double debt_J = account_J();
+  if (debt_J > 0.0) {
+    account_W_J_ *= std::max(0.0, debt_J - energy_J) / debt_J;
+  }
+}
+
 Eigen::Vector3d PassivityGuard::motion_W() const noexcept {
   return without_trembling_counts(velocity_W_, resolution_W_m_, options_.dead_band_counts,
                                   options_.velocity_time_constant_s);

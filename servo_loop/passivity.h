@@ -106,6 +106,10 @@ class PassivityGuard {
   /// nothing. Otherwise what a lossy object has absorbed would be credit for an unstable one.
   void open_account() noexcept;
 
+  /// The program gives this much [J] on purpose: a positive account shrinks by it, to zero at most.
+  /// E still counts it.
+  void grant(double energy_J) noexcept;
+
   /// [J] E since the account was opened; negative: the hand has put in more than it got.
   double energy_to_hand_J() const noexcept { return energy_W_J_.sum(); }
   /// [J] the same by axis of W.

@@ -84,6 +84,10 @@ TEST_F(LoopPassivity, CountsNoWorkOfTheTorqueThatCarriesTheLinks) {
 TEST_F(LoopPassivity, DampsAForceThatKeepsGivingEnergyAndThenShortensIt) {
   // Always 1 N along the motion, to and fro: a motor and no object.
   Vector3d position_D = Vector3d::Zero();
+  method_.force_W = Vector3d(0.0, 1.0, 0.0);
+  for (int i = 0; i < 60; ++i) {
+    ASSERT_EQ(step(position_D), Fault::kNone);  // the ramp
+  }
   bool damped = false;
   double shortest = 1.0;
   for (int i = 0; i < 1000; ++i) {
@@ -98,6 +102,18 @@ TEST_F(LoopPassivity, DampsAForceThatKeepsGivingEnergyAndThenShortensIt) {
   }
   EXPECT_TRUE(damped);
   EXPECT_LT(shortest, 0.2);
+}
+
+TEST_F(LoopPassivity, LetsAForceRampInThatPushesTheHandOut) {
+  // 1 N comes in 0.1 s and pushes the tool 3 mm away: 2 mJ, and 60 mW at the end.
+  method_.force_W = Vector3d(0.0, 1.0, 0.0);
+  for (int i = 0; i < 60; ++i) {
+    const double gone = std::min(1.0, i / 50.0);
+    ASSERT_EQ(step(Vector3d(0.0, 0.003 * gone * gone, 0.0)), Fault::kNone);
+    EXPECT_EQ(last_.passivity_scale, 1.0) << i;
+  }
+  EXPECT_EQ(last_.gain, 1.0);
+  EXPECT_GT(last_.energy_to_hand_J, 1.8e-3);
 }
 
 TEST_F(LoopPassivity, OpensANewAccountATenthOfASecondAfterTheContact) {

@@ -218,6 +218,17 @@ TEST(PassivityGuard, ForgetsCreditWithItsAccountButNotInItsTotal) {
   EXPECT_NEAR(guard.total_energy_to_hand_J(), -0.01, kRounding_J);
 }
 
+TEST(PassivityGuard, TakesAGrantOffItsDebtButNotOffTheEnergy) {
+  PassivityGuard guard(observing());
+  static_cast<void>(guard.apply(0.0, Vector3d::Zero(), Vector3d(1.0, 0.0, 0.0)));
+  static_cast<void>(guard.apply(kCycle_s, Vector3d(0.001, 0.0, 0.0), Vector3d::Zero()));
+  guard.grant(0.4e-3);
+  EXPECT_NEAR(guard.account_J(), 0.6e-3, kRounding_J);
+  guard.grant(1.0);
+  EXPECT_EQ(guard.account_J(), 0.0);
+  EXPECT_NEAR(guard.energy_to_hand_J(), 1e-3, kRounding_J);
+}
+
 TEST(PassivityGuard, DoesNotCountAPauseOrWhatIsNotANumber) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   PassivityGuard guard;
