@@ -576,9 +576,11 @@ int run_command(const RunOptions& options) {
     for (const char* member : methods.front()->members()) {
       members.emplace_back(member);
     }
+    keys.reset();  // its signal handlers have to be newer than the dashboard's
     dashboard = std::make_unique<tools::Dashboard>(
         out, tools::DashboardTitle{options.device, simulator ? options.scene : simulator_address,
                                    options.method, members, options.rate_Hz});
+    keys.emplace();
   }
   link.start();
   telemetry.start();
@@ -662,8 +664,7 @@ int run_command(const RunOptions& options) {
   rt::unlock_memory();
   const bool emergency =
       summary.outcome.fault == servo::Fault::kEmergencyStop || StopRequest::emergency().pressed();
-  int status =
-      emergency ? kEmergencyStatus : (summary.outcome.fault == servo::Fault::kNone ? 0 : 1);
+  int status = summary.outcome.fault == servo::Fault::kNone ? 0 : 1;
   if (recorder && !recorder->finish().trouble.empty()) {
     summary.notes.push_back("--record: " + recorder->finish().trouble);
     status = 1;
@@ -825,7 +826,7 @@ int run_command(const RunOptions& options) {
   }
   say(errors_text(summary));
   write_json(options.json, to_json(summary, telemetry.statistics()).dump(2));
-  return status;
+  return emergency ? kEmergencyStatus : status;
 }
 
 }  // namespace forcegrid::cli

@@ -36,41 +36,66 @@ void change() {
   }
 }
 
+constexpr std::array<int, 6> kFatal = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGQUIT};
+
+// What was there before, which has its own to give back.
+std::array<struct sigaction, kFatal.size()> fatal_before;
+struct sigaction suspend_before;
+
 void on_fatal(int number) {
   restore();
-  std::signal(number, SIG_DFL);
-  raise(number);
+  for (std::size_t i = 0; i < kFatal.size(); ++i) {
+    if (kFatal[i] == number) {
+      sigaction(number, &fatal_before[i], nullptr);
+    }
+  }
+  raise(number);  // it is blocked until this handler returns
 }
 
-void on_suspend(int /*number*/) {
+void on_suspend(int number) {
   const bool was_changed = changed != 0;
   restore();
-  raise(SIGSTOP);
+  if (suspend_before.sa_handler != SIG_DFL && suspend_before.sa_handler != SIG_IGN) {
+    suspend_before.sa_handler(number);
+  } else {
+    raise(SIGSTOP);
+  }
   if (was_changed && in_foreground()) {
     change();
   }
 }
 
-constexpr std::array<int, 6> kFatal = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGQUIT};
-
-void handle(int number, void (*handler)(int), int flags) {
+struct sigaction action_of(void (*handler)(int)) {
   struct sigaction action {};
   action.sa_handler = handler;
-  action.sa_flags = flags;
+  action.sa_flags = SA_RESTART;
   sigemptyset(&action.sa_mask);
-  sigaction(number, &action, nullptr);
+  return action;
 }
 
 void install_handlers() {
-  for (const int number : kFatal) {
-    handle(number, on_fatal, static_cast<int>(SA_RESETHAND));
+  const struct sigaction fatal = action_of(on_fatal);
+  for (std::size_t i = 0; i < kFatal.size(); ++i) {
+    sigaction(kFatal[i], &fatal, &fatal_before[i]);
   }
-  handle(SIGTSTP, on_suspend, SA_RESTART);
+  const struct sigaction suspend = action_of(on_suspend);
+  sigaction(SIGTSTP, &suspend, &suspend_before);
   // Brought to the background, a terminal's process would be stopped for reading or setting it.
-  handle(SIGTTIN, SIG_IGN, 0);
-  handle(SIGTTOU, SIG_IGN, 0);
+  const struct sigaction ignore = action_of(SIG_IGN);
+  sigaction(SIGTTIN, &ignore, nullptr);
+  sigaction(SIGTTOU, &ignore, nullptr);
   static const bool at_exit = std::atexit(restore) == 0;
   static_cast<void>(at_exit);
+}
+
+void remove_handlers() {
+  for (std::size_t i = 0; i < kFatal.size(); ++i) {
+    sigaction(kFatal[i], &fatal_before[i], nullptr);
+  }
+  sigaction(SIGTSTP, &suspend_before, nullptr);
+  const struct sigaction usual = action_of(SIG_DFL);
+  sigaction(SIGTTIN, &usual, nullptr);
+  sigaction(SIGTTOU, &usual, nullptr);
 }
 
 }  // namespace
@@ -91,14 +116,8 @@ TerminalKeys::TerminalKeys() {
 
 TerminalKeys::~TerminalKeys() {
   restore();
-  if (!handlers_) {
-    return;
-  }
-  for (const int number : kFatal) {
-    handle(number, SIG_DFL, 0);
-  }
-  for (const int number : {SIGTSTP, SIGTTIN, SIGTTOU}) {
-    handle(number, SIG_DFL, 0);
+  if (handlers_) {
+    remove_handlers();
   }
 }
 

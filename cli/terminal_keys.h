@@ -11,6 +11,8 @@ namespace forcegrid::cli {
 /// The terminal gets its settings back in the destructor, at exit(), at Ctrl-Z (until the process
 /// goes on), and before the process dies of a signal that it doesn't handle. Ctrl-C stays what it
 /// is.
+/// Handlers of these signals that were there before are called afterwards; whoever installs some
+/// later has to make a new TerminalKeys.
 /// Threads: one; at most one of them exists.
 class TerminalKeys {
  public:
