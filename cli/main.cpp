@@ -15,6 +15,7 @@
 #include "cli/record_command.h"
 #include "cli/run_command.h"
 #include "cli/stop_request.h"
+#include "cli/tune_command.h"
 #include "device_emulator/fault_spec.h"
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
@@ -413,6 +414,7 @@ int main(int argc, char** argv) {
   ChartCommandOptions chart;
   DevicesOptions devices;
   DoctorOptions doctor;
+  TuneOptions tune;
   ReplayOptions replay;
   PlotOptions plot;
   ConfigOptions config;
@@ -424,6 +426,8 @@ int main(int argc, char** argv) {
   add_json(*app.get_subcommand("devices"), devices.json);
   add_doctor(app, doctor, action);
   add_json(*app.get_subcommand("doctor"), doctor.json);
+  add_tune(app, tune, action);
+  add_json(*app.get_subcommand("tune"), tune.json);
   add_record(app, run, action);
   add_replay(app, replay, action);
   add_json(*app.get_subcommand("replay"), replay.json);
@@ -449,7 +453,7 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: devices, doctor, run, record, replay, plot, emulate, simulate, "
+          "a subcommand: devices, doctor, tune, run, record, replay, plot, emulate, simulate, "
           "kinematics, "
           "evaluate, chart "
           "or "

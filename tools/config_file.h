@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace forcegrid::tools {
@@ -48,5 +49,12 @@ std::vector<ConfigLayer> config_layers(const std::string& asked);
 
 /// A name or value as TOML writes it; `texts` as an array if `is_array`.
 std::string toml_text(const std::vector<std::string>& texts, ConfigType type, bool is_array);
+
+/// Sets keys ("run.rate", with the value as TOML writes it) in a configuration file, and leaves all
+/// else in it as it is. The file appears whole or not at all; the one before is kept as FILE.old.
+/// @throws ConfigError when it can't be written, or where the result would not say so (a file whose
+///         keys are not under the headers of their tables).
+void set_in_config(const std::string& file,
+                   const std::vector<std::pair<std::string, std::string>>& keys);
 
 }  // namespace forcegrid::tools
