@@ -55,7 +55,8 @@ bool draw(const Picture& picture, const fs::path& file) {
          << " noenhanced\nset xlabel " << evaluation::quoted(picture.x_label)
          << " noenhanced\nset ylabel " << evaluation::quoted(picture.y_label)
          << " noenhanced\nset grid lt 1 lw 0.5 lc rgb '#dddddd'\nset border 3\n"
-            "set xtics nomirror\nset ytics nomirror\nset key below noenhanced maxrows 5\n"
+            "set xtics nomirror\nset ytics nomirror\nset bmargin 12\nset key at screen 0.5, screen "
+            "0.16 center top noenhanced maxrows 5\n"
          << picture.axes;
   std::string plots;
   for (std::size_t i = 0; i < picture.curves.size(); ++i) {
@@ -81,6 +82,8 @@ bool draw(const Picture& picture, const fs::path& file) {
   return true;
 }
 
+std::string words_of(const Hand& hand) { return (hand.holds() ? hand.name : "no") + " hand"; }
+
 // What is zero is drawn at the foot of a logarithmic axis.
 double shown_N_per_m(const StabilityRow& row) {
   return std::max(row.limit.largest_stable_N_per_m, 0.8 * StiffnessScan::kLeast_N_per_m);
@@ -90,7 +93,7 @@ const char kStiffnessAxis[] = "set logscale y\nset yrange [2:20000]\n";
 
 Picture over_delay(const StabilityChart& chart, const Hand& hand, double servo_rate_Hz) {
   Picture picture;
-  picture.title = "Largest stable stiffness, " + hand.name + " hand, " +
+  picture.title = "Largest stable stiffness, " + words_of(hand) + ", " +
                   std::to_string(std::lround(servo_rate_Hz)) +
                   " Hz on a full-speed bus, simulator at 30 Hz";
   picture.x_label = "delay of the network beyond the simulator's period / ms";
@@ -136,7 +139,7 @@ Picture over_delay(const StabilityChart& chart, const Hand& hand, double servo_r
 Picture over_rate(const StabilityChart& chart, const Hand& hand,
                   const std::string& default_method) {
   Picture picture;
-  picture.title = "Largest stable stiffness, " + hand.name + " hand, ideal device, 30 Hz";
+  picture.title = "Largest stable stiffness, " + words_of(hand) + ", ideal device, 30 Hz";
   picture.x_label = "servo rate / Hz";
   picture.y_label = "K / (N/m)";
   picture.axes = std::string(kStiffnessAxis) +
@@ -171,8 +174,8 @@ Picture over_rate(const StabilityChart& chart, const Hand& hand,
 
 Picture plane(const StabilityChart& chart, const Hand& hand) {
   Picture picture;
-  picture.title = "Stiffness over virtual damping, a spring in a " + hand.name +
-                  " hand, ideal device at 500 Hz";
+  picture.title =
+      "Stiffness over virtual damping, a spring, " + words_of(hand) + ", ideal device at 500 Hz";
   picture.x_label = "B / (Ns/m)";
   picture.y_label = "largest stable K / (N/m)";
   picture.axes = "set xrange [0:12]\nset yrange [0:*]\n";

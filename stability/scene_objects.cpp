@@ -165,6 +165,30 @@ class Viscous final : public SceneObject {
   double last_s_ = 0.0;
 };
 
+class KelvinVoigt final : public SceneObject {
+ public:
+  KelvinVoigt(const BaseField& field, double damping_time_s)
+      : SceneObject(field), gain_(damping_time_s / kTime_s) {}
+
+  void advance(double time_s, const Vector3d& position_W) override {
+    follower_W_N_ +=
+        lag(time_s - last_s_, kTime_s) * (SceneObject::at(position_W).force_W - follower_W_N_);
+    last_s_ = time_s;
+  }
+  Value at(const Vector3d& position_W) const override {
+    Value value = SceneObject::at(position_W);
+    value.force_W += gain_ * (value.force_W - follower_W_N_);
+    value.stiffness_W *= 1.0 + gain_;
+    return value;
+  }
+
+ private:
+  static constexpr double kTime_s = 0.005;
+  double gain_;
+  Vector3d follower_W_N_ = Vector3d::Zero();
+  double last_s_ = 0.0;
+};
+
 class Relaxation final : public SceneObject {
  public:
   explicit Relaxation(const BaseField& field) : SceneObject(field) {}
@@ -253,6 +277,9 @@ std::unique_ptr<VirtualObject> make_tapping(const BaseField& field) {
 }
 std::unique_ptr<VirtualObject> make_viscous(const BaseField& field) {
   return std::make_unique<Viscous>(field);
+}
+std::unique_ptr<VirtualObject> make_kelvin_voigt(const BaseField& field, double damping_time_s) {
+  return std::make_unique<KelvinVoigt>(field, damping_time_s);
 }
 std::unique_ptr<VirtualObject> make_relaxation(const BaseField& field) {
   return std::make_unique<Relaxation>(field);

@@ -38,6 +38,11 @@ std::unique_ptr<VirtualObject> make_tapping(const BaseField& field);
 ///   F = F_e(x) - 3 Ns/m / 5 ms (x - h),  5 ms h' = x - h
 std::unique_ptr<VirtualObject> make_viscous(const BaseField& field);
 
+/// A Kelvin-Voigt object of damping time tau, its rate taken over 5 ms as the solver of a dynamic
+/// object does not know it any finer:
+///   F = F_e(x) + tau / 5 ms (F_e(x) - g),  5 ms g' = F_e(x) - g
+std::unique_ptr<VirtualObject> make_kelvin_voigt(const BaseField& field, double damping_time_s);
+
 /// Quasi-linear visco-elasticity: F = int G(t - s) dF_e with the relaxation function
 ///   G(t) = 0.6 + 0.25 exp(-t / 80 ms) + 0.15 exp(-t / 0.8 s)
 /// Source: Fung, Biomechanics (1993), section 7.6; the numbers are the method study's.

@@ -99,6 +99,20 @@ TEST_F(Scenes, TheViscousObjectDragsWithThreeNewtonSecondsPerMetre) {
   EXPECT_NEAR(force_N(*object, x_m), -kStiffness_N_per_m * x_m - 3.0 * speed_m_per_s, 4e-4);
 }
 
+TEST_F(Scenes, TheKelvinVoigtObjectAddsItsDampingTimeTimesTheRateOfItsForce) {
+  const auto object = make_kelvin_voigt(field(), 0.02);
+  const double speed_m_per_s = 0.01;
+  double time_s = 0.0;
+  for (; time_s < 0.2; time_s += 0.0001) {
+    move(*object, time_s, speed_m_per_s * time_s);
+  }
+  const double x_m = speed_m_per_s * (time_s - 0.0001);
+  // Half a step of the follower's lag is a hundredth of it.
+  EXPECT_NEAR(force_N(*object, x_m), -kStiffness_N_per_m * (x_m + 0.02 * speed_m_per_s),
+              0.01 * kStiffness_N_per_m * 0.02 * speed_m_per_s);
+  EXPECT_NEAR(object->at(kContact_W).stiffness_W(0, 0), -5.0 * kStiffness_N_per_m, 1e-6);
+}
+
 TEST_F(Scenes, TheRelaxingObjectFollowsItsRelaxationFunction) {
   const auto object = make_relaxation(field());
   move(*object, 0.0, 0.0);
