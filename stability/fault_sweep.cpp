@@ -13,6 +13,7 @@
 #include "evaluation/force_table.h"
 #include "evaluation/trajectories.h"
 #include "forcegrid/methods.h"
+#include "servo_loop/force_renderer.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
 
@@ -159,6 +160,11 @@ class SweptLoop {
     const Vector3d position_W = vector(record.position_W_m);
     const Vector3d force_W = vector(record.commanded_force_D_N);
     given_J_ += 0.5 * (last_force_W_ + force_W).dot(position_W - last_position_W_);
+    if (record.gain > last_gain_ && given_J_ > 0.0) {
+      given_J_ =
+          std::max(0.0, given_J_ - servo::ForceRenderer::kRampPower_J_per_s * rt::seconds(kPeriod));
+    }
+    last_gain_ = record.gain;
     last_force_W_ = force_W;
     last_position_W_ = position_W;
     if (was_broken_) {
@@ -315,6 +321,7 @@ class SweptLoop {
   std::uint32_t epoch_ = 1;
   link::ToolState tool_;
   double given_J_ = 0.0;
+  double last_gain_ = 0.0;
   Vector3d last_force_W_ = Vector3d::Zero();
   Vector3d last_position_W_ = Vector3d::Zero();
   std::deque<servo::ArrivedSample> under_way_;

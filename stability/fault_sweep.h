@@ -53,7 +53,8 @@ struct SweptRun {
   /// [J] most that the hand has got from the rendered force without having put it in, at any time
   /// after the fault:  sum (F_{k-1} + F_k) / 2 . (P_k - P_{k-1})  over the loop's own positions.
   /// The force of the middle of a cycle leaves out the K v^2 T / 2 of a force that is held for one,
-  /// which every sampled spring leaks and the arm's damping takes up.
+  /// which every sampled spring leaks and the arm's damping takes up. While a force ramps in
+  /// ForceRenderer::kRampPower_J_per_s is granted: the object that comes back pushes the hand out.
   double energy_after_fault_J = 0.0;
   /// [J] work of the motors on the arm after the loop had ended, until 0.1 s later.
   double work_after_end_J = 0.0;
