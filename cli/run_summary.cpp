@@ -124,6 +124,13 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
            outcome.cycles_damped, 1e3 * outcome.damped_energy_J, outcome.cycles_shortened);
   }
   text += "\n";
+  if (statistics.cycles_warm > 0) {
+    append(
+        text,
+        "A motor was warm (%.0f %% of what its continuous current makes it) and had less current "
+        "in %" PRIu64 " cycles\n",
+        100.0 * statistics.motor_warmth, statistics.cycles_warm);
+  }
   if (outcome.stalls > 0) {
     append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in anew\n",
            outcome.stalls);
@@ -340,6 +347,8 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
     result["rung_cycles"][servo::to_string(static_cast<servo::Rung>(i))] =
         statistics.rung_cycles[static_cast<std::size_t>(i)];
   }
+  result["motor_warmth"] = statistics.motor_warmth;
+  result["cycles_warm"] = statistics.cycles_warm;
   result["rung_changes"] = statistics.rung_changes;
   result["first_rung_changes"] = json::array();
   for (const servo::RungChange& change : statistics.first_rung_changes) {

@@ -16,6 +16,7 @@ enum LimitFlag : std::uint8_t {
   kLimitSlew = 4,       ///< the force vector's change was shortened
   kLimitTorque = 8,     ///< the joint torques were scaled down
   kLimitCurrent = 16,   ///< the motor currents were scaled down
+  kLimitWarm = 32,      ///< the same since a motor is warm; by the servo loop, not in apply()
 };
 
 /// What may be commanded.

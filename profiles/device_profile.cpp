@@ -57,6 +57,7 @@ constexpr Range kTorqueConstant_Nm_per_A{1e-4, 10.0,
 // The report's currents are 16-bit milliamperes.
 constexpr Range kFullScale_A{1e-3, 32.0, "a current in amperes from 0.001 to 32"};
 constexpr Range kCurrent_A{kAboveZero, 32.0, "a current in amperes above 0 and at most 32"};
+constexpr Range kThermal_s{0.1, 1e4, "a time in seconds from 0.1 to 1e4"};
 constexpr Range kForce_N{kAboveZero, 100.0, "a force in newtons above 0 and at most 100"};
 constexpr Range kForceRate_N_per_s{kAboveZero, 1e6, "a rate in N/s above 0 and at most 1e6"};
 constexpr Range kJointTorque_Nm{kAboveZero, 1000.0, "a torque in N m above 0 and at most 1000"};
@@ -390,7 +391,8 @@ DeviceProfile::Kinematics read_kinematics(const Table& root) {
 
 DeviceProfile::Motors read_motors(const Table& root) {
   const Table table =
-      root.table("motors", {"torque_constant_Nm_per_A", "max_current_A", "full_scale_current_A"});
+      root.table("motors", {"torque_constant_Nm_per_A", "max_current_A", "full_scale_current_A",
+                            "continuous_current_A", "thermal_time_constant_s"});
   DeviceProfile::Motors motors;
   motors.torque_constant_Nm_per_A =
       table.axes("torque_constant_Nm_per_A", kTorqueConstant_Nm_per_A);
@@ -405,6 +407,16 @@ DeviceProfile::Motors read_motors(const Table& root) {
                        ": the firmware does not clamp");
     }
   }
+  motors.continuous_current_A = table.axes("continuous_current_A", kCurrent_A);
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (motors.continuous_current_A[i] > motors.max_current_A[i]) {
+      table.refuse("continuous_current_A",
+                   number_text(motors.continuous_current_A[i]) + " in place " +
+                       std::to_string(i + 1) + " is above max_current_A",
+                   "write at most " + number_text(motors.max_current_A[i]));
+    }
+  }
+  motors.thermal_time_constant_s = table.number("thermal_time_constant_s", kThermal_s);
   return motors;
 }
 

@@ -81,8 +81,10 @@ struct DeviceProfile {
 
   struct Motors {
     Axes torque_constant_Nm_per_A{};
-    Axes max_current_A{};               ///< limit of what the host commands
-    double full_scale_current_A = 0.0;  ///< I_full of the firmware's PWM
+    Axes max_current_A{};                  ///< limit of what the host commands
+    double full_scale_current_A = 0.0;     ///< I_full of the firmware's PWM
+    Axes continuous_current_A{};           ///< what the motors bear for ever; at most max_current_A
+    double thermal_time_constant_s = 0.0;  ///< of their windings
   } motors;
 
   /// Mechanism of a delta. In leg i's own frame u points out of the base at azimuth phi_i, v is u

@@ -49,6 +49,7 @@ struct CycleRecord {
   double energy_to_hand_J = 0.0;
   double passivity_damping_N_s_per_m = 0.0;  ///< that the guard added
   double passivity_scale = 1.0;              ///< by which it shortened the wanted force
+  double motor_warmth = 0.0;                 ///< of the warmest, see MotorWarmth::warmest()
   bool in_contact = false;
   std::uint32_t contact_epoch = 0;
   std::uint64_t samples_taken = 0;  ///< since the start

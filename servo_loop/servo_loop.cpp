@@ -32,6 +32,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       encoder_watch_(profile),
       motor_check_(profile, rt::from_seconds(1.0 / std::max(1.0, options.rate_Hz))),
       renderer_(profile, options.rendering),
+      warmth_(profile),
       emergency_stop_(options.emergency_stop != nullptr ? options.emergency_stop
                                                         : &own_emergency_stop_),
       button_(profile),
@@ -136,8 +137,9 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
       options_.gravity_compensation
           ? Eigen::Vector3d(gravity_gain_ * mechanism_->gravity_torque(pose.joint_angle_rad))
           : Eigen::Vector3d::Zero();
-  const driver::LimitedForce limited =
+  driver::LimitedForce limited =
       limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm + motor_check_.joint_torque_Nm());
+  cool(elapsed_s, limited);
   if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
     fault = Fault::kNotFinite;
   }
@@ -154,6 +156,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     }
   }
   device_->command(command);
+  last_current_A_ = command.current_A;
   // A joint that the encoder watch relieves stands still, so that its force gives nothing.
   renderer_.set_rendered(limited.torque_scale * vector(record.commanded_force_D_N));
 
@@ -175,6 +178,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   record.current_A = command.current_A;
   record.limits_acted = limited.acted;
   renderer_.describe(record);
+  record.motor_warmth = warmth_.warmest();
   record.in_contact = in_contact_;
   record.contact_epoch = contact_epoch_;
   record.samples_taken = samples_taken_;
@@ -264,6 +268,20 @@ void ServoLoop::make_request(rt::TimePoint now, const Eigen::Vector3d& position_
   query.position_W_m = triple(wanted_W);
   if (ports_.queries.push(query)) {
     ++requests_made_;
+  }
+}
+
+// What has flowed since the last cycle warms the motors; warm ones get less.
+void ServoLoop::cool(double elapsed_s, driver::LimitedForce& limited) noexcept {
+  warmth_.advance(elapsed_s, last_current_A_);
+  const double scale = warmth_.scale(limited.current_A);
+  if (scale < 1.0) {
+    for (double& current_A : limited.current_A) {
+      current_A *= scale;
+    }
+    limited.joint_torque_Nm *= scale;
+    limited.torque_scale *= scale;
+    limited.acted = static_cast<std::uint8_t>(limited.acted | driver::kLimitWarm);
   }
 }
 

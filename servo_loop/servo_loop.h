@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <memory>
 #include <optional>
@@ -23,6 +24,7 @@
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/motion_guard.h"
 #include "servo_loop/motor_check.h"
+#include "servo_loop/motor_warmth.h"
 
 namespace forcegrid::servo {
 
@@ -142,6 +144,7 @@ class ServoLoop {
   void take_answer(const ArrivedSample& answer) noexcept;
   void make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
   void start_anew() noexcept;
+  void cool(double elapsed_s, driver::LimitedForce& limited) noexcept;
   bool emergency(const driver::DeviceReport& report) noexcept;
   HeldBack why_held_back(rt::TimePoint now) const noexcept;
   Fault check_motors(rt::TimePoint now, const driver::DeviceReport& report,
@@ -162,6 +165,8 @@ class ServoLoop {
   EncoderWatch encoder_watch_;
   MotorCheck motor_check_;
   ForceRenderer renderer_;
+  MotorWarmth warmth_;
+  std::array<double, 3> last_current_A_{};
   EmergencyStop own_emergency_stop_;
   EmergencyStop* emergency_stop_;
   DeviceButton button_;

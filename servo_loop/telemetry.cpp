@@ -63,6 +63,7 @@ void Telemetry::drain() {
     damped_since_line_ = damped_since_line_ || record.passivity_damping_N_s_per_m > 0.0;
     shortened_since_line_ = shortened_since_line_ || record.passivity_scale < 1.0;
     take_rung(record);
+    take_warmth(record);
     take_rendered(record);
     if (options_.on_cycle) {
       options_.on_cycle(record);
@@ -98,6 +99,23 @@ void Telemetry::take_rung(const CycleRecord& record) {
     std::fflush(options_.live);
   }
   last_rung_ = record.rung;
+}
+
+void Telemetry::take_warmth(const CycleRecord& record) {
+  statistics_.motor_warmth = std::max(statistics_.motor_warmth, record.motor_warmth);
+  if ((record.limits_acted & driver::kLimitWarm) == 0) {
+    said_warm_ = said_warm_ && record.motor_warmth > MotorWarmth::kFull;
+    return;
+  }
+  ++statistics_.cycles_warm;
+  if (!said_warm_ && options_.live != nullptr) {
+    std::fprintf(options_.live,
+                 "%7.1f s  A motor is warm: its current is limited toward what it bears for ever; "
+                 "let go, or press less, and it cools in a minute.\n",
+                 1e-9 * static_cast<double>(record.time_ns - first_time_ns_));
+    std::fflush(options_.live);
+  }
+  said_warm_ = true;
 }
 
 void Telemetry::take_rendered(const CycleRecord& record) {
@@ -152,7 +170,7 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
   file << "time_s,cycle,period_us,compute_us,report_age_us,report_sequence,count_a,count_b,count_c,"
           "x_W_m,y_W_m,z_W_m,vx_W_m_per_s,vy_W_m_per_s,vz_W_m_per_s,gain,damping_gain,rung,fx_D_N,"
           "fy_D_N,fz_D_N,"
-          "current_a_A,current_b_A,current_c_A,limits_acted,"
+          "current_a_A,current_b_A,current_c_A,limits_acted,motor_warmth,"
           "energy_to_hand_J,passivity_damping_N_s_per_m,passivity_scale,in_contact,contact_epoch,"
           "samples_taken,"
           "sample_age_ms,missed_deadlines,fault,rendered_member,rendered_reason";
@@ -180,10 +198,10 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
     for (const Triple* t : {&r.commanded_force_D_N, &r.current_A}) {
       file << ',' << (*t)[0] << ',' << (*t)[1] << ',' << (*t)[2];
     }
-    file << ',' << static_cast<int>(r.limits_acted) << ',' << r.energy_to_hand_J << ','
-         << r.passivity_damping_N_s_per_m << ',' << r.passivity_scale << ',' << r.in_contact << ','
-         << r.contact_epoch << ',' << r.samples_taken << ',' << r.sample_age_ms << ','
-         << r.missed_deadlines << ',' << name_of(r.fault) << ','
+    file << ',' << static_cast<int>(r.limits_acted) << ',' << r.motor_warmth << ','
+         << r.energy_to_hand_J << ',' << r.passivity_damping_N_s_per_m << ',' << r.passivity_scale
+         << ',' << r.in_contact << ',' << r.contact_epoch << ',' << r.samples_taken << ','
+         << r.sample_age_ms << ',' << r.missed_deadlines << ',' << name_of(r.fault) << ','
          << static_cast<int>(r.rendered_member) << ',' << to_string(r.rendered_reason);
     for (std::size_t i = 0; i < options_.method_names.size(); ++i) {
       const Triple& f = r.method_force_W_N[i];

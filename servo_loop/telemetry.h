@@ -59,6 +59,8 @@ struct TelemetryStatistics {
   std::array<std::uint64_t, kMaxMembers> rendered_member{};
   std::array<std::uint64_t, kRungs> rung_cycles{};  ///< indexed by Rung
   std::uint64_t rung_changes = 0;
+  double motor_warmth = 0.0;                   ///< the largest, see MotorWarmth::warmest()
+  std::uint64_t cycles_warm = 0;               ///< in which it limited the current
   std::vector<RungChange> first_rung_changes;  ///< at most kChangesKept of them
   rt::Percentiles uncertainty_mN;  ///< of the rendered force in contact, where the method tells it
   std::uint64_t member_changes = 0;
@@ -96,6 +98,7 @@ class Telemetry {
  private:
   void drain();
   void take_rung(const CycleRecord& record);
+  void take_warmth(const CycleRecord& record);
   void take_rendered(const CycleRecord& record);
   void print_live_line(const CycleRecord& record);
   const char* guard_text() const noexcept;
@@ -111,6 +114,7 @@ class Telemetry {
   std::uint64_t cycles_at_last_line_ = 0;
   std::uint8_t last_member_ = 0;
   Rung last_rung_ = Rung::kZero;
+  bool said_warm_ = false;
   bool damped_since_line_ = false;
   bool shortened_since_line_ = false;
 };

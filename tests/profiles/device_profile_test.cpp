@@ -101,6 +101,8 @@ TEST(DeviceProfile, HoldsTheNumbersOfTheWoodenHapticsSheet) {
   EXPECT_EQ(profile.kinematics.origin_m, (Axes{0.220, 0.0, 0.080}));
   EXPECT_EQ(profile.motors.torque_constant_Nm_per_A, (Axes{0.0259, 0.0259, 0.0259}));
   EXPECT_EQ(profile.motors.full_scale_current_A, 6.0);
+  EXPECT_EQ(profile.motors.continuous_current_A, (Axes{1.2, 1.2, 1.2}));
+  EXPECT_EQ(profile.motors.thermal_time_constant_s, 12.0);
   EXPECT_EQ(profile.limits.max_force_N, 5.0);
   EXPECT_EQ(profile.calibration.pose_counts, (std::array<int, 6>{0, 0, 6000, 0, 0, 0}));
   // Derived in the sheet: counts of a body revolution and radians a count.
@@ -263,6 +265,12 @@ INSTANTIATE_TEST_SUITE_P(
                "impossible"},
         Broken{"full_scale", "full_scale_current_A = 40", "motors.full_scale_current_A",
                "impossible"},
+        Broken{"continuous_current", "continuous_current_A = [1.2, 6.5, 1.2]",
+               "motors.continuous_current_A", "6.5 in place 2 is above max_current_A"},
+        Broken{"continuous_current", "continuous_current_A = [1.2, 1.2, 0]",
+               "motors.continuous_current_A", "0 in place 3 is impossible"},
+        Broken{"thermal_time_constant", "thermal_time_constant_s = 0.01",
+               "motors.thermal_time_constant_s", "0.01 is impossible"},
         Broken{"max_force_N", "max_force_N = nan", "limits.max_force_N", "not finite"},
         Broken{"max_force_N", "max_force_N = \"5 N\"", "limits.max_force_N", "wrong type"},
         Broken{"max_force_rate", "max_force_rate_N_per_s = 0", "limits.max_force_rate_N_per_s",
