@@ -35,16 +35,19 @@ std::vector<std::string> scene_names() {
 
 std::vector<std::string> known_scene_names() {
   std::vector<std::string> names = scene_names();
-  for (const evaluation::ChartScene& scene : evaluation::walled_scenes()) {
+  for (const evaluation::ChartScene& scene : evaluation::hard_scenes()) {
     names.push_back(scene.name);
   }
   return names;
 }
 
-std::vector<std::string> wall_names() {
+std::vector<std::string> extra_names() {
   std::vector<std::string> names;
   for (const evaluation::NamedWalls& walls : evaluation::named_walls()) {
     names.push_back(walls.name);
+  }
+  for (const evaluation::NamedAlteration& alteration : evaluation::named_alterations()) {
+    names.push_back(alteration.name);
   }
   return names;
 }
@@ -123,16 +126,17 @@ void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>
       "accuracy", "Errors and costs of force methods on objects, motions and networks");
   accuracy.add_option("--out", o.out, "Folder for tables, pictures and the page")->required();
   accuracy
-      .add_option("--scenes", o.scenes,
-                  "Objects (default all): " + joined(scene_names()) +
-                      "; with walls, e.g. small+wall_flat: " + joined(wall_names()))
+      .add_option(
+          "--scenes", o.scenes,
+          "Objects (default all, and the last with everything below): " + joined(scene_names()) +
+              "; harder ones, e.g. small+wall_flat: " + joined(extra_names()))
       ->delimiter(',')
       ->check(CLI::IsMember(known_scene_names()));
   accuracy
       .add_option("--trajectories", o.trajectories,
-                  "Motions (default all): " + joined(evaluation::trajectory_names()))
+                  "Motions (default all): " + joined(evaluation::chart_motions()))
       ->delimiter(',')
-      ->check(CLI::IsMember(evaluation::trajectory_names()));
+      ->check(CLI::IsMember(evaluation::chart_motions()));
   accuracy
       .add_option("--conditions", o.conditions,
                   "Networks (default all): " + joined(condition_names()))

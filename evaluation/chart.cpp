@@ -14,6 +14,7 @@
 #include "evaluation/network.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
+#include "evaluation/variation.h"
 #include "evaluation/yardstick.h"
 #include "forcegrid/methods.h"
 #include "simulator/direct_method.h"
@@ -27,8 +28,9 @@ constexpr char kDirect[] = "direct";
 constexpr double kComparedEvery_s = 0.1;
 constexpr int kRandomComparisons = 60;
 constexpr double kLargestDifference_percent = 0.1;
+constexpr double kTouchKnown_s = 0.2;
 // Raise when what a row means changes.
-constexpr std::uint64_t kRowVersion = 1;
+constexpr std::uint64_t kRowVersion = 2;
 
 // Variants of methods that a chart shows beside the methods as they are.
 constexpr const char* kVariants[] = {
@@ -38,7 +40,13 @@ constexpr const char* kVariants[] = {
     "forcegrid+request s=3", "forcegrid-mls ridge=1e-3", "forcegrid-tangent weight=paper",
     "kriging nug=1e-6",      "kriging nug=1e-4"};
 
-const std::vector<std::string> kQuickScenes{"small"};
+// Of scenes with walls or alterations.
+const std::vector<std::string> kHardMotions{"chirp", "lissajous", "random"};
+const std::vector<std::string> kHardConditions{"ideal", "stiffness", "requests120"};
+const std::vector<std::string> kQuickScenes{"small", "small+wall_flat", "small+viscous",
+                                            "small+cut"};
+const std::vector<std::string> kQuickHardMotions{"random"};
+const std::vector<std::string> kQuickHardConditions{"ideal"};
 const std::vector<std::string> kQuickTrajectories{"chirp", "lissajous", "random",
                                                   "poke",  "regrab",    "circle"};
 const std::vector<std::string> kQuickConditions{"ideal", "stiffness", "delay100", "requests120"};
@@ -73,23 +81,52 @@ struct Plan {
   std::vector<NotRun> not_run;
 };
 
+bool contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
 template <typename Check>
 std::vector<std::string> selected(const std::vector<std::string>& asked,
                                   const std::vector<std::string>& otherwise, const Check& check) {
   std::vector<std::string> names;
   for (const std::string& name : asked.empty() ? otherwise : asked) {
     check(name);
-    if (std::find(names.begin(), names.end(), name) == names.end()) {
+    if (!contains(names, name)) {
       names.push_back(name);
     }
   }
   return names;
 }
 
+void check_motion(const std::string& name) {
+  if (name != kVisits) {
+    Trajectory{name};
+  }
+}
+
+bool is_hard(const ChartScene& scene) { return scene.name != scene.object; }
+
+// What is left out of hard scenes unless it is asked for.
+bool taken(const ChartOptions& options, const ChartScene& scene, const std::string& motion,
+           const std::string& condition) {
+  if (!is_hard(scene)) {
+    return true;
+  }
+  return (!options.trajectories.empty() ||
+          contains(options.quick ? kQuickHardMotions : kHardMotions, motion)) &&
+         (!options.conditions.empty() ||
+          contains(options.quick ? kQuickHardConditions : kHardConditions, condition));
+}
+
 Plan plan_of(const ChartOptions& options) {
   std::vector<std::string> scenes;
   for (const ChartScene& scene : chart_scenes()) {
     scenes.push_back(scene.name);
+  }
+  for (const ChartScene& scene : hard_scenes()) {
+    if (scene.object == chart_scenes().back().object) {
+      scenes.push_back(scene.name);
+    }
   }
   std::vector<std::string> conditions;
   for (const NetworkCondition& condition : network_conditions()) {
@@ -99,8 +136,8 @@ Plan plan_of(const ChartOptions& options) {
   plan.scenes = selected(options.scenes, options.quick ? kQuickScenes : scenes,
                          [](const std::string& name) { chart_scene(name); });
   plan.trajectories =
-      selected(options.trajectories, options.quick ? kQuickTrajectories : trajectory_names(),
-               [](const std::string& name) { Trajectory{name}; });
+      selected(options.trajectories, options.quick ? kQuickTrajectories : chart_motions(),
+               [](const std::string& name) { check_motion(name); });
   plan.conditions = selected(options.conditions, options.quick ? kQuickConditions : conditions,
                              [](const std::string& name) { network_condition(name); });
   const auto add = [&plan](const Method& method) {
@@ -126,10 +163,21 @@ Plan plan_of(const ChartOptions& options) {
   return plan;
 }
 
-// Whether a method is judged under a condition and on a trajectory.
+// Visits come with requests or stiffness, and over a network that does nothing else.
+bool can_visit(const ChartScene& scene, const NetworkCondition& condition) {
+  return !is_hard(scene) &&
+         contains({"ideal", "stiffness", "requests30", "requests60", "requests120"},
+                  condition.name);
+}
+
+// Whether a method is judged under a condition and on a trajectory; null: on visits.
 bool applies(const Method& method, const ChartScene& scene, const NetworkCondition& condition,
-             const Trajectory& trajectory) {
+             const Trajectory* motion) {
+  if (motion == nullptr && (method.direct || !can_visit(scene, condition))) {
+    return false;
+  }
   if (method.direct) {
+    const Trajectory& trajectory = *motion;
     if (trajectory.is_exploration()) {
       return false;  // the large object is made of tables; there is no mesh of it
     }
@@ -139,7 +187,7 @@ bool applies(const Method& method, const ChartScene& scene, const NetworkConditi
         trajectory.contacts().begin(), trajectory.contacts().end(), [](const ContactSpan& span) {
           return span.force_factor == 1.0 && span.point_W == first_contact_point_W();
         });
-    return condition.name == "ideal" && same_everywhere && scene.walls.empty();
+    return condition.name == "ideal" && same_everywhere && !is_hard(scene);
   }
   return (condition.stiffness || !method.needs.stiffness) &&
          (condition.requests_per_s > 0.0 || !method.needs.requests);
@@ -252,15 +300,45 @@ Object make_object(const ChartOptions& options, const std::string& name) {
   return {scene, std::move(mesh), std::move(built.table), std::move(facts)};
 }
 
+// From when on the tool has known a wall for kTouchKnown_s; infinity: it never touches one.
+double wall_known_s(const ChartScene& scene, const Trace& trace) {
+  for (const ServoInstant& instant : trace.servo) {
+    for (const Wall& wall : scene.extras.walls) {
+      if (wall.depth_m(instant.position_W - first_contact_point_W()) > 0.0) {
+        return instant.time_s + kTouchKnown_s;
+      }
+    }
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+double rms_error_percent_from(double begin_s, const Trace& trace, const Verdict& verdict) {
+  double sum_N2 = 0.0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < trace.servo.size(); ++i) {
+    if (trace.servo[i].time_s >= begin_s) {
+      sum_N2 += (verdict.forces_W[i] - trace.servo[i].force_W).squaredNorm();
+      ++count;
+    }
+  }
+  return count == 0 ? std::numeric_limits<double>::quiet_NaN()
+                    : 100.0 * std::sqrt(sum_N2 / static_cast<double>(count)) / verdict.truth_rms_N;
+}
+
 ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Trace& trace,
                    JudgeOptions judging, const Method& method) {
   const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
-  judging.keep_forces = trajectory.is_closed_loop() || trajectory.is_exploration();
+  judging.keep_forces = trajectory.is_closed_loop() || trajectory.is_exploration() ||
+                        !object.scene.extras.walls.empty();
   ChartRow row;
   row.scene = object.scene.name;
   row.trajectory = trajectory.name();
   row.method = method.text;
   row.verdict = judge(*made, trace, judging);
+  if (!object.scene.extras.walls.empty()) {
+    row.after_touch_percent =
+        rms_error_percent_from(wall_known_s(object.scene, trace), trace, row.verdict);
+  }
   if (trajectory.is_closed_loop()) {
     const double stored_J = 0.5 * object.facts.stiffness_N_per_m * Trajectory::kLoopRadius_m *
                             Trajectory::kLoopRadius_m;
@@ -281,6 +359,25 @@ ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Tra
   }
   row.verdict.forces_W.clear();
   row.verdict.forces_W.shrink_to_fit();
+  return row;
+}
+
+ChartRow judge_visits_row(const Object& object, const NetworkCondition& condition,
+                          const Method& method, std::uint64_t seed) {
+  const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
+  VisitsOptions visiting;
+  visiting.servo_rate_Hz = kChartServoRate_Hz;
+  visiting.simulator_rate_Hz = condition.simulator_rate_Hz;
+  visiting.requests_per_s = condition.requests_per_s;
+  visiting.stiffness = condition.stiffness;
+  visiting.seed = seed;
+  VisitsVerdict judged = judge_visits(*made, object.table, visiting);
+  ChartRow row;
+  row.scene = object.scene.name;
+  row.trajectory = kVisits;
+  row.method = method.text;
+  row.verdict = std::move(judged.verdict);
+  row.visits = judged.errors;
   return row;
 }
 
@@ -336,6 +433,12 @@ std::vector<std::string> default_chart_methods() {
   return texts;
 }
 
+std::vector<std::string> chart_motions() {
+  std::vector<std::string> names = trajectory_names();
+  names.emplace_back(kVisits);
+  return names;
+}
+
 Chart make_chart(const ChartOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto elapsed_s = [&start] {
@@ -354,9 +457,12 @@ Chart make_chart(const ChartOptions& options) {
     check_stop(options);
     objects.push_back(make_object(options, scene));
   }
-  std::vector<Trajectory> trajectories;
+  std::vector<std::optional<Trajectory>> trajectories;  // nothing: visits
   for (const std::string& name : plan.trajectories) {
-    trajectories.emplace_back(name, options.seed);
+    trajectories.emplace_back();
+    if (name != kVisits) {
+      trajectories.back().emplace(name, options.seed);
+    }
   }
 
   std::vector<Job> jobs;
@@ -365,10 +471,12 @@ Chart make_chart(const ChartOptions& options) {
       for (const std::string& name : plan.conditions) {
         const NetworkCondition& condition = network_condition(name);
         for (const Method& method : plan.methods) {
-          if (applies(method, objects[scene].scene, condition, trajectories[trajectory])) {
+          if (taken(options, objects[scene].scene, plan.trajectories[trajectory], name) &&
+              applies(method, objects[scene].scene, condition,
+                      trajectories[trajectory] ? &*trajectories[trajectory] : nullptr)) {
             jobs.push_back({scene, trajectory, &condition, &method,
                             row_key(options, objects[scene].scene.name, objects[scene].facts.key,
-                                    trajectories[trajectory].name(), condition, method.text)});
+                                    plan.trajectories[trajectory], condition, method.text)});
           }
         }
       }
@@ -401,18 +509,21 @@ Chart make_chart(const ChartOptions& options) {
       continue;
     }
     check_stop(options);
-    const Trajectory& trajectory = trajectories[job.trajectory];
-    if (made_for == nullptr || made_for->scene != job.scene ||
-        made_for->trajectory != job.trajectory || made_for->condition != job.condition) {
-      trace = make_trace(trajectory, object.table, *job.condition, kChartServoRate_Hz, options.seed,
-                         object.scene.walls);
+    const std::optional<Trajectory>& trajectory = trajectories[job.trajectory];
+    if (trajectory &&
+        (made_for == nullptr || made_for->scene != job.scene ||
+         made_for->trajectory != job.trajectory || made_for->condition != job.condition)) {
+      trace = make_trace(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
+                         options.seed, object.scene.extras);
       made_for = &job;
     }
     const double begin_s = elapsed_s();
-    ChartRow row = judge_row(
-        object, trajectory, *trace,
-        judge_options(trajectory, object.table, *job.condition, options.seed, object.scene.walls),
-        *job.method);
+    ChartRow row =
+        trajectory ? judge_row(object, *trajectory, *trace,
+                               judge_options(*trajectory, object.table, *job.condition,
+                                             kChartServoRate_Hz, options.seed, object.scene.extras),
+                               *job.method)
+                   : judge_visits_row(object, *job.condition, *job.method, options.seed);
     row.key = job.key;
     row.condition = job.condition->name;
     times.add(row.scene, row.method, elapsed_s() - begin_s);
@@ -446,15 +557,16 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
   for (const std::string& text : methods) {
     parsed.push_back(method_of(text));
   }
-  const std::vector<Wall>& walls = chart_scene(scene).walls;
+  const SceneExtras& extras = chart_scene(scene).extras;
   const simulator::SpringMesh mesh = make_mesh(chart_scene(scene));
   const BuiltTable built = build_table(mesh, table_options(options, "force table of " + scene));
   ChartTrace result;
   result.trace =
-      make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, walls);
+      make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, extras);
   for (const Method& method : parsed) {
     check_stop(options);
-    JudgeOptions judging = judge_options(trajectory, built.table, condition, options.seed, walls);
+    JudgeOptions judging =
+        judge_options(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, extras);
     judging.keep_forces = true;
     result.methods.push_back(method.text);
     result.forces_W.push_back(judge(*make(method, mesh), result.trace, judging).forces_W);

@@ -13,6 +13,7 @@
 #include "evaluation/force_table.h"
 #include "evaluation/judge.h"
 #include "evaluation/trace.h"
+#include "evaluation/variation.h"
 
 namespace forcegrid::evaluation {
 
@@ -53,6 +54,10 @@ struct ChartRow {
   double loop_work_percent = std::numeric_limits<double>::quiet_NaN();
   double worst_loop_work_percent = std::numeric_limits<double>::quiet_NaN();
   ReturnErrors returns;  ///< NaN for trajectories other than `exploration`
+  /// RMS error from 0.2 s after the first touch of a wall on, in % of the whole run's RMS force;
+  /// NaN where there is no wall, or it is not touched.
+  double after_touch_percent = std::numeric_limits<double>::quiet_NaN();
+  VisitErrors visits;  ///< NaN for motions other than kVisits
 };
 
 /// An object of the chart and how well its table stands for it.
@@ -105,8 +110,14 @@ struct Chart {
   double elapsed_s = 0.0;
 };
 
+/// The motion of judge_visits(); its rows have no errors of the other kinds.
+inline constexpr char kVisits[] = "visits";
+
 /// What a chart takes when nothing is selected.
 std::vector<std::string> default_chart_methods();
+
+/// trajectory_names(), and kVisits.
+std::vector<std::string> chart_motions();
 
 /// Judges every method of the selection on every scene, trajectory and condition. Rows are appended
 /// to `out`/rows.jsonl as they are finished and taken over by the next call with the same program

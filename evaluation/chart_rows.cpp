@@ -27,6 +27,14 @@ void each_figure(Row& row, const Take& take) {
   take("return_500ms_percent", row.returns.to_500ms_percent);
   take("return_1s_percent", row.returns.to_1s_percent);
   take("second_half_percent", row.returns.second_half_percent);
+  take("after_touch_percent", row.after_touch_percent);
+  take("first_contact_67ms_percent", row.visits.first_contact.first_67ms_percent);
+  take("unknown_place_67ms_percent", row.visits.unknown_places.first_67ms_percent);
+  take("unknown_place_500ms_percent", row.visits.unknown_places.first_500ms_percent);
+  take("known_place_67ms_percent", row.visits.returns.first_67ms_percent);
+  take("known_place_500ms_percent", row.visits.returns.first_500ms_percent);
+  take("first_tour_later_percent", row.visits.first_tour.later_percent);
+  take("second_tour_later_percent", row.visits.second_tour.later_percent);
   take("query_ns_median", v.query_ns_median);
   take("query_ns_p99", v.query_ns_p99);
   take("sample_us_median", v.sample_us_median);

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <type_traits>
 #include <vector>
 
 #include "evaluation/chart.h"
@@ -26,7 +27,9 @@ constexpr std::array<Reference, 6> kReferences{{{"chirp", 10.8, 47.0},
                                                 {"poke", 14.6, 53.0},
                                                 {"hold", 4.2, 6.8}}};
 
-bool is_static(const std::string& trajectory) { return Trajectory(trajectory).is_static(); }
+bool is_static(const std::string& motion) {
+  return motion != kVisits && Trajectory(motion).is_static();
+}
 
 const ChartRow* find_row(const Chart& chart, const std::string& scene,
                          const std::string& trajectory, const std::string& condition,
@@ -124,14 +127,61 @@ class Numbers {
     return worst;
   }
 
+  // The worst of a figure over the motions on the scene with an addition, e.g. wall_flat.
+  Worst on_hard_scenes(const std::vector<std::string>& additions, double (*figure)(const ChartRow&),
+                       const std::string& motion = {}) const {
+    Worst worst;
+    for (const ChartRow& each : chart_.rows) {
+      for (const std::string& addition : additions) {
+        const double value = figure(each);
+        if (each.scene == scene_ + '+' + addition && each.condition == "ideal" &&
+            each.method == method_ && (motion.empty() || each.trajectory == motion) &&
+            std::isfinite(value)) {
+          worst.take(value, addition + ", " + each.trajectory);
+        }
+      }
+    }
+    return worst;
+  }
+
+  Worst of_visits(const std::string& condition, double (*figure)(const ChartRow&)) const {
+    Worst worst;
+    if (const ChartRow* found = row(kVisits, condition, method_)) {
+      worst.take(figure(*found), "visits");
+    }
+    return worst;
+  }
+
+  // The largest ratio, or difference, of a method's error to another one's.
+  Worst against(const std::string& method, const std::string& other, bool difference) const {
+    Worst worst;
+    for (const std::string& trajectory : trajectory_names()) {
+      const ChartRow* one = row(trajectory, "ideal", method);
+      const ChartRow* two = row(trajectory, "ideal", other);
+      if (one != nullptr && two != nullptr && is_static(trajectory)) {
+        const double a = one->verdict.rms_error_percent_after_1s;
+        const double b = two->verdict.rms_error_percent_after_1s;
+        worst.take(difference ? a - b : a / b, trajectory);
+      }
+    }
+    return worst;
+  }
+
   // The worst cost of a method over the scene's rows without requests; the median row, so that a
   // disturbance of the machine does not decide.
-  Worst cost(const std::string& method, double Verdict::*figure) const {
+  template <typename Figure>
+  Worst cost(const std::string& method, const Figure& figure) const {
     std::vector<double> values;
     for (const ChartRow& each : chart_.rows) {
+      double value = 0.0;
+      if constexpr (std::is_member_object_pointer_v<Figure>) {
+        value = each.verdict.*figure;
+      } else {
+        value = figure(each);
+      }
       if (each.scene == scene_ && each.method == method && each.condition == "ideal" &&
-          std::isfinite(each.verdict.*figure)) {
-        values.push_back(each.verdict.*figure);
+          std::isfinite(value)) {
+        values.push_back(value);
       }
     }
     Worst worst;
@@ -169,6 +219,35 @@ class Numbers {
 
 // Where a method is at its best without luxuries: the first of these that it has rows for.
 constexpr std::array<const char*, 3> kPointConditions{"ideal", "stiffness", "requests120"};
+
+double after_1s(const ChartRow& row) { return row.verdict.rms_error_percent_after_1s; }
+
+// Second objects, objects that remember or change, simulators that do not converge, and the first
+// instants of contacts.
+void hard_numbers(Numbers& n) {
+  const std::vector<std::string> single{"wall_flat", "wall_tilted", "wall_stiffening", "wall_soft"};
+  n.add("wall: whole run", 3.0, n.on_hard_scenes(single, after_1s), "%");
+  n.add("wall: from 0.2 s after the first touch", 0.3,
+        n.on_hard_scenes(single, [](const ChartRow& row) { return row.after_touch_percent; }), "%");
+  n.add("two walls", 3.0, n.on_hard_scenes({"wall_two"}, after_1s), "%");
+  n.add("curved wall on lissajous", 3.0, n.on_hard_scenes({"wall_curved"}, after_1s, "lissajous"),
+        "%");
+  n.add("viscous, 3 Ns/m", 0.6, n.on_hard_scenes({"viscous"}, after_1s), "%");
+  n.add("quasi-linear relaxation", 1.8, n.on_hard_scenes({"relaxing"}, after_1s), "%");
+  n.add("cut", 2.8, n.on_hard_scenes({"cut"}, after_1s), "%");
+  n.add("slide", 1.5, n.on_hard_scenes({"sliding"}, after_1s), "%");
+  n.add("unconverged simulator", 4.0, n.on_hard_scenes({"unconverged"}, after_1s), "%");
+  n.add("first 67 ms at a known place", 0.3,
+        n.of_visits("ideal",
+                    [](const ChartRow& row) { return row.visits.returns.first_67ms_percent; }),
+        "%");
+  const auto unknown = [](const ChartRow& row) {
+    return row.visits.unknown_places.first_67ms_percent;
+  };
+  n.add("first 67 ms at an unknown place, 120 requests/s", 0.5, n.of_visits("requests120", unknown),
+        "%");
+  n.add("first 67 ms at an unknown place", 2.5, n.of_visits("ideal", unknown), "%");
+}
 
 }  // namespace
 
@@ -248,14 +327,23 @@ std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& defau
     work.take(std::abs(circle->worst_loop_work_percent), "the worst turn");
   }
   n.add("work around a closed loop, of the stored energy", 1.0, work, "%");
+  hard_numbers(n);
   // 25 and 8 ns where the bare read takes 4.
   const auto of_bare_read = [&chart](Worst cost) {
     cost.value /= chart.bare_trilinear_read_ns;
     return cost;
   };
-  for (const char* method : {"kriging-store", "forcegrid-kriging"}) {
-    n.add(std::string("return after two minutes, ") + method, 0.1, n.return_of(method), "%");
+  for (const std::string& method :
+       {default_method, std::string("kriging-store"), std::string("forcegrid-kriging")}) {
+    n.add("return after two minutes, " + method, 0.1, n.return_of(method), "%");
   }
+  n.add("kriging-filled grid's error less its own kriging's", 0.02,
+        n.against("forcegrid-kriging", "kriging-store", true), "%");
+  n.add("error / that of kriging", 1.0, n.against(default_method, "kriging", false), "");
+  Worst memory = n.cost(default_method, [](const ChartRow& each) {
+    return 1e-6 * static_cast<double>(each.verdict.memory_bytes);
+  });
+  n.add("memory", 4.0, memory, "MB");
   n.add("query, forcegrid-kriging / bare trilinear read", 6.25,
         of_bare_read(n.cost("forcegrid-kriging", &Verdict::query_ns_median)), "");
   n.add("taking in a sample, kriging-store", 100.0,
@@ -265,7 +353,7 @@ std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& defau
   n.add("query, forcegrid / bare trilinear read", 2.0,
         of_bare_read(n.cost("forcegrid", &Verdict::query_ns_median)), "");
   n.add("taking in a sample, kriging", 30.0, n.cost("kriging", &Verdict::sample_us_median), "us");
-  n.add("taking in a sample, kriging-bank", 250.0,
+  n.add("taking in a sample, kriging-bank", 400.0,
         n.cost("kriging-bank", &Verdict::sample_us_median), "us");
   n.add("paper's grid in mm, deviation from the study", 20.0,
         n.reproduction("forcegrid", &Reference::unit_mm_percent), "%");

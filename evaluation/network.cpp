@@ -17,37 +17,122 @@ constexpr std::uint64_t kNoiseStream = 0x6E6F697365U;
 constexpr std::uint64_t kNetworkStream = 0x6E6574U;
 constexpr std::uint64_t kRequestStream = 0x726571U;
 
-// What object and walls answer to a tool at `position_W` at `time_s`.
-Sample answer(const Trajectory& trajectory, const ForceTable& table, const std::vector<Wall>& walls,
-              double time_s, const Vector3d& position_W) {
-  Sample sample;
-  sample.time_s = time_s;
-  sample.position_W = position_W;
-  sample.has_stiffness = true;
-  const std::vector<ContactSpan>& contacts = trajectory.contacts();
-  for (std::size_t i = 0; i < contacts.size(); ++i) {
-    // The epoch counts beginnings and ends, the first contact being 1.
-    sample.contact_epoch += time_s >= contacts[i].begin_s ? 1 : 0;
-    sample.contact_epoch += time_s >= contacts[i].end_s ? 1 : 0;
+// Of Alteration's residual.
+constexpr double kLeastForce_N = 0.05;
+
+// What object and walls answer to a tool that follows a trajectory.
+class Object {
+ public:
+  Object(const Trajectory& trajectory, const ForceTable& table, const SceneExtras& extras,
+         double servo_rate_Hz)
+      : trajectory_(trajectory), table_(table), extras_(extras), servo_rate_Hz_(servo_rate_Hz) {
+    slid_at_first_N_ = extras.alteration.slide_W_m.isZero()
+                           ? Vector3d(Vector3d::Zero())
+                           : table.at(-extras.alteration.slid_W_m(0.0)).force_W;
+    if (!extras.alteration.relaxations.empty()) {
+      remember_path();
+    }
   }
-  const int contact = trajectory.contact_at(time_s);
-  if (contact >= 0) {
+
+  // To a tool that is at rest at `position_W`.
+  Sample answer(double time_s, const Vector3d& position_W) const {
+    Sample sample = elastic(time_s, position_W);
+    const int contact = trajectory_.contact_at(time_s);
+    if (contact >= 0 && !lags_N_.empty()) {
+      const auto instant = static_cast<std::size_t>(std::lround(time_s * servo_rate_Hz_));
+      sample.force_W -= lags_N_[std::min(instant, lags_N_.size() - 1)];
+    }
+    return sample;
+  }
+
+  // To the tool on its way.
+  Sample answer_on_path(double time_s, const Vector3d& position_W) const {
+    Sample sample = answer(time_s, position_W);
+    if (trajectory_.contact_at(time_s) >= 0) {
+      sample.force_W -= extras_.alteration.viscosity_Ns_per_m * velocity_W(time_s);
+    }
+    return sample;
+  }
+
+ private:
+  Sample elastic(double time_s, const Vector3d& position_W) const {
+    Sample sample;
+    sample.time_s = time_s;
+    sample.position_W = position_W;
+    sample.has_stiffness = true;
+    const std::vector<ContactSpan>& contacts = trajectory_.contacts();
+    for (std::size_t i = 0; i < contacts.size(); ++i) {
+      // The epoch counts beginnings and ends, the first contact being 1.
+      sample.contact_epoch += time_s >= contacts[i].begin_s ? 1 : 0;
+      sample.contact_epoch += time_s >= contacts[i].end_s ? 1 : 0;
+    }
+    const int contact = trajectory_.contact_at(time_s);
+    if (contact < 0) {
+      return sample;
+    }
     const ContactSpan& span = contacts[static_cast<std::size_t>(contact)];
     sample.contact_point_W = span.point_W;
-    const Vector3d displacement_W = position_W - span.point_W;
-    const ForceTable::Value value = trajectory.is_exploration()
-                                        ? large_object(table, displacement_W)
-                                        : table.at(displacement_W);
-    sample.force_W = span.force_factor * value.force_W;
-    sample.stiffness_W = span.force_factor * value.stiffness_W;
-    for (const Wall& wall : walls) {
+    const Vector3d displacement_W = position_W - span.point_W - extras_.alteration.slid_W_m(time_s);
+    const ForceTable::Value value = trajectory_.is_exploration()
+                                        ? large_object(table_, displacement_W)
+                                        : table_.at(displacement_W);
+    const double factor = span.force_factor * extras_.alteration.cut_factor(time_s);
+    sample.force_W = factor * (value.force_W - slid_at_first_N_);
+    sample.stiffness_W = factor * value.stiffness_W;
+    for (const Wall& wall : extras_.walls) {
       const Wall::Value pushed = wall.at(position_W - first_contact_point_W());
       sample.force_W += pushed.force_W;
       sample.stiffness_W += pushed.stiffness_W;
     }
+    return sample;
   }
-  return sample;
-}
+
+  Vector3d velocity_W(double time_s) const noexcept {
+    const double step_s = 0.5 / servo_rate_Hz_;
+    const double before_s = std::max(0.0, time_s - step_s);
+    const double after_s = std::min(trajectory_.duration_s(), time_s + step_s);
+    return (trajectory_.position_W(after_s) - trajectory_.position_W(before_s)) /
+           (after_s - before_s);
+  }
+
+  // sum_j g_j L_j at each servo instant; the force is taken as linear in between.
+  void remember_path() {
+    const std::vector<Alteration::Relaxation>& relaxations = extras_.alteration.relaxations;
+    const auto instants =
+        static_cast<std::size_t>(std::ceil(trajectory_.duration_s() * servo_rate_Hz_ - 1e-6));
+    const double dt_s = 1.0 / servo_rate_Hz_;
+    std::vector<Vector3d> lags_N(relaxations.size(), Vector3d::Zero());
+    Vector3d before_N = Vector3d::Zero();
+    int contact = -1;
+    for (std::size_t i = 0; i < instants; ++i) {
+      const double time_s = static_cast<double>(i) * dt_s;
+      const int now = trajectory_.contact_at(time_s);
+      const Vector3d force_N = elastic(time_s, trajectory_.position_W(time_s)).force_W;
+      Vector3d sum_N = Vector3d::Zero();
+      for (std::size_t j = 0; j < relaxations.size(); ++j) {
+        const double x = dt_s / relaxations[j].time_s;
+        const double kept = std::exp(-x);
+        if (now != contact) {
+          lags_N[j].setZero();
+        } else {
+          const Vector3d rise_N = (force_N - before_N) / x;
+          lags_N[j] = kept * (lags_N[j] - before_N + rise_N) + force_N - rise_N;
+        }
+        sum_N += relaxations[j].share * lags_N[j];
+      }
+      contact = now;
+      before_N = force_N;
+      lags_N_.push_back(sum_N);
+    }
+  }
+
+  const Trajectory& trajectory_;
+  const ForceTable& table_;
+  SceneExtras extras_;
+  double servo_rate_Hz_;
+  Vector3d slid_at_first_N_ = Vector3d::Zero();
+  std::vector<Vector3d> lags_N_;
+};
 
 void add_noise(Sample& sample, double noise_N, SeededNumbers& numbers) {
   if (noise_N > 0.0) {
@@ -55,6 +140,21 @@ void add_noise(Sample& sample, double noise_N, SeededNumbers& numbers) {
       sample.force_W[axis] += noise_N * numbers.normal();
     }
   }
+}
+
+// A simulator that mends a share of what is wrong with its last answer, and says what is left.
+void solve_partly(Sample& sample, double share, Sample& solved) {
+  if (share >= 1.0) {
+    return;
+  }
+  const Vector3d true_N = sample.force_W;
+  const Vector3d before_N =
+      sample.contact_epoch == solved.contact_epoch ? solved.force_W : Vector3d::Zero().eval();
+  sample.force_W = before_N + share * (true_N - before_N);
+  sample.relative_residual =
+      (true_N - sample.force_W).norm() / std::max(sample.force_W.norm(), kLeastForce_N);
+  sample.converged = false;
+  solved = sample;
 }
 
 }  // namespace
@@ -97,8 +197,9 @@ const NetworkCondition& network_condition(const std::string& name) {
 
 Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
                  const NetworkCondition& condition, double servo_rate_Hz, std::uint64_t seed,
-                 const std::vector<Wall>& walls) {
+                 const SceneExtras& extras) {
   Trace trace;
+  const Object object(trajectory, table, extras, servo_rate_Hz);
   const double period_s = 1.0 / servo_rate_Hz;
   const auto instants =
       static_cast<std::size_t>(std::ceil(trajectory.duration_s() * servo_rate_Hz - 1e-6));
@@ -107,7 +208,7 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
     ServoInstant instant;
     instant.time_s = static_cast<double>(i) * period_s;
     instant.position_W = trajectory.position_W(instant.time_s);
-    instant.force_W = answer(trajectory, table, walls, instant.time_s, instant.position_W).force_W;
+    instant.force_W = object.answer_on_path(instant.time_s, instant.position_W).force_W;
     const int now = trajectory.contact_at(instant.time_s);
     if (contact >= 0 && now != contact) {
       trace.events.push_back({instant.time_s, false, Vector3d::Zero()});
@@ -123,6 +224,7 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
   SeededNumbers noise(seed ^ kNoiseStream);
   SeededNumbers network(seed ^ kNetworkStream);
   const double simulator_period_s = 1.0 / condition.simulator_rate_Hz;
+  Sample solved;  // the simulator's last answer
   for (std::size_t k = 0;; ++k) {
     const double tick_s = static_cast<double>(k) * simulator_period_s;
     const auto at = static_cast<std::size_t>(std::ceil((tick_s - kSameInstant_s) * servo_rate_Hz));
@@ -131,7 +233,8 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
     }
     const ServoInstant& instant = trace.servo[at];
     DeliveredSample delivered;
-    delivered.sample = answer(trajectory, table, walls, instant.time_s, instant.position_W);
+    delivered.sample = object.answer_on_path(instant.time_s, instant.position_W);
+    solve_partly(delivered.sample, extras.alteration.solved_share, solved);
     add_noise(delivered.sample, condition.noise_N, noise);
     const double jitter_s = condition.jitter_s * network.uniform(0.0, 1.0);
     const bool lost = network.uniform(0.0, 1.0) < condition.loss;
@@ -148,14 +251,15 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
 }
 
 JudgeOptions judge_options(const Trajectory& trajectory, const ForceTable& table,
-                           const NetworkCondition& condition, std::uint64_t seed,
-                           const std::vector<Wall>& walls) {
+                           const NetworkCondition& condition, double servo_rate_Hz,
+                           std::uint64_t seed, const SceneExtras& extras) {
   JudgeOptions options;
   options.stiffness_to_method = condition.stiffness;
   options.requests_per_s = condition.requests_per_s;
   if (condition.requests_per_s > 0.0) {
     options.request_delay_s = 1.0 / condition.requests_per_s;
-    options.answer = [&trajectory, &table, walls, noise_N = condition.noise_N,
+    options.answer = [&trajectory, &table, noise_N = condition.noise_N,
+                      object = Object(trajectory, table, extras, servo_rate_Hz),
                       noise = SeededNumbers(seed ^ kRequestStream)](
                          double time_s, const Vector3d& position_W) mutable {
       Vector3d reached_W = position_W;
@@ -164,7 +268,7 @@ JudgeOptions judge_options(const Trajectory& trajectory, const ForceTable& table
         const Vector3d& point_W = trajectory.contacts()[static_cast<std::size_t>(contact)].point_W;
         reached_W = point_W + table.clamped(position_W - point_W);
       }
-      Sample sample = answer(trajectory, table, walls, time_s, reached_W);
+      Sample sample = object.answer(time_s, reached_W);
       sample.from_query = true;
       add_noise(sample, noise_N, noise);
       return sample;

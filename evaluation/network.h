@@ -4,11 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/alteration.h"
 #include "evaluation/force_table.h"
 #include "evaluation/judge.h"
 #include "evaluation/trace.h"
 #include "evaluation/trajectories.h"
-#include "evaluation/wall.h"
 
 namespace forcegrid::evaluation {
 
@@ -47,19 +47,21 @@ const NetworkCondition& network_condition(const std::string& name);
 /// and arrives one period after the tick, plus the condition's delays. Contacts are events at the
 /// servo instants at which they begin and end: the servo knows them from its own side, before any
 /// force arrives. Every sample carries the stiffness; JudgeOptions::stiffness_to_method keeps it
-/// from the method. Noise, jitter and loss are drawn from `seed`. `walls` stand around the first
-/// contact point and push a tool that is in contact, wherever it took hold of the object.
+/// from the method. Noise, jitter and loss are drawn from `seed`. Walls stand around the first
+/// contact point and push a tool that is in contact, wherever it took hold of the object; an
+/// alteration is of the object's force, and of the simulator.
 /// @throws ChartError for a trajectory that leaves the table.
 Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
                  const NetworkCondition& condition, double servo_rate_Hz, std::uint64_t seed,
-                 const std::vector<Wall>& walls = {});
+                 const SceneExtras& extras = {});
 
 /// Options for judge() under a condition: whether stiffness arrives, and requests answered from the
 /// table, one request period later. Beyond the table's range the answer is for the nearest position
-/// within it (Sample::position_W); in the air the force is zero. Noise as the condition has it.
+/// within it (Sample::position_W); in the air the force is zero. Noise as the condition has it. An
+/// object that remembers answers as it would at that moment to a tool at rest there.
 /// `trajectory` and `table` must outlive the result.
 JudgeOptions judge_options(const Trajectory& trajectory, const ForceTable& table,
-                           const NetworkCondition& condition, std::uint64_t seed,
-                           const std::vector<Wall>& walls = {});
+                           const NetworkCondition& condition, double servo_rate_Hz,
+                           std::uint64_t seed, const SceneExtras& extras = {});
 
 }  // namespace forcegrid::evaluation

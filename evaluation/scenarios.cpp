@@ -1,5 +1,7 @@
 #include "evaluation/scenarios.h"
 
+#include <utility>
+
 #include "evaluation/trajectories.h"
 #include "simulator/scene.h"
 
@@ -14,13 +16,19 @@ const std::vector<ChartScene>& chart_scenes() {
   return all;
 }
 
-const std::vector<ChartScene>& walled_scenes() {
+const std::vector<ChartScene>& hard_scenes() {
   static const std::vector<ChartScene> all = [] {
     std::vector<ChartScene> scenes;
     for (const ChartScene& scene : chart_scenes()) {
+      const auto add = [&](const std::string& name, const std::string& title, SceneExtras extras) {
+        scenes.push_back({scene.name + '+' + name, scene.title + ", and " + title,
+                          scene.stiffness_factor, scene.object, std::move(extras)});
+      };
       for (const NamedWalls& each : named_walls()) {
-        scenes.push_back({scene.name + '+' + each.name, scene.title + ", and " + each.title,
-                          scene.stiffness_factor, scene.object, each.walls});
+        add(each.name, each.title, {each.walls, {}});
+      }
+      for (const NamedAlteration& each : named_alterations()) {
+        add(each.name, each.title, {{}, each.alteration});
       }
     }
     return scenes;
@@ -30,7 +38,7 @@ const std::vector<ChartScene>& walled_scenes() {
 
 const ChartScene& chart_scene(const std::string& name) {
   std::string known;
-  for (const auto* scenes : {&chart_scenes(), &walled_scenes()}) {
+  for (const auto* scenes : {&chart_scenes(), &hard_scenes()}) {
     for (const ChartScene& scene : *scenes) {
       if (scene.name == name) {
         return scene;

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/alteration.h"
 #include "evaluation/force_table.h"
-#include "evaluation/wall.h"
 #include "simulator/spring_mesh.h"
 
 namespace forcegrid::evaluation {
@@ -16,15 +16,16 @@ struct ChartScene {
   std::string title;
   double stiffness_factor = 1.0;  ///< of every spring
   std::string object;             ///< as simulator::make_scene knows it
-  std::vector<Wall> walls;        ///< second objects that the tool comes up against
+  SceneExtras extras;             ///< walls, or what its table does not show
 };
 
 /// small_linear, small, block_linear, block: from the quickest to the hardest. What a chart takes
 /// when nothing is selected.
 const std::vector<ChartScene>& chart_scenes();
 
-/// Each of them with each of named_walls(), e.g. small+wall_flat.
-const std::vector<ChartScene>& walled_scenes();
+/// Each of them with each of named_walls() and named_alterations(), e.g. small+wall_flat,
+/// small+cut.
+const std::vector<ChartScene>& hard_scenes();
 
 /// One of either.
 /// @throws ChartError for an unknown name, listing the known ones.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 namespace forcegrid::evaluation {
 namespace {
@@ -212,7 +213,7 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
 
   JudgeOptions judging;
   judging.keep_forces = true;
-  judging.stiffness_to_method = method.needs().stiffness;
+  judging.stiffness_to_method = options.stiffness;
   judging.requests_per_s = options.requests_per_s;
   if (options.requests_per_s > 0.0) {
     judging.request_delay_s = 1.0 / options.requests_per_s;
@@ -236,7 +237,7 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
       return answer(time_s, reached(position_W, point_W), point_W);
     };
   }
-  const Verdict verdict = judge(method, trace, judging);
+  Verdict verdict = judge(method, trace, judging);
 
   Pool first, unknown, first_tour, returns, second_tour;
   double truth_N2 = 0.0;
@@ -267,17 +268,14 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
     }
   }
   VisitsVerdict result;
-  result.truth_rms_N = std::sqrt(truth_N2 / truth_count);
-  result.first_contact = first.percent_of(result.truth_rms_N);
-  result.unknown_places = unknown.percent_of(result.truth_rms_N);
-  result.first_tour = first_tour.percent_of(result.truth_rms_N);
-  result.returns = returns.percent_of(result.truth_rms_N);
-  result.second_tour = second_tour.percent_of(result.truth_rms_N);
-  result.sample_us_median = verdict.sample_us_median;
-  result.sample_us_p99 = verdict.sample_us_p99;
-  result.query_ns_median = verdict.query_ns_median;
-  result.memory_bytes = verdict.memory_bytes;
-  result.requests_answered = verdict.requests_answered;
+  const double truth_rms_N = std::sqrt(truth_N2 / truth_count);
+  result.errors.first_contact = first.percent_of(truth_rms_N);
+  result.errors.unknown_places = unknown.percent_of(truth_rms_N);
+  result.errors.first_tour = first_tour.percent_of(truth_rms_N);
+  result.errors.returns = returns.percent_of(truth_rms_N);
+  result.errors.second_tour = second_tour.percent_of(truth_rms_N);
+  verdict.forces_W.clear();
+  result.verdict = std::move(verdict);
   return result;
 }
 

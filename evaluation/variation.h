@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -73,33 +74,34 @@ class Visits {
 };
 
 /// RMS errors in % of the RMS of |F_o| in contact, pooled over contacts, in windows from contact
-/// on.
+/// on. NaN where there is nothing to measure.
 struct ContactErrors {
-  double first_67ms_percent = 0.0;
-  double first_250ms_percent = 0.0;
-  double first_500ms_percent = 0.0;
-  double later_percent = 0.0;  ///< from 500 ms on
+  static constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+  double first_67ms_percent = kNothing;
+  double first_250ms_percent = kNothing;
+  double first_500ms_percent = kNothing;
+  double later_percent = kNothing;  ///< from 500 ms on
 };
 
-/// How a method did on Visits.
-struct VisitsVerdict {
-  double truth_rms_N = 0.0;      ///< in contact
+struct VisitErrors {
   ContactErrors first_contact;   ///< the very first
   ContactErrors unknown_places;  ///< the first contact at each of the other places
   ContactErrors first_tour;      ///< all contacts but the very first
   ContactErrors returns;         ///< the first contact at each place after 81 s
   ContactErrors second_tour;     ///< all contacts
-  double sample_us_median = 0.0;
-  double sample_us_p99 = 0.0;
-  double query_ns_median = 0.0;
-  std::size_t memory_bytes = 0;
-  std::size_t requests_answered = 0;
+};
+
+/// How a method did on Visits.
+struct VisitsVerdict {
+  VisitErrors errors;
+  Verdict verdict;  ///< of all instants, those in the air included; without forces
 };
 
 struct VisitsOptions {
   double servo_rate_Hz = 500.0;
   double simulator_rate_Hz = 30.0;
   double requests_per_s = 0.0;  ///< answered one request period later, also before contact
+  bool stiffness = false;       ///< the method gets dF/dP with each sample
   std::uint64_t seed = 1;
 };
 

@@ -152,9 +152,10 @@ TEST(Network, ContactsAreEventsAndTheAirHasNoForce) {
 
 TEST(Network, StiffnessReachesTheMethodOnlyWhereTheLinkHasIt) {
   const Trajectory chirp("chirp");
-  EXPECT_FALSE(judge_options(chirp, springs(), network_condition("ideal"), 1).stiffness_to_method);
-  EXPECT_TRUE(
-      judge_options(chirp, springs(), network_condition("lossy+stiffness"), 1).stiffness_to_method);
+  EXPECT_FALSE(
+      judge_options(chirp, springs(), network_condition("ideal"), 500.0, 1).stiffness_to_method);
+  EXPECT_TRUE(judge_options(chirp, springs(), network_condition("lossy+stiffness"), 500.0, 1)
+                  .stiffness_to_method);
   const Trace trace = trace_of("chirp", "stiffness");
   const Eigen::Matrix3d expected = (-kStiffness_N_per_m).asDiagonal();
   EXPECT_LT((trace.samples[100].sample.stiffness_W - expected).norm(), 1e-6);
@@ -162,7 +163,8 @@ TEST(Network, StiffnessReachesTheMethodOnlyWhereTheLinkHasIt) {
 
 TEST(Network, RequestsAreAnsweredFromTheTableOnePeriodLater) {
   const Trajectory chirp("chirp");
-  const JudgeOptions options = judge_options(chirp, springs(), network_condition("requests120"), 1);
+  const JudgeOptions options =
+      judge_options(chirp, springs(), network_condition("requests120"), 500.0, 1);
   EXPECT_EQ(options.requests_per_s, 120.0);
   EXPECT_NEAR(options.request_delay_s, 1.0 / 120.0, 1e-12);
   const Vector3d wanted_W = first_contact_point_W() + Vector3d(0.004, -0.003, 0.011);

@@ -117,19 +117,19 @@ VisitsVerdict judged(const char* name, double requests_per_s) {
 
 TEST(JudgeVisits, FindsKrigingContactRightFromTheFirstTouchAndHoldNot) {
   const VisitsVerdict hold = judged("hold", 0.0);
-  EXPECT_GT(hold.returns.first_67ms_percent, 5.0);
-  EXPECT_GT(hold.truth_rms_N, 0.5);
+  EXPECT_GT(hold.errors.returns.first_67ms_percent, 5.0);
+  EXPECT_GT(hold.verdict.truth_rms_N, 0.5);
   const VisitsVerdict alone = judged("kriging-contact", 0.0);
-  EXPECT_LT(alone.returns.first_67ms_percent, 0.3);
-  EXPECT_LT(alone.second_tour.first_67ms_percent, 0.3);
-  EXPECT_LT(alone.first_tour.first_67ms_percent, 2.5);
-  EXPECT_GT(alone.first_contact.first_67ms_percent, 3.0) << "nobody has told it anything";
-  EXPECT_EQ(alone.requests_answered, 0u);
+  EXPECT_LT(alone.errors.returns.first_67ms_percent, 0.3);
+  EXPECT_LT(alone.errors.second_tour.first_67ms_percent, 0.3);
+  EXPECT_LT(alone.errors.first_tour.first_67ms_percent, 2.5);
+  EXPECT_GT(alone.errors.first_contact.first_67ms_percent, 3.0) << "nobody has told it anything";
+  EXPECT_EQ(alone.verdict.requests_answered, 0u);
   const VisitsVerdict asking = judged("kriging-contact", 120.0);
-  EXPECT_GT(asking.requests_answered, 50u);
-  EXPECT_LT(asking.first_contact.first_67ms_percent, 0.5);
-  EXPECT_LT(asking.unknown_places.first_67ms_percent, 0.5);
-  EXPECT_LT(asking.returns.first_67ms_percent, 0.3);
+  EXPECT_GT(asking.verdict.requests_answered, 50u);
+  EXPECT_LT(asking.errors.first_contact.first_67ms_percent, 0.5);
+  EXPECT_LT(asking.errors.unknown_places.first_67ms_percent, 0.5);
+  EXPECT_LT(asking.errors.returns.first_67ms_percent, 0.3);
 }
 
 }  // namespace

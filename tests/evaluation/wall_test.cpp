@@ -72,12 +72,13 @@ TEST(Wall, KnowsTheSlopeOfItsForce) {
 }
 
 TEST(WalledScenes, AreTheSameObjectWithWalls) {
-  EXPECT_EQ(walled_scenes().size(), chart_scenes().size() * named_walls().size());
+  EXPECT_EQ(hard_scenes().size(),
+            chart_scenes().size() * (named_walls().size() + named_alterations().size()));
   const ChartScene& scene = chart_scene("small+wall_two");
   EXPECT_EQ(scene.object, "small");
-  EXPECT_EQ(scene.walls.size(), 2u);
+  EXPECT_EQ(scene.extras.walls.size(), 2u);
   EXPECT_EQ(make_mesh(scene).springs.size(), make_mesh(chart_scene("small")).springs.size());
-  EXPECT_TRUE(chart_scene("small").walls.empty());
+  EXPECT_TRUE(chart_scene("small").extras.walls.empty());
   EXPECT_THROW(chart_scene("small+wall_of_jelly"), ChartError);
 }
 
@@ -88,7 +89,7 @@ TEST(WalledScenes, AddTheWallToTruthSamplesAndAnswers) {
   const std::vector<Wall> walls{wall_named("wall_flat")};
   const Trajectory regrab("regrab", 3);
   const NetworkCondition& condition = network_condition("requests120");
-  const Trace trace = make_trace(regrab, nothing, condition, 500.0, 3, walls);
+  const Trace trace = make_trace(regrab, nothing, condition, 500.0, 3, {walls, {}});
   std::size_t pushed = 0;
   const auto expected_N = [&](double time_s, const Vector3d& position_W) {
     return regrab.contact_at(time_s) < 0
@@ -105,7 +106,7 @@ TEST(WalledScenes, AddTheWallToTruthSamplesAndAnswers) {
     EXPECT_NEAR(sample.stiffness_W(2, 2), sample.force_W != Vector3d::Zero() ? -1000.0 : 0.0, 1e-9);
   }
   EXPECT_GT(pushed, 5u);
-  const JudgeOptions options = judge_options(regrab, nothing, condition, 3, walls);
+  const JudgeOptions options = judge_options(regrab, nothing, condition, 500.0, 3, {walls, {}});
   const Vector3d deep_W = first_contact_point_W() + Vector3d(0.001, 0.002, 0.020);
   EXPECT_LT((options.answer(0.5, deep_W).force_W - Vector3d(0, 0, -6.0)).norm(), 1e-9);
 }
