@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "forcegrid/methods.h"
+
 namespace forcegrid::cli {
 
 /// `--json [FILE]`: not wanted, on standard output, or into a file.
@@ -39,7 +41,7 @@ struct RunOptions {
   double simulator_delay_s = 0.0;
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;
-  std::string method = "kriging-bank";                    ///< MethodVariant
+  std::string method = kDefaultMethod;                    ///< MethodVariant
   std::vector<std::string> shadows{"forcegrid", "hold"};  ///< judged on the same path, not felt
   int fill_budget = 1000;
   std::array<int, 3> cells{49, 49, 49};

@@ -26,6 +26,14 @@ const char* to_string(ChoiceReason reason) noexcept {
       return "predicted better";
     case ChoiceReason::kFoundWall:
       return "found a wall";
+    case ChoiceReason::kFirstTouches:
+      return "best at first touches";
+    case ChoiceReason::kRemembers:
+      return "remembers";
+    case ChoiceReason::kKnownPlace:
+      return "knows the place";
+    case ChoiceReason::kAskedBefore:
+      return "asked before the touch";
   }
   return "invalid reason";
 }

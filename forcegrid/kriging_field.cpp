@@ -667,7 +667,7 @@ Eigen::Matrix3d DictionaryField<Real, N, M>::stiffness_N_per_m(
 }
 
 template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::deviation_N(const Eigen::Vector3d& position_m,
+double DictionaryField<Real, N, M>::variance_N2(const Eigen::Vector3d& position_m,
                                                 const History& history) const noexcept {
   covariances_of_force(position_m, history, x_);
   factor_.solve(x_, 3);
@@ -680,9 +680,14 @@ double DictionaryField<Real, N, M>::deviation_N(const Eigen::Vector3d& position_
   Eigen::Vector3d mean_N = Eigen::Vector3d::Zero();
   Eigen::Matrix3d features_N2 = Eigen::Matrix3d::Zero();
   add_features(position_m, origin_W_, x_, mean_N, features_N2);
-  const double variance_N2 = settings_.kernel.prior_variance_N2(position_m, history) +
-                             (features_N2.trace() - explained_N2) / 3.0;
-  return std::sqrt(std::max(variance_N2, 0.0) * data_scale());
+  return std::max(0.0, settings_.kernel.prior_variance_N2(position_m, history) +
+                           (features_N2.trace() - explained_N2) / 3.0);
+}
+
+template <typename Real, int N, int M>
+double DictionaryField<Real, N, M>::deviation_N(const Eigen::Vector3d& position_m,
+                                                const History& history) const noexcept {
+  return std::sqrt(variance_N2(position_m, history) * data_scale());
 }
 
 template class DictionaryField<float, 32, 0>;

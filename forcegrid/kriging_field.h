@@ -29,6 +29,12 @@ struct FieldSettings {
   double doubt_reach_m() const noexcept { return 2.0 * kernel.length_m; }
 };
 
+/// [N] What a force may depend on besides the position, each column in newtons: the tool's velocity
+/// times kViscousTerm_Ns_per_m, and the force itself through three low-pass filters.
+inline constexpr int kPathTerms = 4;
+inline constexpr double kViscousTerm_Ns_per_m = 10.0;
+using PathTerms = Eigen::Matrix<double, 3, kPathTerms>;
+
 /// A sample as a field takes it: positions relative to the contact point.
 struct Observation {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
@@ -37,6 +43,10 @@ struct Observation {
   bool has_stiffness = false;
   Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
   bool from_query = false;
+  /// How much the force has risen since the simulator's answer before, if that was of this contact.
+  bool has_rise = false;
+  Eigen::Vector3d rise_N = Eigen::Vector3d::Zero();
+  PathTerms terms_N = PathTerms::Zero();
   std::uint64_t contact = 0;  ///< number of the contact that it was made in
   /// [m] That contact's point in the workspace frame, where position_m is zero.
   Eigen::Vector3d origin_W = Eigen::Vector3d::Zero();
@@ -89,6 +99,9 @@ class Field {
 
   /// Whether it knows of walls beyond the object, where no smooth field is right.
   virtual bool knows_walls() const noexcept { return false; }
+
+  /// The terms at the present instant, once a servo cycle, for fields that use them.
+  virtual void observe(const PathTerms& terms_N) noexcept { static_cast<void>(terms_N); }
 
   /// Takes in one observation. In order: predict there; doubt old samples when that failed; decide
   /// on the sample before; make room; add the new one; fit. Bounded: at most one full factorisation
@@ -206,6 +219,24 @@ class DictionaryField : public Field {
   int bring_in(const Observation& observation, double doubt_N2) noexcept;
   void apply_changes() noexcept;
 
+  /// deviation_N() of this field plus others that have taken the same samples with other data, each
+  /// times its weight.
+  template <std::size_t kOthers>
+  double deviation_with(const std::array<const DictionaryField*, kOthers>& others,
+                        const Eigen::Matrix<double, static_cast<int>(kOthers), 1>& weights,
+                        const Eigen::Vector3d& position_m, const History& history) const noexcept {
+    double squares = 0.0;
+    for (int r = 0; r < factor_.rows(); ++r) {
+      double y = factor_.y(r);
+      for (std::size_t j = 0; j < kOthers; ++j) {
+        y += weights[static_cast<int>(j)] * others[j]->factor_.y(r);
+      }
+      squares += y * y;
+    }
+    const double scale = squares / std::max(1, factor_.rows());
+    return std::sqrt(variance_N2(position_m, history) * std::max(1.0, scale));
+  }
+
   /// The sums that reading is made of, for tests of the lanes.
   RadialTerms<Real> radial_terms() const noexcept;
 
@@ -306,6 +337,7 @@ class DictionaryField : public Field {
                      const Eigen::Vector3d& force_N) const noexcept;
   double separation_m2(const Stored& a, const Stored& b) const noexcept;
   double data_scale() const noexcept;
+  double variance_N2(const Eigen::Vector3d& position_m, const History& history) const noexcept;
 
   FieldSettings settings_;
   std::array<Stored, kMaxSamples> stored_{};

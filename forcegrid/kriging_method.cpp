@@ -4,30 +4,11 @@
 #include <cmath>
 #include <limits>
 
-#include "forcegrid/contact_field.h"
-#include "forcegrid/kriging_hinge.h"
-#include "forcegrid/kriging_store_field.h"
-
 namespace forcegrid {
 namespace {
 
-using kriging::ContactField;
-using kriging::DictionaryField;
-using kriging::FieldSettings;
-using kriging::RadialShape;
-
-constexpr int kSamples = 32;
-constexpr int kHistorySamples = 48;
-constexpr int kStiffnessSamples = 4;
-constexpr int kBankStiffnessSamples = 2;
-constexpr double kNugget_N2 = 1e-5;
-
-// Lags 0 to 2 belong to the bank's first member with history, 3 to 5 to the others.
-constexpr ToolHistory::TimeConstants kTimeConstants_s = {0.010, 0.100, 1.000, 0.005, 0.030, 0.200};
-
 constexpr double kScoreKept = 0.85;
 constexpr double kHysteresis = 0.9;
-constexpr double kSpecialist = 3.0;
 // The member that finds walls. Squared errors of it against those of the best other: a proof, a
 // disproof (unless it is some mN), and what its score counts for.
 constexpr double kProof = 0.1;
@@ -39,6 +20,27 @@ constexpr double kCalmWalls = 0.2;
 constexpr double kCalm = 0.17;    // of its samples are surprises: the first in half a second
 constexpr double kTrusted = 0.1;  // its score, before a surprise that it alone explains
 constexpr double kHandOver_s = 0.010;
+
+// The first instants of a contact, and the force that tells something about them: at the very
+// first there is none, whatever the object.
+constexpr double kYoung_s = 0.3;
+constexpr double kFelt_N = 0.1;
+constexpr double kYoungScoreKept = 0.97;
+constexpr int kEnoughAnswers = 4;
+const Eigen::Vector3d kProbe_m(0.0, 0.0, 0.004);
+constexpr double kKnownPlace_N = 0.15;
+constexpr double kNoWorse = 2.0;
+
+// What was learnt long ago: doubtful for so long after a surprise; worth it where the deviation of
+// what is felt is larger by so much.
+constexpr double kOutdated = 0.01;  // of the last samples were surprises
+constexpr double kRemembersMore = 3.0;
+constexpr double kRemembersMore_N = 0.01;
+
+constexpr double kSpecialist = 3.0;
+constexpr double kUnfinished = 0.01;  // relative residual
+constexpr double kNextPeriods = 1.6;  // a sample later than this has lost the one before it
+constexpr double kNotTaken_N2 = std::numeric_limits<double>::max();
 
 // Beyond this distance from every sample the force is unknown.
 constexpr double kUnknown_m = 0.090;
@@ -73,111 +75,6 @@ constexpr double kLongestStep_s = 0.1;
 
 }  // namespace
 
-KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
-    : kind_(kind), history_(kTimeConstants_s) {
-  members_.reserve(kMaxMembers);
-  FieldSettings settings;
-  settings.nugget_N2 = options.nugget.value_or(kNugget_N2);
-  settings.samples = options.samples.value_or(kSamples);
-  settings.spacing.metres = options.spacing_m.value_or(settings.spacing.metres);
-  settings.spacing.newtons = options.spacing_N.value_or(settings.spacing.newtons);
-  if (kind == Kind::kHinge) {
-    add_hinge_member(name(), settings);
-    return;
-  }
-  if (kind == Kind::kStore) {
-    add_store_member(name(), settings);
-    return;
-  }
-  settings.stiffness_samples = kind == Kind::kForceOnly ? 0 : kStiffnessSamples;
-  if (kind == Kind::kContact) {
-    settings.samples = options.samples.value_or(ContactField::kMaxSamples);
-    settings.stiffness_samples = 0;
-    settings.kernel.constant_N2 = 0.0;
-    Member member;
-    member.field = std::make_unique<ContactField>(settings);
-    names_[0] = name();
-    members_.push_back(std::move(member));
-    return;
-  }
-  if (kind != Kind::kBank) {
-    add_member(name(), settings, 0);
-    return;
-  }
-  settings.samples = kSamples;
-  settings.stiffness_samples = kBankStiffnessSamples;
-  struct Noise {
-    const char* name;
-    double nugget_N2;
-  };
-  for (const Noise& noise : {Noise{"smooth", 1e-5}, Noise{"exact", 1e-6}, Noise{"noisy", 1e-4},
-                             Noise{"very noisy", 1e-3}}) {
-    settings.nugget_N2 = noise.nugget_N2;
-    add_member(noise.name, settings, 0);
-  }
-  FieldSettings kinks = settings;
-  kinks.nugget_N2 = 1e-5;
-  kinks.stiffness_samples = 0;
-  kinks.kernel.shape = RadialShape::kMatern72;
-  kinks.kernel.length_m = 0.015;
-  add_member("kinks", kinks, 0);
-  FieldSettings viscous = settings;
-  viscous.samples = kHistorySamples;
-  viscous.stiffness_samples = 0;
-  viscous.nugget_N2 = 1e-5;
-  viscous.kernel.history_gain = 0.03;
-  add_member("slowly viscous", viscous, 0);
-  viscous.kernel.history_gain = 1.0;
-  add_member("viscous", viscous, 3);
-  viscous.nugget_N2 = 1e-4;
-  add_member("noisy viscous", viscous, 3);
-  FieldSettings walls = settings;
-  walls.nugget_N2 = kNugget_N2;
-  walls.stiffness_samples = 0;
-  add_hinge_member("walls", walls);
-}
-
-void KrigingMethod::add_member(const char* name, const FieldSettings& settings, int first_lag) {
-  names_[members_.size()] = name;
-  Member member;
-  member.uses_history = settings.kernel.history_gain > 0.0;
-  if (member.uses_history || settings.kernel.shape != RadialShape::kSquaredExponential) {
-    member.handicap = kSpecialist;
-  }
-  member.first_lag = first_lag;
-  member.least_uncertainty_N = 0.5 * std::sqrt(settings.nugget_N2);
-  if (member.uses_history) {
-    member.field = std::make_unique<DictionaryField<float, kHistorySamples, 0>>(settings);
-  } else if (settings.stiffness_samples > 0) {
-    member.field = std::make_unique<DictionaryField<float, kSamples, kStiffnessSamples>>(settings);
-  } else {
-    member.field = std::make_unique<DictionaryField<float, kSamples, 0>>(settings);
-  }
-  members_.push_back(std::move(member));
-}
-
-void KrigingMethod::add_hinge_member(const char* name, const FieldSettings& settings) {
-  names_[members_.size()] = name;
-  Member member;
-  member.field = std::make_unique<kriging::HingeField<float>>(settings);
-  member.handicap = kSpecialist;
-  member.finds_walls = true;
-  member.least_uncertainty_N = 0.5 * std::sqrt(settings.nugget_N2);
-  members_.push_back(std::move(member));
-}
-
-void KrigingMethod::add_store_member(const char* name, const FieldSettings& settings) {
-  names_[members_.size()] = name;
-  kriging::SampleStore::Settings store;
-  store.spacing = settings.spacing;
-  store.nugget_N2 = settings.nugget_N2;
-  store_ = std::make_unique<kriging::SampleStore>(store);
-  Member member;
-  member.least_uncertainty_N = 0.5 * std::sqrt(settings.nugget_N2);
-  member.field = std::make_unique<kriging::StoreField>(settings, *store_, true);
-  members_.push_back(std::move(member));
-}
-
 const char* KrigingMethod::name() const noexcept {
   switch (kind_) {
     case Kind::kForceOnly:
@@ -192,6 +89,8 @@ const char* KrigingMethod::name() const noexcept {
       return "kriging-bank";
     case Kind::kContact:
       return "kriging-contact";
+    case Kind::kAuto:
+      return "auto";
   }
   return "invalid kind";
 }
@@ -199,13 +98,16 @@ const char* KrigingMethod::name() const noexcept {
 MethodNeeds KrigingMethod::needs() const noexcept {
   MethodNeeds needs;
   needs.stiffness = kind_ == Kind::kTangent;
-  needs.requests_before_contact = kind_ == Kind::kContact;
+  needs.requests_before_contact = places_ != kNobody;
   return needs;
 }
 
 std::size_t KrigingMethod::memory_bytes() const noexcept {
   std::size_t bytes =
-      sizeof(*this) + history_.allocated_bytes() + members_.capacity() * sizeof(Member);
+      sizeof(*this) + history_.allocated_bytes() +
+      (force_history_ != nullptr ? sizeof(*force_history_) + force_history_->allocated_bytes()
+                                 : 0) +
+      members_.capacity() * sizeof(Member);
   for (const Member& member : members_) {
     bytes += member.field->memory_bytes();
   }
@@ -214,7 +116,7 @@ std::size_t KrigingMethod::memory_bytes() const noexcept {
 
 void KrigingMethod::take_sample(const Sample& sample) noexcept {
   // Only a field that tells places apart can use what was asked for before contact.
-  const bool of_expected = sample.before_contact && sample.from_query && kind_ == Kind::kContact &&
+  const bool of_expected = sample.before_contact && sample.from_query && places_ != kNobody &&
                            origin_known_ && sample.contact_point_W.allFinite();
   if (!(of_expected || (in_contact_ && !sample.before_contact)) || !std::isfinite(sample.time_s) ||
       !sample.position_W.allFinite() || !sample.force_W.allFinite() ||
@@ -230,7 +132,7 @@ void KrigingMethod::take_sample(const Sample& sample) noexcept {
     if (taken_ - member.next >= kLongestBacklog) {
       queued(member.next).scored = false;
       ++member.next;
-      ++samples_skipped_;
+      ++passed_over_.value;
     }
   }
   Queued& entry = queued(taken_++);
@@ -241,6 +143,9 @@ void KrigingMethod::take_sample(const Sample& sample) noexcept {
   o.force_N = sample.force_W;
   o.from_query = sample.from_query;
   o.contact = contact_;
+  entry.before_contact = of_expected;
+  entry.unfinished = !sample.converged || sample.relative_residual > kUnfinished;
+  answers_before_ += of_expected ? 1 : 0;
   o.has_stiffness = sample.has_stiffness && sample.stiffness_W.allFinite();
   if (o.has_stiffness) {
     for (int i = 0; i < 6; ++i) {
@@ -249,11 +154,26 @@ void KrigingMethod::take_sample(const Sample& sample) noexcept {
       o.stiffness_N_per_m[i] = 0.5 * (sample.stiffness_W(r, c) + sample.stiffness_W(c, r));
     }
   }
+  ToolHistory::Lags force_lags_N;
+  entry.lags_known = history_.find(sample.time_s, entry.lags);
+  if (force_history_ != nullptr && entry.lags_known) {
+    entry.terms_known = force_history_->find(sample.time_s, force_lags_N);
+    if (entry.terms_known) {
+      o.terms_N = path_terms_N(entry.lags, force_lags_N);
+      o.terms_N.col(0) *= sample.from_query ? 0.0 : 1.0;  // answered to a tool at rest
+    }
+  }
   if (sample.from_query) {
     entry.scored = false;
+    entry.lags_known = false;
     return;
   }
-  entry.lags_known = history_.find(sample.time_s, entry.lags);
+  o.has_rise = risen_from_ && sample.time_s - newest_sample_s_ < kNextPeriods * sample_period_s_;
+  o.rise_N = sample.force_W - newest_force_N_;
+  risen_from_ = true;
+  newest_force_N_ = sample.force_W;
+  entry.young = kind_ == Kind::kAuto && sample.time_s < contact_s_ + kYoung_s;
+  entry.scored = !entry.young || sample.force_W.norm() > kFelt_N;
   newest_sample_s_ = sample.time_s;
   newest_sample_W_ = sample.position_W;
   if (observed_) {
@@ -278,9 +198,23 @@ void KrigingMethod::observe(double time_s, const Eigen::Vector3d& position_W) no
   time_s_ = time_s;
   position_W_ = position_W;
   history_.observe(time_s, position_W);
+  remember_force();
   if ((position_W_ + kFollowAhead_s * velocity_W_ - followed_to_W_).norm() > kFollowFurther_m) {
     pieces_to_follow_ = kMostPieces;
   }
+}
+
+void KrigingMethod::remember_force() noexcept {
+  if (force_history_ == nullptr) {
+    return;
+  }
+  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
+  const Member& member = members_[active_];
+  if (in_contact_ && origin_known_ && member.field->sample_count() > 0) {
+    force_N = member.field->read(position_W_ - origin_W_, history_at(member, position_W_)).force_N;
+  }
+  force_history_->observe(time_s_, force_N);
+  members_[remembering_].field->observe(path_terms_N(history_.now(), force_history_->now()));
 }
 
 void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d& point_W) noexcept {
@@ -293,10 +227,43 @@ void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d&
     set_origin(point_W);
   }
   first_of_contact_ = taken_;
+  contact_s_ = time_s_;
   contact_sampled_ = false;
+  risen_from_ = false;
   handed_over_N_.setZero();
   asked_.fill(Asked{});
+  choose_for_contact();
+  answers_before_ = 0;
   update_uncertainty();
+}
+
+// Before anything of a contact is known.
+void KrigingMethod::choose_for_contact() noexcept {
+  if (places_ == kNobody || members_.size() == 1) {
+    return;
+  }
+  double least_N2 = std::numeric_limits<double>::max();
+  for (Member& member : members_) {
+    if (young_scored_) {
+      member.score_N2 = member.young_score_N2;
+    }
+    least_N2 = std::min(least_N2, member.score_N2);
+  }
+  Member& places = members_[places_];
+  if (answers_before_ >= kEnoughAnswers) {
+    places.score_N2 = least_N2 / places.handicap;
+    hand_over(places_, ChoiceReason::kAskedBefore);
+  } else if (origin_known_ && places.field->sample_count() > 0 &&
+             places.score_N2 <= kNoWorse * least_N2 &&
+             places.field->deviation_N(kProbe_m, kriging::History::Zero()) < kKnownPlace_N) {
+    places.score_N2 = least_N2 / places.handicap;
+    hand_over(places_, ChoiceReason::kKnownPlace);
+  } else {
+    const std::size_t best = best_member();
+    if (best != active_) {
+      hand_over(best, ChoiceReason::kFirstTouches);
+    }
+  }
 }
 
 void KrigingMethod::contact_lost() noexcept {
@@ -314,7 +281,7 @@ void KrigingMethod::set_origin(const Eigen::Vector3d& point_W) noexcept {
 }
 
 void KrigingMethod::expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept {
-  if (kind_ != Kind::kContact || in_contact_ || !std::isfinite(time_s) || !point_W.allFinite()) {
+  if (places_ == kNobody || in_contact_ || !std::isfinite(time_s) || !point_W.allFinite()) {
     return;
   }
   const bool another =
@@ -324,7 +291,21 @@ void KrigingMethod::expect_contact(double time_s, const Eigen::Vector3d& point_W
     ++contact_;
     set_origin(point_W);
     asked_.fill(Asked{});
+    answers_before_ = 0;
   }
+}
+
+// Of the lags of the tool and of the force. What the lag behind a filter that never forgets is more
+// than the lag behind another is what that one lets through, but for a constant.
+kriging::PathTerms KrigingMethod::path_terms_N(const ToolHistory::Lags& tool_m,
+                                               const ToolHistory::Lags& force_N) noexcept {
+  constexpr double kPerLag = kriging::kViscousTerm_Ns_per_m / kTimeConstants_s[kVelocityLag];
+  kriging::PathTerms terms_N;
+  terms_N.col(0) = kPerLag * tool_m.col(kVelocityLag).cast<double>();
+  for (int j = 1; j < kriging::kPathTerms; ++j) {
+    terms_N.col(j) = (force_N.rightCols<1>() - force_N.col(j - 1)).cast<double>();
+  }
+  return terms_N;
 }
 
 kriging::History KrigingMethod::history_at(const Member& member,
@@ -356,10 +337,29 @@ KrigingMethod::Member* KrigingMethod::next_to_work() noexcept {
   return furthest;
 }
 
+// Whether a sample is of any use to a member.
+bool KrigingMethod::takes(const Member& member, const Queued& entry) noexcept {
+  if (entry.before_contact) {
+    return member.knows_places;  // only a field that tells places apart
+  }
+  return entry.unfinished || !member.only_unfinished;
+}
+
 int KrigingMethod::take_one(Member& member) noexcept {
   const std::uint64_t number = member.next++;
   Queued& entry = queued(number);
+  const auto index = static_cast<std::size_t>(&member - members_.data());
+  if (!takes(member, entry)) {
+    entry.error_N2[index] = kNotTaken_N2;
+    return 1;
+  }
   kriging::Observation observation = entry.observation;
+  if (member.uses_terms) {
+    if (!entry.terms_known) {
+      entry.scored = false;
+      return 1;
+    }
+  }
   if (member.uses_history) {
     if (entry.lags_known) {
       observation.history =
@@ -371,7 +371,6 @@ int KrigingMethod::take_one(Member& member) noexcept {
   }
   const kriging::Innovation innovation = member.field->take(observation);
   entry.scored = entry.scored && innovation.predicted;
-  const auto index = static_cast<std::size_t>(&member - members_.data());
   entry.error_N2[index] = innovation.error_N * innovation.error_N;
   if (!observation.from_query) {
     member.surprises =
@@ -389,12 +388,12 @@ int KrigingMethod::take_one(Member& member) noexcept {
       surprised_fit_ = fits_;
     }
     contact_sampled_ = contact_sampled_ || (in_contact_ && number >= first_of_contact_);
-    if (member.next == taken_) {
-      pieces_to_follow_ = kMostPieces;
-      if (store_ == nullptr) {  // else after what follows has been brought in
-        update_uncertainty();
-      }
+    if (member.next == taken_ && index != follower_) {  // else after what follows was brought in
+      update_uncertainty();
     }
+  }
+  if (index == follower_ && member.next == taken_) {
+    pieces_to_follow_ = kMostPieces;
   }
   const int rows = member.field->row_count();
   return 1 + rows * rows / 2;
@@ -409,7 +408,22 @@ double KrigingMethod::rating(const Member& member) const noexcept {
   if (member.field->knows_walls() && member.surprises < kCalm) {
     return kCalmWalls * member.score_N2;
   }
-  return member.handicap * member.score_N2;
+  const bool outdated = member.keeps_all && member.surprises > kOutdated;
+  return (outdated ? kSpecialist : member.handicap) * member.score_N2;
+}
+
+// The felt one unless another is clearly better.
+std::size_t KrigingMethod::best_member() const noexcept {
+  std::size_t best = active_;
+  double least = kHysteresis * rating(members_[active_]);
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const double rated = rating(members_[i]);
+    if (rated < least) {
+      best = i;
+      least = rated;
+    }
+  }
+  return best;
 }
 
 // A wall is proven by samples that no member without it comes near to.
@@ -440,18 +454,26 @@ void KrigingMethod::score() noexcept {
     if (!entry.scored || entry.wall_found) {
       continue;  // none could know that a wall was there
     }
-    std::size_t best = active_;
+    // One that had no use for the sample is taken to do as the felt one does.
+    const bool felt_took = entry.error_N2[active_] != kNotTaken_N2;
+    const double otherwise_N2 = entry.error_N2[felt_took ? active_ : 0];
     for (std::size_t i = 0; i < members_.size(); ++i) {
       Member& member = members_[i];
-      member.score_N2 = kScoreKept * member.score_N2 + (1.0 - kScoreKept) * entry.error_N2[i];
+      const double error_N2 = entry.error_N2[i] == kNotTaken_N2 ? otherwise_N2 : entry.error_N2[i];
+      member.score_N2 = kScoreKept * member.score_N2 + (1.0 - kScoreKept) * error_N2;
+      if (entry.young) {
+        member.young_score_N2 =
+            kYoungScoreKept * member.young_score_N2 + (1.0 - kYoungScoreKept) * error_N2;
+      }
       if (member.finds_walls) {
         prove(member, entry);
       }
-      if (rating(member) < rating(members_[best])) {
-        best = i;
-      }
     }
-    if (best != active_ && rating(members_[best]) < kHysteresis * rating(members_[active_])) {
+    if (entry.young) {
+      young_scored_ = true;
+    }
+    const std::size_t best = best_member();
+    if (best != active_) {
       hand_over(best, ChoiceReason::kPredictedBetter);
     }
   }
@@ -472,24 +494,47 @@ void KrigingMethod::hand_over(std::size_t member, ChoiceReason reason) noexcept 
   update_uncertainty();
 }
 
-// Whether there may be something for the felt field to bring in.
+// Whether there may be something to bring in from the store.
 bool KrigingMethod::may_follow() const noexcept {
-  return store_ != nullptr && pieces_to_follow_ > 0 && in_contact_ && origin_known_ &&
-         members_[active_].next == taken_;
+  return follower_ != kNobody && pieces_to_follow_ > 0 && in_contact_ && origin_known_ &&
+         members_[follower_].next == taken_;
 }
 
 // One piece of that, where the tool is going.
 int KrigingMethod::follow() noexcept {
   const Eigen::Vector3d tool_W = observed_ ? position_W_ : newest_sample_W_;
   followed_to_W_ = tool_W + kFollowAhead_s * velocity_W_;
-  kriging::Field& field = *members_[active_].field;
+  kriging::Field& field = *members_[follower_].field;
   const kriging::Followed followed = field.follow(tool_W - origin_W_, followed_to_W_ - origin_W_);
-  fits_ += followed.changed ? 1 : 0;
+  const bool felt = active_ == follower_;
+  fits_ += followed.changed && felt ? 1 : 0;
   pieces_to_follow_ = followed.more ? pieces_to_follow_ - 1 : 0;
   if (pieces_to_follow_ == 0) {
-    update_uncertainty();
+    if (felt) {
+      update_uncertainty();
+    } else {
+      remember_place();
+    }
   }
   return 1 + field.row_count() * field.row_count() / 2;
+}
+
+// A tool that goes where the felt field knows little, but the store much: that is felt from now on,
+// as long as it foretells what comes.
+void KrigingMethod::remember_place() noexcept {
+  Member& memory = members_[follower_];
+  const Member& felt = members_[active_];
+  if (!memory.keeps_all || memory.surprises > kOutdated || felt.uses_history || felt.uses_terms ||
+      felt.field->knows_walls() || memory.score_N2 > kNoWorse * kNoWorse * felt.score_N2) {
+    return;
+  }
+  const Eigen::Vector3d ahead_m = followed_to_W_ - origin_W_;
+  const double known_N = memory.field->deviation_N(ahead_m, kriging::History::Zero());
+  if (felt.field->deviation_N(ahead_m, kriging::History::Zero()) >
+      std::max(kRemembersMore * known_N, kRemembersMore_N)) {
+    memory.score_N2 = std::min(memory.score_N2, 0.5 * felt.score_N2);
+    hand_over(follower_, ChoiceReason::kRemembers);
+  }
 }
 
 // A field that is not ready does not take the next sample: the budget is used up.
@@ -675,7 +720,10 @@ void KrigingMethod::note_asked(double time_s, const Eigen::Vector3d& wanted_W) n
 }
 
 bool KrigingMethod::plan_before_contact(double time_s, Eigen::Vector3d& wanted_W) noexcept {
-  const kriging::Field& field = *members_[active_].field;
+  if (places_ == kNobody) {
+    return false;
+  }
+  const kriging::Field& field = *members_[places_].field;
   if (!(time_s - expected_s_ < kExpected_s) || !field.ready()) {
     return false;
   }

@@ -50,6 +50,19 @@ namespace forcegrid {
 ///   contact point; while a contact is expected it asks for forces there. Where the contact point
 ///   is not finite, the first sample's position is taken for it.
 ///
+/// - `auto`: the bank's members but "kinks" and "slowly viscous", which win nothing beside the
+///   others, and four more. "memory" is `kriging-store`'s field. "places" is `kriging-contact`'s;
+///   its errors count twice. "unfinished" (kriging::LagField) takes only the samples of a simulator
+///   that has not converged, "relaxing" (kriging::RelaxationField) is for objects that resist and
+///   relax; the errors of both count three times, and those of "memory" within half a second of its
+///   last surprise.
+///   A record is kept of the errors in the first 0.3 s of contacts, from when a force is felt. A
+///   contact begins with the record's scores and the member that has known such instants best; but
+///   with "places" if at least four answers about it came before, or if that member's deviation
+///   4 mm above the contact point is below 0.15 N and its record not above twice the best one.
+///   "memory" takes over where its deviation ahead of the tool is less than a third of the felt
+///   member's. Needs: force; contact point and requests before contact if they can be had.
+///
 /// Work: a sample costs each field one piece, a change of some rows of its factor and the weights.
 /// A piece is done in one call of work(), that of the field being felt first. Until then it answers
 /// as before, so a piece never makes a cycle longer than one fit does. With a store, pieces that
@@ -73,7 +86,7 @@ namespace forcegrid {
 /// periods of the first contact; kinks; see DictionaryField.
 class KrigingMethod final : public ForceMethod {
  public:
-  enum class Kind { kForceOnly, kTangent, kHinge, kStore, kBank, kContact };
+  enum class Kind { kForceOnly, kTangent, kHinge, kStore, kBank, kContact, kAuto };
 
   /// @param options nugget, spacings and samples, which must be usable: make_force_method() checks.
   KrigingMethod(Kind kind, const MethodOptions& options);
@@ -93,8 +106,8 @@ class KrigingMethod final : public ForceMethod {
   /// Asks along the predicted motion, up to three sample periods ahead, or 6 mm beside the tool:
   /// where the force is least known, the nearer the better; at none where it is known to better
   /// than kAsk_N, nor again where it has just been asked. Costs four deviation_N(). Before an
-  /// expected contact (`kriging-contact` only): at the first of thirteen fixed displacements from
-  /// its point where that is so, at the cost of a deviation_N() each.
+  /// expected contact (`kriging-contact` and `auto`): at the first of thirteen fixed displacements
+  /// from its point where that is so, at the cost of a deviation_N() each.
   bool plan_request(double time_s, const Eigen::Vector3d& position_W,
                     Eigen::Vector3d& wanted_W) noexcept override;
   [[nodiscard]] ForceEstimate force(double time_s,
@@ -108,10 +121,14 @@ class KrigingMethod final : public ForceMethod {
   static constexpr double kAsk_N = 0.1;
 
   /// "smooth" (nugget 1e-5 N^2), "exact" (1e-6), "noisy" (1e-4), "very noisy" (1e-3), "kinks",
-  /// "slowly viscous", "viscous", "noisy viscous", "walls" of the bank.
+  /// "slowly viscous", "viscous", "noisy viscous", "walls" of the bank; "memory", "unfinished",
+  /// "relaxing", "places" of auto, which has no "kinks" and no "slowly viscous".
   std::span<const char* const> members() const noexcept override {
     return {names_.data(), members_.size() > 1 ? members_.size() : 0};
   }
+
+  /// `samples_passed_over`: see samples_skipped().
+  std::span<const NamedCounter> counters() const noexcept override { return {&passed_over_, 1}; }
 
   int member_count() const noexcept { return static_cast<int>(members_.size()); }
   int active_member() const noexcept { return static_cast<int>(active_); }
@@ -143,17 +160,22 @@ class KrigingMethod final : public ForceMethod {
   /// [m] Beyond this distance from every sample the force fades.
   static constexpr double kFade_m = 0.060;
 
-  /// The samples of kriging-store; null for the others.
+  /// The samples of kriging-store and auto; null for the others.
   const kriging::SampleStore* store() const noexcept { return store_.get(); }
   /// False when the store's memory could not be had; the method then must not be used.
   bool allocated() const noexcept { return store_ == nullptr || store_->allocated(); }
   /// Samples that members not being felt passed over because they were too far behind.
-  std::uint64_t samples_skipped() const noexcept { return samples_skipped_; }
+  std::uint64_t samples_skipped() const noexcept { return passed_over_.value; }
 
  private:
   static constexpr std::size_t kQueueLength = 32;
   static constexpr std::uint64_t kLongestBacklog = 8;
   static constexpr std::size_t kAsked = 16;
+  static constexpr std::size_t kNobody = kMaxMembers;
+  // Lags 0 to 2 belong to the bank's first member with history, 3 to 5 to the others.
+  static constexpr ToolHistory::TimeConstants kTimeConstants_s = {0.010, 0.100, 1.000,
+                                                                  0.005, 0.030, 0.200};
+  static constexpr int kVelocityLag = 3;  ///< the shortest: the velocity times its constant
 
   struct Member {
     std::unique_ptr<kriging::Field> field;
@@ -163,16 +185,25 @@ class KrigingMethod final : public ForceMethod {
     double score_N2 = 0.0;
     double handicap = 1.0;  ///< its squared errors count this many times
     double least_uncertainty_N = 0.0;
+    double young_score_N2 = 0.0;  ///< of the first instants of contacts only
     bool finds_walls = false;
-    int proofs = 0;          ///< samples that only its walls explain
-    double surprises = 0.0;  ///< fraction of the last samples that surprised it
+    bool keeps_all = false;        ///< a store of all samples, beside others
+    bool knows_places = false;     ///< uses what was asked for before a contact
+    bool uses_terms = false;       ///< PathTerms
+    bool only_unfinished = false;  ///< takes samples of a simulator that has not converged only
+    int proofs = 0;                ///< samples that only its walls explain
+    double surprises = 0.0;        ///< fraction of the last samples that surprised it
   };
   struct Queued {
     kriging::Observation observation;  ///< without history
     ToolHistory::Lags lags = ToolHistory::Lags::Zero();
     bool lags_known = false;
+    bool terms_known = false;
     bool scored = true;  ///< every member could predict it
     bool wall_found = false;
+    bool before_contact = false;
+    bool unfinished = false;  ///< the simulator has not converged
+    bool young = false;       ///< of the first instants of a contact
     std::array<double, kMaxMembers> error_N2{};
   };
   struct Asked {
@@ -183,12 +214,19 @@ class KrigingMethod final : public ForceMethod {
   void add_member(const char* name, const kriging::FieldSettings& settings, int first_lag);
   void add_hinge_member(const char* name, const kriging::FieldSettings& settings);
   void add_store_member(const char* name, const kriging::FieldSettings& settings);
+  void add_lag_member(const char* name, const kriging::FieldSettings& settings);
+  void add_relaxation_member(const char* name, const kriging::FieldSettings& settings);
+  void add_contact_member(const char* name, kriging::FieldSettings settings);
+  void add_bank(kriging::FieldSettings settings);
   kriging::History history_at(const Member& member,
                               const Eigen::Vector3d& position_W) const noexcept;
   Queued& queued(std::uint64_t number) noexcept { return queue_[number % kQueueLength]; }
   Member* next_to_work() noexcept;
   int take_one(Member& member) noexcept;
+  static bool takes(const Member& member, const Queued& entry) noexcept;
   double rating(const Member& member) const noexcept;
+  std::size_t best_member() const noexcept;
+  void choose_for_contact() noexcept;
   void prove(Member& member, const Queued& entry) noexcept;
   int prepare(Member& member, int budget) noexcept;
   void score() noexcept;
@@ -200,20 +238,28 @@ class KrigingMethod final : public ForceMethod {
   void set_origin(const Eigen::Vector3d& point_W) noexcept;
   bool asked_lately(double time_s, const Eigen::Vector3d& candidate_W) const noexcept;
   void note_asked(double time_s, const Eigen::Vector3d& wanted_W) noexcept;
+  void remember_force() noexcept;
+  void remember_place() noexcept;
+  static kriging::PathTerms path_terms_N(const ToolHistory::Lags& tool_m,
+                                         const ToolHistory::Lags& force_N) noexcept;
   bool plan_before_contact(double time_s, Eigen::Vector3d& wanted_W) noexcept;
 
   Kind kind_;
-  std::unique_ptr<kriging::SampleStore> store_;  ///< of kriging-store, else null
+  std::unique_ptr<kriging::SampleStore> store_;  ///< of kriging-store and auto, else null
   std::vector<Member> members_;
   std::array<const char*, kMaxMembers> names_{};
   std::size_t active_ = 0;
+  std::size_t follower_ = kNobody;     ///< the member that the store belongs to
+  std::size_t remembering_ = kNobody;  ///< the member that uses PathTerms
+  std::size_t places_ = kNobody;       ///< the member that tells contact points apart
   ChoiceReason reason_ = ChoiceReason::kFirst;
   ToolHistory history_;
+  std::unique_ptr<ToolHistory> force_history_;  ///< of the felt force; null where none needs it
 
   std::array<Queued, kQueueLength> queue_{};
   std::uint64_t taken_ = 0;   ///< samples queued so far
   std::uint64_t scored_ = 0;  ///< samples whose errors are in the scores
-  std::uint64_t samples_skipped_ = 0;
+  NamedCounter passed_over_{"samples_passed_over", 0};
 
   std::uint64_t contact_ = 0;  ///< contacts made so far
   bool in_contact_ = false;
@@ -222,7 +268,12 @@ class KrigingMethod final : public ForceMethod {
   bool contact_sampled_ = false;  ///< the felt field has taken a sample of this contact
   std::uint64_t first_of_contact_ = 0;
   Eigen::Vector3d origin_W_ = Eigen::Vector3d::Zero();
+  double contact_s_ = -1e300;   ///< when the contact began
   double expected_s_ = -1e300;  ///< when the contact was last expected
+  int answers_before_ = 0;      ///< that came for the contact that is expected
+  bool young_scored_ = false;
+  bool risen_from_ = false;  ///< newest_force_N_ is of this contact
+  Eigen::Vector3d newest_force_N_ = Eigen::Vector3d::Zero();
   double newest_sample_s_ = -1e300;
   Eigen::Vector3d newest_sample_W_ = Eigen::Vector3d::Zero();
 

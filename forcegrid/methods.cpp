@@ -63,7 +63,8 @@ std::unique_ptr<ForceMethod> if_allocated(std::unique_ptr<Method> method) {
 
 template <KrigingMethod::Kind kKind>
 std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
-  check_kriging(options, kKind == KrigingMethod::Kind::kStore);
+  check_kriging(options,
+                kKind == KrigingMethod::Kind::kStore || kKind == KrigingMethod::Kind::kAuto);
   return if_allocated(std::make_unique<KrigingMethod>(kKind, options));
 }
 
@@ -84,6 +85,7 @@ std::unique_ptr<ForceMethod> kriging_grid(const MethodOptions& options) {
 }
 
 constexpr NamedMethod kMethods[] = {
+    {"auto", kriging<KrigingMethod::Kind::kAuto>},
     {"forcegrid", on_a_grid<GridMethodKind::kSilent>},
     {"forcegrid+request", on_a_grid<GridMethodKind::kRequest>},
     {"forcegrid-mls", on_a_grid<GridMethodKind::kMls>},

@@ -9,6 +9,9 @@
 
 namespace forcegrid {
 
+/// What is rendered unless another method is asked for.
+inline constexpr char kDefaultMethod[] = "auto";
+
 /// Names that make_force_method knows, in the order in which people should meet them.
 const std::vector<std::string>& method_names();
 

@@ -5,6 +5,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "forcegrid/methods.h"
 #include "stability/scenes.h"
 
 namespace forcegrid::stability {
@@ -315,8 +316,8 @@ LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed
 
 const std::vector<std::string>& chart_methods() {
   static const std::vector<std::string> names = {
-      kExact,    "hold",      "linear",        "broyden", "rls",
-      "tangent", "forcegrid", "forcegrid-mls", "kriging", "kriging-bank"};
+      kExact,      "hold",          "linear",  "broyden",      "rls",         "tangent",
+      "forcegrid", "forcegrid-mls", "kriging", "kriging-bank", kDefaultMethod};
   return names;
 }
 

@@ -79,7 +79,7 @@ struct CaseSelection {
 /// The names in `part`, in the order of the chart.
 const std::vector<std::string>& chart_parts();
 
-/// exact, hold, linear, broyden, rls, tangent, forcegrid, forcegrid-mls, kriging, kriging-bank.
+/// exact, hold, linear, broyden, rls, tangent, forcegrid, forcegrid-mls, kriging, kriging-bank, auto.
 const std::vector<std::string>& chart_methods();
 
 /// All cells of the chart, exact ones first.

@@ -130,6 +130,9 @@ TEST(JudgeVisits, FindsKrigingContactRightFromTheFirstTouchAndHoldNot) {
   EXPECT_LT(asking.errors.first_contact.first_67ms_percent, 0.5);
   EXPECT_LT(asking.errors.unknown_places.first_67ms_percent, 0.5);
   EXPECT_LT(asking.errors.returns.first_67ms_percent, 0.3);
+  const VisitsVerdict best = judged("auto", 0.0);
+  EXPECT_LT(best.errors.returns.first_67ms_percent, 0.3);
+  EXPECT_LT(best.errors.unknown_places.first_67ms_percent, 5.0);
 }
 
 }  // namespace

@@ -9,70 +9,14 @@
 
 #include "forcegrid/kriging_method.h"
 #include "forcegrid/methods.h"
-#include "tests/forcegrid/kriging_support.h"
+#include "tests/forcegrid/kriging_contacts.h"
 
 namespace forcegrid {
 namespace {
 
 using Eigen::Vector3d;
-using testing::AnchoredSprings;
-using testing::HandMotion;
+using namespace testing;
 using Kind = KrigingMethod::Kind;
-
-constexpr unsigned kSeed = 3;
-constexpr int kAllWork = 1 << 30;
-const Vector3d kPlace_W(0.08, 0.06, 0.05);
-
-// Twice as stiff 20 mm further along x.
-Vector3d force_N(const Vector3d& point_W, const Vector3d& d_m) {
-  static const AnchoredSprings springs(kSeed);
-  return (1.0 + (point_W.x() - kPlace_W.x()) / 0.020) * springs.force_N(d_m);
-}
-
-Sample sample_at(double time_s, const Vector3d& point_W, const Vector3d& d_m) {
-  Sample sample;
-  sample.time_s = time_s;
-  sample.position_W = point_W + d_m;
-  sample.contact_point_W = point_W;
-  sample.force_W = force_N(point_W, d_m);
-  return sample;
-}
-
-Sample answer_at(double time_s, const Vector3d& point_W, const Vector3d& wanted_W) {
-  Sample answer = sample_at(time_s, point_W, wanted_W - point_W);
-  answer.from_query = true;
-  answer.before_contact = true;
-  return answer;
-}
-
-void work(ForceMethod& method) {
-  while (method.work(kAllWork) > 0) {
-  }
-}
-
-// A second of contact, samples at 30 Hz.
-void hold(ForceMethod& method, std::uint32_t epoch, const Vector3d& point_W, double begin_s) {
-  const HandMotion hand(kSeed + epoch);
-  method.contact_made(epoch, point_W);
-  for (int i = 1; i <= 30; ++i) {
-    method.take_sample(sample_at(begin_s + i / 30.0, point_W, hand.position_m(i / 30.0)));
-    work(method);
-  }
-  method.contact_lost();
-}
-
-// RMS, of the RMS of the true force, within some 8 mm of the point.
-double error_before_the_first_sample(ForceMethod& method, const Vector3d& point_W) {
-  double squares_N2 = 0.0;
-  double truth_N2 = 0.0;
-  for (int i = 0; i < 200; ++i) {
-    const Vector3d d_m = 0.7 * HandMotion(kSeed + 9).position_m(0.01 * i);
-    const Vector3d truth_N = force_N(point_W, d_m);
-    squares_N2 += (method.force(100.0, point_W + d_m).force_W - truth_N).squaredNorm();
-    truth_N2 += truth_N.squaredNorm();
-  }
-  return std::sqrt(squares_N2 / truth_N2);
-}
 
 TEST(KrigingContact, IsRightAtAKnownPlaceFromTheFirstCycleOfAContact) {
   double error[2];

@@ -287,20 +287,20 @@ TEST(KrigingMethods, LetTheBankFindTheMemberThatKnowsDamping) {
   EXPECT_LT(play.error_after_1s, 0.025);
 }
 
-TEST(KrigingMethods, LetTheBankDoItsWorkPieceByPiece) {
+void expect_work_piece_by_piece(Kind kind) {
   const AnchoredSprings object(kSeed);
   Play at_once = hand_on(object);
   Play in_pieces = hand_on(object);
   in_pieces.work_budget = 1;
-  KrigingMethod first(Kind::kBank, {});
-  KrigingMethod second(Kind::kBank, {});
+  KrigingMethod first(kind, {});
+  KrigingMethod second(kind, {});
   at_once.run(first);
   in_pieces.run(second);
   EXPECT_EQ(second.samples_skipped(), 0u);
   EXPECT_LT(in_pieces.error_after_1s, 1.5 * at_once.error_after_1s + 1e-4);
 
   // One call does one piece: the felt member answers after the first, the others follow.
-  KrigingMethod bank(Kind::kBank, {});
+  KrigingMethod bank(kind, {});
   bank.contact_made(1, Vector3d::Zero());
   bank.observe(0.0, Vector3d::Zero());
   Sample sample;
@@ -320,6 +320,8 @@ TEST(KrigingMethods, LetTheBankDoItsWorkPieceByPiece) {
   EXPECT_EQ(calls, bank.member_count());
 }
 
+TEST(KrigingMethods, LetTheBankDoItsWorkPieceByPiece) { expect_work_piece_by_piece(Kind::kBank); }
+
 TEST(KrigingMethods, CountSamplesThatABankWithoutTimePassesOver) {
   KrigingMethod bank(Kind::kBank, {});
   bank.contact_made(1, Vector3d::Zero());
@@ -332,6 +334,9 @@ TEST(KrigingMethods, CountSamplesThatABankWithoutTimePassesOver) {
     bank.work(1);
   }
   EXPECT_GT(bank.samples_skipped(), 0u);
+  ASSERT_EQ(bank.counters().size(), 1u);
+  EXPECT_STREQ(bank.counters()[0].name, "samples_passed_over");
+  EXPECT_EQ(bank.counters()[0].value, bank.samples_skipped());
   // The felt member has seen them all.
   EXPECT_NEAR(bank.force(1.0, Vector3d(0.0099, 0, 0)).force_W.x(), -1.98, 0.01);
 }

@@ -71,7 +71,8 @@ class PlainStore {
       return SampleStore::Admission::kAdded;
     }
     if (std::max(distance_m(nearest->first_m, nearest->first_N),
-                 distance_m(nearest->position_m, nearest->force_N)) < 0.3 * settings.spacing.metres) {
+                 distance_m(nearest->position_m, nearest->force_N)) <
+        0.3 * settings.spacing.metres) {
       nearest->position_m = position_m;
       nearest->force_N = force;
       return SampleStore::Admission::kReplaced;

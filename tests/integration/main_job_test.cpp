@@ -74,7 +74,7 @@ TEST(MainJob, FeelsTheSmallBlockAndSaysHowItWent) {
   }
   EXPECT_NEAR(summary.at("period_us").at("p50").get<double>(), 2000.0, 100.0);
   EXPECT_TRUE(summary.at("realtime_scheduling").is_boolean());
-  EXPECT_EQ(summary.at("method"), "kriging-bank");
+  EXPECT_EQ(summary.at("method"), "auto");
   EXPECT_EQ(summary.at("faults"), json::array());
   EXPECT_GT(summary.at("samples_received").get<int>(), 100);
   EXPECT_EQ(summary.at("samples_rejected").get<int>(), 0);
@@ -88,8 +88,8 @@ TEST(MainJob, FeelsTheSmallBlockAndSaysHowItWent) {
     EXPECT_GT(error, 0.1) << method;
     EXPECT_LT(error, 60.0) << method;
   }
-  EXPECT_GT(summary.at("rms_error_percent").at("kriging-bank").get<double>(), 0.0);
-  EXPECT_LT(summary.at("rms_error_percent").at("kriging-bank").get<double>(),
+  EXPECT_GT(summary.at("rms_error_percent").at("auto").get<double>(), 0.0);
+  EXPECT_LT(summary.at("rms_error_percent").at("auto").get<double>(),
             0.5 * summary.at("rms_error_percent").at("hold").get<double>());
   EXPECT_EQ(summary.at("truth"), "computed");
   EXPECT_EQ(summary.at("truth_details").at("unconverged"), 0);

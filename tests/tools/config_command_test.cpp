@@ -145,7 +145,7 @@ TEST(Config, PrintsAFileThatItReads) {
   const json again = key_of({"--config", file}, "run.cells");
   EXPECT_EQ(again.at("from"), "file");
   EXPECT_EQ(again.at("value"), json({49, 49, 49}));
-  EXPECT_EQ(key_of({"--config", file}, "run.method").at("value"), "kriging-bank");
+  EXPECT_EQ(key_of({"--config", file}, "run.method").at("value"), "auto");
 }
 
 TEST(Config, EveryNumberSaysItsUnitOrCountsNothing) {
