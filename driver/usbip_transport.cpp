@@ -463,6 +463,13 @@ class UsbipTransport final : public BulkTransport {
                     : "; update the USB/IP server or use another one");
   }
 
+  /// Whether it is seen first on the way there or on the way back is chance.
+  static std::string why_no_more(const char* doing) {
+    return errno == EPIPE || errno == ECONNRESET
+               ? "the server closed the connection"
+               : doing + (": " + std::string(std::strerror(errno)));
+  }
+
   bool send_all(std::span<const std::uint8_t> bytes, rt::TimePoint deadline) noexcept {
     while (!bytes.empty()) {
       const ssize_t sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
@@ -474,7 +481,7 @@ class UsbipTransport final : public BulkTransport {
           return false;
         }
       } else if (sent >= 0 || errno != EINTR) {
-        fail(TransportStatus::kDisconnected, std::string("send: ") + std::strerror(errno));
+        fail(TransportStatus::kDisconnected, why_no_more("send"));
         return false;
       }
     }
@@ -496,7 +503,7 @@ class UsbipTransport final : public BulkTransport {
           return false;
         }
       } else if (errno != EINTR) {
-        fail(TransportStatus::kDisconnected, std::string("receive: ") + std::strerror(errno));
+        fail(TransportStatus::kDisconnected, why_no_more("receive"));
         return false;
       }
     }
@@ -612,7 +619,7 @@ class UsbipTransport final : public BulkTransport {
           return;
         }
       } else if (errno != EINTR) {
-        fail(TransportStatus::kDisconnected, std::string("receive: ") + std::strerror(errno));
+        fail(TransportStatus::kDisconnected, why_no_more("receive"));
       }
     }
   }
