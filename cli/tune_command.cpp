@@ -220,6 +220,11 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->check(CLI::Range(0.0, 100.0))
       ->type_name("FLOAT %")
       ->capture_default_str();
+  tune.add_option("--compute-percent", o.compute_percent,
+                  "Tolerated compute time of a cycle at the 99th percentile, of the period")
+      ->check(CLI::Range(0.1, 1e6))
+      ->type_name("FLOAT %")
+      ->capture_default_str();
   tune.add_option("--out", o.out, "Folder for tuning.csv, .svg and .png")->capture_default_str();
   tune.add_flag("--write", o.write, "Write the proposal into the user's configuration")
       ->configurable(false);
@@ -255,7 +260,8 @@ int tune_command(const TuneOptions& options) {
     }
     std::fflush(out);
   }
-  const tools::TuningTolerance tolerance{options.error_percent, options.missed_percent};
+  const tools::TuningTolerance tolerance{options.error_percent, options.missed_percent,
+                                         0.01 * options.compute_percent};
   const tools::TuningChoice choice = tools::choose(rows, tolerance);
   const std::vector<std::string> files = tools::draw_tuning(options.out, rows, choice);
   std::fprintf(out, "%s\n", choice.reason.c_str());

@@ -23,6 +23,7 @@ struct TuneOptions {
   double time_s = 300.0;
   double error_percent = 5.0;
   double missed_percent = 0.1;
+  double compute_percent = 50.0;
   std::string out = "out";
   bool write = false;
   JsonTarget json;

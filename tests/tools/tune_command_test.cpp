@@ -27,7 +27,7 @@ TEST(TuneCommand, ProposesTheCheapestMethodThatIsGoodEnoughAndWritesIt) {
   setenv("XDG_CONFIG_HOME", folder.c_str(), 1);
   Program tune = Program::forcegrid({"tune", "--methods", "hold;rls", "--rates", "250", "--time",
                                      "20", "--error-percent", "2", "--missed-percent", "100",
-                                     "--out", folder, "--write", "--json"});
+                                     "--compute-percent", "1e6", "--out", folder, "--write", "--json"});
   ASSERT_EQ(tune.wait(kTimeout), 0) << tune.standard_error();
   const json result = json::parse(tune.standard_output());
   EXPECT_EQ(result.at("settings").size(), 2u);
