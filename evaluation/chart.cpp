@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "evaluation/chart_plan.h"
 #include "evaluation/chart_rows.h"
 #include "evaluation/network.h"
 #include "evaluation/scenarios.h"
@@ -24,184 +25,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr char kDirect[] = "direct";
 constexpr double kComparedEvery_s = 0.1;
 constexpr int kRandomComparisons = 60;
 constexpr double kLargestDifference_percent = 0.1;
 constexpr double kTouchKnown_s = 0.2;
 // Raise when what a row means changes.
 constexpr std::uint64_t kRowVersion = 2;
-
-// Variants of methods that a chart shows beside the methods as they are.
-constexpr const char* kVariants[] = {
-    "forcegrid unit=m",      "forcegrid unit=cells",     "forcegrid s=10",
-    "forcegrid weight=idw6", "forcegrid r=6mm",          "forcegrid read=tricubic",
-    "forcegrid cells=99",    "forcegrid storage=blocks", "forcegrid storage=adaptive",
-    "forcegrid+request s=3", "forcegrid-mls ridge=1e-3", "forcegrid-tangent weight=paper",
-    "kriging nug=1e-6",      "kriging nug=1e-4"};
-
-// Of scenes with walls or alterations.
-const std::vector<std::string> kHardMotions{"chirp", "lissajous", "random"};
-const std::vector<std::string> kHardConditions{"ideal", "stiffness", "requests120"};
-const std::vector<std::string> kQuickScenes{"small", "small+wall_flat", "small+viscous",
-                                            "small+cut"};
-const std::vector<std::string> kQuickHardMotions{"random"};
-const std::vector<std::string> kQuickHardConditions{"ideal"};
-const std::vector<std::string> kQuickTrajectories{"chirp", "lissajous", "random",
-                                                  "poke",  "regrab",    "circle"};
-const std::vector<std::string> kQuickConditions{"ideal", "stiffness", "delay100", "requests120"};
-
-MethodOptions base_options() {
-  MethodOptions options;
-  options.grid.max_W = {0.16, 0.12, 0.12};
-  options.grid.cells.setConstant(49);
-  return options;
-}
-
-struct Method {
-  std::string text;
-  bool direct = false;
-  MethodNeeds needs;
-};
-
-// Makes a method to see that it can be made, and what it needs.
-Method method_of(const std::string& text) {
-  if (text == kDirect) {
-    return {text, true, {}};
-  }
-  const MethodVariant variant = parse_method_variant(text, base_options());
-  return {variant.text, false, make_force_method(variant.name, variant.options)->needs()};
-}
-
-struct Plan {
-  std::vector<std::string> scenes;
-  std::vector<std::string> trajectories;
-  std::vector<std::string> conditions;
-  std::vector<Method> methods;
-  std::vector<NotRun> not_run;
-};
-
-bool contains(const std::vector<std::string>& names, const std::string& name) {
-  return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-template <typename Check>
-std::vector<std::string> selected(const std::vector<std::string>& asked,
-                                  const std::vector<std::string>& otherwise, const Check& check) {
-  std::vector<std::string> names;
-  for (const std::string& name : asked.empty() ? otherwise : asked) {
-    check(name);
-    if (!contains(names, name)) {
-      names.push_back(name);
-    }
-  }
-  return names;
-}
-
-void check_motion(const std::string& name) {
-  if (name != kVisits) {
-    Trajectory{name};
-  }
-}
-
-bool is_hard(const ChartScene& scene) { return scene.name != scene.object; }
-
-// What is left out of hard scenes unless it is asked for.
-bool taken(const ChartOptions& options, const ChartScene& scene, const std::string& motion,
-           const std::string& condition) {
-  if (!is_hard(scene)) {
-    return true;
-  }
-  return (!options.trajectories.empty() ||
-          contains(options.quick ? kQuickHardMotions : kHardMotions, motion)) &&
-         (!options.conditions.empty() ||
-          contains(options.quick ? kQuickHardConditions : kHardConditions, condition));
-}
-
-Plan plan_of(const ChartOptions& options) {
-  std::vector<std::string> scenes;
-  for (const ChartScene& scene : chart_scenes()) {
-    scenes.push_back(scene.name);
-  }
-  for (const ChartScene& scene : hard_scenes()) {
-    if (scene.object == chart_scenes().back().object) {
-      scenes.push_back(scene.name);
-    }
-  }
-  std::vector<std::string> conditions;
-  for (const NetworkCondition& condition : network_conditions()) {
-    conditions.push_back(condition.name);
-  }
-  Plan plan;
-  plan.scenes = selected(options.scenes, options.quick ? kQuickScenes : scenes,
-                         [](const std::string& name) { chart_scene(name); });
-  plan.trajectories =
-      selected(options.trajectories, options.quick ? kQuickTrajectories : chart_motions(),
-               [](const std::string& name) { check_motion(name); });
-  plan.conditions = selected(options.conditions, options.quick ? kQuickConditions : conditions,
-                             [](const std::string& name) { network_condition(name); });
-  const auto add = [&plan](const Method& method) {
-    if (std::none_of(plan.methods.begin(), plan.methods.end(),
-                     [&method](const Method& each) { return each.text == method.text; })) {
-      plan.methods.push_back(method);
-    }
-  };
-  for (const std::string& text : options.methods) {
-    add(method_of(text));
-  }
-  if (options.methods.empty()) {
-    std::vector<std::string> texts = default_chart_methods();
-    texts.push_back(options.default_method);
-    for (const std::string& text : texts) {
-      try {
-        add(method_of(text));
-      } catch (const std::invalid_argument& error) {
-        plan.not_run.push_back({text, error.what()});
-      }
-    }
-  }
-  return plan;
-}
-
-// Visits come with requests or stiffness, and over a network that does nothing else.
-bool can_visit(const ChartScene& scene, const NetworkCondition& condition) {
-  return !is_hard(scene) &&
-         contains({"ideal", "stiffness", "requests30", "requests60", "requests120"},
-                  condition.name);
-}
-
-// Whether a method is judged under a condition and on a trajectory; null: on visits.
-bool applies(const Method& method, const ChartScene& scene, const NetworkCondition& condition,
-             const Trajectory* motion) {
-  if (motion == nullptr && (method.direct || !can_visit(scene, condition))) {
-    return false;
-  }
-  if (method.direct) {
-    const Trajectory& trajectory = *motion;
-    if (trajectory.is_exploration()) {
-      return false;  // the large object is made of tables; there is no mesh of it
-    }
-    // The table stands for an object that is alike all over; a real one isn't. Nor does the
-    // mesh know walls.
-    const bool same_everywhere = std::all_of(
-        trajectory.contacts().begin(), trajectory.contacts().end(), [](const ContactSpan& span) {
-          return span.force_factor == 1.0 && span.point_W == first_contact_point_W();
-        });
-    return condition.name == "ideal" && same_everywhere && !is_hard(scene);
-  }
-  return (condition.stiffness || !method.needs.stiffness) &&
-         (condition.requests_per_s > 0.0 || !method.needs.requests);
-}
-
-std::unique_ptr<ForceMethod> make(const Method& method, const simulator::SpringMesh& mesh) {
-  if (method.direct) {
-    simulator::DirectOptions options;
-    options.grab_on_own_thread = false;  // a recording doesn't wait for a thread
-    return std::make_unique<simulator::DirectMethod>(mesh, options);
-  }
-  const MethodVariant variant = parse_method_variant(method.text, base_options());
-  return make_force_method(variant.name, variant.options);
-}
 
 std::string row_key(const ChartOptions& options, const std::string& scene,
                     const std::string& table_key, const std::string& trajectory,
@@ -326,7 +155,7 @@ double rms_error_percent_from(double begin_s, const Trace& trace, const Verdict&
 }
 
 ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Trace& trace,
-                   JudgeOptions judging, const Method& method) {
+                   JudgeOptions judging, const ChartMethod& method) {
   const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
   judging.keep_forces = trajectory.is_closed_loop() || trajectory.is_exploration() ||
                         !object.scene.extras.walls.empty();
@@ -363,7 +192,7 @@ ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Tra
 }
 
 ChartRow judge_visits_row(const Object& object, const NetworkCondition& condition,
-                          const Method& method, std::uint64_t seed) {
+                          const ChartMethod& method, std::uint64_t seed) {
   const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
   VisitsOptions visiting;
   visiting.servo_rate_Hz = kChartServoRate_Hz;
@@ -413,38 +242,18 @@ struct Job {
   std::size_t scene;
   std::size_t trajectory;
   const NetworkCondition* condition;
-  const Method* method;
+  const ChartMethod* method;
   std::string key;
 };
 
 }  // namespace
-
-std::vector<std::string> default_chart_methods() {
-  std::vector<std::string> texts;
-  for (const std::string& name : method_names()) {
-    texts.push_back(name);
-    for (const std::string variant : kVariants) {
-      if (variant.substr(0, variant.find(' ')) == name) {
-        texts.push_back(variant);
-      }
-    }
-  }
-  texts.emplace_back(kDirect);
-  return texts;
-}
-
-std::vector<std::string> chart_motions() {
-  std::vector<std::string> names = trajectory_names();
-  names.emplace_back(kVisits);
-  return names;
-}
 
 Chart make_chart(const ChartOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto elapsed_s = [&start] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
-  const Plan plan = plan_of(options);
+  const ChartPlan plan = plan_of(options);
   RowStore store(options.out, options.program);
   Chart chart;
   chart.not_run = plan.not_run;
@@ -470,7 +279,7 @@ Chart make_chart(const ChartOptions& options) {
     for (std::size_t trajectory = 0; trajectory < trajectories.size(); ++trajectory) {
       for (const std::string& name : plan.conditions) {
         const NetworkCondition& condition = network_condition(name);
-        for (const Method& method : plan.methods) {
+        for (const ChartMethod& method : plan.methods) {
           if (taken(options, objects[scene].scene, plan.trajectories[trajectory], name) &&
               applies(method, objects[scene].scene, condition,
                       trajectories[trajectory] ? &*trajectories[trajectory] : nullptr)) {
@@ -553,7 +362,7 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
                     const std::vector<std::string>& methods) {
   const NetworkCondition& condition = network_condition(condition_name);
   const Trajectory trajectory(trajectory_name, options.seed);
-  std::vector<Method> parsed;
+  std::vector<ChartMethod> parsed;
   for (const std::string& text : methods) {
     parsed.push_back(method_of(text));
   }
@@ -563,7 +372,7 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
   ChartTrace result;
   result.trace =
       make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, extras);
-  for (const Method& method : parsed) {
+  for (const ChartMethod& method : parsed) {
     check_stop(options);
     JudgeOptions judging =
         judge_options(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, extras);

@@ -7,60 +7,19 @@
 namespace forcegrid {
 namespace {
 
-constexpr double kScoreKept = 0.85;
-constexpr double kHysteresis = 0.9;
-// The member that finds walls. Squared errors of it against those of the best other: a proof, a
-// disproof (unless it is some mN), and what its score counts for.
-constexpr double kProof = 0.1;
-constexpr double kDisproof = 4.0;
-constexpr double kDisproof_N2 = 1e-3;
-constexpr int kProofs = 2;
-constexpr double kProvenWalls = 0.05;
-constexpr double kCalmWalls = 0.2;
-constexpr double kCalm = 0.17;    // of its samples are surprises: the first in half a second
-constexpr double kTrusted = 0.1;  // its score, before a surprise that it alone explains
-constexpr double kHandOver_s = 0.010;
-
 // The first instants of a contact, and the force that tells something about them: at the very
 // first there is none, whatever the object.
 constexpr double kYoung_s = 0.3;
 constexpr double kFelt_N = 0.1;
-constexpr double kYoungScoreKept = 0.97;
-constexpr int kEnoughAnswers = 4;
-const Eigen::Vector3d kProbe_m(0.0, 0.0, 0.004);
-constexpr double kKnownPlace_N = 0.15;
-constexpr double kNoWorse = 2.0;
 
-// What was learnt long ago: doubtful for so long after a surprise; worth it where the deviation of
-// what is felt is larger by so much.
-constexpr double kOutdated = 0.01;  // of the last samples were surprises
-constexpr double kRemembersMore = 3.0;
-constexpr double kRemembersMore_N = 0.01;
-
-constexpr double kSpecialist = 3.0;
 constexpr double kUnfinished = 0.01;  // relative residual
 constexpr double kNextPeriods = 1.6;  // a sample later than this has lost the one before it
-constexpr double kNotTaken_N2 = std::numeric_limits<double>::max();
 
 // Beyond this distance from every sample the force is unknown.
 constexpr double kUnknown_m = 0.090;
 
-// Requests: not twice within this time and distance, the nearer the better.
-constexpr double kAskAgain_s = 0.3;
-constexpr double kAskApart_m = 0.003;
-constexpr double kAskReach_m = 0.012;
-constexpr double kAskFurthest_m = 0.015;
-constexpr double kAskBeside_m = 0.006;
-
-// Before contact: the expectation holds for this long unless it is told again, and for places that
-// differ by no more than this. Displacements to ask for, the surface's normal being z.
-constexpr double kExpected_s = 0.1;
+// An expected contact is another one for places that differ by more than this.
 constexpr double kExpectedApart_m = 0.002;
-constexpr double kAskBefore_m[][3] = {
-    {0.0, 0.0, 0.004},      {0.0, 0.0, 0.012},      {0.005, 0.0, 0.006},     {-0.005, 0.0, 0.006},
-    {0.0, 0.005, 0.006},    {0.0, -0.005, 0.006},   {0.0, 0.0, 0.018},       {0.005, 0.005, 0.012},
-    {-0.005, 0.005, 0.012}, {0.005, -0.005, 0.012}, {-0.005, -0.005, 0.012}, {0.0, 0.0, 0.008},
-    {0.0, 0.0, -0.004}};
 
 constexpr double kLeastAhead_m = 1e-3;  // for the slope of the uncertainty
 
@@ -237,35 +196,6 @@ void KrigingMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d&
   update_uncertainty();
 }
 
-// Before anything of a contact is known.
-void KrigingMethod::choose_for_contact() noexcept {
-  if (places_ == kNobody || members_.size() == 1) {
-    return;
-  }
-  double least_N2 = std::numeric_limits<double>::max();
-  for (Member& member : members_) {
-    if (young_scored_) {
-      member.score_N2 = member.young_score_N2;
-    }
-    least_N2 = std::min(least_N2, member.score_N2);
-  }
-  Member& places = members_[places_];
-  if (answers_before_ >= kEnoughAnswers) {
-    places.score_N2 = least_N2 / places.handicap;
-    hand_over(places_, ChoiceReason::kAskedBefore);
-  } else if (origin_known_ && places.field->sample_count() > 0 &&
-             places.score_N2 <= kNoWorse * least_N2 &&
-             places.field->deviation_N(kProbe_m, kriging::History::Zero()) < kKnownPlace_N) {
-    places.score_N2 = least_N2 / places.handicap;
-    hand_over(places_, ChoiceReason::kKnownPlace);
-  } else {
-    const std::size_t best = best_member();
-    if (best != active_) {
-      hand_over(best, ChoiceReason::kFirstTouches);
-    }
-  }
-}
-
 void KrigingMethod::contact_lost() noexcept {
   in_contact_ = false;
   contact_state_known_ = true;
@@ -372,16 +302,7 @@ int KrigingMethod::take_one(Member& member) noexcept {
   const kriging::Innovation innovation = member.field->take(observation);
   entry.scored = entry.scored && innovation.predicted;
   entry.error_N2[index] = innovation.error_N * innovation.error_N;
-  if (!observation.from_query) {
-    member.surprises =
-        kScoreKept * member.surprises + (innovation.surprised ? 1.0 - kScoreKept : 0.0);
-  }
-  if (member.finds_walls && innovation.explained && member.surprises < kCalm) {
-    entry.wall_found = true;
-    if (index != active_ && kTrusted * member.score_N2 < members_[active_].score_N2) {
-      hand_over(index, ChoiceReason::kFoundWall);
-    }
-  }
+  note(member, entry, innovation);
   if (&member == &members_[active_]) {
     ++fits_;
     if (innovation.surprised || std::abs(innovation.scale - 1.0) > kScaleChanged) {
@@ -397,101 +318,6 @@ int KrigingMethod::take_one(Member& member) noexcept {
   }
   const int rows = member.field->row_count();
   return 1 + rows * rows / 2;
-}
-
-// What a member's score counts for. One that has found walls is right where no other is: others
-// have to be better by far, and by more once it has been proven.
-double KrigingMethod::rating(const Member& member) const noexcept {
-  if (member.field->knows_walls() && member.proofs >= kProofs) {
-    return kProvenWalls * member.score_N2;
-  }
-  if (member.field->knows_walls() && member.surprises < kCalm) {
-    return kCalmWalls * member.score_N2;
-  }
-  const bool outdated = member.keeps_all && member.surprises > kOutdated;
-  return (outdated ? kSpecialist : member.handicap) * member.score_N2;
-}
-
-// The felt one unless another is clearly better.
-std::size_t KrigingMethod::best_member() const noexcept {
-  std::size_t best = active_;
-  double least = kHysteresis * rating(members_[active_]);
-  for (std::size_t i = 0; i < members_.size(); ++i) {
-    const double rated = rating(members_[i]);
-    if (rated < least) {
-      best = i;
-      least = rated;
-    }
-  }
-  return best;
-}
-
-// A wall is proven by samples that no member without it comes near to.
-void KrigingMethod::prove(Member& member, const Queued& entry) noexcept {
-  double others_N2 = std::numeric_limits<double>::max();
-  for (std::size_t i = 0; i < members_.size(); ++i) {
-    if (&members_[i] != &member) {
-      others_N2 = std::min(others_N2, entry.error_N2[i]);
-    }
-  }
-  const double own_N2 = entry.error_N2[static_cast<std::size_t>(&member - members_.data())];
-  if (!member.field->knows_walls() || own_N2 > kDisproof * others_N2 + kDisproof_N2) {
-    member.proofs = 0;
-  } else if (own_N2 < kProof * others_N2) {
-    ++member.proofs;
-  }
-}
-
-// Takes the errors of each sample into the scores once all members have seen it, so that they are
-// always compared over the same samples.
-void KrigingMethod::score() noexcept {
-  std::uint64_t seen = taken_;
-  for (const Member& member : members_) {
-    seen = std::min(seen, member.next);
-  }
-  for (; scored_ < seen; ++scored_) {
-    const Queued& entry = queued(scored_);
-    if (!entry.scored || entry.wall_found) {
-      continue;  // none could know that a wall was there
-    }
-    // One that had no use for the sample is taken to do as the felt one does.
-    const bool felt_took = entry.error_N2[active_] != kNotTaken_N2;
-    const double otherwise_N2 = entry.error_N2[felt_took ? active_ : 0];
-    for (std::size_t i = 0; i < members_.size(); ++i) {
-      Member& member = members_[i];
-      const double error_N2 = entry.error_N2[i] == kNotTaken_N2 ? otherwise_N2 : entry.error_N2[i];
-      member.score_N2 = kScoreKept * member.score_N2 + (1.0 - kScoreKept) * error_N2;
-      if (entry.young) {
-        member.young_score_N2 =
-            kYoungScoreKept * member.young_score_N2 + (1.0 - kYoungScoreKept) * error_N2;
-      }
-      if (member.finds_walls) {
-        prove(member, entry);
-      }
-    }
-    if (entry.young) {
-      young_scored_ = true;
-    }
-    const std::size_t best = best_member();
-    if (best != active_) {
-      hand_over(best, ChoiceReason::kPredictedBetter);
-    }
-  }
-}
-
-void KrigingMethod::hand_over(std::size_t member, ChoiceReason reason) noexcept {
-  if (observed_ && in_contact_ && contact_sampled_) {
-    const Eigen::Vector3d p = position_W_ - origin_W_;
-    const double left = std::exp(-(time_s_ - handed_over_s_) / kHandOver_s);
-    handed_over_N_ =
-        left * handed_over_N_ +
-        members_[active_].field->read(p, history_at(members_[active_], position_W_)).force_N -
-        members_[member].field->read(p, history_at(members_[member], position_W_)).force_N;
-    handed_over_s_ = time_s_;
-  }
-  active_ = member;
-  reason_ = reason;
-  update_uncertainty();
 }
 
 // Whether there may be something to bring in from the store.
@@ -517,24 +343,6 @@ int KrigingMethod::follow() noexcept {
     }
   }
   return 1 + field.row_count() * field.row_count() / 2;
-}
-
-// A tool that goes where the felt field knows little, but the store much: that is felt from now on,
-// as long as it foretells what comes.
-void KrigingMethod::remember_place() noexcept {
-  Member& memory = members_[follower_];
-  const Member& felt = members_[active_];
-  if (!memory.keeps_all || memory.surprises > kOutdated || felt.uses_history || felt.uses_terms ||
-      felt.field->knows_walls() || memory.score_N2 > kNoWorse * kNoWorse * felt.score_N2) {
-    return;
-  }
-  const Eigen::Vector3d ahead_m = followed_to_W_ - origin_W_;
-  const double known_N = memory.field->deviation_N(ahead_m, kriging::History::Zero());
-  if (felt.field->deviation_N(ahead_m, kriging::History::Zero()) >
-      std::max(kRemembersMore * known_N, kRemembersMore_N)) {
-    memory.score_N2 = std::min(memory.score_N2, 0.5 * felt.score_N2);
-    hand_over(follower_, ChoiceReason::kRemembers);
-  }
 }
 
 // A field that is not ready does not take the next sample: the budget is used up.
@@ -657,87 +465,6 @@ ForceEstimate KrigingMethod::force(double time_s,
     estimate.status = EstimateStatus::kPartlyKnown;
   }
   return estimate;
-}
-
-bool KrigingMethod::plan_request(double time_s, const Eigen::Vector3d& position_W,
-                                 Eigen::Vector3d& wanted_W) noexcept {
-  if (!origin_known_ || !std::isfinite(time_s) || !position_W.allFinite()) {
-    return false;
-  }
-  if (!in_contact_) {
-    return plan_before_contact(time_s, wanted_W);
-  }
-  const Member& member = members_[active_];
-  double best_N = 0.0;
-  const auto consider = [&](Eigen::Vector3d candidate_W) {
-    if (lattice_spacing_m_ > 0.0) {
-      const Eigen::Vector3d corner_W = origin_W_ + lattice_corner_m_;
-      candidate_W =
-          corner_W + lattice_spacing_m_ *
-                         ((candidate_W - corner_W) / lattice_spacing_m_).array().round().matrix();
-    }
-    if (asked_lately(time_s, candidate_W)) {
-      return;
-    }
-    const double near_m2 = (candidate_W - position_W).squaredNorm();
-    const double deviation_N =
-        member.field->deviation_N(candidate_W - origin_W_, history_at(member, candidate_W));
-    const double value_N = deviation_N * std::exp(-0.5 * near_m2 / (kAskReach_m * kAskReach_m));
-    if (deviation_N > kAsk_N && value_N > best_N) {
-      best_N = value_N;
-      wanted_W = candidate_W;
-    }
-  };
-  const double speed = velocity_W_.norm();
-  for (const double periods : {1.0, 2.0, 3.0}) {
-    const double ahead_m = std::min(periods * sample_period_s_ * speed, kAskFurthest_m);
-    if (ahead_m > 0.0) {
-      consider(position_W + ahead_m / speed * velocity_W_);
-    }
-  }
-  // Where the motion may turn to: one place around the tool a call.
-  const std::size_t around = next_around_++ % 6;
-  Eigen::Vector3d beside_W = position_W;
-  beside_W[static_cast<int>(around / 2)] += around % 2 == 0 ? kAskBeside_m : -kAskBeside_m;
-  consider(beside_W);
-  if (best_N <= 0.0) {
-    return false;
-  }
-  note_asked(time_s, wanted_W);
-  return true;
-}
-
-bool KrigingMethod::asked_lately(double time_s, const Eigen::Vector3d& candidate_W) const noexcept {
-  return std::any_of(asked_.begin(), asked_.end(), [&](const Asked& asked) {
-    return time_s - asked.time_s < kAskAgain_s &&
-           (candidate_W - asked.position_W).norm() < kAskApart_m;
-  });
-}
-
-void KrigingMethod::note_asked(double time_s, const Eigen::Vector3d& wanted_W) noexcept {
-  asked_[next_asked_] = {time_s, wanted_W};
-  next_asked_ = (next_asked_ + 1) % kAsked;
-}
-
-bool KrigingMethod::plan_before_contact(double time_s, Eigen::Vector3d& wanted_W) noexcept {
-  if (places_ == kNobody) {
-    return false;
-  }
-  const kriging::Field& field = *members_[places_].field;
-  if (!(time_s - expected_s_ < kExpected_s) || !field.ready()) {
-    return false;
-  }
-  for (const auto& displacement_m : kAskBefore_m) {
-    const Eigen::Vector3d d(displacement_m);
-    const Eigen::Vector3d candidate_W = origin_W_ + d;
-    if (!asked_lately(time_s, candidate_W) &&
-        field.deviation_N(d, kriging::History::Zero()) > kAsk_N) {
-      wanted_W = candidate_W;
-      note_asked(time_s, wanted_W);
-      return true;
-    }
-  }
-  return false;
 }
 
 }  // namespace forcegrid

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -171,6 +172,9 @@ class KrigingMethod final : public ForceMethod {
   static constexpr std::size_t kQueueLength = 32;
   static constexpr std::uint64_t kLongestBacklog = 8;
   static constexpr std::size_t kAsked = 16;
+  static constexpr double kHandOver_s = 0.010;
+  static constexpr double kExpected_s = 0.1;  ///< an expectation holds unless it is told again
+  static constexpr double kNotTaken_N2 = std::numeric_limits<double>::max();
   static constexpr std::size_t kNobody = kMaxMembers;
   // Lags 0 to 2 belong to the bank's first member with history, 3 to 5 to the others.
   static constexpr ToolHistory::TimeConstants kTimeConstants_s = {0.010, 0.100, 1.000,
@@ -224,6 +228,7 @@ class KrigingMethod final : public ForceMethod {
   Member* next_to_work() noexcept;
   int take_one(Member& member) noexcept;
   static bool takes(const Member& member, const Queued& entry) noexcept;
+  void note(Member& member, Queued& entry, const kriging::Innovation& innovation) noexcept;
   double rating(const Member& member) const noexcept;
   std::size_t best_member() const noexcept;
   void choose_for_contact() noexcept;
