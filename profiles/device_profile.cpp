@@ -3,17 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <numbers>
-#include <optional>
-#include <set>
-#include <string_view>
 
-#include "profiles/toml_parser.h"
+#include "profiles/data_folder.h"
+#include "profiles/toml_table.h"
 
 namespace forcegrid::profiles {
 namespace {
@@ -23,28 +18,9 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMaxUsbStringLength = 126;  // a string descriptor has 255 bytes at most
 constexpr std::array<const char*, 3> kJointNames = {"a (base)", "b (shoulder)", "c (elbow)"};
 
-std::string number_text(double value) {
-  std::string text(32, '\0');
-  const int length = std::snprintf(text.data(), text.size(), "%.9g", value);
-  text.resize(static_cast<std::size_t>(length));
-  return text;
-}
+using Range = NumberRange;
 
-[[noreturn]] void fail(const std::string& file, std::uint32_t line, const std::string& key,
-                       const std::string& problem, const std::string& remedy) {
-  throw ProfileError(file + ":" + std::to_string(line) + ": key '" + key + "': " + problem + "; " +
-                     remedy);
-}
-
-struct Range {
-  double min;
-  double max;
-  const char* words;
-};
-
-constexpr double kLargest = std::numeric_limits<double>::max();
-constexpr double kAboveZero = std::numeric_limits<double>::min();
-constexpr Range kAnyNumber{-kLargest, kLargest, "a finite number"};
+constexpr Range kAnyNumber{-kLargestNumber, kLargestNumber, "a finite number"};
 // The arms are table-top devices: a length of metres is a unit mistaken.
 constexpr Range kLength_m{1e-4, 2.0, "a length in metres from 0.0001 to 2"};
 constexpr Range kLinkLength_m{0.0, 2.0, "a length in metres from 0 to 2"};
@@ -83,194 +59,47 @@ constexpr Range kTorqueGain_per_Nm{1.0, 1e6, "a command for 1 N m from 1 to 1e6"
 constexpr Range kHandMass_kg{1e-3, 20.0, "a mass in kilograms from 0.001 to 20"};
 constexpr Range kHandDamping_N_s_per_m{0.0, 1e4, "a damping in N s/m from 0 to 1e4"};
 
-/// One table of the file: knows its keys, so that an unknown or missing one is an error that names
-/// its line.
-class Table {
- public:
-  Table(const toml::table& table, std::string file, std::string path,
-        std::initializer_list<const char*> keys)
-      : table_(table), file_(std::move(file)), path_(std::move(path)) {
-    std::string known;
-    for (const char* key : keys) {
-      known += (known.empty() ? "" : ", ") + std::string(key);
-    }
-    for (const auto& [key, node] : table_) {
-      if (std::none_of(keys.begin(), keys.end(),
-                       [&key = key](const char* name) { return key.str() == name; })) {
-        fail(file_, key.source().begin.line, full(key.str()),
-             node.is_table() ? "unknown table" : "unknown key", "write one of: " + known);
-      }
+using Table = TomlTable;
+
+std::string usb_string(const Table& table, const char* key) {
+  const std::string value = table.text(key, kMaxUsbStringLength);
+  const auto odd =
+      std::find_if(value.begin(), value.end(), [](char c) { return c < ' ' || c > '~'; });
+  if (odd != value.end()) {
+    table.refuse(key, "byte " + std::to_string(odd - value.begin() + 1) + " is no printable ASCII",
+                 "write letters, digits, punctuation and spaces of ASCII only");
+  }
+  return value;
+}
+
+Axes whole_axes(const Table& table, const char* key, std::int64_t min, std::int64_t max) {
+  const std::vector<std::int64_t> whole = table.integers(key, 3, min, max);
+  Axes result{};
+  std::transform(whole.begin(), whole.end(), result.begin(),
+                 [](std::int64_t value) { return static_cast<double>(value); });
+  return result;
+}
+
+Axes signs(const Table& table, const char* key) {
+  const Axes result = table.axes(key, kAnyNumber);
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (result[i] != 1.0 && result[i] != -1.0) {
+      table.refuse(key,
+                   number_text(result[i]) + " in place " + std::to_string(i + 1) + " is no sign",
+                   "write 1 or -1");
     }
   }
+  return result;
+}
 
-  std::uint32_t line_of(std::string_view key) const {
-    const toml::node* node = table_.get(key);
-    return node != nullptr ? node->source().begin.line : table_line();
-  }
-
-  Table table(const char* key, std::initializer_list<const char*> keys) const {
-    const toml::table* inner = required(key, "a table [" + full(key) + "]").as_table();
-    if (inner == nullptr) {
-      refuse(key, "it is not a table", "write a table [" + full(key) + "]");
-    }
-    return Table(*inner, file_, full(key), keys);
-  }
-
-  std::string text(const char* key, std::size_t max_length = 1000) const {
-    const auto* value = required(key, "a string").as_string();
-    if (value == nullptr) {
-      refuse(key, "wrong type", "write a string in quotes");
-    }
-    if (value->get().empty() || value->get().size() > max_length) {
-      refuse(key, "it has " + std::to_string(value->get().size()) + " characters",
-             "write a string of 1 to " + std::to_string(max_length) + " characters");
-    }
-    return value->get();
-  }
-
-  std::string usb_string(const char* key) const {
-    const std::string value = text(key, kMaxUsbStringLength);
-    const auto odd =
-        std::find_if(value.begin(), value.end(), [](char c) { return c < ' ' || c > '~'; });
-    if (odd != value.end()) {
-      refuse(key, "byte " + std::to_string(odd - value.begin() + 1) + " is no printable ASCII",
-             "write letters, digits, punctuation and spaces of ASCII only");
-    }
-    return value;
-  }
-
-  bool flag(const char* key) const {
-    const auto* value = required(key, "true or false").as_boolean();
-    if (value == nullptr) {
-      refuse(key, "wrong type", "write true or false");
-    }
-    return value->get();
-  }
-
-  double number(const char* key, const Range& range) const {
-    return number_of(required(key, range.words), key, range, "");
-  }
-
-  std::int64_t integer(const char* key, std::int64_t min, std::int64_t max) const {
-    return integer_of(required(key, integer_words(min, max)), key, min, max, "");
-  }
-
-  Axes axes(const char* key, const Range& range) const {
-    const std::string words = std::string("three times ") + range.words;
-    const toml::array& array = array_of(key, 3, words);
-    Axes result{};
-    for (std::size_t i = 0; i < 3; ++i) {
-      result[i] = number_of(array[i], key, range, " in place " + std::to_string(i + 1));
-    }
-    return result;
-  }
-
-  Axes whole_axes(const char* key, std::int64_t min, std::int64_t max) const {
-    const toml::array& array = array_of(key, 3, "three times " + integer_words(min, max));
-    Axes result{};
-    for (std::size_t i = 0; i < 3; ++i) {
-      result[i] = static_cast<double>(
-          integer_of(array[i], key, min, max, " in place " + std::to_string(i + 1)));
-    }
-    return result;
-  }
-
-  Axes signs(const char* key) const {
-    const Axes result = axes(key, kAnyNumber);
-    for (std::size_t i = 0; i < 3; ++i) {
-      if (result[i] != 1.0 && result[i] != -1.0) {
-        refuse(key, number_text(result[i]) + " in place " + std::to_string(i + 1) + " is no sign",
-               "write 1 or -1");
-      }
-    }
-    return result;
-  }
-
-  std::array<int, 6> counters(const char* key) const {
-    constexpr std::int64_t kMin = std::numeric_limits<std::int16_t>::min();
-    constexpr std::int64_t kMax = std::numeric_limits<std::int16_t>::max();
-    const toml::array& array = array_of(key, 6, "six times " + integer_words(kMin, kMax));
-    std::array<int, 6> result{};
-    for (std::size_t i = 0; i < 6; ++i) {
-      result[i] = static_cast<int>(
-          integer_of(array[i], key, kMin, kMax, " in place " + std::to_string(i + 1)));
-    }
-    return result;
-  }
-
-  [[noreturn]] void refuse(const char* key, const std::string& problem,
-                           const std::string& remedy) const {
-    fail(file_, line_of(key), full(key), problem, remedy);
-  }
-
- private:
-  std::string full(std::string_view key) const {
-    return path_.empty() ? std::string(key) : path_ + "." + std::string(key);
-  }
-
-  std::uint32_t table_line() const { return std::max(table_.source().begin.line, 1U); }
-
-  const toml::node& required(const char* key, const std::string& what) const {
-    const toml::node* node = table_.get(key);
-    if (node == nullptr) {
-      fail(file_, table_line(), full(key), "missing", "write " + what);
-    }
-    return *node;
-  }
-
-  const toml::array& array_of(const char* key, std::size_t size, const std::string& words) const {
-    const auto* array = required(key, words + " in brackets").as_array();
-    if (array == nullptr) {
-      refuse(key, "wrong type", "write " + words + ", in brackets");
-    }
-    if (array->size() != size) {
-      refuse(key, "it has " + std::to_string(array->size()) + " elements",
-             "write " + words + ", in brackets");
-    }
-    return *array;
-  }
-
-  double number_of(const toml::node& node, const char* key, const Range& range,
-                   const std::string& place) const {
-    double value = 0.0;
-    if (const auto* real = node.as_floating_point()) {
-      value = real->get();
-    } else if (const auto* whole = node.as_integer()) {
-      value = static_cast<double>(whole->get());
-    } else {
-      refuse(key, "wrong type" + place, std::string("write ") + range.words);
-    }
-    if (!std::isfinite(value)) {
-      refuse(key, "not finite" + place, std::string("write ") + range.words);
-    }
-    if (value < range.min || value > range.max) {
-      refuse(key, number_text(value) + place + " is impossible",
-             std::string("write ") + range.words);
-    }
-    return value;
-  }
-
-  static std::string integer_words(std::int64_t min, std::int64_t max) {
-    return "a whole number from " + std::to_string(min) + " to " + std::to_string(max);
-  }
-
-  std::int64_t integer_of(const toml::node& node, const char* key, std::int64_t min,
-                          std::int64_t max, const std::string& place) const {
-    const auto* whole = node.as_integer();
-    if (whole == nullptr) {
-      refuse(key, "wrong type" + place, "write " + integer_words(min, max));
-    }
-    if (whole->get() < min || whole->get() > max) {
-      refuse(key, std::to_string(whole->get()) + place + " is impossible",
-             "write " + integer_words(min, max));
-    }
-    return whole->get();
-  }
-
-  const toml::table& table_;
-  std::string file_;
-  std::string path_;
-};
+std::array<int, 6> counters(const Table& table, const char* key) {
+  const std::vector<std::int64_t> whole = table.integers(
+      key, 6, std::numeric_limits<std::int16_t>::min(), std::numeric_limits<std::int16_t>::max());
+  std::array<int, 6> result{};
+  std::transform(whole.begin(), whole.end(), result.begin(),
+                 [](std::int64_t value) { return static_cast<int>(value); });
+  return result;
+}
 
 std::uint16_t word(const Table& table, const char* key) {
   return static_cast<std::uint16_t>(table.integer(key, 0, 0xFFFF));
@@ -284,8 +113,8 @@ DeviceKind read_kind(const toml::table& root, const std::string& file) {
   }
   const std::string kind = node->value_or(std::string());
   if (kind != "arm" && kind != "delta") {
-    fail(file, node->source().begin.line, "kind", "'" + kind + "' is unknown",
-         "write \"arm\" or \"delta\"");
+    throw TomlError(file + ":" + std::to_string(node->source().begin.line) + ": key 'kind': '" +
+                    kind + "' is unknown; write \"arm\" or \"delta\"");
   }
   return kind == "delta" ? DeviceKind::kDelta : DeviceKind::kArm;
 }
@@ -311,9 +140,9 @@ DeviceProfile::Usb read_usb(const Table& root, DeviceKind kind) {
   usb.vendor_id = word(table, "vendor_id");
   usb.product_id = word(table, "product_id");
   usb.device_release = word(table, "device_release");
-  usb.manufacturer = table.usb_string("manufacturer");
-  usb.product = table.usb_string("product");
-  usb.serial = table.usb_string("serial");
+  usb.manufacturer = usb_string(table, "manufacturer");
+  usb.product = usb_string(table, "product");
+  usb.serial = usb_string(table, "serial");
   if (!delta) {
     usb.usage_page = word(table, "usage_page");
     usb.usage = word(table, "usage");
@@ -364,9 +193,9 @@ DeviceProfile::Kinematics read_kinematics(const Table& root) {
                    "write a smaller diameter here or a larger one there");
     }
   }
-  kinematics.encoder_counts_per_turn = table.whole_axes("encoder_counts_per_turn", 1, 10'000'000);
-  kinematics.encoder_sign = table.signs("encoder_sign");
-  kinematics.linkage_sign = table.signs("linkage_sign");
+  kinematics.encoder_counts_per_turn = whole_axes(table, "encoder_counts_per_turn", 1, 10'000'000);
+  kinematics.encoder_sign = signs(table, "encoder_sign");
+  kinematics.linkage_sign = signs(table, "linkage_sign");
   kinematics.linkage_offset_rad = table.axes("linkage_offset_rad", kAngle_rad);
   kinematics.joint_min_rad = table.axes("joint_min_rad", kAngle_rad);
   kinematics.joint_max_rad = table.axes("joint_max_rad", kAngle_rad);
@@ -643,7 +472,7 @@ DeviceProfile::Calibration read_calibration(const Table& root,
                                             const DeviceProfile::Kinematics& kinematics) {
   const Table table = root.table("calibration", {"pose_counts", "instruction"});
   DeviceProfile::Calibration calibration;
-  calibration.pose_counts = table.counters("pose_counts");
+  calibration.pose_counts = counters(table, "pose_counts");
   calibration.instruction = table.text("instruction");
   double elbow_rad = 0.0;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -738,72 +567,25 @@ HandProfile read_hand(const Table& root, const char* key) {
   return hand;
 }
 
-std::vector<fs::path> search_folders() {
-  std::vector<fs::path> folders;
-  if (const char* path = std::getenv("FORCEGRID_PROFILE_PATH"); path != nullptr) {
-    std::string_view rest = path;
-    while (!rest.empty()) {
-      const std::size_t colon = std::min(rest.find(':'), rest.size());
-      if (colon > 0) {
-        folders.emplace_back(rest.substr(0, colon));
-      }
-      rest.remove_prefix(std::min(colon + 1, rest.size()));
-    }
-  }
-  std::error_code error;
-  const fs::path program = fs::read_symlink("/proc/self/exe", error);
-  if (!error) {
-    folders.push_back(program.parent_path().parent_path() / "share/forcegrid/profiles");
-  }
-  folders.emplace_back(FORCEGRID_PROFILE_SOURCE_DIR);
-  return folders;
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) {
-    text += (text.empty() ? "" : ", ") + word;
-  }
-  return text;
+const DataFolder& profile_folder() {
+  static const DataFolder folder{"FORCEGRID_PROFILE_PATH", "profiles",
+                                 FORCEGRID_PROFILE_SOURCE_DIR};
+  return folder;
 }
 
 std::string find_file(const std::string& name_or_path) {
-  if (name_or_path.find('/') != std::string::npos || name_or_path.ends_with(".toml")) {
+  if (is_data_path(name_or_path)) {
     return name_or_path;
   }
-  if (!name_or_path.empty()) {
-    for (const fs::path& folder : search_folders()) {
-      const fs::path candidate = folder / (name_or_path + ".toml");
-      std::error_code error;
-      if (fs::is_regular_file(candidate, error)) {
-        return candidate.string();
-      }
-    }
+  const std::string file = find_data_file(profile_folder(), name_or_path);
+  if (file.empty()) {
+    throw ProfileError("device profile '" + name_or_path + "': unknown; write one of: " +
+                       joined(available_profiles()) + ", or a file name that ends in .toml");
   }
-  throw ProfileError("device profile '" + name_or_path + "': unknown; write one of: " +
-                     joined(available_profiles()) + ", or a file name that ends in .toml");
+  return file;
 }
 
-}  // namespace
-
-DeviceProfile load_device_profile(const std::string& name_or_path) {
-  const std::string file = find_file(name_or_path);
-  std::error_code error;
-  if (!fs::exists(file, error)) {
-    throw ProfileError(
-        "device profile '" + file +
-        "': no such file; write the path of a profile or one of: " + joined(available_profiles()));
-  }
-  if (!fs::is_regular_file(file, error)) {
-    throw ProfileError("device profile '" + file +
-                       "': not a regular file; write the path of a .toml file");
-  }
-  toml::table parsed;
-  try {
-    parsed = read_toml_file(file);
-  } catch (const TomlError& problem) {
-    throw ProfileError(problem.what());
-  }
+DeviceProfile read_profile(const toml::table& parsed, const std::string& file) {
   const DeviceKind kind = read_kind(parsed, file);
   const Table root =
       kind == DeviceKind::kDelta
@@ -837,17 +619,27 @@ DeviceProfile load_device_profile(const std::string& name_or_path) {
   return profile;
 }
 
-std::vector<std::string> available_profiles() {
-  std::set<std::string> names;
-  for (const fs::path& folder : search_folders()) {
-    std::error_code error;
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-      if (entry.path().extension() == ".toml") {
-        names.insert(entry.path().stem().string());
-      }
-    }
+}  // namespace
+
+DeviceProfile load_device_profile(const std::string& name_or_path) {
+  const std::string file = find_file(name_or_path);
+  std::error_code error;
+  if (!fs::exists(file, error)) {
+    throw ProfileError(
+        "device profile '" + file +
+        "': no such file; write the path of a profile or one of: " + joined(available_profiles()));
   }
-  return {names.begin(), names.end()};
+  if (!fs::is_regular_file(file, error)) {
+    throw ProfileError("device profile '" + file +
+                       "': not a regular file; write the path of a .toml file");
+  }
+  try {
+    return read_profile(read_toml_file(file), file);
+  } catch (const TomlError& problem) {
+    throw ProfileError(problem.what());
+  }
 }
+
+std::vector<std::string> available_profiles() { return data_names(profile_folder()); }
 
 }  // namespace forcegrid::profiles

@@ -224,7 +224,7 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"vendor_id", "vendor_id = \"1234\"", "usb.vendor_id", "wrong type"},
         Broken{"vendor_id", "vendor_id = 1.5", "usb.vendor_id", "wrong type"},
         Broken{"vendor_id", "", "usb.vendor_id", "missing", "[usb]"},
-        Broken{"vendor_id", "vender_id = 1", "usb.vender_id", "unknown key"},
+        Broken{"vendor_id", "vender_id = 1", "usb.vender_id", "the nearest is vendor_id"},
         Broken{"protocol", "protocol = \"w1\"", "usb.protocol", "'w1' is unknown"},
         Broken{"serial", "serial = \"\"", "usb.serial", "0 characters"},
         Broken{"report_bytes", "report_bytes = 8", "usb.report_bytes", "8 is impossible"},

@@ -9,8 +9,6 @@
 #include <optional>
 #include <string>
 
-#include "tools/nearest_name.h"
-
 namespace forcegrid::tools {
 namespace {
 
@@ -104,13 +102,6 @@ TEST(ConfigFile, WritesWhatItReads) {
   ASSERT_EQ(values.size(), 2u);
   EXPECT_THAT(values[0].texts, ElementsAre(text, "b"));
   EXPECT_THAT(values[1].texts, ElementsAre("0.1"));
-}
-
-TEST(NearestName, CountsSwappedNeighboursAsOneEdit) {
-  EXPECT_EQ(nearest_name("sceen", {"scene", "screen"}), "scene");
-  EXPECT_EQ(nearest_name("rtae", {"gate", "rate", "table"}), "rate");
-  EXPECT_EQ(nearest_name("cels", {"scale", "cells", "hold"}), "cells");
-  EXPECT_EQ(nearest_name("x", {}), "");
 }
 
 }  // namespace

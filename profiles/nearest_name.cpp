@@ -1,10 +1,10 @@
-#include "tools/nearest_name.h"
+#include "profiles/nearest_name.h"
 
 #include <algorithm>
 #include <cstddef>
 #include <limits>
 
-namespace forcegrid::tools {
+namespace forcegrid::profiles {
 namespace {
 
 std::size_t edits(const std::string& a, const std::string& b) {
@@ -45,4 +45,4 @@ std::string nearest_name(const std::string& word, const std::vector<std::string>
   return nearest;
 }
 
-}  // namespace forcegrid::tools
+}  // namespace forcegrid::profiles
