@@ -1,6 +1,7 @@
 #include "forcegrid/kriging_terms.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -62,7 +63,7 @@ void TermsField<kTerms>::learn(const Eigen::Vector3d& force_error_N,
   regular_N2.diagonal().array() += kPrior_N2;
   const Factors best = regular_N2.ldlt().solve(products_N2_);
   if (best.allFinite()) {
-    factors_ = best.cwiseMax(-kMostFactor).cwiseMin(kMostFactor);
+    factors_ = limited(best.cwiseMax(-kMostFactor).cwiseMin(kMostFactor));
   }
 }
 
@@ -110,6 +111,17 @@ Innovation LagField::take(const Observation& observation) noexcept {
 Reading LagField::read(const Eigen::Vector3d& position_m,
                        const History& /*history*/) const noexcept {
   return read_field(position_m);
+}
+
+RelaxationField::Factors RelaxationField::limited(Factors factors) const noexcept {
+  factors[0] = std::max(factors[0], 0.0);
+  const double feedback = -factors.tail<kPathTerms - 1>().cwiseMin(0.0).sum();
+  if (feedback > kMostFeedback) {
+    for (int j = 1; j < kPathTerms; ++j) {
+      factors[j] *= factors[j] < 0.0 ? kMostFeedback / feedback : 1.0;
+    }
+  }
+  return factors;
 }
 
 Innovation RelaxationField::take(const Observation& observation) noexcept {

@@ -18,7 +18,7 @@ namespace forcegrid::kriging {
 ///   e_k = F_k - f(p_k),   d_jk = R_jk - r_j(p_k):   min sum_k |e_k + sum_j gamma_j d_jk|^2
 ///                                                       + kPrior_N2 |gamma|^2
 ///
-/// with the sums forgotten by kKept a sample and gamma kept within kMostFactor of zero.
+/// with the sums forgotten by kKept a sample and gamma kept within limits of the kind of terms.
 ///
 /// Nothing is ever doubted and contacts are not told apart: alone it forgets nothing. It is for a
 /// bank, which leaves it where others foretell better.
@@ -50,6 +50,8 @@ class TermsField : public Field {
  protected:
   Innovation take_with(const Observation& observation, const Terms& terms_N) noexcept;
   Reading read_field(const Eigen::Vector3d& position_m) const noexcept;  ///< G
+  /// The nearest factors that make sense, each within kMostFactor of zero.
+  virtual Factors limited(Factors factors) const noexcept = 0;
 
  private:
   using Part = DictionaryField<double, kMostSamples, 0>;
@@ -76,6 +78,9 @@ class LagField final : public TermsField<1> {
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   Innovation take(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
+
+ private:
+  Factors limited(Factors factors) const noexcept override { return factors.cwiseMax(0.0); }
 };
 
 /// An object that resists and relaxes: a viscosity b, and an elastic force passed through a linear
@@ -86,11 +91,17 @@ class LagField final : public TermsField<1> {
 ///
 /// so the terms are the velocity and the force itself, low-passed (PathTerms). What lies between
 /// the time constants is made up of those around it.
-/// Failure: relaxation far slower than the slowest; viscosity that depends on the position.
-/// Source: Fung, Biomechanics, 2nd ed. (1993), section 7.6, for the model.
+///
+/// What is felt goes into the terms, so it is a loop of its own: F (1 + sum_j gamma_j / (1 + tau_j
+/// s)) = G - b v. With b >= 0, and the negative gamma_j adding up to no less than -kMostFeedback,
+/// it is stable and damps: for Re s >= 0 the real part of 1 / (1 + tau s) lies between 0 and 1, so
+/// that of the bracket is at least 1 - kMostFeedback. Failure: relaxation far slower than the
+/// slowest; viscosity that depends on the position. Source: Fung, Biomechanics, 2nd ed. (1993),
+/// section 7.6, for the model.
 class RelaxationField final : public TermsField<kPathTerms> {
  public:
   using TermsField::TermsField;
+  static constexpr double kMostFeedback = 0.7;
   static constexpr std::array<double, kPathTerms - 1> kTimeConstants_s = {0.05, 0.25, 1.2};
 
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
@@ -99,6 +110,8 @@ class RelaxationField final : public TermsField<kPathTerms> {
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
 
  private:
+  Factors limited(Factors factors) const noexcept override;
+
   PathTerms now_N_ = PathTerms::Zero();
 };
 

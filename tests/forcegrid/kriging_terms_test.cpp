@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cmath>
+#include <random>
+#include <vector>
 
 #include "tests/forcegrid/kriging_support.h"
 
@@ -161,6 +163,34 @@ TEST(RelaxationField, MakesUpOtherTimesOfThoseAroundThem) {
     RelaxationField field(FieldSettings{});
     EXPECT_LT(relaxation_error(field, object), 0.03) << time_s;
   }
+}
+
+// Whatever the data, the loop from the felt force to the terms stays stable, and damps.
+TEST(RelaxationField, NeverLearnsFactorsThatWouldFeedOnThemselves) {
+  std::mt19937 random(kSeed);
+  std::normal_distribution<double> normal(0.0, 1.0);
+  const auto vector = [&](double size) {
+    return Vector3d(size * normal(random), size * normal(random), size * normal(random));
+  };
+  RelaxationField field(FieldSettings{});
+  bool limited = false;
+  for (int k = 0; k < 300; ++k) {
+    Observation o;
+    o.position_m = vector(0.008);
+    // An object that pushes along with the motion and answers to its own past: no material does.
+    for (int j = 0; j < kPathTerms; ++j) {
+      o.terms_N.col(j) = vector(1.0);
+    }
+    o.force_N = -100.0 * o.position_m + 0.5 * o.terms_N.col(0) + 2.0 * o.terms_N.col(1) +
+                1.5 * o.terms_N.col(2) + vector(0.1);
+    field.take(o);
+    const auto& factors = field.factors();
+    ASSERT_GE(factors[0], 0.0);
+    const double feedback = -factors.tail<3>().cwiseMin(0.0).sum();
+    ASSERT_LE(feedback, RelaxationField::kMostFeedback + 1e-12);
+    limited = limited || feedback > RelaxationField::kMostFeedback - 1e-9;
+  }
+  EXPECT_TRUE(limited);
 }
 
 TEST(TermsFields, TellTheSlopeOfWhatTheyRead) {
