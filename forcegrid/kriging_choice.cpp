@@ -34,8 +34,6 @@ constexpr double kOutdated = 0.01;  // of the last samples were surprises
 constexpr double kRemembersMore = 3.0;
 constexpr double kRemembersMore_N = 0.01;
 
-constexpr double kSpecialist = 3.0;  // what counts for members that are needed seldom
-
 }  // namespace
 
 // Before anything of a contact is known.

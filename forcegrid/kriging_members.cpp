@@ -21,7 +21,6 @@ constexpr int kStiffnessSamples = 4;
 constexpr int kBankStiffnessSamples = 2;
 constexpr double kNugget_N2 = 1e-5;
 
-constexpr double kSpecialist = 3.0;
 constexpr double kLocal = 2.0;  // a little worse than others on a long contact
 
 constexpr double kNeverForgets_s = 1e9;

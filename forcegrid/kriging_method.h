@@ -172,6 +172,9 @@ class KrigingMethod final : public ForceMethod {
   static constexpr std::size_t kQueueLength = 32;
   static constexpr std::uint64_t kLongestBacklog = 8;
   static constexpr std::size_t kAsked = 16;
+  /// What the errors of members that are needed seldom count: elsewhere a lucky run of theirs costs
+  /// accuracy.
+  static constexpr double kSpecialist = 3.0;
   static constexpr double kHandOver_s = 0.010;
   static constexpr double kExpected_s = 0.1;  ///< an expectation holds unless it is told again
   static constexpr double kNotTaken_N2 = std::numeric_limits<double>::max();
