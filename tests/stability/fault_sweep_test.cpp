@@ -4,6 +4,8 @@
 
 #include <map>
 
+#include "forcegrid/methods.h"
+
 namespace forcegrid::stability {
 namespace {
 
@@ -11,7 +13,7 @@ constexpr std::uint64_t kSeed = 20;
 
 SweepOptions options(int runs) {
   SweepOptions options;
-  options.methods = {"kriging-bank", "hold", "rls"};
+  options.methods = {kDefaultMethod, "hold", "rls"};
   options.runs = runs;
   options.seed = kSeed;
   return options;
