@@ -11,8 +11,6 @@
 
 #include "cli/chart_support.h"
 #include "cli/figures.h"
-#include "cli/run_command.h"
-#include "cli/stop_request.h"
 #include "evaluation/chart.h"
 #include "evaluation/chart_report.h"
 #include "evaluation/network.h"
@@ -182,22 +180,10 @@ void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>
 int chart_accuracy_command(const ChartAccuracyOptions& asked) {
   ProgressLine line;
   evaluation::ChartOptions options;
-  options.out = asked.out;
-  options.cache = asked.cache.empty() ? default_cache() : fs::path(asked.cache);
+  take_common(options, asked, line);
   options.scenes = asked.scenes;
   options.trajectories = asked.trajectories;
   options.conditions = asked.conditions;
-  options.methods = asked.methods;
-  options.quick = asked.quick;
-  options.jobs = asked.jobs;
-  options.seed = asked.seed;
-  options.default_method = asked.goals_for.empty() ? RunOptions{}.method : asked.goals_for;
-  options.program = program_hash();
-  options.cancel = &StopRequest::stop();
-  options.say = [&line](const std::string& text) { line.say(text); };
-  options.progress = [&line](const std::string& what, double done, double remaining_s) {
-    line.show(what, done, remaining_s);
-  };
   std::vector<Selection> selections;
   for (const std::string& text : asked.figures) {
     selections.push_back(selection_of(text));

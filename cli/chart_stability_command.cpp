@@ -4,8 +4,6 @@
 
 #include "cli/chart_command.h"
 #include "cli/chart_support.h"
-#include "cli/run_command.h"
-#include "cli/stop_request.h"
 #include "stability/chart.h"
 #include "stability/chart_report.h"
 
@@ -90,21 +88,9 @@ void add_chart_stability(CLI::App& chart, ChartStabilityOptions& o, std::functio
 int chart_stability_command(const ChartStabilityOptions& asked) {
   ProgressLine line;
   stability::StabilityChartOptions options;
-  options.out = asked.out;
-  options.cache = asked.cache.empty() ? default_cache() : std::filesystem::path(asked.cache);
-  options.methods = asked.methods;
+  take_common(options, asked, line);
   options.parts = asked.parts;
   options.hands = asked.hands;
-  options.quick = asked.quick;
-  options.jobs = asked.jobs;
-  options.seed = asked.seed;
-  options.default_method = asked.goals_for.empty() ? RunOptions{}.method : asked.goals_for;
-  options.program = program_hash();
-  options.cancel = &StopRequest::stop();
-  options.say = [&line](const std::string& text) { line.say(text); };
-  options.progress = [&line](const std::string& what, double done, double remaining_s) {
-    line.show(what, done, remaining_s);
-  };
   try {
     const stability::StabilityChart chart = stability::make_stability_chart(options);
     const auto files = stability::write_stability_chart(chart, options);

@@ -29,7 +29,10 @@ std::string joined(const std::vector<std::string>& words) {
   return text;
 }
 
-fs::path default_cache() {
+std::filesystem::path cache_folder(const std::string& asked) {
+  if (!asked.empty()) {
+    return asked;
+  }
   const char* const cache = std::getenv("XDG_CACHE_HOME");
   if (cache != nullptr && fs::path(cache).is_absolute()) {
     return fs::path(cache) / "forcegrid";
@@ -93,6 +96,16 @@ void ProgressLine::clear() {
     std::fputs("\r\033[K", stderr);
     open_ = false;
   }
+}
+
+std::function<void(const std::string&)> ProgressLine::say_function() {
+  return [this](const std::string& text) { say(text); };
+}
+
+std::function<void(const std::string&, double, double)> ProgressLine::show_function() {
+  return [this](const std::string& what, double done, double remaining_s) {
+    show(what, done, remaining_s);
+  };
 }
 
 }  // namespace forcegrid::cli

@@ -2,8 +2,12 @@
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
+
+#include "cli/stop_request.h"
+#include "forcegrid/methods.h"
 
 namespace forcegrid::cli {
 
@@ -12,9 +16,9 @@ namespace forcegrid::cli {
 /// "a, b, c".
 std::string joined(const std::vector<std::string>& words);
 
-/// The folder for force tables in the user's cache folder.
+/// The folder for force tables: `asked`, or if that is empty one in the user's cache folder.
 /// @throws std::runtime_error when the environment names none.
-std::filesystem::path default_cache();
+std::filesystem::path cache_folder(const std::string& asked);
 
 /// What identifies this program: a hash of its own bytes.
 /// @throws std::runtime_error when they can't be read.
@@ -30,6 +34,9 @@ class ProgressLine {
   void show(const std::string& what, double done, double remaining_s);
   void say(const std::string& text);
   void clear();
+  /// The first two as functions, which it must outlive.
+  std::function<void(const std::string&)> say_function();
+  std::function<void(const std::string&, double, double)> show_function();
 
  private:
   bool terminal_ = is_terminal();
@@ -38,5 +45,22 @@ class ProgressLine {
 
   static bool is_terminal();
 };
+
+/// What all charts take from the command line, and how they tell `line` what they do.
+/// @throws std::runtime_error when there is no folder for force tables, or /proc is not mounted.
+template <typename ChartOptions, typename Asked>
+void take_common(ChartOptions& options, const Asked& asked, ProgressLine& line) {
+  options.out = asked.out;
+  options.cache = cache_folder(asked.cache);
+  options.methods = asked.methods;
+  options.quick = asked.quick;
+  options.jobs = asked.jobs;
+  options.seed = asked.seed;
+  options.default_method = asked.goals_for.empty() ? std::string(kDefaultMethod) : asked.goals_for;
+  options.program = program_hash();
+  options.cancel = &StopRequest::stop();
+  options.say = line.say_function();
+  options.progress = line.show_function();
+}
 
 }  // namespace forcegrid::cli
