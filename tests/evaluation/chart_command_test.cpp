@@ -7,9 +7,7 @@
 #include <chrono>
 #include <csignal>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -23,15 +21,9 @@ using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
 using testing::Program;
+using testing::text_of;
 
 constexpr std::chrono::seconds kPatience{200};
-
-std::string text_of(const std::string& file) {
-  std::ifstream stream(file);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
 
 class ChartAccuracy : public ::testing::Test {
  protected:

@@ -17,13 +17,6 @@
 namespace forcegrid::testing {
 namespace {
 
-std::string contents(const std::string& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
 std::string temporary(const std::string& name) {
   static std::atomic<int> next{0};
   return ::testing::TempDir() + "forcegrid_" + std::to_string(getpid()) + "_" +
@@ -33,6 +26,13 @@ std::string temporary(const std::string& name) {
 constexpr auto kPoll = std::chrono::milliseconds(10);
 
 }  // namespace
+
+std::string text_of(const std::string& file) {
+  std::ifstream stream(file);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
 
 Program::Program(const std::vector<std::string>& command)
     : out_file_(temporary("stdout")), err_file_(temporary("stderr")) {
@@ -91,8 +91,8 @@ std::optional<int> Program::wait(std::chrono::milliseconds timeout) {
   return status_;
 }
 
-std::string Program::standard_output() const { return contents(out_file_); }
-std::string Program::standard_error() const { return contents(err_file_); }
+std::string Program::standard_output() const { return text_of(out_file_); }
+std::string Program::standard_error() const { return text_of(err_file_); }
 
 std::string Program::wait_for_line(const std::string& prefix,
                                    std::chrono::milliseconds timeout) const {

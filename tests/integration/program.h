@@ -39,6 +39,9 @@ class Program {
   std::string out_file_, err_file_;
 };
 
+/// A file's bytes; empty where there is no such file.
+std::string text_of(const std::string& file);
+
 /// A folder of its own under the test's temporary folder, empty.
 std::string fresh_folder(const std::string& name);
 

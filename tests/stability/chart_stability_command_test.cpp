@@ -5,9 +5,7 @@
 
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -20,15 +18,9 @@ using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
 using testing::Program;
+using testing::text_of;
 
 constexpr std::chrono::seconds kPatience{150};
-
-std::string text_of(const std::string& file) {
-  std::ifstream stream(file);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
 
 class ChartStability : public ::testing::Test {
  protected:

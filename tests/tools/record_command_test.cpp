@@ -18,13 +18,9 @@ using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
 using testing::Program;
+using testing::text_of;
 
 constexpr auto kTimeout = std::chrono::seconds(60);
-
-std::string contents(const std::string& file) {
-  std::ifstream stream(file);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
 
 TEST(RecordCommand, KeepsARunThatCanBeJudgedDrawnAndReplayed) {
   const std::string out = fresh_folder("record_h5");
@@ -59,7 +55,7 @@ TEST(RecordCommand, KeepsARunThatCanBeJudgedDrawnAndReplayed) {
   EXPECT_EQ(drawn.at("cycles"), summary.at("cycles"));
   EXPECT_EQ(drawn.at("cycles_lost"), 0);
   EXPECT_TRUE(drawn.at("complete").get<bool>());
-  const std::string picture = contents(out + "/plot/recording.svg");
+  const std::string picture = text_of(out + "/plot/recording.svg");
   EXPECT_THAT(picture, HasSubstr("work on the hand"));
 
   Program replay =
