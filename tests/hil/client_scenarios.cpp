@@ -118,7 +118,7 @@ TEST(OtherClients, HidapiOnHidrawIn14Bytes) {
   expect_lockstep(kHidraw, "woodenhaptics_v2015", "1234:0006", 14, kMbed);
 }
 
-TEST(OtherClients, HidapiOnLibusbIn14Bytes) {
+TEST(LongOtherClients, HidapiOnLibusbIn14Bytes) {
   expect_lockstep(kLibusb, "woodenhaptics_v2015", "1234:0006", 14, kMbed);
 }
 
@@ -194,7 +194,7 @@ TEST(LongOtherClients, TakeTurnsWithEachOtherAndWithThisProgram) {
 }
 
 // The rule covers both nodes: usbfs for libusb, which also needs it to detach usbhid.
-TEST(OtherClients, RunAsAMemberOfPlugdevAndAsNobodyElse) {
+TEST(LongOtherClients, RunAsAMemberOfPlugdevAndAsNobodyElse) {
   Bench bench({"woodenhaptics_v2015"}, {"--calibrated"});
   for (const BackEnd& back_end : {kHidraw, kLibusb}) {
     SCOPED_TRACE(back_end.program);
@@ -212,7 +212,7 @@ TEST(OtherClients, RunAsAMemberOfPlugdevAndAsNobodyElse) {
 
 // The composite device: two hidraw nodes of the same numbers, of which the driver takes the one
 // with the usage, and whose link and permissions are those of interface 0 only.
-TEST(Teensy, TheProgramChoosesTheInterfaceWithTheReports) {
+TEST(LongTeensy, TheProgramChoosesTheInterfaceWithTheReports) {
   Bench bench({"woodenhaptics_teensy"}, {"--calibrated"});
   ASSERT_EQ(bench.nodes().size(), 2U);
   const ShellResult usb = shell("lsusb -v -d 16c0:0486");

@@ -56,7 +56,7 @@ TEST(Enumeration, TheKernelReadsTheDeviceAsItsSheetHasIt) {
   EXPECT_EQ(fs::read_symlink(interface / "driver").filename(), "usbhid");
 }
 
-TEST(Enumeration, TheReportDescriptorThroughTheKernelIsTheSheets) {
+TEST(LongEnumeration, TheReportDescriptorThroughTheKernelIsTheSheets) {
   const Bench bench;
   const OpenNode node(bench.node().dev());
   hidraw_report_descriptor descriptor{};

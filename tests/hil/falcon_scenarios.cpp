@@ -122,7 +122,7 @@ ShellResult as_user(const std::string& user, const std::string& command) {
   return shell("su " + user + " -c '" + command + "'");
 }
 
-TEST(Falcon, IsGivenToThePlugdevGroupByTheUdevRuleAndToNobodyElse) {
+TEST(LongFalcon, IsGivenToThePlugdevGroupByTheUdevRuleAndToNobodyElse) {
   covers_host("forcegrid-libusb");
   FalconBench bench(kHomed);
   const std::string node = usb_node(bench.port());

@@ -81,7 +81,7 @@ TEST(LongFault, LongReportsEndTheRun) {
   expect_motors_off(run_with("long-report"), {"protocol", "stale_reports", "late_reports"}, 0.6);
 }
 
-TEST(Fault, CorruptReportsEndTheRun) {
+TEST(LongFault, CorruptReportsEndTheRun) {
   expect_zero_sent(run_with("corrupt-report:size=large"),
                    {"implausible_jump", "too_fast", "bad_pose"}, 0.1);
 }

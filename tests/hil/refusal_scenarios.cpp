@@ -79,7 +79,7 @@ TEST(UdevRule, GivesUsbAndHidrawNodesToTheSeatAndToPlugdev) {
   }
 }
 
-TEST(UdevRule, LinksBySerialAndWhereThatIsTheSameOnAllByPort) {
+TEST(LongUdevRule, LinksBySerialAndWhereThatIsTheSameOnAllByPort) {
   Bench bench({"woodenhaptics_v2015", "woodenhaptics_v2015", "phantom_desktop"});
   ASSERT_EQ(bench.nodes().size(), 3U);
   const auto target = [](const std::string& name) {
@@ -148,7 +148,7 @@ TEST_F(WithoutTheRule, OnlyRootMayOpenAndTheMessageNamesTheRule) {
 
 // --- what must not be opened ---
 
-TEST(Refusal, AnUnknownSerialNumberListsWhatThereIs) {
+TEST(LongRefusal, AnUnknownSerialNumberListsWhatThereIs) {
   Bench bench;
   const EndedRun refused = run("hid:1234:0006:9876543210", 1.0);
   EXPECT_EQ(refused.status, 1);
@@ -159,7 +159,7 @@ TEST(Refusal, AnUnknownSerialNumberListsWhatThereIs) {
   EXPECT_EQ(bench.end().at("reports_received"), 0);
 }
 
-TEST(Refusal, ADeviceThatAnotherProgramDrives) {
+TEST(LongRefusal, ADeviceThatAnotherProgramDrives) {
   Bench bench({"woodenhaptics_v2015"}, {"--calibrated"});
   const std::string folder = forcegrid::testing::fresh_folder("first");
   Program first = Program::forcegrid(run_arguments("hid:1234:0006", 4.0, folder, {"--calibrated"}));

@@ -446,7 +446,7 @@ def keep_results(outcome, run_folder, folder, whole_set):
             os.replace(run_folder / name, folder / name)
 
 
-TIMING = "Timing.OfTheServoLoopBesideCyclictest"
+TIMING = "LongTiming.OfTheServoLoopBesideCyclictest"
 TIMING_ROWS = [("wake-up, cyclictest", "cyclictest_wakeup"), ("wake-up, servo loop", "servo_wakeup"),
                ("period, servo loop", "servo_period")]
 PARTS = ["p50", "p99", "p999", "max"]

@@ -97,7 +97,7 @@ TEST(OpenAndRun, ByVendorAndProductWithCalibrationAndContact) {
   report_timing(felt.summary);
 }
 
-TEST(OpenAndRun, ByNode) {
+TEST(LongOpenAndRun, ByNode) {
   Bench bench({"woodenhaptics_v2015"}, {"--calibrated"});
   const EndedRun felt = run("hid:" + bench.node().dev(), 2.0, {"--calibrated"});
   expect_sound(felt, 2.0);
@@ -106,7 +106,7 @@ TEST(OpenAndRun, ByNode) {
   expect_every_report_accounted_for(felt.summary, emulator);
 }
 
-TEST(OpenAndRun, ByPortSerialAndLinkOneAfterTheOther) {
+TEST(LongOpenAndRun, ByPortSerialAndLinkOneAfterTheOther) {
   Bench bench({"woodenhaptics_v2015"}, {"--calibrated"});
   const auto link = std::filesystem::directory_iterator("/dev/forcegrid")->path().string();
   for (const std::string& url :
@@ -124,7 +124,7 @@ TEST(LongOpenAndRun, ADeviceOfAnotherProfile) {
   expect_motors_off(bench.end());
 }
 
-TEST(OpenAndRun, OfTwoAlikeTheOneAtTheNamedPort) {
+TEST(LongOpenAndRun, OfTwoAlikeTheOneAtTheNamedPort) {
   Bench bench({"woodenhaptics_v2015", "woodenhaptics_v2015"}, {"--calibrated"});
   ASSERT_EQ(bench.nodes().size(), 2U);
   const EndedRun refused = run("hid:1234:0006", 1.0, {"--calibrated"});

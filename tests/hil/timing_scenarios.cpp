@@ -50,7 +50,7 @@ Histogram histogram_of(const std::string& text) {
 // What this kernel on this machine can do at all, and what the servo loop makes of it, one after
 // the other in the same boot: both sleep to absolute times with real-time priority 80, 500 times a
 // second.
-TEST(Timing, OfTheServoLoopBesideCyclictest) {
+TEST(LongTiming, OfTheServoLoopBesideCyclictest) {
   constexpr double kSeconds = 4.0;
   const ShellResult cyclictest = shell(
       "cyclictest --quiet --mlockall --priority=80 --interval=2000 --duration=4 "

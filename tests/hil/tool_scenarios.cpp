@@ -57,7 +57,7 @@ TEST(Tools, DevicesIsReadyForAMemberAndTellsAVisitorWhichGroup) {
   EXPECT_EQ(obstacle(visitor).at("remedy"), "sudo usermod -aG plugdev visitor, then log in again");
 }
 
-TEST(Tools, DevicesNamesTheMissingRuleAndDoctorInstallsIt) {
+TEST(LongTools, DevicesNamesTheMissingRuleAndDoctorInstallsIt) {
   fs::copy_file(kRule, "/tmp/rule", fs::copy_options::overwrite_existing);
   fs::remove(kRule);
   shell("udevadm control --reload");
@@ -83,7 +83,7 @@ TEST(Tools, DevicesNamesTheMissingRuleAndDoctorInstallsIt) {
   shell("udevadm control --reload");
 }
 
-TEST(Tools, DevicesNamesTheProcessThatDrivesTheDevice) {
+TEST(LongTools, DevicesNamesTheProcessThatDrivesTheDevice) {
   const Bench bench({"woodenhaptics_v2015"}, {"--calibrated"});
   Program run = Program::forcegrid(run_arguments(
       "hid:1234:0006", 4.0, forcegrid::testing::fresh_folder("busy"), {"--calibrated"}));
