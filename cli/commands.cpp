@@ -34,6 +34,8 @@ int emulate_command(const EmulateOptions& options) {
   emulator.faults = options.faults;
   emulator.calibrated = options.calibrated;
   emulator.hand_carries_weight = !options.unsupported_weight;
+  emulator.hand_lets_go = options.let_go;
+  emulator.tip_mass_kg = options.tip_mass_kg;
   emulator.random_power_up_counters = options.random_counters;
   emulator.firmware_loaded = options.firmware_loaded;
   emulator.contact_m = options.contact_m;

@@ -21,6 +21,8 @@ struct EmulateOptions {
   bool random_counters = false;
   bool firmware_loaded = false;
   bool unsupported_weight = false;
+  bool let_go = false;
+  double tip_mass_kg = 0.0;
   std::array<double, 3> contact_m{};
   bool until_stdin_closes = false;
   JsonTarget json;

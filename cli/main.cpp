@@ -17,6 +17,7 @@
 #include "cli/stop_request.h"
 #include "cli/tune_command.h"
 #include "device_emulator/fault_spec.h"
+#include "device_emulator/run_emulator.h"
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
@@ -335,6 +336,12 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   emulate.add_flag("--unsupported-weight", o.unsupported_weight,
                    "The hand does not bear the links' weight: the host compensates gravity");
+  emulate.add_flag("--let-go", o.let_go,
+                   "The hand keeps still, and lets go 3 s after the device is calibrated or homed");
+  emulate.add_option("--tip-mass", o.tip_mass_kg, "A known mass that is fastened to the tip")
+      ->check(between(0.0, emulator::kMaxTipMass_kg))
+      ->capture_default_str()
+      ->type_name("FLOAT kg");
   emulate.add_flag("--random-counters", o.random_counters, "Counters start anywhere");
   emulate.add_flag("--firmware-loaded", o.firmware_loaded,
                    "A Falcon's firmware runs from the start");

@@ -26,7 +26,8 @@ ArmModel::ArmModel(const profiles::DeviceProfile& profile,
                    bool hand_carries_weight)
     : kinematics_(profile.kinematics),
       dynamics_(profile.dynamics),
-      gravity_acts_(!profile.gravity.balanced && !(hand.has_value() && hand_carries_weight)),
+      links_weigh_(!profile.gravity.balanced),
+      hand_carries_weight_(hand.has_value() && hand_carries_weight),
       gravity_b_Nm_(profile.gravity.acceleration_m_per_s2 *
                     (profile.gravity.link_b_mass_kg * profile.gravity.link_b_center_m +
                      profile.gravity.link_c_mass_kg * profile.kinematics.link_length_m[1])),
@@ -37,13 +38,26 @@ ArmModel::ArmModel(const profiles::DeviceProfile& profile,
       elbow_min_rad_(profile.kinematics.elbow_min_rad),
       elbow_max_rad_(profile.kinematics.elbow_max_rad),
       moving_mass_kg_(profile.dynamics.tip_mass_kg),
+      acceleration_m_per_s2_(profile.gravity.acceleration_m_per_s2),
       joint_angle_rad_(joint_angle_rad) {
   if (hand) {
-    moving_mass_kg_ += hand->mass_kg;
+    hand_mass_kg_ = hand->mass_kg;
+    moving_mass_kg_ += hand_mass_kg_;
     hand_stiffness_N_per_m_ = hand->stiffness_N_per_m;
     hand_damping_N_s_per_m_ = hand->damping_N_s_per_m;
   }
   hand_target_D_ = position_D();
+}
+
+void ArmModel::attach_tip_mass(double mass_kg) noexcept {
+  moving_mass_kg_ += mass_kg;
+  tip_weight_N_ += mass_kg * acceleration_m_per_s2_;
+}
+
+void ArmModel::release_hand() noexcept {
+  moving_mass_kg_ -= hand_mass_kg_;
+  hand_mass_kg_ = hand_stiffness_N_per_m_ = hand_damping_N_s_per_m_ = 0.0;
+  hand_carries_weight_ = false;
 }
 
 void ArmModel::advance(double duration_s, const Vector3d& motor_torque_Nm,
@@ -62,10 +76,17 @@ void ArmModel::advance(double duration_s, const Vector3d& motor_torque_Nm,
   hand_target_D_ = hand_target_D;
 }
 
-Vector3d ArmModel::gravity_torque_Nm(const Vector3d& linkage_angle_rad) const noexcept {
-  return kinematics_.linkage_sign().cwiseProduct(
-      Vector3d(0.0, gravity_b_Nm_ * std::sin(linkage_angle_rad[1]),
-               -gravity_c_Nm_ * std::sin(linkage_angle_rad[2])));
+Vector3d ArmModel::gravity_torque_Nm(const ArmKinematics::Motion& motion) const noexcept {
+  if (hand_carries_weight_) {
+    return Vector3d::Zero();
+  }
+  Vector3d torque_Nm = -tip_weight_N_ * motion.jacobian_m_per_rad.row(2).transpose();
+  if (links_weigh_) {
+    torque_Nm += kinematics_.linkage_sign().cwiseProduct(
+        Vector3d(0.0, gravity_b_Nm_ * std::sin(motion.linkage_angle_rad[1]),
+                 -gravity_c_Nm_ * std::sin(motion.linkage_angle_rad[2])));
+  }
+  return torque_Nm;
 }
 
 double ArmModel::kinetic_energy_J() const noexcept {
@@ -87,8 +108,7 @@ void ArmModel::substep(double step_s, const Vector3d& motor_torque_Nm, const Vec
   // is in `resistance`, the implicit part.
   const Vector3d hand_force_D = hand_stiffness_N_per_m_ * (target_mid_D - at_mid.position_D) +
                                 hand_damping_N_s_per_m_ * (target_speed_D - jacobian * speed);
-  const Vector3d gravity_Nm =
-      gravity_acts_ ? gravity_torque_Nm(at_mid.linkage_angle_rad) : Vector3d(Vector3d::Zero());
+  const Vector3d gravity_Nm = gravity_torque_Nm(at_mid);
 
   std::array<Contact, 4> contacts;
   std::size_t contact_count = 0;
@@ -140,10 +160,11 @@ void ArmModel::substep(double step_s, const Vector3d& motor_torque_Nm, const Vec
     for (int joint = 0; joint < 3; ++joint) {
       const double rate = std::abs(end_speed[joint]);
       const double scaled = dynamics_.coulomb_smoothing_s_per_rad * rate;
-      const double coulomb =
-          scaled > 1e-6 ? dynamics_.coulomb_friction_Nm * std::tanh(scaled) / rate
-                        : dynamics_.coulomb_friction_Nm * dynamics_.coulomb_smoothing_s_per_rad;
-      friction[joint] = coulomb + dynamics_.viscous_friction_Nm_s_per_rad;
+      const auto axis = static_cast<std::size_t>(joint);
+      const double coulomb_Nm = dynamics_.coulomb_friction_Nm[axis];
+      const double coulomb = scaled > 1e-6 ? coulomb_Nm * std::tanh(scaled) / rate
+                                           : coulomb_Nm * dynamics_.coulomb_smoothing_s_per_rad;
+      friction[joint] = coulomb + dynamics_.viscous_friction_Nm_s_per_rad[axis];
     }
     const Vector3d bias_D = pass == 0
                                 ? at_mid.bias_m_per_s2

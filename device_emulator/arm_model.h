@@ -11,13 +11,13 @@ namespace forcegrid::emulator {
 /// Physics of the emulated arm, its motors' torque and the hand that holds its tip.
 ///
 ///   M q'' + m J^T J' q' = tau_motor + tau_gravity + tau_friction + tau_stop + J^T F_hand
-///   M = m J^T J + diag(eps),   m = tip mass of the arm + mass of the hand
+///   M = m J^T J + diag(eps),   m = tip mass of the arm + mass of the hand + weight at the tip
 ///   F_hand        = K (x_target - x) + B (x_target' - x')               [N], frame D
 ///   tau_friction  = -coulomb tanh(smoothing q') - viscous q'            [N m] per joint
 ///   tau_stop      = -k pen - d q' beyond a stop, never pulling back in  [N m]
 ///   tau_gravity   = -dU/dq, U = g m_B l_B cos(theta_b) + g m_C (L_b cos(theta_b) - l_C
 ///   cos(theta_c)),
-///                   only for an arm that is not balanced
+///                   only for an arm that is not balanced, and m_w g z of a weight at the tip
 ///
 /// M's Coriolis term m J^T J' q' is the Lagrange one of this M (diag(eps) is constant). A holding
 /// hand carries the links' weight too, as a person does, so gravity then does not pull the tip away
@@ -62,6 +62,10 @@ class ArmModel {
   void place_hand_target(const Eigen::Vector3d& hand_target_D) noexcept {
     hand_target_D_ = hand_target_D;
   }
+  /// A mass [kg] is fastened to the tip, a point: it is moved along and has weight.
+  void attach_tip_mass(double mass_kg) noexcept;
+  /// The hand lets go: from now on nothing holds the tip or bears its weight.
+  void release_hand() noexcept;
   /// Sets the joints' speeds [rad/s].
   void set_joint_speed(const Eigen::Vector3d& joint_speed_rad_per_s) noexcept {
     joint_speed_rad_per_s_ = joint_speed_rad_per_s;
@@ -85,11 +89,12 @@ class ArmModel {
  private:
   void substep(double step_s, const Eigen::Vector3d& motor_torque_Nm,
                const Eigen::Vector3d& target_mid_D, const Eigen::Vector3d& target_speed_D) noexcept;
-  Eigen::Vector3d gravity_torque_Nm(const Eigen::Vector3d& linkage_angle_rad) const noexcept;
+  Eigen::Vector3d gravity_torque_Nm(const ArmKinematics::Motion& motion) const noexcept;
 
   ArmKinematics kinematics_;
   profiles::DeviceProfile::Dynamics dynamics_;
-  bool gravity_acts_;
+  bool links_weigh_;
+  bool hand_carries_weight_;
   double gravity_b_Nm_;  // g (m_B l_B + m_C L_b)
   double gravity_c_Nm_;  // g m_C l_C
   Eigen::Vector3d joint_min_rad_;
@@ -97,6 +102,9 @@ class ArmModel {
   double elbow_min_rad_;
   double elbow_max_rad_;
   double moving_mass_kg_;
+  double tip_weight_N_ = 0.0;
+  double acceleration_m_per_s2_;
+  double hand_mass_kg_ = 0.0;
   double hand_stiffness_N_per_m_ = 0.0;
   double hand_damping_N_s_per_m_ = 0.0;
 

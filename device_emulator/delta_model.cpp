@@ -10,7 +10,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 DeltaModel::DeltaModel(const profiles::DeviceProfile& profile,
-                       std::optional<profiles::HandProfile> hand, const Vector3d& position_D)
+                       std::optional<profiles::HandProfile> hand, const Vector3d& position_D,
+                       bool hand_carries_weight)
     : mechanism_(profile.delta),
       dynamics_(profile.dynamics),
       joint_min_rad_(profile.delta.joint_min_rad),
@@ -20,6 +21,7 @@ DeltaModel::DeltaModel(const profiles::DeviceProfile& profile,
       axis_D_(mechanism_.from_base(Vector3d::Zero())),
       knob_max_radius_m_(profile.delta.knob_max_radius_m),
       moving_mass_kg_(profile.dynamics.tip_mass_kg),
+      hand_carries_weight_(hand.has_value() && hand_carries_weight),
       position_D_(position_D),
       hand_target_D_(position_D) {
   const auto pose = mechanism_.pose(position_D);
@@ -29,10 +31,22 @@ DeltaModel::DeltaModel(const profiles::DeviceProfile& profile,
   }
   pose_ = *pose;
   if (hand) {
-    moving_mass_kg_ += hand->mass_kg;
+    hand_mass_kg_ = hand->mass_kg;
+    moving_mass_kg_ += hand_mass_kg_;
     hand_stiffness_N_per_m_ = hand->stiffness_N_per_m;
     hand_damping_N_s_per_m_ = hand->damping_N_s_per_m;
   }
+}
+
+void DeltaModel::attach_tip_mass(double mass_kg) noexcept {
+  moving_mass_kg_ += mass_kg;
+  tip_weight_N_ += mass_kg * profiles::kStandardGravity_m_per_s2;
+}
+
+void DeltaModel::release_hand() noexcept {
+  moving_mass_kg_ -= hand_mass_kg_;
+  hand_mass_kg_ = hand_stiffness_N_per_m_ = hand_damping_N_s_per_m_ = 0.0;
+  hand_carries_weight_ = false;
 }
 
 void DeltaModel::advance(double duration_s, const Vector3d& motor_torque_Nm,
@@ -109,7 +123,8 @@ void DeltaModel::substep(double step_s, const Vector3d& motor_torque_Nm,
   Matrix3d resistance = dynamics_.joint_inertia_kg_m2 * rate_squared;
   resistance.diagonal().array() += moving_mass_kg_ + 0.5 * step_s * hand_damping_N_s_per_m_ +
                                    0.25 * step_s * step_s * hand_stiffness_N_per_m_;
-  Vector3d applied_N = hand_N + rate.transpose() * motor_torque_Nm;
+  const Vector3d weight_N(0.0, 0.0, hand_carries_weight_ ? 0.0 : -tip_weight_N_);
+  Vector3d applied_N = hand_N + weight_N + rate.transpose() * motor_torque_Nm;
   for (std::size_t i = 0; i < contacts.count; ++i) {
     const Contact& contact = contacts.list[i];
     applied_N -=
@@ -126,10 +141,11 @@ void DeltaModel::substep(double step_s, const Vector3d& motor_torque_Nm,
     for (int leg = 0; leg < 3; ++leg) {
       const double speed = std::abs(end_rate_rad_per_s[leg]);
       const double scaled = dynamics_.coulomb_smoothing_s_per_rad * speed;
-      const double coulomb =
-          scaled > 1e-6 ? dynamics_.coulomb_friction_Nm * std::tanh(scaled) / speed
-                        : dynamics_.coulomb_friction_Nm * dynamics_.coulomb_smoothing_s_per_rad;
-      friction[leg] = coulomb + dynamics_.viscous_friction_Nm_s_per_rad;
+      const auto axis = static_cast<std::size_t>(leg);
+      const double coulomb_Nm = dynamics_.coulomb_friction_Nm[axis];
+      const double coulomb = scaled > 1e-6 ? coulomb_Nm * std::tanh(scaled) / speed
+                                           : coulomb_Nm * dynamics_.coulomb_smoothing_s_per_rad;
+      friction[leg] = coulomb + dynamics_.viscous_friction_Nm_s_per_rad[axis];
     }
     const Matrix3d braking = rate.transpose() * friction.asDiagonal() * rate;
     const Vector3d bias = mechanism_.bias_rad_per_s2(position_mid_D, velocity_D + 0.5 * change_D);
@@ -156,6 +172,7 @@ void DeltaModel::substep(double step_s, const Vector3d& motor_torque_Nm,
   const Vector3d hand_mid_N =
       hand_N - (0.5 * hand_damping_N_s_per_m_ + 0.25 * step_s * hand_stiffness_N_per_m_) * change_D;
   work_.hand_J += hand_mid_N.dot(moved_D);
+  work_.gravity_J += weight_N.dot(moved_D);
   work_.friction_J -= friction.cwiseProduct(rate * velocity_D_m_per_s_).dot(rate * moved_D);
   for (std::size_t i = 0; i < contacts.count; ++i) {
     const Contact& contact = contacts.list[i];

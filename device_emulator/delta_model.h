@@ -22,7 +22,7 @@ namespace forcegrid::emulator {
 ///                  device's axis
 ///
 /// I R^T R' x' is the Lagrange term of this M. The moving parts are without weight: their masses
-/// are not known apart.
+/// are not known apart. A mass that is fastened to the knob adds to m, and its weight to F_body.
 ///
 /// Integrated like ArmModel, with fixed substeps of kSubstep_s by the implicit midpoint rule,
 /// linearised; friction enters through its secant coefficient at the end of the substep, so that it
@@ -41,13 +41,15 @@ class DeltaModel {
     double hand_J = 0.0;            ///< spring and damper of the hand
     double friction_J = 0.0;        ///< <= 0
     double stops_J = 0.0;
+    double gravity_J = 0.0;  ///< weight of what is fastened to the knob
   };
 
   /// @param hand what holds the knob; nullopt: nothing.
   /// @param position_D [m] where the knob starts, at rest.
+  /// @param hand_carries_weight a hand bears the weight of what is fastened to the knob.
   /// @throws std::invalid_argument when the legs do not close there.
   DeltaModel(const profiles::DeviceProfile& profile, std::optional<profiles::HandProfile> hand,
-             const Eigen::Vector3d& position_D);
+             const Eigen::Vector3d& position_D, bool hand_carries_weight = true);
 
   /// Advances by `duration_s` (any length; split into equal substeps of at most kSubstep_s) with a
   /// constant motor torque [N m] at the driven angles and the hand's target [m] moving at constant
@@ -59,6 +61,10 @@ class DeltaModel {
   void place_hand_target(const Eigen::Vector3d& hand_target_D) noexcept {
     hand_target_D_ = hand_target_D;
   }
+  /// A mass [kg] is fastened to the knob, a point: it is moved along and has weight.
+  void attach_tip_mass(double mass_kg) noexcept;
+  /// The hand lets go: from now on nothing holds the knob or bears its weight.
+  void release_hand() noexcept;
   /// Sets the knob's velocity [m/s].
   void set_velocity(const Eigen::Vector3d& velocity_D_m_per_s) noexcept {
     velocity_D_m_per_s_ = velocity_D_m_per_s;
@@ -110,6 +116,9 @@ class DeltaModel {
   Eigen::Vector3d axis_D_;
   double knob_max_radius_m_;
   double moving_mass_kg_;
+  double tip_weight_N_ = 0.0;
+  bool hand_carries_weight_;
+  double hand_mass_kg_ = 0.0;
   double hand_stiffness_N_per_m_ = 0.0;
   double hand_damping_N_s_per_m_ = 0.0;
 

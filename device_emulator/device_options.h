@@ -28,6 +28,7 @@ struct DeviceOptions {
   profiles::DeviceProfile profile;
   HandKind hand = HandKind::kFirm;
   bool hand_carries_weight = true;          ///< see ArmModel
+  double tip_mass_kg = 0.0;                 ///< fastened to the tip, beside the arm's own
   OperatorScript::Options operator_script;  ///< `calibrated` also starts the counters true
   FrameOrder frame_order = FrameOrder::kOutFirst;
   /// Arm's counters at power-up: false: 0; true: seeded random ones within +-20000. A Falcon's

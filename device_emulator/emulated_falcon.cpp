@@ -42,9 +42,11 @@ EmulatedFalcon::EmulatedFalcon(const DeviceOptions& options, rt::TimePoint start
       usb_(options.profile.usb),
       firmware_(options.profile, *this, options.operator_script.seed, options.firmware_loaded,
                 options.operator_script.calibrated),
-      delta_(options.profile, options.hand_profile(), kStart_D),
+      delta_(options.profile, options.hand_profile(), kStart_D, options.hand_carries_weight),
       script_(script_options(options), kStart_D),
-      now_(start) {}
+      now_(start) {
+  delta_.attach_tip_mass(options.tip_mass_kg);
+}
 
 ControlReply EmulatedFalcon::control(const SetupPacket& setup,
                                      std::span<const std::uint8_t> /*data*/, rt::TimePoint now) {
@@ -91,6 +93,9 @@ void EmulatedFalcon::advance_physics(rt::TimePoint now) noexcept {
     const auto action = script_.update(end, {.host_present = packet && end - *packet < kHostGone,
                                              .counters_loaded = 0,
                                              .homed = firmware_.all_homed()});
+    if (action.let_go) {
+      delta_.release_hand();
+    }
     delta_.advance(rt::seconds(end - now_), torque_Nm(), action.target_D);
     now_ = end;
     if (any(firmware_.commands())) {

@@ -71,6 +71,7 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
               .cwiseProduct(vector(options.profile.kinematics.body_diameter_m))
               .cwiseQuotient(vector(options.profile.kinematics.capstan_diameter_m))),
       now_(start) {
+  arm_.attach_tip_mass(options.tip_mass_kg);
   identity_.interfaces = usb_.interfaces();
   firmware_.turn_encoders(encoder_positions(arm_));
   firmware_.set_counters(power_up_counters(options));
@@ -99,6 +100,9 @@ void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
                              .counters_loaded = firmware_.statistics().counters_loaded});
     if (action.press_button) {
       firmware_.press_calibration_button();
+    }
+    if (action.let_go) {
+      arm_.release_hand();
     }
     arm_.advance(rt::seconds(end - now_), current_A_.cwiseProduct(torque_per_current_Nm_per_A_),
                  action.target_D);

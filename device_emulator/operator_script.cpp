@@ -44,16 +44,20 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
   }
   if (phase_ == Phase::kWaiting && host_since_ &&
       rt::seconds(now - *host_since_) >= kButtonDelay_s) {
-    if (calibrated) {
+    if (calibrated && !options_.lets_go) {
       enter(Phase::kApproaching);
-    } else {
+    } else if (!calibrated) {
       action.press_button = !options_.homing;
       enter(Phase::kCalibrating);
     }
   }
   if (phase_ == Phase::kCalibrating && calibrated) {
     return_from_D_ = target_D_;
-    enter(options_.homing ? Phase::kReturning : Phase::kApproaching);
+    enter(options_.homing || options_.lets_go ? Phase::kReturning : Phase::kApproaching);
+  }
+  if (options_.lets_go && calibrated && host_since_ && !has_let_go_) {
+    calibrated_since_ = calibrated_since_.value_or(now);
+    action.let_go = has_let_go_ = rt::seconds(now - *calibrated_since_) >= kLetGo_s;
   }
 
   const double since_s = rt::seconds(now - phase_start_);

@@ -23,6 +23,9 @@ namespace forcegrid::emulator {
 /// 4. when the host has gone (device detached, or silent for 2 s) returns in 1.2 s to the
 ///    calibration pose and starts again with the next host.
 ///
+/// One that lets go keeps still in the calibration pose instead of 2 and 3, and takes the hand away
+/// kLetGo_s after the counters have become right, for good.
+///
 /// The target never jumps. Time is an argument and must not decrease.
 /// Real-time: update() neither allocates, locks nor throws. Threads: one.
 class OperatorScript {
@@ -39,10 +42,11 @@ class OperatorScript {
     std::vector<PathPoint> path{};                         ///< of motion kPath
     std::uint64_t seed = 1;
     bool calibrated = false;
+    bool lets_go = false;
     Eigen::Vector3d contact_D = Eigen::Vector3d::Zero();  ///< [m] frame D
     double approach_height_m = 0.010;                     ///< approach point above contact_D
     double contact_depth_m = 0.0005;                      ///< how far below contact_D the tool goes
-    std::optional<HomingGesture> homing{};               ///< nothing: a button calibrates
+    std::optional<HomingGesture> homing{};                ///< nothing: a button calibrates
   };
 
   /// What the operator sees of the device.
@@ -55,6 +59,7 @@ class OperatorScript {
   struct Action {
     Eigen::Vector3d target_D = Eigen::Vector3d::Zero();  ///< [m] of the hand, frame D
     bool press_button = false;                           ///< the calibration button goes down now
+    bool let_go = false;                                 ///< the hand is taken away now
   };
 
   enum class Phase : std::uint8_t { kWaiting, kCalibrating, kApproaching, kMoving, kReturning };
@@ -69,6 +74,7 @@ class OperatorScript {
   static constexpr double kApproach_s = 1.2;
   static constexpr double kDescent_s = 0.5;
   static constexpr double kPause_s = 0.5;
+  static constexpr double kLetGo_s = 3.0;
   static constexpr double kReturn_s = 1.2;
   static constexpr double kHomingStroke_s = 1.5;
   static constexpr double kHomingPause_s = 0.3;
@@ -85,6 +91,8 @@ class OperatorScript {
   Phase phase_ = Phase::kWaiting;
   rt::TimePoint phase_start_{};
   std::optional<rt::TimePoint> host_since_;
+  std::optional<rt::TimePoint> calibrated_since_;
+  bool has_let_go_ = false;
   std::uint64_t loads_before_host_ = 0;
 };
 

@@ -25,6 +25,14 @@ ServerOptions server_options(const EmulatorOptions& options) {
                                   "arm's workspace");
     }
   }
+  if (!(options.tip_mass_kg >= 0.0 && options.tip_mass_kg <= kMaxTipMass_kg)) {
+    throw std::invalid_argument("tip mass " + std::to_string(options.tip_mass_kg) +
+                                " kg is impossible; give kilograms from 0 to 5");
+  }
+  if (options.hand_lets_go && parse_hand(options.hand) == HandKind::kNone) {
+    throw std::invalid_argument(
+        "a hand that lets go has to be there at first; use hand firm or light");
+  }
   ServerOptions server;
   server.listen = options.listen;
   for (const std::string& name : options.profiles) {
@@ -32,6 +40,8 @@ ServerOptions server_options(const EmulatorOptions& options) {
     device.profile = profiles::load_device_profile(name);
     device.hand = parse_hand(options.hand);
     device.hand_carries_weight = options.hand_carries_weight;
+    device.tip_mass_kg = options.tip_mass_kg;
+    device.operator_script.lets_go = options.hand_lets_go;
     device.frame_order = parse_frame_order(options.frame_order);
     device.random_power_up_counters = options.random_power_up_counters;
     device.firmware_loaded = options.firmware_loaded;

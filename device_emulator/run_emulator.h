@@ -12,15 +12,19 @@
 
 namespace forcegrid::emulator {
 
+inline constexpr double kMaxTipMass_kg = 5.0;
+
 /// What `forcegrid emulate` can be told; names as on the command line.
 struct EmulatorOptions {
   std::vector<std::string> profiles;      ///< one device each: names or TOML files
   std::string listen = "127.0.0.1:3240";  ///< ADDR:PORT, loopback only
   std::string hand = "firm";              ///< firm, light, none
-  std::string motion = "chirp";           ///< see MotionKind; or path:FILE, see read_recorded_path()
+  std::string motion = "chirp";  ///< see MotionKind; or path:FILE, see read_recorded_path()
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";  ///< out-first, in-first
   bool hand_carries_weight = true;        ///< false: for a host that compensates gravity
+  bool hand_lets_go = false;              ///< see OperatorScript
+  double tip_mass_kg = 0.0;               ///< fastened to the tip, 0 to kMaxTipMass_kg
   bool calibrated = false;                ///< counters are true from the start; no button needed
   bool random_power_up_counters = false;  ///< counters start anywhere instead of at 0
   bool firmware_loaded = false;           ///< a Falcon's firmware runs from the start

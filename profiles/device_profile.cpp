@@ -538,11 +538,11 @@ DeviceProfile::Dynamics read_dynamics(const Table& root, DeviceKind kind) {
   DeviceProfile::Dynamics dynamics;
   dynamics.tip_mass_kg = table.number("tip_mass_kg", kTipMass_kg);
   dynamics.joint_inertia_kg_m2 = table.number("joint_inertia_kg_m2", kInertia_kg_m2);
-  dynamics.coulomb_friction_Nm = table.number("coulomb_friction_Nm", kCoulomb_Nm);
+  dynamics.coulomb_friction_Nm = table.axes_or_number("coulomb_friction_Nm", kCoulomb_Nm);
   dynamics.coulomb_smoothing_s_per_rad =
       table.number("coulomb_smoothing_s_per_rad", kSmoothing_s_per_rad);
   dynamics.viscous_friction_Nm_s_per_rad =
-      table.number("viscous_friction_Nm_s_per_rad", kViscous_Nm_s_per_rad);
+      table.axes_or_number("viscous_friction_Nm_s_per_rad", kViscous_Nm_s_per_rad);
   dynamics.stop_stiffness_Nm_per_rad =
       table.number("stop_stiffness_Nm_per_rad", kStopStiffness_Nm_per_rad);
   dynamics.stop_damping_Nm_s_per_rad =

@@ -17,6 +17,9 @@ class ProfileError : public std::runtime_error {
 /// Three numbers, one an axis: joints a, b, c (base, shoulder, elbow) or x, y, z.
 using Axes = std::array<double, 3>;
 
+/// Standard gravity, for devices whose profile has no [gravity].
+inline constexpr double kStandardGravity_m_per_s2 = 9.80665;
+
 /// The hand that holds the emulated device: a mass on a spring and damper to a moving target.
 struct HandProfile {
   double mass_kg = 0.0;
@@ -153,9 +156,10 @@ struct DeviceProfile {
   struct Dynamics {
     double tip_mass_kg = 0.0;
     double joint_inertia_kg_m2 = 0.0;
-    double coulomb_friction_Nm = 0.0;
+    /// Per joint; the file has three numbers, or one for all.
+    Axes coulomb_friction_Nm{};
     double coulomb_smoothing_s_per_rad = 0.0;  ///< friction = -coulomb * tanh(smoothing * q')
-    double viscous_friction_Nm_s_per_rad = 0.0;
+    Axes viscous_friction_Nm_s_per_rad{};      ///< likewise
     double stop_stiffness_Nm_per_rad = 0.0;
     double stop_damping_Nm_s_per_rad = 0.0;
     double knob_stop_stiffness_N_per_m = 0.0;  ///< delta only: the knob against the body

@@ -15,7 +15,8 @@ struct TomlAssertion {};
 #define TOML_HEADER_ONLY 1
 #define TOML_EXCEPTIONS 1
 #pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wterminate"  // an assertion in a noexcept function ends the program
+#pragma GCC diagnostic ignored \
+    "-Wterminate"  // an assertion in a noexcept function ends the program
 #include <toml++/toml.h>
 #pragma GCC diagnostic pop
 

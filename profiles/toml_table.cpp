@@ -117,6 +117,14 @@ std::array<double, 3> TomlTable::axes(const char* key, const NumberRange& range)
   return result;
 }
 
+std::array<double, 3> TomlTable::axes_or_number(const char* key, const NumberRange& range) const {
+  if (const toml::node* node = table_.get(key); node != nullptr && node->is_array()) {
+    return axes(key, range);
+  }
+  const double all = number(key, range);
+  return {all, all, all};
+}
+
 std::vector<std::int64_t> TomlTable::integers(const char* key, std::size_t count, std::int64_t min,
                                               std::int64_t max) const {
   const std::string words = (count == 3   ? std::string("three")

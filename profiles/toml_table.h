@@ -51,6 +51,8 @@ class TomlTable {
   double number(const char* key, const NumberRange& range) const;
   std::int64_t integer(const char* key, std::int64_t min, std::int64_t max) const;
   std::array<double, 3> axes(const char* key, const NumberRange& range) const;
+  /// Three numbers in an array, or one that all three are.
+  std::array<double, 3> axes_or_number(const char* key, const NumberRange& range) const;
   std::vector<std::int64_t> integers(const char* key, std::size_t count, std::int64_t min,
                                      std::int64_t max) const;
 

@@ -7,7 +7,11 @@
 namespace forcegrid::servo {
 
 EncoderWatch::EncoderWatch(const profiles::DeviceProfile& profile) noexcept
-    : loaded_above_Nm_(kFrictions * profile.dynamics.coulomb_friction_Nm) {}
+    : loaded_above_Nm_(profile.dynamics.coulomb_friction_Nm) {
+  for (double& torque_Nm : loaded_above_Nm_) {
+    torque_Nm *= kFrictions;
+  }
+}
 
 void EncoderWatch::restart() noexcept { joints_ = {}; }
 
@@ -58,7 +62,8 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
   Eigen::Array3d part;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     Joint& joint = joints_[i];
-    const bool loaded = std::abs(force_torque_Nm[static_cast<Eigen::Index>(i)]) > loaded_above_Nm_;
+    const bool loaded =
+        std::abs(force_torque_Nm[static_cast<Eigen::Index>(i)]) > loaded_above_Nm_[i];
     if (loaded && !joint.loaded) {
       joint.loaded_since = watched_;
     }

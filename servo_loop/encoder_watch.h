@@ -28,8 +28,8 @@ namespace forcegrid::servo {
 /// The times of doubting and freezing run only while reports come: what lies between two reports
 /// more than kYoung apart counts for nothing. In such a silence no count can come, and no command
 /// reaches a device that takes one for each report, so that its motors keep their torque. And a
-/// report gives at most kCredit: where each takes long, the zero that was commanded takes as long to
-/// reach the motors and what it does as long to come back, so that what counts is how many came.
+/// report gives at most kCredit: where each takes long, the zero that was commanded takes as long
+/// to reach the motors and what it does as long to come back, so that what counts is how many came.
 ///
 /// Real-time: no allocation, lock or throw. Threads: one.
 class EncoderWatch {
@@ -78,11 +78,12 @@ class EncoderWatch {
     double part = 1.0;  ///< of the torque that may be commanded
   };
 
-  double loaded_above_Nm_;
+  profiles::Axes loaded_above_Nm_;
   std::array<Joint, 3> joints_;
   std::uint64_t last_sequence_ = 0;
   rt::TimePoint last_released_{};
-  rt::Duration watched_{};  ///< how long reports have come one soon after the other, by their credit
+  rt::Duration
+      watched_{};  ///< how long reports have come one soon after the other, by their credit
   std::uint64_t doubts_ = 0;
 };
 

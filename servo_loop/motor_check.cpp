@@ -64,7 +64,8 @@ MotorCheck::Verdict MotorCheck::update(rt::TimePoint now, const driver::DeviceRe
   }
   if (cycle_ >= rest) {
     torque_Nm_[axis] = kSigns[static_cast<std::size_t>(push_)] * std::pow(kHarder, attempt_) *
-                       (kPush_N * pose.jacobian_D.col(axis).norm() + kFrictions * friction_Nm_);
+                       (kPush_N * pose.jacobian_D.col(axis).norm() +
+                        kFrictions * friction_Nm_[static_cast<std::size_t>(joint_)]);
   }
   ++cycle_;
   return verdict_;

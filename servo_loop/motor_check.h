@@ -66,7 +66,7 @@ class MotorCheck {
   void begin_attempt() noexcept;
   Verdict judge() noexcept;
 
-  double friction_Nm_;
+  profiles::Axes friction_Nm_;
   int push_cycles_;
   int joint_ = 0;
   int attempt_ = 0;

@@ -13,8 +13,8 @@ using Eigen::Vector3d;
 
 profiles::DeviceProfile frictionless(const char* name) {
   auto profile = profiles::load_device_profile(name);
-  profile.dynamics.coulomb_friction_Nm = 0.0;
-  profile.dynamics.viscous_friction_Nm_s_per_rad = 0.0;
+  profile.dynamics.coulomb_friction_Nm = {};
+  profile.dynamics.viscous_friction_Nm_s_per_rad = {};
   return profile;
 }
 
@@ -55,6 +55,41 @@ TEST(ArmModel, FreeArmKeepsItsKineticEnergy) {
     // And it did move, through Coriolis forces too: a straight line would need none.
     EXPECT_GT(std::abs(arm.joint_speed_rad_per_s()[0] - 1.5), 0.05) << name;
   }
+}
+
+TEST(ArmModel, AMassAtTheTipIsHeldByTheTransposedJacobianTimesItsWeight) {
+  constexpr double kMass_kg = 0.3;
+  auto profile = without_stops(frictionless("woodenhaptics_v2015"));
+  profile.gravity.balanced = true;
+  ArmModel arm(profile, std::nullopt, centre_rad(profile));
+  arm.attach_tip_mass(kMass_kg);
+  const double weight_N = kMass_kg * profile.gravity.acceleration_m_per_s2;
+  const auto motion = arm.kinematics().motion(arm.joint_angle_rad(), Vector3d::Zero());
+  arm.advance(0.2, weight_N * motion.jacobian_m_per_rad.row(2).transpose(), Vector3d::Zero());
+  EXPECT_LT((arm.joint_angle_rad() - centre_rad(profile)).norm(), 1e-9);
+  // Let fall, it moves as its weight alone makes it.
+  const double height_m = arm.position_D().z();
+  arm.advance(0.1, Vector3d::Zero(), Vector3d::Zero());
+  const double fallen_m = height_m - arm.position_D().z();
+  EXPECT_GT(fallen_m, 0.01);
+  EXPECT_NEAR(arm.work().gravity_J, weight_N * fallen_m, 1e-4 * weight_N * fallen_m);
+  EXPECT_NEAR(arm.kinetic_energy_J(), weight_N * fallen_m, 1e-3 * weight_N * fallen_m);
+}
+
+TEST(ArmModel, AHandThatLetsGoLeavesTheTipToItsWeight) {
+  auto profile = without_stops(frictionless("woodenhaptics_v2015"));
+  ArmModel held(profile, profile.firm_hand, centre_rad(profile));
+  held.attach_tip_mass(0.1);
+  held.advance(0.2, Vector3d::Zero(), held.hand_target_D());
+  EXPECT_LT((held.joint_angle_rad() - centre_rad(profile)).norm(), 1e-9);
+  held.release_hand();
+  ArmModel never_held(profile, std::nullopt, centre_rad(profile));
+  never_held.attach_tip_mass(0.1);
+  for (ArmModel* arm : {&held, &never_held}) {
+    arm->advance(0.1, Vector3d::Zero(), Vector3d::Zero());
+  }
+  EXPECT_LT((held.joint_angle_rad() - never_held.joint_angle_rad()).norm(), 1e-9);
+  EXPECT_GT((held.joint_angle_rad() - centre_rad(profile)).norm(), 0.05);
 }
 
 TEST(ArmModel, AngularMomentumAboutTheVerticalIsConservedWithoutTorque) {
@@ -177,14 +212,14 @@ TEST(ArmModel, CoulombFrictionSlowsAJointAtItsKnownRate) {
   // Base joint alone, fast enough for tanh = 1: I q'' = -(coulomb + viscous q').
   auto profile = without_stops(profiles::load_device_profile("woodenhaptics_v2015"));
   profile.gravity.balanced = true;
-  profile.dynamics.viscous_friction_Nm_s_per_rad = 0.0;
+  profile.dynamics.viscous_friction_Nm_s_per_rad = {};
   profile.dynamics.tip_mass_kg = 1e-9;  // only the joint inertia is left: no centrifugal coupling
   profile.dynamics.joint_inertia_kg_m2 = 0.01;
   ArmModel arm(profile, std::nullopt, centre_rad(profile));
   arm.set_joint_speed({2.0, 0.0, 0.0});
   arm.advance(0.5, Vector3d::Zero(), Vector3d::Zero());
   const double expected =
-      2.0 - 0.5 * profile.dynamics.coulomb_friction_Nm / profile.dynamics.joint_inertia_kg_m2;
+      2.0 - 0.5 * profile.dynamics.coulomb_friction_Nm[0] / profile.dynamics.joint_inertia_kg_m2;
   EXPECT_NEAR(arm.joint_speed_rad_per_s()[0], expected, 1e-5);
 }
 

@@ -16,8 +16,8 @@ profiles::DeviceProfile falcon() { return profiles::load_device_profile("falcon"
 
 profiles::DeviceProfile frictionless() {
   profiles::DeviceProfile profile = falcon();
-  profile.dynamics.coulomb_friction_Nm = 0.0;
-  profile.dynamics.viscous_friction_Nm_s_per_rad = 0.0;
+  profile.dynamics.coulomb_friction_Nm = {};
+  profile.dynamics.viscous_friction_Nm_s_per_rad = {};
   return profile;
 }
 
@@ -98,6 +98,24 @@ TEST(DeltaModel, MotorsHoldTheKnobAgainstTheHandsSpring) {
   EXPECT_LT((model.position_D() - expected_D).norm(), 1e-7);
 }
 
+TEST(DeltaModel, AMassAtTheKnobWeighsUntilAHandBearsIt) {
+  constexpr double kMass_kg = 0.2;
+  const double weight_N = kMass_kg * profiles::kStandardGravity_m_per_s2;
+  auto profile = falcon();
+  profile.dynamics.coulomb_friction_Nm = {};
+  profile.dynamics.viscous_friction_Nm_s_per_rad = {};
+  DeltaModel model(profile, profile.firm_hand, Vector3d::Zero());
+  model.attach_tip_mass(kMass_kg);
+  model.advance(0.1, Vector3d::Zero(), Vector3d::Zero());
+  EXPECT_LT(model.position_D().norm(), 1e-9);
+  model.release_hand();
+  model.advance(0.05, Vector3d::Zero(), Vector3d::Zero());
+  const double fallen_m = -model.position_D().z();
+  EXPECT_GT(fallen_m, 0.001);
+  EXPECT_NEAR(model.work().gravity_J, weight_N * fallen_m, 1e-9);
+  EXPECT_NEAR(model.kinetic_energy_J(), weight_N * fallen_m, 1e-3 * weight_N * fallen_m);
+}
+
 TEST(DeltaModel, FrictionBringsTheKnobToRestAndHoldsIt) {
   const auto profile = falcon();
   DeltaModel model(profile, std::nullopt, Vector3d::Zero());
@@ -106,7 +124,7 @@ TEST(DeltaModel, FrictionBringsTheKnobToRestAndHoldsIt) {
   EXPECT_LT(model.velocity_D_m_per_s().norm(), 1e-3);
   const Vector3d rest_D = model.position_D();
   // Less than the Coulomb friction moves it only by the creep of its smooth start.
-  model.advance(0.2, Vector3d::Constant(0.3 * profile.dynamics.coulomb_friction_Nm),
+  model.advance(0.2, Vector3d::Constant(0.3 * profile.dynamics.coulomb_friction_Nm[0]),
                 Vector3d::Zero());
   EXPECT_LT((model.position_D() - rest_D).norm(), 2e-4);
 }

@@ -243,7 +243,7 @@ TEST(EmulatedFalcon, SheetsCommandsPushTheKnobWhereTheirForcePoints) {
     auto options = ready_options();
     // The hand waits, and stays, where the force is known.
     options.profile.delta.center_m = {0.0, -EmulatedFalcon::kStartHeight_m, 0.110};
-    options.profile.dynamics.coulomb_friction_Nm = 0.0;
+    options.profile.dynamics.coulomb_friction_Nm = {};
     SimulatedFalconWire wire(options);
     FalconClient client(wire);
     client.enter_normal_mode();

@@ -36,6 +36,23 @@ TEST_F(OperatorScriptTest, PressesTheButtonOnceAFifthOfASecondAfterTheHostAppear
   EXPECT_EQ(pressed_at_ms, 1200);
 }
 
+TEST_F(OperatorScriptTest, OneThatLetsGoStaysInThePoseAndIsGoneThreeSecondsAfterCalibration) {
+  options_.lets_go = true;
+  script_ = OperatorScript(options_, home_D_);
+  int let_go_at_ms = 0;
+  int times = 0;
+  for (int ms = 0; ms <= 8000; ++ms) {
+    const auto action = at(ms, true, ms >= 1000 ? 1 : 0);
+    EXPECT_EQ(action.target_D, home_D_);
+    if (action.let_go) {
+      ++times;
+      let_go_at_ms = ms;
+    }
+  }
+  EXPECT_EQ(times, 1);
+  EXPECT_EQ(let_go_at_ms, 4000);
+}
+
 TEST_F(OperatorScriptTest, ApproachesTouchesWaitsAndMovesAfterCalibration) {
   const Vector3d touch_D = options_.contact_D - Vector3d(0.0, 0.0, 0.0005);
   const Vector3d above_D = options_.contact_D + Vector3d(0.0, 0.0, 0.010);

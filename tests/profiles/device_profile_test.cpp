@@ -395,6 +395,8 @@ INSTANTIATE_TEST_SUITE_P(
                "-0.02 is impossible"},
         Broken{"coulomb_friction", "coulomb_friction_Nm = 20", "dynamics.coulomb_friction_Nm",
                "20 is impossible"},
+        Broken{"coulomb_friction", "coulomb_friction_Nm = [0.02, 20, 0.02]",
+               "dynamics.coulomb_friction_Nm", "20 in place 2 is impossible"},
         Broken{"coulomb_smoothing", "coulomb_smoothing_s_per_rad = 0",
                "dynamics.coulomb_smoothing_s_per_rad", "0 is impossible"},
         Broken{"coulomb_smoothing", "coulomb_smoothing_s_per_rad = 10001",
@@ -448,6 +450,7 @@ TEST(DeviceProfile, AcceptsTheLastValuesThatAreAllowed) {
         Edge{"link_c_center_m", "link_c_center_m = -0.245"},
         Edge{"tip_mass_kg", "tip_mass_kg = 1e-3"}, Edge{"joint_inertia", "joint_inertia_kg_m2 = 1"},
         Edge{"coulomb_friction", "coulomb_friction_Nm = 0"},
+        Edge{"coulomb_friction", "coulomb_friction_Nm = [0, 0.5, 10]"},
         Edge{"viscous_friction", "viscous_friction_Nm_s_per_rad = 10"},
         Edge{"stop_stiffness", "stop_stiffness_Nm_per_rad = 1e4"}, Edge{"mass_kg", "mass_kg = 20"},
         Edge{"damping_N_s_per_m", "damping_N_s_per_m = 1e4"},
@@ -461,6 +464,21 @@ TEST(DeviceProfile, AcceptsTheLastValuesThatAreAllowed) {
     const fs::path file = folder.write("edge.toml", lines);
     EXPECT_NO_THROW(static_cast<void>(load_device_profile(file.string()))) << edge.new_line;
   }
+}
+
+TEST(DeviceProfile, FrictionIsOneNumberForAllJointsOrThree) {
+  auto lines = read_lines(load_device_profile("vintage").file);
+  const TemporaryFolder folder;
+  for (std::string& line : lines) {
+    if (line.starts_with("coulomb_friction_Nm")) {
+      line = "coulomb_friction_Nm = [0.01, 0.02, 0.03]";
+    } else if (line.starts_with("viscous_friction")) {
+      line = "viscous_friction_Nm_s_per_rad = 0.004";
+    }
+  }
+  const auto dynamics = load_device_profile(folder.write("friction.toml", lines)).dynamics;
+  EXPECT_EQ(dynamics.coulomb_friction_Nm, (Axes{0.01, 0.02, 0.03}));
+  EXPECT_EQ(dynamics.viscous_friction_Nm_s_per_rad, (Axes{0.004, 0.004, 0.004}));
 }
 
 TEST(DeviceProfile, NamesTheLineOfASyntaxError) {
