@@ -2,12 +2,15 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "cli/stop_request.h"
 #include "driver/open_device.h"
+#include "link/address.h"
 #include "tools/doctor.h"
 #include "tools/doctor_timing.h"
 
@@ -21,29 +24,39 @@ using tools::Verdict;
 constexpr int kWarnings = 3;
 constexpr int kBad = 4;
 
-// Round trips have no deadline of their own: what they cost is told, not judged.
-Finding round_trip(const std::string& check, const rt::Percentiles& us,
-                   const std::string& nothing) {
-  Finding finding{.check = check};
-  finding.measured = {{"round_trips", static_cast<double>(us.count())},
-                      {"p50_us", us.at(0.5)},
-                      {"p99_us", us.at(0.99)},
-                      {"p99_9_us", us.at(0.999)},
-                      {"max_us", us.max()}};
-  char text[160];
-  std::snprintf(text, sizeof text, "%.0f us in the median, p99 %.0f, p99.9 %.0f, worst %.0f",
-                us.at(0.5), us.at(0.99), us.at(0.999), us.max());
-  finding.what = text;
-  if (us.count() == 0) {
-    finding.verdict = Verdict::kBad;
-    finding.what = "no answer at all";
-    finding.cost = "nothing can be felt";
-    finding.remedy = nothing;
+constexpr char kDeviceCheck[] = "USB round trip";
+constexpr char kSimulatorCheck[] = "simulator's round trip";
+
+// What can't be measured is a finding like the others: it must not take them along.
+Finding device_finding(const DoctorOptions& options, const profiles::DeviceProfile& profile) {
+  try {
+    const auto device = driver::open_device(options.device, profile);
+    const tools::RoundTrips trips =
+        tools::measure_device_round_trip(*device, options.seconds, StopRequest::stop());
+    static_cast<void>(device->stop());  // no current was ever asked for
+    return tools::judge_round_trips(kDeviceCheck, trips,
+                                    "plug the device in again and look at forcegrid devices");
+  } catch (const driver::DeviceError& error) {
+    return tools::not_measured(kDeviceCheck, error.what());
   }
-  return finding;
 }
 
-std::vector<Finding> measure(const DoctorOptions& options, std::FILE* out) {
+Finding simulator_finding(const DoctorOptions& options) {
+  try {
+    return tools::judge_round_trips(
+        kSimulatorCheck,
+        tools::measure_simulator_round_trip(options.simulator, options.seconds,
+                                            StopRequest::stop()),
+        "start the simulator: forcegrid simulate --listen " + options.simulator);
+  } catch (const link::LinkError& error) {
+    return tools::not_measured(kSimulatorCheck, error.what());
+  }
+}
+
+// @param profile of the device to measure with; none: no device
+std::vector<Finding> measure(const DoctorOptions& options,
+                             const std::optional<profiles::DeviceProfile>& profile,
+                             std::FILE* out) {
   const auto& stop = StopRequest::stop();
   std::vector<Finding> findings;
   const double period_s = 1.0 / options.rate_Hz;
@@ -51,26 +64,18 @@ std::vector<Finding> measure(const DoctorOptions& options, std::FILE* out) {
     std::fprintf(out, "measuring wake-ups %s, %.0f s ...\n", load ? "under load" : "idle",
                  options.seconds);
     const tools::WakeupTest test = tools::measure_wakeups(options.seconds, period_s, load, stop);
-    findings.push_back(tools::judge_wakeups(load ? "wake-up under load" : "wake-up idle",
-                                            test.latency_us, 1e6 * period_s, test.realtime));
+    findings.push_back(
+        tools::judge_wakeups(load ? "wake-up under load" : "wake-up idle", test, 1e6 * period_s));
   }
-  if (!options.device.empty()) {
+  if (profile) {
     std::fprintf(out, "measuring the round trip with %s, %.0f s ...\n", options.device.c_str(),
                  options.seconds);
-    const auto device =
-        driver::open_device(options.device, profiles::load_device_profile(options.profile));
-    const rt::Percentiles us = tools::measure_device_round_trip(*device, options.seconds, stop);
-    static_cast<void>(device->stop());  // no current was ever asked for
-    findings.push_back(
-        round_trip("USB round trip", us, "plug the device in again and look at forcegrid devices"));
+    findings.push_back(device_finding(options, *profile));
   }
   if (!options.simulator.empty()) {
     std::fprintf(out, "measuring the round trip with %s, %.0f s ...\n", options.simulator.c_str(),
                  options.seconds);
-    findings.push_back(
-        round_trip("simulator's round trip",
-                   tools::measure_simulator_round_trip(options.simulator, options.seconds, stop),
-                   "start the simulator: forcegrid simulate --listen " + options.simulator));
+    findings.push_back(simulator_finding(options));
   }
   return findings;
 }
@@ -84,6 +89,9 @@ void print(std::FILE* out, const Finding& finding) {
   if (!finding.remedy.empty()) {
     std::fprintf(out, "         mend:  %s\n", finding.remedy.c_str());
   }
+  for (const std::string& line : tools::histogram_lines(finding.histogram)) {
+    std::fprintf(out, "         %s\n", line.c_str());
+  }
 }
 
 ordered_json json_of(const Finding& finding) {
@@ -91,10 +99,16 @@ ordered_json json_of(const Finding& finding) {
   for (const auto& [name, value] : finding.measured) {
     measured[name] = value;
   }
+  ordered_json histogram = ordered_json::array();
+  for (const tools::LatencyBin& bin : finding.histogram) {
+    const bool bounded = std::isfinite(bin.up_to_us);
+    histogram.push_back({{"up_to_us", bounded ? ordered_json(bin.up_to_us) : ordered_json()},
+                         {"count", bin.count}});
+  }
   return {{"check", finding.check},   {"verdict", to_string(finding.verdict)},
           {"what", finding.what},     {"cost", finding.cost},
           {"remedy", finding.remedy}, {"fixable", !finding.fixes.empty()},
-          {"measured", measured}};
+          {"measured", measured},     {"histogram", histogram}};
 }
 
 tools::DoctorSystem system_below(const std::string& root) {
@@ -157,6 +171,10 @@ void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
 
 int doctor_command(const DoctorOptions& options) {
   std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  std::optional<profiles::DeviceProfile> profile;  // a name that is wrong is said at once
+  if (!options.device.empty()) {
+    profile = profiles::load_device_profile(options.profile);
+  }
   std::vector<profiles::DeviceProfile> known;
   for (const std::string& name : profiles::available_profiles()) {
     known.push_back(profiles::load_device_profile(name));
@@ -169,7 +187,7 @@ int doctor_command(const DoctorOptions& options) {
   }
   findings.push_back(tools::library_versions());
   if (options.seconds > 0.0) {
-    for (Finding& finding : measure(options, out)) {
+    for (Finding& finding : measure(options, profile, out)) {
       findings.push_back(std::move(finding));
     }
   }

@@ -27,7 +27,8 @@ void add_doctor(CLI::App& app, DoctorOptions& options, std::function<int()>& act
 
 /// Examines this computer and says of each finding what it costs and what mends it.
 /// @returns 0 when nothing is wrong, 3 with warnings only, 4 when something is bad.
-/// @throws std::exception with a sentence for the user, e.g. for a device that can't be opened.
+///          A device or simulator that can't be measured with is a bad finding, too.
+/// @throws std::exception with a sentence for the user, e.g. for a profile that does not exist.
 int doctor_command(const DoctorOptions& options);
 
 }  // namespace forcegrid::cli

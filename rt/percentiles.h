@@ -51,6 +51,18 @@ class Percentiles {
     return max_;
   }
 
+  /// How many values are at most `value`; those up to 0.2 % above it may be among them.
+  std::uint64_t count_up_to(double value) const noexcept {
+    if (value >= max_) {
+      return count_;
+    }
+    std::uint64_t below = 0;
+    for (std::size_t bin = 0; value >= 0.0 && bin <= bin_of(value); ++bin) {
+      below += bins_[bin];
+    }
+    return below;
+  }
+
  private:
   static constexpr int kBinsPerOctave = 512;
   static constexpr int kLowestExponent = -6;

@@ -6,6 +6,7 @@
 #include "driver/force_limiter.h"
 #include "servo_loop/fault.h"
 #include "tools/dashboard.h"
+#include "tools/latency_histogram.h"
 
 namespace forcegrid::tools {
 namespace {
@@ -22,11 +23,6 @@ constexpr double kFullBar_N = 10.0;
   std::vsnprintf(line, sizeof line, format, arguments);
   va_end(arguments);
   return line;
-}
-
-std::string bar(double fraction, int width) {
-  const double whole = std::clamp(fraction, 0.0, 1.0) * width;
-  return std::string(static_cast<std::size_t>(std::lround(whole)), '#');
 }
 
 std::string times(const char* name, const rt::Percentiles& values, const char* unit, double scale) {
@@ -122,8 +118,8 @@ std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
       text("tool        x %+8.2f  y %+8.2f  z %+8.2f mm     speed %6.3f m/s",
            1e3 * c.position_W_m[0], 1e3 * c.position_W_m[1], 1e3 * c.position_W_m[2],
            norm(c.velocity_W_m_per_s)),
-      text("asked %6.2f N %s", asked_N, bar(asked_N / kFullBar_N, kBar).c_str()),
-      text("sent  %6.2f N %s", sent_N, bar(sent_N / kFullBar_N, kBar).c_str()),
+      text("asked %6.2f N %s", asked_N, text_bar(asked_N / kFullBar_N, kBar).c_str()),
+      text("sent  %6.2f N %s", sent_N, text_bar(sent_N / kFullBar_N, kBar).c_str()),
       text("contact     %-4s gain %4.2f  largest force %5.2f N  current %+5.2f %+5.2f %+5.2f A",
            c.in_contact ? "yes" : "no", c.gain, force_max_N_, c.current_A[0], c.current_A[1],
            c.current_A[2]),
@@ -142,7 +138,7 @@ std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
         cycles_ == 0 ? 0.0 : static_cast<double>(wakeup_bins_[i]) / static_cast<double>(cycles_);
     const std::string edge = i < kBinEdges_us.size() ? text("%6.0f", kBinEdges_us[i]) : "  more";
     histogram.push_back(
-        text("%s %7.3f %% %s", edge.c_str(), 100.0 * share, bar(share, kBar).c_str()));
+        text("%s %7.3f %% %s", edge.c_str(), 100.0 * share, text_bar(share, kBar).c_str()));
   }
   // Two bins a line would not be read: the rarest small ones are left out where rows are few.
   const auto room = static_cast<std::size_t>(std::max(rows - 1, 0));

@@ -27,9 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kRule[] = "70-forcegrid.rules";
-constexpr double kSlowIdle_us = 100.0;   // a twentieth of the 2 ms cycle
-constexpr double kGoodShare = 0.1;       // of a period, at the 99.9th percentile
-constexpr double kTolerableShare = 0.5;  // beyond it the next deadline is in danger
+constexpr double kSlowIdle_us = 100.0;  // a twentieth of the 2 ms cycle
 constexpr char kLimits[] =
     "# Real-time priority and locked memory for users of haptic devices.\n"
     "@plugdev - rtprio 95\n"
@@ -385,34 +383,6 @@ Finding library_versions() {
   for (const auto& [name, version] : versions) {
     finding.what += (finding.what.empty() ? "" : ", ") + name + " " + version;
   }
-  return finding;
-}
-
-Finding judge_wakeups(const std::string& check, const rt::Percentiles& latency_us, double period_us,
-                      bool realtime) {
-  Finding finding{.check = check};
-  const double p999_us = latency_us.at(0.999);
-  finding.measured = {{"wakeups", static_cast<double>(latency_us.count())},
-                      {"p50_us", latency_us.at(0.5)},
-                      {"p99_us", latency_us.at(0.99)},
-                      {"p99_9_us", p999_us},
-                      {"max_us", latency_us.max()},
-                      {"period_us", period_us}};
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "late by %.0f us in the median, p99 %.0f, p99.9 %.0f, worst %.0f (period %.0f)",
-                latency_us.at(0.5), latency_us.at(0.99), p999_us, latency_us.max(), period_us);
-  finding.what = text;
-  if (p999_us <= kGoodShare * period_us) {
-    return finding;
-  }
-  finding.verdict = p999_us <= kTolerableShare * period_us ? Verdict::kWarn : Verdict::kBad;
-  std::snprintf(text, sizeof text, "one cycle of 1000 begins %.0f %% of a period late or later",
-                100.0 * p999_us / period_us);
-  finding.cost = text;
-  finding.remedy = realtime ? "the kernel and processor findings above, first of all a PREEMPT_RT "
-                              "kernel: sudo apt-get install linux-image-rt-amd64"
-                            : "the real-time priority above";
   return finding;
 }
 

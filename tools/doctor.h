@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "profiles/device_profile.h"
-#include "rt/percentiles.h"
 #include "tools/device_survey.h"
+#include "tools/latency_histogram.h"
 
 namespace forcegrid::tools {
 
@@ -35,6 +35,7 @@ struct Finding {
   std::string remedy{};  ///< the exact command; empty when good
   std::vector<FileFix> fixes{};
   std::vector<std::pair<std::string, double>> measured{};  ///< name with unit, value
+  std::vector<LatencyBin> histogram{};                     ///< of what was measured
 };
 
 /// What the kernel grants this process; tests have their own.
@@ -62,11 +63,6 @@ std::vector<Finding> examine_system(const DoctorSystem& system,
 
 /// Versions of the libraries in use, and of the kernel.
 Finding library_versions();
-
-/// What wake-up latencies mean for a loop with this period.
-/// @param latency_us of a thread that slept until absolute times.
-Finding judge_wakeups(const std::string& check, const rt::Percentiles& latency_us, double period_us,
-                      bool realtime);
 
 /// Makes a finding's changes, each read back.
 /// @returns one sentence for each: what was done, or why it could not be.

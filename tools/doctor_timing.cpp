@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <thread>
@@ -23,6 +24,9 @@ constexpr auto kPoll = std::chrono::microseconds(20);
 constexpr auto kAnswerTimeout = std::chrono::milliseconds(20);
 constexpr auto kToolPeriod = std::chrono::milliseconds(2);
 constexpr double kAbove_m = 0.05;
+constexpr double kGoodShare = 0.1;         // of a period, at the 99.9th percentile
+constexpr double kTolerableShare = 0.5;    // beyond it the next deadline is in danger
+constexpr double kUnansweredShare = 0.01;  // of the commands
 
 void copy_memory(const std::atomic<bool>& stop) {
   std::vector<char> from(kCopied_bytes, 1);
@@ -85,30 +89,105 @@ WakeupTest measure_wakeups(double seconds, double period_s, bool load,
   return test;
 }
 
-rt::Percentiles measure_device_round_trip(driver::Device& device, double seconds,
-                                          const std::atomic<bool>& stop) {
-  rt::Percentiles round_trip_us;
+Finding judge_wakeups(const std::string& check, const WakeupTest& test, double period_us) {
+  const rt::Percentiles& latency_us = test.latency_us;
+  Finding finding{.check = check};
+  finding.histogram = latency_histogram(latency_us);
+  const double p999_us = latency_us.at(0.999);
+  finding.measured = {{"wakeups", static_cast<double>(latency_us.count())},
+                      {"p50_us", latency_us.at(0.5)},
+                      {"p99_us", latency_us.at(0.99)},
+                      {"p99_9_us", p999_us},
+                      {"max_us", latency_us.max()},
+                      {"period_us", period_us}};
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "late by %.0f us in the median, p99 %.0f, p99.9 %.0f, worst %.0f (period %.0f)",
+                latency_us.at(0.5), latency_us.at(0.99), p999_us, latency_us.max(), period_us);
+  finding.what = text;
+  if (p999_us <= kGoodShare * period_us) {
+    return finding;
+  }
+  finding.verdict = p999_us <= kTolerableShare * period_us ? Verdict::kWarn : Verdict::kBad;
+  std::snprintf(text, sizeof text, "one cycle of 1000 begins %.0f %% of a period late or later",
+                100.0 * p999_us / period_us);
+  finding.cost = text;
+  finding.remedy = test.realtime
+                       ? "the kernel and processor findings above, first of all a PREEMPT_RT "
+                         "kernel: sudo apt-get install linux-image-rt-amd64"
+                       : "the real-time priority above";
+  return finding;
+}
+
+RoundTrips measure_device_round_trip(driver::Device& device, double seconds,
+                                     const std::atomic<bool>& stop) {
+  RoundTrips trips;
   const rt::TimePoint end = rt::Clock::now() + rt::from_seconds(seconds);
   for (rt::TimePoint cycle = rt::Clock::now(); cycle < end && !stop; cycle += kDeviceCycle) {
     rt::sleep_until(cycle);
     const rt::TimePoint sent = rt::Clock::now();
     device.command(driver::MotorCommand{});
+    ++trips.sent;
     driver::DeviceReport report = device.newest_report();
     while (report.released < sent && rt::Clock::now() < sent + kAnswerTimeout && !stop) {
       std::this_thread::sleep_for(kPoll);
       report = device.newest_report();
     }
     if (report.released >= sent) {
-      round_trip_us.add(microseconds(report.received - sent));
+      trips.us.add(microseconds(report.received - sent));
+    } else {
+      ++trips.unanswered;
     }
   }
-  return round_trip_us;
+  return trips;
 }
 
-rt::Percentiles measure_simulator_round_trip(const std::string& address, double seconds,
-                                             const std::atomic<bool>& stop) {
+Finding judge_round_trips(const std::string& check, const RoundTrips& trips,
+                          const std::string& remedy) {
+  Finding finding{.check = check};
+  finding.histogram = latency_histogram(trips.us);
+  finding.measured = {{"sent", static_cast<double>(trips.sent)},
+                      {"unanswered", static_cast<double>(trips.unanswered)},
+                      {"round_trips", static_cast<double>(trips.us.count())},
+                      {"p50_us", trips.us.at(0.5)},
+                      {"p99_us", trips.us.at(0.99)},
+                      {"p99_9_us", trips.us.at(0.999)},
+                      {"max_us", trips.us.max()}};
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "%.0f us in the median, p99 %.0f, p99.9 %.0f, worst %.0f; %llu of %llu unanswered",
+                trips.us.at(0.5), trips.us.at(0.99), trips.us.at(0.999), trips.us.max(),
+                static_cast<unsigned long long>(trips.unanswered),
+                static_cast<unsigned long long>(trips.sent));
+  finding.what = text;
+  if (trips.us.count() == 0) {
+    finding.verdict = Verdict::kBad;
+    finding.what = "no answer at all";
+    finding.cost = "nothing can be felt";
+    finding.remedy = remedy;
+  } else if (static_cast<double>(trips.unanswered) >
+             kUnansweredShare * static_cast<double>(trips.sent)) {
+    finding.verdict = Verdict::kWarn;
+    finding.cost = "the force stands still, or fades, while no counts come";
+    finding.remedy =
+        "a shorter cable, a port of the computer itself (lsusb -t), and a look at "
+        "what the kernel says of it: sudo dmesg | grep -i usb";
+  }
+  return finding;
+}
+
+Finding not_measured(const std::string& check, const std::string& reason) {
+  const std::size_t end = reason.find("; ");
+  Finding finding{.check = check, .verdict = Verdict::kBad, .what = reason.substr(0, end)};
+  finding.cost = "nothing can be felt";
+  finding.remedy = end == std::string::npos ? reason : reason.substr(end + 2);
+  return finding;
+}
+
+RoundTrips measure_simulator_round_trip(const std::string& address, double seconds,
+                                        const std::atomic<bool>& stop) {
   link::ServoEndpoint endpoint(address);
-  rt::Percentiles round_trip_us;
+  RoundTrips trips;
   link::ToolState tool;
   tool.position_W_m = {0.0, 0.0, kAbove_m};
   const rt::TimePoint end = rt::Clock::now() + rt::from_seconds(seconds);
@@ -117,15 +196,16 @@ rt::Percentiles measure_simulator_round_trip(const std::string& address, double 
     ++tool.sequence;
     tool.servo_time_ns = rt::Clock::now().time_since_epoch().count();
     endpoint.send(tool);
+    ++trips.sent;
     while (rt::Clock::now() < at + kToolPeriod && !stop) {
       endpoint.wait(at + kToolPeriod - rt::Clock::now());
       while (const auto sample = endpoint.receive()) {
         const std::int64_t now_ns = rt::Clock::now().time_since_epoch().count();
-        round_trip_us.add(1e-3 * static_cast<double>(now_ns - sample->echo_servo_time_ns));
+        trips.us.add(1e-3 * static_cast<double>(now_ns - sample->echo_servo_time_ns));
       }
     }
   }
-  return round_trip_us;
+  return trips;
 }
 
 }  // namespace forcegrid::tools

@@ -111,6 +111,21 @@ TEST(Percentiles, AgreeWithASortedListWithinOneBin) {
   EXPECT_EQ(percentiles.min(), values.front());
 }
 
+TEST(Percentiles, CountHowManyAreAtMostAValue) {
+  Percentiles percentiles;
+  for (const double value : {0.0, 3.0, 3.0, 50.0, 700.0}) {
+    percentiles.add(value);
+  }
+  EXPECT_EQ(percentiles.count_up_to(-1.0), 0u);
+  EXPECT_EQ(percentiles.count_up_to(0.0), 1u);
+  EXPECT_EQ(percentiles.count_up_to(2.9), 1u);
+  EXPECT_EQ(percentiles.count_up_to(3.0), 3u);
+  EXPECT_EQ(percentiles.count_up_to(50.0), 4u);
+  EXPECT_EQ(percentiles.count_up_to(699.0), 4u);
+  EXPECT_EQ(percentiles.count_up_to(std::numeric_limits<double>::infinity()), 5u);
+  EXPECT_EQ(Percentiles().count_up_to(1.0), 0u);
+}
+
 TEST(Percentiles, CountBadValuesApart) {
   Percentiles percentiles;
   percentiles.add(-1.0);

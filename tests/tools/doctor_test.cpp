@@ -191,17 +191,56 @@ TEST(Fixes, SayWhatCouldNotBeDone) {
 TEST(Wakeups, AreJudgedByTheShareOfAPeriod) {
   constexpr double kPeriod_us = 2000.0;
   const auto verdict_of = [&](double late_us, bool realtime) {
-    rt::Percentiles latency_us;
+    WakeupTest test;
+    test.realtime = realtime;
     for (int i = 0; i < 1000; ++i) {
-      latency_us.add(i < 990 ? 10.0 : late_us);  // 1 % are late
+      test.latency_us.add(i < 990 ? 9.0 : late_us);  // 1 % are late
     }
-    return judge_wakeups("wake-up", latency_us, kPeriod_us, realtime);
+    return judge_wakeups("wake-up", test, kPeriod_us);
   };
   EXPECT_EQ(verdict_of(100.0, true).verdict, Verdict::kGood);
   EXPECT_EQ(verdict_of(500.0, true).verdict, Verdict::kWarn);
   EXPECT_EQ(verdict_of(1500.0, true).verdict, Verdict::kBad);
   EXPECT_THAT(verdict_of(1500.0, true).remedy, HasSubstr("PREEMPT_RT"));
   EXPECT_THAT(verdict_of(1500.0, false).remedy, HasSubstr("real-time priority"));
+}
+
+TEST(Wakeups, AreShownAsAHistogram) {
+  rt::Percentiles latency_us;
+  for (int i = 0; i < 100; ++i) {
+    latency_us.add(i < 90 ? 9.0 : i < 98 ? 70.0 : 1e6);
+  }
+  const std::vector<LatencyBin> bins = latency_histogram(latency_us);
+  ASSERT_EQ(bins.size(), 14u);  // 10, 20, 50, 100 us, ... 100 ms, and more
+  EXPECT_EQ(bins[0].up_to_us, 10.0);
+  EXPECT_EQ(bins[0].count, 90u);
+  EXPECT_EQ(bins[3].up_to_us, 100.0);
+  EXPECT_EQ(bins[3].count, 8u);
+  EXPECT_EQ(bins[13].count, 2u);
+  const std::vector<std::string> lines = histogram_lines(bins);
+  ASSERT_EQ(lines.size(), bins.size());
+  EXPECT_EQ(lines[0], "<=     10 us       90 " + std::string(45, '#'));  // 50 for all
+  EXPECT_EQ(lines[13], "more                2 #");
+  EXPECT_TRUE(histogram_lines(latency_histogram({})).empty());
+}
+
+TEST(RoundTrips, AreJudgedByTheAnswersThatDidNotCome) {
+  RoundTrips trips;
+  trips.sent = 1000;
+  EXPECT_EQ(judge_round_trips("trip", trips, "do this").verdict, Verdict::kBad);
+  EXPECT_EQ(judge_round_trips("trip", trips, "do this").remedy, "do this");
+  for (int i = 0; i < 980; ++i) {
+    trips.us.add(800.0);
+  }
+  trips.unanswered = 20;
+  EXPECT_EQ(judge_round_trips("trip", trips, "").verdict, Verdict::kWarn);
+  EXPECT_THAT(judge_round_trips("trip", trips, "").what, HasSubstr("20 of 1000 unanswered"));
+  trips.unanswered = 0;
+  const Finding good = judge_round_trips("trip", trips, "");
+  EXPECT_EQ(good.verdict, Verdict::kGood);
+  ASSERT_EQ(good.histogram.size(), 1u);
+  EXPECT_EQ(good.histogram[0].up_to_us, 1000.0);
+  EXPECT_EQ(good.histogram[0].count, 980u);
 }
 
 TEST(Wakeups, AreCountedOnceADeadlineThatWasMet) {
