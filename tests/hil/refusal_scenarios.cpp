@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "tests/hil/hil_bench.h"
+#include "tests/hil/tool_answers.h"
 
 namespace forcegrid::hil {
 namespace {
@@ -224,6 +225,9 @@ TEST(Refusal, TheOlderW1FirmwareIsNamedAndGetsNoCommand) {
   EXPECT_EQ(refused.status, 1);
   EXPECT_THAT(refused.text, HasSubstr("the older W1 protocol (reports of 8 bytes)"));
   EXPECT_THAT(refused.text, HasSubstr("install the W2 firmware"));
+  const Answer devices = ask("root", "devices");
+  EXPECT_EQ(obstacle(devices).at("kind"), "descriptor");
+  EXPECT_THAT(obstacle(devices).at("what").get<std::string>(), HasSubstr("W1"));
   EXPECT_EQ(w1.outputs(), 0);
 }
 
@@ -239,6 +243,7 @@ TEST(Refusal, AMouseWithTheDevicesNumbersGetsNoCommand) {
   EXPECT_EQ(refused.status, 1);
   EXPECT_THAT(refused.text, HasSubstr("its HID usage is 0001:0002 where profile "
                                       "'woodenhaptics_v2015' has ffab:0200"));
+  EXPECT_EQ(obstacle(ask("root", "devices")).at("kind"), "descriptor");
   EXPECT_EQ(mouse.outputs(), 0);
 }
 

@@ -29,7 +29,7 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid", "ftdi_sio"]
-TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest"]
+TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest", "usermod"]
 CLIENTS = ["hil_client_hidraw", "hil_client_libusb"]  # beside the scenario program
 LONG_SUITE = "Long"  # left out of the smoke set: suites that begin so
 # What glibc converts character sets with; hidapi's libusb back end reads USB strings by it.
@@ -244,6 +244,9 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
                       "visitor:x:1001:\n")
         root.add_text("/etc/nsswitch.conf", "passwd: files\ngroup: files\nhosts: files\n")
         root.add_text("/etc/hosts", "127.0.0.1 localhost\n")
+        # Root follows the advice that is given to people with sudo.
+        root.add_text("/usr/bin/sudo", "#!/bin/sh\nexec \"$@\"\n", 0o755)
+        root.add_text("/etc/security/limits.d/README", "As libpam-modules makes it.\n")
         # Pictures are no matter of this guest: it accepts what would be drawn.
         root.add_text("/usr/bin/gnuplot", "#!/bin/sh\ncat >/dev/null\n", 0o755)
         root.add_program(program, "/usr/bin/forcegrid")

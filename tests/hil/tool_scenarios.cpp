@@ -1,5 +1,5 @@
-// What `forcegrid devices` and `forcegrid doctor` say to the users of a real kernel with udev, and
-// whether their advice mends it.
+// What `forcegrid devices` says to the users of a real kernel with udev, and whether `doctor --fix`
+// mends it.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,6 +10,7 @@
 #include <string>
 
 #include "tests/hil/hil_bench.h"
+#include "tests/hil/tool_answers.h"
 
 namespace forcegrid::hil {
 namespace {
@@ -21,37 +22,16 @@ namespace fs = std::filesystem;
 constexpr char kRule[] = "/etc/udev/rules.d/70-forcegrid.rules";
 constexpr int kNoneUsable = 3;
 
-struct Answer {
-  int status = -1;
-  json devices;
-};
-
-// `forcegrid devices --json` as `user`; the text for people is thrown away.
-Answer devices_for(const std::string& user) {
-  const ShellResult said = shell("su " + user + " -c 'forcegrid devices --json 2>/dev/null'");
-  const json result = json::parse(said.text, nullptr, false);
-  EXPECT_FALSE(result.is_discarded()) << said.text;
-  return {said.status, result.is_discarded() ? json::array() : result.at("devices")};
-}
-
-// The only obstacle of the only device.
-json obstacle(const Answer& answer) {
-  if (answer.devices.size() != 1 || answer.devices[0].at("obstacles").size() != 1) {
-    ADD_FAILURE() << answer.devices.dump(2);
-    return {{"kind", ""}, {"what", ""}, {"remedy", ""}};
-  }
-  return answer.devices[0].at("obstacles")[0];
-}
-
 TEST(Tools, DevicesIsReadyForAMemberAndTellsAVisitorWhichGroup) {
   const Bench bench;
-  const Answer member = devices_for("operator");
+  const Answer member = ask("operator", "devices");
   EXPECT_EQ(member.status, 0);
-  ASSERT_EQ(member.devices.size(), 1U);
-  EXPECT_EQ(member.devices[0].at("node"), bench.node().dev());
-  EXPECT_EQ(member.devices[0].at("url"), "hid:path=" + bench.node().port);
-  EXPECT_TRUE(member.devices[0].at("obstacles").empty()) << member.devices.dump(2);
-  const Answer visitor = devices_for("visitor");
+  const json devices = member.result.value("devices", json::array());
+  ASSERT_EQ(devices.size(), 1U);
+  EXPECT_EQ(devices[0].at("node"), bench.node().dev());
+  EXPECT_EQ(devices[0].at("url"), "hid:path=" + bench.node().port);
+  EXPECT_TRUE(devices[0].at("obstacles").empty()) << devices.dump(2);
+  const Answer visitor = ask("visitor", "devices");
   EXPECT_EQ(visitor.status, kNoneUsable);
   EXPECT_EQ(obstacle(visitor).at("kind"), "permission");
   EXPECT_EQ(obstacle(visitor).at("remedy"), "sudo usermod -aG plugdev visitor, then log in again");
@@ -63,7 +43,7 @@ TEST(LongTools, DevicesNamesTheMissingRuleAndDoctorInstallsIt) {
   shell("udevadm control --reload");
   {
     Bench bench;
-    const Answer without = devices_for("operator");
+    const Answer without = ask("operator", "devices");
     EXPECT_EQ(without.status, kNoneUsable);
     EXPECT_THAT(obstacle(without).at("what").get<std::string>(), HasSubstr("is not installed"));
 
@@ -71,13 +51,13 @@ TEST(LongTools, DevicesNamesTheMissingRuleAndDoctorInstallsIt) {
     const ShellResult fixed = shell("forcegrid doctor --fix --seconds 0");
     EXPECT_THAT(fixed.text, HasSubstr(std::string("wrote ") + kRule));
     shell("udevadm control --reload");
-    EXPECT_THAT(obstacle(devices_for("operator")).at("remedy").get<std::string>(),
+    EXPECT_THAT(obstacle(ask("operator", "devices")).at("remedy").get<std::string>(),
                 HasSubstr("plug the device in again"));
     bench.unplug(0);
     bench.plug_in("1-1");
     EXPECT_TRUE(eventually([] { return !nodes().empty(); }));
     shell("udevadm settle --timeout=20");
-    EXPECT_EQ(devices_for("operator").status, 0);
+    EXPECT_EQ(ask("operator", "devices").status, 0);
   }
   fs::copy_file("/tmp/rule", kRule, fs::copy_options::overwrite_existing);
   shell("udevadm control --reload");
@@ -89,12 +69,12 @@ TEST(LongTools, DevicesNamesTheProcessThatDrivesTheDevice) {
       "hid:1234:0006", 4.0, forcegrid::testing::fresh_folder("busy"), {"--calibrated"}));
   run.wait_for_line("Simulator: ");
   // By its lock, which any user sees.
-  const Answer busy = devices_for("operator");
+  const Answer busy = ask("operator", "devices");
   EXPECT_EQ(busy.status, kNoneUsable);
   EXPECT_EQ(obstacle(busy).at("kind"), "busy");
   EXPECT_THAT(obstacle(busy).at("what").get<std::string>(), HasSubstr("(forcegrid) drives it"));
   EXPECT_EQ(run.wait(std::chrono::seconds(60)).value_or(-1), 0);
-  EXPECT_EQ(devices_for("operator").status, 0);
+  EXPECT_EQ(ask("operator", "devices").status, 0);
 }
 
 }  // namespace
