@@ -31,14 +31,6 @@ std::vector<std::string> scene_names() {
   return names;
 }
 
-std::vector<std::string> known_scene_names() {
-  std::vector<std::string> names = scene_names();
-  for (const evaluation::ChartScene& scene : evaluation::hard_scenes()) {
-    names.push_back(scene.name);
-  }
-  return names;
-}
-
 std::vector<std::string> extra_names() {
   std::vector<std::string> names;
   for (const evaluation::NamedWalls& walls : evaluation::named_walls()) {
@@ -48,6 +40,19 @@ std::vector<std::string> extra_names() {
     names.push_back(alteration.name);
   }
   return names;
+}
+
+CLI::Validator chart_scene() {
+  return CLI::Validator(
+      [](std::string& name) {
+        try {
+          evaluation::chart_scene(name);
+          return std::string();
+        } catch (const std::runtime_error& error) {
+          return std::string(error.what());
+        }
+      },
+      "SCENE[+EXTRA]");
 }
 
 std::vector<std::string> condition_names() {
@@ -127,9 +132,10 @@ void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>
       .add_option(
           "--scenes", o.scenes,
           "Objects (default all, and the last with everything below): " + joined(scene_names()) +
-              "; harder ones, e.g. small+wall_flat: " + joined(extra_names()))
+              "; any other scene of 'simulate'; harder ones, e.g. small+wall_flat: " +
+              joined(extra_names()))
       ->delimiter(',')
-      ->check(CLI::IsMember(known_scene_names()));
+      ->check(chart_scene());
   accuracy
       .add_option("--trajectories", o.trajectories,
                   "Motions (default all): " + joined(evaluation::chart_motions()))

@@ -14,6 +14,7 @@
 #include "cli/evaluate_command.h"
 #include "cli/record_command.h"
 #include "cli/run_command.h"
+#include "cli/scene_option.h"
 #include "cli/stop_request.h"
 #include "cli/tune_command.h"
 #include "device_emulator/fault_spec.h"
@@ -21,7 +22,6 @@
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
-#include "simulator/scene.h"
 #include "tools/recording.h"
 
 namespace {
@@ -135,8 +135,8 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
   run.add_option("--firmware", o.firmware,
                  "Firmware file for a Novint Falcon in which none runs (always after power-on); an "
                  "emulated one gets a synthetic image by default");
-  run.add_option("--scene", o.scene, "Object to feel: " + joined(simulator::scene_names()))
-      ->check(CLI::IsMember(simulator::scene_names()))
+  run.add_option("--scene", o.scene, "Object to feel: " + scene_help())
+      ->check(scene_check())
       ->capture_default_str();
   run.add_option("--simulator", o.simulator,
                  "ADDR:PORT of a simulator that already runs, instead of --scene");
@@ -353,8 +353,8 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
 
 void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& action) {
   CLI::App& simulate = *app.add_subcommand("simulate", "Simulate a scene for a servo over UDP");
-  simulate.add_option("--scene", o.scene, "Object: " + joined(simulator::scene_names()))
-      ->check(CLI::IsMember(simulator::scene_names()))
+  simulate.add_option("--scene", o.scene, "Object: " + scene_help())
+      ->check(scene_check())
       ->capture_default_str();
   simulate.add_option("--listen", o.listen, "ADDR:PORT, loopback only; port 0 takes a free one")
       ->capture_default_str();

@@ -83,8 +83,10 @@ std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
         "method direct needs the object in this process, but --simulator names another one; leave "
         "that out or choose another method");
   }
-  auto direct =
-      std::make_unique<simulator::DirectMethod>(simulator::make_scene(options.scene).mesh);
+  const simulator::Scene scene = simulator::make_scene(options.scene);
+  simulator::DirectOptions direct_options;
+  direct_options.patch_radius_m = scene.patch_radius_m;
+  auto direct = std::make_unique<simulator::DirectMethod>(scene.mesh, direct_options);
   const double period_s = 1.0 / options.rate_Hz;
   const double cycle_s = direct->measured_cycle_s(period_s);
   if (cycle_s > kDirectShare * period_s) {

@@ -11,9 +11,9 @@
 #include <thread>
 
 #include "cli/child_process.h"
+#include "cli/scene_option.h"
 #include "cli/stop_request.h"
 #include "profiles/device_profile.h"
-#include "simulator/scene.h"
 #include "tools/config_file.h"
 #include "tools/tuning.h"
 
@@ -187,8 +187,8 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       "tune", "Find the cheapest rate, fill budget and method that are good enough here");
   tune.add_option("--device", o.device, "As of run")->capture_default_str();
   tune.add_option("--profile", o.profile, "Of an attached device, as of run");
-  tune.add_option("--scene", o.scene, "Object to feel")
-      ->check(CLI::IsMember(simulator::scene_names()))
+  tune.add_option("--scene", o.scene, "Object to feel: " + scene_help())
+      ->check(scene_check())
       ->capture_default_str();
   tune.add_option("--motion", o.motion, "Motion of the emulated hand, as of run")
       ->capture_default_str();

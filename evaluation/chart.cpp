@@ -77,8 +77,10 @@ struct Object {
   ChartTable facts;
 };
 
-TableOptions table_options(const ChartOptions& options, const std::string& what) {
+TableOptions table_options(const ChartOptions& options, const ChartScene& scene,
+                           const std::string& what) {
   TableOptions table;
+  table.patch_radius_m = scene.patch_radius_m;
   table.threads = options.jobs;
   table.cache = options.cache;
   table.cancel = options.cancel;
@@ -93,7 +95,7 @@ TableOptions table_options(const ChartOptions& options, const std::string& what)
 Object make_object(const ChartOptions& options, const std::string& name) {
   const ChartScene& scene = chart_scene(name);
   simulator::SpringMesh mesh = make_mesh(scene);
-  const TableOptions building = table_options(options, "force table of " + name);
+  const TableOptions building = table_options(options, scene, "force table of " + name);
   BuiltTable built = build_table(mesh, building);
   ChartTable facts;
   facts.scene = scene.name;
@@ -102,7 +104,7 @@ Object make_object(const ChartOptions& options, const std::string& name) {
   facts.from_cache = built.from_cache;
   facts.solved_s = built.elapsed_s;
   facts.stiffness_N_per_m = -built.table.at(Vector3d::Zero()).stiffness_W(2, 2);
-  const TableOptions comparing = table_options(options, "live solves of " + name);
+  const TableOptions comparing = table_options(options, scene, "live solves of " + name);
   facts.along_motion = compare_with_live(
       built.table, mesh, displacements_along_motion(options.seed, kComparedEvery_s), comparing);
   facts.at_random = compare_with_live(
@@ -156,7 +158,7 @@ double rms_error_percent_from(double begin_s, const Trace& trace, const Verdict&
 
 ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Trace& trace,
                    JudgeOptions judging, const ChartMethod& method) {
-  const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
+  const std::unique_ptr<ForceMethod> made = make(method, object.mesh, object.scene.patch_radius_m);
   judging.keep_forces = trajectory.is_closed_loop() || trajectory.is_exploration() ||
                         !object.scene.extras.walls.empty();
   ChartRow row;
@@ -193,7 +195,7 @@ ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Tra
 
 ChartRow judge_visits_row(const Object& object, const NetworkCondition& condition,
                           const ChartMethod& method, std::uint64_t seed) {
-  const std::unique_ptr<ForceMethod> made = make(method, object.mesh);
+  const std::unique_ptr<ForceMethod> made = make(method, object.mesh, object.scene.patch_radius_m);
   VisitsOptions visiting;
   visiting.servo_rate_Hz = kChartServoRate_Hz;
   visiting.simulator_rate_Hz = condition.simulator_rate_Hz;
@@ -366,9 +368,11 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
   for (const std::string& text : methods) {
     parsed.push_back(method_of(text));
   }
-  const SceneExtras& extras = chart_scene(scene).extras;
-  const simulator::SpringMesh mesh = make_mesh(chart_scene(scene));
-  const BuiltTable built = build_table(mesh, table_options(options, "force table of " + scene));
+  const ChartScene& chosen = chart_scene(scene);
+  const SceneExtras& extras = chosen.extras;
+  const simulator::SpringMesh mesh = make_mesh(chosen);
+  const BuiltTable built =
+      build_table(mesh, table_options(options, chosen, "force table of " + scene));
   ChartTrace result;
   result.trace =
       make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, extras);
@@ -378,7 +382,8 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
         judge_options(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, extras);
     judging.keep_forces = true;
     result.methods.push_back(method.text);
-    result.forces_W.push_back(judge(*make(method, mesh), result.trace, judging).forces_W);
+    result.forces_W.push_back(
+        judge(*make(method, mesh, chosen.patch_radius_m), result.trace, judging).forces_W);
   }
   return result;
 }

@@ -177,9 +177,11 @@ bool applies(const ChartMethod& method, const ChartScene& scene, const NetworkCo
          (condition.requests_per_s > 0.0 || !method.needs.requests);
 }
 
-std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::SpringMesh& mesh) {
+std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::SpringMesh& mesh,
+                                  double patch_radius_m) {
   if (method.direct) {
     simulator::DirectOptions options;
+    options.patch_radius_m = patch_radius_m;
     options.grab_on_own_thread = false;  // a recording doesn't wait for a thread
     return std::make_unique<simulator::DirectMethod>(mesh, options);
   }

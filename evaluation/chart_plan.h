@@ -37,7 +37,8 @@ ChartPlan plan_of(const ChartOptions& options);
 ChartMethod method_of(const std::string& text);
 
 /// A new one; `direct` on `mesh`.
-std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::SpringMesh& mesh);
+std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::SpringMesh& mesh,
+                                  double patch_radius_m);
 
 /// Whether a motion and a condition are judged on a scene: on one with walls or an alteration only
 /// some of them, unless they were asked for.

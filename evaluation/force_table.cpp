@@ -71,11 +71,6 @@ void make_folder(const fs::path& folder) {
   }
 }
 
-// The centre of the object's top, which the tool holds.
-Vector3d grip_W(const simulator::SpringMesh& mesh) {
-  return 0.5 * (mesh.surface_min_W + mesh.surface_max_W);
-}
-
 void add(ContentHash& hash, const Vector3d& vector) {
   for (int axis = 0; axis < 3; ++axis) {
     hash.add(vector[axis]);
@@ -93,9 +88,20 @@ ContentHash object_hash(const simulator::SpringMesh& mesh, const TableOptions& o
     hash.add(static_cast<std::uint64_t>(spring.a));
     hash.add(static_cast<std::uint64_t>(spring.b));
     hash.add(spring.stiffness_N_per_m);
+    hash.add(spring.natural_length_m);
+    hash.add(static_cast<std::uint64_t>(spring.law));
   }
-  hash.add(mesh.cubic_coefficient);
-  add(hash, grip_W(mesh));
+  for (const simulator::SpringLaw& law : mesh.laws) {
+    hash.add(law.cubic_coefficient);
+    hash.add(law.exponent);
+  }
+  for (const double home_N_per_m : mesh.home_stiffness_N_per_m) {
+    hash.add(home_N_per_m);
+  }
+  for (const Vector3d& load_N : mesh.load_W_N) {
+    add(hash, load_N);
+  }
+  add(hash, mesh.top_W);
   hash.add(options.patch_radius_m);
   hash.add(options.relative_tolerance);
   hash.add(options.max_step_m);
@@ -106,7 +112,7 @@ simulator::TruthResult solve(const simulator::SpringMesh& mesh, const TableOptio
                              const std::vector<Vector3d>& displacements_W, unsigned threads,
                              const std::atomic<bool>* cancel, const Progress& progress) {
   simulator::TruthOptions truth;
-  truth.contact_point_W = grip_W(mesh);
+  truth.contact_point_W = mesh.top_W;
   truth.relative_tolerance = options.relative_tolerance;
   truth.patch_radius_m = options.patch_radius_m;
   truth.max_step_m = options.max_step_m;

@@ -1,8 +1,12 @@
 #include "evaluation/scenarios.h"
 
+#include <algorithm>
+#include <map>
+#include <mutex>
 #include <utility>
 
 #include "evaluation/trajectories.h"
+#include "profiles/data_folder.h"
 #include "simulator/scene.h"
 
 namespace forcegrid::evaluation {
@@ -22,7 +26,8 @@ const std::vector<ChartScene>& hard_scenes() {
     for (const ChartScene& scene : chart_scenes()) {
       const auto add = [&](const std::string& name, const std::string& title, SceneExtras extras) {
         scenes.push_back({scene.name + '+' + name, scene.title + ", and " + title,
-                          scene.stiffness_factor, scene.object, std::move(extras)});
+                          scene.stiffness_factor, scene.object, std::move(extras),
+                          scene.patch_radius_m});
       };
       for (const NamedWalls& each : named_walls()) {
         add(each.name, each.title, {each.walls, {}});
@@ -36,6 +41,46 @@ const std::vector<ChartScene>& hard_scenes() {
   return all;
 }
 
+namespace {
+
+// Any other scene of the simulator, with or without extras, kept for as long as the program runs.
+const ChartScene* other_scene(const std::string& name) {
+  static std::mutex mutex;
+  static std::map<std::string, ChartScene> all;
+  const std::lock_guard lock(mutex);
+  if (const auto found = all.find(name); found != all.end()) {
+    return &found->second;
+  }
+  const std::size_t plus = std::min(name.rfind('+'), name.size());
+  const std::string object = name.substr(0, plus);
+  SceneExtras extras;
+  std::string extra_title;
+  if (plus < name.size()) {
+    for (const NamedWalls& each : named_walls()) {
+      if (each.name == name.substr(plus + 1)) {
+        extras.walls = each.walls;
+        extra_title = ", and " + each.title;
+      }
+    }
+    for (const NamedAlteration& each : named_alterations()) {
+      if (each.name == name.substr(plus + 1)) {
+        extras.alteration = each.alteration;
+        extra_title = ", and " + each.title;
+      }
+    }
+  }
+  if ((plus < name.size() && extra_title.empty()) ||
+      !simulator::scene_name_problem(object).empty()) {
+    return nullptr;
+  }
+  const simulator::Scene scene = simulator::make_scene(object);
+  return &all.emplace(name, ChartScene{name, scene.description + extra_title, 1.0, object,
+                                       std::move(extras), scene.patch_radius_m})
+              .first->second;
+}
+
+}  // namespace
+
 const ChartScene& chart_scene(const std::string& name) {
   std::string known;
   for (const auto* scenes : {&chart_scenes(), &hard_scenes()}) {
@@ -46,14 +91,17 @@ const ChartScene& chart_scene(const std::string& name) {
       known += (known.empty() ? "" : ", ") + scene.name;
     }
   }
-  throw ChartError("scene '" + name + "' is not one of the chart's: " + known);
+  if (const ChartScene* scene = other_scene(name); scene != nullptr) {
+    return *scene;
+  }
+  throw ChartError("scene '" + name + "' is none of the chart's: " + known +
+                   "; or write another scene of 'forcegrid simulate' or a TOML file: " +
+                   profiles::joined(simulator::scene_names()));
 }
 
 simulator::SpringMesh make_mesh(const ChartScene& scene) {
   simulator::SpringMesh mesh = simulator::make_scene(scene.object, first_contact_point_W()).mesh;
-  for (simulator::Spring& spring : mesh.springs) {
-    spring.stiffness_N_per_m *= scene.stiffness_factor;
-  }
+  simulator::scale_forces(mesh, scene.stiffness_factor);
   return mesh;
 }
 

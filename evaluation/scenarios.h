@@ -17,6 +17,7 @@ struct ChartScene {
   double stiffness_factor = 1.0;  ///< of every spring
   std::string object;             ///< as simulator::make_scene knows it
   SceneExtras extras;             ///< walls, or what its table does not show
+  double patch_radius_m = 0.012;  ///< of the tool's grip
 };
 
 /// small_linear, small, block_linear, block: from the quickest to the hardest. What a chart takes
@@ -27,8 +28,10 @@ const std::vector<ChartScene>& chart_scenes();
 /// small+cut.
 const std::vector<ChartScene>& hard_scenes();
 
-/// One of either.
-/// @throws ChartError for an unknown name, listing the known ones.
+/// One of either, or any other scene of the simulator by name or TOML file, as it is or with one of
+/// those extras: stomach+wall_flat. Threads: any.
+/// @throws ChartError for an unknown name, listing the known ones; simulator::Error for a file that
+///         can't be used.
 const ChartScene& chart_scene(const std::string& name);
 
 /// The object's mesh, its springs made stiffer by the scene's factor (the force scales alike).

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "profiles/data_folder.h"
 #include "profiles/nearest_name.h"
 
 namespace forcegrid::profiles {
@@ -30,22 +31,23 @@ std::string number_text(double value) {
   return text;
 }
 
+TomlTable::TomlTable(const toml::table& table, std::string file, std::string path)
+    : table_(table), file_(std::move(file)), path_(std::move(path)) {}
+
 TomlTable::TomlTable(const toml::table& table, std::string file, std::string path,
-                     std::initializer_list<const char*> keys)
-    : table_(table), file_(std::move(file)), path_(std::move(path)) {
-  const std::vector<std::string> names(keys.begin(), keys.end());
+                     const std::vector<std::string>& keys)
+    : TomlTable(table, std::move(file), std::move(path)) {
+  refuse_others(keys);
+}
+
+void TomlTable::refuse_others(const std::vector<std::string>& keys) const {
   for (const auto& [key, node] : table_) {
     const std::string name(key.str());
-    if (std::find(names.begin(), names.end(), name) != names.end()) {
-      continue;
+    if (std::find(keys.begin(), keys.end(), name) == keys.end()) {
+      fail(file_, key.source().begin.line, full(name),
+           node.is_table() ? "unknown table" : "unknown key",
+           "write one of: " + joined(keys) + " (the nearest is " + nearest_name(name, keys) + ")");
     }
-    std::string known;
-    for (const std::string& each : names) {
-      known += (known.empty() ? "" : ", ") + each;
-    }
-    fail(file_, key.source().begin.line, full(name),
-         node.is_table() ? "unknown table" : "unknown key",
-         "write one of: " + known + " (the nearest is " + nearest_name(name, names) + ")");
   }
 }
 
@@ -54,7 +56,7 @@ std::uint32_t TomlTable::line_of(std::string_view key) const {
   return node != nullptr ? node->source().begin.line : table_line();
 }
 
-TomlTable TomlTable::table(const char* key, std::initializer_list<const char*> keys) const {
+TomlTable TomlTable::table(const char* key, const std::vector<std::string>& keys) const {
   const toml::table* inner = required(key, "a table [" + full(key) + "]").as_table();
   if (inner == nullptr) {
     refuse(key, "it is not a table", "write a table [" + full(key) + "]");
@@ -62,8 +64,9 @@ TomlTable TomlTable::table(const char* key, std::initializer_list<const char*> k
   return TomlTable(*inner, file_, full(key), keys);
 }
 
-std::vector<TomlTable> TomlTable::tables(const char* key,
-                                         std::initializer_list<const char*> keys) const {
+std::vector<TomlTable> TomlTable::tables(
+    const char* key,
+    const std::function<std::vector<std::string>(const TomlTable&)>& keys_of) const {
   const std::string remedy = "write one or more tables [[" + full(key) + "]]";
   const auto* array = required(key, "one or more tables [[" + full(key) + "]]").as_array();
   if (array == nullptr || array->empty()) {
@@ -75,7 +78,9 @@ std::vector<TomlTable> TomlTable::tables(const char* key,
     if (inner == nullptr) {
       refuse(key, "it is no list of tables", remedy);
     }
-    all.emplace_back(*inner, file_, full(key) + "[" + std::to_string(all.size() + 1) + "]", keys);
+    const std::string path = full(key) + "[" + std::to_string(all.size() + 1) + "]";
+    all.push_back(TomlTable(*inner, file_, path));
+    all.back().refuse_others(keys_of(all.back()));
   }
   return all;
 }

@@ -3,7 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <initializer_list>
+#include <functional>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -36,16 +36,18 @@ class TomlTable {
   /// @param path  of the table in the file, for messages; empty: the file itself.
   /// @throws TomlError for a key that is not one of `keys`.
   TomlTable(const toml::table& table, std::string file, std::string path,
-            std::initializer_list<const char*> keys);
+            const std::vector<std::string>& keys);
 
   bool has(std::string_view key) const { return table_.get(key) != nullptr; }
   const std::string& file() const { return file_; }
   std::uint32_t line_of(std::string_view key) const;
 
   /// @throws TomlError when the key is missing, of another type or out of range.
-  TomlTable table(const char* key, std::initializer_list<const char*> keys) const;
-  /// [[key]]: at least one table.
-  std::vector<TomlTable> tables(const char* key, std::initializer_list<const char*> keys) const;
+  TomlTable table(const char* key, const std::vector<std::string>& keys) const;
+  /// [[key]]: at least one table, with keys of its own kind each: `keys_of` is asked for them.
+  std::vector<TomlTable> tables(
+      const char* key,
+      const std::function<std::vector<std::string>(const TomlTable&)>& keys_of) const;
   std::string text(const char* key, std::size_t max_length = 1000) const;
   bool flag(const char* key) const;
   double number(const char* key, const NumberRange& range) const;
@@ -70,6 +72,9 @@ class TomlTable {
                            const std::string& remedy) const;
 
  private:
+  TomlTable(const toml::table& table, std::string file, std::string path);
+
+  void refuse_others(const std::vector<std::string>& keys) const;
   std::string full(std::string_view key) const;
   std::uint32_t table_line() const;
   const toml::node& required(const char* key, const std::string& what) const;

@@ -75,6 +75,7 @@ kernels::CoarseGrid make_coarse_grid(const std::vector<Eigen::Vector3d>& rest) {
 
 void invert_coarse(const kernels::SpringRows& rows,
                    const std::vector<kernels::SpringTangent>& tangent,
+                   const std::vector<kernels::VertexForce>& vertex_force,
                    const std::vector<std::uint8_t>& free, kernels::CoarseGrid& coarse) {
   if (coarse.place.empty()) {
     return;
@@ -131,6 +132,18 @@ void invert_coarse(const kernels::SpringRows& rows,
                 difference[row] * difference[column] * tangent_stiffness;
           }
         }
+      }
+    }
+  }
+  for (std::size_t i = 0; i < vertex_force.size(); ++i) {
+    if (free[i] == 0 || vertex_force[i].home_stiffness_N_per_m == 0.0F) {
+      continue;
+    }
+    const Hats here = hats(coarse, coarse.place[i]);
+    for (std::size_t k = 0; k < 8; ++k) {
+      for (std::size_t m = 0; m < 8; ++m) {
+        stiffness.block<3, 3>(3 * here.node[k], 3 * here.node[m]).diagonal().array() +=
+            here.weight[k] * here.weight[m] * vertex_force[i].home_stiffness_N_per_m;
       }
     }
   }

@@ -19,9 +19,10 @@ namespace forcegrid::simulator {
 /// @returns the places alone; an empty grid for an object too small to gain from it.
 kernels::CoarseGrid make_coarse_grid(const std::vector<Eigen::Vector3d>& rest);
 
-/// Fills in the inverse of P^T K P for the springs' present tangents.
+/// Fills in the inverse of P^T K P for the springs' present tangents and the home springs.
 void invert_coarse(const kernels::SpringRows& rows,
                    const std::vector<kernels::SpringTangent>& tangent,
+                   const std::vector<kernels::VertexForce>& vertex_force,
                    const std::vector<std::uint8_t>& free, kernels::CoarseGrid& coarse);
 
 }  // namespace forcegrid::simulator

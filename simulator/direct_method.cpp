@@ -17,9 +17,7 @@ constexpr int kSettlingCycles = 40;  // until the stiffness of a new grip is rig
 }  // namespace
 
 DirectMethod::DirectMethod(const SpringMesh& mesh, const DirectOptions& options)
-    : options_(options),
-      object_(mesh, options.solver),
-      top_centre_W_(0.5 * (mesh.surface_min_W + mesh.surface_max_W)) {
+    : options_(options), object_(mesh, options.solver), top_W_(mesh.top_W) {
   if (!(options.patch_radius_m > 0.0)) {
     throw Error("direct: patch_radius_m is " + std::to_string(options.patch_radius_m) +
                 "; it must be > 0");
@@ -138,9 +136,9 @@ ForceEstimate DirectMethod::force(double /*time_s*/,
 
 double DirectMethod::measured_cycle_s(double servo_period_s, int cycles) {
   object_.release();
-  if (object_.grab(top_centre_W_, options_.patch_radius_m) == 0) {
+  if (object_.grab(top_W_, options_.patch_radius_m) == 0) {
     throw Error("direct: no free vertex within " + std::to_string(options_.patch_radius_m) +
-                " m of the top's centre; use a larger grip");
+                " m of the object's top; use a larger grip");
   }
   rt::Percentiles time_us;
   for (int cycle = 1; cycle <= kSettlingCycles + cycles; ++cycle) {

@@ -74,7 +74,7 @@ class DirectMethod final : public ForceMethod {
 
   DirectOptions options_;
   ElasticObject<float> object_;
-  Eigen::Vector3d top_centre_W_;
+  Eigen::Vector3d top_W_;
   Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();         // of the contact
   Eigen::Vector3d wanted_point_W_ = Eigen::Vector3d::Zero();  // read by the thread that grabs
   Eigen::Vector3d observed_W_ = Eigen::Vector3d::Zero();

@@ -66,7 +66,7 @@ class ElasticObject<Real>::Implementation {
       : options_(options), vertices_(static_cast<std::int32_t>(mesh.rest_position_W.size())) {
     check(mesh);
     check(options);
-    origin_W_ = 0.5 * (mesh.surface_min_W + mesh.surface_max_W);
+    origin_W_ = mesh.top_W;
     const std::size_t n = mesh.rest_position_W.size();
     rest_.reserve(n);
     for (const Eigen::Vector3d& position_W : mesh.rest_position_W) {
@@ -74,6 +74,7 @@ class ElasticObject<Real>::Implementation {
     }
     fixed_ = mesh.fixed;
     build_rows(mesh);
+    gather_vertex_forces(mesh);
     state_.resize(n);
     residual_.resize(n);
     direction_.resize(n);
@@ -109,12 +110,12 @@ class ElasticObject<Real>::Implementation {
     const auto bytes = [](const auto&... vectors) {
       return (... + (vectors.capacity() * sizeof(*vectors.data())));
     };
-    return sizeof *this +
-           bytes(rest_, fixed_, free_, rows_.row_begin, rows_.owner, rows_.other, constants_,
-                 patch_, constrained_, state_, residual_, direction_, product_, saved_state_,
-                 inverse_, tangent_, correction_, position_, saved_position_, force_, t_N_per_m_,
-                 single_position_, coarse_.place, coarse_.inverse_m_per_N, coarse_residual_,
-                 coarse_correction_);
+    return sizeof *this + bytes(rest_, fixed_, free_, rows_.row_begin, rows_.owner, rows_.other,
+                                constants_, vertex_force_, patch_, constrained_, state_, residual_,
+                                direction_, product_, saved_state_, inverse_, tangent_, correction_,
+                                position_, saved_position_, force_, t_N_per_m_, single_position_,
+                                coarse_.place, coarse_.inverse_m_per_N, coarse_residual_,
+                                coarse_correction_);
   }
   bool grabbed() const noexcept { return !patch_.empty(); }
   const std::vector<std::int32_t>& patch() const noexcept { return patch_; }
@@ -276,13 +277,32 @@ class ElasticObject<Real>::Implementation {
       const auto a = static_cast<std::size_t>(std::min(spring.a, spring.b));
       const auto b = static_cast<std::size_t>(std::max(spring.a, spring.b));
       const auto at = static_cast<std::size_t>(next[a]++);
-      const double length_m = (rest_[a] - rest_[b]).norm();
+      const double length_m = natural_length_m(mesh, spring);
+      const SpringLaw& law = mesh.laws[static_cast<std::size_t>(spring.law)];
       rows_.owner[at] = static_cast<std::int32_t>(a);
       rows_.other[at] = static_cast<std::int32_t>(b);
       constants_[at] = {static_cast<Real>(1.0 / length_m),
-                        static_cast<Real>(spring.stiffness_N_per_m * length_m)};
+                        static_cast<Real>(spring.stiffness_N_per_m * length_m),
+                        static_cast<Real>(law.cubic_coefficient), static_cast<Real>(law.exponent)};
+      exponential_ = exponential_ || law.exponent > 0.0;
     }
-    cubic_ = static_cast<Real>(mesh.cubic_coefficient);
+  }
+
+  void gather_vertex_forces(const SpringMesh& mesh) {
+    if (mesh.home_stiffness_N_per_m.empty() && mesh.load_W_N.empty()) {
+      return;
+    }
+    vertex_force_.resize(rest_.size());
+    for (std::size_t i = 0; i < rest_.size(); ++i) {
+      kernels::VertexForce& force = vertex_force_[i];
+      for (int c = 0; c < 3; ++c) {
+        force.rest_m[c] = rest_[i][c];
+        force.load_N[c] = mesh.load_W_N.empty() ? 0.0 : mesh.load_W_N[i][c];
+      }
+      force.home_stiffness_N_per_m = mesh.home_stiffness_N_per_m.empty()
+                                         ? 0.0F
+                                         : static_cast<float>(mesh.home_stiffness_N_per_m[i]);
+    }
   }
 
   Eigen::Vector3d position(std::size_t i) const noexcept {
@@ -361,15 +381,19 @@ class ElasticObject<Real>::Implementation {
         (displacement_ - preconditioner_displacement_).norm() > kPreconditionerReach_m;
     const Precise* force = nullptr;
     if constexpr (kDouble) {
-      kernels::evaluate(rows_, constants_.data(), cubic_, state_.data(), position_.data(),
+      kernels::evaluate(rows_, constants_.data(), exponential_, state_.data(), position_.data(),
                         t_N_per_m_.data(), force_.data(), residual_.data(), tangent_.data());
+      kernels::add_vertex_forces(vertex_force_, state_.data(), position_.data(), force_.data(),
+                                 residual_.data());
       force = force_.data();
     } else {
-      kernels::evaluate(rows_, constants_.data(), cubic_, state_.data(), single_position_.data(),
-                        residual_.data(), tangent_.data());
+      kernels::evaluate(rows_, constants_.data(), exponential_, state_.data(),
+                        single_position_.data(), residual_.data(), tangent_.data());
+      kernels::add_vertex_forces(vertex_force_, state_.data(), residual_.data());
     }
     if (refresh) {
       kernels::sum_blocks(rows_, tangent_.data(), inverse_.data());
+      kernels::add_home_blocks(vertex_force_, inverse_.data());
       for (std::size_t i = 0; i < inverse_.size(); ++i) {
         kernels::invert_block(inverse_[i], free_[i] != 0);
       }
@@ -449,7 +473,8 @@ class ElasticObject<Real>::Implementation {
     Float4 before = first;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       const Float4 curvature =
-          kernels::apply_stiffness(rows_, tangent_.data(), direction_.data(), product_.data());
+          kernels::apply_stiffness(rows_, tangent_.data(), direction_.data(), product_.data()) +
+          kernels::add_home_stiffness(vertex_force_, direction_.data(), product_.data());
       Float4 alpha{};
       bool active = false;
       for (int lane = 0; lane < 4; ++lane) {
@@ -544,7 +569,7 @@ class ElasticObject<Real>::Implementation {
   void solve_sensitivities() {
     Equilibrium kept = last_;
     evaluate();
-    invert_coarse(rows_, tangent_, free_, coarse_);
+    invert_coarse(rows_, tangent_, vertex_force_, free_, coarse_);
     settle();
     kept.force_W.setZero();
     kept.stiffness_W = last_.stiffness_W;
@@ -552,7 +577,8 @@ class ElasticObject<Real>::Implementation {
     last_ = kept;
   }
 
-  // [J] The springs' energy: k l0^2 (e^2 / 2 + c e^4 / 4) each.
+  // [J] The springs' energy, k l0^2 (2 (sinh(a e / 2) / a)^2 + c e^4 / 4) each, which is
+  // k l0^2 (e^2 / 2 + c e^4 / 4) for a = 0; the home springs' and the loads'.
   double energy() const noexcept {
     double sum_J = 0.0;
     for (std::int32_t i = 0; i < vertices_; ++i) {
@@ -561,12 +587,21 @@ class ElasticObject<Real>::Implementation {
       for (std::int32_t s = rows_.row_begin[a]; s < rows_.row_begin[a + 1]; ++s) {
         const auto at = static_cast<std::size_t>(s);
         const auto b = static_cast<std::size_t>(rows_.other[at]);
-        const auto inverse_length = static_cast<double>(constants_[at].inverse_length_per_m);
+        const kernels::SpringConstants<Real>& law = constants_[at];
+        const auto inverse_length = static_cast<double>(law.inverse_length_per_m);
+        const auto exponent = static_cast<double>(law.exponent);
         const double strain = (position(b) - here).norm() * inverse_length - 1.0;
-        const double strain2 = strain * strain;
-        sum_J += static_cast<double>(constants_[at].scale_N) / inverse_length * strain2 *
-                 (0.5 + 0.25 * static_cast<double>(cubic_) * strain2);
+        const double root =
+            exponent > 0.0 ? 2.0 * std::sinh(0.5 * exponent * strain) / exponent : strain;
+        sum_J += static_cast<double>(law.scale_N) / inverse_length *
+                 (0.5 * root * root + 0.25 * static_cast<double>(law.cubic) * std::pow(strain, 4));
       }
+    }
+    for (std::size_t i = 0; i < vertex_force_.size(); ++i) {
+      const kernels::VertexForce& force = vertex_force_[i];
+      const Eigen::Vector3d from_home = position(i) - rest_[i];
+      sum_J += 0.5 * static_cast<double>(force.home_stiffness_N_per_m) * from_home.squaredNorm() -
+               Eigen::Map<const Eigen::Vector3d>(force.load_N).dot(from_home);
     }
     return sum_J;
   }
@@ -659,7 +694,8 @@ class ElasticObject<Real>::Implementation {
   std::size_t springs_ = 0;
   kernels::SpringRows rows_;
   std::vector<kernels::SpringConstants<Real>> constants_;
-  Real cubic_{};
+  bool exponential_ = false;                        // some spring has an exponent
+  std::vector<kernels::VertexForce> vertex_force_;  // empty: nothing but springs pulls
 
   std::vector<Lanes> state_;
   std::vector<Lanes> residual_;

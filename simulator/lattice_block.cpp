@@ -50,6 +50,29 @@ void check(const LatticeBlockOptions& options) {
   }
 }
 
+// Two triangles a lattice face on all six sides, counterclockwise seen from outside.
+void add_surface(const std::array<int, 3>& count, SpringMesh& mesh) {
+  const std::array<int, 3> stride{1, count[0], count[0] * count[1]};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::size_t u = (axis + 1) % 3;
+    const std::size_t v = (axis + 2) % 3;
+    for (const bool far : {false, true}) {
+      const int first = far ? (count[axis] - 1) * stride[axis] : 0;
+      for (int j = 0; j + 1 < count[v]; ++j) {
+        for (int i = 0; i + 1 < count[u]; ++i) {
+          const int a = first + i * stride[u] + j * stride[v];
+          const int b = a + stride[u];
+          const int c = b + stride[v];
+          const int d = a + stride[v];
+          // u, v and the axis are right-handed.
+          mesh.triangles.push_back(far ? std::array{a, b, c} : std::array{a, c, b});
+          mesh.triangles.push_back(far ? std::array{a, c, d} : std::array{a, d, c});
+        }
+      }
+    }
+  }
+}
+
 }  // namespace
 
 double spring_random(std::uint64_t seed, std::uint64_t index) noexcept {
@@ -66,11 +89,8 @@ SpringMesh make_lattice_block(const LatticeBlockOptions& options) {
   const Eigen::Vector3d spacing_m(options.size_m.x() / (nx - 1), options.size_m.y() / (ny - 1),
                                   options.size_m.z() / (nz - 1));
   SpringMesh mesh;
-  mesh.cubic_coefficient = options.cubic_coefficient;
-  mesh.surface_min_W =
-      options.top_centre_W - Eigen::Vector3d(options.size_m.x() / 2, options.size_m.y() / 2, 0.0);
-  mesh.surface_max_W =
-      options.top_centre_W + Eigen::Vector3d(options.size_m.x() / 2, options.size_m.y() / 2, 0.0);
+  mesh.laws = {options.law};
+  mesh.top_W = options.top_centre_W;
 
   const auto number = [nx = nx, ny = ny](int i, int j, int l) { return i + nx * (j + ny * l); };
   const auto vertices =
@@ -126,6 +146,7 @@ SpringMesh make_lattice_block(const LatticeBlockOptions& options) {
       }
     }
   }
+  add_surface(options.vertex_count, mesh);
   simulator::check(mesh);
   return mesh;
 }

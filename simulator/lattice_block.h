@@ -18,7 +18,7 @@ namespace forcegrid::simulator {
 ///   diagonals   2 [(nx-1)(ny-1) nz + (nx-1) ny (nz-1) + nx (ny-1)(nz-1)]
 ///
 /// springs: 84,566 for the default 22 x 22 x 21 = 10,164 vertices. Vertex (i, j, l) has the number
-/// i + nx (j + ny l), l = 0 is the bottom layer, which is fixed.
+/// i + nx (j + ny l), l = 0 is the bottom layer, which is fixed. All six sides can be touched.
 struct LatticeBlockOptions {
   std::array<int, 3> vertex_count{22, 22, 21};             ///< along x, y, z; each in 2..1000
   Eigen::Vector3d size_m{0.1, 0.1, 0.1};                   ///< each > 0
@@ -27,7 +27,7 @@ struct LatticeBlockOptions {
   double diagonal_factor = 0.7;     ///< a diagonal's k relative to a structural spring's; > 0
   double random_spread = 0.3;       ///< each k is multiplied by 1 + spread * U[-1, 1); in [0, 1)
   std::uint64_t seed = 1;           ///< of the random part
-  double cubic_coefficient = 5.0;   ///< see SpringMesh; 0 = linear
+  SpringLaw law{.cubic_coefficient = 5.0};
 };
 
 /// Generates the block. The same options give the same numbers on every platform: spring s (in the

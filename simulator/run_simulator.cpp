@@ -83,7 +83,8 @@ class Loop {
         endpoint_(options.listen),
         object_(scene.mesh, options.solver),
         query_object_(scene.mesh, options.solver),
-        contact_(scene.mesh, options.contact),
+        patch_radius_m_(scene.patch_radius_m),
+        contact_(scene.mesh, {.patch_radius_m = scene.patch_radius_m}),
         period_(rt::from_seconds(1.0 / options.rate_Hz)),
         delay_(rt::from_seconds(options.answer_delay_s)) {
     summary_.scene = scene.name;
@@ -272,7 +273,7 @@ class Loop {
       if (!query_object_.grabbed() || query_point_W_ != answer.point_W) {
         query_object_.release();
         query_point_W_ = answer.point_W;
-        answer.in_contact = query_object_.grab(answer.point_W, options_.contact.patch_radius_m) > 0;
+        answer.in_contact = query_object_.grab(answer.point_W, patch_radius_m_) > 0;
         start = rt::Clock::now();  // once a contact, and no measure of the answers to come
       }
     }
@@ -310,6 +311,7 @@ class Loop {
   link::SimulatorEndpoint endpoint_;
   ElasticObject<float> object_;
   ElasticObject<float> query_object_;  // queries must not disturb the warm start along the path
+  double patch_radius_m_;
   StickyContact contact_;
   rt::Duration period_;
   rt::Duration delay_;

@@ -14,7 +14,7 @@ namespace forcegrid::simulator {
 
 /// What `forcegrid simulate` can be told; names as on the command line.
 struct SimulatorOptions {
-  std::string scene = "block";             ///< see scene_names()
+  std::string scene = "block";             ///< as make_scene() takes it
   std::string listen = "127.0.0.1:24870";  ///< ADDR:PORT, loopback only; port 0 takes a free one
   double rate_Hz = 30.0;                   ///< answers a second; in (0, 1000]
   /// [s] Every answer leaves this much later, as from a slower machine; in [0, 10].
@@ -22,7 +22,6 @@ struct SimulatorOptions {
   bool send_stiffness = true;                              ///< dF/dP with every sample
   Eigen::Vector3d top_centre_W = Eigen::Vector3d::Zero();  ///< [m] see make_scene()
   SolverOptions solver;
-  ContactOptions contact;
   int nice = 5;  ///< 0..19, of the calling thread: servo and emulator go first
 };
 

@@ -1,51 +1,84 @@
 #include "simulator/scene.h"
 
+#include <filesystem>
+
+#include "profiles/data_folder.h"
+#include "profiles/nearest_name.h"
+#include "profiles/toml_table.h"
 #include "simulator/error.h"
-#include "simulator/lattice_block.h"
+#include "simulator/scene_object.h"
 
 namespace forcegrid::simulator {
 namespace {
 
-struct NamedBlock {
-  const char* name;
-  std::array<int, 3> vertex_count;
-  double stiffness_N_per_m;
-  double cubic_coefficient;
-};
+using profiles::NumberRange;
+using profiles::TomlTable;
 
-constexpr NamedBlock kBlocks[] = {
-    {"block", {22, 22, 21}, 10.0, 5.0},
-    {"block_linear", {22, 22, 21}, 10.0, 0.0},
-    {"small", {11, 11, 9}, 20.0, 5.0},
-    {"small_linear", {11, 11, 9}, 20.0, 0.0},
-};
+constexpr NumberRange kPatchRadius_m{1e-4, 0.5, "a radius in metres from 0.0001 to 0.5"};
+
+const profiles::DataFolder& scene_folder() {
+  static const profiles::DataFolder folder{"FORCEGRID_SCENE_PATH", "scenes",
+                                           FORCEGRID_SCENE_SOURCE_DIR};
+  return folder;
+}
+
+std::string find_scene(const std::string& name_or_file) {
+  const std::string problem = scene_name_problem(name_or_file);
+  if (!problem.empty()) {
+    throw Error(problem);
+  }
+  if (!profiles::is_data_path(name_or_file)) {
+    return profiles::find_data_file(scene_folder(), name_or_file);
+  }
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(name_or_file, error)) {
+    throw Error("scene '" + name_or_file +
+                "': no such file; write the path of a .toml file or one of: " +
+                profiles::joined(scene_names()));
+  }
+  return name_or_file;
+}
+
+Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
+  const toml::table parsed = profiles::read_toml_file(file);
+  const TomlTable root(parsed, file, "", {"description", "patch_radius_m", "object"});
+  Scene scene;
+  scene.description = root.text("description");
+  scene.patch_radius_m = root.number_or("patch_radius_m", kPatchRadius_m, scene.patch_radius_m);
+  for (const TomlTable& table : root.tables("object", scene_object_keys)) {
+    append(make_scene_object(table, origin_W), scene.mesh);
+  }
+  check(scene.mesh);
+  return scene;
+}
 
 }  // namespace
 
-std::vector<std::string> scene_names() {
-  std::vector<std::string> names;
-  for (const NamedBlock& block : kBlocks) {
-    names.emplace_back(block.name);
+std::vector<std::string> scene_names() { return profiles::data_names(scene_folder()); }
+
+std::string scene_name_problem(const std::string& name_or_file) {
+  if (profiles::is_data_path(name_or_file) ||
+      !profiles::find_data_file(scene_folder(), name_or_file).empty()) {
+    return {};
   }
-  return names;
+  const std::vector<std::string> known = scene_names();
+  return "unknown scene '" + name_or_file + "'; write one of: " + profiles::joined(known) +
+         " (the nearest is " + profiles::nearest_name(name_or_file, known) +
+         "), or a file name that ends in .toml";
 }
 
-Scene make_scene(std::string_view name, const Eigen::Vector3d& top_centre_W) {
-  for (const NamedBlock& block : kBlocks) {
-    if (name == block.name) {
-      LatticeBlockOptions options;
-      options.vertex_count = block.vertex_count;
-      options.stiffness_N_per_m = block.stiffness_N_per_m;
-      options.cubic_coefficient = block.cubic_coefficient;
-      options.top_centre_W = top_centre_W;
-      return {block.name, make_lattice_block(options)};
-    }
+Scene make_scene(const std::string& name_or_file, const Eigen::Vector3d& origin_W) {
+  const std::string file = find_scene(name_or_file);
+  try {
+    Scene scene = read_scene(file, origin_W);
+    scene.name = name_or_file;
+    return scene;
+  } catch (const profiles::TomlError& problem) {
+    throw Error(problem.what());
+  } catch (const Error& problem) {
+    const std::string text = problem.what();
+    throw Error(text.rfind(file, 0) == 0 ? text : file + ": " + text);
   }
-  std::string known;
-  for (const std::string& each : scene_names()) {
-    known += (known.empty() ? "" : ", ") + each;
-  }
-  throw Error("unknown scene '" + std::string(name) + "'; known scenes: " + known);
 }
 
 }  // namespace forcegrid::simulator

@@ -2,32 +2,35 @@
 
 #include <Eigen/Core>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "simulator/spring_mesh.h"
 
 namespace forcegrid::simulator {
 
-/// An object to touch, by name:
-///
-///   block         0.1 m cube, 22 x 22 x 21 vertices, 84,566 cubic springs of k = 10 N/m
-///   block_linear  the same with linear springs
-///   small         0.1 m cube, 11 x 11 x 9 vertices, 8,268 cubic springs of k = 20 N/m
-///   small_linear  the same with linear springs
-///
-/// All have face diagonals of 0.7 k, +-30 % random stiffness and a fixed bottom.
+/// Something to touch, read from a TOML file; docs/scenes.md describes every key.
 struct Scene {
-  std::string name;
-  SpringMesh mesh;
+  std::string name;               ///< as it was asked for: a scene's name, or a file
+  std::string description;        ///< in one line
+  double patch_radius_m = 0.012;  ///< the tool holds the vertices this near; > 0
+  SpringMesh mesh;                ///< of all objects together
 };
 
-/// The names that make_scene takes.
+/// Names that make_scene finds without a path, sorted.
 std::vector<std::string> scene_names();
 
-/// @param top_centre_W  [m] where the centre of the object's top face lies in W.
-/// Throws Error for an unknown name, listing the known ones.
-Scene make_scene(std::string_view name,
-                 const Eigen::Vector3d& top_centre_W = Eigen::Vector3d::Zero());
+/// Empty if `name_or_file` is a name that make_scene finds, or meant as a path; else what is wrong
+/// and what to write.
+std::string scene_name_problem(const std::string& name_or_file);
+
+/// Reads, generates and checks a scene.
+/// @param name_or_file  a file name with a slash or ending in ".toml", or a scene's name, looked up
+///        in $FORCEGRID_SCENE_PATH (if set), then beside the installed program, then in the source
+///        tree.
+/// @param origin_W  [m] where the scene's origin lies in W: the point that the tool of charts and
+///        tests touches from above, on the first object's top.
+/// Throws Error naming file, line and key, or for an unknown name the ones there are.
+Scene make_scene(const std::string& name_or_file,
+                 const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
 
 }  // namespace forcegrid::simulator

@@ -4,111 +4,17 @@
 #include <cmath>
 #include <cstddef>
 
-// One binary for every x86-64: the loader picks the version that the processor can run.
-#if defined(__x86_64__) && defined(__gnu_linux__) && !defined(FORCEGRID_SANITIZED) && \
-    defined(__has_attribute)
-#if __has_attribute(target_clones)
-#define FORCEGRID_MULTIVERSION __attribute__((target_clones("arch=x86-64-v3", "default")))
-#endif
-#endif
-#ifndef FORCEGRID_MULTIVERSION
-#define FORCEGRID_MULTIVERSION
-#endif
-#define FORCEGRID_INLINE inline __attribute__((always_inline))
+#include "simulator/kernel_support.h"
 
 namespace forcegrid::simulator::kernels {
 namespace {
 
-// Keeps a collapsed spring's direction finite; far below any length that a mesh has.
-constexpr float kSmallestSquaredLength_m2 = 1e-20F;
 // Below it a diagonal block is taken as singular; its entries carry single precision's 1e-7.
 constexpr double kSmallestRelativeDeterminant = 1e-7;
 
 FORCEGRID_INLINE Float4 broadcast(float value) { return Float4{value, value, value, value}; }
 
 FORCEGRID_INLINE Float4 rotate_left(Float4 v) { return __builtin_shufflevector(v, v, 1, 2, 0, 3); }
-
-// Springs whose laws are worked out side by side; the compiler turns the loops into SIMD.
-constexpr std::int32_t kRun = kSpringPadding;
-
-template <typename Real>
-struct Run {
-  Real d[3][kRun];
-  Real t_N_per_m[kRun];
-  Real root[kRun];  // sqrt(f' - f/l) / l
-};
-
-template <typename Real, typename Position>
-FORCEGRID_INLINE void load_run(const std::int32_t* owner, const std::int32_t* other,
-                               const Position* position, Run<Real>& run) {
-  for (std::int32_t k = 0; k < kRun; ++k) {
-    const auto d = position[other[k]].xyz - position[owner[k]].xyz;
-    run.d[0][k] = d[0];
-    run.d[1][k] = d[1];
-    run.d[2][k] = d[2];
-  }
-}
-
-template <typename Real>
-FORCEGRID_INLINE void spring_law(const SpringConstants<Real>* constants, Real cubic,
-                                 Run<Real>& run) {
-  for (std::int32_t k = 0; k < kRun; ++k) {
-    const Real squared =
-        run.d[0][k] * run.d[0][k] + run.d[1][k] * run.d[1][k] + run.d[2][k] * run.d[2][k];
-    const Real length = std::sqrt(std::max(squared, Real{kSmallestSquaredLength_m2}));
-    const Real inverse = Real{1} / length;
-    const Real strain = length * constants[k].inverse_length_per_m - Real{1};
-    const Real c_strain2 = cubic * strain * strain;
-    const Real t = constants[k].scale_N * strain * (Real{1} + c_strain2) * inverse;
-    const Real slope =
-        constants[k].scale_N * constants[k].inverse_length_per_m * (Real{1} + Real{3} * c_strain2);
-    run.t_N_per_m[k] = t;
-    run.root[k] = std::sqrt(std::max(slope - t, Real{0})) * inverse;
-  }
-}
-
-template <typename Real>
-FORCEGRID_INLINE void store_run(const Run<Real>& run, SpringTangent* tangent) {
-  for (std::int32_t k = 0; k < kRun; ++k) {
-    tangent[k].w_x = static_cast<float>(run.d[0][k] * run.root[k]);
-    tangent[k].w_y = static_cast<float>(run.d[1][k] * run.root[k]);
-    tangent[k].w_z = static_cast<float>(run.d[2][k] * run.root[k]);
-    tangent[k].t_N_per_m = static_cast<float>(run.t_N_per_m[k]);
-  }
-}
-
-FORCEGRID_MULTIVERSION void find_tangents_float(const SpringRows& rows,
-                                                const SpringConstants<float>* constants,
-                                                float cubic, const Lanes* state, Single* position,
-                                                SpringTangent* tangent) noexcept {
-  const std::int32_t vertices = rows.vertex_count();
-  for (std::int32_t i = 0; i < vertices; ++i) {
-    position[i].xyz =
-        Float4{state[i].component[0][0], state[i].component[1][0], state[i].component[2][0], 0.0F};
-  }
-  const auto springs = static_cast<std::int32_t>(rows.other.size());
-  for (std::int32_t s = 0; s < springs; s += kRun) {
-    Run<float> run;
-    load_run(&rows.owner[s], &rows.other[s], position, run);
-    spring_law(&constants[s], cubic, run);
-    store_run(run, &tangent[s]);
-  }
-}
-
-FORCEGRID_MULTIVERSION void find_tangents_double(const SpringRows& rows,
-                                                 const SpringConstants<double>* constants,
-                                                 double cubic, const Precise* position,
-                                                 double* t_N_per_m,
-                                                 SpringTangent* tangent) noexcept {
-  const auto springs = static_cast<std::int32_t>(rows.other.size());
-  for (std::int32_t s = 0; s < springs; s += kRun) {
-    Run<double> run;
-    load_run(&rows.owner[s], &rows.other[s], position, run);
-    spring_law(&constants[s], cubic, run);
-    store_run(run, &tangent[s]);
-    std::copy(run.t_N_per_m, run.t_N_per_m + kRun, &t_N_per_m[s]);
-  }
-}
 
 FORCEGRID_MULTIVERSION void find_precise_forces(const SpringRows& rows, const double* t_N_per_m,
                                                 const Precise* position, Precise* force) noexcept {
@@ -451,17 +357,17 @@ FORCEGRID_MULTIVERSION void predict_on(std::int32_t vertex_count, const float* s
 
 }  // namespace
 
-void evaluate(const SpringRows& rows, const SpringConstants<float>* constants, float cubic,
+void evaluate(const SpringRows& rows, const SpringConstants<float>* constants, bool exponential,
               const Lanes* state, Single* position, Lanes* residual,
               SpringTangent* tangent) noexcept {
-  find_tangents_float(rows, constants, cubic, state, position, tangent);
+  find_tangents(rows, constants, exponential, state, position, tangent);
   find_residuals(rows, tangent, state, residual);
 }
 
-void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, double cubic,
+void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, bool exponential,
               const Lanes* state, const Precise* position, double* t_N_per_m, Precise* force,
               Lanes* residual, SpringTangent* tangent) noexcept {
-  find_tangents_double(rows, constants, cubic, position, t_N_per_m, tangent);
+  find_tangents(rows, constants, exponential, position, t_N_per_m, tangent);
   find_precise_forces(rows, t_N_per_m, position, force);
   find_residuals(rows, tangent, state, residual);
   const std::int32_t vertices = rows.vertex_count();

@@ -45,15 +45,18 @@ struct SpringRows {
 };
 inline constexpr std::size_t kSpringPadding = 16;
 
-/// What never changes of one spring with f = k l0 (e + c e^3), e = l / l0 - 1.
+/// What never changes of one spring with f = k l0 (sinh(a e) / a + c e^3), e = l / l0 - 1, where
+/// sinh(a e) / a is e for a = 0.
 template <typename Real>
 struct SpringConstants {
   Real inverse_length_per_m;  ///< 1 / l0
   Real scale_N;               ///< k l0
+  Real cubic;                 ///< c
+  Real exponent;              ///< a; read only when evaluate() is told of exponential springs
 };
 
 /// What a spring contributes to K at the current state: H = w w^T + t I, with
-/// w = sqrt(f' - f/l) u, u the unit vector along it and t = f / l. f' >= f/l for both laws.
+/// w = sqrt(f' - f/l) u, u the unit vector along it and t = f / l. f' >= f/l for every law.
 struct SpringTangent {
   float w_x, w_y, w_z;
   float t_N_per_m;
@@ -65,10 +68,11 @@ struct SpringTangent {
 /// with S from lanes 1-3 of `state`. Positions come from lane 0 of `state` in single precision
 /// (`position` is scratch), or from `position` in double; then r is in `force` in full precision as
 /// well, lane 0 of `state` is ignored and `t_N_per_m` is scratch.
-void evaluate(const SpringRows& rows, const SpringConstants<float>* constants, float cubic,
+/// @param exponential  whether any spring has an exponent; false saves the time.
+void evaluate(const SpringRows& rows, const SpringConstants<float>* constants, bool exponential,
               const Lanes* state, Single* position, Lanes* residual,
               SpringTangent* tangent) noexcept;
-void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, double cubic,
+void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, bool exponential,
               const Lanes* state, const Precise* position, double* t_N_per_m, Precise* force,
               Lanes* residual, SpringTangent* tangent) noexcept;
 
@@ -80,6 +84,29 @@ void sum_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInver
 /// @returns the lanes' dot products direction . product.
 Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent, const Lanes* direction,
                        Lanes* product) noexcept;
+
+/// What pulls at a vertex besides the springs to others: a home spring to where it rests, and a
+/// dead load, which keeps its direction and size.
+struct VertexForce {
+  double rest_m[3];
+  double load_N[3];
+  float home_stiffness_N_per_m;
+};
+
+/// Adds r += load - k_home (x - X) and, to lanes 1 to 3, -k_home S: to what evaluate() gave for the
+/// same state.
+void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* state,
+                       Lanes* residual) noexcept;
+void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* state,
+                       const Precise* position, Precise* force, Lanes* residual) noexcept;
+
+/// Adds the home springs to the blocks that sum_blocks() gave.
+void add_home_blocks(const std::vector<VertexForce>& forces, BlockInverse* block) noexcept;
+
+/// product += k_home direction.
+/// @returns the lanes' dot products of that with direction.
+Float4 add_home_stiffness(const std::vector<VertexForce>& forces, const Lanes* direction,
+                          Lanes* product) noexcept;
 
 /// Where a vertex lies in the coarse grid: its cell's lowest corner and its trilinear coordinates
 /// there, all times 0 for a vertex that can't move freely.

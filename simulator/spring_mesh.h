@@ -1,42 +1,70 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
 namespace forcegrid::simulator {
 
-/// One spring between the vertices `a` and `b`, at rest at the length of the mesh's rest shape.
+/// How a spring's tension grows with its strain e = l / l0 - 1:
+///
+///   f = k l0 (g(e) + c e^3)      [N], positive when stretched
+///   g(e) = e for a = 0, sinh(a e) / a otherwise
+///
+/// c = a = 0 is the linear law. c = 5 hardens as soft tissue does (twice the stiffness at 26 %
+/// strain); a = 4 does so exponentially (twice at 33 %, five times at 57 %).
+struct SpringLaw {
+  double cubic_coefficient = 0.0;  ///< c >= 0, dimensionless
+  double exponent = 0.0;           ///< a >= 0, dimensionless
+};
+
+/// One spring between the vertices `a` and `b`.
 struct Spring {
   std::int32_t a = 0;
   std::int32_t b = 0;
-  double stiffness_N_per_m = 0.0;  ///< k: slope of the force at rest; > 0
+  double stiffness_N_per_m = 0.0;  ///< k: slope of the force at the natural length; > 0
+  double natural_length_m = 0.0;   ///< l0; 0: its length in the mesh's rest shape
+  std::int32_t law = 0;            ///< index into SpringMesh::laws
 };
 
 /// A mass-spring object at rest: what the solver starts from. W is the workspace frame.
 ///
-/// The tension of a spring of rest length l0 and length l, with the strain e = l / l0 - 1, is
-///
-///   f = k l0 (e + c e^3)      [N], positive when stretched
-///
-/// with one `cubic_coefficient` c for the whole mesh: 0 is the linear law, 5 hardens as soft tissue
-/// does (twice the stiffness of a linear spring at 26 % strain). Masses don't enter: every answer
-/// is an equilibrium.
+/// A vertex may have a home spring, which pulls it to its rest position, and a dead load, which
+/// keeps its direction and size: the turgor of an organ, or its weight. Masses don't enter
+/// otherwise: every answer is an equilibrium.
 struct SpringMesh {
-  std::vector<Eigen::Vector3d> rest_position_W;  ///< [m]
+  std::vector<Eigen::Vector3d> rest_position_W;  ///< [m] in equilibrium
   std::vector<std::uint8_t> fixed;               ///< one a vertex; 1 = never moves
   std::vector<Spring> springs;
-  double cubic_coefficient = 0.0;  ///< c >= 0, dimensionless
+  std::vector<SpringLaw> laws{SpringLaw{}};
+  std::vector<double> home_stiffness_N_per_m;  ///< empty, or one a vertex, >= 0
+  std::vector<Eigen::Vector3d> load_W_N;       ///< empty, or one a vertex
 
-  /// Where a tool can touch: the rectangle [min, max] at the height of its z, outward normal +z.
-  Eigen::Vector3d surface_min_W = Eigen::Vector3d::Zero();  ///< [m] z is the surface's height
-  Eigen::Vector3d surface_max_W = Eigen::Vector3d::Zero();  ///< [m] same z
+  /// Where a tool can touch: triangles of vertices, counterclockwise seen from outside.
+  std::vector<std::array<std::int32_t, 3>> triangles;
+  /// [m] A point of that surface that charts and measurements touch from above.
+  Eigen::Vector3d top_W = Eigen::Vector3d::Zero();
 };
 
-/// Throws Error when the mesh can't be solved: no vertex or spring, a `fixed` of another size,
-/// nothing fixed (the object would float), a spring that names a missing vertex, the same vertex
-/// twice or has no length, a stiffness that is not positive and finite, a position that is not
-/// finite, a free vertex without a spring, or c < 0.
+/// l0 of a spring of the mesh.
+double natural_length_m(const SpringMesh& mesh, const Spring& spring);
+
+/// [N] What springs, home springs and loads exert on each vertex at `position_W` [m].
+std::vector<Eigen::Vector3d> vertex_forces_W(const SpringMesh& mesh,
+                                             const std::vector<Eigen::Vector3d>& position_W);
+
+/// Makes every force of the object `factor` times as large: springs, home springs and loads; > 0.
+void scale_forces(SpringMesh& mesh, double factor);
+
+/// Puts `object` beside what `mesh` holds already; an empty mesh becomes the object, top included.
+void append(const SpringMesh& object, SpringMesh& mesh);
+
+/// Throws Error when the mesh can't be solved: no vertex or spring, an array of another size,
+/// nothing fixed and no home spring (the object would float), a spring or triangle that names a
+/// missing vertex or law, the same vertex twice or has no length, a stiffness that is not positive
+/// and finite, a position or load that is not finite, a law out of range, a free vertex without a
+/// spring, or a rest shape that is no equilibrium (to 1e-6 of the largest k l0).
 void check(const SpringMesh& mesh);
 
 }  // namespace forcegrid::simulator

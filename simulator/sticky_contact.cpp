@@ -8,7 +8,7 @@
 namespace forcegrid::simulator {
 
 StickyContact::StickyContact(const SpringMesh& mesh, const ContactOptions& options)
-    : options_(options), surface_min_W_(mesh.surface_min_W), surface_max_W_(mesh.surface_max_W) {
+    : options_(options), surface_(mesh) {
   if (!(options.patch_radius_m > 0.0) || !std::isfinite(options.patch_radius_m)) {
     throw Error("contact: patch_radius_m is " + std::to_string(options.patch_radius_m) +
                 "; it must be finite and > 0");
@@ -19,33 +19,20 @@ StickyContact::StickyContact(const SpringMesh& mesh, const ContactOptions& optio
   }
 }
 
-bool StickyContact::in_footprint(const Eigen::Vector3d& position_W) const noexcept {
-  return position_W.x() >= surface_min_W_.x() && position_W.x() <= surface_max_W_.x() &&
-         position_W.y() >= surface_min_W_.y() && position_W.y() <= surface_max_W_.y();
-}
-
 std::optional<Eigen::Vector3d> StickyContact::expected_touch(const Eigen::Vector3d& position_W,
                                                              const Eigen::Vector3d& velocity_W,
                                                              double within_s) const noexcept {
-  const double height_m = position_W.z() - surface_max_W_.z();
-  if (in_contact_ || must_leave_first_ || !position_W.allFinite() || !velocity_W.allFinite() ||
-      !(velocity_W.z() < 0.0) || height_m < 0.0 || height_m > -velocity_W.z() * within_s) {
+  if (in_contact_ || must_leave_first_ || !position_W.allFinite() || !velocity_W.allFinite()) {
     return std::nullopt;
   }
-  const Eigen::Vector3d touch_W = position_W - height_m / velocity_W.z() * velocity_W;
-  return in_footprint(touch_W) ? std::optional(touch_W) : std::nullopt;
+  return surface_.first_hit(position_W, within_s * velocity_W);
 }
 
 bool StickyContact::at_surface(const Eigen::Vector3d& position_W) const noexcept {
-  if (!in_footprint(position_W)) {
-    return false;
-  }
-  const double height_m = position_W.z() - surface_max_W_.z();
-  if (height_m <= 0.0) {
-    return true;
-  }
-  return height_m <= options_.approach_distance_m && last_position_W_ &&
-         position_W.z() < last_position_W_->z();
+  const RestSurface::Vertical vertical = surface_.look(position_W);
+  return vertical.inside ||
+         (vertical.below_m && *vertical.below_m <= options_.approach_distance_m &&
+          last_position_W_ && position_W.z() < last_position_W_->z());
 }
 
 template <typename Real>

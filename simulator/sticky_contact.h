@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "simulator/elastic_object.h"
+#include "simulator/rest_surface.h"
 #include "simulator/spring_mesh.h"
 
 namespace forcegrid::simulator {
@@ -20,11 +21,10 @@ struct ContactOptions {
 /// patch around the contact point moves rigidly with the tool, relative to the tool's position at
 /// that moment, so that the force starts at zero.
 ///
-/// The tool touches when, within the footprint of the object's surface (SpringMesh::surface_min_W,
-/// surface_max_W), it is at or below the surface, or up to approach_distance_m above it and lower
-/// than at the position before; and when a free vertex lies within patch_radius_m. The contact
-/// holds until release(). A tool that is first seen inside the object must leave it before it can
-/// touch: it never came through the surface.
+/// The tool touches when it is inside the object's surface at rest (SpringMesh::triangles), or up
+/// to approach_distance_m above it and lower than at the position before; and when a free vertex
+/// lies within patch_radius_m. The contact holds until release(). A tool that is first seen inside
+/// the object must leave it before it can touch: it never came through the surface.
 ///
 /// Threads: one.
 class StickyContact {
@@ -69,12 +69,10 @@ class StickyContact {
   const ContactOptions& options() const noexcept { return options_; }
 
  private:
-  bool in_footprint(const Eigen::Vector3d& position_W) const noexcept;
   bool at_surface(const Eigen::Vector3d& position_W) const noexcept;
 
   ContactOptions options_;
-  Eigen::Vector3d surface_min_W_;
-  Eigen::Vector3d surface_max_W_;
+  RestSurface surface_;
   std::optional<Eigen::Vector3d> last_position_W_;
   Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
   std::uint32_t epoch_ = 0;

@@ -109,7 +109,10 @@ struct PartResult {
 
 TruthResult simulate_truth(const std::vector<Eigen::Vector3d>& positions_W,
                            const TruthOptions& options) {
-  return simulate_truth(make_scene(options.scene).mesh, positions_W, options);
+  const Scene scene = make_scene(options.scene);
+  TruthOptions with_patch = options;
+  with_patch.patch_radius_m = scene.patch_radius_m;
+  return simulate_truth(scene.mesh, positions_W, with_patch);
 }
 
 TruthResult simulate_truth(const SpringMesh& mesh, const std::vector<Eigen::Vector3d>& positions_W,

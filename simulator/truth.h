@@ -20,7 +20,7 @@ struct TruthOptions {
   Eigen::Vector3d contact_point_W = Eigen::Vector3d::Zero();
   std::size_t first_contact_cycle = 0;  ///< index of the first position with contact
   double relative_tolerance = 1e-6;     ///< see SolverOptions; > 0
-  double patch_radius_m = 0.012;        ///< as in the run
+  double patch_radius_m = 0.012;        ///< as in the run; without a mesh the scene's is taken
   /// [m] Longest step on the way to where a thread's part of the path begins, and within it: short
   /// enough that every part stays on the one branch of equilibria that starts at rest.
   double max_step_m = 1.5e-3;

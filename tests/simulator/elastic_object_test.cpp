@@ -28,9 +28,7 @@ SpringMesh two_springs_in_series(double k1_N_per_m, double k2_N_per_m, double cu
   mesh.rest_position_W = {{0, 0, -0.2}, {0, 0, -0.1}, {0, 0, 0}};
   mesh.fixed = {1, 0, 0};
   mesh.springs = {{0, 1, k1_N_per_m}, {1, 2, k2_N_per_m}};
-  mesh.cubic_coefficient = cubic;
-  mesh.surface_min_W = {-0.1, -0.1, 0.0};
-  mesh.surface_max_W = {0.1, 0.1, 0.0};
+  mesh.laws = {{.cubic_coefficient = cubic}};
   return mesh;
 }
 
@@ -38,7 +36,7 @@ SpringMesh little_block(double cubic = 5.0) {
   LatticeBlockOptions options;
   options.vertex_count = {6, 7, 5};
   options.size_m = {0.05, 0.06, 0.04};
-  options.cubic_coefficient = cubic;
+  options.law.cubic_coefficient = cubic;
   return make_lattice_block(options);
 }
 

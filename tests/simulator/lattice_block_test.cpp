@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "simulator/error.h"
 #include "simulator/scene.h"
@@ -41,7 +43,7 @@ TEST(LatticeBlock, SmallSceneHasItsCounts) {
   const Scene scene = make_scene("small");
   EXPECT_EQ(scene.mesh.rest_position_W.size(), 1'089U);
   EXPECT_EQ(scene.mesh.springs.size(), 8'268U);
-  EXPECT_EQ(scene.mesh.cubic_coefficient, 5.0);
+  EXPECT_EQ(scene.mesh.laws.front().cubic_coefficient, 5.0);
 }
 
 TEST(LatticeBlock, AnySizeFollowsTheFormula) {
@@ -69,8 +71,36 @@ TEST(LatticeBlock, FillsItsBoxBelowTheTopCentreAndFixesTheBottom) {
   }
   EXPECT_TRUE(low.isApprox(Eigen::Array3d(0.99, 1.97, 2.9), 1e-12)) << low.transpose();
   EXPECT_TRUE(high.isApprox(Eigen::Array3d(1.01, 2.03, 3.0), 1e-12)) << high.transpose();
-  EXPECT_TRUE(mesh.surface_min_W.isApprox(Eigen::Vector3d(0.99, 1.97, 3.0), 1e-12));
-  EXPECT_TRUE(mesh.surface_max_W.isApprox(Eigen::Vector3d(1.01, 2.03, 3.0), 1e-12));
+  EXPECT_EQ(mesh.top_W, options.top_centre_W);
+}
+
+TEST(LatticeBlock, ItsSurfaceIsClosedAndHoldsItsVolumeWithNormalsOutward) {
+  LatticeBlockOptions options;
+  options.vertex_count = {3, 4, 5};
+  options.size_m = {0.02, 0.06, 0.1};
+  const SpringMesh mesh = make_lattice_block(options);
+  std::map<std::pair<int, int>, int> directed_edges;
+  std::set<int> used;
+  double volume_m3 = 0.0;
+  for (const auto& triangle : mesh.triangles) {
+    const auto at = [&](std::size_t k) {
+      return mesh.rest_position_W[static_cast<std::size_t>(triangle[k])];
+    };
+    volume_m3 += at(0).dot(at(1).cross(at(2))) / 6.0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      ++directed_edges[{triangle[k], triangle[(k + 1) % 3]}];
+      used.insert(triangle[k]);
+    }
+  }
+  for (const auto& [edge, count] : directed_edges) {
+    EXPECT_EQ(count, 1);
+    EXPECT_TRUE(directed_edges.contains({edge.second, edge.first}));
+  }
+  // Euler's V - E + F of a sphere.
+  EXPECT_EQ(static_cast<int>(used.size()) - static_cast<int>(directed_edges.size() / 2) +
+                static_cast<int>(mesh.triangles.size()),
+            2);
+  EXPECT_NEAR(volume_m3, 0.02 * 0.06 * 0.1, 1e-15);  // divergence theorem; rounding only
 }
 
 TEST(LatticeBlock, RandomNumbersAreThoseOfTheReferenceSplitMix64) {
@@ -144,33 +174,11 @@ TEST(LatticeBlock, RefusesOptionsOutOfRangeByName) {
   options.random_spread = 1.0;
   EXPECT_THAT(message_of(options), HasSubstr("random_spread"));
   options = {};
-  options.cubic_coefficient = -1.0;
+  options.law.cubic_coefficient = -1.0;
   EXPECT_THAT(message_of(options), HasSubstr("cubic_coefficient"));
   options = {};
   options.top_centre_W.x() = nan;
   EXPECT_THAT(message_of(options), HasSubstr("top_centre_W"));
-}
-
-TEST(Scene, KnowsItsNamesAndListsThemForAnUnknownOne) {
-  EXPECT_THAT(scene_names(), ElementsAre("block", "block_linear", "small", "small_linear"));
-  for (const char* wrong : {"blok", "", "Block", "block "}) {
-    try {
-      make_scene(wrong);
-      ADD_FAILURE() << "'" << wrong << "' was taken";
-    } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr("block, block_linear, small, small_linear"));
-      EXPECT_THAT(error.what(), HasSubstr("'" + std::string(wrong) + "'"));
-    }
-  }
-}
-
-TEST(Scene, LinearBlockIsTheBlockWithTheLinearLaw) {
-  const SpringMesh linear = make_scene("block_linear").mesh;
-  const SpringMesh cubic = make_scene("block").mesh;
-  EXPECT_EQ(linear.cubic_coefficient, 0.0);
-  EXPECT_EQ(cubic.cubic_coefficient, 5.0);
-  ASSERT_EQ(linear.springs.size(), cubic.springs.size());
-  EXPECT_EQ(linear.springs.back().stiffness_N_per_m, cubic.springs.back().stiffness_N_per_m);
 }
 
 TEST(SpringMesh, RefusesMeshesThatCannotBeSolved) {

@@ -16,7 +16,7 @@ inline double energy_J(const SpringMesh& mesh, const std::vector<Eigen::Vector3d
     const auto b = static_cast<std::size_t>(spring.b);
     const double l0_m = (mesh.rest_position_W[a] - mesh.rest_position_W[b]).norm();
     const double e = (x_W[a] - x_W[b]).norm() / l0_m - 1.0;
-    const double c = mesh.cubic_coefficient;
+    const double c = mesh.laws.front().cubic_coefficient;
     sum_J +=
         spring.stiffness_N_per_m * l0_m * l0_m * (std::pow(e, 2) / 2.0 + c * std::pow(e, 4) / 4.0);
   }
@@ -34,7 +34,7 @@ inline std::vector<Eigen::Vector3d> forces_W(const SpringMesh& mesh,
     const Eigen::Vector3d d = x_W[b] - x_W[a];
     const double e = d.norm() / l0_m - 1.0;
     const double tension_N =
-        spring.stiffness_N_per_m * l0_m * (e + mesh.cubic_coefficient * e * e * e);
+        spring.stiffness_N_per_m * l0_m * (e + mesh.laws.front().cubic_coefficient * e * e * e);
     force[a] += tension_N * d.normalized();
     force[b] -= tension_N * d.normalized();
   }

@@ -1,0 +1,17 @@
+#include "cli/scene_option.h"
+
+#include "cli/chart_support.h"
+#include "simulator/scene.h"
+
+namespace forcegrid::cli {
+
+CLI::Validator scene_check() {
+  return CLI::Validator([](std::string& input) { return simulator::scene_name_problem(input); },
+                        "{" + joined(simulator::scene_names()) + ", FILE.toml}");
+}
+
+std::string scene_help() {
+  return joined(simulator::scene_names()) + ", or a TOML file; see docs/scenes.md";
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,96 @@
+#include "simulator/scene_object.h"
+
+#include "profiles/data_folder.h"
+#include "profiles/nearest_name.h"
+#include "simulator/lattice_block.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using profiles::kAboveZero;
+using profiles::kLargestNumber;
+using profiles::NumberRange;
+using profiles::TomlTable;
+
+constexpr NumberRange kSize_m{1e-3, 2.0, "a length in metres from 0.001 to 2"};
+constexpr NumberRange kPlace_m{-2.0, 2.0, "a coordinate in metres from -2 to 2"};
+constexpr NumberRange kStiffness_N_per_m{1e-3, 1e6, "a stiffness in N/m from 0.001 to 1e6"};
+constexpr NumberRange kFactor{1e-3, 1e3, "a factor from 0.001 to 1000"};
+constexpr NumberRange kSpread{0.0, 0.99, "a fraction from 0 to 0.99"};
+constexpr NumberRange kCubic{kAboveZero, 1e4, "a number above 0 and at most 1e4"};
+constexpr NumberRange kExponent{0.01, 30.0, "a number from 0.01 to 30"};
+constexpr std::int64_t kMaxSeed = 1'000'000'000;
+
+const std::vector<std::string> kShapes{"block"};
+const std::vector<std::string> kLaws{"linear", "hardening", "exponential"};
+const std::vector<std::string> kCommonKeys{"shape", "place_m", "stiffness_N_per_m", "random_spread",
+                                           "seed",  "law",     "cubic_coefficient", "exponent"};
+
+std::string choice(const TomlTable& object, const char* key,
+                   const std::vector<std::string>& known) {
+  const std::string text = object.text(key);
+  for (const std::string& each : known) {
+    if (text == each) {
+      return text;
+    }
+  }
+  object.refuse(key, "'" + text + "' is unknown",
+                "write one of: " + profiles::joined(known) + " (the nearest is " +
+                    profiles::nearest_name(text, known) + ")");
+}
+
+SpringLaw read_law(const TomlTable& object) {
+  const std::string law = choice(object, "law", kLaws);
+  const auto only_for = [&object, &law](const char* key, const char* its_law) {
+    if (law != its_law && object.has(key)) {
+      object.refuse(key, "law \"" + law + "\" has none",
+                    std::string("leave it out or write law = \"") + its_law + "\"");
+    }
+  };
+  only_for("cubic_coefficient", "hardening");
+  only_for("exponent", "exponential");
+  SpringLaw result;
+  if (law == "hardening") {
+    result.cubic_coefficient = object.number("cubic_coefficient", kCubic);
+  } else if (law == "exponential") {
+    result.exponent = object.number("exponent", kExponent);
+  }
+  return result;
+}
+
+Eigen::Vector3d vector(const std::array<double, 3>& axes) { return {axes[0], axes[1], axes[2]}; }
+
+SpringMesh make_block(const TomlTable& object, const Eigen::Vector3d& place_W) {
+  LatticeBlockOptions options;
+  const std::vector<std::int64_t> count = object.integers("vertex_count", 3, 2, 1000);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    options.vertex_count[axis] = static_cast<int>(count[axis]);
+  }
+  options.size_m = vector(object.axes("size_m", kSize_m));
+  options.top_centre_W = place_W;
+  options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
+  options.diagonal_factor = object.number_or("diagonal_factor", kFactor, options.diagonal_factor);
+  options.random_spread = object.number_or("random_spread", kSpread, 0.0);
+  options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
+  options.law = read_law(object);
+  return make_lattice_block(options);
+}
+
+}  // namespace
+
+std::vector<std::string> scene_object_keys(const TomlTable& object) {
+  std::vector<std::string> keys = kCommonKeys;
+  const std::string shape = choice(object, "shape", kShapes);
+  if (shape == "block") {
+    keys.insert(keys.end(), {"vertex_count", "size_m", "diagonal_factor"});
+  }
+  return keys;
+}
+
+SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W) {
+  const Eigen::Vector3d place_W =
+      origin_W + vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
+  return make_block(object, place_W);
+}
+
+}  // namespace forcegrid::simulator
