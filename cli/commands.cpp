@@ -10,6 +10,7 @@
 #include "cli/stop_request.h"
 #include "device_emulator/run_emulator.h"
 #include "driver/kinematics_json.h"
+#include "link/key.h"
 #include "profiles/device_profile.h"
 #include "simulator/run_simulator.h"
 
@@ -54,6 +55,8 @@ int simulate_command(const SimulateOptions& options) {
   simulator::SimulatorOptions simulator;
   simulator.scene = options.scene;
   simulator.listen = options.listen;
+  simulator.key_files = options.key_files;
+  simulator.allowed = options.allowed;
   simulator.rate_Hz = options.rate_Hz;
   simulator.answer_delay_s = 1e-3 * options.delay_ms;
   simulator.send_stiffness = !options.no_stiffness;
@@ -61,6 +64,16 @@ int simulate_command(const SimulateOptions& options) {
       simulator::run_simulator(simulator, std::cout, std::cerr, StopRequest::stop(),
                                options.until_stdin_closes ? STDIN_FILENO : -1);
   write_json(options.json, simulator::to_json(summary).dump(2));
+  return 0;
+}
+
+int keygen_command(const KeygenOptions& options) {
+  const link::KeyId id = link::LinkKey::generate(options.file);
+  std::cout << "Wrote " << options.file << ", key " << link::to_string(id)
+            << ", readable by you alone. Copy it to the other machine over a safe way, and give "
+               "'--key "
+            << options.file << "' to 'forcegrid simulate' there and to 'forcegrid run' here."
+            << std::endl;
   return 0;
 }
 

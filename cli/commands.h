@@ -34,6 +34,8 @@ int emulate_command(const EmulateOptions& options);
 struct SimulateOptions {
   std::string scene = "block";
   std::string listen = "127.0.0.1:24870";
+  std::vector<std::string> key_files;
+  std::vector<std::string> allowed;
   double rate_Hz = 30.0;
   double delay_ms = 0.0;
   bool no_stiffness = false;
@@ -43,6 +45,13 @@ struct SimulateOptions {
 
 /// Simulates a scene for a servo until it is told to stop, then says how it kept up.
 int simulate_command(const SimulateOptions& options);
+
+struct KeygenOptions {
+  std::string file;
+};
+
+/// Makes a key for a link between machines, and says what to do with it.
+int keygen_command(const KeygenOptions& options);
 
 struct KinematicsOptions {
   std::string profile;

@@ -108,6 +108,14 @@ const std::vector<std::string> kMotions = {"chirp", "lissajous", "random", "poke
 const std::vector<std::string> kHands = {"firm", "light", "none"};
 const std::vector<std::string> kFrameOrders = {"out-first", "in-first"};
 
+// `--key FILE` of both ends of the link: the file's name, as what is in it is for no command line.
+void add_key(CLI::App& command, std::vector<std::string>& files, const std::string& description) {
+  command.add_option("--key", files, description)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->type_name("FILE");
+}
+
 // A motion by its name, or path:FILE.
 CLI::Validator motion() {
   return CLI::Validator(
@@ -139,7 +147,9 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
       ->check(scene_check())
       ->capture_default_str();
   run.add_option("--simulator", o.simulator,
-                 "ADDR:PORT of a simulator that already runs, instead of --scene");
+                 "ADDR:PORT of a simulator that already runs, instead of --scene; on another "
+                 "machine only with --key");
+  add_key(run, o.key_files, "Seal the link to the simulator with this key file (forcegrid keygen)");
   run.add_option("--seconds", o.seconds, "How long; 0 runs until Ctrl-C")
       ->check(between(0.0, 86400.0))
       ->capture_default_str()
@@ -356,8 +366,19 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
   simulate.add_option("--scene", o.scene, "Object: " + scene_help())
       ->check(scene_check())
       ->capture_default_str();
-  simulate.add_option("--listen", o.listen, "ADDR:PORT, loopback only; port 0 takes a free one")
+  simulate
+      .add_option("--listen", o.listen,
+                  "ADDR:PORT; without --key loopback only; port 0 takes a free one")
       ->capture_default_str();
+  add_key(simulate, o.key_files,
+          "Seal the link with this key file (forcegrid keygen); may be repeated, each servo is "
+          "answered under its own");
+  simulate
+      .add_option("--allow", o.allowed,
+                  "Take datagrams only from ADDR or ADDR/BITS; may be repeated")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->type_name("ADDR[/BITS]");
   simulate.add_option("--rate", o.rate_Hz, "Answers a second")
       ->check(between(1.0, 1000.0))
       ->capture_default_str()
@@ -373,6 +394,13 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
       ->configurable(false);
   add_json(simulate, o.json);
   simulate.callback([&o, &action] { action = [&o] { return simulate_command(o); }; });
+}
+
+void add_keygen(CLI::App& app, KeygenOptions& o, std::function<int()>& action) {
+  CLI::App& keygen =
+      *app.add_subcommand("keygen", "Make a key for a link between machines, see --key");
+  keygen.add_option("FILE", o.file, "New file for the key; none is overwritten")->required();
+  keygen.callback([&o, &action] { action = [&o] { return keygen_command(o); }; });
 }
 
 void add_kinematics(CLI::App& app, KinematicsOptions& o, std::function<int()>& action) {
@@ -416,6 +444,7 @@ int main(int argc, char** argv) {
   RunOptions run;
   EmulateOptions emulate;
   SimulateOptions simulate;
+  KeygenOptions keygen;
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
   ChartCommandOptions chart;
@@ -442,6 +471,7 @@ int main(int argc, char** argv) {
   add_json(*app.get_subcommand("plot"), plot.json);
   add_emulate(app, emulate, action);
   add_simulate(app, simulate, action);
+  add_keygen(app, keygen, action);
   add_kinematics(app, kinematics, action);
   add_evaluate(app, evaluate, action);
   add_chart(app, chart, action);
@@ -461,7 +491,7 @@ int main(int argc, char** argv) {
     if (!action) {
       throw CLI::RequiredError(
           "a subcommand: devices, doctor, tune, run, record, replay, plot, emulate, simulate, "
-          "kinematics, "
+          "keygen, kinematics, "
           "evaluate, chart "
           "or "
           "config");

@@ -154,10 +154,21 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
 }
 
 std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options) {
-  return std::make_unique<ChildProcess>(std::vector<std::string>{
-      "simulate", "--scene", options.scene, "--listen", "127.0.0.1:0", "--rate",
-      std::to_string(options.simulator_rate_Hz), "--delay-ms",
-      std::to_string(1e3 * options.simulator_delay_s), "--until-stdin-closes", "--json"});
+  std::vector<std::string> arguments = {"simulate",
+                                        "--scene",
+                                        options.scene,
+                                        "--listen",
+                                        "127.0.0.1:0",
+                                        "--rate",
+                                        std::to_string(options.simulator_rate_Hz),
+                                        "--delay-ms",
+                                        std::to_string(1e3 * options.simulator_delay_s),
+                                        "--until-stdin-closes",
+                                        "--json"};
+  for (const std::string& file : options.key_files) {
+    arguments.insert(arguments.end(), {"--key", file});
+  }
+  return std::make_unique<ChildProcess>(arguments);
 }
 
 MethodOptions method_options(const RunOptions& options, const profiles::DeviceProfile& profile,
@@ -491,6 +502,7 @@ int run_command(const RunOptions& options) {
     say("No real-time scheduling: " + realtime_refused + "\n");
   }
 
+  std::vector<link::LinkKey> keys_of_link = link::load_keys(options.key_files);
   std::unique_ptr<ChildProcess> emulator;
   std::unique_ptr<ChildProcess> simulator;
   if (options.simulator.empty()) {
@@ -506,7 +518,7 @@ int run_command(const RunOptions& options) {
 
   servo::ServoPorts ports;
   std::unique_ptr<tools::Recorder> recorder;  // before the threads that give to it
-  servo::LinkThread link(simulator_address, ports);
+  servo::LinkThread link(simulator_address, ports, std::move(keys_of_link));
   // Filling locked memory may take longer than a device may be silent, so it comes before the
   // device. A refusal is reported by the loop, which asks again.
   static_cast<void>(rt::lock_memory());
@@ -679,6 +691,7 @@ int run_command(const RunOptions& options) {
     driver::add(summary.device_statistics, device->statistics());
   }
   summary.link = link.statistics();
+  summary.simulator_clock = link.simulator_clock();
   summary.samples_not_converged = link.samples_not_converged();
   summary.worst_relative_residual = link.worst_relative_residual();
   summary.worst_solve_time_s = link.worst_solve_time_s();
@@ -694,7 +707,8 @@ int run_command(const RunOptions& options) {
   }
   if (link.statistics().accepted == 0) {
     summary.notes.push_back("no sample came from " + simulator_address +
-                            "; is a simulator listening there?");
+                            "; is a simulator listening there" +
+                            (options.key_files.empty() ? "?" : " that has this key?"));
   }
   const auto write_flight_record = [&](const std::string& name, std::int64_t end_ns) {
     const std::string flight = options.out + "/" + name;

@@ -37,6 +37,7 @@ struct RunOptions {
   std::string firmware;  ///< file for a Falcon in which none runs; empty: none
   std::string scene = "block";
   std::string simulator;  ///< ADDR:PORT of a simulator that already runs; empty: start one
+  std::vector<std::string> key_files;  ///< of the link to it; empty: not sealed
   double simulator_rate_Hz = 30.0;
   double simulator_delay_s = 0.0;
   double seconds = 20.0;  ///< 0: until Ctrl-C

@@ -60,6 +60,20 @@ void append_members(std::string& text, const RunSummary& summary,
          statistics.member_changes, statistics.uncertainty_mN.at(0.5));
 }
 
+// What is worth knowing of the way to the simulator.
+void append_link(std::string& text, const RunSummary& summary) {
+  if (summary.simulator_clock.known) {
+    append(text, "Link: quickest round trip %.2f ms; the simulator's clock is %.4f s %s\n",
+           1e3 * summary.simulator_clock.round_trip_s, std::abs(summary.simulator_clock.offset_s),
+           summary.simulator_clock.offset_s < 0.0 ? "behind" : "ahead");
+  }
+  if (summary.link.dropped() + summary.link.overrun > 0) {
+    text += "Link: datagrams dropped: " + link::drop_text(summary.link);
+    append(text, "%s%" PRIu64 " by the system, whose buffer was full\n",
+           summary.link.dropped() > 0 ? "; " : "", summary.link.overrun);
+  }
+}
+
 // How long each rung of the ladder was stood on.
 void append_rungs(std::string& text, const servo::TelemetryStatistics& statistics) {
   if (statistics.cycles == 0) {
@@ -110,6 +124,7 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
          "relative residual %.1e, %" PRIu64 " not converged\n",
          summary.link.accepted, summary.link.dropped(), 1e3 * summary.worst_solve_time_s,
          summary.worst_relative_residual, summary.samples_not_converged);
+  append_link(text, summary);
   if (statistics.cycles_limited > 0) {
     append(text, "A limit of the profile acted in %" PRIu64 " cycles\n", statistics.cycles_limited);
   }
@@ -255,6 +270,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
                      {"max_error_percent_after_1s", error.max_percent_after_1s}};
   }
   const driver::DeviceStatistics& device = summary.device_statistics;
+  const auto reasons = link::drop_reasons(summary.link);
   json result = {
       {"device", summary.device},
       {"profile", summary.device_profile},
@@ -295,6 +311,12 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"samples_received", summary.link.accepted},
       {"samples_rejected", summary.link.dropped()},
       {"samples_lost", summary.link.lost},
+      {"link",
+       {{"datagrams_dropped", json::object_t(reasons.begin(), reasons.end())},
+        {"datagrams_overrun", summary.link.overrun},
+        {"clock_known", summary.simulator_clock.known},
+        {"clock_offset_s", summary.simulator_clock.offset_s},
+        {"round_trip_s", summary.simulator_clock.round_trip_s}}},
       {"samples_overrun", summary.samples_overrun},
       {"samples_taken", statistics.samples_taken},
       {"samples_not_converged", summary.samples_not_converged},

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "driver/device.h"
+#include "link/clock_estimate.h"
 #include "link/statistics.h"
 #include "servo_loop/servo_loop.h"
 #include "servo_loop/telemetry.h"
@@ -42,6 +43,7 @@ struct RunSummary {
   int recalibrations = 0;                 ///< of these reconnections, those that needed one
   driver::DeviceStatistics device_statistics;
   link::LinkStatistics link;
+  link::ClockEstimate simulator_clock;
   std::uint64_t samples_not_converged = 0;
   double worst_relative_residual = 0.0;
   double worst_solve_time_s = 0.0;

@@ -6,10 +6,11 @@
 #include <cerrno>
 #include <cmath>
 #include <system_error>
+#include <utility>
 #include <variant>
 
 #include "link/sequence_tracker.h"
-#include "link/udp_socket.h"
+#include "link/transport.h"
 #include "link/wire.h"
 
 namespace forcegrid::link {
@@ -31,10 +32,15 @@ bool near(const Vector3& a_W_m, const Vector3& b_W_m) noexcept {
          kMaxEchoDistance_m;
 }
 
-Address loopback_like(const Address& peer) noexcept {
+/// Loopback for a simulator there, so that no other machine reaches the socket; else the address
+/// that the system chooses.
+Address local_for(const Address& simulator) noexcept {
   Address local;
-  local.is_ipv6 = peer.is_ipv6;
-  if (peer.is_ipv6) {
+  local.is_ipv6 = simulator.is_ipv6;
+  if (!is_loopback(simulator)) {
+    return local;
+  }
+  if (simulator.is_ipv6) {
     local.bytes[15] = 1;
   } else {
     local.bytes[0] = 127;
@@ -44,17 +50,17 @@ Address loopback_like(const Address& peer) noexcept {
 }
 
 /// Refuses what parse_address() would, for an Address that was put together otherwise.
-Address checked(const Address& address) {
-  return parse_address(to_string(address), PortZero::kRefused);
+Address checked(const Address& address, Reach reach) {
+  return parse_address(to_string(address), PortZero::kRefused, reach);
 }
 
 }  // namespace
 
 struct ServoEndpoint::State {
-  State(const Address& simulator_address, std::uint64_t session)
-      : simulator(checked(simulator_address)),
+  State(const Address& simulator_address, std::uint64_t session, std::vector<LinkKey> keys)
+      : simulator(checked(simulator_address, reach_with(keys))),
         session_id(session),
-        socket(loopback_like(simulator)) {
+        transport(LinkEnd::kServo, local_for(simulator), std::move(keys)) {
     if (session_id == 0) {
       throw LinkError("link to " + to_string(simulator) +
                       ": session id 0 is reserved; use random_session_id()");
@@ -70,7 +76,9 @@ struct ServoEndpoint::State {
 
   Address simulator;
   std::uint64_t session_id;
-  UdpSocket socket;
+  Transport transport;
+  SealedPeer peer;
+  ClockFilter clock;
   LinkStatistics statistics;
 
   std::array<SentMessage, kRememberedToolStates> tool_states{};
@@ -90,23 +98,10 @@ struct ServoEndpoint::State {
 template <typename Message>
 SendStatus ServoEndpoint::State::transmit(const Message& message) noexcept {
   std::array<std::byte, kMaxDatagramBytes> buffer;
-  const Encoded encoded = encode(message, session_id, buffer);
-  if (encoded.status != WireStatus::kOk) {
-    ++statistics.send_invalid;
-    return SendStatus::kInvalid;
-  }
-  const int error = socket.send_to(simulator, std::span(buffer).first(encoded.size_bytes));
-  statistics.send_no_peer = socket.undelivered();
-  if (error == 0) {
-    ++statistics.sent;
-    return SendStatus::kSent;
-  }
-  if (error == ECONNREFUSED) {
-    return SendStatus::kNoPeer;
-  }
-  ++statistics.send_failed;
-  statistics.last_send_errno = error;
-  return SendStatus::kSystemFailed;
+  const SendStatus status =
+      transport.send(simulator, peer, encode(message, session_id, buffer), buffer, statistics);
+  statistics.send_no_peer = transport.socket().undelivered();
+  return status;
 }
 
 SequenceTracker::Arrival ServoEndpoint::State::track(std::uint32_t sequence) noexcept {
@@ -187,11 +182,14 @@ bool ServoEndpoint::State::accept_reply(const ForceSample& reply) noexcept {
   return true;
 }
 
-ServoEndpoint::ServoEndpoint(const Address& simulator, std::uint64_t session_id)
-    : state_(std::make_unique<State>(simulator, session_id)) {}
+ServoEndpoint::ServoEndpoint(const Address& simulator, std::uint64_t session_id,
+                             std::vector<LinkKey> keys)
+    : state_(std::make_unique<State>(simulator, session_id, std::move(keys))) {}
 
-ServoEndpoint::ServoEndpoint(std::string_view simulator, std::uint64_t session_id)
-    : ServoEndpoint(parse_address(simulator, PortZero::kRefused), session_id) {}
+ServoEndpoint::ServoEndpoint(std::string_view simulator, std::uint64_t session_id,
+                             std::vector<LinkKey> keys)
+    : state_(std::make_unique<State>(parse_address(simulator, PortZero::kRefused, reach_with(keys)),
+                                     session_id, std::move(keys))) {}
 
 ServoEndpoint::~ServoEndpoint() { say_goodbye(); }
 
@@ -230,21 +228,29 @@ std::optional<ForceSample> ServoEndpoint::receive() noexcept {
   State& own = *state_;
   std::array<std::byte, kMaxDatagramBytes> buffer;
   for (int i = 0; i < kMaxDatagramsPerCall; ++i) {
-    const UdpSocket::Received received = own.socket.receive(buffer);
-    own.statistics.send_no_peer = own.socket.undelivered();
+    const UdpSocket::Received received = own.transport.socket().receive(buffer);
+    own.statistics.send_no_peer = own.transport.socket().undelivered();
     if (received.kind == UdpSocket::Received::Kind::kNothing) {
       return std::nullopt;
     }
     ++own.statistics.received;
+    own.statistics.overrun = own.transport.socket().overrun();
     if (received.sender != own.simulator) {
       ++own.statistics.foreign_address;
       continue;
     }
-    if (received.size_bytes > buffer.size()) {
-      ++own.statistics.malformed[static_cast<std::size_t>(WireStatus::kBadLength)];
+    const auto incoming = own.transport.open(received, buffer, own.statistics);
+    if (!incoming) {
       continue;
     }
-    const Decoded decoded = decode(std::span(buffer).first(received.size_bytes));
+    if (incoming->times) {
+      own.peer = incoming->peer;
+      own.clock.add(*incoming->times);
+      if (incoming->datagram.empty()) {
+        continue;
+      }
+    }
+    const Decoded decoded = decode(incoming->datagram);
     if (decoded.status != WireStatus::kOk) {
       ++own.statistics.malformed[static_cast<std::size_t>(decoded.status)];
       continue;
@@ -273,8 +279,8 @@ std::optional<ForceSample> ServoEndpoint::receive() noexcept {
 }
 
 bool ServoEndpoint::wait(std::chrono::nanoseconds timeout) noexcept {
-  const bool readable = state_->socket.wait(timeout) == UdpSocket::Wait::kReadable;
-  state_->statistics.send_no_peer = state_->socket.undelivered();
+  const bool readable = state_->transport.socket().wait(timeout) == UdpSocket::Wait::kReadable;
+  state_->statistics.send_no_peer = state_->transport.socket().undelivered();
   return readable;
 }
 
@@ -292,10 +298,12 @@ std::uint64_t ServoEndpoint::session_id() const noexcept { return state_->sessio
 const Address& ServoEndpoint::simulator_address() const noexcept { return state_->simulator; }
 
 const Address& ServoEndpoint::local_address() const noexcept {
-  return state_->socket.local_address();
+  return state_->transport.socket().local_address();
 }
 
 const LinkStatistics& ServoEndpoint::statistics() const noexcept { return state_->statistics; }
+
+ClockEstimate ServoEndpoint::clock() const noexcept { return state_->clock.estimate(); }
 
 std::uint64_t ServoEndpoint::random_session_id() {
   std::uint64_t session_id = 0;

@@ -5,8 +5,11 @@
 #include <memory>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "link/address.h"
+#include "link/clock_estimate.h"
+#include "link/key.h"
 #include "link/messages.h"
 #include "link/statistics.h"
 
@@ -30,13 +33,18 @@ inline constexpr std::size_t kRememberedQueries = 1024;
 /// Threads: one at a time.
 class ServoEndpoint {
  public:
-  /// Opens a non-blocking socket on a free loopback port. The simulator need not run yet.
+  /// Opens a non-blocking socket on a free port, on loopback if the simulator is there. The
+  /// simulator need not run yet.
   /// @param simulator   where it listens, see parse_address()
   /// @param session_id  not zero; the default is random, as forging must be hard
-  /// @throws LinkError for an address beyond loopback, port 0, session 0, or no socket.
-  explicit ServoEndpoint(const Address& simulator, std::uint64_t session_id = random_session_id());
-  explicit ServoEndpoint(std::string_view simulator,
-                         std::uint64_t session_id = random_session_id());
+  /// @param keys        datagrams are sealed with the first of them, or with that of them which the
+  ///                    simulator uses (sealed_channel.h); none: not sealed
+  /// @throws LinkError for an address beyond loopback without a key, port 0, session 0, or no
+  ///   socket.
+  explicit ServoEndpoint(const Address& simulator, std::uint64_t session_id = random_session_id(),
+                         std::vector<LinkKey> keys = {});
+  explicit ServoEndpoint(std::string_view simulator, std::uint64_t session_id = random_session_id(),
+                         std::vector<LinkKey> keys = {});
   /// Says goodbye to the simulator if that has not been done.
   ~ServoEndpoint();
   ServoEndpoint(const ServoEndpoint&) = delete;
@@ -70,6 +78,9 @@ class ServoEndpoint {
   /// Where this end receives.
   [[nodiscard]] const Address& local_address() const noexcept;
   [[nodiscard]] const LinkStatistics& statistics() const noexcept;
+  /// The simulator's clock and the quickest way there and back; only known with a key, as only
+  /// sealed datagrams carry the times. Real-time: yes.
+  [[nodiscard]] ClockEstimate clock() const noexcept;
 
   /// From the system's random source, never zero. Real-time: no; may throw LinkError.
   static std::uint64_t random_session_id();

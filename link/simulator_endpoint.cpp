@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
+#include <utility>
 #include <variant>
 
 #include "link/sequence_tracker.h"
-#include "link/udp_socket.h"
+#include "link/transport.h"
 #include "link/wire.h"
 
 namespace forcegrid::link {
@@ -18,23 +18,26 @@ constexpr std::size_t kRememberedSessions = 16;
 using SteadyTime = std::chrono::steady_clock::time_point;
 
 /// Refuses what parse_address() would, for an Address that was put together otherwise.
-Address checked(const Address& address) {
-  return parse_address(to_string(address), PortZero::kAllowed);
+Address checked(const Address& address, Reach reach) {
+  return parse_address(to_string(address), PortZero::kAllowed, reach);
 }
 
 }  // namespace
 
 struct SimulatorEndpoint::State {
-  State(const Address& address, std::chrono::nanoseconds silence)
-      : socket(checked(address)), silence_limit(silence) {
+  State(const Address& address, std::chrono::nanoseconds silence, Access access)
+      : allowed(std::move(access.allowed)),
+        local(checked(address, reach_with(access.keys))),
+        transport(LinkEnd::kSimulator, local, std::move(access.keys)),
+        silence_limit(silence) {
     if (silence <= std::chrono::nanoseconds::zero()) {
       throw LinkError("link at " + to_string(address) +
                       ": the silence limit must be above zero, for example 2 s");
     }
   }
 
-  void take(const UdpSocket::Received& received, std::span<const std::byte> datagram,
-            News& news) noexcept;
+  void take(const UdpSocket::Received& received, std::span<std::byte> buffer, News& news) noexcept;
+  [[nodiscard]] bool may_use(const Address& sender) const noexcept;
   bool belongs_to_servo(const Address& sender, const Decoded& decoded, News& news) noexcept;
   void take(const ToolState& state, News& news) noexcept;
   void take(const Query& query) noexcept;
@@ -45,7 +48,9 @@ struct SimulatorEndpoint::State {
   template <typename Message>
   SendStatus transmit(const Message& message) noexcept;
 
-  UdpSocket socket;
+  std::vector<AddressRange> allowed;
+  Address local;  ///< as asked for: port 0 for any
+  Transport transport;
   std::chrono::nanoseconds silence_limit;
   LinkStatistics statistics;
   std::uint64_t sent_without_servo = 0;
@@ -53,6 +58,7 @@ struct SimulatorEndpoint::State {
   std::uint64_t session_id = 0;  ///< 0: no servo
   std::uint64_t session_count = 0;
   Address servo;
+  SealedPeer servo_peer;
   SteadyTime last_heard;
   std::array<std::uint64_t, kRememberedSessions> ended_sessions{};
   std::size_t next_ended = 0;
@@ -165,14 +171,25 @@ void SimulatorEndpoint::State::take(const Query& query) noexcept {
   ++statistics.accepted;
 }
 
+bool SimulatorEndpoint::State::may_use(const Address& sender) const noexcept {
+  return allowed.empty() || std::ranges::any_of(allowed, [&](const AddressRange& range) {
+           return range.contains(sender);
+         });
+}
+
 void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
-                                    std::span<const std::byte> datagram, News& news) noexcept {
+                                    std::span<std::byte> buffer, News& news) noexcept {
   ++statistics.received;
-  if (received.size_bytes > datagram.size()) {
-    ++statistics.malformed[static_cast<std::size_t>(WireStatus::kBadLength)];
+  statistics.overrun = transport.socket().overrun();
+  if (!may_use(received.sender)) {
+    ++statistics.not_allowed;
     return;
   }
-  const Decoded decoded = decode(datagram.first(received.size_bytes));
+  const auto incoming = transport.open(received, buffer, statistics);
+  if (!incoming || (incoming->times && incoming->datagram.empty())) {
+    return;
+  }
+  const Decoded decoded = decode(incoming->datagram);
   if (decoded.status != WireStatus::kOk) {
     ++statistics.malformed[static_cast<std::size_t>(decoded.status)];
     return;
@@ -184,6 +201,7 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
   if (!belongs_to_servo(received.sender, decoded, news)) {
     return;
   }
+  servo_peer = incoming->peer;
   if (const auto* state = std::get_if<ToolState>(&decoded.message)) {
     take(*state, news);
   } else if (const auto* query = std::get_if<Query>(&decoded.message)) {
@@ -199,31 +217,21 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
 template <typename Message>
 SendStatus SimulatorEndpoint::State::transmit(const Message& message) noexcept {
   std::array<std::byte, kMaxDatagramBytes> buffer;
-  const Encoded encoded = encode(message, session_id, buffer);
-  if (encoded.status != WireStatus::kOk) {
-    ++statistics.send_invalid;
-    return SendStatus::kInvalid;
-  }
-  const int error = socket.send_to(servo, std::span(buffer).first(encoded.size_bytes));
-  statistics.send_no_peer = sent_without_servo + socket.undelivered();
-  if (error == 0) {
-    ++statistics.sent;
-    return SendStatus::kSent;
-  }
-  if (error == ECONNREFUSED) {
-    return SendStatus::kNoPeer;
-  }
-  ++statistics.send_failed;
-  statistics.last_send_errno = error;
-  return SendStatus::kSystemFailed;
+  const SendStatus status =
+      transport.send(servo, servo_peer, encode(message, session_id, buffer), buffer, statistics);
+  statistics.send_no_peer = sent_without_servo + transport.socket().undelivered();
+  return status;
 }
 
-SimulatorEndpoint::SimulatorEndpoint(const Address& address, std::chrono::nanoseconds silence_limit)
-    : state_(std::make_unique<State>(address, silence_limit)) {}
+SimulatorEndpoint::SimulatorEndpoint(const Address& address, std::chrono::nanoseconds silence_limit,
+                                     Access access)
+    : state_(std::make_unique<State>(address, silence_limit, std::move(access))) {}
 
 SimulatorEndpoint::SimulatorEndpoint(std::string_view address,
-                                     std::chrono::nanoseconds silence_limit)
-    : SimulatorEndpoint(parse_address(address, PortZero::kAllowed), silence_limit) {}
+                                     std::chrono::nanoseconds silence_limit, Access access)
+    : state_(std::make_unique<State>(
+          parse_address(address, PortZero::kAllowed, reach_with(access.keys)), silence_limit,
+          std::move(access))) {}
 
 SimulatorEndpoint::~SimulatorEndpoint() {
   if (state_->session_id != 0) {
@@ -239,7 +247,7 @@ SimulatorEndpoint::News SimulatorEndpoint::receive(std::chrono::nanoseconds time
   for (int left = kMaxDatagramsPerCall; left > 0;) {
     const std::uint64_t accepted_before = own.statistics.accepted;
     for (; left > 0; --left) {
-      const UdpSocket::Received received = own.socket.receive(buffer);
+      const UdpSocket::Received received = own.transport.socket().receive(buffer);
       if (received.kind == UdpSocket::Received::Kind::kNothing) {
         break;
       }
@@ -248,12 +256,12 @@ SimulatorEndpoint::News SimulatorEndpoint::receive(std::chrono::nanoseconds time
     if (own.statistics.accepted != accepted_before || left == 0) {
       break;
     }
-    if (own.socket.wait(deadline - std::chrono::steady_clock::now()) !=
+    if (own.transport.socket().wait(deadline - std::chrono::steady_clock::now()) !=
         UdpSocket::Wait::kReadable) {
       break;
     }
   }
-  own.statistics.send_no_peer = own.sent_without_servo + own.socket.undelivered();
+  own.statistics.send_no_peer = own.sent_without_servo + own.transport.socket().undelivered();
   news.queries = own.queue_size;
   return news;
 }
@@ -272,7 +280,7 @@ std::optional<Query> SimulatorEndpoint::next_query() noexcept {
 SendStatus SimulatorEndpoint::send(const ForceSample& sample) noexcept {
   State& own = *state_;
   if (own.session_id == 0) {
-    own.statistics.send_no_peer = ++own.sent_without_servo + own.socket.undelivered();
+    own.statistics.send_no_peer = ++own.sent_without_servo + own.transport.socket().undelivered();
     return SendStatus::kNoPeer;
   }
   ForceSample numbered = sample;
@@ -291,7 +299,7 @@ std::uint64_t SimulatorEndpoint::session_count() const noexcept { return state_-
 std::uint64_t SimulatorEndpoint::session_id() const noexcept { return state_->session_id; }
 
 const Address& SimulatorEndpoint::address() const noexcept {
-  return state_->socket.local_address();
+  return state_->transport.socket().local_address();
 }
 
 std::uint16_t SimulatorEndpoint::port() const noexcept { return address().port; }

@@ -6,14 +6,24 @@
 #include <memory>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "link/address.h"
+#include "link/key.h"
 #include "link/messages.h"
 #include "link/statistics.h"
 
 namespace forcegrid::link {
 
 inline constexpr std::size_t kQueuedQueries = 64;
+
+/// Who may use a simulator.
+struct Access {
+  /// Datagrams have to be sealed with one of these (sealed_channel.h), and answers are sealed with
+  /// the servo's; none: not sealed, and this machine only.
+  std::vector<LinkKey> keys;
+  std::vector<AddressRange> allowed;  ///< from where; empty: from anywhere
+};
 
 /// The simulator's end of the link, and the C++ client library for simulators of other projects:
 ///
@@ -39,11 +49,13 @@ inline constexpr std::size_t kQueuedQueries = 64;
 class SimulatorEndpoint {
  public:
   /// Listens at `address` ("ADDR:PORT", see parse_address(); port 0 chooses a free one).
-  /// @throws LinkError for an address beyond loopback, a port in use, or no socket.
+  /// @throws LinkError for an address beyond loopback without a key, a port in use, or no socket.
   explicit SimulatorEndpoint(const Address& address,
-                             std::chrono::nanoseconds silence_limit = std::chrono::seconds(2));
+                             std::chrono::nanoseconds silence_limit = std::chrono::seconds(2),
+                             Access access = {});
   explicit SimulatorEndpoint(std::string_view address,
-                             std::chrono::nanoseconds silence_limit = std::chrono::seconds(2));
+                             std::chrono::nanoseconds silence_limit = std::chrono::seconds(2),
+                             Access access = {});
   /// Says goodbye to the servo, if there is one.
   ~SimulatorEndpoint();
   SimulatorEndpoint(const SimulatorEndpoint&) = delete;

@@ -3,7 +3,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include "link/seal.h"
 #include "link/wire.h"
 
 namespace forcegrid::link {
@@ -21,8 +25,8 @@ enum class SendStatus : std::uint8_t {
 const char* to_string(SendStatus status) noexcept;
 
 /// Counted by one end of the link since it was opened. Every datagram that arrives is counted in
-/// `received` and in exactly one of `accepted` and the parts of dropped(); a goodbye of the peer
-/// counts as accepted.
+/// `received` and in exactly one of `accepted`, `hellos` and the parts of dropped(); a goodbye of
+/// the peer counts as accepted.
 struct LinkStatistics {
   std::uint64_t sent = 0;
   std::uint64_t send_invalid = 0;  ///< SendStatus::kInvalid and kNotRising
@@ -32,6 +36,11 @@ struct LinkStatistics {
 
   std::uint64_t received = 0;
   std::uint64_t accepted = 0;
+  std::uint64_t hellos = 0;  ///< sealed and empty: the peer told its stream
+  std::uint64_t not_allowed =
+      0;  ///< from an address that --allow leaves out (simulator's end only)
+  /// By SealStatus, with a key only; [kOk] and [kHello] stay 0.
+  std::array<std::uint64_t, kSealStatusCount> seal_refused{};
   std::array<std::uint64_t, kWireStatusCount> malformed{};  ///< by WireStatus; [kOk] stays 0
   std::uint64_t foreign_address = 0;  ///< not from the peer's address and port
   std::uint64_t foreign_session = 0;  ///< of another run: stale or made up
@@ -47,11 +56,21 @@ struct LinkStatistics {
   std::uint64_t superseded = 0;  ///< tool states skipped for a newer one (simulator's end only)
   std::uint64_t restarts = 0;    ///< simulator: sessions after the first; servo: simulators that
                                  ///< started their sequence anew
+  std::uint64_t overrun = 0;     ///< arrived while the system's buffer was full; not in `received`
 
   /// Sum of `malformed`. Real-time: yes.
   [[nodiscard]] std::uint64_t malformed_total() const noexcept;
-  /// Everything received and not accepted. Real-time: yes.
+  /// Sum of `seal_refused`. Real-time: yes.
+  [[nodiscard]] std::uint64_t seal_refused_total() const noexcept;
+  /// Everything received that is neither accepted nor a hello. Real-time: yes.
   [[nodiscard]] std::uint64_t dropped() const noexcept;
 };
+
+/// Why datagrams were dropped and how many for each reason, without the reasons that did not occur;
+/// they sum up to dropped(). Real-time: no (allocates).
+std::vector<std::pair<std::string, std::uint64_t>> drop_reasons(const LinkStatistics& statistics);
+
+/// The same for people: "12 forged, 3 stale". Real-time: no (allocates).
+std::string drop_text(const LinkStatistics& statistics);
 
 }  // namespace forcegrid::link

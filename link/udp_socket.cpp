@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <ctime>
@@ -68,7 +69,9 @@ Address from_system(const sockaddr_storage& storage) noexcept {
   } else if (error == EACCES) {
     remedy = "; ports below 1024 need privileges: choose a higher one";
   } else if (error == EADDRNOTAVAIL || error == EAFNOSUPPORT) {
-    remedy = "; this system does not have that address: use 127.0.0.1";
+    remedy =
+        "; this machine does not have that address: use one that 'ip address' shows, or "
+        "127.0.0.1";
   }
   throw LinkError("link at " + to_string(address) + ": " + action + ": " +
                   std::generic_category().message(error) + remedy);
@@ -91,6 +94,12 @@ UdpSocket::UdpSocket(const Address& local) {
   if (::setsockopt(descriptor_, local.is_ipv6 ? IPPROTO_IPV6 : IPPROTO_IP,
                    local.is_ipv6 ? IPV6_RECVERR : IP_RECVERR, &on, sizeof on) != 0) {
     close_and_fail("ask for error reports");
+  }
+  if (::setsockopt(descriptor_, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on) != 0) {
+    close_and_fail("ask for the count of dropped datagrams");
+  }
+  if (local.is_ipv6 && ::setsockopt(descriptor_, IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on) != 0) {
+    close_and_fail("leave IPv4 to sockets of its own");
   }
   if (::setsockopt(descriptor_, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer_bytes,
                    sizeof kReceiveBuffer_bytes) != 0) {
@@ -131,11 +140,21 @@ int UdpSocket::send_to(const Address& peer, std::span<const std::byte> datagram)
 UdpSocket::Received UdpSocket::receive(std::span<std::byte> buffer) noexcept {
   for (int attempt = 0; attempt < 2; ++attempt) {
     SocketAddress sender;
-    sender.size = sizeof sender.storage;
-    const ssize_t size =
-        ::recvfrom(descriptor_, buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC,
-                   reinterpret_cast<sockaddr*>(&sender.storage), &sender.size);
+    iovec where = {buffer.data(), buffer.size()};
+    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof overrun_)> control;
+    msghdr message{};
+    message.msg_name = &sender.storage;
+    message.msg_namelen = sizeof sender.storage;
+    message.msg_iov = &where;
+    message.msg_iovlen = 1;
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    const ssize_t size = ::recvmsg(descriptor_, &message, MSG_DONTWAIT | MSG_TRUNC);
     if (size >= 0) {
+      const cmsghdr* note = CMSG_FIRSTHDR(&message);
+      if (note != nullptr && note->cmsg_level == SOL_SOCKET && note->cmsg_type == SO_RXQ_OVFL) {
+        std::memcpy(&overrun_, CMSG_DATA(note), sizeof overrun_);
+      }
       return {Received::Kind::kDatagram, static_cast<std::size_t>(size),
               from_system(sender.storage)};
     }

@@ -9,7 +9,7 @@
 
 namespace forcegrid::link {
 
-/// A non-blocking UDP socket on loopback. It is not connected, so that datagrams from a wrong
+/// A non-blocking UDP socket. It is not connected, so that datagrams from a wrong
 /// address can be counted instead of vanishing in the kernel; ports that nobody listens at are
 /// reported all the same (IP_RECVERR).
 /// Threads: one at a time.
@@ -41,6 +41,10 @@ class UdpSocket {
   /// Blocks until something can be received, `timeout` has passed or a signal came.
   Wait wait(std::chrono::nanoseconds timeout) noexcept;
 
+  /// Datagrams that the system dropped since the start because nobody took them in fast enough, as
+  /// of the newest that was received.
+  [[nodiscard]] std::uint32_t overrun() const noexcept { return overrun_; }
+
   /// Datagrams that came back since the start: nobody listened where they went.
   [[nodiscard]] std::uint64_t undelivered() const noexcept { return undelivered_; }
 
@@ -50,6 +54,7 @@ class UdpSocket {
   int descriptor_ = -1;
   Address local_;
   std::uint64_t undelivered_ = 0;
+  std::uint32_t overrun_ = 0;
 };
 
 }  // namespace forcegrid::link

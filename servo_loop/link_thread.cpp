@@ -1,12 +1,17 @@
 #include "servo_loop/link_thread.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace forcegrid::servo {
 namespace {
 
 // How long a new tool state may wait for its datagram: short against the simulator's period.
 constexpr auto kPoll = std::chrono::milliseconds(1);
+
+// Samples taken before the next tool state goes out: what a cycle of the servo takes at most, so
+// that a simulator that answers without end does not keep the tool's position from it.
+constexpr int kSamplesPerExchange = 64;
 
 ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
   ArrivedSample arrived;
@@ -29,8 +34,10 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
 
 }  // namespace
 
-LinkThread::LinkThread(std::string_view simulator_address, ServoPorts& ports)
-    : ports_(ports), endpoint_(simulator_address) {}
+LinkThread::LinkThread(std::string_view simulator_address, ServoPorts& ports,
+                       std::vector<link::LinkKey> keys)
+    : ports_(ports),
+      endpoint_(simulator_address, link::ServoEndpoint::random_session_id(), std::move(keys)) {}
 
 LinkThread::~LinkThread() { stop(); }
 
@@ -61,28 +68,39 @@ void LinkThread::exchange() {
   while (ports_.queries.pop(query)) {
     endpoint_.send(query);
   }
-  while (const auto sample = endpoint_.receive()) {
-    worst_solve_time_s_ = std::max(worst_solve_time_s_, sample->solve_time_s);
-    worst_relative_residual_ = std::max(worst_relative_residual_, sample->relative_residual);
-    samples_not_converged_ += sample->converged ? 0 : 1;
-    if (sample->in_contact && !first_contact_ && sample->query_id == 0) {
-      first_contact_ = FirstContact{sample->echo_servo_time_ns, sample->contact_epoch,
-                                    vector(sample->contact_point_W_m)};
+  for (int i = 0; i < kSamplesPerExchange; ++i) {
+    const auto sample = endpoint_.receive();
+    if (!sample) {
+      break;
     }
-    const ArrivedSample arrived = arrived_sample(*sample, rt::Clock::now());
-    if (!ports_.samples.push(arrived)) {
-      ++samples_lost_;
-      continue;
+    take(*sample);
+  }
+  if (const link::ClockEstimate clock = endpoint_.clock(); clock.known) {
+    ports_.simulator_clock.publish(clock);
+  }
+}
+
+void LinkThread::take(const link::ForceSample& sample) {
+  worst_solve_time_s_ = std::max(worst_solve_time_s_, sample.solve_time_s);
+  worst_relative_residual_ = std::max(worst_relative_residual_, sample.relative_residual);
+  samples_not_converged_ += sample.converged ? 0 : 1;
+  if (sample.in_contact && !first_contact_ && sample.query_id == 0) {
+    first_contact_ = FirstContact{sample.echo_servo_time_ns, sample.contact_epoch,
+                                  vector(sample.contact_point_W_m)};
+  }
+  const ArrivedSample arrived = arrived_sample(sample, rt::Clock::now());
+  if (!ports_.samples.push(arrived)) {
+    ++samples_lost_;
+    return;
+  }
+  if (on_sample_) {
+    on_sample_(arrived);
+  }
+  if (samples_to_keep_ > 0) {
+    if (samples_.size() == samples_to_keep_) {
+      samples_.pop_front();
     }
-    if (on_sample_) {
-      on_sample_(arrived);
-    }
-    if (samples_to_keep_ > 0) {
-      if (samples_.size() == samples_to_keep_) {
-        samples_.pop_front();
-      }
-      samples_.push_back(arrived);
-    }
+    samples_.push_back(arrived);
   }
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "link/servo_endpoint.h"
 #include "servo_loop/servo_loop.h"
@@ -26,8 +27,10 @@ struct FirstContact {
 /// Threads: start and stop from one; statistics() after stop().
 class LinkThread {
  public:
+  /// @param keys  of a sealed link, see link::ServoEndpoint; none: not sealed
   /// @throws link::LinkError for an address that can't be used.
-  LinkThread(std::string_view simulator_address, ServoPorts& ports);
+  LinkThread(std::string_view simulator_address, ServoPorts& ports,
+             std::vector<link::LinkKey> keys = {});
   ~LinkThread();
   LinkThread(const LinkThread&) = delete;
   LinkThread& operator=(const LinkThread&) = delete;
@@ -35,14 +38,16 @@ class LinkThread {
   /// Before start(): keeps the newest `count` samples that reach the servo, for samples().
   void keep_samples(std::size_t count) noexcept { samples_to_keep_ = count; }
 
-  /// Before start(): gives each sample that reaches the servo to `take`, on the link's thread, which
-  /// it must not hold up.
+  /// Before start(): gives each sample that reaches the servo to `take`, on the link's thread,
+  /// which it must not hold up.
   void on_sample(std::function<void(const ArrivedSample&)> take) { on_sample_ = std::move(take); }
 
   void start();
   /// Says goodbye to the simulator and joins. Idempotent.
   void stop();
 
+  /// After stop().
+  link::ClockEstimate simulator_clock() const noexcept { return endpoint_.clock(); }
   const link::LinkStatistics& statistics() const noexcept { return endpoint_.statistics(); }
   /// After stop(); nothing if the tool never touched.
   const std::optional<FirstContact>& first_contact() const noexcept { return first_contact_; }
@@ -57,6 +62,7 @@ class LinkThread {
 
  private:
   void exchange();
+  void take(const link::ForceSample& sample);
 
   ServoPorts& ports_;
   link::ServoEndpoint endpoint_;

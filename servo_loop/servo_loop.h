@@ -11,6 +11,7 @@
 #include "driver/force_limiter.h"
 #include "driver/mechanism.h"
 #include "forcegrid/force_method.h"
+#include "link/clock_estimate.h"
 #include "link/messages.h"
 #include "profiles/device_profile.h"
 #include "rt/mailbox.h"
@@ -78,6 +79,8 @@ struct ServoPorts {
   rt::SpscRing<CycleRecord> records{8192};
   rt::SpscRing<link::Query> queries{64};
   rt::Mailbox<link::ToolState> tool;
+  /// From the link to telemetry: the simulator's clock, where the link can tell.
+  rt::Mailbox<link::ClockEstimate> simulator_clock;
   std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
 };
 

@@ -143,18 +143,30 @@ void Telemetry::print_live_line(const CycleRecord& record) {
   const double since_s = 1e-9 * static_cast<double>(record.time_ns - last_line_ns_);
   const Triple& p = record.position_W_m;
   const Triple& f = record.commanded_force_D_N;
-  std::fprintf(options_.live,
-               "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
-               "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64
-               "  %s  energy %+.2f mJ%s\n",
-               elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2],
-               record.in_contact ? "in contact" : "free", f[0], f[1], f[2],
-               static_cast<double>(statistics_.cycles - cycles_at_last_line_) / since_s,
-               1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines,
-               to_string(record.rung), 1e3 * record.energy_to_hand_J, guard_text());
+  std::fprintf(
+      options_.live,
+      "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
+      "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64
+      "  %s  energy %+.2f mJ%s%s\n",
+      elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2], record.in_contact ? "in contact" : "free",
+      f[0], f[1], f[2], static_cast<double>(statistics_.cycles - cycles_at_last_line_) / since_s,
+      1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines,
+      to_string(record.rung), 1e3 * record.energy_to_hand_J, guard_text(), clock_text().c_str());
   std::fflush(options_.live);
   cycles_at_last_line_ = statistics_.cycles;
   damped_since_line_ = shortened_since_line_ = false;
+}
+
+// How far away the simulator is and how its clock differs, on a link that can tell.
+std::string Telemetry::clock_text() {
+  link::ClockEstimate clock;
+  if (!ports_.simulator_clock.fetch(clock)) {
+    return {};
+  }
+  char text[80];
+  std::snprintf(text, sizeof text, "  round trip %.1f ms, simulator's clock %+.4f s",
+                1e3 * clock.round_trip_s, clock.offset_s);
+  return text;
 }
 
 // What the passivity guard has done since the last line.

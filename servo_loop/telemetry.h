@@ -102,6 +102,7 @@ class Telemetry {
   void take_rendered(const CycleRecord& record);
   void print_live_line(const CycleRecord& record);
   const char* guard_text() const noexcept;
+  std::string clock_text();
 
   ServoPorts& ports_;
   TelemetryOptions options_;

@@ -26,12 +26,22 @@ namespace {
 constexpr double kMaxRate_Hz = 1000.0;
 constexpr double kMaxDelay_s = 10.0;
 constexpr int kMaxNice = 19;
+constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, until another may come
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
 // A query is only begun when this many times the last one's time is left before the deadline.
 constexpr double kQueryMargin = 2.0;
 constexpr double kExpectedWithin_s = 0.3;
 constexpr double kExpectedApart_m = 0.002;  // taking hold of another patch takes a while
 constexpr double kQueryDecay = 0.7;         // of the expected time, each time that there was none
+
+link::Access access(const SimulatorOptions& options) {
+  link::Access access;
+  access.keys = link::load_keys(options.key_files);
+  for (const std::string& range : options.allowed) {
+    access.allowed.emplace_back(range);
+  }
+  return access;
+}
 
 void check(const SimulatorOptions& options) {
   if (!(options.rate_Hz > 0.0 && options.rate_Hz <= kMaxRate_Hz)) {
@@ -78,9 +88,10 @@ bool finite(const Equilibrium& equilibrium) {
 
 class Loop {
  public:
-  Loop(const SimulatorOptions& options, const Scene& scene)
+  Loop(const SimulatorOptions& options, const Scene& scene, std::ostream& log)
       : options_(options),
-        endpoint_(options.listen),
+        log_(log),
+        endpoint_(options.listen, kSilence, access(options)),
         object_(scene.mesh, options.solver),
         query_object_(scene.mesh, options.solver),
         patch_radius_m_(scene.patch_radius_m),
@@ -152,6 +163,26 @@ class Loop {
       newest_ = news.tool_state;
     }
     queries_ = news.queries;
+    report_strangers();
+  }
+
+  // Who wonders why no force comes is told; once, since a stranger could fill a disk.
+  void report_strangers() {
+    using link::SealStatus;
+    const link::LinkStatistics& counted = endpoint_.statistics();
+    const auto refused = [&](SealStatus status) {
+      return counted.seal_refused[static_cast<std::size_t>(status)];
+    };
+    if (told_of_strangers_ || counted.not_allowed + refused(SealStatus::kNotSealed) +
+                                      refused(SealStatus::kUnknownKey) +
+                                      refused(SealStatus::kForged) ==
+                                  0) {
+      return;
+    }
+    told_of_strangers_ = true;
+    log_ << "simulator: datagrams are refused (" << link::drop_text(counted)
+         << "); if they are your servo's, give it this simulator's key, and --allow its address"
+         << std::endl;
   }
 
   void begin_anew() {
@@ -298,6 +329,7 @@ class Loop {
   }
 
   void finish() {
+    summary_.dropped = link::drop_reasons(endpoint_.statistics());
     summary_.solve_mean_ms = solve_ms_.mean();
     summary_.solve_p50_ms = solve_ms_.at(0.5);
     summary_.solve_p99_ms = solve_ms_.at(0.99);
@@ -308,6 +340,8 @@ class Loop {
   }
 
   SimulatorOptions options_;
+  std::ostream& log_;
+  bool told_of_strangers_ = false;
   link::SimulatorEndpoint endpoint_;
   ElasticObject<float> object_;
   ElasticObject<float> query_object_;  // queries must not disturb the warm start along the path
@@ -335,7 +369,7 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
                                std::ostream& log, const std::atomic<bool>& stop, int stop_fd) {
   check(options);
   const Scene scene = make_scene(options.scene, options.top_centre_W);
-  Loop loop(options, scene);
+  Loop loop(options, scene, log);
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {
     log << "simulator: nice " << options.nice << " was refused (" << std::strerror(errno)
@@ -360,6 +394,8 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
           {"late_ticks", summary.late_ticks},
           {"missed_ticks", summary.missed_ticks},
           {"send_failures", summary.send_failures},
+          {"datagrams_dropped",
+           nlohmann::json::object_t(summary.dropped.begin(), summary.dropped.end())},
           {"contacts", summary.contacts},
           {"unconverged", summary.unconverged},
           {"branch_changes", summary.branch_changes},

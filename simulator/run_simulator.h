@@ -6,6 +6,8 @@
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "simulator/elastic_object.h"
 #include "simulator/sticky_contact.h"
@@ -14,9 +16,12 @@ namespace forcegrid::simulator {
 
 /// What `forcegrid simulate` can be told; names as on the command line.
 struct SimulatorOptions {
-  std::string scene = "block";             ///< as make_scene() takes it
-  std::string listen = "127.0.0.1:24870";  ///< ADDR:PORT, loopback only; port 0 takes a free one
-  double rate_Hz = 30.0;                   ///< answers a second; in (0, 1000]
+  std::string scene = "block";  ///< as make_scene() takes it
+  std::string listen =
+      "127.0.0.1:24870";               ///< ADDR:PORT, loopback without a key; port 0: a free one
+  std::vector<std::string> key_files;  ///< of a sealed link, see link::Access
+  std::vector<std::string> allowed;    ///< ranges of addresses, see link::AddressRange
+  double rate_Hz = 30.0;               ///< answers a second; in (0, 1000]
   /// [s] Every answer leaves this much later, as from a slower machine; in [0, 10].
   double answer_delay_s = 0.0;
   bool send_stiffness = true;                              ///< dF/dP with every sample
@@ -40,6 +45,8 @@ struct SimulatorSummary {
   std::uint64_t missed_ticks =
       0;  ///< deadlines skipped because an answer took longer than a period
   std::uint64_t send_failures = 0;
+  /// Datagrams that were not taken, by reason.
+  std::vector<std::pair<std::string, std::uint64_t>> dropped;
   std::uint64_t contacts = 0;
   std::uint64_t unconverged = 0;     ///< answers whose tolerance was not reached
   std::uint64_t branch_changes = 0;  ///< answers after which the object was on another branch

@@ -47,6 +47,63 @@ TEST(ParseAddress, RefusesAddressesBeyondLoopbackAndSaysWhy) {
   }
 }
 
+std::string far_refusal(std::string_view text, PortZero port_zero) {
+  try {
+    return "accepted as " + to_string(parse_address(text, port_zero, Reach::kNetwork));
+  } catch (const LinkError& error) {
+    return error.what();
+  }
+}
+
+TEST(ParseAddress, ReadsAddressesOfOtherMachinesForALinkWithAKey) {
+  for (const char* text :
+       {"192.168.1.2:24870", "8.8.8.8:1", "[2001:db8::1]:1", "[fd00::7]:1", "127.0.0.1:1"}) {
+    EXPECT_EQ(to_string(parse_address(text, PortZero::kRefused, Reach::kNetwork)), text);
+  }
+}
+
+TEST(ParseAddress, TakesEveryAddressOfThisMachineForListeningOnly) {
+  for (const char* text : {"0.0.0.0:24870", "[::]:24870"}) {
+    EXPECT_THAT(far_refusal(text, PortZero::kAllowed), testing::HasSubstr("accepted"));
+    EXPECT_THAT(far_refusal(text, PortZero::kRefused), testing::HasSubstr("only for listening"));
+  }
+}
+
+TEST(ParseAddress, RefusesAddressesOfNoOneMachine) {
+  for (const char* text : {"224.0.0.1:1", "255.255.255.255:1", "[ff02::1]:1"}) {
+    EXPECT_THAT(far_refusal(text, PortZero::kAllowed), testing::HasSubstr("multicast")) << text;
+  }
+  EXPECT_THAT(far_refusal("[::ffff:10.0.0.1]:1", PortZero::kAllowed),
+              testing::HasSubstr("write it as A.B.C.D:PORT"));
+  EXPECT_THAT(far_refusal("[fe80::1]:1", PortZero::kAllowed), testing::HasSubstr("link-local"));
+}
+
+bool contains(const char* range, const char* host) {
+  return AddressRange(range).contains(
+      parse_address(std::string(host) + ":1", PortZero::kAllowed, Reach::kNetwork));
+}
+
+TEST(AddressRange, ContainsTheAddressesThatShareItsFirstBits) {
+  EXPECT_TRUE(contains("192.168.1.7", "192.168.1.7"));
+  EXPECT_FALSE(contains("192.168.1.7", "192.168.1.6"));
+  EXPECT_TRUE(contains("192.168.1.0/24", "192.168.1.255"));
+  EXPECT_FALSE(contains("192.168.1.0/24", "192.168.2.0"));
+  EXPECT_TRUE(contains("10.0.0.128/25", "10.0.0.200"));
+  EXPECT_FALSE(contains("10.0.0.128/25", "10.0.0.127"));
+  EXPECT_TRUE(contains("0.0.0.0/0", "8.8.8.8"));
+  EXPECT_FALSE(contains("0.0.0.0/0", "[::1]"));
+  EXPECT_TRUE(contains("2001:db8::/32", "[2001:db8:1::1]"));
+  EXPECT_FALSE(contains("2001:db8::/32", "[2001:db9::1]"));
+}
+
+TEST(AddressRange, RefusesWhatIsNone) {
+  for (const char* text :
+       {"", "example.org", "192.168.1", "192.168.1.0/33", "::/129", "192.168.1.0/",
+        "192.168.1.0/-1", "192.168.1.0/2x", "192.168.1.0/ 8", "192.168.1.7/24", "[::1]"}) {
+    EXPECT_THROW(AddressRange{text}, LinkError) << text;
+  }
+}
+
 TEST(ParseAddress, RefusesNamesAndMalformedAddresses) {
   for (const char* text :
        {"example.org:1", "LOCALHOST:1", "127.1:1", "127.0.0.256:1", "127.0.0.1 :1", ":1", "[]:1",

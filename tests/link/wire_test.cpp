@@ -138,6 +138,8 @@ TEST(LinkProtocolDocument, ShowsTheBytesThatAreTestedHere) {
   EXPECT_EQ(shown["query"], worked::kQueryHex);
   EXPECT_EQ(shown["force_sample"], worked::kForceSampleHex);
   EXPECT_EQ(shown["goodbye"], worked::kGoodbyeHex);
+  EXPECT_EQ(shown["sealed_tool_state"], worked::kSealedToolStateHex);
+  EXPECT_EQ(shown["hello"], worked::kHelloHex);
 }
 
 TEST(Wire, EveryDatagramIsBelow512Bytes) {

@@ -44,6 +44,29 @@ inline constexpr const char* kGoodbyeHex =
     "46 47 52 44 01 00 04 00 00 00 00 00 00 00 00 00 "
     "88 77 66 55 44 33 22 11 10 c8 7b fb ";
 
+// Sealed with libsodium through PyNaCl, the key's id with Python's hashlib: the tool state above,
+// and a hello that answers it.
+inline constexpr const char* kSealedToolStateHex =
+    "46 47 52 53 01 00 01 00 0a f9 4c aa c9 2e 9c d0 "
+    "20 21 22 23 24 25 26 27 28 29 2a 2b 2c 2d 2e 2f "
+    "05 00 00 00 00 00 00 00 30 31 32 33 34 35 36 37 "
+    "38 39 3a 3b 3c 3d 3e 3f 6e be 3c 7b 8f b1 6e 23 "
+    "1c 19 5b 30 26 22 50 23 f9 f7 9b 44 21 d8 34 4f "
+    "b7 dc 6f 17 59 f8 1a 00 0a 0f fd b5 f0 61 28 a2 "
+    "4a 61 67 7f 94 13 65 be 73 e1 84 02 5f e2 eb 9c "
+    "5a 24 d3 ea bc 49 f8 1c d7 ab d0 c4 dd 6d 4e bd "
+    "a1 2b 90 46 bc 2c 57 32 16 02 0f 3b a0 ab dd 06 "
+    "0a ae 06 fa c0 c0 f3 d2 8d 00 e8 ce 8b 50 a3 f5 "
+    "91 09 98 e3 6f c5 78 7e 66 ca 89 d8 d0 74 94 3e "
+    "98 36 b5 44 ";
+inline constexpr const char* kHelloHex =
+    "46 47 52 53 01 00 02 00 0a f9 4c aa c9 2e 9c d0 "
+    "30 31 32 33 34 35 36 37 38 39 3a 3b 3c 3d 3e 3f "
+    "01 00 00 00 00 00 00 00 20 21 22 23 24 25 26 27 "
+    "28 29 2a 2b 2c 2d 2e 2f 15 22 16 b5 cd 28 90 09 "
+    "6f fd 66 50 91 08 88 68 87 05 f4 0b 9e b4 53 24 "
+    "6c 4b bd c1 2d f7 a5 60 95 45 5a 18 1f 63 07 0e ";
+
 inline ToolState tool_state() {
   return {.sequence = 7,
           .servo_time_ns = 1'500'000'000,
