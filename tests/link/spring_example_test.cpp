@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <spawn.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,6 +14,7 @@
 #include <cmath>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <ostream>
 #include <stdexcept>
 #include <string>
@@ -78,9 +80,12 @@ class ChildProgram {
 struct Example {
   const char* name;
   std::vector<std::string> command;  ///< without the stiffness
+  bool sealed = false;               ///< it gets a key file after the stiffness
 };
 
 void PrintTo(const Example& example, std::ostream* out) { *out << example.name; }
+
+constexpr const char* kPythonClient = FORCEGRID_SOURCE_DIR "/examples/spring_with_client.py";
 
 class SpringExample : public testing::TestWithParam<Example> {
  protected:
@@ -90,6 +95,11 @@ class SpringExample : public testing::TestWithParam<Example> {
   std::string start() {
     std::vector<std::string> command = GetParam().command;
     command.push_back("250");
+    if (GetParam().sealed) {
+      key_file_ = testing::TempDir() + "spring_example_" + std::to_string(::getpid()) + ".key";
+      LinkKey::generate(key_file_);
+      command.push_back(key_file_);
+    }
     child_ = std::make_unique<ChildProgram>(command);
     const std::string line = child_->read_line();
     const std::string expected = "listening on ";
@@ -136,22 +146,60 @@ class SpringExample : public testing::TestWithParam<Example> {
     EXPECT_EQ(servo.statistics().lost, 0U);
   }
 
+  ~SpringExample() override {
+    if (!key_file_.empty()) {
+      ::unlink(key_file_.c_str());
+    }
+  }
+
+  /// A servo of a new session, with the key of the example that was started.
+  std::unique_ptr<ServoEndpoint> servo_at(const std::string& address) const {
+    std::vector<LinkKey> keys;
+    if (!key_file_.empty()) {
+      keys.push_back(LinkKey::load(key_file_));
+    }
+    return std::make_unique<ServoEndpoint>(address, ServoEndpoint::random_session_id(),
+                                           std::move(keys));
+  }
+
+  std::string key_file_;
   std::unique_ptr<ChildProgram> child_;
 };
 
 TEST_P(SpringExample, AnswersWithTheForceOfASpringAtTheStatedPosition) {
-  ServoEndpoint servo(start());
-  expect_a_spring(servo, {0.001, -0.002, 0.003});
+  const auto servo = servo_at(start());
+  expect_a_spring(*servo, {0.001, -0.002, 0.003});
 }
 
 TEST_P(SpringExample, RestsAtTheNewFirstPositionInANewSession) {
   const std::string address = start();
-  {
-    ServoEndpoint servo(address);
-    expect_a_spring(servo, {0.001, 0.0, 0.0});
+  expect_a_spring(*servo_at(address), {0.001, 0.0, 0.0});
+  expect_a_spring(*servo_at(address), {-0.001, 0.003, 0.0});
+}
+
+/// Those that show a client of all the protocol.
+class ClientExample : public SpringExample {};
+
+TEST_P(ClientExample, AnswersQueriesWhereTheyAsk) {
+  const auto servo = servo_at(start());
+  expect_a_spring(*servo, {0.0, 0.0, 0.001});
+  const Vector3 asked_W_m = {0.002, -0.001, 0.004};
+  std::optional<ForceSample> reply;
+  std::uint32_t query_id = 0;
+  for (int i = 0; i < 200 && !reply; ++i) {
+    servo->send(Query{.query_id = ++query_id, .servo_time_ns = 7, .position_W_m = asked_W_m});
+    servo->wait(100ms);
+    while (const auto sample = servo->receive()) {
+      reply = sample->query_id != 0 ? sample : reply;
+    }
   }
-  ServoEndpoint servo(address);
-  expect_a_spring(servo, {-0.001, 0.003, 0.0});
+  ASSERT_TRUE(reply);
+  EXPECT_EQ(reply->position_W_m, asked_W_m);
+  const Vector3 first_W_m = {0.0, 0.0, 0.001};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(reply->force_W_N[i], -kStiffness_N_per_m * (asked_W_m[i] - first_W_m[i]),
+                kTolerance_N);
+  }
 }
 
 TEST_P(SpringExample, IgnoresGarbage) {
@@ -168,16 +216,39 @@ TEST_P(SpringExample, IgnoresGarbage) {
     ::sendto(garbage, bytes.data(), size, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
   }
   ::close(garbage);
-  ServoEndpoint servo(address);
-  expect_a_spring(servo, {0.0, 0.0, 0.0});
+  expect_a_spring(*servo_at(address), {0.0, 0.0, 0.0});
 }
 
 INSTANTIATE_TEST_SUITE_P(
     Link, SpringExample,
     testing::Values(Example{"Python",
                             {"python3", FORCEGRID_SOURCE_DIR "/examples/spring_simulator.py", "0"}},
-                    Example{"Cpp", {FORCEGRID_SPRING_SIMULATOR, "127.0.0.1:0"}}),
+                    Example{"Cpp", {FORCEGRID_SPRING_SIMULATOR, "127.0.0.1:0"}},
+                    Example{"PythonClient", {"/usr/bin/python3", kPythonClient, "0"}},
+                    Example{"PythonClientSealed", {"/usr/bin/python3", kPythonClient, "0"}, true},
+                    Example{"C", {FORCEGRID_SPRING_SIMULATOR "_c", "0"}},
+                    Example{"CSealed", {FORCEGRID_SPRING_SIMULATOR "_c_sealed", "0"}, true}),
     [](const auto& test) { return test.param.name; });
+
+INSTANTIATE_TEST_SUITE_P(
+    Link, ClientExample,
+    testing::Values(Example{"Python", {"/usr/bin/python3", kPythonClient, "0"}},
+                    Example{"PythonSealed", {"/usr/bin/python3", kPythonClient, "0"}, true},
+                    Example{"C", {FORCEGRID_SPRING_SIMULATOR "_c", "0"}},
+                    Example{"CSealed", {FORCEGRID_SPRING_SIMULATOR "_c_sealed", "0"}, true}),
+    [](const auto& test) { return test.param.name; });
+
+TEST(ClientExamples, RefuseAKeyThatOthersMayRead) {
+  const std::string file = testing::TempDir() + "open_" + std::to_string(::getpid()) + ".key";
+  ::unlink(file.c_str());
+  LinkKey::generate(file);
+  ASSERT_EQ(::chmod(file.c_str(), 0644), 0);
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"/usr/bin/python3", kPythonClient, "0", "250", file},
+        std::vector<std::string>{FORCEGRID_SPRING_SIMULATOR "_c_sealed", "0", "250", file}}) {
+    EXPECT_THAT(ChildProgram(command).read_line(), testing::HasSubstr("chmod 600"));
+  }
+}
 
 TEST(PythonSpringExample, IsAtMostFortyLines) {
   std::ifstream file(FORCEGRID_SOURCE_DIR "/examples/spring_simulator.py");

@@ -1,0 +1,386 @@
+#!/usr/bin/env python3
+"""The simulator's end of Forcegrid's link, in one file: docs/link_protocol.md has every byte.
+
+Needs only Python 3.9's standard library; with a key also PyNaCl (Debian: python3-nacl).
+
+    from forcegrid_link import SimulatorLink
+
+    link = SimulatorLink("127.0.0.1", 24870)             # key_files=["link.key"] to leave this machine
+    while True:
+        news = link.receive(timeout_s=0.033)
+        if news.new_session:
+            pass                                          # another run began: forget the old contacts
+        if news.tool_state:
+            p = news.tool_state.position_W_m
+            link.answer(news.tool_state, force_W_N=[-100 * x for x in p], in_contact=True, converged=True)
+        while query := link.next_query():                 # in idle time, if at all
+            link.answer(query, ...)
+
+Units are SI; vectors are (x, y, z) in the workspace frame W: x toward the operator, y to the operator's
+right, z up. Not thread-safe.
+"""
+import collections
+import dataclasses
+import hashlib
+import math
+import os
+import secrets
+import select
+import socket
+import stat
+import struct
+import time
+import zlib
+
+TOOL_STATE, QUERY, FORCE_SAMPLE, GOODBYE = 1, 2, 3, 4
+_HEADER = struct.Struct("<4sHHHHIQ")  # magic, version, type, payload bytes, reserved, sequence, session
+_PAYLOADS = {TOOL_STATE: struct.Struct("<q6d"), QUERY: struct.Struct("<q3d"),
+             FORCE_SAMPLE: struct.Struct("<qIIII9d2d9d"), GOODBYE: struct.Struct("<")}
+_MAX_DATAGRAM_BYTES = 511
+_MAX_POSITION_M, _MAX_VELOCITY_M_PER_S, _MAX_FORCE_N, _MAX_STIFFNESS_N_PER_M = 10.0, 100.0, 1e3, 1e7
+_MAX_SOLVE_TIME_S = 3600.0
+_QUEUED_QUERIES, _REMEMBERED_SESSIONS, _WINDOW, _PEER_STREAMS = 64, 16, 1024, 16
+
+_SEAL_HEAD = struct.Struct("<4sHBB8s16sQ16s")  # magic, version, direction, 0, key id, stream, counter, heard
+_SEAL_TIMES = struct.Struct("<qqq")
+_SEAL_BYTES = _SEAL_HEAD.size + _SEAL_TIMES.size + 16
+_FROM_SERVO, _FROM_SIMULATOR = 1, 2
+
+
+class LinkError(Exception):
+    """The link can't be set up; the text says what to do."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolState:
+    sequence: int
+    servo_time_ns: int
+    position_W_m: tuple
+    velocity_W_m_per_s: tuple
+
+
+@dataclasses.dataclass(frozen=True)
+class Query:
+    query_id: int
+    servo_time_ns: int
+    position_W_m: tuple
+
+
+@dataclasses.dataclass
+class News:
+    """What receive() found; all empty after a time-out."""
+    tool_state: ToolState = None  # the newest, if it is new since the last call
+    new_session: bool = False     # another run of a servo began: forget what belongs to the old one
+    servo_ended: bool = False     # the servo said goodbye
+
+
+def _ahead_of(a, b):
+    """How far a is ahead of b on the circle of 32 bits (RFC 1982)."""
+    return (a - b + 2**31) % 2**32 - 2**31
+
+
+def _within(values, bound):
+    return all(math.isfinite(value) and abs(value) <= bound for value in values)
+
+
+class _Refused(Exception):
+    """A datagram that is dropped; its text is the counter."""
+
+
+def decode(datagram):
+    """(type, sequence, session, payload) of a sound datagram. Raises _Refused for any other."""
+    if len(datagram) < _HEADER.size + 4:
+        raise _Refused("too short")
+    magic, version, kind, length, reserved, sequence, session = _HEADER.unpack_from(datagram)
+    if magic != b"FGRD":
+        raise _Refused("bad magic")
+    if version != 1:
+        raise _Refused("bad version")
+    if kind not in _PAYLOADS:
+        raise _Refused("bad type")
+    if len(datagram) != _HEADER.size + _PAYLOADS[kind].size + 4 or length != _PAYLOADS[kind].size:
+        raise _Refused("bad length")
+    if zlib.crc32(datagram[:-4]) != struct.unpack("<I", datagram[-4:])[0]:
+        raise _Refused("bad checksum")
+    if reserved != 0 or (kind == GOODBYE and sequence != 0):
+        raise _Refused("reserved field not zero")
+    payload = _PAYLOADS[kind].unpack_from(datagram, _HEADER.size)
+    if session == 0 or (kind == QUERY and sequence == 0) or (payload and payload[0] < 0) or (
+            kind in (TOOL_STATE, QUERY) and not _within(payload[1:4], _MAX_POSITION_M)) or (
+            kind == TOOL_STATE and not _within(payload[4:7], _MAX_VELOCITY_M_PER_S)):
+        raise _Refused("out of range")
+    return kind, sequence, session, payload
+
+
+def encode(kind, sequence, session, *payload):
+    body = _HEADER.pack(b"FGRD", 1, kind, _PAYLOADS[kind].size, 0, sequence, session)
+    body += _PAYLOADS[kind].pack(*payload)
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+class _Window:
+    """Lets each counter pass once."""
+
+    def __init__(self):
+        self.newest, self.passed = 0, 0
+
+    def let_pass(self, counter):
+        back = self.newest - counter
+        if back < 0:
+            self.passed = (self.passed << min(-back, _WINDOW) | 1) & (1 << _WINDOW) - 1
+            self.newest = counter
+            return True
+        if counter == 0 or back >= _WINDOW or self.passed >> back & 1:
+            return False
+        self.passed |= 1 << back
+        return True
+
+
+class _Peer:
+    """Whom a sealed datagram is for."""
+
+    def __init__(self, key_id, stream, sent_ns, received_ns):
+        self.key_id, self.stream, self.sent_ns, self.received_ns = key_id, stream, sent_ns, received_ns
+
+
+class _Stale(_Refused):
+    """Authentic, but its sender has yet to hear this end's stream."""
+
+    def __init__(self, peer):
+        super().__init__("seal: stale")
+        self.peer = peer
+
+
+def load_key(file):
+    """(key id, secret) of a file that `forcegrid keygen` has made. Raises LinkError."""
+    try:
+        with open(file, "rb") as opened:
+            status = os.fstat(opened.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise LinkError("link key file '%s': is no regular file" % file)
+            if status.st_mode & 0o077:
+                raise LinkError("link key file '%s': others may use it; run: chmod 600 '%s'" % (file, file))
+            if status.st_uid not in (0, os.geteuid()):
+                raise LinkError("link key file '%s': belongs to another user; run: sudo chown $USER '%s'"
+                                % (file, file))
+            words = opened.read(104).decode("ascii", "replace").split(" ")
+    except OSError as error:
+        raise LinkError("link key file '%s': %s; make one with 'forcegrid keygen FILE'"
+                        % (file, error.strerror)) from error
+    try:
+        tag, key_id, secret = words[0], bytes.fromhex(words[1]), bytes.fromhex(words[2])
+    except (IndexError, ValueError):
+        tag, key_id, secret = "", b"", b""
+    right_id = hashlib.blake2b(b"forcegrid link key id", key=secret, digest_size=16).digest()[:8]
+    if tag != "forcegrid-link-key-1" or len(secret) != 32 or key_id != right_id:
+        raise LinkError("link key file '%s': holds no key, or a damaged one; copy it again" % file)
+    return key_id, secret
+
+
+class _Channel:
+    """Seals and opens datagrams: "Sealed datagrams" in docs/link_protocol.md."""
+
+    def __init__(self, key_files):
+        try:
+            from nacl import bindings
+        except ImportError as error:
+            raise LinkError("a link with a key needs PyNaCl: apt-get install python3-nacl") from error
+        self._encrypt = bindings.crypto_aead_xchacha20poly1305_ietf_encrypt
+        self._decrypt = bindings.crypto_aead_xchacha20poly1305_ietf_decrypt
+        self._error = __import__("nacl.exceptions").exceptions.CryptoError
+        self._keys = dict(load_key(file) for file in key_files)
+        self._begin_stream()
+
+    def _begin_stream(self):
+        self._stream, self._counter, self._windows = secrets.token_bytes(16), 0, {}
+
+    def open(self, sealed):
+        """(datagram, peer); the datagram is empty in a hello. Raises _Refused."""
+        if sealed[:4] != b"FGRS":
+            raise _Refused("seal: not sealed")
+        if len(sealed) < _SEAL_BYTES:
+            raise _Refused("seal: too short")
+        _, version, direction, reserved, key_id, stream, counter, heard = _SEAL_HEAD.unpack_from(sealed)
+        if version != 1:
+            raise _Refused("seal: bad version")
+        if direction != _FROM_SERVO or reserved != 0:
+            raise _Refused("seal: bad direction")
+        if key_id not in self._keys:
+            raise _Refused("seal: unknown key")
+        head = sealed[:_SEAL_HEAD.size]
+        try:
+            inside = self._decrypt(sealed[_SEAL_HEAD.size:], head, head[16:40], self._keys[key_id])
+        except self._error:
+            raise _Refused("seal: forged") from None
+        peer = _Peer(key_id, stream, _SEAL_TIMES.unpack_from(inside)[0], time.monotonic_ns())
+        if heard != self._stream:
+            raise _Stale(peer)
+        if stream not in self._windows:
+            if len(self._windows) == _PEER_STREAMS:
+                self._begin_stream()
+                raise _Stale(peer)
+            self._windows[stream] = _Window()
+        if not self._windows[stream].let_pass(counter):
+            raise _Refused("seal: replayed")
+        return inside[_SEAL_TIMES.size:], peer
+
+    def seal(self, datagram, peer):
+        self._counter += 1
+        head = _SEAL_HEAD.pack(b"FGRS", 1, _FROM_SIMULATOR, 0, peer.key_id, self._stream, self._counter,
+                               peer.stream)
+        times = _SEAL_TIMES.pack(time.monotonic_ns(), peer.sent_ns, peer.received_ns)
+        return head + self._encrypt(times + datagram, head, head[16:40], self._keys[peer.key_id])
+
+
+class SimulatorLink:
+    """Listens for one servo at a time; see the top of this file."""
+
+    def __init__(self, host="127.0.0.1", port=24870, key_files=(), silence_s=2.0):
+        """Without a key only loopback addresses are taken: the link is then not authenticated, and
+        forces move real motors. Port 0 takes a free one. Raises LinkError or OSError."""
+        loopback = host == "::1" or host.startswith("127.")
+        if not key_files and not loopback:
+            raise LinkError("'%s' is no loopback address; a link that leaves this machine needs a key: "
+                            "forcegrid keygen FILE, the file on both machines" % host)
+        self._channel = _Channel(key_files) if key_files else None
+        self._socket = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((host, port))
+        self._socket.setblocking(False)
+        self._silence_s = silence_s
+        self._servo = self._peer = None
+        self._session, self._ended = 0, collections.deque(maxlen=_REMEMBERED_SESSIONS)
+        self._last_heard_s = 0.0
+        self._sequence = 0
+        self.dropped = collections.Counter()  # reason -> datagrams
+        self._forget()
+
+    @property
+    def port(self):
+        return self._socket.getsockname()[1]
+
+    def receive(self, timeout_s):
+        """Takes in all that has arrived; waits up to timeout_s for something if there is nothing."""
+        news = News()
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            took = False
+            for _ in range(4096):  # a flood must not hold the simulator
+                try:
+                    datagram, sender = self._socket.recvfrom(_MAX_DATAGRAM_BYTES + 1)
+                except (BlockingIOError, ConnectionRefusedError):
+                    break
+                try:
+                    self._take(datagram, sender, news)
+                    took = True
+                except _Stale as stale:
+                    self.dropped[str(stale)] += 1
+                    self._send_to(sender, b"", stale.peer)  # a hello: now it hears our stream
+                except _Refused as reason:
+                    self.dropped[str(reason)] += 1
+            left_s = deadline_s - time.monotonic()
+            if took or left_s <= 0 or not select.select([self._socket], [], [], left_s)[0]:
+                return news
+
+    def next_query(self):
+        """The oldest waiting query of the current session, or None."""
+        return self._queries.popleft() if self._queries else None
+
+    def answer(self, request, force_W_N, in_contact, converged, stiffness_W_N_per_m=None,
+               position_W_m=None, contact_point_W_m=None, contact_epoch=0, relative_residual=0.0,
+               solve_time_s=0.0):
+        """Sends the force on the tool at `position_W_m` (default: where the request is).
+
+        stiffness_W_N_per_m is dF/dP, 9 numbers row by row; contact_epoch a new number at every
+        discontinuity. Raises ValueError for what the servo would refuse."""
+        position_W_m = tuple(position_W_m or request.position_W_m)
+        contact_point_W_m = tuple(contact_point_W_m or position_W_m)
+        stiffness = tuple(stiffness_W_N_per_m or [0.0] * 9)
+        if not (_within(position_W_m, _MAX_POSITION_M) and _within(contact_point_W_m, _MAX_POSITION_M)
+                and _within(force_W_N, _MAX_FORCE_N) and _within(stiffness, _MAX_STIFFNESS_N_PER_M)
+                and 0.0 <= relative_residual < math.inf and 0.0 <= solve_time_s <= _MAX_SOLVE_TIME_S):
+            raise ValueError("an answer that is not finite or out of range; see docs/link_protocol.md")
+        if self._session == 0:
+            return  # the servo has gone
+        is_query = isinstance(request, Query)
+        flags = bool(in_contact) | bool(converged) << 1 | (stiffness_W_N_per_m is not None) << 2
+        self._sequence = (self._sequence + 1) % 2**32
+        self._send(encode(FORCE_SAMPLE, self._sequence, self._session, request.servo_time_ns,
+                          0 if is_query else request.sequence, request.query_id if is_query else 0,
+                          contact_epoch, flags, *position_W_m, *force_W_N, *contact_point_W_m,
+                          relative_residual, solve_time_s, *stiffness))
+
+    def close(self):
+        """Says goodbye to the servo, if there is one."""
+        if self._session:
+            self._send(encode(GOODBYE, 0, self._session))
+        self._socket.close()
+
+    def _forget(self):
+        if self._session:
+            self._ended.append(self._session)
+        self._session = 0
+        self._tool_states, self._query_ids = {}, {}
+        self._newest = None
+        self._queries = collections.deque()
+
+    def _take(self, datagram, sender, news):
+        if len(datagram) > _MAX_DATAGRAM_BYTES:
+            raise _Refused("bad length")
+        peer = None
+        if self._channel:
+            datagram, peer = self._channel.open(datagram)
+            if not datagram:
+                return
+        kind, sequence, session, payload = decode(datagram)
+        if kind == FORCE_SAMPLE:
+            raise _Refused("unexpected type")
+        self._check_session(kind, session, sender, news)
+        self._peer = peer
+        if kind == GOODBYE:
+            self._forget()
+            news.tool_state, news.servo_ended = None, True
+        elif kind == TOOL_STATE:
+            self._once(self._tool_states, sequence)
+            if self._newest is not None and _ahead_of(sequence, self._newest) < 0:
+                raise _Refused("late")
+            self._newest = sequence
+            news.tool_state = ToolState(sequence, payload[0], payload[1:4], payload[4:7])
+        else:
+            self._once(self._query_ids, sequence)
+            self._queries.append(Query(sequence, payload[0], payload[1:4]))
+            if len(self._queries) > _QUEUED_QUERIES:
+                self._queries.popleft()
+                self.dropped["queue full"] += 1
+
+    def _check_session(self, kind, session, sender, news):
+        if session == self._session:
+            if sender != self._servo:
+                raise _Refused("foreign address")
+        else:
+            alive = self._session and time.monotonic() - self._last_heard_s < self._silence_s
+            if kind == GOODBYE or session in self._ended or (alive and sender != self._servo):
+                raise _Refused("foreign session")
+            self._forget()
+            self._session, self._servo = session, sender
+            news.tool_state, news.new_session = None, True
+        self._last_heard_s = time.monotonic()
+
+    @staticmethod
+    def _once(seen, number):
+        """Refuses a number that came before; remembers the newest 1024."""
+        if number in seen:
+            raise _Refused("duplicated")
+        if seen and _ahead_of(number, next(reversed(seen))) <= -_WINDOW:
+            raise _Refused("late")
+        seen[number] = True
+        if len(seen) > _WINDOW:
+            del seen[next(iter(seen))]
+
+    def _send(self, datagram):
+        self._send_to(self._servo, datagram, self._peer)
+
+    def _send_to(self, address, datagram, peer):
+        try:
+            self._socket.sendto(self._channel.seal(datagram, peer) if self._channel else datagram, address)
+        except (BlockingIOError, ConnectionRefusedError):
+            self.dropped["not sent"] += 1

@@ -1,0 +1,45 @@
+#!/usr/bin/env python3
+"""A plain spring at W's origin, with the client of forcegrid_link.py: F = -k (P - P0).
+usage: spring_with_client.py PORT [STIFFNESS_N_PER_M [KEY_FILE]]"""
+import signal
+import sys
+
+from forcegrid_link import LinkError, SimulatorLink
+
+PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool that comes so near to the origin
+
+
+def main():
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a trace
+    stiffness_N_per_m = float((sys.argv + ["100"])[2])
+    try:
+        link = SimulatorLink("127.0.0.1", int(sys.argv[1]), key_files=sys.argv[3:])
+    except LinkError as error:
+        sys.exit(str(error))
+    print("listening on 127.0.0.1:%d" % link.port, flush=True)
+    first_W_m = None
+
+    def answer(request):
+        position_W_m = request.position_W_m
+        if first_W_m is None:
+            link.answer(request, [0.0] * 3, in_contact=False, converged=True)
+            return
+        link.answer(request, [-stiffness_N_per_m * (p - p0) for p, p0 in zip(position_W_m, first_W_m)],
+                    in_contact=True, converged=True, contact_epoch=1, contact_point_W_m=first_W_m,
+                    stiffness_W_N_per_m=[-stiffness_N_per_m * (i % 4 == 0) for i in range(9)])
+
+    while True:
+        news = link.receive(PERIOD_S)
+        if news.new_session or news.servo_ended:
+            first_W_m = None
+        if news.tool_state:
+            p = news.tool_state.position_W_m
+            if first_W_m is None and sum(x * x for x in p) < REACH_M**2:
+                first_W_m = p
+            answer(news.tool_state)
+        while query := link.next_query():
+            answer(query)
+
+
+if __name__ == "__main__":
+    main()
