@@ -18,6 +18,7 @@
 #include "cli/figures.h"
 #include "cli/reconnect.h"
 #include "cli/recording.h"
+#include "cli/run_setup.h"
 #include "cli/run_summary.h"
 #include "cli/stop_request.h"
 #include "cli/terminal_keys.h"
@@ -47,7 +48,6 @@ using std::chrono::seconds;
 
 constexpr char kDirect[] = "direct";
 constexpr double kDirectShare = 0.5;  // of a cycle that method direct may take
-constexpr char kEmulatedPrefix[] = "emulated:";
 constexpr milliseconds kChildStartTimeout{10000};
 constexpr milliseconds kChildEndTimeout{3000};
 constexpr milliseconds kWatchdogProof{700};
@@ -169,20 +169,6 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options) {
     arguments.insert(arguments.end(), {"--key", file});
   }
   return std::make_unique<ChildProcess>(arguments);
-}
-
-MethodOptions method_options(const RunOptions& options, const profiles::DeviceProfile& profile,
-                             const servo::WorkspaceMap& workspace) {
-  MethodOptions method;
-  method.grid.min_W = workspace.position_W(servo::vector(profile.limits.workspace_min_m));
-  method.grid.max_W = workspace.position_W(servo::vector(profile.limits.workspace_max_m));
-  method.grid.cells = {options.cells[0], options.cells[1], options.cells[2]};
-  const double longest_m = (method.grid.max_W - method.grid.min_W).maxCoeff();
-  method.influence_radius_m =
-      options.influence_radius_mm > 0.0 ? 1e-3 * options.influence_radius_mm : longest_m / 6.0;
-  method.unit_m = 1e-3 * options.unit_mm;
-  method.samples_per_cell = options.samples_per_cell;
-  return method;
 }
 
 // With a coupling the guard observes what that gives.
@@ -423,12 +409,7 @@ int run_command(const RunOptions& options) {
   }
 
   const bool emulated = options.device.rfind(kEmulatedPrefix, 0) == 0;
-  const bool attached_falcon = !emulated && driver::parse_device_url(options.device).kind ==
-                                                driver::DeviceUrl::Kind::kFalcon;
-  const std::string profile_name = emulated ? options.device.substr(sizeof kEmulatedPrefix - 1)
-                                   : !options.profile.empty() ? options.profile
-                                   : attached_falcon          ? "falcon"
-                                                              : "woodenhaptics_v2015";
+  const std::string profile_name = profile_name_of(options.device, options.profile);
   if (emulated && !options.profile.empty() && options.profile != profile_name) {
     throw std::runtime_error("--profile " + options.profile + " contradicts --device " +
                              options.device + "; an emulated device brings its own profile");

@@ -2,20 +2,23 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <optional>
 #include <stdexcept>
-#include <thread>
 
-#include "cli/child_process.h"
+#include "cli/run_setup.h"
 #include "cli/scene_option.h"
 #include "cli/stop_request.h"
+#include "cli/tune_run.h"
+#include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
 #include "tools/config_file.h"
 #include "tools/tuning.h"
+#include "tools/tuning_search.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -26,19 +29,12 @@ using tools::TuningRow;
 constexpr int kNoneMeets = 3;
 constexpr double kShortestRun_s = 6.0;  // 2 s until the touch, 1 s of learning, the rest is judged
 constexpr double kOverhead_s = 4.0;     // starting, calibrating, off-line forces
-constexpr std::chrono::seconds kPatience{120};
-constexpr char kEmulated[] = "emulated:";
-
-std::string profile_of(const TuneOptions& options) {
-  if (options.device.starts_with(kEmulated)) {
-    return options.device.substr(sizeof kEmulated - 1);
-  }
-  return options.profile.empty() ? "woodenhaptics_v2015" : options.profile;
-}
+constexpr double kLongestRun_s = 20.0;
+constexpr double kRuns = 12.0;    // that the time is laid out for
+constexpr double kChecked = 2.0;  // runs that there must be time for: the path, and one setting
 
 // The device sets the fastest pace: one report a bus frame.
-void check_rates(const TuneOptions& options) {
-  const profiles::DeviceProfile profile = profiles::load_device_profile(profile_of(options));
+void check_rates(const TuneOptions& options, const profiles::DeviceProfile& profile) {
   const double pace_Hz = 1e6 / profile.usb.frame_period_us;
   for (const double rate_Hz : options.rates_Hz) {
     if (rate_Hz > pace_Hz) {
@@ -64,90 +60,14 @@ std::vector<TuningRow> rows_to_measure(const TuneOptions& options) {
         row.fill_budget = budget;
         row.method = method;
         rows.push_back(row);
-        if (!method.starts_with("forcegrid")) {
+        if (!tools::has_grid(method)) {
+          rows.back().fill_budget = RunOptions().fill_budget;
           break;
         }
       }
     }
   }
   return rows;
-}
-
-double percentile(const ordered_json& summary, const char* key, const char* which) {
-  return summary.at(key).at(which).get<double>();
-}
-
-void take(const ordered_json& summary, TuningRow& row) {
-  if (!summary.at("faults").empty()) {
-    row.problem = summary.at("faults").front().at("sentence").get<std::string>();
-    return;
-  }
-  const ordered_json& errors = summary.at("errors");
-  if (errors.empty()) {
-    row.problem = "no error is known: " + summary.at("truth").get<std::string>();
-    return;
-  }
-  row.error_percent = errors.front().at("rms_error_percent_after_1s").get<double>();
-  const double missed = summary.at("missed_deadlines").get<double>();
-  row.missed_percent = 100.0 * missed / (missed + summary.at("cycles").get<double>());
-  row.period_p99_us = percentile(summary, "period_us", "p99");
-  row.compute_p50_us = percentile(summary, "compute_us", "p50");
-  row.compute_p99_us = percentile(summary, "compute_us", "p99");
-  const double samples = summary.at("samples_taken").get<double>();
-  const double cut = summary.at("counters").value("fills_cut_short", 0.0);
-  row.backlog_percent = samples > 0.0 ? 100.0 * cut / samples : 0.0;
-}
-
-void measure(const TuneOptions& options, double seconds, TuningRow& row) {
-  const std::string folder = options.out + "/tuning_run";
-  const std::string file = folder + "/summary.json";
-  std::filesystem::create_directories(folder);
-  std::filesystem::remove(file);
-  std::vector<std::string> arguments{"run",
-                                     "--device",
-                                     options.device,
-                                     "--scene",
-                                     options.scene,
-                                     "--motion",
-                                     options.motion,
-                                     "--method",
-                                     row.method,
-                                     "--shadow",
-                                     row.method,
-                                     "--rate",
-                                     std::to_string(row.rate_Hz),
-                                     "--fill-budget",
-                                     std::to_string(row.fill_budget),
-                                     "--seconds",
-                                     std::to_string(seconds),
-                                     "--out",
-                                     folder,
-                                     "--json",
-                                     file};
-  if (!options.profile.empty()) {
-    arguments.insert(arguments.end(), {"--profile", options.profile});
-  }
-  ChildProcess run(arguments);
-  const auto deadline = std::chrono::steady_clock::now() +
-                        std::chrono::milliseconds(std::lround(1e3 * seconds)) + kPatience;
-  while (run.running() && !StopRequest::stop() && std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  }
-  if (run.running()) {
-    row.problem = StopRequest::stop() ? "stopped" : "the run did not end";
-    return;
-  }
-  std::ifstream stream(file);
-  const ordered_json summary = ordered_json::parse(stream, nullptr, false);
-  if (summary.is_discarded()) {
-    row.problem = "the run gave no summary (its message is above)";
-    return;
-  }
-  try {
-    take(summary, row);
-  } catch (const ordered_json::exception&) {
-    row.problem = "the run ended before its loop began (its message is above)";
-  }
 }
 
 std::string write_config(const TuningRow& row) {
@@ -166,18 +86,201 @@ std::string write_config(const TuningRow& row) {
   throw std::runtime_error("--write: no home folder for the user's configuration; set HOME");
 }
 
+ordered_json number(double value) {
+  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
+}
+
 ordered_json json_of(const TuningRow& row, const tools::TuningTolerance& tolerance) {
-  return {{"method", row.method},
-          {"rate_Hz", row.rate_Hz},
-          {"fill_budget", row.fill_budget},
-          {"error_percent", row.error_percent},
-          {"missed_percent", row.missed_percent},
-          {"period_p99_us", row.period_p99_us},
-          {"compute_p50_us", row.compute_p50_us},
-          {"compute_p99_us", row.compute_p99_us},
-          {"backlog_percent", row.backlog_percent},
-          {"processor_percent", row.processor_percent()},
-          {"objection", tools::objection(row, tolerance)}};
+  ordered_json json = {{"method", row.method},
+                       {"rate_Hz", row.rate_Hz},
+                       {"fill_budget", row.fill_budget},
+                       {"path_error_percent", number(row.path_error_percent)},
+                       {"method_us", row.method_us},
+                       {"method_percent", row.method_percent()},
+                       {"stability_margin", number(row.stability_margin)},
+                       {"measured", row.measured}};
+  if (row.measured) {
+    json["error_percent"] = row.error_percent;
+    json["missed_percent"] = row.missed_percent;
+    json["period_p99_us"] = row.period_p99_us;
+    json["compute_p50_us"] = row.compute_p50_us;
+    json["compute_p99_us"] = row.compute_p99_us;
+    json["backlog_percent"] = row.backlog_percent;
+  }
+  json["objection"] = tools::objection(row, tolerance);
+  return json;
+}
+
+void print_head(std::FILE* out) {
+  std::fprintf(out, "%-32s %7s %7s %8s %8s %8s %8s %9s\n", "in the loop", "Hz", "budget", "margin",
+               "error %", "missed %", "p99 us", "method %");
+}
+
+void print(std::FILE* out, const TuningRow& row) {
+  std::fprintf(out, "%-32s %7.0f %7d %8.2f ", row.method.c_str(), row.rate_Hz, row.fill_budget,
+               row.stability_margin);
+  if (row.measured) {
+    std::fprintf(out, "%8.3f %8.3f %8.1f %9.4f\n", row.error_percent, row.missed_percent,
+                 row.compute_p99_us, row.method_percent());
+  } else {
+    std::fprintf(out, "%s\n", row.problem.empty() ? "not stable enough" : row.problem.c_str());
+  }
+  std::fflush(out);
+}
+
+// The search: what is good enough on the path, the cheapest first, until one is so in the loop.
+class Search {
+ public:
+  Search(const TuneOptions& options, const profiles::DeviceProfile& profile, std::FILE* out)
+      : options_(options),
+        out_(out),
+        tolerance_{options.error_percent, options.missed_percent, 0.01 * options.compute_percent,
+                   options.stability_margin},
+        runs_{options.device, options.profile, options.scene,
+              options.motion, options.hand,    options.out + "/tuning_run"},
+        rows_(rows_to_measure(options)),
+        run_s_(std::clamp(options.time_s / kRuns - kOverhead_s, kShortestRun_s, kLongestRun_s)),
+        end_(std::chrono::steady_clock::now() +
+             std::chrono::milliseconds(std::lround(1e3 * options.time_s))) {
+    RunOptions run;
+    base_ = method_options(run, profile, servo::WorkspaceMap());
+    margin_.hand = options.hand;
+    margin_.frame_period_us = profile.usb.frame_period_us;
+    margin_.simulator_rate_Hz = run.simulator_rate_Hz;
+  }
+
+  void run() {
+    judge_all();
+    by_cost_.resize(rows_.size());
+    std::iota(by_cost_.begin(), by_cost_.end(), std::size_t{0});
+    std::sort(by_cost_.begin(), by_cost_.end(),
+              [&](std::size_t a, std::size_t b) { return tools::cheaper(rows_[a], rows_[b]); });
+    print_head(out_);
+    for (const std::size_t i : by_cost_) {
+      if (!tools::choose(rows_, tolerance_).chosen && worth_a_run(rows_[i])) {
+        try_in_loop(rows_[i]);
+      }
+    }
+    measure_more();
+  }
+
+  const std::vector<TuningRow>& rows() const { return rows_; }
+  const tools::TuningTolerance& tolerance() const { return tolerance_; }
+  double run_s() const { return run_s_; }
+
+ private:
+  static void check_stop() {
+    if (StopRequest::stop()) {
+      throw std::runtime_error("stopped; nothing is proposed");
+    }
+  }
+
+  void judge_all() {
+    const double rate_Hz = *std::max_element(options_.rates_Hz.begin(), options_.rates_Hz.end());
+    std::fprintf(out_, "recording a path at %.0f Hz, %.0f s ...\n", rate_Hz, run_s_);
+    std::fflush(out_);
+    const evaluation::Trace trace = record_path(runs_, rate_Hz, run_s_);
+    check_stop();
+    margin_.stiffest_N_per_m = tools::stiffest_N_per_m(trace);
+    std::fprintf(out_, "judging %zu settings on it; its stiffest place has %.0f N/m ...\n",
+                 rows_.size(), margin_.stiffest_N_per_m);
+    std::fflush(out_);
+    for (TuningRow& row : rows_) {
+      tools::judge_on_path(trace, base_, row);
+      check_stop();
+    }
+  }
+
+  bool time_for_a_run() const {
+    return std::chrono::steady_clock::now() +
+               std::chrono::milliseconds(std::lround(1e3 * (run_s_ + kOverhead_s))) <=
+           end_;
+  }
+
+  bool worth_a_run(const TuningRow& row) const {
+    return row.problem.empty() && std::isnan(row.stability_margin) && !row.measured &&
+           time_for_a_run() && row.path_error_percent <= tolerance_.error_percent;
+  }
+
+  void try_in_loop(TuningRow& row) {
+    if (margin_.stiffest_N_per_m > 0.0) {
+      row.stability_margin = tools::stability_margin(margin_, base_, row);
+    }
+    if (!(row.stability_margin < tolerance_.stability_margin)) {
+      measure_in_loop(runs_, run_s_, row);
+    }
+    check_stop();
+    print(out_, row);
+  }
+
+  // While there is time, in the loop as well: the next cheaper, the chosen method at other rates
+  // and budgets, the least of each kind, and what else is good enough.
+  void measure_more() {
+    const tools::TuningChoice choice = tools::choose(rows_, tolerance_);
+    if (!choice.chosen) {
+      return;
+    }
+    if (choice.next_cheaper && !rows_[*choice.next_cheaper].measured &&
+        std::isnan(rows_[*choice.next_cheaper].stability_margin) && time_for_a_run()) {
+      try_in_loop(rows_[*choice.next_cheaper]);
+    }
+    for (TuningRow& row : rows_) {
+      if (row.method == rows_[*choice.chosen].method && worth_a_run(row)) {
+        try_in_loop(row);
+      }
+    }
+    for (const tools::LeastVariant& found : tools::least_variants(rows_, tolerance_)) {
+      if (worth_a_run(rows_[found.least])) {
+        try_in_loop(rows_[found.least]);
+      }
+    }
+    for (const std::size_t i : by_cost_) {
+      if (worth_a_run(rows_[i])) {
+        try_in_loop(rows_[i]);
+      }
+    }
+  }
+
+  const TuneOptions& options_;
+  std::FILE* out_;
+  tools::TuningTolerance tolerance_;
+  TuneRuns runs_;
+  std::vector<TuningRow> rows_;
+  std::vector<std::size_t> by_cost_;
+  double run_s_;
+  std::chrono::steady_clock::time_point end_;
+  MethodOptions base_;
+  tools::MarginLoop margin_;
+};
+
+std::string sentence_of(const tools::LeastVariant& found, const std::vector<TuningRow>& rows) {
+  char text[400];
+  const TuningRow& least = rows[found.least];
+  std::snprintf(text, sizeof text, "%s, %.3g %%", tools::name_of(least).c_str(),
+                least.path_error_percent);
+  std::string sentence = text;
+  if (found.next_smaller) {
+    const TuningRow& smaller = rows[*found.next_smaller];
+    std::snprintf(text, sizeof text, "; %s has %.3g %%", tools::name_of(smaller).c_str(),
+                  smaller.path_error_percent);
+    sentence += text;
+  }
+  return sentence;
+}
+
+void check_methods(const TuneOptions& options) {
+  for (const std::string& method : options.methods) {
+    static_cast<void>(parse_method_variant(method, MethodOptions()));
+  }
+}
+
+void check_time(const TuneOptions& options) {
+  const double needed_s = kChecked * (kShortestRun_s + kOverhead_s);
+  if (options.time_s < needed_s) {
+    throw std::runtime_error(
+        "--time " + std::to_string(std::lround(options.time_s)) + ": a path and one setting take " +
+        std::to_string(std::lround(needed_s)) + " s, each further setting half of that; give more");
+  }
 }
 
 }  // namespace
@@ -192,6 +295,10 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   tune.add_option("--motion", o.motion, "Motion of the emulated hand, as of run")
       ->capture_default_str();
+  tune.add_option("--hand", o.hand,
+                  "Who holds it: of the emulated device as of run, and in simulated time")
+      ->check(CLI::IsMember({"firm", "light"}))
+      ->capture_default_str();
   tune.add_option("--rates", o.rates_Hz, "Servo rates to try, separated by commas")
       ->delimiter(',')
       ->check(CLI::Range(100.0, 4000.0))
@@ -204,10 +311,11 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->capture_default_str();
   tune.add_option("--methods", o.methods,
                   "Methods to try, separated by ';', with changes to their options, e.g. "
-                  "\"forcegrid;forcegrid cells=25,25,25\"")
+                  "\"forcegrid cells=25;forcegrid\"")
       ->delimiter(';')
       ->capture_default_str();
-  tune.add_option("--time", o.time_s, "How long it may take in all")
+  tune.add_option("--time", o.time_s,
+                  "How long it may take in all: the more, the more settings are tried in the loop")
       ->check(CLI::Range(1.0, 86400.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
@@ -225,6 +333,13 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->check(CLI::Range(0.1, 1e6))
       ->type_name("FLOAT %")
       ->capture_default_str();
+  tune.add_option(
+          "--stability-margin", o.stability_margin,
+          "Stiffness up to which the simulated loop must be stable, over the stiffest place "
+          "of the path")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->type_name("FLOAT")
+      ->capture_default_str();
   tune.add_option("--out", o.out, "Folder for tuning.csv, .svg and .png")->capture_default_str();
   tune.add_flag("--write", o.write, "Write the proposal into the user's configuration")
       ->configurable(false);
@@ -233,37 +348,24 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
 }
 
 int tune_command(const TuneOptions& options) {
-  check_rates(options);
-  std::vector<TuningRow> rows = rows_to_measure(options);
-  const double seconds = options.time_s / static_cast<double>(rows.size()) - kOverhead_s;
-  if (seconds < kShortestRun_s) {
-    const double needed_s = (kShortestRun_s + kOverhead_s) * static_cast<double>(rows.size());
-    throw std::runtime_error("--time " + std::to_string(std::lround(options.time_s)) + ": " +
-                             std::to_string(rows.size()) + " settings need " +
-                             std::to_string(std::lround(needed_s)) +
-                             " s; give that, or fewer --methods, --rates or --fill-budgets");
-  }
+  const profiles::DeviceProfile profile =
+      profiles::load_device_profile(profile_name_of(options.device, options.profile));
+  check_rates(options, profile);
+  check_methods(options);
+  check_time(options);
   std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
-  std::fprintf(out, "%-32s %7s %7s %9s %9s %9s %9s\n", "method", "Hz", "budget", "error %",
-               "missed %", "compute us", "CPU %");
-  for (TuningRow& row : rows) {
-    measure(options, seconds, row);
-    if (StopRequest::stop()) {
-      throw std::runtime_error("stopped; nothing is proposed");
-    }
-    std::fprintf(out, "%-32s %7.0f %7d ", row.method.c_str(), row.rate_Hz, row.fill_budget);
-    if (row.problem.empty()) {
-      std::fprintf(out, "%9.3f %9.3f %9.1f %9.3f\n", row.error_percent, row.missed_percent,
-                   row.compute_p50_us, row.processor_percent());
-    } else {
-      std::fprintf(out, "%s\n", row.problem.c_str());
-    }
-    std::fflush(out);
-  }
-  const tools::TuningTolerance tolerance{options.error_percent, options.missed_percent,
-                                         0.01 * options.compute_percent};
+  Search search(options, profile, out);
+  search.run();
+  const std::vector<TuningRow>& rows = search.rows();
+  const tools::TuningTolerance& tolerance = search.tolerance();
   const tools::TuningChoice choice = tools::choose(rows, tolerance);
-  const std::vector<std::string> files = tools::draw_tuning(options.out, rows, choice);
+  const std::vector<std::string> files = tools::draw_tuning(options.out, rows, choice, tolerance);
+  ordered_json leasts = ordered_json::array();
+  for (const tools::LeastVariant& found : tools::least_variants(rows, tolerance)) {
+    leasts.push_back(sentence_of(found, rows));
+    std::fprintf(out, "least of its kind on the path: %s\n",
+                 leasts.back().get<std::string>().c_str());
+  }
   std::fprintf(out, "%s\n", choice.reason.c_str());
   std::string written;
   if (options.write && choice.chosen) {
@@ -280,7 +382,8 @@ int tune_command(const TuneOptions& options) {
   write_json(options.json, ordered_json{{"chosen", row_or_null(choice.chosen)},
                                         {"next_cheaper", row_or_null(choice.next_cheaper)},
                                         {"reason", choice.reason},
-                                        {"seconds_each", seconds},
+                                        {"least_of_each_kind", leasts},
+                                        {"seconds_each", search.run_s()},
                                         {"settings", list},
                                         {"files", files},
                                         {"written", written}}

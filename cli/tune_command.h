@@ -17,13 +17,31 @@ struct TuneOptions {
   std::string profile;  ///< of an attached device; empty: woodenhaptics_v2015
   std::string scene = "small";
   std::string motion = "chirp";
+  std::string hand = "firm";
   std::vector<double> rates_Hz{250.0, 500.0, 1000.0};
-  std::vector<int> fill_budgets{300, 1000};
-  std::vector<std::string> methods{"hold", "rls", "forcegrid", "kriging"};
+  std::vector<int> fill_budgets{100, 300, 1000, 3000};
+  /// From small to large, where a method can be had in sizes.
+  std::vector<std::string> methods{"hold",
+                                   "linear",
+                                   "rls",
+                                   "tangent",
+                                   "kriging samples=4",
+                                   "kriging samples=8",
+                                   "kriging samples=16",
+                                   "kriging",
+                                   "forcegrid cells=13",
+                                   "forcegrid cells=25",
+                                   "forcegrid",
+                                   "forcegrid-mls cells=13",
+                                   "forcegrid-mls cells=25",
+                                   "forcegrid-mls",
+                                   "kriging-bank",
+                                   "auto"};
   double time_s = 300.0;
   double error_percent = 5.0;
   double missed_percent = 0.1;
   double compute_percent = 50.0;
+  double stability_margin = 1.0;
   std::string out = "out";
   bool write = false;
   JsonTarget json;
@@ -32,8 +50,8 @@ struct TuneOptions {
 /// Adds the subcommand, which sets `action`.
 void add_tune(CLI::App& app, TuneOptions& options, std::function<int()>& action);
 
-/// Measures rate x fill budget x method on this computer, device and scene, and proposes the
-/// cheapest setting that meets the tolerance.
+/// Judges rate x fill budget x method on a path recorded with this device and scene, then runs the
+/// cheapest that are good enough in the loop itself until one meets the tolerance, and proposes it.
 /// @returns 0 with a proposal, 3 where no setting meets the tolerance.
 /// @throws std::exception with a sentence for the user.
 int tune_command(const TuneOptions& options);

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <stdexcept>
-
-#include "evaluation/gnuplot.h"
+#include <map>
+#include <tuple>
 
 namespace forcegrid::tools {
 namespace {
+
+constexpr double kAlike = 1.25;  // what a repeated measurement may differ by
 
 std::string percent(double value) {
   char text[32];
@@ -17,39 +17,71 @@ std::string percent(double value) {
   return text;
 }
 
-std::string name_of(const TuningRow& row) {
-  char text[64];
-  std::snprintf(text, sizeof text, " at %.0f Hz, budget %d", row.rate_Hz, row.fill_budget);
-  return row.method + text;
-}
+std::string first_word(const std::string& text) { return text.substr(0, text.find(' ')); }
 
-bool cheaper(const TuningRow& a, const TuningRow& b) {
-  return a.processor_percent() != b.processor_percent()
-             ? a.processor_percent() < b.processor_percent()
-             : a.rate_Hz < b.rate_Hz;
-}
-
-// From zero to beyond the largest value; gnuplot has no range for values that are all alike.
-std::string range(char axis, const std::vector<TuningRow>& rows,
-                  double (*value)(const TuningRow&)) {
-  double largest = 0.0;
-  for (const TuningRow& row : rows) {
-    largest = row.problem.empty() ? std::max(largest, value(row)) : largest;
+// Why a row is out whatever the loop would say.
+std::string objection_before_loop(const TuningRow& row, const TuningTolerance& tolerance) {
+  if (!row.problem.empty()) {
+    return row.problem;
   }
-  char text[64];
-  std::snprintf(text, sizeof text, "set %crange [0:%g]\n", axis,
-                largest > 0.0 ? 1.3 * largest : 1.0);
-  return text;
+  if (!(row.known_error_percent() <= tolerance.error_percent)) {
+    return "error " + percent(row.known_error_percent()) + " above " +
+           percent(tolerance.error_percent) + (row.measured ? "" : " on the recorded path");
+  }
+  if (row.stability_margin < tolerance.stability_margin) {
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "in simulated time it is stable up to %.2f times the stiffness of the path only, "
+                  "less than %g",
+                  row.stability_margin, tolerance.stability_margin);
+    return text;
+  }
+  return "";
+}
+
+std::string reason_for_none(const std::vector<TuningRow>& rows, const TuningTolerance& tolerance) {
+  const auto rank = [](const TuningRow& row) {
+    const double error_percent = row.known_error_percent();
+    return std::make_pair(!row.problem.empty(), std::isnan(error_percent)
+                                                    ? std::numeric_limits<double>::infinity()
+                                                    : error_percent);
+  };
+  const auto best =
+      std::min_element(rows.begin(), rows.end(),
+                       [&](const TuningRow& a, const TuningRow& b) { return rank(a) < rank(b); });
+  std::string reason = "no setting meets the tolerance";
+  if (best != rows.end()) {
+    reason += "; nearest: " + name_of(*best) + " (" + objection(*best, tolerance) + ")";
+  }
+  return reason;
 }
 
 }  // namespace
 
+bool has_grid(const std::string& method) { return method.starts_with("forcegrid"); }
+
+std::string name_of(const TuningRow& row) {
+  char text[64];
+  std::snprintf(text, sizeof text, has_grid(row.method) ? " at %.0f Hz, budget %d" : " at %.0f Hz",
+                row.rate_Hz, row.fill_budget);
+  return row.method + text;
+}
+
+bool cheaper(const TuningRow& a, const TuningRow& b) {
+  const auto rank = [](const TuningRow& row) {
+    const double step = std::floor(std::log(row.method_percent()) / std::log(kAlike));
+    return std::make_tuple(step, row.rate_Hz, row.fill_budget, row.method_percent());
+  };
+  return rank(a) < rank(b);
+}
+
 std::string objection(const TuningRow& row, const TuningTolerance& tolerance) {
-  if (!row.problem.empty()) {
-    return row.problem;
+  const std::string before = objection_before_loop(row, tolerance);
+  if (!before.empty()) {
+    return before;
   }
-  if (!(row.error_percent <= tolerance.error_percent)) {
-    return "error " + percent(row.error_percent) + " above " + percent(tolerance.error_percent);
+  if (!row.measured) {
+    return "not measured in the loop; give more --time";
   }
   if (!(row.missed_percent <= tolerance.missed_percent)) {
     return percent(row.missed_percent) + " of the deadlines missed, above " +
@@ -72,15 +104,7 @@ TuningChoice choose(const std::vector<TuningRow>& rows, const TuningTolerance& t
     }
   }
   if (!choice.chosen) {
-    const auto best =
-        std::min_element(rows.begin(), rows.end(), [](const TuningRow& a, const TuningRow& b) {
-          return std::make_pair(!a.problem.empty(), a.error_percent) <
-                 std::make_pair(!b.problem.empty(), b.error_percent);
-        });
-    choice.reason = "no setting meets the tolerance";
-    if (best != rows.end()) {
-      choice.reason += "; nearest: " + name_of(*best) + " (" + objection(*best, tolerance) + ")";
-    }
+    choice.reason = reason_for_none(rows, tolerance);
     return choice;
   }
   const TuningRow& chosen = rows[*choice.chosen];
@@ -90,63 +114,48 @@ TuningChoice choose(const std::vector<TuningRow>& rows, const TuningTolerance& t
       choice.next_cheaper = i;
     }
   }
-  choice.reason = name_of(chosen) + " meets the tolerance for " +
-                  percent(chosen.processor_percent()) + " of a processor, with an error of " +
-                  percent(chosen.error_percent) + "; ";
+  choice.reason = name_of(chosen) + " meets the tolerance with an error of " +
+                  percent(chosen.error_percent) + ", its method taking " +
+                  percent(chosen.method_percent()) + " of a processor; ";
   choice.reason += choice.next_cheaper ? "next cheaper is " + name_of(rows[*choice.next_cheaper]) +
                                              ": " + objection(rows[*choice.next_cheaper], tolerance)
                                        : "nothing that was tried is cheaper";
   return choice;
 }
 
-std::vector<std::string> draw_tuning(const std::string& folder, const std::vector<TuningRow>& rows,
-                                     const TuningChoice& choice) {
-  const std::string csv = folder + "/tuning.csv";
-  std::ofstream stream(csv);
-  stream << "rate_Hz,error_percent,missed_percent,processor_percent,chosen,fill_budget,"
-            "period_p99_us,compute_p50_us,compute_p99_us,backlog_percent,method\n";
+std::vector<LeastVariant> least_variants(const std::vector<TuningRow>& rows,
+                                         const TuningTolerance& tolerance) {
+  std::map<std::string, std::vector<std::size_t>> by_method;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const TuningRow& r = rows[i];
-    if (r.problem.empty()) {
-      stream << r.rate_Hz << ',' << r.error_percent << ',' << r.missed_percent << ','
-             << r.processor_percent() << ',' << (choice.chosen == i ? 1 : 0) << ',' << r.fill_budget
-             << ',' << r.period_p99_us << ',' << r.compute_p50_us << ',' << r.compute_p99_us << ','
-             << r.backlog_percent << ",\"" << r.method << "\"\n";
+    if (rows[i].problem.empty() && std::isfinite(rows[i].path_error_percent)) {
+      by_method[first_word(rows[i].method)].push_back(i);
     }
   }
-  stream.close();
-  if (!stream) {
-    throw std::runtime_error(csv + " can't be written; choose another folder with --out");
+  std::vector<LeastVariant> leasts;
+  for (auto& [method, indices] : by_method) {
+    std::sort(indices.begin(), indices.end(),
+              [&](std::size_t a, std::size_t b) { return cheaper(rows[a], rows[b]); });
+    const auto good = std::find_if(indices.begin(), indices.end(), [&](std::size_t i) {
+      return rows[i].path_error_percent <= tolerance.error_percent;
+    });
+    if (good == indices.end()) {
+      continue;
+    }
+    LeastVariant found{*good, std::nullopt};
+    for (auto smaller = indices.begin(); smaller != good; ++smaller) {
+      if (rows[*smaller].method != rows[*good].method &&
+          rows[*smaller].rate_Hz == rows[*good].rate_Hz) {
+        found.next_smaller = *smaller;
+      }
+    }
+    const bool varied = std::any_of(indices.begin(), indices.end(), [&](std::size_t i) {
+      return rows[i].method != rows[*good].method;
+    });
+    if (varied) {
+      leasts.push_back(found);
+    }
   }
-  const std::string data = evaluation::quoted(csv);
-  using Column = double (*)(const TuningRow&);
-  constexpr Column columns[] = {[](const TuningRow& r) { return r.rate_Hz; },
-                                [](const TuningRow& r) { return r.error_percent; },
-                                [](const TuningRow& r) { return r.missed_percent; },
-                                [](const TuningRow& r) { return r.processor_percent(); }};
-  const auto panel = [&](int x, int y, const std::string& axes) {
-    const std::string at = std::to_string(x) + ":" + std::to_string(y);
-    return axes + range('x', rows, columns[x - 1]) + range('y', rows, columns[y - 1]) + "plot " +
-           data + " using " + at + " with points pt 6 title '', " + data + " using " + at +
-           ":11 with labels left offset 0.7,0.2 font ',9' title '', " + data + " using " +
-           std::to_string(x) + ":($5 == 1 ? $" + std::to_string(y) +
-           " : NaN) with points pt 7 ps 1.6 lc rgb '#D55E00' title 'chosen'\n";
-  };
-  std::string script =
-      "set datafile separator ','\nset grid\nset key outside top right\nset offsets 0,graph "
-      "0.2,0,0\n";
-  for (const bool svg : {true, false}) {
-    script += svg ? "set terminal svg size 900,1200 background '#ffffff' font 'sans,12'\n"
-                  : "set terminal pngcairo size 900,1200 background '#ffffff' font 'sans,11'\n";
-    script += "set output " + evaluation::quoted(folder + (svg ? "/tuning.svg" : "/tuning.png")) +
-              "\nset multiplot layout 3,1\n" +
-              panel(1, 2, "set xlabel 'rate / Hz'\nset ylabel 'error / %'\n") +
-              panel(1, 3, "set ylabel 'deadlines missed / %'\n") +
-              panel(4, 2, "set xlabel 'processor time / %'\nset ylabel 'error / %'\n") +
-              "unset multiplot\n";
-  }
-  evaluation::run_gnuplot(script, folder + "/tuning.svg");
-  return {csv, folder + "/tuning.svg", folder + "/tuning.png"};
+  return leasts;
 }
 
 }  // namespace forcegrid::tools

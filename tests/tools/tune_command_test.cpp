@@ -21,20 +21,25 @@ using testing::Program;
 constexpr auto kTimeout = std::chrono::seconds(100);
 
 // On the small block's chirp, holding the last sample errs by some 5 %, rls by less than 1 %: the
-// tolerance lies between, and the machine's misses are not what is tested.
+// tolerance lies between, and the machine's misses are not what is tested. The time is enough for a
+// path and one setting.
 TEST(TuneCommand, ProposesTheCheapestMethodThatIsGoodEnoughAndWritesIt) {
   const std::string folder = fresh_folder("tune");
   setenv("XDG_CONFIG_HOME", folder.c_str(), 1);
-  Program tune = Program::forcegrid({"tune", "--methods", "hold;rls", "--rates", "250", "--time",
-                                     "20", "--error-percent", "2", "--missed-percent", "100",
-                                     "--compute-percent", "1e6", "--out", folder, "--write", "--json"});
+  Program tune =
+      Program::forcegrid({"tune", "--methods", "hold;rls", "--rates", "250", "--time", "20",
+                          "--error-percent", "2", "--missed-percent", "100", "--compute-percent",
+                          "1e6", "--out", folder, "--write", "--json"});
   ASSERT_EQ(tune.wait(kTimeout), 0) << tune.standard_error();
   const json result = json::parse(tune.standard_output());
   EXPECT_EQ(result.at("settings").size(), 2u);
   EXPECT_EQ(result.at("chosen").at("method"), "rls");
   EXPECT_EQ(result.at("chosen").at("rate_Hz"), 250.0);
-  EXPECT_GT(result.at("settings")[0].at("error_percent"), 2.0);
+  EXPECT_GT(result.at("settings")[0].at("path_error_percent"), 2.0);
+  EXPECT_EQ(result.at("next_cheaper").at("method"), "hold");
+  EXPECT_TRUE(result.at("chosen").at("measured").get<bool>());
   EXPECT_GT(result.at("chosen").at("compute_p50_us"), 0.0);
+  EXPECT_GT(result.at("chosen").at("stability_margin"), 1.0);
   EXPECT_TRUE(std::filesystem::exists(folder + "/tuning.svg"));
   // And that is what the next run takes.
   Program config({FORCEGRID_PROGRAM, "config", "run.method", "run.rate", "--json"});
@@ -54,7 +59,7 @@ TEST(TuneCommand, RefusesWhatTheDeviceOrTheTimeCantGive) {
   EXPECT_THAT(fast.standard_error(), HasSubstr("simulated time"));
   Program hasty = Program::forcegrid({"tune", "--time", "5", "--out", fresh_folder("tune")});
   EXPECT_EQ(hasty.wait(kTimeout), 1);
-  EXPECT_THAT(hasty.standard_error(), HasSubstr("fewer --methods"));
+  EXPECT_THAT(hasty.standard_error(), HasSubstr("a path and one setting take 20 s"));
 }
 
 }  // namespace

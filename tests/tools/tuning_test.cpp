@@ -16,13 +16,14 @@ namespace {
 
 using ::testing::HasSubstr;
 
-TuningRow row(const std::string& method, double rate_Hz, double compute_us, double error_percent) {
+TuningRow row(const std::string& method, double rate_Hz, double method_us, double error_percent) {
   TuningRow made;
   made.method = method;
   made.rate_Hz = rate_Hz;
-  made.compute_p50_us = compute_us;
-  made.compute_p99_us = 2.0 * compute_us;
-  made.error_percent = error_percent;
+  made.method_us = method_us;
+  made.path_error_percent = made.error_percent = error_percent;
+  made.measured = true;
+  made.compute_p99_us = 10.0;
   return made;
 }
 
@@ -47,18 +48,84 @@ TEST(Tuning, TakesTheLowerRateOfEquals) {
   EXPECT_EQ(choose(rows, {.error_percent = 1.0}).chosen, 1u);
 }
 
-TEST(Tuning, RefusesWhatMissesDeadlinesOrFillsItsPeriodOrFailed) {
-  std::vector<TuningRow> rows = {row("a", 500.0, 1.0, 0.1), row("b", 500.0, 600.0, 0.1),
-                                 row("c", 500.0, 1.0, 0.1)};
+TEST(Tuning, TakesTheSmallerBudgetWhereCostsAreAlike) {
+  std::vector<TuningRow> rows = {row("forcegrid", 500.0, 1.00, 0.5),
+                                 row("forcegrid", 500.0, 1.05, 0.5)};
+  rows[0].fill_budget = 3000;
+  rows[1].fill_budget = 300;
+  EXPECT_EQ(choose(rows, {.error_percent = 1.0}).chosen, 1u);
+  rows[1].method_us = 2.0;
+  EXPECT_EQ(choose(rows, {.error_percent = 1.0}).chosen, 0u);
+}
+
+TEST(Tuning, RefusesWhatMissesDeadlinesOrFillsItsPeriodOrIsUnstableOrFailed) {
+  std::vector<TuningRow> rows = {row("a", 500.0, 1.0, 0.1), row("b", 500.0, 1.0, 0.1),
+                                 row("c", 500.0, 1.0, 0.1), row("d", 500.0, 1.0, 0.1)};
   rows[0].missed_percent = 2.0;
+  rows[1].compute_p99_us = 1200.0;
   rows[2].problem = "unplugged";
+  rows[3].stability_margin = 0.8;
   const TuningTolerance tolerance;
   EXPECT_THAT(objection(rows[0], tolerance), HasSubstr("2 % of the deadlines missed"));
   EXPECT_THAT(objection(rows[1], tolerance), HasSubstr("60 % of its period"));
   EXPECT_EQ(objection(rows[2], tolerance), "unplugged");
+  EXPECT_THAT(objection(rows[3], tolerance), HasSubstr("0.80 times the stiffness"));
   const TuningChoice choice = choose(rows, tolerance);
   EXPECT_FALSE(choice.chosen);
   EXPECT_THAT(choice.reason, HasSubstr("no setting meets the tolerance; nearest: a at 500 Hz"));
+  rows[3].stability_margin = 1.2;
+  EXPECT_EQ(choose(rows, tolerance).chosen, 3u);
+}
+
+TEST(Tuning, ProposesNothingThatTheLoopHasNotConfirmed) {
+  std::vector<TuningRow> rows = {row("a", 500.0, 1.0, 0.1), row("b", 500.0, 2.0, 0.1)};
+  rows[0].measured = false;
+  EXPECT_EQ(choose(rows, {}).chosen, 1u);
+  EXPECT_THAT(choose(rows, {}).reason, HasSubstr("a at 500 Hz: not measured in the loop"));
+  rows[0].measured = true;
+  rows[0].error_percent = 9.0;  // good on the path only
+  EXPECT_EQ(choose(rows, {}).chosen, 1u);
+  EXPECT_THAT(choose(rows, {}).reason, HasSubstr("error 9 % above 5 %"));
+}
+
+TEST(Tuning, NamesTheLeastOfEachKindAndTheNextSmallerThatIsNotGoodEnough) {
+  const std::vector<TuningRow> rows = {row("kriging samples=4", 250.0, 1.0, 8.0),
+                                       row("kriging samples=4", 500.0, 1.0, 7.9),
+                                       row("kriging samples=8", 250.0, 2.0, 4.0),
+                                       row("kriging samples=16", 250.0, 4.0, 3.0),
+                                       row("forcegrid cells=13", 250.0, 1.0, 2.0),
+                                       row("forcegrid", 250.0, 9.0, 1.0),
+                                       row("rls", 250.0, 1.0, 1.0),
+                                       row("forcegrid-mls cells=13", 250.0, 1.0, 6.0),
+                                       row("forcegrid-mls", 250.0, 2.0, 7.0)};
+  const std::vector<LeastVariant> leasts = least_variants(rows, {.error_percent = 5.0});
+  ASSERT_EQ(leasts.size(), 2u);  // rls comes in one size, forcegrid-mls in none that will do
+  EXPECT_EQ(leasts[0].least, 4u);
+  EXPECT_FALSE(leasts[0].next_smaller);
+  EXPECT_EQ(leasts[1].least, 2u);
+  EXPECT_EQ(leasts[1].next_smaller, 0u);  // at the same rate
+}
+
+TEST(Tuning, DrawsAllPanelsAlsoOfMethodsWithoutAGrid) {
+  const std::string folder = ::testing::TempDir() + "draw_tuning_" + std::to_string(getpid());
+  std::filesystem::create_directories(folder);
+  for (const char* method : {"forcegrid cells=13", "rls"}) {
+    std::vector<TuningRow> rows = {row(method, 250.0, 1.0, 0.5), row(method, 500.0, 1.0, 0.4)};
+    rows[1].measured = false;
+    const auto files = draw_tuning(folder, rows, choose(rows, {}), {});
+    for (const std::string& file : files) {
+      EXPECT_GT(std::filesystem::file_size(file), 100u) << file;
+    }
+    std::ifstream csv(files.at(0));
+    std::string head, first, second;
+    std::getline(csv, head);
+    std::getline(csv, first);
+    std::getline(csv, second);
+    EXPECT_THAT(first, HasSubstr(std::string("\"") + method + "\",250,1000,0.5,1,0.025,nan,1,0.5"));
+    EXPECT_TRUE(first.ends_with(",1")) << "the chosen one";
+    EXPECT_TRUE(second.ends_with(",nan,0")) << "not measured: " << second;
+  }
+  std::filesystem::remove_all(folder);
 }
 
 class UserFile : public ::testing::Test {
