@@ -135,7 +135,7 @@ class Search {
       : options_(options),
         out_(out),
         tolerance_{options.error_percent, options.missed_percent, 0.01 * options.compute_percent,
-                   options.stability_margin},
+                   0.01 * options.margin_percent},
         runs_{options.device, options.profile, options.scene,
               options.motion, options.hand,    options.out + "/tuning_run"},
         rows_(rows_to_measure(options)),
@@ -333,12 +333,10 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->check(CLI::Range(0.1, 1e6))
       ->type_name("FLOAT %")
       ->capture_default_str();
-  tune.add_option(
-          "--stability-margin", o.stability_margin,
-          "Stiffness up to which the simulated loop must be stable, over the stiffest place "
-          "of the path")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->type_name("FLOAT")
+  tune.add_option("--margin-percent", o.margin_percent,
+                  "Stiffness up to which the simulated loop must be stable, of the path's stiffest")
+      ->check(CLI::Range(0.0, 1e6))
+      ->type_name("FLOAT %")
       ->capture_default_str();
   tune.add_option("--out", o.out, "Folder for tuning.csv, .svg and .png")->capture_default_str();
   tune.add_flag("--write", o.write, "Write the proposal into the user's configuration")

@@ -41,7 +41,7 @@ struct TuneOptions {
   double error_percent = 5.0;
   double missed_percent = 0.1;
   double compute_percent = 50.0;
-  double stability_margin = 1.0;
+  double margin_percent = 100.0;
   std::string out = "out";
   bool write = false;
   JsonTarget json;
