@@ -3,6 +3,7 @@
 
 DEVICE  ?= woodenhaptics_v2015
 SCENE   ?= block
+SIMULATOR ?=
 SECONDS ?= 20
 ARGS    ?=
 FUZZ_SECONDS ?= 600
@@ -32,8 +33,18 @@ AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
 .PHONY: run test build setup bench bench-realtime sanitize fuzz clean hil hil-full hil-matrix install-udev uninstall-udev
 
+# SIMULATOR=bullet: somebody else's simulator behind the link, examples/bullet_simulator.cpp.
+ifneq ($(filter-out bullet,$(SIMULATOR)),)
+$(error SIMULATOR=$(SIMULATOR): it is bullet, or left out for this project's own)
+endif
+RUN := $(PROGRAM) run --device $(DEVICE_URL) --seconds $(SECONDS)
+
 run: build
-	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --seconds $(SECONDS) $(ARGS)
+ifeq ($(SIMULATOR),bullet)
+	examples/run_with_simulator.sh "build/release/bin/bullet_simulator 127.0.0.1:0" $(RUN) $(ARGS)
+else
+	$(RUN) --scene $(SCENE) $(ARGS)
+endif
 
 test: build
 	ctest --test-dir build/release -j2 --output-on-failure

@@ -1,0 +1,19 @@
+#!/bin/sh
+# Starts a simulator that says "listening ... ADDR:PORT", feels it, and ends it again.
+# usage: run_with_simulator.sh "SIMULATOR [ARGUMENT...]" FORCEGRID run [ARGUMENT...]
+set -eu
+command=$1
+shift
+folder=$(mktemp -d)
+simulator=
+trap 'test -z "$simulator" || kill "$simulator" 2>/dev/null || true; rm -rf "$folder"' EXIT
+trap 'exit 130' INT TERM
+mkfifo "$folder/said"
+$command >"$folder/said" &
+simulator=$!
+exec 3<"$folder/said"
+if ! read -r said <&3; then
+  echo "run_with_simulator.sh: '$command' ended without saying where it listens" >&2
+  exit 1
+fi
+"$@" --simulator "${said##* }"
