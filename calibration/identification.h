@@ -1,0 +1,53 @@
+#pragma once
+
+#include <array>
+
+#include "calibration/held_arm.h"
+#include "calibration/rigid_body.h"
+
+namespace forcegrid::calibration {
+
+/// A number and its standard error.
+struct Estimate {
+  double value = 0.0;
+  double error = 0.0;
+
+  [[nodiscard]] double relative_error() const noexcept;
+};
+
+/// What moves a joint, as its motor was commanded to: all torques are those that the profile's
+/// torque constant makes of the current.
+struct JointFit {
+  Estimate scale;                 ///< profile's torque constant over the true one
+  Estimate coulomb_Nm;            ///< c: true friction times scale
+  Estimate viscous_Nm_s_per_rad;  ///< v: likewise
+  Estimate delay_s;               ///< of the currents behind their commands
+  double residual_Nm = 0.0;       ///< RMS of what is not explained
+  std::size_t samples = 0;
+};
+
+/// Least squares over a joint's strokes:
+///
+///   u = a tau_rigid + c tanh(s q') + v q' + e u'
+///
+/// with u the commanded torque by the profile's torque constant k_p, tau_rigid that of RigidBody,
+/// s the profile's smoothing, a = k_p / k, c = a c_true, v = a v_true, e the delay of the currents.
+/// Whatever tau_rigid is worth in absolute terms, c / a and v / a are too; without a known mass
+/// only c and v, the friction in units of the motor's own current, mean anything.
+///
+/// Both sides are seen through the same window, w(t) = 15/16 (1 - (t/T)^2)^2 over +-T: u exactly,
+/// since it is constant between steps, angles and tip through the cubic that fits them best, whose
+/// second derivative has just this window. So nothing is differentiated twice that is noisy, and a
+/// filter's lag cancels. Samples next to a reversal, slower than kLeastTanh allows, are left out.
+/// Source: Khalil and Dombre (2002), ch. 12 (parallel filtering, standard errors); Press et al.,
+/// Numerical Recipes (2007), 14.9 (the polynomial filter).
+/// @param joint  whose strokes `trace` has.
+/// @throws CalibrationError when the joint hardly moved.
+/// Real-time: no. Threads: any, with a RigidBody of its own.
+JointFit fit_joint(const Trace& trace, RigidBody& body, double smoothing_s_per_rad, int joint);
+
+/// The same for three joints that share one torque constant, as a delta's do: one `scale` for all.
+std::array<JointFit, 3> fit_joints_of_one_scale(const std::array<Trace, 3>& traces, RigidBody& body,
+                                                double smoothing_s_per_rad);
+
+}  // namespace forcegrid::calibration

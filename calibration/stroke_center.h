@@ -1,0 +1,23 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "driver/kinematics.h"
+#include "profiles/device_profile.h"
+
+namespace forcegrid::calibration {
+
+/// Where the joints are moved about. A delta: with the knob in the middle. An arm: straight ahead,
+/// clear of all stops, not too close to its axis, and there where links and known mass weigh least
+/// on the motors, by the part of their continuous current that holding takes.
+/// @throws CalibrationError when there is no such place.
+Eigen::Vector3d stroke_center_rad(const profiles::DeviceProfile& profile, double known_mass_kg);
+
+/// How far a joint may be moved from there to either side, clear of the stops.
+double stroke_amplitude_rad(const profiles::DeviceProfile& profile,
+                            const Eigen::Vector3d& center_rad, int joint);
+
+/// The pose at joint angles.
+driver::ArmPose pose_at(const profiles::DeviceProfile& profile, const Eigen::Vector3d& angle_rad);
+
+}  // namespace forcegrid::calibration

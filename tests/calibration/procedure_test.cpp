@@ -1,0 +1,261 @@
+#include "calibration/procedure.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <sstream>
+
+#include "tests/calibration/simulated_rig.h"
+
+namespace forcegrid::calibration {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kLargestTorqueConstantError = 0.03;
+constexpr double kLargestFrictionError = 0.10;
+constexpr double kHandLetsGo_s = 3.0;
+
+// The numbers of "[1, 2, 3]".
+std::vector<double> numbers(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c == '[' || c == ']' || c == ','; }, ' ');
+  std::istringstream stream(text);
+  std::vector<double> values;
+  for (double value = 0.0; stream >> value;) {
+    values.push_back(value);
+  }
+  return values;
+}
+
+std::vector<double> changed(const ProcedureResult& result, const std::string& key) {
+  for (const auto& [name, value] : result.changes) {
+    if (name == key) {
+      return numbers(value);
+    }
+  }
+  return {};
+}
+
+std::string all_checks(const ProcedureResult& result) {
+  std::string text;
+  for (const Check& check : result.checks) {
+    text += std::string(check.passed ? "" : "FAILED ") + check.name + ": " + check.text + "\n";
+  }
+  return text;
+}
+
+// A profile that is wrong in everything a calibration shall find, and by how much.
+struct Wrong {
+  profiles::DeviceProfile profile;
+  std::array<std::int32_t, 3> counter_error{};
+};
+
+Wrong wrong_about(const profiles::DeviceProfile& truth, unsigned seed) {
+  std::mt19937 random(seed);
+  const auto within = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random()) / std::mt19937::max();
+  };
+  Wrong wrong{truth, {}};
+  for (std::size_t i = 0; i < 3; ++i) {
+    wrong.profile.motors.torque_constant_Nm_per_A[i] *= random() % 2 == 0 ? 1.2 : 0.8;
+    wrong.profile.dynamics.coulomb_friction_Nm[i] *= within(0.5, 2.0);
+    wrong.profile.dynamics.viscous_friction_Nm_s_per_rad[i] *= within(0.0, 3.0);
+    wrong.counter_error[i] = static_cast<std::int32_t>(within(-60.0, 60.0));
+    wrong.profile.calibration.pose_counts[i] += wrong.counter_error[i];
+  }
+  return wrong;
+}
+
+struct Case {
+  const char* device;
+  double known_mass_kg;
+  bool quick;
+  unsigned seed;
+};
+
+class ArmProcedure : public ::testing::TestWithParam<Case> {};
+
+TEST_P(ArmProcedure, FindsTorqueConstantsFrictionAndOffsetsOfAWrongProfile) {
+  const Case& c = GetParam();
+  SCOPED_TRACE(std::string(c.device) + ", seed " + std::to_string(c.seed));
+  const auto truth = profiles::load_device_profile(c.device);
+  const Wrong wrong = wrong_about(truth, c.seed);
+  SimulatedRig rig(truth, {.known_mass_kg = c.known_mass_kg,
+                           .counter_error = wrong.counter_error,
+                           .hand_lets_go_at_s = kHandLetsGo_s});
+  const ProcedureResult result =
+      run_procedure(rig, wrong.profile, {.known_mass_kg = c.known_mass_kg, .quick = c.quick});
+  ASSERT_TRUE(result.passed()) << all_checks(result);
+  std::printf("%.1f s\n%s", rig.time_s(), all_checks(result).c_str());
+  EXPECT_TRUE(result.absolute);
+  EXPECT_FALSE(rig.motors_on());
+
+  const auto torque_constants = changed(result, "motors.torque_constant_Nm_per_A");
+  const auto coulomb = changed(result, "dynamics.coulomb_friction_Nm");
+  const auto viscous = changed(result, "dynamics.viscous_friction_Nm_s_per_rad");
+  const auto pose_counts = changed(result, "calibration.pose_counts");
+  ASSERT_EQ(torque_constants.size(), 3U);
+  ASSERT_EQ(coulomb.size(), 3U);
+  ASSERT_EQ(viscous.size(), 3U);
+  ASSERT_EQ(pose_counts.size(), 6U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    SCOPED_TRACE("joint " + std::to_string(i));
+    EXPECT_NEAR(torque_constants[i] / truth.motors.torque_constant_Nm_per_A[i], 1.0,
+                kLargestTorqueConstantError);
+    EXPECT_NEAR(coulomb[i] / truth.dynamics.coulomb_friction_Nm[i], 1.0, kLargestFrictionError);
+    EXPECT_NEAR(viscous[i] / truth.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
+                kLargestFrictionError);
+    EXPECT_EQ(pose_counts[i], truth.calibration.pose_counts[i]);
+    // By the believed torque constant at most half of the profile's limits, so by the true one:
+    EXPECT_LE(rig.largest_torque_Nm[static_cast<int>(i)],
+              0.5 * 1.26 * truth.limits.max_joint_torque_Nm[i]);
+    EXPECT_LE(result.largest_current_A[i], 0.5 * truth.motors.max_current_A[i] + 1e-3);
+  }
+  EXPECT_LT(result.largest_tip_speed_m_per_s, 0.6 * truth.limits.max_speed_m_per_s);
+}
+
+INSTANTIATE_TEST_SUITE_P(Devices, ArmProcedure,
+                         ::testing::Values(Case{"woodenhaptics_v2015", 0.1, false, 11},
+                                           Case{"woodenhaptics_v2019", 0.1, true, 12},
+                                           Case{"polhem_v1", 0.1, true, 13},
+                                           Case{"phantom_desktop", 0.1, true, 14}),
+                         [](const auto& info) { return std::string(info.param.device); });
+
+TEST(Procedure, FindsTheGainAndFrictionOfADelta) {
+  const auto truth = profiles::load_device_profile("falcon");
+  for (const double wrongness : {0.8, 1.2}) {
+    SCOPED_TRACE(wrongness);
+    auto believed = truth;
+    believed.falcon.torque_gain_per_Nm *= wrongness;
+    believed.limits.max_joint_torque_Nm = {0.3, 0.3, 0.3};
+    believed.dynamics.coulomb_friction_Nm = {0.008, 0.003, 0.006};
+    SimulatedRig rig(truth, {.known_mass_kg = 0.1, .hand_lets_go_at_s = kHandLetsGo_s});
+    rig.believed_gain_per_Nm = believed.falcon.torque_gain_per_Nm;
+    const ProcedureResult result = run_procedure(rig, believed, {.known_mass_kg = 0.1});
+    ASSERT_TRUE(result.passed()) << all_checks(result);
+    const auto gain = changed(result, "falcon.torque_gain_per_Nm");
+    ASSERT_EQ(gain.size(), 1U);
+    EXPECT_NEAR(gain[0] / truth.falcon.torque_gain_per_Nm, 1.0, kLargestTorqueConstantError);
+    const auto coulomb = changed(result, "dynamics.coulomb_friction_Nm");
+    const auto viscous = changed(result, "dynamics.viscous_friction_Nm_s_per_rad");
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_NEAR(coulomb.at(i) / truth.dynamics.coulomb_friction_Nm[i], 1.0,
+                  kLargestFrictionError);
+      EXPECT_NEAR(viscous.at(i) / truth.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
+                  kLargestFrictionError);
+    }
+    EXPECT_TRUE(changed(result, "calibration.pose_counts").empty()) << "it homes itself";
+  }
+}
+
+TEST(Procedure, WithoutAKnownMassOnlyFrictionOverTorqueConstantIsFound) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  const Wrong wrong = wrong_about(truth, 21);
+  SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
+  const ProcedureResult result = run_procedure(rig, wrong.profile, {.range = false, .quick = true});
+  ASSERT_TRUE(result.passed()) << all_checks(result);
+  EXPECT_FALSE(result.absolute);
+  EXPECT_TRUE(changed(result, "motors.torque_constant_Nm_per_A").empty());
+  EXPECT_THAT(all_checks(result), HasSubstr("by the profile's torque constant"));
+  const auto coulomb = changed(result, "dynamics.coulomb_friction_Nm");
+  const auto viscous = changed(result, "dynamics.viscous_friction_Nm_s_per_rad");
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double true_A =
+        truth.dynamics.coulomb_friction_Nm[i] / truth.motors.torque_constant_Nm_per_A[i];
+    const double believed_A = coulomb.at(i) / wrong.profile.motors.torque_constant_Nm_per_A[i];
+    EXPECT_NEAR(believed_A / true_A, 1.0, kLargestFrictionError);
+    EXPECT_NEAR(viscous.at(i) / wrong.profile.motors.torque_constant_Nm_per_A[i] /
+                    (truth.dynamics.viscous_friction_Nm_s_per_rad[i] /
+                     truth.motors.torque_constant_Nm_per_A[i]),
+                1.0, kLargestFrictionError);
+  }
+}
+
+TEST(Procedure, AMotorWithSwappedLeadsIsNamedAndNothingMovesAfterIt) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  for (int joint = 0; joint < 3; ++joint) {
+    SimulatedRig::Options options{.hand_lets_go_at_s = 1e6};
+    options.motor_sign[joint] = -1.0;
+    SimulatedRig rig(truth, options);
+    const ProcedureResult result = run_procedure(rig, truth, {});
+    EXPECT_FALSE(result.passed());
+    const Check& check = result.checks.at(static_cast<std::size_t>(joint));
+    EXPECT_FALSE(check.passed);
+    EXPECT_THAT(check.text, HasSubstr("wrong way"));
+    EXPECT_TRUE(result.changes.empty());
+    EXPECT_EQ(result.checks.size(), 3U) << "only directions";
+    EXPECT_LT(rig.time_s(), 5.0);
+    EXPECT_FALSE(rig.motors_on());
+  }
+}
+
+TEST(Procedure, AJointThatCountsTheOtherWayHasItsStopsElsewhere) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  auto believed = truth;
+  believed.kinematics.encoder_sign[1] = -1.0;  // a push still seems to go the right way
+  SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
+  try {
+    const ProcedureResult result = run_procedure(rig, believed, {});
+    EXPECT_FALSE(result.passed());
+    EXPECT_TRUE(result.changes.empty());
+    EXPECT_THAT(all_checks(result), HasSubstr("encoder_sign"));
+  } catch (const CalibrationError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("joint b"));
+    EXPECT_THAT(error.what(), HasSubstr("encoder_sign"));
+  }
+  EXPECT_FALSE(rig.motors_on());
+}
+
+TEST(Procedure, AnEncoderOfOtherCountsHasAnotherRange) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  auto believed = truth;
+  believed.kinematics.encoder_counts_per_turn[0] = 2200;
+  SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
+  const ProcedureResult result = run_procedure(rig, believed, {.identify = false});
+  EXPECT_FALSE(result.passed());
+  EXPECT_TRUE(result.changes.empty());
+  EXPECT_THAT(all_checks(result), HasSubstr("FAILED range of joint a"));
+  EXPECT_THAT(all_checks(result), HasSubstr("encoder_counts_per_turn"));
+}
+
+TEST(Procedure, WhoDoesNotLetGoIsAskedTo) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  SimulatedRig rig(truth, {.hand_lets_go_at_s = 1e6});
+  try {
+    static_cast<void>(run_procedure(rig, truth, {}));
+    FAIL() << "the hand is stronger";
+  } catch (const CalibrationError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("let go"));
+    EXPECT_THAT(error.what(), HasSubstr("no current"));
+  }
+  EXPECT_FALSE(rig.motors_on());
+}
+
+TEST(Procedure, EndsAtOnceWhenAskedTo) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  for (const double stop_at_s : {0.1, 4.0, 20.0}) {
+    SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s, .stop_at_s = stop_at_s});
+    EXPECT_THROW(static_cast<void>(run_procedure(rig, truth, {})), Stopped);
+    EXPECT_LT(rig.time_s(), stop_at_s + 0.01);
+    EXPECT_FALSE(rig.motors_on());
+  }
+}
+
+TEST(Procedure, AMassThatTheMotorsCantBearIsRefusedBeforeAnythingMoves) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  SimulatedRig rig(truth, {.known_mass_kg = 1.0, .hand_lets_go_at_s = kHandLetsGo_s});
+  try {
+    static_cast<void>(run_procedure(rig, truth, {.known_mass_kg = 1.0}));
+    FAIL() << "1 kg is too much";
+  } catch (const CalibrationError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("1.000 kg"));
+    EXPECT_THAT(error.what(), HasSubstr("fasten less"));
+  }
+  EXPECT_LT(rig.time_s(), kHandLetsGo_s) << "still held";
+}
+
+}  // namespace
+}  // namespace forcegrid::calibration
