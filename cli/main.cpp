@@ -14,6 +14,7 @@
 #include "cli/evaluate_command.h"
 #include "cli/record_command.h"
 #include "cli/run_command.h"
+#include "cli/scene_command.h"
 #include "cli/scene_option.h"
 #include "cli/stop_request.h"
 #include "cli/tune_command.h"
@@ -451,6 +452,7 @@ int main(int argc, char** argv) {
   DevicesOptions devices;
   DoctorOptions doctor;
   TuneOptions tune;
+  SceneOptions scene;
   ReplayOptions replay;
   PlotOptions plot;
   ConfigOptions config;
@@ -463,6 +465,7 @@ int main(int argc, char** argv) {
   add_doctor(app, doctor, action);
   add_json(*app.get_subcommand("doctor"), doctor.json);
   add_tune(app, tune, action);
+  add_scene(app, scene, action);
   add_json(*app.get_subcommand("tune"), tune.json);
   add_record(app, run, action);
   add_replay(app, replay, action);

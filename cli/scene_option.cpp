@@ -10,8 +10,6 @@ CLI::Validator scene_check() {
                         "{" + joined(simulator::scene_names()) + ", FILE.toml}");
 }
 
-std::string scene_help() {
-  return joined(simulator::scene_names()) + ", or a TOML file; see docs/scenes.md";
-}
+std::string scene_help() { return "a scene by its name, or a TOML file; see docs/scenes.md"; }
 
 }  // namespace forcegrid::cli

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "evaluation/trajectories.h"
-#include "profiles/data_folder.h"
+#include "profiles/text.h"
 #include "simulator/scene.h"
 
 namespace forcegrid::evaluation {

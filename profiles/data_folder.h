@@ -22,7 +22,4 @@ std::vector<std::string> data_names(const DataFolder& folder);
 /// Whether `name_or_path` is meant as a path: it has a slash or ends in ".toml".
 bool is_data_path(const std::string& name_or_path);
 
-/// The words with ", " between them.
-std::string joined(const std::vector<std::string>& words);
-
 }  // namespace forcegrid::profiles

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "profiles/data_folder.h"
+#include "profiles/text.h"
 #include "profiles/toml_table.h"
 
 namespace forcegrid::profiles {

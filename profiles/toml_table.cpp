@@ -2,10 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
-#include "profiles/data_folder.h"
 #include "profiles/nearest_name.h"
+#include "profiles/text.h"
 
 namespace forcegrid::profiles {
 namespace {
@@ -23,13 +22,6 @@ std::string integer_words(std::int64_t min, std::int64_t max) {
 std::string place_of(std::size_t i) { return " in place " + std::to_string(i + 1); }
 
 }  // namespace
-
-std::string number_text(double value) {
-  std::string text(32, '\0');
-  const int length = std::snprintf(text.data(), text.size(), "%.9g", value);
-  text.resize(static_cast<std::size_t>(length));
-  return text;
-}
 
 TomlTable::TomlTable(const toml::table& table, std::string file, std::string path)
     : table_(table), file_(std::move(file)), path_(std::move(path)) {}

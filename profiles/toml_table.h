@@ -23,9 +23,6 @@ struct NumberRange {
 inline constexpr double kLargestNumber = std::numeric_limits<double>::max();
 inline constexpr double kAboveZero = std::numeric_limits<double>::min();
 
-/// Nine digits, without trailing zeros.
-std::string number_text(double value);
-
 /// One table of a strict TOML file: it knows its keys, so that an unknown or missing one is an
 /// error. Every error is a TomlError that names file, line and key, what is wrong, and what to
 /// write; for an unknown key the nearest known one.

@@ -369,6 +369,9 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
                                std::ostream& log, const std::atomic<bool>& stop, int stop_fd) {
   check(options);
   const Scene scene = make_scene(options.scene, options.top_centre_W);
+  if (!scene.note.empty()) {
+    log << "scene " << scene.name << ": " << scene.note << '\n';
+  }
   Loop loop(options, scene, log);
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {

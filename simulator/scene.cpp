@@ -4,6 +4,7 @@
 
 #include "profiles/data_folder.h"
 #include "profiles/nearest_name.h"
+#include "profiles/text.h"
 #include "profiles/toml_table.h"
 #include "simulator/error.h"
 #include "simulator/scene_object.h"
@@ -41,9 +42,10 @@ std::string find_scene(const std::string& name_or_file) {
 
 Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   const toml::table parsed = profiles::read_toml_file(file);
-  const TomlTable root(parsed, file, "", {"description", "patch_radius_m", "object"});
+  const TomlTable root(parsed, file, "", {"description", "note", "patch_radius_m", "object"});
   Scene scene;
   scene.description = root.text("description");
+  scene.note = root.text_or("note", "");
   scene.patch_radius_m = root.number_or("patch_radius_m", kPatchRadius_m, scene.patch_radius_m);
   for (const TomlTable& table : root.tables("object", scene_object_keys)) {
     append(make_scene_object(table, origin_W), scene.mesh);

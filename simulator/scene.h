@@ -13,7 +13,9 @@ struct Scene {
   std::string name;               ///< as it was asked for: a scene's name, or a file
   std::string description;        ///< in one line
   double patch_radius_m = 0.012;  ///< the tool holds the vertices this near; > 0
-  SpringMesh mesh;                ///< of all objects together
+  /// What a user has to know, such as where its force is not a function of the position alone.
+  std::string note;
+  SpringMesh mesh;  ///< of all objects together
 };
 
 /// Names that make_scene finds without a path, sorted.

@@ -1,8 +1,9 @@
 #include "simulator/scene_object.h"
 
-#include "profiles/data_folder.h"
 #include "profiles/nearest_name.h"
+#include "profiles/text.h"
 #include "simulator/lattice_block.h"
+#include "simulator/organ_surface.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -16,12 +17,15 @@ constexpr NumberRange kSize_m{1e-3, 2.0, "a length in metres from 0.001 to 2"};
 constexpr NumberRange kPlace_m{-2.0, 2.0, "a coordinate in metres from -2 to 2"};
 constexpr NumberRange kStiffness_N_per_m{1e-3, 1e6, "a stiffness in N/m from 0.001 to 1e6"};
 constexpr NumberRange kFactor{1e-3, 1e3, "a factor from 0.001 to 1000"};
+constexpr NumberRange kHome_N_per_m{0.0, 1e6, "a stiffness in N/m from 0 to 1e6"};
+constexpr NumberRange kBend_m{0.0, 1.0, "a length in metres from 0 to 1"};
+constexpr NumberRange kPreStrain{0.0, 2.0, "a strain from 0 to 2"};
 constexpr NumberRange kSpread{0.0, 0.99, "a fraction from 0 to 0.99"};
 constexpr NumberRange kCubic{kAboveZero, 1e4, "a number above 0 and at most 1e4"};
 constexpr NumberRange kExponent{0.01, 30.0, "a number from 0.01 to 30"};
 constexpr std::int64_t kMaxSeed = 1'000'000'000;
 
-const std::vector<std::string> kShapes{"block"};
+const std::vector<std::string> kShapes{"block", "organ"};
 const std::vector<std::string> kLaws{"linear", "hardening", "exponential"};
 const std::vector<std::string> kCommonKeys{"shape", "place_m", "stiffness_N_per_m", "random_spread",
                                            "seed",  "law",     "cubic_coefficient", "exponent"};
@@ -76,6 +80,24 @@ SpringMesh make_block(const TomlTable& object, const Eigen::Vector3d& place_W) {
   return make_lattice_block(options);
 }
 
+SpringMesh make_organ(const TomlTable& object, const Eigen::Vector3d& place_W) {
+  constexpr std::int64_t kMostVertices = 1'000'000;
+  OrganOptions options;
+  options.vertex_count = static_cast<int>(object.integer("vertex_count", 200, kMostVertices));
+  options.edge_count = static_cast<int>(object.integer("edge_count", 500, 6 * kMostVertices));
+  options.semi_axes_m = vector(object.axes("semi_axes_m", kSize_m));
+  options.bend_m = object.number_or("bend_m", kBend_m, 0.0);
+  options.top_W = place_W;
+  options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
+  options.strut_factor = object.number_or("strut_factor", kFactor, options.strut_factor);
+  options.random_spread = object.number_or("random_spread", kSpread, 0.0);
+  options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
+  options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
+  options.home_stiffness_N_per_m = object.number_or("home_stiffness_N_per_m", kHome_N_per_m, 0.0);
+  options.law = read_law(object);
+  return make_organ_surface(options);
+}
+
 }  // namespace
 
 std::vector<std::string> scene_object_keys(const TomlTable& object) {
@@ -83,6 +105,9 @@ std::vector<std::string> scene_object_keys(const TomlTable& object) {
   const std::string shape = choice(object, "shape", kShapes);
   if (shape == "block") {
     keys.insert(keys.end(), {"vertex_count", "size_m", "diagonal_factor"});
+  } else {
+    keys.insert(keys.end(), {"vertex_count", "edge_count", "semi_axes_m", "bend_m", "strut_factor",
+                             "pre_strain", "home_stiffness_N_per_m"});
   }
   return keys;
 }
@@ -90,7 +115,8 @@ std::vector<std::string> scene_object_keys(const TomlTable& object) {
 SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W) {
   const Eigen::Vector3d place_W =
       origin_W + vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
-  return make_block(object, place_W);
+  return choice(object, "shape", kShapes) == "block" ? make_block(object, place_W)
+                                                     : make_organ(object, place_W);
 }
 
 }  // namespace forcegrid::simulator

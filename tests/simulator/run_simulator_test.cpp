@@ -304,7 +304,7 @@ TEST(RunSimulator, RefusesOptionsOutOfRangeByName) {
   };
   SimulatorOptions options;
   options.scene = "bloc";
-  EXPECT_THAT(message(options), HasSubstr("block, block_linear, small, small_linear"));
+  EXPECT_THAT(message(options), HasSubstr("block, block_linear"));
   options = {};
   options.rate_Hz = 0.0;
   EXPECT_THAT(message(options), HasSubstr("rate"));

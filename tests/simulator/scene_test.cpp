@@ -45,7 +45,7 @@ TEST(Scene, KnowsItsNamesAndNamesTheNearestForAnUnknownOne) {
   for (const char* wrong : {"blok", "Block", "block "}) {
     EXPECT_THAT(complaint(wrong),
                 AllOf(HasSubstr("block, block_linear"), HasSubstr("the nearest is block"),
-                      HasSubstr("'" + std::string(wrong) + "'")));
+                      HasSubstr("unknown scene '" + std::string(wrong))));
   }
   EXPECT_THAT(complaint(""), HasSubstr("unknown scene ''"));
   EXPECT_THAT(complaint("no/such.toml"), HasSubstr("no/such.toml': no such file"));

@@ -1,0 +1,75 @@
+#include "cli/scene_command.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cstdio>
+
+#include "cli/scene_option.h"
+#include "simulator/elastic_object.h"
+#include "simulator/return_test.h"
+#include "simulator/scene.h"
+
+namespace forcegrid::cli {
+namespace {
+
+void print_facts(const simulator::Scene& scene) {
+  const simulator::SpringMesh& mesh = scene.mesh;
+  Eigen::Array3d low_m = mesh.rest_position_W.front().array();
+  Eigen::Array3d high_m = low_m;
+  for (const Eigen::Vector3d& position_W : mesh.rest_position_W) {
+    low_m = low_m.min(position_W.array());
+    high_m = high_m.max(position_W.array());
+  }
+  const Eigen::Array3d size_mm = 1e3 * (high_m - low_m);
+  std::printf("%s: %s\n", scene.name.c_str(), scene.description.c_str());
+  std::printf("  vertices %zu (%td fixed), springs %zu, triangles of the surface %zu\n",
+              mesh.rest_position_W.size(), std::count(mesh.fixed.begin(), mesh.fixed.end(), 1),
+              mesh.springs.size(), mesh.triangles.size());
+  std::printf("  size along x, y, z: %.1f, %.1f, %.1f mm\n", size_mm.x(), size_mm.y(), size_mm.z());
+  simulator::ElasticObject<double> object(mesh);
+  const int held = object.grab(mesh.top_W, scene.patch_radius_m);
+  const simulator::Equilibrium at_rest = object.move_to(Eigen::Vector3d::Zero());
+  std::printf(
+      "  a tool at the top holds %d vertices within %.1f mm and feels a stiffness of\n"
+      "  %.1f, %.1f, %.1f N/m along x, y, z\n",
+      held, 1e3 * scene.patch_radius_m, -at_rest.stiffness_W(0, 0), -at_rest.stiffness_W(1, 1),
+      -at_rest.stiffness_W(2, 2));
+  if (!scene.note.empty()) {
+    std::printf("  note: %s\n", scene.note.c_str());
+  }
+}
+
+void print_return_test(const simulator::Scene& scene) {
+  std::printf(
+      "Return test, 40 steps out and 40 back over the same positions:\n"
+      "  %-22s %14s %14s %8s\n",
+      "path", "hysteresis", "largest force", "of it");
+  for (const simulator::ReturnPath& path : simulator::return_paths()) {
+    const simulator::ReturnResult result = simulator::return_test(scene, path);
+    std::printf("  %-22s %12.2e N %12.3f N %6.4f %%%s\n", result.name.c_str(), result.hysteresis_N,
+                result.largest_force_N, 100.0 * result.hysteresis_N / result.largest_force_N,
+                result.unconverged > 0 ? "  (not converged everywhere)" : "");
+    std::fflush(stdout);
+  }
+}
+
+}  // namespace
+
+void add_scene(CLI::App& app, SceneOptions& o, std::function<int()>& action) {
+  CLI::App& scene = *app.add_subcommand("scene", "Say what a scene is made of; see docs/scenes.md");
+  scene.add_option("SCENE", o.scene, scene_help())->required()->check(scene_check());
+  scene.add_flag("--return-test", o.return_test,
+                 "Pull, shear and push its top out and back, and print how much the force differs");
+  scene.callback([&o, &action] { action = [&o] { return scene_command(o); }; });
+}
+
+int scene_command(const SceneOptions& options) {
+  const simulator::Scene scene = simulator::make_scene(options.scene);
+  print_facts(scene);
+  if (options.return_test) {
+    print_return_test(scene);
+  }
+  return 0;
+}
+
+}  // namespace forcegrid::cli
