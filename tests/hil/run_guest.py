@@ -255,6 +255,8 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
             root.add_program(scenarios.parent / client, f"/usr/bin/{client}")
         for profile in sorted((ROOT / "profiles").glob("*.toml")):
             root.add_file(profile, f"/usr/share/forcegrid/profiles/{profile.name}", 0o644)
+        for scene in sorted((ROOT / "simulator/scenes").glob("*.toml")):
+            root.add_file(scene, f"/usr/share/forcegrid/scenes/{scene.name}", 0o644)
         (gconv,) = {pathlib.Path(name).parent for name in output_of(["dpkg", "-L", "libc6"]).split()
                     if name.endswith("/gconv/UTF-16.so")}
         for name in GCONV:
