@@ -136,6 +136,19 @@ class _Window:
         return True
 
 
+class _Numbers:
+    """The same for 32-bit numbers that wrap (RFC 1982). Refuses what came before or far too late."""
+
+    def __init__(self):
+        self._window = _Window()
+
+    def take(self, number):
+        newest = self._window.newest or 2**32 + number
+        unwrapped = newest + _ahead_of(number, newest % 2**32)
+        if not self._window.let_pass(unwrapped):
+            raise _Refused("duplicated" if self._window.newest - unwrapped < _WINDOW else "late")
+
+
 class _Peer:
     """Whom a sealed datagram is for."""
 
@@ -319,7 +332,7 @@ class SimulatorLink:
         if self._session:
             self._ended.append(self._session)
         self._session = 0
-        self._tool_states, self._query_ids = {}, {}
+        self._tool_states, self._query_ids = _Numbers(), _Numbers()
         self._newest = None
         self._queries = collections.deque()
 
@@ -340,13 +353,13 @@ class SimulatorLink:
             self._forget()
             news.tool_state, news.servo_ended = None, True
         elif kind == TOOL_STATE:
-            self._once(self._tool_states, sequence)
+            self._tool_states.take(sequence)
             if self._newest is not None and _ahead_of(sequence, self._newest) < 0:
                 raise _Refused("late")
             self._newest = sequence
             news.tool_state = ToolState(sequence, payload[0], payload[1:4], payload[4:7])
         else:
-            self._once(self._query_ids, sequence)
+            self._query_ids.take(sequence)
             self._queries.append(Query(sequence, payload[0], payload[1:4]))
             if len(self._queries) > _QUEUED_QUERIES:
                 self._queries.popleft()
@@ -364,17 +377,6 @@ class SimulatorLink:
             self._session, self._servo = session, sender
             news.tool_state, news.new_session = None, True
         self._last_heard_s = time.monotonic()
-
-    @staticmethod
-    def _once(seen, number):
-        """Refuses a number that came before; remembers the newest 1024."""
-        if number in seen:
-            raise _Refused("duplicated")
-        if seen and _ahead_of(number, next(reversed(seen))) <= -_WINDOW:
-            raise _Refused("late")
-        seen[number] = True
-        if len(seen) > _WINDOW:
-            del seen[next(iter(seen))]
 
     def _send(self, datagram):
         self._send_to(self._servo, datagram, self._peer)

@@ -50,7 +50,8 @@ INSTANTIATE_TEST_SUITE_P(Targets, FuzzCorpus,
                                          Target{"usbip_client", usbip_client},
                                          Target{"w2_report", w2_report},
                                          Target{"device_profile", device_profile},
-                                         Target{"link_datagram", link_datagram}),
+                                         Target{"link_datagram", link_datagram},
+                                         Target{"sealed_datagram", sealed_datagram}),
                          [](const auto& target) { return target.param.name; });
 
 }  // namespace

@@ -10,11 +10,12 @@ namespace forcegrid::fuzz {
 
 using Input = std::span<const std::uint8_t>;
 
-void usbip_server(Input input);    ///< what a client sends to the emulator's USB/IP server
-void usbip_client(Input input);    ///< what a USB/IP server answers to the driver
-void w2_report(Input input);       ///< reports of the device, currents for it, HID descriptors
-void device_profile(Input input);  ///< TOML files
-void link_datagram(Input input);   ///< datagrams of the other end of the link
+void usbip_server(Input input);     ///< what a client sends to the emulator's USB/IP server
+void usbip_client(Input input);     ///< what a USB/IP server answers to the driver
+void w2_report(Input input);        ///< reports of the device, currents for it, HID descriptors
+void device_profile(Input input);   ///< TOML files
+void link_datagram(Input input);    ///< datagrams of the other end of the link
+void sealed_datagram(Input input);  ///< the same of a link with a key
 
 /// Ends the process with `promise` on standard error unless `kept`.
 void require(bool kept, const char* promise);

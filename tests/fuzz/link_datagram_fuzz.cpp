@@ -5,14 +5,32 @@
 #include <cstring>
 #include <vector>
 
+#include "link/forcegrid_link.h"
 #include "link/wire.h"
 #include "tests/fuzz/fuzz_targets.h"
 
 namespace forcegrid::fuzz {
 namespace {
 
+bool taken_by_c_header(std::span<const std::byte> datagram) {
+  fg_link end;
+  fg_link_init(&end, 2.0, nullptr);
+  std::array<unsigned char, FG_SEAL_OVERHEAD_BYTES> reply;
+  std::size_t reply_size = 0;
+  const fg_event event = fg_link_take(&end, reinterpret_cast<const unsigned char*>(datagram.data()),
+                                      datagram.size(), "servo", 5, 0, reply.data(), &reply_size);
+  return event == FG_TOOL_STATE || event == FG_QUERY;
+}
+
+bool opens_a_session(const link::Decoded& decoded) {
+  return std::holds_alternative<link::ToolState>(decoded.message) ||
+         std::holds_alternative<link::Query>(decoded.message);
+}
+
 void check(std::span<const std::byte> datagram) {
   const link::Decoded decoded = link::decode(datagram);
+  require(taken_by_c_header(datagram) == opens_a_session(decoded),
+          "the C header takes what the library takes");
   const bool empty = std::holds_alternative<std::monostate>(decoded.message);
   require((decoded.status == link::WireStatus::kOk) != empty, "a message only if it is sound");
   if (empty) {
