@@ -28,8 +28,8 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid", "ftdi_sio"]
-TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest", "usermod"]
+MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid", "ftdi_sio", "veth", "sch_netem"]
+TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest", "usermod", "ip", "tc"]
 CLIENTS = ["hil_client_hidraw", "hil_client_libusb"]  # beside the scenario program
 LONG_SUITE = "Long"  # left out of the smoke set: suites that begin so
 # What glibc converts character sets with; hidapi's libusb back end reads USB strings by it.
