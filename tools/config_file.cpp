@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 
 #include "profiles/toml_parser.h"
+#include "tools/atomic_file.h"
 
 namespace forcegrid::tools {
 namespace {
@@ -112,29 +112,6 @@ std::string before(const std::string& line, char end) {
   return line.substr(first, last + 1 - first);
 }
 
-// Replaces the key's line below its table's header, or puts it right below that.
-void set_key(std::vector<std::string>& lines, const std::string& key, const std::string& value) {
-  const std::size_t dot = key.rfind('.');
-  std::string header = "[";
-  header.append(key, 0, dot).append("]");
-  const std::string name = key.substr(dot + 1);
-  const std::string line = name + " = " + value;
-  const auto table = std::find_if(lines.begin(), lines.end(), [&](const std::string& one) {
-    return before(one, ']').append("]") == header;
-  });
-  if (table == lines.end()) {
-    lines.insert(lines.end(), {header, line});
-    return;
-  }
-  for (auto at = table + 1; at != lines.end() && before(*at, ']').rfind('[', 0) != 0; ++at) {
-    if (before(*at, '=') == name) {
-      *at = line;
-      return;
-    }
-  }
-  lines.insert(table + 1, line);
-}
-
 }  // namespace
 
 std::vector<ConfigValue> read_config_file(const std::string& file) {
@@ -172,46 +149,60 @@ std::string toml_text(const std::vector<std::string>& texts, ConfigType type, bo
   return is_array ? "[" + result + "]" : result;
 }
 
+void set_toml_key(std::vector<std::string>& lines, const std::string& key,
+                  const std::string& value) {
+  const std::size_t dot = key.rfind('.');
+  std::string header = "[";
+  header.append(key, 0, dot).append("]");
+  const std::string name = key.substr(dot + 1);
+  const std::string line = name + " = " + value;
+  const auto table = std::find_if(lines.begin(), lines.end(), [&](const std::string& one) {
+    return before(one, ']').append("]") == header;
+  });
+  if (table == lines.end()) {
+    lines.insert(lines.end(), {header, line});
+    return;
+  }
+  for (auto at = table + 1; at != lines.end() && before(*at, ']').rfind('[', 0) != 0; ++at) {
+    if (before(*at, '=') == name) {
+      *at = line;
+      return;
+    }
+  }
+  lines.insert(table + 1, line);
+}
+
 void set_in_config(const std::string& file,
                    const std::vector<std::pair<std::string, std::string>>& keys) {
-  namespace fs = std::filesystem;
   std::vector<std::string> lines;
   std::ifstream old(file);
   for (std::string line; std::getline(old, line);) {
     lines.push_back(line);
   }
   for (const auto& [key, value] : keys) {
-    set_key(lines, key, value);
+    set_toml_key(lines, key, value);
   }
-  std::error_code error;
-  fs::create_directories(fs::path(file).parent_path(), error);
-  const std::string fresh = file + ".new";
-  std::ofstream stream(fresh);
+  std::string text;
   for (const std::string& line : lines) {
-    stream << line << '\n';
+    text += line + "\n";
   }
-  stream.close();
-  if (!stream) {
-    throw ConfigError(fresh + ": can't be written; make its folder writable");
-  }
-  const std::vector<ConfigValue> values = read_config_file(fresh);
-  for (const auto& [key, value] : keys) {
-    const bool said = std::any_of(values.begin(), values.end(), [&](const ConfigValue& one) {
-      return one.key == key && toml_text(one.texts, one.type, one.is_array) == value;
-    });
-    if (!said) {
-      fs::remove(fresh, error);
-      throw ConfigError(
-          file + ": key '" + key +
-          "' can't be set there; put it under the header of its table by hand: " + value);
+  const auto check = [&](const std::string& written) {
+    const std::vector<ConfigValue> values = read_config_file(written);
+    for (const auto& [key, value] : keys) {
+      const bool said = std::any_of(values.begin(), values.end(), [&](const ConfigValue& one) {
+        return one.key == key && toml_text(one.texts, one.type, one.is_array) == value;
+      });
+      if (!said) {
+        throw ConfigError(
+            file + ": key '" + key +
+            "' can't be set there; put it under the header of its table by hand: " + value);
+      }
     }
-  }
-  if (fs::exists(file, error)) {
-    fs::copy_file(file, file + ".old", fs::copy_options::overwrite_existing, error);
-  }
-  fs::rename(fresh, file, error);
-  if (error) {
-    throw ConfigError(file + ": can't be written (" + error.message() + ")");
+  };
+  try {
+    replace_file(file, text, check);
+  } catch (const AtomicFileError& error) {
+    throw ConfigError(error.what());
   }
 }
 

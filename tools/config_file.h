@@ -50,6 +50,12 @@ std::vector<ConfigLayer> config_layers(const std::string& asked);
 /// A name or value as TOML writes it; `texts` as an array if `is_array`.
 std::string toml_text(const std::vector<std::string>& texts, ConfigType type, bool is_array);
 
+/// Replaces the line of `key` ("motors.max_current_A") below its table's header in the lines of a
+/// TOML file, or puts one right below that, making the table if need be. `value` is as TOML writes
+/// it.
+void set_toml_key(std::vector<std::string>& lines, const std::string& key,
+                  const std::string& value);
+
 /// Sets keys ("run.rate", with the value as TOML writes it) in a configuration file, and leaves all
 /// else in it as it is. The file appears whole or not at all; the one before is kept as FILE.old.
 /// @throws ConfigError when it can't be written, or where the result would not say so (a file whose
