@@ -14,9 +14,14 @@ std::string number(double value) {
   return buffer;
 }
 
+// An array of TOML.
 template <typename Value>
 std::string three(Value value) {
-  return "[" + value(0) + ", " + value(1) + ", " + value(2) + "]";
+  std::string text = "[";
+  for (std::size_t i = 0; i < 3; ++i) {
+    text.append(i == 0 ? "" : ", ").append(value(i));
+  }
+  return text.append("]");
 }
 
 }  // namespace

@@ -164,4 +164,14 @@ void ChildProcess::reap() noexcept {
   }
 }
 
+std::string listening_address(ChildProcess& child, const std::string& what) {
+  const auto line = child.read_line(std::chrono::seconds(10));
+  const std::string prefix = "listening ";
+  if (!line || line->rfind(prefix, 0) != 0) {
+    throw std::runtime_error("the " + what + " did not start" +
+                             (child.running() ? " within 10 s" : " (its message is above)"));
+  }
+  return line->substr(prefix.size(), line->find(' ', prefix.size()) - prefix.size());
+}
+
 }  // namespace forcegrid::cli

@@ -43,4 +43,9 @@ class ChildProcess {
   std::optional<int> status_;
 };
 
+/// The address in the line `listening ADDR:PORT ...` that an emulator or simulator prints first.
+/// @param what  for messages: "emulator".
+/// @throws std::runtime_error when it does not come within 10 s.
+std::string listening_address(ChildProcess& child, const std::string& what);
+
 }  // namespace forcegrid::cli

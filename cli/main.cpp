@@ -6,6 +6,7 @@
 #include <new>
 #include <string>
 
+#include "cli/calibrate_command.h"
 #include "cli/chart_command.h"
 #include "cli/commands.h"
 #include "cli/config_command.h"
@@ -141,6 +142,11 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
                  "Profile of an attached device (default falcon for a Falcon, else "
                  "woodenhaptics_v2015): " +
                      joined(profiles::available_profiles()) + ", or a TOML file");
+  run.add_option(
+         "--calibration", o.calibration,
+         "Profile of this very unit: auto takes what forcegrid calibrate has written for it, "
+         "none does not, else a TOML file")
+      ->capture_default_str();
   run.add_option("--firmware", o.firmware,
                  "Firmware file for a Novint Falcon in which none runs (always after power-on); an "
                  "emulated one gets a synthetic image by default");
@@ -451,6 +457,7 @@ int main(int argc, char** argv) {
   ChartCommandOptions chart;
   DevicesOptions devices;
   DoctorOptions doctor;
+  CalibrateOptions calibrate;
   TuneOptions tune;
   SceneOptions scene;
   ReplayOptions replay;
@@ -464,6 +471,8 @@ int main(int argc, char** argv) {
   add_json(*app.get_subcommand("devices"), devices.json);
   add_doctor(app, doctor, action);
   add_json(*app.get_subcommand("doctor"), doctor.json);
+  add_calibrate(app, calibrate, action);
+  add_json(*app.get_subcommand("calibrate"), calibrate.json);
   add_tune(app, tune, action);
   add_scene(app, scene, action);
   add_json(*app.get_subcommand("tune"), tune.json);
@@ -493,8 +502,8 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: devices, doctor, tune, run, record, replay, plot, emulate, simulate, "
-          "keygen, kinematics, "
+          "a subcommand: devices, doctor, calibrate, tune, run, record, replay, plot, emulate, "
+          "simulate, keygen, kinematics, "
           "evaluate, chart "
           "or "
           "config");

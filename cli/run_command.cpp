@@ -16,6 +16,7 @@
 
 #include "cli/child_process.h"
 #include "cli/figures.h"
+#include "cli/firmware_choice.h"
 #include "cli/reconnect.h"
 #include "cli/recording.h"
 #include "cli/run_setup.h"
@@ -38,6 +39,7 @@
 #include "tools/dashboard.h"
 #include "tools/hdf5_file.h"
 #include "tools/recorder.h"
+#include "tools/unit_profile.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -48,21 +50,9 @@ using std::chrono::seconds;
 
 constexpr char kDirect[] = "direct";
 constexpr double kDirectShare = 0.5;  // of a cycle that method direct may take
-constexpr milliseconds kChildStartTimeout{10000};
 constexpr milliseconds kChildEndTimeout{3000};
 constexpr milliseconds kWatchdogProof{700};
 constexpr double kDefaultRequests_per_s = 120.0;
-
-// "listening 127.0.0.1:41234 busid 1-1 device NAME" -> "127.0.0.1:41234"
-std::string listening_address(ChildProcess& child, const std::string& what) {
-  const auto line = child.read_line(kChildStartTimeout);
-  const std::string prefix = "listening ";
-  if (!line || line->rfind(prefix, 0) != 0) {
-    throw std::runtime_error("the " + what + " did not start" +
-                             (child.running() ? " within 10 s" : " (its message is above)"));
-  }
-  return line->substr(prefix.size(), line->find(' ', prefix.size()) - prefix.size());
-}
 
 std::optional<nlohmann::json> final_report(ChildProcess* child) {
   if (child == nullptr) {
@@ -211,20 +201,6 @@ std::string why_truth_is_skipped() {
 
 bool is_falcon(const profiles::DeviceProfile& profile) { return profile.usb.protocol == "falcon"; }
 
-/// What a device that runs none is given.
-driver::falcon::Firmware firmware_for(const RunOptions& options,
-                                      const profiles::DeviceProfile& profile, bool emulated) {
-  if (!options.firmware.empty()) {
-    if (!is_falcon(profile)) {
-      throw std::runtime_error("--firmware " + options.firmware + ": profile " + profile.name +
-                               " describes a device that keeps its firmware; leave it out");
-    }
-    return driver::falcon::load_firmware(options.firmware);
-  }
-  return emulated && is_falcon(profile) ? driver::falcon::synthetic_firmware()
-                                        : driver::falcon::Firmware{};
-}
-
 // Only the rendered method may ask the simulator: its shadows see what it sees along the path.
 double requests_per_s(const RunOptions& options, const std::vector<ForceMethod*>& methods,
                       const std::vector<std::string>& names) {
@@ -246,6 +222,19 @@ double requests_per_s(const RunOptions& options, const std::vector<ForceMethod*>
                              ": a request a cycle at most; give a number up to --rate");
   }
   return asked;
+}
+
+// The calibrated profile of the unit that has been opened; empty: none is to be taken.
+std::string calibrated_profile(const RunOptions& options, const std::string& profile_name,
+                               const driver::DeviceIdentity& identity,
+                               const std::string& lasting_url) {
+  if (options.calibration == "none") {
+    return "";
+  }
+  return options.calibration != "auto"
+             ? options.calibration
+             : tools::find_unit_profile(profile_name, tools::unit_key(identity, lasting_url))
+                   .value_or("");
 }
 
 std::unique_ptr<driver::Device> open(const std::string& url, const profiles::DeviceProfile& profile,
@@ -419,8 +408,8 @@ int run_command(const RunOptions& options) {
                              ": only an emulated device has faults on demand; use --device " +
                              "emulated:PROFILE, or give --fault to forcegrid emulate");
   }
-  const profiles::DeviceProfile profile = profiles::load_device_profile(profile_name);
-  const driver::falcon::Firmware firmware = firmware_for(options, profile, emulated);
+  profiles::DeviceProfile profile = profiles::load_device_profile(profile_name);
+  const driver::falcon::Firmware firmware = firmware_for(options.firmware, profile, emulated);
   if (options.gravity_compensation && profile.kind == profiles::DeviceKind::kDelta) {
     throw std::runtime_error(
         "--gravity-compensation: the masses of the Falcon's moving parts are "
@@ -505,10 +494,20 @@ int run_command(const RunOptions& options) {
   static_cast<void>(rt::lock_memory());
   std::unique_ptr<driver::Device> device =
       open(url, profile, firmware, options.device_timeout_ms, realtime_refused.empty());
+  const std::string base_profile = profile.name;
+  const std::string calibrated_file =
+      calibrated_profile(options, base_profile, device->identity(),
+                         emulated ? "emulated" : driver::lasting_url(url, profile));
+  if (!calibrated_file.empty()) {
+    profile = profiles::load_device_profile(calibrated_file);
+  }
   // Now, while it is there: where it is to be found again.
   const std::string url_again = options.reconnect ? driver::lasting_url(url, profile) : url;
   say("Device: " + device->identity().product + " (" + device->identity().manufacturer +
-      ", serial " + device->identity().serial + ") at " + url + ", profile " + profile.name + "\n");
+      ", serial " + device->identity().serial + ") at " + url + ", profile " + base_profile + "\n");
+  if (!calibrated_file.empty()) {
+    say("Calibrated profile of this unit: " + calibrated_file + "\n");
+  }
   // No force has been rendered yet, but who presses a key now wants none later.
   std::optional<TerminalKeys> keys(std::in_place);
   const auto look_at_keys = [&](milliseconds timeout) {

@@ -32,8 +32,10 @@ inline constexpr int kEmergencyStatus = 3;
 /// What `forcegrid run` was asked for; the defaults are the main job.
 struct RunOptions {
   std::string device = "emulated:woodenhaptics_v2015";
-  std::string profile;   ///< of a device that is not emulated; empty: falcon for a Falcon,
-                         ///< else woodenhaptics_v2015
+  std::string profile;  ///< of a device that is not emulated; empty: falcon for a Falcon,
+                        ///< else woodenhaptics_v2015
+  /// "auto": what forcegrid calibrate has written for this unit, if anything; "none"; or a file.
+  std::string calibration = "auto";
   std::string firmware;  ///< file for a Falcon in which none runs; empty: none
   std::string scene = "block";
   std::string simulator;  ///< ADDR:PORT of a simulator that already runs; empty: start one

@@ -122,7 +122,7 @@ INSTANTIATE_TEST_SUITE_P(Devices, ArmProcedure,
                                            Case{"woodenhaptics_v2019", 0.1, true, 12},
                                            Case{"polhem_v1", 0.1, true, 13},
                                            Case{"phantom_desktop", 0.1, true, 14}),
-                         [](const auto& info) { return std::string(info.param.device); });
+                         [](const auto& test) { return std::string(test.param.device); });
 
 TEST(Procedure, FindsTheGainAndFrictionOfADelta) {
   const auto truth = profiles::load_device_profile("falcon");

@@ -28,6 +28,12 @@ std::size_t files_in(const fs::path& folder) {
       std::distance(fs::directory_iterator(folder), fs::directory_iterator{}));
 }
 
+std::string key_of(const std::string& serial, const std::string& lasting_url) {
+  driver::DeviceIdentity identity;
+  identity.serial = serial;
+  return unit_key(identity, lasting_url);
+}
+
 class UnitProfile : public ::testing::Test {
  protected:
   UnitProfile() {
@@ -46,13 +52,12 @@ class UnitProfile : public ::testing::Test {
 };
 
 TEST_F(UnitProfile, GoesBySerialWhereThatIsTheUnitsOwnAndByPortWhereAllShareOne) {
-  EXPECT_EQ(unit_key({.serial = "1234560"}, "hid:path=1-2"), "serial-1234560");
-  EXPECT_EQ(unit_key({.serial = "0123456789"}, "hid:path=1-2.4"), "port-1-2.4");
-  EXPECT_EQ(unit_key({.serial = ""}, "falcon:path=3-1"), "port-3-1");
-  EXPECT_EQ(unit_key({.serial = "0123456789"}, "usbip://127.0.0.1:3240/1-1"),
-            "usbip-127.0.0.1-1-1");
-  EXPECT_EQ(unit_key({.serial = "FT 1/2"}, "falcon"), "serial-FT_1_2");
-  EXPECT_EQ(unit_key({.serial = "FT000001"}, "emulated"), "emulated");
+  EXPECT_EQ(key_of("1234560", "hid:path=1-2"), "serial-1234560");
+  EXPECT_EQ(key_of("0123456789", "hid:path=1-2.4"), "port-1-2.4");
+  EXPECT_EQ(key_of("", "falcon:path=3-1"), "port-3-1");
+  EXPECT_EQ(key_of("0123456789", "usbip://127.0.0.1:3240/1-1"), "usbip-127.0.0.1-1-1");
+  EXPECT_EQ(key_of("FT 1/2", "falcon"), "serial-FT_1_2");
+  EXPECT_EQ(key_of("FT000001", "emulated"), "emulated");
 }
 
 TEST_F(UnitProfile, IsWrittenWhereItIsFoundWithTheOldOneKept) {

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <atomic>
+
+#include "calibration/rig.h"
+
+namespace forcegrid::calibration {
+
+/// An opened device in real time: steps begin at absolute deadlines.
+///
+/// Its motors have zero current once step() has thrown, and when it ends; the device's I/O thread
+/// and its watchdog see to that, too, should this process hang.
+/// Threads: one.
+class DeviceRig final : public Rig {
+ public:
+  /// No new report for this long ends the calibration.
+  static constexpr rt::Duration kSilence = std::chrono::milliseconds(200);
+
+  /// @param device, stop  outlive it; the calibration ends soon after `stop` has become true.
+  DeviceRig(driver::Device& device, rt::Duration period, const std::atomic<bool>& stop);
+  ~DeviceRig() override;
+
+  driver::DeviceReport step(const driver::MotorCommand& command) override;
+  [[nodiscard]] rt::Duration period() const noexcept override { return period_; }
+
+ private:
+  driver::Device& device_;
+  rt::Duration period_;
+  const std::atomic<bool>& stop_;
+  rt::TimePoint deadline_;
+  driver::DeviceReport last_;
+  rt::TimePoint last_news_;
+};
+
+}  // namespace forcegrid::calibration
