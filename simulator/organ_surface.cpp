@@ -316,13 +316,9 @@ void add_springs(const OrganOptions& options, const std::vector<Edge>& edges, do
                  SpringMesh& mesh) {
   for (const Edge& edge : edges) {
     const double random = spring_random(options.seed, mesh.springs.size());
-    const double length_m = (mesh.rest_position_W[static_cast<std::size_t>(edge.first)] -
-                             mesh.rest_position_W[static_cast<std::size_t>(edge.second)])
-                                .norm();
     mesh.springs.push_back(
         {edge.first, edge.second,
-         options.stiffness_N_per_m * factor * (1.0 + options.random_spread * random),
-         length_m / (1.0 + options.pre_strain)});
+         options.stiffness_N_per_m * factor * (1.0 + options.random_spread * random)});
   }
 }
 
@@ -334,13 +330,6 @@ void move_to_top(const Eigen::Vector3d& top_W, SpringMesh& mesh) {
     position_W += top_W - Eigen::Vector3d(0.0, 0.0, to_grid_m(height_m));
   }
   mesh.top_W = top_W;
-}
-
-void balance(SpringMesh& mesh) {
-  mesh.load_W_N = vertex_forces_W(mesh, mesh.rest_position_W);
-  for (std::size_t i = 0; i < mesh.load_W_N.size(); ++i) {
-    mesh.load_W_N[i] *= mesh.fixed[i] == 0 ? -1.0 : 0.0;
-  }
 }
 
 }  // namespace
@@ -364,8 +353,7 @@ SpringMesh make_organ_surface(const OrganOptions& options) {
   if (more > 0) {
     add_springs(options, struts(options, surface, more), options.strut_factor, mesh);
   }
-  mesh.home_stiffness_N_per_m.assign(mesh.rest_position_W.size(), options.home_stiffness_N_per_m);
-  balance(mesh);
+  tighten(mesh, options.pre_strain, options.home_stiffness_N_per_m);
   simulator::check(mesh);
   return mesh;
 }

@@ -1,8 +1,14 @@
 #include "simulator/scene_object.h"
 
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
 #include "profiles/nearest_name.h"
 #include "profiles/text.h"
 #include "simulator/lattice_block.h"
+#include "simulator/mesh_file.h"
+#include "simulator/mesh_object.h"
 #include "simulator/organ_surface.h"
 
 namespace forcegrid::simulator {
@@ -20,12 +26,13 @@ constexpr NumberRange kFactor{1e-3, 1e3, "a factor from 0.001 to 1000"};
 constexpr NumberRange kHome_N_per_m{0.0, 1e6, "a stiffness in N/m from 0 to 1e6"};
 constexpr NumberRange kBend_m{0.0, 1.0, "a length in metres from 0 to 1"};
 constexpr NumberRange kPreStrain{0.0, 2.0, "a strain from 0 to 2"};
+constexpr NumberRange kFixedBelow_m{0.0, 1.0, "a height in metres from 0 to 1"};
 constexpr NumberRange kSpread{0.0, 0.99, "a fraction from 0 to 0.99"};
 constexpr NumberRange kCubic{kAboveZero, 1e4, "a number above 0 and at most 1e4"};
 constexpr NumberRange kExponent{0.01, 30.0, "a number from 0.01 to 30"};
 constexpr std::int64_t kMaxSeed = 1'000'000'000;
 
-const std::vector<std::string> kShapes{"block", "organ"};
+const std::vector<std::string> kShapes{"block", "organ", "mesh"};
 const std::vector<std::string> kLaws{"linear", "hardening", "exponential"};
 const std::vector<std::string> kCommonKeys{"shape", "place_m", "stiffness_N_per_m", "random_spread",
                                            "seed",  "law",     "cubic_coefficient", "exponent"};
@@ -98,6 +105,37 @@ SpringMesh make_organ(const TomlTable& object, const Eigen::Vector3d& place_W) {
   return make_organ_surface(options);
 }
 
+double unit_m(const TomlTable& object) {
+  static const std::vector<std::pair<std::string, double>> units{
+      {"m", 1.0}, {"cm", 1e-2}, {"mm", 1e-3}, {"inch", 0.0254}};
+  std::vector<std::string> names;
+  for (const auto& [name, metres] : units) {
+    names.push_back(name);
+  }
+  const std::string unit = choice(object, "unit", names);
+  return std::find_if(units.begin(), units.end(),
+                      [&](const auto& each) { return each.first == unit; })
+      ->second;
+}
+
+SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_W) {
+  // Relative to the scene's file; an absolute path replaces that.
+  const std::string file =
+      (std::filesystem::path(object.file()).parent_path() / object.text("file")).string();
+  MeshObjectOptions options;
+  options.who = "mesh file " + file + ": ";
+  options.unit_m = unit_m(object);
+  options.top_W = place_W;
+  options.fixed_below_m = object.number("fixed_below_m", kFixedBelow_m);
+  options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
+  options.random_spread = object.number_or("random_spread", kSpread, 0.0);
+  options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
+  options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
+  options.home_stiffness_N_per_m = object.number_or("home_stiffness_N_per_m", kHome_N_per_m, 0.0);
+  options.law = read_law(object);
+  return make_mesh_object(read_mesh_file(file), options);
+}
+
 }  // namespace
 
 std::vector<std::string> scene_object_keys(const TomlTable& object) {
@@ -105,6 +143,9 @@ std::vector<std::string> scene_object_keys(const TomlTable& object) {
   const std::string shape = choice(object, "shape", kShapes);
   if (shape == "block") {
     keys.insert(keys.end(), {"vertex_count", "size_m", "diagonal_factor"});
+  } else if (shape == "mesh") {
+    keys.insert(keys.end(),
+                {"file", "unit", "fixed_below_m", "pre_strain", "home_stiffness_N_per_m"});
   } else {
     keys.insert(keys.end(), {"vertex_count", "edge_count", "semi_axes_m", "bend_m", "strut_factor",
                              "pre_strain", "home_stiffness_N_per_m"});
@@ -115,8 +156,10 @@ std::vector<std::string> scene_object_keys(const TomlTable& object) {
 SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W) {
   const Eigen::Vector3d place_W =
       origin_W + vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
-  return choice(object, "shape", kShapes) == "block" ? make_block(object, place_W)
-                                                     : make_organ(object, place_W);
+  const std::string shape = choice(object, "shape", kShapes);
+  return shape == "block"  ? make_block(object, place_W)
+         : shape == "mesh" ? make_from_file(object, place_W)
+                           : make_organ(object, place_W);
 }
 
 }  // namespace forcegrid::simulator

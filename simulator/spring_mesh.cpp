@@ -197,6 +197,25 @@ void scale_forces(SpringMesh& mesh, double factor) {
   }
 }
 
+void tighten(SpringMesh& mesh, double pre_strain, double home_stiffness_N_per_m) {
+  if (home_stiffness_N_per_m > 0.0) {
+    mesh.home_stiffness_N_per_m.assign(mesh.rest_position_W.size(), home_stiffness_N_per_m);
+  }
+  if (!(pre_strain > 0.0)) {
+    return;
+  }
+  for (Spring& spring : mesh.springs) {
+    spring.natural_length_m = (mesh.rest_position_W[static_cast<std::size_t>(spring.a)] -
+                               mesh.rest_position_W[static_cast<std::size_t>(spring.b)])
+                                  .norm() /
+                              (1.0 + pre_strain);
+  }
+  mesh.load_W_N = vertex_forces_W(mesh, mesh.rest_position_W);
+  for (std::size_t i = 0; i < mesh.load_W_N.size(); ++i) {
+    mesh.load_W_N[i] *= mesh.fixed[i] == 0 ? -1.0 : 0.0;
+  }
+}
+
 void append(const SpringMesh& object, SpringMesh& mesh) {
   if (mesh.rest_position_W.empty()) {
     mesh = object;

@@ -57,6 +57,10 @@ std::vector<Eigen::Vector3d> vertex_forces_W(const SpringMesh& mesh,
 /// Makes every force of the object `factor` times as large: springs, home springs and loads; > 0.
 void scale_forces(SpringMesh& mesh, double factor);
 
+/// Stretches every spring by `pre_strain` >= 0 where the object rests, balances that with dead loads
+/// on the free vertices, and gives every vertex a home spring of `home_stiffness_N_per_m` >= 0.
+void tighten(SpringMesh& mesh, double pre_strain, double home_stiffness_N_per_m);
+
 /// Puts `object` beside what `mesh` holds already; an empty mesh becomes the object, top included.
 void append(const SpringMesh& object, SpringMesh& mesh);
 

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace forcegrid::simulator {
+
+/// Vertices and elements as a file has them. A file with tetrahedra has no use for its triangles:
+/// then those are left out.
+struct MeshFile {
+  std::vector<Eigen::Vector3d> vertex;  ///< in the file's unit of length
+  std::vector<std::array<std::int32_t, 3>> triangles;
+  std::vector<std::array<std::int32_t, 4>> tetrahedra;
+};
+
+/// Reads a mesh by the ending of its name: Gmsh's .msh through libgmsh, .obj (a surface; polygons
+/// are cut into triangles) through tinyobjloader. libgmsh is loaded when the first .msh is read.
+/// Throws Error naming the file: one that can't be read, has another ending, no or other than
+/// first-order triangles and tetrahedra, numbers that are not finite, indices out of range, two
+/// vertices at one place, or a vertex that no element uses.
+/// Real-time: no. Threads: one at a time, since libgmsh has one state for the whole program.
+MeshFile read_mesh_file(const std::string& file);
+
+/// The readers of each format, without the checks on what they read.
+MeshFile read_gmsh(const std::string& file);
+MeshFile read_obj(const std::string& file);
+
+/// What read_mesh_file checks of the content. @param who  begins the message.
+void check(const MeshFile& mesh, const std::string& who);
+
+}  // namespace forcegrid::simulator
