@@ -546,6 +546,9 @@ int run_command(const RunOptions& options) {
   telemetry_options.method_names = names;
   telemetry_options.rate_Hz = options.rate_Hz;
   telemetry_options.live = options.live ? nullptr : out;
+  if (options.live) {
+    telemetry_options.on_sentence = say;
+  }
   recorder = start_recorder(options, profile, names, url, device->identity());
   if (records_trace(options)) {
     link.keep_samples(kRecordedSamples);
@@ -666,6 +669,9 @@ int run_command(const RunOptions& options) {
 
   if (!summary.outcome.memory_lock_refused.empty()) {
     summary.notes.push_back(summary.outcome.memory_lock_refused);
+  }
+  if (!summary.outcome.awake_refused.empty()) {
+    summary.notes.push_back(summary.outcome.awake_refused);
   }
   if (device) {
     driver::add(summary.device_statistics, device->statistics());

@@ -5,6 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "rt/processors_awake.h"
+
 namespace forcegrid::servo {
 namespace {
 
@@ -412,6 +414,8 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   rt::name_current_thread("servo");
   outcome.scheduling = rt::make_current_thread_realtime(rt::kServoPriority);
   outcome.memory_lock_refused = rt::lock_memory();
+  const rt::ProcessorsAwake awake;
+  outcome.awake_refused = awake.refused();
 
   const rt::Duration period = rt::from_seconds(1.0 / options_.rate_Hz);
   rt::TimePoint deadline = rt::Clock::now() + period + bus_frame_;

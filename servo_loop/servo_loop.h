@@ -104,6 +104,7 @@ struct ServoOutcome {
   std::uint64_t cycles_shortened = 0;     ///< whose force it shortened
   rt::Scheduling scheduling;
   std::string memory_lock_refused;  ///< empty when memory is locked
+  std::string awake_refused;        ///< see rt::ProcessorsAwake
   bool zero_current_delivered = false;
 };
 

@@ -93,10 +93,8 @@ void Telemetry::take_rung(const CycleRecord& record) {
   }
   // Late samples come and go on a poor network; what they change is small, and in the summary.
   const auto felt = [](Rung rung) { return rung == Rung::kFresh || rung == Rung::kOld; };
-  if (options_.live != nullptr && !(felt(record.rung) && felt(last_rung_))) {
-    std::fprintf(options_.live, "%7.1f s  %s\n", time_s,
-                 sentence_for(record.rung, record.held_back).c_str());
-    std::fflush(options_.live);
+  if (!(felt(record.rung) && felt(last_rung_))) {
+    say(record, sentence_for(record.rung, record.held_back));
   }
   last_rung_ = record.rung;
 }
@@ -108,14 +106,26 @@ void Telemetry::take_warmth(const CycleRecord& record) {
     return;
   }
   ++statistics_.cycles_warm;
-  if (!said_warm_ && options_.live != nullptr) {
-    std::fprintf(options_.live,
-                 "%7.1f s  A motor is warm: its current is limited toward what it bears for ever; "
-                 "let go, or press less, and it cools in a minute.\n",
-                 1e-9 * static_cast<double>(record.time_ns - first_time_ns_));
-    std::fflush(options_.live);
+  if (!said_warm_) {
+    say(record,
+        "A motor is warm: its current is limited toward what it bears for ever; let go, or press "
+        "less, and it cools in a minute.");
   }
   said_warm_ = true;
+}
+
+void Telemetry::say(const CycleRecord& record, const std::string& sentence) {
+  char time[24];
+  std::snprintf(time, sizeof time, "%7.1f s  ",
+                1e-9 * static_cast<double>(record.time_ns - first_time_ns_));
+  const std::string line = time + sentence + "\n";
+  if (options_.live != nullptr) {
+    std::fputs(line.c_str(), options_.live);
+    std::fflush(options_.live);
+  }
+  if (options_.on_sentence) {
+    options_.on_sentence(line);
+  }
 }
 
 void Telemetry::take_rendered(const CycleRecord& record) {

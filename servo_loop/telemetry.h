@@ -22,6 +22,9 @@ struct TelemetryOptions {
   /// The newest this many cycles are kept; older ones only count in the statistics.
   std::size_t keep_cycles = 300'000;
   std::FILE* live = nullptr;  ///< where the live line goes, once a second; null: nowhere
+  /// Given what the loop does about late forces and warm motors, a sentence with its time, also
+  /// without `live`; on the thread that drains.
+  std::function<void(const std::string&)> on_sentence;
   /// Given every cycle, on the thread that drains; must return soon.
   std::function<void(const CycleRecord&)> on_cycle;
 };
@@ -100,6 +103,7 @@ class Telemetry {
   void take_rung(const CycleRecord& record);
   void take_warmth(const CycleRecord& record);
   void take_rendered(const CycleRecord& record);
+  void say(const CycleRecord& record, const std::string& sentence);
   void print_live_line(const CycleRecord& record);
   const char* guard_text() const noexcept;
   std::string clock_text();

@@ -33,12 +33,13 @@ std::string times(const char* name, const rt::Percentiles& values, const char* u
 
 std::string limits(std::uint8_t acted) {
   std::string words;
-  const std::array<std::pair<int, const char*>, 5> names = {
+  const std::array<std::pair<int, const char*>, 6> names = {
       {{driver::kLimitNotFinite, "not finite"},
        {driver::kLimitForce, "force"},
        {driver::kLimitSlew, "slew"},
        {driver::kLimitTorque, "torque"},
-       {driver::kLimitCurrent, "current"}}};
+       {driver::kLimitCurrent, "current"},
+       {driver::kLimitWarm, "warm"}}};
   for (const auto& [bit, name] : names) {
     if ((acted & bit) != 0) {
       words += (words.empty() ? "" : ", ") + std::string(name);

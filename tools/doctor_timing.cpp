@@ -12,6 +12,7 @@
 
 #include "link/servo_endpoint.h"
 #include "rt/clock.h"
+#include "rt/processors_awake.h"
 #include "rt/thread.h"
 
 namespace forcegrid::tools {
@@ -70,6 +71,7 @@ WakeupTest measure_wakeups(double seconds, double period_s, bool load,
   WakeupTest test;
   std::thread sleeper([&] {
     test.realtime = rt::make_current_thread_realtime(rt::kServoPriority).realtime;
+    const rt::ProcessorsAwake awake;  // as in the loop, where it is allowed
     const rt::Duration period = rt::from_seconds(period_s);
     const rt::TimePoint end = rt::Clock::now() + rt::from_seconds(seconds);
     for (rt::TimePoint deadline = rt::Clock::now() + period; deadline < end && !stop;) {

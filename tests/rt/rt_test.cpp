@@ -1,12 +1,17 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <fstream>
 #include <random>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "rt/mailbox.h"
 #include "rt/percentiles.h"
+#include "rt/processors_awake.h"
 #include "rt/spsc_ring.h"
 #include "rt/thread.h"
 
@@ -89,6 +94,31 @@ TEST(SpscRing, LosesNothingBetweenThreads) {
     }
   }
   producer.join();
+}
+
+TEST(ProcessorsAwake, AsksForNoLatencyUntilItIsGone) {
+  const std::string file = ::testing::TempDir() + "latency_" + std::to_string(getpid());
+  std::ofstream(file).close();
+  {
+    const ProcessorsAwake awake(file.c_str());
+    EXPECT_TRUE(awake.held());
+    EXPECT_EQ(awake.refused(), "");
+    std::ifstream stream(file, std::ios::binary);
+    std::int32_t asked_us = -1;
+    stream.read(reinterpret_cast<char*>(&asked_us), sizeof asked_us);
+    EXPECT_EQ(asked_us, 0);
+  }
+  std::remove(file.c_str());
+}
+
+TEST(ProcessorsAwake, SaysWhyItIsRefusedButNotWhereTheKernelTakesNoRequest) {
+  const ProcessorsAwake refused(::testing::TempDir().c_str());  // a folder
+  EXPECT_FALSE(refused.held());
+  EXPECT_NE(refused.refused().find("Is a directory"), std::string::npos) << refused.refused();
+  EXPECT_NE(refused.refused().find("; run as root"), std::string::npos) << refused.refused();
+  const ProcessorsAwake none("/no/such/file");
+  EXPECT_FALSE(none.held());
+  EXPECT_EQ(none.refused(), "");
 }
 
 TEST(Percentiles, AgreeWithASortedListWithinOneBin) {

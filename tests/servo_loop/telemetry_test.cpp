@@ -45,6 +45,8 @@ TEST(Telemetry, CountsTheRungsAndSaysWhenTheForceGivesWay) {
   std::FILE* live = std::tmpfile();
   ASSERT_NE(live, nullptr);
   options.live = live;
+  std::string sentences;
+  options.on_sentence = [&](const std::string& text) { sentences += text; };
   Telemetry telemetry(ports, options);
   for (std::uint64_t i = 0; i < 100; ++i) {
     CycleRecord record = record_at(i);
@@ -64,8 +66,10 @@ TEST(Telemetry, CountsTheRungsAndSaysWhenTheForceGivesWay) {
   ASSERT_EQ(statistics.first_rung_changes.size(), 3u);
   EXPECT_EQ(statistics.first_rung_changes[2].to, Rung::kDamping);
   EXPECT_DOUBLE_EQ(statistics.first_rung_changes[2].time_s, 0.14);
-  EXPECT_NE(said.find("The force gives way to a damping field: no sample comes"), std::string::npos)
-      << said;
+  const std::string gives_way =
+      "    0.1 s  The force gives way to a damping field: no sample comes from the simulator.\n";
+  EXPECT_NE(said.find(gives_way), std::string::npos) << said;
+  EXPECT_EQ(sentences, "    0.0 s  Samples come; the force ramps in.\n" + gives_way);
 }
 
 TEST(Telemetry, TellsWhoOfTheRenderedMethodsMembersWasFeltAndWhenItChanged) {

@@ -106,6 +106,16 @@ TEST(Live, DrawsTheLoopAndGivesTheTerminalBackAtTheEnd) {
   EXPECT_THAT(run.seen().substr(run.seen().rfind(kLeave)), HasSubstr("Wrote"));  // the summary
 }
 
+TEST(Live, ShowsTheSentencesOfTheLoopAndPrintsThemAtTheEnd) {
+  InTerminal run(live_run("60"));
+  ASSERT_TRUE(run.wait_for("s  Samples come; the force ramps in.")) << run.seen();
+  EXPECT_EQ(run.seen().rfind(kLeave), std::string::npos) << "it is shown in the picture";
+  run.send_signal(SIGINT);
+  EXPECT_TRUE(run.gave_the_terminal_back());
+  EXPECT_THAT(run.seen().substr(run.seen().rfind(kLeave)),
+              HasSubstr("s  Samples come; the force ramps in."));
+}
+
 TEST(Live, GivesTheTerminalBackOnEverySignal) {
   for (const int number : {SIGINT, SIGTERM, SIGSEGV, SIGABRT}) {
     InTerminal run(live_run("60"));
