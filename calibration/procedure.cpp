@@ -83,6 +83,20 @@ Check range_check(const profiles::DeviceProfile& profile, int joint, const Joint
   return check;
 }
 
+Check travel_check(const profiles::DeviceProfile& profile, const KnobTravel& travel) {
+  Check check{"range of the knob", false, ""};
+  check.text =
+      text("it meets the body at z = %.2f and %.2f mm, profile %.2f and %.2f", 1e3 * travel.in_m,
+           1e3 * travel.out_m, 1e3 * profile.delta.knob_min_z_m, 1e3 * profile.delta.knob_max_z_m);
+  check.passed = std::abs(travel.in_m - profile.delta.knob_min_z_m) <= kTravelTolerance_m &&
+                 std::abs(travel.out_m - profile.delta.knob_max_z_m) <= kTravelTolerance_m;
+  if (!check.passed) {
+    check.text +=
+        ": delta.zero_angle_rad or encoder_rad_per_count is wrong, or something is in the way";
+  }
+  return check;
+}
+
 /// Refuses a mass whose weight alone is more than the motors bear for ever.
 void require_bearable(const profiles::DeviceProfile& profile, const HeldArm& arm, RigidBody& body,
                       const Vector3d& center) {
@@ -146,7 +160,9 @@ class Procedure {
       arm.hold(kHoldStep_s);
     }
     arm.move_to(center);
-    if (options_.range && !is_delta(profile_)) {
+    if (options_.range && is_delta(profile_)) {
+      travel(arm, center);
+    } else if (options_.range) {
       ranges(arm, center);
     }
     if (result_.passed() && options_.identify) {
@@ -178,6 +194,13 @@ class Procedure {
       arm.forget_target();
       arm.move_to(center);
     }
+  }
+
+  void travel(HeldArm& arm, const Vector3d& center) {
+    say("The knob moves in and out, until it meets the body.");
+    const KnobTravel travel = measure_travel(arm, profile_, center);
+    result_.checks.push_back(travel_check(profile_, travel));
+    result_.knob_travel = travel;
   }
 
   // A joint that its motor can't hold there would fall onto its stop.

@@ -9,6 +9,7 @@
 
 #include "calibration/identification.h"
 #include "calibration/joint_range.h"
+#include "calibration/knob_travel.h"
 #include "calibration/rig.h"
 #include "profiles/device_profile.h"
 
@@ -18,7 +19,7 @@ struct ProcedureOptions {
   /// [kg] fastened to the tip; 0: none, and torque constants can't be told.
   double known_mass_kg = 0.0;
   bool homed = true;     ///< the counters were set in the calibration pose just now
-  bool range = true;     ///< move to the hard stops (arms)
+  bool range = true;     ///< move to the hard stops
   bool identify = true;  ///< strokes
   bool quick = false;    ///< fewer strokes
   /// [s] How long the motors hold the device while the person lets go of it.
@@ -54,6 +55,7 @@ struct JointResult {
 struct ProcedureResult {
   std::vector<Check> checks;
   std::array<JointResult, 3> joints;
+  std::optional<KnobTravel> knob_travel;     ///< of a delta
   std::optional<double> torque_gain_per_Nm;  ///< of a delta, with a known mass
   bool absolute = false;                     ///< a known mass gave the scale
   double largest_tip_speed_m_per_s = 0.0;

@@ -51,7 +51,8 @@ Check friction_check(const profiles::DeviceProfile& profile, int joint, const Jo
         ": the torque constant is too uncertain: fasten a larger mass, and leave out "
         "--quick";
   } else if (!(fit.coulomb_Nm.relative_error() < kLargestFrictionError) &&
-             fit.coulomb_Nm.error > 0.02 * profile.dynamics.coulomb_friction_Nm[0]) {
+             fit.coulomb_Nm.error >
+                 0.02 * profile.dynamics.coulomb_friction_Nm[static_cast<std::size_t>(joint)]) {
     check.text += ": the friction is too uncertain: nobody may touch the device; leave out --quick";
   } else {
     check.passed = true;

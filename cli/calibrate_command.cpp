@@ -119,6 +119,10 @@ ordered_json json_of(const profiles::DeviceProfile& profile, const ProcedureResu
                        {"changes", changes},
                        {"largest_tip_speed_m_per_s", result.largest_tip_speed_m_per_s},
                        {"largest_current_A", result.largest_current_A}};
+  if (result.knob_travel) {
+    json["knob_travel"] = {{"in_m", result.knob_travel->in_m},
+                           {"out_m", result.knob_travel->out_m}};
+  }
   if (result.torque_gain_per_Nm) {
     json["torque_gain_per_Nm"] = *result.torque_gain_per_Nm;
   }

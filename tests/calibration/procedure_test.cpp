@@ -89,7 +89,6 @@ TEST_P(ArmProcedure, FindsTorqueConstantsFrictionAndOffsetsOfAWrongProfile) {
   const ProcedureResult result =
       run_procedure(rig, wrong.profile, {.known_mass_kg = c.known_mass_kg, .quick = c.quick});
   ASSERT_TRUE(result.passed()) << all_checks(result);
-  std::printf("%.1f s\n%s", rig.time_s(), all_checks(result).c_str());
   EXPECT_TRUE(result.absolute);
   EXPECT_FALSE(rig.motors_on());
 
@@ -148,6 +147,30 @@ TEST(Procedure, FindsTheGainAndFrictionOfADelta) {
                   kLargestFrictionError);
     }
     EXPECT_TRUE(changed(result, "calibration.pose_counts").empty()) << "it homes itself";
+  }
+}
+
+TEST(Procedure, ADeltasKnobMeetsTheBodyWhereTheProfileSaysOrItsAnglesAreWrong) {
+  const auto truth = profiles::load_device_profile("falcon");
+  for (const double zero_error_rad : {0.0, 0.08, -0.08}) {
+    SCOPED_TRACE(zero_error_rad);
+    auto believed = truth;
+    believed.delta.zero_angle_rad += zero_error_rad;
+    SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
+    rig.believed_gain_per_Nm = truth.falcon.torque_gain_per_Nm;
+    const ProcedureResult result = run_procedure(rig, believed, {.identify = false});
+    EXPECT_EQ(result.passed(), zero_error_rad == 0.0) << all_checks(result);
+    ASSERT_TRUE(result.knob_travel);
+    if (zero_error_rad == 0.0) {
+      // A count moves the knob by up to 0.05 mm.
+      EXPECT_NEAR(result.knob_travel->in_m, truth.delta.knob_min_z_m, 2e-4);
+      EXPECT_NEAR(result.knob_travel->out_m, truth.delta.knob_max_z_m, 2e-4);
+    } else {
+      EXPECT_THAT(all_checks(result), HasSubstr("FAILED range of the knob"));
+      EXPECT_THAT(all_checks(result), HasSubstr("zero_angle_rad"));
+    }
+    EXPECT_TRUE(result.changes.empty());
+    EXPECT_FALSE(rig.motors_on());
   }
 }
 

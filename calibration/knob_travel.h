@@ -1,0 +1,25 @@
+#pragma once
+
+#include "calibration/held_arm.h"
+
+namespace forcegrid::calibration {
+
+/// Where the knob of a delta meets the device's body: z of the base frame B, out of the device.
+struct KnobTravel {
+  double in_m = 0.0;
+  double out_m = 0.0;
+};
+
+/// [m] A knob that meets the body elsewhere than the profile says by more than this has other
+/// angles than its counters tell.
+inline constexpr double kTravelTolerance_m = 0.002;
+
+/// Pushes the knob gently in and pulls it out along the device's axis until it does not follow. The
+/// body is far stiffer than the push, so what is measured is where it stands, for all three legs
+/// together.
+/// @param center_rad  where the knob begins and ends.
+/// @throws as HeldArm::step(), and CalibrationError where there is no stop.
+KnobTravel measure_travel(HeldArm& arm, const profiles::DeviceProfile& profile,
+                          const Eigen::Vector3d& center_rad);
+
+}  // namespace forcegrid::calibration
