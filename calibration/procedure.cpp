@@ -123,6 +123,9 @@ class Procedure {
 
   ProcedureResult run() {
     directions();
+    if (result_.passed() && options_.person_done) {
+      guided_moves();
+    }
     if (result_.passed() && (options_.range || options_.identify)) {
       move();
     }
@@ -149,13 +152,29 @@ class Procedure {
     }
   }
 
+  void guided_moves() {
+    for (const GuidedMove& move : guide_moves(
+             rig_, body_, [this](const std::string& line) { say(line); }, options_.person_done)) {
+      Check check{std::string("moved ") + move.where, move.as_asked(), ""};
+      check.text = text("by %.0f, %.0f, %.0f mm toward you, to your right, up",
+                        1e3 * move.moved_D.x(), 1e3 * move.moved_D.y(), 1e3 * move.moved_D.z());
+      if (!check.passed) {
+        check.text +=
+            ": it was not moved as asked, or a joint counts the other way: change its "
+            "encoder_sign and the counts of its pose, or the order of the axes' plugs";
+      }
+      result_.checks.push_back(check);
+    }
+  }
+
   void move() {
     const Vector3d center = stroke_center_rad(profile_, options_.known_mass_kg);
     HeldArm arm(rig_, profile_, body_);
     require_bearable(profile_, arm, body_, center);
-    say("The motors hold the device now. Let go of it, and keep clear.");
+    say(std::string("The motors hold the device now. Let go of it, and keep clear") +
+        (options_.person_done ? "; then press Enter." : "."));
     const double begin_s = arm.time_s();
-    while (options_.let_go_done ? !options_.let_go_done()
+    while (options_.person_done ? !options_.person_done()
                                 : arm.time_s() - begin_s < options_.let_go_s) {
       arm.hold(kHoldStep_s);
     }

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "calibration/guided_moves.h"
 #include "calibration/identification.h"
 #include "calibration/joint_range.h"
 #include "calibration/knob_travel.h"
@@ -26,9 +27,9 @@ struct ProcedureOptions {
   double let_go_s = 5.0;
   /// A line for the person; may be empty.
   std::function<void(const std::string&)> say{};
-  /// Waits until the person has let go, given what to do meanwhile (a short hold, again and again);
-  /// returns true when they have. Empty: let_go_s passes.
-  std::function<bool()> let_go_done{};
+  /// Asked again and again whether the person has done what they were asked to: moved the tip, let
+  /// go of it. Empty: there is none; the tip is not moved by hand, and let_go_s passes.
+  std::function<bool()> person_done{};
 };
 
 /// Result of one thing that was looked at.

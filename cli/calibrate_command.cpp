@@ -168,8 +168,13 @@ class Calibration {
     std::fflush(out_);
   }
 
+  // An emulated device of this program's own has an emulated hand, which needs no questions.
+  bool somebody_is_there() const {
+    return !options_.yes && !options_.device.starts_with(kEmulatedPrefix);
+  }
+
   void check_options() const {
-    if (!options_.yes && ::isatty(STDIN_FILENO) == 0) {
+    if (somebody_is_there() && ::isatty(STDIN_FILENO) == 0) {
       throw std::runtime_error(
           "calibrate asks a person to let go of the device, but standard input is no terminal; "
           "give --yes for a script, and see that nobody touches the device");
@@ -234,14 +239,8 @@ class Calibration {
     procedure.quick = options_.quick;
     procedure.let_go_s = options_.let_go_s;
     procedure.say = [&](const std::string& line) { say(line); };
-    if (!options_.yes) {
-      procedure.let_go_done = [this, asked = false]() mutable {
-        if (!asked) {
-          say("Press Enter when you have let go. Ctrl-C ends it at any time.");
-          asked = true;
-        }
-        return enter_pressed();
-      };
+    if (somebody_is_there()) {
+      procedure.person_done = enter_pressed;
     }
     calibration::DeviceRig rig(*device_, rt::from_seconds(1.0 / options_.rate_Hz),
                                StopRequest::stop());

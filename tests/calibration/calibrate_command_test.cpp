@@ -161,7 +161,7 @@ TEST_F(CalibrateCommand, CtrlCEndsItWithZeroCurrentAndNothingWritten) {
 }
 
 TEST_F(CalibrateCommand, AsksNobodyWhereNobodyIs) {
-  Program calibrate = Program::forcegrid({"calibrate", "--device", "emulated:phantom_desktop"});
+  Program calibrate = Program::forcegrid({"calibrate", "--device", "usbip://127.0.0.1:9/1-1"});
   EXPECT_EQ(calibrate.wait(kTimeout), 1);
   EXPECT_THAT(calibrate.standard_error(), HasSubstr("--yes"));
 }

@@ -232,6 +232,49 @@ TEST(Procedure, AJointThatCountsTheOtherWayHasItsStopsElsewhere) {
   EXPECT_FALSE(rig.motors_on());
 }
 
+// A person who moves the tip by 60 mm along each direction that they are asked for.
+ProcedureResult with_a_person(SimulatedRig& rig, const profiles::DeviceProfile& believed) {
+  constexpr double kMove_m = 0.06;
+  constexpr double kMove_s = 1.0;
+  double begun_s = 0.0;
+  ProcedureOptions options{.range = false, .identify = false};
+  options.say = [&](const std::string& line) {
+    const Eigen::Vector3d along_D =
+        line.find("right") != std::string::npos ? Eigen::Vector3d::UnitY()
+        : line.find("up") != std::string::npos  ? Eigen::Vector3d::UnitZ()
+                                                : Eigen::Vector3d::UnitX();
+    if (line.starts_with("Move the tip")) {
+      begun_s = rig.time_s();
+      rig.hand_velocity_D_m_per_s = kMove_m / kMove_s * along_D;
+    }
+  };
+  options.person_done = [&] {
+    const bool done = rig.time_s() - begun_s > kMove_s;
+    if (done) {
+      rig.hand_velocity_D_m_per_s.setZero();
+    }
+    return done;
+  };
+  return run_procedure(rig, believed, options);
+}
+
+TEST(Procedure, APersonSeesABaseThatIsMirroredWherePushesAndStopsDoNot) {
+  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  SimulatedRig rig(truth, {.hand_lets_go_at_s = 1e6});
+  const ProcedureResult right = with_a_person(rig, truth);
+  EXPECT_TRUE(right.passed()) << all_checks(right);
+  EXPECT_EQ(right.checks.size(), 6U);
+
+  auto believed = truth;
+  believed.kinematics.encoder_sign[0] = -1.0;
+  SimulatedRig mirrored_rig(truth, {.hand_lets_go_at_s = 1e6});
+  const ProcedureResult mirrored = with_a_person(mirrored_rig, believed);
+  EXPECT_FALSE(mirrored.passed());
+  EXPECT_THAT(all_checks(mirrored), HasSubstr("FAILED moved to your right"));
+  EXPECT_THAT(all_checks(mirrored), HasSubstr("encoder_sign"));
+  EXPECT_FALSE(mirrored_rig.motors_on());
+}
+
 TEST(Procedure, AnEncoderOfOtherCountsHasAnotherRange) {
   const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
   auto believed = truth;

@@ -50,6 +50,7 @@ class SimulatedRig final : public Rig {
       arm_ ? arm_->release_hand() : delta_->release_hand();
     }
     last_command_ = command;
+    hand_target_D_ += kPeriod_s * hand_velocity_D_m_per_s;
     const Eigen::Vector3d torque_Nm = motor_torque_Nm(command).cwiseProduct(options_.motor_sign);
     largest_torque_Nm = largest_torque_Nm.cwiseMax(torque_Nm.cwiseAbs());
     if (arm_) {
@@ -83,6 +84,7 @@ class SimulatedRig final : public Rig {
     return false;
   }
 
+  Eigen::Vector3d hand_velocity_D_m_per_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d largest_torque_Nm = Eigen::Vector3d::Zero();
 
  private:
