@@ -7,6 +7,7 @@
 
 #include "evaluation/network.h"
 #include "evaluation/scenarios.h"
+#include "evaluation/trajectories.h"
 
 namespace forcegrid::evaluation {
 namespace {
@@ -80,6 +81,19 @@ TEST(WalledScenes, AreTheSameObjectWithWalls) {
   EXPECT_EQ(make_mesh(scene).springs.size(), make_mesh(chart_scene("small")).springs.size());
   EXPECT_TRUE(chart_scene("small").extras.walls.empty());
   EXPECT_THROW(chart_scene("small+wall_of_jelly"), ChartError);
+}
+
+TEST(WalledScenes, AreAlsoMadeOfScenesThatAreNotTheChartsOwn) {
+  const ChartScene& plain = chart_scene("discrimination_soft");
+  const ChartScene& walled = chart_scene("discrimination_soft+wall_two");
+  EXPECT_EQ(plain.object, "discrimination_soft");
+  EXPECT_EQ(walled.object, plain.object);
+  EXPECT_TRUE(plain.extras.walls.empty());
+  EXPECT_EQ(walled.extras.walls.size(), chart_scene("small+wall_two").extras.walls.size());
+  EXPECT_EQ(chart_scene("stomach").patch_radius_m, 0.008);
+  EXPECT_EQ(make_mesh(walled).top_W, first_contact_point_W());
+  EXPECT_THROW(chart_scene("discrimination_soft+wall_of_jelly"), ChartError);
+  EXPECT_THROW(chart_scene("discrimination_sofd"), ChartError);
 }
 
 // What the servo feels and what samples and answers say has to be one and the same object.
