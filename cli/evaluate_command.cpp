@@ -197,6 +197,7 @@ ordered_json json_of(const std::string& text, const Verdict& v, const GridGeomet
           {"cycle_ns_p99", v.cycle_ns_p99},
           {"samples_taken", v.samples_taken},
           {"samples_not_taken", v.samples_not_taken},
+          {"samples_refused", v.samples_refused},
           {"cycles_known", cycles(EstimateStatus::kOk)},
           {"cycles_partly_known", cycles(EstimateStatus::kPartlyKnown)},
           {"cycles_unknown", cycles(EstimateStatus::kUnknown)},

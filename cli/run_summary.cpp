@@ -125,6 +125,13 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
          summary.link.accepted, summary.link.dropped(), 1e3 * summary.worst_solve_time_s,
          summary.worst_relative_residual, summary.samples_not_converged);
   append_link(text, summary);
+  if (outcome.samples_refused > 0) {
+    append(text,
+           "%" PRIu64
+           " forces of the simulator were not believed, since no object can have answered so after "
+           "those before (docs/safety.md)\n",
+           outcome.samples_refused);
+  }
   if (statistics.cycles_limited > 0) {
     append(text, "A limit of the profile acted in %" PRIu64 " cycles\n", statistics.cycles_limited);
   }
@@ -284,6 +291,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"stalls", outcome.stalls},
       {"requests_made", outcome.requests_made},
       {"answers_taken", outcome.answers_taken},
+      {"samples_refused", outcome.samples_refused},
       {"records_lost", summary.records_lost},
       {"cycles_kept", summary.cycles_kept},
       {"realtime_scheduling", outcome.scheduling.realtime},

@@ -5,6 +5,7 @@
 #include <deque>
 #include <limits>
 
+#include "forcegrid/sample_gate.h"
 #include "rt/clock.h"
 
 namespace forcegrid::evaluation {
@@ -115,6 +116,7 @@ class Play {
       }
       cycle_ns_.push_back(this_cycle_ns_);
     }
+    verdict_.samples_refused = gate_.refused();
     add_times();
     return std::move(verdict_);
   }
@@ -140,6 +142,7 @@ class Play {
       } else {
         method_.contact_lost();
       }
+      gate_.forget();
       work_if_at_once();
     });
   }
@@ -180,8 +183,10 @@ class Play {
     sample.contact_epoch = phases_[of].epoch;
     sample.contact_point_W = phases_[of].point_W;
     sample.from_query = false;
-    take(sample);
-    ++verdict_.samples_taken;
+    for (const Sample& passed : gate_.pass(sample)) {
+      take(passed);
+      ++verdict_.samples_taken;
+    }
   }
 
   void deliver_answer() {
@@ -312,6 +317,7 @@ class Play {
   };
 
   ForceMethod& method_;
+  SampleGate gate_;
   const Trace& trace_;
   const JudgeOptions& options_;
   const Stopwatch stopwatch_;

@@ -62,6 +62,7 @@ struct Verdict {
   std::size_t memory_bytes = 0;
   std::size_t samples_taken = 0;      ///< along the path
   std::size_t samples_not_taken = 0;  ///< of no contact, or of one that is over
+  std::size_t samples_refused = 0;    ///< by SampleGate
   std::size_t requests_answered = 0;
   std::array<std::size_t, 5> cycles_by_status{};  ///< indexed by EstimateStatus
   std::vector<Eigen::Vector3d> forces_W;          ///< [N] at each servo instant

@@ -42,6 +42,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       ports_(ports),
       options_(options),
       bus_frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
+      gate_(profile.limits.max_force_N),
       sample_period_s_(1.0 / options.simulator_rate_Hz) {
   if (!(options_.rate_Hz >= 100.0 && options_.rate_Hz <= 4000.0)) {
     throw std::invalid_argument("servo rate: use 100 to 4000 Hz");
@@ -202,37 +203,49 @@ void ServoLoop::take_samples() noexcept {
       continue;
     }
     if (has_sample_) {
-      const double interval_s = rt::seconds(arrived.arrived - newest_sample_arrived_);
+      const double interval_s = rt::seconds(arrived.arrived - newest_arrival_);
       sample_period_s_ += 0.1 * (std::clamp(interval_s, 0.0, 1.0) - sample_period_s_);
     }
     has_sample_ = true;
-    newest_sample_arrived_ = arrived.arrived;
-    newest_sample_time_s_ = arrived.sample.time_s;
+    newest_arrival_ = arrived.arrived;
     ++samples_taken_;
-    const Sample& sample = arrived.sample;
-    if (arrived.in_contact && (!in_contact_ || sample.contact_epoch != contact_epoch_)) {
-      for (ForceMethod* method : methods_) {
-        method->contact_made(sample.contact_epoch, sample.contact_point_W);
-      }
-    } else if (!arrived.in_contact && (in_contact_ || !contact_known_)) {
-      for (ForceMethod* method : methods_) {
-        method->contact_lost();
-      }
+    take_contact(arrived);
+    const auto passed = in_contact_ ? gate_.pass(arrived.sample) : std::span(&arrived.sample, 1);
+    if (!passed.empty()) {
+      newest_sample_arrived_ = arrived.arrived;
+      newest_sample_time_s_ = arrived.sample.time_s;
     }
-    contact_known_ = true;
-    in_contact_ = arrived.in_contact;
-    contact_epoch_ = sample.contact_epoch;
-    contact_expected_ =
-        !in_contact_ && (sample.contact_point_W - sample.position_W).norm() > kElsewhere_m;
-    if (!in_contact_) {
-      expected_point_W_ = sample.contact_point_W;
-      air_epoch_ = sample.contact_epoch;
-    }
-    if (in_contact_) {
+    for (const Sample& sample : passed) {
       for (ForceMethod* method : methods_) {
-        method->take_sample(sample);
+        if (in_contact_) {
+          method->take_sample(sample);
+        }
       }
     }
+  }
+}
+
+void ServoLoop::take_contact(const ArrivedSample& arrived) noexcept {
+  const Sample& sample = arrived.sample;
+  if (arrived.in_contact && (!in_contact_ || sample.contact_epoch != contact_epoch_)) {
+    gate_.forget();
+    for (ForceMethod* method : methods_) {
+      method->contact_made(sample.contact_epoch, sample.contact_point_W);
+    }
+  } else if (!arrived.in_contact && (in_contact_ || !contact_known_)) {
+    gate_.forget();
+    for (ForceMethod* method : methods_) {
+      method->contact_lost();
+    }
+  }
+  contact_known_ = true;
+  in_contact_ = arrived.in_contact;
+  contact_epoch_ = sample.contact_epoch;
+  contact_expected_ =
+      !in_contact_ && (sample.contact_point_W - sample.position_W).norm() > kElsewhere_m;
+  if (!in_contact_) {
+    expected_point_W_ = sample.contact_point_W;
+    air_epoch_ = sample.contact_epoch;
   }
 }
 
@@ -367,6 +380,7 @@ void ServoLoop::continue_with(driver::Device& device) {
   motor_check_ = MotorCheck(profile_, rt::from_seconds(1.0 / options_.rate_Hz));
   motors_checked_ = false;
   has_sample_ = false;  // what was said before is about a hand that has moved on
+  gate_.forget();
   renderer_.drop();
   gravity_gain_ = 0.0;
   faulty_joint_ = -1;
@@ -453,6 +467,7 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   outcome.stalls = stalls_;
   outcome.requests_made = requests_made_;
   outcome.answers_taken = answers_taken_;
+  outcome.samples_refused = gate_.refused();
   outcome.encoder_doubts = encoder_watch_.doubts();
   const PassivityGuard& guard = renderer_.guard();
   outcome.energy_to_hand_J = guard.total_energy_to_hand_J();

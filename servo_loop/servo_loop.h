@@ -11,6 +11,7 @@
 #include "driver/force_limiter.h"
 #include "driver/mechanism.h"
 #include "forcegrid/force_method.h"
+#include "forcegrid/sample_gate.h"
 #include "link/clock_estimate.h"
 #include "link/messages.h"
 #include "profiles/device_profile.h"
@@ -93,8 +94,9 @@ struct ServoOutcome {
   std::uint64_t missed_deadlines = 0;
   /// Pauses longer than 50 ms, after which the force ramps in anew.
   std::uint64_t stalls = 0;
-  std::uint64_t requests_made = 0;  ///< of the rendered method, handed to the link
-  std::uint64_t answers_taken = 0;  ///< to these, given to the method
+  std::uint64_t requests_made = 0;    ///< of the rendered method, handed to the link
+  std::uint64_t answers_taken = 0;    ///< to these, given to the method
+  std::uint64_t samples_refused = 0;  ///< by SampleGate
   /// How often a joint stood still under load until its torque was led off: see EncoderWatch.
   std::uint64_t encoder_doubts = 0;
   double energy_to_hand_J = 0.0;          ///< by the rendered force, over the whole run
@@ -145,6 +147,7 @@ class ServoLoop {
 
  private:
   void take_samples() noexcept;
+  void take_contact(const ArrivedSample& arrived) noexcept;
   void take_answer(const ArrivedSample& answer) noexcept;
   void make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
   void start_anew() noexcept;
@@ -180,7 +183,9 @@ class ServoLoop {
   rt::Duration bus_frame_;
 
   rt::TimePoint last_cycle_{};
-  rt::TimePoint newest_sample_arrived_{};
+  SampleGate gate_;
+  rt::TimePoint newest_arrival_{};         ///< of any sample
+  rt::TimePoint newest_sample_arrived_{};  ///< of one that was believed
   double newest_sample_time_s_ = 0.0;
   double sample_period_s_;
   double wakeup_us_ = 0.0;  ///< of the cycle that runs, by run()

@@ -30,6 +30,7 @@ class Run {
         method_(method),
         plant_(setup.device, setup.hand, setup.contact_point_W),
         simulator_(setup.network, setup.fault, setup.seed),
+        gate_(setup.device.max_force_N),
         guard_(setup.passivity),
         count_age_ns_(nanoseconds(setup.timing.count_age_s)),
         actuation_ns_(nanoseconds(setup.timing.actuation_delay_s)),
@@ -92,6 +93,7 @@ class Run {
     result.damped_energy_J = guard_.damped_energy_J();
     result.largest_force_N = largest_force_N_;
     result.samples_taken = samples_taken_;
+    result.samples_refused = gate_.refused();
     result.samples_lost = simulator_.lost();
     result.rattle_N = changes_ > 0.0 ? std::sqrt(change_square_N2_ / changes_) : 0.0;
     return result;
@@ -111,15 +113,19 @@ class Run {
       ++samples_taken_;
       const bool news = !contact_known_ || answer->sample.contact_epoch != epoch_;
       if (answer->in_contact && (news || !in_contact_)) {
+        gate_.forget();
         method_->contact_made(answer->sample.contact_epoch, answer->sample.contact_point_W);
       } else if (!answer->in_contact && (in_contact_ || !contact_known_)) {
+        gate_.forget();
         method_->contact_lost();
       }
       contact_known_ = true;
       in_contact_ = answer->in_contact;
       epoch_ = answer->sample.contact_epoch;
       if (in_contact_) {
-        method_->take_sample(answer->sample);
+        for (const Sample& sample : gate_.pass(answer->sample)) {
+          method_->take_sample(sample);
+        }
       }
     }
   }
@@ -219,6 +225,7 @@ class Run {
   ForceMethod* method_;
   Plant plant_;
   SlowSimulator simulator_;
+  SampleGate gate_;
   servo::PassivityGuard guard_;
   std::int64_t count_age_ns_;
   std::int64_t actuation_ns_;

@@ -8,6 +8,7 @@
 #include "evaluation/network.h"
 #include "evaluation/trajectories.h"
 #include "forcegrid/force_method.h"
+#include "forcegrid/sample_gate.h"
 #include "servo_loop/passivity.h"
 #include "stability/hand.h"
 #include "stability/plant.h"
@@ -78,6 +79,7 @@ struct LoopResult {
   double largest_force_N = 0.0;  ///< rendered, after the limit of the motors
   double end_s = 0.0;            ///< of the run; earlier than usual after a divergence
   std::uint64_t samples_taken = 0;
+  std::uint64_t samples_refused = 0;  ///< by SampleGate
   std::uint64_t samples_lost = 0;
 };
 

@@ -197,12 +197,25 @@ TEST(Judge, HasNoFigureWhereNothingCanBeMeasured) {
 
 TEST(Judge, DeliversAtTheFirstCycleThatIsNotEarlierAndMakesContactWithTheFirstSample) {
   Trace trace = still(1.0);
-  trace.samples = {sample_of(0.0, 0.2, 1.0), sample_of(0.1, 0.25, 2.0)};
+  trace.samples = {sample_of(0.0, 0.2, 1.0), sample_of(0.1, 0.25, 1.2)};
   Diary diary;
   judge(diary, trace);
   // Cycle 0.2 delivers (it has seen 0.1 last), and 0.25 comes with cycle 0.3.
   EXPECT_THAT(diary.entries, ElementsAre("0.1: contact 1 at 0.5", "0.1: sample 1 epoch 1",
-                                         "0.2: sample 2 epoch 1"));
+                                         "0.2: sample 1.2 epoch 1"));
+}
+
+TEST(Judge, GivesAMethodNoForceThatTheServoWouldNotBelieve) {
+  Trace trace = still(1.5);
+  trace.samples = {sample_of(0.0, 0.1, 1.0), sample_of(0.3, 0.4, 1.0), sample_of(0.6, 0.7, 9.0),
+                   sample_of(0.9, 1.0, 1.0)};
+  Diary diary;
+  const Verdict verdict = judge(diary, trace);
+  EXPECT_EQ(verdict.samples_taken, 3u);
+  EXPECT_EQ(verdict.samples_refused, 1u);
+  for (const Sample& sample : diary.samples) {
+    EXPECT_EQ(sample.force_W.x(), 1.0);
+  }
 }
 
 TEST(Judge, GivesAMethodTheSamplesOfThePresentContactOnly) {
@@ -231,11 +244,11 @@ TEST(Judge, LetsTheServoKnowOfAContactLaterOrWithItsFirstSample) {
   trace.events = {{0.1, true, Vector3d(7.0, 0.0, 0.0), 0.4},
                   {0.5, false, Vector3d::Zero(), 0.9},
                   {1.0, true, Vector3d(8.0, 0.0, 0.0), 1.3}};
-  trace.samples = {sample_of(0.1, 0.4, 1.0), sample_of(0.4, 0.8, 2.0), sample_of(1.0, 1.2, 3.0)};
+  trace.samples = {sample_of(0.1, 0.4, 1.0), sample_of(0.4, 0.8, 1.2), sample_of(1.0, 1.2, 3.0)};
   Diary diary;
   judge(diary, trace);
   EXPECT_THAT(diary.entries, ElementsAre("-1: lost", "0.3: contact 1 at 7", "0.3: sample 1 epoch 1",
-                                         "0.7: sample 2 epoch 1", "0.8: lost",
+                                         "0.7: sample 1.2 epoch 1", "0.8: lost",
                                          "1.1: contact 2 at 8", "1.1: sample 3 epoch 2"));
 }
 

@@ -21,7 +21,7 @@ SweepOptions options(int runs) {
 
 class FaultSweep : public ::testing::Test {
  protected:
-  static void SetUpTestSuite() { runs_ = sweep_faults(options(114)); }
+  static void SetUpTestSuite() { runs_ = sweep_faults(options(76)); }
   static std::vector<SweptRun> runs_;
 };
 
@@ -34,11 +34,6 @@ TEST_F(FaultSweep, NoFaultGivesForceAboveTheLimitOrEnergyAfterwards) {
                              run.hand + " hand, " + std::to_string(run.stiffness_N_per_m) +
                              " N/m, seed " + std::to_string(run.seed);
     EXPECT_FALSE(force_above_limit(run, profile)) << what << ": " << run.largest_force_N << " N";
-    if (run.fault == SweptFault::kSimulatorHuge) {
-      // The guard takes some cycles to believe it; what it then leaves is bounded by the limits.
-      EXPECT_LT(run.energy_after_fault_J, 10e-3) << what;
-      continue;
-    }
     EXPECT_FALSE(energy_after_fault(run))
         << what << ": " << 1e3 * run.energy_after_fault_J << " mJ to the hand, "
         << 1e3 * run.work_after_end_J << " mJ of the motors after the end";
@@ -68,7 +63,7 @@ TEST_F(FaultSweep, WhatTheServoCannotGoOnWithEndsIt) {
 }
 
 TEST_F(FaultSweep, TheSameSeedGivesTheSameRunsWhateverTheThreads) {
-  SweepOptions alone = options(38);
+  SweepOptions alone = options(19);
   alone.jobs = 1;
   const auto again = sweep_faults(alone);
   for (std::size_t i = 0; i < again.size(); ++i) {
@@ -87,7 +82,7 @@ TEST_F(FaultSweep, TheTableCountsEveryRunOnce) {
     for (const auto& [name, count] : line.ended_by) {
       ended += count;
     }
-    EXPECT_EQ(line.runs, 6);
+    EXPECT_EQ(line.runs, 4);
     EXPECT_EQ(line.survivors + ended, line.runs) << to_string(line.fault);
   }
 }
