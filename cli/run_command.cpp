@@ -163,7 +163,7 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options) {
 
 // With a coupling the guard observes what that gives.
 void set_passivity(const RunOptions& options, servo::ServoOptions& servo_options) {
-  constexpr double kBoundOverAllowance = 0.7 / 0.3;
+  constexpr double kBoundOverAllowance = 2.0;
   servo_options.rendering.passivity.mode = options.passivity == "control"
                                                ? servo::PassivityMode::kControl
                                                : servo::PassivityMode::kObserve;

@@ -21,6 +21,8 @@ Eigen::Vector3d angle_per_count_rad(const profiles::DeviceProfile& profile) {
 PassivityOptions within_profile(PassivityOptions options, const profiles::DeviceProfile& profile) {
   options.max_damping_N_s_per_m =
       std::min(options.max_damping_N_s_per_m, profile.limits.max_damping_N_s_per_m);
+  // Counts wait for the bus to collect them, and a force for the bus to take it.
+  options.transport_delay_s = 1e-6 * profile.usb.frame_period_us;
   return options;
 }
 

@@ -9,6 +9,20 @@
 namespace forcegrid::servo {
 namespace {
 
+// Times of what the arm's damping takes, at which nothing of the sampling's energy is left to it.
+constexpr double kSlowNoneAt = 2.0;
+constexpr double kFastNoneAt = 1.25;
+// A loop that swings bears a little less delay than energy alone allows.
+constexpr double kDelayMargin = 1.5;
+
+/// Of a sampling's energy, the part that is left to the arm's damping: all of what is not more than
+/// that bears, none of what is `none_at` times as much.
+double share_borne(double bearable_J, double sampling_J, double none_at) noexcept {
+  return sampling_J > 0.0
+             ? std::clamp((none_at * bearable_J / sampling_J - 1.0) / (none_at - 1.0), 0.0, 1.0)
+             : 0.0;
+}
+
 /// The damping that takes `excess_J` out within one cycle, at most `max_N_s_per_m`.
 double damping(double excess_J, double max_N_s_per_m, double dt_s,
                double speed_squared_m2_per_s2) noexcept {
@@ -29,6 +43,9 @@ PassivityGuard::PassivityGuard(const PassivityOptions& options) : options_(optio
   }
   if (!(options.arm_damping_N_s_per_m >= 0.0) || !std::isfinite(options.arm_damping_N_s_per_m)) {
     throw std::invalid_argument("passivity: the arm's damping must not be negative");
+  }
+  if (!(options.transport_delay_s >= 0.0) || !std::isfinite(options.transport_delay_s)) {
+    throw std::invalid_argument("passivity: the transport delay must not be negative");
   }
   if (!(options.moving_mass_kg > 0.0) || !std::isfinite(options.moving_mass_kg)) {
     throw std::invalid_argument("passivity: the moving mass must be positive");
@@ -57,6 +74,7 @@ Eigen::Vector3d PassivityGuard::apply(double dt_s, const Eigen::Vector3d& positi
     observe(dt_s, step_W, wanted_W);
     const double share = 1.0 - std::exp(-dt_s / options_.velocity_time_constant_s);
     velocity_W_ += share * (step_W / dt_s - velocity_W_);
+    slow_velocity_W_ += (1.0 - std::exp(-dt_s / kSlow_s)) * (step_W / dt_s - slow_velocity_W_);
     if (options_.mode == PassivityMode::kControl) {
       shorten(dt_s, step_W, wanted_W);
       force_W = scale_ * wanted_W + damp(dt_s);
@@ -81,17 +99,20 @@ void PassivityGuard::observe(double dt_s, const Eigen::Vector3d& step_W,
   total_J_ += given_J.sum();
   largest_J_ = std::max(largest_J_, energy_to_hand_J());
 
-  // Of the sampling's energy, what the arm's damping takes at this speed.
   const Eigen::Array3d motion_m = step_W.array() - rounding_m;
-  const Eigen::Array3d sampling_J = -0.5 * motion_m * change_N;
+  const Eigen::Array3d slow_m = dt_s * slow_velocity_W_.array();
+  const Eigen::Array3d slow_J = -0.5 * slow_m * change_N;
+  const Eigen::Array3d fast_J = -0.5 * (motion_m - slow_m) * change_N;
   const double bearable_J =
       options_.arm_damping_N_s_per_m * (motion_m * step_W.array()).sum() / dt_s;
-  const double whole_J = std::abs(sampling_J.sum());
-  const double borne_J = std::clamp(2.0 * bearable_J - whole_J, 0.0, whole_J);
-  account_W_J_ += given_J.matrix();
-  if (borne_J > 0.0) {
-    account_W_J_ -= (borne_J / whole_J * sampling_J).matrix();
-  }
+  const double sampling_J = std::abs((slow_J + fast_J).sum());
+  // What a late force gives beyond what the positions show, as a part of what they show.
+  const double late = fast_J.sum() > 0.0 ? 2.0 * options_.transport_delay_s / dt_s : 0.0;
+  const double slow_borne = share_borne(bearable_J, sampling_J, kSlowNoneAt);
+  const double fast_borne =
+      share_borne(bearable_J, (1.0 + kDelayMargin * late) * sampling_J, kFastNoneAt);
+  account_W_J_ +=
+      (given_J - slow_borne * slow_J + (late - fast_borne * (1.0 + late)) * fast_J).matrix();
 }
 
 void PassivityGuard::open_account() noexcept {
@@ -139,7 +160,7 @@ void PassivityGuard::shorten(double dt_s, const Eigen::Vector3d& step_W,
                              const Eigen::Vector3d& wanted_W) noexcept {
   // What s times the wanted force gives within the horizon is s linear + s^2 square. The filtered
   // velocity is late, the raw one is coarse: what gives more counts.
-  const double horizon_s = kBoundCycles * dt_s;
+  const double horizon_s = kBoundCycles * dt_s + options_.transport_delay_s;
   const double linear_J =
       horizon_s * std::max(wanted_W.dot(velocity_W_), wanted_W.dot(step_W) / dt_s);
   const double square_J =
@@ -159,6 +180,7 @@ void PassivityGuard::restart() noexcept {
   rendered_W_.setZero();
   last_wanted_W_.setZero();
   velocity_W_.setZero();
+  slow_velocity_W_.setZero();
 }
 
 }  // namespace forcegrid::servo

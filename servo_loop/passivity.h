@@ -21,11 +21,13 @@ struct PassivityOptions {
   /// done.
   double allowance_J = 0.3e-3;
   /// [J] The force is shortened where it would take the energy beyond this. Above allowance_J.
-  double bound_J = 0.7e-3;
+  double bound_J = 0.6e-3;
   double max_damping_N_s_per_m = 10.0;
-  /// What the arm itself is trusted to have: the sampling of a stiffness up to twice this over the
-  /// cycle time is left to it. The method study's arm, without any hand.
+  /// What the arm itself is trusted to have, and what of the sampling's energy is left to it. The
+  /// method study's arm, without any hand.
   double arm_damping_N_s_per_m = 0.3;
+  /// [s] How old the counts are that a cycle uses, and how late its force acts, together.
+  double transport_delay_s = 0.0;
   /// What a force can set in motion at once: of the arm and a light hand together.
   double moving_mass_kg = 0.1;
   /// Time constant of the low-passed velocity that damps.
@@ -49,11 +51,17 @@ struct PassivityOptions {
 /// twice the expected rounding error of P_k, and summation by parts turns sum F . d(error) into
 /// that term. It vanishes for q = 0.
 ///
-/// The account that the controller acts on is E without the part of the sampling's own energy,
-/// -(dP - c) . dW / 2 a cycle and K v^2 T / 2 for a spring, that the arm's own damping b_0 turns
-/// into heat: all of it while K <= 2 b_0 / T (Colgate and Schenkel's condition), none of it from
-/// twice that on. It would otherwise grow for ever on any lossless object, and be damped. A force
-/// that jumps is not taken for a stiffness: none of its energy is left out.
+/// The account that the controller acts on is E without what the arm's own damping b_0 turns into
+/// heat of the sampling's own energy, -(dP - c) . dW / 2 a cycle and K v^2 T / 2 for a spring: all
+/// of it while K <= 2 b_0 / T (Colgate and Schenkel's condition), none of it from twice that on. It
+/// would otherwise grow for ever on any lossless object, and be damped. A force that jumps is not
+/// taken for a stiffness: none of its energy is left out.
+///
+/// That is for slow motion, low-passed with kSlow_s, which only a hand makes, and a hand damps as
+/// well. What is faster is how a loop swings by itself, and then the arm may be all that there is.
+/// The transport delay t_d, which no position shows, makes a spring give K v^2 (T / 2 + t_d) T a
+/// cycle; the account gets the difference, and has less left out: all while K (T / 2 + 1.5 t_d)
+/// <= b_0, none from 1.25 times that on.
 ///
 /// Controller, after Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002), with an
 /// energy allowance E0, a low-passed velocity v and a dead band, since without them a lossless
@@ -64,7 +72,7 @@ struct PassivityOptions {
 ///
 /// and where damping is not enough (a force that is 50 ms old and more asks for more damping than
 /// a sampled loop can give), s shortens the wanted force so that what it gives within h =
-/// kBoundCycles T, the acceleration of the moving mass m by itself included, is left in the
+/// kBoundCycles T + t_d, the acceleration of the moving mass m by itself included, is left in the
 /// account:
 ///
 ///   s W . v h + (s |W| h)^2 / 2m <= E_bound - A
@@ -76,6 +84,7 @@ struct PassivityOptions {
 class PassivityGuard {
  public:
   static constexpr double kBoundCycles = 2.0;
+  static constexpr double kSlow_s = 0.05;
   static constexpr double kRecovery_s = 0.05;
 
   /// @throws std::invalid_argument naming the option that can't be used.
@@ -144,6 +153,7 @@ class PassivityGuard {
   Eigen::Vector3d last_wanted_W_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d rendered_W_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d slow_velocity_W_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d energy_W_J_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d account_W_J_ = Eigen::Vector3d::Zero();
   double total_J_ = 0.0;

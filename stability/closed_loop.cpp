@@ -22,6 +22,12 @@ const Vector3d& flick_direction_W() {
   return direction_W;
 }
 
+servo::PassivityOptions within_timing(const LoopSetup& setup) {
+  servo::PassivityOptions options = setup.passivity;
+  options.transport_delay_s = setup.timing.count_age_s + setup.timing.actuation_delay_s;
+  return options;
+}
+
 class Run {
  public:
   Run(const LoopSetup& setup, VirtualObject& object, ForceMethod* method)
@@ -31,7 +37,7 @@ class Run {
         plant_(setup.device, setup.hand, setup.contact_point_W),
         simulator_(setup.network, setup.fault, setup.seed),
         gate_(setup.device.max_force_N),
-        guard_(setup.passivity),
+        guard_(within_timing(setup)),
         count_age_ns_(nanoseconds(setup.timing.count_age_s)),
         actuation_ns_(nanoseconds(setup.timing.actuation_delay_s)),
         sampled_W_(setup.contact_point_W),

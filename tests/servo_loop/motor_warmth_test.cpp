@@ -64,7 +64,17 @@ TEST_F(WarmMotors, OfADeltaAreNotKnown) {
   EXPECT_EQ(delta.scale({5.0, 5.0, 5.0}), 1.0);
 }
 
-class LoopWithMotors : public LoopBench {};
+class LoopWithMotors : public LoopBench {
+ protected:
+  LoopWithMotors() : LoopBench(observing()) {}
+
+  // The guard shortens a force that nobody has pressed out of an object.
+  static ServoOptions observing() {
+    ServoOptions changed = options();
+    changed.rendering.passivity.mode = PassivityMode::kObserve;
+    return changed;
+  }
+};
 
 TEST_F(LoopWithMotors, LeadsTheirCurrentToTheContinuousOneInTheDirectionOfTheForce) {
   method_.force_W = Eigen::Vector3d(0.0, 0.0, -4.5);
@@ -79,7 +89,7 @@ TEST_F(LoopWithMotors, LeadsTheirCurrentToTheContinuousOneInTheDirectionOfTheFor
       cold_A = i == 199 ? vector(last.current_A) : cold_A;
     }
   }
-  ASSERT_GT(largest_A, 1.3);  // more than 1.2 A while cold
+  ASSERT_GT(largest_A, 2.0);  // more than 1.2 A while cold
   EXPECT_NEAR(vector(last.current_A).cwiseAbs().maxCoeff(), 1.2, 0.01);
   EXPECT_NE(last.limits_acted & driver::kLimitWarm, 0);
   EXPECT_GT(last.motor_warmth, 0.95);

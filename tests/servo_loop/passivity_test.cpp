@@ -254,6 +254,7 @@ TEST(PassivityGuard, RefusesOptionsOutOfRange) {
   EXPECT_THROW(with([](auto& o) { o.bound_J = o.allowance_J; }), std::invalid_argument);
   EXPECT_THROW(with([](auto& o) { o.max_damping_N_s_per_m = -1.0; }), std::invalid_argument);
   EXPECT_THROW(with([](auto& o) { o.arm_damping_N_s_per_m = -1.0; }), std::invalid_argument);
+  EXPECT_THROW(with([](auto& o) { o.transport_delay_s = -1e-3; }), std::invalid_argument);
   EXPECT_THROW(with([](auto& o) { o.moving_mass_kg = 0.0; }), std::invalid_argument);
   EXPECT_THROW(with([](auto& o) { o.velocity_time_constant_s = 0.0; }), std::invalid_argument);
   EXPECT_THROW(with([](auto& o) { o.dead_band_counts = std::nan(""); }), std::invalid_argument);

@@ -139,6 +139,22 @@ TEST(ClosedLoop, HoldGivesEnergyAwayAndTheExactForceHardlyAny) {
               0.2 * 50.0);
 }
 
+TEST(ClosedLoop, TheGuardStillsADeviceThatNobodyHoldsBeyondItsOwnLimit) {
+  // On a full-speed bus the bare device bears 130 N/m.
+  for (const std::string method : {"exact", "kriging", "hold"}) {
+    LoopSetup setup;
+    setup.timing = device_timing("w2_full_speed");
+    setup.hand = hand_of("none");
+    setup.network.delay_s = 0.2;
+    setup.network.loss = 0.3;
+    EXPECT_NE(run(setup, 200.0, method).behaviour, Behaviour::kStable) << method;
+    setup.passivity.mode = servo::PassivityMode::kControl;
+    const LoopResult guarded = run(setup, 200.0, method);
+    EXPECT_EQ(guarded.behaviour, Behaviour::kStable) << method;
+    EXPECT_LE(guarded.most_energy_to_hand_J, 1e-3) << method;
+  }
+}
+
 TEST(ClosedLoop, EverythingIsLostAndNothingIsRendered) {
   LoopSetup setup = linear_setup("firm", 500.0, "ideal");
   setup.hold_s = 4.0;
