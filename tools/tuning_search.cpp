@@ -61,14 +61,15 @@ void judge_on_path(const evaluation::Trace& trace, const MethodOptions& base, Tu
   try {
     const evaluation::Trace path = at_rate(trace, row.rate_Hz);
     row.method_us = std::numeric_limits<double>::infinity();
+    evaluation::JudgeOptions judging;
+    judging.work_budget = row.fill_budget;
     for (int i = 0; i < kRepeats; ++i) {
       const std::unique_ptr<ForceMethod> method = made(base, row);
       if (method->needs().requests) {
         row.problem = "it asks the simulator at positions of its own, which no recorded path tells";
         return;
       }
-      const evaluation::Verdict verdict =
-          evaluation::judge(*method, path, {.work_budget = row.fill_budget});
+      const evaluation::Verdict verdict = evaluation::judge(*method, path, judging);
       row.path_error_percent = verdict.rms_error_percent_after_1s;
       row.method_us = std::min(row.method_us, 1e-3 * verdict.cycle_ns);
     }
