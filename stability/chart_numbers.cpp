@@ -159,7 +159,8 @@ class Numbers {
     for (const auto& [scene, goal] :
          {std::pair{"cut", 3.5}, std::pair{"slide", 2.0}, std::pair{"relaxation", 2.5},
           std::pair{"kelvin_voigt_5ms", 2.0}, std::pair{"kelvin_voigt_20ms", 2.5},
-          std::pair{"kelvin_voigt_100ms", 8.0}}) {
+          std::pair{"kelvin_voigt_100ms", 8.0}, std::pair{"dynamic_5ms", 2.0},
+          std::pair{"dynamic_20ms", 2.5}, std::pair{"dynamic_100ms", 8.0}}) {
       Worst error(std::string("open loop, ") + scene + ", after 1 s", goal, false, "%");
       each_default(part::kOpen, [&, wanted = std::string(scene)](const StabilityRow& row) {
         if (row.cell.scene == wanted) {

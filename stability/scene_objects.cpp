@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "evaluation/wall.h"
+#include "stability/dynamic_object.h"
 
 namespace forcegrid::stability {
 namespace {
@@ -280,6 +281,10 @@ std::unique_ptr<VirtualObject> make_viscous(const BaseField& field) {
 }
 std::unique_ptr<VirtualObject> make_kelvin_voigt(const BaseField& field, double damping_time_s) {
   return std::make_unique<KelvinVoigt>(field, damping_time_s);
+}
+std::unique_ptr<VirtualObject> make_dynamic(const BaseField& field, double damping_time_s) {
+  return std::make_unique<DynamicObject>(field.stiffness_N_per_m, field.contact_point_W,
+                                         damping_time_s);
 }
 std::unique_ptr<VirtualObject> make_relaxation(const BaseField& field) {
   return std::make_unique<Relaxation>(field);

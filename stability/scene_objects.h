@@ -43,6 +43,9 @@ std::unique_ptr<VirtualObject> make_viscous(const BaseField& field);
 ///   F = F_e(x) + tau / 5 ms (F_e(x) - g),  5 ms g' = F_e(x) - g
 std::unique_ptr<VirtualObject> make_kelvin_voigt(const BaseField& field, double damping_time_s);
 
+/// DynamicObject of the same stiffness, which needs no force table.
+std::unique_ptr<VirtualObject> make_dynamic(const BaseField& field, double damping_time_s);
+
 /// Quasi-linear visco-elasticity: F = int G(t - s) dF_e with the relaxation function
 ///   G(t) = 0.6 + 0.25 exp(-t / 80 ms) + 0.15 exp(-t / 0.8 s)
 /// Source: Fung, Biomechanics (1993), section 7.6; the numbers are the method study's.
