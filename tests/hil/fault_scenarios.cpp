@@ -50,7 +50,11 @@ TEST(LongFault, DroppedReportsAreCountedAndKickedFor) {
 TEST(LongFault, DuplicatedReportsAreDrained) {
   const FaultyRun result = run_with("duplicate-report:every=20");
   expect_endured(result);
-  EXPECT_GT(number(result.felt.summary, "reports_drained"), 0);
+  // One that is taken for the answer to the next OUT brings the OUT after that forward, and the
+  // device skips one of the two: then nothing is left over here.
+  EXPECT_GT(
+      number(result.felt.summary, "reports_drained") + number(result.emulator, "reports_drained"),
+      0);
 }
 
 TEST(LongFault, ReportsLateBy5msAreEndured) { expect_endured(run_with("late-report:ms=5")); }
