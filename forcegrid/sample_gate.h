@@ -34,9 +34,9 @@ namespace forcegrid {
 /// larger can't by this one. So a simulator whose forces are wrong by a large factor is refused for
 /// as long as they are, its last good sample ages, and the servo fades the force out.
 ///
-/// Failure: outliers within the slack; two that agree by chance; a rigid object, whose force would
-/// be rendered as nothing instead of as vibration. Source for Broyden: Math. Comp. 19 (1965), 577.
-/// Real-time: yes. Threads: one.
+/// Failure: outliers within the slack; two that agree by chance; a contact's first force, which
+/// nothing can be compared with; a rigid object, whose force would be rendered as nothing instead
+/// of as vibration. Source for Broyden: Math. Comp. 19 (1965), 577. Real-time: yes. Threads: one.
 class SampleGate {
  public:
   static constexpr double kSlack_N = 0.3;

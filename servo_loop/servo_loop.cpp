@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <stdexcept>
 
 #include "rt/processors_awake.h"
@@ -210,17 +211,16 @@ void ServoLoop::take_samples() noexcept {
     newest_arrival_ = arrived.arrived;
     ++samples_taken_;
     take_contact(arrived);
-    const auto passed = in_contact_ ? gate_.pass(arrived.sample) : std::span(&arrived.sample, 1);
-    if (!passed.empty()) {
+    const std::span<const Sample> believed =
+        in_contact_ ? gate_.pass(arrived.sample) : std::span<const Sample>();
+    for (const Sample& sample : believed) {
+      for (ForceMethod* method : methods_) {
+        method->take_sample(sample);
+      }
+    }
+    if (!in_contact_ || !believed.empty()) {
       newest_sample_arrived_ = arrived.arrived;
       newest_sample_time_s_ = arrived.sample.time_s;
-    }
-    for (const Sample& sample : passed) {
-      for (ForceMethod* method : methods_) {
-        if (in_contact_) {
-          method->take_sample(sample);
-        }
-      }
     }
   }
 }
