@@ -19,11 +19,9 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-constexpr char kRule[] = "/etc/udev/rules.d/70-forcegrid.rules";
 constexpr char kLimits[] = "/etc/security/limits.d/95-forcegrid.conf";
 constexpr char kLook[] = "doctor --seconds 0";  // no measurements
 constexpr int kBad = 4;
-constexpr int kNoneUsable = 3;
 
 void follow(const std::string& command) {
   const ShellResult done = shell(command);

@@ -36,6 +36,9 @@ bool eventually(const std::function<bool()>& condition);
 /// The first line of a file; empty without one.
 std::string first_line(const std::string& file);
 
+/// Where the project's udev rule is installed.
+inline constexpr char kRule[] = "/etc/udev/rules.d/70-forcegrid.rules";
+
 /// A hidraw node as the kernel made it, read from sysfs without the project's driver.
 struct Node {
   std::string name;  ///< "hidraw0"

@@ -5,6 +5,9 @@
 
 namespace forcegrid::hil {
 
+/// Status of `forcegrid devices` where there is none that could be opened.
+inline constexpr int kNoneUsable = 3;
+
 /// What a tool said as JSON; its text for people is thrown away.
 struct Answer {
   int status = -1;

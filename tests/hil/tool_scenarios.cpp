@@ -19,9 +19,6 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-constexpr char kRule[] = "/etc/udev/rules.d/70-forcegrid.rules";
-constexpr int kNoneUsable = 3;
-
 TEST(Tools, DevicesIsReadyForAMemberAndTellsAVisitorWhichGroup) {
   const Bench bench;
   const Answer member = ask("operator", "devices");

@@ -13,6 +13,7 @@
 #include "simulator/elastic_object.h"
 #include "simulator/error.h"
 #include "simulator/scene.h"
+#include "tests/simulator/mesh_volume.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -54,17 +55,6 @@ std::string scene_of(const std::string& mesh_file, const std::string& more) {
                    "description = \"mesh\"\npatch_radius_m = 0.03\n[[object]]\n"
                    "shape = \"mesh\"\nfile = \"" +
                        mesh_file + "\"\nstiffness_N_per_m = 20.0\nlaw = \"linear\"\n" + more);
-}
-
-double volume_m3(const SpringMesh& mesh) {
-  double volume = 0.0;
-  for (const auto& triangle : mesh.triangles) {
-    const auto at = [&](std::size_t k) {
-      return mesh.rest_position_W[static_cast<std::size_t>(triangle[k])];
-    };
-    volume += at(0).dot(at(1).cross(at(2))) / 6.0;
-  }
-  return volume;
 }
 
 TEST(MeshFile, AnOctahedronFromObjHasItsEdgesVolumeAndSize) {

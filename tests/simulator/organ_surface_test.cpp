@@ -14,6 +14,7 @@
 #include "simulator/error.h"
 #include "simulator/return_test.h"
 #include "simulator/scene.h"
+#include "tests/simulator/mesh_volume.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -32,17 +33,6 @@ std::map<Edge, std::vector<int>> edges_of(const SpringMesh& mesh) {
     edges[edge_of(c, a)].push_back(b);
   }
   return edges;
-}
-
-double volume_m3(const SpringMesh& mesh) {
-  double volume = 0.0;
-  for (const auto& triangle : mesh.triangles) {
-    const auto at = [&](std::size_t k) {
-      return mesh.rest_position_W[static_cast<std::size_t>(triangle[k])];
-    };
-    volume += at(0).dot(at(1).cross(at(2))) / 6.0;
-  }
-  return volume;
 }
 
 TEST(OrganSurface, StomachIsAClosedSurfaceOf4000VerticesAnd11000Edges) {
