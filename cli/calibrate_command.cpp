@@ -14,6 +14,7 @@
 #include "calibration/procedure.h"
 #include "cli/child_process.h"
 #include "cli/firmware_choice.h"
+#include "cli/revision.h"
 #include "cli/run_setup.h"
 #include "cli/stop_request.h"
 #include "device_emulator/run_emulator.h"
@@ -265,7 +266,7 @@ class Calibration {
         options_.write.empty() ? tools::unit_profile_file(profile_.name, key_) : options_.write;
     tools::write_unit_profile(
         file, profile_.file,
-        "Calibrated " + today() + " by forcegrid " FORCEGRID_VERSION " from " + profile_.name +
+        "Calibrated " + today() + " by forcegrid " + program_version() + " from " + profile_.name +
             ": " + device_->identity().product + ", unit " + key_ +
             (result.absolute ? "" : "; torque constants not measured, for want of a known mass"),
         result.changes);

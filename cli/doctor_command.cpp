@@ -8,11 +8,13 @@
 #include <optional>
 #include <set>
 
+#include "cli/revision.h"
 #include "cli/stop_request.h"
 #include "driver/open_device.h"
 #include "link/address.h"
 #include "tools/doctor.h"
 #include "tools/doctor_timing.h"
+#include "tools/library_versions.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -23,6 +25,27 @@ using tools::Verdict;
 
 constexpr int kWarnings = 3;
 constexpr int kBad = 4;
+
+// The program itself first, then all that it stands on.
+std::vector<tools::PartVersion> versions() {
+  std::vector<tools::PartVersion> parts = {{"forcegrid", program_version(), false},
+                                           {"commit", program_commit(), false}};
+  for (tools::PartVersion& part : tools::library_versions()) {
+    parts.push_back(std::move(part));
+  }
+  parts.push_back({"CLI11", CLI11_VERSION, false});
+  return parts;
+}
+
+Finding versions_finding(const std::vector<tools::PartVersion>& parts) {
+  std::string loaded;
+  std::string compiled_in;
+  for (const tools::PartVersion& part : parts) {
+    std::string& text = part.loaded ? loaded : compiled_in;
+    text += (text.empty() ? "" : ", ") + part.name + " " + part.version;
+  }
+  return {.check = "versions", .what = compiled_in + "; loaded: " + loaded};
+}
 
 constexpr char kDeviceCheck[] = "USB round trip";
 constexpr char kSimulatorCheck[] = "simulator's round trip";
@@ -185,7 +208,8 @@ int doctor_command(const DoctorOptions& options) {
     done = fix_all(findings);
     findings = tools::examine_system(system_below(options.root), known);
   }
-  findings.push_back(tools::library_versions());
+  const std::vector<tools::PartVersion> parts = versions();
+  findings.push_back(versions_finding(parts));
   if (options.seconds > 0.0) {
     for (Finding& finding : measure(options, profile, out)) {
       findings.push_back(std::move(finding));
@@ -202,7 +226,12 @@ int doctor_command(const DoctorOptions& options) {
   if (options.fix && done.empty()) {
     std::fprintf(out, "fixed:   nothing; there is nothing that can be mended without risk\n");
   }
-  write_json(options.json, ordered_json{{"findings", list}, {"fixed", done}}.dump(2));
+  ordered_json version_of = ordered_json::object();
+  for (const tools::PartVersion& part : parts) {
+    version_of[part.name] = part.version;
+  }
+  write_json(options.json,
+             ordered_json{{"findings", list}, {"fixed", done}, {"versions", version_of}}.dump(2));
   const auto any = [&](Verdict verdict) {
     return std::any_of(findings.begin(), findings.end(),
                        [&](const Finding& finding) { return finding.verdict == verdict; });

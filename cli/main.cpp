@@ -14,6 +14,7 @@
 #include "cli/doctor_command.h"
 #include "cli/evaluate_command.h"
 #include "cli/record_command.h"
+#include "cli/revision.h"
 #include "cli/run_command.h"
 #include "cli/scene_command.h"
 #include "cli/scene_option.h"
@@ -443,7 +444,8 @@ void add_kinematics(CLI::App& app, KinematicsOptions& o, std::function<int()>& a
 
 int main(int argc, char** argv) {
   CLI::App app{"Haptic interaction with virtual elastic objects", "forcegrid"};
-  app.set_version_flag("--version", FORCEGRID_VERSION);
+  app.set_version_flag("--version",
+                       std::string(program_version()) + ", commit " + program_commit());
   app.require_subcommand(0, 1);  // so that a misspelt one is named; none is refused below
   app.set_help_all_flag("--help-all", "Help of every command");
   ConfigChoice choice = find_config_choice(argc, argv);

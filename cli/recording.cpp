@@ -1,7 +1,7 @@
 #include "cli/recording.h"
 
-#include <sys/utsname.h>
-
+#include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -12,8 +12,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "cli/revision.h"
 #include "evaluation/text_file.h"
 #include "tools/hdf5_file.h"
+#include "tools/library_versions.h"
 #include "tools/recording.h"
 
 namespace forcegrid::cli {
@@ -24,6 +26,14 @@ std::string text_of(const std::string& file) {
   std::ostringstream text;
   text << stream.rdbuf();
   return text.str();
+}
+
+// "nlohmann-json" is kept as version_nlohmann_json.
+std::string version_key(std::string name) {
+  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char character) {
+    return std::isalnum(character) != 0 ? static_cast<char>(std::tolower(character)) : '_';
+  });
+  return "version_" + name;
 }
 
 }  // namespace
@@ -81,12 +91,11 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
   recorder.trouble = [](const std::string& sentence) {
     std::fprintf(stderr, "forcegrid: --record: %s\n", sentence.c_str());
   };
-  utsname system{};
-  uname(&system);
   std::time_t now = std::time(nullptr);
   char started[32];
   std::strftime(started, sizeof started, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
-  recorder.attributes = {{"forcegrid_version", FORCEGRID_VERSION},
+  recorder.attributes = {{"forcegrid_version", program_version()},
+                         {"forcegrid_commit", program_commit()},
                          {"started_utc", started},
                          {"settings", options.settings},
                          {"rate_Hz", std::to_string(options.rate_Hz)},
@@ -96,11 +105,10 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
                          {"device_url", device_url},
                          {"device_product", identity.product},
                          {"device_manufacturer", identity.manufacturer},
-                         {"device_serial", identity.serial},
-                         {"version_hdf5", tools::hdf5_version()},
-                         {"version_compiler", __VERSION__},
-                         {"version_kernel", std::string(system.sysname) + " " + system.release +
-                                                " " + system.version + " " + system.machine}};
+                         {"device_serial", identity.serial}};
+  for (const tools::PartVersion& part : tools::library_versions()) {
+    recorder.attributes.emplace_back(version_key(part.name), part.version);
+  }
   return std::make_unique<tools::Recorder>(std::move(recorder));
 }
 

@@ -1,7 +1,6 @@
 #include "tools/doctor.h"
 
 #include <sys/resource.h>
-#include <sys/utsname.h>
 #include <time.h>
 
 #include <Eigen/Core>
@@ -17,9 +16,7 @@
 #include <sstream>
 #include <thread>
 
-#include "driver/library_versions.h"
 #include "rt/thread.h"
-#include "tools/hdf5_file.h"
 
 namespace forcegrid::tools {
 namespace {
@@ -367,23 +364,6 @@ std::vector<Finding> examine_system(const DoctorSystem& system,
     findings.push_back(std::move(finding));
   }
   return findings;
-}
-
-Finding library_versions() {
-  Finding finding{.check = "versions"};
-  utsname system{};
-  uname(&system);
-  std::vector<std::pair<std::string, std::string>> versions = driver::library_versions();
-  versions.insert(versions.end(), {{"HDF5", hdf5_version()},
-                                   {"Eigen", std::to_string(EIGEN_WORLD_VERSION) + "." +
-                                                 std::to_string(EIGEN_MAJOR_VERSION) + "." +
-                                                 std::to_string(EIGEN_MINOR_VERSION)},
-                                   {"compiler", __VERSION__},
-                                   {"kernel", std::string(system.release) + " " + system.version}});
-  for (const auto& [name, version] : versions) {
-    finding.what += (finding.what.empty() ? "" : ", ") + name + " " + version;
-  }
-  return finding;
 }
 
 std::vector<std::string> apply_fixes(const std::vector<FileFix>& fixes) {

@@ -61,9 +61,6 @@ struct DoctorSystem {
 std::vector<Finding> examine_system(const DoctorSystem& system,
                                     const std::vector<profiles::DeviceProfile>& known);
 
-/// Versions of the libraries in use, and of the kernel.
-Finding library_versions();
-
 /// Makes a finding's changes, each read back.
 /// @returns one sentence for each: what was done, or why it could not be.
 std::vector<std::string> apply_fixes(const std::vector<FileFix>& fixes);
