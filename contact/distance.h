@@ -1,0 +1,61 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "contact/tool_shape.h"
+
+namespace forcegrid::contact {
+
+/// Corners of a triangle, counterclockwise seen from outside the object.
+using Corners = std::array<Eigen::Vector3d, 3>;
+
+/// Where a straight axis and a triangle come nearest to each other.
+struct AxisToTriangle {
+  double distance_m = 0.0;                                   ///< 0 where the axis goes through it
+  Eigen::Vector3d on_axis = Eigen::Vector3d::Zero();         ///< [m]
+  Eigen::Vector3d on_triangle = Eigen::Vector3d::Zero();     ///< [m] = sum of weights times corners
+  Eigen::Vector3d weights = Eigen::Vector3d(1.0, 0.0, 0.0);  ///< barycentric, >= 0, sum 1
+};
+
+/// Point of the triangle that is nearest to `point`, both in one frame, as barycentric weights. A
+/// triangle without area is taken as its edges.
+/// Source: Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+/// Real-time: no allocation, lock or throw; so the others here. Threads: any.
+Eigen::Vector3d nearest_weights(const Eigen::Vector3d& point, const Corners& corners) noexcept;
+
+/// The nearest points of the segment from `from` to `to` and a triangle. Where several pairs are
+/// equally near (a segment parallel to the triangle), one of them.
+AxisToTriangle nearest(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                       const Corners& corners) noexcept;
+
+/// How a tool and a triangle lie to each other.
+struct Touch {
+  /// [m] distance of a part's axis from the triangle less the part's radius: how far the tool's
+  /// surface is from the triangle, negative by how far it has gone through. At least -radius: one
+  /// triangle can't tell which side of it an axis is on that has gone through.
+  double gap_m = 0.0;
+  int part = 0;                                         ///< of ToolShape::parts()
+  Eigen::Vector3d point_W = Eigen::Vector3d::Zero();    ///< [m] of the triangle
+  Eigen::Vector3d on_tool_W = Eigen::Vector3d::Zero();  ///< [m] of the tool's surface
+  Eigen::Vector3d normal_W = Eigen::Vector3d::UnitZ();  ///< unit, from the triangle to the axis
+  Eigen::Vector3d weights = Eigen::Vector3d(1.0, 0.0, 0.0);  ///< of point_W, barycentric
+};
+
+/// The nearest, or deepest, touch of any part of the tool at `position_W` [m] with a triangle.
+/// Where an axis goes through the triangle the normal is the triangle's own.
+Touch nearest(const ToolShape& tool, const Eigen::Vector3d& position_W,
+              const Corners& corners_W) noexcept;
+
+/// How a point lies to the tool at `position_W` [m].
+struct PointInTool {
+  double gap_m = 0.0;  ///< signed distance from the tool's surface, negative inside
+  Eigen::Vector3d normal_W = Eigen::Vector3d::UnitZ();  ///< unit, the gap's gradient: outward
+  double axis_distance_m = 0.0;  ///< from the nearest axis: the gap's radius of curvature there
+};
+
+/// @param point_W  [m]. On an axis itself the normal is a fixed direction across it.
+PointInTool locate(const ToolShape& tool, const Eigen::Vector3d& position_W,
+                   const Eigen::Vector3d& point_W) noexcept;
+
+}  // namespace forcegrid::contact

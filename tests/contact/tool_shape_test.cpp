@@ -1,0 +1,90 @@
+#include "contact/tool_shape.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <string>
+
+#include "contact/distance.h"
+#include "contact/error.h"
+
+namespace forcegrid::contact {
+namespace {
+
+using Eigen::Vector3d;
+using ::testing::HasSubstr;
+
+constexpr double kRounding_m = 1e-15;
+
+TEST(ToolShape, EveryToolTouchesAFlatSurfaceBelowItWithItsTip) {
+  const Corners plane{Vector3d(-1, -1, 0), Vector3d(1, -1, 0), Vector3d(0, 1, 0)};
+  for (const ToolShape& tool :
+       {ToolShape::sphere(0.008), ToolShape::capsule(0.004, 0.05),
+        ToolShape::capsule(0.004, 0.05, Vector3d(0, 0, 3)), ToolShape::grasper(0.003, 0.02, 0.0)}) {
+    const Touch touch = nearest(tool, Vector3d(0.01, 0.02, 0.005), plane);
+    EXPECT_NEAR(touch.gap_m, 0.005, kRounding_m);
+    EXPECT_TRUE(touch.on_tool_W.isApprox(Vector3d(0.01, 0.02, 0.005), 1e-12));
+    EXPECT_TRUE(touch.point_W.isApprox(Vector3d(0.01, 0.02, 0.0), 1e-12));
+    EXPECT_TRUE(touch.normal_W.isApprox(Vector3d::UnitZ(), 1e-12));
+  }
+}
+
+TEST(ToolShape, AnInclinedCapsuleLiesOnItsLowerEnd) {
+  const ToolShape tool = ToolShape::capsule(0.004, 0.03, Vector3d(1, 0, 1));
+  const Corners plane{Vector3d(-1, -1, 0), Vector3d(1, -1, 0), Vector3d(0, 1, 0)};
+  // The lower centre is at r / sqrt(2) above the tip.
+  EXPECT_NEAR(nearest(tool, Vector3d::Zero(), plane).gap_m, 0.004 / std::numbers::sqrt2 - 0.004,
+              1e-12);
+}
+
+TEST(ToolShape, TheJawsOpenByTheirAngleAndMeetInTheHinge) {
+  ToolShape tool = ToolShape::grasper(0.002, 0.02, 0.6);
+  const auto jaws = tool.parts();
+  ASSERT_EQ(jaws.size(), 2U);
+  EXPECT_EQ(jaws[0].to_T, jaws[1].to_T);
+  EXPECT_NEAR(jaws[0].to_T.z(), 0.022, kRounding_m);
+  const Vector3d first = (jaws[0].from_T - jaws[0].to_T).normalized();
+  const Vector3d second = (jaws[1].from_T - jaws[1].to_T).normalized();
+  EXPECT_NEAR(std::acos(first.dot(second)), 0.6, 1e-12);
+  EXPECT_NEAR((jaws[0].from_T - jaws[0].to_T).norm(), 0.02, kRounding_m);
+  tool.set_opening(0.0);
+  EXPECT_TRUE(tool.parts()[0].from_T.isApprox(Vector3d(0, 0, 0.002), 1e-12));
+  tool.set_opening(99.0);
+  EXPECT_EQ(tool.opening_rad(), ToolShape::kMaxOpening_rad);
+  tool.set_opening(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(tool.opening_rad(), ToolShape::kMaxOpening_rad);
+}
+
+TEST(ToolShape, OnlyAGrasperOpens) {
+  ToolShape tool = ToolShape::capsule(0.002, 0.02);
+  const Vector3d before = tool.parts()[0].from_T;
+  tool.set_opening(0.5);
+  EXPECT_EQ(tool.opening_rad(), 0.0);
+  EXPECT_EQ(tool.parts()[0].from_T, before);
+}
+
+TEST(ToolShape, RefusesSizesOutOfRangeByName) {
+  const auto message = [](auto make) -> std::string {
+    try {
+      make();
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(message([] { ToolShape::sphere(0.0); }), HasSubstr("radius"));
+  EXPECT_THAT(message([nan] { ToolShape::sphere(nan); }), HasSubstr("radius"));
+  EXPECT_THAT(message([] { ToolShape::capsule(0.01, -0.1); }), HasSubstr("length"));
+  EXPECT_THAT(message([] { ToolShape::capsule(0.01, 0.1, Vector3d::Zero()); }), HasSubstr("axis"));
+  EXPECT_THAT(message([nan] { ToolShape::capsule(0.01, 0.1, Vector3d(0, nan, 1)); }),
+              HasSubstr("axis"));
+  EXPECT_THAT(message([] { ToolShape::grasper(0.01, 0.005, 0.1); }), HasSubstr("length"));
+  EXPECT_THAT(message([] { ToolShape::grasper(0.01, 0.05, -0.1); }), HasSubstr("opening"));
+}
+
+}  // namespace
+}  // namespace forcegrid::contact
