@@ -47,10 +47,8 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
       joint.still_since = watched_;
       continue;
     }
-    if (!joint.doubted) {
-      continue;
-    }
-    if (watched_ - joint.watched_at_doubt >= kReliefTime && joint.part <= 0.0 && !frozen) {
+    if (!frozen && unmoved(joint) &&
+        watched_ - joint.watched_at_doubt >= kReliefTime + kProofTime) {
       frozen = static_cast<int>(i);
     }
   }
@@ -59,7 +57,6 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
 
 Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
                                     const Eigen::Vector3d& force_torque_Nm) noexcept {
-  Eigen::Array3d part;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     Joint& joint = joints_[i];
     const bool loaded =
@@ -83,9 +80,19 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
     } else {
       joint.part = std::min(1.0, joint.part + elapsed_s / rt::seconds(kReliefTime));
     }
-    part[static_cast<Eigen::Index>(i)] = joint.part;
   }
-  return part;
+  // What is left of the force could be what holds an unmoved joint where it is.
+  if (std::any_of(joints_.begin(), joints_.end(),
+                  [this](const Joint& joint) { return unmoved(joint); })) {
+    for (Joint& joint : joints_) {
+      joint.part = 0.0;
+    }
+  }
+  return {joints_[0].part, joints_[1].part, joints_[2].part};
+}
+
+bool EncoderWatch::unmoved(const Joint& joint) const noexcept {
+  return joint.doubted && joint.part <= 0.0 && watched_ - joint.watched_at_doubt >= kReliefTime;
 }
 
 }  // namespace forcegrid::servo

@@ -19,11 +19,16 @@ namespace forcegrid::servo {
 ///
 ///   doubted:  |tau_F| > kFrictions tau_c, and no count for kDoubtAfter;
 ///   relieved: its torque is led to zero within kReliefTime, until a count comes;
-///   frozen:   it is zero, kDoubtAfter + kReliefTime after the last count, and still no count.
+///   unmoved:  it is zero, kDoubtAfter + kReliefTime after the last count, and still no count: now
+///             all joints' torque is zero;
+///   frozen:   kProofTime later there is still no count.
 ///
 /// where tau_F = J^T F is the torque of the rendered force (the links' weight is not taken away).
-/// A live joint moves within the first few milliseconds of the relief, by what friction had hidden;
-/// after that it is not doubted again for kPatience, unless it has moved on by itself.
+/// A live joint moves during the relief, by what friction had hidden, unless the hand turns back
+/// just then and takes away what the relief adds: of a thousand reliefs of a Falcon in a firm hand
+/// that moves at random, one or two last longer than 36 ms. So nothing is decided before the motors
+/// have been without any torque for a while. A joint that has moved is not doubted again for
+/// kPatience, unless it has moved on by itself.
 ///
 /// The times of doubting and freezing run only while reports come: what lies between two reports
 /// more than kYoung apart counts for nothing. In such a silence no count can come, and no command
@@ -37,6 +42,7 @@ class EncoderWatch {
   static constexpr double kFrictions = 5.0;
   static constexpr rt::Duration kDoubtAfter = std::chrono::milliseconds(60);
   static constexpr rt::Duration kReliefTime = std::chrono::milliseconds(40);
+  static constexpr rt::Duration kProofTime = std::chrono::milliseconds(60);
   static constexpr rt::Duration kPatience = std::chrono::seconds(1);
   /// An older report, or one later than this after the last, proves nothing: silence is another
   /// fault.
@@ -77,6 +83,9 @@ class EncoderWatch {
     std::int32_t travel_counts = 0;
     double part = 1.0;  ///< of the torque that may be commanded
   };
+
+  /// In doubt, relieved of all its torque in good time, and still without a count.
+  [[nodiscard]] bool unmoved(const Joint& joint) const noexcept;
 
   profiles::Axes loaded_above_Nm_;
   std::array<Joint, 3> joints_;

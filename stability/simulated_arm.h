@@ -64,6 +64,7 @@ class SimulatedArm final : public driver::Device {
   bool stop() noexcept override { return true; }
 
   const emulator::ArmModel& arm() const { return arm_; }
+  Eigen::Vector3d position_D() const { return arm_.position_D(); }
   emulator::OperatorScript::Phase phase() const { return script_.phase(); }
 
   /// No report comes. The driver sends a command for each report that it gets, so that the motors

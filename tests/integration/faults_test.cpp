@@ -79,7 +79,7 @@ INSTANTIATE_TEST_SUITE_P(
         Stop{"EncoderJumps", "jumping-encoder", Fault::kImplausibleJump, 0.0},
         Stop{"EncoderSaturates", "saturated-encoder", Fault::kSaturatedEncoder, 0.0},
         // The patience with a joint that has just been doubted is a second.
-        Stop{"EncodersFreeze", "frozen-encoder", Fault::kFrozenEncoder, 1100.0}),
+        Stop{"EncodersFreeze", "frozen-encoder", Fault::kFrozenEncoder, 1160.0}),
     [](const auto& test) { return test.param.test; });
 
 TEST(CounterOfFewBits, IsAJumpWhenItWraps) {

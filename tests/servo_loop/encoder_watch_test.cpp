@@ -31,24 +31,35 @@ class Still {
         report_.released = now_ - milliseconds(1);
       }
       frozen = watch_.check(now_, report_);
-      part_ = watch_.relief(now_, rt::seconds(kPeriod), kLoad_Nm)[2];
+      parts_ = watch_.relief(now_, rt::seconds(kPeriod), kLoad_Nm);
     }
     return frozen;
   }
   rt::Duration elapsed() const { return now_ - kStart; }
-  double part() const { return part_; }
+  double part() const { return parts_[2]; }
+  double part_of_unloaded() const { return parts_[0]; }
 
  private:
   EncoderWatch watch_{profiles::load_device_profile("woodenhaptics_v2015")};
   driver::DeviceReport report_;
   rt::TimePoint now_ = kStart;
-  double part_ = 1.0;
+  Eigen::Array3d parts_ = Eigen::Array3d::Ones();
 };
 
-TEST(EncoderWatch, CondemnsALoadedJointATenthOfASecondAfterItsLastCount) {
+TEST(EncoderWatch, TakesAllTorqueAwayATenthOfASecondAfterALoadedJointsLastCount) {
   Still joint;
   EXPECT_EQ(joint.run_to(milliseconds(98), true), std::nullopt);
-  EXPECT_EQ(joint.run_to(milliseconds(120), true), 2);
+  EXPECT_GT(joint.part(), 0.0);
+  EXPECT_EQ(joint.part_of_unloaded(), 1.0);
+  EXPECT_EQ(joint.run_to(milliseconds(104), true), std::nullopt);
+  EXPECT_EQ(joint.part(), 0.0);
+  EXPECT_EQ(joint.part_of_unloaded(), 0.0);
+}
+
+TEST(EncoderWatch, CondemnsItWhenThatHasLeftItUnmovedForAnother60Milliseconds) {
+  Still joint;
+  EXPECT_EQ(joint.run_to(milliseconds(158), true), std::nullopt);
+  EXPECT_EQ(joint.run_to(milliseconds(180), true), 2);
 }
 
 // A doubt arises after 60 ms, and then reports stay away for as long as the driver waits for a lost
@@ -60,8 +71,8 @@ TEST(EncoderWatch, CondemnsNoJointWhoseReliefFallsIntoASilence) {
   EXPECT_EQ(joint.run_to(milliseconds(112), false), std::nullopt);
   EXPECT_EQ(joint.part(), 0.0);
   // 12 ms of the 40 have been seen; after the silence the joint has the rest of them to move.
-  EXPECT_EQ(joint.run_to(milliseconds(136), true), std::nullopt);
-  EXPECT_EQ(joint.run_to(milliseconds(160), true), 2) << "frozen after all";
+  EXPECT_EQ(joint.run_to(milliseconds(196), true), std::nullopt);
+  EXPECT_EQ(joint.run_to(milliseconds(220), true), 2) << "frozen after all";
 }
 
 TEST(EncoderWatch, DoesNotTakeASilenceForAJointThatStandsStill) {
@@ -72,13 +83,13 @@ TEST(EncoderWatch, DoesNotTakeASilenceForAJointThatStandsStill) {
 }
 
 // Where an exchange takes 12 ms, the zero of the relief is in force that much later, and what it
-// does is seen later still: ten reports have to say that nothing moved, not three.
-TEST(EncoderWatch, GivesAJointTenReportsToMoveHoweverFarTheyAreApart) {
+// does is seen later still: 25 reports have to say that nothing moved, not eight.
+TEST(EncoderWatch, GivesAJoint25ReportsToMoveHoweverFarTheyAreApart) {
   Still joint;
   EXPECT_EQ(joint.run_to(milliseconds(15 * 12), true, milliseconds(12)), std::nullopt);
-  EXPECT_EQ(joint.run_to(milliseconds(24 * 12), true, milliseconds(12)), std::nullopt);
+  EXPECT_EQ(joint.run_to(milliseconds(39 * 12), true, milliseconds(12)), std::nullopt);
   EXPECT_EQ(joint.part(), 0.0);
-  EXPECT_EQ(joint.run_to(milliseconds(28 * 12), true, milliseconds(12)), 2);
+  EXPECT_EQ(joint.run_to(milliseconds(43 * 12), true, milliseconds(12)), 2);
 }
 
 }  // namespace
