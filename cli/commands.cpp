@@ -7,6 +7,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "cli/solver_bench_command.h"
 #include "cli/stop_request.h"
 #include "device_emulator/run_emulator.h"
 #include "driver/kinematics_json.h"
@@ -52,6 +53,9 @@ int emulate_command(const EmulateOptions& options) {
 }
 
 int simulate_command(const SimulateOptions& options) {
+  if (options.bench) {
+    return solver_bench_command(options.scene, options.json);
+  }
   simulator::SimulatorOptions simulator;
   simulator.scene = options.scene;
   simulator.listen = options.listen;

@@ -40,6 +40,7 @@ struct SimulateOptions {
   double delay_ms = 0.0;
   bool no_stiffness = false;
   bool until_stdin_closes = false;
+  bool bench = false;
   JsonTarget json;
 };
 

@@ -397,6 +397,11 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
       ->type_name("FLOAT ms");
   simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
   simulate
+      .add_flag("--bench", o.bench,
+                "Serve nobody; measure each solver on the scene against its converged solution, "
+                "and beside plain Newton-CG and Bullet; see docs/solvers.md")
+      ->configurable(false);
+  simulate
       .add_flag("--until-stdin-closes", o.until_stdin_closes,
                 "End when standard input ends, for a parent process")
       ->configurable(false);

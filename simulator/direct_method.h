@@ -17,7 +17,8 @@ struct DirectOptions {
                        .max_steps = 4,
                        .iterations_per_step = 2,
                        .max_iterations = 4,
-                       .max_recovery_steps = 1};
+                       .max_recovery_steps = 1,
+                       .answer_first_below = 0.03};
   /// Solve for a new grip on a thread of its own, so that the servo doesn't wait for it; until it
   /// is done the force is zero and its status kUnknown. Without it contact_made() takes that long.
   bool grab_on_own_thread = true;

@@ -6,10 +6,12 @@
 #include <cmath>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include "simulator/coarse_correction.h"
 #include "simulator/error.h"
 #include "simulator/spring_kernels.h"
+#include "simulator/spring_table.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -53,6 +55,10 @@ void check(const SolverOptions& options) {
   positive(options.iterations_per_step, "iterations_per_step");
   positive(options.max_iterations, "max_iterations");
   positive(options.max_recovery_steps, "max_recovery_steps");
+  if (!(options.answer_first_below >= 0.0)) {
+    throw Error("solver: answer_first_below is " + std::to_string(options.answer_first_below) +
+                "; it must be >= 0");
+  }
 }
 
 enum class Outcome { kSettled, kOutOfIterations, kUnstable };
@@ -73,8 +79,13 @@ class ElasticObject<Real>::Implementation {
       rest_.push_back(position_W - origin_W_);
     }
     fixed_ = mesh.fixed;
-    build_rows(mesh);
-    gather_vertex_forces(mesh);
+    SpringTable<Real> table = make_spring_table<Real>(mesh);
+    springs_ = table.springs;
+    rows_ = std::move(table.rows);
+    constants_ = std::move(table.constants);
+    exponential_ = table.exponential;
+    tangent_.resize(constants_.size());
+    vertex_force_ = make_vertex_forces(mesh, rest_);
     state_.resize(n);
     residual_.resize(n);
     direction_.resize(n);
@@ -256,54 +267,6 @@ class ElasticObject<Real>::Implementation {
 
  private:
   static constexpr bool kDouble = std::is_same_v<Real, double>;
-
-  void build_rows(const SpringMesh& mesh) {
-    rows_.row_begin.assign(rest_.size() + 1, 0);
-    for (const Spring& spring : mesh.springs) {
-      ++rows_.row_begin[static_cast<std::size_t>(std::min(spring.a, spring.b)) + 1];
-    }
-    for (std::size_t i = 0; i < rest_.size(); ++i) {
-      rows_.row_begin[i + 1] += rows_.row_begin[i];
-    }
-    springs_ = mesh.springs.size();
-    const std::size_t padded = (springs_ + kernels::kSpringPadding - 1) / kernels::kSpringPadding *
-                               kernels::kSpringPadding;
-    rows_.owner.resize(padded);
-    rows_.other.resize(padded);
-    constants_.resize(padded);
-    tangent_.resize(padded);
-    std::vector<std::int32_t> next(rows_.row_begin.begin(), rows_.row_begin.end() - 1);
-    for (const Spring& spring : mesh.springs) {
-      const auto a = static_cast<std::size_t>(std::min(spring.a, spring.b));
-      const auto b = static_cast<std::size_t>(std::max(spring.a, spring.b));
-      const auto at = static_cast<std::size_t>(next[a]++);
-      const double length_m = natural_length_m(mesh, spring);
-      const SpringLaw& law = mesh.laws[static_cast<std::size_t>(spring.law)];
-      rows_.owner[at] = static_cast<std::int32_t>(a);
-      rows_.other[at] = static_cast<std::int32_t>(b);
-      constants_[at] = {static_cast<Real>(1.0 / length_m),
-                        static_cast<Real>(spring.stiffness_N_per_m * length_m),
-                        static_cast<Real>(law.cubic_coefficient), static_cast<Real>(law.exponent)};
-      exponential_ = exponential_ || law.exponent > 0.0;
-    }
-  }
-
-  void gather_vertex_forces(const SpringMesh& mesh) {
-    if (mesh.home_stiffness_N_per_m.empty() && mesh.load_W_N.empty()) {
-      return;
-    }
-    vertex_force_.resize(rest_.size());
-    for (std::size_t i = 0; i < rest_.size(); ++i) {
-      kernels::VertexForce& force = vertex_force_[i];
-      for (int c = 0; c < 3; ++c) {
-        force.rest_m[c] = rest_[i][c];
-        force.load_N[c] = mesh.load_W_N.empty() ? 0.0 : mesh.load_W_N[i][c];
-      }
-      force.home_stiffness_N_per_m = mesh.home_stiffness_N_per_m.empty()
-                                         ? 0.0F
-                                         : static_cast<float>(mesh.home_stiffness_N_per_m[i]);
-    }
-  }
 
   Eigen::Vector3d position(std::size_t i) const noexcept {
     if constexpr (kDouble) {
@@ -526,9 +489,31 @@ class ElasticObject<Real>::Implementation {
     return descent.unstable ? Outcome::kUnstable : Outcome::kSettled;
   }
 
+  double residual_aim_N() const noexcept {
+    return std::max(kAimBelowTolerance * options_.relative_tolerance * force_scale_N_,
+                    kAimBelowResidual * residual_N_);
+  }
+  double sensitivity_aim_N_per_m() const noexcept {
+    return kAimBelowTolerance * options_.sensitivity_tolerance * stiffness_scale_N_per_m_;
+  }
+
+  // The answer stands; what the prediction left over is mended for the next move.
+  Outcome correct_once() noexcept {
+    if (last_.converged && last_.sensitivity_residual <= options_.sensitivity_tolerance) {
+      return Outcome::kSettled;
+    }
+    const Descent descent =
+        descend(options_.max_iterations, residual_aim_N(), sensitivity_aim_N_per_m());
+    absorb_correction();
+    return descent.unstable ? Outcome::kUnstable : Outcome::kSettled;
+  }
+
   // The last step: corrections until the tolerances hold.
   Outcome settle() noexcept {
     evaluate();
+    if (finite() && last_.relative_residual <= options_.answer_first_below) {
+      return correct_once();
+    }
     int iterations_left = options_.max_iterations;
     int stalls = 0;
     for (int round = 0; round < kMaxEvaluationsAStep; ++round) {
@@ -543,13 +528,8 @@ class ElasticObject<Real>::Implementation {
       }
       const double before_N = residual_N_;
       const bool was_converged = last_.converged;
-      const double aim_N =
-          std::max(kAimBelowTolerance * options_.relative_tolerance * force_scale_N_,
-                   kAimBelowResidual * residual_N_);
-      const double sensitivity_aim_N_per_m =
-          kAimBelowTolerance * options_.sensitivity_tolerance * stiffness_scale_N_per_m_;
       const int done_before = last_.iterations;
-      const Descent descent = descend(iterations_left, aim_N, sensitivity_aim_N_per_m);
+      const Descent descent = descend(iterations_left, residual_aim_N(), sensitivity_aim_N_per_m());
       iterations_left -= std::max(1, last_.iterations - done_before);
       absorb_correction();
       if (descent.unstable) {

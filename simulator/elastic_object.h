@@ -27,6 +27,10 @@ struct SolverOptions {
   /// Descents in energy an answer may take after its state turned out unstable (a deep push snaps
   /// through), each of some 20 ms on a block of 10,000 vertices; what is left goes on in the next.
   int max_recovery_steps = 24;
+  /// A state predicted this well, |r| / |F|, is answered as it is, and corrected once by
+  /// conjugate gradients afterwards, for the next move: one pass of evaluation instead of two.
+  /// 0: the answer waits for the correction. For servo rates, where the prediction is good.
+  double answer_first_below = 0.0;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
   double sensitivity_tolerance = 0.05;
 };

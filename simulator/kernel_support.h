@@ -20,6 +20,9 @@ namespace forcegrid::simulator::kernels {
 void find_tangents(const SpringRows& rows, const SpringConstants<float>* constants,
                    bool exponential, const Lanes* state, Single* position,
                    SpringTangent* tangent) noexcept;
+/// The same of positions alone.
+void find_tangents_at(const SpringRows& rows, const SpringConstants<float>* constants,
+                      bool exponential, const Single* position, SpringTangent* tangent) noexcept;
 void find_tangents(const SpringRows& rows, const SpringConstants<double>* constants,
                    bool exponential, const Precise* position, double* t_N_per_m,
                    SpringTangent* tangent) noexcept;

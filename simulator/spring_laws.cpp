@@ -147,6 +147,16 @@ FORCEGRID_MULTIVERSION void find_single(const SpringRows& rows,
   }
 }
 
+FORCEGRID_MULTIVERSION void find_at(const SpringRows& rows, const SpringConstants<float>* constants,
+                                    bool exponential, const Single* position,
+                                    SpringTangent* tangent) noexcept {
+  if (exponential) {
+    single_tangents<true>(rows, constants, position, tangent);
+  } else {
+    single_tangents<false>(rows, constants, position, tangent);
+  }
+}
+
 FORCEGRID_MULTIVERSION void find_precise(const SpringRows& rows,
                                          const SpringConstants<double>* constants, bool exponential,
                                          const Precise* position, double* t_N_per_m,
@@ -164,6 +174,11 @@ void find_tangents(const SpringRows& rows, const SpringConstants<float>* constan
                    bool exponential, const Lanes* state, Single* position,
                    SpringTangent* tangent) noexcept {
   find_single(rows, constants, exponential, state, position, tangent);
+}
+
+void find_tangents_at(const SpringRows& rows, const SpringConstants<float>* constants,
+                      bool exponential, const Single* position, SpringTangent* tangent) noexcept {
+  find_at(rows, constants, exponential, position, tangent);
 }
 
 void find_tangents(const SpringRows& rows, const SpringConstants<double>* constants,

@@ -1,0 +1,114 @@
+#include "cli/solver_bench_command.h"
+
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "evaluation/scenarios.h"
+#include "simulator/bullet_peer.h"
+#include "simulator/solver_bench.h"
+
+namespace forcegrid::cli {
+namespace {
+
+constexpr std::uint64_t kSeed = 1;
+constexpr double kSlowMotion_s = 4.0;
+constexpr double kFastMotion_s = 1.5;
+// The best one that the solver study found, a more accurate and a quicker one.
+constexpr double kBulletRelaxations[] = {0.03, 0.10, 0.25};
+
+std::vector<Eigen::Vector3d> motion_W(double rate_Hz, double duration_s) {
+  std::vector<Eigen::Vector3d> displacements_W =
+      evaluation::displacements_along_motion(kSeed, 1.0 / rate_Hz);
+  displacements_W.resize(std::min(displacements_W.size(),
+                                  static_cast<std::size_t>(std::lround(duration_s * rate_Hz))));
+  return displacements_W;
+}
+
+std::string time_text(double time_ms) {
+  if (!std::isfinite(time_ms)) {
+    return "never";
+  }
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f ms", time_ms);
+  return text;
+}
+
+void print_motion(const simulator::SolverBenchResult& result) {
+  std::printf(
+      "\nAlong the motion 'random', processor time a tick; error: RMS of |F - F converged| in %% "
+      "of "
+      "RMS |F|\n  %-14s %-24s %7s %10s %10s %10s %10s %10s %8s %9s\n",
+      "solver", "setting", "rate", "mean", "most", "error", "most", "|r|/|F|", "CG its",
+      "vertices");
+  for (const simulator::MotionRow& row : result.motion) {
+    std::printf("  %-14s %-24s %4.0f Hz %7.3f ms %7.3f ms %8.4f %% %8.4f %% %10.1e %8.1f %9.0f%s\n",
+                row.solver.c_str(), row.setting.c_str(), row.rate_Hz, row.mean_ms, row.max_ms,
+                row.error_percent, row.max_error_percent, row.residual_mean, row.iterations_mean,
+                row.vertices_mean,
+                row.unconverged > 0.0
+                    ? ("  tolerance missed in " +
+                       std::to_string(std::lround(100.0 * row.unconverged)) + " % of the ticks")
+                          .c_str()
+                    : "");
+  }
+}
+
+void print_step(const simulator::SolverBenchResult& result) {
+  std::printf(
+      "\nA step of 10 mm upwards from rest, linear springs; processor time until it stays within\n"
+      "  %-24s %12s %12s %12s %12s %12s %14s %9s\n",
+      "solver", "|r| 1e-2", "|r| 1e-3", "first at 1 %", "force 1 %", "force 0.1 %", "least error",
+      "vertices");
+  for (const simulator::StepRow& row : result.step) {
+    std::printf("  %-24s %12s %12s %12s %12s %12s %12.4f %% %9.0f\n", row.solver.c_str(),
+                time_text(row.to_residual_1e2_ms).c_str(),
+                time_text(row.to_residual_1e3_ms).c_str(), time_text(row.first_error_1_ms).c_str(),
+                time_text(row.to_error_1_ms).c_str(), time_text(row.to_error_01_ms).c_str(),
+                row.least_error_percent, row.vertices);
+  }
+}
+
+void print_ratios(const simulator::SolverBenchResult& result) {
+  std::printf("\nTime of the peer's cheapest setting that is as accurate, over ours\n");
+  for (const simulator::SpeedRatio& ratio : result.ratios) {
+    char text[32] = "no setting is as accurate";
+    if (std::isfinite(ratio.ratio)) {
+      std::snprintf(text, sizeof text, "%.1f", ratio.ratio);
+    }
+    std::printf("  %-44s %-24s %-26s %s\n", ratio.solver.c_str(), ratio.peer.c_str(),
+                ratio.at.c_str(), text);
+  }
+}
+
+}  // namespace
+
+int solver_bench_command(const std::string& scene, const JsonTarget& json) {
+  check_writable(json);
+  simulator::SolverBenchOptions options;
+  options.at_30_Hz_W = motion_W(30.0, kSlowMotion_s);
+  options.at_500_Hz_W = motion_W(500.0, kFastMotion_s);
+  options.say = [](const std::string& what) { std::cerr << "measuring: " << what << std::endl; };
+  for (const double relaxation : kBulletRelaxations) {
+    options.peers.push_back(simulator::bullet_peer(relaxation));
+  }
+  const simulator::SolverBenchResult result =
+      simulator::bench_solvers(simulator::make_scene(scene), options);
+  if (!json.on_stdout()) {
+    std::printf("%s: %zu vertices, %zu springs\n", result.scene.c_str(), result.vertices,
+                result.springs);
+    print_motion(result);
+    if (!result.step.empty()) {
+      print_step(result);
+    }
+    print_ratios(result);
+    for (const std::string& remark : result.remarks) {
+      std::printf("%s\n", remark.c_str());
+    }
+  }
+  write_json(json, simulator::to_json(result).dump(2));
+  return 0;
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "simulator/scene.h"
+
+namespace forcegrid::simulator {
+
+/// One state of a solver that goes on: the processor time spent so far and what it has reached.
+struct StepPoint {
+  double time_ms = 0.0;
+  double relative_residual = 0.0;  ///< |r| / max(|F|, 0.05 N), as Equilibrium defines it
+  double error_percent = 0.0;      ///< |F - F_converged| / |F_converged|
+};
+
+/// A solver of somebody else for the step with linear springs.
+struct StepPeer {
+  std::string name;
+  /// Holds the vertices within the scene's patch radius of its top, moves them by
+  /// `displacement_W` [m], and solves; error_percent is against `converged_force_W` [N].
+  std::function<std::vector<StepPoint>(const Scene& scene, const Eigen::Vector3d& displacement_W,
+                                       const Eigen::Vector3d& converged_force_W)>
+      run;
+};
+
+struct SolverBenchOptions {
+  /// [m] Displacements of the tool since it took hold of the top, the first one near zero.
+  std::vector<Eigen::Vector3d> at_30_Hz_W;
+  std::vector<Eigen::Vector3d> at_500_Hz_W;
+  double settling_s = 0.5;  ///< ticks before it are solved, but not counted
+  std::vector<StepPeer> peers;
+  std::function<void(const std::string&)> say;  ///< what is being measured; may be empty
+};
+
+/// A solver along a motion, tick by tick. Times are processor times of one thread.
+struct MotionRow {
+  std::string solver;
+  double rate_Hz = 0.0;
+  std::string setting;
+  std::size_t ticks = 0;
+  double mean_ms = 0.0;
+  double max_ms = 0.0;
+  double error_percent = 0.0;      ///< RMS of |F - F_converged| in % of the RMS of |F_converged|
+  double max_error_percent = 0.0;  ///< the largest one, in % of the same
+  double residual_mean = 0.0;
+  double iterations_mean = 0.0;
+  double vertices_mean = 0.0;  ///< that the solver touched
+  double unconverged = 0.0;    ///< fraction of the ticks whose tolerance was not reached
+};
+
+/// A solver after a step of the tool from rest, with linear springs. Infinity: never reached.
+struct StepRow {
+  std::string solver;
+  double to_residual_1e2_ms = 0.0;
+  double to_residual_1e3_ms = 0.0;
+  double first_error_1_ms = 0.0;  ///< within 1 % for the first time, perhaps in passing
+  double to_error_1_ms = 0.0;     ///< from here on the force is within 1 % of the converged one
+  double to_error_01_ms = 0.0;    ///< 0.1 %
+  double least_error_percent = 0.0;
+  double vertices = 0.0;
+};
+
+/// How many times as long as `solver` the cheapest setting of `peer` takes that is as accurate.
+struct SpeedRatio {
+  std::string solver;
+  std::string peer;
+  std::string at;
+  double ratio = 0.0;  ///< infinity: the peer gets there with no setting
+};
+
+struct SolverBenchResult {
+  std::string scene;
+  std::size_t vertices = 0;
+  std::size_t springs = 0;
+  std::vector<MotionRow> motion{};
+  std::vector<StepRow> step{};
+  std::vector<SpeedRatio> ratios{};
+  std::vector<std::string> remarks{};  ///< what was left out and why
+};
+
+/// Measures every solver on the scene against its converged solution: simulate_truth() for the
+/// motions (double precision, relative residual 1e-6), 1e-7 for the step of 10 mm upwards. All in
+/// one run, one after the other on the calling thread.
+/// Throws Error for a scene whose top can't be held, or motions without a counted tick.
+SolverBenchResult bench_solvers(const Scene& scene, const SolverBenchOptions& options);
+
+/// Keys carry the units; what was never reached is null.
+nlohmann::json to_json(const SolverBenchResult& result);
+
+/// [s] Processor time of the calling thread.
+double thread_time_s();
+
+}  // namespace forcegrid::simulator
