@@ -71,7 +71,7 @@ class AtATerminal {
     EXPECT_EQ(grantpt(terminal_), 0);
     EXPECT_EQ(unlockpt(terminal_), 0);
     const std::string name = ptsname(terminal_);
-    arguments.insert(arguments.begin(), {FORCEGRID_PROGRAM, "--no-config"});
+    arguments = testing::forcegrid_command(arguments);
     std::vector<char*> words;
     for (std::string& argument : arguments) {
       words.push_back(argument.data());

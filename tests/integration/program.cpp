@@ -65,12 +65,22 @@ Program::~Program() {
   std::filesystem::remove(err_file_);
 }
 
-Program Program::forcegrid(std::vector<std::string> arguments) {
-  if (std::find(arguments.begin(), arguments.end(), "--config") == arguments.end()) {
-    arguments.insert(arguments.begin(), "--no-config");  // what the tester has must not matter
+std::vector<std::string> forcegrid_command(std::vector<std::string> arguments) {
+  const auto has = [&](const char* word) {
+    return std::find(arguments.begin(), arguments.end(), word) != arguments.end();
+  };
+  if (!arguments.empty() && arguments.front() == "run" && !has("--device-timeout-ms")) {
+    arguments.insert(arguments.end(), {"--device-timeout-ms", "400"});
+  }
+  if (!has("--config")) {
+    arguments.insert(arguments.begin(), "--no-config");
   }
   arguments.insert(arguments.begin(), FORCEGRID_PROGRAM);
-  return Program(arguments);
+  return arguments;
+}
+
+Program Program::forcegrid(std::vector<std::string> arguments) {
+  return Program(forcegrid_command(std::move(arguments)));
 }
 
 void Program::send_signal(int number) const { kill(pid_, number); }

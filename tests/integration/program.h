@@ -9,6 +9,11 @@
 
 namespace forcegrid::testing {
 
+/// This project's command with `arguments`; no configuration file counts but one that they name,
+/// and a run waits longer for its device than the usual 100 ms, for which a machine that is shared
+/// may well stand still.
+std::vector<std::string> forcegrid_command(std::vector<std::string> arguments);
+
 /// A program started by a test, its output kept in files, ended when the test ends.
 class Program {
  public:
@@ -18,7 +23,7 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  /// This project's command with `arguments`; no configuration file counts but one that they name.
+  /// forcegrid_command() of these.
   static Program forcegrid(std::vector<std::string> arguments);
 
   void send_signal(int number) const;

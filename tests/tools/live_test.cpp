@@ -37,7 +37,7 @@ class InTerminal {
     pid_ = forkpty(&terminal_, nullptr, nullptr, &size);
     if (pid_ == 0) {
       setenv("TERM", "xterm", 1);
-      arguments.insert(arguments.begin(), {FORCEGRID_PROGRAM, "--no-config"});
+      arguments = testing::forcegrid_command(arguments);
       std::vector<char*> argv;
       for (std::string& argument : arguments) {
         argv.push_back(argument.data());
@@ -99,7 +99,7 @@ std::vector<std::string> live_run(const std::string& seconds) {
 }
 
 TEST(Live, DrawsTheLoopAndGivesTheTerminalBackAtTheEnd) {
-  InTerminal run(live_run("3"));
+  InTerminal run(live_run("5"));
   ASSERT_TRUE(run.wait_for(kEnter)) << run.seen();
   ASSERT_TRUE(run.wait_for("of 500 cycles/s")) << run.seen();
   EXPECT_TRUE(run.gave_the_terminal_back());
