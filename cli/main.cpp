@@ -13,6 +13,7 @@
 #include "cli/devices_command.h"
 #include "cli/doctor_command.h"
 #include "cli/evaluate_command.h"
+#include "cli/paper_command.h"
 #include "cli/record_command.h"
 #include "cli/revision.h"
 #include "cli/run_command.h"
@@ -462,6 +463,7 @@ int main(int argc, char** argv) {
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
   ChartCommandOptions chart;
+  PaperCommandOptions paper;
   DevicesOptions devices;
   DoctorOptions doctor;
   CalibrateOptions calibrate;
@@ -494,6 +496,7 @@ int main(int argc, char** argv) {
   add_kinematics(app, kinematics, action);
   add_evaluate(app, evaluate, action);
   add_chart(app, chart, action);
+  add_paper(app, paper, action);
   add_config(app, config, config_keys_of_all, layers, action);
   add_json(*app.get_subcommand("config"), config.json);
   try {
@@ -511,7 +514,7 @@ int main(int argc, char** argv) {
       throw CLI::RequiredError(
           "a subcommand: devices, doctor, calibrate, tune, run, record, replay, plot, emulate, "
           "simulate, keygen, kinematics, "
-          "evaluate, chart "
+          "evaluate, chart, paper "
           "or "
           "config");
     }

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "forcegrid/force_method.h"
+
+namespace forcegrid::paper {
+
+inline constexpr double kServoRate_Hz = 500.0;     ///< the paper's haptic rate
+inline constexpr double kSimulatorRate_Hz = 30.0;  ///< the paper's simulator
+
+/// The three objects of the discrimination test.
+inline constexpr std::size_t kObjects = 3;
+
+/// What is tried.
+struct Plan {
+  /// Scene of Figures 7 and 8 and of the resolutions: the paper's 10,000 vertices and 35,000 edges.
+  std::string scene = "organ";
+  /// Motions of the resolutions, of one contact each; the first is that of the figures.
+  std::vector<std::string> motions{"chirp", "random"};
+  std::vector<int> vertices{25, 50, 100};  ///< along each axis of the grid; 50 is the paper's
+  /// r over the workspace's longest edge; 1/6 is the paper's.
+  std::vector<double> radii_of_workspace{1.0 / 48, 1.0 / 24, 1.0 / 16, 1.0 / 12,
+                                         1.0 / 8,  1.0 / 6,  1.0 / 4,  1.0 / 3};
+  /// Three of one shape: stiff, soft and strongly varying springs.
+  std::array<std::string, kObjects> objects{"discrimination_stiff", "discrimination_soft",
+                                            "discrimination_varied"};
+  int touches = 100;  ///< of each object, by each observer, at each contrast
+  /// How different the objects are made, see DiscriminationRow::contrast; 1 is among them.
+  std::vector<double> contrasts{1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.0};
+};
+
+/// A plan that takes some twenty minutes at most, or one of two.
+Plan plan_of(bool quick);
+
+/// What `forcegrid paper` was asked for.
+struct PaperOptions {
+  std::filesystem::path out;    ///< folder for pictures, tables and the page
+  std::filesystem::path cache;  ///< folder of force tables and off-line forces; empty: none
+  Plan plan;
+  unsigned jobs = 0;                            ///< threads that solve; 0: one a processor
+  std::uint64_t seed = 1;                       ///< of motions and of the observers' noise
+  std::function<void(const std::string&)> say;  ///< facts, a line each
+  /// What is being done, fraction of it in [0, 1], time left [s].
+  std::function<void(const std::string& what, double done, double remaining_s)> progress;
+  const std::atomic<bool>* cancel = nullptr;  ///< when set and true: evaluation::Stopped is thrown
+};
+
+/// @throws evaluation::Stopped when the work is to end.
+void check_stop(const PaperOptions& options);
+
+/// A method by its text, e.g. "forcegrid unit=m", on the paper's grid of 50 x 50 x 50 vertices over
+/// a workspace of 0.16 x 0.12 x 0.12 m unless the text says otherwise.
+/// @throws std::invalid_argument for a text that no method can be made of.
+std::unique_ptr<ForceMethod> make_method(const std::string& text);
+
+}  // namespace forcegrid::paper

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "paper/claims.h"
+#include "paper/results.h"
+
+namespace forcegrid::paper {
+
+struct Cell {
+  Cell(std::string words) : text(std::move(words)) {}     // NOLINT: rows are written as lists
+  Cell(double value) : is_number(true), number(value) {}  // NOLINT
+  std::string text;
+  bool is_number = false;
+  double number = 0.0;
+};
+
+/// Rows of a CSV, and of a table on the page.
+struct Table {
+  std::vector<std::string> columns;  ///< names with units
+  std::vector<std::vector<Cell>> rows;
+};
+
+/// Texts in quotation marks, numbers with nine digits, nothing for what isn't finite.
+std::string csv(const Table& table);
+
+Table claims_table(const std::vector<Claim>& claims);
+/// The curves of Figure 7: time, tool along the normal, and along it the off-line force and those
+/// of figure_methods(), as the hand feels them when it pulls: positive towards the object.
+Table forces_table(const Figures& figures);
+Table fifths_table(const Figures& figures);
+Table resolutions_table(const std::vector<ResolutionRow>& rows);
+Table discrimination_table(const Discrimination& all);
+Table shapes_table(const std::vector<ShapeDifference>& shapes);
+
+}  // namespace forcegrid::paper
