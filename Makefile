@@ -4,6 +4,7 @@
 DEVICE  ?= woodenhaptics_v2015
 SCENE   ?= block
 SIMULATOR ?=
+WORKERS ?= 0
 SECONDS ?= 20
 ARGS    ?=
 FUZZ_SECONDS ?= 600
@@ -43,7 +44,7 @@ run: build
 ifeq ($(SIMULATOR),bullet)
 	examples/run_with_simulator.sh "build/release/bin/bullet_simulator 127.0.0.1:0" $(RUN) $(ARGS)
 else
-	$(RUN) --scene $(SCENE) $(ARGS)
+	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)
 endif
 
 test: build

@@ -164,14 +164,19 @@ void ChildProcess::reap() noexcept {
   }
 }
 
-std::string listening_address(ChildProcess& child, const std::string& what) {
+std::string listening_line(ChildProcess& child, const std::string& what) {
   const auto line = child.read_line(std::chrono::seconds(10));
   const std::string prefix = "listening ";
   if (!line || line->rfind(prefix, 0) != 0) {
     throw std::runtime_error("the " + what + " did not start" +
                              (child.running() ? " within 10 s" : " (its message is above)"));
   }
-  return line->substr(prefix.size(), line->find(' ', prefix.size()) - prefix.size());
+  return line->substr(prefix.size());
+}
+
+std::string listening_address(ChildProcess& child, const std::string& what) {
+  const std::string line = listening_line(child, what);
+  return line.substr(0, line.find(' '));
 }
 
 }  // namespace forcegrid::cli

@@ -48,4 +48,7 @@ class ChildProcess {
 /// @throws std::runtime_error when it does not come within 10 s.
 std::string listening_address(ChildProcess& child, const std::string& what);
 
+/// The same with all that the child says behind the address.
+std::string listening_line(ChildProcess& child, const std::string& what);
+
 }  // namespace forcegrid::cli

@@ -14,6 +14,7 @@
 #include "link/key.h"
 #include "profiles/device_profile.h"
 #include "simulator/run_simulator.h"
+#include "simulator/worker.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -61,6 +62,7 @@ int simulate_command(const SimulateOptions& options) {
   simulator.listen = options.listen;
   simulator.key_files = options.key_files;
   simulator.allowed = options.allowed;
+  simulator.workers = options.workers;
   simulator.rate_Hz = options.rate_Hz;
   simulator.answer_delay_s = 1e-3 * options.delay_ms;
   simulator.send_stiffness = !options.no_stiffness;
@@ -78,6 +80,18 @@ int keygen_command(const KeygenOptions& options) {
                "'--key "
             << options.file << "' to 'forcegrid simulate' there and to 'forcegrid run' here."
             << std::endl;
+  return 0;
+}
+
+int worker_command(const WorkerCommandOptions& options) {
+  simulator::WorkerOptions worker;
+  worker.connect = options.connect;
+  worker.key_file = options.key_file;
+  worker.scene = options.scene;
+  const std::uint64_t answered =
+      simulator::run_worker(worker, std::cout, std::cerr, StopRequest::stop(),
+                            options.until_stdin_closes ? STDIN_FILENO : -1);
+  std::cout << "answered " << answered << " queries" << std::endl;
   return 0;
 }
 

@@ -36,6 +36,7 @@ struct SimulateOptions {
   std::string listen = "127.0.0.1:24870";
   std::vector<std::string> key_files;
   std::vector<std::string> allowed;
+  std::string workers;
   double rate_Hz = 30.0;
   double delay_ms = 0.0;
   bool no_stiffness = false;
@@ -53,6 +54,16 @@ struct KeygenOptions {
 
 /// Makes a key for a link between machines, and says what to do with it.
 int keygen_command(const KeygenOptions& options);
+
+struct WorkerCommandOptions {
+  std::string connect;
+  std::string key_file;
+  std::string scene = "block";
+  bool until_stdin_closes = false;
+};
+
+/// Answers queries for a simulator until it is told to stop.
+int worker_command(const WorkerCommandOptions& options);
 
 struct KinematicsOptions {
   std::string profile;

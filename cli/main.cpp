@@ -217,6 +217,12 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
       ->check(between(1.0, 1000.0))
       ->capture_default_str()
       ->type_name("FLOAT Hz");
+  run.add_option("--workers", o.workers,
+                 "Processes that answer requests for the started simulator; default then 120 "
+                 "requests a second")
+      ->check(CLI::Range(0, 64))
+      ->capture_default_str()
+      ->type_name("INT processes");
   run.add_option_function<double>(
          "--sim-delay-ms", [&o](double ms) { o.simulator_delay_s = 1e-3 * ms; },
          "Hold each answer of the started simulator back this long")
@@ -388,6 +394,9 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->type_name("ADDR[/BITS]");
+  simulate.add_option(
+      "--workers", o.workers,
+      "Let 'forcegrid worker' processes at ADDR:PORT answer queries, by the first --key");
   simulate.add_option("--rate", o.rate_Hz, "Answers a second")
       ->check(between(1.0, 1000.0))
       ->capture_default_str()
@@ -415,6 +424,25 @@ void add_keygen(CLI::App& app, KeygenOptions& o, std::function<int()>& action) {
       *app.add_subcommand("keygen", "Make a key for a link between machines, see --key");
   keygen.add_option("FILE", o.file, "New file for the key; none is overwritten")->required();
   keygen.callback([&o, &action] { action = [&o] { return keygen_command(o); }; });
+}
+
+void add_worker(CLI::App& app, WorkerCommandOptions& o, std::function<int()>& action) {
+  CLI::App& worker = *app.add_subcommand(
+      "worker", "Answer queries for a simulator, on this machine or another one");
+  worker
+      .add_option("--connect", o.connect, "tcp://ADDR:PORT, as 'forcegrid simulate --workers' says")
+      ->required();
+  worker.add_option("--key", o.key_file, "Key file of that simulator (forcegrid keygen)")
+      ->required()
+      ->type_name("FILE");
+  worker.add_option("--scene", o.scene, "That simulator's object: " + scene_help())
+      ->check(scene_check())
+      ->capture_default_str();
+  worker
+      .add_flag("--until-stdin-closes", o.until_stdin_closes,
+                "End when standard input ends, for a parent process")
+      ->configurable(false);
+  worker.callback([&o, &action] { action = [&o] { return worker_command(o); }; });
 }
 
 void add_kinematics(CLI::App& app, KinematicsOptions& o, std::function<int()>& action) {
@@ -460,6 +488,7 @@ int main(int argc, char** argv) {
   EmulateOptions emulate;
   SimulateOptions simulate;
   KeygenOptions keygen;
+  WorkerCommandOptions worker;
   KinematicsOptions kinematics;
   EvaluateOptions evaluate;
   ChartCommandOptions chart;
@@ -493,6 +522,7 @@ int main(int argc, char** argv) {
   add_emulate(app, emulate, action);
   add_simulate(app, simulate, action);
   add_keygen(app, keygen, action);
+  add_worker(app, worker, action);
   add_kinematics(app, kinematics, action);
   add_evaluate(app, evaluate, action);
   add_chart(app, chart, action);
@@ -513,7 +543,7 @@ int main(int argc, char** argv) {
     if (!action) {
       throw CLI::RequiredError(
           "a subcommand: devices, doctor, calibrate, tune, run, record, replay, plot, emulate, "
-          "simulate, keygen, kinematics, "
+          "simulate, worker, keygen, kinematics, "
           "evaluate, chart, paper "
           "or "
           "config");

@@ -23,6 +23,7 @@
 #include "cli/run_summary.h"
 #include "cli/stop_request.h"
 #include "cli/terminal_keys.h"
+#include "cli/worker_processes.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
 #include "driver/discovery.h"
@@ -143,7 +144,8 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
   return std::make_unique<ChildProcess>(arguments);
 }
 
-std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options) {
+std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
+                                              const std::vector<std::string>& key_files) {
   std::vector<std::string> arguments = {"simulate",
                                         "--scene",
                                         options.scene,
@@ -155,8 +157,11 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options) {
                                         std::to_string(1e3 * options.simulator_delay_s),
                                         "--until-stdin-closes",
                                         "--json"};
-  for (const std::string& file : options.key_files) {
+  for (const std::string& file : key_files) {
     arguments.insert(arguments.end(), {"--key", file});
+  }
+  if (options.workers > 0) {
+    arguments.insert(arguments.end(), {"--workers", "127.0.0.1:0"});
   }
   return std::make_unique<ChildProcess>(arguments);
 }
@@ -212,7 +217,8 @@ double requests_per_s(const RunOptions& options, const std::vector<ForceMethod*>
     }
   }
   const bool needed = methods.front()->needs().requests;
-  const double asked = options.requests_per_s.value_or(needed ? kDefaultRequests_per_s : 0.0);
+  const double asked =
+      options.requests_per_s.value_or(needed || options.workers > 0 ? kDefaultRequests_per_s : 0.0);
   if (needed && asked == 0.0) {
     throw std::runtime_error("--requests-per-s 0: method \"" + names.front() +
                              "\" lives on its requests; give more, or another method");
@@ -472,19 +478,33 @@ int run_command(const RunOptions& options) {
     say("No real-time scheduling: " + realtime_refused + "\n");
   }
 
-  std::vector<link::LinkKey> keys_of_link = link::load_keys(options.key_files);
+  if (options.workers > 0 && !options.simulator.empty()) {
+    throw std::runtime_error(
+        "--workers are those of a simulator that is started here, but --simulator names another; "
+        "start it with --workers ADDR:PORT and each worker with 'forcegrid worker'");
+  }
+  std::unique_ptr<WorkerProcesses> workers;
+  if (options.workers > 0) {
+    workers = std::make_unique<WorkerProcesses>(options.key_files);
+  }
+  const std::vector<std::string> key_files = workers ? workers->key_files() : options.key_files;
+  std::vector<link::LinkKey> keys_of_link = link::load_keys(key_files);
   std::unique_ptr<ChildProcess> emulator;
   std::unique_ptr<ChildProcess> simulator;
   if (options.simulator.empty()) {
-    simulator = start_simulator(options);
+    simulator = start_simulator(options, key_files);
   }
   std::string url = options.device;
   if (emulated) {
     emulator = start_emulator(options, profile_name, is_falcon(profile));
     url = "usbip://" + listening_address(*emulator, "emulator") + "/1-1";
   }
+  const std::string simulator_line = simulator ? listening_line(*simulator, "simulator") : "";
+  if (workers) {
+    workers->start(options.workers, simulator_line, options.scene);
+  }
   const std::string simulator_address =
-      simulator ? listening_address(*simulator, "simulator") : options.simulator;
+      simulator ? simulator_line.substr(0, simulator_line.find(' ')) : options.simulator;
 
   servo::ServoPorts ports;
   std::unique_ptr<tools::Recorder> recorder;  // before the threads that give to it
@@ -737,6 +757,9 @@ int run_command(const RunOptions& options) {
     const std::string how = emulator->abnormal_end();
     summary.notes.push_back("the emulator gave no report; it " + (how.empty() ? "is gone" : how));
     say("Note: " + summary.notes.back() + "\n");
+  }
+  if (summary.simulator) {
+    say(workers_text(*summary.simulator));
   }
 
   // The off-line forces: the same object, converged, at every measured position since the contact.

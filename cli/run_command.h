@@ -40,6 +40,7 @@ struct RunOptions {
   std::string scene = "block";
   std::string simulator;  ///< ADDR:PORT of a simulator that already runs; empty: start one
   std::vector<std::string> key_files;  ///< of the link to it; empty: not sealed
+  int workers = 0;                     ///< processes that answer requests for the started simulator
   double simulator_rate_Hz = 30.0;
   double simulator_delay_s = 0.0;
   double seconds = 20.0;  ///< 0: until Ctrl-C

@@ -233,6 +233,30 @@ std::string motors_text(const nlohmann::json& emulator) {
   return text;
 }
 
+std::string workers_text(const nlohmann::json& simulator) {
+  const nlohmann::json& workers = simulator.at("workers");
+  if (workers.at("each").empty()) {
+    return "";
+  }
+  const auto count = [&workers](const char* key) { return workers.at(key).get<std::uint64_t>(); };
+  const std::uint64_t replies = simulator.at("replies").get<std::uint64_t>();
+  std::string text;
+  append(text,
+         "Queries: %" PRIu64 " answered; workers were given %" PRIu64 ", answered %" PRIu64
+         " in time and %" PRIu64 " too late; of %" PRIu64 " checked answers %" PRIu64
+         " were wrong\n",
+         replies, count("jobs_given"), count("answers"), count("late"),
+         count("checked_right") + count("wrong"), count("wrong"));
+  for (const nlohmann::json& worker : workers.at("each")) {
+    append(text, "  worker %-24s %6" PRIu64 " answers, %.1f ms each%s%s\n",
+           worker.at("name").get<std::string>().c_str(), worker.at("answers").get<std::uint64_t>(),
+           worker.at("round_trip_mean_ms").get<double>(),
+           worker.at("expelled").get<bool>() ? ", expelled" : "",
+           worker.at("present").get<bool>() ? "" : ", gone");
+  }
+  return text;
+}
+
 std::string errors_text(const RunSummary& summary) {
   std::string text;
   if (!summary.errors.empty()) {

@@ -69,6 +69,9 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
 /// What the emulated motors did, from the emulator's report.
 std::string motors_text(const nlohmann::json& emulator);
 
+/// Who answered the simulator's queries, from its report; empty without workers.
+std::string workers_text(const nlohmann::json& simulator);
+
 /// The errors and the files, once they are there.
 std::string errors_text(const RunSummary& summary);
 

@@ -9,15 +9,17 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
-#include <nlohmann/json.hpp>
+#include <memory>
 #include <optional>
 #include <ostream>
+#include <random>
 
 #include "link/simulator_endpoint.h"
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
 #include "simulator/error.h"
+#include "simulator/query_desk.h"
 #include "simulator/scene.h"
 
 namespace forcegrid::simulator {
@@ -28,11 +30,9 @@ constexpr double kMaxDelay_s = 10.0;
 constexpr int kMaxNice = 19;
 constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, until another may come
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
-// A query is only begun when this many times the last one's time is left before the deadline.
-constexpr double kQueryMargin = 2.0;
 constexpr double kExpectedWithin_s = 0.3;
 constexpr double kExpectedApart_m = 0.002;  // taking hold of another patch takes a while
-constexpr double kQueryDecay = 0.7;         // of the expected time, each time that there was none
+constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
 link::Access access(const SimulatorOptions& options) {
   link::Access access;
@@ -81,9 +81,18 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.solve_time_s = answer.equilibrium.solve_time_s;
 }
 
-bool finite(const Equilibrium& equilibrium) {
-  return equilibrium.force_W.allFinite() && equilibrium.stiffness_W.allFinite() &&
-         std::isfinite(equilibrium.relative_residual);
+std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Scene& scene) {
+  if (options.workers.empty()) {
+    return nullptr;
+  }
+  if (options.key_files.empty()) {
+    throw Error(
+        "simulator: workers need a key; make one with 'forcegrid keygen FILE' and give --key FILE "
+        "here and to each worker");
+  }
+  return std::make_unique<WorkerPool>(options.workers,
+                                      link::LinkKey::load(options.key_files.front()),
+                                      digest_of(scene), std::random_device{}());
 }
 
 class Loop {
@@ -93,8 +102,12 @@ class Loop {
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
         object_(scene.mesh, options.solver),
-        query_object_(scene.mesh, options.solver),
-        patch_radius_m_(scene.patch_radius_m),
+        desk_(scene, options.solver,
+              {.next_query = [this] { return endpoint_.next_query(); },
+               .job_for = [this](const link::Query& query) { return job_for(query); },
+               .reply = [this](const link::Query& query,
+                               const StickyContact::Answer& answer) { reply(query, answer); }},
+              make_pool(options, scene)),
         contact_(scene.mesh, {.patch_radius_m = scene.patch_radius_m}),
         period_(rt::from_seconds(1.0 / options.rate_Hz)),
         delay_(rt::from_seconds(options.answer_delay_s)) {
@@ -103,6 +116,7 @@ class Loop {
     summary_.vertices = object_.vertex_count();
     summary_.springs = object_.spring_count();
     summary_.rate_Hz = options.rate_Hz;
+    summary_.workers_at = desk_.pool() == nullptr ? "" : desk_.pool()->address();
   }
 
   const SimulatorSummary& summary() const { return summary_; }
@@ -139,12 +153,16 @@ class Loop {
   };
 
   void wait_until(rt::TimePoint deadline) {
-    if (answer_one_query(deadline)) {
+    if (desk_.solve_one(deadline)) {
+      receive();
       return;
     }
     rt::TimePoint wake = std::min(deadline, rt::Clock::now() + kStopCheck);
     if (!delayed_.empty()) {
       wake = std::min(wake, delayed_.front().due);
+    }
+    if (desk_.pool() != nullptr) {
+      wake = std::min(wake, rt::Clock::now() + kWorkerPoll);
     }
     rt::sleep_until(wake);
     receive();
@@ -162,8 +180,9 @@ class Loop {
     if (news.tool_state) {
       newest_ = news.tool_state;
     }
-    queries_ = news.queries;
+    desk_.set_waiting(news.queries);
     report_strangers();
+    desk_.serve_workers(rt::Clock::now());
   }
 
   // Who wonders why no force comes is told; once, since a stranger could fill a disk.
@@ -187,7 +206,7 @@ class Loop {
 
   void begin_anew() {
     contact_.reset(object_);
-    query_object_.release();
+    desk_.begin_anew();
     newest_.reset();
     delayed_.clear();
     contact_answer_.reset();
@@ -275,61 +294,36 @@ class Loop {
     }
   }
 
-  // @returns true when it took time over one.
-  bool answer_one_query(rt::TimePoint deadline) {
-    if (queries_ == 0) {
-      return false;
-    }
-    if (rt::seconds(deadline - rt::Clock::now()) < kQueryMargin * expected_query_s_) {
-      expected_query_s_ *= kQueryDecay;  // one slow answer must not be the last
-      return false;
-    }
-    const std::optional<link::Query> query = endpoint_.next_query();
-    if (!query) {
-      queries_ = 0;
-      return false;
-    }
-    --queries_;
-    rt::TimePoint start = rt::Clock::now();
-    link::ForceSample reply = link::answer_to(*query);
-    StickyContact::Answer answer;
-    answer.position_W = to_vector(query->position_W_m);
-    answer.point_W = answer.position_W;
-    answer.equilibrium.converged = true;
+  // What a query asks for, as things are now.
+  QueryJob job_for(const link::Query& query) const {
+    QueryJob job;
+    job.epoch = epoch_ + lost_epochs_;
+    job.position_W = to_vector(query.position_W_m);
     const bool held = contact_.in_contact() && contact_answer_;
-    if (held || expected_W_) {
-      answer.in_contact = true;
-      answer.epoch = epoch_ + lost_epochs_;
-      answer.point_W = held ? contact_answer_->point_W : *expected_W_;
-      if (!query_object_.grabbed() || query_point_W_ != answer.point_W) {
-        query_object_.release();
-        query_point_W_ = answer.point_W;
-        answer.in_contact = query_object_.grab(answer.point_W, patch_radius_m_) > 0;
-        start = rt::Clock::now();  // once a contact, and no measure of the answers to come
-      }
+    job.touching = held || expected_W_.has_value();
+    if (job.touching) {
+      job.point_W = held ? contact_answer_->point_W : *expected_W_;
     }
-    if (answer.in_contact) {
-      answer.equilibrium = query_object_.move_to(answer.position_W - answer.point_W);
-      answer.position_W = answer.point_W + answer.equilibrium.displacement_W;
-    }
-    expected_query_s_ = rt::seconds(rt::Clock::now() - start);
-    if (!finite(answer.equilibrium)) {
-      ++summary_.not_finite;
-      query_object_.release();
-      return true;
-    }
-    fill(reply, answer, options_.send_stiffness);
-    reply.solve_time_s = expected_query_s_;
-    if (endpoint_.send(reply) == link::SendStatus::kSent) {
+    return job;
+  }
+
+  void reply(const link::Query& query, const StickyContact::Answer& answer) {
+    link::ForceSample sample = link::answer_to(query);
+    fill(sample, answer, options_.send_stiffness);
+    if (endpoint_.send(sample) == link::SendStatus::kSent) {
       ++summary_.replies;
     } else {
       ++summary_.send_failures;
     }
-    return true;
   }
 
   void finish() {
     summary_.dropped = link::drop_reasons(endpoint_.statistics());
+    summary_.not_finite += desk_.counts().not_finite;
+    summary_.unchecked = desk_.counts().unchecked;
+    if (desk_.pool() != nullptr) {
+      summary_.workers = desk_.pool()->statistics();
+    }
     summary_.solve_mean_ms = solve_ms_.mean();
     summary_.solve_p50_ms = solve_ms_.at(0.5);
     summary_.solve_p99_ms = solve_ms_.at(0.99);
@@ -344,8 +338,7 @@ class Loop {
   bool told_of_strangers_ = false;
   link::SimulatorEndpoint endpoint_;
   ElasticObject<float> object_;
-  ElasticObject<float> query_object_;  // queries must not disturb the warm start along the path
-  double patch_radius_m_;
+  QueryDesk desk_;
   StickyContact contact_;
   rt::Duration period_;
   rt::Duration delay_;
@@ -353,9 +346,6 @@ class Loop {
   std::optional<StickyContact::Answer> contact_answer_;
   std::uint32_t epoch_ = 0;                    ///< of the newest answer, without the lost ones
   std::optional<Eigen::Vector3d> expected_W_;  ///< where the tool will touch soon
-  Eigen::Vector3d query_point_W_ = Eigen::Vector3d::Zero();  ///< where query_object_ is held
-  std::size_t queries_ = 0;
-  double expected_query_s_ = 0.0;  ///< how long an answer takes, from the last one
   std::uint32_t lost_epochs_ = 0;
   std::deque<Delayed> delayed_;
   rt::Percentiles solve_ms_;
@@ -380,38 +370,9 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   }
   const SimulatorSummary& summary = loop.summary();
   out << "listening " << summary.listening << " scene " << summary.scene << " vertices "
-      << summary.vertices << " springs " << summary.springs << std::endl;
+      << summary.vertices << " springs " << summary.springs
+      << (summary.workers_at.empty() ? "" : " workers " + summary.workers_at) << std::endl;
   return loop.run(stop, stop_fd);
-}
-
-nlohmann::json to_json(const SimulatorSummary& summary) {
-  return {{"scene", summary.scene},
-          {"listening", summary.listening},
-          {"vertices", summary.vertices},
-          {"springs", summary.springs},
-          {"rate_Hz", summary.rate_Hz},
-          {"sessions", summary.sessions},
-          {"ticks", summary.ticks},
-          {"answers", summary.answers},
-          {"replies", summary.replies},
-          {"late_ticks", summary.late_ticks},
-          {"missed_ticks", summary.missed_ticks},
-          {"send_failures", summary.send_failures},
-          {"datagrams_dropped",
-           nlohmann::json::object_t(summary.dropped.begin(), summary.dropped.end())},
-          {"contacts", summary.contacts},
-          {"unconverged", summary.unconverged},
-          {"branch_changes", summary.branch_changes},
-          {"not_reached", summary.not_reached},
-          {"not_finite", summary.not_finite},
-          {"worst_relative_residual", summary.worst_relative_residual},
-          {"solve_ms",
-           {{"mean", summary.solve_mean_ms},
-            {"p50", summary.solve_p50_ms},
-            {"p99", summary.solve_p99_ms},
-            {"max", summary.solve_max_ms}}},
-          {"grab_max_ms", summary.grab_max_ms},
-          {"iterations_mean", summary.iterations_mean}};
 }
 
 }  // namespace forcegrid::simulator

@@ -11,6 +11,7 @@
 
 #include "simulator/elastic_object.h"
 #include "simulator/sticky_contact.h"
+#include "simulator/worker_pool.h"
 
 namespace forcegrid::simulator {
 
@@ -21,6 +22,7 @@ struct SimulatorOptions {
       "127.0.0.1:24870";               ///< ADDR:PORT, loopback without a key; port 0: a free one
   std::vector<std::string> key_files;  ///< of a sealed link, see link::Access
   std::vector<std::string> allowed;    ///< ranges of addresses, see link::AddressRange
+  std::string workers;                 ///< ADDR:PORT for workers, see WorkerPool; empty: none
   double rate_Hz = 30.0;               ///< answers a second; in (0, 1000]
   /// [s] Every answer leaves this much later, as from a slower machine; in [0, 10].
   double answer_delay_s = 0.0;
@@ -45,6 +47,9 @@ struct SimulatorSummary {
   std::uint64_t missed_ticks =
       0;  ///< deadlines skipped because an answer took longer than a period
   std::uint64_t send_failures = 0;
+  std::string workers_at;       ///< tcp://ADDR:PORT; empty without
+  WorkerStatistics workers;     ///< all zero without
+  std::uint64_t unchecked = 0;  ///< QueryDesk::Counts::unchecked
   /// Datagrams that were not taken, by reason.
   std::vector<std::pair<std::string, std::uint64_t>> dropped;
   std::uint64_t contacts = 0;

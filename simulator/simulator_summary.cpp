@@ -1,0 +1,73 @@
+#include <nlohmann/json.hpp>
+
+#include "simulator/run_simulator.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+nlohmann::json to_json(const WorkerStatistics& statistics, std::uint64_t unchecked) {
+  nlohmann::json each = nlohmann::json::array();
+  for (const WorkerRecord& worker : statistics.workers) {
+    const auto round_trips = static_cast<double>(worker.round_trips);
+    each.push_back({{"name", worker.name},
+                    {"present", worker.present},
+                    {"expelled", worker.expelled},
+                    {"answers", worker.answers},
+                    {"late", worker.late},
+                    {"checked_right", worker.right},
+                    {"wrong", worker.wrong},
+                    {"round_trip_mean_ms",
+                     worker.round_trips == 0 ? 0.0 : 1e3 * worker.round_trip_sum_s / round_trips}});
+  }
+  return {{"strangers", statistics.strangers},
+          {"joined", statistics.joined},
+          {"refused", statistics.refused},
+          {"gone", statistics.gone},
+          {"expelled", statistics.expelled},
+          {"jobs_given", statistics.given},
+          {"answers", statistics.answered},
+          {"jobs_taken_back", statistics.taken_back},
+          {"jobs_given_up", statistics.given_up},
+          {"late", statistics.late},
+          {"checked_right", statistics.right},
+          {"wrong", statistics.wrong},
+          {"unchecked", unchecked},
+          {"malformed", statistics.malformed},
+          {"unasked", statistics.unasked},
+          {"each", each}};
+}
+
+}  // namespace
+
+nlohmann::json to_json(const SimulatorSummary& summary) {
+  return {{"scene", summary.scene},
+          {"listening", summary.listening},
+          {"vertices", summary.vertices},
+          {"springs", summary.springs},
+          {"rate_Hz", summary.rate_Hz},
+          {"sessions", summary.sessions},
+          {"ticks", summary.ticks},
+          {"answers", summary.answers},
+          {"replies", summary.replies},
+          {"late_ticks", summary.late_ticks},
+          {"missed_ticks", summary.missed_ticks},
+          {"send_failures", summary.send_failures},
+          {"datagrams_dropped",
+           nlohmann::json::object_t(summary.dropped.begin(), summary.dropped.end())},
+          {"workers", to_json(summary.workers, summary.unchecked)},
+          {"contacts", summary.contacts},
+          {"unconverged", summary.unconverged},
+          {"branch_changes", summary.branch_changes},
+          {"not_reached", summary.not_reached},
+          {"not_finite", summary.not_finite},
+          {"worst_relative_residual", summary.worst_relative_residual},
+          {"solve_ms",
+           {{"mean", summary.solve_mean_ms},
+            {"p50", summary.solve_p50_ms},
+            {"p99", summary.solve_p99_ms},
+            {"max", summary.solve_max_ms}}},
+          {"grab_max_ms", summary.grab_max_ms},
+          {"iterations_mean", summary.iterations_mean}};
+}
+
+}  // namespace forcegrid::simulator
