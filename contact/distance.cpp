@@ -177,14 +177,33 @@ PointInTool locate(const ToolShape& tool, const Eigen::Vector3d& position_W,
     const double t = along(point_T, capsule.from_T, capsule.to_T);
     const Eigen::Vector3d from_axis = point_T - (1.0 - t) * capsule.from_T - t * capsule.to_T;
     const double distance_m = from_axis.norm();
-    if (distance_m - capsule.radius_m < best.gap_m) {
-      best.gap_m = distance_m - capsule.radius_m;
-      best.axis_distance_m = distance_m;
-      best.normal_W = distance_m > kSmallest_m ? Eigen::Vector3d(from_axis / distance_m)
-                                               : across(capsule.to_T - capsule.from_T);
+    if (distance_m - capsule.radius_m >= best.gap_m) {
+      continue;
     }
+    const Eigen::Vector3d axis = capsule.to_T - capsule.from_T;
+    best.gap_m = distance_m - capsule.radius_m;
+    if (distance_m <= kSmallest_m) {
+      best.normal_W = across(axis);
+      best.turning_W_per_m.setZero();
+      continue;
+    }
+    best.normal_W = from_axis / distance_m;
+    best.turning_W_per_m = Eigen::Matrix3d::Identity() - best.normal_W * best.normal_W.transpose();
+    if (t > 0.0 && t < 1.0) {  // beside the axis the normal turns around it alone
+      best.turning_W_per_m -= axis * axis.transpose() / axis.squaredNorm();
+    }
+    best.turning_W_per_m /= distance_m;
   }
   return best;
+}
+
+bool between_jaws(const ToolShape& tool, const Eigen::Vector3d& point_T) noexcept {
+  if (tool.kind() != ToolShape::Kind::kGrasper) {
+    return false;
+  }
+  const std::span<const Capsule> jaws = tool.parts();
+  const Corners between{jaws[0].from_T, jaws[1].from_T, jaws[0].to_T};
+  return (blend(nearest_weights(point_T, between), between) - point_T).norm() <= jaws[0].radius_m;
 }
 
 }  // namespace forcegrid::contact

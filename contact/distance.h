@@ -51,11 +51,16 @@ Touch nearest(const ToolShape& tool, const Eigen::Vector3d& position_W,
 struct PointInTool {
   double gap_m = 0.0;  ///< signed distance from the tool's surface, negative inside
   Eigen::Vector3d normal_W = Eigen::Vector3d::UnitZ();  ///< unit, the gap's gradient: outward
-  double axis_distance_m = 0.0;  ///< from the nearest axis: the gap's radius of curvature there
+  /// [1/m] The gap's second derivative: how the normal turns. Zero on an axis, where there is none.
+  Eigen::Matrix3d turning_W_per_m = Eigen::Matrix3d::Zero();
 };
 
 /// @param point_W  [m]. On an axis itself the normal is a fixed direction across it.
 PointInTool locate(const ToolShape& tool, const Eigen::Vector3d& position_W,
                    const Eigen::Vector3d& point_W) noexcept;
+
+/// Whether a point, in the tool's frame T, lies between the jaws of a grasper or in them: within a
+/// jaw's radius of the triangle of their tips and the hinge. Never for another tool.
+bool between_jaws(const ToolShape& tool, const Eigen::Vector3d& point_T) noexcept;
 
 }  // namespace forcegrid::contact

@@ -135,14 +135,14 @@ TEST(PointInTool, IsTheClosedFormOfSphereAndCapsule) {
   const PointInTool inside = locate(sphere, {0, 0, 0}, {0.003, 0.0, 0.014});
   EXPECT_NEAR(inside.gap_m, 0.005 - 0.01, kRounding);
   EXPECT_TRUE(inside.normal_W.isApprox(Vector3d(0.6, 0.0, 0.8)));
-  EXPECT_NEAR(inside.axis_distance_m, 0.005, kRounding);
+  EXPECT_NEAR(inside.turning_W_per_m.trace(), 2.0 / 0.005, 1e-6);
   const ToolShape capsule = ToolShape::capsule(0.002, 0.03);
   EXPECT_NEAR(locate(capsule, {0, 0, 0}, {0.005, 0.0, 0.01}).gap_m, 0.003, kRounding);
   EXPECT_NEAR(locate(capsule, {0, 0, 0}, {0.0, 0.003, 0.036}).gap_m, 0.003, kRounding);
   EXPECT_NEAR(locate(capsule, {0, 0, 0}, {0.0, 0.0, 0.01}).normal_W.norm(), 1.0, kRounding);
 }
 
-TEST(PointInTool, ItsNormalIsTheGapsGradient) {
+TEST(PointInTool, ItsNormalIsTheGapsGradientAndTurnsAsTheSecondDerivativeSays) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937_64 random(kSeed);
   constexpr double kStep_m = 1e-7;
@@ -152,18 +152,22 @@ TEST(PointInTool, ItsNormalIsTheGapsGradient) {
     const Vector3d place = random_vector(random, 0.01);
     const Vector3d point = random_vector(random, 0.04);
     const PointInTool here = locate(tool, place, point);
-    Vector3d gradient;
+    Vector3d gradient = Vector3d::Zero();
+    Eigen::Matrix3d turning = Eigen::Matrix3d::Zero();
     for (int c = 0; c < 3; ++c) {
       const Vector3d step = kStep_m * Vector3d::Unit(c);
-      gradient[c] =
-          (locate(tool, place, point + step).gap_m - locate(tool, place, point - step).gap_m) /
-          (2.0 * kStep_m);
+      const PointInTool ahead = locate(tool, place, point + step);
+      const PointInTool behind = locate(tool, place, point - step);
+      gradient[c] = (ahead.gap_m - behind.gap_m) / (2.0 * kStep_m);
+      turning.col(c) = (ahead.normal_W - behind.normal_W) / (2.0 * kStep_m);
     }
     if (std::abs(gradient.norm() - 1.0) > 1e-4) {
-      continue;  // across the middle plane of a grasper or an axis
+      continue;  // across the middle plane of a grasper, or an axis
     }
     ++compared;
     EXPECT_LT((here.normal_W - gradient).norm(), 1e-3) << "trial " << trial;
+    EXPECT_LT((here.turning_W_per_m - turning).norm(), 1e-3 * (1.0 + turning.norm()))
+        << "trial " << trial;
   }
   EXPECT_GT(compared, 280);
 }

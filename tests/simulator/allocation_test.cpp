@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "simulator/elastic_object.h"
+#include "simulator/pressed_object.h"
 #include "simulator/scene.h"
 #include "tests/support/allocation_count.h"
 
@@ -17,6 +18,24 @@ TEST(ElasticObject, MovesDoNotAllocateEvenWhenTheObjectSnapsThrough) {
   }
   EXPECT_EQ(count.value(), 0U);
   EXPECT_TRUE(left_branch) << "the way out of an unstable state was not exercised";
+}
+
+TEST(PressedObject, NeitherMovesNorTheGraspersJawsAllocate) {
+  PressedObject object(make_scene("small").mesh, contact::ToolShape::grasper(0.004, 0.03, 0.8));
+  object.reset({0.0, 0.0, 0.001});
+  int points = 0;
+  int held = 0;
+  const testing::AllocationCount count;
+  for (int i = 1; i <= 6; ++i) {
+    points += object.move_to({0.0005 * i, 0.0, -0.001 * i}).points;
+  }
+  held = object.grasp();
+  object.move_to({0.0, 0.0, -0.002});
+  object.let_go();
+  object.move_to({0.0, 0.0, -0.002});
+  EXPECT_EQ(count.value(), 0U);
+  EXPECT_GT(points, 0);
+  EXPECT_GT(held, 0);
 }
 
 TEST(ElasticObject, TheCountSeesTheAllocationsOfPositions) {
