@@ -6,6 +6,7 @@
 
 #include "evaluation/chart_html_parts.h"
 #include "evaluation/chart_plot.h"
+#include "evaluation/chart_requests.h"
 #include "evaluation/chart_rows.h"
 #include "evaluation/page_text.h"
 #include "evaluation/trajectories.h"
@@ -106,7 +107,7 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
             (shown ? readable(1e-3 * static_cast<double>(shown->verdict.memory_bytes)) : "") +
             "</tr>";
   }
-  html += "</tbody></table>";
+  html += "</tbody></table>" + requests_html(chart, table.scene);
 }
 
 }  // namespace
@@ -168,6 +169,22 @@ std::string chart_json(const Chart& chart, const ChartOptions& options) {
                                 {"error_percent", or_null(point.error_percent)},
                                 {"cycle_ns", or_null(point.cycle_ns)},
                                 {"on_front", point.on_front}});
+    }
+  }
+  json["by_requests"] = ordered_json::array();
+  for (const ChartTable& table : chart.tables) {
+    for (const RequestRow& row : requests_of(chart, table.scene)) {
+      ordered_json errors = ordered_json::array();
+      for (const double error_percent : row.error_percent) {
+        errors.push_back(or_null(error_percent));
+      }
+      json["by_requests"].push_back({{"scene", table.scene},
+                                     {"method", row.method},
+                                     {"trajectory", row.trajectory},
+                                     {"figure", row.figure},
+                                     {"requests_per_s", kRequestRates_per_s},
+                                     {"error_percent", errors},
+                                     {"answers", row.answers}});
     }
   }
   json["not_run"] = ordered_json::array();

@@ -46,7 +46,8 @@ class QueryDesk {
   /// Another run of a servo: what was asked before is of no use any more.
   void begin_anew();
 
-  [[nodiscard]] const WorkerPool* pool() const noexcept { return pool_.get(); }
+  /// Null: no workers.
+  [[nodiscard]] WorkerPool* pool() const noexcept { return pool_.get(); }
   [[nodiscard]] const Counts& counts() const noexcept { return counts_; }
 
  private:

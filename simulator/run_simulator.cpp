@@ -162,9 +162,10 @@ class Loop {
       wake = std::min(wake, delayed_.front().due);
     }
     if (desk_.pool() != nullptr) {
-      wake = std::min(wake, rt::Clock::now() + kWorkerPoll);
+      desk_.pool()->wait(std::min(wake, rt::Clock::now() + kWorkerPoll));
+    } else {
+      rt::sleep_until(wake);
     }
-    rt::sleep_until(wake);
     receive();
   }
 

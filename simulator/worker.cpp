@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <cerrno>
 #include <ostream>
 #include <string>
 #include <string_view>
@@ -40,18 +39,6 @@ std::string own_name() {
   return std::string(known ? host.data() : "unknown") + ":" + std::to_string(::getpid());
 }
 
-/// Until there is one, kStopCheck has passed or a signal came.
-void wait_for_message(zmq::socket_t& socket) {
-  zmq::pollitem_t item{socket.handle(), 0, ZMQ_POLLIN, 0};
-  try {
-    zmq::poll(&item, 1, kStopCheck);
-  } catch (const zmq::error_t& error) {
-    if (error.num() != EINTR) {
-      throw;
-    }
-  }
-}
-
 class Work {
  public:
   Work(const WorkerOptions& options, std::ostream& out, std::ostream& log)
@@ -70,7 +57,7 @@ class Work {
     pollfd watched{stop_fd, POLLIN, 0};
     while (!stop.load(std::memory_order_relaxed) && ::poll(&watched, 1, 0) <= 0) {
       say_hello(rt::Clock::now());
-      wait_for_message(socket_);
+      wait_for_message(socket_, kStopCheck);
       if (const auto frames = receive(socket_)) {
         take(frames->front());
       }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "link/address.h"
+#include "rt/thread.h"
 #include "simulator/curve_door.h"
 #include "simulator/worker_socket.h"
 
@@ -277,6 +278,15 @@ WorkerPool::WorkerPool(const std::string& listen, const link::LinkKey& key, Obje
 WorkerPool::~WorkerPool() = default;
 
 std::string WorkerPool::address() const { return state_->router.get(zmq::sockopt::last_endpoint); }
+
+void WorkerPool::wait(rt::TimePoint until) {
+  const auto whole_ms = std::chrono::floor<std::chrono::milliseconds>(until - rt::Clock::now());
+  if (whole_ms > std::chrono::milliseconds(0)) {  // ZeroMQ waits for whole ones
+    wait_for_message(state_->router, whole_ms);
+  } else {
+    rt::sleep_until(until);
+  }
+}
 
 void WorkerPool::poll(rt::TimePoint now) {
   state_->door.answer();

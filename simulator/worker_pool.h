@@ -56,6 +56,10 @@ class WorkerPool {
   /// "tcp://127.0.0.1:41234", as a worker connects to it.
   [[nodiscard]] std::string address() const;
 
+  /// Waits for a message of a worker, at most until `until`. Signals end it, and it may end up to a
+  /// millisecond early.
+  void wait(rt::TimePoint until);
+
   /// Takes in what has arrived, at most 256 messages, and takes back what took too long.
   void poll(rt::TimePoint now);
 

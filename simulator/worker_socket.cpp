@@ -71,6 +71,18 @@ void connect_as_worker(zmq::socket_t& socket, const link::Address& address,
   socket.connect("tcp://" + link::to_string(address));
 }
 
+bool wait_for_message(zmq::socket_t& socket, std::chrono::milliseconds timeout) {
+  zmq::pollitem_t item{socket.handle(), 0, ZMQ_POLLIN, 0};
+  try {
+    return zmq::poll(&item, 1, timeout) > 0;
+  } catch (const zmq::error_t& error) {
+    if (error.num() != EINTR) {
+      throw;
+    }
+    return true;
+  }
+}
+
 std::optional<std::vector<std::string>> receive(zmq::socket_t& socket) {
   std::vector<std::string> frames;
   bool more = true;

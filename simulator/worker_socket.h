@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,9 @@ void listen_as_simulator(zmq::socket_t& socket, const link::Address& address,
 /// Makes `socket` a worker's end. Connects in the background, again and again.
 void connect_as_worker(zmq::socket_t& socket, const link::Address& address,
                        const link::LinkKey& key);
+
+/// @returns whether a message has come; false after `timeout`, true after a signal.
+bool wait_for_message(zmq::socket_t& socket, std::chrono::milliseconds timeout);
 
 /// The frames of a message that has arrived; nothing if there is none. Does not wait.
 std::optional<std::vector<std::string>> receive(zmq::socket_t& socket);
