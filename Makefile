@@ -38,6 +38,11 @@ AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 ifneq ($(filter-out bullet,$(SIMULATOR)),)
 $(error SIMULATOR=$(SIMULATOR): it is bullet, or left out for this project's own)
 endif
+ifneq ($(SIMULATOR),)
+ifneq ($(filter-out 0,$(WORKERS)),)
+$(error WORKERS=$(WORKERS): only the project's own simulator has workers; leave SIMULATOR=$(SIMULATOR) out)
+endif
+endif
 RUN := $(PROGRAM) run --device $(DEVICE_URL) --seconds $(SECONDS)
 
 run: build

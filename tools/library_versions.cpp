@@ -10,6 +10,7 @@
 
 #include "driver/library_versions.h"
 #include "link/library_versions.h"
+#include "simulator/library_versions.h"
 #include "tools/hdf5_file.h"
 
 namespace forcegrid::tools {
@@ -23,7 +24,8 @@ std::string dotted(int major, int minor, int patch) {
 
 std::vector<PartVersion> library_versions() {
   std::vector<PartVersion> parts;
-  for (const auto& versions : {driver::library_versions(), link::library_versions()}) {
+  for (const auto& versions :
+       {driver::library_versions(), link::library_versions(), simulator::library_versions()}) {
     for (const auto& [name, version] : versions) {
       parts.push_back({name, version});
     }

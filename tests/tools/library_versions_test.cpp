@@ -25,6 +25,7 @@ TEST(LibraryVersions, AreThoseThatThePackagesSayToo) {
   EXPECT_EQ(versions.at("hidapi"), KNOWN_hidapi_hidraw);
   EXPECT_EQ(versions.at("libsodium"), KNOWN_libsodium);
   EXPECT_EQ(versions.at("zlib"), KNOWN_zlib);
+  EXPECT_EQ(versions.at("ZeroMQ"), KNOWN_libzmq);
   EXPECT_EQ(versions.at("HDF5"), KNOWN_hdf5);
   EXPECT_EQ(versions.at("Eigen"), KNOWN_eigen);
 }
