@@ -33,6 +33,7 @@ int emulate_command(const EmulateOptions& options);
 
 struct SimulateOptions {
   std::string scene = "block";
+  std::string solver = "auto";
   std::string listen = "127.0.0.1:24870";
   std::vector<std::string> key_files;
   std::vector<std::string> allowed;

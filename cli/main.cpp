@@ -26,6 +26,7 @@
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
+#include "simulator/solver_choice.h"
 #include "tools/recording.h"
 
 namespace {
@@ -380,6 +381,12 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
   CLI::App& simulate = *app.add_subcommand("simulate", "Simulate a scene for a servo over UDP");
   simulate.add_option("--scene", o.scene, "Object: " + scene_help())
       ->check(scene_check())
+      ->capture_default_str();
+  simulate
+      .add_option("--solver", o.solver,
+                  "How the object is solved; auto picks by size and tolerance and says why; see "
+                  "docs/solvers.md")
+      ->check(CLI::IsMember(simulator::solver_names()))
       ->capture_default_str();
   simulate
       .add_option("--listen", o.listen,

@@ -4,12 +4,15 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <numeric>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <utility>
 
 #include "simulator/coarse_correction.h"
 #include "simulator/error.h"
+#include "simulator/region.h"
 #include "simulator/spring_kernels.h"
 #include "simulator/spring_table.h"
 
@@ -37,6 +40,13 @@ constexpr double kPreconditionerReach_m = 3e-3;
 // A residual that grows by more than this under a correction tells of an unstable state.
 constexpr double kDivergence = 2.0;
 constexpr int kMaxStalls = 3;
+// A region gives up its last ring below this fraction of what the border may have.
+constexpr double kShrinkBelow = 0.3;
+// So far beyond what the border may have the outside no longer follows S.
+constexpr double kBorderLost = 100.0;
+constexpr int kCalmMoves = 4;
+constexpr int kFirstLevels = 4;
+constexpr int kMovesBetweenAttempts = 30;
 // Below this fraction of where it began a lane is at single precision's end.
 constexpr double kFinishedLane = 1e-13;
 
@@ -58,6 +68,10 @@ void check(const SolverOptions& options) {
   if (!(options.answer_first_below >= 0.0)) {
     throw Error("solver: answer_first_below is " + std::to_string(options.answer_first_below) +
                 "; it must be >= 0");
+  }
+  if (!(options.border_tolerance >= 0.0) || options.whole_every < 0) {
+    throw Error("solver: border_tolerance is " + std::to_string(options.border_tolerance) +
+                " and whole_every " + std::to_string(options.whole_every) + "; both must be >= 0");
   }
 }
 
@@ -86,6 +100,10 @@ class ElasticObject<Real>::Implementation {
     exponential_ = table.exponential;
     tangent_.resize(constants_.size());
     vertex_force_ = make_vertex_forces(mesh, rest_);
+    mesh_number_.resize(n);
+    std::iota(mesh_number_.begin(), mesh_number_.end(), 0);
+    own_number_.assign(mesh_number_.begin(), mesh_number_.end());
+    region_ = Region(vertices_);
     state_.resize(n);
     residual_.resize(n);
     direction_.resize(n);
@@ -121,15 +139,15 @@ class ElasticObject<Real>::Implementation {
     const auto bytes = [](const auto&... vectors) {
       return (... + (vectors.capacity() * sizeof(*vectors.data())));
     };
-    return sizeof *this + bytes(rest_, fixed_, free_, rows_.row_begin, rows_.owner, rows_.other,
-                                constants_, vertex_force_, patch_, constrained_, state_, residual_,
-                                direction_, product_, saved_state_, inverse_, tangent_, correction_,
-                                position_, saved_position_, force_, t_N_per_m_, single_position_,
-                                coarse_.place, coarse_.inverse_m_per_N, coarse_residual_,
-                                coarse_correction_);
+    return sizeof *this +
+           bytes(rest_, fixed_, free_, mesh_patch_, mesh_number_, own_number_, rows_.row_begin,
+                 rows_.owner, rows_.other, constants_, vertex_force_, patch_, constrained_, state_,
+                 residual_, direction_, product_, saved_state_, inverse_, tangent_, correction_,
+                 position_, saved_position_, force_, t_N_per_m_, single_position_, coarse_.place,
+                 coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
   }
   bool grabbed() const noexcept { return !patch_.empty(); }
-  const std::vector<std::int32_t>& patch() const noexcept { return patch_; }
+  const std::vector<std::int32_t>& patch() const noexcept { return mesh_patch_; }
 
   template <typename Visit>
   void visit_grabbable(const Eigen::Vector3d& point_W, double radius_m, Visit visit) const {
@@ -150,6 +168,12 @@ class ElasticObject<Real>::Implementation {
     if (patch_.empty()) {
       return 0;
     }
+    if (options_.border_tolerance > 0.0) {
+      number_around_patch();
+    }
+    for (const std::int32_t i : patch_) {
+      mesh_patch_.push_back(mesh_number_[static_cast<std::size_t>(i)]);
+    }
     for (const std::int32_t i : patch_) {
       const auto at = static_cast<std::size_t>(i);
       free_[at] = 0;
@@ -164,6 +188,16 @@ class ElasticObject<Real>::Implementation {
 
   void release() noexcept {
     patch_.clear();
+    mesh_patch_.clear();
+    region_.whole(rows_);
+    moves_ = whole_since_ = 0;
+    stand_at_rest();
+    last_ = Equilibrium{};
+    last_.converged = true;
+  }
+
+  // Every vertex where it rests, and nothing known of the state before.
+  void stand_at_rest() noexcept {
     constrained_.clear();
     displacement_.setZero();
     saved_displacement_.setZero();
@@ -178,8 +212,6 @@ class ElasticObject<Real>::Implementation {
       state_[at] = Lanes{};
       set_position(at, rest_[at]);
     }
-    last_ = Equilibrium{};
-    last_.converged = true;
   }
 
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept {
@@ -209,6 +241,9 @@ class ElasticObject<Real>::Implementation {
     }
     clear_counts(last_);
     last_.reached = true;
+    if (options_.border_tolerance > 0.0) {
+      choose_region();
+    }
     double step_limit_m = options_.max_step_m;
     int steps = 0;
     for (;;) {
@@ -230,10 +265,14 @@ class ElasticObject<Real>::Implementation {
           continue;
         }
         last_.left_branch = true;
+        change_region(region_.levels());
         recover();
         if (last) {
           settle();
         }
+      }
+      if (last && outcome == Outcome::kSettled) {
+        grow();
       }
       if (last) {
         last_.reached = pieces <= 1.0;
@@ -248,21 +287,16 @@ class ElasticObject<Real>::Implementation {
 
   std::vector<Eigen::Vector3d> positions_W() const {
     std::vector<Eigen::Vector3d> positions;
-    positions.reserve(rest_.size());
+    positions.resize(rest_.size());
     for (std::size_t i = 0; i < rest_.size(); ++i) {
-      positions.push_back(origin_W_ + position(i));
+      positions[static_cast<std::size_t>(mesh_number_[i])] = origin_W_ + standing_position(i);
     }
     return positions;
   }
 
-  Eigen::Matrix3d sensitivity(std::size_t vertex) const {
-    Eigen::Matrix3d s;
-    for (int c = 0; c < 3; ++c) {
-      for (int j = 0; j < 3; ++j) {
-        s(c, j) = static_cast<double>(state_[vertex].component[c][1 + j]);
-      }
-    }
-    return s;
+  Eigen::Matrix3d sensitivity(std::size_t mesh_vertex) const {
+    const std::size_t vertex = own_number_[mesh_vertex];
+    return sensitivity_of(vertex);
   }
 
  private:
@@ -286,10 +320,128 @@ class ElasticObject<Real>::Implementation {
     }
   }
 
+  // Grabbed first, then ring by ring, so that a region is the head of every array.
+  void number_around_patch() {
+    const std::vector<std::int32_t> order = region_.number_around(patch_, rows_);
+    permute(order, rest_);
+    permute(order, fixed_);
+    permute(order, free_);
+    permute(order, mesh_number_);
+    if (!vertex_force_.empty()) {
+      permute(order, vertex_force_);
+    }
+    renumber_springs(order, rows_, constants_);
+    for (std::size_t i = 0; i < rest_.size(); ++i) {
+      own_number_[static_cast<std::size_t>(mesh_number_[i])] = i;
+    }
+    std::iota(patch_.begin(), patch_.end(), 0);
+    coarse_ = make_coarse_grid(rest_);
+    stand_at_rest();
+    region_.whole(rows_);
+  }
+
+  // Where a vertex is; one outside the region follows S from where it was left.
+  Eigen::Vector3d standing_position(std::size_t i) const {
+    if (static_cast<std::int32_t>(i) < rows_.reach) {
+      return position(i);
+    }
+    const Eigen::Vector3d way = displacement_ - region_.place(static_cast<std::int32_t>(i));
+    return position(i) + sensitivity_of(i) * way;
+  }
+
+  Eigen::Matrix3d sensitivity_of(std::size_t i) const noexcept {
+    Eigen::Matrix3d s;
+    for (int c = 0; c < 3; ++c) {
+      for (int j = 0; j < 3; ++j) {
+        s(c, j) = static_cast<double>(state_[i].component[c][1 + j]);
+      }
+    }
+    return s;
+  }
+
+  // Brings what joins the region to where the tool is; what leaves it keeps that place.
+  // Between moves, or to a larger region.
+  void change_region(int levels) noexcept {
+    const std::int32_t reached = rows_.reach;
+    region_.set(levels, displacement_, rows_);
+    for (std::int32_t i = reached; i < rows_.reach; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const Eigen::Matrix3d s = sensitivity_of(at);
+      const Eigen::Vector3d from = position(at);
+      const Eigen::Vector3d& place = region_.place(i);
+      set_position(at, from + s * (saved_displacement_ - place));
+      saved_state_[at] = state_[at];
+      if constexpr (kDouble) {
+        saved_position_[at] = position_[at];
+      }
+      set_position(at, from + s * (displacement_ - place));
+      direction_[at] = product_[at] = Lanes{};
+    }
+    // Nobody corrects S out there, so that it must not go on as it went while it was solved.
+    for (std::int32_t i = region_.solved_vertices(); i < rows_.reach; ++i) {
+      saved_state_[static_cast<std::size_t>(i)] = state_[static_cast<std::size_t>(i)];
+    }
+    preconditioner_valid_ = false;
+    calm_moves_ = 0;
+  }
+
+  double border_share() const noexcept {
+    return last_.border_work_N / (options_.border_tolerance * force_scale_N_);
+  }
+
+  void choose_region() noexcept {
+    ++moves_;
+    // What is mended all at once where the region is new is no trend.
+    if (++calm_moves_ < kCalmMoves) {
+      trend_valid_ = false;
+    }
+    if (options_.whole_every > 0 && moves_ % options_.whole_every == 0) {
+      local_levels_ = region_.solved();
+      change_region(region_.levels());
+      return;
+    }
+    int levels = region_.solved();
+    if (moves_ == 1) {
+      levels = kFirstLevels;
+    } else if (options_.whole_every > 0 && moves_ % options_.whole_every == 1) {
+      levels = local_levels_;
+    } else if (border_share() > 1.0) {
+      levels = region_.larger();
+    } else if (region_.is_whole()) {
+      // Every attempt with less costs an answer of two parts.
+      levels -= moves_ - whole_since_ > kMovesBetweenAttempts ? 1 : 0;
+    } else if (border_share() < kShrinkBelow) {
+      levels -= 1;
+    }
+    levels = std::clamp(levels, 1, region_.levels());
+    if (levels != region_.solved()) {
+      change_region(levels);
+    }
+  }
+
+  // Solves with a larger region until the border is quiet.
+  void grow() noexcept {
+    if (options_.border_tolerance <= 0.0 || options_.answer_first_below > 0.0) {
+      return;
+    }
+    if (region_.is_whole()) {
+      return;
+    }
+    while (!region_.is_whole() && border_share() > 1.0) {
+      change_region(region_.larger());
+      if (settle() != Outcome::kSettled) {
+        return;
+      }
+    }
+    if (region_.is_whole()) {
+      whole_since_ = moves_;
+    }
+  }
+
   void restore() noexcept {
-    std::copy(saved_state_.begin(), saved_state_.end(), state_.begin());
+    std::copy_n(saved_state_.begin(), rows_.reach, state_.begin());
     if constexpr (kDouble) {
-      std::copy(saved_position_.begin(), saved_position_.end(), position_.begin());
+      std::copy_n(saved_position_.begin(), rows_.reach, position_.begin());
     }
     displacement_ = saved_displacement_;
     trend_valid_ = false;
@@ -301,7 +453,7 @@ class ElasticObject<Real>::Implementation {
   // In double, lane 0 of the state holds the correction to the positions until this adds it.
   void absorb_correction() noexcept {
     if constexpr (kDouble) {
-      for (std::size_t i = 0; i < rest_.size(); ++i) {
+      for (std::size_t i = 0; i < static_cast<std::size_t>(rows_.reach); ++i) {
         for (int c = 0; c < 3; ++c) {
           position_[i].xyz[c] += static_cast<double>(state_[i].component[c][0]);
           state_[i].component[c][0] = 0.0F;
@@ -326,9 +478,9 @@ class ElasticObject<Real>::Implementation {
         last_step.isZero(0.0) ? 0.0 : step.dot(last_step) / last_step.squaredNorm();
     const bool trust = trend_valid_ && std::abs(trend) <= kLargestTrend;
     if constexpr (kDouble) {
-      std::copy(position_.begin(), position_.end(), saved_position_.begin());
+      std::copy_n(position_.begin(), rows_.reach, saved_position_.begin());
     }
-    kernels::predict(vertices_, step_m.data(), trust ? static_cast<float>(trend) : 0.0F,
+    kernels::predict(rows_.reach, step_m.data(), trust ? static_cast<float>(trend) : 0.0F,
                      state_.data(), saved_state_.data());
     absorb_correction();
     saved_displacement_ = displacement_;
@@ -346,25 +498,26 @@ class ElasticObject<Real>::Implementation {
     if constexpr (kDouble) {
       kernels::evaluate(rows_, constants_.data(), exponential_, state_.data(), position_.data(),
                         t_N_per_m_.data(), force_.data(), residual_.data(), tangent_.data());
-      kernels::add_vertex_forces(vertex_force_, state_.data(), position_.data(), force_.data(),
+      kernels::add_vertex_forces(active_forces(), state_.data(), position_.data(), force_.data(),
                                  residual_.data());
       force = force_.data();
     } else {
       kernels::evaluate(rows_, constants_.data(), exponential_, state_.data(),
                         single_position_.data(), residual_.data(), tangent_.data());
-      kernels::add_vertex_forces(vertex_force_, state_.data(), residual_.data());
+      kernels::add_vertex_forces(active_forces(), state_.data(), residual_.data());
     }
     if (refresh) {
       kernels::sum_blocks(rows_, tangent_.data(), inverse_.data());
-      kernels::add_home_blocks(vertex_force_, inverse_.data());
-      for (std::size_t i = 0; i < inverse_.size(); ++i) {
-        kernels::invert_block(inverse_[i], free_[i] != 0);
+      kernels::add_home_blocks(active_forces(), inverse_.data());
+      const auto solved = static_cast<std::size_t>(region_.solved_vertices());
+      for (std::size_t i = 0; i < static_cast<std::size_t>(rows_.reach); ++i) {
+        kernels::invert_block(inverse_[i], free_[i] != 0 && i < solved);
       }
       preconditioner_displacement_ = displacement_;
       preconditioner_valid_ = true;
     }
     const kernels::StateSums sums =
-        kernels::summarise(vertices_, inverse_.data(), state_.data(), residual_.data(), force);
+        kernels::summarise(rows_.active, inverse_.data(), state_.data(), residual_.data(), force);
     Eigen::Vector3d raw = Eigen::Vector3d::Zero();
     for (const std::int32_t i : patch_) {
       const auto at = static_cast<std::size_t>(i);
@@ -395,9 +548,38 @@ class ElasticObject<Real>::Implementation {
                       last_.stiffness_W.allFinite() &&
                       last_.relative_residual <= options_.relative_tolerance;
     ++last_.evaluations;
+    last_.vertices = rows_.active;
+    silence_border();
     for (const std::int32_t i : constrained_) {
       residual_[static_cast<std::size_t>(i)] = Lanes{};
     }
+  }
+
+  // The ring outside the region is evaluated, but not solved.
+  void silence_border() noexcept {
+    last_.border_work_N = 0.0;
+    for (std::int32_t i = region_.solved_vertices(); i < rows_.reach; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (i < rows_.active && free_[at] != 0) {
+        Eigen::Vector3d residual_N;
+        for (int c = 0; c < 3; ++c) {
+          residual_N[c] = static_cast<double>(residual_[at].component[c][0]);
+        }
+        last_.border_work_N += (sensitivity_of(at).transpose() * residual_N).norm();
+      }
+      residual_[at] = Lanes{};
+    }
+  }
+
+  std::span<const kernels::VertexForce> active_forces() const noexcept {
+    return vertex_force_.empty()
+               ? std::span<const kernels::VertexForce>{}
+               : std::span(vertex_force_).first(static_cast<std::size_t>(rows_.active));
+  }
+
+  // A small region needs no news from afar.
+  const kernels::CoarseGrid& coarse() const noexcept {
+    return region_.is_whole() ? coarse_ : no_coarse_;
   }
 
   bool finite() const noexcept {
@@ -406,16 +588,16 @@ class ElasticObject<Real>::Implementation {
   }
 
   kernels::StepSums take_step(Float4 alpha) noexcept {
-    kernels::StepSums sums = kernels::take_step(vertices_, alpha, inverse_.data(), coarse_,
+    kernels::StepSums sums = kernels::take_step(rows_.reach, alpha, inverse_.data(), coarse(),
                                                 direction_.data(), state_.data(), residual_.data(),
                                                 product_.data(), coarse_residual_.data());
     sums.preconditioned +=
-        kernels::solve_coarse(coarse_, coarse_residual_.data(), coarse_correction_.data());
+        kernels::solve_coarse(coarse(), coarse_residual_.data(), coarse_correction_.data());
     return sums;
   }
 
   void next_direction(Float4 beta) noexcept {
-    kernels::next_direction(vertices_, beta, inverse_.data(), coarse_, coarse_correction_.data(),
+    kernels::next_direction(rows_.reach, beta, inverse_.data(), coarse(), coarse_correction_.data(),
                             direction_.data(), product_.data());
   }
 
@@ -437,7 +619,7 @@ class ElasticObject<Real>::Implementation {
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       const Float4 curvature =
           kernels::apply_stiffness(rows_, tangent_.data(), direction_.data(), product_.data()) +
-          kernels::add_home_stiffness(vertex_force_, direction_.data(), product_.data());
+          kernels::add_home_stiffness(active_forces(), direction_.data(), product_.data());
       Float4 alpha{};
       bool active = false;
       for (int lane = 0; lane < 4; ++lane) {
@@ -511,6 +693,10 @@ class ElasticObject<Real>::Implementation {
   // The last step: corrections until the tolerances hold.
   Outcome settle() noexcept {
     evaluate();
+    if (!region_.is_whole() && border_share() > kBorderLost) {
+      change_region(region_.levels());
+      evaluate();
+    }
     if (finite() && last_.relative_residual <= options_.answer_first_below) {
       return correct_once();
     }
@@ -550,7 +736,14 @@ class ElasticObject<Real>::Implementation {
     Equilibrium kept = last_;
     evaluate();
     invert_coarse(rows_, tangent_, vertex_force_, free_, coarse_);
+    const SolverOptions asked = options_;
+    if (options_.border_tolerance > 0.0) {
+      // Outside the region nothing corrects S later.
+      options_.max_iterations = std::max(options_.max_iterations, SolverOptions{}.max_iterations);
+      options_.answer_first_below = 0.0;
+    }
     settle();
+    options_ = asked;
     kept.force_W.setZero();
     kept.stiffness_W = last_.stiffness_W;
     kept.sensitivity_residual = last_.sensitivity_residual;
@@ -670,6 +863,14 @@ class ElasticObject<Real>::Implementation {
   std::vector<std::uint8_t> fixed_;
   std::vector<std::uint8_t> free_;
   std::vector<std::int32_t> patch_;
+  std::vector<std::int32_t> mesh_patch_;   // the same in the mesh's numbering
+  std::vector<std::int32_t> mesh_number_;  // by own number
+  std::vector<std::size_t> own_number_;    // by the mesh's number
+  Region region_{0};
+  int moves_ = 0;
+  int whole_since_ = 0;
+  int calm_moves_ = 0;               // since the region changed
+  int local_levels_ = kFirstLevels;  // of the region while the whole object is solved in between
   std::vector<std::int32_t> constrained_;  // fixed vertices and the patch
   std::size_t springs_ = 0;
   kernels::SpringRows rows_;
@@ -691,6 +892,7 @@ class ElasticObject<Real>::Implementation {
   std::vector<double> t_N_per_m_;
   std::vector<kernels::Single> single_position_;  // float only
   kernels::CoarseGrid coarse_;
+  kernels::CoarseGrid no_coarse_;
   std::vector<Lanes> coarse_residual_;
   std::vector<Lanes> coarse_correction_;
   bool trend_valid_ = false;  // saved_state_ is a former state, saved_displacement_ its place

@@ -31,6 +31,13 @@ struct SolverOptions {
   /// conjugate gradients afterwards, for the next move: one pass of evaluation instead of two.
   /// 0: the answer waits for the correction. For servo rates, where the prediction is good.
   double answer_first_below = 0.0;
+  /// Above 0: solve only what the tool disturbs. The region, whole rings of neighbours around the
+  /// patch, grows until the work residual on its border, sum of |S_i^T r_i| over the ring outside,
+  /// is at most this fraction of |F|, and shrinks when it is far below; the object outside follows
+  /// S. 0: the whole object.
+  double border_tolerance = 0.0;
+  /// With border_tolerance: every so many moves solve the whole object; 0: never.
+  int whole_every = 0;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
   double sensitivity_tolerance = 0.05;
 };
@@ -52,9 +59,13 @@ struct Equilibrium {
   int evaluations = 0;                ///< passes over all springs' laws
   int iterations = 0;                 ///< conjugate-gradient iterations
   int halvings = 0;                   ///< steps repeated at half length (unstable or not finite)
-  double solve_time_s = 0.0;          ///< wall time of the move
-  bool reached = true;     ///< the tool is where it was asked to be; false: see displacement_W
-  bool converged = false;  ///< relative_residual <= relative_tolerance and everything is finite
+  int vertices = 0;                   ///< that the last evaluation went through
+  /// [N] Sum of |S_i^T r_i| over the ring around the region, see SolverOptions::border_tolerance; 0
+  /// when the whole object is solved.
+  double border_work_N = 0.0;
+  double solve_time_s = 0.0;  ///< wall time of the move
+  bool reached = true;        ///< the tool is where it was asked to be; false: see displacement_W
+  bool converged = false;     ///< relative_residual <= relative_tolerance and everything is finite
   /// The state left its branch of equilibria (an unstable state was met and the object moved on to
   /// another one): force and stiffness jumped since the last answer.
   bool left_branch = false;

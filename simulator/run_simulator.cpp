@@ -21,6 +21,7 @@
 #include "simulator/error.h"
 #include "simulator/query_desk.h"
 #include "simulator/scene.h"
+#include "simulator/solver_choice.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -97,12 +98,13 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
 
 class Loop {
  public:
-  Loop(const SimulatorOptions& options, const Scene& scene, std::ostream& log)
+  Loop(const SimulatorOptions& options, const Scene& scene, const SolverChoice& solver,
+       std::ostream& log)
       : options_(options),
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
-        object_(scene.mesh, options.solver),
-        desk_(scene, options.solver,
+        object_(scene.mesh, solver.options),
+        desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
                .job_for = [this](const link::Query& query) { return job_for(query); },
                .reply = [this](const link::Query& query,
@@ -115,6 +117,8 @@ class Loop {
     summary_.listening = link::to_string(endpoint_.address());
     summary_.vertices = object_.vertex_count();
     summary_.springs = object_.spring_count();
+    summary_.solver = solver.name;
+    summary_.solver_why = solver.why;
     summary_.rate_Hz = options.rate_Hz;
     summary_.workers_at = desk_.pool() == nullptr ? "" : desk_.pool()->address();
   }
@@ -363,7 +367,10 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   if (!scene.note.empty()) {
     log << "scene " << scene.name << ": " << scene.note << '\n';
   }
-  Loop loop(options, scene, log);
+  const SolverChoice solver = choose_solver(options.solver_name, scene.mesh.rest_position_W.size(),
+                                            options.rate_Hz, options.solver);
+  log << "solver " << solver.name << ": " << solver.why << '\n';
+  Loop loop(options, scene, solver, log);
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {
     log << "simulator: nice " << options.nice << " was refused (" << std::strerror(errno)

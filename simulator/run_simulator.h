@@ -28,7 +28,8 @@ struct SimulatorOptions {
   double answer_delay_s = 0.0;
   bool send_stiffness = true;                              ///< dF/dP with every sample
   Eigen::Vector3d top_centre_W = Eigen::Vector3d::Zero();  ///< [m] see make_scene()
-  SolverOptions solver;
+  std::string solver_name = "auto";                        ///< one of solver_names()
+  SolverOptions solver;                                    ///< what that one starts from
   int nice = 5;  ///< 0..19, of the calling thread: servo and emulator go first
 };
 
@@ -38,6 +39,8 @@ struct SimulatorSummary {
   std::string listening;  ///< ADDR:PORT
   std::size_t vertices = 0;
   std::size_t springs = 0;
+  std::string solver;      ///< that was used
+  std::string solver_why;  ///< and the reason
   double rate_Hz = 0.0;
   std::uint64_t sessions = 0;    ///< runs of a servo
   std::uint64_t ticks = 0;       ///< deadlines that came, with or without a tool state to answer

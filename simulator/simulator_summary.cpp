@@ -44,6 +44,8 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
           {"listening", summary.listening},
           {"vertices", summary.vertices},
           {"springs", summary.springs},
+          {"solver", summary.solver},
+          {"solver_why", summary.solver_why},
           {"rate_Hz", summary.rate_Hz},
           {"sessions", summary.sessions},
           {"ticks", summary.ticks},

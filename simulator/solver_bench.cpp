@@ -21,8 +21,11 @@ using Eigen::Vector3d;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kStep_m = 0.010;
+constexpr double kFastBorder = 1e-3;
+constexpr int kWholeIterations = 9;
 constexpr int kStepRepeats = 3;
 const std::string kQuasiStatic = "quasi_static";
+const std::string kLocal = "local";
 const std::string kNewton = "newton_cg";
 
 struct Answer {
@@ -49,13 +52,14 @@ void require_held(int held, const Scene& scene) {
   }
 }
 
-Subject quasi_static(const Scene& scene, const SolverOptions& options, std::string setting) {
+Subject elastic(const Scene& scene, const SolverOptions& options, std::string setting) {
   const auto object = std::make_shared<ElasticObject<float>>(scene.mesh, options);
   require_held(object->grab(scene.mesh.top_W, scene.patch_radius_m), scene);
-  return {kQuasiStatic, std::move(setting), [object](const Vector3d& displacement_W) {
+  return {options.border_tolerance > 0.0 ? kLocal : kQuasiStatic, std::move(setting),
+          [object](const Vector3d& displacement_W) {
             const Equilibrium e = object->move_to(displacement_W);
             return Answer{e.force_W, e.relative_residual, static_cast<double>(e.iterations),
-                          static_cast<double>(object->vertex_count()), e.converged && e.reached};
+                          static_cast<double>(e.vertices), e.converged && e.reached};
           }};
 }
 
@@ -152,7 +156,12 @@ void measure_motion(const Scene& scene, const SolverBenchOptions& options,
   for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4}) {
     SolverOptions solver;
     solver.relative_tolerance = tolerance;
-    measure(slow, quasi_static(scene, solver, tolerance_text(tolerance)));
+    measure(slow, elastic(scene, solver, tolerance_text(tolerance)));
+  }
+  for (const double border : {1e-2, 3e-3, 1e-3}) {
+    SolverOptions solver;
+    solver.border_tolerance = border;
+    measure(slow, elastic(scene, solver, "border " + profiles::number_text(border)));
   }
   for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
     measure(slow, newton(scene, tolerance));
@@ -160,9 +169,18 @@ void measure_motion(const Scene& scene, const SolverBenchOptions& options,
   say("converged forces at 500 Hz");
   const Motion fast(scene, options.at_500_Hz_W, 500.0, options.settling_s);
   SolverOptions direct = DirectOptions{}.solver;
-  measure(fast, quasi_static(scene, direct, "as direct"));
+  measure(fast, elastic(scene, direct, "as direct"));
   direct.answer_first_below = 0.0;
-  measure(fast, quasi_static(scene, direct, "correct, then answer"));
+  measure(fast, elastic(scene, direct, "correct, then answer"));
+  for (const int whole_every : {0, 8, 16}) {
+    SolverOptions solver = DirectOptions{}.solver;
+    solver.border_tolerance = kFastBorder;
+    solver.whole_every = whole_every;
+    solver.max_iterations = whole_every == 0 ? solver.max_iterations : kWholeIterations;
+    measure(fast, elastic(scene, solver,
+                          whole_every == 0 ? "as direct"
+                                           : "whole object every " + std::to_string(whole_every)));
+  }
   for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
     measure(fast, newton(scene, tolerance));
   }
@@ -250,7 +268,7 @@ void measure_step(const Scene& asked, const SolverBenchOptions& options,
     SolverOptions solver;
     solver.max_step_m = kStep_m;  // linear springs bear it
     solver.relative_tolerance = tolerance;
-    return quasi_static(scene, solver, {});
+    return elastic(scene, solver, {});
   };
   const auto plain = [&scene](double tolerance) { return newton(scene, tolerance); };
   result.step.push_back(

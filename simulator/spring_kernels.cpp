@@ -18,10 +18,10 @@ FORCEGRID_INLINE Float4 rotate_left(Float4 v) { return __builtin_shufflevector(v
 
 FORCEGRID_MULTIVERSION void find_precise_forces(const SpringRows& rows, const double* t_N_per_m,
                                                 const Precise* position, Precise* force) noexcept {
-  const std::int32_t vertices = rows.vertex_count();
+  const std::int32_t vertices = rows.active;
   const std::int32_t* const row_begin = rows.row_begin.data();
   const std::int32_t* const other = rows.other.data();
-  for (std::int32_t i = 0; i < vertices; ++i) {
+  for (std::int32_t i = 0; i < rows.reach; ++i) {
     force[i] = Precise{};
   }
   for (std::int32_t i = 0; i < vertices; ++i) {
@@ -41,11 +41,11 @@ FORCEGRID_MULTIVERSION void find_precise_forces(const SpringRows& rows, const do
 // -(H d) summed at each vertex; in lane 0 only t d, which is the spring's force.
 FORCEGRID_MULTIVERSION void find_residuals(const SpringRows& rows, const SpringTangent* tangent,
                                            const Lanes* state, Lanes* residual) noexcept {
-  const std::int32_t vertices = rows.vertex_count();
+  const std::int32_t vertices = rows.active;
   const std::int32_t* const row_begin = rows.row_begin.data();
   const std::int32_t* const other = rows.other.data();
   const Float4 sensitivity_lanes{0.0F, 1.0F, 1.0F, 1.0F};
-  for (std::int32_t i = 0; i < vertices; ++i) {
+  for (std::int32_t i = 0; i < rows.reach; ++i) {
     residual[i] = Lanes{};
   }
   for (std::int32_t i = 0; i < vertices; ++i) {
@@ -83,8 +83,8 @@ FORCEGRID_MULTIVERSION void find_residuals(const SpringRows& rows, const SpringT
 
 FORCEGRID_MULTIVERSION void find_blocks(const SpringRows& rows, const SpringTangent* tangent,
                                         BlockInverse* block) noexcept {
-  const std::int32_t vertices = rows.vertex_count();
-  for (std::int32_t i = 0; i < vertices; ++i) {
+  const std::int32_t vertices = rows.active;
+  for (std::int32_t i = 0; i < rows.reach; ++i) {
     block[i] = BlockInverse{};
   }
   for (std::int32_t i = 0; i < vertices; ++i) {
@@ -108,7 +108,7 @@ FORCEGRID_MULTIVERSION void find_blocks(const SpringRows& rows, const SpringTang
 FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const SpringTangent* tangent,
                                                const Lanes* direction, Lanes* product,
                                                Float4* dot) noexcept {
-  const std::int32_t vertices = rows.vertex_count();
+  const std::int32_t vertices = rows.active;
   const std::int32_t* const row_begin = rows.row_begin.data();
   const std::int32_t* const other = rows.other.data();
   Float4 sum{};
@@ -370,7 +370,7 @@ void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, 
   find_tangents(rows, constants, exponential, position, t_N_per_m, tangent);
   find_precise_forces(rows, t_N_per_m, position, force);
   find_residuals(rows, tangent, state, residual);
-  const std::int32_t vertices = rows.vertex_count();
+  const std::int32_t vertices = rows.active;
   for (std::int32_t i = 0; i < vertices; ++i) {
     for (int c = 0; c < 3; ++c) {
       residual[i].component[c][0] = static_cast<float>(force[i].xyz[c]);

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace forcegrid::simulator::kernels {
@@ -41,6 +42,10 @@ struct SpringRows {
   std::vector<std::int32_t> row_begin;
   std::vector<std::int32_t> owner;
   std::vector<std::int32_t> other;
+  /// The kernels work on the rows of the vertices below `active` alone, whose springs lead to
+  /// vertices below `reach`: both are the number of vertices unless a part is solved by itself.
+  std::int32_t active = 0;
+  std::int32_t reach = 0;
   std::int32_t vertex_count() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
 };
 inline constexpr std::size_t kSpringPadding = 16;
@@ -95,17 +100,17 @@ struct VertexForce {
 
 /// Adds r += load - k_home (x - X) and, to lanes 1 to 3, -k_home S: to what evaluate() gave for the
 /// same state.
-void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* state,
+void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
                        Lanes* residual) noexcept;
-void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* state,
+void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
                        const Precise* position, Precise* force, Lanes* residual) noexcept;
 
 /// Adds the home springs to the blocks that sum_blocks() gave.
-void add_home_blocks(const std::vector<VertexForce>& forces, BlockInverse* block) noexcept;
+void add_home_blocks(std::span<const VertexForce> forces, BlockInverse* block) noexcept;
 
 /// product += k_home direction.
 /// @returns the lanes' dot products of that with direction.
-Float4 add_home_stiffness(const std::vector<VertexForce>& forces, const Lanes* direction,
+Float4 add_home_stiffness(std::span<const VertexForce> forces, const Lanes* direction,
                           Lanes* product) noexcept;
 
 /// Where a vertex lies in the coarse grid: its cell's lowest corner and its trilinear coordinates

@@ -107,7 +107,7 @@ template <bool kExponential>
 FORCEGRID_INLINE void single_tangents(const SpringRows& rows,
                                       const SpringConstants<float>* constants,
                                       const Single* position, SpringTangent* tangent) {
-  const auto springs = static_cast<std::int32_t>(rows.other.size());
+  const std::int32_t springs = rows.row_begin[static_cast<std::size_t>(rows.active)];
   for (std::int32_t s = 0; s < springs; s += kRun) {
     Run<float> run;
     load_run(&rows.owner[s], &rows.other[s], position, run);
@@ -121,7 +121,7 @@ FORCEGRID_INLINE void precise_tangents(const SpringRows& rows,
                                        const SpringConstants<double>* constants,
                                        const Precise* position, double* t_N_per_m,
                                        SpringTangent* tangent) {
-  const auto springs = static_cast<std::int32_t>(rows.other.size());
+  const std::int32_t springs = rows.row_begin[static_cast<std::size_t>(rows.active)];
   for (std::int32_t s = 0; s < springs; s += kRun) {
     Run<double> run;
     load_run(&rows.owner[s], &rows.other[s], position, run);
@@ -135,7 +135,7 @@ FORCEGRID_MULTIVERSION void find_single(const SpringRows& rows,
                                         const SpringConstants<float>* constants, bool exponential,
                                         const Lanes* state, Single* position,
                                         SpringTangent* tangent) noexcept {
-  const std::int32_t vertices = rows.vertex_count();
+  const std::int32_t vertices = rows.reach;
   for (std::int32_t i = 0; i < vertices; ++i) {
     position[i].xyz =
         Float4{state[i].component[0][0], state[i].component[1][0], state[i].component[2][0], 0.0F};

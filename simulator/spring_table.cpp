@@ -16,6 +16,8 @@ SpringTable<Real> make_spring_table(const SpringMesh& mesh) {
   for (std::size_t i = 0; i + 1 < rows.row_begin.size(); ++i) {
     rows.row_begin[i + 1] += rows.row_begin[i];
   }
+  rows.active = rows.vertex_count();
+  rows.reach = rows.active;
   table.springs = mesh.springs.size();
   const std::size_t padded = (table.springs + kernels::kSpringPadding - 1) /
                              kernels::kSpringPadding * kernels::kSpringPadding;

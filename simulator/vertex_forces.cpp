@@ -22,7 +22,7 @@ FORCEGRID_MULTIVERSION void add_home_stiffness_to(const VertexForce* forces, std
 
 }  // namespace
 
-void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* state,
+void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
                        Lanes* residual) noexcept {
   for (std::size_t i = 0; i < forces.size(); ++i) {
     const VertexForce& at = forces[i];
@@ -37,7 +37,7 @@ void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* stat
   }
 }
 
-void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* state,
+void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
                        const Precise* position, Precise* force, Lanes* residual) noexcept {
   for (std::size_t i = 0; i < forces.size(); ++i) {
     const VertexForce& at = forces[i];
@@ -52,14 +52,14 @@ void add_vertex_forces(const std::vector<VertexForce>& forces, const Lanes* stat
   }
 }
 
-void add_home_blocks(const std::vector<VertexForce>& forces, BlockInverse* block) noexcept {
+void add_home_blocks(std::span<const VertexForce> forces, BlockInverse* block) noexcept {
   for (std::size_t i = 0; i < forces.size(); ++i) {
     const float k = forces[i].home_stiffness_N_per_m;
     block[i].diagonal += Float4{k, k, k, 0.0F};
   }
 }
 
-Float4 add_home_stiffness(const std::vector<VertexForce>& forces, const Lanes* direction,
+Float4 add_home_stiffness(std::span<const VertexForce> forces, const Lanes* direction,
                           Lanes* product) noexcept {
   Float4 dot{};
   add_home_stiffness_to(forces.data(), forces.size(), direction, product, &dot);

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "simulator/elastic_object.h"
+
+namespace forcegrid::simulator {
+
+/// What --solver can be: auto, quasi_static, local.
+const std::vector<std::string>& solver_names();
+
+/// The solver that a scene is simulated with.
+struct SolverChoice {
+  std::string name;  ///< never auto
+  std::string why;   ///< in one line, for a user
+  SolverOptions options;
+  /// The whole object can be solved in every cycle of a 500 Hz servo: the method direct is exact
+  /// there and needs no simulator.
+  bool small_enough_for_direct = false;
+};
+
+/// Picks by size and tolerance. quasi_static where the longest answer that the bench has seen for
+/// that many vertices leaves a third of the time between answers free,
+///
+///   t = 1.1 us V max(1, (V / 10,000)^(1/3)) (1 + 0.25 log10(1e-3 / tolerance)),
+///
+/// local where it does not: its time grows with what the tool disturbs. direct fits where 0.16 us V
+/// is at most half a cycle of 2 ms. Source of the factors: docs/solvers.md.
+/// @param asked  one of solver_names(); another than auto is taken as it is.
+/// @param rate_Hz  answers a second; > 0.
+/// @param options  what the chosen solver starts from.
+/// Throws Error for an unknown name.
+SolverChoice choose_solver(const std::string& asked, std::size_t vertices, double rate_Hz,
+                           const SolverOptions& options);
+
+}  // namespace forcegrid::simulator
