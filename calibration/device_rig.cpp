@@ -31,7 +31,12 @@ driver::DeviceReport DeviceRig::step(const driver::MotorCommand& command) {
   }
   if (device_.health() != driver::DeviceHealth::kRunning) {
     device_.command({});
-    throw CalibrationError(device_.failure());
+    throw CalibrationError(device_.health() == driver::DeviceHealth::kUnplugged
+                               ? "The device is gone; check the cable, plug it in again, and start "
+                                 "anew. Its own watchdog takes the current off the motors; no "
+                                 "profile was changed. (" +
+                                     device_.failure() + ")"
+                               : device_.failure());
   }
   const driver::DeviceReport report = device_.newest_report();
   const rt::TimePoint now = rt::Clock::now();
