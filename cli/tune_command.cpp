@@ -136,8 +136,13 @@ class Search {
         out_(out),
         tolerance_{options.error_percent, options.missed_percent, 0.01 * options.compute_percent,
                    0.01 * options.margin_percent},
-        runs_{options.device, options.profile, options.scene,
-              options.motion, options.hand,    options.out + "/tuning_run"},
+        runs_{options.device,
+              options.profile,
+              options.scene,
+              options.motion,
+              options.hand,
+              options.calibrated,
+              options.out + "/tuning_run"},
         rows_(rows_to_measure(options)),
         run_s_(std::clamp(options.time_s / kRuns - kOverhead_s, kShortestRun_s, kLongestRun_s)),
         end_(std::chrono::steady_clock::now() +
@@ -299,6 +304,9 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
                   "Who holds it: of the emulated device as of run, and in simulated time")
       ->check(CLI::IsMember({"firm", "light"}))
       ->capture_default_str();
+  tune.add_flag("--calibrated", o.calibrated,
+                "The counters are right already: no pose, no button, in any of the runs")
+      ->configurable(false);
   tune.add_option("--rates", o.rates_Hz, "Servo rates to try, separated by commas")
       ->delimiter(',')
       ->check(CLI::Range(100.0, 4000.0))

@@ -18,6 +18,7 @@ struct TuneOptions {
   std::string scene = "small";
   std::string motion = "chirp";
   std::string hand = "firm";
+  bool calibrated = false;  ///< the counters are right already, in every run
   std::vector<double> rates_Hz{250.0, 500.0, 1000.0};
   std::vector<int> fill_budgets{100, 300, 1000, 3000};
   /// From small to large, where a method can be had in sizes.

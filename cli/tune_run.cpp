@@ -44,6 +44,9 @@ std::vector<std::string> run_arguments(const TuneRuns& runs, const std::string& 
                                      std::to_string(seconds),
                                      "--out",
                                      runs.folder};
+  if (runs.calibrated) {
+    arguments.emplace_back("--calibrated");
+  }
   if (!runs.profile.empty()) {
     arguments.insert(arguments.end(), {"--profile", runs.profile});
   }

@@ -10,7 +10,8 @@ namespace forcegrid::cli {
 /// What all runs of `forcegrid tune` have in common; as of RunOptions.
 struct TuneRuns {
   std::string device, profile, scene, motion, hand;
-  std::string folder;  ///< for their files, which the next run replaces
+  bool calibrated = false;  ///< the counters are right already
+  std::string folder;       ///< for their files, which the next run replaces
 };
 
 /// Runs the loop for `seconds` with the default method and records positions, samples and off-line
