@@ -17,6 +17,7 @@ namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
+constexpr char kKeptRule[] = "/tmp/70-forcegrid.rules";
 constexpr milliseconds kPoll{20};
 constexpr seconds kPatience{20};              // software emulation is slow
 constexpr milliseconds kFirmwareStart{1100};  // 1 s after SET_CONFIGURATION
@@ -54,6 +55,10 @@ ShellResult shell(const std::string& command) {
   return result;
 }
 
+ShellResult as_user(const std::string& user, const std::string& command) {
+  return shell("su " + user + " -c '" + command + "'");
+}
+
 void measured(const std::string& name, double value, const std::string& unit) {
   std::printf("HIL-MEASURED %s %.6g %s\n", name.c_str(), value, unit.c_str());
   std::fflush(stdout);
@@ -85,6 +90,19 @@ std::string first_line(const std::string& file) {
   std::string line;
   std::getline(stream, line);
   return line;
+}
+
+RuleTakenAway::RuleTakenAway() {
+  fs::copy_file(kRule, kKeptRule, fs::copy_options::overwrite_existing);
+  fs::remove(kRule);
+  shell("udevadm control --reload");
+}
+
+RuleTakenAway::~RuleTakenAway() {
+  std::error_code error;
+  fs::copy_file(kKeptRule, kRule, fs::copy_options::overwrite_existing, error);
+  EXPECT_FALSE(error) << error.message();
+  shell("udevadm control --reload");
 }
 
 std::vector<Node> nodes() {

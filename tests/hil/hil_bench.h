@@ -21,6 +21,10 @@ struct ShellResult {
 /// Runs `command` in the guest's shell.
 ShellResult shell(const std::string& command);
 
+/// The same as another user of the guest: "operator" is in plugdev, "visitor" in no group.
+/// @param command  without single quotation marks.
+ShellResult as_user(const std::string& user, const std::string& command);
+
 /// [printed] One number for the runner's report: `HIL-MEASURED name value unit`.
 void measured(const std::string& name, double value, const std::string& unit);
 
@@ -38,6 +42,16 @@ std::string first_line(const std::string& file);
 
 /// Where the project's udev rule is installed.
 inline constexpr char kRule[] = "/etc/udev/rules.d/70-forcegrid.rules";
+
+/// The machine before `make install-udev`, for as long as it lives; devices attached meanwhile have
+/// nodes without the rule.
+class RuleTakenAway {
+ public:
+  RuleTakenAway();
+  ~RuleTakenAway();
+  RuleTakenAway(const RuleTakenAway&) = delete;
+  RuleTakenAway& operator=(const RuleTakenAway&) = delete;
+};
 
 /// A hidraw node as the kernel made it, read from sysfs without the project's driver.
 struct Node {

@@ -32,10 +32,6 @@ std::string first_line(const fs::path& path) {
 }
 
 /// `command` as another user, with that user's groups.
-ShellResult as_user(const std::string& user, const std::string& command) {
-  return shell("su " + user + " -c '" + command + "'");
-}
-
 std::string run_command(const std::string& device) {
   return "forcegrid run --device " + device +
          " --calibrated --device-timeout-ms 400 --scene small --no-truth --seconds 0.5 --out "
@@ -120,22 +116,8 @@ TEST(UdevRule, LetsAMemberOfPlugdevRunAndNobodyElse) {
   EXPECT_EQ(as_user("visitor", "cat /dev/bus/usb/*/* > /dev/null").status, 1);
 }
 
-/// The machine before `make install-udev`.
-class WithoutTheRule : public ::testing::Test {
- protected:
-  WithoutTheRule() {
-    fs::copy_file(kRule, kept_, fs::copy_options::overwrite_existing);
-    fs::remove(kRule);
-    shell("udevadm control --reload");
-  }
-  ~WithoutTheRule() override {
-    fs::copy_file(kept_, kRule, fs::copy_options::overwrite_existing);
-    shell("udevadm control --reload");
-  }
-  const std::string kept_ = "/tmp/70-forcegrid.rules";
-};
-
-TEST_F(WithoutTheRule, OnlyRootMayOpenAndTheMessageNamesTheRule) {
+TEST(WithoutTheRule, OnlyRootMayOpenAndTheMessageNamesTheRule) {
+  const RuleTakenAway before_installation;
   Bench bench({"woodenhaptics_v2015"}, {"--calibrated"});
   struct stat status {};
   ASSERT_EQ(::stat(bench.node().dev().c_str(), &status), 0);
