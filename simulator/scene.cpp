@@ -7,6 +7,7 @@
 #include "profiles/text.h"
 #include "profiles/toml_table.h"
 #include "simulator/error.h"
+#include "simulator/gravity.h"
 #include "simulator/scene_object.h"
 
 namespace forcegrid::simulator {
@@ -15,6 +16,8 @@ namespace {
 using profiles::NumberRange;
 using profiles::TomlTable;
 
+constexpr NumberRange kGravity_m_per_s2{0.0, 100.0, "an acceleration in m/s^2 from 0 to 100"};
+constexpr NumberRange kMass_kg{1e-6, 1e3, "a mass in kg from 1e-6 to 1000"};
 constexpr NumberRange kPatchRadius_m{1e-4, 0.5, "a radius in metres from 0.0001 to 0.5"};
 
 const profiles::DataFolder& scene_folder() {
@@ -42,13 +45,22 @@ std::string find_scene(const std::string& name_or_file) {
 
 Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   const toml::table parsed = profiles::read_toml_file(file);
-  const TomlTable root(parsed, file, "", {"description", "note", "patch_radius_m", "object"});
+  const TomlTable root(parsed, file, "",
+                       {"description", "note", "patch_radius_m", "gravity_m_per_s2", "object"});
   Scene scene;
   scene.description = root.text("description");
   scene.note = root.text_or("note", "");
   scene.patch_radius_m = root.number_or("patch_radius_m", kPatchRadius_m, scene.patch_radius_m);
+  const double gravity_m_per_s2 = root.number_or("gravity_m_per_s2", kGravity_m_per_s2, 0.0);
   for (const TomlTable& table : root.tables("object", scene_object_keys)) {
-    append(make_scene_object(table, origin_W), scene.mesh);
+    SpringMesh object = make_scene_object(table, origin_W);
+    if (gravity_m_per_s2 > 0.0) {
+      settle_under_gravity(object, table.number("mass_kg", kMass_kg), gravity_m_per_s2);
+    } else if (table.has("mass_kg")) {
+      table.refuse("mass_kg", "without gravity a mass does nothing",
+                   "leave it out or write gravity_m_per_s2 = 9.81 above the objects");
+    }
+    append(object, scene.mesh);
   }
   check(scene.mesh);
   return scene;

@@ -34,8 +34,9 @@ constexpr std::int64_t kMaxSeed = 1'000'000'000;
 
 const std::vector<std::string> kShapes{"block", "organ", "mesh"};
 const std::vector<std::string> kLaws{"linear", "hardening", "exponential"};
-const std::vector<std::string> kCommonKeys{"shape", "place_m", "stiffness_N_per_m", "random_spread",
-                                           "seed",  "law",     "cubic_coefficient", "exponent"};
+const std::vector<std::string> kCommonKeys{
+    "shape", "place_m",           "stiffness_N_per_m", "random_spread", "seed",
+    "law",   "cubic_coefficient", "exponent",          "mass_kg"};
 
 std::string choice(const TomlTable& object, const char* key,
                    const std::vector<std::string>& known) {
