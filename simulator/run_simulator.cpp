@@ -68,8 +68,8 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.converged = answer.equilibrium.converged;
   sample.position_W_m = to_array(answer.position_W);
   sample.force_W_N = to_array(answer.equilibrium.force_W);
-  sample.has_stiffness = send_stiffness;
-  if (send_stiffness) {
+  sample.has_stiffness = send_stiffness && answer.stiffness_known;
+  if (sample.has_stiffness) {
     for (std::size_t row = 0; row < 3; ++row) {
       for (std::size_t column = 0; column < 3; ++column) {
         sample.stiffness_W_N_per_m[3 * row + column] = answer.equilibrium.stiffness_W(
@@ -103,20 +103,21 @@ class Loop {
       : options_(options),
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
-        object_(scene.mesh, solver.options),
+        contact_(make_tool_contact(scene, solver.options, options.tool)),
         desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
                .job_for = [this](const link::Query& query) { return job_for(query); },
                .reply = [this](const link::Query& query,
                                const StickyContact::Answer& answer) { reply(query, answer); }},
               make_pool(options, scene)),
-        contact_(scene.mesh, {.patch_radius_m = scene.patch_radius_m}),
         period_(rt::from_seconds(1.0 / options.rate_Hz)),
         delay_(rt::from_seconds(options.answer_delay_s)) {
     summary_.scene = scene.name;
+    summary_.tool = options.tool.shape;
+    summary_.contact = options.tool.contact;
     summary_.listening = link::to_string(endpoint_.address());
-    summary_.vertices = object_.vertex_count();
-    summary_.springs = object_.spring_count();
+    summary_.vertices = contact_->vertex_count();
+    summary_.springs = contact_->spring_count();
     summary_.solver = solver.name;
     summary_.solver_why = solver.why;
     summary_.rate_Hz = options.rate_Hz;
@@ -185,9 +186,26 @@ class Loop {
     if (news.tool_state) {
       newest_ = news.tool_state;
     }
-    desk_.set_waiting(news.queries);
+    take_queries(news.queries);
     report_strangers();
     desk_.serve_workers(rt::Clock::now());
+  }
+
+  // Where force depends on the way that the tool has come, a query has no answer.
+  void take_queries(std::size_t waiting) {
+    if (contact_->depends_on_position_alone()) {
+      desk_.set_waiting(waiting);
+      return;
+    }
+    while (endpoint_.next_query()) {
+      ++summary_.queries_refused;
+    }
+    if (summary_.queries_refused > 0 && !told_of_queries_) {
+      told_of_queries_ = true;
+      log_ << "simulator: queries are not answered with --contact slide, as what a sliding tool "
+              "feels depends on its path; use a method that needs none"
+           << std::endl;
+    }
   }
 
   // Who wonders why no force comes is told; once, since a stranger could fill a disk.
@@ -210,7 +228,7 @@ class Loop {
   }
 
   void begin_anew() {
-    contact_.reset(object_);
+    contact_->reset();
     desk_.begin_anew();
     newest_.reset();
     delayed_.clear();
@@ -229,15 +247,15 @@ class Loop {
     const Eigen::Vector3d position_W = to_vector(newest_->position_W_m);
     const Eigen::Vector3d velocity_W = to_vector(newest_->velocity_W_m_per_s);
     newest_.reset();
-    const bool was_in_contact = contact_.in_contact();
+    const bool was_in_contact = contact_->in_contact();
     const rt::TimePoint start = rt::Clock::now();
-    const StickyContact::Answer answer = contact_.step(object_, position_W);
+    const StickyContact::Answer answer = contact_->step(position_W);
     const double solve_s = rt::seconds(rt::Clock::now() - start);
     if (!finite(answer.equilibrium)) {
       // The link would refuse it, and the state can't be trusted any more.
       ++summary_.not_finite;
       lost_epochs_ += answer.epoch;
-      contact_.reset(object_);
+      contact_->reset();
       return;
     }
     epoch_ = answer.epoch;
@@ -260,7 +278,7 @@ class Loop {
   }
 
   void expect_contact(const Eigen::Vector3d& position_W, const Eigen::Vector3d& velocity_W) {
-    const auto touch_W = contact_.expected_touch(position_W, velocity_W, kExpectedWithin_s);
+    const auto touch_W = contact_->expected_touch(position_W, velocity_W, kExpectedWithin_s);
     if (!touch_W) {
       expected_W_.reset();
     } else if (!expected_W_ || (*touch_W - *expected_W_).norm() > kExpectedApart_m) {
@@ -304,7 +322,7 @@ class Loop {
     QueryJob job;
     job.epoch = epoch_ + lost_epochs_;
     job.position_W = to_vector(query.position_W_m);
-    const bool held = contact_.in_contact() && contact_answer_;
+    const bool held = contact_->in_contact() && contact_answer_;
     job.touching = held || expected_W_.has_value();
     if (job.touching) {
       job.point_W = held ? contact_answer_->point_W : *expected_W_;
@@ -341,10 +359,10 @@ class Loop {
   SimulatorOptions options_;
   std::ostream& log_;
   bool told_of_strangers_ = false;
+  bool told_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
-  ElasticObject<float> object_;
+  std::unique_ptr<ToolContact> contact_;
   QueryDesk desk_;
-  StickyContact contact_;
   rt::Duration period_;
   rt::Duration delay_;
   std::optional<link::ToolState> newest_;
@@ -367,8 +385,16 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   if (!scene.note.empty()) {
     log << "scene " << scene.name << ": " << scene.note << '\n';
   }
-  const SolverChoice solver = choose_solver(options.solver_name, scene.mesh.rest_position_W.size(),
-                                            options.rate_Hz, options.solver);
+  SolverChoice solver = choose_solver(options.solver_name, scene.mesh.rest_position_W.size(),
+                                      options.rate_Hz, options.solver);
+  if (options.tool.contact == "slide") {
+    if (options.solver_name != "auto") {
+      throw Error("simulator: solver " + options.solver_name +
+                  ": a tool that slides has a solver of its own; leave the choice out");
+    }
+    solver.name = "pressed";
+    solver.why = "a tool that slides has a solver of its own";
+  }
   log << "solver " << solver.name << ": " << solver.why << '\n';
   Loop loop(options, scene, solver, log);
   rt::name_current_thread("fg-simulator");

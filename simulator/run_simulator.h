@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "simulator/elastic_object.h"
-#include "simulator/sticky_contact.h"
+#include "simulator/tool_contact.h"
 #include "simulator/worker_pool.h"
 
 namespace forcegrid::simulator {
@@ -30,23 +30,27 @@ struct SimulatorOptions {
   Eigen::Vector3d top_centre_W = Eigen::Vector3d::Zero();  ///< [m] see make_scene()
   std::string solver_name = "auto";                        ///< one of solver_names()
   SolverOptions solver;                                    ///< what that one starts from
+  ToolOptions tool;
   int nice = 5;  ///< 0..19, of the calling thread: servo and emulator go first
 };
 
 /// What a run of the simulator amounted to.
 struct SimulatorSummary {
   std::string scene;
+  std::string tool;       ///< ToolOptions::shape
+  std::string contact;    ///< ToolOptions::contact
   std::string listening;  ///< ADDR:PORT
   std::size_t vertices = 0;
   std::size_t springs = 0;
   std::string solver;      ///< that was used
   std::string solver_why;  ///< and the reason
   double rate_Hz = 0.0;
-  std::uint64_t sessions = 0;    ///< runs of a servo
-  std::uint64_t ticks = 0;       ///< deadlines that came, with or without a tool state to answer
-  std::uint64_t answers = 0;     ///< samples sent
-  std::uint64_t replies = 0;     ///< queries answered
-  std::uint64_t late_ticks = 0;  ///< answers that were not ready before the next deadline
+  std::uint64_t sessions = 0;  ///< runs of a servo
+  std::uint64_t ticks = 0;     ///< deadlines that came, with or without a tool state to answer
+  std::uint64_t answers = 0;   ///< samples sent
+  std::uint64_t replies = 0;   ///< queries answered
+  std::uint64_t queries_refused = 0;  ///< as force was no function of the position alone
+  std::uint64_t late_ticks = 0;       ///< answers that were not ready before the next deadline
   std::uint64_t missed_ticks =
       0;  ///< deadlines skipped because an answer took longer than a period
   std::uint64_t send_failures = 0;
@@ -75,7 +79,7 @@ struct SimulatorSummary {
 nlohmann::json to_json(const SimulatorSummary& summary);
 
 /// The simulator's loop: at each of `rate_Hz` absolute deadlines it takes the newest tool state
-/// from the link, moves the tool there (StickyContact, ElasticObject<float>) and answers with one
+/// from the link, moves the tool there (ToolContact) and answers with one
 /// sample. A new session of a servo starts with the object at rest. Queries are answered in idle
 /// time from an object of their own. While the tool, going straight on, would touch within 0.3 s,
 /// samples carry that point as their contact point, and queries are answered for a tool that has

@@ -41,6 +41,8 @@ nlohmann::json to_json(const WorkerStatistics& statistics, std::uint64_t uncheck
 
 nlohmann::json to_json(const SimulatorSummary& summary) {
   return {{"scene", summary.scene},
+          {"tool", summary.tool},
+          {"contact", summary.contact},
           {"listening", summary.listening},
           {"vertices", summary.vertices},
           {"springs", summary.springs},
@@ -51,6 +53,7 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
           {"ticks", summary.ticks},
           {"answers", summary.answers},
           {"replies", summary.replies},
+          {"queries_refused", summary.queries_refused},
           {"late_ticks", summary.late_ticks},
           {"missed_ticks", summary.missed_ticks},
           {"send_failures", summary.send_failures},

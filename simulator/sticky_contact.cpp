@@ -17,6 +17,9 @@ StickyContact::StickyContact(const SpringMesh& mesh, const ContactOptions& optio
     throw Error("contact: approach_distance_m is " + std::to_string(options.approach_distance_m) +
                 "; it must be finite and >= 0");
   }
+  if (options.tool) {
+    tree_.emplace(mesh.triangles, mesh.rest_position_W);
+  }
 }
 
 std::optional<Eigen::Vector3d> StickyContact::expected_touch(const Eigen::Vector3d& position_W,
@@ -30,9 +33,15 @@ std::optional<Eigen::Vector3d> StickyContact::expected_touch(const Eigen::Vector
 
 bool StickyContact::at_surface(const Eigen::Vector3d& position_W) const noexcept {
   const RestSurface::Vertical vertical = surface_.look(position_W);
-  return vertical.inside ||
-         (vertical.below_m && *vertical.below_m <= options_.approach_distance_m &&
-          last_position_W_ && position_W.z() < last_position_W_->z());
+  const bool sinking = last_position_W_ && position_W.z() < last_position_W_->z();
+  if (vertical.inside) {
+    return true;
+  }
+  if (tree_) {
+    const auto near = tree_->nearest(*options_.tool, position_W, options_.approach_distance_m);
+    return near && (near->touch.gap_m <= 0.0 || sinking);
+  }
+  return sinking && vertical.below_m && *vertical.below_m <= options_.approach_distance_m;
 }
 
 template <typename Real>

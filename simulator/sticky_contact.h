@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <optional>
 
+#include "contact/surface_tree.h"
+#include "contact/tool_shape.h"
 #include "simulator/elastic_object.h"
 #include "simulator/rest_surface.h"
 #include "simulator/spring_mesh.h"
@@ -15,16 +17,20 @@ struct ContactOptions {
   double patch_radius_m = 0.012;
   /// [m] A tool that moves down touches this far above the surface already; >= 0.
   double approach_distance_m = 0.2e-3;
+  /// The tool's shape, by which it touches; nothing: a point. What it then holds is in either case
+  /// what lies around its tip.
+  std::optional<contact::ToolShape> tool;
 };
 
 /// When the tool touches the object, and what that is worth: it sticks. From the touch on, the
 /// patch around the contact point moves rigidly with the tool, relative to the tool's position at
 /// that moment, so that the force starts at zero.
 ///
-/// The tool touches when it is inside the object's surface at rest (SpringMesh::triangles), or up
+/// A point touches when it is inside the object's surface at rest (SpringMesh::triangles), or up
 /// to approach_distance_m above it and lower than at the position before; and when a free vertex
-/// lies within patch_radius_m. The contact holds until release(). A tool that is first seen inside
-/// the object must leave it before it can touch: it never came through the surface.
+/// lies within patch_radius_m of it; a tool with a shape when that overlaps the surface, or is as
+/// near to it and as much lower. The contact holds until release(). A tool that is first seen
+/// inside the object must leave it before it can touch: it never came through the surface.
 ///
 /// Threads: one.
 class StickyContact {
@@ -41,7 +47,8 @@ class StickyContact {
     /// [m] Where force and stiffness were computed: the tool's position unless the move was longer
     /// than the solver's bound (Equilibrium::reached).
     Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
-    Equilibrium equilibrium;  ///< zero force without contact
+    Equilibrium equilibrium;      ///< zero force without contact
+    bool stiffness_known = true;  ///< Equilibrium::stiffness_W is dF/dP
   };
 
   /// Moves the tool to `position_W` [m], touching `object` if the rule above says so.
@@ -73,6 +80,7 @@ class StickyContact {
 
   ContactOptions options_;
   RestSurface surface_;
+  std::optional<contact::SurfaceTree> tree_;  ///< with a tool that has a shape
   std::optional<Eigen::Vector3d> last_position_W_;
   Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
   std::uint32_t epoch_ = 0;

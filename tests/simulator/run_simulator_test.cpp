@@ -265,6 +265,39 @@ TEST(RunSimulator, SaysWhereAnApproachingToolWillTouchAndAnswersQueriesForThatCo
   EXPECT_NEAR(reply->force_W_N[2], there->force_W_N[2], 5e-3 * std::abs(there->force_W_N[2]));
 }
 
+TEST(RunSimulator, ASphereThatSlidesPressesLeavesAndAnswersNoQueries) {
+  SimulatorOptions options;
+  options.tool.shape = "sphere";
+  options.tool.contact = "slide";
+  RunningSimulator simulator(options);
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  ASSERT_TRUE(answer_at(servo, sequence, {0, 0, 0.005}));
+  const auto pressed = answer_at(servo, sequence, {0, 0, -0.002});
+  ASSERT_TRUE(pressed);
+  EXPECT_TRUE(pressed->in_contact);
+  EXPECT_EQ(pressed->contact_epoch, 1U);
+  EXPECT_NEAR(pressed->contact_point_W_m[2], 0.0, 1e-5) << "where it touched";
+  EXPECT_GT(pressed->force_W_N[2], 0.01) << "pushed, not pulled";
+  link::Query query;
+  query.query_id = 1;
+  query.servo_time_ns = 77;
+  query.position_W_m = {0, 0, -0.003};
+  servo.send(query);
+  const auto away = answer_at(servo, sequence, {0, 0, 0.004});
+  ASSERT_TRUE(away);
+  EXPECT_FALSE(away->in_contact);
+  EXPECT_EQ(away->contact_epoch, 2U);
+  EXPECT_EQ(away->force_W_N, (link::Vector3{}));
+  const SimulatorSummary summary = simulator.stop();
+  EXPECT_EQ(summary.queries_refused, 1U);
+  EXPECT_EQ(summary.replies, 0U);
+  EXPECT_EQ(summary.contacts, 1U);
+  const nlohmann::json json = to_json(summary);
+  EXPECT_EQ(json.at("tool"), "sphere");
+  EXPECT_EQ(json.at("contact"), "slide");
+}
+
 TEST(RunSimulator, DelaysItsAnswersAsASlowerMachineWould) {
   SimulatorOptions options;
   options.answer_delay_s = 0.3;

@@ -1,0 +1,96 @@
+#include "simulator/tool_contact.h"
+
+#include <cmath>
+
+#include "contact/error.h"
+#include "simulator/error.h"
+#include "simulator/sliding_contact.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+class StickingTool final : public ToolContact {
+ public:
+  StickingTool(const Scene& scene, const SolverOptions& solver, const ContactOptions& options)
+      : object_(scene.mesh, solver), contact_(scene.mesh, options) {}
+
+  Answer step(const Eigen::Vector3d& position_W) override {
+    return contact_.step(object_, position_W);
+  }
+  void reset() noexcept override { contact_.reset(object_); }
+  bool in_contact() const noexcept override { return contact_.in_contact(); }
+  std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
+                                                const Eigen::Vector3d& velocity_W,
+                                                double within_s) const noexcept override {
+    return contact_.expected_touch(position_W, velocity_W, within_s);
+  }
+  bool depends_on_position_alone() const noexcept override { return true; }
+  std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
+  std::size_t spring_count() const noexcept override { return object_.spring_count(); }
+
+ private:
+  ElasticObject<float> object_;
+  StickyContact contact_;
+};
+
+std::optional<contact::ToolShape> make_shape(const ToolOptions& options) {
+  if (options.shape == "point") {
+    return std::nullopt;
+  }
+  if (options.shape == "sphere") {
+    return contact::ToolShape::sphere(options.radius_m);
+  }
+  if (options.shape == "capsule") {
+    return contact::ToolShape::capsule(options.radius_m, options.length_m);
+  }
+  if (options.shape == "grasper") {
+    return contact::ToolShape::grasper(options.radius_m, options.length_m, options.opening_rad);
+  }
+  throw Error("tool: unknown shape '" + options.shape +
+              "'; write point, sphere, capsule or grasper");
+}
+
+void check_together(const ToolOptions& options) {
+  if (options.contact != "sticky" && options.contact != "slide") {
+    throw Error("tool: unknown contact '" + options.contact + "'; write sticky or slide");
+  }
+  if (options.contact == "slide" && options.shape == "point") {
+    throw Error(
+        "tool: a point has nothing to press with; give --tool sphere, capsule or grasper with "
+        "--contact slide");
+  }
+  if (options.contact == "sticky" && options.shape == "grasper") {
+    throw Error("tool: a grasper presses before it grasps; give --contact slide with it");
+  }
+  const auto positive = [](double value, const char* name) {
+    if (!(value > 0.0) || !std::isfinite(value)) {
+      throw Error(std::string("tool: ") + name + " is " + std::to_string(value) +
+                  " N; it must be > 0");
+    }
+  };
+  positive(options.grasp_N, "the force that closes a grasper");
+  positive(options.let_go_N, "the pull that opens a grasper");
+}
+
+}  // namespace
+
+std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
+                                               const ToolOptions& options) {
+  check_together(options);
+  try {
+    const std::optional<contact::ToolShape> shape = make_shape(options);
+    if (options.contact == "slide") {
+      return std::make_unique<SlidingContact>(
+          scene.mesh, *shape,
+          SlidingOptions{.press = {.friction = options.friction},
+                         .grasp_N = options.grasp_N,
+                         .let_go_N = options.let_go_N});
+    }
+    return std::make_unique<StickingTool>(
+        scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
+  } catch (const contact::Error& problem) {
+    throw Error(problem.what());
+  }
+}
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "contact/tool_shape.h"
+#include "simulator/elastic_object.h"
+#include "simulator/scene.h"
+#include "simulator/sticky_contact.h"
+
+namespace forcegrid::simulator {
+
+/// With what an object is touched, and how; names as on the command line.
+struct ToolOptions {
+  std::string shape = "point";     ///< or sphere, capsule, grasper
+  std::string contact = "sticky";  ///< or slide
+  double radius_m = 0.008;         ///< of all but a point, see contact::ToolShape
+  double length_m = 0.04;          ///< of a capsule and of a grasper's jaws
+  double opening_rad = 0.7;        ///< between a grasper's jaws
+  double friction = 0.3;           ///< mu of a sliding contact
+  /// [N] Pressed on with this force a grasper closes, > 0; pulled with that one it opens, > 0.
+  double grasp_N = 0.3;
+  double let_go_N = 1.0;
+};
+
+/// How the simulator's tool meets its object. Threads: one.
+class ToolContact {
+ public:
+  using Answer = StickyContact::Answer;
+
+  virtual ~ToolContact() = default;
+
+  /// Moves the tool to `position_W` [m]. One that is not finite answers as the last one did, with
+  /// converged and reached false.
+  virtual Answer step(const Eigen::Vector3d& position_W) = 0;
+  /// A new run: no contact, epoch 0, the object at rest.
+  virtual void reset() noexcept = 0;
+  virtual bool in_contact() const noexcept = 0;
+  /// Where a tool in the air at `position_W` that goes straight on with `velocity_W` [m/s] will be
+  /// when it touches, within `within_s`.
+  virtual std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
+                                                        const Eigen::Vector3d& velocity_W,
+                                                        double within_s) const noexcept = 0;
+  /// Whether force is a function of the position since the touch, so that it can be foretold.
+  virtual bool depends_on_position_alone() const noexcept = 0;
+  virtual std::size_t vertex_count() const noexcept = 0;
+  virtual std::size_t spring_count() const noexcept = 0;
+};
+
+/// Throws Error naming the option that is out of range, unknown, or does not go with the others.
+std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
+                                               const ToolOptions& options);
+
+}  // namespace forcegrid::simulator
