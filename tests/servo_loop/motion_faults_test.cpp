@@ -148,8 +148,9 @@ TEST_P(NormalRun, RaisesNoAlarmInAnyMotionThoughReportsGetLost) {
   }
 }
 
-// The hand that moves at random turns back now and then just when a joint is relieved of its torque,
-// and takes away what that adds: one relief of a Falcon in some hundreds moves nothing for 40 ms.
+// The hand that moves at random turns back now and then just when a joint is relieved of its
+// torque, and takes away what that adds: one relief of a Falcon in some hundreds moves nothing for
+// 40 ms.
 TEST(NormalFalcon, RaisesNoAlarmInAnyMotion) {
   for (const MotionKind motion : kMotions) {
     BenchOf<stability::SimulatedFalcon> bench("falcon", HandKind::kFirm, motion, 60.0);
@@ -225,6 +226,24 @@ TEST_P(FrozenEncoders, AreFoundThoughReportsGetLost) {
   };
   bench.loses_reports_ = true;
   EXPECT_EQ(bench.run(2.0), Fault::kFrozenEncoder);
+}
+
+TEST(FrozenEncoder, OfAFalconIsFoundUnderLoad) {
+  for (const MotionKind motion : {MotionKind::kRandom, MotionKind::kPoke}) {
+    BenchOf<stability::SimulatedFalcon> bench("falcon", HandKind::kFirm, motion, 150.0);
+    ASSERT_EQ(bench.run(4.0), Fault::kNone);
+    // Five times the friction of every motor, 0.025 Nm, are some 1 N along the device's axes.
+    while (vector(bench.last_.commanded_force_D_N).norm() < 1.5) {
+      ASSERT_EQ(bench.cycle(), Fault::kNone);
+      ASSERT_LT(bench.time_s(), 20.0);
+    }
+    const std::array<std::int32_t, 3> stuck = bench.last_.counts;
+    bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+      std::copy(stuck.begin(), stuck.end(), counts.begin());
+    };
+    EXPECT_EQ(bench.run(1.5), Fault::kFrozenEncoder) << emulator::to_string(motion);
+    EXPECT_EQ(bench.last_.current_A, (Triple{}));
+  }
 }
 
 TEST(FrozenEncoder, IsNamedByItsJoint) {
