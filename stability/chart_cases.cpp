@@ -54,6 +54,7 @@ class Cases {
     plane();
     scenes_in_loops();
     guard();
+    guarded_map();
     stress();
     std::stable_partition(cells_.begin(), cells_.end(), is_exact);
     return cells_;
@@ -214,6 +215,22 @@ class Cases {
               }
             }
           }
+        }
+      }
+    }
+  }
+
+  // `run` comes with the guard: the default method with it, in all networks of the map.
+  void guarded_map() {
+    for (const Hand& hand : hands()) {
+      for (const Rate& rate : rates()) {
+        if (!quick_ && rate.servo_rate_Hz <= 1000.0) {
+          networks({.part = part::kGuard,
+                    .method = default_method_,
+                    .hand = hand.name,
+                    .timing = rate.timing,
+                    .servo_rate_Hz = rate.servo_rate_Hz,
+                    .guard = true});
         }
       }
     }

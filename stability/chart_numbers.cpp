@@ -57,6 +57,7 @@ class Numbers {
     second_contact();
     light_hand();
     guard();
+    guarded_map();
     stress();
     sweep();
     return numbers_;
@@ -233,6 +234,27 @@ class Numbers {
     put(error);
     put(rattle);
     put(stiffness);
+  }
+
+  // As `run` has it, against the exact force without a guard.
+  void guarded_map() {
+    Worst ratio("with the guard: largest stable stiffness over the bare exact force's, every hand",
+                0.95, true, "");
+    Worst unheld("the same, nobody holding", 0.95, true, "");
+    each_default(part::kGuard, [&](const StabilityRow& row) {
+      if (!row.cell.guard || row.cell.loss > 0.0) {
+        return;
+      }
+      StabilityCase bare = row.cell;
+      bare.part = part::kMap;
+      bare.guard = false;
+      if (const StabilityRow* exact = exact_of(bare)) {
+        (row.cell.hand == "none" ? unheld : ratio)
+            .add(row.limit.largest_stable_N_per_m / exact->limit.largest_stable_N_per_m, row.cell);
+      }
+    });
+    put(ratio);
+    put(unheld);
   }
 
   void stress() {
