@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cli/run_command.h"
+#include "cli/tool_option.h"
 
 namespace forcegrid::cli {
 
@@ -40,6 +41,7 @@ struct SimulateOptions {
   std::string workers;
   double rate_Hz = 30.0;
   double delay_ms = 0.0;
+  ToolChoice tool;
   bool no_stiffness = false;
   bool until_stdin_closes = false;
   bool bench = false;

@@ -13,6 +13,7 @@
 #include "cli/devices_command.h"
 #include "cli/doctor_command.h"
 #include "cli/evaluate_command.h"
+#include "cli/number_check.h"
 #include "cli/paper_command.h"
 #include "cli/record_command.h"
 #include "cli/revision.h"
@@ -40,21 +41,6 @@ std::string joined(const std::vector<std::string>& words) {
     text += (text.empty() ? "" : ", ") + word;
   }
   return text;
-}
-
-// A finite number from `low` to `high`; CLI::Range would let NaN through.
-CLI::Validator between(double low, double high) {
-  char range[64];
-  std::snprintf(range, sizeof range, "%g..%g", low, high);
-  const std::string text = range;
-  return CLI::Validator(
-      [low, high, text](std::string& input) {
-        double value = 0.0;
-        return CLI::detail::lexical_cast(input, value) && value >= low && value <= high
-                   ? std::string()
-                   : "'" + input + "' is no number in " + text;
-      },
-      text);
 }
 
 // A method's name with options that can be understood.
@@ -109,7 +95,10 @@ void add_json(CLI::App& command, JsonTarget& target) {
       ->trigger_on_parse();
 }
 
-const std::vector<std::string> kMotions = {"chirp", "lissajous", "random", "poke", "hold", "still"};
+constexpr char kPullingMotion[] = "chirp";  // of the emulated hand unless told otherwise
+constexpr char kSlidingMotion[] = "stroke";
+const std::vector<std::string> kMotions = {"chirp", "lissajous", "random", "poke",
+                                           "hold",  "still",     "stroke"};
 const std::vector<std::string> kHands = {"firm", "light", "none"};
 const std::vector<std::string> kFrameOrders = {"out-first", "in-first"};
 
@@ -230,10 +219,13 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
       ->default_str("0")
       ->check(between(0.0, 1000.0))
       ->type_name("FLOAT ms");
+  add_tool(run, o.tool);
   run.add_option("--hand", o.hand, "Emulated hand: " + joined(kHands))
       ->check(CLI::IsMember(kHands))
       ->capture_default_str();
-  run.add_option("--motion", o.motion, "Motion of the emulated hand: " + joined(kMotions))
+  run.add_option("--motion", o.motion,
+                 "Motion of the emulated hand: " + joined(kMotions) +
+                     "; unless given, stroke with --contact slide")
       ->check(motion())
       ->capture_default_str();
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
@@ -296,6 +288,9 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
                  "off-line force");
   add_json(run, o.json);
   run.callback([&run, &o, &action] {
+    if (o.tool.slides() && o.motion == kPullingMotion && run.count("--motion") == 0) {
+      o.motion = kSlidingMotion;
+    }
     o.settings = run.config_to_str(true);
     action = [&o] { return run_command(o); };
   });
@@ -412,6 +407,7 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
       ->check(between(0.0, 1000.0))
       ->capture_default_str()
       ->type_name("FLOAT ms");
+  add_tool(simulate, o.tool);
   simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
   simulate
       .add_flag("--bench", o.bench,

@@ -67,6 +67,31 @@ std::optional<nlohmann::json> final_report(ChildProcess* child) {
   return parsed;
 }
 
+// What a tool's options don't go with; the simulator checks them among themselves.
+void check_tool(const RunOptions& options) {
+  if (options.tool.as_always()) {
+    return;
+  }
+  const std::string asked = "--tool " + options.tool.tool + " --contact " + options.tool.contact;
+  if (!options.simulator.empty()) {
+    throw std::runtime_error(asked +
+                             ": the tool is the simulator's, and --simulator names one that "
+                             "already runs; give them to 'forcegrid simulate'");
+  }
+  if (options.tool.slides() && options.workers > 0) {
+    throw std::runtime_error(asked +
+                             ": what a sliding tool feels depends on its path, so that --workers "
+                             "have nothing to answer; leave them out");
+  }
+  const auto is_direct = [](const std::string& method) { return method == kDirect; };
+  if (is_direct(options.method) ||
+      std::any_of(options.shadows.begin(), options.shadows.end(), is_direct)) {
+    throw std::runtime_error(asked +
+                             ": method direct knows sticky contact of a point alone; "
+                             "choose another method");
+  }
+}
+
 // The scene itself as a force method, if a servo cycle has the time for it.
 std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
   if (!options.simulator.empty()) {
@@ -157,6 +182,8 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
                                         std::to_string(1e3 * options.simulator_delay_s),
                                         "--until-stdin-closes",
                                         "--json"};
+  const std::vector<std::string> tool = tool_arguments(options.tool);
+  arguments.insert(arguments.end(), tool.begin(), tool.end());
   for (const std::string& file : key_files) {
     arguments.insert(arguments.end(), {"--key", file});
   }
@@ -222,6 +249,11 @@ double requests_per_s(const RunOptions& options, const std::vector<ForceMethod*>
   if (needed && asked == 0.0) {
     throw std::runtime_error("--requests-per-s 0: method \"" + names.front() +
                              "\" lives on its requests; give more, or another method");
+  }
+  if (options.tool.slides() && asked > 0.0) {
+    throw std::runtime_error(
+        "--contact slide: what a sliding tool feels depends on its path, so that "
+        "requests have no answer; use a method without them, and --requests-per-s 0");
   }
   if (asked > options.rate_Hz) {
     throw std::runtime_error("--requests-per-s " + std::to_string(std::lround(asked)) +
@@ -402,6 +434,7 @@ int run_command(const RunOptions& options) {
   if (options.live) {
     tools::Dashboard::check(out);
   }
+  check_tool(options);
 
   const bool emulated = options.device.rfind(kEmulatedPrefix, 0) == 0;
   const std::string profile_name = profile_name_of(options.device, options.profile);
@@ -773,6 +806,8 @@ int run_command(const RunOptions& options) {
     summary.truth = "the tool never touched the object";
   } else if (!simulator) {
     summary.truth = "only the scenes of 'forcegrid simulate' can be solved off line";
+  } else if (options.tool.slides()) {
+    summary.truth = "none: what a sliding tool feels depends on its path";
   } else if (options.no_truth) {
     summary.truth = "skipped by --no-truth";
   } else if (StopRequest::hurry()) {

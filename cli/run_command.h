@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/tool_option.h"
 #include "forcegrid/methods.h"
 
 namespace forcegrid::cli {
@@ -43,6 +44,7 @@ struct RunOptions {
   int workers = 0;                     ///< processes that answer requests for the started simulator
   double simulator_rate_Hz = 30.0;
   double simulator_delay_s = 0.0;
+  ToolChoice tool;        ///< of the started simulator
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;
   std::string method = kDefaultMethod;                    ///< MethodVariant

@@ -43,13 +43,22 @@ constexpr double kTremorFrequency_Hz[3] = {8.4, 9.6, 10.7};
 constexpr double kDriftAmplitude_m = 0.001;
 constexpr double kDriftFrequency_Hz[3] = {0.05, 0.07, 0.11};
 
+constexpr double kStrokePeriod_s = 6.0;
+constexpr double kStrokeDown_m = 0.003;
+constexpr double kStrokeUp_m = 0.004;
+constexpr double kStrokeWidth_m = 0.010;
+constexpr double kStrokeRamp_s = 0.5;   // down at the start, up after the slides
+constexpr double kStrokeSlide_s = 4.0;  // twice out and back, to either side
+constexpr double kStrokeFrequency_Hz = 0.5;
+
 struct Name {
   MotionKind kind;
   const char* name;
 };
 constexpr Name kNames[] = {{MotionKind::kChirp, "chirp"},   {MotionKind::kLissajous, "lissajous"},
                            {MotionKind::kRandom, "random"}, {MotionKind::kPoke, "poke"},
-                           {MotionKind::kHold, "hold"},     {MotionKind::kStill, "still"}};
+                           {MotionKind::kHold, "hold"},     {MotionKind::kStill, "still"},
+                           {MotionKind::kStroke, "stroke"}};
 
 }  // namespace
 
@@ -147,6 +156,8 @@ Vector3d HandMotion::displacement_D(double time_s) const noexcept {
       return scale * hold_D(time_s);
     case MotionKind::kPath:
       return displacement_along(path_, time_s);
+    case MotionKind::kStroke:
+      return scale * stroke_D(time_s);
     case MotionKind::kStill:
       break;
   }
@@ -184,6 +195,18 @@ Vector3d HandMotion::random_D(double time_s) const noexcept {
   }
   sum.z() += kRandomLimit_m[2];
   return minimum_jerk(time_s / kFadeIn_s) * sum;
+}
+
+Vector3d HandMotion::stroke_D(double time_s) noexcept {
+  const double t = std::fmod(time_s, kStrokePeriod_s);
+  const double from_m = time_s < kStrokePeriod_s ? 0.0 : kStrokeUp_m;
+  const double slid_s = std::clamp(t - kStrokeRamp_s, 0.0, kStrokeSlide_s);
+  const double down = minimum_jerk(t / kStrokeRamp_s);
+  const double up = minimum_jerk((t - kStrokeRamp_s - kStrokeSlide_s) / kStrokeRamp_s);
+  const double turns = kStrokeFrequency_Hz * slid_s;  // out and back again each
+  const double side = turns < 1.0 ? 1.0 : -1.0;
+  return {0.0, 0.5 * side * kStrokeWidth_m * (1.0 - std::cos(kTurn_rad * turns)),
+          from_m + down * (-kStrokeDown_m - from_m) + up * (kStrokeUp_m + kStrokeDown_m)};
 }
 
 Vector3d HandMotion::poke_D(double time_s) const noexcept {

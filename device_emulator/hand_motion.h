@@ -19,6 +19,7 @@ enum class MotionKind : std::uint8_t {
   kPoke,       ///< 100 ms out to one of 8 targets within 18 mm, 0.35 s there, back; every 0.8 s
   kHold,       ///< 12 mm up, then tremor (8.4 to 10.7 Hz, 0.2 to 0.3 mm) and a slow 1 mm drift
   kStill,      ///< none
+  kStroke,     ///< 3 mm down, to and fro by 10 mm along y, 4 mm up; then down again, every 6 s
   kPath,       ///< that of a recording
 };
 
@@ -27,9 +28,10 @@ MotionKind parse_motion(std::string_view name);
 const char* to_string(MotionKind kind) noexcept;
 
 /// Displacement of the hand's target over time, from zero. All but a recorded path are continuous
-/// in position and speed and never below their start along z (pulling only). Source: the motions of
-/// the method study that the accuracy figures refer to. Real-time: displacement_D() neither
-/// allocates, locks nor throws; up to 180 sines. Threads: const after construction.
+/// in position and speed and, but for the stroke, never below their start along z (pulling only).
+/// Source: the motions of the method study that the accuracy figures refer to. Real-time:
+/// displacement_D() neither allocates, locks nor throws; up to 180 sines. Threads: const after
+/// construction.
 class HandMotion {
  public:
   static constexpr double kNominalAmplitude_m = 0.010;
@@ -55,6 +57,7 @@ class HandMotion {
   static Eigen::Vector3d lissajous_D(double time_s) noexcept;
   Eigen::Vector3d random_D(double time_s) const noexcept;
   Eigen::Vector3d poke_D(double time_s) const noexcept;
+  static Eigen::Vector3d stroke_D(double time_s) noexcept;
   static Eigen::Vector3d hold_D(double time_s) noexcept;
 
   MotionKind kind_;

@@ -33,6 +33,25 @@ TEST(HandMotion, StartsAtZeroAndNeverJumpsOrGoesBelowItsStart) {
   }
 }
 
+TEST(HandMotion, StrokePressesSlidesToBothSidesAndLiftsAgainAndAgain) {
+  const HandMotion motion(MotionKind::kStroke, kNominal_m, 1);
+  Vector3d last = Vector3d::Zero();
+  for (int i = 1; i <= 20000; ++i) {
+    const Vector3d now = motion.displacement_D(i * 1e-3);
+    // The fastest is the lift: 7 mm in half a second, minimum-jerk peak 1.875 times the mean.
+    ASSERT_LT((now - last).norm(), 1.1e-3 * 0.007 / 0.5 * 1.875) << i;
+    ASSERT_EQ(now.x(), 0.0);
+    last = now;
+  }
+  // Down after half a second, out to 10 mm a second later and back in another; the other side; up.
+  EXPECT_TRUE(motion.displacement_D(0.5).isApprox(Vector3d(0, 0, -0.003), 1e-9));
+  EXPECT_TRUE(motion.displacement_D(1.5).isApprox(Vector3d(0, 0.010, -0.003), 1e-9));
+  EXPECT_TRUE(motion.displacement_D(2.5).isApprox(Vector3d(0, 0, -0.003), 1e-9));
+  EXPECT_TRUE(motion.displacement_D(3.5).isApprox(Vector3d(0, -0.010, -0.003), 1e-9));
+  EXPECT_TRUE(motion.displacement_D(5.5).isApprox(Vector3d(0, 0, 0.004), 1e-9));
+  EXPECT_TRUE(motion.displacement_D(13.5).isApprox(Vector3d(0, 0.010, -0.003), 1e-9));
+}
+
 TEST(HandMotion, StartsWithoutSpeed) {
   for (const MotionKind kind : kAll) {
     const HandMotion motion(kind, kNominal_m, 3);
