@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
@@ -365,7 +366,6 @@ int tune_command(const TuneOptions& options) {
   const std::vector<TuningRow>& rows = search.rows();
   const tools::TuningTolerance& tolerance = search.tolerance();
   const tools::TuningChoice choice = tools::choose(rows, tolerance);
-  const std::vector<std::string> files = tools::draw_tuning(options.out, rows, choice, tolerance);
   ordered_json leasts = ordered_json::array();
   for (const tools::LeastVariant& found : tools::least_variants(rows, tolerance)) {
     leasts.push_back(sentence_of(found, rows));
@@ -377,6 +377,14 @@ int tune_command(const TuneOptions& options) {
   if (options.write && choice.chosen) {
     written = write_config(rows[*choice.chosen]);
     std::fprintf(out, "Wrote %s\n", written.c_str());
+  }
+  // Last, and no reason to lose what took minutes to measure.
+  std::vector<std::string> files;
+  std::exception_ptr not_drawn;
+  try {
+    files = tools::draw_tuning(options.out, rows, choice, tolerance);
+  } catch (...) {
+    not_drawn = std::current_exception();
   }
   ordered_json list = ordered_json::array();
   for (const TuningRow& row : rows) {
@@ -394,6 +402,9 @@ int tune_command(const TuneOptions& options) {
                                         {"files", files},
                                         {"written", written}}
                                .dump(2));
+  if (not_drawn) {
+    std::rethrow_exception(not_drawn);
+  }
   return choice.chosen ? 0 : kNoneMeets;
 }
 

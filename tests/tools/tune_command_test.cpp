@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -50,6 +52,21 @@ TEST(TuneCommand, ProposesTheCheapestMethodThatIsGoodEnoughAndWritesIt) {
     EXPECT_EQ(key.at("value"), key.at("key") == "run.rate" ? json(250) : json("rls"));
   }
   unsetenv("XDG_CONFIG_HOME");
+}
+
+TEST(TuneCommand, KeepsWhatItMeasuredWhenThePicturesCantBeDrawn) {
+  const std::string folder = fresh_folder("tune");
+  const std::string path = std::getenv("PATH");
+  std::ofstream(folder + "/gnuplot") << "#!/bin/sh\nexit 1\n";
+  std::filesystem::permissions(folder + "/gnuplot", std::filesystem::perms::owner_all);
+  setenv("PATH", (folder + ":" + path).c_str(), 1);
+  Program tune = Program::forcegrid({"tune", "--methods", "rls", "--rates", "250", "--time", "20",
+                                     "--error-percent", "5", "--missed-percent", "100",
+                                     "--compute-percent", "1e6", "--out", folder, "--json"});
+  EXPECT_EQ(tune.wait(kTimeout), 1);
+  setenv("PATH", path.c_str(), 1);
+  EXPECT_THAT(tune.standard_error(), HasSubstr("gnuplot could not draw"));
+  EXPECT_EQ(json::parse(tune.standard_output()).at("chosen").at("method"), "rls");
 }
 
 TEST(TuneCommand, RefusesWhatTheDeviceOrTheTimeCantGive) {
