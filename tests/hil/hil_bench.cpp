@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <thread>
+#include <tuple>
 
 namespace forcegrid::hil {
 namespace {
@@ -117,8 +118,9 @@ std::vector<Node> nodes() {
     }
     found.push_back(node);
   }
-  std::sort(found.begin(), found.end(),
-            [](const Node& a, const Node& b) { return a.name < b.name; });
+  std::sort(found.begin(), found.end(), [](const Node& a, const Node& b) {
+    return std::tuple(a.port.empty(), a.port, a.name) < std::tuple(b.port.empty(), b.port, b.name);
+  });
   return found;
 }
 

@@ -60,7 +60,8 @@ struct Node {
   std::string dev() const { return "/dev/" + name; }
 };
 
-/// The nodes that there are, in the order of their names.
+/// The nodes that there are, in the order of their ports, which is that of plugging in; those
+/// without a port last. Names are given out as the kernel gets to the devices.
 std::vector<Node> nodes();
 
 /// Emulated devices in a process of their own, each attached to this kernel by a USB/IP cable.

@@ -31,7 +31,6 @@ std::string first_line(const fs::path& path) {
   return line;
 }
 
-/// `command` as another user, with that user's groups.
 std::string run_command(const std::string& device) {
   return "forcegrid run --device " + device +
          " --calibrated --device-timeout-ms 400 --scene small --no-truth --seconds 0.5 --out "
