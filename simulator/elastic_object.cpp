@@ -51,20 +51,14 @@ constexpr int kMovesBetweenAttempts = 30;
 constexpr double kFinishedLane = 1e-13;
 
 void check(const SolverOptions& options) {
-  const auto positive = [](double value, const char* name) {
-    if (!(value > 0.0) || !std::isfinite(value)) {
-      throw Error(std::string("solver: ") + name + " is " + std::to_string(value) +
-                  "; it must be finite and > 0");
-    }
-  };
-  positive(options.relative_tolerance, "relative_tolerance");
-  positive(options.force_floor_N, "force_floor_N");
-  positive(options.max_step_m, "max_step_m");
-  positive(options.sensitivity_tolerance, "sensitivity_tolerance");
-  positive(options.max_steps, "max_steps");
-  positive(options.iterations_per_step, "iterations_per_step");
-  positive(options.max_iterations, "max_iterations");
-  positive(options.max_recovery_steps, "max_recovery_steps");
+  check_positive(options.relative_tolerance, "solver: relative_tolerance");
+  check_positive(options.force_floor_N, "solver: force_floor_N");
+  check_positive(options.max_step_m, "solver: max_step_m");
+  check_positive(options.sensitivity_tolerance, "solver: sensitivity_tolerance");
+  check_positive(options.max_steps, "solver: max_steps");
+  check_positive(options.iterations_per_step, "solver: iterations_per_step");
+  check_positive(options.max_iterations, "solver: max_iterations");
+  check_positive(options.max_recovery_steps, "solver: max_recovery_steps");
   if (!(options.answer_first_below >= 0.0)) {
     throw Error("solver: answer_first_below is " + std::to_string(options.answer_first_below) +
                 "; it must be >= 0");

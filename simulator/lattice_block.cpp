@@ -37,13 +37,8 @@ void check(const LatticeBlockOptions& options) {
   if (!options.top_centre_W.allFinite()) {
     throw Error(who + "top_centre_W is not finite");
   }
-  const auto require_positive = [&who](double value, const char* name) {
-    if (!(value > 0.0) || !std::isfinite(value)) {
-      throw Error(who + name + " is " + std::to_string(value) + "; it must be finite and > 0");
-    }
-  };
-  require_positive(options.stiffness_N_per_m, "stiffness_N_per_m");
-  require_positive(options.diagonal_factor, "diagonal_factor");
+  check_positive(options.stiffness_N_per_m, who + "stiffness_N_per_m");
+  check_positive(options.diagonal_factor, who + "diagonal_factor");
   if (!(options.random_spread >= 0.0 && options.random_spread < 1.0)) {
     throw Error(who + "random_spread is " + std::to_string(options.random_spread) +
                 "; it must be in [0, 1)");

@@ -38,12 +38,6 @@ double smallest_radius_m(const contact::ToolShape& tool) {
 }
 
 PressOptions checked(PressOptions options, const contact::ToolShape& tool) {
-  const auto positive = [](double value, const char* name) {
-    if (!(value > 0.0) || !std::isfinite(value)) {
-      throw Error(std::string("pressing: ") + name + " is " + std::to_string(value) +
-                  "; it must be finite and > 0");
-    }
-  };
   if (!(options.friction >= 0.0 && options.friction <= kMaxFriction)) {
     throw Error("pressing: friction is " + std::to_string(options.friction) + "; give 0 to " +
                 std::to_string(kMaxFriction));
@@ -52,14 +46,14 @@ PressOptions checked(PressOptions options, const contact::ToolShape& tool) {
   if (options.point_spacing_m == 0.0) {
     options.point_spacing_m = kSpacingOverRadius * radius_m;
   }
-  positive(options.point_spacing_m, "point_spacing_m");
-  positive(options.stick_m, "stick_m");
-  positive(options.relative_tolerance, "relative_tolerance");
-  positive(options.force_floor_N, "force_floor_N");
-  positive(options.max_step_m, "max_step_m");
-  positive(options.max_steps, "max_steps");
-  positive(options.max_rounds, "max_rounds");
-  positive(options.max_iterations, "max_iterations");
+  check_positive(options.point_spacing_m, "pressing: point_spacing_m");
+  check_positive(options.stick_m, "pressing: stick_m");
+  check_positive(options.relative_tolerance, "pressing: relative_tolerance");
+  check_positive(options.force_floor_N, "pressing: force_floor_N");
+  check_positive(options.max_step_m, "pressing: max_step_m");
+  check_positive(options.max_steps, "pressing: max_steps");
+  check_positive(options.max_rounds, "pressing: max_rounds");
+  check_positive(options.max_iterations, "pressing: max_iterations");
   options.max_step_m = std::min(options.max_step_m, 0.5 * radius_m);
   return options;
 }

@@ -9,10 +9,7 @@ namespace forcegrid::simulator {
 
 StickyContact::StickyContact(const SpringMesh& mesh, const ContactOptions& options)
     : options_(options), surface_(mesh) {
-  if (!(options.patch_radius_m > 0.0) || !std::isfinite(options.patch_radius_m)) {
-    throw Error("contact: patch_radius_m is " + std::to_string(options.patch_radius_m) +
-                "; it must be finite and > 0");
-  }
+  check_positive(options.patch_radius_m, "contact: patch_radius_m");
   if (!(options.approach_distance_m >= 0.0) || !std::isfinite(options.approach_distance_m)) {
     throw Error("contact: approach_distance_m is " + std::to_string(options.approach_distance_m) +
                 "; it must be finite and >= 0");

@@ -62,14 +62,8 @@ void check_together(const ToolOptions& options) {
   if (options.contact == "sticky" && options.shape == "grasper") {
     throw Error("tool: a grasper presses before it grasps; give --contact slide with it");
   }
-  const auto positive = [](double value, const char* name) {
-    if (!(value > 0.0) || !std::isfinite(value)) {
-      throw Error(std::string("tool: ") + name + " is " + std::to_string(value) +
-                  " N; it must be > 0");
-    }
-  };
-  positive(options.grasp_N, "the force that closes a grasper");
-  positive(options.let_go_N, "the pull that opens a grasper");
+  check_positive(options.grasp_N, "tool: grasp_N, the force that closes a grasper,");
+  check_positive(options.let_go_N, "tool: let_go_N, the pull that opens a grasper,");
 }
 
 }  // namespace
