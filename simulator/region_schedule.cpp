@@ -1,0 +1,38 @@
+#include "simulator/region_schedule.h"
+
+#include <algorithm>
+
+namespace forcegrid::simulator {
+namespace {
+
+// A region gives up its last ring below this fraction of what the border may have.
+constexpr double kShrinkBelow = 0.3;
+// Every attempt with less than the whole object costs an answer of two parts.
+constexpr int kMovesBetweenAttempts = 30;
+
+}  // namespace
+
+int RegionSchedule::next_levels(const Region& region, double border_share,
+                                int whole_every) noexcept {
+  ++moves_;
+  ++calm_moves_;
+  if (whole_every > 0 && moves_ % whole_every == 0) {
+    local_levels_ = region.solved();
+    return region.levels();
+  }
+  int levels = region.solved();
+  if (moves_ == 1) {
+    levels = kFirstLevels;
+  } else if (whole_every > 0 && moves_ % whole_every == 1) {
+    levels = local_levels_;
+  } else if (border_share > 1.0) {
+    levels = region.larger();
+  } else if (region.is_whole()) {
+    levels -= moves_ - whole_since_ > kMovesBetweenAttempts ? 1 : 0;
+  } else if (border_share < kShrinkBelow) {
+    levels -= 1;
+  }
+  return std::clamp(levels, 1, region.levels());
+}
+
+}  // namespace forcegrid::simulator
