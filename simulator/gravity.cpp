@@ -10,6 +10,7 @@
 #include "profiles/text.h"
 #include "simulator/error.h"
 #include "simulator/rest_surface.h"
+#include "simulator/vertex_masses.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -23,23 +24,6 @@ constexpr int kMaxNewtonSteps = 100;
 constexpr int kMaxHalvings = 20;
 constexpr double kLinearTolerance = 1e-4;
 constexpr double kFarAbove_m = 10.0;
-
-std::vector<double> vertex_masses_kg(const SpringMesh& mesh, double mass_kg) {
-  std::vector<double> share(mesh.rest_position_W.size(), 0.0);
-  double sum = 0.0;
-  for (const Spring& spring : mesh.springs) {
-    const auto a = static_cast<std::size_t>(spring.a);
-    const auto b = static_cast<std::size_t>(spring.b);
-    const double length_m = (mesh.rest_position_W[a] - mesh.rest_position_W[b]).norm();
-    share[a] += 0.5 * length_m;
-    share[b] += 0.5 * length_m;
-    sum += length_m;
-  }
-  for (double& each : share) {
-    each *= mass_kg / sum;
-  }
-  return share;
-}
 
 Matrix3d spring_stiffness(const SpringMesh& mesh, const Spring& spring, const Vector3d& d_m) {
   const SpringLaw& law = mesh.laws[static_cast<std::size_t>(spring.law)];

@@ -1,6 +1,7 @@
 #include "simulator/scene.h"
 
 #include <filesystem>
+#include <optional>
 
 #include "profiles/data_folder.h"
 #include "profiles/nearest_name.h"
@@ -9,6 +10,7 @@
 #include "simulator/error.h"
 #include "simulator/gravity.h"
 #include "simulator/scene_object.h"
+#include "simulator/vertex_masses.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -17,7 +19,6 @@ using profiles::NumberRange;
 using profiles::TomlTable;
 
 constexpr NumberRange kGravity_m_per_s2{0.0, 100.0, "an acceleration in m/s^2 from 0 to 100"};
-constexpr NumberRange kMass_kg{1e-6, 1e3, "a mass in kg from 1e-6 to 1000"};
 constexpr NumberRange kPatchRadius_m{1e-4, 0.5, "a radius in metres from 0.0001 to 0.5"};
 
 const profiles::DataFolder& scene_folder() {
@@ -43,6 +44,18 @@ std::string find_scene(const std::string& name_or_file) {
   return name_or_file;
 }
 
+void give_masses(SpringMesh& object, const std::optional<ObjectDynamics>& dynamics,
+                 double gravity_m_per_s2) {
+  if (dynamics) {
+    give_dynamics(object, *dynamics);
+    if (gravity_m_per_s2 > 0.0) {
+      settle_under_gravity(object, dynamics->mass_kg, gravity_m_per_s2);
+    }
+  } else if (gravity_m_per_s2 > 0.0) {
+    throw Error("gravity_m_per_s2 pulls at masses; give every [[object]] a mass_kg");
+  }
+}
+
 Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   const toml::table parsed = profiles::read_toml_file(file);
   const TomlTable root(parsed, file, "",
@@ -54,11 +67,10 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   const double gravity_m_per_s2 = root.number_or("gravity_m_per_s2", kGravity_m_per_s2, 0.0);
   for (const TomlTable& table : root.tables("object", scene_object_keys)) {
     SpringMesh object = make_scene_object(table, origin_W);
-    if (gravity_m_per_s2 > 0.0) {
-      settle_under_gravity(object, table.number("mass_kg", kMass_kg), gravity_m_per_s2);
-    } else if (table.has("mass_kg")) {
-      table.refuse("mass_kg", "without gravity a mass does nothing",
-                   "leave it out or write gravity_m_per_s2 = 9.81 above the objects");
+    give_masses(object, read_dynamics(table), gravity_m_per_s2);
+    if (!scene.mesh.rest_position_W.empty() &&
+        scene.mesh.mass_kg.empty() != object.mass_kg.empty()) {
+      throw Error("some objects have a mass_kg and others none; give it to every [[object]]");
     }
     append(object, scene.mesh);
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include "profiles/nearest_name.h"
@@ -29,14 +30,25 @@ constexpr NumberRange kPreStrain{0.0, 2.0, "a strain from 0 to 2"};
 constexpr NumberRange kFixedBelow_m{0.0, 1.0, "a height in metres from 0 to 1"};
 constexpr NumberRange kSpread{0.0, 0.99, "a fraction from 0 to 0.99"};
 constexpr NumberRange kCubic{kAboveZero, 1e4, "a number above 0 and at most 1e4"};
+constexpr NumberRange kMass_kg{1e-6, 1e3, "a mass in kg from 1e-6 to 1000"};
+constexpr NumberRange kRetardation_s{0.0, 10.0, "a time in seconds from 0 to 10"};
+constexpr NumberRange kMassDamping_per_s{0.0, 1e4, "a rate in 1/s from 0 to 10000"};
 constexpr NumberRange kExponent{0.01, 30.0, "a number from 0.01 to 30"};
 constexpr std::int64_t kMaxSeed = 1'000'000'000;
 
 const std::vector<std::string> kShapes{"block", "organ", "mesh"};
 const std::vector<std::string> kLaws{"linear", "hardening", "exponential"};
-const std::vector<std::string> kCommonKeys{
-    "shape", "place_m",           "stiffness_N_per_m", "random_spread", "seed",
-    "law",   "cubic_coefficient", "exponent",          "mass_kg"};
+const std::vector<std::string> kCommonKeys{"shape",
+                                           "place_m",
+                                           "stiffness_N_per_m",
+                                           "random_spread",
+                                           "seed",
+                                           "law",
+                                           "cubic_coefficient",
+                                           "exponent",
+                                           "mass_kg",
+                                           "retardation_time_s",
+                                           "mass_damping_per_s"};
 
 std::string choice(const TomlTable& object, const char* key,
                    const std::vector<std::string>& known) {
@@ -152,6 +164,22 @@ std::vector<std::string> scene_object_keys(const TomlTable& object) {
                              "pre_strain", "home_stiffness_N_per_m"});
   }
   return keys;
+}
+
+std::optional<ObjectDynamics> read_dynamics(const TomlTable& object) {
+  if (!object.has("mass_kg")) {
+    for (const char* key : {"retardation_time_s", "mass_damping_per_s"}) {
+      if (object.has(key)) {
+        object.refuse(key, "without a mass nothing moves that could be damped",
+                      "give the object a mass_kg or leave the damping out");
+      }
+    }
+    return std::nullopt;
+  }
+  return ObjectDynamics{
+      .mass_kg = object.number("mass_kg", kMass_kg),
+      .retardation_time_s = object.number_or("retardation_time_s", kRetardation_s, 0.0),
+      .mass_damping_per_s = object.number_or("mass_damping_per_s", kMassDamping_per_s, 0.0)};
 }
 
 SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W) {

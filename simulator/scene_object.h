@@ -1,11 +1,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "profiles/toml_table.h"
 #include "simulator/spring_mesh.h"
+#include "simulator/vertex_masses.h"
 
 namespace forcegrid::simulator {
 
@@ -17,5 +19,9 @@ std::vector<std::string> scene_object_keys(const profiles::TomlTable& object);
 /// @param origin_W  [m] the scene's origin.
 /// @throws profiles::TomlError naming file, line and key; Error for a mesh that can't be.
 SpringMesh make_scene_object(const profiles::TomlTable& object, const Eigen::Vector3d& origin_W);
+
+/// Mass and damping of a table [[object]]; nothing where it has no mass_kg.
+/// @throws profiles::TomlError naming file, line and key, also for a damping without a mass.
+std::optional<ObjectDynamics> read_dynamics(const profiles::TomlTable& object);
 
 }  // namespace forcegrid::simulator

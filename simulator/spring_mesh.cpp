@@ -42,6 +42,12 @@ void check_vertices(const SpringMesh& mesh) {
   if (!mesh.load_W_N.empty()) {
     check_size(mesh.load_W_N.size(), vertices, "load_W_N");
   }
+  if (!mesh.mass_kg.empty()) {
+    check_size(mesh.mass_kg.size(), vertices, "mass_kg");
+  }
+  if (!mesh.drag_Ns_per_m.empty()) {
+    check_size(mesh.drag_Ns_per_m.size(), vertices, "drag_Ns_per_m");
+  }
   const auto not_zero = [](auto value) { return value != 0; };
   if (std::none_of(mesh.fixed.begin(), mesh.fixed.end(), not_zero) &&
       std::none_of(mesh.home_stiffness_N_per_m.begin(), mesh.home_stiffness_N_per_m.end(),
@@ -61,6 +67,14 @@ void check_vertices(const SpringMesh& mesh) {
                   std::to_string(mesh.home_stiffness_N_per_m[i]) +
                   " N/m; it must be finite and >= 0");
     }
+    if (!mesh.mass_kg.empty() && mesh.fixed[i] == 0 && !positive(mesh.mass_kg[i])) {
+      throw Error(kWho + "free " + name + " has a mass of " + std::to_string(mesh.mass_kg[i]) +
+                  " kg; it must be finite and > 0");
+    }
+    if (!mesh.drag_Ns_per_m.empty() && !not_negative(mesh.drag_Ns_per_m[i])) {
+      throw Error(kWho + name + " has a drag of " + std::to_string(mesh.drag_Ns_per_m[i]) +
+                  " Ns/m; it must be finite and >= 0");
+    }
   }
 }
 
@@ -72,6 +86,10 @@ void check_laws(const SpringMesh& mesh) {
     }
     if (!not_negative(law.exponent)) {
       throw Error(kWho + "exponent is " + std::to_string(law.exponent) +
+                  "; it must be finite and >= 0");
+    }
+    if (!not_negative(law.retardation_time_s)) {
+      throw Error(kWho + "retardation_time_s is " + std::to_string(law.retardation_time_s) +
                   "; it must be finite and >= 0");
     }
   }
@@ -195,6 +213,9 @@ void scale_forces(SpringMesh& mesh, double factor) {
   for (Eigen::Vector3d& load_N : mesh.load_W_N) {
     load_N *= factor;
   }
+  for (double& drag_Ns_per_m : mesh.drag_Ns_per_m) {
+    drag_Ns_per_m *= factor;
+  }
 }
 
 void tighten(SpringMesh& mesh, double pre_strain, double home_stiffness_N_per_m) {
@@ -237,6 +258,8 @@ void append(const SpringMesh& object, SpringMesh& mesh) {
   };
   join_optional(mesh.home_stiffness_N_per_m, object.home_stiffness_N_per_m, 0.0);
   join_optional(mesh.load_W_N, object.load_W_N, Eigen::Vector3d(Eigen::Vector3d::Zero()));
+  join_optional(mesh.mass_kg, object.mass_kg, 0.0);
+  join_optional(mesh.drag_Ns_per_m, object.drag_Ns_per_m, 0.0);
   join(mesh.rest_position_W, object.rest_position_W);
   join(mesh.fixed, object.fixed);
   join(mesh.laws, object.laws);

@@ -14,9 +14,14 @@ namespace forcegrid::simulator {
 ///
 /// c = a = 0 is the linear law. c = 5 hardens as soft tissue does (twice the stiffness at 26 %
 /// strain); a = 4 does so exponentially (twice at 33 %, five times at 57 %).
+///
+/// Where the object moves by itself (DynamicObject), a damper beside the spring adds
+/// k tau dl/dt: Kelvin's and Voigt's model, whose stretch under a sudden load settles as
+/// 1 - exp(-t / tau). Equilibria know nothing of it.
 struct SpringLaw {
-  double cubic_coefficient = 0.0;  ///< c >= 0, dimensionless
-  double exponent = 0.0;           ///< a >= 0, dimensionless
+  double cubic_coefficient = 0.0;   ///< c >= 0, dimensionless
+  double exponent = 0.0;            ///< a >= 0, dimensionless
+  double retardation_time_s = 0.0;  ///< tau >= 0, viscosity over stiffness
 };
 
 /// One spring between the vertices `a` and `b`.
@@ -31,8 +36,8 @@ struct Spring {
 /// A mass-spring object at rest: what the solver starts from. W is the workspace frame.
 ///
 /// A vertex may have a home spring, which pulls it to its rest position, and a dead load, which
-/// keeps its direction and size: the turgor of an organ, or its weight. Masses don't enter
-/// otherwise: every answer is an equilibrium.
+/// keeps its direction and size: the turgor of an organ, or its weight. Masses and dampers are for
+/// DynamicObject alone; the other solvers' answers are equilibria.
 struct SpringMesh {
   std::vector<Eigen::Vector3d> rest_position_W;  ///< [m] in equilibrium
   std::vector<std::uint8_t> fixed;               ///< one a vertex; 1 = never moves
@@ -40,6 +45,9 @@ struct SpringMesh {
   std::vector<SpringLaw> laws{SpringLaw{}};
   std::vector<double> home_stiffness_N_per_m;  ///< empty, or one a vertex, >= 0
   std::vector<Eigen::Vector3d> load_W_N;       ///< empty, or one a vertex
+  std::vector<double> mass_kg;                 ///< empty, or one a vertex, > 0 where it is free
+  /// Empty, or one a vertex, >= 0: what a vertex's own speed is resisted with.
+  std::vector<double> drag_Ns_per_m;
 
   /// Where a tool can touch: triangles of vertices, counterclockwise seen from outside.
   std::vector<std::array<std::int32_t, 3>> triangles;
@@ -54,11 +62,13 @@ double natural_length_m(const SpringMesh& mesh, const Spring& spring);
 std::vector<Eigen::Vector3d> vertex_forces_W(const SpringMesh& mesh,
                                              const std::vector<Eigen::Vector3d>& position_W);
 
-/// Makes every force of the object `factor` times as large: springs, home springs and loads; > 0.
+/// Makes every force of the object `factor` times as large: springs with their dampers, home
+/// springs, loads and drag; > 0. Masses stay.
 void scale_forces(SpringMesh& mesh, double factor);
 
-/// Stretches every spring by `pre_strain` >= 0 where the object rests, balances that with dead loads
-/// on the free vertices, and gives every vertex a home spring of `home_stiffness_N_per_m` >= 0.
+/// Stretches every spring by `pre_strain` >= 0 where the object rests, balances that with dead
+/// loads on the free vertices, and gives every vertex a home spring of `home_stiffness_N_per_m` >=
+/// 0.
 void tighten(SpringMesh& mesh, double pre_strain, double home_stiffness_N_per_m);
 
 /// Puts `object` beside what `mesh` holds already; an empty mesh becomes the object, top included.
@@ -67,8 +77,8 @@ void append(const SpringMesh& object, SpringMesh& mesh);
 /// Throws Error when the mesh can't be solved: no vertex or spring, an array of another size,
 /// nothing fixed and no home spring (the object would float), a spring or triangle that names a
 /// missing vertex or law, the same vertex twice or has no length, a stiffness that is not positive
-/// and finite, a position or load that is not finite, a law out of range, a free vertex without a
-/// spring, or a rest shape that is no equilibrium (to 1e-6 of the largest k l0).
+/// and finite, a position or load that is not finite, a law, mass or drag out of range, a free
+/// vertex without a spring, or a rest shape that is no equilibrium (to 1e-6 of the largest k l0).
 void check(const SpringMesh& mesh);
 
 }  // namespace forcegrid::simulator

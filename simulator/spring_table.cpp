@@ -1,7 +1,6 @@
 #include "simulator/spring_table.h"
 
 #include <algorithm>
-#include <cstdint>
 
 namespace forcegrid::simulator {
 
@@ -24,13 +23,16 @@ SpringTable<Real> make_spring_table(const SpringMesh& mesh) {
   rows.owner.resize(padded);
   rows.other.resize(padded);
   table.constants.resize(padded);
+  table.mesh_spring.resize(table.springs);
   std::vector<std::int32_t> next(rows.row_begin.begin(), rows.row_begin.end() - 1);
-  for (const Spring& spring : mesh.springs) {
+  for (std::size_t number = 0; number < mesh.springs.size(); ++number) {
+    const Spring& spring = mesh.springs[number];
     const auto a = static_cast<std::size_t>(std::min(spring.a, spring.b));
     const auto b = static_cast<std::size_t>(std::max(spring.a, spring.b));
     const auto at = static_cast<std::size_t>(next[a]++);
     const double length_m = natural_length_m(mesh, spring);
     const SpringLaw& law = mesh.laws[static_cast<std::size_t>(spring.law)];
+    table.mesh_spring[at] = static_cast<std::int32_t>(number);
     rows.owner[at] = static_cast<std::int32_t>(a);
     rows.other[at] = static_cast<std::int32_t>(b);
     table.constants[at] = {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "simulator/spring_kernels.h"
@@ -14,8 +15,9 @@ template <typename Real>
 struct SpringTable {
   kernels::SpringRows rows;
   std::vector<kernels::SpringConstants<Real>> constants;
-  bool exponential = false;  ///< some spring has an exponent
-  std::size_t springs = 0;   ///< without the padding
+  bool exponential = false;               ///< some spring has an exponent
+  std::size_t springs = 0;                ///< without the padding
+  std::vector<std::int32_t> mesh_spring;  ///< which one of the mesh each is, without the padding
 };
 
 /// `mesh` must have passed check().

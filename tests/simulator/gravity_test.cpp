@@ -115,12 +115,23 @@ class GravityScene : public ::testing::Test {
   }
 };
 
-TEST_F(GravityScene, TakesGravityAndMassTogetherOnly) {
+TEST_F(GravityScene, GravityNeedsMassesAndDampingDoes) {
   const std::string gravity = "gravity_m_per_s2 = 9.81\n";
   EXPECT_EQ(problem_of(gravity, "mass_kg = 0.05\n"), "");
   EXPECT_EQ(problem_of("", ""), "");
+  EXPECT_EQ(problem_of("", "mass_kg = 0.05\nretardation_time_s = 0.02\nmass_damping_per_s = 1\n"),
+            "");
   EXPECT_THAT(problem_of(gravity, ""), HasSubstr("mass_kg"));
-  EXPECT_THAT(problem_of("", "mass_kg = 0.05\n"), HasSubstr("gravity_m_per_s2"));
+  EXPECT_THAT(problem_of("", "retardation_time_s = 0.02\n"),
+              HasSubstr("give the object a mass_kg"));
+  EXPECT_THAT(problem_of("", "mass_damping_per_s = 1\n"), HasSubstr("give the object a mass_kg"));
+  EXPECT_THAT(problem_of("", "mass_kg = 0.05\nretardation_time_s = -1\n"),
+              HasSubstr("retardation_time_s"));
+  EXPECT_THAT(problem_of("",
+                         "mass_kg = 0.05\n[[object]]\nshape = \"block\"\n"
+                         "vertex_count = [3, 3, 3]\nsize_m = [0.02, 0.02, 0.02]\n"
+                         "stiffness_N_per_m = 20.0\nlaw = \"linear\"\n"),
+              HasSubstr("give it to every [[object]]"));
   EXPECT_THAT(problem_of(gravity, "mass_kg = -1\n"), HasSubstr("mass_kg"));
   EXPECT_THAT(problem_of("gravity_m_per_s2 = 1000\n", "mass_kg = 1\n"),
               HasSubstr("gravity_m_per_s2"));
