@@ -52,8 +52,11 @@ else
 	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)
 endif
 
+# Live tests that failed while the machine stood still are run again, and named at the end.
 test: build
 	ctest --test-dir build/release -j2 --output-on-failure
+	@grep -aE '^(AGAIN:|[0-9]+/[0-9]+ Testing: )' build/release/Testing/Temporary/LastTest.log | \
+	  grep -a -B1 '^AGAIN:' || true
 
 bench: build
 	build/release/bin/forcegrid_bench

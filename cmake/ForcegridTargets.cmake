@@ -37,11 +37,13 @@ function(forcegrid_library name)
                                 PUBLIC $<BUILD_INTERFACE:forcegrid_sanitizers>)
 endfunction()
 
-# forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [SINGLE_THREADED] [TIMEOUT s])
+# forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [LIVE] [SINGLE_THREADED] [TIMEOUT s])
 # SERIAL: the test runs alone (it keeps deadlines or uses both cores).
+# LIVE: what it tests runs in real time, as all does that is labelled emulator: a failure while the
+# machine stood still is tried again (tests/support/live_main.cpp).
 # SINGLE_THREADED: it starts no thread, so that ThreadSanitizer has nothing to see in it.
 function(forcegrid_test name)
-  cmake_parse_arguments(arg "SERIAL;SINGLE_THREADED" "TIMEOUT" "LABELS;SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(arg "SERIAL;LIVE;SINGLE_THREADED" "TIMEOUT" "LABELS;SOURCES;LIBS" ${ARGN})
   if(arg_SINGLE_THREADED AND FORCEGRID_SANITIZE STREQUAL "thread")
     return()
   endif()
@@ -54,8 +56,13 @@ function(forcegrid_test name)
   target_compile_definitions(${name} PRIVATE
     FORCEGRID_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     FORCEGRID_PROGRAM="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/forcegrid")
+  if(arg_LIVE OR "emulator" IN_LIST arg_LABELS)
+    set(main forcegrid_live_main)
+  else()
+    set(main GTest::gtest_main)
+  endif()
   target_link_libraries(${name} PRIVATE ${arg_LIBS} forcegrid_warnings forcegrid_sanitizers
-                                        GTest::gmock GTest::gtest_main)
+                                        GTest::gmock ${main})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
   set(properties LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
   if(arg_SERIAL)

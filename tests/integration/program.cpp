@@ -69,7 +69,8 @@ std::vector<std::string> forcegrid_command(std::vector<std::string> arguments) {
   const auto has = [&](const char* word) {
     return std::find(arguments.begin(), arguments.end(), word) != arguments.end();
   };
-  if (!arguments.empty() && arguments.front() == "run" && !has("--device-timeout-ms")) {
+  if (!arguments.empty() && (arguments.front() == "run" || arguments.front() == "calibrate") &&
+      !has("--device-timeout-ms")) {
     arguments.insert(arguments.end(), {"--device-timeout-ms", "400"});
   }
   if (!has("--config")) {
