@@ -4,9 +4,11 @@
 
 namespace forcegrid::calibration {
 
-DeviceRig::DeviceRig(driver::Device& device, rt::Duration period, const std::atomic<bool>& stop)
+DeviceRig::DeviceRig(driver::Device& device, rt::Duration period, rt::Duration report_timeout,
+                     const std::atomic<bool>& stop)
     : device_(device),
       period_(period),
+      report_timeout_(report_timeout),
       stop_(stop),
       deadline_(rt::Clock::now()),
       last_(device.newest_report()),
@@ -42,10 +44,11 @@ driver::DeviceReport DeviceRig::step(const driver::MotorCommand& command) {
   const rt::TimePoint now = rt::Clock::now();
   if (report.sequence != last_.sequence) {
     last_news_ = now;
-  } else if (now - last_news_ > kSilence) {
+  } else if (now - last_news_ > report_timeout_) {
     device_.command({});
-    throw CalibrationError("device '" + device_.identity().url +
-                           "': no new report for 200 ms; look at its cable and power, and at "
+    throw CalibrationError("device '" + device_.identity().url + "': no new report for " +
+                           std::to_string(report_timeout_ / std::chrono::milliseconds(1)) +
+                           " ms; look at its cable and power, and at "
                            "forcegrid doctor; the motors have no current");
   }
   last_ = report;

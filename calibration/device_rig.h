@@ -13,11 +13,10 @@ namespace forcegrid::calibration {
 /// Threads: one.
 class DeviceRig final : public Rig {
  public:
-  /// No new report for this long ends the calibration.
-  static constexpr rt::Duration kSilence = std::chrono::milliseconds(200);
-
   /// @param device, stop  outlive it; the calibration ends soon after `stop` has become true.
-  DeviceRig(driver::Device& device, rt::Duration period, const std::atomic<bool>& stop);
+  /// @param report_timeout  no new report for this long ends the calibration.
+  DeviceRig(driver::Device& device, rt::Duration period, rt::Duration report_timeout,
+            const std::atomic<bool>& stop);
   ~DeviceRig() override;
 
   driver::DeviceReport step(const driver::MotorCommand& command) override;
@@ -26,6 +25,7 @@ class DeviceRig final : public Rig {
  private:
   driver::Device& device_;
   rt::Duration period_;
+  rt::Duration report_timeout_;
   const std::atomic<bool>& stop_;
   rt::TimePoint deadline_;
   driver::DeviceReport last_;

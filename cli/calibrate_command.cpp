@@ -202,6 +202,7 @@ class Calibration {
     driver::OpenOptions open_options;
     open_options.firmware = firmware_for(options_.firmware, profile_, emulated);
     open_options.realtime_io = realtime_refused.empty();
+    open_options.stale_after = std::chrono::milliseconds(options_.device_timeout_ms);
     if (emulated) {
       emulator_ = start_emulator(options_, own_profile);
       url = "usbip://" + listening_address(*emulator_, "emulator") + "/1-1";
@@ -244,6 +245,7 @@ class Calibration {
       procedure.person_done = enter_pressed;
     }
     calibration::DeviceRig rig(*device_, rt::from_seconds(1.0 / options_.rate_Hz),
+                               std::chrono::milliseconds(options_.device_timeout_ms),
                                StopRequest::stop());
     return calibration::run_procedure(rig, profile_, procedure);
   }
@@ -330,6 +332,13 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
   calibrate.add_option("--rate", o.rate_Hz, "Steps a second")
       ->check(CLI::Range(250.0, 2000.0))
       ->type_name("FLOAT Hz")
+      ->capture_default_str();
+  calibrate
+      .add_option("--device-timeout-ms", o.device_timeout_ms,
+                  "Silence of the device after which the calibration ends with zero current; its "
+                  "own watchdog waits 500 ms")
+      ->check(CLI::Range(10, 450))
+      ->type_name("INT ms")
       ->capture_default_str();
   calibrate
       .add_option("--write", o.write,
