@@ -18,6 +18,10 @@ constexpr double kHalfWindow_s = 0.07;
 constexpr double kGrid_s = 0.02;
 constexpr double kLeastTanh = 0.99;  // slower samples depend on how friction begins
 constexpr std::size_t kLeastPoints = 12;
+constexpr double kLongestStep = 4.0;  // in median steps: in a longer one the host paused
+constexpr double kOutlier = 4.0;      // in standard deviations, as the median tells them
+constexpr double kMostOutliers = 0.2;
+constexpr int kRefits = 3;
 constexpr std::size_t kLeastSamples = 40;
 // Neighbouring windows share points: so many of them are worth one.
 constexpr double kOverlap = kHalfWindow_s / kGrid_s;
@@ -109,10 +113,28 @@ std::optional<Row> row_at(const Motion& motion, RigidBody& body, double smoothin
   return row;
 }
 
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double median_step_s(const Trace& trace) {
+  std::vector<double> steps_s;
+  for (std::size_t i = 1; i < trace.size(); ++i) {
+    steps_s.push_back(trace[i].time_s - trace[i - 1].time_s);
+  }
+  return steps_s.empty() ? 0.0 : median(std::move(steps_s));
+}
+
 Rows rows_of(const Trace& trace, RigidBody& body, double smoothing_s_per_rad, int joint) {
   std::vector<Row> rows;
   if (!trace.empty()) {
     const Motion motion = motion_of(trace, body, joint);
+    const double longest_step_s = kLongestStep * median_step_s(trace);
+    const auto paused_before = [&](const TracePoint& point) {
+      return point.time_s - (&point - 1)->time_s > longest_step_s;
+    };
     std::size_t first = 1;
     std::size_t last = 1;
     for (double center_s = trace.front().time_s + 2.0 * kHalfWindow_s;
@@ -125,8 +147,10 @@ Rows rows_of(const Trace& trace, RigidBody& body, double smoothing_s_per_rad, in
         ++last;
       }
       const std::size_t end = std::min(last + 1, trace.size());
-      if (end - first < kLeastPoints) {
-        continue;  // the host paused
+      if (end - first < kLeastPoints ||
+          std::any_of(trace.begin() + static_cast<std::ptrdiff_t>(first),
+                      trace.begin() + static_cast<std::ptrdiff_t>(end), paused_before)) {
+        continue;
       }
       if (const auto row = row_at(motion, body, smoothing_s_per_rad, joint, center_s, first, end)) {
         rows.push_back(*row);
@@ -151,15 +175,17 @@ struct Solution {
   VectorXd value;
   VectorXd error;
   VectorXd residual;
+  VectorXd weight;  // of each row: 1, or 0 where it was left out
 };
 
 // Columns are scaled first, so that the rank does not depend on units.
 Solution solve(const MatrixXd& regressors, const VectorXd& torque_Nm) {
+  Solution solution;
+  solution.weight = VectorXd::Ones(torque_Nm.size());
   const Eigen::RowVectorXd size =
       regressors.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
   const MatrixXd scaled = regressors.array().rowwise() / size.array();
   const Eigen::CompleteOrthogonalDecomposition<MatrixXd> factor(scaled);
-  Solution solution;
   solution.value = factor.solve(torque_Nm).array() / size.transpose().array();
   solution.residual = torque_Nm - regressors * solution.value;
   const double freedom = std::max(1.0, static_cast<double>(regressors.rows() - regressors.cols()));
@@ -174,8 +200,38 @@ Solution solve(const MatrixXd& regressors, const VectorXd& torque_Nm) {
   return solution;
 }
 
-double rms(const VectorXd& values) {
-  return std::sqrt(values.squaredNorm() / static_cast<double>(values.size()));
+// The same without the few rows that fit far worse than the others: somebody touched the arm, or it
+// was swinging back after the host had paused. Where many do, the model is wrong and all count.
+Solution solve_without_outliers(const MatrixXd& regressors, const VectorXd& torque_Nm) {
+  const Solution whole = solve(regressors, torque_Nm);
+  Solution best = whole;
+  for (int i = 0; i < kRefits; ++i) {
+    const VectorXd size = best.residual.cwiseAbs();
+    const double limit = kOutlier * 1.4826 * median({size.data(), size.data() + size.size()});
+    std::vector<Eigen::Index> kept;
+    for (Eigen::Index row = 0; row < size.size(); ++row) {
+      if (size[row] <= limit) {
+        kept.push_back(row);
+      }
+    }
+    if (static_cast<double>(kept.size()) <
+        (1.0 - kMostOutliers) * static_cast<double>(size.size())) {
+      return whole;
+    }
+    best = solve(regressors(kept, Eigen::all), torque_Nm(kept));
+    best.residual = torque_Nm - regressors * best.value;
+    best.weight = VectorXd::Zero(torque_Nm.size());
+    best.weight(kept).setOnes();
+  }
+  return best;
+}
+
+std::size_t rows_in(const VectorXd& weight) {
+  return static_cast<std::size_t>(std::lround(weight.sum()));
+}
+
+double rms(const VectorXd& values, const VectorXd& weight) {
+  return std::sqrt(values.cwiseAbs2().dot(weight) / std::max(1.0, weight.sum()));
 }
 
 Estimate estimate(const Solution& solution, Eigen::Index at) {
@@ -190,13 +246,13 @@ double Estimate::relative_error() const noexcept {
 
 JointFit fit_joint(const Trace& trace, RigidBody& body, double smoothing_s_per_rad, int joint) {
   const Rows rows = rows_of(trace, body, smoothing_s_per_rad, joint);
-  const Solution solution = solve(rows.regressors, rows.torque_Nm);
+  const Solution solution = solve_without_outliers(rows.regressors, rows.torque_Nm);
   return {.scale = estimate(solution, 0),
           .coulomb_Nm = estimate(solution, 1),
           .viscous_Nm_s_per_rad = estimate(solution, 2),
           .delay_s = estimate(solution, 3),
-          .residual_Nm = rms(solution.residual),
-          .samples = static_cast<std::size_t>(rows.torque_Nm.size())};
+          .residual_Nm = rms(solution.residual, solution.weight),
+          .samples = rows_in(solution.weight)};
 }
 
 std::array<JointFit, 3> fit_joints_of_one_scale(const std::array<Trace, 3>& traces, RigidBody& body,
@@ -220,7 +276,7 @@ std::array<JointFit, 3> fit_joints_of_one_scale(const std::array<Trace, 3>& trac
     torque_Nm.segment(begin, size) = rows[joint].torque_Nm;
     begin += size;
   }
-  const Solution solution = solve(regressors, torque_Nm);
+  const Solution solution = solve_without_outliers(regressors, torque_Nm);
   std::array<JointFit, 3> fits;
   begin = 0;
   for (std::size_t joint = 0; joint < 3; ++joint) {
@@ -230,8 +286,9 @@ std::array<JointFit, 3> fit_joints_of_one_scale(const std::array<Trace, 3>& trac
                    .coulomb_Nm = estimate(solution, first),
                    .viscous_Nm_s_per_rad = estimate(solution, first + 1),
                    .delay_s = estimate(solution, first + 2),
-                   .residual_Nm = rms(solution.residual.segment(begin, size)),
-                   .samples = static_cast<std::size_t>(size)};
+                   .residual_Nm = rms(solution.residual.segment(begin, size),
+                                      solution.weight.segment(begin, size)),
+                   .samples = rows_in(solution.weight.segment(begin, size))};
     begin += size;
   }
   return fits;

@@ -38,9 +38,11 @@ struct JointFit {
 /// Both sides are seen through the same window, w(t) = 15/16 (1 - (t/T)^2)^2 over +-T: u exactly,
 /// since it is constant between steps, angles and tip through the cubic that fits them best, whose
 /// second derivative has just this window. So nothing is differentiated twice that is noisy, and a
-/// filter's lag cancels. Samples next to a reversal, slower than kLeastTanh allows, are left out.
-/// Source: Khalil and Dombre (2002), ch. 12 (parallel filtering, standard errors); Press et al.,
-/// Numerical Recipes (2007), 14.9 (the polynomial filter).
+/// filter's lag cancels. Samples next to a reversal, slower than kLeastTanh allows, are left out,
+/// and so are those within whose window the host paused, and up to a fifth of all that lie more
+/// than four standard deviations (by the median) away. Source: Khalil and Dombre (2002), ch. 12
+/// (parallel filtering, standard errors); Press et al., Numerical Recipes (2007), 14.9 (the
+/// polynomial filter) and 15.7 (outliers).
 /// @param joint  whose strokes `trace` has.
 /// @throws CalibrationError when the joint hardly moved.
 /// Real-time: no. Threads: any, with a RigidBody of its own.

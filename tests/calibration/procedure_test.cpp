@@ -123,6 +123,29 @@ INSTANTIATE_TEST_SUITE_P(Devices, ArmProcedure,
                                            Case{"phantom_desktop", 0.1, true, 14}),
                          [](const auto& test) { return std::string(test.param.device); });
 
+TEST(Procedure, WhatAHostThatPausesLeavesOfTheStrokesIsEnough) {
+  const auto truth = profiles::load_device_profile("phantom_desktop");
+  Wrong wrong = wrong_about(truth, 5);
+  for (const double pause_s : {0.02, 0.06, 0.12}) {
+    SCOPED_TRACE("paused for " + std::to_string(pause_s));
+    SimulatedRig rig(truth, {.known_mass_kg = 0.03,
+                             .counter_error = wrong.counter_error,
+                             .pause_every_s = 1.3,
+                             .pause_s = pause_s});
+    const ProcedureResult result =
+        run_procedure(rig, wrong.profile, {.known_mass_kg = 0.03, .range = false});
+    ASSERT_TRUE(result.passed()) << all_checks(result);
+    const auto torque_constants = changed(result, "motors.torque_constant_Nm_per_A");
+    const auto coulomb = changed(result, "dynamics.coulomb_friction_Nm");
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_NEAR(torque_constants.at(i) / truth.motors.torque_constant_Nm_per_A[i], 1.0,
+                  kLargestTorqueConstantError);
+      EXPECT_NEAR(coulomb.at(i) / truth.dynamics.coulomb_friction_Nm[i], 1.0,
+                  kLargestFrictionError);
+    }
+  }
+}
+
 TEST(Procedure, FindsTheGainAndFrictionOfADelta) {
   const auto truth = profiles::load_device_profile("falcon");
   for (const double wrongness : {0.8, 1.2}) {

@@ -21,10 +21,13 @@ class SimulatedRig final : public Rig {
     std::array<std::int32_t, 3> counter_error{};           ///< counts too many
     double hand_lets_go_at_s = -1.0;                       ///< a hand holds it until then
     double stop_at_s = 1e9;                                ///< as Ctrl-C
+    double pause_every_s = 1e9;                            ///< as of a host that is shared
+    double pause_s = 0.0;
   };
 
   SimulatedRig(const profiles::DeviceProfile& truth, const Options& options)
       : truth_(truth), options_(options) {
+    next_pause_s_ = options.pause_every_s;
     const bool held = options.hand_lets_go_at_s >= 0.0;
     const auto hand = held ? std::optional(truth.firm_hand) : std::nullopt;
     if (truth.kind == profiles::DeviceKind::kDelta) {
@@ -53,12 +56,16 @@ class SimulatedRig final : public Rig {
     hand_target_D_ += kPeriod_s * hand_velocity_D_m_per_s;
     const Eigen::Vector3d torque_Nm = motor_torque_Nm(command).cwiseProduct(options_.motor_sign);
     largest_torque_Nm = largest_torque_Nm.cwiseMax(torque_Nm.cwiseAbs());
-    if (arm_) {
-      arm_->advance(kPeriod_s, torque_Nm, hand_target_D_);
-    } else {
-      delta_->advance(kPeriod_s, torque_Nm, hand_target_D_);
+    double end_s = time_s_ + kPeriod_s;
+    if (end_s > next_pause_s_) {
+      end_s += options_.pause_s;
+      next_pause_s_ = end_s + options_.pause_every_s;
     }
-    time_s_ += kPeriod_s;
+    while (time_s_ < end_s - 0.5 * kPeriod_s) {
+      arm_ ? arm_->advance(kPeriod_s, torque_Nm, hand_target_D_)
+           : delta_->advance(kPeriod_s, torque_Nm, hand_target_D_);
+      time_s_ += kPeriod_s;
+    }
     driver::DeviceReport report;
     report.sequence = ++sequence_;
     const Eigen::Vector3d counts = counts_now();
@@ -128,6 +135,7 @@ class SimulatedRig final : public Rig {
   Eigen::Vector3d hand_target_D_;
   driver::MotorCommand last_command_;
   double time_s_ = 0.0;
+  double next_pause_s_ = 0.0;
   std::uint64_t sequence_ = 0;
   bool let_go_ = false;
 };
