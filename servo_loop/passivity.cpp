@@ -137,14 +137,14 @@ Eigen::Vector3d PassivityGuard::damp(double dt_s) noexcept {
   Eigen::Array3d damping_N_s_per_m = Eigen::Array3d::Zero();
   if (options_.each_axis) {
     for (Eigen::Index i = 0; i < 3; ++i) {
-      const double excess_J = account_W_J_[i] - options_.allowance_J;
+      const double excess_J = account_W_J_[i] + owed_J_ - options_.allowance_J;
       if (excess_J > 0.0 && moving[i] != 0.0) {
         damping_N_s_per_m[i] =
             damping(excess_J, options_.max_damping_N_s_per_m, dt_s, moving[i] * velocity_W_[i]);
       }
     }
   } else {
-    const double excess_J = account_J() - options_.allowance_J;
+    const double excess_J = account_J() + owed_J_ - options_.allowance_J;
     if (excess_J > 0.0 && !moving.isZero(0.0)) {
       damping_N_s_per_m.setConstant(
           damping(excess_J, options_.max_damping_N_s_per_m, dt_s, moving.dot(velocity_W_)));
@@ -158,6 +158,18 @@ Eigen::Vector3d PassivityGuard::damp(double dt_s) noexcept {
 
 void PassivityGuard::shorten(double dt_s, const Eigen::Vector3d& step_W,
                              const Eigen::Vector3d& wanted_W) noexcept {
+  find_stiffness(dt_s, step_W, wanted_W);
+  const double left_J = std::max(0.0, options_.bound_J - account_J());
+  const double before_J = energy_before_the_tool_J(wanted_W);
+  const double most = before_J > left_J ? left_J / before_J : 1.0;
+  const double risen = std::max(scale_, std::min(most, scale_ + dt_s / kRecovery_s));
+  scale_ = std::min({allowed_scale(dt_s, step_W, wanted_W, left_J), 1.0, risen});
+  owed_J_ = scale_ < 1.0 ? before_J : 0.0;
+}
+
+double PassivityGuard::allowed_scale(double dt_s, const Eigen::Vector3d& step_W,
+                                     const Eigen::Vector3d& wanted_W,
+                                     double left_J) const noexcept {
   // What s times the wanted force gives within the horizon is s linear + s^2 square. The filtered
   // velocity is late, the raw one is coarse: what gives more counts.
   const double horizon_s = kBoundCycles * dt_s + options_.transport_delay_s;
@@ -165,14 +177,30 @@ void PassivityGuard::shorten(double dt_s, const Eigen::Vector3d& step_W,
       horizon_s * std::max(wanted_W.dot(velocity_W_), wanted_W.dot(step_W) / dt_s);
   const double square_J =
       0.5 * wanted_W.squaredNorm() * horizon_s * horizon_s / options_.moving_mass_kg;
-  const double left_J = std::max(0.0, options_.bound_J - account_J());
-  double allowed = 1.0;
-  if (linear_J + square_J > left_J) {
-    const double root_J = std::sqrt(linear_J * linear_J + 4.0 * square_J * left_J);
-    allowed = linear_J > 0.0 ? 2.0 * left_J / (linear_J + root_J)
-                             : (root_J - linear_J) / (2.0 * square_J);
+  if (linear_J + square_J <= left_J) {
+    return 1.0;
   }
-  scale_ = std::min({allowed, 1.0, scale_ + dt_s / kRecovery_s});
+  const double root_J = std::sqrt(linear_J * linear_J + 4.0 * square_J * left_J);
+  return linear_J > 0.0 ? 2.0 * left_J / (linear_J + root_J)
+                        : (root_J - linear_J) / (2.0 * square_J);
+}
+
+void PassivityGuard::find_stiffness(double dt_s, const Eigen::Vector3d& step_W,
+                                    const Eigen::Vector3d& wanted_W) noexcept {
+  if (step_W.isZero(0.0)) {
+    return;  // a tool at rest says nothing of it, and nothing is forgotten meanwhile
+  }
+  const double kept = std::exp(-dt_s / kSlow_s);
+  resisted_J_ = kept * resisted_J_ - step_W.dot(wanted_W - last_wanted_W_);
+  moved_m2_ = kept * moved_m2_ + step_W.squaredNorm();
+}
+
+double PassivityGuard::energy_before_the_tool_J(const Eigen::Vector3d& wanted_W) const noexcept {
+  const double size_N = wanted_W.norm();
+  const double constant_J = size_N * kReach_m;
+  return 2.0 * resisted_J_ * constant_J > size_N * size_N * moved_m2_
+             ? size_N * size_N * moved_m2_ / (2.0 * resisted_J_)
+             : constant_J;
 }
 
 void PassivityGuard::restart() noexcept {
@@ -181,6 +209,8 @@ void PassivityGuard::restart() noexcept {
   last_wanted_W_.setZero();
   velocity_W_.setZero();
   slow_velocity_W_.setZero();
+  resisted_J_ = 0.0;
+  moved_m2_ = 0.0;
 }
 
 }  // namespace forcegrid::servo

@@ -77,7 +77,15 @@ struct PassivityOptions {
 ///
 ///   s W . v h + (s |W| h)^2 / 2m <= E_bound - A
 ///
-/// s falls at once and rises within kRecovery_s: an object that keeps giving energy fades.
+/// s falls at once. It rises within kRecovery_s, but only so far that the energy which the tool
+/// then has before it is in the account: a force that grows under a tool at rest pushes it out with
+/// energy that nobody put in, as an object does that comes into being around it. With the stiffness
+/// k that the wanted force shows along the motion, over the last kSlow_s of it,
+///
+///   s U <= E_bound - A,   U = min(|W|^2 / 2k, |W| kReach_m),   k = -sum dW . dP / sum |dP|^2
+///
+/// (U = |W| kReach_m for k <= 0). While s < 1, A + U stands for A in the damping above: motion pays
+/// the debt off, and then the whole force is back. An object that keeps giving energy fades.
 ///
 /// Pure: it has no clock and keeps no time but dt. Real-time: no allocation, lock or throw.
 /// Threads: one.
@@ -86,6 +94,8 @@ class PassivityGuard {
   static constexpr double kBoundCycles = 2.0;
   static constexpr double kSlow_s = 0.05;
   static constexpr double kRecovery_s = 0.05;
+  /// How far a force that hardly depends on the position is taken to push a tool.
+  static constexpr double kReach_m = 0.02;
 
   /// @throws std::invalid_argument naming the option that can't be used.
   explicit PassivityGuard(const PassivityOptions& options = {});
@@ -145,6 +155,11 @@ class PassivityGuard {
   Eigen::Vector3d damp(double dt_s) noexcept;
   void shorten(double dt_s, const Eigen::Vector3d& step_W,
                const Eigen::Vector3d& wanted_W) noexcept;
+  double allowed_scale(double dt_s, const Eigen::Vector3d& step_W, const Eigen::Vector3d& wanted_W,
+                       double left_J) const noexcept;
+  void find_stiffness(double dt_s, const Eigen::Vector3d& step_W,
+                      const Eigen::Vector3d& wanted_W) noexcept;
+  double energy_before_the_tool_J(const Eigen::Vector3d& wanted_W) const noexcept;
 
   PassivityOptions options_;
   Eigen::Vector3d resolution_W_m_ = Eigen::Vector3d::Zero();
@@ -161,6 +176,10 @@ class PassivityGuard {
   double damped_J_ = 0.0;
   double damping_N_s_per_m_ = 0.0;
   double scale_ = 1.0;
+  // -dW . dP and |dP|^2, summed over the last motion: their ratio is the stiffness.
+  double resisted_J_ = 0.0;
+  double moved_m2_ = 0.0;
+  double owed_J_ = 0.0;  // U while the force is shortened
 };
 
 }  // namespace forcegrid::servo

@@ -199,6 +199,102 @@ TEST(PassivityGuard, NeverDampsMoreThanItsLargestDamping) {
   EXPECT_EQ(guard.damping_N_s_per_m(), options.max_damping_N_s_per_m);
 }
 
+// A tool 5 mm within a spring of which nothing was felt until now, as when the first answer of an
+// object comes late: the spring owes 12.5 mJ.
+class SpringFromNowhere : public ::testing::Test {
+ protected:
+  static constexpr double kStiffness_N_per_m = 1000.0;
+  static constexpr double kDepth_m = 0.005;
+  static constexpr double kSpeed_m_per_s = 0.02;
+
+  SpringFromNowhere() {
+    x_m_ = kDepth_m;
+    static_cast<void>(guard_.apply(0.0, Vector3d(x_m_, 0.0, 0.0), Vector3d::Zero()));
+    rest(0.1);
+  }
+  void rest(double time_s) {
+    for (double passed_s = 0.0; passed_s < time_s; passed_s += kCycle_s) {
+      cycle();
+    }
+  }
+  void move_to(double x_m) {
+    const double way_m = x_m - x_m_;
+    const int cycles = static_cast<int>(std::lround(std::abs(way_m) / (kSpeed_m_per_s * kCycle_s)));
+    for (int i = 0; i < cycles; ++i) {
+      x_m_ += way_m / cycles;
+      cycle();
+    }
+  }
+  double owed_J() const { return 0.5 * kStiffness_N_per_m * x_m_ * x_m_; }
+
+  PassivityGuard guard_;
+  double x_m_ = 0.0;
+  double force_N_ = 0.0;
+
+ private:
+  void cycle() {
+    force_N_ = guard_
+                   .apply(kCycle_s, Vector3d(x_m_, 0.0, 0.0),
+                          Vector3d(-kStiffness_N_per_m * x_m_, 0.0, 0.0))
+                   .x();
+  }
+};
+
+TEST_F(SpringFromNowhere, IsNotMadeStifferUnderAToolAtRestThanItsEnergyIsInTheAccount) {
+  move_to(0.003);
+  const double scale = guard_.scale();
+  EXPECT_GT(scale, 0.0);
+  EXPECT_LT(scale, 0.5);
+  EXPECT_GT(owed_J() + guard_.account_J(), PassivityOptions().bound_J);
+  rest(5.0);
+  EXPECT_EQ(guard_.scale(), scale);
+  EXPECT_LE(guard_.largest_energy_to_hand_J(), PassivityOptions().bound_J);
+}
+
+TEST_F(SpringFromNowhere, IsFeltWholeOnceTheToolHasBeenAtItsRest) {
+  move_to(0.0);
+  rest(0.1);
+  move_to(kDepth_m);
+  rest(0.2);
+  EXPECT_EQ(guard_.scale(), 1.0);
+  EXPECT_NEAR(force_N_, -kStiffness_N_per_m * kDepth_m, 1e-9);
+}
+
+TEST_F(SpringFromNowhere, IsPaidOffByDampingWhileItIsShortened) {
+  move_to(0.003);
+  move_to(kDepth_m);
+  EXPECT_LT(guard_.scale(), 1.0);
+  EXPECT_LT(guard_.account_J(), 0.0);
+  EXPECT_EQ(guard_.damping_N_s_per_m(), PassivityOptions().max_damping_N_s_per_m);
+  const double before = guard_.scale();
+  for (int i = 0; i < 20; ++i) {
+    move_to(0.003);
+    move_to(kDepth_m);
+  }
+  EXPECT_GT(guard_.scale(), before + 0.1);
+}
+
+TEST(PassivityGuard, GivesBackAForceThatDependsOnNoPositionAsFarAsItWasPressedAgainst) {
+  // Constant 2 N, at once: shortened. Pressed against over 20 mm it has got 40 mJ at most.
+  PassivityGuard guard;
+  const Vector3d force_W(-2.0, 0.0, 0.0);
+  double x_m = 0.0;
+  static_cast<void>(guard.apply(0.0, Vector3d::Zero(), Vector3d::Zero()));
+  const auto move_mm = [&](double way_mm) {
+    for (int i = 0; i < 500; ++i) {
+      x_m += 1e-3 * way_mm / 500.0;
+      static_cast<void>(guard.apply(kCycle_s, Vector3d(x_m, 0.0, 0.0), force_W));
+    }
+  };
+  move_mm(-5.0);
+  EXPECT_LT(guard.scale(), 0.5);
+  EXPECT_LE(guard.largest_energy_to_hand_J(), 0.6e-3);
+  for (int i = 0; i < 4; ++i) {
+    move_mm(50.0);
+  }
+  EXPECT_EQ(guard.scale(), 1.0);
+}
+
 TEST(PassivityGuard, KeepsItsAccountByTheForceThatIsReallyRendered) {
   PassivityGuard guard(observing());
   static_cast<void>(guard.apply(0.0, Vector3d::Zero(), Vector3d(10.0, 0.0, 0.0)));

@@ -180,5 +180,27 @@ TEST(ClosedLoop, RefusesATimingThatDoesNotFitIntoACycle) {
   EXPECT_THROW(run(setup, 100.0, "exact"), std::invalid_argument);
 }
 
+TEST(ClosedLoop, TheGuardLeavesADefaultMethodAtRestThatLearnedItsSpringLate) {
+  // The first answer of a simulator at 10 Hz comes when the tool is millimetres within the spring;
+  // the exact force alone is stable in all three.
+  for (const auto& [hand, timing] : std::vector<std::pair<const char*, const char*>>{
+           {"light", "ideal"}, {"light", "w2_full_speed"}, {"firm", "ideal"}}) {
+    LoopSetup setup;
+    setup.servo_rate_Hz = 1000.0;
+    setup.timing = device_timing(timing);
+    setup.hand = hand_of(hand);
+    setup.network.simulator_rate_Hz = 10.0;
+    constexpr double kStiffness_N_per_m = 1600.0;
+    ASSERT_EQ(run(setup, kStiffness_N_per_m, "exact").behaviour, Behaviour::kStable) << hand;
+    setup.passivity.mode = servo::PassivityMode::kControl;
+    const LoopResult result = run(setup, kStiffness_N_per_m, kDefaultMethod);
+    EXPECT_EQ(result.behaviour, Behaviour::kStable)
+        << hand << ' ' << timing << ": " << to_string(result.behaviour) << ", "
+        << 1e3 * result.hold_peak_to_peak_m << " mm";
+    EXPECT_LE(result.most_energy_to_hand_J, 1e-3) << hand << ' ' << timing;
+    EXPECT_LE(result.rattle_N, 0.02) << hand << ' ' << timing;
+  }
+}
+
 }  // namespace
 }  // namespace forcegrid::stability
