@@ -68,8 +68,8 @@ std::size_t CarriedState<Real>::memory_bytes() const noexcept {
                               rows_.row_begin, rows_.owner, rows_.other, constants_, vertex_force_,
                               constrained_, state_, residual_, direction_, product_, saved_state_,
                               inverse_, tangent_, position_, saved_position_, force_, t_N_per_m_,
-                              single_position_, coarse_.place, coarse_.inverse_m_per_N,
-                              coarse_residual_, coarse_correction_);
+                              single_position_, coarse_.place, coarse_.cell, coarse_.member,
+                              coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
 }
 
 template <typename Real>

@@ -161,7 +161,8 @@ Descent CarriedState<Real>::descend(int max_iterations, double residual_aim_N,
       result.unstable = true;
       return result;
     }
-    if (residual_N <= residual_aim_N && sensitivity_N_per_m <= sensitivity_aim_N_per_m) {
+    if ((residual_N <= residual_aim_N && sensitivity_N_per_m <= sensitivity_aim_N_per_m) ||
+        result.iterations == max_iterations) {
       return result;
     }
     Float4 beta{};

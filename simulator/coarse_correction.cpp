@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 namespace forcegrid::simulator {
 namespace {
@@ -35,6 +36,25 @@ Hats hats(const kernels::CoarseGrid& coarse, const CoarsePlace& place) {
                         (z ? place.w : 1.0F - place.w);
   }
   return result;
+}
+
+void sort_by_cell(kernels::CoarseGrid& coarse) {
+  std::vector<std::int32_t> order(coarse.place.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto corner = [&coarse](std::int32_t i) {
+    return coarse.place[static_cast<std::size_t>(i)].corner;
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&corner](std::int32_t a, std::int32_t b) { return corner(a) < corner(b); });
+  for (const std::int32_t i : order) {
+    const auto members = static_cast<std::int32_t>(coarse.member.size());
+    if (coarse.cell.empty() || coarse.cell.back().corner != corner(i)) {
+      coarse.cell.push_back({corner(i), members, members});
+    }
+    const CoarsePlace& place = coarse.place[static_cast<std::size_t>(i)];
+    coarse.member.push_back({i, place.u, place.v, place.w});
+    coarse.cell.back().end = members + 1;
+  }
 }
 
 }  // namespace
@@ -68,6 +88,7 @@ kernels::CoarseGrid make_coarse_grid(const std::vector<Eigen::Vector3d>& rest) {
     coarse.place.push_back({cell[0] + coarse.stride_y * cell[1] + coarse.stride_z * cell[2],
                             within[0], within[1], within[2]});
   }
+  sort_by_cell(coarse);
   const auto unknowns = static_cast<std::size_t>(3 * coarse.node_count);
   coarse.inverse_m_per_N.resize(unknowns * unknowns);
   return coarse;

@@ -211,8 +211,8 @@ class NewtonObject::Implementation {
 
   // Forces at the present positions; the residual is what of them is on free vertices.
   void evaluate(Answer& answer) {
-    kernels::find_tangents_at(table_.rows, table_.constants.data(), table_.exponential,
-                              position_.data(), tangent_.data());
+    kernels::find_tangents(table_.rows, table_.constants.data(), table_.exponential,
+                           position_.data(), tangent_.data());
     sum_forces(table_.rows, tangent_.data(), position_.data(), force_.data());
     for (std::size_t i = 0; i < vertex_force_.size(); ++i) {
       for (int c = 0; c < 3; ++c) {

@@ -12,8 +12,6 @@ namespace {
 // Below it a diagonal block is taken as singular; its entries carry single precision's 1e-7.
 constexpr double kSmallestRelativeDeterminant = 1e-7;
 
-FORCEGRID_INLINE Float4 broadcast(float value) { return Float4{value, value, value, value}; }
-
 FORCEGRID_INLINE Float4 rotate_left(Float4 v) { return __builtin_shufflevector(v, v, 1, 2, 0, 3); }
 
 FORCEGRID_MULTIVERSION void find_precise_forces(const SpringRows& rows, const double* t_N_per_m,
@@ -38,46 +36,54 @@ FORCEGRID_MULTIVERSION void find_precise_forces(const SpringRows& rows, const do
   }
 }
 
+FORCEGRID_MULTIVERSION void take_positions(std::int32_t vertex_count, const Lanes* state,
+                                           Single* position) noexcept {
+  for (std::int32_t i = 0; i < vertex_count; ++i) {
+    position[i].xyz =
+        Float4{state[i].component[0][0], state[i].component[1][0], state[i].component[2][0], 0.0F};
+  }
+}
+
+// What the springs of one row do to the vertices at their ends, in `kSign` times K's sense: sum[]
+// += what they do to the row's own vertex, from `here`, its three components, and there[] -= the
+// same at their other ends. `scale`: of the part along each spring, a lane: w (w . d), beside t d.
+template <int kSign>
+FORCEGRID_INLINE void add_row(std::int32_t begin, std::int32_t end, const std::int32_t* other,
+                              const SpringTangent* tangent, const Lanes* from, const Float4& scale,
+                              const Float4 (&here)[3], Float4 (&sum)[3], Lanes* there) {
+  for (std::int32_t s = begin; s < end; ++s) {
+    const Lanes& ends = from[other[s]];
+    Lanes& at = there[other[s]];
+    const Float4 w[3] = {broadcast(tangent[s].w_x), broadcast(tangent[s].w_y),
+                         broadcast(tangent[s].w_z)};
+    const Float4 t = broadcast(tangent[s].t_N_per_m);
+    Float4 d[3];
+    for (int c = 0; c < 3; ++c) {
+      d[c] = kSign > 0 ? here[c] - ends.component[c] : ends.component[c] - here[c];
+    }
+    const Float4 along = (w[0] * d[0] + w[1] * d[1] + w[2] * d[2]) * scale;
+    for (int c = 0; c < 3; ++c) {
+      const Float4 f = t * d[c] + w[c] * along;
+      sum[c] += f;
+      at.component[c] -= f;
+    }
+  }
+}
+
 // -(H d) summed at each vertex; in lane 0 only t d, which is the spring's force.
 FORCEGRID_MULTIVERSION void find_residuals(const SpringRows& rows, const SpringTangent* tangent,
                                            const Lanes* state, Lanes* residual) noexcept {
-  const std::int32_t vertices = rows.active;
   const std::int32_t* const row_begin = rows.row_begin.data();
-  const std::int32_t* const other = rows.other.data();
   const Float4 sensitivity_lanes{0.0F, 1.0F, 1.0F, 1.0F};
-  for (std::int32_t i = 0; i < rows.reach; ++i) {
-    residual[i] = Lanes{};
-  }
-  for (std::int32_t i = 0; i < vertices; ++i) {
-    const Float4 x0 = state[i].component[0];
-    const Float4 x1 = state[i].component[1];
-    const Float4 x2 = state[i].component[2];
-    Float4 r0 = residual[i].component[0];
-    Float4 r1 = residual[i].component[1];
-    Float4 r2 = residual[i].component[2];
-    for (std::int32_t s = row_begin[i]; s < row_begin[i + 1]; ++s) {
-      const std::int32_t j = other[s];
-      const Float4 d0 = state[j].component[0] - x0;
-      const Float4 d1 = state[j].component[1] - x1;
-      const Float4 d2 = state[j].component[2] - x2;
-      const Float4 w0 = broadcast(tangent[s].w_x);
-      const Float4 w1 = broadcast(tangent[s].w_y);
-      const Float4 w2 = broadcast(tangent[s].w_z);
-      const Float4 t = broadcast(tangent[s].t_N_per_m);
-      const Float4 along = (w0 * d0 + w1 * d1 + w2 * d2) * sensitivity_lanes;
-      const Float4 f0 = t * d0 + w0 * along;
-      const Float4 f1 = t * d1 + w1 * along;
-      const Float4 f2 = t * d2 + w2 * along;
-      r0 += f0;
-      r1 += f1;
-      r2 += f2;
-      residual[j].component[0] -= f0;
-      residual[j].component[1] -= f1;
-      residual[j].component[2] -= f2;
+  std::fill_n(residual, rows.reach, Lanes{});
+  for (std::int32_t i = 0; i < rows.active; ++i) {
+    const Float4 x[3] = {state[i].component[0], state[i].component[1], state[i].component[2]};
+    Float4 r[3] = {residual[i].component[0], residual[i].component[1], residual[i].component[2]};
+    add_row<-1>(row_begin[i], row_begin[i + 1], rows.other.data(), tangent, state,
+                sensitivity_lanes, x, r, residual);
+    for (int c = 0; c < 3; ++c) {
+      residual[i].component[c] = r[c];
     }
-    residual[i].component[0] = r0;
-    residual[i].component[1] = r1;
-    residual[i].component[2] = r2;
   }
 }
 
@@ -108,78 +114,31 @@ FORCEGRID_MULTIVERSION void find_blocks(const SpringRows& rows, const SpringTang
 FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const SpringTangent* tangent,
                                                const Lanes* direction, Lanes* product,
                                                Float4* dot) noexcept {
-  const std::int32_t vertices = rows.active;
   const std::int32_t* const row_begin = rows.row_begin.data();
-  const std::int32_t* const other = rows.other.data();
+  const Float4 all_lanes = broadcast(1.0F);
   Float4 sum{};
-  for (std::int32_t i = 0; i < vertices; ++i) {
-    const Float4 p0 = direction[i].component[0];
-    const Float4 p1 = direction[i].component[1];
-    const Float4 p2 = direction[i].component[2];
-    Float4 q0 = product[i].component[0];
-    Float4 q1 = product[i].component[1];
-    Float4 q2 = product[i].component[2];
-    for (std::int32_t s = row_begin[i]; s < row_begin[i + 1]; ++s) {
-      const std::int32_t j = other[s];
-      const Float4 d0 = p0 - direction[j].component[0];
-      const Float4 d1 = p1 - direction[j].component[1];
-      const Float4 d2 = p2 - direction[j].component[2];
-      const Float4 w0 = broadcast(tangent[s].w_x);
-      const Float4 w1 = broadcast(tangent[s].w_y);
-      const Float4 w2 = broadcast(tangent[s].w_z);
-      const Float4 t = broadcast(tangent[s].t_N_per_m);
-      const Float4 along = w0 * d0 + w1 * d1 + w2 * d2;
-      const Float4 f0 = t * d0 + w0 * along;
-      const Float4 f1 = t * d1 + w1 * along;
-      const Float4 f2 = t * d2 + w2 * along;
-      q0 += f0;
-      q1 += f1;
-      q2 += f2;
-      product[j].component[0] -= f0;
-      product[j].component[1] -= f1;
-      product[j].component[2] -= f2;
-    }
-    product[i].component[0] = q0;
-    product[i].component[1] = q1;
-    product[i].component[2] = q2;
+  for (std::int32_t i = 0; i < rows.active; ++i) {
+    const Float4 p[3] = {direction[i].component[0], direction[i].component[1],
+                         direction[i].component[2]};
+    Float4 q[3] = {product[i].component[0], product[i].component[1], product[i].component[2]};
+    add_row<1>(row_begin[i], row_begin[i + 1], rows.other.data(), tangent, direction, all_lanes, p,
+               q, product);
     // Every spring of the lower vertices has been added by now, so row i of the product is final.
-    sum += p0 * q0 + p1 * q1 + p2 * q2;
+    for (int c = 0; c < 3; ++c) {
+      product[i].component[c] = q[c];
+      sum += p[c] * q[c];
+    }
   }
   *dot = sum;
 }
 
-struct CoarseCell {
-  std::int32_t node[8];
-  float weight[8];
-};
-
-FORCEGRID_INLINE CoarseCell coarse_cell(const CoarseGrid& coarse, const CoarsePlace& place) {
-  const std::int32_t c = place.corner;
-  const std::int32_t y = coarse.stride_y;
-  const std::int32_t z = coarse.stride_z;
-  const float u1 = place.u;
-  const float u0 = 1.0F - u1;
-  const float v1 = place.v;
-  const float v0 = 1.0F - v1;
-  const float w1 = place.w;
-  const float w0 = 1.0F - w1;
-  return {{c, c + 1, c + y, c + y + 1, c + z, c + z + 1, c + z + y, c + z + y + 1},
-          {u0 * v0 * w0, u1 * v0 * w0, u0 * v1 * w0, u1 * v1 * w0, u0 * v0 * w1, u1 * v0 * w1,
-           u0 * v1 * w1, u1 * v1 * w1}};
-}
-
-template <bool kCoarse>
-FORCEGRID_INLINE void take_step_inline(std::int32_t vertex_count, Float4 alpha,
-                                       const BlockInverse* inverse, const CoarseGrid& coarse,
-                                       const Lanes* direction, Lanes* state, Lanes* residual,
-                                       Lanes* product, Lanes* coarse_residual, StepSums* sums) {
+FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4* alpha_lanes,
+                                         const BlockInverse* inverse, const Lanes* direction,
+                                         Lanes* state, Lanes* residual, Lanes* product,
+                                         StepSums* sums) noexcept {
+  const Float4 alpha = *alpha_lanes;
   Float4 preconditioned{};
   Float4 squared{};
-  if constexpr (kCoarse) {
-    for (std::int32_t k = 0; k < coarse.node_count; ++k) {
-      coarse_residual[k] = Lanes{};
-    }
-  }
   for (std::int32_t i = 0; i < vertex_count; ++i) {
     const BlockInverse& m = inverse[i];
     const Float4 free_alpha = alpha * broadcast(m.diagonal[3]);
@@ -203,89 +162,16 @@ FORCEGRID_INLINE void take_step_inline(std::int32_t vertex_count, Float4 alpha,
     product[i].component[2] = z2;
     preconditioned += r[0] * z0 + r[1] * z1 + r[2] * z2;
     squared += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
-    if constexpr (kCoarse) {
-      const CoarseCell cell = coarse_cell(coarse, coarse.place[i]);
-      for (int k = 0; k < 8; ++k) {
-        const Float4 weight = broadcast(cell.weight[k]);
-        Lanes& node = coarse_residual[cell.node[k]];
-        node.component[0] += weight * r[0];
-        node.component[1] += weight * r[1];
-        node.component[2] += weight * r[2];
-      }
-    }
   }
   sums->preconditioned = preconditioned;
   sums->squared = squared;
 }
 
-FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4* alpha,
-                                         const BlockInverse* inverse, const CoarseGrid& coarse,
-                                         const Lanes* direction, Lanes* state, Lanes* residual,
-                                         Lanes* product, Lanes* coarse_residual,
-                                         StepSums* sums) noexcept {
-  if (coarse.place.empty()) {
-    take_step_inline<false>(vertex_count, *alpha, inverse, coarse, direction, state, residual,
-                            product, coarse_residual, sums);
-  } else {
-    take_step_inline<true>(vertex_count, *alpha, inverse, coarse, direction, state, residual,
-                           product, coarse_residual, sums);
-  }
-}
-
-FORCEGRID_MULTIVERSION void solve_coarse_on(const CoarseGrid& coarse, const Lanes* coarse_residual,
-                                            Lanes* coarse_correction, Float4* dot) noexcept {
-  const std::int32_t nodes = coarse.node_count;
-  const std::int32_t unknowns = 3 * nodes;
-  Float4 sum{};
-  for (std::int32_t k = 0; k < nodes; ++k) {
-    const float* const row =
-        &coarse
-             .inverse_m_per_N[static_cast<std::size_t>(3 * k) * static_cast<std::size_t>(unknowns)];
-    Float4 e[3] = {};
-    for (std::int32_t m = 0; m < nodes; ++m) {
-      for (int c = 0; c < 3; ++c) {
-        const Float4 r = coarse_residual[m].component[c];
-        for (int d = 0; d < 3; ++d) {
-          e[d] += broadcast(row[d * unknowns + 3 * m + c]) * r;
-        }
-      }
-    }
-    for (int d = 0; d < 3; ++d) {
-      coarse_correction[k].component[d] = e[d];
-      sum += e[d] * coarse_residual[k].component[d];
-    }
-  }
-  *dot = sum;
-}
-
-FORCEGRID_MULTIVERSION void next_direction_on(std::int32_t vertex_count, const Float4* beta_lanes,
-                                              const BlockInverse* inverse, const CoarseGrid& coarse,
-                                              const Lanes* coarse_correction, Lanes* direction,
-                                              Lanes* product) noexcept {
-  const Float4 beta = *beta_lanes;
-  if (coarse.place.empty()) {
-    for (std::int32_t i = 0; i < vertex_count; ++i) {
-      for (int c = 0; c < 3; ++c) {
-        direction[i].component[c] = product[i].component[c] + beta * direction[i].component[c];
-        product[i].component[c] = Float4{};
-      }
-    }
-    return;
-  }
+FORCEGRID_MULTIVERSION void next_direction_on(std::int32_t vertex_count, const Float4* beta,
+                                              Lanes* direction, Lanes* product) noexcept {
   for (std::int32_t i = 0; i < vertex_count; ++i) {
-    const CoarseCell cell = coarse_cell(coarse, coarse.place[i]);
-    Float4 e[3] = {};
-    for (int k = 0; k < 8; ++k) {
-      const Float4 weight = broadcast(cell.weight[k]);
-      const Lanes& node = coarse_correction[cell.node[k]];
-      e[0] += weight * node.component[0];
-      e[1] += weight * node.component[1];
-      e[2] += weight * node.component[2];
-    }
-    const Float4 free = broadcast(inverse[i].diagonal[3]);
     for (int c = 0; c < 3; ++c) {
-      direction[i].component[c] =
-          product[i].component[c] + free * e[c] + beta * direction[i].component[c];
+      direction[i].component[c] = product[i].component[c] + *beta * direction[i].component[c];
       product[i].component[c] = Float4{};
     }
   }
@@ -360,7 +246,8 @@ FORCEGRID_MULTIVERSION void predict_on(std::int32_t vertex_count, const float* s
 void evaluate(const SpringRows& rows, const SpringConstants<float>* constants, bool exponential,
               const Lanes* state, Single* position, Lanes* residual,
               SpringTangent* tangent) noexcept {
-  find_tangents(rows, constants, exponential, state, position, tangent);
+  take_positions(rows.reach, state, position);
+  find_tangents(rows, constants, exponential, position, tangent);
   find_residuals(rows, tangent, state, residual);
 }
 
@@ -394,24 +281,19 @@ StepSums take_step(std::int32_t vertex_count, Float4 alpha, const BlockInverse* 
                    const CoarseGrid& coarse, const Lanes* direction, Lanes* state, Lanes* residual,
                    Lanes* product, Lanes* coarse_residual) noexcept {
   StepSums sums;
-  take_step_on(vertex_count, &alpha, inverse, coarse, direction, state, residual, product,
-               coarse_residual, &sums);
+  take_step_on(vertex_count, &alpha, inverse, direction, state, residual, product, &sums);
+  restrict_residual(coarse, residual, coarse_residual);
   return sums;
-}
-
-Float4 solve_coarse(const CoarseGrid& coarse, const Lanes* coarse_residual,
-                    Lanes* coarse_correction) noexcept {
-  Float4 dot{};
-  if (!coarse.place.empty()) {
-    solve_coarse_on(coarse, coarse_residual, coarse_correction, &dot);
-  }
-  return dot;
 }
 
 void next_direction(std::int32_t vertex_count, Float4 beta, const BlockInverse* inverse,
                     const CoarseGrid& coarse, const Lanes* coarse_correction, Lanes* direction,
                     Lanes* product) noexcept {
-  next_direction_on(vertex_count, &beta, inverse, coarse, coarse_correction, direction, product);
+  if (coarse.place.empty()) {
+    next_direction_on(vertex_count, &beta, direction, product);
+  } else {
+    next_direction_with(coarse, beta, inverse, coarse_correction, direction, product);
+  }
 }
 
 StateSums summarise(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* state,

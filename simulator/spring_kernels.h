@@ -114,9 +114,17 @@ Float4 add_home_stiffness(std::span<const VertexForce> forces, const Lanes* dire
                           Lanes* product) noexcept;
 
 /// Where a vertex lies in the coarse grid: its cell's lowest corner and its trilinear coordinates
-/// there, all times 0 for a vertex that can't move freely.
+/// there.
 struct CoarsePlace {
   std::int32_t corner;
+  float u, v, w;
+};
+/// A cell and its vertices, CoarseGrid::member[begin] to member[end - 1].
+struct CoarseCell {
+  std::int32_t corner, begin, end;
+};
+struct CoarseMember {
+  std::int32_t vertex;
   float u, v, w;
 };
 
@@ -126,7 +134,9 @@ struct CoarseGrid {
   std::int32_t node_count = 0;
   std::int32_t stride_y = 0;  ///< node number = x + stride_y y + stride_z z
   std::int32_t stride_z = 0;
-  std::vector<CoarsePlace> place;      ///< one a vertex
+  std::vector<CoarsePlace> place;  ///< one a vertex
+  std::vector<CoarseCell> cell;    ///< the same cell by cell
+  std::vector<CoarseMember> member;
   std::vector<float> inverse_m_per_N;  ///< (3 node_count)^2, row major: the coarse K's inverse
 };
 
