@@ -13,7 +13,8 @@ namespace {
 
 using kernels::Lanes;
 
-// A step longer than this many times the last one is predicted to first order only.
+// A step longer than this many times the last one is predicted to first order only, so that errors
+// of S don't grow, see kernels::predict().
 constexpr double kLargestTrend = 2.0;
 
 }  // namespace

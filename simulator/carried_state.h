@@ -79,7 +79,7 @@ class CarriedState {
   void forget_preconditioner() noexcept { preconditioner_valid_ = false; }
 
   /// Keeps the present state for restore() and predicts the one at `displacement` of the tool:
-  /// x += (S + trend/2 (S - S_before)) dP.
+  /// kernels::predict().
   void advance_to(const Eigen::Vector3d& displacement) noexcept;
   /// Back to the state before the last advance_to().
   void restore() noexcept;

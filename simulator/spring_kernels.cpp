@@ -227,13 +227,13 @@ FORCEGRID_MULTIVERSION void summarise_on(std::int32_t vertex_count, const BlockI
 FORCEGRID_MULTIVERSION void predict_on(std::int32_t vertex_count, const float* step_m, float trend,
                                        Lanes* state, Lanes* before) noexcept {
   const Float4 step{0.0F, step_m[0], step_m[1], step_m[2]};
-  const Float4 sensitivity_trend{0.0F, trend, trend, trend};
+  const float half = 0.5F * trend;
+  const Float4 half_trend{0.0F, half, half, half};
   for (std::int32_t i = 0; i < vertex_count; ++i) {
     for (int c = 0; c < 3; ++c) {
       const Float4 x = state[i].component[c];
-      const Float4 change = sensitivity_trend * (x - before[i].component[c]);
-      const Float4 move = (x + 0.5F * change) * step;
-      Float4 next = x + change;
+      Float4 next = x + half_trend * (x - before[i].component[c]);
+      const Float4 move = next * step;
       next[0] = x[0] + (move[1] + move[2] + move[3]);
       before[i].component[c] = x;
       state[i].component[c] = next;

@@ -174,7 +174,10 @@ StateSums summarise(std::int32_t vertex_count, const BlockInverse* inverse, cons
                     const Lanes* residual, const Precise* force) noexcept;
 
 /// Moves `state` to where the tool will be, to second order along the tool's last step:
-///   x += (S + trend/2 (S - S_before)) step,   S += trend (S - S_before),   before = old state
+///   x += (S + trend/2 (S - S_before)) step,   S += trend/2 (S - S_before),   before = old state
+/// S goes half the way that it seems to go. An error that nothing corrects is multiplied from step
+/// to step by the roots of (z - 1)(z - trend/2): for |trend| < 2 it stays bounded. With the whole
+/// trend it would grow with every step, and set off corrections that a steady S spares.
 /// @param trend  the step's component along the last one over the length of the last one; 0 for
 ///   the first-order x += S step alone.
 void predict(std::int32_t vertex_count, const float step_m[3], float trend, Lanes* state,
