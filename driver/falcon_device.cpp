@@ -202,6 +202,7 @@ class FalconDevice final : public Device {
     if (result.status == TransportStatus::kOk) {
       count(statistics_.commands_sent);
       ++unanswered_;
+      ++owed_;
       released_ = result.completed;
     }
     return result.status;
@@ -232,6 +233,7 @@ class FalconDevice final : public Device {
           found = true;
           arrived = read.arrived;
           unanswered_ = std::max(0, unanswered_ - 1);
+          --owed_;
         }
       }
       if (parser_.skipped_bytes() != skipped) {
@@ -364,8 +366,11 @@ class FalconDevice final : public Device {
     publish(packet, arrived);
   }
 
-  /// @returns true when the firmware has answered a zero command.
+  /// @returns true when the firmware has answered a zero command. Replies don't say to what: when
+  /// one was ever late, lost or repeated, all that is on its way is let arrive, and the answer to
+  /// another zero counts.
   bool deliver_zero() noexcept {
+    bool in_step = owed_ == 0;
     for (int attempt = 0; attempt < kLastZeroAttempts; ++attempt) {
       const std::uint8_t leds = homed_ == falcon::kAllHomed ? falcon::kLedGreen : falcon::kLedRed;
       falcon::InPacket packet;
@@ -374,11 +379,32 @@ class FalconDevice final : public Device {
       if (status == TransportStatus::kOk) {
         status = receive(kReplyTimeout, packet, arrived);
       }
+      if (status == TransportStatus::kOk && !in_step) {
+        in_step = true;
+        status = let_arrive();
+      }
       if (status != TransportStatus::kTimeout) {
         return status == TransportStatus::kOk;
       }
     }
     return false;
+  }
+
+  /// @returns kTimeout once nothing has come for as long as a reply may take.
+  TransportStatus let_arrive() noexcept {
+    for (int i = 0; i < kMaxPacketsOfOneReply; ++i) {
+      const auto read = port_.read(kReplyTimeout);
+      if (read.status != TransportStatus::kOk) {
+        return read.status;
+      }
+      falcon::InPacket ignored;
+      for (const std::uint8_t byte : read.data) {
+        if (parser_.take(byte, ignored)) {
+          count(statistics_.reports_drained);
+        }
+      }
+    }
+    return TransportStatus::kTimeout;
   }
 
   /// The last zero, then the end of the transport.
@@ -401,7 +427,8 @@ class FalconDevice final : public Device {
   IssuedCommand latest_;
   rt::TimePoint released_{};
   std::uint64_t sequence_ = 0;
-  int unanswered_ = 0;  ///< packets sent since the last reply
+  int unanswered_ = 0;     ///< packets sent since the last reply
+  std::int64_t owed_ = 0;  ///< packets sent less replies, ever
   std::uint8_t homed_ = 0;
   bool commanded_ = false;
   bool exchanging_ = false;      ///< the firmware runs

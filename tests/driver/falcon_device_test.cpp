@@ -359,6 +359,27 @@ TEST_F(Falcon, GetsZeroBeforeItIsClosed) {
   EXPECT_TRUE(device->stop());
 }
 
+TEST_F(Falcon, AnAnswerToAnEarlierPacketIsNotOneToTheLastZero) {
+  const auto device = open_homed();
+  falcon_->fall_behind();
+  ASSERT_TRUE(eventually([&] { return device->statistics().reports_lost >= 1; }));
+  device->command(torque(0.1, 0.1, 0.1));
+  ASSERT_TRUE(commands_become({-1000, -1000, -1000}));
+  falcon_->set_deaf(true);
+  EXPECT_FALSE(device->stop());
+  EXPECT_EQ(falcon_->last_command(), (std::array<int, 3>{-1000, -1000, -1000}));
+}
+
+TEST_F(Falcon, LateAnswersAreLetArriveBeforeTheLastZero) {
+  const auto device = open_homed();
+  falcon_->swallow(2);
+  ASSERT_TRUE(eventually([&] { return device->statistics().reports_lost >= 1; }));
+  device->command(torque(0.1, 0.1, 0.1));
+  ASSERT_TRUE(commands_become({-1000, -1000, -1000}));
+  EXPECT_TRUE(device->stop());
+  EXPECT_EQ(falcon_->last_command(), (std::array<int, 3>{}));
+}
+
 TEST_F(Falcon, KeepsItsFirmwareForTheNextClient) {
   open({})->stop();
   OpenOptions options = patient();

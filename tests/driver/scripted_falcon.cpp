@@ -148,6 +148,11 @@ void ScriptedFalcon::take_packet_byte(std::uint8_t byte) {
   if (packet.back() != '>') {
     return;
   }
+  if (deaf_) {
+    answer_.insert(answer_.end(), owed_.begin(), owed_.end());
+    owed_.clear();
+    return;
+  }
   packets_.push_back(packet);
   for (std::size_t motor = 0; motor < 3; ++motor) {
     unsigned value = 0;
@@ -167,18 +172,27 @@ void ScriptedFalcon::take_packet_byte(std::uint8_t byte) {
   const int times = repeat_ > 0 ? 2 : 1;
   repeat_ = std::max(0, repeat_ - 1);
   for (int i = 0; i < times; ++i) {
-    answer_.insert(answer_.end(), script_.before_packet.begin(), script_.before_packet.end());
-    answer_.push_back('<');
-    for (const std::int16_t count : counts_) {
-      for (int digit = 0; digit < 4; ++digit) {
-        answer_.push_back(static_cast<std::uint8_t>(
-            0x41 + ((static_cast<std::uint16_t>(count) >> (4 * digit)) & 0xF)));
-      }
+    std::vector<std::uint8_t> answer = reply();
+    if (behind_) {
+      std::swap(answer, owed_);
     }
-    answer_.push_back(static_cast<std::uint8_t>(0x41 + ((homed_ << 4) | buttons_)));
-    answer_.push_back(0x41);
-    answer_.push_back('>');
+    answer_.insert(answer_.end(), answer.begin(), answer.end());
   }
+}
+
+std::vector<std::uint8_t> ScriptedFalcon::reply() const {
+  std::vector<std::uint8_t> bytes = script_.before_packet;
+  bytes.push_back('<');
+  for (const std::int16_t count : counts_) {
+    for (int digit = 0; digit < 4; ++digit) {
+      bytes.push_back(static_cast<std::uint8_t>(
+          0x41 + ((static_cast<std::uint16_t>(count) >> (4 * digit)) & 0xF)));
+    }
+  }
+  bytes.push_back(static_cast<std::uint8_t>(0x41 + ((homed_ << 4) | buttons_)));
+  bytes.push_back(0x41);
+  bytes.push_back('>');
+  return bytes;
 }
 
 void ScriptedFalcon::set_counts(const std::array<std::int16_t, 3>& counts) {
@@ -204,6 +218,14 @@ void ScriptedFalcon::swallow(int packets) {
 void ScriptedFalcon::repeat(int packets) {
   const std::lock_guard lock(mutex_);
   repeat_ = packets;
+}
+void ScriptedFalcon::fall_behind() {
+  const std::lock_guard lock(mutex_);
+  behind_ = true;
+}
+void ScriptedFalcon::set_deaf(bool deaf) {
+  const std::lock_guard lock(mutex_);
+  deaf_ = deaf;
 }
 ScriptedFalcon::State ScriptedFalcon::state() const {
   const std::lock_guard lock(mutex_);

@@ -55,6 +55,10 @@ class ScriptedFalcon {
   void swallow(int packets);
   /// So many of the next packets get their answer twice.
   void repeat(int packets);
+  /// From now on a packet gets the answer to the one before it.
+  void fall_behind();
+  /// Packets are lost from now on; what is owed is still answered.
+  void set_deaf(bool deaf);
   State state() const;
   std::vector<ControlRequest> requests() const;
   /// Bytes of the image that the boot loader took.
@@ -74,6 +78,7 @@ class ScriptedFalcon {
   void take_image_byte(std::uint8_t byte);
   void take_packet_byte(std::uint8_t byte);
   bool image_is_complete() const;
+  std::vector<std::uint8_t> reply() const;
 
   mutable std::mutex mutex_;
   Script script_;
@@ -93,6 +98,9 @@ class ScriptedFalcon {
   bool answering_ = true;
   int swallow_ = 0;
   int repeat_ = 0;
+  bool behind_ = false;
+  bool deaf_ = false;
+  std::vector<std::uint8_t> owed_;
   int largest_command_ = 0;
 };
 
