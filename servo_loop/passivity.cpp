@@ -12,7 +12,9 @@ namespace {
 // Times of what the arm's damping takes, at which nothing of the sampling's energy is left to it.
 constexpr double kSlowNoneAt = 2.0;
 constexpr double kFastNoneAt = 1.25;
-// A loop that swings bears a little less delay than energy alone allows.
+// A loop that swings bears a little less holding and delay than energy alone allows: quantisation
+// and a stiffness that is not known exactly swing it as well.
+constexpr double kHoldMargin = 1.1;
 constexpr double kDelayMargin = 1.5;
 
 /// Of a sampling's energy, the part that is left to the arm's damping: all of what is not more than
@@ -110,7 +112,7 @@ void PassivityGuard::observe(double dt_s, const Eigen::Vector3d& step_W,
   const double late = fast_J.sum() > 0.0 ? 2.0 * options_.transport_delay_s / dt_s : 0.0;
   const double slow_borne = share_borne(bearable_J, sampling_J, kSlowNoneAt);
   const double fast_borne =
-      share_borne(bearable_J, (1.0 + kDelayMargin * late) * sampling_J, kFastNoneAt);
+      share_borne(bearable_J, (kHoldMargin + kDelayMargin * late) * sampling_J, kFastNoneAt);
   account_W_J_ +=
       (given_J - slow_borne * slow_J + (late - fast_borne * (1.0 + late)) * fast_J).matrix();
 }

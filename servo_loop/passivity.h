@@ -60,8 +60,8 @@ struct PassivityOptions {
 /// That is for slow motion, low-passed with kSlow_s, which only a hand makes, and a hand damps as
 /// well. What is faster is how a loop swings by itself, and then the arm may be all that there is.
 /// The transport delay t_d, which no position shows, makes a spring give K v^2 (T / 2 + t_d) T a
-/// cycle; the account gets the difference, and has less left out: all while K (T / 2 + 1.5 t_d)
-/// <= b_0, none from 1.25 times that on.
+/// cycle; the account gets the difference, and has less left out: all while
+/// K (1.1 T / 2 + 1.5 t_d) <= b_0, none from 1.25 times that on.
 ///
 /// Controller, after Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002), with an
 /// energy allowance E0, a low-passed velocity v and a dead band, since without them a lossless

@@ -155,6 +155,24 @@ TEST(PassivityGuard, LeavesTheEnergyOfSamplingToTheArmWhereItsDampingIsEnough) {
   EXPECT_GT(moved_spring(strict, 250.0).error_percent, 0.5);
 }
 
+TEST(PassivityGuard, TrustsTheArmWithATenthLessOfWhatALoopSwingsWithByItself) {
+  // 0.3 N s/m bears 300 N/m at 500 Hz, but of an oscillation of 11 Hz only 270.
+  const auto account_J = [](double stiffness_N_per_m) {
+    PassivityGuard guard(observing());
+    for (int i = 0; i < 5000; ++i) {
+      const double x_m = 0.001 * std::sin(2.0 * std::numbers::pi * 11.0 * kCycle_s * i);
+      static_cast<void>(guard.apply(kCycle_s, Vector3d(x_m, 0.0, 0.0),
+                                    Vector3d(-stiffness_N_per_m * x_m, 0.0, 0.0)));
+    }
+    return guard.account_J();
+  };
+  const double speed_square_m2_per_s2 = 0.5 * std::pow(0.001 * 2.0 * std::numbers::pi * 11.0, 2);
+  const double leak_J = 0.5 * 290.0 * kCycle_s * speed_square_m2_per_s2 * 10.0;  // 7 mJ
+  EXPECT_LT(std::abs(account_J(265.0)), 0.03 * leak_J);
+  EXPECT_GT(account_J(290.0), 0.15 * leak_J);
+  EXPECT_LT(account_J(290.0), 0.5 * leak_J);
+}
+
 TEST(PassivityGuard, LeavesAPassiveForceAlone) {
   PassivityGuard guard;
   for (int i = 0; i < 2000; ++i) {
