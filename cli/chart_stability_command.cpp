@@ -43,9 +43,10 @@ void print_sweep(const stability::StabilityChart& chart) {
   std::printf("Fault sweep, %zu runs: went on / ended, force above the limit, over 1 mJ after it\n",
               chart.sweep.size());
   for (const stability::SweepLine& line : chart.swept) {
-    std::printf("  %-30s %4d / %-4d %4d %4d   most %.2g mJ, %.2g N\n", to_string(line.fault),
-                line.survivors, line.runs - line.survivors, line.force_above_limit,
-                line.energy_after_fault, 1e3 * line.most_energy_J, line.largest_force_N);
+    std::printf("  %-19s %-30s %4d / %-4d %4d %4d   most %.2g mJ, %.2g N\n", line.device.c_str(),
+                to_string(line.fault), line.survivors, line.runs - line.survivors,
+                line.force_above_limit, line.energy_after_fault, 1e3 * line.most_energy_J,
+                line.largest_force_N);
   }
 }
 

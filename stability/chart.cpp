@@ -175,25 +175,35 @@ evaluation::BuiltTable table_of(const StabilityChartOptions& options, const std:
   return evaluation::build_table(evaluation::make_mesh(evaluation::chart_scene(scene)), table);
 }
 
-SweepOptions sweep_options(const StabilityChartOptions& options) {
+SweepOptions sweep_options(const StabilityChartOptions& options, const SweptDevice& device) {
   SweepOptions sweep;
-  sweep.device = kSweptDevice;
+  sweep.device = device.profile;
   sweep.methods = {options.default_method};
   for (const char* const other : {"hold", "rls"}) {
     if (options.default_method != other) {
       sweep.methods.emplace_back(other);
     }
   }
-  sweep.runs = options.swept_runs;
+  sweep.runs = std::max(1, static_cast<int>(std::lround(options.swept_runs * device.part)));
   sweep.seed = options.seed;
   sweep.jobs = options.jobs;
   sweep.cancel = options.cancel;
   if (options.progress) {
-    sweep.progress = [&options](double done, double remaining_s) {
-      options.progress("fault sweep", done, remaining_s);
+    sweep.progress = [&options, what = "fault sweep of " + sweep.device](double done,
+                                                                         double remaining_s) {
+      options.progress(what, done, remaining_s);
     };
   }
   return sweep;
+}
+
+void sweep_devices(const StabilityChartOptions& options, StabilityChart& chart) {
+  for (const SweptDevice& device : kSweptDevices) {
+    const auto runs = sweep_faults(sweep_options(options, device));
+    const auto lines = sweep_table(runs, profiles::load_device_profile(device.profile));
+    chart.sweep.insert(chart.sweep.end(), runs.begin(), runs.end());
+    chart.swept.insert(chart.swept.end(), lines.begin(), lines.end());
+  }
 }
 
 }  // namespace
@@ -267,8 +277,7 @@ StabilityChart make_stability_chart(const StabilityChartOptions& options) {
   }
   pool.run(file);
   if (sweeps) {
-    chart.sweep = sweep_faults(sweep_options(options));
-    chart.swept = sweep_table(chart.sweep, profiles::load_device_profile(kSweptDevice));
+    sweep_devices(options, chart);
   }
   chart.numbers = numbers_of(chart, options.default_method);
   chart.elapsed_s = std::chrono::duration<double>(steady_clock::now() - start).count();

@@ -24,7 +24,7 @@ struct StabilityChartOptions {
   bool quick = false;                ///< the small block and fewer cells, within five minutes
   unsigned jobs = 0;                 ///< threads; 0: one a processor
   std::uint64_t seed = 1;
-  int swept_runs = 2000;       ///< of the fault sweep
+  int swept_runs = 2000;       ///< of the fault sweep on the first of kSweptDevices
   std::string default_method;  ///< held against the goals
   /// Identifies the program that measures: rows of another program aren't taken over.
   std::string program;
@@ -61,19 +61,26 @@ struct StabilityChart {
   std::string scene;  ///< evaluation::ChartScene whose table was used
   double table_stiffness_N_per_m = 0.0;
   std::vector<StabilityRow> rows;
-  std::vector<SweptRun> sweep;   ///< empty: not in the selection
+  std::vector<SweptRun> sweep;   ///< of one device after the other; empty: not in the selection
   std::vector<SweepLine> swept;  ///< sweep_table() of them
   std::vector<StabilityNumber> numbers;
   std::size_t rows_kept = 0;  ///< taken over from an earlier call
   double elapsed_s = 0.0;
 };
 
-/// Runs every cell of the selection on all cores, and the fault sweep of kSweptDevice with the
+/// A device of the fault sweep, and how many runs it has of StabilityChartOptions::swept_runs.
+struct SweptDevice {
+  const char* profile;
+  double part;
+};
+inline constexpr SweptDevice kSweptDevices[] = {
+    {"woodenhaptics_v2015", 1.0}, {"phantom_desktop", 0.25}, {"falcon", 0.25}};
+
+/// Runs every cell of the selection on all cores, and the fault sweep of kSweptDevices with the
 /// default method, `hold` and `rls`, which a call that goes on makes anew. Rows are appended to
 /// `out`/rows.jsonl as they are finished and taken over by the next call with the same program.
 /// @throws evaluation::ChartError, std::invalid_argument for a method that can't be made,
 /// evaluation::Stopped, and what evaluation::build_table throws.
-inline constexpr char kSweptDevice[] = "woodenhaptics_v2015";
 StabilityChart make_stability_chart(const StabilityChartOptions& options);
 
 /// Runs one cell. `table` is that of the held object.

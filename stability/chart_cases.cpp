@@ -55,6 +55,7 @@ class Cases {
     scenes_in_loops();
     guard();
     guarded_map();
+    guarded_scenes();
     stress();
     std::stable_partition(cells_.begin(), cells_.end(), is_exact);
     return cells_;
@@ -231,6 +232,26 @@ class Cases {
                     .timing = rate.timing,
                     .servo_rate_Hz = rate.servo_rate_Hz,
                     .guard = true});
+        }
+      }
+    }
+  }
+
+  // An object that moves by itself can shake the first contact, which `run` has the guard for.
+  void guarded_scenes() {
+    for (const char* const scene : {"dynamic_5ms", "dynamic_20ms", "dynamic_100ms"}) {
+      for (const char* const hand : {"light", "firm"}) {
+        for (const char* const timing : {"ideal", "w2_full_speed"}) {
+          if (quick_ && timing == std::string("ideal")) {
+            continue;
+          }
+          add({.part = part::kGuard,
+               .scene = scene,
+               .method = default_method_,
+               .hand = hand,
+               .timing = timing,
+               .guard = true,
+               .find_limit = false});
         }
       }
     }

@@ -58,6 +58,7 @@ class Numbers {
     light_hand();
     guard();
     guarded_map();
+    guarded_scenes();
     stress();
     sweep();
     return numbers_;
@@ -108,11 +109,12 @@ class Numbers {
     for (const SweepLine& line : swept_) {
       force.measured += line.force_above_limit;
       energy.measured += line.energy_after_fault;
+      const std::string where = line.device + ": " + to_string(line.fault);
       if (line.force_above_limit > 0) {
-        force.worst += std::string(force.worst.empty() ? "" : ", ") + to_string(line.fault);
+        force.worst += (force.worst.empty() ? "" : ", ") + where;
       }
       if (line.energy_after_fault > 0) {
-        energy.worst += std::string(energy.worst.empty() ? "" : ", ") + to_string(line.fault);
+        energy.worst += (energy.worst.empty() ? "" : ", ") + where;
       }
     }
     numbers_.push_back(force);
@@ -255,6 +257,23 @@ class Numbers {
     });
     put(ratio);
     put(unheld);
+  }
+
+  void guarded_scenes() {
+    for (const auto& [scene, goal_percent] :
+         {std::pair{"dynamic_5ms", 2.0}, std::pair{"dynamic_20ms", 2.5},
+          std::pair{"dynamic_100ms", 8.0}}) {
+      Worst error(std::string("with the guard: closed-loop force error at 200 N/m, ") + scene,
+                  goal_percent, false, "%");
+      each_default(part::kGuard, [&, wanted = std::string(scene)](const StabilityRow& row) {
+        if (row.cell.guard && row.cell.scene == wanted) {
+          error.add(
+              row.run.behaviour == Behaviour::kStable ? row.run.force_error_percent : std::nan(""),
+              row.cell);
+        }
+      });
+      put(error);
+    }
   }
 
   void stress() {

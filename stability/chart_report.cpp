@@ -105,13 +105,15 @@ void add_sweep(std::string& html, const StabilityChart& chart) {
   }
   html +=
       "<h2>Fault sweep</h2><p>" + std::to_string(chart.sweep.size()) +
-      " seeded runs of the servo's own loop on the emulated arm, one fault each: who went on, "
+      " seeded runs of the servo's own loop on emulated devices, one fault each: who went on, "
       "who ended with zero current and why, and what must not happen.</p><table class=sortable>"
-      "<thead><tr><th>fault<th>ended by<th>runs<th>went on<th>force above limit<th>more than "
+      "<thead><tr><th>device<th>fault<th>ended by<th>runs<th>went on<th>force above limit<th>more "
+      "than "
       "1 mJ afterwards<th>largest force / N<th>most energy / mJ<th>its seed</tr></thead><tbody>";
   for (const SweepLine& line : chart.swept) {
-    html += "<tr><td>" + escaped(to_string(line.fault)) + "<td>" + escaped(ends_of(line)) + "<td>" +
-            std::to_string(line.runs) + "<td>" + std::to_string(line.survivors) +
+    html += "<tr><td>" + escaped(line.device) + "<td>" + escaped(to_string(line.fault)) + "<td>" +
+            escaped(ends_of(line)) + "<td>" + std::to_string(line.runs) + "<td>" +
+            std::to_string(line.survivors) +
             (line.force_above_limit > 0 ? "<td class=missed>" : "<td>") +
             std::to_string(line.force_above_limit) +
             (line.energy_after_fault > 0 ? "<td class=missed>" : "<td>") +
@@ -129,7 +131,8 @@ ordered_json sweep_json(const StabilityChart& chart) {
     for (const auto& [name, count] : line.ended_by) {
       ends[name] = count;
     }
-    lines.push_back({{"fault", to_string(line.fault)},
+    lines.push_back({{"device", line.device},
+                     {"fault", to_string(line.fault)},
                      {"runs", line.runs},
                      {"survivors", line.survivors},
                      {"ended_by", std::move(ends)},
@@ -144,15 +147,15 @@ ordered_json sweep_json(const StabilityChart& chart) {
 
 std::string sweep_csv(const StabilityChart& chart) {
   std::string text =
-      "fault,seed,method,hand,stiffness_N_per_m,fault_at_s,ended_by,largest_force_N,"
-      "largest_current_fraction,energy_after_fault_J,work_after_end_J\n";
+      "device,fault,seed,method,hand,stiffness_N_per_m,fault_at_s,ended_by,largest_force_N,"
+      "largest_drive_fraction,energy_after_fault_J,work_after_end_J\n";
   for (const SweptRun& run : chart.sweep) {
-    text += '"';
+    text += run.device + ",\"";
     text += to_string(run.fault);
     text += "\"," + std::to_string(run.seed) + ",\"" + run.method + "\"," + run.hand + ',' +
             number(run.stiffness_N_per_m) + ',' + number(run.fault_at_s) + ',' +
             servo::name_of(run.ended_by) + ',' + number(run.largest_force_N) + ',' +
-            number(run.largest_current_fraction) + ',' + number(run.energy_after_fault_J) + ',' +
+            number(run.largest_drive_fraction) + ',' + number(run.energy_after_fault_J) + ',' +
             number(run.work_after_end_J) + '\n';
   }
   return text;

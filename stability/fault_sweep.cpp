@@ -16,6 +16,7 @@
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
+#include "stability/simulated_falcon.h"
 
 namespace forcegrid::stability {
 namespace {
@@ -89,6 +90,14 @@ struct Draw {
   }
 };
 
+std::unique_ptr<SimulatedDevice> device_of(const profiles::DeviceProfile& profile, const Draw& draw,
+                                           std::uint64_t seed) {
+  if (profile.kind == profiles::DeviceKind::kDelta) {
+    return std::make_unique<SimulatedFalcon>(profile, draw.hand, draw.motion, seed, kStart);
+  }
+  return std::make_unique<SimulatedArm>(profile, draw.hand, draw.motion, seed, kStart);
+}
+
 class SweptLoop {
  public:
   SweptLoop(SweptFault fault, std::uint64_t seed, const MethodVariant& variant,
@@ -97,9 +106,10 @@ class SweptLoop {
         numbers_(seed),
         draw_(numbers_),
         profile_(profile),
-        arm_(profile, draw_.hand, draw_.motion, seed, kStart),
+        device_(device_of(profile, draw_, seed)),
         method_(make_force_method(variant.name, variant.options)),
-        loop_(arm_, profile, {method_.get()}, ports_, {}) {
+        loop_(*device_, profile, {method_.get()}, ports_, {}) {
+    run_.device = profile.name;
     run_.fault = fault;
     run_.seed = seed;
     run_.method = variant.text;
@@ -114,10 +124,10 @@ class SweptLoop {
       cycle();
     }
     if (run_.ended_by != servo::Fault::kNone) {
-      arm_.mute = true;
-      const double before_J = arm_.arm().work().motor_positive_J;
-      arm_.advance_to(now_ + rt::from_seconds(kAfterEnd_s));
-      run_.work_after_end_J = arm_.arm().work().motor_positive_J - before_J;
+      device_->mute = true;
+      const double before_J = device_->motor_work_J();
+      device_->advance_to(now_ + rt::from_seconds(kAfterEnd_s));
+      run_.work_after_end_J = device_->motor_work_J() - before_J;
     }
     return run_;
   }
@@ -132,9 +142,9 @@ class SweptLoop {
       break_device();
       was_broken_ = true;
     }
-    arm_.mute = broken() && (fault_ == SweptFault::kReportsStop ||
-                             (fault_ == SweptFault::kReportsPause && since_fault_s() < 0.06));
-    arm_.advance_to(now_);
+    device_->mute = broken() && (fault_ == SweptFault::kReportsStop ||
+                                 (fault_ == SweptFault::kReportsPause && since_fault_s() < 0.06));
+    device_->advance_to(now_);
     simulate();
     run_.ended_by = loop_.run_cycle(now_, now_ + kPeriod);
     servo::CycleRecord record;
@@ -149,11 +159,7 @@ class SweptLoop {
       return std::isfinite(now) ? std::max(so_far, now) : HUGE_VAL;
     };
     run_.largest_force_N = most(run_.largest_force_N, vector(record.commanded_force_D_N).norm());
-    for (std::size_t i = 0; i < 3; ++i) {
-      run_.largest_current_fraction =
-          most(run_.largest_current_fraction,
-               std::abs(record.current_A[i]) / profile_.motors.max_current_A[i]);
-    }
+    run_.largest_drive_fraction = most(run_.largest_drive_fraction, drive_fraction());
     if (record.fault != servo::Fault::kNone) {
       return;  // its position is not believed, and its force is zero
     }
@@ -172,25 +178,34 @@ class SweptLoop {
     }
   }
 
+  double drive_fraction() const {
+    const driver::MotorCommand& command = device_->commanded();
+    const bool delta = profile_.kind == profiles::DeviceKind::kDelta;
+    const Eigen::Array3d drive =
+        (delta ? vector(command.joint_torque_Nm) : vector(command.current_A)).array();
+    const auto& most = delta ? profile_.limits.max_joint_torque_Nm : profile_.motors.max_current_A;
+    return (drive.abs() / vector(most).array()).maxCoeff<Eigen::PropagateNaN>();
+  }
+
   void break_device() {
     const std::size_t joint = draw_.joint;
     switch (fault_) {
       case SweptFault::kUnplugged:
-        arm_.health_shown = driver::DeviceHealth::kUnplugged;
+        device_->health_shown = driver::DeviceHealth::kUnplugged;
         break;
       case SweptFault::kEncoderJumps:
-        arm_.spoil_counts = [joint](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+        device_->spoil_counts = [joint](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
           counts[joint] += 500;
         };
         break;
       case SweptFault::kEncoderFreezes:
-        arm_.spoil_counts = [joint, at = arm_.newest_report().counts[joint]](
-                                rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+        device_->spoil_counts = [joint, at = device_->newest_report().counts[joint]](
+                                    rt::TimePoint, std::array<std::int32_t, 6>& counts) {
           counts[joint] = at;
         };
         break;
       case SweptFault::kEncoderSaturates:
-        arm_.spoil_counts = [joint](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+        device_->spoil_counts = [joint](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
           counts[joint] = 32767;
         };
         break;
@@ -308,7 +323,7 @@ class SweptLoop {
   SeededNumbers numbers_;
   Draw draw_;
   const profiles::DeviceProfile& profile_;
-  SimulatedArm arm_;
+  std::unique_ptr<SimulatedDevice> device_;
   std::unique_ptr<ForceMethod> method_;
   servo::ServoPorts ports_;
   servo::ServoLoop loop_;
@@ -368,7 +383,7 @@ const char* to_string(SweptFault fault) noexcept {
 
 bool force_above_limit(const SweptRun& run, const profiles::DeviceProfile& profile) noexcept {
   return !(run.largest_force_N <= profile.limits.max_force_N + SweepLimits::kRounding) ||
-         !(run.largest_current_fraction <= 1.0 + SweepLimits::kRounding);
+         !(run.largest_drive_fraction <= 1.0 + SweepLimits::kRounding);
 }
 
 bool energy_after_fault(const SweptRun& run) noexcept {
@@ -431,6 +446,7 @@ std::vector<SweepLine> sweep_table(const std::vector<SweptRun>& runs,
   std::vector<SweepLine> lines;
   for (const SweptFault fault : swept_faults()) {
     SweepLine line;
+    line.device = profile.name;
     line.fault = fault;
     for (const SweptRun& run : runs) {
       if (run.fault != fault) {

@@ -39,8 +39,9 @@ const std::vector<SweptFault>& swept_faults();
 /// Short text for tables, e.g. "simulator stops".
 const char* to_string(SweptFault fault) noexcept;
 
-/// One seeded run of servo::ServoLoop on the emulated arm in simulated time.
+/// One seeded run of servo::ServoLoop on an emulated device in simulated time.
 struct SweptRun {
+  std::string device;  ///< profile
   SweptFault fault = SweptFault::kNone;
   std::uint64_t seed = 0;
   std::string method;
@@ -49,7 +50,8 @@ struct SweptRun {
   double fault_at_s = 0.0;                      ///< after the start
   servo::Fault ended_by = servo::Fault::kNone;  ///< kNone: the loop went on to the end
   double largest_force_N = 0.0;                 ///< commanded, at any time
-  double largest_current_fraction = 0.0;        ///< of the profile's limits, at any time
+  /// Of the profile's limits, at any time: an arm's currents, a delta's joint torques.
+  double largest_drive_fraction = 0.0;
   /// [J] most that the hand has got from the rendered force without having put it in, at any time
   /// after the fault:  sum (F_{k-1} + F_k) / 2 . (P_k - P_{k-1})  over the loop's own positions.
   /// The force of the middle of a cycle leaves out the K v^2 T / 2 of a force that is held for one,
@@ -80,14 +82,15 @@ struct SweepOptions {
   const std::atomic<bool>* cancel = nullptr;
 };
 
-/// Faults in turn, everything else drawn from the seed. The same options give the same runs
-/// whatever the number of threads.
+/// Runs of one device. Faults in turn, everything else drawn from the seed. The same options give
+/// the same runs whatever the number of threads.
 /// @throws evaluation::Stopped, profiles::ProfileError, std::invalid_argument for a method that
 /// can't be made.
 std::vector<SweptRun> sweep_faults(const SweepOptions& options);
 
 /// A line of the table of survivors and casualties.
 struct SweepLine {
+  std::string device;
   SweptFault fault = SweptFault::kNone;
   int runs = 0;
   int survivors = 0;                                  ///< the loop went on
@@ -98,6 +101,7 @@ struct SweepLine {
   double most_energy_J = 0.0;
   std::uint64_t worst_seed = 0;  ///< of the run with most energy
 };
+/// @param runs of one device, whose `profile` it is.
 std::vector<SweepLine> sweep_table(const std::vector<SweptRun>& runs,
                                    const profiles::DeviceProfile& profile);
 

@@ -18,6 +18,7 @@ class SimulatedArm final : public SimulatedDevice {
 
   const emulator::ArmModel& arm() const { return arm_; }
   Eigen::Vector3d position_D() const override { return arm_.position_D(); }
+  double motor_work_J() const override { return arm_.work().motor_positive_J; }
 
  private:
   SimulatedArm(const emulator::DeviceOptions& options, rt::TimePoint start)

@@ -45,6 +45,7 @@ class SimulatedDevice : public driver::Device {
   const driver::DeviceIdentity& identity() const noexcept override { return identity_; }
   driver::DeviceReport newest_report() noexcept override { return report_; }
   void command(const driver::MotorCommand& command) noexcept override {
+    commanded_ = command;
     if (!silent) {
       obey(command);
     }
@@ -56,8 +57,12 @@ class SimulatedDevice : public driver::Device {
   bool stop() noexcept override { return true; }
 
   emulator::OperatorScript::Phase phase() const { return script_.phase(); }
+  /// The newest command, whether it has arrived or not.
+  const driver::MotorCommand& commanded() const { return commanded_; }
   /// [m] of the tool, frame D.
   virtual Eigen::Vector3d position_D() const = 0;
+  /// [J] that the motors have delivered: their power where it is positive.
+  virtual double motor_work_J() const = 0;
 
   /// No report comes. The driver sends a command for each report that it gets, so that the motors
   /// keep the last one.
@@ -104,6 +109,7 @@ class SimulatedDevice : public driver::Device {
   emulator::OperatorScript script_;
   rt::TimePoint now_;
   driver::DeviceReport report_;
+  driver::MotorCommand commanded_;
   driver::DeviceIdentity identity_;
 };
 

@@ -17,6 +17,7 @@ class SimulatedFalcon final : public SimulatedDevice {
       : SimulatedFalcon(options(profile, hand, motion, seed), start) {}
 
   Eigen::Vector3d position_D() const override { return delta_.position_D(); }
+  double motor_work_J() const override { return delta_.work().motor_positive_J; }
 
  private:
   SimulatedFalcon(const emulator::DeviceOptions& options, rt::TimePoint start)
