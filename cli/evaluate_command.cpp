@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "cli/offline_forces.h"
 #include "evaluation/judge.h"
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
@@ -245,6 +246,11 @@ std::vector<Eigen::Vector3d> solve_offline(const std::string& scene,
                                            const std::vector<Eigen::Vector3d>& positions_W) {
   std::fprintf(stderr, "Note: the recording has no off-line forces; solving scene %s for them\n",
                scene.c_str());
+  if (moves_by_itself(scene, "auto")) {
+    throw std::runtime_error("scene " + scene +
+                             " moves by itself, and the recording has no off-line forces of it; "
+                             "record with 'forcegrid run --record FILE.csv.gz'");
+  }
   simulator::TruthOptions options;
   options.scene = scene;
   options.contact_point_W = contact_point_W;

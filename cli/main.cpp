@@ -145,6 +145,10 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
   run.add_option("--scene", o.scene, "Object to feel: " + scene_help())
       ->check(scene_check())
       ->capture_default_str();
+  run.add_option("--solver", o.solver,
+                 "How the simulator solves the scene, as of 'forcegrid simulate'")
+      ->check(CLI::IsMember(simulator::solver_names()))
+      ->capture_default_str();
   run.add_option("--simulator", o.simulator,
                  "ADDR:PORT of a simulator that already runs, instead of --scene; on another "
                  "machine only with --key");
@@ -378,9 +382,10 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
       ->check(scene_check())
       ->capture_default_str();
   simulate
-      .add_option("--solver", o.solver,
-                  "How the object is solved; auto picks by size and tolerance and says why; see "
-                  "docs/solvers.md")
+      .add_option(
+          "--solver", o.solver,
+          "How the object is solved; auto picks by damping, size and tolerance and says why; see "
+          "docs/solvers.md")
       ->check(CLI::IsMember(simulator::solver_names()))
       ->capture_default_str();
   simulate

@@ -17,6 +17,7 @@
 #include "cli/child_process.h"
 #include "cli/figures.h"
 #include "cli/firmware_choice.h"
+#include "cli/offline_forces.h"
 #include "cli/reconnect.h"
 #include "cli/recording.h"
 #include "cli/run_setup.h"
@@ -92,6 +93,14 @@ void check_tool(const RunOptions& options) {
   }
 }
 
+void check_solver(const RunOptions& options) {
+  if (options.solver != "auto" && !options.simulator.empty()) {
+    throw std::runtime_error("--solver " + options.solver +
+                             ": --simulator names one that already runs; give it to 'forcegrid "
+                             "simulate'");
+  }
+}
+
 // The scene itself as a force method, if a servo cycle has the time for it.
 std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
   if (!options.simulator.empty()) {
@@ -100,6 +109,10 @@ std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
         "that out or choose another method");
   }
   const simulator::Scene scene = simulator::make_scene(options.scene);
+  if (moves_by_itself(options.scene, options.solver)) {
+    throw std::runtime_error("method direct: it solves equilibria, and scene " + options.scene +
+                             " moves by itself; choose another method, or --solver quasi_static");
+  }
   simulator::DirectOptions direct_options;
   direct_options.patch_radius_m = scene.patch_radius_m;
   auto direct = std::make_unique<simulator::DirectMethod>(scene.mesh, direct_options);
@@ -174,6 +187,8 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   std::vector<std::string> arguments = {"simulate",
                                         "--scene",
                                         options.scene,
+                                        "--solver",
+                                        options.solver,
                                         "--listen",
                                         "127.0.0.1:0",
                                         "--rate",
@@ -435,6 +450,7 @@ int run_command(const RunOptions& options) {
     tools::Dashboard::check(out);
   }
   check_tool(options);
+  check_solver(options);
 
   const bool emulated = options.device.rfind(kEmulatedPrefix, 0) == 0;
   const std::string profile_name = profile_name_of(options.device, options.profile);
@@ -818,8 +834,12 @@ int run_command(const RunOptions& options) {
     truth_options.contact_point_W = contact->point_W;
     truth_options.cancel = &StopRequest::hurry();
     truth_options.progress = TruthProgress(out);
+    std::vector<double> times_s;
+    for (const servo::CycleRecord* record : cycles.records) {
+      times_s.push_back(time_s(*record, contact->time_ns));
+    }
     const simulator::TruthResult truth =
-        simulator::simulate_truth(cycles.positions_W, truth_options);
+        solve_offline_forces(options.solver, cycles.positions_W, times_s, truth_options);
     if (truth.cancelled) {
       summary.truth = why_truth_is_skipped();
     } else {

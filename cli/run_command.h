@@ -39,7 +39,8 @@ struct RunOptions {
   std::string calibration = "auto";
   std::string firmware;  ///< file for a Falcon in which none runs; empty: none
   std::string scene = "block";
-  std::string simulator;  ///< ADDR:PORT of a simulator that already runs; empty: start one
+  std::string solver = "auto";  ///< of the started simulator, see simulator::choose_solver
+  std::string simulator;        ///< ADDR:PORT of a simulator that already runs; empty: start one
   std::vector<std::string> key_files;  ///< of the link to it; empty: not sealed
   int workers = 0;                     ///< processes that answer requests for the started simulator
   double simulator_rate_Hz = 30.0;

@@ -55,6 +55,20 @@ void print_motion(const simulator::SolverBenchResult& result) {
   }
 }
 
+void print_dynamic(const simulator::SolverBenchResult& result) {
+  std::printf(
+      "\nThe object in motion, solver dynamic: processor time a step along the motion 'random';\n"
+      "force against the equilibrium's once the tool has stood still; energy once it has let go\n"
+      "  %10s %12s %12s %8s %16s %12s %14s %14s\n",
+      "step", "mean", "most", "CG its", "static error", "let go", "after 0.1 s", "largest rise");
+  for (const simulator::DynamicRow& row : result.dynamic) {
+    std::printf("  %7.2f ms %9.3f ms %9.3f ms %8.1f %14.4f %% %9.2f mJ %12.1f %% %12.1e %%\n",
+                1e3 * row.step_s, row.mean_ms, row.max_ms, row.iterations_mean,
+                row.static_error_percent, 1e3 * row.released_J, row.after_100ms_percent,
+                row.largest_rise_percent);
+  }
+}
+
 void print_step(const simulator::SolverBenchResult& result) {
   std::printf(
       "\nA step of 10 mm upwards from rest, linear springs; processor time until it stays within\n"
@@ -101,6 +115,9 @@ int solver_bench_command(const std::string& scene, const JsonTarget& json) {
     print_motion(result);
     if (!result.step.empty()) {
       print_step(result);
+    }
+    if (!result.dynamic.empty()) {
+      print_dynamic(result);
     }
     print_ratios(result);
     for (const std::string& remark : result.remarks) {

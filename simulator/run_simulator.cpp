@@ -18,6 +18,7 @@
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
+#include "simulator/dynamic_contact.h"
 #include "simulator/error.h"
 #include "simulator/query_desk.h"
 #include "simulator/scene.h"
@@ -33,6 +34,7 @@ constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, until another
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
 constexpr double kExpectedWithin_s = 0.3;
 constexpr double kExpectedApart_m = 0.002;  // taking hold of another patch takes a while
+const std::string kDynamic = "dynamic";
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
 link::Access access(const SimulatorOptions& options) {
@@ -103,7 +105,8 @@ class Loop {
       : options_(options),
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
-        contact_(make_tool_contact(scene, solver.options, options.tool)),
+        contact_(solver.name == kDynamic ? make_dynamic_contact(scene, solver.dynamic, options.tool)
+                                         : make_tool_contact(scene, solver.options, options.tool)),
         desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
                .job_for = [this](const link::Query& query) { return job_for(query); },
@@ -202,8 +205,8 @@ class Loop {
     }
     if (summary_.queries_refused > 0 && !told_of_queries_) {
       told_of_queries_ = true;
-      log_ << "simulator: queries are not answered with --contact slide, as what a sliding tool "
-              "feels depends on its path; use a method that needs none"
+      log_ << "simulator: queries are not answered, as what the tool feels depends on its path "
+              "(--contact slide, or an object that moves by itself); use a method that needs none"
            << std::endl;
     }
   }
@@ -246,9 +249,11 @@ class Loop {
     link::ForceSample sample = link::answer_to(*newest_);
     const Eigen::Vector3d position_W = to_vector(newest_->position_W_m);
     const Eigen::Vector3d velocity_W = to_vector(newest_->velocity_W_m_per_s);
+    const std::int64_t newest_time_ns = newest_->servo_time_ns;
     newest_.reset();
     const bool was_in_contact = contact_->in_contact();
     const rt::TimePoint start = rt::Clock::now();
+    contact_->tell_time(1e-9 * static_cast<double>(newest_time_ns));
     const StickyContact::Answer answer = contact_->step(position_W);
     const double solve_s = rt::seconds(rt::Clock::now() - start);
     if (!finite(answer.equilibrium)) {
@@ -297,6 +302,7 @@ class Loop {
     }
     summary_.unconverged += equilibrium.converged ? 0 : 1;
     summary_.branch_changes += equilibrium.left_branch ? 1 : 0;
+    summary_.long_steps += contact_->in_long_steps() ? 1 : 0;
     summary_.not_reached += equilibrium.reached ? 0 : 1;
     summary_.worst_relative_residual =
         std::max(summary_.worst_relative_residual, equilibrium.relative_residual);
@@ -386,14 +392,22 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
     log << "scene " << scene.name << ": " << scene.note << '\n';
   }
   SolverChoice solver = choose_solver(options.solver_name, scene.mesh.rest_position_W.size(),
-                                      options.rate_Hz, options.solver);
+                                      options.rate_Hz, options.solver, dynamics_of(scene.mesh));
   if (options.tool.contact == "slide") {
     if (options.solver_name != "auto") {
       throw Error("simulator: solver " + options.solver_name +
                   ": a tool that slides has a solver of its own; leave the choice out");
     }
-    solver.name = "pressed";
     solver.why = "a tool that slides has a solver of its own";
+    if (solver.name == kDynamic) {
+      solver.why += ", which leaves masses and dampers out";
+    }
+    solver.name = "pressed";
+  }
+  if (solver.name == kDynamic && !options.workers.empty()) {
+    throw Error(
+        "simulator: workers answer for equilibria, and this object moves by itself; leave "
+        "--workers out or give --solver quasi_static");
   }
   log << "solver " << solver.name << ": " << solver.why << '\n';
   Loop loop(options, scene, solver, log);

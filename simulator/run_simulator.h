@@ -62,6 +62,7 @@ struct SimulatorSummary {
   std::uint64_t contacts = 0;
   std::uint64_t unconverged = 0;     ///< answers whose tolerance was not reached
   std::uint64_t branch_changes = 0;  ///< answers after which the object was on another branch
+  std::uint64_t long_steps = 0;      ///< answers over more time than the solver has steps for
   std::uint64_t not_reached = 0;     ///< moves too long for one tick, answered for part of the way
   std::uint64_t not_finite = 0;      ///< answers that were not sent; the object began anew
   double worst_relative_residual = 0.0;

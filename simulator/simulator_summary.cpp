@@ -63,6 +63,7 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
           {"contacts", summary.contacts},
           {"unconverged", summary.unconverged},
           {"branch_changes", summary.branch_changes},
+          {"long_steps", summary.long_steps},
           {"not_reached", summary.not_reached},
           {"not_finite", summary.not_finite},
           {"worst_relative_residual", summary.worst_relative_residual},

@@ -329,6 +329,7 @@ SolverBenchResult bench_solvers(const Scene& scene, const SolverBenchOptions& op
                            .springs = scene.mesh.springs.size()};
   measure_motion(scene, options, result);
   measure_step(scene, options, result);
+  result.dynamic = bench_dynamic(scene, options.at_30_Hz_W, 30.0, options.say);
   find_ratios(result);
   return result;
 }
@@ -340,6 +341,7 @@ nlohmann::json to_json(const SolverBenchResult& result) {
                       {"remarks", result.remarks},
                       {"motion", nlohmann::json::array()},
                       {"step", nlohmann::json::array()},
+                      {"dynamic", nlohmann::json::array()},
                       {"ratios", nlohmann::json::array()}};
   for (const MotionRow& row : result.motion) {
     json["motion"].push_back({{"solver", row.solver},
@@ -364,6 +366,19 @@ nlohmann::json to_json(const SolverBenchResult& result) {
                             {"to_error_0.1_percent_ms", number_or_null(row.to_error_01_ms)},
                             {"least_error_percent", number_or_null(row.least_error_percent)},
                             {"vertices", row.vertices}});
+  }
+  for (const DynamicRow& row : result.dynamic) {
+    json["dynamic"].push_back({{"step_s", row.step_s},
+                               {"steps", row.steps},
+                               {"step_mean_ms", row.mean_ms},
+                               {"step_max_ms", row.max_ms},
+                               {"iterations_mean", row.iterations_mean},
+                               {"unconverged", row.unconverged},
+                               {"static_error_percent", row.static_error_percent},
+                               {"static_after_s", row.static_after_s},
+                               {"released_J", row.released_J},
+                               {"energy_after_100ms_percent", row.after_100ms_percent},
+                               {"energy_largest_rise_percent", row.largest_rise_percent}});
   }
   for (const SpeedRatio& ratio : result.ratios) {
     json["ratios"].push_back({{"solver", ratio.solver},

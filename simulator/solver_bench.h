@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "simulator/dynamic_bench.h"
 #include "simulator/scene.h"
 
 namespace forcegrid::simulator {
@@ -78,6 +79,7 @@ struct SolverBenchResult {
   std::size_t springs = 0;
   std::vector<MotionRow> motion{};
   std::vector<StepRow> step{};
+  std::vector<DynamicRow> dynamic{};  ///< of a scene with masses
   std::vector<SpeedRatio> ratios{};
   std::vector<std::string> remarks{};  ///< what was left out and why
 };

@@ -16,6 +16,7 @@ constexpr double kReferenceTolerance = 1e-3;
 constexpr double kTimeADecade = 0.25;
 constexpr double kShareOfPeriod = 2.0 / 3.0;
 constexpr double kDirectCycle_s = 0.16e-6;  // a vertex, in the mean
+constexpr double kDynamicStep_s = 0.7e-6;   // a vertex and time step
 constexpr double kServoPeriod_s = 2e-3;
 constexpr double kDirectShare = 0.5;
 constexpr double kBorderTolerance = 1e-3;
@@ -30,37 +31,71 @@ std::string milliseconds(double time_s) {
   return profiles::number_text(std::round(1e4 * time_s) / 10.0) + " ms";
 }
 
+void choose_equilibria(SolverChoice& choice, double count, double rate_Hz, MeshDynamics dynamics) {
+  const double answer_s = longest_answer_s(count, choice.options.relative_tolerance);
+  const double period_s = 1.0 / rate_Hz;
+  const bool fits = answer_s <= kShareOfPeriod * period_s;
+  choice.name = fits ? "quasi_static" : "local";
+  choice.why = profiles::number_text(count) + " vertices to a residual of " +
+               profiles::number_text(choice.options.relative_tolerance) + " take up to some " +
+               milliseconds(answer_s) + " of the " + milliseconds(period_s) + " between answers" +
+               (fits ? "" : ", so that only what the tool disturbs is solved");
+  if (dynamics == MeshDynamics::kMasses) {
+    choice.why +=
+        "; the object has masses but no damping that would end its swinging, so that its "
+        "equilibria are solved (--solver dynamic lets it swing)";
+  }
+  if (choice.small_enough_for_direct) {
+    choice.why +=
+        "; small enough for the servo's own rate: --method direct needs no simulator and is "
+        "exact";
+  }
+}
+
+void fit_steps(SolverChoice& choice, double count, double rate_Hz, MeshDynamics dynamics) {
+  if (dynamics == MeshDynamics::kNone) {
+    throw Error(
+        "solver dynamic: the scene has no masses; give each [[object]] a mass_kg, or leave the "
+        "choice of solver out");
+  }
+  choice.small_enough_for_direct = false;
+  const double period_s = 1.0 / rate_Hz;
+  const double most_steps = kShareOfPeriod * period_s / (kDynamicStep_s * count);
+  const double step_s = std::min(period_s, period_s / std::max(1.0, std::floor(most_steps)));
+  choice.dynamic.step_s = std::max(choice.dynamic.step_s, step_s);
+  // Three periods without a position are lived through in steps as short as ever.
+  choice.dynamic.max_steps = static_cast<int>(std::ceil(3.0 * period_s / choice.dynamic.step_s));
+  choice.why += "; steps of " + milliseconds(choice.dynamic.step_s) + " for " +
+                profiles::number_text(count) + " vertices";
+}
+
 }  // namespace
 
 const std::vector<std::string>& solver_names() {
-  static const std::vector<std::string> names{"auto", "quasi_static", "local"};
+  static const std::vector<std::string> names{"auto", "quasi_static", "local", "dynamic"};
   return names;
 }
 
 SolverChoice choose_solver(const std::string& asked, std::size_t vertices, double rate_Hz,
-                           const SolverOptions& options) {
+                           const SolverOptions& options, MeshDynamics dynamics) {
   const std::vector<std::string>& names = solver_names();
   if (std::find(names.begin(), names.end(), asked) == names.end()) {
     throw Error("solver '" + asked + "' is unknown; write one of: " + profiles::joined(names) +
                 " (the nearest is " + profiles::nearest_name(asked, names) + ")");
   }
-  SolverChoice choice{.name = asked, .why = "as asked for", .options = options};
+  SolverChoice choice{.name = asked, .why = "as asked for", .options = options, .dynamic = {}};
   const auto count = static_cast<double>(vertices);
   choice.small_enough_for_direct = kDirectCycle_s * count <= kDirectShare * kServoPeriod_s;
-  if (asked == "auto") {
-    const double answer_s = longest_answer_s(count, options.relative_tolerance);
-    const double period_s = 1.0 / rate_Hz;
-    const bool fits = answer_s <= kShareOfPeriod * period_s;
-    choice.name = fits ? "quasi_static" : "local";
-    choice.why = std::to_string(vertices) + " vertices to a residual of " +
-                 profiles::number_text(options.relative_tolerance) + " take up to some " +
-                 milliseconds(answer_s) + " of the " + milliseconds(period_s) + " between answers" +
-                 (fits ? "" : ", so that only what the tool disturbs is solved");
-    if (choice.small_enough_for_direct) {
-      choice.why +=
-          "; small enough for the servo's own rate: --method direct needs no simulator and is "
-          "exact";
-    }
+  if (asked == "auto" && dynamics == MeshDynamics::kDamped) {
+    choice.name = "dynamic";
+    choice.why = "the object has dampers and moves by itself";
+  } else if (asked == "auto") {
+    choose_equilibria(choice, count, rate_Hz, dynamics);
+  } else if (asked != "dynamic" && dynamics == MeshDynamics::kDamped) {
+    choice.why += "; the object's masses and dampers are left out";
+  }
+  if (choice.name == "dynamic") {
+    fit_steps(choice, count, rate_Hz, dynamics);
   }
   if (choice.name == "local" && !(options.border_tolerance > 0.0)) {
     choice.options.border_tolerance = kBorderTolerance;

@@ -4,11 +4,13 @@
 #include <string>
 #include <vector>
 
+#include "simulator/dynamic_object.h"
 #include "simulator/elastic_object.h"
+#include "simulator/vertex_masses.h"
 
 namespace forcegrid::simulator {
 
-/// What --solver can be: auto, quasi_static, local.
+/// What --solver can be: auto, quasi_static, local, dynamic.
 const std::vector<std::string>& solver_names();
 
 /// The solver that a scene is simulated with.
@@ -16,13 +18,17 @@ struct SolverChoice {
   std::string name;  ///< never auto
   std::string why;   ///< in one line, for a user
   SolverOptions options;
+  DynamicOptions dynamic;  ///< where name is dynamic
   /// The whole object can be solved in every cycle of a 500 Hz servo: the method direct is exact
   /// there and needs no simulator.
   bool small_enough_for_direct = false;
 };
 
-/// Picks by size and tolerance. quasi_static where the longest answer that the bench has seen for
-/// that many vertices leaves a third of the time between answers free,
+/// Picks by what the object is, size and tolerance. dynamic where it has dampers: with steps of 2
+/// ms, or as much longer as an answer of 0.7 us a vertex and step needs to take two thirds of the
+/// time between answers. An object with masses alone is solved by equilibria, as nothing but the
+/// time steps would end its swinging. Of equilibria quasi_static where the longest answer that the
+/// bench has seen for that many vertices leaves a third of the time between answers free,
 ///
 ///   t = 1.1 us V max(1, (V / 10,000)^(1/3)) (1 + 0.25 log10(1e-3 / tolerance)),
 ///
@@ -31,8 +37,10 @@ struct SolverChoice {
 /// @param asked  one of solver_names(); another than auto is taken as it is.
 /// @param rate_Hz  answers a second; > 0.
 /// @param options  what the chosen solver starts from.
-/// Throws Error for an unknown name.
+/// @param dynamics  what of the object changes with time.
+/// Throws Error for an unknown name, and for dynamic without masses.
 SolverChoice choose_solver(const std::string& asked, std::size_t vertices, double rate_Hz,
-                           const SolverOptions& options);
+                           const SolverOptions& options,
+                           MeshDynamics dynamics = MeshDynamics::kNone);
 
 }  // namespace forcegrid::simulator

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "simulator/error.h"
+#include "simulator/timed_object.h"
 
 namespace forcegrid::simulator {
 
@@ -41,9 +42,8 @@ bool StickyContact::at_surface(const Eigen::Vector3d& position_W) const noexcept
   return sinking && vertical.below_m && *vertical.below_m <= options_.approach_distance_m;
 }
 
-template <typename Real>
-StickyContact::Answer StickyContact::step(ElasticObject<Real>& object,
-                                          const Eigen::Vector3d& position_W) {
+template <typename Object>
+StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d& position_W) {
   Answer answer;
   if (!position_W.allFinite()) {
     answer.in_contact = in_contact_;
@@ -90,8 +90,8 @@ StickyContact::Answer StickyContact::step(ElasticObject<Real>& object,
   return answer;
 }
 
-template <typename Real>
-void StickyContact::release(ElasticObject<Real>& object) noexcept {
+template <typename Object>
+void StickyContact::release(Object& object) noexcept {
   if (in_contact_) {
     object.release();
     in_contact_ = false;
@@ -100,8 +100,8 @@ void StickyContact::release(ElasticObject<Real>& object) noexcept {
   }
 }
 
-template <typename Real>
-void StickyContact::reset(ElasticObject<Real>& object) noexcept {
+template <typename Object>
+void StickyContact::reset(Object& object) noexcept {
   object.release();
   in_contact_ = false;
   must_leave_first_ = false;
@@ -110,6 +110,9 @@ void StickyContact::reset(ElasticObject<Real>& object) noexcept {
   epoch_ = 0;
 }
 
+template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
+template void StickyContact::release(TimedObject&) noexcept;
+template void StickyContact::reset(TimedObject&) noexcept;
 template StickyContact::Answer StickyContact::step(ElasticObject<float>&, const Eigen::Vector3d&);
 template StickyContact::Answer StickyContact::step(ElasticObject<double>&, const Eigen::Vector3d&);
 template void StickyContact::release(ElasticObject<float>&) noexcept;

@@ -12,6 +12,8 @@
 
 namespace forcegrid::simulator {
 
+struct TimedObject;
+
 struct ContactOptions {
   /// [m] Vertices within this distance of the contact point are held; > 0.
   double patch_radius_m = 0.012;
@@ -32,7 +34,7 @@ struct ContactOptions {
 /// near to it and as much lower. The contact holds until release(). A tool that is first seen
 /// inside the object must leave it before it can touch: it never came through the surface.
 ///
-/// Threads: one.
+/// Objects are an ElasticObject or, where time counts, a TimedObject. Threads: one.
 class StickyContact {
  public:
   /// Throws Error for options out of range.
@@ -55,16 +57,16 @@ class StickyContact {
   /// `object` must be the one of all calls since the last reset(). A position that is not finite
   /// answers as the last one did, with converged and reached false.
   /// Allocates when contact is made, otherwise not.
-  template <typename Real>
-  Answer step(ElasticObject<Real>& object, const Eigen::Vector3d& position_W);
+  template <typename Object>
+  Answer step(Object& object, const Eigen::Vector3d& position_W);
 
   /// Lets go, a new epoch. The tool must leave the surface before it can touch again.
-  template <typename Real>
-  void release(ElasticObject<Real>& object) noexcept;
+  template <typename Object>
+  void release(Object& object) noexcept;
 
-  /// A new run: no contact, epoch 0, the object at rest.
-  template <typename Real>
-  void reset(ElasticObject<Real>& object) noexcept;
+  /// A new run: no contact, epoch 0, the object let go of: what has no motion is then at rest.
+  template <typename Object>
+  void reset(Object& object) noexcept;
 
   /// Where a tool in the air at `position_W` [m] that goes straight on with `velocity_W` [m/s]
   /// would touch within `within_s`; nothing if it would not, or the contact holds already.
@@ -88,6 +90,9 @@ class StickyContact {
   bool must_leave_first_ = false;
 };
 
+extern template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
+extern template void StickyContact::release(TimedObject&) noexcept;
+extern template void StickyContact::reset(TimedObject&) noexcept;
 extern template StickyContact::Answer StickyContact::step(ElasticObject<float>&,
                                                           const Eigen::Vector3d&);
 extern template StickyContact::Answer StickyContact::step(ElasticObject<double>&,

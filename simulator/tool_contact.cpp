@@ -68,23 +68,26 @@ void check_together(const ToolOptions& options) {
 
 }  // namespace
 
-std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
-                                               const ToolOptions& options) {
+std::optional<contact::ToolShape> tool_shape(const ToolOptions& options) {
   check_together(options);
   try {
-    const std::optional<contact::ToolShape> shape = make_shape(options);
-    if (options.contact == "slide") {
-      return std::make_unique<SlidingContact>(
-          scene.mesh, *shape,
-          SlidingOptions{.press = {.friction = options.friction},
-                         .grasp_N = options.grasp_N,
-                         .let_go_N = options.let_go_N});
-    }
-    return std::make_unique<StickingTool>(
-        scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
+    return make_shape(options);
   } catch (const contact::Error& problem) {
     throw Error(problem.what());
   }
+}
+
+std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
+                                               const ToolOptions& options) {
+  const std::optional<contact::ToolShape> shape = tool_shape(options);
+  if (options.contact == "slide") {
+    return std::make_unique<SlidingContact>(scene.mesh, *shape,
+                                            SlidingOptions{.press = {.friction = options.friction},
+                                                           .grasp_N = options.grasp_N,
+                                                           .let_go_N = options.let_go_N});
+  }
+  return std::make_unique<StickingTool>(
+      scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
 }
 
 }  // namespace forcegrid::simulator

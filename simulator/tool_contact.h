@@ -33,6 +33,9 @@ class ToolContact {
 
   virtual ~ToolContact() = default;
 
+  /// The moment [s], of the servo's clock, at which the tool is where the next step() moves it.
+  /// Equilibria know no time.
+  virtual void tell_time(double time_s) noexcept { static_cast<void>(time_s); }
   /// Moves the tool to `position_W` [m]. One that is not finite answers as the last one did, with
   /// converged and reached false.
   virtual Answer step(const Eigen::Vector3d& position_W) = 0;
@@ -46,9 +49,15 @@ class ToolContact {
                                                         double within_s) const noexcept = 0;
   /// Whether force is a function of the position since the touch, so that it can be foretold.
   virtual bool depends_on_position_alone() const noexcept = 0;
+  /// The last step covered more time than the solver's own time steps can, see DynamicOptions.
+  virtual bool in_long_steps() const noexcept { return false; }
   virtual std::size_t vertex_count() const noexcept = 0;
   virtual std::size_t spring_count() const noexcept = 0;
 };
+
+/// The tool's shape; nothing for a point.
+/// Throws Error as make_tool_contact() does.
+std::optional<contact::ToolShape> tool_shape(const ToolOptions& options);
 
 /// Throws Error naming the option that is out of range, unknown, or does not go with the others.
 std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,

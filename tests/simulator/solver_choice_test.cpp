@@ -43,6 +43,30 @@ TEST(SolverChoice, SaysWhereTheServoCanSolveTheObjectItself) {
   EXPECT_THAT(choice.why, HasSubstr("--method direct"));
 }
 
+TEST(SolverChoice, AnObjectWithDampersMovesAndOneWithMassesAloneIsSolvedByEquilibria) {
+  const SolverChoice damped = choose_solver("auto", 500, 30.0, {}, MeshDynamics::kDamped);
+  EXPECT_EQ(damped.name, "dynamic");
+  EXPECT_THAT(damped.why, HasSubstr("dampers"));
+  EXPECT_THAT(damped.why, Not(HasSubstr("direct")));
+  EXPECT_EQ(damped.dynamic.step_s, DynamicOptions{}.step_s);
+  const SolverChoice heavy = choose_solver("auto", 500, 30.0, {}, MeshDynamics::kMasses);
+  EXPECT_EQ(heavy.name, "quasi_static");
+  EXPECT_THAT(heavy.why, HasSubstr("--solver dynamic"));
+  EXPECT_EQ(choose_solver("dynamic", 500, 30.0, {}, MeshDynamics::kMasses).name, "dynamic");
+  EXPECT_THAT(choose_solver("quasi_static", 500, 30.0, {}, MeshDynamics::kDamped).why,
+              HasSubstr("left out"));
+  EXPECT_THROW(choose_solver("dynamic", 500, 30.0, {}), Error);
+}
+
+TEST(SolverChoice, LargerObjectsGetLongerTimeSteps) {
+  // 10,000 vertices of 0.7 us and step: 3 steps fit into two thirds of 33.3 ms.
+  const SolverChoice large = choose_solver("auto", 10'000, 30.0, {}, MeshDynamics::kDamped);
+  EXPECT_NEAR(large.dynamic.step_s, 1.0 / 30.0 / 3.0, 1e-9);
+  EXPECT_EQ(large.dynamic.max_steps, 9);
+  const SolverChoice huge = choose_solver("auto", 1'000'000, 30.0, {}, MeshDynamics::kDamped);
+  EXPECT_NEAR(huge.dynamic.step_s, 1.0 / 30.0, 1e-9) << "one step an answer";
+}
+
 TEST(SolverChoice, TakesWhatIsAskedForAndRefusesTheUnknown) {
   EXPECT_EQ(choose_solver("local", 100, 30.0, {}).name, "local");
   EXPECT_GT(choose_solver("local", 100, 30.0, {}).options.border_tolerance, 0.0);
