@@ -32,13 +32,16 @@ import struct
 import time
 import zlib
 
-TOOL_STATE, QUERY, FORCE_SAMPLE, GOODBYE = 1, 2, 3, 4
+TOOL_STATE, QUERY, FORCE_SAMPLE, GOODBYE, SURFACE_PATCH = 1, 2, 3, 4, 5
 _HEADER = struct.Struct("<4sHHHHIQ")  # magic, version, type, payload bytes, reserved, sequence, session
 _PAYLOADS = {TOOL_STATE: struct.Struct("<q6d"), QUERY: struct.Struct("<q3d"),
-             FORCE_SAMPLE: struct.Struct("<qIIII9d2d9d"), GOODBYE: struct.Struct("<")}
+             FORCE_SAMPLE: struct.Struct("<qIIII9d2d9d"), GOODBYE: struct.Struct("<"),
+             SURFACE_PATCH: struct.Struct("<qIIBBH2f6f3d57f81B")}
 _MAX_DATAGRAM_BYTES = 511
 _MAX_POSITION_M, _MAX_VELOCITY_M_PER_S, _MAX_FORCE_N, _MAX_STIFFNESS_N_PER_M = 10.0, 100.0, 1e3, 1e7
 _MAX_SOLVE_TIME_S = 3600.0
+_MAX_VERTICES, _MAX_TRIANGLES, _MAX_OFFSET_M = 19, 27, 1.0
+_MAX_TOOL_RADIUS_M, _MAX_TOOL_LENGTH_M = 0.1, 0.5
 _QUEUED_QUERIES, _REMEMBERED_SESSIONS, _WINDOW, _PEER_STREAMS = 64, 16, 1024, 16
 
 _SEAL_HEAD = struct.Struct("<4sHBB8s16sQ16s")  # magic, version, direction, 0, key id, stream, counter, heard
@@ -263,7 +266,7 @@ class SimulatorLink:
         self._servo = self._peer = None
         self._session, self._ended = 0, collections.deque(maxlen=_REMEMBERED_SESSIONS)
         self._last_heard_s = 0.0
-        self._sequence = 0
+        self._sequence = self._patches = 0
         self.dropped = collections.Counter()  # reason -> datagrams
         self._forget()
 
@@ -322,6 +325,36 @@ class SimulatorLink:
                           contact_epoch, flags, *position_W_m, *force_W_N, *contact_point_W_m,
                           relative_residual, solve_time_s, *stiffness))
 
+    def show_surface(self, tool_state, vertices_W_m, triangles, contact_epoch=0, tool_radius_m=0.0,
+                     tool_length_m=0.0, stiffness_W_N_per_m=None):
+        """Sends what of the surface the tool, still in the air, may touch next; need not be called.
+
+        vertices_W_m: at most 19; triangles: at most 27, each three vertex numbers, counterclockwise
+        seen from outside. contact_epoch: that of the samples in the air. stiffness_W_N_per_m: dF/dP
+        of a tool that has just touched there: xx, yy, zz, xy, xz, yz. Raises ValueError for what the
+        servo would refuse."""
+        offsets = [vertex[axis] - tool_state.position_W_m[axis] for vertex in vertices_W_m
+                   for axis in range(3)]
+        corners = [corner for triangle in triangles for corner in triangle]
+        stiffness = tuple(stiffness_W_N_per_m or [0.0] * 6)
+        if not (len(vertices_W_m) <= _MAX_VERTICES and len(triangles) <= _MAX_TRIANGLES
+                and len(corners) == 3 * len(triangles)
+                and all(0 <= corner < len(vertices_W_m) for corner in corners)
+                and _within(offsets, _MAX_OFFSET_M) and _within(stiffness, _MAX_STIFFNESS_N_PER_M)
+                and 0.0 <= tool_radius_m <= _MAX_TOOL_RADIUS_M
+                and 0.0 <= tool_length_m <= _MAX_TOOL_LENGTH_M):
+            raise ValueError("a patch that is too large, not finite or out of range; see "
+                             "docs/link_protocol.md")
+        if self._session == 0:
+            return  # the servo has gone
+        self._patches = (self._patches + 1) % 2**32
+        self._send(encode(SURFACE_PATCH, self._patches, self._session, tool_state.servo_time_ns,
+                          tool_state.sequence, contact_epoch, len(vertices_W_m), len(triangles),
+                          stiffness_W_N_per_m is not None, tool_radius_m, tool_length_m, *stiffness,
+                          *tool_state.position_W_m, *offsets,
+                          *[0.0] * (3 * _MAX_VERTICES - len(offsets)), *corners,
+                          *[0] * (3 * _MAX_TRIANGLES - len(corners))))
+
     def close(self):
         """Says goodbye to the servo, if there is one."""
         if self._session:
@@ -345,7 +378,7 @@ class SimulatorLink:
             if not datagram:
                 return
         kind, sequence, session, payload = decode(datagram)
-        if kind == FORCE_SAMPLE:
+        if kind in (FORCE_SAMPLE, SURFACE_PATCH):
             raise _Refused("unexpected type")
         self._check_session(kind, session, sender, news)
         self._peer = peer

@@ -49,6 +49,8 @@ enum {
   FG_WINDOW = 1024,
   FG_PEER_STREAMS = 16,
   FG_ADDRESS_BYTES = 32,
+  FG_PATCH_VERTICES = 19,
+  FG_PATCH_TRIANGLES = 27,
   FG_ENDED_SESSIONS = 16
 };
 
@@ -83,6 +85,22 @@ typedef struct {
   double solve_time_s;
   double stiffness_W_N_per_m[9]; /* dF/dP, row by row */
 } fg_force_sample;
+
+/* What of the surface a tool in the air may touch next; need not be sent. */
+typedef struct {
+  uint32_t echo_sequence; /* these three from the tool state: fg_patch_for_tool_state() */
+  int64_t echo_servo_time_ns;
+  double position_W_m[3];
+  uint32_t contact_epoch;       /* that of the samples in the air */
+  float tool_radius_m;          /* the tool stands upright on its tip; 0: a point */
+  float tool_length_m;          /* between the ends' centres; 0: a sphere */
+  int has_stiffness;            /* else stiffness_W_N_per_m is not sent */
+  float stiffness_W_N_per_m[6]; /* dF/dP just after the touch: xx, yy, zz, xy, xz, yz */
+  unsigned vertex_count;
+  unsigned triangle_count;
+  float vertices_W_m[FG_PATCH_VERTICES][3];       /* from position_W_m, along W's axes */
+  unsigned char triangles[FG_PATCH_TRIANGLES][3]; /* counterclockwise seen from outside */
+} fg_surface_patch;
 
 /* For a link with a key. Each returns 1, or 0 when it failed. */
 typedef struct {
@@ -148,6 +166,7 @@ typedef struct {
   fg_window tool_states;
   fg_window queries;
   uint32_t sample_sequence;
+  uint32_t patch_sequence;
   unsigned char own_stream[16];
   uint64_t counter;
   fg_stream peers[FG_PEER_STREAMS];
@@ -184,6 +203,15 @@ static inline void fg_put_doubles(unsigned char* to, const double* values, int c
   }
 }
 
+static inline void fg_put_floats(unsigned char* to, const float* values, int count) {
+  int i;
+  for (i = 0; i < count; ++i) {
+    uint32_t bits;
+    memcpy(&bits, &values[i], sizeof bits);
+    fg_put(to + 4 * i, bits, 4);
+  }
+}
+
 /* 1 if all are finite and within +-bound. */
 static inline int fg_get_doubles(const unsigned char* from, double* values, int count,
                                  double bound) {
@@ -201,6 +229,17 @@ static inline int fg_within(const double* values, int count, double bound) {
   int i;
   for (i = 0; i < count; ++i) {
     if (!isfinite(values[i]) || fabs(values[i]) > bound) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+static inline int fg_floats_within(const float* values, int count, double bound) {
+  int i;
+  for (i = 0; i < count; ++i) {
+    const double value = (double)values[i];
+    if (!isfinite(value) || fabs(value) > bound) {
       return 0;
     }
   }
@@ -561,6 +600,63 @@ static inline size_t fg_link_make_sample(fg_link* link, const fg_force_sample* s
   return fg_finish(link, datagram, size, now_ns, to);
 }
 
+static inline int fg_patch_is_sound(const fg_surface_patch* patch) {
+  unsigned i;
+  unsigned corner;
+  if (patch->vertex_count > FG_PATCH_VERTICES || patch->triangle_count > FG_PATCH_TRIANGLES ||
+      patch->echo_servo_time_ns < 0 || !fg_within(patch->position_W_m, 3, 10.0) ||
+      !fg_floats_within(&patch->tool_radius_m, 1, (double)0.1f) || patch->tool_radius_m < 0.0f ||
+      !fg_floats_within(&patch->tool_length_m, 1, 0.5) || patch->tool_length_m < 0.0f ||
+      (patch->has_stiffness && !fg_floats_within(patch->stiffness_W_N_per_m, 6, 1e7))) {
+    return 0;
+  }
+  for (i = 0; i < patch->vertex_count; ++i) {
+    if (!fg_floats_within(patch->vertices_W_m[i], 3, 1.0)) {
+      return 0;
+    }
+  }
+  for (i = 0; i < patch->triangle_count; ++i) {
+    for (corner = 0; corner < 3; ++corner) {
+      if (patch->triangles[i][corner] >= patch->vertex_count) {
+        return 0;
+      }
+    }
+  }
+  return 1;
+}
+
+/* The same for a patch of the surface, which a simulator need not send. */
+static inline size_t fg_link_make_patch(fg_link* link, const fg_surface_patch* patch,
+                                        int64_t now_ns, unsigned char* to) {
+  unsigned char datagram[FG_MAX_DATAGRAM_BYTES];
+  size_t size;
+  unsigned i;
+  if (link->session_id == 0 || !fg_patch_is_sound(patch)) {
+    return 0;
+  }
+  memset(datagram, 0, sizeof datagram);
+  size = fg_begin_datagram(datagram, 5, 385, ++link->patch_sequence, link->session_id);
+  fg_put(datagram + 24, (uint64_t)patch->echo_servo_time_ns, 8);
+  fg_put(datagram + 32, patch->echo_sequence, 4);
+  fg_put(datagram + 36, patch->contact_epoch, 4);
+  datagram[40] = (unsigned char)patch->vertex_count;
+  datagram[41] = (unsigned char)patch->triangle_count;
+  fg_put(datagram + 42, patch->has_stiffness ? 1u : 0u, 2);
+  fg_put_floats(datagram + 44, &patch->tool_radius_m, 1);
+  fg_put_floats(datagram + 48, &patch->tool_length_m, 1);
+  if (patch->has_stiffness) {
+    fg_put_floats(datagram + 52, patch->stiffness_W_N_per_m, 6);
+  }
+  fg_put_doubles(datagram + 76, patch->position_W_m, 3);
+  for (i = 0; i < patch->vertex_count; ++i) {
+    fg_put_floats(datagram + 100 + 12 * i, patch->vertices_W_m[i], 3);
+  }
+  for (i = 0; i < patch->triangle_count; ++i) {
+    memcpy(datagram + 328 + 3 * i, patch->triangles[i], 3);
+  }
+  return fg_finish(link, datagram, size, now_ns, to);
+}
+
 /* Writes a goodbye: this simulator ends. @returns its size, 0 without a servo. */
 static inline size_t fg_link_make_goodbye(fg_link* link, int64_t now_ns, unsigned char* to) {
   unsigned char datagram[FG_MAX_DATAGRAM_BYTES];
@@ -591,6 +687,16 @@ static inline fg_force_sample fg_answer_to_query(const fg_query* query) {
   memcpy(sample.position_W_m, query->position_W_m, sizeof sample.position_W_m);
   memcpy(sample.contact_point_W_m, query->position_W_m, sizeof sample.contact_point_W_m);
   return sample;
+}
+
+/* An empty patch for the tool's position with the echo filled in. */
+static inline fg_surface_patch fg_patch_for_tool_state(const fg_tool_state* state) {
+  fg_surface_patch patch;
+  memset(&patch, 0, sizeof patch);
+  patch.echo_sequence = state->sequence;
+  patch.echo_servo_time_ns = state->servo_time_ns;
+  memcpy(patch.position_W_m, state->position_W_m, sizeof patch.position_W_m);
+  return patch;
 }
 
 #ifdef __cplusplus

@@ -22,6 +22,7 @@ inline constexpr std::size_t kSealTimesBytes = 24;
 inline constexpr std::size_t kSealTagBytes = 16;
 inline constexpr std::size_t kSealOverheadBytes = kSealHeadBytes + kSealTimesBytes + kSealTagBytes;
 static_assert(kForceSampleBytes + kSealOverheadBytes <= kMaxDatagramBytes);
+static_assert(kSurfacePatchBytes + kSealOverheadBytes <= kMaxDatagramBytes);
 
 /// What became of a datagram that arrived, in the order in which it is checked.
 enum class SealStatus : std::uint8_t {

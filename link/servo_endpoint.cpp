@@ -27,9 +27,9 @@ struct SentMessage {
   Vector3 position_W_m{};
 };
 
-bool near(const Vector3& a_W_m, const Vector3& b_W_m) noexcept {
-  return std::hypot(a_W_m[0] - b_W_m[0], a_W_m[1] - b_W_m[1], a_W_m[2] - b_W_m[2]) <=
-         kMaxEchoDistance_m;
+bool near(const Vector3& a_W_m, const Vector3& b_W_m,
+          double within_m = kMaxEchoDistance_m) noexcept {
+  return std::hypot(a_W_m[0] - b_W_m[0], a_W_m[1] - b_W_m[1], a_W_m[2] - b_W_m[2]) <= within_m;
 }
 
 /// Loopback for a simulator there, so that no other machine reaches the socket; else the address
@@ -72,6 +72,9 @@ struct ServoEndpoint::State {
   bool accept(const ForceSample& sample) noexcept;
   bool accept_sample(const ForceSample& sample) noexcept;
   bool accept_reply(const ForceSample& reply) noexcept;
+  bool accept(const SurfacePatch& patch) noexcept;
+  bool echoes(std::uint32_t sequence, std::int64_t servo_time_ns, const Vector3& position_W_m,
+              double within_m) noexcept;
   SequenceTracker::Arrival track(std::uint32_t sequence) noexcept;
 
   Address simulator;
@@ -91,6 +94,9 @@ struct ServoEndpoint::State {
   bool sample_accepted = false;
   std::uint32_t newest_sample = 0;
   std::uint32_t newest_echo = 0;
+  std::optional<SurfacePatch> patch;  ///< not yet given out
+  std::uint64_t patches_accepted = 0;
+  std::uint32_t newest_patch_echo = 0;
   bool simulator_ended = false;
   bool goodbye_said = false;
 };
@@ -117,17 +123,42 @@ bool ServoEndpoint::State::accept(const ForceSample& sample) noexcept {
   return sample.query_id != 0 ? accept_reply(sample) : accept_sample(sample);
 }
 
-bool ServoEndpoint::State::accept_sample(const ForceSample& sample) noexcept {
-  const SentMessage& sent = tool_states[sample.echo_sequence % kRememberedToolStates];
-  if (!sent.used || sent.number != sample.echo_sequence) {
-    const bool forgotten = sent.used && ahead_of(newest_tool_state, sample.echo_sequence) >=
+// What it answers was sent, at that time and there; else it is counted.
+bool ServoEndpoint::State::echoes(std::uint32_t sequence, std::int64_t servo_time_ns,
+                                  const Vector3& position_W_m, double within_m) noexcept {
+  const SentMessage& sent = tool_states[sequence % kRememberedToolStates];
+  if (!sent.used || sent.number != sequence) {
+    const bool forgotten = sent.used && ahead_of(newest_tool_state, sequence) >=
                                             static_cast<std::int32_t>(kRememberedToolStates);
     ++(forgotten ? statistics.late : statistics.forged);
     return false;
   }
-  if (sent.servo_time_ns != sample.echo_servo_time_ns ||
-      !near(sent.position_W_m, sample.position_W_m)) {
+  if (sent.servo_time_ns != servo_time_ns || !near(sent.position_W_m, position_W_m, within_m)) {
     ++statistics.forged;
+    return false;
+  }
+  return true;
+}
+
+// Its numbers are not looked at: only the newest is of use, and a simulator that was started anew
+// begins them again.
+bool ServoEndpoint::State::accept(const SurfacePatch& candidate) noexcept {
+  if (!echoes(candidate.echo_sequence, candidate.echo_servo_time_ns, candidate.position_W_m, 0.0)) {
+    return false;
+  }
+  if (patches_accepted > 0 && ahead_of(candidate.echo_sequence, newest_patch_echo) <= 0) {
+    ++(candidate.echo_sequence == newest_patch_echo ? statistics.duplicated : statistics.late);
+    return false;
+  }
+  ++patches_accepted;
+  newest_patch_echo = candidate.echo_sequence;
+  patch = candidate;
+  return true;
+}
+
+bool ServoEndpoint::State::accept_sample(const ForceSample& sample) noexcept {
+  if (!echoes(sample.echo_sequence, sample.echo_servo_time_ns, sample.position_W_m,
+              kMaxEchoDistance_m)) {
     return false;
   }
   // A live simulator numbers its samples in the order of what they answer, so a newer answer under
@@ -264,6 +295,10 @@ std::optional<ForceSample> ServoEndpoint::receive() noexcept {
       own.simulator_ended = true;
       continue;
     }
+    if (const auto* patch = std::get_if<SurfacePatch>(&decoded.message)) {
+      own.statistics.accepted += own.accept(*patch) ? 1 : 0;
+      continue;
+    }
     const auto* sample = std::get_if<ForceSample>(&decoded.message);
     if (sample == nullptr) {
       ++own.statistics.unexpected_type;
@@ -277,6 +312,12 @@ std::optional<ForceSample> ServoEndpoint::receive() noexcept {
   }
   return std::nullopt;
 }
+
+std::optional<SurfacePatch> ServoEndpoint::next_patch() noexcept {
+  return std::exchange(state_->patch, std::nullopt);
+}
+
+std::uint64_t ServoEndpoint::patches_accepted() const noexcept { return state_->patches_accepted; }
 
 bool ServoEndpoint::wait(std::chrono::nanoseconds timeout) noexcept {
   const bool readable = state_->transport.socket().wait(timeout) == UdpSocket::Wait::kReadable;

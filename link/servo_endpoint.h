@@ -12,6 +12,7 @@
 #include "link/key.h"
 #include "link/messages.h"
 #include "link/statistics.h"
+#include "link/surface_patch.h"
 
 namespace forcegrid::link {
 
@@ -28,7 +29,9 @@ inline constexpr std::size_t kRememberedQueries = 1024;
 /// address, carries this run's session id, echoes sequence and time of a tool state sent in this
 /// session, lies within kMaxEchoDistance_m of it, and is newer than the newest accepted one. A
 /// reply (query_id != 0) must instead match an unanswered query of the session in id, time and
-/// position; it is never late. Everything else is dropped and counted.
+/// position; it is never late. A patch of the surface must echo a tool state as a sample does,
+/// state its very position, and be newer than the newest taken. Everything else is dropped and
+/// counted.
 ///
 /// Threads: one at a time.
 class ServoEndpoint {
@@ -60,6 +63,12 @@ class ServoEndpoint {
   /// a call, so that a flood can't hold the caller.
   /// Real-time: bounded, does not block; no allocation, lock of ours or throw.
   [[nodiscard]] std::optional<ForceSample> receive() noexcept;
+
+  /// The newest acceptable patch of the surface that receive() has come across since the last call.
+  /// Real-time: as receive().
+  [[nodiscard]] std::optional<SurfacePatch> next_patch() noexcept;
+  /// Patches of the surface among LinkStatistics::accepted. Real-time: yes.
+  [[nodiscard]] std::uint64_t patches_accepted() const noexcept;
 
   /// Waits until something has arrived, `timeout` has passed or a signal came. Zero or less: looks
   /// and returns.

@@ -47,6 +47,9 @@ struct SimulatorEndpoint::State {
   [[nodiscard]] bool alive() const noexcept;
   template <typename Message>
   SendStatus transmit(const Message& message) noexcept;
+  /// With the next number of `count`.
+  template <typename Message>
+  SendStatus transmit_numbered(const Message& message, std::uint32_t& count) noexcept;
 
   std::vector<AddressRange> allowed;
   Address local;  ///< as asked for: port 0 for any
@@ -73,6 +76,7 @@ struct SimulatorEndpoint::State {
   std::size_t queue_size = 0;
 
   std::uint32_t sample_sequence = 0;
+  std::uint32_t patch_sequence = 0;
 };
 
 bool SimulatorEndpoint::State::alive() const noexcept {
@@ -194,7 +198,8 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
     ++statistics.malformed[static_cast<std::size_t>(decoded.status)];
     return;
   }
-  if (std::holds_alternative<ForceSample>(decoded.message)) {
+  if (std::holds_alternative<ForceSample>(decoded.message) ||
+      std::holds_alternative<SurfacePatch>(decoded.message)) {
     ++statistics.unexpected_type;
     return;
   }
@@ -277,19 +282,28 @@ std::optional<Query> SimulatorEndpoint::next_query() noexcept {
   return query;
 }
 
-SendStatus SimulatorEndpoint::send(const ForceSample& sample) noexcept {
-  State& own = *state_;
-  if (own.session_id == 0) {
-    own.statistics.send_no_peer = ++own.sent_without_servo + own.transport.socket().undelivered();
+template <typename Message>
+SendStatus SimulatorEndpoint::State::transmit_numbered(const Message& message,
+                                                       std::uint32_t& count) noexcept {
+  if (session_id == 0) {
+    statistics.send_no_peer = ++sent_without_servo + transport.socket().undelivered();
     return SendStatus::kNoPeer;
   }
-  ForceSample numbered = sample;
-  numbered.sequence = own.sample_sequence + 1;
-  const SendStatus status = own.transmit(numbered);
+  Message numbered = message;
+  numbered.sequence = count + 1;
+  const SendStatus status = transmit(numbered);
   if (status == SendStatus::kSent) {
-    own.sample_sequence = numbered.sequence;
+    count = numbered.sequence;
   }
   return status;
+}
+
+SendStatus SimulatorEndpoint::send(const ForceSample& sample) noexcept {
+  return state_->transmit_numbered(sample, state_->sample_sequence);
+}
+
+SendStatus SimulatorEndpoint::send(const SurfacePatch& patch) noexcept {
+  return state_->transmit_numbered(patch, state_->patch_sequence);
 }
 
 bool SimulatorEndpoint::servo_alive() const noexcept { return state_->alive(); }
@@ -313,6 +327,14 @@ ForceSample answer_to(const ToolState& state) noexcept {
   sample.position_W_m = state.position_W_m;
   sample.contact_point_W_m = state.position_W_m;
   return sample;
+}
+
+SurfacePatch patch_for(const ToolState& state) noexcept {
+  SurfacePatch patch;
+  patch.echo_sequence = state.sequence;
+  patch.echo_servo_time_ns = state.servo_time_ns;
+  patch.position_W_m = state.position_W_m;
+  return patch;
 }
 
 ForceSample answer_to(const Query& query) noexcept {

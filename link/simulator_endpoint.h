@@ -12,6 +12,7 @@
 #include "link/key.h"
 #include "link/messages.h"
 #include "link/statistics.h"
+#include "link/surface_patch.h"
 
 namespace forcegrid::link {
 
@@ -84,6 +85,9 @@ class SimulatorEndpoint {
   /// used). Samples go out in the order of the tool states that they answer.
   /// Real-time: one or two system calls that don't block; no allocation or throw.
   SendStatus send(const ForceSample& sample) noexcept;
+  /// The same with a patch of the surface, whose numbers are a count of their own; a simulator need
+  /// send none.
+  SendStatus send(const SurfacePatch& patch) noexcept;
 
   /// A servo holds the link and was heard within the silence limit. Real-time: yes.
   [[nodiscard]] bool servo_alive() const noexcept;
@@ -103,6 +107,8 @@ class SimulatorEndpoint {
 /// A sample for the tool's position with the echo filled in; force zero, not in contact.
 /// Real-time: yes. Threads: any.
 [[nodiscard]] ForceSample answer_to(const ToolState& state) noexcept;
+/// An empty patch for the tool's position with the echo filled in.
+[[nodiscard]] SurfacePatch patch_for(const ToolState& state) noexcept;
 /// A reply for the query's position with id and echo time filled in (echo_sequence is 0 in a
 /// reply).
 [[nodiscard]] ForceSample answer_to(const Query& query) noexcept;

@@ -16,6 +16,7 @@ constexpr std::array<char, 4> kMagic = {'F', 'G', 'R', 'D'};
 constexpr std::uint32_t kFlagInContact = 1U << 0U;
 constexpr std::uint32_t kFlagConverged = 1U << 1U;
 constexpr std::uint32_t kFlagHasStiffness = 1U << 2U;
+constexpr std::uint16_t kPatchHasStiffness = 1U << 0U;
 constexpr std::uint32_t kKnownFlags = kFlagInContact | kFlagConverged | kFlagHasStiffness;
 
 /// Appends little-endian fields; the caller has made sure that they fit.
@@ -31,9 +32,10 @@ class Writer {
   }
   void put(std::int64_t value) noexcept { put(static_cast<std::uint64_t>(value)); }
   void put(double value) noexcept { put(std::bit_cast<std::uint64_t>(value)); }
-  template <std::size_t N>
-  void put(const std::array<double, N>& values) noexcept {
-    for (const double value : values) {
+  void put(float value) noexcept { put(std::bit_cast<std::uint32_t>(value)); }
+  template <typename T, std::size_t N>
+  void put(const std::array<T, N>& values) noexcept {
+    for (const T& value : values) {
       put(value);
     }
   }
@@ -67,9 +69,14 @@ class Reader {
     get(bits);
     value = std::bit_cast<double>(bits);
   }
-  template <std::size_t N>
-  void get(std::array<double, N>& values) noexcept {
-    for (double& value : values) {
+  void get(float& value) noexcept {
+    std::uint32_t bits = 0;
+    get(bits);
+    value = std::bit_cast<float>(bits);
+  }
+  template <typename T, std::size_t N>
+  void get(std::array<T, N>& values) noexcept {
+    for (T& value : values) {
       get(value);
     }
   }
@@ -84,14 +91,14 @@ std::uint32_t checksum(std::span<const std::byte> bytes) noexcept {
       ::crc32(0, reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uInt>(bytes.size())));
 }
 
-template <std::size_t N>
-bool finite(const std::array<double, N>& values) noexcept {
-  return std::ranges::all_of(values, [](double value) { return std::isfinite(value); });
+template <typename T, std::size_t N>
+bool finite(const std::array<T, N>& values) noexcept {
+  return std::ranges::all_of(values, [](T value) { return std::isfinite(value); });
 }
 
-template <std::size_t N>
-bool within(const std::array<double, N>& values, double bound) noexcept {
-  return std::ranges::all_of(values, [bound](double value) { return std::abs(value) <= bound; });
+template <typename T, std::size_t N>
+bool within(const std::array<T, N>& values, double bound) noexcept {
+  return std::ranges::all_of(values, [bound](T value) { return std::abs(value) <= bound; });
 }
 
 WireStatus check(const ToolState& message) noexcept {
@@ -137,6 +144,53 @@ WireStatus check(const ForceSample& message) noexcept {
 
 WireStatus check(const Goodbye&) noexcept { return WireStatus::kOk; }
 
+// What is beyond the counts has to be zero, so that a message has one form.
+bool nothing_undeclared(const SurfacePatch& message) noexcept {
+  for (std::size_t v = message.vertex_count; v < message.vertices_W_m.size(); ++v) {
+    if (!within(message.vertices_W_m[v], 0.0)) {
+      return false;
+    }
+  }
+  for (std::size_t t = message.triangle_count; t < message.triangles.size(); ++t) {
+    if (message.triangles[t] != SurfacePatch::Triangle{}) {
+      return false;
+    }
+  }
+  return message.has_stiffness || within(message.stiffness_W_N_per_m, 0.0);
+}
+
+WireStatus check(const SurfacePatch& message) noexcept {
+  if (message.vertex_count > SurfacePatch::kMaxVertices ||
+      message.triangle_count > SurfacePatch::kMaxTriangles) {
+    return WireStatus::kOutOfRange;
+  }
+  const auto vertex_finite = [](const auto& vertex) { return finite(vertex); };
+  if (!finite(message.position_W_m) || !finite(message.stiffness_W_N_per_m) ||
+      !std::isfinite(message.tool_radius_m) || !std::isfinite(message.tool_length_m) ||
+      !std::ranges::all_of(message.vertices_W_m, vertex_finite)) {
+    return WireStatus::kNotFinite;
+  }
+  if (!nothing_undeclared(message)) {
+    return WireStatus::kBadReserved;
+  }
+  const auto vertex_near = [](const auto& vertex) {
+    return within(vertex, SurfacePatch::kMaxOffset_m);
+  };
+  const auto declared = [&message](const SurfacePatch::Triangle& triangle) {
+    return std::ranges::all_of(triangle, [&](auto v) { return v < message.vertex_count; });
+  };
+  const auto triangles = std::span(message.triangles).first(message.triangle_count);
+  if (message.echo_servo_time_ns < 0 || !within(message.position_W_m, kMaxPosition_m) ||
+      !within(message.stiffness_W_N_per_m, kMaxStiffness_N_per_m) || message.tool_radius_m < 0.0F ||
+      message.tool_radius_m > SurfacePatch::kMaxToolRadius_m || message.tool_length_m < 0.0F ||
+      message.tool_length_m > SurfacePatch::kMaxToolLength_m ||
+      !std::ranges::all_of(message.vertices_W_m, vertex_near) ||
+      !std::ranges::all_of(triangles, declared)) {
+    return WireStatus::kOutOfRange;
+  }
+  return WireStatus::kOk;
+}
+
 constexpr std::size_t size_bytes(MessageType type) noexcept {
   switch (type) {
     case MessageType::kToolState:
@@ -147,6 +201,8 @@ constexpr std::size_t size_bytes(MessageType type) noexcept {
       return kForceSampleBytes;
     case MessageType::kGoodbye:
       return kGoodbyeBytes;
+    case MessageType::kSurfacePatch:
+      return kSurfacePatchBytes;
   }
   return 0;
 }
@@ -179,6 +235,21 @@ void put_payload(Writer& writer, const ForceSample& message) noexcept {
 }
 
 void put_payload(Writer&, const Goodbye&) noexcept {}
+
+void put_payload(Writer& writer, const SurfacePatch& message) noexcept {
+  writer.put(message.echo_servo_time_ns);
+  writer.put(message.echo_sequence);
+  writer.put(message.contact_epoch);
+  writer.put(message.vertex_count);
+  writer.put(message.triangle_count);
+  writer.put(message.has_stiffness ? kPatchHasStiffness : std::uint16_t{0});
+  writer.put(message.tool_radius_m);
+  writer.put(message.tool_length_m);
+  writer.put(message.stiffness_W_N_per_m);
+  writer.put(message.position_W_m);
+  writer.put(message.vertices_W_m);
+  writer.put(message.triangles);
+}
 
 template <typename Message>
 Encoded encode_as(MessageType type, std::uint32_t sequence, const Message& message,
@@ -245,6 +316,25 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, ForceSample& mess
 
 WireStatus get_payload(Reader&, std::uint32_t sequence, Goodbye&) noexcept {
   return sequence == 0 ? WireStatus::kOk : WireStatus::kBadReserved;
+}
+
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, SurfacePatch& message) noexcept {
+  message.sequence = sequence;
+  reader.get(message.echo_servo_time_ns);
+  reader.get(message.echo_sequence);
+  reader.get(message.contact_epoch);
+  reader.get(message.vertex_count);
+  reader.get(message.triangle_count);
+  std::uint16_t flags = 0;
+  reader.get(flags);
+  message.has_stiffness = (flags & kPatchHasStiffness) != 0;
+  reader.get(message.tool_radius_m);
+  reader.get(message.tool_length_m);
+  reader.get(message.stiffness_W_N_per_m);
+  reader.get(message.position_W_m);
+  reader.get(message.vertices_W_m);
+  reader.get(message.triangles);
+  return (flags & ~kPatchHasStiffness) != 0 ? WireStatus::kBadReserved : check(message);
 }
 
 template <typename Message>
@@ -340,6 +430,8 @@ Decoded decode(std::span<const std::byte> datagram) noexcept {
       return decode_as<ForceSample>(reader, sequence, session_id);
     case MessageType::kGoodbye:
       return decode_as<Goodbye>(reader, sequence, session_id);
+    case MessageType::kSurfacePatch:
+      return decode_as<SurfacePatch>(reader, sequence, session_id);
   }
   return {WireStatus::kBadType, 0, {}};
 }
@@ -362,6 +454,11 @@ Encoded encode(const ForceSample& message, std::uint64_t session_id,
 Encoded encode(const Goodbye& message, std::uint64_t session_id,
                std::span<std::byte> buffer) noexcept {
   return encode_as(MessageType::kGoodbye, 0, message, session_id, buffer);
+}
+
+Encoded encode(const SurfacePatch& message, std::uint64_t session_id,
+               std::span<std::byte> buffer) noexcept {
+  return encode_as(MessageType::kSurfacePatch, message.sequence, message, session_id, buffer);
 }
 
 }  // namespace forcegrid::link

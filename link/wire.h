@@ -6,12 +6,13 @@
 #include <variant>
 
 #include "link/messages.h"
+#include "link/surface_patch.h"
 
 /// The datagrams of the link, to the byte; docs/link_protocol.md has the same as tables.
 ///
 /// header (24 bytes) | payload (fixed size for each type) | CRC-32 of all bytes before it (4 bytes)
 ///
-/// All numbers are little-endian; reals are IEEE 754 doubles.
+/// All numbers are little-endian; reals are IEEE 754 doubles, in a surface patch also floats.
 namespace forcegrid::link {
 
 inline constexpr std::uint16_t kProtocolVersion = 1;
@@ -22,6 +23,7 @@ inline constexpr std::size_t kToolStateBytes = kHeaderBytes + 56 + kChecksumByte
 inline constexpr std::size_t kQueryBytes = kHeaderBytes + 32 + kChecksumBytes;
 inline constexpr std::size_t kForceSampleBytes = kHeaderBytes + 184 + kChecksumBytes;
 inline constexpr std::size_t kGoodbyeBytes = kHeaderBytes + kChecksumBytes;
+inline constexpr std::size_t kSurfacePatchBytes = kHeaderBytes + 385 + kChecksumBytes;
 /// No datagram of this or a later version is longer; it fits every path without fragmentation.
 inline constexpr std::size_t kMaxDatagramBytes = 511;
 static_assert(kForceSampleBytes <= kMaxDatagramBytes);
@@ -38,6 +40,7 @@ enum class MessageType : std::uint16_t {
   kQuery = 2,
   kForceSample = 3,
   kGoodbye = 4,
+  kSurfacePatch = 5,
 };
 
 /// What is wrong with a datagram, in the order in which it is checked.
@@ -49,9 +52,11 @@ enum class WireStatus : std::uint8_t {
   kBadType,      ///< no such message type
   kBadLength,    ///< datagram or its length field differ from the type's fixed size
   kBadChecksum,  ///< corrupted on its way
-  kBadReserved,  ///< a reserved field, an unknown flag or an undeclared stiffness is not zero
+  kBadReserved,  ///< a reserved field, an unknown flag or something undeclared is not zero
   kNotFinite,    ///< NaN or infinity
-  kOutOfRange,   ///< beyond the bounds above, time or residual below zero, session or query id 0
+  /// Beyond the bounds above, time or residual below zero, session or query id 0, a triangle of
+  /// vertices that are not there.
+  kOutOfRange,
 };
 inline constexpr std::size_t kWireStatusCount = 10;
 
@@ -65,7 +70,7 @@ struct Goodbye {};
 struct Decoded {
   WireStatus status = WireStatus::kTooShort;
   std::uint64_t session_id = 0;
-  std::variant<std::monostate, ToolState, Query, ForceSample, Goodbye> message;
+  std::variant<std::monostate, ToolState, Query, ForceSample, Goodbye, SurfacePatch> message;
 };
 
 /// Checks a received datagram completely and reads it. Safe for any bytes of any length.
@@ -89,6 +94,8 @@ struct Encoded {
 [[nodiscard]] Encoded encode(const ForceSample& message, std::uint64_t session_id,
                              std::span<std::byte> buffer) noexcept;
 [[nodiscard]] Encoded encode(const Goodbye& message, std::uint64_t session_id,
+                             std::span<std::byte> buffer) noexcept;
+[[nodiscard]] Encoded encode(const SurfacePatch& message, std::uint64_t session_id,
                              std::span<std::byte> buffer) noexcept;
 
 }  // namespace forcegrid::link

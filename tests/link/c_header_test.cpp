@@ -130,6 +130,51 @@ TEST_F(CHeader, WritesTheWorkedForceSampleAndGoodbye) {
   EXPECT_EQ(made, kGoodbye);
 }
 
+TEST_F(CHeader, WritesTheWorkedSurfacePatch) {
+  ASSERT_EQ(take(kToolState), FG_TOOL_STATE);
+  fg_surface_patch patch = fg_patch_for_tool_state(&link_.tool_state);
+  const SurfacePatch expected = worked::surface_patch();
+  patch.contact_epoch = 2;
+  patch.tool_radius_m = expected.tool_radius_m;
+  patch.has_stiffness = 1;
+  std::ranges::copy(expected.stiffness_W_N_per_m, patch.stiffness_W_N_per_m);
+  patch.vertex_count = 4;
+  patch.triangle_count = 2;
+  for (std::size_t v = 0; v < 4; ++v) {
+    std::ranges::copy(expected.vertices_W_m[v], patch.vertices_W_m[v]);
+  }
+  for (std::size_t t = 0; t < 2; ++t) {
+    std::ranges::copy(expected.triangles[t], patch.triangles[t]);
+  }
+  std::vector<unsigned char> made(FG_MAX_DATAGRAM_BYTES);
+  size_t size = 0;
+  for (int i = 0; i < 4; ++i) {  // the worked one has number 4
+    size = fg_link_make_patch(&link_, &patch, kNow_ns, made.data());
+  }
+  made.resize(size);
+  EXPECT_EQ(made, bytes_of(worked::kSurfacePatchHex));
+}
+
+TEST_F(CHeader, ShowsNoSurfaceThatTheServoWouldRefuse) {
+  ASSERT_EQ(take(kToolState), FG_TOOL_STATE);
+  std::array<unsigned char, FG_MAX_DATAGRAM_BYTES> to;
+  const auto size_with = [&](auto change) {
+    fg_surface_patch patch = fg_patch_for_tool_state(&link_.tool_state);
+    patch.vertex_count = 3;
+    patch.triangle_count = 1;
+    patch.triangles[0][1] = 1;
+    patch.triangles[0][2] = 2;
+    change(patch);
+    return fg_link_make_patch(&link_, &patch, kNow_ns, to.data());
+  };
+  EXPECT_EQ(size_with([](fg_surface_patch&) {}), kSurfacePatchBytes);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) { p.triangles[0][2] = 3; }), 0U);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) { p.vertex_count = 20; }), 0U);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) { p.triangle_count = 28; }), 0U);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) { p.vertices_W_m[2][1] = NAN; }), 0U);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) { p.tool_radius_m = -1.0F; }), 0U);
+}
+
 TEST_F(CHeader, SendsNothingThatTheServoWouldRefuse) {
   std::array<unsigned char, FG_MAX_DATAGRAM_BYTES> to;
   fg_force_sample sample = fg_answer_to_tool_state(&link_.tool_state);

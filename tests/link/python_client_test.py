@@ -71,6 +71,26 @@ class PlainLink(WithALink):
         sent = [self.servo.recv(512) for _ in range(3)]
         self.assertEqual(sent[2], WORKED["force_sample"])
 
+    def test_writes_the_worked_surface_patch(self):
+        state = self.send(WORKED["tool_state"]).tool_state
+        x, y, z = state.position_W_m
+        a = 1 / 128
+        square = [(x - a, y - a, z - a), (x + a, y - a, z - a), (x + a, y + a, z - a), (x - a, y + a, z - a)]
+        for _ in range(4):  # the worked one has number 4
+            self.link.show_surface(state, square, [(0, 1, 2), (0, 2, 3)], contact_epoch=2, tool_radius_m=a,
+                                   stiffness_W_N_per_m=(-100, -100, -72, 0, 0, 0))
+        sent = [self.servo.recv(512) for _ in range(4)]
+        self.assertEqual(sent[3], WORKED["surface_patch"])
+
+    def test_shows_no_surface_that_the_servo_would_refuse(self):
+        state = self.send(WORKED["tool_state"]).tool_state
+        here = state.position_W_m
+        for vertices, triangles in (([here] * 20, []), ([here] * 3, [(0, 1, 3)]), ([here] * 3, [(0, 1)]),
+                                    ([(float("nan"), 0, 0)] * 3, []), ([(2, 0, 0)] * 3, []),
+                                    ([here] * 3, [(0, 1, 2)] * 28)):
+            with self.assertRaises(ValueError):
+                self.link.show_surface(state, vertices, triangles)
+
     def test_goodbye_ends_a_session_for_good(self):
         self.assertTrue(self.send(WORKED["tool_state"]).new_session)
         self.assertTrue(self.send(WORKED["goodbye"]).servo_ended)

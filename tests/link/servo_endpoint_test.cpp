@@ -98,6 +98,39 @@ TEST_F(ServoEndpointTest, AcceptsASampleThatAnswersAToolState) {
   EXPECT_FALSE(servo_.receive());
 }
 
+TEST_F(ServoEndpointTest, TakesTheNewestPatchThatEchoesAToolState) {
+  send_tool_states(3);
+  const auto patch = [](std::uint32_t echo_sequence) {
+    SurfacePatch made = patch_for(state(echo_sequence));
+    made.contact_epoch = echo_sequence;
+    return made;
+  };
+  simulator_sends(patch(1));
+  simulator_sends(patch(2));
+  expect_only_the_marker(1, 1);
+  const auto taken = servo_.next_patch();
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(taken->contact_epoch, 2U);
+  EXPECT_FALSE(servo_.next_patch()) << "given out once";
+
+  simulator_sends(patch(2));  // again
+  simulator_sends(patch(1));  // older
+  simulator_sends(patch(9));  // of a tool state that was never sent
+  SurfacePatch elsewhere = patch(3);
+  elsewhere.position_W_m[1] = 1e-6;
+  simulator_sends(elsewhere);
+  SurfacePatch at_another_time = patch(3);
+  at_another_time.echo_servo_time_ns += 1;
+  simulator_sends(at_another_time);
+  expect_only_the_marker(2, 2);
+  EXPECT_FALSE(servo_.next_patch());
+  EXPECT_EQ(servo_.statistics().duplicated, 1U);
+  EXPECT_EQ(servo_.statistics().late, 1U);
+  EXPECT_EQ(servo_.statistics().forged, 3U);
+  EXPECT_EQ(servo_.statistics().accepted, 4U);
+  EXPECT_EQ(servo_.patches_accepted(), 2U);
+}
+
 TEST_F(ServoEndpointTest, CountsEachKindOfMalformedDatagramAndGoesOn) {
   send_tool_states(1);
   const auto good = worked::from_hex(worked::kForceSampleHex);

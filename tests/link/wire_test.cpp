@@ -14,6 +14,7 @@
 #include <random>
 #include <set>
 
+#include "link/seal.h"
 #include "tests/link/worked_datagrams.h"
 
 namespace forcegrid::link {
@@ -58,7 +59,8 @@ const Bytes kToolState = worked::from_hex(worked::kToolStateHex);
 const Bytes kQuery = worked::from_hex(worked::kQueryHex);
 const Bytes kForceSample = worked::from_hex(worked::kForceSampleHex);
 const Bytes kGoodbye = worked::from_hex(worked::kGoodbyeHex);
-const std::array<Bytes, 4> kEveryType = {kToolState, kQuery, kForceSample, kGoodbye};
+const Bytes kSurfacePatch = worked::from_hex(worked::kSurfacePatchHex);
+const std::array<Bytes, 5> kEveryType = {kToolState, kQuery, kForceSample, kGoodbye, kSurfacePatch};
 
 void expect_equal(const ToolState& a, const ToolState& b) {
   EXPECT_EQ(a.sequence, b.sequence);
@@ -90,6 +92,22 @@ void expect_equal(const ForceSample& a, const ForceSample& b) {
   EXPECT_EQ(a.solve_time_s, b.solve_time_s);
 }
 
+void expect_equal(const SurfacePatch& a, const SurfacePatch& b) {
+  EXPECT_EQ(a.sequence, b.sequence);
+  EXPECT_EQ(a.echo_sequence, b.echo_sequence);
+  EXPECT_EQ(a.echo_servo_time_ns, b.echo_servo_time_ns);
+  EXPECT_EQ(a.contact_epoch, b.contact_epoch);
+  EXPECT_EQ(a.has_stiffness, b.has_stiffness);
+  EXPECT_EQ(a.vertex_count, b.vertex_count);
+  EXPECT_EQ(a.triangle_count, b.triangle_count);
+  EXPECT_EQ(a.tool_radius_m, b.tool_radius_m);
+  EXPECT_EQ(a.tool_length_m, b.tool_length_m);
+  EXPECT_EQ(a.stiffness_W_N_per_m, b.stiffness_W_N_per_m);
+  EXPECT_EQ(a.position_W_m, b.position_W_m);
+  EXPECT_EQ(a.vertices_W_m, b.vertices_W_m);
+  EXPECT_EQ(a.triangles, b.triangles);
+}
+
 template <typename Message>
 void expect_decodes_to(const Bytes& datagram, const Message& message, std::uint64_t session_id) {
   const Decoded decoded = decode(datagram);
@@ -104,6 +122,9 @@ TEST(Encode, WritesTheWorkedQuery) { EXPECT_EQ(encoded(worked::query()), kQuery)
 TEST(Encode, WritesTheWorkedForceSample) {
   EXPECT_EQ(encoded(worked::force_sample()), kForceSample);
 }
+TEST(Encode, WritesTheWorkedSurfacePatch) {
+  EXPECT_EQ(encoded(worked::surface_patch()), kSurfacePatch);
+}
 TEST(Encode, WritesTheWorkedGoodbye) { EXPECT_EQ(encoded(Goodbye{}), kGoodbye); }
 
 TEST(Decode, ReadsTheWorkedToolState) {
@@ -112,6 +133,9 @@ TEST(Decode, ReadsTheWorkedToolState) {
 TEST(Decode, ReadsTheWorkedQuery) { expect_decodes_to(kQuery, worked::query(), worked::kSession); }
 TEST(Decode, ReadsTheWorkedForceSample) {
   expect_decodes_to(kForceSample, worked::force_sample(), worked::kSession);
+}
+TEST(Decode, ReadsTheWorkedSurfacePatch) {
+  expect_decodes_to(kSurfacePatch, worked::surface_patch(), worked::kSession);
 }
 TEST(Decode, ReadsTheWorkedGoodbye) {
   const Decoded decoded = decode(kGoodbye);
@@ -138,13 +162,14 @@ TEST(LinkProtocolDocument, ShowsTheBytesThatAreTestedHere) {
   EXPECT_EQ(shown["query"], worked::kQueryHex);
   EXPECT_EQ(shown["force_sample"], worked::kForceSampleHex);
   EXPECT_EQ(shown["goodbye"], worked::kGoodbyeHex);
+  EXPECT_EQ(shown["surface_patch"], worked::kSurfacePatchHex);
   EXPECT_EQ(shown["sealed_tool_state"], worked::kSealedToolStateHex);
   EXPECT_EQ(shown["hello"], worked::kHelloHex);
 }
 
-TEST(Wire, EveryDatagramIsBelow512Bytes) {
+TEST(Wire, EveryDatagramIsBelow512BytesSealedOrNot) {
   for (const Bytes& datagram : kEveryType) {
-    EXPECT_LT(datagram.size(), 512U);
+    EXPECT_LT(datagram.size() + kSealOverheadBytes, 512U);
   }
 }
 
@@ -243,7 +268,7 @@ TEST(Decode, SaysWhatIsWrongWithAHeader) {
     EXPECT_EQ(decode(with<char>(datagram, 3, 'X')).status, WireStatus::kBadMagic);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 2)).status, WireStatus::kBadVersion);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 6, 0)).status, WireStatus::kBadType);
-    EXPECT_EQ(decode(with<std::uint16_t>(datagram, 6, 5)).status, WireStatus::kBadType);
+    EXPECT_EQ(decode(with<std::uint16_t>(datagram, 6, 6)).status, WireStatus::kBadType);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 8, 57)).status, WireStatus::kBadLength);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 10, 1)).status, WireStatus::kBadReserved);
     EXPECT_EQ(decode(with<std::uint64_t>(datagram, 16, 0)).status, WireStatus::kOutOfRange);
@@ -262,7 +287,7 @@ struct RealField {
   double upper;
 };
 
-const std::array<RealField, 9> kRealFields = {{
+const std::array<RealField, 10> kRealFields = {{
     {"tool state position", kToolState, 32, 3, -10.0, 10.0},
     {"tool state velocity", kToolState, 56, 3, -100.0, 100.0},
     {"query position", kQuery, 32, 3, -10.0, 10.0},
@@ -272,6 +297,7 @@ const std::array<RealField, 9> kRealFields = {{
     {"sample residual", kForceSample, 120, 1, 0.0, std::numeric_limits<double>::max()},
     {"sample solve time", kForceSample, 128, 1, 0.0, 3600.0},
     {"sample stiffness", kForceSample, 136, 9, -1e7, 1e7},
+    {"patch position", kSurfacePatch, 76, 3, -10.0, 10.0},
 }};
 
 TEST(Decode, HoldsEveryRealToItsRange) {
@@ -296,10 +322,56 @@ TEST(Decode, HoldsEveryRealToItsRange) {
   }
 }
 
+struct FloatField {
+  const char* name;
+  std::size_t offset;  ///< in a surface patch, of the first component
+  std::size_t components;
+  float lower;
+  float upper;
+};
+
+TEST(Decode, HoldsEveryFloatOfASurfacePatchToItsRange) {
+  constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
+  for (const FloatField& field :
+       {FloatField{"tool radius", 44, 1, 0.0F, 0.1F}, FloatField{"tool length", 48, 1, 0.0F, 0.5F},
+        FloatField{"stiffness", 52, 6, -1e7F, 1e7F},
+        FloatField{"declared vertices", 100, 12, -1.0F, 1.0F}}) {
+    for (std::size_t i = 0; i < field.components; ++i) {
+      SCOPED_TRACE(testing::Message() << field.name << "[" << i << "]");
+      const auto status = [&](float value) {
+        return decode(with(kSurfacePatch, field.offset + 4 * i, value)).status;
+      };
+      EXPECT_EQ(status(field.lower), WireStatus::kOk);
+      EXPECT_EQ(status(field.upper), WireStatus::kOk);
+      EXPECT_EQ(status(std::nextafter(field.lower, -kFloatInfinity)), WireStatus::kOutOfRange);
+      EXPECT_EQ(status(std::nextafter(field.upper, kFloatInfinity)), WireStatus::kOutOfRange);
+      EXPECT_EQ(status(std::numeric_limits<float>::quiet_NaN()), WireStatus::kNotFinite);
+      EXPECT_EQ(status(-kFloatInfinity), WireStatus::kNotFinite);
+    }
+  }
+}
+
+TEST(Decode, RefusesAPatchWithMoreThanItHasRoomForOrThanItDeclares) {
+  const auto status = [](std::size_t offset, std::uint8_t value) {
+    return decode(with(kSurfacePatch, offset, value)).status;
+  };
+  EXPECT_EQ(status(40, 20), WireStatus::kOutOfRange) << "vertices";
+  EXPECT_EQ(status(41, 28), WireStatus::kOutOfRange) << "triangles";
+  EXPECT_EQ(status(40, 3), WireStatus::kBadReserved) << "a fourth vertex";
+  EXPECT_EQ(status(41, 1), WireStatus::kBadReserved) << "a second triangle";
+  EXPECT_EQ(status(41, 3), WireStatus::kOk) << "one of a single corner has no area, and is no harm";
+  EXPECT_EQ(status(328, 4), WireStatus::kOutOfRange) << "a corner without a vertex";
+  EXPECT_EQ(status(327, 1), WireStatus::kBadReserved) << "in the last vertex";
+  EXPECT_EQ(status(408, 1), WireStatus::kBadReserved) << "in the last triangle";
+  EXPECT_EQ(status(42, 0), WireStatus::kBadReserved) << "stiffness without its flag";
+  EXPECT_EQ(status(42, 3), WireStatus::kBadReserved) << "an unknown flag";
+}
+
 TEST(Decode, RefusesTimesBelowZeroAndAQueryWithoutNumber) {
   EXPECT_EQ(decode(with<std::int64_t>(kToolState, 24, -1)).status, WireStatus::kOutOfRange);
   EXPECT_EQ(decode(with<std::int64_t>(kQuery, 24, -1)).status, WireStatus::kOutOfRange);
   EXPECT_EQ(decode(with<std::int64_t>(kForceSample, 24, -1)).status, WireStatus::kOutOfRange);
+  EXPECT_EQ(decode(with<std::int64_t>(kSurfacePatch, 24, -1)).status, WireStatus::kOutOfRange);
   EXPECT_EQ(decode(with<std::uint32_t>(kQuery, 12, 0)).status, WireStatus::kOutOfRange);
 }
 
@@ -355,6 +427,13 @@ TEST(Decode, NeverAcceptsUnusableNumbersUnderAMatchingChecksum) {
       expect_within(sample->stiffness_W_N_per_m, sample->has_stiffness ? 1e7 : 0.0);
       EXPECT_TRUE(sample->relative_residual >= 0.0 && std::isfinite(sample->relative_residual));
       EXPECT_TRUE(sample->solve_time_s >= 0.0 && sample->solve_time_s <= 3600.0);
+    } else if (const auto* patch = std::get_if<SurfacePatch>(&decoded.message)) {
+      expect_within(patch->position_W_m, 10.0);
+      ASSERT_LE(patch->vertex_count, SurfacePatch::kMaxVertices);
+      ASSERT_LE(patch->triangle_count, SurfacePatch::kMaxTriangles);
+      for (std::size_t t = 0; t < patch->triangle_count; ++t) {
+        EXPECT_LT(std::ranges::max(patch->triangles[t]), patch->vertex_count);
+      }
     }
     ASSERT_FALSE(HasFailure()) << "case " << i;
   }

@@ -44,6 +44,34 @@ inline constexpr const char* kGoodbyeHex =
     "46 47 52 44 01 00 04 00 00 00 00 00 00 00 00 00 "
     "88 77 66 55 44 33 22 11 10 c8 7b fb ";
 
+inline constexpr const char* kSurfacePatchHex =
+    "46 47 52 44 01 00 05 00 81 01 00 00 04 00 00 00 "
+    "88 77 66 55 44 33 22 11 00 2f 68 59 00 00 00 00 "
+    "07 00 00 00 02 00 00 00 04 02 01 00 00 00 00 3c "
+    "00 00 00 00 00 00 c8 c2 00 00 c8 c2 00 00 90 c2 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 c0 3f 00 00 00 00 00 00 b0 bf 00 00 00 00 "
+    "00 00 a0 3f 00 00 00 bc 00 00 00 bc 00 00 00 bc "
+    "00 00 00 3c 00 00 00 bc 00 00 00 bc 00 00 00 3c "
+    "00 00 00 3c 00 00 00 bc 00 00 00 bc 00 00 00 3c "
+    "00 00 00 bc 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 01 02 00 02 03 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 e4 4c d2 12 ";
+
 // Sealed with libsodium through PyNaCl, the key's id with Python's hashlib: the tool state above,
 // and a hello that answers it.
 inline constexpr const char* kSealedToolStateHex =
@@ -93,6 +121,28 @@ inline ForceSample force_sample() {
           .contact_point_W_m = {0.125, -0.0625, 0.0},
           .relative_residual = 0.0009765625,
           .solve_time_s = 0.015625};
+}
+
+inline SurfacePatch surface_patch() {
+  constexpr float kSide_m = 0.0078125F;
+  SurfacePatch patch;
+  patch.sequence = 4;
+  patch.echo_sequence = 7;
+  patch.echo_servo_time_ns = 1'500'000'000;
+  patch.contact_epoch = 2;
+  patch.has_stiffness = true;
+  patch.vertex_count = 4;
+  patch.triangle_count = 2;
+  patch.tool_radius_m = kSide_m;
+  patch.stiffness_W_N_per_m = {-100.0F, -100.0F, -72.0F, 0.0F, 0.0F, 0.0F};
+  patch.position_W_m = {0.125, -0.0625, 0.03125};
+  patch.vertices_W_m[0] = {-kSide_m, -kSide_m, -kSide_m};
+  patch.vertices_W_m[1] = {kSide_m, -kSide_m, -kSide_m};
+  patch.vertices_W_m[2] = {kSide_m, kSide_m, -kSide_m};
+  patch.vertices_W_m[3] = {-kSide_m, kSide_m, -kSide_m};
+  patch.triangles[0] = {0, 1, 2};
+  patch.triangles[1] = {0, 2, 3};
+  return patch;
 }
 
 /// "46 47 " -> {0x46, 0x47}
