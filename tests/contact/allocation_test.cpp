@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <memory>
 #include <random>
 
+#include "contact/near_patch.h"
 #include "contact/surface_tree.h"
 #include "tests/contact/random_surface.h"
 #include "tests/support/allocation_count.h"
@@ -32,6 +34,22 @@ TEST(ContactAllocation, RefitAndQueriesAllocateNothing) {
   EXPECT_EQ(count.value(), 0U);
   EXPECT_GT(touched, 0);
   EXPECT_GT(visited, 0);
+}
+
+TEST(ContactAllocation, ANearPatchAllocatesNothing) {
+  constexpr std::array<NearPatch::Vertex, 4> kVertices{
+      {{-0.02, -0.02, 0.0}, {0.02, -0.02, 0.0}, {0.02, 0.02, 0.0}, {-0.02, 0.02, 0.0}}};
+  constexpr std::array<NearPatch::Triangle, 2> kTriangles{{{0, 1, 2}, {0, 2, 3}}};
+  NearPatch patch;
+  int near = 0;
+  const testing::AllocationCount count;
+  ASSERT_TRUE(patch.set(kVertices, kTriangles));
+  for (int step = -10; step < 10; ++step) {
+    const Eigen::Vector3d position_W(0.001, 0.0, 0.001 * step);
+    near += patch.clearance(Capsule{}, position_W, 0.1) ? 1 : 0;
+  }
+  EXPECT_EQ(count.value(), 0U);
+  EXPECT_EQ(near, 20);
 }
 
 TEST(ContactAllocation, IsCountedWhereThereIsOne) {
