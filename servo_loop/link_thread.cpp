@@ -75,6 +75,11 @@ void LinkThread::exchange() {
     }
     take(*sample);
   }
+  if (const auto patch = endpoint_.next_patch()) {
+    if (const auto surface = near_surface(*patch)) {
+      ports_.surface.publish(*surface);
+    }
+  }
   if (const link::ClockEstimate clock = endpoint_.clock(); clock.known) {
     ports_.simulator_clock.publish(clock);
   }

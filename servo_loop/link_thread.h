@@ -49,6 +49,10 @@ class LinkThread {
   /// After stop().
   link::ClockEstimate simulator_clock() const noexcept { return endpoint_.clock(); }
   const link::LinkStatistics& statistics() const noexcept { return endpoint_.statistics(); }
+  /// Samples among what was accepted. After stop().
+  std::uint64_t samples_accepted() const noexcept {
+    return endpoint_.statistics().accepted - endpoint_.patches_accepted();
+  }
   /// After stop(); nothing if the tool never touched.
   const std::optional<FirstContact>& first_contact() const noexcept { return first_contact_; }
   /// The samples kept, in order of arrival. After stop().

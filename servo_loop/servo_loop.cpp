@@ -33,6 +33,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       limiter_(profile),
       guard_(profile, options.report_timeout),
       encoder_watch_(profile),
+      first_touch_(profile.limits.max_force_N),
       motor_check_(profile, rt::from_seconds(1.0 / std::max(1.0, options.rate_Hz))),
       renderer_(profile, options.rendering),
       warmth_(profile),
@@ -108,7 +109,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
 
   // What the simulator has said since the last cycle, and the force there from each method.
-  take_samples();
+  take_samples(now);
   const double time_s = servo_time_s(now);
   for (std::size_t i = 0; i < methods_.size(); ++i) {
     methods_[i]->observe(time_s, touching_W);
@@ -125,6 +126,10 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     }
   }
 
+  // A touch that the simulator has not answered yet is felt by the loop's own copy of the surface.
+  const Eigen::Vector3d felt_force_W =
+      first_touch_.force_W(time_s, touching_W, vector(record.method_force_W_N[0]));
+
   // Which way the motors push is known before anything is felt.
   const HeldBack held_back = why_held_back(now);
   if (held_back == HeldBack::kDeadMan) {
@@ -134,8 +139,8 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
 
   // Ramp, fade, workspace bound, passivity; then every limit of the profile, and torque to current.
-  const Eigen::Vector3d wanted_force_D = renderer_.force(
-      cycle_to_render(now, elapsed_s, position_W, vector(record.method_force_W_N[0])), pose);
+  const Eigen::Vector3d wanted_force_D =
+      renderer_.force(cycle_to_render(now, elapsed_s, position_W, felt_force_W), pose);
   gravity_gain_ = std::min(gravity_gain_ + elapsed_s / options_.rendering.ladder.ramp_in_s, 1.0);
   const Eigen::Vector3d gravity_Nm =
       options_.gravity_compensation
@@ -195,7 +200,11 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   return fault;
 }
 
-void ServoLoop::take_samples() noexcept {
+void ServoLoop::take_samples(rt::TimePoint now) noexcept {
+  NearSurface surface;
+  if (ports_.surface.fetch(surface)) {
+    first_touch_.take(surface);
+  }
   ArrivedSample arrived;
   // Bounded by the ring's capacity, whatever the link thread does meanwhile.
   for (int i = 0; i < 64 && ports_.samples.pop(arrived); ++i) {
@@ -211,6 +220,8 @@ void ServoLoop::take_samples() noexcept {
     newest_arrival_ = arrived.arrived;
     ++samples_taken_;
     take_contact(arrived);
+    first_touch_.answer(servo_time_s(now), arrived.sample.time_s, arrived.in_contact,
+                        arrived.sample.contact_epoch);
     const std::span<const Sample> believed =
         in_contact_ ? gate_.pass(arrived.sample) : std::span<const Sample>();
     for (const Sample& sample : believed) {
@@ -320,17 +331,17 @@ HeldBack ServoLoop::why_held_back(rt::TimePoint now) const noexcept {
 
 ForceRenderer::Cycle ServoLoop::cycle_to_render(rt::TimePoint now, double elapsed_s,
                                                 const Eigen::Vector3d& position_W,
-                                                const Eigen::Vector3d& method_force_W) noexcept {
+                                                const Eigen::Vector3d& felt_force_W) noexcept {
   ForceRenderer::Cycle cycle;
   cycle.elapsed_s = elapsed_s;
   cycle.position_W = position_W;
   cycle.velocity_W = guard_.velocity_D();
-  cycle.method_force_W = method_force_W;
+  cycle.method_force_W = felt_force_W;
   cycle.sample_age_s = has_sample_ ? rt::seconds(now - newest_sample_arrived_)
                                    : std::numeric_limits<double>::infinity();
   cycle.sample_period_s = sample_period_s_;
   cycle.held_back = why_held_back(now);
-  cycle.in_contact = in_contact_;
+  cycle.in_contact = in_contact_ || first_touch_.acting();
   return cycle;
 }
 
@@ -379,6 +390,7 @@ void ServoLoop::continue_with(driver::Device& device) {
   encoder_watch_.restart();
   motor_check_ = MotorCheck(profile_, rt::from_seconds(1.0 / options_.rate_Hz));
   motors_checked_ = false;
+  first_touch_.forget();
   has_sample_ = false;  // what was said before is about a hand that has moved on
   gate_.forget();
   renderer_.drop();
@@ -392,6 +404,7 @@ void ServoLoop::start_anew() noexcept {
   ++stalls_;
   encoder_watch_.restart();
   motor_check_.restart();
+  first_touch_.forget();
   renderer_.drop();
   gravity_gain_ = 0.0;
   limiter_.reset();
@@ -468,6 +481,7 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   outcome.requests_made = requests_made_;
   outcome.answers_taken = answers_taken_;
   outcome.samples_refused = gate_.refused();
+  outcome.first_touches = first_touch_.counts();
   outcome.encoder_doubts = encoder_watch_.doubts();
   const PassivityGuard& guard = renderer_.guard();
   outcome.energy_to_hand_J = guard.total_energy_to_hand_J();

@@ -23,6 +23,7 @@
 #include "servo_loop/device_button.h"
 #include "servo_loop/emergency_stop.h"
 #include "servo_loop/encoder_watch.h"
+#include "servo_loop/first_touch.h"
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/motion_guard.h"
 #include "servo_loop/motor_check.h"
@@ -74,12 +75,13 @@ struct ArrivedSample {
 };
 
 /// What the loop exchanges with other threads, all of it lock-free. The loop pops `samples`,
-/// pushes `records` and `queries` and publishes `tool`.
+/// pushes `records` and `queries`, fetches `surface` and publishes `tool`.
 struct ServoPorts {
   rt::SpscRing<ArrivedSample> samples{64};
   rt::SpscRing<CycleRecord> records{8192};
   rt::SpscRing<link::Query> queries{64};
   rt::Mailbox<link::ToolState> tool;
+  rt::Mailbox<NearSurface> surface;  ///< what the tool may touch next
   /// From the link to telemetry: the simulator's clock, where the link can tell.
   rt::Mailbox<link::ClockEstimate> simulator_clock;
   std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
@@ -97,6 +99,7 @@ struct ServoOutcome {
   std::uint64_t requests_made = 0;    ///< of the rendered method, handed to the link
   std::uint64_t answers_taken = 0;    ///< to these, given to the method
   std::uint64_t samples_refused = 0;  ///< by SampleGate
+  FirstTouch::Counts first_touches;
   /// How often a joint stood still under load until its torque was led off: see EncoderWatch.
   std::uint64_t encoder_doubts = 0;
   double energy_to_hand_J = 0.0;          ///< by the rendered force, over the whole run
@@ -146,7 +149,7 @@ class ServoLoop {
   Fault run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept;
 
  private:
-  void take_samples() noexcept;
+  void take_samples(rt::TimePoint now) noexcept;
   void take_contact(const ArrivedSample& arrived) noexcept;
   void take_answer(const ArrivedSample& answer) noexcept;
   void make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
@@ -162,7 +165,7 @@ class ServoLoop {
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
   ForceRenderer::Cycle cycle_to_render(rt::TimePoint now, double elapsed_s,
                                        const Eigen::Vector3d& position_W,
-                                       const Eigen::Vector3d& method_force_W) noexcept;
+                                       const Eigen::Vector3d& felt_force_W) noexcept;
 
   driver::Device* device_;
   profiles::DeviceProfile profile_;
@@ -170,6 +173,7 @@ class ServoLoop {
   driver::ForceLimiter limiter_;
   MotionGuard guard_;
   EncoderWatch encoder_watch_;
+  FirstTouch first_touch_;
   MotorCheck motor_check_;
   ForceRenderer renderer_;
   MotorWarmth warmth_;

@@ -8,7 +8,27 @@
 namespace forcegrid::servo {
 namespace {
 
-// The force grows and the tool goes along with it, so that the passivity guard has to act.
+// A square of 40 mm, 0.05 mm below the tool, through which that goes a few cycles later.
+NearSurface surface_below(rt::TimePoint now, double height_m) {
+  link::SurfacePatch patch;
+  patch.echo_servo_time_ns = now.time_since_epoch().count();
+  patch.contact_epoch = 1;
+  patch.position_W_m[2] = height_m - 0.00005;
+  patch.vertex_count = 4;
+  patch.vertices_W_m[0] = {-0.02F, -0.02F, 0.0F};
+  patch.vertices_W_m[1] = {0.02F, -0.02F, 0.0F};
+  patch.vertices_W_m[2] = {0.02F, 0.02F, 0.0F};
+  patch.vertices_W_m[3] = {-0.02F, 0.02F, 0.0F};
+  patch.triangle_count = 2;
+  patch.triangles[0] = {0, 1, 2};
+  patch.triangles[1] = {0, 2, 3};
+  patch.has_stiffness = true;
+  patch.stiffness_W_N_per_m[2] = -500.0F;
+  return near_surface(patch).value();
+}
+
+// The force grows and the tool goes along with it, so that the passivity guard has to act; out of
+// contact it touches a surface that the loop itself has.
 class CycleAllocations : public ::testing::TestWithParam<bool> {};
 
 TEST_P(CycleAllocations, AreNone) {
@@ -42,6 +62,7 @@ TEST_P(CycleAllocations, AreNone) {
       arrived.in_contact = i % 400 > 10;
       arrived.arrived = now;
       ASSERT_TRUE(ports.samples.push(arrived));
+      ports.surface.publish(surface_below(now, -0.00001 * i));
     }
     if (i == 900) {
       device.state = driver::DeviceHealth::kUnplugged;  // a fault does not allocate, either
@@ -55,6 +76,8 @@ TEST_P(CycleAllocations, AreNone) {
   }
   EXPECT_EQ(allocations, 0u);
   EXPECT_TRUE(guard_acted);
+  const std::atomic<bool> stop{true};
+  EXPECT_GT(loop.run(stop, 0.0).first_touches.touches, 0u);
 }
 
 INSTANTIATE_TEST_SUITE_P(ToolAndCoupling, CycleAllocations, ::testing::Bool(),
