@@ -14,6 +14,7 @@
 #include "link/key.h"
 #include "profiles/device_profile.h"
 #include "simulator/run_simulator.h"
+#include "simulator/scene.h"
 #include "simulator/worker.h"
 
 namespace forcegrid::cli {
@@ -67,7 +68,7 @@ int simulate_command(const SimulateOptions& options) {
   simulator.rate_Hz = options.rate_Hz;
   simulator.answer_delay_s = 1e-3 * options.delay_ms;
   simulator.send_stiffness = !options.no_stiffness;
-  simulator.tool = tool_options(options.tool);
+  simulator.tool = tool_options(options.tool, simulator::scene_tool(options.scene));
   const simulator::SimulatorSummary summary =
       simulator::run_simulator(simulator, std::cout, std::cerr, StopRequest::stop(),
                                options.until_stdin_closes ? STDIN_FILENO : -1);

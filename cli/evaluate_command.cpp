@@ -15,6 +15,7 @@
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
 #include "forcegrid/methods.h"
+#include "simulator/scene.h"
 #include "simulator/truth.h"
 #include "tools/recording.h"
 
@@ -251,6 +252,7 @@ std::vector<Eigen::Vector3d> solve_offline(const std::string& scene,
                              " moves by itself, and the recording has no off-line forces of it; "
                              "record with 'forcegrid run --record FILE.csv.gz'");
   }
+  simulator::refuse_sliding_tool(scene, simulator::scene_tool(scene), "an off-line force");
   simulator::TruthOptions options;
   options.scene = scene;
   options.contact_point_W = contact_point_W;

@@ -95,8 +95,6 @@ void add_json(CLI::App& command, JsonTarget& target) {
       ->trigger_on_parse();
 }
 
-constexpr char kPullingMotion[] = "chirp";  // of the emulated hand unless told otherwise
-constexpr char kSlidingMotion[] = "stroke";
 const std::vector<std::string> kMotions = {"chirp", "lissajous", "random", "poke",
                                            "hold",  "still",     "stroke"};
 const std::vector<std::string> kHands = {"firm", "light", "none"};
@@ -229,7 +227,7 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
       ->capture_default_str();
   run.add_option("--motion", o.motion,
                  "Motion of the emulated hand: " + joined(kMotions) +
-                     "; unless given, stroke with --contact slide")
+                     "; unless given, stroke with a tool that slides")
       ->check(motion())
       ->capture_default_str();
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
@@ -292,9 +290,7 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
                  "off-line force");
   add_json(run, o.json);
   run.callback([&run, &o, &action] {
-    if (o.tool.slides() && o.motion == kPullingMotion && run.count("--motion") == 0) {
-      o.motion = kSlidingMotion;
-    }
+    o.motion_of_tool = o.motion == RunOptions().motion && run.count("--motion") == 0;
     o.settings = run.config_to_str(true);
     action = [&o] { return run_command(o); };
   });

@@ -51,6 +51,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr char kDirect[] = "direct";
+constexpr char kSlidingMotion[] = "stroke";
 constexpr double kDirectShare = 0.5;  // of a cycle that method direct may take
 constexpr milliseconds kChildEndTimeout{3000};
 constexpr milliseconds kWatchdogProof{700};
@@ -68,18 +69,28 @@ std::optional<nlohmann::json> final_report(ChildProcess* child) {
   return parsed;
 }
 
-// What a tool's options don't go with; the simulator checks them among themselves.
-void check_tool(const RunOptions& options) {
-  if (options.tool.as_always()) {
+// The started simulator's tool: the scene's, with what was asked for. That of a simulator that
+// already runs is its own business, and taken for the default here.
+simulator::ToolOptions tool_of(const RunOptions& options) {
+  if (options.simulator.empty()) {
+    return tool_options(options.tool, simulator::scene_tool(options.scene));
+  }
+  if (options.tool.given()) {
+    throw std::runtime_error(tool_arguments(options.tool).front() +
+                             ": the tool is the simulator's, and --simulator names one that "
+                             "already runs; give it to 'forcegrid simulate'");
+  }
+  return {};
+}
+
+// What a tool's options don't go with.
+void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
+  simulator::check_together(tool);
+  if (tool.is_sticky_point()) {
     return;
   }
-  const std::string asked = "--tool " + options.tool.tool + " --contact " + options.tool.contact;
-  if (!options.simulator.empty()) {
-    throw std::runtime_error(asked +
-                             ": the tool is the simulator's, and --simulator names one that "
-                             "already runs; give them to 'forcegrid simulate'");
-  }
-  if (options.tool.slides() && options.workers > 0) {
+  const std::string asked = "tool " + tool.shape + ", contact " + tool.contact;
+  if (tool.slides() && options.workers > 0) {
     throw std::runtime_error(asked +
                              ": what a sliding tool feels depends on its path, so that --workers "
                              "have nothing to answer; leave them out");
@@ -145,7 +156,7 @@ void prepare_folder(const std::string& folder) {
   std::filesystem::remove(probe, error);
 }
 
-std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
+std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const std::string& motion,
                                              const std::string& profile_name, bool homes_itself) {
   std::vector<std::string> arguments = {"emulate",
                                         "--device",
@@ -155,7 +166,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options,
                                         "--hand",
                                         options.hand,
                                         "--motion",
-                                        options.motion,
+                                        motion,
                                         "--amplitude-mm",
                                         std::to_string(options.amplitude_mm),
                                         "--seed",
@@ -249,7 +260,8 @@ std::string why_truth_is_skipped() {
 bool is_falcon(const profiles::DeviceProfile& profile) { return profile.usb.protocol == "falcon"; }
 
 // Only the rendered method may ask the simulator: its shadows see what it sees along the path.
-double requests_per_s(const RunOptions& options, const std::vector<ForceMethod*>& methods,
+double requests_per_s(const RunOptions& options, const simulator::ToolOptions& tool,
+                      const std::vector<ForceMethod*>& methods,
                       const std::vector<std::string>& names) {
   for (std::size_t i = 1; i < methods.size(); ++i) {
     if (methods[i]->needs().requests) {
@@ -265,9 +277,9 @@ double requests_per_s(const RunOptions& options, const std::vector<ForceMethod*>
     throw std::runtime_error("--requests-per-s 0: method \"" + names.front() +
                              "\" lives on its requests; give more, or another method");
   }
-  if (options.tool.slides() && asked > 0.0) {
+  if (tool.slides() && asked > 0.0) {
     throw std::runtime_error(
-        "--contact slide: what a sliding tool feels depends on its path, so that "
+        "contact slide: what a sliding tool feels depends on its path, so that "
         "requests have no answer; use a method without them, and --requests-per-s 0");
   }
   if (asked > options.rate_Hz) {
@@ -449,7 +461,8 @@ int run_command(const RunOptions& options) {
   if (options.live) {
     tools::Dashboard::check(out);
   }
-  check_tool(options);
+  const simulator::ToolOptions tool = tool_of(options);
+  check_tool(options, tool);
   check_solver(options);
 
   const bool emulated = options.device.rfind(kEmulatedPrefix, 0) == 0;
@@ -513,7 +526,7 @@ int run_command(const RunOptions& options) {
   for (const std::string& shadow : options.shadows) {
     add_method(shadow);
   }
-  servo_options.requests_per_s = requests_per_s(options, methods, names);
+  servo_options.requests_per_s = requests_per_s(options, tool, methods, names);
   prepare_folder(options.out);
   check_writable(options.json);
   check_recording(options);
@@ -545,7 +558,9 @@ int run_command(const RunOptions& options) {
   }
   std::string url = options.device;
   if (emulated) {
-    emulator = start_emulator(options, profile_name, is_falcon(profile));
+    emulator = start_emulator(
+        options, tool.slides() && options.motion_of_tool ? kSlidingMotion : options.motion,
+        profile_name, is_falcon(profile));
     url = "usbip://" + listening_address(*emulator, "emulator") + "/1-1";
   }
   const std::string simulator_line = simulator ? listening_line(*simulator, "simulator") : "";
@@ -746,6 +761,7 @@ int run_command(const RunOptions& options) {
     driver::add(summary.device_statistics, device->statistics());
   }
   summary.link = link.statistics();
+  summary.samples_received = link.samples_accepted();
   summary.simulator_clock = link.simulator_clock();
   summary.samples_not_converged = link.samples_not_converged();
   summary.worst_relative_residual = link.worst_relative_residual();
@@ -760,7 +776,7 @@ int run_command(const RunOptions& options) {
   if (servo_options.requests_per_s > 0.0 && summary.outcome.requests_made == 0) {
     summary.notes.push_back("method " + options.method + " made no request");
   }
-  if (link.statistics().accepted == 0) {
+  if (link.samples_accepted() == 0) {
     summary.notes.push_back("no sample came from " + simulator_address +
                             "; is a simulator listening there" +
                             (options.key_files.empty() ? "?" : " that has this key?"));
@@ -822,7 +838,7 @@ int run_command(const RunOptions& options) {
     summary.truth = "the tool never touched the object";
   } else if (!simulator) {
     summary.truth = "only the scenes of 'forcegrid simulate' can be solved off line";
-  } else if (options.tool.slides()) {
+  } else if (tool.slides()) {
     summary.truth = "none: what a sliding tool feels depends on its path";
   } else if (options.no_truth) {
     summary.truth = "skipped by --no-truth";

@@ -61,6 +61,7 @@ struct RunOptions {
   bool calibrated = false;      ///< the counters are right already
   std::string hand = "firm";
   std::string motion = "chirp";
+  bool motion_of_tool = false;  ///< nobody asked for one: a tool that slides strokes
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";

@@ -21,6 +21,22 @@ std::uint64_t counter(const RunSummary& summary, const std::string& name) {
   return found == summary.counters.end() ? 0 : found->second;
 }
 
+double mean_wait_ms(const servo::FirstTouch::Counts& touches) {
+  return touches.answered == 0 ? 0.0
+                               : 1e3 * touches.wait_sum_s / static_cast<double>(touches.answered);
+}
+
+nlohmann::json first_touches_json(const servo::FirstTouch::Counts& touches) {
+  return {{"patches", touches.patches},
+          {"seen", touches.touches},
+          {"answered", touches.answered},
+          {"denied", touches.denied},
+          {"left", touches.left},
+          {"unseen", touches.unseen},
+          {"wait_mean_ms", mean_wait_ms(touches)},
+          {"wait_max_ms", 1e3 * touches.wait_max_s}};
+}
+
 nlohmann::json percentiles_json(const rt::Percentiles& p) {
   return {{"p50", p.at(0.5)}, {"p99", p.at(0.99)}, {"p999", p.at(0.999)},
           {"max", p.max()},   {"mean", p.mean()},  {"count", p.count()}};
@@ -122,9 +138,18 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
          "Simulator: %" PRIu64 " samples taken, %" PRIu64
          " rejected; longest solve %.1f ms, worst "
          "relative residual %.1e, %" PRIu64 " not converged\n",
-         summary.link.accepted, summary.link.dropped(), 1e3 * summary.worst_solve_time_s,
+         summary.samples_received, summary.link.dropped(), 1e3 * summary.worst_solve_time_s,
          summary.worst_relative_residual, summary.samples_not_converged);
   append_link(text, summary);
+  const servo::FirstTouch::Counts& touches = outcome.first_touches;
+  if (touches.patches > 0) {
+    append(text,
+           "First touches: %" PRIu64 " seen by the loop itself, %" PRIu64
+           " of them answered by the simulator after %.1f ms in the mean, %.1f ms at most; %" PRIu64
+           " denied, %" PRIu64 " left before; %" PRIu64 " contacts not seen\n",
+           touches.touches, touches.answered, mean_wait_ms(touches), 1e3 * touches.wait_max_s,
+           touches.denied, touches.left, touches.unseen);
+  }
   if (outcome.samples_refused > 0) {
     append(text,
            "%" PRIu64
@@ -316,6 +341,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"requests_made", outcome.requests_made},
       {"answers_taken", outcome.answers_taken},
       {"samples_refused", outcome.samples_refused},
+      {"first_touches", first_touches_json(outcome.first_touches)},
       {"records_lost", summary.records_lost},
       {"cycles_kept", summary.cycles_kept},
       {"realtime_scheduling", outcome.scheduling.realtime},
@@ -340,7 +366,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"kicks", device.kicks},
       {"refreshes", device.refreshes},
       {"zero_current_delivered", outcome.zero_current_delivered},
-      {"samples_received", summary.link.accepted},
+      {"samples_received", summary.samples_received},
       {"samples_rejected", summary.link.dropped()},
       {"samples_lost", summary.link.lost},
       {"link",

@@ -43,6 +43,7 @@ struct RunSummary {
   int recalibrations = 0;                 ///< of these reconnections, those that needed one
   driver::DeviceStatistics device_statistics;
   link::LinkStatistics link;
+  std::uint64_t samples_received = 0;  ///< among what the link accepted
   link::ClockEstimate simulator_clock;
   std::uint64_t samples_not_converged = 0;
   double worst_relative_residual = 0.0;

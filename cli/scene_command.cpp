@@ -34,6 +34,15 @@ void print_facts(const simulator::Scene& scene) {
       "  %.1f, %.1f, %.1f N/m along x, y, z\n",
       held, 1e3 * scene.patch_radius_m, -at_rest.stiffness_W(0, 0), -at_rest.stiffness_W(1, 1),
       -at_rest.stiffness_W(2, 2));
+  const simulator::ToolOptions& tool = scene.tool;
+  std::printf("  its tool: %s, contact %s", tool.shape.c_str(), tool.contact.c_str());
+  if (tool.shape != "point") {
+    std::printf(", radius %.1f mm", 1e3 * tool.radius_m);
+  }
+  if (tool.slides()) {
+    std::printf(", friction %.2f", tool.friction);
+  }
+  std::printf("\n");
   if (!scene.note.empty()) {
     std::printf("  note: %s\n", scene.note.c_str());
   }

@@ -1,30 +1,31 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "simulator/tool_contact.h"
+#include "simulator/tool_options.h"
 
 namespace forcegrid::cli {
 
-/// --tool, --contact and what belongs to them.
+/// --tool, --contact and what belongs to them; what is not given is the scene's.
 struct ToolChoice {
-  std::string tool = "point";
-  std::string contact = "sticky";
-  double radius_mm = 8.0;
-  double length_mm = 40.0;
-  double friction = 0.3;
+  std::optional<std::string> tool;
+  std::optional<std::string> contact;
+  std::optional<double> radius_mm;
+  std::optional<double> length_mm;
+  std::optional<double> friction;
 
-  bool slides() const { return contact == "slide"; }
-  bool as_always() const { return tool == "point" && contact == "sticky"; }
+  bool given() const { return tool || contact || radius_mm || length_mm || friction; }
 };
 
 void add_tool(CLI::App& command, ToolChoice& choice);
 
-simulator::ToolOptions tool_options(const ToolChoice& choice);
+/// A scene's tool with the changes that were asked for.
+simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOptions of_scene);
 
-/// The choice as arguments of 'forcegrid simulate'.
+/// What was asked for, as arguments of 'forcegrid simulate'.
 std::vector<std::string> tool_arguments(const ToolChoice& choice);
 
 }  // namespace forcegrid::cli

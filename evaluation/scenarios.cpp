@@ -74,6 +74,7 @@ const ChartScene* other_scene(const std::string& name) {
     return nullptr;
   }
   const simulator::Scene scene = simulator::make_scene(object);
+  simulator::refuse_sliding_tool(object, scene.tool, "a chart");
   return &all.emplace(name, ChartScene{name, scene.description + extra_title, 1.0, object,
                                        std::move(extras), scene.patch_radius_m})
               .first->second;

@@ -43,6 +43,8 @@ class QueryDesk {
   /// Solves one thing, a check or a query, if it will be done by `deadline`.
   /// @returns true when it took time over one.
   bool solve_one(rt::TimePoint deadline);
+  /// Solves at once for the simulator itself, whatever waits.
+  StickyContact::Answer solve_now(const QueryJob& job) { return solver_.answer(job); }
   /// Another run of a servo: what was asked before is of no use any more.
   void begin_anew();
 

@@ -20,6 +20,7 @@
 #include "rt/thread.h"
 #include "simulator/dynamic_contact.h"
 #include "simulator/error.h"
+#include "simulator/patch_cutter.h"
 #include "simulator/query_desk.h"
 #include "simulator/scene.h"
 #include "simulator/solver_choice.h"
@@ -84,9 +85,15 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.solve_time_s = answer.equilibrium.solve_time_s;
 }
 
-std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Scene& scene) {
+std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Scene& scene,
+                                      const SolverOptions& solver, const ToolOptions& tool) {
   if (options.workers.empty()) {
     return nullptr;
+  }
+  if (tool.slides()) {
+    throw Error(
+        "simulator: what a sliding tool feels depends on its path, so that workers have nothing to "
+        "answer; leave --workers out or take a tool that sticks");
   }
   if (options.key_files.empty()) {
     throw Error(
@@ -95,29 +102,30 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
   }
   return std::make_unique<WorkerPool>(options.workers,
                                       link::LinkKey::load(options.key_files.front()),
-                                      digest_of(scene), std::random_device{}());
+                                      digest_of(scene), std::random_device{}(), solver);
 }
 
 class Loop {
  public:
   Loop(const SimulatorOptions& options, const Scene& scene, const SolverChoice& solver,
-       std::ostream& log)
+       const ToolOptions& tool, std::ostream& log)
       : options_(options),
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
-        contact_(solver.name == kDynamic ? make_dynamic_contact(scene, solver.dynamic, options.tool)
-                                         : make_tool_contact(scene, solver.options, options.tool)),
+        contact_(solver.name == kDynamic ? make_dynamic_contact(scene, solver.dynamic, tool)
+                                         : make_tool_contact(scene, solver.options, tool)),
+        cutter_(PatchCutter::make(scene.mesh, tool)),
         desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
                .job_for = [this](const link::Query& query) { return job_for(query); },
                .reply = [this](const link::Query& query,
                                const StickyContact::Answer& answer) { reply(query, answer); }},
-              make_pool(options, scene)),
+              make_pool(options, scene, solver.options, tool)),
         period_(rt::from_seconds(1.0 / options.rate_Hz)),
         delay_(rt::from_seconds(options.answer_delay_s)) {
     summary_.scene = scene.name;
-    summary_.tool = options.tool.shape;
-    summary_.contact = options.tool.contact;
+    summary_.tool = tool.shape;
+    summary_.contact = tool.contact;
     summary_.listening = link::to_string(endpoint_.address());
     summary_.vertices = contact_->vertex_count();
     summary_.springs = contact_->spring_count();
@@ -158,10 +166,16 @@ class Loop {
   struct Delayed {
     rt::TimePoint due;
     link::ForceSample sample;
+    std::optional<link::SurfacePatch> patch;
   };
 
   void wait_until(rt::TimePoint deadline) {
     if (desk_.solve_one(deadline)) {
+      receive();
+      return;
+    }
+    if (expected_W_ && !expected_stiffness_W_ && contact_->depends_on_position_alone()) {
+      learn_expected_stiffness();
       receive();
       return;
     }
@@ -206,7 +220,7 @@ class Loop {
     if (summary_.queries_refused > 0 && !told_of_queries_) {
       told_of_queries_ = true;
       log_ << "simulator: queries are not answered, as what the tool feels depends on its path "
-              "(--contact slide, or an object that moves by itself); use a method that needs none"
+              "(contact slide, or an object that moves by itself); use a method that needs none"
            << std::endl;
     }
   }
@@ -237,6 +251,7 @@ class Loop {
     delayed_.clear();
     contact_answer_.reset();
     expected_W_.reset();
+    expected_stiffness_W_.reset();
     epoch_ = 0;
     lost_epochs_ = 0;
   }
@@ -247,6 +262,7 @@ class Loop {
       return;
     }
     link::ForceSample sample = link::answer_to(*newest_);
+    link::SurfacePatch patch = link::patch_for(*newest_);
     const Eigen::Vector3d position_W = to_vector(newest_->position_W_m);
     const Eigen::Vector3d velocity_W = to_vector(newest_->velocity_W_m_per_s);
     const std::int64_t newest_time_ns = newest_->servo_time_ns;
@@ -275,10 +291,41 @@ class Loop {
     }
     sample.solve_time_s = solve_s;
     sample.contact_epoch += lost_epochs_;
+    const bool with_patch = cutter_ && !answer.in_contact;
+    if (with_patch) {
+      patch.contact_epoch = sample.contact_epoch;
+      cut(patch);
+    }
+    const auto patch_to_send = with_patch ? std::optional(patch) : std::nullopt;
     if (delay_ > rt::Duration::zero()) {
-      delayed_.push_back({rt::Clock::now() + delay_, sample});
+      delayed_.push_back({rt::Clock::now() + delay_, sample, patch_to_send});
     } else {
-      send(sample);
+      send(sample, patch_to_send);
+    }
+  }
+
+  void cut(link::SurfacePatch& patch) {
+    cutter_->cut(expected_W_, patch);
+    if (!expected_stiffness_W_ || patch.triangle_count == 0) {
+      return;
+    }
+    const Eigen::Matrix3f& k = expected_stiffness_W_.value();
+    patch.has_stiffness = true;
+    patch.stiffness_W_N_per_m = {k(0, 0), k(1, 1), k(2, 2), k(0, 1), k(0, 2), k(1, 2)};
+  }
+
+  // Of a tool that has just touched where it is expected to. What can't be sent is none.
+  void learn_expected_stiffness() {
+    QueryJob job;
+    job.epoch = epoch_ + lost_epochs_;
+    job.touching = true;
+    job.point_W = *expected_W_;
+    job.position_W = *expected_W_;
+    const StickyContact::Answer answer = desk_.solve_now(job);
+    expected_stiffness_W_ = Eigen::Matrix3f::Zero();
+    if (finite(answer.equilibrium) && answer.in_contact) {
+      const Eigen::Matrix3d& k = answer.equilibrium.stiffness_W;
+      expected_stiffness_W_ = (0.5 * (k + k.transpose())).cast<float>();
     }
   }
 
@@ -286,8 +333,10 @@ class Loop {
     const auto touch_W = contact_->expected_touch(position_W, velocity_W, kExpectedWithin_s);
     if (!touch_W) {
       expected_W_.reset();
+      expected_stiffness_W_.reset();
     } else if (!expected_W_ || (*touch_W - *expected_W_).norm() > kExpectedApart_m) {
       expected_W_ = touch_W;
+      expected_stiffness_W_.reset();
     }
   }
 
@@ -308,17 +357,22 @@ class Loop {
         std::max(summary_.worst_relative_residual, equilibrium.relative_residual);
   }
 
-  void send(const link::ForceSample& sample) {
+  void send(const link::ForceSample& sample, const std::optional<link::SurfacePatch>& patch) {
     if (endpoint_.send(sample) == link::SendStatus::kSent) {
       ++summary_.answers;
     } else {
+      ++summary_.send_failures;
+    }
+    if (patch && endpoint_.send(*patch) == link::SendStatus::kSent) {
+      ++summary_.patches;
+    } else if (patch) {
       ++summary_.send_failures;
     }
   }
 
   void send_due(rt::TimePoint now) {
     while (!delayed_.empty() && delayed_.front().due <= now) {
-      send(delayed_.front().sample);
+      send(delayed_.front().sample, delayed_.front().patch);
       delayed_.pop_front();
     }
   }
@@ -368,6 +422,7 @@ class Loop {
   bool told_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
+  std::optional<PatchCutter> cutter_;  ///< nothing: the tool's shape is none that a patch states
   QueryDesk desk_;
   rt::Duration period_;
   rt::Duration delay_;
@@ -375,6 +430,7 @@ class Loop {
   std::optional<StickyContact::Answer> contact_answer_;
   std::uint32_t epoch_ = 0;                    ///< of the newest answer, without the lost ones
   std::optional<Eigen::Vector3d> expected_W_;  ///< where the tool will touch soon
+  std::optional<Eigen::Matrix3f> expected_stiffness_W_;  ///< [N/m] there; nothing: not solved yet
   std::uint32_t lost_epochs_ = 0;
   std::deque<Delayed> delayed_;
   rt::Percentiles solve_ms_;
@@ -393,7 +449,8 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   }
   SolverChoice solver = choose_solver(options.solver_name, scene.mesh.rest_position_W.size(),
                                       options.rate_Hz, options.solver, dynamics_of(scene.mesh));
-  if (options.tool.contact == "slide") {
+  const ToolOptions tool = options.tool.value_or(scene.tool);
+  if (tool.slides()) {
     if (options.solver_name != "auto") {
       throw Error("simulator: solver " + options.solver_name +
                   ": a tool that slides has a solver of its own; leave the choice out");
@@ -410,7 +467,7 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
         "--workers out or give --solver quasi_static");
   }
   log << "solver " << solver.name << ": " << solver.why << '\n';
-  Loop loop(options, scene, solver, log);
+  Loop loop(options, scene, solver, tool, log);
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {
     log << "simulator: nice " << options.nice << " was refused (" << std::strerror(errno)

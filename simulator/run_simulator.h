@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,7 +31,7 @@ struct SimulatorOptions {
   Eigen::Vector3d top_centre_W = Eigen::Vector3d::Zero();  ///< [m] see make_scene()
   std::string solver_name = "auto";                        ///< one of solver_names()
   SolverOptions solver;                                    ///< what that one starts from
-  ToolOptions tool;
+  std::optional<ToolOptions> tool;                         ///< nothing: the scene's own
   int nice = 5;  ///< 0..19, of the calling thread: servo and emulator go first
 };
 
@@ -48,6 +49,7 @@ struct SimulatorSummary {
   std::uint64_t sessions = 0;  ///< runs of a servo
   std::uint64_t ticks = 0;     ///< deadlines that came, with or without a tool state to answer
   std::uint64_t answers = 0;   ///< samples sent
+  std::uint64_t patches = 0;   ///< of the surface, sent
   std::uint64_t replies = 0;   ///< queries answered
   std::uint64_t queries_refused = 0;  ///< as force was no function of the position alone
   std::uint64_t late_ticks = 0;       ///< answers that were not ready before the next deadline
@@ -85,6 +87,9 @@ nlohmann::json to_json(const SimulatorSummary& summary);
 /// time from an object of their own. While the tool, going straight on, would touch within 0.3 s,
 /// samples carry that point as their contact point, and queries are answered for a tool that has
 /// touched there (in contact, epoch of the air); it is kept until it moves by more than 2 mm. When
+/// While it is in the air each sample is followed by a patch of the surface near the tool
+/// (PatchCutter); once a touch of a tool that sticks is expected it states dF/dP there, solved for
+/// in idle time. When
 /// ready it prints `listening ADDR:PORT scene NAME vertices N springs M` to `out` and flushes;
 /// remarks go to `log`.
 ///

@@ -10,6 +10,7 @@
 #include "simulator/error.h"
 #include "simulator/gravity.h"
 #include "simulator/scene_object.h"
+#include "simulator/scene_tool.h"
 #include "simulator/vertex_masses.h"
 
 namespace forcegrid::simulator {
@@ -56,11 +57,14 @@ void give_masses(SpringMesh& object, const std::optional<ObjectDynamics>& dynami
   }
 }
 
+const std::vector<std::string> kKeys{"description",      "note", "patch_radius_m",
+                                     "gravity_m_per_s2", "tool", "object"};
+
 Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   const toml::table parsed = profiles::read_toml_file(file);
-  const TomlTable root(parsed, file, "",
-                       {"description", "note", "patch_radius_m", "gravity_m_per_s2", "object"});
+  const TomlTable root(parsed, file, "", kKeys);
   Scene scene;
+  scene.tool = read_scene_tool(root);
   scene.description = root.text("description");
   scene.note = root.text_or("note", "");
   scene.patch_radius_m = root.number_or("patch_radius_m", kPatchRadius_m, scene.patch_radius_m);
@@ -76,6 +80,20 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   }
   check(scene.mesh);
   return scene;
+}
+
+// `read` of the scene's file; its errors as Error, with the file's name in front.
+template <typename Read>
+auto reading(const std::string& name_or_file, Read read) {
+  const std::string file = find_scene(name_or_file);
+  try {
+    return read(file);
+  } catch (const profiles::TomlError& problem) {
+    throw Error(problem.what());
+  } catch (const Error& problem) {
+    const std::string text = problem.what();
+    throw Error(text.rfind(file, 0) == 0 ? text : file + ": " + text);
+  }
 }
 
 }  // namespace
@@ -94,16 +112,24 @@ std::string scene_name_problem(const std::string& name_or_file) {
 }
 
 Scene make_scene(const std::string& name_or_file, const Eigen::Vector3d& origin_W) {
-  const std::string file = find_scene(name_or_file);
-  try {
-    Scene scene = read_scene(file, origin_W);
-    scene.name = name_or_file;
-    return scene;
-  } catch (const profiles::TomlError& problem) {
-    throw Error(problem.what());
-  } catch (const Error& problem) {
-    const std::string text = problem.what();
-    throw Error(text.rfind(file, 0) == 0 ? text : file + ": " + text);
+  Scene scene = reading(
+      name_or_file, [&origin_W](const std::string& file) { return read_scene(file, origin_W); });
+  scene.name = name_or_file;
+  return scene;
+}
+
+ToolOptions scene_tool(const std::string& name_or_file) {
+  return reading(name_or_file, [](const std::string& file) {
+    const toml::table parsed = profiles::read_toml_file(file);
+    return read_scene_tool(TomlTable(parsed, file, "", kKeys));
+  });
+}
+
+void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
+                         const std::string& purpose) {
+  if (tool.slides()) {
+    throw Error("scene " + scene + ": its tool slides, and what that feels depends on its path; " +
+                purpose + " needs a scene whose [tool] is sticky or left out");
   }
 }
 

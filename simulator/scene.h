@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "simulator/spring_mesh.h"
+#include "simulator/tool_options.h"
 
 namespace forcegrid::simulator {
 
@@ -15,7 +16,8 @@ struct Scene {
   double patch_radius_m = 0.012;  ///< the tool holds the vertices this near; > 0
   /// What a user has to know, such as where its force is not a function of the position alone.
   std::string note;
-  SpringMesh mesh;  ///< of all objects together
+  ToolOptions tool;  ///< that it is made for
+  SpringMesh mesh;   ///< of all objects together
 };
 
 /// Names that make_scene finds without a path, sorted.
@@ -34,5 +36,13 @@ std::string scene_name_problem(const std::string& name_or_file);
 /// Throws Error naming file, line and key, or for an unknown name the ones there are.
 Scene make_scene(const std::string& name_or_file,
                  const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
+
+/// Scene::tool alone, without making the objects. Throws as make_scene() does for what it reads.
+ToolOptions scene_tool(const std::string& name_or_file);
+
+/// Throws Error where a scene's own tool slides: `purpose` needs a force that is a function of the
+/// position alone.
+void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
+                         const std::string& purpose);
 
 }  // namespace forcegrid::simulator

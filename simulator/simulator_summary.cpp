@@ -42,6 +42,7 @@ nlohmann::json to_json(const WorkerStatistics& statistics, std::uint64_t uncheck
 nlohmann::json to_json(const SimulatorSummary& summary) {
   return {{"scene", summary.scene},
           {"tool", summary.tool},
+          {"patches", summary.patches},
           {"contact", summary.contact},
           {"listening", summary.listening},
           {"vertices", summary.vertices},

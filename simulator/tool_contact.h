@@ -4,27 +4,13 @@
 #include <cstddef>
 #include <memory>
 #include <optional>
-#include <string>
 
-#include "contact/tool_shape.h"
 #include "simulator/elastic_object.h"
 #include "simulator/scene.h"
 #include "simulator/sticky_contact.h"
+#include "simulator/tool_options.h"
 
 namespace forcegrid::simulator {
-
-/// With what an object is touched, and how; names as on the command line.
-struct ToolOptions {
-  std::string shape = "point";     ///< or sphere, capsule, grasper
-  std::string contact = "sticky";  ///< or slide
-  double radius_m = 0.008;         ///< of all but a point, see contact::ToolShape
-  double length_m = 0.04;          ///< of a capsule and of a grasper's jaws
-  double opening_rad = 0.7;        ///< between a grasper's jaws
-  double friction = 0.3;           ///< mu of a sliding contact
-  /// [N] Pressed on with this force a grasper closes, > 0; pulled with that one it opens, > 0.
-  double grasp_N = 0.3;
-  double let_go_N = 1.0;
-};
 
 /// How the simulator's tool meets its object. Threads: one.
 class ToolContact {

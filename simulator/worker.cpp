@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <string_view>
@@ -48,7 +49,6 @@ class Work {
         address_(simulators_address(options.connect)),
         key_(link::LinkKey::load(options.key_file)),
         scene_(make_scene(options.scene)),
-        solver_(scene_, options.solver),
         hello_(to_text(WorkerHello{own_name(), digest_of(scene_)})) {
     connect_as_worker(socket_, address_, key_);
   }
@@ -71,7 +71,7 @@ class Work {
       send(socket_, {hello_});
       next_hello_ = now + kHelloPeriod;
     }
-    if (!welcome_ && !complained_ && now - begun_ > kUnwelcome) {
+    if (!solver_ && !complained_ && now - begun_ > kUnwelcome) {
       complained_ = true;
       log_ << "worker: no welcome from " << options_.connect
            << " yet; is there a simulator with --workers at that address, and does it have this "
@@ -82,17 +82,22 @@ class Work {
 
   void take(const std::string& text) {
     if (const auto job = read_job(text)) {
-      const StickyContact::Answer answer = solver_.answer(job->job);
-      if (!finite(answer.equilibrium)) {
+      const auto answer = solver_ ? std::optional(solver_->answer(job->job)) : std::nullopt;
+      if (!answer || !finite(answer->equilibrium)) {
         send(socket_, {gave_up_text(job->id)});
         return;
       }
-      answered_ += send(socket_, {to_text(NumberedAnswer{job->id, answer})}) ? 1 : 0;
+      answered_ += send(socket_, {to_text(NumberedAnswer{job->id, *answer})}) ? 1 : 0;
     } else if (const auto reason = read_refusal(text)) {
       throw Error("worker: refused by " + options_.connect + ": " + *reason);
-    } else if (is_welcome(text) && !welcome_) {
-      welcome_ = true;
-      out_ << "working for " << options_.connect << " on scene " << scene_.name << std::endl;
+    } else if (const auto solver = read_welcome(text, options_.solver)) {
+      // A simulator that was started anew may have another solver.
+      const bool first = !solver_;
+      solver_.emplace(scene_, *solver);
+      if (first) {
+        out_ << "working for " << options_.connect << " on scene " << scene_.name << ", solver "
+             << (solver->border_tolerance > 0.0 ? "local" : "quasi_static") << std::endl;
+      }
     }
   }
 
@@ -102,13 +107,12 @@ class Work {
   link::Address address_;  // what is wrong here is said before the scene is made
   link::LinkKey key_;
   Scene scene_;
-  QuerySolver solver_;
+  std::optional<QuerySolver> solver_;  // from the first welcome on
   std::string hello_;
   zmq::context_t context_{1};
   zmq::socket_t socket_{context_, zmq::socket_type::dealer};
   rt::TimePoint begun_ = rt::Clock::now();
   rt::TimePoint next_hello_ = begun_;
-  bool welcome_ = false;
   bool complained_ = false;
   std::uint64_t answered_ = 0;
 };

@@ -13,7 +13,7 @@ struct WorkerOptions {
   std::string connect;          ///< "tcp://ADDR:PORT" of a simulator's --workers
   std::string key_file;         ///< the simulator's
   std::string scene = "block";  ///< the simulator's
-  SolverOptions solver;
+  SolverOptions solver;  ///< but for what the simulator's welcome says
   int nice = 10;  ///< of the calling thread: servo, emulator and simulator go first
 };
 

@@ -61,8 +61,12 @@ struct WorkerPool::Worker {
 };
 
 struct WorkerPool::State {
-  State(ObjectDigest wanted, const link::LinkKey& key, std::uint32_t seed)
-      : object(std::move(wanted)), door(context, key), random(seed) {}
+  State(ObjectDigest wanted, const link::LinkKey& key, std::uint32_t seed,
+        const SolverOptions& solver)
+      : object(std::move(wanted)),
+        welcome(welcome_text(solver)),
+        door(context, key),
+        random(seed) {}
 
   void take(const std::string& identity, const std::string& text, rt::TimePoint now);
   void take_hello(const std::string& identity, const WorkerHello& hello, rt::TimePoint now);
@@ -80,6 +84,7 @@ struct WorkerPool::State {
   Worker* find(WorkerId id);
 
   ObjectDigest object;
+  std::string welcome;
   zmq::context_t context{1};
   CurveDoor door;
   zmq::socket_t router{context, zmq::socket_type::router};
@@ -131,7 +136,7 @@ void WorkerPool::State::take_hello(const std::string& identity, const WorkerHell
   worker.last_heard = now;
   worker.record.name = hello.name;
   workers.push_back(std::move(worker));
-  send(router, {identity, welcome_text()});
+  send(router, {identity, welcome});
 }
 
 void WorkerPool::State::take_answer(Worker& worker, const NumberedAnswer& numbered,
@@ -268,8 +273,8 @@ bool WorkerPool::State::give_to_longest_waiting(const link::Query& query, const 
 }
 
 WorkerPool::WorkerPool(const std::string& listen, const link::LinkKey& key, ObjectDigest object,
-                       std::uint32_t seed)
-    : state_(std::make_unique<State>(std::move(object), key, seed)) {
+                       std::uint32_t seed, const SolverOptions& solver)
+    : state_(std::make_unique<State>(std::move(object), key, seed, solver)) {
   listen_as_simulator(state_->router,
                       link::parse_address(listen, link::PortZero::kAllowed, link::Reach::kNetwork),
                       key);

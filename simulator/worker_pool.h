@@ -46,9 +46,10 @@ class WorkerPool {
   /// @param listen  ADDR:PORT, port 0 for a free one
   /// @param object  what a worker has to have
   /// @param seed    of the draw which answers are checked
+  /// @param solver  the simulator's, which each worker is told to use
   /// @throws Error naming the address and the remedy, link::LinkError for an address that is none.
   WorkerPool(const std::string& listen, const link::LinkKey& key, ObjectDigest object,
-             std::uint32_t seed);
+             std::uint32_t seed, const SolverOptions& solver = {});
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;

@@ -142,7 +142,12 @@ std::string refusal_text(const std::string& reason) {
   return json{{"refused", reason}}.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-std::string welcome_text() { return json{{"welcome", true}}.dump(); }
+std::string welcome_text(const SolverOptions& solver) {
+  return json{{"welcome", true},
+              {"relative_tolerance", solver.relative_tolerance},
+              {"border_tolerance", solver.border_tolerance}}
+      .dump();
+}
 
 std::optional<WorkerHello> read_hello(const std::string& text) {
   return reading(text, [](const json& object) {
@@ -198,9 +203,18 @@ std::optional<std::string> read_refusal(const std::string& text) {
   return reading(text, [](const json& object) { return object.at("refused").get<std::string>(); });
 }
 
-bool is_welcome(const std::string& text) {
-  return reading(text, [](const json& object) { return object.at("welcome").get<bool>(); })
-      .value_or(false);
+std::optional<SolverOptions> read_welcome(const std::string& text, const SolverOptions& own) {
+  return reading(text, [&own](const json& object) {
+    SolverOptions solver = own;
+    solver.relative_tolerance = object.at("relative_tolerance");
+    solver.border_tolerance = object.at("border_tolerance");
+    const auto fraction = [](double value) { return value >= 0.0 && value < 1.0; };
+    if (!object.at("welcome").get<bool>() || !fraction(solver.relative_tolerance) ||
+        solver.relative_tolerance == 0.0 || !fraction(solver.border_tolerance)) {
+      throw std::invalid_argument("no welcome");
+    }
+    return solver;
+  });
 }
 
 }  // namespace forcegrid::simulator

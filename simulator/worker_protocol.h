@@ -13,7 +13,8 @@
 /// |-----------|--------------------------------------------------------------------------------|
 /// | worker    | hello: its name; scene, vertices, springs, stiffness_sum_N_per_m, length_sum_m, |
 /// |           | patch_radius_m. Each second, also as a sign of life                             |
-/// | simulator | welcome: true, or refused: the reason                                           |
+/// | simulator | welcome: true; relative_tolerance, border_tolerance, of its solver              |
+/// | simulator | refused: the reason, in place of a welcome                                      |
 /// | simulator | job: id; epoch, touching, point_W_m [3], position_W_m [3]                       |
 /// | worker    | job: id; epoch, in_contact, converged, position_W_m [3], force_W_N [3],         |
 /// |           | stiffness_W_N_per_m [9, by rows], relative_residual, solve_time_s               |
@@ -57,7 +58,9 @@ std::string to_text(const NumberedJob& job);
 std::string to_text(const NumberedAnswer& answer);
 std::string gave_up_text(std::uint64_t id);
 std::string refusal_text(const std::string& reason);
-std::string welcome_text();
+/// What a worker has to solve as the simulator does is in its SolverOptions: relative_tolerance and
+/// border_tolerance, by which quasi_static and local differ. All else is the same in every program.
+std::string welcome_text(const SolverOptions& solver);
 
 /// Each reads one kind of message; nothing if the text is none of it, or not whole, or holds what
 /// is not finite. Safe for any text. Real-time: no (allocate). Threads: any.
@@ -66,6 +69,7 @@ std::optional<NumberedJob> read_job(const std::string& text);
 std::optional<NumberedAnswer> read_answer(const std::string& text);
 std::optional<std::uint64_t> read_gave_up(const std::string& text);
 std::optional<std::string> read_refusal(const std::string& text);
-bool is_welcome(const std::string& text);
+/// `own` with what the welcome says.
+std::optional<SolverOptions> read_welcome(const std::string& text, const SolverOptions& own);
 
 }  // namespace forcegrid::simulator

@@ -35,6 +35,26 @@ TEST_P(Complaints, NameTheInputAndTheRemedy) {
   }
 }
 
+// A scene's tool, and what is asked for on the command line in place of its keys.
+TEST(SceneTool, IsTheSceneSOwnUnlessTheCommandLineSaysOtherwise) {
+  const auto simulated = [](const std::vector<std::string>& more) {
+    std::vector<std::string> words{"simulate", "--scene",     "small_slide",
+                                   "--listen", "127.0.0.1:0", "--until-stdin-closes",
+                                   "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    Program program = Program::forcegrid(words);  // whose standard input is empty
+    EXPECT_EQ(program.wait(), 0) << program.standard_error();
+    const std::string said = program.standard_output();
+    return json::parse(said.substr(said.find('{')));
+  };
+  const json own = simulated({});
+  EXPECT_EQ(own.at("tool"), "sphere");
+  EXPECT_EQ(own.at("contact"), "slide");
+  const json other = simulated({"--tool", "capsule"});
+  EXPECT_EQ(other.at("tool"), "capsule");
+  EXPECT_EQ(other.at("contact"), "slide") << "a key that nobody has asked to change";
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Words, Complaints,
     ::testing::Values(
@@ -90,6 +110,18 @@ INSTANTIATE_TEST_SUITE_P(
                   {"simulate", "--listen", "0.0.0.0:0"},
                   1,
                   {"0.0.0.0", "loopback"}},
+        Complaint{"TheToolOfASimulatorThatRunsAlready",
+                  {"run", "--simulator", "127.0.0.1:1", "--friction", "0.2"},
+                  1,
+                  {"--friction", "give it to 'forcegrid simulate'"}},
+        Complaint{"AScenesToolSlidesUnderWorkers",
+                  {"run", "--scene", "small_slide", "--workers", "2"},
+                  1,
+                  {"tool sphere, contact slide", "--workers"}},
+        Complaint{"AScenesToolSlidesInAChart",
+                  {"chart", "accuracy", "--scenes", "small_slide", "--out", "."},
+                  2,
+                  {"small_slide", "a chart needs"}},
         Complaint{"ListenIsNoAddress", {"simulate", "--listen", "nonsense"}, 1, {"nonsense"}},
         Complaint{
             "KinematicsWithoutInput", {"kinematics", "--profile", "vintage"}, 2, {"--counts"}},

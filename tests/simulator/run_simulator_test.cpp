@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <future>
@@ -111,11 +112,12 @@ TEST(RunSimulator, AnswersAToolThatTouchesAndPulls) {
   ASSERT_TRUE(touch);
   EXPECT_TRUE(touch->in_contact);
   EXPECT_EQ(touch->contact_epoch, 1U);
-  EXPECT_EQ(touch->contact_point_W_m, touch->position_W_m);
+  const link::Vector3 where_it_came_in{0.001, 0.002, 0.0};
+  EXPECT_EQ(touch->contact_point_W_m, where_it_came_in);
 
   const auto pull = answer_at(servo, sequence, {0.001, 0.002, 0.0099});
   ASSERT_TRUE(pull);
-  EXPECT_EQ(pull->contact_point_W_m, touch->position_W_m);
+  EXPECT_EQ(pull->contact_point_W_m, where_it_came_in);
   EXPECT_EQ(pull->contact_epoch, 1U);
   EXPECT_TRUE(pull->converged);
   EXPECT_LE(pull->relative_residual, 1e-3);
@@ -125,9 +127,9 @@ TEST(RunSimulator, AnswersAToolThatTouchesAndPulls) {
   EXPECT_EQ(pull->echo_servo_time_ns, 1000 + static_cast<std::int64_t>(pull->echo_sequence));
 
   ElasticObject<double> reference(make_scene("small").mesh);
-  reference.grab({0.001, 0.002, -0.0001}, 0.012);
+  reference.grab({0.001, 0.002, 0.0}, 0.012);
   reference.set_relative_tolerance(1e-8);
-  const Equilibrium expected = reference.move_to({0, 0, 0.01});
+  const Equilibrium expected = reference.move_to({0, 0, 0.0099});
   ASSERT_TRUE(expected.converged);
   ASSERT_LT(expected.force_W.z(), -0.5);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -224,8 +226,9 @@ TEST(RunSimulator, SaysWhereAnApproachingToolWillTouchAndAnswersQueriesForThatCo
   query.position_W_m = {0.002, 0.001, 0.006};
   std::optional<link::ForceSample> sample;
   std::optional<link::ForceSample> reply;
+  std::optional<link::SurfacePatch> patch;  // with the stiffness there
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
-  while (!reply && std::chrono::steady_clock::now() < give_up) {
+  while (!(reply && patch) && std::chrono::steady_clock::now() < give_up) {
     link::ToolState state;
     state.sequence = ++sequence;
     state.servo_time_ns = 1000 + sequence;
@@ -241,7 +244,14 @@ TEST(RunSimulator, SaysWhereAnApproachingToolWillTouchAndAnswersQueriesForThatCo
         servo.send(query);
       }
     }
+    if (const auto newest = servo.next_patch(); newest && newest->has_stiffness) {
+      patch = newest;
+    }
   }
+  ASSERT_TRUE(patch);
+  EXPECT_GT(patch->triangle_count, 0);
+  EXPECT_EQ(patch->contact_epoch, 0U);
+  EXPECT_EQ(patch->tool_radius_m, 0.0F) << "a point";
   ASSERT_TRUE(sample);
   EXPECT_FALSE(sample->in_contact);
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -258,6 +268,12 @@ TEST(RunSimulator, SaysWhereAnApproachingToolWillTouchAndAnswersQueriesForThatCo
   const auto touched = answer_at(servo, sequence, {0.002, 0.001, 0.0});
   ASSERT_TRUE(touched);
   ASSERT_TRUE(touched->in_contact);
+  const std::array<std::size_t, 6> entries{0, 4, 8, 1, 2, 5};  // xx, yy, zz, xy, xz, yz
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    EXPECT_NEAR(static_cast<double>(patch->stiffness_W_N_per_m[i]),
+                touched->stiffness_W_N_per_m[entries[i]],
+                0.03 * std::abs(touched->stiffness_W_N_per_m[8]));
+  }
   const double below_m = touched->contact_point_W_m[2];  // of a step above the surface
   const auto there = answer_at(servo, sequence, {0.002, 0.001, 0.006 + below_m});
   ASSERT_TRUE(there);
@@ -267,8 +283,7 @@ TEST(RunSimulator, SaysWhereAnApproachingToolWillTouchAndAnswersQueriesForThatCo
 
 TEST(RunSimulator, ASphereThatSlidesPressesLeavesAndAnswersNoQueries) {
   SimulatorOptions options;
-  options.tool.shape = "sphere";
-  options.tool.contact = "slide";
+  options.tool = ToolOptions{.shape = "sphere", .contact = "slide"};
   RunningSimulator simulator(options);
   link::ServoEndpoint servo(simulator.address());
   std::uint32_t sequence = 0;

@@ -6,6 +6,7 @@
 
 #include <fstream>
 #include <string>
+#include <utility>
 
 #include "simulator/error.h"
 #include "simulator/lattice_block.h"
@@ -124,6 +125,77 @@ TEST(Scene, SeveralObjectsKeepTheirPlacesAndLaws) {
   EXPECT_EQ(mesh.laws[1].cubic_coefficient, 0.0);
   EXPECT_NEAR(mesh.rest_position_W.back().x(), 0.105, 1e-12);
 }
+
+std::string with_tool(const std::string& keys) {
+  return std::string(kHead) + "[tool]\n" + keys + kObject + "law = \"linear\"\n";
+}
+
+TEST(Scene, ItsToolIsTheDefaultsWithItsOwnKeys) {
+  const ToolOptions none =
+      make_scene(file_with(std::string(kHead) + kObject + "law = \"linear\"\n")).tool;
+  EXPECT_TRUE(none.is_sticky_point());
+  const std::string file = file_with(
+      with_tool("shape = \"grasper\"\ncontact = \"slide\"\nradius_m = 0.004\nlength_m = 0.03\n"
+                "opening_rad = 0.9\nfriction = 0.1\ngrasp_N = 0.4\nlet_go_N = 2\n"));
+  for (const ToolOptions& tool : {make_scene(file).tool, scene_tool(file)}) {
+    EXPECT_EQ(tool.shape, "grasper");
+    EXPECT_TRUE(tool.slides());
+    EXPECT_EQ(tool.radius_m, 0.004);
+    EXPECT_EQ(tool.length_m, 0.03);
+    EXPECT_EQ(tool.opening_rad, 0.9);
+    EXPECT_EQ(tool.friction, 0.1);
+    EXPECT_EQ(tool.grasp_N, 0.4);
+    EXPECT_EQ(tool.let_go_N, 2.0);
+  }
+  const ToolOptions some = scene_tool(file_with(with_tool("shape = \"sphere\"\n")));
+  EXPECT_EQ(some.shape, "sphere");
+  EXPECT_FALSE(some.slides());
+  EXPECT_EQ(some.radius_m, ToolOptions().radius_m);
+}
+
+TEST(Scene, AToolThatSlidesIsRefusedWhereForceHasToBeAFunctionOfThePosition) {
+  EXPECT_NO_THROW(refuse_sliding_tool("small", scene_tool("small"), "a chart"));
+  try {
+    refuse_sliding_tool("small_slide", scene_tool("small_slide"), "a chart");
+    FAIL() << "it was not refused";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("scene small_slide"), HasSubstr("a chart needs")));
+  }
+}
+
+class BrokenTool : public ::testing::TestWithParam<std::pair<const char*, const char*>> {};
+
+TEST_P(BrokenTool, IsRefusedWithFileLineKeyAndRemedy) {
+  const auto [keys, words] = GetParam();
+  const std::string file = file_with(with_tool(keys));
+  for (const std::string& said : {complaint(file), [&file] {
+                                    try {
+                                      scene_tool(file);
+                                    } catch (const Error& error) {
+                                      return std::string(error.what());
+                                    }
+                                    return std::string();
+                                  }()}) {
+    EXPECT_THAT(said, AllOf(HasSubstr(file + ":"), HasSubstr("tool"), HasSubstr(words)));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Edits, BrokenTool,
+    ::testing::Values(
+        std::pair("shape = \"ball\"\n", "'ball' is unknown"),
+        std::pair("contact = \"slip\"\n", "the nearest is slide"),
+        std::pair("radius_mm = 8\n", "the nearest is radius_m"),
+        std::pair("radius_m = 0.008\n", "shape \"point\" has none"),
+        std::pair("shape = \"sphere\"\nlength_m = 0.04\n", "write shape = \"capsule\""),
+        std::pair("shape = \"capsule\"\ngrasp_N = 1\n", "write shape = \"grasper\""),
+        std::pair("shape = \"sphere\"\nfriction = 0.3\n", "write contact = \"slide\""),
+        std::pair("shape = \"sphere\"\nradius_m = 8\n", "8 is impossible"),
+        std::pair("shape = \"sphere\"\nradius_m = nan\n", "not finite"),
+        std::pair("shape = \"sphere\"\ncontact = \"slide\"\nfriction = -0.1\n",
+                  "-0.1 is impossible"),
+        std::pair("contact = \"slide\"\n", "a point has nothing to press with"),
+        std::pair("shape = \"grasper\"\n", "a grasper presses before it grasps")));
 
 struct Broken {
   const char* text;  ///< behind a good object without a law

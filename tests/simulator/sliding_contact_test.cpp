@@ -127,8 +127,8 @@ TEST(ToolContact, RefusesWhatDoesNotGoTogetherAndSaysWhatDoes) {
     }
     return "";
   };
-  EXPECT_THAT(message({.shape = "point", .contact = "slide"}), HasSubstr("--tool sphere"));
-  EXPECT_THAT(message({.shape = "grasper", .contact = "sticky"}), HasSubstr("--contact slide"));
+  EXPECT_THAT(message({.shape = "point", .contact = "slide"}), HasSubstr("give a sphere"));
+  EXPECT_THAT(message({.shape = "grasper", .contact = "sticky"}), HasSubstr("give contact slide"));
   EXPECT_THAT(message({.shape = "spoon"}), HasSubstr("capsule"));
   EXPECT_THAT(message({.contact = "glue"}), HasSubstr("sticky or slide"));
   EXPECT_THAT(message({.shape = "sphere", .radius_m = 9.0}), HasSubstr("radius"));

@@ -55,7 +55,7 @@ class WorkerPoolTest : public testing::Test {
   }
   void join(ScriptedWorker& worker, const std::string& name = "worker") {
     say(worker, to_text(hello_of(name)));
-    ASSERT_TRUE(is_welcome(message_to(worker)));
+    ASSERT_TRUE(read_welcome(message_to(worker), {}));
   }
   link::Query next_query() {
     link::Query query;

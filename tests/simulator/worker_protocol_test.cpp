@@ -44,12 +44,11 @@ TEST(WorkerProtocol, ReadsWhatItWritesToTheLastBit) {
   EXPECT_TRUE(same_object(hello->object, hello_of("").object));
   EXPECT_EQ(read_gave_up(gave_up_text(9)), 9U);
   EXPECT_EQ(read_refusal(refusal_text("why")), "why");
-  EXPECT_TRUE(is_welcome(welcome_text()));
 }
 
 TEST(WorkerProtocol, TakesNoMessageForAnother) {
   const std::string job = to_text(NumberedJob{7, some_job()});
-  EXPECT_FALSE(read_answer(job) || read_hello(job) || read_refusal(job) || is_welcome(job));
+  EXPECT_FALSE(read_answer(job) || read_hello(job) || read_refusal(job) || read_welcome(job, {}));
   EXPECT_FALSE(read_job(to_text(NumberedAnswer{8, some_answer()})));
 }
 

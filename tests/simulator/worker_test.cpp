@@ -33,10 +33,14 @@ class KeyFile {
   std::string name_ = testing::TempDir() + "worker_" + std::to_string(::getpid()) + ".key";
 };
 
-TEST(Worker, SolvesAsTheSimulatorDoes) {
+/// By how its simulator solves, of which the worker itself is told nothing.
+class WorkerOfASolver : public ::testing::TestWithParam<SolverOptions> {};
+
+TEST_P(WorkerOfASolver, SolvesAsTheSimulatorDoes) {
   const KeyFile key;
   const Scene scene = make_scene(kWorkersScene);
-  WorkerPool pool("127.0.0.1:0", link::LinkKey::load(key.name()), digest_of(scene), 1);
+  const SolverOptions solver = GetParam();
+  WorkerPool pool("127.0.0.1:0", link::LinkKey::load(key.name()), digest_of(scene), 1, solver);
   std::atomic<bool> stop{false};
   std::ostringstream said[2];
   std::vector<std::thread> workers;
@@ -51,7 +55,7 @@ TEST(Worker, SolvesAsTheSimulatorDoes) {
                  out, log, stop);
     });
   }
-  QuerySolver own(scene, {});
+  QuerySolver own(scene, solver);
   constexpr unsigned kJobs = 20;
   unsigned given = 0;
   unsigned answered = 0;
@@ -88,7 +92,15 @@ TEST(Worker, SolvesAsTheSimulatorDoes) {
   EXPECT_EQ(answered + pool.statistics().taken_back, kJobs);
   EXPECT_GT(answered, 0U);
   EXPECT_THAT(said[0].str(), testing::HasSubstr("working for " + pool.address()));
+  EXPECT_THAT(said[0].str(),
+              testing::HasSubstr(solver.border_tolerance > 0.0 ? "local" : "quasi_static"));
 }
+
+INSTANTIATE_TEST_SUITE_P(Solvers, WorkerOfASolver,
+                         ::testing::Values(SolverOptions{}, SolverOptions{.border_tolerance = 1e-3}),
+                         [](const auto& solver) {
+                           return solver.param.border_tolerance > 0.0 ? "Local" : "QuasiStatic";
+                         });
 
 TEST(Worker, SaysWhatIsWrongWithAnAddressOrAKey) {
   std::ostringstream said;

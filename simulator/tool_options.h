@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+
+namespace forcegrid::simulator {
+
+/// With what an object is touched, and how; names as on the command line.
+struct ToolOptions {
+  std::string shape = "point";     ///< or sphere, capsule, grasper
+  std::string contact = "sticky";  ///< or slide
+  double radius_m = 0.008;         ///< of all but a point, see contact::ToolShape
+  double length_m = 0.04;          ///< of a capsule and of a grasper's jaws
+  double opening_rad = 0.7;        ///< between a grasper's jaws
+  double friction = 0.3;           ///< mu of a sliding contact, 0 to kMaxFriction
+  /// [N] Pressed on with this force a grasper closes, > 0; pulled with that one it opens, > 0.
+  double grasp_N = 0.3;
+  double let_go_N = 1.0;
+
+  static constexpr double kMaxFriction = 2.0;
+
+  bool slides() const { return contact == "slide"; }
+  /// The tool of a scene that says nothing about it.
+  bool is_sticky_point() const { return shape == "point" && !slides(); }
+};
+
+/// Throws Error naming what does not go with what: a point that slides, a grasper that sticks.
+void check_together(const ToolOptions& options);
+
+}  // namespace forcegrid::simulator
