@@ -17,6 +17,7 @@
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
 #include "forcegrid/methods.h"
+#include "simulator/vertex_masses.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -174,6 +175,20 @@ void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>
   accuracy.callback([&o, &action] { action = [&o] { return chart_accuracy_command(o); }; });
 }
 
+// The tables that a chart is made of hold one force a position.
+void note_what_moves(const std::vector<std::string>& scenes) {
+  for (const std::string& name : scenes) {
+    const evaluation::ChartScene& scene = evaluation::chart_scene(name);
+    const simulator::SpringMesh mesh = evaluation::make_mesh(scene);
+    if (simulator::dynamics_of(mesh) == simulator::MeshDynamics::kDamped) {
+      std::fprintf(stderr,
+                   "Note: scene %s moves by itself; the chart is of its equilibria, without masses "
+                   "and dampers ('forcegrid run --scene %s' judges it in motion)\n",
+                   name.c_str(), scene.object.c_str());
+    }
+  }
+}
+
 }  // namespace
 
 void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>& action) {
@@ -188,6 +203,7 @@ int chart_accuracy_command(const ChartAccuracyOptions& asked) {
   evaluation::ChartOptions options;
   take_common(options, asked, line);
   options.scenes = asked.scenes;
+  note_what_moves(asked.scenes);
   options.trajectories = asked.trajectories;
   options.conditions = asked.conditions;
   std::vector<Selection> selections;
