@@ -39,19 +39,21 @@ void print_motion(const simulator::SolverBenchResult& result) {
   std::printf(
       "\nAlong the motion 'random', processor time a tick; error: RMS of |F - F converged| in %% "
       "of "
-      "RMS |F|\n  %-14s %-24s %7s %10s %10s %10s %10s %10s %8s %9s\n",
-      "solver", "setting", "rate", "mean", "most", "error", "most", "|r|/|F|", "CG its",
+      "RMS |F|\n  %-14s %-24s %7s %10s %10s %10s %10s %10s %10s %8s %9s\n",
+      "solver", "setting", "rate", "mean", "median", "most", "error", "most", "|r|/|F|", "CG its",
       "vertices");
   for (const simulator::MotionRow& row : result.motion) {
-    std::printf("  %-14s %-24s %4.0f Hz %7.3f ms %7.3f ms %8.4f %% %8.4f %% %10.1e %8.1f %9.0f%s\n",
-                row.solver.c_str(), row.setting.c_str(), row.rate_Hz, row.mean_ms, row.max_ms,
-                row.error_percent, row.max_error_percent, row.residual_mean, row.iterations_mean,
-                row.vertices_mean,
-                row.unconverged > 0.0
-                    ? ("  tolerance missed in " +
-                       std::to_string(std::lround(100.0 * row.unconverged)) + " % of the ticks")
-                          .c_str()
-                    : "");
+    std::printf(
+        "  %-14s %-24s %4.0f Hz %7.3f ms %7.3f ms %7.3f ms %8.4f %% %8.4f %% %10.1e %8.1f "
+        "%9.0f%s\n",
+        row.solver.c_str(), row.setting.c_str(), row.rate_Hz, row.mean_ms, row.median_ms,
+        row.max_ms, row.error_percent, row.max_error_percent, row.residual_mean,
+        row.iterations_mean, row.vertices_mean,
+        row.unconverged > 0.0
+            ? ("  tolerance missed in " + std::to_string(std::lround(100.0 * row.unconverged)) +
+               " % of the ticks")
+                  .c_str()
+            : "");
   }
 }
 

@@ -11,7 +11,10 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr std::size_t kFewestVertices = 500;
-constexpr double kCells = 27.0;  // aimed at; more cells save iterations but cost a denser solve
+// Aimed at, up to kCellsUpTo vertices: more cells save iterations but cost a denser solve. Beyond,
+// as many more as an iteration gets dearer by, to the power of 2/3.
+constexpr double kCells = 27.0;
+constexpr double kCellsUpTo = 10'000.0;
 constexpr int kMaxCellsPerAxis = 8;
 // Nodes that no free vertex sees, and rounding, leave P^T K P singular without it.
 constexpr float kRelativeRegularisation = 1e-5F;
@@ -71,7 +74,8 @@ kernels::CoarseGrid make_coarse_grid(const std::vector<Eigen::Vector3d>& rest) {
     high = high.max(position.array());
   }
   const Eigen::Array3d extent_m = (high - low).max(1e-9 * (high - low).maxCoeff());
-  const double edge_m = std::cbrt(extent_m.prod() / kCells);
+  const double size = std::max(1.0, static_cast<double>(rest.size()) / kCellsUpTo);
+  const double edge_m = std::cbrt(extent_m.prod() / (kCells * std::pow(size, 2.0 / 3.0)));
   Eigen::Array3i cells;
   for (int axis = 0; axis < 3; ++axis) {
     cells[axis] =

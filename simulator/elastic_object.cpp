@@ -41,9 +41,10 @@ void check(const SolverOptions& options) {
     throw Error("solver: answer_first_below is " + std::to_string(options.answer_first_below) +
                 "; it must be >= 0");
   }
-  if (!(options.border_tolerance >= 0.0) || options.whole_every < 0) {
+  if (!(options.border_tolerance >= 0.0) || options.whole_every < 0 || options.most_vertices < 0) {
     throw Error("solver: border_tolerance is " + std::to_string(options.border_tolerance) +
-                " and whole_every " + std::to_string(options.whole_every) + "; both must be >= 0");
+                ", whole_every " + std::to_string(options.whole_every) + " and most_vertices " +
+                std::to_string(options.most_vertices) + "; all must be >= 0");
   }
 }
 
@@ -186,8 +187,13 @@ class ElasticObject<Real>::Implementation {
     return last_.border_work_N / (options_.border_tolerance * force_scale_N_);
   }
 
+  int most_vertices() const noexcept {
+    return options_.whole_every > 0 ? options_.most_vertices : 0;
+  }
+
   void choose_region() noexcept {
-    const int levels = schedule_.next_levels(state_.region(), border_share(), options_.whole_every);
+    const int levels = schedule_.next_levels(state_.region(), border_share(), options_.whole_every,
+                                             most_vertices());
     if (schedule_.region_is_new()) {
       state_.forget_trend();
     }
@@ -203,7 +209,11 @@ class ElasticObject<Real>::Implementation {
       return;
     }
     while (!state_.region().is_whole() && border_share() > 1.0) {
-      change_region(state_.region().larger());
+      const int levels = state_.region().limited(state_.region().larger(), most_vertices());
+      if (levels <= state_.region().solved()) {
+        return;
+      }
+      change_region(levels);
       if (settle() != Outcome::kSettled) {
         return;
       }

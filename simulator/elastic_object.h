@@ -38,6 +38,10 @@ struct SolverOptions {
   double border_tolerance = 0.0;
   /// With border_tolerance: every so many moves solve the whole object; 0: never.
   int whole_every = 0;
+  /// With whole_every: the moves between solve at most so many vertices even if their border lacks
+  /// more than it may, so that their cost doesn't grow with the object (a hundred times as much
+  /// still asks for the whole); 0: no limit.
+  int most_vertices = 0;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
   double sensitivity_tolerance = 0.05;
 };

@@ -93,6 +93,14 @@ int Region::larger() const noexcept {
   return std::min(levels(), solved_ + std::max(1, solved_ / 5));
 }
 
+int Region::limited(int asked_levels, int vertices) const noexcept {
+  int result = asked_levels;
+  while (vertices > 0 && result > 1 && end_of(result) > vertices) {
+    --result;
+  }
+  return result;
+}
+
 void Region::whole(kernels::SpringRows& rows) noexcept {
   solved_ = levels();
   rows.active = rows.reach = level_begin_.back();

@@ -33,6 +33,8 @@ class Region {
   std::int32_t solved_vertices() const noexcept { return end_of(solved_); }
   /// How many levels the next larger region has: one more, or a fifth more.
   int larger() const noexcept;
+  /// `levels` or as many as have at most `vertices` vertices, at least 1; 0 vertices: no limit.
+  int limited(int levels, int vertices) const noexcept;
 
   /// Everything is solved, and nothing has been left anywhere.
   void whole(kernels::SpringRows& rows) noexcept;

@@ -12,8 +12,8 @@ constexpr int kMovesBetweenAttempts = 30;
 
 }  // namespace
 
-int RegionSchedule::next_levels(const Region& region, double border_share,
-                                int whole_every) noexcept {
+int RegionSchedule::next_levels(const Region& region, double border_share, int whole_every,
+                                int most_vertices) noexcept {
   ++moves_;
   ++calm_moves_;
   if (whole_every > 0 && moves_ % whole_every == 0) {
@@ -32,7 +32,7 @@ int RegionSchedule::next_levels(const Region& region, double border_share,
   } else if (border_share < kShrinkBelow) {
     levels -= 1;
   }
-  return std::clamp(levels, 1, region.levels());
+  return region.limited(std::clamp(levels, 1, region.levels()), most_vertices);
 }
 
 }  // namespace forcegrid::simulator

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "profiles/text.h"
+#include "rt/percentiles.h"
 #include "simulator/direct_method.h"
 #include "simulator/elastic_object.h"
 #include "simulator/error.h"
@@ -23,6 +24,7 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kStep_m = 0.010;
 constexpr double kFastBorder = 1e-3;
 constexpr int kWholeIterations = 9;
+constexpr int kMostVertices = 2500;  // between whole solutions
 constexpr int kStepRepeats = 3;
 const std::string kQuasiStatic = "quasi_static";
 const std::string kLocal = "local";
@@ -104,6 +106,7 @@ class Motion {
     MotionRow row{.solver = subject.name, .rate_Hz = rate_Hz_, .setting = subject.setting};
     double error_N2 = 0.0;
     double largest_N = 0.0;
+    rt::Percentiles times_ms;
     for (std::size_t tick = 0; tick < displacements_W_.size(); ++tick) {
       const double start_s = thread_time_s();
       const Answer answer = subject.move_to(displacements_W_[tick]);
@@ -114,6 +117,7 @@ class Motion {
       const double error_N = (answer.force_W - converged_W_[tick]).norm();
       ++row.ticks;
       row.mean_ms += time_ms;
+      times_ms.add(time_ms);
       row.max_ms = std::max(row.max_ms, time_ms);
       error_N2 += error_N * error_N;
       largest_N = std::max(largest_N, error_N);
@@ -127,6 +131,7 @@ class Motion {
                          &row.unconverged}) {
       *mean /= ticks;
     }
+    row.median_ms = times_ms.at(0.5);
     row.error_percent = 100.0 * std::sqrt(error_N2 / squared_N2_);
     row.max_error_percent = 100.0 * largest_N / std::sqrt(squared_N2_ / ticks);
     return row;
@@ -177,6 +182,7 @@ void measure_motion(const Scene& scene, const SolverBenchOptions& options,
     solver.border_tolerance = kFastBorder;
     solver.whole_every = whole_every;
     solver.max_iterations = whole_every == 0 ? solver.max_iterations : kWholeIterations;
+    solver.most_vertices = kMostVertices;
     measure(fast, elastic(scene, solver,
                           whole_every == 0 ? "as direct"
                                            : "whole object every " + std::to_string(whole_every)));
@@ -349,6 +355,7 @@ nlohmann::json to_json(const SolverBenchResult& result) {
                               {"setting", row.setting},
                               {"ticks", row.ticks},
                               {"mean_ms", row.mean_ms},
+                              {"median_ms", row.median_ms},
                               {"max_ms", row.max_ms},
                               {"error_percent", row.error_percent},
                               {"max_error_percent", row.max_error_percent},

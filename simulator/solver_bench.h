@@ -44,6 +44,7 @@ struct MotionRow {
   std::string setting;
   std::size_t ticks = 0;
   double mean_ms = 0.0;
+  double median_ms = 0.0;  ///< at two rates what a cycle between two whole solutions takes
   double max_ms = 0.0;
   double error_percent = 0.0;      ///< RMS of |F - F_converged| in % of the RMS of |F_converged|
   double max_error_percent = 0.0;  ///< the largest one, in % of the same

@@ -62,6 +62,22 @@ TEST(Region, NumbersThePatchFirstAndEverySpringLeadsAtMostOneLevelOn) {
   EXPECT_EQ(table.rows.active, vertices);
 }
 
+TEST(Region, IsLimitedToWholeRingsOfAtMostSoManyVertices) {
+  const SpringMesh mesh = little_block();
+  SpringTable<float> table = make_spring_table<float>(mesh);
+  Region region(table.rows.vertex_count());
+  region.number_around({700, 701, 713}, table.rows);
+  const int all = region.levels();
+  EXPECT_EQ(region.limited(all, 0), all) << "0 is no limit";
+  EXPECT_EQ(region.limited(2, 100'000), 2);
+  EXPECT_EQ(region.limited(all, 1), 1) << "the patch stays";
+  const int levels = region.limited(all, 400);
+  region.set(levels, Vector3d::Zero(), table.rows);
+  EXPECT_LE(region.solved_vertices(), 400);
+  region.set(levels + 1, Vector3d::Zero(), table.rows);
+  EXPECT_GT(region.solved_vertices(), 400);
+}
+
 TEST(Region, RenumberedSpringsKeepTheirEndsAndConstants) {
   const SpringMesh mesh = little_block();
   SpringTable<double> table = make_spring_table<double>(mesh);
@@ -187,6 +203,30 @@ TEST(LocalSolver, SolvingTheWholeNowAndThenMendsWhatTheOutsideMisses) {
   const double alone_N = error_with(0);
   const double two_rates_N = error_with(8);
   EXPECT_LT(two_rates_N, 0.3 * alone_N) << alone_N;
+}
+
+TEST(LocalSolver, AtTwoRatesTheMovesBetweenStayWithinTheirVertices) {
+  const SpringMesh mesh = little_block();
+  const auto all = static_cast<int>(mesh.rest_position_W.size());
+  constexpr int kEvery = 8;
+  SolverOptions options = local(1e-3);  // without a limit it would grow to the whole block
+  options.whole_every = kEvery;
+  options.most_vertices = 300;
+  ElasticObject<float> object(mesh, options);
+  ElasticObject<double> reference(mesh, {.relative_tolerance = 1e-6});
+  object.grab(Vector3d::Zero(), 0.012);
+  reference.grab(Vector3d::Zero(), 0.012);
+  for (int cycle = 1; cycle <= 3 * kEvery; ++cycle) {
+    const Vector3d at_W(0.0, 1e-4 * cycle, 2e-4 * cycle);
+    const Equilibrium answer = object.move_to(at_W);
+    if (cycle % kEvery == 0) {
+      EXPECT_EQ(answer.vertices, all) << cycle;
+      const Vector3d expected_W = reference.move_to(at_W).force_W;
+      EXPECT_LT((answer.force_W - expected_W).norm(), 1e-3 * expected_W.norm()) << cycle;
+    } else {
+      EXPECT_LT(answer.vertices, all) << cycle;
+    }
+  }
 }
 
 TEST(LocalSolver, ForgetsItsRegionWhenItLetsGo) {
