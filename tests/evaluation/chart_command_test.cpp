@@ -141,8 +141,8 @@ TEST_F(ChartAccuracy, GoesOnAfterCtrlC) {
 
 TEST_F(ChartAccuracy, NamesWhatItDoesNotKnow) {
   const std::string folder = fresh_folder("chart_refused");
-  EXPECT_EQ(run({"chart", "accuracy", "--out", folder, "--scenes", "jelly"}), 2);
-  EXPECT_THAT(error_, HasSubstr("jelly"));
+  EXPECT_EQ(run({"chart", "accuracy", "--out", folder, "--scenes", "marmalade"}), 2);
+  EXPECT_THAT(error_, HasSubstr("marmalade"));
   EXPECT_EQ(run({"chart", "accuracy", "--out", folder, "--trajectories", "wobble"}), 2);
   EXPECT_THAT(error_, HasSubstr("wobble"));
   EXPECT_EQ(run({"chart", "accuracy", "--out", folder, "--conditions", "pigeon"}), 2);

@@ -98,6 +98,8 @@ class FaultBench {
     servo::ServoOptions servo_options;
     servo_options.check_motors = check_motors;
     servo_options.rendering.ladder.ramp_in_s = 0.1;
+    // The method's pull comes into being around the tool: the guard would shorten it.
+    servo_options.rendering.passivity.mode = servo::PassivityMode::kObserve;
     servo::ServoLoop loop(*device, options_.profile, {&method}, ports, servo_options);
     const std::atomic<bool> stop{false};
     std::atomic<bool> ended{false};
