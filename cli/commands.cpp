@@ -69,6 +69,10 @@ int simulate_command(const SimulateOptions& options) {
   simulator.answer_delay_s = 1e-3 * options.delay_ms;
   simulator.send_stiffness = !options.no_stiffness;
   simulator.tool = tool_options(options.tool, simulator::scene_tool(options.scene));
+  if (const std::string flags = flags_of_no_use(options.tool, *simulator.tool); !flags.empty()) {
+    std::cerr << "Note: " << flags << ": of no use to tool " << simulator.tool->shape
+              << ", contact " << simulator.tool->contact << std::endl;
+  }
   const simulator::SimulatorSummary summary =
       simulator::run_simulator(simulator, std::cout, std::cerr, StopRequest::stop(),
                                options.until_stdin_closes ? STDIN_FILENO : -1);

@@ -53,6 +53,20 @@ simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOpt
   return options;
 }
 
+std::string flags_of_no_use(const ToolChoice& choice, const simulator::ToolOptions& options) {
+  std::string flags;
+  const auto add = [&flags](bool given, bool of_use, const char* flag) {
+    if (given && !of_use) {
+      flags += (flags.empty() ? "" : ", ") + std::string(flag);
+    }
+  };
+  add(choice.radius_mm.has_value(), options.shape != "point", "--tool-radius-mm");
+  add(choice.length_mm.has_value(), options.shape == "capsule" || options.shape == "grasper",
+      "--tool-length-mm");
+  add(choice.friction.has_value(), options.slides(), "--friction");
+  return flags;
+}
+
 std::vector<std::string> tool_arguments(const ToolChoice& choice) {
   std::vector<std::string> arguments;
   const auto add = [&arguments](const char* flag, const std::string& value) {

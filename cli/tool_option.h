@@ -25,6 +25,9 @@ void add_tool(CLI::App& command, ToolChoice& choice);
 /// A scene's tool with the changes that were asked for.
 simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOptions of_scene);
 
+/// The flags of `choice` that mean nothing to the tool that came of it; empty: all count.
+std::string flags_of_no_use(const ToolChoice& choice, const simulator::ToolOptions& options);
+
 /// What was asked for, as arguments of 'forcegrid simulate'.
 std::vector<std::string> tool_arguments(const ToolChoice& choice);
 

@@ -1,5 +1,6 @@
 // Wrong and right words on the command line: what they end with and what they say.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -11,6 +12,8 @@
 namespace forcegrid {
 namespace {
 
+using ::testing::HasSubstr;
+using ::testing::Not;
 using nlohmann::json;
 using testing::fresh_folder;
 using testing::Program;
@@ -53,6 +56,21 @@ TEST(SceneTool, IsTheSceneSOwnUnlessTheCommandLineSaysOtherwise) {
   const json other = simulated({"--tool", "capsule"});
   EXPECT_EQ(other.at("tool"), "capsule");
   EXPECT_EQ(other.at("contact"), "slide") << "a key that nobody has asked to change";
+}
+
+TEST(CommandLine, SaysWhichFlagsOfAToolMeanNothingToIt) {
+  const auto said = [](const std::vector<std::string>& tool) {
+    std::vector<std::string> words{"simulate", "--scene",     "small",
+                                   "--listen", "127.0.0.1:0", "--until-stdin-closes"};
+    words.insert(words.end(), tool.begin(), tool.end());
+    Program program = Program::forcegrid(words);
+    EXPECT_EQ(program.wait(), 0);
+    return program.standard_error();
+  };
+  EXPECT_THAT(said({"--friction", "0.5", "--tool-radius-mm", "5"}),
+              HasSubstr("Note: --tool-radius-mm, --friction: of no use to tool point, contact "
+                        "sticky"));
+  EXPECT_THAT(said({"--tool", "sphere", "--tool-radius-mm", "5"}), Not(HasSubstr("of no use")));
 }
 
 INSTANTIATE_TEST_SUITE_P(
