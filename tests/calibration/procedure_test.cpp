@@ -119,9 +119,51 @@ TEST_P(ArmProcedure, FindsTorqueConstantsFrictionAndOffsetsOfAWrongProfile) {
 INSTANTIATE_TEST_SUITE_P(Devices, ArmProcedure,
                          ::testing::Values(Case{"woodenhaptics_v2015", 0.1, false, 11},
                                            Case{"woodenhaptics_v2019", 0.1, true, 12},
+                                           Case{"woodenhaptics_teensy", 0.1, true, 15},
                                            Case{"polhem_v1", 0.1, true, 13},
                                            Case{"phantom_desktop", 0.1, true, 14}),
                          [](const auto& test) { return std::string(test.param.device); });
+
+// Unbalanced, with motors that just bear it: half of what they give can't hold the arm stretched
+// out.
+TEST(Procedure, AnArmThatItsMotorsJustBearIsIdentifiedAwayFromTheStopsItCantHold) {
+  const auto truth = profiles::load_device_profile("vintage");
+  Wrong wrong = wrong_about(truth, 16);
+  for (std::size_t i = 0; i < 3; ++i) {
+    wrong.profile.motors.torque_constant_Nm_per_A[i] =
+        truth.motors.torque_constant_Nm_per_A[i] * (i == 0 ? 0.8 : 1.1);
+  }
+  for (const std::size_t unseen : {1U, 2U}) {  // whose counters no stop corrects
+    wrong.counter_error[unseen] = 0;
+    wrong.profile.calibration.pose_counts[unseen] = truth.calibration.pose_counts[unseen];
+  }
+  SimulatedRig rig(truth, {.known_mass_kg = 0.01,
+                           .counter_error = wrong.counter_error,
+                           .hand_lets_go_at_s = kHandLetsGo_s});
+  const ProcedureResult result =
+      run_procedure(rig, wrong.profile, {.known_mass_kg = 0.01, .quick = true});
+  ASSERT_TRUE(result.passed()) << all_checks(result);
+  EXPECT_NE(all_checks(result).find("not measured: at the stop"), std::string::npos)
+      << all_checks(result);
+  const auto torque_constants = changed(result, "motors.torque_constant_Nm_per_A");
+  const auto coulomb = changed(result, "dynamics.coulomb_friction_Nm");
+  const auto viscous = changed(result, "dynamics.viscous_friction_Nm_s_per_rad");
+  ASSERT_EQ(torque_constants.size(), 3U);
+  ASSERT_EQ(coulomb.size(), 3U);
+  ASSERT_EQ(viscous.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(torque_constants[i] / truth.motors.torque_constant_Nm_per_A[i], 1.0,
+                kLargestTorqueConstantError)
+        << "joint " << i;
+    EXPECT_NEAR(viscous[i] / truth.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
+                kLargestFrictionError)
+        << "joint " << i;
+    EXPECT_NEAR(coulomb[i] / truth.dynamics.coulomb_friction_Nm[i], 1.0, kLargestFrictionError)
+        << "joint " << i;
+  }
+  EXPECT_EQ(changed(result, "calibration.pose_counts").at(0), truth.calibration.pose_counts[0]);
+  EXPECT_FALSE(rig.motors_on());
+}
 
 TEST(Procedure, WhatAHostThatPausesLeavesOfTheStrokesIsEnough) {
   const auto truth = profiles::load_device_profile("phantom_desktop");
