@@ -6,26 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "cli/json_target.h"
 #include "cli/tool_option.h"
 #include "forcegrid/methods.h"
 
 namespace forcegrid::cli {
-
-/// `--json [FILE]`: not wanted, on standard output, or into a file.
-struct JsonTarget {
-  bool wanted = false;
-  std::string file;  ///< empty: standard output
-
-  bool on_stdout() const { return wanted && file.empty(); }
-};
-
-/// @throws std::runtime_error when the target is a file that can't be written, with the reason.
-void check_writable(const JsonTarget& target);
-
-/// Writes `text` and a newline where the target says, if wanted at all.
-/// @throws std::runtime_error naming the file and the system's reason; the text is then on standard
-///         output.
-void write_json(const JsonTarget& target, const std::string& text);
 
 /// Exit status of a run that an emergency stop has ended.
 inline constexpr int kEmergencyStatus = 3;
