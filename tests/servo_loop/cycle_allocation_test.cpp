@@ -3,6 +3,7 @@
 #include "forcegrid/methods.h"
 #include "servo_loop/servo_loop.h"
 #include "tests/servo_loop/scripted_device.h"
+#include "tests/servo_loop/square_patch.h"
 #include "tests/support/allocation_count.h"
 
 namespace forcegrid::servo {
@@ -10,20 +11,9 @@ namespace {
 
 // A square of 40 mm, 0.05 mm below the tool, through which that goes a few cycles later.
 NearSurface surface_below(rt::TimePoint now, double height_m) {
-  link::SurfacePatch patch;
-  patch.echo_servo_time_ns = now.time_since_epoch().count();
+  link::SurfacePatch patch = square_patch(now.time_since_epoch().count(), 0.0, 500.0);
   patch.contact_epoch = 1;
   patch.position_W_m[2] = height_m - 0.00005;
-  patch.vertex_count = 4;
-  patch.vertices_W_m[0] = {-0.02F, -0.02F, 0.0F};
-  patch.vertices_W_m[1] = {0.02F, -0.02F, 0.0F};
-  patch.vertices_W_m[2] = {0.02F, 0.02F, 0.0F};
-  patch.vertices_W_m[3] = {-0.02F, 0.02F, 0.0F};
-  patch.triangle_count = 2;
-  patch.triangles[0] = {0, 1, 2};
-  patch.triangles[1] = {0, 2, 3};
-  patch.has_stiffness = true;
-  patch.stiffness_W_N_per_m[2] = -500.0F;
   return near_surface(patch).value();
 }
 

@@ -2,6 +2,7 @@
 
 #include "servo_loop/first_touch.h"
 #include "tests/servo_loop/loop_bench.h"
+#include "tests/servo_loop/square_patch.h"
 
 namespace forcegrid::servo {
 namespace {
@@ -13,19 +14,8 @@ constexpr double kStiffness_N_per_m = 500.0;
 class FirstTouchLoop : public LoopBench {
  protected:
   void show_surface() {
-    link::SurfacePatch patch;
-    patch.echo_servo_time_ns = now_.time_since_epoch().count();
-    patch.vertex_count = 4;
-    patch.vertices_W_m[0] = {-0.02F, -0.02F, 0.0F};
-    patch.vertices_W_m[1] = {0.02F, -0.02F, 0.0F};
-    patch.vertices_W_m[2] = {0.02F, 0.02F, 0.0F};
-    patch.vertices_W_m[3] = {-0.02F, 0.02F, 0.0F};
-    patch.triangle_count = 2;
-    patch.triangles[0] = {0, 1, 2};
-    patch.triangles[1] = {0, 2, 3};
-    patch.has_stiffness = true;
-    patch.stiffness_W_N_per_m[2] = static_cast<float>(-kStiffness_N_per_m);
-    const auto surface = near_surface(patch);
+    const auto surface =
+        near_surface(square_patch(now_.time_since_epoch().count(), 0.0, kStiffness_N_per_m));
     ASSERT_TRUE(surface);
     ports_.surface.publish(*surface);
   }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tests/servo_loop/square_patch.h"
+
 namespace forcegrid::servo {
 namespace {
 
@@ -14,23 +16,15 @@ constexpr double kCycle_s = 0.002;
 constexpr double kMaxForce_N = 5.0;
 constexpr double kStiffness_N_per_m = 400.0;
 constexpr double kTolerance_N = 1e-6;  // a patch has single precision
+constexpr double kHeight_m = 0.01;
 constexpr std::uint32_t kAirEpoch = 4;
 
-/// A square of 40 mm on z = 0 below a tool at the origin, 10 mm high; a point, but for `radius_m`.
+/// A square of 40 mm on z = 0 below a tool at the origin, 10 mm high, as stiff along x and y as z.
 link::SurfacePatch square(double time_s) {
-  link::SurfacePatch patch;
-  patch.echo_servo_time_ns = std::llround(1e9 * time_s);
+  link::SurfacePatch patch =
+      square_patch(std::llround(1e9 * time_s), kHeight_m, kStiffness_N_per_m);
   patch.contact_epoch = kAirEpoch;
-  patch.position_W_m = {0.0, 0.0, 0.01};
-  patch.vertex_count = 4;
-  patch.vertices_W_m[0] = {-0.02F, -0.02F, -0.01F};
-  patch.vertices_W_m[1] = {0.02F, -0.02F, -0.01F};
-  patch.vertices_W_m[2] = {0.02F, 0.02F, -0.01F};
-  patch.vertices_W_m[3] = {-0.02F, 0.02F, -0.01F};
-  patch.triangle_count = 2;
-  patch.triangles[0] = {0, 1, 2};
-  patch.triangles[1] = {0, 2, 3};
-  patch.has_stiffness = true;
+  patch.position_W_m = {0.0, 0.0, kHeight_m};
   constexpr auto kOfFloat = static_cast<float>(-kStiffness_N_per_m);
   patch.stiffness_W_N_per_m = {kOfFloat, kOfFloat, kOfFloat, 0.0F, 0.0F, 0.0F};
   return patch;
