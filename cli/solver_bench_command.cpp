@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "evaluation/scenarios.h"
+#include "evaluation/trajectories.h"
 #include "simulator/bullet_peer.h"
 #include "simulator/solver_bench.h"
 
@@ -23,6 +24,16 @@ std::vector<Eigen::Vector3d> motion_W(double rate_Hz, double duration_s) {
       evaluation::displacements_along_motion(kSeed, 1.0 / rate_Hz);
   displacements_W.resize(std::min(displacements_W.size(),
                                   static_cast<std::size_t>(std::lround(duration_s * rate_Hz))));
+  return displacements_W;
+}
+
+// Another motion than the one that is measured.
+std::vector<Eigen::Vector3d> training_W() {
+  const evaluation::Trajectory motion("lissajous");
+  std::vector<Eigen::Vector3d> displacements_W;
+  for (double time_s = 0.0; time_s < motion.duration_s(); time_s += 1.0 / 30.0) {
+    displacements_W.push_back(motion.position_W(time_s) - evaluation::first_contact_point_W());
+  }
   return displacements_W;
 }
 
@@ -71,6 +82,20 @@ void print_dynamic(const simulator::SolverBenchResult& result) {
   }
 }
 
+void print_reduced(const simulator::SolverBenchResult& result) {
+  std::printf(
+      "\nThe reduced model, trained on the motion 'lissajous'; states against the full solver's at "
+      "30 Hz\n  %8s %12s %8s %8s %9s %15s %13s %10s %12s\n",
+      "states", "training", "modes", "springs", "memory", "trained forces", "state error", "most",
+      "farthest");
+  for (const simulator::ReducedRow& row : result.reduced) {
+    std::printf("  %8zu %10.2f s %8d %8zu %6.0f KB %13.4f %% %11.4f %% %8.4f %% %9.1f mm\n",
+                row.states, row.training_s, row.modes, row.springs,
+                1e-3 * static_cast<double>(row.memory_bytes), row.training_error_percent,
+                row.state_error_percent, row.max_state_error_percent, row.farthest_mm);
+  }
+}
+
 void print_step(const simulator::SolverBenchResult& result) {
   std::printf(
       "\nA step of 10 mm upwards from rest, linear springs; processor time until it stays within\n"
@@ -105,6 +130,7 @@ int solver_bench_command(const std::string& scene, const JsonTarget& json) {
   simulator::SolverBenchOptions options;
   options.at_30_Hz_W = motion_W(30.0, kSlowMotion_s);
   options.at_500_Hz_W = motion_W(500.0, kFastMotion_s);
+  options.training_W = training_W();
   options.say = [](const std::string& what) { std::cerr << "measuring: " << what << std::endl; };
   for (const double relaxation : kBulletRelaxations) {
     options.peers.push_back(simulator::bullet_peer(relaxation));
@@ -115,6 +141,7 @@ int solver_bench_command(const std::string& scene, const JsonTarget& json) {
     std::printf("%s: %zu vertices, %zu springs\n", result.scene.c_str(), result.vertices,
                 result.springs);
     print_motion(result);
+    print_reduced(result);
     if (!result.step.empty()) {
       print_step(result);
     }

@@ -29,6 +29,7 @@ constexpr int kStepRepeats = 3;
 const std::string kQuasiStatic = "quasi_static";
 const std::string kLocal = "local";
 const std::string kNewton = "newton_cg";
+const std::string kReduced = "reduced";
 
 struct Answer {
   Vector3d force_W = Vector3d::Zero();
@@ -62,6 +63,20 @@ Subject elastic(const Scene& scene, const SolverOptions& options, std::string se
             const Equilibrium e = object->move_to(displacement_W);
             return Answer{e.force_W, e.relative_residual, static_cast<double>(e.iterations),
                           static_cast<double>(e.vertices), e.converged && e.reached};
+          }};
+}
+
+// Nothing where there is no motion to train on. The model is what the subjects of a run share.
+std::shared_ptr<ReducedBench> train(const Scene& scene, const SolverBenchOptions& options) {
+  return options.training_W.empty() ? nullptr
+                                    : std::make_shared<ReducedBench>(scene, options.training_W);
+}
+
+Subject reduced(const std::shared_ptr<ReducedBench>& model) {
+  return {kReduced, model->setting(), [model](const Vector3d& displacement_W) {
+            const Equilibrium e = model->move_to(displacement_W);
+            return Answer{e.force_W, e.relative_residual, static_cast<double>(e.iterations), 0.0,
+                          e.converged};
           }};
 }
 
@@ -106,7 +121,7 @@ class Motion {
     MotionRow row{.solver = subject.name, .rate_Hz = rate_Hz_, .setting = subject.setting};
     double error_N2 = 0.0;
     double largest_N = 0.0;
-    rt::Percentiles times_ms;
+    rt::Percentiles times_us;  // which tells nothing below 1/64 apart
     for (std::size_t tick = 0; tick < displacements_W_.size(); ++tick) {
       const double start_s = thread_time_s();
       const Answer answer = subject.move_to(displacements_W_[tick]);
@@ -117,7 +132,7 @@ class Motion {
       const double error_N = (answer.force_W - converged_W_[tick]).norm();
       ++row.ticks;
       row.mean_ms += time_ms;
-      times_ms.add(time_ms);
+      times_us.add(1e3 * time_ms);
       row.max_ms = std::max(row.max_ms, time_ms);
       error_N2 += error_N * error_N;
       largest_N = std::max(largest_N, error_N);
@@ -131,7 +146,7 @@ class Motion {
                          &row.unconverged}) {
       *mean /= ticks;
     }
-    row.median_ms = times_ms.at(0.5);
+    row.median_ms = 1e-3 * times_us.at(0.5);
     row.error_percent = 100.0 * std::sqrt(error_N2 / squared_N2_);
     row.max_error_percent = 100.0 * largest_N / std::sqrt(squared_N2_ / ticks);
     return row;
@@ -168,6 +183,12 @@ void measure_motion(const Scene& scene, const SolverBenchOptions& options,
     solver.border_tolerance = border;
     measure(slow, elastic(scene, solver, "border " + profiles::number_text(border)));
   }
+  const std::shared_ptr<ReducedBench> model = train(scene, options);
+  if (model) {
+    measure(slow, reduced(model));
+    say("reduced, its states");
+    result.reduced.push_back(model->compare_states(options.at_30_Hz_W));
+  }
   for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
     measure(slow, newton(scene, tolerance));
   }
@@ -186,6 +207,9 @@ void measure_motion(const Scene& scene, const SolverBenchOptions& options,
     measure(fast, elastic(scene, solver,
                           whole_every == 0 ? "as direct"
                                            : "whole object every " + std::to_string(whole_every)));
+  }
+  if (model) {
+    measure(fast, reduced(model));
   }
   for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
     measure(fast, newton(scene, tolerance));
@@ -348,6 +372,7 @@ nlohmann::json to_json(const SolverBenchResult& result) {
                       {"motion", nlohmann::json::array()},
                       {"step", nlohmann::json::array()},
                       {"dynamic", nlohmann::json::array()},
+                      {"reduced", nlohmann::json::array()},
                       {"ratios", nlohmann::json::array()}};
   for (const MotionRow& row : result.motion) {
     json["motion"].push_back({{"solver", row.solver},
@@ -386,6 +411,9 @@ nlohmann::json to_json(const SolverBenchResult& result) {
                                {"released_J", row.released_J},
                                {"energy_after_100ms_percent", row.after_100ms_percent},
                                {"energy_largest_rise_percent", row.largest_rise_percent}});
+  }
+  for (const ReducedRow& row : result.reduced) {
+    json["reduced"].push_back(to_json(row));
   }
   for (const SpeedRatio& ratio : result.ratios) {
     json["ratios"].push_back({{"solver", ratio.solver},

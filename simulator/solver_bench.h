@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "simulator/dynamic_bench.h"
+#include "simulator/reduced_bench.h"
 #include "simulator/scene.h"
 
 namespace forcegrid::simulator {
@@ -32,6 +33,8 @@ struct SolverBenchOptions {
   /// [m] Displacements of the tool since it took hold of the top, the first one near zero.
   std::vector<Eigen::Vector3d> at_30_Hz_W;
   std::vector<Eigen::Vector3d> at_500_Hz_W;
+  /// [m] The motion that a reduced model is trained on, 30 a second; empty: none is made.
+  std::vector<Eigen::Vector3d> training_W;
   double settling_s = 0.5;  ///< ticks before it are solved, but not counted
   std::vector<StepPeer> peers;
   std::function<void(const std::string&)> say;  ///< what is being measured; may be empty
@@ -81,6 +84,7 @@ struct SolverBenchResult {
   std::vector<MotionRow> motion{};
   std::vector<StepRow> step{};
   std::vector<DynamicRow> dynamic{};  ///< of a scene with masses
+  std::vector<ReducedRow> reduced{};  ///< where there is a motion to train on; states at 30 Hz
   std::vector<SpeedRatio> ratios{};
   std::vector<std::string> remarks{};  ///< what was left out and why
 };

@@ -1,7 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "simulator/elastic_object.h"
 #include "simulator/pressed_object.h"
+#include "simulator/reduced_training.h"
 #include "simulator/scene.h"
 #include "tests/support/allocation_count.h"
 
@@ -36,6 +39,28 @@ TEST(PressedObject, NeitherMovesNorTheGraspersJawsAllocate) {
   EXPECT_EQ(count.value(), 0U);
   EXPECT_GT(points, 0);
   EXPECT_GT(held, 0);
+}
+
+TEST(ReducedModel, MovesDoNotAllocateWithMostModesEither) {
+  const SpringMesh mesh = make_scene("small").mesh;
+  ElasticObject<float> full(mesh);
+  full.grab(Eigen::Vector3d::Zero(), 0.012);
+  ReducedTrainingSet set = begin_training_set(mesh, full);
+  for (int i = 1; i <= 60; ++i) {
+    const Eigen::Vector3d place_W(0.008 * std::sin(0.7 * i), 0.008 * std::cos(0.4 * i), 0.0003 * i);
+    add_state(mesh, full, full.move_to(place_W), {}, set);
+  }
+  const ReducedTraining training = train_reduced_model(
+      mesh, set, {.mode_tolerance = 1e-12, .most_modes = kMostReducedCoordinates - 3});
+  ReducedModel model = *training.model;
+  EXPECT_GT(model.modes(), 30) << "Eigen's larger kernels were not exercised";
+  bool converged = true;
+  const testing::AllocationCount count;
+  for (int i = 1; i <= 60; ++i) {
+    converged &= model.move_to({0.0001 * i, 0.0, 0.0002 * i}).converged;
+  }
+  EXPECT_EQ(count.value(), 0U);
+  EXPECT_TRUE(converged);
 }
 
 TEST(ElasticObject, TheCountSeesTheAllocationsOfPositions) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -33,6 +34,16 @@ std::vector<Vector3d> circle_W(double rate_Hz, double duration_s) {
   for (int tick = 0; tick < static_cast<int>(duration_s * rate_Hz); ++tick) {
     const double phase = 6.0 * tick / rate_Hz;
     places_W.emplace_back(0.005 * std::sin(phase), 0.0, 0.005 * (1.0 - std::cos(phase)));
+  }
+  return places_W;
+}
+
+// The same plane, on another way and faster.
+std::vector<Vector3d> rosette_W() {
+  std::vector<Vector3d> places_W;
+  for (int tick = 1; tick < 200; ++tick) {
+    places_W.emplace_back(0.006 * std::sin(0.31 * tick), 0.0005 * std::sin(0.2 * tick),
+                          0.006 * (1.0 - std::cos(0.17 * tick)));
   }
   return places_W;
 }
@@ -78,6 +89,7 @@ TEST(SolverBench, MeasuresAllSolversAgainstTheConvergedForce) {
       {"nobody", [](const Scene&, const Vector3d&, const Vector3d&) {
          return std::vector<StepPoint>{{1.0, 0.5, 0.9}, {2.0, 0.4, 3.0}, {3.0, 5e-3, 0.5}};
        }});
+  options.training_W = rosette_W();
   const SolverBenchResult result = bench_solvers(little_scene(5.0), options);
   for (const MotionRow& row : result.motion) {
     EXPECT_EQ(row.ticks, row.rate_Hz == 30.0 ? 45U : 100U);
@@ -86,6 +98,16 @@ TEST(SolverBench, MeasuresAllSolversAgainstTheConvergedForce) {
     EXPECT_GE(row.max_error_percent, row.error_percent);
     EXPECT_LT(row.error_percent, row.solver == "newton_cg" ? 15.0 : 0.5) << row.setting;
   }
+  EXPECT_EQ(std::count_if(result.motion.begin(), result.motion.end(),
+                          [](const MotionRow& row) { return row.solver == "reduced"; }),
+            2);
+  ASSERT_EQ(result.reduced.size(), 1U);
+  EXPECT_GT(result.reduced[0].states, 5U);
+  EXPECT_LT(result.reduced[0].springs, result.springs / 5);
+  EXPECT_GT(result.reduced[0].state_error_percent, 1e-4) << "they can't be the same numbers";
+  EXPECT_LT(result.reduced[0].state_error_percent, 5.0);
+  EXPECT_GE(result.reduced[0].max_state_error_percent, result.reduced[0].state_error_percent);
+  EXPECT_EQ(to_json(result)["reduced"][0]["modes"], result.reduced[0].modes);
   ASSERT_EQ(result.step.size(), 3U);
   EXPECT_LT(result.step[0].least_error_percent, 1e-3);
   EXPECT_LE(result.step[0].to_error_1_ms, result.step[0].to_error_01_ms);

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "simulator/elastic_object.h"
+#include "simulator/scene.h"
+
+namespace forcegrid::simulator {
+
+/// What a reduced model took to make, and how near its states are to the full solver's.
+struct ReducedRow {
+  std::size_t states = 0;   ///< that it was trained on
+  double training_s = 0.0;  ///< processor time, without the full solver's
+  int modes = 0;
+  std::size_t springs = 0;
+  std::size_t memory_bytes = 0;
+  double training_error_percent =
+      0.0;                           ///< RMS of |F - F_full| in % of RMS |F_full|, trained states
+  double state_error_percent = 0.0;  ///< RMS of |x - x_full| in % of RMS |x_full - X|
+  double max_state_error_percent = 0.0;  ///< the largest state's, in % of the same
+  double farthest_mm = 0.0;  ///< from a place of the motion to the nearest trained state
+};
+
+/// A reduced model of a scene's object held at its top, trained on one motion, to be measured on
+/// others. Threads: one.
+class ReducedBench {
+ public:
+  /// @param training_W  [m] displacements of the tool since the grab, 30 a second.
+  /// Throws Error for a scene whose top can't be held, or a motion that leaves nothing to train on.
+  ReducedBench(const Scene& scene, const std::vector<Eigen::Vector3d>& training_W);
+  ~ReducedBench();
+  ReducedBench(ReducedBench&&) noexcept;
+
+  std::string setting() const;  ///< modes and springs in words
+  Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
+
+  /// Compares its states along `displacements_W` [m] with the full solver's, to a residual of 1e-4.
+  ReducedRow compare_states(const std::vector<Eigen::Vector3d>& displacements_W);
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+/// Keys carry the units.
+nlohmann::json to_json(const ReducedRow& row);
+
+}  // namespace forcegrid::simulator
