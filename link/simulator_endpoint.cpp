@@ -17,6 +17,39 @@ constexpr std::size_t kRememberedSessions = 16;
 
 using SteadyTime = std::chrono::steady_clock::time_point;
 
+/// The newest `Capacity` messages, the oldest of which come out first.
+template <typename Message, std::size_t Capacity>
+class Queue {
+ public:
+  /// @returns whether an older one had to give way.
+  bool push(const Message& message) noexcept {
+    const bool full = size_ == Capacity;
+    if (full) {
+      begin_ = (begin_ + 1) % Capacity;
+      --size_;
+    }
+    messages_[(begin_ + size_) % Capacity] = message;
+    ++size_;
+    return full;
+  }
+  std::optional<Message> pop() noexcept {
+    if (size_ == 0) {
+      return std::nullopt;
+    }
+    const Message message = messages_[begin_];
+    begin_ = (begin_ + 1) % Capacity;
+    --size_;
+    return message;
+  }
+  void clear() noexcept { begin_ = size_ = 0; }
+  std::size_t size() const noexcept { return size_; }
+
+ private:
+  std::array<Message, Capacity> messages_{};
+  std::size_t begin_ = 0;
+  std::size_t size_ = 0;
+};
+
 /// Refuses what parse_address() would, for an Address that was put together otherwise.
 Address checked(const Address& address, Reach reach) {
   return parse_address(to_string(address), PortZero::kAllowed, reach);
@@ -71,9 +104,8 @@ struct SimulatorEndpoint::State {
   bool tool_state_seen = false;
   std::uint32_t newest_tool_state = 0;
 
-  std::array<Query, kQueuedQueries> queue{};
-  std::size_t queue_begin = 0;
-  std::size_t queue_size = 0;
+  Queue<Query, kQueuedQueries> queries;
+  Queue<ToolState, kQueuedToolStates> path;
 
   std::uint32_t sample_sequence = 0;
   std::uint32_t patch_sequence = 0;
@@ -92,7 +124,8 @@ void SimulatorEndpoint::State::end_session() noexcept {
   tool_states.restart();
   query_ids.restart();
   tool_state_seen = false;
-  queue_begin = queue_size = 0;
+  queries.clear();
+  path.clear();
 }
 
 bool SimulatorEndpoint::State::belongs_to_servo(const Address& sender, const Decoded& decoded,
@@ -158,21 +191,18 @@ void SimulatorEndpoint::State::take(const ToolState& state, News& news) noexcept
   tool_state_seen = true;
   newest_tool_state = state.sequence;
   news.tool_state = state;
+  path.push(state);
 }
 
 void SimulatorEndpoint::State::take(const Query& query) noexcept {
   if (!track(query_ids, query.query_id)) {
     return;
   }
-  if (queue_size == kQueuedQueries) {
-    queue_begin = (queue_begin + 1) % kQueuedQueries;
-    --queue_size;
-    --statistics.accepted;
+  if (queries.push(query)) {
     ++statistics.overflowed;
+  } else {
+    ++statistics.accepted;
   }
-  queue[(queue_begin + queue_size) % kQueuedQueries] = query;
-  ++queue_size;
-  ++statistics.accepted;
 }
 
 bool SimulatorEndpoint::State::may_use(const Address& sender) const noexcept {
@@ -267,19 +297,14 @@ SimulatorEndpoint::News SimulatorEndpoint::receive(std::chrono::nanoseconds time
     }
   }
   own.statistics.send_no_peer = own.sent_without_servo + own.transport.socket().undelivered();
-  news.queries = own.queue_size;
+  news.queries = own.queries.size();
   return news;
 }
 
-std::optional<Query> SimulatorEndpoint::next_query() noexcept {
-  State& own = *state_;
-  if (own.queue_size == 0) {
-    return std::nullopt;
-  }
-  const Query query = own.queue[own.queue_begin];
-  own.queue_begin = (own.queue_begin + 1) % kQueuedQueries;
-  --own.queue_size;
-  return query;
+std::optional<Query> SimulatorEndpoint::next_query() noexcept { return state_->queries.pop(); }
+
+std::optional<ToolState> SimulatorEndpoint::next_tool_state() noexcept {
+  return state_->path.pop();
 }
 
 template <typename Message>

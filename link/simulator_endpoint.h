@@ -17,6 +17,7 @@
 namespace forcegrid::link {
 
 inline constexpr std::size_t kQueuedQueries = 64;
+inline constexpr std::size_t kQueuedToolStates = 1024;
 
 /// Who may use a simulator.
 struct Access {
@@ -76,6 +77,13 @@ class SimulatorEndpoint {
   /// interrupts the wait, so that the caller can look at its stop flag.
   /// Real-time: blocks up to `timeout`; no allocation or throw.
   [[nodiscard]] News receive(std::chrono::nanoseconds timeout) noexcept;
+
+  /// The oldest tool state of the current session that has not been fetched here, the one that
+  /// receive() gave as the newest included: the tool's whole path, for objects to which the way
+  /// counts and not the position alone. Those that came after a newer one are left out. The queue
+  /// holds kQueuedToolStates; when it is full the oldest gives way, so that a simulator without use
+  /// for the path need not call this. Real-time: yes.
+  [[nodiscard]] std::optional<ToolState> next_tool_state() noexcept;
 
   /// The oldest waiting query of the current session. The queue holds kQueuedQueries; when it is
   /// full the oldest gives way, and is counted. Real-time: yes.

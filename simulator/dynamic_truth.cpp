@@ -17,6 +17,8 @@ using Eigen::Vector3d;
 const std::string kWho = "off-line force: ";
 constexpr double kStep_s = 0.5e-3;
 constexpr std::size_t kCyclesAside = 2;
+constexpr std::size_t kCyclesOfSpeed = 5;
+constexpr double kLongestWayIn_s = 0.1;
 constexpr int kMaxSteps = 10'000;
 constexpr double kProgressPeriod_s = 0.1;
 
@@ -51,6 +53,24 @@ Vector3d smoothed_W(const std::vector<Vector3d>& positions_W, std::size_t first,
   return sum_W / static_cast<double>(2 * aside + 1);
 }
 
+// Since the tool touched, until the first position: a cycle at least, and as long as the way from
+// there takes at the speed of the first cycles.
+double way_in_s(const std::vector<Vector3d>& positions_W, const std::vector<double>& times_s,
+                const TruthOptions& options) {
+  const std::size_t first = options.first_contact_cycle;
+  const std::size_t later = std::min(first + kCyclesOfSpeed, positions_W.size() - 1);
+  const double cycle_s = first > 0       ? times_s[first] - times_s[first - 1]
+                         : later > first ? times_s[first + 1] - times_s[first]
+                                         : kStep_s;
+  const double way_m = (positions_W[first] - options.contact_point_W).norm();
+  const double shown_m = (positions_W[later] - positions_W[first]).norm();
+  const double shown_s = times_s[later] - times_s[first];
+  if (way_m * shown_s > kLongestWayIn_s * shown_m) {
+    return std::max(cycle_s, kLongestWayIn_s);
+  }
+  return shown_m > 0.0 ? std::max(cycle_s, way_m * shown_s / shown_m) : cycle_s;
+}
+
 }  // namespace
 
 TruthResult simulate_dynamic_truth(const Scene& scene, const std::vector<Vector3d>& positions_W,
@@ -79,8 +99,8 @@ TruthResult simulate_dynamic_truth(const Scene& scene, const std::vector<Vector3
       truth.cancelled = true;
       break;
     }
-    // The tool touched within the cycle before.
-    const double duration_s = i > 0 ? times_s[i] - times_s[i - 1] : kStep_s;
+    const double duration_s =
+        i > first ? times_s[i] - times_s[i - 1] : way_in_s(positions_W, times_s, options);
     const Equilibrium state =
         object.advance(duration_s, smoothed_W(positions_W, first, i) - options.contact_point_W);
     truth.forces_W[i] = state.force_W;

@@ -13,6 +13,8 @@ namespace forcegrid::simulator {
 /// steps of at most 0.5 ms, so that the method's own damping is a retardation time of 0.5 ms; each
 /// solved to options.relative_tolerance. The path is known in encoder counts, whose jumps a damper
 /// would feel: it is taken as the mean of up to five cycles around each, two before to two after.
+/// The tool has come from the contact point to the first position straight, at the speed of the
+/// first five cycles, in a cycle at least and in 0.1 s at most.
 ///
 /// @param times_s  when the tool was at each of `positions_W` [m]; rising.
 /// @param options  of the path: contact_point_W, first_contact_cycle; of the solver:

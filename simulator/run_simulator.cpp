@@ -64,6 +64,9 @@ void check(const SimulatorOptions& options) {
 
 link::Vector3 to_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 Eigen::Vector3d to_vector(const link::Vector3& a) { return {a[0], a[1], a[2]}; }
+double time_s(const link::ToolState& state) {
+  return 1e-9 * static_cast<double>(state.servo_time_ns);
+}
 
 void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool send_stiffness) {
   sample.contact_epoch = answer.epoch;
@@ -203,6 +206,9 @@ class Loop {
     if (news.tool_state) {
       newest_ = news.tool_state;
     }
+    while (const auto state = endpoint_.next_tool_state()) {
+      contact_->was_at(time_s(*state), to_vector(state->position_W_m));
+    }
     take_queries(news.queries);
     report_strangers();
     desk_.serve_workers(rt::Clock::now());
@@ -265,11 +271,10 @@ class Loop {
     link::SurfacePatch patch = link::patch_for(*newest_);
     const Eigen::Vector3d position_W = to_vector(newest_->position_W_m);
     const Eigen::Vector3d velocity_W = to_vector(newest_->velocity_W_m_per_s);
-    const std::int64_t newest_time_ns = newest_->servo_time_ns;
+    contact_->tell_time(time_s(*newest_));
     newest_.reset();
     const bool was_in_contact = contact_->in_contact();
     const rt::TimePoint start = rt::Clock::now();
-    contact_->tell_time(1e-9 * static_cast<double>(newest_time_ns));
     const StickyContact::Answer answer = contact_->step(position_W);
     const double solve_s = rt::seconds(rt::Clock::now() - start);
     if (!finite(answer.equilibrium)) {

@@ -82,8 +82,8 @@ struct SimulatorSummary {
 nlohmann::json to_json(const SimulatorSummary& summary);
 
 /// The simulator's loop: at each of `rate_Hz` absolute deadlines it takes the newest tool state
-/// from the link, moves the tool there (ToolContact) and answers with one
-/// sample. A new session of a servo starts with the object at rest. Queries are answered in idle
+/// from the link, moves the tool there (ToolContact; an object that moves by itself feels all
+/// positions on the way) and answers with one sample. A new session of a servo starts with the object at rest. Queries are answered in idle
 /// time from an object of their own. While the tool, going straight on, would touch within 0.3 s,
 /// samples carry that point as their contact point, and queries are answered for a tool that has
 /// touched there (in contact, epoch of the air); it is kept until it moves by more than 2 mm. When

@@ -19,6 +19,12 @@ class ToolContact {
 
   virtual ~ToolContact() = default;
 
+  /// Where the tool was [m] on its way to the next step(), which is the last of these if there are
+  /// any. `time_s` is of the servo's clock. Equilibria know no way.
+  virtual void was_at(double time_s, const Eigen::Vector3d& position_W) {
+    static_cast<void>(time_s);
+    static_cast<void>(position_W);
+  }
   /// The moment [s], of the servo's clock, at which the tool is where the next step() moves it.
   /// Equilibria know no time.
   virtual void tell_time(double time_s) noexcept { static_cast<void>(time_s); }

@@ -63,6 +63,39 @@ TEST_F(SimulatorEndpointTest, GivesTheNewestToolStateOnce) {
   EXPECT_FALSE(simulator_.receive(0s).tool_state);
 }
 
+TEST_F(SimulatorEndpointTest, KeepsTheWholePathButWhatCameLateOrBelongsToAnOldRun) {
+  for (const std::uint32_t n : {1U, 2U, 4U, 3U, 4U, 6U}) {
+    servo_sends(state(n));
+  }
+  servo_sends(state(7));
+  ASSERT_EQ(simulator_.receive(20s).tool_state->sequence, 7U);
+  for (const std::uint32_t n : {1U, 2U, 4U, 6U, 7U}) {
+    const auto next = simulator_.next_tool_state();
+    ASSERT_TRUE(next);
+    EXPECT_EQ(next->sequence, n);
+  }
+  EXPECT_FALSE(simulator_.next_tool_state());
+
+  servo_sends(state(8));
+  servo_sends(state(1), kSession + 1);
+  ASSERT_TRUE(simulator_.receive(20s).new_session);
+  ASSERT_EQ(simulator_.next_tool_state()->sequence, 1U);
+  EXPECT_FALSE(simulator_.next_tool_state()) << "the path of the run before";
+}
+
+TEST_F(SimulatorEndpointTest, OfALongPathTheOldestPartGivesWay) {
+  constexpr std::uint32_t kMore = 10;
+  const std::uint32_t last = kQueuedToolStates + kMore;
+  for (std::uint32_t n = 1; n <= last; ++n) {
+    servo_sends(state(n));
+    ASSERT_TRUE(simulator_.receive(20s).tool_state);
+  }
+  for (std::uint32_t n = kMore + 1; n <= last; ++n) {
+    ASSERT_EQ(simulator_.next_tool_state()->sequence, n);
+  }
+  EXPECT_FALSE(simulator_.next_tool_state());
+}
+
 TEST_F(SimulatorEndpointTest, NumbersItsAnswersAndSendsThemToTheServo) {
   servo_sends(state(7));
   const auto news = simulator_.receive(20s);

@@ -7,12 +7,14 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <future>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
 #include "link/servo_endpoint.h"
+#include "simulator/dynamic_contact.h"
 #include "simulator/error.h"
 #include "simulator/scene.h"
 #include "tests/support/flushed_text.h"
@@ -32,7 +34,9 @@ class RunningSimulator {
     if (options.listen == SimulatorOptions{}.listen) {
       options.listen = "127.0.0.1:0";
     }
-    options.scene = "small";
+    if (options.scene == SimulatorOptions{}.scene) {
+      options.scene = "small";
+    }
     options.nice = 0;
     result_ = std::async(std::launch::async, [this, options, stop_fd] {
       std::ostream out(&out_);
@@ -311,6 +315,65 @@ TEST(RunSimulator, ASphereThatSlidesPressesLeavesAndAnswersNoQueries) {
   const nlohmann::json json = to_json(summary);
   EXPECT_EQ(json.at("tool"), "sphere");
   EXPECT_EQ(json.at("contact"), "slide");
+}
+
+// A sinking tool that touches and then moves the jelly up and down; servo time is the test's own,
+// so that nothing depends on how busy the machine is.
+TEST(RunSimulator, AnObjectThatMovesByItselfFeelsEveryPositionOfTheServo) {
+  constexpr int kStates = 17;  // between two answers
+  const auto place_W = [](int state) {
+    const double t_s = 2e-3 * state - 0.2;
+    const double z_m = t_s < 0.0 ? -0.03 * t_s : 0.010 * std::sin(12.0 * t_s);
+    return Eigen::Vector3d(0, 0, z_m);
+  };
+  const Scene scene = make_scene("jelly", Eigen::Vector3d::Zero());
+  const auto all = make_dynamic_contact(scene, {}, {});
+  const auto sparse = make_dynamic_contact(scene, {}, {});
+  SimulatorOptions options;
+  options.scene = "jelly";
+  RunningSimulator simulator(options);
+  link::ServoEndpoint servo(simulator.address());
+  double error = 0.0;
+  double error_sparse = 0.0;
+  double sum = 0.0;
+  link::ToolState state;
+  for (int answer = 1; answer <= 24; ++answer) {
+    for (int i = 0; i < kStates; ++i) {
+      const Eigen::Vector3d position_W = place_W(static_cast<int>(state.sequence));
+      state.servo_time_ns = 1'000'000'000 + 2'000'000LL * ++state.sequence;
+      state.position_W_m = {position_W.x(), position_W.y(), position_W.z()};
+      servo.send(state);
+      all->was_at(1e-9 * static_cast<double>(state.servo_time_ns), position_W);
+    }
+    const Eigen::Vector3d end_W(state.position_W_m[0], state.position_W_m[1],
+                                state.position_W_m[2]);
+    Eigen::Vector3d force_W[2];
+    for (const int i : {0, 1}) {
+      ToolContact& contact = i == 0 ? *all : *sparse;
+      contact.tell_time(1e-9 * static_cast<double>(state.servo_time_ns));
+      force_W[i] = contact.step(end_W).equilibrium.force_W;
+    }
+    std::optional<link::ForceSample> sample;
+    const auto give_up = std::chrono::steady_clock::now() + kPatience;
+    while (!sample && std::chrono::steady_clock::now() < give_up) {
+      servo.wait(2ms);
+      while (const auto each = servo.receive()) {
+        sample = each->echo_sequence == state.sequence ? each : sample;
+      }
+    }
+    ASSERT_TRUE(sample);
+    if (answer > 10) {
+      const Eigen::Vector3d linked_W(sample->force_W_N[0], sample->force_W_N[1],
+                                     sample->force_W_N[2]);
+      error += (force_W[0] - linked_W).squaredNorm();
+      error_sparse += (force_W[1] - linked_W).squaredNorm();
+      sum += linked_W.squaredNorm();
+    }
+  }
+  // A tick that falls between the positions of an answer ends the way there for a moment.
+  EXPECT_LT(std::sqrt(error / sum), 0.01);
+  EXPECT_GT(std::sqrt(error_sparse / sum), 0.03);
+  EXPECT_EQ(simulator.stop().contacts, 1U);
 }
 
 TEST(RunSimulator, DelaysItsAnswersAsASlowerMachineWould) {
