@@ -1,16 +1,10 @@
 #include "driver/falcon_device.h"
 
 #include <algorithm>
-#include <atomic>
-#include <cstdio>
-#include <future>
-#include <mutex>
-#include <thread>
 
 #include "driver/falcon_codec.h"
 #include "driver/ftdi_port.h"
-#include "rt/mailbox.h"
-#include "rt/thread.h"
+#include "driver/io_thread_device.h"
 
 namespace forcegrid::driver {
 namespace {
@@ -28,57 +22,27 @@ constexpr rt::Duration kPollWhenFaulted = milliseconds(20);
 constexpr int kLastZeroAttempts = 3;
 constexpr int kMaxPacketsOfOneReply = 64;
 
-struct IssuedCommand {
-  MotorCommand command;
-  rt::TimePoint issued{};
-};
-
-/// Counters that one thread writes and any thread reads.
-struct AtomicStatistics {
-  std::atomic<std::uint64_t> reports_received{0};
-  std::atomic<std::uint64_t> reports_rejected{0};
-  std::atomic<std::uint64_t> reports_drained{0};
-  std::atomic<std::uint64_t> reports_lost{0};
-  std::atomic<std::uint64_t> commands_sent{0};
-  std::atomic<std::uint64_t> commands_starved{0};
-  std::atomic<std::uint64_t> commands_not_finite{0};
-  std::atomic<std::uint64_t> commands_clamped{0};
-};
-
-void count(std::atomic<std::uint64_t>& counter) noexcept {
-  counter.fetch_add(1, std::memory_order_relaxed);
-}
-
-class FalconDevice final : public Device {
+/// Its exchange never pauses, so that nobody needs to be woken.
+class FalconDevice final : public IoThreadDevice {
  public:
   FalconDevice(std::unique_ptr<BulkTransport> transport, const profiles::DeviceProfile& profile,
                const OpenOptions& options, const std::string& url,
                const falcon::StartupTiming& timing)
-      : transport_(std::move(transport)),
+      : IoThreadDevice(options,
+                       {url, transport->identity().manufacturer, transport->identity().product,
+                        transport->identity().serial},
+                       "no packet for",
+                       "check the cable and the Falcon's power, then open it again"),
+        transport_(std::move(transport)),
         port_(*transport_, options.connect_timeout),
-        parameters_(profile.falcon),
-        options_(options),
-        identity_{url, transport_->identity().manufacturer, transport_->identity().product,
-                  transport_->identity().serial} {
+        parameters_(profile.falcon) {
     try {
       static_cast<void>(falcon::bring_up(
           port_, [this] { return transport_->failure(); }, url, options_.firmware, options_.notice,
           timing));
       exchanging_ = true;
       first_exchange();
-      std::promise<rt::Scheduling> promise;
-      std::future<rt::Scheduling> scheduling = promise.get_future();
-      thread_ = std::thread([this, promise = std::move(promise)]() mutable {
-        rt::name_current_thread("fg-device-io");
-        promise.set_value(options_.realtime_io
-                              ? rt::make_current_thread_realtime(rt::kDeviceIoPriority)
-                              : rt::Scheduling{});
-        run();
-      });
-      const rt::Scheduling granted = scheduling.get();
-      if (options_.realtime_io && !granted.realtime && options_.notice) {
-        options_.notice("device I/O thread: " + granted.reason);
-      }
+      start_thread();
     } catch (...) {
       static_cast<void>(stop());
       throw;
@@ -87,112 +51,19 @@ class FalconDevice final : public Device {
 
   ~FalconDevice() override { static_cast<void>(stop()); }
 
-  const DeviceIdentity& identity() const noexcept override { return identity_; }
-
-  DeviceReport newest_report() noexcept override {
-    static_cast<void>(reports_.fetch(report_for_servo_));
-    return report_for_servo_;
-  }
-
-  // The exchange never pauses, so nobody needs to be woken.
-  void command(const MotorCommand& command) noexcept override {
-    commands_.publish({command, rt::Clock::now()});
-  }
-
-  DeviceHealth health() const noexcept override {
-    DeviceHealth health = health_.load(std::memory_order_acquire);
-    // The I/O thread can be held by the kernel, so silence is noticed here, too.
-    if (health == DeviceHealth::kRunning && silent(rt::Clock::now())) {
-      health_.compare_exchange_strong(health, DeviceHealth::kStale, std::memory_order_acq_rel);
-      health = health_.load(std::memory_order_acquire);
-    }
-    return health;
-  }
-
-  DeviceStatistics statistics() const noexcept override {
-    const auto value = [](const std::atomic<std::uint64_t>& counter) {
-      return counter.load(std::memory_order_relaxed);
-    };
-    return {.reports_received = value(statistics_.reports_received),
-            .reports_rejected = value(statistics_.reports_rejected),
-            .reports_drained = value(statistics_.reports_drained),
-            .reports_lost = value(statistics_.reports_lost),
-            .commands_sent = value(statistics_.commands_sent),
-            .kicks = value(statistics_.reports_lost),
-            .commands_starved = value(statistics_.commands_starved),
-            .commands_not_finite = value(statistics_.commands_not_finite),
-            .commands_clamped = value(statistics_.commands_clamped)};
-  }
-
-  std::string failure() const override {
-    const DeviceHealth now = health();
-    if (now == DeviceHealth::kRunning) {
-      return "";
-    }
-    {
-      const std::lock_guard lock(failure_mutex_);
-      if (!failure_.empty()) {
-        return failure_;
-      }
-    }
-    return now == DeviceHealth::kClosed ? "device '" + identity_.url + "': closed; open it again"
-                                        : stale_words();
-  }
-
   void load_counters(const std::array<std::int16_t, 6>&, rt::Duration) override {
     throw DeviceError("device '" + identity_.url +
                       "': its counters can't be set from the host; home it instead: " +
                       parameters_.homing_instruction);
   }
 
-  bool stop() noexcept override {
-    const std::lock_guard lock(stop_mutex_);
-    if (thread_.joinable()) {
-      stop_requested_.store(true, std::memory_order_release);
-      thread_.join();
-    } else if (!stopped_) {
-      finish();
-    }
-    stopped_ = true;
-    return zero_delivered_;
-  }
-
  private:
-  bool silent(rt::TimePoint now) const noexcept {
-    const rt::TimePoint last{rt::Duration(last_report_.load(std::memory_order_acquire))};
-    return now - last > options_.stale_after;
-  }
-
-  std::string stale_words() const {
-    return "device '" + identity_.url + "': no packet for " +
-           std::to_string(std::chrono::duration_cast<milliseconds>(options_.stale_after).count()) +
-           " ms; check the cable and the Falcon's power, then open it again";
-  }
-
-  void fail(DeviceHealth health, const std::string& words) noexcept {
-    {
-      const std::lock_guard lock(failure_mutex_);
-      if (failure_.empty()) {
-        failure_ = words;
-      }
-    }
-    DeviceHealth expected = DeviceHealth::kRunning;
-    health_.compare_exchange_strong(expected, health, std::memory_order_acq_rel);
-  }
-
-  bool running() const noexcept {
-    return health_.load(std::memory_order_acquire) == DeviceHealth::kRunning;
-  }
-
   /// @returns false when the transport has ended.
-  bool usable(TransportStatus status) noexcept {
-    if (status == TransportStatus::kOk || status == TransportStatus::kTimeout) {
-      return true;
+  bool check(TransportStatus status) noexcept {
+    if (!usable(status)) {
+      fail_with(status, transport_->failure());
     }
-    fail(status == TransportStatus::kDisconnected ? DeviceHealth::kUnplugged
-                                                  : DeviceHealth::kProtocol,
-         transport_->failure());
-    return false;
+    return usable(status);
   }
 
   // --- one exchange ---
@@ -248,8 +119,6 @@ class FalconDevice final : public Device {
   }
 
   void publish(const falcon::InPacket& packet, rt::TimePoint arrived) noexcept {
-    last_report_.store(arrived.time_since_epoch().count(), std::memory_order_release);
-    count(statistics_.reports_received);
     if (homed_ != falcon::kAllHomed && packet.homed == falcon::kAllHomed) {
       // What was commanded until now was meant for positions that nobody knew.
       static_cast<void>(commands_.fetch(latest_));
@@ -265,7 +134,7 @@ class FalconDevice final : public Device {
     report.buttons = packet.buttons;
     report.released = released_;
     report.received = arrived;
-    reports_.publish(report);
+    publish_report(report);
   }
 
   /// What to send now.
@@ -322,16 +191,16 @@ class FalconDevice final : public Device {
 
   // --- the I/O thread ---
 
-  void run() noexcept {
-    while (running() && !stop_requested_.load(std::memory_order_acquire)) {
+  void run() noexcept override {
+    while (running() && !stopping()) {
       const rt::TimePoint begun = rt::Clock::now();
       exchange();
       rt::sleep_until(begun + kShortestExchange);
     }
-    if (!stop_requested_.load(std::memory_order_acquire)) {
+    if (!stopping()) {
       // A fault: the motors get zero at once, not only when somebody calls stop().
       zero_delivered_ = deliver_zero();
-      while (!stop_requested_.load(std::memory_order_acquire)) {
+      while (!stopping()) {
         rt::sleep_until(rt::Clock::now() + kPollWhenFaulted);
       }
     }
@@ -339,17 +208,18 @@ class FalconDevice final : public Device {
   }
 
   void exchange() noexcept {
-    if (!usable(send(next_packet()))) {
+    if (!check(send(next_packet()))) {
       return;
     }
     falcon::InPacket packet;
     rt::TimePoint arrived;
     const TransportStatus status = receive(kReplyTimeout, packet, arrived);
-    if (!usable(status)) {
+    if (!check(status)) {
       return;
     }
     if (status == TransportStatus::kTimeout) {
       count(statistics_.reports_lost);
+      count(statistics_.kicks);  // the next packet
       if (silent(rt::Clock::now())) {
         fail(DeviceHealth::kStale, stale_words());
       }
@@ -408,19 +278,16 @@ class FalconDevice final : public Device {
   }
 
   /// The last zero, then the end of the transport.
-  void finish() noexcept {
+  void finish() noexcept override {
     // A boot loader would take the packet for a part of the image.
     zero_delivered_ = exchanging_ && deliver_zero();
     transport_->close();
-    DeviceHealth expected = DeviceHealth::kRunning;
-    health_.compare_exchange_strong(expected, DeviceHealth::kClosed, std::memory_order_acq_rel);
+    closed();
   }
 
   std::unique_ptr<BulkTransport> transport_;
   ftdi::FtdiPort port_;
   const profiles::DeviceProfile::Falcon parameters_;
-  const OpenOptions options_;
-  const DeviceIdentity identity_;
 
   // I/O thread (and opening thread before it starts).
   falcon::PacketParser parser_;
@@ -431,24 +298,7 @@ class FalconDevice final : public Device {
   std::int64_t owed_ = 0;  ///< packets sent less replies, ever
   std::uint8_t homed_ = 0;
   bool commanded_ = false;
-  bool exchanging_ = false;      ///< the firmware runs
-  bool zero_delivered_ = false;  ///< read after the thread has been joined
-
-  // Set-up and servo thread.
-  DeviceReport report_for_servo_;
-  bool stopped_ = false;
-  std::mutex stop_mutex_;
-
-  // Between threads.
-  rt::Mailbox<DeviceReport> reports_;
-  rt::Mailbox<IssuedCommand> commands_;
-  AtomicStatistics statistics_;
-  std::atomic<std::int64_t> last_report_{0};  ///< the clock's ticks
-  mutable std::atomic<DeviceHealth> health_{DeviceHealth::kRunning};
-  std::atomic<bool> stop_requested_{false};
-  mutable std::mutex failure_mutex_;
-  std::string failure_;
-  std::thread thread_;
+  bool exchanging_ = false;  ///< the firmware runs
 };
 
 }  // namespace
@@ -467,18 +317,10 @@ std::string falcon_axes_not_homed(std::uint8_t homed) {
 std::unique_ptr<Device> start_falcon_device(std::unique_ptr<BulkTransport> transport,
                                             const profiles::DeviceProfile& profile,
                                             const OpenOptions& options, const std::string& url,
-                                            bool check_ids, const falcon::StartupTiming& timing) {
-  const TransportIdentity& identity = transport->identity();
-  if (check_ids && (identity.vendor_id != profile.usb.vendor_id ||
-                    identity.product_id != profile.usb.product_id)) {
-    char ids[64];
-    std::snprintf(ids, sizeof ids, "it is %04x:%04x where profile '", identity.vendor_id,
-                  identity.product_id);
-    char wanted[16];
-    std::snprintf(wanted, sizeof wanted, "%04x:%04x", profile.usb.vendor_id,
-                  profile.usb.product_id);
-    throw DeviceError("device '" + url + "': " + ids + profile.name + "' has " + wanted +
-                      "; name another device or profile");
+                                            bool ids_must_match,
+                                            const falcon::StartupTiming& timing) {
+  if (ids_must_match) {
+    check_ids(transport->identity(), profile, url);
   }
   return std::make_unique<FalconDevice>(std::move(transport), profile, options, url, timing);
 }

@@ -18,12 +18,12 @@ std::string falcon_axes_not_homed(std::uint8_t homed);
 /// An axis that loses its reference later ends the exchange with zero, as the positions would jump.
 /// DeviceReport::homed and ::buttons are the device's own.
 /// @param url  for messages and identity.
-/// @param check_ids  whether vendor and product number have to be the profile's.
+/// @param ids_must_match  whether vendor and product number have to be the profile's.
 /// @throws DeviceError
 std::unique_ptr<Device> start_falcon_device(std::unique_ptr<BulkTransport> transport,
                                             const profiles::DeviceProfile& profile,
                                             const OpenOptions& options, const std::string& url,
-                                            bool check_ids,
+                                            bool ids_must_match,
                                             const falcon::StartupTiming& timing = {});
 
 }  // namespace forcegrid::driver

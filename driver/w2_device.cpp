@@ -5,18 +5,13 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
-#include <future>
-#include <mutex>
-#include <thread>
 
 #include "driver/hid_descriptor.h"
+#include "driver/io_thread_device.h"
 #include "driver/w2_codec.h"
-#include "rt/mailbox.h"
-#include "rt/thread.h"
 
 namespace forcegrid::driver {
 namespace {
@@ -46,12 +41,6 @@ std::string hexadecimal(unsigned value) {
   return text;
 }
 
-/// What the servo hands over, with the time it did.
-struct IssuedCommand {
-  MotorCommand command;
-  rt::TimePoint issued{};
-};
-
 struct CounterRequest {
   std::uint32_t id = 0;
   std::array<std::int16_t, 6> counts{};
@@ -61,35 +50,16 @@ struct CounterRequest {
 /// Why an exchange is begun.
 enum class Reason : std::uint8_t { kNone, kCommand, kRefresh, kCounters, kStop };
 
-/// Counters that one thread writes and any thread reads.
-struct AtomicStatistics {
-  std::atomic<std::uint64_t> reports_received{0};
-  std::atomic<std::uint64_t> reports_rejected{0};
-  std::atomic<std::uint64_t> reports_drained{0};
-  std::atomic<std::uint64_t> reports_discarded{0};
-  std::atomic<std::uint64_t> reports_lost{0};
-  std::atomic<std::uint64_t> reports_late{0};
-  std::atomic<std::uint64_t> reports_unasked{0};
-  std::atomic<std::uint64_t> commands_sent{0};
-  std::atomic<std::uint64_t> kicks{0};
-  std::atomic<std::uint64_t> commands_starved{0};
-  std::atomic<std::uint64_t> commands_not_finite{0};
-  std::atomic<std::uint64_t> commands_clamped{0};
-  std::atomic<std::uint64_t> refreshes{0};
-};
-
-void count(std::atomic<std::uint64_t>& counter) noexcept {
-  counter.fetch_add(1, std::memory_order_relaxed);
-}
-
-class W2Device final : public Device {
+class W2Device final : public IoThreadDevice {
  public:
   W2Device(std::unique_ptr<Transport> transport, const profiles::DeviceProfile& profile,
            const OpenOptions& options, const std::string& url)
-      : transport_(std::move(transport)),
-        options_(options),
-        identity_{url, transport_->identity().manufacturer, transport_->identity().product,
-                  transport_->identity().serial},
+      : IoThreadDevice(options,
+                       {url, transport->identity().manufacturer, transport->identity().product,
+                        transport->identity().serial},
+                       "no report for",
+                       "check the cable and the device's power, then open it again"),
+        transport_(std::move(transport)),
         max_current_A_(profile.motors.max_current_A),
         wire_bytes_(static_cast<std::size_t>(profile.usb.report_bytes)),
         frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
@@ -102,19 +72,7 @@ class W2Device final : public Device {
     }
     try {
       begin_exchange();
-      std::promise<rt::Scheduling> promise;
-      std::future<rt::Scheduling> scheduling = promise.get_future();
-      thread_ = std::thread([this, promise = std::move(promise)]() mutable {
-        rt::name_current_thread("fg-device-io");
-        promise.set_value(options_.realtime_io
-                              ? rt::make_current_thread_realtime(rt::kDeviceIoPriority)
-                              : rt::Scheduling{});
-        run();
-      });
-      const rt::Scheduling granted = scheduling.get();
-      if (options_.realtime_io && !granted.realtime && options_.notice) {
-        options_.notice("device I/O thread: " + granted.reason);
-      }
+      start_thread();
     } catch (...) {
       static_cast<void>(stop());
       ::close(wake_);
@@ -125,62 +83,6 @@ class W2Device final : public Device {
   ~W2Device() override {
     static_cast<void>(stop());
     ::close(wake_);
-  }
-
-  const DeviceIdentity& identity() const noexcept override { return identity_; }
-
-  DeviceReport newest_report() noexcept override {
-    static_cast<void>(reports_.fetch(report_for_servo_));
-    return report_for_servo_;
-  }
-
-  void command(const MotorCommand& command) noexcept override {
-    commands_.publish({command, rt::Clock::now()});
-    wake_up();
-  }
-
-  DeviceHealth health() const noexcept override {
-    DeviceHealth health = health_.load(std::memory_order_acquire);
-    // The I/O thread can be held by the kernel, so silence is noticed here, too.
-    if (health == DeviceHealth::kRunning && silent(rt::Clock::now())) {
-      health_.compare_exchange_strong(health, DeviceHealth::kStale, std::memory_order_acq_rel);
-      health = health_.load(std::memory_order_acquire);
-    }
-    return health;
-  }
-
-  DeviceStatistics statistics() const noexcept override {
-    const auto value = [](const std::atomic<std::uint64_t>& counter) {
-      return counter.load(std::memory_order_relaxed);
-    };
-    return {.reports_received = value(statistics_.reports_received),
-            .reports_rejected = value(statistics_.reports_rejected),
-            .reports_drained = value(statistics_.reports_drained),
-            .reports_discarded = value(statistics_.reports_discarded),
-            .reports_lost = value(statistics_.reports_lost),
-            .reports_late = value(statistics_.reports_late),
-            .reports_unasked = value(statistics_.reports_unasked),
-            .commands_sent = value(statistics_.commands_sent),
-            .kicks = value(statistics_.kicks),
-            .commands_starved = value(statistics_.commands_starved),
-            .commands_not_finite = value(statistics_.commands_not_finite),
-            .commands_clamped = value(statistics_.commands_clamped),
-            .refreshes = value(statistics_.refreshes)};
-  }
-
-  std::string failure() const override {
-    const DeviceHealth now = health();
-    if (now == DeviceHealth::kRunning) {
-      return "";
-    }
-    {
-      const std::lock_guard lock(failure_mutex_);
-      if (!failure_.empty()) {
-        return failure_;
-      }
-    }
-    return now == DeviceHealth::kClosed ? "device '" + identity_.url + "': closed; open it again"
-                                        : stale_words();
   }
 
   void load_counters(const std::array<std::int16_t, 6>& counts, rt::Duration timeout) override {
@@ -202,21 +104,8 @@ class W2Device final : public Device {
     }
   }
 
-  bool stop() noexcept override {
-    const std::lock_guard lock(stop_mutex_);
-    if (thread_.joinable()) {
-      stop_requested_.store(true, std::memory_order_release);
-      wake_up();
-      thread_.join();
-    } else if (!stopped_) {
-      finish();
-    }
-    stopped_ = true;
-    return zero_delivered_;
-  }
-
  private:
-  void wake_up() const noexcept {
+  void wake_up() const noexcept override {
     const std::uint64_t one = 1;
     // It can only fail when it has been woken 2^64 - 1 times already.
     static_cast<void>(!::write(wake_, &one, sizeof one));
@@ -235,40 +124,6 @@ class W2Device final : public Device {
       std::uint64_t times = 0;
       static_cast<void>(!::read(wake_, &times, sizeof times));
     }
-  }
-
-  bool silent(rt::TimePoint now) const noexcept {
-    const rt::TimePoint last{rt::Duration(last_report_.load(std::memory_order_acquire))};
-    return now - last > options_.stale_after;
-  }
-
-  std::string stale_words() const {
-    return "device '" + identity_.url + "': no report for " +
-           std::to_string(
-               std::chrono::duration_cast<std::chrono::milliseconds>(options_.stale_after)
-                   .count()) +
-           " ms; check the cable and the device's power, then open it again";
-  }
-
-  void fail(DeviceHealth health, const std::string& words) noexcept {
-    {
-      const std::lock_guard lock(failure_mutex_);
-      if (failure_.empty()) {
-        failure_ = words;
-      }
-    }
-    DeviceHealth expected = DeviceHealth::kRunning;
-    health_.compare_exchange_strong(expected, health, std::memory_order_acq_rel);
-  }
-
-  void fail_with(TransportStatus status) noexcept {
-    fail(status == TransportStatus::kDisconnected ? DeviceHealth::kUnplugged
-                                                  : DeviceHealth::kProtocol,
-         transport_->failure());
-  }
-
-  bool running() const noexcept {
-    return health_.load(std::memory_order_acquire) == DeviceHealth::kRunning;
   }
 
   // --- one exchange ---
@@ -319,16 +174,14 @@ class W2Device final : public Device {
   }
 
   void publish(const w2::InputReport& input, rt::TimePoint arrived) noexcept {
-    last_report_.store(arrived.time_since_epoch().count(), std::memory_order_release);
-    count(statistics_.reports_received);
     if (arrived - released_ > kLate) {
       count(statistics_.reports_late);
     }
-    reports_.publish({.sequence = ++sequence_,
-                      .counts = unwrapper_.follow(input.counts),
-                      .calibration_button = input.calibration_button,
-                      .released = released_,
-                      .received = arrived});
+    publish_report({.sequence = ++sequence_,
+                    .counts = unwrapper_.follow(input.counts),
+                    .calibration_button = input.calibration_button,
+                    .released = released_,
+                    .received = arrived});
     last_arrival_ = arrived;
   }
 
@@ -388,18 +241,18 @@ class W2Device final : public Device {
 
   // --- the I/O thread ---
 
-  void run() noexcept {
-    while (running() && !stop_requested_.load(std::memory_order_acquire)) {
+  void run() noexcept override {
+    while (running() && !stopping()) {
       const Reason reason = wait_for_reason();
       if (reason == Reason::kStop || health() != DeviceHealth::kRunning) {
         break;
       }
       exchange(reason);
     }
-    if (!stop_requested_.load(std::memory_order_acquire)) {
+    if (!stopping()) {
       // A fault: the motors get zero at once, not only when somebody calls stop().
       zero_delivered_ = deliver_zero();
-      while (!stop_requested_.load(std::memory_order_acquire)) {
+      while (!stopping()) {
         wait(rt::Clock::now() + kPollWhenFaulted);
       }
     }
@@ -436,12 +289,11 @@ class W2Device final : public Device {
   }
 
   /// The last zero, then the end of the transport.
-  void finish() noexcept {
+  void finish() noexcept override {
     // Since a delivered zero after a fault no current has been sent.
     zero_delivered_ = zero_delivered_ || deliver_zero();
     transport_->close();
-    DeviceHealth expected = DeviceHealth::kRunning;
-    health_.compare_exchange_strong(expected, DeviceHealth::kClosed, std::memory_order_acq_rel);
+    closed();
   }
 
   /// When the next refresh may begin.
@@ -474,7 +326,7 @@ class W2Device final : public Device {
   /// After the last report has come: waits for the moment of the next exchange, and says why.
   Reason wait_for_reason() noexcept {
     for (;;) {
-      if (stop_requested_.load(std::memory_order_acquire)) {
+      if (stopping()) {
         return Reason::kStop;
       }
       if (take_counter_request()) {
@@ -563,7 +415,7 @@ class W2Device final : public Device {
     bool kicked = false;
     for (;;) {
       if (!usable(sent.status)) {
-        fail_with(sent.status);
+        fail_with(sent.status, transport_->failure());
         return;
       }
       bool overlapping = false;
@@ -577,7 +429,7 @@ class W2Device final : public Device {
         was_overlapped = true;
         second = send_for(next);
         if (!usable(second.status)) {
-          fail_with(second.status);
+          fail_with(second.status, transport_->failure());
           return;
         }
         overlapping = second.status == TransportStatus::kOk;
@@ -608,14 +460,14 @@ class W2Device final : public Device {
         continue;
       }
       if (status != TransportStatus::kTimeout) {
-        fail_with(status);
+        fail_with(status, transport_->failure());
         return;
       }
       if (rejected_in_a_row_ >= kMaxRejectedInARow) {
         fail(DeviceHealth::kProtocol, wrong_length_words());
         return;
       }
-      if (stop_requested_.load(std::memory_order_acquire)) {
+      if (stopping()) {
         return;
       }
       if (silent(rt::Clock::now())) {
@@ -647,7 +499,7 @@ class W2Device final : public Device {
         return true;
       }
       if (result.status != TransportStatus::kOk) {
-        fail_with(result.status);
+        fail_with(result.status, transport_->failure());
         return false;
       }
       count(statistics_.reports_drained);
@@ -656,16 +508,12 @@ class W2Device final : public Device {
     return true;
   }
 
-  static bool usable(TransportStatus status) noexcept {
-    return status == TransportStatus::kOk || status == TransportStatus::kTimeout;
-  }
-
   /// While a report is on its way: waits for it, or for a reason to send something before it.
   /// @returns kCommand or kRefresh; kNone when the report is there, or must be waited for first.
   Reason wait_for_report_or_reason() noexcept {
     const rt::TimePoint deadline = rt::Clock::now() + kReadTimeout;
     for (;;) {
-      if (!running() || stop_requested_.load(std::memory_order_acquire) || take_counter_request()) {
+      if (!running() || stopping() || take_counter_request()) {
         return Reason::kNone;
       }
       // What has come already is newer than what a refresh could bring.
@@ -709,8 +557,6 @@ class W2Device final : public Device {
   }
 
   std::unique_ptr<Transport> transport_;
-  const OpenOptions options_;
-  const DeviceIdentity identity_;
   const std::array<double, 3> max_current_A_;
   const std::size_t wire_bytes_;  ///< length of a report: 14 (W2) or 64 (W3)
   const rt::Duration frame_;
@@ -734,27 +580,14 @@ class W2Device final : public Device {
   bool wrong_length_ = false;
   bool commanded_ = false;
   bool counters_pending_ = false;
-  bool zero_delivered_ = false;  ///< read after the thread has been joined
 
-  // Set-up and servo thread.
-  DeviceReport report_for_servo_;
+  // Set-up.
   std::uint32_t last_counter_request_ = 0;
-  bool stopped_ = false;
-  std::mutex stop_mutex_;
 
   // Between threads.
-  rt::Mailbox<DeviceReport> reports_;
-  rt::Mailbox<IssuedCommand> commands_;
   rt::Mailbox<CounterRequest> counter_requests_;
-  AtomicStatistics statistics_;
-  std::atomic<std::int64_t> last_report_{0};  ///< the clock's ticks
-  mutable std::atomic<DeviceHealth> health_{DeviceHealth::kRunning};
   std::atomic<std::uint32_t> counters_loaded_{0};
-  std::atomic<bool> stop_requested_{false};
-  mutable std::mutex failure_mutex_;
-  std::string failure_;
   const int wake_;
-  std::thread thread_;
 };
 
 void check_descriptor(const Transport& transport, const profiles::DeviceProfile& profile,
@@ -803,14 +636,9 @@ std::string descriptor_objection(std::span<const std::uint8_t> report_descriptor
 std::unique_ptr<Device> start_w2_device(std::unique_ptr<Transport> transport,
                                         const profiles::DeviceProfile& profile,
                                         const OpenOptions& options, const std::string& url,
-                                        bool check_ids) {
-  const TransportIdentity& identity = transport->identity();
-  if (check_ids && (identity.vendor_id != profile.usb.vendor_id ||
-                    identity.product_id != profile.usb.product_id)) {
-    throw DeviceError("device '" + url + "': it is " + hexadecimal(identity.vendor_id) + ":" +
-                      hexadecimal(identity.product_id) + " where profile '" + profile.name +
-                      "' has " + hexadecimal(profile.usb.vendor_id) + ":" +
-                      hexadecimal(profile.usb.product_id) + "; name another device or profile");
+                                        bool ids_must_match) {
+  if (ids_must_match) {
+    check_ids(transport->identity(), profile, url);
   }
   check_descriptor(*transport, profile, url);
   return std::make_unique<W2Device>(std::move(transport), profile, options, url);
