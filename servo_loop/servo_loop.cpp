@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <span>
 #include <stdexcept>
 
 #include "rt/processors_awake.h"
@@ -15,12 +14,7 @@ namespace {
 // start for the force.
 constexpr rt::Duration kStall = std::chrono::milliseconds(50);
 
-// A contact point this far from a tool in the air is where it will touch.
-constexpr double kElsewhere_m = 1e-6;
-
 double to_us(rt::Duration duration) noexcept { return 1e6 * rt::seconds(duration); }
-
-double servo_time_s(rt::TimePoint time) noexcept { return rt::seconds(time.time_since_epoch()); }
 
 }  // namespace
 
@@ -75,6 +69,76 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
 
 Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept {
   CycleRecord record;
+  const double elapsed_s = begin_cycle(now, record);
+
+  // Encoder report -> counts -> joint angles -> tool, believed only if plausible.
+  const SensedTool tool = sense(now);
+  Fault fault = tool.fault;
+  if (fault == Fault::kNone) {
+    send_tool_state(now, tool.touching_W);
+  }
+
+  // What the simulator has said since the last cycle, and the force there from each method.
+  take_samples(now);
+  ask_methods(now, tool.touching_W, record);
+
+  // A touch that the simulator has not answered yet is felt by the loop's own copy of the surface.
+  const Eigen::Vector3d felt_force_W =
+      first_touch_.force_W(servo_time_s(now), tool.touching_W, vector(record.method_force_W_N[0]));
+
+  // Which way the motors push is known before anything is felt.
+  const HeldBack held_back = why_held_back(now);
+  if (held_back == HeldBack::kDeadMan) {
+    motor_check_.restart();
+  } else if (fault == Fault::kNone && held_back == HeldBack::kMotorCheck && has_sample_) {
+    fault = check_motors(now, tool.report, tool.pose);
+  }
+
+  // Ramp, fade, workspace bound, passivity; then every limit of the profile, and torque to current.
+  const Eigen::Vector3d wanted_force_D =
+      renderer_.force(cycle_to_render(now, elapsed_s, tool.position_W, felt_force_W), tool.pose);
+  driver::LimitedForce limited =
+      limiter_.apply(wanted_force_D, tool.pose, elapsed_s,
+                     gravity_torque_Nm(elapsed_s, tool.pose) + motor_check_.joint_torque_Nm());
+  cool(elapsed_s, limited);
+  if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
+    fault = Fault::kNotFinite;
+  }
+
+  // Out it goes; a fault commands zero.
+  driver::MotorCommand command;
+  command.next_read = next_read;
+  if (fault == Fault::kNone) {
+    command.current_A = limited.current_A;
+    command.joint_torque_Nm = triple(limited.joint_torque_Nm);
+    record.commanded_force_D_N = triple(limited.force_D);
+    if (options_.watch_encoders) {
+      relieve(now, elapsed_s, tool.pose.jacobian_D.transpose() * limited.force_D, command);
+    }
+  }
+  device_->command(command);
+  last_current_A_ = command.current_A;
+  // A joint that the encoder watch relieves stands still, so that its force gives nothing.
+  renderer_.set_rendered(limited.torque_scale * vector(record.commanded_force_D_N));
+
+  if (fault == Fault::kNone && options_.requests_per_s > 0.0 && now >= next_request_) {
+    make_request(now, tool.touching_W);
+  }
+
+  // What the budget leaves goes into filling.
+  for (ForceMethod* method : methods_) {
+    method->work(options_.fill_budget);
+  }
+
+  record.current_A = command.current_A;
+  record.limits_acted = limited.acted;
+  record.fault = fault;
+  end_cycle(now, tool, record);
+  return fault;
+}
+
+// Returns the time since the last cycle [s].
+double ServoLoop::begin_cycle(rt::TimePoint now, CycleRecord& record) noexcept {
   record.cycle = cycle_++;
   record.time_ns = now.time_since_epoch().count();
   record.missed_deadlines = missed_before_this_;
@@ -87,29 +151,31 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     start_anew();
     elapsed_s = 0.0;  // nothing was rendered meanwhile, so no force may have grown
   }
+  return elapsed_s;
+}
 
-  // Encoder report -> counts -> joint angles -> tool, believed only if plausible.
-  const driver::DeviceReport report = device_->newest_report();
-  const driver::ArmPose pose = mechanism_->forward(report.counts);
-  Fault fault = guard_.check(now, device_->health(), report, pose);
+ServoLoop::SensedTool ServoLoop::sense(rt::TimePoint now) noexcept {
+  SensedTool tool;
+  tool.report = device_->newest_report();
+  tool.pose = mechanism_->forward(tool.report.counts);
+  tool.fault = guard_.check(now, device_->health(), tool.report, tool.pose);
   faulty_joint_ = guard_.joint();
-  if (fault == Fault::kNone && options_.watch_encoders) {
-    if (const auto joint = encoder_watch_.check(now, report)) {
-      fault = Fault::kFrozenEncoder;
+  if (tool.fault == Fault::kNone && options_.watch_encoders) {
+    if (const auto joint = encoder_watch_.check(now, tool.report)) {
+      tool.fault = Fault::kFrozenEncoder;
       faulty_joint_ = *joint;
     }
   }
-  if (emergency(report)) {
-    fault = Fault::kEmergencyStop;
+  if (emergency(tool.report)) {
+    tool.fault = Fault::kEmergencyStop;
   }
-  const Eigen::Vector3d position_W = options_.workspace.position_W(pose.position_D);
-  const Eigen::Vector3d touching_W = renderer_.touching_W(position_W);
-  if (fault == Fault::kNone) {
-    send_tool_state(now, touching_W);
-  }
+  tool.position_W = options_.workspace.position_W(tool.pose.position_D);
+  tool.touching_W = renderer_.touching_W(tool.position_W);
+  return tool;
+}
 
-  // What the simulator has said since the last cycle, and the force there from each method.
-  take_samples(now);
+void ServoLoop::ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W,
+                            CycleRecord& record) noexcept {
   const double time_s = servo_time_s(now);
   for (std::size_t i = 0; i < methods_.size(); ++i) {
     methods_[i]->observe(time_s, touching_W);
@@ -125,175 +191,34 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
       record.rendered_reason = estimate.reason;
     }
   }
+}
 
-  // A touch that the simulator has not answered yet is felt by the loop's own copy of the surface.
-  const Eigen::Vector3d felt_force_W =
-      first_touch_.force_W(time_s, touching_W, vector(record.method_force_W_N[0]));
-
-  // Which way the motors push is known before anything is felt.
-  const HeldBack held_back = why_held_back(now);
-  if (held_back == HeldBack::kDeadMan) {
-    motor_check_.restart();
-  } else if (fault == Fault::kNone && held_back == HeldBack::kMotorCheck && has_sample_) {
-    fault = check_motors(now, report, pose);
-  }
-
-  // Ramp, fade, workspace bound, passivity; then every limit of the profile, and torque to current.
-  const Eigen::Vector3d wanted_force_D =
-      renderer_.force(cycle_to_render(now, elapsed_s, position_W, felt_force_W), pose);
+// The torque that carries the links, ramped in as the force is.
+Eigen::Vector3d ServoLoop::gravity_torque_Nm(double elapsed_s,
+                                             const driver::ArmPose& pose) noexcept {
   gravity_gain_ = std::min(gravity_gain_ + elapsed_s / options_.rendering.ladder.ramp_in_s, 1.0);
-  const Eigen::Vector3d gravity_Nm =
-      options_.gravity_compensation
-          ? Eigen::Vector3d(gravity_gain_ * mechanism_->gravity_torque(pose.joint_angle_rad))
-          : Eigen::Vector3d::Zero();
-  driver::LimitedForce limited =
-      limiter_.apply(wanted_force_D, pose, elapsed_s, gravity_Nm + motor_check_.joint_torque_Nm());
-  cool(elapsed_s, limited);
-  if (fault == Fault::kNone && (limited.acted & driver::kLimitNotFinite) != 0) {
-    fault = Fault::kNotFinite;
+  if (!options_.gravity_compensation) {
+    return Eigen::Vector3d::Zero();
   }
+  return gravity_gain_ * mechanism_->gravity_torque(pose.joint_angle_rad);
+}
 
-  // Out it goes; a fault commands zero.
-  driver::MotorCommand command;
-  command.next_read = next_read;
-  if (fault == Fault::kNone) {
-    command.current_A = limited.current_A;
-    command.joint_torque_Nm = triple(limited.joint_torque_Nm);
-    record.commanded_force_D_N = triple(limited.force_D);
-    if (options_.watch_encoders) {
-      relieve(now, elapsed_s, pose.jacobian_D.transpose() * limited.force_D, command);
-    }
-  }
-  device_->command(command);
-  last_current_A_ = command.current_A;
-  // A joint that the encoder watch relieves stands still, so that its force gives nothing.
-  renderer_.set_rendered(limited.torque_scale * vector(record.commanded_force_D_N));
-
-  if (fault == Fault::kNone && options_.requests_per_s > 0.0 && now >= next_request_) {
-    make_request(now, touching_W);
-  }
-
-  // What the budget leaves goes into filling.
-  for (ForceMethod* method : methods_) {
-    method->work(options_.fill_budget);
-  }
-
-  record.report_age_us = to_us(now - report.released);
-  record.report_sequence = report.sequence;
-  record.counts = {report.counts[0], report.counts[1], report.counts[2]};
-  record.position_W_m = triple(position_W);
-  record.touching_W_m = triple(touching_W);
+void ServoLoop::end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord& record) noexcept {
+  record.report_age_us = to_us(now - tool.report.released);
+  record.report_sequence = tool.report.sequence;
+  record.counts = {tool.report.counts[0], tool.report.counts[1], tool.report.counts[2]};
+  record.position_W_m = triple(tool.position_W);
+  record.touching_W_m = triple(tool.touching_W);
   record.velocity_W_m_per_s = triple(guard_.velocity_D());
-  record.current_A = command.current_A;
-  record.limits_acted = limited.acted;
   renderer_.describe(record);
   record.motor_warmth = warmth_.warmest();
   record.in_contact = in_contact_;
   record.contact_epoch = contact_epoch_;
   record.samples_taken = samples_taken_;
-  record.sample_age_ms = has_sample_ ? 1e3 * (time_s - newest_sample_time_s_) : -1.0;
-  record.fault = fault;
+  record.sample_age_ms = has_sample_ ? 1e3 * (servo_time_s(now) - newest_sample_time_s_) : -1.0;
   record.compute_us = to_us(rt::Clock::now() - now);
   if (!ports_.records.push(record)) {
     ports_.records_lost.fetch_add(1, std::memory_order_relaxed);
-  }
-  return fault;
-}
-
-void ServoLoop::take_samples(rt::TimePoint now) noexcept {
-  NearSurface surface;
-  if (ports_.surface.fetch(surface)) {
-    first_touch_.take(surface);
-  }
-  ArrivedSample arrived;
-  // Bounded by the ring's capacity, whatever the link thread does meanwhile.
-  for (int i = 0; i < 64 && ports_.samples.pop(arrived); ++i) {
-    if (arrived.sample.from_query) {
-      take_answer(arrived);
-      continue;
-    }
-    if (has_sample_) {
-      const double interval_s = rt::seconds(arrived.arrived - newest_arrival_);
-      sample_period_s_ += 0.1 * (std::clamp(interval_s, 0.0, 1.0) - sample_period_s_);
-    }
-    has_sample_ = true;
-    newest_arrival_ = arrived.arrived;
-    ++samples_taken_;
-    take_contact(arrived);
-    first_touch_.answer(servo_time_s(now), arrived.sample.time_s, arrived.in_contact,
-                        arrived.sample.contact_epoch);
-    const std::span<const Sample> believed =
-        in_contact_ ? gate_.pass(arrived.sample) : std::span<const Sample>();
-    for (const Sample& sample : believed) {
-      for (ForceMethod* method : methods_) {
-        method->take_sample(sample);
-      }
-    }
-    if (!in_contact_ || !believed.empty()) {
-      newest_sample_arrived_ = arrived.arrived;
-      newest_sample_time_s_ = arrived.sample.time_s;
-    }
-  }
-}
-
-void ServoLoop::take_contact(const ArrivedSample& arrived) noexcept {
-  const Sample& sample = arrived.sample;
-  if (arrived.in_contact && (!in_contact_ || sample.contact_epoch != contact_epoch_)) {
-    gate_.forget();
-    for (ForceMethod* method : methods_) {
-      method->contact_made(sample.contact_epoch, sample.contact_point_W);
-    }
-  } else if (!arrived.in_contact && (in_contact_ || !contact_known_)) {
-    gate_.forget();
-    for (ForceMethod* method : methods_) {
-      method->contact_lost();
-    }
-  }
-  contact_known_ = true;
-  in_contact_ = arrived.in_contact;
-  contact_epoch_ = sample.contact_epoch;
-  contact_expected_ =
-      !in_contact_ && (sample.contact_point_W - sample.position_W).norm() > kElsewhere_m;
-  if (!in_contact_) {
-    expected_point_W_ = sample.contact_point_W;
-    air_epoch_ = sample.contact_epoch;
-  }
-}
-
-// An answer is no sign of where the tool is or of contact, and is of no use in another one, unless
-// it was asked for before this one. Only the method that asked learns from it, so that its shadows
-// stay what they are.
-void ServoLoop::take_answer(const ArrivedSample& answer) noexcept {
-  if (!answer.in_contact || !contact_known_) {
-    return;
-  }
-  Sample sample = answer.sample;
-  sample.before_contact = asks_before_contact_ && sample.contact_epoch == air_epoch_;
-  if (sample.before_contact || (in_contact_ && sample.contact_epoch == contact_epoch_)) {
-    methods_[0]->take_sample(sample);
-    ++answers_taken_;
-  }
-}
-
-void ServoLoop::make_request(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
-  const rt::Duration interval = rt::from_seconds(1.0 / options_.requests_per_s);
-  // On a raster, so that the rate is met although cycles don't divide it; but what a pause has kept
-  // from being asked is not asked at once.
-  next_request_ += interval;
-  if (next_request_ <= now) {
-    next_request_ = now + interval;
-  }
-  Eigen::Vector3d wanted_W = Eigen::Vector3d::Zero();
-  const bool may_ask = in_contact_ || (contact_expected_ && asks_before_contact_);
-  if (!may_ask || !methods_[0]->plan_request(servo_time_s(now), position_W, wanted_W)) {
-    return;
-  }
-  link::Query query;
-  query.query_id = ++last_query_id_;
-  query.servo_time_ns = now.time_since_epoch().count();
-  query.position_W_m = triple(wanted_W);
-  if (ports_.queries.push(query)) {
-    ++requests_made_;
   }
 }
 
@@ -408,15 +333,6 @@ void ServoLoop::start_anew() noexcept {
   renderer_.drop();
   gravity_gain_ = 0.0;
   limiter_.reset();
-}
-
-void ServoLoop::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
-  link::ToolState tool;
-  tool.sequence = ++tool_sequence_;
-  tool.servo_time_ns = now.time_since_epoch().count();
-  tool.position_W_m = triple(position_W);
-  tool.velocity_W_m_per_s = triple(guard_.velocity_D());
-  ports_.tool.publish(tool);
 }
 
 // How far `deadline` is from where it should lie against the device's bus frames, whose beginnings

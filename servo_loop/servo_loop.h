@@ -113,6 +113,11 @@ struct ServoOutcome {
   bool zero_current_delivered = false;
 };
 
+/// [s] The servo's clock as methods and samples state it.
+inline double servo_time_s(rt::TimePoint time) noexcept {
+  return rt::seconds(time.time_since_epoch());
+}
+
 /// The real-time loop: device -> kinematics -> force method -> limits -> torque -> device.
 /// It owns neither devices nor methods. Threads: constructed anywhere; run() on a thread of its
 /// own.
@@ -149,6 +154,23 @@ class ServoLoop {
   Fault run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept;
 
  private:
+  /// Where the tool is, and whether that can be believed.
+  struct SensedTool {
+    driver::DeviceReport report;
+    driver::ArmPose pose;
+    Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
+    Eigen::Vector3d touching_W = Eigen::Vector3d::Zero();  ///< the coupling's end, if there is one
+    Fault fault = Fault::kNone;
+  };
+
+  // The steps of a cycle, in their order.
+  double begin_cycle(rt::TimePoint now, CycleRecord& record) noexcept;
+  SensedTool sense(rt::TimePoint now) noexcept;
+  void ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W,
+                   CycleRecord& record) noexcept;
+  Eigen::Vector3d gravity_torque_Nm(double elapsed_s, const driver::ArmPose& pose) noexcept;
+  void end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord& record) noexcept;
+
   void take_samples(rt::TimePoint now) noexcept;
   void take_contact(const ArrivedSample& arrived) noexcept;
   void take_answer(const ArrivedSample& answer) noexcept;
