@@ -36,6 +36,7 @@ CarriedState<Real>::CarriedState(const SpringMesh& mesh)
   exponential_ = table.exponential;
   tangent_.resize(constants_.size());
   vertex_force_ = make_vertex_forces(mesh, rest_);
+  home_N_per_m_ = kernels::home_stiffness_N_per_m(vertex_force_);
   mesh_number_.resize(n);
   std::iota(mesh_number_.begin(), mesh_number_.end(), 0);
   own_number_.assign(mesh_number_.begin(), mesh_number_.end());
@@ -65,12 +66,12 @@ std::size_t CarriedState<Real>::memory_bytes() const noexcept {
   const auto bytes = [](const auto&... vectors) {
     return (... + (vectors.capacity() * sizeof(*vectors.data())));
   };
-  return sizeof *this + bytes(rest_, fixed_, free_, patch_, mesh_number_, own_number_,
-                              rows_.row_begin, rows_.owner, rows_.other, constants_, vertex_force_,
-                              constrained_, state_, residual_, direction_, product_, saved_state_,
-                              inverse_, tangent_, position_, saved_position_, force_, t_N_per_m_,
-                              single_position_, coarse_.place, coarse_.cell, coarse_.member,
-                              coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
+  return sizeof *this +
+         bytes(rest_, fixed_, free_, patch_, mesh_number_, own_number_, rows_.row_begin,
+               rows_.owner, rows_.other, constants_, vertex_force_, home_N_per_m_, constrained_,
+               state_, residual_, direction_, product_, saved_state_, inverse_, tangent_, position_,
+               saved_position_, force_, t_N_per_m_, single_position_, coarse_.place, coarse_.cell,
+               coarse_.member, coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
 }
 
 template <typename Real>
@@ -123,6 +124,7 @@ void CarriedState<Real>::number_around_patch() {
   permute(order, mesh_number_);
   if (!vertex_force_.empty()) {
     permute(order, vertex_force_);
+    permute(order, home_N_per_m_);
   }
   renumber_springs(order, rows_, constants_);
   for (std::size_t i = 0; i < rest_.size(); ++i) {

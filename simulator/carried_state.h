@@ -134,6 +134,7 @@ class CarriedState {
     return region_.is_whole() ? coarse_ : no_coarse_;
   }
   kernels::StepSums take_step(kernels::Float4 alpha) noexcept;
+  kernels::Float4 precondition_coarsely() noexcept;
   void next_direction(kernels::Float4 beta) noexcept;
 
   Eigen::Vector3d origin_W_;
@@ -150,6 +151,7 @@ class CarriedState {
   std::vector<kernels::SpringConstants<Real>> constants_;
   bool exponential_ = false;                        // some spring has an exponent
   std::vector<kernels::VertexForce> vertex_force_;  // empty: nothing but springs pulls
+  std::vector<float> home_N_per_m_;                 // of vertex_force_
 
   std::vector<kernels::Lanes> state_;
   std::vector<kernels::Lanes> residual_;

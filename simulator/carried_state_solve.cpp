@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "simulator/carried_state.h"
+#include "simulator/kernel_support.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -106,14 +107,18 @@ double CarriedState<Real>::silence_border() noexcept {
   return border_work_N;
 }
 
+// The vertices' half of the preconditioner; what it finds is enough to see whether to go on.
 template <typename Real>
 kernels::StepSums CarriedState<Real>::take_step(Float4 alpha) noexcept {
-  kernels::StepSums sums =
-      kernels::take_step(rows_.reach, alpha, inverse_.data(), coarse(), direction_.data(),
-                         state_.data(), residual_.data(), product_.data(), coarse_residual_.data());
-  sums.preconditioned +=
-      kernels::solve_coarse(coarse(), coarse_residual_.data(), coarse_correction_.data());
-  return sums;
+  return kernels::take_step(rows_.reach, alpha, inverse_.data(), no_coarse_, direction_.data(),
+                            state_.data(), residual_.data(), product_.data(), nullptr);
+}
+
+// The coarse half: what it adds to residual . M residual.
+template <typename Real>
+Float4 CarriedState<Real>::precondition_coarsely() noexcept {
+  kernels::restrict_residual(coarse(), residual_.data(), coarse_residual_.data());
+  return kernels::solve_coarse(coarse(), coarse_residual_.data(), coarse_correction_.data());
 }
 
 template <typename Real>
@@ -127,14 +132,13 @@ Descent CarriedState<Real>::descend(int max_iterations, double residual_aim_N,
                                     double sensitivity_aim_N_per_m) noexcept {
   Descent result;
   const Float4 zero{};
-  kernels::StepSums sums = take_step(zero);
+  const Float4 first = take_step(zero).preconditioned + precondition_coarsely();
   next_direction(zero);
-  const Float4 first = sums.preconditioned;
   Float4 before = first;
+  const float* const home_N_per_m = home_N_per_m_.empty() ? nullptr : home_N_per_m_.data();
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const Float4 curvature =
-        kernels::apply_stiffness(rows_, tangent_.data(), direction_.data(), product_.data()) +
-        kernels::add_home_stiffness(active_forces(), direction_.data(), product_.data());
+    const Float4 curvature = kernels::apply_stiffness(rows_, tangent_.data(), home_N_per_m,
+                                                      direction_.data(), product_.data());
     Float4 alpha{};
     bool active = false;
     for (int lane = 0; lane < 4; ++lane) {
@@ -151,7 +155,7 @@ Descent CarriedState<Real>::descend(int max_iterations, double residual_aim_N,
     if (!active) {
       return result;
     }
-    sums = take_step(alpha);
+    const kernels::StepSums sums = take_step(alpha);
     ++result.iterations;
     const double sensitivity_N_per_m =
         std::sqrt(static_cast<double>(sums.squared[1]) + static_cast<double>(sums.squared[2]) +
@@ -165,11 +169,12 @@ Descent CarriedState<Real>::descend(int max_iterations, double residual_aim_N,
         result.iterations == max_iterations) {
       return result;
     }
+    const Float4 preconditioned = sums.preconditioned + precondition_coarsely();
     Float4 beta{};
     for (int lane = 0; lane < 4; ++lane) {
-      beta[lane] = before[lane] > 0.0F ? sums.preconditioned[lane] / before[lane] : 0.0F;
+      beta[lane] = before[lane] > 0.0F ? preconditioned[lane] / before[lane] : 0.0F;
     }
-    before = sums.preconditioned;
+    before = preconditioned;
     next_direction(beta);
   }
   return result;
@@ -180,6 +185,7 @@ template void CarriedState<float>::update_preconditioner() noexcept;
 template Evaluation CarriedState<float>::evaluate() noexcept;
 template double CarriedState<float>::silence_border() noexcept;
 template kernels::StepSums CarriedState<float>::take_step(Float4) noexcept;
+template Float4 CarriedState<float>::precondition_coarsely() noexcept;
 template void CarriedState<float>::next_direction(Float4) noexcept;
 template Descent CarriedState<float>::descend(int, double, double) noexcept;
 template std::span<const kernels::VertexForce> CarriedState<double>::active_forces() const noexcept;
@@ -187,6 +193,7 @@ template void CarriedState<double>::update_preconditioner() noexcept;
 template Evaluation CarriedState<double>::evaluate() noexcept;
 template double CarriedState<double>::silence_border() noexcept;
 template kernels::StepSums CarriedState<double>::take_step(Float4) noexcept;
+template Float4 CarriedState<double>::precondition_coarsely() noexcept;
 template void CarriedState<double>::next_direction(Float4) noexcept;
 template Descent CarriedState<double>::descend(int, double, double) noexcept;
 

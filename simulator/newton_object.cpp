@@ -46,12 +46,17 @@ FORCEGRID_MULTIVERSION void sum_forces(const SpringRows& rows, const SpringTange
 }
 
 // product = K direction; `product` must be zero before. Component 3 of both stays 0.
-FORCEGRID_MULTIVERSION void apply(const SpringRows& rows, const SpringTangent* tangent,
-                                  const Single* direction, Single* product) noexcept {
+template <bool kHome>
+FORCEGRID_INLINE void apply_rows(const SpringRows& rows, const SpringTangent* tangent,
+                                 const float* home_N_per_m, const Single* direction,
+                                 Single* product) {
   const std::int32_t vertices = rows.vertex_count();
   for (std::int32_t i = 0; i < vertices; ++i) {
     const Float4 here = direction[i].xyz;
     Float4 sum = product[i].xyz;
+    if constexpr (kHome) {
+      sum += kernels::broadcast(home_N_per_m[i]) * here;
+    }
     for (std::int32_t s = rows.row_begin[i]; s < rows.row_begin[i + 1]; ++s) {
       const SpringTangent& h = tangent[s];
       const Float4 w{h.w_x, h.w_y, h.w_z, 0.0F};
@@ -64,6 +69,16 @@ FORCEGRID_MULTIVERSION void apply(const SpringRows& rows, const SpringTangent* t
       product[rows.other[s]].xyz -= f;
     }
     product[i].xyz = sum;
+  }
+}
+
+FORCEGRID_MULTIVERSION void apply(const SpringRows& rows, const SpringTangent* tangent,
+                                  const std::vector<float>& home_N_per_m, const Single* direction,
+                                  Single* product) noexcept {
+  if (home_N_per_m.empty()) {
+    apply_rows<false>(rows, tangent, nullptr, direction, product);
+  } else {
+    apply_rows<true>(rows, tangent, home_N_per_m.data(), direction, product);
   }
 }
 
@@ -142,6 +157,7 @@ class NewtonObject::Implementation {
     }
     table_ = make_spring_table<float>(mesh);
     vertex_force_ = make_vertex_forces(mesh, rest_);
+    home_N_per_m_ = kernels::home_stiffness_N_per_m(vertex_force_);
     double length_m = 0.0;
     for (const Spring& spring : mesh.springs) {
       length_m += natural_length_m(mesh, spring);
@@ -292,11 +308,7 @@ class NewtonObject::Implementation {
     next_direction(rest_.size(), 0.0F, direction_.data(), product_.data());
     while (answer.iterations < options_.max_iterations && sums.preconditioned > 0.0) {
       const double before = sums.preconditioned;
-      apply(table_.rows, tangent_.data(), direction_.data(), product_.data());
-      for (std::size_t i = 0; i < vertex_force_.size(); ++i) {
-        const float k = vertex_force_[i].home_stiffness_N_per_m;
-        product_[i].xyz += Float4{k, k, k, 0.0F} * direction_[i].xyz;
-      }
+      apply(table_.rows, tangent_.data(), home_N_per_m_, direction_.data(), product_.data());
       const double curvature = dot(direction_, product_);
       if (!(curvature > 0.0)) {
         return;
@@ -320,6 +332,7 @@ class NewtonObject::Implementation {
   std::vector<std::size_t> patch_;
   SpringTable<float> table_;
   std::vector<kernels::VertexForce> vertex_force_;
+  std::vector<float> home_N_per_m_;  // of vertex_force_
   std::vector<Single> position_;
   std::vector<Single> before_;
   std::vector<Single> force_;

@@ -49,6 +49,7 @@ PressedSprings::PressedSprings(const SpringMesh& mesh) {
   constants_ = std::move(table.constants);
   exponential_ = table.exponential;
   vertex_force_ = make_vertex_forces(mesh, rest_);
+  home_N_per_m_ = kernels::home_stiffness_N_per_m(vertex_force_);
   for (const Spring& spring : mesh.springs) {
     mean_length_m_ += natural_length_m(mesh, spring) / static_cast<double>(springs_);
   }
@@ -276,8 +277,9 @@ PressedSprings::Descent PressedSprings::descend(int max_iterations, double resid
   Float4 before = first;
   while (result.iterations < max_iterations) {
     const Float4 curvature =
-        kernels::apply_stiffness(rows_, tangent_.data(), direction_.data(), product_.data()) +
-        kernels::add_home_stiffness(vertex_force_, direction_.data(), product_.data()) +
+        kernels::apply_stiffness(rows_, tangent_.data(),
+                                 home_N_per_m_.empty() ? nullptr : home_N_per_m_.data(),
+                                 direction_.data(), product_.data()) +
         apply_loads();
     Float4 alpha{};
     bool active = false;

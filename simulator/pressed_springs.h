@@ -95,6 +95,7 @@ class PressedSprings {
   std::vector<kernels::SpringConstants<double>> constants_;
   bool exponential_ = false;
   std::vector<kernels::VertexForce> vertex_force_;
+  std::vector<float> home_N_per_m_;  // of vertex_force_
   kernels::CoarseGrid coarse_;
   double mean_length_m_ = 0.0;
   std::vector<double> stiffness_at_rest_N_per_m_;

@@ -110,10 +110,10 @@ FORCEGRID_MULTIVERSION void find_blocks(const SpringRows& rows, const SpringTang
   }
 }
 
-// Vectors are handed over by address: their calling convention differs between the versions.
-FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const SpringTangent* tangent,
-                                               const Lanes* direction, Lanes* product,
-                                               Float4* dot) noexcept {
+template <bool kHome>
+FORCEGRID_INLINE void apply_rows(const SpringRows& rows, const SpringTangent* tangent,
+                                 const float* home_N_per_m, const Lanes* direction, Lanes* product,
+                                 Float4* dot) {
   const std::int32_t* const row_begin = rows.row_begin.data();
   const Float4 all_lanes = broadcast(1.0F);
   Float4 sum{};
@@ -121,6 +121,11 @@ FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const Spr
     const Float4 p[3] = {direction[i].component[0], direction[i].component[1],
                          direction[i].component[2]};
     Float4 q[3] = {product[i].component[0], product[i].component[1], product[i].component[2]};
+    if constexpr (kHome) {
+      for (int c = 0; c < 3; ++c) {
+        q[c] += broadcast(home_N_per_m[i]) * p[c];
+      }
+    }
     add_row<1>(row_begin[i], row_begin[i + 1], rows.other.data(), tangent, direction, all_lanes, p,
                q, product);
     // Every spring of the lower vertices has been added by now, so row i of the product is final.
@@ -130,6 +135,17 @@ FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const Spr
     }
   }
   *dot = sum;
+}
+
+// Vectors are handed over by address: their calling convention differs between the versions.
+FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const SpringTangent* tangent,
+                                               const float* home_N_per_m, const Lanes* direction,
+                                               Lanes* product, Float4* dot) noexcept {
+  if (home_N_per_m != nullptr) {
+    apply_rows<true>(rows, tangent, home_N_per_m, direction, product, dot);
+  } else {
+    apply_rows<false>(rows, tangent, nullptr, direction, product, dot);
+  }
 }
 
 FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4* alpha_lanes,
@@ -270,10 +286,10 @@ void sum_blocks(const SpringRows& rows, const SpringTangent* tangent,
   find_blocks(rows, tangent, block);
 }
 
-Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent, const Lanes* direction,
-                       Lanes* product) noexcept {
+Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent,
+                       const float* home_N_per_m, const Lanes* direction, Lanes* product) noexcept {
   Float4 dot{};
-  apply_stiffness_to(rows, tangent, direction, product, &dot);
+  apply_stiffness_to(rows, tangent, home_N_per_m, direction, product, &dot);
   return dot;
 }
 

@@ -86,9 +86,10 @@ void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, 
 void sum_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInverse* block) noexcept;
 
 /// product = K direction; `product` must be zero before.
+/// @param home_N_per_m  a vertex's home spring each, see VertexForce; null: there are none.
 /// @returns the lanes' dot products direction . product.
-Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent, const Lanes* direction,
-                       Lanes* product) noexcept;
+Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent,
+                       const float* home_N_per_m, const Lanes* direction, Lanes* product) noexcept;
 
 /// What pulls at a vertex besides the springs to others: a home spring to where it rests, and a
 /// dead load, which keeps its direction and size.
@@ -108,10 +109,8 @@ void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
 /// Adds the home springs to the blocks that sum_blocks() gave.
 void add_home_blocks(std::span<const VertexForce> forces, BlockInverse* block) noexcept;
 
-/// product += k_home direction.
-/// @returns the lanes' dot products of that with direction.
-Float4 add_home_stiffness(std::span<const VertexForce> forces, const Lanes* direction,
-                          Lanes* product) noexcept;
+/// Their home springs alone, for apply_stiffness().
+std::vector<float> home_stiffness_N_per_m(std::span<const VertexForce> forces);
 
 /// Where a vertex lies in the coarse grid: its cell's lowest corner and its trilinear coordinates
 /// there.

@@ -5,21 +5,6 @@ namespace {
 
 FORCEGRID_INLINE Float4 sensitivity_lanes(float value) { return Float4{0.0F, value, value, value}; }
 
-FORCEGRID_MULTIVERSION void add_home_stiffness_to(const VertexForce* forces, std::size_t count,
-                                                  const Lanes* direction, Lanes* product,
-                                                  Float4* dot) noexcept {
-  Float4 sum{};
-  for (std::size_t i = 0; i < count; ++i) {
-    const float k = forces[i].home_stiffness_N_per_m;
-    for (int c = 0; c < 3; ++c) {
-      const Float4 f = Float4{k, k, k, k} * direction[i].component[c];
-      product[i].component[c] += f;
-      sum += f * direction[i].component[c];
-    }
-  }
-  *dot = sum;
-}
-
 }  // namespace
 
 void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
@@ -59,11 +44,13 @@ void add_home_blocks(std::span<const VertexForce> forces, BlockInverse* block) n
   }
 }
 
-Float4 add_home_stiffness(std::span<const VertexForce> forces, const Lanes* direction,
-                          Lanes* product) noexcept {
-  Float4 dot{};
-  add_home_stiffness_to(forces.data(), forces.size(), direction, product, &dot);
-  return dot;
+std::vector<float> home_stiffness_N_per_m(std::span<const VertexForce> forces) {
+  std::vector<float> result;
+  result.reserve(forces.size());
+  for (const VertexForce& force : forces) {
+    result.push_back(force.home_stiffness_N_per_m);
+  }
+  return result;
 }
 
 }  // namespace forcegrid::simulator::kernels
