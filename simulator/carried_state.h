@@ -12,6 +12,8 @@
 
 namespace forcegrid::simulator {
 
+struct Neighbourhood;
+
 /// What one pass of evaluation finds; ElasticObject documents the equations.
 struct Evaluation {
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();      ///< [N] F, work-consistent
@@ -89,6 +91,10 @@ class CarriedState {
   /// Solves `levels` rings from now on. What joins the region is brought to where the tool is; what
   /// leaves it keeps that place. Between moves, or to a larger region.
   void change_region(int levels) noexcept;
+
+  /// ElasticObject::copy() and ElasticObject::correct(), the latter between moves.
+  void copy(const std::vector<std::int32_t>& vertices, Neighbourhood& copy) const noexcept;
+  void correct(const Neighbourhood& was, const Neighbourhood& is) noexcept;
 
   /// One pass over all springs of the region: residuals, tangents and what they amount to; anew
   /// every few millimetres the preconditioner.

@@ -41,10 +41,14 @@ void check(const SolverOptions& options) {
     throw Error("solver: answer_first_below is " + std::to_string(options.answer_first_below) +
                 "; it must be >= 0");
   }
-  if (!(options.border_tolerance >= 0.0) || options.whole_every < 0 || options.most_vertices < 0) {
+  if (!(options.border_tolerance >= 0.0) || options.most_vertices < 0) {
     throw Error("solver: border_tolerance is " + std::to_string(options.border_tolerance) +
-                ", whole_every " + std::to_string(options.whole_every) + " and most_vertices " +
-                std::to_string(options.most_vertices) + "; all must be >= 0");
+                " and most_vertices " + std::to_string(options.most_vertices) +
+                "; both must be >= 0");
+  }
+  if (options.most_vertices > 0 && options.border_tolerance == 0.0) {
+    throw Error("solver: most_vertices is " + std::to_string(options.most_vertices) +
+                " but border_tolerance 0 asks for the whole object; give a border_tolerance > 0");
   }
 }
 
@@ -121,6 +125,16 @@ class ElasticObject<Real>::Implementation {
     return answer;
   }
 
+  std::vector<std::int32_t> neighbourhood() const {
+    std::vector<std::int32_t> vertices;
+    const std::int32_t end = state_.region().reach_of(options_.most_vertices);
+    for (std::int32_t i = 0; grabbed() && i < end; ++i) {
+      vertices.push_back(state_.mesh_number(static_cast<std::size_t>(i)));
+    }
+    return vertices;
+  }
+  CarriedState<Real>& state() noexcept { return state_; }
+
   std::vector<Eigen::Vector3d> positions_W() const {
     std::vector<Eigen::Vector3d> positions;
     positions.resize(state_.vertex_count());
@@ -187,13 +201,9 @@ class ElasticObject<Real>::Implementation {
     return last_.border_work_N / (options_.border_tolerance * force_scale_N_);
   }
 
-  int most_vertices() const noexcept {
-    return options_.whole_every > 0 ? options_.most_vertices : 0;
-  }
-
   void choose_region() noexcept {
-    const int levels = schedule_.next_levels(state_.region(), border_share(), options_.whole_every,
-                                             most_vertices());
+    const int levels =
+        schedule_.next_levels(state_.region(), border_share(), options_.most_vertices);
     if (schedule_.region_is_new()) {
       state_.forget_trend();
     }
@@ -209,7 +219,7 @@ class ElasticObject<Real>::Implementation {
       return;
     }
     while (!state_.region().is_whole() && border_share() > 1.0) {
-      const int levels = state_.region().limited(state_.region().larger(), most_vertices());
+      const int levels = state_.region().limited(state_.region().larger(), options_.most_vertices);
       if (levels <= state_.region().solved()) {
         return;
       }
@@ -272,7 +282,8 @@ class ElasticObject<Real>::Implementation {
   // The last step: corrections until the tolerances hold.
   Outcome settle() noexcept {
     evaluate();
-    if (!state_.region().is_whole() && border_share() > kBorderLost) {
+    if (!state_.region().is_whole() && options_.most_vertices == 0 &&
+        border_share() > kBorderLost) {
       change_region(state_.region().levels());
       evaluate();
     }
@@ -400,6 +411,20 @@ bool ElasticObject<Real>::grabbed() const noexcept {
 template <typename Real>
 Equilibrium ElasticObject<Real>::move_to(const Eigen::Vector3d& displacement_W) noexcept {
   return implementation_->move_to(displacement_W);
+}
+template <typename Real>
+std::vector<std::int32_t> ElasticObject<Real>::neighbourhood() const {
+  return implementation_->neighbourhood();
+}
+template <typename Real>
+void ElasticObject<Real>::copy(const std::vector<std::int32_t>& vertices,
+                               Neighbourhood& copy) const noexcept {
+  const Implementation& implementation = *implementation_;
+  implementation.state().copy(vertices, copy);
+}
+template <typename Real>
+void ElasticObject<Real>::correct(const Neighbourhood& was, const Neighbourhood& is) noexcept {
+  implementation_->state().correct(was, is);
 }
 template <typename Real>
 std::vector<Eigen::Vector3d> ElasticObject<Real>::positions_W() const {

@@ -36,11 +36,9 @@ struct SolverOptions {
   /// is at most this fraction of |F|, and shrinks when it is far below; the object outside follows
   /// S. 0: the whole object.
   double border_tolerance = 0.0;
-  /// With border_tolerance: every so many moves solve the whole object; 0: never.
-  int whole_every = 0;
-  /// With whole_every: the moves between solve at most so many vertices even if their border lacks
-  /// more than it may, so that their cost doesn't grow with the object (a hundred times as much
-  /// still asks for the whole); 0: no limit.
+  /// With border_tolerance: solve at most so many vertices even if their border lacks more than it
+  /// may, so that the cost doesn't grow with the object. For an object that is told where what lies
+  /// outside is: TwoRatesObject. 0: no limit.
   int most_vertices = 0;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
   double sensitivity_tolerance = 0.05;
@@ -73,6 +71,17 @@ struct Equilibrium {
   /// The state left its branch of equilibria (an unstable state was met and the object moved on to
   /// another one): force and stiffness jumped since the last answer.
   bool left_branch = false;
+};
+
+/// Vertices around the tool as one object knows them, for another one that holds the same patch of
+/// the same mesh. Single precision.
+struct Neighbourhood {
+  struct Vertex {
+    Eigen::Vector3f position_W = Eigen::Vector3f::Zero();     ///< [m] from the mesh's top
+    Eigen::Matrix3f sensitivity_W = Eigen::Matrix3f::Zero();  ///< S: row c, column j is dx_c / dP_j
+  };
+  Eigen::Vector3d displacement_W = Eigen::Vector3d::Zero();  ///< [m] of the tool since the grab
+  std::vector<Vertex> vertices;
 };
 
 /// A mass-spring object under a tool that holds a patch of it: quasi-static equilibria and the
@@ -126,6 +135,19 @@ class ElasticObject {
   /// Without a grab nothing moves and the force is zero. A displacement that is not finite changes
   /// nothing and gives converged = reached = false with the last state's force.
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
+
+  /// The vertices, in the mesh's numbering, whole rings around the patch, that a region of at most
+  /// SolverOptions::most_vertices goes through. Allocates.
+  std::vector<std::int32_t> neighbourhood() const;
+
+  /// Where these vertices (the mesh's numbering) stand now; `copy` must have as many.
+  void copy(const std::vector<std::int32_t>& vertices, Neighbourhood& copy) const noexcept;
+
+  /// Another object has found `is` where this one stood at `was`, copies of neighbourhood() with
+  /// the tool at one place P_o. With the tool at P the present state is corrected by
+  /// S += S_is - S_was and x += x_is - x_was + (S_is - S_was) (P - P_o); the next move solves from
+  /// there.
+  void correct(const Neighbourhood& was, const Neighbourhood& is) noexcept;
 
   /// [m] All vertices' positions in W, in the mesh's numbering.
   std::vector<Eigen::Vector3d> positions_W() const;

@@ -117,6 +117,15 @@ void Region::set(int new_levels, const Eigen::Vector3d& displacement,
   rows.reach = end_of(solved_ + 2);
 }
 
+void Region::leave_at(std::int32_t first, std::int32_t end,
+                      const Eigen::Vector3d& displacement) noexcept {
+  for (std::size_t l = 0; l < place_.size(); ++l) {
+    if (level_begin_[l] >= first && level_begin_[l + 1] <= end) {
+      place_[l] = displacement;
+    }
+  }
+}
+
 template <typename Real>
 void renumber_springs(const std::vector<std::int32_t>& order, kernels::SpringRows& rows,
                       std::vector<kernels::SpringConstants<Real>>& constants) {

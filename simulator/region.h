@@ -43,6 +43,14 @@ class Region {
   /// @param displacement  of the tool, remembered for what is no longer reached.
   void set(int levels, const Eigen::Vector3d& displacement, kernels::SpringRows& rows) noexcept;
 
+  /// How many vertices a region of at most `vertices` vertices goes through, its border and what
+  /// that reads included.
+  std::int32_t reach_of(int vertices) const noexcept {
+    return end_of(limited(levels(), vertices) + 2);
+  }
+  /// The vertices [first, end), whole levels, stand where they do with the tool at `displacement`.
+  void leave_at(std::int32_t first, std::int32_t end, const Eigen::Vector3d& displacement) noexcept;
+
   /// The tool's displacement when the vertex, beyond the region's reach, was left.
   const Eigen::Vector3d& place(std::int32_t vertex) const noexcept {
     return place_[static_cast<std::size_t>(level_of_[static_cast<std::size_t>(vertex)])];

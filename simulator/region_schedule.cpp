@@ -12,19 +12,13 @@ constexpr int kMovesBetweenAttempts = 30;
 
 }  // namespace
 
-int RegionSchedule::next_levels(const Region& region, double border_share, int whole_every,
+int RegionSchedule::next_levels(const Region& region, double border_share,
                                 int most_vertices) noexcept {
   ++moves_;
   ++calm_moves_;
-  if (whole_every > 0 && moves_ % whole_every == 0) {
-    local_levels_ = region.solved();
-    return region.levels();
-  }
   int levels = region.solved();
   if (moves_ == 1) {
     levels = kFirstLevels;
-  } else if (whole_every > 0 && moves_ % whole_every == 1) {
-    levels = local_levels_;
   } else if (border_share > 1.0) {
     levels = region.larger();
   } else if (region.is_whole()) {

@@ -4,16 +4,15 @@
 
 namespace forcegrid::simulator {
 
-/// How many rings a local solver goes for at each move, see SolverOptions::border_tolerance,
-/// whole_every and most_vertices. It sees the border's share: the work residual on the border over
+/// How many rings a local solver goes for at each move, see SolverOptions::border_tolerance and
+/// most_vertices. It sees the border's share: the work residual on the border over
 /// what it may have.
 class RegionSchedule {
  public:
   void reset() noexcept { *this = RegionSchedule(); }
 
   /// A move begins: the rings to solve for it.
-  int next_levels(const Region& region, double border_share, int whole_every,
-                  int most_vertices) noexcept;
+  int next_levels(const Region& region, double border_share, int most_vertices) noexcept;
 
   /// What is mended all at once where the region is new is no trend.
   bool region_is_new() const noexcept { return calm_moves_ < kCalmMoves; }
@@ -27,8 +26,7 @@ class RegionSchedule {
 
   int moves_ = 0;
   int whole_since_ = 0;
-  int calm_moves_ = 0;               // since the region changed
-  int local_levels_ = kFirstLevels;  // of the region while the whole object is solved in between
+  int calm_moves_ = 0;  // since the region changed
 };
 
 }  // namespace forcegrid::simulator

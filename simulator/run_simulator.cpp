@@ -36,6 +36,7 @@ constexpr auto kStopCheck = std::chrono::milliseconds(50);
 constexpr double kExpectedWithin_s = 0.3;
 constexpr double kExpectedApart_m = 0.002;  // taking hold of another patch takes a while
 const std::string kDynamic = "dynamic";
+const std::string kTwoRates = "two_rates";
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
 link::Access access(const SimulatorOptions& options) {
@@ -108,6 +109,13 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
                                       digest_of(scene), std::random_device{}(), solver);
 }
 
+std::unique_ptr<ToolContact> make_contact(const Scene& scene, const SolverChoice& solver,
+                                          const ToolOptions& tool) {
+  return solver.name == kDynamic    ? make_dynamic_contact(scene, solver.dynamic, tool)
+         : solver.name == kTwoRates ? make_two_rates_contact(scene, solver.two_rates, tool)
+                                    : make_tool_contact(scene, solver.options, tool);
+}
+
 class Loop {
  public:
   Loop(const SimulatorOptions& options, const Scene& scene, const SolverChoice& solver,
@@ -115,8 +123,7 @@ class Loop {
       : options_(options),
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
-        contact_(solver.name == kDynamic ? make_dynamic_contact(scene, solver.dynamic, tool)
-                                         : make_tool_contact(scene, solver.options, tool)),
+        contact_(make_contact(scene, solver, tool)),
         cutter_(PatchCutter::make(scene.mesh, tool)),
         desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
@@ -412,6 +419,7 @@ class Loop {
     if (desk_.pool() != nullptr) {
       summary_.workers = desk_.pool()->statistics();
     }
+    summary_.whole_solutions = contact_->whole_solutions();
     summary_.solve_mean_ms = solve_ms_.mean();
     summary_.solve_p50_ms = solve_ms_.at(0.5);
     summary_.solve_p99_ms = solve_ms_.at(0.99);

@@ -62,11 +62,12 @@ struct SimulatorSummary {
   /// Datagrams that were not taken, by reason.
   std::vector<std::pair<std::string, std::uint64_t>> dropped;
   std::uint64_t contacts = 0;
-  std::uint64_t unconverged = 0;     ///< answers whose tolerance was not reached
-  std::uint64_t branch_changes = 0;  ///< answers after which the object was on another branch
-  std::uint64_t long_steps = 0;      ///< answers over more time than the solver has steps for
-  std::uint64_t not_reached = 0;     ///< moves too long for one tick, answered for part of the way
-  std::uint64_t not_finite = 0;      ///< answers that were not sent; the object began anew
+  std::uint64_t unconverged = 0;      ///< answers whose tolerance was not reached
+  std::uint64_t branch_changes = 0;   ///< answers after which the object was on another branch
+  std::uint64_t long_steps = 0;       ///< answers over more time than the solver has steps for
+  std::uint64_t not_reached = 0;      ///< moves too long for one tick, answered for part of the way
+  std::uint64_t not_finite = 0;       ///< answers that were not sent; the object began anew
+  std::uint64_t whole_solutions = 0;  ///< of two_rates, beside the answers
   double worst_relative_residual = 0.0;
   /// [ms] Wall time of one answer's solution once in contact; the first one, which takes hold of
   /// the patch, is apart.

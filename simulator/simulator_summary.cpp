@@ -67,6 +67,7 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
           {"long_steps", summary.long_steps},
           {"not_reached", summary.not_reached},
           {"not_finite", summary.not_finite},
+          {"whole_solutions", summary.whole_solutions},
           {"worst_relative_residual", summary.worst_relative_residual},
           {"solve_ms",
            {{"mean", summary.solve_mean_ms},

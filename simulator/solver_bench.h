@@ -9,6 +9,7 @@
 #include "simulator/dynamic_bench.h"
 #include "simulator/reduced_bench.h"
 #include "simulator/scene.h"
+#include "simulator/solver_motion.h"
 
 namespace forcegrid::simulator {
 
@@ -38,23 +39,6 @@ struct SolverBenchOptions {
   double settling_s = 0.5;  ///< ticks before it are solved, but not counted
   std::vector<StepPeer> peers;
   std::function<void(const std::string&)> say;  ///< what is being measured; may be empty
-};
-
-/// A solver along a motion, tick by tick. Times are processor times of one thread.
-struct MotionRow {
-  std::string solver;
-  double rate_Hz = 0.0;
-  std::string setting;
-  std::size_t ticks = 0;
-  double mean_ms = 0.0;
-  double median_ms = 0.0;  ///< at two rates what a cycle between two whole solutions takes
-  double max_ms = 0.0;
-  double error_percent = 0.0;      ///< RMS of |F - F_converged| in % of the RMS of |F_converged|
-  double max_error_percent = 0.0;  ///< the largest one, in % of the same
-  double residual_mean = 0.0;
-  double iterations_mean = 0.0;
-  double vertices_mean = 0.0;  ///< that the solver touched
-  double unconverged = 0.0;    ///< fraction of the ticks whose tolerance was not reached
 };
 
 /// A solver after a step of the tool from rest, with linear springs. Infinity: never reached.
@@ -97,8 +81,5 @@ SolverBenchResult bench_solvers(const Scene& scene, const SolverBenchOptions& op
 
 /// Keys carry the units; what was never reached is null.
 nlohmann::json to_json(const SolverBenchResult& result);
-
-/// [s] Processor time of the calling thread.
-double thread_time_s();
 
 }  // namespace forcegrid::simulator

@@ -5,6 +5,7 @@
 
 #include "profiles/nearest_name.h"
 #include "profiles/text.h"
+#include "simulator/direct_method.h"
 #include "simulator/error.h"
 
 namespace forcegrid::simulator {
@@ -20,6 +21,7 @@ constexpr double kDynamicStep_s = 0.7e-6;   // a vertex and time step
 constexpr double kServoPeriod_s = 2e-3;
 constexpr double kDirectShare = 0.5;
 constexpr double kBorderTolerance = 1e-3;
+constexpr double kServoRate_Hz = 100.0;  // from here on two_rates solves as direct does
 
 double longest_answer_s(double vertices, double relative_tolerance) {
   const double decades = std::log10(kReferenceTolerance / relative_tolerance);
@@ -69,10 +71,35 @@ void fit_steps(SolverChoice& choice, double count, double rate_Hz, MeshDynamics 
                 profiles::number_text(count) + " vertices";
 }
 
+void fit_two_rates(SolverChoice& choice, double rate_Hz, MeshDynamics dynamics) {
+  if (dynamics == MeshDynamics::kDamped) {
+    throw Error(
+        "solver two_rates: the object has dampers and moves by itself, which a part of it doesn't "
+        "tell; leave the choice of solver out, or write quasi_static for its equilibria");
+  }
+  choice.two_rates = two_rates_options(rate_Hz, choice.options);
+  choice.why += "; each answer from at most " +
+                std::to_string(choice.two_rates.near.most_vertices) +
+                " vertices around the tool, the whole object meanwhile on a thread of its own";
+}
+
 }  // namespace
 
+TwoRatesOptions two_rates_options(double rate_Hz, const SolverOptions& options) {
+  const TwoRatesOptions defaults;
+  TwoRatesOptions result{.near = rate_Hz >= kServoRate_Hz ? DirectOptions{}.solver : options,
+                         .whole = options};
+  result.near.relative_tolerance = options.relative_tolerance;
+  result.near.border_tolerance = defaults.near.border_tolerance;
+  result.near.most_vertices = defaults.near.most_vertices;
+  result.whole.border_tolerance = 0.0;
+  result.whole.most_vertices = 0;
+  return result;
+}
+
 const std::vector<std::string>& solver_names() {
-  static const std::vector<std::string> names{"auto", "quasi_static", "local", "dynamic"};
+  static const std::vector<std::string> names{"auto", "quasi_static", "local", "two_rates",
+                                              "dynamic"};
   return names;
 }
 
@@ -83,7 +110,8 @@ SolverChoice choose_solver(const std::string& asked, std::size_t vertices, doubl
     throw Error("solver '" + asked + "' is unknown; write one of: " + profiles::joined(names) +
                 " (the nearest is " + profiles::nearest_name(asked, names) + ")");
   }
-  SolverChoice choice{.name = asked, .why = "as asked for", .options = options, .dynamic = {}};
+  SolverChoice choice{
+      .name = asked, .why = "as asked for", .options = options, .dynamic = {}, .two_rates = {}};
   const auto count = static_cast<double>(vertices);
   choice.small_enough_for_direct = kDirectCycle_s * count <= kDirectShare * kServoPeriod_s;
   if (asked == "auto" && dynamics == MeshDynamics::kDamped) {
@@ -96,6 +124,9 @@ SolverChoice choose_solver(const std::string& asked, std::size_t vertices, doubl
   }
   if (choice.name == "dynamic") {
     fit_steps(choice, count, rate_Hz, dynamics);
+  }
+  if (choice.name == "two_rates") {
+    fit_two_rates(choice, rate_Hz, dynamics);
   }
   if (choice.name == "local" && !(options.border_tolerance > 0.0)) {
     choice.options.border_tolerance = kBorderTolerance;

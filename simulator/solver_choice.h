@@ -6,23 +6,29 @@
 
 #include "simulator/dynamic_object.h"
 #include "simulator/elastic_object.h"
+#include "simulator/two_rates_object.h"
 #include "simulator/vertex_masses.h"
 
 namespace forcegrid::simulator {
 
-/// What --solver can be: auto, quasi_static, local, dynamic.
+/// What --solver can be: auto, quasi_static, local, two_rates, dynamic.
 const std::vector<std::string>& solver_names();
 
 /// The solver that a scene is simulated with.
 struct SolverChoice {
-  std::string name;  ///< never auto
-  std::string why;   ///< in one line, for a user
-  SolverOptions options;
-  DynamicOptions dynamic;  ///< where name is dynamic
+  std::string name;           ///< never auto
+  std::string why;            ///< in one line, for a user
+  SolverOptions options;      ///< where name is quasi_static or local; of queries in any case
+  DynamicOptions dynamic;     ///< where name is dynamic
+  TwoRatesOptions two_rates;  ///< where name is two_rates
   /// The whole object can be solved in every cycle of a 500 Hz servo: the method direct is exact
   /// there and needs no simulator.
   bool small_enough_for_direct = false;
 };
+
+/// two_rates for `rate_Hz` answers a second, from `options`: from 100 on its moves are solved as
+/// direct's are, where the force goes out before what the prediction left is mended.
+TwoRatesOptions two_rates_options(double rate_Hz, const SolverOptions& options);
 
 /// Picks by what the object is, size and tolerance. dynamic where it has dampers: with steps of 2
 /// ms, or as much longer as an answer of 0.7 us a vertex and step needs to take two thirds of the
@@ -34,11 +40,13 @@ struct SolverChoice {
 ///
 /// local where it does not: its time grows with what the tool disturbs. direct fits where 0.16 us V
 /// is at most half a cycle of 2 ms. Source of the factors: docs/solvers.md.
+///
+/// two_rates has to be asked for.
 /// @param asked  one of solver_names(); another than auto is taken as it is.
 /// @param rate_Hz  answers a second; > 0.
 /// @param options  what the chosen solver starts from.
 /// @param dynamics  what of the object changes with time.
-/// Throws Error for an unknown name, and for dynamic without masses.
+/// Throws Error for an unknown name, for dynamic without masses, and for two_rates with dampers.
 SolverChoice choose_solver(const std::string& asked, std::size_t vertices, double rate_Hz,
                            const SolverOptions& options,
                            MeshDynamics dynamics = MeshDynamics::kNone);

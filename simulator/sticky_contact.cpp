@@ -5,6 +5,7 @@
 
 #include "simulator/error.h"
 #include "simulator/timed_object.h"
+#include "simulator/two_rates_object.h"
 
 namespace forcegrid::simulator {
 
@@ -111,6 +112,9 @@ void StickyContact::reset(Object& object) noexcept {
 }
 
 template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
+template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
+template void StickyContact::release(TwoRatesObject&) noexcept;
+template void StickyContact::reset(TwoRatesObject&) noexcept;
 template void StickyContact::release(TimedObject&) noexcept;
 template void StickyContact::reset(TimedObject&) noexcept;
 template StickyContact::Answer StickyContact::step(ElasticObject<float>&, const Eigen::Vector3d&);

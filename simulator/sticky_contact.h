@@ -13,6 +13,7 @@
 namespace forcegrid::simulator {
 
 struct TimedObject;
+class TwoRatesObject;
 
 struct ContactOptions {
   /// [m] Vertices within this distance of the contact point are held; > 0.
@@ -34,7 +35,8 @@ struct ContactOptions {
 /// near to it and as much lower. The contact holds until release(). A tool that is first seen
 /// inside the object must leave it before it can touch: it never came through the surface.
 ///
-/// Objects are an ElasticObject or, where time counts, a TimedObject. Threads: one.
+/// Objects are an ElasticObject, a TwoRatesObject or, where time counts, a TimedObject. Threads:
+/// one.
 class StickyContact {
  public:
   /// Throws Error for options out of range.
@@ -91,6 +93,9 @@ class StickyContact {
 };
 
 extern template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
+extern template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
+extern template void StickyContact::release(TwoRatesObject&) noexcept;
+extern template void StickyContact::reset(TwoRatesObject&) noexcept;
 extern template void StickyContact::release(TimedObject&) noexcept;
 extern template void StickyContact::reset(TimedObject&) noexcept;
 extern template StickyContact::Answer StickyContact::step(ElasticObject<float>&,

@@ -1,18 +1,22 @@
 #include "simulator/tool_contact.h"
 
+#include <type_traits>
+
 #include "contact/error.h"
 #include "simulator/error.h"
 #include "simulator/sliding_contact.h"
 #include "simulator/tool_geometry.h"
+#include "simulator/two_rates_object.h"
 
 namespace forcegrid::simulator {
 namespace {
 
 // It sticks where it comes through the surface, as a servo sees it that looks far more often, and
 // not where it is found inside.
+template <typename Object, typename Options>
 class StickingTool final : public ToolContact {
  public:
-  StickingTool(const Scene& scene, const SolverOptions& solver, const ContactOptions& options)
+  StickingTool(const Scene& scene, const Options& solver, const ContactOptions& options)
       : object_(scene.mesh, solver),
         contact_(scene.mesh, options),
         way_in_(scene.mesh, options.tool) {}
@@ -41,9 +45,16 @@ class StickingTool final : public ToolContact {
   bool depends_on_position_alone() const noexcept override { return true; }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
+  std::uint64_t whole_solutions() const noexcept override {
+    if constexpr (std::is_same_v<Object, TwoRatesObject>) {
+      return object_.whole_solutions();
+    } else {
+      return 0;
+    }
+  }
 
  private:
-  ElasticObject<float> object_;
+  Object object_;
   StickyContact contact_;
   WayIn way_in_;
   std::optional<Eigen::Vector3d> last_position_W_;
@@ -86,8 +97,21 @@ std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverO
                                                            .grasp_N = options.grasp_N,
                                                            .let_go_N = options.let_go_N});
   }
-  return std::make_unique<StickingTool>(
+  return std::make_unique<StickingTool<ElasticObject<float>, SolverOptions>>(
       scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
+}
+
+std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
+                                                    const TwoRatesOptions& solver,
+                                                    const ToolOptions& options) {
+  if (options.slides()) {
+    throw Error(
+        "tool: what slides presses the whole object; give --contact sticky with two_rates, or "
+        "leave --solver out");
+  }
+  return std::make_unique<StickingTool<TwoRatesObject, TwoRatesOptions>>(
+      scene, solver,
+      ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = tool_shape(options)});
 }
 
 }  // namespace forcegrid::simulator

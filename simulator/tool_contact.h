@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 
@@ -9,6 +10,7 @@
 #include "simulator/scene.h"
 #include "simulator/sticky_contact.h"
 #include "simulator/tool_options.h"
+#include "simulator/two_rates_object.h"
 
 namespace forcegrid::simulator {
 
@@ -43,6 +45,8 @@ class ToolContact {
   virtual bool depends_on_position_alone() const noexcept = 0;
   /// The last step covered more time than the solver's own time steps can, see DynamicOptions.
   virtual bool in_long_steps() const noexcept { return false; }
+  /// Solutions of the whole object beside the answers, see TwoRatesObject; else 0.
+  virtual std::uint64_t whole_solutions() const noexcept { return 0; }
   virtual std::size_t vertex_count() const noexcept = 0;
   virtual std::size_t spring_count() const noexcept = 0;
 };
@@ -54,5 +58,10 @@ std::optional<contact::ToolShape> tool_shape(const ToolOptions& options);
 /// Throws Error naming the option that is out of range, unknown, or does not go with the others.
 std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
                                                const ToolOptions& options);
+
+/// The same with a TwoRatesObject, for a tool that sticks.
+std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
+                                                    const TwoRatesOptions& solver,
+                                                    const ToolOptions& options);
 
 }  // namespace forcegrid::simulator

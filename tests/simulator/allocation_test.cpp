@@ -6,6 +6,7 @@
 #include "simulator/pressed_object.h"
 #include "simulator/reduced_training.h"
 #include "simulator/scene.h"
+#include "simulator/two_rates_object.h"
 #include "tests/support/allocation_count.h"
 
 namespace forcegrid::simulator {
@@ -21,6 +22,23 @@ TEST(ElasticObject, MovesDoNotAllocateEvenWhenTheObjectSnapsThrough) {
   }
   EXPECT_EQ(count.value(), 0U);
   EXPECT_TRUE(left_branch) << "the way out of an unstable state was not exercised";
+}
+
+TEST(TwoRatesObject, MovesDoNotAllocateNorDoesTakingTheWholeIn) {
+  TwoRatesObject object(
+      make_scene("small").mesh,
+      {.near = {.border_tolerance = 1e-3, .most_vertices = 300}, .own_thread = false});
+  object.grab(Eigen::Vector3d::Zero(), 0.012);
+  object.solve_whole();  // takes hold, which allocates
+  object.hand_over();
+  const testing::AllocationCount count;
+  for (int i = 1; i <= 20; ++i) {
+    object.move_to({0.0002 * i, 0, 0.0003 * i});
+    object.solve_whole();
+    object.hand_over();
+  }
+  EXPECT_EQ(count.value(), 0U);
+  EXPECT_EQ(object.whole_solutions(), 19U);
 }
 
 TEST(PressedObject, NeitherMovesNorTheGraspersJawsAllocate) {

@@ -158,6 +158,32 @@ TEST(RunSimulator, AnswersAToolThatTouchesAndPulls) {
             json.at("solve_ms").at("p50").get<double>());
 }
 
+TEST(RunSimulator, AtTwoRatesTheAnswerBecomesThatOfTheWholeObject) {
+  SimulatorOptions options;
+  options.solver_name = "two_rates";
+  options.rate_Hz = 500.0;
+  RunningSimulator simulator(options);
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  ASSERT_TRUE(answer_at(servo, sequence, {0.001, 0.002, 0.02}));
+  ASSERT_TRUE(answer_at(servo, sequence, {0.001, 0.002, -0.0001}));
+  ElasticObject<double> reference(make_scene("small").mesh, {.relative_tolerance = 1e-8});
+  reference.grab({0.001, 0.002, 0.0}, 0.012);
+  const Eigen::Vector3d expected_W = reference.move_to({0.0, 0.0, 0.0049}).force_W;
+  // When the whole object's solution comes is the scheduler's affair.
+  double error = 1.0;
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (error > 2e-3 && std::chrono::steady_clock::now() < give_up) {
+    const auto pull = answer_at(servo, sequence, {0.001, 0.002, 0.0049});
+    ASSERT_TRUE(pull);
+    error = (Eigen::Vector3d(pull->force_W_N.data()) - expected_W).norm() / expected_W.norm();
+  }
+  EXPECT_LE(error, 2e-3);
+  const SimulatorSummary summary = simulator.stop();
+  EXPECT_EQ(summary.solver, "two_rates");
+  EXPECT_GT(to_json(summary).at("whole_solutions").get<int>(), 0);
+}
+
 TEST(RunSimulator, ANewSessionFindsTheObjectAtRest) {
   RunningSimulator simulator;
   {

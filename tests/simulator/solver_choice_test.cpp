@@ -67,6 +67,31 @@ TEST(SolverChoice, LargerObjectsGetLongerTimeSteps) {
   EXPECT_NEAR(huge.dynamic.step_s, 1.0 / 30.0, 1e-9) << "one step an answer";
 }
 
+TEST(SolverChoice, TwoRatesSolvesAsDirectDoesFromTheServosRateOn) {
+  const SolverChoice servo = choose_solver("two_rates", 100'000, 500.0, {});
+  EXPECT_THAT(servo.why, HasSubstr("2500 vertices around the tool"));
+  EXPECT_GT(servo.two_rates.near.answer_first_below, 0.0);
+  EXPECT_EQ(servo.options.border_tolerance, 0.0) << "queries are answered by the whole object";
+  const SolverOptions fine{.relative_tolerance = 1e-4, .border_tolerance = 0.01};
+  const SolverChoice slow = choose_solver("two_rates", 100'000, 30.0, fine);
+  EXPECT_EQ(slow.two_rates.near.answer_first_below, 0.0);
+  EXPECT_EQ(slow.two_rates.near.max_steps, SolverOptions{}.max_steps);
+  EXPECT_EQ(slow.two_rates.near.relative_tolerance, 1e-4);
+  EXPECT_EQ(slow.two_rates.whole.relative_tolerance, 1e-4);
+  EXPECT_EQ(slow.two_rates.whole.border_tolerance, 0.0);
+}
+
+TEST(SolverChoice, TwoRatesIsRefusedForAnObjectWithDampers) {
+  try {
+    choose_solver("two_rates", 500, 30.0, {}, MeshDynamics::kDamped);
+    FAIL() << "a part of a damped object was taken for the whole";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("dampers"));
+    EXPECT_THAT(error.what(), HasSubstr("quasi_static"));
+  }
+  EXPECT_EQ(choose_solver("two_rates", 500, 30.0, {}, MeshDynamics::kMasses).name, "two_rates");
+}
+
 TEST(SolverChoice, TakesWhatIsAskedForAndRefusesTheUnknown) {
   EXPECT_EQ(choose_solver("local", 100, 30.0, {}).name, "local");
   EXPECT_GT(choose_solver("local", 100, 30.0, {}).options.border_tolerance, 0.0);
