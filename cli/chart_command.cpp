@@ -195,6 +195,7 @@ void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>
   CLI::App& chart = *app.add_subcommand("chart", "Chart force methods against each other");
   chart.require_subcommand(1);
   add_accuracy(chart, options.accuracy, action);
+  add_chart_solvers(chart, options.solvers, action);
   add_chart_stability(chart, options.stability, action);
 }
 

@@ -40,18 +40,30 @@ struct ChartStabilityOptions {
   std::uint64_t seed = 1;
 };
 
+/// What `forcegrid chart solvers` was asked for.
+struct ChartSolversOptions {
+  std::string out;
+  std::vector<int> sizes{1'000, 10'000, 100'000};  ///< vertices
+  std::vector<std::string> scenes{"stomach"};
+  bool quick = false;
+};
+
 struct ChartCommandOptions {
   ChartAccuracyOptions accuracy;
+  ChartSolversOptions solvers;
   ChartStabilityOptions stability;
 };
 
-/// Adds the subcommand `chart` with its own subcommands `accuracy` and `stability`, which set
-/// `action`.
+/// Adds the subcommand `chart` with its own subcommands `accuracy`, `stability` and `solvers`,
+/// which set `action`.
 void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>& action);
 
 /// Adds the subcommand `stability` to `chart`.
 void add_chart_stability(CLI::App& chart, ChartStabilityOptions& options,
                          std::function<int()>& action);
+
+/// Adds the subcommand `solvers` to `chart`.
+void add_chart_solvers(CLI::App& chart, ChartSolversOptions& options, std::function<int()>& action);
 
 /// Judges force methods on the chart's objects, motions and networks, and writes tables, pictures
 /// and a page into `options.out`, see docs/accuracy.md.
@@ -62,5 +74,9 @@ int chart_accuracy_command(const ChartAccuracyOptions& options);
 /// Closes the loop over force methods in simulated time, see docs/stability.md; as
 /// chart_accuracy_command().
 int chart_stability_command(const ChartStabilityOptions& options);
+
+/// Measures what a servo cycle costs with each solver, see docs/solvers.md; as
+/// chart_accuracy_command().
+int chart_solvers_command(const ChartSolversOptions& options);
 
 }  // namespace forcegrid::cli
