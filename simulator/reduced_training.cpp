@@ -27,6 +27,7 @@ using Fields = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMa
 constexpr double kSensitivityReach_m = 3e-3;
 constexpr Index kMostFields = 400;
 constexpr double kMostFieldNumbers = 1e8;  // of 4 bytes
+constexpr Index kFewestPlaces = 60;        // that they are to meet them at
 constexpr Index kMostConditions = 2400;    // rows that the springs' weights are to meet
 // The modes' forces count as what they do to the tool, but no less than this share of the most
 // that any of them does.
@@ -182,6 +183,7 @@ class Training {
     }
     for (Index j = 0; j < with_sensitivity; ++j) {
       const Index k = j * states() / std::max<Index>(with_sensitivity, 1);
+      sensitive_states_.push_back(k);
       fields.middleCols<3>(states() + 3 * j) =
           static_cast<float>(kSensitivityReach_m) * (state(k).sensitivity - set_.rest_sensitivity);
     }
@@ -239,14 +241,25 @@ class Training {
     return count;
   }
 
-  // Which states the springs are chosen by, and what a force on each coordinate is worth.
+  // Which states the springs are chosen by, and what a force on each coordinate is worth. Where
+  // there are few, places beside them along S count as well: no equilibrium is needed.
   void weigh_states() {
     const Index n = 3 + modes_;
-    const Index count = std::min(states(), std::max<Index>(kMostConditions / n, 8));
-    coordinates_.resize(n, count);
+    const Index room = std::max<Index>(kMostConditions / n, 8);
+    const Index count = std::min(states(), room);
+    const Index beside = follow_.cols() == 0 ? 0 : std::min(kFewestPlaces, room) - count;
+    coordinates_.resize(n, count + std::max<Index>(beside, 0));
     for (Index j = 0; j < count; ++j) {
       const Index k = j * states() / count;
       coordinates_.col(j) << state(k).displacement_W, amplitudes_.col(k);
+    }
+    for (Index j = 0; j < beside; ++j) {
+      const Index column = j % follow_.cols();
+      const Index k = sensitive_states_[static_cast<std::size_t>(column / 3)];
+      const double move_m =
+          (j / follow_.cols()) % 2 == 0 ? kSensitivityReach_m : -kSensitivityReach_m;
+      coordinates_.col(count + j) << state(k).displacement_W + move_m * Vector3d::Unit(column % 3),
+          amplitudes_.col(k) + move_m * follow_.col(column);
     }
     worth_.setOnes(n);
     if (modes_ > 0 && follow_.cols() > 0) {
@@ -330,6 +343,9 @@ class Training {
     for (std::size_t k = 0; k < count && !cancelled(); ++k) {
       columns.col(static_cast<Index>(k)) = contribution(drawn[k].second, laws);
     }
+    if (cancelled()) {
+      return;  // some columns are missing
+    }
     const double scale_N = std::sqrt(mean_force2_N2_ * static_cast<double>(coordinates_.cols()));
     const SparseWeights found =
         find_sparse_weights(columns, sum, options_.cubature_tolerance * scale_N,
@@ -381,7 +397,8 @@ class Training {
   double mean_force2_N2_ = 0.0;
   Index modes_ = 0;
   MatrixXd amplitudes_;  // q of the states
-  MatrixXd follow_;      // [1/m] dq/dP of the sensitive states
+  std::vector<Index> sensitive_states_;
+  MatrixXd follow_;  // [1/m] dq/dP of the sensitive states
   Eigen::MatrixXf basis_;
   MatrixXd coordinates_;  // z of the states that springs are chosen by
   VectorXd worth_;
@@ -405,6 +422,12 @@ void check(const SpringMesh& mesh, const ReducedTrainingSet& set,
     throw Error("reduced model: the training states are of another mesh than the one given, of " +
                 std::to_string(mesh.rest_position_W.size()) + " vertices");
   }
+  check(options);
+}
+
+}  // namespace
+
+void check(const ReducedTrainingOptions& options) {
   check_positive(options.mode_tolerance, "reduced model: mode_tolerance");
   check_positive(options.mode_length_m, "reduced model: mode_length_m");
   check_positive(options.cubature_tolerance, "reduced model: cubature_tolerance");
@@ -415,8 +438,6 @@ void check(const SpringMesh& mesh, const ReducedTrainingSet& set,
                 "; give 1 to " + std::to_string(kMostReducedCoordinates - 3));
   }
 }
-
-}  // namespace
 
 ReducedSnapshot take_snapshot(const SpringMesh& mesh, const ElasticObject<float>& object,
                               const Equilibrium& answer) {
@@ -436,16 +457,20 @@ ReducedSnapshot take_snapshot(const SpringMesh& mesh, const ElasticObject<float>
   return snapshot;
 }
 
-bool add_state(const SpringMesh& mesh, const ElasticObject<float>& object,
-               const Equilibrium& answer, const StateSpacing& spacing, ReducedTrainingSet& set) {
-  if (!answer.converged || !answer.reached || set.snapshots.size() >= spacing.most_states) {
+bool is_new_state(const Equilibrium& answer, double apart_m, const ReducedTrainingSet& set) {
+  if (!answer.converged || !answer.reached) {
     return false;
   }
-  double nearest_m = answer.displacement_W.norm();  // rest is known
+  double nearest_m = answer.displacement_W.norm();
   for (const ReducedSnapshot& known : set.snapshots) {
     nearest_m = std::min(nearest_m, (known.displacement_W - answer.displacement_W).norm());
   }
-  if (nearest_m < spacing.apart_m) {
+  return nearest_m >= apart_m;
+}
+
+bool add_state(const SpringMesh& mesh, const ElasticObject<float>& object,
+               const Equilibrium& answer, const StateSpacing& spacing, ReducedTrainingSet& set) {
+  if (set.snapshots.size() >= spacing.most_states || !is_new_state(answer, spacing.apart_m, set)) {
     return false;
   }
   set.snapshots.push_back(take_snapshot(mesh, object, answer));

@@ -40,8 +40,11 @@ struct StateSpacing {
   std::size_t most_states = 80;  ///< more of them take more memory and time than they give
 };
 
-/// Adds the object's present state, `answer` being its last one, if it is an equilibrium and far
-/// enough from the others. Allocates.
+/// Whether an answer is an equilibrium at least so far from rest and from every state of the set.
+bool is_new_state(const Equilibrium& answer, double apart_m, const ReducedTrainingSet& set);
+
+/// Adds the object's present state, `answer` being its last one, if it is new and there is room.
+/// Allocates.
 /// @returns whether it was added.
 bool add_state(const SpringMesh& mesh, const ElasticObject<float>& object,
                const Equilibrium& answer, const StateSpacing& spacing, ReducedTrainingSet& set);
@@ -60,6 +63,9 @@ struct ReducedTrainingOptions {
   std::uint64_t seed = 1;                     ///< of that pick
   const std::atomic<bool>* cancel = nullptr;  ///< ends the training when set and true
 };
+
+/// Throws Error naming the option that is out of range.
+void check(const ReducedTrainingOptions& options);
 
 struct ReducedTraining {
   std::optional<ReducedModel> model;  ///< nothing when cancelled

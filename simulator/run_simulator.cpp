@@ -18,12 +18,12 @@
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
-#include "simulator/dynamic_contact.h"
 #include "simulator/error.h"
 #include "simulator/patch_cutter.h"
 #include "simulator/query_desk.h"
 #include "simulator/scene.h"
 #include "simulator/solver_choice.h"
+#include "simulator/solver_contact.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -36,7 +36,6 @@ constexpr auto kStopCheck = std::chrono::milliseconds(50);
 constexpr double kExpectedWithin_s = 0.3;
 constexpr double kExpectedApart_m = 0.002;  // taking hold of another patch takes a while
 const std::string kDynamic = "dynamic";
-const std::string kTwoRates = "two_rates";
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
 link::Access access(const SimulatorOptions& options) {
@@ -109,13 +108,6 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
                                       digest_of(scene), std::random_device{}(), solver);
 }
 
-std::unique_ptr<ToolContact> make_contact(const Scene& scene, const SolverChoice& solver,
-                                          const ToolOptions& tool) {
-  return solver.name == kDynamic    ? make_dynamic_contact(scene, solver.dynamic, tool)
-         : solver.name == kTwoRates ? make_two_rates_contact(scene, solver.two_rates, tool)
-                                    : make_tool_contact(scene, solver.options, tool);
-}
-
 class Loop {
  public:
   Loop(const SimulatorOptions& options, const Scene& scene, const SolverChoice& solver,
@@ -123,7 +115,7 @@ class Loop {
       : options_(options),
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
-        contact_(make_contact(scene, solver, tool)),
+        contact_(make_solver_contact(scene, solver, tool, options.rate_Hz, log)),
         cutter_(PatchCutter::make(scene.mesh, tool)),
         desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
@@ -355,7 +347,7 @@ class Loop {
   void count(const StickyContact::Answer& answer, bool was_in_contact, double solve_ms) {
     const Equilibrium& equilibrium = answer.equilibrium;
     if (was_in_contact) {
-      solve_ms_.add(solve_ms);
+      solve_us_.add(1e3 * solve_ms);
       iterations_ += static_cast<std::uint64_t>(equilibrium.iterations);
     } else {
       ++summary_.contacts;
@@ -420,13 +412,16 @@ class Loop {
       summary_.workers = desk_.pool()->statistics();
     }
     summary_.whole_solutions = contact_->whole_solutions();
-    summary_.solve_mean_ms = solve_ms_.mean();
-    summary_.solve_p50_ms = solve_ms_.at(0.5);
-    summary_.solve_p99_ms = solve_ms_.at(0.99);
-    summary_.solve_max_ms = solve_ms_.max();
-    summary_.iterations_mean = solve_ms_.count() == 0 ? 0.0
+    if (contact_->reduced_use() != nullptr) {
+      summary_.reduced = *contact_->reduced_use();
+    }
+    summary_.solve_mean_ms = 1e-3 * solve_us_.mean();
+    summary_.solve_p50_ms = 1e-3 * solve_us_.at(0.5);
+    summary_.solve_p99_ms = 1e-3 * solve_us_.at(0.99);
+    summary_.solve_max_ms = 1e-3 * solve_us_.max();
+    summary_.iterations_mean = solve_us_.count() == 0 ? 0.0
                                                       : static_cast<double>(iterations_) /
-                                                            static_cast<double>(solve_ms_.count());
+                                                            static_cast<double>(solve_us_.count());
   }
 
   SimulatorOptions options_;
@@ -446,7 +441,7 @@ class Loop {
   std::optional<Eigen::Matrix3f> expected_stiffness_W_;  ///< [N/m] there; nothing: not solved yet
   std::uint32_t lost_epochs_ = 0;
   std::deque<Delayed> delayed_;
-  rt::Percentiles solve_ms_;
+  rt::Percentiles solve_us_;
   std::uint64_t iterations_ = 0;
   SimulatorSummary summary_;
 };

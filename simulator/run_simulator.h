@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "simulator/elastic_object.h"
+#include "simulator/reduced_use.h"
 #include "simulator/tool_contact.h"
 #include "simulator/worker_pool.h"
 
@@ -68,6 +69,7 @@ struct SimulatorSummary {
   std::uint64_t not_reached = 0;      ///< moves too long for one tick, answered for part of the way
   std::uint64_t not_finite = 0;       ///< answers that were not sent; the object began anew
   std::uint64_t whole_solutions = 0;  ///< of two_rates, beside the answers
+  ReducedUse reduced;                 ///< all zero without reduced models
   double worst_relative_residual = 0.0;
   /// [ms] Wall time of one answer's solution once in contact; the first one, which takes hold of
   /// the patch, is apart.
@@ -84,15 +86,14 @@ nlohmann::json to_json(const SimulatorSummary& summary);
 
 /// The simulator's loop: at each of `rate_Hz` absolute deadlines it takes the newest tool state
 /// from the link, moves the tool there (ToolContact; an object that moves by itself feels all
-/// positions on the way) and answers with one sample. A new session of a servo starts with the object at rest. Queries are answered in idle
-/// time from an object of their own. While the tool, going straight on, would touch within 0.3 s,
-/// samples carry that point as their contact point, and queries are answered for a tool that has
-/// touched there (in contact, epoch of the air); it is kept until it moves by more than 2 mm. When
-/// While it is in the air each sample is followed by a patch of the surface near the tool
-/// (PatchCutter); once a touch of a tool that sticks is expected it states dF/dP there, solved for
-/// in idle time. When
-/// ready it prints `listening ADDR:PORT scene NAME vertices N springs M` to `out` and flushes;
-/// remarks go to `log`.
+/// positions on the way) and answers with one sample. A new session of a servo starts with the
+/// object at rest. Queries are answered in idle time from an object of their own. While the tool,
+/// going straight on, would touch within 0.3 s, samples carry that point as their contact point,
+/// and queries are answered for a tool that has touched there (in contact, epoch of the air); it is
+/// kept until it moves by more than 2 mm. When While it is in the air each sample is followed by a
+/// patch of the surface near the tool (PatchCutter); once a touch of a tool that sticks is expected
+/// it states dF/dP there, solved for in idle time. When ready it prints `listening ADDR:PORT scene
+/// NAME vertices N springs M` to `out` and flushes; remarks go to `log`.
 ///
 /// The sample's relative residual is |r| / max(|F|, 0.05 N) as Equilibrium defines it.
 ///

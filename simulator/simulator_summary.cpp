@@ -37,6 +37,21 @@ nlohmann::json to_json(const WorkerStatistics& statistics, std::uint64_t uncheck
           {"each", each}};
 }
 
+nlohmann::json to_json(const ReducedUse& use) {
+  return {{"answers", use.answers},
+          {"full_answers", use.full_answers},
+          {"out_of_reach", use.out_of_reach},
+          {"not_converged", use.not_converged},
+          {"checks", use.checks},
+          {"failed_checks", use.failed_checks},
+          {"worst_check_percent", 100.0 * use.worst_check},
+          {"trainings", use.trainings},
+          {"training_s", use.training_s},
+          {"states", use.states},
+          {"modes", use.modes},
+          {"springs", use.springs}};
+}
+
 }  // namespace
 
 nlohmann::json to_json(const SimulatorSummary& summary) {
@@ -68,6 +83,7 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
           {"not_reached", summary.not_reached},
           {"not_finite", summary.not_finite},
           {"whole_solutions", summary.whole_solutions},
+          {"reduced", to_json(summary.reduced)},
           {"worst_relative_residual", summary.worst_relative_residual},
           {"solve_ms",
            {{"mean", summary.solve_mean_ms},

@@ -98,8 +98,8 @@ TwoRatesOptions two_rates_options(double rate_Hz, const SolverOptions& options) 
 }
 
 const std::vector<std::string>& solver_names() {
-  static const std::vector<std::string> names{"auto", "quasi_static", "local", "two_rates",
-                                              "dynamic"};
+  static const std::vector<std::string> names{"auto",      "quasi_static", "local",
+                                              "two_rates", "reduced",      "dynamic"};
   return names;
 }
 

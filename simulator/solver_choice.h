@@ -11,7 +11,7 @@
 
 namespace forcegrid::simulator {
 
-/// What --solver can be: auto, quasi_static, local, two_rates, dynamic.
+/// What --solver can be: auto, quasi_static, local, two_rates, reduced, dynamic.
 const std::vector<std::string>& solver_names();
 
 /// The solver that a scene is simulated with.
@@ -41,7 +41,7 @@ TwoRatesOptions two_rates_options(double rate_Hz, const SolverOptions& options);
 /// local where it does not: its time grows with what the tool disturbs. direct fits where 0.16 us V
 /// is at most half a cycle of 2 ms. Source of the factors: docs/solvers.md.
 ///
-/// two_rates has to be asked for.
+/// two_rates and reduced have to be asked for.
 /// @param asked  one of solver_names(); another than auto is taken as it is.
 /// @param rate_Hz  answers a second; > 0.
 /// @param options  what the chosen solver starts from.

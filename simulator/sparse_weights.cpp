@@ -141,6 +141,9 @@ class ActiveSet {
 
 SparseWeights find_sparse_weights(const Eigen::MatrixXd& columns, const Eigen::VectorXd& sum,
                                   double aim, int most_columns, const std::atomic<bool>* cancel) {
+  if (columns.cols() == 0) {
+    return {.column = {}, .weight = {}, .residual = sum.norm()};
+  }
   ActiveSet set(columns, sum, most_columns);
   Eigen::VectorXd length = columns.colwise().norm();
   length = length.cwiseMax(1e-12 * std::max(length.maxCoeff(), 1e-300));

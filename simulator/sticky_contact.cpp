@@ -4,6 +4,7 @@
 #include <string>
 
 #include "simulator/error.h"
+#include "simulator/reduced_object.h"
 #include "simulator/timed_object.h"
 #include "simulator/two_rates_object.h"
 
@@ -111,6 +112,9 @@ void StickyContact::reset(Object& object) noexcept {
   epoch_ = 0;
 }
 
+template StickyContact::Answer StickyContact::step(ReducedObject&, const Eigen::Vector3d&);
+template void StickyContact::release(ReducedObject&) noexcept;
+template void StickyContact::reset(ReducedObject&) noexcept;
 template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
 template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
 template void StickyContact::release(TwoRatesObject&) noexcept;

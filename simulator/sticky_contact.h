@@ -12,6 +12,7 @@
 
 namespace forcegrid::simulator {
 
+class ReducedObject;
 struct TimedObject;
 class TwoRatesObject;
 
@@ -35,8 +36,8 @@ struct ContactOptions {
 /// near to it and as much lower. The contact holds until release(). A tool that is first seen
 /// inside the object must leave it before it can touch: it never came through the surface.
 ///
-/// Objects are an ElasticObject, a TwoRatesObject or, where time counts, a TimedObject. Threads:
-/// one.
+/// Objects are an ElasticObject, a TwoRatesObject, a ReducedObject or, where time counts, a
+/// TimedObject. Threads: one.
 class StickyContact {
  public:
   /// Throws Error for options out of range.
@@ -92,6 +93,9 @@ class StickyContact {
   bool must_leave_first_ = false;
 };
 
+extern template StickyContact::Answer StickyContact::step(ReducedObject&, const Eigen::Vector3d&);
+extern template void StickyContact::release(ReducedObject&) noexcept;
+extern template void StickyContact::reset(ReducedObject&) noexcept;
 extern template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
 extern template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
 extern template void StickyContact::release(TwoRatesObject&) noexcept;

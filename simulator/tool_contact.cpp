@@ -1,63 +1,18 @@
 #include "simulator/tool_contact.h"
 
-#include <type_traits>
-
 #include "contact/error.h"
 #include "simulator/error.h"
 #include "simulator/sliding_contact.h"
-#include "simulator/tool_geometry.h"
+#include "simulator/sticking_tool.h"
 #include "simulator/two_rates_object.h"
 
 namespace forcegrid::simulator {
 namespace {
 
-// It sticks where it comes through the surface, as a servo sees it that looks far more often, and
-// not where it is found inside.
-template <typename Object, typename Options>
-class StickingTool final : public ToolContact {
+class StickingAtTwoRates final : public StickingTool<TwoRatesObject> {
  public:
-  StickingTool(const Scene& scene, const Options& solver, const ContactOptions& options)
-      : object_(scene.mesh, solver),
-        contact_(scene.mesh, options),
-        way_in_(scene.mesh, options.tool) {}
-
-  Answer step(const Eigen::Vector3d& position_W) override {
-    if (!contact_.in_contact() && last_position_W_ && position_W.allFinite()) {
-      if (const auto touch_W = way_in_.between(*last_position_W_, position_W)) {
-        contact_.step(object_, *touch_W);
-      }
-    }
-    if (position_W.allFinite()) {
-      last_position_W_ = position_W;
-    }
-    return contact_.step(object_, position_W);
-  }
-  void reset() noexcept override {
-    contact_.reset(object_);
-    last_position_W_.reset();
-  }
-  bool in_contact() const noexcept override { return contact_.in_contact(); }
-  std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
-                                                const Eigen::Vector3d& velocity_W,
-                                                double within_s) const noexcept override {
-    return contact_.expected_touch(position_W, velocity_W, within_s);
-  }
-  bool depends_on_position_alone() const noexcept override { return true; }
-  std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
-  std::size_t spring_count() const noexcept override { return object_.spring_count(); }
-  std::uint64_t whole_solutions() const noexcept override {
-    if constexpr (std::is_same_v<Object, TwoRatesObject>) {
-      return object_.whole_solutions();
-    } else {
-      return 0;
-    }
-  }
-
- private:
-  Object object_;
-  StickyContact contact_;
-  WayIn way_in_;
-  std::optional<Eigen::Vector3d> last_position_W_;
+  using StickingTool::StickingTool;
+  std::uint64_t whole_solutions() const noexcept override { return object().whole_solutions(); }
 };
 
 std::optional<contact::ToolShape> make_shape(const ToolOptions& options) {
@@ -97,7 +52,7 @@ std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverO
                                                            .grasp_N = options.grasp_N,
                                                            .let_go_N = options.let_go_N});
   }
-  return std::make_unique<StickingTool<ElasticObject<float>, SolverOptions>>(
+  return std::make_unique<StickingTool<ElasticObject<float>>>(
       scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
 }
 
@@ -109,7 +64,7 @@ std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
         "tool: what slides presses the whole object; give --contact sticky with two_rates, or "
         "leave --solver out");
   }
-  return std::make_unique<StickingTool<TwoRatesObject, TwoRatesOptions>>(
+  return std::make_unique<StickingAtTwoRates>(
       scene, solver,
       ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = tool_shape(options)});
 }

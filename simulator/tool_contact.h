@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "simulator/elastic_object.h"
+#include "simulator/reduced_use.h"
 #include "simulator/scene.h"
 #include "simulator/sticky_contact.h"
 #include "simulator/tool_options.h"
@@ -47,6 +48,8 @@ class ToolContact {
   virtual bool in_long_steps() const noexcept { return false; }
   /// Solutions of the whole object beside the answers, see TwoRatesObject; else 0.
   virtual std::uint64_t whole_solutions() const noexcept { return 0; }
+  /// What reduced models did; null where there are none.
+  virtual const ReducedUse* reduced_use() const noexcept { return nullptr; }
   virtual std::size_t vertex_count() const noexcept = 0;
   virtual std::size_t spring_count() const noexcept = 0;
 };

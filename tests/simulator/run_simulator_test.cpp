@@ -8,6 +8,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cmath>
 #include <future>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -182,6 +183,34 @@ TEST(RunSimulator, AtTwoRatesTheAnswerBecomesThatOfTheWholeObject) {
   const SimulatorSummary summary = simulator.stop();
   EXPECT_EQ(summary.solver, "two_rates");
   EXPECT_GT(to_json(summary).at("whole_solutions").get<int>(), 0);
+}
+
+TEST(RunSimulator, ReducedLearnsWhileItAnswersAndCountsWhoDid) {
+  SimulatorOptions options;
+  options.solver_name = "reduced";
+  options.rate_Hz = 500.0;
+  RunningSimulator simulator(options);
+  link::ServoEndpoint servo(simulator.address());
+  std::uint32_t sequence = 0;
+  ASSERT_TRUE(answer_at(servo, sequence, {0.001, 0.002, 0.02}));
+  ElasticObject<double> reference(make_scene("small").mesh);
+  reference.grab({0.001, 0.002, 0.0}, 0.012);
+  for (int k = 0; k < 40; ++k) {
+    const double up_m = 0.0005 * k;
+    const double aside_m = 0.004 * std::sin(0.4 * k);
+    const auto sample = answer_at(servo, sequence, {0.001 + aside_m, 0.002, up_m - 0.0001});
+    ASSERT_TRUE(sample);
+    EXPECT_TRUE(sample->in_contact && sample->converged);
+    const Eigen::Vector3d expected_W = reference.move_to({aside_m, 0.0, up_m - 0.0001}).force_W;
+    const Eigen::Vector3d force_W(sample->force_W_N.data());
+    EXPECT_LT((force_W - expected_W).norm(), 0.02 * std::max(1.0, expected_W.norm()));
+  }
+  const SimulatorSummary summary = simulator.stop();
+  EXPECT_EQ(summary.solver, "reduced");
+  EXPECT_GT(summary.reduced.full_answers, 8U) << "nothing could be learnt from";
+  const nlohmann::json json = to_json(summary)["reduced"];
+  EXPECT_EQ(json["answers"], summary.reduced.answers);
+  EXPECT_EQ(json["full_answers"], summary.reduced.full_answers);
 }
 
 TEST(RunSimulator, ANewSessionFindsTheObjectAtRest) {

@@ -65,6 +65,7 @@ TEST(SparseWeights, EndsAtItsAimAndAtItsMostColumns) {
   EXPECT_LE(fine.residual, 0.01 * sum.norm());
   EXPECT_LT(coarse.column.size(), fine.column.size());
   EXPECT_LE(find_sparse_weights(columns, sum, 0.0, 5).column.size(), 5U);
+  EXPECT_EQ(find_sparse_weights(Eigen::MatrixXd(80, 0), sum, 0.0, 5).residual, sum.norm());
   const std::atomic<bool> cancel{true};
   EXPECT_TRUE(find_sparse_weights(columns, sum, 0.0, 80, &cancel).column.empty());
 }
