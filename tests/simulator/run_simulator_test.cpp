@@ -8,7 +8,6 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <cmath>
 #include <future>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -174,7 +173,9 @@ TEST(RunSimulator, AtTwoRatesTheAnswerBecomesThatOfTheWholeObject) {
   // When the whole object's solution comes is the scheduler's affair.
   double error = 1.0;
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
-  while (error > 2e-3 && std::chrono::steady_clock::now() < give_up) {
+  // A hundred answers at least: the region holds all of this small object, and is right at once.
+  for (int answers = 0;
+       (error > 2e-3 || answers < 100) && std::chrono::steady_clock::now() < give_up; ++answers) {
     const auto pull = answer_at(servo, sequence, {0.001, 0.002, 0.0049});
     ASSERT_TRUE(pull);
     error = (Eigen::Vector3d(pull->force_W_N.data()) - expected_W).norm() / expected_W.norm();
