@@ -22,6 +22,12 @@ constexpr double kCalmWalls = 0.2;
 constexpr double kCalm = 0.17;    // of its samples are surprises: the first in half a second
 constexpr double kTrusted = 0.1;  // its score, before a surprise that it alone explains
 
+// Of members that know the path, against those that know the position alone.
+constexpr double kLongScoreKept = 0.92;
+constexpr std::uint64_t kLongEnough = 20;
+constexpr double kWrong_N2 = 1e-4;  // 10 mN: less is not worth the risk
+constexpr double kBetterForLong = 0.8;
+
 constexpr double kYoungScoreKept = 0.97;
 constexpr int kEnoughAnswers = 4;
 const Eigen::Vector3d kProbe_m(0.0, 0.0, 0.004);
@@ -90,8 +96,23 @@ double KrigingMethod::rating(const Member& member) const noexcept {
   if (member.field->knows_walls() && member.surprises < kCalm) {
     return kCalmWalls * member.score_N2;
   }
+  if (proven_by_path(member)) {
+    return member.score_N2;
+  }
   const bool outdated = member.keeps_all && member.surprises > kOutdated;
   return (outdated ? kSpecialist : member.handicap) * member.score_N2;
+}
+
+// A force that depends on more than the position, seen for so long that it is no lucky run.
+bool KrigingMethod::proven_by_path(const Member& member) const noexcept {
+  if (!(member.uses_history || member.uses_terms) || long_scored_ < kLongEnough) {
+    return false;
+  }
+  double others_N2 = std::numeric_limits<double>::max();
+  for (const Member& each : members_) {
+    others_N2 = each.handicap > 1.0 ? others_N2 : std::min(others_N2, each.long_score_N2);
+  }
+  return others_N2 > kWrong_N2 && member.long_score_N2 < kBetterForLong * others_N2;
 }
 
 // The felt one unless another is clearly better.
@@ -136,6 +157,7 @@ void KrigingMethod::score() noexcept {
     if (!entry.scored || entry.wall_found) {
       continue;  // none could know that a wall was there
     }
+    ++long_scored_;
     // One that had no use for the sample is taken to do as the felt one does.
     const bool felt_took = entry.error_N2[active_] != kNotTaken_N2;
     const double otherwise_N2 = entry.error_N2[felt_took ? active_ : 0];
@@ -143,6 +165,8 @@ void KrigingMethod::score() noexcept {
       Member& member = members_[i];
       const double error_N2 = entry.error_N2[i] == kNotTaken_N2 ? otherwise_N2 : entry.error_N2[i];
       member.score_N2 = kScoreKept * member.score_N2 + (1.0 - kScoreKept) * error_N2;
+      member.long_score_N2 =
+          kLongScoreKept * member.long_score_N2 + (1.0 - kLongScoreKept) * error_N2;
       if (entry.young) {
         member.young_score_N2 =
             kYoungScoreKept * member.young_score_N2 + (1.0 - kYoungScoreKept) * error_N2;

@@ -37,7 +37,10 @@ namespace forcegrid {
 ///   prediction error, averaged over samples by 0.85 old + 0.15 new; another member takes over when
 ///   its score is below 0.9 of the present one's, and the difference at that moment fades out
 ///   within some 10 ms. The errors of the kinks' and history members, which are worse than the
-///   others wherever they are not needed, count three times. The ninth member is `kriging-hinge`'s
+///   others wherever they are not needed, count three times, but not those of a history member that
+///   has been better for long: over 12 samples (0.92 old + 0.08 new, 20 at least) its squared error
+///   is below 0.8 of the best of the first four's, and that is above 10 mN squared. The ninth member
+///   is `kriging-hinge`'s
 ///   field. It takes over at once when it explains by a wall what surprised it, unless it is
 ///   surprised often (twice in half a second) or its score was above ten times the present one's;
 ///   that sample, which none could know, is not scored. While it knows walls and is not surprised
@@ -55,8 +58,8 @@ namespace forcegrid {
 ///   others, and four more. "memory" is `kriging-store`'s field. "places" is `kriging-contact`'s;
 ///   its errors count twice. "unfinished" (kriging::LagField) takes only the samples of a simulator
 ///   that has not converged, "relaxing" (kriging::RelaxationField) is for objects that resist and
-///   relax; the errors of both count three times, and those of "memory" within half a second of its
-///   last surprise.
+///   relax; the errors of both count three times ("relaxing" as history members: unless it has been
+///   better for long), and those of "memory" within half a second of its last surprise.
 ///   A record is kept of the errors in the first 0.3 s of contacts, from when a force is felt. A
 ///   contact begins with the record's scores and the member that has known such instants best; but
 ///   with "places" if at least four answers about it came before, or if that member's deviation
@@ -190,7 +193,8 @@ class KrigingMethod final : public ForceMethod {
     bool uses_history = false;
     std::uint64_t next = 0;  ///< number of the sample that it takes next
     double score_N2 = 0.0;
-    double handicap = 1.0;  ///< its squared errors count this many times
+    double long_score_N2 = 0.0;  ///< over some seconds
+    double handicap = 1.0;       ///< its squared errors count this many times
     double least_uncertainty_N = 0.0;
     double young_score_N2 = 0.0;  ///< of the first instants of contacts only
     bool finds_walls = false;
@@ -233,6 +237,7 @@ class KrigingMethod final : public ForceMethod {
   static bool takes(const Member& member, const Queued& entry) noexcept;
   void note(Member& member, Queued& entry, const kriging::Innovation& innovation) noexcept;
   double rating(const Member& member) const noexcept;
+  bool proven_by_path(const Member& member) const noexcept;
   std::size_t best_member() const noexcept;
   void choose_for_contact() noexcept;
   void prove(Member& member, const Queued& entry) noexcept;
@@ -258,6 +263,7 @@ class KrigingMethod final : public ForceMethod {
   std::array<const char*, kMaxMembers> names_{};
   std::size_t active_ = 0;
   std::size_t follower_ = kNobody;     ///< the member that the store belongs to
+  std::uint64_t long_scored_ = 0;      ///< samples in the members' long scores
   std::size_t remembering_ = kNobody;  ///< the member that uses PathTerms
   std::size_t places_ = kNobody;       ///< the member that tells contact points apart
   ChoiceReason reason_ = ChoiceReason::kFirst;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <iostream>
 #include <string>
 
 #include "forcegrid/methods.h"
@@ -124,6 +125,36 @@ TEST(AutoMethod, FollowsAnObjectThatRelaxes) {
   const Vector3d end_W = kPlace_W + HandMotion(kSeed).position_m(0.002 * 2499);
   EXPECT_EQ(speaker(*method, end_W), "relaxing");
   EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - truth_N).norm(), 0.03 * truth_N.norm());
+}
+
+// The share of the time after 2 s in which a member is felt that knows more than the position.
+double share_of_the_path(double mass_kg) {
+  const auto method = make_auto();
+  const HandMotion hand(kSeed);
+  int cycles = 0;
+  int path = 0;
+  play(*method, [&](Sample sample) {
+    constexpr double kStep_s = 2e-3;
+    const Vector3d acceleration_W =
+        (hand.position_m(sample.time_s + kStep_s) - 2.0 * hand.position_m(sample.time_s) +
+         hand.position_m(sample.time_s - kStep_s)) /
+        (kStep_s * kStep_s);
+    if (sample.time_s > 2.0) {
+      const std::string who = speaker(*method, sample.position_W);
+      path += who == "viscous" || who == "noisy viscous" || who == "relaxing" ? 1 : 0;
+      ++cycles;
+    }
+    sample.force_W -= mass_kg * acceleration_W;
+    return sample;
+  });
+  const double share = static_cast<double>(path) / cycles;
+  std::cout << mass_kg << " kg: " << share << '\n';
+  return share;
+}
+
+TEST(AutoMethod, LeavesAnObjectWithInertiaToMembersThatKnowThePath) {
+  EXPECT_GT(share_of_the_path(0.1), 0.8) << "0.2 if a few good samples were all that counted";
+  EXPECT_EQ(share_of_the_path(0.0), 0.0) << "no lucky run";
 }
 
 }  // namespace
