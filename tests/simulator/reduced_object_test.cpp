@@ -116,16 +116,17 @@ TEST(ReducedObject, IsNotUsedWhereItsForceIsNotGoodEnough) {
   std::vector<std::string> told;
   ReducedObjectOptions options = in_place();
   options.check_tolerance = 1e-9;
+  options.training.most_modes = 6;
   options.say = [&told](const std::string& what) { told.push_back(what); };
   ReducedObject object(mesh, options);
   object.grab(mesh.top_W, kPatch_m);
-  for (int k = 1; k <= 300; ++k) {
+  for (int k = 1; k <= 200; ++k) {
     object.move_to(place_W(k));
   }
   EXPECT_GT(object.use().trainings, 0U);
   EXPECT_GT(object.use().failed_checks, 10U);
   EXPECT_EQ(object.use().answers, 0U);
-  EXPECT_EQ(object.use().full_answers, 300U);
+  EXPECT_EQ(object.use().full_answers, 200U);
 }
 
 // One mode that is trusted after one check, and then found out.
