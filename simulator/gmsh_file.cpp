@@ -1,11 +1,16 @@
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <gmshc.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <memory>
+#include <system_error>
 #include <unordered_map>
 
 #include "simulator/error.h"
 #include "simulator/mesh_file.h"
+#include "simulator/msh_header.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -17,11 +22,33 @@ struct Close {
   void operator()(void* library) const { ::dlclose(library); }
 };
 
+// A name of the file that no other file's name begins with. Gmsh takes FILE.opt beside a FILE for a
+// script, which may start programs, and runs it when it reads FILE.
+class OwnName {
+ public:
+  explicit OwnName(const std::string& file, const std::string& who)
+      : descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC)) {
+    if (descriptor_ < 0) {
+      throw Error(who + "open: " + std::generic_category().message(errno) +
+                  "; write a file that can be read");
+    }
+  }
+  ~OwnName() { ::close(descriptor_); }
+  OwnName(const OwnName&) = delete;
+  OwnName& operator=(const OwnName&) = delete;
+
+  [[nodiscard]] std::string text() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+
+ private:
+  int descriptor_;
+};
+
 // libgmsh brings a CAD kernel and a window system with it and takes longer to load than the rest of
 // the program to start: it is loaded only here.
 class Gmsh {
  public:
-  explicit Gmsh(const std::string& file) : who_("mesh file " + file + ": ") {
+  explicit Gmsh(const std::string& file)
+      : who_("mesh file " + file + ": "), stated_nodes_(stated_node_count(file, who_)) {
     const std::string name = "libgmsh.so." + std::to_string(GMSH_API_VERSION_MAJOR) + "." +
                              std::to_string(GMSH_API_VERSION_MINOR);
     library_.reset(::dlopen(name.c_str(), RTLD_NOW | RTLD_LOCAL));
@@ -33,9 +60,13 @@ class Gmsh {
     function<decltype(gmshInitialize)>("gmshInitialize")(0, nullptr, 0, &error);
     require(error == 0, "libgmsh does not start");
     function<decltype(gmshOptionSetNumber)>("gmshOptionSetNumber")("General.Terminal", 0.0, &error);
-    function<decltype(gmshOpen)>("gmshOpen")(file.c_str(), &error);
+    const OwnName name_in_gmsh(file, who_);
+    function<decltype(gmshOpen)>("gmshOpen")(name_in_gmsh.text().c_str(), &error);
     if (error != 0) {
-      const std::string reason = last_error();
+      std::string reason = last_error();
+      if (const auto at = reason.find(name_in_gmsh.text()); at != std::string::npos) {
+        reason.replace(at, name_in_gmsh.text().size(), file);
+      }
       finish();
       throw Error(who_ + "Gmsh can't read it (" + reason + "); save it as .msh again");
     }
@@ -48,6 +79,7 @@ class Gmsh {
     MeshFile mesh;
     read_nodes(mesh);
     read_elements(mesh);
+    check_node_count(mesh);
     if (!mesh.tetrahedra.empty()) {
       mesh.triangles.clear();
     }
@@ -146,6 +178,16 @@ class Gmsh {
     }
   }
 
+  // Gmsh leaves out what no element uses, and of two nodes with one number the first.
+  void check_node_count(const MeshFile& mesh) const {
+    const bool has_elements = !mesh.triangles.empty() || !mesh.tetrahedra.empty();
+    if (has_elements && mesh.vertex.size() != stated_nodes_) {
+      throw Error(who_ + "states " + std::to_string(stated_nodes_) +
+                  " nodes, of which Gmsh keeps " + std::to_string(mesh.vertex.size()) +
+                  "; remove those that no element uses, and give each a number of its own");
+    }
+  }
+
   template <std::size_t kCorners>
   void add(const std::size_t* node, std::size_t count,
            std::vector<std::array<std::int32_t, kCorners>>& elements) const {
@@ -160,6 +202,7 @@ class Gmsh {
   }
 
   std::string who_;
+  std::size_t stated_nodes_;
   std::unique_ptr<void, Close> library_;
   std::unordered_map<std::size_t, std::int32_t> number_of_;  // Gmsh's tag of a node -> vertex
 };

@@ -10,8 +10,9 @@
 namespace forcegrid::simulator {
 namespace {
 
-// Of the mesh's longest side: nearer vertices are one vertex written twice.
-constexpr double kSamePlace = 1e-9;
+// Of the mesh's longest side: nearer vertices are one vertex written twice, perhaps with seven
+// digits.
+constexpr double kSamePlace = 1e-6;
 
 template <std::size_t kCorners>
 void check_elements(const std::vector<std::array<std::int32_t, kCorners>>& elements,

@@ -19,8 +19,9 @@ struct MeshFile {
 /// Reads a mesh by the ending of its name: Gmsh's .msh through libgmsh, .obj (a surface; polygons
 /// are cut into triangles) through tinyobjloader. libgmsh is loaded when the first .msh is read.
 /// Throws Error naming the file: one that can't be read, has another ending, no or other than
-/// first-order triangles and tetrahedra, numbers that are not finite, indices out of range, two
-/// vertices at one place, or a vertex that no element uses.
+/// first-order triangles and tetrahedra, numbers that are not finite, faces of fewer than three
+/// corners, indices out of range, two vertices at one place (nearer than 1e-6 of the longest side)
+/// or with one number, or a vertex that no element uses. Nothing in or beside the file is run.
 /// Real-time: no. Threads: one at a time, since libgmsh has one state for the whole program.
 MeshFile read_mesh_file(const std::string& file);
 

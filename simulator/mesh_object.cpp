@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <set>
 #include <utility>
 
@@ -128,6 +129,42 @@ void add_edges(const Elements& elements, std::set<std::pair<std::int32_t, std::i
   }
 }
 
+// A part that nothing holds could be pushed away without force.
+void check_held(const SpringMesh& mesh, const std::string& who) {
+  std::vector<std::size_t> root(mesh.fixed.size());
+  std::iota(root.begin(), root.end(), std::size_t{0});
+  const auto root_of = [&root](std::int32_t vertex) {
+    auto at = static_cast<std::size_t>(vertex);
+    while (root[at] != at) {
+      at = root[at] = root[root[at]];
+    }
+    return at;
+  };
+  for (const Spring& spring : mesh.springs) {
+    root[root_of(spring.a)] = root_of(spring.b);
+  }
+  std::vector<std::uint8_t> held(root.size(), mesh.home_stiffness_N_per_m.empty() ? 0 : 1);
+  bool any_free = false;
+  for (std::size_t i = 0; i < root.size(); ++i) {
+    any_free = any_free || mesh.fixed[i] == 0;
+    if (mesh.fixed[i] != 0) {
+      held[root_of(static_cast<std::int32_t>(i))] = 1;
+    }
+  }
+  if (!any_free) {
+    throw Error(who +
+                "all its vertices are fixed, so that nothing gives; write a smaller "
+                "fixed_below_m");
+  }
+  for (std::size_t i = 0; i < root.size(); ++i) {
+    if (held[root_of(static_cast<std::int32_t>(i))] == 0) {
+      throw Error(who + "the part with vertex " + std::to_string(i + 1) +
+                  " hangs together with nothing that is fixed; join it to the rest, remove it, or "
+                  "give the object a home_stiffness_N_per_m");
+    }
+  }
+}
+
 }  // namespace
 
 SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& options) {
@@ -167,6 +204,7 @@ SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& optio
   }
   mesh.laws = {options.law};
   tighten(mesh, options.pre_strain, options.home_stiffness_N_per_m);
+  check_held(mesh, options.who);
   return mesh;
 }
 

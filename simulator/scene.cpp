@@ -1,6 +1,8 @@
 #include "simulator/scene.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <optional>
 
 #include "profiles/data_folder.h"
@@ -57,6 +59,22 @@ void give_masses(SpringMesh& object, const std::optional<ObjectDynamics>& dynami
   }
 }
 
+// A tool that sticks where none of the vertices near it can move would never hold anything.
+void check_patch(const Scene& scene) {
+  double nearest_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < scene.mesh.rest_position_W.size(); ++i) {
+    if (scene.mesh.fixed[i] == 0) {
+      nearest_m = std::min(nearest_m, (scene.mesh.rest_position_W[i] - scene.mesh.top_W).norm());
+    }
+  }
+  if (!scene.tool.slides() && nearest_m > scene.patch_radius_m) {
+    throw Error("patch_radius_m is " + profiles::number_text(scene.patch_radius_m) +
+                ", and the nearest vertex that can move is " + profiles::number_text(nearest_m) +
+                " m from the top, so that a tool would take hold of nothing there; write more than "
+                "that");
+  }
+}
+
 const std::vector<std::string> kKeys{"description",      "note", "patch_radius_m",
                                      "gravity_m_per_s2", "tool", "object"};
 
@@ -79,6 +97,7 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
     append(object, scene.mesh);
   }
   check(scene.mesh);
+  check_patch(scene);
   return scene;
 }
 

@@ -5,6 +5,9 @@
 #include <unistd.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -12,6 +15,7 @@
 
 #include "simulator/elastic_object.h"
 #include "simulator/error.h"
+#include "simulator/msh_header.h"
 #include "simulator/scene.h"
 #include "tests/simulator/mesh_volume.h"
 
@@ -113,21 +117,89 @@ TEST(MeshFile, BrokenFilesAreRefusedByNameWithARemedy) {
               HasSubstr(".obj:5: a vertex without three finite coordinates"));
   EXPECT_THAT(complaint(".obj", replaced(octahedron, "v 0 0 1", "v 0 1")),
               HasSubstr(".obj:5: a vertex without"));
-  EXPECT_THAT(complaint(".obj", replaced(octahedron, "f 1 4 6", "f 1 4 7")),
-              AllOf(HasSubstr("triangle 8 names vertex 7 of 6"), HasSubstr("correct the index")));
+  EXPECT_THAT(
+      complaint(".obj", replaced(octahedron, "f 1 4 6", "f 1 4 7")),
+      AllOf(HasSubstr(".obj:14: a face names vertex 7 of 6"), HasSubstr("correct the index")));
+  EXPECT_THAT(complaint(".obj", replaced(octahedron, "f 1 4 6", "f 1 4 -7")),
+              HasSubstr(".obj:14: a face names vertex -7 of 6 before it"));
+  EXPECT_THAT(complaint(".obj", replaced(octahedron, "f 1 4 6", "f 0 4 6")),
+              HasSubstr("names vertex 0 of 6"));
+  // 2^32 + 1 is 1 where indices have 32 bits.
+  EXPECT_THAT(complaint(".obj", replaced(octahedron, "f 1 4 6", "f 4294967297 4 6")),
+              HasSubstr("names vertex 4294967297 of 6"));
+  EXPECT_THAT(complaint(".obj", replaced(octahedron, "f 1 4 6", "f 1 4 six")),
+              HasSubstr("a corner 'six', which names no vertex"));
+  EXPECT_THAT(complaint(".obj", replaced(octahedron, "f 1 4 6", "f 1 4")),
+              HasSubstr(".obj:14: a face of 2 corners"));
   EXPECT_THAT(complaint(".obj", replaced(octahedron, "f 1 4 6", "f 1 4 4")),
               HasSubstr("triangle 8 has the same vertex twice"));
   EXPECT_THAT(complaint(".obj", "v 2 2 2\n" + octahedron), HasSubstr("belongs to no element"));
   EXPECT_THAT(complaint(".obj", replaced(octahedron, "v 0 -1 0", "v 0 1 0")),
               HasSubstr("vertices 3 and 4 lie at the same place"));
+  EXPECT_THAT(complaint(".obj", replaced(octahedron, "v 0 -1 0", "v 0 0.9999999 0")),
+              HasSubstr("vertices 3 and 4 lie at the same place"));
   EXPECT_THAT(complaint(".stl", octahedron), HasSubstr("unknown ending"));
-  EXPECT_THAT(complaint(".msh", "this is no mesh\n"), HasSubstr("mesh file"));
+  EXPECT_THAT(complaint(".msh", "this is no mesh\n"), HasSubstr("begins neither with $MeshFormat"));
+  EXPECT_THAT(complaint(".msh", ""), HasSubstr("is empty"));
   const std::string cube = cube_of_tetrahedra();
   EXPECT_THAT(complaint(".msh", replaced(cube, "11 0 0 0", "11 nan 0 0")), HasSubstr("mesh file"));
   EXPECT_THAT(complaint(".msh", cube.substr(0, cube.find("$Elements"))),
               HasSubstr("no triangle and no tetrahedron"));
   EXPECT_THAT(complaint(".msh", replaced(cube, " 18\n", " 99\n")), HasSubstr("mesh file"));
+  const std::string nine = replaced(cube, "$Nodes\n8\n", "$Nodes\n9\n");
+  EXPECT_THAT(
+      complaint(".msh", replaced(nine, "$EndNodes", "30 5 5 5\n$EndNodes")),
+      HasSubstr("states 9 nodes, of which Gmsh keeps 8; remove those that no element uses"));
+  EXPECT_THAT(complaint(".msh", replaced(nine, "$EndNodes", "11 0.5 0.5 0.5\n$EndNodes")),
+              HasSubstr("give each a number of its own"));
+  EXPECT_THAT(complaint(".msh", replaced(cube, "$Nodes\n8\n", "$Nodes\neight\n")),
+              HasSubstr("does not begin with a number of nodes"));
   EXPECT_THROW(read_mesh_file("no/such.obj"), Error);
+}
+
+TEST(MeshFile, NothingInOrBesideAGmshFileIsRun) {
+  const std::string folder = ::testing::TempDir() + "mesh_run_" + std::to_string(getpid());
+  std::filesystem::create_directory(folder);
+  const std::string mark = folder + "/was_run";
+  const std::string script = "SystemCall \"touch '" + mark + "'\";\n";
+  std::ofstream(folder + "/script.msh") << script;
+  EXPECT_THROW(read_mesh_file(folder + "/script.msh"), Error);
+  std::ofstream(folder + "/cube.msh") << cube_of_tetrahedra() << script;
+  std::ofstream(folder + "/cube.msh.opt") << script;
+  EXPECT_EQ(read_mesh_file(folder + "/cube.msh").vertex.size(), 8U);
+  EXPECT_FALSE(std::filesystem::exists(mark));
+  std::filesystem::remove_all(folder);
+}
+
+template <typename Number>
+std::string bytes_of(Number number, bool swapped) {
+  std::string bytes(reinterpret_cast<const char*>(&number), sizeof number);
+  if (swapped) {
+    std::reverse(bytes.begin(), bytes.end());
+  }
+  return bytes;
+}
+
+std::size_t stated_in(const std::string& text) {
+  return stated_node_count(file_with(".msh", text), "mesh: ");
+}
+
+TEST(MshHeader, HasTheNumberOfNodesInEveryVersionOfTheFormat) {
+  EXPECT_EQ(stated_in("$NOD\n17\n1 0 0 0\n"), 17U);  // version 1
+  EXPECT_EQ(stated_in("$Comments\nby hand\n$EndComments\n$MeshFormat\r\n2.2 0 8\r\n"
+                      "$EndMeshFormat\r\n$Nodes\r\n8\r\n"),
+            8U);
+  EXPECT_EQ(stated_in("$MeshFormat\n4 0 8\n$EndMeshFormat\n$Nodes\n2 33\n"), 33U);
+  EXPECT_EQ(stated_in("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n3 77 1 90\n"), 77U);
+  EXPECT_EQ(stated_in("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"), 0U);
+  for (const bool swapped : {false, true}) {
+    const std::string one = bytes_of(std::int32_t{1}, swapped) + "\n$EndMeshFormat\n$Nodes\n";
+    EXPECT_EQ(stated_in("$MeshFormat\n2.2 1 8\n" + one + "8\n"), 8U);
+    EXPECT_EQ(
+        stated_in("$MeshFormat\n4.1 1 8\n" + one + bytes_of(std::uint64_t{3}, swapped) +
+                  bytes_of(std::uint64_t{70000}, swapped) + bytes_of(std::uint64_t{1}, swapped)),
+        70000U);
+  }
 }
 
 std::string scene_complaint(const std::string& scene_file) {
@@ -153,6 +225,37 @@ TEST(MeshFile, AnObjectThatNobodyCanMeanIsRefused) {
   EXPECT_THAT(scene_complaint(
                   scene_of(file_with(".obj", turned), "unit = \"cm\"\nfixed_below_m = 0.001\n")),
               HasSubstr("run the same way along the edge"));
+  EXPECT_THAT(scene_complaint(
+                  scene_of(file_with(".obj", kOctahedron), "unit = \"cm\"\nfixed_below_m = 0.5\n")),
+              HasSubstr("all its vertices are fixed"));
+}
+
+TEST(MeshFile, APartThatNothingHoldsIsRefusedUnlessItHasHomeSprings) {
+  std::ostringstream two;
+  two << kOctahedron;
+  for (const char* place : {"1 0", "-1 0", "0 1", "0 -1"}) {
+    two << "v " << place << " 5\n";
+  }
+  two << "v 0 0 6\nv 0 0 4\nf 7 9 11\nf 9 8 11\nf 8 10 11\nf 10 7 11\n"
+         "f 9 7 12\nf 8 9 12\nf 10 8 12\nf 7 10 12\n";
+  const std::string file = file_with(".obj", two.str());
+  const std::string more = "unit = \"cm\"\nfixed_below_m = 0.001\n";
+  EXPECT_THAT(scene_complaint(scene_of(file, more)),
+              AllOf(HasSubstr("the part with vertex 7"), HasSubstr("join it to the rest")));
+  EXPECT_EQ(
+      make_scene(scene_of(file, more + "home_stiffness_N_per_m = 1.0\n")).mesh.triangles.size(),
+      16U);
+}
+
+TEST(MeshFile, APatchThatHoldsNothingIsRefused) {
+  const std::string file = file_with(".msh", cube_of_tetrahedra());
+  const std::string scene = scene_of(file, "unit = \"cm\"\nfixed_below_m = 0.0\n");
+  std::ifstream stream(scene);
+  std::string text{std::istreambuf_iterator<char>(stream), {}};
+  std::ofstream(scene) << replaced(text, "patch_radius_m = 0.03", "patch_radius_m = 0.007");
+  // The top's corners are 5 sqrt(2) mm away.
+  EXPECT_THAT(scene_complaint(scene), AllOf(HasSubstr("patch_radius_m is 0.007"),
+                                            HasSubstr("0.00707"), HasSubstr("write more")));
 }
 
 }  // namespace
