@@ -87,6 +87,7 @@ class PressedObject::Implementation {
   void reset(const Eigen::Vector3d& position_W) noexcept {
     springs_.rest();
     contacts_.clear();
+    contacts_.follow(springs_);
     place_ = position_W - origin_W_;
     last_ = Pressed{};
     last_.equilibrium.converged = true;

@@ -67,6 +67,9 @@ TEST(PressedObject, InTheAirThereIsNoForceAndTheObjectRests) {
   EXPECT_EQ(state.equilibrium.force_W, Vector3d::Zero());
   EXPECT_TRUE(state.equilibrium.converged);
   EXPECT_NEAR(object.gap_m({0.003, 0.001, 0.0005}, 0.01), 0.0005, 1e-9);
+  ASSERT_GT(object.move_to({0.003, 0.001, -0.003}).points, 0);
+  object.reset({0.003, 0.001, 0.0005});
+  EXPECT_NEAR(object.gap_m({0.003, 0.001, 0.0005}, 0.01), 0.0005, 1e-9) << "at rest again";
 }
 
 TEST(PressedObject, AFrictionlessSphereOnAFlatSurfaceFeelsItsNormalAlone) {
