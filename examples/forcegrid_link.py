@@ -36,12 +36,12 @@ TOOL_STATE, QUERY, FORCE_SAMPLE, GOODBYE, SURFACE_PATCH = 1, 2, 3, 4, 5
 _HEADER = struct.Struct("<4sHHHHIQ")  # magic, version, type, payload bytes, reserved, sequence, session
 _PAYLOADS = {TOOL_STATE: struct.Struct("<q6d"), QUERY: struct.Struct("<q3d"),
              FORCE_SAMPLE: struct.Struct("<qIIII9d2d9d"), GOODBYE: struct.Struct("<"),
-             SURFACE_PATCH: struct.Struct("<qIIBBH2f6f3d57f81B")}
+             SURFACE_PATCH: struct.Struct("<qIIBBBB2f6f3d57f81B")}
 _MAX_DATAGRAM_BYTES = 511
 _MAX_POSITION_M, _MAX_VELOCITY_M_PER_S, _MAX_FORCE_N, _MAX_STIFFNESS_N_PER_M = 10.0, 100.0, 1e3, 1e7
 _MAX_SOLVE_TIME_S = 3600.0
 _MAX_VERTICES, _MAX_TRIANGLES, _MAX_OFFSET_M = 19, 27, 1.0
-_MAX_TOOL_RADIUS_M, _MAX_TOOL_LENGTH_M = 0.1, 0.5
+_MAX_TOOL_RADIUS_M, _MAX_TOOL_LENGTH_M, _MAX_TOOL_OPENING_RAD = 0.1, 0.5, 1.6
 _QUEUED_QUERIES, _REMEMBERED_SESSIONS, _WINDOW, _PEER_STREAMS = 64, 16, 1024, 16
 
 _SEAL_HEAD = struct.Struct("<4sHBB8s16sQ16s")  # magic, version, direction, 0, key id, stream, counter, heard
@@ -326,18 +326,27 @@ class SimulatorLink:
                           relative_residual, solve_time_s, *stiffness))
 
     def show_surface(self, tool_state, vertices_W_m, triangles, contact_epoch=0, tool_radius_m=0.0,
-                     tool_length_m=0.0, stiffness_W_N_per_m=None):
+                     tool_length_m=0.0, stiffness_W_N_per_m=None, press_forces_W_N=None,
+                     tool_opening_rad=0.0):
         """Sends what of the surface the tool, still in the air, may touch next; need not be called.
 
         vertices_W_m: at most 19; triangles: at most 27, each three vertex numbers, counterclockwise
         seen from outside. contact_epoch: that of the samples in the air. stiffness_W_N_per_m: dF/dP
-        of a tool that has just touched there: xx, yy, zz, xy, xz, yz. Raises ValueError for what the
-        servo would refuse."""
+        of a tool that has just touched there: xx, yy, zz, xy, xz, yz. press_forces_W_N, in place of
+        it for a tool that slides: two forces on a tool that has gone straight on from there, 1 and
+        2 mm deep along the outward normal. tool_opening_rad: the tool is a grasper, two rods that
+        meet in a hinge; sent in steps of 0.01 rad. Raises ValueError for what the servo would
+        refuse."""
         offsets = [vertex[axis] - tool_state.position_W_m[axis] for vertex in vertices_W_m
                    for axis in range(3)]
         corners = [corner for triangle in triangles for corner in triangle]
         stiffness = tuple(stiffness_W_N_per_m or [0.0] * 6)
-        if not (len(vertices_W_m) <= _MAX_VERTICES and len(triangles) <= _MAX_TRIANGLES
+        slides = press_forces_W_N is not None
+        press = [component for force in press_forces_W_N for component in force] if slides else []
+        flags = (stiffness_W_N_per_m is not None) | slides << 1
+        if not (flags < 3 and len(press) == 6 * slides and _within(press, _MAX_FORCE_N)
+                and 0.0 <= tool_opening_rad <= _MAX_TOOL_OPENING_RAD
+                and len(vertices_W_m) <= _MAX_VERTICES and len(triangles) <= _MAX_TRIANGLES
                 and len(corners) == 3 * len(triangles)
                 and all(0 <= corner < len(vertices_W_m) for corner in corners)
                 and _within(offsets, _MAX_OFFSET_M) and _within(stiffness, _MAX_STIFFNESS_N_PER_M)
@@ -350,8 +359,8 @@ class SimulatorLink:
         self._patches = (self._patches + 1) % 2**32
         self._send(encode(SURFACE_PATCH, self._patches, self._session, tool_state.servo_time_ns,
                           tool_state.sequence, contact_epoch, len(vertices_W_m), len(triangles),
-                          stiffness_W_N_per_m is not None, tool_radius_m, tool_length_m, *stiffness,
-                          *tool_state.position_W_m, *offsets,
+                          flags, round(100 * tool_opening_rad), tool_radius_m, tool_length_m,
+                          *(press or stiffness), *tool_state.position_W_m, *offsets,
                           *[0.0] * (3 * _MAX_VERTICES - len(offsets)), *corners,
                           *[0] * (3 * _MAX_TRIANGLES - len(corners))))
 

@@ -51,6 +51,7 @@ enum {
   FG_ADDRESS_BYTES = 32,
   FG_PATCH_VERTICES = 19,
   FG_PATCH_TRIANGLES = 27,
+  FG_PATCH_MAX_OPENING_CRAD = 160,
   FG_ENDED_SESSIONS = 16
 };
 
@@ -94,8 +95,11 @@ typedef struct {
   uint32_t contact_epoch;       /* that of the samples in the air */
   float tool_radius_m;          /* the tool stands upright on its tip; 0: a point */
   float tool_length_m;          /* between the ends' centres; 0: a sphere */
+  unsigned tool_opening_crad;   /* 0.01 rad between two such rods, hinged at the top; 0: one rod */
   int has_stiffness;            /* else stiffness_W_N_per_m is not sent */
   float stiffness_W_N_per_m[6]; /* dF/dP just after the touch: xx, yy, zz, xy, xz, yz */
+  int has_press_forces;         /* of a tool that slides; not together with has_stiffness */
+  float press_forces_W_N[2][3]; /* on the tool, 1 and 2 mm deep along the outward normal */
   unsigned vertex_count;
   unsigned triangle_count;
   float vertices_W_m[FG_PATCH_VERTICES][3];       /* from position_W_m, along W's axes */
@@ -607,7 +611,11 @@ static inline int fg_patch_is_sound(const fg_surface_patch* patch) {
       patch->echo_servo_time_ns < 0 || !fg_within(patch->position_W_m, 3, 10.0) ||
       !fg_floats_within(&patch->tool_radius_m, 1, (double)0.1f) || patch->tool_radius_m < 0.0f ||
       !fg_floats_within(&patch->tool_length_m, 1, 0.5) || patch->tool_length_m < 0.0f ||
-      (patch->has_stiffness && !fg_floats_within(patch->stiffness_W_N_per_m, 6, 1e7))) {
+      patch->tool_opening_crad > FG_PATCH_MAX_OPENING_CRAD ||
+      (patch->has_stiffness && !fg_floats_within(patch->stiffness_W_N_per_m, 6, 1e7)) ||
+      (patch->has_press_forces && (patch->has_stiffness ||
+                                   !fg_floats_within(patch->press_forces_W_N[0], 3, 1000.0) ||
+                                   !fg_floats_within(patch->press_forces_W_N[1], 3, 1000.0)))) {
     return 0;
   }
   for (i = 0; i < patch->vertex_count; ++i) {
@@ -641,11 +649,16 @@ static inline size_t fg_link_make_patch(fg_link* link, const fg_surface_patch* p
   fg_put(datagram + 36, patch->contact_epoch, 4);
   datagram[40] = (unsigned char)patch->vertex_count;
   datagram[41] = (unsigned char)patch->triangle_count;
-  fg_put(datagram + 42, patch->has_stiffness ? 1u : 0u, 2);
+  datagram[42] = (unsigned char)((patch->has_stiffness ? 1u : 0u) |
+                                 (patch->has_press_forces ? 2u : 0u));
+  datagram[43] = (unsigned char)patch->tool_opening_crad;
   fg_put_floats(datagram + 44, &patch->tool_radius_m, 1);
   fg_put_floats(datagram + 48, &patch->tool_length_m, 1);
   if (patch->has_stiffness) {
     fg_put_floats(datagram + 52, patch->stiffness_W_N_per_m, 6);
+  } else if (patch->has_press_forces) {
+    fg_put_floats(datagram + 52, patch->press_forces_W_N[0], 3);
+    fg_put_floats(datagram + 64, patch->press_forces_W_N[1], 3);
   }
   fg_put_doubles(datagram + 76, patch->position_W_m, 3);
   for (i = 0; i < patch->vertex_count; ++i) {

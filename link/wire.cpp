@@ -16,7 +16,8 @@ constexpr std::array<char, 4> kMagic = {'F', 'G', 'R', 'D'};
 constexpr std::uint32_t kFlagInContact = 1U << 0U;
 constexpr std::uint32_t kFlagConverged = 1U << 1U;
 constexpr std::uint32_t kFlagHasStiffness = 1U << 2U;
-constexpr std::uint16_t kPatchHasStiffness = 1U << 0U;
+constexpr std::uint8_t kPatchHasStiffness = 1U << 0U;
+constexpr std::uint8_t kPatchHasPressForces = 1U << 1U;
 constexpr std::uint32_t kKnownFlags = kFlagInContact | kFlagConverged | kFlagHasStiffness;
 
 /// Appends little-endian fields; the caller has made sure that they fit.
@@ -156,7 +157,11 @@ bool nothing_undeclared(const SurfacePatch& message) noexcept {
       return false;
     }
   }
-  return message.has_stiffness || within(message.stiffness_W_N_per_m, 0.0);
+  const bool press_undeclared =
+      !message.has_press_forces &&
+      !std::ranges::all_of(message.press_forces_W_N, [](const auto& f) { return within(f, 0.0); });
+  return !press_undeclared && !(message.has_stiffness && message.has_press_forces) &&
+         (message.has_stiffness || within(message.stiffness_W_N_per_m, 0.0));
 }
 
 WireStatus check(const SurfacePatch& message) noexcept {
@@ -164,10 +169,11 @@ WireStatus check(const SurfacePatch& message) noexcept {
       message.triangle_count > SurfacePatch::kMaxTriangles) {
     return WireStatus::kOutOfRange;
   }
-  const auto vertex_finite = [](const auto& vertex) { return finite(vertex); };
+  const auto all_finite = [](const auto& vector) { return finite(vector); };
   if (!finite(message.position_W_m) || !finite(message.stiffness_W_N_per_m) ||
       !std::isfinite(message.tool_radius_m) || !std::isfinite(message.tool_length_m) ||
-      !std::ranges::all_of(message.vertices_W_m, vertex_finite)) {
+      !std::ranges::all_of(message.press_forces_W_N, all_finite) ||
+      !std::ranges::all_of(message.vertices_W_m, all_finite)) {
     return WireStatus::kNotFinite;
   }
   if (!nothing_undeclared(message)) {
@@ -176,6 +182,7 @@ WireStatus check(const SurfacePatch& message) noexcept {
   const auto vertex_near = [](const auto& vertex) {
     return within(vertex, SurfacePatch::kMaxOffset_m);
   };
+  const auto force_usual = [](const auto& force) { return within(force, kMaxForce_N); };
   const auto declared = [&message](const SurfacePatch::Triangle& triangle) {
     return std::ranges::all_of(triangle, [&](auto v) { return v < message.vertex_count; });
   };
@@ -184,6 +191,8 @@ WireStatus check(const SurfacePatch& message) noexcept {
       !within(message.stiffness_W_N_per_m, kMaxStiffness_N_per_m) || message.tool_radius_m < 0.0F ||
       message.tool_radius_m > SurfacePatch::kMaxToolRadius_m || message.tool_length_m < 0.0F ||
       message.tool_length_m > SurfacePatch::kMaxToolLength_m ||
+      message.tool_opening_crad > SurfacePatch::kMaxToolOpening_crad ||
+      !std::ranges::all_of(message.press_forces_W_N, force_usual) ||
       !std::ranges::all_of(message.vertices_W_m, vertex_near) ||
       !std::ranges::all_of(triangles, declared)) {
     return WireStatus::kOutOfRange;
@@ -242,10 +251,16 @@ void put_payload(Writer& writer, const SurfacePatch& message) noexcept {
   writer.put(message.contact_epoch);
   writer.put(message.vertex_count);
   writer.put(message.triangle_count);
-  writer.put(message.has_stiffness ? kPatchHasStiffness : std::uint16_t{0});
+  writer.put(static_cast<std::uint8_t>((message.has_stiffness ? kPatchHasStiffness : 0U) |
+                                       (message.has_press_forces ? kPatchHasPressForces : 0U)));
+  writer.put(message.tool_opening_crad);
   writer.put(message.tool_radius_m);
   writer.put(message.tool_length_m);
-  writer.put(message.stiffness_W_N_per_m);
+  if (message.has_press_forces) {
+    writer.put(message.press_forces_W_N);
+  } else {
+    writer.put(message.stiffness_W_N_per_m);
+  }
   writer.put(message.position_W_m);
   writer.put(message.vertices_W_m);
   writer.put(message.triangles);
@@ -325,16 +340,23 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, SurfacePatch& mes
   reader.get(message.contact_epoch);
   reader.get(message.vertex_count);
   reader.get(message.triangle_count);
-  std::uint16_t flags = 0;
+  std::uint8_t flags = 0;
   reader.get(flags);
   message.has_stiffness = (flags & kPatchHasStiffness) != 0;
+  message.has_press_forces = (flags & kPatchHasPressForces) != 0;
+  reader.get(message.tool_opening_crad);
   reader.get(message.tool_radius_m);
   reader.get(message.tool_length_m);
-  reader.get(message.stiffness_W_N_per_m);
+  if (message.has_press_forces) {
+    reader.get(message.press_forces_W_N);
+  } else {
+    reader.get(message.stiffness_W_N_per_m);
+  }
   reader.get(message.position_W_m);
   reader.get(message.vertices_W_m);
   reader.get(message.triangles);
-  return (flags & ~kPatchHasStiffness) != 0 ? WireStatus::kBadReserved : check(message);
+  const bool known = (flags & ~(kPatchHasStiffness | kPatchHasPressForces)) == 0;
+  return known ? check(message) : WireStatus::kBadReserved;
 }
 
 template <typename Message>

@@ -153,6 +153,18 @@ TEST_F(CHeader, WritesTheWorkedSurfacePatch) {
   }
   made.resize(size);
   EXPECT_EQ(made, bytes_of(worked::kSurfacePatchHex));
+
+  const SurfacePatch sliding = worked::sliding_patch();
+  patch.has_stiffness = 0;
+  patch.has_press_forces = 1;
+  patch.tool_length_m = sliding.tool_length_m;
+  patch.tool_opening_crad = sliding.tool_opening_crad;
+  for (std::size_t depth = 0; depth < SurfacePatch::kPresses; ++depth) {
+    std::ranges::copy(sliding.press_forces_W_N[depth], patch.press_forces_W_N[depth]);
+  }
+  made.resize(FG_MAX_DATAGRAM_BYTES);
+  made.resize(fg_link_make_patch(&link_, &patch, kNow_ns, made.data()));
+  EXPECT_EQ(made, bytes_of(worked::kSlidingPatchHex));
 }
 
 TEST_F(CHeader, ShowsNoSurfaceThatTheServoWouldRefuse) {
@@ -173,6 +185,13 @@ TEST_F(CHeader, ShowsNoSurfaceThatTheServoWouldRefuse) {
   EXPECT_EQ(size_with([](fg_surface_patch& p) { p.triangle_count = 28; }), 0U);
   EXPECT_EQ(size_with([](fg_surface_patch& p) { p.vertices_W_m[2][1] = NAN; }), 0U);
   EXPECT_EQ(size_with([](fg_surface_patch& p) { p.tool_radius_m = -1.0F; }), 0U);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) { p.tool_opening_crad = 161; }), 0U);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) { p.has_press_forces = p.has_stiffness = 1; }), 0U);
+  EXPECT_EQ(size_with([](fg_surface_patch& p) {
+              p.has_press_forces = 1;
+              p.press_forces_W_N[1][2] = 1001.0F;
+            }),
+            0U);
 }
 
 TEST_F(CHeader, SendsNothingThatTheServoWouldRefuse) {

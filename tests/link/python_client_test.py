@@ -81,6 +81,10 @@ class PlainLink(WithALink):
                                    stiffness_W_N_per_m=(-100, -100, -72, 0, 0, 0))
         sent = [self.servo.recv(512) for _ in range(4)]
         self.assertEqual(sent[3], WORKED["surface_patch"])
+        self.link.show_surface(state, square, [(0, 1, 2), (0, 2, 3)], contact_epoch=2, tool_radius_m=a,
+                               tool_length_m=1 / 32, tool_opening_rad=0.7,
+                               press_forces_W_N=((-0.25, 0, 1), (-0.75, 0, 3)))
+        self.assertEqual(self.servo.recv(512), WORKED["sliding_patch"])
 
     def test_shows_no_surface_that_the_servo_would_refuse(self):
         state = self.send(WORKED["tool_state"]).tool_state
@@ -90,6 +94,12 @@ class PlainLink(WithALink):
                                     ([here] * 3, [(0, 1, 2)] * 28)):
             with self.assertRaises(ValueError):
                 self.link.show_surface(state, vertices, triangles)
+        up = (0, 0, 1)
+        for options in ({"press_forces_W_N": (up,)}, {"press_forces_W_N": (up, (0, 0, 1001))},
+                        {"press_forces_W_N": (up, up), "stiffness_W_N_per_m": [1] * 6},
+                        {"tool_opening_rad": 1.7}):
+            with self.assertRaises(ValueError):
+                self.link.show_surface(state, [here] * 3, [(0, 1, 2)], **options)
 
     def test_goodbye_ends_a_session_for_good(self):
         self.assertTrue(self.send(WORKED["tool_state"]).new_session)

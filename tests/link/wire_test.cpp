@@ -60,7 +60,9 @@ const Bytes kQuery = worked::from_hex(worked::kQueryHex);
 const Bytes kForceSample = worked::from_hex(worked::kForceSampleHex);
 const Bytes kGoodbye = worked::from_hex(worked::kGoodbyeHex);
 const Bytes kSurfacePatch = worked::from_hex(worked::kSurfacePatchHex);
-const std::array<Bytes, 5> kEveryType = {kToolState, kQuery, kForceSample, kGoodbye, kSurfacePatch};
+const Bytes kSlidingPatch = worked::from_hex(worked::kSlidingPatchHex);
+const std::array<Bytes, 6> kEveryType = {kToolState, kQuery,        kForceSample,
+                                         kGoodbye,   kSurfacePatch, kSlidingPatch};
 
 void expect_equal(const ToolState& a, const ToolState& b) {
   EXPECT_EQ(a.sequence, b.sequence);
@@ -98,6 +100,9 @@ void expect_equal(const SurfacePatch& a, const SurfacePatch& b) {
   EXPECT_EQ(a.echo_servo_time_ns, b.echo_servo_time_ns);
   EXPECT_EQ(a.contact_epoch, b.contact_epoch);
   EXPECT_EQ(a.has_stiffness, b.has_stiffness);
+  EXPECT_EQ(a.has_press_forces, b.has_press_forces);
+  EXPECT_EQ(a.tool_opening_crad, b.tool_opening_crad);
+  EXPECT_EQ(a.press_forces_W_N, b.press_forces_W_N);
   EXPECT_EQ(a.vertex_count, b.vertex_count);
   EXPECT_EQ(a.triangle_count, b.triangle_count);
   EXPECT_EQ(a.tool_radius_m, b.tool_radius_m);
@@ -124,6 +129,7 @@ TEST(Encode, WritesTheWorkedForceSample) {
 }
 TEST(Encode, WritesTheWorkedSurfacePatch) {
   EXPECT_EQ(encoded(worked::surface_patch()), kSurfacePatch);
+  EXPECT_EQ(encoded(worked::sliding_patch()), kSlidingPatch);
 }
 TEST(Encode, WritesTheWorkedGoodbye) { EXPECT_EQ(encoded(Goodbye{}), kGoodbye); }
 
@@ -136,6 +142,7 @@ TEST(Decode, ReadsTheWorkedForceSample) {
 }
 TEST(Decode, ReadsTheWorkedSurfacePatch) {
   expect_decodes_to(kSurfacePatch, worked::surface_patch(), worked::kSession);
+  expect_decodes_to(kSlidingPatch, worked::sliding_patch(), worked::kSession);
 }
 TEST(Decode, ReadsTheWorkedGoodbye) {
   const Decoded decoded = decode(kGoodbye);
@@ -163,6 +170,7 @@ TEST(LinkProtocolDocument, ShowsTheBytesThatAreTestedHere) {
   EXPECT_EQ(shown["force_sample"], worked::kForceSampleHex);
   EXPECT_EQ(shown["goodbye"], worked::kGoodbyeHex);
   EXPECT_EQ(shown["surface_patch"], worked::kSurfacePatchHex);
+  EXPECT_EQ(shown["sliding_patch"], worked::kSlidingPatchHex);
   EXPECT_EQ(shown["sealed_tool_state"], worked::kSealedToolStateHex);
   EXPECT_EQ(shown["hello"], worked::kHelloHex);
 }
@@ -323,6 +331,7 @@ TEST(Decode, HoldsEveryRealToItsRange) {
 }
 
 struct FloatField {
+  Bytes datagram;
   const char* name;
   std::size_t offset;  ///< in a surface patch, of the first component
   std::size_t components;
@@ -333,13 +342,15 @@ struct FloatField {
 TEST(Decode, HoldsEveryFloatOfASurfacePatchToItsRange) {
   constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
   for (const FloatField& field :
-       {FloatField{"tool radius", 44, 1, 0.0F, 0.1F}, FloatField{"tool length", 48, 1, 0.0F, 0.5F},
-        FloatField{"stiffness", 52, 6, -1e7F, 1e7F},
-        FloatField{"declared vertices", 100, 12, -1.0F, 1.0F}}) {
+       {FloatField{kSurfacePatch, "tool radius", 44, 1, 0.0F, 0.1F},
+        FloatField{kSurfacePatch, "tool length", 48, 1, 0.0F, 0.5F},
+        FloatField{kSurfacePatch, "stiffness", 52, 6, -1e7F, 1e7F},
+        FloatField{kSlidingPatch, "press forces", 52, 6, -1000.0F, 1000.0F},
+        FloatField{kSurfacePatch, "declared vertices", 100, 12, -1.0F, 1.0F}}) {
     for (std::size_t i = 0; i < field.components; ++i) {
       SCOPED_TRACE(testing::Message() << field.name << "[" << i << "]");
       const auto status = [&](float value) {
-        return decode(with(kSurfacePatch, field.offset + 4 * i, value)).status;
+        return decode(with(field.datagram, field.offset + 4 * i, value)).status;
       };
       EXPECT_EQ(status(field.lower), WireStatus::kOk);
       EXPECT_EQ(status(field.upper), WireStatus::kOk);
@@ -364,7 +375,12 @@ TEST(Decode, RefusesAPatchWithMoreThanItHasRoomForOrThanItDeclares) {
   EXPECT_EQ(status(327, 1), WireStatus::kBadReserved) << "in the last vertex";
   EXPECT_EQ(status(408, 1), WireStatus::kBadReserved) << "in the last triangle";
   EXPECT_EQ(status(42, 0), WireStatus::kBadReserved) << "stiffness without its flag";
-  EXPECT_EQ(status(42, 3), WireStatus::kBadReserved) << "an unknown flag";
+  EXPECT_EQ(status(42, 3), WireStatus::kBadReserved) << "a tool that both sticks and slides";
+  EXPECT_EQ(status(42, 5), WireStatus::kBadReserved) << "an unknown flag";
+  EXPECT_EQ(status(43, 160), WireStatus::kOk) << "the widest opening";
+  EXPECT_EQ(status(43, 161), WireStatus::kOutOfRange);
+  EXPECT_EQ(decode(with<std::uint8_t>(kSlidingPatch, 42, 0)).status, WireStatus::kBadReserved)
+      << "press forces without their flag";
 }
 
 TEST(Decode, RefusesTimesBelowZeroAndAQueryWithoutNumber) {

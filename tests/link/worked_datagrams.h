@@ -72,6 +72,34 @@ inline constexpr const char* kSurfacePatchHex =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
     "00 00 00 00 00 00 00 00 00 e4 4c d2 12 ";
 
+inline constexpr const char* kSlidingPatchHex =
+    "46 47 52 44 01 00 05 00 81 01 00 00 05 00 00 00 "
+    "88 77 66 55 44 33 22 11 00 2f 68 59 00 00 00 00 "
+    "07 00 00 00 02 00 00 00 04 02 02 46 00 00 00 3c "
+    "00 00 00 3d 00 00 80 be 00 00 00 00 00 00 80 3f "
+    "00 00 40 bf 00 00 00 00 00 00 40 40 00 00 00 00 "
+    "00 00 c0 3f 00 00 00 00 00 00 b0 bf 00 00 00 00 "
+    "00 00 a0 3f 00 00 00 bc 00 00 00 bc 00 00 00 bc "
+    "00 00 00 3c 00 00 00 bc 00 00 00 bc 00 00 00 3c "
+    "00 00 00 3c 00 00 00 bc 00 00 00 bc 00 00 00 3c "
+    "00 00 00 bc 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 01 02 00 02 03 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 cc e4 01 4f ";
+
 // Sealed with libsodium through PyNaCl, the key's id with Python's hashlib: the tool state above,
 // and a hello that answers it.
 inline constexpr const char* kSealedToolStateHex =
@@ -142,6 +170,19 @@ inline SurfacePatch surface_patch() {
   patch.vertices_W_m[3] = {-kSide_m, kSide_m, -kSide_m};
   patch.triangles[0] = {0, 1, 2};
   patch.triangles[1] = {0, 2, 3};
+  return patch;
+}
+
+/// The same square below a grasper that presses and slides.
+inline SurfacePatch sliding_patch() {
+  SurfacePatch patch = surface_patch();
+  patch.sequence = 5;
+  patch.has_stiffness = false;
+  patch.stiffness_W_N_per_m = {};
+  patch.has_press_forces = true;
+  patch.press_forces_W_N = {{{-0.25F, 0.0F, 1.0F}, {-0.75F, 0.0F, 3.0F}}};
+  patch.tool_length_m = 0.03125F;
+  patch.tool_opening_crad = 70;
   return patch;
 }
 
