@@ -29,6 +29,7 @@ double mean_wait_ms(const servo::FirstTouch::Counts& touches) {
 nlohmann::json first_touches_json(const servo::FirstTouch::Counts& touches) {
   return {{"patches", touches.patches},
           {"seen", touches.touches},
+          {"felt", touches.felt},
           {"answered", touches.answered},
           {"denied", touches.denied},
           {"left", touches.left},
@@ -145,10 +146,11 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   if (touches.patches > 0) {
     append(text,
            "First touches: %" PRIu64 " seen by the loop itself, %" PRIu64
-           " of them answered by the simulator after %.1f ms in the mean, %.1f ms at most; %" PRIu64
+           " of them felt before the answer, %" PRIu64
+           " answered by the simulator after %.1f ms in the mean, %.1f ms at most; %" PRIu64
            " denied, %" PRIu64 " left before; %" PRIu64 " contacts not seen\n",
-           touches.touches, touches.answered, mean_wait_ms(touches), 1e3 * touches.wait_max_s,
-           touches.denied, touches.left, touches.unseen);
+           touches.touches, touches.felt, touches.answered, mean_wait_ms(touches),
+           1e3 * touches.wait_max_s, touches.denied, touches.left, touches.unseen);
   }
   if (outcome.samples_refused > 0) {
     append(text,

@@ -6,9 +6,30 @@
 namespace forcegrid::servo {
 namespace {
 
-contact::Capsule tool_of(const NearSurface& surface) noexcept {
-  const Eigen::Vector3d from_T(0.0, 0.0, surface.tool_radius_m);
-  return {from_T, from_T + Eigen::Vector3d(0.0, 0.0, surface.tool_length_m), surface.tool_radius_m};
+// One rod of the tool, turned about its upper end by `tilt_rad` in W's x-z plane.
+contact::Capsule rod_of(const NearSurface& surface, double tilt_rad) noexcept {
+  const double length_m = surface.tool_length_m;
+  const Eigen::Vector3d upper_T(0.0, 0.0, surface.tool_radius_m + length_m);
+  return {upper_T + length_m * Eigen::Vector3d(std::sin(tilt_rad), 0.0, -std::cos(tilt_rad)),
+          upper_T, surface.tool_radius_m};
+}
+
+// How the tool lies to the patch: its nearest rod of those that are over the patch and not beside
+// it.
+std::optional<contact::NearPatch::Clearance> clearance_of(
+    const NearSurface& surface, const Eigen::Vector3d& position_W) noexcept {
+  const double tilt_rad = 0.5 * surface.tool_opening_rad;
+  const auto look = [&](double at_rad) {
+    auto found =
+        surface.patch.clearance(rod_of(surface, at_rad), position_W, FirstTouch::kMargin_m);
+    return found && found->at_rim ? std::nullopt : found;
+  };
+  const auto one = look(tilt_rad);
+  if (tilt_rad == 0.0) {
+    return one;
+  }
+  const auto other = look(-tilt_rad);
+  return !one || (other && other->gap_m < one->gap_m) ? other : one;
 }
 
 static_assert(FirstTouch::kFade_s == FirstTouch::kHandOver_s);  // one weight for both
@@ -42,6 +63,11 @@ std::optional<NearSurface> near_surface(const link::SurfacePatch& message) noexc
   surface.epoch = message.contact_epoch;
   surface.tool_radius_m = static_cast<double>(message.tool_radius_m);
   surface.tool_length_m = static_cast<double>(message.tool_length_m);
+  surface.tool_opening_rad = 0.01 * message.tool_opening_crad;
+  surface.has_press_forces = message.has_press_forces;
+  for (std::size_t k = 0; k < surface.press_forces_W_N.size(); ++k) {
+    std::ranges::copy(message.press_forces_W_N[k], surface.press_forces_W_N[k].begin());
+  }
   surface.has_stiffness = message.has_stiffness;
   const auto& [xx, yy, zz, xy, xz, yz] = message.stiffness_W_N_per_m;
   surface.stiffness_W_N_per_m = {xx, xy, xz, xy, yy, yz, xz, yz, zz};
@@ -72,7 +98,9 @@ void FirstTouch::answer(double time_s, double computed_for_s, bool in_contact,
       ++counts_.answered;
       counts_.wait_sum_s += wait_s;
       counts_.wait_max_s = std::max(counts_.wait_max_s, wait_s);
-      state_ = State::kHandingOver;
+      // Where nothing was felt there is nothing to hand over, and no reason to hold back the
+      // method.
+      state_ = force_.known() ? State::kHandingOver : State::kContact;
       turned_s_ = time_s;
       break;
     }
@@ -99,7 +127,7 @@ Eigen::Vector3d FirstTouch::force_W(double time_s, const Eigen::Vector3d& positi
     look(time_s, position_W);
   }
   if (state_ == State::kTouching) {
-    if (normal_W_.dot(position_W - point_W_) > kLeft_m) {
+    if (force_.height_m(position_W) > kLeft_m) {
       ++counts_.left;
       forget();
     } else if (time_s - touched_s_ > kPatience_s) {
@@ -113,7 +141,7 @@ Eigen::Vector3d FirstTouch::force_W(double time_s, const Eigen::Vector3d& positi
     if (weight == 0.0) {
       forget();
     }
-    return method_force_W + weight * model_force_W(position_W);
+    return method_force_W + weight * force_.at(position_W);
   }
   if (state_ == State::kHandingOver) {
     weight = weight_left(time_s - turned_s_, kHandOver_s);
@@ -121,14 +149,13 @@ Eigen::Vector3d FirstTouch::force_W(double time_s, const Eigen::Vector3d& positi
       state_ = State::kContact;
     }
   }
-  return (1.0 - weight) * method_force_W + weight * model_force_W(position_W);
+  return (1.0 - weight) * method_force_W + weight * force_.at(position_W);
 }
 
 void FirstTouch::look(double time_s, const Eigen::Vector3d& position_W) noexcept {
   const bool holds = time_s - surface_.time_s <= kStale_s && surface_.epoch == air_epoch_;
-  const auto clearance =
-      holds ? surface_.patch.clearance(tool_of(surface_), position_W, kMargin_m) : std::nullopt;
-  if (!clearance || clearance->at_rim) {
+  const auto clearance = holds ? clearance_of(surface_, position_W) : std::nullopt;
+  if (!clearance) {
     last_gap_m_.reset();
     return;
   }
@@ -143,33 +170,12 @@ void FirstTouch::look(double time_s, const Eigen::Vector3d& position_W) noexcept
 void FirstTouch::touch(double time_s, const Eigen::Vector3d& position_W, double gap_m,
                        const Eigen::Vector3d& normal_W) noexcept {
   const double share = *last_gap_m_ / (*last_gap_m_ - gap_m);
-  point_W_ = last_position_W_ + share * (position_W - last_position_W_);
-  normal_W_ = normal_W;
-  stiffness_W_N_per_m_.setZero();
-  if (surface_.has_stiffness) {
-    stiffness_W_N_per_m_ = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
-        surface_.stiffness_W_N_per_m.data());
-  }
+  force_.begin(surface_, last_position_W_ + share * (position_W - last_position_W_), normal_W);
   touched_s_ = time_s;
   last_gap_m_.reset();
   state_ = State::kTouching;
   ++counts_.touches;
-}
-
-Eigen::Vector3d FirstTouch::model_force_W(const Eigen::Vector3d& position_W) const noexcept {
-  const Eigen::Vector3d whole_W = stiffness_W_N_per_m_ * (position_W - point_W_);
-  const double push_N = normal_W_.dot(whole_W);
-  if (!(push_N > 0.0)) {
-    return Eigen::Vector3d::Zero();
-  }
-  Eigen::Vector3d along_W = whole_W - push_N * normal_W_;
-  const double along_N = along_W.norm();
-  if (along_N > push_N) {
-    along_W *= push_N / along_N;
-  }
-  const Eigen::Vector3d force_W = push_N * normal_W_ + along_W;
-  const double force_N = force_W.norm();
-  return force_N > max_force_N_ ? Eigen::Vector3d(max_force_N_ / force_N * force_W) : force_W;
+  counts_.felt += force_.known() ? 1 : 0;
 }
 
 void FirstTouch::fade(double time_s) noexcept {

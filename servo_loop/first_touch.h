@@ -8,6 +8,7 @@
 
 #include "contact/near_patch.h"
 #include "link/surface_patch.h"
+#include "servo_loop/touch_force.h"
 
 namespace forcegrid::servo {
 
@@ -18,9 +19,13 @@ struct NearSurface {
   std::uint32_t epoch = 0;   ///< of the air, in which alone it holds
   double tool_radius_m = 0.0;
   double tool_length_m = 0.0;
+  double tool_opening_rad = 0.0;  ///< above 0: two such rods, see link::SurfacePatch
   bool has_stiffness = false;
   /// dF/dP of a tool that has just touched there, row by row.
   std::array<double, 9> stiffness_W_N_per_m{};
+  bool has_press_forces = false;
+  /// On a tool that slides, see link::SurfacePatch.
+  std::array<std::array<double, 3>, link::SurfacePatch::kPresses> press_forces_W_N{};
 };
 static_assert(std::is_trivially_copyable_v<NearSurface>);
 
@@ -32,18 +37,16 @@ std::optional<NearSurface> near_surface(const link::SurfacePatch& message) noexc
 ///
 /// In the air the tool is held against the newest patch once a cycle. It touches where its gap
 /// falls to zero: at P_0, between the cycle before and this one, under the outward normal n. Until
-/// the simulator's first sample of the contact
-///
-///   F = J (P - P_0), cut to n.F >= 0 and |F - (n.F) n| <= n.F, at most max_force_N,
-///
-/// with J the stiffness of the patch: it starts from zero, pushes and never pulls. A patch without
-/// J gives no force, the touch is only counted. From the first sample of the contact on the
+/// the simulator's first sample of the contact it feels TouchForce, which starts from zero, pushes
+/// and never pulls. A patch without stiffness or press forces gives no force, the touch is only
+/// counted, and the method's force comes in at once. From the first sample of the contact on the
 /// method's force takes over within kHandOver_s, a weight that moves evenly from the one to the
 /// other. A simulator that answers a later position with "no contact", or nothing for kPatience_s,
 /// is believed: the force fades within kFade_s. A patch that is older than kStale_s, of another
 /// epoch, or whose rim is what is nearest, is no reason for any touch.
 ///
-/// Real-time: no allocation, lock or throw; one query of the patch a cycle. Threads: one.
+/// Real-time: no allocation, lock or throw; one query of the patch a cycle, two for a grasper, and
+/// in a cycle with a touch. Threads: one.
 class FirstTouch {
  public:
   static constexpr double kHandOver_s = 0.03;
@@ -58,6 +61,7 @@ class FirstTouch {
   struct Counts {
     std::uint64_t patches = 0;   ///< taken
     std::uint64_t touches = 0;   ///< seen here first
+    std::uint64_t felt = 0;      ///< of these, with a force that the patch has foretold
     std::uint64_t answered = 0;  ///< of these, by a sample in contact
     std::uint64_t denied = 0;    ///< by a sample without contact, or by none in time
     std::uint64_t left = 0;      ///< the tool was gone before an answer
@@ -66,7 +70,7 @@ class FirstTouch {
     double wait_max_s = 0.0;
   };
 
-  explicit FirstTouch(double max_force_N) noexcept : max_force_N_(max_force_N) {}
+  explicit FirstTouch(double max_force_N) noexcept : force_(max_force_N) {}
 
   /// The newest patch.
   void take(const NearSurface& surface) noexcept;
@@ -94,18 +98,14 @@ class FirstTouch {
   void look(double time_s, const Eigen::Vector3d& position_W) noexcept;
   void touch(double time_s, const Eigen::Vector3d& position_W, double gap_m,
              const Eigen::Vector3d& normal_W) noexcept;
-  Eigen::Vector3d model_force_W(const Eigen::Vector3d& position_W) const noexcept;
   void fade(double time_s) noexcept;
 
-  double max_force_N_;
+  TouchForce force_;
   NearSurface surface_;
   State state_ = State::kAir;
   std::uint32_t air_epoch_ = 0;
   std::optional<double> last_gap_m_;  ///< of the cycle before, where it was above zero
   Eigen::Vector3d last_position_W_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();    ///< P_0
-  Eigen::Vector3d normal_W_ = Eigen::Vector3d::UnitZ();  ///< n
-  Eigen::Matrix3d stiffness_W_N_per_m_ = Eigen::Matrix3d::Zero();
   double touched_s_ = 0.0;
   double turned_s_ = 0.0;  ///< when fading or handing over began
   Counts counts_;

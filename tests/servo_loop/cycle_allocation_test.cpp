@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <string>
+#include <tuple>
+
 #include "forcegrid/methods.h"
 #include "servo_loop/servo_loop.h"
 #include "tests/servo_loop/scripted_device.h"
@@ -10,21 +13,28 @@ namespace forcegrid::servo {
 namespace {
 
 // A square of 40 mm, 0.05 mm below the tool, through which that goes a few cycles later.
-NearSurface surface_below(rt::TimePoint now, double height_m) {
+NearSurface surface_below(rt::TimePoint now, double height_m, bool slides) {
   link::SurfacePatch patch = square_patch(now.time_since_epoch().count(), 0.0, 500.0);
   patch.contact_epoch = 1;
   patch.position_W_m[2] = height_m - 0.00005;
+  if (slides) {
+    patch.has_stiffness = false;
+    patch.stiffness_W_N_per_m = {};
+    patch.has_press_forces = true;
+    patch.press_forces_W_N = {{{0.05F, 0.0F, 0.5F}, {0.1F, 0.0F, 1.4F}}};
+  }
   return near_surface(patch).value();
 }
 
 // The force grows and the tool goes along with it, so that the passivity guard has to act; out of
 // contact it touches a surface that the loop itself has.
-class CycleAllocations : public ::testing::TestWithParam<bool> {};
+class CycleAllocations : public ::testing::TestWithParam<std::tuple<bool, bool>> {};
 
 TEST_P(CycleAllocations, AreNone) {
   ServoOptions options;
   options.check_motors = false;
-  if (GetParam()) {
+  const auto [with_coupling, slides] = GetParam();
+  if (with_coupling) {
     options.rendering.coupling = CouplingOptions{};
   }
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
@@ -52,7 +62,7 @@ TEST_P(CycleAllocations, AreNone) {
       arrived.in_contact = i % 400 > 10;
       arrived.arrived = now;
       ASSERT_TRUE(ports.samples.push(arrived));
-      ports.surface.publish(surface_below(now, -0.00001 * i));
+      ports.surface.publish(surface_below(now, -0.00001 * i, slides));
     }
     if (i == 900) {
       device.state = driver::DeviceHealth::kUnplugged;  // a fault does not allocate, either
@@ -70,8 +80,12 @@ TEST_P(CycleAllocations, AreNone) {
   EXPECT_GT(loop.run(stop, 0.0).first_touches.touches, 0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(ToolAndCoupling, CycleAllocations, ::testing::Bool(),
-                         [](const auto& test) { return test.param ? "coupling" : "tool"; });
+INSTANTIATE_TEST_SUITE_P(ToolAndCoupling, CycleAllocations,
+                         ::testing::Combine(::testing::Bool(), ::testing::Bool()),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param) ? "coupling" : "tool") +
+                                  (std::get<1>(test.param) ? "_that_slides" : "_that_sticks");
+                         });
 
 TEST(AllocationCount, SeesWhatTheCycleIsCheckedFor) {
   const testing::AllocationCount count;

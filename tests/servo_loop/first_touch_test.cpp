@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tests/servo_loop/square_patch.h"
 
@@ -79,6 +80,7 @@ TEST_F(FirstTouchTest, AgainstAPlaneTheForceIsStiffnessTimesDepthFromTheSameCycl
     EXPECT_NEAR(force_W.head<2>().norm(), 0.0, kTolerance_N);
   }
   EXPECT_EQ(touch_.counts().touches, 1U);
+  EXPECT_EQ(touch_.counts().felt, 1U);
 }
 
 TEST_F(FirstTouchTest, BetweenTwoCyclesTheTouchLiesWhereTheSurfaceIs) {
@@ -192,6 +194,57 @@ TEST_F(FirstTouchTest, WithoutAStiffnessATouchIsCountedAndNotFelt) {
   to_height(0.001);
   EXPECT_EQ(to_height(-0.001), Vector3d::Zero());
   EXPECT_EQ(touch_.counts().touches, 1U);
+  method_force_W_ = Vector3d(0.0, 0.0, 0.7);
+  sample(true);
+  EXPECT_EQ(to_height(-0.001), method_force_W_) << "nothing to hand over, so no time for it";
+  EXPECT_EQ(touch_.counts().felt, 0U);
+}
+
+TEST_F(FirstTouchTest, AToolThatSlidesFeelsWhatItWasPressedAhead) {
+  link::SurfacePatch patch = square(time_s_);
+  patch.has_stiffness = false;
+  patch.stiffness_W_N_per_m = {};
+  patch.has_press_forces = true;
+  patch.press_forces_W_N = {{{0.0F, 0.0F, 0.5F}, {0.0F, 0.0F, 1.0F}}};
+  show(patch);
+  to_height(0.0005);
+  EXPECT_NEAR(to_height(-0.0005).z(), 0.25, kTolerance_N);
+  EXPECT_NEAR(to_height(-0.0015).z(), 0.75, kTolerance_N);
+  sample(true);
+  method_force_W_ = Vector3d(0.0, 0.0, 1.05);
+  Vector3d force_W = Vector3d::Zero();
+  while (touch_.acting()) {
+    force_W = to_height(-0.0015);
+    EXPECT_GT(force_W.z(), 0.7) << "handed over as stiffness is";
+  }
+  EXPECT_EQ(force_W, method_force_W_);
+}
+
+TEST_F(FirstTouchTest, AGrasperTouchesWithTheTipOfEitherJaw) {
+  constexpr double kRadius_m = 0.004;
+  constexpr double kLength_m = 0.03;
+  constexpr double kOpening_rad = 0.7;
+  const double aside_m = kLength_m * std::sin(0.5 * kOpening_rad);
+  const double up_m = kLength_m * (1.0 - std::cos(0.5 * kOpening_rad));
+  link::SurfacePatch patch = square(time_s_);
+  patch.tool_radius_m = static_cast<float>(kRadius_m);
+  patch.tool_length_m = static_cast<float>(kLength_m);
+  patch.tool_opening_crad = 70;
+  // Over the square, one jaw alone over it, the other one alone, and none.
+  for (const auto& [x_m, touches] : {std::pair{0.0, true},
+                                     {0.02 + 0.5 * aside_m, true},
+                                     {-0.02 - 0.5 * aside_m, true},
+                                     {0.03 + aside_m, false}}) {
+    SCOPED_TRACE(x_m);
+    patch.echo_servo_time_ns = std::llround(1e9 * time_s_);
+    show(patch);
+    to(Vector3d(x_m, 0.0, 0.001));
+    EXPECT_EQ(to(Vector3d(x_m, 0.0, -up_m + 1e-5)), Vector3d::Zero()) << "the tip hangs higher";
+    const double force_N = to(Vector3d(x_m, 0.0, -up_m - 0.001)).z();
+    EXPECT_NEAR(force_N, touches ? kStiffness_N_per_m * 0.001 : 0.0, 1e-5);
+    to(Vector3d(x_m, 0.0, 0.002));
+    EXPECT_FALSE(touch_.acting());
+  }
 }
 
 TEST_F(FirstTouchTest, AStiffnessThatPullsGivesNothing) {
