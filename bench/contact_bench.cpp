@@ -8,6 +8,7 @@
 
 #include "bench/ratios.h"
 #include "contact/near_patch.h"
+#include "contact/tool_shape.h"
 
 namespace forcegrid::bench {
 namespace {
@@ -40,8 +41,7 @@ NearPatch full_patch() {
   return patch;
 }
 
-void look(benchmark::State& state, const Capsule& tool, double low_m, double high_m) {
-  const NearPatch patch = full_patch();
+std::vector<Vector3d> positions(double low_m, double high_m) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> across_m(-0.004, 0.004);
   std::uniform_real_distribution<double> up_m(low_m, high_m);
@@ -49,6 +49,12 @@ void look(benchmark::State& state, const Capsule& tool, double low_m, double hig
   for (Vector3d& position_W : positions_W) {
     position_W = {across_m(random), across_m(random), up_m(random)};
   }
+  return positions_W;
+}
+
+void look(benchmark::State& state, const Capsule& tool, double low_m, double high_m) {
+  const NearPatch patch = full_patch();
+  const std::vector<Vector3d> positions_W = positions(low_m, high_m);
   for (auto _ : state) {
     for (const Vector3d& position_W : positions_W) {
       auto clearance = patch.clearance(tool, position_W, kMargin_m);
@@ -67,12 +73,36 @@ void near_patch_of_a_sphere(benchmark::State& state) {
 }
 BENCHMARK(near_patch_of_a_sphere);
 
+void near_patch_of_a_capsule(benchmark::State& state) {
+  const Vector3d lower_T(0.0, 0.0, 0.008);
+  look(state, {lower_T, lower_T + Vector3d(0.0, 0.0, 0.04), 0.008}, -0.001, 0.01);
+}
+BENCHMARK(near_patch_of_a_capsule);
+
+// Two looks, one for each jaw.
+void near_patch_of_a_grasper(benchmark::State& state) {
+  const NearPatch patch = full_patch();
+  const contact::ToolShape tool = contact::ToolShape::grasper(0.004, 0.03, 0.7);
+  const std::vector<Vector3d> positions_W = positions(-0.003, 0.01);
+  for (auto _ : state) {
+    for (const Vector3d& position_W : positions_W) {
+      for (const Capsule& jaw : tool.parts()) {
+        auto clearance = patch.clearance(jaw, position_W, kMargin_m);
+        benchmark::DoNotOptimize(clearance);
+      }
+    }
+  }
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(kPositions));
+}
+BENCHMARK(near_patch_of_a_grasper);
+
 void near_patch_out_of_reach(benchmark::State& state) { look(state, {}, 0.03, 0.04); }
 BENCHMARK(near_patch_out_of_reach);
 
 const bool registered = [] {
   for (const char* name :
-       {"near_patch_of_a_point", "near_patch_of_a_sphere", "near_patch_out_of_reach"}) {
+       {"near_patch_of_a_point", "near_patch_of_a_sphere", "near_patch_of_a_capsule",
+        "near_patch_of_a_grasper", "near_patch_out_of_reach"}) {
     report_ratio(name, "bare_trilinear_query", "-");
   }
   return true;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "contact/distance.h"
 #include "simulator/tool_contact.h"
@@ -12,6 +13,10 @@ namespace {
 constexpr double kFirstLook_m = 0.004;
 constexpr double kLastLook_m = 0.1;
 
+bool has_length(const ToolOptions& tool) {
+  return tool.shape == "capsule" || tool.shape == "grasper";
+}
+
 contact::ToolShape smallest_sphere() {
   return contact::ToolShape::sphere(contact::ToolShape::kMinRadius_m);
 }
@@ -19,7 +24,7 @@ contact::ToolShape smallest_sphere() {
 }  // namespace
 
 std::optional<PatchCutter> PatchCutter::make(const SpringMesh& mesh, const ToolOptions& tool) {
-  if (tool.shape == "grasper" || mesh.triangles.empty()) {
+  if (mesh.triangles.empty()) {
     return std::nullopt;
   }
   return PatchCutter(mesh, tool, tool_shape(tool).value_or(smallest_sphere()));
@@ -30,11 +35,13 @@ PatchCutter::PatchCutter(const SpringMesh& mesh, const ToolOptions& tool,
     : tree_(mesh.triangles, mesh.rest_position_W),
       shape_(shape),
       tool_radius_m_(tool.shape == "point" ? 0.0F : static_cast<float>(tool.radius_m)),
-      tool_length_m_(tool.shape == "capsule" ? static_cast<float>(tool.length_m) : 0.0F) {}
+      tool_length_m_(has_length(tool) ? static_cast<float>(tool.length_m) : 0.0F),
+      tool_opening_crad_(static_cast<std::uint8_t>(std::lround(100.0 * shape.opening_rad()))) {}
 
 void PatchCutter::cut(const std::optional<Eigen::Vector3d>& touch_W, link::SurfacePatch& patch) {
   patch.tool_radius_m = tool_radius_m_;
   patch.tool_length_m = tool_length_m_;
+  patch.tool_opening_crad = tool_opening_crad_;
   const Eigen::Vector3d position_W(patch.position_W_m[0], patch.position_W_m[1],
                                    patch.position_W_m[2]);
   const auto near = tree_.nearest(shape_, touch_W.value_or(position_W), kReach_m);

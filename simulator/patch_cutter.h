@@ -23,7 +23,7 @@ class PatchCutter {
   /// [m] A surface farther away than this is not near.
   static constexpr double kReach_m = 0.02;
 
-  /// Nothing for a grasper, whose shape a patch can't state, and for an object without triangles.
+  /// Nothing for an object without triangles. A grasper's opening is stated to 0.01 rad.
   static std::optional<PatchCutter> make(const SpringMesh& mesh, const ToolOptions& tool);
 
   /// Fills in tool, vertices and triangles; none of these where nothing is near.
@@ -41,6 +41,7 @@ class PatchCutter {
   contact::ToolShape shape_;
   float tool_radius_m_;
   float tool_length_m_;
+  std::uint8_t tool_opening_crad_;
   std::vector<std::pair<double, std::int32_t>> nearest_;  // [m] from where it was cut, triangle
   std::vector<std::int32_t> vertices_;                    // of the mesh, by those of the patch
 };

@@ -19,11 +19,11 @@
 #include "rt/percentiles.h"
 #include "rt/thread.h"
 #include "simulator/error.h"
-#include "simulator/patch_cutter.h"
 #include "simulator/query_desk.h"
 #include "simulator/scene.h"
 #include "simulator/solver_choice.h"
 #include "simulator/solver_contact.h"
+#include "simulator/touch_preview.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -33,8 +33,6 @@ constexpr double kMaxDelay_s = 10.0;
 constexpr int kMaxNice = 19;
 constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, until another may come
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
-constexpr double kExpectedWithin_s = 0.3;
-constexpr double kExpectedApart_m = 0.002;  // taking hold of another patch takes a while
 const std::string kDynamic = "dynamic";
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
@@ -116,7 +114,7 @@ class Loop {
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
         contact_(make_solver_contact(scene, solver, tool, options.rate_Hz, log)),
-        cutter_(PatchCutter::make(scene.mesh, tool)),
+        preview_(scene, tool),
         desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
                .job_for = [this](const link::Query& query) { return job_for(query); },
@@ -176,8 +174,9 @@ class Loop {
       receive();
       return;
     }
-    if (expected_W_ && !expected_stiffness_W_ && contact_->depends_on_position_alone()) {
-      learn_expected_stiffness();
+    if (preview_.wants_stiffness()) {
+      preview_.learn_stiffness([this](const QueryJob& job) { return desk_.solve_now(job); },
+                               epoch_ + lost_epochs_);
       receive();
       return;
     }
@@ -255,8 +254,7 @@ class Loop {
     newest_.reset();
     delayed_.clear();
     contact_answer_.reset();
-    expected_W_.reset();
-    expected_stiffness_W_.reset();
+    preview_.begin_anew();
     epoch_ = 0;
     lost_epochs_ = 0;
   }
@@ -284,63 +282,24 @@ class Loop {
       return;
     }
     epoch_ = answer.epoch;
-    expect_contact(position_W, velocity_W);
+    preview_.look(*contact_, position_W, velocity_W);
     if (answer.in_contact) {
       count(answer, was_in_contact, 1e3 * solve_s);
       contact_answer_ = answer;
     }
     fill(sample, answer, options_.send_stiffness);
-    if (expected_W_) {
-      sample.contact_point_W_m = to_array(*expected_W_);
+    if (preview_.expected_W()) {
+      sample.contact_point_W_m = to_array(*preview_.expected_W());
     }
     sample.solve_time_s = solve_s;
     sample.contact_epoch += lost_epochs_;
-    const bool with_patch = cutter_ && !answer.in_contact;
-    if (with_patch) {
-      patch.contact_epoch = sample.contact_epoch;
-      cut(patch);
-    }
+    patch.contact_epoch = sample.contact_epoch;
+    const bool with_patch = !answer.in_contact && preview_.cut(patch);
     const auto patch_to_send = with_patch ? std::optional(patch) : std::nullopt;
     if (delay_ > rt::Duration::zero()) {
       delayed_.push_back({rt::Clock::now() + delay_, sample, patch_to_send});
     } else {
       send(sample, patch_to_send);
-    }
-  }
-
-  void cut(link::SurfacePatch& patch) {
-    cutter_->cut(expected_W_, patch);
-    if (!expected_stiffness_W_ || patch.triangle_count == 0) {
-      return;
-    }
-    const Eigen::Matrix3f& k = expected_stiffness_W_.value();
-    patch.has_stiffness = true;
-    patch.stiffness_W_N_per_m = {k(0, 0), k(1, 1), k(2, 2), k(0, 1), k(0, 2), k(1, 2)};
-  }
-
-  // Of a tool that has just touched where it is expected to. What can't be sent is none.
-  void learn_expected_stiffness() {
-    QueryJob job;
-    job.epoch = epoch_ + lost_epochs_;
-    job.touching = true;
-    job.point_W = *expected_W_;
-    job.position_W = *expected_W_;
-    const StickyContact::Answer answer = desk_.solve_now(job);
-    expected_stiffness_W_ = Eigen::Matrix3f::Zero();
-    if (finite(answer.equilibrium) && answer.in_contact) {
-      const Eigen::Matrix3d& k = answer.equilibrium.stiffness_W;
-      expected_stiffness_W_ = (0.5 * (k + k.transpose())).cast<float>();
-    }
-  }
-
-  void expect_contact(const Eigen::Vector3d& position_W, const Eigen::Vector3d& velocity_W) {
-    const auto touch_W = contact_->expected_touch(position_W, velocity_W, kExpectedWithin_s);
-    if (!touch_W) {
-      expected_W_.reset();
-      expected_stiffness_W_.reset();
-    } else if (!expected_W_ || (*touch_W - *expected_W_).norm() > kExpectedApart_m) {
-      expected_W_ = touch_W;
-      expected_stiffness_W_.reset();
     }
   }
 
@@ -387,9 +346,9 @@ class Loop {
     job.epoch = epoch_ + lost_epochs_;
     job.position_W = to_vector(query.position_W_m);
     const bool held = contact_->in_contact() && contact_answer_;
-    job.touching = held || expected_W_.has_value();
+    job.touching = held || preview_.expected_W().has_value();
     if (job.touching) {
-      job.point_W = held ? contact_answer_->point_W : *expected_W_;
+      job.point_W = held ? contact_answer_->point_W : *preview_.expected_W();
     }
     return job;
   }
@@ -430,15 +389,13 @@ class Loop {
   bool told_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
-  std::optional<PatchCutter> cutter_;  ///< nothing: the tool's shape is none that a patch states
+  TouchPreview preview_;
   QueryDesk desk_;
   rt::Duration period_;
   rt::Duration delay_;
   std::optional<link::ToolState> newest_;
   std::optional<StickyContact::Answer> contact_answer_;
-  std::uint32_t epoch_ = 0;                    ///< of the newest answer, without the lost ones
-  std::optional<Eigen::Vector3d> expected_W_;  ///< where the tool will touch soon
-  std::optional<Eigen::Matrix3f> expected_stiffness_W_;  ///< [N/m] there; nothing: not solved yet
+  std::uint32_t epoch_ = 0;  ///< of the newest answer, without the lost ones
   std::uint32_t lost_epochs_ = 0;
   std::deque<Delayed> delayed_;
   rt::Percentiles solve_us_;

@@ -90,10 +90,11 @@ nlohmann::json to_json(const SimulatorSummary& summary);
 /// object at rest. Queries are answered in idle time from an object of their own. While the tool,
 /// going straight on, would touch within 0.3 s, samples carry that point as their contact point,
 /// and queries are answered for a tool that has touched there (in contact, epoch of the air); it is
-/// kept until it moves by more than 2 mm. When While it is in the air each sample is followed by a
-/// patch of the surface near the tool (PatchCutter); once a touch of a tool that sticks is expected
-/// it states dF/dP there, solved for in idle time. When ready it prints `listening ADDR:PORT scene
-/// NAME vertices N springs M` to `out` and flushes; remarks go to `log`.
+/// kept until it moves by more than 2 mm. While it is in the air each sample is followed by a patch
+/// of the surface near the tool; once a touch is expected it states what is felt there
+/// (TouchPreview): of a tool that sticks dF/dP, solved for in idle time, of one that slides forces
+/// that a thread of the lowest priority presses ahead. When ready it prints `listening ADDR:PORT
+/// scene NAME vertices N springs M` to `out` and flushes; remarks go to `log`.
 ///
 /// The sample's relative residual is |r| / max(|F|, 0.05 N) as Equilibrium defines it.
 ///

@@ -104,9 +104,22 @@ TEST(PatchCutter, LiesWhereTheToolWillTouch) {
   EXPECT_LT(distance_m(corners_W(patch, 0), touch_W), kFloat_m);
 }
 
-TEST(PatchCutter, StatesNoToolThatItsMessageCanNotDescribe) {
+TEST(PatchCutter, StatesAGraspersJawsAndIsNoneOfAnObjectWithoutSurface) {
   const Scene scene = make_scene("small");
-  EXPECT_FALSE(PatchCutter::make(scene.mesh, {.shape = "grasper", .contact = "slide"}));
+  auto cutter = PatchCutter::make(scene.mesh, {.shape = "grasper",
+                                               .contact = "slide",
+                                               .radius_m = 0.004,
+                                               .length_m = 0.03,
+                                               .opening_rad = 0.7});
+  ASSERT_TRUE(cutter);
+  link::SurfacePatch patch = at(scene.mesh.top_W);
+  cutter->cut(std::nullopt, patch);
+  EXPECT_GT(patch.triangle_count, 9U);
+  EXPECT_EQ(patch.tool_radius_m, 0.004F);
+  EXPECT_EQ(patch.tool_length_m, 0.03F);
+  EXPECT_EQ(patch.tool_opening_crad, 70);
+  std::array<std::byte, link::kMaxDatagramBytes> buffer;
+  EXPECT_EQ(link::encode(patch, 1, buffer).status, link::WireStatus::kOk);
   EXPECT_FALSE(PatchCutter::make(SpringMesh{}, {}));
 }
 

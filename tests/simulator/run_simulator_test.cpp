@@ -347,9 +347,25 @@ TEST(RunSimulator, ASphereThatSlidesPressesLeavesAndAnswersNoQueries) {
   RunningSimulator simulator(options);
   link::ServoEndpoint servo(simulator.address());
   std::uint32_t sequence = 0;
-  ASSERT_TRUE(answer_at(servo, sequence, {0, 0, 0.005}));
+  link::ToolState state;
+  state.position_W_m = {0, 0, 0.005};
+  state.velocity_W_m_per_s = {0, 0, -0.05};
+  std::optional<link::SurfacePatch> patch;
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (!(patch && patch->has_press_forces) && std::chrono::steady_clock::now() < give_up) {
+    state.servo_time_ns = state.sequence = ++sequence;
+    servo.send(state);
+    servo.wait(2ms);
+    while (servo.receive()) {
+    }
+    const auto newest = servo.next_patch();
+    patch = newest ? newest : patch;
+  }
   const auto pressed = answer_at(servo, sequence, {0, 0, -0.002});
   ASSERT_TRUE(pressed);
+  ASSERT_TRUE(patch && patch->has_press_forces);
+  EXPECT_NEAR(static_cast<double>(patch->press_forces_W_N[1][2]), pressed->force_W_N[2],
+              0.03 * pressed->force_W_N[2]);
   EXPECT_TRUE(pressed->in_contact);
   EXPECT_EQ(pressed->contact_epoch, 1U);
   EXPECT_NEAR(pressed->contact_point_W_m[2], 0.0, 1e-5) << "where it touched";
