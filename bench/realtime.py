@@ -102,10 +102,15 @@ def loop_commands(build, folder, rate_hz, seconds, emulated):
 def measure(build, folder, rate_hz, seconds, slice_s, emulated):
     latencies = []
     slices = {}
-    for _ in range(max(1, round(seconds / slice_s))):
-        latencies.append(run_cyclictest(rate_hz, slice_s))
-        for name, (command, file) in loop_commands(build, folder, rate_hz, slice_s, emulated).items():
-            slices.setdefault(name, []).append(run_loop(command, file))
+    for turn in range(max(1, round(seconds / slice_s))):
+        measurements = [("cyclictest", None)]
+        measurements += loop_commands(build, folder, rate_hz, slice_s, emulated).items()
+        # Every other round backwards, so that no program always follows the same one.
+        for name, command in measurements if turn % 2 == 0 else reversed(measurements):
+            if name == "cyclictest":
+                latencies.append(run_cyclictest(rate_hz, slice_s))
+            else:
+                slices.setdefault(name, []).append(run_loop(*command))
     return summary(rate_hz, latencies, slices)
 
 
