@@ -62,6 +62,14 @@ double number(const char* text, const char* name, double low, double high) {
   return value;
 }
 
+void print_wakeups(const servo::TelemetryStatistics& statistics) {
+  const rt::Percentiles& wakeup_us = statistics.wakeup_us;
+  std::printf("wakeup_us p50 %.2f p99 %.2f p999 %.2f max %.2f missed %llu cycles %llu\n",
+              wakeup_us.at(0.5), wakeup_us.at(0.99), wakeup_us.at(0.999), wakeup_us.max(),
+              static_cast<unsigned long long>(statistics.missed_deadlines),
+              static_cast<unsigned long long>(statistics.cycles));
+}
+
 int run(const std::string& file, double rate_Hz, double seconds) {
   const profiles::DeviceProfile profile = profiles::load_device_profile("woodenhaptics_v2015");
   NullDevice device(profile);
@@ -92,6 +100,7 @@ int run(const std::string& file, double rate_Hz, double seconds) {
   const std::atomic<bool> stop{false};
   const servo::ServoOutcome outcome = loop.run(stop, seconds);
   telemetry.stop();
+  print_wakeups(telemetry.statistics());
   if (!outcome.scheduling.realtime) {
     std::fprintf(stderr, "no real-time scheduling: %s\n", outcome.scheduling.reason.c_str());
   }

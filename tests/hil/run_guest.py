@@ -31,9 +31,13 @@ ROOT = HERE.parent.parent
 MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid", "ftdi_sio", "veth", "sch_netem"]
 TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest", "usermod", "ip", "tc"]
 CLIENTS = ["hil_client_hidraw", "hil_client_libusb"]  # beside the scenario program
+TIMING_SUITES = ("LongTiming.", "PreemptRtTiming.")
+TIMING_TOOLS = ["stress-ng"]  # large, so only where they are used
+TIMING_PROGRAMS = ["forcegrid_null_loop"]  # beside the program
 LONG_SUITE = "Long"  # left out of the smoke set: suites that begin so
 # What glibc converts character sets with; hidapi's libusb back end reads USB strings by it.
 GCONV = ["gconv-modules", "gconv-modules.d/gconv-modules-extra.conf", "UTF-16.so"]
+RT_SUITE = "PreemptRt"  # only on a PREEMPT_RT kernel
 MADE_TO_FAIL = "MadeToFail."  # only run when named
 # A kernel that has met one of its own faults may go on, but nothing after it can be trusted.
 KERNEL_FAULT = re.compile(r"\b(?:kernel BUG at|BUG:|Oops:|general protection fault).*")
@@ -253,6 +257,14 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
         root.add_program(scenarios, "/hil/scenarios")
         for client in CLIENTS:
             root.add_program(scenarios.parent / client, f"/usr/bin/{client}")
+        if any(name.startswith(TIMING_SUITES) for name in names):
+            for name in TIMING_TOOLS:
+                root.add_program(tool(name), f"/usr/bin/{name}")
+            for name in TIMING_PROGRAMS:
+                if not (program.parent / name).is_file():
+                    raise HilError(f"{program.parent / name} is not built; configure with "
+                                   "-DFORCEGRID_BUILD_BENCH=ON, as the release preset does")
+                root.add_program(program.parent / name, f"/usr/bin/{name}")
         for profile in sorted((ROOT / "profiles").glob("*.toml")):
             root.add_file(profile, f"/usr/share/forcegrid/profiles/{profile.name}", 0o644)
         for scene in sorted((ROOT / "simulator/scenes").glob("*.toml")):
@@ -293,7 +305,8 @@ def qemu_command(kernel, initramfs, machine):
         tool("qemu-system-x86_64"), "-M", "q35", *MACHINES[machine], "-m", "768", "-display", "none",
         "-no-reboot", "-nic", "none", "-kernel", str(kernel.image), "-initrd", str(initramfs),
         # A guest that lives for minutes has no secrets; without the mitigations it takes a tenth less.
-        "-append", "console=ttyS0 panic=-1 loglevel=7 mitigations=off"
+        # What the kernel does not know it hands on to the first process as an environment variable.
+        "-append", f"console=ttyS0 panic=-1 loglevel=7 mitigations=off HIL_MACHINE={machine}"
     ]
 
 
@@ -317,13 +330,15 @@ def all_scenarios(program):
     return names
 
 
-def chosen(names, wanted, only):
+def chosen(names, wanted, only, metapackage):
     if only:
         missing = [name for name in only if name not in names]
         if missing:
             raise HilError(f"no scenario {', '.join(missing)}; there are:\n  " + "\n  ".join(names))
         return only
     names = [name for name in names if not name.startswith(MADE_TO_FAIL)]
+    if "-rt-" not in metapackage:
+        names = [name for name in names if not name.startswith(RT_SUITE)]
     if wanted == "smoke":
         names = [name for name in names if not name.startswith(LONG_SUITE)]
     return names
@@ -451,7 +466,7 @@ def keep_results(outcome, run_folder, folder, whole_set):
             os.replace(run_folder / name, folder / name)
 
 
-TIMING = "LongTiming.OfTheServoLoopBesideCyclictest"
+TIMING = TIMING_SUITES[0] + "OfTheServoLoopBesideCyclictest"
 TIMING_ROWS = [("wake-up, cyclictest", "cyclictest_wakeup"), ("wake-up, servo loop", "servo_wakeup"),
                ("period, servo loop", "servo_period")]
 PARTS = ["p50", "p99", "p999", "max"]
@@ -540,7 +555,8 @@ def main():
                 raise HilError(f"{program} is not built; run `make build`")
         results = arguments.results or arguments.cache / "results"
         results.mkdir(parents=True, exist_ok=True)
-        names = chosen(all_scenarios(arguments.scenarios), arguments.set, arguments.only)
+        names = chosen(all_scenarios(arguments.scenarios), arguments.set, arguments.only,
+                       arguments.kernel)
         kernel = kernel_of(arguments.cache, arguments.kernel)
         with tempfile.TemporaryDirectory(dir=results, prefix="guest-") as temporary:
             temporary = pathlib.Path(temporary)

@@ -114,6 +114,15 @@ class Results(unittest.TestCase):
                 "machine": "instructions",
                 "scenarios": {run_guest.TIMING: {"status": "passed", "measured": measured}}}
 
+    def test_a_set_has_what_its_kernel_can_show(self):
+        names = ["A.One", "LongA.Two", "PreemptRtA.Three", "MadeToFail.Four"]
+        for wanted, kernel, expected in (("smoke", "linux-image-amd64", ["A.One"]),
+                                         ("full", "linux-image-amd64", ["A.One", "LongA.Two"]),
+                                         ("smoke", "linux-image-rt-amd64", ["A.One", "PreemptRtA.Three"])):
+            self.assertEqual(run_guest.chosen(names, wanted, None, kernel), expected)
+        only = ["PreemptRtA.Three"]
+        self.assertEqual(run_guest.chosen(names, "smoke", only, "linux-image-amd64"), only)
+
     def test_devices_hosts_and_measures_belong_to_the_scenario_that_said_them(self):
         results, ended = run_guest.read_results(
             "HIL-BEGIN A.One 1.0\nHIL-DEVICE arm\nHIL-HOST kernel\nHIL-DEVICE arm\n"
