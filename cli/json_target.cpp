@@ -3,19 +3,31 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <stdexcept>
+#include <system_error>
 
 namespace forcegrid::cli {
 
-void check_writable(const JsonTarget& target) {
-  if (target.file.empty()) {
-    return;
-  }
+std::string why_not_writable(const std::string& file) {
+  std::error_code error;
+  const bool was_there = std::filesystem::exists(file, error);
   errno = 0;
-  if (!std::ofstream(target.file, std::ios::app)) {
-    throw std::runtime_error("--json " + target.file + " can't be written (" +
-                             std::strerror(errno) + "); name a file in a folder that exists");
+  if (!std::ofstream(file, std::ios::app)) {
+    return std::strerror(errno);
+  }
+  if (!was_there) {
+    std::filesystem::remove(file, error);
+  }
+  return "";
+}
+
+void check_writable(const JsonTarget& target) {
+  const std::string why_not = target.file.empty() ? "" : why_not_writable(target.file);
+  if (!why_not.empty()) {
+    throw std::runtime_error("--json " + target.file + " can't be written (" + why_not +
+                             "); name a file in a folder that exists");
   }
 }
 

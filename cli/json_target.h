@@ -12,6 +12,10 @@ struct JsonTarget {
   bool on_stdout() const { return wanted && file.empty(); }
 };
 
+/// Why `file` can't be written to, in the system's words; empty where it can. A file that exists
+/// stays as it is, and none is left where there was none.
+std::string why_not_writable(const std::string& file);
+
 /// @throws std::runtime_error when the target is a file that can't be written, with the reason.
 void check_writable(const JsonTarget& target);
 

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <ctime>
 #include <fstream>
 #include <optional>
@@ -12,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "cli/json_target.h"
 #include "cli/revision.h"
 #include "evaluation/text_file.h"
 #include "tools/hdf5_file.h"
@@ -47,10 +46,10 @@ void check_recording(const RunOptions& options) {
     return;
   }
   if (!records_trace(options)) {
-    errno = 0;
-    if (!std::ofstream(options.record, std::ios::app)) {
-      throw std::runtime_error("--record " + options.record + ": can't be written (" +
-                               std::strerror(errno) + "); name a file in a folder that exists");
+    const std::string why_not = why_not_writable(options.record);
+    if (!why_not.empty()) {
+      throw std::runtime_error("--record " + options.record + ": can't be written (" + why_not +
+                               "); name a file in a folder that exists");
     }
     return;
   }

@@ -84,6 +84,22 @@ TEST(RecordCommand, LeavesAReadableFileWhenTheRunIsKilled) {
   EXPECT_EQ(drawn.at("cycles_lost"), 0);
 }
 
+// No such device: what is there stays, and what is not there does not come to be.
+TEST(RecordCommand, LeavesNothingBehindWhenItDoesNotBegin) {
+  const std::string out = fresh_folder("record_not_begun");
+  std::ofstream(out + "/earlier.h5") << "an earlier recording";
+  for (const char* name : {"/earlier.h5", "/new.h5"}) {
+    Program record =
+        Program::forcegrid({"record", out + name, "--device", "hid:dead:beef", "--seconds", "1",
+                            "--out", out + "/results", "--json", out + "/summary.json"});
+    EXPECT_EQ(record.wait(kTimeout), 1);
+    EXPECT_THAT(record.standard_error(), HasSubstr("dead:beef"));
+  }
+  EXPECT_EQ(text_of(out + "/earlier.h5"), "an earlier recording");
+  EXPECT_FALSE(std::filesystem::exists(out + "/new.h5"));
+  EXPECT_FALSE(std::filesystem::exists(out + "/summary.json"));
+}
+
 TEST(RecordCommand, RefusesWhatCantBecomeARecording) {
   const std::string out = fresh_folder("record_refused");
   const std::string text = out + "/text.h5";
