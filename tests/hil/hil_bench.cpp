@@ -178,6 +178,14 @@ nlohmann::json Bench::end() {
   return json_of(report_file_);
 }
 
+std::string tiny_scene() {
+  const std::string file = "/tmp/tiny.toml";
+  std::ofstream(file) << "description = \"Cube of 100 vertices\"\n[[object]]\nshape = \"block\"\n"
+                         "vertex_count = [5, 5, 4]\nsize_m = [0.1, 0.1, 0.1]\nlaw = \"linear\"\n"
+                         "stiffness_N_per_m = 20.0\n";
+  return file;
+}
+
 std::vector<std::string> run_arguments(const std::string& device, double seconds,
                                        const std::string& folder,
                                        const std::vector<std::string>& more) {

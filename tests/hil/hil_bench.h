@@ -98,6 +98,9 @@ class Bench {
   std::vector<Node> nodes_;
 };
 
+/// A scene file that anybody may read: a cube of 100 vertices. Solving it takes the guest no time.
+std::string tiny_scene();
+
 /// A `forcegrid run` that has ended.
 struct EndedRun {
   int status = -1;

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -17,15 +16,6 @@ namespace {
 using nlohmann::json;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
-
-// A cube of 100 vertices: solving it takes the guest no time.
-std::string tiny_scene() {
-  const std::string file = "/tmp/tiny.toml";
-  std::ofstream(file) << "description = \"Cube of 100 vertices\"\n[[object]]\nshape = \"block\"\n"
-                         "vertex_count = [5, 5, 4]\nsize_m = [0.1, 0.1, 0.1]\nlaw = \"linear\"\n"
-                         "stiffness_N_per_m = 20.0\n";
-  return file;
-}
 
 TEST(LongTune, ARateAboveTheDevicesPaceIsRefusedWithTheReasonBeforeAnythingMoves) {
   Bench bench;
