@@ -141,7 +141,7 @@ class CarriedState {
   }
   kernels::StepSums take_step(kernels::Float4 alpha) noexcept;
   kernels::Float4 precondition_coarsely() noexcept;
-  void next_direction(kernels::Float4 beta) noexcept;
+  void next_direction(kernels::Float4 beta, const kernels::CoarseGrid& coarse) noexcept;
 
   Eigen::Vector3d origin_W_;
   std::vector<Eigen::Vector3d> rest_;

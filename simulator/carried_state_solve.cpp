@@ -11,6 +11,9 @@ using kernels::Lanes;
 
 // The preconditioner tolerates this much motion before it is worth computing anew.
 constexpr double kPreconditionerReach_m = 3e-3;
+// The coarse half costs as much as the springs' pass. In the first direction of a correction it
+// does most of what it can do; after so many iterations it is worth its time in every one.
+constexpr int kIterationsWithoutCoarse = 8;
 // Below this fraction of where it began a lane is at single precision's end.
 constexpr double kFinishedLane = 1e-13;
 
@@ -122,8 +125,8 @@ Float4 CarriedState<Real>::precondition_coarsely() noexcept {
 }
 
 template <typename Real>
-void CarriedState<Real>::next_direction(Float4 beta) noexcept {
-  kernels::next_direction(rows_.reach, beta, inverse_.data(), coarse(), coarse_correction_.data(),
+void CarriedState<Real>::next_direction(Float4 beta, const kernels::CoarseGrid& coarse) noexcept {
+  kernels::next_direction(rows_.reach, beta, inverse_.data(), coarse, coarse_correction_.data(),
                           direction_.data(), product_.data());
 }
 
@@ -131,9 +134,10 @@ template <typename Real>
 Descent CarriedState<Real>::descend(int max_iterations, double residual_aim_N,
                                     double sensitivity_aim_N_per_m) noexcept {
   Descent result;
+  const bool has_coarse = !coarse().place.empty();
   const Float4 zero{};
   const Float4 first = take_step(zero).preconditioned + precondition_coarsely();
-  next_direction(zero);
+  next_direction(zero, coarse());
   Float4 before = first;
   const float* const home_N_per_m = home_N_per_m_.empty() ? nullptr : home_N_per_m_.data();
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
@@ -169,13 +173,19 @@ Descent CarriedState<Real>::descend(int max_iterations, double residual_aim_N,
         result.iterations == max_iterations) {
       return result;
     }
-    const Float4 preconditioned = sums.preconditioned + precondition_coarsely();
+    // Polak and Ribiere's, since the preconditioner has changed since the last direction; where it
+    // changes back they begin anew.
+    const bool coarsely = has_coarse && result.iterations >= kIterationsWithoutCoarse;
+    const bool anew = has_coarse && result.iterations == kIterationsWithoutCoarse;
+    const Float4 preconditioned =
+        coarsely ? sums.preconditioned + precondition_coarsely() : sums.preconditioned;
+    const Float4 change = coarsely ? preconditioned : preconditioned - sums.former;
     Float4 beta{};
     for (int lane = 0; lane < 4; ++lane) {
-      beta[lane] = before[lane] > 0.0F ? preconditioned[lane] / before[lane] : 0.0F;
+      beta[lane] = before[lane] > 0.0F && !anew ? change[lane] / before[lane] : 0.0F;
     }
     before = preconditioned;
-    next_direction(beta);
+    next_direction(beta, coarsely ? coarse() : no_coarse_);
   }
   return result;
 }
@@ -186,7 +196,7 @@ template Evaluation CarriedState<float>::evaluate() noexcept;
 template double CarriedState<float>::silence_border() noexcept;
 template kernels::StepSums CarriedState<float>::take_step(Float4) noexcept;
 template Float4 CarriedState<float>::precondition_coarsely() noexcept;
-template void CarriedState<float>::next_direction(Float4) noexcept;
+template void CarriedState<float>::next_direction(Float4, const kernels::CoarseGrid&) noexcept;
 template Descent CarriedState<float>::descend(int, double, double) noexcept;
 template std::span<const kernels::VertexForce> CarriedState<double>::active_forces() const noexcept;
 template void CarriedState<double>::update_preconditioner() noexcept;
@@ -194,7 +204,7 @@ template Evaluation CarriedState<double>::evaluate() noexcept;
 template double CarriedState<double>::silence_border() noexcept;
 template kernels::StepSums CarriedState<double>::take_step(Float4) noexcept;
 template Float4 CarriedState<double>::precondition_coarsely() noexcept;
-template void CarriedState<double>::next_direction(Float4) noexcept;
+template void CarriedState<double>::next_direction(Float4, const kernels::CoarseGrid&) noexcept;
 template Descent CarriedState<double>::descend(int, double, double) noexcept;
 
 }  // namespace forcegrid::simulator

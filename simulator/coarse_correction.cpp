@@ -14,7 +14,7 @@ constexpr std::size_t kFewestVertices = 500;
 // Aimed at, up to kCellsUpTo vertices: more cells save iterations but cost a denser solve. Beyond,
 // as many more as an iteration gets dearer by, to the power of 2/3.
 constexpr double kCells = 27.0;
-constexpr double kCellsUpTo = 10'000.0;
+constexpr double kCellsUpTo = 4'000.0;
 constexpr int kMaxCellsPerAxis = 8;
 // Nodes that no free vertex sees, and rounding, leave P^T K P singular without it.
 constexpr float kRelativeRegularisation = 1e-5F;

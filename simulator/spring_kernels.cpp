@@ -154,14 +154,17 @@ FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4
                                          StepSums* sums) noexcept {
   const Float4 alpha = *alpha_lanes;
   Float4 preconditioned{};
+  Float4 former{};
   Float4 squared{};
   for (std::int32_t i = 0; i < vertex_count; ++i) {
     const BlockInverse& m = inverse[i];
     const Float4 free_alpha = alpha * broadcast(m.diagonal[3]);
+    Float4 before[3];
     Float4 r[3];
     for (int c = 0; c < 3; ++c) {
       state[i].component[c] += alpha * direction[i].component[c];
-      r[c] = residual[i].component[c] - free_alpha * product[i].component[c];
+      before[c] = residual[i].component[c];
+      r[c] = before[c] - free_alpha * product[i].component[c];
       residual[i].component[c] = r[c];
     }
     const Float4 xx = broadcast(m.diagonal[0]);
@@ -177,9 +180,11 @@ FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4
     product[i].component[1] = z1;
     product[i].component[2] = z2;
     preconditioned += r[0] * z0 + r[1] * z1 + r[2] * z2;
+    former += before[0] * z0 + before[1] * z1 + before[2] * z2;
     squared += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
   }
   sums->preconditioned = preconditioned;
+  sums->former = former;
   sums->squared = squared;
 }
 

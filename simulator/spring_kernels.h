@@ -143,6 +143,7 @@ struct CoarseGrid {
 /// the block-Jacobi part; coarse_residual = P^T residual.
 struct StepSums {
   Float4 preconditioned;  ///< residual . M residual
+  Float4 former;          ///< the residual before the step . M residual
   Float4 squared;         ///< residual . residual over the free vertices
 };
 StepSums take_step(std::int32_t vertex_count, Float4 alpha, const BlockInverse* inverse,

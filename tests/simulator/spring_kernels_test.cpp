@@ -137,5 +137,40 @@ TEST(CoarseGrid, SumsResidualsWithTheWeightsThatItInterpolatesWith) {
   }
 }
 
+TEST(TakeStep, SumsTheNewResidualPreconditionedWithTheOneBefore) {
+  std::mt19937 random(kSeed + 2);
+  std::uniform_real_distribution<float> number(-1.0F, 1.0F);
+  constexpr std::size_t kCount = 5;
+  constexpr float kInverse = 0.25F;  // of every block
+  constexpr float kAlpha = 0.5F;
+  std::vector<Lanes> residual(kCount);
+  std::vector<Lanes> product(kCount);
+  for (std::vector<Lanes>* array : {&residual, &product}) {
+    for (Lanes& at : *array) {
+      for (Float4& component : at.component) {
+        component = Float4{number(random), number(random), number(random), number(random)};
+      }
+    }
+  }
+  const std::vector<BlockInverse> inverse(kCount,
+                                          {Float4{kInverse, kInverse, kInverse, 1.0F}, Float4{}});
+  float expected[4] = {};
+  for (std::size_t i = 0; i < kCount; ++i) {
+    for (int c = 0; c < 3; ++c) {
+      for (int lane = 0; lane < 4; ++lane) {
+        const float before = residual[i].component[c][lane];
+        expected[lane] += before * kInverse * (before - kAlpha * product[i].component[c][lane]);
+      }
+    }
+  }
+  std::vector<Lanes> none(kCount, Lanes{});
+  const StepSums sums = take_step(
+      static_cast<std::int32_t>(kCount), Float4{kAlpha, kAlpha, kAlpha, kAlpha}, inverse.data(), {},
+      none.data(), none.data(), residual.data(), product.data(), nullptr);
+  for (int lane = 0; lane < 4; ++lane) {
+    EXPECT_NEAR(sums.former[lane], expected[lane], 1e-5F) << lane;
+  }
+}
+
 }  // namespace
 }  // namespace forcegrid::simulator::kernels
