@@ -25,6 +25,10 @@ constexpr double kDivergence = 2.0;
 // Corrections that leave more than this of the residual, and how many of them end the attempt.
 constexpr double kStall = 0.7;
 constexpr int kMaxStalls = 3;
+// How many times max_step_m a step may be long that is predicted well.
+constexpr double kLongStep = 3.0;
+// States on the way need no smaller residual, of the force.
+constexpr double kOnTheWay = 1e-2;
 // So far beyond what the border may have the outside no longer follows S.
 constexpr double kBorderLost = 100.0;
 
@@ -39,6 +43,10 @@ void check(const SolverOptions& options) {
   check_positive(options.max_recovery_steps, "solver: max_recovery_steps");
   if (!(options.answer_first_below >= 0.0)) {
     throw Error("solver: answer_first_below is " + std::to_string(options.answer_first_below) +
+                "; it must be >= 0");
+  }
+  if (!(options.long_step_residual >= 0.0)) {
+    throw Error("solver: long_step_residual is " + std::to_string(options.long_step_residual) +
                 "; it must be >= 0");
   }
   if (!(options.border_tolerance >= 0.0) || options.most_vertices < 0) {
@@ -157,7 +165,7 @@ class ElasticObject<Real>::Implementation {
     if (options_.border_tolerance > 0.0) {
       choose_region();
     }
-    double step_limit_m = options_.max_step_m;
+    double step_limit_m = longest_step_m((displacement_W - state_.displacement_W()).norm());
     for (;;) {
       const Eigen::Vector3d left = displacement_W - state_.displacement_W();
       const double pieces = std::max(1.0, std::ceil(left.norm() / step_limit_m * (1.0 - 1e-12)));
@@ -167,6 +175,15 @@ class ElasticObject<Real>::Implementation {
       ++last_.steps;
       const bool is_last = pieces <= 1.0 || last_.steps >= options_.max_steps;
       state_.advance_to(target);
+      evaluate();
+      if (step_limit_m > options_.max_step_m && length_m > options_.max_step_m &&
+          !(last_.relative_residual <= options_.long_step_residual)) {
+        state_.restore();
+        state_.forget_preconditioner();
+        --last_.steps;
+        step_limit_m = options_.max_step_m;
+        continue;
+      }
       const Outcome outcome = is_last ? settle() : relax();
       if (outcome == Outcome::kUnstable) {
         if (last_.halvings < kMaxHalvings && length_m > 0.0) {
@@ -178,6 +195,7 @@ class ElasticObject<Real>::Implementation {
         }
         leave_branch();
         if (is_last) {
+          evaluate();
           settle();
         }
       }
@@ -190,6 +208,13 @@ class ElasticObject<Real>::Implementation {
       }
     }
     last_.displacement_W = state_.displacement_W();
+  }
+
+  // A way of some steps is tried in one.
+  double longest_step_m(double way_m) const noexcept {
+    const double long_step_m = kLongStep * options_.max_step_m;
+    return options_.long_step_residual > 0.0 && way_m <= long_step_m ? long_step_m
+                                                                     : options_.max_step_m;
   }
 
   void change_region(int levels) noexcept {
@@ -224,6 +249,7 @@ class ElasticObject<Real>::Implementation {
         return;
       }
       change_region(levels);
+      evaluate();
       if (settle() != Outcome::kSettled) {
         return;
       }
@@ -266,11 +292,19 @@ class ElasticObject<Real>::Implementation {
                    kAimBelowTolerance * options_.sensitivity_tolerance * stiffness_scale_N_per_m_);
   }
 
-  // A step on the way: one evaluation and a fixed number of iterations.
+  // A step on the way, after its evaluation: a bounded number of iterations.
   Outcome relax() noexcept {
-    evaluate();
-    return found_.finite() && correct(options_.iterations_per_step, 0.0, 0.0) ? Outcome::kSettled
-                                                                              : Outcome::kUnstable;
+    if (!found_.finite()) {
+      return Outcome::kUnstable;
+    }
+    const double aim_N = kOnTheWay * force_scale_N_;
+    const double sensitivity_aim_N_per_m =
+        options_.sensitivity_tolerance * stiffness_scale_N_per_m_;
+    const bool near_enough = found_.residual_N <= aim_N &&
+                             found_.sensitivity_residual_N_per_m <= sensitivity_aim_N_per_m;
+    return near_enough || correct(options_.iterations_per_step, aim_N, sensitivity_aim_N_per_m)
+               ? Outcome::kSettled
+               : Outcome::kUnstable;
   }
 
   // The answer stands; what the prediction left over is mended for the next move.
@@ -279,9 +313,8 @@ class ElasticObject<Real>::Implementation {
                                                                       : Outcome::kUnstable;
   }
 
-  // The last step: corrections until the tolerances hold.
+  // The last step, after its evaluation: corrections until the tolerances hold.
   Outcome settle() noexcept {
-    evaluate();
     if (!state_.region().is_whole() && options_.most_vertices == 0 &&
         border_share() > kBorderLost) {
       change_region(state_.region().levels());

@@ -18,9 +18,14 @@ struct SolverOptions {
   double force_floor_N = 0.05;
   /// [m] A longer move is made in equal steps of at most this; > 0. Keeps the state on its branch.
   double max_step_m = 2e-3;
+  /// But a move of up to three times that is tried in one step, and divided only where the
+  /// prediction leaves more than this of residual, |r| / max(|F|, force_floor_N). 0: always
+  /// divided.
+  double long_step_residual = 0.05;
   /// Steps a move may take; a move that needs more ends on the way there (Equilibrium::reached).
   int max_steps = 24;
-  /// Conjugate-gradient iterations on each step but the last, which iterates to the tolerance.
+  /// Conjugate-gradient iterations at most on each step but the last, which iterates to the
+  /// tolerance; fewer where |r| is at 1e-2 of the force before.
   int iterations_per_step = 3;
   /// Conjugate-gradient iterations of the last step, all corrections together.
   int max_iterations = 240;

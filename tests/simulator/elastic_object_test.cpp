@@ -313,6 +313,48 @@ TEST(ElasticObject, ALongMoveIsMadeInStepsAndEndsWhereShortOnesDo) {
   EXPECT_LT((jumped.force_W - walked.force_W).norm(), 2e-3 * walked.force_W.norm());
 }
 
+TEST(ElasticObject, AMoveOfSomeStepsIsMadeInOneWhereItIsPredictedWell) {
+  const SpringMesh mesh = make_scene("small").mesh;
+  SolverOptions divided;
+  divided.long_step_residual = 0.0;
+  SolverOptions strict;
+  strict.long_step_residual = 1e-9;  // tried, and given up
+  ElasticObject<float> object(mesh);
+  ElasticObject<float> walker(mesh, divided);
+  ElasticObject<float> doubter(mesh, strict);
+  ElasticObject<double> exact(mesh, tight());
+  for (ElasticObject<float>* each : {&object, &walker, &doubter}) {
+    each->grab(Vector3d::Zero(), kPatchRadius_m);
+    each->move_to({0.0, 0.0, 0.0015});
+  }
+  exact.grab(Vector3d::Zero(), kPatchRadius_m);
+  for (int i = 1; i <= 4; ++i) {
+    const Vector3d at(0.001 * i, 0.0, 0.0015 + 0.0035 * i);
+    const Vector3d expected_W = exact.move_to(at).force_W;
+    const auto is_right = [&expected_W](const Equilibrium& answer) {
+      return answer.converged && answer.reached &&
+             (answer.force_W - expected_W).norm() < 2e-3 * expected_W.norm();
+    };
+    const Equilibrium in_one = object.move_to(at);
+    EXPECT_EQ(in_one.steps, 1) << i;
+    EXPECT_TRUE(is_right(in_one)) << i;
+    const Equilibrium in_two = walker.move_to(at);
+    EXPECT_EQ(in_two.steps, 2) << i;
+    EXPECT_TRUE(is_right(in_two)) << i;
+    const Equilibrium tried = doubter.move_to(at);
+    EXPECT_EQ(tried.steps, 2) << i;
+    EXPECT_EQ(tried.halvings, 0) << i;
+    EXPECT_GE(tried.evaluations, 3) << "the one that was given up, too";
+    EXPECT_TRUE(is_right(tried)) << i;
+  }
+}
+
+TEST(ElasticObject, RefusesAResidualOfLongStepsBelowZero) {
+  SolverOptions options;
+  options.long_step_residual = -1.0;
+  EXPECT_THROW(ElasticObject<float>(little_block(), options), Error);
+}
+
 TEST(ElasticObject, AMoveTooLongForOneAnswerSaysHowFarItGot) {
   SolverOptions options;
   options.max_steps = 4;
