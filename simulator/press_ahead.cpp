@@ -11,7 +11,7 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr double kNear_m = 1e-4;  // of a touch from the surface
-constexpr int kNice = 19;         // the lowest priority that there is
+constexpr int kNice = 15;         // the answers go first
 
 PressOptions roughly(PressOptions options) {
   options.relative_tolerance = std::max(options.relative_tolerance, PressAhead::kTolerance);

@@ -58,8 +58,8 @@ class PressAhead {
   PressedObject object_;
 };
 
-/// The same on a thread of its own at the lowest priority, so that no answer waits for it: it takes
-/// the time that nobody else wants. Threads: one, beside its own.
+/// The same on a thread of its own at a low priority (nice 15), so that no answer waits for it: it
+/// takes the time that few others want. Threads: one, beside its own.
 class PressAheadThread {
  public:
   /// Throws Error as PressAhead does.

@@ -93,7 +93,7 @@ nlohmann::json to_json(const SimulatorSummary& summary);
 /// kept until it moves by more than 2 mm. While it is in the air each sample is followed by a patch
 /// of the surface near the tool; once a touch is expected it states what is felt there
 /// (TouchPreview): of a tool that sticks dF/dP, solved for in idle time, of one that slides forces
-/// that a thread of the lowest priority presses ahead. When ready it prints `listening ADDR:PORT
+/// that a thread of low priority presses ahead. When ready it prints `listening ADDR:PORT
 /// scene NAME vertices N springs M` to `out` and flushes; remarks go to `log`.
 ///
 /// The sample's relative residual is |r| / max(|F|, 0.05 N) as Equilibrium defines it.

@@ -5,6 +5,7 @@ namespace {
 
 constexpr double kExpectedWithin_s = 0.3;
 constexpr double kExpectedApart_m = 0.002;
+constexpr double kPressedWithin_s = 1.0;
 
 }  // namespace
 
@@ -20,19 +21,25 @@ void TouchPreview::look(const ToolContact& contact, const Eigen::Vector3d& posit
                         const Eigen::Vector3d& velocity_W) {
   const auto touch_W = contact.expected_touch(position_W, velocity_W, kExpectedWithin_s);
   if (!touch_W) {
-    begin_anew();
+    expected_W_.reset();
+    stiffness_W_N_per_m_.reset();
   } else if (!expected_W_ || (*touch_W - *expected_W_).norm() > kExpectedApart_m) {
     expected_W_ = touch_W;
     stiffness_W_N_per_m_.reset();
   }
-  if (touch_W && press_ahead_) {
-    press_ahead_->expect(*touch_W, velocity_W);
+  if (!press_ahead_) {
+    return;
+  }
+  pressed_ahead_W_ = contact.expected_touch(position_W, velocity_W, kPressedWithin_s);
+  if (pressed_ahead_W_) {
+    press_ahead_->expect(*pressed_ahead_W_, velocity_W);
   }
 }
 
 void TouchPreview::begin_anew() noexcept {
   expected_W_.reset();
   stiffness_W_N_per_m_.reset();
+  pressed_ahead_W_.reset();
 }
 
 bool TouchPreview::wants_stiffness() const noexcept {
@@ -59,7 +66,7 @@ bool TouchPreview::cut(link::SurfacePatch& patch) {
     return false;
   }
   cutter_->cut(expected_W_, patch);
-  if (patch.triangle_count == 0 || !expected_W_) {
+  if (patch.triangle_count == 0) {
     return true;
   }
   if (stiffness_W_N_per_m_) {
@@ -67,7 +74,8 @@ bool TouchPreview::cut(link::SurfacePatch& patch) {
     patch.has_stiffness = true;
     patch.stiffness_W_N_per_m = {k(0, 0), k(1, 1), k(2, 2), k(0, 1), k(0, 2), k(1, 2)};
   }
-  if (const auto pressed = press_ahead_ ? press_ahead_->near(*expected_W_) : std::nullopt) {
+  if (const auto pressed =
+          pressed_ahead_W_ ? press_ahead_->near(*pressed_ahead_W_) : std::nullopt) {
     patch.has_press_forces = true;
     for (std::size_t k = 0; k < pressed->force_W.size(); ++k) {
       Eigen::Map<Eigen::Vector3f>(patch.press_forces_W_N[k].data()) =

@@ -18,7 +18,8 @@ namespace forcegrid::simulator {
 /// What a simulator can say about a tool in the air: where it will touch if it goes straight on,
 /// what of the surface is near, and what it will feel just after the touch. Of a tool that sticks
 /// that is the stiffness there, solved for when asked; of one that slides the forces of a
-/// PressAheadThread. Real-time: no. Threads: one.
+/// PressAheadThread, which begins earlier: where the tool will touch within 1 s. Real-time: no.
+/// Threads: one.
 class TouchPreview {
  public:
   /// Throws Error as PatchCutter and PressAhead do.
@@ -50,6 +51,8 @@ class TouchPreview {
   bool slides_;
   std::optional<PatchCutter> cutter_;  ///< nothing: the object has no surface
   std::unique_ptr<PressAheadThread> press_ahead_;
+  std::optional<Eigen::Vector3d>
+      pressed_ahead_W_;  ///< where, sooner or later, as pressing takes time
   std::optional<Eigen::Vector3d> expected_W_;
   std::optional<Eigen::Matrix3f> stiffness_W_N_per_m_;  ///< there; nothing: not solved yet
 };

@@ -147,11 +147,19 @@ TEST_F(PressAheadTest, APreviewOfASlidingToolStatesTheForcesOfTheNewestTouch) {
       EXPECT_LT((vector(patch.press_forces_W_N[k]) - expected->force_W[k]).norm(), 1e-6);
     }
   }
+  // 15 mm above, half a second before it touches.
+  EXPECT_TRUE(patch_with_forces(preview, *contact, {0.0, -0.01, 0.015}, {0.0, 0.0, -0.03})
+                  .has_press_forces);
+  EXPECT_FALSE(preview.expected_W()) << "pressing begins earlier";
   // Another place, still being pressed or not: never the forces of one 2 cm away.
   preview.look(*contact, {-0.02, 0.003, 0.005}, {0.02, 0.0, -0.05});
   link::SurfacePatch patch;
   EXPECT_TRUE(preview.cut(patch));
-  EXPECT_FALSE(patch.has_press_forces);
+  if (patch.has_press_forces) {
+    const auto there = press.press(preview.expected_W().value(), {0.02, 0.0, -0.05});
+    ASSERT_TRUE(there);
+    EXPECT_LT((vector(patch.press_forces_W_N[0]) - there->force_W[0]).norm(), 1e-6);
+  }
   preview.begin_anew();
   EXPECT_FALSE(preview.expected_W());
 }
