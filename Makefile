@@ -39,6 +39,9 @@ ifneq ($(filter-out bullet,$(SIMULATOR)),)
 $(error SIMULATOR=$(SIMULATOR): it is bullet, or left out for this project's own)
 endif
 ifneq ($(SIMULATOR),)
+ifneq ($(filter command environment,$(firstword $(origin SCENE))),)
+$(error SCENE=$(SCENE): SIMULATOR=$(SIMULATOR) has an object of its own; leave one of them out)
+endif
 ifneq ($(filter-out 0,$(WORKERS)),)
 $(error WORKERS=$(WORKERS): only the project's own simulator has workers; leave SIMULATOR=$(SIMULATOR) out)
 endif

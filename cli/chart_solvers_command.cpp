@@ -5,6 +5,7 @@
 
 #include "cli/chart_command.h"
 #include "cli/chart_support.h"
+#include "cli/run_checks.h"
 #include "cli/scene_option.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/solver_chart.h"
@@ -56,6 +57,7 @@ void add_chart_solvers(CLI::App& chart, ChartSolversOptions& o, std::function<in
 }
 
 int chart_solvers_command(const ChartSolversOptions& asked) {
+  prepare_folder(asked.out);
   ProgressLine line;
   simulator::SolverScalingOptions options;
   options.block_sizes = asked.sizes;

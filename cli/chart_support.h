@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/run_checks.h"
 #include "cli/stop_request.h"
 #include "forcegrid/methods.h"
 
@@ -50,6 +51,7 @@ class ProgressLine {
 /// @throws std::runtime_error when there is no folder for force tables, or /proc is not mounted.
 template <typename ChartOptions, typename Asked>
 void take_common(ChartOptions& options, const Asked& asked, ProgressLine& line) {
+  prepare_folder(asked.out);  // found out before minutes of work are lost
   options.out = asked.out;
   options.cache = cache_folder(asked.cache);
   options.methods = asked.methods;

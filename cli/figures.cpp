@@ -129,7 +129,7 @@ std::vector<std::string> write_figures(const std::string& directory,
     }
     script += "unset multiplot\n";
   }
-  evaluation::run_gnuplot(script, directory + "/forces.svg");
+  evaluation::run_gnuplot(script, {directory + "/forces.svg", directory + "/forces.png"});
   return {csv, directory + "/forces.svg", directory + "/forces.png"};
 }
 

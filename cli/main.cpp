@@ -20,6 +20,7 @@
 #include "cli/run_command.h"
 #include "cli/scene_command.h"
 #include "cli/scene_option.h"
+#include "cli/standard_output.h"
 #include "cli/stop_request.h"
 #include "cli/tune_command.h"
 #include "device_emulator/fault_spec.h"
@@ -291,6 +292,11 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
   add_json(run, o.json);
   run.callback([&run, &o, &action] {
     o.motion_of_tool = o.motion == RunOptions().motion && run.count("--motion") == 0;
+    for (const char* option : {"--scene", "--sim-delay-ms"}) {
+      if (run.count(option) > 0) {
+        o.for_started_simulator.emplace_back(option);
+      }
+    }
     o.settings = run.config_to_str(true);
     action = [&o] { return run_command(o); };
   });
@@ -546,11 +552,8 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
-          "a subcommand: devices, doctor, calibrate, tune, run, record, replay, plot, emulate, "
-          "simulate, worker, keygen, kinematics, "
-          "evaluate, chart, paper "
-          "or "
-          "config");
+          "a subcommand: devices, doctor, calibrate, tune, scene, run, record, replay, plot, "
+          "emulate, simulate, keygen, worker, kinematics, evaluate, chart, paper or config");
     }
   } catch (const CLI::ParseError& error) {
     const int code = app.exit(error);
@@ -558,7 +561,7 @@ int main(int argc, char** argv) {
   }
   try {
     StopRequest::install();
-    return action();
+    return status_with_output(action());
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "forcegrid: not enough memory; use fewer --cells or a smaller --r-mm\n");
     return 1;

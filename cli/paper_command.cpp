@@ -2,9 +2,9 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <filesystem>
 
 #include "cli/chart_support.h"
+#include "cli/run_checks.h"
 #include "paper/claims.h"
 #include "paper/paper.h"
 #include "paper/report.h"
@@ -29,6 +29,7 @@ void add_paper(CLI::App& app, PaperCommandOptions& o, std::function<int()>& acti
 }
 
 int paper_command(const PaperCommandOptions& asked) {
+  prepare_folder(asked.out);  // found out before minutes of work are lost
   ProgressLine line;
   paper::PaperOptions options;
   options.out = asked.out;
@@ -40,8 +41,6 @@ int paper_command(const PaperCommandOptions& asked) {
   options.say = line.say_function();
   options.progress = line.show_function();
   try {
-    // Found out before minutes of work are lost.
-    std::filesystem::create_directories(options.out);
     const paper::Results results = paper::run_experiments(options);
     const auto files = paper::write_report(results, options);
     line.clear();

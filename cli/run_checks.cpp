@@ -36,6 +36,11 @@ void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
 }
 
 void check_solver(const RunOptions& options) {
+  if (!options.for_started_simulator.empty() && !options.simulator.empty()) {
+    throw std::runtime_error(options.for_started_simulator.front() +
+                             ": --simulator names one that already runs, with a scene and a delay "
+                             "of its own; give it to 'forcegrid simulate'");
+  }
   if (options.solver != "auto" && !options.simulator.empty()) {
     throw std::runtime_error("--solver " + options.solver +
                              ": --simulator names one that already runs; give it to 'forcegrid "

@@ -30,6 +30,8 @@ struct RunOptions {
   int workers = 0;                     ///< processes that answer requests for the started simulator
   double simulator_rate_Hz = 30.0;
   double simulator_delay_s = 0.0;
+  /// Options on the command line that a simulator that already runs has no use for.
+  std::vector<std::string> for_started_simulator;
   ToolChoice tool;        ///< of the started simulator
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;

@@ -5,10 +5,43 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <system_error>
 
 #include "evaluation/force_table.h"
 
 namespace forcegrid::evaluation {
+namespace {
+
+[[noreturn]] void fail(const std::filesystem::path& file, const std::string& how) {
+  throw ChartError("gnuplot could not draw " + file.string() + " (" + how +
+                   "); install the package gnuplot-nox, free some space or choose another folder "
+                   "with --out; the data lies beside it");
+}
+
+// gnuplot does not say that a disk is full. What a picture ends with is in its last bytes.
+bool whole(const std::filesystem::path& file) {
+  constexpr std::streamoff kTail_bytes = 32;
+  std::ifstream stream(file, std::ios::binary);
+  stream.seekg(-kTail_bytes, std::ios::end);
+  std::string tail(static_cast<std::size_t>(kTail_bytes), '\0');
+  stream.read(tail.data(), kTail_bytes);
+  return stream && tail.find(file.extension() == ".png" ? "IEND" : "</svg>") != std::string::npos;
+}
+
+// False: it was cut off, and is removed.
+bool keep_if_whole(const std::filesystem::path& file) {
+  if (whole(file)) {
+    return true;
+  }
+  std::error_code ignored;
+  if (std::filesystem::is_regular_file(file, ignored)) {
+    std::filesystem::remove(file, ignored);
+  }
+  return false;
+}
+
+}  // namespace
 
 std::string quoted(const std::string& text) {
   std::string result = "'";
@@ -18,7 +51,7 @@ std::string quoted(const std::string& text) {
   return result + "'";
 }
 
-void run_gnuplot(const std::string& script, const std::filesystem::path& file) {
+void run_gnuplot(const std::string& script, const std::vector<std::filesystem::path>& files) {
   errno = 0;
   std::FILE* gnuplot = popen("trap '' INT; exec gnuplot 2>&1 >/dev/null", "w");
   if (gnuplot == nullptr) {
@@ -27,10 +60,15 @@ void run_gnuplot(const std::string& script, const std::filesystem::path& file) {
   std::fwrite(script.data(), 1, script.size(), gnuplot);
   const int status = pclose(gnuplot);
   if (status != 0) {
-    throw ChartError("gnuplot could not draw " + file.string() + " (status " +
-                     std::to_string(WIFEXITED(status) ? WEXITSTATUS(status) : status) +
-                     "); install the package gnuplot-nox, free some space or choose another "
-                     "folder with --out; the data lies beside it");
+    fail(files.front(),
+         "status " + std::to_string(WIFEXITED(status) ? WEXITSTATUS(status) : status));
+  }
+  const std::filesystem::path* cut_off = nullptr;
+  for (const std::filesystem::path& file : files) {
+    cut_off = keep_if_whole(file) ? cut_off : &file;
+  }
+  if (cut_off != nullptr) {
+    fail(*cut_off, "its end is missing");
   }
 }
 

@@ -62,6 +62,13 @@ static const char* load_key(const char* file, unsigned char* secret, unsigned ch
 static const double kPeriod_s = 1.0 / 30.0;
 static const double kReach_m = 0.005; /* the spring catches a tool that comes so near */
 
+/* Reads all of `text` as a number from `least` to `most`. */
+static int read_number(const char* text, double least, double most, double* number) {
+  char* end;
+  *number = strtod(text, &end);
+  return end != text && *end == '\0' && *number >= least && *number <= most;
+}
+
 static int64_t now_ns(void) {
   struct timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
@@ -166,12 +173,13 @@ int main(int argument_count, char** arguments) {
   socklen_t size = sizeof address;
   const int socket_number = socket(AF_INET, SOCK_DGRAM, 0);
   const int sealed = argument_count > 3;
-  if (argument_count < 2) {
-    fprintf(stderr, "usage: spring_simulator_c PORT [STIFFNESS_N_PER_M [KEY_FILE]]\n");
+  double port = 0.0;
+  if (argument_count < 2 || !read_number(arguments[1], 0.0, 65535.0, &port) ||
+      (argument_count > 2 && !read_number(arguments[2], 1e-3, 1e6, &object.stiffness_N_per_m))) {
+    fprintf(stderr,
+            "usage: spring_simulator_c PORT [STIFFNESS_N_PER_M [KEY_FILE]], with a port from 0 to "
+            "65535 and a stiffness from 0.001 to 1e6\n");
     return 2;
-  }
-  if (argument_count > 2) {
-    object.stiffness_N_per_m = strtod(arguments[2], NULL);
   }
   memset(&crypto, 0, sizeof crypto);
 #ifdef FORCEGRID_WITH_SODIUM
@@ -199,7 +207,7 @@ int main(int argument_count, char** arguments) {
 #endif
   memset(&address, 0, sizeof address);
   address.sin_family = AF_INET;
-  address.sin_port = htons((uint16_t)strtol(arguments[1], NULL, 10));
+  address.sin_port = htons((uint16_t)port);
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK); /* other machines only with a key */
   if (socket_number < 0 || bind(socket_number, (struct sockaddr*)&address, sizeof address) != 0 ||
       getsockname(socket_number, (struct sockaddr*)&address, &size) != 0) {

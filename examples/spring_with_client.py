@@ -11,10 +11,13 @@ PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool that comes so nea
 
 def main():
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a trace
-    stiffness_N_per_m = float((sys.argv + ["100"])[2])
     try:
-        link = SimulatorLink("127.0.0.1", int(sys.argv[1]), key_files=sys.argv[3:])
-    except LinkError as error:
+        port, stiffness_N_per_m = int(sys.argv[1]), float((sys.argv + ["100"])[2])
+    except (IndexError, ValueError):
+        sys.exit(__doc__)
+    try:
+        link = SimulatorLink("127.0.0.1", port, key_files=sys.argv[3:])
+    except (LinkError, OSError, OverflowError) as error:
         sys.exit(str(error))
     print("listening on 127.0.0.1:%d" % link.port, flush=True)
     first_W_m = None

@@ -112,7 +112,7 @@ void draw(const std::string& folder, const std::string& csv) {
               evaluation::quoted(folder + (svg ? "/recording.svg" : "/recording.png")) +
               "\nset multiplot layout 5,1\n" + panels(data) + "unset multiplot\n";
   }
-  evaluation::run_gnuplot(script, folder + "/recording.svg");
+  evaluation::run_gnuplot(script, {folder + "/recording.svg", folder + "/recording.png"});
 }
 
 }  // namespace

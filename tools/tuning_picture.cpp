@@ -208,7 +208,7 @@ std::vector<std::string> draw_tuning(const std::string& folder, const std::vecto
     }
     script += "unset multiplot\n";
   }
-  evaluation::run_gnuplot(script, folder + "/tuning.svg");
+  evaluation::run_gnuplot(script, {folder + "/tuning.svg", folder + "/tuning.png"});
   return {csv, folder + "/tuning.svg", folder + "/tuning.png"};
 }
 

@@ -13,6 +13,7 @@
 #include "evaluation/chart_plot.h"
 #include "evaluation/chart_report.h"
 #include "evaluation/chart_rows.h"
+#include "evaluation/gnuplot.h"
 #include "evaluation/trajectories.h"
 
 namespace forcegrid::evaluation {
@@ -277,6 +278,28 @@ TEST(ChartPlot, LeavesOutWhatALogarithmCantShow) {
   EXPECT_FALSE(
       write_error_cost_svg(file, "t", {{"a", "ideal", 0.0, 5.0}, {"b", "ideal", kNan, 5.0}}));
   EXPECT_FALSE(std::filesystem::exists(file));
+}
+
+TEST(Gnuplot, APictureThatIsCutOffIsNoPicture) {
+  const std::string folder = fresh_folder("gnuplot_full_disk");
+  for (const std::string name : {"picture.svg", "picture.png"}) {
+    const std::string file = folder + "/" + name;
+    const std::string script = std::string("set terminal ") +
+                               (name.ends_with("svg") ? "svg" : "pngcairo") + "\nset output '" +
+                               file + "'\nplot x\n";
+    EXPECT_NO_THROW(run_gnuplot(script, file));
+    EXPECT_TRUE(std::filesystem::exists(file));
+    std::filesystem::remove(file);
+    std::filesystem::create_symlink("/dev/full", file);  // which no byte can be written to
+    try {
+      run_gnuplot(script, file);
+      ADD_FAILURE() << name << " is taken for drawn";
+    } catch (const ChartError& error) {
+      EXPECT_THAT(error.what(), HasSubstr(name + " (its end is missing); "));
+      EXPECT_THAT(error.what(), HasSubstr("free some space"));
+    }
+    EXPECT_TRUE(std::filesystem::exists("/dev/full"));
+  }
 }
 
 }  // namespace

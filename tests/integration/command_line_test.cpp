@@ -12,10 +12,10 @@
 namespace forcegrid {
 namespace {
 
-using ::testing::HasSubstr;
-using ::testing::Not;
 using nlohmann::json;
 using testing::fresh_folder;
+using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::Program;
 
 struct Complaint {
@@ -132,6 +132,14 @@ INSTANTIATE_TEST_SUITE_P(
                   {"run", "--simulator", "127.0.0.1:1", "--friction", "0.2"},
                   1,
                   {"--friction", "give it to 'forcegrid simulate'"}},
+        Complaint{"TheSceneOfASimulatorThatRunsAlready",
+                  {"run", "--simulator", "127.0.0.1:1", "--scene", "small"},
+                  1,
+                  {"--scene: --simulator", "give it to 'forcegrid simulate'"}},
+        Complaint{"AFolderForAChartThatCanNotBeWritten",
+                  {"chart", "solvers", "--out", "/proc/no-such-folder"},
+                  1,
+                  {"/proc/no-such-folder", "--out"}},
         Complaint{"AScenesToolSlidesUnderWorkers",
                   {"run", "--scene", "small_slide", "--workers", "2"},
                   1,
@@ -154,6 +162,20 @@ INSTANTIATE_TEST_SUITE_P(
                   1,
                   {"no.toml"}}),
     [](const auto& test) { return test.param.name; });
+
+int status_in_shell(const std::string& line) {
+  return Program({"/bin/bash", "-c", "set -o pipefail; " + line})
+      .wait(std::chrono::seconds(20))
+      .value_or(-1);
+}
+
+TEST(CommandLine, FailsWhereItsOutputIsLost) {
+  const std::string config = FORCEGRID_PROGRAM " --no-config config";
+  EXPECT_EQ(status_in_shell(config + " >/dev/full"), 1);
+  EXPECT_EQ(status_in_shell(FORCEGRID_PROGRAM " --no-config scene small_linear >/dev/full"), 1);
+  EXPECT_EQ(status_in_shell(config + " >/dev/null"), 0);
+  EXPECT_EQ(status_in_shell(config + " | true"), 0) << "a reader that has seen enough";
+}
 
 TEST(CommandLine, RefusesAPortInUseAndNamesIt) {
   Program first =

@@ -261,6 +261,20 @@ TEST(PythonSpringExample, IsAtMostFortyLines) {
   EXPECT_LE(lines, 40);
 }
 
+TEST(ClientExamples, SayHowTheyAreCalled) {
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{}, {"port"}, {"24870", "stiff"}}) {
+    std::vector<std::string> python{"/usr/bin/python3", kPythonClient};
+    std::vector<std::string> c{FORCEGRID_SPRING_SIMULATOR "_c"};
+    python.insert(python.end(), words.begin(), words.end());
+    c.insert(c.end(), words.begin(), words.end());
+    EXPECT_THAT(ChildProgram(python).read_line(), testing::HasSubstr("F = -k (P - P0)"));
+    EXPECT_THAT(ChildProgram(c).read_line(), testing::HasSubstr("usage: spring_simulator_c PORT"));
+  }
+  EXPECT_THAT(ChildProgram({FORCEGRID_SPRING_SIMULATOR "_c", "99999"}).read_line(),
+              testing::HasSubstr("0 to 65535"));
+}
+
 TEST(CppSpringExample, SaysWhyItDoesNotStart) {
   const auto first_line = [](std::vector<std::string> command) {
     return ChildProgram(std::move(command)).read_line();
