@@ -53,12 +53,24 @@ void print_return_test(const simulator::Scene& scene) {
       "Return test, 40 steps out and 40 back over the same positions:\n"
       "  %-22s %14s %14s %8s\n",
       "path", "hysteresis", "largest force", "of it");
+  std::string multivalued;
   for (const simulator::ReturnPath& path : simulator::return_paths()) {
     const simulator::ReturnResult result = simulator::return_test(scene, path);
     std::printf("  %-22s %12.2e N %12.3f N %6.4f %%%s\n", result.name.c_str(), result.hysteresis_N,
                 result.largest_force_N, 100.0 * result.hysteresis_N / result.largest_force_N,
                 result.unconverged > 0 ? "  (not converged everywhere)" : "");
     std::fflush(stdout);
+    if (!simulator::single_valued(result)) {
+      multivalued += (multivalued.empty() ? "" : ", ") + result.name;
+    }
+  }
+  if (multivalued.empty()) {
+    std::printf("Force is a function of position on all of them.\n");
+  } else {
+    std::printf(
+        "Force is no function of position on: %s.\nNo method can be right both ways there; more "
+        "pre_strain or home_stiffness_N_per_m mends it, and the scene's note should say so.\n",
+        multivalued.c_str());
   }
 }
 

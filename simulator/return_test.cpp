@@ -9,8 +9,13 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr double kRelativeTolerance = 1e-7;
+constexpr double kMultivalued = 1e-4;  // of the largest force
 
 }  // namespace
+
+bool single_valued(const ReturnResult& result) noexcept {
+  return result.unconverged == 0 && result.hysteresis_N <= kMultivalued * result.largest_force_N;
+}
 
 const std::vector<ReturnPath>& return_paths() {
   static const std::vector<ReturnPath> paths{{"pull 20 mm", {0.0, 0.0, 0.020}},

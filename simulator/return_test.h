@@ -25,6 +25,10 @@ struct ReturnResult {
   std::size_t branch_changes = 0;  ///< positions at which the object went over to another branch
 };
 
+/// Whether force was a function of position on the way: the hysteresis is below 1e-4 of the largest
+/// force (what the tolerance leaves is below 1e-6 of it), and every position was solved.
+bool single_valued(const ReturnResult& result) noexcept;
+
 /// Pull by 20 mm, shear by 20 mm along x and y, push by 5 and 10 mm.
 const std::vector<ReturnPath>& return_paths();
 
