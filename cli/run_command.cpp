@@ -495,7 +495,8 @@ void Run::collect() {
   if (link_->samples_accepted() == 0) {
     note("no sample came from " + processes_->simulator_address() +
          "; is a simulator listening there" +
-         (options_.key_files.empty() ? "?" : " that has this key?"));
+         (options_.key_files.empty() ? "?" : " that has this key?") +
+         " It serves one servo at a time");
   }
   summary_.cycles_kept = records.size();
   if (summary_.cycles_kept < telemetry_->statistics().cycles) {

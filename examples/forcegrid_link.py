@@ -22,6 +22,7 @@ right, z up. Not thread-safe.
 import collections
 import dataclasses
 import hashlib
+import ipaddress
 import math
 import os
 import secrets
@@ -254,7 +255,12 @@ class SimulatorLink:
     def __init__(self, host="127.0.0.1", port=24870, key_files=(), silence_s=2.0):
         """Without a key only loopback addresses are taken: the link is then not authenticated, and
         forces move real motors. Port 0 takes a free one. Raises LinkError or OSError."""
-        loopback = host == "::1" or host.startswith("127.")
+        host = "127.0.0.1" if host == "localhost" else host
+        try:
+            loopback = ipaddress.ip_address(host).is_loopback
+        except ValueError:
+            raise LinkError("'%s' is no numeric IP address; write 127.0.0.1, ::1 or, with a key, another of "
+                            "this machine's (names are not looked up)" % host) from None
         if not key_files and not loopback:
             raise LinkError("'%s' is no loopback address; a link that leaves this machine needs a key: "
                             "forcegrid keygen FILE, the file on both machines" % host)

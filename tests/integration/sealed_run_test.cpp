@@ -100,7 +100,9 @@ TEST_F(SealedRun, FeelsNothingWithAnotherKeyAndBothEndsSayWhy) {
   ASSERT_EQ(run.wait(), 0) << run.standard_error();
   const json summary = json::parse(run.standard_output());
   EXPECT_EQ(summary.at("samples_received"), 0);
-  EXPECT_THAT(run.standard_error(), HasSubstr("is a simulator listening there that has this key?"));
+  EXPECT_THAT(run.standard_error(),
+              HasSubstr("is a simulator listening there that has this key? It "
+                        "serves one servo at a time"));
   EXPECT_TRUE(simulator->wait_for_text("seal: unknown key"));
   EXPECT_TRUE(simulator->wait_for_text("give it this simulator's key"));
 }

@@ -128,6 +128,10 @@ class PlainLink(WithALink):
     def test_refuses_other_machines_without_a_key(self):
         with self.assertRaisesRegex(forcegrid_link.LinkError, "forcegrid keygen"):
             forcegrid_link.SimulatorLink("0.0.0.0", 0)
+        for name in ("127.example.com", "simulator", "127.0.0.1.", ""):
+            with self.assertRaisesRegex(forcegrid_link.LinkError, "numeric"):
+                forcegrid_link.SimulatorLink(name, 0)
+        forcegrid_link.SimulatorLink("localhost", 0).close()
 
 
 class SealedLink(WithALink):
