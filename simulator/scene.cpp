@@ -60,7 +60,7 @@ void give_masses(SpringMesh& object, const std::optional<ObjectDynamics>& dynami
 }
 
 // A tool that sticks where none of the vertices near it can move would never hold anything.
-void check_patch(const Scene& scene) {
+void check_patch(const TomlTable& root, const Scene& scene) {
   double nearest_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < scene.mesh.rest_position_W.size(); ++i) {
     if (scene.mesh.fixed[i] == 0) {
@@ -68,10 +68,12 @@ void check_patch(const Scene& scene) {
     }
   }
   if (!scene.tool.slides() && nearest_m > scene.patch_radius_m) {
-    throw Error("patch_radius_m is " + profiles::number_text(scene.patch_radius_m) +
-                ", and the nearest vertex that can move is " + profiles::number_text(nearest_m) +
-                " m from the top, so that a tool would take hold of nothing there; write more than "
-                "that");
+    root.refuse("patch_radius_m",
+                "it is " + profiles::number_text(scene.patch_radius_m) +
+                    ", and the nearest vertex that can move is " +
+                    profiles::number_text(nearest_m) +
+                    " m from the top, so that a tool would take hold of nothing there",
+                "write more than that");
   }
 }
 
@@ -97,7 +99,7 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
     append(object, scene.mesh);
   }
   check(scene.mesh);
-  check_patch(scene);
+  check_patch(root, scene);
   return scene;
 }
 

@@ -254,7 +254,7 @@ TEST(MeshFile, APatchThatHoldsNothingIsRefused) {
   std::string text{std::istreambuf_iterator<char>(stream), {}};
   std::ofstream(scene) << replaced(text, "patch_radius_m = 0.03", "patch_radius_m = 0.007");
   // The top's corners are 5 sqrt(2) mm away.
-  EXPECT_THAT(scene_complaint(scene), AllOf(HasSubstr("patch_radius_m is 0.007"),
+  EXPECT_THAT(scene_complaint(scene), AllOf(HasSubstr(":2: key 'patch_radius_m': it is 0.007,"),
                                             HasSubstr("0.00707"), HasSubstr("write more")));
 }
 
