@@ -11,6 +11,7 @@
 
 #include "cli/chart_support.h"
 #include "cli/figures.h"
+#include "cli/option_values.h"
 #include "evaluation/chart.h"
 #include "evaluation/chart_report.h"
 #include "evaluation/network.h"

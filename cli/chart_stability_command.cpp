@@ -4,6 +4,7 @@
 
 #include "cli/chart_command.h"
 #include "cli/chart_support.h"
+#include "cli/option_values.h"
 #include "stability/chart.h"
 #include "stability/chart_report.h"
 

@@ -21,14 +21,6 @@ constexpr std::chrono::seconds kLogPeriod{10};
 
 }  // namespace
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) {
-    text += (text.empty() ? "" : ", ") + word;
-  }
-  return text;
-}
-
 std::filesystem::path cache_folder(const std::string& asked) {
   if (!asked.empty()) {
     return asked;

@@ -14,9 +14,6 @@ namespace forcegrid::cli {
 
 /// What the subcommands of `chart` share.
 
-/// "a, b, c".
-std::string joined(const std::vector<std::string>& words);
-
 /// The folder for force tables: `asked`, or if that is empty one in the user's cache folder.
 /// @throws std::runtime_error when the environment names none.
 std::filesystem::path cache_folder(const std::string& asked);

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "cli/offline_forces.h"
+#include "cli/option_values.h"
 #include "evaluation/judge.h"
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
@@ -305,14 +306,6 @@ void evaluate(const EvaluateOptions& options) {
   if (std::fflush(stdout) != 0) {
     throw std::runtime_error(std::string("standard output: ") + std::strerror(errno));
   }
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) {
-    text += (text.empty() ? "" : ", ") + word;
-  }
-  return text;
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 #include "cli/scene_option.h"
 
-#include "cli/chart_support.h"
+#include "cli/option_values.h"
 #include "simulator/scene.h"
 
 namespace forcegrid::cli {
