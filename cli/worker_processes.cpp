@@ -33,6 +33,10 @@ WorkerProcesses::WorkerProcesses(const std::vector<std::string>& key_files)
 
 WorkerProcesses::~WorkerProcesses() {
   workers_.clear();
+  remove_own_key();
+}
+
+void WorkerProcesses::remove_own_key() noexcept {
   std::error_code ignored;
   if (!own_folder_.empty()) {
     std::filesystem::remove_all(own_folder_, ignored);
@@ -56,6 +60,7 @@ void WorkerProcesses::start(int count, const std::string& listening, const std::
       throw std::runtime_error("a worker did not start (its message is above)");
     }
   }
+  remove_own_key();  // everybody has read it, and a run that is killed could not do it later
 }
 
 }  // namespace forcegrid::cli

@@ -12,7 +12,7 @@ namespace forcegrid::cli {
 class WorkerProcesses {
  public:
   /// @param key_files  of --key; without one a new key is made in a folder of its own, which goes
-  ///                   with the object
+  ///                   when all have started, or with the object
   /// @throws std::runtime_error or link::LinkError with the system's reason.
   explicit WorkerProcesses(const std::vector<std::string>& key_files);
   /// Ends them.
@@ -27,6 +27,8 @@ class WorkerProcesses {
   void start(int count, const std::string& listening, const std::string& scene);
 
  private:
+  void remove_own_key() noexcept;
+
   std::string own_folder_;  ///< empty: the key is the user's
   std::vector<std::string> key_files_;
   std::vector<std::unique_ptr<ChildProcess>> workers_;

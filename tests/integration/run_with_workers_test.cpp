@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -23,9 +24,15 @@ using ::testing::HasSubstr;
 using testing::Program;
 
 TEST(RunWithWorkers, HasTwoOfThemAnswerQueries) {
-  Program run = Program::forcegrid({"run", "--scene", "small", "--seconds", "4", "--workers", "2",
-                                    "--method", "forcegrid+request", "--shadow", "hold",
-                                    "--no-truth", "--out", fresh_folder("workers"), "--json"});
+  const std::string temporary = fresh_folder("workers_temporary");
+  std::vector<std::string> command =
+      testing::forcegrid_command({"run", "--scene", "small", "--seconds", "4", "--workers", "2",
+                                  "--method", "forcegrid+request", "--shadow", "hold", "--no-truth",
+                                  "--out", fresh_folder("workers"), "--json"});
+  command.insert(command.begin(), {"/usr/bin/env", "TMPDIR=" + temporary});
+  Program run(command);
+  ASSERT_TRUE(run.wait_for_text("in contact"));
+  EXPECT_TRUE(std::filesystem::is_empty(temporary)) << "a run that is killed would leave its key";
   ASSERT_EQ(run.wait(std::chrono::seconds(60)), 0) << run.standard_error();
   const json summary = json::parse(run.standard_output());
   EXPECT_EQ(summary.at("faults"), json::array());
