@@ -136,7 +136,9 @@ Descent CarriedState<Real>::descend(int max_iterations, double residual_aim_N,
   Descent result;
   const bool has_coarse = !coarse().place.empty();
   const Float4 zero{};
-  const Float4 first = take_step(zero).preconditioned + precondition_coarsely();
+  const Float4 first =
+      kernels::precondition(rows_.reach, inverse_.data(), residual_.data(), product_.data()) +
+      precondition_coarsely();
   next_direction(zero, coarse());
   Float4 before = first;
   const float* const home_N_per_m = home_N_per_m_.empty() ? nullptr : home_N_per_m_.data();

@@ -86,27 +86,59 @@ FORCEGRID_MULTIVERSION void next_direction_by_cell(const CoarseGrid& coarse, con
   }
 }
 
+// Rows of the inverse that are worked out side by side: two wide registers a lane.
+constexpr std::int32_t kRows = 16;
+
+// kRows unknowns from `first` on; the matrix is symmetric, so that its rows are its columns.
+FORCEGRID_INLINE void solve_rows(const CoarseGrid& coarse, std::int32_t first,
+                                 const Lanes* coarse_residual, Lanes* coarse_correction) {
+  const std::int32_t unknowns = 3 * coarse.node_count;
+  const float* row = &coarse.inverse_m_per_N[static_cast<std::size_t>(first)];
+  Float8 low[4] = {};
+  Float8 high[4] = {};
+  for (std::int32_t n = 0; n < coarse.node_count; ++n) {
+    for (int c = 0; c < 3; ++c) {
+      const Float4 r = coarse_residual[n].component[c];
+      const auto low_row = load<Float8>(row);
+      const auto high_row = load<Float8>(row + 8);
+      for (int lane = 0; lane < 4; ++lane) {
+        low[lane] += low_row * r[lane];
+        high[lane] += high_row * r[lane];
+      }
+      row += unknowns;
+    }
+  }
+  for (std::int32_t k = 0; k < kRows; ++k) {
+    const Float8(&sum)[4] = k < 8 ? low : high;
+    const int at = k % 8;
+    coarse_correction[(first + k) / 3].component[(first + k) % 3] =
+        Float4{sum[0][at], sum[1][at], sum[2][at], sum[3][at]};
+  }
+}
+
 FORCEGRID_MULTIVERSION void solve_coarse_on(const CoarseGrid& coarse, const Lanes* coarse_residual,
                                             Lanes* coarse_correction, Float4* dot) noexcept {
-  const std::int32_t nodes = coarse.node_count;
-  const std::int32_t unknowns = 3 * nodes;
-  Float4 sum{};
-  for (std::int32_t k = 0; k < nodes; ++k) {
+  const std::int32_t unknowns = 3 * coarse.node_count;
+  std::int32_t first = 0;
+  for (; first + kRows <= unknowns; first += kRows) {
+    solve_rows(coarse, first, coarse_residual, coarse_correction);
+  }
+  for (; first < unknowns; ++first) {
     const float* const row =
         &coarse
-             .inverse_m_per_N[static_cast<std::size_t>(3 * k) * static_cast<std::size_t>(unknowns)];
-    Float4 e[3] = {};
-    for (std::int32_t m = 0; m < nodes; ++m) {
+             .inverse_m_per_N[static_cast<std::size_t>(first) * static_cast<std::size_t>(unknowns)];
+    Float4 e{};
+    for (std::int32_t n = 0; n < coarse.node_count; ++n) {
       for (int c = 0; c < 3; ++c) {
-        const Float4 r = coarse_residual[m].component[c];
-        for (int d = 0; d < 3; ++d) {
-          e[d] += broadcast(row[d * unknowns + 3 * m + c]) * r;
-        }
+        e += broadcast(row[3 * n + c]) * coarse_residual[n].component[c];
       }
     }
-    for (int d = 0; d < 3; ++d) {
-      coarse_correction[k].component[d] = e[d];
-      sum += e[d] * coarse_residual[k].component[d];
+    coarse_correction[first / 3].component[first % 3] = e;
+  }
+  Float4 sum{};
+  for (std::int32_t n = 0; n < coarse.node_count; ++n) {
+    for (int c = 0; c < 3; ++c) {
+      sum += coarse_correction[n].component[c] * coarse_residual[n].component[c];
     }
   }
   *dot = sum;

@@ -48,6 +48,11 @@ void find_tangents(const SpringRows& rows, const SpringConstants<double>* consta
                    bool exponential, const Precise* position, double* t_N_per_m,
                    SpringTangent* tangent) noexcept;
 
+/// product = M residual, M the block-Jacobi part: how a correction begins.
+/// @returns the lanes' dot products residual . product.
+Float4 precondition(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* residual,
+                    Lanes* product) noexcept;
+
 /// The coarse half of take_step(): coarse_residual = P^T residual, nothing for an empty grid; the
 /// residual is 0 on vertices that can't move freely.
 void restrict_residual(const CoarseGrid& coarse, const Lanes* residual,

@@ -148,6 +148,36 @@ FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const Spr
   }
 }
 
+// z = M r.
+FORCEGRID_INLINE void apply_inverse(const BlockInverse& m, const Float4 (&r)[3], Float4 (&z)[3]) {
+  const Float4 xx = broadcast(m.diagonal[0]);
+  const Float4 yy = broadcast(m.diagonal[1]);
+  const Float4 zz = broadcast(m.diagonal[2]);
+  const Float4 xy = broadcast(m.off_diagonal[0]);
+  const Float4 yz = broadcast(m.off_diagonal[1]);
+  const Float4 zx = broadcast(m.off_diagonal[2]);
+  z[0] = xx * r[0] + xy * r[1] + zx * r[2];
+  z[1] = xy * r[0] + yy * r[1] + yz * r[2];
+  z[2] = zx * r[0] + yz * r[1] + zz * r[2];
+}
+
+FORCEGRID_MULTIVERSION void precondition_on(std::int32_t vertex_count, const BlockInverse* inverse,
+                                            const Lanes* residual, Lanes* product,
+                                            Float4* dot) noexcept {
+  Float4 sum{};
+  for (std::int32_t i = 0; i < vertex_count; ++i) {
+    const Float4 r[3] = {residual[i].component[0], residual[i].component[1],
+                         residual[i].component[2]};
+    Float4 z[3];
+    apply_inverse(inverse[i], r, z);
+    for (int c = 0; c < 3; ++c) {
+      product[i].component[c] = z[c];
+      sum += r[c] * z[c];
+    }
+  }
+  *dot = sum;
+}
+
 FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4* alpha_lanes,
                                          const BlockInverse* inverse, const Lanes* direction,
                                          Lanes* state, Lanes* residual, Lanes* product,
@@ -167,20 +197,13 @@ FORCEGRID_MULTIVERSION void take_step_on(std::int32_t vertex_count, const Float4
       r[c] = before[c] - free_alpha * product[i].component[c];
       residual[i].component[c] = r[c];
     }
-    const Float4 xx = broadcast(m.diagonal[0]);
-    const Float4 yy = broadcast(m.diagonal[1]);
-    const Float4 zz = broadcast(m.diagonal[2]);
-    const Float4 xy = broadcast(m.off_diagonal[0]);
-    const Float4 yz = broadcast(m.off_diagonal[1]);
-    const Float4 zx = broadcast(m.off_diagonal[2]);
-    const Float4 z0 = xx * r[0] + xy * r[1] + zx * r[2];
-    const Float4 z1 = xy * r[0] + yy * r[1] + yz * r[2];
-    const Float4 z2 = zx * r[0] + yz * r[1] + zz * r[2];
-    product[i].component[0] = z0;
-    product[i].component[1] = z1;
-    product[i].component[2] = z2;
-    preconditioned += r[0] * z0 + r[1] * z1 + r[2] * z2;
-    former += before[0] * z0 + before[1] * z1 + before[2] * z2;
+    Float4 z[3];
+    apply_inverse(m, r, z);
+    for (int c = 0; c < 3; ++c) {
+      product[i].component[c] = z[c];
+    }
+    preconditioned += r[0] * z[0] + r[1] * z[1] + r[2] * z[2];
+    former += before[0] * z[0] + before[1] * z[1] + before[2] * z[2];
     squared += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
   }
   sums->preconditioned = preconditioned;
@@ -289,6 +312,13 @@ void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, 
 void sum_blocks(const SpringRows& rows, const SpringTangent* tangent,
                 BlockInverse* block) noexcept {
   find_blocks(rows, tangent, block);
+}
+
+Float4 precondition(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* residual,
+                    Lanes* product) noexcept {
+  Float4 dot{};
+  precondition_on(vertex_count, inverse, residual, product, &dot);
+  return dot;
 }
 
 Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent,

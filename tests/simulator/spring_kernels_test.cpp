@@ -137,6 +137,48 @@ TEST(CoarseGrid, SumsResidualsWithTheWeightsThatItInterpolatesWith) {
   }
 }
 
+TEST(CoarseGrid, SolvesWithItsInverseInEveryLane) {
+  CoarseGrid coarse = make_coarse_grid(scattered_points_m());
+  std::mt19937 random(kSeed + 3);
+  std::uniform_real_distribution<float> number(-1.0F, 1.0F);
+  // Not a multiple of any register's numbers, and one that is.
+  for (const std::int32_t nodes : {coarse.node_count, 16}) {
+    coarse.node_count = nodes;
+    const auto unknowns = static_cast<std::size_t>(3 * nodes);
+    coarse.inverse_m_per_N.assign(unknowns * unknowns, 0.0F);
+    for (std::size_t i = 0; i < unknowns; ++i) {
+      for (std::size_t j = 0; j <= i; ++j) {
+        coarse.inverse_m_per_N[i * unknowns + j] = coarse.inverse_m_per_N[j * unknowns + i] =
+            number(random);
+      }
+    }
+    std::vector<Lanes> residual(static_cast<std::size_t>(nodes));
+    for (Lanes& at : residual) {
+      for (Float4& component : at.component) {
+        component = Float4{number(random), number(random), number(random), number(random)};
+      }
+    }
+    std::vector<Lanes> found(residual.size());
+    const Float4 dot = solve_coarse(coarse, residual.data(), found.data());
+    double expected_dot[4] = {};
+    for (std::size_t i = 0; i < unknowns; ++i) {
+      for (int lane = 0; lane < 4; ++lane) {
+        double expected = 0.0;
+        for (std::size_t j = 0; j < unknowns; ++j) {
+          expected += static_cast<double>(coarse.inverse_m_per_N[i * unknowns + j]) *
+                      static_cast<double>(residual[j / 3].component[j % 3][lane]);
+        }
+        ASSERT_NEAR(found[i / 3].component[i % 3][lane], expected, 1e-4) << nodes << ", " << i;
+        expected_dot[lane] +=
+            expected * static_cast<double>(residual[i / 3].component[i % 3][lane]);
+      }
+    }
+    for (int lane = 0; lane < 4; ++lane) {
+      EXPECT_NEAR(dot[lane], expected_dot[lane], 1e-3) << nodes;
+    }
+  }
+}
+
 TEST(TakeStep, SumsTheNewResidualPreconditionedWithTheOneBefore) {
   std::mt19937 random(kSeed + 2);
   std::uniform_real_distribution<float> number(-1.0F, 1.0F);
