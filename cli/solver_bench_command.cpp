@@ -1,6 +1,7 @@
 #include "cli/solver_bench_command.h"
 
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,9 @@ namespace {
 constexpr std::uint64_t kSeed = 1;
 constexpr double kSlowMotion_s = 4.0;
 constexpr double kFastMotion_s = 1.5;
+constexpr double kLearning_s = 20.0;
+// Beyond, the full solver that checks the model takes minutes.
+constexpr std::size_t kMostVerticesLearnt = 20'000;
 // The best one that the solver study found, a more accurate and a quicker one.
 constexpr double kBulletRelaxations[] = {0.03, 0.10, 0.25};
 
@@ -96,6 +100,23 @@ void print_reduced(const simulator::SolverBenchResult& result) {
   }
 }
 
+void print_learning(const simulator::SolverBenchResult& result) {
+  std::printf(
+      "\nThe reduced model learnt on the way, along the motion 'random'; against the full solver's "
+      "forces\n  %8s %10s %9s %12s %10s %12s %12s %10s %14s\n",
+      "answers", "rate", "by model", "their error", "most, all", "time, median", "99 %",
+      "trainings", "failed checks");
+  for (const simulator::LearningRow& row : result.learning) {
+    std::printf(
+        "  %8zu %7.0f Hz %7.1f %% %10.4f %% %8.4f %% %9.3f ms %9.3f ms %10llu %6llu of %llu\n",
+        row.answers, row.rate_Hz, row.by_model_percent, row.model_error_percent,
+        row.max_error_percent, row.model_median_ms, row.model_p99_ms,
+        static_cast<unsigned long long>(row.trainings),
+        static_cast<unsigned long long>(row.failed_checks),
+        static_cast<unsigned long long>(row.checks));
+  }
+}
+
 void print_step(const simulator::SolverBenchResult& result) {
   std::printf(
       "\nA step of 10 mm upwards from rest, linear springs; processor time until it stays within\n"
@@ -135,13 +156,24 @@ int solver_bench_command(const std::string& scene, const JsonTarget& json) {
   for (const double relaxation : kBulletRelaxations) {
     options.peers.push_back(simulator::bullet_peer(relaxation));
   }
-  const simulator::SolverBenchResult result =
-      simulator::bench_solvers(simulator::make_scene(scene), options);
+  const simulator::Scene made = simulator::make_scene(scene);
+  const bool learns = made.mesh.rest_position_W.size() <= kMostVerticesLearnt;
+  if (learns) {
+    options.learning_W = motion_W(100.0, kLearning_s);
+  }
+  simulator::SolverBenchResult result = simulator::bench_solvers(made, options);
+  if (!learns) {
+    result.remarks.push_back("no learning on the way: more than " +
+                             std::to_string(kMostVerticesLearnt) + " vertices");
+  }
   if (!json.on_stdout()) {
     std::printf("%s: %zu vertices, %zu springs\n", result.scene.c_str(), result.vertices,
                 result.springs);
     print_motion(result);
     print_reduced(result);
+    if (!result.learning.empty()) {
+      print_learning(result);
+    }
     if (!result.step.empty()) {
       print_step(result);
     }

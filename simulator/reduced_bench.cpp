@@ -5,7 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "profiles/text.h"
+#include "rt/percentiles.h"
 #include "simulator/error.h"
+#include "simulator/reduced_object.h"
 #include "simulator/reduced_training.h"
 #include "simulator/solver_bench.h"
 
@@ -14,12 +16,16 @@ namespace {
 
 constexpr double kStateTolerance = 1e-4;
 
-ElasticObject<float> held(const Scene& scene, double relative_tolerance) {
-  ElasticObject<float> object(scene.mesh, {.relative_tolerance = relative_tolerance});
-  if (object.grab(scene.mesh.top_W, scene.patch_radius_m) == 0) {
+void require_held(int held, const Scene& scene) {
+  if (held == 0) {
     throw Error("bench: no free vertex within " + profiles::number_text(scene.patch_radius_m) +
                 " m of the top of scene " + scene.name + "; use a larger patch_radius_m");
   }
+}
+
+ElasticObject<float> held(const Scene& scene, double relative_tolerance) {
+  ElasticObject<float> object(scene.mesh, {.relative_tolerance = relative_tolerance});
+  require_held(object.grab(scene.mesh.top_W, scene.patch_radius_m), scene);
   return object;
 }
 
@@ -82,6 +88,59 @@ ReducedRow ReducedBench::compare_states(const std::vector<Eigen::Vector3d>& disp
   row.max_state_error_percent =
       100.0 * std::sqrt(largest2_m2 * static_cast<double>(displacements_W.size()) / moved2_m2);
   return row;
+}
+
+LearningRow bench_learning(const Scene& scene, const std::vector<Eigen::Vector3d>& displacements_W,
+                           double rate_Hz) {
+  if (displacements_W.empty()) {
+    throw Error("bench: learning on the way needs a motion; give at least one displacement");
+  }
+  ReducedObjectOptions options;
+  options.own_threads = false;
+  ReducedObject object(scene.mesh, options);
+  require_held(object.grab(scene.mesh.top_W, scene.patch_radius_m), scene);
+  ElasticObject<float> full = held(scene, kStateTolerance);
+  LearningRow row{.answers = displacements_W.size(), .rate_Hz = rate_Hz};
+  double model_error2_N2 = 0.0;
+  double largest2_N2 = 0.0;
+  double force2_N2 = 0.0;
+  rt::Percentiles times_us;
+  for (const Eigen::Vector3d& displacement_W : displacements_W) {
+    const Equilibrium answer = object.move_to(displacement_W);
+    const Eigen::Vector3d full_W = full.move_to(displacement_W).force_W;
+    const double error2_N2 = (answer.force_W - full_W).squaredNorm();
+    force2_N2 += full_W.squaredNorm();
+    largest2_N2 = std::max(largest2_N2, error2_N2);
+    if (object.use().in_use) {
+      model_error2_N2 += error2_N2;
+      times_us.add(1e6 * answer.solve_time_s);
+    }
+  }
+  const auto count = static_cast<double>(row.answers);
+  const auto by_model = static_cast<double>(times_us.count());
+  const double mean2_N2 = force2_N2 / count;
+  row.by_model_percent = 100.0 * by_model / count;
+  row.model_error_percent = 100.0 * std::sqrt(model_error2_N2 / std::max(1.0, by_model) / mean2_N2);
+  row.max_error_percent = 100.0 * std::sqrt(largest2_N2 / mean2_N2);
+  row.model_median_ms = 1e-3 * times_us.at(0.5);
+  row.model_p99_ms = 1e-3 * times_us.at(0.99);
+  row.trainings = object.use().trainings;
+  row.checks = object.use().checks;
+  row.failed_checks = object.use().failed_checks;
+  return row;
+}
+
+nlohmann::json to_json(const LearningRow& row) {
+  return {{"answers", row.answers},
+          {"rate_Hz", row.rate_Hz},
+          {"by_model_percent", row.by_model_percent},
+          {"model_error_percent", row.model_error_percent},
+          {"max_error_percent", row.max_error_percent},
+          {"model_median_ms", row.model_median_ms},
+          {"model_p99_ms", row.model_p99_ms},
+          {"trainings", row.trainings},
+          {"checks", row.checks},
+          {"failed_checks", row.failed_checks}};
 }
 
 nlohmann::json to_json(const ReducedRow& row) {

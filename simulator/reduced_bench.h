@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -46,7 +48,29 @@ class ReducedBench {
   std::unique_ptr<Parts> parts_;
 };
 
+/// How a ReducedObject learnt along a motion.
+struct LearningRow {
+  std::size_t answers = 0;
+  double rate_Hz = 0.0;
+  double by_model_percent = 0.0;     ///< of the answers that a reduced model gave
+  double model_error_percent = 0.0;  ///< of these, RMS of |F - F_full| in % of RMS |F_full| of all
+  double max_error_percent = 0.0;    ///< the largest of all answers, in % of the same
+  double model_median_ms = 0.0;      ///< wall time of a model's answer, without its check
+  double model_p99_ms = 0.0;
+  std::uint64_t trainings = 0;
+  std::uint64_t checks = 0;
+  std::uint64_t failed_checks = 0;
+};
+
+/// Moves a new ReducedObject that holds the scene's top along `displacements_W` [m], trainings and
+/// checks within the moves, so that the outcome doesn't depend on the machine's speed. Compared
+/// with the full solver to a residual of 1e-4. Throws Error for a scene whose top can't be held, or
+/// an empty motion.
+LearningRow bench_learning(const Scene& scene, const std::vector<Eigen::Vector3d>& displacements_W,
+                           double rate_Hz);
+
 /// Keys carry the units.
 nlohmann::json to_json(const ReducedRow& row);
+nlohmann::json to_json(const LearningRow& row);
 
 }  // namespace forcegrid::simulator

@@ -21,7 +21,13 @@ using Eigen::Vector3d;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kStep_m = 0.010;
 constexpr double kFastBorder = 1e-3;
+// For objects whose answers would be late: the prediction's force, as direct's.
+constexpr double kAnswerFirstBelow = 0.01;
+constexpr int kAnswerFirstIterations = 2;
 constexpr int kStepRepeats = 3;
+// Against other work on the machine; of larger objects a pass takes long enough.
+constexpr std::size_t kMostVerticesRepeated = 5'000;
+constexpr double kLearningRate_Hz = 100.0;
 const std::string kQuasiStatic = "quasi_static";
 const std::string kNewton = "newton_cg";
 const std::string kReduced = "reduced";
@@ -49,6 +55,52 @@ SolverSubject reduced(const std::shared_ptr<ReducedBench>& model) {
           }};
 }
 
+using Makes = std::vector<std::function<SolverSubject()>>;
+
+void add_elastic(const Scene& scene, const SolverOptions& solver, const std::string& setting,
+                 Makes& makes) {
+  makes.push_back([&scene, solver, setting] { return elastic_subject(scene, solver, setting); });
+}
+
+void add_newton(const Scene& scene, Makes& makes) {
+  for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
+    makes.push_back([&scene, tolerance] { return newton_subject(scene, tolerance); });
+  }
+}
+
+Makes slow_subjects(const Scene& scene) {
+  Makes makes;
+  for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4}) {
+    SolverOptions solver;
+    solver.relative_tolerance = tolerance;
+    add_elastic(scene, solver, tolerance_text(tolerance), makes);
+  }
+  SolverOptions first;
+  first.answer_first_below = kAnswerFirstBelow;
+  first.max_iterations = kAnswerFirstIterations;
+  add_elastic(scene, first, "answer, then 2 its", makes);
+  for (const double border : {1e-2, 3e-3, 1e-3}) {
+    SolverOptions solver;
+    solver.border_tolerance = border;
+    add_elastic(scene, solver, "border " + profiles::number_text(border), makes);
+  }
+  add_newton(scene, makes);
+  return makes;
+}
+
+Makes fast_subjects(const Scene& scene) {
+  Makes makes;
+  SolverOptions direct = DirectOptions{}.solver;
+  add_elastic(scene, direct, "as direct", makes);
+  direct.answer_first_below = 0.0;
+  add_elastic(scene, direct, "correct, then answer", makes);
+  SolverOptions local = DirectOptions{}.solver;
+  local.border_tolerance = kFastBorder;
+  add_elastic(scene, local, "as direct", makes);
+  add_newton(scene, makes);
+  return makes;
+}
+
 void measure_motion(const Scene& scene, const SolverBenchOptions& options,
                     SolverBenchResult& result) {
   const auto say = [&options](const std::string& text) {
@@ -56,46 +108,33 @@ void measure_motion(const Scene& scene, const SolverBenchOptions& options,
       options.say(text);
     }
   };
+  const int passes =
+      scene.mesh.rest_position_W.size() <= kMostVerticesRepeated ? options.passes : 1;
   const auto measure = [&](const SolverMotion& motion, const SolverSubject& subject) {
     say(subject.name + ", " + subject.setting);
     result.motion.push_back(motion.measure(subject));
   };
+  const auto measure_all = [&](const SolverMotion& motion, const Makes& makes) {
+    const std::vector<MotionRow> rows = motion.measure(makes, passes);
+    result.motion.insert(result.motion.end(), rows.begin(), rows.end());
+  };
   say("converged forces at 30 Hz");
   const SolverMotion slow(scene, options.at_30_Hz_W, 30.0, options.settling_s);
-  for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4}) {
-    SolverOptions solver;
-    solver.relative_tolerance = tolerance;
-    measure(slow, elastic_subject(scene, solver, tolerance_text(tolerance)));
-  }
-  for (const double border : {1e-2, 3e-3, 1e-3}) {
-    SolverOptions solver;
-    solver.border_tolerance = border;
-    measure(slow, elastic_subject(scene, solver, "border " + profiles::number_text(border)));
-  }
+  say("solvers at 30 Hz, in turn, " + std::to_string(passes) + " times");
+  measure_all(slow, slow_subjects(scene));
   const std::shared_ptr<ReducedBench> model = train(scene, options);
   if (model) {
     measure(slow, reduced(model));
     say("reduced, its states");
     result.reduced.push_back(model->compare_states(options.at_30_Hz_W));
   }
-  for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
-    measure(slow, newton_subject(scene, tolerance));
-  }
   say("converged forces at 500 Hz");
   const SolverMotion fast(scene, options.at_500_Hz_W, 500.0, options.settling_s);
-  SolverOptions direct = DirectOptions{}.solver;
-  measure(fast, elastic_subject(scene, direct, "as direct"));
-  direct.answer_first_below = 0.0;
-  measure(fast, elastic_subject(scene, direct, "correct, then answer"));
-  SolverOptions local = DirectOptions{}.solver;
-  local.border_tolerance = kFastBorder;
-  measure(fast, elastic_subject(scene, local, "as direct"));
+  say("solvers at 500 Hz, in turn, " + std::to_string(passes) + " times");
+  measure_all(fast, fast_subjects(scene));
   measure(fast, two_rates_subject(scene, two_rates_options(500.0, {}), "as direct"));
   if (model) {
     measure(fast, reduced(model));
-  }
-  for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
-    measure(fast, newton_subject(scene, tolerance));
   }
 }
 
@@ -198,6 +237,17 @@ void measure_step(const Scene& asked, const SolverBenchOptions& options,
   }
 }
 
+void measure_learning(const Scene& scene, const SolverBenchOptions& options,
+                      SolverBenchResult& result) {
+  if (options.learning_W.empty()) {
+    return;
+  }
+  if (options.say) {
+    options.say("reduced, learning on the way");
+  }
+  result.learning.push_back(bench_learning(scene, options.learning_W, kLearningRate_Hz));
+}
+
 void find_ratios(SolverBenchResult& result) {
   for (const MotionRow& ours : result.motion) {
     if (ours.solver == kNewton) {
@@ -236,6 +286,7 @@ SolverBenchResult bench_solvers(const Scene& scene, const SolverBenchOptions& op
                            .springs = scene.mesh.springs.size()};
   measure_motion(scene, options, result);
   measure_step(scene, options, result);
+  measure_learning(scene, options, result);
   result.dynamic = bench_dynamic(scene, options.at_30_Hz_W, 30.0, options.say);
   find_ratios(result);
   return result;
@@ -250,6 +301,7 @@ nlohmann::json to_json(const SolverBenchResult& result) {
                       {"step", nlohmann::json::array()},
                       {"dynamic", nlohmann::json::array()},
                       {"reduced", nlohmann::json::array()},
+                      {"learning", nlohmann::json::array()},
                       {"ratios", nlohmann::json::array()}};
   for (const MotionRow& row : result.motion) {
     json["motion"].push_back({{"solver", row.solver},
@@ -292,6 +344,9 @@ nlohmann::json to_json(const SolverBenchResult& result) {
   }
   for (const ReducedRow& row : result.reduced) {
     json["reduced"].push_back(to_json(row));
+  }
+  for (const LearningRow& row : result.learning) {
+    json["learning"].push_back(to_json(row));
   }
   for (const SpeedRatio& ratio : result.ratios) {
     json["ratios"].push_back({{"solver", ratio.solver},

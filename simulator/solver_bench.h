@@ -36,6 +36,9 @@ struct SolverBenchOptions {
   std::vector<Eigen::Vector3d> at_500_Hz_W;
   /// [m] The motion that a reduced model is trained on, 30 a second; empty: none is made.
   std::vector<Eigen::Vector3d> training_W;
+  /// [m] The motion that a reduced model is learnt along, 100 a second; empty: that isn't measured.
+  std::vector<Eigen::Vector3d> learning_W;
+  int passes = 5;           ///< of each solver, see SolverMotion; 1 beyond 5,000 vertices
   double settling_s = 0.5;  ///< ticks before it are solved, but not counted
   std::vector<StepPeer> peers;
   std::function<void(const std::string&)> say;  ///< what is being measured; may be empty
@@ -69,6 +72,7 @@ struct SolverBenchResult {
   std::vector<StepRow> step{};
   std::vector<DynamicRow> dynamic{};  ///< of a scene with masses
   std::vector<ReducedRow> reduced{};  ///< where there is a motion to train on; states at 30 Hz
+  std::vector<LearningRow> learning{};
   std::vector<SpeedRatio> ratios{};
   std::vector<std::string> remarks{};  ///< what was left out and why
 };

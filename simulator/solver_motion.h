@@ -73,7 +73,16 @@ class SolverMotion {
   /// Takes the subject through it, which must be new.
   MotionRow measure(const SolverSubject& subject) const;
 
+  /// The same of several solvers in turn, each with `passes` >= 1 new subjects. Of a tick's times
+  /// the shortest counts, since they all solve the same and what differs is other work on the
+  /// machine; everything else is the first pass's.
+  std::vector<MotionRow> measure(const std::vector<std::function<SolverSubject()>>& makes,
+                                 int passes) const;
+
  private:
+  MotionRow run(const SolverSubject& subject, std::vector<double>& times_ms) const;
+  void set_times(const std::vector<double>& times_ms, MotionRow& row) const;
+
   std::vector<Eigen::Vector3d> displacements_W_;
   double rate_Hz_;
   std::size_t first_;
