@@ -178,7 +178,7 @@ TEST(LongFalconFault, FirmwareSlowBy20msIsEndured) {
 }
 
 TEST(LongFalconFault, PacketsLateBy50msEndTheRun) {
-  expect_motors_off(run_with("late-report:ms=50", 12.0), {"late_reports"}, 8.0);
+  expect_motors_off(run_with("late-report:ms=50", 5.0), {"late_reports"}, 2.0);
 }
 
 TEST(LongFalconFault, PacketsLateBy500msEndTheRun) {

@@ -128,14 +128,14 @@ TEST(LocalSolver, TheRegionGrowsWithWhatIsDisturbedAndShrinksAgain) {
   object.grab(scene.mesh.top_W, scene.patch_radius_m);
   const int little = object.move_to({0.0, 0.0, 0.0005}).vertices;
   int largest = 0;
-  for (int step = 1; step <= 15; ++step) {
+  for (int step = 1; step <= 20; ++step) {
     largest = std::max(largest, object.move_to({0.0, 0.0, 0.001 * step}).vertices);
   }
   int last = 0;
   for (int step = 0; step < 80; ++step) {
     last = object.move_to({0.0, 0.0, 0.0005}).vertices;
   }
-  EXPECT_GT(2 * largest, 3 * little) << "whole rings, so not in proportion";
+  EXPECT_GT(largest, 2 * little);
   EXPECT_LT(last, largest);
 }
 
