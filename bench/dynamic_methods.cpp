@@ -16,10 +16,10 @@
 #include "evaluation/trace.h"
 #include "evaluation/trajectories.h"
 #include "forcegrid/methods.h"
-#include "simulator/dynamic_contact.h"
-#include "simulator/dynamic_truth.h"
-#include "simulator/scene.h"
-#include "simulator/truth.h"
+#include "simulator/touch/dynamic_contact.h"
+#include "simulator/reference/dynamic_truth.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/reference/truth.h"
 
 namespace forcegrid {
 namespace {

@@ -10,8 +10,8 @@
 #include "bench/openvdb_peer.h"
 #include "bench/ratios.h"
 #include "evaluation/yardstick.h"
-#include "forcegrid/force_grid.h"
-#include "forcegrid/mls_grid.h"
+#include "forcegrid/grid/force_grid.h"
+#include "forcegrid/grid/mls_grid.h"
 
 namespace forcegrid::bench {
 namespace {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "bench/ratios.h"
-#include "forcegrid/kriging_field.h"
-#include "forcegrid/kriging_grid_method.h"
-#include "forcegrid/kriging_method.h"
+#include "forcegrid/kriging/kriging_field.h"
+#include "forcegrid/kriging/kriging_grid_method.h"
+#include "forcegrid/kriging/kriging_method.h"
 
 namespace forcegrid::bench {
 namespace {

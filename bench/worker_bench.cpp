@@ -20,8 +20,8 @@
 #include <thread>
 #include <vector>
 
-#include "simulator/worker_pool.h"
-#include "simulator/worker_socket.h"
+#include "simulator/workers/worker_pool.h"
+#include "simulator/workers/worker_socket.h"
 
 namespace {
 

@@ -7,15 +7,15 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "cli/solver_bench_command.h"
-#include "cli/stop_request.h"
+#include "cli/charts/solver_bench_command.h"
+#include "cli/common/stop_request.h"
 #include "device_emulator/run_emulator.h"
 #include "driver/kinematics_json.h"
 #include "link/key.h"
 #include "profiles/device_profile.h"
 #include "simulator/run_simulator.h"
-#include "simulator/scene.h"
-#include "simulator/worker.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/workers/worker.h"
 
 namespace forcegrid::cli {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/run_command.h"
-#include "cli/tool_option.h"
+#include "cli/run/run_command.h"
+#include "cli/run/tool_option.h"
 
 namespace forcegrid::cli {
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "profiles/nearest_name.h"
+#include "text/nearest_name.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -125,7 +125,7 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
       names.push_back(known.name);
     }
     throw ConfigError(where + "unknown; the nearest known one is '" +
-                      profiles::nearest_name(value.key, names) +
+                      text::nearest_name(value.key, names) +
                       "' (forcegrid config shows all of them)");
   }
   if (value.texts.empty()) {
@@ -342,7 +342,7 @@ int config_command(const ConfigOptions& options, const std::vector<ConfigKey>& k
         names.push_back(key.name);
       }
       std::fprintf(stderr, "forcegrid: config: no key '%s'; the nearest is '%s'\n", name.c_str(),
-                   profiles::nearest_name(name, names).c_str());
+                   text::nearest_name(name, names).c_str());
       return 2;
     }
   }

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/run_command.h"
+#include "cli/run/run_command.h"
 #include "tools/config_file.h"
 
 namespace CLI {

@@ -12,7 +12,7 @@
 
 #include "device_emulator/operator_script.h"
 #include "profiles/device_profile.h"
-#include "simulator/scene.h"
+#include "simulator/mesh/scene.h"
 #include "tools/path_comparison.h"
 #include "tools/recording.h"
 #include "tools/recording_plot.h"

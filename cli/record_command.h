@@ -3,7 +3,7 @@
 #include <functional>
 #include <string>
 
-#include "cli/run_command.h"
+#include "cli/run/run_command.h"
 
 namespace CLI {
 class App;

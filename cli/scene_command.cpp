@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "cli/scene_option.h"
-#include "simulator/elastic_object.h"
-#include "simulator/return_test.h"
-#include "simulator/scene.h"
+#include "cli/common/scene_option.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/reference/return_test.h"
+#include "simulator/mesh/scene.h"
 
 namespace forcegrid::cli {
 namespace {

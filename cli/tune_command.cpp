@@ -11,10 +11,11 @@
 #include <optional>
 #include <stdexcept>
 
-#include "cli/run_setup.h"
-#include "cli/scene_option.h"
-#include "cli/stop_request.h"
+#include "cli/run/run_setup.h"
+#include "cli/common/scene_option.h"
+#include "cli/common/stop_request.h"
 #include "cli/tune_run.h"
+#include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
 #include "tools/config_file.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/run_command.h"
+#include "cli/run/run_command.h"
 
 namespace CLI {
 class App;

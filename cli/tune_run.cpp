@@ -8,9 +8,9 @@
 #include <stdexcept>
 #include <vector>
 
-#include "cli/child_process.h"
-#include "cli/run_command.h"
-#include "cli/stop_request.h"
+#include "cli/common/child_process.h"
+#include "cli/run/run_command.h"
+#include "cli/common/stop_request.h"
 
 namespace forcegrid::cli {
 namespace {

@@ -18,7 +18,7 @@
 #include "evaluation/variation.h"
 #include "evaluation/yardstick.h"
 #include "forcegrid/methods.h"
-#include "simulator/direct_method.h"
+#include "simulator/solver/direct_method.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
-#include "simulator/direct_method.h"
+#include "simulator/solver/direct_method.h"
 
 namespace forcegrid::evaluation {
 namespace {

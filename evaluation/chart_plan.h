@@ -8,8 +8,8 @@
 #include "evaluation/network.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
-#include "forcegrid/force_method.h"
-#include "simulator/spring_mesh.h"
+#include "forcegrid/core/force_method.h"
+#include "simulator/mesh/spring_mesh.h"
 
 namespace forcegrid::evaluation {
 

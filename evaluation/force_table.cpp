@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "evaluation/text_file.h"
-#include "simulator/truth.h"
+#include "simulator/reference/truth.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "simulator/spring_mesh.h"
+#include "simulator/mesh/spring_mesh.h"
 
 namespace forcegrid::evaluation {
 

@@ -5,7 +5,7 @@
 #include <deque>
 #include <limits>
 
-#include "forcegrid/sample_gate.h"
+#include "forcegrid/core/sample_gate.h"
 #include "rt/clock.h"
 
 namespace forcegrid::evaluation {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "evaluation/trace.h"
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 
 namespace forcegrid::evaluation {
 

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "evaluation/trajectories.h"
-#include "profiles/text.h"
-#include "simulator/scene.h"
+#include "text/text.h"
+#include "simulator/mesh/scene.h"
 
 namespace forcegrid::evaluation {
 
@@ -97,7 +97,7 @@ const ChartScene& chart_scene(const std::string& name) {
   }
   throw ChartError("scene '" + name + "' is none of the chart's: " + known +
                    "; or write another scene of 'forcegrid simulate' or a TOML file: " +
-                   profiles::joined(simulator::scene_names()));
+                   text::joined(simulator::scene_names()));
 }
 
 simulator::SpringMesh make_mesh(const ChartScene& scene) {

@@ -5,7 +5,7 @@
 
 #include "evaluation/alteration.h"
 #include "evaluation/force_table.h"
-#include "simulator/spring_mesh.h"
+#include "simulator/mesh/spring_mesh.h"
 
 namespace forcegrid::evaluation {
 

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
-#include "simulator/solver_scaling.h"
+#include "simulator/bench/solver_scaling.h"
 
 namespace forcegrid::evaluation {
 

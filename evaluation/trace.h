@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 
 namespace forcegrid::evaluation {
 

@@ -13,7 +13,7 @@
 #include "evaluation/judge.h"
 #include "evaluation/trace.h"
 #include "evaluation/trajectories.h"
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 
 namespace forcegrid::evaluation {
 

@@ -4,13 +4,13 @@
 #include <optional>
 #include <stdexcept>
 
-#include "forcegrid/affine_methods.h"
-#include "forcegrid/grid_factory.h"
-#include "forcegrid/hold_method.h"
-#include "forcegrid/kriging_grid_method.h"
-#include "forcegrid/kriging_method.h"
-#include "forcegrid/linear_method.h"
-#include "forcegrid/rls_method.h"
+#include "forcegrid/simple/affine_methods.h"
+#include "forcegrid/grid/grid_factory.h"
+#include "forcegrid/simple/hold_method.h"
+#include "forcegrid/kriging/kriging_grid_method.h"
+#include "forcegrid/kriging/kriging_method.h"
+#include "forcegrid/simple/linear_method.h"
+#include "forcegrid/simple/rls_method.h"
 
 namespace forcegrid {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "forcegrid/force_method.h"
-#include "forcegrid/method_options.h"
+#include "forcegrid/core/force_method.h"
+#include "forcegrid/core/method_options.h"
 
 namespace forcegrid {
 

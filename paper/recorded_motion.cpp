@@ -9,7 +9,7 @@
 #include "evaluation/page_text.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
-#include "simulator/truth.h"
+#include "simulator/reference/truth.h"
 
 namespace forcegrid::paper {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
-#include "simulator/elastic_object.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::paper {
 namespace {

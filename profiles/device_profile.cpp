@@ -7,11 +7,14 @@
 #include <limits>
 #include <numbers>
 
-#include "profiles/data_folder.h"
-#include "profiles/text.h"
-#include "profiles/toml_table.h"
+#include "text/data_folder.h"
+#include "text/text.h"
+#include "text/toml_table.h"
 
 namespace forcegrid::profiles {
+
+using text::joined;
+using text::number_text;
 namespace {
 
 namespace fs = std::filesystem;
@@ -19,9 +22,9 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMaxUsbStringLength = 126;  // a string descriptor has 255 bytes at most
 constexpr std::array<const char*, 3> kJointNames = {"a (base)", "b (shoulder)", "c (elbow)"};
 
-using Range = NumberRange;
+using Range = text::NumberRange;
 
-constexpr Range kAnyNumber{-kLargestNumber, kLargestNumber, "a finite number"};
+constexpr Range kAnyNumber{-text::kLargestNumber, text::kLargestNumber, "a finite number"};
 // The arms are table-top devices: a length of metres is a unit mistaken.
 constexpr Range kLength_m{1e-4, 2.0, "a length in metres from 0.0001 to 2"};
 constexpr Range kLinkLength_m{0.0, 2.0, "a length in metres from 0 to 2"};
@@ -33,34 +36,34 @@ constexpr Range kTorqueConstant_Nm_per_A{1e-4, 10.0,
                                          "a torque constant in N m/A from 0.0001 to 10"};
 // The report's currents are 16-bit milliamperes.
 constexpr Range kFullScale_A{1e-3, 32.0, "a current in amperes from 0.001 to 32"};
-constexpr Range kCurrent_A{kAboveZero, 32.0, "a current in amperes above 0 and at most 32"};
+constexpr Range kCurrent_A{text::kAboveZero, 32.0, "a current in amperes above 0 and at most 32"};
 constexpr Range kThermal_s{0.1, 1e4, "a time in seconds from 0.1 to 1e4"};
-constexpr Range kForce_N{kAboveZero, 100.0, "a force in newtons above 0 and at most 100"};
-constexpr Range kForceRate_N_per_s{kAboveZero, 1e6, "a rate in N/s above 0 and at most 1e6"};
-constexpr Range kJointTorque_Nm{kAboveZero, 1000.0, "a torque in N m above 0 and at most 1000"};
-constexpr Range kStiffness_N_per_m{kAboveZero, 1e5, "a stiffness in N/m above 0 and at most 1e5"};
+constexpr Range kForce_N{text::kAboveZero, 100.0, "a force in newtons above 0 and at most 100"};
+constexpr Range kForceRate_N_per_s{text::kAboveZero, 1e6, "a rate in N/s above 0 and at most 1e6"};
+constexpr Range kJointTorque_Nm{text::kAboveZero, 1000.0, "a torque in N m above 0 and at most 1000"};
+constexpr Range kStiffness_N_per_m{text::kAboveZero, 1e5, "a stiffness in N/m above 0 and at most 1e5"};
 constexpr Range kMaxDamping_N_s_per_m{0.0, 1e3, "a damping in N s/m from 0 to 1000"};
-constexpr Range kSpeed_m_per_s{kAboveZero, 20.0, "a speed in m/s above 0 and at most 20"};
+constexpr Range kSpeed_m_per_s{text::kAboveZero, 20.0, "a speed in m/s above 0 and at most 20"};
 constexpr Range kAcceleration_m_per_s2{0.0, 30.0, "an acceleration in m/s^2 from 0 to 30"};
 constexpr Range kLinkMass_kg{0.0, 20.0, "a mass in kilograms from 0 to 20"};
 constexpr Range kTipMass_kg{1e-3, 10.0, "a mass in kilograms from 0.001 to 10"};
 // Without joint inertia the arm's mass matrix is singular where its Jacobian is.
-constexpr Range kInertia_kg_m2{kAboveZero, 1.0, "an inertia in kg m^2 above 0 and at most 1"};
+constexpr Range kInertia_kg_m2{text::kAboveZero, 1.0, "an inertia in kg m^2 above 0 and at most 1"};
 constexpr Range kCoulomb_Nm{0.0, 10.0, "a friction torque in N m from 0 to 10"};
-constexpr Range kSmoothing_s_per_rad{kAboveZero, 1e4,
+constexpr Range kSmoothing_s_per_rad{text::kAboveZero, 1e4,
                                      "a smoothing in s/rad above 0 and at most 1e4"};
 constexpr Range kViscous_Nm_s_per_rad{0.0, 10.0, "a friction in N m s/rad from 0 to 10"};
-constexpr Range kStopStiffness_Nm_per_rad{kAboveZero, 1e4,
+constexpr Range kStopStiffness_Nm_per_rad{text::kAboveZero, 1e4,
                                           "a stiffness in N m/rad above 0 and at most 1e4"};
 constexpr Range kStopDamping_Nm_s_per_rad{0.0, 100.0, "a damping in N m s/rad from 0 to 100"};
-constexpr Range kKnobStopStiffness_N_per_m{kAboveZero, 1e6,
+constexpr Range kKnobStopStiffness_N_per_m{text::kAboveZero, 1e6,
                                            "a stiffness in N/m above 0 and at most 1e6"};
 constexpr Range kEncoder_rad_per_count{1e-7, 0.1, "an angle a count in radians from 1e-7 to 0.1"};
 constexpr Range kTorqueGain_per_Nm{1.0, 1e6, "a command for 1 N m from 1 to 1e6"};
 constexpr Range kHandMass_kg{1e-3, 20.0, "a mass in kilograms from 0.001 to 20"};
 constexpr Range kHandDamping_N_s_per_m{0.0, 1e4, "a damping in N s/m from 0 to 1e4"};
 
-using Table = TomlTable;
+using Table = text::TomlTable;
 
 std::string usb_string(const Table& table, const char* key) {
   const std::string value = table.text(key, kMaxUsbStringLength);
@@ -114,7 +117,7 @@ DeviceKind read_kind(const toml::table& root, const std::string& file) {
   }
   const std::string kind = node->value_or(std::string());
   if (kind != "arm" && kind != "delta") {
-    throw TomlError(file + ":" + std::to_string(node->source().begin.line) + ": key 'kind': '" +
+    throw text::TomlError(file + ":" + std::to_string(node->source().begin.line) + ": key 'kind': '" +
                     kind + "' is unknown; write \"arm\" or \"delta\"");
   }
   return kind == "delta" ? DeviceKind::kDelta : DeviceKind::kArm;
@@ -568,17 +571,17 @@ HandProfile read_hand(const Table& root, const char* key) {
   return hand;
 }
 
-const DataFolder& profile_folder() {
-  static const DataFolder folder{"FORCEGRID_PROFILE_PATH", "profiles",
+const text::DataFolder& profile_folder() {
+  static const text::DataFolder folder{"FORCEGRID_PROFILE_PATH", "profiles",
                                  FORCEGRID_PROFILE_SOURCE_DIR};
   return folder;
 }
 
 std::string find_file(const std::string& name_or_path) {
-  if (is_data_path(name_or_path)) {
+  if (text::is_data_path(name_or_path)) {
     return name_or_path;
   }
-  const std::string file = find_data_file(profile_folder(), name_or_path);
+  const std::string file = text::find_data_file(profile_folder(), name_or_path);
   if (file.empty()) {
     throw ProfileError("device profile '" + name_or_path + "': unknown; write one of: " +
                        joined(available_profiles()) + ", or a file name that ends in .toml");
@@ -635,12 +638,12 @@ DeviceProfile load_device_profile(const std::string& name_or_path) {
                        "': not a regular file; write the path of a .toml file");
   }
   try {
-    return read_profile(read_toml_file(file), file);
-  } catch (const TomlError& problem) {
+    return read_profile(text::read_toml_file(file), file);
+  } catch (const text::TomlError& problem) {
     throw ProfileError(problem.what());
   }
 }
 
-std::vector<std::string> available_profiles() { return data_names(profile_folder()); }
+std::vector<std::string> available_profiles() { return text::data_names(profile_folder()); }
 
 }  // namespace forcegrid::profiles

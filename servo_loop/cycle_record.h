@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 #include "servo_loop/degradation_ladder.h"
 #include "servo_loop/fault.h"
 

@@ -18,11 +18,11 @@
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
-#include "simulator/error.h"
-#include "simulator/query_desk.h"
-#include "simulator/scene.h"
-#include "simulator/solver_choice.h"
-#include "simulator/solver_contact.h"
+#include "simulator/mesh/error.h"
+#include "simulator/workers/query_desk.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/touch/solver_choice.h"
+#include "simulator/touch/solver_contact.h"
 #include "simulator/touch_preview.h"
 
 namespace forcegrid::simulator {

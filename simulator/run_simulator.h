@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "simulator/elastic_object.h"
-#include "simulator/reduced_use.h"
-#include "simulator/tool_contact.h"
-#include "simulator/worker_pool.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/solver/reduced_use.h"
+#include "simulator/touch/tool_contact.h"
+#include "simulator/workers/worker_pool.h"
 
 namespace forcegrid::simulator {
 

@@ -6,12 +6,12 @@
 #include <optional>
 
 #include "link/surface_patch.h"
-#include "simulator/patch_cutter.h"
-#include "simulator/press_ahead.h"
-#include "simulator/query_solver.h"
-#include "simulator/scene.h"
-#include "simulator/tool_contact.h"
-#include "simulator/tool_options.h"
+#include "simulator/touch/patch_cutter.h"
+#include "simulator/touch/press_ahead.h"
+#include "simulator/workers/query_solver.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/touch/tool_contact.h"
+#include "simulator/mesh/tool_options.h"
 
 namespace forcegrid::simulator {
 

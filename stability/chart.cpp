@@ -13,6 +13,7 @@
 
 #include "evaluation/row_file.h"
 #include "evaluation/scenarios.h"
+#include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "stability/scenes.h"
 #include "stability/theory.h"

@@ -7,8 +7,8 @@
 
 #include "evaluation/network.h"
 #include "evaluation/trajectories.h"
-#include "forcegrid/force_method.h"
-#include "forcegrid/sample_gate.h"
+#include "forcegrid/core/force_method.h"
+#include "forcegrid/core/sample_gate.h"
 #include "servo_loop/passivity.h"
 #include "stability/hand.h"
 #include "stability/plant.h"

@@ -12,6 +12,7 @@
 
 #include "evaluation/force_table.h"
 #include "evaluation/trajectories.h"
+#include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/servo_loop.h"

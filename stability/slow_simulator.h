@@ -6,7 +6,7 @@
 
 #include "evaluation/network.h"
 #include "evaluation/trajectories.h"
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 #include "stability/virtual_object.h"
 
 namespace forcegrid::stability {

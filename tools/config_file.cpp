@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "profiles/toml_parser.h"
+#include "text/toml_parser.h"
 #include "tools/atomic_file.h"
 
 namespace forcegrid::tools {
@@ -117,8 +117,8 @@ std::string before(const std::string& line, char end) {
 std::vector<ConfigValue> read_config_file(const std::string& file) {
   std::vector<ConfigValue> values;
   try {
-    flatten(file, profiles::read_toml_file(file), "", values);
-  } catch (const profiles::TomlError& error) {
+    flatten(file, text::read_toml_file(file), "", values);
+  } catch (const text::TomlError& error) {
     throw ConfigError(error.what());
   }
   std::stable_sort(values.begin(), values.end(),

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 #include "rt/thread.h"
 #include "servo_loop/fault.h"
 #include "tools/hdf5_file.h"

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "evaluation/judge.h"
+#include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "stability/search.h"
 

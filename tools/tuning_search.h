@@ -3,7 +3,7 @@
 #include <string>
 
 #include "evaluation/trace.h"
-#include "forcegrid/method_options.h"
+#include "forcegrid/core/method_options.h"
 #include "tools/tuning.h"
 
 namespace forcegrid::tools {

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "evaluation/trajectories.h"
-#include "simulator/lattice_block.h"
+#include "simulator/mesh/lattice_block.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -11,6 +11,7 @@
 
 #include "evaluation/judge.h"
 #include "evaluation/trace.h"
+#include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 
 namespace forcegrid::evaluation {

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "tests/support/allocation_count.h"
 

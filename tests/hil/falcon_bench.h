@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "tests/hil/hil_bench.h"
-#include "tests/integration/program.h"
+#include "tests/support/program.h"
 
 namespace forcegrid::hil {
 

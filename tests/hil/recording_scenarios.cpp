@@ -15,7 +15,7 @@
 
 #include "tests/hil/hil_bench.h"
 #include "tests/hil/tool_answers.h"
-#include "tests/integration/in_terminal.h"
+#include "tests/support/in_terminal.h"
 
 namespace forcegrid::hil {
 namespace {

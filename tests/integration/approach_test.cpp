@@ -10,12 +10,12 @@
 #include <string>
 #include <thread>
 
-#include "forcegrid/kriging_method.h"
+#include "forcegrid/kriging/kriging_method.h"
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
-#include "simulator/elastic_object.h"
+#include "simulator/solver/elastic_object.h"
 #include "simulator/run_simulator.h"
-#include "simulator/scene.h"
+#include "simulator/mesh/scene.h"
 #include "tests/servo_loop/scripted_device.h"
 #include "tests/support/flushed_text.h"
 

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "examples/bullet_block.h"
-#include "simulator/elastic_object.h"
-#include "tests/integration/program.h"
+#include "simulator/solver/elastic_object.h"
+#include "tests/support/program.h"
 
 namespace forcegrid {
 namespace {

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "tests/integration/fault_bench.h"
-#include "tests/integration/program.h"
+#include "tests/support/program.h"
 
 namespace forcegrid {
 namespace {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/integration/program.h"
+#include "tests/support/program.h"
 
 namespace forcegrid {
 namespace {

@@ -13,7 +13,7 @@
 #include "device_emulator/emulator_server.h"
 #include "device_emulator/fault_spec.h"
 #include "driver/open_device.h"
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 #include "profiles/device_profile.h"
 #include "servo_loop/servo_loop.h"
 

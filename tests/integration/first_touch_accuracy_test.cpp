@@ -10,13 +10,13 @@
 #include <optional>
 #include <vector>
 
-#include "forcegrid/kriging_method.h"
+#include "forcegrid/kriging/kriging_method.h"
 #include "servo_loop/first_touch.h"
-#include "simulator/elastic_object.h"
-#include "simulator/patch_cutter.h"
-#include "simulator/query_solver.h"
-#include "simulator/scene.h"
-#include "simulator/tool_contact.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/touch/patch_cutter.h"
+#include "simulator/workers/query_solver.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::servo {
 namespace {

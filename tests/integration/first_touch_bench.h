@@ -8,10 +8,10 @@
 #include <functional>
 #include <optional>
 
-#include "forcegrid/kriging_method.h"
+#include "forcegrid/kriging/kriging_method.h"
 #include "servo_loop/first_touch.h"
-#include "simulator/patch_cutter.h"
-#include "simulator/tool_contact.h"
+#include "simulator/touch/patch_cutter.h"
+#include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::servo {
 

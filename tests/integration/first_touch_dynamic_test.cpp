@@ -3,9 +3,9 @@
 
 #include <iostream>
 
-#include "simulator/dynamic_contact.h"
-#include "simulator/query_solver.h"
-#include "simulator/scene.h"
+#include "simulator/touch/dynamic_contact.h"
+#include "simulator/workers/query_solver.h"
+#include "simulator/mesh/scene.h"
 #include "tests/integration/first_touch_bench.h"
 
 namespace forcegrid::servo {

@@ -4,8 +4,8 @@
 #include <iostream>
 #include <string>
 
-#include "simulator/press_ahead.h"
-#include "simulator/scene.h"
+#include "simulator/touch/press_ahead.h"
+#include "simulator/mesh/scene.h"
 #include "tests/integration/first_touch_bench.h"
 
 namespace forcegrid::servo {

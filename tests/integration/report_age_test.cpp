@@ -12,7 +12,7 @@
 
 #include "device_emulator/emulator_server.h"
 #include "driver/open_device.h"
-#include "forcegrid/hold_method.h"
+#include "forcegrid/simple/hold_method.h"
 #include "profiles/device_profile.h"
 #include "servo_loop/servo_loop.h"
 

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "tests/integration/program.h"
+#include "tests/support/program.h"
 
 namespace forcegrid {
 namespace {

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "link/udp_socket.h"
-#include "tests/integration/program.h"
+#include "tests/support/program.h"
 
 namespace forcegrid {
 namespace {

@@ -10,7 +10,7 @@
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
 #include "paper/figures.h"
-#include "simulator/elastic_object.h"
+#include "simulator/solver/elastic_object.h"
 #include "tests/paper/tiny_scenes.h"
 
 namespace forcegrid::paper {

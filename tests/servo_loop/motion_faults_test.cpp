@@ -9,7 +9,7 @@
 #include <tuple>
 #include <vector>
 
-#include "forcegrid/hold_method.h"
+#include "forcegrid/simple/hold_method.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
 #include "stability/simulated_falcon.h"

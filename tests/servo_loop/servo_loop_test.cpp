@@ -7,7 +7,7 @@
 #include <limits>
 #include <thread>
 
-#include "forcegrid/hold_method.h"
+#include "forcegrid/simple/hold_method.h"
 #include "tests/servo_loop/loop_bench.h"
 
 namespace forcegrid::servo {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "forcegrid/force_method.h"
+#include "forcegrid/core/force_method.h"
 
 namespace forcegrid::servo {
 

@@ -2,11 +2,11 @@
 
 #include <cmath>
 
-#include "simulator/elastic_object.h"
-#include "simulator/pressed_object.h"
-#include "simulator/reduced_training.h"
-#include "simulator/scene.h"
-#include "simulator/two_rates_object.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/solver/pressed_object.h"
+#include "simulator/solver/reduced_training.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/solver/two_rates_object.h"
 #include "tests/support/allocation_count.h"
 
 namespace forcegrid::simulator {

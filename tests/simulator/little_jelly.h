@@ -1,8 +1,8 @@
 #pragma once
 
-#include "simulator/lattice_block.h"
-#include "simulator/scene.h"
-#include "simulator/vertex_masses.h"
+#include "simulator/mesh/lattice_block.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/mesh/vertex_masses.h"
 
 namespace forcegrid::simulator::testing {
 

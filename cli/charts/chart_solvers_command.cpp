@@ -1,0 +1,87 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "cli/charts/chart_command.h"
+#include "cli/charts/chart_support.h"
+#include "cli/run/run_checks.h"
+#include "cli/common/scene_option.h"
+#include "evaluation/scenarios.h"
+#include "evaluation/solver_chart.h"
+#include "simulator/bench/solver_scaling.h"
+
+namespace forcegrid::cli {
+namespace {
+
+constexpr std::uint64_t kSeed = 1;
+constexpr double kRate_Hz = 500.0;
+constexpr double kMotion_s = 1.0;
+constexpr double kQuickMotion_s = 0.7;
+constexpr int kQuickSize = 10'000;
+
+void print(const std::vector<simulator::SolverScalingRow>& rows) {
+  std::printf("A servo cycle of %.0f Hz along the motion 'random', processor time of one thread\n",
+              kRate_Hz);
+  std::printf("  %-10s %9s %-10s %10s %10s %10s %9s %9s %12s\n", "scene", "vertices", "solver",
+              "mean", "median", "most", "touched", "error", "whole takes");
+  for (const simulator::SolverScalingRow& row : rows) {
+    const simulator::MotionRow& m = row.motion;
+    std::printf("  %-10s %9zu %-10s %7.3f ms %7.3f ms %7.3f ms %9.0f %7.3f %%", row.scene.c_str(),
+                row.vertices, m.solver.c_str(), m.mean_ms, m.median_ms, m.max_ms, m.vertices_mean,
+                m.error_percent);
+    if (m.whole_mean_ms > 0.0) {
+      std::printf(" %9.2f ms", m.whole_mean_ms);
+    }
+    std::printf("\n");
+  }
+}
+
+}  // namespace
+
+void add_chart_solvers(CLI::App& chart, ChartSolversOptions& o, std::function<int()>& action) {
+  CLI::App& solvers = *chart.add_subcommand(
+      "solvers", "What a servo cycle costs against the size of the object, for each solver");
+  solvers.add_option("--out", o.out, "Folder for tables and picture")->required();
+  solvers.add_option("--sizes", o.sizes, "Blocks of about so many vertices, 1000 to 1000000")
+      ->delimiter(',')
+      ->check(CLI::Range(1'000, 1'000'000))
+      ->type_name("INT vertices")
+      ->capture_default_str();
+  solvers.add_option("--scenes", o.scenes, "Scenes beside the blocks: " + scene_help())
+      ->delimiter(',')
+      ->check(scene_check())
+      ->capture_default_str();
+  solvers.add_flag("--quick", o.quick, "Blocks of up to 10000 vertices, a shorter motion");
+  solvers.callback([&o, &action] { action = [&o] { return chart_solvers_command(o); }; });
+}
+
+int chart_solvers_command(const ChartSolversOptions& asked) {
+  prepare_folder(asked.out);
+  ProgressLine line;
+  simulator::SolverScalingOptions options;
+  options.block_sizes = asked.sizes;
+  if (asked.quick) {
+    std::erase_if(options.block_sizes, [](int size) { return size > kQuickSize; });
+  }
+  options.scenes = asked.scenes;
+  options.rate_Hz = kRate_Hz;
+  options.displacements_W = evaluation::displacements_along_motion(kSeed, 1.0 / kRate_Hz);
+  options.displacements_W.resize(std::min(
+      options.displacements_W.size(), static_cast<std::size_t>(std::lround(
+                                          (asked.quick ? kQuickMotion_s : kMotion_s) * kRate_Hz))));
+  options.say = line.say_function();
+  try {
+    const auto rows = simulator::bench_scaling(options);
+    const auto files = evaluation::write_solver_chart(asked.out, rows, kRate_Hz);
+    line.clear();
+    print(rows);
+    std::printf("Look at %s\n", files.back().c_str());
+  } catch (...) {
+    line.clear();
+    throw;
+  }
+  return 0;
+}
+
+}  // namespace forcegrid::cli

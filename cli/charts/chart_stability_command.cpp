@@ -1,0 +1,112 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+
+#include "cli/charts/chart_command.h"
+#include "cli/charts/chart_support.h"
+#include "cli/common/option_values.h"
+#include "stability/chart.h"
+#include "stability/chart_report.h"
+
+namespace forcegrid::cli {
+namespace {
+
+void print_numbers(const stability::StabilityChart& chart, const std::string& method) {
+  std::printf("Goals, method %s, object %s:\n", method.c_str(), chart.scene.c_str());
+  for (const stability::StabilityNumber& each : chart.numbers) {
+    if (each.known()) {
+      std::printf("  %-78s %9.4g %-6s goal %s %g  %-6s  %s\n", each.name.c_str(), each.measured,
+                  each.unit.c_str(), each.at_least ? ">=" : "<=", each.goal,
+                  each.met() ? "met" : "MISSED", each.worst.c_str());
+    } else {
+      std::printf("  %-78s not in this selection\n", each.name.c_str());
+    }
+  }
+}
+
+void print_scenes(const stability::StabilityChart& chart, const std::string& method) {
+  std::printf("Scenes, force error at 200 N/m in the closed loop:\n");
+  for (const stability::SceneVerdict& verdict : stability::scene_verdicts(chart)) {
+    for (const auto& each : verdict.methods) {
+      if (each.method == method) {
+        std::printf("  %-16s %-14s %7.3g %% %-12s best: %s\n", verdict.scene.c_str(),
+                    method.c_str(), each.closed_loop_error_percent, to_string(each.behaviour),
+                    verdict.best.empty() ? "none is stable" : verdict.best.c_str());
+      }
+    }
+  }
+}
+
+void print_sweep(const stability::StabilityChart& chart) {
+  if (chart.swept.empty()) {
+    return;
+  }
+  std::printf("Fault sweep, %zu runs: went on / ended, force above the limit, over 1 mJ after it\n",
+              chart.sweep.size());
+  for (const stability::SweepLine& line : chart.swept) {
+    std::printf("  %-19s %-30s %4d / %-4d %4d %4d   most %.2g mJ, %.2g N\n", line.device.c_str(),
+                to_string(line.fault), line.survivors, line.runs - line.survivors,
+                line.force_above_limit, line.energy_after_fault, 1e3 * line.most_energy_J,
+                line.largest_force_N);
+  }
+}
+
+}  // namespace
+
+void add_chart_stability(CLI::App& chart, ChartStabilityOptions& o, std::function<int()>& action) {
+  CLI::App& stability = *chart.add_subcommand(
+      "stability", "Stability of force methods in the closed loop of device, hand and servo");
+  stability.add_option("--out", o.out, "Folder for tables, pictures and the page")->required();
+  stability
+      .add_option("--methods", o.methods,
+                  "Methods with changes to their options, separated by ';' (default: " +
+                      joined(stability::chart_methods()) + ")")
+      ->delimiter(';');
+  stability
+      .add_option("--parts", o.parts,
+                  "Parts of the chart (default all): " + joined(stability::chart_parts()))
+      ->delimiter(',')
+      ->check(CLI::IsMember(stability::chart_parts()));
+  std::vector<std::string> hands;
+  for (const stability::Hand& hand : stability::hands()) {
+    hands.push_back(hand.name);
+  }
+  stability.add_option("--hands", o.hands, "Hands (default all): " + joined(hands))
+      ->delimiter(',')
+      ->check(CLI::IsMember(hands));
+  stability.add_option("--goals-for", o.goals_for,
+                       "Method that is held against the goals (default: that of 'run')");
+  stability.add_flag("--quick", o.quick, "The small block and fewer cells, within five minutes");
+  stability.add_option("--jobs", o.jobs, "Threads; 0 is one a processor")
+      ->check(CLI::Range(0, 1024))
+      ->type_name("UINT threads")
+      ->capture_default_str();
+  stability.add_option("--cache", o.cache,
+                       "Folder of force tables (default forcegrid in the user's cache folder)");
+  stability.add_option("--seed", o.seed, "Of noise, loss and motions")->capture_default_str();
+  stability.callback([&o, &action] { action = [&o] { return chart_stability_command(o); }; });
+}
+
+int chart_stability_command(const ChartStabilityOptions& asked) {
+  ProgressLine line;
+  stability::StabilityChartOptions options;
+  take_common(options, asked, line);
+  options.parts = asked.parts;
+  options.hands = asked.hands;
+  try {
+    const stability::StabilityChart chart = stability::make_stability_chart(options);
+    const auto files = stability::write_stability_chart(chart, options);
+    line.clear();
+    print_numbers(chart, options.default_method);
+    print_scenes(chart, options.default_method);
+    print_sweep(chart);
+    std::printf("%zu cells (%zu of them from before) in %s; look at %s\n", chart.rows.size(),
+                chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
+  } catch (...) {
+    line.clear();
+    throw;
+  }
+  return 0;
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,365 @@
+#include "cli/charts/evaluate_command.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "cli/run/offline_forces.h"
+#include "cli/common/option_values.h"
+#include "evaluation/judge.h"
+#include "evaluation/text_file.h"
+#include "evaluation/trace.h"
+#include "forcegrid/method_variant.h"
+#include "forcegrid/methods.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/reference/truth.h"
+#include "tools/recording.h"
+
+namespace forcegrid::cli {
+namespace {
+
+using evaluation::Trace;
+using evaluation::TraceError;
+using evaluation::Verdict;
+using nlohmann::ordered_json;
+
+constexpr double kMargin_m = 0.03;  // around a trace that the default workspace does not hold
+
+// The command line asks for what can't be done, whatever the trace.
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+GridGeometry default_workspace() {
+  GridGeometry grid;
+  grid.max_W = {0.16, 0.12, 0.12};
+  grid.cells.setConstant(49);
+  return grid;
+}
+
+GridGeometry asked_workspace(const std::vector<double>& corners_m) {
+  GridGeometry grid = default_workspace();
+  if (!corners_m.empty()) {
+    grid.min_W = {corners_m.at(0), corners_m.at(1), corners_m.at(2)};
+    grid.max_W = {corners_m.at(3), corners_m.at(4), corners_m.at(5)};
+  }
+  try {
+    grid.check();
+  } catch (const std::invalid_argument& error) {
+    throw UsageError("--workspace: " + std::string(error.what()));
+  }
+  return grid;
+}
+
+bool holds(const GridGeometry& grid, const Eigen::Vector3d& position_W) {
+  return (position_W.array() >= grid.min_W.array()).all() &&
+         (position_W.array() <= grid.max_W.array()).all();
+}
+
+// Positions of the servo and of the samples that `grid` does not hold.
+std::size_t positions_outside(const GridGeometry& grid, const Trace& trace) {
+  const auto outside = [&](const Eigen::Vector3d& position_W) { return !holds(grid, position_W); };
+  return static_cast<std::size_t>(
+      std::count_if(trace.servo.begin(), trace.servo.end(),
+                    [&](const auto& instant) { return outside(instant.position_W); }) +
+      std::count_if(trace.samples.begin(), trace.samples.end(),
+                    [&](const auto& row) { return outside(row.sample.position_W); }));
+}
+
+GridGeometry box_around(const Trace& trace) {
+  GridGeometry grid = default_workspace();
+  grid.min_W = grid.max_W = trace.servo.front().position_W;
+  const auto include = [&](const Eigen::Vector3d& position_W) {
+    grid.min_W = grid.min_W.cwiseMin(position_W);
+    grid.max_W = grid.max_W.cwiseMax(position_W);
+  };
+  for (const auto& instant : trace.servo) {
+    include(instant.position_W);
+  }
+  for (const auto& row : trace.samples) {
+    include(row.sample.position_W);
+  }
+  grid.min_W.array() -= kMargin_m;
+  grid.max_W.array() += kMargin_m;
+  return grid;
+}
+
+// The flags, written as a method's variant has them.
+std::string flags_as_words(const EvaluateOptions& options) {
+  std::string words = " cells=" + options.cells;
+  const auto add = [&](const char* key, const std::string& value) {
+    if (!value.empty()) {
+      words += std::string(" ") + key + "=" + value;
+    }
+  };
+  std::string radius = options.radius;
+  if (!radius.empty() &&
+      (std::isdigit(static_cast<unsigned char>(radius.back())) != 0 || radius.back() == '.')) {
+    radius += "m";
+  }
+  add("r", radius);
+  add("unit", options.unit);
+  add("weight", options.weight);
+  add("ridge", options.ridge);
+  add("s", options.samples_per_cell);
+  add("nug", options.nugget);
+  return words;
+}
+
+struct NamedVariant {
+  std::string text;  ///< as asked for, without what the flags add
+  MethodVariant variant;
+};
+
+// Each method once, with the flags first and its own words after, so that these win.
+std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const GridGeometry& grid) {
+  const std::string flags = flags_as_words(options);
+  MethodOptions base;
+  base.grid = grid;
+  std::vector<NamedVariant> variants;
+  for (const std::string& asked : options.methods) {
+    const std::size_t begin = asked.find_first_not_of(" \t");
+    const std::size_t end = asked.find_first_of(" \t", begin);
+    const std::string name = begin == std::string::npos ? "" : asked.substr(begin, end - begin);
+    if (name == "direct") {
+      throw UsageError(
+          "method 'direct' is the simulator itself, evaluated in every cycle; a trace can't answer "
+          "it. See it in 'forcegrid chart accuracy'");
+    }
+    const std::string own = end == std::string::npos ? "" : asked.substr(end);
+    try {
+      const std::string text = parse_method_variant(asked, base).text;
+      const bool known = std::any_of(variants.begin(), variants.end(),
+                                     [&](const auto& other) { return other.text == text; });
+      if (!known) {
+        variants.push_back({text, parse_method_variant(name + flags + own, base)});
+      }
+    } catch (const std::invalid_argument& error) {
+      throw UsageError(error.what());
+    }
+  }
+  return variants;
+}
+
+std::unique_ptr<ForceMethod> made(const NamedVariant& named, const EvaluateOptions& options,
+                                  const Trace& trace) {
+  std::unique_ptr<ForceMethod> method;
+  try {
+    method = make_force_method(named.variant.name, named.variant.options);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError("method '" + named.text + "': " + error.what());
+  }
+  const MethodNeeds needs = method->needs();
+  if (needs.requests) {
+    throw UsageError(
+        "method '" + named.text +
+        "' asks the simulator for forces at positions of its own choice; a trace can't "
+        "answer. Run it against a simulator: 'forcegrid chart accuracy'");
+  }
+  if (needs.stiffness && options.no_stiffness) {
+    throw UsageError("method '" + named.text +
+                     "' lives on the samples' stiffness; leave --no-stiffness out, or the method");
+  }
+  if (needs.stiffness && std::none_of(trace.samples.begin(), trace.samples.end(),
+                                      [](const auto& row) { return row.sample.has_stiffness; })) {
+    throw TraceError(options.trace +
+                     ": no sample has a stiffness (columns j00_N_per_m to "
+                     "j22_N_per_m), which method '" +
+                     named.text + "' lives on; choose a method that needs forces only");
+  }
+  return method;
+}
+
+ordered_json json_of(const std::string& text, const Verdict& v, const GridGeometry& grid) {
+  const auto cycles = [&](EstimateStatus status) {
+    return v.cycles_by_status[static_cast<std::size_t>(status)];
+  };
+  // nlohmann writes NaN, "nothing to measure", as null.
+  return {{"method", text},
+          {"rms_error_percent_after_1s", v.rms_error_percent_after_1s},
+          {"rms_error_percent_first_1s", v.rms_error_percent_first_1s},
+          {"max_error_percent_after_1s", v.max_error_percent_after_1s},
+          {"query_ns_median", v.query_ns_median},
+          {"sample_us_median", v.sample_us_median},
+          {"memory_bytes", v.memory_bytes},
+          {"p95_error_percent_after_1s", v.p95_error_percent_after_1s},
+          {"p95_error_percent_first_1s", v.p95_error_percent_first_1s},
+          {"max_error_percent_first_1s", v.max_error_percent_first_1s},
+          {"adaptation_s", v.adaptation_s},
+          {"largest_step_N", v.largest_step_N},
+          {"query_ns_p99", v.query_ns_p99},
+          {"sample_us_p99", v.sample_us_p99},
+          {"cycle_ns", v.cycle_ns},
+          {"cycle_ns_median", v.cycle_ns_median},
+          {"cycle_ns_p99", v.cycle_ns_p99},
+          {"samples_taken", v.samples_taken},
+          {"samples_not_taken", v.samples_not_taken},
+          {"samples_refused", v.samples_refused},
+          {"cycles_known", cycles(EstimateStatus::kOk)},
+          {"cycles_partly_known", cycles(EstimateStatus::kPartlyKnown)},
+          {"cycles_unknown", cycles(EstimateStatus::kUnknown)},
+          {"cycles_outside_workspace", cycles(EstimateStatus::kOutside)},
+          {"cycles_not_finite", cycles(EstimateStatus::kNotFinite)},
+          {"truth_rms_N", v.truth_rms_N},
+          {"workspace_m",
+           {grid.min_W.x(), grid.min_W.y(), grid.min_W.z(), grid.max_W.x(), grid.max_W.y(),
+            grid.max_W.z()}}};
+}
+
+void append_columns(std::string& line, const Eigen::Vector3d& v) {
+  for (const double value : {v.x(), v.y(), v.z()}) {
+    line += ',';
+    evaluation::append_number(line, value);
+  }
+}
+
+// t_s, position, off-line force, then each method's force; a comma in a method's text is a blank.
+void write_forces(const std::string& file, const Trace& trace,
+                  const std::vector<std::string>& names, const std::vector<Verdict>& verdicts) {
+  evaluation::TextWriter writer(file);
+  std::string line = "t_s,x_m,y_m,z_m,offline_x_N,offline_y_N,offline_z_N";
+  for (std::string name : names) {
+    std::replace(name.begin(), name.end(), ',', ' ');
+    line += "," + name + "_x_N," + name + "_y_N," + name + "_z_N";
+  }
+  writer.write(line + "\n");
+  for (std::size_t i = 0; i < trace.servo.size(); ++i) {
+    line.clear();
+    evaluation::append_number(line, trace.servo[i].time_s);
+    append_columns(line, trace.servo[i].position_W);
+    append_columns(line, trace.servo[i].force_W);
+    for (const Verdict& verdict : verdicts) {
+      append_columns(line, verdict.forces_W[i]);
+    }
+    line += '\n';
+    writer.write(line);
+  }
+  writer.finish();
+}
+
+std::vector<Eigen::Vector3d> solve_offline(const std::string& scene,
+                                           const Eigen::Vector3d& contact_point_W,
+                                           const std::vector<Eigen::Vector3d>& positions_W) {
+  std::fprintf(stderr, "Note: the recording has no off-line forces; solving scene %s for them\n",
+               scene.c_str());
+  if (moves_by_itself(scene, "auto")) {
+    throw std::runtime_error("scene " + scene +
+                             " moves by itself, and the recording has no off-line forces of it; "
+                             "record with 'forcegrid run --record FILE.csv.gz'");
+  }
+  simulator::refuse_sliding_tool(scene, simulator::scene_tool(scene), "an off-line force");
+  simulator::TruthOptions options;
+  options.scene = scene;
+  options.contact_point_W = contact_point_W;
+  return simulator::simulate_truth(positions_W, options).forces_W;
+}
+
+void note(const std::string& text) { std::fprintf(stderr, "Note: %s\n", text.c_str()); }
+
+void evaluate(const EvaluateOptions& options) {
+  GridGeometry grid = asked_workspace(options.workspace_m);
+  std::vector<NamedVariant> variants = variants_of(options, grid);  // before reading for long
+  const Trace trace = tools::is_recording_name(options.trace)
+                          ? tools::trace_of_recording(options.trace, solve_offline)
+                          : evaluation::read_trace(options.trace);
+  const std::size_t outside = positions_outside(grid, trace);
+  if (outside > 0 && options.workspace_m.empty()) {
+    grid = box_around(trace);
+    variants = variants_of(options, grid);
+  } else if (outside > 0) {
+    note(std::to_string(outside) + " of " +
+         std::to_string(trace.servo.size() + trace.samples.size()) +
+         " positions lie outside --workspace; grid methods have no force there");
+  }
+  if (trace.samples.empty()) {
+    note(options.trace + " has no 'sample' row; a method learns nothing from it");
+  }
+
+  evaluation::JudgeOptions judging;
+  judging.stiffness_to_method = !options.no_stiffness;
+  judging.keep_forces = !options.out.empty();
+  ordered_json all;
+  std::vector<std::string> names;
+  std::vector<Verdict> verdicts;
+  for (const NamedVariant& named : variants) {
+    const std::unique_ptr<ForceMethod> method = made(named, options, trace);
+    verdicts.push_back(judge(*method, trace, judging));
+    names.push_back(named.text);
+    all[named.text] = json_of(named.text, verdicts.back(), grid);
+  }
+  if (!(verdicts.front().truth_rms_N > 0.0)) {
+    note(options.trace + " has no true force but zero, so no error has a percentage");
+  } else if (trace.servo.back().time_s - trace.servo.front().time_s < 1.0) {
+    note(options.trace + " ends within its first second, so no error after it is known");
+  }
+  if (!options.out.empty()) {
+    write_forces(options.out, trace, names, verdicts);
+  }
+  const ordered_json& result = variants.size() == 1 ? all.front() : all;
+  std::printf("%s\n", result.dump(2).c_str());
+  if (std::fflush(stdout) != 0) {
+    throw std::runtime_error(std::string("standard output: ") + std::strerror(errno));
+  }
+}
+
+}  // namespace
+
+void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& action) {
+  CLI::App& evaluate =
+      *app.add_subcommand("evaluate", "Judge force methods on a recorded trace; prints JSON");
+  evaluate
+      .add_option("--method", o.methods,
+                  "Force methods, each with changes of its own behind it if need be, e.g. "
+                  "\"forcegrid unit=m\": " +
+                      joined(method_names()))
+      ->required();
+  evaluate
+      .add_option("--trace", o.trace,
+                  "Recording of forcegrid record (.h5), or CSV, gzipped if it ends in .gz: "
+                  "kind,t_s,delivered_s,x_m,y_m,z_m,fx_N,fy_N,fz_N"
+                  "[,j00_N_per_m,...,j22_N_per_m][,residual]")
+      ->required();
+  evaluate
+      .add_option("--workspace", o.workspace_m,
+                  "Box of the grid methods in metres: x0,y0,z0,x1,y1,z1 (default "
+                  "0,0,0,0.16,0.12,0.12 if it holds the trace, else its box grown by 30 mm)")
+      ->delimiter(',')
+      ->expected(6)
+      ->type_name("FLOAT m");
+  evaluate.add_option("--cells", o.cells, "Grid cells: X,Y,Z, or one number for all axes")
+      ->capture_default_str();
+  evaluate.add_option("--r", o.radius,
+                      "Distance of influence: metres, or a length such as 26.7mm (default a sixth "
+                      "of the workspace's x extent)");
+  evaluate.add_option("--unit", o.unit,
+                      "Length unit in the paper's weight: m, mm, cells, or a length such as 2mm "
+                      "(default mm)");
+  evaluate.add_option("--weight", o.weight,
+                      "Weight of a sample over its distance: paper, idw4, idw6 (default the "
+                      "method's)");
+  evaluate.add_option("--ridge", o.ridge, "Ridge of forcegrid-mls, in r^2");
+  evaluate.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all");
+  evaluate.add_option("--nug", o.nugget, "Noise variance a sample, in N^2, of the kriging methods");
+  evaluate.add_flag("--no-stiffness", o.no_stiffness, "Keep the samples' stiffness from methods");
+  evaluate.add_option("--out", o.out, "CSV for the forces at every servo row, gzipped with .gz");
+  evaluate.callback([&o, &action] { action = [&o] { return evaluate_command(o); }; });
+}
+
+int evaluate_command(const EvaluateOptions& options) {
+  try {
+    evaluate(options);
+    return 0;
+  } catch (const UsageError& error) {
+    std::fprintf(stderr, "forcegrid: %s\n", error.what());
+    return 2;
+  }
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,136 @@
+#include "cli/common/figures.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iomanip>
+#include <stdexcept>
+
+#include "evaluation/gnuplot.h"
+
+namespace forcegrid::cli {
+namespace {
+
+void write_triple(std::ofstream& file, const Triple& t) {
+  file << ',' << t[0] << ',' << t[1] << ',' << t[2];
+}
+
+// gnuplot's text for one curve of column `column`, negated: the paper plots the force that the
+// hand exerts against the object's pull, upward with the tool.
+std::string force_curve(const std::string& data, int column, const std::string& title, int style) {
+  return data + " using 1:(-$" + std::to_string(column) + ") with lines ls " +
+         std::to_string(style) + " title '" + title + "'";
+}
+
+std::string error_curve(const std::string& data, int method_column, int truth_column,
+                        const std::string& title, int style) {
+  std::string squares;
+  for (int axis = 0; axis < 3; ++axis) {
+    squares += std::string(axis == 0 ? "" : "+") + "($" + std::to_string(method_column + axis) +
+               "-$" + std::to_string(truth_column + axis) + ")**2";
+  }
+  return data + " using 1:(sqrt(" + squares + ")) with lines ls " + std::to_string(style) +
+         " title '" + title + "'";
+}
+
+std::string label_of(const std::string& method) {
+  return method == "hold" ? "streaming (hold)" : method;
+}
+
+}  // namespace
+
+std::vector<std::string> write_figures(const std::string& directory,
+                                       const std::vector<std::string>& method_names,
+                                       const std::vector<FigureRow>& rows) {
+  const std::string csv = directory + "/forces.csv";
+  const bool has_truth = !rows.empty() && rows.front().truth_W_N.has_value();
+  errno = 0;
+  std::ofstream file(csv);
+  file << "time_s,x_m,y_m,z_m";
+  if (has_truth) {
+    file << ",offline_x_N,offline_y_N,offline_z_N";
+  }
+  for (const std::string& name : method_names) {
+    file << ',' << name << "_x_N," << name << "_y_N," << name << "_z_N";
+  }
+  file << '\n' << std::setprecision(9);
+  for (const FigureRow& row : rows) {
+    file << row.time_s;
+    write_triple(file, row.position_W_m);
+    if (has_truth) {
+      write_triple(file, row.truth_W_N.value_or(Triple{}));
+    }
+    for (const Triple& force : row.method_W_N) {
+      write_triple(file, force);
+    }
+    file << '\n';
+  }
+  file.close();
+  if (!file) {
+    throw std::runtime_error(csv + " could not be written: " + std::strerror(errno) +
+                             "; free some space or choose another folder with --out");
+  }
+  if (rows.size() < 2) {
+    return {csv};
+  }
+
+  // More points than pixels only make the files large.
+  constexpr std::size_t kPointsDrawn = 3000;
+  const std::string data =
+      evaluation::quoted(csv) + " every " + std::to_string(rows.size() / kPointsDrawn + 1);
+
+  constexpr int kFirstForceColumn = 5;
+  std::string forces;
+  std::string errors;
+  int column = kFirstForceColumn + (has_truth ? 3 : 0);
+  int style = 2;
+  // Streaming first, so that the accurate curves lie on top of it.
+  for (std::size_t i = method_names.size(); i-- > 0; ++style) {
+    const int method_column = column + 3 * static_cast<int>(i);
+    forces += (forces.empty() ? "" : ", ") +
+              force_curve(data, method_column + 2, label_of(method_names[i]), style);
+    errors += (errors.empty() ? "" : ", ") +
+              error_curve(data, method_column, kFirstForceColumn, label_of(method_names[i]), style);
+  }
+  if (has_truth) {
+    forces += ", " + force_curve(data, kFirstForceColumn + 2, "off-line", 1);
+  }
+  const char* const panels = has_truth ? "3" : "2";
+  std::string script =
+      "set datafile separator ','\n"
+      "set style line 1 lc rgb '#000000' lw 1.2\n"
+      "set style line 2 lc rgb '#E69F00' lw 1.2\n"
+      "set style line 3 lc rgb '#0072B2' lw 1.2\n"
+      "set style line 4 lc rgb '#009E73' lw 1.2\n"
+      "set style line 5 lc rgb '#CC79A7' lw 1.2\n"
+      "set grid lt 1 lw 0.5 lc rgb '#dddddd'\nset key outside top center horizontal samplen 2\n"
+      "set lmargin 9\nset rmargin 3\n"
+      "set ytics nomirror\nset xtics nomirror\nset border 3\n"
+      "set xrange [0:" +
+      std::to_string(rows.back().time_s) + "]\n";
+  for (const bool svg : {true, false}) {
+    script += svg ? "set terminal svg size 1000,900 background '#ffffff' font 'sans,13'\n"
+                  : "set terminal pngcairo size 1000,900 background '#ffffff' font 'sans,11'\n";
+    script += "set output " +
+              evaluation::quoted(directory + (svg ? "/forces.svg" : "/forces.png")) + "\n";
+    script += std::string("set multiplot layout ") + panels + ",1\n";
+    script +=
+        "unset xlabel\nset ylabel 'tool along the normal / mm'\n"
+        "plot " +
+        data + " using 1:(1000*$4) with lines ls 1 title 'position'\n";
+    script += has_truth ? "" : "set xlabel 'time since contact / s'\n";
+    script += "set ylabel 'pull along the normal / N'\nplot " + forces + "\n";
+    if (has_truth) {
+      // Methods differ by orders of magnitude.
+      script +=
+          "set xlabel 'time since contact / s'\nset ylabel '|F - F_{off-line}| / N'\n"
+          "set logscale y\nset format y '10^{%T}'\nset yrange [1e-5:*]\nplot " +
+          errors + "\nunset logscale y\nset format y\nset yrange [*:*]\n";
+    }
+    script += "unset multiplot\n";
+  }
+  evaluation::run_gnuplot(script, {directory + "/forces.svg", directory + "/forces.png"});
+  return {csv, directory + "/forces.svg", directory + "/forces.png"};
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,104 @@
+#include "cli/common/option_values.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "device_emulator/fault_spec.h"
+#include "forcegrid/method_variant.h"
+#include "forcegrid/methods.h"
+
+namespace forcegrid::cli {
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) {
+    text += (text.empty() ? "" : ", ") + word;
+  }
+  return text;
+}
+
+CLI::Validator method_check() {
+  return CLI::Validator(
+      [](std::string& input) {
+        if (input == "direct") {  // of the simulator, not one of forcegrid/
+          return std::string();
+        }
+        try {
+          MethodOptions base;
+          base.grid.max_W.setConstant(0.1);
+          base.grid.cells.setConstant(10);
+          parse_method_variant(input, base);
+          return std::string();
+        } catch (const std::invalid_argument& error) {
+          return std::string(error.what());
+        }
+      },
+      "METHOD [KEY=VALUE...]");
+}
+
+CLI::Validator fault_check() {
+  return CLI::Validator(
+      [](std::string& input) {
+        try {
+          static_cast<void>(emulator::parse_fault(input));
+          return std::string();
+        } catch (const std::invalid_argument& error) {
+          return std::string(error.what());
+        }
+      },
+      "NAME[:KEY=VALUE,...]");
+}
+
+void add_json(CLI::App& command, JsonTarget& target) {
+  command
+      .add_option_function<std::vector<std::string>>(
+          "--json",
+          [&target](const std::vector<std::string>& values) {
+            target.wanted = true;
+            if (!values.empty() && values.front() != "{}") {
+              target.file = values.front();
+            }
+          },
+          "Summary as JSON, into FILE or to standard output")
+      ->expected(0, 1)
+      ->type_name("[FILE]")
+      ->configurable(false)
+      ->trigger_on_parse();
+}
+
+const std::vector<std::string>& motions() {
+  static const std::vector<std::string> kNames = {"chirp", "lissajous", "random", "poke",
+                                                  "hold",  "still",     "stroke"};
+  return kNames;
+}
+
+const std::vector<std::string>& hands() {
+  static const std::vector<std::string> kNames = {"firm", "light", "none"};
+  return kNames;
+}
+
+const std::vector<std::string>& frame_orders() {
+  static const std::vector<std::string> kNames = {"out-first", "in-first"};
+  return kNames;
+}
+
+void add_key(CLI::App& command, std::vector<std::string>& files, const std::string& description) {
+  command.add_option("--key", files, description)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->type_name("FILE");
+}
+
+CLI::Validator motion_check() {
+  return CLI::Validator(
+      [](std::string& input) {
+        const bool known =
+            std::find(motions().begin(), motions().end(), input) != motions().end() ||
+            (input.starts_with("path:") && input.size() > std::string("path:").size());
+        return known ? std::string()
+                     : "'" + input + "' is no motion; use " + joined(motions()) + ", path:FILE";
+      },
+      "{" + joined(motions()) + ", path:FILE}");
+}
+
+}  // namespace forcegrid::cli

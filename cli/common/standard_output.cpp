@@ -1,0 +1,35 @@
+#include "cli/common/standard_output.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <iostream>
+
+namespace forcegrid::cli {
+namespace {
+
+bool reader_has_ended() {
+  pollfd output{STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&output, 1, 0) > 0 && (output.revents & (POLLERR | POLLHUP)) != 0;
+}
+
+}  // namespace
+
+int status_with_output(int status) {
+  errno = 0;
+  const bool flushed = std::cout.flush().good() && std::fflush(stdout) == 0;
+  const int error = errno;  // 0: it was lost before
+  if ((flushed && std::ferror(stdout) == 0) || reader_has_ended()) {
+    return status;
+  }
+  std::fprintf(stderr,
+               "forcegrid: standard output could not be written to its end%s%s; free some space or "
+               "send it elsewhere\n",
+               error != 0 ? ": " : "", error != 0 ? std::strerror(error) : "");
+  return status == 0 ? 1 : status;
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,137 @@
+#include "cli/device/devices_command.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "driver/device.h"
+#include "tools/device_survey.h"
+
+namespace forcegrid::cli {
+namespace {
+
+using nlohmann::ordered_json;
+using tools::FoundDevice;
+using tools::Obstacle;
+
+constexpr int kNoneUsable = 3;
+constexpr int kNone = 4;
+constexpr char kDefaultProfile[] = "woodenhaptics_v2015";
+
+std::string ids(const FoundDevice& device) {
+  char text[16];
+  std::snprintf(text, sizeof text, "%04x:%04x", device.vendor_id, device.product_id);
+  return text;
+}
+
+ordered_json json_of(const FoundDevice& device) {
+  ordered_json obstacles = ordered_json::array();
+  for (const Obstacle& obstacle : device.obstacles) {
+    obstacles.push_back({{"kind", obstacle.kind},
+                         {"blocks", obstacle.blocks},
+                         {"what", obstacle.what},
+                         {"remedy", obstacle.remedy}});
+  }
+  return {{"bus", device.bus},
+          {"node", device.node},
+          {"port", device.port_path},
+          {"ids", ids(device)},
+          {"manufacturer", device.manufacturer},
+          {"product", device.product},
+          {"serial", device.serial},
+          {"firmware", device.firmware},
+          {"profiles", device.profiles},
+          {"url", device.url},
+          {"usable", device.usable()},
+          {"obstacles", obstacles}};
+}
+
+void print(std::FILE* out, const FoundDevice& device) {
+  std::fprintf(out, "%s  %s %s %s%s%s\n", ids(device).c_str(),
+               device.usable() ? "ready  " : "NOT OK ", device.manufacturer.c_str(),
+               device.product.c_str(), device.serial.empty() ? "" : ", serial ",
+               device.serial.c_str());
+  std::fprintf(out, "           %s%s%s%s%s; firmware %s; profiles %s\n", device.bus.c_str(),
+               device.node.empty() ? "" : " ", device.node.c_str(),
+               device.port_path.empty() ? "" : " at port ", device.port_path.c_str(),
+               device.firmware.c_str(), CLI::detail::join(device.profiles, ", ").c_str());
+  if (device.usable()) {
+    const bool has_default = std::find(device.profiles.begin(), device.profiles.end(),
+                                       kDefaultProfile) != device.profiles.end();
+    std::fprintf(out, "           use it: forcegrid run --device %s --profile %s\n",
+                 device.url.c_str(),
+                 has_default ? kDefaultProfile : device.profiles.front().c_str());
+  }
+  for (const Obstacle& obstacle : device.obstacles) {
+    std::fprintf(out, "           %s: %s\n             -> %s\n", obstacle.kind.c_str(),
+                 obstacle.what.c_str(), obstacle.remedy.c_str());
+  }
+}
+
+tools::SurveyRoots roots_below(const std::string& root) {
+  tools::SurveyRoots roots;
+  for (std::string* path : {&roots.sysfs, &roots.dev, &roots.proc}) {
+    *path = root + *path;
+  }
+  for (std::string& folder : roots.rule_folders) {
+    folder = root + folder;
+  }
+  return roots;
+}
+
+}  // namespace
+
+void add_devices(CLI::App& app, DevicesOptions& o, std::function<int()>& action) {
+  CLI::App& devices = *app.add_subcommand(
+      "devices",
+      "Find haptic devices, and say of each that can't be used why not and what mends it");
+  devices.add_option("--usbip", o.usbip,
+                     "USB/IP servers to ask as well: HOST or HOST:PORT; may be repeated");
+  devices
+      .add_option("--root", o.root,
+                  "Folder before /sys, /dev, /proc and /etc, e.g. of another system's image")
+      ->configurable(false);
+  devices.footer(
+      "Exit status: 0 a device can be used, 3 there are some but none can be, 4 there is none,\n"
+      "1 a USB/IP server can't be asked and nothing else can be used.");
+  devices.callback([&o, &action] { action = [&o] { return devices_command(o); }; });
+}
+
+int devices_command(const DevicesOptions& options) {
+  std::vector<profiles::DeviceProfile> known;
+  for (const std::string& name : profiles::available_profiles()) {
+    known.push_back(profiles::load_device_profile(name));
+  }
+  std::vector<FoundDevice> found =
+      tools::survey_devices(known, roots_below(options.root), tools::current_user());
+  ordered_json failures = ordered_json::array();
+  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  for (const std::string& host : options.usbip) {
+    try {
+      for (FoundDevice& device : tools::survey_usbip(known, host)) {
+        found.push_back(std::move(device));
+      }
+    } catch (const driver::DeviceError& error) {
+      failures.push_back(error.what());
+      std::fprintf(stderr, "forcegrid: %s\n", error.what());
+    }
+  }
+  ordered_json list = ordered_json::array();
+  for (const FoundDevice& device : found) {
+    print(out, device);
+    list.push_back(json_of(device));
+  }
+  if (found.empty()) {
+    std::fprintf(out,
+                 "No haptic device. Plug one in and switch its power on; ask another computer with "
+                 "--usbip HOST;\nor run without one: forcegrid run --device "
+                 "emulated:woodenhaptics_v2015\n");
+  }
+  write_json(options.json, ordered_json{{"devices", list}, {"failures", failures}}.dump(2));
+  const bool any_usable = std::any_of(found.begin(), found.end(),
+                                      [](const FoundDevice& device) { return device.usable(); });
+  return any_usable ? 0 : !failures.empty() ? 1 : found.empty() ? kNone : kNoneUsable;
+}
+
+}  // namespace forcegrid::cli

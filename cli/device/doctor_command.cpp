@@ -1,0 +1,242 @@
+#include "cli/device/doctor_command.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+
+#include "cli/common/revision.h"
+#include "cli/common/stop_request.h"
+#include "driver/open_device.h"
+#include "link/address.h"
+#include "tools/doctor.h"
+#include "tools/doctor_timing.h"
+#include "tools/library_versions.h"
+
+namespace forcegrid::cli {
+namespace {
+
+using nlohmann::ordered_json;
+using tools::Finding;
+using tools::Verdict;
+
+constexpr int kWarnings = 3;
+constexpr int kBad = 4;
+
+// The program itself first, then all that it stands on.
+std::vector<tools::PartVersion> versions() {
+  std::vector<tools::PartVersion> parts = {{"forcegrid", program_version(), false},
+                                           {"commit", program_commit(), false}};
+  for (tools::PartVersion& part : tools::library_versions()) {
+    parts.push_back(std::move(part));
+  }
+  parts.push_back({"CLI11", CLI11_VERSION, false});
+  return parts;
+}
+
+Finding versions_finding(const std::vector<tools::PartVersion>& parts) {
+  std::string loaded;
+  std::string compiled_in;
+  for (const tools::PartVersion& part : parts) {
+    std::string& text = part.loaded ? loaded : compiled_in;
+    text += (text.empty() ? "" : ", ") + part.name + " " + part.version;
+  }
+  return {.check = "versions", .what = compiled_in + "; loaded: " + loaded};
+}
+
+constexpr char kDeviceCheck[] = "USB round trip";
+constexpr char kSimulatorCheck[] = "simulator's round trip";
+
+// What can't be measured is a finding like the others: it must not take them along.
+Finding device_finding(const DoctorOptions& options, const profiles::DeviceProfile& profile) {
+  try {
+    const auto device = driver::open_device(options.device, profile);
+    const tools::RoundTrips trips =
+        tools::measure_device_round_trip(*device, options.seconds, StopRequest::stop());
+    static_cast<void>(device->stop());  // no current was ever asked for
+    return tools::judge_round_trips(kDeviceCheck, trips,
+                                    "plug the device in again and look at forcegrid devices");
+  } catch (const driver::DeviceError& error) {
+    return tools::not_measured(kDeviceCheck, error.what());
+  }
+}
+
+Finding simulator_finding(const DoctorOptions& options) {
+  try {
+    return tools::judge_round_trips(
+        kSimulatorCheck,
+        tools::measure_simulator_round_trip(options.simulator, options.seconds,
+                                            StopRequest::stop()),
+        "start the simulator: forcegrid simulate --listen " + options.simulator);
+  } catch (const link::LinkError& error) {
+    return tools::not_measured(kSimulatorCheck, error.what());
+  }
+}
+
+// @param profile of the device to measure with; none: no device
+std::vector<Finding> measure(const DoctorOptions& options,
+                             const std::optional<profiles::DeviceProfile>& profile,
+                             std::FILE* out) {
+  const auto& stop = StopRequest::stop();
+  std::vector<Finding> findings;
+  const double period_s = 1.0 / options.rate_Hz;
+  for (const bool load : {false, true}) {
+    std::fprintf(out, "measuring wake-ups %s, %.0f s ...\n", load ? "under load" : "idle",
+                 options.seconds);
+    const tools::WakeupTest test = tools::measure_wakeups(options.seconds, period_s, load, stop);
+    findings.push_back(
+        tools::judge_wakeups(load ? "wake-up under load" : "wake-up idle", test, 1e6 * period_s));
+  }
+  if (profile) {
+    std::fprintf(out, "measuring the round trip with %s, %.0f s ...\n", options.device.c_str(),
+                 options.seconds);
+    findings.push_back(device_finding(options, *profile));
+  }
+  if (!options.simulator.empty()) {
+    std::fprintf(out, "measuring the round trip with %s, %.0f s ...\n", options.simulator.c_str(),
+                 options.seconds);
+    findings.push_back(simulator_finding(options));
+  }
+  return findings;
+}
+
+void print(std::FILE* out, const Finding& finding) {
+  std::fprintf(out, "%-8s %s: %s\n", to_string(finding.verdict), finding.check.c_str(),
+               finding.what.c_str());
+  if (!finding.cost.empty()) {
+    std::fprintf(out, "         costs: %s\n", finding.cost.c_str());
+  }
+  if (!finding.remedy.empty()) {
+    std::fprintf(out, "         mend:  %s\n", finding.remedy.c_str());
+  }
+  for (const std::string& line : tools::histogram_lines(finding.histogram)) {
+    std::fprintf(out, "         %s\n", line.c_str());
+  }
+}
+
+ordered_json json_of(const Finding& finding) {
+  ordered_json measured = ordered_json::object();
+  for (const auto& [name, value] : finding.measured) {
+    measured[name] = value;
+  }
+  ordered_json histogram = ordered_json::array();
+  for (const tools::LatencyBin& bin : finding.histogram) {
+    const bool bounded = std::isfinite(bin.up_to_us);
+    histogram.push_back({{"up_to_us", bounded ? ordered_json(bin.up_to_us) : ordered_json()},
+                         {"count", bin.count}});
+  }
+  return {{"check", finding.check},   {"verdict", to_string(finding.verdict)},
+          {"what", finding.what},     {"cost", finding.cost},
+          {"remedy", finding.remedy}, {"fixable", !finding.fixes.empty()},
+          {"measured", measured},     {"histogram", histogram}};
+}
+
+tools::DoctorSystem system_below(const std::string& root) {
+  tools::DoctorSystem system;
+  for (std::string* path :
+       {&system.roots.sysfs, &system.roots.dev, &system.roots.proc, &system.etc}) {
+    *path = root + *path;
+  }
+  for (std::string& folder : system.roots.rule_folders) {
+    folder = root + folder;
+  }
+  system.user = tools::current_user();
+  system.grants = tools::ask_kernel();
+  return system;
+}
+
+// Each file once: several findings may want the same.
+std::vector<std::string> fix_all(const std::vector<Finding>& findings) {
+  std::vector<tools::FileFix> fixes;
+  std::set<std::string> files;
+  for (const Finding& finding : findings) {
+    for (const tools::FileFix& fix : finding.fixes) {
+      if (files.insert(fix.file).second) {
+        fixes.push_back(fix);
+      }
+    }
+  }
+  return tools::apply_fixes(fixes);
+}
+
+}  // namespace
+
+void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
+  CLI::App& doctor = *app.add_subcommand(
+      "doctor",
+      "Examine this computer: what is wrong, what it costs, and the command that mends it");
+  doctor.add_option("--seconds", o.seconds, "Length of each measurement; 0 leaves them out")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->type_name("FLOAT s")
+      ->capture_default_str();
+  doctor.add_option("--rate", o.rate_Hz, "Servo rate that wake-ups are measured and judged for")
+      ->check(CLI::Range(100.0, 4000.0))
+      ->type_name("FLOAT Hz")
+      ->capture_default_str();
+  doctor.add_option("--device", o.device, "Device to measure the USB round trip with, as of run");
+  doctor.add_option("--profile", o.profile, "Its profile")->capture_default_str();
+  doctor.add_option("--simulator", o.simulator, "ADDR:PORT of a simulator to measure UDP with");
+  doctor
+      .add_flag("--fix", o.fix,
+                "Do what can be done without risk, and say what was done: rule, limits, governor, "
+                "autosuspend")
+      ->configurable(false);
+  doctor
+      .add_option("--root", o.root,
+                  "Folder before /sys, /dev, /proc and /etc, e.g. of another system's image")
+      ->configurable(false);
+  doctor.footer("Exit status: 0 nothing is wrong, 3 warnings only, 4 something is bad.");
+  doctor.callback([&o, &action] { action = [&o] { return doctor_command(o); }; });
+}
+
+int doctor_command(const DoctorOptions& options) {
+  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  std::optional<profiles::DeviceProfile> profile;  // a name that is wrong is said at once
+  if (!options.device.empty()) {
+    profile = profiles::load_device_profile(options.profile);
+  }
+  std::vector<profiles::DeviceProfile> known;
+  for (const std::string& name : profiles::available_profiles()) {
+    known.push_back(profiles::load_device_profile(name));
+  }
+  std::vector<Finding> findings = tools::examine_system(system_below(options.root), known);
+  std::vector<std::string> done;
+  if (options.fix) {
+    done = fix_all(findings);
+    findings = tools::examine_system(system_below(options.root), known);
+  }
+  const std::vector<tools::PartVersion> parts = versions();
+  findings.push_back(versions_finding(parts));
+  if (options.seconds > 0.0) {
+    for (Finding& finding : measure(options, profile, out)) {
+      findings.push_back(std::move(finding));
+    }
+  }
+  ordered_json list = ordered_json::array();
+  for (const Finding& finding : findings) {
+    print(out, finding);
+    list.push_back(json_of(finding));
+  }
+  for (const std::string& sentence : done) {
+    std::fprintf(out, "fixed:   %s\n", sentence.c_str());
+  }
+  if (options.fix && done.empty()) {
+    std::fprintf(out, "fixed:   nothing; there is nothing that can be mended without risk\n");
+  }
+  ordered_json version_of = ordered_json::object();
+  for (const tools::PartVersion& part : parts) {
+    version_of[part.name] = part.version;
+  }
+  write_json(options.json,
+             ordered_json{{"findings", list}, {"fixed", done}, {"versions", version_of}}.dump(2));
+  const auto any = [&](Verdict verdict) {
+    return std::any_of(findings.begin(), findings.end(),
+                       [&](const Finding& finding) { return finding.verdict == verdict; });
+  };
+  return any(Verdict::kBad) ? kBad : any(Verdict::kWarn) ? kWarnings : 0;
+}
+
+}  // namespace forcegrid::cli

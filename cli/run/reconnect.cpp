@@ -1,0 +1,85 @@
+#include "cli/run/reconnect.h"
+
+#include <cmath>
+#include <thread>
+
+#include "driver/calibration.h"
+#include "driver/counter_continuity.h"
+#include "driver/mechanism.h"
+
+namespace forcegrid::cli {
+namespace {
+
+constexpr auto kRetry = std::chrono::milliseconds(50);
+constexpr auto kLook = std::chrono::milliseconds(20);
+constexpr auto kCalibrationTimeout = std::chrono::seconds(60);
+
+// @returns false when cancelled.
+bool pause(const Reconnect& how) {
+  const rt::TimePoint until = rt::Clock::now() + kRetry;
+  while (rt::Clock::now() < until) {
+    if (how.cancelled()) {
+      return false;
+    }
+    std::this_thread::sleep_for(kLook);
+  }
+  return true;
+}
+
+std::string seconds_text(rt::Duration duration) {
+  const long tenths = std::lround(10.0 * rt::seconds(duration));
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " s";
+}
+
+// Makes sure of the counters. @returns why not; empty when they can be used.
+std::string settle_counters(const Reconnect& how, driver::Device& device, bool& recalibrated) {
+  if (!how.may_calibrate) {
+    const auto mechanism = driver::make_mechanism(*how.profile);
+    const std::string lost =
+        driver::why_counters_are_lost(*mechanism, how.last_counts, device.newest_report().counts);
+    return lost.empty() ? "" : lost + "; start anew without --calibrated";
+  }
+  recalibrated = driver::calibrate(
+      device, *how.profile, kCalibrationTimeout,
+      [&](const std::string& text) { how.say(text + "\n"); }, how.cancelled);
+  return recalibrated ? "" : "stopped before it was calibrated again";
+}
+
+}  // namespace
+
+Reconnected reconnect(const Reconnect& how) {
+  Reconnected result;
+  const rt::TimePoint gone = rt::Clock::now();
+  std::string last_reason = "it was not tried";
+  while (!how.cancelled()) {
+    try {
+      std::unique_ptr<driver::Device> device = how.open();
+      const driver::DeviceIdentity& now = device->identity();
+      if (now.product != how.before.product || now.serial != how.before.serial) {
+        result.why_not = "what is there now is another device: " + now.product + ", serial " +
+                         now.serial + ", where it was " + how.before.product + ", serial " +
+                         how.before.serial;
+        return result;
+      }
+      result.why_not = settle_counters(how, *device, result.recalibrated);
+      if (result.why_not.empty()) {
+        result.device = std::move(device);
+      }
+      return result;
+    } catch (const driver::DeviceError& error) {
+      last_reason = error.what();
+    }
+    if (rt::Clock::now() - gone >= how.timeout) {
+      result.why_not =
+          "the device did not come back within " + seconds_text(how.timeout) + ": " + last_reason;
+      return result;
+    }
+    if (!pause(how)) {
+      break;
+    }
+  }
+  result.why_not = "stopped while waiting for the device";
+  return result;
+}
+
+}  // namespace forcegrid::cli

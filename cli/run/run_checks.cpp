@@ -1,0 +1,120 @@
+#include "cli/run/run_checks.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+#include "cli/run/run_methods.h"
+#include "cli/run/run_setup.h"
+#include "simulator/mesh/scene.h"
+
+namespace forcegrid::cli {
+namespace {
+
+// What a tool's options don't go with.
+void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
+  simulator::check_together(tool);
+  if (tool.is_sticky_point()) {
+    return;
+  }
+  const std::string asked = "tool " + tool.shape + ", contact " + tool.contact;
+  if (tool.slides() && options.workers > 0) {
+    throw std::runtime_error(asked +
+                             ": what a sliding tool feels depends on its path, so that --workers "
+                             "have nothing to answer; leave them out");
+  }
+  const auto is_direct = [](const std::string& method) { return method == kDirect; };
+  if (is_direct(options.method) ||
+      std::any_of(options.shadows.begin(), options.shadows.end(), is_direct)) {
+    throw std::runtime_error(asked +
+                             ": method direct knows sticky contact of a point alone; "
+                             "choose another method");
+  }
+}
+
+void check_solver(const RunOptions& options) {
+  if (!options.for_started_simulator.empty() && !options.simulator.empty()) {
+    throw std::runtime_error(options.for_started_simulator.front() +
+                             ": --simulator names one that already runs, with a scene and a delay "
+                             "of its own; give it to 'forcegrid simulate'");
+  }
+  if (options.solver != "auto" && !options.simulator.empty()) {
+    throw std::runtime_error("--solver " + options.solver +
+                             ": --simulator names one that already runs; give it to 'forcegrid "
+                             "simulate'");
+  }
+}
+
+void check_device(const RunOptions& options, const profiles::DeviceProfile& profile) {
+  if (is_emulated(options) && !options.profile.empty() &&
+      options.profile != profile_name_of(options.device, options.profile)) {
+    throw std::runtime_error("--profile " + options.profile + " contradicts --device " +
+                             options.device + "; an emulated device brings its own profile");
+  }
+  if (!is_emulated(options) && !options.faults.empty()) {
+    throw std::runtime_error("--fault " + options.faults.front() +
+                             ": only an emulated device has faults on demand; use --device " +
+                             "emulated:PROFILE, or give --fault to forcegrid emulate");
+  }
+  if (options.gravity_compensation && profile.kind == profiles::DeviceKind::kDelta) {
+    throw std::runtime_error(
+        "--gravity-compensation: the masses of the Falcon's moving parts are "
+        "not known; leave it out");
+  }
+}
+
+void check_workers(const RunOptions& options) {
+  if (options.workers > 0 && !options.simulator.empty()) {
+    throw std::runtime_error(
+        "--workers are those of a simulator that is started here, but --simulator names another; "
+        "start it with --workers ADDR:PORT and each worker with 'forcegrid worker'");
+  }
+}
+
+}  // namespace
+
+bool is_emulated(const RunOptions& options) {
+  return options.device.rfind(kEmulatedPrefix, 0) == 0;
+}
+
+bool is_falcon(const profiles::DeviceProfile& profile) { return profile.usb.protocol == "falcon"; }
+
+simulator::ToolOptions tool_of(const RunOptions& options) {
+  if (options.simulator.empty()) {
+    return tool_options(options.tool, simulator::scene_tool(options.scene));
+  }
+  if (options.tool.given()) {
+    throw std::runtime_error(tool_arguments(options.tool).front() +
+                             ": the tool is the simulator's, and --simulator names one that "
+                             "already runs; give it to 'forcegrid simulate'");
+  }
+  return {};
+}
+
+void check_together(const RunOptions& options, const simulator::ToolOptions& tool,
+                    const profiles::DeviceProfile& profile) {
+  check_tool(options, tool);
+  check_solver(options);
+  check_device(options, profile);
+  check_workers(options);
+}
+
+void prepare_folder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  const std::string probe = folder + "/.writable";
+  std::ofstream file(probe);
+  file << "probe\n";
+  file.close();
+  if (error || !file) {
+    throw std::runtime_error("folder '" + folder + "' for the results can't be written (" +
+                             (error ? error.message() : std::strerror(errno)) +
+                             "); choose another with --out");
+  }
+  std::filesystem::remove(probe, error);
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,256 @@
+#include "cli/run/run_flags.h"
+
+#include <string>
+
+#include "cli/common/number_check.h"
+#include "cli/common/option_values.h"
+#include "cli/common/scene_option.h"
+#include "cli/run/tool_option.h"
+#include "driver/device_url.h"
+#include "forcegrid/methods.h"
+#include "profiles/device_profile.h"
+#include "simulator/touch/solver_choice.h"
+#include "tools/recording.h"
+
+namespace forcegrid::cli {
+namespace {
+
+void add_device(CLI::App& run, RunOptions& o) {
+  run.option_defaults()->group("Device");
+  run.add_option(
+         "--device", o.device,
+         "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
+      ->capture_default_str();
+  run.add_option("--profile", o.profile,
+                 "Profile of an attached device (default falcon for a Falcon, else "
+                 "woodenhaptics_v2015): " +
+                     joined(profiles::available_profiles()) + ", or a TOML file");
+  run.add_option(
+         "--calibration", o.calibration,
+         "Profile of this very unit: auto takes what forcegrid calibrate has written for it, "
+         "none does not, else a TOML file")
+      ->capture_default_str();
+  run.add_flag("--calibrated", o.calibrated,
+               "The counters are right already; ask for no button (a Falcon is homed anyway)");
+  run.add_option("--firmware", o.firmware,
+                 "Firmware file for a Novint Falcon in which none runs (always after power-on); an "
+                 "emulated one gets a synthetic image by default");
+  run.add_option("--device-timeout-ms", o.device_timeout_ms,
+                 "Silence of the device after which the run ends with zero current; its own "
+                 "watchdog waits 500 ms")
+      ->check(CLI::Range(10, 450))
+      ->capture_default_str()
+      ->type_name("INT ms");
+  run.add_flag("--reconnect", o.reconnect,
+               "When the device vanishes or falls silent, wait for it and go on");
+  run.add_option("--reconnect-timeout", o.reconnect_timeout_s,
+                 "How long to wait for it, in seconds")
+      ->check(between(0.0, 86400.0))
+      ->capture_default_str()
+      ->type_name("FLOAT s");
+}
+
+void add_object(CLI::App& run, RunOptions& o) {
+  run.option_defaults()->group("Object");
+  run.add_option("--scene", o.scene, "Object to feel: " + scene_help())
+      ->check(scene_check())
+      ->capture_default_str();
+  run.add_option("--solver", o.solver,
+                 "How the simulator solves the scene, as of 'forcegrid simulate'")
+      ->check(CLI::IsMember(simulator::solver_names()))
+      ->capture_default_str();
+  add_tool(run, o.tool);
+  run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers a second of the started simulator")
+      ->check(between(1.0, 1000.0))
+      ->capture_default_str()
+      ->type_name("FLOAT Hz");
+  run.add_option_function<double>(
+         "--sim-delay-ms", [&o](double ms) { o.simulator_delay_s = 1e-3 * ms; },
+         "Hold each answer of the started simulator back this long")
+      ->default_str("0")
+      ->check(between(0.0, 1000.0))
+      ->type_name("FLOAT ms");
+  run.add_option("--workers", o.workers,
+                 "Processes that answer requests for the started simulator; default then 120 "
+                 "requests a second")
+      ->check(CLI::Range(0, 64))
+      ->capture_default_str()
+      ->type_name("INT processes");
+  run.add_option("--simulator", o.simulator,
+                 "ADDR:PORT of a simulator that already runs, instead of --scene; on another "
+                 "machine only with --key");
+  add_key(run, o.key_files, "Seal the link to the simulator with this key file (forcegrid keygen)");
+}
+
+void add_force(CLI::App& run, RunOptions& o) {
+  run.option_defaults()->group("Force");
+  run.add_option("--method", o.method,
+                 "Force method: " + joined(method_names()) +
+                     ", direct; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
+      ->check(method_check())
+      ->capture_default_str();
+  run.add_option("--shadow", o.shadows,
+                 "Methods that run beside it, judged on the same path but not felt")
+      ->delimiter(';')
+      ->check(method_check())
+      ->capture_default_str();
+  run.add_option("--rate", o.rate_Hz, "Servo rate in Hz")
+      ->check(between(100.0, 4000.0))
+      ->capture_default_str()
+      ->type_name("FLOAT Hz");
+  run.add_option("--requests-per-s", o.requests_per_s,
+                 "Forces at positions of its own choice that the method may ask the simulator for "
+                 "(default 120 for a method that needs them, else 0)")
+      ->check(between(0.0, 4000.0))
+      ->type_name("FLOAT 1/s");
+  run.add_flag("--gravity-compensation", o.gravity_compensation, "Carry the links' weight");
+}
+
+void add_grid(CLI::App& run, RunOptions& o) {
+  run.option_defaults()->group("Grid methods");
+  run.add_option("--fill-budget", o.fill_budget, "Vertices a cycle and method may update")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str()
+      ->type_name("INT vertices");
+  run.add_option("--cells", o.cells, "Grid cells an axis: X,Y,Z")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str()
+      ->type_name("[INT,INT,INT] cells");
+  run.add_option("--r-mm", o.influence_radius_mm,
+                 "Distance of influence r; 0 is a sixth of the workspace's longest side")
+      ->check(between(0.0, 1000.0))
+      ->capture_default_str()
+      ->type_name("FLOAT mm");
+  run.add_option("--unit-mm", o.unit_mm, "Unit of length in the grid's weight")
+      ->check(between(0.001, 1000.0))
+      ->capture_default_str()
+      ->type_name("FLOAT mm");
+  run.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str()
+      ->type_name("INT samples");
+}
+
+void add_safety(CLI::App& run, RunOptions& o) {
+  run.option_defaults()->group("Safety");
+  run.add_option("--passivity", o.passivity,
+                 "What is done about energy that the force gives to the hand: control (damp it), "
+                 "observe (only count it), coupling (touch through a spring and damper)")
+      ->check(CLI::IsMember({"control", "observe", "coupling"}))
+      ->capture_default_str();
+  run.add_option("--passivity-allowance-mJ", o.passivity_allowance_mJ,
+                 "Energy in a contact from which on the control acts, in mJ")
+      ->check(between(0.01, 1000.0))
+      ->type_name("FLOAT mJ")
+      ->capture_default_str();
+  run.add_option("--passivity-damping", o.passivity_damping_N_s_per_m,
+                 "Most damping that the control adds, in N s/m; at most what the profile allows")
+      ->check(between(0.0, 100.0))
+      ->type_name("FLOAT N s/m")
+      ->capture_default_str();
+  run.add_option("--coupling", o.coupling, "Of --passivity coupling: K,B in N/m and N s/m")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(between(0.001, 1e6))
+      ->type_name("FLOAT N/m and N s/m")
+      ->capture_default_str();
+  run.add_option("--dead-man", o.dead_man,
+                 "Force only while this is held: button (any on a Falcon's grip), signal (SIGUSR2 "
+                 "at least every 0.2 s, from a switch of its own), none")
+      ->check(CLI::IsMember({"none", "button", "signal"}))
+      ->capture_default_str();
+  run.add_flag("--no-motor-check", o.no_motor_check,
+               "Do not give each motor a few short pushes before the first force");
+}
+
+void add_hand(CLI::App& run, RunOptions& o) {
+  run.option_defaults()->group("Emulated device and hand");
+  run.add_option("--hand", o.hand, "Emulated hand: " + joined(hands()))
+      ->check(CLI::IsMember(hands()))
+      ->capture_default_str();
+  run.add_option("--motion", o.motion,
+                 "Motion of the emulated hand: " + joined(motions()) +
+                     "; unless given, stroke with a tool that slides")
+      ->check(motion_check())
+      ->capture_default_str();
+  run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
+      ->check(between(0.0, 30.0))
+      ->capture_default_str()
+      ->type_name("FLOAT mm");
+  run.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
+  run.add_option("--frame-order", o.frame_order, "Emulated bus: " + joined(frame_orders()))
+      ->check(CLI::IsMember(frame_orders()))
+      ->capture_default_str();
+  run.add_option(
+         "--fault", o.faults,
+         "Make the emulated device misbehave; may be repeated, see forcegrid emulate --help")
+      ->check(fault_check())
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+void add_results(CLI::App& run, RunOptions& o) {
+  run.option_defaults()->group("Run and results");
+  run.add_option("--seconds", o.seconds, "How long; 0 runs until Ctrl-C")
+      ->check(between(0.0, 86400.0))
+      ->capture_default_str()
+      ->type_name("FLOAT s");
+  run.add_flag("--live", o.live,
+               "A dashboard in the terminal (80 x 24 is enough) instead of a line a second");
+  run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
+      ->capture_default_str();
+  run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");
+  run.add_option("--record", o.record,
+                 "FILE.h5: everything of every cycle, as forcegrid record. FILE.csv or .csv.gz: "
+                 "trace for 'forcegrid evaluate', samples and, at every cycle, position and "
+                 "off-line force");
+  add_json(run, o.json);
+}
+
+CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptions& o,
+                     std::function<int()>& action) {
+  CLI::App& run = *app.add_subcommand(name, what);
+  add_device(run, o);
+  add_object(run, o);
+  add_force(run, o);
+  add_grid(run, o);
+  add_safety(run, o);
+  add_hand(run, o);
+  add_results(run, o);
+  run.callback([&run, &o, &action] {
+    o.motion_of_tool = o.motion == RunOptions().motion && run.count("--motion") == 0;
+    for (const char* option : {"--scene", "--sim-delay-ms"}) {
+      if (run.count(option) > 0) {
+        o.for_started_simulator.emplace_back(option);
+      }
+    }
+    o.settings = run.config_to_str(true);
+    action = [&o] { return run_command(o); };
+  });
+  return run;
+}
+
+}  // namespace
+
+void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
+  add_run_as("run", "Feel a scene through a device", app, o, action);
+}
+
+void add_record(CLI::App& app, RunOptions& o, std::function<int()>& action) {
+  CLI::App& record =
+      add_run_as("record", "Feel a scene and record every cycle to HDF5, see docs/recording.md",
+                 app, o, action);
+  record.remove_option(record.get_option("--record"));
+  record.add_option("FILE", o.record, "Recording to write, FILE.h5")
+      ->required()
+      ->check(CLI::Validator(
+          [](std::string& input) {
+            return tools::is_recording_name(input)
+                       ? std::string()
+                       : "'" + input + "' does not end in .h5 or .hdf5, as a recording's name does";
+          },
+          "FILE.h5"));
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,109 @@
+#include "cli/run/run_methods.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
+#include "cli/run/offline_forces.h"
+#include "forcegrid/method_variant.h"
+#include "forcegrid/methods.h"
+#include "simulator/solver/direct_method.h"
+#include "simulator/mesh/scene.h"
+
+namespace forcegrid::cli {
+namespace {
+
+constexpr double kDirectShare = 0.5;  // of a cycle that method direct may take
+constexpr double kDefaultRequests_per_s = 120.0;
+
+// The scene itself as a force method, if a servo cycle has the time for it.
+std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
+  if (!options.simulator.empty()) {
+    throw std::runtime_error(
+        "method direct needs the object in this process, but --simulator names another one; leave "
+        "that out or choose another method");
+  }
+  const simulator::Scene scene = simulator::make_scene(options.scene);
+  if (moves_by_itself(options.scene, options.solver)) {
+    throw std::runtime_error("method direct: it solves equilibria, and scene " + options.scene +
+                             " moves by itself; choose another method, or --solver quasi_static");
+  }
+  simulator::DirectOptions direct_options;
+  direct_options.patch_radius_m = scene.patch_radius_m;
+  auto direct = std::make_unique<simulator::DirectMethod>(scene.mesh, direct_options);
+  const double period_s = 1.0 / options.rate_Hz;
+  const double cycle_s = direct->measured_cycle_s(period_s);
+  if (cycle_s > kDirectShare * period_s) {
+    char times[64];
+    std::snprintf(times, sizeof times, "%.2f ms, more than half of the %.2f ms", 1e3 * cycle_s,
+                  1e3 * period_s);
+    throw std::runtime_error("method direct: one cycle of scene " + options.scene + " takes " +
+                             times +
+                             " that --rate leaves; use --scene small, a lower --rate, or "
+                             "another method");
+  }
+  return direct;
+}
+
+}  // namespace
+
+RunMethods::RunMethods(const RunOptions& options, const MethodOptions& base) {
+  add(options.method, options, base);
+  for (const std::string& shadow : options.shadows) {
+    add(shadow, options, base);
+  }
+}
+
+void RunMethods::add(const std::string& text, const RunOptions& options,
+                     const MethodOptions& base) {
+  const auto known = [&](const std::string& name) {
+    return std::find(names_.begin(), names_.end(), name) != names_.end();
+  };
+  std::string name = text;
+  if (text == kDirect) {
+    if (known(name)) {
+      return;
+    }
+    owned_.push_back(make_direct(options));
+  } else {
+    const MethodVariant variant = parse_method_variant(text, base);
+    name = variant.text;
+    if (known(name)) {
+      return;
+    }
+    owned_.push_back(make_force_method(variant.name, variant.options));
+  }
+  methods_.push_back(owned_.back().get());
+  names_.push_back(std::move(name));
+}
+
+double RunMethods::requests_per_s(const RunOptions& options,
+                                  const simulator::ToolOptions& tool) const {
+  for (std::size_t i = 1; i < methods_.size(); ++i) {
+    if (methods_[i]->needs().requests) {
+      throw std::runtime_error("--shadow \"" + names_[i] +
+                               "\": only the rendered method's requests reach the simulator; give "
+                               "it as --method");
+    }
+  }
+  const bool needed = methods_.front()->needs().requests;
+  const double asked =
+      options.requests_per_s.value_or(needed || options.workers > 0 ? kDefaultRequests_per_s : 0.0);
+  if (needed && asked == 0.0) {
+    throw std::runtime_error("--requests-per-s 0: method \"" + names_.front() +
+                             "\" lives on its requests; give more, or another method");
+  }
+  if (tool.slides() && asked > 0.0) {
+    throw std::runtime_error(
+        "contact slide: what a sliding tool feels depends on its path, so that "
+        "requests have no answer; use a method without them, and --requests-per-s 0");
+  }
+  if (asked > options.rate_Hz) {
+    throw std::runtime_error("--requests-per-s " + std::to_string(std::lround(asked)) +
+                             ": a request a cycle at most; give a number up to --rate");
+  }
+  return asked;
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,141 @@
+#include "cli/run/run_processes.h"
+
+#include "cli/run/run_checks.h"
+#include "cli/run/run_setup.h"
+#include "cli/run/tool_option.h"
+
+namespace forcegrid::cli {
+namespace {
+
+constexpr char kSlidingMotion[] = "stroke";
+constexpr std::chrono::milliseconds kChildEndTimeout{3000};
+
+std::optional<nlohmann::json> final_report(ChildProcess* child) {
+  if (child == nullptr) {
+    return std::nullopt;
+  }
+  const std::string text = child->finish(kChildEndTimeout);
+  auto parsed = nlohmann::json::parse(text, nullptr, false);
+  if (parsed.is_discarded()) {
+    return std::nullopt;
+  }
+  return parsed;
+}
+
+std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const std::string& motion,
+                                             const std::string& profile_name, bool homes_itself) {
+  std::vector<std::string> arguments = {"emulate",
+                                        "--device",
+                                        profile_name,
+                                        "--listen",
+                                        "127.0.0.1:0",
+                                        "--hand",
+                                        options.hand,
+                                        "--motion",
+                                        motion,
+                                        "--amplitude-mm",
+                                        std::to_string(options.amplitude_mm),
+                                        "--seed",
+                                        std::to_string(options.seed),
+                                        "--frame-order",
+                                        options.frame_order,
+                                        "--until-stdin-closes",
+                                        "--json"};
+  if (options.calibrated && !homes_itself) {
+    arguments.push_back("--calibrated");
+  }
+  for (const std::string& fault : options.faults) {
+    arguments.insert(arguments.end(), {"--fault", fault});
+  }
+  if (options.contact_m) {
+    const auto& at_m = *options.contact_m;
+    arguments.insert(arguments.end(),
+                     {"--contact", std::to_string(at_m[0]) + "," + std::to_string(at_m[1]) + "," +
+                                       std::to_string(at_m[2])});
+  }
+  if (options.gravity_compensation) {
+    arguments.push_back("--unsupported-weight");  // else two would carry it
+  }
+  return std::make_unique<ChildProcess>(arguments);
+}
+
+std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
+                                              const std::vector<std::string>& key_files) {
+  std::vector<std::string> arguments = {"simulate",
+                                        "--scene",
+                                        options.scene,
+                                        "--solver",
+                                        options.solver,
+                                        "--listen",
+                                        "127.0.0.1:0",
+                                        "--rate",
+                                        std::to_string(options.simulator_rate_Hz),
+                                        "--delay-ms",
+                                        std::to_string(1e3 * options.simulator_delay_s),
+                                        "--until-stdin-closes",
+                                        "--json"};
+  const std::vector<std::string> tool = tool_arguments(options.tool);
+  arguments.insert(arguments.end(), tool.begin(), tool.end());
+  for (const std::string& file : key_files) {
+    arguments.insert(arguments.end(), {"--key", file});
+  }
+  if (options.workers > 0) {
+    arguments.insert(arguments.end(), {"--workers", "127.0.0.1:0"});
+  }
+  return std::make_unique<ChildProcess>(arguments);
+}
+
+}  // namespace
+
+RunProcesses::RunProcesses(const RunOptions& options, const simulator::ToolOptions& tool,
+                           const profiles::DeviceProfile& profile)
+    : key_files_(options.key_files),
+      device_url_(options.device),
+      simulator_address_(options.simulator) {
+  if (options.workers > 0) {
+    workers_ = std::make_unique<WorkerProcesses>(options.key_files);
+    key_files_ = workers_->key_files();
+  }
+  link_keys_ = link::load_keys(key_files_);
+  if (options.simulator.empty()) {
+    simulator_ = start_simulator(options, key_files_);
+  }
+  if (is_emulated(options)) {
+    const bool slides = tool.slides() && options.motion_of_tool;
+    emulator_ =
+        start_emulator(options, slides ? kSlidingMotion : options.motion,
+                       profile_name_of(options.device, options.profile), is_falcon(profile));
+    device_url_ = "usbip://" + listening_address(*emulator_, "emulator") + "/1-1";
+  }
+  if (simulator_) {
+    const std::string line = listening_line(*simulator_, "simulator");
+    simulator_address_ = line.substr(0, line.find(' '));
+    if (workers_) {
+      workers_->start(options.workers, line, options.scene);
+    }
+  }
+}
+
+std::optional<std::string> RunProcesses::simulator_end() {
+  if (!simulator_ || simulator_end_told_ || simulator_->running()) {
+    return std::nullopt;
+  }
+  simulator_end_told_ = true;
+  const std::string how = simulator_->abnormal_end();
+  return how.empty() ? "ended" : how;
+}
+
+std::optional<nlohmann::json> RunProcesses::finish_emulator() {
+  return final_report(emulator_.get());
+}
+
+std::optional<nlohmann::json> RunProcesses::finish_simulator() {
+  return final_report(simulator_.get());
+}
+
+std::string RunProcesses::emulator_end() {
+  const std::string how = emulator_ ? emulator_->abnormal_end() : "";
+  return how.empty() ? "is gone" : how;
+}
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,450 @@
+#include "cli/run/run_summary.h"
+
+#include <cinttypes>
+#include <cstdarg>
+#include <cstdio>
+
+namespace forcegrid::cli {
+namespace {
+
+__attribute__((format(printf, 2, 3))) void append(std::string& text, const char* format, ...) {
+  char line[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(line, sizeof line, format, arguments);
+  va_end(arguments);
+  text += line;
+}
+
+std::uint64_t counter(const RunSummary& summary, const std::string& name) {
+  const auto found = summary.counters.find(name);
+  return found == summary.counters.end() ? 0 : found->second;
+}
+
+double mean_wait_ms(const servo::FirstTouch::Counts& touches) {
+  return touches.answered == 0 ? 0.0
+                               : 1e3 * touches.wait_sum_s / static_cast<double>(touches.answered);
+}
+
+nlohmann::json first_touches_json(const servo::FirstTouch::Counts& touches) {
+  return {{"patches", touches.patches},
+          {"seen", touches.touches},
+          {"felt", touches.felt},
+          {"answered", touches.answered},
+          {"denied", touches.denied},
+          {"left", touches.left},
+          {"unseen", touches.unseen},
+          {"wait_mean_ms", mean_wait_ms(touches)},
+          {"wait_max_ms", 1e3 * touches.wait_max_s}};
+}
+
+nlohmann::json percentiles_json(const rt::Percentiles& p) {
+  return {{"p50", p.at(0.5)}, {"p99", p.at(0.99)}, {"p999", p.at(0.999)},
+          {"max", p.max()},   {"mean", p.mean()},  {"count", p.count()}};
+}
+
+void append_percentiles(std::string& text, const char* what, const rt::Percentiles& p) {
+  append(text, "  %-14s median %8.1f   p99 %8.1f   p99.9 %8.1f   max %8.1f\n", what, p.at(0.5),
+         p.at(0.99), p.at(0.999), p.max());
+}
+
+double measured_rate_Hz(const RunSummary& summary) {
+  return summary.elapsed_s > 0.0 && summary.outcome.cycles > 1
+             ? static_cast<double>(summary.outcome.cycles - 1) / summary.elapsed_s
+             : 0.0;
+}
+
+// Who was felt for how long, of a method with several members.
+void append_members(std::string& text, const RunSummary& summary,
+                    const servo::TelemetryStatistics& statistics) {
+  std::uint64_t all = 0;
+  for (const std::uint64_t cycles : statistics.rendered_member) {
+    all += cycles;
+  }
+  if (summary.members.empty() || all == 0) {
+    return;
+  }
+  text += summary.method + ", members felt:";
+  const char* separator = " ";
+  for (std::size_t i = 0; i < summary.members.size(); ++i) {
+    if (statistics.rendered_member[i] > 0) {
+      append(text, "%s%s %.1f %%", separator, summary.members[i].c_str(),
+             100.0 * static_cast<double>(statistics.rendered_member[i]) / static_cast<double>(all));
+      separator = ", ";
+    }
+  }
+  append(text, "; %" PRIu64 " changes; uncertainty of the force %.1f mN (median)\n",
+         statistics.member_changes, statistics.uncertainty_mN.at(0.5));
+}
+
+// What is worth knowing of the way to the simulator.
+void append_link(std::string& text, const RunSummary& summary) {
+  if (summary.simulator_clock.known) {
+    append(text, "Link: quickest round trip %.2f ms; the simulator's clock is %.4f s %s\n",
+           1e3 * summary.simulator_clock.round_trip_s, std::abs(summary.simulator_clock.offset_s),
+           summary.simulator_clock.offset_s < 0.0 ? "behind" : "ahead");
+  }
+  if (summary.link.dropped() + summary.link.overrun > 0) {
+    text += "Link: datagrams dropped: " + link::drop_text(summary.link);
+    append(text, "%s%" PRIu64 " by the system, whose buffer was full\n",
+           summary.link.dropped() > 0 ? "; " : "", summary.link.overrun);
+  }
+}
+
+// How long each rung of the ladder was stood on.
+void append_rungs(std::string& text, const servo::TelemetryStatistics& statistics) {
+  if (statistics.cycles == 0) {
+    return;
+  }
+  text += "Force from";
+  const char* separator = " ";
+  for (int i = 0; i < servo::kRungs; ++i) {
+    const auto rung = static_cast<servo::Rung>(i);
+    append(text, "%s%s %.1f %%", separator, servo::to_string(rung),
+           100.0 * static_cast<double>(statistics.rung_cycles[static_cast<std::size_t>(i)]) /
+               static_cast<double>(statistics.cycles));
+    separator = ", ";
+  }
+  append(text, " of the cycles; %" PRIu64 " changes\n", statistics.rung_changes);
+}
+
+}  // namespace
+
+std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
+  std::string text = "\n";
+  const servo::ServoOutcome& outcome = summary.outcome;
+  append(text,
+         "%" PRIu64 " cycles in %.2f s at %.1f Hz (asked for %.0f), %" PRIu64
+         " missed deadlines, %s%s\n",
+         outcome.cycles, summary.elapsed_s, measured_rate_Hz(summary), summary.rate_requested_Hz,
+         outcome.missed_deadlines,
+         outcome.scheduling.realtime ? "real-time scheduling" : "no real-time scheduling",
+         outcome.memory_lock_refused.empty() ? ", memory locked" : ", memory not locked");
+  append_percentiles(text, "period / us", statistics.period_us);
+  append_percentiles(text, "compute / us", statistics.compute_us);
+  append_percentiles(text, "report age / us", statistics.report_age_us);
+  append(text,
+         "Device: %" PRIu64 " reports, %" PRIu64 " stale ones skipped, %" PRIu64 " lost, %" PRIu64
+         " late, %" PRIu64 " rejected; %" PRIu64 " commands, %" PRIu64
+         " clamped; zero current at the end %s\n",
+         summary.device_statistics.reports_received,
+         summary.device_statistics.reports_discarded + summary.device_statistics.reports_drained,
+         summary.device_statistics.reports_lost, summary.device_statistics.reports_late,
+         summary.device_statistics.reports_rejected, summary.device_statistics.commands_sent,
+         summary.device_statistics.commands_clamped,
+         outcome.zero_current_delivered ? "delivered"
+                                        : "could not be delivered: the motors are left to the "
+                                          "device's own watchdog");
+  append(text,
+         "Simulator: %" PRIu64 " samples taken, %" PRIu64
+         " rejected; longest solve %.1f ms, worst "
+         "relative residual %.1e, %" PRIu64 " not converged\n",
+         summary.samples_received, summary.link.dropped(), 1e3 * summary.worst_solve_time_s,
+         summary.worst_relative_residual, summary.samples_not_converged);
+  append_link(text, summary);
+  const servo::FirstTouch::Counts& touches = outcome.first_touches;
+  if (touches.patches > 0) {
+    append(text,
+           "First touches: %" PRIu64 " seen by the loop itself, %" PRIu64
+           " of them felt before the answer, %" PRIu64
+           " answered by the simulator after %.1f ms in the mean, %.1f ms at most; %" PRIu64
+           " denied, %" PRIu64 " left before; %" PRIu64 " contacts not seen\n",
+           touches.touches, touches.felt, touches.answered, mean_wait_ms(touches),
+           1e3 * touches.wait_max_s, touches.denied, touches.left, touches.unseen);
+  }
+  if (outcome.samples_refused > 0) {
+    append(text,
+           "%" PRIu64
+           " forces of the simulator were not believed, since no object can have answered so after "
+           "those before (docs/safety.md)\n",
+           outcome.samples_refused);
+  }
+  if (statistics.cycles_limited > 0) {
+    append(text, "A limit of the profile acted in %" PRIu64 " cycles\n", statistics.cycles_limited);
+  }
+  append_rungs(text, statistics);
+  append(text,
+         "Energy given to the hand by the rendered force: %+.2f mJ in all, at most %.3f mJ in a "
+         "contact",
+         1e3 * outcome.energy_to_hand_J, 1e3 * outcome.largest_energy_to_hand_J);
+  if (outcome.cycles_damped + outcome.cycles_shortened > 0) {
+    append(text,
+           "; to stay passive %" PRIu64 " cycles were damped (%.2f mJ) and %" PRIu64 " shortened",
+           outcome.cycles_damped, 1e3 * outcome.damped_energy_J, outcome.cycles_shortened);
+  }
+  text += "\n";
+  if (statistics.cycles_warm > 0) {
+    append(
+        text,
+        "A motor was warm (%.0f %% of what its continuous current makes it) and had less current "
+        "in %" PRIu64 " cycles\n",
+        100.0 * statistics.motor_warmth, statistics.cycles_warm);
+  }
+  if (outcome.stalls > 0) {
+    append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in anew\n",
+           outcome.stalls);
+  }
+  if (summary.records_lost > 0) {
+    append(text, "%" PRIu64 " cycles were not recorded: telemetry could not keep up\n",
+           summary.records_lost);
+  }
+  const auto& status = statistics.rendered_status;
+  const auto count_of = [&](EstimateStatus which) {
+    return status[static_cast<std::size_t>(which)];
+  };
+  const std::uint64_t without = count_of(EstimateStatus::kUnknown) +
+                                count_of(EstimateStatus::kOutside) +
+                                count_of(EstimateStatus::kNotFinite);
+  if (without + count_of(EstimateStatus::kPartlyKnown) > 0) {
+    append(text,
+           "%s in contact: force known in %" PRIu64 " cycles, partly in %" PRIu64
+           ", not in %" PRIu64 " (%" PRIu64 " of these outside the grid)\n",
+           summary.method.c_str(), count_of(EstimateStatus::kOk),
+           count_of(EstimateStatus::kPartlyKnown), without, count_of(EstimateStatus::kOutside));
+  }
+  append_members(text, summary, statistics);
+  if (summary.samples_overrun > 0) {
+    append(text, "%" PRIu64 " samples came faster than the servo takes them and were dropped\n",
+           summary.samples_overrun);
+  }
+  const std::uint64_t cut_short = counter(summary, "fills_cut_short");
+  const std::uint64_t over_threshold = counter(summary, "samples_over_threshold");
+  const std::uint64_t outside = counter(summary, "samples_outside");
+  if (cut_short + over_threshold + outside > 0) {
+    append(text,
+           "Grid: %" PRIu64 " fills cut short (raise --fill-budget), %" PRIu64
+           " samples over the threshold s, %" PRIu64 " outside the grid\n",
+           cut_short, over_threshold, outside);
+  }
+  if (const std::uint64_t recycled = counter(summary, "blocks_recycled"); recycled > 0) {
+    append(text,
+           "Grid: %" PRIu64
+           " blocks were emptied to make room for others (use a larger pool=, fewer cells or a "
+           "smaller r)\n",
+           recycled);
+  }
+  if (const std::uint64_t unusable = counter(summary, "samples_unusable"); unusable > 0) {
+    append(text,
+           "Method: %" PRIu64 " samples were of no use to it (not finite, or without stiffness)\n",
+           unusable);
+  }
+  for (const std::string& note : summary.notes) {
+    text += "Note: " + note + "\n";
+  }
+  if (!summary.recovered.empty()) {
+    append(text, "Connected again %zu times, %d of them with a new calibration\n",
+           summary.recovered.size(), summary.recalibrations);
+  }
+  if (outcome.fault != servo::Fault::kNone) {
+    text += outcome.fault == servo::Fault::kEmergencyStop
+                ? std::string("EMERGENCY STOP by ") + servo::words_of(outcome.emergency) + ". "
+                : std::string("FAULT: ");
+    text += servo::sentence_for(outcome.fault, outcome.joint);
+    if (!outcome.device_failure.empty()) {
+      text += " (" + outcome.device_failure + ")";
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string motors_text(const nlohmann::json& emulator) {
+  // A Falcon's amplifiers take commands, and how much current flows is in no source.
+  const bool has_commands = emulator.contains("final_command");
+  const auto motor =
+      emulator.at(has_commands ? "final_command" : "final_current_mA").get<std::vector<double>>();
+  std::string text;
+  append(text, "Emulated motors: final %s %.0f %.0f %.0f%s, %" PRIu64 " watchdog trips\n",
+         has_commands ? "command" : "current", motor.at(0), motor.at(1), motor.at(2),
+         has_commands ? "" : " mA", emulator.at("watchdog_trips").get<std::uint64_t>());
+  return text;
+}
+
+std::string workers_text(const nlohmann::json& simulator) {
+  const nlohmann::json& workers = simulator.at("workers");
+  if (workers.at("each").empty()) {
+    return "";
+  }
+  const auto count = [&workers](const char* key) { return workers.at(key).get<std::uint64_t>(); };
+  const std::uint64_t replies = simulator.at("replies").get<std::uint64_t>();
+  std::string text;
+  append(text,
+         "Queries: %" PRIu64 " answered; workers were given %" PRIu64 ", answered %" PRIu64
+         " in time and %" PRIu64 " too late; of %" PRIu64 " checked answers %" PRIu64
+         " were wrong\n",
+         replies, count("jobs_given"), count("answers"), count("late"),
+         count("checked_right") + count("wrong"), count("wrong"));
+  for (const nlohmann::json& worker : workers.at("each")) {
+    append(text, "  worker %-24s %6" PRIu64 " answers, %.1f ms each%s%s\n",
+           worker.at("name").get<std::string>().c_str(), worker.at("answers").get<std::uint64_t>(),
+           worker.at("round_trip_mean_ms").get<double>(),
+           worker.at("expelled").get<bool>() ? ", expelled" : "",
+           worker.at("present").get<bool>() ? "" : ", gone");
+  }
+  return text;
+}
+
+std::string errors_text(const RunSummary& summary) {
+  std::string text;
+  if (!summary.errors.empty()) {
+    append(text, "Off-line force F_o: RMS %.2f N, largest %.2f N\n", summary.force_rms_N,
+           summary.force_max_N);
+    append(text,
+           "Error against F_o, %% of its RMS:   whole   first 1 s   after 1 s   worst after 1 s\n");
+    for (const auto& [name, error] : summary.errors) {
+      append(text, "  %-28s %9.2f %11.2f %11.2f %17.2f\n",
+             (name == "hold" ? "hold (streaming)" : name).c_str(), error.rms_percent,
+             error.rms_percent_first_1s, error.rms_percent_after_1s, error.max_percent_after_1s);
+    }
+  } else {
+    text += "No errors against the off-line force: " + summary.truth + "\n";
+  }
+  for (const std::string& file : summary.files) {
+    text += "Wrote " + file + "\n";
+  }
+  return text;
+}
+
+nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
+  using nlohmann::json;
+  const servo::ServoOutcome& outcome = summary.outcome;
+  json faults = json::array();
+  if (outcome.fault != servo::Fault::kNone) {
+    faults.push_back({{"name", servo::name_of(outcome.fault)},
+                      {"sentence", servo::sentence_for(outcome.fault, outcome.joint)},
+                      {"device", outcome.device_failure}});
+  }
+  json recovered = json::array();
+  for (const RecoveredFault& fault : summary.recovered) {
+    recovered.push_back({{"name", servo::name_of(fault.fault)}, {"device", fault.device_failure}});
+  }
+  json rms = json::object();
+  json details = json::object();
+  for (const auto& [name, error] : summary.errors) {
+    rms[name] = error.rms_percent;
+    details[name] = {{"rms_error_percent", error.rms_percent},
+                     {"rms_error_percent_first_1s", error.rms_percent_first_1s},
+                     {"rms_error_percent_after_1s", error.rms_percent_after_1s},
+                     {"max_error_percent_after_1s", error.max_percent_after_1s}};
+  }
+  const driver::DeviceStatistics& device = summary.device_statistics;
+  const auto reasons = link::drop_reasons(summary.link);
+  json result = {
+      {"device", summary.device},
+      {"profile", summary.device_profile},
+      {"scene", summary.scene},
+      {"method", summary.method},
+      {"servo_rate_Hz", measured_rate_Hz(summary)},
+      {"servo_rate_requested_Hz", summary.rate_requested_Hz},
+      {"elapsed_s", summary.elapsed_s},
+      {"cycles", outcome.cycles},
+      {"missed_deadlines", outcome.missed_deadlines},
+      {"stalls", outcome.stalls},
+      {"requests_made", outcome.requests_made},
+      {"answers_taken", outcome.answers_taken},
+      {"samples_refused", outcome.samples_refused},
+      {"first_touches", first_touches_json(outcome.first_touches)},
+      {"records_lost", summary.records_lost},
+      {"cycles_kept", summary.cycles_kept},
+      {"realtime_scheduling", outcome.scheduling.realtime},
+      {"realtime_reason", outcome.scheduling.reason},
+      {"memory_locked", outcome.memory_lock_refused.empty()},
+      {"period_us", percentiles_json(statistics.period_us)},
+      {"wakeup_us", percentiles_json(statistics.wakeup_us)},
+      {"compute_us", percentiles_json(statistics.compute_us)},
+      {"report_age_us", percentiles_json(statistics.report_age_us)},
+      {"sample_age_ms", percentiles_json(statistics.sample_age_ms)},
+      {"cycles_limited", statistics.cycles_limited},
+      {"reports_received", device.reports_received},
+      {"reports_discarded", device.reports_discarded},
+      {"reports_drained", device.reports_drained},
+      {"reports_lost", device.reports_lost},
+      {"reports_rejected", device.reports_rejected},
+      {"reports_late", device.reports_late},
+      {"reports_unasked", device.reports_unasked},
+      {"commands_sent", device.commands_sent},
+      {"commands_clamped", device.commands_clamped},
+      {"commands_starved", device.commands_starved},
+      {"kicks", device.kicks},
+      {"refreshes", device.refreshes},
+      {"zero_current_delivered", outcome.zero_current_delivered},
+      {"samples_received", summary.samples_received},
+      {"samples_rejected", summary.link.dropped()},
+      {"samples_lost", summary.link.lost},
+      {"link",
+       {{"datagrams_dropped", json::object_t(reasons.begin(), reasons.end())},
+        {"datagrams_overrun", summary.link.overrun},
+        {"clock_known", summary.simulator_clock.known},
+        {"clock_offset_s", summary.simulator_clock.offset_s},
+        {"round_trip_s", summary.simulator_clock.round_trip_s}}},
+      {"samples_overrun", summary.samples_overrun},
+      {"samples_taken", statistics.samples_taken},
+      {"samples_not_converged", summary.samples_not_converged},
+      {"worst_relative_residual", summary.worst_relative_residual},
+      {"worst_solve_time_s", summary.worst_solve_time_s},
+      {"rms_error_percent", rms},
+      {"errors", details},
+      {"force_rms_N", summary.force_rms_N},
+      {"force_max_N", summary.force_max_N},
+      {"truth", summary.truth},
+      {"faults", faults},
+      {"reconnects", recovered.size()},
+      {"recovered_faults", recovered},
+      {"recalibrations", summary.recalibrations},
+      {"encoder_doubts", outcome.encoder_doubts},
+      {"emergency_stop", servo::name_of(outcome.emergency)},
+      {"passivity",
+       {{"mode", summary.passivity},
+        {"energy_to_hand_mJ", 1e3 * outcome.energy_to_hand_J},
+        {"largest_energy_to_hand_mJ", 1e3 * outcome.largest_energy_to_hand_J},
+        {"damped_energy_mJ", 1e3 * outcome.damped_energy_J},
+        {"cycles_damped", outcome.cycles_damped},
+        {"cycles_shortened", outcome.cycles_shortened}}},
+      {"notes", summary.notes},
+      {"files", summary.files},
+  };
+  result["rendered_status_cycles"] = json::object();
+  for (std::size_t i = 0; i < statistics.rendered_status.size(); ++i) {
+    result["rendered_status_cycles"][to_string(static_cast<EstimateStatus>(i))] =
+        statistics.rendered_status[i];
+  }
+  result["grid"] = {{"fills_cut_short", counter(summary, "fills_cut_short")},
+                    {"samples_over_threshold", counter(summary, "samples_over_threshold")},
+                    {"samples_outside", counter(summary, "samples_outside")}};
+  result["counters"] = summary.counters;
+  result["member_cycles"] = json::object();
+  for (std::size_t i = 0; i < summary.members.size(); ++i) {
+    result["member_cycles"][summary.members[i]] = statistics.rendered_member[i];
+  }
+  result["member_changes"] = statistics.member_changes;
+  result["first_member_changes"] = json::array();
+  for (const servo::MemberChange& change : statistics.first_changes) {
+    result["first_member_changes"].push_back({{"time_s", change.time_s},
+                                              {"from", summary.members.at(change.from)},
+                                              {"to", summary.members.at(change.to)},
+                                              {"reason", to_string(change.reason)}});
+  }
+  result["rung_cycles"] = json::object();
+  for (int i = 0; i < servo::kRungs; ++i) {
+    result["rung_cycles"][servo::to_string(static_cast<servo::Rung>(i))] =
+        statistics.rung_cycles[static_cast<std::size_t>(i)];
+  }
+  result["motor_warmth"] = statistics.motor_warmth;
+  result["cycles_warm"] = statistics.cycles_warm;
+  result["rung_changes"] = statistics.rung_changes;
+  result["first_rung_changes"] = json::array();
+  for (const servo::RungChange& change : statistics.first_rung_changes) {
+    result["first_rung_changes"].push_back(
+        {{"time_s", change.time_s},
+         {"from", servo::to_string(change.from)},
+         {"to", servo::to_string(change.to)},
+         {"sentence", servo::sentence_for(change.to, change.held_back)}});
+  }
+  result["uncertainty_mN"] = percentiles_json(statistics.uncertainty_mN);
+  result["truth_details"] = summary.truth_details.value_or(json());
+  result["emulator"] = summary.emulator.value_or(json());
+  result["simulator"] = summary.simulator.value_or(json());
+  return result;
+}
+
+}  // namespace forcegrid::cli

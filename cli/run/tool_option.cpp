@@ -1,0 +1,92 @@
+#include "cli/run/tool_option.h"
+
+#include <utility>
+
+#include "cli/common/number_check.h"
+#include "contact/tool_shape.h"
+
+namespace forcegrid::cli {
+namespace {
+
+const std::vector<std::string> kTools = {"point", "sphere", "capsule", "grasper"};
+const std::vector<std::string> kContacts = {"sticky", "slide"};
+
+}  // namespace
+
+void add_tool(CLI::App& command, ToolChoice& choice) {
+  using contact::ToolShape;
+  command
+      .add_option("--tool", choice.tool,
+                  "With what the object is touched, see docs/contact.md (default: the scene's, "
+                  "else point)")
+      ->check(CLI::IsMember(kTools));
+  command
+      .add_option("--contact", choice.contact,
+                  "What a touch is: sticky (the tool holds what it touches) or slide (it presses, "
+                  "slides with friction, leaves) (default: the scene's, else sticky)")
+      ->check(CLI::IsMember(kContacts));
+  command
+      .add_option("--tool-radius-mm", choice.radius_mm,
+                  "Radius of a sphere, capsule or jaw (default: the scene's, else 8)")
+      ->check(between(1e3 * ToolShape::kMinRadius_m, 1e3 * ToolShape::kMaxRadius_m))
+      ->type_name("FLOAT mm");
+  command
+      .add_option("--tool-length-mm", choice.length_mm,
+                  "Length of a capsule or jaw (default: the scene's, else 40)")
+      ->check(between(0.0, 1e3 * ToolShape::kMaxLength_m))
+      ->type_name("FLOAT mm");
+  command
+      .add_option("--friction", choice.friction,
+                  "Coulomb's mu of a sliding contact, without a unit (default: the scene's, else "
+                  "0.3)")
+      ->check(between(0.0, simulator::ToolOptions::kMaxFriction))
+      ->type_name("FLOAT");
+}
+
+simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOptions of_scene) {
+  simulator::ToolOptions options = std::move(of_scene);
+  options.shape = choice.tool.value_or(options.shape);
+  options.contact = choice.contact.value_or(options.contact);
+  options.radius_m = choice.radius_mm ? 1e-3 * *choice.radius_mm : options.radius_m;
+  options.length_m = choice.length_mm ? 1e-3 * *choice.length_mm : options.length_m;
+  options.friction = choice.friction.value_or(options.friction);
+  return options;
+}
+
+std::string flags_of_no_use(const ToolChoice& choice, const simulator::ToolOptions& options) {
+  std::string flags;
+  const auto add = [&flags](bool given, bool of_use, const char* flag) {
+    if (given && !of_use) {
+      flags += (flags.empty() ? "" : ", ") + std::string(flag);
+    }
+  };
+  add(choice.radius_mm.has_value(), options.shape != "point", "--tool-radius-mm");
+  add(choice.length_mm.has_value(), options.shape == "capsule" || options.shape == "grasper",
+      "--tool-length-mm");
+  add(choice.friction.has_value(), options.slides(), "--friction");
+  return flags;
+}
+
+std::vector<std::string> tool_arguments(const ToolChoice& choice) {
+  std::vector<std::string> arguments;
+  const auto add = [&arguments](const char* flag, const std::string& value) {
+    arguments.insert(arguments.end(), {flag, value});
+  };
+  const auto add_number = [&add](const char* flag, const std::optional<double>& value) {
+    if (value) {
+      add(flag, std::to_string(*value));
+    }
+  };
+  if (choice.tool) {
+    add("--tool", *choice.tool);
+  }
+  if (choice.contact) {
+    add("--contact", *choice.contact);
+  }
+  add_number("--tool-radius-mm", choice.radius_mm);
+  add_number("--tool-length-mm", choice.length_mm);
+  add_number("--friction", choice.friction);
+  return arguments;
+}
+
+}  // namespace forcegrid::cli

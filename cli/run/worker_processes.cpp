@@ -1,0 +1,66 @@
+#include "cli/run/worker_processes.h"
+
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+#include <stdexcept>
+#include <system_error>
+
+#include "link/key.h"
+
+namespace forcegrid::cli {
+namespace {
+
+constexpr std::chrono::seconds kStartTimeout{10};
+
+}  // namespace
+
+WorkerProcesses::WorkerProcesses(const std::vector<std::string>& key_files)
+    : key_files_(key_files) {
+  if (!key_files_.empty()) {
+    return;
+  }
+  std::string folder = std::filesystem::temp_directory_path() / "forcegrid-key-XXXXXX";
+  if (::mkdtemp(folder.data()) == nullptr) {
+    throw std::runtime_error("workers: no folder for their key at " + folder + ": " +
+                             std::generic_category().message(errno) +
+                             "; make a key with 'forcegrid keygen FILE' and give --key FILE");
+  }
+  own_folder_ = folder;
+  key_files_ = {folder + "/link.key"};
+  link::LinkKey::generate(key_files_.front());
+}
+
+WorkerProcesses::~WorkerProcesses() {
+  workers_.clear();
+  remove_own_key();
+}
+
+void WorkerProcesses::remove_own_key() noexcept {
+  std::error_code ignored;
+  if (!own_folder_.empty()) {
+    std::filesystem::remove_all(own_folder_, ignored);
+  }
+}
+
+void WorkerProcesses::start(int count, const std::string& listening, const std::string& scene) {
+  const std::string before = " workers ";
+  const std::size_t at = listening.find(before);
+  if (at == std::string::npos) {
+    throw std::runtime_error("the simulator did not say where its workers may come: " + listening);
+  }
+  const std::string address = listening.substr(at + before.size());
+  for (int i = 0; i < count; ++i) {
+    workers_.push_back(std::make_unique<ChildProcess>(
+        std::vector<std::string>{"worker", "--connect", address, "--key", key_files_.front(),
+                                 "--scene", scene, "--until-stdin-closes"}));
+  }
+  for (const auto& worker : workers_) {
+    if (!worker->read_line(kStartTimeout)) {
+      throw std::runtime_error("a worker did not start (its message is above)");
+    }
+  }
+  remove_own_key();  // everybody has read it, and a run that is killed could not do it later
+}
+
+}  // namespace forcegrid::cli

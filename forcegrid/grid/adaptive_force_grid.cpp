@@ -1,0 +1,13 @@
+#include "forcegrid/grid/adaptive_grid.h"
+#include "forcegrid/grid/grid_method.h"
+#include "forcegrid/grid/grid_plan.h"
+
+namespace forcegrid {
+
+std::unique_ptr<ForceMethod> make_adaptive_force_grid(const GridPlan& plan) noexcept {
+  using Grid = AdaptiveGrid;
+  return allocated_method<Grid>(plan, Grid(plan.geometry, plan.light, plan.counting(),
+                                           plan.interpolation, plan.instructions));
+}
+
+}  // namespace forcegrid

@@ -1,0 +1,197 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "forcegrid/core/buffer.h"
+#include "forcegrid/grid/force_grid.h"
+#include "forcegrid/grid/grid_storage.h"
+
+namespace forcegrid {
+
+/// A cube of 4 x 4 x 4 blocks out of a grid that is far larger, for AdaptiveGrid. Each block of the
+/// grid has one place in the cube, that of its numbers modulo 4; what is not in the cube, or not
+/// yet complete there, reads as empty and can't be updated.
+class WindowStorage {
+ public:
+  static constexpr int kBlocks = 4;  ///< an axis, a power of two
+
+  explicit WindowStorage(const Eigen::Vector3i& vertices) noexcept;
+
+  bool allocated() const noexcept { return segments_.allocated(); }
+  std::size_t bytes() const noexcept { return segments_.bytes(); }
+
+  const ForceSegment& segment(int i, int j, int s) const noexcept {
+    return segments_[first_segment(unsigned_of(i), unsigned_of(j), unsigned_of(s)) +
+                     within(unsigned_of(i), unsigned_of(j))];
+  }
+  ForceSegment* touch(int i, int j, int s, std::uint32_t fill, int& extra_units) noexcept {
+    static_cast<void>(fill);
+    static_cast<void>(extra_units);
+    const std::size_t first = first_segment(unsigned_of(i), unsigned_of(j), unsigned_of(s));
+    return first == kEmptyBlock ? nullptr
+                                : &segments_[first + within(unsigned_of(i), unsigned_of(j))];
+  }
+
+  class Corners {
+   public:
+    Corners(const WindowStorage& storage, std::uint32_t i, std::uint32_t j,
+            std::uint32_t k) noexcept
+        : storage_(storage), i_(i), j_(j), k_(k) {}
+    template <int kA, int kB, int kC>
+    const ForceVertex* at() const noexcept {
+      const std::uint32_t k = k_ + kC;
+      return storage_
+                 .segments_[storage_.first_segment(i_ + kA, j_ + kB, k / kSegmentVertices) +
+                            within(i_ + kA, j_ + kB)]
+                 .vertices.data() +
+             k % kSegmentVertices;
+    }
+
+   private:
+    const WindowStorage& storage_;
+    std::uint32_t i_, j_, k_;
+  };
+  template <typename Use>
+  auto with_corners(std::uint32_t i, std::uint32_t j, std::uint32_t k, Use use) const noexcept {
+    if (all_in_one_block(i, j, k)) [[likely]] {
+      return use(
+          StridedCorners(segments_[first_segment(i, j, k / kSegmentVertices)].vertices.data() +
+                             vertex_in_block(i, j, k),
+                         kBlockVertices, kBlockVertices * kBlockVertices));
+    }
+    return use(Corners(*this, i, j, k));
+  }
+
+  /// Empties the cube; all its blocks are missing then.
+  void restart() noexcept;
+  bool ready() const noexcept { return true; }
+  int tidy(int budget) noexcept {
+    static_cast<void>(budget);
+    return 0;
+  }
+  std::uint64_t recycled() const noexcept { return 0; }
+
+  /// Moves the cube so that its middle is the block corner nearest to the vertex (i, j, k).
+  void centre_at(const Eigen::Vector3i& vertex) noexcept;
+
+  /// The block nearest to the cube's middle that belongs into the cube and is missing.
+  /// @returns false when none is.
+  bool next_missing(Eigen::Vector3i& block) const noexcept;
+
+  /// The place of a block that is being made, which reads as empty until complete() is called.
+  ForceSegment* begin_block(const Eigen::Vector3i& block) noexcept;
+  void complete(const Eigen::Vector3i& block) noexcept;
+  /// False once the cube has moved on.
+  bool wanted(const Eigen::Vector3i& block) const noexcept;
+
+ private:
+  static constexpr std::size_t kPlaces = kBlocks * kBlocks * kBlocks;
+  static constexpr std::size_t kEmptyBlock = kPlaces * kBlockSegments;  ///< behind the others
+  static constexpr std::uint64_t kNone = ~std::uint64_t{0};
+
+  static std::uint32_t unsigned_of(int index) noexcept { return static_cast<std::uint32_t>(index); }
+  static std::size_t within(std::uint32_t i, std::uint32_t j) noexcept {
+    return i % kBlockVertices * kBlockVertices + j % kBlockVertices;
+  }
+  static std::size_t place(std::uint32_t x, std::uint32_t y, std::uint32_t z) noexcept {
+    return (x % kBlocks * kBlocks + y % kBlocks) * kBlocks + z % kBlocks;
+  }
+  static std::uint64_t key(std::uint32_t x, std::uint32_t y, std::uint32_t z) noexcept {
+    return (std::uint64_t{x} << 40U) | (std::uint64_t{y} << 20U) | z;
+  }
+  std::size_t first_segment(std::uint32_t i, std::uint32_t j, std::uint32_t s) const noexcept {
+    const std::uint32_t x = i / kBlockVertices;
+    const std::uint32_t y = j / kBlockVertices;
+    const std::size_t at = place(x, y, s);
+    return keys_[at] == key(x, y, s) ? at * kBlockSegments : kEmptyBlock;
+  }
+
+  Eigen::Vector3i blocks_;                           ///< of the whole grid an axis
+  Eigen::Vector3i first_ = Eigen::Vector3i::Zero();  ///< lowest block of the cube, may be negative
+  std::array<std::uint64_t, kPlaces> keys_{};        ///< the block that is complete at each place
+  Buffer<ForceSegment> segments_;
+};
+
+/// The paper's adaptive form: a dense grid in a cube of 32 vertices an axis that follows the tool,
+/// inside a sparse one over the whole workspace whose cells are four times as long.
+///
+/// Each sample is spread in both. A block that comes into the cube starts with the sparse grid's
+/// forces and weights there, interpolated; weights of the inverse powers, whose h differs, are
+/// scaled to what the same samples would have given the dense grid at distances above its h. What
+/// leaves the cube is forgotten but for the sparse grid. Reading takes the dense grid where all of
+/// the cell's vertices are known to it, else the sparse one; the tool is at least 12 dense cells
+/// from the cube's border (less at the workspace's), so it meets that step only when it outruns the
+/// budget of work(). Source: forcegrid paper, section 7, "high-density grid in a cube around the
+/// current position of the operational point and a low-density grid in the rest". Memory: 0.5 MB
+/// for the cube, and a dense grid of 1/64 of the vertices.
+class AdaptiveGrid {
+ public:
+  static constexpr int kCoarsening = 4;
+
+  /// @param geometry of the dense grid, as if it were everywhere. A cell that is counted is one of
+  ///        the sparse grid.
+  AdaptiveGrid(const GridGeometry& geometry, const CandleLight& light, bool counting,
+               Interpolation interpolation = Interpolation::kTrilinear,
+               Instructions instructions = Instructions::kBest) noexcept;
+
+  /// The sparse grid's cells: a quarter of the dense one's, rounded up.
+  static GridGeometry sparse_geometry(const GridGeometry& geometry) noexcept;
+
+  struct Fill {
+    ForceGrid<DenseStorage<ForceSegment>>::Fill sparse;
+    ForceGrid<WindowStorage>::Fill dense;
+  };
+
+  bool allocated() const noexcept { return sparse_.allocated() && dense_.allocated(); }
+  std::size_t bytes() const noexcept { return sparse_.bytes() + dense_.bytes(); }
+  /// Of the grid whose cells are counted.
+  const GridGeometry& geometry() const noexcept { return sparse_.geometry(); }
+  bool inside(const Eigen::Vector3d& position_W) const noexcept {
+    return sparse_.inside(position_W);
+  }
+  Fill begin_fill(const Sample& sample, bool with_stiffness) noexcept {
+    return {sparse_.begin_fill(sample, with_stiffness), dense_.begin_fill(sample, with_stiffness)};
+  }
+  int continue_fill(Fill& fill, int budget) noexcept;
+  bool finished(const Fill& fill) const noexcept {
+    return sparse_.finished(fill.sparse) && dense_.finished(fill.dense);
+  }
+  [[nodiscard]] ForceEstimate read(const Eigen::Vector3d& position_W) const noexcept;
+
+  void restart() noexcept;
+  bool ready() const noexcept { return sparse_.ready(); }
+  int tidy(int budget) noexcept { return sparse_.tidy(budget); }
+  Eigen::Vector3i cell(const Eigen::Vector3d& position_W) const noexcept {
+    return sparse_.cell(position_W);
+  }
+  std::uint16_t samples_in(const Eigen::Vector3i& cell) const noexcept {
+    return sparse_.samples_in(cell);
+  }
+  void count_sample_in(const Eigen::Vector3i& cell) noexcept { sparse_.count_sample_in(cell); }
+  std::uint64_t recycled() const noexcept { return 0; }
+
+  /// Moves the cube to the tool; a position outside or not finite leaves it where it is.
+  void follow(const Eigen::Vector3d& position_W) noexcept;
+
+  /// Makes missing blocks of the cube from the sparse grid, at most `budget` vertices rounded up to
+  /// a segment. Not to be called while a fill is under way: its sample would count twice.
+  /// @returns the units done, 0 when no block is missing.
+  int prepare(int budget) noexcept;
+  /// A block is half made: prepare() has to go on before the next fill.
+  bool preparing() const noexcept { return next_segment_ > 0; }
+
+  const ForceGrid<WindowStorage>& dense() const noexcept { return dense_; }
+  const ForceGrid<DenseStorage<ForceSegment>>& sparse() const noexcept { return sparse_; }
+
+ private:
+  ForceGrid<DenseStorage<ForceSegment>> sparse_;
+  ForceGrid<WindowStorage> dense_;
+  float inherited_share_;  ///< of the sparse grid's weight for the dense one
+  Eigen::Vector3i block_ = Eigen::Vector3i::Zero();  ///< the one being made
+  int next_segment_ = 0;                             ///< of it; 0: none is being made
+};
+
+}  // namespace forcegrid

@@ -1,0 +1,15 @@
+#include "forcegrid/grid/grid_method.h"
+#include "forcegrid/grid/grid_plan.h"
+
+namespace forcegrid {
+
+std::unique_ptr<ForceMethod> make_block_force_grid(const GridPlan& plan) noexcept {
+  using Grid = ForceGrid<BlockStorage<ForceSegment>>;
+  return allocated_method<Grid>(
+      plan, Grid(plan.geometry, plan.light,
+                 BlockStorage<ForceSegment>(plan.geometry.cells.array() + 1, plan.counting(),
+                                            plan.pool_blocks),
+                 plan.interpolation, plan.instructions));
+}
+
+}  // namespace forcegrid

@@ -1,0 +1,14 @@
+#include "forcegrid/grid/grid_method.h"
+#include "forcegrid/grid/grid_plan.h"
+
+namespace forcegrid {
+
+std::unique_ptr<ForceMethod> make_dense_force_grid(const GridPlan& plan) noexcept {
+  using Grid = ForceGrid<DenseStorage<ForceSegment>>;
+  return allocated_method<Grid>(
+      plan, Grid(plan.geometry, plan.light,
+                 DenseStorage<ForceSegment>(plan.geometry.cells.array() + 1, plan.counting()),
+                 plan.interpolation, plan.instructions));
+}
+
+}  // namespace forcegrid

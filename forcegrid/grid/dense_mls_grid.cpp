@@ -1,0 +1,15 @@
+#include "forcegrid/grid/grid_method.h"
+#include "forcegrid/grid/grid_plan.h"
+#include "forcegrid/grid/mls_grid.h"
+
+namespace forcegrid {
+
+std::unique_ptr<ForceMethod> make_dense_mls_grid(const GridPlan& plan) noexcept {
+  using Grid = MlsGrid<DenseStorage<MomentSegment>>;
+  return allocated_method<Grid>(
+      plan, Grid(plan.geometry, plan.light, plan.ridge,
+                 DenseStorage<MomentSegment>(plan.geometry.cells.array() + 1, plan.counting()),
+                 plan.instructions));
+}
+
+}  // namespace forcegrid

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+#include "forcegrid/core/candle_light.h"
+#include "forcegrid/grid/force_grid.h"
+#include "forcegrid/core/force_method.h"
+#include "forcegrid/core/grid_geometry.h"
+#include "forcegrid/grid/spread_kernels.h"
+
+namespace forcegrid {
+
+/// What a grid method is made of, checked and with all defaults put in.
+struct GridPlan {
+  const char* name = "";  ///< of the method; static text
+  GridGeometry geometry;
+  CandleLight light;
+  Interpolation interpolation = Interpolation::kTrilinear;
+  Instructions instructions = Instructions::kBest;
+  int samples_per_cell = 0;     ///< s; 0: no threshold
+  bool requests = false;        ///< asks for forces around the tool
+  bool stiffness = false;       ///< spreads F + J (v - P)
+  double ridge = 1e-5;          ///< of the moments' fit, in units of r^2
+  std::size_t pool_blocks = 0;  ///< of block storage
+
+  bool counting() const noexcept { return samples_per_cell > 0 || requests; }
+};
+
+// One each for what vertices hold and where they live. They return null when there is not enough
+// memory.
+std::unique_ptr<ForceMethod> make_dense_force_grid(const GridPlan& plan) noexcept;
+std::unique_ptr<ForceMethod> make_block_force_grid(const GridPlan& plan) noexcept;
+std::unique_ptr<ForceMethod> make_adaptive_force_grid(const GridPlan& plan) noexcept;
+std::unique_ptr<ForceMethod> make_dense_mls_grid(const GridPlan& plan) noexcept;
+std::unique_ptr<ForceMethod> make_block_mls_grid(const GridPlan& plan) noexcept;
+
+}  // namespace forcegrid

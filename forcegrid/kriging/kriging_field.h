@@ -1,0 +1,370 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "forcegrid/kriging/kriging_factor.h"
+#include "forcegrid/kriging/kriging_kernel.h"
+#include "forcegrid/kriging/kriging_simd.h"
+#include "forcegrid/kriging/sample_spacing.h"
+
+namespace forcegrid::kriging {
+
+struct FieldSettings {
+  Kernel kernel;
+  double nugget_N2 = 1e-5;    ///< variance of the noise of a sample's force, an axis
+  int samples = 32;           ///< capacity of the dictionary, up to the field's
+  int stiffness_samples = 0;  ///< how many of the newest samples keep their stiffness as data
+
+  /// With the difference of the histories taken into |dP| where the kernel has history features.
+  SampleSpacing spacing;
+
+  double stiffness_noise_N_per_m = 1.0;     ///< standard deviation of a component of dF/dP,
+  double relative_stiffness_noise = 0.002;  ///< and of its norm, added in squares
+  double surprise = 25.0;  ///< normalised squared innovation from which old samples are doubted
+
+  /// [m] Samples that a surprise is that far from are doubted by a factor exp(-1/2) less.
+  double doubt_reach_m() const noexcept { return 2.0 * kernel.length_m; }
+};
+
+/// [N] What a force may depend on besides the position, each column in newtons: the tool's velocity
+/// times kViscousTerm_Ns_per_m, and the force itself through three low-pass filters.
+inline constexpr int kPathTerms = 4;
+inline constexpr double kViscousTerm_Ns_per_m = 10.0;
+using PathTerms = Eigen::Matrix<double, 3, kPathTerms>;
+
+/// A sample as a field takes it: positions relative to the contact point.
+struct Observation {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
+  History history = History::Zero();
+  bool has_stiffness = false;
+  Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
+  bool from_query = false;
+  /// How much the force has risen since the simulator's answer before, if that was of this contact.
+  bool has_rise = false;
+  Eigen::Vector3d rise_N = Eigen::Vector3d::Zero();
+  PathTerms terms_N = PathTerms::Zero();
+  std::uint64_t contact = 0;  ///< number of the contact that it was made in
+  /// [m] That contact's point in the workspace frame, where position_m is zero.
+  Eigen::Vector3d origin_W = Eigen::Vector3d::Zero();
+};
+
+/// What taking in an observation showed.
+struct Innovation {
+  bool predicted = false;  ///< false: the field knew nothing before
+  double error_N = 0.0;    ///< |force - what the field would have said|
+  bool surprised = false;  ///< the observation is not what the field could have expected
+  bool explained = false;  ///< by something else than doubt in the samples: a wall was found
+  double doubt_N2 = 0.0;   ///< variance that was added to samples there
+  double scale = 1.0;      ///< factor that the forces of earlier contacts were multiplied by
+};
+
+/// What one piece of Field::follow() did.
+struct Followed {
+  bool changed = false;  ///< the field says something else than before
+  bool more = false;     ///< there may be more to do
+};
+
+/// What a field says at a position.
+struct Reading {
+  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
+  double nearest_m2 = 0.0;  ///< squared distance of the nearest sample; huge without any
+};
+
+/// A conservative force field through a small dictionary of samples, behind an interface that hides
+/// its sizes. All positions are relative to the contact point.
+/// Real-time: nothing allocates, locks or throws after construction. Threads: one.
+class Field {
+ public:
+  virtual ~Field() = default;
+  virtual const FieldSettings& settings() const noexcept = 0;
+  virtual std::size_t memory_bytes() const noexcept = 0;
+  virtual int sample_count() const noexcept = 0;
+  virtual int row_count() const noexcept = 0;
+
+  /// A contact begins, or is expected, at `point_W`, which positions that are read are relative to
+  /// from now on. For fields that tell places apart or know something that is fixed in the
+  /// workspace; the others know of a contact from its first observation.
+  virtual void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept {
+    static_cast<void>(contact);
+    static_cast<void>(point_W);
+  }
+  /// Does one bounded piece of what enter_contact() left to do; until all is done, read() goes on
+  /// with what it had. @returns false when nothing was left.
+  virtual bool prepare() noexcept { return false; }
+  virtual bool ready() const noexcept { return true; }
+
+  /// Whether it knows of walls beyond the object, where no smooth field is right.
+  virtual bool knows_walls() const noexcept { return false; }
+
+  /// The terms at the present instant, once a servo cycle, for fields that use them.
+  virtual void observe(const PathTerms& terms_N) noexcept { static_cast<void>(terms_N); }
+
+  /// Takes in one observation. In order: predict there; doubt old samples when that failed; decide
+  /// on the sample before; make room; add the new one; fit. Bounded: at most one full factorisation
+  /// of the dictionary, usually three to nine rows of it.
+  virtual Innovation take(const Observation& observation) noexcept = 0;
+
+  virtual Reading read(const Eigen::Vector3d& position_m,
+                       const History& history) const noexcept = 0;
+
+  /// [N/m] dF/dP of read(), at the same history: how the force changes where the tool steps aside.
+  /// Symmetric but for history features.
+  virtual Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
+                                            const History& history) const noexcept = 0;
+
+  /// [N] Posterior standard deviation of a component of the force, in the mean over the axes,
+  /// scaled by the data's own spread where that is above the prior's. O(rows^2).
+  virtual double deviation_N(const Eigen::Vector3d& position_m,
+                             const History& history) const noexcept = 0;
+
+  /// Told where the tool is and where it will soon be, does one bounded piece of what makes the
+  /// field know more there. A field that knows the same wherever the tool is has nothing to do.
+  virtual Followed follow(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahead_m) noexcept {
+    static_cast<void>(tool_m);
+    static_cast<void>(ahead_m);
+    return {};
+  }
+};
+
+/// Kriging with Kernel's covariance over at most kMaxSamples samples, the newest kMaxStiffness of
+/// them with their stiffness:
+///
+///   alpha = (K + diag(nugget + q_i))^-1 F,   F(p) = sum_i K(p, p_i) alpha_i
+///
+/// Fitted in double precision, read in `Real`. For reading, the linear, constant and history parts
+/// of the sum collapse to a symmetric matrix, a vector and one matrix a feature, so only the radial
+/// part remains a sum over samples (kriging_simd.h).
+///
+/// Dictionary. The newest sample is always in, but transient: when the next one comes it stays if
+/// it is apart from all others (SampleSpacing), replaces the nearest if that was
+/// doubted more or if it is a repetition of where that one began, and goes otherwise.
+/// (Without this bound a slow motion would drag one sample along and lose what it had known.) When
+/// full, the sample goes that has the least of  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) /
+/// (1 + q_i / (10 nugget)), where answers to queries count a twentieth.
+///
+/// Forgetting is gated by surprise: with the innovation e and V = (predictive covariance)
+/// max(1, s2) + nugget I, s2 = F^T alpha / rows, a normalised square N = e^T V^-1 e / 3 above 25
+/// adds  q_i += |e|^2/3 (1 - 25/N) exp(-|p_i - P|^2 / (2 (2 l)^2))  to the noise of every sample.
+/// Forgetting by age instead would lose the directions that a resting hand doesn't explore, and
+/// make the loop unstable.
+///
+/// Contacts. Another place of an object is often of the same shape of stiffness, but stiffer or
+/// softer. At a new contact all that is known of earlier ones is taken to be right but for one
+/// factor s, N(1, v), which a scalar Kalman filter learns from the innovations e with the part m of
+/// the prediction that comes from earlier contacts:
+///
+///   s - 1 = p m^T V^-1 e,   p = 1 / (1/v + m^T V^-1 m),   v <- p,
+///
+/// V being inflated by the normalised square of what s leaves of e. The samples of the earlier
+/// contacts are multiplied by s, within 0.5 and 2. Where the stiffness is data, its innovation
+/// teaches s in the same way, and first, until v is below 1e-4: it tells s at once, where the first
+/// force is none. v
+/// begins with the mean square of what the contacts before took, 0.03 at first and between 1e-4 and
+/// 0.09: objects that prove to be alike everywhere are left alone.
+///
+/// Answers to queries join the dictionary where none of its samples is near; they are never
+/// transient.
+///
+/// Failure: kinks within l of the samples; forces that depend on more than position (the history
+/// features are for those that depend on the path, HingeField for kinks).
+/// Source: docs/kriging.md; Rasmussen and Williams, 2006, chapter 2.
+template <typename Real, int kMaxSamples, int kMaxStiffness>
+class DictionaryField : public Field {
+ public:
+  /// @param settings must be usable: positive nugget, lengths and spacings, 2 <= samples <=
+  ///        kMaxSamples, stiffness_samples <= kMaxStiffness.
+  explicit DictionaryField(const FieldSettings& settings) noexcept;
+
+  const FieldSettings& settings() const noexcept override { return settings_; }
+  std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
+  int sample_count() const noexcept override { return sample_count_; }
+  int row_count() const noexcept override { return factor_.rows(); }
+  void enter_contact(std::uint64_t /*contact*/, const Eigen::Vector3d& point_W) noexcept override {
+    origin_W_ = point_W;
+  }
+  Innovation take(const Observation& observation) noexcept override;
+  Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
+  Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
+                                    const History& history) const noexcept override;
+  double deviation_N(const Eigen::Vector3d& position_m,
+                     const History& history) const noexcept override;
+
+  /// A sample of the dictionary as its owner sees it.
+  struct Kept {
+    int slot;
+    Eigen::Vector3d position_m;
+    Eigen::Vector3d force_N;
+    double doubt_N2;
+    bool from_query;
+    bool newest;  ///< the transient one, which take() decides on
+  };
+  /// `use` on each sample of the dictionary.
+  template <typename Use>
+  void for_each_sample(Use use) const noexcept {
+    for (int slot = 0; slot < kMaxSamples; ++slot) {
+      const Stored& s = stored_[static_cast<std::size_t>(slot)];
+      if (s.used) {
+        use(Kept{slot, s.position_m, s.force_N, s.doubt_N2, s.from_query, slot == transient_});
+      }
+    }
+  }
+  /// For an owner who changes the dictionary: takes out a sample; puts one in, which takes
+  /// sample_count() < settings().samples, without asking whether it is news, and returns its slot.
+  /// The field's answers are those of before until apply_changes(), which must follow.
+  void drop(int slot) noexcept { remove_sample(slot); }
+  int bring_in(const Observation& observation, double doubt_N2) noexcept;
+  void apply_changes() noexcept;
+
+  /// deviation_N() of this field plus others that have taken the same samples with other data, each
+  /// times its weight.
+  template <std::size_t kOthers>
+  double deviation_with(const std::array<const DictionaryField*, kOthers>& others,
+                        const Eigen::Matrix<double, static_cast<int>(kOthers), 1>& weights,
+                        const Eigen::Vector3d& position_m, const History& history) const noexcept {
+    double squares = 0.0;
+    for (int r = 0; r < factor_.rows(); ++r) {
+      double y = factor_.y(r);
+      for (std::size_t j = 0; j < kOthers; ++j) {
+        y += weights[static_cast<int>(j)] * others[j]->factor_.y(r);
+      }
+      squares += y * y;
+    }
+    const double scale = squares / std::max(1, factor_.rows());
+    return std::sqrt(variance_N2(position_m, history) * std::max(1.0, scale));
+  }
+
+  /// The sums that reading is made of, for tests of the lanes.
+  RadialTerms<Real> radial_terms() const noexcept;
+
+ protected:
+  static constexpr int kMaxSamplesHeld = kMaxSamples;
+  static constexpr int kMaxBlocks = kMaxSamples + kMaxStiffness;
+  static constexpr int kMaxRows = 3 * kMaxSamples + 6 * kMaxStiffness;
+  static constexpr int kLanes = padded(kMaxSamples, kLanePadding);
+  static constexpr int kFewLanes = kMaxStiffness == 0 ? 4 : padded(kMaxStiffness, 4);
+  static constexpr int kNone = -1;
+  /// Rounding of the rotations adds up slowly; a fresh factorisation this often keeps it out.
+  static constexpr int kTakesBetweenFactorisations = 1024;
+  using Factor = GrowingCholesky<kMaxRows>;
+
+  struct Stored {
+    Eigen::Vector3d position_m, force_N;
+    Eigen::Vector3d first_position_m, first_force_N;  ///< before others took its place
+    History history;
+    Vector6d stiffness_N_per_m;
+    double doubt_N2 = 0.0;  ///< q
+    std::uint64_t order = 0;
+    bool from_query = false;
+    std::uint64_t contact = 0;
+    Eigen::Vector3d origin_W;
+    bool used = false;
+  };
+  /// Consecutive rows of the factor: a sample's force (3) or stiffness (6).
+  struct Block {
+    std::int16_t slot;
+    bool stiffness;
+    int rows() const noexcept { return stiffness ? 6 : 3; }
+  };
+
+  // For fields that add features, forces with a few unknown weights, to the covariance. Features
+  // are fitted where the weights are solved for, and stay as they are until then.
+
+  /// Solves for alpha_.
+  virtual void solve_weights() noexcept { factor_.weights(alpha_.data()); }
+  /// Adds to the mean and covariance of the force at `p`, given its covariances with the rows,
+  /// solved.
+  virtual void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
+                            const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
+                            Eigen::Matrix3d& covariance_N2) const noexcept {
+    static_cast<void>(p);
+    static_cast<void>(origin_W);
+    static_cast<void>(x);
+    static_cast<void>(mean_N);
+    static_cast<void>(covariance_N2);
+  }
+  /// The part of a sample's force that is the features'.
+  virtual Eigen::Vector3d feature_force_N(const Stored& sample) const noexcept {
+    static_cast<void>(sample);
+    return Eigen::Vector3d::Zero();
+  }
+  /// Of |y|^2, what the features explain.
+  virtual double explained_squares() const noexcept { return 0.0; }
+  /// Whether a surprise is explained by other features, so that nothing needs to be doubted. Then
+  /// the factor is in order, else it may be stale. Uses x_.
+  virtual bool explain(const Observation& observation, const Eigen::Vector3d& error_N) noexcept {
+    static_cast<void>(observation);
+    static_cast<void>(error_N);
+    return false;
+  }
+  /// A sample that features can't do without is the last to go.
+  virtual bool features_need(int slot) const noexcept {
+    static_cast<void>(slot);
+    return false;
+  }
+
+  void covariances_of_force(const Eigen::Vector3d& p, const History& h,
+                            typename Factor::Columns& x) const noexcept;
+  void covariances_of_stiffness(const Eigen::Vector3d& p,
+                                typename Factor::Columns& x) const noexcept;
+  void append_force(int slot, bool solved) noexcept;
+  void append_stiffness(int slot) noexcept;
+  void remove_block(int block) noexcept;
+  void remove_sample(int slot) noexcept;
+  void factorise() noexcept;
+  double normalised_square(const Eigen::Vector3d& error_N,
+                           const Eigen::Matrix3d& covariance_N2) const noexcept;
+  double doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
+                       double normalised) noexcept;
+  int place(const Observation& observation) noexcept;
+  void begin_contact(std::uint64_t contact) noexcept;
+  void earlier_contacts(std::array<double, Factor::kStride>& f) const noexcept;
+  template <int kCount>
+  void scale_earlier_contacts(const typename Factor::Columns& x,
+                              const std::array<double, Factor::kStride>& earlier,
+                              const Eigen::Matrix<double, kCount, kCount>& variance,
+                              Eigen::Matrix<double, kCount, 1>& error) noexcept;
+  void scale_by_stiffness(const Observation& o) noexcept;
+  double stiffness_variance(const Vector6d& stiffness_N_per_m, double doubt_N2) const noexcept;
+  bool settle_transient() noexcept;
+  bool make_room(const Eigen::Vector3d& position_m) noexcept;
+  void limit_stiffness() noexcept;
+  void collapse() noexcept;
+  double distance_m2(const Stored& a, const Eigen::Vector3d& position_m, const History& h,
+                     const Eigen::Vector3d& force_N) const noexcept;
+  double separation_m2(const Stored& a, const Stored& b) const noexcept;
+  double data_scale() const noexcept;
+  double variance_N2(const Eigen::Vector3d& position_m, const History& history) const noexcept;
+
+  FieldSettings settings_;
+  std::array<Stored, kMaxSamples> stored_{};
+  std::array<Block, kMaxBlocks> blocks_{};
+  int block_count_ = 0;
+  int sample_count_ = 0;
+  int transient_ = kNone;
+  std::uint64_t next_order_ = 0;
+  int takes_since_factorisation_ = 0;
+  std::uint64_t contact_ = 0;
+  double scale_ = 1.0;           ///< s of this contact so far
+  double scale_variance_ = 0.0;  ///< v; 0: there is no earlier contact
+  double expected_scale_variance_ = 0.03;
+  Eigen::Vector3d origin_W_ = Eigen::Vector3d::Zero();
+  Factor factor_;
+  mutable typename Factor::Columns x_;
+  std::array<double, kMaxRows + kLanePadding> alpha_{};
+
+  // What reading needs: the radial terms lane by lane, the rest collapsed.
+  alignas(64) std::array<std::array<Real, kLanes>, 6> lane_rows_;    // as RadialTerms
+  alignas(64) std::array<std::array<Real, kFewLanes>, 9> few_rows_;  // has them
+  Real inverse_length_per_m_;
+  int lanes_used_ = 0;
+  int few_lanes_used_ = 0;
+  Eigen::Matrix<Real, 3, 3> linear_N_per_m_;
+  Eigen::Matrix<Real, 3, 1> constant_N_;
+  std::array<Eigen::Matrix<Real, 3, 3>, kHistoryFeatures> history_N_per_m_;
+};
+
+}  // namespace forcegrid::kriging

@@ -1,0 +1,484 @@
+#include "forcegrid/kriging/kriging_simd.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "forcegrid/kriging/kriging_simd.cpp"
+#include <hwy/foreach_target.h>
+// Highway compiles what follows once for each instruction set.
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace forcegrid::kriging {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// exp(x) for x = scale * r <= 0, never below 2^-126. In single precision: 2^n times the polynomial
+// of fifth degree in f that has the least relative error (7.5e-8) for 2^f, |f| <= 1/2, found by the
+// Remez exchange; half the work of hn::Exp(), which also does what doesn't occur here.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V exp_of_negative(D d, V r, hn::TFromD<D> scale) {
+  using T = hn::TFromD<D>;
+  if constexpr (sizeof(T) == sizeof(float)) {
+    constexpr T kLog2E = T(1.44269504088896341);
+    // Adding it leaves the nearest integer in the lowest bits.
+    constexpr T kRound = T(12582912);
+    const V t = hn::Max(hn::Mul(r, hn::Set(d, scale * kLog2E)), hn::Set(d, T(-126)));
+    const V rounded = hn::Add(t, hn::Set(d, kRound));
+    const V f = hn::Sub(t, hn::Sub(rounded, hn::Set(d, kRound)));
+    // Estrin's scheme: three steps deep instead of five.
+    const V f2 = hn::Mul(f, f);
+    const V low = hn::MulAdd(hn::Set(d, T(0.6931469671)), f, hn::Set(d, T(1.000000072)));
+    const V middle = hn::MulAdd(hn::Set(d, T(0.05550713274)), f, hn::Set(d, T(0.2402211972)));
+    const V high = hn::MulAdd(hn::Set(d, T(0.001327647198)), f, hn::Set(d, T(0.009675541334)));
+    const V power = hn::MulAdd(hn::MulAdd(high, f2, middle), f2, low);
+    const hn::RebindToSigned<D> di;
+    return hn::BitCast(
+        d, hn::Add(hn::BitCast(di, power), hn::ShiftLeft<23>(hn::BitCast(di, rounded))));
+  } else {
+    return hn::Exp(d, hn::Mul(r, hn::Set(d, scale)));
+  }
+}
+
+// -g', g'' and g''' of Kernel::radial(), lane by lane.
+template <RadialShape kShape, class D, class V = hn::Vec<D>>
+HWY_INLINE void radial(D d, hn::TFromD<D> length_m, V r2, V& minus_g1, V& g2, V& minus_g3) {
+  using T = hn::TFromD<D>;
+  const T inverse_l2 = T(1) / (length_m * length_m);
+  if constexpr (kShape == RadialShape::kSquaredExponential) {
+    minus_g1 = exp_of_negative(d, r2, T(-0.5) * inverse_l2);
+    g2 = hn::Mul(minus_g1, hn::Set(d, inverse_l2));
+    minus_g3 = hn::Mul(g2, hn::Set(d, inverse_l2));
+  } else {
+    const T k2 = T(7) * inverse_l2;
+    const V s = hn::Sqrt(hn::Mul(r2, hn::Set(d, k2)));
+    const V e = exp_of_negative(d, s, T(-1));
+    const V third_e = hn::Mul(e, hn::Set(d, T(1) / T(3)));
+    const V third_e_s = hn::Mul(third_e, s);
+    g2 = hn::Mul(hn::Add(third_e, third_e_s), hn::Set(d, k2));
+    minus_g1 = hn::MulAdd(third_e_s, s, hn::MulAdd(e, s, e));
+    minus_g3 = hn::Mul(third_e, hn::Set(d, k2 * k2));
+  }
+}
+
+// -g' and g'' l^2 for l = 1, of which the samples' sum is made.
+template <RadialShape kShape, class D, class V = hn::Vec<D>>
+HWY_INLINE void unit_radial(D d, V r2, V& minus_g1, V& g2) {
+  using T = hn::TFromD<D>;
+  if constexpr (kShape == RadialShape::kSquaredExponential) {
+    minus_g1 = g2 = exp_of_negative(d, r2, T(-0.5));
+  } else {
+    V minus_g3;
+    radial<kShape>(d, T(1), r2, minus_g1, g2, minus_g3);
+  }
+}
+
+// A lane's worth of samples: the way from each to the position, its weight, the distance squared.
+template <class V>
+struct SampleLanes {
+  V x, y, z, ax, ay, az, r2;
+};
+
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE SampleLanes<V> sample_lanes(D d, const RadialTerms<T>& terms, int first, V px, V py,
+                                       V pz) {
+  SampleLanes<V> lanes;
+  lanes.x = hn::Sub(px, hn::Load(d, terms.position(0) + first));
+  lanes.y = hn::Sub(py, hn::Load(d, terms.position(1) + first));
+  lanes.z = hn::Sub(pz, hn::Load(d, terms.position(2) + first));
+  lanes.ax = hn::Load(d, terms.weight(0) + first);
+  lanes.ay = hn::Load(d, terms.weight(1) + first);
+  lanes.az = hn::Load(d, terms.weight(2) + first);
+  lanes.r2 = hn::MulAdd(lanes.x, lanes.x, hn::MulAdd(lanes.y, lanes.y, hn::Mul(lanes.z, lanes.z)));
+  return lanes;
+}
+
+template <RadialShape kShape, class T>
+HWY_INLINE RadialSum<T> sum_terms(const RadialTerms<T>& terms, const T* p_m) {
+  const hn::CappedTag<T, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const T inverse_l = terms.inverse_length_per_m;
+  const V px = hn::Set(d, p_m[0] * inverse_l);
+  const V py = hn::Set(d, p_m[1] * inverse_l);
+  const V pz = hn::Set(d, p_m[2] * inverse_l);
+  V fx = hn::Zero(d);
+  V fy = hn::Zero(d);
+  V fz = hn::Zero(d);
+  V nearest = hn::Set(d, std::numeric_limits<T>::max());
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < terms.samples; i += lanes) {
+    const auto [x, y, z, ax, ay, az, r2] = sample_lanes(d, terms, i, px, py, pz);
+    nearest = hn::Min(nearest, r2);
+    V minus_g1;
+    V g2;
+    unit_radial<kShape>(d, r2, minus_g1, g2);
+    const V along = hn::Mul(g2, hn::MulAdd(x, ax, hn::MulAdd(y, ay, hn::Mul(z, az))));
+    fx = hn::MulAdd(minus_g1, ax, hn::NegMulAdd(along, x, fx));
+    fy = hn::MulAdd(minus_g1, ay, hn::NegMulAdd(along, y, fy));
+    fz = hn::MulAdd(minus_g1, az, hn::NegMulAdd(along, z, fz));
+  }
+  RadialSum<T> sum;
+  sum.force_N[0] = hn::GetLane(hn::SumOfLanes(d, fx));
+  sum.force_N[1] = hn::GetLane(hn::SumOfLanes(d, fy));
+  sum.force_N[2] = hn::GetLane(hn::SumOfLanes(d, fz));
+  sum.nearest_m2 = terms.length_m * terms.length_m * hn::GetLane(hn::MinOfLanes(d, nearest));
+  if (terms.stiffness_samples == 0) {
+    return sum;
+  }
+  const hn::CappedTag<T, 4> d4;
+  using V4 = hn::Vec<decltype(d4)>;
+  const int few_lanes = static_cast<int>(hn::Lanes(d4));
+  V4 gx = hn::Zero(d4);
+  V4 gy = hn::Zero(d4);
+  V4 gz = hn::Zero(d4);
+  for (int i = 0; i < terms.stiffness_samples; i += few_lanes) {
+    const V4 x = hn::Sub(hn::Set(d4, p_m[0]), hn::Load(d4, terms.stiffness_position_m(0) + i));
+    const V4 y = hn::Sub(hn::Set(d4, p_m[1]), hn::Load(d4, terms.stiffness_position_m(1) + i));
+    const V4 z = hn::Sub(hn::Set(d4, p_m[2]), hn::Load(d4, terms.stiffness_position_m(2) + i));
+    const V4 xx = hn::Load(d4, terms.stiffness_weight(0) + i);
+    const V4 yy = hn::Load(d4, terms.stiffness_weight(1) + i);
+    const V4 zz = hn::Load(d4, terms.stiffness_weight(2) + i);
+    const V4 xy = hn::Load(d4, terms.stiffness_weight(3) + i);
+    const V4 xz = hn::Load(d4, terms.stiffness_weight(4) + i);
+    const V4 yz = hn::Load(d4, terms.stiffness_weight(5) + i);
+    const V4 mx = hn::MulAdd(xx, x, hn::MulAdd(xy, y, hn::Mul(xz, z)));
+    const V4 my = hn::MulAdd(xy, x, hn::MulAdd(yy, y, hn::Mul(yz, z)));
+    const V4 mz = hn::MulAdd(xz, x, hn::MulAdd(yz, y, hn::Mul(zz, z)));
+    const V4 r2 = hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z)));
+    V4 minus_g1;
+    V4 g2;
+    V4 minus_g3;
+    radial<kShape>(d4, terms.length_m, r2, minus_g1, g2, minus_g3);
+    const V4 quadratic = hn::MulAdd(x, mx, hn::MulAdd(y, my, hn::Mul(z, mz)));
+    const V4 trace = hn::Add(xx, hn::Add(yy, zz));
+    const V4 along = hn::NegMulAdd(minus_g3, quadratic, hn::Mul(g2, trace));
+    const V4 twice_g2 = hn::Add(g2, g2);
+    gx = hn::MulAdd(twice_g2, mx, hn::MulAdd(along, x, gx));
+    gy = hn::MulAdd(twice_g2, my, hn::MulAdd(along, y, gy));
+    gz = hn::MulAdd(twice_g2, mz, hn::MulAdd(along, z, gz));
+  }
+  sum.force_N[0] += hn::GetLane(hn::SumOfLanes(d4, gx));
+  sum.force_N[1] += hn::GetLane(hn::SumOfLanes(d4, gy));
+  sum.force_N[2] += hn::GetLane(hn::SumOfLanes(d4, gz));
+  return sum;
+}
+
+template <class T>
+HWY_INLINE RadialSum<T> sum_terms(const RadialTerms<T>& terms, const T* p_m) {
+  return terms.shape == RadialShape::kSquaredExponential
+             ? sum_terms<RadialShape::kSquaredExponential>(terms, p_m)
+             : sum_terms<RadialShape::kMatern72>(terms, p_m);
+}
+
+RadialSum<float> radial_sum_float(const RadialTerms<float>& terms, const float* p_m) {
+  return sum_terms(terms, p_m);
+}
+
+RadialSum<double> radial_sum_double(const RadialTerms<double>& terms, const double* p_m) {
+  return sum_terms(terms, p_m);
+}
+
+template <RadialShape kShape, class T>
+HWY_INLINE RadialSlope<T> slope_of_terms(const RadialTerms<T>& terms, const T* p_m) {
+  const hn::CappedTag<T, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const T inverse_l = terms.inverse_length_per_m;
+  const V px = hn::Set(d, p_m[0] * inverse_l);
+  const V py = hn::Set(d, p_m[1] * inverse_l);
+  const V pz = hn::Set(d, p_m[2] * inverse_l);
+  const V half = hn::Set(d, T(0.5));
+  V xx = hn::Zero(d);
+  V yy = hn::Zero(d);
+  V zz = hn::Zero(d);
+  V xy = hn::Zero(d);
+  V xz = hn::Zero(d);
+  V yz = hn::Zero(d);
+  V all = hn::Zero(d);
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < terms.samples; i += lanes) {
+    const auto [x, y, z, ax, ay, az, r2] = sample_lanes(d, terms, i, px, py, pz);
+    V minus_g1;
+    V g2;
+    V minus_g3;
+    radial<kShape>(d, T(1), r2, minus_g1, g2, minus_g3);
+    const V s = hn::MulAdd(x, ax, hn::MulAdd(y, ay, hn::Mul(z, az)));
+    const V along = hn::Mul(hn::Mul(half, minus_g3), s);
+    const V wx = hn::NegMulAdd(along, x, hn::Mul(g2, ax));
+    const V wy = hn::NegMulAdd(along, y, hn::Mul(g2, ay));
+    const V wz = hn::NegMulAdd(along, z, hn::Mul(g2, az));
+    xx = hn::MulAdd(wx, x, xx);
+    yy = hn::MulAdd(wy, y, yy);
+    zz = hn::MulAdd(wz, z, zz);
+    xy = hn::MulAdd(wx, y, hn::MulAdd(wy, x, xy));
+    xz = hn::MulAdd(wx, z, hn::MulAdd(wz, x, xz));
+    yz = hn::MulAdd(wy, z, hn::MulAdd(wz, y, yz));
+    all = hn::MulAdd(g2, s, all);
+  }
+  const T trace = hn::GetLane(hn::SumOfLanes(d, all));
+  RadialSlope<T> slope;
+  slope.stiffness_N_per_m[0] = -inverse_l * (T(2) * hn::GetLane(hn::SumOfLanes(d, xx)) + trace);
+  slope.stiffness_N_per_m[1] = -inverse_l * (T(2) * hn::GetLane(hn::SumOfLanes(d, yy)) + trace);
+  slope.stiffness_N_per_m[2] = -inverse_l * (T(2) * hn::GetLane(hn::SumOfLanes(d, zz)) + trace);
+  slope.stiffness_N_per_m[3] = -inverse_l * hn::GetLane(hn::SumOfLanes(d, xy));
+  slope.stiffness_N_per_m[4] = -inverse_l * hn::GetLane(hn::SumOfLanes(d, xz));
+  slope.stiffness_N_per_m[5] = -inverse_l * hn::GetLane(hn::SumOfLanes(d, yz));
+  return slope;
+}
+
+template <class T>
+HWY_INLINE RadialSlope<T> slope_by_shape(const RadialTerms<T>& terms, const T* p_m) {
+  return terms.shape == RadialShape::kSquaredExponential
+             ? slope_of_terms<RadialShape::kSquaredExponential>(terms, p_m)
+             : slope_of_terms<RadialShape::kMatern72>(terms, p_m);
+}
+RadialSlope<float> radial_slope_float(const RadialTerms<float>& terms, const float* p_m) {
+  return slope_by_shape(terms, p_m);
+}
+RadialSlope<double> radial_slope_double(const RadialTerms<double>& terms, const double* p_m) {
+  return slope_by_shape(terms, p_m);
+}
+
+void solve_lower_lanes(const PackedLower& l, double* const* x) {
+  const hn::CappedTag<double, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  double* HWY_RESTRICT x0 = x[0];
+  double* HWY_RESTRICT x1 = x[1];
+  double* HWY_RESTRICT x2 = x[2];
+  for (int r = l.rows; r < l.rows + kLanePadding; ++r) {
+    x0[r] = x1[r] = x2[r] = 0.0;
+  }
+  for (int j = 0; j < l.rows; ++j) {
+    const double* HWY_RESTRICT column = l.column(j);
+    const double inverse = l.inverse_diagonal[j];
+    const V s0 = hn::Set(d, x0[j] *= inverse);
+    const V s1 = hn::Set(d, x1[j] *= inverse);
+    const V s2 = hn::Set(d, x2[j] *= inverse);
+    for (int r = j + 1; r < l.rows; r += lanes) {
+      const V v = hn::LoadU(d, column + r);
+      hn::StoreU(hn::NegMulAdd(s0, v, hn::LoadU(d, x0 + r)), d, x0 + r);
+      hn::StoreU(hn::NegMulAdd(s1, v, hn::LoadU(d, x1 + r)), d, x1 + r);
+      hn::StoreU(hn::NegMulAdd(s2, v, hn::LoadU(d, x2 + r)), d, x2 + r);
+    }
+  }
+}
+
+void solve_upper_lanes(const PackedLower& l, double* x) {
+  const hn::CappedTag<double, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int r = l.rows; r < l.rows + kLanePadding; ++r) {
+    x[r] = 0.0;
+  }
+  for (int j = l.rows - 1; j >= 0; --j) {
+    const double* HWY_RESTRICT column = l.column(j);
+    V sum = hn::Zero(d);
+    for (int r = j + 1; r < l.rows; r += lanes) {
+      sum = hn::MulAdd(hn::LoadU(d, column + r), hn::LoadU(d, x + r), sum);
+    }
+    x[j] = (x[j] - hn::GetLane(hn::SumOfLanes(d, sum))) * l.inverse_diagonal[j];
+  }
+}
+
+void rotate_lanes(const double* column, double* other, double* moved, int count, double c,
+                  double s) {
+  const hn::CappedTag<double, kLanePadding> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const V cv = hn::Set(d, c);
+  const V sv = hn::Set(d, s);
+  int r = 0;
+  for (; r + lanes <= count; r += lanes) {
+    const V a = hn::LoadU(d, column + r);
+    const V b = hn::LoadU(d, other + r);
+    hn::StoreU(hn::MulAdd(cv, a, hn::Mul(sv, b)), d, moved + r);
+    hn::StoreU(hn::NegMulAdd(sv, a, hn::Mul(cv, b)), d, other + r);
+  }
+  for (; r < count; ++r) {
+    const double a = column[r];
+    const double b = other[r];
+    moved[r] = c * a + s * b;
+    other[r] = c * b - s * a;
+  }
+}
+
+const char* target_name() { return hwy::TargetName(HWY_TARGET); }
+
+}  // namespace HWY_NAMESPACE
+}  // namespace forcegrid::kriging
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace forcegrid::kriging {
+
+HWY_EXPORT(radial_sum_float);
+HWY_EXPORT(radial_sum_double);
+HWY_EXPORT(radial_slope_float);
+HWY_EXPORT(radial_slope_double);
+HWY_EXPORT(solve_lower_lanes);
+HWY_EXPORT(solve_upper_lanes);
+HWY_EXPORT(rotate_lanes);
+HWY_EXPORT(target_name);
+
+RadialSum<float> radial_sum(const RadialTerms<float>& terms, const float p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_sum_float)(terms, p_m);
+}
+
+RadialSum<double> radial_sum(const RadialTerms<double>& terms, const double p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_sum_double)(terms, p_m);
+}
+
+RadialSlope<float> radial_slope(const RadialTerms<float>& terms, const float p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_slope_float)(terms, p_m);
+}
+
+RadialSlope<double> radial_slope(const RadialTerms<double>& terms, const double p_m[3]) noexcept {
+  return HWY_DYNAMIC_DISPATCH(radial_slope_double)(terms, p_m);
+}
+
+void solve_lower(const PackedLower& l, double* const x[3]) noexcept {
+  HWY_DYNAMIC_DISPATCH(solve_lower_lanes)(l, x);
+}
+
+void solve_upper(const PackedLower& l, double* x) noexcept {
+  HWY_DYNAMIC_DISPATCH(solve_upper_lanes)(l, x);
+}
+
+void rotate(const double* column, double* other, double* moved, int count, double c,
+            double s) noexcept {
+  HWY_DYNAMIC_DISPATCH(rotate_lanes)(column, other, moved, count, c, s);
+}
+
+const char* instruction_set() noexcept { return HWY_DYNAMIC_DISPATCH(target_name)(); }
+
+template <typename Real>
+RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m[3]) noexcept {
+  const Real inverse_l2 = Real(1) / (terms.length_m * terms.length_m);
+  const auto radial = [&](Real r2, Real& minus_g1, Real& g2, Real& minus_g3) {
+    if (terms.shape == RadialShape::kSquaredExponential) {
+      minus_g1 = std::exp(Real(-0.5) * r2 * inverse_l2);
+      g2 = minus_g1 * inverse_l2;
+      minus_g3 = g2 * inverse_l2;
+    } else {
+      const Real k2 = Real(7) * inverse_l2;
+      const Real s = std::sqrt(k2 * r2);
+      const Real e = std::exp(-s);
+      minus_g1 = (Real(1) + s + s * s / Real(3)) * e;
+      g2 = k2 / Real(3) * (Real(1) + s) * e;
+      minus_g3 = k2 * k2 / Real(3) * e;
+    }
+  };
+  RadialSum<Real> sum{{0, 0, 0}, std::numeric_limits<Real>::max()};
+  Real minus_g1 = 0;
+  Real g2 = 0;
+  Real minus_g3 = 0;
+  for (int i = 0; i < terms.samples; ++i) {
+    const Real d[3] = {p_m[0] - terms.length_m * terms.position(0)[i],
+                       p_m[1] - terms.length_m * terms.position(1)[i],
+                       p_m[2] - terms.length_m * terms.position(2)[i]};
+    const Real r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    sum.nearest_m2 = std::min(sum.nearest_m2, r2);
+    radial(r2, minus_g1, g2, minus_g3);
+    const Real along =
+        g2 * (d[0] * terms.weight(0)[i] + d[1] * terms.weight(1)[i] + d[2] * terms.weight(2)[i]);
+    for (int a = 0; a < 3; ++a) {
+      sum.force_N[a] += minus_g1 * terms.weight(a)[i] - along * d[a];
+    }
+  }
+  for (int i = 0; i < terms.stiffness_samples; ++i) {
+    const Real d[3] = {p_m[0] - terms.stiffness_position_m(0)[i],
+                       p_m[1] - terms.stiffness_position_m(1)[i],
+                       p_m[2] - terms.stiffness_position_m(2)[i]};
+    Real m_d[3] = {0, 0, 0};
+    for (int k = 0; k < 6; ++k) {
+      const int b = kStiffnessRow[k];
+      const int c = kStiffnessColumn[k];
+      m_d[b] += terms.stiffness_weight(k)[i] * d[c];
+      if (b != c) {
+        m_d[c] += terms.stiffness_weight(k)[i] * d[b];
+      }
+    }
+    radial(d[0] * d[0] + d[1] * d[1] + d[2] * d[2], minus_g1, g2, minus_g3);
+    const Real quadratic = d[0] * m_d[0] + d[1] * m_d[1] + d[2] * m_d[2];
+    const Real trace =
+        terms.stiffness_weight(0)[i] + terms.stiffness_weight(1)[i] + terms.stiffness_weight(2)[i];
+    for (int a = 0; a < 3; ++a) {
+      sum.force_N[a] += Real(2) * g2 * m_d[a] + (g2 * trace - minus_g3 * quadratic) * d[a];
+    }
+  }
+  return sum;
+}
+template RadialSum<float> radial_sum_scalar(const RadialTerms<float>&, const float*) noexcept;
+template RadialSum<double> radial_sum_scalar(const RadialTerms<double>&, const double*) noexcept;
+
+template <typename Real>
+RadialSlope<Real> radial_slope_scalar(const RadialTerms<Real>& terms, const Real p_m[3]) noexcept {
+  Kernel kernel;
+  kernel.shape = terms.shape;
+  kernel.length_m = static_cast<double>(terms.length_m);
+  RadialSlope<Real> slope{};
+  for (int i = 0; i < terms.samples; ++i) {
+    Real d[3];
+    Real weight[3];
+    Real r2 = 0;
+    Real s = 0;
+    for (int a = 0; a < 3; ++a) {
+      d[a] = p_m[a] - terms.position(a)[i] * terms.length_m;
+      weight[a] = terms.weight(a)[i];
+      r2 += d[a] * d[a];
+      s += d[a] * weight[a];
+    }
+    const RadialDerivatives g = kernel.radial(static_cast<double>(r2));
+    const auto g2 = static_cast<Real>(g.g2);
+    const auto g3 = static_cast<Real>(g.g3);
+    for (int k = 0; k < 6; ++k) {
+      const int b = kStiffnessRow[k];
+      const int c = kStiffnessColumn[k];
+      slope.stiffness_N_per_m[k] -= g2 * (weight[b] * d[c] + d[b] * weight[c]) +
+                                    (b == c ? g2 * s : Real(0)) + g3 * s * d[b] * d[c];
+    }
+  }
+  return slope;
+}
+template RadialSlope<float> radial_slope_scalar(const RadialTerms<float>&, const float*) noexcept;
+template RadialSlope<double> radial_slope_scalar(const RadialTerms<double>&,
+                                                 const double*) noexcept;
+
+void solve_lower_scalar(const PackedLower& l, double* const x[3]) noexcept {
+  for (int j = 0; j < l.rows; ++j) {
+    const double* column = l.column(j);
+    for (int k = 0; k < 3; ++k) {
+      x[k][j] *= l.inverse_diagonal[j];
+      for (int r = j + 1; r < l.rows; ++r) {
+        x[k][r] -= x[k][j] * column[r];
+      }
+    }
+  }
+}
+
+void solve_upper_scalar(const PackedLower& l, double* x) noexcept {
+  for (int j = l.rows - 1; j >= 0; --j) {
+    const double* column = l.column(j);
+    double sum = x[j];
+    for (int r = j + 1; r < l.rows; ++r) {
+      sum -= column[r] * x[r];
+    }
+    x[j] = sum * l.inverse_diagonal[j];
+  }
+}
+
+void rotate_scalar(const double* column, double* other, double* moved, int count, double c,
+                   double s) noexcept {
+  for (int r = 0; r < count; ++r) {
+    const double a = column[r];
+    const double b = other[r];
+    moved[r] = c * a + s * b;
+    other[r] = c * b - s * a;
+  }
+}
+
+}  // namespace forcegrid::kriging
+#endif  // HWY_ONCE

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "simulator/solver/elastic_object.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/solver/two_rates_object.h"
+
+namespace forcegrid::simulator {
+
+/// A solver that holds a scene's top at rest.
+struct SolverSubject {
+  struct Answer {
+    Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
+    double relative_residual = 0.0;
+    double iterations = 0.0;
+    double vertices = 0.0;
+    bool converged = false;
+  };
+
+  std::string name;
+  std::string setting;
+  std::function<Answer(const Eigen::Vector3d& displacement_W)> move_to;
+  /// What another processor does during a tick of `period_s` [s]. Empty: nothing.
+  /// @returns [ms] its time for a solution that began in it; 0: none did.
+  std::function<double(double period_s)> meanwhile{};
+};
+
+/// Throw Error for a scene whose top can't be held.
+SolverSubject elastic_subject(const Scene& scene, const SolverOptions& options,
+                              std::string setting);
+SolverSubject newton_subject(const Scene& scene, double relative_tolerance);
+/// The whole object is solved between the ticks, and handed over after as many of them as its
+/// processor time takes: what a second processor would do, without the noise of the system's
+/// scheduling.
+SolverSubject two_rates_subject(const Scene& scene, const TwoRatesOptions& options,
+                                std::string setting);
+
+/// A solver along a motion, tick by tick. Times are processor times of one thread.
+struct MotionRow {
+  std::string solver;
+  double rate_Hz = 0.0;
+  std::string setting;
+  std::size_t ticks = 0;
+  double mean_ms = 0.0;
+  double median_ms = 0.0;
+  double max_ms = 0.0;
+  double error_percent = 0.0;      ///< RMS of |F - F_converged| in % of the RMS of |F_converged|
+  double max_error_percent = 0.0;  ///< the largest one, in % of the same
+  double residual_mean = 0.0;
+  double iterations_mean = 0.0;
+  double vertices_mean = 0.0;  ///< that the solver touched
+  double unconverged = 0.0;    ///< fraction of the ticks whose tolerance was not reached
+  /// At two rates: of a solution of the whole object, on the other processor; 0: none.
+  double whole_mean_ms = 0.0;
+};
+
+/// A motion of a scene's tool, with the forces of the converged solver: simulate_truth(), double
+/// precision, relative residual 1e-6.
+class SolverMotion {
+ public:
+  /// @param displacements_W  [m] of the tool since it took hold of the top, the first near zero.
+  /// @param settling_s  ticks before it are solved, but not counted.
+  /// @param truth_every  counted ticks from one comparison with the converged force to the next.
+  /// Throws Error for a motion without a counted tick, or truth_every < 1.
+  SolverMotion(const Scene& scene, const std::vector<Eigen::Vector3d>& displacements_W,
+               double rate_Hz, double settling_s, int truth_every = 1);
+
+  /// Takes the subject through it, which must be new.
+  MotionRow measure(const SolverSubject& subject) const;
+
+  /// The same of several solvers in turn, each with `passes` >= 1 new subjects. Of a tick's times
+  /// the shortest counts, since they all solve the same and what differs is other work on the
+  /// machine; everything else is the first pass's.
+  std::vector<MotionRow> measure(const std::vector<std::function<SolverSubject()>>& makes,
+                                 int passes) const;
+
+ private:
+  MotionRow run(const SolverSubject& subject, std::vector<double>& times_ms) const;
+  void set_times(const std::vector<double>& times_ms, MotionRow& row) const;
+
+  std::vector<Eigen::Vector3d> displacements_W_;
+  double rate_Hz_;
+  std::size_t first_;
+  std::size_t truth_every_;
+  std::vector<Eigen::Vector3d> converged_W_;  // at first_, first_ + truth_every_, ...
+  double mean_square_N2_ = 0.0;
+};
+
+/// [s] Processor time of the calling thread.
+double thread_time_s();
+
+}  // namespace forcegrid::simulator

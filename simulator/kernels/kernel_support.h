@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstring>
+
+#include "simulator/kernels/spring_kernels.h"
+
+// One binary for every x86-64: the loader picks the version that the processor can run.
+#if defined(__x86_64__) && defined(__gnu_linux__) && !defined(FORCEGRID_SANITIZED) && \
+    defined(__has_attribute)
+#if __has_attribute(target_clones)
+#define FORCEGRID_MULTIVERSION __attribute__((target_clones("arch=x86-64-v3", "default")))
+#endif
+#endif
+#ifndef FORCEGRID_MULTIVERSION
+#define FORCEGRID_MULTIVERSION
+#endif
+#define FORCEGRID_INLINE inline __attribute__((always_inline))
+
+/// Two Float4 side by side, and the halves again. Not functions: how a vector this wide is handed
+/// over differs between the versions.
+#define FORCEGRID_PAIR(low, high) __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7)
+#define FORCEGRID_LOW(pair) __builtin_shufflevector(pair, pair, 0, 1, 2, 3)
+#define FORCEGRID_HIGH(pair) __builtin_shufflevector(pair, pair, 4, 5, 6, 7)
+
+namespace forcegrid::simulator::kernels {
+
+/// Two vertices' or springs' four numbers in one wide SIMD register.
+using Float8 = float __attribute__((vector_size(32)));
+
+FORCEGRID_INLINE Float4 broadcast(float value) { return Float4{value, value, value, value}; }
+
+/// Numbers that lie one after the other in memory, as a vector.
+template <typename Vector, typename Memory>
+FORCEGRID_INLINE Vector load(const Memory* from) {
+  Vector vector;
+  std::memcpy(&vector, from, sizeof vector);
+  return vector;
+}
+template <typename Vector, typename Memory>
+FORCEGRID_INLINE void store(Memory* to, const Vector& vector) {
+  std::memcpy(to, &vector, sizeof vector);
+}
+
+/// The first half of evaluate(): every spring's tangent at the present positions.
+void find_tangents(const SpringRows& rows, const SpringConstants<float>* constants,
+                   bool exponential, const Single* position, SpringTangent* tangent) noexcept;
+void find_tangents(const SpringRows& rows, const SpringConstants<double>* constants,
+                   bool exponential, const Precise* position, double* t_N_per_m,
+                   SpringTangent* tangent) noexcept;
+
+/// product = M residual, M the block-Jacobi part: how a correction begins.
+/// @returns the lanes' dot products residual . product.
+Float4 precondition(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* residual,
+                    Lanes* product) noexcept;
+
+/// The coarse half of take_step(): coarse_residual = P^T residual, nothing for an empty grid; the
+/// residual is 0 on vertices that can't move freely.
+void restrict_residual(const CoarseGrid& coarse, const Lanes* residual,
+                       Lanes* coarse_residual) noexcept;
+
+/// next_direction() where there is a coarse grid.
+void next_direction_with(const CoarseGrid& coarse, Float4 beta, const BlockInverse* inverse,
+                         const Lanes* coarse_correction, Lanes* direction, Lanes* product) noexcept;
+
+}  // namespace forcegrid::simulator::kernels

@@ -1,0 +1,69 @@
+#include "simulator/kernels/spring_table.h"
+
+#include <algorithm>
+
+namespace forcegrid::simulator {
+
+template <typename Real>
+SpringTable<Real> make_spring_table(const SpringMesh& mesh) {
+  SpringTable<Real> table;
+  kernels::SpringRows& rows = table.rows;
+  rows.row_begin.assign(mesh.rest_position_W.size() + 1, 0);
+  for (const Spring& spring : mesh.springs) {
+    ++rows.row_begin[static_cast<std::size_t>(std::min(spring.a, spring.b)) + 1];
+  }
+  for (std::size_t i = 0; i + 1 < rows.row_begin.size(); ++i) {
+    rows.row_begin[i + 1] += rows.row_begin[i];
+  }
+  rows.active = rows.vertex_count();
+  rows.reach = rows.active;
+  table.springs = mesh.springs.size();
+  const std::size_t padded = (table.springs + kernels::kSpringPadding - 1) /
+                             kernels::kSpringPadding * kernels::kSpringPadding;
+  rows.owner.resize(padded);
+  rows.other.resize(padded);
+  table.constants.resize(padded);
+  table.mesh_spring.resize(table.springs);
+  std::vector<std::int32_t> next(rows.row_begin.begin(), rows.row_begin.end() - 1);
+  for (std::size_t number = 0; number < mesh.springs.size(); ++number) {
+    const Spring& spring = mesh.springs[number];
+    const auto a = static_cast<std::size_t>(std::min(spring.a, spring.b));
+    const auto b = static_cast<std::size_t>(std::max(spring.a, spring.b));
+    const auto at = static_cast<std::size_t>(next[a]++);
+    const double length_m = natural_length_m(mesh, spring);
+    const SpringLaw& law = mesh.laws[static_cast<std::size_t>(spring.law)];
+    table.mesh_spring[at] = static_cast<std::int32_t>(number);
+    rows.owner[at] = static_cast<std::int32_t>(a);
+    rows.other[at] = static_cast<std::int32_t>(b);
+    table.constants[at] = {
+        static_cast<Real>(1.0 / length_m), static_cast<Real>(spring.stiffness_N_per_m * length_m),
+        static_cast<Real>(law.cubic_coefficient), static_cast<Real>(law.exponent)};
+    table.exponential = table.exponential || law.exponent > 0.0;
+  }
+  return table;
+}
+
+template SpringTable<float> make_spring_table(const SpringMesh&);
+template SpringTable<double> make_spring_table(const SpringMesh&);
+
+std::vector<kernels::VertexForce> make_vertex_forces(const SpringMesh& mesh,
+                                                     const std::vector<Eigen::Vector3d>& rest_m) {
+  std::vector<kernels::VertexForce> forces;
+  if (mesh.home_stiffness_N_per_m.empty() && mesh.load_W_N.empty()) {
+    return forces;
+  }
+  forces.resize(rest_m.size());
+  for (std::size_t i = 0; i < rest_m.size(); ++i) {
+    kernels::VertexForce& force = forces[i];
+    for (int c = 0; c < 3; ++c) {
+      force.rest_m[c] = rest_m[i][c];
+      force.load_N[c] = mesh.load_W_N.empty() ? 0.0 : mesh.load_W_N[i][c];
+    }
+    force.home_stiffness_N_per_m = mesh.home_stiffness_N_per_m.empty()
+                                       ? 0.0F
+                                       : static_cast<float>(mesh.home_stiffness_N_per_m[i]);
+  }
+  return forces;
+}
+
+}  // namespace forcegrid::simulator

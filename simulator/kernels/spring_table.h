@@ -1,0 +1,35 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "simulator/kernels/spring_kernels.h"
+#include "simulator/mesh/spring_mesh.h"
+
+namespace forcegrid::simulator {
+
+/// A mesh's springs as the kernels want them: sorted by their lower vertex and padded.
+template <typename Real>
+struct SpringTable {
+  kernels::SpringRows rows;
+  std::vector<kernels::SpringConstants<Real>> constants;
+  bool exponential = false;               ///< some spring has an exponent
+  std::size_t springs = 0;                ///< without the padding
+  std::vector<std::int32_t> mesh_spring;  ///< which one of the mesh each is, without the padding
+};
+
+/// `mesh` must have passed check().
+template <typename Real>
+SpringTable<Real> make_spring_table(const SpringMesh& mesh);
+
+extern template SpringTable<float> make_spring_table(const SpringMesh&);
+extern template SpringTable<double> make_spring_table(const SpringMesh&);
+
+/// Home springs and loads, one a vertex; empty where nothing but springs pulls.
+/// @param rest_m  the vertices' rest positions from the solver's own origin.
+std::vector<kernels::VertexForce> make_vertex_forces(const SpringMesh& mesh,
+                                                     const std::vector<Eigen::Vector3d>& rest_m);
+
+}  // namespace forcegrid::simulator

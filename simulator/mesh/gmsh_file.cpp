@@ -1,0 +1,214 @@
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <gmshc.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <memory>
+#include <system_error>
+#include <unordered_map>
+
+#include "simulator/mesh/error.h"
+#include "simulator/mesh/mesh_file.h"
+#include "simulator/mesh/msh_header.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+// Gmsh's own numbers of its element types.
+enum GmshType { kLine = 1, kTriangle = 2, kTetrahedron = 4, kPoint = 15 };
+
+struct Close {
+  void operator()(void* library) const { ::dlclose(library); }
+};
+
+// A name of the file that no other file's name begins with. Gmsh takes FILE.opt beside a FILE for a
+// script, which may start programs, and runs it when it reads FILE.
+class OwnName {
+ public:
+  explicit OwnName(const std::string& file, const std::string& who)
+      : descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC)) {
+    if (descriptor_ < 0) {
+      throw Error(who + "open: " + std::generic_category().message(errno) +
+                  "; write a file that can be read");
+    }
+  }
+  ~OwnName() { ::close(descriptor_); }
+  OwnName(const OwnName&) = delete;
+  OwnName& operator=(const OwnName&) = delete;
+
+  [[nodiscard]] std::string text() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+
+ private:
+  int descriptor_;
+};
+
+// libgmsh brings a CAD kernel and a window system with it and takes longer to load than the rest of
+// the program to start: it is loaded only here.
+class Gmsh {
+ public:
+  explicit Gmsh(const std::string& file)
+      : who_("mesh file " + file + ": "), stated_nodes_(stated_node_count(file, who_)) {
+    const std::string name = "libgmsh.so." + std::to_string(GMSH_API_VERSION_MAJOR) + "." +
+                             std::to_string(GMSH_API_VERSION_MINOR);
+    library_.reset(::dlopen(name.c_str(), RTLD_NOW | RTLD_LOCAL));
+    if (!library_) {
+      throw Error(who_ + name + " can't be loaded (" + ::dlerror() +
+                  "); install Debian's libgmsh4.8 or convert the file to .obj");
+    }
+    int error = 0;
+    function<decltype(gmshInitialize)>("gmshInitialize")(0, nullptr, 0, &error);
+    require(error == 0, "libgmsh does not start");
+    function<decltype(gmshOptionSetNumber)>("gmshOptionSetNumber")("General.Terminal", 0.0, &error);
+    const OwnName name_in_gmsh(file, who_);
+    function<decltype(gmshOpen)>("gmshOpen")(name_in_gmsh.text().c_str(), &error);
+    if (error != 0) {
+      std::string reason = last_error();
+      if (const auto at = reason.find(name_in_gmsh.text()); at != std::string::npos) {
+        reason.replace(at, name_in_gmsh.text().size(), file);
+      }
+      finish();
+      throw Error(who_ + "Gmsh can't read it (" + reason + "); save it as .msh again");
+    }
+  }
+  ~Gmsh() { finish(); }
+  Gmsh(const Gmsh&) = delete;
+  Gmsh& operator=(const Gmsh&) = delete;
+
+  MeshFile read() {
+    MeshFile mesh;
+    read_nodes(mesh);
+    read_elements(mesh);
+    check_node_count(mesh);
+    if (!mesh.tetrahedra.empty()) {
+      mesh.triangles.clear();
+    }
+    return mesh;
+  }
+
+ private:
+  template <typename Function>
+  Function* function(const char* name) {
+    void* const symbol = ::dlsym(library_.get(), name);
+    require(symbol != nullptr, std::string("libgmsh has no ") + name);
+    return reinterpret_cast<Function*>(symbol);
+  }
+
+  void require(bool good, const std::string& problem) const {
+    if (!good) {
+      throw Error(who_ + problem + "; install Debian's libgmsh4.8 or convert the file to .obj");
+    }
+  }
+
+  std::string last_error() {
+    char* text = nullptr;
+    int error = 0;
+    function<decltype(gmshLoggerGetLastError)>("gmshLoggerGetLastError")(&text, &error);
+    const std::string result = text != nullptr ? text : "no reason given";
+    release(text);
+    return result;
+  }
+
+  void release(void* memory) { function<decltype(gmshFree)>("gmshFree")(memory); }
+
+  void finish() noexcept {
+    int error = 0;
+    // Its absence would have ended the constructor before.
+    if (void* const symbol = library_ ? ::dlsym(library_.get(), "gmshFinalize") : nullptr) {
+      reinterpret_cast<decltype(gmshFinalize)*>(symbol)(&error);
+    }
+    library_.reset();
+  }
+
+  void read_nodes(MeshFile& mesh) {
+    std::size_t* tags = nullptr;
+    double* place = nullptr;
+    double* parameter = nullptr;
+    std::size_t tag_count = 0;
+    std::size_t place_count = 0;
+    std::size_t parameter_count = 0;
+    int error = 0;
+    function<decltype(gmshModelMeshGetNodes)>("gmshModelMeshGetNodes")(
+        &tags, &tag_count, &place, &place_count, &parameter, &parameter_count, -1, -1, 0, 0,
+        &error);
+    for (std::size_t i = 0; i < tag_count && 3 * i + 2 < place_count; ++i) {
+      number_of_.emplace(tags[i], static_cast<std::int32_t>(mesh.vertex.size()));
+      mesh.vertex.emplace_back(place[3 * i], place[3 * i + 1], place[3 * i + 2]);
+    }
+    release(tags);
+    release(place);
+    release(parameter);
+    require(error == 0, "its nodes can't be read");
+  }
+
+  void read_elements(MeshFile& mesh) {
+    int* types = nullptr;
+    std::size_t type_count = 0;
+    std::size_t** tags = nullptr;
+    std::size_t* tags_size = nullptr;
+    std::size_t tags_count = 0;
+    std::size_t** nodes = nullptr;
+    std::size_t* nodes_size = nullptr;
+    std::size_t nodes_count = 0;
+    int error = 0;
+    function<decltype(gmshModelMeshGetElements)>("gmshModelMeshGetElements")(
+        &types, &type_count, &tags, &tags_size, &tags_count, &nodes, &nodes_size, &nodes_count, -1,
+        -1, &error);
+    int other_type = 0;
+    for (std::size_t k = 0; k < type_count; ++k) {
+      if (types[k] == kTriangle) {
+        add(nodes[k], nodes_size[k], mesh.triangles);
+      } else if (types[k] == kTetrahedron) {
+        add(nodes[k], nodes_size[k], mesh.tetrahedra);
+      } else if (types[k] != kLine && types[k] != kPoint) {
+        other_type = types[k];
+      }
+      release(tags[k]);
+      release(nodes[k]);
+    }
+    release(types);
+    release(tags);
+    release(tags_size);
+    release(nodes);
+    release(nodes_size);
+    require(error == 0, "its elements can't be read");
+    if (other_type != 0) {
+      throw Error(who_ + "elements of Gmsh's type " + std::to_string(other_type) +
+                  "; mesh it with triangles or tetrahedra of the first order");
+    }
+  }
+
+  // Gmsh leaves out what no element uses, and of two nodes with one number the first.
+  void check_node_count(const MeshFile& mesh) const {
+    const bool has_elements = !mesh.triangles.empty() || !mesh.tetrahedra.empty();
+    if (has_elements && mesh.vertex.size() != stated_nodes_) {
+      throw Error(who_ + "states " + std::to_string(stated_nodes_) +
+                  " nodes, of which Gmsh keeps " + std::to_string(mesh.vertex.size()) +
+                  "; remove those that no element uses, and give each a number of its own");
+    }
+  }
+
+  template <std::size_t kCorners>
+  void add(const std::size_t* node, std::size_t count,
+           std::vector<std::array<std::int32_t, kCorners>>& elements) const {
+    for (std::size_t i = 0; i + kCorners <= count; i += kCorners) {
+      std::array<std::int32_t, kCorners> element{};
+      for (std::size_t k = 0; k < kCorners; ++k) {
+        const auto found = number_of_.find(node[i + k]);
+        element[k] = found != number_of_.end() ? found->second : -1;
+      }
+      elements.push_back(element);
+    }
+  }
+
+  std::string who_;
+  std::size_t stated_nodes_;
+  std::unique_ptr<void, Close> library_;
+  std::unordered_map<std::size_t, std::int32_t> number_of_;  // Gmsh's tag of a node -> vertex
+};
+
+}  // namespace
+
+MeshFile read_gmsh(const std::string& file) { return Gmsh(file).read(); }
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,182 @@
+#include "simulator/mesh/gravity.h"
+
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCore>
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "text/text.h"
+#include "simulator/mesh/error.h"
+#include "simulator/mesh/rest_surface.h"
+#include "simulator/mesh/vertex_masses.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kBalance = 1e-8;  // of the largest k l0; check() asks for 1e-6
+constexpr int kMaxNewtonSteps = 100;
+constexpr int kMaxHalvings = 20;
+constexpr double kLinearTolerance = 1e-4;
+constexpr double kFarAbove_m = 10.0;
+
+Matrix3d spring_stiffness(const SpringMesh& mesh, const Spring& spring, const Vector3d& d_m) {
+  const SpringLaw& law = mesh.laws[static_cast<std::size_t>(spring.law)];
+  const double l0_m = natural_length_m(mesh, spring);
+  const double length_m = d_m.norm();
+  const double e = length_m / l0_m - 1.0;
+  const double a = law.exponent;
+  const double g = a > 0.0 ? std::sinh(a * e) / a : e;
+  const double slope = a > 0.0 ? std::cosh(a * e) : 1.0;
+  const double c = law.cubic_coefficient;
+  const double k = spring.stiffness_N_per_m;
+  const double t = k * l0_m * (g + c * e * e * e) / length_m;
+  const Vector3d u = d_m / length_m;
+  return (k * (slope + 3.0 * c * e * e) - t) * u * u.transpose() + t * Matrix3d::Identity();
+}
+
+// Unknowns are the free vertices' coordinates, three each in the mesh's order.
+class Settling {
+ public:
+  explicit Settling(const SpringMesh& mesh) : mesh_(mesh), place_(mesh.fixed.size(), -1) {
+    for (std::size_t i = 0; i < place_.size(); ++i) {
+      if (mesh.fixed[i] == 0) {
+        place_[i] = unknowns_;
+        unknowns_ += 3;
+      }
+    }
+  }
+
+  VectorXd residual_N(const std::vector<Vector3d>& position_W) const {
+    const std::vector<Vector3d> force_W = vertex_forces_W(mesh_, position_W);
+    VectorXd r = VectorXd::Zero(unknowns_);
+    for (std::size_t i = 0; i < place_.size(); ++i) {
+      if (place_[i] >= 0) {
+        r.segment<3>(place_[i]) = force_W[i];
+      }
+    }
+    return r;
+  }
+
+  VectorXd newton_step_m(const std::vector<Vector3d>& position_W, const VectorXd& residual) const {
+    std::vector<Eigen::Triplet<double>> entries;
+    entries.reserve(36 * mesh_.springs.size());
+    const auto add = [&entries](Eigen::Index row, Eigen::Index column, const Matrix3d& block) {
+      if (row < 0 || column < 0) {
+        return;
+      }
+      for (Eigen::Index i = 0; i < 3; ++i) {
+        for (Eigen::Index j = 0; j < 3; ++j) {
+          entries.emplace_back(row + i, column + j, block(i, j));
+        }
+      }
+    };
+    for (const Spring& spring : mesh_.springs) {
+      const auto a = static_cast<std::size_t>(spring.a);
+      const auto b = static_cast<std::size_t>(spring.b);
+      const Matrix3d h = spring_stiffness(mesh_, spring, position_W[b] - position_W[a]);
+      add(place_[a], place_[a], h);
+      add(place_[b], place_[b], h);
+      add(place_[a], place_[b], -h);
+      add(place_[b], place_[a], -h);
+    }
+    for (std::size_t i = 0; i < mesh_.home_stiffness_N_per_m.size(); ++i) {
+      add(place_[i], place_[i], mesh_.home_stiffness_N_per_m[i] * Matrix3d::Identity());
+    }
+    Eigen::SparseMatrix<double> stiffness(unknowns_, unknowns_);
+    stiffness.setFromTriplets(entries.begin(), entries.end());
+    Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower | Eigen::Upper> solver;
+    solver.setTolerance(kLinearTolerance);
+    solver.compute(stiffness);
+    return solver.solve(residual);
+  }
+
+  std::vector<Vector3d> moved(std::vector<Vector3d> position_W, const VectorXd& step_m) const {
+    for (std::size_t i = 0; i < place_.size(); ++i) {
+      if (place_[i] >= 0) {
+        position_W[i] += step_m.segment<3>(place_[i]);
+      }
+    }
+    return position_W;
+  }
+
+ private:
+  const SpringMesh& mesh_;
+  std::vector<Eigen::Index> place_;  // -1: fixed
+  Eigen::Index unknowns_ = 0;
+};
+
+std::vector<Vector3d> find_rest_W(const SpringMesh& mesh, double mass_kg) {
+  double largest_N = 0.0;
+  for (const Spring& spring : mesh.springs) {
+    largest_N = std::max(largest_N, spring.stiffness_N_per_m * natural_length_m(mesh, spring));
+  }
+  const Settling settling(mesh);
+  std::vector<Vector3d> position_W = mesh.rest_position_W;
+  VectorXd residual = settling.residual_N(position_W);
+  for (int step = 0; step < kMaxNewtonSteps; ++step) {
+    if (residual.lpNorm<Eigen::Infinity>() <= kBalance * largest_N) {
+      return position_W;
+    }
+    VectorXd move_m = settling.newton_step_m(position_W, residual);
+    bool nearer = false;
+    for (int halving = 0; halving < kMaxHalvings && !nearer; ++halving, move_m *= 0.5) {
+      std::vector<Vector3d> trial_W = settling.moved(position_W, move_m);
+      const VectorXd left = settling.residual_N(trial_W);
+      nearer = left.norm() < residual.norm();
+      if (nearer) {
+        position_W.swap(trial_W);
+        residual = left;
+      }
+    }
+    if (!nearer) {
+      break;
+    }
+  }
+  throw Error("gravity: an object of " + text::number_text(mass_kg) +
+              " kg finds no rest under its weight; give it stiffer springs or less mass_kg");
+}
+
+}  // namespace
+
+void settle_under_gravity(SpringMesh& mesh, double mass_kg, double gravity_m_per_s2) {
+  if (!(mass_kg > 0.0) || !std::isfinite(mass_kg) || !(gravity_m_per_s2 > 0.0) ||
+      !std::isfinite(gravity_m_per_s2)) {
+    throw Error("gravity: " + text::number_text(mass_kg) + " kg under " +
+                text::number_text(gravity_m_per_s2) + " m/s^2; both must be finite and > 0");
+  }
+  for (Spring& spring : mesh.springs) {
+    spring.natural_length_m = natural_length_m(mesh, spring);
+  }
+  mesh.load_W_N.resize(mesh.rest_position_W.size(), Vector3d::Zero());
+  const std::vector<double> masses_kg = vertex_masses_kg(mesh, mass_kg);
+  for (std::size_t i = 0; i < masses_kg.size(); ++i) {
+    mesh.load_W_N[i].z() -= mesh.fixed[i] == 0 ? masses_kg[i] * gravity_m_per_s2 : 0.0;
+  }
+  const std::vector<Vector3d> rest_W = find_rest_W(mesh, mass_kg);
+  for (std::size_t i = 0; i < mesh.home_stiffness_N_per_m.size(); ++i) {
+    // Home is where the vertex was; what its spring pulls at rest becomes a load.
+    mesh.load_W_N[i] += mesh.home_stiffness_N_per_m[i] * (mesh.rest_position_W[i] - rest_W[i]);
+  }
+  mesh.rest_position_W = rest_W;
+  if (mesh.triangles.empty()) {
+    return;
+  }
+  const Vector3d above_W = mesh.top_W + Vector3d(0.0, 0.0, kFarAbove_m);
+  const auto below_m = RestSurface(mesh).look(above_W).below_m;
+  if (!below_m) {
+    throw Error(
+        "gravity: the object sinks away from under its top; give it stiffer springs or less "
+        "mass_kg");
+  }
+  for (Vector3d& position_W : mesh.rest_position_W) {
+    position_W.z() += *below_m - kFarAbove_m;
+  }
+}
+
+}  // namespace forcegrid::simulator

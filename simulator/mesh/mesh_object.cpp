@@ -1,0 +1,211 @@
+#include "simulator/mesh/mesh_object.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
+#include <utility>
+
+#include "text/text.h"
+#include "simulator/mesh/error.h"
+#include "simulator/mesh/lattice_block.h"
+#include "simulator/mesh/rest_surface.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using Triangle = std::array<std::int32_t, 3>;
+using Tetrahedron = std::array<std::int32_t, 4>;
+using text::number_text;
+
+constexpr double kShortest_m = 0.005;
+constexpr double kLongest_m = 1.0;
+// Of the product of three edges: flatter tetrahedra have no inside.
+constexpr double kFlat = 1e-6;
+
+struct Box {
+  Eigen::Vector3d low_m;
+  Eigen::Vector3d high_m;
+};
+
+Box box_of(const std::vector<Eigen::Vector3d>& points_m) {
+  Box box{points_m.front(), points_m.front()};
+  for (const Eigen::Vector3d& point_m : points_m) {
+    box.low_m = box.low_m.cwiseMin(point_m);
+    box.high_m = box.high_m.cwiseMax(point_m);
+  }
+  return box;
+}
+
+void check_size(const Box& box, const MeshObjectOptions& options) {
+  const double longest_m = (box.high_m - box.low_m).maxCoeff();
+  if (!(longest_m >= kShortest_m && longest_m <= kLongest_m)) {
+    throw Error(options.who + "with a unit of " + number_text(options.unit_m) + " m it is " +
+                number_text(longest_m) + " m long, which nobody can touch; write the " +
+                "unit that makes it 0.005 to 1 m");
+  }
+}
+
+// The faces that one tetrahedron alone has, seen counterclockwise from outside.
+std::vector<Triangle> outer_faces(const MeshFile& file, const std::string& who) {
+  std::map<Triangle, std::pair<Triangle, int>> faces;  // by sorted vertices
+  for (std::size_t t = 0; t < file.tetrahedra.size(); ++t) {
+    Tetrahedron v = file.tetrahedra[t];
+    const auto at = [&](std::size_t k) { return file.vertex[static_cast<std::size_t>(v[k])]; };
+    const Eigen::Vector3d a = at(1) - at(0);
+    const Eigen::Vector3d b = at(2) - at(0);
+    const Eigen::Vector3d c = at(3) - at(0);
+    const double six_volumes = a.dot(b.cross(c));
+    if (!(std::abs(six_volumes) > kFlat * a.norm() * b.norm() * c.norm())) {
+      throw Error(who + "tetrahedron " + std::to_string(t + 1) + " is flat; remesh");
+    }
+    if (six_volumes < 0.0) {
+      std::swap(v[2], v[3]);
+    }
+    for (const Triangle& face : {Triangle{v[0], v[2], v[1]}, Triangle{v[0], v[1], v[3]},
+                                 Triangle{v[1], v[2], v[3]}, Triangle{v[0], v[3], v[2]}}) {
+      Triangle key = face;
+      std::sort(key.begin(), key.end());
+      auto& [first, count] = faces[key];
+      first = face;
+      ++count;
+    }
+  }
+  std::vector<Triangle> outer;
+  for (const auto& [key, face] : faces) {
+    if (face.second > 2) {
+      throw Error(who + "more than two tetrahedra share the face of vertices " +
+                  std::to_string(key[0] + 1) + ", " + std::to_string(key[1] + 1) + " and " +
+                  std::to_string(key[2] + 1) + "; remesh");
+    }
+    if (face.second == 1) {
+      outer.push_back(face.first);
+    }
+  }
+  return outer;
+}
+
+void check_sides(const std::vector<Triangle>& triangles, const std::string& who) {
+  std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> directed;
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::pair edge{triangles[t][k], triangles[t][(k + 1) % 3]};
+      const auto [found, first] = directed.emplace(edge, t);
+      if (!first) {
+        throw Error(who + "triangles " + std::to_string(found->second + 1) + " and " +
+                    std::to_string(t + 1) + " run the same way along the edge from vertex " +
+                    std::to_string(edge.first + 1) + " to " + std::to_string(edge.second + 1) +
+                    "; turn one around, or remove what meets there besides two triangles");
+      }
+    }
+  }
+}
+
+void turn_outward(SpringMesh& mesh) {
+  double six_volumes_m3 = 0.0;
+  for (const auto& triangle : mesh.triangles) {
+    const auto at = [&](std::size_t k) -> const Eigen::Vector3d& {
+      return mesh.rest_position_W[static_cast<std::size_t>(triangle[k])];
+    };
+    six_volumes_m3 += at(0).dot(at(1).cross(at(2)));
+  }
+  if (six_volumes_m3 < 0.0) {
+    for (auto& triangle : mesh.triangles) {
+      std::swap(triangle[1], triangle[2]);
+    }
+  }
+}
+
+template <typename Elements>
+void add_edges(const Elements& elements, std::set<std::pair<std::int32_t, std::int32_t>>& edges) {
+  for (const auto& element : elements) {
+    for (std::size_t i = 0; i < element.size(); ++i) {
+      for (std::size_t k = i + 1; k < element.size(); ++k) {
+        edges.insert(std::minmax(element[i], element[k]));
+      }
+    }
+  }
+}
+
+// A part that nothing holds could be pushed away without force.
+void check_held(const SpringMesh& mesh, const std::string& who) {
+  std::vector<std::size_t> root(mesh.fixed.size());
+  std::iota(root.begin(), root.end(), std::size_t{0});
+  const auto root_of = [&root](std::int32_t vertex) {
+    auto at = static_cast<std::size_t>(vertex);
+    while (root[at] != at) {
+      at = root[at] = root[root[at]];
+    }
+    return at;
+  };
+  for (const Spring& spring : mesh.springs) {
+    root[root_of(spring.a)] = root_of(spring.b);
+  }
+  std::vector<std::uint8_t> held(root.size(), mesh.home_stiffness_N_per_m.empty() ? 0 : 1);
+  bool any_free = false;
+  for (std::size_t i = 0; i < root.size(); ++i) {
+    any_free = any_free || mesh.fixed[i] == 0;
+    if (mesh.fixed[i] != 0) {
+      held[root_of(static_cast<std::int32_t>(i))] = 1;
+    }
+  }
+  if (!any_free) {
+    throw Error(who +
+                "all its vertices are fixed, so that nothing gives; write a smaller "
+                "fixed_below_m");
+  }
+  for (std::size_t i = 0; i < root.size(); ++i) {
+    if (held[root_of(static_cast<std::int32_t>(i))] == 0) {
+      throw Error(who + "the part with vertex " + std::to_string(i + 1) +
+                  " hangs together with nothing that is fixed; join it to the rest, remove it, or "
+                  "give the object a home_stiffness_N_per_m");
+    }
+  }
+}
+
+}  // namespace
+
+SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& options) {
+  SpringMesh mesh;
+  for (const Eigen::Vector3d& vertex : file.vertex) {
+    mesh.rest_position_W.push_back(options.unit_m * vertex);
+  }
+  const Box box = box_of(mesh.rest_position_W);
+  check_size(box, options);
+  const Eigen::Vector3d middle_m = 0.5 * (box.low_m + box.high_m);
+  for (Eigen::Vector3d& position_W : mesh.rest_position_W) {
+    mesh.fixed.push_back(position_W.z() - box.low_m.z() <= options.fixed_below_m ? 1 : 0);
+    position_W -= middle_m;
+  }
+  mesh.triangles = file.tetrahedra.empty() ? file.triangles : outer_faces(file, options.who);
+  check_sides(mesh.triangles, options.who);
+  turn_outward(mesh);
+  const Eigen::Vector3d above_W(0.0, 0.0, kLongest_m);
+  const auto below_m = RestSurface(mesh).look(above_W).below_m;
+  if (!below_m) {
+    throw Error(options.who +
+                "no surface above the middle of its box, where the tool would touch; " +
+                "move or turn the mesh");
+  }
+  const Eigen::Vector3d shift_W = options.top_W - (above_W - Eigen::Vector3d(0.0, 0.0, *below_m));
+  for (Eigen::Vector3d& position_W : mesh.rest_position_W) {
+    position_W += shift_W;
+  }
+  mesh.top_W = options.top_W;
+  std::set<std::pair<std::int32_t, std::int32_t>> edges;
+  add_edges(file.triangles, edges);
+  add_edges(file.tetrahedra, edges);
+  for (const auto& [a, b] : edges) {
+    const double random = spring_random(options.seed, mesh.springs.size());
+    mesh.springs.push_back(
+        {a, b, options.stiffness_N_per_m * (1.0 + options.random_spread * random)});
+  }
+  mesh.laws = {options.law};
+  tighten(mesh, options.pre_strain, options.home_stiffness_N_per_m);
+  check_held(mesh, options.who);
+  return mesh;
+}
+
+}  // namespace forcegrid::simulator

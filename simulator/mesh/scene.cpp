@@ -1,0 +1,157 @@
+#include "simulator/mesh/scene.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+#include "text/data_folder.h"
+#include "text/nearest_name.h"
+#include "text/text.h"
+#include "text/toml_table.h"
+#include "simulator/mesh/error.h"
+#include "simulator/mesh/gravity.h"
+#include "simulator/mesh/scene_object.h"
+#include "simulator/mesh/scene_tool.h"
+#include "simulator/mesh/vertex_masses.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using text::NumberRange;
+using text::TomlTable;
+
+constexpr NumberRange kGravity_m_per_s2{0.0, 100.0, "an acceleration in m/s^2 from 0 to 100"};
+constexpr NumberRange kPatchRadius_m{1e-4, 0.5, "a radius in metres from 0.0001 to 0.5"};
+
+const text::DataFolder& scene_folder() {
+  static const text::DataFolder folder{"FORCEGRID_SCENE_PATH", "scenes",
+                                           FORCEGRID_SCENE_SOURCE_DIR};
+  return folder;
+}
+
+std::string find_scene(const std::string& name_or_file) {
+  const std::string problem = scene_name_problem(name_or_file);
+  if (!problem.empty()) {
+    throw Error(problem);
+  }
+  if (!text::is_data_path(name_or_file)) {
+    return text::find_data_file(scene_folder(), name_or_file);
+  }
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(name_or_file, error)) {
+    throw Error("scene '" + name_or_file +
+                "': no such file; write the path of a .toml file or one of: " +
+                text::joined(scene_names()));
+  }
+  return name_or_file;
+}
+
+void give_masses(SpringMesh& object, const std::optional<ObjectDynamics>& dynamics,
+                 double gravity_m_per_s2) {
+  if (dynamics) {
+    give_dynamics(object, *dynamics);
+    if (gravity_m_per_s2 > 0.0) {
+      settle_under_gravity(object, dynamics->mass_kg, gravity_m_per_s2);
+    }
+  } else if (gravity_m_per_s2 > 0.0) {
+    throw Error("gravity_m_per_s2 pulls at masses; give every [[object]] a mass_kg");
+  }
+}
+
+// A tool that sticks where none of the vertices near it can move would never hold anything.
+void check_patch(const TomlTable& root, const Scene& scene) {
+  double nearest_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < scene.mesh.rest_position_W.size(); ++i) {
+    if (scene.mesh.fixed[i] == 0) {
+      nearest_m = std::min(nearest_m, (scene.mesh.rest_position_W[i] - scene.mesh.top_W).norm());
+    }
+  }
+  if (!scene.tool.slides() && nearest_m > scene.patch_radius_m) {
+    root.refuse("patch_radius_m",
+                "it is " + text::number_text(scene.patch_radius_m) +
+                    ", and the nearest vertex that can move is " +
+                    text::number_text(nearest_m) +
+                    " m from the top, so that a tool would take hold of nothing there",
+                "write more than that");
+  }
+}
+
+const std::vector<std::string> kKeys{"description",      "note", "patch_radius_m",
+                                     "gravity_m_per_s2", "tool", "object"};
+
+Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
+  const toml::table parsed = text::read_toml_file(file);
+  const TomlTable root(parsed, file, "", kKeys);
+  Scene scene;
+  scene.tool = read_scene_tool(root);
+  scene.description = root.text("description");
+  scene.note = root.text_or("note", "");
+  scene.patch_radius_m = root.number_or("patch_radius_m", kPatchRadius_m, scene.patch_radius_m);
+  const double gravity_m_per_s2 = root.number_or("gravity_m_per_s2", kGravity_m_per_s2, 0.0);
+  for (const TomlTable& table : root.tables("object", scene_object_keys)) {
+    SpringMesh object = make_scene_object(table, origin_W);
+    give_masses(object, read_dynamics(table), gravity_m_per_s2);
+    if (!scene.mesh.rest_position_W.empty() &&
+        scene.mesh.mass_kg.empty() != object.mass_kg.empty()) {
+      throw Error("some objects have a mass_kg and others none; give it to every [[object]]");
+    }
+    append(object, scene.mesh);
+  }
+  check(scene.mesh);
+  check_patch(root, scene);
+  return scene;
+}
+
+// `read` of the scene's file; its errors as Error, with the file's name in front.
+template <typename Read>
+auto reading(const std::string& name_or_file, Read read) {
+  const std::string file = find_scene(name_or_file);
+  try {
+    return read(file);
+  } catch (const text::TomlError& problem) {
+    throw Error(problem.what());
+  } catch (const Error& problem) {
+    const std::string text = problem.what();
+    throw Error(text.rfind(file, 0) == 0 ? text : file + ": " + text);
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> scene_names() { return text::data_names(scene_folder()); }
+
+std::string scene_name_problem(const std::string& name_or_file) {
+  if (text::is_data_path(name_or_file) ||
+      !text::find_data_file(scene_folder(), name_or_file).empty()) {
+    return {};
+  }
+  const std::vector<std::string> known = scene_names();
+  return "unknown scene '" + name_or_file + "'; write one of: " + text::joined(known) +
+         " (the nearest is " + text::nearest_name(name_or_file, known) +
+         "), or a file name that ends in .toml";
+}
+
+Scene make_scene(const std::string& name_or_file, const Eigen::Vector3d& origin_W) {
+  Scene scene = reading(
+      name_or_file, [&origin_W](const std::string& file) { return read_scene(file, origin_W); });
+  scene.name = name_or_file;
+  return scene;
+}
+
+ToolOptions scene_tool(const std::string& name_or_file) {
+  return reading(name_or_file, [](const std::string& file) {
+    const toml::table parsed = text::read_toml_file(file);
+    return read_scene_tool(TomlTable(parsed, file, "", kKeys));
+  });
+}
+
+void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
+                         const std::string& purpose) {
+  if (tool.slides()) {
+    throw Error("scene " + scene + ": its tool slides, and what that feels depends on its path; " +
+                purpose + " needs a scene whose [tool] is sticky or left out");
+  }
+}
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "simulator/mesh/spring_mesh.h"
+#include "simulator/mesh/tool_options.h"
+
+namespace forcegrid::simulator {
+
+/// Something to touch, read from a TOML file; docs/scenes.md describes every key.
+struct Scene {
+  std::string name;               ///< as it was asked for: a scene's name, or a file
+  std::string description;        ///< in one line
+  double patch_radius_m = 0.012;  ///< the tool holds the vertices this near; > 0
+  /// What a user has to know, such as where its force is not a function of the position alone.
+  std::string note;
+  ToolOptions tool;  ///< that it is made for
+  SpringMesh mesh;   ///< of all objects together
+};
+
+/// Names that make_scene finds without a path, sorted.
+std::vector<std::string> scene_names();
+
+/// Empty if `name_or_file` is a name that make_scene finds, or meant as a path; else what is wrong
+/// and what to write.
+std::string scene_name_problem(const std::string& name_or_file);
+
+/// Reads, generates and checks a scene.
+/// @param name_or_file  a file name with a slash or ending in ".toml", or a scene's name, looked up
+///        in $FORCEGRID_SCENE_PATH (if set), then beside the installed program, then in the source
+///        tree.
+/// @param origin_W  [m] where the scene's origin lies in W: the point that the tool of charts and
+///        tests touches from above, on the first object's top.
+/// Throws Error naming file, line and key, or for an unknown name the ones there are.
+Scene make_scene(const std::string& name_or_file,
+                 const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
+
+/// Scene::tool alone, without making the objects. Throws as make_scene() does for what it reads.
+ToolOptions scene_tool(const std::string& name_or_file);
+
+/// Throws Error where a scene's own tool slides: `purpose` needs a force that is a function of the
+/// position alone.
+void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
+                         const std::string& purpose);
+
+}  // namespace forcegrid::simulator

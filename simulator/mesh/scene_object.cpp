@@ -1,0 +1,194 @@
+#include "simulator/mesh/scene_object.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "text/nearest_name.h"
+#include "text/text.h"
+#include "simulator/mesh/lattice_block.h"
+#include "simulator/mesh/mesh_file.h"
+#include "simulator/mesh/mesh_object.h"
+#include "simulator/mesh/organ_surface.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using text::kAboveZero;
+using text::kLargestNumber;
+using text::NumberRange;
+using text::TomlTable;
+
+constexpr NumberRange kSize_m{1e-3, 2.0, "a length in metres from 0.001 to 2"};
+constexpr NumberRange kPlace_m{-2.0, 2.0, "a coordinate in metres from -2 to 2"};
+constexpr NumberRange kStiffness_N_per_m{1e-3, 1e6, "a stiffness in N/m from 0.001 to 1e6"};
+constexpr NumberRange kFactor{1e-3, 1e3, "a factor from 0.001 to 1000"};
+constexpr NumberRange kHome_N_per_m{0.0, 1e6, "a stiffness in N/m from 0 to 1e6"};
+constexpr NumberRange kBend_m{0.0, 1.0, "a length in metres from 0 to 1"};
+constexpr NumberRange kPreStrain{0.0, 2.0, "a strain from 0 to 2"};
+constexpr NumberRange kFixedBelow_m{0.0, 1.0, "a height in metres from 0 to 1"};
+constexpr NumberRange kSpread{0.0, 0.99, "a fraction from 0 to 0.99"};
+constexpr NumberRange kCubic{kAboveZero, 1e4, "a number above 0 and at most 1e4"};
+constexpr NumberRange kMass_kg{1e-6, 1e3, "a mass in kg from 1e-6 to 1000"};
+constexpr NumberRange kRetardation_s{0.0, 10.0, "a time in seconds from 0 to 10"};
+constexpr NumberRange kMassDamping_per_s{0.0, 1e4, "a rate in 1/s from 0 to 10000"};
+constexpr NumberRange kExponent{0.01, 30.0, "a number from 0.01 to 30"};
+constexpr std::int64_t kMaxSeed = 1'000'000'000;
+
+const std::vector<std::string> kShapes{"block", "organ", "mesh"};
+const std::vector<std::string> kLaws{"linear", "hardening", "exponential"};
+const std::vector<std::string> kCommonKeys{"shape",
+                                           "place_m",
+                                           "stiffness_N_per_m",
+                                           "random_spread",
+                                           "seed",
+                                           "law",
+                                           "cubic_coefficient",
+                                           "exponent",
+                                           "mass_kg",
+                                           "retardation_time_s",
+                                           "mass_damping_per_s"};
+
+std::string choice(const TomlTable& object, const char* key,
+                   const std::vector<std::string>& known) {
+  const std::string text = object.text(key);
+  for (const std::string& each : known) {
+    if (text == each) {
+      return text;
+    }
+  }
+  object.refuse(key, "'" + text + "' is unknown",
+                "write one of: " + text::joined(known) + " (the nearest is " +
+                    text::nearest_name(text, known) + ")");
+}
+
+SpringLaw read_law(const TomlTable& object) {
+  const std::string law = choice(object, "law", kLaws);
+  const auto only_for = [&object, &law](const char* key, const char* its_law) {
+    if (law != its_law && object.has(key)) {
+      object.refuse(key, "law \"" + law + "\" has none",
+                    std::string("leave it out or write law = \"") + its_law + "\"");
+    }
+  };
+  only_for("cubic_coefficient", "hardening");
+  only_for("exponent", "exponential");
+  SpringLaw result;
+  if (law == "hardening") {
+    result.cubic_coefficient = object.number("cubic_coefficient", kCubic);
+  } else if (law == "exponential") {
+    result.exponent = object.number("exponent", kExponent);
+  }
+  return result;
+}
+
+Eigen::Vector3d vector(const std::array<double, 3>& axes) { return {axes[0], axes[1], axes[2]}; }
+
+SpringMesh make_block(const TomlTable& object, const Eigen::Vector3d& place_W) {
+  LatticeBlockOptions options;
+  const std::vector<std::int64_t> count = object.integers("vertex_count", 3, 2, 1000);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    options.vertex_count[axis] = static_cast<int>(count[axis]);
+  }
+  options.size_m = vector(object.axes("size_m", kSize_m));
+  options.top_centre_W = place_W;
+  options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
+  options.diagonal_factor = object.number_or("diagonal_factor", kFactor, options.diagonal_factor);
+  options.random_spread = object.number_or("random_spread", kSpread, 0.0);
+  options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
+  options.law = read_law(object);
+  return make_lattice_block(options);
+}
+
+SpringMesh make_organ(const TomlTable& object, const Eigen::Vector3d& place_W) {
+  constexpr std::int64_t kMostVertices = 1'000'000;
+  OrganOptions options;
+  options.vertex_count = static_cast<int>(object.integer("vertex_count", 200, kMostVertices));
+  options.edge_count = static_cast<int>(object.integer("edge_count", 500, 6 * kMostVertices));
+  options.semi_axes_m = vector(object.axes("semi_axes_m", kSize_m));
+  options.bend_m = object.number_or("bend_m", kBend_m, 0.0);
+  options.top_W = place_W;
+  options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
+  options.strut_factor = object.number_or("strut_factor", kFactor, options.strut_factor);
+  options.random_spread = object.number_or("random_spread", kSpread, 0.0);
+  options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
+  options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
+  options.home_stiffness_N_per_m = object.number_or("home_stiffness_N_per_m", kHome_N_per_m, 0.0);
+  options.law = read_law(object);
+  return make_organ_surface(options);
+}
+
+double unit_m(const TomlTable& object) {
+  static const std::vector<std::pair<std::string, double>> units{
+      {"m", 1.0}, {"cm", 1e-2}, {"mm", 1e-3}, {"inch", 0.0254}};
+  std::vector<std::string> names;
+  for (const auto& [name, metres] : units) {
+    names.push_back(name);
+  }
+  const std::string unit = choice(object, "unit", names);
+  return std::find_if(units.begin(), units.end(),
+                      [&](const auto& each) { return each.first == unit; })
+      ->second;
+}
+
+SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_W) {
+  // Relative to the scene's file; an absolute path replaces that.
+  const std::string file =
+      (std::filesystem::path(object.file()).parent_path() / object.text("file")).string();
+  MeshObjectOptions options;
+  options.who = "mesh file " + file + ": ";
+  options.unit_m = unit_m(object);
+  options.top_W = place_W;
+  options.fixed_below_m = object.number("fixed_below_m", kFixedBelow_m);
+  options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
+  options.random_spread = object.number_or("random_spread", kSpread, 0.0);
+  options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
+  options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
+  options.home_stiffness_N_per_m = object.number_or("home_stiffness_N_per_m", kHome_N_per_m, 0.0);
+  options.law = read_law(object);
+  return make_mesh_object(read_mesh_file(file), options);
+}
+
+}  // namespace
+
+std::vector<std::string> scene_object_keys(const TomlTable& object) {
+  std::vector<std::string> keys = kCommonKeys;
+  const std::string shape = choice(object, "shape", kShapes);
+  if (shape == "block") {
+    keys.insert(keys.end(), {"vertex_count", "size_m", "diagonal_factor"});
+  } else if (shape == "mesh") {
+    keys.insert(keys.end(),
+                {"file", "unit", "fixed_below_m", "pre_strain", "home_stiffness_N_per_m"});
+  } else {
+    keys.insert(keys.end(), {"vertex_count", "edge_count", "semi_axes_m", "bend_m", "strut_factor",
+                             "pre_strain", "home_stiffness_N_per_m"});
+  }
+  return keys;
+}
+
+std::optional<ObjectDynamics> read_dynamics(const TomlTable& object) {
+  if (!object.has("mass_kg")) {
+    for (const char* key : {"retardation_time_s", "mass_damping_per_s"}) {
+      if (object.has(key)) {
+        object.refuse(key, "without a mass nothing moves that could be damped",
+                      "give the object a mass_kg or leave the damping out");
+      }
+    }
+    return std::nullopt;
+  }
+  return ObjectDynamics{
+      .mass_kg = object.number("mass_kg", kMass_kg),
+      .retardation_time_s = object.number_or("retardation_time_s", kRetardation_s, 0.0),
+      .mass_damping_per_s = object.number_or("mass_damping_per_s", kMassDamping_per_s, 0.0)};
+}
+
+SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W) {
+  const Eigen::Vector3d place_W =
+      origin_W + vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
+  const std::string shape = choice(object, "shape", kShapes);
+  return shape == "block"  ? make_block(object, place_W)
+         : shape == "mesh" ? make_from_file(object, place_W)
+                           : make_organ(object, place_W);
+}
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "text/toml_table.h"
+#include "simulator/mesh/spring_mesh.h"
+#include "simulator/mesh/vertex_masses.h"
+
+namespace forcegrid::simulator {
+
+/// Keys that a table [[object]] may have, by its `shape`.
+/// @throws text::TomlError for a missing or unknown shape.
+std::vector<std::string> scene_object_keys(const text::TomlTable& object);
+
+/// The mesh that a table [[object]] describes.
+/// @param origin_W  [m] the scene's origin.
+/// @throws text::TomlError naming file, line and key; Error for a mesh that can't be.
+SpringMesh make_scene_object(const text::TomlTable& object, const Eigen::Vector3d& origin_W);
+
+/// Mass and damping of a table [[object]]; nothing where it has no mass_kg.
+/// @throws text::TomlError naming file, line and key, also for a damping without a mass.
+std::optional<ObjectDynamics> read_dynamics(const text::TomlTable& object);
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "simulator/mesh/spring_mesh.h"
+
+namespace forcegrid::simulator {
+
+/// A point that belongs to the surface's material: always the same weighted mean of one, two or
+/// three vertices. Unused vertices repeat the first, with weight 0.
+struct SurfacePoint {
+  std::array<std::int32_t, 3> vertex{};
+  std::array<double, 3> weight{};
+};
+
+/// The points at which a tool presses on a surface.
+struct SurfacePoints {
+  std::vector<SurfacePoint> point;
+  /// Points on a triangle, its edges and corners included: of[begin[t]] .. of[begin[t + 1] - 1].
+  std::vector<std::int32_t> begin;
+  std::vector<std::int32_t> of;
+};
+
+/// Covers SpringMesh::triangles with points: all corners, and on edges and faces more of them until
+/// no two neighbours are farther apart than `spacing_m` > 0 at rest. Points that hang on fixed
+/// vertices alone are left out.
+SurfacePoints make_surface_points(const SpringMesh& mesh, double spacing_m);
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,338 @@
+#include "simulator/solver/dynamic_object.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <string>
+
+#include "text/text.h"
+#include "simulator/kernels/dynamic_kernels.h"
+#include "simulator/mesh/error.h"
+#include "simulator/kernels/kernel_support.h"
+#include "simulator/kernels/spring_table.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using kernels::Double4;
+using kernels::Precise;
+
+const std::string kWho = "dynamic object: ";
+constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step: rounding makes no other one
+
+Double4 lanes(const Eigen::Vector3d& v) { return Double4{v.x(), v.y(), v.z(), 0.0}; }
+Eigen::Vector3d vector(const Precise& p) { return {p.xyz[0], p.xyz[1], p.xyz[2]}; }
+Double4 all(double value) { return Double4{value, value, value, value}; }
+
+void check_options(const DynamicOptions& options) {
+  const auto positive = [](double value, const char* name) {
+    if (!(value > 0.0) || !std::isfinite(value)) {
+      throw Error(kWho + name + " is " + text::number_text(value) +
+                  "; it must be finite and > 0");
+    }
+  };
+  positive(options.step_s, "step_s");
+  positive(options.max_move_m, "max_move_m");
+  positive(options.max_steps, "max_steps");
+  positive(options.relative_tolerance, "relative_tolerance");
+  positive(options.force_floor_N, "force_floor_N");
+  positive(options.max_iterations, "max_iterations");
+}
+
+const SpringMesh& with_masses(const SpringMesh& mesh) {
+  check(mesh);
+  if (mesh.mass_kg.empty()) {
+    throw Error(kWho + "the object has no masses; give each [[object]] of the scene a mass_kg");
+  }
+  return mesh;
+}
+
+std::vector<Eigen::Vector3d> vectors(const std::vector<Precise>& values) {
+  std::vector<Eigen::Vector3d> result;
+  result.reserve(values.size());
+  for (const Precise& value : values) {
+    result.push_back(vector(value));
+  }
+  return result;
+}
+
+}  // namespace
+
+class DynamicObject::Implementation {
+ public:
+  Implementation(const SpringMesh& mesh, const DynamicOptions& options)
+      : options_(options),
+        table_(make_spring_table<double>(with_masses(mesh))),
+        mass_kg_(mesh.mass_kg),
+        drag_Ns_per_m_(mesh.drag_Ns_per_m),
+        fixed_(mesh.fixed) {
+    check_options(options);
+    const std::size_t vertices = mesh.rest_position_W.size();
+    for (const Eigen::Vector3d& rest_W : mesh.rest_position_W) {
+      rest_.push_back({lanes(rest_W)});
+    }
+    drag_Ns_per_m_.resize(vertices, 0.0);
+    home_N_per_m_ = mesh.home_stiffness_N_per_m;
+    home_N_per_m_.resize(vertices, 0.0);
+    for (const Eigen::Vector3d& load_N : mesh.load_W_N) {
+      load_.push_back({lanes(load_N)});
+    }
+    load_.resize(vertices, Precise{});
+    damper_Ns_per_m_.resize(table_.constants.size(), 0.0);
+    for (std::size_t s = 0; s < table_.springs; ++s) {
+      const Spring& spring = mesh.springs[static_cast<std::size_t>(table_.mesh_spring[s])];
+      damper_Ns_per_m_[s] = spring.stiffness_N_per_m *
+                            mesh.laws[static_cast<std::size_t>(spring.law)].retardation_time_s;
+    }
+    for (std::vector<Precise>* array :
+         {&position_, &velocity_, &force_, &damping_, &residual_, &direction_, &product_}) {
+      array->resize(vertices, Precise{});
+    }
+    inertia_kg_.resize(vertices);
+    inverse_.resize(vertices);
+    t_N_per_m_.resize(table_.constants.size());
+    tangent_.resize(table_.constants.size());
+    step_.resize(table_.springs);
+    rest();
+  }
+
+  std::size_t vertex_count() const noexcept { return rest_.size(); }
+  std::size_t spring_count() const noexcept { return table_.springs; }
+  const DynamicOptions& options() const noexcept { return options_; }
+  bool grabbed() const noexcept { return !held_.empty(); }
+  double last_step_s() const noexcept { return step_s_; }
+  bool long_step() const noexcept { return step_s_ * kAlmostWhole > options_.step_s; }
+  std::vector<Eigen::Vector3d> positions_W() const { return vectors(position_); }
+  std::vector<Eigen::Vector3d> velocities_W() const { return vectors(velocity_); }
+
+  int grab(const Eigen::Vector3d& point_W, double radius_m) {
+    if (grabbed()) {
+      throw Error(kWho + "a patch is held already; call release() first");
+    }
+    for (std::size_t i = 0; i < position_.size(); ++i) {
+      if (free_[i] != 0 && (vector(position_[i]) - point_W).norm() <= radius_m) {
+        held_.push_back(i);
+        held_at_.push_back(position_[i]);
+      }
+    }
+    for (const std::size_t i : held_) {
+      free_[i] = 0;
+      velocity_[i] = Precise{};
+    }
+    displacement_W_.setZero();
+    return static_cast<int>(held_.size());
+  }
+
+  void release() noexcept {
+    held_.clear();
+    held_at_.clear();
+    for (std::size_t i = 0; i < fixed_.size(); ++i) {
+      free_[i] = fixed_[i] == 0 ? 1 : 0;
+    }
+    displacement_W_.setZero();
+    tool_force_W_.setZero();
+  }
+
+  void rest() noexcept {
+    free_.resize(fixed_.size());
+    release();
+    std::copy(rest_.begin(), rest_.end(), position_.begin());
+    std::fill(velocity_.begin(), velocity_.end(), Precise{});
+    step_s_ = 0.0;
+    evaluate();
+  }
+
+  Equilibrium advance(double duration_s, const Eigen::Vector3d& displacement_W) noexcept {
+    const auto start = std::chrono::steady_clock::now();
+    Equilibrium result;
+    const Eigen::Vector3d target_W =
+        grabbed() ? displacement_W : Eigen::Vector3d(Eigen::Vector3d::Zero());
+    if (!(duration_s >= 0.0) || !std::isfinite(duration_s) || !target_W.allFinite()) {
+      result.reached = false;
+      result.force_W = result.raw_force_W = tool_force_W_;
+      result.displacement_W = displacement_W_;
+      return result;
+    }
+    result.converged = true;
+    step_s_ = 0.0;
+    if (duration_s > 0.0) {
+      live_through(duration_s, target_W, result);
+    } else {
+      result.reached = target_W == displacement_W_;
+    }
+    feel();
+    result.force_W = result.raw_force_W = tool_force_W_;
+    result.displacement_W = displacement_W_;
+    result.vertices = static_cast<int>(rest_.size());
+    result.converged = result.converged && result.reached && result.force_W.allFinite() &&
+                       std::isfinite(result.relative_residual);
+    result.solve_time_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return result;
+  }
+
+ private:
+  void live_through(double duration_s, const Eigen::Vector3d& target_W,
+                    Equilibrium& result) noexcept {
+    const Eigen::Vector3d way_W = target_W - displacement_W_;
+    const double wanted = std::max(duration_s / options_.step_s * kAlmostWhole,
+                                   way_W.norm() / options_.max_move_m * kAlmostWhole);
+    const int steps = static_cast<int>(
+        std::clamp(std::ceil(wanted), 1.0, static_cast<double>(options_.max_steps)));
+    step_s_ = duration_s / steps;
+    const Eigen::Vector3d from_W = displacement_W_;
+    for (int step = 1; step <= steps; ++step) {
+      const Eigen::Vector3d next_W =
+          step == steps ? target_W : Eigen::Vector3d(from_W + step * (way_W / steps));
+      take_step(next_W, result);
+    }
+    result.steps = steps;
+  }
+
+  // Positions are where the step ends and springs are evaluated there.
+  void take_step(const Eigen::Vector3d& next_W, Equilibrium& result) noexcept {
+    fill_matrix();
+    const double scale_N = std::max(tool_force_W_.norm(), options_.force_floor_N);
+    const double residual_N = solve(options_.relative_tolerance * scale_N,
+                                    (next_W - displacement_W_) / step_s_, result.iterations);
+    result.relative_residual = std::max(result.relative_residual, residual_N / scale_N);
+    result.converged = result.converged && residual_N <= options_.relative_tolerance * scale_N;
+    displacement_W_ = next_W;
+    for (std::size_t i = 0; i < position_.size(); ++i) {
+      position_[i].xyz += all(step_s_) * velocity_[i].xyz;
+    }
+    // Not the sum of many steps.
+    for (std::size_t k = 0; k < held_.size(); ++k) {
+      position_[held_[k]].xyz = held_at_[k].xyz + lanes(displacement_W_);
+    }
+    evaluate();
+    ++result.evaluations;
+  }
+
+  void fill_matrix() noexcept {
+    kernels::make_step_springs(table_.springs, tangent_.data(), t_N_per_m_.data(),
+                               damper_Ns_per_m_.data(), step_s_, step_.data());
+    for (std::size_t i = 0; i < inertia_kg_.size(); ++i) {
+      inertia_kg_[i] = mass_kg_[i] + step_s_ * (drag_Ns_per_m_[i] + step_s_ * home_N_per_m_[i]);
+    }
+    kernels::invert_step_blocks(table_.rows, step_.data(), inertia_kg_.data(), free_.data(),
+                                inverse_.data());
+  }
+
+  // Leaves v1 in velocity_. @returns |A v1 - b| / h [N].
+  double solve(double aim_N, const Eigen::Vector3d& tool_velocity_W, int& iterations) noexcept {
+    const std::size_t count = position_.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      residual_[i].xyz = all(mass_kg_[i]) * velocity_[i].xyz + all(step_s_) * force_[i].xyz;
+    }
+    for (const std::size_t i : held_) {
+      velocity_[i].xyz = lanes(tool_velocity_W);
+    }
+    kernels::apply_step_matrix(table_.rows, step_.data(), inertia_kg_.data(), velocity_.data(),
+                               product_.data());
+    std::fill(direction_.begin(), direction_.end(), Precise{});
+    kernels::DescentSums sums =
+        kernels::descend(count, 1.0, free_.data(), inverse_.data(), direction_.data(),
+                         velocity_.data(), residual_.data(), product_.data());
+    const double aim = aim_N * step_s_;
+    double beta = 0.0;
+    for (int i = 0; i < options_.max_iterations && std::sqrt(sums.squared) > aim; ++i) {
+      kernels::turn_direction(count, beta, product_.data(), direction_.data());
+      kernels::apply_step_matrix(table_.rows, step_.data(), inertia_kg_.data(), direction_.data(),
+                                 product_.data());
+      const double before = sums.preconditioned;
+      const double curvature = kernels::dot(count, direction_.data(), product_.data());
+      sums =
+          kernels::descend(count, before / curvature, free_.data(), inverse_.data(),
+                           direction_.data(), velocity_.data(), residual_.data(), product_.data());
+      beta = sums.preconditioned / before;
+      ++iterations;
+    }
+    return std::sqrt(sums.squared) / step_s_;
+  }
+
+  // Forces that don't depend on velocities, at the present positions.
+  void evaluate() noexcept {
+    kernels::find_tangents(table_.rows, table_.constants.data(), table_.exponential,
+                           position_.data(), t_N_per_m_.data(), tangent_.data());
+    for (std::size_t i = 0; i < force_.size(); ++i) {
+      force_[i].xyz = load_[i].xyz - all(home_N_per_m_[i]) * (position_[i].xyz - rest_[i].xyz);
+    }
+    kernels::add_spring_forces(table_.rows, t_N_per_m_.data(), position_.data(), force_.data());
+    sum_tool_force(force_);
+  }
+
+  // The scale of the next step's tolerance until feel() adds the dampers.
+  void sum_tool_force(const std::vector<Precise>& forces) noexcept {
+    tool_force_W_.setZero();
+    for (const std::size_t i : held_) {
+      tool_force_W_ += vector(forces[i]);
+    }
+  }
+
+  void feel() noexcept {
+    for (std::size_t i = 0; i < force_.size(); ++i) {
+      damping_[i].xyz = force_[i].xyz - all(drag_Ns_per_m_[i]) * velocity_[i].xyz;
+    }
+    kernels::add_damper_forces(table_.rows, tangent_.data(), damper_Ns_per_m_.data(),
+                               velocity_.data(), damping_.data());
+    sum_tool_force(damping_);
+  }
+
+  DynamicOptions options_;
+  SpringTable<double> table_;
+  std::vector<double> mass_kg_;
+  std::vector<double> drag_Ns_per_m_;
+  std::vector<double> home_N_per_m_;
+  std::vector<double> damper_Ns_per_m_;
+  std::vector<std::uint8_t> fixed_;
+  std::vector<std::uint8_t> free_;
+  std::vector<std::size_t> held_;
+  std::vector<Precise> held_at_;  // [m] where each was when it was grabbed
+  std::vector<Precise> rest_;
+  std::vector<Precise> load_;
+  std::vector<Precise> position_;
+  std::vector<Precise> velocity_;
+  std::vector<Precise> force_;    // [N] of springs, home springs and loads
+  std::vector<Precise> damping_;  // [N] the same with dampers and drag
+  std::vector<Precise> residual_;
+  std::vector<Precise> direction_;
+  std::vector<Precise> product_;
+  std::vector<double> inertia_kg_;
+  std::vector<kernels::SymmetricBlock> inverse_;
+  std::vector<double> t_N_per_m_;
+  std::vector<kernels::SpringTangent> tangent_;
+  std::vector<kernels::StepSpring> step_;
+  Eigen::Vector3d displacement_W_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d tool_force_W_ = Eigen::Vector3d::Zero();
+  double step_s_ = 0.0;
+};
+
+DynamicObject::DynamicObject(const SpringMesh& mesh, const DynamicOptions& options)
+    : implementation_(std::make_unique<Implementation>(mesh, options)) {}
+DynamicObject::~DynamicObject() = default;
+DynamicObject::DynamicObject(DynamicObject&&) noexcept = default;
+DynamicObject& DynamicObject::operator=(DynamicObject&&) noexcept = default;
+std::size_t DynamicObject::vertex_count() const noexcept { return implementation_->vertex_count(); }
+std::size_t DynamicObject::spring_count() const noexcept { return implementation_->spring_count(); }
+const DynamicOptions& DynamicObject::options() const noexcept { return implementation_->options(); }
+int DynamicObject::grab(const Eigen::Vector3d& point_W, double radius_m) {
+  return implementation_->grab(point_W, radius_m);
+}
+void DynamicObject::release() noexcept { implementation_->release(); }
+void DynamicObject::rest() noexcept { implementation_->rest(); }
+bool DynamicObject::grabbed() const noexcept { return implementation_->grabbed(); }
+Equilibrium DynamicObject::advance(double duration_s,
+                                   const Eigen::Vector3d& displacement_W) noexcept {
+  return implementation_->advance(duration_s, displacement_W);
+}
+double DynamicObject::last_step_s() const noexcept { return implementation_->last_step_s(); }
+bool DynamicObject::long_step() const noexcept { return implementation_->long_step(); }
+std::vector<Eigen::Vector3d> DynamicObject::positions_W() const {
+  return implementation_->positions_W();
+}
+std::vector<Eigen::Vector3d> DynamicObject::velocities_W() const {
+  return implementation_->velocities_W();
+}
+
+}  // namespace forcegrid::simulator

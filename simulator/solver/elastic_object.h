@@ -1,0 +1,174 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "simulator/mesh/spring_mesh.h"
+
+namespace forcegrid::simulator {
+
+/// How far and how long the solver goes for one answer.
+struct SolverOptions {
+  /// A state is an equilibrium when Equilibrium::relative_residual is at most this; > 0.
+  double relative_tolerance = 1e-3;
+  /// [N] The residual is compared with the force, but with no less than this: near the rest pose
+  /// the force vanishes and single precision leaves about 1e-6 N.
+  double force_floor_N = 0.05;
+  /// [m] A longer move is made in equal steps of at most this; > 0. Keeps the state on its branch.
+  double max_step_m = 2e-3;
+  /// But a move of up to three times that is tried in one step, and divided only where the
+  /// prediction leaves more than this of residual, |r| / max(|F|, force_floor_N). 0: always
+  /// divided.
+  double long_step_residual = 0.05;
+  /// Steps a move may take; a move that needs more ends on the way there (Equilibrium::reached).
+  int max_steps = 24;
+  /// Conjugate-gradient iterations at most on each step but the last, which iterates to the
+  /// tolerance; fewer where |r| is at 1e-2 of the force before.
+  int iterations_per_step = 3;
+  /// Conjugate-gradient iterations of the last step, all corrections together.
+  int max_iterations = 240;
+  /// Descents in energy an answer may take after its state turned out unstable (a deep push snaps
+  /// through), each of some 20 ms on a block of 10,000 vertices; what is left goes on in the next.
+  int max_recovery_steps = 24;
+  /// A state predicted this well, |r| / |F|, is answered as it is, and corrected once by
+  /// conjugate gradients afterwards, for the next move: one pass of evaluation instead of two.
+  /// 0: the answer waits for the correction. For servo rates, where the prediction is good.
+  double answer_first_below = 0.0;
+  /// Above 0: solve only what the tool disturbs. The region, whole rings of neighbours around the
+  /// patch, grows until the work residual on its border, sum of |S_i^T r_i| over the ring outside,
+  /// is at most this fraction of |F|, and shrinks when it is far below; the object outside follows
+  /// S. 0: the whole object.
+  double border_tolerance = 0.0;
+  /// With border_tolerance: solve at most so many vertices even if their border lacks more than it
+  /// may, so that the cost doesn't grow with the object. For an object that is told where what lies
+  /// outside is: TwoRatesObject. 0: no limit.
+  int most_vertices = 0;
+  /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
+  double sensitivity_tolerance = 0.05;
+};
+
+/// The state at one tool position and how good it is.
+struct Equilibrium {
+  Eigen::Vector3d displacement_W = Eigen::Vector3d::Zero();  ///< [m] of the tool since the grab
+  /// [N] of the object on the tool, F = sum over patch and free vertices of S_i^T r_i: the raw sum
+  /// over the patch, corrected by the work of the remaining residual. Second order in the error.
+  Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
+  Eigen::Vector3d raw_force_W = Eigen::Vector3d::Zero();  ///< [N] sum over the patch alone
+  Eigen::Matrix3d stiffness_W = Eigen::Matrix3d::Zero();  ///< [N/m] J = dF/dP = -S^T K S
+  /// |r| / max(|F|, force_floor_N): r the springs' forces on all free vertices as one vector,
+  /// Euclidean norm; F = force_W.
+  double relative_residual = 0.0;
+  double sensitivity_residual = 0.0;  ///< the same of K S, see SolverOptions
+  double force_gap_N = 0.0;           ///< |force_W - raw_force_W|: bounds the force's error in use
+  int steps = 0;                      ///< moves of at most max_step_m
+  int evaluations = 0;                ///< passes over all springs' laws
+  int iterations = 0;                 ///< conjugate-gradient iterations
+  int halvings = 0;                   ///< steps repeated at half length (unstable or not finite)
+  int vertices = 0;                   ///< that the last evaluation went through
+  /// [N] Sum of |S_i^T r_i| over the ring around the region, see SolverOptions::border_tolerance; 0
+  /// when the whole object is solved.
+  double border_work_N = 0.0;
+  double solve_time_s = 0.0;  ///< wall time of the move
+  bool reached = true;        ///< the tool is where it was asked to be; false: see displacement_W
+  bool converged = false;     ///< relative_residual <= relative_tolerance and everything is finite
+  /// The state left its branch of equilibria (an unstable state was met and the object moved on to
+  /// another one): force and stiffness jumped since the last answer.
+  bool left_branch = false;
+};
+
+/// Vertices around the tool as one object knows them, for another one that holds the same patch of
+/// the same mesh. Single precision.
+struct Neighbourhood {
+  struct Vertex {
+    Eigen::Vector3f position_W = Eigen::Vector3f::Zero();     ///< [m] from the mesh's top
+    Eigen::Matrix3f sensitivity_W = Eigen::Matrix3f::Zero();  ///< S: row c, column j is dx_c / dP_j
+  };
+  Eigen::Vector3d displacement_W = Eigen::Vector3d::Zero();  ///< [m] of the tool since the grab
+  std::vector<Vertex> vertices;
+};
+
+/// A mass-spring object under a tool that holds a patch of it: quasi-static equilibria and the
+/// force on the tool, warm started along the tool's path.
+///
+/// Energy E(x; P) = sum of the springs'; the patch follows the tool rigidly, x_g = X_g + P, fixed
+/// vertices stay, and the free ones solve r = -dE/dx_f = 0. Beside the positions x the solver
+/// carries the sensitivities S = dx/dP (K_ff S = -K_fg 1; three more right-hand sides of the same
+/// matrix, in SIMD lanes), which give the predictor x += S dP, a force of second-order accuracy and
+/// the stiffness J. Each step: predict, one pass of evaluation, block-Jacobi preconditioned
+/// conjugate gradients with a step length a lane.
+///
+/// Real is the precision of positions, forces and residual: float for the 30 Hz simulator (residual
+/// down to about 1e-5 of a newton), double for the off-line force. Corrections and S are single
+/// precision in both; in double, repeated corrections still converge to double's accuracy.
+///
+/// Real-time: no allocation after construction except in grab(); bounded by SolverOptions.
+/// Threads: one object belongs to one thread at a time; different objects are independent.
+template <typename Real>
+class ElasticObject {
+ public:
+  /// Throws Error for a mesh that check() refuses or options out of range.
+  explicit ElasticObject(const SpringMesh& mesh, const SolverOptions& options = {});
+  ~ElasticObject();
+  ElasticObject(ElasticObject&&) noexcept;
+  ElasticObject& operator=(ElasticObject&&) noexcept;
+
+  std::size_t vertex_count() const noexcept;
+  std::size_t spring_count() const noexcept;
+  std::size_t memory_bytes() const noexcept;  ///< that it holds, itself included
+  const SolverOptions& options() const noexcept;
+
+  /// Changes SolverOptions::relative_tolerance from the next move on. Throws Error unless > 0.
+  void set_relative_tolerance(double relative_tolerance);
+
+  /// Number of vertices that grab(point_W, radius_m) would hold.
+  int count_grabbable(const Eigen::Vector3d& point_W, double radius_m) const noexcept;
+
+  /// From the rest pose: the free vertices within `radius_m` of `point_W` [m] move rigidly with the
+  /// tool from now on. Solves for S.
+  /// @returns how many vertices are held; 0 when none is near: then nothing has changed.
+  /// Throws Error when a patch is held already.
+  int grab(const Eigen::Vector3d& point_W, double radius_m);
+
+  /// Lets go; the object is back in its rest pose.
+  void release() noexcept;
+
+  bool grabbed() const noexcept;
+
+  /// Moves the tool to `displacement_W` [m] from where it grabbed, in W, and finds the equilibrium.
+  /// Without a grab nothing moves and the force is zero. A displacement that is not finite changes
+  /// nothing and gives converged = reached = false with the last state's force.
+  Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
+
+  /// The vertices, in the mesh's numbering, whole rings around the patch, that a region of at most
+  /// SolverOptions::most_vertices goes through. Allocates.
+  std::vector<std::int32_t> neighbourhood() const;
+
+  /// Where these vertices (the mesh's numbering) stand now; `copy` must have as many.
+  void copy(const std::vector<std::int32_t>& vertices, Neighbourhood& copy) const noexcept;
+
+  /// Another object has found `is` where this one stood at `was`, copies of neighbourhood() with
+  /// the tool at one place P_o. With the tool at P the present state is corrected by
+  /// S += S_is - S_was and x += x_is - x_was + (S_is - S_was) (P - P_o); the next move solves from
+  /// there.
+  void correct(const Neighbourhood& was, const Neighbourhood& is) noexcept;
+
+  /// [m] All vertices' positions in W, in the mesh's numbering.
+  std::vector<Eigen::Vector3d> positions_W() const;
+
+  /// Vertices that the tool holds, in the mesh's numbering.
+  const std::vector<std::int32_t>& patch() const noexcept;
+
+  /// S of one vertex: row c, column j is dx_c / dP_j.
+  Eigen::Matrix3d sensitivity(std::size_t vertex) const;
+
+ private:
+  class Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+extern template class ElasticObject<float>;
+extern template class ElasticObject<double>;
+
+}  // namespace forcegrid::simulator

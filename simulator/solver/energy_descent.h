@@ -1,0 +1,32 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "simulator/solver/carried_state.h"
+
+namespace forcegrid::simulator {
+
+/// What a descent in energy spent.
+struct EnergyDescent {
+  int evaluations = 0;
+  int iterations = 0;  ///< of conjugate gradients
+};
+
+/// From an unstable or diverging state downhill in energy to another branch of equilibria, the tool
+/// held where it is: truncated Newton steps with a backtracking line search, until |r| is at most
+/// `relative_tolerance` max(|F|, `force_floor_N`), nothing is lower, or `max_steps` are done.
+/// Begins from the state before the last advance_to() with the patch moved on, and overwrites that
+/// state. The region must be the whole object.
+/// @param correction_m  scratch, one a vertex.
+template <typename Real>
+EnergyDescent descend_in_energy(CarriedState<Real>& state, int max_steps, double relative_tolerance,
+                                double force_floor_N,
+                                std::vector<Eigen::Vector3f>& correction_m) noexcept;
+
+extern template EnergyDescent descend_in_energy(CarriedState<float>&, int, double, double,
+                                                std::vector<Eigen::Vector3f>&) noexcept;
+extern template EnergyDescent descend_in_energy(CarriedState<double>&, int, double, double,
+                                                std::vector<Eigen::Vector3f>&) noexcept;
+
+}  // namespace forcegrid::simulator

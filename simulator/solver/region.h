@@ -1,0 +1,90 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "simulator/kernels/spring_kernels.h"
+
+namespace forcegrid::simulator {
+
+/// The part of an object around the tool that is solved, in rings: level 0 is the held patch, level
+/// n the vertices n springs away from it; what no spring joins to the patch is the last level. With
+/// the vertices numbered by level a region is the head of every array, and the springs of its
+/// vertices lead at most one level further. Source: the solver study, section on local solving.
+///
+/// Solved are the levels below solved(); the level after them, the border, is evaluated, and the
+/// one after that is read. Further out the object is left where it was when the region last reached
+/// it.
+class Region {
+ public:
+  /// All vertices in one level.
+  explicit Region(std::int32_t vertices);
+
+  /// Divides the vertices into levels around `patch` and makes the region the whole object.
+  /// @returns the new order: element n is the present number of the vertex that becomes number n,
+  ///          the patch first.
+  std::vector<std::int32_t> number_around(const std::vector<std::int32_t>& patch,
+                                          const kernels::SpringRows& rows);
+
+  int levels() const noexcept { return static_cast<int>(level_begin_.size()) - 1; }
+  int solved() const noexcept { return solved_; }
+  bool is_whole() const noexcept { return solved_ == levels(); }
+  std::int32_t solved_vertices() const noexcept { return end_of(solved_); }
+  /// How many levels the next larger region has: one more, or a fifth more.
+  int larger() const noexcept;
+  /// `levels` or as many as have at most `vertices` vertices, at least 1; 0 vertices: no limit.
+  int limited(int levels, int vertices) const noexcept;
+
+  /// Everything is solved, and nothing has been left anywhere.
+  void whole(kernels::SpringRows& rows) noexcept;
+
+  /// Solves `levels` levels from now on, in 1..levels(), and sets what `rows` says of it.
+  /// @param displacement  of the tool, remembered for what is no longer reached.
+  void set(int levels, const Eigen::Vector3d& displacement, kernels::SpringRows& rows) noexcept;
+
+  /// How many vertices a region of at most `vertices` vertices goes through, its border and what
+  /// that reads included.
+  std::int32_t reach_of(int vertices) const noexcept {
+    return end_of(limited(levels(), vertices) + 2);
+  }
+  /// The vertices [first, end), whole levels, stand where they do with the tool at `displacement`.
+  void leave_at(std::int32_t first, std::int32_t end, const Eigen::Vector3d& displacement) noexcept;
+
+  /// The tool's displacement when the vertex, beyond the region's reach, was left.
+  const Eigen::Vector3d& place(std::int32_t vertex) const noexcept {
+    return place_[static_cast<std::size_t>(level_of_[static_cast<std::size_t>(vertex)])];
+  }
+
+ private:
+  // Vertices in the first `levels` levels.
+  std::int32_t end_of(int levels) const noexcept;
+
+  std::vector<std::int32_t> level_begin_;  // and the end
+  std::vector<std::int32_t> level_of_;     // by vertex
+  std::vector<Eigen::Vector3d> place_;     // by level
+  int solved_ = 1;
+};
+
+/// Sorts `values` so that element n is what was element order[n].
+template <typename Value>
+void permute(const std::vector<std::int32_t>& order, std::vector<Value>& values) {
+  std::vector<Value> sorted;
+  sorted.reserve(values.size());
+  for (const std::int32_t old : order) {
+    sorted.push_back(values[static_cast<std::size_t>(old)]);
+  }
+  values.swap(sorted);
+}
+
+/// Renumbers the springs' ends, order[n] becoming n, and sorts them by their lower vertex again.
+template <typename Real>
+void renumber_springs(const std::vector<std::int32_t>& order, kernels::SpringRows& rows,
+                      std::vector<kernels::SpringConstants<Real>>& constants);
+
+extern template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
+                                      std::vector<kernels::SpringConstants<float>>&);
+extern template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
+                                      std::vector<kernels::SpringConstants<double>>&);
+
+}  // namespace forcegrid::simulator

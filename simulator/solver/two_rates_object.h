@@ -1,0 +1,114 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+#include "simulator/solver/elastic_object.h"
+#include "simulator/mesh/spring_mesh.h"
+
+namespace forcegrid::simulator {
+
+struct TwoRatesOptions {
+  /// Each move: the region around the tool. Needs border_tolerance and most_vertices > 0.
+  SolverOptions near{.border_tolerance = 1e-3, .most_vertices = 2500};
+  /// The object as a whole, as often as that gets done.
+  SolverOptions whole{};
+  /// False, for measurements and tests: the caller solves the whole object (solve_whole(),
+  /// hand_over()).
+  bool own_thread = true;
+};
+
+/// An object at two rates: each move solves a region of a bounded number of vertices around the
+/// tool, so that its cost grows with what the tool disturbs and not with the object, while a second
+/// copy of the object is solved as a whole, on a thread of its own and again and again at the place
+/// where the tool then was, P_w. Once that is done, what the region and the vertices around it
+/// differ by is added, for where the tool is now:
+///
+///   S(P) += dS,   x(P) += x_whole(P_w) - x_near(P_w) + dS (P - P_w),   dS = S_whole(P_w) -
+///   S_near(P_w)
+///
+/// Between two such corrections what lies outside the region follows S, and what the border lacks
+/// counts to second order (SolverOptions::border_tolerance). No move waits for the whole object;
+/// how old its solution is grows with the object and with how fast the tool moves. Whether the
+/// answers are still good is seen by the border's work (Equilibrium::border_work_N): above a tenth
+/// of the force Equilibrium::converged is false.
+///
+/// Source: the solver study, section on local solving.
+///
+/// Real-time: as ElasticObject; a move exchanges the neighbourhood, some thousand vertices, and
+/// wakes the other thread, but neither allocates nor locks. An unstable state is left by a descent
+/// in energy of the whole object within the move, see SolverOptions::max_recovery_steps.
+/// Threads: one, besides its own, which runs at a nice value of 15. Memory: two objects.
+class TwoRatesObject {
+ public:
+  /// Throws Error for a mesh that check() refuses or options out of range.
+  explicit TwoRatesObject(const SpringMesh& mesh, const TwoRatesOptions& options = {});
+  ~TwoRatesObject();
+  TwoRatesObject(const TwoRatesObject&) = delete;
+  TwoRatesObject& operator=(const TwoRatesObject&) = delete;
+
+  std::size_t vertex_count() const noexcept { return near_.vertex_count(); }
+  std::size_t spring_count() const noexcept { return near_.spring_count(); }
+
+  /// As ElasticObject::grab().
+  int grab(const Eigen::Vector3d& point_W, double radius_m);
+  void release() noexcept;
+  bool grabbed() const noexcept { return near_.grabbed(); }
+
+  /// As ElasticObject::move_to(), from the region alone. left_branch is also set where the whole
+  /// object has left its branch.
+  Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
+
+  /// Solutions of the whole object that moves have taken, since construction.
+  std::uint64_t whole_solutions() const noexcept { return whole_solutions_; }
+
+  // Without own_thread:
+
+  /// The last move asked for the whole object; until hand_over() the next ones don't.
+  bool whole_is_due() const noexcept { return turn_ == Turn::kWhole; }
+  /// Solves it, for a whole that is due.
+  void solve_whole() noexcept;
+  /// Lets the next move take what solve_whole() has found.
+  void hand_over() noexcept;
+
+ private:
+  // Who may touch `job_` and `whole_`.
+  enum class Turn : int { kNear, kWhole, kQuit };
+
+  struct Job {
+    bool grab = false;  // take hold of point_W; else solve for was.displacement_W
+    Eigen::Vector3d point_W = Eigen::Vector3d::Zero();
+    double radius_m = 0.0;
+    std::vector<std::int32_t> vertices;  // of the neighbourhood, in the mesh's numbering
+    Neighbourhood was;                   // near_ there
+    Neighbourhood is;                    // whole_ there
+    bool held = false;                   // whole_ holds what near_ does
+    bool solved = false;                 // `is` is good
+    bool left_branch = false;
+  };
+
+  void run() noexcept;
+  void take() noexcept;
+  void ask(const Equilibrium& answer) noexcept;
+  void grab_whole() noexcept;
+
+  TwoRatesOptions options_;
+  ElasticObject<float> near_;
+  ElasticObject<float> whole_;
+  Job job_;
+  // A new grip, until the whole object's turn to take it comes.
+  bool grip_waits_ = false;
+  Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
+  double radius_m_ = 0.0;
+  std::vector<std::int32_t> vertices_;
+  bool jumped_ = false;  // the next answer is on another branch
+  std::uint64_t whole_solutions_ = 0;
+  std::atomic<Turn> turn_{Turn::kNear};
+  std::jthread solver_;
+};
+
+}  // namespace forcegrid::simulator

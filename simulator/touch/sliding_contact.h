@@ -1,0 +1,67 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "simulator/solver/pressed_object.h"
+#include "simulator/mesh/rest_surface.h"
+#include "simulator/touch/tool_contact.h"
+
+namespace forcegrid::simulator {
+
+struct SlidingOptions {
+  PressOptions press;
+  double grasp_N = 0.3;  ///< see ToolOptions
+  double let_go_N = 1.0;
+};
+
+/// A tool that presses and slides (PressedObject), with contacts and epochs: a new epoch where the
+/// tool touches, leaves, grasps, lets go, or the object snaps into another shape; sticking and
+/// slipping are none, as the force is continuous there. Answer::point_W is where the tool was when
+/// it touched: the force begins with zero there.
+///
+/// A grasper closes when the surface presses it with SlidingOptions::grasp_N along its axis, and
+/// opens when it is pulled down with let_go_N; then it must come free of the surface before it
+/// closes again. A tool that is first seen inside the object must leave it before it can touch.
+/// Threads: one.
+class SlidingContact final : public ToolContact {
+ public:
+  /// Throws Error as PressedObject does.
+  SlidingContact(const SpringMesh& mesh, const contact::ToolShape& tool,
+                 const SlidingOptions& options);
+
+  Answer step(const Eigen::Vector3d& position_W) override;
+  void reset() noexcept override;
+  bool in_contact() const noexcept override { return in_contact_; }
+  std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
+                                                const Eigen::Vector3d& velocity_W,
+                                                double within_s) const noexcept override;
+  bool depends_on_position_alone() const noexcept override { return false; }
+  std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
+  std::size_t spring_count() const noexcept override { return object_.spring_count(); }
+
+  /// Of the last step, with what Answer has no room for.
+  const Pressed& pressed() const noexcept { return pressed_; }
+
+ private:
+  bool overlaps(const Eigen::Vector3d& position_W) const noexcept;
+  std::optional<Eigen::Vector3d> touch_along(const Eigen::Vector3d& from_W,
+                                             const Eigen::Vector3d& path_W) const noexcept;
+  void press(const Eigen::Vector3d& position_W);
+  void work_jaws() noexcept;
+
+  PressedObject object_;
+  SlidingOptions options_;
+  RestSurface surface_;
+  Pressed pressed_;
+  std::optional<Eigen::Vector3d> last_position_W_;
+  Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
+  std::uint32_t epoch_ = 0;
+  bool in_contact_ = false;
+  bool must_leave_first_ = false;
+  bool holding_ = false;
+  bool has_let_go_ = false;
+};
+
+}  // namespace forcegrid::simulator

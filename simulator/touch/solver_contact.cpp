@@ -1,0 +1,43 @@
+#include "simulator/touch/solver_contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <ostream>
+
+#include "simulator/touch/dynamic_contact.h"
+#include "simulator/touch/reduced_contact.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+constexpr double kReducedChecks_Hz = 30.0;
+constexpr double kPatience_s = 2.0;  // without a new state, until fewer are enough
+
+ReducedObjectOptions reduced_options(const SolverOptions& solver, double rate_Hz,
+                                     std::ostream& log) {
+  ReducedObjectOptions options;
+  options.solver = solver;
+  options.check_every = std::max(1, static_cast<int>(std::lround(rate_Hz / kReducedChecks_Hz)));
+  options.patience = std::max(1, static_cast<int>(std::lround(rate_Hz * kPatience_s)));
+  options.say = [&log](const std::string& what) { log << what << std::endl; };
+  return options;
+}
+
+}  // namespace
+
+std::unique_ptr<ToolContact> make_solver_contact(const Scene& scene, const SolverChoice& solver,
+                                                 const ToolOptions& tool, double rate_Hz,
+                                                 std::ostream& log) {
+  if (solver.name == "dynamic") {
+    return make_dynamic_contact(scene, solver.dynamic, tool);
+  }
+  if (solver.name == "two_rates") {
+    return make_two_rates_contact(scene, solver.two_rates, tool);
+  }
+  if (solver.name == "reduced") {
+    return make_reduced_contact(scene, reduced_options(solver.options, rate_Hz, log), tool);
+  }
+  return make_tool_contact(scene, solver.options, tool);
+}
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <optional>
+#include <utility>
+
+#include "simulator/mesh/scene.h"
+#include "simulator/touch/sticky_contact.h"
+#include "simulator/touch/tool_contact.h"
+#include "simulator/touch/tool_geometry.h"
+
+namespace forcegrid::simulator {
+
+/// A tool that sticks where it comes through the surface, as a servo sees it that looks far more
+/// often, and not where it is found inside. Object: one that StickyContact takes hold of, whose
+/// force is a function of the position alone. Threads: one.
+template <typename Object>
+class StickingTool : public ToolContact {
+ public:
+  template <typename Options>
+  StickingTool(const Scene& scene, Options&& solver, const ContactOptions& options)
+      : object_(scene.mesh, std::forward<Options>(solver)),
+        contact_(scene.mesh, options),
+        way_in_(scene.mesh, options.tool) {}
+
+  Answer step(const Eigen::Vector3d& position_W) override {
+    if (!contact_.in_contact() && last_position_W_ && position_W.allFinite()) {
+      if (const auto touch_W = way_in_.between(*last_position_W_, position_W)) {
+        contact_.step(object_, *touch_W);
+      }
+    }
+    if (position_W.allFinite()) {
+      last_position_W_ = position_W;
+    }
+    return contact_.step(object_, position_W);
+  }
+  void reset() noexcept override {
+    contact_.reset(object_);
+    last_position_W_.reset();
+  }
+  bool in_contact() const noexcept override { return contact_.in_contact(); }
+  std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
+                                                const Eigen::Vector3d& velocity_W,
+                                                double within_s) const noexcept override {
+    return contact_.expected_touch(position_W, velocity_W, within_s);
+  }
+  bool depends_on_position_alone() const noexcept override { return true; }
+  std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
+  std::size_t spring_count() const noexcept override { return object_.spring_count(); }
+
+ protected:
+  const Object& object() const noexcept { return object_; }
+
+ private:
+  Object object_;
+  StickyContact contact_;
+  WayIn way_in_;
+  std::optional<Eigen::Vector3d> last_position_W_;
+};
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,72 @@
+#include "simulator/touch/tool_contact.h"
+
+#include "contact/error.h"
+#include "simulator/mesh/error.h"
+#include "simulator/touch/sliding_contact.h"
+#include "simulator/touch/sticking_tool.h"
+#include "simulator/solver/two_rates_object.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+class StickingAtTwoRates final : public StickingTool<TwoRatesObject> {
+ public:
+  using StickingTool::StickingTool;
+  std::uint64_t whole_solutions() const noexcept override { return object().whole_solutions(); }
+};
+
+std::optional<contact::ToolShape> make_shape(const ToolOptions& options) {
+  if (options.shape == "point") {
+    return std::nullopt;
+  }
+  if (options.shape == "sphere") {
+    return contact::ToolShape::sphere(options.radius_m);
+  }
+  if (options.shape == "capsule") {
+    return contact::ToolShape::capsule(options.radius_m, options.length_m);
+  }
+  if (options.shape == "grasper") {
+    return contact::ToolShape::grasper(options.radius_m, options.length_m, options.opening_rad);
+  }
+  throw Error("tool: unknown shape '" + options.shape +
+              "'; write point, sphere, capsule or grasper");
+}
+
+}  // namespace
+
+std::optional<contact::ToolShape> tool_shape(const ToolOptions& options) {
+  check_together(options);
+  try {
+    return make_shape(options);
+  } catch (const contact::Error& problem) {
+    throw Error(problem.what());
+  }
+}
+
+std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
+                                               const ToolOptions& options) {
+  const std::optional<contact::ToolShape> shape = tool_shape(options);
+  if (options.slides()) {
+    return std::make_unique<SlidingContact>(scene.mesh, *shape,
+                                            SlidingOptions{.press = {.friction = options.friction},
+                                                           .grasp_N = options.grasp_N,
+                                                           .let_go_N = options.let_go_N});
+  }
+  return std::make_unique<StickingTool<ElasticObject<float>>>(
+      scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
+}
+
+std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
+                                                    const TwoRatesOptions& solver,
+                                                    const ToolOptions& options) {
+  if (options.slides()) {
+    throw Error(
+        "tool: what slides presses the whole object; give --contact sticky with two_rates, or "
+        "leave --solver out");
+  }
+  return std::make_unique<StickingAtTwoRates>(
+      scene, solver,
+      ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = tool_shape(options)});
+}
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,161 @@
+// auto: which of its members speaks, and why.
+
+#include <gtest/gtest.h>
+
+#include <iostream>
+#include <string>
+
+#include "forcegrid/methods.h"
+#include "tests/forcegrid/kriging/kriging_contacts.h"
+
+namespace forcegrid {
+namespace {
+
+using Eigen::Vector3d;
+using namespace testing;
+
+std::unique_ptr<ForceMethod> make_auto() { return make_force_method("auto", {}); }
+
+std::string speaker(const ForceMethod& method, const Vector3d& at_W) {
+  return method.members()[method.force(100.0, at_W).member];
+}
+
+TEST(AutoMethod, IsTheDefaultAndNamesItsMembers) {
+  EXPECT_STREQ(kDefaultMethod, "auto");
+  const auto method = make_force_method(kDefaultMethod, {});
+  EXPECT_STREQ(method->name(), "auto");
+  EXPECT_EQ(method->members().size(), 11u);
+  EXPECT_TRUE(method->needs().requests_before_contact);
+  EXPECT_FALSE(method->needs().requests);
+  EXPECT_FALSE(method->needs().stiffness);
+  EXPECT_LT(method->memory_bytes(), 4'000'000u);
+}
+
+TEST(AutoMethod, BeginsWithThePlaceThatItKnows) {
+  const auto method = make_auto();
+  hold(*method, 1, kPlace_W, 0.0);
+  hold(*method, 2, kPlace_W + Vector3d(0.010, 0.0, 0.0), 2.0);
+  hold(*method, 3, kPlace_W + Vector3d(-0.008, 0.006, 0.0), 4.0);
+  const Vector3d again_W = kPlace_W + Vector3d(0.009, 0.001, 0.0);
+  method->contact_made(4, again_W);
+  work(*method);
+  EXPECT_EQ(speaker(*method, again_W), "places");
+  EXPECT_EQ(method->force(6.0, again_W).reason, ChoiceReason::kKnownPlace);
+  EXPECT_LT(error_before_the_first_sample(*method, again_W), 0.03);
+}
+
+TEST(AutoMethod, BeginsWithWhatItHasAskedAbout) {
+  const auto method = make_auto();
+  double time_s = 10.0;
+  int asked = 0;
+  for (int i = 0; i < 30; ++i) {
+    time_s += 0.008;
+    const Vector3d above_W = kPlace_W + Vector3d(0.0, 0.0, 0.01);
+    method->observe(time_s, above_W);
+    method->expect_contact(time_s, kPlace_W);
+    work(*method);
+    Vector3d wanted_W;
+    if (method->plan_request(time_s, above_W, wanted_W)) {
+      method->take_sample(answer_at(time_s, kPlace_W, wanted_W));
+      ++asked;
+    }
+  }
+  EXPECT_GE(asked, 4);
+  method->contact_made(1, kPlace_W);
+  work(*method);
+  EXPECT_EQ(speaker(*method, kPlace_W), "places");
+  EXPECT_EQ(method->force(time_s, kPlace_W).reason, ChoiceReason::kAskedBefore);
+  EXPECT_LT(error_before_the_first_sample(*method, kPlace_W), 0.1);
+}
+
+// A hand on springs for five seconds; `answer` makes the sample.
+template <typename Answer>
+void play(ForceMethod& method, const Answer& answer) {
+  const HandMotion hand(kSeed);
+  method.contact_made(1, kPlace_W);
+  for (int i = 0; i < 2500; ++i) {
+    const double time_s = 0.002 * i;
+    const Vector3d d_m = hand.position_m(time_s);
+    method.observe(time_s, kPlace_W + d_m);
+    const Sample sample = answer(sample_at(time_s, kPlace_W, d_m));
+    if (i % 17 == 0) {
+      method.take_sample(sample);
+    }
+    work(method);
+  }
+}
+
+TEST(AutoMethod, CorrectsASimulatorThatHasNotConverged) {
+  const auto method = make_auto();
+  Vector3d answered_N = Vector3d::Zero();
+  Vector3d truth_N = Vector3d::Zero();
+  int ticks = 0;
+  play(*method, [&](Sample sample) {
+    truth_N = sample.force_W;
+    if (ticks++ % 17 == 0) {
+      answered_N += 0.6 * (sample.force_W - answered_N);
+    }
+    sample.force_W = answered_N;
+    sample.converged = false;
+    return sample;
+  });
+  const Vector3d end_W = kPlace_W + HandMotion(kSeed).position_m(0.002 * 2499);
+  EXPECT_EQ(speaker(*method, end_W), "unfinished");
+  EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - truth_N).norm(), 0.01 * truth_N.norm());
+}
+
+TEST(AutoMethod, LeavesAConvergedSimulatorToTheOthers) {
+  const auto method = make_auto();
+  play(*method, [](const Sample& sample) { return sample; });
+  const std::string who = speaker(*method, kPlace_W);
+  EXPECT_NE(who, "unfinished");
+  EXPECT_NE(who, "relaxing");
+}
+
+TEST(AutoMethod, FollowsAnObjectThatRelaxes) {
+  const auto method = make_auto();
+  Vector3d lag_N = Vector3d::Zero();
+  Vector3d truth_N = Vector3d::Zero();
+  play(*method, [&](Sample sample) {
+    lag_N += 0.002 / 0.15 * (sample.force_W - lag_N);
+    sample.force_W -= 0.4 * lag_N;
+    truth_N = sample.force_W;
+    return sample;
+  });
+  const Vector3d end_W = kPlace_W + HandMotion(kSeed).position_m(0.002 * 2499);
+  EXPECT_EQ(speaker(*method, end_W), "relaxing");
+  EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - truth_N).norm(), 0.03 * truth_N.norm());
+}
+
+// The share of the time after 2 s in which a member is felt that knows more than the position.
+double share_of_the_path(double mass_kg) {
+  const auto method = make_auto();
+  const HandMotion hand(kSeed);
+  int cycles = 0;
+  int path = 0;
+  play(*method, [&](Sample sample) {
+    constexpr double kStep_s = 2e-3;
+    const Vector3d acceleration_W =
+        (hand.position_m(sample.time_s + kStep_s) - 2.0 * hand.position_m(sample.time_s) +
+         hand.position_m(sample.time_s - kStep_s)) /
+        (kStep_s * kStep_s);
+    if (sample.time_s > 2.0) {
+      const std::string who = speaker(*method, sample.position_W);
+      path += who == "viscous" || who == "noisy viscous" || who == "relaxing" ? 1 : 0;
+      ++cycles;
+    }
+    sample.force_W -= mass_kg * acceleration_W;
+    return sample;
+  });
+  const double share = static_cast<double>(path) / cycles;
+  std::cout << mass_kg << " kg: " << share << '\n';
+  return share;
+}
+
+TEST(AutoMethod, LeavesAnObjectWithInertiaToMembersThatKnowThePath) {
+  EXPECT_GT(share_of_the_path(0.1), 0.8) << "0.2 if a few good samples were all that counted";
+  EXPECT_EQ(share_of_the_path(0.0), 0.0) << "no lucky run";
+}
+
+}  // namespace
+}  // namespace forcegrid

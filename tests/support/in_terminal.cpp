@@ -1,0 +1,92 @@
+#include "tests/support/in_terminal.h"
+
+#include <poll.h>
+#include <pty.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+
+namespace forcegrid::testing {
+
+InTerminal::InTerminal(std::vector<std::string> command) {
+  std::vector<char*> argv;
+  for (std::string& argument : command) {
+    argv.push_back(argument.data());
+  }
+  argv.push_back(nullptr);
+  winsize size{};
+  size.ws_col = 80;
+  size.ws_row = 24;
+  pid_ = forkpty(&terminal_, nullptr, nullptr, &size);
+  if (pid_ == 0) {
+    setenv("TERM", "xterm", 1);
+    execvp(argv[0], argv.data());
+    _exit(127);
+  }
+}
+
+InTerminal::~InTerminal() {
+  if (pid_ > 0) {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  close(terminal_);
+}
+
+bool InTerminal::wait_for(const std::string& text) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  while (seen_.find(text, from_) == std::string::npos) {
+    pollfd entry{terminal_, POLLIN, 0};
+    if (std::chrono::steady_clock::now() > deadline || poll(&entry, 1, 1000) < 0) {
+      return false;
+    }
+    char buffer[4096];
+    const ssize_t count = entry.revents != 0 ? read(terminal_, buffer, sizeof buffer) : 0;
+    if (count < 0) {
+      return seen_.find(text, from_) != std::string::npos;  // EIO: the other end is closed
+    }
+    seen_.append(buffer, static_cast<std::size_t>(count));
+  }
+  return true;
+}
+
+void InTerminal::send_signal(int number) const {
+  if (pid_ > 0) {
+    kill(pid_, number);
+  }
+}
+
+bool InTerminal::wait_until_stopped() const {
+  int status = 0;
+  return waitpid(pid_, &status, WUNTRACED) == pid_ && WIFSTOPPED(status);
+}
+
+int InTerminal::wait() {
+  wait_for("\x1b never \x1b");
+  int status = 0;
+  for (int tries = 0; pid_ > 0 && tries < 200; ++tries) {
+    if (waitpid(pid_, &status, WNOHANG) == pid_) {
+      pid_ = -1;
+      return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    }
+    usleep(10000);
+  }
+  return -1;
+}
+
+bool InTerminal::gave_the_terminal_back() {
+  wait_for("\x1b never \x1b");
+  return seen_.rfind(kLeaveScreen) != std::string::npos &&
+         seen_.rfind(kLeaveScreen) > seen_.rfind(kEnterScreen) &&
+         seen_.rfind("\x1b[?25h") > seen_.rfind("\x1b[?25l");
+}
+
+std::string InTerminal::seen_afterwards() const {
+  return seen_.substr(std::min(seen_.rfind(kLeaveScreen), seen_.size()));
+}
+
+}  // namespace forcegrid::testing

@@ -1,0 +1,65 @@
+#include "text/data_folder.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <set>
+#include <string_view>
+
+namespace forcegrid::text {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<fs::path> search_folders(const DataFolder& folder) {
+  std::vector<fs::path> folders;
+  if (const char* path = std::getenv(folder.variable); path != nullptr) {
+    std::string_view rest = path;
+    while (!rest.empty()) {
+      const std::size_t colon = std::min(rest.find(':'), rest.size());
+      if (colon > 0) {
+        folders.emplace_back(rest.substr(0, colon));
+      }
+      rest.remove_prefix(std::min(colon + 1, rest.size()));
+    }
+  }
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  if (!error) {
+    folders.push_back(program.parent_path().parent_path() / "share/forcegrid" / folder.installed);
+  }
+  folders.emplace_back(folder.source_folder);
+  return folders;
+}
+
+}  // namespace
+
+std::string find_data_file(const DataFolder& folder, const std::string& name) {
+  for (const fs::path& each : search_folders(folder)) {
+    const fs::path candidate = each / (name + ".toml");
+    std::error_code error;
+    if (!name.empty() && fs::is_regular_file(candidate, error)) {
+      return candidate.string();
+    }
+  }
+  return {};
+}
+
+std::vector<std::string> data_names(const DataFolder& folder) {
+  std::set<std::string> names;
+  for (const fs::path& each : search_folders(folder)) {
+    std::error_code error;
+    for (const fs::directory_entry& entry : fs::directory_iterator(each, error)) {
+      if (entry.path().extension() == ".toml") {
+        names.insert(entry.path().stem().string());
+      }
+    }
+  }
+  return {names.begin(), names.end()};
+}
+
+bool is_data_path(const std::string& name_or_path) {
+  return name_or_path.find('/') != std::string::npos || name_or_path.ends_with(".toml");
+}
+
+}  // namespace forcegrid::text
