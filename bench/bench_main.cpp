@@ -84,11 +84,11 @@ int main(int argc, char** argv) {
   forcegrid::bench::Collector collector;
   benchmark::RunSpecifiedBenchmarks(&collector);
 
-  const double yardstick_ns = collector.median_ns("bare_trilinear_query");
-  if (yardstick_ns <= 0.0) {
-    return 0;  // a filter left the yardstick out: no ratios
+  const double baseline_ns = collector.median_ns("bare_trilinear_query");
+  if (baseline_ns <= 0.0) {
+    return 0;  // a filter left the baseline out: no ratios
   }
-  const double scale = 4.0 / yardstick_ns;
+  const double scale = 4.0 / baseline_ns;
   std::printf(
       "\nTime per item, median           measured    on a core where bare_trilinear_query is 4 ns  "
       " goal\n");

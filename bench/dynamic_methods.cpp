@@ -1,6 +1,6 @@
 // What force methods make of an object that moves by itself: along `random`, with a simulator at 30
 // Hz whose answers arrive one period late, for three retardation times. In simulated time, with the
-// simulator's own contact and solver, and the off-line force of `run` as the truth.
+// simulator's own contact and solver, and the reference force of `run` as the reference.
 //
 //   forcegrid_dynamic_methods [SEEDS [METHOD...]]     four seeds, `auto` and `hold`
 
@@ -16,10 +16,10 @@
 #include "evaluation/trace.h"
 #include "evaluation/trajectories.h"
 #include "forcegrid/methods.h"
-#include "simulator/touch/dynamic_contact.h"
-#include "simulator/reference/dynamic_truth.h"
 #include "simulator/mesh/scene.h"
-#include "simulator/reference/truth.h"
+#include "simulator/reference/dynamic_reference.h"
+#include "simulator/reference/reference_solution.h"
+#include "simulator/touch/dynamic_contact.h"
 
 namespace forcegrid {
 namespace {
@@ -101,12 +101,12 @@ std::size_t first_contact_cycle(const Motion& motion, const Vector3d& contact_W)
   return nearest;
 }
 
-std::vector<Vector3d> truth_W(const simulator::Scene& scene, const Motion& motion,
-                              const Answers& answers) {
-  simulator::TruthOptions options;
+std::vector<Vector3d> reference_W(const simulator::Scene& scene, const Motion& motion,
+                                  const Answers& answers) {
+  simulator::ReferenceOptions options;
   options.contact_point_W = answers.contact_W;
   options.first_contact_cycle = first_contact_cycle(motion, answers.contact_W);
-  return simulator::simulate_dynamic_truth(scene, motion.positions_W, motion.times_s, options)
+  return simulator::simulate_dynamic_reference(scene, motion.positions_W, motion.times_s, options)
       .forces_W;
 }
 
@@ -123,22 +123,22 @@ evaluation::Trace make_trace(const Motion& motion, const Answers& answers,
   return trace;
 }
 
-double percent(double error_sum, double truth_sum) {
-  return 100.0 * std::sqrt(error_sum / truth_sum);
+double percent(double error_sum, double reference_sum) {
+  return 100.0 * std::sqrt(error_sum / reference_sum);
 }
 
-// [%] of the samples themselves, each against the truth of its moment.
+// [%] of the samples themselves, each against the reference of its moment.
 double sample_error_percent(const Answers& answers, const std::vector<Vector3d>& forces_W) {
   double error = 0.0;
-  double truth = 0.0;
+  double reference = 0.0;
   for (const auto& [sample, delivered_s] : answers.samples) {
     if (sample.time_s >= kApproach_s + kJudgedFrom_s) {
       const auto i = static_cast<std::size_t>(std::lround(sample.time_s * kServo_Hz));
       error += (sample.force_W - forces_W[i]).squaredNorm();
-      truth += forces_W[i].squaredNorm();
+      reference += forces_W[i].squaredNorm();
     }
   }
-  return percent(error, truth);
+  return percent(error, reference);
 }
 
 simulator::Scene jelly(double retardation_time_s) {
@@ -154,7 +154,7 @@ void measure(double retardation_time_s, std::uint64_t seed, bool sparse,
   const simulator::Scene scene = jelly(retardation_time_s);
   const Motion motion = make_motion(scene.mesh.top_W, seed);
   const Answers answers = simulate(scene, motion, sparse);
-  const std::vector<Vector3d> forces_W = truth_W(scene, motion, answers);
+  const std::vector<Vector3d> forces_W = reference_W(scene, motion, answers);
   std::printf("| %3.0f ms | %llu | %s | %5.2f |", 1e3 * retardation_time_s,
               static_cast<unsigned long long>(seed), sparse ? "one an answer" : "all",
               sample_error_percent(answers, forces_W));
@@ -163,7 +163,7 @@ void measure(double retardation_time_s, std::uint64_t seed, bool sparse,
   for (const std::string& name : methods) {
     const auto method = make_force_method(name, {});
     const evaluation::Verdict verdict = evaluation::judge(*method, trace);
-    rms_N = verdict.truth_rms_N;
+    rms_N = verdict.reference_rms_N;
     std::printf(" %5.2f |", verdict.rms_error_percent_after_1s);
   }
   std::printf(" %.2f |\n", rms_N);

@@ -9,7 +9,7 @@
 
 #include "bench/openvdb_peer.h"
 #include "bench/ratios.h"
-#include "evaluation/yardstick.h"
+#include "evaluation/baseline_cost.h"
 #include "forcegrid/grid/force_grid.h"
 #include "forcegrid/grid/mls_grid.h"
 
@@ -34,11 +34,11 @@ GridGeometry paper_geometry() {
 
 constexpr int kEnough = 1 << 20;  // units: a whole fill
 
-CandleLight paper_light() {
-  CandleLight light;
-  light.influence_radius_m = kRadius_m;
-  light.mean_spacing_m = kSpacing_m;
-  return light;
+RadialWeight paper_weighting() {
+  RadialWeight weighting;
+  weighting.influence_radius_m = kRadius_m;
+  weighting.mean_spacing_m = kSpacing_m;
+  return weighting;
 }
 
 const Vector3i kVerticesAnAxis = Vector3i::Constant(kVertices);
@@ -48,18 +48,18 @@ using BlockGrid = ForceGrid<BlockStorage<ForceSegment>>;
 using MomentGrid = MlsGrid<DenseStorage<MomentSegment>>;
 
 DenseGrid dense_grid(Instructions instructions = Instructions::kBest) {
-  return {paper_geometry(), paper_light(), DenseStorage<ForceSegment>(kVerticesAnAxis, false),
+  return {paper_geometry(), paper_weighting(), DenseStorage<ForceSegment>(kVerticesAnAxis, false),
           Interpolation::kTrilinear, instructions};
 }
 
 BlockGrid block_grid() {
-  return {paper_geometry(), paper_light(),
+  return {paper_geometry(), paper_weighting(),
           BlockStorage<ForceSegment>(kVerticesAnAxis, false,
                                      BlockStorage<ForceSegment>::block_count(kVerticesAnAxis))};
 }
 
 MomentGrid moment_grid(Instructions instructions = Instructions::kBest) {
-  return {paper_geometry(), paper_light(), 1e-5,
+  return {paper_geometry(), paper_weighting(), 1e-5,
           DenseStorage<MomentSegment>(kVerticesAnAxis, false), instructions};
 }
 

@@ -13,8 +13,8 @@
 #include "driver/kinematics_json.h"
 #include "link/key.h"
 #include "profiles/device_profile.h"
-#include "simulator/run_simulator.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/run_simulator.h"
 #include "simulator/workers/worker.h"
 
 namespace forcegrid::cli {

@@ -109,7 +109,7 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
       std::array<double, 3>{path.position_m.front().x(), path.position_m.front().y(),
                             path.position_m.front().z() + operator_defaults.contact_depth_m};
   run.record = options.out + "/replay.h5";
-  run.no_truth = true;
+  run.no_reference = true;
   run.out = options.out;
   run.json = {true, options.out + "/replay_run.json"};
   run.text_on_stderr = options.json.on_stdout();

@@ -5,9 +5,9 @@
 #include <cstdio>
 
 #include "cli/common/scene_option.h"
-#include "simulator/solver/elastic_object.h"
-#include "simulator/reference/return_test.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/reference/return_test.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::cli {
 namespace {

@@ -11,9 +11,9 @@
 #include <optional>
 #include <stdexcept>
 
-#include "cli/run/run_setup.h"
 #include "cli/common/scene_option.h"
 #include "cli/common/stop_request.h"
+#include "cli/run/run_setup.h"
 #include "cli/tune_run.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
@@ -30,7 +30,7 @@ using tools::TuningRow;
 
 constexpr int kNoneMeets = 3;
 constexpr double kShortestRun_s = 6.0;  // 2 s until the touch, 1 s of learning, the rest is judged
-constexpr double kOverhead_s = 4.0;     // starting, calibrating, off-line forces
+constexpr double kOverhead_s = 4.0;     // starting, calibrating, reference forces
 constexpr double kLongestRun_s = 20.0;
 constexpr double kRuns = 12.0;    // that the time is laid out for
 constexpr double kChecked = 2.0;  // runs that there must be time for: the path, and one setting

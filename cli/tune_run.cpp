@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "cli/common/child_process.h"
-#include "cli/run/run_command.h"
 #include "cli/common/stop_request.h"
+#include "cli/run/run_command.h"
 
 namespace forcegrid::cli {
 namespace {

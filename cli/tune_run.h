@@ -14,7 +14,7 @@ struct TuneRuns {
   std::string folder;       ///< for their files, which the next run replaces
 };
 
-/// Runs the loop for `seconds` with the default method and records positions, samples and off-line
+/// Runs the loop for `seconds` with the default method and records positions, samples and reference
 /// forces.
 /// @throws std::runtime_error with the reason when there is no recording to tune on.
 evaluation::Trace record_path(const TuneRuns& runs, double rate_Hz, double seconds);

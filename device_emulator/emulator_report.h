@@ -9,8 +9,8 @@
 
 namespace forcegrid::emulator {
 
-/// When the firmware sampled its counters into a report, and what it saw: the truth that a host's
-/// idea of the age of its counts can be compared with.
+/// When the firmware sampled its counters into a report, and what it saw: the reference that a
+/// host's idea of the age of its counts can be compared with.
 struct CounterSample {
   std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC
   std::array<std::int32_t, 6> counts{};

@@ -10,13 +10,13 @@
 #include <stdexcept>
 #include <utility>
 
+#include "evaluation/baseline_cost.h"
 #include "evaluation/chart_plan.h"
 #include "evaluation/chart_rows.h"
 #include "evaluation/network.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
 #include "evaluation/variation.h"
-#include "evaluation/yardstick.h"
 #include "forcegrid/methods.h"
 #include "simulator/solver/direct_method.h"
 
@@ -152,8 +152,9 @@ double rms_error_percent_from(double begin_s, const Trace& trace, const Verdict&
       ++count;
     }
   }
-  return count == 0 ? std::numeric_limits<double>::quiet_NaN()
-                    : 100.0 * std::sqrt(sum_N2 / static_cast<double>(count)) / verdict.truth_rms_N;
+  return count == 0
+             ? std::numeric_limits<double>::quiet_NaN()
+             : 100.0 * std::sqrt(sum_N2 / static_cast<double>(count)) / verdict.reference_rms_N;
 }
 
 ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Trace& trace,

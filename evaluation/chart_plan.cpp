@@ -20,7 +20,7 @@ constexpr const char* kVariants[] = {
     "forcegrid+request s=3", "forcegrid-mls ridge=1e-3", "forcegrid-tangent weight=paper",
     "kriging nug=1e-6",      "kriging nug=1e-4"};
 
-// Of scenes with walls or alterations.
+// Of scenes with walls or effects.
 const std::vector<std::string> kHardMotions{"chirp", "lissajous", "random"};
 const std::vector<std::string> kHardConditions{"ideal", "stiffness", "requests120"};
 const std::vector<std::string> kQuickScenes{"small", "small+wall_flat", "small+viscous",

@@ -40,7 +40,7 @@ ChartMethod method_of(const std::string& text);
 std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::SpringMesh& mesh,
                                   double patch_radius_m);
 
-/// Whether a motion and a condition are judged on a scene: on one with walls or an alteration only
+/// Whether a motion and a condition are judged on a scene: on one with walls or an effect only
 /// some of them, unless they were asked for.
 bool taken(const ChartOptions& options, const ChartScene& scene, const std::string& motion,
            const std::string& condition);

@@ -45,7 +45,7 @@ void each_figure(Row& row, const Take& take) {
   take("memory_bytes", v.memory_bytes);
   take("samples_taken", v.samples_taken);
   take("requests_answered", v.requests_answered);
-  take("truth_rms_N", v.truth_rms_N);
+  take("truth_rms_N", v.reference_rms_N);
 }
 
 }  // namespace

@@ -97,12 +97,12 @@ ForceTable::Value large_object(const ForceTable& table, const Vector3d& displace
 ReturnErrors return_errors(const std::vector<ServoInstant>& servo, const Vector3d& contact_point_W,
                            const std::vector<Vector3d>& forces_W) {
   std::array<Window, 5> windows{{{0.0, 0.033}, {0.033, 0.1}, {0.1, 0.5}, {0.5, 1.0}, {0.0, 1e9}}};
-  double truth_N2 = 0.0;
+  double reference_N2 = 0.0;
   int entered = -1;  // the visit whose tile the tool has entered
   double entered_s = 0.0;
   for (std::size_t i = 0; i < servo.size() && i < forces_W.size(); ++i) {
     const ServoInstant& instant = servo[i];
-    truth_N2 += instant.force_W.squaredNorm();
+    reference_N2 += instant.force_W.squaredNorm();
     const int visit = static_cast<int>(instant.time_s / kTileStay_s);
     const Vector3d from_centre_W = instant.position_W - contact_point_W - tile_centre_W_m(visit);
     if (visit > entered && from_centre_W.head<2>().cwiseAbs().maxCoeff() <= 0.5 * kTileSide_m) {
@@ -121,7 +121,7 @@ ReturnErrors return_errors(const std::vector<ServoInstant>& servo, const Vector3
     }
   }
   const double rms_N =
-      std::sqrt(truth_N2 / static_cast<double>(std::max<std::size_t>(1, servo.size())));
+      std::sqrt(reference_N2 / static_cast<double>(std::max<std::size_t>(1, servo.size())));
   return {windows[0].percent_of(rms_N), windows[1].percent_of(rms_N), windows[2].percent_of(rms_N),
           windows[3].percent_of(rms_N), windows[4].percent_of(rms_N)};
 }

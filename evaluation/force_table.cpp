@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "evaluation/text_file.h"
-#include "simulator/reference/truth.h"
+#include "simulator/reference/reference_solution.h"
 
 namespace forcegrid::evaluation {
 namespace {
@@ -108,23 +108,23 @@ ContentHash object_hash(const simulator::SpringMesh& mesh, const TableOptions& o
   return hash;
 }
 
-simulator::TruthResult solve(const simulator::SpringMesh& mesh, const TableOptions& options,
-                             const std::vector<Vector3d>& displacements_W, unsigned threads,
-                             const std::atomic<bool>* cancel, const Progress& progress) {
-  simulator::TruthOptions truth;
-  truth.contact_point_W = mesh.top_W;
-  truth.relative_tolerance = options.relative_tolerance;
-  truth.patch_radius_m = options.patch_radius_m;
-  truth.max_step_m = options.max_step_m;
-  truth.threads = threads;
-  truth.progress = progress;
-  truth.cancel = cancel;
+simulator::ReferenceSolution solve(const simulator::SpringMesh& mesh, const TableOptions& options,
+                                   const std::vector<Vector3d>& displacements_W, unsigned threads,
+                                   const std::atomic<bool>* cancel, const Progress& progress) {
+  simulator::ReferenceOptions reference;
+  reference.contact_point_W = mesh.top_W;
+  reference.relative_tolerance = options.relative_tolerance;
+  reference.patch_radius_m = options.patch_radius_m;
+  reference.max_step_m = options.max_step_m;
+  reference.threads = threads;
+  reference.progress = progress;
+  reference.cancel = cancel;
   std::vector<Vector3d> positions_W;
   positions_W.reserve(displacements_W.size());
   for (const Vector3d& displacement_W : displacements_W) {
-    positions_W.push_back(truth.contact_point_W + displacement_W);
+    positions_W.push_back(reference.contact_point_W + displacement_W);
   }
-  return simulator::simulate_truth(mesh, positions_W, truth);
+  return simulator::simulate_reference(mesh, positions_W, reference);
 }
 
 // What a cache file keeps of a table.
@@ -406,20 +406,20 @@ BuiltTable build_table(const simulator::SpringMesh& mesh, const TableOptions& op
           std::vector<std::size_t> numbers;
           const std::vector<Vector3d> path =
               path_of_layer(options.lattice, static_cast<int>(missing[job]), numbers);
-          const simulator::TruthResult truth =
+          const simulator::ReferenceSolution reference =
               solve(mesh, options, path, 1, &abandon, [&, job](double done, double /*left*/) {
                 const std::lock_guard lock(mutex);
                 done_of[job] = done;
               });
-          if (truth.cancelled) {
+          if (reference.cancelled) {
             break;
           }
           const std::lock_guard lock(mutex);
           for (std::size_t i = 0; i < numbers.size(); ++i) {
-            layers.forces_W[numbers[i]] = truth.forces_W[i + 1];
+            layers.forces_W[numbers[i]] = reference.forces_W[i + 1];
           }
           layers.known[missing[job]] = 1;
-          layers.unconverged[missing[job]] = truth.unconverged;
+          layers.unconverged[missing[job]] = reference.unconverged;
           done_of[job] = 1.0;
           keep(options, key, layers);
         }
@@ -492,7 +492,7 @@ TableDifference compare_with_live(const ForceTable& table, const simulator::Spri
     }
     make_folder(options.cache);
   }
-  const simulator::TruthResult live =
+  const simulator::ReferenceSolution live =
       solve(mesh, options, displacements_W, options.threads, options.cancel, options.progress);
   if (live.cancelled) {
     throw Stopped();

@@ -335,16 +335,16 @@ class Play {
   Verdict verdict_;
 };
 
-// RMS, 95th percentile and maximum of some instants' error, in % of the truth's RMS.
+// RMS, 95th percentile and maximum of some instants' error, in % of the reference's RMS.
 struct ErrorFigures {
   double rms_percent = kNan;
   double p95_percent = kNan;
   double max_percent = kNan;
 };
 
-ErrorFigures figures_of(std::vector<double> error_N, double truth_rms_N) {
+ErrorFigures figures_of(std::vector<double> error_N, double reference_rms_N) {
   ErrorFigures figures;
-  if (error_N.empty() || !(truth_rms_N > 0.0)) {
+  if (error_N.empty() || !(reference_rms_N > 0.0)) {
     return figures;
   }
   double sum = 0.0;
@@ -353,7 +353,7 @@ ErrorFigures figures_of(std::vector<double> error_N, double truth_rms_N) {
     sum += error * error;
     largest_N = error <= largest_N ? largest_N : error;  // NaN, should there be one, stays
   }
-  const double to_percent = 100.0 / truth_rms_N;
+  const double to_percent = 100.0 / reference_rms_N;
   figures.rms_percent = to_percent * std::sqrt(sum / static_cast<double>(error_N.size()));
   figures.p95_percent = to_percent * percentile(error_N, 0.95);
   figures.max_percent = to_percent * largest_N;
@@ -361,7 +361,7 @@ ErrorFigures figures_of(std::vector<double> error_N, double truth_rms_N) {
 }
 
 double adaptation_of(const std::vector<ServoInstant>& servo, const std::vector<double>& error_N,
-                     double truth_rms_N) {
+                     double reference_rms_N) {
   const double begin_s = servo.front().time_s;
   double adapted_s = kNan;
   for (std::size_t i = 0; i < servo.size();) {
@@ -374,7 +374,7 @@ double adaptation_of(const std::vector<ServoInstant>& servo, const std::vector<d
     if (within.empty()) {
       within.push_back(error_N[i++]);  // an instant that rounding put on the window's end
     }
-    if (!(figures_of(within, truth_rms_N).rms_percent < kAdapted_percent)) {
+    if (!(figures_of(within, reference_rms_N).rms_percent < kAdapted_percent)) {
       adapted_s = kNan;
     } else if (std::isnan(adapted_s)) {
       adapted_s = end_s;
@@ -387,14 +387,14 @@ void add_errors(const std::vector<ServoInstant>& servo, Verdict& verdict) {
   if (servo.empty()) {
     return;
   }
-  double truth_sum = 0.0;
+  double reference_sum = 0.0;
   std::vector<double> error_N;
   std::vector<double> first_N;
   std::vector<double> after_N;
   verdict.largest_step_N = kNan;
   Eigen::Vector3d error_before_W = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < servo.size(); ++i) {
-    truth_sum += servo[i].force_W.squaredNorm();
+    reference_sum += servo[i].force_W.squaredNorm();
     const Eigen::Vector3d error_W = verdict.forces_W[i] - servo[i].force_W;
     error_N.push_back(error_W.norm());
     if (servo[i].time_s - servo.front().time_s < 1.0) {
@@ -408,13 +408,13 @@ void add_errors(const std::vector<ServoInstant>& servo, Verdict& verdict) {
     }
     error_before_W = error_W;
   }
-  verdict.truth_rms_N = std::sqrt(truth_sum / static_cast<double>(servo.size()));
-  verdict.adaptation_s = adaptation_of(servo, error_N, verdict.truth_rms_N);
-  const ErrorFigures first = figures_of(std::move(first_N), verdict.truth_rms_N);
+  verdict.reference_rms_N = std::sqrt(reference_sum / static_cast<double>(servo.size()));
+  verdict.adaptation_s = adaptation_of(servo, error_N, verdict.reference_rms_N);
+  const ErrorFigures first = figures_of(std::move(first_N), verdict.reference_rms_N);
   verdict.rms_error_percent_first_1s = first.rms_percent;
   verdict.p95_error_percent_first_1s = first.p95_percent;
   verdict.max_error_percent_first_1s = first.max_percent;
-  const ErrorFigures after = figures_of(std::move(after_N), verdict.truth_rms_N);
+  const ErrorFigures after = figures_of(std::move(after_N), verdict.reference_rms_N);
   verdict.rms_error_percent_after_1s = after.rms_percent;
   verdict.p95_error_percent_after_1s = after.p95_percent;
   verdict.max_error_percent_after_1s = after.max_percent;

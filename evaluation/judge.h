@@ -42,7 +42,7 @@ struct JudgeOptions {
 /// measure is NaN: the errors after 1 s of a shorter trace, all errors when every F_o is zero, the
 /// cost of samples when none came.
 struct Verdict {
-  double truth_rms_N = 0.0;
+  double reference_rms_N = 0.0;
   double rms_error_percent_first_1s = 0.0;
   double p95_error_percent_first_1s = 0.0;
   double max_error_percent_first_1s = 0.0;
@@ -70,14 +70,15 @@ struct Verdict {
 
 /// Plays a trace to a method that has just been made, as a servo would. At each servo instant: what
 /// has been delivered by then (contacts, samples of the present contact, answers), observe(),
-/// force(), a request if it is time for one, work(). The method never sees the truth. Samples carry
-/// the number of the contact in which they were computed, counted from 1, as their contact epoch.
+/// force(), a request if it is time for one, work(). The method never sees the reference. Samples
+/// carry the number of the contact in which they were computed, counted from 1, as their contact
+/// epoch.
 ///
 ///   error percent = 100 |F - F_o| / RMS |F_o|
 ///
 /// Times are those of rt::Clock around each call, less what reading the clock costs; that of a
 /// query of less than 1 us is the mean of eight in a row along the path, as clocks tick in steps.
-/// Source of the figures: the forcegrid paper, section 6, judges by the off-line force F_o alike.
+/// Source of the figures: the forcegrid paper, section 6, judges by the reference force F_o alike.
 /// Real-time: no. Threads: one.
 Verdict judge(ForceMethod& method, const Trace& trace, const JudgeOptions& options = {});
 

@@ -17,7 +17,7 @@ constexpr std::uint64_t kNoiseStream = 0x6E6F697365U;
 constexpr std::uint64_t kNetworkStream = 0x6E6574U;
 constexpr std::uint64_t kRequestStream = 0x726571U;
 
-// Of Alteration's residual.
+// Of ObjectEffect's residual.
 constexpr double kLeastForce_N = 0.05;
 
 // What object and walls answer to a tool that follows a trajectory.
@@ -26,10 +26,10 @@ class Object {
   Object(const Trajectory& trajectory, const ForceTable& table, const SceneExtras& extras,
          double servo_rate_Hz)
       : trajectory_(trajectory), table_(table), extras_(extras), servo_rate_Hz_(servo_rate_Hz) {
-    slid_at_first_N_ = extras.alteration.slide_W_m.isZero()
+    slid_at_first_N_ = extras.effect.slide_W_m.isZero()
                            ? Vector3d(Vector3d::Zero())
-                           : table.at(-extras.alteration.slid_W_m(0.0)).force_W;
-    if (!extras.alteration.relaxations.empty()) {
+                           : table.at(-extras.effect.slid_W_m(0.0)).force_W;
+    if (!extras.effect.relaxations.empty()) {
       remember_path();
     }
   }
@@ -49,7 +49,7 @@ class Object {
   Sample answer_on_path(double time_s, const Vector3d& position_W) const {
     Sample sample = answer(time_s, position_W);
     if (trajectory_.contact_at(time_s) >= 0) {
-      sample.force_W -= extras_.alteration.viscosity_Ns_per_m * velocity_W(time_s);
+      sample.force_W -= extras_.effect.viscosity_Ns_per_m * velocity_W(time_s);
     }
     return sample;
   }
@@ -72,11 +72,11 @@ class Object {
     }
     const ContactSpan& span = contacts[static_cast<std::size_t>(contact)];
     sample.contact_point_W = span.point_W;
-    const Vector3d displacement_W = position_W - span.point_W - extras_.alteration.slid_W_m(time_s);
+    const Vector3d displacement_W = position_W - span.point_W - extras_.effect.slid_W_m(time_s);
     const ForceTable::Value value = trajectory_.is_exploration()
                                         ? large_object(table_, displacement_W)
                                         : table_.at(displacement_W);
-    const double factor = span.force_factor * extras_.alteration.cut_factor(time_s);
+    const double factor = span.force_factor * extras_.effect.cut_factor(time_s);
     sample.force_W = factor * (value.force_W - slid_at_first_N_);
     sample.stiffness_W = factor * value.stiffness_W;
     for (const Wall& wall : extras_.walls) {
@@ -97,7 +97,7 @@ class Object {
 
   // sum_j g_j L_j at each servo instant; the force is taken as linear in between.
   void remember_path() {
-    const std::vector<Alteration::Relaxation>& relaxations = extras_.alteration.relaxations;
+    const std::vector<ObjectEffect::Relaxation>& relaxations = extras_.effect.relaxations;
     const auto instants =
         static_cast<std::size_t>(std::ceil(trajectory_.duration_s() * servo_rate_Hz_ - 1e-6));
     const double dt_s = 1.0 / servo_rate_Hz_;
@@ -234,7 +234,7 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
     const ServoInstant& instant = trace.servo[at];
     DeliveredSample delivered;
     delivered.sample = object.answer_on_path(instant.time_s, instant.position_W);
-    solve_partly(delivered.sample, extras.alteration.solved_share, solved);
+    solve_partly(delivered.sample, extras.effect.solved_share, solved);
     add_noise(delivered.sample, condition.noise_N, noise);
     const double jitter_s = condition.jitter_s * network.uniform(0.0, 1.0);
     const bool lost = network.uniform(0.0, 1.0) < condition.loss;

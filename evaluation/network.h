@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/alteration.h"
 #include "evaluation/force_table.h"
 #include "evaluation/judge.h"
+#include "evaluation/object_effect.h"
 #include "evaluation/trace.h"
 #include "evaluation/trajectories.h"
 
@@ -49,7 +49,7 @@ const NetworkCondition& network_condition(const std::string& name);
 /// force arrives. Every sample carries the stiffness; JudgeOptions::stiffness_to_method keeps it
 /// from the method. Noise, jitter and loss are drawn from `seed`. Walls stand around the first
 /// contact point and push a tool that is in contact, wherever it took hold of the object; an
-/// alteration is of the object's force, and of the simulator.
+/// effect is of the object's force, and of the simulator.
 /// @throws ChartError for a trajectory that leaves the table.
 Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
                  const NetworkCondition& condition, double servo_rate_Hz, std::uint64_t seed,

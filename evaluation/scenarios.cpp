@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "evaluation/trajectories.h"
-#include "text/text.h"
 #include "simulator/mesh/scene.h"
+#include "text/text.h"
 
 namespace forcegrid::evaluation {
 
@@ -32,8 +32,8 @@ const std::vector<ChartScene>& hard_scenes() {
       for (const NamedWalls& each : named_walls()) {
         add(each.name, each.title, {each.walls, {}});
       }
-      for (const NamedAlteration& each : named_alterations()) {
-        add(each.name, each.title, {{}, each.alteration});
+      for (const NamedObjectEffect& each : named_object_effects()) {
+        add(each.name, each.title, {{}, each.effect});
       }
     }
     return scenes;
@@ -62,9 +62,9 @@ const ChartScene* other_scene(const std::string& name) {
         extra_title = ", and " + each.title;
       }
     }
-    for (const NamedAlteration& each : named_alterations()) {
+    for (const NamedObjectEffect& each : named_object_effects()) {
       if (each.name == name.substr(plus + 1)) {
-        extras.alteration = each.alteration;
+        extras.effect = each.effect;
         extra_title = ", and " + each.title;
       }
     }

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/alteration.h"
 #include "evaluation/force_table.h"
+#include "evaluation/object_effect.h"
 #include "simulator/mesh/spring_mesh.h"
 
 namespace forcegrid::evaluation {
@@ -24,7 +24,7 @@ struct ChartScene {
 /// when nothing is selected.
 const std::vector<ChartScene>& chart_scenes();
 
-/// Each of them with each of named_walls() and named_alterations(), e.g. small+wall_flat,
+/// Each of them with each of named_walls() and named_object_effects(), e.g. small+wall_flat,
 /// small+cut.
 const std::vector<ChartScene>& hard_scenes();
 

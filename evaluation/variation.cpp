@@ -151,9 +151,9 @@ struct Pool {
       count[3] += 1.0;
     }
   }
-  ContactErrors percent_of(double truth_rms_N) const {
+  ContactErrors percent_of(double reference_rms_N) const {
     const auto percent = [&](int w) {
-      return 100.0 * std::sqrt(sum_N2[w] / count[w]) / truth_rms_N;
+      return 100.0 * std::sqrt(sum_N2[w] / count[w]) / reference_rms_N;
     };
     return {percent(0), percent(1), percent(2), percent(3)};
   }
@@ -240,8 +240,8 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
   Verdict verdict = judge(method, trace, judging);
 
   Pool first, unknown, first_tour, returns, second_tour;
-  double truth_N2 = 0.0;
-  double truth_count = 0.0;
+  double reference_N2 = 0.0;
+  double reference_count = 0.0;
   for (std::size_t i = 0; i < instants; ++i) {
     if (since_s[i] < 0.0) {
       continue;
@@ -250,8 +250,8 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
     const int contact = static_cast<int>(visits.contact_from(trace.servo[i].time_s, held));
     const bool at_a_new_place = contact % Visits::kContactsAPlace == 0;
     const bool again = contact >= Visits::kPlaces * Visits::kContactsAPlace;
-    truth_N2 += trace.servo[i].force_W.squaredNorm();
-    truth_count += 1.0;
+    reference_N2 += trace.servo[i].force_W.squaredNorm();
+    reference_count += 1.0;
     const double error_N2 = (verdict.forces_W[i] - trace.servo[i].force_W).squaredNorm();
     if (contact == 0) {
       first.add(since_s[i], error_N2);
@@ -268,12 +268,12 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
     }
   }
   VisitsVerdict result;
-  const double truth_rms_N = std::sqrt(truth_N2 / truth_count);
-  result.errors.first_contact = first.percent_of(truth_rms_N);
-  result.errors.unknown_places = unknown.percent_of(truth_rms_N);
-  result.errors.first_tour = first_tour.percent_of(truth_rms_N);
-  result.errors.returns = returns.percent_of(truth_rms_N);
-  result.errors.second_tour = second_tour.percent_of(truth_rms_N);
+  const double reference_rms_N = std::sqrt(reference_N2 / reference_count);
+  result.errors.first_contact = first.percent_of(reference_rms_N);
+  result.errors.unknown_places = unknown.percent_of(reference_rms_N);
+  result.errors.first_tour = first_tour.percent_of(reference_rms_N);
+  result.errors.returns = returns.percent_of(reference_rms_N);
+  result.errors.second_tour = second_tour.percent_of(reference_rms_N);
   verdict.forces_W.clear();
   result.verdict = std::move(verdict);
   return result;

@@ -4,11 +4,11 @@
 #include <optional>
 #include <stdexcept>
 
-#include "forcegrid/simple/affine_methods.h"
 #include "forcegrid/grid/grid_factory.h"
-#include "forcegrid/simple/hold_method.h"
 #include "forcegrid/kriging/kriging_grid_method.h"
 #include "forcegrid/kriging/kriging_method.h"
+#include "forcegrid/simple/affine_methods.h"
+#include "forcegrid/simple/hold_method.h"
 #include "forcegrid/simple/linear_method.h"
 #include "forcegrid/simple/rls_method.h"
 

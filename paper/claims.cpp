@@ -64,7 +64,7 @@ void add_figures(const Figures& figures, std::vector<Claim>& claims) {
                     "in metres 1 + d^2 is 1, the weight a cone over the whole of r, and the field "
                     "a moving average that is too soft"});
   claims.push_back(
-      {"Figure 7, forcegrid", "becomes very similar to the off-line force, at any speed",
+      {"Figure 7, forcegrid", "becomes very similar to the reference force, at any speed",
        text("%.1f %% in the last fifth, at up to %.0f mm/s", error(last, kMillimetres),
             1e3 * fifths[last].top_speed_m_per_s),
        agrees_if(error(last, kMillimetres) < kVerySimilar_percent),
@@ -84,8 +84,8 @@ void add_figures(const Figures& figures, std::vector<Claim>& claims) {
       {"Smoothness", "no perceptible discontinuities or tremors",
        text(
            "largest step of the force's error between two cycles %.0f mN, %.1f %% of the RMS force",
-           1e3 * grid.largest_step_N, 100.0 * grid.largest_step_N / grid.truth_rms_N),
-       agrees_if(grid.largest_step_N < kForceJnd * grid.truth_rms_N),
+           1e3 * grid.largest_step_N, 100.0 * grid.largest_step_N / grid.reference_rms_N),
+       agrees_if(grid.largest_step_N < kForceJnd * grid.reference_rms_N),
        "below 7 % of the RMS force, a person's just noticeable difference of force",
        "a step is a new answer that moves the vertices around the tool, largest while the grid is "
        "still young; the paper asked people"});
@@ -93,7 +93,7 @@ void add_figures(const Figures& figures, std::vector<Claim>& claims) {
       {"First contact", "no force for 1/30 s, imperceptible",
        text("%.0f ms until the first answer with a force; by then %.3f N were not felt",
             1e3 * figures.blind_s, figures.unfelt_N),
-       agrees_if(figures.unfelt_N < kForceJnd * grid.truth_rms_N),
+       agrees_if(figures.unfelt_N < kForceJnd * grid.reference_rms_N),
        "less than 7 % of the RMS force is missed",
        "the answer after one period is for the instant of the grab, when there is no force yet: "
        "the first that tells anything needs a second period"});

@@ -15,7 +15,7 @@ using Eigen::Vector3d;
 using Forces = std::vector<Vector3d>;
 using ThreeForces = std::vector<Forces>;  // one an object
 
-constexpr char kOffline[] = "off-line";
+constexpr char kReference[] = "off-line";
 constexpr double kTouch_s = 3.0;
 constexpr double kWeberFractions[] = {0.07, 0.22};
 // So that paths and errors of the observer differ.
@@ -88,10 +88,10 @@ Forces looks_of(const Forces& forces_W, double looks_per_s) {
 
 // What is felt of each object through a method, a look each 1 / looks_per_s.
 ThreeForces render(const std::string& method, const std::vector<Vector3d>& positions_W,
-                   const ThreeForces& truth_W, double looks_per_s) {
+                   const ThreeForces& reference_W, double looks_per_s) {
   ThreeForces rendered;
-  for (const Forces& forces_W : truth_W) {
-    if (method == kOffline) {
+  for (const Forces& forces_W : reference_W) {
+    if (method == kReference) {
       rendered.push_back(looks_of(forces_W, looks_per_s));
       continue;
     }
@@ -140,7 +140,7 @@ const char* to_string(Knowledge knowledge) noexcept {
 }
 
 const std::vector<std::string>& discrimination_methods() {
-  static const std::vector<std::string> methods{kOffline, "auto", "forcegrid", "forcegrid unit=m",
+  static const std::vector<std::string> methods{kReference, "auto", "forcegrid", "forcegrid unit=m",
                                                 "hold"};
   return methods;
 }
@@ -162,16 +162,17 @@ Discrimination discriminate(const PaperOptions& options) {
   for (int p = 0; p < paths; ++p) {
     const std::uint64_t seed = mixed(options.seed, kPathStream, static_cast<std::uint64_t>(p));
     const std::vector<Vector3d> positions_W = path(seed);
-    ThreeForces truth_W;
+    ThreeForces reference_W;
     for (const evaluation::ForceTable& table : tables) {
-      truth_W.emplace_back();
+      reference_W.emplace_back();
       for (const Vector3d& position_W : positions_W) {
-        truth_W.back().push_back(table.force_W(position_W - evaluation::first_contact_point_W()));
+        reference_W.back().push_back(
+            table.force_W(position_W - evaluation::first_contact_point_W()));
       }
     }
     for (const double contrast : contrasts) {
-      const ThreeForces objects_W = blended(truth_W, contrast);
-      const ThreeForces real = render(kOffline, positions_W, objects_W, result.noise.looks_per_s);
+      const ThreeForces objects_W = blended(reference_W, contrast);
+      const ThreeForces real = render(kReference, positions_W, objects_W, result.noise.looks_per_s);
       for (const std::string& method : discrimination_methods()) {
         check_stop(options);
         const ThreeForces rendered =

@@ -30,7 +30,7 @@ std::vector<Fifth> fifths_of(const evaluation::Trace& trace, const std::vector<P
     }
     for (const Played& each : played) {
       fifth.rms_error_percent.push_back(rms_error_percent(
-          trace, each.verdict.forces_W, fifth.begin_s, fifth.end_s, each.verdict.truth_rms_N));
+          trace, each.verdict.forces_W, fifth.begin_s, fifth.end_s, each.verdict.reference_rms_N));
     }
     fifths.push_back(std::move(fifth));
   }

@@ -19,7 +19,7 @@ struct Fifth {
 };
 
 /// Figures 7 and 8: a tool that has grabbed the surface moves along its normal, a sine of constant
-/// amplitude and rising speed; forces streamed at 30 Hz, rendered by methods, and off-line.
+/// amplitude and rising speed; forces streamed at 30 Hz, rendered by methods, and reference.
 struct Figures {
   RecordedMotion motion;
   std::vector<Played> played;  ///< in the order of figure_methods()

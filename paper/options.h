@@ -45,7 +45,7 @@ Plan plan_of(bool quick);
 /// What `forcegrid paper` was asked for.
 struct PaperOptions {
   std::filesystem::path out;    ///< folder for pictures, tables and the page
-  std::filesystem::path cache;  ///< folder of force tables and off-line forces; empty: none
+  std::filesystem::path cache;  ///< folder of force tables and reference forces; empty: none
   Plan plan;
   unsigned jobs = 0;                            ///< threads that solve; 0: one a processor
   std::uint64_t seed = 1;                       ///< of motions and of the observers' noise

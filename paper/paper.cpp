@@ -12,11 +12,12 @@ void tell(const PaperOptions& options, const RecordedMotion& recorded) {
     return;
   }
   char words[256];
-  std::snprintf(words, sizeof words,
-                "%s on %s: %zu off-line forces %s; %zu missed the tolerance, %zu on another branch",
-                recorded.motion.c_str(), recorded.scene.c_str(), recorded.trace.servo.size(),
-                recorded.from_cache ? "from the cache" : "solved", recorded.unconverged,
-                recorded.branch_changes);
+  std::snprintf(
+      words, sizeof words,
+      "%s on %s: %zu reference forces %s; %zu missed the tolerance, %zu on another branch",
+      recorded.motion.c_str(), recorded.scene.c_str(), recorded.trace.servo.size(),
+      recorded.from_cache ? "from the cache" : "solved", recorded.unconverged,
+      recorded.branch_changes);
   options.say(words);
 }
 

@@ -15,7 +15,7 @@ using evaluation::quoted;
 
 // Columns of figure7.csv: time, tool along the normal, F_o, then one a method.
 constexpr int kTool = 2;
-constexpr int kOffline = 3;
+constexpr int kReference = 3;
 constexpr int kFirstMethod = 4;
 constexpr double kEnlarged_s = 1.0;
 const char* const kColours[] = {"#E69F00", "#0072B2", "#CC79A7", "#009E73", "#000000"};
@@ -39,9 +39,9 @@ std::string curve(const fs::path& data, const std::string& expression, const std
 
 std::string column(int number) { return "($" + std::to_string(number) + ")"; }
 
-// The off-line force broad and pale, so that what is drawn over it can be seen.
+// The reference force broad and pale, so that what is drawn over it can be seen.
 std::string force_curves(const fs::path& data, std::size_t every) {
-  std::string plot = curve(data, column(kOffline), "#BBBBBB", 4.0, "off-line F_o", every);
+  std::string plot = curve(data, column(kReference), "#BBBBBB", 4.0, "off-line F_o", every);
   for (std::size_t i = 0; i < figure_methods().size(); ++i) {
     plot += ", " + curve(data, column(kFirstMethod + static_cast<int>(i)), kColours[i], 1.2,
                          label_of(figure_methods()[i]), every);
@@ -94,7 +94,7 @@ void draw_figure_8(const fs::path& data, const Figures& figures, const fs::path&
          << "]\nset ylabel 'error along the normal / N'\nplot ";
   for (std::size_t i = 0; i < figure_methods().size(); ++i) {
     const std::string error = "($" + std::to_string(kFirstMethod + static_cast<int>(i)) + "-$" +
-                              std::to_string(kOffline) + ")";
+                              std::to_string(kReference) + ")";
     script << (i == 0 ? "" : ", ")
            << curve(data, error, kColours[i], 1.0, label_of(figure_methods()[i]),
                     every_point_drawn(figures));
@@ -197,7 +197,7 @@ void draw_discrimination(const Discrimination& all, const fs::path& file) {
       const std::string& method = discrimination_methods()[i];
       const auto known = std::find(figure_methods().begin(), figure_methods().end(), method);
       const char* const colour =
-          kColours[std::distance(figure_methods().begin(), known)];  // black: the off-line force
+          kColours[std::distance(figure_methods().begin(), known)];  // black: the reference force
       script << (i == 0 ? "" : ", ") << "$w" << way << '_' << i
              << " using 1:2:3:4 with yerrorlines pt 7 ps 0.6 lw 1.3 lc rgb '" << colour
              << "' title " << quoted(label_of(method));

@@ -9,7 +9,7 @@
 #include "evaluation/page_text.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
-#include "simulator/reference/truth.h"
+#include "simulator/reference/reference_solution.h"
 
 namespace forcegrid::paper {
 namespace {
@@ -82,26 +82,28 @@ bool read_cached(const Place& place, RecordedMotion& recorded) {
 void solve(const simulator::SpringMesh& mesh, double patch_radius_m,
            const std::vector<Vector3d>& positions_W, const PaperOptions& options,
            RecordedMotion& recorded) {
-  simulator::TruthOptions solving;
+  simulator::ReferenceOptions solving;
   solving.contact_point_W = evaluation::first_contact_point_W();
   solving.patch_radius_m = patch_radius_m;
   solving.threads = options.jobs;
   solving.cancel = options.cancel;
   if (options.progress) {
-    const std::string what = "off-line forces of " + recorded.motion + " on " + recorded.scene;
+    const std::string what = "reference forces of " + recorded.motion + " on " + recorded.scene;
     solving.progress = [&options, what](double done, double remaining_s) {
       options.progress(what, done, remaining_s);
     };
   }
-  const simulator::TruthResult truth = simulator::simulate_truth(mesh, positions_W, solving);
-  if (truth.cancelled) {
+  const simulator::ReferenceSolution reference =
+      simulator::simulate_reference(mesh, positions_W, solving);
+  if (reference.cancelled) {
     throw evaluation::Stopped();
   }
-  recorded.trace = trace_of_path(positions_W, truth.forces_W, evaluation::first_contact_point_W());
-  recorded.solved_s = truth.elapsed_s;
-  recorded.unconverged = truth.unconverged;
-  recorded.branch_changes = truth.branch_changes;
-  recorded.worst_seam_N = truth.worst_seam_N;
+  recorded.trace =
+      trace_of_path(positions_W, reference.forces_W, evaluation::first_contact_point_W());
+  recorded.solved_s = reference.elapsed_s;
+  recorded.unconverged = reference.unconverged;
+  recorded.branch_changes = reference.branch_changes;
+  recorded.worst_seam_N = reference.worst_seam_N;
 }
 
 }  // namespace
@@ -138,7 +140,7 @@ RecordedMotion record_motion(const std::string& scene, const std::string& motion
   const evaluation::Trajectory trajectory(motion, options.seed);
   if (!trajectory.is_static()) {
     throw evaluation::ChartError("the motion '" + motion +
-                                 "' has more than one contact; off-line forces are of one");
+                                 "' has more than one contact; reference forces are of one");
   }
   const simulator::SpringMesh mesh = evaluation::make_mesh(chosen);
   RecordedMotion recorded;
@@ -178,7 +180,7 @@ Played play(const std::string& method, const evaluation::Trace& trace) {
 }
 
 double rms_error_percent(const evaluation::Trace& trace, const std::vector<Vector3d>& forces_W,
-                         double begin_s, double end_s, double truth_rms_N) {
+                         double begin_s, double end_s, double reference_rms_N) {
   double sum_N2 = 0.0;
   std::size_t count = 0;
   for (std::size_t i = 0; i < trace.servo.size(); ++i) {
@@ -188,7 +190,7 @@ double rms_error_percent(const evaluation::Trace& trace, const std::vector<Vecto
     }
   }
   return count == 0 ? std::numeric_limits<double>::quiet_NaN()
-                    : 100.0 * std::sqrt(sum_N2 / static_cast<double>(count)) / truth_rms_N;
+                    : 100.0 * std::sqrt(sum_N2 / static_cast<double>(count)) / reference_rms_N;
 }
 
 }  // namespace forcegrid::paper

@@ -20,7 +20,7 @@ evaluation::Trace trace_of_path(const std::vector<Eigen::Vector3d>& positions_W,
                                 const std::vector<Eigen::Vector3d>& forces_W,
                                 const Eigen::Vector3d& contact_point_W);
 
-/// A tool that has taken hold of a scene's object and follows a motion, with the off-line forces
+/// A tool that has taken hold of a scene's object and follows a motion, with the reference forces
 /// F_o: the object itself solved at every servo instant to a relative residual of 1e-6, as the
 /// paper did it.
 struct RecordedMotion {
@@ -52,9 +52,10 @@ struct Played {
 };
 Played play(const std::string& method, const evaluation::Trace& trace);
 
-/// RMS of |F - F_o| from `begin_s` to before `end_s`, in % of `truth_rms_N`; NaN without instants.
+/// RMS of |F - F_o| from `begin_s` to before `end_s`, in % of `reference_rms_N`; NaN without
+/// instants.
 double rms_error_percent(const evaluation::Trace& trace,
                          const std::vector<Eigen::Vector3d>& forces_W, double begin_s, double end_s,
-                         double truth_rms_N);
+                         double reference_rms_N);
 
 }  // namespace forcegrid::paper

@@ -44,7 +44,7 @@ ordered_json figures_json(const Figures& figures) {
           {"offline_unconverged", figures.motion.unconverged},
           {"offline_branch_changes", figures.motion.branch_changes},
           {"offline_worst_seam_N", figures.motion.worst_seam_N},
-          {"truth_rms_N", figures.played.front().verdict.truth_rms_N},
+          {"truth_rms_N", figures.played.front().verdict.reference_rms_N},
           {"blind_s", figures.blind_s},
           {"unfelt_N", figures.unfelt_N},
           {"fifths", fifths}};
@@ -182,7 +182,7 @@ std::string paper_html(const Results& results, const std::vector<Claim>& claims,
       "docs/paper.md.</p><h2>The paper's figures and claims</h2>";
   html += claims_html(claims);
   html += "<h2>Figure 7</h2><p>" + escaped(figures.motion.scene_title) +
-          ", grabbed at its top. The off-line force is the object itself, solved at every servo "
+          ", grabbed at its top. The reference force is the object itself, solved at every servo "
           "instant; " +
           std::to_string(figures.motion.unconverged) + " of " +
           std::to_string(figures.motion.trace.servo.size()) + " missed a residual of 1e-6, " +

@@ -26,7 +26,7 @@ struct Table {
 std::string csv(const Table& table);
 
 Table claims_table(const std::vector<Claim>& claims);
-/// The curves of Figure 7: time, tool along the normal, and along it the off-line force and those
+/// The curves of Figure 7: time, tool along the normal, and along it the reference force and those
 /// of figure_methods(), as the hand feels them when it pulls: positive towards the object.
 Table forces_table(const Figures& figures);
 Table fifths_table(const Figures& figures);

@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
+#include "evaluation/baseline_cost.h"
 #include "evaluation/trajectories.h"
-#include "evaluation/yardstick.h"
 #include "paper/options.h"
 #include "rt/clock.h"
 

@@ -15,7 +15,7 @@ struct Timing {
   double vertex_ns = 0.0;            ///< fill_us over their number
   double vertices_per_cycle = 0.0;   ///< in what a query leaves of a cycle of 2 ms
   double vertices_per_answer = 0.0;  ///< in all cycles between two answers of the simulator
-  double bare_read_ns = 0.0;         ///< yardstick: eight loads and their weighted sum
+  double bare_read_ns = 0.0;         ///< baseline: eight loads and their weighted sum
   std::size_t memory_bytes = 0;      ///< of the method, grid and tables
 };
 

@@ -40,8 +40,10 @@ constexpr Range kCurrent_A{text::kAboveZero, 32.0, "a current in amperes above 0
 constexpr Range kThermal_s{0.1, 1e4, "a time in seconds from 0.1 to 1e4"};
 constexpr Range kForce_N{text::kAboveZero, 100.0, "a force in newtons above 0 and at most 100"};
 constexpr Range kForceRate_N_per_s{text::kAboveZero, 1e6, "a rate in N/s above 0 and at most 1e6"};
-constexpr Range kJointTorque_Nm{text::kAboveZero, 1000.0, "a torque in N m above 0 and at most 1000"};
-constexpr Range kStiffness_N_per_m{text::kAboveZero, 1e5, "a stiffness in N/m above 0 and at most 1e5"};
+constexpr Range kJointTorque_Nm{text::kAboveZero, 1000.0,
+                                "a torque in N m above 0 and at most 1000"};
+constexpr Range kStiffness_N_per_m{text::kAboveZero, 1e5,
+                                   "a stiffness in N/m above 0 and at most 1e5"};
 constexpr Range kMaxDamping_N_s_per_m{0.0, 1e3, "a damping in N s/m from 0 to 1000"};
 constexpr Range kSpeed_m_per_s{text::kAboveZero, 20.0, "a speed in m/s above 0 and at most 20"};
 constexpr Range kAcceleration_m_per_s2{0.0, 30.0, "an acceleration in m/s^2 from 0 to 30"};
@@ -117,8 +119,8 @@ DeviceKind read_kind(const toml::table& root, const std::string& file) {
   }
   const std::string kind = node->value_or(std::string());
   if (kind != "arm" && kind != "delta") {
-    throw text::TomlError(file + ":" + std::to_string(node->source().begin.line) + ": key 'kind': '" +
-                    kind + "' is unknown; write \"arm\" or \"delta\"");
+    throw text::TomlError(file + ":" + std::to_string(node->source().begin.line) +
+                          ": key 'kind': '" + kind + "' is unknown; write \"arm\" or \"delta\"");
   }
   return kind == "delta" ? DeviceKind::kDelta : DeviceKind::kArm;
 }
@@ -573,7 +575,7 @@ HandProfile read_hand(const Table& root, const char* key) {
 
 const text::DataFolder& profile_folder() {
   static const text::DataFolder folder{"FORCEGRID_PROFILE_PATH", "profiles",
-                                 FORCEGRID_PROFILE_SOURCE_DIR};
+                                       FORCEGRID_PROFILE_SOURCE_DIR};
   return folder;
 }
 

@@ -31,14 +31,14 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
     Joint& joint = joints_[i];
     const std::int32_t counts = report.counts[i];
     if (!joint.known || counts != joint.counts) {
-      if (joint.doubted) {
-        joint.doubted = false;
-        joint.doubt_no_sooner = now + kPatience;
+      if (joint.suspected) {
+        joint.suspected = false;
+        joint.suspect_no_sooner = now + kPatience;
         joint.travel_counts = 0;
       } else if (joint.known) {
         joint.travel_counts += std::min(std::abs(counts - joint.counts), kMovedOn_counts);
         if (joint.travel_counts >= kMovedOn_counts) {
-          joint.doubt_no_sooner = now;
+          joint.suspect_no_sooner = now;
         }
         joint.travel_counts = std::min(joint.travel_counts, kMovedOn_counts);
       }
@@ -48,7 +48,7 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
       continue;
     }
     if (!frozen && unmoved(joint) &&
-        watched_ - joint.watched_at_doubt >= kReliefTime + kProofTime) {
+        watched_ - joint.watched_at_suspicion >= kReliefTime + kProofTime) {
       frozen = static_cast<int>(i);
     }
   }
@@ -66,16 +66,16 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
     }
     joint.loaded = loaded;
     if (!loaded) {
-      joint.doubted = false;
-    } else if (!joint.doubted && joint.known && now >= joint.doubt_no_sooner &&
-               watched_ - std::max(joint.still_since, joint.loaded_since) >= kDoubtAfter) {
-      joint.doubted = true;
-      joint.doubted_since = now;
-      joint.watched_at_doubt = watched_;
-      ++doubts_;
+      joint.suspected = false;
+    } else if (!joint.suspected && joint.known && now >= joint.suspect_no_sooner &&
+               watched_ - std::max(joint.still_since, joint.loaded_since) >= kSuspectAfter) {
+      joint.suspected = true;
+      joint.suspected_since = now;
+      joint.watched_at_suspicion = watched_;
+      ++suspicions_;
     }
-    if (joint.doubted) {
-      const double led = rt::seconds(now - joint.doubted_since) / rt::seconds(kReliefTime);
+    if (joint.suspected) {
+      const double led = rt::seconds(now - joint.suspected_since) / rt::seconds(kReliefTime);
       joint.part = std::clamp(1.0 - led, 0.0, joint.part);
     } else {
       joint.part = std::min(1.0, joint.part + elapsed_s / rt::seconds(kReliefTime));
@@ -92,7 +92,8 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
 }
 
 bool EncoderWatch::unmoved(const Joint& joint) const noexcept {
-  return joint.doubted && joint.part <= 0.0 && watched_ - joint.watched_at_doubt >= kReliefTime;
+  return joint.suspected && joint.part <= 0.0 &&
+         watched_ - joint.watched_at_suspicion >= kReliefTime;
 }
 
 }  // namespace forcegrid::servo

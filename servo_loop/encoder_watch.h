@@ -17,9 +17,10 @@ namespace forcegrid::servo {
 /// Coulomb friction tau_c not even a change of torque moves it. What no live joint can hide is
 /// this: a torque far above friction is taken away, and nothing moves. So for each joint alone,
 ///
-///   doubted:  |tau_F| > kFrictions tau_c, and no count for kDoubtAfter;
+///   suspected:  |tau_F| > kFrictions tau_c, and no count for kSuspectAfter;
 ///   relieved: its torque is led to zero within kReliefTime, until a count comes;
-///   unmoved:  it is zero, kDoubtAfter + kReliefTime after the last count, and still no count: now
+///   unmoved:  it is zero, kSuspectAfter + kReliefTime after the last count, and still no count:
+///   now
 ///             all joints' torque is zero;
 ///   frozen:   kProofTime later there is still no count.
 ///
@@ -27,7 +28,7 @@ namespace forcegrid::servo {
 /// A live joint moves during the relief, by what friction had hidden, unless the hand turns back
 /// just then and takes away what the relief adds: of a thousand reliefs of a Falcon in a firm hand
 /// that moves at random, one or two last longer than 36 ms. So nothing is decided before the motors
-/// have been without any torque for a while. A joint that has moved is not doubted again for
+/// have been without any torque for a while. A joint that has moved is not suspected again for
 /// kPatience, unless it has moved on by itself.
 ///
 /// The times of doubting and freezing run only while reports come: what lies between two reports
@@ -40,7 +41,7 @@ namespace forcegrid::servo {
 class EncoderWatch {
  public:
   static constexpr double kFrictions = 5.0;
-  static constexpr rt::Duration kDoubtAfter = std::chrono::milliseconds(60);
+  static constexpr rt::Duration kSuspectAfter = std::chrono::milliseconds(60);
   static constexpr rt::Duration kReliefTime = std::chrono::milliseconds(40);
   static constexpr rt::Duration kProofTime = std::chrono::milliseconds(60);
   static constexpr rt::Duration kPatience = std::chrono::seconds(1);
@@ -66,8 +67,8 @@ class EncoderWatch {
   /// Nothing has been rendered for a while: all that was seen before is void.
   void restart() noexcept;
 
-  /// How often a joint has been doubted.
-  [[nodiscard]] std::uint64_t doubts() const noexcept { return doubts_; }
+  /// How often a joint has been suspected.
+  [[nodiscard]] std::uint64_t suspicions() const noexcept { return suspicions_; }
 
  private:
   struct Joint {
@@ -76,15 +77,15 @@ class EncoderWatch {
     rt::Duration still_since{};   ///< by watched_
     rt::Duration loaded_since{};  ///< by watched_
     bool loaded = false;
-    bool doubted = false;
-    rt::TimePoint doubted_since{};
-    rt::Duration watched_at_doubt{};
-    rt::TimePoint doubt_no_sooner{};
+    bool suspected = false;
+    rt::TimePoint suspected_since{};
+    rt::Duration watched_at_suspicion{};
+    rt::TimePoint suspect_no_sooner{};
     std::int32_t travel_counts = 0;
     double part = 1.0;  ///< of the torque that may be commanded
   };
 
-  /// In doubt, relieved of all its torque in good time, and still without a count.
+  /// In suspicion, relieved of all its torque in good time, and still without a count.
   [[nodiscard]] bool unmoved(const Joint& joint) const noexcept;
 
   profiles::Axes loaded_above_Nm_;
@@ -93,7 +94,7 @@ class EncoderWatch {
   rt::TimePoint last_released_{};
   rt::Duration
       watched_{};  ///< how long reports have come one soon after the other, by their credit
-  std::uint64_t doubts_ = 0;
+  std::uint64_t suspicions_ = 0;
 };
 
 }  // namespace forcegrid::servo

@@ -398,7 +398,7 @@ ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexc
   outcome.answers_taken = answers_taken_;
   outcome.samples_refused = gate_.refused();
   outcome.first_touches = first_touch_.counts();
-  outcome.encoder_doubts = encoder_watch_.doubts();
+  outcome.suspected_stuck_encoders = encoder_watch_.suspicions();
   const PassivityGuard& guard = renderer_.guard();
   outcome.energy_to_hand_J = guard.total_energy_to_hand_J();
   outcome.largest_energy_to_hand_J = guard.largest_energy_to_hand_J();

@@ -101,7 +101,7 @@ struct ServoOutcome {
   std::uint64_t samples_refused = 0;  ///< by SampleGate
   FirstTouch::Counts first_touches;
   /// How often a joint stood still under load until its torque was led off: see EncoderWatch.
-  std::uint64_t encoder_doubts = 0;
+  std::uint64_t suspected_stuck_encoders = 0;
   double energy_to_hand_J = 0.0;          ///< by the rendered force, over the whole run
   double largest_energy_to_hand_J = 0.0;  ///< in any one contact, at any time
   double damped_energy_J = 0.0;           ///< by the passivity guard

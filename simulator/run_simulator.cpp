@@ -19,11 +19,11 @@
 #include "rt/percentiles.h"
 #include "rt/thread.h"
 #include "simulator/mesh/error.h"
-#include "simulator/workers/query_desk.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/predicted_contact.h"
 #include "simulator/touch/solver_choice.h"
 #include "simulator/touch/solver_contact.h"
-#include "simulator/touch_preview.h"
+#include "simulator/workers/query_scheduler.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -114,7 +114,7 @@ class Loop {
         log_(log),
         endpoint_(options.listen, kSilence, access(options)),
         contact_(make_solver_contact(scene, solver, tool, options.rate_Hz, log)),
-        preview_(scene, tool),
+        predicted_(scene, tool),
         desk_(scene, solver.options,
               {.next_query = [this] { return endpoint_.next_query(); },
                .job_for = [this](const link::Query& query) { return job_for(query); },
@@ -174,9 +174,9 @@ class Loop {
       receive();
       return;
     }
-    if (preview_.wants_stiffness()) {
-      preview_.learn_stiffness([this](const QueryJob& job) { return desk_.solve_now(job); },
-                               epoch_ + lost_epochs_);
+    if (predicted_.wants_stiffness()) {
+      predicted_.learn_stiffness([this](const QueryJob& job) { return desk_.solve_now(job); },
+                                 epoch_ + lost_epochs_);
       receive();
       return;
     }
@@ -254,7 +254,7 @@ class Loop {
     newest_.reset();
     delayed_.clear();
     contact_answer_.reset();
-    preview_.begin_anew();
+    predicted_.begin_anew();
     epoch_ = 0;
     lost_epochs_ = 0;
   }
@@ -282,19 +282,19 @@ class Loop {
       return;
     }
     epoch_ = answer.epoch;
-    preview_.look(*contact_, position_W, velocity_W);
+    predicted_.look(*contact_, position_W, velocity_W);
     if (answer.in_contact) {
       count(answer, was_in_contact, 1e3 * solve_s);
       contact_answer_ = answer;
     }
     fill(sample, answer, options_.send_stiffness);
-    if (preview_.expected_W()) {
-      sample.contact_point_W_m = to_array(*preview_.expected_W());
+    if (predicted_.expected_W()) {
+      sample.contact_point_W_m = to_array(*predicted_.expected_W());
     }
     sample.solve_time_s = solve_s;
     sample.contact_epoch += lost_epochs_;
     patch.contact_epoch = sample.contact_epoch;
-    const bool with_patch = !answer.in_contact && preview_.cut(patch);
+    const bool with_patch = !answer.in_contact && predicted_.cut(patch);
     const auto patch_to_send = with_patch ? std::optional(patch) : std::nullopt;
     if (delay_ > rt::Duration::zero()) {
       delayed_.push_back({rt::Clock::now() + delay_, sample, patch_to_send});
@@ -346,9 +346,9 @@ class Loop {
     job.epoch = epoch_ + lost_epochs_;
     job.position_W = to_vector(query.position_W_m);
     const bool held = contact_->in_contact() && contact_answer_;
-    job.touching = held || preview_.expected_W().has_value();
+    job.touching = held || predicted_.expected_W().has_value();
     if (job.touching) {
-      job.point_W = held ? contact_answer_->point_W : *preview_.expected_W();
+      job.point_W = held ? contact_answer_->point_W : *predicted_.expected_W();
     }
     return job;
   }
@@ -389,8 +389,8 @@ class Loop {
   bool told_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
-  TouchPreview preview_;
-  QueryDesk desk_;
+  PredictedContact predicted_;
+  QueryScheduler desk_;
   rt::Duration period_;
   rt::Duration delay_;
   std::optional<link::ToolState> newest_;

@@ -59,7 +59,7 @@ struct SimulatorSummary {
   std::uint64_t send_failures = 0;
   std::string workers_at;       ///< tcp://ADDR:PORT; empty without
   WorkerStatistics workers;     ///< all zero without
-  std::uint64_t unchecked = 0;  ///< QueryDesk::Counts::unchecked
+  std::uint64_t unchecked = 0;  ///< QueryScheduler::Counts::unchecked
   /// Datagrams that were not taken, by reason.
   std::vector<std::pair<std::string, std::uint64_t>> dropped;
   std::uint64_t contacts = 0;
@@ -92,8 +92,8 @@ nlohmann::json to_json(const SimulatorSummary& summary);
 /// and queries are answered for a tool that has touched there (in contact, epoch of the air); it is
 /// kept until it moves by more than 2 mm. While it is in the air each sample is followed by a patch
 /// of the surface near the tool; once a touch is expected it states what is felt there
-/// (TouchPreview): of a tool that sticks dF/dP, solved for in idle time, of one that slides forces
-/// that a thread of low priority presses ahead. When ready it prints `listening ADDR:PORT
+/// (PredictedContact): of a tool that sticks dF/dP, solved for in idle time, of one that slides
+/// forces that a thread of low priority presses ahead. When ready it prints `listening ADDR:PORT
 /// scene NAME vertices N springs M` to `out` and flushes; remarks go to `log`.
 ///
 /// The sample's relative residual is |r| / max(|F|, 0.05 N) as Equilibrium defines it.

@@ -9,7 +9,7 @@
 namespace forcegrid::stability {
 
 /// The object's exact force in every cycle, which is what the method `direct` renders: the
-/// yardstick of the chart, not a method.
+/// baseline of the chart, not a method.
 inline constexpr char kExact[] = "exact";
 
 /// Parts of the chart.
@@ -79,7 +79,8 @@ struct CaseSelection {
 /// The names in `part`, in the order of the chart.
 const std::vector<std::string>& chart_parts();
 
-/// exact, hold, linear, broyden, rls, tangent, forcegrid, forcegrid-mls, kriging, kriging-bank, auto.
+/// exact, hold, linear, broyden, rls, tangent, forcegrid, forcegrid-mls, kriging, kriging-bank,
+/// auto.
 const std::vector<std::string>& chart_methods();
 
 /// All cells of the chart, exact ones first.

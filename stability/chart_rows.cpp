@@ -34,7 +34,7 @@ void each_entry(Row& row, const Take& take) {
   take("behaviour", r.behaviour);
   take("hold_peak_to_peak_m", r.hold_peak_to_peak_m);
   take("force_error_percent", r.force_error_percent);
-  take("truth_rms_N", r.truth_rms_N);
+  take("truth_rms_N", r.reference_rms_N);
   take("energy_generated_J", r.energy_generated_J);
   take("most_energy_generated_J", r.most_energy_generated_J);
   take("most_energy_to_hand_J", r.most_energy_to_hand_J);

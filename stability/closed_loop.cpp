@@ -89,9 +89,10 @@ class Run {
     const Settling settling = judge_settling(held_W_);
     result.behaviour = diverged() ? Behaviour::kDivergence : settling.behaviour;
     result.hold_peak_to_peak_m = diverged() ? std::nan("") : settling.peak_to_peak_m;
-    result.truth_rms_N = cycles_judged_ > 0 ? std::sqrt(truth_square_N2_ / cycles_judged_) : 0.0;
-    result.force_error_percent = truth_square_N2_ > 0.0
-                                     ? 100.0 * std::sqrt(error_square_N2_ / truth_square_N2_)
+    result.reference_rms_N =
+        cycles_judged_ > 0 ? std::sqrt(reference_square_N2_ / cycles_judged_) : 0.0;
+    result.force_error_percent = reference_square_N2_ > 0.0
+                                     ? 100.0 * std::sqrt(error_square_N2_ / reference_square_N2_)
                                      : std::nan("");
     result.energy_generated_J = generated_J_;
     result.most_energy_generated_J = most_generated_J_;
@@ -151,12 +152,12 @@ class Run {
     const double now_s = 1e-9 * static_cast<double>(now_ns);
     const Vector3d measured_W = plant_.measured_W(sampled_W_);
     object_.advance(now_s, measured_W);
-    const Vector3d truth_W = object_.at(measured_W).force_W;
-    Vector3d wanted_W = method_ == nullptr ? truth_W : method_force_W(now_ns, measured_W);
+    const Vector3d reference_W = object_.at(measured_W).force_W;
+    Vector3d wanted_W = method_ == nullptr ? reference_W : method_force_W(now_ns, measured_W);
     wanted_W -= setup_.virtual_damping_N_s_per_m / period_s * (measured_W - last_measured_W_);
     last_measured_W_ = measured_W;
     wanted_W = guard_.apply(cycle == 0 ? 0.0 : period_s, measured_W, wanted_W);
-    judge(now_s, wanted_W, truth_W);
+    judge(now_s, wanted_W, reference_W);
     const double size_N = wanted_W.norm();
     if (size_N > setup_.device.max_force_N) {
       wanted_W *= setup_.device.max_force_N / size_N;
@@ -169,11 +170,11 @@ class Run {
     return wanted_W;
   }
 
-  void judge(double now_s, const Vector3d& rendered_W, const Vector3d& truth_W) {
-    const Vector3d error_W = rendered_W - truth_W;
+  void judge(double now_s, const Vector3d& rendered_W, const Vector3d& reference_W) {
+    const Vector3d error_W = rendered_W - reference_W;
     if (now_s >= setup_.errors_from_s) {
       error_square_N2_ += error_W.squaredNorm();
-      truth_square_N2_ += truth_W.squaredNorm();
+      reference_square_N2_ += reference_W.squaredNorm();
       cycles_judged_ += 1.0;
     }
     if (holds_still(now_s)) {
@@ -243,7 +244,7 @@ class Run {
   std::uint32_t epoch_ = 0;
   std::uint64_t samples_taken_ = 0;
   double error_square_N2_ = 0.0;
-  double truth_square_N2_ = 0.0;
+  double reference_square_N2_ = 0.0;
   double cycles_judged_ = 0.0;
   double generated_J_ = 0.0;
   double most_generated_J_ = 0.0;

@@ -66,7 +66,7 @@ struct LoopResult {
   /// RMS of |F - F_o| in % of the RMS of |F_o| from errors_from_s on, F_o the object's force where
   /// the servo believes the tool to be; NaN when there is no force.
   double force_error_percent = 0.0;
-  double truth_rms_N = 0.0;  ///< of |F_o| over the same time
+  double reference_rms_N = 0.0;  ///< of |F_o| over the same time
   /// [J] work of the rendered force on the tool less that of the object's own force along the same
   /// path: what the rendering has added, at the end and at most.
   double energy_generated_J = 0.0;

@@ -82,7 +82,7 @@ RecordingHeader read_header(const Hdf5Reader& reader) {
   header.cycles = common_rows(reader, {"/cycles/time_s", "/cycles/work_on_hand_J"});
   header.samples = common_rows(reader, {"/samples/time_s", "/samples/from_query"});
   header.complete = !reader.attribute("ended").empty();
-  header.has_truth = reader.has("/truth/force_W_N");
+  header.has_reference = reader.has("/truth/force_W_N");
   return header;
 }
 
@@ -96,7 +96,7 @@ std::vector<Eigen::Vector3d> read_vectors(const Hdf5Reader& reader, const std::s
   return vectors;
 }
 
-evaluation::Trace trace_of_recording(const std::string& file, const SolveOffline& solve) {
+evaluation::Trace trace_of_recording(const std::string& file, const SolveReference& solve) {
   const Hdf5Reader reader(file);
   const RecordingHeader header = read_header(reader);
   const SampleColumns samples(reader, header.samples);
@@ -138,7 +138,7 @@ evaluation::Trace trace_of_recording(const std::string& file, const SolveOffline
     trace.samples.push_back(row);
   }
 
-  if (header.has_truth) {
+  if (header.has_reference) {
     const std::uint64_t rows = reader.rows("/truth/force_W_N");
     const std::vector<double> time_s = reader.numbers("/truth/time_s", rows);
     const auto position_W = read_vectors(reader, "/truth/position_W_m", rows);
@@ -151,7 +151,7 @@ evaluation::Trace trace_of_recording(const std::string& file, const SolveOffline
   if (header.scene.empty() || !solve) {
     throw evaluation::TraceError(
         file +
-        ": has no off-line forces, by which methods are judged, and names no scene of "
+        ": has no reference forces, by which methods are judged, and names no scene of "
         "'forcegrid simulate' that could be solved for them");
   }
   const std::vector<double> time_s = reader.numbers("/cycles/time_s", header.cycles);

@@ -22,10 +22,10 @@ struct RecordingHeader {
   std::string scene;    ///< empty: another program simulated
   std::vector<std::string> method_names;
   double rate_Hz = 0.0;
-  std::uint64_t cycles = 0;   ///< rows that every column has
-  std::uint64_t samples = 0;  ///< rows that every column has
-  bool complete = false;      ///< closed by its writer, not killed
-  bool has_truth = false;     ///< off-line forces are in it
+  std::uint64_t cycles = 0;    ///< rows that every column has
+  std::uint64_t samples = 0;   ///< rows that every column has
+  bool complete = false;       ///< closed by its writer, not killed
+  bool has_reference = false;  ///< reference forces are in it
 };
 
 /// @throws Hdf5Error for a file that is no recording of this program.
@@ -36,16 +36,16 @@ RecordingHeader read_header(const Hdf5Reader& reader);
 std::vector<Eigen::Vector3d> read_vectors(const Hdf5Reader& reader, const std::string& column,
                                           std::uint64_t rows);
 
-/// What off-line forces are computed from, and by whom.
-using SolveOffline = std::function<std::vector<Eigen::Vector3d>(
+/// What reference forces are computed from, and by whom.
+using SolveReference = std::function<std::vector<Eigen::Vector3d>(
     const std::string& scene, const Eigen::Vector3d& contact_point_W,
     const std::vector<Eigen::Vector3d>& positions_W)>;
 
 /// The recording as a trace for evaluation::judge(): times since the first contact, cycles from it
-/// on, off-line forces from the file or, where it has none, by `solve`.
+/// on, reference forces from the file or, where it has none, by `solve`.
 /// @throws Hdf5Error for an unreadable file, evaluation::TraceError where the tool never touched,
 /// or
 ///         where no scene is known that could be solved.
-evaluation::Trace trace_of_recording(const std::string& file, const SolveOffline& solve);
+evaluation::Trace trace_of_recording(const std::string& file, const SolveReference& solve);
 
 }  // namespace forcegrid::tools

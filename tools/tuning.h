@@ -16,7 +16,7 @@ struct TuningRow {
   std::string method;      ///< MethodVariant
   std::string problem;     ///< empty, or why it could not be measured
 
-  /// RMS after the first second, of the RMS of the off-line force; NaN: not judged.
+  /// RMS after the first second, of the RMS of the reference force; NaN: not judged.
   double path_error_percent = std::numeric_limits<double>::quiet_NaN();
   double method_us = 0.0;  ///< mean time of a cycle in the method, its samples included
 

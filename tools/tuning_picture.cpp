@@ -200,9 +200,9 @@ std::vector<std::string> draw_tuning(const std::string& folder, const std::vecto
   for (const bool svg : {true, false}) {
     script += svg ? "set terminal svg size 900,1400 background '#ffffff' font 'sans,12'\n"
                   : "set terminal pngcairo size 900,1400 background '#ffffff' font 'sans,11'\n";
-    script +=
-        "set output " + evaluation::quoted(folder + (svg ? "/tuning.svg" : "/tuning.png")) +
-        "\nset multiplot layout 4,1 title 'Small marks: on the recorded path. Filled: in the loop.'\n";
+    script += "set output " + evaluation::quoted(folder + (svg ? "/tuning.svg" : "/tuning.png")) +
+              "\nset multiplot layout 4,1 title 'Small marks: on the recorded path. Filled: in the "
+              "loop.'\n";
     for (const Panel& panel : kPanels) {
       script += draw(panel, &panel == &kPanels[0], rows, choice, tolerance);
     }

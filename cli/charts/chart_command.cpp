@@ -38,8 +38,8 @@ std::vector<std::string> extra_names() {
   for (const evaluation::NamedWalls& walls : evaluation::named_walls()) {
     names.push_back(walls.name);
   }
-  for (const evaluation::NamedAlteration& alteration : evaluation::named_alterations()) {
-    names.push_back(alteration.name);
+  for (const evaluation::NamedObjectEffect& effect : evaluation::named_object_effects()) {
+    names.push_back(effect.name);
   }
   return names;
 }
@@ -97,7 +97,7 @@ evaluation::ChartFigure draw(const evaluation::ChartOptions& options, const Sele
     FigureRow row;
     row.time_s = instant.time_s;
     row.position_W_m = triple(instant.position_W - evaluation::first_contact_point_W());
-    row.truth_W_N = triple(instant.force_W);
+    row.reference_W_N = triple(instant.force_W);
     for (const auto& forces_W : played.forces_W) {
       row.method_W_N.push_back(triple(forces_W[i]));
     }

@@ -5,8 +5,8 @@
 
 #include "cli/charts/chart_command.h"
 #include "cli/charts/chart_support.h"
-#include "cli/run/run_checks.h"
 #include "cli/common/scene_option.h"
+#include "cli/run/run_checks.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/solver_chart.h"
 #include "simulator/bench/solver_scaling.h"

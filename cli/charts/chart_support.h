@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/run/run_checks.h"
 #include "cli/common/stop_request.h"
+#include "cli/run/run_checks.h"
 #include "forcegrid/methods.h"
 
 namespace forcegrid::cli {

@@ -10,15 +10,15 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "cli/run/offline_forces.h"
 #include "cli/common/option_values.h"
+#include "cli/run/reference_forces.h"
 #include "evaluation/judge.h"
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "simulator/mesh/scene.h"
-#include "simulator/reference/truth.h"
+#include "simulator/reference/reference_solution.h"
 #include "tools/recording.h"
 
 namespace forcegrid::cli {
@@ -207,7 +207,7 @@ ordered_json json_of(const std::string& text, const Verdict& v, const GridGeomet
           {"cycles_unknown", cycles(EstimateStatus::kUnknown)},
           {"cycles_outside_workspace", cycles(EstimateStatus::kOutside)},
           {"cycles_not_finite", cycles(EstimateStatus::kNotFinite)},
-          {"truth_rms_N", v.truth_rms_N},
+          {"truth_rms_N", v.reference_rms_N},
           {"workspace_m",
            {grid.min_W.x(), grid.min_W.y(), grid.min_W.z(), grid.max_W.x(), grid.max_W.y(),
             grid.max_W.z()}}};
@@ -220,7 +220,7 @@ void append_columns(std::string& line, const Eigen::Vector3d& v) {
   }
 }
 
-// t_s, position, off-line force, then each method's force; a comma in a method's text is a blank.
+// t_s, position, reference force, then each method's force; a comma in a method's text is a blank.
 void write_forces(const std::string& file, const Trace& trace,
                   const std::vector<std::string>& names, const std::vector<Verdict>& verdicts) {
   evaluation::TextWriter writer(file);
@@ -244,21 +244,21 @@ void write_forces(const std::string& file, const Trace& trace,
   writer.finish();
 }
 
-std::vector<Eigen::Vector3d> solve_offline(const std::string& scene,
-                                           const Eigen::Vector3d& contact_point_W,
-                                           const std::vector<Eigen::Vector3d>& positions_W) {
-  std::fprintf(stderr, "Note: the recording has no off-line forces; solving scene %s for them\n",
+std::vector<Eigen::Vector3d> solve_reference(const std::string& scene,
+                                             const Eigen::Vector3d& contact_point_W,
+                                             const std::vector<Eigen::Vector3d>& positions_W) {
+  std::fprintf(stderr, "Note: the recording has no reference forces; solving scene %s for them\n",
                scene.c_str());
   if (moves_by_itself(scene, "auto")) {
     throw std::runtime_error("scene " + scene +
-                             " moves by itself, and the recording has no off-line forces of it; "
+                             " moves by itself, and the recording has no reference forces of it; "
                              "record with 'forcegrid run --record FILE.csv.gz'");
   }
-  simulator::refuse_sliding_tool(scene, simulator::scene_tool(scene), "an off-line force");
-  simulator::TruthOptions options;
+  simulator::refuse_sliding_tool(scene, simulator::scene_tool(scene), "a reference force");
+  simulator::ReferenceOptions options;
   options.scene = scene;
   options.contact_point_W = contact_point_W;
-  return simulator::simulate_truth(positions_W, options).forces_W;
+  return simulator::simulate_reference(positions_W, options).forces_W;
 }
 
 void note(const std::string& text) { std::fprintf(stderr, "Note: %s\n", text.c_str()); }
@@ -267,7 +267,7 @@ void evaluate(const EvaluateOptions& options) {
   GridGeometry grid = asked_workspace(options.workspace_m);
   std::vector<NamedVariant> variants = variants_of(options, grid);  // before reading for long
   const Trace trace = tools::is_recording_name(options.trace)
-                          ? tools::trace_of_recording(options.trace, solve_offline)
+                          ? tools::trace_of_recording(options.trace, solve_reference)
                           : evaluation::read_trace(options.trace);
   const std::size_t outside = positions_outside(grid, trace);
   if (outside > 0 && options.workspace_m.empty()) {
@@ -294,7 +294,7 @@ void evaluate(const EvaluateOptions& options) {
     names.push_back(named.text);
     all[named.text] = json_of(named.text, verdicts.back(), grid);
   }
-  if (!(verdicts.front().truth_rms_N > 0.0)) {
+  if (!(verdicts.front().reference_rms_N > 0.0)) {
     note(options.trace + " has no true force but zero, so no error has a percentage");
   } else if (trace.servo.back().time_s - trace.servo.front().time_s < 1.0) {
     note(options.trace + " ends within its first second, so no error after it is known");

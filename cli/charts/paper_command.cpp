@@ -21,7 +21,7 @@ void add_paper(CLI::App& app, PaperCommandOptions& o, std::function<int()>& acti
       ->type_name("UINT threads")
       ->capture_default_str();
   paper.add_option("--cache", o.cache,
-                   "Folder of force tables and off-line forces (default forcegrid in the user's "
+                   "Folder of force tables and reference forces (default forcegrid in the user's "
                    "cache folder)");
   paper.add_option("--seed", o.seed, "Of motions and of the observers' errors")
       ->capture_default_str();

@@ -22,12 +22,12 @@ std::string force_curve(const std::string& data, int column, const std::string& 
          std::to_string(style) + " title '" + title + "'";
 }
 
-std::string error_curve(const std::string& data, int method_column, int truth_column,
+std::string error_curve(const std::string& data, int method_column, int reference_column,
                         const std::string& title, int style) {
   std::string squares;
   for (int axis = 0; axis < 3; ++axis) {
     squares += std::string(axis == 0 ? "" : "+") + "($" + std::to_string(method_column + axis) +
-               "-$" + std::to_string(truth_column + axis) + ")**2";
+               "-$" + std::to_string(reference_column + axis) + ")**2";
   }
   return data + " using 1:(sqrt(" + squares + ")) with lines ls " + std::to_string(style) +
          " title '" + title + "'";
@@ -43,11 +43,11 @@ std::vector<std::string> write_figures(const std::string& directory,
                                        const std::vector<std::string>& method_names,
                                        const std::vector<FigureRow>& rows) {
   const std::string csv = directory + "/forces.csv";
-  const bool has_truth = !rows.empty() && rows.front().truth_W_N.has_value();
+  const bool has_reference = !rows.empty() && rows.front().reference_W_N.has_value();
   errno = 0;
   std::ofstream file(csv);
   file << "time_s,x_m,y_m,z_m";
-  if (has_truth) {
+  if (has_reference) {
     file << ",offline_x_N,offline_y_N,offline_z_N";
   }
   for (const std::string& name : method_names) {
@@ -57,8 +57,8 @@ std::vector<std::string> write_figures(const std::string& directory,
   for (const FigureRow& row : rows) {
     file << row.time_s;
     write_triple(file, row.position_W_m);
-    if (has_truth) {
-      write_triple(file, row.truth_W_N.value_or(Triple{}));
+    if (has_reference) {
+      write_triple(file, row.reference_W_N.value_or(Triple{}));
     }
     for (const Triple& force : row.method_W_N) {
       write_triple(file, force);
@@ -82,7 +82,7 @@ std::vector<std::string> write_figures(const std::string& directory,
   constexpr int kFirstForceColumn = 5;
   std::string forces;
   std::string errors;
-  int column = kFirstForceColumn + (has_truth ? 3 : 0);
+  int column = kFirstForceColumn + (has_reference ? 3 : 0);
   int style = 2;
   // Streaming first, so that the accurate curves lie on top of it.
   for (std::size_t i = method_names.size(); i-- > 0; ++style) {
@@ -92,10 +92,10 @@ std::vector<std::string> write_figures(const std::string& directory,
     errors += (errors.empty() ? "" : ", ") +
               error_curve(data, method_column, kFirstForceColumn, label_of(method_names[i]), style);
   }
-  if (has_truth) {
-    forces += ", " + force_curve(data, kFirstForceColumn + 2, "off-line", 1);
+  if (has_reference) {
+    forces += ", " + force_curve(data, kFirstForceColumn + 2, "reference", 1);
   }
-  const char* const panels = has_truth ? "3" : "2";
+  const char* const panels = has_reference ? "3" : "2";
   std::string script =
       "set datafile separator ','\n"
       "set style line 1 lc rgb '#000000' lw 1.2\n"
@@ -118,12 +118,12 @@ std::vector<std::string> write_figures(const std::string& directory,
         "unset xlabel\nset ylabel 'tool along the normal / mm'\n"
         "plot " +
         data + " using 1:(1000*$4) with lines ls 1 title 'position'\n";
-    script += has_truth ? "" : "set xlabel 'time since contact / s'\n";
+    script += has_reference ? "" : "set xlabel 'time since contact / s'\n";
     script += "set ylabel 'pull along the normal / N'\nplot " + forces + "\n";
-    if (has_truth) {
+    if (has_reference) {
       // Methods differ by orders of magnitude.
       script +=
-          "set xlabel 'time since contact / s'\nset ylabel '|F - F_{off-line}| / N'\n"
+          "set xlabel 'time since contact / s'\nset ylabel '|F - F_{ref}| / N'\n"
           "set logscale y\nset format y '10^{%T}'\nset yrange [1e-5:*]\nplot " +
           errors + "\nunset logscale y\nset format y\nset yrange [*:*]\n";
     }

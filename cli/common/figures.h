@@ -13,12 +13,12 @@ using Triple = std::array<double, 3>;
 struct FigureRow {
   double time_s = 0.0;  ///< since contact
   Triple position_W_m{};
-  std::optional<Triple> truth_W_N;  ///< off-line force, when it was computed
-  std::vector<Triple> method_W_N;   ///< one a method
+  std::optional<Triple> reference_W_N;  ///< reference force, when it was computed
+  std::vector<Triple> method_W_N;       ///< one a method
 };
 
 /// Writes `directory`/forces.csv, and from it forces.svg and forces.png with gnuplot: on top the
-/// tool's position and each method's force along z with the off-line force (Figure 7), below the
+/// tool's position and each method's force along z with the reference force (Figure 7), below the
 /// methods' errors (Figure 8).
 /// @returns the files written.
 /// @throws std::runtime_error naming the file or program, the reason and the remedy. The CSV is

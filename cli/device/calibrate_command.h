@@ -24,7 +24,7 @@ struct CalibrateOptions {
   double let_go_s = 5.0;
   double rate_Hz = 500.0;
   int device_timeout_ms = 100;  ///< silence after which the device counts as failed
-  std::string write;  ///< file instead of the unit's own; empty: that
+  std::string write;            ///< file instead of the unit's own; empty: that
   bool dry_run = false;
   JsonTarget json;
 };

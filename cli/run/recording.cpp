@@ -58,14 +58,14 @@ void check_recording(const RunOptions& options) {
                              ": ends neither in .h5 (a recording of everything) nor in .csv or "
                              ".csv.gz (a trace for 'forcegrid evaluate'); name it so");
   }
-  if (options.no_truth) {
+  if (options.no_reference) {
     throw std::runtime_error(
-        "--record needs the off-line forces, by which a trace is judged, and --no-truth skips "
+        "--record needs the reference forces, by which a trace is judged, and --no-truth skips "
         "them; leave one of the two out");
   }
   if (!options.simulator.empty()) {
     throw std::runtime_error(
-        "--record needs the off-line forces, by which a trace is judged, and only the scenes of "
+        "--record needs the reference forces, by which a trace is judged, and only the scenes of "
         "'forcegrid simulate' can be solved off line; use --scene instead of --simulator");
   }
   try {
@@ -113,35 +113,37 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
 
 void complete_recording(const tools::Recorder& recorder, const std::string& file,
                         const std::vector<const servo::CycleRecord*>& cycles,
-                        const std::vector<Eigen::Vector3d>& truth_W, const std::string& summary) {
+                        const std::vector<Eigen::Vector3d>& reference_W,
+                        const std::string& summary) {
   using tools::Hdf5Type;
   std::vector<std::pair<tools::Hdf5Column, std::vector<double>>> columns;
-  if (!truth_W.empty()) {
+  if (!reference_W.empty()) {
     std::vector<double> time_s;
     std::vector<double> position_W_m;
     std::vector<double> force_W_N;
-    for (std::size_t i = 0; i < truth_W.size(); ++i) {
+    for (std::size_t i = 0; i < reference_W.size(); ++i) {
       time_s.push_back(1e-9 * static_cast<double>(cycles[i]->time_ns - recorder.start_ns()));
       for (std::size_t axis = 0; axis < 3; ++axis) {
         position_W_m.push_back(cycles[i]->position_W_m[axis]);
-        force_W_N.push_back(truth_W[i][static_cast<Eigen::Index>(axis)]);
+        force_W_N.push_back(reference_W[i][static_cast<Eigen::Index>(axis)]);
       }
     }
     columns = {{{"/truth/time_s", Hdf5Type::kFloat64, {}, "of the cycle"}, time_s},
                {{"/truth/position_W_m", Hdf5Type::kFloat64, {3}, "of the tool"}, position_W_m},
-               {{"/truth/force_W_N", Hdf5Type::kFloat64, {3}, "off-line force there"}, force_W_N}};
+               {{"/truth/force_W_N", Hdf5Type::kFloat64, {3}, "reference force there"}, force_W_N}};
   }
   tools::add_to_hdf5(file, {{"summary_json", summary}, {"ended", "by its writer"}}, columns);
 }
 
 evaluation::Trace trace_of(const std::deque<servo::ArrivedSample>& samples,
                            const std::vector<const servo::CycleRecord*>& cycles,
-                           const std::vector<Eigen::Vector3d>& truth_W, std::int64_t contact_ns) {
+                           const std::vector<Eigen::Vector3d>& reference_W,
+                           std::int64_t contact_ns) {
   const double contact_s = 1e-9 * static_cast<double>(contact_ns);
   evaluation::Trace trace;
   for (std::size_t i = 0; i < cycles.size(); ++i) {
     trace.servo.push_back({1e-9 * static_cast<double>(cycles[i]->time_ns - contact_ns),
-                           servo::vector(cycles[i]->touching_W_m), truth_W.at(i)});
+                           servo::vector(cycles[i]->touching_W_m), reference_W.at(i)});
   }
   // The epoch of the present contact, as the servo knew it.
   std::optional<std::uint32_t> contact;

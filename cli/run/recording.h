@@ -25,8 +25,8 @@ bool records_trace(const RunOptions& options);
 /// Refuses `--record` where it could come to nothing, before the run.
 /// @throws std::runtime_error for a name that says neither trace nor recording, and for a trace of
 /// a
-///         run without off-line forces, by which alone it can be judged; evaluation::TraceError for
-///         a file that can't be written.
+///         run without reference forces, by which alone it can be judged; evaluation::TraceError
+///         for a file that can't be written.
 void check_recording(const RunOptions& options);
 
 /// The recorder that `--record FILE.h5` asks for, with everything in it that says what is run; null
@@ -38,20 +38,22 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
                                                 const std::string& device_url,
                                                 const driver::DeviceIdentity& identity);
 
-/// Adds to a recording that was closed what is known only after the run: the off-line forces of
+/// Adds to a recording that was closed what is known only after the run: the reference forces of
 /// `cycles` (none: skipped) and the summary.
 /// @throws tools::Hdf5Error when it can't be written.
 void complete_recording(const tools::Recorder& recorder, const std::string& file,
                         const std::vector<const servo::CycleRecord*>& cycles,
-                        const std::vector<Eigen::Vector3d>& truth_W, const std::string& summary);
+                        const std::vector<Eigen::Vector3d>& reference_W,
+                        const std::string& summary);
 
 /// The trace of a run: what the simulator returned, when it arrived, which contacts that means, and
-/// the off-line force at every cycle. Times are seconds since `contact_ns`.
+/// the reference force at every cycle. Times are seconds since `contact_ns`.
 /// @param samples all that reached the servo, in order of arrival; those without contact only mark
 ///        its end, and answers to queries are left out.
-/// @param cycles the cycles since the contact. @param truth_W [N] one a cycle.
+/// @param cycles the cycles since the contact. @param reference_W [N] one a cycle.
 evaluation::Trace trace_of(const std::deque<servo::ArrivedSample>& samples,
                            const std::vector<const servo::CycleRecord*>& cycles,
-                           const std::vector<Eigen::Vector3d>& truth_W, std::int64_t contact_ns);
+                           const std::vector<Eigen::Vector3d>& reference_W,
+                           std::int64_t contact_ns);
 
 }  // namespace forcegrid::cli

@@ -10,6 +10,7 @@
 
 #include "cli/common/figures.h"
 #include "cli/common/firmware_choice.h"
+#include "cli/common/stop_request.h"
 #include "cli/run/reconnect.h"
 #include "cli/run/recording.h"
 #include "cli/run/run_checks.h"
@@ -18,7 +19,6 @@
 #include "cli/run/run_processes.h"
 #include "cli/run/run_setup.h"
 #include "cli/run/run_summary.h"
-#include "cli/common/stop_request.h"
 #include "cli/run/terminal_keys.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
@@ -161,7 +161,7 @@ class Run {
   void collect();
   void write_flight_records();
   void finish_processes();
-  [[nodiscard]] std::string why_no_truth() const;
+  [[nodiscard]] std::string why_no_reference() const;
   void write_files(const ContactCycles& cycles);
 
   RunOptions options_;
@@ -246,7 +246,7 @@ int Run::execute() {
   finish_processes();
 
   ContactCycles cycles = cycles_since(link_->first_contact(), telemetry_->records());
-  judge(options_, methods_->names(), why_no_truth(), link_->first_contact(), out_, cycles,
+  judge(options_, methods_->names(), why_no_reference(), link_->first_contact(), out_, cycles,
         summary_);
   write_files(cycles);
   say(errors_text(summary_));
@@ -326,7 +326,7 @@ int Run::end_uncalibrated() {
   summary_.device_statistics = device_->statistics();
   summary_.emulator = processes_->finish_emulator();
   summary_.simulator = processes_->finish_simulator();
-  summary_.truth = "the loop never ran";
+  summary_.reference = "the loop never ran";
   write_json(options_.json, to_json(summary_, servo::TelemetryStatistics{}).dump(2));
   return StopRequest::emergency().pressed() ? kEmergencyStatus : 1;
 }
@@ -550,26 +550,26 @@ void Run::finish_processes() {
 }
 
 // Why the object is not solved off line; empty: it is.
-std::string Run::why_no_truth() const {
+std::string Run::why_no_reference() const {
   if (!processes_->has_simulator()) {
     return "only the scenes of 'forcegrid simulate' can be solved off line";
   }
   if (tool_.slides()) {
     return "none: what a sliding tool feels depends on its path";
   }
-  return options_.no_truth ? "skipped by --no-truth" : "";
+  return options_.no_reference ? "skipped by --no-truth" : "";
 }
 
 void Run::write_files(const ContactCycles& cycles) {
   const std::vector<std::string>& names = methods_->names();
   try {
     if (records_trace(options_)) {
-      if (cycles.truth_W.empty()) {
+      if (cycles.reference_W.empty()) {
         throw std::runtime_error("no trace was recorded in " + options_.record +
-                                 ", for want of off-line forces: " + summary_.truth);
+                                 ", for want of reference forces: " + summary_.reference);
       }
       evaluation::write_trace(options_.record, trace_of(link_->samples(), cycles.records,
-                                                        cycles.truth_W, cycles.contact_ns));
+                                                        cycles.reference_W, cycles.contact_ns));
       summary_.files.push_back(options_.record);
     }
   } catch (const std::runtime_error& error) {
@@ -589,7 +589,7 @@ void Run::write_files(const ContactCycles& cycles) {
   summary_.files.push_back(options_.record);
   if (recorder_->finish().closed) {
     try {
-      complete_recording(*recorder_, options_.record, cycles.records, cycles.truth_W,
+      complete_recording(*recorder_, options_.record, cycles.records, cycles.reference_W,
                          to_json(summary_, telemetry_->statistics()).dump());
     } catch (const tools::Hdf5Error& error) {
       fail(error.what());

@@ -63,7 +63,7 @@ struct RunOptions {
   bool reconnect = false;         ///< wait for a device that has gone, and go on with it
   double reconnect_timeout_s = 60.0;
   std::string out = "out";
-  bool no_truth = false;
+  bool no_reference = false;
   std::string record;  ///< trace (docs/traces.md) or recording (docs/recording.md) to write, by the
                        ///< name's end; empty: none
   std::string settings;                            ///< all of these as TOML, for the recording

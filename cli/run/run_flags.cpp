@@ -200,11 +200,11 @@ void add_results(CLI::App& run, RunOptions& o) {
                "A dashboard in the terminal (80 x 24 is enough) instead of a line a second");
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->capture_default_str();
-  run.add_flag("--no-truth", o.no_truth, "Skip the off-line forces");
+  run.add_flag("--no-truth", o.no_reference, "Skip the reference forces");
   run.add_option("--record", o.record,
                  "FILE.h5: everything of every cycle, as forcegrid record. FILE.csv or .csv.gz: "
                  "trace for 'forcegrid evaluate', samples and, at every cycle, position and "
-                 "off-line force");
+                 "reference force");
   add_json(run, o.json);
 }
 

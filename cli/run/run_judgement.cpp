@@ -5,25 +5,25 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cli/run/offline_forces.h"
 #include "cli/common/stop_request.h"
+#include "cli/run/reference_forces.h"
 
 namespace forcegrid::cli {
 namespace {
 
-std::string why_truth_is_skipped() {
+std::string why_reference_is_skipped() {
   return StopRequest::emergency().pressed() ? "skipped by the emergency stop" : "skipped by Ctrl-C";
 }
 
 void add_errors(RunSummary& summary, const std::vector<std::string>& names,
                 const ContactCycles& cycles) {
-  const auto& truth_W = cycles.truth_W;
-  double truth_sum = 0.0;
-  for (const Eigen::Vector3d& force_W : truth_W) {
-    truth_sum += force_W.squaredNorm();
+  const auto& reference_W = cycles.reference_W;
+  double reference_sum = 0.0;
+  for (const Eigen::Vector3d& force_W : reference_W) {
+    reference_sum += force_W.squaredNorm();
     summary.force_max_N = std::max(summary.force_max_N, force_W.norm());
   }
-  summary.force_rms_N = std::sqrt(truth_sum / static_cast<double>(truth_W.size()));
+  summary.force_rms_N = std::sqrt(reference_sum / static_cast<double>(reference_W.size()));
   const auto percent = [&](double sum, double count) {
     return count > 0.0 && summary.force_rms_N > 0.0
                ? 100.0 * std::sqrt(sum / count) / summary.force_rms_N
@@ -35,9 +35,10 @@ void add_errors(RunSummary& summary, const std::vector<std::string>& names,
     double rest_sum = 0.0;
     double rest_count = 0.0;
     double worst = 0.0;
-    for (std::size_t i = 0; i < truth_W.size(); ++i) {
+    for (std::size_t i = 0; i < reference_W.size(); ++i) {
       const double squared =
-          (servo::vector(cycles.records[i]->method_force_W_N[method]) - truth_W[i]).squaredNorm();
+          (servo::vector(cycles.records[i]->method_force_W_N[method]) - reference_W[i])
+              .squaredNorm();
       if (cycles.time_s(i) < 1.0) {
         first_sum += squared;
         first_count += 1.0;
@@ -56,18 +57,18 @@ void add_errors(RunSummary& summary, const std::vector<std::string>& names,
   }
 }
 
-// Shows how far the off-line forces are: on a terminal one line that is written over and over,
+// Shows how far the reference forces are: on a terminal one line that is written over and over,
 // elsewhere a line every quarter.
-class TruthProgress {
+class ReferenceProgress {
  public:
-  explicit TruthProgress(std::FILE* out) : out_(out), terminal_(isatty(fileno(out)) == 1) {}
+  explicit ReferenceProgress(std::FILE* out) : out_(out), terminal_(isatty(fileno(out)) == 1) {}
 
   void operator()(double done, double remaining_s) {
     if (!terminal_ && done < next_) {
       return;
     }
     next_ += 0.25;
-    std::fprintf(out_, "%sOff-line forces: %3.0f %%, %2.0f s left (Ctrl-C skips them)%s",
+    std::fprintf(out_, "%sReference forces: %3.0f %%, %2.0f s left (Ctrl-C skips them)%s",
                  terminal_ ? "\r" : "", 100.0 * done, remaining_s,
                  terminal_ && done < 1.0 ? " " : "\n");
     std::fflush(out_);
@@ -101,38 +102,38 @@ void judge(const RunOptions& options, const std::vector<std::string>& names,
            const std::string& why_not, const std::optional<servo::FirstContact>& contact,
            std::FILE* out, ContactCycles& cycles, RunSummary& summary) {
   if (!contact || cycles.records.size() < 2) {
-    summary.truth = "the tool never touched the object";
+    summary.reference = "the tool never touched the object";
     return;
   }
   if (!why_not.empty()) {
-    summary.truth = why_not;
+    summary.reference = why_not;
     return;
   }
   if (StopRequest::hurry()) {
-    summary.truth = why_truth_is_skipped();
+    summary.reference = why_reference_is_skipped();
     return;
   }
-  simulator::TruthOptions truth_options;
-  truth_options.scene = options.scene;
-  truth_options.contact_point_W = contact->point_W;
-  truth_options.cancel = &StopRequest::hurry();
-  truth_options.progress = TruthProgress(out);
+  simulator::ReferenceOptions reference_options;
+  reference_options.scene = options.scene;
+  reference_options.contact_point_W = contact->point_W;
+  reference_options.cancel = &StopRequest::hurry();
+  reference_options.progress = ReferenceProgress(out);
   std::vector<double> times_s;
   for (std::size_t i = 0; i < cycles.records.size(); ++i) {
     times_s.push_back(cycles.time_s(i));
   }
-  const simulator::TruthResult truth =
-      solve_offline_forces(options.solver, cycles.positions_W, times_s, truth_options);
-  if (truth.cancelled) {
-    summary.truth = why_truth_is_skipped();
+  const simulator::ReferenceSolution reference =
+      solve_reference_forces(options.solver, cycles.positions_W, times_s, reference_options);
+  if (reference.cancelled) {
+    summary.reference = why_reference_is_skipped();
     return;
   }
-  cycles.truth_W = truth.forces_W;
-  summary.truth = "computed";
-  summary.truth_details = truth.to_json();
-  if (truth.unconverged > 0) {
-    summary.notes.push_back(std::to_string(truth.unconverged) +
-                            " off-line forces did not reach their tolerance");
+  cycles.reference_W = reference.forces_W;
+  summary.reference = "computed";
+  summary.reference_details = reference.to_json();
+  if (reference.unconverged > 0) {
+    summary.notes.push_back(std::to_string(reference.unconverged) +
+                            " reference forces did not reach their tolerance");
   }
   add_errors(summary, names, cycles);
 }
@@ -143,8 +144,8 @@ std::vector<FigureRow> figure_rows(const ContactCycles& cycles, std::size_t meth
     FigureRow row;
     row.time_s = cycles.time_s(i);
     row.position_W_m = cycles.records[i]->touching_W_m;
-    if (!cycles.truth_W.empty()) {
-      row.truth_W_N = servo::triple(cycles.truth_W[i]);
+    if (!cycles.reference_W.empty()) {
+      row.reference_W_N = servo::triple(cycles.reference_W[i]);
     }
     for (std::size_t method = 0; method < methods; ++method) {
       row.method_W_N.push_back(cycles.records[i]->method_force_W_N[method]);

@@ -16,13 +16,13 @@
 
 namespace forcegrid::cli {
 
-/// The cycles since the tool first touched, those of faults left out, and the off-line forces
+/// The cycles since the tool first touched, those of faults left out, and the reference forces
 /// there.
 struct ContactCycles {
   std::int64_t contact_ns = 0;  ///< CLOCK_MONOTONIC
   std::vector<const servo::CycleRecord*> records;
   std::vector<Eigen::Vector3d> positions_W;  ///< [m] one a record
-  std::vector<Eigen::Vector3d> truth_W;      ///< [N] one a record; empty: not computed
+  std::vector<Eigen::Vector3d> reference_W;  ///< [N] one a record; empty: not computed
 
   [[nodiscard]] double time_s(std::size_t i) const {
     return 1e-9 * static_cast<double>(records[i]->time_ns - contact_ns);
@@ -37,7 +37,7 @@ ContactCycles cycles_since(const std::optional<servo::FirstContact>& contact,
 /// Solves the object off line along the cycles' path, and says in the summary how far each method
 /// was from that; or says there why it did not. The progress goes to `out`.
 /// @param why_not  what speaks against it; empty: nothing
-/// @throws std::exception from the solver, see simulator::offline_forces().
+/// @throws std::exception from the solver, see simulator::reference_forces().
 void judge(const RunOptions& options, const std::vector<std::string>& names,
            const std::string& why_not, const std::optional<servo::FirstContact>& contact,
            std::FILE* out, ContactCycles& cycles, RunSummary& summary);

@@ -5,11 +5,11 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "cli/run/offline_forces.h"
+#include "cli/run/reference_forces.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
-#include "simulator/solver/direct_method.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/direct_method.h"
 
 namespace forcegrid::cli {
 namespace {

@@ -287,7 +287,7 @@ std::string workers_text(const nlohmann::json& simulator) {
 std::string errors_text(const RunSummary& summary) {
   std::string text;
   if (!summary.errors.empty()) {
-    append(text, "Off-line force F_o: RMS %.2f N, largest %.2f N\n", summary.force_rms_N,
+    append(text, "Reference force F_o: RMS %.2f N, largest %.2f N\n", summary.force_rms_N,
            summary.force_max_N);
     append(text,
            "Error against F_o, %% of its RMS:   whole   first 1 s   after 1 s   worst after 1 s\n");
@@ -297,7 +297,7 @@ std::string errors_text(const RunSummary& summary) {
              error.rms_percent_first_1s, error.rms_percent_after_1s, error.max_percent_after_1s);
     }
   } else {
-    text += "No errors against the off-line force: " + summary.truth + "\n";
+    text += "No errors against the reference force: " + summary.reference + "\n";
   }
   for (const std::string& file : summary.files) {
     text += "Wrote " + file + "\n";
@@ -386,12 +386,12 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
       {"errors", details},
       {"force_rms_N", summary.force_rms_N},
       {"force_max_N", summary.force_max_N},
-      {"truth", summary.truth},
+      {"truth", summary.reference},
       {"faults", faults},
       {"reconnects", recovered.size()},
       {"recovered_faults", recovered},
       {"recalibrations", summary.recalibrations},
-      {"encoder_doubts", outcome.encoder_doubts},
+      {"encoder_doubts", outcome.suspected_stuck_encoders},
       {"emergency_stop", servo::name_of(outcome.emergency)},
       {"passivity",
        {{"mode", summary.passivity},
@@ -441,7 +441,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
          {"sentence", servo::sentence_for(change.to, change.held_back)}});
   }
   result["uncertainty_mN"] = percentiles_json(statistics.uncertainty_mN);
-  result["truth_details"] = summary.truth_details.value_or(json());
+  result["truth_details"] = summary.reference_details.value_or(json());
   result["emulator"] = summary.emulator.value_or(json());
   result["simulator"] = summary.simulator.value_or(json());
   return result;

@@ -14,7 +14,7 @@
 
 namespace forcegrid::cli {
 
-/// How far one method was from the off-line force, in % of the RMS of |F_o| over the contact.
+/// How far one method was from the reference force, in % of the RMS of |F_o| over the contact.
 struct MethodError {
   double rms_percent = 0.0;           ///< whole contact
   double rms_percent_first_1s = 0.0;  ///< RMS of the first second of contact
@@ -59,8 +59,8 @@ struct RunSummary {
   std::map<std::string, MethodError> errors;
   double force_rms_N = 0.0;  ///< of |F_o|
   double force_max_N = 0.0;
-  std::string truth;  ///< "computed", or why it was not
-  std::optional<nlohmann::json> truth_details;
+  std::string reference;  ///< "computed", or why it was not
+  std::optional<nlohmann::json> reference_details;
   std::vector<std::string> files;
 };
 

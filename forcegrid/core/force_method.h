@@ -55,7 +55,7 @@ struct NamedCounter {
 enum class ChoiceReason : std::uint8_t {
   kFirst,            ///< it is the one that a method begins with
   kPredictedBetter,  ///< it has foretold the last samples better than the one before
-  kFoundWall,  ///< it alone explains the force of a second object that the tool came up against
+  kFoundWall,     ///< it alone explains the force of a second object that the tool came up against
   kFirstTouches,  ///< a contact begins, and it has known the first instants of others best
   kRemembers,     ///< the tool goes where it was long ago
   kKnownPlace,    ///< a contact begins where another one was

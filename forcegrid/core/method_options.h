@@ -2,9 +2,9 @@
 
 #include <optional>
 
-#include "forcegrid/core/candle_light.h"
 #include "forcegrid/core/grid_geometry.h"
 #include "forcegrid/core/interpolation.h"
+#include "forcegrid/core/radial_weight.h"
 
 namespace forcegrid {
 
@@ -21,7 +21,7 @@ struct MethodOptions {
   GridGeometry grid;  ///< workspace and cells of the grid methods
 
   double influence_radius_m = 0.0;   ///< r; 0: a sixth of the workspace's x extent
-  double unit_m = 1e-3;              ///< L of the paper's weight, see CandleLight
+  double unit_m = 1e-3;              ///< L of the paper's weight, see RadialWeight
   std::optional<WeightKind> weight;  ///< forcegrid: paper; forcegrid-mls: idw4; -tangent: idw6
   int samples_per_cell = 0;          ///< the paper's s; 0: no threshold
   Interpolation interpolation = Interpolation::kTrilinear;

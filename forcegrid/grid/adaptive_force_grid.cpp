@@ -6,7 +6,7 @@ namespace forcegrid {
 
 std::unique_ptr<ForceMethod> make_adaptive_force_grid(const GridPlan& plan) noexcept {
   using Grid = AdaptiveGrid;
-  return allocated_method<Grid>(plan, Grid(plan.geometry, plan.light, plan.counting(),
+  return allocated_method<Grid>(plan, Grid(plan.geometry, plan.weighting, plan.counting(),
                                            plan.interpolation, plan.instructions));
 }
 

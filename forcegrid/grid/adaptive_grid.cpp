@@ -4,8 +4,8 @@ namespace forcegrid {
 namespace {
 
 // The inverse powers' h is the spacing of the grid that they fill.
-CandleLight for_grid(const CandleLight& light, const GridGeometry& geometry) noexcept {
-  CandleLight result = light;
+RadialWeight for_grid(const RadialWeight& weighting, const GridGeometry& geometry) noexcept {
+  RadialWeight result = weighting;
   result.mean_spacing_m = std::cbrt(geometry.spacing_m().prod());
   return result;
 }
@@ -86,15 +86,16 @@ GridGeometry AdaptiveGrid::sparse_geometry(const GridGeometry& geometry) noexcep
   return sparse;
 }
 
-AdaptiveGrid::AdaptiveGrid(const GridGeometry& geometry, const CandleLight& light, bool counting,
-                           Interpolation interpolation, Instructions instructions) noexcept
-    : sparse_(sparse_geometry(geometry), for_grid(light, sparse_geometry(geometry)),
+AdaptiveGrid::AdaptiveGrid(const GridGeometry& geometry, const RadialWeight& weighting,
+                           bool counting, Interpolation interpolation,
+                           Instructions instructions) noexcept
+    : sparse_(sparse_geometry(geometry), for_grid(weighting, sparse_geometry(geometry)),
               DenseStorage<ForceSegment>(sparse_geometry(geometry).cells.array() + 1, counting),
               interpolation, instructions),
-      dense_(geometry, for_grid(light, geometry), WindowStorage(geometry.cells.array() + 1),
+      dense_(geometry, for_grid(weighting, geometry), WindowStorage(geometry.cells.array() + 1),
              interpolation, instructions, kLargestReach),
       inherited_share_(static_cast<float>(inherited_share(
-          light.kind,
+          weighting.kind,
           std::cbrt((geometry.spacing_m().array() / sparse_geometry(geometry).spacing_m().array())
                         .prod())))) {}
 

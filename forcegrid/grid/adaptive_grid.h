@@ -133,7 +133,7 @@ class AdaptiveGrid {
 
   /// @param geometry of the dense grid, as if it were everywhere. A cell that is counted is one of
   ///        the sparse grid.
-  AdaptiveGrid(const GridGeometry& geometry, const CandleLight& light, bool counting,
+  AdaptiveGrid(const GridGeometry& geometry, const RadialWeight& weighting, bool counting,
                Interpolation interpolation = Interpolation::kTrilinear,
                Instructions instructions = Instructions::kBest) noexcept;
 

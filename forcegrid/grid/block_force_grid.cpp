@@ -6,7 +6,7 @@ namespace forcegrid {
 std::unique_ptr<ForceMethod> make_block_force_grid(const GridPlan& plan) noexcept {
   using Grid = ForceGrid<BlockStorage<ForceSegment>>;
   return allocated_method<Grid>(
-      plan, Grid(plan.geometry, plan.light,
+      plan, Grid(plan.geometry, plan.weighting,
                  BlockStorage<ForceSegment>(plan.geometry.cells.array() + 1, plan.counting(),
                                             plan.pool_blocks),
                  plan.interpolation, plan.instructions));

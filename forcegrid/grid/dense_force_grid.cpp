@@ -6,7 +6,7 @@ namespace forcegrid {
 std::unique_ptr<ForceMethod> make_dense_force_grid(const GridPlan& plan) noexcept {
   using Grid = ForceGrid<DenseStorage<ForceSegment>>;
   return allocated_method<Grid>(
-      plan, Grid(plan.geometry, plan.light,
+      plan, Grid(plan.geometry, plan.weighting,
                  DenseStorage<ForceSegment>(plan.geometry.cells.array() + 1, plan.counting()),
                  plan.interpolation, plan.instructions));
 }

@@ -7,7 +7,7 @@ namespace forcegrid {
 std::unique_ptr<ForceMethod> make_dense_mls_grid(const GridPlan& plan) noexcept {
   using Grid = MlsGrid<DenseStorage<MomentSegment>>;
   return allocated_method<Grid>(
-      plan, Grid(plan.geometry, plan.light, plan.ridge,
+      plan, Grid(plan.geometry, plan.weighting, plan.ridge,
                  DenseStorage<MomentSegment>(plan.geometry.cells.array() + 1, plan.counting()),
                  plan.instructions));
 }

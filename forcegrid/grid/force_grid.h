@@ -24,11 +24,12 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
   using Fill = typename Base::Fill;
 
   /// @param largest_reach vertices an axis beyond which a fill need not reach.
-  ForceGrid(const GridGeometry& geometry, const CandleLight& light, Storage&& storage,
+  ForceGrid(const GridGeometry& geometry, const RadialWeight& weighting, Storage&& storage,
             Interpolation interpolation = Interpolation::kTrilinear,
             Instructions instructions = Instructions::kBest,
             int largest_reach = std::numeric_limits<int>::max()) noexcept
-      : Base(geometry, light, largest_reach, spread_force_kernel(instructions), std::move(storage)),
+      : Base(geometry, weighting, largest_reach, spread_force_kernel(instructions),
+             std::move(storage)),
         interpolation_(interpolation) {
     for (int axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<std::size_t>(axis);

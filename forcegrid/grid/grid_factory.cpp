@@ -67,7 +67,7 @@ std::size_t choose_pool(const GridPlan& plan, int wanted) {
   const Eigen::Vector3i vertices = plan.geometry.cells.array() + 1;
   const std::size_t all = BlockStorage<Segment>::block_count(vertices);
   const std::size_t needed =
-      std::min(blocks_of_a_fill(plan.geometry, plan.light.influence_radius_m), all);
+      std::min(blocks_of_a_fill(plan.geometry, plan.weighting.influence_radius_m), all);
   std::size_t pool = static_cast<std::size_t>(wanted);
   if (wanted == 0) {
     const double block_bytes =
@@ -117,22 +117,22 @@ GridPlan plan_grid(GridMethodKind kind, const MethodOptions& options) {
   GridPlan plan;
   plan.name = name_of(kind);
   plan.geometry = options.grid;
-  plan.light.influence_radius_m = options.influence_radius();
-  plan.light.unit_m = options.unit_m;
-  plan.light.kind = options.weight.value_or(usual_weight(kind));
-  plan.light.mean_spacing_m = std::cbrt(options.grid.spacing_m().prod());
+  plan.weighting.influence_radius_m = options.influence_radius();
+  plan.weighting.unit_m = options.unit_m;
+  plan.weighting.kind = options.weight.value_or(usual_weight(kind));
+  plan.weighting.mean_spacing_m = std::cbrt(options.grid.spacing_m().prod());
   plan.interpolation = options.interpolation;
   plan.samples_per_cell = options.samples_per_cell;
   plan.requests = kind == GridMethodKind::kRequest;
   plan.stiffness = kind == GridMethodKind::kTangent;
   plan.ridge = options.ridge.value_or(plan.ridge);
 
-  const double r = plan.light.influence_radius_m;
+  const double r = plan.weighting.influence_radius_m;
   if (!(r > 0.0) || !std::isfinite(r)) {
     refuse("the influence radius r must be positive and finite");
   }
-  if (!(plan.light.unit_m > 0.0) || !std::isfinite(plan.light.unit_m) ||
-      r / plan.light.unit_m > kMaxUnits) {
+  if (!(plan.weighting.unit_m > 0.0) || !std::isfinite(plan.weighting.unit_m) ||
+      r / plan.weighting.unit_m > kMaxUnits) {
     refuse("the weight's unit of length must be finite and above a millionth of r");
   }
   if (plan.samples_per_cell < 0 || plan.samples_per_cell > 65535) {

@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "forcegrid/core/force_method.h"
-#include "forcegrid/grid/grid_plan.h"
 #include "forcegrid/core/method_options.h"
+#include "forcegrid/grid/grid_plan.h"
 
 namespace forcegrid {
 

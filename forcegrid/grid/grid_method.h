@@ -48,7 +48,7 @@ class GridMethod final : public ForceMethod {
         samples_per_cell_(plan.samples_per_cell),
         counting_(plan.counting()),
         grid_(std::move(grid)),
-        planner_(grid_.geometry(), plan.requests ? plan.light.influence_radius_m : 0.0) {}
+        planner_(grid_.geometry(), plan.requests ? plan.weighting.influence_radius_m : 0.0) {}
 
   bool allocated() const noexcept { return grid_.allocated() && planner_.allocated(); }
 

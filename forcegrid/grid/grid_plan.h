@@ -3,10 +3,10 @@
 #include <cstddef>
 #include <memory>
 
-#include "forcegrid/core/candle_light.h"
-#include "forcegrid/grid/force_grid.h"
 #include "forcegrid/core/force_method.h"
 #include "forcegrid/core/grid_geometry.h"
+#include "forcegrid/core/radial_weight.h"
+#include "forcegrid/grid/force_grid.h"
 #include "forcegrid/grid/spread_kernels.h"
 
 namespace forcegrid {
@@ -15,7 +15,7 @@ namespace forcegrid {
 struct GridPlan {
   const char* name = "";  ///< of the method; static text
   GridGeometry geometry;
-  CandleLight light;
+  RadialWeight weighting;
   Interpolation interpolation = Interpolation::kTrilinear;
   Instructions instructions = Instructions::kBest;
   int samples_per_cell = 0;     ///< s; 0: no threshold

@@ -27,10 +27,10 @@ class MlsGrid : public SpreadingGrid<Storage, MomentSegment> {
   using Fill = typename Base::Fill;
 
   /// @param ridge in units of r^2, above zero.
-  MlsGrid(const GridGeometry& geometry, const CandleLight& light, double ridge, Storage&& storage,
-          Instructions instructions = Instructions::kBest) noexcept
-      : Base(geometry, light, std::numeric_limits<int>::max(), spread_moments_kernel(instructions),
-             std::move(storage)),
+  MlsGrid(const GridGeometry& geometry, const RadialWeight& weighting, double ridge,
+          Storage&& storage, Instructions instructions = Instructions::kBest) noexcept
+      : Base(geometry, weighting, std::numeric_limits<int>::max(),
+             spread_moments_kernel(instructions), std::move(storage)),
         ridge_(ridge),
         fit_corners_(fit_corners_kernel(instructions)) {}
 

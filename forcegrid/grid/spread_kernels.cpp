@@ -245,25 +245,25 @@ void best_fit_corners(const CornerMoments& corners, double ridge, CornerForces& 
 
 }  // namespace
 
-SpreadConstants spread_constants(const CandleLight& light, double spacing_z_m) noexcept {
+SpreadConstants spread_constants(const RadialWeight& weighting, double spacing_z_m) noexcept {
   SpreadConstants constants;
-  const double r = light.influence_radius_m;
-  constants.kind = light.kind;
+  const double r = weighting.influence_radius_m;
+  constants.kind = weighting.kind;
   constants.radius2_m2 = static_cast<float>(r * r);
   constants.inverse_radius_per_m = static_cast<float>(1.0 / r);
   constants.spacing_z_m = static_cast<float>(spacing_z_m);
-  switch (light.kind) {
+  switch (weighting.kind) {
     case WeightKind::kPaper: {
-      const double in_units = r / light.unit_m;
-      constants.inverse_scale_per_m = static_cast<float>(1.0 / light.unit_m);
+      const double in_units = r / weighting.unit_m;
+      constants.inverse_scale_per_m = static_cast<float>(1.0 / weighting.unit_m);
       constants.slope = static_cast<float>(1.0 / (in_units * (1.0 + in_units * in_units)));
       break;
     }
     case WeightKind::kInverse4:
-      constants.inverse_scale_per_m = static_cast<float>(1.0 / light.mean_spacing_m);
+      constants.inverse_scale_per_m = static_cast<float>(1.0 / weighting.mean_spacing_m);
       break;
     case WeightKind::kInverse6:
-      constants.inverse_scale_per_m = static_cast<float>(2.0 / light.mean_spacing_m);
+      constants.inverse_scale_per_m = static_cast<float>(2.0 / weighting.mean_spacing_m);
       break;
   }
   return constants;

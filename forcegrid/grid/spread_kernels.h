@@ -3,7 +3,7 @@
 #include <array>
 #include <cstddef>
 
-#include "forcegrid/core/candle_light.h"
+#include "forcegrid/core/radial_weight.h"
 #include "forcegrid/grid/grid_segments.h"
 
 namespace forcegrid {
@@ -27,7 +27,7 @@ struct SpreadConstants {
   float spacing_z_m = 0.0F;
 };
 
-SpreadConstants spread_constants(const CandleLight& light, double spacing_z_m) noexcept;
+SpreadConstants spread_constants(const RadialWeight& weighting, double spacing_z_m) noexcept;
 
 /// A segment to be updated and where its first vertex is, seen from the sample.
 template <typename Segment>

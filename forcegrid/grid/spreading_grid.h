@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "forcegrid/core/buffer.h"
-#include "forcegrid/core/candle_light.h"
 #include "forcegrid/core/force_method.h"
 #include "forcegrid/core/grid_geometry.h"
+#include "forcegrid/core/radial_weight.h"
 #include "forcegrid/grid/grid_segments.h"
 #include "forcegrid/grid/spread_kernels.h"
 
@@ -159,16 +159,16 @@ class SpreadingGrid {
   Storage& storage() noexcept { return storage_; }
 
  protected:
-  SpreadingGrid(const GridGeometry& geometry, const CandleLight& light, int largest_reach,
+  SpreadingGrid(const GridGeometry& geometry, const RadialWeight& weighting, int largest_reach,
                 SpreadKernel<Segment> kernel, Storage&& storage) noexcept
       : geometry_(geometry),
         spacing_m_(geometry.spacing_m()),
         inverse_spacing_per_m_(spacing_m_.cwiseInverse()),
         last_segment_(geometry.cells.x(), geometry.cells.y(),
                       geometry.cells.z() / kSegmentVertices),
-        constants_(spread_constants(light, spacing_m_.z())),
+        constants_(spread_constants(weighting, spacing_m_.z())),
         kernel_(kernel),
-        neighbours_(neighbour_segments(geometry, light.influence_radius_m, largest_reach)),
+        neighbours_(neighbour_segments(geometry, weighting.influence_radius_m, largest_reach)),
         storage_(std::move(storage)) {}
 
   /// The position counted in cells from the lowest corner, axis by axis.

@@ -170,7 +170,7 @@ class Field {
 /// transient.
 ///
 /// Failure: kinks within l of the samples; forces that depend on more than position (the history
-/// features are for those that depend on the path, HingeField for kinks).
+/// features are for those that depend on the path, UnilateralConstraintField for kinks).
 /// Source: docs/kriging.md; Rasmussen and Williams, 2006, chapter 2.
 template <typename Real, int kMaxSamples, int kMaxStiffness>
 class DictionaryField : public Field {

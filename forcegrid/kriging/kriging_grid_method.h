@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "forcegrid/core/force_method.h"
-#include "forcegrid/kriging/kriging_method.h"
 #include "forcegrid/core/method_options.h"
+#include "forcegrid/kriging/kriging_method.h"
 #include "forcegrid/kriging/posterior_grid.h"
 
 namespace forcegrid {

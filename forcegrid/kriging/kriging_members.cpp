@@ -1,16 +1,16 @@
 #include <algorithm>
 #include <cmath>
 
-#include "forcegrid/kriging/contact_field.h"
-#include "forcegrid/kriging/kriging_hinge.h"
+#include "forcegrid/kriging/contact_indexed_field.h"
 #include "forcegrid/kriging/kriging_method.h"
 #include "forcegrid/kriging/kriging_store_field.h"
 #include "forcegrid/kriging/kriging_terms.h"
+#include "forcegrid/kriging/unilateral_constraint.h"
 
 namespace forcegrid {
 namespace {
 
-using kriging::ContactField;
+using kriging::ContactIndexedField;
 using kriging::DictionaryField;
 using kriging::FieldSettings;
 using kriging::RadialShape;
@@ -45,13 +45,13 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
       add_member(name(), settings, 0);
       break;
     case Kind::kHinge:
-      add_hinge_member(name(), settings);
+      add_constraint_member(name(), settings);
       break;
     case Kind::kStore:
       add_store_member(name(), settings);
       break;
     case Kind::kContact:
-      settings.samples = options.samples.value_or(ContactField::kMaxSamples);
+      settings.samples = options.samples.value_or(ContactIndexedField::kMaxSamples);
       add_contact_member(name(), settings);
       break;
     case Kind::kBank:
@@ -64,7 +64,7 @@ KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options)
       add_store_member("memory", settings);
       add_lag_member("unfinished", settings);
       add_relaxation_member("relaxing", settings);
-      settings.samples = ContactField::kMaxSamples;
+      settings.samples = ContactIndexedField::kMaxSamples;
       add_contact_member("places", settings);
       break;
   }
@@ -105,7 +105,7 @@ void KrigingMethod::add_bank(FieldSettings settings) {
   FieldSettings walls = settings;
   walls.nugget_N2 = kNugget_N2;
   walls.stiffness_samples = 0;
-  add_hinge_member("walls", walls);
+  add_constraint_member("walls", walls);
 }
 
 void KrigingMethod::add_member(const char* name, const FieldSettings& settings, int first_lag) {
@@ -127,10 +127,10 @@ void KrigingMethod::add_member(const char* name, const FieldSettings& settings, 
   members_.push_back(std::move(member));
 }
 
-void KrigingMethod::add_hinge_member(const char* name, const FieldSettings& settings) {
+void KrigingMethod::add_constraint_member(const char* name, const FieldSettings& settings) {
   names_[members_.size()] = name;
   Member member;
-  member.field = std::make_unique<kriging::HingeField<float>>(settings);
+  member.field = std::make_unique<kriging::UnilateralConstraintField<float>>(settings);
   member.handicap = kSpecialist;
   member.finds_walls = true;
   member.least_uncertainty_N = 0.5 * std::sqrt(settings.nugget_N2);
@@ -186,7 +186,7 @@ void KrigingMethod::add_contact_member(const char* name, FieldSettings settings)
   Member member;
   member.knows_places = true;
   member.handicap = kind_ == Kind::kAuto ? kLocal : 1.0;
-  member.field = std::make_unique<ContactField>(settings);
+  member.field = std::make_unique<ContactIndexedField>(settings);
   places_ = members_.size();
   members_.push_back(std::move(member));
 }

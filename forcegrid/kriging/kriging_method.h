@@ -24,7 +24,7 @@ namespace forcegrid {
 /// - `kriging-tangent`: the same, and the four newest samples' stiffness as data of the field's
 ///   derivative (sigma_J = 1 N/m + 0.2 %). Needs: force and stiffness; samples without are taken.
 /// - `kriging-hinge`: the same as `kriging`, and up to two second objects, walls that push back,
-///   learnt where the force has a kink (kriging::HingeField). Good as a member of a bank, risky
+///   learnt where the force has a kink (kriging::UnilateralConstraintField). Good as a member of a bank, risky
 ///   alone where surprises have other causes than walls. Needs: force; stiffness is not used.
 /// - `kriging-store`: one field as `kriging` over the 32 most useful of up to 8192 samples
 ///   (kriging::StoreField, kriging::SampleStore), which are exchanged as the tool moves. Needs:
@@ -49,7 +49,7 @@ namespace forcegrid {
 ///   times. Needs: force.
 ///
 /// - `kriging-contact`: one field with the contact point as a further coordinate
-///   (kriging::ContactField), nugget 1e-5 N^2, 47 samples: a place that was touched before, or
+///   (kriging::ContactIndexedField), nugget 1e-5 N^2, 47 samples: a place that was touched before, or
 ///   whose neighbourhood was, is known from the first cycle of a contact on. Needs: force and
 ///   contact point; while a contact is expected it asks for forces there. Where the contact point
 ///   is not finite, the first sample's position is taken for it.
@@ -223,7 +223,7 @@ class KrigingMethod final : public ForceMethod {
   };
 
   void add_member(const char* name, const kriging::FieldSettings& settings, int first_lag);
-  void add_hinge_member(const char* name, const kriging::FieldSettings& settings);
+  void add_constraint_member(const char* name, const kriging::FieldSettings& settings);
   void add_store_member(const char* name, const kriging::FieldSettings& settings);
   void add_lag_member(const char* name, const kriging::FieldSettings& settings);
   void add_relaxation_member(const char* name, const kriging::FieldSettings& settings);

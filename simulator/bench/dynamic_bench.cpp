@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "text/text.h"
+#include "simulator/bench/solver_bench.h"
+#include "simulator/mesh/error.h"
 #include "simulator/solver/dynamic_object.h"
 #include "simulator/solver/elastic_object.h"
-#include "simulator/mesh/error.h"
-#include "simulator/bench/solver_bench.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {

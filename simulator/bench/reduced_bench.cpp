@@ -4,12 +4,12 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "text/text.h"
 #include "rt/percentiles.h"
+#include "simulator/bench/solver_bench.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/reduced_object.h"
 #include "simulator/solver/reduced_training.h"
-#include "simulator/bench/solver_bench.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 

@@ -6,12 +6,12 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "text/text.h"
+#include "simulator/bench/solver_motion.h"
+#include "simulator/mesh/error.h"
 #include "simulator/solver/direct_method.h"
 #include "simulator/solver/elastic_object.h"
-#include "simulator/mesh/error.h"
 #include "simulator/touch/solver_choice.h"
-#include "simulator/bench/solver_motion.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {

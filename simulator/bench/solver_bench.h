@@ -8,8 +8,8 @@
 
 #include "simulator/bench/dynamic_bench.h"
 #include "simulator/bench/reduced_bench.h"
-#include "simulator/mesh/scene.h"
 #include "simulator/bench/solver_motion.h"
+#include "simulator/mesh/scene.h"
 
 namespace forcegrid::simulator {
 
@@ -77,7 +77,7 @@ struct SolverBenchResult {
   std::vector<std::string> remarks{};  ///< what was left out and why
 };
 
-/// Measures every solver on the scene against its converged solution: simulate_truth() for the
+/// Measures every solver on the scene against its converged solution: simulate_reference() for the
 /// motions (double precision, relative residual 1e-6), 1e-7 for the step of 10 mm upwards. All in
 /// one run, one after the other on the calling thread.
 /// Throws Error for a scene whose top can't be held, or motions without a counted tick.

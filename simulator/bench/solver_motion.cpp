@@ -6,11 +6,11 @@
 #include <memory>
 #include <utility>
 
-#include "text/text.h"
 #include "rt/percentiles.h"
 #include "simulator/mesh/error.h"
-#include "simulator/solver/newton_object.h"
-#include "simulator/reference/truth.h"
+#include "simulator/reference/reference_solution.h"
+#include "simulator/solver/newton_cg_baseline.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -72,13 +72,13 @@ SolverSubject elastic_subject(const Scene& scene, const SolverOptions& options,
 }
 
 SolverSubject newton_subject(const Scene& scene, double relative_tolerance) {
-  const auto object = std::make_shared<NewtonObject>(
-      scene.mesh, NewtonObject::Options{.relative_tolerance = relative_tolerance});
+  const auto object = std::make_shared<NewtonCgBaseline>(
+      scene.mesh, NewtonCgBaseline::Options{.relative_tolerance = relative_tolerance});
   require_held(object->grab(scene.mesh.top_W, scene.patch_radius_m), scene);
   const auto vertices = static_cast<double>(scene.mesh.rest_position_W.size());
   return {"newton_cg", "|r| " + text::number_text(relative_tolerance),
           [object, vertices](const Vector3d& displacement_W) {
-            const NewtonObject::Answer a = object->move_to(displacement_W);
+            const NewtonCgBaseline::Answer a = object->move_to(displacement_W);
             return SolverSubject::Answer{a.force_W, a.relative_residual,
                                          static_cast<double>(a.iterations), vertices, a.converged};
           }};
@@ -101,29 +101,29 @@ SolverSubject two_rates_subject(const Scene& scene, const TwoRatesOptions& optio
 }
 
 SolverMotion::SolverMotion(const Scene& scene, const std::vector<Vector3d>& displacements_W,
-                           double rate_Hz, double settling_s, int truth_every)
+                           double rate_Hz, double settling_s, int reference_every)
     : displacements_W_(displacements_W),
       rate_Hz_(rate_Hz),
       first_(static_cast<std::size_t>(std::lround(settling_s * rate_Hz))),
-      truth_every_(static_cast<std::size_t>(truth_every)) {
-  if (displacements_W.size() <= first_ || truth_every < 1) {
+      reference_every_(static_cast<std::size_t>(reference_every)) {
+  if (displacements_W.size() <= first_ || reference_every < 1) {
     throw Error("bench: " + std::to_string(displacements_W.size()) + " positions at " +
                 text::number_text(rate_Hz) + " Hz, compared every " +
-                std::to_string(truth_every) + "; give more than the " + std::to_string(first_) +
+                std::to_string(reference_every) + "; give more than the " + std::to_string(first_) +
                 " that settle, and compare every 1 or more");
   }
-  TruthOptions truth;
-  truth.contact_point_W = scene.mesh.top_W;
-  truth.patch_radius_m = scene.patch_radius_m;
+  ReferenceOptions reference;
+  reference.contact_point_W = scene.mesh.top_W;
+  reference.patch_radius_m = scene.patch_radius_m;
   std::vector<Vector3d> positions_W;
   // From rest on, so that the converged solver stays on the branch that the subjects come along.
-  for (std::size_t tick = first_ % truth_every_; tick < displacements_W.size();
-       tick += truth_every_) {
+  for (std::size_t tick = first_ % reference_every_; tick < displacements_W.size();
+       tick += reference_every_) {
     positions_W.push_back(scene.mesh.top_W + displacements_W[tick]);
   }
-  converged_W_ = simulate_truth(scene.mesh, positions_W, truth).forces_W;
+  converged_W_ = simulate_reference(scene.mesh, positions_W, reference).forces_W;
   converged_W_.erase(converged_W_.begin(),
-                     converged_W_.begin() + static_cast<std::ptrdiff_t>(first_ / truth_every_));
+                     converged_W_.begin() + static_cast<std::ptrdiff_t>(first_ / reference_every_));
   for (const Vector3d& force_W : converged_W_) {
     mean_square_N2_ += force_W.squaredNorm() / static_cast<double>(converged_W_.size());
   }
@@ -191,8 +191,9 @@ MotionRow SolverMotion::run(const SolverSubject& subject, std::vector<double>& t
     row.unconverged += answer.converged ? 0.0 : 1.0;
     row.whole_mean_ms += whole_ms;
     whole_solutions += whole_ms > 0.0 ? 1.0 : 0.0;
-    if ((tick - first_) % truth_every_ == 0) {
-      const double error_N = (answer.force_W - converged_W_[(tick - first_) / truth_every_]).norm();
+    if ((tick - first_) % reference_every_ == 0) {
+      const double error_N =
+          (answer.force_W - converged_W_[(tick - first_) / reference_every_]).norm();
       error_N2 += error_N * error_N / static_cast<double>(converged_W_.size());
       largest_N = std::max(largest_N, error_N);
     }

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/elastic_object.h"
 #include "simulator/solver/two_rates_object.h"
 
 namespace forcegrid::simulator {
@@ -59,16 +59,16 @@ struct MotionRow {
   double whole_mean_ms = 0.0;
 };
 
-/// A motion of a scene's tool, with the forces of the converged solver: simulate_truth(), double
-/// precision, relative residual 1e-6.
+/// A motion of a scene's tool, with the forces of the converged solver: simulate_reference(),
+/// double precision, relative residual 1e-6.
 class SolverMotion {
  public:
   /// @param displacements_W  [m] of the tool since it took hold of the top, the first near zero.
   /// @param settling_s  ticks before it are solved, but not counted.
-  /// @param truth_every  counted ticks from one comparison with the converged force to the next.
-  /// Throws Error for a motion without a counted tick, or truth_every < 1.
+  /// @param reference_every  counted ticks from one comparison with the converged force to the
+  /// next. Throws Error for a motion without a counted tick, or reference_every < 1.
   SolverMotion(const Scene& scene, const std::vector<Eigen::Vector3d>& displacements_W,
-               double rate_Hz, double settling_s, int truth_every = 1);
+               double rate_Hz, double settling_s, int reference_every = 1);
 
   /// Takes the subject through it, which must be new.
   MotionRow measure(const SolverSubject& subject) const;
@@ -86,8 +86,8 @@ class SolverMotion {
   std::vector<Eigen::Vector3d> displacements_W_;
   double rate_Hz_;
   std::size_t first_;
-  std::size_t truth_every_;
-  std::vector<Eigen::Vector3d> converged_W_;  // at first_, first_ + truth_every_, ...
+  std::size_t reference_every_;
+  std::vector<Eigen::Vector3d> converged_W_;  // at first_, first_ + reference_every_, ...
   double mean_square_N2_ = 0.0;
 };
 

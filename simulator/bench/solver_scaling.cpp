@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "simulator/solver/direct_method.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
+#include "simulator/solver/direct_method.h"
 #include "simulator/touch/solver_choice.h"
 
 namespace forcegrid::simulator {
@@ -25,7 +25,7 @@ void measure(const Scene& scene, bool block, const SolverScalingOptions& options
   };
   say("converged forces");
   const SolverMotion motion(scene, options.displacements_W, options.rate_Hz, options.settling_s,
-                            options.truth_every);
+                            options.reference_every);
   const auto add = [&](SolverSubject subject, const std::string& name) {
     subject.name = name;
     rows.push_back(

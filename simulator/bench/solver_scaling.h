@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "simulator/mesh/scene.h"
 #include "simulator/bench/solver_motion.h"
+#include "simulator/mesh/scene.h"
 
 namespace forcegrid::simulator {
 
@@ -20,8 +20,8 @@ struct SolverScalingOptions {
   /// the first near zero.
   std::vector<Eigen::Vector3d> displacements_W;
   double rate_Hz = 500.0;
-  double settling_s = 0.5;  ///< cycles before it are solved, but not counted
-  int truth_every = 10;     ///< cycles from one comparison with the converged force to the next
+  double settling_s = 0.5;   ///< cycles before it are solved, but not counted
+  int reference_every = 10;  ///< cycles from one comparison with the converged force to the next
   std::function<void(const std::string&)> say;  ///< what is being measured; may be empty
 };
 

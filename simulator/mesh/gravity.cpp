@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "text/text.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/rest_surface.h"
 #include "simulator/mesh/vertex_masses.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {

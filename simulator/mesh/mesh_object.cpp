@@ -8,10 +8,10 @@
 #include <set>
 #include <utility>
 
-#include "text/text.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/rest_surface.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -10,10 +10,10 @@
 #include <string>
 #include <utility>
 
-#include "text/text.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/rest_surface.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -5,15 +5,15 @@
 #include <limits>
 #include <optional>
 
-#include "text/data_folder.h"
-#include "text/nearest_name.h"
-#include "text/text.h"
-#include "text/toml_table.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/gravity.h"
 #include "simulator/mesh/scene_object.h"
 #include "simulator/mesh/scene_tool.h"
 #include "simulator/mesh/vertex_masses.h"
+#include "text/data_folder.h"
+#include "text/nearest_name.h"
+#include "text/text.h"
+#include "text/toml_table.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -26,7 +26,7 @@ constexpr NumberRange kPatchRadius_m{1e-4, 0.5, "a radius in metres from 0.0001 
 
 const text::DataFolder& scene_folder() {
   static const text::DataFolder folder{"FORCEGRID_SCENE_PATH", "scenes",
-                                           FORCEGRID_SCENE_SOURCE_DIR};
+                                       FORCEGRID_SCENE_SOURCE_DIR};
   return folder;
 }
 
@@ -70,8 +70,7 @@ void check_patch(const TomlTable& root, const Scene& scene) {
   if (!scene.tool.slides() && nearest_m > scene.patch_radius_m) {
     root.refuse("patch_radius_m",
                 "it is " + text::number_text(scene.patch_radius_m) +
-                    ", and the nearest vertex that can move is " +
-                    text::number_text(nearest_m) +
+                    ", and the nearest vertex that can move is " + text::number_text(nearest_m) +
                     " m from the top, so that a tool would take hold of nothing there",
                 "write more than that");
   }

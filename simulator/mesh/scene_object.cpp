@@ -5,12 +5,12 @@
 #include <optional>
 #include <utility>
 
-#include "text/nearest_name.h"
-#include "text/text.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/mesh_object.h"
 #include "simulator/mesh/organ_surface.h"
+#include "text/nearest_name.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "text/toml_table.h"
 #include "simulator/mesh/spring_mesh.h"
 #include "simulator/mesh/vertex_masses.h"
+#include "text/toml_table.h"
 
 namespace forcegrid::simulator {
 

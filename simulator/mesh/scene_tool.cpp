@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "contact/tool_shape.h"
+#include "simulator/mesh/error.h"
 #include "text/nearest_name.h"
 #include "text/text.h"
-#include "simulator/mesh/error.h"
 
 namespace forcegrid::simulator {
 namespace {

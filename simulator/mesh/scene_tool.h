@@ -1,7 +1,7 @@
 #pragma once
 
-#include "text/toml_table.h"
 #include "simulator/mesh/tool_options.h"
+#include "text/toml_table.h"
 
 namespace forcegrid::simulator {
 

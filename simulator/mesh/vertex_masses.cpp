@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <string>
 
-#include "text/text.h"
 #include "simulator/mesh/error.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/error.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 namespace {

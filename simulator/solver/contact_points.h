@@ -6,9 +6,9 @@
 
 #include "contact/surface_tree.h"
 #include "contact/tool_shape.h"
+#include "simulator/mesh/surface_points.h"
 #include "simulator/solver/contact_law.h"
 #include "simulator/solver/pressed_springs.h"
-#include "simulator/mesh/surface_points.h"
 
 namespace forcegrid::simulator {
 

@@ -4,8 +4,8 @@
 #include <thread>
 
 #include "forcegrid/core/force_method.h"
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <string>
 
-#include "text/text.h"
 #include "simulator/kernels/dynamic_kernels.h"
-#include "simulator/mesh/error.h"
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
+#include "simulator/mesh/error.h"
+#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -27,8 +27,7 @@ Double4 all(double value) { return Double4{value, value, value, value}; }
 void check_options(const DynamicOptions& options) {
   const auto positive = [](double value, const char* name) {
     if (!(value > 0.0) || !std::isfinite(value)) {
-      throw Error(kWho + name + " is " + text::number_text(value) +
-                  "; it must be finite and > 0");
+      throw Error(kWho + name + " is " + text::number_text(value) + "; it must be finite and > 0");
     }
   };
   positive(options.step_s, "step_s");

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <utility>
 
-#include "simulator/solver/carried_state.h"
-#include "simulator/solver/energy_descent.h"
 #include "simulator/mesh/error.h"
+#include "simulator/solver/energy_descent.h"
 #include "simulator/solver/region_schedule.h"
+#include "simulator/solver/state_with_sensitivities.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -80,7 +80,7 @@ class ElasticObject<Real>::Implementation {
     check(changed);
     options_ = changed;
   }
-  const CarriedState<Real>& state() const noexcept { return state_; }
+  const StateWithSensitivities<Real>& state() const noexcept { return state_; }
   std::size_t memory_bytes() const noexcept {
     return sizeof *this - sizeof state_ + state_.memory_bytes() +
            correction_m_.capacity() * sizeof(Eigen::Vector3f) +
@@ -141,7 +141,7 @@ class ElasticObject<Real>::Implementation {
     }
     return vertices;
   }
-  CarriedState<Real>& state() noexcept { return state_; }
+  StateWithSensitivities<Real>& state() noexcept { return state_; }
 
   std::vector<Eigen::Vector3d> positions_W() const {
     std::vector<Eigen::Vector3d> positions;
@@ -382,7 +382,7 @@ class ElasticObject<Real>::Implementation {
   }
 
   SolverOptions options_;
-  CarriedState<Real> state_;
+  StateWithSensitivities<Real> state_;
   RegionSchedule schedule_;
   std::vector<std::int32_t> mesh_patch_;       // in the mesh's numbering
   std::vector<Eigen::Vector3f> correction_m_;  // for leave_branch()
@@ -469,7 +469,7 @@ const std::vector<std::int32_t>& ElasticObject<Real>::patch() const noexcept {
 }
 template <typename Real>
 Eigen::Matrix3d ElasticObject<Real>::sensitivity(std::size_t vertex) const {
-  const CarriedState<Real>& state = implementation_->state();
+  const StateWithSensitivities<Real>& state = implementation_->state();
   return state.sensitivity(state.own_number(vertex));
 }
 

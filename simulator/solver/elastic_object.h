@@ -100,7 +100,7 @@ struct Neighbourhood {
 /// conjugate gradients with a step length a lane.
 ///
 /// Real is the precision of positions, forces and residual: float for the 30 Hz simulator (residual
-/// down to about 1e-5 of a newton), double for the off-line force. Corrections and S are single
+/// down to about 1e-5 of a newton), double for the reference force. Corrections and S are single
 /// precision in both; in double, repeated corrections still converge to double's accuracy.
 ///
 /// Real-time: no allocation after construction except in grab(); bounded by SolverOptions.

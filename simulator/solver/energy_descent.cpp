@@ -16,7 +16,7 @@ constexpr double kAnySensitivity_N_per_m = 1e30;
 // Moves along the correction, at first by `scale` of it and then half as far each time, until the
 // energy is below `energy_J`, which becomes that; or else back to the saved state.
 template <typename Real>
-bool search(CarriedState<Real>& state, const std::vector<Eigen::Vector3f>& correction_m,
+bool search(StateWithSensitivities<Real>& state, const std::vector<Eigen::Vector3f>& correction_m,
             double scale, double& energy_J) noexcept {
   const std::size_t vertices = state.vertex_count();
   for (int trial = 0; trial < kMaxLineSearchTrials; ++trial) {
@@ -40,8 +40,8 @@ bool search(CarriedState<Real>& state, const std::vector<Eigen::Vector3f>& corre
 }  // namespace
 
 template <typename Real>
-EnergyDescent descend_in_energy(CarriedState<Real>& state, int max_steps, double relative_tolerance,
-                                double force_floor_N,
+EnergyDescent descend_in_energy(StateWithSensitivities<Real>& state, int max_steps,
+                                double relative_tolerance, double force_floor_N,
                                 std::vector<Eigen::Vector3f>& correction_m) noexcept {
   EnergyDescent spent;
   state.restore_under_tool();
@@ -75,9 +75,9 @@ EnergyDescent descend_in_energy(CarriedState<Real>& state, int max_steps, double
   return spent;
 }
 
-template EnergyDescent descend_in_energy(CarriedState<float>&, int, double, double,
+template EnergyDescent descend_in_energy(StateWithSensitivities<float>&, int, double, double,
                                          std::vector<Eigen::Vector3f>&) noexcept;
-template EnergyDescent descend_in_energy(CarriedState<double>&, int, double, double,
+template EnergyDescent descend_in_energy(StateWithSensitivities<double>&, int, double, double,
                                          std::vector<Eigen::Vector3f>&) noexcept;
 
 }  // namespace forcegrid::simulator

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "simulator/solver/carried_state.h"
+#include "simulator/solver/state_with_sensitivities.h"
 
 namespace forcegrid::simulator {
 
@@ -20,13 +20,13 @@ struct EnergyDescent {
 /// state. The region must be the whole object.
 /// @param correction_m  scratch, one a vertex.
 template <typename Real>
-EnergyDescent descend_in_energy(CarriedState<Real>& state, int max_steps, double relative_tolerance,
-                                double force_floor_N,
+EnergyDescent descend_in_energy(StateWithSensitivities<Real>& state, int max_steps,
+                                double relative_tolerance, double force_floor_N,
                                 std::vector<Eigen::Vector3f>& correction_m) noexcept;
 
-extern template EnergyDescent descend_in_energy(CarriedState<float>&, int, double, double,
+extern template EnergyDescent descend_in_energy(StateWithSensitivities<float>&, int, double, double,
                                                 std::vector<Eigen::Vector3f>&) noexcept;
-extern template EnergyDescent descend_in_energy(CarriedState<double>&, int, double, double,
-                                                std::vector<Eigen::Vector3f>&) noexcept;
+extern template EnergyDescent descend_in_energy(StateWithSensitivities<double>&, int, double,
+                                                double, std::vector<Eigen::Vector3f>&) noexcept;
 
 }  // namespace forcegrid::simulator

@@ -6,8 +6,8 @@
 #include <limits>
 #include <string>
 
-#include "simulator/solver/contact_points.h"
 #include "simulator/mesh/error.h"
+#include "simulator/solver/contact_points.h"
 #include "simulator/solver/pressed_springs.h"
 
 namespace forcegrid::simulator {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "contact/tool_shape.h"
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 

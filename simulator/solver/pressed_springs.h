@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "simulator/solver/contact_law.h"
 #include "simulator/kernels/spring_kernels.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/contact_law.h"
 
 namespace forcegrid::simulator {
 

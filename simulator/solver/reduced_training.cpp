@@ -8,10 +8,10 @@
 #include <string>
 #include <utility>
 
-#include "simulator/mesh/error.h"
 #include "simulator/kernels/kernel_support.h"
-#include "simulator/solver/sparse_weights.h"
 #include "simulator/kernels/spring_table.h"
+#include "simulator/mesh/error.h"
+#include "simulator/solver/sparse_weights.h"
 
 namespace forcegrid::simulator {
 namespace {

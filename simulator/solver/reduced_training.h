@@ -6,9 +6,9 @@
 #include <optional>
 #include <vector>
 
+#include "simulator/mesh/spring_mesh.h"
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/reduced_model.h"
-#include "simulator/mesh/spring_mesh.h"
 
 namespace forcegrid::simulator {
 

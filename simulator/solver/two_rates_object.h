@@ -7,8 +7,8 @@
 #include <thread>
 #include <vector>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "simulator/mesh/error.h"
-#include "simulator/touch/timed_object.h"
+#include "simulator/touch/time_stepped_object.h"
 #include "simulator/touch/tool_path.h"
 
 namespace forcegrid::simulator {
@@ -57,7 +57,7 @@ class StickingInTime final : public ToolContact {
   }
 
   void reset() noexcept override {
-    TimedObject timed{object_};
+    TimeSteppedObject timed{object_};
     contact_.reset(timed);
     object_.rest();
     path_.clear();
@@ -84,7 +84,7 @@ class StickingInTime final : public ToolContact {
   }
 
   Answer step(double duration_s, const Eigen::Vector3d& position_W) {
-    TimedObject timed{object_, duration_s};
+    TimeSteppedObject timed{object_, duration_s};
     const bool touched_before = contact_.in_contact();
     if (!touched_before) {
       object_.advance(timed.left_s, Eigen::Vector3d::Zero());

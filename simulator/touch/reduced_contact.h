@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "simulator/solver/reduced_object.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/reduced_object.h"
 #include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::simulator {

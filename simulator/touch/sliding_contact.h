@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "simulator/solver/pressed_object.h"
 #include "simulator/mesh/rest_surface.h"
+#include "simulator/solver/pressed_object.h"
 #include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::simulator {

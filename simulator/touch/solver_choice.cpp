@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "simulator/mesh/error.h"
+#include "simulator/solver/direct_method.h"
 #include "text/nearest_name.h"
 #include "text/text.h"
-#include "simulator/solver/direct_method.h"
-#include "simulator/mesh/error.h"
 
 namespace forcegrid::simulator {
 namespace {

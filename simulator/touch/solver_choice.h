@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "simulator/mesh/vertex_masses.h"
 #include "simulator/solver/dynamic_object.h"
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/two_rates_object.h"
-#include "simulator/mesh/vertex_masses.h"
 
 namespace forcegrid::simulator {
 

@@ -5,8 +5,8 @@
 
 #include "simulator/mesh/error.h"
 #include "simulator/solver/reduced_object.h"
-#include "simulator/touch/timed_object.h"
 #include "simulator/solver/two_rates_object.h"
+#include "simulator/touch/time_stepped_object.h"
 
 namespace forcegrid::simulator {
 
@@ -115,12 +115,12 @@ void StickyContact::reset(Object& object) noexcept {
 template StickyContact::Answer StickyContact::step(ReducedObject&, const Eigen::Vector3d&);
 template void StickyContact::release(ReducedObject&) noexcept;
 template void StickyContact::reset(ReducedObject&) noexcept;
-template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
+template StickyContact::Answer StickyContact::step(TimeSteppedObject&, const Eigen::Vector3d&);
 template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
 template void StickyContact::release(TwoRatesObject&) noexcept;
 template void StickyContact::reset(TwoRatesObject&) noexcept;
-template void StickyContact::release(TimedObject&) noexcept;
-template void StickyContact::reset(TimedObject&) noexcept;
+template void StickyContact::release(TimeSteppedObject&) noexcept;
+template void StickyContact::reset(TimeSteppedObject&) noexcept;
 template StickyContact::Answer StickyContact::step(ElasticObject<float>&, const Eigen::Vector3d&);
 template StickyContact::Answer StickyContact::step(ElasticObject<double>&, const Eigen::Vector3d&);
 template void StickyContact::release(ElasticObject<float>&) noexcept;

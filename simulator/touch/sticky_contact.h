@@ -6,14 +6,14 @@
 
 #include "contact/surface_tree.h"
 #include "contact/tool_shape.h"
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/rest_surface.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 
 class ReducedObject;
-struct TimedObject;
+struct TimeSteppedObject;
 class TwoRatesObject;
 
 struct ContactOptions {
@@ -37,7 +37,7 @@ struct ContactOptions {
 /// inside the object must leave it before it can touch: it never came through the surface.
 ///
 /// Objects are an ElasticObject, a TwoRatesObject, a ReducedObject or, where time counts, a
-/// TimedObject. Threads: one.
+/// TimeSteppedObject. Threads: one.
 class StickyContact {
  public:
   /// Throws Error for options out of range.
@@ -96,12 +96,13 @@ class StickyContact {
 extern template StickyContact::Answer StickyContact::step(ReducedObject&, const Eigen::Vector3d&);
 extern template void StickyContact::release(ReducedObject&) noexcept;
 extern template void StickyContact::reset(ReducedObject&) noexcept;
-extern template StickyContact::Answer StickyContact::step(TimedObject&, const Eigen::Vector3d&);
+extern template StickyContact::Answer StickyContact::step(TimeSteppedObject&,
+                                                          const Eigen::Vector3d&);
 extern template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
 extern template void StickyContact::release(TwoRatesObject&) noexcept;
 extern template void StickyContact::reset(TwoRatesObject&) noexcept;
-extern template void StickyContact::release(TimedObject&) noexcept;
-extern template void StickyContact::reset(TimedObject&) noexcept;
+extern template void StickyContact::release(TimeSteppedObject&) noexcept;
+extern template void StickyContact::reset(TimeSteppedObject&) noexcept;
 extern template StickyContact::Answer StickyContact::step(ElasticObject<float>&,
                                                           const Eigen::Vector3d&);
 extern template StickyContact::Answer StickyContact::step(ElasticObject<double>&,

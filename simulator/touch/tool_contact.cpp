@@ -2,9 +2,9 @@
 
 #include "contact/error.h"
 #include "simulator/mesh/error.h"
+#include "simulator/solver/two_rates_object.h"
 #include "simulator/touch/sliding_contact.h"
 #include "simulator/touch/sticking_tool.h"
-#include "simulator/solver/two_rates_object.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -6,12 +6,12 @@
 #include <memory>
 #include <optional>
 
+#include "simulator/mesh/scene.h"
+#include "simulator/mesh/tool_options.h"
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/reduced_use.h"
-#include "simulator/mesh/scene.h"
-#include "simulator/touch/sticky_contact.h"
-#include "simulator/mesh/tool_options.h"
 #include "simulator/solver/two_rates_object.h"
+#include "simulator/touch/sticky_contact.h"
 
 namespace forcegrid::simulator {
 

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/elastic_object.h"
 #include "simulator/touch/sticky_contact.h"
 
 namespace forcegrid::simulator {

@@ -13,8 +13,8 @@ struct WorkerOptions {
   std::string connect;          ///< "tcp://ADDR:PORT" of a simulator's --workers
   std::string key_file;         ///< the simulator's
   std::string scene = "block";  ///< the simulator's
-  SolverOptions solver;  ///< but for what the simulator's welcome says
-  int nice = 10;  ///< of the calling thread: servo, emulator and simulator go first
+  SolverOptions solver;         ///< but for what the simulator's welcome says
+  int nice = 10;                ///< of the calling thread: servo, emulator and simulator go first
 };
 
 /// Answers queries for a simulator until it is told to stop; goes on when the simulator was away.

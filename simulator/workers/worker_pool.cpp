@@ -9,7 +9,7 @@
 
 #include "link/address.h"
 #include "rt/thread.h"
-#include "simulator/workers/curve_door.h"
+#include "simulator/workers/curve_authenticator.h"
 #include "simulator/workers/worker_socket.h"
 
 namespace forcegrid::simulator {
@@ -65,7 +65,7 @@ struct WorkerPool::State {
         const SolverOptions& solver)
       : object(std::move(wanted)),
         welcome(welcome_text(solver)),
-        door(context, key),
+        authenticator(context, key),
         random(seed) {}
 
   void take(const std::string& identity, const std::string& text, rt::TimePoint now);
@@ -86,7 +86,7 @@ struct WorkerPool::State {
   ObjectDigest object;
   std::string welcome;
   zmq::context_t context{1};
-  CurveDoor door;
+  CurveAuthenticator authenticator;
   zmq::socket_t router{context, zmq::socket_type::router};
   std::vector<Worker> workers;
   std::vector<WorkerRecord> former;
@@ -294,7 +294,7 @@ void WorkerPool::wait(rt::TimePoint until) {
 }
 
 void WorkerPool::poll(rt::TimePoint now) {
-  state_->door.answer();
+  state_->authenticator.answer();
   for (int i = 0; i < kMaxMessagesPerPoll; ++i) {
     const auto frames = receive(state_->router);
     if (!frames) {
@@ -373,7 +373,7 @@ void WorkerPool::forget_jobs() {
 
 WorkerStatistics WorkerPool::statistics() const {
   WorkerStatistics statistics = state_->statistics;
-  statistics.strangers = state_->door.strangers();
+  statistics.strangers = state_->authenticator.strangers();
   statistics.workers = state_->former;
   for (const Worker& worker : state_->workers) {
     if (statistics.workers.size() < WorkerStatistics::kMaxRecords) {

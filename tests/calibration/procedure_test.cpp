@@ -53,12 +53,12 @@ struct Wrong {
   std::array<std::int32_t, 3> counter_error{};
 };
 
-Wrong wrong_about(const profiles::DeviceProfile& truth, unsigned seed) {
+Wrong wrong_about(const profiles::DeviceProfile& reference, unsigned seed) {
   std::mt19937 random(seed);
   const auto within = [&](double low, double high) {
     return low + (high - low) * static_cast<double>(random()) / std::mt19937::max();
   };
-  Wrong wrong{truth, {}};
+  Wrong wrong{reference, {}};
   for (std::size_t i = 0; i < 3; ++i) {
     wrong.profile.motors.torque_constant_Nm_per_A[i] *= random() % 2 == 0 ? 1.2 : 0.8;
     wrong.profile.dynamics.coulomb_friction_Nm[i] *= within(0.5, 2.0);
@@ -81,11 +81,11 @@ class ArmProcedure : public ::testing::TestWithParam<Case> {};
 TEST_P(ArmProcedure, FindsTorqueConstantsFrictionAndOffsetsOfAWrongProfile) {
   const Case& c = GetParam();
   SCOPED_TRACE(std::string(c.device) + ", seed " + std::to_string(c.seed));
-  const auto truth = profiles::load_device_profile(c.device);
-  const Wrong wrong = wrong_about(truth, c.seed);
-  SimulatedRig rig(truth, {.known_mass_kg = c.known_mass_kg,
-                           .counter_error = wrong.counter_error,
-                           .hand_lets_go_at_s = kHandLetsGo_s});
+  const auto reference = profiles::load_device_profile(c.device);
+  const Wrong wrong = wrong_about(reference, c.seed);
+  SimulatedRig rig(reference, {.known_mass_kg = c.known_mass_kg,
+                               .counter_error = wrong.counter_error,
+                               .hand_lets_go_at_s = kHandLetsGo_s});
   const ProcedureResult result =
       run_procedure(rig, wrong.profile, {.known_mass_kg = c.known_mass_kg, .quick = c.quick});
   ASSERT_TRUE(result.passed()) << all_checks(result);
@@ -102,18 +102,18 @@ TEST_P(ArmProcedure, FindsTorqueConstantsFrictionAndOffsetsOfAWrongProfile) {
   ASSERT_EQ(pose_counts.size(), 6U);
   for (std::size_t i = 0; i < 3; ++i) {
     SCOPED_TRACE("joint " + std::to_string(i));
-    EXPECT_NEAR(torque_constants[i] / truth.motors.torque_constant_Nm_per_A[i], 1.0,
+    EXPECT_NEAR(torque_constants[i] / reference.motors.torque_constant_Nm_per_A[i], 1.0,
                 kLargestTorqueConstantError);
-    EXPECT_NEAR(coulomb[i] / truth.dynamics.coulomb_friction_Nm[i], 1.0, kLargestFrictionError);
-    EXPECT_NEAR(viscous[i] / truth.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
+    EXPECT_NEAR(coulomb[i] / reference.dynamics.coulomb_friction_Nm[i], 1.0, kLargestFrictionError);
+    EXPECT_NEAR(viscous[i] / reference.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
                 kLargestFrictionError);
-    EXPECT_EQ(pose_counts[i], truth.calibration.pose_counts[i]);
+    EXPECT_EQ(pose_counts[i], reference.calibration.pose_counts[i]);
     // By the believed torque constant at most half of the profile's limits, so by the true one:
     EXPECT_LE(rig.largest_torque_Nm[static_cast<int>(i)],
-              0.5 * 1.26 * truth.limits.max_joint_torque_Nm[i]);
-    EXPECT_LE(result.largest_current_A[i], 0.5 * truth.motors.max_current_A[i] + 1e-3);
+              0.5 * 1.26 * reference.limits.max_joint_torque_Nm[i]);
+    EXPECT_LE(result.largest_current_A[i], 0.5 * reference.motors.max_current_A[i] + 1e-3);
   }
-  EXPECT_LT(result.largest_tip_speed_m_per_s, 0.6 * truth.limits.max_speed_m_per_s);
+  EXPECT_LT(result.largest_tip_speed_m_per_s, 0.6 * reference.limits.max_speed_m_per_s);
 }
 
 INSTANTIATE_TEST_SUITE_P(Devices, ArmProcedure,
@@ -127,19 +127,19 @@ INSTANTIATE_TEST_SUITE_P(Devices, ArmProcedure,
 // Unbalanced, with motors that just bear it: half of what they give can't hold the arm stretched
 // out.
 TEST(Procedure, AnArmThatItsMotorsJustBearIsIdentifiedAwayFromTheStopsItCantHold) {
-  const auto truth = profiles::load_device_profile("vintage");
-  Wrong wrong = wrong_about(truth, 16);
+  const auto reference = profiles::load_device_profile("vintage");
+  Wrong wrong = wrong_about(reference, 16);
   for (std::size_t i = 0; i < 3; ++i) {
     wrong.profile.motors.torque_constant_Nm_per_A[i] =
-        truth.motors.torque_constant_Nm_per_A[i] * (i == 0 ? 0.8 : 1.1);
+        reference.motors.torque_constant_Nm_per_A[i] * (i == 0 ? 0.8 : 1.1);
   }
   for (const std::size_t unseen : {1U, 2U}) {  // whose counters no stop corrects
     wrong.counter_error[unseen] = 0;
-    wrong.profile.calibration.pose_counts[unseen] = truth.calibration.pose_counts[unseen];
+    wrong.profile.calibration.pose_counts[unseen] = reference.calibration.pose_counts[unseen];
   }
-  SimulatedRig rig(truth, {.known_mass_kg = 0.01,
-                           .counter_error = wrong.counter_error,
-                           .hand_lets_go_at_s = kHandLetsGo_s});
+  SimulatedRig rig(reference, {.known_mass_kg = 0.01,
+                               .counter_error = wrong.counter_error,
+                               .hand_lets_go_at_s = kHandLetsGo_s});
   const ProcedureResult result =
       run_procedure(rig, wrong.profile, {.known_mass_kg = 0.01, .quick = true});
   ASSERT_TRUE(result.passed()) << all_checks(result);
@@ -152,63 +152,63 @@ TEST(Procedure, AnArmThatItsMotorsJustBearIsIdentifiedAwayFromTheStopsItCantHold
   ASSERT_EQ(coulomb.size(), 3U);
   ASSERT_EQ(viscous.size(), 3U);
   for (std::size_t i = 0; i < 3; ++i) {
-    EXPECT_NEAR(torque_constants[i] / truth.motors.torque_constant_Nm_per_A[i], 1.0,
+    EXPECT_NEAR(torque_constants[i] / reference.motors.torque_constant_Nm_per_A[i], 1.0,
                 kLargestTorqueConstantError)
         << "joint " << i;
-    EXPECT_NEAR(viscous[i] / truth.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
+    EXPECT_NEAR(viscous[i] / reference.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
                 kLargestFrictionError)
         << "joint " << i;
-    EXPECT_NEAR(coulomb[i] / truth.dynamics.coulomb_friction_Nm[i], 1.0, kLargestFrictionError)
+    EXPECT_NEAR(coulomb[i] / reference.dynamics.coulomb_friction_Nm[i], 1.0, kLargestFrictionError)
         << "joint " << i;
   }
-  EXPECT_EQ(changed(result, "calibration.pose_counts").at(0), truth.calibration.pose_counts[0]);
+  EXPECT_EQ(changed(result, "calibration.pose_counts").at(0), reference.calibration.pose_counts[0]);
   EXPECT_FALSE(rig.motors_on());
 }
 
 TEST(Procedure, WhatAHostThatPausesLeavesOfTheStrokesIsEnough) {
-  const auto truth = profiles::load_device_profile("phantom_desktop");
-  Wrong wrong = wrong_about(truth, 5);
+  const auto reference = profiles::load_device_profile("phantom_desktop");
+  Wrong wrong = wrong_about(reference, 5);
   for (const double pause_s : {0.02, 0.06, 0.12}) {
     SCOPED_TRACE("paused for " + std::to_string(pause_s));
-    SimulatedRig rig(truth, {.known_mass_kg = 0.03,
-                             .counter_error = wrong.counter_error,
-                             .pause_every_s = 1.3,
-                             .pause_s = pause_s});
+    SimulatedRig rig(reference, {.known_mass_kg = 0.03,
+                                 .counter_error = wrong.counter_error,
+                                 .pause_every_s = 1.3,
+                                 .pause_s = pause_s});
     const ProcedureResult result =
         run_procedure(rig, wrong.profile, {.known_mass_kg = 0.03, .range = false});
     ASSERT_TRUE(result.passed()) << all_checks(result);
     const auto torque_constants = changed(result, "motors.torque_constant_Nm_per_A");
     const auto coulomb = changed(result, "dynamics.coulomb_friction_Nm");
     for (std::size_t i = 0; i < 3; ++i) {
-      EXPECT_NEAR(torque_constants.at(i) / truth.motors.torque_constant_Nm_per_A[i], 1.0,
+      EXPECT_NEAR(torque_constants.at(i) / reference.motors.torque_constant_Nm_per_A[i], 1.0,
                   kLargestTorqueConstantError);
-      EXPECT_NEAR(coulomb.at(i) / truth.dynamics.coulomb_friction_Nm[i], 1.0,
+      EXPECT_NEAR(coulomb.at(i) / reference.dynamics.coulomb_friction_Nm[i], 1.0,
                   kLargestFrictionError);
     }
   }
 }
 
 TEST(Procedure, FindsTheGainAndFrictionOfADelta) {
-  const auto truth = profiles::load_device_profile("falcon");
+  const auto reference = profiles::load_device_profile("falcon");
   for (const double wrongness : {0.8, 1.2}) {
     SCOPED_TRACE(wrongness);
-    auto believed = truth;
+    auto believed = reference;
     believed.falcon.torque_gain_per_Nm *= wrongness;
     believed.limits.max_joint_torque_Nm = {0.3, 0.3, 0.3};
     believed.dynamics.coulomb_friction_Nm = {0.008, 0.003, 0.006};
-    SimulatedRig rig(truth, {.known_mass_kg = 0.1, .hand_lets_go_at_s = kHandLetsGo_s});
+    SimulatedRig rig(reference, {.known_mass_kg = 0.1, .hand_lets_go_at_s = kHandLetsGo_s});
     rig.believed_gain_per_Nm = believed.falcon.torque_gain_per_Nm;
     const ProcedureResult result = run_procedure(rig, believed, {.known_mass_kg = 0.1});
     ASSERT_TRUE(result.passed()) << all_checks(result);
     const auto gain = changed(result, "falcon.torque_gain_per_Nm");
     ASSERT_EQ(gain.size(), 1U);
-    EXPECT_NEAR(gain[0] / truth.falcon.torque_gain_per_Nm, 1.0, kLargestTorqueConstantError);
+    EXPECT_NEAR(gain[0] / reference.falcon.torque_gain_per_Nm, 1.0, kLargestTorqueConstantError);
     const auto coulomb = changed(result, "dynamics.coulomb_friction_Nm");
     const auto viscous = changed(result, "dynamics.viscous_friction_Nm_s_per_rad");
     for (std::size_t i = 0; i < 3; ++i) {
-      EXPECT_NEAR(coulomb.at(i) / truth.dynamics.coulomb_friction_Nm[i], 1.0,
+      EXPECT_NEAR(coulomb.at(i) / reference.dynamics.coulomb_friction_Nm[i], 1.0,
                   kLargestFrictionError);
-      EXPECT_NEAR(viscous.at(i) / truth.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
+      EXPECT_NEAR(viscous.at(i) / reference.dynamics.viscous_friction_Nm_s_per_rad[i], 1.0,
                   kLargestFrictionError);
     }
     EXPECT_TRUE(changed(result, "calibration.pose_counts").empty()) << "it homes itself";
@@ -216,20 +216,20 @@ TEST(Procedure, FindsTheGainAndFrictionOfADelta) {
 }
 
 TEST(Procedure, ADeltasKnobMeetsTheBodyWhereTheProfileSaysOrItsAnglesAreWrong) {
-  const auto truth = profiles::load_device_profile("falcon");
+  const auto reference = profiles::load_device_profile("falcon");
   for (const double zero_error_rad : {0.0, 0.08, -0.08}) {
     SCOPED_TRACE(zero_error_rad);
-    auto believed = truth;
+    auto believed = reference;
     believed.delta.zero_angle_rad += zero_error_rad;
-    SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
-    rig.believed_gain_per_Nm = truth.falcon.torque_gain_per_Nm;
+    SimulatedRig rig(reference, {.hand_lets_go_at_s = kHandLetsGo_s});
+    rig.believed_gain_per_Nm = reference.falcon.torque_gain_per_Nm;
     const ProcedureResult result = run_procedure(rig, believed, {.identify = false});
     EXPECT_EQ(result.passed(), zero_error_rad == 0.0) << all_checks(result);
     ASSERT_TRUE(result.knob_travel);
     if (zero_error_rad == 0.0) {
       // A count moves the knob by up to 0.05 mm.
-      EXPECT_NEAR(result.knob_travel->in_m, truth.delta.knob_min_z_m, 2e-4);
-      EXPECT_NEAR(result.knob_travel->out_m, truth.delta.knob_max_z_m, 2e-4);
+      EXPECT_NEAR(result.knob_travel->in_m, reference.delta.knob_min_z_m, 2e-4);
+      EXPECT_NEAR(result.knob_travel->out_m, reference.delta.knob_max_z_m, 2e-4);
     } else {
       EXPECT_THAT(all_checks(result), HasSubstr("FAILED range of the knob"));
       EXPECT_THAT(all_checks(result), HasSubstr("zero_angle_rad"));
@@ -240,9 +240,9 @@ TEST(Procedure, ADeltasKnobMeetsTheBodyWhereTheProfileSaysOrItsAnglesAreWrong) {
 }
 
 TEST(Procedure, WithoutAKnownMassOnlyFrictionOverTorqueConstantIsFound) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
-  const Wrong wrong = wrong_about(truth, 21);
-  SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
+  const Wrong wrong = wrong_about(reference, 21);
+  SimulatedRig rig(reference, {.hand_lets_go_at_s = kHandLetsGo_s});
   const ProcedureResult result = run_procedure(rig, wrong.profile, {.range = false, .quick = true});
   ASSERT_TRUE(result.passed()) << all_checks(result);
   EXPECT_FALSE(result.absolute);
@@ -252,23 +252,23 @@ TEST(Procedure, WithoutAKnownMassOnlyFrictionOverTorqueConstantIsFound) {
   const auto viscous = changed(result, "dynamics.viscous_friction_Nm_s_per_rad");
   for (std::size_t i = 0; i < 3; ++i) {
     const double true_A =
-        truth.dynamics.coulomb_friction_Nm[i] / truth.motors.torque_constant_Nm_per_A[i];
+        reference.dynamics.coulomb_friction_Nm[i] / reference.motors.torque_constant_Nm_per_A[i];
     const double believed_A = coulomb.at(i) / wrong.profile.motors.torque_constant_Nm_per_A[i];
     EXPECT_NEAR(believed_A / true_A, 1.0, kLargestFrictionError);
     EXPECT_NEAR(viscous.at(i) / wrong.profile.motors.torque_constant_Nm_per_A[i] /
-                    (truth.dynamics.viscous_friction_Nm_s_per_rad[i] /
-                     truth.motors.torque_constant_Nm_per_A[i]),
+                    (reference.dynamics.viscous_friction_Nm_s_per_rad[i] /
+                     reference.motors.torque_constant_Nm_per_A[i]),
                 1.0, kLargestFrictionError);
   }
 }
 
 TEST(Procedure, AMotorWithSwappedLeadsIsNamedAndNothingMovesAfterIt) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
   for (int joint = 0; joint < 3; ++joint) {
     SimulatedRig::Options options{.hand_lets_go_at_s = 1e6};
     options.motor_sign[joint] = -1.0;
-    SimulatedRig rig(truth, options);
-    const ProcedureResult result = run_procedure(rig, truth, {});
+    SimulatedRig rig(reference, options);
+    const ProcedureResult result = run_procedure(rig, reference, {});
     EXPECT_FALSE(result.passed());
     const Check& check = result.checks.at(static_cast<std::size_t>(joint));
     EXPECT_FALSE(check.passed);
@@ -281,10 +281,10 @@ TEST(Procedure, AMotorWithSwappedLeadsIsNamedAndNothingMovesAfterIt) {
 }
 
 TEST(Procedure, AJointThatCountsTheOtherWayHasItsStopsElsewhere) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
-  auto believed = truth;
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
+  auto believed = reference;
   believed.kinematics.encoder_sign[1] = -1.0;  // a push still seems to go the right way
-  SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
+  SimulatedRig rig(reference, {.hand_lets_go_at_s = kHandLetsGo_s});
   try {
     const ProcedureResult result = run_procedure(rig, believed, {});
     EXPECT_FALSE(result.passed());
@@ -324,15 +324,15 @@ ProcedureResult with_a_person(SimulatedRig& rig, const profiles::DeviceProfile& 
 }
 
 TEST(Procedure, APersonSeesABaseThatIsMirroredWherePushesAndStopsDoNot) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
-  SimulatedRig rig(truth, {.hand_lets_go_at_s = 1e6});
-  const ProcedureResult right = with_a_person(rig, truth);
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
+  SimulatedRig rig(reference, {.hand_lets_go_at_s = 1e6});
+  const ProcedureResult right = with_a_person(rig, reference);
   EXPECT_TRUE(right.passed()) << all_checks(right);
   EXPECT_EQ(right.checks.size(), 6U);
 
-  auto believed = truth;
+  auto believed = reference;
   believed.kinematics.encoder_sign[0] = -1.0;
-  SimulatedRig mirrored_rig(truth, {.hand_lets_go_at_s = 1e6});
+  SimulatedRig mirrored_rig(reference, {.hand_lets_go_at_s = 1e6});
   const ProcedureResult mirrored = with_a_person(mirrored_rig, believed);
   EXPECT_FALSE(mirrored.passed());
   EXPECT_THAT(all_checks(mirrored), HasSubstr("FAILED moved to your right"));
@@ -341,10 +341,10 @@ TEST(Procedure, APersonSeesABaseThatIsMirroredWherePushesAndStopsDoNot) {
 }
 
 TEST(Procedure, AnEncoderOfOtherCountsHasAnotherRange) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
-  auto believed = truth;
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
+  auto believed = reference;
   believed.kinematics.encoder_counts_per_turn[0] = 2200;
-  SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s});
+  SimulatedRig rig(reference, {.hand_lets_go_at_s = kHandLetsGo_s});
   const ProcedureResult result = run_procedure(rig, believed, {.identify = false});
   EXPECT_FALSE(result.passed());
   EXPECT_TRUE(result.changes.empty());
@@ -353,10 +353,10 @@ TEST(Procedure, AnEncoderOfOtherCountsHasAnotherRange) {
 }
 
 TEST(Procedure, WhoDoesNotLetGoIsAskedTo) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
-  SimulatedRig rig(truth, {.hand_lets_go_at_s = 1e6});
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
+  SimulatedRig rig(reference, {.hand_lets_go_at_s = 1e6});
   try {
-    static_cast<void>(run_procedure(rig, truth, {}));
+    static_cast<void>(run_procedure(rig, reference, {}));
     FAIL() << "the hand is stronger";
   } catch (const CalibrationError& error) {
     EXPECT_THAT(error.what(), HasSubstr("let go"));
@@ -366,20 +366,20 @@ TEST(Procedure, WhoDoesNotLetGoIsAskedTo) {
 }
 
 TEST(Procedure, EndsAtOnceWhenAskedTo) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
   for (const double stop_at_s : {0.1, 4.0, 20.0}) {
-    SimulatedRig rig(truth, {.hand_lets_go_at_s = kHandLetsGo_s, .stop_at_s = stop_at_s});
-    EXPECT_THROW(static_cast<void>(run_procedure(rig, truth, {})), Stopped);
+    SimulatedRig rig(reference, {.hand_lets_go_at_s = kHandLetsGo_s, .stop_at_s = stop_at_s});
+    EXPECT_THROW(static_cast<void>(run_procedure(rig, reference, {})), Stopped);
     EXPECT_LT(rig.time_s(), stop_at_s + 0.01);
     EXPECT_FALSE(rig.motors_on());
   }
 }
 
 TEST(Procedure, AMassThatTheMotorsCantBearIsRefusedBeforeAnythingMoves) {
-  const auto truth = profiles::load_device_profile("woodenhaptics_v2015");
-  SimulatedRig rig(truth, {.known_mass_kg = 1.0, .hand_lets_go_at_s = kHandLetsGo_s});
+  const auto reference = profiles::load_device_profile("woodenhaptics_v2015");
+  SimulatedRig rig(reference, {.known_mass_kg = 1.0, .hand_lets_go_at_s = kHandLetsGo_s});
   try {
-    static_cast<void>(run_procedure(rig, truth, {.known_mass_kg = 1.0}));
+    static_cast<void>(run_procedure(rig, reference, {.known_mass_kg = 1.0}));
     FAIL() << "1 kg is too much";
   } catch (const CalibrationError& error) {
     EXPECT_THAT(error.what(), HasSubstr("1.000 kg"));

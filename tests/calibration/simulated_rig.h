@@ -25,18 +25,18 @@ class SimulatedRig final : public Rig {
     double pause_s = 0.0;
   };
 
-  SimulatedRig(const profiles::DeviceProfile& truth, const Options& options)
-      : truth_(truth), options_(options) {
+  SimulatedRig(const profiles::DeviceProfile& reference, const Options& options)
+      : reference_(reference), options_(options) {
     next_pause_s_ = options.pause_every_s;
     const bool held = options.hand_lets_go_at_s >= 0.0;
-    const auto hand = held ? std::optional(truth.firm_hand) : std::nullopt;
-    if (truth.kind == profiles::DeviceKind::kDelta) {
-      delta_.emplace(truth, hand, Eigen::Vector3d::Zero());
+    const auto hand = held ? std::optional(reference.firm_hand) : std::nullopt;
+    if (reference.kind == profiles::DeviceKind::kDelta) {
+      delta_.emplace(reference, hand, Eigen::Vector3d::Zero());
       delta_->attach_tip_mass(options.known_mass_kg);
     } else {
-      const emulator::ArmKinematics kinematics(truth.kinematics);
-      const auto& pose = truth.calibration.pose_counts;
-      arm_.emplace(truth, hand,
+      const emulator::ArmKinematics kinematics(reference.kinematics);
+      const auto& pose = reference.calibration.pose_counts;
+      arm_.emplace(reference, hand,
                    kinematics.joint_angle_rad({1.0 * pose[0], 1.0 * pose[1], 1.0 * pose[2]}));
       arm_->attach_tip_mass(options.known_mass_kg);
     }
@@ -105,11 +105,12 @@ class SimulatedRig final : public Rig {
       if (delta_) {
         // The host converts with the gain that it believes; see believed_gain_per_Nm.
         torque_Nm[axis] = std::trunc(command.joint_torque_Nm[i] * believed_gain_per_Nm) /
-                          truth_.falcon.torque_gain_per_Nm;
+                          reference_.falcon.torque_gain_per_Nm;
       } else {
-        const auto& kinematics = truth_.kinematics;
+        const auto& kinematics = reference_.kinematics;
         torque_Nm[axis] = 1e-3 * std::trunc(1e3 * command.current_A[i]) *
-                          kinematics.encoder_sign[i] * truth_.motors.torque_constant_Nm_per_A[i] *
+                          kinematics.encoder_sign[i] *
+                          reference_.motors.torque_constant_Nm_per_A[i] *
                           kinematics.body_diameter_m[i] / kinematics.capstan_diameter_m[i];
       }
     }
@@ -120,15 +121,15 @@ class SimulatedRig final : public Rig {
     if (arm_) {
       return arm_->kinematics().counts(arm_->joint_angle_rad());
     }
-    return (delta_->joint_angle_rad().array() - truth_.delta.zero_angle_rad) /
-           truth_.delta.encoder_rad_per_count;
+    return (delta_->joint_angle_rad().array() - reference_.delta.zero_angle_rad) /
+           reference_.delta.encoder_rad_per_count;
   }
 
  public:
   double believed_gain_per_Nm = 1.0;  ///< of a delta's host
 
  private:
-  profiles::DeviceProfile truth_;
+  profiles::DeviceProfile reference_;
   Options options_;
   std::optional<emulator::ArmModel> arm_;
   std::optional<emulator::DeltaModel> delta_;

@@ -93,11 +93,11 @@ TEST(W2Codec, SendsNothingWhenAnyCurrentIsNotFinite) {
 
 TEST(CounterUnwrapper, FollowsACounterThroughBothWraps) {
   CounterUnwrapper unwrapper;
-  std::int32_t truth = 32000;
+  std::int32_t reference = 32000;
   for (const std::int32_t step : {0, 700, 100, 20000, 32767, -5, -32768, -32768, -32768, -1}) {
-    truth += step;
-    const auto low = static_cast<std::int16_t>(static_cast<std::uint16_t>(truth));
-    EXPECT_EQ(unwrapper.follow({low, 0, 0, 0, 0, low})[0], truth);
+    reference += step;
+    const auto low = static_cast<std::int16_t>(static_cast<std::uint16_t>(reference));
+    EXPECT_EQ(unwrapper.follow({low, 0, 0, 0, 0, low})[0], reference);
   }
 }
 

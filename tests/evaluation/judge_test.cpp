@@ -124,7 +124,7 @@ TEST(Judge, AgreesWithTheClosedFormOfHoldOnARamp) {
   const double times_squared = 4e-6 * last * (last + 1.0) * (2.0 * last + 1.0) / 6.0 / cycles;
   const double rate_N_per_s = ramp.stiffness_N_per_m * Ramp::kSpeed_m_per_s;
   const double percent_per_s = 100.0 / std::sqrt(times_squared);
-  EXPECT_NEAR(verdict.truth_rms_N, rate_N_per_s * std::sqrt(times_squared), kRounding);
+  EXPECT_NEAR(verdict.reference_rms_N, rate_N_per_s * std::sqrt(times_squared), kRounding);
   EXPECT_NEAR(verdict.rms_error_percent_after_1s, percent_per_s * std::sqrt(ages_squared),
               kRounding);
   EXPECT_NEAR(verdict.max_error_percent_after_1s, percent_per_s * 0.038, kRounding);
@@ -190,7 +190,7 @@ TEST(Judge, HasNoFigureWhereNothingCanBeMeasured) {
     instant.force_W.setZero();
   }
   verdict = judge(diary, nothing_felt);
-  EXPECT_EQ(verdict.truth_rms_N, 0.0);
+  EXPECT_EQ(verdict.reference_rms_N, 0.0);
   EXPECT_TRUE(std::isnan(verdict.rms_error_percent_after_1s));
   EXPECT_TRUE(std::isnan(verdict.adaptation_s));
 }

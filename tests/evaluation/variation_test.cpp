@@ -118,7 +118,7 @@ VisitsVerdict judged(const char* name, double requests_per_s) {
 TEST(JudgeVisits, FindsKrigingContactRightFromTheFirstTouchAndHoldNot) {
   const VisitsVerdict hold = judged("hold", 0.0);
   EXPECT_GT(hold.errors.returns.first_67ms_percent, 5.0);
-  EXPECT_GT(hold.verdict.truth_rms_N, 0.5);
+  EXPECT_GT(hold.verdict.reference_rms_N, 0.5);
   const VisitsVerdict alone = judged("kriging-contact", 0.0);
   EXPECT_LT(alone.errors.returns.first_67ms_percent, 0.3);
   EXPECT_LT(alone.errors.second_tour.first_67ms_percent, 0.3);

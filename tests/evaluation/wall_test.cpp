@@ -74,7 +74,7 @@ TEST(Wall, KnowsTheSlopeOfItsForce) {
 
 TEST(WalledScenes, AreTheSameObjectWithWalls) {
   EXPECT_EQ(hard_scenes().size(),
-            chart_scenes().size() * (named_walls().size() + named_alterations().size()));
+            chart_scenes().size() * (named_walls().size() + named_object_effects().size()));
   const ChartScene& scene = chart_scene("small+wall_two");
   EXPECT_EQ(scene.object, "small");
   EXPECT_EQ(scene.extras.walls.size(), 2u);
@@ -97,7 +97,7 @@ TEST(WalledScenes, AreAlsoMadeOfScenesThatAreNotTheChartsOwn) {
 }
 
 // What the servo feels and what samples and answers say has to be one and the same object.
-TEST(WalledScenes, AddTheWallToTruthSamplesAndAnswers) {
+TEST(WalledScenes, AddTheWallToReferenceSamplesAndAnswers) {
   const TableLattice lattice;
   const ForceTable nothing(lattice, std::vector<Vector3d>(lattice.node_count(), Vector3d::Zero()));
   const std::vector<Wall> walls{wall_named("wall_flat")};

@@ -1,9 +1,10 @@
-#include "forcegrid/core/method_options.h"
 #include "forcegrid/method_variant.h"
 
 #include <gtest/gtest.h>
 
 #include <stdexcept>
+
+#include "forcegrid/core/method_options.h"
 
 namespace forcegrid {
 namespace {

@@ -206,7 +206,7 @@ TEST(LongFalconFault, ASaturatedEncoderEndsTheRun) {
   expect_zero_sent(run_with("saturated-encoder"), {"saturated_encoder"}, kReaction_s);
 }
 
-// A joint is watched for 0.16 s, and a doubt that came just before may have left it alone for a
+// A joint is watched for 0.16 s, and a suspicion that came just before may have left it alone for a
 // second. By then the hand pulls at the object and only trembles.
 TEST(LongFalconFault, FrozenEncodersEndTheRun) {
   expect_zero_sent(run_with("frozen-encoder:axis=all,when=7", 10.0, "hold"), {"frozen_encoder"},

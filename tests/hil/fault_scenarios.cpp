@@ -97,13 +97,13 @@ TEST(LongFault, ASmallCorruptionIsEndured) {
 // --- encoders ---
 
 // The hand pulls at the object with some 2.5 N by then, and only trembles: far above the torque
-// that friction could hide. A joint is watched for 0.16 s, and a doubt that came just before may
-// have left it alone for a second.
+// that friction could hide. A joint is watched for 0.16 s, and a suspicion that came just before
+// may have left it alone for a second.
 TEST(LongFault, FrozenEncodersEndTheRun) {
-  constexpr double kDoubt_s = 0.16;
+  constexpr double kSuspicion_s = 0.16;
   constexpr double kPatience_s = 1.0;
   expect_zero_sent(run_with("frozen-encoder:axis=all,when=7", 10.0, "hold"), {"frozen_encoder"},
-                   kPatience_s + kDoubt_s + kSlack_s);
+                   kPatience_s + kSuspicion_s + kSlack_s);
 }
 
 TEST(LongFault, AJumpingEncoderEndsTheRun) {

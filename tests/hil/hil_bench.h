@@ -109,7 +109,7 @@ struct EndedRun {
   std::string folder;      ///< of its results
 };
 
-/// The command line of a run on scene "small" without off-line forces, results in `folder`.
+/// The command line of a run on scene "small" without reference forces, results in `folder`.
 std::vector<std::string> run_arguments(const std::string& device, double seconds,
                                        const std::string& folder,
                                        const std::vector<std::string>& more = {});

@@ -13,9 +13,9 @@
 #include "forcegrid/kriging/kriging_method.h"
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
-#include "simulator/solver/elastic_object.h"
-#include "simulator/run_simulator.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/run_simulator.h"
+#include "simulator/solver/elastic_object.h"
 #include "tests/servo_loop/scripted_device.h"
 #include "tests/support/flushed_text.h"
 
@@ -122,10 +122,10 @@ TEST(Approach, IsUsedToAskForTheForcesOfTheContactToCome) {
   const double time_s = rt::seconds(rt::Clock::now().time_since_epoch());
   for (const Vector3d& d_m :
        {Vector3d(0.0, 0.0, 0.006), Vector3d(0.003, 0.0, 0.008), Vector3d(0.0, -0.004, 0.010)}) {
-    const Vector3d truth_W = object.move_to(d_m).force_W;
-    EXPECT_GT(truth_W.norm(), 0.3);
-    EXPECT_LT((method.force(time_s, point_W + d_m).force_W - truth_W).norm(),
-              0.05 * truth_W.norm());
+    const Vector3d reference_W = object.move_to(d_m).force_W;
+    EXPECT_GT(reference_W.norm(), 0.3);
+    EXPECT_LT((method.force(time_s, point_W + d_m).force_W - reference_W).norm(),
+              0.05 * reference_W.norm());
   }
 }
 

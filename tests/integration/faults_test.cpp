@@ -82,7 +82,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Stop{"Corrupt", "corrupt-report", Fault::kImplausibleJump, 0.0},
                       Stop{"EncoderJumps", "jumping-encoder", Fault::kImplausibleJump, 0.0},
                       Stop{"EncoderSaturates", "saturated-encoder", Fault::kSaturatedEncoder, 0.0},
-                      // The patience with a joint that has just been doubted is a second.
+                      // The patience with a joint that has just been suspected is a second.
                       Stop{"EncodersFreeze", "frozen-encoder", Fault::kFrozenEncoder, 1160.0}),
     [](const auto& test) { return test.param.test; });
 

@@ -12,11 +12,11 @@
 
 #include "forcegrid/kriging/kriging_method.h"
 #include "servo_loop/first_touch.h"
-#include "simulator/solver/elastic_object.h"
-#include "simulator/touch/patch_cutter.h"
-#include "simulator/workers/query_solver.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/touch/local_surface.h"
 #include "simulator/touch/tool_contact.h"
+#include "simulator/workers/query_solver.h"
 
 namespace forcegrid::servo {
 namespace {
@@ -49,9 +49,9 @@ struct Errors {
 /// One approach and touch; the tick comes `phase` cycles after the touch.
 Errors touch_at(const simulator::Scene& scene, const Vector3d& touch_W, int phase) {
   const auto tool = simulator::make_tool_contact(scene, {}, {});
-  auto cutter = simulator::PatchCutter::make(scene.mesh, {});
+  auto surface = simulator::LocalSurface::make(scene.mesh, {});
   simulator::QuerySolver stiffness_solver(scene, {});
-  simulator::ElasticObject<double> truth(scene.mesh, {});
+  simulator::ElasticObject<double> reference(scene.mesh, {});
   KrigingMethod method(KrigingMethod::Kind::kContact, {});
   FirstTouch touch(10.0);
   struct Message {
@@ -64,7 +64,7 @@ Errors touch_at(const simulator::Scene& scene, const Vector3d& touch_W, int phas
   bool told_contact = false;
   double error_sum = 0.0;
   double error_sum_without = 0.0;
-  double truth_sum = 0.0;
+  double reference_sum = 0.0;
   int window = 0;
   int in_contact_cycles = 0;
   Errors errors{.cycles_to_force = -1, .cycles_to_force_without = -1};
@@ -110,7 +110,7 @@ Errors touch_at(const simulator::Scene& scene, const Vector3d& touch_W, int phas
         patch.position_W_m = {position_W.x(), position_W.y(), position_W.z()};
         const Vector3d velocity_W(0.2 * kApproach_m_per_s, 0.0, -kApproach_m_per_s);
         const auto expected_W = tool->expected_touch(position_W, velocity_W, 0.3);
-        cutter->cut(expected_W, patch);
+        surface->cut(expected_W, patch);
         if (expected_W) {
           const auto held = stiffness_solver.answer(
               {.touching = true, .point_W = *expected_W, .position_W = *expected_W});
@@ -130,11 +130,11 @@ Errors touch_at(const simulator::Scene& scene, const Vector3d& touch_W, int phas
       EXPECT_EQ(felt_W, Vector3d::Zero()) << "in the air";
       continue;
     }
-    if (!truth.grabbed()) {
-      truth.grab(touch_W, scene.patch_radius_m);
+    if (!reference.grabbed()) {
+      reference.grab(touch_W, scene.patch_radius_m);
     }
-    const Vector3d truth_W = truth.move_to(position_W - touch_W).force_W;
-    truth_sum += truth_W.squaredNorm();
+    const Vector3d reference_W = reference.move_to(position_W - touch_W).force_W;
+    reference_sum += reference_W.squaredNorm();
     ++in_contact_cycles;
     errors.cycles_to_force =
         errors.cycles_to_force < 0 && felt_W.norm() > 0.0 ? i : errors.cycles_to_force;
@@ -143,13 +143,13 @@ Errors touch_at(const simulator::Scene& scene, const Vector3d& touch_W, int phas
                                          : errors.cycles_to_force_without;
     if (since_touch_s < kWindow_s) {
       ++window;
-      error_sum += (felt_W - truth_W).squaredNorm();
-      error_sum_without += (alone_W - truth_W).squaredNorm();
+      error_sum += (felt_W - reference_W).squaredNorm();
+      error_sum_without += (alone_W - reference_W).squaredNorm();
     }
   }
   EXPECT_EQ(touch.counts().touches, 1U);
   EXPECT_EQ(touch.counts().answered, 1U);
-  const double rms_N = std::sqrt(truth_sum / in_contact_cycles);
+  const double rms_N = std::sqrt(reference_sum / in_contact_cycles);
   errors.with_touch_percent = 100.0 * std::sqrt(error_sum / window) / rms_N;
   errors.without_percent = 100.0 * std::sqrt(error_sum_without / window) / rms_N;
   return errors;

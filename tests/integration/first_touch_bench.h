@@ -10,7 +10,7 @@
 
 #include "forcegrid/kriging/kriging_method.h"
 #include "servo_loop/first_touch.h"
-#include "simulator/touch/patch_cutter.h"
+#include "simulator/touch/local_surface.h"
 #include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::servo {
@@ -54,9 +54,9 @@ class FirstTouchBench {
   static constexpr int kCyclesInAir = 40;
   static constexpr int kCycles = 50;
 
-  simulator::ToolContact& tool;   ///< the simulator's
-  simulator::ToolContact& truth;  ///< steps with every cycle
-  simulator::PatchCutter& cutter;
+  simulator::ToolContact& tool;       ///< the simulator's
+  simulator::ToolContact& reference;  ///< steps with every cycle
+  simulator::LocalSurface& surface;
   /// Fills in what is felt of a touch that is expected there.
   std::function<void(const Eigen::Vector3d& expected_W, link::SurfacePatch& patch)> foretell;
 
@@ -85,8 +85,8 @@ class FirstTouchBench {
       const Eigen::Vector3d alone_W = method.force(time_s, position_W).force_W;
       const Eigen::Vector3d felt_W = touch.force_W(time_s, position_W, alone_W);
       method.work(1'000'000);
-      truth.tell_time(time_s);
-      const Eigen::Vector3d truth_W = truth.step(position_W).equilibrium.force_W;
+      reference.tell_time(time_s);
+      const Eigen::Vector3d reference_W = reference.step(position_W).equilibrium.force_W;
       if (i < 0) {
         EXPECT_EQ(felt_W, Eigen::Vector3d::Zero()) << "in the air";
         continue;
@@ -96,7 +96,8 @@ class FirstTouchBench {
       };
       errors.cycles_to_force = first(errors.cycles_to_force, felt_W);
       errors.cycles_to_force_without = first(errors.cycles_to_force_without, alone_W);
-      sums.add(felt_W, alone_W, truth_W, touch.counts().answered == 0, since_touch_s < kWindow_s);
+      sums.add(felt_W, alone_W, reference_W, touch.counts().answered == 0,
+               since_touch_s < kWindow_s);
     }
     EXPECT_EQ(touch.counts().touches, 1U);
     EXPECT_EQ(touch.counts().answered, 1U);
@@ -115,31 +116,31 @@ class FirstTouchBench {
     double felt = 0.0;
     double alone = 0.0;
     double unanswered = 0.0;
-    double truth = 0.0;
-    double truth_unanswered = 0.0;
+    double reference = 0.0;
+    double reference_unanswered = 0.0;
     int window = 0;
     int unanswered_cycles = 0;
 
     void add(const Eigen::Vector3d& felt_W, const Eigen::Vector3d& alone_W,
-             const Eigen::Vector3d& truth_W, bool is_unanswered, bool in_window) {
-      truth += truth_W.squaredNorm();
+             const Eigen::Vector3d& reference_W, bool is_unanswered, bool in_window) {
+      reference += reference_W.squaredNorm();
       if (is_unanswered) {
         ++unanswered_cycles;
-        unanswered += (felt_W - truth_W).squaredNorm();
-        truth_unanswered += truth_W.squaredNorm();
+        unanswered += (felt_W - reference_W).squaredNorm();
+        reference_unanswered += reference_W.squaredNorm();
       }
       if (in_window) {
         ++window;
-        felt += (felt_W - truth_W).squaredNorm();
-        alone += (alone_W - truth_W).squaredNorm();
+        felt += (felt_W - reference_W).squaredNorm();
+        alone += (alone_W - reference_W).squaredNorm();
       }
     }
     void tell(TouchErrors& errors) const {
-      const double rms_N = std::sqrt(truth / kCycles);
+      const double rms_N = std::sqrt(reference / kCycles);
       errors.with_percent = 100.0 * std::sqrt(felt / window) / rms_N;
       errors.without_percent = 100.0 * std::sqrt(alone / window) / rms_N;
       errors.unanswered_cycles = unanswered_cycles;
-      errors.unanswered_percent = 100.0 * std::sqrt(unanswered / truth_unanswered);
+      errors.unanswered_percent = 100.0 * std::sqrt(unanswered / reference_unanswered);
     }
   };
 
@@ -177,7 +178,7 @@ class FirstTouchBench {
       link::SurfacePatch patch;
       patch.echo_servo_time_ns = std::llround(1e9 * time_s);
       patch.position_W_m = {position_W.x(), position_W.y(), position_W.z()};
-      cutter.cut(expected_W, patch);
+      surface.cut(expected_W, patch);
       foretell(*expected_W, patch);
       message.patch = patch;
     }

@@ -3,9 +3,9 @@
 
 #include <iostream>
 
+#include "simulator/mesh/scene.h"
 #include "simulator/touch/dynamic_contact.h"
 #include "simulator/workers/query_solver.h"
-#include "simulator/mesh/scene.h"
 #include "tests/integration/first_touch_bench.h"
 
 namespace forcegrid::servo {
@@ -19,11 +19,11 @@ TEST(DynamicTouch, StiffnessAloneIsBetterThanNoForceUntilTheAnswer) {
   for (const double x_m : {-0.02, 0.0, 0.02}) {
     const Vector3d touch_W = scene.mesh.top_W + Vector3d(x_m, 0.5 * x_m + 0.003, 0.0);
     const auto tool = simulator::make_dynamic_contact(scene, {}, {});
-    const auto truth = simulator::make_dynamic_contact(scene, {}, {});
-    auto cutter = simulator::PatchCutter::make(scene.mesh, {}).value();
+    const auto reference = simulator::make_dynamic_contact(scene, {}, {});
+    auto surface = simulator::LocalSurface::make(scene.mesh, {}).value();
     simulator::QuerySolver solver(scene, {});
     FirstTouchBench bench{
-        *tool, *truth, cutter, [&](const Vector3d& expected_W, link::SurfacePatch& patch) {
+        *tool, *reference, surface, [&](const Vector3d& expected_W, link::SurfacePatch& patch) {
           const auto held =
               solver.answer({.touching = true, .point_W = expected_W, .position_W = expected_W});
           const Eigen::Matrix3f k = held.equilibrium.stiffness_W.cast<float>();

@@ -4,8 +4,8 @@
 #include <iostream>
 #include <string>
 
-#include "simulator/touch/press_ahead.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/touch/contact_prediction.h"
 #include "tests/integration/first_touch_bench.h"
 
 namespace forcegrid::servo {
@@ -30,14 +30,14 @@ class SlidingTouch : public ::testing::Test {
   /// @param beside_m  what is felt was pressed so far from where the tool touches.
   TouchErrors touch_at(std::size_t place, const Approach& approach, double beside_m = 0.0) {
     const auto tool = simulator::make_tool_contact(scene_, {}, options_);
-    const auto truth = simulator::make_tool_contact(scene_, {}, options_);
-    auto cutter = simulator::PatchCutter::make(scene_.mesh, options_).value();
-    simulator::PressAhead press_ahead(scene_.mesh, *simulator::tool_shape(options_),
-                                      {.friction = options_.friction});
-    FirstTouchBench bench{*tool, *truth, cutter, [&](const Vector3d& expected_W, auto& patch) {
+    const auto reference = simulator::make_tool_contact(scene_, {}, options_);
+    auto surface = simulator::LocalSurface::make(scene_.mesh, options_).value();
+    simulator::ContactPrediction contact_prediction(scene_.mesh, *simulator::tool_shape(options_),
+                                                    {.friction = options_.friction});
+    FirstTouchBench bench{*tool, *reference, surface, [&](const Vector3d& expected_W, auto& patch) {
                             const auto pressed =
-                                press_ahead.press(expected_W + Vector3d(0.0, beside_m, 0.0),
-                                                  approach.velocity_W_m_per_s);
+                                contact_prediction.press(expected_W + Vector3d(0.0, beside_m, 0.0),
+                                                         approach.velocity_W_m_per_s);
                             ASSERT_TRUE(pressed);
                             patch.has_press_forces = true;
                             for (std::size_t k = 0; k < pressed->force_W.size(); ++k) {
@@ -80,7 +80,7 @@ TEST_P(SlidingTool, FeelsWhatItWillFeelUntilTheSimulatorAnswers) {
 INSTANTIATE_TEST_SUITE_P(Tools, SlidingTool, ::testing::Values("sphere", "grasper"));
 
 TEST_F(SlidingTouch, WhatWasPressed5MmAsideIsStillNearlyRight) {
-  const TouchErrors errors = touch_at(2, {}, simulator::PressAheadThread::kUsable_m);
+  const TouchErrors errors = touch_at(2, {}, simulator::ContactPredictionThread::kUsable_m);
   EXPECT_LT(errors.unanswered_percent, 20.0);
 }
 

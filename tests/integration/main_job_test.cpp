@@ -83,7 +83,7 @@ TEST(MainJob, FeelsTheSmallBlockAndSaysHowItWent) {
   EXPECT_TRUE(summary.at("reports_lost").is_number_unsigned());
   EXPECT_LE(summary.at("worst_relative_residual").get<double>(), 1e-3);
   // The force was really felt; the methods in the shadow are worse than perfect and better than
-  // nothing, and the one that was felt is nearer to the truth than the streamed force.
+  // nothing, and the one that was felt is nearer to the reference than the streamed force.
   EXPECT_GT(summary.at("force_rms_N").get<double>(), 0.2);
   for (const char* method : {"hold", "forcegrid"}) {
     const double error = summary.at("rms_error_percent").at(method).get<double>();

@@ -64,7 +64,7 @@ TEST(TraceOfPath, MakesStreamingLagByOneToTwoPeriods) {
 TEST(Fifths, HaveTheErrorAndTheSpeedOfTheirOwnTime) {
   const evaluation::Trace trace = steady_pull();
   Played wrong{"wrong later on", {}};
-  wrong.verdict.truth_rms_N = 2.0;
+  wrong.verdict.reference_rms_N = 2.0;
   for (const evaluation::ServoInstant& instant : trace.servo) {
     const double error_N = instant.time_s < 1.6 - 1e-9 ? 0.0 : 0.5;
     wrong.verdict.forces_W.push_back(instant.force_W + Vector3d(error_N, 0.0, 0.0));

@@ -62,8 +62,8 @@ TEST(EncoderWatch, CondemnsItWhenThatHasLeftItUnmovedForAnother60Milliseconds) {
   EXPECT_EQ(joint.run_to(milliseconds(180), true), 2);
 }
 
-// A doubt arises after 60 ms, and then reports stay away for as long as the driver waits for a lost
-// one. No command has reached the motors meanwhile, so that nothing had a reason to move.
+// A suspicion arises after 60 ms, and then reports stay away for as long as the driver waits for a
+// lost one. No command has reached the motors meanwhile, so that nothing had a reason to move.
 TEST(EncoderWatch, CondemnsNoJointWhoseReliefFallsIntoASilence) {
   Still joint;
   ASSERT_EQ(joint.run_to(milliseconds(72), true), std::nullopt);

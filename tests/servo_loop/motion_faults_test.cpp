@@ -194,7 +194,7 @@ TEST_P(FrozenEncoders, AreFoundATenthOfASecondAfterTheLastCountUnderLoad) {
     std::copy(stuck.begin(), stuck.end(), counts.begin());
   };
   ASSERT_EQ(bench.run(1.5), Fault::kFrozenEncoder);
-  // 100 ms and the patience with a joint that was still, and was doubted, just before.
+  // 100 ms and the patience with a joint that was still, and was suspected, just before.
   EXPECT_LE(bench.time_s() - frozen_at_s, 1.15);
   RecordProperty("found_after_ms", static_cast<int>(1e3 * (bench.time_s() - frozen_at_s)));
   EXPECT_EQ(bench.last_.current_A, (Triple{}));

@@ -85,7 +85,7 @@ TEST(PassivityGuard, CountsWhatTheHandReallyGotFromQuantisedPositions) {
     const double amplitude_m = 0.004;
     const double omega_rad_per_s = 1e-3 * speed_mm_per_s / amplitude_m;
     const double seconds = std::min(60.0, 10.0 * 2.0 * std::numbers::pi / omega_rad_per_s);
-    double truth_J = 0.0;
+    double reference_J = 0.0;
     double naive_J = 0.0;
     double sampling_J = 0.0;
     Vector3d last_W = Vector3d::Zero();
@@ -98,7 +98,7 @@ TEST(PassivityGuard, CountsWhatTheHandReallyGotFromQuantisedPositions) {
       const Vector3d position_W(amplitude_m * std::sin(omega_rad_per_s * kCycle_s * i) + tremor_m,
                                 0.0, 0.0);
       const Vector3d read_W = rounded(position_W);
-      truth_J += force_W.dot(position_W - last_W);
+      reference_J += force_W.dot(position_W - last_W);
       sampling_J += 0.5 * kStiffness_N_per_m * (position_W - last_W).squaredNorm();
       naive_J += force_W.dot(read_W - last_read_W);
       last_W = position_W;
@@ -108,10 +108,10 @@ TEST(PassivityGuard, CountsWhatTheHandReallyGotFromQuantisedPositions) {
     // Half a count under the last force; a sixth of what quantisation adds to the plain sum, and a
     // twentieth of what sampling does, since the velocity that tells them apart is filtered.
     const double tolerance_J = 0.5 * kCount_m * std::abs(force_W.x()) +
-                               std::abs(naive_J - truth_J) / 6.0 + sampling_J / 20.0;
-    EXPECT_NEAR(guard.energy_to_hand_J(), truth_J, tolerance_J) << speed_mm_per_s;
+                               std::abs(naive_J - reference_J) / 6.0 + sampling_J / 20.0;
+    EXPECT_NEAR(guard.energy_to_hand_J(), reference_J, tolerance_J) << speed_mm_per_s;
     if (speed_mm_per_s == 3.0) {
-      EXPECT_GT(naive_J - truth_J, 0.5e-3) << "the test would not see an uncorrected observer";
+      EXPECT_GT(naive_J - reference_J, 0.5e-3) << "the test would not see an uncorrected observer";
     }
   }
 }

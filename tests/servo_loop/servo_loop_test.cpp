@@ -320,7 +320,8 @@ TEST(ServoLoop, RefusesOptionsOutOfRange) {
   EXPECT_THROW(with([](ServoOptions& o) { o.rate_Hz = 99.0; }), std::invalid_argument);
   EXPECT_THROW(with([](ServoOptions& o) { o.rate_Hz = 4001.0; }), std::invalid_argument);
   EXPECT_THROW(with([](ServoOptions& o) { o.fill_budget = 0; }), std::invalid_argument);
-  EXPECT_THROW(with([](ServoOptions& o) { o.rendering.ladder.ramp_in_s = 0.0; }), std::invalid_argument);
+  EXPECT_THROW(with([](ServoOptions& o) { o.rendering.ladder.ramp_in_s = 0.0; }),
+               std::invalid_argument);
   EXPECT_THROW(ServoLoop(device, profile, {}, ports, {}), std::invalid_argument);
 }
 

@@ -2,10 +2,10 @@
 
 #include <cmath>
 
+#include "simulator/mesh/scene.h"
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/pressed_object.h"
 #include "simulator/solver/reduced_training.h"
-#include "simulator/mesh/scene.h"
 #include "simulator/solver/two_rates_object.h"
 #include "tests/support/allocation_count.h"
 

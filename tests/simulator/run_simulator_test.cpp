@@ -14,9 +14,9 @@
 #include <thread>
 
 #include "link/servo_endpoint.h"
-#include "simulator/touch/dynamic_contact.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/touch/dynamic_contact.h"
 #include "tests/support/flushed_text.h"
 
 namespace forcegrid::simulator {

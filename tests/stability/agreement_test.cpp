@@ -103,14 +103,14 @@ class SlowSpring {
 struct Felt {
   servo::Fault fault = servo::Fault::kNone;
   double force_error_percent = 0.0;  ///< of the method against the spring itself, RMS
-  double truth_rms_N = 0.0;
+  double reference_rms_N = 0.0;
   double peak_to_peak_m = 0.0;  ///< largest of the axes
 };
 
 Felt judge(const std::vector<servo::CycleRecord>& records, double stiffness_N_per_m) {
   Felt felt;
   double error_N2 = 0.0;
-  double truth_N2 = 0.0;
+  double reference_N2 = 0.0;
   double count = 0.0;
   Vector3d least_W = Vector3d::Constant(1e9);
   Vector3d most_W = -least_W;
@@ -120,15 +120,15 @@ Felt judge(const std::vector<servo::CycleRecord>& records, double stiffness_N_pe
       continue;
     }
     const Vector3d position_W = vector(record.position_W_m);
-    const Vector3d truth_W = -stiffness_N_per_m * position_W;
-    error_N2 += (vector(record.method_force_W_N[0]) - truth_W).squaredNorm();
-    truth_N2 += truth_W.squaredNorm();
+    const Vector3d reference_W = -stiffness_N_per_m * position_W;
+    error_N2 += (vector(record.method_force_W_N[0]) - reference_W).squaredNorm();
+    reference_N2 += reference_W.squaredNorm();
     count += 1.0;
     least_W = least_W.cwiseMin(position_W);
     most_W = most_W.cwiseMax(position_W);
   }
-  felt.force_error_percent = 100.0 * std::sqrt(error_N2 / truth_N2);
-  felt.truth_rms_N = std::sqrt(truth_N2 / count);
+  felt.force_error_percent = 100.0 * std::sqrt(error_N2 / reference_N2);
+  felt.reference_rms_N = std::sqrt(reference_N2 / count);
   felt.peak_to_peak_m = (most_W - least_W).maxCoeff();
   return felt;
 }
@@ -229,7 +229,7 @@ template <typename Check>
       }
       seen += std::string("; ") + servo::name_of(felt.fault) + ", error " +
               std::to_string(felt.force_error_percent) + " %, force " +
-              std::to_string(felt.truth_rms_N) + " N, peak to peak " +
+              std::to_string(felt.reference_rms_N) + " N, peak to peak " +
               std::to_string(1e3 * felt.peak_to_peak_m) + " mm";
     } catch (const driver::DeviceError& error) {
       seen += std::string("; ") + error.what();
@@ -247,7 +247,7 @@ TEST(TwoForms, AgreeOnTheLagOfHeldForces) {
   EXPECT_LT(simulated.force_error_percent, 35.0);
   EXPECT_TRUE(in_real_time_once(point, [&](const Felt& real) {
     return real.fault == servo::Fault::kNone &&
-           std::abs(real.truth_rms_N / simulated.truth_rms_N - 1.0) < 0.15 &&
+           std::abs(real.reference_rms_N / simulated.reference_rms_N - 1.0) < 0.15 &&
            std::abs(real.force_error_percent / simulated.force_error_percent - 1.0) < 0.4;
   }));
 }
@@ -255,7 +255,7 @@ TEST(TwoForms, AgreeOnTheLagOfHeldForces) {
 TEST(TwoForms, AgreeThatKrigingRendersAStiffSpringInALightHand) {
   const Point point{"kriging-bank", HandKind::kLight, MotionKind::kLissajous, 200.0};
   const auto rendered = [](const Felt& felt) {
-    return felt.fault == servo::Fault::kNone && felt.truth_rms_N > 0.3 &&
+    return felt.fault == servo::Fault::kNone && felt.reference_rms_N > 0.3 &&
            felt.force_error_percent < 4.0;
   };
   EXPECT_TRUE(rendered(in_simulated_time(point)));

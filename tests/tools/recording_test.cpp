@@ -93,7 +93,7 @@ TEST(Recording, WithoutSceneOrContactCantBeJudged) {
     static_cast<void>(trace_of_recording(file, {}));
     FAIL();
   } catch (const evaluation::TraceError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("no off-line forces"));
+    EXPECT_THAT(error.what(), HasSubstr("no reference forces"));
   }
   {
     RecorderOptions options;

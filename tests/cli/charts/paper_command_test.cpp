@@ -34,7 +34,7 @@ TEST(PaperCommand, EndsSoonAfterCtrlC) {
   const std::string folder = fresh_folder("paper_stopped");
   Program paper =
       Program::forcegrid({"paper", "--quick", "--jobs", "1", "--out", folder, "--cache", folder});
-  ASSERT_TRUE(paper.wait_for_text("off-line forces of chirp on organ"));
+  ASSERT_TRUE(paper.wait_for_text("reference forces of chirp on organ"));
   paper.send_signal(SIGINT);
   EXPECT_EQ(paper.wait(std::chrono::seconds(20)), 1);
   EXPECT_THAT(paper.standard_error(), HasSubstr("stopped"));

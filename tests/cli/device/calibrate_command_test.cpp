@@ -83,7 +83,7 @@ class CalibrateCommand : public ::testing::Test {
 
 // A light, balanced arm, so that a host that pauses does not let it fall.
 TEST_F(CalibrateCommand, RecoversAWrongProfileAndRunTakesWhatItWrote) {
-  const auto truth = profiles::load_device_profile("phantom_desktop");
+  const auto reference = profiles::load_device_profile("phantom_desktop");
   Emulator emulator(
       {"--device", "phantom_desktop", "--hand", "none", "--calibrated", "--tip-mass", "0.03"});
   const std::string profile =
@@ -98,7 +98,7 @@ TEST_F(CalibrateCommand, RecoversAWrongProfileAndRunTakesWhatItWrote) {
   EXPECT_TRUE(result.at("absolute"));
   EXPECT_TRUE(result.at("zero_current_delivered"));
   EXPECT_EQ(result.at("unit"), "serial-PHANTOM-0001");
-  EXPECT_LT(result.at("largest_tip_speed_m_per_s"), 0.6 * truth.limits.max_speed_m_per_s);
+  EXPECT_LT(result.at("largest_tip_speed_m_per_s"), 0.6 * reference.limits.max_speed_m_per_s);
 
   const std::string file = result.at("written");
   EXPECT_EQ(file, folder_ + "/forcegrid/devices/phantom_desktop@serial-PHANTOM-0001.toml");
@@ -106,9 +106,9 @@ TEST_F(CalibrateCommand, RecoversAWrongProfileAndRunTakesWhatItWrote) {
   for (std::size_t i = 0; i < 3; ++i) {
     SCOPED_TRACE("joint " + std::to_string(i));
     EXPECT_NEAR(
-        written.motors.torque_constant_Nm_per_A[i] / truth.motors.torque_constant_Nm_per_A[i], 1.0,
-        0.03);
-    EXPECT_NEAR(written.dynamics.coulomb_friction_Nm[i] / truth.dynamics.coulomb_friction_Nm[i],
+        written.motors.torque_constant_Nm_per_A[i] / reference.motors.torque_constant_Nm_per_A[i],
+        1.0, 0.03);
+    EXPECT_NEAR(written.dynamics.coulomb_friction_Nm[i] / reference.dynamics.coulomb_friction_Nm[i],
                 1.0, 0.10);
   }
 

@@ -56,7 +56,7 @@ TEST(Record, MakesATraceOnWhichMethodsHaveTheErrorsOfTheRun) {
   }
 }
 
-TEST(Record, IsRefusedWhereNoTruthWillBe) {
+TEST(Record, IsRefusedWhereNoReferenceWillBe) {
   const std::string file = fresh_folder("record") + "/run.csv";
   const std::vector<std::pair<std::vector<std::string>, std::string>> refused = {
       {{"--no-truth", "--record", file}, "--no-truth"},

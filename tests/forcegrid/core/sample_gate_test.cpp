@@ -57,8 +57,8 @@ TEST(SampleGate, RefusesOutliersAndHardlyAnythingElse) {
   SampleGate gate(kMaxForce_N);
   int lies = 0;
   int passed_lies = 0;
-  int truths = 0;
-  int passed_truths = 0;
+  int references = 0;
+  int passed_references = 0;
   for (int k = 0; k < 3000; ++k) {
     const Vector3d p = hand_m(k * kPeriod_s);
     Vector3d off_N = Vector3d::Zero();
@@ -68,19 +68,19 @@ TEST(SampleGate, RefusesOutliersAndHardlyAnythingElse) {
       } while (off_N.norm() < 1.2);
       ++lies;
     } else {
-      ++truths;
+      ++references;
     }
     for (const Sample& passed : gate.pass(sample_at(k * kPeriod_s, p, spring_N(p) + off_N))) {
       const bool lie = (passed.force_W - spring_N(passed.position_W)).norm() > 1e-12;
-      (lie ? passed_lies : passed_truths) += 1;
+      (lie ? passed_lies : passed_references) += 1;
     }
   }
   // Those that happen to look like an object that gives way can't be told; what follows on them may
   // then seem wrong.
-  EXPECT_GT(passed_truths, 0.998 * truths);
+  EXPECT_GT(passed_references, 0.998 * references);
   EXPECT_LT(passed_lies, 0.2 * lies);
   EXPECT_EQ(gate.refused(),
-            static_cast<std::uint64_t>(lies - passed_lies + truths - passed_truths));
+            static_cast<std::uint64_t>(lies - passed_lies + references - passed_references));
 }
 
 TEST(SampleGate, BelievesWhatGivesWayAtOnce) {

@@ -22,30 +22,30 @@ GridGeometry uneven_box() {
   return geometry;
 }
 
-CandleLight light_of(double radius_m) {
-  CandleLight light;
-  light.influence_radius_m = radius_m;
-  return light;
+RadialWeight weighting_of(double radius_m) {
+  RadialWeight weighting;
+  weighting.influence_radius_m = radius_m;
+  return weighting;
 }
 
 // Reaches one vertex only: less than half a spacing.
-CandleLight narrow_light() { return light_of(0.004); }
+RadialWeight narrow_weighting() { return weighting_of(0.004); }
 
 using DenseGrid = ForceGrid<DenseStorage<ForceSegment>>;
 using BlockGrid = ForceGrid<BlockStorage<ForceSegment>>;
 
 template <typename Grid>
-Grid make_grid(const GridGeometry& geometry, const CandleLight& light);
+Grid make_grid(const GridGeometry& geometry, const RadialWeight& weighting);
 
 template <>
-DenseGrid make_grid(const GridGeometry& geometry, const CandleLight& light) {
-  return {geometry, light, DenseStorage<ForceSegment>(geometry.cells.array() + 1, false)};
+DenseGrid make_grid(const GridGeometry& geometry, const RadialWeight& weighting) {
+  return {geometry, weighting, DenseStorage<ForceSegment>(geometry.cells.array() + 1, false)};
 }
 
 template <>
-BlockGrid make_grid(const GridGeometry& geometry, const CandleLight& light) {
+BlockGrid make_grid(const GridGeometry& geometry, const RadialWeight& weighting) {
   const Eigen::Vector3i vertices = geometry.cells.array() + 1;
-  return {geometry, light,
+  return {geometry, weighting,
           BlockStorage<ForceSegment>(vertices, false,
                                      BlockStorage<ForceSegment>::block_count(vertices))};
 }
@@ -96,7 +96,7 @@ Vector3d vertex_force(int i, int j, int k) {
 
 TYPED_TEST(ForceGrids, GivesThePapersExpandedPolynomial) {
   SCOPED_TRACE(kSeed);
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_light());
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_weighting());
   fill_vertices(grid, vertex_force);
   const GridGeometry& g = grid.geometry();
   std::mt19937 random(kSeed);
@@ -129,7 +129,7 @@ TYPED_TEST(ForceGrids, GivesThePapersExpandedPolynomial) {
 }
 
 TYPED_TEST(ForceGrids, IsContinuousAcrossCellFaces) {
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_light());
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_weighting());
   fill_vertices(grid, vertex_force);
   const GridGeometry& g = grid.geometry();
   std::mt19937 random(kSeed);
@@ -152,7 +152,7 @@ TYPED_TEST(ForceGrids, IsContinuousAcrossCellFaces) {
 }
 
 TYPED_TEST(ForceGrids, CoversEveryCellUpToTheUpperBorderAndNothingBeyond) {
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_light());
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_weighting());
   fill_vertices(grid, vertex_force);
   const GridGeometry& g = grid.geometry();
   const ForceEstimate corner = grid.sample(g.max_W);
@@ -172,7 +172,7 @@ TYPED_TEST(ForceGrids, CoversEveryCellUpToTheUpperBorderAndNothingBeyond) {
 }
 
 TYPED_TEST(ForceGrids, AnswersNotFiniteWithAStatusAndZero) {
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_light());
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_weighting());
   fill_vertices(grid, vertex_force);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinity = std::numeric_limits<double>::infinity();
@@ -186,7 +186,7 @@ TYPED_TEST(ForceGrids, AnswersNotFiniteWithAStatusAndZero) {
 }
 
 TYPED_TEST(ForceGrids, SaysWhatIsUnknownAndWhatIsPartlyKnown) {
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), light_of(0.025));
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), weighting_of(0.025));
   EXPECT_EQ(grid.sample(Vector3d::Zero()).status, EstimateStatus::kUnknown);
   fill_whole(grid, sample_of(Vector3d::Zero(), Vector3d(1, 2, 3)));
   const ForceEstimate near = grid.sample(Vector3d(0.001, 0.001, 0.001));
@@ -197,13 +197,13 @@ TYPED_TEST(ForceGrids, SaysWhatIsUnknownAndWhatIsPartlyKnown) {
   EXPECT_EQ(grid.sample(Vector3d(0.055, 0.07, 0.0)).status, EstimateStatus::kUnknown);
 }
 
-TEST(CandleLight, FallsFromOneToZeroAtTheRadius) {
-  const CandleLight light = light_of(0.02);
-  EXPECT_DOUBLE_EQ(light.weight(0.0), 1.0);
-  EXPECT_NEAR(light.weight(0.02), 1.0 / 401.0 - 1.0 / 401.0, 1e-15);
-  EXPECT_EQ(light.weight(0.0201), 0.0);
+TEST(RadialWeight, FallsFromOneToZeroAtTheRadius) {
+  const RadialWeight weighting = weighting_of(0.02);
+  EXPECT_DOUBLE_EQ(weighting.weight(0.0), 1.0);
+  EXPECT_NEAR(weighting.weight(0.02), 1.0 / 401.0 - 1.0 / 401.0, 1e-15);
+  EXPECT_EQ(weighting.weight(0.0201), 0.0);
   // d = 5 units, r = 20 units: 1/26 - 5/(20 * 401).
-  EXPECT_NEAR(light.weight(0.005), 1.0 / 26.0 - 5.0 / 8020.0, 1e-15);
+  EXPECT_NEAR(weighting.weight(0.005), 1.0 / 26.0 - 5.0 / 8020.0, 1e-15);
 }
 
 Vector3d force_of(const ForceVertex& v) { return {v.force_W_N[0], v.force_W_N[1], v.force_W_N[2]}; }
@@ -217,12 +217,12 @@ struct ReferenceGrid {
   std::size_t index(int i, int j, int k) const {
     return static_cast<std::size_t>((i * (g.cells.y() + 1) + j) * (g.cells.z() + 1) + k);
   }
-  void add(const CandleLight& light, const Vector3d& at, const Vector3d& f) {
+  void add(const RadialWeight& weighting, const Vector3d& at, const Vector3d& f) {
     for (int i = 0; i <= g.cells.x(); ++i) {
       for (int j = 0; j <= g.cells.y(); ++j) {
         for (int k = 0; k <= g.cells.z(); ++k) {
           const Vector3d v = g.min_W + Vector3d(i, j, k).cwiseProduct(g.spacing_m());
-          const double w = light.weight((v - at).norm());
+          const double w = weighting.weight((v - at).norm());
           if (w > 0.0) {
             const std::size_t n = index(i, j, k);
             force[n] = (weight[n] * force[n] + w * f) / (weight[n] + w);
@@ -239,8 +239,8 @@ struct ReferenceGrid {
 
 TYPED_TEST(ForceGrids, FillsAsTheUpdateFormulaeSayInsideAndAtTheBorders) {
   SCOPED_TRACE(kSeed);
-  const CandleLight light = light_of(0.0267);
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), light);
+  const RadialWeight weighting = weighting_of(0.0267);
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), weighting);
   ReferenceGrid reference(uneven_box());
   std::mt19937 random(kSeed);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
@@ -250,7 +250,7 @@ TYPED_TEST(ForceGrids, FillsAsTheUpdateFormulaeSayInsideAndAtTheBorders) {
         reference.g.min_W + Vector3d(unit(random), unit(random), unit(random))
                                 .cwiseProduct(reference.g.max_W - reference.g.min_W);
     const Vector3d f(newtons(random), newtons(random), newtons(random));
-    reference.add(light, at, f);
+    reference.add(weighting, at, f);
     fill_whole(grid, sample_of(at, f));
   }
   for (int i = 0; i <= 12; ++i) {
@@ -269,9 +269,9 @@ TYPED_TEST(ForceGrids, FillsAsTheUpdateFormulaeSayInsideAndAtTheBorders) {
 }
 
 TYPED_TEST(ForceGrids, GivesTheSameFieldHoweverTheBudgetSplitsAFill) {
-  const CandleLight light = light_of(0.0267);
-  TypeParam whole = make_grid<TypeParam>(uneven_box(), light);
-  TypeParam split = make_grid<TypeParam>(uneven_box(), light);
+  const RadialWeight weighting = weighting_of(0.0267);
+  TypeParam whole = make_grid<TypeParam>(uneven_box(), weighting);
+  TypeParam split = make_grid<TypeParam>(uneven_box(), weighting);
   const Vector3d at(0.011, -0.023, 0.007);
   const Vector3d f(1.0, -2.0, 0.5);
   GridFill one = whole.begin_fill(sample_of(at, f), false);
@@ -315,32 +315,32 @@ TYPED_TEST(ForceGrids, GivesTheSameFieldHoweverTheBudgetSplitsAFill) {
   }
 }
 
-TEST(CandleLight, FallsSharplyWithTheInversePowers) {
-  CandleLight light = light_of(0.02);
-  light.mean_spacing_m = 0.002;
-  light.kind = WeightKind::kInverse4;
-  EXPECT_DOUBLE_EQ(light.weight(0.0), 20.0);
-  EXPECT_NEAR(light.weight(0.004), 0.64 / (0.05 + 16.0), 1e-15);  // d = r/5 = 2 h
-  EXPECT_EQ(light.weight(0.02), 0.0);
-  light.kind = WeightKind::kInverse6;
-  EXPECT_DOUBLE_EQ(light.weight(0.0), 20.0);
-  EXPECT_NEAR(light.weight(0.004), 0.64 / (0.05 + 4096.0), 1e-15);
-  EXPECT_EQ(light.weight(0.03), 0.0);
+TEST(RadialWeight, FallsSharplyWithTheInversePowers) {
+  RadialWeight weighting = weighting_of(0.02);
+  weighting.mean_spacing_m = 0.002;
+  weighting.kind = WeightKind::kInverse4;
+  EXPECT_DOUBLE_EQ(weighting.weight(0.0), 20.0);
+  EXPECT_NEAR(weighting.weight(0.004), 0.64 / (0.05 + 16.0), 1e-15);  // d = r/5 = 2 h
+  EXPECT_EQ(weighting.weight(0.02), 0.0);
+  weighting.kind = WeightKind::kInverse6;
+  EXPECT_DOUBLE_EQ(weighting.weight(0.0), 20.0);
+  EXPECT_NEAR(weighting.weight(0.004), 0.64 / (0.05 + 4096.0), 1e-15);
+  EXPECT_EQ(weighting.weight(0.03), 0.0);
 }
 
 TEST(ForceGrid, GivesTheVerticesTheWeightsOfTheFormulae) {
   // Two samples on one vertex's line: its force is their mean by the weights at 4 and 8 mm.
   for (const WeightKind kind : {WeightKind::kPaper, WeightKind::kInverse4, WeightKind::kInverse6}) {
-    CandleLight light = light_of(0.03);
-    light.kind = kind;
-    light.mean_spacing_m = 0.005;
-    DenseGrid grid = make_grid<DenseGrid>(uneven_box(), light);
+    RadialWeight weighting = weighting_of(0.03);
+    weighting.kind = kind;
+    weighting.mean_spacing_m = 0.005;
+    DenseGrid grid = make_grid<DenseGrid>(uneven_box(), weighting);
     fill_whole(grid, sample_of(Vector3d(0.004, 0.0, 0.0), Vector3d(1.0, 0.0, 0.0)));
     fill_whole(grid, sample_of(Vector3d(-0.008, 0.0, 0.0), Vector3d(0.0, 2.0, 0.0)));
     // Vertex (6, 10, k) is at x = y = 0; of z the nearest is -0.05 + 4 * 0.12 / 9 = 1/300 m.
     const double z_m = 1.0 / 300.0;
-    const double near = light.weight(std::hypot(0.004, z_m));
-    const double far = light.weight(std::hypot(0.008, z_m));
+    const double near = weighting.weight(std::hypot(0.004, z_m));
+    const double far = weighting.weight(std::hypot(0.008, z_m));
     const ForceVertex v = grid.vertex(6, 10, 4);
     EXPECT_NEAR(v.weight, near + far, 1e-5 * (near + far));
     EXPECT_NEAR(v.force_W_N[0], near / (near + far), 1e-5);
@@ -350,7 +350,7 @@ TEST(ForceGrid, GivesTheVerticesTheWeightsOfTheFormulae) {
 
 TYPED_TEST(ForceGrids, ReadTricubicallyReproduceQuadraticsInsideAndAffineFieldsAtTheBorder) {
   SCOPED_TRACE(kSeed);
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_light());
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), narrow_weighting());
   fill_vertices(grid, [](int i, int j, int k) {
     return Vector3d(0.1 * i - 0.2 * j + 0.3 * k, 0.01 * (i * i - j * k), 0.02 * (k * k + i * j));
   });
@@ -372,7 +372,7 @@ TYPED_TEST(ForceGrids, ReadTricubicallyReproduceQuadraticsInsideAndAffineFieldsA
 }
 
 TEST(ForceGrid, ReadsTrilinearlyWhereATricubicReadMeetsAVertexWithoutData) {
-  DenseGrid grid = make_grid<DenseGrid>(uneven_box(), light_of(0.02));
+  DenseGrid grid = make_grid<DenseGrid>(uneven_box(), weighting_of(0.02));
   fill_whole(grid, sample_of(Vector3d(0.001, 0.001, 0.001), Vector3d(1, 2, 3)));
   fill_whole(grid, sample_of(Vector3d(0.009, 0.001, 0.001), Vector3d(2, 2, 3)));
   const Vector3d near(0.002, 0.003, 0.001);
@@ -384,10 +384,10 @@ TEST(ForceGrid, ReadsTrilinearlyWhereATricubicReadMeetsAVertexWithoutData) {
 
 TYPED_TEST(ForceGrids, ReproduceAnAffineFieldExactlyFromSamplesWithStiffness) {
   SCOPED_TRACE(kSeed);
-  CandleLight light = light_of(0.05);
-  light.kind = WeightKind::kInverse6;
-  light.mean_spacing_m = 0.01;
-  TypeParam grid = make_grid<TypeParam>(uneven_box(), light);
+  RadialWeight weighting = weighting_of(0.05);
+  weighting.kind = WeightKind::kInverse6;
+  weighting.mean_spacing_m = 0.01;
+  TypeParam grid = make_grid<TypeParam>(uneven_box(), weighting);
   Eigen::Matrix3d stiffness;
   stiffness << -100, 20, 5, 10, -300, 40, 0, 7, -50;
   const Vector3d at_rest(1, -2, 3);

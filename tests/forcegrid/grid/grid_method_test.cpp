@@ -422,7 +422,7 @@ TEST(AdaptiveGrid, IsDenseAroundTheToolWhereverItGoesAndSparseElsewhere) {
   options.influence_radius_m = 0.02;
   options.weight = WeightKind::kPaper;
   const GridPlan plan = plan_grid(GridMethodKind::kSilent, options);
-  AdaptiveGrid grid(plan.geometry, plan.light, false);
+  AdaptiveGrid grid(plan.geometry, plan.weighting, false);
   ASSERT_TRUE(grid.allocated());
   EXPECT_EQ(grid.geometry().cells, Vector3i::Constant(40));
   grid.restart();

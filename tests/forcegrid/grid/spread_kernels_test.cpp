@@ -15,11 +15,11 @@ constexpr unsigned kSeed = 3;
 constexpr WeightKind kKinds[] = {WeightKind::kPaper, WeightKind::kInverse4, WeightKind::kInverse6};
 
 SpreadConstants constants(WeightKind kind) {
-  CandleLight light;
-  light.influence_radius_m = 0.02;
-  light.kind = kind;
-  light.mean_spacing_m = 0.003;
-  return spread_constants(light, 0.002);
+  RadialWeight weighting;
+  weighting.influence_radius_m = 0.02;
+  weighting.kind = kind;
+  weighting.mean_spacing_m = 0.003;
+  return spread_constants(weighting, 0.002);
 }
 
 SpreadSample random_sample(std::mt19937& random, bool has_stiffness) {

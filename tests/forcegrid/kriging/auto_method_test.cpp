@@ -88,10 +88,10 @@ void play(ForceMethod& method, const Answer& answer) {
 TEST(AutoMethod, CorrectsASimulatorThatHasNotConverged) {
   const auto method = make_auto();
   Vector3d answered_N = Vector3d::Zero();
-  Vector3d truth_N = Vector3d::Zero();
+  Vector3d reference_N = Vector3d::Zero();
   int ticks = 0;
   play(*method, [&](Sample sample) {
-    truth_N = sample.force_W;
+    reference_N = sample.force_W;
     if (ticks++ % 17 == 0) {
       answered_N += 0.6 * (sample.force_W - answered_N);
     }
@@ -101,7 +101,8 @@ TEST(AutoMethod, CorrectsASimulatorThatHasNotConverged) {
   });
   const Vector3d end_W = kPlace_W + HandMotion(kSeed).position_m(0.002 * 2499);
   EXPECT_EQ(speaker(*method, end_W), "unfinished");
-  EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - truth_N).norm(), 0.01 * truth_N.norm());
+  EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - reference_N).norm(),
+            0.01 * reference_N.norm());
 }
 
 TEST(AutoMethod, LeavesAConvergedSimulatorToTheOthers) {
@@ -115,16 +116,17 @@ TEST(AutoMethod, LeavesAConvergedSimulatorToTheOthers) {
 TEST(AutoMethod, FollowsAnObjectThatRelaxes) {
   const auto method = make_auto();
   Vector3d lag_N = Vector3d::Zero();
-  Vector3d truth_N = Vector3d::Zero();
+  Vector3d reference_N = Vector3d::Zero();
   play(*method, [&](Sample sample) {
     lag_N += 0.002 / 0.15 * (sample.force_W - lag_N);
     sample.force_W -= 0.4 * lag_N;
-    truth_N = sample.force_W;
+    reference_N = sample.force_W;
     return sample;
   });
   const Vector3d end_W = kPlace_W + HandMotion(kSeed).position_m(0.002 * 2499);
   EXPECT_EQ(speaker(*method, end_W), "relaxing");
-  EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - truth_N).norm(), 0.03 * truth_N.norm());
+  EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - reference_N).norm(),
+            0.03 * reference_N.norm());
 }
 
 // The share of the time after 2 s in which a member is felt that knows more than the position.

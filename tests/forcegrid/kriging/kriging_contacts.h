@@ -57,14 +57,14 @@ inline void hold(ForceMethod& method, std::uint32_t epoch, const Eigen::Vector3d
 // RMS, of the RMS of the true force, within some 8 mm of the point.
 inline double error_before_the_first_sample(ForceMethod& method, const Eigen::Vector3d& point_W) {
   double squares_N2 = 0.0;
-  double truth_N2 = 0.0;
+  double reference_N2 = 0.0;
   for (int i = 0; i < 200; ++i) {
     const Eigen::Vector3d d_m = 0.7 * HandMotion(kSeed + 9).position_m(0.01 * i);
-    const Eigen::Vector3d truth_N = force_N(point_W, d_m);
-    squares_N2 += (method.force(100.0, point_W + d_m).force_W - truth_N).squaredNorm();
-    truth_N2 += truth_N.squaredNorm();
+    const Eigen::Vector3d reference_N = force_N(point_W, d_m);
+    squares_N2 += (method.force(100.0, point_W + d_m).force_W - reference_N).squaredNorm();
+    reference_N2 += reference_N.squaredNorm();
   }
-  return std::sqrt(squares_N2 / truth_N2);
+  return std::sqrt(squares_N2 / reference_N2);
 }
 
 }  // namespace forcegrid::testing

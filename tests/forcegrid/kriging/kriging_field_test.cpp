@@ -78,12 +78,12 @@ TEST(DictionaryField, LearnsInAFewSamplesThatAnotherContactIsStifferOrSofter) {
         field.take(o);
       }
       double error_N2 = 0.0;
-      double truth_N2 = 0.0;
+      double reference_N2 = 0.0;
       for (const Vector3d& p : scattered(40, 0.010, kSeed + 1)) {
         error_N2 += (force_N(field, p) - elsewhere.force_N(p)).squaredNorm();
-        truth_N2 += elsewhere.force_N(p).squaredNorm();
+        reference_N2 += elsewhere.force_N(p).squaredNorm();
       }
-      error[told ? 1 : 0] = std::sqrt(error_N2 / truth_N2);
+      error[told ? 1 : 0] = std::sqrt(error_N2 / reference_N2);
     }
     EXPECT_LT(error[1], 0.02) << "scale " << scale << ", seed " << kSeed;
     if (scale != 1.0) {
@@ -433,19 +433,19 @@ TEST(DictionaryField, ForgetsACutAfterASurprise) {
     bool surprised_before = false;
     bool surprised_after = false;
     double squares_N2 = 0.0;
-    double truth_N2 = 0.0;
+    double reference_N2 = 0.0;
     for (int i = 0; i < 300; ++i) {
       const Vector3d p = motion.position_m(i / 30.0);
-      const Vector3d truth_N = (i < 150 ? before : after).force_N(p);
+      const Vector3d reference_N = (i < 150 ? before : after).force_N(p);
       if (i >= 180) {
-        squares_N2 += (force_N(field, p) - truth_N).squaredNorm();
-        truth_N2 += truth_N.squaredNorm();
+        squares_N2 += (force_N(field, p) - reference_N).squaredNorm();
+        reference_N2 += reference_N.squaredNorm();
       }
-      const Innovation innovation = field.take(observe(p, truth_N));
+      const Innovation innovation = field.take(observe(p, reference_N));
       (i < 150 ? surprised_before : surprised_after) |= innovation.surprised;
     }
     EXPECT_FALSE(surprised_before);
-    const double error = std::sqrt(squares_N2 / truth_N2);
+    const double error = std::sqrt(squares_N2 / reference_N2);
     if (surprise < 1e9) {
       EXPECT_TRUE(surprised_after);
       EXPECT_LT(error, 0.03);
@@ -501,11 +501,11 @@ TEST(DictionaryField, KnowsTheSurroundingsOfOneSampleWithStiffness) {
   with.take(observe_with_stiffness(at, object));
   without.take(observe(at, object.force_N(at)));
   for (const Vector3d& d : scattered(10, 0.003)) {
-    const Vector3d truth_N = object.force_N(at + d);
-    const double moved_N = (truth_N - object.force_N(at)).norm();
-    EXPECT_LT((force_N(with, at + d) - truth_N).norm(), 0.1 * moved_N);
-    EXPECT_LT((force_N(with, at + d) - truth_N).norm(),
-              (force_N(without, at + d) - truth_N).norm());
+    const Vector3d reference_N = object.force_N(at + d);
+    const double moved_N = (reference_N - object.force_N(at)).norm();
+    EXPECT_LT((force_N(with, at + d) - reference_N).norm(), 0.1 * moved_N);
+    EXPECT_LT((force_N(with, at + d) - reference_N).norm(),
+              (force_N(without, at + d) - reference_N).norm());
     EXPECT_LT(with.deviation_N(at + d, kNoHistory), 0.1 * without.deviation_N(at + d, kNoHistory));
   }
 }
@@ -538,7 +538,7 @@ TEST(DictionaryField, LearnsADamperFromHistoryFeatures) {
     settings.samples = 48;
     DictionaryField<double, 48, 0> field(settings);
     double squares_N2 = 0.0;
-    double truth_N2 = 0.0;
+    double reference_N2 = 0.0;
     for (int i = 0; i < 450; ++i) {
       const double t_s = i / 30.0;
       const Vector3d p = motion.position_m(t_s);
@@ -546,16 +546,16 @@ TEST(DictionaryField, LearnsADamperFromHistoryFeatures) {
       History h = History::Zero();
       h.col(0) = kTau_s * v;
       h.col(1) = 6.0 * kTau_s * v;
-      const Vector3d truth_N = object.force_N(p) - kDamping_Ns_per_m * v;
+      const Vector3d reference_N = object.force_N(p) - kDamping_Ns_per_m * v;
       if (i > 150) {
-        squares_N2 += (field.read(p, h).force_N - truth_N).squaredNorm();
-        truth_N2 += truth_N.squaredNorm();
+        squares_N2 += (field.read(p, h).force_N - reference_N).squaredNorm();
+        reference_N2 += reference_N.squaredNorm();
       }
-      Observation o = observe(p, truth_N);
+      Observation o = observe(p, reference_N);
       o.history = h;
       field.take(o);
     }
-    error[with] = std::sqrt(squares_N2 / truth_N2);
+    error[with] = std::sqrt(squares_N2 / reference_N2);
   }
   EXPECT_GT(error[0], 0.012);
   EXPECT_LT(error[1], 0.01);

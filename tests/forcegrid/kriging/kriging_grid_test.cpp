@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "forcegrid/kriging/kriging_grid_method.h"
+#include "forcegrid/kriging/posterior_grid.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
-#include "forcegrid/kriging/posterior_grid.h"
 #include "tests/forcegrid/kriging/kriging_support.h"
 
 namespace forcegrid {
@@ -196,7 +196,7 @@ TEST(ForcegridKriging, IsAsAccurateAsItsKrigingToAFiftiethOfAPercent) {
   const HandMotion motion(kSeed);
   KrigingGridMethod method(workspace());
   Session session(method);
-  double grid_N2 = 0.0, kriging_N2 = 0.0, truth_N2 = 0.0;
+  double grid_N2 = 0.0, kriging_N2 = 0.0, reference_N2 = 0.0;
   int on_grid = 0, cycles = 0;
   session.play(
       [&motion](double t_s) { return motion.position_m(t_s); }, 10.0, force_N,
@@ -210,11 +210,11 @@ TEST(ForcegridKriging, IsAsAccurateAsItsKrigingToAFiftiethOfAPercent) {
         grid_N2 += (estimate.force_W - force_N(d)).squaredNorm();
         kriging_N2 +=
             (method.kriging().force(time_s, kPoint_W + d).force_W - force_N(d)).squaredNorm();
-        truth_N2 += force_N(d).squaredNorm();
+        reference_N2 += force_N(d).squaredNorm();
       });
-  EXPECT_LT(std::sqrt(grid_N2 / truth_N2), std::sqrt(kriging_N2 / truth_N2) + 2e-4)
+  EXPECT_LT(std::sqrt(grid_N2 / reference_N2), std::sqrt(kriging_N2 / reference_N2) + 2e-4)
       << "seed " << kSeed;
-  EXPECT_LT(std::sqrt(kriging_N2 / truth_N2), 0.01);
+  EXPECT_LT(std::sqrt(kriging_N2 / reference_N2), 0.01);
   EXPECT_GT(on_grid, 99 * cycles / 100) << "of " << cycles;
   EXPECT_LT(method.memory_bytes(), 4u << 20);
 }
@@ -235,15 +235,15 @@ TEST(ForcegridKriging, KnowsAPlaceWithoutItsSamplesAndNothingWhereItHasNotBeen) 
   const Vector3d far_m(0.045, 0.0, 0.0);
   session.play(around(near_m), 8.0, force_N, nothing);
   session.play(around(far_m), 8.0, force_N, nothing);
-  double error_N2 = 0.0, truth_N2 = 0.0;
+  double error_N2 = 0.0, reference_N2 = 0.0;
   for (double t_s = 0.0; t_s < 7.0; t_s += 0.01) {
     const Vector3d d = around(near_m)(t_s);
     const ForceEstimate estimate = method.force(16.0, kPoint_W + d);
     ASSERT_TRUE(method.grid().read(d).known) << d.transpose();
     error_N2 += (estimate.force_W - force_N(d)).squaredNorm();
-    truth_N2 += force_N(d).squaredNorm();
+    reference_N2 += force_N(d).squaredNorm();
   }
-  EXPECT_LT(std::sqrt(error_N2 / truth_N2), 0.01) << "seed " << kSeed;
+  EXPECT_LT(std::sqrt(error_N2 / reference_N2), 0.01) << "seed " << kSeed;
   const Vector3d never_m(0.045, 0.04, 0.0);
   EXPECT_FALSE(method.grid().read(never_m).known);
   EXPECT_EQ(method.force(16.0, kPoint_W + never_m).status, EstimateStatus::kPartlyKnown);
@@ -262,16 +262,16 @@ TEST(ForcegridKriging, RewritesWhatASurpriseContradicts) {
   const auto nothing = [](double, const Vector3d&) {};
   session.play(
       path, 5.0, [&object](const Vector3d& d) { return object.force_N(d); }, nothing);
-  double error_N2 = 0.0, truth_N2 = 0.0;
+  double error_N2 = 0.0, reference_N2 = 0.0;
   session.play(
       path, 5.0, [&cut](const Vector3d& d) { return cut.force_N(d); },
       [&](double time_s, const Vector3d& d) {
         if (time_s > 8.0) {
           error_N2 += (method.force(time_s, kPoint_W + d).force_W - cut.force_N(d)).squaredNorm();
-          truth_N2 += cut.force_N(d).squaredNorm();
+          reference_N2 += cut.force_N(d).squaredNorm();
         }
       });
-  EXPECT_LT(std::sqrt(error_N2 / truth_N2), 0.05) << "seed " << kSeed;
+  EXPECT_LT(std::sqrt(error_N2 / reference_N2), 0.05) << "seed " << kSeed;
 }
 
 TEST(ForcegridKriging, AsksAtVerticesWhereItKnowsLittle) {

@@ -55,7 +55,7 @@ struct Play {
     std::deque<Delivery> on_the_way, answers;
     double next_sample_s = 0.0;
     double next_request_s = 0.0;
-    double first_N2 = 0.0, after_N2 = 0.0, truth_N2 = 0.0, worst_N2 = 0.0;
+    double first_N2 = 0.0, after_N2 = 0.0, reference_N2 = 0.0, worst_N2 = 0.0;
     int first = 0, after = 0;
     const auto sample_at = [&](double time_s, const Vector3d& d_m) {
       Sample sample;
@@ -78,7 +78,7 @@ struct Play {
     for (int i = 0; i < cycles; ++i) {
       const double t_s = i * kServo_s;
       const Vector3d d_m = displacement_m(t_s);
-      const Vector3d truth_N = force_N(t_s, d_m);
+      const Vector3d reference_N = force_N(t_s, d_m);
       if (t_s >= next_sample_s) {
         on_the_way.push_back({t_s + kPeriod_s + delay_s, sample_at(t_s, d_m)});
         next_sample_s += kPeriod_s;
@@ -91,8 +91,8 @@ struct Play {
       }
       method.observe(t_s, kPoint_W + d_m);
       const ForceEstimate estimate = method.force(t_s, kPoint_W + d_m);
-      const double error_N2 = (estimate.force_W - truth_N).squaredNorm();
-      truth_N2 += truth_N.squaredNorm();
+      const double error_N2 = (estimate.force_W - reference_N).squaredNorm();
+      reference_N2 += reference_N.squaredNorm();
       if (t_s < 1.0) {
         first_N2 += error_N2;
         ++first;
@@ -114,7 +114,7 @@ struct Play {
       }
       method.work(work_budget);
     }
-    const double rms_N = std::sqrt(truth_N2 / cycles);
+    const double rms_N = std::sqrt(reference_N2 / cycles);
     error_first_1s = std::sqrt(first_N2 / first) / rms_N;
     error_after_1s = std::sqrt(after_N2 / after) / rms_N;
     worst_after_1s = std::sqrt(worst_N2) / rms_N;
@@ -229,15 +229,15 @@ TEST(KrigingMethods, KeepWhatTheyLearntRelativeToTheContactPoint) {
     const Vector3d elsewhere_W(0.12, 0.02, 0.05);
     method.contact_made(2, elsewhere_W);
     double squares_N2 = 0.0;
-    double truth_N2 = 0.0;
+    double reference_N2 = 0.0;
     for (int i = 0; i < 1000; ++i) {
       const Vector3d d_m = HandMotion(kSeed).position_m(3.0 + i * kServo_s);
       const ForceEstimate estimate = method.force(10.0 + i * kServo_s, elsewhere_W + d_m);
       EXPECT_EQ(estimate.status, EstimateStatus::kPartlyKnown) << "nothing of this contact yet";
       squares_N2 += (estimate.force_W - object.force_N(d_m)).squaredNorm();
-      truth_N2 += object.force_N(d_m).squaredNorm();
+      reference_N2 += object.force_N(d_m).squaredNorm();
     }
-    EXPECT_LT(std::sqrt(squares_N2 / truth_N2), 0.005) << method.name();
+    EXPECT_LT(std::sqrt(squares_N2 / reference_N2), 0.005) << method.name();
   }
 }
 

@@ -285,15 +285,15 @@ TEST(StoreField, ForgetsNothingWhileItIsElsewhere) {
   EXPECT_LE(follow_to_the_end(with_store, places_m[0]), 40);
   EXPECT_EQ(with_store.sample_count(), settings.samples);
   double error_N2[2] = {0.0, 0.0};
-  double truth_N2 = 0.0;
+  double reference_N2 = 0.0;
   for (const Vector3d& p : scattered(100, 0.010, kSeed + 5)) {
     const Vector3d at_m = places_m[0] + p;
-    truth_N2 += force_N(at_m).squaredNorm();
+    reference_N2 += force_N(at_m).squaredNorm();
     error_N2[0] += (with_store.read(at_m, kNoHistory).force_N - force_N(at_m)).squaredNorm();
     error_N2[1] += (without.read(at_m, kNoHistory).force_N - force_N(at_m)).squaredNorm();
   }
-  EXPECT_LT(std::sqrt(error_N2[0] / truth_N2), 2e-3) << "seed " << kSeed;
-  EXPECT_GT(std::sqrt(error_N2[1] / truth_N2), 1e-2) << "seed " << kSeed;
+  EXPECT_LT(std::sqrt(error_N2[0] / reference_N2), 2e-3) << "seed " << kSeed;
+  EXPECT_GT(std::sqrt(error_N2[1] / reference_N2), 1e-2) << "seed " << kSeed;
 }
 
 TEST(StoreField, ExchangesAFewSamplesAPieceAndComesToRest) {

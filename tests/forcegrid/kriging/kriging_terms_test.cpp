@@ -24,14 +24,14 @@ constexpr int kSamples = 150;
 // The relative error at the last second's samples, foretold one period ahead.
 struct Score {
   double squares_N2 = 0.0;
-  double truth_N2 = 0.0;
-  void add(int sample, const Vector3d& error_N, const Vector3d& truth_N) {
+  double reference_N2 = 0.0;
+  void add(int sample, const Vector3d& error_N, const Vector3d& reference_N) {
     if (sample >= kSamples - 30) {
       squares_N2 += error_N.squaredNorm();
-      truth_N2 += truth_N.squaredNorm();
+      reference_N2 += reference_N.squaredNorm();
     }
   }
-  double relative() const { return std::sqrt(squares_N2 / truth_N2); }
+  double relative() const { return std::sqrt(squares_N2 / reference_N2); }
 };
 
 // F_k = F_{k-1} + share (F(p_k) - F_{k-1}): what the field should say is F(p_k).
@@ -43,9 +43,9 @@ double lag_error(LagField& field, double share) {
   for (int k = 0; k < kSamples; ++k) {
     Observation o;
     o.position_m = hand.position_m(k * kPeriod_s);
-    const Vector3d truth_N = object.force_N(o.position_m);
-    score.add(k, field.read(o.position_m, o.history).force_N - truth_N, truth_N);
-    o.rise_N = share * (truth_N - answer_N);
+    const Vector3d reference_N = object.force_N(o.position_m);
+    score.add(k, field.read(o.position_m, o.history).force_N - reference_N, reference_N);
+    o.rise_N = share * (reference_N - answer_N);
     answer_N += o.rise_N;
     o.force_N = answer_N;
     o.has_rise = k > 0;

@@ -10,11 +10,11 @@
 #include <string>
 
 #include "simulator/bench/bullet_peer.h"
-#include "simulator/solver/elastic_object.h"
+#include "simulator/bench/solver_motion.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
-#include "simulator/solver/newton_object.h"
-#include "simulator/bench/solver_motion.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/solver/newton_cg_baseline.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -51,15 +51,15 @@ std::vector<Vector3d> rosette_W() {
   return places_W;
 }
 
-TEST(NewtonObject, FindsTheSameForceAsTheSolverWithSensitivities) {
+TEST(NewtonCgBaseline, FindsTheSameForceAsTheSolverWithSensitivities) {
   for (const double cubic : {0.0, 5.0}) {
     const Scene scene = little_scene(cubic);
     ElasticObject<double> reference(scene.mesh, {.relative_tolerance = 1e-8});
-    NewtonObject newton(scene.mesh, {.relative_tolerance = 1e-4});
+    NewtonCgBaseline newton(scene.mesh, {.relative_tolerance = 1e-4});
     ASSERT_EQ(reference.grab(Vector3d::Zero(), 0.012), newton.grab(Vector3d::Zero(), 0.012));
     for (const Vector3d& at_W : circle_W(30.0, 1.0)) {
       const Vector3d expected_W = reference.move_to(at_W).force_W;
-      const NewtonObject::Answer answer = newton.move_to(at_W);
+      const NewtonCgBaseline::Answer answer = newton.move_to(at_W);
       EXPECT_TRUE(answer.converged) << at_W.transpose();
       // The raw sum over the patch is off by some ten times the residual.
       EXPECT_LT((answer.force_W - expected_W).norm(), 3e-3 * std::max(expected_W.norm(), 0.05));
@@ -67,8 +67,8 @@ TEST(NewtonObject, FindsTheSameForceAsTheSolverWithSensitivities) {
   }
 }
 
-TEST(NewtonObject, RefusesAToleranceThatNothingCanMeet) {
-  EXPECT_THROW(NewtonObject(little_scene(0.0).mesh, {.relative_tolerance = 0.0}), Error);
+TEST(NewtonCgBaseline, RefusesAToleranceThatNothingCanMeet) {
+  EXPECT_THROW(NewtonCgBaseline(little_scene(0.0).mesh, {.relative_tolerance = 0.0}), Error);
 }
 
 TEST(BulletPeer, ComesNearTheSpringsEquilibriumButNotToIt) {

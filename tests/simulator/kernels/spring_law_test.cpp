@@ -3,10 +3,10 @@
 
 #include <cmath>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -7,11 +7,11 @@
 #include <filesystem>
 #include <fstream>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/rest_surface.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -13,10 +13,10 @@
 #include <sstream>
 #include <string>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/msh_header.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/elastic_object.h"
 #include "tests/simulator/mesh/mesh_volume.h"
 
 namespace forcegrid::simulator {

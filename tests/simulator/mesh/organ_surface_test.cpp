@@ -10,10 +10,10 @@
 #include <numbers>
 #include <set>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/error.h"
-#include "simulator/reference/return_test.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/reference/return_test.h"
+#include "simulator/solver/elastic_object.h"
 #include "tests/simulator/mesh/mesh_volume.h"
 
 namespace forcegrid::simulator {

@@ -8,7 +8,7 @@
 
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
-#include "simulator/reference/truth.h"
+#include "simulator/reference/reference_solution.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -51,15 +51,15 @@ TEST(DirectMethod, FollowsTheConvergedObject) {
     EXPECT_GE(estimate.uncertainty_N, 0.0);
     forces_W.push_back(estimate.force_W);
   }
-  TruthOptions options;
+  ReferenceOptions options;
   options.contact_point_W = kTop_W;
   options.threads = 1;
-  const TruthResult truth = simulate_truth(mesh, positions_W, options);
+  const ReferenceSolution reference = simulate_reference(mesh, positions_W, options);
   double error = 0.0;
   double size = 0.0;
   for (std::size_t i = 0; i < forces_W.size(); ++i) {
-    error += (forces_W[i] - truth.forces_W[i]).squaredNorm();
-    size += truth.forces_W[i].squaredNorm();
+    error += (forces_W[i] - reference.forces_W[i]).squaredNorm();
+    size += reference.forces_W[i].squaredNorm();
   }
   EXPECT_LT(std::sqrt(error / size), 1e-3);
 }

@@ -7,11 +7,11 @@
 #include <complex>
 #include <numbers>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/gravity.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/vertex_masses.h"
+#include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -4,12 +4,12 @@
 #include <cmath>
 #include <vector>
 
-#include "simulator/solver/elastic_object.h"
+#include "simulator/kernels/spring_table.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
-#include "simulator/solver/region.h"
 #include "simulator/mesh/scene.h"
-#include "simulator/kernels/spring_table.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/solver/region.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -7,13 +7,13 @@
 #include <limits>
 #include <thread>
 
-#include "simulator/solver/elastic_object.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/solver/elastic_object.h"
+#include "simulator/solver/two_rates_object.h"
 #include "simulator/touch/solver_choice.h"
 #include "simulator/touch/tool_contact.h"
-#include "simulator/solver/two_rates_object.h"
 
 namespace forcegrid::simulator {
 namespace {

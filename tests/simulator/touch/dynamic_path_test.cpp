@@ -9,10 +9,10 @@
 #include <random>
 #include <vector>
 
-#include "simulator/touch/dynamic_contact.h"
-#include "simulator/reference/dynamic_truth.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/vertex_masses.h"
+#include "simulator/reference/dynamic_reference.h"
+#include "simulator/touch/dynamic_contact.h"
 #include "tests/simulator/little_jelly.h"
 
 namespace forcegrid::simulator {
@@ -118,10 +118,10 @@ double error_percent(const Fate& fate) {
     if (time_s > 0.5) {
       EXPECT_TRUE(answer.in_contact);
       EXPECT_LT((answer.position_W - tool.position_W).norm(), 1.5 * kCount_m);
-      const Vector3d truth_W =
+      const Vector3d reference_W =
           link_force_W(scene.mesh, tool.position_W - answer.point_W, tool.velocity_W);
-      error += (answer.equilibrium.force_W - truth_W).squaredNorm();
-      all += truth_W.squaredNorm();
+      error += (answer.equilibrium.force_W - reference_W).squaredNorm();
+      all += reference_W.squaredNorm();
     }
   }
   const double percent = 100.0 * std::sqrt(error / all);
@@ -170,7 +170,7 @@ TEST(DynamicPath, TheToolTouchesWhereItsWayMeetsTheSurface) {
   }
 }
 
-TEST(DynamicTruthPath, AToolThatTouchedBeforeTheFirstPositionHasComeAtTheSpeedThatItHas) {
+TEST(DynamicReferencePath, AToolThatTouchedBeforeTheFirstPositionHasComeAtTheSpeedThatItHas) {
   const Scene scene = testing::little_jelly();
   std::vector<Vector3d> positions_W;
   std::vector<double> times_s;
@@ -178,11 +178,11 @@ TEST(DynamicTruthPath, AToolThatTouchedBeforeTheFirstPositionHasComeAtTheSpeedTh
     positions_W.emplace_back(0, 0, 0.05 * kCycle_s * (i + 1));
     times_s.push_back(kCycle_s * i);
   }
-  const TruthResult whole = simulate_dynamic_truth(scene, positions_W, times_s, {});
+  const ReferenceSolution whole = simulate_dynamic_reference(scene, positions_W, times_s, {});
   constexpr int kMissed = 12;
   positions_W.erase(positions_W.begin(), positions_W.begin() + kMissed);
   times_s.erase(times_s.begin(), times_s.begin() + kMissed);
-  const TruthResult part = simulate_dynamic_truth(scene, positions_W, times_s, {});
+  const ReferenceSolution part = simulate_dynamic_reference(scene, positions_W, times_s, {});
   for (std::size_t i = 0; i < part.forces_W.size(); ++i) {
     EXPECT_LT((part.forces_W[i] - whole.forces_W[i + kMissed]).norm(),
               0.03 * whole.forces_W[i + kMissed].norm())

@@ -27,7 +27,7 @@ double end_speed_m_per_s(const ToolPath& path, double end_s) {
 TEST(ToolPath, ASteadyAccelerationIsItselfWhateverTheSpacingUpToTheEnd) {
   const Vector3d speed_W(0.05, -0.02, 0.1);
   const Vector3d acceleration_W(1.0, 2.0, -3.0);
-  const auto truth_W = [&](double t_s) {
+  const auto reference_W = [&](double t_s) {
     return Vector3d(0.5 * t_s * t_s * acceleration_W + t_s * speed_W + Vector3d(0.01, 0.02, 0.03));
   };
   std::mt19937 random(7);
@@ -35,13 +35,13 @@ TEST(ToolPath, ASteadyAccelerationIsItselfWhateverTheSpacingUpToTheEnd) {
   ToolPath path;
   double end_s = 0.0;
   for (double t_s = 0.0; t_s < 0.2; t_s += spacing_s(random)) {
-    path.add(t_s, truth_W(t_s));
+    path.add(t_s, reference_W(t_s));
     end_s = t_s;
   }
   for (double t_s = 0.03; t_s <= end_s; t_s += 0.37e-3) {
-    EXPECT_LT((path.at(t_s) - truth_W(t_s)).norm(), kRounding_m) << t_s;
+    EXPECT_LT((path.at(t_s) - reference_W(t_s)).norm(), kRounding_m) << t_s;
   }
-  EXPECT_LT((path.at(end_s) - truth_W(end_s)).norm(), kRounding_m);
+  EXPECT_LT((path.at(end_s) - reference_W(end_s)).norm(), kRounding_m);
 }
 
 TEST(ToolPath, OfTheCountsLittleIsLeftInTheSpeedAtTheEnd) {

@@ -76,22 +76,22 @@ TEST(WorkerProtocol, KeepsOfANameWhatATerminalCanShow) {
 }
 
 TEST(AnswerCheck, SeesAWrongForceStiffnessPlaceOrContact) {
-  const StickyContact::Answer truth = some_answer();
-  StickyContact::Answer answer = truth;
+  const StickyContact::Answer reference = some_answer();
+  StickyContact::Answer answer = reference;
   answer.equilibrium.force_W.z() += 0.04 + 0.05 * 2.0;  // the bound is 0.05 N + 5 % of 2 N
-  EXPECT_EQ(check_answer(answer, truth), Verdict::kRight);
+  EXPECT_EQ(check_answer(answer, reference), Verdict::kRight);
   answer.equilibrium.force_W.z() += 0.02;
-  EXPECT_EQ(check_answer(answer, truth), Verdict::kWrong);
+  EXPECT_EQ(check_answer(answer, reference), Verdict::kWrong);
 
-  answer = truth;
+  answer = reference;
   answer.equilibrium.stiffness_W *= -2.0;
-  EXPECT_EQ(check_answer(answer, truth), Verdict::kWrong);
-  answer = truth;
+  EXPECT_EQ(check_answer(answer, reference), Verdict::kWrong);
+  answer = reference;
   answer.position_W.x() += 2e-4;
-  EXPECT_EQ(check_answer(answer, truth), Verdict::kWrong);
-  answer = truth;
+  EXPECT_EQ(check_answer(answer, reference), Verdict::kWrong);
+  answer = reference;
   answer.in_contact = false;
-  EXPECT_EQ(check_answer(answer, truth), Verdict::kWrong);
+  EXPECT_EQ(check_answer(answer, reference), Verdict::kWrong);
 }
 
 TEST(AnswerCheck, BlamesNobodyOnAReferenceThatDidNotConverge) {

@@ -12,7 +12,7 @@
 
 #include "link/key.h"
 #include "simulator/mesh/error.h"
-#include "simulator/workers/query_desk.h"
+#include "simulator/workers/query_scheduler.h"
 #include "tests/simulator/workers/scripted_worker.h"
 
 namespace forcegrid::simulator {
@@ -97,7 +97,8 @@ TEST_P(WorkerOfASolver, SolvesAsTheSimulatorDoes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Solvers, WorkerOfASolver,
-                         ::testing::Values(SolverOptions{}, SolverOptions{.border_tolerance = 1e-3}),
+                         ::testing::Values(SolverOptions{},
+                                           SolverOptions{.border_tolerance = 1e-3}),
                          [](const auto& solver) {
                            return solver.param.border_tolerance > 0.0 ? "Local" : "QuasiStatic";
                          });

@@ -1,0 +1,336 @@
+#include "simulator/solver/state_with_sensitivities.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "simulator/kernels/coarse_correction.h"
+#include "simulator/kernels/spring_table.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using kernels::Lanes;
+
+// A step longer than this many times the last one is predicted to first order only, so that errors
+// of S don't grow, see kernels::predict().
+constexpr double kLargestTrend = 2.0;
+
+}  // namespace
+
+template <typename Real>
+StateWithSensitivities<Real>::StateWithSensitivities(const SpringMesh& mesh)
+    : origin_W_(mesh.top_W),
+      fixed_(mesh.fixed),
+      region_(static_cast<std::int32_t>(mesh.rest_position_W.size())) {
+  const std::size_t n = mesh.rest_position_W.size();
+  rest_.reserve(n);
+  for (const Eigen::Vector3d& position_W : mesh.rest_position_W) {
+    rest_.push_back(position_W - origin_W_);
+  }
+  SpringTable<Real> table = make_spring_table<Real>(mesh);
+  springs_ = table.springs;
+  rows_ = std::move(table.rows);
+  constants_ = std::move(table.constants);
+  exponential_ = table.exponential;
+  tangent_.resize(constants_.size());
+  vertex_force_ = make_vertex_forces(mesh, rest_);
+  home_N_per_m_ = kernels::home_stiffness_N_per_m(vertex_force_);
+  mesh_number_.resize(n);
+  std::iota(mesh_number_.begin(), mesh_number_.end(), 0);
+  own_number_.assign(mesh_number_.begin(), mesh_number_.end());
+  state_.resize(n);
+  residual_.resize(n);
+  direction_.resize(n);
+  product_.resize(n);
+  saved_state_.resize(n);
+  inverse_.resize(n);
+  if constexpr (kDouble) {
+    position_.resize(n);
+    saved_position_.resize(n);
+    force_.resize(n);
+    t_N_per_m_.resize(tangent_.size());
+  } else {
+    single_position_.resize(n);
+  }
+  free_.resize(n);
+  coarse_ = make_coarse_grid(rest_);
+  coarse_residual_.resize(static_cast<std::size_t>(coarse_.node_count));
+  coarse_correction_.resize(static_cast<std::size_t>(coarse_.node_count));
+  release();
+}
+
+template <typename Real>
+std::size_t StateWithSensitivities<Real>::memory_bytes() const noexcept {
+  const auto bytes = [](const auto&... vectors) {
+    return (... + (vectors.capacity() * sizeof(*vectors.data())));
+  };
+  return sizeof *this +
+         bytes(rest_, fixed_, free_, patch_, mesh_number_, own_number_, rows_.row_begin,
+               rows_.owner, rows_.other, constants_, vertex_force_, home_N_per_m_, constrained_,
+               state_, residual_, direction_, product_, saved_state_, inverse_, tangent_, position_,
+               saved_position_, force_, t_N_per_m_, single_position_, coarse_.place, coarse_.cell,
+               coarse_.member, coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::hold(std::vector<std::int32_t> patch, bool number_around) {
+  patch_ = std::move(patch);
+  if (number_around) {
+    number_around_patch();
+  }
+  for (const std::int32_t i : patch_) {
+    const auto at = static_cast<std::size_t>(i);
+    free_[at] = 0;
+    constrained_.push_back(i);
+    for (int c = 0; c < 3; ++c) {
+      state_[at].component[c][1 + c] = 1.0F;
+    }
+  }
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::release() noexcept {
+  patch_.clear();
+  region_.whole(rows_);
+  stand_at_rest();
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::stand_at_rest() noexcept {
+  constrained_.clear();
+  displacement_.setZero();
+  saved_displacement_.setZero();
+  trend_valid_ = false;
+  preconditioner_valid_ = false;
+  for (std::size_t i = 0; i < rest_.size(); ++i) {
+    free_[i] = fixed_[i] == 0 ? 1 : 0;
+    if (free_[i] == 0) {
+      constrained_.push_back(static_cast<std::int32_t>(i));
+    }
+    state_[i] = Lanes{};
+    set_position(i, rest_[i]);
+  }
+}
+
+// Grabbed first, then ring by ring, so that a region is the head of every array.
+template <typename Real>
+void StateWithSensitivities<Real>::number_around_patch() {
+  const std::vector<std::int32_t> order = region_.number_around(patch_, rows_);
+  permute(order, rest_);
+  permute(order, fixed_);
+  permute(order, free_);
+  permute(order, mesh_number_);
+  if (!vertex_force_.empty()) {
+    permute(order, vertex_force_);
+    permute(order, home_N_per_m_);
+  }
+  renumber_springs(order, rows_, constants_);
+  for (std::size_t i = 0; i < rest_.size(); ++i) {
+    own_number_[static_cast<std::size_t>(mesh_number_[i])] = i;
+  }
+  std::iota(patch_.begin(), patch_.end(), 0);
+  coarse_ = make_coarse_grid(rest_);
+  stand_at_rest();
+  region_.whole(rows_);
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::invert_coarse() {
+  simulator::invert_coarse(rows_, tangent_, vertex_force_, free_, coarse_);
+}
+
+template <typename Real>
+Eigen::Vector3d StateWithSensitivities<Real>::position(std::size_t i) const noexcept {
+  if constexpr (kDouble) {
+    return {position_[i].xyz[0], position_[i].xyz[1], position_[i].xyz[2]};
+  } else {
+    return {state_[i].component[0][0], state_[i].component[1][0], state_[i].component[2][0]};
+  }
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::set_position(std::size_t i,
+                                                const Eigen::Vector3d& position) noexcept {
+  if constexpr (kDouble) {
+    position_[i].xyz = kernels::Double4{position.x(), position.y(), position.z(), 0.0};
+  } else {
+    for (int c = 0; c < 3; ++c) {
+      state_[i].component[c][0] = static_cast<float>(position[c]);
+    }
+  }
+}
+
+template <typename Real>
+Eigen::Vector3d StateWithSensitivities<Real>::standing_position(std::size_t i) const noexcept {
+  if (static_cast<std::int32_t>(i) < rows_.reach) {
+    return position(i);
+  }
+  const Eigen::Vector3d way = displacement_ - region_.place(static_cast<std::int32_t>(i));
+  return position(i) + sensitivity(i) * way;
+}
+
+template <typename Real>
+Eigen::Matrix3d StateWithSensitivities<Real>::sensitivity(std::size_t i) const noexcept {
+  Eigen::Matrix3d s;
+  for (int c = 0; c < 3; ++c) {
+    for (int j = 0; j < 3; ++j) {
+      s(c, j) = static_cast<double>(state_[i].component[c][1 + j]);
+    }
+  }
+  return s;
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::change_region(int levels) noexcept {
+  const std::int32_t reached = rows_.reach;
+  region_.set(levels, displacement_, rows_);
+  for (std::int32_t i = reached; i < rows_.reach; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const Eigen::Matrix3d s = sensitivity(at);
+    const Eigen::Vector3d from = position(at);
+    const Eigen::Vector3d& place = region_.place(i);
+    set_position(at, from + s * (saved_displacement_ - place));
+    saved_state_[at] = state_[at];
+    if constexpr (kDouble) {
+      saved_position_[at] = position_[at];
+    }
+    set_position(at, from + s * (displacement_ - place));
+    direction_[at] = product_[at] = Lanes{};
+  }
+  // Nobody corrects S out there, so that it must not go on as it went while it was solved.
+  for (std::int32_t i = region_.solved_vertices(); i < rows_.reach; ++i) {
+    saved_state_[static_cast<std::size_t>(i)] = state_[static_cast<std::size_t>(i)];
+  }
+  preconditioner_valid_ = false;
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::place_patch() noexcept {
+  for (const std::int32_t i : patch_) {
+    const auto at = static_cast<std::size_t>(i);
+    set_position(at, rest_[at] + displacement_);
+  }
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::advance_to(const Eigen::Vector3d& displacement) noexcept {
+  const Eigen::Vector3d step = displacement - displacement_;
+  const Eigen::Vector3d last_step = displacement_ - saved_displacement_;
+  const Eigen::Vector3f step_m = step.template cast<float>();
+  const double trend = last_step.isZero(0.0) ? 0.0 : step.dot(last_step) / last_step.squaredNorm();
+  const bool trust = trend_valid_ && std::abs(trend) <= kLargestTrend;
+  if constexpr (kDouble) {
+    std::copy_n(position_.begin(), rows_.reach, saved_position_.begin());
+  }
+  kernels::predict(rows_.reach, step_m.data(), trust ? static_cast<float>(trend) : 0.0F,
+                   state_.data(), saved_state_.data());
+  absorb_correction();
+  saved_displacement_ = displacement_;
+  displacement_ = displacement;
+  trend_valid_ = true;
+  place_patch();
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::restore() noexcept {
+  std::copy_n(saved_state_.begin(), rows_.reach, state_.begin());
+  if constexpr (kDouble) {
+    std::copy_n(saved_position_.begin(), rows_.reach, position_.begin());
+  }
+  displacement_ = saved_displacement_;
+  trend_valid_ = false;
+  // What an unstable state left here may not be finite, and is multiplied by zero when CG starts.
+  std::fill(direction_.begin(), direction_.end(), Lanes{});
+  std::fill(product_.begin(), product_.end(), Lanes{});
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::restore_under_tool() noexcept {
+  const Eigen::Vector3d displacement = displacement_;
+  restore();
+  displacement_ = displacement;
+  place_patch();
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::absorb_correction() noexcept {
+  if constexpr (kDouble) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(rows_.reach); ++i) {
+      for (int c = 0; c < 3; ++c) {
+        position_[i].xyz[c] += static_cast<double>(state_[i].component[c][0]);
+        state_[i].component[c][0] = 0.0F;
+      }
+    }
+  }
+}
+
+template <typename Real>
+double StateWithSensitivities<Real>::energy_J() const noexcept {
+  double sum_J = 0.0;
+  for (std::size_t a = 0; a < rest_.size(); ++a) {
+    const Eigen::Vector3d here = position(a);
+    for (std::int32_t s = rows_.row_begin[a]; s < rows_.row_begin[a + 1]; ++s) {
+      const auto at = static_cast<std::size_t>(s);
+      const auto b = static_cast<std::size_t>(rows_.other[at]);
+      const kernels::SpringConstants<Real>& law = constants_[at];
+      const auto inverse_length = static_cast<double>(law.inverse_length_per_m);
+      const auto exponent = static_cast<double>(law.exponent);
+      const double strain = (position(b) - here).norm() * inverse_length - 1.0;
+      const double root =
+          exponent > 0.0 ? 2.0 * std::sinh(0.5 * exponent * strain) / exponent : strain;
+      sum_J += static_cast<double>(law.scale_N) / inverse_length *
+               (0.5 * root * root + 0.25 * static_cast<double>(law.cubic) * std::pow(strain, 4));
+    }
+  }
+  for (std::size_t i = 0; i < vertex_force_.size(); ++i) {
+    const kernels::VertexForce& force = vertex_force_[i];
+    const Eigen::Vector3d from_home = position(i) - rest_[i];
+    sum_J += 0.5 * static_cast<double>(force.home_stiffness_N_per_m) * from_home.squaredNorm() -
+             Eigen::Map<const Eigen::Vector3d>(force.load_N).dot(from_home);
+  }
+  return sum_J;
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::save() noexcept {
+  std::copy(state_.begin(), state_.end(), saved_state_.begin());
+  if constexpr (kDouble) {
+    std::copy(position_.begin(), position_.end(), saved_position_.begin());
+  }
+}
+
+template <typename Real>
+Eigen::Vector3d StateWithSensitivities<Real>::saved_position(std::size_t i) const noexcept {
+  if constexpr (kDouble) {
+    return {saved_position_[i].xyz[0], saved_position_[i].xyz[1], saved_position_[i].xyz[2]};
+  } else {
+    return {saved_state_[i].component[0][0], saved_state_[i].component[1][0],
+            saved_state_[i].component[2][0]};
+  }
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::take_correction(
+    bool from_direction, std::vector<Eigen::Vector3f>& correction) noexcept {
+  for (std::size_t i = 0; i < rest_.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      float move = 0.0F;
+      if (from_direction) {
+        move = direction_[i].component[c][0];
+      } else if constexpr (kDouble) {
+        move = state_[i].component[c][0];
+      } else {
+        move = state_[i].component[c][0] - saved_state_[i].component[c][0];
+      }
+      correction[i][c] = move;
+    }
+  }
+  std::copy(saved_state_.begin(), saved_state_.end(), state_.begin());
+}
+
+template class StateWithSensitivities<float>;
+template class StateWithSensitivities<double>;
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "simulator/solver/dynamic_object.h"
+
+namespace forcegrid::simulator {
+
+/// A DynamicObject with the time that it is to live through on its next move: what StickyContact
+/// takes hold of. Threads: one.
+struct TimeSteppedObject {
+  DynamicObject& object;
+  double left_s = 0.0;  ///< until the moment of the next move
+
+  int grab(const Eigen::Vector3d& point_W, double radius_m) {
+    return object.grab(point_W, radius_m);
+  }
+  void release() noexcept { object.release(); }
+  Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept {
+    const double duration_s = left_s;
+    left_s = 0.0;
+    return object.advance(duration_s, displacement_W);
+  }
+};
+
+}  // namespace forcegrid::simulator
