@@ -15,7 +15,7 @@ HEADING = re.compile(r"^#{1,6} +(.+?) *#*$", re.MULTILINE)
 
 def pages():
     """README.md and every other Markdown page, but not those of build folders."""
-    found = [page for pattern in ("*.md", "docs/**/*.md", "examples/*.md", "tests/**/*.md")
+    found = [page for pattern in ("*.md", "docs/*.md", "examples/*.md", "tests/**/*.md")
              for page in sorted(ROOT.glob(pattern))]
     return [page for page in found if "build" not in page.relative_to(ROOT).parts]
 
