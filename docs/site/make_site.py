@@ -7,6 +7,7 @@ link to a file outside docs/ is turned to a copy of that file: Markdown as a pag
 with its text, a folder as a page with its contents. The order of the pages is that of docs/README.md.
 """
 import functools
+import html
 import os
 import pathlib
 import re
@@ -102,12 +103,11 @@ def navigation():
     lines = ["nav:", '  - "Start": index.md', '  - "Overview": readme.md']
     for line in (DOCS / "README.md").read_text(encoding="utf-8").splitlines():
         section = re.fullmatch(r"## (.+)", line)
-        row = re.fullmatch(r"\| \[[^\]]*\]\(([\w.]+\.md)\) \|.*", line)
+        row = re.fullmatch(r"\| \[([^\]]*)\]\(([\w.]+\.md)\) \|.*", line)
         if section:
             lines.append('  - "%s":' % section.group(1))
-        elif row and (DOCS / row.group(1)).exists():
-            title = re.search(r"^# (.+)$", (DOCS / row.group(1)).read_text(encoding="utf-8"), re.MULTILINE)
-            lines.append('    - "%s": %s' % (title.group(1).replace('"', ""), row.group(1)))
+        elif row and (DOCS / row.group(2)).exists():
+            lines.append('    - "%s": %s' % row.groups())
     lines.append('  - "C++ interfaces": interfaces/index.html')
     return "\n".join(lines) + "\n"
 
@@ -124,6 +124,28 @@ def check_offline():
         sys.exit("these would be loaded from a network:\n" + "\n".join(found))
 
 
+def check_links():
+    """mkdocs checks files; this also checks the headings that links lead to."""
+    def anchors(page):
+        return {name for pair in re.findall(r'\bid="([^"]+)"|\bname="([^"]+)"', text_of(page)) for name in pair}
+
+    @functools.lru_cache(None)
+    def text_of(page):
+        return page.read_text(encoding="utf-8", errors="replace")
+
+    broken = []
+    for page in sorted((BUILD / "site").rglob("*.html")):
+        if "interfaces" in page.parts:
+            continue  # Doxygen's own
+        for link in re.findall(r'<a [^>]*href="([^":]+)"', text_of(page)):
+            path, _, anchor = html.unescape(link).partition("#")
+            aim = (page.parent / path).resolve() if path else page
+            if not aim.exists() or (anchor and aim.suffix == ".html" and anchor not in anchors(aim)):
+                broken.append("%s: %s" % (page.relative_to(BUILD), link))
+    if broken:
+        sys.exit("these links lead nowhere:\n" + "\n".join(broken))
+
+
 def main():
     shutil.rmtree(PAGES, ignore_errors=True)
     shutil.rmtree(BUILD / "site", ignore_errors=True)
@@ -135,8 +157,15 @@ def main():
     subprocess.run(["doxygen", "-"], input=configuration, text=True, cwd=ROOT, check=True)
     (BUILD / "mkdocs.yml").write_text((DOCS / "site/mkdocs.yml").read_text(encoding="utf-8") + navigation(),
                                       encoding="utf-8")
-    subprocess.run(["mkdocs", "build", "--strict", "-f", BUILD / "mkdocs.yml"], check=True)
+    built = subprocess.run(["mkdocs", "build", "--strict", "-f", BUILD / "mkdocs.yml"], text=True,
+                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    if built.returncode != 0:
+        # Its notes list every page that is not in the navigation: the copies of sources.
+        sys.exit("\n".join(line for line in built.stdout.splitlines()
+                           if "INFO" not in line and not line.startswith("  - ")))
+    (BUILD / "site/404.html").unlink()  # only a server would show it
     check_offline()
+    check_links()
     print("open %s" % (BUILD / "site/index.html"))
 
 
