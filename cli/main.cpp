@@ -9,6 +9,7 @@
 #include "cli/charts/evaluate_command.h"
 #include "cli/charts/paper_command.h"
 #include "cli/commands.h"
+#include "cli/common/deprecated_flags.h"
 #include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
 #include "cli/common/revision.h"
@@ -259,6 +260,7 @@ int main(int argc, char** argv) {
   }
   try {
     app.parse(argc, argv);
+    note_deprecated_flags(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
           "a subcommand: devices, doctor, calibrate, tune, scene, run, record, replay, plot, "

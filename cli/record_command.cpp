@@ -101,7 +101,7 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
               : !header.scene.empty() ? header.scene
                                       : run.scene;
   run.method = !options.method.empty() ? options.method : header.method_names.at(0);
-  run.shadows.clear();
+  run.evaluated.clear();
   run.rate_Hz = header.rate_Hz;
   run.seconds = path.time_s.back() - path.time_s.front() + kBeforePath_s + kSpare_s;
   run.motion = "path:" + options.out + "/replayed_path.csv";

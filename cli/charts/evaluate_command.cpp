@@ -207,6 +207,7 @@ ordered_json json_of(const std::string& text, const Verdict& v, const GridGeomet
           {"cycles_unknown", cycles(EstimateStatus::kUnknown)},
           {"cycles_outside_workspace", cycles(EstimateStatus::kOutside)},
           {"cycles_not_finite", cycles(EstimateStatus::kNotFinite)},
+          {"reference_rms_N", v.reference_rms_N},
           {"truth_rms_N", v.reference_rms_N},
           {"workspace_m",
            {grid.min_W.x(), grid.min_W.y(), grid.min_W.z(), grid.max_W.x(), grid.max_W.y(),

@@ -28,7 +28,7 @@ void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
   }
   const auto is_direct = [](const std::string& method) { return method == kDirect; };
   if (is_direct(options.method) ||
-      std::any_of(options.shadows.begin(), options.shadows.end(), is_direct)) {
+      std::any_of(options.evaluated.begin(), options.evaluated.end(), is_direct)) {
     throw std::runtime_error(asked +
                              ": method direct knows sticky contact of a point alone; "
                              "choose another method");

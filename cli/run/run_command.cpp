@@ -18,7 +18,8 @@
 #include "cli/run/run_methods.h"
 #include "cli/run/run_processes.h"
 #include "cli/run/run_setup.h"
-#include "cli/run/run_summary.h"
+#include "cli/run/run_summary_json.h"
+#include "cli/run/run_summary_text.h"
 #include "cli/run/terminal_keys.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
@@ -557,7 +558,7 @@ std::string Run::why_no_reference() const {
   if (tool_.slides()) {
     return "none: what a sliding tool feels depends on its path";
   }
-  return options_.no_reference ? "skipped by --no-truth" : "";
+  return options_.no_reference ? "skipped by --no-reference" : "";
 }
 
 void Run::write_files(const ContactCycles& cycles) {

@@ -89,8 +89,10 @@ void add_force(CLI::App& run, RunOptions& o) {
                      ", direct; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
       ->check(method_check())
       ->capture_default_str();
-  run.add_option("--shadow", o.shadows,
-                 "Methods that run beside it, judged on the same path but not felt")
+  run.add_option(
+         "--evaluate,--shadow", o.evaluated,
+         "Methods that are evaluated beside it on the same path, but not rendered (--shadow is "
+         "the deprecated spelling)")
       ->delimiter(';')
       ->check(method_check())
       ->capture_default_str();
@@ -200,7 +202,8 @@ void add_results(CLI::App& run, RunOptions& o) {
                "A dashboard in the terminal (80 x 24 is enough) instead of a line a second");
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->capture_default_str();
-  run.add_flag("--no-truth", o.no_reference, "Skip the reference forces");
+  run.add_flag("--no-reference,--no-truth", o.no_reference,
+               "Skip the reference forces (--no-truth is the deprecated spelling)");
   run.add_option("--record", o.record,
                  "FILE.h5: everything of every cycle, as forcegrid record. FILE.csv or .csv.gz: "
                  "trace for 'forcegrid evaluate', samples and, at every cycle, position and "

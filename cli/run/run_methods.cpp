@@ -50,8 +50,8 @@ std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
 
 RunMethods::RunMethods(const RunOptions& options, const MethodOptions& base) {
   add(options.method, options, base);
-  for (const std::string& shadow : options.shadows) {
-    add(shadow, options, base);
+  for (const std::string& evaluated : options.evaluated) {
+    add(evaluated, options, base);
   }
 }
 
@@ -82,7 +82,7 @@ double RunMethods::requests_per_s(const RunOptions& options,
                                   const simulator::ToolOptions& tool) const {
   for (std::size_t i = 1; i < methods_.size(); ++i) {
     if (methods_[i]->needs().requests) {
-      throw std::runtime_error("--shadow \"" + names_[i] +
+      throw std::runtime_error("--evaluate \"" + names_[i] +
                                "\": only the rendered method's requests reach the simulator; give "
                                "it as --method");
     }

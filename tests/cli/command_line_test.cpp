@@ -169,6 +169,18 @@ int status_in_shell(const std::string& line) {
       .value_or(-1);
 }
 
+TEST(CommandLine, ReadsADeprecatedFlagAndNamesTheNewOne) {
+  // Both flags are read: only then is it known that `direct` has no answer for a tool that slides.
+  Program run = Program::forcegrid({"run", "--scene", "small", "--tool", "sphere", "--contact",
+                                    "slide", "--no-truth", "--shadow=direct", "--out",
+                                    fresh_folder("deprecated")});
+  EXPECT_EQ(run.wait(), 1);
+  EXPECT_THAT(run.standard_error(), HasSubstr("method direct"));
+  EXPECT_THAT(run.standard_error(), HasSubstr("--no-truth is deprecated"));
+  EXPECT_THAT(run.standard_error(), HasSubstr("write --no-reference"));
+  EXPECT_THAT(run.standard_error(), HasSubstr("write --evaluate"));
+}
+
 TEST(CommandLine, FailsWhereItsOutputIsLost) {
   const std::string config = FORCEGRID_PROGRAM " --no-config config";
   EXPECT_EQ(status_in_shell(config + " >/dev/full"), 1);

@@ -24,7 +24,7 @@ std::vector<std::string> arguments(const std::string& simulator, const std::stri
                                    const std::string& out, std::vector<std::string> more) {
   std::vector<std::string> all = {"run",      "--simulator", simulator,  "--fault",
                                   fault,      "--out",       out,        "--json",
-                                  "--shadow", "hold",        "--method", "hold",
+                                  "--evaluate", "hold",        "--method", "hold",
                                   "--cells",  "8,8,8",       "--motion", "lissajous"};
   all.insert(all.end(), more.begin(), more.end());
   return all;
