@@ -20,6 +20,7 @@
 #include "profiles/device_profile.h"
 #include "tools/config_file.h"
 #include "tools/tuning.h"
+#include "tools/tuning_picture.h"
 #include "tools/tuning_search.h"
 
 namespace forcegrid::cli {

@@ -1,9 +1,10 @@
+#include "cli/charts/chart_solvers_command.h"
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "cli/charts/chart_command.h"
 #include "cli/charts/chart_support.h"
 #include "cli/common/scene_option.h"
 #include "cli/run/run_checks.h"

@@ -1,8 +1,9 @@
+#include "cli/charts/chart_stability_command.h"
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 
-#include "cli/charts/chart_command.h"
 #include "cli/charts/chart_support.h"
 #include "cli/common/option_values.h"
 #include "stability/chart.h"
