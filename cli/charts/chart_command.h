@@ -1,12 +1,12 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "cli/charts/chart_solvers_command.h"
 #include "cli/charts/chart_stability_command.h"
+#include "cli/charts/chart_support.h"
 
 namespace CLI {
 class App;
@@ -15,17 +15,12 @@ class App;
 namespace forcegrid::cli {
 
 /// What `forcegrid chart accuracy` was asked for; empty lists are all there is.
-struct ChartAccuracyOptions {
-  std::string out;
-  std::string cache;  ///< folder of force tables; empty: forcegrid in the user's cache folder
+struct ChartAccuracyOptions : ChartChoice {
   std::vector<std::string> scenes;
   std::vector<std::string> trajectories;
   std::vector<std::string> conditions;
-  std::vector<std::string> methods;  ///< MethodVariant texts, or direct
-  std::string goals_for;             ///< method held against the goals; empty: that of `run`
-  bool quick = false;
-  unsigned jobs = 0;  ///< 0: one a processor
-  std::uint64_t seed = 1;
+  std::vector<std::string> methods;         ///< MethodVariant texts, or direct
+  std::string goals_for;                    ///< method held against the goals; empty: that of `run`
   std::vector<std::string> figures;         ///< SCENE/TRAJECTORY/CONDITION
   std::vector<std::string> figure_methods;  ///< empty: the default method, forcegrid, hold
 };

@@ -72,16 +72,11 @@ int chart_solvers_command(const ChartSolversOptions& asked) {
       options.displacements_W.size(), static_cast<std::size_t>(std::lround(
                                           (asked.quick ? kQuickMotion_s : kMotion_s) * kRate_Hz))));
   options.say = line.say_function();
-  try {
-    const auto rows = simulator::bench_scaling(options);
-    const auto files = evaluation::write_solver_chart(asked.out, rows, kRate_Hz);
-    line.clear();
-    print(rows);
-    std::printf("Look at %s\n", files.back().c_str());
-  } catch (...) {
-    line.clear();
-    throw;
-  }
+  const auto rows = simulator::bench_scaling(options);
+  const auto files = evaluation::write_solver_chart(asked.out, rows, kRate_Hz);
+  line.clear();
+  print(rows);
+  std::printf("Look at %s\n", files.back().c_str());
   return 0;
 }
 

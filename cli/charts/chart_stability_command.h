@@ -1,9 +1,10 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
+
+#include "cli/charts/chart_support.h"
 
 namespace CLI {
 class App;
@@ -12,16 +13,11 @@ class App;
 namespace forcegrid::cli {
 
 /// What `forcegrid chart stability` was asked for.
-struct ChartStabilityOptions {
-  std::string out;
-  std::string cache;                 ///< as ChartAccuracyOptions::cache
+struct ChartStabilityOptions : ChartChoice {
   std::vector<std::string> methods;  ///< MethodVariant texts; empty: those of the chart
   std::vector<std::string> parts;    ///< empty: all
   std::vector<std::string> hands;    ///< empty: all
   std::string goals_for;             ///< as ChartAccuracyOptions::goals_for
-  bool quick = false;
-  unsigned jobs = 0;  ///< 0: one a processor
-  std::uint64_t seed = 1;
 };
 
 /// Adds the subcommand `stability` to `chart`.
