@@ -311,9 +311,9 @@ ConfigChoice find_config_choice(int argc, const char* const* argv) {
 
 void add_config_choice(CLI::App& app, ConfigChoice& choice) {
   app.fallthrough();  // inherited: they may stand behind the subcommand, too
-  CLI::Option* const file =
-      app.add_option("--config", choice.file,
-                     "Configuration file over the system's and the user's (forcegrid config)");
+  CLI::Option* const file = app.add_option(
+      "--config", choice.file,
+      "Configuration file that overrides the system's and the user's (forcegrid config)");
   file->type_name("FILE")->configurable(false);
   app.add_flag("--no-config", choice.none, "Built-in defaults only: read no configuration file")
       ->configurable(false)
@@ -323,10 +323,9 @@ void add_config_choice(CLI::App& app, ConfigChoice& choice) {
 void add_config(CLI::App& app, ConfigOptions& options, const std::vector<ConfigKey>& keys,
                 const std::vector<tools::ConfigLayer>& layers, std::function<int()>& action) {
   CLI::App& config = *app.add_subcommand(
-      "config",
-      "Show every key of the configuration file: value, unit, range, where it comes from");
+      "config", "Show every key of the configuration file: value, unit, range and origin");
   config.add_option("KEY", options.names, "Only keys that begin with it, e.g. run or run.rate");
-  config.add_flag("--markdown", options.markdown, "As the table of docs/config.md")
+  config.add_flag("--markdown", options.markdown, "Print the table of docs/config.md")
       ->configurable(false);
   config.callback([&options, &keys, &layers, &action] {
     action = [&options, &keys, &layers] { return config_command(options, keys, layers); };

@@ -177,7 +177,7 @@ void note_what_moves(const std::vector<std::string>& scenes) {
     const simulator::SpringMesh mesh = evaluation::make_mesh(scene);
     if (simulator::dynamics_of(mesh) == simulator::MeshDynamics::kDamped) {
       std::fprintf(stderr,
-                   "Note: scene %s moves by itself; the chart is of its equilibria, without masses "
+                   "Note: scene %s moves by itself; the chart uses its equilibria, without masses "
                    "and dampers ('forcegrid run --scene %s' judges it in motion)\n",
                    name.c_str(), scene.object.c_str());
     }

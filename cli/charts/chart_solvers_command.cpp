@@ -42,9 +42,11 @@ void print(const std::vector<simulator::SolverScalingRow>& rows) {
 
 void add_chart_solvers(CLI::App& chart, ChartSolversOptions& o, std::function<int()>& action) {
   CLI::App& solvers = *chart.add_subcommand(
-      "solvers", "What a servo cycle costs against the size of the object, for each solver");
+      "solvers", "Cost of a servo cycle against the size of the object, for each solver");
   solvers.add_option("--out", o.out, "Folder for tables and picture")->required();
-  solvers.add_option("--sizes", o.sizes, "Blocks of about so many vertices, 1000 to 1000000")
+  solvers
+      .add_option("--sizes", o.sizes,
+                  "Approximate numbers of vertices of the blocks, 1000 to 1000000")
       ->delimiter(',')
       ->check(CLI::Range(1'000, 1'000'000))
       ->type_name("INT vertices")

@@ -13,7 +13,7 @@ namespace forcegrid::cli {
 
 void add_paper(CLI::App& app, PaperCommandOptions& o, std::function<int()>& action) {
   CLI::App& paper = *app.add_subcommand(
-      "paper", "Run the forcegrid paper's experiments, and set the results beside its claims");
+      "paper", "Repeat the experiments of the forcegrid paper beside its claims");
   add_chart_choice(paper, o,
                    {.quick = "One motion and fewer trials, within two minutes",
                     .jobs = "Threads that solve",

@@ -34,7 +34,7 @@ void append_members(std::string& text, const RunSummary& summary,
   if (summary.members.empty() || all == 0) {
     return;
   }
-  text += summary.method + ", members felt:";
+  text += summary.method + ", rendered candidates:";
   const char* separator = " ";
   for (std::size_t i = 0; i < summary.members.size(); ++i) {
     if (statistics.rendered_member[i] > 0) {
@@ -127,8 +127,8 @@ void append_first_touches(std::string& text, const RunSummary& summary) {
   if (touches.patches > 0) {
     append(text,
            "First touches: %" PRIu64 " seen by the loop itself, %" PRIu64
-           " of them felt before the answer, %" PRIu64
-           " answered by the simulator after %.1f ms in the mean, %.1f ms at most; %" PRIu64
+           " of them rendered before the answer, %" PRIu64
+           " answered by the simulator after %.1f ms on average, %.1f ms at most; %" PRIu64
            " denied, %" PRIu64 " left before; %" PRIu64 " contacts not seen\n",
            touches.touches, touches.felt, touches.answered, mean_wait_ms(touches),
            1e3 * touches.wait_max_s, touches.denied, touches.left, touches.unseen);
@@ -142,8 +142,7 @@ void append_limits(std::string& text, const RunSummary& summary,
   if (outcome.samples_refused > 0) {
     append(text,
            "%" PRIu64
-           " forces of the simulator were not believed, since no object can have answered so after "
-           "those before (docs/safety.md)\n",
+           " forces of the simulator were refused as implausible jumps (docs/safety.md)\n",
            outcome.samples_refused);
   }
   if (statistics.cycles_limited > 0) {
@@ -171,14 +170,13 @@ void append_disturbances(std::string& text, const RunSummary& summary,
                          const servo::TelemetryStatistics& statistics) {
   const servo::ServoOutcome& outcome = summary.outcome;
   if (statistics.cycles_warm > 0) {
-    append(
-        text,
-        "A motor was warm (%.0f %% of what its continuous current makes it) and had less current "
-        "in %" PRIu64 " cycles\n",
-        100.0 * statistics.motor_warmth, statistics.cycles_warm);
+    append(text,
+           "A motor was warm (%.0f %% of the heat that its continuous current makes) and its "
+           "current was reduced in %" PRIu64 " cycles\n",
+           100.0 * statistics.motor_warmth, statistics.cycles_warm);
   }
   if (outcome.stalls > 0) {
-    append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in anew\n",
+    append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in again\n",
            outcome.stalls);
   }
   if (summary.records_lost > 0) {

@@ -187,7 +187,7 @@ TEST(FaultOption, IsRefusedForADeviceThatIsNotEmulated) {
   Program run =
       Program::forcegrid({"run", "--device", "usbip://127.0.0.1:9/1-1", "--fault", "babble"});
   ASSERT_EQ(run.wait(), 1);
-  EXPECT_NE(run.standard_error().find("only an emulated device has faults on demand"),
+  EXPECT_NE(run.standard_error().find("only an emulated device can be given faults"),
             std::string::npos)
       << run.standard_error();
 }

@@ -38,7 +38,7 @@ TEST(RunWithRequests, GetsAnswersOfTheSimulatorInItsIdleTime) {
 TEST(RunWithRequests, RefusesWhatItCannotServe) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> refused = {
       {{"--evaluate", "forcegrid+request"}, "only the rendered method's requests"},
-      {{"--method", "forcegrid+request", "--requests-per-s", "0"}, "lives on its requests"},
+      {{"--method", "forcegrid+request", "--requests-per-s", "0"}, "works only with requests"},
       {{"--workers", "1", "--simulator", "127.0.0.1:1"}, "forcegrid worker"},
       {{"--method", "forcegrid+request", "--requests-per-s", "600"}, "a request a cycle at most"}};
   for (auto [arguments, words] : refused) {
