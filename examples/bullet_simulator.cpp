@@ -1,4 +1,5 @@
-// Somebody else's simulator behind Forcegrid's link: a soft block of Bullet's (bullet_block.h).
+// A foreign simulator behind Forcegrid's link: a soft block of the game engine Bullet
+// (bullet_block.h).
 // usage: bullet_simulator ADDR:PORT [STIFFNESS_N_PER_M [KEY_FILE]]
 
 #include <atomic>
