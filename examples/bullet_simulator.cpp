@@ -78,11 +78,11 @@ class Simulator {
       ++epoch_;
     }
     if (block_.held()) {
-      const BulletBlock::Answer felt = block_.move_to(tool.position_W_m, kBudget);
+      const BulletBlock::Answer solved = block_.move_to(tool.position_W_m, kBudget);
       sample.in_contact = true;
-      sample.force_W_N = felt.force_W_N;
-      sample.relative_residual = felt.relative_residual;
-      sample.converged = felt.relative_residual <= kConvergedResidual;
+      sample.force_W_N = solved.force_W_N;
+      sample.relative_residual = solved.relative_residual;
+      sample.converged = solved.relative_residual <= kConvergedResidual;
       sample.contact_point_W_m = contact_point_W_m_;
     }
     sample.contact_epoch = epoch_;
