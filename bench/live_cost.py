@@ -57,7 +57,7 @@ def run_in_terminal(command):
 def measure(build, folder, rate_hz, seconds, live):
     file = folder / "live_cost.h5"
     command = [str(build / "bin/forcegrid"), "--no-config", "record", str(file), "--rate", str(rate_hz),
-               "--seconds", str(seconds), "--scene", "small", "--no-truth", "--out", str(folder)]
+               "--seconds", str(seconds), "--scene", "small", "--no-reference", "--out", str(folder)]
     status, drawn = run_in_terminal(command + (["--live"] if live else []))
     if status != 0 or not file.exists():
         sys.exit(f"live_cost.py: {' '.join(command)} ended with status {status}; run it to see why")

@@ -94,8 +94,8 @@ def loop_commands(build, folder, rate_hz, seconds, emulated):
         file = str(folder / "emulated.h5")
         commands["emulated"] = ([str(build / "bin/forcegrid"), "--no-config", "record", file, "--rate",
                                  str(rate_hz), "--seconds", str(seconds), "--scene", "small", "--method",
-                                 "forcegrid", "--shadow", "hold",
-                                 "--no-truth", "--out", str(folder)], file)
+                                 "forcegrid", "--evaluate", "hold",
+                                 "--no-reference", "--out", str(folder)], file)
     return commands
 
 

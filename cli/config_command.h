@@ -17,7 +17,8 @@ namespace forcegrid::cli {
 
 /// One key that a configuration file may have: an option of a subcommand, by its long name.
 struct ConfigKey {
-  std::string name;  ///< "run.rate": subcommands and option, joined by dots
+  std::string name;                    ///< "run.rate": subcommands and option, joined by dots
+  std::vector<std::string> old_names;  ///< deprecated spellings that files may still have
   CLI::Option* option = nullptr;
   tools::ConfigType type = tools::ConfigType::kText;
   bool takes_several = false;

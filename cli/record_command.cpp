@@ -101,7 +101,7 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
               : !header.scene.empty() ? header.scene
                                       : run.scene;
   run.method = !options.method.empty() ? options.method : header.method_names.at(0);
-  run.shadows.clear();
+  run.evaluated.clear();
   run.rate_Hz = header.rate_Hz;
   run.seconds = path.time_s.back() - path.time_s.front() + kBeforePath_s + kSpare_s;
   run.motion = "path:" + options.out + "/replayed_path.csv";
@@ -122,14 +122,14 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
 void add_replay(CLI::App& app, ReplayOptions& o, std::function<int()>& action) {
   CLI::App& replay = *app.add_subcommand(
       "replay",
-      "Let the emulated hand take a recording's path again, with the same or another method.\n"
+      "Let the emulated hand repeat a recording's path, with the same or another method.\n"
       "(Into a method alone: forcegrid evaluate --trace FILE.h5; into pictures: forcegrid plot)");
   replay.add_option("FILE", o.file, "Recording of forcegrid record")->required();
   replay.add_option("--device", o.device,
                     "Profile of the emulated device (default: the recording's)");
   replay.add_option("--scene", o.scene, "Object to feel (default: the recording's, else block)");
   replay.add_option("--method", o.method, "Force method (default: the recording's)");
-  replay.add_option("--seconds", o.seconds, "How much of it, from the first contact; 0 is all")
+  replay.add_option("--seconds", o.seconds, "How much of it, from the first contact; 0 means all")
       ->check(CLI::Range(0.0, 86400.0))
       ->type_name("FLOAT s")
       ->capture_default_str();

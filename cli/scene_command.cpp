@@ -77,7 +77,7 @@ void print_return_test(const simulator::Scene& scene) {
 }  // namespace
 
 void add_scene(CLI::App& app, SceneOptions& o, std::function<int()>& action) {
-  CLI::App& scene = *app.add_subcommand("scene", "Say what a scene is made of; see docs/scenes.md");
+  CLI::App& scene = *app.add_subcommand("scene", "Describe a scene; see docs/scenes.md");
   scene.add_option("SCENE", o.scene, scene_help())->required()->check(scene_check());
   scene.add_flag("--return-test", o.return_test,
                  "Pull, shear and push its top out and back, and print how much the force differs");

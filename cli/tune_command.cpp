@@ -20,6 +20,7 @@
 #include "profiles/device_profile.h"
 #include "tools/config_file.h"
 #include "tools/tuning.h"
+#include "tools/tuning_picture.h"
 #include "tools/tuning_search.h"
 
 namespace forcegrid::cli {
@@ -178,7 +179,7 @@ class Search {
  private:
   static void check_stop() {
     if (StopRequest::stop()) {
-      throw std::runtime_error("stopped; nothing is proposed");
+      throw std::runtime_error("stopped; tune proposes nothing");
     }
   }
 
@@ -284,9 +285,10 @@ void check_methods(const TuneOptions& options) {
 void check_time(const TuneOptions& options) {
   const double needed_s = kChecked * (kShortestRun_s + kOverhead_s);
   if (options.time_s < needed_s) {
-    throw std::runtime_error(
-        "--time " + std::to_string(std::lround(options.time_s)) + ": a path and one setting take " +
-        std::to_string(std::lround(needed_s)) + " s, each further setting half of that; give more");
+    throw std::runtime_error("--time " + std::to_string(std::lround(options.time_s)) +
+                             ": recording a path and trying one setting take " +
+                             std::to_string(std::lround(needed_s)) +
+                             " s, each further setting half of that; give a longer --time");
   }
 }
 
@@ -295,19 +297,20 @@ void check_time(const TuneOptions& options) {
 void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
   CLI::App& tune = *app.add_subcommand(
       "tune", "Find the cheapest rate, fill budget and method that are good enough here");
-  tune.add_option("--device", o.device, "As of run")->capture_default_str();
-  tune.add_option("--profile", o.profile, "Of an attached device, as of run");
+  tune.add_option("--device", o.device, "As in run")->capture_default_str();
+  tune.add_option("--profile", o.profile, "Profile of an attached device, as in run");
   tune.add_option("--scene", o.scene, "Object to feel: " + scene_help())
       ->check(scene_check())
       ->capture_default_str();
-  tune.add_option("--motion", o.motion, "Motion of the emulated hand, as of run")
+  tune.add_option("--motion", o.motion, "Motion of the emulated hand, as in run")
       ->capture_default_str();
-  tune.add_option("--hand", o.hand,
-                  "Who holds it: of the emulated device as of run, and in simulated time")
+  tune.add_option(
+          "--hand", o.hand,
+          "Hand that holds the device: of the emulated device, as in run, and in simulated time")
       ->check(CLI::IsMember({"firm", "light"}))
       ->capture_default_str();
   tune.add_flag("--calibrated", o.calibrated,
-                "The counters are right already: no pose, no button, in any of the runs")
+                "The encoder counters are already valid: no pose, no button, in any run")
       ->configurable(false);
   tune.add_option("--rates", o.rates_Hz, "Servo rates to try, separated by commas")
       ->delimiter(',')
@@ -325,12 +328,13 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->delimiter(';')
       ->capture_default_str();
   tune.add_option("--time", o.time_s,
-                  "How long it may take in all: the more, the more settings are tried in the loop")
+                  "Time limit for everything; with more time, more settings are tried in the loop")
       ->check(CLI::Range(1.0, 86400.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
-  tune.add_option("--error-percent", o.error_percent,
-                  "Tolerated RMS error after the first second of contact, of the RMS of the force")
+  tune.add_option(
+          "--error-percent", o.error_percent,
+          "Tolerated RMS error after the first second of contact, relative to the RMS force")
       ->check(CLI::Range(0.0, 1000.0))
       ->type_name("FLOAT %")
       ->capture_default_str();
@@ -339,12 +343,14 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->type_name("FLOAT %")
       ->capture_default_str();
   tune.add_option("--compute-percent", o.compute_percent,
-                  "Tolerated compute time of a cycle at the 99th percentile, of the period")
+                  "Tolerated compute time per cycle at the 99th percentile, relative to the period")
       ->check(CLI::Range(0.1, 1e6))
       ->type_name("FLOAT %")
       ->capture_default_str();
-  tune.add_option("--margin-percent", o.margin_percent,
-                  "Stiffness up to which the simulated loop must be stable, of the path's stiffest")
+  tune.add_option(
+          "--margin-percent", o.margin_percent,
+          "Stiffness up to which the simulated loop must be stable, relative to the stiffest on "
+          "the path")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("FLOAT %")
       ->capture_default_str();

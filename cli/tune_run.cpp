@@ -34,7 +34,7 @@ std::vector<std::string> run_arguments(const TuneRuns& runs, const std::string& 
                                      runs.hand,
                                      "--method",
                                      method,
-                                     "--shadow",
+                                     "--evaluate",
                                      method,
                                      "--rate",
                                      std::to_string(rate_Hz),
@@ -77,7 +77,7 @@ void take(const ordered_json& summary, TuningRow& row) {
   }
   const ordered_json& errors = summary.at("errors");
   if (errors.empty()) {
-    row.problem = "no error is known: " + summary.at("truth").get<std::string>();
+    row.problem = "no error is known: " + summary.at("reference").get<std::string>();
     return;
   }
   row.error_percent = errors.front().at("rms_error_percent_after_1s").get<double>();

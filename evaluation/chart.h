@@ -148,10 +148,4 @@ std::vector<double> closed_loop_work_J(const std::vector<ServoInstant>& servo,
 /// smaller. Points that aren't finite are never on the front.
 std::vector<bool> pareto_front(const std::vector<double>& x, const std::vector<double>& y);
 
-/// The points of a scene's picture, by rising cost.
-std::vector<ChartPoint> points_of(const Chart& chart, const std::string& scene);
-
-/// The goals that a chart can tell about, for `default_method`, on the hardest scene of the chart.
-std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& default_method);
-
 }  // namespace forcegrid::evaluation

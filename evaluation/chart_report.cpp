@@ -8,6 +8,7 @@
 #include "evaluation/chart_plot.h"
 #include "evaluation/chart_requests.h"
 #include "evaluation/chart_rows.h"
+#include "evaluation/chart_summary.h"
 #include "evaluation/page_text.h"
 #include "evaluation/trajectories.h"
 

@@ -1,3 +1,5 @@
+#include "evaluation/chart_summary.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -5,7 +7,6 @@
 #include <type_traits>
 #include <vector>
 
-#include "evaluation/chart.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
 

@@ -64,7 +64,7 @@ void add_figures(const Figures& figures, std::vector<Claim>& claims) {
                     "in metres 1 + d^2 is 1, the weight a cone over the whole of r, and the field "
                     "a moving average that is too soft"});
   claims.push_back(
-      {"Figure 7, forcegrid", "becomes very similar to the reference force, at any speed",
+      {"Figure 7, forcegrid", "becomes very similar to the off-line force, at any speed",
        text("%.1f %% in the last fifth, at up to %.0f mm/s", error(last, kMillimetres),
             1e3 * fifths[last].top_speed_m_per_s),
        agrees_if(error(last, kMillimetres) < kVerySimilar_percent),

@@ -15,6 +15,8 @@
 #include "evaluation/scenarios.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "stability/chart_numbers.h"
+#include "stability/chart_rows.h"
 #include "stability/scenes.h"
 #include "stability/theory.h"
 

@@ -41,10 +41,6 @@ struct StabilityRow {
   LoopResult run;        ///< at cell.stiffness_N_per_m
 };
 
-nlohmann::ordered_json to_json(const StabilityRow& row);
-/// @throws nlohmann::json::exception for anything that to_json() did not make.
-StabilityRow row_from_json(const nlohmann::ordered_json& json);
-
 /// A goal beside what was measured; NaN where the selection doesn't have it.
 struct StabilityNumber {
   std::string name;
@@ -86,10 +82,6 @@ StabilityChart make_stability_chart(const StabilityChartOptions& options);
 /// Runs one cell. `table` is that of the held object.
 StabilityRow run_case(const StabilityCase& cell, const evaluation::ForceTable& table,
                       std::uint64_t seed);
-
-/// The goals that a chart can tell about.
-std::vector<StabilityNumber> numbers_of(const StabilityChart& chart,
-                                        const std::string& default_method);
 
 /// [N/m] Eigenvalue limit of a cell on the linear device.
 double eigenvalue_limit_of(const StabilityCase& cell);

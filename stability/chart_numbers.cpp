@@ -1,8 +1,8 @@
+#include "stability/chart_numbers.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-
-#include "stability/chart.h"
 
 namespace forcegrid::stability {
 namespace {

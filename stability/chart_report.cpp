@@ -7,6 +7,7 @@
 #include "evaluation/chart_html_parts.h"
 #include "evaluation/page_text.h"
 #include "stability/chart_pictures.h"
+#include "stability/chart_rows.h"
 #include "stability/scenes.h"
 
 namespace forcegrid::stability {

@@ -1,7 +1,7 @@
+#include "stability/chart_rows.h"
+
 #include <cmath>
 #include <nlohmann/json.hpp>
-
-#include "stability/chart.h"
 
 namespace forcegrid::stability {
 namespace {

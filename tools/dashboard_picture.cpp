@@ -1,3 +1,5 @@
+#include "tools/dashboard_picture.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -5,7 +7,6 @@
 
 #include "driver/force_limiter.h"
 #include "servo_loop/fault.h"
-#include "tools/dashboard.h"
 #include "tools/latency_histogram.h"
 
 namespace forcegrid::tools {

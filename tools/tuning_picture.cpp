@@ -1,3 +1,5 @@
+#include "tools/tuning_picture.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -7,7 +9,6 @@
 #include <stdexcept>
 
 #include "evaluation/gnuplot.h"
-#include "tools/tuning.h"
 
 namespace forcegrid::tools {
 namespace {

@@ -158,10 +158,9 @@ std::unique_ptr<ForceMethod> made(const NamedVariant& named, const EvaluateOptio
   }
   const MethodNeeds needs = method->needs();
   if (needs.requests) {
-    throw UsageError(
-        "method '" + named.text +
-        "' asks the simulator for forces at positions of its own choice; a trace can't "
-        "answer. Run it against a simulator: 'forcegrid chart accuracy'");
+    throw UsageError("method '" + named.text +
+                     "' requests forces at positions that it chooses; a trace can't answer. Run it "
+                     "against a simulator: 'forcegrid chart accuracy'");
   }
   if (needs.stiffness && options.no_stiffness) {
     throw UsageError("method '" + named.text +
@@ -207,6 +206,7 @@ ordered_json json_of(const std::string& text, const Verdict& v, const GridGeomet
           {"cycles_unknown", cycles(EstimateStatus::kUnknown)},
           {"cycles_outside_workspace", cycles(EstimateStatus::kOutside)},
           {"cycles_not_finite", cycles(EstimateStatus::kNotFinite)},
+          {"reference_rms_N", v.reference_rms_N},
           {"truth_rms_N", v.reference_rms_N},
           {"workspace_m",
            {grid.min_W.x(), grid.min_W.y(), grid.min_W.z(), grid.max_W.x(), grid.max_W.y(),
@@ -313,10 +313,10 @@ void evaluate(const EvaluateOptions& options) {
 
 void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& action) {
   CLI::App& evaluate =
-      *app.add_subcommand("evaluate", "Judge force methods on a recorded trace; prints JSON");
+      *app.add_subcommand("evaluate", "Evaluate force methods on a recorded trace; prints JSON");
   evaluate
       .add_option("--method", o.methods,
-                  "Force methods, each with changes of its own behind it if need be, e.g. "
+                  "Force methods, each optionally followed by changes to its options, e.g. "
                   "\"forcegrid unit=m\": " +
                       joined(method_names()))
       ->required();
@@ -336,8 +336,8 @@ void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& actio
   evaluate.add_option("--cells", o.cells, "Grid cells: X,Y,Z, or one number for all axes")
       ->capture_default_str();
   evaluate.add_option("--r", o.radius,
-                      "Distance of influence: metres, or a length such as 26.7mm (default a sixth "
-                      "of the workspace's x extent)");
+                      "Radius of influence of a sample: metres, or a length such as 26.7mm "
+                      "(default a sixth of the workspace's x extent)");
   evaluate.add_option("--unit", o.unit,
                       "Length unit in the paper's weight: m, mm, cells, or a length such as 2mm "
                       "(default mm)");
@@ -345,10 +345,13 @@ void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& actio
                       "Weight of a sample over its distance: paper, idw4, idw6 (default the "
                       "method's)");
   evaluate.add_option("--ridge", o.ridge, "Ridge of forcegrid-mls, in r^2");
-  evaluate.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all");
-  evaluate.add_option("--nug", o.nugget, "Noise variance a sample, in N^2, of the kriging methods");
-  evaluate.add_flag("--no-stiffness", o.no_stiffness, "Keep the samples' stiffness from methods");
-  evaluate.add_option("--out", o.out, "CSV for the forces at every servo row, gzipped with .gz");
+  evaluate.add_option("--s", o.samples_per_cell, "Samples counted per cell, at most; 0 counts all");
+  evaluate.add_option("--nug", o.nugget,
+                      "Noise variance per sample of the kriging methods, in N^2");
+  evaluate.add_flag("--no-stiffness", o.no_stiffness,
+                    "Hide the samples' stiffness from the methods");
+  evaluate.add_option("--out", o.out,
+                      "CSV file for the forces at every servo row; gzipped if it ends in .gz");
   evaluate.callback([&o, &action] { action = [&o] { return evaluate_command(o); }; });
 }
 

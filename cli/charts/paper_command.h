@@ -1,8 +1,8 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
-#include <string>
+
+#include "cli/charts/chart_support.h"
 
 namespace CLI {
 class App;
@@ -11,13 +11,7 @@ class App;
 namespace forcegrid::cli {
 
 /// What `forcegrid paper` was asked for.
-struct PaperCommandOptions {
-  std::string out;
-  std::string cache;  ///< folder of force tables; empty: forcegrid in the user's cache folder
-  bool quick = false;
-  unsigned jobs = 0;  ///< 0: one a processor
-  std::uint64_t seed = 1;
-};
+using PaperCommandOptions = ChartChoice;
 
 /// Adds the subcommand `paper`, which sets `action`.
 void add_paper(CLI::App& app, PaperCommandOptions& options, std::function<int()>& action);

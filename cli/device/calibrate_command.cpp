@@ -147,8 +147,8 @@ class Calibration {
       say(std::string(check.passed ? "ok      " : "FAILED  ") + check.name + ": " + check.text);
     }
     if (result.passed() && !result.absolute && !options_.no_strokes) {
-      say("Without a known mass (--tip-mass) only friction over torque constant can be told: the "
-          "profile keeps its torque constants, and has the friction that goes with them.");
+      say("Without a known mass (--tip-mass) only the ratio of friction to torque constant can be "
+          "measured: the profile keeps its torque constants and gets the friction that fits them.");
     }
     ordered_json json = {{"device", device_->identity().url},
                          {"product", device_->identity().product},
@@ -273,7 +273,7 @@ class Calibration {
             (result.absolute ? "" : "; torque constants not measured, for want of a known mass"),
         result.changes);
     say("Written to " + file +
-        (options_.write.empty() ? "; forcegrid run takes it for this unit from now on."
+        (options_.write.empty() ? "; forcegrid run will use it for this unit."
                                 : "; give it as --profile."));
     return file;
   }
@@ -299,28 +299,30 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
           "--device", o.device,
           "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
       ->capture_default_str();
-  calibrate.add_option("--profile", o.profile,
-                       "What the device is believed to be (default: the emulated one, falcon for a "
-                       "Falcon, else woodenhaptics_v2015)");
+  calibrate.add_option(
+      "--profile", o.profile,
+      "Profile that the device is assumed to have (default: the emulated one, falcon for a "
+      "Falcon, else woodenhaptics_v2015)");
   calibrate.add_option("--firmware", o.firmware,
-                       "Firmware file for a Novint Falcon in which none runs");
+                       "Firmware file for a Novint Falcon that runs none yet");
   calibrate
       .add_option("--tip-mass", o.tip_mass_kg,
-                  "A known mass, 0.05 or 0.1 kg, that you have fastened to the tip. Without one "
-                  "the torque constants can't be told")
+                  "Known mass, 0.05 or 0.1 kg, that you have fastened to the tip; needed to "
+                  "measure the torque constants")
       ->check(CLI::Range(0.0, emulator::kMaxTipMass_kg))
       ->type_name("FLOAT kg")
       ->capture_default_str()
       ->configurable(false);
   calibrate
-      .add_flag("--calibrated", o.calibrated, "The counters are right already: no pose, no button")
+      .add_flag("--calibrated", o.calibrated,
+                "The encoder counters are already valid: no pose, no button")
       ->configurable(false);
   calibrate.add_flag("--no-range", o.no_range, "Do not move to the hard stops");
   calibrate.add_flag("--no-strokes", o.no_strokes, "Do not measure friction and torque constants");
   calibrate.add_flag("--quick", o.quick, "Fewer strokes: half the time, twice the uncertainty");
   calibrate
       .add_flag("--yes", o.yes,
-                "Ask nothing, for scripts: the device is let go of within --let-go-s")
+                "Ask nothing, for scripts: nobody may touch the device after --let-go-s")
       ->configurable(false);
   calibrate
       .add_option("--let-go-s", o.let_go_s,
@@ -329,14 +331,14 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
       ->check(CLI::Range(0.0, 600.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
-  calibrate.add_option("--rate", o.rate_Hz, "Steps a second")
+  calibrate.add_option("--rate", o.rate_Hz, "Control steps per second")
       ->check(CLI::Range(250.0, 2000.0))
       ->type_name("FLOAT Hz")
       ->capture_default_str();
   calibrate
       .add_option("--device-timeout-ms", o.device_timeout_ms,
-                  "Silence of the device after which the calibration ends with zero current; its "
-                  "own watchdog waits 500 ms")
+                  "The calibration ends with zero current when the device is silent for this long; "
+                  "the device's own watchdog waits 500 ms")
       ->check(CLI::Range(10, 450))
       ->type_name("INT ms")
       ->capture_default_str();
@@ -344,7 +346,7 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
       .add_option("--write", o.write,
                   "FILE.toml to write the profile to, instead of the place where run finds it")
       ->configurable(false);
-  calibrate.add_flag("--dry-run", o.dry_run, "Measure and tell, but write nothing")
+  calibrate.add_flag("--dry-run", o.dry_run, "Measure and report, but write nothing")
       ->configurable(false);
   calibrate.footer(
       "Currents stay below half of the profile's limits, the tip below 0.6 of its largest speed.\n"

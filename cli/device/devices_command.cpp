@@ -85,7 +85,7 @@ tools::SurveyRoots roots_below(const std::string& root) {
 void add_devices(CLI::App& app, DevicesOptions& o, std::function<int()>& action) {
   CLI::App& devices = *app.add_subcommand(
       "devices",
-      "Find haptic devices, and say of each that can't be used why not and what mends it");
+      "List haptic devices and, for each that cannot be used, the reason and the remedy");
   devices.add_option("--usbip", o.usbip,
                      "USB/IP servers to ask as well: HOST or HOST:PORT; may be repeated");
   devices

@@ -166,17 +166,16 @@ std::vector<std::string> fix_all(const std::vector<Finding>& findings) {
 
 void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
   CLI::App& doctor = *app.add_subcommand(
-      "doctor",
-      "Examine this computer: what is wrong, what it costs, and the command that mends it");
-  doctor.add_option("--seconds", o.seconds, "Length of each measurement; 0 leaves them out")
+      "doctor", "Check this computer: what is wrong, what it costs, and the command that fixes it");
+  doctor.add_option("--seconds", o.seconds, "Length of each measurement; 0 skips them")
       ->check(CLI::Range(0.0, 3600.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
-  doctor.add_option("--rate", o.rate_Hz, "Servo rate that wake-ups are measured and judged for")
+  doctor.add_option("--rate", o.rate_Hz, "Servo rate for which wake-ups are measured and judged")
       ->check(CLI::Range(100.0, 4000.0))
       ->type_name("FLOAT Hz")
       ->capture_default_str();
-  doctor.add_option("--device", o.device, "Device to measure the USB round trip with, as of run");
+  doctor.add_option("--device", o.device, "Device to measure the USB round trip with, as in run");
   doctor.add_option("--profile", o.profile, "Its profile")->capture_default_str();
   doctor.add_option("--simulator", o.simulator, "ADDR:PORT of a simulator to measure UDP with");
   doctor

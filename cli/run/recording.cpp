@@ -60,7 +60,7 @@ void check_recording(const RunOptions& options) {
   }
   if (options.no_reference) {
     throw std::runtime_error(
-        "--record needs the reference forces, by which a trace is judged, and --no-truth skips "
+        "--record needs the reference forces, by which a trace is judged, and --no-reference skips "
         "them; leave one of the two out");
   }
   if (!options.simulator.empty()) {

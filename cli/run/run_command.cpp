@@ -18,7 +18,8 @@
 #include "cli/run/run_methods.h"
 #include "cli/run/run_processes.h"
 #include "cli/run/run_setup.h"
-#include "cli/run/run_summary.h"
+#include "cli/run/run_summary_json.h"
+#include "cli/run/run_summary_text.h"
 #include "cli/run/terminal_keys.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
@@ -65,10 +66,9 @@ void set_switches(const RunOptions& options, const profiles::DeviceProfile& prof
   servo_options.dead_man_signal = &StopRequest::dead_man();
   if (options.dead_man == "button") {
     if (!servo::DeviceButton::can_be_held(profile)) {
-      throw std::runtime_error(
-          "--dead-man button: the only button of " + profile.name +
-          " latches when it is pressed, and tells nobody whether it is held; use --dead-man signal "
-          "with a switch of its own");
+      throw std::runtime_error("--dead-man button: the only button of " + profile.name +
+                               " latches when pressed and does not report whether it is held; use "
+                               "--dead-man signal with a separate switch");
     }
     servo_options.dead_man = servo::DeadMan::kButton;
   } else if (options.dead_man == "signal") {
@@ -306,7 +306,8 @@ void Run::connect() {
 // before.
 bool Run::calibrate_arm() {
   if (options_.calibrated && is_falcon(profile_)) {
-    say("Falcon: --calibrated changes nothing, as it says itself whether its axes are homed\n");
+    say("Falcon: --calibrated has no effect, because the device reports whether its axes are "
+        "homed\n");
   }
   if (options_.calibrated && !is_falcon(profile_)) {
     return true;
@@ -448,7 +449,7 @@ bool Run::connect_again(rt::TimePoint ended) {
       {fault, summary_.outcome.device_failure, ended.time_since_epoch().count()});
   summary_.recalibrations += again.recalibrated ? 1 : 0;
   say("The device is back" +
-      std::string(again.recalibrated ? " and calibrated" : ", its counters are as they were") +
+      std::string(again.recalibrated ? " and calibrated" : " with its counters unchanged") +
       "; the force ramps in.\n");
   return true;
 }
@@ -541,7 +542,7 @@ void Run::finish_processes() {
   if (summary_.emulator) {
     say(motors_text(*summary_.emulator));
   } else if (emulated) {
-    note("the emulator gave no report; it " + processes_->emulator_end());
+    note("the emulator wrote no report; it " + processes_->emulator_end());
     say("Note: " + summary_.notes.back() + "\n");
   }
   if (summary_.simulator) {
@@ -557,7 +558,7 @@ std::string Run::why_no_reference() const {
   if (tool_.slides()) {
     return "none: what a sliding tool feels depends on its path";
   }
-  return options_.no_reference ? "skipped by --no-truth" : "";
+  return options_.no_reference ? "skipped by --no-reference" : "";
 }
 
 void Run::write_files(const ContactCycles& cycles) {
@@ -566,7 +567,7 @@ void Run::write_files(const ContactCycles& cycles) {
     if (records_trace(options_)) {
       if (cycles.reference_W.empty()) {
         throw std::runtime_error("no trace was recorded in " + options_.record +
-                                 ", for want of reference forces: " + summary_.reference);
+                                 ", because there are no reference forces: " + summary_.reference);
       }
       evaluation::write_trace(options_.record, trace_of(link_->samples(), cycles.records,
                                                         cycles.reference_W, cycles.contact_ns));

@@ -36,8 +36,8 @@ struct RunOptions {
   ToolChoice tool;        ///< of the started simulator
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;
-  std::string method = kDefaultMethod;                    ///< MethodVariant
-  std::vector<std::string> shadows{"forcegrid", "hold"};  ///< judged on the same path, not felt
+  std::string method = kDefaultMethod;                      ///< MethodVariant
+  std::vector<std::string> evaluated{"forcegrid", "hold"};  ///< on the same path, not rendered
   int fill_budget = 1000;
   std::array<int, 3> cells{49, 49, 49};
   double influence_radius_mm = 0.0;  ///< 0: a sixth of the workspace's longest side

@@ -10,7 +10,6 @@
 #include "link/clock_estimate.h"
 #include "link/statistics.h"
 #include "servo_loop/servo_loop.h"
-#include "servo_loop/telemetry.h"
 
 namespace forcegrid::cli {
 
@@ -63,20 +62,5 @@ struct RunSummary {
   std::optional<nlohmann::json> reference_details;
   std::vector<std::string> files;
 };
-
-/// The text for people that is printed as soon as the loop has ended: everything but the errors.
-std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
-
-/// What the emulated motors did, from the emulator's report.
-std::string motors_text(const nlohmann::json& emulator);
-
-/// Who answered the simulator's queries, from its report; empty without workers.
-std::string workers_text(const nlohmann::json& simulator);
-
-/// The errors and the files, once they are there.
-std::string errors_text(const RunSummary& summary);
-
-/// The whole for programs; keys are documented in docs/summary_json.md.
-nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
 
 }  // namespace forcegrid::cli

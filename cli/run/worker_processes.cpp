@@ -47,7 +47,8 @@ void WorkerProcesses::start(int count, const std::string& listening, const std::
   const std::string before = " workers ";
   const std::size_t at = listening.find(before);
   if (at == std::string::npos) {
-    throw std::runtime_error("the simulator did not say where its workers may come: " + listening);
+    throw std::runtime_error("the simulator did not print the address for its workers: " +
+                             listening);
   }
   const std::string address = listening.substr(at + before.size());
   for (int i = 0; i < count; ++i) {

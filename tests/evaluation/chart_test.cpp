@@ -13,6 +13,7 @@
 #include "evaluation/chart_plot.h"
 #include "evaluation/chart_report.h"
 #include "evaluation/chart_rows.h"
+#include "evaluation/chart_summary.h"
 #include "evaluation/gnuplot.h"
 #include "evaluation/trajectories.h"
 

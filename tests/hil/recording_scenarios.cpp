@@ -45,7 +45,7 @@ std::string operators_folder(const std::string& name) {
 // What follows `forcegrid record FILE` or `forcegrid run`.
 std::string felt_for(double time_s, const std::string& folder) {
   return " --device hid:1234:0006 --calibrated --scene " + tiny_scene() +
-         " --no-truth --device-timeout-ms 400 --seconds " + std::to_string(time_s) + " --out " +
+         " --no-reference --device-timeout-ms 400 --seconds " + std::to_string(time_s) + " --out " +
          folder;
 }
 
@@ -195,7 +195,7 @@ TEST(LongConfig, TheSystemsFileAndAPersonsOwnAreTakenTogetherAndMistakesStopBefo
   fs::create_directories("/tmp/.config/forcegrid");
   std::ofstream("/tmp/.config/forcegrid/config.toml") << "[run]\nrate = 250\n";
   const std::string run = "run --scene " + tiny_scene() +
-                          " --no-truth --device-timeout-ms 400 --seconds 1 --out /tmp/configured";
+                          " --no-reference --device-timeout-ms 400 --seconds 1 --out /tmp/configured";
   const Answer felt = ask("operator", run);
   EXPECT_EQ(felt.status, 0) << felt.result.dump(2);
   EXPECT_EQ(felt.result.at("servo_rate_requested_Hz"), 250);

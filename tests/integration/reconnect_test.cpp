@@ -24,7 +24,7 @@ std::vector<std::string> arguments(const std::string& simulator, const std::stri
                                    const std::string& out, std::vector<std::string> more) {
   std::vector<std::string> all = {"run",      "--simulator", simulator,  "--fault",
                                   fault,      "--out",       out,        "--json",
-                                  "--shadow", "hold",        "--method", "hold",
+                                  "--evaluate", "hold",        "--method", "hold",
                                   "--cells",  "8,8,8",       "--motion", "lissajous"};
   all.insert(all.end(), more.begin(), more.end());
   return all;
@@ -187,7 +187,7 @@ TEST(FaultOption, IsRefusedForADeviceThatIsNotEmulated) {
   Program run =
       Program::forcegrid({"run", "--device", "usbip://127.0.0.1:9/1-1", "--fault", "babble"});
   ASSERT_EQ(run.wait(), 1);
-  EXPECT_NE(run.standard_error().find("only an emulated device has faults on demand"),
+  EXPECT_NE(run.standard_error().find("only an emulated device can be given faults"),
             std::string::npos)
       << run.standard_error();
 }

@@ -1,8 +1,11 @@
-#include "cli/run/run_summary.h"
+#include "cli/run/run_summary_text.h"
 
 #include <cinttypes>
+#include <cmath>
 #include <cstdarg>
 #include <cstdio>
+
+#include "cli/run/run_summary_numbers.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -16,42 +19,9 @@ __attribute__((format(printf, 2, 3))) void append(std::string& text, const char*
   text += line;
 }
 
-std::uint64_t counter(const RunSummary& summary, const std::string& name) {
-  const auto found = summary.counters.find(name);
-  return found == summary.counters.end() ? 0 : found->second;
-}
-
-double mean_wait_ms(const servo::FirstTouch::Counts& touches) {
-  return touches.answered == 0 ? 0.0
-                               : 1e3 * touches.wait_sum_s / static_cast<double>(touches.answered);
-}
-
-nlohmann::json first_touches_json(const servo::FirstTouch::Counts& touches) {
-  return {{"patches", touches.patches},
-          {"seen", touches.touches},
-          {"felt", touches.felt},
-          {"answered", touches.answered},
-          {"denied", touches.denied},
-          {"left", touches.left},
-          {"unseen", touches.unseen},
-          {"wait_mean_ms", mean_wait_ms(touches)},
-          {"wait_max_ms", 1e3 * touches.wait_max_s}};
-}
-
-nlohmann::json percentiles_json(const rt::Percentiles& p) {
-  return {{"p50", p.at(0.5)}, {"p99", p.at(0.99)}, {"p999", p.at(0.999)},
-          {"max", p.max()},   {"mean", p.mean()},  {"count", p.count()}};
-}
-
 void append_percentiles(std::string& text, const char* what, const rt::Percentiles& p) {
   append(text, "  %-14s median %8.1f   p99 %8.1f   p99.9 %8.1f   max %8.1f\n", what, p.at(0.5),
          p.at(0.99), p.at(0.999), p.max());
-}
-
-double measured_rate_Hz(const RunSummary& summary) {
-  return summary.elapsed_s > 0.0 && summary.outcome.cycles > 1
-             ? static_cast<double>(summary.outcome.cycles - 1) / summary.elapsed_s
-             : 0.0;
 }
 
 // Who was felt for how long, of a method with several members.
@@ -64,7 +34,7 @@ void append_members(std::string& text, const RunSummary& summary,
   if (summary.members.empty() || all == 0) {
     return;
   }
-  text += summary.method + ", members felt:";
+  text += summary.method + ", rendered candidates:";
   const char* separator = " ";
   for (std::size_t i = 0; i < summary.members.size(); ++i) {
     if (statistics.rendered_member[i] > 0) {
@@ -108,10 +78,9 @@ void append_rungs(std::string& text, const servo::TelemetryStatistics& statistic
   append(text, " of the cycles; %" PRIu64 " changes\n", statistics.rung_changes);
 }
 
-}  // namespace
-
-std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
-  std::string text = "\n";
+// Rate, deadlines and scheduling of the loop.
+void append_timing(std::string& text, const RunSummary& summary,
+                   const servo::TelemetryStatistics& statistics) {
   const servo::ServoOutcome& outcome = summary.outcome;
   append(text,
          "%" PRIu64 " cycles in %.2f s at %.1f Hz (asked for %.0f), %" PRIu64
@@ -123,6 +92,11 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   append_percentiles(text, "period / us", statistics.period_us);
   append_percentiles(text, "compute / us", statistics.compute_us);
   append_percentiles(text, "report age / us", statistics.report_age_us);
+}
+
+// What the device reported and what was sent to it.
+void append_device(std::string& text, const RunSummary& summary) {
+  const servo::ServoOutcome& outcome = summary.outcome;
   append(text,
          "Device: %" PRIu64 " reports, %" PRIu64 " stale ones skipped, %" PRIu64 " lost, %" PRIu64
          " late, %" PRIu64 " rejected; %" PRIu64 " commands, %" PRIu64
@@ -135,34 +109,50 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
          outcome.zero_current_delivered ? "delivered"
                                         : "could not be delivered: the motors are left to the "
                                           "device's own watchdog");
+}
+
+// The simulator's samples.
+void append_simulator(std::string& text, const RunSummary& summary) {
   append(text,
          "Simulator: %" PRIu64 " samples taken, %" PRIu64
          " rejected; longest solve %.1f ms, worst "
          "relative residual %.1e, %" PRIu64 " not converged\n",
          summary.samples_received, summary.link.dropped(), 1e3 * summary.worst_solve_time_s,
          summary.worst_relative_residual, summary.samples_not_converged);
-  append_link(text, summary);
-  const servo::FirstTouch::Counts& touches = outcome.first_touches;
+}
+
+// Contacts that the loop saw before the simulator answered.
+void append_first_touches(std::string& text, const RunSummary& summary) {
+  const servo::FirstTouch::Counts& touches = summary.outcome.first_touches;
   if (touches.patches > 0) {
     append(text,
            "First touches: %" PRIu64 " seen by the loop itself, %" PRIu64
-           " of them felt before the answer, %" PRIu64
-           " answered by the simulator after %.1f ms in the mean, %.1f ms at most; %" PRIu64
+           " of them rendered before the answer, %" PRIu64
+           " answered by the simulator after %.1f ms on average, %.1f ms at most; %" PRIu64
            " denied, %" PRIu64 " left before; %" PRIu64 " contacts not seen\n",
            touches.touches, touches.felt, touches.answered, mean_wait_ms(touches),
            1e3 * touches.wait_max_s, touches.denied, touches.left, touches.unseen);
   }
+}
+
+// What the loop did not take at face value, and what limited its force.
+void append_limits(std::string& text, const RunSummary& summary,
+                   const servo::TelemetryStatistics& statistics) {
+  const servo::ServoOutcome& outcome = summary.outcome;
   if (outcome.samples_refused > 0) {
     append(text,
            "%" PRIu64
-           " forces of the simulator were not believed, since no object can have answered so after "
-           "those before (docs/safety.md)\n",
+           " forces of the simulator were refused as implausible jumps (docs/safety.md)\n",
            outcome.samples_refused);
   }
   if (statistics.cycles_limited > 0) {
     append(text, "A limit of the profile acted in %" PRIu64 " cycles\n", statistics.cycles_limited);
   }
-  append_rungs(text, statistics);
+}
+
+// The energy account of the passivity guard.
+void append_energy(std::string& text, const RunSummary& summary) {
+  const servo::ServoOutcome& outcome = summary.outcome;
   append(text,
          "Energy given to the hand by the rendered force: %+.2f mJ in all, at most %.3f mJ in a "
          "contact",
@@ -173,21 +163,31 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
            outcome.cycles_damped, 1e3 * outcome.damped_energy_J, outcome.cycles_shortened);
   }
   text += "\n";
+}
+
+// Warm motors, pauses and lost records.
+void append_disturbances(std::string& text, const RunSummary& summary,
+                         const servo::TelemetryStatistics& statistics) {
+  const servo::ServoOutcome& outcome = summary.outcome;
   if (statistics.cycles_warm > 0) {
-    append(
-        text,
-        "A motor was warm (%.0f %% of what its continuous current makes it) and had less current "
-        "in %" PRIu64 " cycles\n",
-        100.0 * statistics.motor_warmth, statistics.cycles_warm);
+    append(text,
+           "A motor was warm (%.0f %% of the heat that its continuous current makes) and its "
+           "current was reduced in %" PRIu64 " cycles\n",
+           100.0 * statistics.motor_warmth, statistics.cycles_warm);
   }
   if (outcome.stalls > 0) {
-    append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in anew\n",
+    append(text, "%" PRIu64 " pauses of more than 50 ms, after which the force ramped in again\n",
            outcome.stalls);
   }
   if (summary.records_lost > 0) {
     append(text, "%" PRIu64 " cycles were not recorded: telemetry could not keep up\n",
            summary.records_lost);
   }
+}
+
+// How much the rendered method knew.
+void append_knowledge(std::string& text, const RunSummary& summary,
+                      const servo::TelemetryStatistics& statistics) {
   const auto& status = statistics.rendered_status;
   const auto count_of = [&](EstimateStatus which) {
     return status[static_cast<std::size_t>(which)];
@@ -202,7 +202,10 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
            summary.method.c_str(), count_of(EstimateStatus::kOk),
            count_of(EstimateStatus::kPartlyKnown), without, count_of(EstimateStatus::kOutside));
   }
-  append_members(text, summary, statistics);
+}
+
+// What the rendered method counted.
+void append_method_counters(std::string& text, const RunSummary& summary) {
   if (summary.samples_overrun > 0) {
     append(text, "%" PRIu64 " samples came faster than the servo takes them and were dropped\n",
            summary.samples_overrun);
@@ -228,13 +231,11 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
            "Method: %" PRIu64 " samples were of no use to it (not finite, or without stiffness)\n",
            unusable);
   }
-  for (const std::string& note : summary.notes) {
-    text += "Note: " + note + "\n";
-  }
-  if (!summary.recovered.empty()) {
-    append(text, "Connected again %zu times, %d of them with a new calibration\n",
-           summary.recovered.size(), summary.recalibrations);
-  }
+}
+
+// Why the run ended, unless it ended as asked.
+void append_fault(std::string& text, const RunSummary& summary) {
+  const servo::ServoOutcome& outcome = summary.outcome;
   if (outcome.fault != servo::Fault::kNone) {
     text += outcome.fault == servo::Fault::kEmergencyStop
                 ? std::string("EMERGENCY STOP by ") + servo::words_of(outcome.emergency) + ". "
@@ -245,6 +246,32 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
     }
     text += "\n";
   }
+}
+
+}  // namespace
+
+std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
+  std::string text = "\n";
+  append_timing(text, summary, statistics);
+  append_device(text, summary);
+  append_simulator(text, summary);
+  append_link(text, summary);
+  append_first_touches(text, summary);
+  append_limits(text, summary, statistics);
+  append_rungs(text, statistics);
+  append_energy(text, summary);
+  append_disturbances(text, summary, statistics);
+  append_knowledge(text, summary, statistics);
+  append_members(text, summary, statistics);
+  append_method_counters(text, summary);
+  for (const std::string& note : summary.notes) {
+    text += "Note: " + note + "\n";
+  }
+  if (!summary.recovered.empty()) {
+    append(text, "Connected again %zu times, %d of them with a new calibration\n",
+           summary.recovered.size(), summary.recalibrations);
+  }
+  append_fault(text, summary);
   return text;
 }
 
@@ -303,148 +330,6 @@ std::string errors_text(const RunSummary& summary) {
     text += "Wrote " + file + "\n";
   }
   return text;
-}
-
-nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
-  using nlohmann::json;
-  const servo::ServoOutcome& outcome = summary.outcome;
-  json faults = json::array();
-  if (outcome.fault != servo::Fault::kNone) {
-    faults.push_back({{"name", servo::name_of(outcome.fault)},
-                      {"sentence", servo::sentence_for(outcome.fault, outcome.joint)},
-                      {"device", outcome.device_failure}});
-  }
-  json recovered = json::array();
-  for (const RecoveredFault& fault : summary.recovered) {
-    recovered.push_back({{"name", servo::name_of(fault.fault)}, {"device", fault.device_failure}});
-  }
-  json rms = json::object();
-  json details = json::object();
-  for (const auto& [name, error] : summary.errors) {
-    rms[name] = error.rms_percent;
-    details[name] = {{"rms_error_percent", error.rms_percent},
-                     {"rms_error_percent_first_1s", error.rms_percent_first_1s},
-                     {"rms_error_percent_after_1s", error.rms_percent_after_1s},
-                     {"max_error_percent_after_1s", error.max_percent_after_1s}};
-  }
-  const driver::DeviceStatistics& device = summary.device_statistics;
-  const auto reasons = link::drop_reasons(summary.link);
-  json result = {
-      {"device", summary.device},
-      {"profile", summary.device_profile},
-      {"scene", summary.scene},
-      {"method", summary.method},
-      {"servo_rate_Hz", measured_rate_Hz(summary)},
-      {"servo_rate_requested_Hz", summary.rate_requested_Hz},
-      {"elapsed_s", summary.elapsed_s},
-      {"cycles", outcome.cycles},
-      {"missed_deadlines", outcome.missed_deadlines},
-      {"stalls", outcome.stalls},
-      {"requests_made", outcome.requests_made},
-      {"answers_taken", outcome.answers_taken},
-      {"samples_refused", outcome.samples_refused},
-      {"first_touches", first_touches_json(outcome.first_touches)},
-      {"records_lost", summary.records_lost},
-      {"cycles_kept", summary.cycles_kept},
-      {"realtime_scheduling", outcome.scheduling.realtime},
-      {"realtime_reason", outcome.scheduling.reason},
-      {"memory_locked", outcome.memory_lock_refused.empty()},
-      {"period_us", percentiles_json(statistics.period_us)},
-      {"wakeup_us", percentiles_json(statistics.wakeup_us)},
-      {"compute_us", percentiles_json(statistics.compute_us)},
-      {"report_age_us", percentiles_json(statistics.report_age_us)},
-      {"sample_age_ms", percentiles_json(statistics.sample_age_ms)},
-      {"cycles_limited", statistics.cycles_limited},
-      {"reports_received", device.reports_received},
-      {"reports_discarded", device.reports_discarded},
-      {"reports_drained", device.reports_drained},
-      {"reports_lost", device.reports_lost},
-      {"reports_rejected", device.reports_rejected},
-      {"reports_late", device.reports_late},
-      {"reports_unasked", device.reports_unasked},
-      {"commands_sent", device.commands_sent},
-      {"commands_clamped", device.commands_clamped},
-      {"commands_starved", device.commands_starved},
-      {"kicks", device.kicks},
-      {"refreshes", device.refreshes},
-      {"zero_current_delivered", outcome.zero_current_delivered},
-      {"samples_received", summary.samples_received},
-      {"samples_rejected", summary.link.dropped()},
-      {"samples_lost", summary.link.lost},
-      {"link",
-       {{"datagrams_dropped", json::object_t(reasons.begin(), reasons.end())},
-        {"datagrams_overrun", summary.link.overrun},
-        {"clock_known", summary.simulator_clock.known},
-        {"clock_offset_s", summary.simulator_clock.offset_s},
-        {"round_trip_s", summary.simulator_clock.round_trip_s}}},
-      {"samples_overrun", summary.samples_overrun},
-      {"samples_taken", statistics.samples_taken},
-      {"samples_not_converged", summary.samples_not_converged},
-      {"worst_relative_residual", summary.worst_relative_residual},
-      {"worst_solve_time_s", summary.worst_solve_time_s},
-      {"rms_error_percent", rms},
-      {"errors", details},
-      {"force_rms_N", summary.force_rms_N},
-      {"force_max_N", summary.force_max_N},
-      {"truth", summary.reference},
-      {"faults", faults},
-      {"reconnects", recovered.size()},
-      {"recovered_faults", recovered},
-      {"recalibrations", summary.recalibrations},
-      {"encoder_doubts", outcome.suspected_stuck_encoders},
-      {"emergency_stop", servo::name_of(outcome.emergency)},
-      {"passivity",
-       {{"mode", summary.passivity},
-        {"energy_to_hand_mJ", 1e3 * outcome.energy_to_hand_J},
-        {"largest_energy_to_hand_mJ", 1e3 * outcome.largest_energy_to_hand_J},
-        {"damped_energy_mJ", 1e3 * outcome.damped_energy_J},
-        {"cycles_damped", outcome.cycles_damped},
-        {"cycles_shortened", outcome.cycles_shortened}}},
-      {"notes", summary.notes},
-      {"files", summary.files},
-  };
-  result["rendered_status_cycles"] = json::object();
-  for (std::size_t i = 0; i < statistics.rendered_status.size(); ++i) {
-    result["rendered_status_cycles"][to_string(static_cast<EstimateStatus>(i))] =
-        statistics.rendered_status[i];
-  }
-  result["grid"] = {{"fills_cut_short", counter(summary, "fills_cut_short")},
-                    {"samples_over_threshold", counter(summary, "samples_over_threshold")},
-                    {"samples_outside", counter(summary, "samples_outside")}};
-  result["counters"] = summary.counters;
-  result["member_cycles"] = json::object();
-  for (std::size_t i = 0; i < summary.members.size(); ++i) {
-    result["member_cycles"][summary.members[i]] = statistics.rendered_member[i];
-  }
-  result["member_changes"] = statistics.member_changes;
-  result["first_member_changes"] = json::array();
-  for (const servo::MemberChange& change : statistics.first_changes) {
-    result["first_member_changes"].push_back({{"time_s", change.time_s},
-                                              {"from", summary.members.at(change.from)},
-                                              {"to", summary.members.at(change.to)},
-                                              {"reason", to_string(change.reason)}});
-  }
-  result["rung_cycles"] = json::object();
-  for (int i = 0; i < servo::kRungs; ++i) {
-    result["rung_cycles"][servo::to_string(static_cast<servo::Rung>(i))] =
-        statistics.rung_cycles[static_cast<std::size_t>(i)];
-  }
-  result["motor_warmth"] = statistics.motor_warmth;
-  result["cycles_warm"] = statistics.cycles_warm;
-  result["rung_changes"] = statistics.rung_changes;
-  result["first_rung_changes"] = json::array();
-  for (const servo::RungChange& change : statistics.first_rung_changes) {
-    result["first_rung_changes"].push_back(
-        {{"time_s", change.time_s},
-         {"from", servo::to_string(change.from)},
-         {"to", servo::to_string(change.to)},
-         {"sentence", servo::sentence_for(change.to, change.held_back)}});
-  }
-  result["uncertainty_mN"] = percentiles_json(statistics.uncertainty_mN);
-  result["truth_details"] = summary.reference_details.value_or(json());
-  result["emulator"] = summary.emulator.value_or(json());
-  result["simulator"] = summary.simulator.value_or(json());
-  return result;
 }
 
 }  // namespace forcegrid::cli
