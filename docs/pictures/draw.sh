@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Draws docs/pictures/*.svg from the *.dot beside them; `make pictures` runs it.
 # usage: draw.sh [OUTPUT_FOLDER]
 set -eu

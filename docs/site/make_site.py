@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Builds the offline site from docs/, the top pages and the sources that they link to.
 usage: make_site.py SOURCE_FOLDER BUILD_FOLDER
 

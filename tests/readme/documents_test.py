@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Documents drift: do the flags that README and docs/ show exist?
 usage: documents_test.py SOURCE_FOLDER FORCEGRID"""
 import functools

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Do the links, anchors, make targets and folders that the documents name exist?
 usage: links_test.py SOURCE_FOLDER"""
 import functools

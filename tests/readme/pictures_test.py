@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Is each docs/pictures/NAME.svg what its NAME.dot gives?
 usage: pictures_test.py SOURCE_FOLDER"""
 import pathlib

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The README's Python program, as it stands there, is the simulator of a short run.
 usage: program_test.py SOURCE_FOLDER FORCEGRID"""
 import json

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks the table "Who may include whom" of docs/architecture.md against every #include.
 usage: rooms_test.py SOURCE_FOLDER            runs the test
        rooms_test.py SOURCE_FOLDER --table    prints the rows that the sources need"""
