@@ -33,7 +33,6 @@ constexpr double kMaxDelay_s = 10.0;
 constexpr int kMaxNice = 19;
 constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, until another may come
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
-const std::string kDynamic = "dynamic";
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
 link::Access access(const SimulatorOptions& options) {
@@ -129,7 +128,7 @@ class Loop {
     summary_.listening = link::to_string(endpoint_.address());
     summary_.vertices = contact_->vertex_count();
     summary_.springs = contact_->spring_count();
-    summary_.solver = solver.name;
+    summary_.solver = to_string(solver.kind);
     summary_.solver_why = solver.why;
     summary_.rate_Hz = options.rate_Hz;
     summary_.workers_at = desk_.pool() == nullptr ? "" : desk_.pool()->address();
@@ -314,7 +313,7 @@ class Loop {
     }
     summary_.unconverged += equilibrium.converged ? 0 : 1;
     summary_.branch_changes += equilibrium.left_branch ? 1 : 0;
-    summary_.long_steps += contact_->in_long_steps() ? 1 : 0;
+    summary_.long_steps += contact_->report().long_step.value_or(false) ? 1 : 0;
     summary_.not_reached += equilibrium.reached ? 0 : 1;
     summary_.worst_relative_residual =
         std::max(summary_.worst_relative_residual, equilibrium.relative_residual);
@@ -370,10 +369,9 @@ class Loop {
     if (desk_.pool() != nullptr) {
       summary_.workers = desk_.pool()->statistics();
     }
-    summary_.whole_solutions = contact_->whole_solutions();
-    if (contact_->reduced_use() != nullptr) {
-      summary_.reduced = *contact_->reduced_use();
-    }
+    const SolverReport report = contact_->report();
+    summary_.whole_solutions = report.whole_solutions.value_or(0);
+    summary_.reduced = report.reduced.value_or(ReducedUse{});
     summary_.solve_mean_ms = 1e-3 * solve_us_.mean();
     summary_.solve_p50_ms = 1e-3 * solve_us_.at(0.5);
     summary_.solve_p99_ms = 1e-3 * solve_us_.at(0.99);
@@ -412,26 +410,26 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   if (!scene.note.empty()) {
     log << "scene " << scene.name << ": " << scene.note << '\n';
   }
-  SolverChoice solver = choose_solver(options.solver_name, scene.mesh.rest_position_W.size(),
+  SolverChoice solver = choose_solver(options.solver_kind, scene.mesh.rest_position_W.size(),
                                       options.rate_Hz, options.solver, dynamics_of(scene.mesh));
   const ToolOptions tool = options.tool.value_or(scene.tool);
   if (tool.slides()) {
-    if (options.solver_name != "auto") {
-      throw Error("simulator: solver " + options.solver_name +
+    if (options.solver_kind) {
+      throw Error(std::string("simulator: solver ") + to_string(*options.solver_kind) +
                   ": a tool that slides has a solver of its own; leave the choice out");
     }
     solver.why = "a tool that slides has a solver of its own";
-    if (solver.name == kDynamic) {
+    if (solver.kind == SolverKind::kDynamic) {
       solver.why += ", which leaves masses and dampers out";
     }
-    solver.name = "pressed";
+    solver.kind = SolverKind::kPressed;
   }
-  if (solver.name == kDynamic && !options.workers.empty()) {
+  if (solver.kind == SolverKind::kDynamic && !options.workers.empty()) {
     throw Error(
         "simulator: workers answer for equilibria, and this object moves by itself; leave "
         "--workers out or give --solver quasi_static");
   }
-  log << "solver " << solver.name << ": " << solver.why << '\n';
+  log << "solver " << to_string(solver.kind) << ": " << solver.why << '\n';
   Loop loop(options, scene, solver, tool, log);
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {

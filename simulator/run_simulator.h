@@ -12,6 +12,7 @@
 
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/reduced_use.h"
+#include "simulator/solver/solver_kind.h"
 #include "simulator/touch/tool_contact.h"
 #include "simulator/workers/worker_pool.h"
 
@@ -30,9 +31,9 @@ struct SimulatorOptions {
   double answer_delay_s = 0.0;
   bool send_stiffness = true;                              ///< dF/dP with every sample
   Eigen::Vector3d top_centre_W = Eigen::Vector3d::Zero();  ///< [m] see make_scene()
-  std::string solver_name = "auto";                        ///< one of solver_names()
-  SolverOptions solver;                                    ///< what that one starts from
-  std::optional<ToolOptions> tool;                         ///< nothing: the scene's own
+  std::optional<SolverKind> solver_kind;  ///< nothing: chosen by what the object is
+  SolverOptions solver;                   ///< what that one starts from
+  std::optional<ToolOptions> tool;        ///< nothing: the scene's own
   int nice = 5;  ///< 0..19, of the calling thread: servo and emulator go first
 };
 

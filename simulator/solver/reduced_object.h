@@ -12,6 +12,7 @@
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/reduced_training.h"
 #include "simulator/solver/reduced_use.h"
+#include "simulator/solver/solver_report.h"
 
 namespace forcegrid::simulator {
 
@@ -73,6 +74,7 @@ class ReducedObject {
   Equilibrium move_to(const Eigen::Vector3d& displacement_W);
 
   const ReducedUse& use() const noexcept { return use_; }
+  SolverReport report() const noexcept { return {.reduced = use_}; }
 
  private:
   // What a check brings back.

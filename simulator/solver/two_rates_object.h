@@ -9,6 +9,7 @@
 
 #include "simulator/mesh/spring_mesh.h"
 #include "simulator/solver/elastic_object.h"
+#include "simulator/solver/solver_report.h"
 
 namespace forcegrid::simulator {
 
@@ -65,6 +66,7 @@ class TwoRatesObject {
 
   /// Solutions of the whole object that moves have taken, since construction.
   std::uint64_t whole_solutions() const noexcept { return whole_solutions_; }
+  SolverReport report() const noexcept { return {.whole_solutions = whole_solutions_}; }
 
   // Without own_thread:
 

@@ -38,6 +38,7 @@ class SlidingContact final : public ToolContact {
                                                 const Eigen::Vector3d& velocity_W,
                                                 double within_s) const noexcept override;
   bool depends_on_position_alone() const noexcept override { return false; }
+  SolverReport report() const noexcept override { return {}; }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
 

@@ -5,7 +5,6 @@
 
 #include "simulator/mesh/error.h"
 #include "simulator/solver/direct_method.h"
-#include "text/nearest_name.h"
 #include "text/text.h"
 
 namespace forcegrid::simulator {
@@ -37,7 +36,7 @@ void choose_equilibria(SolverChoice& choice, double count, double rate_Hz, MeshD
   const double answer_s = longest_answer_s(count, choice.options.relative_tolerance);
   const double period_s = 1.0 / rate_Hz;
   const bool fits = answer_s <= kShareOfPeriod * period_s;
-  choice.name = fits ? "quasi_static" : "local";
+  choice.kind = fits ? SolverKind::kQuasiStatic : SolverKind::kLocal;
   choice.why = text::number_text(count) + " vertices to a residual of " +
                text::number_text(choice.options.relative_tolerance) + " take up to some " +
                milliseconds(answer_s) + " of the " + milliseconds(period_s) + " between answers" +
@@ -97,38 +96,30 @@ TwoRatesOptions two_rates_options(double rate_Hz, const SolverOptions& options) 
   return result;
 }
 
-const std::vector<std::string>& solver_names() {
-  static const std::vector<std::string> names{"auto",      "quasi_static", "local",
-                                              "two_rates", "reduced",      "dynamic"};
-  return names;
-}
-
-SolverChoice choose_solver(const std::string& asked, std::size_t vertices, double rate_Hz,
+SolverChoice choose_solver(std::optional<SolverKind> asked, std::size_t vertices, double rate_Hz,
                            const SolverOptions& options, MeshDynamics dynamics) {
-  const std::vector<std::string>& names = solver_names();
-  if (std::find(names.begin(), names.end(), asked) == names.end()) {
-    throw Error("solver '" + asked + "' is unknown; write one of: " + text::joined(names) +
-                " (the nearest is " + text::nearest_name(asked, names) + ")");
-  }
-  SolverChoice choice{
-      .name = asked, .why = "as asked for", .options = options, .dynamic = {}, .two_rates = {}};
+  SolverChoice choice{.kind = asked.value_or(SolverKind::kQuasiStatic),
+                      .why = "as asked for",
+                      .options = options,
+                      .dynamic = {},
+                      .two_rates = {}};
   const auto count = static_cast<double>(vertices);
   choice.small_enough_for_direct = kDirectCycle_s * count <= kDirectShare * kServoPeriod_s;
-  if (asked == "auto" && dynamics == MeshDynamics::kDamped) {
-    choice.name = "dynamic";
+  if (!asked && dynamics == MeshDynamics::kDamped) {
+    choice.kind = SolverKind::kDynamic;
     choice.why = "the object has dampers and moves by itself";
-  } else if (asked == "auto") {
+  } else if (!asked) {
     choose_equilibria(choice, count, rate_Hz, dynamics);
-  } else if (asked != "dynamic" && dynamics == MeshDynamics::kDamped) {
+  } else if (choice.kind != SolverKind::kDynamic && dynamics == MeshDynamics::kDamped) {
     choice.why += "; the object's masses and dampers are left out";
   }
-  if (choice.name == "dynamic") {
+  if (choice.kind == SolverKind::kDynamic) {
     fit_steps(choice, count, rate_Hz, dynamics);
   }
-  if (choice.name == "two_rates") {
+  if (choice.kind == SolverKind::kTwoRates) {
     fit_two_rates(choice, rate_Hz, dynamics);
   }
-  if (choice.name == "local" && !(options.border_tolerance > 0.0)) {
+  if (choice.kind == SolverKind::kLocal && !(options.border_tolerance > 0.0)) {
     choice.options.border_tolerance = kBorderTolerance;
   }
   return choice;

@@ -1,26 +1,24 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
-#include <vector>
 
 #include "simulator/mesh/vertex_masses.h"
 #include "simulator/solver/dynamic_object.h"
 #include "simulator/solver/elastic_object.h"
+#include "simulator/solver/solver_kind.h"
 #include "simulator/solver/two_rates_object.h"
 
 namespace forcegrid::simulator {
 
-/// What --solver can be: auto, quasi_static, local, two_rates, reduced, dynamic.
-const std::vector<std::string>& solver_names();
-
 /// The solver that a scene is simulated with.
 struct SolverChoice {
-  std::string name;           ///< never auto
+  SolverKind kind = SolverKind::kQuasiStatic;
   std::string why;            ///< in one line, for a user
-  SolverOptions options;      ///< where name is quasi_static or local; of queries in any case
-  DynamicOptions dynamic;     ///< where name is dynamic
-  TwoRatesOptions two_rates;  ///< where name is two_rates
+  SolverOptions options;      ///< where kind is kQuasiStatic or kLocal; of queries in any case
+  DynamicOptions dynamic;     ///< where kind is kDynamic
+  TwoRatesOptions two_rates;  ///< where kind is kTwoRates
   /// The whole object can be solved in every cycle of a 500 Hz servo: the method direct is exact
   /// there and needs no simulator.
   bool small_enough_for_direct = false;
@@ -47,7 +45,7 @@ TwoRatesOptions two_rates_options(double rate_Hz, const SolverOptions& options);
 /// @param options  what the chosen solver starts from.
 /// @param dynamics  what of the object changes with time.
 /// Throws Error for an unknown name, for dynamic without masses, and for two_rates with dampers.
-SolverChoice choose_solver(const std::string& asked, std::size_t vertices, double rate_Hz,
+SolverChoice choose_solver(std::optional<SolverKind> asked, std::size_t vertices, double rate_Hz,
                            const SolverOptions& options,
                            MeshDynamics dynamics = MeshDynamics::kNone);
 

@@ -12,10 +12,6 @@
 
 namespace forcegrid::simulator {
 
-class ReducedObject;
-struct TimeSteppedObject;
-class TwoRatesObject;
-
 struct ContactOptions {
   /// [m] Vertices within this distance of the contact point are held; > 0.
   double patch_radius_m = 0.012;
@@ -92,24 +88,5 @@ class StickyContact {
   bool in_contact_ = false;
   bool must_leave_first_ = false;
 };
-
-extern template StickyContact::Answer StickyContact::step(ReducedObject&, const Eigen::Vector3d&);
-extern template void StickyContact::release(ReducedObject&) noexcept;
-extern template void StickyContact::reset(ReducedObject&) noexcept;
-extern template StickyContact::Answer StickyContact::step(TimeSteppedObject&,
-                                                          const Eigen::Vector3d&);
-extern template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
-extern template void StickyContact::release(TwoRatesObject&) noexcept;
-extern template void StickyContact::reset(TwoRatesObject&) noexcept;
-extern template void StickyContact::release(TimeSteppedObject&) noexcept;
-extern template void StickyContact::reset(TimeSteppedObject&) noexcept;
-extern template StickyContact::Answer StickyContact::step(ElasticObject<float>&,
-                                                          const Eigen::Vector3d&);
-extern template StickyContact::Answer StickyContact::step(ElasticObject<double>&,
-                                                          const Eigen::Vector3d&);
-extern template void StickyContact::release(ElasticObject<float>&) noexcept;
-extern template void StickyContact::release(ElasticObject<double>&) noexcept;
-extern template void StickyContact::reset(ElasticObject<float>&) noexcept;
-extern template void StickyContact::reset(ElasticObject<double>&) noexcept;
 
 }  // namespace forcegrid::simulator

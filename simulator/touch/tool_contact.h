@@ -2,15 +2,13 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <optional>
 
 #include "simulator/mesh/scene.h"
 #include "simulator/mesh/tool_options.h"
 #include "simulator/solver/elastic_object.h"
-#include "simulator/solver/reduced_use.h"
-#include "simulator/solver/two_rates_object.h"
+#include "simulator/solver/solver_report.h"
 #include "simulator/touch/sticky_contact.h"
 
 namespace forcegrid::simulator {
@@ -44,12 +42,8 @@ class ToolContact {
                                                         double within_s) const noexcept = 0;
   /// Whether force is a function of the position since the touch, so that it can be foretold.
   virtual bool depends_on_position_alone() const noexcept = 0;
-  /// The last step covered more time than the solver's own time steps can, see DynamicOptions.
-  virtual bool in_long_steps() const noexcept { return false; }
-  /// Solutions of the whole object beside the answers, see TwoRatesObject; else 0.
-  virtual std::uint64_t whole_solutions() const noexcept { return 0; }
-  /// What reduced models did; null where there are none.
-  virtual const ReducedUse* reduced_use() const noexcept { return nullptr; }
+  /// What the solver can say beside its answers, as of the last step.
+  virtual SolverReport report() const noexcept = 0;
   virtual std::size_t vertex_count() const noexcept = 0;
   virtual std::size_t spring_count() const noexcept = 0;
 };
@@ -61,10 +55,5 @@ std::optional<contact::ToolShape> tool_shape(const ToolOptions& options);
 /// Throws Error naming the option that is out of range, unknown, or does not go with the others.
 std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
                                                const ToolOptions& options);
-
-/// The same with a TwoRatesObject, for a tool that sticks.
-std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
-                                                    const TwoRatesOptions& solver,
-                                                    const ToolOptions& options);
 
 }  // namespace forcegrid::simulator
