@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/neighbourhood.h"
 
 namespace forcegrid::simulator {
 
@@ -76,17 +77,6 @@ struct Equilibrium {
   /// The state left its branch of equilibria (an unstable state was met and the object moved on to
   /// another one): force and stiffness jumped since the last answer.
   bool left_branch = false;
-};
-
-/// Vertices around the tool as one object knows them, for another one that holds the same patch of
-/// the same mesh. Single precision.
-struct Neighbourhood {
-  struct Vertex {
-    Eigen::Vector3f position_W = Eigen::Vector3f::Zero();     ///< [m] from the mesh's top
-    Eigen::Matrix3f sensitivity_W = Eigen::Matrix3f::Zero();  ///< S: row c, column j is dx_c / dP_j
-  };
-  Eigen::Vector3d displacement_W = Eigen::Vector3d::Zero();  ///< [m] of the tool since the grab
-  std::vector<Vertex> vertices;
 };
 
 /// A mass-spring object under a tool that holds a patch of it: quasi-static equilibria and the
