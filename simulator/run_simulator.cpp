@@ -18,6 +18,7 @@
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
+#include "rt/vectors.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/predicted_contact.h"
@@ -59,8 +60,6 @@ void check(const SimulatorOptions& options) {
   }
 }
 
-link::Vector3 to_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-Eigen::Vector3d to_vector(const link::Vector3& a) { return {a[0], a[1], a[2]}; }
 double time_s(const link::ToolState& state) {
   return 1e-9 * static_cast<double>(state.servo_time_ns);
 }
@@ -69,18 +68,14 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.contact_epoch = answer.epoch;
   sample.in_contact = answer.in_contact;
   sample.converged = answer.equilibrium.converged;
-  sample.position_W_m = to_array(answer.position_W);
-  sample.force_W_N = to_array(answer.equilibrium.force_W);
+  sample.position_W_m = rt::to_array(answer.position_W);
+  sample.force_W_N = rt::to_array(answer.equilibrium.force_W);
   sample.has_stiffness = send_stiffness && answer.stiffness_known;
   if (sample.has_stiffness) {
-    for (std::size_t row = 0; row < 3; ++row) {
-      for (std::size_t column = 0; column < 3; ++column) {
-        sample.stiffness_W_N_per_m[3 * row + column] = answer.equilibrium.stiffness_W(
-            static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column));
-      }
-    }
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(sample.stiffness_W_N_per_m.data()) =
+        answer.equilibrium.stiffness_W;
   }
-  sample.contact_point_W_m = to_array(answer.point_W);
+  sample.contact_point_W_m = rt::to_array(answer.point_W);
   sample.relative_residual = answer.equilibrium.relative_residual;
   sample.solve_time_s = answer.equilibrium.solve_time_s;
 }
@@ -204,7 +199,7 @@ class Loop {
       newest_ = news.tool_state;
     }
     while (const auto state = endpoint_.next_tool_state()) {
-      contact_->was_at(time_s(*state), to_vector(state->position_W_m));
+      contact_->was_at(time_s(*state), rt::to_vector(state->position_W_m));
     }
     take_queries(news.queries);
     report_strangers();
@@ -265,8 +260,8 @@ class Loop {
     }
     link::ForceSample sample = link::answer_to(*newest_);
     link::SurfacePatch patch = link::patch_for(*newest_);
-    const Eigen::Vector3d position_W = to_vector(newest_->position_W_m);
-    const Eigen::Vector3d velocity_W = to_vector(newest_->velocity_W_m_per_s);
+    const Eigen::Vector3d position_W = rt::to_vector(newest_->position_W_m);
+    const Eigen::Vector3d velocity_W = rt::to_vector(newest_->velocity_W_m_per_s);
     contact_->tell_time(time_s(*newest_));
     newest_.reset();
     const bool was_in_contact = contact_->in_contact();
@@ -288,7 +283,7 @@ class Loop {
     }
     fill(sample, answer, options_.send_stiffness);
     if (predicted_.expected_W()) {
-      sample.contact_point_W_m = to_array(*predicted_.expected_W());
+      sample.contact_point_W_m = rt::to_array(*predicted_.expected_W());
     }
     sample.solve_time_s = solve_s;
     sample.contact_epoch += lost_epochs_;
@@ -343,7 +338,7 @@ class Loop {
   QueryJob job_for(const link::Query& query) const {
     QueryJob job;
     job.epoch = epoch_ + lost_epochs_;
-    job.position_W = to_vector(query.position_W_m);
+    job.position_W = rt::to_vector(query.position_W_m);
     const bool held = contact_->in_contact() && contact_answer_;
     job.touching = held || predicted_.expected_W().has_value();
     if (job.touching) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "simulator/kernels/coarse_correction.h"
+#include "simulator/kernels/eigen_lanes.h"
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
 
@@ -170,9 +171,9 @@ void StateWithSensitivities<Real>::invert_coarse() {
 template <typename Real>
 Eigen::Vector3d StateWithSensitivities<Real>::position(std::size_t i) const noexcept {
   if constexpr (kDouble) {
-    return {position_[i].xyz[0], position_[i].xyz[1], position_[i].xyz[2]};
+    return kernels::to_vector(position_[i]);
   } else {
-    return {state_[i].component[0][0], state_[i].component[1][0], state_[i].component[2][0]};
+    return kernels::position_of(state_[i]);
   }
 }
 
@@ -180,7 +181,7 @@ template <typename Real>
 void StateWithSensitivities<Real>::set_position(std::size_t i,
                                                 const Eigen::Vector3d& position) noexcept {
   if constexpr (kDouble) {
-    position_[i].xyz = kernels::Double4{position.x(), position.y(), position.z(), 0.0};
+    position_[i] = kernels::to_precise(position);
   } else {
     for (int c = 0; c < 3; ++c) {
       state_[i].component[c][0] = static_cast<float>(position[c]);
@@ -199,13 +200,7 @@ Eigen::Vector3d StateWithSensitivities<Real>::standing_position(std::size_t i) c
 
 template <typename Real>
 Eigen::Matrix3d StateWithSensitivities<Real>::sensitivity(std::size_t i) const noexcept {
-  Eigen::Matrix3d s;
-  for (int c = 0; c < 3; ++c) {
-    for (int j = 0; j < 3; ++j) {
-      s(c, j) = static_cast<double>(state_[i].component[c][1 + j]);
-    }
-  }
-  return s;
+  return kernels::sensitivity_of(state_[i]);
 }
 
 template <typename Real>
@@ -330,10 +325,9 @@ void StateWithSensitivities<Real>::save() noexcept {
 template <typename Real>
 Eigen::Vector3d StateWithSensitivities<Real>::saved_position(std::size_t i) const noexcept {
   if constexpr (kDouble) {
-    return {saved_position_[i].xyz[0], saved_position_[i].xyz[1], saved_position_[i].xyz[2]};
+    return kernels::to_vector(saved_position_[i]);
   } else {
-    return {saved_state_[i].component[0][0], saved_state_[i].component[1][0],
-            saved_state_[i].component[2][0]};
+    return kernels::position_of(saved_state_[i]);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "contact/distance.h"
+#include "rt/vectors.h"
 #include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::simulator {
@@ -42,8 +43,7 @@ void LocalSurface::cut(const std::optional<Eigen::Vector3d>& touch_W, link::Surf
   patch.tool_radius_m = tool_radius_m_;
   patch.tool_length_m = tool_length_m_;
   patch.tool_opening_crad = tool_opening_crad_;
-  const Eigen::Vector3d position_W(patch.position_W_m[0], patch.position_W_m[1],
-                                   patch.position_W_m[2]);
+  const Eigen::Vector3d position_W = rt::to_vector(patch.position_W_m);
   const auto near = tree_.nearest(shape_, touch_W.value_or(position_W), kReach_m);
   if (!near) {
     return;
