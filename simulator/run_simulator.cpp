@@ -87,8 +87,9 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
   }
   if (tool.slides()) {
     throw Error(
-        "simulator: what a sliding tool feels depends on its path, so that workers have nothing to "
-        "answer; leave --workers out or take a tool that sticks");
+        "simulator: --workers: the force on a sliding tool depends on its path, which workers do "
+        "not "
+        "have; leave --workers out or use --contact sticky");
   }
   if (options.key_files.empty()) {
     throw Error(
@@ -109,12 +110,12 @@ class Loop {
         endpoint_(options.listen, kSilence, access(options)),
         contact_(make_solver_contact(scene, solver, tool, options.rate_Hz, log)),
         predicted_(scene, tool),
-        desk_(scene, solver.options,
-              {.next_query = [this] { return endpoint_.next_query(); },
-               .job_for = [this](const link::Query& query) { return job_for(query); },
-               .reply = [this](const link::Query& query,
-                               const StickyContact::Answer& answer) { reply(query, answer); }},
-              make_pool(options, scene, solver.options, tool)),
+        scheduler_(scene, solver.options,
+                   {.next_query = [this] { return endpoint_.next_query(); },
+                    .job_for = [this](const link::Query& query) { return job_for(query); },
+                    .reply = [this](const link::Query& query,
+                                    const StickyContact::Answer& answer) { reply(query, answer); }},
+                   make_pool(options, scene, solver.options, tool)),
         period_(rt::from_seconds(1.0 / options.rate_Hz)),
         delay_(rt::from_seconds(options.answer_delay_s)) {
     summary_.scene = scene.name;
@@ -126,7 +127,7 @@ class Loop {
     summary_.solver = to_string(solver.kind);
     summary_.solver_why = solver.why;
     summary_.rate_Hz = options.rate_Hz;
-    summary_.workers_at = desk_.pool() == nullptr ? "" : desk_.pool()->address();
+    summary_.workers_at = scheduler_.pool() == nullptr ? "" : scheduler_.pool()->address();
   }
 
   const SimulatorSummary& summary() const { return summary_; }
@@ -164,12 +165,12 @@ class Loop {
   };
 
   void wait_until(rt::TimePoint deadline) {
-    if (desk_.solve_one(deadline)) {
+    if (scheduler_.solve_one(deadline)) {
       receive();
       return;
     }
     if (predicted_.wants_stiffness()) {
-      predicted_.learn_stiffness([this](const QueryJob& job) { return desk_.solve_now(job); },
+      predicted_.learn_stiffness([this](const QueryJob& job) { return scheduler_.solve_now(job); },
                                  epoch_ + lost_epochs_);
       receive();
       return;
@@ -178,8 +179,8 @@ class Loop {
     if (!delayed_.empty()) {
       wake = std::min(wake, delayed_.front().due);
     }
-    if (desk_.pool() != nullptr) {
-      desk_.pool()->wait(std::min(wake, rt::Clock::now() + kWorkerPoll));
+    if (scheduler_.pool() != nullptr) {
+      scheduler_.pool()->wait(std::min(wake, rt::Clock::now() + kWorkerPoll));
     } else {
       rt::sleep_until(wake);
     }
@@ -203,40 +204,40 @@ class Loop {
     }
     take_queries(news.queries);
     report_strangers();
-    desk_.serve_workers(rt::Clock::now());
+    scheduler_.serve_workers(rt::Clock::now());
   }
 
-  // Where force depends on the way that the tool has come, a query has no answer.
+  // Where force depends on the path of the tool, a query has no answer.
   void take_queries(std::size_t waiting) {
     if (contact_->depends_on_position_alone()) {
-      desk_.set_waiting(waiting);
+      scheduler_.set_waiting(waiting);
       return;
     }
     while (endpoint_.next_query()) {
       ++summary_.queries_refused;
     }
-    if (summary_.queries_refused > 0 && !told_of_queries_) {
-      told_of_queries_ = true;
-      log_ << "simulator: queries are not answered, as what the tool feels depends on its path "
-              "(contact slide, or an object that moves by itself); use a method that needs none"
+    if (summary_.queries_refused > 0 && !warned_of_queries_) {
+      warned_of_queries_ = true;
+      log_ << "simulator: queries are not answered: the force depends on the tool's path (contact "
+              "slide, or a dynamic object); use a method without queries"
            << std::endl;
     }
   }
 
-  // Who wonders why no force comes is told; once, since a stranger could fill a disk.
+  // Once, since a stranger could fill a disk.
   void report_strangers() {
     using link::SealStatus;
     const link::LinkStatistics& counted = endpoint_.statistics();
     const auto refused = [&](SealStatus status) {
       return counted.seal_refused[static_cast<std::size_t>(status)];
     };
-    if (told_of_strangers_ || counted.not_allowed + refused(SealStatus::kNotSealed) +
-                                      refused(SealStatus::kUnknownKey) +
-                                      refused(SealStatus::kForged) ==
-                                  0) {
+    if (warned_of_strangers_ || counted.not_allowed + refused(SealStatus::kNotSealed) +
+                                        refused(SealStatus::kUnknownKey) +
+                                        refused(SealStatus::kForged) ==
+                                    0) {
       return;
     }
-    told_of_strangers_ = true;
+    warned_of_strangers_ = true;
     log_ << "simulator: datagrams are refused (" << link::drop_text(counted)
          << "); if they are your servo's, give it this simulator's key, and --allow its address"
          << std::endl;
@@ -244,7 +245,7 @@ class Loop {
 
   void begin_anew() {
     contact_->reset();
-    desk_.begin_anew();
+    scheduler_.begin_anew();
     newest_.reset();
     delayed_.clear();
     contact_answer_.reset();
@@ -359,10 +360,10 @@ class Loop {
 
   void finish() {
     summary_.dropped = link::drop_reasons(endpoint_.statistics());
-    summary_.not_finite += desk_.counts().not_finite;
-    summary_.unchecked = desk_.counts().unchecked;
-    if (desk_.pool() != nullptr) {
-      summary_.workers = desk_.pool()->statistics();
+    summary_.not_finite += scheduler_.counts().not_finite;
+    summary_.unchecked = scheduler_.counts().unchecked;
+    if (scheduler_.pool() != nullptr) {
+      summary_.workers = scheduler_.pool()->statistics();
     }
     const SolverReport report = contact_->report();
     summary_.whole_solutions = report.whole_solutions.value_or(0);
@@ -378,12 +379,12 @@ class Loop {
 
   SimulatorOptions options_;
   std::ostream& log_;
-  bool told_of_strangers_ = false;
-  bool told_of_queries_ = false;
+  bool warned_of_strangers_ = false;
+  bool warned_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
   PredictedContact predicted_;
-  QueryScheduler desk_;
+  QueryScheduler scheduler_;
   rt::Duration period_;
   rt::Duration delay_;
   std::optional<link::ToolState> newest_;
@@ -411,17 +412,17 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   if (tool.slides()) {
     if (options.solver_kind) {
       throw Error(std::string("simulator: solver ") + to_string(*options.solver_kind) +
-                  ": a tool that slides has a solver of its own; leave the choice out");
+                  ": tools that slide always use the solver pressed; leave --solver out");
     }
-    solver.why = "a tool that slides has a solver of its own";
+    solver.why = "tools that slide always use it";
     if (solver.kind == SolverKind::kDynamic) {
-      solver.why += ", which leaves masses and dampers out";
+      solver.why += "; masses and dampers are ignored";
     }
     solver.kind = SolverKind::kPressed;
   }
   if (solver.kind == SolverKind::kDynamic && !options.workers.empty()) {
     throw Error(
-        "simulator: workers answer for equilibria, and this object moves by itself; leave "
+        "simulator: --workers: workers solve equilibria, but this object is dynamic; leave "
         "--workers out or give --solver quasi_static");
   }
   log << "solver " << to_string(solver.kind) << ": " << solver.why << '\n';

@@ -31,7 +31,7 @@ struct SpringConstants {
   Real inverse_length_per_m;  ///< 1 / l0
   Real scale_N;               ///< k l0
   Real cubic;                 ///< c
-  Real exponent;              ///< a; read only when evaluate() is told of exponential springs
+  Real exponent;              ///< a; read only if evaluate() has `exponential` set
 };
 
 /// What a spring contributes to K at the current state: H = w w^T + t I, with

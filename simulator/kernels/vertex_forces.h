@@ -7,8 +7,8 @@
 
 namespace forcegrid::simulator::kernels {
 
-/// What pulls at a vertex besides the springs to others: a home spring to where it rests, and a
-/// dead load, which keeps its direction and size.
+/// Forces on a vertex beside the springs to others: a home spring to its rest position, and a dead
+/// load of constant direction and size.
 struct VertexForce {
   double rest_m[3];
   double load_N[3];

@@ -36,7 +36,7 @@ void check(const std::vector<Eigen::Vector3d>& positions_W, const ReferenceOptio
     }
   }
   if (!options.contact_point_W.allFinite()) {
-    throw Error("reference force: contact_point_W is not finite");
+    throw Error("reference force: contact_point_W is not finite; give where the tool touched");
   }
   if (options.first_contact_cycle >= positions_W.size()) {
     throw Error("reference force: contact begins at cycle " +

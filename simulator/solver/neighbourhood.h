@@ -5,8 +5,8 @@
 
 namespace forcegrid::simulator {
 
-/// Vertices around the tool as one object knows them, for another one that holds the same patch of
-/// the same mesh. Single precision.
+/// The state of the vertices around the tool, to exchange between two objects that hold the same
+/// patch of the same mesh. Single precision.
 struct Neighbourhood {
   struct Vertex {
     Eigen::Vector3f position_W = Eigen::Vector3f::Zero();     ///< [m] from the mesh's top

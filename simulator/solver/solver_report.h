@@ -7,7 +7,7 @@
 
 namespace forcegrid::simulator {
 
-/// What a solver can say beside its answers; nothing where it has nothing of the kind.
+/// What a solver reports beside its answers; empty where it does not apply to the solver.
 struct SolverReport {
   /// Of a DynamicObject: the last step covered more time than DynamicOptions::max_steps time steps.
   std::optional<bool> long_step{};

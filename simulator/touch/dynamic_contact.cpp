@@ -15,9 +15,9 @@ FORCEGRID_INSTANTIATE_STICKY_CONTACT(TimeSteppedObject);
 
 namespace {
 
-constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step: rounding makes no other one
+constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step, so that rounding adds none
 
-// Of what several moves in turn came to, the last one being `to`.
+// Adds the counts of an earlier move of the same step to those of `to`.
 void add_up(const Equilibrium& earlier, Equilibrium& to) {
   to.iterations += earlier.iterations;
   to.evaluations += earlier.evaluations;
@@ -81,7 +81,7 @@ class StickingInTime final : public ToolContact {
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
 
  private:
-  // One a time step; after a pause, straight on, as many longer ones as the solver takes.
+  // One per time step; after a pause a single one, which the solver divides into longer steps.
   int moves_in(double elapsed_s) const noexcept {
     const double wanted = std::ceil(elapsed_s / object_.options().step_s * kAlmostWhole);
     return wanted > object_.options().max_steps ? 1 : std::max(1, static_cast<int>(wanted));
@@ -113,7 +113,7 @@ std::unique_ptr<ToolContact> make_dynamic_contact(const Scene& scene, const Dyna
                                                   const ToolOptions& options) {
   if (options.contact == "slide") {
     throw Error(
-        "tool: what slides presses equilibria; give --contact sticky with a dynamic solver");
+        "tool: --contact slide needs equilibria; give --contact sticky with --solver dynamic");
   }
   return std::make_unique<StickingInTime>(
       scene, solver,

@@ -65,7 +65,7 @@ void LocalSurface::find_nearest(const Eigen::Vector3d& point_W) {
           weights[0] * corners_W[0] + weights[1] * corners_W[1] + weights[2] * corners_W[2];
       nearest_.emplace_back((there_W - point_W).norm(), triangle);
     });
-    // Beyond what was looked through there may be nearer ones.
+    // The search finds every triangle within look_m, but not all beyond it.
     std::ranges::sort(nearest_);
     if (nearest_.size() >= link::SurfacePatch::kMaxTriangles &&
         nearest_[link::SurfacePatch::kMaxTriangles - 1].first <= look_m) {
@@ -74,7 +74,7 @@ void LocalSurface::find_nearest(const Eigen::Vector3d& point_W) {
   }
 }
 
-// Leaves out what there is no more room for.
+// Leaves out a triangle that the patch has no room for.
 void LocalSurface::add(std::int32_t triangle, const Eigen::Vector3d& position_W,
                        link::SurfacePatch& patch) {
   if (patch.triangle_count == link::SurfacePatch::kMaxTriangles) {

@@ -13,8 +13,8 @@ std::unique_ptr<ToolContact> make_reduced_contact(const Scene& scene,
                                                   const ToolOptions& options) {
   if (options.slides()) {
     throw Error(
-        "tool: a reduced model is of a patch that is held; give --contact sticky with reduced, or "
-        "leave --solver out");
+        "tool: --solver reduced needs a patch that the tool holds; give --contact sticky, or leave "
+        "--solver out");
   }
   return std::make_unique<StickingTool<ReducedObject>>(
       scene, solver,

@@ -12,7 +12,7 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr double kReducedChecks_Hz = 30.0;
-constexpr double kPatience_s = 2.0;  // without a new state, until fewer are enough
+constexpr double kPatience_s = 2.0;  // without a new training state, before fewer are enough
 
 ReducedObjectOptions reduced_options(const SolverOptions& solver, double rate_Hz,
                                      std::ostream& log) {

@@ -12,9 +12,10 @@
 
 namespace forcegrid::simulator {
 
-/// A tool that sticks where it comes through the surface, as a servo sees it that looks far more
-/// often, and not where it is found inside. Object: one that StickyContact takes hold of, whose
-/// force is a function of the position alone. Threads: one.
+/// A tool that sticks where its path crosses the surface. A servo, which samples far more often,
+/// sees the touch there too, and not where the next simulator step finds the tool inside. Object:
+/// one that StickyContact can hold and whose force is a function of the position alone. Threads:
+/// one.
 template <typename Object>
 class StickingTool final : public ToolContact {
  public:

@@ -13,8 +13,9 @@ std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
                                                     const ToolOptions& options) {
   if (options.slides()) {
     throw Error(
-        "tool: what slides presses the whole object; give --contact sticky with two_rates, or "
-        "leave --solver out");
+        "tool: --contact slide needs the whole object; give --contact sticky with --solver "
+        "two_rates, "
+        "or leave --solver out");
   }
   return std::make_unique<StickingTool<TwoRatesObject>>(
       scene, solver,

@@ -8,7 +8,7 @@
 
 namespace forcegrid::simulator {
 
-/// A tool that sticks to an object that is solved at two rates (TwoRatesObject).
+/// Makes the contact of a tool that sticks to a TwoRatesObject.
 /// Throws Error for a tool that slides, and for options out of range.
 std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
                                                     const TwoRatesOptions& solver,
