@@ -40,7 +40,7 @@ void check_path(const std::vector<Vector3d>& positions_W, const std::vector<doub
     }
     if (i > 0 && !(times_s[i] > times_s[i - 1])) {
       throw Error(kWho + "time " + std::to_string(i) +
-                  " is not later than the one before; cut the path there");
+                  " is not after the one before; cut the path there");
     }
   }
 }

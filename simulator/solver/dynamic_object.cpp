@@ -10,7 +10,6 @@
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
 #include "simulator/mesh/error.h"
-#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -25,17 +24,12 @@ Double4 lanes(const Eigen::Vector3d& v) { return kernels::to_precise(v).xyz; }
 Double4 all(double value) { return Double4{value, value, value, value}; }
 
 void check_options(const DynamicOptions& options) {
-  const auto positive = [](double value, const char* name) {
-    if (!(value > 0.0) || !std::isfinite(value)) {
-      throw Error(kWho + name + " is " + text::number_text(value) + "; it must be finite and > 0");
-    }
-  };
-  positive(options.step_s, "step_s");
-  positive(options.max_move_m, "max_move_m");
-  positive(options.max_steps, "max_steps");
-  positive(options.relative_tolerance, "relative_tolerance");
-  positive(options.force_floor_N, "force_floor_N");
-  positive(options.max_iterations, "max_iterations");
+  check_positive(options.step_s, kWho + "step_s");
+  check_positive(options.max_move_m, kWho + "max_move_m");
+  check_positive(options.max_steps, kWho + "max_steps");
+  check_positive(options.relative_tolerance, kWho + "relative_tolerance");
+  check_positive(options.force_floor_N, kWho + "force_floor_N");
+  check_positive(options.max_iterations, kWho + "max_iterations");
 }
 
 const SpringMesh& with_masses(const SpringMesh& mesh) {
