@@ -68,7 +68,9 @@ class EncoderWatch {
   void restart() noexcept;
 
   /// How often a joint has been suspected.
-  [[nodiscard]] std::uint64_t suspicions() const noexcept { return suspicions_; }
+  [[nodiscard]] std::uint64_t suspected_stuck_encoders() const noexcept {
+    return suspected_stuck_encoders_;
+  }
 
  private:
   struct Joint {
@@ -79,7 +81,7 @@ class EncoderWatch {
     bool loaded = false;
     bool suspected = false;
     rt::TimePoint suspected_since{};
-    rt::Duration watched_at_suspicion{};
+    rt::Duration watched_when_suspected{};
     rt::TimePoint suspect_no_sooner{};
     std::int32_t travel_counts = 0;
     double part = 1.0;  ///< of the torque that may be commanded
@@ -94,7 +96,7 @@ class EncoderWatch {
   rt::TimePoint last_released_{};
   rt::Duration
       watched_{};  ///< how long reports have come one soon after the other, by their credit
-  std::uint64_t suspicions_ = 0;
+  std::uint64_t suspected_stuck_encoders_ = 0;
 };
 
 }  // namespace forcegrid::servo
