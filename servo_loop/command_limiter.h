@@ -20,7 +20,8 @@ namespace forcegrid::servo {
 ///   1. driver::ForceLimiter: finite input, force, slew, joint torque, current;
 ///   2. MotorWarmth: warm motors get less current; all joints are scaled alike;
 ///   3. EncoderWatch: a joint whose encoder may be stuck loses the torque of the rendered force.
-///      The torque that carries the links stays.
+///      The torque that carries the links stays, except where it opposes the force's torque: a
+///      joint's torque is only shortened, never reversed.
 ///
 /// Real-time: no allocation, lock or throw after construction. Threads: one.
 class CommandLimiter {

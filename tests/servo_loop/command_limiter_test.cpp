@@ -83,9 +83,11 @@ TEST_F(CommandLimits, AForceThatIsNotFiniteCommandsZeroAndSaysSo) {
 
 TEST_F(CommandLimits, AStuckEncoderLosesTheForcesTorqueButKeepsTheWeightOfTheLinks) {
   CommandLimiter limiter(profile_, true);
-  const Vector3d weight_Nm(0.01, 0.02, 0.03);
-  const CommandLimiter::Wanted wanted{.force_D = Vector3d(0.0, 0.0, 2.0),
-                                      .extra_torque_Nm = weight_Nm};
+  const Vector3d force_D(0.0, 0.0, 2.0);
+  // Along the force's torque: relief shortens a joint's torque and never reverses it.
+  const Vector3d force_torque_Nm = pose_.jacobian_D.transpose() * force_D;
+  const Vector3d weight_Nm = 0.02 * force_torque_Nm.cwiseSign();
+  const CommandLimiter::Wanted wanted{.force_D = force_D, .extra_torque_Nm = weight_Nm};
   driver::LimitedForce limited;
   for (int i = 0; i < 58; ++i) {  // 116 ms: suspected after 60, relieved within another 40
     limited = cycle(limiter, wanted);
