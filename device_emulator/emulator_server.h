@@ -5,61 +5,18 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <stdexcept>
 #include <string>
-#include <string_view>
 #include <thread>
 #include <vector>
 
+#include "device_emulator/close_reason.h"
 #include "device_emulator/emulated_device.h"
 #include "device_emulator/emulator_report.h"
+#include "device_emulator/listen_socket.h"
+#include "device_emulator/usbip_client.h"
 #include "rt/thread.h"
 
 namespace forcegrid::emulator {
-
-/// The emulator can't be set up. `what()` says why and what to do about it.
-class EmulatorError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-/// Where to listen. Loopback only.
-struct ListenAddress {
-  std::string address;  ///< numeric, without brackets
-  std::uint16_t port = 0;
-  bool ipv6 = false;
-  /// "127.0.0.1:3240" or "[::1]:3240".
-  [[nodiscard]] std::string text() const;
-};
-
-/// "ADDR:PORT" with ADDR an IPv4 address in 127.0.0.0/8, "[::1]" or "localhost", and PORT 0 (any
-/// free one) to 65535.
-/// @throws EmulatorError for anything else; for an address that is not loopback with the reason.
-ListenAddress parse_listen_address(std::string_view text);
-
-/// Why connections were closed, all counted.
-enum class CloseReason : std::uint8_t {
-  kServed,              ///< device list sent, or import refused: the protocol ends there
-  kClientClosed,        ///< by the client, between two messages
-  kTruncated,           ///< by the client, within a message
-  kSocketError,         ///< reset or another error of the system
-  kBadVersion,          ///< protocol version other than 1.1.1
-  kUnknownOperation,    ///< neither device list nor import
-  kUnknownCommand,      ///< neither submit nor unlink
-  kBadDirection,        ///< direction neither 0 nor 1
-  kWrongDevice,         ///< device id other than the imported one
-  kBadTransferLength,   ///< negative or more than 64 KiB
-  kIsochronous,         ///< isochronous packets on a device that has no such endpoint
-  kTooManyUrbs,         ///< more than kMaxPendingUrbs pending
-  kDuplicateSequence,   ///< sequence number of an URB that is still pending
-  kSlowClient,          ///< does not take its replies
-  kIdle,                ///< asked for nothing within 10 s
-  kTooManyConnections,  ///< more than kMaxConnections
-  kUnplugged,           ///< unplug()
-  kServerStopped,
-  kCount
-};
-const char* to_string(CloseReason reason) noexcept;
 
 /// What a bus frame lasts.
 enum class Pace : std::uint8_t {
@@ -97,9 +54,10 @@ struct ServerOptions {
 class EmulatorServer {
  public:
   static constexpr std::size_t kMaxConnections = 64;
-  static constexpr std::size_t kMaxPendingUrbs = 256;         ///< per connection
-  static constexpr std::size_t kMaxUnsentBytes = 512 * 1024;  ///< per connection
-  static constexpr std::size_t kMaxReadPerFrame = 80 * 1024;  ///< per connection
+  // Per connection:
+  static constexpr std::size_t kMaxPendingUrbs = UsbipClient::kMaxPendingUrbs;
+  static constexpr std::size_t kMaxUnsentBytes = UsbipClient::kMaxUnsentBytes;
+  static constexpr std::size_t kMaxReadPerFrame = UsbipClient::kMaxReadPerFrame;
 
   struct Statistics {
     std::uint64_t connections = 0;  ///< accepted
