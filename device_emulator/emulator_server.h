@@ -18,13 +18,12 @@
 
 namespace forcegrid::emulator {
 
-/// What a bus frame lasts.
+/// How fast bus frames follow each other.
 enum class Pace : std::uint8_t {
   kRealTime,
-  /// As long as it takes: while a client waits for something one frame follows the other at once,
-  /// each a frame period later by the devices' clock. Start-up times and watchdogs then take a
-  /// fraction of their time; for tests that attach thousands of times, not for anything with
-  /// motors.
+  /// As fast as the computer can: while a client waits, frames follow each other at once, each a
+  /// frame period later by the devices' clock. Start-up times and watchdogs then take a fraction of
+  /// their real time. For tests that attach thousands of times; not for tests of motors.
   kAsFastAsAsked,
 };
 
@@ -36,14 +35,13 @@ struct ServerOptions {
 
 /// Serves emulated devices over USB/IP and runs their bus.
 ///
-/// One thread does it all: each bus frame (usb.frame_period_us, on absolute deadlines) it takes in
-/// what clients have sent, answers control transfers and unlinks at once, runs one frame of every
-/// device with the URBs that are pending, and sends the replies without waiting. Devices with bulk
+/// One thread serves all clients. Each bus frame (usb.frame_period_us, on absolute deadlines) it
+/// takes in what clients have sent, answers control transfers and unlinks at once, runs one frame
+/// of every device with the pending URBs, and sends the replies without waiting. Devices with bulk
 /// endpoints are also served between frames, whenever their client has sent something or they have
-/// something for it. A client
-/// that does not take its replies is dropped when kMaxUnsentBytes wait for it; nothing a client
-/// does holds up a frame. A frame that begins late is counted and never made up for: the next one
-/// begins at least half a period later, and physics advances by the true time.
+/// something for it. A client that does not take its replies is dropped when kMaxUnsentBytes wait
+/// for it; no client can delay a frame. A frame that begins late is counted and not made up for:
+/// the next one begins at least half a period later, and physics advances by the true time.
 ///
 /// The device of a client that vanishes gets a bus reset and waits, unconfigured, for the next one;
 /// its firmware goes on and its watchdog trips.

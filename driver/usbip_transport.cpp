@@ -114,8 +114,8 @@ class UsbipTransport final : public BulkTransport {
   WriteResult write(std::span<const std::uint8_t> report, rt::Duration timeout) noexcept override {
     if (status_ == TransportStatus::kProtocol && socket_.get() >= 0 &&
         report.size() <= kMaxReportBytes) {
-      // What comes in can't be understood any more, but what goes out still can: a last zero must
-      // not be lost for want of a confirmation.
+      // The replies can no longer be understood, but the server still understands requests: a last
+      // zero must not be lost because nothing confirms it.
       static_cast<void>(submit(out_, endpoints_.out_endpoint, false, report.size(),
                                endpoints_.out_interval, {}, report));
     }
@@ -234,7 +234,7 @@ class UsbipTransport final : public BulkTransport {
                     : "; update the USB/IP server or use another one");
   }
 
-  /// Whether it is seen first on the way there or on the way back is chance.
+  /// Sending and receiving may both find the closed connection first; the words are the same.
   static std::string why_no_more(const char* doing) {
     return errno == EPIPE || errno == ECONNRESET
                ? "the server closed the connection"
