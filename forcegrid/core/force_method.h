@@ -70,13 +70,13 @@ struct ForceEstimate {
   EstimateStatus status = EstimateStatus::kUnknown;
   /// [N] one standard deviation of the force's error, NaN for a method that can't tell.
   double uncertainty_N = std::numeric_limits<double>::quiet_NaN();
-  /// Who speaks of a method that chooses between several fields, an index into members(); and why.
-  std::uint8_t member = 0;
+  /// Who speaks of a method that chooses between several fields, an index into candidates(); and why.
+  std::uint8_t candidate = 0;
   ChoiceReason reason = ChoiceReason::kFirst;
 };
 
 /// Most members that a method has.
-inline constexpr std::size_t kMaxMembers = 16;
+inline constexpr std::size_t kMaxCandidates = 16;
 
 /// Bridges slow forces to a fast loop: takes in the simulator's samples as they arrive and gives a
 /// force at any time and position. All of it runs on the servo thread.
@@ -97,9 +97,9 @@ class ForceMethod {
   /// What the method counts; the names and their order never change. Valid as long as the method.
   virtual std::span<const NamedCounter> counters() const noexcept { return {}; }
 
-  /// Names of the fields between which the method chooses, at most kMaxMembers, fixed from
+  /// Names of the fields between which the method chooses, at most kMaxCandidates, fixed from
   /// construction on; empty where there is no choice.
-  virtual std::span<const char* const> members() const noexcept { return {}; }
+  virtual std::span<const char* const> candidates() const noexcept { return {}; }
 
   /// Takes in one sample. Non-finite samples and those older than the newest taken in are ignored
   /// unless a method says otherwise. The method keeps what it can't use at once for work().
