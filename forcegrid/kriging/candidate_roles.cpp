@@ -8,7 +8,7 @@
 #include "forcegrid/kriging/default_fields.h"
 #include "forcegrid/kriging/kriging_store_field.h"
 #include "forcegrid/kriging/kriging_terms.h"
-#include "forcegrid/kriging/unilateral_constraint.h"
+#include "forcegrid/kriging/unilateral_constraint_field.h"
 
 namespace forcegrid::kriging {
 namespace {

@@ -18,7 +18,7 @@ namespace forcegrid::kriging {
 /// first of thirteen fixed displacements from the contact point where the field knows too little.
 ///
 /// No point is asked where the deviation is at most kAsk_N, nor within 3 mm and 0.3 s of another.
-/// The numbers are explained in docs/kriging.md, section "Requests".
+/// See docs/kriging.md, "Uncertainty, status, requests".
 /// Cost: four deviations per call in contact, at most thirteen before. Real-time: nothing
 /// allocates, locks or throws.
 class FieldRequests {

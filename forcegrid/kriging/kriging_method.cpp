@@ -5,7 +5,7 @@
 #include "forcegrid/kriging/contact_indexed_field.h"
 #include "forcegrid/kriging/default_fields.h"
 #include "forcegrid/kriging/kriging_store_field.h"
-#include "forcegrid/kriging/unilateral_constraint.h"
+#include "forcegrid/kriging/unilateral_constraint_field.h"
 
 namespace forcegrid {
 namespace {

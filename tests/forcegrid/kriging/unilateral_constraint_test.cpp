@@ -1,4 +1,4 @@
-#include "forcegrid/kriging/unilateral_constraint.h"
+#include "forcegrid/kriging/unilateral_constraint_field.h"
 
 #include <gtest/gtest.h>
 
