@@ -142,7 +142,7 @@ void Telemetry::take_rendered(const CycleRecord& record) {
     return;
   }
   ++statistics_.rendered_status[static_cast<std::size_t>(record.method_status[0])];
-  ++statistics_.rendered_member[std::min<std::size_t>(record.rendered_member, kMaxMembers - 1)];
+  ++statistics_.rendered_member[std::min<std::size_t>(record.rendered_member, kMaxCandidates - 1)];
   if (std::isfinite(record.method_uncertainty_N[0])) {
     statistics_.uncertainty_mN.add(1e3 * record.method_uncertainty_N[0]);
   }

@@ -59,7 +59,7 @@ struct TelemetryStatistics {
   /// Cycles in contact by what the rendered method said, indexed by EstimateStatus.
   std::array<std::uint64_t, 5> rendered_status{};
   /// Cycles in contact by who spoke of the rendered method's members.
-  std::array<std::uint64_t, kMaxMembers> rendered_member{};
+  std::array<std::uint64_t, kMaxCandidates> rendered_member{};
   std::array<std::uint64_t, kRungs> rung_cycles{};  ///< indexed by Rung
   std::uint64_t rung_changes = 0;
   double motor_warmth = 0.0;                   ///< the largest, see MotorWarmth::warmest()
