@@ -19,9 +19,9 @@ struct ChartAccuracyOptions : ChartChoice {
   std::vector<std::string> scenes;
   std::vector<std::string> trajectories;
   std::vector<std::string> conditions;
-  std::vector<std::string> methods;         ///< MethodVariant texts, or direct
-  std::string goals_for;                    ///< method compared with the goals; empty: that of `run`
-  std::vector<std::string> figures;         ///< SCENE/TRAJECTORY/CONDITION
+  std::vector<std::string> methods;  ///< MethodVariant texts, or direct
+  std::string goals_for;             ///< method compared with the goals; empty: that of `run`
+  std::vector<std::string> figures;  ///< SCENE/TRAJECTORY/CONDITION
   std::vector<std::string> figure_methods;  ///< empty: the default method, forcegrid, hold
 };
 

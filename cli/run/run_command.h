@@ -19,13 +19,14 @@ inline constexpr int kEmergencyStatus = 3;
 /// Options of `forcegrid run`.
 struct RunOptions {
   std::string device = "emulated:woodenhaptics_v2015";
-  std::string profile;  ///< of an attached device; empty: falcon for a Falcon, else woodenhaptics_v2015
+  std::string
+      profile;  ///< of an attached device; empty: falcon for a Falcon, else woodenhaptics_v2015
   /// "auto": the profile that `forcegrid calibrate` wrote for this unit, if any; "none"; or a file.
   std::string calibration = "auto";
   std::string firmware;  ///< file for a Falcon that runs none; empty: none
   std::string scene = "block";
-  std::string solver = "auto";  ///< of the started simulator; see simulator::choose_solver
-  std::string simulator;        ///< ADDR:PORT of a running simulator; empty: start one
+  std::string solver = "auto";         ///< of the started simulator; see simulator::choose_solver
+  std::string simulator;               ///< ADDR:PORT of a running simulator; empty: start one
   std::vector<std::string> key_files;  ///< of the link to the simulator; empty: not encrypted
   int workers = 0;                     ///< processes that answer queries for the started simulator
   double simulator_rate_Hz = 30.0;
@@ -35,11 +36,13 @@ struct RunOptions {
   ToolChoice tool;        ///< of the started simulator
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;
-  std::string method = kDefaultMethod;                      ///< MethodVariant
-  std::vector<std::string> evaluated{"forcegrid", "hold"};  ///< methods evaluated on the same path, not rendered
+  std::string method = kDefaultMethod;  ///< MethodVariant
+  std::vector<std::string> evaluated{"forcegrid",
+                                     "hold"};  ///< methods evaluated on the same path, not rendered
   int fill_budget = 1000;
   std::array<int, 3> cells{49, 49, 49};
-  double influence_radius_mm = 0.0;  ///< radius of influence; 0: a sixth of the workspace's longest side
+  double influence_radius_mm =
+      0.0;  ///< radius of influence; 0: a sixth of the workspace's longest side
   double unit_mm = 1.0;
   int samples_per_cell = 0;
   std::optional<double> requests_per_s;  ///< default: 120 for a method that needs requests, else 0
@@ -57,13 +60,15 @@ struct RunOptions {
   double passivity_allowance_mJ = 0.3;
   double passivity_damping_N_s_per_m = 10.0;   ///< at most
   std::vector<double> coupling{1000.0, 10.0};  ///< N/m, N s/m
-  std::string dead_man = "none";  ///< or button, signal: what the user must hold to get force; see DeadMan
-  bool no_motor_check = false;    ///< skip servo::MotorCheck
-  bool reconnect = false;         ///< wait for a disconnected device and continue with it
+  std::string dead_man =
+      "none";  ///< or button, signal: what the user must hold to get force; see DeadMan
+  bool no_motor_check = false;  ///< skip servo::MotorCheck
+  bool reconnect = false;       ///< wait for a disconnected device and continue with it
   double reconnect_timeout_s = 60.0;
   std::string out = "out";
   bool no_reference = false;
-  std::string record;  ///< file to write, by its extension a trace (docs/traces.md) or a recording (docs/recording.md); empty: none
+  std::string record;  ///< file to write, by its extension a trace (docs/traces.md) or a recording
+                       ///< (docs/recording.md); empty: none
   std::string settings;                            ///< all of these as TOML, for the recording
   std::optional<std::array<double, 3>> contact_m;  ///< where the emulated hand touches, frame D
   JsonTarget json;

@@ -49,8 +49,8 @@ struct RunSummary {
   double worst_solve_time_s = 0.0;
   std::uint64_t records_lost = 0;
   std::uint64_t cycles_kept = 0;
-  std::uint64_t samples_overrun = 0;  ///< accepted, but the servo's ring was full
-  std::vector<std::string> candidates; ///< of the rendered method, see ForceMethod::members()
+  std::uint64_t samples_overrun = 0;    ///< accepted, but the servo's ring was full
+  std::vector<std::string> candidates;  ///< of the rendered method, see ForceMethod::members()
   std::map<std::string, std::uint64_t> counters;  ///< of the rendered method, by name
   std::vector<std::string> notes;                 ///< degradations, one sentence each
   std::optional<nlohmann::json> emulator;         ///< its own report

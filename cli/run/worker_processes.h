@@ -22,7 +22,7 @@ class WorkerProcesses {
 
   [[nodiscard]] const std::vector<std::string>& key_files() const { return key_files_; }
 
-  /// Starts `count` workers and waits until each is connected.
+  /// Starts `count` workers and waits until each is ready.
   /// @param listening the line that `forcegrid simulate --workers` printed
   /// @throws std::runtime_error if a worker does not start.
   void start(int count, const std::string& listening, const std::string& scene);
