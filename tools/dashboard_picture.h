@@ -9,10 +9,10 @@
 
 namespace forcegrid::tools {
 
-/// What a dashboard says of a run besides its cycles.
+/// Facts of a run that a dashboard shows besides its cycles.
 struct DashboardTitle {
   std::string device, scene, method;
-  std::vector<std::string> members;  ///< of the rendered method
+  std::vector<std::string> candidates;  ///< of the rendered method, an ensemble
   double rate_Hz = 500.0;
 };
 
@@ -22,7 +22,7 @@ class DashboardPicture {
   explicit DashboardPicture(DashboardTitle title);
 
   void add(const servo::CycleRecord& cycle);
-  /// What the program has to say; the newest is shown.
+  /// A message of the program; the newest one is shown.
   void note(const std::string& text);
 
   static constexpr int kColumns = 80;
