@@ -15,8 +15,8 @@ namespace forcegrid::emulator {
 ///   F_hand        = K (x_target - x) + B (x_target' - x')               [N], frame D
 ///   tau_friction  = -coulomb tanh(smoothing q') - viscous q'            [N m] per joint
 ///   tau_stop      = -k pen - d q' beyond a stop, never pulling back in  [N m]
-///   tau_gravity   = -dU/dq, U = g m_B l_B cos(theta_b) + g m_C (L_b cos(theta_b) - l_C
-///   cos(theta_c)),
+///   tau_gravity   = -dU/dq,
+///                   U = g m_B l_B cos(theta_b) + g m_C (L_b cos(theta_b) - l_C cos(theta_c)),
 ///                   only for an arm that is not balanced, and m_w g z of a weight at the tip
 ///
 /// M's Coriolis term m J^T J' q' is the Lagrange one of this M (diag(eps) is constant). A holding

@@ -14,12 +14,13 @@ namespace forcegrid::emulator {
 /// coordinates x of the knob (device frame D), with R = d(theta)/dx:
 ///
 ///   M x'' + I R^T (R' x') = F_hand + R^T (tau_motor + tau_friction + tau_stop) + F_body
-///   M = m 1 + I R^T R,   m = mass at the knob + mass of the hand,   I = inertia at each driven
-///   angle F_hand       = K (x_target - x) + B (x_target' - x')                [N] tau_friction =
-///   -coulomb tanh(smoothing theta') - viscous theta'     [N m] per driven angle tau_stop     = -k
-///   pen - d theta' beyond a driven angle's stop, never pulling back in F_body       = the same for
-///   the knob against the body: planes across and a cylinder about the
-///                  device's axis
+///   M = m 1 + I R^T R,   m = mass at the knob + mass of the hand
+///                        I = inertia at each driven angle
+///   F_hand       = K (x_target - x) + B (x_target' - x')                [N]
+///   tau_friction = -coulomb tanh(smoothing theta') - viscous theta'     [N m] per driven angle
+///   tau_stop     = -k pen - d theta' beyond a driven angle's stop, never pulling back in
+///   F_body       = the same for the knob against the body: planes across and a cylinder about
+///                  the device's axis
 ///
 /// I R^T R' x' is the Lagrange term of this M. The moving parts are without weight: their masses
 /// are not known apart. A mass that is fastened to the knob adds to m, and its weight to F_body.

@@ -34,8 +34,7 @@ struct ContactSpan {
 ///   hold           12 mm up, minimum jerk in 0.35 s, with a tremor of 0.2, 0.25, 0.3 mm at 8.4,
 ///                  9.6, 10.7 Hz and a drift of 0.64, 0.64, 0.43 mm at 0.05, 0.07, 0.11 Hz
 ///   tapping        0.4 s in contact, 0.4 s in the air: pushes 2.5 to 4.5 mm deep and 3 mm
-///   sideways,
-///                  half a sine each, at places scattered by +-2 mm, seeded; the force is
+///                  sideways, half a sine each, at places scattered by +-2 mm, seeded; the force is
 ///                  continuous when contact is made and lost
 ///   regrab         14 times: 1 s in contact, moving as `random` does, let go, 0.4 s through the
 ///                  air to another place within +-20 mm; the object is the same everywhere
