@@ -2,7 +2,7 @@
 
 namespace forcegrid::cli {
 
-/// What was built: the project's version, as "0.1.0". Static text.
+/// What was built: the project's version, as "0.2.0". Static text.
 const char* program_version() noexcept;
 
 /// The commit that it was built from, twelve hexadecimal digits, followed by "-changed" where files
