@@ -29,6 +29,11 @@
 #ifndef FORCEGRID_LINK_H
 #define FORCEGRID_LINK_H
 
+/* Names and declarations as in C; the magic has no end mark. */
+/* NOLINTBEGIN(readability-identifier-naming) */
+/* NOLINTBEGIN(cppcoreguidelines-init-variables) */
+/* NOLINTBEGIN(bugprone-not-null-terminated-result) */
+
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -716,4 +721,7 @@ static inline fg_surface_patch fg_patch_for_tool_state(const fg_tool_state* stat
 }
 #endif
 
+/* NOLINTEND(bugprone-not-null-terminated-result) */
+/* NOLINTEND(cppcoreguidelines-init-variables) */
+/* NOLINTEND(readability-identifier-naming) */
 #endif /* FORCEGRID_LINK_H */
