@@ -143,7 +143,7 @@ class Server {
 
 std::vector<double> read_times(const std::string& file_name) {
   std::ifstream file(file_name);
-  const std::vector<double> times_s{std::istream_iterator<double>(file), {}};
+  std::vector<double> times_s{std::istream_iterator<double>(file), {}};
   if (times_s.empty()) {
     throw std::runtime_error(file_name + " holds no times; let 'serve' write it first");
   }

@@ -14,6 +14,6 @@ namespace forcegrid::evaluation {
 /// @returns false, without a picture, if no point remains.
 /// @throws ChartError with the remedy if gnuplot can't be run or the file can't be written.
 bool write_error_cost_svg(const std::filesystem::path& file, const std::string& title,
-                          const std::vector<ChartPoint>& points);
+                          const std::vector<ChartPoint>& all);
 
 }  // namespace forcegrid::evaluation

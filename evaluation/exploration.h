@@ -30,8 +30,9 @@ Eigen::Vector3d exploration_centre_W_m(double time_s);
 /// of a small object's table F_T and the same table turned by 90 degrees about z, both folded by
 /// sines:
 ///
-///   F(d) = sum_k a_k D_k F_k(g_k(d)) - F_0,   g_k = (A sin((x - o_kx) / A), A sin((y - o_ky) / A),
-///   z) D_k = diag(dg_k,i / dd_i),  F_1 = F_T,  F_2(g) = R F_T(R^T g),  A = 20 mm
+///   F(d) = sum_k a_k D_k F_k(g_k(d)) - F_0
+///   g_k  = (A sin((x - o_kx) / A), A sin((y - o_ky) / A), z),   A = 20 mm
+///   D_k  = diag(dg_k,i / dd_i),   F_1 = F_T,   F_2(g) = R F_T(R^T g)
 ///
 /// The gradient of sum_k a_k U_k(g_k(d)), so conservative; smooth, and defined for all x and y. F_0
 /// makes the force zero at d = 0.

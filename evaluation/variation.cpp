@@ -113,7 +113,7 @@ Vector3d Visits::position_W(double time_s) const noexcept {
   if (until_s <= kApproach_s) {
     return span.point_W + Vector3d(0.0, 0.0, kApproachSpeed_m_per_s * until_s);
   }
-  const Vector3d above_W = span.point_W + Vector3d(0.0, 0.0, kApproachSpeed_m_per_s * kApproach_s);
+  Vector3d above_W = span.point_W + Vector3d(0.0, 0.0, kApproachSpeed_m_per_s * kApproach_s);
   if (contact == 0) {
     return above_W;
   }

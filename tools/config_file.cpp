@@ -190,9 +190,10 @@ void set_in_config(const std::string& file,
   const auto check = [&](const std::string& written) {
     const std::vector<ConfigValue> values = read_config_file(written);
     for (const auto& [key, value] : keys) {
-      const bool said = std::any_of(values.begin(), values.end(), [&](const ConfigValue& one) {
+      const auto says_it = [&key = key, &value = value](const ConfigValue& one) {
         return one.key == key && toml_text(one.texts, one.type, one.is_array) == value;
-      });
+      };
+      const bool said = std::any_of(values.begin(), values.end(), says_it);
       if (!said) {
         throw ConfigError(
             file + ": key '" + key +

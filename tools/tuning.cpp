@@ -76,7 +76,7 @@ bool cheaper(const TuningRow& a, const TuningRow& b) {
 }
 
 std::string objection(const TuningRow& row, const TuningTolerance& tolerance) {
-  const std::string before = objection_before_loop(row, tolerance);
+  std::string before = objection_before_loop(row, tolerance);
   if (!before.empty()) {
     return before;
   }

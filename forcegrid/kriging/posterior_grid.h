@@ -105,9 +105,10 @@ class PosteriorGrid {
   static Float4 extrapolated(const PosteriorVertex* v, Float4 half_d) noexcept {
     const Float4 shear = load(v->shear_N_per_m.data());
     return load(v->force_N.data()) + load(v->normal_N_per_m.data()) * half_d +
-           __builtin_shuffle(shear, Int4{2, 0, 1, 3}) *
-               __builtin_shuffle(half_d, Int4{1, 2, 0, 3}) +
-           __builtin_shuffle(shear, Int4{1, 2, 0, 3}) * __builtin_shuffle(half_d, Int4{2, 0, 1, 3});
+           __builtin_shufflevector(shear, shear, 2, 0, 1, 3) *
+               __builtin_shufflevector(half_d, half_d, 1, 2, 0, 3) +
+           __builtin_shufflevector(shear, shear, 1, 2, 0, 3) *
+               __builtin_shufflevector(half_d, half_d, 2, 0, 1, 3);
   }
 
   Eigen::Vector3d min_m_;
