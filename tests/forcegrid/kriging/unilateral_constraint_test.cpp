@@ -1,4 +1,4 @@
-#include "forcegrid/kriging/unilateral_constraint_field.h"
+#include "forcegrid/kriging/unilateral_constraint.h"
 
 #include <gtest/gtest.h>
 
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "forcegrid/kriging/ensemble_method.h"
+#include "forcegrid/kriging/unilateral_constraint_field.h"
 #include "forcegrid/methods.h"
 #include "tests/forcegrid/kriging/kriging_support.h"
 
