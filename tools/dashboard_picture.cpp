@@ -99,8 +99,8 @@ void DashboardPicture::add_second(const servo::CycleRecord& cycle) {
 std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
   const servo::CycleRecord& c = newest_;
   const double elapsed_s = 1e-9 * static_cast<double>(c.time_ns - first_ns_);
-  const std::string candidate = c.rendered_member < title_.candidates.size()
-                                    ? " (" + title_.candidates[c.rendered_member] + ")"
+  const std::string candidate = c.rendered_candidate < title_.candidates.size()
+                                    ? " (" + title_.candidates[c.rendered_candidate] + ")"
                                     : "";
   const double asked_N = norm(c.method_force_W_N[0]);
   const double sent_N = norm(c.commanded_force_D_N);

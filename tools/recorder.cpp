@@ -122,7 +122,7 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
                  [](const CycleRecord& row, std::size_t i, std::vector<double>& to) {
                    to.push_back(row.method_uncertainty_N[i]);
                  }),
-      number("/cycles/rendered_member", T::kUint8, &CycleRecord::rendered_member,
+      number("/cycles/rendered_member", T::kUint8, &CycleRecord::rendered_candidate,
              "candidate of the rendered method that was rendered"),
       number("/cycles/rendered_reason", T::kUint8, &CycleRecord::rendered_reason,
              "reason for the candidate, see names_rendered_reason"),

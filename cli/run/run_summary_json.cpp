@@ -145,11 +145,11 @@ void add_force(json& result, const RunSummary& summary,
   result["counters"] = summary.counters;
   result["candidate_cycles"] = json::object();
   for (std::size_t i = 0; i < summary.candidates.size(); ++i) {
-    result["candidate_cycles"][summary.candidates[i]] = statistics.rendered_member[i];
+    result["candidate_cycles"][summary.candidates[i]] = statistics.rendered_candidate[i];
   }
-  result["candidate_changes"] = statistics.member_changes;
+  result["candidate_changes"] = statistics.candidate_changes;
   result["first_candidate_changes"] = json::array();
-  for (const servo::MemberChange& change : statistics.first_changes) {
+  for (const servo::CandidateChange& change : statistics.first_changes) {
     result["first_candidate_changes"].push_back({{"time_s", change.time_s},
                                                  {"from", summary.candidates.at(change.from)},
                                                  {"to", summary.candidates.at(change.to)},

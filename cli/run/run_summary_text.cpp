@@ -28,7 +28,7 @@ void append_percentiles(std::string& text, const char* what, const rt::Percentil
 void append_candidates(std::string& text, const RunSummary& summary,
                        const servo::TelemetryStatistics& statistics) {
   std::uint64_t all = 0;
-  for (const std::uint64_t cycles : statistics.rendered_member) {
+  for (const std::uint64_t cycles : statistics.rendered_candidate) {
     all += cycles;
   }
   if (summary.candidates.empty() || all == 0) {
@@ -37,14 +37,14 @@ void append_candidates(std::string& text, const RunSummary& summary,
   text += summary.method + ", rendered candidates:";
   const char* separator = " ";
   for (std::size_t i = 0; i < summary.candidates.size(); ++i) {
-    if (statistics.rendered_member[i] > 0) {
+    if (statistics.rendered_candidate[i] > 0) {
       append(text, "%s%s %.1f %%", separator, summary.candidates[i].c_str(),
-             100.0 * static_cast<double>(statistics.rendered_member[i]) / static_cast<double>(all));
+             100.0 * static_cast<double>(statistics.rendered_candidate[i]) / static_cast<double>(all));
       separator = ", ";
     }
   }
   append(text, "; %" PRIu64 " changes; uncertainty of the force %.1f mN (median)\n",
-         statistics.member_changes, statistics.uncertainty_mN.at(0.5));
+         statistics.candidate_changes, statistics.uncertainty_mN.at(0.5));
 }
 
 // Round trip, clock and losses of the link to the simulator.
