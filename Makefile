@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The two commands: `make run` renders a soft block on an emulated arm; `make test` runs every test.
 # Both first install missing packages (Debian 12, root or sudo).
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cost of a servo cycle's query of the local surface near the tool.
 
 #include <benchmark/benchmark.h>

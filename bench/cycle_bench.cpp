@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The whole computation of one servo cycle: report, forward kinematics, query, limits, J^T,
 // command, and a fill step of 64 vertices; everything from wake-up to sleep.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Errors of force methods on an object that moves by itself: along `random`, with a simulator at 30
 // Hz whose answers arrive one period late, for three retardation times. Runs in simulated time with
 // the simulator's contact and solver, against the reference force of `run`.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Falcon: forward kinematics with the last pose as start, and round trips over USB/IP. The
 // driver's whole exchange is compared with a bare client on the same emulated device in the same
 // run.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Grid query and fill compared with their peers, on the paper's grid of 50 x 50 x 50 vertices.
 
 #include <benchmark/benchmark.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Query and fit of the kriging field, compared with the bare trilinear read.
 
 #include <benchmark/benchmark.h>

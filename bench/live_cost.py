@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Measures the cost of the live dashboard for the servo: `forcegrid record` with and without --live in turns.
 
 Each pair of slices runs the same loop with an emulated device over USB/IP and a simulator, once with the

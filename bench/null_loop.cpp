@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The servo loop alone: real cycles, all recorded, with a device that answers at once and moves
 // nothing. bench/realtime.py runs it in turns with cyclictest.
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Compares the wake-up latency of the servo loop with cyclictest's, idle and under load.
 
 For each rate and load, slices alternate: cyclictest, the loop with a device that answers at once, and

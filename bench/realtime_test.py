@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tests how bench/realtime.py evaluates cyclictest's output and the loop's cycles."""
 
 import sys

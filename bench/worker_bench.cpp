@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The two ends of bench/worker_scaling.py: a pool that always has a job, and a worker that sleeps
 // for recorded solve times instead of solving.
 //

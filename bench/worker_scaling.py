@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Measures answers per second over the number of workers (docs/workers.md): a table and a picture.
 
 First, one and two real workers solve in turns on this machine's cores. The ratio is the median over the turns. Their

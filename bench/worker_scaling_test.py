@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tests the evaluation of bench/worker_scaling.py's measurements."""
 
 import unittest

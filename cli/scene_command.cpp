@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/scene_command.h"
 
 #include <Eigen/Geometry>

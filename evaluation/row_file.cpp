@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/row_file.h"
 
 #include <sys/file.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The simulator's end of Forcegrid's link in C99, for simulators written by others. One file, no
  * dependency: it takes and makes bytes, and leaves sockets, threads and waiting to the program.
  * docs/link_protocol.md has every byte; examples/spring_simulator.c is a complete simulator.

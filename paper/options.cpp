@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/options.h"
 
 #include "evaluation/chart_plan.h"

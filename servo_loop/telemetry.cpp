@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "servo_loop/telemetry.h"
 
 #include <algorithm>
@@ -142,7 +143,8 @@ void Telemetry::take_rendered(const CycleRecord& record) {
     return;
   }
   ++statistics_.rendered_status[static_cast<std::size_t>(record.method_status[0])];
-  ++statistics_.rendered_candidate[std::min<std::size_t>(record.rendered_candidate, kMaxCandidates - 1)];
+  ++statistics_
+        .rendered_candidate[std::min<std::size_t>(record.rendered_candidate, kMaxCandidates - 1)];
   if (std::isfinite(record.method_uncertainty_N[0])) {
     statistics_.uncertainty_mN.add(1e3 * record.method_uncertainty_N[0]);
   }

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks format and code of the C++ sources: clang-format and clang-tidy (.clang-format, .clang-tidy).
 
 usage: lint.py [--since REV] [--minutes M] [--jobs N] [--build DIR] [--under FOLDER ...] [--list]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/scene_objects.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/hdf5_file.h"
 
 #include <hdf5.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/path_comparison.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_summary_text.h"
 
 #include <cinttypes>
@@ -38,8 +39,9 @@ void append_candidates(std::string& text, const RunSummary& summary,
   const char* separator = " ";
   for (std::size_t i = 0; i < summary.candidates.size(); ++i) {
     if (statistics.rendered_candidate[i] > 0) {
-      append(text, "%s%s %.1f %%", separator, summary.candidates[i].c_str(),
-             100.0 * static_cast<double>(statistics.rendered_candidate[i]) / static_cast<double>(all));
+      append(
+          text, "%s%s %.1f %%", separator, summary.candidates[i].c_str(),
+          100.0 * static_cast<double>(statistics.rendered_candidate[i]) / static_cast<double>(all));
       separator = ", ";
     }
   }

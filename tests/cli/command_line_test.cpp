@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wrong and right words on the command line: what they end with and what they say.
 
 #include <gmock/gmock.h>

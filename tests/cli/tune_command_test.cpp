@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid tune` on the emulated arm.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid record`, `replay`, `run --live` and the configuration file with a device at a real
 // kernel, by the people who use it.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid tune` with a device at a real kernel. How well the guest keeps time is not looked at.
 
 #include <gmock/gmock.h>

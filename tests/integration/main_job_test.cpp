@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The main job through real bytes: emulated USB device, driver, servo loop, link, simulator, each
 // as its user starts it.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A device that vanishes in mid-force and comes back, as the person at the command line meets it.
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Does each source name its licence in its first line, or after #! in its second?
 usage: sources_test.py SOURCE_FOLDER"""
 import os

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid chart accuracy` as its user starts it, on the small scene.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid chart stability` as its user starts it, on the small block and a few cells.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid evaluate` as its user starts it.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid doctor`: round trips with the far ends, fixing, and its exit statuses.
 
 #include <gmock/gmock.h>
