@@ -1,5 +1,5 @@
-# The two commands: `make run` feels a soft block through an emulated arm; `make test` runs every
-# test. Both install what is missing first (Debian 12, root or sudo).
+# The two commands: `make run` renders a soft block on an emulated arm; `make test` runs every test.
+# Both first install missing packages (Debian 12, root or sudo).
 
 DEVICE  ?= woodenhaptics_v2015
 SCENE   ?= block
@@ -15,11 +15,11 @@ MINUTES ?= 0
 PROGRAM := build/release/bin/forcegrid
 STAMP   := build/.packages
 
-# A device that is attached is named as the program names it (hid:... or usbip:...); a bare profile
-# name means the emulated one.
+# DEVICE is a profile's name for the emulated device, or the program's name of an attached one
+# (hid:... or usbip:...).
 DEVICE_URL = $(if $(findstring :,$(DEVICE)),$(DEVICE),emulated:$(DEVICE))
 
-# make would take SHELL=1 for the shell of its recipes.
+# make would take SHELL=1 as the shell of its recipes.
 ifeq ($(origin SHELL),command line)
 HIL_SHELL := $(filter-out 0,$(SHELL))
 override SHELL := /bin/sh
@@ -29,14 +29,15 @@ $(error KERNEL=$(KERNEL): it is rt, or left out for the stock kernel)
 endif
 HIL_KERNEL := linux-image-$(if $(filter rt,$(KERNEL)),rt-)amd64
 HIL := python3 tests/hil/run_guest.py --kernel $(HIL_KERNEL)
-# The driver or the whole loop against a device, in user space.
+# Tests of the driver, or of the whole loop with a device, in user space.
 USER_SPACE_TESTS := ^(W2\.|W3\.|UsbipTransport|EmulatorServer|MainJob|.*ReportAge|.*Falcon|.*Fault|.*Reconnect|.*Malformed)
 UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
-.PHONY: run test build setup bench bench-realtime sanitize fuzz lint clean hil hil-full hil-matrix install-udev uninstall-udev
+.PHONY: run test build setup bench bench-realtime sanitize fuzz lint docs pictures clean
+.PHONY: hil hil-full hil-matrix install-udev uninstall-udev
 
-# SIMULATOR=bullet: somebody else's simulator behind the link, examples/bullet_simulator.cpp.
+# SIMULATOR=bullet: another simulator behind the link, examples/bullet_simulator.cpp.
 ifneq ($(filter-out bullet,$(SIMULATOR)),)
 $(error SIMULATOR=$(SIMULATOR): it is bullet, or left out for this project's own)
 endif
@@ -57,7 +58,7 @@ else
 	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)
 endif
 
-# Live tests that failed while the machine stood still are run again, and named at the end.
+# Live tests that fail while the machine stands still run again; the end names them.
 test: build
 	ctest --test-dir build/release -j2 --output-on-failure
 	@grep -aE '^(AGAIN:|[0-9]+/[0-9]+ Testing: )' build/release/Testing/Temporary/LastTest.log | \
@@ -66,19 +67,19 @@ test: build
 bench: build
 	build/release/bin/forcegrid_bench
 
-# Wake-ups of the loop beside cyclictest, idle and under load: half an hour. ARGS=--quick: two minutes.
+# The loop's wake-ups beside cyclictest, idle and under load: half an hour. ARGS=--quick: two minutes.
 bench-realtime: build
 	/usr/bin/python3 bench/realtime.py $(ARGS)
 
-# The tests again under AddressSanitizer with UndefinedBehaviorSanitizer, and, where there are threads,
-# under ThreadSanitizer. SANITIZERS=asan: that one alone.
+# The tests under AddressSanitizer with UndefinedBehaviorSanitizer, and those with threads under
+# ThreadSanitizer. SANITIZERS=asan: only that one.
 sanitize: setup
 	for preset in $(SANITIZERS); do \
 	  cmake --preset $$preset >/dev/null && cmake --build --preset $$preset && \
 	  ctest --test-dir build/$$preset -j2 --output-on-failure || exit 1; \
 	done
 
-# The drivers on a real kernel, in a virtual machine (docs/hil.md). SHELL=1: a shell there instead;
+# The drivers on a real kernel, in a virtual machine (docs/hil.md). SHELL=1: a shell in it instead;
 # KERNEL=rt: the PREEMPT_RT kernel; ACCEL=kvm: with KVM.
 hil: build
 ifneq ($(HIL_SHELL),)
@@ -92,13 +93,21 @@ endif
 hil-full: build
 	$(HIL) --set full --timeout 3000
 
-# docs/hil_matrix.md: what is covered where, from the last complete runs of the guest (hil, hil-full,
-# each kernel) and a run of the tests that drive an emulated device without a kernel.
+# Writes docs/hil_matrix.md, the coverage page, from the last complete runs of the guest (hil, hil-full,
+# each kernel) and from a run of the tests that drive an emulated device without a kernel.
 hil-matrix: build
 	@mkdir -p build/hil/results
 	ctest --test-dir build/release -LE hil -R '$(USER_SPACE_TESTS)' -j2 \
 	  --output-junit $(CURDIR)/build/hil/results/user_space.xml || true
 	python3 tests/hil/matrix.py --junit build/hil/results/user_space.xml
+
+# All pages and the C++ interfaces as one site without a network: build/docs/site/index.html.
+docs: setup
+	/usr/bin/python3 docs/site/make_site.py . build/docs
+
+# docs/pictures/*.svg from the *.dot beside them.
+pictures: setup
+	docs/pictures/draw.sh
 
 # Lets the person at the computer, and the group plugdev, use the devices without root.
 install-udev:
@@ -122,8 +131,8 @@ $(STAMP): setup/packages.txt setup/install.sh
 	setup/install.sh
 	@mkdir -p build && touch $@
 
-# Random bytes, guided by coverage, to every place where bytes of strangers come in. New inputs are
-# kept in build/fuzz/corpus, an input that is a fault in build/fuzz/faults.
+# Fuzzes every parser of untrusted bytes, guided by coverage. New inputs go into build/fuzz/corpus,
+# inputs that reveal a fault into build/fuzz/faults.
 fuzz: setup
 	cmake --preset fuzz >/dev/null && cmake --build --preset fuzz
 	tests/fuzz/run_fuzzers.sh build/fuzz $(FUZZ_SECONDS)

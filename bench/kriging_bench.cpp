@@ -1,4 +1,4 @@
-// Reading and fitting the kriging field against the bare trilinear read.
+// Query and fit of the kriging field, compared with the bare trilinear read.
 
 #include <benchmark/benchmark.h>
 
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bench/ratios.h"
+#include "forcegrid/kriging/ensemble_method.h"
 #include "forcegrid/kriging/kriging_field.h"
 #include "forcegrid/kriging/kriging_grid_method.h"
 #include "forcegrid/kriging/kriging_method.h"
@@ -47,7 +48,7 @@ void fill(FieldType& field) {
   }
 }
 
-// A sample, and all work that it causes.
+// A sample and all work that it causes.
 void tell(ForceMethod& method, double time_s, const Eigen::Vector3d& position_W) {
   Sample sample;
   sample.time_s = time_s;
@@ -109,10 +110,10 @@ void kriging_force(benchmark::State& state) {
 }
 BENCHMARK(kriging_force);
 
-// Samples along a path that fills the dictionary anew: each is committed and one evicted.
-template <KrigingMethod::Kind kKind>
+// Samples along a path beyond the dictionary's capacity: each is committed and evicts another.
+template <typename Method, typename Method::Kind kKind>
 void take_samples(benchmark::State& state) {
-  KrigingMethod method(kKind, {});
+  Method method(kKind, {});
   method.contact_made(1, Eigen::Vector3d::Zero());
   double time_s = 0.0;
   std::size_t next = 0;
@@ -127,15 +128,15 @@ void take_samples(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations());
 }
 void kriging_sample(benchmark::State& state) {
-  take_samples<KrigingMethod::Kind::kForceOnly>(state);
+  take_samples<KrigingMethod, KrigingMethod::Kind::kForceOnly>(state);
 }
 BENCHMARK(kriging_sample);
 void kriging_bank_sample(benchmark::State& state) {
-  take_samples<KrigingMethod::Kind::kBank>(state);
+  take_samples<EnsembleMethod, EnsembleMethod::Kind::kKriging>(state);
 }
 BENCHMARK(kriging_bank_sample);
 void kriging_store_sample(benchmark::State& state) {
-  take_samples<KrigingMethod::Kind::kStore>(state);
+  take_samples<KrigingMethod, KrigingMethod::Kind::kStore>(state);
 }
 BENCHMARK(kriging_store_sample);
 
@@ -162,7 +163,7 @@ KrigingGridMethod kriging_grid() {
   return KrigingGridMethod(options);
 }
 
-// As the loop calls it, all of it on the grid's known part.
+// As the loop calls it, entirely on the known part of the grid.
 void forcegrid_kriging_force(benchmark::State& state) {
   KrigingGridMethod method = kriging_grid();
   method.contact_made(1, Eigen::Vector3d::Zero());
@@ -174,7 +175,7 @@ void forcegrid_kriging_force(benchmark::State& state) {
 }
 BENCHMARK(forcegrid_kriging_force);
 
-// Each sample at another place: all vertices around it are written.
+// Each sample at another place, so that all vertices around it are written.
 void forcegrid_kriging_sample(benchmark::State& state) {
   KrigingGridMethod method = kriging_grid();
   method.contact_made(1, Eigen::Vector3d::Zero());

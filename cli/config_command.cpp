@@ -31,7 +31,7 @@ const char* word_of(ConfigType type) {
   return "";
 }
 
-// CLI11's "INT in [1 - 10]" as the other ranges are written: "1..10".
+// Rewrites CLI11's "INT in [1 - 10]" in the form of the other ranges: "1..10".
 std::string plain_range(const std::string& range) {
   const std::size_t begin = range.find(" in [");
   const std::size_t middle = range.find(" - ", begin);
@@ -88,7 +88,11 @@ void collect(CLI::App& app, const std::string& path, std::vector<ConfigKey>& key
         continue;
       }
       ConfigKey key;
-      key.name = name + "." + option->get_lnames().front();
+      const std::vector<std::string>& spellings = option->get_lnames();
+      key.name = name + "." + spellings.front();
+      for (std::size_t i = 1; i < spellings.size(); ++i) {
+        key.old_names.push_back(name + "." + spellings[i]);
+      }
       key.option = option;
       key.description = option->get_description();
       read_type_name(key);
@@ -114,26 +118,36 @@ std::string wanted_words(const ConfigKey& key) {
   return words + (key.range.empty() ? "" : ", " + key.range);
 }
 
+// Whether `name` is this key's name or a deprecated one.
+bool spells(const ConfigKey& key, const std::string& name) {
+  return key.name == name ||
+         std::find(key.old_names.begin(), key.old_names.end(), name) != key.old_names.end();
+}
+
 void apply(const ConfigValue& value, const std::string& origin, std::vector<ConfigKey>& keys) {
   const std::string where =
       value.file + ":" + std::to_string(value.line) + ": key '" + value.key + "': ";
   const auto key = std::find_if(keys.begin(), keys.end(),
-                                [&](const ConfigKey& known) { return known.name == value.key; });
+                                [&](const ConfigKey& known) { return spells(known, value.key); });
   if (key == keys.end()) {
     std::vector<std::string> names;
     for (const ConfigKey& known : keys) {
       names.push_back(known.name);
     }
-    throw ConfigError(where + "unknown; the nearest known one is '" +
+    throw ConfigError(where + "unknown; the nearest known key is '" +
                       text::nearest_name(value.key, names) +
-                      "' (forcegrid config shows all of them)");
+                      "' ('forcegrid config' lists all keys)");
+  }
+  if (key->name != value.key) {
+    std::fprintf(stderr, "forcegrid: %sdeprecated, will be removed in version 0.3; write '%s'\n",
+                 where.c_str(), key->name.c_str());
   }
   if (value.texts.empty()) {
     throw ConfigError(where + "an empty array; write " + wanted_words(*key) +
                       ", or leave the key out");
   }
   if (!fits(value, *key)) {
-    throw ConfigError(where + "not of the type that is needed; write " + wanted_words(*key));
+    throw ConfigError(where + "wrong type; write " + wanted_words(*key));
   }
   try {
     for (const std::string& text : value.texts) {
@@ -153,7 +167,7 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
   key->line = value.line;
 }
 
-// The whole description in one line.
+// The description in one line.
 std::string one_line(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   for (std::size_t at; (at = text.find("  ")) != std::string::npos;) {
@@ -296,10 +310,10 @@ ConfigChoice find_config_choice(int argc, const char* const* argv) {
 }
 
 void add_config_choice(CLI::App& app, ConfigChoice& choice) {
-  app.fallthrough();  // inherited: they may stand behind the subcommand, too
-  CLI::Option* const file =
-      app.add_option("--config", choice.file,
-                     "Configuration file over the system's and the user's (forcegrid config)");
+  app.fallthrough();  // inherited, so that they may also follow the subcommand
+  CLI::Option* const file = app.add_option(
+      "--config", choice.file,
+      "Configuration file that overrides the system's and the user's (forcegrid config)");
   file->type_name("FILE")->configurable(false);
   app.add_flag("--no-config", choice.none, "Built-in defaults only: read no configuration file")
       ->configurable(false)
@@ -309,10 +323,9 @@ void add_config_choice(CLI::App& app, ConfigChoice& choice) {
 void add_config(CLI::App& app, ConfigOptions& options, const std::vector<ConfigKey>& keys,
                 const std::vector<tools::ConfigLayer>& layers, std::function<int()>& action) {
   CLI::App& config = *app.add_subcommand(
-      "config",
-      "Show every key of the configuration file: value, unit, range, where it comes from");
+      "config", "Show every key of the configuration file: value, unit, range and origin");
   config.add_option("KEY", options.names, "Only keys that begin with it, e.g. run or run.rate");
-  config.add_flag("--markdown", options.markdown, "As the table of docs/config.md")
+  config.add_flag("--markdown", options.markdown, "Print the table of docs/config.md")
       ->configurable(false);
   config.callback([&options, &keys, &layers, &action] {
     action = [&options, &keys, &layers] { return config_command(options, keys, layers); };

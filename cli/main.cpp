@@ -9,6 +9,7 @@
 #include "cli/charts/evaluate_command.h"
 #include "cli/charts/paper_command.h"
 #include "cli/commands.h"
+#include "cli/common/deprecated_flags.h"
 #include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
 #include "cli/common/revision.h"
@@ -37,15 +38,15 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
   CLI::App& emulate = *app.add_subcommand("emulate", "Serve emulated devices over USB/IP");
   emulate
       .add_option("--device", o.devices,
-                  "Profiles to serve as 1-1, 1-2, ...: " + joined(profiles::available_profiles()) +
-                      ", or TOML files")
+                  "Profiles to serve as bus ids 1-1, 1-2, ...: " +
+                      joined(profiles::available_profiles()) + ", or TOML files")
       ->required();
   emulate.add_option("--listen", o.listen, "ADDR:PORT, loopback only; port 0 takes a free one")
       ->capture_default_str();
-  emulate.add_option("--hand", o.hand, "Who holds the arm: " + joined(hands()))
+  emulate.add_option("--hand", o.hand, "Hand that holds the arm: " + joined(hands()))
       ->check(CLI::IsMember(hands()))
       ->capture_default_str();
-  emulate.add_option("--motion", o.motion, "What that hand does: " + joined(motions()))
+  emulate.add_option("--motion", o.motion, "Motion of that hand: " + joined(motions()))
       ->check(motion_check())
       ->capture_default_str();
   emulate.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
@@ -56,14 +57,14 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
   emulate.add_option("--frame-order", o.frame_order, "Bus: " + joined(frame_orders()))
       ->check(CLI::IsMember(frame_orders()))
       ->capture_default_str();
-  emulate.add_option("--contact", o.contact_m, "Where the hand goes to touch: X,Y,Z in metres")
+  emulate.add_option("--contact", o.contact_m, "Position where the hand touches: X,Y,Z")
       ->delimiter(',')
       ->capture_default_str()
       ->type_name("[FLOAT,FLOAT,FLOAT] m");
-  emulate.add_flag("--calibrated", o.calibrated, "Counters are right from the start");
+  emulate.add_flag("--calibrated", o.calibrated, "The encoder counters are valid from the start");
   emulate
       .add_option("--fault", o.faults,
-                  "Misbehave; may be repeated. Any fault takes when=motors (in mid-force), "
+                  "Inject a fault; may be repeated. Any fault takes when=motors (in mid-force), "
                   "when=power-up or when=SECONDS, for=SECONDS, count=N. The faults, with their own "
                   "keys and defaults:\n" +
                       emulator::fault_names_text())
@@ -71,16 +72,17 @@ void add_emulate(CLI::App& app, EmulateOptions& o, std::function<int()>& action)
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   emulate.add_flag("--unsupported-weight", o.unsupported_weight,
-                   "The hand does not bear the links' weight: the host compensates gravity");
+                   "The hand does not carry the links' weight: the host compensates gravity");
   emulate.add_flag("--let-go", o.let_go,
-                   "The hand keeps still, and lets go 3 s after the device is calibrated or homed");
-  emulate.add_option("--tip-mass", o.tip_mass_kg, "A known mass that is fastened to the tip")
+                   "The hand keeps still and lets go 3 s after the device is calibrated or homed");
+  emulate.add_option("--tip-mass", o.tip_mass_kg, "Known mass fastened to the tip")
       ->check(between(0.0, emulator::kMaxTipMass_kg))
       ->capture_default_str()
       ->type_name("FLOAT kg");
-  emulate.add_flag("--random-counters", o.random_counters, "Counters start anywhere");
+  emulate.add_flag("--random-counters", o.random_counters,
+                   "The encoder counters start at random values");
   emulate.add_flag("--firmware-loaded", o.firmware_loaded,
-                   "A Falcon's firmware runs from the start");
+                   "The firmware of a Falcon runs from the start");
   emulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
                    "End when standard input ends, for a parent process");
   add_json(emulate, o.json);
@@ -93,10 +95,9 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
       ->check(scene_check())
       ->capture_default_str();
   simulate
-      .add_option(
-          "--solver", o.solver,
-          "How the object is solved; auto picks by damping, size and tolerance and says why; see "
-          "docs/solvers.md")
+      .add_option("--solver", o.solver,
+                  "Solver; auto chooses by damping, size and tolerance and prints why; see "
+                  "docs/solvers.md")
       ->check(CLI::IsMember(simulator::solver_names()))
       ->capture_default_str();
   simulate
@@ -104,22 +105,23 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
                   "ADDR:PORT; without --key loopback only; port 0 takes a free one")
       ->capture_default_str();
   add_key(simulate, o.key_files,
-          "Seal the link with this key file (forcegrid keygen); may be repeated, each servo is "
-          "answered under its own");
+          "Encrypt the link with this key file (forcegrid keygen); may be repeated, each servo is "
+          "answered under its own key");
   simulate
       .add_option("--allow", o.allowed,
-                  "Take datagrams only from ADDR or ADDR/BITS; may be repeated")
+                  "Accept datagrams only from ADDR or ADDR/BITS; may be repeated")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->type_name("ADDR[/BITS]");
   simulate.add_option(
       "--workers", o.workers,
-      "Let 'forcegrid worker' processes at ADDR:PORT answer queries, by the first --key");
-  simulate.add_option("--rate", o.rate_Hz, "Answers a second")
+      "ADDR:PORT where 'forcegrid worker' processes connect to answer queries, under the first "
+      "--key");
+  simulate.add_option("--rate", o.rate_Hz, "Answers per second")
       ->check(between(1.0, 1000.0))
       ->capture_default_str()
       ->type_name("FLOAT Hz");
-  simulate.add_option("--delay-ms", o.delay_ms, "Hold each answer back this long")
+  simulate.add_option("--delay-ms", o.delay_ms, "Delay every answer by this much")
       ->check(between(0.0, 1000.0))
       ->capture_default_str()
       ->type_name("FLOAT ms");
@@ -127,8 +129,8 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
   simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
   simulate
       .add_flag("--bench", o.bench,
-                "Serve nobody; measure each solver on the scene against its converged solution, "
-                "and beside plain Newton-CG and Bullet; see docs/solvers.md")
+                "Do not serve; measure each solver on the scene against its converged solution, "
+                "beside plain Newton-CG and Bullet; see docs/solvers.md")
       ->configurable(false);
   simulate
       .add_flag("--until-stdin-closes", o.until_stdin_closes,
@@ -139,9 +141,11 @@ void add_simulate(CLI::App& app, SimulateOptions& o, std::function<int()>& actio
 }
 
 void add_keygen(CLI::App& app, KeygenOptions& o, std::function<int()>& action) {
-  CLI::App& keygen =
-      *app.add_subcommand("keygen", "Make a key for a link between machines, see --key");
-  keygen.add_option("FILE", o.file, "New file for the key; none is overwritten")->required();
+  CLI::App& keygen = *app.add_subcommand(
+      "keygen", "Make a key file for an encrypted link between machines, see --key");
+  keygen
+      .add_option("FILE", o.file, "File to write the key to; an existing file is not overwritten")
+      ->required();
   keygen.callback([&o, &action] { action = [&o] { return keygen_command(o); }; });
 }
 
@@ -149,12 +153,13 @@ void add_worker(CLI::App& app, WorkerCommandOptions& o, std::function<int()>& ac
   CLI::App& worker = *app.add_subcommand(
       "worker", "Answer queries for a simulator, on this machine or another one");
   worker
-      .add_option("--connect", o.connect, "tcp://ADDR:PORT, as 'forcegrid simulate --workers' says")
+      .add_option("--connect", o.connect,
+                  "tcp://ADDR:PORT that 'forcegrid simulate --workers' prints")
       ->required();
   worker.add_option("--key", o.key_file, "Key file of that simulator (forcegrid keygen)")
       ->required()
       ->type_name("FILE");
-  worker.add_option("--scene", o.scene, "That simulator's object: " + scene_help())
+  worker.add_option("--scene", o.scene, "Object of that simulator: " + scene_help())
       ->check(scene_check())
       ->capture_default_str();
   worker
@@ -199,7 +204,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Haptic interaction with virtual elastic objects", "forcegrid"};
   app.set_version_flag("--version",
                        std::string(program_version()) + ", commit " + program_commit());
-  app.require_subcommand(0, 1);  // so that a misspelt one is named; none is refused below
+  app.require_subcommand(0, 1);  // so that a misspelt one is named; having none is an error below
   app.set_help_all_flag("--help-all", "Help of every command");
   ConfigChoice choice = find_config_choice(argc, argv);
   add_config_choice(app, choice);
@@ -259,6 +264,7 @@ int main(int argc, char** argv) {
   }
   try {
     app.parse(argc, argv);
+    note_deprecated_flags(argc, argv);
     if (!action) {
       throw CLI::RequiredError(
           "a subcommand: devices, doctor, calibrate, tune, scene, run, record, replay, plot, "

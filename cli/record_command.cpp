@@ -25,7 +25,7 @@ using tools::Hdf5Reader;
 using tools::RecordingHeader;
 using tools::TimedPath;
 
-// How long the emulated operator needs from the first cycle to the first point of the path.
+// Time that the emulated operator needs from the first cycle to the first point of the path.
 constexpr double kBeforePath_s = emulator::OperatorScript::kApproach_s +
                                  emulator::OperatorScript::kDescent_s +
                                  emulator::OperatorScript::kPause_s;
@@ -37,12 +37,13 @@ TimedPath path_of(const Hdf5Reader& reader, const RecordingHeader& header) {
 }
 
 struct ReplayedPart {
-  TimedPath tool;    ///< where it was
-  TimedPath target;  ///< where the hand wanted it
+  TimedPath tool;    ///< positions of the tool
+  TimedPath target;  ///< positions that the hand aimed at
 };
 
-// From the first contact on (without any: from the start), and at most `seconds` (0: all). The hand
-// gave way to the force sent by its own stiffness, so what it wanted lies beyond the tool.
+// The path from the first contact on (without any: from the start), at most `seconds` long (0:
+// all). The force sent deflected the hand by its stiffness, so the hand's target lies beyond the
+// tool.
 ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& reader,
                             const RecordingHeader& header, double hand_stiffness_N_per_m) {
   const TimedPath whole = path_of(reader, header);
@@ -101,7 +102,7 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
               : !header.scene.empty() ? header.scene
                                       : run.scene;
   run.method = !options.method.empty() ? options.method : header.method_names.at(0);
-  run.shadows.clear();
+  run.evaluated.clear();
   run.rate_Hz = header.rate_Hz;
   run.seconds = path.time_s.back() - path.time_s.front() + kBeforePath_s + kSpare_s;
   run.motion = "path:" + options.out + "/replayed_path.csv";
@@ -122,14 +123,14 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
 void add_replay(CLI::App& app, ReplayOptions& o, std::function<int()>& action) {
   CLI::App& replay = *app.add_subcommand(
       "replay",
-      "Let the emulated hand take a recording's path again, with the same or another method.\n"
+      "Let the emulated hand repeat a recording's path, with the same or another method.\n"
       "(Into a method alone: forcegrid evaluate --trace FILE.h5; into pictures: forcegrid plot)");
   replay.add_option("FILE", o.file, "Recording of forcegrid record")->required();
   replay.add_option("--device", o.device,
                     "Profile of the emulated device (default: the recording's)");
   replay.add_option("--scene", o.scene, "Object to feel (default: the recording's, else block)");
   replay.add_option("--method", o.method, "Force method (default: the recording's)");
-  replay.add_option("--seconds", o.seconds, "How much of it, from the first contact; 0 is all")
+  replay.add_option("--seconds", o.seconds, "How much of it, from the first contact; 0 means all")
       ->check(CLI::Range(0.0, 86400.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
@@ -192,11 +193,10 @@ int plot_command(const PlotOptions& options) {
   const Hdf5Reader reader(options.file);
   const tools::RecordingPlot plot = tools::plot_recording(reader, options.out);
   std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
-  std::fprintf(
-      out, "%s: %s; %llu cycles, %.1f s, %llu missed deadlines\n", options.file.c_str(),
-      plot.header.complete ? "complete" : "not closed by its writer, readable all the same",
-      static_cast<unsigned long long>(plot.header.cycles), plot.duration_s,
-      static_cast<unsigned long long>(plot.missed_deadlines));
+  std::fprintf(out, "%s: %s; %llu cycles, %.1f s, %llu missed deadlines\n", options.file.c_str(),
+               plot.header.complete ? "complete" : "not closed by its writer, but readable",
+               static_cast<unsigned long long>(plot.header.cycles), plot.duration_s,
+               static_cast<unsigned long long>(plot.missed_deadlines));
   ordered_json files = plot.files;
   for (const std::string& file : plot.files) {
     std::fprintf(out, "  %s\n", file.c_str());

@@ -65,11 +65,12 @@ void print_return_test(const simulator::Scene& scene) {
     }
   }
   if (multivalued.empty()) {
-    std::printf("Force is a function of position on all of them.\n");
+    std::printf("On all of them the force is a function of position.\n");
   } else {
     std::printf(
-        "Force is no function of position on: %s.\nNo method can be right both ways there; more "
-        "pre_strain or home_stiffness_N_per_m mends it, and the scene's note should say so.\n",
+        "The force is not a function of position on: %s.\nNo method can be correct in both "
+        "directions there. Increase pre_strain or home_stiffness_N_per_m, or describe it in the "
+        "scene's note.\n",
         multivalued.c_str());
   }
 }
@@ -77,7 +78,7 @@ void print_return_test(const simulator::Scene& scene) {
 }  // namespace
 
 void add_scene(CLI::App& app, SceneOptions& o, std::function<int()>& action) {
-  CLI::App& scene = *app.add_subcommand("scene", "Say what a scene is made of; see docs/scenes.md");
+  CLI::App& scene = *app.add_subcommand("scene", "Describe a scene; see docs/scenes.md");
   scene.add_option("SCENE", o.scene, scene_help())->required()->check(scene_check());
   scene.add_flag("--return-test", o.return_test,
                  "Pull, shear and push its top out and back, and print how much the force differs");

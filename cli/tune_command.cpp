@@ -20,6 +20,7 @@
 #include "profiles/device_profile.h"
 #include "tools/config_file.h"
 #include "tools/tuning.h"
+#include "tools/tuning_picture.h"
 #include "tools/tuning_search.h"
 
 namespace forcegrid::cli {
@@ -32,18 +33,18 @@ constexpr int kNoneMeets = 3;
 constexpr double kShortestRun_s = 6.0;  // 2 s until the touch, 1 s of learning, the rest is judged
 constexpr double kOverhead_s = 4.0;     // starting, calibrating, reference forces
 constexpr double kLongestRun_s = 20.0;
-constexpr double kRuns = 12.0;    // that the time is laid out for
-constexpr double kChecked = 2.0;  // runs that there must be time for: the path, and one setting
+constexpr double kRuns = 12.0;    // number of runs that the time is planned for
+constexpr double kChecked = 2.0;  // least number of runs: the path and one setting
 
-// The device sets the fastest pace: one report a bus frame.
+// The device limits the rate to one report per bus frame.
 void check_rates(const TuneOptions& options, const profiles::DeviceProfile& profile) {
   const double pace_Hz = 1e6 / profile.usb.frame_period_us;
   for (const double rate_Hz : options.rates_Hz) {
     if (rate_Hz > pace_Hz) {
       char text[300];
       std::snprintf(text, sizeof text,
-                    "--rates %.0f: %s answers once a bus frame of %d us, %.0f times a second at "
-                    "most; 2 and 4 kHz need a high-speed device, or simulated time (forcegrid "
+                    "--rates %.0f: %s answers once per bus frame of %d us, at most %.0f times per "
+                    "second; 2 and 4 kHz need a high-speed device, or simulated time (forcegrid "
                     "chart stability)",
                     rate_Hz, profile.name.c_str(), profile.usb.frame_period_us, pace_Hz);
       throw std::runtime_error(text);
@@ -51,7 +52,7 @@ void check_rates(const TuneOptions& options, const profiles::DeviceProfile& prof
   }
 }
 
-// A method without a grid fills nothing, so that one budget tells all.
+// A method without a grid ignores the budget, so one value is enough.
 std::vector<TuningRow> rows_to_measure(const TuneOptions& options) {
   std::vector<TuningRow> rows;
   for (const std::string& method : options.methods) {
@@ -130,7 +131,8 @@ void print(std::FILE* out, const TuningRow& row) {
   std::fflush(out);
 }
 
-// The search: what is good enough on the path, the cheapest first, until one is so in the loop.
+// The search: tries the settings that are good enough on the path in the loop, the cheapest
+// first, until one is good enough there.
 class Search {
  public:
   Search(const TuneOptions& options, const profiles::DeviceProfile& profile, std::FILE* out)
@@ -178,7 +180,7 @@ class Search {
  private:
   static void check_stop() {
     if (StopRequest::stop()) {
-      throw std::runtime_error("stopped; nothing is proposed");
+      throw std::runtime_error("stopped; tune proposes nothing");
     }
   }
 
@@ -189,7 +191,7 @@ class Search {
     const evaluation::Trace trace = record_path(runs_, rate_Hz, run_s_);
     check_stop();
     margin_.stiffest_N_per_m = tools::stiffest_N_per_m(trace);
-    std::fprintf(out_, "judging %zu settings on it; its stiffest place has %.0f N/m ...\n",
+    std::fprintf(out_, "evaluating %zu settings on it; its largest stiffness is %.0f N/m ...\n",
                  rows_.size(), margin_.stiffest_N_per_m);
     std::fflush(out_);
     for (TuningRow& row : rows_) {
@@ -220,8 +222,8 @@ class Search {
     print(out_, row);
   }
 
-  // While there is time, in the loop as well: the next cheaper, the chosen method at other rates
-  // and budgets, the least of each kind, and what else is good enough.
+  // While time remains, measures further settings in the loop: the next cheaper one, the chosen
+  // method at other rates and budgets, the least of each kind, and the others that are good enough.
   void measure_more() {
     const tools::TuningChoice choice = tools::choose(rows_, tolerance_);
     if (!choice.chosen) {
@@ -284,9 +286,10 @@ void check_methods(const TuneOptions& options) {
 void check_time(const TuneOptions& options) {
   const double needed_s = kChecked * (kShortestRun_s + kOverhead_s);
   if (options.time_s < needed_s) {
-    throw std::runtime_error(
-        "--time " + std::to_string(std::lround(options.time_s)) + ": a path and one setting take " +
-        std::to_string(std::lround(needed_s)) + " s, each further setting half of that; give more");
+    throw std::runtime_error("--time " + std::to_string(std::lround(options.time_s)) +
+                             ": recording a path and trying one setting take " +
+                             std::to_string(std::lround(needed_s)) +
+                             " s, each further setting half of that; give a longer --time");
   }
 }
 
@@ -295,19 +298,20 @@ void check_time(const TuneOptions& options) {
 void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
   CLI::App& tune = *app.add_subcommand(
       "tune", "Find the cheapest rate, fill budget and method that are good enough here");
-  tune.add_option("--device", o.device, "As of run")->capture_default_str();
-  tune.add_option("--profile", o.profile, "Of an attached device, as of run");
+  tune.add_option("--device", o.device, "As in run")->capture_default_str();
+  tune.add_option("--profile", o.profile, "Profile of an attached device, as in run");
   tune.add_option("--scene", o.scene, "Object to feel: " + scene_help())
       ->check(scene_check())
       ->capture_default_str();
-  tune.add_option("--motion", o.motion, "Motion of the emulated hand, as of run")
+  tune.add_option("--motion", o.motion, "Motion of the emulated hand, as in run")
       ->capture_default_str();
-  tune.add_option("--hand", o.hand,
-                  "Who holds it: of the emulated device as of run, and in simulated time")
+  tune.add_option(
+          "--hand", o.hand,
+          "Hand that holds the device: of the emulated device, as in run, and in simulated time")
       ->check(CLI::IsMember({"firm", "light"}))
       ->capture_default_str();
   tune.add_flag("--calibrated", o.calibrated,
-                "The counters are right already: no pose, no button, in any of the runs")
+                "The encoder counters are already valid: no pose, no button, in any run")
       ->configurable(false);
   tune.add_option("--rates", o.rates_Hz, "Servo rates to try, separated by commas")
       ->delimiter(',')
@@ -325,12 +329,13 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->delimiter(';')
       ->capture_default_str();
   tune.add_option("--time", o.time_s,
-                  "How long it may take in all: the more, the more settings are tried in the loop")
+                  "Time limit for everything; with more time, more settings are tried in the loop")
       ->check(CLI::Range(1.0, 86400.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
-  tune.add_option("--error-percent", o.error_percent,
-                  "Tolerated RMS error after the first second of contact, of the RMS of the force")
+  tune.add_option(
+          "--error-percent", o.error_percent,
+          "Tolerated RMS error after the first second of contact, relative to the RMS force")
       ->check(CLI::Range(0.0, 1000.0))
       ->type_name("FLOAT %")
       ->capture_default_str();
@@ -339,12 +344,14 @@ void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
       ->type_name("FLOAT %")
       ->capture_default_str();
   tune.add_option("--compute-percent", o.compute_percent,
-                  "Tolerated compute time of a cycle at the 99th percentile, of the period")
+                  "Tolerated compute time per cycle at the 99th percentile, relative to the period")
       ->check(CLI::Range(0.1, 1e6))
       ->type_name("FLOAT %")
       ->capture_default_str();
-  tune.add_option("--margin-percent", o.margin_percent,
-                  "Stiffness up to which the simulated loop must be stable, of the path's stiffest")
+  tune.add_option(
+          "--margin-percent", o.margin_percent,
+          "Stiffness up to which the simulated loop must be stable, relative to the stiffest on "
+          "the path")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("FLOAT %")
       ->capture_default_str();
@@ -379,7 +386,7 @@ int tune_command(const TuneOptions& options) {
     written = write_config(rows[*choice.chosen]);
     std::fprintf(out, "Wrote %s\n", written.c_str());
   }
-  // Last, and no reason to lose what took minutes to measure.
+  // Last, so that a failure does not lose the measurements.
   std::vector<std::string> files;
   std::exception_ptr not_drawn;
   try {

@@ -13,6 +13,7 @@
 #include "evaluation/baseline_cost.h"
 #include "evaluation/chart_plan.h"
 #include "evaluation/chart_rows.h"
+#include "evaluation/chart_summary.h"
 #include "evaluation/network.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
@@ -23,13 +24,17 @@
 namespace forcegrid::evaluation {
 namespace {
 
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
 using Eigen::Vector3d;
 
 constexpr double kComparedEvery_s = 0.1;
 constexpr int kRandomComparisons = 60;
 constexpr double kLargestDifference_percent = 0.1;
 constexpr double kTouchKnown_s = 0.2;
-// Raise when what a row means changes.
+// Increase when the meaning of a row changes.
 constexpr std::uint64_t kRowVersion = 2;
 
 std::string row_key(const ChartOptions& options, const std::string& scene,
@@ -122,16 +127,16 @@ Object make_object(const ChartOptions& options, const std::string& name) {
   if (!(facts.along_motion.rms_percent < kLargestDifference_percent)) {
     say(options, "WARNING: " + name + ": the table differs from live solves by more than " +
                      rounded(kLargestDifference_percent, "%.1f %%") +
-                     " along a motion; errors of this size mean nothing");
+                     " along a motion; smaller errors are meaningless");
   }
   if (built.unconverged > 0) {
     say(options, "WARNING: " + name + ": " + std::to_string(built.unconverged) +
-                     " of the table's nodes missed the solver's tolerance");
+                     " of the table's nodes did not reach the solver's tolerance");
   }
   return {scene, std::move(mesh), std::move(built.table), std::move(facts)};
 }
 
-// From when on the tool has known a wall for kTouchKnown_s; infinity: it never touches one.
+// Time kTouchKnown_s after the tool first touches a wall; infinity: it never does.
 double wall_known_s(const ChartScene& scene, const Trace& trace) {
   for (const ServoInstant& instant : trace.servo) {
     for (const Wall& wall : scene.extras.walls) {
@@ -213,7 +218,7 @@ ChartRow judge_visits_row(const Object& object, const NetworkCondition& conditio
   return row;
 }
 
-// What a row takes, learnt from the rows that are done.
+// Time per row, estimated from the finished rows.
 class TimeLeft {
  public:
   void add(const std::string& scene, const std::string& method, double time_s) {
@@ -249,114 +254,160 @@ struct Job {
   std::string key;
 };
 
+// Makes the rows of a chart one after the other, so that their costs do not disturb each other.
+class Judging {
+ public:
+  Judging(const ChartOptions& options, const ChartPlan& plan)
+      : options_(options), plan_(plan), store_(options.out, options.program) {
+    for (const std::string& scene : plan_.scenes) {
+      check_stop(options_);
+      objects_.push_back(make_object(options_, scene));
+    }
+    for (const std::string& name : plan_.trajectories) {
+      trajectories_.emplace_back();
+      if (name != kVisits) {
+        trajectories_.back().emplace(name, options_.seed);
+      }
+    }
+  }
+
+  // Runs every job of the selection and adds its row to `chart`.
+  void judge(Chart& chart) {
+    const std::vector<Job> jobs = selected_jobs();
+    for (const Job& job : jobs) {
+      pending_[{objects_[job.scene].scene.name, job.method->text}] +=
+          store_.find(job.key) == nullptr ? 1.0 : 0.0;
+    }
+    for (std::size_t j = 0; j < jobs.size(); ++j) {
+      time_direct(jobs[j]);
+      if (const ChartRow* kept = store_.find(jobs[j].key)) {
+        chart.rows.push_back(*kept);
+        ++chart.rows_kept;
+        continue;
+      }
+      check_stop(options_);
+      chart.rows.push_back(judge(jobs[j]));
+      report_progress(static_cast<double>(j + 1) / static_cast<double>(jobs.size()));
+    }
+    for (const Object& object : objects_) {
+      chart.tables.push_back(object.facts);
+    }
+  }
+
+ private:
+  std::vector<Job> selected_jobs() const {
+    std::vector<Job> jobs;
+    for (std::size_t scene = 0; scene < objects_.size(); ++scene) {
+      for (std::size_t trajectory = 0; trajectory < trajectories_.size(); ++trajectory) {
+        for (const std::string& name : plan_.conditions) {
+          append_jobs(scene, trajectory, network_condition(name), jobs);
+        }
+      }
+    }
+    if (jobs.empty()) {
+      throw ChartError(
+          "nothing to evaluate: no condition of the selection supplies what its methods need; add "
+          "the condition stiffness for methods that need dF/dP, or requests120 for methods that "
+          "make requests");
+    }
+    return jobs;
+  }
+
+  void append_jobs(std::size_t scene, std::size_t trajectory, const NetworkCondition& condition,
+                   std::vector<Job>& jobs) const {
+    const Object& object = objects_[scene];
+    const std::string& motion = plan_.trajectories[trajectory];
+    const Trajectory* const path =
+        trajectories_[trajectory] ? &*trajectories_[trajectory] : nullptr;
+    for (const ChartMethod& method : plan_.methods) {
+      if (taken(options_, object.scene, motion, condition.name) &&
+          applies(method, object.scene, condition, path)) {
+        jobs.push_back({scene, trajectory, &condition, &method,
+                        row_key(options_, object.scene.name, object.facts.key, motion, condition,
+                                method.text)});
+      }
+    }
+  }
+
+  // Cost of a cycle of `direct`, measured once per object.
+  void time_direct(const Job& job) {
+    Object& object = objects_[job.scene];
+    if (job.method->direct && object.facts.direct_cycle_us == 0.0) {
+      simulator::DirectMethod direct(object.mesh, {.grab_on_own_thread = false});
+      object.facts.direct_cycle_us = 1e6 * direct.measured_cycle_s(1.0 / kChartServoRate_Hz);
+    }
+  }
+
+  // The trace of a job, kept for the following jobs that share it; not for visits.
+  void make_trace_of(const Job& job) {
+    const std::optional<Trajectory>& trajectory = trajectories_[job.trajectory];
+    if (!trajectory ||
+        (traced_ && traced_->scene == job.scene && traced_->trajectory == job.trajectory &&
+         traced_->condition == job.condition)) {
+      return;
+    }
+    const Object& object = objects_[job.scene];
+    trace_ = make_trace(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
+                        options_.seed, object.scene.extras);
+    traced_ = job;
+  }
+
+  ChartRow judge(const Job& job) {
+    make_trace_of(job);
+    const Object& object = objects_[job.scene];
+    const std::optional<Trajectory>& trajectory = trajectories_[job.trajectory];
+    const auto start = std::chrono::steady_clock::now();
+    ChartRow row =
+        trajectory
+            ? judge_row(object, *trajectory, *trace_,
+                        judge_options(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
+                                      options_.seed, object.scene.extras),
+                        *job.method)
+            : judge_visits_row(object, *job.condition, *job.method, options_.seed);
+    row.key = job.key;
+    row.condition = job.condition->name;
+    times_.add(row.scene, row.method, seconds_since(start));
+    pending_[{row.scene, row.method}] -= 1.0;
+    store_.keep(row);
+    return row;
+  }
+
+  void report_progress(double done) const {
+    if (!options_.progress) {
+      return;
+    }
+    double remaining_s = 0.0;
+    for (const auto& [what, count] : pending_) {
+      remaining_s += count * times_.of(what.first, what.second);
+    }
+    options_.progress("judging", done, remaining_s);
+  }
+
+  const ChartOptions& options_;
+  const ChartPlan& plan_;
+  RowStore store_;
+  std::vector<Object> objects_;
+  std::vector<std::optional<Trajectory>> trajectories_;  // empty: visits
+  TimeLeft times_;
+  std::map<std::pair<std::string, std::string>, double> pending_;  // jobs by scene and method
+  std::optional<Trace> trace_;
+  std::optional<Job> traced_;  // the job of trace_
+};
+
 }  // namespace
 
 Chart make_chart(const ChartOptions& options) {
   const auto start = std::chrono::steady_clock::now();
-  const auto elapsed_s = [&start] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  };
   const ChartPlan plan = plan_of(options);
-  RowStore store(options.out, options.program);
   Chart chart;
   chart.not_run = plan.not_run;
   for (const NotRun& each : plan.not_run) {
     say(options, "not run: " + each.method + ": " + each.reason);
   }
-
-  std::vector<Object> objects;
-  for (const std::string& scene : plan.scenes) {
-    check_stop(options);
-    objects.push_back(make_object(options, scene));
-  }
-  std::vector<std::optional<Trajectory>> trajectories;  // nothing: visits
-  for (const std::string& name : plan.trajectories) {
-    trajectories.emplace_back();
-    if (name != kVisits) {
-      trajectories.back().emplace(name, options.seed);
-    }
-  }
-
-  std::vector<Job> jobs;
-  for (std::size_t scene = 0; scene < objects.size(); ++scene) {
-    for (std::size_t trajectory = 0; trajectory < trajectories.size(); ++trajectory) {
-      for (const std::string& name : plan.conditions) {
-        const NetworkCondition& condition = network_condition(name);
-        for (const ChartMethod& method : plan.methods) {
-          if (taken(options, objects[scene].scene, plan.trajectories[trajectory], name) &&
-              applies(method, objects[scene].scene, condition,
-                      trajectories[trajectory] ? &*trajectories[trajectory] : nullptr)) {
-            jobs.push_back({scene, trajectory, &condition, &method,
-                            row_key(options, objects[scene].scene.name, objects[scene].facts.key,
-                                    plan.trajectories[trajectory], condition, method.text)});
-          }
-        }
-      }
-    }
-  }
-  if (jobs.empty()) {
-    throw ChartError(
-        "nothing to judge: the methods of the selection need what its conditions don't have; add "
-        "the condition stiffness for methods that need dF/dP, requests120 for those that ask");
-  }
-
-  TimeLeft times;
-  std::map<std::pair<std::string, std::string>, double> pending;
-  for (const Job& job : jobs) {
-    pending[{objects[job.scene].scene.name, job.method->text}] +=
-        store.find(job.key) == nullptr ? 1.0 : 0.0;
-  }
-  std::optional<Trace> trace;  // of the jobs in a row that share it
-  const Job* made_for = nullptr;
-  for (std::size_t j = 0; j < jobs.size(); ++j) {
-    const Job& job = jobs[j];
-    Object& object = objects[job.scene];
-    if (job.method->direct && object.facts.direct_cycle_us == 0.0) {
-      simulator::DirectMethod direct(object.mesh, {.grab_on_own_thread = false});
-      object.facts.direct_cycle_us = 1e6 * direct.measured_cycle_s(1.0 / kChartServoRate_Hz);
-    }
-    if (const ChartRow* kept = store.find(job.key)) {
-      chart.rows.push_back(*kept);
-      ++chart.rows_kept;
-      continue;
-    }
-    check_stop(options);
-    const std::optional<Trajectory>& trajectory = trajectories[job.trajectory];
-    if (trajectory &&
-        (made_for == nullptr || made_for->scene != job.scene ||
-         made_for->trajectory != job.trajectory || made_for->condition != job.condition)) {
-      trace = make_trace(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
-                         options.seed, object.scene.extras);
-      made_for = &job;
-    }
-    const double begin_s = elapsed_s();
-    ChartRow row =
-        trajectory ? judge_row(object, *trajectory, *trace,
-                               judge_options(*trajectory, object.table, *job.condition,
-                                             kChartServoRate_Hz, options.seed, object.scene.extras),
-                               *job.method)
-                   : judge_visits_row(object, *job.condition, *job.method, options.seed);
-    row.key = job.key;
-    row.condition = job.condition->name;
-    times.add(row.scene, row.method, elapsed_s() - begin_s);
-    pending[{row.scene, row.method}] -= 1.0;
-    store.keep(row);
-    chart.rows.push_back(std::move(row));
-    if (options.progress) {
-      double remaining_s = 0.0;
-      for (const auto& [what, count] : pending) {
-        remaining_s += count * times.of(what.first, what.second);
-      }
-      options.progress("judging", static_cast<double>(j + 1) / static_cast<double>(jobs.size()),
-                       remaining_s);
-    }
-  }
-  for (const Object& object : objects) {
-    chart.tables.push_back(object.facts);
-  }
+  Judging(options, plan).judge(chart);
   chart.bare_trilinear_read_ns = bare_trilinear_read_ns();
   chart.numbers = numbers_of(chart, options.default_method);
-  chart.elapsed_s = elapsed_s();
+  chart.elapsed_s = seconds_since(start);
   return chart;
 }
 

@@ -8,7 +8,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-// One list for reading and writing: take(name, value) for every figure that is a plain number.
+// One list for reading and writing: calls take(name, value) for every figure that is a plain
+// number.
 template <typename Row, typename Take>
 void each_figure(Row& row, const Take& take) {
   auto& v = row.verdict;

@@ -65,7 +65,8 @@ std::string read_text(const std::filesystem::path& file) {
   std::ostringstream content;
   content << stream.rdbuf();
   if (!stream) {
-    throw ChartError(file.string() + " can't be read back; was it removed meanwhile?");
+    throw ChartError(file.string() +
+                     " can't be read back; it may have been removed, so run the command again");
   }
   return content.str();
 }

@@ -221,7 +221,7 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
       return visits.expected_point_W(position_W, velocity_W);
     };
     const auto reached = [&table](const Vector3d& position_W, const Vector3d& point_W) {
-      // Whichever way the place is turned, within the table.
+      // Within the table for every rotation of the place.
       Vector3d d = position_W - point_W;
       const double sideways_m = d.head<2>().norm();
       d.head<2>() *= std::min(1.0, kFurthestSideways_m / std::max(sideways_m, 1e-9));

@@ -10,14 +10,14 @@ constexpr int kNodesDeep = 8;
 constexpr double kSide_m = 0.1;
 constexpr double kDepth_m = 0.05;
 constexpr double kPatchRadius_m = 0.012;
-constexpr double kLeastForce_N = 0.05;  // below it a residual is compared with this
-// Relaxation that comes nearest to the springs' equilibrium in the time of a tick; more hardens the
-// block, less does not get there.
+constexpr double kLeastForce_N = 0.05;  // a residual is compared with at least this
+// The relaxation that comes nearest to the springs' equilibrium in the time of a tick. More hardens
+// the block, less does not converge in time.
 constexpr btScalar kRelaxation = 0.1f;
 constexpr btScalar kDamping = 0.05f;
 constexpr btScalar kStep_s = 1.0f / 60.0f;
 constexpr int kStepsBetweenLooks = 8;
-constexpr double kSteady = 1e-4;  // of the force, from look to look
+constexpr double kSteady = 1e-4;  // of the force, from one check to the next
 
 int node_at(int i, int j, int k) { return (k * kNodesAcross + j) * kNodesAcross + i; }
 

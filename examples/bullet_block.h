@@ -10,36 +10,37 @@
 
 /// A soft block simulated by Bullet's btSoftBody, a body of nodes and links made for games.
 ///
-/// The block is 0.1 x 0.1 x 0.05 m, its top's centre in W's origin, its bottom fixed. Bullet's link
-/// stiffness kLST is a relaxation factor and no stiffness: with all links alike its positions tend
-/// to the equilibrium of equal linear springs, so the force on the tool is read from Bullet's
-/// positions with Hooke's law, F = sum k (l - l0) (x_free - x_held) / l over the links that end in
-/// a held node.
+/// The block is 0.1 x 0.1 x 0.05 m. The centre of its top is W's origin, its bottom is fixed.
+/// Bullet's link stiffness kLST is a relaxation factor, not a stiffness in N/m. With all links
+/// alike Bullet's positions tend to the equilibrium of equal linear springs. The force on the tool
+/// is therefore computed from these positions with Hooke's law,
+///
+///   F = sum of k (l - l0) (x_free - x_held) / l over the links that end in a held node.
 ///
 /// Real-time: no. Threads: one.
 class BulletBlock {
  public:
   using Vector3 = std::array<double, 3>;
 
-  /// @param stiffness_N_per_m  of every link, > 0
+  /// @param stiffness_N_per_m  Hooke's k of every link, > 0
   explicit BulletBlock(double stiffness_N_per_m);
 
-  /// The tool at `position_W_m` is in the block: below its top, within its sides.
+  /// Whether a tool at `position_W_m` is inside the block: below its top, within its sides.
   [[nodiscard]] static bool inside(const Vector3& position_W_m);
 
   /// The tool takes hold of the nodes within 12 mm of it.
   void grab(const Vector3& position_W_m);
-  /// The block is at rest again, held by nobody.
+  /// Lets go; the block is at rest again.
   void release();
   [[nodiscard]] bool held() const { return !held_.empty(); }
 
   struct Answer {
     Vector3 force_W_N{};
-    /// Norm of all that does not balance at the free nodes, over the force (at least 0.05 N).
+    /// Norm of the unbalanced forces at the free nodes, over the force (at least 0.05 N).
     double relative_residual = 0.0;
   };
-  /// Moves the held nodes with the tool and lets Bullet step until it is steady or `budget` is
-  /// over.
+  /// Moves the held nodes with the tool and lets Bullet step until it is steady or `budget` has
+  /// passed.
   Answer move_to(const Vector3& position_W_m, std::chrono::nanoseconds budget);
 
  private:

@@ -1,4 +1,5 @@
-// Somebody else's simulator behind Forcegrid's link: a soft block of Bullet's (bullet_block.h).
+// A foreign simulator behind Forcegrid's link: a soft block of the game engine Bullet
+// (bullet_block.h).
 // usage: bullet_simulator ADDR:PORT [STIFFNESS_N_PER_M [KEY_FILE]]
 
 #include <atomic>
@@ -77,11 +78,11 @@ class Simulator {
       ++epoch_;
     }
     if (block_.held()) {
-      const BulletBlock::Answer felt = block_.move_to(tool.position_W_m, kBudget);
+      const BulletBlock::Answer solved = block_.move_to(tool.position_W_m, kBudget);
       sample.in_contact = true;
-      sample.force_W_N = felt.force_W_N;
-      sample.relative_residual = felt.relative_residual;
-      sample.converged = felt.relative_residual <= kConvergedResidual;
+      sample.force_W_N = solved.force_W_N;
+      sample.relative_residual = solved.relative_residual;
+      sample.converged = solved.relative_residual <= kConvergedResidual;
       sample.contact_point_W_m = contact_point_W_m_;
     }
     sample.contact_epoch = epoch_;

@@ -1,20 +1,27 @@
 #!/usr/bin/env python3
-"""The simulator's end of Forcegrid's link, in one file: docs/link_protocol.md has every byte.
+"""The simulator's end of Forcegrid's link, in one file to copy.
 
-Needs only Python 3.9's standard library; with a key also PyNaCl (Debian: python3-nacl).
+docs/simulators.md explains how to use it, docs/link_protocol.md has every byte. It needs only Python
+3.9's standard library, and PyNaCl (Debian: python3-nacl) for a link with a key. A spring that is at
+rest where it catches the tool:
 
     from forcegrid_link import SimulatorLink
 
-    link = SimulatorLink("127.0.0.1", 24870)             # key_files=["link.key"] to leave this machine
+    link = SimulatorLink("127.0.0.1", 24870)  # key_files=["link.key"] for another machine
+    anchor = None
     while True:
         news = link.receive(timeout_s=0.033)
-        if news.new_session:
-            pass                                          # another run began: forget the old contacts
+        if news.new_session or news.servo_ended:
+            anchor = None                     # another run: forget the contact
         if news.tool_state:
             p = news.tool_state.position_W_m
-            link.answer(news.tool_state, force_W_N=[-100 * x for x in p], in_contact=True, converged=True)
-        while query := link.next_query():                 # in idle time, if at all
-            link.answer(query, ...)
+            if anchor is None and sum(x * x for x in p) < 0.005**2:
+                anchor = p                    # the tool touches
+            force = [-100 * (x - a) for x, a in zip(p, anchor or p)]
+            link.answer(news.tool_state, force, in_contact=anchor is not None, converged=True,
+                        contact_epoch=anchor is not None, contact_point_W_m=anchor)
+        while link.next_query():              # answer() takes queries, too; they may go unanswered
+            pass
 
 Units are SI; vectors are (x, y, z) in the workspace frame W: x toward the operator, y to the operator's
 right, z up. Not thread-safe.
@@ -52,7 +59,7 @@ _FROM_SERVO, _FROM_SIMULATOR = 1, 2
 
 
 class LinkError(Exception):
-    """The link can't be set up; the text says what to do."""
+    """The link cannot be set up. The text says what to do."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,9 +79,9 @@ class Query:
 
 @dataclasses.dataclass
 class News:
-    """What receive() found; all empty after a time-out."""
-    tool_state: ToolState = None  # the newest, if it is new since the last call
-    new_session: bool = False     # another run of a servo began: forget what belongs to the old one
+    """What receive() found. Everything is empty after a time-out."""
+    tool_state: ToolState = None  # the newest, if it arrived since the last call
+    new_session: bool = False     # another run of a servo began: forget what belongs to the last one
     servo_ended: bool = False     # the servo said goodbye
 
 
@@ -88,11 +95,11 @@ def _within(values, bound):
 
 
 class _Refused(Exception):
-    """A datagram that is dropped; its text is the counter."""
+    """The datagram is dropped. The text names the counter."""
 
 
 def decode(datagram):
-    """(type, sequence, session, payload) of a sound datagram. Raises _Refused for any other."""
+    """(type, sequence, session, payload) of a valid datagram. Raises _Refused for any other."""
     if len(datagram) < _HEADER.size + 4:
         raise _Refused("too short")
     magic, version, kind, length, reserved, sequence, session = _HEADER.unpack_from(datagram)
@@ -123,7 +130,7 @@ def encode(kind, sequence, session, *payload):
 
 
 class _Window:
-    """Lets each counter pass once."""
+    """A replay window: each counter passes once."""
 
     def __init__(self):
         self.newest, self.passed = 0, 0
@@ -141,7 +148,7 @@ class _Window:
 
 
 class _Numbers:
-    """The same for 32-bit numbers that wrap (RFC 1982). Refuses what came before or far too late."""
+    """The same for 32-bit numbers that wrap (RFC 1982). Refuses a number seen before or far too old."""
 
     def __init__(self):
         self._window = _Window()
@@ -154,14 +161,14 @@ class _Numbers:
 
 
 class _Peer:
-    """Whom a sealed datagram is for."""
+    """The receiver of a sealed datagram."""
 
     def __init__(self, key_id, stream, sent_ns, received_ns):
         self.key_id, self.stream, self.sent_ns, self.received_ns = key_id, stream, sent_ns, received_ns
 
 
 class _Stale(_Refused):
-    """Authentic, but its sender has yet to hear this end's stream."""
+    """Authentic, but the sender does not know this end's stream yet."""
 
     def __init__(self, peer):
         super().__init__("seal: stale")
@@ -169,12 +176,12 @@ class _Stale(_Refused):
 
 
 def load_key(file):
-    """(key id, secret) of a file that `forcegrid keygen` has made. Raises LinkError."""
+    """(key id, secret) from a file made by `forcegrid keygen`. Raises LinkError."""
     try:
         with open(file, "rb") as opened:
             status = os.fstat(opened.fileno())
             if not stat.S_ISREG(status.st_mode):
-                raise LinkError("link key file '%s': is no regular file" % file)
+                raise LinkError("link key file '%s': is not a regular file" % file)
             if status.st_mode & 0o077:
                 raise LinkError("link key file '%s': others may use it; run: chmod 600 '%s'" % (file, file))
             if status.st_uid not in (0, os.geteuid()):
@@ -250,20 +257,21 @@ class _Channel:
 
 
 class SimulatorLink:
-    """Listens for one servo at a time; see the top of this file."""
+    """The simulator's end: serves one servo at a time. See the top of this file."""
 
     def __init__(self, host="127.0.0.1", port=24870, key_files=(), silence_s=2.0):
-        """Without a key only loopback addresses are taken: the link is then not authenticated, and
-        forces move real motors. Port 0 takes a free one. Raises LinkError or OSError."""
+        """Listens at host:port. Port 0 takes a free one. After silence_s without a word from the servo
+        another servo may take the link. Without a key only loopback addresses are accepted: such a
+        link is not authenticated, and forces move real motors. Raises LinkError or OSError."""
         host = "127.0.0.1" if host == "localhost" else host
         try:
             loopback = ipaddress.ip_address(host).is_loopback
         except ValueError:
-            raise LinkError("'%s' is no numeric IP address; write 127.0.0.1, ::1 or, with a key, another of "
-                            "this machine's (names are not looked up)" % host) from None
+            raise LinkError("'%s' is not a numeric IP address; write 127.0.0.1, ::1 or, with a key, another "
+                            "address of this machine (names are not looked up)" % host) from None
         if not key_files and not loopback:
-            raise LinkError("'%s' is no loopback address; a link that leaves this machine needs a key: "
-                            "forcegrid keygen FILE, the file on both machines" % host)
+            raise LinkError("'%s' is not a loopback address; a link that leaves this machine needs a key: "
+                            "run 'forcegrid keygen FILE' and give the file to both ends" % host)
         self._channel = _Channel(key_files) if key_files else None
         self._socket = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((host, port))
@@ -281,7 +289,7 @@ class SimulatorLink:
         return self._socket.getsockname()[1]
 
     def receive(self, timeout_s):
-        """Takes in all that has arrived; waits up to timeout_s for something if there is nothing."""
+        """Takes in everything that has arrived. Waits up to timeout_s if there is nothing."""
         news = News()
         deadline_s = time.monotonic() + timeout_s
         while True:
@@ -296,7 +304,7 @@ class SimulatorLink:
                     took = True
                 except _Stale as stale:
                     self.dropped[str(stale)] += 1
-                    self._send_to(sender, b"", stale.peer)  # a hello: now it hears our stream
+                    self._send_to(sender, b"", stale.peer)  # a hello: it names our stream
                 except _Refused as reason:
                     self.dropped[str(reason)] += 1
             left_s = deadline_s - time.monotonic()
@@ -310,17 +318,21 @@ class SimulatorLink:
     def answer(self, request, force_W_N, in_contact, converged, stiffness_W_N_per_m=None,
                position_W_m=None, contact_point_W_m=None, contact_epoch=0, relative_residual=0.0,
                solve_time_s=0.0):
-        """Sends the force on the tool at `position_W_m` (default: where the request is).
+        """Answers a ToolState or a Query: force_W_N is the force of the object on the tool.
 
-        stiffness_W_N_per_m is dF/dP, 9 numbers row by row; contact_epoch a new number at every
-        discontinuity. Raises ValueError for what the servo would refuse."""
+        position_W_m: where the force was computed; default: the request's position.
+        in_contact: the tool touches the object. Say False, with zero force, while the tool is free.
+        contact_epoch: 0 before any contact, then a new number at every discontinuity; in the answer
+        to a query that of the present contact. contact_point_W_m: where the tool touched.
+        stiffness_W_N_per_m: dF/dP, 9 numbers row by row. converged: the solver reached its tolerance.
+        Raises ValueError for what the servo would refuse."""
         position_W_m = tuple(position_W_m or request.position_W_m)
         contact_point_W_m = tuple(contact_point_W_m or position_W_m)
         stiffness = tuple(stiffness_W_N_per_m or [0.0] * 9)
         if not (_within(position_W_m, _MAX_POSITION_M) and _within(contact_point_W_m, _MAX_POSITION_M)
                 and _within(force_W_N, _MAX_FORCE_N) and _within(stiffness, _MAX_STIFFNESS_N_PER_M)
                 and 0.0 <= relative_residual < math.inf and 0.0 <= solve_time_s <= _MAX_SOLVE_TIME_S):
-            raise ValueError("an answer that is not finite or out of range; see docs/link_protocol.md")
+            raise ValueError("the answer is not finite or out of range; see docs/link_protocol.md")
         if self._session == 0:
             return  # the servo has gone
         is_query = isinstance(request, Query)
@@ -334,15 +346,15 @@ class SimulatorLink:
     def show_surface(self, tool_state, vertices_W_m, triangles, contact_epoch=0, tool_radius_m=0.0,
                      tool_length_m=0.0, stiffness_W_N_per_m=None, press_forces_W_N=None,
                      tool_opening_rad=0.0):
-        """Sends what of the surface the tool, still in the air, may touch next; need not be called.
+        """Sends the part of the surface that a tool in the air may touch next. Optional.
 
         vertices_W_m: at most 19; triangles: at most 27, each three vertex numbers, counterclockwise
         seen from outside. contact_epoch: that of the samples in the air. stiffness_W_N_per_m: dF/dP
         of a tool that has just touched there: xx, yy, zz, xy, xz, yz. press_forces_W_N, in place of
-        it for a tool that slides: two forces on a tool that has gone straight on from there, 1 and
-        2 mm deep along the outward normal. tool_opening_rad: the tool is a grasper, two rods that
-        meet in a hinge; sent in steps of 0.01 rad. Raises ValueError for what the servo would
-        refuse."""
+        it for a tool that slides: the two forces on a tool that has gone straight on from there and
+        is 1 and 2 mm deep along the outward normal. tool_opening_rad: above 0 the tool is a grasper,
+        two rods that meet in a hinge; sent in steps of 0.01 rad. Raises ValueError for what the
+        servo would refuse."""
         offsets = [vertex[axis] - tool_state.position_W_m[axis] for vertex in vertices_W_m
                    for axis in range(3)]
         corners = [corner for triangle in triangles for corner in triangle]
@@ -358,7 +370,7 @@ class SimulatorLink:
                 and _within(offsets, _MAX_OFFSET_M) and _within(stiffness, _MAX_STIFFNESS_N_PER_M)
                 and 0.0 <= tool_radius_m <= _MAX_TOOL_RADIUS_M
                 and 0.0 <= tool_length_m <= _MAX_TOOL_LENGTH_M):
-            raise ValueError("a patch that is too large, not finite or out of range; see "
+            raise ValueError("the patch is too large, not finite or out of range; see "
                              "docs/link_protocol.md")
         if self._session == 0:
             return  # the servo has gone
@@ -371,7 +383,7 @@ class SimulatorLink:
                           *[0] * (3 * _MAX_TRIANGLES - len(corners))))
 
     def close(self):
-        """Says goodbye to the servo, if there is one."""
+        """Says goodbye to the servo, if there is one, and closes the socket."""
         if self._session:
             self._send(encode(GOODBYE, 0, self._session))
         self._socket.close()

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Starts a simulator that says "listening ... ADDR:PORT", feels it, and ends it again.
+# Starts a simulator that prints "listening ... ADDR:PORT", runs forcegrid with it, and ends it.
 # usage: run_with_simulator.sh "SIMULATOR [ARGUMENT...]" FORCEGRID run [ARGUMENT...]
 set -eu
 command=$1

@@ -1,7 +1,7 @@
-/* A plain spring at W's origin for Forcegrid, in C with link/forcegrid_link.h alone:
- * F = -k (P - P0), P0 being where the tool met it.
+/* A spring for Forcegrid, in C with link/forcegrid_link.h alone: F = -k (P - P0), with P0 where it
+ * catches the tool near W's origin.
  * usage: spring_simulator_c PORT [STIFFNESS_N_PER_M [KEY_FILE]]
- * Compiled with FORCEGRID_WITH_SODIUM it takes a key file, too; else it needs no library. */
+ * It needs no library. Compiled with FORCEGRID_WITH_SODIUM it also takes a key file. */
 #include <errno.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -35,7 +35,7 @@ static int random_bytes(void* key, unsigned char* to, size_t size) {
   return 1;
 }
 
-/* Reads what `forcegrid keygen` has written. */
+/* Reads a key file made by `forcegrid keygen`. @returns null, or what is wrong with it. */
 static const char* load_key(const char* file, unsigned char* secret, unsigned char* id) {
   char line[104];
   size_t used = 0;
@@ -60,9 +60,9 @@ static const char* load_key(const char* file, unsigned char* secret, unsigned ch
 #endif
 
 static const double kPeriod_s = 1.0 / 30.0;
-static const double kReach_m = 0.005; /* the spring catches a tool that comes so near */
+static const double kReach_m = 0.005; /* the spring catches a tool this near to W's origin */
 
-/* Reads all of `text` as a number from `least` to `most`. */
+/* Reads the whole `text` as a number from `least` to `most`. @returns 1, or 0 if it is none. */
 static int read_number(const char* text, double least, double most, double* number) {
   char* end;
   *number = strtod(text, &end);
@@ -75,11 +75,10 @@ static int64_t now_ns(void) {
   return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* What the spring knows of the tool. */
 typedef struct {
   double stiffness_N_per_m;
-  int held;
-  double first_W_m[3];
+  int held;            /* the spring has caught the tool */
+  double first_W_m[3]; /* where: the spring is at rest there */
 } spring;
 
 static void touch(spring* object, const double* p) {
@@ -116,8 +115,7 @@ static void answer(int socket_number, fg_link* link, const spring* object, fg_fo
   }
 }
 
-/* Takes in all that has arrived and answers the queries. @returns whether there is a new tool
- * state. */
+/* Takes in everything that has arrived and answers the queries. @returns 1 for a new tool state. */
 static int receive(int socket_number, fg_link* link, spring* object, struct sockaddr_in* servo) {
   unsigned char bytes[FG_MAX_DATAGRAM_BYTES + 1];
   unsigned char reply[FG_SEAL_OVERHEAD_BYTES];

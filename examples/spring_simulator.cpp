@@ -1,4 +1,4 @@
-// A plain spring at W's origin for Forcegrid: F = -k (P - P0), P0 being where the tool met it.
+// A spring for Forcegrid: F = -k (P - P0), with P0 where it catches the tool near W's origin.
 // usage: spring_simulator ADDR:PORT [STIFFNESS_N_PER_M]
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace forcegrid::link;
 
-constexpr double kReach_m = 0.005;  // the spring catches a tool that comes so near to the origin
+constexpr double kReach_m = 0.005;  // the spring catches a tool this near to W's origin
 
 double parse_stiffness_N_per_m(const std::string& text) {
   char* end = nullptr;

@@ -1,20 +1,20 @@
 #!/usr/bin/env python3
-"""A plain spring at W's origin for Forcegrid: F = -k (P - P0), P0 being where the tool met it.
+"""A spring for Forcegrid: F = -k (P - P0), with P0 where it catches the tool near W's origin.
 usage: spring_simulator.py PORT [STIFFNESS_N_PER_M]     (every byte: docs/link_protocol.md)"""
 import signal, socket, struct, sys, time, zlib
 
 HEADER = "<4sHHHHIQ"  # magic, version, type, payload bytes, reserved, sequence, session id
 TOOL_STATE, FORCE_SAMPLE = HEADER + "q3d3d", HEADER + "qIIII3d3d3ddd9d"
-PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool that comes so near to the origin
+PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool this near to the origin
 
-signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a trace
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
 link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 link.bind(("127.0.0.1", int(sys.argv[1])))  # loopback only: this link is not authenticated
 stiffness_N_per_m = float((sys.argv + ["100"])[2])
 print("listening on 127.0.0.1:%d" % link.getsockname()[1], flush=True)
 session, first_W_m, sequence = None, None, 0
 while True:
-    newest = link.settimeout(None)  # wait for a first tool state, then skip to the newest one
+    newest = link.settimeout(None)  # None; wait for a tool state, then skip to the newest one
     try:
         while True:
             datagram, sender = link.recvfrom(512)

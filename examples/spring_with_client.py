@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""A plain spring at W's origin, with the client of forcegrid_link.py: F = -k (P - P0).
+"""The spring of spring_simulator.py with the client of forcegrid_link.py: F = -k (P - P0).
 usage: spring_with_client.py PORT [STIFFNESS_N_PER_M [KEY_FILE]]"""
 import signal
 import sys
 
 from forcegrid_link import LinkError, SimulatorLink
 
-PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool that comes so near to the origin
+PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool this near to the origin
 
 
 def main():
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a trace
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
     try:
         port, stiffness_N_per_m = int(sys.argv[1]), float((sys.argv + ["100"])[2])
     except (IndexError, ValueError):

@@ -11,7 +11,7 @@
 
 namespace forcegrid::paper {
 
-/// All experiments.
+/// Results of all experiments.
 struct Results {
   Timing timing;
   Figures figures;

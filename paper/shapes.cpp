@@ -42,7 +42,7 @@ std::set<std::int32_t> surface_of(const simulator::SpringMesh& mesh) {
   return vertices;
 }
 
-// Moves of the surface's vertices from rest.
+// Displacements of the surface's vertices from rest.
 Shape shape_of(const std::string& scene) {
   const evaluation::ChartScene& chosen = evaluation::chart_scene(scene);
   const simulator::SpringMesh mesh = evaluation::make_mesh(chosen);

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs what setup/packages.txt lists and this machine lacks. Debian 12, as root or with sudo.
+# Installs the packages of setup/packages.txt that are missing. For Debian 12, as root or with sudo.
 set -eu
 list=$(dirname "$0")/packages.txt
 wanted=$(sed -e 's/#.*//' "$list" | tr '\n' ' ')
@@ -15,7 +15,7 @@ if [ "$(id -u)" -eq 0 ]; then
 elif command -v sudo >/dev/null; then
   root="sudo"
 else
-  echo "These packages are missing and neither root nor sudo is at hand:$missing" >&2
+  echo "setup/install.sh: these packages are missing, and there is neither root nor sudo to install them:$missing" >&2
   echo "Ask an administrator to run: apt-get install$missing" >&2
   exit 1
 fi

@@ -1,14 +1,14 @@
+#include "stability/chart_rows.h"
+
 #include <cmath>
 #include <nlohmann/json.hpp>
-
-#include "stability/chart.h"
 
 namespace forcegrid::stability {
 namespace {
 
 using nlohmann::ordered_json;
 
-// One list for reading and writing: take(name, value) for everything that a row is.
+// One list for reading and writing: calls take(name, value) for every value of a row.
 template <typename Row, typename Take>
 void each_entry(Row& row, const Take& take) {
   auto& c = row.cell;

@@ -4,16 +4,14 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
-#include <exception>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
-#include <thread>
 
 #include "evaluation/force_table.h"
 #include "evaluation/trajectories.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "rt/parallel_jobs.h"
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
@@ -29,7 +27,7 @@ using servo::vector;
 constexpr rt::TimePoint kStart{std::chrono::seconds(1000)};
 constexpr rt::Duration kPeriod = std::chrono::milliseconds(2);
 constexpr double kEnd_s = 5.4;
-// The operator has grabbed the object 2.2 s after the start, and it is felt in full 0.6 s later.
+// The operator grabs the object within 2.2 s of the start, and its full force acts 0.6 s later.
 constexpr double kEarliestFault_s = 2.9;
 constexpr double kLatestFault_s = 4.4;
 constexpr double kAfterEnd_s = 0.1;
@@ -65,7 +63,7 @@ constexpr emulator::MotionKind kMotions[] = {
     emulator::MotionKind::kChirp, emulator::MotionKind::kLissajous, emulator::MotionKind::kRandom,
     emulator::MotionKind::kPoke, emulator::MotionKind::kHold};
 
-// Everything that a seed decides.
+// Everything that the seed determines.
 struct Draw {
   emulator::HandKind hand;
   emulator::MotionKind motion;
@@ -155,14 +153,14 @@ class SweptLoop {
   }
 
   void watch(const servo::CycleRecord& record) {
-    // A force that is not a number is above every limit.
+    // A NaN force counts as above every limit.
     const auto most = [](double so_far, double now) {
       return std::isfinite(now) ? std::max(so_far, now) : HUGE_VAL;
     };
     run_.largest_force_N = most(run_.largest_force_N, vector(record.commanded_force_D_N).norm());
     run_.largest_drive_fraction = most(run_.largest_drive_fraction, drive_fraction());
     if (record.fault != servo::Fault::kNone) {
-      return;  // its position is not believed, and its force is zero
+      return;  // its position is not trusted, and its force is zero
     }
     const Vector3d position_W = vector(record.position_W_m);
     const Vector3d force_W = vector(record.commanded_force_D_N);
@@ -230,7 +228,7 @@ class SweptLoop {
     }
     while (!under_way_.empty() && under_way_.front().arrived <= now_) {
       under_way_.front().arrived = now_;
-      // A full ring loses the answer, as it does in earnest.
+      // A full ring loses the answer, as in the real loop.
       static_cast<void>(ports_.samples.push(under_way_.front()));
       under_way_.pop_front();
     }
@@ -265,7 +263,7 @@ class SweptLoop {
     }
   }
 
-  // Returns false when nothing is answered.
+  // Returns false if there is no answer.
   bool spoil(servo::ArrivedSample& arrived) {
     Sample& sample = arrived.sample;
     switch (fault_) {
@@ -393,51 +391,21 @@ bool energy_after_fault(const SweptRun& run) noexcept {
 }
 
 std::vector<SweptRun> sweep_faults(const SweepOptions& options) {
-  using std::chrono::steady_clock;
   const profiles::DeviceProfile profile = profiles::load_device_profile(options.device);
   const std::vector<MethodVariant> variants = variants_of(options, profile);
   std::vector<SweptRun> runs(static_cast<std::size_t>(options.runs));
-  std::atomic<std::size_t> next{0};
-  std::atomic<bool> failed{false};
-  std::exception_ptr failure;
-  std::mutex mutex;
-  std::size_t done = 0;
-  const auto start = steady_clock::now();
-  const auto work = [&]() noexcept {
-    try {
-      for (std::size_t i = next++; i < runs.size() && !failed; i = next++) {
-        if (options.cancel != nullptr && options.cancel->load()) {
-          throw evaluation::Stopped();
-        }
-        const SweptFault fault = swept_faults()[i % swept_faults().size()];
-        const MethodVariant& variant = variants[i / swept_faults().size() % variants.size()];
-        runs[i] = SweptLoop(fault, options.seed * 1'000'003 + i, variant, profile).result();
-        const std::lock_guard lock(mutex);
-        ++done;
-        if (options.progress) {
-          const double elapsed_s =
-              std::chrono::duration<double>(steady_clock::now() - start).count();
-          const double part = static_cast<double>(done) / static_cast<double>(runs.size());
-          options.progress(part, elapsed_s / part * (1.0 - part));
-        }
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      failure = failed ? failure : std::current_exception();
-      failed = true;
-    }
-  };
-  std::vector<std::thread> threads;
-  const unsigned jobs =
-      options.jobs > 0 ? options.jobs : std::max(1U, std::thread::hardware_concurrency());
-  for (unsigned i = 0; i < jobs; ++i) {
-    threads.emplace_back(work);
-  }
-  for (std::thread& thread : threads) {
-    thread.join();
-  }
-  if (failure) {
-    std::rethrow_exception(failure);
+  rt::JobOptions jobs{.threads = options.jobs};
+  jobs.progress = options.progress;
+  jobs.cancel = options.cancel;
+  const bool finished = rt::run_jobs(runs.size(), jobs, [&](rt::Job& job) {
+    const std::size_t i = job.number();
+    const SweptFault fault = swept_faults()[i % swept_faults().size()];
+    const MethodVariant& variant = variants[i / swept_faults().size() % variants.size()];
+    runs[i] = SweptLoop(fault, options.seed * 1'000'003 + i, variant, profile).result();
+    return true;
+  });
+  if (!finished) {
+    throw evaluation::Stopped();
   }
   return runs;
 }

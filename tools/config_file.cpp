@@ -44,7 +44,8 @@ Scalar scalar_of(const std::string& file, const toml::node& node, const std::str
     return {boolean->get() ? "true" : "false", ConfigType::kBoolean};
   }
   fail(file, node, key,
-       "a date, table or array in a place for one value; write a text, a number, true or false");
+       "expected a single value, found a date, table or array; write a text, a number, true or "
+       "false");
 }
 
 bool is_numeric(ConfigType type) {
@@ -61,7 +62,7 @@ ConfigValue array_value(const std::string& file, const toml::array& array, const
     } else if (is_numeric(value.type) && is_numeric(scalar.type)) {
       value.type = std::max(value.type, scalar.type);
     } else if (value.type != scalar.type) {
-      fail(file, element, key, "elements of several types; write one type in an array");
+      fail(file, element, key, "an array with elements of different types; use one type");
     }
     value.texts.push_back(scalar.text);
   }

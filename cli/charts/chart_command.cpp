@@ -129,7 +129,10 @@ void print_numbers(const evaluation::Chart& chart, const std::string& method) {
 void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>& action) {
   CLI::App& accuracy = *chart.add_subcommand(
       "accuracy", "Errors and costs of force methods on objects, motions and networks");
-  accuracy.add_option("--out", o.out, "Folder for tables, pictures and the page")->required();
+  add_chart_choice(accuracy, o,
+                   {.quick = "The small block and a selection, within a minute",
+                    .jobs = "Threads that make force tables",
+                    .seed = "Of motions, noise and networks"});
   accuracy
       .add_option(
           "--scenes", o.scenes,
@@ -154,16 +157,7 @@ void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>
                   "variants that matter): " +
                       joined(method_names()) + ", direct")
       ->delimiter(';');
-  accuracy.add_option("--goals-for", o.goals_for,
-                      "Method that is held against the goals (default: that of 'run')");
-  accuracy.add_flag("--quick", o.quick, "The small block and a selection, within a minute");
-  accuracy.add_option("--jobs", o.jobs, "Threads that make force tables; 0 is one a processor")
-      ->check(CLI::Range(0, 1024))
-      ->type_name("UINT threads")
-      ->capture_default_str();
-  accuracy.add_option("--cache", o.cache,
-                      "Folder of force tables (default forcegrid in the user's cache folder)");
-  accuracy.add_option("--seed", o.seed, "Of motions, noise and networks")->capture_default_str();
+  add_goals_for(accuracy, o.goals_for);
   accuracy
       .add_option("--figures", o.figures,
                   "The paper's figures 7 and 8 for SCENE/TRAJECTORY/CONDITION (default: chirp, "
@@ -176,14 +170,14 @@ void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>
   accuracy.callback([&o, &action] { action = [&o] { return chart_accuracy_command(o); }; });
 }
 
-// The tables that a chart is made of hold one force a position.
+// Force tables hold one force per position, so the chart can't show objects that move.
 void note_what_moves(const std::vector<std::string>& scenes) {
   for (const std::string& name : scenes) {
     const evaluation::ChartScene& scene = evaluation::chart_scene(name);
     const simulator::SpringMesh mesh = evaluation::make_mesh(scene);
     if (simulator::dynamics_of(mesh) == simulator::MeshDynamics::kDamped) {
       std::fprintf(stderr,
-                   "Note: scene %s moves by itself; the chart is of its equilibria, without masses "
+                   "Note: scene %s moves by itself; the chart uses its equilibria, without masses "
                    "and dampers ('forcegrid run --scene %s' judges it in motion)\n",
                    name.c_str(), scene.object.c_str());
     }
@@ -222,24 +216,19 @@ int chart_accuracy_command(const ChartAccuracyOptions& asked) {
     }
   }
 
-  try {
-    const evaluation::Chart chart = evaluation::make_chart(options);
-    if (selections.empty() && !chart.tables.empty()) {
-      selections.push_back({chart.tables.back().scene, "chirp", "ideal"});
-    }
-    std::vector<evaluation::ChartFigure> figures;
-    for (const Selection& selection : selections) {
-      figures.push_back(draw(options, selection, figure_methods));
-    }
-    const std::vector<fs::path> files = evaluation::write_chart(chart, options, figures);
-    line.clear();
-    print_numbers(chart, options.default_method);
-    std::printf("%zu rows (%zu of them from before) in %s; look at %s\n", chart.rows.size(),
-                chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
-  } catch (...) {
-    line.clear();
-    throw;
+  const evaluation::Chart chart = evaluation::make_chart(options);
+  if (selections.empty() && !chart.tables.empty()) {
+    selections.push_back({chart.tables.back().scene, "chirp", "ideal"});
   }
+  std::vector<evaluation::ChartFigure> figures;
+  for (const Selection& selection : selections) {
+    figures.push_back(draw(options, selection, figure_methods));
+  }
+  const std::vector<fs::path> files = evaluation::write_chart(chart, options, figures);
+  line.clear();
+  print_numbers(chart, options.default_method);
+  std::printf("%zu rows (%zu of them from an earlier call) in %s; open %s\n", chart.rows.size(),
+              chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
   return 0;
 }
 

@@ -1,9 +1,10 @@
+#include "cli/charts/chart_solvers_command.h"
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "cli/charts/chart_command.h"
 #include "cli/charts/chart_support.h"
 #include "cli/common/scene_option.h"
 #include "cli/run/run_checks.h"
@@ -41,9 +42,11 @@ void print(const std::vector<simulator::SolverScalingRow>& rows) {
 
 void add_chart_solvers(CLI::App& chart, ChartSolversOptions& o, std::function<int()>& action) {
   CLI::App& solvers = *chart.add_subcommand(
-      "solvers", "What a servo cycle costs against the size of the object, for each solver");
+      "solvers", "Cost of a servo cycle against the size of the object, for each solver");
   solvers.add_option("--out", o.out, "Folder for tables and picture")->required();
-  solvers.add_option("--sizes", o.sizes, "Blocks of about so many vertices, 1000 to 1000000")
+  solvers
+      .add_option("--sizes", o.sizes,
+                  "Approximate numbers of vertices of the blocks, 1000 to 1000000")
       ->delimiter(',')
       ->check(CLI::Range(1'000, 1'000'000))
       ->type_name("INT vertices")
@@ -71,16 +74,11 @@ int chart_solvers_command(const ChartSolversOptions& asked) {
       options.displacements_W.size(), static_cast<std::size_t>(std::lround(
                                           (asked.quick ? kQuickMotion_s : kMotion_s) * kRate_Hz))));
   options.say = line.say_function();
-  try {
-    const auto rows = simulator::bench_scaling(options);
-    const auto files = evaluation::write_solver_chart(asked.out, rows, kRate_Hz);
-    line.clear();
-    print(rows);
-    std::printf("Look at %s\n", files.back().c_str());
-  } catch (...) {
-    line.clear();
-    throw;
-  }
+  const auto rows = simulator::bench_scaling(options);
+  const auto files = evaluation::write_solver_chart(asked.out, rows, kRate_Hz);
+  line.clear();
+  print(rows);
+  std::printf("Open %s\n", files.back().c_str());
   return 0;
 }
 

@@ -1,8 +1,9 @@
+#include "cli/charts/chart_stability_command.h"
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 
-#include "cli/charts/chart_command.h"
 #include "cli/charts/chart_support.h"
 #include "cli/common/option_values.h"
 #include "stability/chart.h"
@@ -56,7 +57,9 @@ void print_sweep(const stability::StabilityChart& chart) {
 void add_chart_stability(CLI::App& chart, ChartStabilityOptions& o, std::function<int()>& action) {
   CLI::App& stability = *chart.add_subcommand(
       "stability", "Stability of force methods in the closed loop of device, hand and servo");
-  stability.add_option("--out", o.out, "Folder for tables, pictures and the page")->required();
+  add_chart_choice(stability, o,
+                   {.quick = "The small block and fewer cells, within five minutes",
+                    .seed = "Of noise, loss and motions"});
   stability
       .add_option("--methods", o.methods,
                   "Methods with changes to their options, separated by ';' (default: " +
@@ -74,16 +77,7 @@ void add_chart_stability(CLI::App& chart, ChartStabilityOptions& o, std::functio
   stability.add_option("--hands", o.hands, "Hands (default all): " + joined(hands))
       ->delimiter(',')
       ->check(CLI::IsMember(hands));
-  stability.add_option("--goals-for", o.goals_for,
-                       "Method that is held against the goals (default: that of 'run')");
-  stability.add_flag("--quick", o.quick, "The small block and fewer cells, within five minutes");
-  stability.add_option("--jobs", o.jobs, "Threads; 0 is one a processor")
-      ->check(CLI::Range(0, 1024))
-      ->type_name("UINT threads")
-      ->capture_default_str();
-  stability.add_option("--cache", o.cache,
-                       "Folder of force tables (default forcegrid in the user's cache folder)");
-  stability.add_option("--seed", o.seed, "Of noise, loss and motions")->capture_default_str();
+  add_goals_for(stability, o.goals_for);
   stability.callback([&o, &action] { action = [&o] { return chart_stability_command(o); }; });
 }
 
@@ -93,19 +87,14 @@ int chart_stability_command(const ChartStabilityOptions& asked) {
   take_common(options, asked, line);
   options.parts = asked.parts;
   options.hands = asked.hands;
-  try {
-    const stability::StabilityChart chart = stability::make_stability_chart(options);
-    const auto files = stability::write_stability_chart(chart, options);
-    line.clear();
-    print_numbers(chart, options.default_method);
-    print_scenes(chart, options.default_method);
-    print_sweep(chart);
-    std::printf("%zu cells (%zu of them from before) in %s; look at %s\n", chart.rows.size(),
-                chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
-  } catch (...) {
-    line.clear();
-    throw;
-  }
+  const stability::StabilityChart chart = stability::make_stability_chart(options);
+  const auto files = stability::write_stability_chart(chart, options);
+  line.clear();
+  print_numbers(chart, options.default_method);
+  print_scenes(chart, options.default_method);
+  print_sweep(chart);
+  std::printf("%zu cells (%zu of them from an earlier call) in %s; open %s\n", chart.rows.size(),
+              chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
   return 0;
 }
 

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -98,6 +99,24 @@ std::function<void(const std::string&, double, double)> ProgressLine::show_funct
   return [this](const std::string& what, double done, double remaining_s) {
     show(what, done, remaining_s);
   };
+}
+
+void add_chart_choice(CLI::App& command, ChartChoice& choice, const ChartFlagWords& words) {
+  command.add_option("--out", choice.out, "Folder for tables, pictures and the page")->required();
+  command.add_flag("--quick", choice.quick, words.quick);
+  command.add_option("--jobs", choice.jobs, std::string(words.jobs) + "; 0 is one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->type_name("UINT threads")
+      ->capture_default_str();
+  command.add_option(
+      "--cache", choice.cache,
+      std::string("Folder of ") + words.cached + " (default forcegrid in the user's cache folder)");
+  command.add_option("--seed", choice.seed, words.seed)->capture_default_str();
+}
+
+void add_goals_for(CLI::App& command, std::string& method) {
+  command.add_option("--goals-for", method,
+                     "Method that is held against the goals (default: that of 'run')");
 }
 
 }  // namespace forcegrid::cli

@@ -4,7 +4,7 @@
 
 namespace forcegrid::cli {
 
-/// A finite number from `low` to `high`; CLI::Range would let NaN through.
+/// Accepts a finite number from `low` to `high`. CLI::Range would accept NaN.
 CLI::Validator between(double low, double high);
 
 }  // namespace forcegrid::cli

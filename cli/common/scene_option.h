@@ -5,10 +5,10 @@
 
 namespace forcegrid::cli {
 
-/// Takes a scene by its name, or a TOML file.
+/// Accepts a scene by its name, or a TOML file.
 CLI::Validator scene_check();
 
-/// What --scene may be, for its help.
+/// Describes the values of --scene, for its help.
 std::string scene_help();
 
 }  // namespace forcegrid::cli

@@ -45,7 +45,7 @@ std::string today() {
   return text;
 }
 
-// A newline on standard input, without waiting; its end counts, too.
+// Whether standard input has a newline or has ended; does not wait.
 bool enter_pressed() {
   pollfd input{STDIN_FILENO, POLLIN, 0};
   if (::poll(&input, 1, 0) <= 0) {
@@ -147,8 +147,8 @@ class Calibration {
       say(std::string(check.passed ? "ok      " : "FAILED  ") + check.name + ": " + check.text);
     }
     if (result.passed() && !result.absolute && !options_.no_strokes) {
-      say("Without a known mass (--tip-mass) only friction over torque constant can be told: the "
-          "profile keeps its torque constants, and has the friction that goes with them.");
+      say("Without a known mass (--tip-mass) only the ratio of friction to torque constant can be "
+          "measured: the profile keeps its torque constants and gets the friction that fits them.");
     }
     ordered_json json = {{"device", device_->identity().url},
                          {"product", device_->identity().product},
@@ -169,7 +169,7 @@ class Calibration {
     std::fflush(out_);
   }
 
-  // An emulated device of this program's own has an emulated hand, which needs no questions.
+  // The emulated hand of a device that this program starts needs no questions.
   bool somebody_is_there() const {
     return !options_.yes && !options_.device.starts_with(kEmulatedPrefix);
   }
@@ -178,7 +178,7 @@ class Calibration {
     if (somebody_is_there() && ::isatty(STDIN_FILENO) == 0) {
       throw std::runtime_error(
           "calibrate asks a person to let go of the device, but standard input is no terminal; "
-          "give --yes for a script, and see that nobody touches the device");
+          "in a script give --yes, and make sure that nobody touches the device");
     }
     if (options_.no_range && options_.no_strokes) {
       say("--no-range and --no-strokes leave homing and directions.");
@@ -188,7 +188,7 @@ class Calibration {
 
   void open() {
     const bool emulated = options_.device.starts_with(kEmulatedPrefix);
-    // An emulated device may be taken for another, so that somebody can see what is found.
+    // An emulated device may be given another profile, to show what the checks find.
     const std::string own_profile = profile_name_of(options_.device, "");
     profile_ =
         profiles::load_device_profile(options_.profile.empty() ? own_profile : options_.profile);
@@ -219,7 +219,7 @@ class Calibration {
   bool home() {
     if (options_.tip_mass_kg > 0.0) {
       char text[120];
-      std::snprintf(text, sizeof text, "The mass of %.3f kg has to be fastened to the tip now.",
+      std::snprintf(text, sizeof text, "Fasten the mass of %.3f kg to the tip now.",
                     options_.tip_mass_kg);
       say(text);
     }
@@ -250,11 +250,11 @@ class Calibration {
     return calibration::run_procedure(rig, profile_, procedure);
   }
 
-  // The file that was written; empty: none.
+  // Returns the file that was written; empty: none.
   std::string write(const ProcedureResult& result) const {
     if (result.changes.empty()) {
       say(result.passed() ? "There is nothing to write."
-                          : "Nothing is written, since a check failed.");
+                          : "Nothing is written because a check failed.");
       return "";
     }
     for (const auto& [key, value] : result.changes) {
@@ -270,11 +270,11 @@ class Calibration {
         file, profile_.file,
         "Calibrated " + today() + " by forcegrid " + program_version() + " from " + profile_.name +
             ": " + device_->identity().product + ", unit " + key_ +
-            (result.absolute ? "" : "; torque constants not measured, for want of a known mass"),
+            (result.absolute ? "" : "; torque constants not measured without a known mass"),
         result.changes);
     say("Written to " + file +
-        (options_.write.empty() ? "; forcegrid run takes it for this unit from now on."
-                                : "; give it as --profile."));
+        (options_.write.empty() ? "; 'forcegrid run' uses it for this unit."
+                                : "; use it with --profile."));
     return file;
   }
 
@@ -299,28 +299,30 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
           "--device", o.device,
           "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
       ->capture_default_str();
-  calibrate.add_option("--profile", o.profile,
-                       "What the device is believed to be (default: the emulated one, falcon for a "
-                       "Falcon, else woodenhaptics_v2015)");
+  calibrate.add_option(
+      "--profile", o.profile,
+      "Profile that the device is assumed to have (default: the emulated one, falcon for a "
+      "Falcon, else woodenhaptics_v2015)");
   calibrate.add_option("--firmware", o.firmware,
-                       "Firmware file for a Novint Falcon in which none runs");
+                       "Firmware file for a Novint Falcon that runs none yet");
   calibrate
       .add_option("--tip-mass", o.tip_mass_kg,
-                  "A known mass, 0.05 or 0.1 kg, that you have fastened to the tip. Without one "
-                  "the torque constants can't be told")
+                  "Known mass, 0.05 or 0.1 kg, that you have fastened to the tip; needed to "
+                  "measure the torque constants")
       ->check(CLI::Range(0.0, emulator::kMaxTipMass_kg))
       ->type_name("FLOAT kg")
       ->capture_default_str()
       ->configurable(false);
   calibrate
-      .add_flag("--calibrated", o.calibrated, "The counters are right already: no pose, no button")
+      .add_flag("--calibrated", o.calibrated,
+                "The encoder counters are already valid: no pose, no button")
       ->configurable(false);
   calibrate.add_flag("--no-range", o.no_range, "Do not move to the hard stops");
   calibrate.add_flag("--no-strokes", o.no_strokes, "Do not measure friction and torque constants");
   calibrate.add_flag("--quick", o.quick, "Fewer strokes: half the time, twice the uncertainty");
   calibrate
       .add_flag("--yes", o.yes,
-                "Ask nothing, for scripts: the device is let go of within --let-go-s")
+                "Ask nothing, for scripts: nobody may touch the device after --let-go-s")
       ->configurable(false);
   calibrate
       .add_option("--let-go-s", o.let_go_s,
@@ -329,14 +331,14 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
       ->check(CLI::Range(0.0, 600.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
-  calibrate.add_option("--rate", o.rate_Hz, "Steps a second")
+  calibrate.add_option("--rate", o.rate_Hz, "Control steps per second")
       ->check(CLI::Range(250.0, 2000.0))
       ->type_name("FLOAT Hz")
       ->capture_default_str();
   calibrate
       .add_option("--device-timeout-ms", o.device_timeout_ms,
-                  "Silence of the device after which the calibration ends with zero current; its "
-                  "own watchdog waits 500 ms")
+                  "The calibration ends with zero current when the device is silent for this long; "
+                  "the device's own watchdog waits 500 ms")
       ->check(CLI::Range(10, 450))
       ->type_name("INT ms")
       ->capture_default_str();
@@ -344,7 +346,7 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
       .add_option("--write", o.write,
                   "FILE.toml to write the profile to, instead of the place where run finds it")
       ->configurable(false);
-  calibrate.add_flag("--dry-run", o.dry_run, "Measure and tell, but write nothing")
+  calibrate.add_flag("--dry-run", o.dry_run, "Measure and report, but write nothing")
       ->configurable(false);
   calibrate.footer(
       "Currents stay below half of the profile's limits, the tip below 0.6 of its largest speed.\n"

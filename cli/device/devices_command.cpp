@@ -85,7 +85,7 @@ tools::SurveyRoots roots_below(const std::string& root) {
 void add_devices(CLI::App& app, DevicesOptions& o, std::function<int()>& action) {
   CLI::App& devices = *app.add_subcommand(
       "devices",
-      "Find haptic devices, and say of each that can't be used why not and what mends it");
+      "List haptic devices and, for each that cannot be used, the reason and the remedy");
   devices.add_option("--usbip", o.usbip,
                      "USB/IP servers to ask as well: HOST or HOST:PORT; may be repeated");
   devices
@@ -124,8 +124,8 @@ int devices_command(const DevicesOptions& options) {
   }
   if (found.empty()) {
     std::fprintf(out,
-                 "No haptic device. Plug one in and switch its power on; ask another computer with "
-                 "--usbip HOST;\nor run without one: forcegrid run --device "
+                 "No haptic device found. Plug one in and switch it on, ask another computer with "
+                 "--usbip HOST,\nor run without one: forcegrid run --device "
                  "emulated:woodenhaptics_v2015\n");
   }
   write_json(options.json, ordered_json{{"devices", list}, {"failures", failures}}.dump(2));

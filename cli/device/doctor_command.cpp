@@ -26,7 +26,7 @@ using tools::Verdict;
 constexpr int kWarnings = 3;
 constexpr int kBad = 4;
 
-// The program itself first, then all that it stands on.
+// The program's own version first, then those of its libraries.
 std::vector<tools::PartVersion> versions() {
   std::vector<tools::PartVersion> parts = {{"forcegrid", program_version(), false},
                                            {"commit", program_commit(), false}};
@@ -50,15 +50,15 @@ Finding versions_finding(const std::vector<tools::PartVersion>& parts) {
 constexpr char kDeviceCheck[] = "USB round trip";
 constexpr char kSimulatorCheck[] = "simulator's round trip";
 
-// What can't be measured is a finding like the others: it must not take them along.
+// A measurement that fails becomes a finding, so that the other findings are still printed.
 Finding device_finding(const DoctorOptions& options, const profiles::DeviceProfile& profile) {
   try {
     const auto device = driver::open_device(options.device, profile);
     const tools::RoundTrips trips =
         tools::measure_device_round_trip(*device, options.seconds, StopRequest::stop());
-    static_cast<void>(device->stop());  // no current was ever asked for
+    static_cast<void>(device->stop());  // no current was ever commanded
     return tools::judge_round_trips(kDeviceCheck, trips,
-                                    "plug the device in again and look at forcegrid devices");
+                                    "plug the device in again and run 'forcegrid devices'");
   } catch (const driver::DeviceError& error) {
     return tools::not_measured(kDeviceCheck, error.what());
   }
@@ -110,7 +110,7 @@ void print(std::FILE* out, const Finding& finding) {
     std::fprintf(out, "         costs: %s\n", finding.cost.c_str());
   }
   if (!finding.remedy.empty()) {
-    std::fprintf(out, "         mend:  %s\n", finding.remedy.c_str());
+    std::fprintf(out, "         fix: %s\n", finding.remedy.c_str());
   }
   for (const std::string& line : tools::histogram_lines(finding.histogram)) {
     std::fprintf(out, "         %s\n", line.c_str());
@@ -148,7 +148,7 @@ tools::DoctorSystem system_below(const std::string& root) {
   return system;
 }
 
-// Each file once: several findings may want the same.
+// Each file once: several findings may need the same fix.
 std::vector<std::string> fix_all(const std::vector<Finding>& findings) {
   std::vector<tools::FileFix> fixes;
   std::set<std::string> files;
@@ -166,17 +166,16 @@ std::vector<std::string> fix_all(const std::vector<Finding>& findings) {
 
 void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
   CLI::App& doctor = *app.add_subcommand(
-      "doctor",
-      "Examine this computer: what is wrong, what it costs, and the command that mends it");
-  doctor.add_option("--seconds", o.seconds, "Length of each measurement; 0 leaves them out")
+      "doctor", "Check this computer: what is wrong, what it costs, and the command that fixes it");
+  doctor.add_option("--seconds", o.seconds, "Length of each measurement; 0 skips them")
       ->check(CLI::Range(0.0, 3600.0))
       ->type_name("FLOAT s")
       ->capture_default_str();
-  doctor.add_option("--rate", o.rate_Hz, "Servo rate that wake-ups are measured and judged for")
+  doctor.add_option("--rate", o.rate_Hz, "Servo rate for which wake-ups are measured and judged")
       ->check(CLI::Range(100.0, 4000.0))
       ->type_name("FLOAT Hz")
       ->capture_default_str();
-  doctor.add_option("--device", o.device, "Device to measure the USB round trip with, as of run");
+  doctor.add_option("--device", o.device, "Device to measure the USB round trip with, as in run");
   doctor.add_option("--profile", o.profile, "Its profile")->capture_default_str();
   doctor.add_option("--simulator", o.simulator, "ADDR:PORT of a simulator to measure UDP with");
   doctor
@@ -194,7 +193,7 @@ void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
 
 int doctor_command(const DoctorOptions& options) {
   std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
-  std::optional<profiles::DeviceProfile> profile;  // a name that is wrong is said at once
+  std::optional<profiles::DeviceProfile> profile;  // so that a wrong name is reported at once
   if (!options.device.empty()) {
     profile = profiles::load_device_profile(options.profile);
   }
@@ -224,7 +223,7 @@ int doctor_command(const DoctorOptions& options) {
     std::fprintf(out, "fixed:   %s\n", sentence.c_str());
   }
   if (options.fix && done.empty()) {
-    std::fprintf(out, "fixed:   nothing; there is nothing that can be mended without risk\n");
+    std::fprintf(out, "fixed: nothing; no finding has a fix without risk\n");
   }
   ordered_json version_of = ordered_json::object();
   for (const tools::PartVersion& part : parts) {

@@ -14,7 +14,7 @@
 namespace forcegrid::cli {
 namespace {
 
-// What a tool's options don't go with.
+// Rejects options that exclude a sliding or extended tool.
 void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
   simulator::check_together(tool);
   if (tool.is_sticky_point()) {
@@ -23,28 +23,27 @@ void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
   const std::string asked = "tool " + tool.shape + ", contact " + tool.contact;
   if (tool.slides() && options.workers > 0) {
     throw std::runtime_error(asked +
-                             ": what a sliding tool feels depends on its path, so that --workers "
-                             "have nothing to answer; leave them out");
+                             ": the force on a sliding tool depends on its path, which --workers "
+                             "do not know; leave them out");
   }
   const auto is_direct = [](const std::string& method) { return method == kDirect; };
   if (is_direct(options.method) ||
-      std::any_of(options.shadows.begin(), options.shadows.end(), is_direct)) {
-    throw std::runtime_error(asked +
-                             ": method direct knows sticky contact of a point alone; "
-                             "choose another method");
+      std::any_of(options.evaluated.begin(), options.evaluated.end(), is_direct)) {
+    throw std::runtime_error(
+        asked + ": method direct supports only sticky contact of a point; choose another method");
   }
 }
 
 void check_solver(const RunOptions& options) {
   if (!options.for_started_simulator.empty() && !options.simulator.empty()) {
     throw std::runtime_error(options.for_started_simulator.front() +
-                             ": --simulator names one that already runs, with a scene and a delay "
-                             "of its own; give it to 'forcegrid simulate'");
+                             ": --simulator names a running simulator, which has its own scene and "
+                             "delay; give this option to 'forcegrid simulate'");
   }
   if (options.solver != "auto" && !options.simulator.empty()) {
-    throw std::runtime_error("--solver " + options.solver +
-                             ": --simulator names one that already runs; give it to 'forcegrid "
-                             "simulate'");
+    throw std::runtime_error(
+        "--solver " + options.solver +
+        ": --simulator names a running simulator; give this option to 'forcegrid simulate'");
   }
 }
 
@@ -56,7 +55,7 @@ void check_device(const RunOptions& options, const profiles::DeviceProfile& prof
   }
   if (!is_emulated(options) && !options.faults.empty()) {
     throw std::runtime_error("--fault " + options.faults.front() +
-                             ": only an emulated device has faults on demand; use --device " +
+                             ": only an emulated device can have injected faults; use --device " +
                              "emulated:PROFILE, or give --fault to forcegrid emulate");
   }
   if (options.gravity_compensation && profile.kind == profiles::DeviceKind::kDelta) {
@@ -69,8 +68,8 @@ void check_device(const RunOptions& options, const profiles::DeviceProfile& prof
 void check_workers(const RunOptions& options) {
   if (options.workers > 0 && !options.simulator.empty()) {
     throw std::runtime_error(
-        "--workers are those of a simulator that is started here, but --simulator names another; "
-        "start it with --workers ADDR:PORT and each worker with 'forcegrid worker'");
+        "--workers serve a simulator that this command starts, but --simulator names another one; "
+        "start that one with --workers ADDR:PORT and each worker with 'forcegrid worker'");
   }
 }
 
@@ -88,8 +87,8 @@ simulator::ToolOptions tool_of(const RunOptions& options) {
   }
   if (options.tool.given()) {
     throw std::runtime_error(tool_arguments(options.tool).front() +
-                             ": the tool is the simulator's, and --simulator names one that "
-                             "already runs; give it to 'forcegrid simulate'");
+                             ": the simulator chooses the tool, and --simulator names a running "
+                             "one; give this option to 'forcegrid simulate'");
   }
   return {};
 }
@@ -110,7 +109,7 @@ void prepare_folder(const std::string& folder) {
   file << "probe\n";
   file.close();
   if (error || !file) {
-    throw std::runtime_error("folder '" + folder + "' for the results can't be written (" +
+    throw std::runtime_error("folder '" + folder + "' for the results is not writable (" +
                              (error ? error.message() : std::strerror(errno)) +
                              "); choose another with --out");
   }

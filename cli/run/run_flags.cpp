@@ -27,24 +27,25 @@ void add_device(CLI::App& run, RunOptions& o) {
                      joined(profiles::available_profiles()) + ", or a TOML file");
   run.add_option(
          "--calibration", o.calibration,
-         "Profile of this very unit: auto takes what forcegrid calibrate has written for it, "
-         "none does not, else a TOML file")
+         "Profile of this unit: auto uses the file that forcegrid calibrate wrote for it, none "
+         "ignores that file, else a TOML file")
       ->capture_default_str();
-  run.add_flag("--calibrated", o.calibrated,
-               "The counters are right already; ask for no button (a Falcon is homed anyway)");
+  run.add_flag(
+      "--calibrated", o.calibrated,
+      "The encoder counters are already valid: skip the calibration pose and its button (a "
+      "Falcon is homed anyway)");
   run.add_option("--firmware", o.firmware,
-                 "Firmware file for a Novint Falcon in which none runs (always after power-on); an "
+                 "Firmware file for a Novint Falcon that runs none yet (always after power-on); an "
                  "emulated one gets a synthetic image by default");
   run.add_option("--device-timeout-ms", o.device_timeout_ms,
-                 "Silence of the device after which the run ends with zero current; its own "
-                 "watchdog waits 500 ms")
+                 "The run ends with zero current when the device is silent for this long; the "
+                 "device's own watchdog waits 500 ms")
       ->check(CLI::Range(10, 450))
       ->capture_default_str()
       ->type_name("INT ms");
   run.add_flag("--reconnect", o.reconnect,
-               "When the device vanishes or falls silent, wait for it and go on");
-  run.add_option("--reconnect-timeout", o.reconnect_timeout_s,
-                 "How long to wait for it, in seconds")
+               "If the device disappears or falls silent, wait until it is back and continue");
+  run.add_option("--reconnect-timeout", o.reconnect_timeout_s, "How long --reconnect waits")
       ->check(between(0.0, 86400.0))
       ->capture_default_str()
       ->type_name("FLOAT s");
@@ -56,30 +57,31 @@ void add_object(CLI::App& run, RunOptions& o) {
       ->check(scene_check())
       ->capture_default_str();
   run.add_option("--solver", o.solver,
-                 "How the simulator solves the scene, as of 'forcegrid simulate'")
+                 "Solver of the started simulator, see 'forcegrid simulate --help'")
       ->check(CLI::IsMember(simulator::solver_names()))
       ->capture_default_str();
   add_tool(run, o.tool);
-  run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers a second of the started simulator")
+  run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers per second of the started simulator")
       ->check(between(1.0, 1000.0))
       ->capture_default_str()
       ->type_name("FLOAT Hz");
   run.add_option_function<double>(
          "--sim-delay-ms", [&o](double ms) { o.simulator_delay_s = 1e-3 * ms; },
-         "Hold each answer of the started simulator back this long")
+         "Delay every answer of the started simulator by this much")
       ->default_str("0")
       ->check(between(0.0, 1000.0))
       ->type_name("FLOAT ms");
   run.add_option("--workers", o.workers,
-                 "Processes that answer requests for the started simulator; default then 120 "
-                 "requests a second")
+                 "Worker processes that answer requests for the started simulator; with workers, "
+                 "--requests-per-s defaults to 120")
       ->check(CLI::Range(0, 64))
       ->capture_default_str()
       ->type_name("INT processes");
   run.add_option("--simulator", o.simulator,
                  "ADDR:PORT of a simulator that already runs, instead of --scene; on another "
                  "machine only with --key");
-  add_key(run, o.key_files, "Seal the link to the simulator with this key file (forcegrid keygen)");
+  add_key(run, o.key_files,
+          "Encrypt the link to the simulator with this key file (forcegrid keygen)");
 }
 
 void add_force(CLI::App& run, RunOptions& o) {
@@ -89,8 +91,10 @@ void add_force(CLI::App& run, RunOptions& o) {
                      ", direct; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
       ->check(method_check())
       ->capture_default_str();
-  run.add_option("--shadow", o.shadows,
-                 "Methods that run beside it, judged on the same path but not felt")
+  run.add_option(
+         "--evaluate,--shadow", o.evaluated,
+         "Methods that are evaluated beside it on the same path, but not rendered (--shadow is "
+         "the deprecated spelling)")
       ->delimiter(';')
       ->check(method_check())
       ->capture_default_str();
@@ -98,27 +102,31 @@ void add_force(CLI::App& run, RunOptions& o) {
       ->check(between(100.0, 4000.0))
       ->capture_default_str()
       ->type_name("FLOAT Hz");
-  run.add_option("--requests-per-s", o.requests_per_s,
-                 "Forces at positions of its own choice that the method may ask the simulator for "
-                 "(default 120 for a method that needs them, else 0)")
+  run.add_option(
+         "--requests-per-s", o.requests_per_s,
+         "How many forces per second the method may request from the simulator, at positions "
+         "that the method chooses (default 120 for a method that needs them, else 0)")
       ->check(between(0.0, 4000.0))
       ->type_name("FLOAT 1/s");
-  run.add_flag("--gravity-compensation", o.gravity_compensation, "Carry the links' weight");
+  run.add_flag("--gravity-compensation", o.gravity_compensation,
+               "Compensate the weight of the device's links");
 }
 
 void add_grid(CLI::App& run, RunOptions& o) {
   run.option_defaults()->group("Grid methods");
-  run.add_option("--fill-budget", o.fill_budget, "Vertices a cycle and method may update")
+  run.add_option("--fill-budget", o.fill_budget,
+                 "Grid vertices that one method may update per cycle")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str()
       ->type_name("INT vertices");
-  run.add_option("--cells", o.cells, "Grid cells an axis: X,Y,Z")
+  run.add_option("--cells", o.cells, "Grid cells per axis: X,Y,Z")
       ->delimiter(',')
       ->check(CLI::Range(1, 4096))
       ->capture_default_str()
       ->type_name("[INT,INT,INT] cells");
-  run.add_option("--r-mm", o.influence_radius_mm,
-                 "Distance of influence r; 0 is a sixth of the workspace's longest side")
+  run.add_option(
+         "--r-mm", o.influence_radius_mm,
+         "Radius of influence r of a sample; 0 means a sixth of the workspace's longest side")
       ->check(between(0.0, 1000.0))
       ->capture_default_str()
       ->type_name("FLOAT mm");
@@ -126,7 +134,7 @@ void add_grid(CLI::App& run, RunOptions& o) {
       ->check(between(0.001, 1000.0))
       ->capture_default_str()
       ->type_name("FLOAT mm");
-  run.add_option("--s", o.samples_per_cell, "Samples a cell counts at most; 0 counts all")
+  run.add_option("--s", o.samples_per_cell, "Samples counted per cell, at most; 0 counts all")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str()
       ->type_name("INT samples");
@@ -135,33 +143,33 @@ void add_grid(CLI::App& run, RunOptions& o) {
 void add_safety(CLI::App& run, RunOptions& o) {
   run.option_defaults()->group("Safety");
   run.add_option("--passivity", o.passivity,
-                 "What is done about energy that the force gives to the hand: control (damp it), "
-                 "observe (only count it), coupling (touch through a spring and damper)")
+                 "What the guard does about energy that the force gives to the hand: control (damp "
+                 "it), observe (only count it), coupling (render through a spring and damper)")
       ->check(CLI::IsMember({"control", "observe", "coupling"}))
       ->capture_default_str();
   run.add_option("--passivity-allowance-mJ", o.passivity_allowance_mJ,
-                 "Energy in a contact from which on the control acts, in mJ")
+                 "Energy per contact above which the control acts")
       ->check(between(0.01, 1000.0))
       ->type_name("FLOAT mJ")
       ->capture_default_str();
   run.add_option("--passivity-damping", o.passivity_damping_N_s_per_m,
-                 "Most damping that the control adds, in N s/m; at most what the profile allows")
+                 "Largest damping that the control may add; the profile's limit also applies")
       ->check(between(0.0, 100.0))
       ->type_name("FLOAT N s/m")
       ->capture_default_str();
-  run.add_option("--coupling", o.coupling, "Of --passivity coupling: K,B in N/m and N s/m")
+  run.add_option("--coupling", o.coupling, "Stiffness and damping K,B of --passivity coupling")
       ->delimiter(',')
       ->expected(2)
       ->check(between(0.001, 1e6))
       ->type_name("FLOAT N/m and N s/m")
       ->capture_default_str();
   run.add_option("--dead-man", o.dead_man,
-                 "Force only while this is held: button (any on a Falcon's grip), signal (SIGUSR2 "
-                 "at least every 0.2 s, from a switch of its own), none")
+                 "Render force only while this is held: button (any button on a Falcon's grip), "
+                 "signal (SIGUSR2 at least every 0.2 s, for example from a foot switch), none")
       ->check(CLI::IsMember({"none", "button", "signal"}))
       ->capture_default_str();
   run.add_flag("--no-motor-check", o.no_motor_check,
-               "Do not give each motor a few short pushes before the first force");
+               "Skip the check that pushes each motor briefly before the first force");
 }
 
 void add_hand(CLI::App& run, RunOptions& o) {
@@ -171,7 +179,7 @@ void add_hand(CLI::App& run, RunOptions& o) {
       ->capture_default_str();
   run.add_option("--motion", o.motion,
                  "Motion of the emulated hand: " + joined(motions()) +
-                     "; unless given, stroke with a tool that slides")
+                     "; a sliding tool uses stroke by default")
       ->check(motion_check())
       ->capture_default_str();
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
@@ -184,7 +192,7 @@ void add_hand(CLI::App& run, RunOptions& o) {
       ->capture_default_str();
   run.add_option(
          "--fault", o.faults,
-         "Make the emulated device misbehave; may be repeated, see forcegrid emulate --help")
+         "Inject a fault into the emulated device; may be repeated, see forcegrid emulate --help")
       ->check(fault_check())
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
@@ -192,19 +200,21 @@ void add_hand(CLI::App& run, RunOptions& o) {
 
 void add_results(CLI::App& run, RunOptions& o) {
   run.option_defaults()->group("Run and results");
-  run.add_option("--seconds", o.seconds, "How long; 0 runs until Ctrl-C")
+  run.add_option("--seconds", o.seconds, "Length of the run; 0 runs until Ctrl-C")
       ->check(between(0.0, 86400.0))
       ->capture_default_str()
       ->type_name("FLOAT s");
-  run.add_flag("--live", o.live,
-               "A dashboard in the terminal (80 x 24 is enough) instead of a line a second");
+  run.add_flag(
+      "--live", o.live,
+      "Show a dashboard in the terminal (80 x 24 or larger) instead of one line per second");
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->capture_default_str();
-  run.add_flag("--no-truth", o.no_reference, "Skip the reference forces");
+  run.add_flag("--no-reference,--no-truth", o.no_reference,
+               "Skip the reference forces (--no-truth is the deprecated spelling)");
   run.add_option("--record", o.record,
-                 "FILE.h5: everything of every cycle, as forcegrid record. FILE.csv or .csv.gz: "
-                 "trace for 'forcegrid evaluate', samples and, at every cycle, position and "
-                 "reference force");
+                 "FILE.h5: record every cycle completely, as forcegrid record does. FILE.csv or "
+                 ".csv.gz: record a trace for 'forcegrid evaluate': samples and, for each cycle, "
+                 "position and reference force");
   add_json(run, o.json);
 }
 

@@ -14,19 +14,19 @@
 namespace forcegrid::cli {
 namespace {
 
-constexpr double kDirectShare = 0.5;  // of a cycle that method direct may take
+constexpr double kDirectShare = 0.5;  // largest share of a cycle for method direct
 constexpr double kDefaultRequests_per_s = 120.0;
 
-// The scene itself as a force method, if a servo cycle has the time for it.
+// Makes the scene itself a force method, if a servo cycle is long enough for it.
 std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
   if (!options.simulator.empty()) {
     throw std::runtime_error(
-        "method direct needs the object in this process, but --simulator names another one; leave "
-        "that out or choose another method");
+        "method direct needs the object in this process, but --simulator names another process; "
+        "leave --simulator out or choose another method");
   }
   const simulator::Scene scene = simulator::make_scene(options.scene);
   if (moves_by_itself(options.scene, options.solver)) {
-    throw std::runtime_error("method direct: it solves equilibria, and scene " + options.scene +
+    throw std::runtime_error("method direct solves equilibria, but scene " + options.scene +
                              " moves by itself; choose another method, or --solver quasi_static");
   }
   simulator::DirectOptions direct_options;
@@ -50,8 +50,8 @@ std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
 
 RunMethods::RunMethods(const RunOptions& options, const MethodOptions& base) {
   add(options.method, options, base);
-  for (const std::string& shadow : options.shadows) {
-    add(shadow, options, base);
+  for (const std::string& evaluated : options.evaluated) {
+    add(evaluated, options, base);
   }
 }
 
@@ -82,7 +82,7 @@ double RunMethods::requests_per_s(const RunOptions& options,
                                   const simulator::ToolOptions& tool) const {
   for (std::size_t i = 1; i < methods_.size(); ++i) {
     if (methods_[i]->needs().requests) {
-      throw std::runtime_error("--shadow \"" + names_[i] +
+      throw std::runtime_error("--evaluate \"" + names_[i] +
                                "\": only the rendered method's requests reach the simulator; give "
                                "it as --method");
     }
@@ -91,17 +91,18 @@ double RunMethods::requests_per_s(const RunOptions& options,
   const double asked =
       options.requests_per_s.value_or(needed || options.workers > 0 ? kDefaultRequests_per_s : 0.0);
   if (needed && asked == 0.0) {
-    throw std::runtime_error("--requests-per-s 0: method \"" + names_.front() +
-                             "\" lives on its requests; give more, or another method");
+    throw std::runtime_error(
+        "--requests-per-s 0: method \"" + names_.front() +
+        "\" works only with requests; give a number above 0, or choose another method");
   }
   if (tool.slides() && asked > 0.0) {
     throw std::runtime_error(
-        "contact slide: what a sliding tool feels depends on its path, so that "
-        "requests have no answer; use a method without them, and --requests-per-s 0");
+        "contact slide: the force on a sliding tool depends on its path, so requests cannot be "
+        "answered; use a method without requests, and --requests-per-s 0");
   }
   if (asked > options.rate_Hz) {
     throw std::runtime_error("--requests-per-s " + std::to_string(std::lround(asked)) +
-                             ": a request a cycle at most; give a number up to --rate");
+                             ": at most one request per cycle; give a number up to --rate");
   }
   return asked;
 }

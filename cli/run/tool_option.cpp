@@ -16,14 +16,15 @@ const std::vector<std::string> kContacts = {"sticky", "slide"};
 void add_tool(CLI::App& command, ToolChoice& choice) {
   using contact::ToolShape;
   command
-      .add_option("--tool", choice.tool,
-                  "With what the object is touched, see docs/contact.md (default: the scene's, "
-                  "else point)")
+      .add_option(
+          "--tool", choice.tool,
+          "Shape of the tool that touches the object, see docs/contact.md (default: the scene's, "
+          "else point)")
       ->check(CLI::IsMember(kTools));
   command
       .add_option("--contact", choice.contact,
-                  "What a touch is: sticky (the tool holds what it touches) or slide (it presses, "
-                  "slides with friction, leaves) (default: the scene's, else sticky)")
+                  "Kind of contact: sticky (the tool holds what it touches) or slide (it presses, "
+                  "slides with friction and leaves) (default: the scene's, else sticky)")
       ->check(CLI::IsMember(kContacts));
   command
       .add_option("--tool-radius-mm", choice.radius_mm,

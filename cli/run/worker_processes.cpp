@@ -47,7 +47,8 @@ void WorkerProcesses::start(int count, const std::string& listening, const std::
   const std::string before = " workers ";
   const std::size_t at = listening.find(before);
   if (at == std::string::npos) {
-    throw std::runtime_error("the simulator did not say where its workers may come: " + listening);
+    throw std::runtime_error("the simulator did not print the address for its workers: " +
+                             listening);
   }
   const std::string address = listening.substr(at + before.size());
   for (int i = 0; i < count; ++i) {
@@ -60,7 +61,7 @@ void WorkerProcesses::start(int count, const std::string& listening, const std::
       throw std::runtime_error("a worker did not start (its message is above)");
     }
   }
-  remove_own_key();  // everybody has read it, and a run that is killed could not do it later
+  remove_own_key();  // all workers have read it, and a killed run could not remove it later
 }
 
 }  // namespace forcegrid::cli

@@ -37,7 +37,7 @@ struct RadialDerivatives {
 ///                           + d_a d_b d_c d_e g''''
 ///
 /// (D the Kronecker delta, J = dF/dP), each column of the first being curl-free in p. Scaled so
-/// that -g'(0) = 1: one newton of prior standard deviation an axis. The shapes:
+/// that -g'(0) = 1: one newton of prior standard deviation per axis. The shapes:
 ///
 ///   squared exponential  g = l^2 exp(-u/l^2)
 ///   Matern 7/2           -g' = (1 + s + s^2/3) exp(-s),  s = sqrt(7) r/l
@@ -62,7 +62,7 @@ struct Kernel {
 
   RadialDerivatives radial(double distance_m2) const noexcept;
 
-  /// Prior variance of one component of the force, in the mean over the axes [N^2].
+  /// Prior variance of one component of the force, averaged over the axes [N^2].
   double prior_variance_N2(const Eigen::Vector3d& p, const History& h) const noexcept {
     return 1.0 + constant_N2 + stiffness_variance() * p.squaredNorm() +
            history_variance() * h.squaredNorm();

@@ -52,7 +52,7 @@ class PosteriorGrid {
     bool known = false;  ///< all eight vertices hold something; else the force is zero
   };
 
-  /// @param min_m lowest corner of the box, `cells` its cells an axis, at least one, each
+  /// @param min_m lowest corner of the box, `cells` its cells per axis, at least one, each
   ///        `spacing_m` wide.
   PosteriorGrid(const Eigen::Vector3d& min_m, const Eigen::Vector3i& cells, double spacing_m,
                 std::size_t pool_blocks) noexcept;
@@ -115,7 +115,7 @@ class PosteriorGrid {
   Eigen::Vector3i cells_;
   double spacing_m_;
   double inverse_per_m_;
-  Eigen::Vector3d last_;  ///< index of the last vertex an axis
+  Eigen::Vector3d last_;  ///< index of the last vertex per axis
   float half_spacing_m_;
   BlockStorage<PosteriorSegment> storage_;
 };

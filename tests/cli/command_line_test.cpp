@@ -68,9 +68,9 @@ TEST(CommandLine, SaysWhichFlagsOfAToolMeanNothingToIt) {
     return program.standard_error();
   };
   EXPECT_THAT(said({"--friction", "0.5", "--tool-radius-mm", "5"}),
-              HasSubstr("Note: --tool-radius-mm, --friction: of no use to tool point, contact "
+              HasSubstr("Note: --tool-radius-mm, --friction: no effect on tool point, contact "
                         "sticky"));
-  EXPECT_THAT(said({"--tool", "sphere", "--tool-radius-mm", "5"}), Not(HasSubstr("of no use")));
+  EXPECT_THAT(said({"--tool", "sphere", "--tool-radius-mm", "5"}), Not(HasSubstr("no effect")));
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -131,11 +131,11 @@ INSTANTIATE_TEST_SUITE_P(
         Complaint{"TheToolOfASimulatorThatRunsAlready",
                   {"run", "--simulator", "127.0.0.1:1", "--friction", "0.2"},
                   1,
-                  {"--friction", "give it to 'forcegrid simulate'"}},
+                  {"--friction", "give this option to 'forcegrid simulate'"}},
         Complaint{"TheSceneOfASimulatorThatRunsAlready",
                   {"run", "--simulator", "127.0.0.1:1", "--scene", "small"},
                   1,
-                  {"--scene: --simulator", "give it to 'forcegrid simulate'"}},
+                  {"--scene: --simulator", "give this option to 'forcegrid simulate'"}},
         Complaint{"AFolderForAChartThatCanNotBeWritten",
                   {"chart", "solvers", "--out", "/proc/no-such-folder"},
                   1,
@@ -167,6 +167,18 @@ int status_in_shell(const std::string& line) {
   return Program({"/bin/bash", "-c", "set -o pipefail; " + line})
       .wait(std::chrono::seconds(20))
       .value_or(-1);
+}
+
+TEST(CommandLine, ReadsADeprecatedFlagAndNamesTheNewOne) {
+  // Both flags are read: only then is it known that `direct` has no answer for a tool that slides.
+  Program run =
+      Program::forcegrid({"run", "--scene", "small", "--tool", "sphere", "--contact", "slide",
+                          "--no-truth", "--shadow=direct", "--out", fresh_folder("deprecated")});
+  EXPECT_EQ(run.wait(), 1);
+  EXPECT_THAT(run.standard_error(), HasSubstr("method direct"));
+  EXPECT_THAT(run.standard_error(), HasSubstr("--no-truth is deprecated"));
+  EXPECT_THAT(run.standard_error(), HasSubstr("write --no-reference"));
+  EXPECT_THAT(run.standard_error(), HasSubstr("write --evaluate"));
 }
 
 TEST(CommandLine, FailsWhereItsOutputIsLost) {

@@ -101,6 +101,16 @@ TEST(Config, IsWhatTheCommandThenDoes) {
   EXPECT_NE(json::parse(with.standard_output()), json::parse(flag.standard_output()));
 }
 
+TEST(Config, ReadsADeprecatedKeyAndNamesTheNewOne) {
+  const std::string file =
+      write(fresh_folder("deprecated") + "/c.toml", "[run]\nshadow = [\"hold\"]\n");
+  const Said said = forcegrid({"config", "run.evaluate", "--config", file});
+  EXPECT_EQ(said.status, 0) << said.err;
+  EXPECT_THAT(said.out, HasSubstr("evaluate = [\"hold\"]"));
+  EXPECT_THAT(said.err, HasSubstr("c.toml:2: key 'run.shadow': deprecated"));
+  EXPECT_THAT(said.err, HasSubstr("'run.evaluate'"));
+}
+
 struct Mistake {
   std::string text;
   std::vector<std::string> words;
@@ -116,7 +126,7 @@ TEST(Config, RefusesMistakesWithLineKeyAndRemedy) {
       {"[run]\nrate = nan\n", {":2:", "100..4000"}},
       {"[run]\nfill-budget = 1.5\n", {":2:", "integer in vertices", "1..1000000"}},
       {"[run]\ncells = [1, 2]\n", {":2:", "run.cells"}},
-      {"[run]\nshadow = []\n", {":2:", "empty array"}},
+      {"[run]\nevaluate = []\n", {":2:", "empty array"}},
       {"[run]\nreconnect = 1\n", {":2:", "true or false"}},
       {"[run]\nscene = \"blok\"\n", {":2:", "block"}},
       {"[run]\njson = true\n", {":2:", "unknown"}},  // a flag of one call, not a setting

@@ -13,6 +13,7 @@
 #include "evaluation/chart_plot.h"
 #include "evaluation/chart_report.h"
 #include "evaluation/chart_rows.h"
+#include "evaluation/chart_summary.h"
 #include "evaluation/gnuplot.h"
 #include "evaluation/trajectories.h"
 
@@ -295,7 +296,7 @@ TEST(Gnuplot, APictureThatIsCutOffIsNoPicture) {
       run_gnuplot(script, file);
       ADD_FAILURE() << name << " is taken for drawn";
     } catch (const ChartError& error) {
-      EXPECT_THAT(error.what(), HasSubstr(name + " (its end is missing); "));
+      EXPECT_THAT(error.what(), HasSubstr(name + " (the file is incomplete); "));
       EXPECT_THAT(error.what(), HasSubstr("free some space"));
     }
     EXPECT_TRUE(std::filesystem::exists("/dev/full"));

@@ -55,7 +55,7 @@ TEST(SolverChart, WritesItsRowsAndThePicture) {
   EXPECT_THAT(text_of(files[1]), HasSubstr("\nblock,10164,81312,whole,0,4,0,8,300,0.0625,"));
   const std::string svg = text_of(files[2]);
   for (const char* said : {"two_rates, block", "two_rates, other scenes", "a servo cycle",
-                           "vertices touched a cycle, mean", "</svg>"}) {
+                           "vertices touched per cycle, mean", "</svg>"}) {
     EXPECT_THAT(svg, HasSubstr(said));
   }
 }

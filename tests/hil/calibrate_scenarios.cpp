@@ -70,7 +70,7 @@ TEST_F(LongCalibrate, AMemberMeasuresADeviceAndTheNextRunTakesWhatWasWritten) {
   const ShellResult run = as_user(
       "operator",
       "forcegrid run --device hid:1209:0001 --profile phantom_desktop --calibrated --scene small "
-      "--device-timeout-ms 400 --no-truth --seconds 0.5 --out /tmp/out-calibrated");
+      "--device-timeout-ms 400 --no-reference --seconds 0.5 --out /tmp/out-calibrated");
   EXPECT_EQ(run.status, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("Calibrated profile of this unit: " + file));
   expect_motors_off(bench.end());
@@ -87,7 +87,7 @@ TEST_F(LongCalibrate, UnpluggedInTheMiddleOfAMotionTheMotorsGoOffAndTheOldProfil
   const auto gone = Clock::now();
   EXPECT_EQ(calibrate.wait(std::chrono::seconds(20)).value_or(-1), 1);
   EXPECT_THAT(calibrate.standard_error(), HasSubstr("The device is gone"));
-  EXPECT_THAT(calibrate.standard_error(), HasSubstr("plug it in again, and start anew"));
+  EXPECT_THAT(calibrate.standard_error(), HasSubstr("plug it in again, and start again"));
   EXPECT_THAT(calibrate.standard_error(), Not(HasSubstr("terminate called")));
   EXPECT_EQ(text_of(file), earlier);
   EXPECT_EQ(std::distance(fs::directory_iterator(kDevices), fs::directory_iterator()), 1)

@@ -141,7 +141,7 @@ TEST(LongFalcon, IsGivenToThePlugdevGroupByTheUdevRuleAndToNobodyElse) {
   EXPECT_EQ(fs::canonical(link, error).string(), node);
 
   const std::string command =
-      "forcegrid run --device falcon --device-timeout-ms 400 --scene small --no-truth "
+      "forcegrid run --device falcon --device-timeout-ms 400 --scene small --no-reference "
       "--seconds 0.5 --out /tmp/out-$(id -u)";
   const ShellResult member = as_user("operator", command);
   EXPECT_EQ(member.status, 0) << member.text;
@@ -279,7 +279,7 @@ TEST(LongFalcon, UnpluggedInMidForceItsWatchdogStopsTheMotorsAndTheRunEnds) {
   measured("run_ended_after_unplug", seconds_between(pulled, Clock::now()), "s");
   const std::string text = program.standard_output() + program.standard_error();
   EXPECT_THAT(text, HasSubstr("FAULT: The device is gone; check the cable, plug it in again, and "
-                              "start anew."));
+                              "start again."));
   EXPECT_EQ(text.find("FAULT"), text.rfind("FAULT")) << text;
   EXPECT_THAT(text, Not(HasSubstr("terminate called")));
   std::ifstream file(folder + "/summary.json");

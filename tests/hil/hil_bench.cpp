@@ -190,7 +190,7 @@ std::vector<std::string> run_arguments(const std::string& device, double seconds
                                        const std::string& folder,
                                        const std::vector<std::string>& more) {
   std::vector<std::string> arguments = {"run",       "--device",
-                                        device,      "--no-truth",
+                                        device,      "--no-reference",
                                         "--seconds", std::to_string(seconds),
                                         "--out",     folder,
                                         "--json",    folder + "/summary.json"};

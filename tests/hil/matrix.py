@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Writes the page of what is covered where: hosts, devices and scenarios.
+"""Writes the coverage page: which scenarios passed on which hosts and devices.
 
-Everything on it comes from results: the guest's complete runs (run_guest.py keeps the last of each set
-and kernel) say which devices and hosts each scenario has met, and ctest's JUnit files say which tests
-have passed without a kernel. A scenario that has no result in a run has no mark.
+All of it comes from results. The guest's complete runs say which devices and hosts each scenario used;
+run_guest.py keeps the last run of each set and kernel. ctest's JUnit files say which tests passed
+without a kernel. A scenario without a result in a run has no mark.
 """
 
 import argparse
@@ -17,12 +17,12 @@ HOSTS = {
     "kernel": "kernel: enumeration, usbhid, udev",
     "forcegrid-hidraw": "this program on hidraw",
     "forcegrid-libusb": "this program on libusb",
-    "hidapi-hidraw": "other people's clients: hidapi on hidraw",
-    "hidapi-libusb": "other people's clients: hidapi on libusb",
+    "hidapi-hidraw": "independent client: hidapi on hidraw",
+    "hidapi-libusb": "independent client: hidapi on libusb",
 }
-USER_SPACE = "user space: this program's own USB/IP client, no kernel"
-# A test without a kernel says in its name which device it is about; without one of these words it is
-# the one that stands last.
+USER_SPACE = "user space: this program's USB/IP client, no kernel"
+# The name of a test without a kernel contains one of these words; the first match is its device. The
+# last entry matches every name.
 DEVICE_WORDS = [("falcon", "falcon"), ("w3", "woodenhaptics_teensy"),
                 ("teensy", "woodenhaptics_teensy"), ("phantom", "phantom_desktop"),
                 ("", "woodenhaptics_v2015")]
@@ -30,7 +30,7 @@ SETS = ["smoke", "full"]  # the later includes the earlier
 
 
 class MatrixError(Exception):
-    """What went wrong and the remedy."""
+    """Says what is wrong and what to do."""
 
 
 def load_runs(folder):
@@ -46,7 +46,7 @@ def load_runs(folder):
 
 
 def load_tests(files):
-    """(test, passed) of ctest's JUnit files; a test that was not run is left out."""
+    """(test, passed) of ctest's JUnit files, without the tests that did not run."""
     tests = []
     for file in files:
         for case in ET.parse(file).getroot().iter("testcase"):
@@ -82,10 +82,10 @@ def page(runs, tests):
     devices = sorted({device for run in runs.values() for result in run["scenarios"].values()
                       for device in result["devices"]} | {device_of(name) for name, _ in tests})
     lines = [
-        "# What is covered where",
+        "# Coverage",
         "",
-        "Written by `make hil-matrix` from the results of the last complete runs; do not edit. What the "
-        "scenarios assert is in [hil.md](hil.md).",
+        "`make hil-matrix` writes this page from the results of the last complete runs; do not edit it.",
+        "[hil.md](hil.md) says what each scenario checks.",
         "",
         *table(["run", "date", "set", "scenarios passed", "time"],
                [[kernel_name(run), run["date"], run["set"],
@@ -95,7 +95,7 @@ def page(runs, tests):
         "",
         "## Hosts and devices",
         "",
-        "Scenarios passed. One scenario may meet several devices and hosts.",
+        "The number of scenarios that passed. One scenario can use several devices and hosts.",
         "",
     ]
     rows = []
@@ -142,7 +142,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--results", type=pathlib.Path, default=ROOT / "build/hil/results")
     parser.add_argument("--junit", type=pathlib.Path, action="append", default=[],
-                        help="what `ctest --output-junit` wrote; repeatable")
+                        help="a file that `ctest --output-junit` wrote; may be repeated")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "docs/hil_matrix.md")
     arguments = parser.parse_args()
     try:

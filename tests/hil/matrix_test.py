@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tests of the matrix: what it says is what the results say."""
+"""Tests of the coverage page: it says what the results say."""
 
 import json
 import pathlib
@@ -22,7 +22,7 @@ def run(metapackage, kernel, which, scenarios):
 
 
 class Matrix(unittest.TestCase):
-    """Runs matrix.py over results made for it."""
+    """Runs matrix.py on results made for the test."""
 
     def setUp(self):
         self.temporary = tempfile.TemporaryDirectory()
@@ -59,7 +59,7 @@ class Matrix(unittest.TestCase):
         self.assertEqual(self.rows(text, "Linux 6.1.0-9-amd64, "), [
             ["Linux 6.1.0-9-amd64, kernel: enumeration, usbhid, udev", "1", "–"],
             ["Linux 6.1.0-9-amd64, this program on hidraw", "1, **1 failed**", "–"],
-            ["Linux 6.1.0-9-amd64, other people's clients: hidapi on libusb", "1", "1"]])
+            ["Linux 6.1.0-9-amd64, independent client: hidapi on libusb", "1", "1"]])
         self.assertEqual(self.rows(text, "`A.Two`"), [["`A.Two`", "arm", "forcegrid-hidraw",
                                                        "**failed**"]])
         self.assertEqual(self.rows(text, "`B.Three`"), [["`B.Three`", "arm, ball", "hidapi-libusb",
@@ -90,7 +90,7 @@ class Matrix(unittest.TestCase):
         self.assertEqual(self.rows(text, "host"),
                          [["host", "arm", "falcon", "woodenhaptics_teensy", "woodenhaptics_v2015"]])
         self.assertEqual(self.rows(text, "user space"), [[
-            "user space: this program's own USB/IP client, no kernel", "–", "1", "1",
+            "user space: this program's USB/IP client, no kernel", "–", "1", "1",
             "1, **1 failed**"]])
         self.assertEqual(self.rows(text, "`W2`"), [["`W2`", "woodenhaptics_v2015",
                                                     "1, **1 failed**"]])

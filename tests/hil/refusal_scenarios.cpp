@@ -33,7 +33,7 @@ std::string first_line(const fs::path& path) {
 
 std::string run_command(const std::string& device) {
   return "forcegrid run --device " + device +
-         " --calibrated --device-timeout-ms 400 --scene small --no-truth --seconds 0.5 --out "
+         " --calibrated --device-timeout-ms 400 --scene small --no-reference --seconds 0.5 --out "
          "/tmp/out-$(id -u)";
 }
 

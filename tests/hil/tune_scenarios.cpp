@@ -37,7 +37,7 @@ TEST(LongTune, AVisitorIsToldWhyThereIsNoPathToTuneOn) {
                              " --methods hold --rates 250 --time 20 --out /tmp/out-visitor");
   EXPECT_EQ(refused.status, 1) << refused.text;
   EXPECT_THAT(refused.text, HasSubstr("open " + bench.node().dev() + ": Permission denied"));
-  EXPECT_THAT(refused.text, HasSubstr("no path to tune on"));
+  EXPECT_THAT(refused.text, HasSubstr("no path was recorded"));
   EXPECT_EQ(bench.end().at("reports_received"), 0);
 }
 

@@ -113,7 +113,7 @@ TEST(BulletRun, IsFeltLikeAnyOtherSimulatorAndEndsWithTheRun) {
   const std::string folder = fresh_folder("bullet");
   Program run({FORCEGRID_SOURCE_DIR "/examples/run_with_simulator.sh",
                std::string(FORCEGRID_BULLET_SIMULATOR) + " 127.0.0.1:0", FORCEGRID_PROGRAM,
-               "--no-config", "run", "--seconds", "4", "--calibrated", "--no-truth", "--out",
+               "--no-config", "run", "--seconds", "4", "--calibrated", "--no-reference", "--out",
                folder, "--json"});
   ASSERT_EQ(run.wait(), 0) << run.standard_error();
   const json summary = json::parse(run.standard_output());

@@ -33,7 +33,7 @@ constexpr int kEmergencyStatus = 3;
 std::vector<std::string> short_run(const std::string& out,
                                    const std::vector<std::string>& more = {}) {
   std::vector<std::string> arguments = {"run",        "--scene", "small", "--seconds", "0",
-                                        "--no-truth", "--out",   out,     "--json"};
+                                        "--no-reference", "--out",   out,     "--json"};
   arguments.insert(arguments.end(), more.begin(), more.end());
   return arguments;
 }
@@ -148,7 +148,7 @@ class AtATerminal {
 
 TEST(EmergencyStop, ByAKeyEndsTheRunAndGivesTheTerminalBack) {
   const std::string out = fresh_folder("emergency_key");
-  AtATerminal run({"run", "--scene", "small", "--seconds", "0", "--no-truth", "--out", out});
+  AtATerminal run({"run", "--scene", "small", "--seconds", "0", "--no-reference", "--out", out});
   ASSERT_TRUE(run.wait_for_text("space or e stops the motors at once")) << run.said();
   ASSERT_TRUE(run.wait_for_text("in contact")) << run.said();
   EXPECT_FALSE(run.is_as_before());
@@ -163,7 +163,7 @@ TEST(EmergencyStop, ByAKeyEndsTheRunAndGivesTheTerminalBack) {
 TEST(EmergencyStop, GivesTheTerminalBackHoweverTheRunEnds) {
   for (const int signal : {SIGINT, SIGABRT}) {
     const std::string out = fresh_folder("emergency_terminal");
-    AtATerminal run({"run", "--scene", "small", "--seconds", "0", "--no-truth", "--out", out});
+    AtATerminal run({"run", "--scene", "small", "--seconds", "0", "--no-reference", "--out", out});
     ASSERT_TRUE(run.wait_for_text("space or e stops the motors at once")) << run.said();
     EXPECT_FALSE(run.is_as_before());
     run.send_signal(signal);

@@ -52,7 +52,7 @@ TEST(FalconJob, FeelsTheSmallBlockFromPowerOn) {
   EXPECT_TRUE(summary.at("faults").empty());
   EXPECT_TRUE(summary.at("zero_current_delivered").get<bool>());
   EXPECT_GT(summary.at("force_rms_N").get<double>(), 0.05);
-  EXPECT_EQ(summary.at("truth"), "computed");
+  EXPECT_EQ(summary.at("reference"), "computed");
   EXPECT_TRUE(summary.at("rms_error_percent").contains("forcegrid"));
   const json& emulator = summary.at("emulator");
   EXPECT_EQ(emulator.at("firmware_bytes_loaded"), 24);
@@ -71,7 +71,7 @@ TEST(FalconJob, TakesTheUsersFirmwareAndMeetsItAgain) {
   const auto run = [&](std::vector<std::string> more) {
     std::vector<std::string> arguments = {
         "run",   "--device",  url, "--profile",  "falcon", "--scene",
-        "small", "--seconds", "1", "--no-truth", "--out",  fresh_folder("falcon_again"),
+        "small", "--seconds", "1", "--no-reference", "--out",  fresh_folder("falcon_again"),
         "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Program::forcegrid(arguments);
@@ -111,7 +111,7 @@ TEST(FalconJob, RefusesATruncatedImageBeforeAByteIsSent) {
   const std::string line = emulator.wait_for_line("listening ");
   const std::string url = "usbip://" + line.substr(10, line.find(' ', 10) - 10) + "/1-1";
   Program run = Program::forcegrid({"run", "--device", url, "--profile", "falcon", "--firmware",
-                                    image, "--scene", "small", "--seconds", "1", "--no-truth",
+                                    image, "--scene", "small", "--seconds", "1", "--no-reference",
                                     "--out", fresh_folder("falcon_truncated")});
   EXPECT_EQ(run.wait(), 1);
   EXPECT_THAT(run.standard_error(), HasSubstr("firmware '" + image +

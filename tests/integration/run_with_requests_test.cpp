@@ -19,7 +19,7 @@ using testing::Program;
 
 TEST(RunWithRequests, GetsAnswersOfTheSimulatorInItsIdleTime) {
   Program run = Program::forcegrid({"run", "--scene", "small", "--seconds", "5", "--method",
-                                    "forcegrid+request", "--shadow", "hold", "--no-truth", "--out",
+                                    "forcegrid+request", "--evaluate", "hold", "--no-reference", "--out",
                                     fresh_folder("requests"), "--json"});
   ASSERT_EQ(run.wait(std::chrono::seconds(60)), 0) << run.standard_error();
   const json summary = json::parse(run.standard_output());
@@ -37,8 +37,8 @@ TEST(RunWithRequests, GetsAnswersOfTheSimulatorInItsIdleTime) {
 
 TEST(RunWithRequests, RefusesWhatItCannotServe) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> refused = {
-      {{"--shadow", "forcegrid+request"}, "only the rendered method's requests"},
-      {{"--method", "forcegrid+request", "--requests-per-s", "0"}, "lives on its requests"},
+      {{"--evaluate", "forcegrid+request"}, "only the rendered method's requests"},
+      {{"--method", "forcegrid+request", "--requests-per-s", "0"}, "works only with requests"},
       {{"--workers", "1", "--simulator", "127.0.0.1:1"}, "forcegrid worker"},
       {{"--method", "forcegrid+request", "--requests-per-s", "600"}, "a request a cycle at most"}};
   for (auto [arguments, words] : refused) {

@@ -27,7 +27,7 @@ TEST(RunWithWorkers, HasTwoOfThemAnswerQueries) {
   const std::string temporary = fresh_folder("workers_temporary");
   std::vector<std::string> command =
       testing::forcegrid_command({"run", "--scene", "small", "--seconds", "4", "--workers", "2",
-                                  "--method", "forcegrid+request", "--shadow", "hold", "--no-truth",
+                                  "--method", "forcegrid+request", "--evaluate", "hold", "--no-reference",
                                   "--out", fresh_folder("workers"), "--json"});
   command.insert(command.begin(), {"/usr/bin/env", "TMPDIR=" + temporary});
   Program run(command);
@@ -67,8 +67,8 @@ TEST(RunWithWorkers, LosesTheirOwnAnswersWhenOneIsKilledAndAnotherHalted) {
   ASSERT_NE(killed.wait_for_line("working for "), "");
   ASSERT_NE(halted.wait_for_line("working for "), "");
   Program run = Program::forcegrid({"run", "--simulator", said.at(1), "--key", key, "--seconds",
-                                    "5", "--method", "forcegrid+request", "--shadow", "hold",
-                                    "--no-truth", "--out", fresh_folder("killed_run"), "--json"});
+                                    "5", "--method", "forcegrid+request", "--evaluate", "hold",
+                                    "--no-reference", "--out", fresh_folder("killed_run"), "--json"});
   ASSERT_TRUE(run.wait_for_text("in contact"));
   killed.send_signal(SIGKILL);
   halted.send_signal(SIGSTOP);

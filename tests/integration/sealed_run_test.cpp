@@ -51,8 +51,8 @@ class SealedRun : public ::testing::Test {
   std::vector<std::string> run_at(const std::string& address,
                                   const std::vector<std::string>& more) const {
     std::vector<std::string> command = {"run",        "--simulator",  address,    "--seconds",
-                                        "3",          "--calibrated", "--shadow", "hold",
-                                        "--no-truth", "--out",        folder_,    "--json"};
+                                        "3",          "--calibrated", "--evaluate", "hold",
+                                        "--no-reference", "--out",        folder_,    "--json"};
     command.insert(command.end(), more.begin(), more.end());
     return command;
   }
@@ -81,8 +81,8 @@ TEST_F(SealedRun, FeelsASimulatorThatHasTheSameKey) {
 
 TEST_F(SealedRun, SealsTheLinkToTheSimulatorThatItStarts) {
   Program run =
-      Program::forcegrid({"run", "--scene", "small", "--seconds", "2", "--calibrated", "--shadow",
-                          "hold", "--no-truth", "--key", key_, "--out", folder_, "--json"});
+      Program::forcegrid({"run", "--scene", "small", "--seconds", "2", "--calibrated", "--evaluate",
+                          "hold", "--no-reference", "--key", key_, "--out", folder_, "--json"});
   ASSERT_EQ(run.wait(), 0) << run.standard_error();
   const json summary = json::parse(run.standard_output());
   EXPECT_GT(summary.at("samples_received").get<int>(), 20);

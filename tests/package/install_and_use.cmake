@@ -11,6 +11,7 @@ run(${CMAKE_COMMAND} -S ${SOURCE}/consumer -B ${WORK}/build -G ${GENERATOR}
     -DCMAKE_PREFIX_PATH=${WORK}/prefix -DCMAKE_BUILD_TYPE=Release)
 run(${CMAKE_COMMAND} --build ${WORK}/build)
 run(${WORK}/build/consumer)
+run(${WORK}/build/consumer_of_0_1)
 # The installed program finds its installed profiles, also without the source tree's.
 run(${CMAKE_COMMAND} -E env ${WORK}/prefix/bin/forcegrid kinematics
     --profile ${WORK}/prefix/share/forcegrid/profiles/vintage.toml --counts 0,4000,9000)

@@ -6,7 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "stability/chart_numbers.h"
 #include "stability/chart_report.h"
+#include "stability/chart_rows.h"
 #include "tests/stability/linear_table.h"
 
 namespace forcegrid::stability {

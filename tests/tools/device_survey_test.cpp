@@ -159,7 +159,7 @@ TEST_F(Computer, NamesTheOneStepThatIsMissingForPermission) {
   EXPECT_THAT(only_obstacle().remedy, ::testing::Not(HasSubstr("usermod")));
 
   user_.plugdev_active = true;
-  EXPECT_THAT(only_obstacle().what, HasSubstr("something else refuses"));
+  EXPECT_THAT(only_obstacle().what, HasSubstr("something else denies access"));
 
   // A rule that a package installed counts as well.
   fs::rename(root_ / "etc/udev/rules.d/70-forcegrid.rules",

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "tools/config_file.h"
+#include "tools/tuning_picture.h"
 
 namespace forcegrid::tools {
 namespace {

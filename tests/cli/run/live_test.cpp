@@ -23,7 +23,7 @@ using testing::Program;
 
 std::vector<std::string> live_run(const std::string& seconds) {
   return testing::forcegrid_command({"run", "--live", "--scene", "small", "--seconds", seconds,
-                                     "--no-truth", "--out", fresh_folder("live")});
+                                     "--no-reference", "--out", fresh_folder("live")});
 }
 
 TEST(Live, DrawsTheLoopAndGivesTheTerminalBackAtTheEnd) {

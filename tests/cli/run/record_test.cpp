@@ -59,7 +59,7 @@ TEST(Record, MakesATraceOnWhichMethodsHaveTheErrorsOfTheRun) {
 TEST(Record, IsRefusedWhereNoReferenceWillBe) {
   const std::string file = fresh_folder("record") + "/run.csv";
   const std::vector<std::pair<std::vector<std::string>, std::string>> refused = {
-      {{"--no-truth", "--record", file}, "--no-truth"},
+      {{"--no-reference", "--record", file}, "--no-reference"},
       {{"--simulator", "127.0.0.1:9", "--record", file}, "--scene instead of --simulator"},
       {{"--record", "/no-such-folder/run.csv"}, "--record /no-such-folder/run.csv"}};
   for (auto [arguments, word] : refused) {

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+}
+
+namespace forcegrid::cli {
+
+/// Options of `forcegrid chart solvers`.
+struct ChartSolversOptions {
+  std::string out;
+  std::vector<int> sizes{1'000, 10'000, 100'000};  ///< vertices
+  std::vector<std::string> scenes{"stomach"};
+  bool quick = false;
+};
+
+/// Adds the subcommand `solvers` to `chart`.
+void add_chart_solvers(CLI::App& chart, ChartSolversOptions& options, std::function<int()>& action);
+
+/// Measures the cost of a servo cycle with each solver; see docs/solvers.md. Result and errors are
+/// those of chart_accuracy_command().
+int chart_solvers_command(const ChartSolversOptions& options);
+
+}  // namespace forcegrid::cli
