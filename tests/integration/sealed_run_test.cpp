@@ -50,9 +50,9 @@ class SealedRun : public ::testing::Test {
 
   std::vector<std::string> run_at(const std::string& address,
                                   const std::vector<std::string>& more) const {
-    std::vector<std::string> command = {"run",        "--simulator",  address,    "--seconds",
-                                        "3",          "--calibrated", "--evaluate", "hold",
-                                        "--no-reference", "--out",        folder_,    "--json"};
+    std::vector<std::string> command = {
+        "run",        "--simulator", address,          "--seconds", "3",     "--calibrated",
+        "--evaluate", "hold",        "--no-reference", "--out",     folder_, "--json"};
     command.insert(command.end(), more.begin(), more.end());
     return command;
   }

@@ -1,5 +1,3 @@
-#include "forcegrid/kriging/unilateral_constraint_field.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -12,6 +10,7 @@
 #include <vector>
 
 #include "forcegrid/kriging/ensemble_method.h"
+#include "forcegrid/kriging/unilateral_constraint_field.h"
 #include "forcegrid/methods.h"
 #include "tests/forcegrid/kriging/kriging_support.h"
 
