@@ -208,10 +208,10 @@ class Numbers {
   }
 
   void add(const std::string& name, double goal, const Worst& worst, const std::string& unit) {
-    list_.push_back({name, scene_, goal, worst.value, unit, worst.where});
+    list.push_back({name, scene_, goal, worst.value, unit, worst.where});
   }
 
-  std::vector<ChartNumber> list_;
+  std::vector<ChartNumber> list;
 
  private:
   const Chart& chart_;
@@ -361,7 +361,7 @@ std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& defau
         n.reproduction("forcegrid", &Reference::unit_mm_percent), "%");
   n.add("paper's grid in m, deviation from the study", 20.0,
         n.reproduction("forcegrid unit=m", &Reference::unit_m_percent), "%");
-  return n.list_;
+  return n.list;
 }
 
 }  // namespace forcegrid::evaluation

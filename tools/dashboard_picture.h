@@ -24,7 +24,7 @@ class DashboardPicture {
 
   void add(const servo::CycleRecord& cycle);
   /// A message of the program; the newest one is shown.
-  void note(const std::string& text);
+  void note(const std::string& words);
 
   static constexpr int kColumns = 80;
   static constexpr int kRows = 24;

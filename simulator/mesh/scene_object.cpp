@@ -18,7 +18,6 @@ namespace forcegrid::simulator {
 namespace {
 
 using text::kAboveZero;
-using text::kLargestNumber;
 using text::NumberRange;
 using text::TomlTable;
 
