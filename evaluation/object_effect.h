@@ -59,7 +59,7 @@ struct NamedObjectEffect {
 };
 
 /// viscous (3 Ns/m), relaxing (25 % within 80 ms, 15 % within 0.8 s), cut (to 60 % at 7 s, to 30 %
-/// at 13 s), sliding (by 8 and -5 mm from 6 to 9 s), unconverged (60 % a tick).
+/// at 13 s), sliding (by 8 and -5 mm from 6 to 9 s), unconverged (60 % per tick).
 const std::vector<NamedObjectEffect>& named_object_effects();
 
 }  // namespace forcegrid::evaluation

@@ -25,9 +25,7 @@ class LineReader {
   LineReader(const LineReader&) = delete;
   LineReader& operator=(const LineReader&) = delete;
 
-  /// Reads the next line without its end (
-  /// or \r
-  /// ); valid until the next call.
+  /// Reads the next line without its end (\n or \r\n); valid until the next call.
   /// @returns false after the last one.
   /// @throws FileError if reading fails, if the file is truncated or damaged, if its name and its
   ///         content disagree on gzip, or if a line is longer than 64 kB.

@@ -17,8 +17,8 @@ struct Fifth {
   double begin_s = 0.0;
   double end_s = 0.0;
   double top_speed_m_per_s = 0.0;
-  std::vector<double>
-      rms_error_percent;  ///< one per method, in % of the RMS of F_o over the whole motion
+  /// One per method, in % of the RMS of F_o over the whole motion.
+  std::vector<double> rms_error_percent;
 };
 
 /// Figures 7 and 8: a tool that holds the surface moves along its normal in a sine of constant

@@ -42,7 +42,7 @@ std::string column(int number) { return "($" + std::to_string(number) + ")"; }
 
 // The reference force as a broad pale line, so that curves on top of it are visible.
 std::string force_curves(const fs::path& data, std::size_t every) {
-  std::string plot = curve(data, column(kReference), "#BBBBBB", 4.0, "off-line F_o", every);
+  std::string plot = curve(data, column(kReference), "#BBBBBB", 4.0, "reference F_o", every);
   for (std::size_t i = 0; i < figure_methods().size(); ++i) {
     plot += ", " + curve(data, column(kFirstMethod + static_cast<int>(i)), kColours[i], 1.2,
                          label_of(figure_methods()[i]), every);
@@ -61,7 +61,7 @@ std::string label_of(const std::string& method) {
   static const std::map<std::string, std::string> labels{{"hold", "streaming F_s"},
                                                          {"forcegrid", "forcegrid F_g, d in mm"},
                                                          {"forcegrid unit=m", "forcegrid, d in m"},
-                                                         {"off-line", "off-line F_o"}};
+                                                         {"off-line", "reference F_o"}};
   const auto found = labels.find(method);
   return found == labels.end() ? method : found->second;
 }

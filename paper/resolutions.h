@@ -14,8 +14,8 @@ struct ResolutionRow {
   int vertices = 0;                  ///< along each axis
   double radius_m = 0.0;             ///< r
   double radius_of_workspace = 0.0;  ///< r over the workspace's x extent; the paper's is 1/6
-  double radius_over_travel =
-      0.0;  ///< r over the longest travel between two answers; the paper's: 2 to 3
+  /// Ratio of r to the longest travel between two answers; the paper's: 2 to 3.
+  double radius_over_travel = 0.0;
   double spacing_over_radius = 0.0;  ///< mean distance of vertices over r; the paper's: 0.1 to 0.2
   double rms_error_percent = 0.0;    ///< after the first second
   double unknown_percent =

@@ -39,8 +39,8 @@ struct LoopSetup {
   DeviceDynamics device;
   Hand hand;
   evaluation::NetworkCondition network;
-  Eigen::Vector3d contact_point_W =
-      evaluation::first_contact_point_W();  ///< [m] place of the first contact
+  /// [m] Place of the first contact.
+  Eigen::Vector3d contact_point_W = evaluation::first_contact_point_W();
   SimulatorFault fault = SimulatorFault::kNone;
   /// The servo's guard; by default it only observes.
   servo::PassivityOptions passivity{.mode = servo::PassivityMode::kObserve};

@@ -81,7 +81,7 @@ struct SweepOptions {
   std::vector<std::string> methods;            ///< MethodVariant texts, in turn
   int runs = 2000;
   std::uint64_t seed = 1;
-  unsigned jobs = 0;  ///< threads; 0: one a processor
+  unsigned jobs = 0;  ///< threads; 0: one per processor
   std::function<void(double done, double remaining_s)> progress;
   const std::atomic<bool>* cancel = nullptr;
 };

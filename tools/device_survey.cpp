@@ -255,10 +255,10 @@ FoundDevice usb_device(const fs::path& usb, const std::vector<const DeviceProfil
   }
   std::error_code error;
   const fs::path driver = fs::read_symlink(usb / (device.port_path + ":1.0") / "driver", error);
-  const std::string who = error ? "no kernel driver" : "driver " + driver.filename().string();
+  const std::string who =
+      error ? "no kernel driver" : "driver " + driver.filename().string() + ", not usbhid,";
   device.obstacles.push_back(
-      {"no node", true,
-       "it has no hidraw node because " + who + " has its interface instead of usbhid",
+      {"no node", true, "it has no hidraw node because " + who + " has its interface",
        "end the program that claimed it (a libusb client), or plug it in again; if the module is "
        "missing, sudo modprobe usbhid"});
   return device;

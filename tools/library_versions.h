@@ -11,8 +11,8 @@ namespace forcegrid::tools {
 struct PartVersion {
   std::string name;     ///< "libusb"
   std::string version;  ///< "1.0.26"
-  bool loaded =
-      true;  ///< version of the library that this process loaded; false: of the one compiled in
+  /// Version of the library that this process loaded; false: of the one compiled in.
+  bool loaded = true;
 };
 
 /// Returns the libraries in use, the compiler and the kernel; loaded libraries come first.

@@ -50,8 +50,8 @@ struct TuningTolerance {
 
 struct TuningChoice {
   std::optional<std::size_t> chosen;  ///< the cheapest that meets the tolerance
-  std::optional<std::size_t>
-      next_cheaper;  ///< the most expensive of the cheaper rows, none of which meets it
+  /// The most expensive of the cheaper rows, none of which meets it.
+  std::optional<std::size_t> next_cheaper;
   std::string reason;
 };
 

@@ -20,8 +20,8 @@ struct Reconnect {
   const profiles::DeviceProfile* profile = nullptr;
   driver::DeviceIdentity before;              ///< the disconnected device
   std::array<std::int32_t, 6> last_counts{};  ///< its last counters
-  bool may_calibrate =
-      true;  ///< a user is present to calibrate it; otherwise its counters must be valid
+  /// A user is present to calibrate it; otherwise its counters must be valid.
+  bool may_calibrate = true;
   rt::Duration timeout{};  ///< longest time to wait for it
 };
 

@@ -20,8 +20,8 @@ inline constexpr int kEmergencyStatus = 3;
 /// Options of `forcegrid run`.
 struct RunOptions {
   std::string device = "emulated:woodenhaptics_v2015";
-  std::string
-      profile;  ///< of an attached device; empty: falcon for a Falcon, else woodenhaptics_v2015
+  /// Profile of an attached device; empty: falcon for a Falcon, else woodenhaptics_v2015.
+  std::string profile;
   /// "auto": the profile that `forcegrid calibrate` wrote for this unit, if any; "none"; or a file.
   std::string calibration = "auto";
   std::string firmware;  ///< file for a Falcon that runs none; empty: none
@@ -42,8 +42,8 @@ struct RunOptions {
                                      "hold"};  ///< methods evaluated on the same path, not rendered
   int fill_budget = 1000;
   std::array<int, 3> cells{49, 49, 49};
-  double influence_radius_mm =
-      0.0;  ///< radius of influence; 0: a sixth of the workspace's longest side
+  /// Radius of influence; 0: a sixth of the workspace's longest side.
+  double influence_radius_mm = 0.0;
   double unit_mm = 1.0;
   int samples_per_cell = 0;
   std::optional<double> requests_per_s;  ///< default: 120 for a method that needs requests, else 0
@@ -61,8 +61,8 @@ struct RunOptions {
   double passivity_allowance_mJ = 0.3;
   double passivity_damping_N_s_per_m = 10.0;   ///< at most
   std::vector<double> coupling{1000.0, 10.0};  ///< N/m, N s/m
-  std::string dead_man =
-      "none";  ///< or button, signal: what the user must hold to get force; see DeadMan
+  /// "none", "button" or "signal": what the user must hold to get force; see DeadMan.
+  std::string dead_man = "none";
   bool no_motor_check = false;  ///< skip servo::MotorCheck
   bool reconnect = false;       ///< wait for a disconnected device and continue with it
   double reconnect_timeout_s = 60.0;
