@@ -176,7 +176,7 @@ Hdf5Writer::Hdf5Writer(const std::string& file) : file_(file) {
   if (id < 0) {
     const std::string reason = errno != 0 ? std::strerror(errno) : "HDF5 refuses it";
     throw Hdf5Error(file + ": can't be created (" + reason +
-                    "); name a file in an existing, writable folder");
+                    "); name a file in a folder that exists and is writable");
   }
   id_ = id;
 }
