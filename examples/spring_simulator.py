@@ -7,7 +7,6 @@ import signal, socket, struct, sys, time, zlib
 HEADER = "<4sHHHHIQ"  # magic, version, type, payload bytes, reserved, sequence, session id
 TOOL_STATE, FORCE_SAMPLE = HEADER + "q3d3d", HEADER + "qIIII3d3d3ddd9d"
 PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool this near to the origin
-
 signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
 link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 link.bind(("127.0.0.1", int(sys.argv[1])))  # loopback only: this link is not authenticated

@@ -17,6 +17,7 @@
 #include "simulator/mesh/scene.h"
 #include "simulator/run_simulator.h"
 #include "simulator/solver/elastic_object.h"
+#include "simulator/touch/sticky_contact.h"
 #include "tests/servo_loop/scripted_device.h"
 #include "tests/support/flushed_text.h"
 

@@ -85,9 +85,9 @@ Errors touch_at(const simulator::Scene& scene, const Vector3d& touch_W, int phas
       }
       touch.answer(time_s, message.sample.time_s, message.in_contact, message.sample.contact_epoch);
       if (message.patch) {
-        const auto surface = near_surface(*message.patch);
-        if (surface) {
-          touch.take(*surface);
+        const auto near = near_surface(*message.patch);
+        if (near) {
+          touch.take(*near);
         }
       }
       on_its_way.reset();

@@ -294,7 +294,7 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"stiffness_N_per_m", "stiffness_N_per_m = 0", "firm_hand.stiffness_N_per_m",
                "impossible"},
         Broken{"[light_hand]", "[ligth_hand]", "ligth_hand", "unknown table"},
-        Broken{"description", "", "description", "missing", "# WoodenHaptics"},
+        Broken{"description", "", "description", "missing", "# SPDX"},
         Broken{"[dynamics]", "colour = 3", "gravity.colour", "unknown key"}));
 
 // woodenhaptics_v2015: the shoulder is at (-0.22, 0, 0) of the device frame, the linkage reaches
