@@ -30,6 +30,7 @@
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
 #include "servo_loop/telemetry.h"
+#include "servo_loop/watched_run.h"
 #include "tools/dashboard.h"
 #include "tools/hdf5_file.h"
 #include "tools/recorder.h"
@@ -240,6 +241,9 @@ int Run::execute() {
     note("--record: " + recorder_->finish().trouble);
     status_ = 1;
   }
+  if (!telemetry_->trouble().empty()) {
+    fail("the live line and the recording ended early: " + telemetry_->trouble());
+  }
   collect();
   write_flight_records();
   say(loop_text(summary_, telemetry_->statistics()));
@@ -381,21 +385,13 @@ void Run::start_dashboard() {
 
 // Runs the loop until it ends by itself.
 servo::ServoOutcome Run::run_loop(double for_s) {
-  servo::ServoOutcome outcome;
-  std::atomic<bool> ended{false};
-  std::thread servo_thread([&] {
-    outcome = loop_->run(StopRequest::stop(), for_s);
-    ended = true;
-  });
-  while (!ended) {
+  return servo::run_watched(*loop_, StopRequest::stop(), for_s, StopRequest::request, [this] {
     look_at_keys(milliseconds(20));
     if (const auto how = processes_->simulator_end()) {
       note("the simulator process " + *how + " during the run; the force faded to zero");
       say(summary_.notes.back() + "\n");
     }
-  }
-  servo_thread.join();
-  return outcome;
+  });
 }
 
 // The loop, and with --reconnect again after each fault that a device may have mended by going.
