@@ -244,6 +244,9 @@ int Run::execute() {
   if (!telemetry_->trouble().empty()) {
     fail("the live line and the recording ended early: " + telemetry_->trouble());
   }
+  if (!link_->trouble().empty()) {
+    fail("the link to the simulator ended early, and the force faded to zero: " + link_->trouble());
+  }
   collect();
   write_flight_records();
   say(loop_text(summary_, telemetry_->statistics()));
