@@ -33,6 +33,7 @@ UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
 .PHONY: run test build setup bench bench-realtime sanitize fuzz clean hil hil-full hil-matrix install-udev uninstall-udev
+.PHONY: docs pictures
 
 # SIMULATOR=bullet: another simulator behind the link, examples/bullet_simulator.cpp.
 ifneq ($(filter-out bullet,$(SIMULATOR)),)
@@ -97,6 +98,14 @@ hil-matrix: build
 	ctest --test-dir build/release -LE hil -R '$(USER_SPACE_TESTS)' -j2 \
 	  --output-junit $(CURDIR)/build/hil/results/user_space.xml || true
 	python3 tests/hil/matrix.py --junit build/hil/results/user_space.xml
+
+# All pages and the C++ interfaces as one site without a network: build/docs/site/index.html.
+docs: setup
+	/usr/bin/python3 docs/site/make_site.py . build/docs
+
+# docs/pictures/*.svg from the *.dot beside them.
+pictures: setup
+	docs/pictures/draw.sh
 
 # Lets the person at the computer, and the group plugdev, use the devices without root.
 install-udev:

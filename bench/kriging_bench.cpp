@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bench/ratios.h"
+#include "forcegrid/kriging/ensemble_method.h"
 #include "forcegrid/kriging/kriging_field.h"
 #include "forcegrid/kriging/kriging_grid_method.h"
 #include "forcegrid/kriging/kriging_method.h"
@@ -110,9 +111,9 @@ void kriging_force(benchmark::State& state) {
 BENCHMARK(kriging_force);
 
 // Samples along a path that fills the dictionary anew: each is committed and one evicted.
-template <KrigingMethod::Kind kKind>
+template <typename Method, typename Method::Kind kKind>
 void take_samples(benchmark::State& state) {
-  KrigingMethod method(kKind, {});
+  Method method(kKind, {});
   method.contact_made(1, Eigen::Vector3d::Zero());
   double time_s = 0.0;
   std::size_t next = 0;
@@ -127,15 +128,15 @@ void take_samples(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations());
 }
 void kriging_sample(benchmark::State& state) {
-  take_samples<KrigingMethod::Kind::kForceOnly>(state);
+  take_samples<KrigingMethod, KrigingMethod::Kind::kForceOnly>(state);
 }
 BENCHMARK(kriging_sample);
 void kriging_bank_sample(benchmark::State& state) {
-  take_samples<KrigingMethod::Kind::kBank>(state);
+  take_samples<EnsembleMethod, EnsembleMethod::Kind::kKriging>(state);
 }
 BENCHMARK(kriging_bank_sample);
 void kriging_store_sample(benchmark::State& state) {
-  take_samples<KrigingMethod::Kind::kStore>(state);
+  take_samples<KrigingMethod, KrigingMethod::Kind::kStore>(state);
 }
 BENCHMARK(kriging_store_sample);
 

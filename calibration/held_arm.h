@@ -33,7 +33,7 @@ struct Press {
   double torque_Nm = 0.0;
 };
 
-/// Moves the joints of a device that nobody holds, slowly and weakly, and gives up when something
+/// Moves the joints of a device that no hand holds, slowly and weakly, and gives up when something
 /// is not as it should be.
 ///
 ///   tau = tau_hold(q) + I_j (q''_t + w^2 e + 2 w e') + k_i integral(e),   e = q_t - q

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "driver/kinematics.h"
+#include "rt/vectors.h"
 
 namespace forcegrid::calibration {
 namespace {
@@ -10,21 +11,19 @@ namespace {
 // A report's number is truncated toward zero; a quarter more survives that and rounding alike.
 constexpr double kSurvivesTruncation = 0.25;
 
-Eigen::Array3d array(const profiles::Axes& axes) noexcept { return {axes[0], axes[1], axes[2]}; }
-
 }  // namespace
 
 MotorUnits::MotorUnits(const profiles::DeviceProfile& profile) noexcept
     : delta_(profile.kind == profiles::DeviceKind::kDelta),
-      max_torque_Nm_(array(profile.limits.max_joint_torque_Nm)) {
+      max_torque_Nm_(rt::to_vector(profile.limits.max_joint_torque_Nm).array()) {
   if (delta_) {
     torque_per_unit_Nm_.setConstant(-1.0 / profile.falcon.torque_gain_per_Nm);
     return;
   }
   torque_per_unit_Nm_ =
       1e-3 * driver::ArmKinematics(profile).joint_torque_of_current(Eigen::Vector3d::Ones());
-  max_torque_Nm_ =
-      max_torque_Nm_.min(1e3 * array(profile.motors.max_current_A) * torque_per_unit_Nm_.abs());
+  max_torque_Nm_ = max_torque_Nm_.min(1e3 * rt::to_vector(profile.motors.max_current_A).array() *
+                                      torque_per_unit_Nm_.abs());
 }
 
 MotorUnits::Command MotorUnits::nearest(const Eigen::Vector3d& joint_torque_Nm,

@@ -17,7 +17,7 @@
 namespace forcegrid::calibration {
 
 struct ProcedureOptions {
-  /// [kg] fastened to the tip; 0: none, and torque constants can't be told.
+  /// [kg] fastened to the tip; 0: none, and torque constants cannot be identified.
   double known_mass_kg = 0.0;
   bool homed = true;     ///< the counters were set in the calibration pose just now
   bool range = true;     ///< move to the hard stops

@@ -7,7 +7,7 @@
 namespace forcegrid::calibration {
 
 /// How a joint is moved to learn what moves it: strokes at constant speed both ways, at several
-/// speeds, which tell friction from weight, and a swing, which tells inertia. Exciting each
+/// speeds, which separate friction from weight, and a swing, which shows inertia. Exciting each
 /// parameter apart keeps the least squares well conditioned.
 /// Source: Swevers, Ganseman, Tuekel, de Schutter, Van Brussel, IEEE Trans. Robotics and Automation
 /// 13(5), 1997, on excitation; Khalil and Dombre (2002), ch. 12.

@@ -60,7 +60,7 @@ int simulate_command(const SimulateOptions& options) {
   }
   simulator::SimulatorOptions simulator;
   simulator.scene = options.scene;
-  simulator.solver_name = options.solver;
+  simulator.solver_kind = simulator::parse_solver(options.solver);
   simulator.listen = options.listen;
   simulator.key_files = options.key_files;
   simulator.allowed = options.allowed;

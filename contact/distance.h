@@ -21,7 +21,7 @@ struct AxisToTriangle {
 /// Point of the triangle that is nearest to `point`, both in one frame, as barycentric weights. A
 /// triangle without area is taken as its edges.
 /// Source: Ericson, Real-Time Collision Detection (2005), section 5.1.5.
-/// Real-time: no allocation, lock or throw; so the others here. Threads: any.
+/// Real-time: no allocation, lock or throw, as all functions here. Threads: any.
 Eigen::Vector3d nearest_weights(const Eigen::Vector3d& point, const Corners& corners) noexcept;
 
 /// The nearest points of the segment from `from` to `to` and a triangle. Where several pairs are
@@ -29,11 +29,11 @@ Eigen::Vector3d nearest_weights(const Eigen::Vector3d& point, const Corners& cor
 AxisToTriangle nearest(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
                        const Corners& corners) noexcept;
 
-/// How a tool and a triangle lie to each other.
+/// Position of a tool relative to a triangle.
 struct Touch {
-  /// [m] distance of a part's axis from the triangle less the part's radius: how far the tool's
-  /// surface is from the triangle, negative by how far it has gone through. At least -radius: one
-  /// triangle can't tell which side of it an axis is on that has gone through.
+  /// [m] Distance of a part's axis from the triangle minus the part's radius: positive outside,
+  /// negative by the depth of penetration. At least -radius, since one triangle alone does not show
+  /// on which side of it an axis is.
   double gap_m = 0.0;
   int part = 0;                                         ///< of ToolShape::parts()
   Eigen::Vector3d point_W = Eigen::Vector3d::Zero();    ///< [m] of the triangle
@@ -47,11 +47,11 @@ struct Touch {
 Touch nearest(const ToolShape& tool, const Eigen::Vector3d& position_W,
               const Corners& corners_W) noexcept;
 
-/// How a point lies to the tool at `position_W` [m].
+/// Position of a point relative to the tool at `position_W` [m].
 struct PointInTool {
   double gap_m = 0.0;  ///< signed distance from the tool's surface, negative inside
   Eigen::Vector3d normal_W = Eigen::Vector3d::UnitZ();  ///< unit, the gap's gradient: outward
-  /// [1/m] The gap's second derivative: how the normal turns. Zero on an axis, where there is none.
+  /// [1/m] The gap's second derivative, by which the normal turns; set to zero on an axis.
   Eigen::Matrix3d turning_W_per_m = Eigen::Matrix3d::Zero();
 };
 

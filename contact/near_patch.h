@@ -13,15 +13,15 @@
 
 namespace forcegrid::contact {
 
-/// A small copy of the part of a surface that a tool may touch next, for a loop that can't wait for
-/// whoever has the whole: at most kMaxTriangles triangles in a tree of kLeaves boxes, all in one
-/// plain block of memory that can be handed from thread to thread.
+/// A small copy of the part of a surface that a tool may touch next, for a real-time loop that
+/// cannot access the whole surface. It has at most kMaxTriangles triangles in a tree of kLeaves
+/// boxes, and is trivially copyable, so that it can be passed between threads.
 ///
-/// What is inside and what outside is told by the angle-weighted normal of the nearest face, edge
-/// or corner. Source: Baerentzen and Aanaes, Signed distance computation using the angle weighted
-/// pseudonormal, IEEE Trans. Visualization and Computer Graphics 11(3), 2005.
-/// Real-time: no allocation, lock or throw; a query looks at kMaxTriangles triangles at most.
-/// Threads: const calls from any.
+/// The angle-weighted normal of the nearest face, edge or corner decides between inside and
+/// outside. Source: Baerentzen and Aanaes, Signed distance computation using the angle weighted
+/// pseudonormal, IEEE Trans. Visualization and Computer Graphics 11(3), 2005. Real-time: no
+/// allocation, lock or throw; a query tests at most kMaxTriangles triangles. Threads: const calls
+/// from any.
 class NearPatch {
  public:
   static constexpr std::size_t kMaxVertices = 19;  ///< two rings around a vertex of a regular mesh
@@ -31,12 +31,12 @@ class NearPatch {
   using Triangle = std::array<std::uint8_t, 3>;
   using Vertex = std::array<double, 3>;
 
-  /// How a tool lies to the patch.
+  /// Position of a tool relative to the patch.
   struct Clearance {
     double gap_m = 0.0;  ///< of the tool's surface from the patch, negative inside
     Eigen::Vector3d normal_W = Eigen::Vector3d::UnitZ();  ///< unit, outward, the gap's gradient
-    Eigen::Vector3d point_W = Eigen::Vector3d::Zero();    ///< [m] the nearest of the patch
-    /// The nearest point lies on the patch's rim: the surface goes on there, nobody here knows how.
+    Eigen::Vector3d point_W = Eigen::Vector3d::Zero();    ///< [m] nearest point of the patch
+    /// The nearest point lies on the patch's rim. The surface continues there, but the patch ends.
     bool at_rim = false;
   };
 
@@ -49,7 +49,7 @@ class NearPatch {
 
   std::size_t triangle_count() const noexcept { return triangle_count_; }
 
-  /// Nothing where the patch holds no triangle or none within `margin_m` [m] of the tool.
+  /// Returns nothing if the patch has no triangle within `margin_m` [m] of the tool.
   /// @param tool  one capsule, in the tool's frame T; a point has neither length nor radius.
   /// @param position_W  [m] of T's origin.
   [[nodiscard]] std::optional<Clearance> clearance(const Capsule& tool,

@@ -13,28 +13,27 @@
 
 namespace forcegrid::contact {
 
-/// What a tool meets first of a surface.
+/// The first contact of a tool with a surface.
 struct SurfaceTouch {
   std::int32_t triangle = -1;  ///< index into the triangles that the tree was built of
   Touch touch;
 };
 
-/// A hierarchy of boxes over a surface of triangles whose vertices move: built once, refitted to
-/// the vertices' new places at each step. Bounds stay right however far the surface has moved;
-/// queries take longer where it has folded.
+/// A bounding-volume hierarchy (AABB tree) over a triangle surface whose vertices move. It is built
+/// once and refitted to the vertices' new positions at each step. Results stay correct however far
+/// the surface moves; queries take longer where it has folded.
 ///
 /// Source: van den Bergen, Efficient collision detection of complex deformable models using AABB
-/// trees, J. Graphics Tools 2(4), 1997.
-/// Real-time: after construction no allocation, lock or throw; refit() looks at every triangle
-/// once, a query at what is near the tool. Threads: const calls from any, refit() from one alone.
+/// trees, J. Graphics Tools 2(4), 1997. Real-time: after construction no allocation, lock or throw;
+/// refit() visits every triangle once, a query those near the tool. Threads: const calls from any;
+/// refit() from one, without other calls.
 class SurfaceTree {
  public:
   using Triangle = std::array<std::int32_t, 3>;
 
   /// @param triangles  vertex numbers, counterclockwise seen from outside.
   /// @param positions_W  [m] of all vertices, for the first fit and for how the tree is divided.
-  /// @throws Error for a triangle that names a vertex that is not there, or a place that is not
-  /// finite.
+  /// @throws Error for a triangle with a missing vertex, or a position that is not finite.
   SurfaceTree(std::vector<Triangle> triangles, std::span<const Eigen::Vector3d> positions_W);
 
   std::size_t triangle_count() const noexcept { return triangles_.size(); }
@@ -42,12 +41,12 @@ class SurfaceTree {
   const Triangle& triangle(std::size_t index) const noexcept { return triangles_[index]; }
   Corners corners_W(std::size_t index) const noexcept;
 
-  /// The vertices have moved to `positions_W` [m].
-  /// @returns false, and changes nothing, if their number is another or one is not finite.
+  /// Moves the vertices to `positions_W` [m].
+  /// @returns false, and changes nothing, if their number differs or one is not finite.
   [[nodiscard]] bool refit(std::span<const Eigen::Vector3d> positions_W) noexcept;
 
-  /// The nearest triangle to the tool, or the one that it has gone through farthest, if its gap is
-  /// at most `margin_m`.
+  /// The triangle nearest to the tool, or the one that it penetrates most; nothing if its gap is
+  /// above `margin_m` [m].
   [[nodiscard]] std::optional<SurfaceTouch> nearest(const ToolShape& tool,
                                                     const Eigen::Vector3d& position_W,
                                                     double margin_m) const noexcept;

@@ -15,8 +15,8 @@ struct Capsule {
   double radius_m = 0.0;
 };
 
-/// A rigid tool that a 3-DOF device moves without turning it: one capsule, or the two jaws of a
-/// grasper. The operational point is its tip, so that a tool that comes down on a flat surface
+/// A rigid tool that a 3-DOF device translates but does not rotate: one capsule, or the two jaws of
+/// a grasper. The operational point is its tip, so that a tool that comes down on a flat surface
 /// touches it there, as a point would.
 ///
 /// Threads: a value; const calls from any.
@@ -31,7 +31,7 @@ class ToolShape {
 
   /// A sphere that hangs above its tip: its centre is at (0, 0, radius) in T.
   /// @param radius_m  kMinRadius_m to kMaxRadius_m.
-  /// @throws Error naming the size that is out of range; so do the others.
+  /// @throws Error naming the size that is out of range, as capsule() and grasper() do.
   static ToolShape sphere(double radius_m);
 
   /// A rod with round ends, `length_m` between the centres of those ends.
@@ -50,8 +50,8 @@ class ToolShape {
   std::span<const Capsule> parts() const noexcept { return {parts_.data(), count_}; }
   double opening_rad() const noexcept { return opening_rad_; }
 
-  /// Opens or closes a grasper; the angle is clamped to the range, one that is not finite changes
-  /// nothing. Nothing happens to other tools.
+  /// Opens or closes a grasper. The angle is clamped to the range; an angle that is not finite is
+  /// ignored. Other tools are not changed.
   /// Real-time: no allocation, lock or throw.
   void set_opening(double opening_rad) noexcept;
 

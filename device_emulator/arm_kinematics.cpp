@@ -3,25 +3,23 @@
 #include <cmath>
 #include <numbers>
 
+#include "rt/vectors.h"
+
 namespace forcegrid::emulator {
 
-namespace {
-
-Eigen::Vector3d vector(const profiles::Axes& axes) { return {axes[0], axes[1], axes[2]}; }
-
-}  // namespace
+namespace {}  // namespace
 
 ArmKinematics::ArmKinematics(const profiles::DeviceProfile::Kinematics& kinematics) noexcept
-    : link_length_m_(vector(kinematics.link_length_m)),
-      origin_D_(vector(kinematics.origin_m)),
-      joint_rad_per_count_(
-          2.0 * std::numbers::pi *
-          (vector(kinematics.encoder_sign).array() * vector(kinematics.capstan_diameter_m).array() /
-           vector(kinematics.body_diameter_m).array() /
-           vector(kinematics.encoder_counts_per_turn).array())
-              .matrix()),
-      linkage_sign_(vector(kinematics.linkage_sign)),
-      linkage_offset_rad_(vector(kinematics.linkage_offset_rad)) {}
+    : link_length_m_(rt::to_vector(kinematics.link_length_m)),
+      origin_D_(rt::to_vector(kinematics.origin_m)),
+      joint_rad_per_count_(2.0 * std::numbers::pi *
+                           (rt::to_vector(kinematics.encoder_sign).array() *
+                            rt::to_vector(kinematics.capstan_diameter_m).array() /
+                            rt::to_vector(kinematics.body_diameter_m).array() /
+                            rt::to_vector(kinematics.encoder_counts_per_turn).array())
+                               .matrix()),
+      linkage_sign_(rt::to_vector(kinematics.linkage_sign)),
+      linkage_offset_rad_(rt::to_vector(kinematics.linkage_offset_rad)) {}
 
 Eigen::Vector3d ArmKinematics::joint_angle_rad(const Eigen::Vector3d& counts) const noexcept {
   return counts.cwiseProduct(joint_rad_per_count_);

@@ -11,8 +11,11 @@ namespace forcegrid::emulator {
 /// driver's kinematics cannot hide in it.
 ///
 ///   q_i     = s_i (2 pi n_i / cpr_i) (d_i / D_i)          joint angle [rad] from counts n
-///   theta_i = linkage_offset_i + linkage_sign_i q_i       yaw, from the vertical, from straight
-///   down r = L_b sin(theta_b) + L_c sin(theta_c) x = r cos(theta_a) - o_x y = r sin(theta_a) - o_y
+///   theta_i = linkage_offset_i + linkage_sign_i q_i
+///             (theta_a: yaw, theta_b: from the vertical, theta_c: from straight down)
+///   r = L_b sin(theta_b) + L_c sin(theta_c)
+///   x = r cos(theta_a) - o_x
+///   y = r sin(theta_a) - o_y
 ///   z = L_a + L_b cos(theta_b) - L_c cos(theta_c) - o_z
 ///
 /// Frame D: x toward the user, y to the user's right, z up; metres, radians.

@@ -12,57 +12,23 @@ using Eigen::Vector3d;
 DeltaModel::DeltaModel(const profiles::DeviceProfile& profile,
                        std::optional<profiles::HandProfile> hand, const Vector3d& position_D,
                        bool hand_carries_weight)
-    : mechanism_(profile.delta),
-      dynamics_(profile.dynamics),
+    : HeldMechanism(profile.dynamics, hand, hand_carries_weight,
+                    profiles::kStandardGravity_m_per_s2),
+      mechanism_(profile.delta),
       joint_min_rad_(profile.delta.joint_min_rad),
       joint_max_rad_(profile.delta.joint_max_rad),
       knob_min_x_m_(profile.delta.knob_min_z_m - profile.delta.center_m[2]),
       knob_max_x_m_(profile.delta.knob_max_z_m - profile.delta.center_m[2]),
       axis_D_(mechanism_.from_base(Vector3d::Zero())),
       knob_max_radius_m_(profile.delta.knob_max_radius_m),
-      moving_mass_kg_(profile.dynamics.tip_mass_kg),
-      hand_carries_weight_(hand.has_value() && hand_carries_weight),
-      position_D_(position_D),
-      hand_target_D_(position_D) {
+      position_D_(position_D) {
   const auto pose = mechanism_.pose(position_D);
   if (!pose) {
     throw std::invalid_argument("the delta of profile " + profile.name +
                                 " can't start where its legs do not close; correct delta.center_m");
   }
   pose_ = *pose;
-  if (hand) {
-    hand_mass_kg_ = hand->mass_kg;
-    moving_mass_kg_ += hand_mass_kg_;
-    hand_stiffness_N_per_m_ = hand->stiffness_N_per_m;
-    hand_damping_N_s_per_m_ = hand->damping_N_s_per_m;
-  }
-}
-
-void DeltaModel::attach_tip_mass(double mass_kg) noexcept {
-  moving_mass_kg_ += mass_kg;
-  tip_weight_N_ += mass_kg * profiles::kStandardGravity_m_per_s2;
-}
-
-void DeltaModel::release_hand() noexcept {
-  moving_mass_kg_ -= hand_mass_kg_;
-  hand_mass_kg_ = hand_stiffness_N_per_m_ = hand_damping_N_s_per_m_ = 0.0;
-  hand_carries_weight_ = false;
-}
-
-void DeltaModel::advance(double duration_s, const Vector3d& motor_torque_Nm,
-                         const Vector3d& hand_target_D) noexcept {
-  if (!(duration_s > 0.0)) {
-    return;
-  }
-  const double substeps = std::ceil(duration_s / kSubstep_s - 1e-9);
-  const double step_s = duration_s / substeps;
-  const Vector3d target_start_D = hand_target_D_;
-  const Vector3d target_speed_D = (hand_target_D - target_start_D) / duration_s;
-  for (double i = 0.0; i < substeps; i += 1.0) {
-    substep(step_s, motor_torque_Nm, target_start_D + (i + 0.5) * step_s * target_speed_D,
-            target_speed_D);
-  }
-  hand_target_D_ = hand_target_D;
+  place_hand_target(position_D);
 }
 
 double DeltaModel::kinetic_energy_J() const noexcept {
@@ -71,15 +37,12 @@ double DeltaModel::kinetic_energy_J() const noexcept {
              (pose_.rate_rad_per_m * velocity_D_m_per_s_).squaredNorm();
 }
 
-DeltaModel::Contacts DeltaModel::contacts_at(const Vector3d& position_D,
-                                             const DeltaMechanism::Pose& pose,
-                                             const Vector3d& velocity_D) const noexcept {
-  Contacts contacts;
+HeldMechanism::Stops DeltaModel::stops_at(const Vector3d& position_D,
+                                          const DeltaMechanism::Pose& pose,
+                                          const Vector3d& velocity_D) const noexcept {
+  Stops stops;
   const auto touch = [&](const Vector3d& axis_D, double excess, double stiffness, double damping) {
-    const double rate = axis_D.dot(velocity_D);
-    if (excess > 0.0 && stiffness * excess + damping * rate > 0.0) {
-      contacts.list[contacts.count++] = {axis_D, excess, rate, stiffness, damping};
-    }
+    stops.touch(axis_D, excess, axis_D.dot(velocity_D), stiffness, damping);
   };
   for (int leg = 0; leg < 3; ++leg) {
     const Vector3d axis_D = pose.rate_rad_per_m.row(leg).transpose();
@@ -99,11 +62,11 @@ DeltaModel::Contacts DeltaModel::contacts_at(const Vector3d& position_D,
     touch(radial_D / radius_m, radius_m - knob_max_radius_m_, dynamics_.knob_stop_stiffness_N_per_m,
           dynamics_.knob_stop_damping_N_s_per_m);
   }
-  return contacts;
+  return stops;
 }
 
-void DeltaModel::substep(double step_s, const Vector3d& motor_torque_Nm,
-                         const Vector3d& target_mid_D, const Vector3d& target_speed_D) noexcept {
+void DeltaModel::substep(const Drive& drive) noexcept {
+  const double step_s = drive.step_s;
   const Vector3d velocity_D = velocity_D_m_per_s_;
   const Vector3d position_mid_D = position_D_ + 0.5 * step_s * velocity_D;
   const auto at_mid = mechanism_.pose(position_mid_D);
@@ -117,36 +80,21 @@ void DeltaModel::substep(double step_s, const Vector3d& motor_torque_Nm,
 
   // Forces at the predicted midpoint with the velocity of the start; what the change of velocity
   // adds is in `resistance`, the implicit part.
-  const Vector3d hand_N = hand_stiffness_N_per_m_ * (target_mid_D - position_mid_D) +
-                          hand_damping_N_s_per_m_ * (target_speed_D - velocity_D);
-  const Contacts contacts = contacts_at(position_mid_D, *at_mid, velocity_D);
-  Matrix3d resistance = dynamics_.joint_inertia_kg_m2 * rate_squared;
-  resistance.diagonal().array() += moving_mass_kg_ + 0.5 * step_s * hand_damping_N_s_per_m_ +
-                                   0.25 * step_s * step_s * hand_stiffness_N_per_m_;
+  const Vector3d hand_N = hand_force_D(drive, position_mid_D, velocity_D);
   const Vector3d weight_N(0.0, 0.0, hand_carries_weight_ ? 0.0 : -tip_weight_N_);
-  Vector3d applied_N = hand_N + weight_N + rate.transpose() * motor_torque_Nm;
-  for (std::size_t i = 0; i < contacts.count; ++i) {
-    const Contact& contact = contacts.list[i];
-    applied_N -=
-        contact.axis_D * (contact.stiffness * contact.excess + contact.damping * contact.rate);
-    resistance += (step_s * contact.damping + 0.25 * step_s * step_s * contact.stiffness) *
-                  contact.axis_D * contact.axis_D.transpose();
-  }
+  const Stops stops = stops_at(position_mid_D, *at_mid, velocity_D);
+  Vector3d applied_N = hand_N + weight_N + rate.transpose() * drive.motor_torque_Nm;
+  stops.add_force(applied_N);
+
+  Matrix3d resistance = dynamics_.joint_inertia_kg_m2 * rate_squared;
+  resistance.diagonal().array() += mass_with_hand_kg(moving_mass_kg_, step_s);
+  stops.add_resistance(step_s, resistance);
 
   // Two passes: the second knows the velocities at the middle and the end of the substep.
   Vector3d change_D = Vector3d::Zero();
-  Vector3d friction = Vector3d::Zero();  // [N m s/rad] secant coefficient
+  Vector3d friction = Vector3d::Zero();
   for (int pass = 0; pass < 2; ++pass) {
-    const Vector3d end_rate_rad_per_s = rate * (velocity_D + change_D);
-    for (int leg = 0; leg < 3; ++leg) {
-      const double speed = std::abs(end_rate_rad_per_s[leg]);
-      const double scaled = dynamics_.coulomb_smoothing_s_per_rad * speed;
-      const auto axis = static_cast<std::size_t>(leg);
-      const double coulomb_Nm = dynamics_.coulomb_friction_Nm[axis];
-      const double coulomb = scaled > 1e-6 ? coulomb_Nm * std::tanh(scaled) / speed
-                                           : coulomb_Nm * dynamics_.coulomb_smoothing_s_per_rad;
-      friction[leg] = coulomb + dynamics_.viscous_friction_Nm_s_per_rad[axis];
-    }
+    friction = friction_Nm_s_per_rad(rate * (velocity_D + change_D));
     const Matrix3d braking = rate.transpose() * friction.asDiagonal() * rate;
     const Vector3d bias = mechanism_.bias_rad_per_s2(position_mid_D, velocity_D + 0.5 * change_D);
     const Matrix3d system = resistance + step_s * braking;
@@ -167,20 +115,12 @@ void DeltaModel::substep(double step_s, const Vector3d& motor_torque_Nm,
   position_D_ += moved_D;
   pose_ = *at_end;
 
-  const double motor_J = motor_torque_Nm.dot(turned_rad);
-  (motor_J > 0.0 ? work_.motor_positive_J : work_.motor_negative_J) += motor_J;
-  const Vector3d hand_mid_N =
-      hand_N - (0.5 * hand_damping_N_s_per_m_ + 0.25 * step_s * hand_stiffness_N_per_m_) * change_D;
+  account_for_motors(drive.motor_torque_Nm.dot(turned_rad));
+  const Vector3d hand_mid_N = hand_N - hand_resistance_N_s_per_m(step_s) * change_D;
   work_.hand_J += hand_mid_N.dot(moved_D);
   work_.gravity_J += weight_N.dot(moved_D);
   work_.friction_J -= friction.cwiseProduct(rate * velocity_D_m_per_s_).dot(rate * moved_D);
-  for (std::size_t i = 0; i < contacts.count; ++i) {
-    const Contact& contact = contacts.list[i];
-    const double force =
-        contact.stiffness * (contact.excess + 0.25 * step_s * contact.axis_D.dot(change_D)) +
-        contact.damping * (contact.rate + contact.axis_D.dot(change_D));
-    work_.stops_J -= force * contact.axis_D.dot(moved_D);
-  }
+  stops.add_work(step_s, change_D, moved_D, work_.stops_J);
 }
 
 }  // namespace forcegrid::emulator

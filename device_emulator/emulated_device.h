@@ -14,7 +14,7 @@
 
 namespace forcegrid::emulator {
 
-/// A device behind its plug: what a USB bus can do to it, and what became of its motors.
+/// An emulated device as a USB bus sees it, with a report of what its motors did.
 ///
 /// Everything happens at times given by the caller, which must not decrease: simulated in tests,
 /// CLOCK_MONOTONIC in the server.
@@ -66,8 +66,8 @@ class EmulatedDevice {
   /// Whether a motor has current.
   [[nodiscard]] virtual bool motors_on() const;
 
-  /// Whether the cable is in. Out of it the device is not listed and can't be imported, and a
-  /// client that has it is cut off.
+  /// Whether the cable is plugged in. Otherwise the device is not listed and cannot be imported,
+  /// and a client that has imported it is cut off.
   [[nodiscard]] virtual bool plugged_in() const noexcept { return true; }
 
   /// The person presses the button that the device has for calibration; nothing on one without.

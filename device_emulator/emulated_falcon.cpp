@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "rt/vectors.h"
+
 namespace forcegrid::emulator {
 
 namespace {
@@ -27,8 +29,6 @@ OperatorScript::Options script_options(const DeviceOptions& options) {
                    .in_D = kStart_D + Vector3d(in_m, 0.0, 0.0)};
   return script;
 }
-
-std::array<double, 3> array(const Vector3d& v) { return {v[0], v[1], v[2]}; }
 
 bool any(const std::array<std::int32_t, 3>& commands) {
   return commands[0] != 0 || commands[1] != 0 || commands[2] != 0;
@@ -101,7 +101,7 @@ void EmulatedFalcon::advance_physics(rt::TimePoint now) noexcept {
     if (any(firmware_.commands())) {
       motors_last_nonzero_ = now_;
     }
-    firmware_.turn(array(delta_.joint_angle_rad()));
+    firmware_.turn(rt::to_array(delta_.joint_angle_rad()));
     firmware_.check_watchdog(now_);
     if (button_until_ && now_ >= *button_until_) {
       button_until_.reset();
@@ -143,7 +143,7 @@ void EmulatedFalcon::receive(std::uint8_t character, const LineSettings& line,
   if (firmware_.statistics().packets_answered == answered) {
     return;
   }
-  const auto counts = firmware_.counters(array(delta_.joint_angle_rad()));
+  const auto counts = firmware_.counters(rt::to_array(delta_.joint_angle_rad()));
   samples_.add(time, {counts[0], counts[1], counts[2], 0, 0, 0});
   for (std::size_t i = 0; i < 3; ++i) {
     max_abs_command_[i] = std::max(max_abs_command_[i], std::abs(firmware_.commands()[i]));
@@ -156,7 +156,7 @@ void EmulatedFalcon::modem_lines_changed(const LineSettings& line, rt::TimePoint
 
 std::array<double, 3> EmulatedFalcon::joint_angle_rad(rt::TimePoint time) noexcept {
   advance_physics(time);
-  return array(delta_.joint_angle_rad());
+  return rt::to_array(delta_.joint_angle_rad());
 }
 
 void EmulatedFalcon::send(std::span<const std::uint8_t> characters, double baud_Hz,
@@ -167,8 +167,8 @@ void EmulatedFalcon::send(std::span<const std::uint8_t> characters, double baud_
 EmulatorReport EmulatedFalcon::report() const {
   EmulatorReport report;
   report.device = name_;
-  report.final_torque_Nm = array(torque_Nm());
-  report.tip_position_m = array(delta_.position_D());
+  report.final_torque_Nm = rt::to_array(torque_Nm());
+  report.tip_position_m = rt::to_array(delta_.position_D());
   report.motor_energy_delivered_J = delta_.work().motor_positive_J;
   report.motor_energy_absorbed_J = delta_.work().motor_negative_J;
   if (any(firmware_.commands())) {
@@ -181,7 +181,7 @@ EmulatorReport EmulatedFalcon::report() const {
   report.reports_sent = statistics.packets_answered;
   report.reports_received = statistics.packets_answered;
   report.physics_skipped_s = physics_skipped_s_;
-  const auto counts = firmware_.counters(array(delta_.joint_angle_rad()));
+  const auto counts = firmware_.counters(rt::to_array(delta_.joint_angle_rad()));
   std::copy(counts.begin(), counts.end(), report.counters.begin());
   report.configured = usb_.configured();
 

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "rt/vectors.h"
+
 namespace forcegrid::emulator {
 
 namespace {
@@ -19,8 +21,6 @@ constexpr double kDutyFullScale = 0.4;
 constexpr double kDutyMargin = 1e-9;
 constexpr std::int32_t kPowerUpRange_counts = 20000;
 constexpr std::uint8_t kInterfaceClassHid = 3;
-
-Vector3d vector(const profiles::Axes& axes) { return {axes[0], axes[1], axes[2]}; }
 
 Vector3d calibration_counts(const profiles::DeviceProfile& profile) {
   const auto& pose = profile.calibration.pose_counts;
@@ -66,10 +66,10 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
       name_(options.profile.name),
       full_scale_current_A_(options.profile.motors.full_scale_current_A),
       torque_per_current_Nm_per_A_(
-          vector(options.profile.kinematics.encoder_sign)
-              .cwiseProduct(vector(options.profile.motors.torque_constant_Nm_per_A))
-              .cwiseProduct(vector(options.profile.kinematics.body_diameter_m))
-              .cwiseQuotient(vector(options.profile.kinematics.capstan_diameter_m))),
+          rt::to_vector(options.profile.kinematics.encoder_sign)
+              .cwiseProduct(rt::to_vector(options.profile.motors.torque_constant_Nm_per_A))
+              .cwiseProduct(rt::to_vector(options.profile.kinematics.body_diameter_m))
+              .cwiseQuotient(rt::to_vector(options.profile.kinematics.capstan_diameter_m))),
       now_(start) {
   arm_.attach_tip_mass(options.tip_mass_kg);
   identity_.interfaces = usb_.interfaces();

@@ -5,69 +5,25 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <stdexcept>
 #include <string>
-#include <string_view>
 #include <thread>
 #include <vector>
 
+#include "device_emulator/close_reason.h"
 #include "device_emulator/emulated_device.h"
 #include "device_emulator/emulator_report.h"
+#include "device_emulator/listen_socket.h"
+#include "device_emulator/usbip_client.h"
 #include "rt/thread.h"
 
 namespace forcegrid::emulator {
 
-/// The emulator can't be set up. `what()` says why and what to do about it.
-class EmulatorError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-/// Where to listen. Loopback only.
-struct ListenAddress {
-  std::string address;  ///< numeric, without brackets
-  std::uint16_t port = 0;
-  bool ipv6 = false;
-  /// "127.0.0.1:3240" or "[::1]:3240".
-  [[nodiscard]] std::string text() const;
-};
-
-/// "ADDR:PORT" with ADDR an IPv4 address in 127.0.0.0/8, "[::1]" or "localhost", and PORT 0 (any
-/// free one) to 65535.
-/// @throws EmulatorError for anything else; for an address that is not loopback with the reason.
-ListenAddress parse_listen_address(std::string_view text);
-
-/// Why connections were closed, all counted.
-enum class CloseReason : std::uint8_t {
-  kServed,              ///< device list sent, or import refused: the protocol ends there
-  kClientClosed,        ///< by the client, between two messages
-  kTruncated,           ///< by the client, within a message
-  kSocketError,         ///< reset or another error of the system
-  kBadVersion,          ///< protocol version other than 1.1.1
-  kUnknownOperation,    ///< neither device list nor import
-  kUnknownCommand,      ///< neither submit nor unlink
-  kBadDirection,        ///< direction neither 0 nor 1
-  kWrongDevice,         ///< device id other than the imported one
-  kBadTransferLength,   ///< negative or more than 64 KiB
-  kIsochronous,         ///< isochronous packets on a device that has no such endpoint
-  kTooManyUrbs,         ///< more than kMaxPendingUrbs pending
-  kDuplicateSequence,   ///< sequence number of an URB that is still pending
-  kSlowClient,          ///< does not take its replies
-  kIdle,                ///< asked for nothing within 10 s
-  kTooManyConnections,  ///< more than kMaxConnections
-  kUnplugged,           ///< unplug()
-  kServerStopped,
-  kCount
-};
-const char* to_string(CloseReason reason) noexcept;
-
-/// What a bus frame lasts.
+/// How fast bus frames follow each other.
 enum class Pace : std::uint8_t {
   kRealTime,
-  /// As long as it takes: while a client waits for something one frame follows the other at once,
-  /// each a frame period later by the devices' clock. Start-up times and watchdogs then take a
-  /// fraction of their time; for tests that attach thousands of times, not for anything with
-  /// motors.
+  /// As fast as the computer can: while a client waits, frames follow each other at once, each a
+  /// frame period later by the devices' clock. Start-up times and watchdogs then take a fraction of
+  /// their real time. For tests that attach thousands of times; not for tests of motors.
   kAsFastAsAsked,
 };
 
@@ -79,14 +35,13 @@ struct ServerOptions {
 
 /// Serves emulated devices over USB/IP and runs their bus.
 ///
-/// One thread does it all: each bus frame (usb.frame_period_us, on absolute deadlines) it takes in
-/// what clients have sent, answers control transfers and unlinks at once, runs one frame of every
-/// device with the URBs that are pending, and sends the replies without waiting. Devices with bulk
+/// One thread serves all clients. Each bus frame (usb.frame_period_us, on absolute deadlines) it
+/// takes in what clients have sent, answers control transfers and unlinks at once, runs one frame
+/// of every device with the pending URBs, and sends the replies without waiting. Devices with bulk
 /// endpoints are also served between frames, whenever their client has sent something or they have
-/// something for it. A client
-/// that does not take its replies is dropped when kMaxUnsentBytes wait for it; nothing a client
-/// does holds up a frame. A frame that begins late is counted and never made up for: the next one
-/// begins at least half a period later, and physics advances by the true time.
+/// something for it. A client that does not take its replies is dropped when kMaxUnsentBytes wait
+/// for it; no client can delay a frame. A frame that begins late is counted and not made up for:
+/// the next one begins at least half a period later, and physics advances by the true time.
 ///
 /// The device of a client that vanishes gets a bus reset and waits, unconfigured, for the next one;
 /// its firmware goes on and its watchdog trips.
@@ -97,9 +52,10 @@ struct ServerOptions {
 class EmulatorServer {
  public:
   static constexpr std::size_t kMaxConnections = 64;
-  static constexpr std::size_t kMaxPendingUrbs = 256;         ///< per connection
-  static constexpr std::size_t kMaxUnsentBytes = 512 * 1024;  ///< per connection
-  static constexpr std::size_t kMaxReadPerFrame = 80 * 1024;  ///< per connection
+  // Per connection:
+  static constexpr std::size_t kMaxPendingUrbs = UsbipClient::kMaxPendingUrbs;
+  static constexpr std::size_t kMaxUnsentBytes = UsbipClient::kMaxUnsentBytes;
+  static constexpr std::size_t kMaxReadPerFrame = UsbipClient::kMaxReadPerFrame;
 
   struct Statistics {
     std::uint64_t connections = 0;  ///< accepted

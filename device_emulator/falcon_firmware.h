@@ -30,7 +30,7 @@ namespace forcegrid::emulator {
 /// unused one, and '>'; nibbles and status are added to 0x41. Status to the device: 0x01 homing,
 /// 0x02, 0x04, 0x08 green, blue, red light; from it: buttons in bits 0 to 3, homed axes in 4 to 6.
 ///
-/// A counter is its encoder plus an offset that nobody knows until its axis is homed: with the
+/// A counter is its encoder plus an offset that is unknown until its axis is homed: with the
 /// homing bit set, that is when the driven angle, having been above `homing_out_rad`, falls below
 /// `homing_in_rad`. Zeros that have been found stay; their flags show while the homing bit is set.
 ///
@@ -81,7 +81,7 @@ class FalconFirmware final : public SerialPeer {
   FalconFirmware(const profiles::DeviceProfile& profile, Board& board, std::uint64_t seed,
                  bool running, bool homed);
 
-  /// What its boot loader does wrong; null for nothing. It is asked as long as the firmware lives.
+  /// The boot loader's faults, or null. Must outlive the firmware.
   void set_boot_loader_faults(BootLoaderFaults* faults) noexcept { faults_ = faults; }
 
   /// Power has gone and come back: cold, motors off, zeros lost.

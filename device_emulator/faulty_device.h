@@ -15,12 +15,11 @@
 
 namespace forcegrid::emulator {
 
-/// An emulated device between whose firmware and whose plug things go wrong: packets, endpoints,
-/// descriptors, power and plug of any device; counters and motors of those whose packets it can
-/// read (protocols w2, w3 and falcon); serial chip and boot loader of a Falcon.
+/// Injects faults between the firmware and the plug of an emulated device: in packets, endpoints,
+/// descriptors, power and plug of any device; in counters and motors of devices whose packets it
+/// can read (protocols w2, w3 and falcon); in the serial chip and boot loader of a Falcon.
 ///
-/// Every fault that has begun is recorded in the report, with the time until the motors had no
-/// current any more.
+/// The report records every fault that has begun, with the time until the motors had no current.
 ///
 /// Real-time: as EmulatedDevice, but for run(), which copies packets. Threads: one.
 class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {

@@ -14,7 +14,7 @@ namespace forcegrid::emulator {
 
 inline constexpr double kMaxTipMass_kg = 5.0;
 
-/// What `forcegrid emulate` can be told; names as on the command line.
+/// Options of `forcegrid emulate`; names as on the command line.
 struct EmulatorOptions {
   std::vector<std::string> profiles;      ///< one device each: names or TOML files
   std::string listen = "127.0.0.1:3240";  ///< ADDR:PORT, loopback only

@@ -29,13 +29,13 @@ struct DeviceReport {
   rt::TimePoint received{};  ///< when the report arrived at the host
 };
 
-/// What the motors shall do until the next command: the same torque in two units. A device uses the
-/// one that its protocol carries: W2 currents, the Falcon joint torques.
+/// The motors' torque until the next command, in two units. A device uses the unit that its
+/// protocol carries: W2 currents, the Falcon joint torques.
 struct MotorCommand {
   std::array<double, 3> current_A{};
   std::array<double, 3> joint_torque_Nm{};
-  /// When the servo will read the next report. The I/O thread starts no exchange in between that
-  /// would still be on its way then. Zero (the clock's epoch): unknown.
+  /// When the servo will read the next report. Until then the I/O thread starts no exchange that
+  /// would not be finished by that time. Zero (the clock's epoch): unknown.
   rt::TimePoint next_read{};
 };
 
@@ -75,12 +75,12 @@ struct DeviceStatistics {
   std::uint64_t refreshes = 0;  ///< exchanges begun without a new command, to renew the counts
 };
 
-/// Adds what was counted since another opening.
+/// Adds the counts of another opening of the device.
 void add(DeviceStatistics& sum, const DeviceStatistics& more) noexcept;
 
 /// A haptic device as the servo loop sees it: newest counts in, currents out. The handle and all
 /// blocking calls are on an I/O thread of the implementation's own; the servo meets it in lock-free
-/// mailboxes. The I/O thread sends zero current of its own accord when the servo falls silent for
+/// mailboxes. The I/O thread by itself sends zero current when the servo falls silent for
 /// longer than 50 ms.
 class Device {
  public:

@@ -22,7 +22,7 @@ constexpr rt::Duration kPollWhenFaulted = milliseconds(20);
 constexpr int kLastZeroAttempts = 3;
 constexpr int kMaxPacketsOfOneReply = 64;
 
-/// Its exchange never pauses, so that nobody needs to be woken.
+/// The exchange never pauses, so no thread has to be woken.
 class FalconDevice final : public IoThreadDevice {
  public:
   FalconDevice(std::unique_ptr<BulkTransport> transport, const profiles::DeviceProfile& profile,
@@ -120,7 +120,7 @@ class FalconDevice final : public IoThreadDevice {
 
   void publish(const falcon::InPacket& packet, rt::TimePoint arrived) noexcept {
     if (homed_ != falcon::kAllHomed && packet.homed == falcon::kAllHomed) {
-      // What was commanded until now was meant for positions that nobody knew.
+      // Commands until now were computed from unknown positions.
       static_cast<void>(commands_.fetch(latest_));
       commanded_ = false;
     }

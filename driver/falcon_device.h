@@ -16,7 +16,7 @@ std::string falcon_axes_not_homed(std::uint8_t homed);
 /// packet out, one packet in, at the pace of the device (about 1 kHz). While any axis is not homed
 /// every packet commands zero and lights the red lamp, whatever command() says; then the green one.
 /// An axis that loses its reference later ends the exchange with zero, as the positions would jump.
-/// DeviceReport::homed and ::buttons are the device's own.
+/// DeviceReport::homed and DeviceReport::buttons are the device's own.
 /// @param url  for messages and identity.
 /// @param ids_must_match  whether vendor and product number have to be the profile's.
 /// @throws DeviceError

@@ -16,19 +16,19 @@ enum LimitFlag : std::uint8_t {
   kLimitSlew = 4,       ///< the force vector's change was shortened
   kLimitTorque = 8,     ///< the joint torques were scaled down
   kLimitCurrent = 16,   ///< the motor currents were scaled down
-  kLimitWarm = 32,      ///< the same since a motor is warm; by the servo loop, not in apply()
+  kLimitWarm = 32,      ///< the same because a motor is warm; by servo::CommandLimiter
 };
 
-/// What may be commanded.
+/// What may be commanded after the limits.
 struct LimitedForce {
   std::uint8_t acted = 0;                                     ///< LimitFlag bits
   Eigen::Vector3d force_D = Eigen::Vector3d::Zero();          ///< [N] after force and slew limit
   Eigen::Vector3d joint_torque_Nm = Eigen::Vector3d::Zero();  ///< after every limit
   std::array<double, 3> current_A{};                          ///< after every limit
-  double torque_scale = 1.0;  ///< by which 4 and 5 scaled the torque of force_D and the extra one
+  double torque_scale = 1.0;  ///< factor of steps 4 and 5 on all torque, the extra one included
 };
 
-/// The last thing between a wanted force and the motors. In this order:
+/// Limits the wanted force and turns it into joint torques and motor currents, in this order:
 ///
 ///   1. finite:  a NaN or infinity anywhere gives zero force and restarts the slew from zero
 ///   2. force:   F <- F min(1, F_max / |F|)
@@ -37,9 +37,9 @@ struct LimitedForce {
 ///   5. current: I = I(tau),  I <- I min_i(1, I_max_i / |I_i|)
 ///
 /// A delta's commands are torques: its tau_max_i is at most what its largest command gives, its
-/// currents are zero, and step 5 does nothing. Vectors are scaled as a whole, so that 2, 4 and 5
-/// keep their direction. All of it is in double; the currents that leave it fit the report, whose
-/// encoder clamps once more. Real-time: apply() and reset() are bounded and neither allocate, lock
+/// currents are zero, and step 5 does nothing. Vectors are scaled as a whole, so steps 2, 4 and 5
+/// keep their direction. All arithmetic is in double; the currents fit the report, whose encoder
+/// clamps once more. Real-time: apply() and reset() are bounded and neither allocate, lock
 /// nor throw. Threads: one.
 class ForceLimiter {
  public:

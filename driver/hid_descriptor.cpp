@@ -49,6 +49,178 @@ std::size_t whole_bytes(std::uint64_t bits, const char* kind) {
   return static_cast<std::size_t>(bits / 8);
 }
 
+/// The state of a descriptor's parser, item by item.
+class Parser {
+ public:
+  explicit Parser(std::span<const std::uint8_t> descriptor) noexcept : descriptor_(descriptor) {}
+
+  HidInterface parse() {
+    while (at_ < descriptor_.size()) {
+      take_item();
+    }
+    if (depth_ != 0) {
+      fail(at_, "it ends inside a collection");
+    }
+    if (!found_application_) {
+      fail(at_, "it has no application collection");
+    }
+    result_.input_bytes = whole_bytes(input_bits_, "input");
+    result_.output_bytes = whole_bytes(output_bits_, "output");
+    result_.feature_bytes = whole_bytes(feature_bits_, "feature");
+    return result_;
+  }
+
+ private:
+  void take_item() {
+    start_ = at_;
+    const unsigned prefix = descriptor_[at_++];
+    if (prefix == 0xFE) {
+      fail(start_, "a long item, which HID 1.11 reserves");
+    }
+    const std::uint32_t value = take_value((prefix & 3) == 3 ? 4 : prefix & 3);
+    const unsigned tag = prefix >> 4;
+    switch ((prefix >> 2) & 3) {
+      case kMain:
+        take_main(tag, value);
+        break;
+      case kGlobal:
+        take_global(tag, value);
+        break;
+      case kLocal:
+        take_local(tag, value);
+        break;
+      default:
+        fail(start_, "reserved item type");
+    }
+  }
+
+  std::uint32_t take_value(std::size_t size) {
+    if (descriptor_.size() - at_ < size) {
+      fail(start_, "the item needs " + std::to_string(size) + " more bytes and " +
+                       std::to_string(descriptor_.size() - at_) + " are left");
+    }
+    std::uint32_t value = 0;
+    for (std::size_t i = 0; i < size; ++i) {
+      value |= static_cast<std::uint32_t>(descriptor_[at_ + i]) << (8 * i);
+    }
+    at_ += size;
+    return value;
+  }
+
+  void take_main(unsigned tag, std::uint32_t value) {
+    switch (tag) {
+      case kInput:
+        add_field(input_bits_);
+        break;
+      case kOutput:
+        add_field(output_bits_);
+        break;
+      case kFeature:
+        add_field(feature_bits_);
+        break;
+      case kCollection:
+        begin_collection(value);
+        break;
+      case kEndCollection:
+        if (depth_ == 0) {
+          fail(start_, "the end of a collection that was not begun");
+        }
+        --depth_;
+        break;
+      default:
+        fail(start_, "unknown main item");
+    }
+    has_usage_ = false;
+  }
+
+  void add_field(std::uint64_t& bits) const {
+    if (depth_ == 0) {
+      fail(start_, "a report field outside any collection");
+    }
+    bits += static_cast<std::uint64_t>(globals_.report_size) * globals_.report_count;
+    if (bits > kMaxReportBits) {
+      fail(start_, "a report of more than " + std::to_string(kMaxReportBits / 8) + " bytes");
+    }
+  }
+
+  void begin_collection(std::uint32_t kind) {
+    if (++depth_ > kMaxDepth) {
+      fail(start_, "collections nested deeper than " + std::to_string(kMaxDepth));
+    }
+    if (kind != kApplication || found_application_) {
+      return;
+    }
+    if (!has_usage_) {
+      fail(start_, "an application collection without a usage");
+    }
+    found_application_ = true;
+    const std::uint32_t page = first_usage_ > 0xFFFF ? first_usage_ >> 16 : globals_.usage_page;
+    result_.usage_page = static_cast<std::uint16_t>(page);
+    result_.usage = static_cast<std::uint16_t>(first_usage_ & 0xFFFF);
+  }
+
+  void take_global(unsigned tag, std::uint32_t value) {
+    switch (tag) {
+      case kUsagePage:
+        if (value > 0xFFFF) {
+          fail(start_, "a usage page above 0xFFFF");
+        }
+        globals_.usage_page = value;
+        break;
+      case kReportSize:
+        globals_.report_size = value;
+        break;
+      case kReportId:
+        result_.has_report_ids = true;
+        break;
+      case kReportCount:
+        globals_.report_count = value;
+        break;
+      case kPush:
+        if (pushed_.size() >= kMaxDepth) {
+          fail(start_, "more than " + std::to_string(kMaxDepth) + " pushed states");
+        }
+        pushed_.push_back(globals_);
+        break;
+      case kPop:
+        if (pushed_.empty()) {
+          fail(start_, "a pop without a push");
+        }
+        globals_ = pushed_.back();
+        pushed_.pop_back();
+        break;
+      default:  // limits, exponent and unit of the values do not matter here
+        if (tag > kPop) {
+          fail(start_, "unknown global item");
+        }
+    }
+  }
+
+  void take_local(unsigned tag, std::uint32_t value) {
+    if (tag > kLastLocalTag) {
+      fail(start_, "unknown local item");
+    }
+    if (tag == kUsage && !has_usage_) {
+      has_usage_ = true;
+      first_usage_ = value;
+    }
+  }
+
+  std::span<const std::uint8_t> descriptor_;
+  std::size_t at_ = 0;
+  std::size_t start_ = 0;  ///< of the current item
+  HidInterface result_;
+  Globals globals_;
+  std::vector<Globals> pushed_;
+  std::size_t depth_ = 0;
+  bool found_application_ = false;
+  bool has_usage_ = false;
+  std::uint32_t first_usage_ = 0;  ///< one of four bytes carries its own page in the upper half
+  std::uint64_t input_bits_ = 0;
+  std::uint64_t output_bits_ = 0;
+  std::uint64_t feature_bits_ = 0;
+};
+
 }  // namespace
 
 HidInterface parse_hid_descriptor(std::span<const std::uint8_t> descriptor) {
@@ -56,136 +228,7 @@ HidInterface parse_hid_descriptor(std::span<const std::uint8_t> descriptor) {
     throw DeviceError("HID report descriptor: it has " + std::to_string(descriptor.size()) +
                       " bytes");
   }
-  HidInterface result;
-  Globals globals;
-  std::vector<Globals> pushed;
-  std::size_t depth = 0;
-  bool found_application = false;
-  // A usage of four bytes carries its own page in the upper half.
-  bool has_usage = false;
-  std::uint32_t first_usage = 0;
-  std::uint64_t input_bits = 0;
-  std::uint64_t output_bits = 0;
-  std::uint64_t feature_bits = 0;
-
-  std::size_t at = 0;
-  while (at < descriptor.size()) {
-    const std::size_t start = at;
-    const unsigned prefix = descriptor[at++];
-    if (prefix == 0xFE) {
-      fail(start, "a long item, which HID 1.11 reserves");
-    }
-    const std::size_t size = (prefix & 3) == 3 ? 4 : prefix & 3;
-    if (descriptor.size() - at < size) {
-      fail(start, "the item needs " + std::to_string(size) + " more bytes and " +
-                      std::to_string(descriptor.size() - at) + " are left");
-    }
-    std::uint32_t value = 0;
-    for (std::size_t i = 0; i < size; ++i) {
-      value |= static_cast<std::uint32_t>(descriptor[at + i]) << (8 * i);
-    }
-    at += size;
-    const unsigned type = (prefix >> 2) & 3;
-    const unsigned tag = prefix >> 4;
-
-    if (type == kMain) {
-      switch (tag) {
-        case kInput:
-        case kOutput:
-        case kFeature: {
-          if (depth == 0) {
-            fail(start, "a report field outside any collection");
-          }
-          std::uint64_t& bits =
-              tag == kInput ? input_bits : (tag == kOutput ? output_bits : feature_bits);
-          bits += static_cast<std::uint64_t>(globals.report_size) * globals.report_count;
-          if (bits > kMaxReportBits) {
-            fail(start, "a report of more than " + std::to_string(kMaxReportBits / 8) + " bytes");
-          }
-          break;
-        }
-        case kCollection:
-          if (++depth > kMaxDepth) {
-            fail(start, "collections nested deeper than " + std::to_string(kMaxDepth));
-          }
-          if (value == kApplication && !found_application) {
-            if (!has_usage) {
-              fail(start, "an application collection without a usage");
-            }
-            found_application = true;
-            const std::uint32_t page =
-                first_usage > 0xFFFF ? first_usage >> 16 : globals.usage_page;
-            result.usage_page = static_cast<std::uint16_t>(page);
-            result.usage = static_cast<std::uint16_t>(first_usage & 0xFFFF);
-          }
-          break;
-        case kEndCollection:
-          if (depth == 0) {
-            fail(start, "the end of a collection that was not begun");
-          }
-          --depth;
-          break;
-        default:
-          fail(start, "unknown main item");
-      }
-      has_usage = false;
-    } else if (type == kGlobal) {
-      switch (tag) {
-        case kUsagePage:
-          if (value > 0xFFFF) {
-            fail(start, "a usage page above 0xFFFF");
-          }
-          globals.usage_page = value;
-          break;
-        case kReportSize:
-          globals.report_size = value;
-          break;
-        case kReportId:
-          result.has_report_ids = true;
-          break;
-        case kReportCount:
-          globals.report_count = value;
-          break;
-        case kPush:
-          if (pushed.size() >= kMaxDepth) {
-            fail(start, "more than " + std::to_string(kMaxDepth) + " pushed states");
-          }
-          pushed.push_back(globals);
-          break;
-        case kPop:
-          if (pushed.empty()) {
-            fail(start, "a pop without a push");
-          }
-          globals = pushed.back();
-          pushed.pop_back();
-          break;
-        default:  // limits, exponent and unit of the values do not matter here
-          if (tag > kPop) {
-            fail(start, "unknown global item");
-          }
-      }
-    } else if (type == kLocal) {
-      if (tag > kLastLocalTag) {
-        fail(start, "unknown local item");
-      }
-      if (tag == kUsage && !has_usage) {
-        has_usage = true;
-        first_usage = value;
-      }
-    } else {
-      fail(start, "reserved item type");
-    }
-  }
-  if (depth != 0) {
-    fail(at, "it ends inside a collection");
-  }
-  if (!found_application) {
-    fail(at, "it has no application collection");
-  }
-  result.input_bytes = whole_bytes(input_bits, "input");
-  result.output_bytes = whole_bytes(output_bits, "output");
-  result.feature_bytes = whole_bytes(feature_bits, "feature");
-  return result;
+  return Parser(descriptor).parse();
 }
 
 }  // namespace forcegrid::driver

@@ -7,7 +7,7 @@
 
 namespace forcegrid::driver {
 
-/// What a HID report descriptor says of one interface.
+/// One interface as its HID report descriptor describes it.
 struct HidInterface {
   std::uint16_t usage_page = 0;  ///< of the first application collection
   std::uint16_t usage = 0;

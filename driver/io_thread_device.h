@@ -53,7 +53,7 @@ class IoThreadDevice : public Device {
     std::atomic<std::uint64_t> refreshes{0};
   };
 
-  /// @param no_report  how silence is told: "no report for", followed by the time
+  /// @param no_report  words for silence, e.g. "no report for"; the time follows
   /// @param remedy     what the person can do about it
   IoThreadDevice(const OpenOptions& options, DeviceIdentity identity, std::string no_report,
                  std::string remedy);

@@ -9,8 +9,8 @@ namespace forcegrid::driver {
 
 /// Opens the attached USB device with these numbers through libusb, and claims its first
 /// vendor-specific interface that has a bulk endpoint each way. A kernel driver that holds the
-/// interface (ftdi_sio, where somebody gave it these numbers) is detached, and attached again at
-/// closing.
+/// interface (ftdi_sio, where an administrator gave it these numbers) is detached, and attached
+/// again at closing.
 ///
 /// All transfers (two IN, always pending unless full; one OUT; one control) and their buffers are
 /// allocated here, once. libusb itself allocates at every submit, so a real-time thread must not

@@ -9,7 +9,7 @@ namespace forcegrid::driver {
 /// among programs that use this class, and it ends with the process whatever happens to that.
 class NodeLock {
  public:
-  /// @throws DeviceError when the node can't be opened, or is another program's.
+  /// @throws DeviceError when the node cannot be opened, or another program holds it.
   explicit NodeLock(const std::string& node);
   ~NodeLock();
   NodeLock(const NodeLock&) = delete;

@@ -21,7 +21,7 @@ struct OpenOptions {
   falcon::Firmware firmware;  ///< for a Falcon in which none runs; empty: none
   bool realtime_io = true;    ///< ask for SCHED_FIFO for the I/O thread
   /// Called on the opening thread with what the user should know, e.g. that real-time scheduling
-  /// was refused. Empty: nobody is told.
+  /// was refused. May be empty.
   std::function<void(const std::string&)> notice;
 };
 
@@ -40,9 +40,9 @@ struct OpenOptions {
 std::unique_ptr<Device> open_device(const std::string& url, const profiles::DeviceProfile& profile,
                                     const OpenOptions& options = {});
 
-/// How to open the very device that `url` opens now when it has been away and come back: a hidraw
-/// node by its USB port, since the kernel numbers nodes anew and devices of one kind may share a
-/// serial number; anything else as it is.
+/// A URL that finds the same device again after a reconnection. A hidraw node becomes its USB port,
+/// since the kernel renumbers nodes and devices of one kind may share a serial number; any other
+/// URL stays as it is.
 /// @throws DeviceError as open_device() when there is no such device.
 /// Real-time: no. Threads: any.
 std::string lasting_url(const std::string& url, const profiles::DeviceProfile& profile);

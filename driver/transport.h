@@ -25,7 +25,7 @@ struct ReadResult {
 
 /// What ended Transport::wait().
 enum class WaitEnd : std::uint8_t {
-  kReport,  ///< read() has a report, or a failure to tell
+  kReport,  ///< read() has a report or a failure
   kOther,   ///< the other descriptor can be read
   kTimeout,
 };
@@ -63,7 +63,8 @@ class Transport {
   /// Whether wait() can be used.
   virtual bool can_wait() const noexcept = 0;
 
-  /// Waits for a report and for `descriptor` at once. A transport that can't says kTimeout at once.
+  /// Waits for a report and for `descriptor` at once. A transport that cannot do so
+  /// returns kTimeout at once.
   /// Real-time: as read().
   [[nodiscard]] virtual WaitEnd wait(int descriptor, rt::Duration timeout) noexcept = 0;
 

@@ -1,180 +1,28 @@
 #include "driver/usbip_transport.h"
 
-#include <fcntl.h>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <optional>
-#include <utility>
 
 #include "driver/device.h"
+#include "driver/usb_descriptors.h"
+#include "driver/usbip_socket.h"
+#include "driver/usbip_wire.h"
 
 namespace forcegrid::driver {
 namespace {
 
-constexpr std::uint16_t kProtocolVersion = 0x0111;
-constexpr std::uint16_t kImportRequest = 0x8003;
-constexpr std::uint16_t kImportReply = 0x0003;
-constexpr std::size_t kBusIdBytes = 32;
-constexpr std::size_t kOperationHeaderBytes = 8;
-constexpr std::size_t kImportedDeviceBytes = 312;
-constexpr std::size_t kBusIdOffset = 256;
-constexpr std::size_t kNumbersOffset = 288;  // busnum, devnum, speed, then the descriptor's ids
-
-constexpr std::uint32_t kSubmit = 1;
-constexpr std::uint32_t kUnlink = 2;
-constexpr std::uint32_t kSubmitReply = 3;
-constexpr std::uint32_t kUnlinkReply = 4;
-constexpr std::size_t kHeaderBytes = 48;
 constexpr std::size_t kMaxTransferBytes = 4096;
-constexpr std::uint32_t kFlagDirectionIn = 0x0200;
 
 constexpr std::size_t kMaxReportBytes = 64;
 constexpr std::size_t kReportQueue = 32;
 constexpr rt::Duration kSendTimeout = std::chrono::milliseconds(50);
 constexpr rt::Duration kUnlinkTimeout = std::chrono::milliseconds(50);
-
-constexpr std::uint8_t kDeviceDescriptor = 1;
-constexpr std::uint8_t kConfigurationDescriptor = 2;
-constexpr std::uint8_t kStringDescriptor = 3;
-constexpr std::uint8_t kInterfaceDescriptor = 4;
-constexpr std::uint8_t kEndpointDescriptor = 5;
-constexpr std::uint8_t kHidDescriptor = 0x21;
-constexpr std::uint8_t kReportDescriptor = 0x22;
-constexpr std::uint8_t kHidClass = 3;
-constexpr std::uint8_t kVendorClass = 0xFF;
-constexpr std::uint8_t kBulk = 2;
-constexpr std::uint8_t kInterrupt = 3;
-
-std::uint16_t get16(const std::uint8_t* bytes) noexcept {
-  return static_cast<std::uint16_t>((bytes[0] << 8) | bytes[1]);
-}
-std::uint32_t get32(const std::uint8_t* bytes) noexcept {
-  return (static_cast<std::uint32_t>(get16(bytes)) << 16) | get16(bytes + 2);
-}
-void put16(std::uint8_t* bytes, std::uint16_t value) noexcept {
-  bytes[0] = static_cast<std::uint8_t>(value >> 8);
-  bytes[1] = static_cast<std::uint8_t>(value & 0xFF);
-}
-void put32(std::uint8_t* bytes, std::uint32_t value) noexcept {
-  put16(bytes, static_cast<std::uint16_t>(value >> 16));
-  put16(bytes + 2, static_cast<std::uint16_t>(value & 0xFFFF));
-}
-std::uint16_t little16(const std::uint8_t* bytes) noexcept {
-  return static_cast<std::uint16_t>(bytes[0] | (bytes[1] << 8));
-}
-
-enum class Ready : std::uint8_t { kSocket, kOther, kTimeout };
-
-/// Waits until `socket` is ready for `events`, `other` (unless negative) can be read, or
-/// `deadline`.
-Ready wait_either(int socket, short events, int other, rt::TimePoint deadline) noexcept {
-  for (;;) {
-    const auto left = std::max(deadline - rt::Clock::now(), rt::Duration::zero());
-    const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
-    const timespec time{
-        .tv_sec = whole.count(),
-        .tv_nsec = static_cast<long>(
-            std::chrono::duration_cast<std::chrono::nanoseconds>(left - whole).count())};
-    pollfd entries[2] = {{.fd = socket, .events = events, .revents = 0},
-                         {.fd = other, .events = POLLIN, .revents = 0}};
-    const int ready = ::ppoll(entries, 2, &time, nullptr);
-    if (ready > 0) {
-      return entries[0].revents != 0 ? Ready::kSocket : Ready::kOther;
-    }
-    if (ready == 0 || errno != EINTR) {
-      return Ready::kTimeout;
-    }
-  }
-}
-
-/// @returns false at `deadline`.
-bool wait_ready(int socket, short events, rt::TimePoint deadline) noexcept {
-  return wait_either(socket, events, -1, deadline) == Ready::kSocket;
-}
-
-/// A socket that closes itself.
-class Socket {
- public:
-  Socket() = default;
-  explicit Socket(int descriptor) : descriptor_(descriptor) {}
-  Socket(Socket&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
-  Socket& operator=(Socket&& other) noexcept {
-    std::swap(descriptor_, other.descriptor_);
-    return *this;
-  }
-  ~Socket() { close(); }
-  void close() noexcept {
-    if (descriptor_ >= 0) {
-      ::close(descriptor_);
-      descriptor_ = -1;
-    }
-  }
-  int get() const noexcept { return descriptor_; }
-
- private:
-  int descriptor_ = -1;
-};
-
-[[noreturn]] void fail_open(const DeviceUrl& url, const std::string& problem) {
-  throw DeviceError("device '" + url.text + "': " + problem);
-}
-
-Socket connect_to(const DeviceUrl& url, rt::TimePoint deadline) {
-  addrinfo hints{};
-  hints.ai_family = AF_UNSPEC;
-  hints.ai_socktype = SOCK_STREAM;
-  hints.ai_flags = AI_NUMERICSERV;
-  addrinfo* list = nullptr;
-  const int unresolved =
-      ::getaddrinfo(url.host.c_str(), std::to_string(url.tcp_port).c_str(), &hints, &list);
-  if (unresolved != 0) {
-    fail_open(url, "host '" + url.host + "': " + ::gai_strerror(unresolved) +
-                       "; write a name that resolves or an address");
-  }
-  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> addresses(list, &::freeaddrinfo);
-  std::string reason = "no address";
-  for (const addrinfo* address = list; address != nullptr; address = address->ai_next) {
-    Socket socket(::socket(address->ai_family, address->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC,
-                           address->ai_protocol));
-    if (socket.get() < 0) {
-      reason = std::strerror(errno);
-      continue;
-    }
-    int error = 0;
-    if (::connect(socket.get(), address->ai_addr, address->ai_addrlen) != 0) {
-      error = errno;
-      if (error == EINPROGRESS) {
-        socklen_t size = sizeof error;
-        if (!wait_ready(socket.get(), POLLOUT, deadline)) {
-          error = ETIMEDOUT;
-        } else if (::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &error, &size) != 0) {
-          error = errno;
-        }
-      }
-    }
-    if (error == 0) {
-      const int on = 1;
-      if (::setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on) != 0) {
-        fail_open(url, std::string("TCP_NODELAY: ") + std::strerror(errno) +
-                           "; run on a system that has it");
-      }
-      return socket;
-    }
-    reason = std::strerror(error);
-  }
-  fail_open(url, "connect: " + reason +
-                     "; start the USB/IP server (`forcegrid emulate` or usbipd) "
-                     "there, or correct host and port");
-}
 
 std::string import_error_words(std::uint32_t status) {
   switch (status) {
@@ -201,83 +49,6 @@ std::string usb_error_words(std::int32_t status) {
 bool means_gone(std::int32_t status) noexcept {
   return status == -ENODEV || status == -ESHUTDOWN || status == -EPROTO || status == -EILSEQ ||
          status == -ETIME || status == -ENOENT || status == -ECONNRESET;
-}
-
-std::string utf8_of(std::span<const std::uint8_t> utf16) {
-  std::string text;
-  for (std::size_t i = 0; i + 1 < utf16.size(); i += 2) {
-    const unsigned unit = little16(&utf16[i]);
-    if (unit >= 0xD800 && unit < 0xE000) {
-      text += '?';  // no device of this family has characters beyond the basic plane
-    } else if (unit < 0x80) {
-      text += unit < 0x20 ? '?' : static_cast<char>(unit);
-    } else if (unit < 0x800) {
-      text += static_cast<char>(0xC0 | (unit >> 6));
-      text += static_cast<char>(0x80 | (unit & 0x3F));
-    } else {
-      text += static_cast<char>(0xE0 | (unit >> 12));
-      text += static_cast<char>(0x80 | ((unit >> 6) & 0x3F));
-      text += static_cast<char>(0x80 | (unit & 0x3F));
-    }
-  }
-  return text;
-}
-
-/// What the driver wants of a device.
-enum class InterfaceKind : std::uint8_t { kHid, kVendor };
-
-struct Endpoints {
-  std::uint8_t configuration = 0;
-  std::uint8_t interface = 0;
-  std::uint16_t report_descriptor_bytes = 0;
-  std::uint8_t in_endpoint = 0;
-  std::uint8_t out_endpoint = 0;
-  std::uint16_t in_bytes = 0;
-  std::uint8_t in_interval = 1;
-  std::uint8_t out_interval = 1;
-};
-
-/// In a configuration descriptor, the first HID interface that has an interrupt endpoint each way,
-/// or the first vendor-specific one with a bulk endpoint each way.
-std::optional<Endpoints> find_interface(std::span<const std::uint8_t> bytes, InterfaceKind kind) {
-  const bool hid = kind == InterfaceKind::kHid;
-  if (bytes.size() < 9) {
-    return std::nullopt;
-  }
-  Endpoints candidate;
-  bool is_wanted = false;
-  std::size_t at = 0;
-  while (bytes.size() - at >= 2) {
-    const std::size_t length = bytes[at];
-    if (length < 2 || length > bytes.size() - at) {
-      return std::nullopt;
-    }
-    const auto item = bytes.subspan(at, length);
-    if (item[1] == kInterfaceDescriptor && length >= 9) {
-      candidate = Endpoints{.configuration = bytes[5], .interface = item[2]};
-      is_wanted = item[5] == (hid ? kHidClass : kVendorClass) && item[3] == 0;
-    } else if (hid && is_wanted && item[1] == kHidDescriptor && length >= 9 &&
-               item[6] == kReportDescriptor) {
-      candidate.report_descriptor_bytes = little16(&item[7]);
-    } else if (is_wanted && item[1] == kEndpointDescriptor && length >= 7 &&
-               (item[3] & 3) == (hid ? kInterrupt : kBulk)) {
-      const auto packet_bytes = static_cast<std::uint16_t>(little16(&item[4]) & 0x7FF);
-      if ((item[2] & 0x80) != 0 && candidate.in_endpoint == 0) {
-        candidate.in_endpoint = item[2] & 0x0F;
-        candidate.in_bytes = packet_bytes;
-        candidate.in_interval = item[6];
-      } else if ((item[2] & 0x80) == 0 && candidate.out_endpoint == 0) {
-        candidate.out_endpoint = item[2] & 0x0F;
-        candidate.out_interval = item[6];
-      }
-    }
-    if (is_wanted && candidate.in_endpoint != 0 && candidate.out_endpoint != 0 &&
-        (!hid || candidate.report_descriptor_bytes != 0)) {
-      return candidate;
-    }
-    at += length;
-  }
-  return std::nullopt;
 }
 
 class UsbipTransport final : public BulkTransport {
@@ -343,8 +114,8 @@ class UsbipTransport final : public BulkTransport {
   WriteResult write(std::span<const std::uint8_t> report, rt::Duration timeout) noexcept override {
     if (status_ == TransportStatus::kProtocol && socket_.get() >= 0 &&
         report.size() <= kMaxReportBytes) {
-      // What comes in can't be understood any more, but what goes out still can: a last zero must
-      // not be lost for want of a confirmation.
+      // The replies can no longer be understood, but the server still understands requests: a last
+      // zero must not be lost because nothing confirms it.
       static_cast<void>(submit(out_, endpoints_.out_endpoint, false, report.size(),
                                endpoints_.out_interval, {}, report));
     }
@@ -463,7 +234,7 @@ class UsbipTransport final : public BulkTransport {
                     : "; update the USB/IP server or use another one");
   }
 
-  /// Whether it is seen first on the way there or on the way back is chance.
+  /// Sending and receiving may both find the closed connection first; the words are the same.
   static std::string why_no_more(const char* doing) {
     return errno == EPIPE || errno == ECONNRESET
                ? "the server closed the connection"
@@ -511,35 +282,31 @@ class UsbipTransport final : public BulkTransport {
   }
 
   void import(rt::TimePoint deadline) {
-    std::array<std::uint8_t, kOperationHeaderBytes + kBusIdBytes> request{};
-    put16(request.data(), kProtocolVersion);
-    put16(request.data() + 2, kImportRequest);
-    std::memcpy(request.data() + kOperationHeaderBytes, url_.bus_id.data(), url_.bus_id.size());
-    std::array<std::uint8_t, kOperationHeaderBytes> reply{};
-    std::array<std::uint8_t, kImportedDeviceBytes> device{};
-    if (!send_all(request, deadline) || !receive_all(reply, deadline)) {
+    std::array<std::uint8_t, usbip::kOperationHeaderBytes> reply{};
+    std::array<std::uint8_t, usbip::kImportedDeviceBytes> bytes{};
+    if (!send_all(usbip::import_request(url_.bus_id), deadline) || !receive_all(reply, deadline)) {
       throw DeviceError(failure_);
     }
-    if (get16(reply.data()) != kProtocolVersion || get16(reply.data() + 2) != kImportReply) {
+    if (!usbip::is_import_reply(reply)) {
       fail_open(url_,
                 "what answers there does not speak USB/IP 1.1.1; correct host and port, or update "
                 "the server");
     }
-    if (const std::uint32_t status = get32(reply.data() + 4); status != 0) {
+    if (const std::uint32_t status = usbip::import_status(reply); status != 0) {
       fail_open(url_, import_error_words(status));
     }
-    if (!receive_all(device, deadline)) {
+    if (!receive_all(bytes, deadline)) {
       throw DeviceError(failure_);
     }
-    std::array<std::uint8_t, kBusIdBytes> bus_id{};
+    const usbip::ImportedDevice device = usbip::imported_device(bytes);
+    std::array<char, usbip::kBusIdBytes> bus_id{};
     std::memcpy(bus_id.data(), url_.bus_id.data(), url_.bus_id.size());
-    if (!std::equal(bus_id.begin(), bus_id.end(), device.begin() + kBusIdOffset)) {
+    if (bus_id != device.bus_id) {
       fail_open(url_, "the server answers with another device; update the server");
     }
-    const std::uint8_t* numbers = device.data() + kNumbersOffset;
-    device_id_ = (get32(numbers) << 16) | (get32(numbers + 4) & 0xFFFF);
-    identity_.vendor_id = get16(numbers + 12);
-    identity_.product_id = get16(numbers + 14);
+    device_id_ = device.device_id;
+    identity_.vendor_id = device.vendor_id;
+    identity_.product_id = device.product_id;
   }
 
   bool submit(Request& request, std::uint32_t endpoint, bool direction_in, std::size_t length,
@@ -550,25 +317,19 @@ class UsbipTransport final : public BulkTransport {
                       .length = static_cast<std::uint32_t>(length),
                       .direction_in = direction_in,
                       .active = true};
-    std::array<std::uint8_t, kHeaderBytes + kMaxReportBytes> message{};
-    put_basic_header(message, kSubmit, request.sequence, direction_in, endpoint);
-    put32(&message[20], direction_in ? kFlagDirectionIn : 0);
-    put32(&message[24], request.length);
-    put32(&message[36], interval);
-    std::copy(setup.begin(), setup.end(), message.begin() + 40);
-    std::copy(payload.begin(), payload.end(), message.begin() + kHeaderBytes);
-    return send_all({message.data(), kHeaderBytes + payload.size()},
+    std::array<std::uint8_t, usbip::kHeaderBytes + kMaxReportBytes> message{};
+    usbip::put_submit(std::span(message).first<usbip::kHeaderBytes>(), command_for(request),
+                      request.length, interval, setup);
+    std::copy(payload.begin(), payload.end(), message.begin() + usbip::kHeaderBytes);
+    return send_all({message.data(), usbip::kHeaderBytes + payload.size()},
                     rt::Clock::now() + kSendTimeout);
   }
 
-  void put_basic_header(std::span<std::uint8_t> message, std::uint32_t command,
-                        std::uint32_t sequence, bool direction_in,
-                        std::uint32_t endpoint) const noexcept {
-    put32(&message[0], command);
-    put32(&message[4], sequence);
-    put32(&message[8], device_id_);
-    put32(&message[12], direction_in ? 1 : 0);
-    put32(&message[16], endpoint);
+  usbip::Command command_for(const Request& request) const noexcept {
+    return {.sequence = request.sequence,
+            .device_id = device_id_,
+            .direction_in = request.direction_in,
+            .endpoint = request.endpoint};
   }
 
   bool submit_in() noexcept {
@@ -580,9 +341,10 @@ class UsbipTransport final : public BulkTransport {
   /// failed.
   void withdraw(Request& request, rt::Duration timeout) noexcept {
     unlink_ = Request{.sequence = ++sequence_, .active = true};
-    std::array<std::uint8_t, kHeaderBytes> message{};
-    put_basic_header(message, kUnlink, unlink_.sequence, request.direction_in, request.endpoint);
-    put32(&message[20], request.sequence);
+    std::array<std::uint8_t, usbip::kHeaderBytes> message{};
+    usbip::Command command = command_for(request);
+    command.sequence = unlink_.sequence;
+    usbip::put_unlink(message, command, request.sequence);
     const rt::TimePoint deadline = rt::Clock::now() + timeout;
     if (!send_all(message, deadline)) {
       return;
@@ -626,33 +388,32 @@ class UsbipTransport final : public BulkTransport {
 
   /// @returns false when no whole message is in the buffer, or on a failure.
   bool handle_one_message() noexcept {
-    if (received_size_ < kHeaderBytes) {
+    if (received_size_ < usbip::kHeaderBytes) {
       return false;
     }
-    const std::uint32_t command = get32(&received_[0]);
-    const std::uint32_t sequence = get32(&received_[4]);
-    const auto status = static_cast<std::int32_t>(get32(&received_[20]));
-    if (command == kUnlinkReply) {
-      if (!unlink_.active || unlink_.sequence != sequence) {
+    const usbip::Reply reply = usbip::reply(std::span(received_).first<usbip::kHeaderBytes>());
+    if (reply.command == usbip::kUnlinkReply) {
+      if (!unlink_.active || unlink_.sequence != reply.sequence) {
         fail(TransportStatus::kProtocol, "the server answers a withdrawal that was not asked for");
         return false;
       }
       unlink_.active = false;
-      consume(kHeaderBytes);
+      consume(usbip::kHeaderBytes);
       return true;
     }
-    if (command != kSubmitReply) {
+    if (reply.command != usbip::kSubmitReply) {
       fail(TransportStatus::kProtocol,
-           "the server sends message type " + std::to_string(command) + ", which is unknown");
+           "the server sends message type " + std::to_string(reply.command) + ", which is unknown");
       return false;
     }
-    Request* const request = pending(sequence);
+    Request* const request = pending(reply.sequence);
     if (request == nullptr) {
-      fail(TransportStatus::kProtocol,
-           "the server answers request " + std::to_string(sequence) + ", which is not pending");
+      fail(TransportStatus::kProtocol, "the server answers request " +
+                                           std::to_string(reply.sequence) +
+                                           ", which is not pending");
       return false;
     }
-    const std::uint32_t length = get32(&received_[24]);
+    const std::uint32_t length = reply.actual_length;
     if (length > request->length) {
       fail(TransportStatus::kProtocol, "the server answers with " + std::to_string(length) +
                                            " bytes where at most " +
@@ -660,19 +421,19 @@ class UsbipTransport final : public BulkTransport {
       return false;
     }
     const std::size_t payload = request->direction_in ? length : 0;
-    if (received_size_ < kHeaderBytes + payload) {
+    if (received_size_ < usbip::kHeaderBytes + payload) {
       return false;
     }
     request->active = false;
-    request->status = status;
+    request->status = reply.status;
     request->actual_length = length;
     request->completed = received_at_;
     if (request == &control_) {
-      std::memcpy(control_data_.data(), received_.data() + kHeaderBytes, payload);
+      std::memcpy(control_data_.data(), received_.data() + usbip::kHeaderBytes, payload);
     } else if (request == &in_) {
-      take_report({received_.data() + kHeaderBytes, payload}, status);
+      take_report({received_.data() + usbip::kHeaderBytes, payload}, reply.status);
     }
-    consume(kHeaderBytes + payload);
+    consume(usbip::kHeaderBytes + payload);
     return status_ == TransportStatus::kOk;
   }
 
@@ -852,7 +613,7 @@ class UsbipTransport final : public BulkTransport {
   Request unlink_;
   std::array<std::uint8_t, kMaxTransferBytes> control_data_{};
 
-  std::array<std::uint8_t, 2 * (kHeaderBytes + kMaxTransferBytes)> received_{};
+  std::array<std::uint8_t, 2 * (usbip::kHeaderBytes + kMaxTransferBytes)> received_{};
   std::size_t received_size_ = 0;
   rt::TimePoint received_at_{};
 

@@ -4,17 +4,16 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <condition_variable>
 #include <cstdio>
 #include <cstring>
-#include <exception>
 #include <fstream>
 #include <mutex>
 #include <optional>
 #include <sstream>
-#include <thread>
 
 #include "evaluation/text_file.h"
+#include "rt/clock.h"
+#include "rt/parallel_jobs.h"
 #include "simulator/reference/reference_solution.h"
 
 namespace forcegrid::evaluation {
@@ -357,11 +356,45 @@ std::string table_key(const simulator::SpringMesh& mesh, const TableOptions& opt
   return hash.text();
 }
 
+namespace {
+
+// Solves the `missing` layers on several threads and keeps each one as soon as it is finished.
+void solve_layers(const simulator::SpringMesh& mesh, const TableOptions& options,
+                  const std::string& key, const std::vector<std::size_t>& missing, Layers& layers) {
+  std::mutex mutex;  // of the layers and their file
+  rt::JobOptions jobs{.threads = options.threads};
+  jobs.progress = options.progress;
+  jobs.period = kProgressPeriod;
+  jobs.cancel = options.cancel;
+  const bool finished = rt::run_jobs(missing.size(), jobs, [&](rt::Job& job) {
+    const std::size_t layer = missing[job.number()];
+    std::vector<std::size_t> numbers;
+    const std::vector<Vector3d> path =
+        path_of_layer(options.lattice, static_cast<int>(layer), numbers);
+    const simulator::ReferenceSolution reference =
+        solve(mesh, options, path, 1, &job.stop_flag(),
+              [&job](double done, double /*left*/) { job.report(done); });
+    if (reference.cancelled) {
+      return false;
+    }
+    const std::lock_guard lock(mutex);
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      layers.forces_W[numbers[i]] = reference.forces_W[i + 1];
+    }
+    layers.known[layer] = 1;
+    layers.unconverged[layer] = reference.unconverged;
+    keep(options, key, layers);
+    return true;
+  });
+  if (!finished) {
+    throw Stopped();
+  }
+}
+
+}  // namespace
+
 BuiltTable build_table(const simulator::SpringMesh& mesh, const TableOptions& options) {
-  const auto start = std::chrono::steady_clock::now();
-  const auto elapsed_s = [&start] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  };
+  const rt::TimePoint start = rt::Clock::now();
   options.lattice.check();
   simulator::check(mesh);
   const auto layer_count = static_cast<std::size_t>(options.lattice.nodes[2]);
@@ -380,94 +413,12 @@ BuiltTable build_table(const simulator::SpringMesh& mesh, const TableOptions& op
       missing.push_back(layer);
     }
   }
-
-  if (!missing.empty()) {
-    std::mutex mutex;  // of everything below that the workers share
-    std::condition_variable changed;
-    std::vector<double> done_of(missing.size(), 0.0);
-    std::size_t next = 0;
-    std::exception_ptr error;
-    std::atomic<bool> abandon{false};
-    const unsigned wanted =
-        options.threads != 0 ? options.threads : std::max(1U, std::thread::hardware_concurrency());
-    std::size_t running = std::min<std::size_t>(wanted, missing.size());
-    const auto stop_asked = [&options] { return options.cancel != nullptr && *options.cancel; };
-    const auto work = [&] {
-      try {
-        for (;;) {
-          std::size_t job = 0;
-          {
-            const std::lock_guard lock(mutex);
-            if (next == missing.size() || abandon || stop_asked()) {
-              break;
-            }
-            job = next++;
-          }
-          std::vector<std::size_t> numbers;
-          const std::vector<Vector3d> path =
-              path_of_layer(options.lattice, static_cast<int>(missing[job]), numbers);
-          const simulator::ReferenceSolution reference =
-              solve(mesh, options, path, 1, &abandon, [&, job](double done, double /*left*/) {
-                const std::lock_guard lock(mutex);
-                done_of[job] = done;
-              });
-          if (reference.cancelled) {
-            break;
-          }
-          const std::lock_guard lock(mutex);
-          for (std::size_t i = 0; i < numbers.size(); ++i) {
-            layers.forces_W[numbers[i]] = reference.forces_W[i + 1];
-          }
-          layers.known[missing[job]] = 1;
-          layers.unconverged[missing[job]] = reference.unconverged;
-          done_of[job] = 1.0;
-          keep(options, key, layers);
-        }
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        error = std::current_exception();
-        abandon = true;
-      }
-      const std::lock_guard lock(mutex);
-      --running;
-      changed.notify_all();
-    };
-    std::vector<std::jthread> workers;
-    for (std::size_t worker = running; worker > 0; --worker) {
-      workers.emplace_back(work);
-    }
-    std::unique_lock lock(mutex);
-    while (!changed.wait_for(lock, kProgressPeriod, [&running] { return running == 0; })) {
-      if (stop_asked()) {
-        abandon = true;
-      }
-      if (options.progress) {
-        double done = 0.0;
-        for (const double each : done_of) {
-          done += each / static_cast<double>(done_of.size());
-        }
-        lock.unlock();
-        options.progress(done, done > 0.0 ? elapsed_s() * (1.0 - done) / done : 0.0);
-        lock.lock();
-      }
-    }
-    lock.unlock();
-    workers.clear();
-    if (error) {
-      std::rethrow_exception(error);
-    }
-    if (std::find(layers.known.begin(), layers.known.end(), 0) != layers.known.end()) {
-      throw Stopped();
-    }
-    if (options.progress) {
-      options.progress(1.0, 0.0);
-    }
-  }
+  solve_layers(mesh, options, key, missing, layers);
   BuiltTable built{ForceTable(options.lattice, layers.forces_W), key, missing.empty(), 0, 0.0};
   for (const std::uint64_t each : layers.unconverged) {
     built.unconverged += each;
   }
-  built.elapsed_s = elapsed_s();
+  built.elapsed_s = rt::seconds(rt::Clock::now() - start);
   return built;
 }
 

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "forcegrid/grid/grid_factory.h"
+#include "forcegrid/kriging/ensemble_method.h"
 #include "forcegrid/kriging/kriging_grid_method.h"
 #include "forcegrid/kriging/kriging_method.h"
 #include "forcegrid/simple/affine_methods.h"
@@ -63,9 +64,14 @@ std::unique_ptr<ForceMethod> if_allocated(std::unique_ptr<Method> method) {
 
 template <KrigingMethod::Kind kKind>
 std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
-  check_kriging(options,
-                kKind == KrigingMethod::Kind::kStore || kKind == KrigingMethod::Kind::kAuto);
+  check_kriging(options, kKind == KrigingMethod::Kind::kStore);
   return if_allocated(std::make_unique<KrigingMethod>(kKind, options));
+}
+
+template <EnsembleMethod::Kind kKind>
+std::unique_ptr<ForceMethod> ensemble(const MethodOptions& options) {
+  check_kriging(options, kKind == EnsembleMethod::Kind::kAuto);
+  return if_allocated(std::make_unique<EnsembleMethod>(kKind, options));
 }
 
 std::unique_ptr<ForceMethod> kriging_grid(const MethodOptions& options) {
@@ -85,7 +91,7 @@ std::unique_ptr<ForceMethod> kriging_grid(const MethodOptions& options) {
 }
 
 constexpr NamedMethod kMethods[] = {
-    {"auto", kriging<KrigingMethod::Kind::kAuto>},
+    {"auto", ensemble<EnsembleMethod::Kind::kAuto>},
     {"forcegrid", on_a_grid<GridMethodKind::kSilent>},
     {"forcegrid+request", on_a_grid<GridMethodKind::kRequest>},
     {"forcegrid-mls", on_a_grid<GridMethodKind::kMls>},
@@ -98,8 +104,8 @@ constexpr NamedMethod kMethods[] = {
     {"tangent", plain<TangentMethod>},
     {"kriging", kriging<KrigingMethod::Kind::kForceOnly>},
     {"kriging-tangent", kriging<KrigingMethod::Kind::kTangent>},
-    {"kriging-hinge", kriging<KrigingMethod::Kind::kHinge>},
-    {"kriging-bank", kriging<KrigingMethod::Kind::kBank>},
+    {"kriging-hinge", kriging<KrigingMethod::Kind::kUnilateralConstraint>},
+    {"kriging-bank", ensemble<EnsembleMethod::Kind::kKriging>},
     {"kriging-store", kriging<KrigingMethod::Kind::kStore>},
     {"forcegrid-kriging", kriging_grid},
     {"kriging-contact", kriging<KrigingMethod::Kind::kContact>},

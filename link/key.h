@@ -11,14 +11,14 @@
 namespace forcegrid::link {
 
 inline constexpr std::size_t kKeyBytes = 32;
-/// Which key a datagram is sealed with; tells nothing about the key itself.
+/// Names the key that a datagram is sealed with, and reveals nothing about the key itself.
 using KeyId = std::array<std::byte, 8>;
 
 /// Sixteen hexadecimal digits. Real-time: no (allocates). Threads: any.
 std::string to_string(const KeyId& id);
 
-/// The secret that two ends of a link share. It lives in memory of its own that is locked where the
-/// system permits, has guard pages, is left out of core dumps, and is wiped when the key goes.
+/// The secret that two ends of a link share. Its memory is locked where the system permits, has
+/// guard pages, is left out of core dumps, and is wiped on destruction.
 ///
 /// A key file is one line of text, `forcegrid-link-key-1 ID SECRET`: the id as 16 hexadecimal
 /// digits, the secret as 64.
@@ -28,7 +28,7 @@ std::string to_string(const KeyId& id);
 class LinkKey {
  public:
   /// @throws LinkError naming the file and the remedy if it can't be read, is no regular file, is
-  ///   open to anyone but its owner (mode beyond 0600), belongs to somebody else than this user or
+  ///   open to anyone but its owner (mode beyond 0600), belongs to a user other than this one or
   ///   root, or does not hold a key whose id is right.
   static LinkKey load(const std::string& file);
 

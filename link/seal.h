@@ -26,8 +26,8 @@ static_assert(kSurfacePatchBytes + kSealOverheadBytes <= kMaxDatagramBytes);
 
 /// What became of a datagram that arrived, in the order in which it is checked.
 enum class SealStatus : std::uint8_t {
-  kOk,            ///< authentic, fresh and new: the datagram inside may be looked at
-  kHello,         ///< the same with nothing inside: the peer tells its stream
+  kOk,            ///< authentic, fresh and new: the datagram inside may be read
+  kHello,         ///< the same with nothing inside: announces the peer's stream
   kTooShort,      ///< no room for head, times and tag
   kNotSealed,     ///< does not start with "FGRS", as a datagram of a link without a key
   kBadVersion,    ///< another version of the sealed form

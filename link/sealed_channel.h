@@ -26,9 +26,9 @@ struct SealedPeer {
 /// Freshness: every datagram names the newest stream that its sender has heard of the receiver, and
 /// the receiver takes only what names its own. Its stream is random and as old as this object, so
 /// nothing that was recorded before can pass, and needs no memory of sessions that have ended.
-/// Within a stream a ReplayWindow lets each counter pass once. Up to kPeerStreams of peers are told
-/// apart; one more makes this end draw a new stream of its own, by which all older ones are stale.
-/// A servo has one simulator: once that has shown a newer stream, its older ones are stale.
+/// Within a stream a ReplayWindow lets each counter pass once. Up to kPeerStreams streams of peers
+/// are kept; one more makes this end draw a new stream, and all older datagrams become stale. A
+/// servo has one simulator: once it has shown a newer stream, its older ones are stale.
 ///
 /// Real-time: open() and seal() cost some us, don't allocate, lock, block or throw.
 /// Threads: one at a time.

@@ -16,14 +16,14 @@ constexpr std::int32_t ahead_of(std::uint32_t a, std::uint32_t b) noexcept {
 /// Real-time: bounded, no allocation, lock or throw. Threads: one.
 class SequenceTracker {
  public:
-  /// How far back a number can still be told from a repeated one.
+  /// How far back an old number can be distinguished from a repeated one.
   static constexpr std::int32_t kWindow = 1024;
 
   enum class Arrival : std::uint8_t {
     kNewest,
     kReordered,   ///< older than the newest, not seen before
     kDuplicated,  ///< seen before
-    kTooOld,      ///< beyond the window: can't tell
+    kTooOld,      ///< beyond the window: reordered or repeated
   };
 
   Arrival observe(std::uint32_t sequence) noexcept {

@@ -59,8 +59,8 @@ class ServoEndpoint {
   SendStatus send(const ToolState& state) noexcept;
   SendStatus send(const Query& query) noexcept;
 
-  /// The next acceptable sample or reply, if one has arrived. Looks at no more than 256 datagrams
-  /// a call, so that a flood can't hold the caller.
+  /// The next acceptable sample or reply, if one has arrived. Reads at most 256 datagrams per
+  /// call, so that a flood cannot hold up the caller.
   /// Real-time: bounded, does not block; no allocation, lock of ours or throw.
   [[nodiscard]] std::optional<ForceSample> receive() noexcept;
 
@@ -70,9 +70,9 @@ class ServoEndpoint {
   /// Patches of the surface among LinkStatistics::accepted. Real-time: yes.
   [[nodiscard]] std::uint64_t patches_accepted() const noexcept;
 
-  /// Waits until something has arrived, `timeout` has passed or a signal came. Zero or less: looks
-  /// and returns.
-  /// @returns true when receive() has something to look at.
+  /// Waits until something has arrived, `timeout` has passed or a signal came. Zero or less: does
+  /// not wait.
+  /// @returns true when receive() has a datagram to read.
   /// Real-time: blocks up to `timeout`; for the link's thread, not for the servo's.
   bool wait(std::chrono::nanoseconds timeout) noexcept;
 

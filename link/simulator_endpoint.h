@@ -74,7 +74,7 @@ class SimulatorEndpoint {
   /// Takes in all that has arrived (at most 4096 datagrams a call), and waits for a first usable
   /// datagram up to `timeout` if there is none (queries taken in before don't count; pass zero to
   /// go on with those); zero or less does not wait. Returns early, possibly empty, when a signal
-  /// interrupts the wait, so that the caller can look at its stop flag.
+  /// interrupts the wait, so that the caller can check its stop flag.
   /// Real-time: blocks up to `timeout`; no allocation or throw.
   [[nodiscard]] News receive(std::chrono::nanoseconds timeout) noexcept;
 

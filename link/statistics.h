@@ -36,7 +36,7 @@ struct LinkStatistics {
 
   std::uint64_t received = 0;
   std::uint64_t accepted = 0;
-  std::uint64_t hellos = 0;  ///< sealed and empty: the peer told its stream
+  std::uint64_t hellos = 0;  ///< sealed and empty: announced the peer's stream
   std::uint64_t not_allowed =
       0;  ///< from an address that --allow leaves out (simulator's end only)
   /// By SealStatus, with a key only; [kOk] and [kHello] stay 0.
@@ -50,7 +50,7 @@ struct LinkStatistics {
   std::uint64_t duplicated = 0;       ///< seen before
   std::uint64_t overflowed = 0;  ///< queries beyond what the queue holds (simulator's end only)
 
-  // What the sequence numbers tell, beside the sum above.
+  // From sequence numbers; not part of the sum above.
   std::uint64_t lost = 0;        ///< numbers of the peer's sequence that have not arrived (yet)
   std::uint64_t reordered = 0;   ///< arrived after a datagram with a higher number
   std::uint64_t superseded = 0;  ///< tool states skipped for a newer one (simulator's end only)

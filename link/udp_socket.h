@@ -10,7 +10,7 @@
 namespace forcegrid::link {
 
 /// A non-blocking UDP socket. It is not connected, so that datagrams from a wrong
-/// address can be counted instead of vanishing in the kernel; ports that nobody listens at are
+/// address can be counted instead of vanishing in the kernel; ports without a listener are
 /// reported all the same (IP_RECVERR).
 /// Threads: one at a time.
 class UdpSocket {

@@ -7,7 +7,7 @@
 namespace forcegrid::rt {
 
 /// Hands the newest value from one writer thread to one reader thread; older unread values are
-/// overwritten. A triple buffer: the writer fills a slot nobody reads, then swaps it in.
+/// overwritten. A triple buffer: the writer fills a slot that is not being read, then swaps it in.
 /// Real-time: publish and fetch are wait-free; no allocation, lock or throw.
 /// Threads: one thread publishes, one thread fetches.
 template <typename T>

@@ -11,7 +11,7 @@
 
 namespace forcegrid::servo {
 
-/// Methods that one loop can run side by side: the rendered one and its shadows.
+/// Methods that one loop can run side by side: the rendered one, and others that are evaluated.
 inline constexpr std::size_t kMaxMethods = 4;
 
 using Triple = std::array<double, 3>;
@@ -19,7 +19,7 @@ using Triple = std::array<double, 3>;
 inline Triple triple(const Eigen::Vector3d& v) noexcept { return {v.x(), v.y(), v.z()}; }
 inline Eigen::Vector3d vector(const Triple& t) noexcept { return {t[0], t[1], t[2]}; }
 
-/// Everything one servo cycle saw and did, for telemetry and the flight record. Plain data.
+/// What one servo cycle read and did, for telemetry and the flight record. Plain data.
 struct CycleRecord {
   std::uint64_t cycle = 0;
   std::int64_t time_ns = 0;    ///< CLOCK_MONOTONIC at the start of the cycle
@@ -30,13 +30,13 @@ struct CycleRecord {
   std::uint64_t report_sequence = 0;
   std::array<std::int32_t, 3> counts{};
   Triple position_W_m{};
-  /// Where the methods were asked: the tool, or the proxy of a virtual coupling.
+  /// Where the methods were evaluated: at the tool, or at the proxy of a virtual coupling.
   Triple touching_W_m{};
   Triple velocity_W_m_per_s{};
   std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
   std::array<EstimateStatus, kMaxMethods> method_status{};
   std::array<double, kMaxMethods> method_uncertainty_N{};  ///< NaN: it can't tell
-  std::uint8_t rendered_member = 0;  ///< of the first method's members(), who spoke
+  std::uint8_t rendered_member = 0;  ///< index in the first method's candidates()
   ChoiceReason rendered_reason = ChoiceReason::kFirst;
   double gain = 0.0;          ///< ramp and fade, 0..1
   double damping_gain = 0.0;  ///< of the damping field, 0..1
@@ -45,7 +45,7 @@ struct CycleRecord {
   Triple commanded_force_D_N{};  ///< after ramp, fade and every limit
   Triple current_A{};
   std::uint8_t limits_acted = 0;  ///< driver::LimitFlag bits
-  /// Given to the hand by the rendered force in this contact, see PassivityGuard.
+  /// Energy given to the hand by the rendered force in this contact, see PassivityGuard.
   double energy_to_hand_J = 0.0;
   double passivity_damping_N_s_per_m = 0.0;  ///< that the guard added
   double passivity_scale = 1.0;              ///< by which it shortened the wanted force
@@ -53,8 +53,8 @@ struct CycleRecord {
   bool in_contact = false;
   std::uint32_t contact_epoch = 0;
   std::uint64_t samples_taken = 0;  ///< since the start
-  double sample_age_ms =
-      0.0;  ///< since the tool was where the newest sample was computed; -1: none
+  /// Since the tool was where the newest sample was computed; -1: no sample.
+  double sample_age_ms = 0.0;
   std::uint32_t missed_deadlines = 0;  ///< deadlines that passed unserved just before this cycle
   Fault fault = Fault::kNone;
 };

@@ -8,16 +8,16 @@ struct DampingFieldOptions {
   double damping_N_s_per_m = 3.0;
   double max_force_N = 1.0;
   double dead_band_counts = 1.0;  ///< see without_trembling_counts()
-  /// Of the filter that the velocity comes from.
+  /// Time constant of the filter that the velocity comes from.
   double velocity_time_constant_s = 0.010;
 };
 
-/// What is felt when there is no force to feel any more: thick air instead of an object that lets
-/// go. F = -min(b |u|, F_max) u / |u|, with u the low-passed velocity behind a dead band.
+/// Replaces a force that has faded: the hand feels thick air instead of an object that lets go.
+/// F = -min(b |u|, F_max) u / |u|, with u the low-passed velocity behind a dead band.
 ///
-/// It can't shake: the filter and a sampled loop that is d late leave a mass m a phase margin of
-/// 90 deg - atan(w tau) - w d at w = b / m for small w tau, 50 deg for the lightest arm alone
-/// (46 g, d = 3 ms) and more with a hand; and a trembling count is nothing to it.
+/// The field cannot oscillate. With the filter and a sampled loop of delay d, a mass m has a phase
+/// margin of 90 deg - atan(w tau) - w d at w = b / m, for small w tau: 50 deg for the lightest arm
+/// alone (46 g, d = 3 ms), more with a hand. The dead band hides a trembling count.
 /// Real-time: no allocation, lock or throw. Threads: any; it has no state.
 class DampingField {
  public:

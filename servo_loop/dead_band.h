@@ -4,9 +4,9 @@
 
 namespace forcegrid::servo {
 
-/// A low-passed velocity without what quantisation alone makes of a tool at rest, and without a
-/// step where that ends: u_i = v_i max(0, 1 - v_0 / |v_i|), v_0 = counts q_i / tau. One count that
-/// comes and goes leaves at most q / tau in a first-order filter.
+/// Removes from a low-passed velocity what quantisation alone makes of a tool at rest, without a
+/// step at the edge of the dead band: u_i = v_i max(0, 1 - v_0 / |v_i|), v_0 = counts q_i / tau.
+/// One count that comes and goes leaves at most q / tau in a first-order filter.
 /// @param velocity_W [m/s] v. @param resolution_W_m [m] q, of one count by axis.
 /// Real-time: no allocation, lock or throw. Threads: any.
 inline Eigen::Vector3d without_trembling_counts(const Eigen::Vector3d& velocity_W,

@@ -7,15 +7,15 @@
 
 namespace forcegrid::servo {
 
-/// What has to be held for force to be rendered.
+/// What the user must hold for force to be rendered.
 enum class DeadMan : std::uint8_t {
   kNone,    ///< nothing
   kButton,  ///< any button of the device
   kSignal,  ///< a DeadManSignal
 };
 
-/// The sign of life of a switch outside of the device, such as a pedal: held as long as it comes
-/// again within kHold.
+/// The sign of life of an external switch, such as a pedal. The switch counts as held for kHold
+/// after each sign.
 /// Real-time: wait-free. Threads: any; sign() also in a signal handler.
 class DeadManSignal {
  public:

@@ -24,8 +24,9 @@ std::string sentence_for(Rung rung, HeldBack held_back) {
   std::string why;
   switch (held_back) {
     case HeldBack::kNot:
-      return rung == Rung::kOld ? "The newest sample is old; its force goes on for a while."
-                                : "Samples come; the force ramps in.";
+      return rung == Rung::kOld
+                 ? "The newest sample is old; its force is rendered for a while longer."
+                 : "Samples come; the force ramps in.";
     case HeldBack::kNoSamples:
       why = "no sample comes from the simulator";
       break;
@@ -37,7 +38,7 @@ std::string sentence_for(Rung rung, HeldBack held_back) {
       break;
   }
   return (rung == Rung::kDamping ? "The force gives way to a damping field: "
-                                 : "Zero current, nothing is felt: ") +
+                                 : "Zero current, no force is rendered: ") +
          why + ".";
 }
 

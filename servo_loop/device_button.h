@@ -5,23 +5,23 @@
 
 namespace forcegrid::servo {
 
-/// The buttons of a device, as one.
+/// All buttons of a device, taken as one.
 ///
-/// A Falcon tells which of the four on its grip are down. A W2 or W3 device has the calibration
-/// button alone, and that latches: its report says that it has been pressed since the counters were
-/// loaded, not whether it is down. So it can be pressed once, and can't be held.
+/// A Falcon reports which of the four buttons on its grip are down. A W2 or W3 device has only the
+/// calibration button, which latches: the report says that it has been pressed since the counters
+/// were loaded, not whether it is down. So it can be pressed once, and cannot be held.
 /// Real-time: no allocation, lock or throw. Threads: one.
 class DeviceButton {
  public:
   explicit DeviceButton(const profiles::DeviceProfile& profile) noexcept
       : tells_held_(can_be_held(profile)) {}
 
-  /// Whether a device of this profile tells that a button is being held.
+  /// Whether a device of this profile reports that a button is being held.
   static bool can_be_held(const profiles::DeviceProfile& profile) noexcept {
     return profile.usb.protocol == "falcon";
   }
 
-  /// Looks at a cycle's newest report.
+  /// Takes a cycle's newest report.
   void update(const driver::DeviceReport& report) noexcept {
     if (report.sequence == 0) {
       return;
@@ -32,13 +32,13 @@ class DeviceButton {
     down_ = down;
   }
 
-  /// It is down (a latching one: has gone down), and was up before. One that has been down from
-  /// the start was pressed for something else.
+  /// The button is down (a latching one: has gone down) and was up before. A button that has been
+  /// down from the start does not count: it was pressed for another purpose.
   bool pressed() const noexcept { return pressed_; }
-  /// It is down now; never with a latching one.
+  /// The button is down; never true of a latching one.
   bool held() const noexcept { return tells_held_ && down_; }
 
-  /// The reports to come are another connection's.
+  /// The next reports belong to another connection.
   void restart() noexcept { seen_up_ = pressed_ = down_ = false; }
 
  private:

@@ -6,10 +6,10 @@
 
 namespace forcegrid::servo {
 
-/// Who wants everything to stop.
+/// What has pressed the emergency stop.
 enum class EmergencySource : std::uint8_t {
   kNone,
-  kSignal,        ///< SIGUSR1, from whatever else watches over the user
+  kSignal,        ///< SIGUSR1, from another program that watches over the user
   kKey,           ///< a key in the terminal
   kDeviceButton,  ///< a button of the device
 };

@@ -48,7 +48,7 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
       continue;
     }
     if (!frozen && unmoved(joint) &&
-        watched_ - joint.watched_at_suspicion >= kReliefTime + kProofTime) {
+        watched_ - joint.watched_when_suspected >= kReliefTime + kProofTime) {
       frozen = static_cast<int>(i);
     }
   }
@@ -71,8 +71,8 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
                watched_ - std::max(joint.still_since, joint.loaded_since) >= kSuspectAfter) {
       joint.suspected = true;
       joint.suspected_since = now;
-      joint.watched_at_suspicion = watched_;
-      ++suspicions_;
+      joint.watched_when_suspected = watched_;
+      ++suspected_stuck_encoders_;
     }
     if (joint.suspected) {
       const double led = rt::seconds(now - joint.suspected_since) / rt::seconds(kReliefTime);
@@ -93,7 +93,7 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
 
 bool EncoderWatch::unmoved(const Joint& joint) const noexcept {
   return joint.suspected && joint.part <= 0.0 &&
-         watched_ - joint.watched_at_suspicion >= kReliefTime;
+         watched_ - joint.watched_when_suspected >= kReliefTime;
 }
 
 }  // namespace forcegrid::servo

@@ -47,19 +47,18 @@ std::string sentence_for(Fault fault, int joint) {
     case Fault::kNone:
       return "No fault.";
     case Fault::kUnplugged:
-      return "The device is gone; check the cable, plug it in again, and start anew. Motors that "
-             "still "
-             "have power are left to the device's own watchdog.";
+      return "The device is gone; check the cable, plug it in again, and start again. The device's "
+             "own watchdog stops any motor that still has power.";
     case Fault::kStaleReports:
-      return "The device stopped sending reports; the motors are left to its own watchdog (half a "
-             "second after the last command in W2 firmware). Unplug it, plug it in again, and "
-             "start "
-             "anew.";
+      return "The device stopped sending reports; unplug it, plug it in again, and start again. "
+             "Until then the motors are left to its own watchdog (half a second after the last "
+             "command in W2 firmware).";
     case Fault::kProtocol:
       return "The device sent reports that its protocol does not allow; check that the profile "
              "names this device's firmware.";
     case Fault::kDeviceClosed:
-      return "The device was closed while the loop ran.";
+      return "Another part of the program closed the device while the loop ran; open it and start "
+             "again.";
     case Fault::kImplausibleJump:
       return "The encoders jumped farther than the arm can move; check their cables and calibrate "
              "again.";
@@ -70,20 +69,20 @@ std::string sentence_for(Fault fault, int joint) {
       return "The encoder counts belong to no pose of this arm; calibrate it, and check that the "
              "profile is the device's own.";
     case Fault::kEmergencyStop:
-      return "The motors got zero current at once; start anew when everything is in order.";
+      return "The emergency stop set the motors to zero current at once; start again when it is "
+             "safe.";
     case Fault::kZeroNotDelivered:
-      return "The last command, zero current, did not reach the device; the motors are left to its "
-             "own watchdog (half a second after the last command in W2 firmware). Check the cable "
-             "and the device.";
+      return "The last command, zero current, did not reach the device; check the cable and the "
+             "device. Until then the motors are left to its own watchdog (half a second after the "
+             "last command in W2 firmware).";
     case Fault::kLateReports:
-      return "The device's reports come too late to feel anything by; check the cable, the hub and "
+      return "The device's reports come too late to render a force; check the cable, the hub and "
              "the load of this computer.";
     case Fault::kFrozenEncoder:
       return "The encoder" + which +
-             " does not count although its motor's torque was taken away; check its cable and the "
+             " did not count although its motor's torque was removed; check its cable and the "
              "power of the amplifiers. (If the arm has more friction than the profile says, "
-             "correct "
-             "dynamics.coulomb_friction_Nm there.)";
+             "correct dynamics.coulomb_friction_Nm there.)";
     case Fault::kSaturatedEncoder:
       return "The encoder" + which +
              " is at the end of its range; check its cable and calibrate again.";
@@ -95,7 +94,8 @@ std::string sentence_for(Fault fault, int joint) {
              " moved nothing; switch the amplifiers on, let the arm move freely, and check the "
              "encoder's cable.";
     case Fault::kNotFinite:
-      return "A computed force was not a number; the simulator or the profile is at fault.";
+      return "A computed force was not a finite number; check the simulator's forces and the "
+             "profile.";
   }
   return "Unknown fault.";
 }

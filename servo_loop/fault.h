@@ -5,23 +5,23 @@
 
 namespace forcegrid::servo {
 
-/// Why the loop ended itself. Every fault ends at zero current.
+/// Why the loop ended itself. Every fault ends with zero current.
 enum class Fault : std::uint8_t {
   kNone,
   kUnplugged,         ///< the transport to the device ended
   kStaleReports,      ///< connected, but no new report
   kProtocol,          ///< the device sent what its protocol does not allow
-  kDeviceClosed,      ///< somebody closed the device under the loop
+  kDeviceClosed,      ///< another part of the program closed the device while the loop ran
   kImplausibleJump,   ///< counts changed more between two reports than an arm can move
   kTooFast,           ///< the tool moved faster than the profile allows
   kBadPose,           ///< counts that the linkage cannot have
   kNotFinite,         ///< a force or current was not a number
-  kLateReports,       ///< more than half of the time without a report for 25 ms and longer
-  kFrozenEncoder,     ///< a motor's torque came and went without a count
+  kLateReports,       ///< for more than half of the time no report came within 25 ms
+  kFrozenEncoder,     ///< an encoder did not count although its motor's torque was removed
   kSaturatedEncoder,  ///< a counter jumped to, or froze at, the end of its range
   kMotorWrongWay,     ///< a motor pushed against its command before any force was rendered
   kMotorNoAnswer,     ///< a motor's push moved nothing before any force was rendered
-  kEmergencyStop,     ///< somebody wanted it, see EmergencyStop
+  kEmergencyStop,     ///< see EmergencyStop
   kZeroNotDelivered,  ///< the loop ended, but its last, zero command did not reach the device
 };
 
@@ -32,7 +32,7 @@ const char* name_of(Fault fault) noexcept;
 /// @param joint  0, 1, 2 for joints a, b, c where one is at fault; negative: none is named.
 std::string sentence_for(Fault fault, int joint = -1);
 
-/// Whether the device may be back later with nothing wrong: it vanished, fell silent or closed.
+/// Whether the fault may be over once the device is connected again.
 bool may_be_over_after_reconnecting(Fault fault) noexcept;
 
 }  // namespace forcegrid::servo

@@ -98,8 +98,7 @@ void FirstTouch::answer(double time_s, double computed_for_s, bool in_contact,
       ++counts_.answered;
       counts_.wait_sum_s += wait_s;
       counts_.wait_max_s = std::max(counts_.wait_max_s, wait_s);
-      // Where nothing was felt there is nothing to hand over, and no reason to hold back the
-      // method.
+      // Without a predicted force there is nothing to hand over: the method's force comes at once.
       state_ = force_.known() ? State::kHandingOver : State::kContact;
       turned_s_ = time_s;
       break;

@@ -16,22 +16,22 @@ namespace forcegrid::servo {
 
 struct RenderingOptions {
   LadderOptions ladder;
-  /// What takes the force's place once it has faded; at most the profile's largest damping, and a
-  /// quarter of its largest force.
+  /// Replaces a force that has faded. Limited to the profile's largest damping and to a quarter of
+  /// its largest force.
   DampingFieldOptions damping_field;
-  /// The observer is always on; what the controller may do is here. Its damping is at most the
-  /// profile's limits.max_damping_N_s_per_m.
+  /// Of the passivity controller; the observer is always on. Its damping is at most the profile's
+  /// limits.max_damping_N_s_per_m.
   PassivityOptions passivity;
-  /// The object is touched through a virtual coupling instead of by the tool itself.
+  /// If set, a virtual coupling stands between the tool and the object.
   std::optional<CouplingOptions> coupling;
 };
 
-/// What becomes of a method's force before the profile's limits: the ladder of degradation, the
-/// workspace bound, the virtual coupling, and the passivity guard.
+/// Turns a method's force into the force that is wanted at the hand, before the profile's limits:
+/// degradation ladder, workspace bound, virtual coupling, passivity guard.
 /// Real-time: no allocation, lock or throw after construction. Threads: one.
 class ForceRenderer {
  public:
-  /// The axes of W and D are parallel, so that a force and a resolution have no frame here.
+  /// One cycle's input. The axes of W and D are parallel, so forces are the same in both.
   struct Cycle {
     double elapsed_s = 0.0;
     Eigen::Vector3d position_W = Eigen::Vector3d::Zero();  ///< [m] of the tool
@@ -43,12 +43,12 @@ class ForceRenderer {
     bool in_contact = false;
   };
 
-  /// Out of contact for this long the object owes the hand nothing, nor the hand it.
+  /// After this long out of contact the passivity guard opens a new energy account.
   static constexpr double kContactOver_s = 0.1;
 
-  /// [J/s] A force that ramps in where the tool rests in the object brings its energy with it, and
-  /// the hand gets that: 3 N that push a light hand of 100 N/m out within the ramp give 90 mW. So
-  /// much is granted while the ramp lasts; without it the force would not come back after a fade.
+  /// [J/s] Energy granted to the hand while the force ramps in. A force that ramps in on a tool at
+  /// rest inside the object brings its energy with it: 3 N that push a light hand of 100 N/m out
+  /// within the ramp give 90 mW. Without the grant the force would not come back after a fade.
   static constexpr double kRampPower_J_per_s = 0.1;
 
   /// @throws std::invalid_argument naming the option that can't be used.
@@ -57,20 +57,20 @@ class ForceRenderer {
   /// [m] Where the object is touched by a tool at `position_W`.
   Eigen::Vector3d touching_W(const Eigen::Vector3d& position_W) const noexcept;
 
-  /// [N] What the hand is to feel; zero outside the profile's box.
+  /// [N] The wanted force on the hand; zero outside the profile's box.
   [[nodiscard]] Eigen::Vector3d force(const Cycle& cycle, const driver::ArmPose& pose) noexcept;
 
-  /// What the limits have left of it.
+  /// The force [N] that the limits have left of the last one.
   void set_rendered(const Eigen::Vector3d& force_W) noexcept { guard_.set_rendered(force_W); }
 
-  /// Nothing is rendered, at once; the force comes back by the ramp.
+  /// Drops the force at once; it comes back by the ramp.
   void drop() noexcept;
 
   const DegradationLadder& ladder() const noexcept { return ladder_; }
   const PassivityGuard& guard() const noexcept { return guard_; }
   std::uint64_t cycles_damped() const noexcept { return cycles_damped_; }
   std::uint64_t cycles_shortened() const noexcept { return cycles_shortened_; }
-  /// What the last cycle did, into its record.
+  /// Writes what the last cycle did into its record.
   void describe(CycleRecord& record) const noexcept;
 
  private:

@@ -9,8 +9,8 @@ namespace {
 // How long a new tool state may wait for its datagram: short against the simulator's period.
 constexpr auto kPoll = std::chrono::milliseconds(1);
 
-// Samples taken before the next tool state goes out: what a cycle of the servo takes at most, so
-// that a simulator that answers without end does not keep the tool's position from it.
+// Samples taken before the next tool state goes out: as many as a servo cycle takes at most. So a
+// simulator that floods the link still gets the tool's position.
 constexpr int kSamplesPerExchange = 64;
 
 ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {

@@ -16,21 +16,20 @@
 
 namespace forcegrid::servo {
 
-/// The first sample in contact: where and when the tool touched, as far as the simulator's rate
-/// can tell.
+/// The first sample in contact: where and when the tool touched, to within one simulator period.
 struct FirstContact {
   std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC of the tool state that the simulator answered
   std::uint32_t epoch = 0;
   Eigen::Vector3d point_W = Eigen::Vector3d::Zero();
 };
 
-/// Carries the servo's newest tool state to the simulator and the simulator's checked samples to
-/// the servo, on a thread of its own.
+/// Sends the servo's newest tool state and queries to the simulator, and hands the simulator's
+/// checked samples to the servo, on its own thread.
 /// Threads: start and stop from one; statistics() after stop().
 class LinkThread {
  public:
   /// @param keys  of a sealed link, see link::ServoEndpoint; none: not sealed
-  /// @throws link::LinkError for an address that can't be used.
+  /// @throws link::LinkError for an address that cannot be used.
   LinkThread(std::string_view simulator_address, ServoPorts& ports,
              std::vector<link::LinkKey> keys = {});
   ~LinkThread();
@@ -40,8 +39,8 @@ class LinkThread {
   /// Before start(): keeps the newest `count` samples that reach the servo, for samples().
   void keep_samples(std::size_t count) noexcept { samples_to_keep_ = count; }
 
-  /// Before start(): gives each sample that reaches the servo to `take`, on the link's thread,
-  /// which it must not hold up.
+  /// Before start(): calls `take` with each sample that reaches the servo, on the link's thread.
+  /// It must return soon.
   void on_sample(std::function<void(const ArrivedSample&)> take) { on_sample_ = std::move(take); }
 
   void start();
@@ -53,17 +52,17 @@ class LinkThread {
   /// After stop().
   link::ClockEstimate simulator_clock() const noexcept { return endpoint_.clock(); }
   const link::LinkStatistics& statistics() const noexcept { return endpoint_.statistics(); }
-  /// Samples among what was accepted. After stop().
+  /// Accepted datagrams that were samples. After stop().
   std::uint64_t samples_accepted() const noexcept {
     return endpoint_.statistics().accepted - endpoint_.patches_accepted();
   }
-  /// After stop(); nothing if the tool never touched.
+  /// After stop(). Nothing if the tool never touched.
   const std::optional<FirstContact>& first_contact() const noexcept { return first_contact_; }
   /// The samples kept, in order of arrival. After stop().
   const std::deque<ArrivedSample>& samples() const noexcept { return samples_; }
   /// Samples that found the servo's ring full. After stop().
   std::uint64_t samples_lost() const noexcept { return samples_lost_; }
-  /// [s] largest solve time that a sample stated. After stop().
+  /// [s] Largest solve time of all samples. After stop().
   double worst_solve_time_s() const noexcept { return worst_solve_time_s_; }
   double worst_relative_residual() const noexcept { return worst_relative_residual_; }
   std::uint64_t samples_not_converged() const noexcept { return samples_not_converged_; }

@@ -10,30 +10,30 @@
 
 namespace forcegrid::servo {
 
-/// Believes or disbelieves what the device says, and estimates the tool's velocity from it.
+/// Checks whether the device's reports are plausible, and estimates the tool's velocity from them.
 /// Real-time: no allocation, lock or throw. Threads: one.
 class MotionGuard {
  public:
   /// Time constant of the velocity estimate, first order: quantisation steps of 20 um at 1 kHz
   /// would otherwise read as 20 mm/s.
   static constexpr double kVelocityTimeConstant_s = 0.010;
-  /// A report's counts may differ from the last one's by this many times the profile's largest
-  /// speed, plus kJumpFloor_m, before the encoders are disbelieved.
+  /// Between two reports the tool may move this many times as fast as the profile's largest speed,
+  /// plus kJumpFloor_m. Beyond that the encoders have jumped.
   static constexpr double kJumpFactor = 3.0;
   static constexpr double kJumpFloor_m = 0.002;
-  /// The filtered speed may be above the profile's limit for less than this: counts that a stalled
-  /// host or bus stamped late make one step look fast.
+  /// The filtered speed may exceed the profile's limit for less than this. Counts that a stalled
+  /// host or bus stamped late make one step look too fast.
   static constexpr rt::Duration kTooFastFor = std::chrono::milliseconds(20);
 
-  /// Reports further apart than this leave the hand without counts that are worth a force, and a
-  /// link on which that is so for more than half of the time, by this much, is a fault.
+  /// Reports farther apart than this are too old to compute a force from. A fault if that is so for
+  /// more than half of the time, by kLateBudget_s.
   static constexpr rt::Duration kLateGap = std::chrono::milliseconds(25);
   static constexpr double kLateBudget_s = 0.25;
 
   /// @param report_timeout no new report for this long is a fault.
   MotionGuard(const profiles::DeviceProfile& profile, rt::Duration report_timeout);
 
-  /// Looks at one cycle's report and pose.
+  /// Takes one cycle's report and pose. @returns the fault they show, or kNone.
   [[nodiscard]] Fault check(rt::TimePoint now, driver::DeviceHealth health,
                             const driver::DeviceReport& report,
                             const driver::ArmPose& pose) noexcept;

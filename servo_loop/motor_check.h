@@ -13,20 +13,20 @@ namespace forcegrid::servo {
 
 /// Finds motors that push the wrong way, or not at all, before a force is rendered.
 ///
-/// While a force is rendered the sign can't be seen: whoever moves slowly through an object
-/// balances either force, and looks the same to the encoders. A known push tells. Each joint in
-/// turn gets four short pushes, + - - +, as hard as about 1.5 N at the tip; a push that begins at t
-/// and lasts T changes the joint's course by
+/// A rendered force does not show the sign: a hand that moves slowly through an object balances
+/// either force, and looks the same to the encoders. A known push does. Each joint in turn gets
+/// four short pushes, + - - +, of about 1.5 N at the tip. A push that begins at t and lasts T
+/// changes the joint's course by
 ///
 ///   D = (q(t + T) - q(t)) - (q(t) - q(t - T)),
 ///
-/// half of M^-1 tau T^2 for a mass, K^-1 tau for a spring, B^-1 tau T for a damper: along the
-/// torque for anything passive that hangs on the joint, hands included. Summed with the signs of
-/// the pushes, what a hand does of its own at constant speed, acceleration or jerk cancels.
+/// half of M^-1 tau T^2 for a mass, K^-1 tau for a spring, B^-1 tau T for a damper. For anything
+/// passive that hangs on the joint, hands included, D has the sign of the torque. In the sum with
+/// the signs of the pushes, motion of the hand at constant speed, acceleration or jerk cancels.
 ///
-/// A joint passes when the sum is positive; it is condemned when the sum is negative twice. One
-/// that does not answer within kAttempts, each harder than the last, has no power, no encoder, or
-/// is held fast.
+/// A joint passes when the sum is positive, and fails when the sum is negative twice. A joint that
+/// does not answer within kAttempts, each harder than the last, has no power or no encoder, or is
+/// held fast.
 ///
 /// Real-time: no allocation, lock or throw. Threads: one.
 class MotorCheck {
@@ -43,17 +43,17 @@ class MotorCheck {
 
   MotorCheck(const profiles::DeviceProfile& profile, rt::Duration period) noexcept;
 
-  /// One cycle, each with the newest report.
+  /// One cycle. @param report the newest one. @param pose its pose.
   Verdict update(rt::TimePoint now, const driver::DeviceReport& report,
                  const driver::ArmPose& pose) noexcept;
 
-  /// [Nm] to be commanded in this cycle; zero but while kRunning.
+  /// [Nm] to command in this cycle; zero unless kRunning.
   [[nodiscard]] const Eigen::Vector3d& joint_torque_Nm() const noexcept { return torque_Nm_; }
 
-  /// The joint that is being checked, or has been condemned: 0, 1, 2.
+  /// The joint that is being checked, or that has failed: 0, 1, 2.
   [[nodiscard]] int joint() const noexcept { return joint_; }
 
-  /// The loop has paused: the push in progress is void, the joint begins anew.
+  /// The loop has paused: discards the push in progress and checks the joint from its start.
   void restart() noexcept;
 
  private:

@@ -13,41 +13,41 @@ enum class PassivityMode : std::uint8_t {
 
 struct PassivityOptions {
   PassivityMode mode = PassivityMode::kControl;
-  /// Each axis of W has an account of its own and is damped alone, instead of one for the force as
-  /// a whole. An object whose force across the motion depends on the motion moves energy from one
-  /// axis to another without giving any, and is then damped for nothing.
+  /// Keeps one energy account per axis of W and damps each axis alone, instead of one account for
+  /// the whole force. An object whose force across the motion depends on the motion moves energy
+  /// from one axis to another without giving any, and is then damped for nothing.
   bool each_axis = false;
-  /// [J] A sampled spring leaks a little energy although it is harmless; below this nothing is
-  /// done.
+  /// [J] Below this the controller does nothing: even a harmless sampled spring leaks a little
+  /// energy.
   double allowance_J = 0.3e-3;
   /// [J] The force is shortened where it would take the energy beyond this. Above allowance_J.
   double bound_J = 0.6e-3;
   double max_damping_N_s_per_m = 10.0;
-  /// What the arm itself is trusted to have, and what of the sampling's energy is left to it. The
-  /// method study's arm, without any hand.
+  /// Damping that the arm itself is trusted to have, which dissipates part of the energy that
+  /// sampling adds. The value is of the method study's arm, without a hand.
   double arm_damping_N_s_per_m = 0.3;
-  /// [s] How old the counts are that a cycle uses, and how late its force acts, together.
+  /// [s] Age of the counts that a cycle uses plus the delay until its force acts.
   double transport_delay_s = 0.0;
-  /// What a force can set in motion at once: of the arm and a light hand together.
+  /// Mass that a force can accelerate at once: arm and a light hand together.
   double moving_mass_kg = 0.1;
-  /// Time constant of the low-passed velocity that damps.
+  /// Time constant of the low-pass filter of the velocity that is damped.
   double velocity_time_constant_s = 0.010;
-  /// See without_trembling_counts(); from 1.0 on a count that comes and goes is never felt.
+  /// See without_trembling_counts(); from 1.0 on, a count that comes and goes has no effect.
   double dead_band_counts = 1.0;
 };
 
 /// Time-domain passivity: observes the energy that the rendered force gives to the hand, and damps
-/// what it must and nothing more.
+/// only as much as it must.
 ///
 /// Observer, with F_k the force rendered from cycle k on, P_k the position that cycle k reads:
 ///
 ///   E_k = E_{k-1} + F_{k-1} . (P_k - P_{k-1}) + c_k . (W_k - W_{k-1}) / 2          (given: E > 0)
 ///
-/// E is what the hand got: compressing a spring makes it negative, a spring that gives back all it
-/// got ends at zero, and E > 0 is energy from nowhere. W is the force that the method wants. The
-/// last term undoes what quantisation adds: positions of resolution q make F_{k-1} . dP count
-/// K q^2 / 2 for every count that a resting tool trembles across, and up to K q^2 / 8 a cycle in
-/// motion. c = clamp(dP - v T, -q, q) is the part of the step that is rounding and not motion,
+/// E is the energy that the hand has received. Compressing a spring makes it negative, a spring
+/// that gives everything back ends at zero, and E > 0 is energy from nowhere. W is the wanted
+/// force. The last term undoes what quantisation adds: positions of resolution q make F_{k-1} . dP
+/// count K q^2 / 2 for every count that a resting tool trembles across, and up to K q^2 / 8 a cycle
+/// in motion. c = clamp(dP - v T, -q, q) is the part of the step that is rounding and not motion,
 /// twice the expected rounding error of P_k, and summation by parts turns sum F . d(error) into
 /// that term. It vanishes for q = 0.
 ///
@@ -87,14 +87,14 @@ struct PassivityOptions {
 /// (U = |W| kReach_m for k <= 0). While s < 1, A + U stands for A in the damping above: motion pays
 /// the debt off, and then the whole force is back. An object that keeps giving energy fades.
 ///
-/// Pure: it has no clock and keeps no time but dt. Real-time: no allocation, lock or throw.
+/// It has no clock: time comes as dt. Real-time: no allocation, lock or throw.
 /// Threads: one.
 class PassivityGuard {
  public:
   static constexpr double kBoundCycles = 2.0;
   static constexpr double kSlow_s = 0.05;
   static constexpr double kRecovery_s = 0.05;
-  /// How far a force that hardly depends on the position is taken to push a tool.
+  /// [m] Assumed travel of a tool under a force that hardly depends on the position.
   static constexpr double kReach_m = 0.02;
 
   /// @throws std::invalid_argument naming the option that can't be used.
@@ -115,18 +115,18 @@ class PassivityGuard {
   [[nodiscard]] Eigen::Vector3d apply(double dt_s, const Eigen::Vector3d& position_W,
                                       const Eigen::Vector3d& wanted_W) noexcept;
 
-  /// What really goes out in place of what apply() returned, if a limit shortens it.
+  /// The force [N] that is really rendered, if a limit has shortened what apply() returned.
   void set_rendered(const Eigen::Vector3d& force_W) noexcept { rendered_W_ = force_W; }
 
-  /// Nothing was rendered until now, and where the tool went meanwhile is not known.
+  /// Begins again after a pause in which nothing was rendered and the tool may have moved.
   void restart() noexcept;
 
-  /// E and the account start at zero again: for a tool out of contact, to which the object owes
-  /// nothing. Otherwise what a lossy object has absorbed would be credit for an unstable one.
+  /// Sets E and the account to zero, for a tool out of contact. Otherwise the energy that a lossy
+  /// object has absorbed would be credit for an unstable one.
   void open_account() noexcept;
 
-  /// The program gives this much [J] on purpose: a positive account shrinks by it, to zero at most.
-  /// E still counts it.
+  /// Permits this much energy [J]: a positive account shrinks by it, down to zero. E still counts
+  /// it.
   void grant(double energy_J) noexcept;
 
   /// [J] E since the account was opened; negative: the hand has put in more than it got.
@@ -137,9 +137,9 @@ class PassivityGuard {
   double largest_energy_to_hand_J() const noexcept { return largest_J_; }
   /// [J] E since construction, over all accounts.
   double total_energy_to_hand_J() const noexcept { return total_J_; }
-  /// [J] what the controller acts on.
+  /// [J] The account that the controller acts on.
   double account_J() const noexcept { return account_W_J_.sum(); }
-  /// [J] taken out by damping, since construction.
+  /// [J] Energy removed by damping, since construction.
   double damped_energy_J() const noexcept { return damped_J_; }
 
   /// [N s/m] of the last cycle; of the axis with most in mode each_axis.

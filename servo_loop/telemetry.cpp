@@ -123,8 +123,8 @@ void Telemetry::take_rung(const CycleRecord& record) {
     statistics_.first_rung_changes.push_back({time_s, last_rung_, record.rung, record.held_back});
   }
   // Late samples come and go on a poor network; what they change is small, and in the summary.
-  const auto felt = [](Rung rung) { return rung == Rung::kFresh || rung == Rung::kOld; };
-  if (!(felt(record.rung) && felt(last_rung_))) {
+  const auto rendered = [](Rung rung) { return rung == Rung::kFresh || rung == Rung::kOld; };
+  if (!(rendered(record.rung) && rendered(last_rung_))) {
     say(record, sentence_for(record.rung, record.held_back));
   }
   last_rung_ = record.rung;
@@ -173,7 +173,7 @@ void Telemetry::take_rendered(const CycleRecord& record) {
     return;
   }
   ++statistics_.rendered_status[static_cast<std::size_t>(record.method_status[0])];
-  ++statistics_.rendered_member[std::min<std::size_t>(record.rendered_member, kMaxMembers - 1)];
+  ++statistics_.rendered_member[std::min<std::size_t>(record.rendered_member, kMaxCandidates - 1)];
   if (std::isfinite(record.method_uncertainty_N[0])) {
     statistics_.uncertainty_mN.add(1e3 * record.method_uncertainty_N[0]);
   }

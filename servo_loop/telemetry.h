@@ -20,13 +20,13 @@ namespace forcegrid::servo {
 struct TelemetryOptions {
   std::vector<std::string> method_names;  ///< in the loop's order
   double rate_Hz = 500.0;
-  /// The newest this many cycles are kept; older ones only count in the statistics.
+  /// How many of the newest cycles are kept; older ones count only in the statistics.
   std::size_t keep_cycles = 300'000;
   std::FILE* live = nullptr;  ///< where the live line goes, once a second; null: nowhere
-  /// Given what the loop does about late forces and warm motors, a sentence with its time, also
-  /// without `live`; on the thread that drains.
+  /// Called with a sentence and its time whenever the loop changes what it does about late forces
+  /// or warm motors, also without `live`. On the thread that drains.
   std::function<void(const std::string&)> on_sentence;
-  /// Given every cycle, on the thread that drains; must return soon.
+  /// Called with every cycle, on the thread that drains; must return soon.
   std::function<void(const CycleRecord&)> on_cycle;
 };
 
@@ -60,7 +60,7 @@ struct TelemetryStatistics {
   /// Cycles in contact by what the rendered method said, indexed by EstimateStatus.
   std::array<std::uint64_t, 5> rendered_status{};
   /// Cycles in contact by who spoke of the rendered method's members.
-  std::array<std::uint64_t, kMaxMembers> rendered_member{};
+  std::array<std::uint64_t, kMaxCandidates> rendered_member{};
   std::array<std::uint64_t, kRungs> rung_cycles{};  ///< indexed by Rung
   std::uint64_t rung_changes = 0;
   double motor_warmth = 0.0;                   ///< the largest, see MotorWarmth::warmest()
@@ -71,7 +71,7 @@ struct TelemetryStatistics {
   std::vector<MemberChange> first_changes;  ///< at most kChangesKept of them
 };
 
-/// Drains the servo's records on a thread of its own, keeps them, and prints the live line.
+/// Drains the servo's records on its own thread, keeps them, and prints the live line.
 /// Real-time: no; it is the thread that may wait. Threads: start and stop from one.
 class Telemetry {
  public:

@@ -9,35 +9,34 @@ namespace forcegrid::servo {
 
 struct NearSurface;
 
-/// What a tool feels between a touch and the simulator's first answer, from what a patch says.
-/// Plain data. With P_0 where the tool touched, n the outward normal there and P the tool's
-/// position:
+/// The force between a touch and the simulator's first answer, predicted from a surface patch.
+/// Plain data. P_0 is where the tool touched, n the outward normal there, P the tool's position.
 ///
-/// Of a tool that sticks, with the stiffness J of the patch,
+/// For a tool that sticks, with the patch's stiffness J,
 ///
 ///   F = J (P - P_0).
 ///
-/// Of a tool that slides, with the forces F_1 and F_2 at the depths h = 1 mm and 2 h of the patch
-/// and the depth d = -n.(P - P_0) > 0,
+/// For a tool that slides, with the patch's forces F_1 and F_2 at the depths h = 1 mm and 2 h, and
+/// the depth d = -n.(P - P_0) > 0,
 ///
-///   n.F = n.F_1 (d / h)^p,  p = log2(n.F_2 / n.F_1) cut to [1, 2]:  1.5 is Hertz's,
+///   n.F = n.F_1 (d / h)^p,  p = log2(n.F_2 / n.F_1) clamped to [1, 2]  (Hertz: 1.5).
 ///
-/// and along the surface (friction) the share of n.F that F_1 has, or F_2, or one between for a
-/// depth between, less what would help the tool on its way along the surface since P_0.
+/// Its friction along the surface is a share of n.F, interpolated in depth between those of F_1 and
+/// F_2, without any part that would push the tool along its own way since P_0.
 ///
-/// Either is cut to n.F >= 0 and |F - (n.F) n| <= n.F, at most max_force_N. Without J, F_1 and F_2
-/// there is no force.
+/// Both are clamped to n.F >= 0, |F - (n.F) n| <= n.F, and at most max_force_N. A patch with
+/// neither J nor F_1 and F_2 gives no force.
 ///
 /// Real-time: no allocation, lock or throw, at most one pow(). Threads: a value.
 class TouchForce {
  public:
   explicit TouchForce(double max_force_N) noexcept : max_force_N_(max_force_N) {}
 
-  /// The tool has touched `surface` at `point_W` [m], P_0, under `normal_W`, n.
+  /// The tool has touched `surface` at `point_W` [m] (P_0) with the outward normal `normal_W` (n).
   void begin(const NearSurface& surface, const Eigen::Vector3d& point_W,
              const Eigen::Vector3d& normal_W) noexcept;
 
-  /// The patch has said what is felt; else at() is zero everywhere.
+  /// The patch predicts a force; otherwise at() is zero everywhere.
   bool known() const noexcept { return known_; }
 
   /// [N] at `position_W` [m].

@@ -16,8 +16,8 @@ struct CouplingOptions {
 ///   b d(Q - P)/dt + k (Q - P) = F(Q)
 ///
 /// by backward Euler. At rest the object and the coupling are springs in series: a stiffness K is
-/// felt as K k / (K + k). The force error is K / (K + k) whatever the method, which is why it is
-/// the alternative and not the default.
+/// rendered as K k / (K + k). That is a relative force error of K / (K + k) with any method, so the
+/// coupling is off by default.
 ///
 /// Real-time: no allocation, lock or throw. Threads: one.
 class VirtualCoupling {
@@ -25,16 +25,16 @@ class VirtualCoupling {
   /// @throws std::invalid_argument unless stiffness k and damping b are above zero.
   explicit VirtualCoupling(const CouplingOptions& options = {});
 
-  /// [m] Q for a tool at `position_W`: where the object is asked for its force.
+  /// [m] Q for a tool at `position_W`: where the methods are evaluated.
   Eigen::Vector3d proxy_W(const Eigen::Vector3d& position_W) const noexcept {
     return position_W + deflection_W_;
   }
 
-  /// @param dt_s [s] for which `force_W` acts. @param force_W [N] of the object on the proxy; one
-  /// that is not finite changes nothing.
+  /// @param dt_s [s] for which `force_W` acts. @param force_W [N] of the object on the proxy;
+  /// ignored if not finite.
   void advance(double dt_s, const Eigen::Vector3d& force_W) noexcept;
 
-  /// The proxy is where the tool is.
+  /// Puts the proxy where the tool is.
   void reset() noexcept { deflection_W_.setZero(); }
 
  private:

@@ -10,8 +10,8 @@ constexpr double kPressedWithin_s = 1.0;
 }  // namespace
 
 PredictedContact::PredictedContact(const Scene& scene, const ToolOptions& tool)
-    : slides_(tool.slides()), cutter_(LocalSurface::make(scene.mesh, tool)) {
-  if (slides_ && cutter_) {
+    : slides_(tool.slides()), local_surface_(LocalSurface::make(scene.mesh, tool)) {
+  if (slides_ && local_surface_) {
     contact_prediction_ = std::make_unique<ContactPredictionThread>(
         scene.mesh, *tool_shape(tool), PressOptions{.friction = tool.friction});
   }
@@ -30,16 +30,16 @@ void PredictedContact::look(const ToolContact& contact, const Eigen::Vector3d& p
   if (!contact_prediction_) {
     return;
   }
-  pressed_ahead_W_ = contact.expected_touch(position_W, velocity_W, kPressedWithin_s);
-  if (pressed_ahead_W_) {
-    contact_prediction_->expect(*pressed_ahead_W_, velocity_W);
+  later_touch_W_ = contact.expected_touch(position_W, velocity_W, kPressedWithin_s);
+  if (later_touch_W_) {
+    contact_prediction_->expect(*later_touch_W_, velocity_W);
   }
 }
 
 void PredictedContact::begin_anew() noexcept {
   expected_W_.reset();
   stiffness_W_N_per_m_.reset();
-  pressed_ahead_W_.reset();
+  later_touch_W_.reset();
 }
 
 bool PredictedContact::wants_stiffness() const noexcept {
@@ -62,10 +62,10 @@ void PredictedContact::learn_stiffness(
 }
 
 bool PredictedContact::cut(link::SurfacePatch& patch) {
-  if (!cutter_) {
+  if (!local_surface_) {
     return false;
   }
-  cutter_->cut(expected_W_, patch);
+  local_surface_->cut(expected_W_, patch);
   if (patch.triangle_count == 0) {
     return true;
   }
@@ -75,7 +75,7 @@ bool PredictedContact::cut(link::SurfacePatch& patch) {
     patch.stiffness_W_N_per_m = {k(0, 0), k(1, 1), k(2, 2), k(0, 1), k(0, 2), k(1, 2)};
   }
   if (const auto pressed =
-          pressed_ahead_W_ ? contact_prediction_->near(*pressed_ahead_W_) : std::nullopt) {
+          later_touch_W_ ? contact_prediction_->near(*later_touch_W_) : std::nullopt) {
     patch.has_press_forces = true;
     for (std::size_t k = 0; k < pressed->force_W.size(); ++k) {
       Eigen::Map<Eigen::Vector3f>(patch.press_forces_W_N[k].data()) =

@@ -18,6 +18,7 @@
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
+#include "rt/vectors.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/predicted_contact.h"
@@ -33,7 +34,6 @@ constexpr double kMaxDelay_s = 10.0;
 constexpr int kMaxNice = 19;
 constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, until another may come
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
-const std::string kDynamic = "dynamic";
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
 link::Access access(const SimulatorOptions& options) {
@@ -60,8 +60,6 @@ void check(const SimulatorOptions& options) {
   }
 }
 
-link::Vector3 to_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-Eigen::Vector3d to_vector(const link::Vector3& a) { return {a[0], a[1], a[2]}; }
 double time_s(const link::ToolState& state) {
   return 1e-9 * static_cast<double>(state.servo_time_ns);
 }
@@ -70,18 +68,14 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.contact_epoch = answer.epoch;
   sample.in_contact = answer.in_contact;
   sample.converged = answer.equilibrium.converged;
-  sample.position_W_m = to_array(answer.position_W);
-  sample.force_W_N = to_array(answer.equilibrium.force_W);
+  sample.position_W_m = rt::to_array(answer.position_W);
+  sample.force_W_N = rt::to_array(answer.equilibrium.force_W);
   sample.has_stiffness = send_stiffness && answer.stiffness_known;
   if (sample.has_stiffness) {
-    for (std::size_t row = 0; row < 3; ++row) {
-      for (std::size_t column = 0; column < 3; ++column) {
-        sample.stiffness_W_N_per_m[3 * row + column] = answer.equilibrium.stiffness_W(
-            static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column));
-      }
-    }
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(sample.stiffness_W_N_per_m.data()) =
+        answer.equilibrium.stiffness_W;
   }
-  sample.contact_point_W_m = to_array(answer.point_W);
+  sample.contact_point_W_m = rt::to_array(answer.point_W);
   sample.relative_residual = answer.equilibrium.relative_residual;
   sample.solve_time_s = answer.equilibrium.solve_time_s;
 }
@@ -93,8 +87,9 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
   }
   if (tool.slides()) {
     throw Error(
-        "simulator: what a sliding tool feels depends on its path, so that workers have nothing to "
-        "answer; leave --workers out or take a tool that sticks");
+        "simulator: --workers: the force on a sliding tool depends on its path, which workers do "
+        "not "
+        "have; leave --workers out or use --contact sticky");
   }
   if (options.key_files.empty()) {
     throw Error(
@@ -115,12 +110,12 @@ class Loop {
         endpoint_(options.listen, kSilence, access(options)),
         contact_(make_solver_contact(scene, solver, tool, options.rate_Hz, log)),
         predicted_(scene, tool),
-        desk_(scene, solver.options,
-              {.next_query = [this] { return endpoint_.next_query(); },
-               .job_for = [this](const link::Query& query) { return job_for(query); },
-               .reply = [this](const link::Query& query,
-                               const StickyContact::Answer& answer) { reply(query, answer); }},
-              make_pool(options, scene, solver.options, tool)),
+        scheduler_(scene, solver.options,
+                   {.next_query = [this] { return endpoint_.next_query(); },
+                    .job_for = [this](const link::Query& query) { return job_for(query); },
+                    .reply = [this](const link::Query& query,
+                                    const StickyContact::Answer& answer) { reply(query, answer); }},
+                   make_pool(options, scene, solver.options, tool)),
         period_(rt::from_seconds(1.0 / options.rate_Hz)),
         delay_(rt::from_seconds(options.answer_delay_s)) {
     summary_.scene = scene.name;
@@ -129,10 +124,10 @@ class Loop {
     summary_.listening = link::to_string(endpoint_.address());
     summary_.vertices = contact_->vertex_count();
     summary_.springs = contact_->spring_count();
-    summary_.solver = solver.name;
+    summary_.solver = to_string(solver.kind);
     summary_.solver_why = solver.why;
     summary_.rate_Hz = options.rate_Hz;
-    summary_.workers_at = desk_.pool() == nullptr ? "" : desk_.pool()->address();
+    summary_.workers_at = scheduler_.pool() == nullptr ? "" : scheduler_.pool()->address();
   }
 
   const SimulatorSummary& summary() const { return summary_; }
@@ -170,12 +165,12 @@ class Loop {
   };
 
   void wait_until(rt::TimePoint deadline) {
-    if (desk_.solve_one(deadline)) {
+    if (scheduler_.solve_one(deadline)) {
       receive();
       return;
     }
     if (predicted_.wants_stiffness()) {
-      predicted_.learn_stiffness([this](const QueryJob& job) { return desk_.solve_now(job); },
+      predicted_.learn_stiffness([this](const QueryJob& job) { return scheduler_.solve_now(job); },
                                  epoch_ + lost_epochs_);
       receive();
       return;
@@ -184,8 +179,8 @@ class Loop {
     if (!delayed_.empty()) {
       wake = std::min(wake, delayed_.front().due);
     }
-    if (desk_.pool() != nullptr) {
-      desk_.pool()->wait(std::min(wake, rt::Clock::now() + kWorkerPoll));
+    if (scheduler_.pool() != nullptr) {
+      scheduler_.pool()->wait(std::min(wake, rt::Clock::now() + kWorkerPoll));
     } else {
       rt::sleep_until(wake);
     }
@@ -205,44 +200,44 @@ class Loop {
       newest_ = news.tool_state;
     }
     while (const auto state = endpoint_.next_tool_state()) {
-      contact_->was_at(time_s(*state), to_vector(state->position_W_m));
+      contact_->was_at(time_s(*state), rt::to_vector(state->position_W_m));
     }
     take_queries(news.queries);
     report_strangers();
-    desk_.serve_workers(rt::Clock::now());
+    scheduler_.serve_workers(rt::Clock::now());
   }
 
-  // Where force depends on the way that the tool has come, a query has no answer.
+  // Where force depends on the path of the tool, a query has no answer.
   void take_queries(std::size_t waiting) {
     if (contact_->depends_on_position_alone()) {
-      desk_.set_waiting(waiting);
+      scheduler_.set_waiting(waiting);
       return;
     }
     while (endpoint_.next_query()) {
       ++summary_.queries_refused;
     }
-    if (summary_.queries_refused > 0 && !told_of_queries_) {
-      told_of_queries_ = true;
-      log_ << "simulator: queries are not answered, as what the tool feels depends on its path "
-              "(contact slide, or an object that moves by itself); use a method that needs none"
+    if (summary_.queries_refused > 0 && !warned_of_queries_) {
+      warned_of_queries_ = true;
+      log_ << "simulator: queries are not answered: the force depends on the tool's path (contact "
+              "slide, or a dynamic object); use a method without queries"
            << std::endl;
     }
   }
 
-  // Who wonders why no force comes is told; once, since a stranger could fill a disk.
+  // Once, since a stranger could fill a disk.
   void report_strangers() {
     using link::SealStatus;
     const link::LinkStatistics& counted = endpoint_.statistics();
     const auto refused = [&](SealStatus status) {
       return counted.seal_refused[static_cast<std::size_t>(status)];
     };
-    if (told_of_strangers_ || counted.not_allowed + refused(SealStatus::kNotSealed) +
-                                      refused(SealStatus::kUnknownKey) +
-                                      refused(SealStatus::kForged) ==
-                                  0) {
+    if (warned_of_strangers_ || counted.not_allowed + refused(SealStatus::kNotSealed) +
+                                        refused(SealStatus::kUnknownKey) +
+                                        refused(SealStatus::kForged) ==
+                                    0) {
       return;
     }
-    told_of_strangers_ = true;
+    warned_of_strangers_ = true;
     log_ << "simulator: datagrams are refused (" << link::drop_text(counted)
          << "); if they are your servo's, give it this simulator's key, and --allow its address"
          << std::endl;
@@ -250,7 +245,7 @@ class Loop {
 
   void begin_anew() {
     contact_->reset();
-    desk_.begin_anew();
+    scheduler_.begin_anew();
     newest_.reset();
     delayed_.clear();
     contact_answer_.reset();
@@ -266,8 +261,8 @@ class Loop {
     }
     link::ForceSample sample = link::answer_to(*newest_);
     link::SurfacePatch patch = link::patch_for(*newest_);
-    const Eigen::Vector3d position_W = to_vector(newest_->position_W_m);
-    const Eigen::Vector3d velocity_W = to_vector(newest_->velocity_W_m_per_s);
+    const Eigen::Vector3d position_W = rt::to_vector(newest_->position_W_m);
+    const Eigen::Vector3d velocity_W = rt::to_vector(newest_->velocity_W_m_per_s);
     contact_->tell_time(time_s(*newest_));
     newest_.reset();
     const bool was_in_contact = contact_->in_contact();
@@ -289,7 +284,7 @@ class Loop {
     }
     fill(sample, answer, options_.send_stiffness);
     if (predicted_.expected_W()) {
-      sample.contact_point_W_m = to_array(*predicted_.expected_W());
+      sample.contact_point_W_m = rt::to_array(*predicted_.expected_W());
     }
     sample.solve_time_s = solve_s;
     sample.contact_epoch += lost_epochs_;
@@ -314,7 +309,7 @@ class Loop {
     }
     summary_.unconverged += equilibrium.converged ? 0 : 1;
     summary_.branch_changes += equilibrium.left_branch ? 1 : 0;
-    summary_.long_steps += contact_->in_long_steps() ? 1 : 0;
+    summary_.long_steps += contact_->report().long_step.value_or(false) ? 1 : 0;
     summary_.not_reached += equilibrium.reached ? 0 : 1;
     summary_.worst_relative_residual =
         std::max(summary_.worst_relative_residual, equilibrium.relative_residual);
@@ -344,7 +339,7 @@ class Loop {
   QueryJob job_for(const link::Query& query) const {
     QueryJob job;
     job.epoch = epoch_ + lost_epochs_;
-    job.position_W = to_vector(query.position_W_m);
+    job.position_W = rt::to_vector(query.position_W_m);
     const bool held = contact_->in_contact() && contact_answer_;
     job.touching = held || predicted_.expected_W().has_value();
     if (job.touching) {
@@ -365,15 +360,14 @@ class Loop {
 
   void finish() {
     summary_.dropped = link::drop_reasons(endpoint_.statistics());
-    summary_.not_finite += desk_.counts().not_finite;
-    summary_.unchecked = desk_.counts().unchecked;
-    if (desk_.pool() != nullptr) {
-      summary_.workers = desk_.pool()->statistics();
+    summary_.not_finite += scheduler_.counts().not_finite;
+    summary_.unchecked = scheduler_.counts().unchecked;
+    if (scheduler_.pool() != nullptr) {
+      summary_.workers = scheduler_.pool()->statistics();
     }
-    summary_.whole_solutions = contact_->whole_solutions();
-    if (contact_->reduced_use() != nullptr) {
-      summary_.reduced = *contact_->reduced_use();
-    }
+    const SolverReport report = contact_->report();
+    summary_.whole_solutions = report.whole_solutions.value_or(0);
+    summary_.reduced = report.reduced.value_or(ReducedUse{});
     summary_.solve_mean_ms = 1e-3 * solve_us_.mean();
     summary_.solve_p50_ms = 1e-3 * solve_us_.at(0.5);
     summary_.solve_p99_ms = 1e-3 * solve_us_.at(0.99);
@@ -385,12 +379,12 @@ class Loop {
 
   SimulatorOptions options_;
   std::ostream& log_;
-  bool told_of_strangers_ = false;
-  bool told_of_queries_ = false;
+  bool warned_of_strangers_ = false;
+  bool warned_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
   PredictedContact predicted_;
-  QueryScheduler desk_;
+  QueryScheduler scheduler_;
   rt::Duration period_;
   rt::Duration delay_;
   std::optional<link::ToolState> newest_;
@@ -412,26 +406,26 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   if (!scene.note.empty()) {
     log << "scene " << scene.name << ": " << scene.note << '\n';
   }
-  SolverChoice solver = choose_solver(options.solver_name, scene.mesh.rest_position_W.size(),
+  SolverChoice solver = choose_solver(options.solver_kind, scene.mesh.rest_position_W.size(),
                                       options.rate_Hz, options.solver, dynamics_of(scene.mesh));
   const ToolOptions tool = options.tool.value_or(scene.tool);
   if (tool.slides()) {
-    if (options.solver_name != "auto") {
-      throw Error("simulator: solver " + options.solver_name +
-                  ": a tool that slides has a solver of its own; leave the choice out");
+    if (options.solver_kind) {
+      throw Error(std::string("simulator: solver ") + to_string(*options.solver_kind) +
+                  ": tools that slide always use the solver pressed; leave --solver out");
     }
-    solver.why = "a tool that slides has a solver of its own";
-    if (solver.name == kDynamic) {
-      solver.why += ", which leaves masses and dampers out";
+    solver.why = "tools that slide always use it";
+    if (solver.kind == SolverKind::kDynamic) {
+      solver.why += "; masses and dampers are ignored";
     }
-    solver.name = "pressed";
+    solver.kind = SolverKind::kPressed;
   }
-  if (solver.name == kDynamic && !options.workers.empty()) {
+  if (solver.kind == SolverKind::kDynamic && !options.workers.empty()) {
     throw Error(
-        "simulator: workers answer for equilibria, and this object moves by itself; leave "
+        "simulator: --workers: workers solve equilibria, but this object is dynamic; leave "
         "--workers out or give --solver quasi_static");
   }
-  log << "solver " << solver.name << ": " << solver.why << '\n';
+  log << "solver " << to_string(solver.kind) << ": " << solver.why << '\n';
   Loop loop(options, scene, solver, tool, log);
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {

@@ -1,6 +1,6 @@
-#include <nlohmann/json.hpp>
+#include "simulator/simulator_summary.h"
 
-#include "simulator/run_simulator.h"
+#include <nlohmann/json.hpp>
 
 namespace forcegrid::simulator {
 namespace {

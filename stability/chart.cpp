@@ -3,18 +3,17 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <exception>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
 
 #include "evaluation/row_file.h"
 #include "evaluation/scenarios.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "rt/parallel_jobs.h"
 #include "stability/chart_numbers.h"
 #include "stability/chart_rows.h"
 #include "stability/scenes.h"
@@ -88,81 +87,48 @@ class Pool {
  public:
   Pool(const StabilityChartOptions& options, const evaluation::ForceTable& table,
        std::size_t done_before)
-      : options_(options), table_(table), done_(done_before), total_(done_before) {}
+      : options_(options), table_(table), done_before_(done_before) {}
 
   void add(const StabilityCase& cell, std::string key, StabilityRow& place) {
-    jobs_.push_back({&cell, std::move(key), &place});
-    ++total_;
+    cells_.push_back({&cell, std::move(key), &place});
   }
 
   void run(evaluation::RowFile& file) {
-    const unsigned wanted =
-        options_.jobs > 0 ? options_.jobs : std::max(1U, std::thread::hardware_concurrency());
-    std::vector<std::thread> threads;
-    for (unsigned i = 0; i < wanted; ++i) {
-      threads.emplace_back([this, &file] { work(file); });
+    rt::JobOptions jobs{.threads = options_.jobs};
+    jobs.cancel = options_.cancel;
+    if (options_.progress) {
+      jobs.progress = [this](double done, double remaining_s) {
+        const auto before = static_cast<double>(done_before_);
+        const auto now = static_cast<double>(cells_.size());
+        options_.progress("stability", (before + done * now) / (before + now), remaining_s);
+      };
     }
-    for (std::thread& thread : threads) {
-      thread.join();
-    }
-    if (failure_) {
-      std::rethrow_exception(failure_);
+    std::mutex mutex;  // of the file
+    const bool finished = rt::run_jobs(cells_.size(), jobs, [&](rt::Job& job) {
+      const Cell& cell = cells_[job.number()];
+      *cell.place = run_case(*cell.cell, table_, options_.seed);
+      nlohmann::ordered_json json = to_json(*cell.place);
+      json["key"] = cell.key;
+      const std::lock_guard lock(mutex);
+      file.keep(std::move(json));
+      return true;
+    });
+    if (!finished) {
+      throw evaluation::Stopped();
     }
   }
 
  private:
-  struct Job {
+  struct Cell {
     const StabilityCase* cell;
     std::string key;
     StabilityRow* place;
   };
 
-  void work(evaluation::RowFile& file) noexcept {
-    try {
-      for (std::size_t i = next_++; i < jobs_.size() && !failed_; i = next_++) {
-        if (options_.cancel != nullptr && options_.cancel->load()) {
-          throw evaluation::Stopped();
-        }
-        const Job& job = jobs_[i];
-        *job.place = run_case(*job.cell, table_, options_.seed);
-        nlohmann::ordered_json json = to_json(*job.place);
-        json["key"] = job.key;
-        const std::lock_guard lock(mutex_);
-        file.keep(std::move(json));
-        report();
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex_);
-      if (!failed_) {
-        failure_ = std::current_exception();
-      }
-      failed_ = true;
-    }
-  }
-
-  void report() {
-    ++done_;
-    ++done_now_;
-    if (!options_.progress) {
-      return;
-    }
-    const double elapsed_s = std::chrono::duration<double>(steady_clock::now() - start_).count();
-    options_.progress(
-        "stability", static_cast<double>(done_) / static_cast<double>(total_),
-        elapsed_s / static_cast<double>(done_now_) * static_cast<double>(jobs_.size() - done_now_));
-  }
-
   const StabilityChartOptions& options_;
   const evaluation::ForceTable& table_;
-  std::vector<Job> jobs_;
-  std::atomic<std::size_t> next_{0};
-  std::atomic<bool> failed_{false};
-  std::mutex mutex_;
-  std::exception_ptr failure_;
-  std::size_t done_;
-  std::size_t done_now_ = 0;
-  std::size_t total_;
-  steady_clock::time_point start_ = steady_clock::now();
+  std::vector<Cell> cells_;
+  std::size_t done_before_;
 };
 
 evaluation::BuiltTable table_of(const StabilityChartOptions& options, const std::string& scene) {

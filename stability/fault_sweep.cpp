@@ -4,16 +4,14 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
-#include <exception>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
-#include <thread>
 
 #include "evaluation/force_table.h"
 #include "evaluation/trajectories.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "rt/parallel_jobs.h"
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
@@ -393,51 +391,21 @@ bool energy_after_fault(const SweptRun& run) noexcept {
 }
 
 std::vector<SweptRun> sweep_faults(const SweepOptions& options) {
-  using std::chrono::steady_clock;
   const profiles::DeviceProfile profile = profiles::load_device_profile(options.device);
   const std::vector<MethodVariant> variants = variants_of(options, profile);
   std::vector<SweptRun> runs(static_cast<std::size_t>(options.runs));
-  std::atomic<std::size_t> next{0};
-  std::atomic<bool> failed{false};
-  std::exception_ptr failure;
-  std::mutex mutex;
-  std::size_t done = 0;
-  const auto start = steady_clock::now();
-  const auto work = [&]() noexcept {
-    try {
-      for (std::size_t i = next++; i < runs.size() && !failed; i = next++) {
-        if (options.cancel != nullptr && options.cancel->load()) {
-          throw evaluation::Stopped();
-        }
-        const SweptFault fault = swept_faults()[i % swept_faults().size()];
-        const MethodVariant& variant = variants[i / swept_faults().size() % variants.size()];
-        runs[i] = SweptLoop(fault, options.seed * 1'000'003 + i, variant, profile).result();
-        const std::lock_guard lock(mutex);
-        ++done;
-        if (options.progress) {
-          const double elapsed_s =
-              std::chrono::duration<double>(steady_clock::now() - start).count();
-          const double part = static_cast<double>(done) / static_cast<double>(runs.size());
-          options.progress(part, elapsed_s / part * (1.0 - part));
-        }
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      failure = failed ? failure : std::current_exception();
-      failed = true;
-    }
-  };
-  std::vector<std::thread> threads;
-  const unsigned jobs =
-      options.jobs > 0 ? options.jobs : std::max(1U, std::thread::hardware_concurrency());
-  for (unsigned i = 0; i < jobs; ++i) {
-    threads.emplace_back(work);
-  }
-  for (std::thread& thread : threads) {
-    thread.join();
-  }
-  if (failure) {
-    std::rethrow_exception(failure);
+  rt::JobOptions jobs{.threads = options.jobs};
+  jobs.progress = options.progress;
+  jobs.cancel = options.cancel;
+  const bool finished = rt::run_jobs(runs.size(), jobs, [&](rt::Job& job) {
+    const std::size_t i = job.number();
+    const SweptFault fault = swept_faults()[i % swept_faults().size()];
+    const MethodVariant& variant = variants[i / swept_faults().size() % variants.size()];
+    runs[i] = SweptLoop(fault, options.seed * 1'000'003 + i, variant, profile).result();
+    return true;
+  });
+  if (!finished) {
+    throw evaluation::Stopped();
   }
   return runs;
 }

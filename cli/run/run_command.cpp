@@ -374,7 +374,7 @@ void Run::prepare_telemetry() {
 
 void Run::start_dashboard() {
   std::vector<std::string> members;
-  for (const char* member : methods_->rendered().members()) {
+  for (const char* member : methods_->rendered().candidates()) {
     members.emplace_back(member);
   }
   keys_.reset();  // its signal handlers have to be newer than the dashboard's
@@ -506,7 +506,7 @@ void Run::collect() {
   for (const NamedCounter& counter : methods_->rendered().counters()) {
     summary_.counters[counter.name] = counter.value;
   }
-  for (const char* member : methods_->rendered().members()) {
+  for (const char* member : methods_->rendered().candidates()) {
     summary_.members.emplace_back(member);
   }
 }

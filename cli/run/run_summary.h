@@ -50,7 +50,7 @@ struct RunSummary {
   std::uint64_t records_lost = 0;
   std::uint64_t cycles_kept = 0;
   std::uint64_t samples_overrun = 0;  ///< accepted, but the servo's ring was full
-  std::vector<std::string> members;   ///< of the rendered method, see ForceMethod::members()
+  std::vector<std::string> members;   ///< of the rendered method, see ForceMethod::candidates()
   std::map<std::string, std::uint64_t> counters;  ///< what the rendered method counts, by name
   std::vector<std::string> notes;                 ///< degradations, one sentence each
   std::optional<nlohmann::json> emulator;         ///< its own report

@@ -21,8 +21,8 @@ struct Sample {
   Eigen::Vector3d contact_point_W = Eigen::Vector3d::Zero();
   double relative_residual = 0.0;
   bool converged = true;
-  bool from_query = false;  ///< asked for by the method, not sampled along the path
-  /// An answer that was asked for before contact: for a tool that had touched at `contact_point_W`.
+  bool from_query = false;  ///< requested by the method, not sampled along the path
+  /// The answer to a request before contact: for a tool that had touched at `contact_point_W`.
   bool before_contact = false;
 };
 
@@ -39,99 +39,141 @@ const char* to_string(EstimateStatus status) noexcept;
 
 /// What a method needs from the simulator beyond forces along the path.
 struct MethodNeeds {
-  bool stiffness = false;  ///< samples with dF/dP; those without are of no use to it
+  bool stiffness = false;  ///< samples with dF/dP; it has no use for those without
   bool requests = false;   ///< answers at positions of its own choice, see plan_request()
-  /// It makes requests for an expected contact as well, see expect_contact(); it can do without.
+  /// It makes requests for an expected contact as well, see expect_contact(), but works without.
   bool requests_before_contact = false;
 };
 
-/// Something that a method counts since it was made, e.g. samples that it could not use.
+/// Something that a method counts from construction on, e.g. samples that it could not use.
 struct NamedCounter {
   const char* name = "";  ///< as a key of summaries, e.g. "samples_outside"; static text
   std::uint64_t value = 0;
 };
 
-/// Why the member of a method that speaks does so.
+/// Why a method that chooses between candidates renders the one it renders.
 enum class ChoiceReason : std::uint8_t {
-  kFirst,            ///< it is the one that a method begins with
-  kPredictedBetter,  ///< it has foretold the last samples better than the one before
+  kFirst,            ///< it is the one that the method begins with
+  kPredictedBetter,  ///< it predicted the last samples better than the one before
   kFoundWall,     ///< it alone explains the force of a second object that the tool came up against
-  kFirstTouches,  ///< a contact begins, and it has known the first instants of others best
+  kFirstTouches,  ///< a contact begins, and it predicted the first instants of others best
   kRemembers,     ///< the tool goes where it was long ago
   kKnownPlace,    ///< a contact begins where another one was
-  kAskedBefore,   ///< a contact begins that it has asked about on the way there
+  kAskedBefore,   ///< a contact begins about which it asked on the way there
 };
 
 /// Static text for messages and files, e.g. "predicted better".
 const char* to_string(ChoiceReason reason) noexcept;
 
+/// What a method says of one position and time.
 struct ForceEstimate {
-  Eigen::Vector3d force_W = Eigen::Vector3d::Zero();  ///< zero unless kOk or kPartlyKnown
+  Eigen::Vector3d force_W = Eigen::Vector3d::Zero();  ///< [N] zero unless kOk or kPartlyKnown
   EstimateStatus status = EstimateStatus::kUnknown;
-  /// [N] one standard deviation of the force's error, NaN for a method that can't tell.
+  /// [N] One standard deviation of the force's error; NaN for a method that cannot say.
   double uncertainty_N = std::numeric_limits<double>::quiet_NaN();
-  /// Who speaks of a method that chooses between several fields, an index into members(); and why.
-  std::uint8_t member = 0;
+  /// Of a method that chooses between candidates: the rendered one's index in candidates(), and why
+  /// it was chosen.
+  std::uint8_t candidate = 0;
   ChoiceReason reason = ChoiceReason::kFirst;
 };
 
-/// Most members that a method has.
-inline constexpr std::size_t kMaxMembers = 16;
+/// Most candidates that a method has.
+inline constexpr std::size_t kMaxCandidates = 16;
 
-/// Bridges slow forces to a fast loop: takes in the simulator's samples as they arrive and gives a
-/// force at any time and position. All of it runs on the servo thread.
-/// Real-time: every function is bounded and neither allocates, locks nor throws; implementations
-/// allocate in their constructors only. Threads: one.
+/// Bridges slow forces to a fast loop: takes in the simulator's samples as they arrive (some 30 a
+/// second) and gives a force at any time and position (at up to 4 kHz).
+///
+/// To write a method, derive from this class, implement the seven pure functions, five of which do
+/// the work - take_sample(), contact_made(), contact_lost(), work() and force() - and add its name
+/// in methods.cpp. Everything else has a default that fits a method without it. HoldMethod is the
+/// smallest example. The other functions matter to methods that
+/// - use the tool's path between samples: observe();
+/// - ask the simulator for forces where they need them: plan_request(), expect_contact(), needs();
+/// - choose between several fields: candidates();
+/// - count what they could not use: counters().
+///
+/// What the loop guarantees:
+/// - One thread, the servo's, calls everything after construction. No two calls overlap.
+/// - Each cycle calls, in this order: take_sample(), contact_made() and contact_lost() for what has
+///   arrived since the last cycle; observe() and force(); plan_request() while requests
+///   can be sent; work() with what is left of the cycle's budget.
+/// - Times are of the servo's clock and never fall from one observe() or force() to the next.
+///   Samples may be late, repeated or missing. Their values are checked by SampleGate in the loop,
+///   but a method checks what it depends on itself: other callers have no gate.
+/// - The loop limits force and slew, fades and stops; a method never has to.
+///
+/// What a method must keep, in every function but the constructor:
+/// - Real-time: no allocation, lock, exception, I/O or logging; every loop has a constant bound.
+///   allocation_test.cpp fails a method that allocates.
+/// - Work that takes longer than some microseconds is split into pieces and done by work().
+/// - force() is const, never fails and is consistent at any moment between the other calls,
+///   whatever work is pending. Every failure is a status, and the force is then zero.
+///
+/// W is the workspace frame; SI units; forces are those that the object exerts on the tool.
 class ForceMethod {
  public:
   virtual ~ForceMethod() = default;
 
-  /// The method's name on the command line, e.g. "forcegrid".
+  /// The method's name on the command line, e.g. "forcegrid"; static text.
   virtual const char* name() const noexcept = 0;
-
-  virtual MethodNeeds needs() const noexcept { return {}; }
 
   /// Bytes that it holds, itself included; fixed from construction on.
   virtual std::size_t memory_bytes() const noexcept = 0;
 
+  // --- The five functions that do the work. ---
+
+  /// Takes in one sample, or keeps it for work(). Non-finite samples and those older than the
+  /// newest taken in are ignored unless a method says otherwise.
+  virtual void take_sample(const Sample& sample) noexcept = 0;
+
+  /// The tool touched an object, a new contact epoch: what was learnt before may no longer hold.
+  /// @param point_W [m] where it touched; NaN if that is not known.
+  virtual void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept = 0;
+  /// The tool came off the object: the force is zero until the next contact_made().
+  virtual void contact_lost() noexcept = 0;
+
+  /// Does pending work worth at most `budget` units, one unit being the update of one vertex of a
+  /// grid. Work that comes in larger pieces (a fit, eight vertices) exceeds the budget
+  /// by at most one piece.
+  /// @returns the units done; less than `budget` when nothing is left to do.
+  virtual int work(int budget) noexcept = 0;
+
+  /// The force at `position_W` [m] and time `time_s`.
+  /// @returns kNotFinite for a position or time that is not finite; see EstimateStatus for the
+  /// rest.
+  [[nodiscard]] virtual ForceEstimate force(double time_s,
+                                            const Eigen::Vector3d& position_W) const noexcept = 0;
+
+  // --- For methods that need more. ---
+
+  /// What the method needs from the simulator beyond forces along the path.
+  virtual MethodNeeds needs() const noexcept { return {}; }
+
   /// What the method counts; the names and their order never change. Valid as long as the method.
   virtual std::span<const NamedCounter> counters() const noexcept { return {}; }
 
-  /// Names of the fields between which the method chooses, at most kMaxMembers, fixed from
+  /// Names of the fields between which the method chooses, at most kMaxCandidates, fixed from
   /// construction on; empty where there is no choice.
-  virtual std::span<const char* const> members() const noexcept { return {}; }
+  virtual std::span<const char* const> candidates() const noexcept { return {}; }
 
-  /// Takes in one sample. Non-finite samples and those older than the newest taken in are ignored
-  /// unless a method says otherwise. The method keeps what it can't use at once for work().
-  virtual void take_sample(const Sample& sample) noexcept = 0;
-
-  /// Tells the tool's time [s] and position once a servo cycle, before force().
+  /// The tool's time [s] and position [m], once a servo cycle, before force().
   virtual void observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
     static_cast<void>(time_s);
     static_cast<void>(position_W);
   }
 
-  /// The tool touched an object (a new contact epoch) or came off it: what was learnt before may no
-  /// longer hold.
-  virtual void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept = 0;
-  virtual void contact_lost() noexcept = 0;
-
   /// Out of contact: the tool, should it go straight on, will touch at `point_W` within some tenths
-  /// of a second. Told once a servo cycle for as long as that is so, by whoever knows the surface.
+  /// of a second. Called once a servo cycle for as long as that is so, by whoever knows the
+  /// surface.
   virtual void expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept {
     static_cast<void>(time_s);
     static_cast<void>(point_W);
   }
 
-  /// Does pending work worth at most `budget` units, one unit being the update of one vertex of a
-  /// grid. Work that comes in larger pieces (a fit, eight vertices) is done at most one piece
-  /// beyond the budget.
-  /// @returns the units done; less than `budget` when nothing is left to do.
-  virtual int work(int budget) noexcept = 0;
-
   /// Where the simulator should be asked next, the tool being at `position_W`. Called once for each
   /// request that can be sent; the answer comes back through take_sample() with `from_query` set.
-  /// Out of contact only while a contact is expected, and for a tool that has touched there.
+  /// Out of contact it is called only while a contact is expected; the answer is then the force on
+  /// a tool that has touched there.
   /// @returns false, leaving `wanted_W` alone, when nothing is worth asking.
   virtual bool plan_request(double time_s, const Eigen::Vector3d& position_W,
                             Eigen::Vector3d& wanted_W) noexcept {
@@ -140,11 +182,6 @@ class ForceMethod {
     static_cast<void>(wanted_W);
     return false;
   }
-
-  /// The force at `position_W` and time `time_s`. At any moment between the other calls the answer
-  /// is consistent, whatever work is pending.
-  [[nodiscard]] virtual ForceEstimate force(double time_s,
-                                            const Eigen::Vector3d& position_W) const noexcept = 0;
 };
 
 }  // namespace forcegrid

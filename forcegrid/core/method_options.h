@@ -15,8 +15,8 @@ enum class GridStorage {
   kAdaptive,  ///< the paper's adaptive form: a dense grid that follows the tool inside a sparse one
 };
 
-/// What methods can be told; each method documents which of these it uses and ignores the others.
-/// An absent value means the method's own default.
+/// Options of methods. Each method documents which of them it uses and ignores the others; an
+/// absent value means the method's own default.
 struct MethodOptions {
   GridGeometry grid;  ///< workspace and cells of the grid methods
 
@@ -29,10 +29,10 @@ struct MethodOptions {
   /// Blocks of block storage; 0: 64 MiB of them, or what four fills need up to 256 MiB.
   int pool_blocks = 0;
   std::optional<double> ridge;   ///< forcegrid-mls: 1e-5
-  std::optional<double> nugget;  ///< kriging: noise variance [N^2] a sample, 1e-5
+  std::optional<double> nugget;  ///< kriging: noise variance [N^2] of a sample, 1e-5
 
-  /// kriging: samples in its dictionary, 2 to 32 (kriging-store: 48), 32. The bank's members have
-  /// sizes of their own.
+  /// kriging: samples in its dictionary, 2 to 32 (kriging-store: 48), 32. The candidates of an
+  /// ensemble have sizes of their own.
   std::optional<int> samples;
   /// kriging: how far apart samples are kept, in distance (1 mm) or in force (0.1 N).
   std::optional<double> spacing_m, spacing_N;

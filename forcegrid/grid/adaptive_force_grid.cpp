@@ -1,6 +1,6 @@
 #include "forcegrid/grid/adaptive_grid.h"
+#include "forcegrid/grid/grid_instances.h"
 #include "forcegrid/grid/grid_method.h"
-#include "forcegrid/grid/grid_plan.h"
 
 namespace forcegrid {
 

@@ -1,5 +1,5 @@
+#include "forcegrid/grid/grid_instances.h"
 #include "forcegrid/grid/grid_method.h"
-#include "forcegrid/grid/grid_plan.h"
 
 namespace forcegrid {
 

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "forcegrid/grid/adaptive_grid.h"
+#include "forcegrid/grid/grid_instances.h"
 #include "forcegrid/grid/grid_storage.h"
 #include "forcegrid/grid/request_planner.h"
 #include "forcegrid/grid/spreading_grid.h"

@@ -1,9 +1,7 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 
-#include "forcegrid/core/force_method.h"
 #include "forcegrid/core/grid_geometry.h"
 #include "forcegrid/core/radial_weight.h"
 #include "forcegrid/grid/force_grid.h"
@@ -26,13 +24,5 @@ struct GridPlan {
 
   bool counting() const noexcept { return samples_per_cell > 0 || requests; }
 };
-
-// One each for what vertices hold and where they live. They return null when there is not enough
-// memory.
-std::unique_ptr<ForceMethod> make_dense_force_grid(const GridPlan& plan) noexcept;
-std::unique_ptr<ForceMethod> make_block_force_grid(const GridPlan& plan) noexcept;
-std::unique_ptr<ForceMethod> make_adaptive_force_grid(const GridPlan& plan) noexcept;
-std::unique_ptr<ForceMethod> make_dense_mls_grid(const GridPlan& plan) noexcept;
-std::unique_ptr<ForceMethod> make_block_mls_grid(const GridPlan& plan) noexcept;
 
 }  // namespace forcegrid

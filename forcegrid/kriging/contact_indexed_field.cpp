@@ -5,12 +5,12 @@
 #include <cmath>
 #include <limits>
 
+#include "forcegrid/kriging/dictionary_rules.h"
+
 namespace forcegrid::kriging {
 namespace {
 
-constexpr double kReach_m2 = 1e-4;
-constexpr double kPlaceReach = 4.0;   // |c - c_i|^2 against |d_i|^2 in the value of a sample
-constexpr double kQueryValue = 0.05;  // the tool may never pass where it was asked
+constexpr double kPlaceReach = 4.0;  // |c - c_i|^2 against |d_i|^2 in the value of a sample
 constexpr double kOffsetsForgotten = 0.2;
 constexpr double kOffsetsExpected = 0.5;
 constexpr float kFarAway_m = 1e3F;
@@ -48,7 +48,7 @@ double ContactIndexedField::distance_m2(const Stored& a, const Eigen::Vector3d& 
 
 double ContactIndexedField::away_m2_of(double displacement_m2,
                                        const Eigen::Vector3d& point_W) const noexcept {
-  return displacement_m2 + kPlaceReach * (point_W - point_W_).squaredNorm() + kReach_m2;
+  return displacement_m2 + kPlaceReach * (point_W - point_W_).squaredNorm() + kEvictionReach_m2;
 }
 
 void ContactIndexedField::enter_contact(std::uint64_t contact,
@@ -81,15 +81,16 @@ void ContactIndexedField::keep_contact() noexcept {
   kept.number = contact_;
   kept.count = 0;
   std::array<double, kMaxSamples> nearest_m2;
-  nearest_m2.fill(kReach_m2);
+  nearest_m2.fill(kEvictionReach_m2);
   while (kept.count < std::min(own_count, kKept)) {
     int best = kNone;
     double best_value = 0.0;
     for (int i = 0; i < own_count; ++i) {
       const Stored& s = *own[static_cast<std::size_t>(i)];
-      const double value =
-          nearest_m2[static_cast<std::size_t>(i)] / (s.position_m.squaredNorm() + kReach_m2) *
-          (s.from_query ? kQueryValue : 1.0) / (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2));
+      const double value = nearest_m2[static_cast<std::size_t>(i)] /
+                           (s.position_m.squaredNorm() + kEvictionReach_m2) *
+                           (s.from_query ? kQueryValue : 1.0) /
+                           (1.0 + s.doubt_N2 / (kDoubtedNuggets * settings_.nugget_N2));
       if (value > best_value) {
         best_value = value;
         best = i;
@@ -167,8 +168,8 @@ void ContactIndexedField::select() noexcept {
       Kept& kept = contact.kept[static_cast<std::size_t>(k)];
       const double weight = kernel_.similarity(point_W_, kept.point_W) /
                             away_m2_of(kept.position_m.squaredNorm(), kept.point_W) /
-                            (1.0 + kept.doubt_N2 / (10.0 * settings_.nugget_N2));
-      candidates[static_cast<std::size_t>(count++)] = {&contact, &kept, weight, kReach_m2};
+                            (1.0 + kept.doubt_N2 / (kDoubtedNuggets * settings_.nugget_N2));
+      candidates[static_cast<std::size_t>(count++)] = {&contact, &kept, weight, kEvictionReach_m2};
     }
   }
   sample_count_ = 0;
@@ -328,10 +329,8 @@ double ContactIndexedField::offset_gain(const Eigen::Vector3d& error_N,
 // @returns true if the factor has to be made anew.
 bool ContactIndexedField::surprised(const Observation& o, const Eigen::Vector3d& error_N,
                                     const Eigen::Matrix3d& covariance_N2) noexcept {
-  const double scale = data_scale();
-  Eigen::Matrix3d v = covariance_N2 * scale;
-  v.diagonal().array() += settings_.nugget_N2;
-  const double normalised = error_N.dot(v.inverse() * error_N) / 3.0;
+  const double normalised =
+      normalised_innovation(error_N, covariance_N2, data_scale(), settings_.nugget_N2);
   if (!(normalised > settings_.surprise)) {
     return false;
   }
@@ -368,37 +367,16 @@ void ContactIndexedField::settle_transient(bool& rows_moved) noexcept {
     return;
   }
   const int slot = transient_;
-  Stored& t = stored_[static_cast<std::size_t>(slot)];
-  int nearest = kNone;
-  double nearest_m2 = kMost;
-  for (int i = 0; i < kMaxSamples; ++i) {
-    const Stored& s = stored_[static_cast<std::size_t>(i)];
-    if (!s.used || i == slot) {
-      continue;
-    }
-    const double d2 = distance_m2(s, t.position_m, t.point_W, t.force_N);
-    if (d2 < nearest_m2) {
-      nearest_m2 = d2;
-      nearest = i;
-    }
-  }
-  if (nearest == kNone || settings_.spacing.apart(nearest_m2)) {
+  const Stored& t = stored_[static_cast<std::size_t>(slot)];
+  const Settled settled = settle_newest(
+      stored_, slot, settings_.spacing, settings_.nugget_N2,
+      [&](const Stored& s) { return distance_m2(s, t.position_m, t.point_W, t.force_N); });
+  if (settled.fate != Settled::Fate::kGoes) {
     transient_ = kNone;
-    return;
-  }
-  const Stored& n = stored_[static_cast<std::size_t>(nearest)];
-  const double from_first_m2 =
-      settings_.spacing.distance_m2((n.first_position_m - t.position_m).squaredNorm(),
-                                    (n.first_force_N - t.force_N).squaredNorm());
-  const bool repeated = settings_.spacing.repeated(std::max(from_first_m2, nearest_m2));
-  if (repeated || n.doubt_N2 - t.doubt_N2 > 10.0 * settings_.nugget_N2) {
-    if (repeated) {
-      t.first_position_m = n.first_position_m;
-      t.first_force_N = n.first_force_N;
+    if (settled.fate == Settled::Fate::kReplaces) {
+      remove(settled.replaced);
+      rows_moved = true;
     }
-    transient_ = kNone;
-    remove(nearest);
-    rows_moved = true;
     return;
   }
   rows_moved = rows_moved || slots_[static_cast<std::size_t>(slot_count_ - 1)] != slot;
@@ -407,29 +385,18 @@ void ContactIndexedField::settle_transient(bool& rows_moved) noexcept {
 
 void ContactIndexedField::make_room(const Eigen::Vector3d& position_m, bool& rows_moved) noexcept {
   while (sample_count_ >= settings_.samples) {
-    int worst = kNone;
-    double worst_value = kMost;
-    for (int i = 0; i < kMaxSamples; ++i) {
-      const Stored& s = stored_[static_cast<std::size_t>(i)];
-      if (!s.used || i == transient_) {
-        continue;
-      }
-      double nearest_m2 = kMost;
-      for (int j = 0; j < kMaxSamples; ++j) {
-        const Stored& other = stored_[static_cast<std::size_t>(j)];
-        if (other.used && i != j) {
-          nearest_m2 = std::min(nearest_m2, separation_m2(s, other.position_m, other.point_W));
-        }
-      }
-      const double value = s.similarity * nearest_m2 /
-                           away_m2_of((s.position_m - position_m).squaredNorm(), s.point_W) /
-                           (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2)) *
-                           (s.from_query ? kQueryValue : 1.0);
-      if (value < worst_value) {
-        worst_value = value;
-        worst = i;
-      }
-    }
+    const int worst = least_valuable(
+        stored_, transient_,
+        [this](const Stored& a, const Stored& b) {
+          return separation_m2(a, b.position_m, b.point_W);
+        },
+        [&](int slot, double nearest_m2) {
+          const Stored& s = stored_[static_cast<std::size_t>(slot)];
+          return s.similarity * nearest_m2 /
+                 away_m2_of((s.position_m - position_m).squaredNorm(), s.point_W) /
+                 (1.0 + s.doubt_N2 / (kDoubtedNuggets * settings_.nugget_N2)) *
+                 (s.from_query ? kQueryValue : 1.0);
+        });
     remove(worst);
     rows_moved = true;
   }
@@ -569,14 +536,7 @@ Eigen::Matrix3d ContactIndexedField::stiffness_N_per_m(const Eigen::Vector3d& po
   Eigen::Matrix3d j = linear_N_per_m_.cast<double>();
   const Eigen::Vector3f p = position_m.cast<float>();
   const RadialSlope<float> slope = radial_slope(radial_terms(), p.data());
-  for (int i = 0; i < 6; ++i) {
-    const int r = kStiffnessRow[i];
-    const int c = kStiffnessColumn[i];
-    j(r, c) += static_cast<double>(slope.stiffness_N_per_m[i]);
-    if (r != c) {
-      j(c, r) += static_cast<double>(slope.stiffness_N_per_m[i]);
-    }
-  }
+  add_radial_stiffness(slope, j);
   return j;
 }
 

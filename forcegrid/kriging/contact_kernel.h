@@ -20,7 +20,7 @@ namespace forcegrid::kriging {
 /// Every column stays curl-free in d.
 ///
 /// r0 is what all places of an object have in common. Lengths in metres, forces in newtons.
-/// Source: the method study; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
+/// Source: docs/kriging.md; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
 /// sections 2.2 (conditioning) and 4.2.4 (products of covariances).
 struct ContactKernel {
   Kernel field{.constant_N2 = 0.0};  ///< of squared exponential shape, without history
@@ -49,7 +49,7 @@ struct ContactKernel {
     return field.force_force(d, kNone, other_d, kNone) - d_origin * other_origin;
   }
 
-  /// Prior variance of one component of the force, in the mean over the axes [N^2].
+  /// Prior variance of one component of the force, averaged over the axes [N^2].
   double prior_variance_N2(const Eigen::Vector3d& d) const noexcept {
     return 1.0 - with_origin(d).squaredNorm() / 3.0 + field.stiffness_variance() * d.squaredNorm();
   }

@@ -3,13 +3,12 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "forcegrid/kriging/dictionary_rules.h"
 
 namespace forcegrid::kriging {
 namespace {
 
-constexpr double kEvictionReach_m2 = 1e-4;
-constexpr double kQueryValue = 0.05;  // the tool may never pass where it was asked
 constexpr double kNeededValue = 1e6;
 constexpr double kLeastScaleVariance = 1e-4;
 constexpr double kMostScaleVariance = 0.09;
@@ -175,15 +174,6 @@ double DictionaryField<Real, N, M>::separation_m2(const Stored& a, const Stored&
   return moved_m2;
 }
 
-// N: how large an innovation is, were it drawn from its prediction.
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::normalised_square(
-    const Eigen::Vector3d& error_N, const Eigen::Matrix3d& covariance_N2) const noexcept {
-  Eigen::Matrix3d v = covariance_N2 * data_scale();
-  v.diagonal().array() += settings_.nugget_N2;
-  return error_N.dot(v.inverse() * error_N) / 3.0;
-}
-
 // Inflates the noise of the samples that the surprise speaks against.
 // @returns the variance added where the observation was made.
 template <typename Real, int N, int M>
@@ -246,18 +236,18 @@ void DictionaryField<Real, N, M>::scale_earlier_contacts(
     }
   }
   const Eigen::Matrix<double, kCount, kCount> inverse = variance.inverse();
-  double told = predicted.dot(inverse * predicted);
-  double asked = predicted.dot(inverse * error);
-  if (!(told > 0.0) || !std::isfinite(told) || !std::isfinite(asked)) {
+  double information = predicted.dot(inverse * predicted);
+  double correction = predicted.dot(inverse * error);
+  if (!(information > 0.0) || !std::isfinite(information) || !std::isfinite(correction)) {
     return;
   }
-  const Vector left = error - asked / (1.0 / scale_variance_ + told) * predicted;
+  const Vector left = error - correction / (1.0 / scale_variance_ + information) * predicted;
   const double doubt = std::max(1.0, left.dot(inverse * left) / kCount);
-  told /= doubt;
-  asked /= doubt;
-  scale_variance_ = 1.0 / (1.0 / scale_variance_ + told);
+  information /= doubt;
+  correction /= doubt;
+  scale_variance_ = 1.0 / (1.0 / scale_variance_ + information);
   const double scale =
-      std::clamp(scale_ * (1.0 + scale_variance_ * asked), kLeastScale, kMostScale);
+      std::clamp(scale_ * (1.0 + scale_variance_ * correction), kLeastScale, kMostScale);
   const double factor = scale / scale_;
   scale_ = scale;
   for (Stored& s : stored_) {
@@ -307,36 +297,15 @@ bool DictionaryField<Real, N, M>::settle_transient() noexcept {
   }
   const int slot = transient_;
   const Stored& t = stored_[static_cast<std::size_t>(slot)];
-  int nearest = kNone;
-  double nearest_m2 = std::numeric_limits<double>::max();
-  for (int i = 0; i < N; ++i) {
-    const Stored& s = stored_[static_cast<std::size_t>(i)];
-    if (!s.used || i == slot) {
-      continue;
-    }
-    const double d2 = distance_m2(s, t.position_m, t.history, t.force_N);
-    if (d2 < nearest_m2) {
-      nearest_m2 = d2;
-      nearest = i;
-    }
-  }
-  if (nearest == kNone || settings_.spacing.apart(nearest_m2)) {
+  const Settled settled = settle_newest(
+      stored_, slot, settings_.spacing, settings_.nugget_N2,
+      [&](const Stored& s) { return distance_m2(s, t.position_m, t.history, t.force_N); });
+  if (settled.fate != Settled::Fate::kGoes) {
     transient_ = kNone;
-    return false;
-  }
-  const Stored& n = stored_[static_cast<std::size_t>(nearest)];
-  const double from_first_m2 =
-      settings_.spacing.distance_m2((n.first_position_m - t.position_m).squaredNorm(),
-                                    (n.first_force_N - t.force_N).squaredNorm());
-  const bool repeated = settings_.spacing.repeated(std::max(from_first_m2, nearest_m2));
-  if (repeated || n.doubt_N2 - t.doubt_N2 > 10.0 * settings_.nugget_N2) {
-    if (repeated) {
-      stored_[static_cast<std::size_t>(slot)].first_position_m = n.first_position_m;
-      stored_[static_cast<std::size_t>(slot)].first_force_N = n.first_force_N;
+    if (settled.fate == Settled::Fate::kReplaces) {
+      remove_sample(settled.replaced);
     }
-    transient_ = kNone;
-    remove_sample(nearest);
-    return true;
+    return settled.fate == Settled::Fate::kReplaces;
   }
   const bool was_last =
       block_count_ > 0 && blocks_[static_cast<std::size_t>(block_count_ - 1)].slot == slot;
@@ -348,29 +317,15 @@ template <typename Real, int N, int M>
 bool DictionaryField<Real, N, M>::make_room(const Eigen::Vector3d& position_m) noexcept {
   bool moved = false;
   while (sample_count_ >= settings_.samples) {
-    int worst = kNone;
-    double worst_value = std::numeric_limits<double>::max();
-    for (int i = 0; i < N; ++i) {
-      const Stored& s = stored_[static_cast<std::size_t>(i)];
-      if (!s.used || i == transient_) {
-        continue;
-      }
-      double nearest_m2 = std::numeric_limits<double>::max();
-      for (int j = 0; j < N; ++j) {
-        const Stored& other = stored_[static_cast<std::size_t>(j)];
-        if (other.used && i != j) {
-          nearest_m2 = std::min(nearest_m2, separation_m2(s, other));
-        }
-      }
-      const double value =
-          nearest_m2 / ((s.position_m - position_m).squaredNorm() + kEvictionReach_m2) /
-          (1.0 + s.doubt_N2 / (10.0 * settings_.nugget_N2)) * (s.from_query ? kQueryValue : 1.0) *
-          (features_need(i) ? kNeededValue : 1.0);
-      if (value < worst_value) {
-        worst_value = value;
-        worst = i;
-      }
-    }
+    const int worst = least_valuable(
+        stored_, transient_,
+        [this](const Stored& a, const Stored& b) { return separation_m2(a, b); },
+        [&](int slot, double nearest_m2) {
+          const Stored& s = stored_[static_cast<std::size_t>(slot)];
+          return nearest_m2 / ((s.position_m - position_m).squaredNorm() + kEvictionReach_m2) /
+                 (1.0 + s.doubt_N2 / (kDoubtedNuggets * settings_.nugget_N2)) *
+                 (s.from_query ? kQueryValue : 1.0) * (features_need(slot) ? kNeededValue : 1.0);
+        });
     remove_sample(worst);
     moved = true;
   }
@@ -471,7 +426,8 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
       scale_earlier_contacts<3>(x_, x_.column[3], v, error_N);
     }
     innovation.scale = scale_ / scale_before;
-    const double normalised = normalised_square(error_N, covariance_N2);
+    const double normalised =
+        normalised_innovation(error_N, covariance_N2, data_scale(), settings_.nugget_N2);
     innovation.surprised = normalised > settings_.surprise;
     if (innovation.surprised) {
       stale = true;
@@ -630,14 +586,7 @@ Eigen::Matrix3d DictionaryField<Real, N, M>::stiffness_N_per_m(
   const Eigen::Matrix<Real, 3, 1> p = position_m.template cast<Real>();
   const RadialSlope<Real> slope = radial_slope(radial_terms(), p.data());
   Eigen::Matrix3d j = linear_N_per_m_.template cast<double>();
-  for (int i = 0; i < 6; ++i) {
-    const int r = kStiffnessRow[i];
-    const int c = kStiffnessColumn[i];
-    j(r, c) += static_cast<double>(slope.stiffness_N_per_m[i]);
-    if (r != c) {
-      j(c, r) += static_cast<double>(slope.stiffness_N_per_m[i]);
-    }
-  }
+  add_radial_stiffness(slope, j);
   if (settings_.kernel.history_gain > 0.0) {
     for (const auto& lag : history_N_per_m_) {
       j += lag.template cast<double>();  // a step aside is ahead of every low-passed path

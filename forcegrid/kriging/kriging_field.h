@@ -14,7 +14,7 @@ namespace forcegrid::kriging {
 
 struct FieldSettings {
   Kernel kernel;
-  double nugget_N2 = 1e-5;    ///< variance of the noise of a sample's force, an axis
+  double nugget_N2 = 1e-5;    ///< variance of the noise of a sample's force, per axis
   int samples = 32;           ///< capacity of the dictionary, up to the field's
   int stiffness_samples = 0;  ///< how many of the newest samples keep their stiffness as data
 
@@ -55,20 +55,20 @@ struct Observation {
 /// What taking in an observation showed.
 struct Innovation {
   bool predicted = false;  ///< false: the field knew nothing before
-  double error_N = 0.0;    ///< |force - what the field would have said|
-  bool surprised = false;  ///< the observation is not what the field could have expected
-  bool explained = false;  ///< by something else than doubt in the samples: a wall was found
+  double error_N = 0.0;    ///< |force - prediction|
+  bool surprised = false;  ///< normalised square above FieldSettings::surprise
+  bool explained = false;  ///< by a one-sided constraint that was found, not by doubt
   double doubt_N2 = 0.0;   ///< variance that was added to samples there
   double scale = 1.0;      ///< factor that the forces of earlier contacts were multiplied by
 };
 
 /// What one piece of Field::follow() did.
 struct Followed {
-  bool changed = false;  ///< the field says something else than before
+  bool changed = false;  ///< the field's answers differ from those before
   bool more = false;     ///< there may be more to do
 };
 
-/// What a field says at a position.
+/// A field's answer at a position.
 struct Reading {
   Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
   double nearest_m2 = 0.0;  ///< squared distance of the nearest sample; huge without any
@@ -85,9 +85,9 @@ class Field {
   virtual int sample_count() const noexcept = 0;
   virtual int row_count() const noexcept = 0;
 
-  /// A contact begins, or is expected, at `point_W`, which positions that are read are relative to
-  /// from now on. For fields that tell places apart or know something that is fixed in the
-  /// workspace; the others know of a contact from its first observation.
+  /// A contact begins, or is expected, at `point_W`; positions in reads are relative to it from
+  /// then on. For fields that distinguish places or know something that is fixed in the workspace;
+  /// the others learn of a contact from its first observation.
   virtual void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept {
     static_cast<void>(contact);
     static_cast<void>(point_W);
@@ -116,13 +116,13 @@ class Field {
   virtual Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                             const History& history) const noexcept = 0;
 
-  /// [N] Posterior standard deviation of a component of the force, in the mean over the axes,
+  /// [N] Posterior standard deviation of a component of the force, averaged over the axes,
   /// scaled by the data's own spread where that is above the prior's. O(rows^2).
   virtual double deviation_N(const Eigen::Vector3d& position_m,
                              const History& history) const noexcept = 0;
 
-  /// Told where the tool is and where it will soon be, does one bounded piece of what makes the
-  /// field know more there. A field that knows the same wherever the tool is has nothing to do.
+  /// Does one bounded piece of work that makes the field know more where the tool is (`tool_m`) and
+  /// will soon be (`ahead_m`). A field that knows the same wherever the tool is has nothing to do.
   virtual Followed follow(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahead_m) noexcept {
     static_cast<void>(tool_m);
     static_cast<void>(ahead_m);
@@ -214,7 +214,7 @@ class DictionaryField : public Field {
   }
   /// For an owner who changes the dictionary: takes out a sample; puts one in, which takes
   /// sample_count() < settings().samples, without asking whether it is news, and returns its slot.
-  /// The field's answers are those of before until apply_changes(), which must follow.
+  /// The field answers as before until apply_changes(), which must follow.
   void drop(int slot) noexcept { remove_sample(slot); }
   int bring_in(const Observation& observation, double doubt_N2) noexcept;
   void apply_changes() noexcept;
@@ -315,8 +315,6 @@ class DictionaryField : public Field {
   void remove_block(int block) noexcept;
   void remove_sample(int slot) noexcept;
   void factorise() noexcept;
-  double normalised_square(const Eigen::Vector3d& error_N,
-                           const Eigen::Matrix3d& covariance_N2) const noexcept;
   double doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
                        double normalised) noexcept;
   int place(const Observation& observation) noexcept;

@@ -71,7 +71,7 @@ bool KrigingGridMethod::worth_writing(const PosteriorVertex& vertex,
 
 int KrigingGridMethod::fill(int budget) noexcept {
   const Eigen::Vector3d* origin_W = kriging_.origin_W();
-  const kriging::Field& field = kriging_.member(kriging_.active_member());
+  const kriging::Field& field = kriging_.field();
   if (origin_W == nullptr || field.sample_count() == 0) {
     return 0;
   }
@@ -121,7 +121,7 @@ ForceEstimate KrigingGridMethod::force(double time_s,
     if (reading.known) {
       ForceEstimate estimate;
       estimate.force_W = reading.force_N;
-      kriging_.say_how_sure(position_W, estimate);
+      kriging_.add_uncertainty(position_W, estimate);
       return estimate;
     }
   }

@@ -29,7 +29,7 @@ namespace forcegrid {
 ///
 /// Requests: as the paper's request method asks around the tool, but of the vertices along the
 /// predicted motion and beside the tool the one whose posterior variance is largest is asked first,
-/// the nearer the better; none where it is known to KrigingMethod::kAsk_N.
+/// the nearer the better; none where it is known to kriging::FieldRequests::kAsk_N.
 ///
 /// Needs: force. Options used: those of kriging-store; vertex_spacing_m (h, 4 mm), pool_blocks (96,
 /// 2.3 MB). Positions relative to the contact point may be as far away as the workspace

@@ -62,7 +62,7 @@ struct Kernel {
 
   RadialDerivatives radial(double distance_m2) const noexcept;
 
-  /// Prior variance of one component of the force, in the mean over the axes [N^2].
+  /// Prior variance of one component of the force, averaged over the axes [N^2].
   double prior_variance_N2(const Eigen::Vector3d& p, const History& h) const noexcept {
     return 1.0 + constant_N2 + stiffness_variance() * p.squaredNorm() +
            history_variance() * h.squaredNorm();

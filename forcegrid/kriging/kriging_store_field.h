@@ -45,8 +45,9 @@ class StoreField final : public Field {
   static constexpr int kMostCandidates = 256;
 
   /// @param settings as for DictionaryField, without history features and stiffness.
-  /// @param store read by this field and, with `writes`, told what it learns. One field of those
-  ///        that share a store writes. It must outlive the field.
+  /// @param store that this field reads from and, with `writes`, writes what it learns to. One
+  /// field
+  ///        of those that share a store writes. It must outlive the field.
   StoreField(const FieldSettings& settings, SampleStore& store, bool writes) noexcept;
 
   const FieldSettings& settings() const noexcept override { return working_.settings(); }

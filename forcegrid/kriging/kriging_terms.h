@@ -13,17 +13,17 @@ namespace forcegrid::kriging {
 ///
 /// Kriging is linear in the data, so fields f of the forces and r_j of the terms, over the same
 /// samples with the same kernel, make G = f + sum_j gamma_j r_j for all gamma at once, and the
-/// gamma under which new samples are foretold best is that of least squares over the innovations
+/// gamma that predicts new samples best is that of least squares over the innovations
 ///
 ///   e_k = F_k - f(p_k),   d_jk = R_jk - r_j(p_k):   min sum_k |e_k + sum_j gamma_j d_jk|^2
 ///                                                       + kPrior_N2 |gamma|^2
 ///
-/// with the sums forgotten by kKept a sample and gamma kept within limits of the kind of terms.
+/// with the sums forgotten by kKept per sample and gamma kept within limits of the kind of terms.
 ///
-/// Nothing is ever doubted and contacts are not told apart: alone it forgets nothing. It is for a
-/// bank, which leaves it where others foretell better.
-/// Cost: 1 + kTerms times DictionaryField's. Source: docs/kriging.md.
-/// Real-time: nothing allocates, locks or throws. Threads: one.
+/// Nothing is ever doubted and contacts are not distinguished: alone it forgets nothing. Use it as
+/// a candidate of an ensemble, which renders others where they predict better. Cost: 1 + kTerms
+/// times DictionaryField's. Source: docs/kriging.md. Real-time: nothing allocates, locks or throws.
+/// Threads: one.
 template <int kTerms>
 class TermsField : public Field {
  public:
@@ -92,7 +92,7 @@ class LagField final : public TermsField<1> {
 /// so the terms are the velocity and the force itself, low-passed (PathTerms). What lies between
 /// the time constants is made up of those around it.
 ///
-/// What is felt goes into the terms, so it is a loop of its own: F (1 + sum_j gamma_j / (1 + tau_j
+/// The rendered force goes into the terms, which closes a loop: F (1 + sum_j gamma_j / (1 + tau_j
 /// s)) = G - b v. With b >= 0, and the negative gamma_j adding up to no less than -kMostFeedback,
 /// it is stable and damps: for Re s >= 0 the real part of 1 / (1 + tau s) lies between 0 and 1, so
 /// that of the bracket is at least 1 - kMostFeedback. Failure: relaxation far slower than the

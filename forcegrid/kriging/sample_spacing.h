@@ -8,9 +8,9 @@ namespace forcegrid::kriging {
 ///
 ///   distance = max(|dP|, metres / newtons |dF|)
 ///
-/// A stiff object in a light hand is felt within less than a millimetre: only the force tells its
-/// samples apart.
-/// Source: the method study, "the dictionary is too coarse in force".
+/// A light hand moves less than a millimetre on a stiff object: only the force distinguishes its
+/// samples.
+/// Source: docs/kriging.md, "The field".
 /// Real-time: yes. Threads: const.
 struct SampleSpacing {
   double metres = 1e-3;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "forcegrid/core/force_method.h"
+#include "forcegrid/simple/contact_model_method.h"
 
 namespace forcegrid {
 
@@ -12,15 +12,11 @@ namespace forcegrid {
 /// curvature over the distance travelled since the newest sample: speed, delay and hardening
 /// springs show. Cost: a 3 x 3 product a query, a rank-one update at most a sample. Memory: itself.
 /// Samples of the newest one's time replace it.
-class AffineMethod : public ForceMethod {
+class AffineMethod : public ContactModelMethod {
  public:
   /// Shorter steps between samples say nothing about the slope but their noise.
   static constexpr double kShortestStep_m = 0.5e-3;
 
-  void take_sample(const Sample& sample) noexcept final;
-  void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept final;
-  void contact_lost() noexcept final;
-  int work(int budget) noexcept final;
   [[nodiscard]] ForceEstimate force(double time_s,
                                     const Eigen::Vector3d& position_W) const noexcept final;
 
@@ -30,11 +26,9 @@ class AffineMethod : public ForceMethod {
   virtual bool learn_slope(const Sample& sample, const Eigen::Vector3d& step_W_m,
                            const Eigen::Vector3d& change_W_N,
                            Eigen::Matrix3d& slope_W) const noexcept = 0;
-  void forget() noexcept;
+  bool learn(const Sample& sample, bool first) noexcept final;
+  void forget() noexcept final;
 
-  EstimateStatus status_ = EstimateStatus::kUnknown;
-  bool has_sample_ = false;
-  double newest_time_s_ = 0.0;
   Eigen::Vector3d position_W_ = Eigen::Vector3d::Zero();  ///< P_k [m]
   Eigen::Vector3d force_W_ = Eigen::Vector3d::Zero();     ///< F_k [N]
   Eigen::Matrix3d slope_W_ = Eigen::Matrix3d::Zero();     ///< J_k [N/m]

@@ -1,7 +1,6 @@
 #include "forcegrid/simple/rls_method.h"
 
 #include <Eigen/Cholesky>
-#include <cmath>
 
 namespace forcegrid {
 namespace {
@@ -22,13 +21,8 @@ RlsMethod::Features RlsMethod::features_at(const Eigen::Vector3d& position_W) co
   return features;
 }
 
-void RlsMethod::take_sample(const Sample& sample) noexcept {
-  if (!sample.force_W.allFinite() || !sample.position_W.allFinite() ||
-      !std::isfinite(sample.time_s) || sample.from_query ||
-      (has_sample_ && sample.time_s < newest_time_s_)) {
-    return;
-  }
-  if (!has_sample_) {
+bool RlsMethod::learn(const Sample& sample, bool first) noexcept {
+  if (first) {
     centre_W_ = sample.position_W;
   }
   const Features features = features_at(sample.position_W);
@@ -48,41 +42,18 @@ void RlsMethod::take_sample(const Sample& sample) noexcept {
   }
   const Eigen::Vector3d residual_W_N = sample.force_W - anchored_W_N_ * features;
   anchored_W_N_.col(0) += residual_W_N;
-
-  newest_time_s_ = sample.time_s;
-  has_sample_ = true;
-  status_ = EstimateStatus::kOk;
-}
-
-void RlsMethod::contact_made(std::uint32_t /*epoch*/, const Eigen::Vector3d& /*point_W*/) noexcept {
-  forget();
-  status_ = EstimateStatus::kUnknown;
-}
-
-void RlsMethod::contact_lost() noexcept {
-  forget();
-  status_ = EstimateStatus::kOk;  // free space: the force is known to be zero
+  return true;
 }
 
 void RlsMethod::forget() noexcept {
-  has_sample_ = false;
   gram_.setZero();
   moment_W_N_.setZero();
   anchored_W_N_.setZero();
 }
 
-int RlsMethod::work(int /*budget*/) noexcept { return 0; }
-
+// A position that is not finite makes the force so, null coefficients or not.
 ForceEstimate RlsMethod::force(double time_s, const Eigen::Vector3d& position_W) const noexcept {
-  ForceEstimate estimate;
-  estimate.status = status_;
-  estimate.force_W = anchored_W_N_ * features_at(position_W);
-  // A position that is not finite makes the force so, null coefficients or not.
-  if (!std::isfinite(time_s) || !estimate.force_W.allFinite()) {
-    estimate.force_W.setZero();
-    estimate.status = EstimateStatus::kNotFinite;
-  }
-  return estimate;
+  return estimate(time_s, anchored_W_N_ * features_at(position_W));
 }
 
 }  // namespace forcegrid

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "forcegrid/core/force_method.h"
+#include "forcegrid/simple/contact_model_method.h"
 
 namespace forcegrid {
 
@@ -20,27 +20,21 @@ namespace forcegrid {
 /// Needs: force. Cost: 30 multiplications a query; a Cholesky factorisation of 10 x 10 a sample.
 /// Memory: itself. Fails where a quadratic is no fit: after a cut until the old has faded, at
 /// kinks, and on a light grip with a fast simulator, where the samples of a moment span too little.
-class RlsMethod final : public ForceMethod {
+class RlsMethod final : public ContactModelMethod {
  public:
   static constexpr int kFeatures = 10;
   using Features = Eigen::Matrix<double, kFeatures, 1>;
 
   const char* name() const noexcept override { return "rls"; }
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
-  void take_sample(const Sample& sample) noexcept override;
-  void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept override;
-  void contact_lost() noexcept override;
-  int work(int budget) noexcept override;
   [[nodiscard]] ForceEstimate force(double time_s,
                                     const Eigen::Vector3d& position_W) const noexcept override;
 
  private:
   Features features_at(const Eigen::Vector3d& position_W) const noexcept;
-  void forget() noexcept;
+  bool learn(const Sample& sample, bool first) noexcept override;
+  void forget() noexcept override;
 
-  EstimateStatus status_ = EstimateStatus::kUnknown;
-  bool has_sample_ = false;
-  double newest_time_s_ = 0.0;
   Eigen::Vector3d centre_W_ = Eigen::Vector3d::Zero();  ///< c [m]
   Eigen::Matrix<double, kFeatures, kFeatures> gram_ =
       Eigen::Matrix<double, kFeatures, kFeatures>::Zero();  ///< A

@@ -10,6 +10,7 @@
 #include "simulator/mesh/error.h"
 #include "simulator/solver/direct_method.h"
 #include "simulator/solver/elastic_object.h"
+#include "simulator/solver/solver_kind.h"
 #include "simulator/touch/solver_choice.h"
 #include "text/text.h"
 
@@ -28,9 +29,9 @@ constexpr int kStepRepeats = 3;
 // Against other work on the machine; of larger objects a pass takes long enough.
 constexpr std::size_t kMostVerticesRepeated = 5'000;
 constexpr double kLearningRate_Hz = 100.0;
-const std::string kQuasiStatic = "quasi_static";
+const std::string kQuasiStatic = to_string(SolverKind::kQuasiStatic);
 const std::string kNewton = "newton_cg";
-const std::string kReduced = "reduced";
+const std::string kReduced = to_string(SolverKind::kReduced);
 
 std::string tolerance_text(double tolerance) { return "|r| " + text::number_text(tolerance); }
 

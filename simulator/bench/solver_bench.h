@@ -20,7 +20,7 @@ struct StepPoint {
   double error_percent = 0.0;      ///< |F - F_converged| / |F_converged|
 };
 
-/// A solver of somebody else for the step with linear springs.
+/// A peer's solver for the step with linear springs.
 struct StepPeer {
   std::string name;
   /// Holds the vertices within the scene's patch radius of its top, moves them by

@@ -10,6 +10,7 @@
 #include "simulator/mesh/error.h"
 #include "simulator/reference/reference_solution.h"
 #include "simulator/solver/newton_cg_baseline.h"
+#include "simulator/solver/solver_kind.h"
 #include "text/text.h"
 
 namespace forcegrid::simulator {
@@ -65,8 +66,8 @@ SolverSubject elastic_subject(const Scene& scene, const SolverOptions& options,
                               std::string setting) {
   const auto object = std::make_shared<ElasticObject<float>>(scene.mesh, options);
   require_held(object->grab(scene.mesh.top_W, scene.patch_radius_m), scene);
-  return {options.border_tolerance > 0.0 ? "local" : "quasi_static", std::move(setting),
-          [object](const Vector3d& displacement_W) {
+  return {to_string(options.border_tolerance > 0.0 ? SolverKind::kLocal : SolverKind::kQuasiStatic),
+          std::move(setting), [object](const Vector3d& displacement_W) {
             return answer_of(object->move_to(displacement_W));
           }};
 }
@@ -93,7 +94,7 @@ SolverSubject two_rates_subject(const Scene& scene, const TwoRatesOptions& optio
   object->solve_whole();  // takes hold of the top, too
   object->hand_over();
   const auto other = std::make_shared<OtherProcessor>(*object);
-  return {"two_rates", std::move(setting),
+  return {to_string(SolverKind::kTwoRates), std::move(setting),
           [object](const Vector3d& displacement_W) {
             return answer_of(object->move_to(displacement_W));
           },

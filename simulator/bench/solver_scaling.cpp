@@ -32,13 +32,14 @@ void measure(const Scene& scene, bool block, const SolverScalingOptions& options
         {scene.name, block, vertices, scene.mesh.springs.size(), motion.measure(subject)});
   };
   say("two_rates");
-  add(two_rates_subject(scene, two_rates_options(options.rate_Hz, {}), "as direct"), "two_rates");
+  add(two_rates_subject(scene, two_rates_options(options.rate_Hz, {}), "as direct"),
+      to_string(SolverKind::kTwoRates));
   SolverOptions solver = DirectOptions{}.solver;
   say("whole");
   add(elastic_subject(scene, solver, "as direct"), "whole");
   solver.border_tolerance = kBorder;
   say("local");
-  add(elastic_subject(scene, solver, "as direct"), "local");
+  add(elastic_subject(scene, solver, "as direct"), to_string(SolverKind::kLocal));
 }
 
 }  // namespace

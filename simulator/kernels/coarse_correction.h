@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "simulator/kernels/spring_kernels.h"
+#include "simulator/kernels/vertex_forces.h"
 
 namespace forcegrid::simulator {
 

@@ -1,3 +1,5 @@
+#include "simulator/kernels/coarse_kernels.h"
+
 #include "simulator/kernels/kernel_support.h"
 
 namespace forcegrid::simulator::kernels {

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "simulator/kernels/spring_kernels.h"
+#include "simulator/kernels/lanes.h"
 
 // One binary for every x86-64: the loader picks the version that the processor can run.
 #if defined(__x86_64__) && defined(__gnu_linux__) && !defined(FORCEGRID_SANITIZED) && \
@@ -40,26 +40,5 @@ template <typename Vector, typename Memory>
 FORCEGRID_INLINE void store(Memory* to, const Vector& vector) {
   std::memcpy(to, &vector, sizeof vector);
 }
-
-/// The first half of evaluate(): every spring's tangent at the present positions.
-void find_tangents(const SpringRows& rows, const SpringConstants<float>* constants,
-                   bool exponential, const Single* position, SpringTangent* tangent) noexcept;
-void find_tangents(const SpringRows& rows, const SpringConstants<double>* constants,
-                   bool exponential, const Precise* position, double* t_N_per_m,
-                   SpringTangent* tangent) noexcept;
-
-/// product = M residual, M the block-Jacobi part: how a correction begins.
-/// @returns the lanes' dot products residual . product.
-Float4 precondition(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* residual,
-                    Lanes* product) noexcept;
-
-/// The coarse half of take_step(): coarse_residual = P^T residual, nothing for an empty grid; the
-/// residual is 0 on vertices that can't move freely.
-void restrict_residual(const CoarseGrid& coarse, const Lanes* residual,
-                       Lanes* coarse_residual) noexcept;
-
-/// next_direction() where there is a coarse grid.
-void next_direction_with(const CoarseGrid& coarse, Float4 beta, const BlockInverse* inverse,
-                         const Lanes* coarse_correction, Lanes* direction, Lanes* product) noexcept;
 
 }  // namespace forcegrid::simulator::kernels

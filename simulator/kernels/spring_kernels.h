@@ -1,71 +1,12 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
-#include <span>
-#include <vector>
+
+#include "simulator/kernels/coarse_kernels.h"
+#include "simulator/kernels/lanes.h"
+#include "simulator/kernels/spring_laws.h"
 
 namespace forcegrid::simulator::kernels {
-
-/// Four numbers side by side, one SIMD register (GCC and Clang vector extension).
-/// Lane 0 belongs to the positions, lanes 1 to 3 to the columns of the sensitivity S = dx/dP.
-using Float4 = float __attribute__((vector_size(16)));
-using Double4 = double __attribute__((vector_size(32)));
-
-/// One vertex's position [m] or force [N] in double precision; w is 0. A class, since a container
-/// of bare vector types would forget their alignment.
-struct alignas(32) Precise {
-  Double4 xyz;
-};
-struct alignas(16) Single {
-  Float4 xyz;
-};
-
-/// The three components of one vertex, four lanes each: component[c][0] = x_c (or r_c),
-/// component[c][1 + j] = dx_c / dP_j.
-struct Lanes {
-  Float4 component[3];
-};
-
-/// The symmetric 3 x 3 inverse of a vertex's diagonal block of K, and 1 for a free vertex; all zero
-/// for a vertex that can't move freely.
-struct BlockInverse {
-  Float4 diagonal;      ///< xx, yy, zz, 1 if free
-  Float4 off_diagonal;  ///< xy, yz, zx, 0
-};
-
-/// The springs, sorted by their lower vertex: those of vertex i are row_begin[i] ..
-/// row_begin[i + 1] - 1 and lead from owner[] = i to other[] > i. Both lists, and every array with
-/// an entry a spring, are padded to a multiple of kSpringPadding with springs from vertex 0 to
-/// itself that no row contains.
-struct SpringRows {
-  std::vector<std::int32_t> row_begin;
-  std::vector<std::int32_t> owner;
-  std::vector<std::int32_t> other;
-  /// The kernels work on the rows of the vertices below `active` alone, whose springs lead to
-  /// vertices below `reach`: both are the number of vertices unless a part is solved by itself.
-  std::int32_t active = 0;
-  std::int32_t reach = 0;
-  std::int32_t vertex_count() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
-};
-inline constexpr std::size_t kSpringPadding = 16;
-
-/// What never changes of one spring with f = k l0 (sinh(a e) / a + c e^3), e = l / l0 - 1, where
-/// sinh(a e) / a is e for a = 0.
-template <typename Real>
-struct SpringConstants {
-  Real inverse_length_per_m;  ///< 1 / l0
-  Real scale_N;               ///< k l0
-  Real cubic;                 ///< c
-  Real exponent;              ///< a; read only when evaluate() is told of exponential springs
-};
-
-/// What a spring contributes to K at the current state: H = w w^T + t I, with
-/// w = sqrt(f' - f/l) u, u the unit vector along it and t = f / l. f' >= f/l for every law.
-struct SpringTangent {
-  float w_x, w_y, w_z;
-  float t_N_per_m;
-};
 
 /// Forces and sensitivity residuals of the current state.
 ///   residual lane 0:  r = -dE/dx (springs' force on each vertex) [N]
@@ -91,53 +32,10 @@ void sum_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInver
 Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent,
                        const float* home_N_per_m, const Lanes* direction, Lanes* product) noexcept;
 
-/// What pulls at a vertex besides the springs to others: a home spring to where it rests, and a
-/// dead load, which keeps its direction and size.
-struct VertexForce {
-  double rest_m[3];
-  double load_N[3];
-  float home_stiffness_N_per_m;
-};
-
-/// Adds r += load - k_home (x - X) and, to lanes 1 to 3, -k_home S: to what evaluate() gave for the
-/// same state.
-void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
-                       Lanes* residual) noexcept;
-void add_vertex_forces(std::span<const VertexForce> forces, const Lanes* state,
-                       const Precise* position, Precise* force, Lanes* residual) noexcept;
-
-/// Adds the home springs to the blocks that sum_blocks() gave.
-void add_home_blocks(std::span<const VertexForce> forces, BlockInverse* block) noexcept;
-
-/// Their home springs alone, for apply_stiffness().
-std::vector<float> home_stiffness_N_per_m(std::span<const VertexForce> forces);
-
-/// Where a vertex lies in the coarse grid: its cell's lowest corner and its trilinear coordinates
-/// there.
-struct CoarsePlace {
-  std::int32_t corner;
-  float u, v, w;
-};
-/// A cell and its vertices, CoarseGrid::member[begin] to member[end - 1].
-struct CoarseCell {
-  std::int32_t corner, begin, end;
-};
-struct CoarseMember {
-  std::int32_t vertex;
-  float u, v, w;
-};
-
-/// Trilinear interpolation from a small regular grid over the object: the coarse half of the
-/// preconditioner. An empty `place` switches it off.
-struct CoarseGrid {
-  std::int32_t node_count = 0;
-  std::int32_t stride_y = 0;  ///< node number = x + stride_y y + stride_z z
-  std::int32_t stride_z = 0;
-  std::vector<CoarsePlace> place;  ///< one a vertex
-  std::vector<CoarseCell> cell;    ///< the same cell by cell
-  std::vector<CoarseMember> member;
-  std::vector<float> inverse_m_per_N;  ///< (3 node_count)^2, row major: the coarse K's inverse
-};
+/// product = M residual, M the block-Jacobi part: how a correction begins.
+/// @returns the lanes' dot products residual . product.
+Float4 precondition(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* residual,
+                    Lanes* product) noexcept;
 
 /// state += alpha direction; residual -= alpha product on free vertices; product = M residual, M
 /// the block-Jacobi part; coarse_residual = P^T residual.
@@ -149,11 +47,6 @@ struct StepSums {
 StepSums take_step(std::int32_t vertex_count, Float4 alpha, const BlockInverse* inverse,
                    const CoarseGrid& coarse, const Lanes* direction, Lanes* state, Lanes* residual,
                    Lanes* product, Lanes* coarse_residual) noexcept;
-
-/// coarse_correction = (P^T K P)^-1 coarse_residual.
-/// @returns the lanes' dot products of the two.
-Float4 solve_coarse(const CoarseGrid& coarse, const Lanes* coarse_residual,
-                    Lanes* coarse_correction) noexcept;
 
 /// direction = product + P coarse_correction + beta direction; product = 0.
 void next_direction(std::int32_t vertex_count, Float4 beta, const BlockInverse* inverse,

@@ -1,3 +1,5 @@
+#include "simulator/kernels/spring_laws.h"
+
 #include <algorithm>
 #include <bit>
 #include <cmath>

@@ -1,3 +1,5 @@
+#include "simulator/kernels/vertex_forces.h"
+
 #include "simulator/kernels/kernel_support.h"
 
 namespace forcegrid::simulator::kernels {

@@ -1,3 +1,5 @@
+#include "simulator/mesh/gmsh_file.h"
+
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <gmshc.h>
@@ -9,7 +11,6 @@
 #include <unordered_map>
 
 #include "simulator/mesh/error.h"
-#include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/msh_header.h"
 
 namespace forcegrid::simulator {

@@ -6,6 +6,8 @@
 #include <numeric>
 
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/gmsh_file.h"
+#include "simulator/mesh/obj_file.h"
 
 namespace forcegrid::simulator {
 namespace {

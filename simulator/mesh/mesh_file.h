@@ -25,10 +25,6 @@ struct MeshFile {
 /// Real-time: no. Threads: one at a time, since libgmsh has one state for the whole program.
 MeshFile read_mesh_file(const std::string& file);
 
-/// The readers of each format, without the checks on what they read.
-MeshFile read_gmsh(const std::string& file);
-MeshFile read_obj(const std::string& file);
-
 /// What read_mesh_file checks of the content. @param who  begins the message.
 void check(const MeshFile& mesh, const std::string& who);
 

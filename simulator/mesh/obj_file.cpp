@@ -1,3 +1,5 @@
+#include "simulator/mesh/obj_file.h"
+
 #define TINYOBJLOADER_USE_DOUBLE  // as the library that is linked
 #include <tiny_obj_loader.h>
 
@@ -10,7 +12,6 @@
 #include <string_view>
 
 #include "simulator/mesh/error.h"
-#include "simulator/mesh/mesh_file.h"
 
 namespace forcegrid::simulator {
 namespace {

@@ -10,21 +10,21 @@
 
 namespace forcegrid::simulator {
 
-/// The surface of an object at rest, as the tool meets it: which side of it a point is on, and
-/// where a straight path meets it from outside.
+/// The surface of an object at rest: which side of it a point is on, and where a straight path
+/// meets it from outside.
 ///
 /// A vertical line through a point that lies exactly on an edge or a vertex is decided as if the
 /// point lay a hair toward +x, and a hair of that toward +y: each crossing counts once.
 /// Source: Edelsbrunner and Muecke, Simulation of simplicity, ACM Trans. Graph. 9(1), 1990.
 ///
-/// Real-time: after construction no allocation, lock or throw; the vertical line looks at the
-/// triangles of one cell, the path at all of them. Threads: any, const.
+/// Real-time: after construction no allocation, lock or throw; look() tests the triangles
+/// of one grid cell, first_hit() all of them. Threads: any, const.
 class RestSurface {
  public:
   /// `mesh` need not be kept. Without triangles there is no surface, and nothing is inside.
   explicit RestSurface(const SpringMesh& mesh);
 
-  /// What a vertical line through a point sees.
+  /// Result of a vertical line through a point.
   struct Vertical {
     bool inside = false;            ///< an odd number of triangles lies at or above the point
     std::optional<double> below_m;  ///< [m] how far below it the nearest triangle is

@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "rt/vectors.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/mesh_object.h"
@@ -82,15 +83,13 @@ SpringLaw read_law(const TomlTable& object) {
   return result;
 }
 
-Eigen::Vector3d vector(const std::array<double, 3>& axes) { return {axes[0], axes[1], axes[2]}; }
-
 SpringMesh make_block(const TomlTable& object, const Eigen::Vector3d& place_W) {
   LatticeBlockOptions options;
   const std::vector<std::int64_t> count = object.integers("vertex_count", 3, 2, 1000);
   for (std::size_t axis = 0; axis < 3; ++axis) {
     options.vertex_count[axis] = static_cast<int>(count[axis]);
   }
-  options.size_m = vector(object.axes("size_m", kSize_m));
+  options.size_m = rt::to_vector(object.axes("size_m", kSize_m));
   options.top_centre_W = place_W;
   options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
   options.diagonal_factor = object.number_or("diagonal_factor", kFactor, options.diagonal_factor);
@@ -105,7 +104,7 @@ SpringMesh make_organ(const TomlTable& object, const Eigen::Vector3d& place_W) {
   OrganOptions options;
   options.vertex_count = static_cast<int>(object.integer("vertex_count", 200, kMostVertices));
   options.edge_count = static_cast<int>(object.integer("edge_count", 500, 6 * kMostVertices));
-  options.semi_axes_m = vector(object.axes("semi_axes_m", kSize_m));
+  options.semi_axes_m = rt::to_vector(object.axes("semi_axes_m", kSize_m));
   options.bend_m = object.number_or("bend_m", kBend_m, 0.0);
   options.top_W = place_W;
   options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
@@ -184,7 +183,7 @@ std::optional<ObjectDynamics> read_dynamics(const TomlTable& object) {
 
 SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W) {
   const Eigen::Vector3d place_W =
-      origin_W + vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
+      origin_W + rt::to_vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
   const std::string shape = choice(object, "shape", kShapes);
   return shape == "block"  ? make_block(object, place_W)
          : shape == "mesh" ? make_from_file(object, place_W)

@@ -15,7 +15,7 @@ namespace forcegrid::simulator {
 /// c = a = 0 is the linear law. c = 5 hardens as soft tissue does (twice the stiffness at 26 %
 /// strain); a = 4 does so exponentially (twice at 33 %, five times at 57 %).
 ///
-/// Where the object moves by itself (DynamicObject), a damper beside the spring adds
+/// In a DynamicObject, a damper beside the spring adds
 /// k tau dl/dt: Kelvin's and Voigt's model, whose stretch under a sudden load settles as
 /// 1 - exp(-t / tau). Equilibria know nothing of it.
 struct SpringLaw {
@@ -40,13 +40,13 @@ struct Spring {
 /// DynamicObject alone; the other solvers' answers are equilibria.
 struct SpringMesh {
   std::vector<Eigen::Vector3d> rest_position_W;  ///< [m] in equilibrium
-  std::vector<std::uint8_t> fixed;               ///< one a vertex; 1 = never moves
+  std::vector<std::uint8_t> fixed;               ///< one per vertex; 1: never moves
   std::vector<Spring> springs;
   std::vector<SpringLaw> laws{SpringLaw{}};
-  std::vector<double> home_stiffness_N_per_m;  ///< empty, or one a vertex, >= 0
-  std::vector<Eigen::Vector3d> load_W_N;       ///< empty, or one a vertex
-  std::vector<double> mass_kg;                 ///< empty, or one a vertex, > 0 where it is free
-  /// Empty, or one a vertex, >= 0: what a vertex's own speed is resisted with.
+  std::vector<double> home_stiffness_N_per_m;  ///< empty, or one per vertex, >= 0
+  std::vector<Eigen::Vector3d> load_W_N;       ///< empty, or one per vertex
+  std::vector<double> mass_kg;                 ///< empty, or one per vertex, > 0 for free ones
+  /// Empty, or one per vertex, >= 0: drag against the vertex's own velocity.
   std::vector<double> drag_Ns_per_m;
 
   /// Where a tool can touch: triangles of vertices, counterclockwise seen from outside.

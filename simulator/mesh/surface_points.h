@@ -8,8 +8,8 @@
 
 namespace forcegrid::simulator {
 
-/// A point that belongs to the surface's material: always the same weighted mean of one, two or
-/// three vertices. Unused vertices repeat the first, with weight 0.
+/// A material point of the surface: a fixed weighted mean of one, two or three vertices. Unused
+/// entries repeat the first vertex, with weight 0.
 struct SurfacePoint {
   std::array<std::int32_t, 3> vertex{};
   std::array<double, 3> weight{};
@@ -24,8 +24,8 @@ struct SurfacePoints {
 };
 
 /// Covers SpringMesh::triangles with points: all corners, and on edges and faces more of them until
-/// no two neighbours are farther apart than `spacing_m` > 0 at rest. Points that hang on fixed
-/// vertices alone are left out.
+/// no two neighbours are farther apart than `spacing_m` > 0 at rest. Points of fixed vertices
+/// only are left out.
 SurfacePoints make_surface_points(const SpringMesh& mesh, double spacing_m);
 
 }  // namespace forcegrid::simulator

@@ -4,7 +4,7 @@
 
 namespace forcegrid::simulator {
 
-/// With what an object is touched, and how; names as on the command line.
+/// The tool and its kind of contact; names as on the command line.
 struct ToolOptions {
   std::string shape = "point";     ///< or sphere, capsule, grasper
   std::string contact = "sticky";  ///< or slide
@@ -12,14 +12,13 @@ struct ToolOptions {
   double length_m = 0.04;          ///< of a capsule and of a grasper's jaws
   double opening_rad = 0.7;        ///< between a grasper's jaws
   double friction = 0.3;           ///< mu of a sliding contact, 0 to kMaxFriction
-  /// [N] Pressed on with this force a grasper closes, > 0; pulled with that one it opens, > 0.
-  double grasp_N = 0.3;
-  double let_go_N = 1.0;
+  double grasp_N = 0.3;            ///< [N] a grasper that is pressed on with this force closes; > 0
+  double let_go_N = 1.0;           ///< [N] a grasper that is pulled with this force opens; > 0
 
   static constexpr double kMaxFriction = 2.0;
 
   bool slides() const { return contact == "slide"; }
-  /// The tool of a scene that says nothing about it.
+  /// The default tool of a scene.
   bool is_sticky_point() const { return shape == "point" && !slides(); }
 };
 

@@ -26,7 +26,7 @@ void check_path(const std::vector<Vector3d>& positions_W, const std::vector<doub
                 const ReferenceOptions& options) {
   if (positions_W.size() != times_s.size()) {
     throw Error(kWho + std::to_string(positions_W.size()) + " positions and " +
-                std::to_string(times_s.size()) + " times; give one a position");
+                std::to_string(times_s.size()) + " times; give one time per position");
   }
   if (options.first_contact_cycle >= positions_W.size()) {
     throw Error(kWho + "the first cycle with contact is " +
@@ -35,15 +35,17 @@ void check_path(const std::vector<Vector3d>& positions_W, const std::vector<doub
   }
   for (std::size_t i = 0; i < positions_W.size(); ++i) {
     if (!positions_W[i].allFinite() || !std::isfinite(times_s[i])) {
-      throw Error(kWho + "position or time " + std::to_string(i) + " is not finite");
+      throw Error(kWho + "position or time " + std::to_string(i) +
+                  " is not finite; cut the path there");
     }
     if (i > 0 && !(times_s[i] > times_s[i - 1])) {
-      throw Error(kWho + "time " + std::to_string(i) + " is not after the one before");
+      throw Error(kWho + "time " + std::to_string(i) +
+                  " is not after the one before; cut the path there");
     }
   }
 }
 
-// As many cycles before as after, so that the mean is not late.
+// As many cycles before as after, so that the mean has no delay.
 Vector3d smoothed_W(const std::vector<Vector3d>& positions_W, std::size_t first, std::size_t i) {
   const std::size_t aside = std::min({kCyclesAside, i - first, positions_W.size() - 1 - i});
   Vector3d sum_W = Vector3d::Zero();
@@ -53,8 +55,7 @@ Vector3d smoothed_W(const std::vector<Vector3d>& positions_W, std::size_t first,
   return sum_W / static_cast<double>(2 * aside + 1);
 }
 
-// Since the tool touched, until the first position: a cycle at least, and as long as the way from
-// there takes at the speed of the first cycles.
+// Time from the touch to the first position at the speed of the first cycles, at least one cycle.
 double way_in_s(const std::vector<Vector3d>& positions_W, const std::vector<double>& times_s,
                 const ReferenceOptions& options) {
   const std::size_t first = options.first_contact_cycle;

@@ -8,20 +8,21 @@
 
 namespace forcegrid::simulator {
 
-/// The reference force of an object that moves by itself: what a tool that went along the recorded
-/// path, and grabbed at its first contact, would have felt at every position (DynamicObject). Time
-/// steps of at most 0.5 ms, so that the method's own damping is a retardation time of 0.5 ms; each
-/// solved to options.relative_tolerance. The path is known in encoder counts, whose jumps a damper
-/// would feel: it is taken as the mean of up to five cycles around each, two before to two after.
-/// The tool has come from the contact point to the first position straight, at the speed of the
-/// first five cycles, in a cycle at least and in 0.1 s at most.
+/// The reference force of a dynamic object (DynamicObject): the force at every position of the
+/// recorded path on a tool that grabbed the object at its first contact.
 ///
-/// @param times_s  when the tool was at each of `positions_W` [m]; rising.
-/// @param options  of the path: contact_point_W, first_contact_cycle; of the solver:
-///   relative_tolerance; progress and cancel. The rest is for equilibria.
+/// Time steps are at most 0.5 ms, so that the method adds a retardation time of 0.5 ms at most;
+/// each is solved to options.relative_tolerance. Dampers would react to the encoder steps of the
+/// path, so each position is the mean of up to five cycles, two before to two after. The tool moves
+/// straight from the contact point to the first position, at the speed of the first five cycles, in
+/// at least one cycle and at most 0.1 s.
+///
+/// @param times_s  [s] of each of `positions_W` [m]; increasing.
+/// @param options  contact_point_W, first_contact_cycle, relative_tolerance, progress and cancel
+///   are used; the others are for equilibria.
 /// Throws Error for a scene without masses, times that do not rise, a position that is not finite,
 /// a first cycle beyond the path, or a contact point without a vertex to hold.
-/// Threads: the calling one alone, as every position depends on those before.
+/// Threads: only the calling one, since every position depends on those before.
 ReferenceSolution simulate_dynamic_reference(const Scene& scene,
                                              const std::vector<Eigen::Vector3d>& positions_W,
                                              const std::vector<double>& times_s,

@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <condition_variable>
-#include <exception>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 
+#include "rt/clock.h"
+#include "rt/parallel_jobs.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 
@@ -37,7 +36,7 @@ void check(const std::vector<Eigen::Vector3d>& positions_W, const ReferenceOptio
     }
   }
   if (!options.contact_point_W.allFinite()) {
-    throw Error("reference force: contact_point_W is not finite");
+    throw Error("reference force: contact_point_W is not finite; give where the tool touched");
   }
   if (options.first_contact_cycle >= positions_W.size()) {
     throw Error("reference force: contact begins at cycle " +
@@ -96,14 +95,85 @@ std::vector<Part> divide(std::size_t first, std::size_t end, const std::vector<s
   return parts;
 }
 
+// The solver, set so that it follows a path to convergence.
+SolverOptions solver_options(const ReferenceOptions& options) {
+  SolverOptions solver;
+  solver.relative_tolerance = options.relative_tolerance;
+  solver.max_step_m = options.max_step_m;
+  solver.max_steps = 1000;
+  solver.max_iterations = 2000;
+  solver.max_recovery_steps = 100;
+  return solver;
+}
+
 struct PartResult {
   std::size_t unconverged = 0;
   std::size_t branch_changes = 0;
   double worst_relative_residual = 0.0;
   Eigen::Vector3d force_before_W = Eigen::Vector3d::Zero();  // at begin - 1
   bool force_before_known = false;
-  std::exception_ptr error;
 };
+
+// Follows one part of the path, from rest; `object` has the part's own state. Forces go to
+// `reference`, where no other part writes. Returns false if it was stopped before the part's end.
+bool solve_part(const Part& part, const std::vector<Eigen::Vector3d>& positions_W,
+                const ReferenceOptions& options, const std::vector<std::size_t>& stops,
+                ElasticObject<double> object, ReferenceSolution& reference, PartResult& result,
+                rt::Job& job) {
+  const std::size_t first = options.first_contact_cycle;
+  object.grab(options.contact_point_W, options.patch_radius_m);
+  const auto displacement = [&](std::size_t cycle) -> Eigen::Vector3d {
+    return positions_W[cycle] - options.contact_point_W;
+  };
+  object.set_relative_tolerance(std::max(kApproachTolerance, options.relative_tolerance));
+  if (part.begin != first) {
+    object.move_to(displacement(first));
+  }
+  for (std::size_t s = 0; s < part.approach_steps && !job.stopping(); ++s) {
+    object.move_to(displacement(stops[s]));
+  }
+  object.set_relative_tolerance(options.relative_tolerance);
+  if (part.begin != first && !job.stopping()) {
+    result.force_before_W = object.move_to(displacement(part.begin - 1)).force_W;
+    result.force_before_known = true;
+  }
+  Equilibrium equilibrium;
+  for (std::size_t cycle = part.begin; cycle < part.end; ++cycle) {
+    if (job.stopping()) {
+      return false;
+    }
+    const bool repeated = cycle > part.begin && positions_W[cycle] == positions_W[cycle - 1];
+    if (!repeated) {
+      equilibrium = object.move_to(displacement(cycle));
+      result.branch_changes += equilibrium.left_branch ? 1 : 0;
+    }
+    reference.forces_W[cycle] = equilibrium.force_W;
+    reference.known[cycle] = 1;
+    result.unconverged += equilibrium.converged && equilibrium.reached ? 0 : 1;
+    result.worst_relative_residual =
+        std::max(result.worst_relative_residual, equilibrium.relative_residual);
+    job.report(static_cast<double>(cycle + 1 - part.begin) /
+               static_cast<double>(part.end - part.begin));
+  }
+  return true;
+}
+
+// Adds what the parts say of themselves, and how well they agree where they meet.
+void add_up(const std::vector<Part>& parts, const std::vector<PartResult>& results,
+            ReferenceSolution& reference) {
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const PartResult& result = results[p];
+    reference.unconverged += result.unconverged;
+    reference.branch_changes += result.branch_changes;
+    reference.worst_relative_residual =
+        std::max(reference.worst_relative_residual, result.worst_relative_residual);
+    const std::size_t before = parts[p].begin - (p > 0 ? 1 : 0);
+    if (p > 0 && result.force_before_known && reference.known[before] != 0) {
+      reference.worst_seam_N = std::max(
+          reference.worst_seam_N, (result.force_before_W - reference.forces_W[before]).norm());
+    }
+  }
+}
 
 }  // namespace
 
@@ -118,20 +188,11 @@ ReferenceSolution simulate_reference(const std::vector<Eigen::Vector3d>& positio
 ReferenceSolution simulate_reference(const SpringMesh& mesh,
                                      const std::vector<Eigen::Vector3d>& positions_W,
                                      const ReferenceOptions& options) {
-  const auto start = std::chrono::steady_clock::now();
-  const auto elapsed_s = [&start] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  };
+  const rt::TimePoint start = rt::Clock::now();
   check(positions_W, options);
-  SolverOptions solver;
-  solver.relative_tolerance = options.relative_tolerance;
-  solver.max_step_m = options.max_step_m;
-  solver.max_steps = 1000;
-  solver.max_iterations = 2000;
-  solver.max_recovery_steps = 100;
+  const SolverOptions solver = solver_options(options);
   // Built here, so that a wrong mesh or option throws before any thread runs.
-  ElasticObject<double> first_object(mesh, solver);
-
+  const ElasticObject<double> first_object(mesh, solver);
   if (first_object.count_grabbable(options.contact_point_W, options.patch_radius_m) == 0) {
     throw Error("reference force: no free vertex within " + std::to_string(options.patch_radius_m) +
                 " m of the contact point; check scene and contact point");
@@ -153,102 +214,23 @@ ReferenceSolution simulate_reference(const SpringMesh& mesh,
   const std::vector<Part> parts = divide(first, end, stops, threads);
   reference.threads = static_cast<unsigned>(parts.size());
 
+  rt::JobOptions jobs{.threads = reference.threads};
+  for (const Part& part : parts) {
+    jobs.weights.push_back(static_cast<double>(part.end - part.begin));
+  }
+  jobs.progress = options.progress;
+  jobs.first_guess_s = kNoGuess_s;
+  jobs.period = kProgressPeriod;
+  jobs.cancel = options.cancel;
   std::vector<PartResult> results(parts.size());
-  std::atomic<std::size_t> done{0};
-  std::atomic<bool> abandon{false};
-  std::mutex mutex;
-  std::condition_variable finished;
-  std::size_t running = parts.size();
-  const auto cancelled = [&options, &abandon] {
-    return abandon.load(std::memory_order_relaxed) ||
-           (options.cancel != nullptr && options.cancel->load(std::memory_order_relaxed));
-  };
-
-  const auto work_on = [&](std::size_t p, ElasticObject<double> object) {
-    const Part& part = parts[p];
-    PartResult& result = results[p];
-    object.grab(options.contact_point_W, options.patch_radius_m);
-    const auto displacement = [&](std::size_t cycle) -> Eigen::Vector3d {
-      return positions_W[cycle] - options.contact_point_W;
-    };
-    object.set_relative_tolerance(std::max(kApproachTolerance, options.relative_tolerance));
-    if (part.begin != first) {
-      object.move_to(displacement(first));
-    }
-    for (std::size_t s = 0; s < part.approach_steps && !cancelled(); ++s) {
-      object.move_to(displacement(stops[s]));
-    }
-    object.set_relative_tolerance(options.relative_tolerance);
-    if (part.begin != first && !cancelled()) {
-      result.force_before_W = object.move_to(displacement(part.begin - 1)).force_W;
-      result.force_before_known = true;
-    }
-    Equilibrium equilibrium;
-    for (std::size_t cycle = part.begin; cycle < part.end && !cancelled(); ++cycle) {
-      const bool repeated = cycle > part.begin && positions_W[cycle] == positions_W[cycle - 1];
-      if (!repeated) {
-        equilibrium = object.move_to(displacement(cycle));
-        result.branch_changes += equilibrium.left_branch ? 1 : 0;
-      }
-      reference.forces_W[cycle] = equilibrium.force_W;
-      reference.known[cycle] = 1;
-      result.unconverged += equilibrium.converged && equilibrium.reached ? 0 : 1;
-      result.worst_relative_residual =
-          std::max(result.worst_relative_residual, equilibrium.relative_residual);
-      done.fetch_add(1, std::memory_order_relaxed);
-    }
-  };
-
-  std::vector<std::jthread> workers;
-  workers.reserve(parts.size());
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    workers.emplace_back([&, p] {
-      try {
-        work_on(p, ElasticObject<double>(mesh, solver));
-      } catch (...) {
-        results[p].error = std::current_exception();
-        abandon = true;
-      }
-      const std::lock_guard lock(mutex);
-      --running;
-      finished.notify_all();
-    });
-  }
-  {
-    std::unique_lock lock(mutex);
-    while (!finished.wait_for(lock, kProgressPeriod, [&running] { return running == 0; })) {
-      if (options.progress) {
-        lock.unlock();
-        const double fraction = static_cast<double>(done.load()) / static_cast<double>(end - first);
-        options.progress(fraction,
-                         fraction > 0.0 ? elapsed_s() * (1.0 - fraction) / fraction : kNoGuess_s);
-        lock.lock();
-      }
-    }
-  }
-  workers.clear();
-
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    const PartResult& result = results[p];
-    if (result.error) {
-      std::rethrow_exception(result.error);
-    }
-    reference.unconverged += result.unconverged;
-    reference.branch_changes += result.branch_changes;
-    reference.worst_relative_residual =
-        std::max(reference.worst_relative_residual, result.worst_relative_residual);
-    const std::size_t before = parts[p].begin - (p > 0 ? 1 : 0);
-    if (p > 0 && result.force_before_known && reference.known[before] != 0) {
-      reference.worst_seam_N = std::max(
-          reference.worst_seam_N, (result.force_before_W - reference.forces_W[before]).norm());
-    }
-  }
-  reference.cancelled =
-      std::find(reference.known.begin(), reference.known.end(), 0) != reference.known.end();
-  reference.elapsed_s = elapsed_s();
-  if (options.progress && !reference.cancelled) {
-    options.progress(1.0, 0.0);
-  }
+  const bool finished = rt::run_jobs(parts.size(), jobs, [&](rt::Job& job) {
+    const std::size_t p = job.number();
+    return solve_part(parts[p], positions_W, options, stops, ElasticObject<double>(mesh, solver),
+                      reference, results[p], job);
+  });
+  add_up(parts, results, reference);
+  reference.cancelled = !finished;
+  reference.elapsed_s = rt::seconds(rt::Clock::now() - start);
   return reference;
 }
 

@@ -20,11 +20,11 @@ struct ReferenceOptions {
   Eigen::Vector3d contact_point_W = Eigen::Vector3d::Zero();
   std::size_t first_contact_cycle = 0;  ///< index of the first position with contact
   double relative_tolerance = 1e-6;     ///< see SolverOptions; > 0
-  double patch_radius_m = 0.012;        ///< as in the run; without a mesh the scene's is taken
-  /// [m] Longest step on the way to where a thread's part of the path begins, and within it: short
-  /// enough that every part stays on the one branch of equilibria that starts at rest.
+  double patch_radius_m = 0.012;        ///< as in the run; without a mesh the scene's is used
+  /// [m] Longest step of a thread, both on the approach to its part of the path and within it.
+  /// Short enough that every part stays on the branch of equilibria that starts at rest.
   double max_step_m = 1.5e-3;
-  unsigned threads = 0;  ///< parts of the path worked on at once; 0 = one a processor
+  unsigned threads = 0;  ///< parts of the path solved at the same time; 0: one per processor
   /// Called on the calling thread about ten times a second, and at the end, with the fraction done
   /// in [0, 1] and an estimate of the time left [s].
   std::function<void(double done, double remaining_s)> progress;
@@ -33,16 +33,16 @@ struct ReferenceOptions {
 };
 
 struct ReferenceSolution {
-  std::vector<Eigen::Vector3d> forces_W;  ///< [N] F_o, one a position; zero before contact
-  std::vector<std::uint8_t> known;        ///< 0 where a cancelled run did not get to
+  std::vector<Eigen::Vector3d> forces_W;  ///< [N] F_o, one per position; zero before contact
+  std::vector<std::uint8_t> known;        ///< 0 at positions that a cancelled run did not reach
   bool cancelled = false;
   std::size_t unconverged = 0;  ///< positions whose tolerance was not reached
   std::size_t branch_changes = 0;
   double worst_relative_residual = 0.0;
-  /// [N] Largest difference between two threads' forces at the one position they share: that it is
-  /// tiny shows that the parts lie on one branch. 0 with one thread.
+  /// [N] Largest difference between the forces of two threads at the position that they share. A
+  /// tiny one shows that both parts lie on the same branch. 0 with one thread.
   double worst_seam_N = 0.0;
-  double relative_tolerance = 0.0;  ///< as asked for
+  double relative_tolerance = 0.0;  ///< of the options
   unsigned threads = 0;
   double elapsed_s = 0.0;
 
@@ -54,10 +54,10 @@ struct ReferenceSolution {
 /// object in equilibrium to `relative_tolerance`, in double precision and warm started along the
 /// path. Same object, contact and force definition as the 30 Hz simulator (ElasticObject).
 ///
-/// @param positions_W  [m] the recorded path, one a servo cycle.
+/// @param positions_W  [m] the recorded path, one per servo cycle.
 /// Throws Error for an unknown scene, options out of range, a position or contact point that is not
 /// finite, a first cycle beyond the path, or a contact point without a vertex to hold.
-/// Threads: starts options.threads of its own and ends them before it returns.
+/// Threads: starts up to options.threads and joins them before it returns.
 ReferenceSolution simulate_reference(const std::vector<Eigen::Vector3d>& positions_W,
                                      const ReferenceOptions& options);
 ReferenceSolution simulate_reference(const SpringMesh& mesh,

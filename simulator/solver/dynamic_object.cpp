@@ -6,10 +6,10 @@
 #include <string>
 
 #include "simulator/kernels/dynamic_kernels.h"
+#include "simulator/kernels/eigen_lanes.h"
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
 #include "simulator/mesh/error.h"
-#include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -20,22 +20,16 @@ using kernels::Precise;
 const std::string kWho = "dynamic object: ";
 constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step: rounding makes no other one
 
-Double4 lanes(const Eigen::Vector3d& v) { return Double4{v.x(), v.y(), v.z(), 0.0}; }
-Eigen::Vector3d vector(const Precise& p) { return {p.xyz[0], p.xyz[1], p.xyz[2]}; }
+Double4 lanes(const Eigen::Vector3d& v) { return kernels::to_precise(v).xyz; }
 Double4 all(double value) { return Double4{value, value, value, value}; }
 
 void check_options(const DynamicOptions& options) {
-  const auto positive = [](double value, const char* name) {
-    if (!(value > 0.0) || !std::isfinite(value)) {
-      throw Error(kWho + name + " is " + text::number_text(value) + "; it must be finite and > 0");
-    }
-  };
-  positive(options.step_s, "step_s");
-  positive(options.max_move_m, "max_move_m");
-  positive(options.max_steps, "max_steps");
-  positive(options.relative_tolerance, "relative_tolerance");
-  positive(options.force_floor_N, "force_floor_N");
-  positive(options.max_iterations, "max_iterations");
+  check_positive(options.step_s, kWho + "step_s");
+  check_positive(options.max_move_m, kWho + "max_move_m");
+  check_positive(options.max_steps, kWho + "max_steps");
+  check_positive(options.relative_tolerance, kWho + "relative_tolerance");
+  check_positive(options.force_floor_N, kWho + "force_floor_N");
+  check_positive(options.max_iterations, kWho + "max_iterations");
 }
 
 const SpringMesh& with_masses(const SpringMesh& mesh) {
@@ -50,7 +44,7 @@ std::vector<Eigen::Vector3d> vectors(const std::vector<Precise>& values) {
   std::vector<Eigen::Vector3d> result;
   result.reserve(values.size());
   for (const Precise& value : values) {
-    result.push_back(vector(value));
+    result.push_back(kernels::to_vector(value));
   }
   return result;
 }
@@ -109,7 +103,7 @@ class DynamicObject::Implementation {
       throw Error(kWho + "a patch is held already; call release() first");
     }
     for (std::size_t i = 0; i < position_.size(); ++i) {
-      if (free_[i] != 0 && (vector(position_[i]) - point_W).norm() <= radius_m) {
+      if (free_[i] != 0 && (kernels::to_vector(position_[i]) - point_W).norm() <= radius_m) {
         held_.push_back(i);
         held_at_.push_back(position_[i]);
       }
@@ -265,7 +259,7 @@ class DynamicObject::Implementation {
   void sum_tool_force(const std::vector<Precise>& forces) noexcept {
     tool_force_W_.setZero();
     for (const std::size_t i : held_) {
-      tool_force_W_ += vector(forces[i]);
+      tool_force_W_ += kernels::to_vector(forces[i]);
     }
   }
 

@@ -13,9 +13,9 @@ namespace forcegrid::simulator {
 
 struct DynamicOptions {
   double step_s = 2e-3;      ///< longest time step h; > 0
-  double max_move_m = 1e-3;  ///< farthest that the tool goes in a step; > 0
-  /// Steps of one advance, >= 1. More time than these last is taken in longer steps, which are as
-  /// stable and damp more; Equilibrium::reached stays true and long_step() tells.
+  double max_move_m = 1e-3;  ///< longest move of the tool in one step; > 0
+  /// Most steps of one advance, >= 1. A longer time is covered in longer steps, which are as stable
+  /// and damp more; Equilibrium::reached stays true and long_step() returns true.
   int max_steps = 64;
   /// A step is solved when the linear system's residual is at most this times
   /// max(|F|, force_floor_N); > 0.
@@ -24,9 +24,9 @@ struct DynamicOptions {
   int max_iterations = 200;     ///< conjugate-gradient iterations of one step; >= 1
 };
 
-/// A mass-spring object with inertia and dampers, and a tool that may hold a patch of it: where it
-/// is at the next moment, and what the tool feels. Linearly implicit (semi-implicit) Euler, one
-/// Newton step a time step h:
+/// A mass-spring object with inertia and dampers, and a tool that may hold a patch of it. Computes
+/// the next state and the force on the tool with linearly implicit (semi-implicit) Euler, one
+/// Newton step per time step h:
 ///
 ///   (M + h D + h^2 K) v1 = M v0 + h f(x0),   x1 = x0 + h v1,   D = sum of k tau u u^T + drag
 ///
@@ -41,8 +41,8 @@ struct DynamicOptions {
 /// loads in the state at the end. The held vertices' own inertia is not in it: their acceleration
 /// would be the second difference of positions known in encoder counts.
 ///
-/// The method is of first order and unconditionally stable; it damps by itself as a retardation
-/// time of about h would. Positions, velocities and residuals are in double precision.
+/// The method is of first order and unconditionally stable. It adds damping equivalent to a
+/// retardation time of about h. Positions, velocities and residuals are in double precision.
 /// Source: Baraff and Witkin, Large steps in cloth simulation, SIGGRAPH 1998, section 3; the
 /// definite Hessian after Choi and Ko, Stable but responsive cloth, SIGGRAPH 2002.
 ///
@@ -67,18 +67,18 @@ class DynamicObject {
   /// Throws Error when a patch is held already.
   int grab(const Eigen::Vector3d& point_W, double radius_m);
 
-  /// Lets go; the object swings on from the state in which it is.
+  /// Releases the patch; the object moves on from its present state.
   void release() noexcept;
 
-  /// Lets go, and puts the object into its rest pose without any motion.
+  /// Releases the patch and puts the object at rest in its rest pose.
   void rest() noexcept;
 
   bool grabbed() const noexcept;
 
-  /// Lives through `duration_s`, during which the tool goes straight to `displacement_W` [m] from
-  /// where it grabbed; without a grab the displacement is not used. After 0 s nothing has moved,
-  /// and a displacement other than the last one gives reached = false; so do a duration that is
-  /// negative or not finite and a displacement that is not finite, with converged = false as well.
+  /// Advances the object by `duration_s`, during which the tool moves straight to `displacement_W`
+  /// [m] from where it grabbed. Without a grab the displacement is not used. For 0 s nothing moves,
+  /// and a displacement other than the last one gives reached = false. A duration that is negative
+  /// or not finite, or a displacement that is not finite, gives reached = converged = false.
   /// @returns force_W = raw_force_W; relative_residual, of the worst step, is |A v1 - b| / h over
   ///   max(|F|, force_floor_N); converged: all steps within the tolerance and everything finite;
   ///   iterations, evaluations and steps of all steps together. stiffness_W is zero: force depends

@@ -6,10 +6,11 @@
 #include <vector>
 
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/neighbourhood.h"
 
 namespace forcegrid::simulator {
 
-/// How far and how long the solver goes for one answer.
+/// Tolerances and limits of the solver for one answer.
 struct SolverOptions {
   /// A state is an equilibrium when Equilibrium::relative_residual is at most this; > 0.
   double relative_tolerance = 1e-3;
@@ -18,32 +19,32 @@ struct SolverOptions {
   double force_floor_N = 0.05;
   /// [m] A longer move is made in equal steps of at most this; > 0. Keeps the state on its branch.
   double max_step_m = 2e-3;
-  /// But a move of up to three times that is tried in one step, and divided only where the
-  /// prediction leaves more than this of residual, |r| / max(|F|, force_floor_N). 0: always
+  /// A move of up to three times max_step_m is tried in one step first. It is divided if the
+  /// prediction leaves a larger residual, |r| / max(|F|, force_floor_N), than this. 0: always
   /// divided.
   double long_step_residual = 0.05;
-  /// Steps a move may take; a move that needs more ends on the way there (Equilibrium::reached).
+  /// Most steps of a move; a move that needs more ends part of the way (Equilibrium::reached).
   int max_steps = 24;
-  /// Conjugate-gradient iterations at most on each step but the last, which iterates to the
-  /// tolerance; fewer where |r| is at 1e-2 of the force before.
+  /// Most conjugate-gradient iterations of each step but the last, which iterates to the tolerance.
+  /// A step ends earlier when |r| is at 1e-2 of the force.
   int iterations_per_step = 3;
-  /// Conjugate-gradient iterations of the last step, all corrections together.
+  /// Most conjugate-gradient iterations of the last step, over all corrections.
   int max_iterations = 240;
-  /// Descents in energy an answer may take after its state turned out unstable (a deep push snaps
-  /// through), each of some 20 ms on a block of 10,000 vertices; what is left goes on in the next.
+  /// Most descents in energy of one answer after its state became unstable (a deep push snaps
+  /// through). Each takes about 20 ms on a block of 10,000 vertices; the next answer continues.
   int max_recovery_steps = 24;
-  /// A state predicted this well, |r| / |F|, is answered as it is, and corrected once by
-  /// conjugate gradients afterwards, for the next move: one pass of evaluation instead of two.
-  /// 0: the answer waits for the correction. For servo rates, where the prediction is good.
+  /// If the prediction's residual |r| / |F| is below this, the answer is returned first and
+  /// conjugate gradients correct the state afterwards, for the next move: one evaluation instead of
+  /// two. 0: always correct first. For servo rates, where the prediction is good.
   double answer_first_below = 0.0;
-  /// Above 0: solve only what the tool disturbs. The region, whole rings of neighbours around the
-  /// patch, grows until the work residual on its border, sum of |S_i^T r_i| over the ring outside,
-  /// is at most this fraction of |F|, and shrinks when it is far below; the object outside follows
-  /// S. 0: the whole object.
+  /// Above 0: solve only the region that the tool disturbs, whole rings of neighbours around the
+  /// patch. The region grows until the work residual on its border, the sum of |S_i^T r_i| over the
+  /// ring outside, is at most this fraction of |F|, and shrinks when it is far below. The rest of
+  /// the object follows S. 0: solve the whole object.
   double border_tolerance = 0.0;
-  /// With border_tolerance: solve at most so many vertices even if their border lacks more than it
-  /// may, so that the cost doesn't grow with the object. For an object that is told where what lies
-  /// outside is: TwoRatesObject. 0: no limit.
+  /// With border_tolerance: solve at most this many vertices, even if the border residual is larger
+  /// than allowed, so that the cost does not grow with the object. For TwoRatesObject, which
+  /// corrects the object outside the region. 0: no limit.
   int most_vertices = 0;
   /// Largest |(K S)_f| / (K S at the patch) to accept after a move, for the predictor of the next.
   double sensitivity_tolerance = 0.05;
@@ -63,30 +64,19 @@ struct Equilibrium {
   double sensitivity_residual = 0.0;  ///< the same of K S, see SolverOptions
   double force_gap_N = 0.0;           ///< |force_W - raw_force_W|: bounds the force's error in use
   int steps = 0;                      ///< moves of at most max_step_m
-  int evaluations = 0;                ///< passes over all springs' laws
+  int evaluations = 0;                ///< evaluations of all springs
   int iterations = 0;                 ///< conjugate-gradient iterations
   int halvings = 0;                   ///< steps repeated at half length (unstable or not finite)
-  int vertices = 0;                   ///< that the last evaluation went through
+  int vertices = 0;                   ///< vertices in the last evaluation
   /// [N] Sum of |S_i^T r_i| over the ring around the region, see SolverOptions::border_tolerance; 0
   /// when the whole object is solved.
   double border_work_N = 0.0;
   double solve_time_s = 0.0;  ///< wall time of the move
-  bool reached = true;        ///< the tool is where it was asked to be; false: see displacement_W
+  bool reached = true;        ///< the tool reached its target; false: see displacement_W
   bool converged = false;     ///< relative_residual <= relative_tolerance and everything is finite
-  /// The state left its branch of equilibria (an unstable state was met and the object moved on to
-  /// another one): force and stiffness jumped since the last answer.
+  /// The object left its branch of equilibria: it became unstable and moved to another one. Force
+  /// and stiffness jumped since the last answer.
   bool left_branch = false;
-};
-
-/// Vertices around the tool as one object knows them, for another one that holds the same patch of
-/// the same mesh. Single precision.
-struct Neighbourhood {
-  struct Vertex {
-    Eigen::Vector3f position_W = Eigen::Vector3f::Zero();     ///< [m] from the mesh's top
-    Eigen::Matrix3f sensitivity_W = Eigen::Matrix3f::Zero();  ///< S: row c, column j is dx_c / dP_j
-  };
-  Eigen::Vector3d displacement_W = Eigen::Vector3d::Zero();  ///< [m] of the tool since the grab
-  std::vector<Vertex> vertices;
 };
 
 /// A mass-spring object under a tool that holds a patch of it: quasi-static equilibria and the
@@ -95,7 +85,7 @@ struct Neighbourhood {
 /// Energy E(x; P) = sum of the springs'; the patch follows the tool rigidly, x_g = X_g + P, fixed
 /// vertices stay, and the free ones solve r = -dE/dx_f = 0. Beside the positions x the solver
 /// carries the sensitivities S = dx/dP (K_ff S = -K_fg 1; three more right-hand sides of the same
-/// matrix, in SIMD lanes), which give the predictor x += S dP, a force of second-order accuracy and
+/// matrix, in SIMD lanes). They give the predictor x += S dP, a force of second-order accuracy and
 /// the stiffness J. Each step: predict, one pass of evaluation, block-Jacobi preconditioned
 /// conjugate gradients with a step length a lane.
 ///
@@ -131,14 +121,14 @@ class ElasticObject {
   /// Throws Error when a patch is held already.
   int grab(const Eigen::Vector3d& point_W, double radius_m);
 
-  /// Lets go; the object is back in its rest pose.
+  /// Releases the patch; the object returns to its rest pose.
   void release() noexcept;
 
   bool grabbed() const noexcept;
 
-  /// Moves the tool to `displacement_W` [m] from where it grabbed, in W, and finds the equilibrium.
-  /// Without a grab nothing moves and the force is zero. A displacement that is not finite changes
-  /// nothing and gives converged = reached = false with the last state's force.
+  /// Moves the tool to `displacement_W` [m] from where it grabbed, in W, and solves for the
+  /// equilibrium. Without a grab nothing moves and the force is zero. A displacement that is not
+  /// finite changes nothing and returns the last force with converged = reached = false.
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
 
   /// The vertices, in the mesh's numbering, whole rings around the patch, that a region of at most
@@ -148,10 +138,11 @@ class ElasticObject {
   /// Where these vertices (the mesh's numbering) stand now; `copy` must have as many.
   void copy(const std::vector<std::int32_t>& vertices, Neighbourhood& copy) const noexcept;
 
-  /// Another object has found `is` where this one stood at `was`, copies of neighbourhood() with
-  /// the tool at one place P_o. With the tool at P the present state is corrected by
-  /// S += S_is - S_was and x += x_is - x_was + (S_is - S_was) (P - P_o); the next move solves from
-  /// there.
+  /// Corrects the present state by what another object found: `was` and `is` are copies of
+  /// neighbourhood() of this object and of the other one, with the tool at the same place P_o. With
+  /// the tool now at P,
+  ///   S += S_is - S_was,   x += x_is - x_was + (S_is - S_was) (P - P_o)
+  /// and the next move starts from there.
   void correct(const Neighbourhood& was, const Neighbourhood& is) noexcept;
 
   /// [m] All vertices' positions in W, in the mesh's numbering.

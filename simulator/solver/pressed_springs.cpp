@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "simulator/kernels/coarse_correction.h"
+#include "simulator/kernels/eigen_lanes.h"
 #include "simulator/kernels/spring_table.h"
 
 namespace forcegrid::simulator {
@@ -80,24 +81,17 @@ PressedSprings::PressedSprings(const SpringMesh& mesh) {
 }
 
 Eigen::Vector3d PressedSprings::position(std::size_t vertex) const noexcept {
-  const kernels::Double4& at = position_[vertex].xyz;
-  return {at[0], at[1], at[2]};
+  return kernels::to_vector(position_[vertex]);
 }
 
 Eigen::Matrix3d PressedSprings::sensitivity(std::size_t vertex) const noexcept {
-  Eigen::Matrix3d result;
-  for (int c = 0; c < 3; ++c) {
-    for (int j = 0; j < 3; ++j) {
-      result(c, j) = static_cast<double>(state_[vertex].component[c][1 + j]);
-    }
-  }
-  return result;
+  return kernels::sensitivity_of(state_[vertex]);
 }
 
 void PressedSprings::rest() noexcept {
   for (std::size_t i = 0; i < rest_.size(); ++i) {
     state_[i] = Lanes{};
-    position_[i].xyz = kernels::Double4{rest_[i].x(), rest_[i].y(), rest_[i].z(), 0.0};
+    position_[i] = kernels::to_precise(rest_[i]);
   }
   at_rest_ = true;
 }

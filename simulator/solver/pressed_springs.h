@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "simulator/kernels/spring_kernels.h"
+#include "simulator/kernels/vertex_forces.h"
 #include "simulator/mesh/spring_mesh.h"
 #include "simulator/solver/contact_law.h"
 

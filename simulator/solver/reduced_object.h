@@ -12,43 +12,46 @@
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/reduced_training.h"
 #include "simulator/solver/reduced_use.h"
+#include "simulator/solver/solver_report.h"
 
 namespace forcegrid::simulator {
 
 struct ReducedObjectOptions {
   SolverOptions solver;             ///< of the full object
   ReducedTrainingOptions training;  ///< `cancel` is not used
-  /// When there are most_states, apart_m grows; when a check fails it shrinks.
+  /// apart_m grows when there are most_states states, and shrinks after a failed check.
   StateSpacing spacing;
   std::size_t first_states = 8;  ///< of a grab, before the first training; >= 1
-  /// Full answers without a new state after which fewer are enough, 3 for the first training and
-  /// one for the next: the tool keeps to a line; >= 1.
+  /// After this many full answers without a new state (the tool keeps to a line), a training needs
+  /// fewer states: 3 for the first one, 1 more for each later one; >= 1.
   int patience = 60;
   /// A model is used while |F - F_full| is at most this times the larger of |F_full| and the RMS
   /// force of its training states; > 0.
   double check_tolerance = 3e-3;
-  int passes = 3;         ///< checks in a row that a new model has to pass before it is used; >= 1
-  int passes_again = 10;  ///< the same after a failed one; >= 1
-  double reach_m = 6e-3;  ///< beyond this from the nearest training state the full object answers
+  int passes = 3;         ///< checks in a row that a new model must pass before it is used; >= 1
+  int passes_again = 10;  ///< the same after a failed check; >= 1
+  double reach_m = 6e-3;  ///< farther from the nearest training state the full object answers
   int check_every = 1;    ///< answers of the model from one check to the next; >= 1
-  /// Trainings and checks run on threads of their own; false: within move_to().
+  /// Whether trainings and checks run on separate threads; false: within move_to().
   bool own_threads = true;
-  std::function<void(const std::string&)> say;  ///< what changes, in a line; may be empty
+  std::function<void(const std::string&)> say;  ///< gets one line per change of model; may be empty
 };
 
-/// A mass-spring object under a tool that holds a patch of it, which learns as the grab lasts.
+/// A mass-spring object under a tool that holds a patch of it. It learns a reduced model of itself
+/// during the grab.
 ///
-/// At first the full object answers, and its states are kept. When there are enough of them, or no
-/// new ones come, a reduced model is trained, and again as they become a quarter more, or some more
-/// after a failed check. It is tried beside the full object until it has given the same force
-/// several times in a row, and from then on it answers where states are near. The full object
-/// follows on a thread of its own and checks it at every check_every-th place. A failed check, a
-/// place out of reach, or a model without an equilibrium give the answers back to the full object;
-/// what its state then is, is trained on, too. The next grab knows nothing of this one.
+/// At first the full object answers, and its states are kept. A reduced model is trained when there
+/// are enough states or no new ones come. It is trained again when there are a quarter more states,
+/// or some more after a failed check. A new model is compared with the full object until it has
+/// given the same force several times in a row; from then on it answers near its training states.
+/// The full object follows on a second thread and checks the model at every check_every-th place.
+/// After a failed check, out of the model's reach, or where the model finds no equilibrium, the
+/// full object answers again, and its states there are added to the training. Each grab starts
+/// without a model.
 ///
-/// Force and stiffness differ by at most the tolerance where one takes over from the other. When
-/// the full object has left its branch of equilibria, all that was learnt is forgotten, and the
-/// next answer says so (Equilibrium::left_branch).
+/// At a change between model and full object, force and stiffness differ by at most the tolerance.
+/// When the full object leaves its branch of equilibria, the model and its states are dropped, and
+/// the next answer reports it (Equilibrium::left_branch).
 ///
 /// Real-time: no; a model's answer takes microseconds, but taking a state allocates. Threads: one
 /// at a time, besides its own.
@@ -73,6 +76,7 @@ class ReducedObject {
   Equilibrium move_to(const Eigen::Vector3d& displacement_W);
 
   const ReducedUse& use() const noexcept { return use_; }
+  SolverReport report() const noexcept { return {.reduced = use_}; }
 
  private:
   // What a check brings back.
@@ -108,7 +112,7 @@ class ReducedObject {
   double last_check_ = 0.0;
   int passes_left_ = 0;
   int until_check_ = 0;
-  bool left_branch_ = false;  // by a check, and not told yet
+  bool left_branch_ = false;  // found by a check, not reported yet
   std::uint64_t told_ = 0;
   ReducedUse use_;
   std::future<Checked> check_;

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "simulator/kernels/eigen_lanes.h"
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
 #include "simulator/mesh/error.h"
@@ -60,7 +61,7 @@ class LawTable {
   }
   void set(std::size_t k, const kernels::SpringConstants<double>& constants, const Vector3d& edge) {
     constants_[k] = constants;
-    position_[k + 1].xyz = kernels::Double4{edge.x(), edge.y(), edge.z(), 0.0};
+    position_[k + 1] = kernels::to_precise(edge);
     exponential_ = exponential_ || constants.exponent > 0.0;
   }
   void find() {

@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "simulator/kernels/spring_kernels.h"
+#include "simulator/kernels/vertex_forces.h"
 #include "simulator/mesh/spring_mesh.h"
+#include "simulator/solver/neighbourhood.h"
 #include "simulator/solver/region.h"
 
 namespace forcegrid::simulator {
-
-struct Neighbourhood;
 
 /// What one pass of evaluation finds; ElasticObject documents the equations.
 struct Evaluation {

@@ -9,33 +9,34 @@
 
 #include "simulator/mesh/spring_mesh.h"
 #include "simulator/solver/elastic_object.h"
+#include "simulator/solver/solver_report.h"
 
 namespace forcegrid::simulator {
 
 struct TwoRatesOptions {
   /// Each move: the region around the tool. Needs border_tolerance and most_vertices > 0.
   SolverOptions near{.border_tolerance = 1e-3, .most_vertices = 2500};
-  /// The object as a whole, as often as that gets done.
+  /// The whole object, solved as often as the second thread can.
   SolverOptions whole{};
-  /// False, for measurements and tests: the caller solves the whole object (solve_whole(),
-  /// hand_over()).
+  /// False, for measurements and tests: the caller solves the whole object with solve_whole() and
+  /// hand_over().
   bool own_thread = true;
 };
 
-/// An object at two rates: each move solves a region of a bounded number of vertices around the
-/// tool, so that its cost grows with what the tool disturbs and not with the object, while a second
-/// copy of the object is solved as a whole, on a thread of its own and again and again at the place
-/// where the tool then was, P_w. Once that is done, what the region and the vertices around it
-/// differ by is added, for where the tool is now:
+/// An object that is solved at two rates. Each move solves a region of a bounded number of vertices
+/// around the tool, so that its cost grows with what the tool disturbs and not with the object. On
+/// a second thread a copy of the object is solved as a whole, again and again, each time for the
+/// tool's place P_w at that moment. When a solution is ready, its difference from the region and
+/// the vertices around it is added, for the tool's present place P:
 ///
 ///   S(P) += dS,   x(P) += x_whole(P_w) - x_near(P_w) + dS (P - P_w),   dS = S_whole(P_w) -
 ///   S_near(P_w)
 ///
-/// Between two such corrections what lies outside the region follows S, and what the border lacks
-/// counts to second order (SolverOptions::border_tolerance). No move waits for the whole object;
-/// how old its solution is grows with the object and with how fast the tool moves. Whether the
-/// answers are still good is seen by the border's work (Equilibrium::border_work_N): above a tenth
-/// of the force Equilibrium::converged is false.
+/// Between two such corrections the object outside the region follows S, and the residual on the
+/// border has a second-order effect (SolverOptions::border_tolerance). No move waits for the whole
+/// object. The age of its solution grows with the object's size; its effect grows with the tool's
+/// speed. Equilibrium::border_work_N measures it: above a tenth of the force,
+/// Equilibrium::converged is false.
 ///
 /// Source: the solver study, section on local solving.
 ///
@@ -63,16 +64,18 @@ class TwoRatesObject {
   /// object has left its branch.
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
 
-  /// Solutions of the whole object that moves have taken, since construction.
+  /// Solutions of the whole object that moves have used, since construction.
   std::uint64_t whole_solutions() const noexcept { return whole_solutions_; }
+  SolverReport report() const noexcept { return {.whole_solutions = whole_solutions_}; }
 
   // Without own_thread:
 
-  /// The last move asked for the whole object; until hand_over() the next ones don't.
+  /// Whether the last move requested a solution of the whole object. Until hand_over() no other
+  /// does.
   bool whole_is_due() const noexcept { return turn_ == Turn::kWhole; }
-  /// Solves it, for a whole that is due.
+  /// Solves the whole object, when whole_is_due().
   void solve_whole() noexcept;
-  /// Lets the next move take what solve_whole() has found.
+  /// Makes the result of solve_whole() available to the next move.
   void hand_over() noexcept;
 
  private:

@@ -14,38 +14,37 @@
 
 namespace forcegrid::simulator {
 
-/// What a tool that slides will feel when it has touched and gone on.
+/// Predicted forces on a tool that slides, just after it touches.
 struct PressForces {
   Eigen::Vector3d touch_W = Eigen::Vector3d::Zero();  ///< [m] of the tool
-  /// How far it goes from there for each metre of depth: -1 along the outward normal, and what it
-  /// goes along the surface.
+  /// Direction of travel per metre of depth: -1 along the outward normal, plus the tangential part.
   Eigen::Vector3d course_W = Eigen::Vector3d::Zero();
   /// [N] on the tool, 1 and 2 link::SurfacePatch::kPressDepth_m deep along the outward normal.
   std::array<Eigen::Vector3d, link::SurfacePatch::kPresses> force_W{};
 };
 
-/// Presses a copy of an object at rest where a tool will touch, before it is there: a tool that
-/// slides has no stiffness when it touches, and what it feels until the simulator's first answer
-/// has to be known by then. Friction is in it as far as the tool goes straight on.
+/// Predicts the forces on a sliding tool just after it touches, by pressing the tool into a copy of
+/// the object at rest. The servo needs them before the simulator's first answer, since a tool that
+/// slides has no stiffness at the touch. Friction is included as if the tool kept its direction.
 ///
-/// The copy is solved to kTolerance, as the force is needed for a moment only. Real-time: no.
-/// Threads: one.
+/// The copy is solved to kTolerance only, since the forces are needed for a moment.
+/// Real-time: no. Threads: one.
 class ContactPrediction {
  public:
   static constexpr double kTolerance = 1e-2;  ///< PressOptions::relative_tolerance
   /// [m] PressOptions::max_step_m: from rest, with friction, longer ones do not always converge.
   static constexpr double kStep_m = 0.5e-3;
-  /// A tool that touches flatter than with so much way along the surface for each metre of depth is
-  /// pressed on as if with so much.
+  /// Approach angles shallower than this ratio of tangential to normal travel are clamped to it.
   static constexpr double kMaxSlope = 2.0;
 
   /// Throws Error as PressedObject does.
   ContactPrediction(const SpringMesh& mesh, const contact::ToolShape& tool, PressOptions options);
 
-  /// @param touch_W  [m] where the tool will be when it touches.
-  /// @param velocity_W  [m/s] with which it goes on; only its direction counts.
-  /// @returns nothing where there is no surface, or where the tool is not pushed back, and farther
-  /// in the more, or not to be solved.
+  /// @param touch_W  [m] the tool's position at the touch.
+  /// @param velocity_W  [m/s] of the tool; only its direction counts.
+  /// @returns nothing if there is no surface there, if the force does not increase with depth, or
+  ///   if
+  /// the solve fails.
   std::optional<PressForces> press(const Eigen::Vector3d& touch_W,
                                    const Eigen::Vector3d& velocity_W) noexcept;
 
@@ -58,20 +57,20 @@ class ContactPrediction {
   PressedObject object_;
 };
 
-/// The same on a thread of its own at a low priority (nice 15), so that no answer waits for it: it
-/// takes the time that few others want. Threads: one, beside its own.
+/// Runs a ContactPrediction on a separate thread of low priority (nice 15), so that no answer waits
+/// for it. Threads: one owner, beside the thread that it starts.
 class ContactPredictionThread {
  public:
   /// Throws Error as ContactPrediction does.
   ContactPredictionThread(const SpringMesh& mesh, const contact::ToolShape& tool,
                           const PressOptions& options);
-  /// Waits for what is being pressed.
+  /// Waits until a prediction in progress has ended.
   ~ContactPredictionThread();
   ContactPredictionThread(const ContactPredictionThread&) = delete;
   ContactPredictionThread& operator=(const ContactPredictionThread&) = delete;
 
-  /// A touch is expected: it will be pressed unless something is being pressed already, or the last
-  /// was within kSamePlace_m of it and kSameCourse of its course. Does not wait.
+  /// Starts a prediction for this touch, unless one is in progress or the last one was for a touch
+  /// within kSamePlace_m and a direction within kSameCourse. Does not wait.
   void expect(const Eigen::Vector3d& touch_W, const Eigen::Vector3d& velocity_W) noexcept;
 
   /// The newest forces, if they are of a touch within kUsable_m [m] of this one. Does not wait.

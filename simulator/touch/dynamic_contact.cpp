@@ -5,15 +5,19 @@
 #include <optional>
 
 #include "simulator/mesh/error.h"
+#include "simulator/touch/sticky_contact_steps.h"
 #include "simulator/touch/time_stepped_object.h"
 #include "simulator/touch/tool_path.h"
 
 namespace forcegrid::simulator {
+
+FORCEGRID_INSTANTIATE_STICKY_CONTACT(TimeSteppedObject);
+
 namespace {
 
-constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step: rounding makes no other one
+constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step, so that rounding adds none
 
-// Of what several moves in turn came to, the last one being `to`.
+// Adds the counts of an earlier move of the same step to those of `to`.
 void add_up(const Equilibrium& earlier, Equilibrium& to) {
   to.iterations += earlier.iterations;
   to.evaluations += earlier.evaluations;
@@ -38,7 +42,7 @@ class StickingInTime final : public ToolContact {
     const double elapsed_s = last_s_ ? std::max(0.0, time_s_ - *last_s_) : 0.0;
     const double begin_s = time_s_ - elapsed_s;
     const int moves = position_W.allFinite() ? moves_in(elapsed_s) : 1;
-    long_steps_ = false;
+    long_step_ = false;
     Answer answer;
     for (int move = 1; move <= moves; ++move) {
       const bool at_end = move == moves;
@@ -62,7 +66,7 @@ class StickingInTime final : public ToolContact {
     object_.rest();
     path_.clear();
     last_s_.reset();
-    long_steps_ = false;
+    long_step_ = false;
   }
 
   bool in_contact() const noexcept override { return contact_.in_contact(); }
@@ -72,12 +76,12 @@ class StickingInTime final : public ToolContact {
     return contact_.expected_touch(position_W, velocity_W, within_s);
   }
   bool depends_on_position_alone() const noexcept override { return false; }
-  bool in_long_steps() const noexcept override { return long_steps_; }
+  SolverReport report() const noexcept override { return {.long_step = long_step_}; }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
 
  private:
-  // One a time step; after a pause, straight on, as many longer ones as the solver takes.
+  // One per time step; after a pause a single one, which the solver divides into longer steps.
   int moves_in(double elapsed_s) const noexcept {
     const double wanted = std::ceil(elapsed_s / object_.options().step_s * kAlmostWhole);
     return wanted > object_.options().max_steps ? 1 : std::max(1, static_cast<int>(wanted));
@@ -91,7 +95,7 @@ class StickingInTime final : public ToolContact {
       timed.left_s = 0.0;
     }
     const Answer answer = contact_.step(timed, position_W);
-    long_steps_ = long_steps_ || (touched_before && object_.long_step());
+    long_step_ = long_step_ || (touched_before && object_.long_step());
     return answer;
   }
 
@@ -100,7 +104,7 @@ class StickingInTime final : public ToolContact {
   ToolPath path_;
   double time_s_ = 0.0;
   std::optional<double> last_s_;
-  bool long_steps_ = false;
+  bool long_step_ = false;
 };
 
 }  // namespace
@@ -109,7 +113,7 @@ std::unique_ptr<ToolContact> make_dynamic_contact(const Scene& scene, const Dyna
                                                   const ToolOptions& options) {
   if (options.contact == "slide") {
     throw Error(
-        "tool: what slides presses equilibria; give --contact sticky with a dynamic solver");
+        "tool: --contact slide needs equilibria; give --contact sticky with --solver dynamic");
   }
   return std::make_unique<StickingInTime>(
       scene, solver,

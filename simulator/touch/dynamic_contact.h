@@ -8,14 +8,16 @@
 
 namespace forcegrid::simulator {
 
-/// A tool that sticks to an object which moves by itself (DynamicObject): touches and lets go as
-/// StickyContact does, by the surface at rest. From one step to the next the object lives through
-/// the time between their stamps (ToolContact::tell_time), also while nothing touches it; the tool
-/// goes along the positions that were told between (ToolContact::was_at), smoothed as ToolPath
-/// does, and touches where that way meets the surface. The answer is for the way's end, which is
-/// some encoder counts at most beside the position of the step. Time that does not go on is none;
-/// after a pause longer than DynamicOptions::max_steps steps the tool goes straight. Throws Error
-/// for a scene without masses, a tool that slides, and options out of range.
+/// Makes the contact of a tool that sticks to a DynamicObject. It touches and lets go as
+/// StickyContact does, by the surface at rest.
+///
+/// Each step advances the object by the time since the last one (ToolContact::tell_time), also
+/// without contact. In between the tool follows the positions of ToolContact::was_at, smoothed by
+/// ToolPath, and touches where that path crosses the surface. The answer belongs to the end of the
+/// path, which is at most a few encoder counts from the position of the step. A time that does not
+/// increase counts as 0 s. After a pause longer than DynamicOptions::max_steps steps the tool moves
+/// straight to its new position.
+/// Throws Error for a scene without masses, a tool that slides, and options out of range.
 std::unique_ptr<ToolContact> make_dynamic_contact(const Scene& scene, const DynamicOptions& solver,
                                                   const ToolOptions& options);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "contact/distance.h"
+#include "rt/vectors.h"
 #include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::simulator {
@@ -42,8 +43,7 @@ void LocalSurface::cut(const std::optional<Eigen::Vector3d>& touch_W, link::Surf
   patch.tool_radius_m = tool_radius_m_;
   patch.tool_length_m = tool_length_m_;
   patch.tool_opening_crad = tool_opening_crad_;
-  const Eigen::Vector3d position_W(patch.position_W_m[0], patch.position_W_m[1],
-                                   patch.position_W_m[2]);
+  const Eigen::Vector3d position_W = rt::to_vector(patch.position_W_m);
   const auto near = tree_.nearest(shape_, touch_W.value_or(position_W), kReach_m);
   if (!near) {
     return;
@@ -65,7 +65,7 @@ void LocalSurface::find_nearest(const Eigen::Vector3d& point_W) {
           weights[0] * corners_W[0] + weights[1] * corners_W[1] + weights[2] * corners_W[2];
       nearest_.emplace_back((there_W - point_W).norm(), triangle);
     });
-    // Beyond what was looked through there may be nearer ones.
+    // The search finds every triangle within look_m, but not all beyond it.
     std::ranges::sort(nearest_);
     if (nearest_.size() >= link::SurfacePatch::kMaxTriangles &&
         nearest_[link::SurfacePatch::kMaxTriangles - 1].first <= look_m) {
@@ -74,7 +74,7 @@ void LocalSurface::find_nearest(const Eigen::Vector3d& point_W) {
   }
 }
 
-// Leaves out what there is no more room for.
+// Leaves out a triangle that the patch has no room for.
 void LocalSurface::add(std::int32_t triangle, const Eigen::Vector3d& position_W,
                        link::SurfacePatch& patch) {
   if (patch.triangle_count == link::SurfacePatch::kMaxTriangles) {

@@ -14,21 +14,24 @@
 
 namespace forcegrid::simulator {
 
-/// Cuts out of an object's surface at rest what a tool in the air may touch next, for the servo to
-/// look at in each of its cycles: as many of the nearest triangles as a link::SurfacePatch holds.
+/// Extracts the part of an object's surface at rest that a tool may touch next: the nearest
+/// triangles, as many as a link::SurfacePatch holds. The servo tests the tool against them in every
+/// cycle.
 ///
 /// Real-time: no (allocates). Threads: one.
 class LocalSurface {
  public:
-  /// [m] A surface farther away than this is not near.
+  /// [m] Surfaces farther away than this are left out.
   static constexpr double kReach_m = 0.02;
 
   /// Nothing for an object without triangles. A grasper's opening is stated to 0.01 rad.
   static std::optional<LocalSurface> make(const SpringMesh& mesh, const ToolOptions& tool);
 
-  /// Fills in tool, vertices and triangles; none of these where nothing is near.
-  /// @param patch  position_W_m says where the tool is.
-  /// @param touch_W  [m] where the tool will be when it touches, as far as that can be foretold.
+  /// Fills in the tool and the nearest vertices and triangles, none if no surface is within
+  /// kReach_m.
+  /// @param touch_W  [m] the tool's position at the predicted touch; nothing: its present one is
+  ///   used.
+  /// @param patch  its position_W_m is the tool's present position.
   void cut(const std::optional<Eigen::Vector3d>& touch_W, link::SurfacePatch& patch);
 
  private:
@@ -42,8 +45,8 @@ class LocalSurface {
   float tool_radius_m_;
   float tool_length_m_;
   std::uint8_t tool_opening_crad_;
-  std::vector<std::pair<double, std::int32_t>> nearest_;  // [m] from where it was cut, triangle
-  std::vector<std::int32_t> vertices_;                    // of the mesh, by those of the patch
+  std::vector<std::pair<double, std::int32_t>> nearest_;  // distance [m] and triangle
+  std::vector<std::int32_t> vertices_;  // the mesh's number of each vertex of the patch
 };
 
 }  // namespace forcegrid::simulator

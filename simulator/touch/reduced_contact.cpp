@@ -2,27 +2,21 @@
 
 #include "simulator/mesh/error.h"
 #include "simulator/touch/sticking_tool.h"
+#include "simulator/touch/sticky_contact_steps.h"
 
 namespace forcegrid::simulator {
-namespace {
 
-class StickingAndLearning final : public StickingTool<ReducedObject> {
- public:
-  using StickingTool::StickingTool;
-  const ReducedUse* reduced_use() const noexcept override { return &object().use(); }
-};
-
-}  // namespace
+FORCEGRID_INSTANTIATE_STICKY_CONTACT(ReducedObject);
 
 std::unique_ptr<ToolContact> make_reduced_contact(const Scene& scene,
                                                   const ReducedObjectOptions& solver,
                                                   const ToolOptions& options) {
   if (options.slides()) {
     throw Error(
-        "tool: a reduced model is of a patch that is held; give --contact sticky with reduced, or "
-        "leave --solver out");
+        "tool: --solver reduced needs a patch that the tool holds; give --contact sticky, or leave "
+        "--solver out");
   }
-  return std::make_unique<StickingAndLearning>(
+  return std::make_unique<StickingTool<ReducedObject>>(
       scene, solver,
       ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = tool_shape(options)});
 }

@@ -8,8 +8,8 @@
 
 namespace forcegrid::simulator {
 
-/// A tool that sticks to an object which learns a reduced model of itself as the grab lasts
-/// (ReducedObject).
+/// Makes the contact of a tool that sticks to a ReducedObject, which learns a reduced model during
+/// the grab.
 /// Throws Error for a tool that slides, and options out of range.
 std::unique_ptr<ToolContact> make_reduced_contact(const Scene& scene,
                                                   const ReducedObjectOptions& solver,

@@ -16,7 +16,7 @@ bool SlidingContact::overlaps(const Eigen::Vector3d& position_W) const noexcept 
   return surface_.look(position_W).inside || object_.gap_m(position_W, 0.0) < 0.0;
 }
 
-// Goes as far as the gap is wide, again and again: never through the surface.
+// Sphere tracing: each step is as long as the gap, so it never crosses the surface.
 std::optional<Eigen::Vector3d> SlidingContact::touch_along(
     const Eigen::Vector3d& from_W, const Eigen::Vector3d& path_W) const noexcept {
   const double length_m = path_W.norm();

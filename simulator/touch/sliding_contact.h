@@ -16,14 +16,14 @@ struct SlidingOptions {
   double let_go_N = 1.0;
 };
 
-/// A tool that presses and slides (PressedObject), with contacts and epochs: a new epoch where the
-/// tool touches, leaves, grasps, lets go, or the object snaps into another shape; sticking and
-/// slipping are none, as the force is continuous there. Answer::point_W is where the tool was when
-/// it touched: the force begins with zero there.
+/// A tool that presses and slides (PressedObject). A new epoch begins when the tool touches,
+/// leaves, grasps or lets go, and when the object snaps into another shape. A change between
+/// sticking and slipping begins none, since the force is continuous. Answer::point_W is the tool's
+/// position at the touch, where the force is zero.
 ///
 /// A grasper closes when the surface presses it with SlidingOptions::grasp_N along its axis, and
-/// opens when it is pulled down with let_go_N; then it must come free of the surface before it
-/// closes again. A tool that is first seen inside the object must leave it before it can touch.
+/// opens when it is pulled down with let_go_N. It must then leave the surface before it can close
+/// again. A tool whose first position is inside the object must leave it before it can touch.
 /// Threads: one.
 class SlidingContact final : public ToolContact {
  public:
@@ -38,10 +38,11 @@ class SlidingContact final : public ToolContact {
                                                 const Eigen::Vector3d& velocity_W,
                                                 double within_s) const noexcept override;
   bool depends_on_position_alone() const noexcept override { return false; }
+  SolverReport report() const noexcept override { return {}; }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
 
-  /// Of the last step, with what Answer has no room for.
+  /// The result of the last step, with more detail than Answer.
   const Pressed& pressed() const noexcept { return pressed_; }
 
  private:

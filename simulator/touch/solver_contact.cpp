@@ -6,12 +6,13 @@
 
 #include "simulator/touch/dynamic_contact.h"
 #include "simulator/touch/reduced_contact.h"
+#include "simulator/touch/two_rates_contact.h"
 
 namespace forcegrid::simulator {
 namespace {
 
 constexpr double kReducedChecks_Hz = 30.0;
-constexpr double kPatience_s = 2.0;  // without a new state, until fewer are enough
+constexpr double kPatience_s = 2.0;  // without a new training state, before fewer are enough
 
 ReducedObjectOptions reduced_options(const SolverOptions& solver, double rate_Hz,
                                      std::ostream& log) {
@@ -28,14 +29,17 @@ ReducedObjectOptions reduced_options(const SolverOptions& solver, double rate_Hz
 std::unique_ptr<ToolContact> make_solver_contact(const Scene& scene, const SolverChoice& solver,
                                                  const ToolOptions& tool, double rate_Hz,
                                                  std::ostream& log) {
-  if (solver.name == "dynamic") {
-    return make_dynamic_contact(scene, solver.dynamic, tool);
-  }
-  if (solver.name == "two_rates") {
-    return make_two_rates_contact(scene, solver.two_rates, tool);
-  }
-  if (solver.name == "reduced") {
-    return make_reduced_contact(scene, reduced_options(solver.options, rate_Hz, log), tool);
+  switch (solver.kind) {
+    case SolverKind::kDynamic:
+      return make_dynamic_contact(scene, solver.dynamic, tool);
+    case SolverKind::kTwoRates:
+      return make_two_rates_contact(scene, solver.two_rates, tool);
+    case SolverKind::kReduced:
+      return make_reduced_contact(scene, reduced_options(solver.options, rate_Hz, log), tool);
+    case SolverKind::kQuasiStatic:
+    case SolverKind::kLocal:
+    case SolverKind::kPressed:
+      break;
   }
   return make_tool_contact(scene, solver.options, tool);
 }

@@ -9,8 +9,8 @@
 
 namespace forcegrid::simulator {
 
-/// How a tool meets an object that the chosen solver solves, `rate_Hz` times a second. What a
-/// reduced model's use changes goes to `log`, which must live as long.
+/// Makes the contact of a tool with an object under the chosen solver, for `rate_Hz` answers per
+/// second. Remarks of a reduced model go to `log`, which must outlive the contact.
 /// Throws Error as the solver's own contact does.
 std::unique_ptr<ToolContact> make_solver_contact(const Scene& scene, const SolverChoice& solver,
                                                  const ToolOptions& tool, double rate_Hz,

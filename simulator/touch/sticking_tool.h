@@ -12,11 +12,12 @@
 
 namespace forcegrid::simulator {
 
-/// A tool that sticks where it comes through the surface, as a servo sees it that looks far more
-/// often, and not where it is found inside. Object: one that StickyContact takes hold of, whose
-/// force is a function of the position alone. Threads: one.
+/// A tool that sticks where its path crosses the surface. A servo, which samples far more often,
+/// sees the touch there too, and not where the next simulator step finds the tool inside. Object:
+/// one that StickyContact can hold and whose force is a function of the position alone. Threads:
+/// one.
 template <typename Object>
-class StickingTool : public ToolContact {
+class StickingTool final : public ToolContact {
  public:
   template <typename Options>
   StickingTool(const Scene& scene, Options&& solver, const ContactOptions& options)
@@ -46,11 +47,15 @@ class StickingTool : public ToolContact {
     return contact_.expected_touch(position_W, velocity_W, within_s);
   }
   bool depends_on_position_alone() const noexcept override { return true; }
+  SolverReport report() const noexcept override {
+    if constexpr (requires(const Object& object) { object.report(); }) {
+      return object_.report();
+    } else {
+      return {};
+    }
+  }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
-
- protected:
-  const Object& object() const noexcept { return object_; }
 
  private:
   Object object_;

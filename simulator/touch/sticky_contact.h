@@ -12,38 +12,35 @@
 
 namespace forcegrid::simulator {
 
-class ReducedObject;
-struct TimeSteppedObject;
-class TwoRatesObject;
-
 struct ContactOptions {
   /// [m] Vertices within this distance of the contact point are held; > 0.
   double patch_radius_m = 0.012;
-  /// [m] A tool that moves down touches this far above the surface already; >= 0.
+  /// [m] A tool that moves down touches when it is this far above the surface; >= 0.
   double approach_distance_m = 0.2e-3;
-  /// The tool's shape, by which it touches; nothing: a point. What it then holds is in either case
-  /// what lies around its tip.
+  /// The tool's shape, which decides when it touches; nothing: a point. In either case the tool
+  /// holds the vertices around its tip.
   std::optional<contact::ToolShape> tool;
 };
 
-/// When the tool touches the object, and what that is worth: it sticks. From the touch on, the
-/// patch around the contact point moves rigidly with the tool, relative to the tool's position at
-/// that moment, so that the force starts at zero.
+/// Decides when the tool touches the object; from then on it sticks. The patch around the contact
+/// point moves rigidly with the tool, relative to the tool's position at the touch, so that the
+/// force starts at zero.
 ///
-/// A point touches when it is inside the object's surface at rest (SpringMesh::triangles), or up
-/// to approach_distance_m above it and lower than at the position before; and when a free vertex
-/// lies within patch_radius_m of it; a tool with a shape when that overlaps the surface, or is as
-/// near to it and as much lower. The contact holds until release(). A tool that is first seen
-/// inside the object must leave it before it can touch: it never came through the surface.
+/// A point touches when it is inside the object's surface at rest (SpringMesh::triangles), or at
+/// most approach_distance_m above it and lower than at the position before; and when a free vertex
+/// lies within patch_radius_m. A tool with a shape touches when it overlaps the surface, or is as
+/// near to it and moving down. The contact holds until release(). A tool whose first position is
+/// inside the object must leave it before it can touch.
 ///
-/// Objects are an ElasticObject, a TwoRatesObject, a ReducedObject or, where time counts, a
-/// TimeSteppedObject. Threads: one.
+/// step(), release() and reset() take an ElasticObject, a TwoRatesObject, a ReducedObject or a
+/// TimeSteppedObject; the source of each one's contact instantiates them (sticky_contact_steps.h).
+/// Threads: one.
 class StickyContact {
  public:
   /// Throws Error for options out of range.
   explicit StickyContact(const SpringMesh& mesh, const ContactOptions& options = {});
 
-  /// What the object does to a tool at one position.
+  /// The object's reaction to the tool at one position.
   struct Answer {
     bool in_contact = false;
     std::uint32_t epoch = 0;  ///< 0 before any contact; +1 at every discontinuity
@@ -56,23 +53,24 @@ class StickyContact {
     bool stiffness_known = true;  ///< Equilibrium::stiffness_W is dF/dP
   };
 
-  /// Moves the tool to `position_W` [m], touching `object` if the rule above says so.
-  /// `object` must be the one of all calls since the last reset(). A position that is not finite
-  /// answers as the last one did, with converged and reached false.
-  /// Allocates when contact is made, otherwise not.
+  /// Moves the tool to `position_W` [m] and touches `object` if the rule above holds. `object` must
+  /// be the same one in all calls since the last reset(). For a position that is not finite the
+  /// last answer is repeated, with converged and reached false. Allocates only when contact is
+  /// made.
   template <typename Object>
   Answer step(Object& object, const Eigen::Vector3d& position_W);
 
-  /// Lets go, a new epoch. The tool must leave the surface before it can touch again.
+  /// Lets go and begins a new epoch. The tool must leave the surface before it can touch again.
   template <typename Object>
   void release(Object& object) noexcept;
 
-  /// A new run: no contact, epoch 0, the object let go of: what has no motion is then at rest.
+  /// Starts a new run: no contact, epoch 0, the object released. An object without dynamics is then
+  /// at rest.
   template <typename Object>
   void reset(Object& object) noexcept;
 
-  /// Where a tool in the air at `position_W` [m] that goes straight on with `velocity_W` [m/s]
-  /// would touch within `within_s`; nothing if it would not, or the contact holds already.
+  /// [m] Where a tool at `position_W` [m] with the constant velocity `velocity_W` [m/s] touches
+  /// within `within_s`; nothing if it does not, or is in contact.
   std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
                                                 const Eigen::Vector3d& velocity_W,
                                                 double within_s) const noexcept;
@@ -92,24 +90,5 @@ class StickyContact {
   bool in_contact_ = false;
   bool must_leave_first_ = false;
 };
-
-extern template StickyContact::Answer StickyContact::step(ReducedObject&, const Eigen::Vector3d&);
-extern template void StickyContact::release(ReducedObject&) noexcept;
-extern template void StickyContact::reset(ReducedObject&) noexcept;
-extern template StickyContact::Answer StickyContact::step(TimeSteppedObject&,
-                                                          const Eigen::Vector3d&);
-extern template StickyContact::Answer StickyContact::step(TwoRatesObject&, const Eigen::Vector3d&);
-extern template void StickyContact::release(TwoRatesObject&) noexcept;
-extern template void StickyContact::reset(TwoRatesObject&) noexcept;
-extern template void StickyContact::release(TimeSteppedObject&) noexcept;
-extern template void StickyContact::reset(TimeSteppedObject&) noexcept;
-extern template StickyContact::Answer StickyContact::step(ElasticObject<float>&,
-                                                          const Eigen::Vector3d&);
-extern template StickyContact::Answer StickyContact::step(ElasticObject<double>&,
-                                                          const Eigen::Vector3d&);
-extern template void StickyContact::release(ElasticObject<float>&) noexcept;
-extern template void StickyContact::release(ElasticObject<double>&) noexcept;
-extern template void StickyContact::reset(ElasticObject<float>&) noexcept;
-extern template void StickyContact::reset(ElasticObject<double>&) noexcept;
 
 }  // namespace forcegrid::simulator

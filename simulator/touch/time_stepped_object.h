@@ -6,11 +6,11 @@
 
 namespace forcegrid::simulator {
 
-/// A DynamicObject with the time that it is to live through on its next move: what StickyContact
-/// takes hold of. Threads: one.
+/// Adapts a DynamicObject to StickyContact: holds the time that the next move advances it by.
+/// Threads: one.
 struct TimeSteppedObject {
   DynamicObject& object;
-  double left_s = 0.0;  ///< until the moment of the next move
+  double left_s = 0.0;  ///< of the next move
 
   int grab(const Eigen::Vector3d& point_W, double radius_m) {
     return object.grab(point_W, radius_m);

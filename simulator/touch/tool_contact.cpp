@@ -2,18 +2,12 @@
 
 #include "contact/error.h"
 #include "simulator/mesh/error.h"
-#include "simulator/solver/two_rates_object.h"
 #include "simulator/touch/sliding_contact.h"
 #include "simulator/touch/sticking_tool.h"
+#include "simulator/touch/sticky_contact_steps.h"
 
 namespace forcegrid::simulator {
 namespace {
-
-class StickingAtTwoRates final : public StickingTool<TwoRatesObject> {
- public:
-  using StickingTool::StickingTool;
-  std::uint64_t whole_solutions() const noexcept override { return object().whole_solutions(); }
-};
 
 std::optional<contact::ToolShape> make_shape(const ToolOptions& options) {
   if (options.shape == "point") {
@@ -56,17 +50,7 @@ std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverO
       scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
 }
 
-std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
-                                                    const TwoRatesOptions& solver,
-                                                    const ToolOptions& options) {
-  if (options.slides()) {
-    throw Error(
-        "tool: what slides presses the whole object; give --contact sticky with two_rates, or "
-        "leave --solver out");
-  }
-  return std::make_unique<StickingAtTwoRates>(
-      scene, solver,
-      ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = tool_shape(options)});
-}
+FORCEGRID_INSTANTIATE_STICKY_CONTACT(ElasticObject<float>);
+FORCEGRID_INSTANTIATE_STICKY_CONTACT(ElasticObject<double>);
 
 }  // namespace forcegrid::simulator

@@ -2,54 +2,51 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <optional>
 
 #include "simulator/mesh/scene.h"
 #include "simulator/mesh/tool_options.h"
 #include "simulator/solver/elastic_object.h"
-#include "simulator/solver/reduced_use.h"
-#include "simulator/solver/two_rates_object.h"
+#include "simulator/solver/solver_report.h"
 #include "simulator/touch/sticky_contact.h"
 
 namespace forcegrid::simulator {
 
-/// How the simulator's tool meets its object. Threads: one.
+/// Contact of the simulator's tool with its object. All positions are in the workspace frame W.
+/// Threads: one.
 class ToolContact {
  public:
   using Answer = StickyContact::Answer;
 
   virtual ~ToolContact() = default;
 
-  /// Where the tool was [m] on its way to the next step(), which is the last of these if there are
-  /// any. `time_s` is of the servo's clock. Equilibria know no way.
+  /// Adds a position [m] of the tool's path to the next step(), which ends at the last of them.
+  /// Solvers of equilibria ignore it, since their force does not depend on the path.
+  /// @param time_s  of the servo's clock.
   virtual void was_at(double time_s, const Eigen::Vector3d& position_W) {
     static_cast<void>(time_s);
     static_cast<void>(position_W);
   }
-  /// The moment [s], of the servo's clock, at which the tool is where the next step() moves it.
-  /// Equilibria know no time.
+  /// Sets the time [s] of the servo's clock that the next step() belongs to. Solvers of equilibria
+  /// ignore it.
   virtual void tell_time(double time_s) noexcept { static_cast<void>(time_s); }
-  /// Moves the tool to `position_W` [m]. One that is not finite answers as the last one did, with
-  /// converged and reached false.
+  /// Moves the tool to `position_W` [m]. For a position that is not finite the last answer is
+  /// repeated, with converged and reached false.
   virtual Answer step(const Eigen::Vector3d& position_W) = 0;
-  /// A new run: no contact, epoch 0, the object at rest.
+  /// Starts a new run: no contact, epoch 0, the object at rest.
   virtual void reset() noexcept = 0;
   virtual bool in_contact() const noexcept = 0;
-  /// Where a tool in the air at `position_W` that goes straight on with `velocity_W` [m/s] will be
-  /// when it touches, within `within_s`.
+  /// [m] Where a tool at `position_W` [m] with the constant velocity `velocity_W` [m/s] touches the
+  /// object within `within_s`; nothing if it does not, or touches already.
   virtual std::optional<Eigen::Vector3d> expected_touch(const Eigen::Vector3d& position_W,
                                                         const Eigen::Vector3d& velocity_W,
                                                         double within_s) const noexcept = 0;
-  /// Whether force is a function of the position since the touch, so that it can be foretold.
+  /// Whether force is a function of the displacement since the touch alone. Only then queries can
+  /// be answered.
   virtual bool depends_on_position_alone() const noexcept = 0;
-  /// The last step covered more time than the solver's own time steps can, see DynamicOptions.
-  virtual bool in_long_steps() const noexcept { return false; }
-  /// Solutions of the whole object beside the answers, see TwoRatesObject; else 0.
-  virtual std::uint64_t whole_solutions() const noexcept { return 0; }
-  /// What reduced models did; null where there are none.
-  virtual const ReducedUse* reduced_use() const noexcept { return nullptr; }
+  /// The solver's report as of the last step.
+  virtual SolverReport report() const noexcept = 0;
   virtual std::size_t vertex_count() const noexcept = 0;
   virtual std::size_t spring_count() const noexcept = 0;
 };
@@ -58,13 +55,9 @@ class ToolContact {
 /// Throws Error as make_tool_contact() does.
 std::optional<contact::ToolShape> tool_shape(const ToolOptions& options);
 
-/// Throws Error naming the option that is out of range, unknown, or does not go with the others.
+/// Makes the contact of a tool that slides, or that sticks to an object solved for equilibria.
+/// Throws Error naming the option that is out of range, unknown, or excluded by another one.
 std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverOptions& solver,
                                                const ToolOptions& options);
-
-/// The same with a TwoRatesObject, for a tool that sticks.
-std::unique_ptr<ToolContact> make_two_rates_contact(const Scene& scene,
-                                                    const TwoRatesOptions& solver,
-                                                    const ToolOptions& options);
 
 }  // namespace forcegrid::simulator

@@ -22,7 +22,7 @@ std::optional<Eigen::Vector3d> WayIn::between(const Eigen::Vector3d& from_W,
   if (!shape_) {
     return surface_.first_hit(from_W, path_W);
   }
-  // By no more than its gap at a time the tool can't go through anything.
+  // Sphere tracing: each step is as long as the gap, so the tool never crosses the surface.
   const double length_m = path_W.norm();
   double gone_m = 0.0;
   for (int trace = 0; trace < kMaxTraces && length_m > 0.0; ++trace) {

@@ -10,15 +10,15 @@
 
 namespace forcegrid::simulator {
 
-/// Where a tool comes through an object's surface at rest. Real-time: after construction no
+/// Finds where a tool's path crosses an object's surface at rest. Real-time: after construction no
 /// allocation, lock or throw. Threads: any, const.
 class WayIn {
  public:
   /// @param shape  nothing: a point.
   WayIn(const SpringMesh& mesh, const std::optional<contact::ToolShape>& shape);
 
-  /// The tool's position [m] where it first touches on the straight way between two positions, the
-  /// first of them outside; within kTouching_m of the surface for a tool with a shape.
+  /// [m] The tool's position where it first touches on the straight line between two positions, of
+  /// which the first is outside; within kTouching_m of the surface for a tool with a shape.
   std::optional<Eigen::Vector3d> between(const Eigen::Vector3d& from_W,
                                          const Eigen::Vector3d& to_W) const noexcept;
 

@@ -8,17 +8,18 @@
 
 namespace forcegrid::simulator {
 
-/// Decides who may connect to the CURVE servers of a ZeroMQ context: who has the key's client pair.
-/// ZeroMQ asks over an inner socket (ZAP, ZeroMQ RFC 27) and lets nobody in until it is answered.
-/// Real-time: no. Threads: one at a time.
+/// Admits clients to the CURVE servers of a ZeroMQ context if they present the client key pair
+/// derived from the link key. ZeroMQ asks through an inner socket (ZAP, ZeroMQ RFC 27) and admits
+/// no client before answer(). Real-time: no. Threads: one at a time.
 class CurveAuthenticator {
  public:
-  /// To be made before the servers of `context`; one a context.
+  /// Construct it before the servers of `context`; one per context.
   CurveAuthenticator(zmq::context_t& context, const link::LinkKey& key);
 
-  /// Answers what ZeroMQ has asked since the last time.
+  /// Answers ZeroMQ's requests since the last call.
   void answer();
-  /// Those with another key. Who does not know the server's public key is not even asked about.
+  /// Clients refused because of another key. Clients that do not present the server's public key
+  /// are rejected before any lookup and not counted.
   [[nodiscard]] std::uint64_t strangers() const noexcept { return strangers_; }
 
  private:

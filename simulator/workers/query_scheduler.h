@@ -14,38 +14,41 @@
 
 namespace forcegrid::simulator {
 
-/// Where a simulator's queries go: to workers if there are any, and what they leave is solved here
-/// in idle time. An answer that the pool wants checked is not used before that: another worker,
-/// which is not on probation, answers the same; if the two differ, or none is free before there is
-/// idle time here, it is solved here and the own answer goes out.
+/// Schedules a simulator's queries. Workers answer them if there are any; the rest is solved here,
+/// in idle time.
+///
+/// An answer that the pool wants checked is held back until it is. A second worker, which is not on
+/// probation, answers the same query. If the two differ, or no such worker is free before there is
+/// idle time here, the query is solved here and that answer is sent.
 /// Real-time: no. Threads: one.
 class QueryScheduler {
  public:
   struct Ports {
     std::function<std::optional<link::Query>()> next_query;
-    std::function<QueryJob(const link::Query&)> job_for;  ///< what it asks for, as things are now
+    std::function<QueryJob(const link::Query&)>
+        job_for;  ///< the job for a query in the present contact
     std::function<void(const link::Query&, const StickyContact::Answer&)> reply;
   };
   struct Counts {
-    std::uint64_t not_finite = 0;  ///< answers of the own solver, which nobody gets
-    std::uint64_t unchecked = 0;   ///< answers of workers not used, as nobody had time to check
+    std::uint64_t not_finite = 0;  ///< answers of the local solver that were dropped
+    std::uint64_t unchecked = 0;   ///< workers' answers dropped for want of time to check them
   };
 
-  /// @param pool  null: no workers
+  /// @param pool  null: no workers.
   /// Throws Error as ElasticObject does.
   QueryScheduler(const Scene& scene, const SolverOptions& options, Ports ports,
                  std::unique_ptr<WorkerPool> pool);
 
-  /// So many queries wait at Ports::next_query.
+  /// Sets how many queries wait at Ports::next_query.
   void set_waiting(std::size_t queries) noexcept { waiting_ = queries; }
-  /// Gives queries to workers and sends on what they have answered. Does not wait.
+  /// Gives queries to workers and sends their answers. Does not wait.
   void serve_workers(rt::TimePoint now);
-  /// Solves one thing, a check or a query, if it will be done by `deadline`.
-  /// @returns true when it took time over one.
+  /// Solves one check or query if it is expected to be done by `deadline`.
+  /// @returns whether it solved one.
   bool solve_one(rt::TimePoint deadline);
-  /// Solves at once for the simulator itself, whatever waits.
+  /// Solves at once, before everything that waits.
   StickyContact::Answer solve_now(const QueryJob& job) { return solver_.answer(job); }
-  /// Another run of a servo: what was asked before is of no use any more.
+  /// Starts a new run: earlier queries are dropped.
   void begin_anew();
 
   /// Null: no workers.
@@ -78,10 +81,10 @@ class QueryScheduler {
   Ports ports_;
   std::unique_ptr<WorkerPool> pool_;
   std::vector<Check> with_witness_;
-  std::deque<Check> checks_;           ///< to be made here, or by a witness that becomes free
-  std::deque<link::Query> left_over_;  ///< by workers
+  std::deque<Check> checks_;  ///< for the local solver, or for a second worker that becomes free
+  std::deque<link::Query> left_over_;  ///< that workers did not answer
   std::size_t waiting_ = 0;
-  double expected_s_ = 0.0;  ///< how long an answer takes, from the last one
+  double expected_s_ = 0.0;  ///< [s] expected time of an answer: that of the last one
   Counts counts_;
 };
 

@@ -13,6 +13,7 @@
 #include "rt/clock.h"
 #include "rt/thread.h"
 #include "simulator/mesh/error.h"
+#include "simulator/solver/solver_kind.h"
 #include "simulator/workers/worker_protocol.h"
 #include "simulator/workers/worker_socket.h"
 
@@ -96,7 +97,9 @@ class Work {
       solver_.emplace(scene_, *solver);
       if (first) {
         out_ << "working for " << options_.connect << " on scene " << scene_.name << ", solver "
-             << (solver->border_tolerance > 0.0 ? "local" : "quasi_static") << std::endl;
+             << to_string(solver->border_tolerance > 0.0 ? SolverKind::kLocal
+                                                         : SolverKind::kQuasiStatic)
+             << std::endl;
       }
     }
   }

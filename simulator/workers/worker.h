@@ -13,18 +13,18 @@ struct WorkerOptions {
   std::string connect;          ///< "tcp://ADDR:PORT" of a simulator's --workers
   std::string key_file;         ///< the simulator's
   std::string scene = "block";  ///< the simulator's
-  SolverOptions solver;         ///< but for what the simulator's welcome says
-  int nice = 10;                ///< of the calling thread: servo, emulator and simulator go first
+  SolverOptions solver;         ///< overridden by the simulator's welcome
+  int nice = 10;  ///< for the calling thread, so that servo, emulator and simulator run first
 };
 
-/// Answers queries for a simulator until it is told to stop; goes on when the simulator was away.
-/// @param out      gets a line once the simulator has let it in
-/// @param log      gets a line if that takes more than 5 s
-/// @param stop_fd  ends it when it can be read or is at its end; -1: none
-/// @returns how many it has answered.
+/// Answers queries for a simulator until it is stopped; reconnects when the simulator was away.
+/// @param out      gets one line when the simulator has accepted the worker.
+/// @param log      gets one line if that takes more than 5 s.
+/// @param stop_fd  the worker stops when it is readable or closed; -1: none.
+/// @returns the number of answers.
 /// @throws Error if the simulator refuses it or the scene can't be made, link::LinkError for key or
 ///   address.
-/// Real-time: no. Threads: `stop` may be set from anywhere; it is looked at every 100 ms.
+/// Real-time: no. Threads: `stop` may be set from any thread; it is read every 100 ms.
 std::uint64_t run_worker(const WorkerOptions& options, std::ostream& out, std::ostream& log,
                          const std::atomic<bool>& stop, int stop_fd = -1);
 

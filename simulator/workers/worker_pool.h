@@ -15,20 +15,20 @@
 
 namespace forcegrid::simulator {
 
-/// Gives jobs to any number of workers, which may join and go at any time, on any machine that has
-/// the key (ZeroMQ with CURVE; who lacks the key is not let in).
+/// Distributes jobs to workers. They may join and leave at any time, on any machine that has the
+/// key (ZeroMQ with CURVE; clients without the key are refused).
 ///
-/// A worker has one job at a time; of those that wait, the one that has waited longest gets the
-/// next. A job without an answer after kPatience is taken back; the answer is then late and
-/// dropped, and the worker gets nothing new before it.
+/// A worker has one job at a time; the one that has waited longest gets the next. A job without an
+/// answer after kPatience is taken back. Its answer is then late and dropped, and the worker gets
+/// no new job before it.
 ///
-/// The pool says which answers are to be checked, and is told with judge() how that went: those of
-/// a worker on probation, that is until kProbation in a row were right, and after that one in
-/// kCheckOneIn, drawn at random so that nobody knows which. On probation a worker gets no new job
-/// before its last answer is judged. A message that can't be read and an answer that nobody asked
-/// for count as wrong. What is wrong puts a worker on probation again; who was wrong in kMaxWrong
-/// of the last kRecentChecks is expelled (not at once: an object with several equilibria makes
-/// honest workers differ now and then).
+/// The pool decides which answers are to be checked; the caller checks them and reports with
+/// judge(). Every answer of a worker on probation is checked, until kProbation in a row were right.
+/// After that one in kCheckOneIn is, drawn at random so that a worker cannot know which. On
+/// probation a worker gets no new job before its last answer is judged. Unreadable messages and
+/// unrequested answers count as wrong. A wrong answer puts a worker on probation again. A worker
+/// that was wrong in kMaxWrong of the last kRecentChecks is expelled. It is not expelled at once,
+/// because honest workers can differ on an object with several equilibria.
 ///
 /// Real-time: no. Threads: one at a time; ZeroMQ has threads of its own.
 class WorkerPool {
@@ -43,10 +43,10 @@ class WorkerPool {
 
   using WorkerId = std::uint64_t;  ///< never used again for another worker
 
-  /// @param listen  ADDR:PORT, port 0 for a free one
-  /// @param object  what a worker has to have
-  /// @param seed    of the draw which answers are checked
-  /// @param solver  the simulator's, which each worker is told to use
+  /// @param listen  ADDR:PORT, port 0 for a free one.
+  /// @param object  the object that a worker must have.
+  /// @param seed    of the random choice of answers to check.
+  /// @param solver  the simulator's, sent to each worker.
   /// @throws Error naming the address and the remedy, link::LinkError for an address that is none.
   WorkerPool(const std::string& listen, const link::LinkKey& key, ObjectDigest object,
              std::uint32_t seed, const SolverOptions& solver = {});
@@ -61,12 +61,12 @@ class WorkerPool {
   /// millisecond early.
   void wait(rt::TimePoint until);
 
-  /// Takes in what has arrived, at most 256 messages, and takes back what took too long.
+  /// Reads at most 256 messages that have arrived, and takes back jobs that took too long.
   void poll(rt::TimePoint now);
 
-  /// A worker waits for a job.
+  /// Whether a worker waits for a job.
   [[nodiscard]] bool available() const noexcept;
-  /// Gives the job to a worker that waits. @returns false if there was none.
+  /// Gives the job to a waiting worker. @returns false if there is none.
   bool give(const link::Query& query, const QueryJob& job, rt::TimePoint now);
   /// Gives a job that `first` has answered to another worker, which is not on probation.
   /// @returns false if none waits.
@@ -81,7 +81,7 @@ class WorkerPool {
     bool to_check = false;  ///< owes a judge()
     bool witness = false;   ///< by give_to_witness(); owes a judge(), too
   };
-  /// The oldest answer that has not been given out.
+  /// The oldest answer that was not returned yet.
   std::optional<Answered> next_answer();
   struct TakenBack {
     link::Query query;
@@ -91,11 +91,11 @@ class WorkerPool {
   /// A job that a worker did not answer.
   std::optional<TakenBack> next_taken_back();
 
-  /// What came out of checking an answer.
+  /// Reports the result of checking an answer.
   void judge(WorkerId worker, Verdict verdict);
-  /// An answer that was given out by next_answer() is of no use: its contact has ended.
+  /// Counts an answer of next_answer() as late, because its contact has ended.
   void count_late(WorkerId worker);
-  /// Another run of a servo: what was asked before is of no use any more.
+  /// Starts a new run: earlier jobs are dropped.
   void forget_jobs();
 
   [[nodiscard]] WorkerStatistics statistics() const;

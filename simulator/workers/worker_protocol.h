@@ -6,8 +6,8 @@
 
 #include "simulator/workers/query_solver.h"
 
-/// What a simulator and its workers say to each other: one JSON object a ZeroMQ message, within
-/// CURVE. Lengths in m, forces in N, everything in the workspace frame W.
+/// The protocol between a simulator and its workers: one JSON object per ZeroMQ message, encrypted
+/// with CURVE. Lengths in m, forces in N, all vectors in the workspace frame W.
 ///
 /// | from      | keys                                                                           |
 /// |-----------|--------------------------------------------------------------------------------|
@@ -21,9 +21,9 @@
 /// | worker    | gave_up: id, of a job for which it found no finite force                        |
 namespace forcegrid::simulator {
 
-/// What tells one object from another without sending it.
+/// Identifies an object without sending it.
 struct ObjectDigest {
-  std::string scene;  ///< for messages alone: a file may lie elsewhere on another machine
+  std::string scene;  ///< for messages only: the file's path may differ on another machine
   std::uint64_t vertices = 0;
   std::uint64_t springs = 0;
   double stiffness_sum_N_per_m = 0.0;
@@ -58,18 +58,18 @@ std::string to_text(const NumberedJob& job);
 std::string to_text(const NumberedAnswer& answer);
 std::string gave_up_text(std::uint64_t id);
 std::string refusal_text(const std::string& reason);
-/// What a worker has to solve as the simulator does is in its SolverOptions: relative_tolerance and
-/// border_tolerance, by which quasi_static and local differ. All else is the same in every program.
+/// Carries the options with which a worker must solve: relative_tolerance, and border_tolerance, by
+/// which quasi_static and local differ. All others are the same in every program.
 std::string welcome_text(const SolverOptions& solver);
 
-/// Each reads one kind of message; nothing if the text is none of it, or not whole, or holds what
-/// is not finite. Safe for any text. Real-time: no (allocate). Threads: any.
+/// Each reads one kind of message; nothing if the text is another kind, incomplete, or has a number
+/// that is not finite. Safe for any text. Real-time: no (allocate). Threads: any.
 std::optional<WorkerHello> read_hello(const std::string& text);
 std::optional<NumberedJob> read_job(const std::string& text);
 std::optional<NumberedAnswer> read_answer(const std::string& text);
 std::optional<std::uint64_t> read_gave_up(const std::string& text);
 std::optional<std::string> read_refusal(const std::string& text);
-/// `own` with what the welcome says.
+/// `own` with the options of the welcome.
 std::optional<SolverOptions> read_welcome(const std::string& text, const SolverOptions& own);
 
 }  // namespace forcegrid::simulator

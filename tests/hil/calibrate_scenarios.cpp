@@ -87,7 +87,7 @@ TEST_F(LongCalibrate, UnpluggedInTheMiddleOfAMotionTheMotorsGoOffAndTheOldProfil
   const auto gone = Clock::now();
   EXPECT_EQ(calibrate.wait(std::chrono::seconds(20)).value_or(-1), 1);
   EXPECT_THAT(calibrate.standard_error(), HasSubstr("The device is gone"));
-  EXPECT_THAT(calibrate.standard_error(), HasSubstr("plug it in again, and start anew"));
+  EXPECT_THAT(calibrate.standard_error(), HasSubstr("plug it in again, and start again"));
   EXPECT_THAT(calibrate.standard_error(), Not(HasSubstr("terminate called")));
   EXPECT_EQ(text_of(file), earlier);
   EXPECT_EQ(std::distance(fs::directory_iterator(kDevices), fs::directory_iterator()), 1)

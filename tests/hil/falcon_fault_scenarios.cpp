@@ -3,10 +3,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
 
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -19,7 +17,6 @@ namespace forcegrid::hil {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::seconds;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -92,24 +89,13 @@ TEST(LongFalconFault, AChipThatAnswersWithStatusOnlyIsRefused) {
 TEST(LongFalconFault, AStallOnControlLeavesNoDeviceToOpen) {
   covers_device("falcon");
   covers_host("kernel");
-  const std::string report_file =
-      forcegrid::testing::fresh_folder("falcon_stalled") + "/report.json";
-  Program emulator =
-      Program::forcegrid({"emulate", "--device", "falcon", "--listen", "127.0.0.1:3240", "--fault",
-                          "stall-control", "--json", report_file});
-  ASSERT_TRUE(emulator.wait_for_text("busid 1-1"));
-  shell("usbip attach -r 127.0.0.1 -b 1-1");
-  std::this_thread::sleep_for(seconds(5));
-  const EndedRun refused = run_falcon("falcon", 1.0, {"--firmware", image_file(2)});
-  EXPECT_EQ(refused.status, 1);
-  EXPECT_THAT(refused.text, HasSubstr("no such device is attached"));
-  shell("usbip detach -p 0");
-  emulator.send_signal(SIGTERM);
-  EXPECT_EQ(emulator.wait(seconds(20)).value_or(-1), 0) << emulator.standard_error();
-  std::ifstream file(report_file);
-  const auto report = nlohmann::json::parse(file, nullptr, false);
+  const nlohmann::json report = expect_refused_with_stalled_control(
+      "falcon",
+      [] {
+        return run_falcon("falcon", 1.0, {"--firmware", image_file(2)});
+      },
+      "no such device is attached");
   ASSERT_TRUE(report.is_object());
-  EXPECT_EQ(largest_command(report), 0.0);
   EXPECT_EQ(number(report, "boot_handshakes"), 0);
 }
 
@@ -133,9 +119,7 @@ FaultyRun run_with(const std::string& fault, double run_s = 3.6, const char* mot
   FaultyRun result{run_falcon("falcon", run_s), {}};
   std::this_thread::sleep_for(milliseconds(300));  // longer than the device's watchdog takes
   result.emulator = bench.end();
-  EXPECT_EQ(final_command(result.emulator), kMotorsOff) << result.felt.text;
-  EXPECT_TRUE(result.felt.summary.is_object()) << result.felt.text;
-  EXPECT_THAT(result.felt.text, Not(HasSubstr("terminate called")));
+  expect_orderly_end(result);
   return result;
 }
 
@@ -245,10 +229,7 @@ TEST(LongFalconFault, ARebootOfTheFirmwareTakesThePowerAndEndsTheRun) {
 }
 
 TEST(LongFalconFault, AMotorThatPushesTheWrongWayIsFoundBeforeAnyForce) {
-  const FaultyRun result = run_with("wrong-way-motor:axis=b");
-  expect_named(result, {"motor_wrong_way"});
-  EXPECT_THAT(result.felt.text, HasSubstr("The motor of joint b pushes the wrong way"));
-  EXPECT_TRUE(result.felt.summary.value("zero_current_delivered", false));
+  expect_wrong_way_motor(run_with("wrong-way-motor:axis=b"));
 }
 
 }  // namespace

@@ -279,7 +279,7 @@ TEST(LongFalcon, UnpluggedInMidForceItsWatchdogStopsTheMotorsAndTheRunEnds) {
   measured("run_ended_after_unplug", seconds_between(pulled, Clock::now()), "s");
   const std::string text = program.standard_output() + program.standard_error();
   EXPECT_THAT(text, HasSubstr("FAULT: The device is gone; check the cable, plug it in again, and "
-                              "start anew."));
+                              "start again."));
   EXPECT_EQ(text.find("FAULT"), text.rfind("FAULT")) << text;
   EXPECT_THAT(text, Not(HasSubstr("terminate called")));
   std::ifstream file(folder + "/summary.json");

@@ -1,6 +1,5 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
 
 #include <fstream>
 #include <string>
@@ -17,7 +16,6 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using ::testing::Not;
 
 constexpr double kWatchdog_s = 0.5;
 // The command that was under way, a frame of the bus and the watchdog's own check.
@@ -32,9 +30,7 @@ FaultyRun run_with(const std::string& fault, double run_s = 5.0, const char* mot
   FaultyRun result{run("hid:1234:0006", run_s, {"--calibrated"}), {}};
   std::this_thread::sleep_for(seconds(1));  // longer than the device's watchdog takes
   result.emulator = bench.end();
-  EXPECT_EQ(final_command(result.emulator), kMotorsOff) << result.felt.text;
-  EXPECT_TRUE(result.felt.summary.is_object()) << result.felt.text;
-  EXPECT_THAT(result.felt.text, Not(HasSubstr("terminate called")));
+  expect_orderly_end(result);
   return result;
 }
 
@@ -154,23 +150,9 @@ TEST(LongFault, AStallOnControlLeavesNoDeviceToOpen) {
   covers_device("woodenhaptics_v2015");
   covers_host("kernel");
   covers_host("forcegrid-hidraw");
-  const std::string report_file = forcegrid::testing::fresh_folder("stalled") + "/report.json";
-  Program emulator =
-      Program::forcegrid({"emulate", "--device", "woodenhaptics_v2015", "--listen",
-                          "127.0.0.1:3240", "--fault", "stall-control", "--json", report_file});
-  ASSERT_TRUE(emulator.wait_for_text("busid 1-1"));
-  shell("usbip attach -r 127.0.0.1 -b 1-1");
-  std::this_thread::sleep_for(seconds(5));
-  const EndedRun refused = run("hid:1234:0006", 1.0, {"--calibrated"});
-  EXPECT_EQ(refused.status, 1);
-  EXPECT_THAT(refused.text, HasSubstr("not found"));
-  shell("usbip detach -p 0");
-  emulator.send_signal(SIGTERM);
-  EXPECT_EQ(emulator.wait(seconds(20)).value_or(-1), 0) << emulator.standard_error();
-  std::ifstream file(report_file);
-  const auto report = nlohmann::json::parse(file, nullptr, false);
-  ASSERT_TRUE(report.is_object());
-  EXPECT_EQ(report.at("max_abs_current_mA"), kMotorsOff);
+  expect_refused_with_stalled_control(
+      "woodenhaptics_v2015", [] { return run("hid:1234:0006", 1.0, {"--calibrated"}); },
+      "not found");
 }
 
 // --- firmware and motors ---
@@ -207,13 +189,19 @@ TEST(LongFault, AConnectionThatClosesEndsTheRun) {
 }
 
 TEST(LongFault, AMotorThatPushesTheWrongWayIsFoundBeforeAnyForce) {
-  const FaultyRun result = run_with("wrong-way-motor:axis=b");
-  expect_named(result, {"motor_wrong_way"});
-  EXPECT_THAT(result.felt.text, HasSubstr("The motor of joint b pushes the wrong way"));
-  EXPECT_TRUE(result.felt.summary.at("zero_current_delivered").get<bool>());
+  expect_wrong_way_motor(run_with("wrong-way-motor:axis=b"));
 }
 
 // --- out and in again ---
+
+void expect_reconnected_and_calibrated(const nlohmann::json& summary) {
+  EXPECT_TRUE(summary.at("faults").empty()) << summary.at("faults");
+  EXPECT_EQ(summary.at("reconnects"), 1);
+  EXPECT_EQ(summary.at("recalibrations"), 1);
+  ASSERT_EQ(summary.at("recovered_faults").size(), 1U);
+  EXPECT_EQ(summary.at("recovered_faults")[0].at("name"), "unplugged");
+  EXPECT_TRUE(summary.at("zero_current_delivered").get<bool>());
+}
 
 // The cable is pulled in mid-force and plugged in again; who holds the arm lets go of it meanwhile,
 // so that counters which nobody has confirmed would not be believed.
@@ -235,12 +223,7 @@ TEST(LongReplug, TheLoopWaitsIsCalibratedRampsInAndGoesOnWhenAskedTo) {
   std::ifstream file(folder + "/summary.json");
   const auto summary = nlohmann::json::parse(file, nullptr, false);
   ASSERT_TRUE(summary.is_object());
-  EXPECT_TRUE(summary.at("faults").empty()) << summary.at("faults");
-  EXPECT_EQ(summary.at("reconnects"), 1);
-  EXPECT_EQ(summary.at("recalibrations"), 1);
-  ASSERT_EQ(summary.at("recovered_faults").size(), 1U);
-  EXPECT_EQ(summary.at("recovered_faults")[0].at("name"), "unplugged");
-  EXPECT_TRUE(summary.at("zero_current_delivered").get<bool>());
+  expect_reconnected_and_calibrated(summary);
   const auto emulator = bench.end();
   EXPECT_EQ(final_command(emulator), kMotorsOff);
   EXPECT_GE(number(emulator, "watchdog_trips"), 1) << "while the cable was out";
@@ -278,12 +261,7 @@ TEST(LongReplug, ADeviceThatLostItsPowerIsCalibratedAgain) {
   EXPECT_EQ(result.felt.status, 0) << result.felt.text;
   const auto& summary = result.felt.summary;
   ASSERT_TRUE(summary.is_object());
-  EXPECT_TRUE(summary.at("faults").empty()) << summary.at("faults");
-  EXPECT_EQ(summary.at("reconnects"), 1);
-  EXPECT_EQ(summary.at("recalibrations"), 1);
-  ASSERT_EQ(summary.at("recovered_faults").size(), 1U);
-  EXPECT_EQ(summary.at("recovered_faults")[0].at("name"), "unplugged");
-  EXPECT_TRUE(summary.at("zero_current_delivered").get<bool>());
+  expect_reconnected_and_calibrated(summary);
   EXPECT_EQ(number(result.emulator, "counters_loaded"), 2);
   EXPECT_LT(result.emulator.at("seconds_since_motors_nonzero").get<double>(), 4.0)
       << "the motors have not pushed again";

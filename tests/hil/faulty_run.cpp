@@ -2,8 +2,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <thread>
 
 namespace forcegrid::hil {
 
@@ -90,6 +94,43 @@ void expect_endured(const FaultyRun& run) {
   EXPECT_GT(largest_command(run.emulator), 0.0) << "the motors never pushed";
   ASSERT_EQ(run.emulator.at("faults").size(), 1U);
   EXPECT_GT(number(run.emulator.at("faults")[0], "times"), 0) << "the fault never acted";
+}
+
+void expect_orderly_end(const FaultyRun& run) {
+  EXPECT_EQ(final_command(run.emulator), kMotorsOff) << run.felt.text;
+  EXPECT_TRUE(run.felt.summary.is_object()) << run.felt.text;
+  EXPECT_THAT(run.felt.text, Not(HasSubstr("terminate called")));
+}
+
+void expect_wrong_way_motor(const FaultyRun& run) {
+  expect_named(run, {"motor_wrong_way"});
+  EXPECT_THAT(run.felt.text, HasSubstr("The motor of joint b pushes the wrong way"));
+  EXPECT_TRUE(run.felt.summary.value("zero_current_delivered", false));
+}
+
+nlohmann::json expect_refused_with_stalled_control(const std::string& device,
+                                                   const std::function<EndedRun()>& try_to_run,
+                                                   const char* words) {
+  const std::string report_file = forcegrid::testing::fresh_folder("stalled") + "/report.json";
+  Program emulator =
+      Program::forcegrid({"emulate", "--device", device, "--listen", "127.0.0.1:3240", "--fault",
+                          "stall-control", "--json", report_file});
+  EXPECT_TRUE(emulator.wait_for_text("busid 1-1"));
+  shell("usbip attach -r 127.0.0.1 -b 1-1");
+  std::this_thread::sleep_for(std::chrono::seconds(5));
+  const EndedRun refused = try_to_run();
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.text, HasSubstr(words));
+  shell("usbip detach -p 0");
+  emulator.send_signal(SIGTERM);
+  EXPECT_EQ(emulator.wait(std::chrono::seconds(20)).value_or(-1), 0) << emulator.standard_error();
+  std::ifstream file(report_file);
+  nlohmann::json report = nlohmann::json::parse(file, nullptr, false);
+  EXPECT_TRUE(report.is_object());
+  if (report.is_object()) {
+    EXPECT_EQ(largest_command(report), 0.0);
+  }
+  return report;
 }
 
 void expect_sound_kernel() {

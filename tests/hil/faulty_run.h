@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -14,10 +15,10 @@ struct FaultyRun {
   nlohmann::json emulator;
 };
 
-/// All that the device's motors are told at the end, whether in mA or in a Falcon's units.
+/// The last command to the device's motors, whether in mA or in a Falcon's units.
 extern const nlohmann::json kMotorsOff;
 
-/// What the motors were told last, and the largest that any of them was told ever; [mA], or a
+/// The last command to the motors, and the largest that any of them has ever got; [mA], or a
 /// Falcon's units.
 nlohmann::json final_command(const nlohmann::json& emulator);
 double largest_command(const nlohmann::json& emulator);
@@ -44,6 +45,20 @@ void expect_watchdog(const FaultyRun& run, const std::vector<std::string>& names
 
 /// The loop goes on to its end without a fault, and its last zero is taken.
 void expect_endured(const FaultyRun& run);
+
+/// What every run against a faulty device ends with: motors off, a summary, no crash. Call it with
+/// the emulator's last report in `run`.
+void expect_orderly_end(const FaultyRun& run);
+
+/// A motor of joint b that pushes the wrong way is found before any force.
+void expect_wrong_way_motor(const FaultyRun& run);
+
+/// An emulated `device` that stalls its control endpoint is attached and refused: `try_to_run`
+/// fails, its words contain `words`, and the motors were never on.
+/// @returns the emulator's last report.
+nlohmann::json expect_refused_with_stalled_control(const std::string& device,
+                                                   const std::function<EndedRun()>& try_to_run,
+                                                   const char* words);
 
 /// Nothing that the kernel has said is a fault of its own.
 void expect_sound_kernel();

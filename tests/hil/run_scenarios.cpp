@@ -161,7 +161,7 @@ TEST(Unplug, InMidForceStopsTheMotorsWithinHalfASecondAndEndsTheRun) {
   EXPECT_EQ(status.value_or(-1), 1);
   const std::string text = program.standard_output() + program.standard_error();
   EXPECT_THAT(text, HasSubstr("FAULT: The device is gone; check the cable, plug it in again, and "
-                              "start anew."));
+                              "start again."));
   EXPECT_EQ(text.find("FAULT"), text.rfind("FAULT")) << text;
   EXPECT_THAT(text, Not(HasSubstr("terminate called")));
 

@@ -90,7 +90,7 @@ TEST(Approach, IsUsedToAskForTheForcesOfTheContactToCome) {
   while (!touched && steady_clock::now() < give_up) {
     std::this_thread::sleep_for(kPeriod);
     height_m += direction * kSpeed_m_per_s * 0.002;
-    knows = knows || method.member(0).sample_count() >= 8;
+    knows = knows || method.field().sample_count() >= 8;
     if (height_m < kLowest_m && !knows) {
       direction = 1.0;
     } else if (height_m > kHighest_m) {
@@ -103,7 +103,7 @@ TEST(Approach, IsUsedToAskForTheForcesOfTheContactToCome) {
     for (CycleRecord record; ports.records.pop(record);) {
       touched = touched || record.in_contact;
       if (!record.in_contact) {
-        known_before_contact = method.member(0).sample_count();
+        known_before_contact = method.field().sample_count();
         EXPECT_EQ(record.method_force_W_N[0][2], 0.0) << "in the air";
       }
     }

@@ -4,10 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 
 #include "driver/device.h"
@@ -22,9 +19,12 @@ using emulator::MotionKind;
 using servo::Fault;
 using std::chrono::milliseconds;
 using ::testing::AllOf;
+using testing::Endured;
 using testing::FaultBench;
 using testing::FaultyRun;
 using ::testing::HasSubstr;
+using testing::kReaction_ms;
+using testing::pushed;
 
 constexpr std::array<std::int32_t, 3> kNoCommand = {0, 0, 0};
 
@@ -149,7 +149,6 @@ TEST(FalconStallOnControl, IsRefusedWhenTheFalconIsOpened) {
 
 // --- In mid-force. ---
 
-constexpr double kReaction_ms = 20.0;
 /// What the driver waits for a reply before its next packet.
 constexpr double kReplyWait_ms = 40.0;
 constexpr double kWatchdog_ms = 100.0;
@@ -161,11 +160,6 @@ constexpr double kLongest_s = 5.0;
 FaultyRun run_with(const std::string& fault, double duration_s = kLongest_s,
                    bool check_motors = false, milliseconds settle = milliseconds(0)) {
   return FaultBench(fault, MotionKind::kLissajous, "falcon").run(duration_s, check_motors, settle);
-}
-
-bool pushed(const FaultyRun& run) {
-  const auto& largest = run.emulator.falcon->max_abs_command;
-  return *std::max_element(largest.begin(), largest.end()) > 20;
 }
 
 struct Stop {
@@ -193,11 +187,7 @@ void expect_named(const FaultyRun& run, const Stop& stop) {
   EXPECT_EQ(no_pose ? Fault::kImplausibleJump : run.outcome.fault, stop.expected)
       << servo::name_of(run.outcome.fault) << ": " << run.outcome.device_failure;
   EXPECT_THAT(run.outcome.device_failure, HasSubstr(stop.words));
-  EXPECT_GE(run.emulator.faults.at(0).times, 1u);
-  EXPECT_LE(run.seen_after_ms(), stop.visible_after_ms + kReaction_ms + run.held_up_ms);
-  EXPECT_EQ(run.emulator.falcon->final_command, kNoCommand);
-  std::printf("%s: seen after %.1f ms, motors off %.1f ms later (machine held up %.1f ms)\n",
-              stop.fault, run.seen_after_ms(), run.motors_off_after_ms(), run.held_up_ms);
+  testing::expect_seen(run, stop.fault, stop.visible_after_ms);
 }
 
 class FalconFaultWithAnOpenChannel : public ::testing::TestWithParam<Stop> {};
@@ -265,26 +255,10 @@ INSTANTIATE_TEST_SUITE_P(
 
 // --- Faults that the loop lives with, and counts. ---
 
-struct Endured {
-  const char* test;
-  const char* fault;
-  std::uint64_t driver::DeviceStatistics::*counter;  ///< what counts it; null: nothing does
-};
-
 class EnduredFalconFault : public ::testing::TestWithParam<Endured> {};
 
 TEST_P(EnduredFalconFault, IsCountedAndTheLoopGoesOn) {
-  const Endured& endured = GetParam();
-  const FaultyRun run = run_with(endured.fault, 1.1);
-  ASSERT_TRUE(pushed(run));
-  EXPECT_EQ(run.outcome.fault, Fault::kNone)
-      << servo::name_of(run.outcome.fault) << ": " << run.outcome.device_failure;
-  EXPECT_TRUE(run.outcome.zero_current_delivered);
-  EXPECT_EQ(run.emulator.falcon->final_command, kNoCommand);
-  ASSERT_GE(run.emulator.faults.at(0).times, 1u);
-  if (endured.counter != nullptr) {
-    EXPECT_GE(run.device.*endured.counter, 1u);
-  }
+  testing::expect_endured(run_with(GetParam().fault, 1.1), GetParam());
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -304,13 +278,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& test) { return test.param.test; });
 
 TEST(FalconWrongWayMotor, IsFoundByAPushBeforeAnyForceIsRendered) {
-  const FaultyRun run = run_with("wrong-way-motor:axis=b", kLongest_s, true);
-  EXPECT_EQ(run.outcome.fault, Fault::kMotorWrongWay) << servo::name_of(run.outcome.fault);
-  EXPECT_EQ(run.outcome.joint, 1);
-  for (const auto& record : run.records) {
-    EXPECT_EQ(record.gain, 0.0);
-  }
-  EXPECT_EQ(run.emulator.falcon->final_command, kNoCommand);
+  testing::expect_wrong_way_motor(run_with("wrong-way-motor:axis=b", kLongest_s, true));
 }
 
 }  // namespace

@@ -1,8 +1,13 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <cstdio>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -55,6 +60,67 @@ struct FaultyRun {
     return 1e-6 * static_cast<double>(last().time_ns - emulator.faults.at(0).first_ns);
   }
 };
+
+/// The currents [mA], or a Falcon's commands, that the emulated motors got last and at most.
+inline std::array<double, 3> last_command(const FaultyRun& run) {
+  if (!run.emulator.falcon) {
+    return run.emulator.final_current_mA;
+  }
+  const auto& command = run.emulator.falcon->final_command;
+  return {static_cast<double>(command[0]), static_cast<double>(command[1]),
+          static_cast<double>(command[2])};
+}
+inline double largest_command(const FaultyRun& run) {
+  if (!run.emulator.falcon) {
+    const auto& current_mA = run.emulator.max_abs_current_mA;
+    return *std::max_element(current_mA.begin(), current_mA.end());
+  }
+  const auto& command = run.emulator.falcon->max_abs_command;
+  return static_cast<double>(*std::max_element(command.begin(), command.end()));
+}
+inline bool is_off(const FaultyRun& run) { return last_command(run) == std::array<double, 3>{}; }
+/// Whether the motors have pushed: with more than 50 mA, or more than 20 of a Falcon's units.
+inline bool pushed(const FaultyRun& run) {
+  return largest_command(run) > (run.emulator.falcon ? 20.0 : 50.0);
+}
+
+/// A cycle sees what is expected within 20 ms of `visible_after_ms`, by when it can be seen.
+inline constexpr double kReaction_ms = 20.0;
+inline void expect_seen(const FaultyRun& run, const char* fault, double visible_after_ms) {
+  EXPECT_GE(run.emulator.faults.at(0).times, 1u);
+  EXPECT_LE(run.seen_after_ms(), visible_after_ms + kReaction_ms + run.held_up_ms);
+  EXPECT_TRUE(is_off(run));
+  std::printf("%s: seen after %.1f ms, motors off %.1f ms later (machine held up %.1f ms)\n", fault,
+              run.seen_after_ms(), run.motors_off_after_ms(), run.held_up_ms);
+}
+
+/// A fault that the loop lives with and the driver counts.
+struct Endured {
+  const char* test;
+  const char* fault;
+  std::uint64_t driver::DeviceStatistics::*counter;  ///< what counts it; null: nothing does
+};
+inline void expect_endured(const FaultyRun& run, const Endured& endured) {
+  ASSERT_TRUE(pushed(run));
+  EXPECT_EQ(run.outcome.fault, servo::Fault::kNone)
+      << servo::name_of(run.outcome.fault) << ": " << run.outcome.device_failure;
+  EXPECT_TRUE(run.outcome.zero_current_delivered);
+  EXPECT_TRUE(is_off(run));
+  ASSERT_GE(run.emulator.faults.at(0).times, 1u);
+  if (endured.counter != nullptr) {
+    EXPECT_GE(run.device.*endured.counter, 1u);
+  }
+}
+
+/// A motor of joint b that pushes the wrong way is found before any force.
+inline void expect_wrong_way_motor(const FaultyRun& run) {
+  EXPECT_EQ(run.outcome.fault, servo::Fault::kMotorWrongWay) << servo::name_of(run.outcome.fault);
+  EXPECT_EQ(run.outcome.joint, 1);
+  for (const auto& record : run.records) {
+    EXPECT_EQ(record.gain, 0.0);
+  }
+  EXPECT_TRUE(is_off(run));
+}
 
 /// An emulated device that starts in the middle of the workspace, in a firm hand, with true
 /// counters (a Falcon also with its firmware running); its driver and a servo loop, in this

@@ -45,9 +45,9 @@ TEST_P(CycleAllocations, AreNone) {
   grid.grid.cells.setConstant(20);
   grid.influence_radius_m = 0.02;
   const auto rendered = make_force_method("forcegrid", grid);
-  const auto shadow = make_force_method("hold", grid);
+  const auto evaluated = make_force_method("hold", grid);
   ServoPorts ports;
-  ServoLoop loop(device, profile, {rendered.get(), shadow.get()}, ports, options);
+  ServoLoop loop(device, profile, {rendered.get(), evaluated.get()}, ports, options);
   rt::TimePoint now(std::chrono::seconds(10));
   std::uint64_t allocations = 0;
   bool guard_acted = false;

@@ -94,19 +94,19 @@ class Requests : public ::testing::Test {
   profiles::DeviceProfile profile_ = profiles::load_device_profile("woodenhaptics_v2015");
   ScriptedDevice device_{profile_};
   CuriousMethod rendered_;
-  CuriousMethod shadow_;
+  CuriousMethod evaluated_;
   ServoPorts ports_;
   const Vector3d position_D_ = Vector3d(0.01, -0.02, 0.03);
   rt::TimePoint now_ = rt::TimePoint(std::chrono::seconds(1000));
 };
 
 TEST_F(Requests, AreMadeAtTheirRateByTheRenderedMethodInContact) {
-  ServoLoop loop(device_, profile_, {&rendered_, &shadow_}, ports_, options(120.0));
+  ServoLoop loop(device_, profile_, {&rendered_, &evaluated_}, ports_, options(120.0));
   EXPECT_TRUE(run_cycles(loop, 100).empty()) << "before any contact";
   arrive(true, 1, false);
   const std::vector<link::Query> queries = run_cycles(loop, 500);
   EXPECT_NEAR(static_cast<double>(queries.size()), 120.0, 2.0);  // in 1 s
-  EXPECT_EQ(shadow_.asked, 0);
+  EXPECT_EQ(evaluated_.asked, 0);
   for (std::size_t i = 0; i < queries.size(); ++i) {
     EXPECT_EQ(queries[i].query_id, i + 1);
     EXPECT_NEAR(queries[i].position_W_m[0], position_D_.x() + 0.001, 2e-4);  // encoder counts
@@ -132,7 +132,7 @@ TEST_F(Requests, AreNotMadeUpForAfterAPause) {
 }
 
 TEST_F(Requests, AreAnsweredToTheRenderedMethodAloneAndSayNothingOfContact) {
-  ServoLoop loop(device_, profile_, {&rendered_, &shadow_}, ports_, options(100.0));
+  ServoLoop loop(device_, profile_, {&rendered_, &evaluated_}, ports_, options(100.0));
   arrive(true, 1, true);  // before any contact is known
   run_cycles(loop, 1);
   EXPECT_EQ(rendered_.answers, 0);
@@ -146,8 +146,8 @@ TEST_F(Requests, AreAnsweredToTheRenderedMethodAloneAndSayNothingOfContact) {
   EXPECT_EQ(rendered_.losses, 0);
   EXPECT_EQ(rendered_.samples, 1);
   EXPECT_EQ(rendered_.answers, 1);
-  EXPECT_EQ(shadow_.samples, 1);
-  EXPECT_EQ(shadow_.answers, 0);
+  EXPECT_EQ(evaluated_.samples, 1);
+  EXPECT_EQ(evaluated_.answers, 0);
 }
 
 // The simulator says where the tool will touch by the contact point of samples in the air.
@@ -156,7 +156,7 @@ TEST_F(Requests, AreMadeBeforeContactByAMethodThatCanUseTheAnswers) {
   for (const bool asks : {false, true}) {
     rendered_ = CuriousMethod{};
     rendered_.asks_before_contact = asks;
-    ServoLoop loop(device_, profile_, {&rendered_, &shadow_}, ports_, options(100.0));
+    ServoLoop loop(device_, profile_, {&rendered_, &evaluated_}, ports_, options(100.0));
     ArrivedSample air;
     air.sample.contact_epoch = 4;
     air.sample.position_W = air.sample.contact_point_W = Vector3d(0.0, 0.0, 0.1);

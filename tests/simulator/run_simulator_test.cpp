@@ -160,7 +160,7 @@ TEST(RunSimulator, AnswersAToolThatTouchesAndPulls) {
 
 TEST(RunSimulator, AtTwoRatesTheAnswerBecomesThatOfTheWholeObject) {
   SimulatorOptions options;
-  options.solver_name = "two_rates";
+  options.solver_kind = SolverKind::kTwoRates;
   options.rate_Hz = 500.0;
   RunningSimulator simulator(options);
   link::ServoEndpoint servo(simulator.address());
@@ -188,7 +188,7 @@ TEST(RunSimulator, AtTwoRatesTheAnswerBecomesThatOfTheWholeObject) {
 
 TEST(RunSimulator, ReducedLearnsWhileItAnswersAndCountsWhoDid) {
   SimulatorOptions options;
-  options.solver_name = "reduced";
+  options.solver_kind = SolverKind::kReduced;
   options.rate_Hz = 500.0;
   RunningSimulator simulator(options);
   link::ServoEndpoint servo(simulator.address());

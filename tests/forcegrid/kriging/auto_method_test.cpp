@@ -1,4 +1,4 @@
-// auto: which of its members speaks, and why.
+// auto: which of its candidates is rendered, and why.
 
 #include <gtest/gtest.h>
 
@@ -16,15 +16,15 @@ using namespace testing;
 
 std::unique_ptr<ForceMethod> make_auto() { return make_force_method("auto", {}); }
 
-std::string speaker(const ForceMethod& method, const Vector3d& at_W) {
-  return method.members()[method.force(100.0, at_W).member];
+std::string rendered(const ForceMethod& method, const Vector3d& at_W) {
+  return method.candidates()[method.force(100.0, at_W).candidate];
 }
 
-TEST(AutoMethod, IsTheDefaultAndNamesItsMembers) {
+TEST(AutoMethod, IsTheDefaultAndNamesItsCandidates) {
   EXPECT_STREQ(kDefaultMethod, "auto");
   const auto method = make_force_method(kDefaultMethod, {});
   EXPECT_STREQ(method->name(), "auto");
-  EXPECT_EQ(method->members().size(), 11u);
+  EXPECT_EQ(method->candidates().size(), 11u);
   EXPECT_TRUE(method->needs().requests_before_contact);
   EXPECT_FALSE(method->needs().requests);
   EXPECT_FALSE(method->needs().stiffness);
@@ -39,7 +39,7 @@ TEST(AutoMethod, BeginsWithThePlaceThatItKnows) {
   const Vector3d again_W = kPlace_W + Vector3d(0.009, 0.001, 0.0);
   method->contact_made(4, again_W);
   work(*method);
-  EXPECT_EQ(speaker(*method, again_W), "places");
+  EXPECT_EQ(rendered(*method, again_W), "places");
   EXPECT_EQ(method->force(6.0, again_W).reason, ChoiceReason::kKnownPlace);
   EXPECT_LT(error_before_the_first_sample(*method, again_W), 0.03);
 }
@@ -63,7 +63,7 @@ TEST(AutoMethod, BeginsWithWhatItHasAskedAbout) {
   EXPECT_GE(asked, 4);
   method->contact_made(1, kPlace_W);
   work(*method);
-  EXPECT_EQ(speaker(*method, kPlace_W), "places");
+  EXPECT_EQ(rendered(*method, kPlace_W), "places");
   EXPECT_EQ(method->force(time_s, kPlace_W).reason, ChoiceReason::kAskedBefore);
   EXPECT_LT(error_before_the_first_sample(*method, kPlace_W), 0.1);
 }
@@ -100,7 +100,7 @@ TEST(AutoMethod, CorrectsASimulatorThatHasNotConverged) {
     return sample;
   });
   const Vector3d end_W = kPlace_W + HandMotion(kSeed).position_m(0.002 * 2499);
-  EXPECT_EQ(speaker(*method, end_W), "unfinished");
+  EXPECT_EQ(rendered(*method, end_W), "unfinished");
   EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - reference_N).norm(),
             0.01 * reference_N.norm());
 }
@@ -108,7 +108,7 @@ TEST(AutoMethod, CorrectsASimulatorThatHasNotConverged) {
 TEST(AutoMethod, LeavesAConvergedSimulatorToTheOthers) {
   const auto method = make_auto();
   play(*method, [](const Sample& sample) { return sample; });
-  const std::string who = speaker(*method, kPlace_W);
+  const std::string who = rendered(*method, kPlace_W);
   EXPECT_NE(who, "unfinished");
   EXPECT_NE(who, "relaxing");
 }
@@ -124,12 +124,12 @@ TEST(AutoMethod, FollowsAnObjectThatRelaxes) {
     return sample;
   });
   const Vector3d end_W = kPlace_W + HandMotion(kSeed).position_m(0.002 * 2499);
-  EXPECT_EQ(speaker(*method, end_W), "relaxing");
+  EXPECT_EQ(rendered(*method, end_W), "relaxing");
   EXPECT_LT((method->force(0.002 * 2499, end_W).force_W - reference_N).norm(),
             0.03 * reference_N.norm());
 }
 
-// The share of the time after 2 s in which a member is felt that knows more than the position.
+// The share of the time after 2 s in which the rendered candidate knows more than the position.
 double share_of_the_path(double mass_kg) {
   const auto method = make_auto();
   const HandMotion hand(kSeed);
@@ -142,7 +142,7 @@ double share_of_the_path(double mass_kg) {
          hand.position_m(sample.time_s - kStep_s)) /
         (kStep_s * kStep_s);
     if (sample.time_s > 2.0) {
-      const std::string who = speaker(*method, sample.position_W);
+      const std::string who = rendered(*method, sample.position_W);
       path += who == "viscous" || who == "noisy viscous" || who == "relaxing" ? 1 : 0;
       ++cycles;
     }
@@ -154,7 +154,7 @@ double share_of_the_path(double mass_kg) {
   return share;
 }
 
-TEST(AutoMethod, LeavesAnObjectWithInertiaToMembersThatKnowThePath) {
+TEST(AutoMethod, LeavesAnObjectWithInertiaToCandidatesThatKnowThePath) {
   EXPECT_GT(share_of_the_path(0.1), 0.8) << "0.2 if a few good samples were all that counted";
   EXPECT_EQ(share_of_the_path(0.0), 0.0) << "no lucky run";
 }

@@ -115,7 +115,7 @@ TEST_F(RequestsBeforeContact, AreNothingToMethodsThatDoNotTellPlacesApart) {
     method.contact_made(1, kPlace_W);
     method.take_sample(answer_at(time_s_, kPlace_W, kPlace_W + Vector3d(0.0, 0.0, 0.004)));
     work(method);
-    EXPECT_EQ(method.member(0).sample_count(), 0) << method.name();
+    EXPECT_EQ(method.field().sample_count(), 0) << method.name();
   }
 }
 
@@ -125,12 +125,12 @@ TEST_F(RequestsBeforeContact, AreStillOfUseWhenTheAnswerComesAfterTheTouch) {
   method.contact_made(1, kPlace_W + Vector3d(0.001, 0.0, 0.0));
   method.take_sample(answer_at(time_s_, kPlace_W, wanted_W_));
   work(method);
-  EXPECT_EQ(method.member(0).sample_count(), 1);
+  EXPECT_EQ(method.field().sample_count(), 1);
   Sample broken = answer_at(time_s_, kPlace_W, wanted_W_ + Vector3d(0.0, 0.005, 0.0));
   broken.contact_point_W.x() = std::numeric_limits<double>::quiet_NaN();
   method.take_sample(broken);
   work(method);
-  EXPECT_EQ(method.member(0).sample_count(), 1) << "of no place";
+  EXPECT_EQ(method.field().sample_count(), 1) << "of no place";
 }
 
 TEST(KrigingContact, TakesTheFirstSampleForTheContactPointWhereThatIsNotKnown) {
@@ -150,8 +150,8 @@ TEST(KrigingContact, IsMadeByNameWithCheckedOptions) {
   EXPECT_FALSE(method->needs().stiffness);
   EXPECT_LT(method->memory_bytes(), 1'000'000u);
   const KrigingMethod made(Kind::kContact, variant.options);
-  EXPECT_EQ(made.member(0).settings().nugget_N2, 1e-6);
-  EXPECT_EQ(made.member(0).settings().samples, 20);
+  EXPECT_EQ(made.field().settings().nugget_N2, 1e-6);
+  EXPECT_EQ(made.field().settings().samples, 20);
   for (const char* refused : {"kriging-contact nug=0", "kriging-contact samples=1"}) {
     EXPECT_THROW(
         {

@@ -290,9 +290,8 @@ TEST(ForcegridKriging, AsksAtVerticesWhereItKnowsLittle) {
                  const Vector3d wanted_m = wanted_W - kPoint_W;
                  const Vector3i vertex = method.grid().nearest_vertex(wanted_m);
                  EXPECT_LT((method.grid().position_m(vertex) - wanted_m).norm(), 1e-9);
-                 EXPECT_GT(
-                     method.kriging().member(0).deviation_N(wanted_m, kriging::History::Zero()),
-                     KrigingMethod::kAsk_N);
+                 EXPECT_GT(method.kriging().field().deviation_N(wanted_m, kriging::History::Zero()),
+                           kriging::FieldRequests::kAsk_N);
                });
   EXPECT_GT(asked, 3);
 }

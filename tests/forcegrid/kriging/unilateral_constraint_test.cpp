@@ -1,4 +1,4 @@
-#include "forcegrid/kriging/unilateral_constraint.h"
+#include "forcegrid/kriging/unilateral_constraint_field.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "forcegrid/kriging/kriging_method.h"
+#include "forcegrid/kriging/ensemble_method.h"
+#include "forcegrid/methods.h"
 #include "tests/forcegrid/kriging/kriging_support.h"
 
 namespace forcegrid::kriging {
@@ -447,11 +448,10 @@ TEST(UnilateralConstraint, FeelsAWallWhereKrigingSmoothsIt) {
   const AnchoredSprings object(kSeed);
   const HandMotion motion(kSeed);
   const Vector3d point_W(0.08, 0.06, 0.05);
-  using Kind = KrigingMethod::Kind;
-  std::map<Kind, double> error;
-  for (const Kind kind : {Kind::kForceOnly, Kind::kHinge, Kind::kBank}) {
-    KrigingMethod method(kind, {});
-    method.contact_made(1, point_W);
+  std::map<std::string, double> error;
+  for (const std::string name : {"kriging", "kriging-hinge", "kriging-bank"}) {
+    const auto method = make_force_method(name, {});
+    method->contact_made(1, point_W);
     double squares_N2 = 0.0;
     double reference_N2 = 0.0;
     for (int i = 0; i < 6000; ++i) {
@@ -459,9 +459,9 @@ TEST(UnilateralConstraint, FeelsAWallWhereKrigingSmoothsIt) {
       const Vector3d p = motion.position_m(t_s);
       const Vector3d reference_N =
           object.force_N(p) + plane_N(p, Vector3d::UnitZ(), Vector3d(0, 0, 0.005), 1000.0);
-      method.observe(t_s, point_W + p);
+      method->observe(t_s, point_W + p);
       if (i >= 2000) {
-        squares_N2 += (method.force(t_s, point_W + p).force_W - reference_N).squaredNorm();
+        squares_N2 += (method->force(t_s, point_W + p).force_W - reference_N).squaredNorm();
         reference_N2 += reference_N.squaredNorm();
       }
       if (i % 17 == 0) {
@@ -469,27 +469,27 @@ TEST(UnilateralConstraint, FeelsAWallWhereKrigingSmoothsIt) {
         sample.time_s = t_s;
         sample.position_W = point_W + p;
         sample.force_W = reference_N;
-        method.take_sample(sample);
-        method.work(1 << 30);
+        method->take_sample(sample);
+        method->work(1 << 30);
       }
     }
-    error[kind] = std::sqrt(squares_N2 / reference_N2);
-    if (kind == Kind::kBank) {
-      EXPECT_STREQ(method.members()[static_cast<std::size_t>(method.active_member())], "walls");
+    error[name] = std::sqrt(squares_N2 / reference_N2);
+    if (name == "kriging-bank") {
+      EXPECT_STREQ(method->candidates()[method->force(12.0, point_W).candidate], "walls");
     }
   }
-  EXPECT_GT(error[Kind::kForceOnly], 0.03);
-  EXPECT_LT(error[Kind::kHinge], 0.005);
-  EXPECT_LT(error[Kind::kBank], 0.005);
+  EXPECT_GT(error["kriging"], 0.03);
+  EXPECT_LT(error["kriging-hinge"], 0.005);
+  EXPECT_LT(error["kriging-bank"], 0.005);
 }
 
-// The bank hands over at the very sample that explains a wall, and says why.
-TEST(UnilateralConstraint, TakesOverInTheBankAtTheFirstSampleBeyondAWall) {
+// The ensemble hands over at the very sample that explains a wall, and says why.
+TEST(UnilateralConstraint, TakesOverInTheEnsembleAtTheFirstSampleBeyondAWall) {
   const AnchoredSprings object(kSeed);
   const HandMotion motion(kSeed);
   const Vector3d surface_m(0, 0, 0.005);
-  KrigingMethod bank(KrigingMethod::Kind::kBank, {});
-  bank.contact_made(1, Vector3d::Zero());
+  EnsembleMethod ensemble(EnsembleMethod::Kind::kKriging, {});
+  ensemble.contact_made(1, Vector3d::Zero());
   bool touched = false;
   for (int i = 0; i < 600 && !touched; ++i) {
     const Vector3d p = motion.position_m(i * kPeriod_s);
@@ -498,21 +498,21 @@ TEST(UnilateralConstraint, TakesOverInTheBankAtTheFirstSampleBeyondAWall) {
     if (!touched && wall_N != Vector3d::Zero()) {
       continue;  // the first touch is to be one that counts
     }
-    bank.observe(i * kPeriod_s, p);
+    ensemble.observe(i * kPeriod_s, p);
     Sample sample;
     sample.time_s = i * kPeriod_s;
     sample.position_W = p;
     sample.force_W = object.force_N(p) + wall_N;
-    bank.take_sample(sample);
-    bank.work(1 << 30);
-    const ForceEstimate estimate = bank.force(i * kPeriod_s, p);
+    ensemble.take_sample(sample);
+    ensemble.work(1 << 30);
+    const ForceEstimate estimate = ensemble.force(i * kPeriod_s, p);
     EXPECT_EQ(estimate.reason == ChoiceReason::kFoundWall, touched);
-    EXPECT_EQ(std::string(bank.members()[estimate.member]) == "walls", touched);
+    EXPECT_EQ(std::string(ensemble.candidates()[estimate.candidate]) == "walls", touched);
   }
   EXPECT_TRUE(touched);
 }
 
-// A cut makes every force smaller at once. No wall does that, and the bank must not take it for
+// A cut makes every force smaller at once. No wall does that, and the ensemble must not take it for
 // one.
 TEST(UnilateralConstraint, DoesNotTakeACutForAWall) {
   const AnchoredSprings object(kSeed);

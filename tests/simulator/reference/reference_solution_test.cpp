@@ -70,10 +70,10 @@ TEST(SimulateReference, IsFarCloserToAFinerSolutionThanItsTolerance) {
   ElasticObject<double> object(make_scene("small").mesh, finer);
   object.grab(kContact, 0.012);
   for (std::size_t i = 0; i < positions.size(); i += 10) {
-    const Equilibrium reference = object.move_to(positions[i] - kContact);
-    ASSERT_TRUE(reference.converged);
-    EXPECT_LT((reference.forces_W[i] - reference.force_W).norm(),
-              1e-6 * std::max(reference.force_W.norm(), 0.05))
+    const Equilibrium exact = object.move_to(positions[i] - kContact);
+    ASSERT_TRUE(exact.converged);
+    EXPECT_LT((reference.forces_W[i] - exact.force_W).norm(),
+              1e-6 * std::max(exact.force_W.norm(), 0.05))
         << i;
   }
 }

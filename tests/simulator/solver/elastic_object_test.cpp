@@ -238,7 +238,7 @@ TEST(ElasticObject, CorrectedForceIsFarMoreAccurateThanThePatchSum) {
   exact.grab(Vector3d::Zero(), kPatchRadius_m);
   double raw = 0.0;
   double corrected = 0.0;
-  double reference = 0.0;
+  double squared_N2 = 0.0;
   for (int i = 1; i <= 60; ++i) {
     const double t = 0.1 * i;
     const Vector3d at(0.006 * std::sin(t), 0.005 * std::sin(1.3 * t), 0.006 * (1 - std::cos(t)));
@@ -247,9 +247,9 @@ TEST(ElasticObject, CorrectedForceIsFarMoreAccurateThanThePatchSum) {
     ASSERT_TRUE(reference.converged);
     raw += (answer.raw_force_W - reference.force_W).squaredNorm();
     corrected += (answer.force_W - reference.force_W).squaredNorm();
-    reference += reference.force_W.squaredNorm();
+    squared_N2 += reference.force_W.squaredNorm();
   }
-  EXPECT_LT(std::sqrt(corrected / reference), 2e-3);
+  EXPECT_LT(std::sqrt(corrected / squared_N2), 2e-3);
   EXPECT_LT(corrected, raw / 25.0);  // a fifth of the error, squared
 }
 
@@ -260,7 +260,7 @@ TEST(ElasticObject, SinglePrecisionAgreesWithDoubleToATenthOfAPercent) {
   single.grab(Vector3d::Zero(), kPatchRadius_m);
   exact.grab(Vector3d::Zero(), kPatchRadius_m);
   double error = 0.0;
-  double reference = 0.0;
+  double squared_N2 = 0.0;
   for (int i = 1; i <= 60; ++i) {
     const double t = 0.15 * i;
     const Vector3d at(0.008 * std::sin(t), 0.008 * std::sin(0.7 * t),
@@ -269,9 +269,9 @@ TEST(ElasticObject, SinglePrecisionAgreesWithDoubleToATenthOfAPercent) {
     EXPECT_TRUE(answer.converged);
     const Vector3d reference = exact.move_to(at).force_W;
     error += (answer.force_W - reference).squaredNorm();
-    reference += reference.squaredNorm();
+    squared_N2 += reference.squaredNorm();
   }
-  EXPECT_LT(std::sqrt(error / reference), 1e-3);
+  EXPECT_LT(std::sqrt(error / squared_N2), 1e-3);
 }
 
 TEST(ElasticObject, DoubleReachesTheToleranceOfTheOffLineForce) {

@@ -14,6 +14,7 @@
 #include "simulator/solver/two_rates_object.h"
 #include "simulator/touch/solver_choice.h"
 #include "simulator/touch/tool_contact.h"
+#include "simulator/touch/two_rates_contact.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -254,6 +255,9 @@ TEST(TwoRatesContact, HoldsAndLetsGoAsAWholeObjectDoes) {
     EXPECT_LT((answer.equilibrium.force_W - expected.equilibrium.force_W).norm(), 0.05 * scale_N);
   }
   EXPECT_TRUE(two_rates->in_contact());
+  EXPECT_TRUE(two_rates->report().whole_solutions.has_value());
+  EXPECT_FALSE(two_rates->report().reduced.has_value());
+  EXPECT_FALSE(whole->report().whole_solutions.has_value());
   two_rates->reset();
   EXPECT_FALSE(two_rates->in_contact());
 }

@@ -1,0 +1,128 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "forcegrid/kriging/ensemble_thresholds.h"
+#include "forcegrid/kriging/history.h"
+#include "forcegrid/kriging/kriging_field.h"
+#include "forcegrid/kriging/sample_queue.h"
+
+namespace forcegrid::kriging {
+
+/// What the ensemble knows of the tool's path at a sample's time, looked up when the sample came.
+struct PathAtSample {
+  ToolHistory::Lags lags = ToolHistory::Lags::Zero();  ///< of the tool
+  bool lags_known = false;
+  PathTerms terms_N = PathTerms::Zero();
+  bool terms_known = false;
+};
+
+/// What a candidate's own score is rated against.
+struct Peers {
+  /// [N^2] Least long score of the candidates of weight one, which know the position alone.
+  double general_long_score_N2 = 0.0;
+  std::uint64_t long_scored = 0;  ///< samples in the long scores
+};
+
+/// Errors of all candidates at one sample, squared [N^2]; kNotTaken_N2 of those without use for it.
+using SquaredErrors = std::span<const double>;
+
+/// One field of an ensemble, and what sets it apart: which samples it takes, how its score is
+/// rated, and what a contact means to it.
+///
+/// A candidate takes the queued samples one by one at its own pace: next_sample() is the number of
+/// the one that it takes next. So the ensemble may serve candidates in any order, leave one alone
+/// and let it catch up later.
+/// To add a role: derive, override what differs, and add it in make_candidates().
+/// Real-time: nothing allocates, locks or throws after construction. Threads: one.
+class Candidate {
+ public:
+  enum class Accept : std::uint8_t {
+    kTake,
+    kNoUse,    ///< not for this field; it is taken to err like the rendered candidate
+    kUnknown,  ///< its path was not observed: no candidate is scored by this sample
+  };
+
+  /// @param name static text.
+  /// @param weight that its score counts with, see EnsembleThresholds.
+  Candidate(const char* name, std::unique_ptr<Field> field, double weight,
+            const EnsembleThresholds& thresholds);
+  virtual ~Candidate() = default;
+  Candidate(const Candidate&) = delete;
+  Candidate& operator=(const Candidate&) = delete;
+
+  /// Whether its field takes a sample. A role may add to `observation` what its field needs.
+  virtual Accept accept(const QueuedSample& sample, const PathAtSample& path,
+                        Observation& observation) const noexcept;
+  /// Its field has taken a sample.
+  /// @returns true if it alone can explain it, so that no candidate is to be scored by it.
+  virtual bool on_taken(const Innovation& innovation, bool from_query) noexcept;
+  /// All candidates have evaluated a sample. @param own its index in `errors_N2`.
+  virtual void on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept;
+  /// [N^2] The score that decides: the least rating wins.
+  virtual double rate(const Peers& peers) const noexcept;
+  /// A contact begins, or is expected, at `point_W`; reads are relative to it from now on.
+  virtual void on_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept;
+  /// Whether it takes a sample before others that are further behind.
+  virtual bool served_early() const noexcept { return false; }
+  /// Whether the force depends on more than the position.
+  virtual bool knows_path() const noexcept { return false; }
+  virtual std::size_t memory_bytes() const noexcept;
+
+  const char* name() const noexcept { return name_; }
+  Field& field() noexcept { return *field_; }
+  const Field& field() const noexcept { return *field_; }
+  double weight() const noexcept { return weight_; }
+  double least_uncertainty_N() const noexcept { return least_uncertainty_N_; }
+
+  /// The path's features at `position_W`, the tool having been observed last at `observed_W`; zero
+  /// for fields without such features.
+  History history_at(const Eigen::Vector3d& position_W,
+                     const Eigen::Vector3d& observed_W) const noexcept;
+
+  /// What a piece of work on its field counts: half the square of the factor's rows.
+  int piece_units() const noexcept {
+    const int rows = field_->row_count();
+    return 1 + rows * rows / 2;
+  }
+
+  std::uint64_t next_sample() const noexcept { return next_; }
+  void advance() noexcept { ++next_; }
+
+  // Its errors so far, squared and averaged [N^2]: over some samples, over some seconds, and over
+  // the first instants of contacts.
+  double score_N2 = 0.0;
+  double long_score_N2 = 0.0;
+  double first_touch_score_N2 = 0.0;
+
+ protected:
+  const EnsembleThresholds& thresholds() const noexcept { return thresholds_; }
+  double least_uncertainty_N_;
+  const ToolHistory* path_ = nullptr;  ///< of fields with history features
+  int first_lag_ = 0;                  ///< in path_, of the field's features
+
+ private:
+  const char* name_;
+  std::unique_ptr<Field> field_;
+  double weight_;
+  const EnsembleThresholds& thresholds_;
+  std::uint64_t next_ = 0;
+};
+
+/// Share of the recent samples that surprised a field: as a score, of ones and zeros.
+class SurpriseRate {
+ public:
+  explicit SurpriseRate(double kept) noexcept : kept_(kept) {}
+  void add(bool surprised) noexcept { rate_ = kept_ * rate_ + (surprised ? 1.0 - kept_ : 0.0); }
+  double rate() const noexcept { return rate_; }
+
+ private:
+  double kept_;
+  double rate_ = 0.0;
+};
+
+}  // namespace forcegrid::kriging

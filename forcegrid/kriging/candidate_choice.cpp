@@ -1,0 +1,103 @@
+#include "forcegrid/kriging/candidate_choice.h"
+
+#include <algorithm>
+
+namespace forcegrid::kriging {
+namespace {
+
+double averaged(double kept, double old, double now) noexcept {
+  return kept * old + (1.0 - kept) * now;
+}
+
+}  // namespace
+
+void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered) noexcept {
+  ++long_scored_;
+  const auto& errors_N2 = sample.error_N2;
+  const bool rendered_took = errors_N2[rendered] != EvaluatedSample::kNotTaken_N2;
+  const double otherwise_N2 = errors_N2[rendered_took ? rendered : 0];
+  const std::size_t count = candidates_.all.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    Candidate& candidate = *candidates_.all[i];
+    const double error_N2 =
+        errors_N2[i] == EvaluatedSample::kNotTaken_N2 ? otherwise_N2 : errors_N2[i];
+    candidate.score_N2 = averaged(thresholds_.score_kept, candidate.score_N2, error_N2);
+    candidate.long_score_N2 =
+        averaged(thresholds_.long_score_kept, candidate.long_score_N2, error_N2);
+    if (sample.first_touch) {
+      candidate.first_touch_score_N2 =
+          averaged(thresholds_.first_touch_kept, candidate.first_touch_score_N2, error_N2);
+    }
+    candidate.on_evaluated({errors_N2.data(), count}, i);
+  }
+  first_touch_scored_ = first_touch_scored_ || sample.first_touch;
+}
+
+Peers CandidateChoice::peers() const noexcept {
+  Peers peers;
+  peers.long_scored = long_scored_;
+  peers.general_long_score_N2 = std::numeric_limits<double>::max();
+  for (const auto& candidate : candidates_.all) {
+    if (!(candidate->weight() > 1.0)) {
+      peers.general_long_score_N2 = std::min(peers.general_long_score_N2, candidate->long_score_N2);
+    }
+  }
+  return peers;
+}
+
+std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
+  const Peers peers = this->peers();
+  std::size_t best = rendered;
+  double least_N2 = thresholds_.hysteresis * candidates_.all[rendered]->rate(peers);
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const double rated_N2 = candidates_.all[i]->rate(peers);
+    if (rated_N2 < least_N2) {
+      best = i;
+      least_N2 = rated_N2;
+    }
+  }
+  return best;
+}
+
+CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool origin_known,
+                                                     std::size_t rendered) noexcept {
+  double least_N2 = std::numeric_limits<double>::max();
+  for (const auto& candidate : candidates_.all) {
+    if (first_touch_scored_) {
+      candidate->score_N2 = candidate->first_touch_score_N2;
+    }
+    least_N2 = std::min(least_N2, candidate->score_N2);
+  }
+  Candidate& places = *candidates_.all[candidates_.places];
+  if (answers_before >= thresholds_.enough_answers) {
+    places.score_N2 = least_N2 / places.weight();
+    return {candidates_.places, ChoiceReason::kAskedBefore};
+  }
+  if (origin_known && places.field().sample_count() > 0 &&
+      places.score_N2 <= thresholds_.no_worse * least_N2 &&
+      places.field().deviation_N(thresholds_.probe_m, History::Zero()) <
+          thresholds_.known_place_N) {
+    places.score_N2 = least_N2 / places.weight();
+    return {candidates_.places, ChoiceReason::kKnownPlace};
+  }
+  return {best(rendered), ChoiceReason::kFirstTouches};
+}
+
+bool CandidateChoice::memory_takes_over(const Eigen::Vector3d& ahead_m,
+                                        std::size_t rendered) noexcept {
+  Candidate& memory = *candidates_.all[candidates_.memory];
+  const Candidate& other = *candidates_.all[rendered];
+  if (candidates_.memory_role->outdated() || other.knows_path() || other.field().knows_walls() ||
+      memory.score_N2 > thresholds_.no_worse * thresholds_.no_worse * other.score_N2) {
+    return false;
+  }
+  const double known_N = memory.field().deviation_N(ahead_m, History::Zero());
+  if (!(other.field().deviation_N(ahead_m, History::Zero()) >
+        std::max(thresholds_.remembers_more * known_N, thresholds_.remembers_more_N))) {
+    return false;
+  }
+  memory.score_N2 = std::min(memory.score_N2, 0.5 * other.score_N2);
+  return true;
+}
+
+}  // namespace forcegrid::kriging

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "forcegrid/core/force_method.h"
+#include "forcegrid/kriging/candidate.h"
+#include "forcegrid/kriging/candidate_roles.h"
+
+namespace forcegrid::kriging {
+
+/// The candidates of an ensemble, in the order of their names, and those of them that have a part
+/// of their own in the choice; null where there is none.
+struct Candidates {
+  std::vector<std::unique_ptr<Candidate>> all;
+  static constexpr std::size_t kNone = kMaxCandidates;
+  std::size_t memory = kNone;  ///< index in `all`
+  std::size_t places = kNone;  ///< the same
+  MemoryCandidate* memory_role = nullptr;
+  RelaxationCandidate* relaxation = nullptr;
+};
+
+/// A sample as the candidates have evaluated it.
+struct EvaluatedSample {
+  static constexpr double kNotTaken_N2 = std::numeric_limits<double>::max();
+
+  PathAtSample path;
+  bool scored = true;        ///< every candidate could predict it
+  bool explained = false;    ///< by one candidate alone: none could know
+  bool first_touch = false;  ///< of the first instants of a contact
+  std::array<double, kMaxCandidates> error_N2{};
+};
+
+/// Scores the candidates of an ensemble and decides which of them is rendered.
+///
+///   score <- kept score + (1 - kept) |F_k - F(p_k)|^2       per sample k that all have evaluated
+///
+/// The least rating (Candidate::rate) wins, unless the rendered candidate's is nearly as good
+/// (EnsembleThresholds::hysteresis); of equal ratings the first.
+/// Real-time: nothing allocates, locks or throws after construction. Threads: one.
+class CandidateChoice {
+ public:
+  struct Choice {
+    std::size_t candidate;
+    ChoiceReason reason;
+  };
+
+  /// @param candidates, thresholds must outlive it.
+  CandidateChoice(Candidates& candidates, const EnsembleThresholds& thresholds) noexcept
+      : candidates_(candidates), thresholds_(thresholds) {}
+
+  /// Takes the errors of a sample, which all candidates have seen, into the scores. A candidate
+  /// without use for it is taken to err like the rendered one.
+  void score(const EvaluatedSample& sample, std::size_t rendered) noexcept;
+  /// The rendered candidate unless another is clearly better.
+  std::size_t best(std::size_t rendered) const noexcept;
+  /// Who begins a contact: `places` if it was asked about or knows the place, else the best at
+  /// first touches. Begins the scores with the record of first touches. Needs Candidates::places.
+  /// @param answers_before that came for the expected contact; `origin_known` of the contact.
+  Choice for_contact(int answers_before, bool origin_known, std::size_t rendered) noexcept;
+  /// Whether `memory` knows the force at `ahead_m` so much better than the rendered candidate that
+  /// it takes over; adapts its score then. Needs Candidates::memory.
+  bool memory_takes_over(const Eigen::Vector3d& ahead_m, std::size_t rendered) noexcept;
+  /// Whether the candidate that alone explains a sample takes over at once.
+  bool trusts(const Candidate& explaining, std::size_t rendered) const noexcept {
+    return thresholds_.wall_trusted * explaining.score_N2 < candidates_.all[rendered]->score_N2;
+  }
+
+ private:
+  Peers peers() const noexcept;
+
+  Candidates& candidates_;
+  const EnsembleThresholds& thresholds_;
+  std::uint64_t long_scored_ = 0;
+  bool first_touch_scored_ = false;
+};
+
+}  // namespace forcegrid::kriging

@@ -1,0 +1,121 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+
+#include "forcegrid/kriging/candidate.h"
+#include "forcegrid/kriging/history.h"
+#include "forcegrid/kriging/kriging_store.h"
+
+namespace forcegrid::kriging {
+
+/// `walls`: finds one-sided constraints (UnilateralConstraintField).
+///
+/// With a constraint it is right where no other candidate is, so its score counts less: by
+/// wall_proven_weight once samples have proven the constraint, by wall_calm_weight while it is
+/// seldom surprised. It claims a sample that a new constraint explains.
+class ConstraintCandidate final : public Candidate {
+ public:
+  ConstraintCandidate(const char* name, const FieldSettings& settings,
+                      const EnsembleThresholds& thresholds);
+  bool on_taken(const Innovation& innovation, bool from_query) noexcept override;
+  void on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept override;
+  double rate(const Peers& peers) const noexcept override;
+  bool served_early() const noexcept override { return true; }
+
+ private:
+  SurpriseRate surprises_;
+  int proofs_ = 0;  ///< samples that only its constraint explains
+};
+
+/// `memory`: all samples in a store (StoreField). What was learnt long ago is doubtful for half a
+/// second after a surprise: its score then counts as a specialist's.
+class MemoryCandidate final : public Candidate {
+ public:
+  MemoryCandidate(const char* name, const FieldSettings& settings,
+                  const EnsembleThresholds& thresholds);
+  bool on_taken(const Innovation& innovation, bool from_query) noexcept override;
+  double rate(const Peers& peers) const noexcept override;
+  std::size_t memory_bytes() const noexcept override;
+
+  bool outdated() const noexcept { return surprises_.rate() > thresholds().outdated; }
+  const SampleStore& store() const noexcept { return *store_; }
+
+ private:
+  MemoryCandidate(const char* name, const FieldSettings& settings,
+                  const EnsembleThresholds& thresholds, std::unique_ptr<SampleStore> store);
+
+  std::unique_ptr<SampleStore> store_;
+  SurpriseRate surprises_;
+};
+
+/// `unfinished`: for a simulator that has not converged (LagField); takes only its samples.
+class UnfinishedCandidate final : public Candidate {
+ public:
+  UnfinishedCandidate(const char* name, const FieldSettings& settings,
+                      const EnsembleThresholds& thresholds);
+  Accept accept(const QueuedSample& sample, const PathAtSample& path,
+                Observation& observation) const noexcept override;
+};
+
+/// A field that knows more than the position. It counts as a specialist until its long score is so
+/// far below that of the general candidates that this is no lucky run.
+class PathCandidate : public Candidate {
+ public:
+  using Candidate::Candidate;
+  double rate(const Peers& peers) const noexcept final;
+  bool knows_path() const noexcept final { return true; }
+};
+
+/// `viscous` and its kind: a dictionary with history features (Kernel::history_gain).
+class HistoryCandidate final : public PathCandidate {
+ public:
+  /// @param path of the tool, which must outlive the candidate; `first_lag` the first of the
+  ///        kHistoryFeatures lags that the features are.
+  HistoryCandidate(const char* name, const FieldSettings& settings,
+                   const EnsembleThresholds& thresholds, const ToolHistory& path, int first_lag);
+  Accept accept(const QueuedSample& sample, const PathAtSample& path,
+                Observation& observation) const noexcept override;
+};
+
+/// `relaxing`: for objects that resist and relax (RelaxationField). Keeps the path of the rendered
+/// force, which the field's terms are made of.
+class RelaxationCandidate final : public PathCandidate {
+ public:
+  /// @param velocity_lag column of the tool's lags that the viscous term is made of, and its time
+  ///        constant.
+  RelaxationCandidate(const char* name, const FieldSettings& settings,
+                      const EnsembleThresholds& thresholds, int velocity_lag,
+                      double velocity_lag_s);
+  Accept accept(const QueuedSample& sample, const PathAtSample& path,
+                Observation& observation) const noexcept override;
+  std::size_t memory_bytes() const noexcept override;
+
+  /// Once a servo cycle: the force that is rendered and the tool's lags.
+  void observe(double time_s, const Eigen::Vector3d& rendered_N,
+               const ToolHistory::Lags& tool_m) noexcept;
+  /// The terms at a sample's time, `tool_m` being the tool's lags then.
+  /// @returns false, leaving `terms_N` alone, if that time was not observed.
+  [[nodiscard]] bool find_terms(double time_s, const ToolHistory::Lags& tool_m,
+                                PathTerms& terms_N) const noexcept;
+
+ private:
+  PathTerms terms_N(const ToolHistory::Lags& tool_m,
+                    const ToolHistory::Lags& force_N) const noexcept;
+
+  ToolHistory force_path_;
+  int velocity_lag_;
+  double per_lag_;
+};
+
+/// `places`: tells contact points apart (ContactIndexedField), so it takes what was asked for
+/// before a contact.
+class PlacesCandidate final : public Candidate {
+ public:
+  PlacesCandidate(const char* name, const FieldSettings& settings,
+                  const EnsembleThresholds& thresholds);
+  Accept accept(const QueuedSample& sample, const PathAtSample& path,
+                Observation& observation) const noexcept override;
+};
+
+}  // namespace forcegrid::kriging

@@ -1,0 +1,160 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include "forcegrid/kriging/kriging_factor.h"
+#include "forcegrid/kriging/unilateral_constraint.h"
+
+namespace forcegrid::kriging {
+
+/// Up to two one-sided constraints beside a smooth field: their stiffnesses and shapes, fitted to
+/// the field's samples.
+///
+///   F(p) = sum_i K(p, p_i) alpha_i + sum_h (k1 phi_h + k2 phi_h^2) grad s_h
+///
+/// with k1 ~ N(0, (1000 N/m)^2) and k2 ~ N(0, (3e4 N/m^2)^2). These are linear, columns U of a
+/// covariance K + U U^T, and are solved with the field: with L the factor without them,
+///
+///   X = L^-1 U,  G = I + X^T X,  beta = G^-1 X^T y,  alpha = L^-T (y - X beta).
+///
+/// The shapes that the samples speak for have the largest gain
+///
+///   gain = y^T X beta / (2 s2) - 1/2 ln|G| - 1/2 (c / (40 /m))^2 - 1/2 (ln(e / 50 um) / 1.5)^2,
+///
+/// s2 being the scale of the data before the surprise, and at least one.
+///
+/// Refinement: Newton steps with the Gauss-Newton matrix of |y - X beta|^2, beta being eliminated
+/// (variable projection), in n, depth, c and e, damped until the gain rises.
+///
+/// A constraint never pulls: k1 <= 0 and k1 + k2 phi <= 0 at the deepest sample. k2 is left out
+/// where it would pull, and a shape that pulls all the same is refused.
+///
+/// Use: set_rows() whenever the factor or its samples have changed, then refit(), then the others.
+/// Source: docs/kriging.md; variable projection: Golub and Pereyra, 2003; evidence: Rasmussen and
+/// Williams, 2006, sections 2.7 and 5.4.
+/// Real-time: nothing allocates, locks or throws. Cost: a Newton step is six triangular solves with
+/// three right-hand sides. Threads: one.
+class ConstraintFit {
+ public:
+  static constexpr int kMaxConstraints = 2;
+  static constexpr int kMaxSamples = 48;
+  static constexpr int kStepsOnSurprise = 10;
+  using Factor = GrowingCholesky<3 * kMaxSamples>;
+  using Shapes = std::array<UnilateralConstraint, kMaxConstraints>;
+  using Weights = Eigen::Matrix<double, 2 * kMaxConstraints, 1>;
+  using Inverse = Eigen::Matrix<double, 2 * kMaxConstraints, 2 * kMaxConstraints>;
+  using Column = std::array<double, Factor::kStride>;
+
+  /// X of a constraint: of k1 and k2 in units of their prior deviation; and room for one more.
+  struct Columns {
+    alignas(64) std::array<Column, 3> x{};
+    double deepest_m = 0.0;  ///< phi of the deepest sample
+    int active = 0;          ///< samples beyond the surface
+  };
+  struct Solution {
+    Inverse inverse = Inverse::Identity();  ///< G^-1
+    Weights weight = Weights::Zero();       ///< beta
+    double explained = 0.0;                 ///< y^T X beta
+    double gain = 0.0;                      ///< [nats] without the priors of the shapes
+    bool pushes = true;
+  };
+
+  /// @param nugget_N2 noise variance of a sample.
+  explicit ConstraintFit(double nugget_N2) noexcept : nugget_N2_(nugget_N2) {}
+
+  /// The smooth field's factor, three rows per sample, and where these samples are. The factor must
+  /// stay as it is while the functions below are used.
+  template <typename PositionOfSample>
+  void set_rows(const Factor& factor, int samples, const PositionOfSample& position_W) noexcept {
+    factor_ = &factor;
+    position_count_ = samples;
+    for (int i = 0; i < samples; ++i) {
+      positions_W_[static_cast<std::size_t>(i)] = position_W(i);
+    }
+  }
+  /// s2, see above.
+  void set_data_scale(double scale) noexcept { data_scale_ = scale; }
+
+  /// Replaces the constraints by up to kMaxConstraints others. refit() has to follow.
+  void set_constraints(std::span<const UnilateralConstraint> constraints) noexcept;
+  void set_constraints(const Shapes& shapes, int count) noexcept {
+    set_constraints(std::span(shapes).first(static_cast<std::size_t>(count)));
+  }
+  const Shapes& constraints() const noexcept { return constraints_; }
+  int count() const noexcept { return count_; }
+
+  /// Solves for the stiffnesses of the constraints as they are.
+  void refit() noexcept;
+  /// Improves one constraint with the others as they are, by at most `steps` Newton steps.
+  /// @returns the gain of all.
+  double refine(int index, int steps) noexcept;
+  /// Refines a constraint from other curvatures, too: from a plane there may be no way to a ball.
+  void refine_anew(int index) noexcept;
+  /// Drops constraints that the samples speak for with less than 3 nats.
+  void drop_unneeded() noexcept;
+
+  /// [nats] Of all constraints, the priors of their shapes included; -infinity if one pulls.
+  double gain() const noexcept { return gain(solution_); }
+  /// [nats] What the samples speak for a constraint more than for none, as drop_unneeded() found.
+  double gain_of(int index) const noexcept { return gains_[static_cast<std::size_t>(index)]; }
+  /// Whether field and constraints say what all samples say.
+  bool explains_all_samples() noexcept;
+  /// Whether a sample at `position_W` is one of the few that a constraint rests on.
+  bool rests_on(const Eigen::Vector3d& position_W) const noexcept;
+
+  /// k1 [N/m] and k2 [N/m^2], negative where the constraint pushes.
+  Eigen::Vector2d stiffness(int index) const noexcept;
+  /// [N] What a constraint adds to the force; it never pulls.
+  Eigen::Vector3d push_N(int constraint, const Eigen::Vector3d& position_W) const noexcept;
+  /// [N/m] d push_N / dP.
+  Eigen::Matrix3d push_stiffness_N_per_m(int constraint,
+                                         const Eigen::Vector3d& position_W) const noexcept;
+  /// Adds the constraints' part to mean and covariance of the force at `position_W`, given its
+  /// covariances with the factor's rows, solved.
+  void add_features(const Eigen::Vector3d& position_W, int rows, const Factor::Columns& x,
+                    Eigen::Vector3d& mean_N, Eigen::Matrix3d& covariance_N2) const noexcept;
+
+  /// residual() <- y - X beta.
+  void update_residual() noexcept { leave_over(solution_); }
+  const Column& residual() const noexcept { return residual_; }
+  const Solution& solution() const noexcept { return solution_; }
+  const Columns& columns(int index) const noexcept {
+    return columns_[static_cast<std::size_t>(index)];
+  }
+  const Factor& factor() const noexcept { return *factor_; }
+  std::span<const Eigen::Vector3d> positions_W() const noexcept {
+    return std::span(positions_W_).first(static_cast<std::size_t>(position_count_));
+  }
+  double data_scale() const noexcept { return data_scale_; }
+
+ private:
+  static constexpr int kParameters = UnilateralConstraint::kParameters;
+  using Set = std::array<const Columns*, kMaxConstraints>;  ///< nullptr: no constraint
+
+  void solve_columns(const UnilateralConstraint& constraint, Columns& columns) const noexcept;
+  Solution solve(const Set& set) const noexcept;
+  double gain(const Solution& fit) const noexcept;
+  void leave_over(const Solution& fit) noexcept;
+  bool derive(int index, const Solution& fit, Eigen::Matrix<double, kParameters, 1>& slope,
+              Eigen::Matrix<double, kParameters, kParameters>& curvature) noexcept;
+
+  double nugget_N2_;
+  const Factor* factor_ = nullptr;
+  std::array<Eigen::Vector3d, kMaxSamples> positions_W_;
+  int position_count_ = 0;
+  double data_scale_ = 1.0;
+
+  Shapes constraints_;
+  std::array<double, kMaxConstraints> gains_{};
+  int count_ = 0;
+  std::array<Columns, kMaxConstraints> columns_;
+  Solution solution_;
+  Columns trial_;
+  std::array<Columns, kParameters> derivatives_;
+  Column residual_{};
+};
+
+}  // namespace forcegrid::kriging

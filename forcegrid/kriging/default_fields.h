@@ -1,0 +1,28 @@
+#pragma once
+
+#include <memory>
+
+#include "forcegrid/core/method_options.h"
+#include "forcegrid/kriging/kriging_field.h"
+#include "forcegrid/kriging/kriging_store.h"
+
+namespace forcegrid::kriging {
+
+inline constexpr int kDefaultSamples = 32;
+inline constexpr int kHistorySamples = 48;  ///< of fields with history features
+inline constexpr double kDefaultNugget_N2 = 1e-5;
+
+/// What `options` say of nugget, samples and spacings, with the defaults put in.
+FieldSettings field_settings(const MethodOptions& options);
+
+/// A DictionaryField of the smallest sizes that hold these settings.
+std::unique_ptr<Field> make_dictionary_field(const FieldSettings& settings);
+
+/// An empty store for a StoreField of these settings. SampleStore::allocated() is false if its
+/// memory could not be had.
+std::unique_ptr<SampleStore> make_store(const FieldSettings& settings);
+
+/// [N] The least uncertainty of a force: half a sample's noise.
+double least_uncertainty_N(const FieldSettings& settings);
+
+}  // namespace forcegrid::kriging

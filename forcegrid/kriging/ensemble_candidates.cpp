@@ -1,0 +1,109 @@
+#include "forcegrid/kriging/ensemble_candidates.h"
+
+#include <memory>
+#include <utility>
+
+#include "forcegrid/kriging/contact_indexed_field.h"
+#include "forcegrid/kriging/default_fields.h"
+
+namespace forcegrid::kriging {
+namespace {
+
+constexpr int kStiffnessSamples = 2;
+constexpr int kRelaxationSamples = 24;
+constexpr int kSlowLags = 0;  // of kPathTimeConstants_s
+constexpr int kFastLags = 3;
+constexpr int kVelocityLag = 3;  // the shortest: the velocity times its time constant
+
+class Builder {
+ public:
+  Builder(EnsembleKind kind, const MethodOptions& options, const EnsembleThresholds& thresholds,
+          const ToolHistory& path)
+      : kind_(kind), thresholds_(thresholds), path_(path), settings_(field_settings(options)) {
+    settings_.samples = kDefaultSamples;
+    settings_.nugget_N2 = kDefaultNugget_N2;
+    candidates_.all.reserve(kMaxCandidates);
+  }
+
+  Candidates build() {
+    add_smooth();
+    add_viscous();
+    add<ConstraintCandidate>("walls", settings_, thresholds_);
+    if (kind_ == EnsembleKind::kAuto) {
+      candidates_.memory = candidates_.all.size();
+      candidates_.memory_role = add<MemoryCandidate>("memory", settings_, thresholds_);
+      add<UnfinishedCandidate>("unfinished", settings_, thresholds_);
+      FieldSettings few = settings_;
+      few.samples = kRelaxationSamples;
+      candidates_.relaxation =
+          add<RelaxationCandidate>("relaxing", few, thresholds_, kVelocityLag,
+                                   kPathTimeConstants_s[static_cast<std::size_t>(kVelocityLag)]);
+      FieldSettings places = settings_;
+      places.samples = ContactIndexedField::kMaxSamples;
+      candidates_.places = candidates_.all.size();
+      add<PlacesCandidate>("places", places, thresholds_);
+    }
+    return std::move(candidates_);
+  }
+
+ private:
+  template <typename Role, typename... Arguments>
+  Role* add(Arguments&&... arguments) {
+    auto candidate = std::make_unique<Role>(std::forward<Arguments>(arguments)...);
+    Role* added = candidate.get();
+    candidates_.all.push_back(std::move(candidate));
+    return added;
+  }
+
+  void add_plain(const char* name, const FieldSettings& settings, double weight) {
+    add<Candidate>(name, make_dictionary_field(settings), weight, thresholds_);
+  }
+
+  void add_smooth() {
+    struct Noise {
+      const char* name;
+      double nugget_N2;
+    };
+    FieldSettings settings = settings_;
+    settings.stiffness_samples = kStiffnessSamples;
+    for (const Noise& noise : {Noise{"smooth", 1e-5}, Noise{"exact", 1e-6}, Noise{"noisy", 1e-4},
+                               Noise{"very noisy", 1e-3}}) {
+      settings.nugget_N2 = noise.nugget_N2;
+      add_plain(noise.name, settings, 1.0);
+    }
+    if (kind_ == EnsembleKind::kKriging) {
+      FieldSettings kinks = settings_;
+      kinks.kernel.shape = RadialShape::kMatern72;
+      kinks.kernel.length_m = 0.015;
+      add_plain("kinks", kinks, thresholds_.specialist_weight);
+    }
+  }
+
+  void add_viscous() {
+    FieldSettings viscous = settings_;
+    viscous.samples = kHistorySamples;
+    if (kind_ == EnsembleKind::kKriging) {
+      viscous.kernel.history_gain = 0.03;
+      add<HistoryCandidate>("slowly viscous", viscous, thresholds_, path_, kSlowLags);
+    }
+    viscous.kernel.history_gain = 1.0;
+    add<HistoryCandidate>("viscous", viscous, thresholds_, path_, kFastLags);
+    viscous.nugget_N2 = 1e-4;
+    add<HistoryCandidate>("noisy viscous", viscous, thresholds_, path_, kFastLags);
+  }
+
+  EnsembleKind kind_;
+  const EnsembleThresholds& thresholds_;
+  const ToolHistory& path_;
+  FieldSettings settings_;
+  Candidates candidates_;
+};
+
+}  // namespace
+
+Candidates make_candidates(EnsembleKind kind, const MethodOptions& options,
+                           const EnsembleThresholds& thresholds, const ToolHistory& path) {
+  return Builder(kind, options, thresholds, path).build();
+}
+
+}  // namespace forcegrid::kriging

@@ -1,0 +1,364 @@
+#include "forcegrid/kriging/ensemble_method.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace forcegrid {
+
+using kriging::Candidates;
+using kriging::History;
+using kriging::SampleQueue;
+
+EnsembleMethod::EnsembleMethod(Kind kind, const MethodOptions& options,
+                               const kriging::EnsembleThresholds& thresholds)
+    : kind_(kind),
+      thresholds_(thresholds),
+      path_(kriging::kPathTimeConstants_s),
+      candidates_(kriging::make_candidates(kind, options, thresholds_, path_)),
+      choice_(candidates_, thresholds_),
+      fade_(thresholds_.hand_over_s) {
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    names_[i] = candidates_.all[i]->name();
+  }
+}
+
+const char* EnsembleMethod::name() const noexcept {
+  return kind_ == Kind::kAuto ? "auto" : "kriging-bank";
+}
+
+MethodNeeds EnsembleMethod::needs() const noexcept {
+  MethodNeeds needs;
+  needs.requests_before_contact = asks_before_contact();
+  return needs;
+}
+
+std::size_t EnsembleMethod::memory_bytes() const noexcept {
+  std::size_t bytes = sizeof(*this) + path_.allocated_bytes() +
+                      candidates_.all.capacity() * sizeof(candidates_.all[0]);
+  for (const auto& candidate : candidates_.all) {
+    bytes += candidate->memory_bytes();
+  }
+  return bytes;
+}
+
+void EnsembleMethod::take_sample(const Sample& sample) noexcept {
+  if (!queue_.accepts(sample, contact_, asks_before_contact())) {
+    return;
+  }
+  if (!contact_.has_origin()) {
+    enter_contact(sample.position_W);
+  }
+  pass_over_backlog();
+  const std::uint64_t number = queue_.taken();
+  queue_.push(sample, contact_, motion_);
+  answers_before_ += queue_.at(number).before_contact ? 1 : 0;
+  EvaluatedSample& entry = evaluated(number);
+  entry = EvaluatedSample{};
+  look_up_path(sample, entry.path);
+  if (sample.from_query) {
+    entry.scored = false;
+    return;
+  }
+  entry.first_touch =
+      kind_ == Kind::kAuto && sample.time_s < contact_.begun_s() + thresholds_.first_touch_s;
+  entry.scored = !entry.first_touch || sample.force_W.norm() > thresholds_.first_touch_N;
+}
+
+// Candidates that are not rendered may be late; the rendered one never is by as much as the queue's
+// length, for it is served first.
+void EnsembleMethod::pass_over_backlog() noexcept {
+  for (const auto& candidate : candidates_.all) {
+    if (queue_.taken() - candidate->next_sample() >= SampleQueue::kLongestBacklog) {
+      evaluated(candidate->next_sample()).scored = false;
+      candidate->advance();
+      ++passed_over_.value;
+    }
+  }
+}
+
+void EnsembleMethod::look_up_path(const Sample& sample,
+                                  kriging::PathAtSample& path) const noexcept {
+  path.lags_known = path_.find(sample.time_s, path.lags);
+  if (path.lags_known && candidates_.relaxation != nullptr) {
+    path.terms_known = candidates_.relaxation->find_terms(sample.time_s, path.lags, path.terms_N);
+    path.terms_N.col(0) *= sample.from_query ? 0.0 : 1.0;  // answered to a tool at rest
+  }
+}
+
+void EnsembleMethod::observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
+  if (motion_.observe(time_s, position_W)) {
+    path_.observe(time_s, position_W);
+    observe_rendered_force();
+    follower_.tool_moved(motion_);
+  }
+}
+
+void EnsembleMethod::observe_rendered_force() noexcept {
+  if (candidates_.relaxation == nullptr) {
+    return;
+  }
+  Eigen::Vector3d rendered_N = Eigen::Vector3d::Zero();
+  if (contact_.in_contact() && contact_.has_origin() &&
+      rendered_candidate().field().sample_count() > 0) {
+    rendered_N = force_N(rendered_candidate());
+  }
+  candidates_.relaxation->observe(motion_.time_s(), rendered_N, path_.now());
+}
+
+// Of a candidate, where the tool was observed last.
+Eigen::Vector3d EnsembleMethod::force_N(const Candidate& candidate) const noexcept {
+  const Eigen::Vector3d& tool_W = motion_.position_W();
+  return candidate.field()
+      .read(tool_W - contact_.origin_W(), candidate.history_at(tool_W, tool_W))
+      .force_N;
+}
+
+void EnsembleMethod::contact_made(std::uint32_t /*epoch*/,
+                                  const Eigen::Vector3d& point_W) noexcept {
+  contact_.made(motion_.time_s());
+  if (point_W.allFinite()) {
+    enter_contact(point_W);
+  }
+  queue_.begin_contact();
+  rendering_.begin_contact();
+  requests_.begin_contact();
+  fade_.clear();
+  if (asks_before_contact()) {
+    const kriging::CandidateChoice::Choice choice =
+        choice_.for_contact(answers_before_, contact_.has_origin(), rendered_);
+    if (choice.candidate != rendered_ || choice.reason != ChoiceReason::kFirstTouches) {
+      hand_over(choice.candidate, choice.reason);
+    }
+  }
+  answers_before_ = 0;
+  update_uncertainty();
+}
+
+void EnsembleMethod::contact_lost() noexcept { contact_.lost(); }
+
+void EnsembleMethod::expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept {
+  if (asks_before_contact() && !contact_.in_contact() && std::isfinite(time_s) &&
+      point_W.allFinite() && contact_.expect(time_s, point_W)) {
+    enter_contact(point_W);
+    requests_.begin_contact();
+    answers_before_ = 0;
+  }
+}
+
+void EnsembleMethod::enter_contact(const Eigen::Vector3d& point_W) noexcept {
+  contact_.set_origin(point_W);
+  for (const auto& candidate : candidates_.all) {
+    candidate->on_contact(contact_.number(), point_W);
+  }
+}
+
+// @returns Candidates::kNone if all have taken all samples.
+std::size_t EnsembleMethod::next_to_serve() const noexcept {
+  const auto waits = [this](const Candidate& candidate) {
+    return candidate.next_sample() < queue_.taken();
+  };
+  if (waits(rendered_candidate())) {
+    return rendered_;
+  }
+  std::size_t furthest = Candidates::kNone;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const Candidate& candidate = *candidates_.all[i];
+    if (!waits(candidate)) {
+      continue;
+    }
+    if (candidate.served_early()) {
+      return i;
+    }
+    if (furthest == Candidates::kNone ||
+        candidate.next_sample() < candidates_.all[furthest]->next_sample()) {
+      furthest = i;
+    }
+  }
+  return furthest;
+}
+
+// @returns the units of work done.
+int EnsembleMethod::take_next(std::size_t index) noexcept {
+  Candidate& candidate = *candidates_.all[index];
+  const std::uint64_t number = candidate.next_sample();
+  candidate.advance();
+  const kriging::QueuedSample& sample = queue_.at(number);
+  EvaluatedSample& entry = evaluated(number);
+  kriging::Observation observation = sample.observation;
+  switch (candidate.accept(sample, entry.path, observation)) {
+    case Candidate::Accept::kTake:
+      break;
+    case Candidate::Accept::kNoUse:
+      entry.error_N2[index] = EvaluatedSample::kNotTaken_N2;
+      return 1;
+    case Candidate::Accept::kUnknown:
+      entry.scored = false;
+      return 1;
+  }
+  const kriging::Innovation innovation = candidate.field().take(observation);
+  entry.scored = entry.scored && innovation.predicted;
+  entry.error_N2[index] = innovation.error_N * innovation.error_N;
+  if (candidate.on_taken(innovation, observation.from_query)) {
+    entry.explained = true;
+    if (index != rendered_ && choice_.trusts(candidate, rendered_)) {
+      hand_over(index, ChoiceReason::kFoundWall);
+    }
+  }
+  const bool follows = index == candidates_.memory && candidate.next_sample() == queue_.taken();
+  if (index == rendered_) {
+    take_rendered(candidate, number, follows);
+  }
+  if (follows) {
+    follower_.sample_taken();
+  }
+  return candidate.piece_units();
+}
+
+// The rendered candidate has taken a sample. @param follows: its field is going to change again.
+void EnsembleMethod::take_rendered(const Candidate& candidate, std::uint64_t number,
+                                   bool follows) noexcept {
+  if (contact_.in_contact() && number >= queue_.first_of_contact()) {
+    rendering_.contact_sampled();
+  }
+  if (candidate.next_sample() == queue_.taken() && !follows) {
+    update_uncertainty();
+  }
+}
+
+// Takes the errors of each sample into the scores once all candidates have seen it, so that they
+// are always compared over the same samples.
+void EnsembleMethod::score() noexcept {
+  std::uint64_t seen = queue_.taken();
+  for (const auto& candidate : candidates_.all) {
+    seen = std::min(seen, candidate->next_sample());
+  }
+  for (; scored_ < seen; ++scored_) {
+    const EvaluatedSample& entry = evaluated(scored_);
+    if (!entry.scored || entry.explained) {
+      continue;
+    }
+    choice_.score(entry, rendered_);
+    const std::size_t best = choice_.best(rendered_);
+    if (best != rendered_) {
+      hand_over(best, ChoiceReason::kPredictedBetter);
+    }
+  }
+}
+
+void EnsembleMethod::hand_over(std::size_t index, ChoiceReason reason) noexcept {
+  if (motion_.observed() && contact_.in_contact() && rendering_.is_contact_sampled()) {
+    fade_.start(motion_.time_s(), force_N(rendered_candidate()), force_N(*candidates_.all[index]));
+  }
+  rendered_ = index;
+  reason_ = reason;
+  update_uncertainty();
+}
+
+// A field that is not ready does not take the next sample: the budget is used up.
+int EnsembleMethod::prepare(std::size_t index, int budget) noexcept {
+  Candidate& candidate = *candidates_.all[index];
+  int done = 0;
+  while (done < budget && !candidate.field().ready()) {
+    candidate.field().prepare();
+    done += candidate.piece_units();
+    if (candidate.field().ready() && index == rendered_) {
+      update_uncertainty();
+    }
+  }
+  return done;
+}
+
+// Whether there may be something for `memory` to exchange.
+bool EnsembleMethod::may_follow() const noexcept {
+  return candidates_.memory != Candidates::kNone && follower_.due() && contact_.in_contact() &&
+         contact_.has_origin() &&
+         candidates_.all[candidates_.memory]->next_sample() == queue_.taken();
+}
+
+// One piece of that, where the tool is going.
+int EnsembleMethod::follow() noexcept {
+  Candidate& memory = *candidates_.all[candidates_.memory];
+  follower_.step(memory.field(), tool_W(), contact_.origin_W(), motion_);
+  if (!follower_.due()) {
+    if (rendered_ == candidates_.memory) {
+      update_uncertainty();
+    } else if (choice_.memory_takes_over(follower_.ahead_W() - contact_.origin_W(), rendered_)) {
+      hand_over(candidates_.memory, ChoiceReason::kRemembers);
+    }
+  }
+  return memory.piece_units();
+}
+
+int EnsembleMethod::work(int budget) noexcept {
+  int done = 0;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    done += prepare(i, budget - done);
+  }
+  while (done < budget) {
+    const std::size_t next = next_to_serve();
+    if (next != Candidates::kNone) {
+      done += take_next(next);
+      done += prepare(next, budget - done);
+      score();
+    } else if (may_follow()) {
+      done += follow();
+    } else {
+      break;
+    }
+  }
+  return done;
+}
+
+double EnsembleMethod::deviation_N(const Candidate& candidate,
+                                   const Eigen::Vector3d& position_W) const noexcept {
+  return candidate.field().deviation_N(position_W - contact_.origin_W(),
+                                       candidate.history_at(position_W, motion_.position_W()));
+}
+
+void EnsembleMethod::update_uncertainty() noexcept {
+  const Candidate& candidate = rendered_candidate();
+  if (contact_.has_origin() && candidate.field().sample_count() > 0) {
+    rendering_.uncertainty().update(
+        tool_W(), motion_, [&](const Eigen::Vector3d& p_W) { return deviation_N(candidate, p_W); });
+  }
+}
+
+bool EnsembleMethod::plan_request(double time_s, const Eigen::Vector3d& position_W,
+                                  Eigen::Vector3d& wanted_W) noexcept {
+  if (!contact_.has_origin() || !std::isfinite(time_s) || !position_W.allFinite()) {
+    return false;
+  }
+  if (contact_.in_contact()) {
+    return requests_.plan(
+        time_s, position_W, contact_.origin_W(), motion_,
+        [&](const Eigen::Vector3d& p_W) { return deviation_N(rendered_candidate(), p_W); },
+        wanted_W);
+  }
+  if (!asks_before_contact() || !contact_.expects(time_s)) {
+    return false;
+  }
+  const kriging::Field& places = candidates_.all[candidates_.places]->field();
+  return places.ready() &&
+         requests_.plan_before_contact(
+             time_s, contact_.origin_W(),
+             [&](const Eigen::Vector3d& d_m) { return places.deviation_N(d_m, History::Zero()); },
+             wanted_W);
+}
+
+ForceEstimate EnsembleMethod::force(double time_s,
+                                    const Eigen::Vector3d& position_W) const noexcept {
+  ForceEstimate estimate;
+  estimate.candidate = static_cast<std::uint8_t>(rendered_);
+  estimate.reason = reason_;
+  const Candidate& candidate = rendered_candidate();
+  if (rendering_.answers_without_field(time_s, position_W, contact_, estimate) ||
+      candidate.field().sample_count() == 0) {
+    return estimate;
+  }
+  rendering_.render(candidate.field(), candidate.history_at(position_W, motion_.position_W()),
+                    position_W, contact_, fade_.at(time_s), candidate.least_uncertainty_N(),
+                    estimate);
+  return estimate;
+}
+
+}  // namespace forcegrid

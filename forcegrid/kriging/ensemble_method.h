@@ -1,0 +1,144 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "forcegrid/core/force_method.h"
+#include "forcegrid/core/method_options.h"
+#include "forcegrid/kriging/candidate_choice.h"
+#include "forcegrid/kriging/contact_state.h"
+#include "forcegrid/kriging/ensemble_candidates.h"
+#include "forcegrid/kriging/ensemble_thresholds.h"
+#include "forcegrid/kriging/field_rendering.h"
+#include "forcegrid/kriging/field_requests.h"
+#include "forcegrid/kriging/hand_over_fade.h"
+#include "forcegrid/kriging/history.h"
+#include "forcegrid/kriging/sample_queue.h"
+#include "forcegrid/kriging/store_follower.h"
+#include "forcegrid/kriging/tool_motion.h"
+
+namespace forcegrid {
+
+/// An ensemble of kriging fields, the candidates, that all evaluate the same samples; the one whose
+/// recent predictions were best is rendered.
+///
+/// - `kriging-bank`: nine candidates for noise, kinks, objects that remember, and one-sided
+///   constraints. Needs: force.
+/// - `auto`: without the two of these that win nothing beside the others, and with four more, for
+///   places touched long ago, for a simulator that has not converged, for relaxation, and for
+///   places of first touch. Needs: force; contact point and requests before contact if available.
+///
+/// Which candidates there are: kriging::make_candidates(). How they are scored and when another
+/// takes over: kriging::CandidateChoice and, for what a role changes, kriging::Candidate; the
+/// thresholds: kriging::EnsembleThresholds. A hand-over never makes a step in the force
+/// (kriging::HandOverFade).
+///
+/// Work: a sample costs each candidate one piece, a change of some rows of its factor and its
+/// weights; the rendered candidate takes it first, then `walls`, then the one furthest behind. A
+/// piece is done in one call of work() and counts as half the square of the field's rows, so a
+/// piece never makes a cycle longer than one fit does. A candidate that is too far behind passes
+/// samples over, see counters().
+///
+/// Contacts, force() and requests: as KrigingMethod, of the rendered candidate. Before an expected
+/// contact `places` asks.
+/// Options used: spacing_m and spacing_N.
+/// Cost, memory, accuracy and tuning: docs/kriging.md. Real-time: as ForceMethod.
+class EnsembleMethod final : public ForceMethod {
+ public:
+  using Kind = kriging::EnsembleKind;
+
+  /// @param options spacings, which must be usable: make_force_method() checks.
+  explicit EnsembleMethod(Kind kind, const MethodOptions& options,
+                          const kriging::EnsembleThresholds& thresholds = {});
+  EnsembleMethod(const EnsembleMethod&) = delete;  // the parts refer to each other
+  EnsembleMethod& operator=(const EnsembleMethod&) = delete;
+
+  const char* name() const noexcept override;
+  MethodNeeds needs() const noexcept override;
+  std::size_t memory_bytes() const noexcept override;
+  /// As KrigingMethod::take_sample().
+  void take_sample(const Sample& sample) noexcept override;
+  void observe(double time_s, const Eigen::Vector3d& position_W) noexcept override;
+  void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept override;
+  void contact_lost() noexcept override;
+  void expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept override;
+  int work(int budget) noexcept override;
+  bool plan_request(double time_s, const Eigen::Vector3d& position_W,
+                    Eigen::Vector3d& wanted_W) noexcept override;
+  [[nodiscard]] ForceEstimate force(double time_s,
+                                    const Eigen::Vector3d& position_W) const noexcept override;
+  std::span<const char* const> candidates() const noexcept override {
+    return {names_.data(), candidates_.all.size()};
+  }
+  /// `samples_passed_over`: samples that some candidate never took because it was
+  /// kriging::SampleQueue::kLongestBacklog samples behind; one for each candidate and sample.
+  std::span<const NamedCounter> counters() const noexcept override { return {&passed_over_, 1}; }
+  std::uint64_t samples_passed_over() const noexcept { return passed_over_.value; }
+
+  /// Index in candidates().
+  std::size_t rendered() const noexcept { return rendered_; }
+  const kriging::Candidate& candidate(std::size_t index) const noexcept {
+    return *candidates_.all[index];
+  }
+  /// False when the store's memory could not be had; the method then must not be used.
+  bool allocated() const noexcept {
+    return candidates_.memory_role == nullptr || candidates_.memory_role->store().allocated();
+  }
+
+ private:
+  using Candidate = kriging::Candidate;
+  using EvaluatedSample = kriging::EvaluatedSample;
+
+  Candidate& rendered_candidate() noexcept { return *candidates_.all[rendered_]; }
+  const Candidate& rendered_candidate() const noexcept { return *candidates_.all[rendered_]; }
+  bool asks_before_contact() const noexcept {
+    return candidates_.places != kriging::Candidates::kNone;
+  }
+  EvaluatedSample& evaluated(std::uint64_t number) noexcept {
+    return evaluated_[number % kriging::SampleQueue::kLength];
+  }
+  void enter_contact(const Eigen::Vector3d& point_W) noexcept;
+  void pass_over_backlog() noexcept;
+  void look_up_path(const Sample& sample, kriging::PathAtSample& path) const noexcept;
+  void observe_rendered_force() noexcept;
+  std::size_t next_to_serve() const noexcept;
+  int take_next(std::size_t index) noexcept;
+  void take_rendered(const Candidate& candidate, std::uint64_t number, bool follows) noexcept;
+  void score() noexcept;
+  void hand_over(std::size_t index, ChoiceReason reason) noexcept;
+  int prepare(std::size_t index, int budget) noexcept;
+  bool may_follow() const noexcept;
+  int follow() noexcept;
+  void update_uncertainty() noexcept;
+  double deviation_N(const Candidate& candidate, const Eigen::Vector3d& position_W) const noexcept;
+  Eigen::Vector3d force_N(const Candidate& candidate) const noexcept;
+  /// Where the tool was observed last or, without observations, sampled last.
+  const Eigen::Vector3d& tool_W() const noexcept {
+    return motion_.observed() ? motion_.position_W() : queue_.newest_W();
+  }
+
+  Kind kind_;
+  kriging::EnsembleThresholds thresholds_;
+  ToolHistory path_;  ///< of the tool
+  kriging::Candidates candidates_;
+  std::array<const char*, kMaxCandidates> names_{};
+  kriging::CandidateChoice choice_;
+  std::size_t rendered_ = 0;
+  ChoiceReason reason_ = ChoiceReason::kFirst;
+  kriging::HandOverFade fade_;
+
+  kriging::ToolMotion motion_;
+  kriging::ContactState contact_;
+  int answers_before_ = 0;  ///< that came for the contact that is expected
+  kriging::SampleQueue queue_;
+  std::array<EvaluatedSample, kriging::SampleQueue::kLength> evaluated_{};
+  std::uint64_t scored_ = 0;  ///< samples whose errors are in the scores
+  NamedCounter passed_over_{"samples_passed_over", 0};
+  kriging::StoreFollower follower_;
+  kriging::FieldRequests requests_;
+  kriging::FieldRendering rendering_;
+};
+
+}  // namespace forcegrid

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+namespace forcegrid::kriging {
+
+/// The numbers that decide which candidate of an ensemble is rendered.
+///
+/// A candidate's score [N^2] is the squared error of its predictions, averaged over samples; its
+/// rating is the score times a weight, and the least rating wins. The rules that use these numbers
+/// are in docs/kriging.md, "How the ensemble chooses"; its table "Thresholds" says more of each
+/// source. Here, in brackets: [study] the prototype study behind the kriging methods, [traces]
+/// checked on recorded traces, [jelly] chosen on the scene `jelly` and a moving block, [choice] no
+/// recorded comparison.
+struct EnsembleThresholds {
+  // Rating.
+
+  /// Share of the old score that a sample leaves: an average over about 7 samples. [study]
+  double score_kept = 0.85;
+  /// Another candidate takes over when its rating is below this share of the rendered one's, so
+  /// that the choice does not flicker. [traces]
+  double hysteresis = 0.9;
+  /// Weight of candidates that are needed seldom: elsewhere a lucky run of theirs costs accuracy.
+  /// [traces]
+  double specialist_weight = 3.0;
+  /// Weight of `places`, which is a little less accurate than others on a long contact. [choice]
+  double places_weight = 2.0;
+  /// [s] Time constant with which the step at a hand-over fades. [choice]
+  double hand_over_s = 0.010;
+
+  // One-sided constraints, `walls`. The rules together are measured, the single numbers are not.
+
+  /// A sample proves the constraint if the candidate's squared error is below this share of the
+  /// best other's. [choice]
+  double wall_proof = 0.1;
+  /// A sample voids all proofs if the squared error is above this multiple of the best other's ...
+  /// [choice]
+  double wall_refuted = 4.0;
+  double wall_refuted_N2 = 1e-3;     ///< ... plus this [N^2], (32 mN)^2. [choice]
+  int wall_proofs = 2;               ///< proofs that make a constraint proven. [choice]
+  double wall_proven_weight = 0.05;  ///< weight of the score with a proven constraint. [choice]
+  double wall_calm_weight = 0.2;     ///< weight with a constraint, while calm. [choice]
+  /// Calm: the surprise rate is below this. One surprise (0.15) leaves the candidate calm, a second
+  /// within about 12 samples does not. [choice]
+  double wall_calm = 0.17;
+  /// The candidate that explains a surprise takes over at once if this share of its score before
+  /// was below the rendered one's. [choice]
+  double wall_trusted = 0.1;
+
+  // Candidates that know the tool's path.
+
+  /// As score_kept, for the long score: an average over about 12 samples. [jelly]
+  double long_score_kept = 0.92;
+  std::uint64_t long_enough = 20;  ///< samples before the long score says anything. [choice]
+  double path_wrong_N2 = 1e-4;     ///< [N^2] (10 mN)^2: smaller errors are good enough. [jelly]
+  /// A long score below this share of the best general candidate's is no lucky run. [jelly]
+  double path_better_for_long = 0.8;
+
+  // The beginning of a contact.
+
+  double first_touch_s = 0.3;      ///< [s] the first instants of a contact. [choice]
+  double first_touch_N = 0.1;      ///< [N] less force says nothing about the object. [choice]
+  double first_touch_kept = 0.97;  ///< as score_kept, for first touches: 33 samples. [choice]
+  int enough_answers = 4;          ///< before contact, for `places` to begin with. [choice]
+  /// [m] Where `places` must be sure of the force, relative to the contact point, z being the
+  /// surface's normal. [choice]
+  Eigen::Vector3d probe_m{0.0, 0.0, 0.004};
+  double known_place_N = 0.15;  ///< [N] deviation there below which the place is known. [choice]
+  /// `places` may have a score of at most this multiple of the best one, `memory` of its square
+  /// times the rendered one. [choice]
+  double no_worse = 2.0;
+
+  // `memory`.
+
+  /// Surprise rate above which the store may be out of date: 17 samples after a surprise. [choice]
+  double outdated = 0.01;
+  /// `memory` takes over where the rendered candidate's deviation is this many times its own ...
+  /// [choice]
+  double remembers_more = 3.0;
+  double remembers_more_N = 0.01;  ///< ... and above this [N]. [choice]
+};
+
+}  // namespace forcegrid::kriging

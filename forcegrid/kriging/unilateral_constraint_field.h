@@ -1,0 +1,83 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <span>
+
+#include "forcegrid/kriging/constraint_fit.h"
+#include "forcegrid/kriging/constraint_search.h"
+#include "forcegrid/kriging/kriging_field.h"
+#include "forcegrid/kriging/unilateral_constraint.h"
+
+namespace forcegrid::kriging {
+
+/// A smooth field and up to two one-sided constraints, found in the samples: for the kink in the
+/// force where the tool that holds an object comes up against another. See ConstraintFit for the
+/// model and ConstraintSearch for how constraints are found.
+///
+/// A sample that surprises is taken for a constraint where one explains it. What is not explained
+/// is doubted, as in DictionaryField; a constraint that the samples then speak for with less than 3
+/// nats is dropped. After four surprises in a row that no constraint explained only every fourth is
+/// searched. Without constraints the field is DictionaryField.
+///
+/// Contacts: constraints are fixed in the workspace. At a new contact the smooth field moves along
+/// with the contact point, constraints stay where they are, and the factor that earlier contacts
+/// are scaled by is that of the smooth part of their forces.
+///
+/// The six samples that a constraint rests on are the last to leave the dictionary.
+///
+/// Cost beyond DictionaryField: per sample up to two Newton steps per constraint; per surprise up
+/// to two factorisations and a search; per read() one exponential and one logarithm for each
+/// constraint nearby.
+/// Failure: alone, it is dangerous where surprises have other causes: viscosity, relaxation, cuts,
+/// noise. Use it as a candidate of an ensemble. Friction on a wall is not part of the model.
+/// Real-time: as Field. Threads: one.
+template <typename Real>
+class UnilateralConstraintField final
+    : public DictionaryField<Real, ConstraintFit::kMaxSamples, 0> {
+ public:
+  /// @param settings as DictionaryField's; samples <= 47, no stiffness and no history.
+  explicit UnilateralConstraintField(const FieldSettings& settings) noexcept;
+
+  std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
+  Innovation take(const Observation& observation) noexcept override;
+  Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
+  Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
+                                    const History& history) const noexcept override;
+
+  bool knows_walls() const noexcept override { return fit_.count() > 0; }
+  int constraint_count() const noexcept { return fit_.count(); }
+  const UnilateralConstraint& constraint(int index) const noexcept {
+    return fit_.constraints()[static_cast<std::size_t>(index)];
+  }
+  /// k1 [N/m] and k2 [N/m^2], negative where the wall pushes.
+  Eigen::Vector2d constraint_stiffness(int index) const noexcept { return fit_.stiffness(index); }
+  /// [nats] What the samples speak for a constraint more than for none.
+  double constraint_gain(int index) const noexcept { return fit_.gain_of(index); }
+
+  /// Replaces the constraints by up to ConstraintFit::kMaxConstraints others, which stay as they
+  /// are until the next sample refines them.
+  void set_constraints(std::span<const UnilateralConstraint> constraints) noexcept;
+
+ private:
+  using Base = DictionaryField<Real, ConstraintFit::kMaxSamples, 0>;
+  using Factor = typename Base::Factor;
+  using Stored = typename Base::Stored;
+
+  void solve_weights() noexcept override;
+  void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
+                    const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
+                    Eigen::Matrix3d& covariance_N2) const noexcept override;
+  Eigen::Vector3d feature_force_N(const Stored& sample) const noexcept override;
+  double explained_squares() const noexcept override { return fit_.solution().explained; }
+  bool explain(const Observation& observation, const Eigen::Vector3d& error_N) noexcept override;
+  bool features_need(int slot) const noexcept override;
+  void set_rows() noexcept;
+
+  int refinements_due_ = 0;
+  int failures_ = 0;  ///< surprises in a row that no constraint explained
+  ConstraintFit fit_;
+  ConstraintSearch search_;
+};
+
+}  // namespace forcegrid::kriging

@@ -1,0 +1,165 @@
+#include "servo_loop/sample_intake.h"
+
+#include <algorithm>
+#include <limits>
+#include <span>
+#include <utility>
+
+namespace forcegrid::servo {
+namespace {
+
+// [m] A contact point farther than this from a tool in the air is where the tool will touch.
+constexpr double kElsewhere_m = 1e-6;
+
+// Weight of the newest interval in the average of sample periods.
+constexpr double kPeriodWeight = 0.1;
+
+}  // namespace
+
+SampleIntake::SampleIntake(ServoPorts& ports, std::vector<ForceMethod*> methods,
+                           const Options& options)
+    : ports_(ports),
+      methods_(std::move(methods)),
+      requests_per_s_(options.requests_per_s),
+      queries_before_contact_(methods_[0]->needs().requests_before_contact),
+      gate_(options.max_force_N),
+      sample_period_s_(1.0 / options.simulator_rate_Hz) {}
+
+void SampleIntake::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W,
+                                   const Eigen::Vector3d& velocity_W) noexcept {
+  link::ToolState tool;
+  tool.sequence = ++tool_sequence_;
+  tool.servo_time_ns = now.time_since_epoch().count();
+  tool.position_W_m = triple(position_W);
+  tool.velocity_W_m_per_s = triple(velocity_W);
+  ports_.tool.publish(tool);
+}
+
+void SampleIntake::take(rt::TimePoint now, FirstTouch& first_touch) noexcept {
+  NearSurface surface;
+  if (ports_.surface.fetch(surface)) {
+    first_touch.take(surface);
+  }
+  ArrivedSample arrived;
+  // Bounded by the ring's capacity, however fast the link thread pushes.
+  for (int i = 0; i < ServoPorts::kSampleCapacity && ports_.samples.pop(arrived); ++i) {
+    if (arrived.sample.from_query) {
+      take_answer(arrived);
+    } else {
+      take_sample(now, arrived, first_touch);
+    }
+  }
+}
+
+void SampleIntake::take_sample(rt::TimePoint now, const ArrivedSample& arrived,
+                               FirstTouch& first_touch) noexcept {
+  if (has_sample_) {
+    const double interval_s = rt::seconds(arrived.arrived - newest_arrival_);
+    sample_period_s_ += kPeriodWeight * (std::clamp(interval_s, 0.0, 1.0) - sample_period_s_);
+  }
+  has_sample_ = true;
+  newest_arrival_ = arrived.arrived;
+  ++samples_taken_;
+  take_contact(arrived);
+  first_touch.answer(servo_time_s(now), arrived.sample.time_s, arrived.in_contact,
+                     arrived.sample.contact_epoch);
+  const std::span<const Sample> believed =
+      in_contact_ ? gate_.pass(arrived.sample) : std::span<const Sample>();
+  for (const Sample& sample : believed) {
+    for (ForceMethod* method : methods_) {
+      method->take_sample(sample);
+    }
+  }
+  if (!in_contact_ || !believed.empty()) {
+    believed_arrival_ = arrived.arrived;
+    believed_time_s_ = arrived.sample.time_s;
+  }
+}
+
+void SampleIntake::take_contact(const ArrivedSample& arrived) noexcept {
+  const Sample& sample = arrived.sample;
+  if (arrived.in_contact && (!in_contact_ || sample.contact_epoch != contact_epoch_)) {
+    gate_.forget();
+    for (ForceMethod* method : methods_) {
+      method->contact_made(sample.contact_epoch, sample.contact_point_W);
+    }
+  } else if (!arrived.in_contact && (in_contact_ || !contact_known_)) {
+    gate_.forget();
+    for (ForceMethod* method : methods_) {
+      method->contact_lost();
+    }
+  }
+  contact_known_ = true;
+  in_contact_ = arrived.in_contact;
+  contact_epoch_ = sample.contact_epoch;
+  expected_contact_W_.reset();
+  if (!in_contact_) {
+    air_epoch_ = sample.contact_epoch;
+    if ((sample.contact_point_W - sample.position_W).norm() > kElsewhere_m) {
+      expected_contact_W_ = sample.contact_point_W;
+    }
+  }
+}
+
+// Only the rendered method learns from an answer: the methods evaluated beside it are to see
+// exactly what they would see without queries.
+void SampleIntake::take_answer(const ArrivedSample& answer) noexcept {
+  if (!answer.in_contact || !contact_known_) {
+    return;
+  }
+  Sample sample = answer.sample;
+  sample.before_contact = queries_before_contact_ && sample.contact_epoch == air_epoch_;
+  if (sample.before_contact || (in_contact_ && sample.contact_epoch == contact_epoch_)) {
+    methods_[0]->take_sample(sample);
+    ++answers_taken_;
+  }
+}
+
+void SampleIntake::query_if_due(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
+  if (!(requests_per_s_ > 0.0) || now < next_query_) {
+    return;
+  }
+  // On a fixed schedule, so that the average rate is met although it does not divide the servo
+  // rate; after a pause the schedule begins anew.
+  const rt::Duration interval = rt::from_seconds(1.0 / requests_per_s_);
+  next_query_ += interval;
+  if (next_query_ <= now) {
+    next_query_ = now + interval;
+  }
+  if (in_contact_ || (expected_contact_W_ && queries_before_contact_)) {
+    send_query(now, position_W);
+  }
+}
+
+void SampleIntake::send_query(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept {
+  Eigen::Vector3d wanted_W = Eigen::Vector3d::Zero();
+  if (!methods_[0]->plan_request(servo_time_s(now), position_W, wanted_W)) {
+    return;
+  }
+  link::Query query;
+  query.query_id = ++last_query_id_;
+  query.servo_time_ns = now.time_since_epoch().count();
+  query.position_W_m = triple(wanted_W);
+  if (ports_.queries.push(query)) {
+    ++queries_sent_;
+  }
+}
+
+double SampleIntake::sample_age_s(rt::TimePoint now) const noexcept {
+  return has_sample_ ? rt::seconds(now - believed_arrival_)
+                     : std::numeric_limits<double>::infinity();
+}
+
+void SampleIntake::describe(rt::TimePoint now, CycleRecord& record) const noexcept {
+  record.in_contact = in_contact_;
+  record.contact_epoch = contact_epoch_;
+  record.samples_taken = samples_taken_;
+  record.sample_age_ms = has_sample_ ? 1e3 * (servo_time_s(now) - believed_time_s_) : -1.0;
+}
+
+void SampleIntake::restart() noexcept {
+  has_sample_ = false;
+  gate_.forget();
+}
+
+}  // namespace forcegrid::servo

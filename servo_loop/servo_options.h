@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <chrono>
+
+#include "profiles/device_profile.h"
+#include "rt/clock.h"
+#include "servo_loop/dead_man.h"
+#include "servo_loop/emergency_stop.h"
+#include "servo_loop/force_renderer.h"
+
+namespace forcegrid::servo {
+
+/// Where the workspace frame W lies in the device frame D. The axes are parallel (x toward the
+/// user, y to the user's right, z up) and lengths are not scaled, so forces need no conversion.
+struct WorkspaceMap {
+  Eigen::Vector3d W_origin_D = Eigen::Vector3d::Zero();  ///< [m] W's origin, expressed in D
+
+  Eigen::Vector3d position_W(const Eigen::Vector3d& position_D) const noexcept {
+    return position_D - W_origin_D;
+  }
+};
+
+/// Settings of a ServoLoop, fixed for its lifetime.
+struct ServoOptions {
+  double rate_Hz = 500.0;  ///< 100 to 4000
+  /// Work that each method may do per cycle, in vertices or the method's other units; at least 1.
+  int fill_budget = 1000;
+  /// Expected rate of samples, until enough have arrived to measure it; above 0, at most 4000.
+  double simulator_rate_Hz = 30.0;
+  /// How often the rendered method may query the simulator at a position of its own choice, see
+  /// ForceMethod::plan_request(). 0: never; at most once per cycle.
+  double requests_per_s = 0.0;
+  /// Without a new report for this long the loop ends with a fault. Keep it below the device
+  /// watchdog's 500 ms.
+  rt::Duration report_timeout = std::chrono::milliseconds(100);
+  bool gravity_compensation = false;
+  /// Gives each motor a few short pushes before the first force is rendered, see MotorCheck.
+  bool check_motors = true;
+  /// Looks for encoders that have stopped counting, see EncoderWatch.
+  bool watch_encoders = true;
+  RenderingOptions rendering;
+  /// Ends the loop at zero current within one cycle. Null: only the device's button does. Must
+  /// outlive the loop.
+  EmergencyStop* emergency_stop = nullptr;
+  /// What the user must hold for force to be rendered. With kButton the device's button is not an
+  /// emergency stop: releasing it stops the force.
+  DeadMan dead_man = DeadMan::kNone;
+  const DeadManSignal* dead_man_signal = nullptr;  ///< for kSignal; must outlive the loop
+  WorkspaceMap workspace;
+};
+
+/// @throws std::invalid_argument naming the first option that is out of range, or that a device of
+/// this profile cannot satisfy.
+void require_usable(const ServoOptions& options, const profiles::DeviceProfile& profile);
+
+}  // namespace forcegrid::servo

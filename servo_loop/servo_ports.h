@@ -1,0 +1,43 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "forcegrid/core/force_method.h"
+#include "link/clock_estimate.h"
+#include "link/messages.h"
+#include "rt/clock.h"
+#include "rt/mailbox.h"
+#include "rt/spsc_ring.h"
+#include "servo_loop/cycle_record.h"
+#include "servo_loop/first_touch.h"
+
+namespace forcegrid::servo {
+
+/// [s] The servo's clock (CLOCK_MONOTONIC) as methods and samples state it.
+inline double servo_time_s(rt::TimePoint time) noexcept {
+  return rt::seconds(time.time_since_epoch());
+}
+
+/// A sample of the simulator on its way from the link thread to the servo.
+struct ArrivedSample {
+  Sample sample;
+  bool in_contact = false;  ///< whether the tool touched the object
+  rt::TimePoint arrived{};  ///< when the link thread received it
+};
+
+/// What the servo loop exchanges with other threads, all of it lock-free. The loop pops `samples`,
+/// pushes `records` and `queries`, fetches `surface` and publishes `tool`.
+struct ServoPorts {
+  static constexpr int kSampleCapacity = 64;
+  rt::SpscRing<ArrivedSample> samples{kSampleCapacity};
+  rt::SpscRing<CycleRecord> records{8192};
+  rt::SpscRing<link::Query> queries{64};
+  rt::Mailbox<link::ToolState> tool;
+  rt::Mailbox<NearSurface> surface;  ///< the surface near the tool, for FirstTouch
+  /// From the link thread to telemetry: the offset of the simulator's clock, if known.
+  rt::Mailbox<link::ClockEstimate> simulator_clock;
+  std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
+};
+
+}  // namespace forcegrid::servo

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "simulator/solver/reduced_use.h"
+#include "simulator/workers/worker_statistics.h"
+
+namespace forcegrid::simulator {
+
+/// Results of one run of the simulator.
+struct SimulatorSummary {
+  std::string scene;
+  std::string tool;       ///< ToolOptions::shape
+  std::string contact;    ///< ToolOptions::contact
+  std::string listening;  ///< ADDR:PORT
+  std::size_t vertices = 0;
+  std::size_t springs = 0;
+  std::string solver;      ///< the one that was used, see to_string(SolverKind)
+  std::string solver_why;  ///< why it was chosen
+  double rate_Hz = 0.0;
+  std::uint64_t sessions = 0;         ///< servo sessions
+  std::uint64_t ticks = 0;            ///< deadlines, with or without a tool state to answer
+  std::uint64_t answers = 0;          ///< samples sent
+  std::uint64_t patches = 0;          ///< surface patches sent
+  std::uint64_t replies = 0;          ///< queries answered
+  std::uint64_t queries_refused = 0;  ///< because force depends on the tool's path
+  std::uint64_t late_ticks = 0;       ///< answers that were ready after the next deadline
+  std::uint64_t missed_ticks =
+      0;  ///< deadlines skipped because an answer took longer than a period
+  std::uint64_t send_failures = 0;
+  std::string workers_at;       ///< tcp://ADDR:PORT; empty without
+  WorkerStatistics workers;     ///< all zero without
+  std::uint64_t unchecked = 0;  ///< QueryScheduler::Counts::unchecked
+  /// Dropped datagrams, by reason.
+  std::vector<std::pair<std::string, std::uint64_t>> dropped;
+  std::uint64_t contacts = 0;
+  std::uint64_t unconverged = 0;      ///< answers whose tolerance was not reached
+  std::uint64_t branch_changes = 0;   ///< answers that moved to another branch of equilibria
+  std::uint64_t long_steps = 0;       ///< answers that needed longer time steps, see SolverReport
+  std::uint64_t not_reached = 0;      ///< moves too long for one tick, answered part of the way
+  std::uint64_t not_finite = 0;       ///< answers that were not sent; the object was reset
+  std::uint64_t whole_solutions = 0;  ///< solutions of the whole object, see SolverReport
+  ReducedUse reduced;                 ///< all zero without reduced models
+  double worst_relative_residual = 0.0;
+  /// [ms] Wall time of one answer in contact, without the grab that begins the contact.
+  double solve_mean_ms = 0.0;
+  double solve_p50_ms = 0.0;
+  double solve_p99_ms = 0.0;
+  double solve_max_ms = 0.0;
+  double grab_max_ms = 0.0;
+  double iterations_mean = 0.0;  ///< conjugate-gradient iterations per answer
+};
+
+/// Keys carry the units.
+nlohmann::json to_json(const SimulatorSummary& summary);
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,122 @@
+#include "forcegrid/kriging/candidate_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "forcegrid/kriging/ensemble_candidates.h"
+
+namespace forcegrid::kriging {
+namespace {
+
+class CandidateChoiceTest : public ::testing::Test {
+ protected:
+  CandidateChoiceTest()
+      : path_(kPathTimeConstants_s),
+        candidates_(make_candidates(EnsembleKind::kAuto, {}, thresholds_, path_)),
+        choice_(candidates_, thresholds_) {}
+
+  std::size_t index(const std::string& name) const {
+    for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+      if (name == candidates_.all[i]->name()) {
+        return i;
+      }
+    }
+    ADD_FAILURE() << name;
+    return 0;
+  }
+  /// A sample at which all candidates have the same squared error but one.
+  EvaluatedSample sample(double error_N2, std::size_t other, double other_N2) const {
+    EvaluatedSample sample;
+    sample.error_N2.fill(error_N2);
+    sample.error_N2[other] = other_N2;
+    return sample;
+  }
+
+  EnsembleThresholds thresholds_;
+  ToolHistory path_;
+  Candidates candidates_;
+  CandidateChoice choice_;
+};
+
+TEST_F(CandidateChoiceTest, KeepsTheRenderedOneUnlessAnotherIsClearlyBetter) {
+  const std::size_t exact = index("exact");
+  for (int i = 0; i < 100; ++i) {
+    choice_.score(sample(1.0, exact, 0.95), 0);
+  }
+  EXPECT_EQ(choice_.best(0), 0u);
+  for (int i = 0; i < 100; ++i) {
+    choice_.score(sample(1.0, exact, 0.85), 0);
+  }
+  EXPECT_EQ(choice_.best(0), exact);
+}
+
+TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
+  choice_.score(sample(1.0, 1, 0.0), 0);
+  EXPECT_NEAR(candidates_.all[0]->score_N2, 1.0 - thresholds_.score_kept, 1e-12);
+  EXPECT_NEAR(candidates_.all[0]->long_score_N2, 1.0 - thresholds_.long_score_kept, 1e-12);
+  EXPECT_EQ(candidates_.all[0]->first_touch_score_N2, 0.0);
+  EXPECT_EQ(candidates_.all[1]->score_N2, 0.0);
+}
+
+TEST_F(CandidateChoiceTest, CountsTheErrorsOfSpecialistsMore) {
+  const std::size_t viscous = index("viscous");
+  for (int i = 0; i < 5; ++i) {  // too few to prove that the path counts
+    choice_.score(sample(1.0, viscous, 0.5), 0);
+  }
+  EXPECT_EQ(choice_.best(0), 0u) << "half the error, times three";
+  for (int i = 0; i < 30; ++i) {
+    choice_.score(sample(1.0, viscous, 0.5), 0);
+  }
+  EXPECT_EQ(choice_.best(0), viscous) << "better for long";
+}
+
+TEST_F(CandidateChoiceTest, TakesACandidateWithoutUseForASampleToErrLikeTheRenderedOne) {
+  const std::size_t unfinished = index("unfinished");
+  choice_.score(sample(2.0, unfinished, EvaluatedSample::kNotTaken_N2), 0);
+  EXPECT_EQ(candidates_.all[unfinished]->score_N2, candidates_.all[0]->score_N2);
+  choice_.score(sample(2.0, unfinished, EvaluatedSample::kNotTaken_N2), unfinished);
+  EXPECT_EQ(candidates_.all[unfinished]->score_N2, candidates_.all[0]->score_N2);
+}
+
+TEST_F(CandidateChoiceTest, BeginsAContactWithThePlaceThatItWasAskedAbout) {
+  choice_.score(sample(1.0, 2, 0.1), 0);
+  const auto asked = choice_.for_contact(thresholds_.enough_answers, true, 0);
+  EXPECT_EQ(asked.candidate, index("places"));
+  EXPECT_EQ(asked.reason, ChoiceReason::kAskedBefore);
+  const auto not_asked = choice_.for_contact(0, true, 0);
+  EXPECT_EQ(not_asked.reason, ChoiceReason::kFirstTouches) << "places has no sample";
+}
+
+TEST_F(CandidateChoiceTest, BeginsAContactWithTheBestOfFirstTouches) {
+  EvaluatedSample first = sample(1.0, 2, 0.1);
+  first.first_touch = true;
+  choice_.score(first, 0);
+  for (int i = 0; i < 100; ++i) {
+    choice_.score(sample(1.0, 3, 0.01), 0);  // best later on
+  }
+  EXPECT_EQ(choice_.best(0), 3u);
+  EXPECT_EQ(choice_.for_contact(0, true, 3).candidate, 2u);
+}
+
+TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
+  Candidate& walls = *candidates_.all[index("walls")];
+  candidates_.all[0]->score_N2 = 1.0;
+  walls.score_N2 = 9.0;
+  EXPECT_TRUE(choice_.trusts(walls, 0));
+  walls.score_N2 = 11.0;
+  EXPECT_FALSE(choice_.trusts(walls, 0));
+}
+
+TEST_F(CandidateChoiceTest, NamesElevenCandidatesInAFixedOrder) {
+  const char* const names[] = {"smooth",     "exact",         "noisy", "very noisy",
+                               "viscous",    "noisy viscous", "walls", "memory",
+                               "unfinished", "relaxing",      "places"};
+  ASSERT_EQ(candidates_.all.size(), std::size(names));
+  for (std::size_t i = 0; i < std::size(names); ++i) {
+    EXPECT_STREQ(candidates_.all[i]->name(), names[i]);
+  }
+}
+
+}  // namespace
+}  // namespace forcegrid::kriging

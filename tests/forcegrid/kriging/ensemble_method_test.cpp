@@ -1,0 +1,145 @@
+// An ensemble: which of its candidates is rendered, and its work in pieces.
+
+#include "forcegrid/kriging/ensemble_method.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <string>
+
+#include "forcegrid/kriging/kriging_method.h"
+#include "tests/forcegrid/kriging/kriging_play.h"
+
+namespace forcegrid {
+namespace {
+
+using Eigen::Vector3d;
+using namespace testing;
+using Kind = EnsembleMethod::Kind;
+
+TEST(EnsembleMethods, StandNoiseOfTenMillinewtons) {
+  const AnchoredSprings object(kSeed);
+  Play play = hand_on(object);
+  play.noise_N = 0.010;
+  MethodOptions noiseless;
+  noiseless.nugget = 1e-6;
+  KrigingMethod single(KrigingMethod::Kind::kForceOnly, noiseless);
+  EnsembleMethod ensemble(Kind::kKriging, {});
+  play.run(single);
+  const double single_error = play.error_after_1s;
+  play.run(ensemble);
+  EXPECT_LT(play.error_after_1s, 0.01);  // what the noise of each sample is by itself
+  EXPECT_LT(play.error_after_1s, 0.8 * single_error) << "a field that believes every sample";
+}
+
+TEST(EnsembleMethods, LetTheEnsembleFindTheCandidateThatKnowsDamping) {
+  const AnchoredSprings object(kSeed);
+  Play play = hand_on(object);
+  const HandMotion motion(kSeed);
+  play.force_N = [=](double t_s, const Vector3d& d_m) {
+    const Vector3d velocity =
+        (motion.position_m(t_s + 1e-4) - motion.position_m(t_s - 1e-4)) / 2e-4;
+    return Vector3d(object.force_N(d_m) - 3.0 * velocity);
+  };
+  play.duration_s = 12.0;
+  KrigingMethod single(KrigingMethod::Kind::kForceOnly, {});
+  EnsembleMethod ensemble(Kind::kKriging, {});
+  play.run(single);
+  const double single_error = play.error_after_1s;
+  play.run(ensemble);
+  EXPECT_GT(ensemble.candidate(ensemble.rendered()).field().settings().kernel.history_gain, 0.0);
+  EXPECT_LT(play.error_after_1s, 0.4 * single_error);
+  EXPECT_LT(play.error_after_1s, 0.025);
+}
+
+void expect_work_piece_by_piece(Kind kind) {
+  const AnchoredSprings object(kSeed);
+  Play at_once = hand_on(object);
+  Play in_pieces = hand_on(object);
+  in_pieces.work_budget = 1;
+  EnsembleMethod first(kind, {});
+  EnsembleMethod second(kind, {});
+  at_once.run(first);
+  in_pieces.run(second);
+  EXPECT_EQ(second.samples_passed_over(), 0u);
+  EXPECT_LT(in_pieces.error_after_1s, 1.5 * at_once.error_after_1s + 1e-4);
+
+  // One call does one piece: the rendered candidate answers after the first, the others follow.
+  EnsembleMethod ensemble(kind, {});
+  ensemble.contact_made(1, Vector3d::Zero());
+  ensemble.observe(0.0, Vector3d::Zero());
+  Sample sample;
+  sample.force_W = Vector3d(1, 2, 3);
+  ensemble.take_sample(sample);
+  EXPECT_EQ(ensemble.force(0.0, Vector3d::Zero()).status, EstimateStatus::kUnknown);
+  int calls = 0;
+  while (ensemble.work(1) > 0) {
+    ++calls;
+    EXPECT_NEAR(ensemble.force(0.0, Vector3d::Zero()).force_W.z(), 3.0, 0.01);
+    int fitted = 0;
+    for (std::size_t i = 0; i < ensemble.candidates().size(); ++i) {
+      fitted += ensemble.candidate(i).field().sample_count();
+    }
+    EXPECT_EQ(fitted, calls);
+  }
+  EXPECT_EQ(static_cast<std::size_t>(calls), ensemble.candidates().size());
+}
+
+TEST(EnsembleMethods, LetTheEnsembleDoItsWorkPieceByPiece) {
+  expect_work_piece_by_piece(Kind::kKriging);
+}
+
+TEST(EnsembleMethods, CountSamplesThatAnEnsembleWithoutTimePassesOver) {
+  EnsembleMethod ensemble(Kind::kKriging, {});
+  ensemble.contact_made(1, Vector3d::Zero());
+  for (int i = 0; i < 100; ++i) {
+    Sample sample;
+    sample.time_s = 0.01 * i;
+    sample.position_W = Vector3d(0.0001 * i, 0, 0);
+    sample.force_W = -200.0 * sample.position_W;
+    ensemble.take_sample(sample);
+    ensemble.work(1);
+  }
+  EXPECT_GT(ensemble.samples_passed_over(), 0u);
+  ASSERT_EQ(ensemble.counters().size(), 1u);
+  EXPECT_STREQ(ensemble.counters()[0].name, "samples_passed_over");
+  EXPECT_EQ(ensemble.counters()[0].value, ensemble.samples_passed_over());
+  // The rendered candidate has seen them all.
+  EXPECT_NEAR(ensemble.force(1.0, Vector3d(0.0099, 0, 0)).force_W.x(), -1.98, 0.01);
+}
+
+TEST(EnsembleMethods, HandOverWithoutAStep) {
+  const AnchoredSprings object(kSeed);
+  EnsembleMethod ensemble(Kind::kKriging, {});
+  ensemble.contact_made(1, kPoint_W);
+  const HandMotion motion(kSeed);
+  std::mt19937 random(kSeed);
+  std::normal_distribution<double> noise(0.0, 0.03);
+  int hand_overs = 0;
+  for (int i = 0; i < 150; ++i) {
+    const double t_s = i * kPeriod_s;
+    Sample sample;
+    sample.time_s = t_s;
+    sample.position_W = kPoint_W + motion.position_m(t_s);
+    sample.force_W = object.force_N(motion.position_m(t_s)) +
+                     Vector3d(noise(random), noise(random), noise(random));
+    ensemble.observe(t_s, sample.position_W);
+    ensemble.take_sample(sample);
+    const std::size_t rendered = ensemble.rendered();
+    for (bool more = true; more;) {
+      const std::string before = std::to_string(ensemble.rendered());
+      const Vector3d force_before_N = ensemble.force(t_s, sample.position_W).force_W;
+      const int samples_before = ensemble.candidate(rendered).field().sample_count();
+      more = ensemble.work(1) > 0;
+      if (ensemble.rendered() != rendered && std::to_string(ensemble.rendered()) != before) {
+        ++hand_overs;
+        EXPECT_EQ(ensemble.candidate(rendered).field().sample_count(), samples_before);
+        EXPECT_LT((ensemble.force(t_s, sample.position_W).force_W - force_before_N).norm(), 1e-3);
+      }
+    }
+  }
+  EXPECT_GE(hand_overs, 1);
+}
+
+}  // namespace
+}  // namespace forcegrid
