@@ -301,7 +301,8 @@ void Run::connect() {
   url_again_ = options_.reconnect ? driver::lasting_url(url, profile_) : url;  // while it is there
   const driver::DeviceIdentity& identity = device_->identity();
   say("Device: " + identity.product + " (" + identity.manufacturer + ", serial " + identity.serial +
-      ") at " + url + ", profile " + base_profile + "\n");
+      ") at " + url + (processes_->has_emulator() ? " (emulated)" : "") + ", profile " +
+      base_profile + "\n");
   if (!calibrated_file.empty()) {
     say("Calibrated profile of this unit: " + calibrated_file + "\n");
   }

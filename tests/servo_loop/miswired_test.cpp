@@ -69,7 +69,7 @@ struct Course {
   std::array<double, 3> most_current_A{};
 };
 
-// Half a newton of force at the tip, or a spring, for up to 3 s.
+// A spring to the origin of the workspace, for up to 3 s.
 Course run(const std::string& name, HandKind hand, MotionKind motion, const Wiring& wiring,
            double stiffness_N_per_m = 80.0) {
   const profiles::DeviceProfile real = profiles::load_device_profile(name);
@@ -162,8 +162,9 @@ TEST_P(Miswired, NothingIsFoundWhereNothingIsWrong) {
 }
 
 INSTANTIATE_TEST_SUITE_P(ProfilesAndHands, Miswired,
-                         ::testing::Combine(::testing::Values("woodenhaptics_v2015", "polhem_v1",
-                                                              "phantom_desktop"),
+                         ::testing::Combine(::testing::Values("woodenhaptics_v2015",
+                                                              "woodenhaptics_v2019", "polhem_v1",
+                                                              "vintage", "phantom_desktop"),
                                             ::testing::Values(HandKind::kFirm, HandKind::kLight)),
                          [](const auto& test) {
                            return std::get<0>(test.param) + "_" +
