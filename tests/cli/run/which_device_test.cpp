@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid run` drives the device that was named, or none: an emulated one is never taken for a
 // real one, nor a real one for an emulated one.
 
