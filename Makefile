@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The two commands: `make run` renders a soft block on an emulated arm; `make test` runs every test.
 # Both first install missing packages (Debian 12, root or sudo).
 
@@ -9,6 +10,8 @@ SECONDS ?= 20
 ARGS    ?=
 FUZZ_SECONDS ?= 600
 SANITIZERS ?= asan tsan
+SINCE   ?=
+MINUTES ?= 0
 
 PROGRAM := build/release/bin/forcegrid
 STAMP   := build/.packages
@@ -32,8 +35,8 @@ USER_SPACE_TESTS := ^(W2\.|W3\.|UsbipTransport|EmulatorServer|MainJob|.*ReportAg
 UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
-.PHONY: run test build setup bench bench-realtime sanitize fuzz clean hil hil-full hil-matrix install-udev uninstall-udev
-.PHONY: docs pictures
+.PHONY: run test build setup bench bench-realtime sanitize fuzz lint docs pictures clean
+.PHONY: hil hil-full hil-matrix install-udev uninstall-udev
 
 # SIMULATOR=bullet: another simulator behind the link, examples/bullet_simulator.cpp.
 ifneq ($(filter-out bullet,$(SIMULATOR)),)
@@ -134,6 +137,12 @@ $(STAMP): setup/packages.txt setup/install.sh
 fuzz: setup
 	cmake --preset fuzz >/dev/null && cmake --build --preset fuzz
 	tests/fuzz/run_fuzzers.sh build/fuzz $(FUZZ_SECONDS)
+
+# Format and code of every source (.clang-format, .clang-tidy). SINCE=REV: only what differs from REV;
+# SINCE=last-merge: from the last merge's first parent. MINUTES=M: begins no source after that time.
+# A source that was found clean is not checked again until it changes.
+lint: setup build/release/build.ninja
+	setup/lint.py --minutes $(MINUTES) $(if $(SINCE),--since $(SINCE))
 
 clean:
 	rm -rf build out

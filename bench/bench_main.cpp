@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -26,7 +27,7 @@ std::vector<TimeLine>& time_lines() {
   return lines;
 }
 
-// Keeps every repetition's time per item beside what the console shows.
+// Stores every repetition's time per item; the console shows only the aggregates.
 class Collector : public benchmark::ConsoleReporter {
  public:
   void ReportRuns(const std::vector<Run>& runs) override {
@@ -39,7 +40,7 @@ class Collector : public benchmark::ConsoleReporter {
       }
     }
     if (!runs.empty() && runs.front().run_type == Run::RT_Aggregate) {
-      ConsoleReporter::ReportRuns(runs);  // single repetitions would only fill the screen
+      ConsoleReporter::ReportRuns(runs);  // single repetitions would fill the screen
     }
   }
   double median_ns(const std::string& name) const {
@@ -70,7 +71,8 @@ void report_time(const std::string& name, const std::string& goal) {
 }  // namespace forcegrid::bench
 
 int main(int argc, char** argv) {
-  // Interleaved repetitions, so that a drift of the machine's speed reaches both sides of a ratio.
+  // Interleaved repetitions, so that a drift of the machine's speed affects both sides of a ratio
+  // equally.
   std::vector<char*> arguments(argv, argv + argc);
   std::string repetitions = "--benchmark_repetitions=9";
   std::string interleave = "--benchmark_enable_random_interleaving=true";
@@ -86,7 +88,7 @@ int main(int argc, char** argv) {
 
   const double baseline_ns = collector.median_ns("bare_trilinear_query");
   if (baseline_ns <= 0.0) {
-    return 0;  // a filter left the baseline out: no ratios
+    return 0;  // a filter excluded the baseline: no ratios
   }
   const double scale = 4.0 / baseline_ns;
   std::printf(

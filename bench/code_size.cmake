@@ -1,4 +1,5 @@
-# Prints the code and constants that each method takes: the sum of its object files' text and data.
+# SPDX-License-Identifier: Apache-2.0
+# Prints the size of code and constants of each method: the sum of its object files' text and data.
 # cmake -DSIZE_PROGRAM=size -DNAME=... -DOBJECTS=a.o;b.o -P code_size.cmake
 execute_process(COMMAND ${SIZE_PROGRAM} -t ${OBJECTS}
                 RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE error)

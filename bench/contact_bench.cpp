@@ -1,4 +1,5 @@
-// What a cycle of the servo pays for its own look at the surface near the tool.
+// SPDX-License-Identifier: Apache-2.0
+// Cost of a servo cycle's query of the local surface near the tool.
 
 #include <benchmark/benchmark.h>
 
@@ -20,7 +21,7 @@ using Eigen::Vector3d;
 constexpr std::size_t kPositions = 256;
 constexpr double kMargin_m = 0.02;  // FirstTouch::kMargin_m
 
-// Nearly as full as a patch can be: 19 vertices, 2.5 mm apart, and 22 triangles of a wavy surface.
+// Nearly the largest local surface: 19 vertices, 2.5 mm apart, and 22 triangles of a wavy surface.
 NearPatch full_patch() {
   std::vector<NearPatch::Vertex> vertices;
   for (int i = 0; i < 19; ++i) {
@@ -79,7 +80,7 @@ void near_patch_of_a_capsule(benchmark::State& state) {
 }
 BENCHMARK(near_patch_of_a_capsule);
 
-// Two looks, one for each jaw.
+// Two queries, one for each jaw.
 void near_patch_of_a_grasper(benchmark::State& state) {
   const NearPatch patch = full_patch();
   const contact::ToolShape tool = contact::ToolShape::grasper(0.004, 0.03, 0.7);

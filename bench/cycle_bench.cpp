@@ -1,5 +1,6 @@
-// The whole compute of one servo cycle: report, forward kinematics, query, limits, J^T, command,
-// and a fill step of 64 vertices; everything between waking up and going to sleep again.
+// SPDX-License-Identifier: Apache-2.0
+// The whole computation of one servo cycle: report, forward kinematics, query, limits, J^T,
+// command, and a fill step of 64 vertices; everything from wake-up to sleep.
 
 #include <benchmark/benchmark.h>
 
@@ -15,7 +16,7 @@
 namespace forcegrid::bench {
 namespace {
 
-// Counts without a wire: what is measured is the loop, not a transport.
+// Reports without a bus, so that the benchmark measures the loop, not a transport.
 class CountsOnly final : public driver::Device {
  public:
   const driver::DeviceIdentity& identity() const noexcept override { return identity_; }
@@ -65,7 +66,7 @@ void servo_cycle(benchmark::State& state) {
           static_cast<std::int32_t>(std::lround(counts[axis]));
     }
     ++device.report.sequence;
-    // Two milliseconds of the device's own time a report, as at 500 Hz.
+    // Two milliseconds of device time per report, as at 500 Hz.
     device.report.received = now;
     device.report.released = rt::TimePoint(std::chrono::milliseconds(2) * cycle);
     if (cycle % 16 == 0) {

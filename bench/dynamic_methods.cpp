@@ -1,6 +1,7 @@
-// What force methods make of an object that moves by itself: along `random`, with a simulator at 30
-// Hz whose answers arrive one period late, for three retardation times. In simulated time, with the
-// simulator's own contact and solver, and the reference force of `run` as the reference.
+// SPDX-License-Identifier: Apache-2.0
+// Errors of force methods on an object that moves by itself: along `random`, with a simulator at 30
+// Hz whose answers arrive one period late, for three retardation times. Runs in simulated time with
+// the simulator's contact and solver, against the reference force of `run`.
 //
 //   forcegrid_dynamic_methods [SEEDS [METHOD...]]     four seeds, `auto` and `hold`
 
@@ -36,10 +37,10 @@ constexpr double kJudgedFrom_s = 1.0;
 
 struct Motion {
   std::vector<double> times_s;
-  std::vector<Vector3d> positions_W;  // in whole encoder counts
+  std::vector<Vector3d> positions_W;  // rounded to encoder counts
 };
 
-// Down to the top, and from there on as evaluation::Trajectory has it.
+// Down to the object's top, then along evaluation::Trajectory.
 Motion make_motion(const Vector3d& top_W, std::uint64_t seed) {
   const evaluation::Trajectory random("random", seed);
   Motion motion;
@@ -61,7 +62,7 @@ struct Answers {
   Vector3d contact_W = Vector3d::Zero();
 };
 
-// At each tick the simulator has all positions up to then, or with `sparse` that one alone.
+// At each tick the simulator has all positions up to that time, or with `sparse` only the newest.
 Answers simulate(const simulator::Scene& scene, const Motion& motion, bool sparse) {
   const auto contact = simulator::make_dynamic_contact(scene, {}, {});
   Answers answers;
@@ -91,7 +92,7 @@ Answers simulate(const simulator::Scene& scene, const Motion& motion, bool spars
   return answers;
 }
 
-// The cycle in which the tool was nearest to where it touched, on its way down.
+// The cycle on the way down in which the tool was nearest to its contact point.
 std::size_t first_contact_cycle(const Motion& motion, const Vector3d& contact_W) {
   std::size_t nearest = 0;
   for (std::size_t i = 0; motion.times_s[i] <= kApproach_s; ++i) {
@@ -127,7 +128,7 @@ double percent(double error_sum, double reference_sum) {
   return 100.0 * std::sqrt(error_sum / reference_sum);
 }
 
-// [%] of the samples themselves, each against the reference of its moment.
+// [%] Error of the samples themselves, each against the reference force at its time.
 double sample_error_percent(const Answers& answers, const std::vector<Vector3d>& forces_W) {
   double error = 0.0;
   double reference = 0.0;
@@ -156,7 +157,7 @@ void measure(double retardation_time_s, std::uint64_t seed, bool sparse,
   const Answers answers = simulate(scene, motion, sparse);
   const std::vector<Vector3d> forces_W = reference_W(scene, motion, answers);
   std::printf("| %3.0f ms | %llu | %s | %5.2f |", 1e3 * retardation_time_s,
-              static_cast<unsigned long long>(seed), sparse ? "one an answer" : "all",
+              static_cast<unsigned long long>(seed), sparse ? "one per answer" : "all",
               sample_error_percent(answers, forces_W));
   const evaluation::Trace trace = make_trace(motion, answers, forces_W);
   double rms_N = 0.0;
@@ -180,7 +181,8 @@ int main(int count, char** arguments) {
     methods = {"auto", "hold"};
   }
   if (seeds < 1) {
-    std::fprintf(stderr, "forcegrid_dynamic_methods: '%s' is no number of seeds; give 1 or more\n",
+    std::fprintf(stderr,
+                 "forcegrid_dynamic_methods: '%s' is not a number of seeds; give 1 or more\n",
                  arguments[1]);
     return 2;
   }

@@ -1,6 +1,7 @@
-// The Falcon: forward kinematics with the last pose as start, and round trips over USB/IP: the
-// driver's whole exchange against a bare client that does nothing else, on the same emulated device
-// in the same run.
+// SPDX-License-Identifier: Apache-2.0
+// The Falcon: forward kinematics with the last pose as start, and round trips over USB/IP. The
+// driver's whole exchange is compared with a bare client on the same emulated device in the same
+// run.
 
 #include <arpa/inet.h>
 #include <benchmark/benchmark.h>
@@ -29,7 +30,7 @@ namespace {
 
 void falcon_forward_warm(benchmark::State& state) {
   const auto mechanism = driver::make_mechanism(profiles::load_device_profile("falcon"));
-  // A fast hand: 0.3 m/s at 1 kHz, some 8 counts from call to call.
+  // A fast hand: 0.3 m/s at 1 kHz, about 8 counts per call.
   std::array<std::array<std::int32_t, 6>, 256> path{};
   for (std::size_t i = 0; i < path.size(); ++i) {
     const double phase = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(path.size());
@@ -46,7 +47,7 @@ void falcon_forward_warm(benchmark::State& state) {
 }
 BENCHMARK(falcon_forward_warm);
 
-/// An emulated Falcon in this process whose firmware runs already.
+/// An emulated Falcon in this process, with its firmware running.
 class Emulated {
  public:
   Emulated() {
@@ -66,13 +67,13 @@ class Emulated {
   std::unique_ptr<emulator::EmulatorServer> server_;
 };
 
-/// Both sides are served by one device, which outlives the repetitions.
+/// One device serves both sides and outlives the repetitions.
 Emulated& device() {
   static Emulated emulated;
   return emulated;
 }
 
-/// The least that a USB/IP client can do: blocking calls on one socket, no checks, no threads.
+/// A minimal USB/IP client: blocking calls on one socket, no checks, no threads.
 class BareClient {
  public:
   explicit BareClient(const std::string& address) {
@@ -94,7 +95,7 @@ class BareClient {
   BareClient(const BareClient&) = delete;
   BareClient& operator=(const BareClient&) = delete;
 
-  /// One packet out; IN transfers until 16 bytes of data have come.
+  /// Sends one packet, then does IN transfers until 16 bytes of data have arrived.
   void round_trip() {
     constexpr char kZero[] = "<AAAAAAAAAAAABA>";
     const std::uint32_t out = submit(0, 2, 16, {}, reinterpret_cast<const std::uint8_t*>(kZero));
@@ -119,7 +120,7 @@ class BareClient {
   }
 
  private:
-  /// @returns false when the server refuses.
+  /// @returns false if the server refuses.
   bool import(const sockaddr_in& to) {
     socket_ = ::socket(AF_INET, SOCK_STREAM, 0);
     const int on = 1;
@@ -193,7 +194,7 @@ class BareClient {
   std::uint32_t sequence_ = 0;
 };
 
-constexpr int kBatch = 100;  // round trips an iteration
+constexpr int kBatch = 100;  // round trips per iteration
 
 void falcon_round_trip_bare(benchmark::State& state) {
   BareClient client(device().address());

@@ -1,4 +1,5 @@
-// Grid query and fill against their peers, on the paper's grid of 50 x 50 x 50 vertices.
+// SPDX-License-Identifier: Apache-2.0
+// Grid query and fill compared with their peers, on the paper's grid of 50 x 50 x 50 vertices.
 
 #include <benchmark/benchmark.h>
 
@@ -32,7 +33,7 @@ GridGeometry paper_geometry() {
   return geometry;
 }
 
-constexpr int kEnough = 1 << 20;  // units: a whole fill
+constexpr int kEnough = 1 << 20;  // units of work for a whole fill
 
 RadialWeight paper_weighting() {
   RadialWeight weighting;
@@ -96,7 +97,7 @@ void fill(Grid& grid, const Vector3d& position_W, const Vector3d& force_W) {
   grid.continue_fill(one, kEnough);
 }
 
-// Reads a grid that is filled everywhere, at random positions.
+// Queries a completely filled grid at random positions.
 template <typename Grid, typename Read>
 void query(benchmark::State& state, Grid grid, Read read) {
   for (const auto& p : metric_positions()) {
@@ -192,11 +193,12 @@ std::vector<Vector3d> vertices_around(const Vector3d& centre) {
   return result;
 }
 
-// One sample after the other spread over its sphere at the grid's centre, r = 1/6 of the workspace.
+// Spreads one sample after the other over its sphere at the grid's centre, r = 1/6 of the
+// workspace.
 template <typename Grid>
 void fill_vertex(benchmark::State& state, Grid grid) {
   Vector3d at = Vector3d::Constant(0.08);
-  // Items are the vertices that change, those within r; a fill visits some more on its way.
+  // Items are the vertices within r, which change; a fill visits some others, too.
   std::int64_t within_r = 0;
   for (const Vector3d& vertex : vertices_around(at)) {
     within_r += (vertex - at).norm() < kRadius_m ? 1 : 0;
@@ -222,7 +224,7 @@ BENCHMARK(forcegrid_fill_vertex_blocks);
 void forcegrid_mls_fill_vertex(benchmark::State& state) { fill_vertex(state, moment_grid()); }
 BENCHMARK(forcegrid_mls_fill_vertex);
 
-// The least an update of the same vertices can do: read, add, write, in the same order.
+// A minimal update of the same vertices: read, add, write, in the same order.
 void bare_read_modify_write_vertex(benchmark::State& state) {
   using Float4 = float __attribute__((vector_size(16)));
   std::vector<Float4> data(kVertices * kVertices * kVertices);
@@ -257,7 +259,7 @@ void bare_read_modify_write_vertex(benchmark::State& state) {
 BENCHMARK(bare_read_modify_write_vertex);
 
 const bool registered = [] {
-  report_time("bare_trilinear_query", "the yardstick");
+  report_time("bare_trilinear_query", "the baseline");
   report_time("forcegrid_query", "<= 8 ns");
   report_time("forcegrid_query_tricubic", "");
   report_time("forcegrid_mls_query", "");

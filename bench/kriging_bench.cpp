@@ -1,4 +1,5 @@
-// Reading and fitting the kriging field against the bare trilinear read.
+// SPDX-License-Identifier: Apache-2.0
+// Query and fit of the kriging field, compared with the bare trilinear read.
 
 #include <benchmark/benchmark.h>
 
@@ -48,7 +49,7 @@ void fill(FieldType& field) {
   }
 }
 
-// A sample, and all work that it causes.
+// A sample and all work that it causes.
 void tell(ForceMethod& method, double time_s, const Eigen::Vector3d& position_W) {
   Sample sample;
   sample.time_s = time_s;
@@ -110,7 +111,7 @@ void kriging_force(benchmark::State& state) {
 }
 BENCHMARK(kriging_force);
 
-// Samples along a path that fills the dictionary anew: each is committed and one evicted.
+// Samples along a path beyond the dictionary's capacity: each is committed and evicts another.
 template <typename Method, typename Method::Kind kKind>
 void take_samples(benchmark::State& state) {
   Method method(kKind, {});
@@ -163,7 +164,7 @@ KrigingGridMethod kriging_grid() {
   return KrigingGridMethod(options);
 }
 
-// As the loop calls it, all of it on the grid's known part.
+// As the loop calls it, entirely on the known part of the grid.
 void forcegrid_kriging_force(benchmark::State& state) {
   KrigingGridMethod method = kriging_grid();
   method.contact_made(1, Eigen::Vector3d::Zero());
@@ -175,7 +176,7 @@ void forcegrid_kriging_force(benchmark::State& state) {
 }
 BENCHMARK(forcegrid_kriging_force);
 
-// Each sample at another place: all vertices around it are written.
+// Each sample at another place, so that all vertices around it are written.
 void forcegrid_kriging_sample(benchmark::State& state) {
   KrigingGridMethod method = kriging_grid();
   method.contact_made(1, Eigen::Vector3d::Zero());

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""What the live dashboard costs the servo: `forcegrid record` with and without --live, slice about.
+# SPDX-License-Identifier: Apache-2.0
+"""Measures the cost of the live dashboard for the servo: `forcegrid record` with and without --live in turns.
 
 Each pair of slices runs the same loop with an emulated device over USB/IP and a simulator, once with the
-dashboard in a terminal of 80 x 24 and once without. Of each pair the ratio is taken, with / without, of what
-the servo measured of itself; the median over the pairs and its 95 % interval are printed. Needs python3-h5py.
+dashboard in a terminal of 80 x 24 and once without. For each pair the script takes the ratio, with / without, of
+the servo's own figures. It prints the median over the pairs and its 95 % interval. Needs python3-h5py.
 
     bench/live_cost.py --pairs 20 --slice 5
 """
@@ -25,13 +26,13 @@ import numpy
 
 import realtime
 
-# Name, column, percentile. Longer tails hold a few cycles a slice, which the machine decides.
+# Name, column, percentile. Higher percentiles depend on a few cycles per slice, that is, on the machine.
 FIGURES = [("compute, median", "compute_us", 50), ("compute, p99", "compute_us", 99),
            ("wake-up, median", "wakeup_us", 50), ("wake-up, p99", "wakeup_us", 99)]
 
 
 def run_in_terminal(command):
-    """Its exit status and how many bytes it has drawn."""
+    """Runs the command; returns its exit status and the number of bytes drawn."""
     main, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     process = subprocess.Popen(command, stdin=terminal, stdout=terminal, stderr=terminal,
@@ -80,7 +81,7 @@ def main():
     drawn = {True: 0, False: 0}
     with tempfile.TemporaryDirectory() as name:
         for pair in range(arguments.pairs):
-            # Each goes first in every other pair.
+            # Alternates the order within the pairs.
             for live in (pair % 2 == 0, pair % 2 != 0):
                 figures, size = measure(arguments.build, Path(name), arguments.rate, arguments.slice, live)
                 slices[live].append(figures)

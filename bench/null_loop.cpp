@@ -1,5 +1,6 @@
-// The servo loop alone: real cycles with a device that answers at once and moves nothing, each of
-// them recorded. bench/realtime.py runs it beside cyclictest.
+// SPDX-License-Identifier: Apache-2.0
+// The servo loop alone: real cycles, all recorded, with a device that answers at once and moves
+// nothing. bench/realtime.py runs it in turns with cyclictest.
 
 #include <atomic>
 #include <cmath>
@@ -23,7 +24,7 @@ using namespace forcegrid;
 
 const Eigen::Vector3d kTool_D(0.0, 0.0, 0.05);
 
-// Its tool stands still; every look at it finds a report of that moment.
+// Its tool stands still; every query returns a fresh report.
 class NullDevice final : public driver::Device {
  public:
   explicit NullDevice(const profiles::DeviceProfile& profile) {
@@ -56,7 +57,7 @@ double number(const char* text, const char* name, double low, double high) {
   char* end = nullptr;
   const double value = std::strtod(text, &end);
   if (end == text || *end != '\0' || !(value >= low && value <= high)) {
-    throw std::invalid_argument(std::string(name) + " '" + text + "' is no number from " +
+    throw std::invalid_argument(std::string(name) + " '" + text + "' is not a number from " +
                                 std::to_string(low) + " to " + std::to_string(high));
   }
   return value;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/openvdb_peer.h"
 
 #include <openvdb/openvdb.h>

@@ -1,17 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
 
 namespace forcegrid::bench {
 
-/// Asks for a line "numerator / denominator" in the table of ratios at the end of the run.
-/// Both are benchmark names; the figure is the ratio of their median times per item.
-/// @param goal text printed beside it, e.g. "<= 0.2".
+/// Requests a line "numerator / denominator" in the table of ratios at the end of the run. Both are
+/// benchmark names; the value is the ratio of their median times per item.
+/// @param goal text printed beside the value, e.g. "<= 0.2".
 void report_ratio(const std::string& numerator, const std::string& denominator,
                   const std::string& goal);
 
-/// Asks for a line with the benchmark's median time per item in nanoseconds, and the same scaled to
-/// a core on which the bare trilinear read takes 4 ns.
+/// Requests a line with the benchmark's median time per item in nanoseconds, and that time scaled
+/// to a core on which the bare trilinear read takes 4 ns.
 void report_time(const std::string& name, const std::string& goal);
 
 }  // namespace forcegrid::bench

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""How late the servo loop's cycles begin, beside cyclictest, idle and under load.
+# SPDX-License-Identifier: Apache-2.0
+"""Compares the wake-up latency of the servo loop with cyclictest's, idle and under load.
 
 For each rate and load, slices alternate: cyclictest, the loop with a device that answers at once, and
-(up to 1 kHz) the whole of `forcegrid record` with an emulated device over USB/IP. What a slice finds is
-thus what its neighbours find, and what the loop adds is the median over the pairs of slices. Needs /usr/bin/cyclictest (rt-tests), stress-ng, python3-h5py.
+(up to 1 kHz) the whole of `forcegrid record` with an emulated device over USB/IP. Neighbouring slices thus see
+the same conditions, and the latency that the loop adds is the median over the pairs of slices. Needs
+/usr/bin/cyclictest (rt-tests), stress-ng, python3-h5py.
 
     bench/realtime.py                  60 s of each, in slices of 10 s: half an hour
     bench/realtime.py --quick          4 s of each, in slices of 2 s
@@ -23,8 +25,8 @@ import h5py
 import numpy
 
 PRIORITY = 80  # rt::kServoPriority
-LONGEST_US = 100_000  # of cyclictest's histogram
-GOAL_US = 20.0  # that the loop's 99.9th percentile may add to cyclictest's
+LONGEST_US = 100_000  # end of cyclictest's histogram
+GOAL_US = 20.0  # largest latency that the loop may add to cyclictest's 99.9th percentile
 FASTEST_EMULATED_HZ = 1000
 LOAD = ["stress-ng", "--cpu", "0", "--vm", "1", "--vm-bytes", "128M", "--hdd", "1", "--hdd-bytes", "64M",
         "--sock", "1", "--quiet"]
@@ -32,7 +34,7 @@ LOAD = ["stress-ng", "--cpu", "0", "--vm", "1", "--vm-bytes", "128M", "--hdd", "
 
 def percentiles(values):
     if len(values) == 0:
-        sys.exit("realtime.py: a slice brought no value; look at its program's message above")
+        sys.exit("realtime.py: a slice has no value; see its program's message above")
     p50, p99, p999 = numpy.percentile(values, [50, 99, 99.9])
     return {"p50_us": round(float(p50), 1), "p99_us": round(float(p99), 1),
             "p99_9_us": round(float(p999), 1), "max_us": round(float(numpy.max(values)), 1),
@@ -40,8 +42,8 @@ def percentiles(values):
 
 
 def median_interval(values, digits=1):
-    """Median, and the interval that holds it with 95 % whatever the distribution: order statistics, whose
-    ranks are those of a fair coin. With fewer than six values it is all of them, and holds it less surely."""
+    """Median and its 95 % confidence interval for any distribution, from order statistics with binomial ranks.
+    With fewer than six values the interval spans all of them and its confidence is lower."""
     ordered = sorted(values)
     count, rank, below = len(ordered), 0, 0.0
     while rank < count // 2 and below + math.comb(count, rank) / 2**count <= 0.025:
@@ -53,8 +55,7 @@ def median_interval(values, digits=1):
 
 
 def run_cyclictest(rate_hz, seconds):
-    """Latencies in us, one a wake-up. cyclictest counts those beyond its histogram apart; they count as
-    its end."""
+    """Latencies in us, one per wake-up. Those beyond cyclictest's histogram count as its end."""
     command = ["cyclictest", "-m", "-q", "-t", "1", "-p", str(PRIORITY), "-i", str(round(1e6 / rate_hz)),
                "-D", str(max(1, round(seconds))), "-h", str(LONGEST_US)]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
@@ -105,7 +106,7 @@ def measure(build, folder, rate_hz, seconds, slice_s, emulated):
     for turn in range(max(1, round(seconds / slice_s))):
         measurements = [("cyclictest", None)]
         measurements += loop_commands(build, folder, rate_hz, slice_s, emulated).items()
-        # Every other round backwards, so that no program always follows the same one.
+        # Every other round in reverse order, so that no program always follows the same one.
         for name, command in measurements if turn % 2 == 0 else reversed(measurements):
             if name == "cyclictest":
                 latencies.append(run_cyclictest(rate_hz, slice_s))
@@ -115,16 +116,16 @@ def measure(build, folder, rate_hz, seconds, slice_s, emulated):
 
 
 def added(latencies, loops, percent):
-    """What the loop's slices have more than cyclictest's beside them, at a percentile."""
+    """Latency that the loop's slices add to their neighbouring cyclictest slices, at a percentile."""
     return median_interval([numpy.percentile(loop["wakeup"], percent) - numpy.percentile(plain, percent)
                             for plain, loop in zip(latencies, loops)])
 
 
 def summary(rate_hz, by_slice, slices):
-    """`by_slice`: cyclictest's latencies, an array a slice; `slices`: what run_loop() gave, by name."""
+    """`by_slice`: cyclictest's latencies, one array per slice; `slices`: results of run_loop(), by name."""
     period_us = 1e6 / rate_hz
     latencies = numpy.concatenate(by_slice)
-    # One wake-up may be late by several deadlines; the loop counts its own so.
+    # One wake-up may miss several deadlines; the loop counts in the same way.
     skipped = float(numpy.floor(latencies / period_us).sum())
     result = {"rate_Hz": rate_hz, "cyclictest": {
         "wakeup": percentiles(latencies),
@@ -133,7 +134,7 @@ def summary(rate_hz, by_slice, slices):
         joined = {key: numpy.concatenate([part[key] for part in parts]) for key in ("wakeup", "compute", "io")}
         missed = sum(part["missed"] for part in parts)
         result[name] = {key: percentiles(values) for key, values in joined.items()
-                        if name != "loop" or key != "io"}  # its device has none
+                        if name != "loop" or key != "io"}  # its device has no I/O
         result[name]["missed_percent"] = round(100.0 * missed / (len(joined["wakeup"]) + missed), 4)
         result[name]["realtime"] = all(part["realtime"] for part in parts)
     for percent, key in ((50, "p50"), (99, "p99"), (99.9, "p99_9")):
@@ -145,7 +146,7 @@ def summary(rate_hz, by_slice, slices):
 
 
 def verdict(interval, realtime):
-    """True and False are said only where the whole interval agrees; None: not to be told from this run."""
+    """True or False only if the whole interval agrees; None: this run does not decide."""
     if not realtime or interval["low"] > GOAL_US:
         return False
     return True if interval["high"] <= GOAL_US else None
@@ -160,7 +161,7 @@ def print_row(condition, result):
             if name in result and key in result[name]:
                 print(f"{result['rate_Hz']:5d} Hz {condition:5s} {name:10s} {key:8s} {words(name, key)}   missed "
                       f"{result[name]['missed_percent']:.3f} %")
-    said = {True: "met", False: "NOT met", None: "open: the interval holds it"}[result["goal_met"]]
+    said = {True: "met", False: "NOT met", None: "undecided: the interval contains the goal"}[result["goal_met"]]
     for key in ("p50", "p99", "p99_9"):
         more = result[f"added_at_{key}_us"]
         print(f"{result['rate_Hz']:5d} Hz {condition:5s} the loop adds {more['median']:+.1f} us ({more['low']:+.1f} to "
@@ -173,8 +174,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", default="build/release", type=Path, help="build folder (default %(default)s)")
     parser.add_argument("--rates", default="500,1000,4000", help="Hz, separated by commas (default %(default)s)")
-    parser.add_argument("--seconds", default=60.0, type=float, help="of each (default %(default)s)")
-    parser.add_argument("--slice", default=10.0, type=float, help="seconds at a time (default %(default)s)")
+    parser.add_argument("--seconds", default=60.0, type=float, help="duration of each program (default %(default)s)")
+    parser.add_argument("--slice", default=10.0, type=float, help="seconds per slice (default %(default)s)")
     parser.add_argument("--no-emulated", action="store_true", help="leave the emulated device out")
     parser.add_argument("--quick", action="store_true", help="4 s of each, in slices of 2 s")
     parser.add_argument("--json", type=Path, help="file for all numbers")

@@ -1,4 +1,5 @@
-"""What bench/realtime.py makes of cyclictest's words and of the loop's cycles."""
+# SPDX-License-Identifier: Apache-2.0
+"""Tests how bench/realtime.py evaluates cyclictest's output and the loop's cycles."""
 
 import sys
 import unittest

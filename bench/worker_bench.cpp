@@ -1,5 +1,6 @@
+// SPDX-License-Identifier: Apache-2.0
 // The two ends of bench/worker_scaling.py: a pool that always has a job, and a worker that sleeps
-// for recorded solve times in place of solving.
+// for recorded solve times instead of solving.
 //
 //   forcegrid_worker_bench serve ADDR:PORT KEY_FILE SCENE WORKERS SECONDS [TIMES_FILE]
 //   forcegrid_worker_bench sleep tcp://ADDR:PORT KEY_FILE SCENE TIMES_FILE
@@ -38,7 +39,7 @@ double cpu_s(clockid_t clock) {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-/// Places around a tool that goes up and down, as requests have them.
+/// Positions around a tool that moves up and down, like those of requests.
 class Jobs {
  public:
   link::Query query() {
@@ -49,7 +50,7 @@ class Jobs {
   QueryJob job() {
     constexpr double kDepth_m = 0.008;
     constexpr double kAround_m = 0.004;
-    constexpr double kTurn = 1e-2;  // of the phase a job
+    constexpr double kTurn = 1e-2;  // phase per job
     std::uniform_real_distribution<double> around(-kAround_m, kAround_m);
     QueryJob job;
     job.epoch = 1;
@@ -73,7 +74,7 @@ class Server {
 
   void wait_for(std::size_t workers) {
     const rt::TimePoint until = rt::Clock::now() + kJoinTimeout;
-    // Everybody through its probation, the object in everybody's hands.
+    // Wait until all workers have passed probation and hold the object.
     while (pool_.statistics().right < workers * WorkerPool::kProbation ||
            pool_.statistics().joined < workers) {
       if (rt::Clock::now() > until) {
@@ -120,7 +121,7 @@ class Server {
   }
 
  private:
-  // What one turn of the simulator's loop does with its workers, the checks' solving left out.
+  // The workers' part of one turn of the simulator's loop, without solving for the checks.
   void turn() {
     pool_.wait(rt::Clock::now() + milliseconds(2));
     pool_.poll(rt::Clock::now());
@@ -143,7 +144,7 @@ class Server {
 
 std::vector<double> read_times(const std::string& file_name) {
   std::ifstream file(file_name);
-  const std::vector<double> times_s{std::istream_iterator<double>(file), {}};
+  std::vector<double> times_s{std::istream_iterator<double>(file), {}};
   if (times_s.empty()) {
     throw std::runtime_error(file_name + " holds no times; let 'serve' write it first");
   }
@@ -164,7 +165,8 @@ std::vector<double> read_times(const std::string& file_name) {
   const std::string hello =
       to_text(WorkerHello{"sleeper:" + std::to_string(::getpid()), digest_of(make_scene(scene))});
   rt::TimePoint next_hello = rt::Clock::now();
-  std::size_t next = static_cast<std::size_t>(::getpid());  // each begins elsewhere in the record
+  std::size_t next =
+      static_cast<std::size_t>(::getpid());  // each starts at another place of the record
   for (;;) {
     if (rt::Clock::now() >= next_hello) {
       send(socket, {hello});

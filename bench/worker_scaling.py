@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Answers a second by number of workers (docs/workers.md): a table and a picture, ratios of one run.
+# SPDX-License-Identifier: Apache-2.0
+"""Measures answers per second over the number of workers (docs/workers.md): a table and a picture.
 
-Real workers solve, one and two of them in turns, on this machine's cores; the ratio is the median over the turns.
-Their solve times are recorded, and up to --sleepers workers that sleep for those times in place of solving follow, each in a network namespace of its own
-behind a bridge, as on machines of their own (root; --no-namespaces: all on this machine's loopback). Beyond that
-the answer is on paper: n workers give n / (solve + way) answers a second until the simulator's thread, which has
-so much to do for each answer, has no time left.
+First, one and two real workers solve in turns on this machine's cores. The ratio is the median over the turns. Their
+solve times are recorded. Then up to --sleepers workers sleep for those times instead of solving. Each has a separate
+network namespace behind a bridge, as on a separate machine (needs root; --no-namespaces: all on this machine's
+loopback). For more workers the rate is calculated: n workers give n / (solve + way) answers per second until the
+simulator's thread, which spends a fixed time on each answer, is busy.
 
     bench/worker_scaling.py --out DIR
 """
@@ -28,7 +29,7 @@ def run(*command):
 
 
 class Namespaces:
-    """One for the pool, with a bridge in it, and one a worker; gone at the end."""
+    """One namespace for the pool, with a bridge in it, and one per worker; removed at the end."""
 
     def __init__(self, workers):
         tag = f"fg{os.getpid()}"
@@ -66,7 +67,7 @@ class Namespaces:
 
 
 def measure(serve, worker_commands):
-    """What the pool says that `serve` runs, with the workers that `worker_commands(address)` starts."""
+    """Runs the pool `serve` with the workers of `worker_commands(address)`; returns the pool's report."""
     pool = subprocess.Popen(serve, stdout=subprocess.PIPE, text=True)
     workers = []
     try:
@@ -86,13 +87,13 @@ def measure(serve, worker_commands):
 
 
 def on_paper(counts, solve_s, way_s, busy_s):
-    """Answers a second of each number of workers: see above. `busy_s`: of the simulator's thread, an answer."""
+    """Calculated answers per second for each number of workers. `busy_s`: time of the simulator's thread per answer."""
     return [min(count / (solve_s + way_s), 1.0 / busy_s) for count in counts]
 
 
 def rows_of(rounds, sleeping):
-    """Answers a second and their ratio to one worker: medians over the rounds of one and two that solve, and the
-    sleepers beside the first of them."""
+    """Answers per second and their ratio to one worker: medians over the rounds for the solving workers; for the
+    sleeping ones, relative to a single sleeper."""
     rows = []
     for index in range(len(rounds[0])):
         ratios = [measured[index]["answers_per_s"] / measured[0]["answers_per_s"] for measured in rounds]
@@ -113,10 +114,10 @@ def text_of(rows, paper, solve_s, way_s, busy_s):
     two = next(row for row in rows if row["kind"] == "solving" and row["workers"] == 2)
     for count, rate in paper:
         lines.append(f"{count:>8} {'on paper':<9} {rate:>10.1f} {rate * (solve_s + way_s):>7.2f}")
-    lines.append(f"Two that solve: {two['ratio_low']:.2f} to {two['ratio_high']:.2f} times one, by round.")
-    lines.append(f"A recorded solve takes {1e3 * solve_s:.2f} ms in the mean, the way there and back {1e3 * way_s:.2f} "
-                 f"ms; the simulator's thread has {1e6 * busy_s:.0f} us to do for each answer, so that it is busy "
-                 f"from {(solve_s + way_s) / busy_s:.0f} workers on.")
+    lines.append(f"Two solving workers: {two['ratio_low']:.2f} to {two['ratio_high']:.2f} times one, by round.")
+    lines.append(f"On average, a recorded solve takes {1e3 * solve_s:.2f} ms and the way there and back {1e3 * way_s:.2f} ms. "
+                 f"The simulator's thread spends {1e6 * busy_s:.0f} us on each answer, so "
+                 f"{(solve_s + way_s) / busy_s:.0f} workers or more keep it busy.")
     return "\n".join(lines)
 
 
@@ -129,7 +130,7 @@ def draw(folder, rows, paper):
 set output '{folder / "worker_scaling.svg"}'
 set logscale xy
 set xlabel 'workers'
-set ylabel 'answers a second'
+set ylabel 'answers per second'
 set grid
 set key left top
 plot '{folder / "worker_scaling.dat"}' index 0 with linespoints pt 7 title 'solving, on this machine', \\
@@ -143,9 +144,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=Path, default=Path("build/release"))
     parser.add_argument("--scene", default="block")
-    parser.add_argument("--seconds", type=float, default=8.0, help="of each measurement (8)")
-    parser.add_argument("--rounds", type=int, default=5, help="of one and two workers that solve (5)")
-    parser.add_argument("--sleepers", type=int, default=16, help="at most (16)")
+    parser.add_argument("--seconds", type=float, default=8.0, help="duration of each measurement (8)")
+    parser.add_argument("--rounds", type=int, default=5, help="rounds of one and two solving workers (5)")
+    parser.add_argument("--sleepers", type=int, default=16, help="largest number of sleeping workers (16)")
     parser.add_argument("--no-namespaces", action="store_true")
     parser.add_argument("--out", type=Path, required=True, help="folder for table, data and picture")
     arguments = parser.parse_args()

@@ -1,4 +1,5 @@
-"""What bench/worker_scaling.py makes of what it measures."""
+# SPDX-License-Identifier: Apache-2.0
+"""Tests the evaluation of bench/worker_scaling.py's measurements."""
 
 import unittest
 
@@ -11,7 +12,7 @@ def measured(workers, answers_per_s):
 
 class OnPaper(unittest.TestCase):
     def test_grows_with_the_workers_until_the_simulators_thread_is_busy(self):
-        # 20 ms an answer: 50 a second each; 1 ms of the thread: never more than 1,000 a second.
+        # 20 ms per answer: 50 per second each; 1 ms of the thread: at most 1,000 per second.
         rates = worker_scaling.on_paper([1, 2, 20, 21, 1000], 0.018, 0.002, 0.001)
         for rate, expected in zip(rates, [50.0, 100.0, 1000.0, 1000.0, 1000.0]):
             self.assertAlmostEqual(rate, expected, places=6)
@@ -19,7 +20,7 @@ class OnPaper(unittest.TestCase):
 
 class Rows(unittest.TestCase):
     def test_take_the_median_of_the_ratios_of_each_round(self):
-        # The second round's machine was half as fast: that is in no ratio.
+        # In the second round the machine was half as fast; no ratio may show that.
         rounds = [[measured(1, 100.0), measured(2, 190.0)], [measured(1, 50.0), measured(2, 95.0)],
                   [measured(1, 100.0), measured(2, 150.0)]]
         one, two, *sleepers = worker_scaling.rows_of(rounds, [measured(1, 10.0), measured(4, 39.0)])

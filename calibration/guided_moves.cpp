@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calibration/guided_moves.h"
 
 namespace forcegrid::calibration {

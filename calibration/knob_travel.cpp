@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calibration/knob_travel.h"
 
 #include "driver/delta_kinematics.h"

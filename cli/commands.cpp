@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/commands.h"
 
 #include <unistd.h>
@@ -43,7 +44,7 @@ int emulate_command(const EmulateOptions& options) {
   emulator.random_power_up_counters = options.random_counters;
   emulator.firmware_loaded = options.firmware_loaded;
   emulator.contact_m = options.contact_m;
-  // A parent process says for all of its children that real-time scheduling is refused.
+  // A parent process reports for all its children that real-time scheduling is refused.
   std::ostringstream unsaid;
   std::ostream& log = options.until_stdin_closes ? static_cast<std::ostream&>(unsaid) : std::cerr;
   const auto reports = emulator::run_emulator(emulator, std::cout, log, StopRequest::stop(),
@@ -70,7 +71,7 @@ int simulate_command(const SimulateOptions& options) {
   simulator.send_stiffness = !options.no_stiffness;
   simulator.tool = tool_options(options.tool, simulator::scene_tool(options.scene));
   if (const std::string flags = flags_of_no_use(options.tool, *simulator.tool); !flags.empty()) {
-    std::cerr << "Note: " << flags << ": of no use to tool " << simulator.tool->shape
+    std::cerr << "Note: " << flags << ": no effect on tool " << simulator.tool->shape
               << ", contact " << simulator.tool->contact << std::endl;
   }
   const simulator::SimulatorSummary summary =
@@ -82,11 +83,12 @@ int simulate_command(const SimulateOptions& options) {
 
 int keygen_command(const KeygenOptions& options) {
   const link::KeyId id = link::LinkKey::generate(options.file);
-  std::cout << "Wrote " << options.file << ", key " << link::to_string(id)
-            << ", readable by you alone. Copy it to the other machine over a safe way, and give "
-               "'--key "
-            << options.file << "' to 'forcegrid simulate' there and to 'forcegrid run' here."
-            << std::endl;
+  std::cout
+      << "Wrote " << options.file << ", key " << link::to_string(id)
+      << ", readable only by you. Copy it to the other machine over a secure channel, and give "
+         "'--key "
+      << options.file << "' to 'forcegrid simulate' there and to 'forcegrid run' here."
+      << std::endl;
   return 0;
 }
 

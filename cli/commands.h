@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -29,7 +30,7 @@ struct EmulateOptions {
   JsonTarget json;
 };
 
-/// Serves emulated devices until it is told to stop, then says what their motors did.
+/// Serves emulated devices until it is asked to stop, then reports what their motors did.
 int emulate_command(const EmulateOptions& options);
 
 struct SimulateOptions {
@@ -48,14 +49,14 @@ struct SimulateOptions {
   JsonTarget json;
 };
 
-/// Simulates a scene for a servo until it is told to stop, then says how it kept up.
+/// Simulates a scene for a servo until it is asked to stop, then reports its timing.
 int simulate_command(const SimulateOptions& options);
 
 struct KeygenOptions {
   std::string file;
 };
 
-/// Makes a key for a link between machines, and says what to do with it.
+/// Writes a new key file for a link between machines, and prints how to use it.
 int keygen_command(const KeygenOptions& options);
 
 struct WorkerCommandOptions {
@@ -65,7 +66,7 @@ struct WorkerCommandOptions {
   bool until_stdin_closes = false;
 };
 
-/// Answers queries for a simulator until it is told to stop.
+/// Answers queries for a simulator until it is asked to stop.
 int worker_command(const WorkerCommandOptions& options);
 
 struct KinematicsOptions {
@@ -76,7 +77,7 @@ struct KinematicsOptions {
   JsonTarget json;
 };
 
-/// Prints the arm's kinematics at counts or at a position as JSON.
+/// Prints the arm's kinematics at encoder counts or at a position as JSON.
 int kinematics_command(const KinematicsOptions& options);
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/config_command.h"
 
 #include <CLI/CLI.hpp>
@@ -31,7 +32,7 @@ const char* word_of(ConfigType type) {
   return "";
 }
 
-// CLI11's "INT in [1 - 10]" as the other ranges are written: "1..10".
+// Rewrites CLI11's "INT in [1 - 10]" in the form of the other ranges: "1..10".
 std::string plain_range(const std::string& range) {
   const std::size_t begin = range.find(" in [");
   const std::size_t middle = range.find(" - ", begin);
@@ -118,7 +119,7 @@ std::string wanted_words(const ConfigKey& key) {
   return words + (key.range.empty() ? "" : ", " + key.range);
 }
 
-// Whether a file's key is this one, by its name or a deprecated one.
+// Whether `name` is this key's name or a deprecated one.
 bool spells(const ConfigKey& key, const std::string& name) {
   return key.name == name ||
          std::find(key.old_names.begin(), key.old_names.end(), name) != key.old_names.end();
@@ -134,9 +135,9 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
     for (const ConfigKey& known : keys) {
       names.push_back(known.name);
     }
-    throw ConfigError(where + "unknown; the nearest known one is '" +
+    throw ConfigError(where + "unknown; the nearest known key is '" +
                       text::nearest_name(value.key, names) +
-                      "' (forcegrid config shows all of them)");
+                      "' ('forcegrid config' lists all keys)");
   }
   if (key->name != value.key) {
     std::fprintf(stderr, "forcegrid: %sdeprecated, will be removed in version 0.3; write '%s'\n",
@@ -147,7 +148,7 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
                       ", or leave the key out");
   }
   if (!fits(value, *key)) {
-    throw ConfigError(where + "not of the type that is needed; write " + wanted_words(*key));
+    throw ConfigError(where + "wrong type; write " + wanted_words(*key));
   }
   try {
     for (const std::string& text : value.texts) {
@@ -167,7 +168,7 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
   key->line = value.line;
 }
 
-// The whole description in one line.
+// The description in one line.
 std::string one_line(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   for (std::size_t at; (at = text.find("  ")) != std::string::npos;) {
@@ -310,7 +311,7 @@ ConfigChoice find_config_choice(int argc, const char* const* argv) {
 }
 
 void add_config_choice(CLI::App& app, ConfigChoice& choice) {
-  app.fallthrough();  // inherited: they may stand behind the subcommand, too
+  app.fallthrough();  // inherited, so that they may also follow the subcommand
   CLI::Option* const file = app.add_option(
       "--config", choice.file,
       "Configuration file that overrides the system's and the user's (forcegrid config)");

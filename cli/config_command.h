@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -15,9 +16,9 @@ class Option;
 
 namespace forcegrid::cli {
 
-/// One key that a configuration file may have: an option of a subcommand, by its long name.
+/// One key of a configuration file: an option of a subcommand, by its long name.
 struct ConfigKey {
-  std::string name;                    ///< "run.rate": subcommands and option, joined by dots
+  std::string name;                    ///< "run.rate": subcommands and option joined by dots
   std::vector<std::string> old_names;  ///< deprecated spellings that files may still have
   CLI::Option* option = nullptr;
   tools::ConfigType type = tools::ConfigType::kText;
@@ -25,49 +26,49 @@ struct ConfigKey {
   std::string unit;   ///< "Hz"; empty: a pure number, or no number
   std::string range;  ///< "100..4000", "{a,b}"; empty: what its type holds
   std::string description;
-  /// What applies now; empty: unset. After built-in and every layer.
+  /// The value in effect after the built-in default and all layers; empty: unset.
   std::vector<std::string> texts;
   std::string origin = "built-in";  ///< or "system", "user", "file"
   std::string file;                 ///< of the layer; empty for built-in
   std::uint32_t line = 0;
 };
 
-/// The keys of `app`, which are the configurable options of all of its subcommands but those of
-/// `without`. The unit stands behind the type's name in CLI11's type_name(): "FLOAT Hz".
+/// Returns the keys of `app`: the configurable options of all its subcommands except `without`.
+/// CLI11's type_name() holds the unit after the type's name: "FLOAT Hz".
 std::vector<ConfigKey> config_keys(CLI::App& app, const std::vector<std::string>& without);
 
-/// Shows the defaults of `from` for the options of the same names of `to`, which write to the same
-/// variables.
+/// Makes the options of `to` show the defaults of the options with the same names in `from`. Both
+/// write to the same variables.
 void share_defaults(const CLI::App& from, CLI::App& to);
 
-/// Gives the values of `layers`, later ones over earlier ones, to the options' variables and makes
-/// them the defaults that --help shows. What the command line says later overrides them.
-/// @throws tools::ConfigError for an unknown key (with the nearest known one), a value of another
-///         type or out of range, a file that is asked for and not there.
+/// Assigns the values of `layers` to the options' variables, later layers over earlier ones, and
+/// makes them the defaults that --help shows. The command line overrides them afterwards.
+/// @throws tools::ConfigError for an unknown key (naming the nearest known one), a value of the
+///         wrong type or out of range, or a required file that does not exist.
 void apply_config(std::vector<ConfigKey>& keys, const std::vector<tools::ConfigLayer>& layers);
 
-/// `--config FILE` and `--no-config`, wherever they stand on the command line.
+/// `--config FILE` and `--no-config`, at any place of the command line.
 struct ConfigChoice {
   std::string file;
   bool none = false;  ///< built-in defaults only
 };
 ConfigChoice find_config_choice(int argc, const char* const* argv);
 
-/// Declares both for help and for the parser, for `app` and the subcommands added after.
+/// Declares both options for help and parser, for `app` and the subcommands added afterwards.
 void add_config_choice(CLI::App& app, ConfigChoice& choice);
 
 struct ConfigOptions {
-  std::vector<std::string> names;  ///< keys, or the beginnings of some; empty: all
+  std::vector<std::string> names;  ///< keys or prefixes of keys; empty: all
   bool markdown = false;
   JsonTarget json;
 };
 
-/// Adds the subcommand, which sets `action`. `keys` and `layers` are read when that runs.
+/// Adds the subcommand, which sets `action`. `action` reads `keys` and `layers` when it runs.
 void add_config(CLI::App& app, ConfigOptions& options, const std::vector<ConfigKey>& keys,
                 const std::vector<tools::ConfigLayer>& layers, std::function<int()>& action);
 
 /// Prints the keys, as a TOML file, as a table for docs/config.md or as JSON.
-/// @returns 0, or 2 for a name that no key begins with.
+/// @returns 0, or 2 if no key begins with one of the names.
 int config_command(const ConfigOptions& options, const std::vector<ConfigKey>& keys,
                    const std::vector<tools::ConfigLayer>& layers);
 

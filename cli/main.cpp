@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -204,7 +205,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Haptic interaction with virtual elastic objects", "forcegrid"};
   app.set_version_flag("--version",
                        std::string(program_version()) + ", commit " + program_commit());
-  app.require_subcommand(0, 1);  // so that a misspelt one is named; none is refused below
+  app.require_subcommand(0, 1);  // so that a misspelt one is named; having none is an error below
   app.set_help_all_flag("--help-all", "Help of every command");
   ConfigChoice choice = find_config_choice(argc, argv);
   add_config_choice(app, choice);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/record_command.h"
 
 #include <CLI/CLI.hpp>
@@ -25,7 +26,7 @@ using tools::Hdf5Reader;
 using tools::RecordingHeader;
 using tools::TimedPath;
 
-// How long the emulated operator needs from the first cycle to the first point of the path.
+// Time that the emulated operator needs from the first cycle to the first point of the path.
 constexpr double kBeforePath_s = emulator::OperatorScript::kApproach_s +
                                  emulator::OperatorScript::kDescent_s +
                                  emulator::OperatorScript::kPause_s;
@@ -37,12 +38,13 @@ TimedPath path_of(const Hdf5Reader& reader, const RecordingHeader& header) {
 }
 
 struct ReplayedPart {
-  TimedPath tool;    ///< where it was
-  TimedPath target;  ///< where the hand wanted it
+  TimedPath tool;    ///< positions of the tool
+  TimedPath target;  ///< positions that the hand aimed at
 };
 
-// From the first contact on (without any: from the start), and at most `seconds` (0: all). The hand
-// gave way to the force sent by its own stiffness, so what it wanted lies beyond the tool.
+// The path from the first contact on (without any: from the start), at most `seconds` long (0:
+// all). The force sent deflected the hand by its stiffness, so the hand's target lies beyond the
+// tool.
 ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& reader,
                             const RecordingHeader& header, double hand_stiffness_N_per_m) {
   const TimedPath whole = path_of(reader, header);
@@ -192,11 +194,10 @@ int plot_command(const PlotOptions& options) {
   const Hdf5Reader reader(options.file);
   const tools::RecordingPlot plot = tools::plot_recording(reader, options.out);
   std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
-  std::fprintf(
-      out, "%s: %s; %llu cycles, %.1f s, %llu missed deadlines\n", options.file.c_str(),
-      plot.header.complete ? "complete" : "not closed by its writer, readable all the same",
-      static_cast<unsigned long long>(plot.header.cycles), plot.duration_s,
-      static_cast<unsigned long long>(plot.missed_deadlines));
+  std::fprintf(out, "%s: %s; %llu cycles, %.1f s, %llu missed deadlines\n", options.file.c_str(),
+               plot.header.complete ? "complete" : "not closed by its writer, but readable",
+               static_cast<unsigned long long>(plot.header.cycles), plot.duration_s,
+               static_cast<unsigned long long>(plot.missed_deadlines));
   ordered_json files = plot.files;
   for (const std::string& file : plot.files) {
     std::fprintf(out, "  %s\n", file.c_str());

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -16,7 +17,7 @@ struct ReplayOptions {
   std::string device;    ///< profile; empty: the recording's
   std::string scene;     ///< empty: the recording's, or block
   std::string method;    ///< empty: the method that the recording rendered
-  double seconds = 0.0;  ///< of the path; 0: all
+  double seconds = 0.0;  ///< length of the path to replay; 0: all of it
   std::string out = "out";
   JsonTarget json;
 };
@@ -31,13 +32,14 @@ struct PlotOptions {
 void add_replay(CLI::App& app, ReplayOptions& options, std::function<int()>& action);
 void add_plot(CLI::App& app, PlotOptions& options, std::function<int()>& action);
 
-/// Lets the emulated hand take a recording's path, from its first contact on, through the whole
-/// stack, and says how closely it followed.
+/// Makes the emulated hand repeat a recording's path from the first contact on, through the whole
+/// stack, and prints how closely the tool followed.
 /// @returns 0, or 1 after a fault.
 /// @throws std::exception with a sentence for the user.
 int replay_command(const ReplayOptions& options);
 
-/// Draws a recording's standard pictures, and says what is in it.
+/// Draws a recording's standard pictures and prints a summary of its contents.
+/// @returns 0.
 /// @throws std::exception with a sentence for the user.
 int plot_command(const PlotOptions& options);
 

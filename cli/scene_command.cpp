@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/scene_command.h"
 
 #include <Eigen/Geometry>
@@ -65,11 +66,12 @@ void print_return_test(const simulator::Scene& scene) {
     }
   }
   if (multivalued.empty()) {
-    std::printf("Force is a function of position on all of them.\n");
+    std::printf("On all of them the force is a function of position.\n");
   } else {
     std::printf(
-        "Force is no function of position on: %s.\nNo method can be right both ways there; more "
-        "pre_strain or home_stiffness_N_per_m mends it, and the scene's note should say so.\n",
+        "The force is not a function of position on: %s.\nNo method can be correct in both "
+        "directions there. Increase pre_strain or home_stiffness_N_per_m, or describe it in the "
+        "scene's note.\n",
         multivalued.c_str());
   }
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -14,7 +15,9 @@ struct SceneOptions {
 /// Adds `forcegrid scene`, which sets `action`.
 void add_scene(CLI::App& app, SceneOptions& options, std::function<int()>& action);
 
-/// Prints what a scene is made of and, asked for, how single-valued its force is.
+/// Prints a description of a scene and, with return_test, how far its force is from a function of
+/// position.
+/// @returns the program's exit status, 0.
 int scene_command(const SceneOptions& options);
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/tune_command.h"
 
 #include <CLI/CLI.hpp>
@@ -33,18 +34,18 @@ constexpr int kNoneMeets = 3;
 constexpr double kShortestRun_s = 6.0;  // 2 s until the touch, 1 s of learning, the rest is judged
 constexpr double kOverhead_s = 4.0;     // starting, calibrating, reference forces
 constexpr double kLongestRun_s = 20.0;
-constexpr double kRuns = 12.0;    // that the time is laid out for
-constexpr double kChecked = 2.0;  // runs that there must be time for: the path, and one setting
+constexpr double kRuns = 12.0;    // number of runs that the time is planned for
+constexpr double kChecked = 2.0;  // least number of runs: the path and one setting
 
-// The device sets the fastest pace: one report a bus frame.
+// The device limits the rate to one report per bus frame.
 void check_rates(const TuneOptions& options, const profiles::DeviceProfile& profile) {
   const double pace_Hz = 1e6 / profile.usb.frame_period_us;
   for (const double rate_Hz : options.rates_Hz) {
     if (rate_Hz > pace_Hz) {
       char text[300];
       std::snprintf(text, sizeof text,
-                    "--rates %.0f: %s answers once a bus frame of %d us, %.0f times a second at "
-                    "most; 2 and 4 kHz need a high-speed device, or simulated time (forcegrid "
+                    "--rates %.0f: %s answers once per bus frame of %d us, at most %.0f times per "
+                    "second; 2 and 4 kHz need a high-speed device, or simulated time (forcegrid "
                     "chart stability)",
                     rate_Hz, profile.name.c_str(), profile.usb.frame_period_us, pace_Hz);
       throw std::runtime_error(text);
@@ -52,7 +53,7 @@ void check_rates(const TuneOptions& options, const profiles::DeviceProfile& prof
   }
 }
 
-// A method without a grid fills nothing, so that one budget tells all.
+// A method without a grid ignores the budget, so one value is enough.
 std::vector<TuningRow> rows_to_measure(const TuneOptions& options) {
   std::vector<TuningRow> rows;
   for (const std::string& method : options.methods) {
@@ -131,7 +132,8 @@ void print(std::FILE* out, const TuningRow& row) {
   std::fflush(out);
 }
 
-// The search: what is good enough on the path, the cheapest first, until one is so in the loop.
+// The search: tries the settings that are good enough on the path in the loop, the cheapest
+// first, until one is good enough there.
 class Search {
  public:
   Search(const TuneOptions& options, const profiles::DeviceProfile& profile, std::FILE* out)
@@ -190,7 +192,7 @@ class Search {
     const evaluation::Trace trace = record_path(runs_, rate_Hz, run_s_);
     check_stop();
     margin_.stiffest_N_per_m = tools::stiffest_N_per_m(trace);
-    std::fprintf(out_, "judging %zu settings on it; its stiffest place has %.0f N/m ...\n",
+    std::fprintf(out_, "evaluating %zu settings on it; its largest stiffness is %.0f N/m ...\n",
                  rows_.size(), margin_.stiffest_N_per_m);
     std::fflush(out_);
     for (TuningRow& row : rows_) {
@@ -221,8 +223,8 @@ class Search {
     print(out_, row);
   }
 
-  // While there is time, in the loop as well: the next cheaper, the chosen method at other rates
-  // and budgets, the least of each kind, and what else is good enough.
+  // While time remains, measures further settings in the loop: the next cheaper one, the chosen
+  // method at other rates and budgets, the least of each kind, and the others that are good enough.
   void measure_more() {
     const tools::TuningChoice choice = tools::choose(rows_, tolerance_);
     if (!choice.chosen) {
@@ -385,7 +387,7 @@ int tune_command(const TuneOptions& options) {
     written = write_config(rows[*choice.chosen]);
     std::fprintf(out, "Wrote %s\n", written.c_str());
   }
-  // Last, and no reason to lose what took minutes to measure.
+  // Last, so that a failure does not lose the measurements.
   std::vector<std::string> files;
   std::exception_ptr not_drawn;
   try {

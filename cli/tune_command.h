@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -18,10 +19,10 @@ struct TuneOptions {
   std::string scene = "small";
   std::string motion = "chirp";
   std::string hand = "firm";
-  bool calibrated = false;  ///< the counters are right already, in every run
+  bool calibrated = false;  ///< the encoder counters are already valid, in every run
   std::vector<double> rates_Hz{250.0, 500.0, 1000.0};
   std::vector<int> fill_budgets{100, 300, 1000, 3000};
-  /// From small to large, where a method can be had in sizes.
+  /// Variants of one method from small to large.
   std::vector<std::string> methods{"hold",
                                    "linear",
                                    "rls",
@@ -51,9 +52,10 @@ struct TuneOptions {
 /// Adds the subcommand, which sets `action`.
 void add_tune(CLI::App& app, TuneOptions& options, std::function<int()>& action);
 
-/// Judges rate x fill budget x method on a path recorded with this device and scene, then runs the
-/// cheapest that are good enough in the loop itself until one meets the tolerance, and proposes it.
-/// @returns 0 with a proposal, 3 where no setting meets the tolerance.
+/// Evaluates all combinations of rate, fill budget and method on a path recorded with this device
+/// and scene. Then runs those that are good enough in the loop itself, the cheapest first, until
+/// one meets the tolerance, and proposes it.
+/// @returns 0 with a proposal, 3 if no setting meets the tolerance.
 /// @throws std::exception with a sentence for the user.
 int tune_command(const TuneOptions& options);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/tune_run.h"
 
 #include <chrono>
@@ -53,12 +54,12 @@ std::vector<std::string> run_arguments(const TuneRuns& runs, const std::string& 
   return arguments;
 }
 
-// Why it did not end by itself; empty if it did.
+// Why the run did not end by itself; empty if it did.
 std::string wait_for(ChildProcess& run, double seconds) {
   const auto deadline = std::chrono::steady_clock::now() +
                         std::chrono::milliseconds(std::lround(1e3 * seconds)) + kPatience;
   while (run.running() && !StopRequest::stop() && std::chrono::steady_clock::now() < deadline) {
-    static_cast<void>(run.read_line(kPoll));  // nobody else empties its pipe
+    static_cast<void>(run.read_line(kPoll));  // so that its pipe does not fill up
   }
   if (!run.running()) {
     return "";
@@ -77,7 +78,7 @@ void take(const ordered_json& summary, TuningRow& row) {
   }
   const ordered_json& errors = summary.at("errors");
   if (errors.empty()) {
-    row.problem = "no error is known: " + summary.at("reference").get<std::string>();
+    row.problem = "the error is unknown: " + summary.at("reference").get<std::string>();
     return;
   }
   row.error_percent = errors.front().at("rms_error_percent_after_1s").get<double>();
@@ -105,8 +106,8 @@ evaluation::Trace record_path(const TuneRuns& runs, double rate_Hz, double secon
   const std::string problem = wait_for(run, seconds);
   if (!problem.empty() || !std::filesystem::exists(file)) {
     throw std::runtime_error(
-        "no path to tune on: " +
-        (problem.empty() ? "the run ended without one (its message is above)" : problem));
+        "no path was recorded: " +
+        (problem.empty() ? "the run ended early (its message is above)" : problem));
   }
   return evaluation::read_trace(file);
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -7,19 +8,20 @@
 
 namespace forcegrid::cli {
 
-/// What all runs of `forcegrid tune` have in common; as of RunOptions.
+/// Options that all runs of `forcegrid tune` share; as in RunOptions.
 struct TuneRuns {
   std::string device, profile, scene, motion, hand;
-  bool calibrated = false;  ///< the counters are right already
-  std::string folder;       ///< for their files, which the next run replaces
+  bool calibrated = false;  ///< the encoder counters are already valid
+  std::string folder;       ///< for the runs' files; each run replaces those of the previous one
 };
 
-/// Runs the loop for `seconds` with the default method and records positions, samples and reference
-/// forces.
-/// @throws std::runtime_error with the reason when there is no recording to tune on.
+/// Runs the loop for `seconds` [s] with the default method and records positions, samples and
+/// reference forces.
+/// @throws std::runtime_error with the reason if the run produced no recording.
 evaluation::Trace record_path(const TuneRuns& runs, double rate_Hz, double seconds);
 
-/// Runs the loop for `seconds` as `row` says and fills in what it has measured, or its problem.
+/// Runs the loop for `seconds` [s] with the settings of `row`, and fills in the measured values or
+/// the problem.
 void measure_in_loop(const TuneRuns& runs, double seconds, tools::TuningRow& row);
 
 }  // namespace forcegrid::cli

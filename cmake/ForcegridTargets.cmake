@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # How every library and test of the project is declared: one place for the language level, the
 # warnings and the sanitizers, all private to the target (no global flags).
 

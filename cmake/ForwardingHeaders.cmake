@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The include paths of version 0.1 in the installed copy, for one version more: each old path of a
 # header of forcegrid/ includes the header's new path and says so. Only the installed copy has them.
 set(forwarded

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Run at build time: writes OUTPUT, a C++ source that knows the commit that SOURCE is at, and leaves it
 # alone when it says so already. SOURCE that isn't the top of a git checkout has no commit.
 #   cmake -DSOURCE=DIR -DOUTPUT=FILE -DTEMPLATE=FILE -DVERSION=X.Y.Z -P write_revision.cmake

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +18,8 @@ namespace forcegrid::emulator {
 ///   theta_3 = acos(Q_v / b),   L = d + e + b sin theta_3,   R = hypot(Q_u, Q_w)
 ///   theta_1 = atan2(Q_w, Q_u) - acos((R^2 + a^2 - L^2) / (2 a R))             driven angle
 ///   theta_2 = atan2(Q_w - a sin theta_1, Q_u - a cos theta_1)                 shin
-///   theta_1' = (cos theta_2 Q_u' + cot theta_3 Q_v' + sin theta_2 Q_w') / (a sin(theta_2 -
-///   theta_1))
+///   theta_1' = (cos theta_2 Q_u' + cot theta_3 Q_v' + sin theta_2 Q_w')
+///              / (a sin(theta_2 - theta_1))
 ///
 /// Positions and rates are those of the device frame D: x_D = z_B - center_z, y_D = x_B - center_x,
 /// z_D = y_B - center_y.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "device_emulator/w2_usb_device.h"
 
 #include <initializer_list>

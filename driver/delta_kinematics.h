@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -29,9 +30,11 @@ struct DeltaInverse {
 /// base, x to the user's right, y up, z out of the device toward the user. With p = (x, y, z), leg
 /// i has
 ///
-///   Q_u =  x cos phi_i + y sin phi_i - r + c,   Q_v = -x sin phi_i + y cos phi_i - s + f,   Q_w =
-///   z b cos theta_3 = Q_v (Q_u - a cos theta_1)^2 + (Q_w - a sin theta_1)^2 = (d + e + b sin
-///   theta_3)^2
+///   Q_u =  x cos phi_i + y sin phi_i - r + c
+///   Q_v = -x sin phi_i + y cos phi_i - s + f
+///   Q_w =  z
+///   b cos theta_3 = Q_v
+///   (Q_u - a cos theta_1)^2 + (Q_w - a sin theta_1)^2 = (d + e + b sin theta_3)^2
 ///
 /// where theta_1 is the driven angle, theta_2 the shin's direction in the leg's plane, and
 /// sin(theta_2 - theta_1) > 0 (elbow out).

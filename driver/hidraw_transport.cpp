@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "driver/hidraw_transport.h"
 
 #include <hidapi.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "driver/io_thread_device.h"
 
 #include <cstdio>

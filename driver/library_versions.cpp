@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "driver/library_versions.h"
 
 #include <hidapi.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "driver/mechanism.h"
 
 #include "driver/delta_kinematics.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "driver/w2_device.h"
 
 #include <poll.h>

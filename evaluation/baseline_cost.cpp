@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/baseline_cost.h"
 
 #include <algorithm>
@@ -41,7 +42,7 @@ double bare_trilinear_read_ns() {
     for (const std::array<float, 3>& p : positions) {
       sum += grid.read(p);
     }
-    // The sum is wanted, as far as the compiler knows.
+    // Keeps the compiler from removing the sum.
     asm volatile("" : : "m"(sum) : "memory");
     ns = 1e9 * rt::seconds(rt::Clock::now() - begin) / static_cast<double>(kReads);
   }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -6,10 +7,10 @@
 
 namespace forcegrid::evaluation {
 
-/// The least that a trilinear read can do, to which the costs of queries are compared: eight
-/// aligned loads of four floats and their weighted sum, in a grid of 50^3 vertices (2 MB), without
-/// bounds or status, at positions that are already in cells.
-/// Real-time: read() is. Threads: any.
+/// The minimal trilinear read, the baseline for the costs of queries: eight aligned loads of four
+/// floats and their weighted sum, in a grid of 50^3 vertices (2 MB). It has no bounds check and no
+/// status, and takes positions in cells.
+/// Real-time: read() is safe. Threads: any.
 class BareTrilinearGrid {
  public:
   static constexpr int kVertices = 50;  ///< along each axis
@@ -17,7 +18,7 @@ class BareTrilinearGrid {
 
   BareTrilinearGrid();
 
-  /// @param cells position, each coordinate in 0 to below kVertices - 1.
+  /// @param cells position in cells, each coordinate in [0, kVertices - 1).
   Float4 read(const std::array<float, 3>& cells) const noexcept {
     const int i = static_cast<int>(cells[0]);
     const int j = static_cast<int>(cells[1]);
@@ -37,8 +38,8 @@ class BareTrilinearGrid {
   std::vector<Float4> values_;
 };
 
-/// [ns] What a read at a random place of it takes on this machine now: the median over batches of
-/// 4,096. Takes some 20 ms.
+/// [ns] Time of a read at a random position on this machine: the median over batches of 4,096
+/// reads. Takes about 20 ms.
 /// Real-time: no. Threads: any.
 double bare_trilinear_read_ns();
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart.h"
 
 #include <algorithm>
@@ -34,7 +35,7 @@ constexpr double kComparedEvery_s = 0.1;
 constexpr int kRandomComparisons = 60;
 constexpr double kLargestDifference_percent = 0.1;
 constexpr double kTouchKnown_s = 0.2;
-// Raise when what a row means changes.
+// Increase when the meaning of a row changes.
 constexpr std::uint64_t kRowVersion = 2;
 
 std::string row_key(const ChartOptions& options, const std::string& scene,
@@ -127,16 +128,16 @@ Object make_object(const ChartOptions& options, const std::string& name) {
   if (!(facts.along_motion.rms_percent < kLargestDifference_percent)) {
     say(options, "WARNING: " + name + ": the table differs from live solves by more than " +
                      rounded(kLargestDifference_percent, "%.1f %%") +
-                     " along a motion; errors of this size mean nothing");
+                     " along a motion; smaller errors are meaningless");
   }
   if (built.unconverged > 0) {
     say(options, "WARNING: " + name + ": " + std::to_string(built.unconverged) +
-                     " of the table's nodes missed the solver's tolerance");
+                     " of the table's nodes did not reach the solver's tolerance");
   }
   return {scene, std::move(mesh), std::move(built.table), std::move(facts)};
 }
 
-// From when on the tool has known a wall for kTouchKnown_s; infinity: it never touches one.
+// Time kTouchKnown_s after the tool first touches a wall; infinity: it never does.
 double wall_known_s(const ChartScene& scene, const Trace& trace) {
   for (const ServoInstant& instant : trace.servo) {
     for (const Wall& wall : scene.extras.walls) {
@@ -218,7 +219,7 @@ ChartRow judge_visits_row(const Object& object, const NetworkCondition& conditio
   return row;
 }
 
-// What a row takes, learnt from the rows that are done.
+// Time per row, estimated from the finished rows.
 class TimeLeft {
  public:
   void add(const std::string& scene, const std::string& method, double time_s) {
@@ -254,7 +255,7 @@ struct Job {
   std::string key;
 };
 
-// The rows of a chart, one after the other, so that the cost of each is its own.
+// Makes the rows of a chart one after the other, so that their costs do not disturb each other.
 class Judging {
  public:
   Judging(const ChartOptions& options, const ChartPlan& plan)
@@ -271,7 +272,7 @@ class Judging {
     }
   }
 
-  // Every job of the selection, into `chart`.
+  // Runs every job of the selection and adds its row to `chart`.
   void judge(Chart& chart) {
     const std::vector<Job> jobs = selected_jobs();
     for (const Job& job : jobs) {
@@ -306,8 +307,9 @@ class Judging {
     }
     if (jobs.empty()) {
       throw ChartError(
-          "nothing to judge: the methods of the selection need what its conditions don't have; add "
-          "the condition stiffness for methods that need dF/dP, requests120 for those that ask");
+          "nothing to evaluate: no condition of the selection supplies what its methods need; add "
+          "the condition stiffness for methods that need dF/dP, or requests120 for methods that "
+          "make requests");
     }
     return jobs;
   }
@@ -328,7 +330,7 @@ class Judging {
     }
   }
 
-  // What a cycle of `direct` costs on its object, once an object.
+  // Cost of a cycle of `direct`, measured once per object.
   void time_direct(const Job& job) {
     Object& object = objects_[job.scene];
     if (job.method->direct && object.facts.direct_cycle_us == 0.0) {
@@ -337,7 +339,7 @@ class Judging {
     }
   }
 
-  // The trace of a job, kept for those that follow and share it; not for visits.
+  // The trace of a job, kept for the following jobs that share it; not for visits.
   void make_trace_of(const Job& job) {
     const std::optional<Trajectory>& trajectory = trajectories_[job.trajectory];
     if (!trajectory ||
@@ -386,11 +388,11 @@ class Judging {
   const ChartPlan& plan_;
   RowStore store_;
   std::vector<Object> objects_;
-  std::vector<std::optional<Trajectory>> trajectories_;  // nothing: visits
+  std::vector<std::optional<Trajectory>> trajectories_;  // empty: visits
   TimeLeft times_;
   std::map<std::pair<std::string, std::string>, double> pending_;  // jobs by scene and method
   std::optional<Trace> trace_;
-  std::optional<Job> traced_;  // that trace_ was made for
+  std::optional<Job> traced_;  // the job of trace_
 };
 
 }  // namespace

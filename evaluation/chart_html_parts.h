@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 namespace forcegrid::evaluation {
 
-/// The parts of a chart's page that don't depend on its data. The title stands between the first
-/// two; the script takes `names` (of columns), `rows`, and `filterColumns`, how many of the first
-/// columns can be filtered.
+/// Parts of a chart's page that do not depend on its data. The title goes between the first two.
+/// The script reads `names` (of the columns), `rows`, and `filterColumns`, the number of leading
+/// columns with a filter.
 inline constexpr char kHtmlHead[] = R"html(<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>)html";
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart_plan.h"
 
 #include <algorithm>
@@ -20,7 +21,7 @@ constexpr const char* kVariants[] = {
     "forcegrid+request s=3", "forcegrid-mls ridge=1e-3", "forcegrid-tangent weight=paper",
     "kriging nug=1e-6",      "kriging nug=1e-4"};
 
-// Of scenes with walls or effects.
+// For scenes with walls or object effects.
 const std::vector<std::string> kHardMotions{"chirp", "lissajous", "random"};
 const std::vector<std::string> kHardConditions{"ideal", "stiffness", "requests120"};
 const std::vector<std::string> kQuickScenes{"small", "small+wall_flat", "small+viscous",
@@ -63,7 +64,7 @@ void check_motion(const std::string& name) {
 
 bool is_hard(const ChartScene& scene) { return scene.name != scene.object; }
 
-// Visits come with requests or stiffness, and over a network that does nothing else.
+// Visits run only over an ideal network, with or without requests or stiffness.
 bool can_visit(const ChartScene& scene, const NetworkCondition& condition) {
   return !is_hard(scene) &&
          contains({"ideal", "stiffness", "requests30", "requests60", "requests120"},
@@ -164,10 +165,9 @@ bool applies(const ChartMethod& method, const ChartScene& scene, const NetworkCo
   if (method.direct) {
     const Trajectory& trajectory = *motion;
     if (trajectory.is_exploration()) {
-      return false;  // the large object is made of tables; there is no mesh of it
+      return false;  // the large object consists of tables and has no mesh
     }
-    // The table stands for an object that is alike all over; a real one isn't. Nor does the
-    // mesh know walls.
+    // The table represents a homogeneous object, the mesh does not; nor does the mesh have walls.
     const bool same_everywhere = std::all_of(
         trajectory.contacts().begin(), trajectory.contacts().end(), [](const ContactSpan& span) {
           return span.force_factor == 1.0 && span.point_W == first_contact_point_W();
@@ -183,7 +183,7 @@ std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::Sp
   if (method.direct) {
     simulator::DirectOptions options;
     options.patch_radius_m = patch_radius_m;
-    options.grab_on_own_thread = false;  // a recording doesn't wait for a thread
+    options.grab_on_own_thread = false;  // a recording does not wait for a thread
     return std::make_unique<simulator::DirectMethod>(mesh, options);
   }
   const MethodVariant variant = parse_method_variant(method.text, base_options());

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <memory>
@@ -20,7 +21,7 @@ struct ChartMethod {
   MethodNeeds needs;
 };
 
-/// What a chart judges: names without doubles, all of them known.
+/// The selection of a chart: known names, each once.
 struct ChartPlan {
   std::vector<std::string> scenes;
   std::vector<std::string> trajectories;
@@ -29,23 +30,24 @@ struct ChartPlan {
   std::vector<NotRun> not_run;
 };
 
-/// @throws ChartError for an unknown name, std::invalid_argument for a method that can't be made.
+/// Makes the plan. @throws ChartError for an unknown name, std::invalid_argument for a method that
+/// can't be made.
 ChartPlan plan_of(const ChartOptions& options);
 
-/// Makes a method to see that it can be made, and what it needs.
-/// @throws std::invalid_argument for one that can't.
+/// Makes a method once to check its text and to learn its needs.
+/// @throws std::invalid_argument if it can't be made.
 ChartMethod method_of(const std::string& text);
 
-/// A new one; `direct` on `mesh`.
+/// Makes a new method; `direct` solves `mesh`.
 std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::SpringMesh& mesh,
                                   double patch_radius_m);
 
-/// Whether a motion and a condition are judged on a scene: on one with walls or an effect only
-/// some of them, unless they were asked for.
+/// Whether the chart evaluates a motion and a condition on a scene. On scenes with walls or an
+/// object effect it takes only some of them, unless they are selected.
 bool taken(const ChartOptions& options, const ChartScene& scene, const std::string& motion,
            const std::string& condition);
 
-/// Whether a method can be judged under a condition and on a motion; null: on visits.
+/// Whether a method can be evaluated under a condition and on a motion (null: visits).
 bool applies(const ChartMethod& method, const ChartScene& scene, const NetworkCondition& condition,
              const Trajectory* motion);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart_plot.h"
 
 #include <algorithm>
@@ -13,7 +14,7 @@ namespace {
 
 constexpr double kWidth_px = 1000.0;
 constexpr double kHeight_px = 620.0;
-constexpr double kLeft = 0.095;  // the plot's edges, of the picture
+constexpr double kLeft = 0.095;  // edges of the plot as fractions of the picture
 constexpr double kRight = 0.975;
 constexpr double kBottom = 0.11;
 constexpr double kTop = 0.92;
@@ -32,7 +33,7 @@ struct Place {
   double x_px, y_px;
 };
 
-// An axis from a whole power of ten to another, around all values.
+// The range of an axis between whole powers of ten that contains all values.
 struct LogAxis {
   double low, high;
   explicit LogAxis(const std::vector<double>& values) {
@@ -51,7 +52,7 @@ std::string label_of(const ChartPoint& point) {
   return point.condition == "ideal" ? text : text + " [" + point.condition + "]";
 }
 
-// Puts each label near its point so that it covers no point and no other label.
+// Places each label near its point without covering a point or another label.
 std::vector<Place> place_labels(const std::vector<ChartPoint>& points,
                                 const std::vector<Place>& at) {
   std::vector<Box> taken;
@@ -168,7 +169,7 @@ bool write_error_cost_svg(const std::filesystem::path& file, const std::string& 
   });
   script << "plot $front with linespoints pt 7 ps 0.8 lw 1.5 lc rgb '#0B5394' title 'Pareto front'";
   if (has_others) {
-    script << ", $others with points pt 7 ps 0.6 lc rgb '#999999' title 'beaten by another method'";
+    script << ", $others with points pt 7 ps 0.6 lc rgb '#999999' title 'dominated'";
   }
   if (has_paper) {
     script << ", $paper with points pt 3 ps 1.4 lw 2 lc rgb '#C0392B' title 'the paper''s method'";

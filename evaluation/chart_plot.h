@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -8,12 +9,12 @@
 
 namespace forcegrid::evaluation {
 
-/// Draws `points` as an SVG with both axes logarithmic: error over cost per servo cycle, the Pareto
-/// front joined by a line, the paper's method (`forcegrid` as it is) marked. Points whose error or
-/// cost is not above zero are left out.
-/// @returns false, having drawn nothing, when no point is left.
-/// @throws ChartError when gnuplot can't be run or the file not be written, with the remedy.
+/// Draws `points` as an SVG with logarithmic axes: error over cost per servo cycle. A line joins
+/// the Pareto front, and a mark shows the paper's method (plain `forcegrid`). Points whose error or
+/// cost is not positive are left out.
+/// @returns false, without a picture, if no point remains.
+/// @throws ChartError with the remedy if gnuplot can't be run or the file can't be written.
 bool write_error_cost_svg(const std::filesystem::path& file, const std::string& title,
-                          const std::vector<ChartPoint>& points);
+                          const std::vector<ChartPoint>& all);
 
 }  // namespace forcegrid::evaluation

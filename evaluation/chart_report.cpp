@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart_report.h"
 
 #include <algorithm>
@@ -32,8 +33,8 @@ ordered_json to_json(const TableDifference& difference) {
 
 void add_numbers(std::string& html, const Chart& chart, const ChartOptions& options) {
   html += "<h2>Goals</h2><p>Method <b>" + escaped(options.default_method) +
-          "</b>; costs are named by their method. The bare trilinear read, to which queries are "
-          "compared, took " +
+          "</b>; the names of costs include their method. The bare trilinear read, the baseline "
+          "for queries, took " +
           readable(chart.bare_trilinear_read_ns) + " ns.";
   html += chart.numbers.empty() ? "" : " Scene: " + escaped(chart.numbers.front().scene) + '.';
   html +=
@@ -55,8 +56,8 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
                const std::string& picture) {
   html +=
       "<h2>" + escaped(table.scene) + "</h2><p>" + escaped(table.title) +
-      ". Normal stiffness at rest " + readable(table.stiffness_N_per_m) +
-      " N/m. Forces come from a table of the converged object; it differs from live solves by " +
+      ". Normal stiffness at rest: " + readable(table.stiffness_N_per_m) +
+      " N/m. Forces come from a table of converged solutions, which differs from live solves by " +
       number(table.along_motion.rms_percent, "%.4f") + " % (RMS) at " +
       std::to_string(table.along_motion.positions) + " positions along a motion and by " +
       number(table.at_random.rms_percent, "%.4f") + " % at " +
@@ -76,7 +77,8 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
     }
   }
   html +=
-      "<p>RMS error after the first second / in it, % of RMS F<sub>o</sub>; cost and memory.</p>"
+      "<p>RMS error after the first second / within it, in % of RMS F<sub>o</sub>; cost and "
+      "memory.</p>"
       "<table class=sortable><thead><tr><th>method<th>condition";
   for (const std::string& name : trajectories) {
     html += "<th>" + escaped(name);
@@ -203,10 +205,11 @@ std::string chart_html(const Chart& chart, const ChartOptions& options,
                        const std::vector<std::string>& pictures,
                        const std::vector<ChartFigure>& figures) {
   std::string html = page_head("Force methods: accuracy against speed");
-  html += "<h1>Force methods: accuracy against speed</h1><p>" + std::to_string(chart.rows.size()) +
-          " rows, each one method on one object, motion and network; servo at 500 Hz. Errors are "
-          "|F - F<sub>o</sub>| in % of the RMS of |F<sub>o</sub>|, F<sub>o</sub> the converged "
-          "object's force. Click a column's head to sort.</p>";
+  html +=
+      "<h1>Force methods: accuracy against speed</h1><p>" + std::to_string(chart.rows.size()) +
+      " rows. Each row is one method on one object, motion and network, with the servo at 500 Hz. "
+      "Errors are |F - F<sub>o</sub>| in % of the RMS of |F<sub>o</sub>|, where F<sub>o</sub> is "
+      "the reference force: that of the converged object. Click a column's heading to sort.</p>";
   add_numbers(html, chart, options);
   for (std::size_t i = 0; i < chart.tables.size(); ++i) {
     add_scene(html, chart, chart.tables[i], i < pictures.size() ? pictures[i] : std::string());
@@ -232,7 +235,7 @@ std::string chart_html(const Chart& chart, const ChartOptions& options,
   for (const ChartRow& row : chart.rows) {
     ordered_json line = {row.scene, row.trajectory, row.condition, row.method};
     for (const RowFigure& figure : figures_of(row)) {
-      // Four digits are enough to look at; all of them are in the CSV.
+      // Four digits are enough on the page; the CSV has all.
       const std::string text = number(figure.second, "%.4g");
       line.push_back(text.empty() ? ordered_json(nullptr) : ordered_json::parse(text));
     }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -8,21 +9,21 @@
 
 namespace forcegrid::evaluation {
 
-/// One of the paper's figures 7 and 8 to be shown: a title and the SVG's text.
+/// One of the paper's figures 7 and 8: a title and the text of its SVG.
 struct ChartFigure {
   std::string title;
   std::string svg;
 };
 
-/// The rows as a table, one line each, empty where there is nothing to measure.
+/// The rows as CSV; a cell is empty if there is nothing to measure.
 std::string chart_csv(const Chart& chart);
 
-/// Everything: tables, numbers with their goals, points of each scene's picture, rows; keys are
-/// explained in docs/accuracy.md.
+/// The whole chart as JSON: tables, numbers with their goals, points of each scene's picture, rows.
+/// docs/accuracy.md explains the keys.
 std::string chart_json(const Chart& chart, const ChartOptions& options);
 
-/// One page that needs nothing else: the goals, each scene's picture and table, the figures, and
-/// all rows, to be filtered and sorted. `pictures` holds one SVG text a scene, empty for none.
+/// A self-contained page: the goals, each scene's picture and table, the figures, and all rows with
+/// filters and sorting. `pictures` holds one SVG text per scene, empty for none.
 std::string chart_html(const Chart& chart, const ChartOptions& options,
                        const std::vector<std::string>& pictures,
                        const std::vector<ChartFigure>& figures);

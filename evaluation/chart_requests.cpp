@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart_requests.h"
 
 #include <algorithm>
@@ -73,8 +74,8 @@ std::string requests_html(const Chart& chart, const std::string& scene) {
     return "";
   }
   std::string html =
-      "<p>By answers a second that the method may ask the simulator for: RMS error, % of RMS "
-      "F<sub>o</sub>, and how many it asked for on the whole motion.</p><table class=sortable>"
+      "<p>Effect of the rate of requests to the simulator: RMS error in % of RMS F<sub>o</sub>, "
+      "and the number of requests over the whole motion.</p><table class=sortable>"
       "<thead><tr><th>method<th>motion<th>";
   for (const int rate_per_s : kRequestRates_per_s) {
     html += "<th>" + std::to_string(rate_per_s) + "/s";

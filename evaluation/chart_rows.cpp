@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart_rows.h"
 
 #include <cmath>
@@ -8,7 +9,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-// One list for reading and writing: take(name, value) for every figure that is a plain number.
+// One list for reading and writing: calls take(name, value) for every figure that is a plain
+// number.
 template <typename Row, typename Take>
 void each_figure(Row& row, const Take& take) {
   auto& v = row.verdict;

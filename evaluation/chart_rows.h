@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -15,13 +16,14 @@ namespace forcegrid::evaluation {
 /// A figure of a row: its name in CSV and JSON, and the value.
 using RowFigure = std::pair<const char*, double>;
 
-/// All figures of a row in the order of the table's columns; NaN where there is nothing to measure.
+/// All figures of a row in the order of the table's columns; NaN if there is nothing to measure.
 std::vector<RowFigure> figures_of(const ChartRow& row);
 
-/// The row as an object: key, scene, trajectory, condition, method and the figures, null for NaN.
+/// The row as a JSON object: key, scene, trajectory, condition, method and the figures, null for
+/// NaN.
 nlohmann::ordered_json to_json(const ChartRow& row);
 
-/// @throws nlohmann::json::exception for anything that to_json() did not make.
+/// @throws nlohmann::json::exception if to_json() did not make `json`.
 ChartRow row_from_json(const nlohmann::ordered_json& json);
 
 /// Finished rows of a chart, see RowFile.
@@ -33,8 +35,8 @@ class RowStore {
   /// The row with this key, or null.
   const ChartRow* find(const std::string& key) const;
 
-  /// Adds a row; it is in the file when this returns.
-  /// @throws ChartError when the disk is full.
+  /// Adds a row and writes it to the file.
+  /// @throws ChartError if the disk is full.
   void keep(const ChartRow& row);
 
  private:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart_summary.h"
 
 #include <algorithm>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// What the method study measured with the paper's grid on such a block: RMS error after 1 s in %.
+// Results of the method study with the paper's grid on such a block: RMS error after 1 s in %.
 struct Reference {
   const char* trajectory;
   double unit_mm_percent;
@@ -42,7 +43,7 @@ const ChartRow* find_row(const Chart& chart, const std::string& scene,
   return found == chart.rows.end() ? nullptr : &*found;
 }
 
-// The largest of some values and where it was.
+// The largest of some values and its place.
 struct Worst {
   double value = kNan;
   std::string where;
@@ -168,8 +169,8 @@ class Numbers {
     return worst;
   }
 
-  // The worst cost of a method over the scene's rows without requests; the median row, so that a
-  // disturbance of the machine does not decide.
+  // The cost of a method over the scene's rows without requests: the median row, so that a
+  // disturbance of the machine has no effect.
   template <typename Figure>
   Worst cost(const std::string& method, const Figure& figure) const {
     std::vector<double> values;
@@ -207,10 +208,10 @@ class Numbers {
   }
 
   void add(const std::string& name, double goal, const Worst& worst, const std::string& unit) {
-    list_.push_back({name, scene_, goal, worst.value, unit, worst.where});
+    list.push_back({name, scene_, goal, worst.value, unit, worst.where});
   }
 
-  std::vector<ChartNumber> list_;
+  std::vector<ChartNumber> list;
 
  private:
   const Chart& chart_;
@@ -218,7 +219,7 @@ class Numbers {
   std::string method_;
 };
 
-// Where a method is at its best without luxuries: the first of these that it has rows for.
+// The simplest condition that a method can use: the first of these that it has rows for.
 constexpr std::array<const char*, 3> kPointConditions{"ideal", "stiffness", "requests120"};
 
 double after_1s(const ChartRow& row) { return row.verdict.rms_error_percent_after_1s; }
@@ -329,7 +330,7 @@ std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& defau
   }
   n.add("work around a closed loop, of the stored energy", 1.0, work, "%");
   hard_numbers(n);
-  // 25 and 8 ns where the bare read takes 4.
+  // 25 and 8 ns if the bare read takes 4 ns.
   const auto of_bare_read = [&chart](Worst cost) {
     cost.value /= chart.bare_trilinear_read_ns;
     return cost;
@@ -360,7 +361,7 @@ std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& defau
         n.reproduction("forcegrid", &Reference::unit_mm_percent), "%");
   n.add("paper's grid in m, deviation from the study", 20.0,
         n.reproduction("forcegrid unit=m", &Reference::unit_m_percent), "%");
-  return n.list_;
+  return n.list;
 }
 
 }  // namespace forcegrid::evaluation

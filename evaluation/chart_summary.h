@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -7,10 +8,10 @@
 
 namespace forcegrid::evaluation {
 
-/// The points of a scene's picture, by rising cost.
+/// The points of a scene's picture, in order of rising cost.
 std::vector<ChartPoint> points_of(const Chart& chart, const std::string& scene);
 
-/// The goals that a chart can tell about, for `default_method`, on the hardest scene of the chart.
+/// The goals that the chart covers, for `default_method` on the hardest scene of the chart.
 std::vector<ChartNumber> numbers_of(const Chart& chart, const std::string& default_method);
 
 }  // namespace forcegrid::evaluation

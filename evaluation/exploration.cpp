@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/exploration.h"
 
 #include <algorithm>
@@ -13,7 +14,7 @@ using Eigen::Vector3d;
 
 constexpr double kMoveOver_s = 1.0;
 
-// From the middle tile around it, in tiles.
+// Positions of the tiles, in tiles, from the middle one outwards.
 constexpr int kSpiral[kTiles][2] = {{0, 0},  {1, 0},   {1, 1},  {0, 1}, {-1, 1},
                                     {-1, 0}, {-1, -1}, {0, -1}, {1, -1}};
 
@@ -56,7 +57,7 @@ double minimum_jerk(double fraction) {
   return t * t * t * (10.0 + t * (-15.0 + 6.0 * t));
 }
 
-// The mean of squares over a window.
+// Mean of squares over a window.
 struct Window {
   double from_s, to_s;
   double squares_N2 = 0.0;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -9,9 +10,9 @@
 
 namespace forcegrid::evaluation {
 
-/// Four minutes on a large object: nine tiles of 36 mm, 13 s in each, then all of them once more
-/// along other paths, so that each is returned to 117 s after it was first entered. The tiles lie
-/// in a square of three by three around the first, in a spiral.
+/// Four minutes on a large object: nine tiles of 36 mm, 13 s in each, then all of them again along
+/// other paths. The tool returns to each tile 117 s after it first entered it. The tiles form a
+/// square of three by three around the first and are visited in a spiral.
 inline constexpr int kTiles = 9;
 inline constexpr int kTileVisits = 2 * kTiles;
 inline constexpr double kTileSide_m = 0.036;
@@ -22,15 +23,17 @@ inline constexpr double kExploration_s = kTileVisits * kTileStay_s;
 /// the contact point and in its surface.
 Eigen::Vector3d tile_centre_W_m(int visit);
 
-/// [m] Where the motion of a tile is centred at `time_s`: in the first second of a visit it moves
-/// over from the tile before, by minimum jerk.
+/// [m] Centre of the motion at `time_s`. In the first second of a visit it moves from the previous
+/// tile to the new one by minimum jerk.
 Eigen::Vector3d exploration_centre_W_m(double time_s);
 
-/// Force and stiffness of a large object at a displacement d from the contact point, made of a
-/// small one's table F_T and the same turned by a quarter about z, folded by sines:
+/// Force and stiffness of a large object at a displacement d from the contact point. It is composed
+/// of a small object's table F_T and the same table turned by 90 degrees about z, both folded by
+/// sines:
 ///
-///   F(d) = sum_k a_k D_k F_k(g_k(d)) - F_0,   g_k = (A sin((x - o_kx) / A), A sin((y - o_ky) / A),
-///   z) D_k = diag(dg_k,i / dd_i),  F_1 = F_T,  F_2(g) = R F_T(R^T g),  A = 20 mm
+///   F(d) = sum_k a_k D_k F_k(g_k(d)) - F_0
+///   g_k  = (A sin((x - o_kx) / A), A sin((y - o_ky) / A), z),   A = 20 mm
+///   D_k  = diag(dg_k,i / dd_i),   F_1 = F_T,   F_2(g) = R F_T(R^T g)
 ///
 /// The gradient of sum_k a_k U_k(g_k(d)), so conservative; smooth, and defined for all x and y. F_0
 /// makes the force zero at d = 0.
@@ -38,8 +41,8 @@ Eigen::Vector3d exploration_centre_W_m(double time_s);
 /// @throws ChartError for a table that does not cover x and y of +-20 mm, or z.
 ForceTable::Value large_object(const ForceTable& table, const Eigen::Vector3d& displacement_W);
 
-/// RMS of |F - F_o| in windows after the tool enters a tile that it knows from its first visit, in
-/// % of the RMS of |F_o| over the whole trace. NaN where there is nothing to measure.
+/// RMS of |F - F_o| in windows after the tool re-enters a tile on its second visit, in % of the RMS
+/// of |F_o| over the whole trace. NaN if there is nothing to measure.
 struct ReturnErrors {
   static constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
   double first_33ms_percent = kNothing;   ///< 0 to 33 ms after entering
@@ -50,7 +53,7 @@ struct ReturnErrors {
 };
 
 /// @param servo of the trajectory `exploration`, `contact_point_W` its contact point.
-/// @param forces_W one a servo instant.
+/// @param forces_W [N] one per servo instant.
 ReturnErrors return_errors(const std::vector<ServoInstant>& servo,
                            const Eigen::Vector3d& contact_point_W,
                            const std::vector<Eigen::Vector3d>& forces_W);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/gnuplot.h"
 
 #include <sys/wait.h>
@@ -16,10 +17,10 @@ namespace {
 [[noreturn]] void fail(const std::filesystem::path& file, const std::string& how) {
   throw ChartError("gnuplot could not draw " + file.string() + " (" + how +
                    "); install the package gnuplot-nox, free some space or choose another folder "
-                   "with --out; the data lies beside it");
+                   "with --out; the data are in the same folder");
 }
 
-// gnuplot does not say that a disk is full. What a picture ends with is in its last bytes.
+// gnuplot does not report a full disk, so this checks the last bytes of a picture.
 bool whole(const std::filesystem::path& file) {
   constexpr std::streamoff kTail_bytes = 32;
   std::ifstream stream(file, std::ios::binary);
@@ -29,7 +30,7 @@ bool whole(const std::filesystem::path& file) {
   return stream && tail.find(file.extension() == ".png" ? "IEND" : "</svg>") != std::string::npos;
 }
 
-// False: it was cut off, and is removed.
+// False: the picture was incomplete and has been removed.
 bool keep_if_whole(const std::filesystem::path& file) {
   if (whole(file)) {
     return true;
@@ -68,7 +69,7 @@ void run_gnuplot(const std::string& script, const std::vector<std::filesystem::p
     cut_off = keep_if_whole(file) ? cut_off : &file;
   }
   if (cut_off != nullptr) {
-    fail(*cut_off, "its end is missing");
+    fail(*cut_off, "the file is incomplete");
   }
 }
 

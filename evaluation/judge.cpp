@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/judge.h"
 
 #include <algorithm>
@@ -20,7 +21,7 @@ constexpr int kAllWork = 1 << 30;
 constexpr double kShortQuery_ns = 1000.0;
 constexpr std::size_t kQueriesInARow = 8;
 
-// The smallest value that a fraction `p` of `values` don't exceed; NaN without values. Reorders.
+// The smallest value that a fraction `p` of `values` does not exceed; NaN without values. Reorders.
 double percentile(std::vector<double>& values, double p) {
   if (values.empty()) {
     return kNan;
@@ -32,8 +33,8 @@ double percentile(std::vector<double>& values, double p) {
   return *nth;
 }
 
-// Times calls. What reading the clock costs is taken off as a mean, since the clock may tick in
-// steps as long as a call; so a single time can be off by a step, even be negative.
+// Times calls. The mean cost of reading the clock is subtracted. The clock's step may be as long as
+// a call, so a single time may be wrong by a step and even be negative.
 class Stopwatch {
  public:
   Stopwatch() {
@@ -243,8 +244,8 @@ class Play {
     }
   }
 
-  // The mean time of queries along the path from instant `i` on. They change nothing, so what the
-  // method will answer later stays as it would have been.
+  // The mean time of queries along the path from instant `i` on. Queries change nothing, so they do
+  // not affect later answers.
   double ns_of_queries_from(std::size_t i) {
     const double ns = stopwatch_.ns_of([&] {
       for (std::size_t next = i; next < i + kQueriesInARow; ++next) {
@@ -264,7 +265,7 @@ class Play {
     for (; first_s + static_cast<double>(next_request_) / options_.requests_per_s <= instant.time_s;
          ++next_request_) {
       if (entered_ == 0) {
-        continue;  // the method has not even heard of the first contact
+        continue;  // the method does not know of the first contact yet
       }
       Eigen::Vector3d wanted_W = Eigen::Vector3d::Zero();
       bool wants = false;
@@ -322,10 +323,10 @@ class Play {
   const JudgeOptions& options_;
   const Stopwatch stopwatch_;
   std::vector<Phase> phases_;
-  std::size_t entered_ = 0;  ///< phases that the method knows of
+  std::size_t entered_ = 0;  ///< number of phases that the method knows
   std::size_t next_sample_ = 0;
   std::deque<Answer> answers_;
-  std::size_t next_request_ = 0;               ///< counts from the first servo instant on
+  std::size_t next_request_ = 0;               ///< counted from the first servo instant on
   std::optional<Eigen::Vector3d> expected_W_;  ///< where contact is expected at this instant
   double this_cycle_ns_ = 0.0;
   volatile double discarded_N_ = 0.0;  ///< so that no query is optimised away
@@ -351,7 +352,7 @@ ErrorFigures figures_of(std::vector<double> error_N, double reference_rms_N) {
   double largest_N = 0.0;
   for (const double error : error_N) {
     sum += error * error;
-    largest_N = error <= largest_N ? largest_N : error;  // NaN, should there be one, stays
+    largest_N = error <= largest_N ? largest_N : error;  // a NaN remains
   }
   const double to_percent = 100.0 / reference_rms_N;
   figures.rms_percent = to_percent * std::sqrt(sum / static_cast<double>(error_N.size()));
@@ -372,7 +373,7 @@ double adaptation_of(const std::vector<ServoInstant>& servo, const std::vector<d
       within.push_back(error_N[i]);
     }
     if (within.empty()) {
-      within.push_back(error_N[i++]);  // an instant that rounding put on the window's end
+      within.push_back(error_N[i++]);  // an instant that rounding moved onto the window's end
     }
     if (!(figures_of(within, reference_rms_N).rms_percent < kAdapted_percent)) {
       adapted_s = kNan;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/network.h"
 
 #include <algorithm>
@@ -10,17 +11,17 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A tick that falls on a servo instant but for rounding belongs to it.
+// A tick that differs from a servo instant only by rounding belongs to it.
 constexpr double kSameInstant_s = 1e-9;
-// So that noise of requests, noise of samples and the network's dice differ.
+// So that the random numbers of requests, samples and network differ.
 constexpr std::uint64_t kNoiseStream = 0x6E6F697365U;
 constexpr std::uint64_t kNetworkStream = 0x6E6574U;
 constexpr std::uint64_t kRequestStream = 0x726571U;
 
-// Of ObjectEffect's residual.
+// Least force in ObjectEffect's relative residual.
 constexpr double kLeastForce_N = 0.05;
 
-// What object and walls answer to a tool that follows a trajectory.
+// Force of object and walls on a tool that follows a trajectory.
 class Object {
  public:
   Object(const Trajectory& trajectory, const ForceTable& table, const SceneExtras& extras,
@@ -34,7 +35,7 @@ class Object {
     }
   }
 
-  // To a tool that is at rest at `position_W`.
+  // On a tool at rest at `position_W`.
   Sample answer(double time_s, const Vector3d& position_W) const {
     Sample sample = elastic(time_s, position_W);
     const int contact = trajectory_.contact_at(time_s);
@@ -45,7 +46,7 @@ class Object {
     return sample;
   }
 
-  // To the tool on its way.
+  // On the moving tool.
   Sample answer_on_path(double time_s, const Vector3d& position_W) const {
     Sample sample = answer(time_s, position_W);
     if (trajectory_.contact_at(time_s) >= 0) {
@@ -62,7 +63,7 @@ class Object {
     sample.has_stiffness = true;
     const std::vector<ContactSpan>& contacts = trajectory_.contacts();
     for (std::size_t i = 0; i < contacts.size(); ++i) {
-      // The epoch counts beginnings and ends, the first contact being 1.
+      // The epoch counts beginnings and ends; the first contact is 1.
       sample.contact_epoch += time_s >= contacts[i].begin_s ? 1 : 0;
       sample.contact_epoch += time_s >= contacts[i].end_s ? 1 : 0;
     }
@@ -95,7 +96,7 @@ class Object {
            (after_s - before_s);
   }
 
-  // sum_j g_j L_j at each servo instant; the force is taken as linear in between.
+  // sum_j g_j L_j at each servo instant; the force is assumed linear in between.
   void remember_path() {
     const std::vector<ObjectEffect::Relaxation>& relaxations = extras_.effect.relaxations;
     const auto instants =
@@ -142,7 +143,8 @@ void add_noise(Sample& sample, double noise_N, SeededNumbers& numbers) {
   }
 }
 
-// A simulator that mends a share of what is wrong with its last answer, and says what is left.
+// A simulator that corrects a share of its last answer's error per tick, and reports the rest as
+// residual.
 void solve_partly(Sample& sample, double share, Sample& solved) {
   if (share >= 1.0) {
     return;

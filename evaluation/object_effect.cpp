@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/object_effect.h"
 
 #include <algorithm>
@@ -39,7 +40,7 @@ const std::vector<NamedObjectEffect>& named_object_effects() {
     list[3].effect.slide_begin_s = 6.0;
     list[3].effect.slide_end_s = 9.0;
     list[4].name = "unconverged";
-    list[4].title = "a simulator that mends 60 % of what is wrong a tick";
+    list[4].title = "a simulator that corrects 60 % of its error per tick";
     list[4].effect.solved_share = 0.6;
     return list;
   }();

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/page_text.h"
 
 #include <cmath>
@@ -65,7 +66,8 @@ std::string read_text(const std::filesystem::path& file) {
   std::ostringstream content;
   content << stream.rdbuf();
   if (!stream) {
-    throw ChartError(file.string() + " can't be read back; was it removed meanwhile?");
+    throw ChartError(file.string() +
+                     " can't be read back; it may have been removed, so run the command again");
   }
   return content.str();
 }

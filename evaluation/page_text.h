@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -7,17 +8,17 @@ namespace forcegrid::evaluation {
 
 /// Text for the charts' files and pages.
 
-/// A number in printf's `format`; empty for NaN and infinity.
+/// Formats a number in printf's `format`; empty for NaN and infinity.
 std::string number(double value, const char* format = "%.6g");
-/// Three significant digits for people, a dash for what isn't finite.
+/// Formats a number for people with three significant digits; a dash if it is not finite.
 std::string readable(double value);
-/// What HTML would take for markup made harmless.
+/// Escapes HTML's special characters.
 std::string escaped(const std::string& text);
-/// The page's head up to the body, with `title`.
+/// The beginning of a page with `title`, up to the body.
 std::string page_head(const std::string& title);
 /// An SVG without its XML declaration and document type, which HTML does not take.
 std::string svg_element(const std::string& svg);
-/// A file that was just written. @throws ChartError when it is gone.
+/// Reads back a file that was just written. @throws ChartError if it is missing.
 std::string read_text(const std::filesystem::path& file);
 
 }  // namespace forcegrid::evaluation

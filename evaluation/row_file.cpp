@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/row_file.h"
 
 #include <sys/file.h>
@@ -53,7 +54,7 @@ RowFile::RowFile(const std::filesystem::path& folder, const std::string& program
         take(json);
         kept += line + '\n';
       } catch (const ordered_json::exception&) {
-        // A line that was damaged; its row is made again.
+        // A damaged line; its row is measured again.
       }
     }
   }
@@ -73,7 +74,7 @@ void RowFile::keep(ordered_json row) {
   const bool written = std::fwrite(line.data(), 1, line.size(), file_.get()) == line.size();
   if (std::fflush(file_.get()) != 0 || !written) {
     throw ChartError(file_name_.string() + ": " + system_error() +
-                     "; free some space, then the same command goes on");
+                     "; free some space, then repeat the command to continue");
   }
 }
 

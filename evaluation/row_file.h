@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdio>
@@ -9,20 +10,19 @@
 
 namespace forcegrid::evaluation {
 
-/// Finished rows of a chart, one JSON object a line in `folder`/rows.jsonl, so that an interrupted
-/// chart goes on where it stopped.
-/// Threads: one. Processes: one a folder, which a lock on the file enforces.
+/// Finished rows of a chart in `folder`/rows.jsonl, one JSON object per line, so that an
+/// interrupted chart continues where it stopped.
+/// Threads: one. Processes: one per folder, enforced by a lock on the file.
 class RowFile {
  public:
-  /// Reads what an earlier call of the same program left and hands each row to `take`; rows of
-  /// another program are removed, as is a line that was cut off in the middle or of which `take`
-  /// throws a JSON exception.
-  /// @throws ChartError when the folder can't be made or used, or another chart is using it.
+  /// Reads the rows of an earlier call and passes each to `take`. Removes rows of another program,
+  /// incomplete lines, and lines for which `take` throws a JSON exception.
+  /// @throws ChartError if the folder can't be created or used, or if another chart is using it.
   RowFile(const std::filesystem::path& folder, const std::string& program,
           const std::function<void(const nlohmann::ordered_json&)>& take);
 
-  /// Adds a row; it is in the file when this returns.
-  /// @throws ChartError when the disk is full.
+  /// Adds a row and writes it to the file.
+  /// @throws ChartError if the disk is full.
   void keep(nlohmann::ordered_json row);
 
  private:

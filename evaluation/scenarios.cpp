@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/scenarios.h"
 
 #include <algorithm>
@@ -95,7 +96,7 @@ const ChartScene& chart_scene(const std::string& name) {
   if (const ChartScene* scene = other_scene(name); scene != nullptr) {
     return *scene;
   }
-  throw ChartError("scene '" + name + "' is none of the chart's: " + known +
+  throw ChartError("scene '" + name + "' is not in the chart; known scenes: " + known +
                    "; or write another scene of 'forcegrid simulate' or a TOML file: " +
                    text::joined(simulator::scene_names()));
 }

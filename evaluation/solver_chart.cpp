@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/solver_chart.h"
 
 #include <algorithm>
@@ -115,9 +116,9 @@ void draw(const fs::path& file, const std::vector<SolverScalingRow>& rows, doubl
          << 1e3 / rate_Hz << " left offset 0,0.5 tc rgb '#555555'\nset arrow 1 from graph 0, first "
          << 1e3 / rate_Hz << " to graph 1, first " << 1e3 / rate_Hz
          << " nohead dt 2 lc rgb '#555555'\n"
-         << panel(rows, "time of the servo a cycle / ms: mean, line to the longest", 2, true)
+         << panel(rows, "servo time per cycle / ms: mean, line to the longest", 2, true)
          << "unset label 1\nunset arrow 1\nunset key\n"
-         << panel(rows, "vertices touched a cycle, mean", 4, false)
+         << panel(rows, "vertices touched per cycle, mean", 4, false)
          << panel(rows, "RMS force error / % of RMS force", 5, false) << "unset multiplot\n";
   run_gnuplot(script.str(), file);
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -8,13 +9,13 @@
 
 namespace forcegrid::evaluation {
 
-/// One object a row; keys carry the units.
+/// One JSON object per row; keys include the units.
 nlohmann::ordered_json to_json(const std::vector<simulator::SolverScalingRow>& rows,
                                double rate_Hz);
 
-/// Writes solvers.json, solvers.csv and solvers.svg into `folder`, which it makes. The picture: the
-/// servo's time a cycle (mean, with a line up to the longest one), the vertices touched, and the
-/// force's error, each against the object's vertices; blocks joined by lines.
+/// Creates `folder` and writes solvers.json, solvers.csv and solvers.svg into it. The picture shows
+/// the servo's time per cycle (mean, with a line to the longest), the vertices touched, and the
+/// force's error, each over the object's number of vertices. Lines join the blocks.
 /// @returns the files, the picture last.
 /// @throws FileError or ChartError, with the remedy.
 std::vector<std::filesystem::path> write_solver_chart(

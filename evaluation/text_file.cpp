@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/text_file.h"
 
 #include <fcntl.h>
@@ -37,7 +38,7 @@ struct LineReader::Stream {
   std::string file;
   gzFile gz = nullptr;
   std::vector<char> text = std::vector<char>(2 * kChunk);
-  std::size_t begin = 0;  ///< of what has not been given yet
+  std::size_t begin = 0;  ///< of the text not returned yet
   std::size_t end = 0;
   bool at_end = false;
 
@@ -60,7 +61,7 @@ LineReader::LineReader(const std::string& file) : stream_(std::make_unique<Strea
 
 LineReader::~LineReader() = default;
 
-// Moves what is left to the front and reads on. False when there was nothing more.
+// Moves the remaining text to the front and reads more. False at the end of the file.
 bool LineReader::refill() {
   Stream& s = *stream_;
   if (s.at_end) {
@@ -71,7 +72,7 @@ bool LineReader::refill() {
   s.begin = 0;
   if (s.end > kChunk) {
     fail(s.file, "line " + std::to_string(line_number_ + 1) +
-                     " is longer than 64 kB; that is no line of a trace");
+                     " is longer than 64 kB, too long for a trace");
   }
   const bool first = gztell(s.gz) == 0;
   errno = 0;
@@ -79,7 +80,7 @@ bool LineReader::refill() {
   const int system_error = errno;
   if (first && count >= 0) {
     if (named_gz(s.file) && gzdirect(s.gz) == 1) {
-      fail(s.file, count == 0 ? "is empty" : "is not gzipped; take .gz off its name");
+      fail(s.file, count == 0 ? "is empty" : "is not gzipped; remove .gz from its name");
     }
     if (!named_gz(s.file) && gzdirect(s.gz) == 0) {
       fail(s.file, "is gzipped; add .gz to its name");
@@ -87,11 +88,11 @@ bool LineReader::refill() {
   }
   int code = Z_OK;
   gzerror(s.gz, &code);
-  // What came before a cut is still given, so that the message can say where it is.
+  // Lines before the truncation are still returned, so that the message can name its place.
   if (count < 0 || (count == 0 && code != Z_OK && code != Z_STREAM_END)) {
     if (code == Z_BUF_ERROR) {
       fail(s.file, "ends in the middle of its gzip stream, after line " +
-                       std::to_string(line_number_) + "; it was cut off, copy or record it again");
+                       std::to_string(line_number_) + "; it is truncated, copy or record it again");
     }
     fail(s.file, "can't be read after line " + std::to_string(line_number_) + " (" +
                      reason_of(s.gz, system_error) + ")");
@@ -148,7 +149,7 @@ struct TextWriter::Stream {
   }
 
   [[noreturn]] void fail_writing(const std::string& reason) const {
-    fail(file, "can't be written (" + reason + "); nothing was left under this name");
+    fail(file, "can't be written (" + reason + "); no file was created under this name");
   }
 };
 
@@ -157,7 +158,7 @@ TextWriter::TextWriter(const std::string& file) : stream_(std::make_unique<Strea
   s.file = file;
   struct stat status {};
   if (stat(file.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
-    fail(file, "is there already and no plain file; choose another name");
+    fail(file, "exists and is not a regular file; choose another name");
   }
   s.partial = file + ".partial-" + std::to_string(getpid());
   s.descriptor = open(s.partial.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
@@ -201,7 +202,7 @@ void TextWriter::finish() {
     s.fail_writing(errno != 0 ? std::strerror(errno) : "compression failed");
   }
   const int descriptor = s.descriptor;
-  s.descriptor = -1;  // it has its name, so the destructor may not remove it
+  s.descriptor = -1;  // it has its final name, so the destructor must not remove it
   close(descriptor);
 }
 

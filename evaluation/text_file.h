@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -14,7 +15,7 @@ class FileError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Lines of a text file, which is gzipped if and only if its name ends in .gz.
+/// Reads the lines of a text file, which is gzipped if and only if its name ends in .gz.
 /// Real-time: no. Threads: one.
 class LineReader {
  public:
@@ -24,13 +25,13 @@ class LineReader {
   LineReader(const LineReader&) = delete;
   LineReader& operator=(const LineReader&) = delete;
 
-  /// The next line without its end (\n or \r\n); valid until the next call.
+  /// Reads the next line without its end (\n or \r\n); valid until the next call.
   /// @returns false after the last one.
-  /// @throws FileError when reading fails, the file is cut off or damaged, not gzipped although its
-  ///         name says so (or the reverse), or has a line of more than 64 kB.
+  /// @throws FileError if reading fails, if the file is truncated or damaged, if its name and its
+  ///         content disagree on gzip, or if a line is longer than 64 kB.
   bool next(std::string_view& line);
 
-  /// Of the line that next() gave last; the first is 1.
+  /// Number of the line that next() returned last; the first is 1.
   std::size_t line_number() const noexcept { return line_number_; }
 
  private:
@@ -41,14 +42,14 @@ class LineReader {
   std::size_t line_number_ = 0;
 };
 
-/// Writes a text file, gzipped if its name ends in .gz. Nothing exists under the file's name, or
-/// what was there before stays, until finish() has put all of it on the disk.
+/// Writes a text file, gzipped if its name ends in .gz. The file appears under its name, and
+/// replaces an older one, only after finish() has written all of it to disk.
 /// Real-time: no. Threads: one.
 class TextWriter {
  public:
-  /// @throws FileError, also when the name belongs to something that is no plain file.
+  /// @throws FileError, also if the name belongs to something other than a regular file.
   explicit TextWriter(const std::string& file);
-  /// Without finish(): removes what was written.
+  /// Without finish(): removes the partial file.
   ~TextWriter();
   TextWriter(const TextWriter&) = delete;
   TextWriter& operator=(const TextWriter&) = delete;
@@ -56,7 +57,7 @@ class TextWriter {
   /// @throws FileError, e.g. for a full disk.
   void write(std::string_view text);
 
-  /// @throws FileError, e.g. for a full disk; then the file has not appeared.
+  /// @throws FileError, e.g. for a full disk; the file then does not appear.
   void finish();
 
  private:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/trace.h"
 
 #include <algorithm>
@@ -65,7 +66,7 @@ class TraceReader {
       }
     }
     if (trace_.servo.empty()) {
-      throw TraceError(file_ + ": has no 'servo' row; nothing can be judged without true forces");
+      throw TraceError(file_ + ": has no 'servo' row; evaluation needs the reference forces");
     }
     std::stable_sort(trace_.samples.begin(), trace_.samples.end(),
                      [](const DeliveredSample& a, const DeliveredSample& b) {
@@ -98,7 +99,7 @@ class TraceReader {
 
   void read_header(std::string_view line) {
     if (line.substr(0, 3) == "\xEF\xBB\xBF") {
-      line.remove_prefix(3);  // a byte order mark, which spreadsheets like to write
+      line.remove_prefix(3);  // a byte order mark, which spreadsheets write
     }
     std::array<bool, kColumnCount> seen{};
     split(line, [&](std::size_t index, std::string_view name) {
@@ -109,7 +110,7 @@ class TraceReader {
       }
       const auto column = static_cast<std::size_t>(known - kNames.begin());
       if (seen[column]) {
-        refuse(column, "is there twice");
+        refuse(column, "appears twice");
       }
       seen[column] = true;
       columns_.push_back(column);
@@ -155,7 +156,7 @@ class TraceReader {
       refuse(kKind,
              "expected sample, servo, contact or release, found '" + std::string(kind) + "'");
     }
-    // Whatever the kind has no use for may be empty, but no rubbish.
+    // Fields that the kind does not use may be empty, but must not be invalid.
     for (std::size_t column = kTime; column < kColumnCount; ++column) {
       optional_number(column);
     }
@@ -174,7 +175,7 @@ class TraceReader {
     double value = 0.0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error == std::errc::result_out_of_range) {
-      refuse(column, "expected a number that a double can hold, found '" +
+      refuse(column, "expected a number in the range of a double, found '" +
                          std::string(fields_[column]) + "'");
     }
     if (error != std::errc() || end != text.data() + text.size()) {
@@ -262,12 +263,12 @@ class TraceReader {
 
   std::string file_;
   LineReader lines_;
-  std::vector<std::size_t> columns_;  ///< which column stands where
+  std::vector<std::size_t> columns_;  ///< column of each field
   std::array<std::string_view, kColumnCount> fields_;
   Trace trace_;
 };
 
-// What read_trace() would refuse, so that no such file comes into being.
+// Rejects a trace that read_trace() would reject.
 void check(const std::string& file, const Trace& trace) {
   const auto refuse = [&](const std::string& kind, std::size_t index, const std::string& what) {
     throw TraceError(file + ": not written; " + kind + " " + std::to_string(index) + " " + what);
@@ -316,7 +317,7 @@ void check(const std::string& file, const Trace& trace) {
 
 struct Row {
   double arrival_s;
-  int rank;  ///< of rows that arrive at once: events, then samples, then the servo's instant
+  int rank;  ///< order of rows that arrive at the same time: events, samples, servo instant
   std::size_t index;
 };
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -15,18 +16,18 @@ struct ContactSpan {
   double begin_s = 0.0;
   double end_s = 0.0;
   Eigen::Vector3d point_W = Eigen::Vector3d::Zero();  ///< [m]
-  double force_factor = 1.0;  ///< how much stiffer than the scene's object this place is
+  double force_factor = 1.0;  ///< stiffness of this place relative to the scene's object
 };
 
-/// Where a tool goes: one of the motions below, t in seconds from 0 on, P = point + d(t) in the
-/// workspace frame W, z along the surface's normal, outwards (pulling).
+/// Motion of a tool: one of those below, with t in seconds from 0 on and P = point + d(t) in the
+/// workspace frame W; z is the surface's outward normal (pulling).
 ///
 ///   chirp          d_z = 10 mm (1 - cos phi), phi = 2 pi (0.2 t + 0.07 t^2): 0.2 to 3 Hz in 20 s;
 ///                  the paper's experiment
 ///   chirp_oblique  d = (16.5, 4, 3) mm sin phi + (0, 0, 6) mm (1 - exp(-t / 0.25 s))
 ///   lissajous      0.53, 0.71, 0.97 Hz along x, y, z: (14 sin, 14 sin(.. + 0.5),
 ///                  11 + 10.5 sin(.. - 1.4)) mm, times 1 - exp(-t / 0.5 s)
-///   random         60 sines an axis, seeded, 0.08 to 5 Hz, amplitude 1 / (1 + (f / 1.2 Hz)^2),
+///   random         60 sines per axis, seeded, 0.08 to 5 Hz, amplitude 1 / (1 + (f / 1.2 Hz)^2),
 ///                  RMS 7, 7, 5.5 mm, bent by tanh to within 16, 16, 11 mm, z around 11 mm, times
 ///                  1 - exp(-t / 0.5 s)
 ///   poke           minimum jerk out in 100 ms to 8 targets in turn (5 to 20 mm, one of them a
@@ -34,8 +35,7 @@ struct ContactSpan {
 ///   hold           12 mm up, minimum jerk in 0.35 s, with a tremor of 0.2, 0.25, 0.3 mm at 8.4,
 ///                  9.6, 10.7 Hz and a drift of 0.64, 0.64, 0.43 mm at 0.05, 0.07, 0.11 Hz
 ///   tapping        0.4 s in contact, 0.4 s in the air: pushes 2.5 to 4.5 mm deep and 3 mm
-///   sideways,
-///                  half a sine each, at places scattered by +-2 mm, seeded; the force is
+///                  sideways, half a sine each, at places scattered by +-2 mm, seeded; the force is
 ///                  continuous when contact is made and lost
 ///   regrab         14 times: 1 s in contact, moving as `random` does, let go, 0.4 s through the
 ///                  air to another place within +-20 mm; the object is the same everywhere
@@ -46,8 +46,8 @@ struct ContactSpan {
 ///                  for 13 s, on a large object made of the scene's (exploration.h)
 ///
 /// The first six are the static trajectories: one contact that lasts from 0 to the end.
-/// Source: the method study that the accuracy figures refer to; tapping, regrab and circle are
-/// described there in words only, their details were chosen here.
+/// Source: the method study that the accuracy figures refer to. It describes tapping, regrab and
+/// circle only in words; their details were chosen here.
 /// Threads: const after construction.
 class Trajectory {
  public:
@@ -63,12 +63,12 @@ class Trajectory {
   /// [m] at `time_s` in 0..duration_s().
   Eigen::Vector3d position_W(double time_s) const noexcept;
 
-  /// In order of time, apart from each other.
+  /// In order of time, without overlap.
   const std::vector<ContactSpan>& contacts() const noexcept { return contacts_; }
-  /// The index in contacts() that `time_s` falls into, or -1 in the air.
+  /// The index in contacts() of the contact at `time_s`, or -1 in the air.
   int contact_at(double time_s) const noexcept;
 
-  /// [s] The time of one turn of `circle`, and when its first whole turn begins.
+  /// [s] Period of `circle`, and the beginning of its first whole turn.
   static constexpr double kLoopPeriod_s = 1.25;
   static constexpr double kFirstLoop_s = 1.25;
   static constexpr double kLoopRadius_m = 0.008;
@@ -116,10 +116,10 @@ class Trajectory {
 /// The names that Trajectory takes, in the order of its documentation.
 const std::vector<std::string>& trajectory_names();
 
-/// [m] Where the tool first touches, in a workspace of 0.16 x 0.12 x 0.12 m.
+/// [m] First contact point, in a workspace of 0.16 x 0.12 x 0.12 m.
 const Eigen::Vector3d& first_contact_point_W() noexcept;
 
-/// Numbers that are the same on every platform and with every standard library.
+/// Random numbers that are the same on every platform and with every standard library.
 class SeededNumbers {
  public:
   explicit SeededNumbers(std::uint64_t seed) noexcept : state_(seed) {}

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/variation.h"
 
 #include <algorithm>
@@ -113,7 +114,7 @@ Vector3d Visits::position_W(double time_s) const noexcept {
   if (until_s <= kApproach_s) {
     return span.point_W + Vector3d(0.0, 0.0, kApproachSpeed_m_per_s * until_s);
   }
-  const Vector3d above_W = span.point_W + Vector3d(0.0, 0.0, kApproachSpeed_m_per_s * kApproach_s);
+  Vector3d above_W = span.point_W + Vector3d(0.0, 0.0, kApproachSpeed_m_per_s * kApproach_s);
   if (contact == 0) {
     return above_W;
   }
@@ -221,7 +222,7 @@ VisitsVerdict judge_visits(ForceMethod& method, const ForceTable& table,
       return visits.expected_point_W(position_W, velocity_W);
     };
     const auto reached = [&table](const Vector3d& position_W, const Vector3d& point_W) {
-      // Whichever way the place is turned, within the table.
+      // Within the table for every rotation of the place.
       Vector3d d = position_W - point_W;
       const double sideways_m = d.head<2>().norm();
       d.head<2>() *= std::min(1.0, kFurthestSideways_m / std::max(sideways_m, 1e-9));

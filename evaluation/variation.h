@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +18,8 @@
 
 namespace forcegrid::evaluation {
 
-/// The object of a force table with a stiffness and an orientation that change smoothly over its
-/// surface, as an organ's do. A tool that touched at c and moved by d feels
+/// The object of a force table with stiffness and orientation that vary smoothly over its surface,
+/// as on an organ. The force on a tool that touched at c and moved by d is
 ///
 ///   F(d; c) = a(c) R(theta(c)) F_table(R(theta(c))^T d),   R the rotation about z
 ///   a = 1 + 0.3 sin(x / 15 mm + phi_1) cos(y / 20 mm + phi_2)
@@ -41,11 +42,11 @@ class VariedObject {
   double phase_rad_[4];
 };
 
-/// A tool that visits nine places of a surface, 20 mm apart, and then all of them again: at each
-/// five contacts of 1 s, scattered by up to +-4 mm, and 0.8 s in the air before each, of which the
-/// last 0.3 s straight down at 50 mm/s. So it is back at a place after 81 s. In contact it moves as
-/// `random` does, times 1 - exp(-t / 0.25 s) and bent
-/// to within 20 mm of the contact point sideways.
+/// A tool that visits nine places of a surface, 20 mm apart, and then all of them again. At each
+/// place it makes five contacts of 1 s, scattered by up to +-4 mm. Before each contact it spends
+/// 0.8 s in the air, the last 0.3 s straight down at 50 mm/s. It returns to a place after 81 s. In
+/// contact it moves like `random`, times 1 - exp(-t / 0.25 s) and limited smoothly to 20 mm
+/// sideways of the contact point.
 /// Threads: const after construction.
 class Visits {
  public:
@@ -59,10 +60,12 @@ class Visits {
 
   double duration_s() const noexcept;
   const std::vector<ContactSpan>& contacts() const noexcept { return contacts_; }
-  /// The index in contacts() of the one at `time_s`, or of the next one; whether it has begun.
+  /// The index in contacts() of the contact at `time_s`, or of the next one. @param begun set to
+  /// whether that contact has begun.
   std::size_t contact_from(double time_s, bool& begun) const noexcept;
   Eigen::Vector3d position_W(double time_s) const noexcept;
-  /// Where the tool, going on straight, touches the surface within 0.3 s.
+  /// Predicted contact point: where a tool that keeps its direction touches the surface within 0.3
+  /// s; empty if it does not.
   std::optional<Eigen::Vector3d> expected_point_W(const Eigen::Vector3d& position_W,
                                                   const Eigen::Vector3d& velocity_W) const noexcept;
 
@@ -73,8 +76,8 @@ class Visits {
   std::vector<ContactSpan> contacts_;
 };
 
-/// RMS errors in % of the RMS of |F_o| in contact, pooled over contacts, in windows from contact
-/// on. NaN where there is nothing to measure.
+/// RMS errors in % of the RMS of |F_o| in contact, pooled over contacts, in windows that start at
+/// contact. NaN if there is nothing to measure.
 struct ContactErrors {
   static constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
   double first_67ms_percent = kNothing;
@@ -91,10 +94,10 @@ struct VisitErrors {
   ContactErrors second_tour;     ///< all contacts
 };
 
-/// How a method did on Visits.
+/// Errors and costs of a method on Visits.
 struct VisitsVerdict {
   VisitErrors errors;
-  Verdict verdict;  ///< of all instants, those in the air included; without forces
+  Verdict verdict;  ///< over all instants, including those in the air; without forces
 };
 
 struct VisitsOptions {

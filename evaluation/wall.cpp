@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/wall.h"
 
 #include <cmath>
@@ -59,7 +60,7 @@ const std::vector<NamedWalls>& named_walls() {
        "a wall of 500 N/m and 1e5 N/m^2",
        {{.stiffness_N_per_m = 500.0, .stiffening_N_per_m2 = 1e5}}},
       {"wall_soft", "a wall of 1000 N/m with a soft edge", {{.softness_m = 0.5e-3}}},
-      {"wall_two", "walls of 1000 N/m up and 700 N/m aside", {Wall{}, side_wall()}}};
+      {"wall_two", "walls of 1000 N/m above and 700 N/m at the side", {Wall{}, side_wall()}}};
   return all;
 }
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -6,8 +7,8 @@
 
 namespace forcegrid::evaluation {
 
-/// A second object that the tool, still holding the first, is pushed against: a plane or a ball,
-/// without friction, fixed in the workspace.
+/// A second object that the tool runs into while it holds the first: a plane or a ball, without
+/// friction, fixed in the workspace.
 ///
 ///   F(d) = -(k1 phi + k2 phi^2) grad s,   phi = max(0, s), or e ln(1 + exp(s/e)) of a soft one
 ///   s(d) = n.(d - a), or of a ball  R - |d - a - R n|
@@ -32,7 +33,7 @@ struct Wall {
   Value at(const Eigen::Vector3d& displacement_W) const noexcept;
 };
 
-/// Walls that a scene of the chart can be given.
+/// Walls that can be added to a scene of the chart.
 struct NamedWalls {
   std::string name;
   std::string title;  ///< in a sentence's words, e.g. "a wall 14 mm up"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A foreign simulator behind Forcegrid's link: a soft block of the game engine Bullet
 // (bullet_block.h).
 // usage: bullet_simulator ADDR:PORT [STIFFNESS_N_PER_M [KEY_FILE]]

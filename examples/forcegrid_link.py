@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The simulator's end of Forcegrid's link, in one file to copy.
 
 docs/simulators.md explains how to use it, docs/link_protocol.md has every byte. It needs only Python

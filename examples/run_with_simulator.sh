@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Starts a simulator that prints "listening ... ADDR:PORT", runs forcegrid with it, and ends it.
 # usage: run_with_simulator.sh "SIMULATOR [ARGUMENT...]" FORCEGRID run [ARGUMENT...]
 set -eu

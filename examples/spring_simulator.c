@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A spring for Forcegrid, in C with link/forcegrid_link.h alone: F = -k (P - P0), with P0 where it
  * catches the tool near W's origin.
  * usage: spring_simulator_c PORT [STIFFNESS_N_PER_M [KEY_FILE]]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A spring for Forcegrid: F = -k (P - P0), with P0 where it catches the tool near W's origin.
 // usage: spring_simulator ADDR:PORT [STIFFNESS_N_PER_M]
 

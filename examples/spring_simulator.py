@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """A spring for Forcegrid: F = -k (P - P0), with P0 where it catches the tool near W's origin.
 usage: spring_simulator.py PORT [STIFFNESS_N_PER_M]     (every byte: docs/link_protocol.md)"""
 import signal, socket, struct, sys, time, zlib

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The spring of spring_simulator.py with the client of forcegrid_link.py: F = -k (P - P0).
 usage: spring_with_client.py PORT [STIFFNESS_N_PER_M [KEY_FILE]]"""
 import signal

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The simulator's end of Forcegrid's link in C99, for simulators written by others. One file, no
  * dependency: it takes and makes bytes, and leaves sockets, threads and waiting to the program.
  * docs/link_protocol.md has every byte; examples/spring_simulator.c is a complete simulator.
@@ -28,6 +29,11 @@
  */
 #ifndef FORCEGRID_LINK_H
 #define FORCEGRID_LINK_H
+
+/* Names and declarations as in C; the magic has no end mark. */
+/* NOLINTBEGIN(readability-identifier-naming) */
+/* NOLINTBEGIN(cppcoreguidelines-init-variables) */
+/* NOLINTBEGIN(bugprone-not-null-terminated-result) */
 
 #include <math.h>
 #include <stddef.h>
@@ -613,9 +619,9 @@ static inline int fg_patch_is_sound(const fg_surface_patch* patch) {
       !fg_floats_within(&patch->tool_length_m, 1, 0.5) || patch->tool_length_m < 0.0f ||
       patch->tool_opening_crad > FG_PATCH_MAX_OPENING_CRAD ||
       (patch->has_stiffness && !fg_floats_within(patch->stiffness_W_N_per_m, 6, 1e7)) ||
-      (patch->has_press_forces && (patch->has_stiffness ||
-                                   !fg_floats_within(patch->press_forces_W_N[0], 3, 1000.0) ||
-                                   !fg_floats_within(patch->press_forces_W_N[1], 3, 1000.0)))) {
+      (patch->has_press_forces &&
+       (patch->has_stiffness || !fg_floats_within(patch->press_forces_W_N[0], 3, 1000.0) ||
+        !fg_floats_within(patch->press_forces_W_N[1], 3, 1000.0)))) {
     return 0;
   }
   for (i = 0; i < patch->vertex_count; ++i) {
@@ -649,8 +655,8 @@ static inline size_t fg_link_make_patch(fg_link* link, const fg_surface_patch* p
   fg_put(datagram + 36, patch->contact_epoch, 4);
   datagram[40] = (unsigned char)patch->vertex_count;
   datagram[41] = (unsigned char)patch->triangle_count;
-  datagram[42] = (unsigned char)((patch->has_stiffness ? 1u : 0u) |
-                                 (patch->has_press_forces ? 2u : 0u));
+  datagram[42] =
+      (unsigned char)((patch->has_stiffness ? 1u : 0u) | (patch->has_press_forces ? 2u : 0u));
   datagram[43] = (unsigned char)patch->tool_opening_crad;
   fg_put_floats(datagram + 44, &patch->tool_radius_m, 1);
   fg_put_floats(datagram + 48, &patch->tool_length_m, 1);
@@ -716,4 +722,7 @@ static inline fg_surface_patch fg_patch_for_tool_state(const fg_tool_state* stat
 }
 #endif
 
+/* NOLINTEND(bugprone-not-null-terminated-result) */
+/* NOLINTEND(cppcoreguidelines-init-variables) */
+/* NOLINTEND(readability-identifier-naming) */
 #endif /* FORCEGRID_LINK_H */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "link/servo_endpoint.h"
 
 #include <sys/random.h>
@@ -72,7 +73,7 @@ struct ServoEndpoint::State {
   bool accept(const ForceSample& sample) noexcept;
   bool accept_sample(const ForceSample& sample) noexcept;
   bool accept_reply(const ForceSample& reply) noexcept;
-  bool accept(const SurfacePatch& patch) noexcept;
+  bool accept(const SurfacePatch& candidate) noexcept;
   bool echoes(std::uint32_t sequence, std::int64_t servo_time_ns, const Vector3& position_W_m,
               double within_m) noexcept;
   SequenceTracker::Arrival track(std::uint32_t sequence) noexcept;

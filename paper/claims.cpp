@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/claims.h"
 
 #include <algorithm>
@@ -28,7 +29,7 @@ __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) 
 
 Outcome agrees_if(bool condition) { return condition ? Outcome::kAgrees : Outcome::kDiffers; }
 
-// "4 %, 9 %, ..." of one method.
+// "4 %, 9 %, ..." for one method.
 std::string by_fifths(const std::vector<Fifth>& fifths, std::size_t method) {
   std::string words;
   for (const Fifth& fifth : fifths) {
@@ -50,8 +51,8 @@ void add_figures(const Figures& figures, std::vector<Claim>& claims) {
   claims.push_back({"Figure 8, streaming", "the error rises as the tool moves faster",
                     "by fifths of the motion " + by_fifths(fifths, kStreaming), agrees_if(rises),
                     "it rises from each fifth to the next",
-                    "our simulator converges at every tick, the paper's did not where the motion "
-                    "was fast: its streaming was worse still"});
+                    "this simulator converges at every tick; the paper's did not during fast "
+                    "motion, so its streaming was worse"});
   claims.push_back({"Figure 8, forcegrid", "the error falls with time",
                     "by fifths " + by_fifths(fifths, kMillimetres),
                     agrees_if(error(last, kMillimetres) < error(0, kMillimetres)),
@@ -61,24 +62,25 @@ void add_figures(const Figures& figures, std::vector<Claim>& claims) {
                     "by fifths " + by_fifths(fifths, kMetres),
                     agrees_if(error(last, kMetres) < error(0, kMetres)),
                     "it is less in the last fifth than in the first",
-                    "in metres 1 + d^2 is 1, the weight a cone over the whole of r, and the field "
-                    "a moving average that is too soft"});
-  claims.push_back(
-      {"Figure 7, forcegrid", "becomes very similar to the off-line force, at any speed",
-       text("%.1f %% in the last fifth, at up to %.0f mm/s", error(last, kMillimetres),
-            1e3 * fifths[last].top_speed_m_per_s),
-       agrees_if(error(last, kMillimetres) < kVerySimilar_percent),
-       text("below %.0f %% in the last fifth", kVerySimilar_percent),
-       "averaging forces that were met at other places under-renders stiffness; more data does "
-       "not remove that. By eye, in a picture of both curves, they look alike"});
+                    "in metres 1 + d^2 is about 1; the weight is then a cone over the whole of r, "
+                    "and the field a moving average that is too soft"});
+  claims.push_back({"Figure 7, forcegrid",
+                    "becomes very similar to the reference force, at any speed",
+                    text("%.1f %% in the last fifth, at up to %.0f mm/s", error(last, kMillimetres),
+                         1e3 * fifths[last].top_speed_m_per_s),
+                    agrees_if(error(last, kMillimetres) < kVerySimilar_percent),
+                    text("below %.0f %% in the last fifth", kVerySimilar_percent),
+                    "averaging the forces of other places renders too little stiffness, and more "
+                    "data do not change that; in a picture, the two curves look alike"});
   claims.push_back(
       {"Figure 8, either", "the forcegrid is better than streaming",
        text("%.1f %% against %.1f %% in the last fifth, %.1f %% against %.1f %% in the first",
             error(last, kMillimetres), error(last, kStreaming), error(0, kMillimetres),
             error(0, kStreaming)),
-       agrees_if(error(last, kMillimetres) < error(last, kStreaming)), "so it is in the last fifth",
-       "on this motion, which goes over one line again and again; on motions in three dimensions "
-       "it is not: docs/accuracy.md"});
+       agrees_if(error(last, kMillimetres) < error(last, kStreaming)),
+       "it is better in the last fifth",
+       "true on this motion, which repeats one line; false on motions in three dimensions, see "
+       "docs/accuracy.md"});
   const evaluation::Verdict& grid = figures.played[kMillimetres].verdict;
   claims.push_back(
       {"Smoothness", "no perceptible discontinuities or tremors",
@@ -87,21 +89,22 @@ void add_figures(const Figures& figures, std::vector<Claim>& claims) {
            1e3 * grid.largest_step_N, 100.0 * grid.largest_step_N / grid.reference_rms_N),
        agrees_if(grid.largest_step_N < kForceJnd * grid.reference_rms_N),
        "below 7 % of the RMS force, a person's just noticeable difference of force",
-       "a step is a new answer that moves the vertices around the tool, largest while the grid is "
-       "still young; the paper asked people"});
-  claims.push_back(
-      {"First contact", "no force for 1/30 s, imperceptible",
-       text("%.0f ms until the first answer with a force; by then %.3f N were not felt",
-            1e3 * figures.blind_s, figures.unfelt_N),
-       agrees_if(figures.unfelt_N < kForceJnd * grid.reference_rms_N),
-       "less than 7 % of the RMS force is missed",
-       "the answer after one period is for the instant of the grab, when there is no force yet: "
-       "the first that tells anything needs a second period"});
+       "a step occurs when a new answer changes the vertices around the tool, and is largest while "
+       "the grid has few samples; the paper asked people"});
+  claims.push_back({"First contact", "no force for 1/30 s, imperceptible",
+                    text("%.0f ms until the first answer with a force; until then, up to %.3f N "
+                         "were not rendered",
+                         1e3 * figures.blind_s, figures.unfelt_N),
+                    agrees_if(figures.unfelt_N < kForceJnd * grid.reference_rms_N),
+                    "less than 7 % of the RMS force is missed",
+                    "the answer after one period is for the instant of the grab, when there is no "
+                    "force; the first informative answer comes after two periods"});
 }
 
 void add_timing(const Timing& timing, std::vector<Claim>& claims) {
   const char* const machine =
-      "a processor of a quarter century later, and SIMD; the paper's was a Celeron of 500 MHz";
+      "the processor is a quarter of a century newer and has SIMD; the paper used a Celeron of 500 "
+      "MHz";
   const auto add = [&](const char* topic, const char* paper, const std::string& here,
                        const char* why) {
     claims.push_back({topic, paper, here, Outcome::kOtherMachine, "not compared", why});
@@ -116,14 +119,13 @@ void add_timing(const Timing& timing, std::vector<Claim>& claims) {
        text("%zu, r = %.1f mm", timing.vertices_within_r, 1e3 * timing.influence_radius_m),
        agrees_if(timing.vertices_within_r > 1500 && timing.vertices_within_r < 6000),
        "within a factor of 2",
-       "a sixth of 'the size of W' is a sixth of its longest edge here, 0.16 m of 0.16 x 0.12 x "
-       "0.12 m; in a cube it would be 2,281"});
+       "a sixth of 'the size of W' is taken as a sixth of its longest edge, 0.16 m of 0.16 x 0.12 "
+       "x 0.12 m; in a cube the number would be 2,281"});
   add("Whole fill", "3 ms, 1.5 of the 2 ms cycles",
       text("%.1f us, %.4f of a cycle", timing.fill_us, 1e-3 * timing.fill_us / 2.0), machine);
   claims.push_back({"Vertices a cycle", "up to 2,000", text("%.0f", timing.vertices_per_cycle),
                     agrees_if(timing.vertices_per_cycle >= 2000.0), "at least as many",
-                    "a whole fill fits into one cycle, so that splitting it, as the loop still "
-                    "does, is for the peaks only"});
+                    "a whole fill fits into one cycle; the loop splits it only to limit peaks"});
   claims.push_back(
       {"Vertices between two answers", "up to 33,000, ten times what is needed",
        text("%.0f, %.0f times what is needed", timing.vertices_per_answer,
@@ -131,13 +133,12 @@ void add_timing(const Timing& timing, std::vector<Claim>& claims) {
        agrees_if(timing.vertices_per_answer >=
                  10.0 * static_cast<double>(timing.vertices_within_r)),
        "at least ten times the vertices within r", ""});
-  claims.push_back(
-      {"Memory of the grid", "1 Mbyte",
-       text("%.2f MB, in two grids", 1e-6 * static_cast<double>(timing.memory_bytes)),
-       agrees_if(timing.memory_bytes < 1'000'000), "below 1,000,000 bytes",
-       "125,000 vertices of three floats and a weight are 2.0 MB, rounded up to whole SIMD "
-       "segments; an "
-       "empty second grid stands ready for the next contact. 1 Mbyte would be 16-bit numbers"});
+  claims.push_back({"Memory of the grid", "1 Mbyte",
+                    text("%.2f MB, in two grids", 1e-6 * static_cast<double>(timing.memory_bytes)),
+                    agrees_if(timing.memory_bytes < 1'000'000), "below 1,000,000 bytes",
+                    "125,000 vertices of three floats and a weight take 2.0 MB, rounded up to "
+                    "whole SIMD segments; an empty second grid is ready for the next contact. 1 "
+                    "Mbyte would need 16-bit numbers"});
 }
 
 const ResolutionRow& row_at(const std::vector<ResolutionRow>& rows, const std::string& motion,
@@ -165,11 +166,11 @@ void add_resolutions(const std::vector<ResolutionRow>& rows, const std::string& 
       {"Resolution and r, " + motion, "50 x 50 x 50 with r = 1/6 of the workspace is adequate",
        text("%.1f %%; the best tried, %.1f %%, is %d^3 with r = 1/%.0f", papers.rms_error_percent,
             best->rms_error_percent, best->vertices, 1.0 / best->radius_of_workspace),
-       agrees_if(close), "within 1 % of the RMS force of the best that was tried",
-       "averaging over r is what makes the forcegrid too soft: less is better until holes open "
-       "between the places that were visited"});
-  claims.push_back({"Rule for r, " + motion, "2 to 3 times the way of the tool between two answers",
-                    text("best at %.1f times the longest way (1/6 of the workspace: %.1f times)",
+       agrees_if(close), "within 1 % of the RMS force of the best one tried",
+       "averaging over r makes the forcegrid too soft; a smaller r is better until holes open "
+       "between the visited places"});
+  claims.push_back({"Rule for r, " + motion, "2 to 3 times the tool's travel between two answers",
+                    text("best at %.1f times the longest travel (1/6 of the workspace: %.1f times)",
                          best->radius_over_travel, papers.radius_over_travel),
                     agrees_if(best->radius_over_travel >= 1.5 && best->radius_over_travel <= 4.0),
                     "the best is between 1.5 and 4",
@@ -208,8 +209,8 @@ void add_discrimination(const Discrimination& all, std::vector<Claim>& claims) {
                       agrees_if(answers.low_percent() > kConsistent_percent), rule, why});
   };
   add("Three objects, forcegrid", "forcegrid", Knowledge::kSameRendering,
-      "an ideal observer with a person's errors instead of people; it has learnt the objects "
-      "through the forcegrid, as the paper's users had");
+      "an ideal observer with a person's errors replaces people; it has learned the objects "
+      "through the forcegrid, as the paper's users did");
   add("Three objects, by their real forces", "forcegrid", Knowledge::kRealForces,
       "the same, but the observer knows how the real objects feel");
   add("Three objects, d in metres, by their real forces", "forcegrid unit=m",
@@ -224,16 +225,16 @@ void add_shapes(const std::vector<ShapeDifference>& shapes, std::vector<Claim>& 
       {"By eye alone, stiff and soft", "users are unable to tell them apart",
        text("surfaces differ by %.2g mm (RMS), %.2g mm at most", like.rms_mm, like.largest_mm),
        agrees_if(like.d_prime < 0.1), "d' of an ideal observer below 0.1",
-       "nobody could: where the tool is where it is, springs that are all three times "
-       "as stiff take the same shape"});
+       "nobody could: with the tool at the same position, springs that are all three times as "
+       "stiff take the same shape"});
   const ShapeDifference& varied = shapes.at(1);
   claims.push_back(
       {"By eye alone, varied", "users are unable to tell it apart",
        text("surfaces differ by %.2f mm (RMS), %.1f %% of how far they move, %.1f mm at most",
             varied.rms_mm, varied.of_motion_percent, varied.largest_mm),
        agrees_if(varied.d_prime < 0.1), "d' of an ideal observer below 0.1",
-       text("an observer who knows both shapes to a vertex could (d' = %.0f); a person who has not "
-            "learnt them by heart sees two plausible dents",
+       text("an observer who knows every vertex of both shapes could (d' = %.0f); a person who has "
+            "not memorised them sees two plausible dents",
             varied.d_prime)});
 }
 

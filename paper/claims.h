@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -11,19 +12,19 @@ namespace forcegrid::paper {
 enum class Outcome : std::uint8_t {
   kAgrees,
   kDiffers,
-  kOtherMachine,  ///< a time: another machine's, shown beside it
+  kOtherMachine,  ///< a time, measured on another machine
 };
 const char* to_string(Outcome outcome) noexcept;
 
-/// A figure or a statement of the paper beside what came out here. The outcome is worked out from
-/// the numbers, by the rule that `rule` says.
+/// A figure or a statement of the paper and this project's result. The outcome follows from the
+/// numbers by the criterion in `rule`.
 struct Claim {
   std::string topic;
-  std::string paper;  ///< what the paper says
-  std::string here;   ///< what was measured
+  std::string paper;  ///< the paper's statement
+  std::string here;   ///< the measured result
   Outcome outcome = Outcome::kAgrees;
-  std::string rule;  ///< when it agrees
-  std::string why;   ///< what differs, and why
+  std::string rule;  ///< criterion for agreement
+  std::string why;   ///< the difference and its reason
 };
 
 std::vector<Claim> claims_of(const Results& results);

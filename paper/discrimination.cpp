@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/discrimination.h"
 
 #include <chrono>
@@ -18,7 +19,7 @@ using ThreeForces = std::vector<Forces>;  // one an object
 constexpr char kReference[] = "off-line";
 constexpr double kTouch_s = 3.0;
 constexpr double kWeberFractions[] = {0.07, 0.22};
-// So that paths and errors of the observer differ.
+// So that the random numbers of paths and observer differ.
 constexpr std::uint64_t kPathStream = 0x70617468U;
 constexpr std::uint64_t kNoiseStream = 0x6665656CU;
 
@@ -62,7 +63,7 @@ std::vector<Vector3d> path(std::uint64_t seed) {
   return positions_W;
 }
 
-// The objects' forces, made so much more alike.
+// The objects' forces with their differences scaled by `contrast`.
 ThreeForces blended(const ThreeForces& forces_W, double contrast) {
   ThreeForces result = forces_W;
   for (std::size_t k = 0; k < forces_W.front().size(); ++k) {
@@ -86,7 +87,7 @@ Forces looks_of(const Forces& forces_W, double looks_per_s) {
   return looks;
 }
 
-// What is felt of each object through a method, a look each 1 / looks_per_s.
+// Forces of each object that the observer samples through a method, every 1 / looks_per_s.
 ThreeForces render(const std::string& method, const std::vector<Vector3d>& positions_W,
                    const ThreeForces& reference_W, double looks_per_s) {
   ThreeForces rendered;
@@ -104,7 +105,7 @@ ThreeForces render(const std::string& method, const std::vector<Vector3d>& posit
 
 using RowKey = std::tuple<std::string, Knowledge, double, double>;
 
-// The rows in the order in which people should read them.
+// Sorts the rows into the order of presentation.
 std::vector<DiscriminationRow> empty_rows(const std::vector<double>& contrasts,
                                           std::map<RowKey, std::size_t>& index) {
   std::vector<DiscriminationRow> rows;
@@ -189,7 +190,7 @@ Discrimination discriminate(const PaperOptions& options) {
       const double done = static_cast<double>(p + 1) / paths;
       const double elapsed_s =
           std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      options.progress("telling objects apart", done, elapsed_s * (1.0 / done - 1.0));
+      options.progress("discrimination of the objects", done, elapsed_s * (1.0 / done - 1.0));
     }
   }
   return result;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/observer.h"
 
 #include <cmath>
@@ -8,7 +9,7 @@
 namespace forcegrid::paper {
 namespace {
 
-constexpr double kZ = 1.96;  // of a normal distribution's middle 95 %
+constexpr double kZ = 1.96;  // half width of a normal distribution's middle 95 %
 
 // Centre and half width of Wilson's interval, as fractions.
 struct Interval {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/options.h"
 
 #include "evaluation/chart_plan.h"
@@ -22,7 +23,7 @@ void check_stop(const PaperOptions& options) {
 }
 
 std::unique_ptr<ForceMethod> make_method(const std::string& text) {
-  // Mesh and grip are those of `direct`, which is none of the methods that are made here.
+  // Mesh and grip matter only to `direct`, which is not made here.
   return evaluation::make({text, false, {}}, {}, 0.0);
 }
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/paper.h"
 
 #include <chrono>
@@ -30,7 +31,7 @@ Results run_experiments(const PaperOptions& options) {
   results.figures = make_figures(options);
   tell(options, results.figures.motion);
   std::vector<const RecordedMotion*> motions{&results.figures.motion};
-  std::list<RecordedMotion> others;  // stays where it is as it grows
+  std::list<RecordedMotion> others;  // elements keep their addresses as it grows
   for (std::size_t i = 1; i < options.plan.motions.size(); ++i) {
     others.push_back(record_motion(options.plan.scene, options.plan.motions[i], options));
     tell(options, others.back());

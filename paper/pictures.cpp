@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/pictures.h"
 
 #include <algorithm>
@@ -13,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 using evaluation::quoted;
 
-// Columns of figure7.csv: time, tool along the normal, F_o, then one a method.
+// Columns of figure7.csv: time, tool along the normal, F_o, then one per method.
 constexpr int kTool = 2;
 constexpr int kReference = 3;
 constexpr int kFirstMethod = 4;
@@ -28,7 +29,7 @@ std::string head(const fs::path& file, int width_px, int height_px) {
          "set key outside top center horizontal samplen 2 noenhanced\n";
 }
 
-// @param every  draws each so-manieth point: more than there are pixels only make the file large.
+// @param every draws every n-th point; more points than pixels would only enlarge the file.
 std::string curve(const fs::path& data, const std::string& expression, const std::string& colour,
                   double width, const std::string& title, std::size_t every) {
   std::ostringstream words;
@@ -39,9 +40,9 @@ std::string curve(const fs::path& data, const std::string& expression, const std
 
 std::string column(int number) { return "($" + std::to_string(number) + ")"; }
 
-// The reference force broad and pale, so that what is drawn over it can be seen.
+// The reference force as a broad pale line, so that curves on top of it are visible.
 std::string force_curves(const fs::path& data, std::size_t every) {
-  std::string plot = curve(data, column(kReference), "#BBBBBB", 4.0, "off-line F_o", every);
+  std::string plot = curve(data, column(kReference), "#BBBBBB", 4.0, "reference F_o", every);
   for (std::size_t i = 0; i < figure_methods().size(); ++i) {
     plot += ", " + curve(data, column(kFirstMethod + static_cast<int>(i)), kColours[i], 1.2,
                          label_of(figure_methods()[i]), every);
@@ -60,7 +61,7 @@ std::string label_of(const std::string& method) {
   static const std::map<std::string, std::string> labels{{"hold", "streaming F_s"},
                                                          {"forcegrid", "forcegrid F_g, d in mm"},
                                                          {"forcegrid unit=m", "forcegrid, d in m"},
-                                                         {"off-line", "off-line F_o"}};
+                                                         {"off-line", "reference F_o"}};
   const auto found = labels.find(method);
   return found == labels.end() ? method : found->second;
 }
@@ -144,7 +145,7 @@ void draw_resolutions(const std::vector<ResolutionRow>& rows, const fs::path& fi
     script << "unset object\nunset arrow\nunset label\nset object 1 rect from " << 2.0 * travel_mm
            << ", graph 0 to " << 3.0 * travel_mm
            << ", graph 1 fc rgb '#F3E3C3' fs solid 0.6 noborder behind\nset label 1 at "
-           << 2.05 * travel_mm << ", graph 0.05 'rule: 2 to 3 ways' font 'sans,11'\n"
+           << 2.05 * travel_mm << ", graph 0.05 'rule: 2 to 3 travels' font 'sans,11'\n"
            << "set arrow 1 from 26.667, graph 0 to 26.667, graph 1 nohead dt 2 lc rgb '#888888'\n"
            << "set label 2 at 27.2, graph 0.95 'used: 1/6 of W' font 'sans,11'\n"
            << "set ylabel '" << motions[m]
@@ -164,7 +165,7 @@ void draw_resolutions(const std::vector<ResolutionRow>& rows, const fs::path& fi
 
 void draw_discrimination(const Discrimination& all, const fs::path& file) {
   const double weber = all.rows.front().weber_fraction;
-  // The same thing three times over is at zero contrast; a logarithm has no place for it.
+  // Identical objects have zero contrast, which a logarithmic axis can't show.
   constexpr double kPlaceOfNone = 0.015;
   std::ostringstream script;
   script << head(file, 1000, 840);
@@ -175,7 +176,7 @@ void draw_discrimination(const Discrimination& all, const fs::path& file) {
       for (const DiscriminationRow& row : all.rows) {
         if (row.knowledge == ways[way] && row.weber_fraction == weber &&
             row.method == discrimination_methods()[i]) {
-          // Side by side, so that intervals don't cover each other.
+          // Side by side, so that the intervals do not overlap.
           const double at = row.contrast > 0.0 ? row.contrast : kPlaceOfNone;
           script << at * (1.0 + 0.03 * (static_cast<double>(i) - 2.0)) << ','
                  << row.answers.percent() << ',' << row.answers.low_percent() << ','
@@ -189,8 +190,8 @@ void draw_discrimination(const Discrimination& all, const fs::path& file) {
             "[0:105]\nset xtics ('same thing' 0.015, 0.03, 0.06, 0.12, 0.25, 0.5, 1)\n"
             "set arrow 1 from graph 0, first 33.33 to graph 1, first 33.33 nohead dt 2 lc rgb "
             "'#888888'\nset label 1 at 0.9, 36 'chance' right font 'sans,11'\n"
-            "set xlabel 'how different the objects are (1: as they are)'\n";
-  const char* const titles[] = {"learnt through the same method", "known by their real forces"};
+            "set xlabel 'difference of the objects (1: unchanged)'\n";
+  const char* const titles[] = {"learned through the same method", "known by their real forces"};
   for (std::size_t way = 0; way < 2; ++way) {
     script << "set ylabel 'right / %, " << titles[way] << "'\nplot ";
     for (std::size_t i = 0; i < discrimination_methods().size(); ++i) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/recorded_motion.h"
 
 #include <algorithm>
@@ -18,9 +19,9 @@ namespace fs = std::filesystem;
 using Eigen::Vector3d;
 using nlohmann::json;
 
-// Raise when what a cached recording means changes.
+// Increase when the meaning of a cached recording changes.
 constexpr std::uint64_t kCacheVersion = 1;
-// A tick that falls on a servo instant but for rounding belongs to it.
+// A tick that differs from a servo instant only by rounding belongs to it.
 constexpr double kSameInstant_s = 1e-9;
 
 std::vector<Vector3d> positions_of(const evaluation::Trajectory& trajectory) {
@@ -50,7 +51,7 @@ void measure_travel(RecordedMotion& recorded) {
   recorded.rms_travel_m = std::sqrt(sum_m2 / static_cast<double>(ticks));
 }
 
-// Where a recording lies in the cache: its forces, and beside them how well they were solved.
+// The files of a recording in the cache: its forces, and the quality of their solution.
 struct Place {
   fs::path trace;
   fs::path facts;
@@ -140,7 +141,7 @@ RecordedMotion record_motion(const std::string& scene, const std::string& motion
   const evaluation::Trajectory trajectory(motion, options.seed);
   if (!trajectory.is_static()) {
     throw evaluation::ChartError("the motion '" + motion +
-                                 "' has more than one contact; reference forces are of one");
+                                 "' has more than one contact; choose a motion with a single one");
   }
   const simulator::SpringMesh mesh = evaluation::make_mesh(chosen);
   RecordedMotion recorded;

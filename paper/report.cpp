@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/report.h"
 
 #include <algorithm>
@@ -116,7 +117,8 @@ ordered_json shapes_json(const std::vector<ShapeDifference>& shapes) {
 
 std::string claims_html(const std::vector<Claim>& claims) {
   std::string html =
-      "<table><thead><tr><th>what<th>the paper<th>here<th><th>agrees when<th>what differs, and why"
+      "<table><thead><tr><th>topic<th>paper<th>here<th>outcome<th>criterion<th>difference and "
+      "reason"
       "</tr></thead><tbody>";
   for (const Claim& claim : claims) {
     const char* const style = claim.outcome == Outcome::kAgrees    ? "met"
@@ -129,7 +131,7 @@ std::string claims_html(const std::vector<Claim>& claims) {
   return html + "</tbody></table>";
 }
 
-// A CSV as an HTML table, numbers as people read them.
+// An HTML table with numbers rounded for people.
 std::string table_html(const Table& table) {
   std::string html = "<table><thead><tr>";
   for (const std::string& name : table.columns) {
@@ -178,33 +180,33 @@ std::string paper_html(const Results& results, const std::vector<Claim>& claims,
   html +=
       "<style>td{white-space:normal;text-align:left;vertical-align:top;max-width:26em}</style>"
       "<h1>The forcegrid paper's experiments</h1><p>Servo at 500 Hz, simulator at 30 Hz, each "
-      "answer one period late. What each number is, and what the observers know: "
-      "docs/paper.md.</p><h2>The paper's figures and claims</h2>";
+      "answer one period late. docs/paper.md explains each number and the observers' "
+      "knowledge.</p><h2>The paper's figures and claims</h2>";
   html += claims_html(claims);
   html += "<h2>Figure 7</h2><p>" + escaped(figures.motion.scene_title) +
-          ", grabbed at its top. The reference force is the object itself, solved at every servo "
+          ", held at its top. The reference force comes from solving the object at every servo "
           "instant; " +
           std::to_string(figures.motion.unconverged) + " of " +
-          std::to_string(figures.motion.trace.servo.size()) + " missed a residual of 1e-6, " +
-          std::to_string(figures.motion.branch_changes) +
+          std::to_string(figures.motion.trace.servo.size()) +
+          " did not reach a residual of 1e-6, " + std::to_string(figures.motion.branch_changes) +
           " were on another branch of equilibria.</p>" + evaluation::svg_element(pictures.at(0));
   html += "<h2>Figure 8</h2>" + evaluation::svg_element(pictures.at(1)) +
           table_html(fifths_table(figures));
   html += "<h2>Resolution and distance of influence</h2>" +
           evaluation::svg_element(pictures.at(2)) +
           table_html(resolutions_table(results.resolutions));
-  html += "<h2>Three objects told apart</h2><p>Touched for " +
+  html += "<h2>Discrimination of three objects</h2><p>Each trial lasts " +
           readable(results.discrimination.touch_s) +
           " s. Vertical lines are 95 % confidence intervals. The objects' forces come from tables "
-          "of the converged objects, which differ from live solves by at most " +
+          "of converged solutions, which differ from live solves by at most " +
           number(*std::max_element(results.discrimination.table_difference_percent.begin(),
                                    results.discrimination.table_difference_percent.end()),
                  "%.4f") +
           " % (RMS).</p>" + evaluation::svg_element(pictures.at(3)) +
           table_html(discrimination_table(results.discrimination));
   html +=
-      "<h2>What there is to be seen of them</h2><p>Move of the surface's vertices, the tool in "
-      "the same five places.</p>" +
+      "<h2>Visible differences of the objects</h2><p>Displacement of the surface's vertices, with "
+      "the tool at the same five positions.</p>" +
       table_html(shapes_table(results.shapes));
   return html + "</body></html>\n";
 }

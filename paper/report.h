@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -9,7 +10,7 @@
 
 namespace forcegrid::paper {
 
-/// Everything as JSON; keys are explained in docs/paper.md.
+/// All results as JSON; docs/paper.md explains the keys.
 std::string paper_json(const Results& results, const std::vector<Claim>& claims,
                        const PaperOptions& options);
 
@@ -19,10 +20,10 @@ std::string paper_html(const Results& results, const std::vector<Claim>& claims,
                        const std::vector<std::string>& pictures);
 
 /// Writes claims.csv, figure7.csv, resolutions.csv, discrimination.csv, shapes.csv, their pictures,
-/// paper.json and index.html into `options.out`, which is made if it isn't there.
+/// paper.json and index.html into `options.out`, which is created if missing.
 /// @returns the files written, the page last.
 /// @throws evaluation::ChartError, evaluation::FileError naming the file, the reason and the
-/// remedy.
+///         remedy.
 std::vector<std::filesystem::path> write_report(const Results& results,
                                                 const PaperOptions& options);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <vector>
@@ -11,7 +12,7 @@
 
 namespace forcegrid::paper {
 
-/// All experiments.
+/// Results of all experiments.
 struct Results {
   Timing timing;
   Figures figures;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/shapes.h"
 
 #include <Eigen/Core>
@@ -42,7 +43,7 @@ std::set<std::int32_t> surface_of(const simulator::SpringMesh& mesh) {
   return vertices;
 }
 
-// Moves of the surface's vertices from rest.
+// Displacements of the surface's vertices from rest.
 Shape shape_of(const std::string& scene) {
   const evaluation::ChartScene& chosen = evaluation::chart_scene(scene);
   const simulator::SpringMesh mesh = evaluation::make_mesh(chosen);

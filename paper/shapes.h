@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -8,25 +9,24 @@
 
 namespace forcegrid::paper {
 
-/// How differently two of the three objects look while a tool holds both in the same place.
+/// Visible difference of two of the three objects while a tool holds both at the same position.
 struct ShapeDifference {
   std::string first;
   std::string second;
-  double rms_mm = 0.0;      ///< of the surface's vertices, over all places of the tool
-  double largest_mm = 0.0;  ///< of one vertex
-  /// The same over how far the surface has moved from rest (RMS): how much of what can be seen
-  /// differs.
+  double rms_mm = 0.0;      ///< of the surface's vertices, over all positions of the tool
+  double largest_mm = 0.0;  ///< of a single vertex
+  /// The RMS difference over the surface's RMS displacement from rest.
   double of_motion_percent = 0.0;
-  /// Of an ideal observer who has the two side by side in mind, vertex by vertex, with an error of
-  /// kSeen_mm in each coordinate: d' of one trial. Half a person's chance is at 0.
+  /// d' of one trial of an ideal observer that compares the two vertex by vertex, with an error of
+  /// kSeen_mm in each coordinate. At 0 the observer can only guess.
   double d_prime = 0.0;
 };
 
-/// One minute of arc at half a metre: what a healthy eye resolves on a screen.
+/// One minute of arc at half a metre: the resolution of a healthy eye on a screen.
 inline constexpr double kSeen_mm = 0.145;
 
-/// The three pairs of the discrimination test's objects, without force: the paper's users could not
-/// tell them apart by looking.
+/// Compares the three pairs of the discrimination test's objects by sight alone; the paper's users
+/// could not tell them apart by looking.
 /// @throws evaluation::Stopped, simulator::Error.
 std::vector<ShapeDifference> compare_shapes(const PaperOptions& options);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -16,18 +17,20 @@ struct Cell {
   double number = 0.0;
 };
 
-/// Rows of a CSV, and of a table on the page.
+/// A table for a CSV file or the page.
 struct Table {
   std::vector<std::string> columns;  ///< names with units
   std::vector<std::vector<Cell>> rows;
 };
 
-/// Texts in quotation marks, numbers with nine digits, nothing for what isn't finite.
+/// Formats a CSV: texts in quotation marks, numbers with nine digits, empty cells for numbers that
+/// are not finite.
 std::string csv(const Table& table);
 
 Table claims_table(const std::vector<Claim>& claims);
-/// The curves of Figure 7: time, tool along the normal, and along it the reference force and those
-/// of figure_methods(), as the hand feels them when it pulls: positive towards the object.
+/// The curves of Figure 7: time, tool position along the normal, and the components along it of the
+/// reference force and of the forces of figure_methods(). Forces act on the hand, positive towards
+/// the object.
 Table forces_table(const Figures& figures);
 Table fifths_table(const Figures& figures);
 Table resolutions_table(const std::vector<ResolutionRow>& rows);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "paper/timing.h"
 
 #include <Eigen/Core>
@@ -85,7 +86,7 @@ Timing measure_timing() {
     for (const Vector3d& position_W : positions_W) {
       sum_N += method->force(time_s, position_W).force_W;
     }
-    // The sum is wanted, as far as the compiler knows.
+    // Keeps the compiler from removing the sum.
     asm volatile("" : : "m"(sum_N) : "memory");
     query_ns.push_back(1e9 * rt::seconds(rt::Clock::now() - begin) / kQueries);
   }

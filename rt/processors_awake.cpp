@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "rt/processors_awake.h"
 
 #include <fcntl.h>

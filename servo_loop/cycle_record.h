@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -36,7 +37,7 @@ struct CycleRecord {
   std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
   std::array<EstimateStatus, kMaxMethods> method_status{};
   std::array<double, kMaxMethods> method_uncertainty_N{};  ///< NaN: it can't tell
-  std::uint8_t rendered_member = 0;  ///< index in the first method's candidates()
+  std::uint8_t rendered_candidate = 0;  ///< index in the first method's candidates()
   ChoiceReason rendered_reason = ChoiceReason::kFirst;
   double gain = 0.0;          ///< ramp and fade, 0..1
   double damping_gain = 0.0;  ///< of the damping field, 0..1

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "servo_loop/first_touch.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "servo_loop/servo_loop.h"
 
 #include <algorithm>
@@ -169,7 +170,7 @@ void ServoLoop::ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W
     record.method_status[i] = estimate.status;
     record.method_uncertainty_N[i] = estimate.uncertainty_N;
     if (i == 0) {
-      record.rendered_member = estimate.candidate;
+      record.rendered_candidate = estimate.candidate;
       record.rendered_reason = estimate.reason;
     }
   }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "servo_loop/telemetry.h"
 
 #include <algorithm>
@@ -160,20 +161,21 @@ void Telemetry::say(const CycleRecord& record, const std::string& sentence) {
 }
 
 void Telemetry::take_rendered(const CycleRecord& record) {
-  if (record.rendered_member != last_member_) {
-    ++statistics_.member_changes;
+  if (record.rendered_candidate != last_candidate_) {
+    ++statistics_.candidate_changes;
     if (statistics_.first_changes.size() < kChangesKept) {
       statistics_.first_changes.push_back(
-          {1e-9 * static_cast<double>(record.time_ns - first_time_ns_), last_member_,
-           record.rendered_member, record.rendered_reason});
+          {1e-9 * static_cast<double>(record.time_ns - first_time_ns_), last_candidate_,
+           record.rendered_candidate, record.rendered_reason});
     }
-    last_member_ = record.rendered_member;
+    last_candidate_ = record.rendered_candidate;
   }
   if (!record.in_contact) {
     return;
   }
   ++statistics_.rendered_status[static_cast<std::size_t>(record.method_status[0])];
-  ++statistics_.rendered_member[std::min<std::size_t>(record.rendered_member, kMaxCandidates - 1)];
+  ++statistics_
+        .rendered_candidate[std::min<std::size_t>(record.rendered_candidate, kMaxCandidates - 1)];
   if (std::isfinite(record.method_uncertainty_N[0])) {
     statistics_.uncertainty_mN.add(1e3 * record.method_uncertainty_N[0]);
   }
@@ -255,7 +257,7 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
          << r.energy_to_hand_J << ',' << r.passivity_damping_N_s_per_m << ',' << r.passivity_scale
          << ',' << r.in_contact << ',' << r.contact_epoch << ',' << r.samples_taken << ','
          << r.sample_age_ms << ',' << r.missed_deadlines << ',' << name_of(r.fault) << ','
-         << static_cast<int>(r.rendered_member) << ',' << to_string(r.rendered_reason);
+         << static_cast<int>(r.rendered_candidate) << ',' << to_string(r.rendered_reason);
     for (std::size_t i = 0; i < options_.method_names.size(); ++i) {
       const Triple& f = r.method_force_W_N[i];
       file << ',' << f[0] << ',' << f[1] << ',' << f[2] << ',' << to_string(r.method_status[i])

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -30,8 +31,8 @@ struct TelemetryOptions {
   std::function<void(const CycleRecord&)> on_cycle;
 };
 
-/// The rendered method let another of its members be felt.
-struct MemberChange {
+/// The rendered method switched to another of its candidates.
+struct CandidateChange {
   double time_s = 0.0;  ///< since the first cycle
   std::uint8_t from = 0;
   std::uint8_t to = 0;
@@ -59,16 +60,16 @@ struct TelemetryStatistics {
   std::uint64_t samples_taken = 0;  ///< by the servo
   /// Cycles in contact by what the rendered method said, indexed by EstimateStatus.
   std::array<std::uint64_t, 5> rendered_status{};
-  /// Cycles in contact by who spoke of the rendered method's members.
-  std::array<std::uint64_t, kMaxCandidates> rendered_member{};
+  /// Cycles in contact, by the rendered method's candidate.
+  std::array<std::uint64_t, kMaxCandidates> rendered_candidate{};
   std::array<std::uint64_t, kRungs> rung_cycles{};  ///< indexed by Rung
   std::uint64_t rung_changes = 0;
   double motor_warmth = 0.0;                   ///< the largest, see MotorWarmth::warmest()
   std::uint64_t cycles_warm = 0;               ///< in which it limited the current
   std::vector<RungChange> first_rung_changes;  ///< at most kChangesKept of them
   rt::Percentiles uncertainty_mN;  ///< of the rendered force in contact, where the method tells it
-  std::uint64_t member_changes = 0;
-  std::vector<MemberChange> first_changes;  ///< at most kChangesKept of them
+  std::uint64_t candidate_changes = 0;
+  std::vector<CandidateChange> first_changes;  ///< at most kChangesKept of them
 };
 
 /// Drains the servo's records on its own thread, keeps them, and prints the live line.
@@ -123,7 +124,7 @@ class Telemetry {
   std::int64_t first_time_ns_ = 0;
   std::int64_t last_line_ns_ = 0;
   std::uint64_t cycles_at_last_line_ = 0;
-  std::uint8_t last_member_ = 0;
+  std::uint8_t last_candidate_ = 0;
   Rung last_rung_ = Rung::kZero;
   bool said_warm_ = false;
   bool damped_since_line_ = false;

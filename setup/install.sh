@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Installs the packages of setup/packages.txt that are missing. For Debian 12, as root or with sudo.
 set -eu
 list=$(dirname "$0")/packages.txt

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/chart.h"
 
 #include <algorithm>
@@ -24,7 +25,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// Raise when what a row means changes.
+// Increase when the meaning of a row changes.
 constexpr int kRowVersion = 1;
 
 MethodVariant variant_of(const std::string& method) {
@@ -39,7 +40,7 @@ std::string key_of(const StabilityCase& cell, const std::string& table_key, std:
          std::to_string(kRowVersion);
 }
 
-// Makes each run's own method and object.
+// Makes a separate method and object for each run.
 class CaseRunner {
  public:
   CaseRunner(const StabilityCase& cell, const evaluation::ForceTable& table, std::uint64_t seed)
@@ -218,7 +219,7 @@ StabilityChart make_stability_chart(const StabilityChartOptions& options) {
                                                          part::kSweep) != options.parts.end();
   if (cells.empty() && !sweeps) {
     throw evaluation::ChartError(
-        "nothing to chart: no part of the selection has one of its hands; leave out --parts or "
+        "nothing to chart: no selected part uses a selected hand; leave out --parts or "
         "--hands");
   }
   std::map<std::string, StabilityRow> before;

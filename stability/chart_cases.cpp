@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/chart_cases.h"
 
 #include <algorithm>
@@ -23,7 +24,7 @@ const std::vector<Rate>& rates() {
   return all;
 }
 
-// Methods whose promise is about contacts, shown where contacts change.
+// Methods that are designed for contacts, charted where contacts change.
 constexpr const char* kContactMethods[] = {"kriging-contact", "kriging-hinge", "kriging-store"};
 
 bool is_exact(const StabilityCase& cell) { return cell.method == kExact; }
@@ -73,17 +74,17 @@ class Cases {
     throw std::invalid_argument("part '" + name + "' is not known; use one of " + known);
   }
 
-  // Whether `name` is asked for by a list that asks for everything when it is empty.
+  // Whether `names` selects `name`; an empty list selects everything.
   static bool wanted(const std::vector<std::string>& list, const std::string& name) {
     return list.empty() || std::find(list.begin(), list.end(), name) != list.end();
   }
 
   void add(StabilityCase cell) {
-    // Nobody holds the tool in the open loop, so that no hand is meant there.
+    // Nobody holds the tool in the open loop, so the selection of hands does not apply.
     if (!wanted(parts_, cell.part) || (cell.part != part::kOpen && !wanted(hands_, cell.hand))) {
       return;
     }
-    if (is_exact(cell)) {  // knows neither simulator nor network
+    if (is_exact(cell)) {  // depends on neither simulator nor network
       cell.simulator_rate_Hz = 0.0;
       cell.delay_s = 0.0;
       cell.loss = 0.0;
@@ -110,7 +111,7 @@ class Cases {
     }
   }
 
-  // The quick rates are charted in all networks, the others in the usual one.
+  // The quick selection's rates are charted in all networks, the others in the usual one.
   void networks(StabilityCase cell) {
     const bool usual_only = cell.servo_rate_Hz > 1000.0;
     const bool for_goals = cell.method == default_method_;
@@ -150,7 +151,7 @@ class Cases {
           continue;
         }
         cell.method = "hold";
-        // Periods that are whole numbers of cycles, which the eigenvalues are computed for.
+        // Periods of whole numbers of cycles, for which the eigenvalues are computed.
         for (const double rate_Hz : {10.0, 25.0, 50.0}) {
           for (const double delay_s : {0.0, 0.02, 0.1}) {
             cell.simulator_rate_Hz = rate_Hz;
@@ -221,7 +222,7 @@ class Cases {
     }
   }
 
-  // `run` comes with the guard: the default method with it, in all networks of the map.
+  // `run` uses the guard, so the default method is charted with it in all networks of the map.
   void guarded_map() {
     for (const Hand& hand : hands()) {
       for (const Rate& rate : rates()) {
@@ -237,7 +238,7 @@ class Cases {
     }
   }
 
-  // An object that moves by itself can shake the first contact, which `run` has the guard for.
+  // An object that moves by itself can shake at the first contact; in `run` the guard damps this.
   void guarded_scenes() {
     for (const char* const scene : {"dynamic_5ms", "dynamic_20ms", "dynamic_100ms"}) {
       for (const char* const hand : {"light", "firm"}) {

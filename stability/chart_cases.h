@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <limits>
@@ -8,25 +9,25 @@
 
 namespace forcegrid::stability {
 
-/// The object's exact force in every cycle, which is what the method `direct` renders: the
-/// baseline of the chart, not a method.
+/// The baseline of the chart: the object's exact force in every cycle. The method `direct` renders
+/// this force.
 inline constexpr char kExact[] = "exact";
 
 /// Parts of the chart.
 namespace part {
 inline constexpr char kMap[] = "map";        ///< hands x rates x timings x networks
-inline constexpr char kLinear[] = "linear";  ///< against the eigenvalues
+inline constexpr char kLinear[] = "linear";  ///< compared with the eigenvalues
 inline constexpr char kPlane[] = "plane";    ///< K over B
-inline constexpr char kScene[] = "scene";    ///< where methods fail
-inline constexpr char kOpen[] = "open";      ///< the same in open loop
+inline constexpr char kScene[] = "scene";    ///< scenes in which methods may fail
+inline constexpr char kOpen[] = "open";      ///< the same scenes in open loop
 inline constexpr char kGuard[] = "guard";    ///< passivity guard on and off
 inline constexpr char kStress[] = "stress";  ///< 30 % loss, 200 ms
-inline constexpr char kSweep[] = "sweep";    ///< of faults, see fault_sweep.h; it has no cells
+inline constexpr char kSweep[] = "sweep";    ///< fault sweep, see fault_sweep.h; it has no cells
 }  // namespace part
 
 /// Devices of the chart.
 namespace device {
-inline constexpr char kStudy[] = "study";        ///< DeviceDynamics as it is
+inline constexpr char kStudy[] = "study";        ///< default DeviceDynamics
 inline constexpr char kLinear[] = "linear";      ///< no quantisation, no limit
 inline constexpr char kFriction[] = "friction";  ///< 0.1 N of Coulomb friction
 }  // namespace device
@@ -40,50 +41,52 @@ struct StabilityCase {
   std::string hand;
   std::string timing;
   double servo_rate_Hz = 500.0;
-  double simulator_rate_Hz = 30.0;  ///< of kExact, which needs none: 0
+  double simulator_rate_Hz = 30.0;  ///< 0 for kExact, which needs no simulator
   double delay_s = 0.0;
   double loss = 0.0;
-  bool guard = false;  ///< the passivity guard acts
+  bool guard = false;  ///< whether the passivity guard acts
   double virtual_damping_N_s_per_m = 0.0;
   /// [N/m] stiffness of the run whose errors and energies are reported
   double stiffness_N_per_m = 200.0;
-  bool find_limit = true;  ///< look for the largest stable stiffness, too
+  bool find_limit = true;  ///< also search for the largest stable stiffness
 
-  /// Everything that tells it from other cells, for files.
+  /// Identifies the cell in files.
   std::string text() const;
 };
 
-/// [s] hold of cells on the linear device, whose boundary is sought where decay is slow.
+/// [s] LoopSetup::hold_s of cells on the linear device, because oscillations decay slowly near its
+/// stability boundary.
 inline constexpr double kLinearHold_s = 60.0;
 
-/// [s] In second_contact errors count from here on, when the hand has touched the wall: the first
-/// touch of a wall of which nobody knows can't be foretold.
+/// [s] In second_contact, errors count from this time on, after the hand has touched the wall. No
+/// method can predict the first touch of an unknown wall.
 inline constexpr double kWallKnown_s = 3.0;
 
-/// When objects change in the open loop of 20 s, instead of at 2 and 4 s.
+/// [s] Times at which objects change in the open loop of 20 s; in the closed loop they change at 2
+/// and 4 s.
 inline constexpr double kOpenLoopFirstEvent_s = 7.0;
 inline constexpr double kOpenLoopSecondEvent_s = 13.0;
 
-/// The loop of a case, for a method that needs dF/dP or doesn't.
+/// The loop of a case. @param stiffness whether the method needs dF/dP.
 LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed);
 
-/// What is charted.
+/// Selection of the chart's cells.
 struct CaseSelection {
   bool quick = false;
   std::vector<std::string> methods;  ///< empty: all of chart_methods()
-  std::string default_method;        ///< is always among them
+  std::string default_method;        ///< always included
   std::vector<std::string> parts;    ///< names in `part`; empty: all of them
   std::vector<std::string> hands;    ///< empty: all of them
 };
 
-/// The names in `part`, in the order of the chart.
+/// Returns the names in `part`, in the order of the chart.
 const std::vector<std::string>& chart_parts();
 
-/// exact, hold, linear, broyden, rls, tangent, forcegrid, forcegrid-mls, kriging, kriging-bank,
-/// auto.
+/// Returns exact, hold, linear, broyden, rls, tangent, forcegrid, forcegrid-mls, kriging,
+/// kriging-bank and auto.
 const std::vector<std::string>& chart_methods();
 
-/// All cells of the chart, exact ones first.
+/// Returns all cells of the chart; those of kExact come first.
 /// @throws std::invalid_argument for an unknown part or hand, listing the known ones.
 std::vector<StabilityCase> chart_cases(const CaseSelection& selection);
 

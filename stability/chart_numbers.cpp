@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/chart_numbers.h"
 
 #include <algorithm>
@@ -7,7 +8,7 @@
 namespace forcegrid::stability {
 namespace {
 
-// Figures of one kind of which the worst counts.
+// Figures of one kind, of which the worst counts.
 class Worst {
  public:
   Worst(std::string name, double goal, bool at_least, std::string unit) {
@@ -16,7 +17,7 @@ class Worst {
     number_.at_least = at_least;
     number_.unit = std::move(unit);
   }
-  // A figure that could not be measured is the worst of all.
+  // A figure that could not be measured counts as the worst.
   void add(double value, const StabilityCase& cell) {
     const double hopeless = number_.at_least ? -1.0 : 1.0;
     value = std::isnan(value) ? hopeless * std::numeric_limits<double>::infinity() : value;
@@ -238,7 +239,7 @@ class Numbers {
     put(stiffness);
   }
 
-  // As `run` has it, against the exact force without a guard.
+  // As in `run`, compared with the exact force without a guard.
   void guarded_map() {
     Worst ratio("with the guard: largest stable stiffness over the bare exact force's, every hand",
                 0.95, true, "");
@@ -285,7 +286,7 @@ class Numbers {
       if (row.cell.guard) {
         (row.cell.hand == "none" ? unheld : energy)
             .add(1e3 * row.run.most_energy_to_hand_J, row.cell);
-        // The limit itself is met to rounding.
+        // The limit itself may be exceeded by rounding.
         force.add(std::floor(1e6 * row.run.largest_force_N + 0.5) * 1e-6, row.cell);
       }
     });

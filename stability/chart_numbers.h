@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -7,7 +8,7 @@
 
 namespace forcegrid::stability {
 
-/// The goals that a chart can tell about.
+/// Returns the goals that the chart covers, with the measured values.
 std::vector<StabilityNumber> numbers_of(const StabilityChart& chart,
                                         const std::string& default_method);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/chart_pictures.h"
 
 #include <algorithm>
@@ -47,7 +48,7 @@ std::string theory_style(int number) {
   return style.str();
 }
 
-// Returns false when no curve has a point.
+// Returns false if no curve has a point.
 bool draw(const Picture& picture, const fs::path& file) {
   std::ostringstream script;
   script << "set terminal svg size 860,600 background '#ffffff' font 'sans,13'\nset output "
@@ -84,7 +85,7 @@ bool draw(const Picture& picture, const fs::path& file) {
 
 std::string words_of(const Hand& hand) { return (hand.holds() ? hand.name : "no") + " hand"; }
 
-// What is zero is drawn at the foot of a logarithmic axis.
+// Zero is drawn at the bottom of a logarithmic axis.
 double shown_N_per_m(const StabilityRow& row) {
   return std::max(row.limit.largest_stable_N_per_m, 0.8 * StiffnessScan::kLeast_N_per_m);
 }
@@ -96,7 +97,7 @@ Picture over_delay(const StabilityChart& chart, const Hand& hand, double servo_r
   picture.title = "Largest stable stiffness, " + words_of(hand) + ", " +
                   std::to_string(std::lround(servo_rate_Hz)) +
                   " Hz on a full-speed bus, simulator at 30 Hz";
-  picture.x_label = "delay of the network beyond the simulator's period / ms";
+  picture.x_label = "network delay in addition to the simulator's period / ms";
   picture.y_label = "K / (N/m)";
   picture.axes = std::string(kStiffnessAxis) + "set xrange [0:150]\n";
   std::vector<std::string> order;
@@ -128,7 +129,7 @@ Picture over_delay(const StabilityChart& chart, const Hand& hand, double servo_r
       {"b > K T / 2 (Colgate, Schenkel)", theory_style(0), {{0.0, passive}, {150.0, passive}}});
   Curve rule{"K < b / age (hold)", theory_style(1), {}};
   for (double delay_ms = 0.0; delay_ms <= 150.0; delay_ms += 5.0) {
-    // In the mean a held sample is one and a half periods old.
+    // On average, a held sample is one and a half periods old.
     rule.points.push_back(
         {delay_ms, delay_rule_N_per_m(spring.damping_N_s_per_m, 1.5 / 30.0 + 1e-3 * delay_ms)});
   }
@@ -225,9 +226,10 @@ Picture plane(const StabilityChart& chart, const Hand& hand) {
 
 Picture against_eigenvalues(const StabilityChart& chart) {
   Picture picture;
-  picture.title = "Linear, frictionless, unquantised plant: boundary found against eigenvalues";
+  picture.title =
+      "Linear plant without friction or quantisation: boundary in simulation against eigenvalues";
   picture.x_label = "eigenvalue limit / (N/m)";
-  picture.y_label = "largest stable K found / (N/m)";
+  picture.y_label = "largest stable K in simulation / (N/m)";
   picture.axes = "set logscale xy\nset xrange [2:20000]\nset yrange [2:20000]\n";
   std::size_t number = 0;
   for (const char* const method : {kExact, "hold"}) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -8,10 +9,10 @@
 
 namespace forcegrid::stability {
 
-/// Draws the chart's pictures into `folder`, with the theory as lines in them: stiffness over delay
-/// for each hand, over servo rate, the plane of stiffness and damping, and the linear plant against
-/// its eigenvalues. A picture without data is left out.
-/// @returns the files written. @throws evaluation::ChartError when gnuplot fails.
+/// Draws the chart's pictures into `folder`, with theory as dashed lines: stiffness over delay for
+/// each hand, stiffness over servo rate, stiffness over damping, and the linear plant against its
+/// eigenvalues. A picture without data is left out.
+/// @returns the files written. @throws evaluation::ChartError if gnuplot fails.
 std::vector<std::filesystem::path> draw_pictures(const StabilityChart& chart,
                                                  const std::string& default_method,
                                                  const std::filesystem::path& folder);

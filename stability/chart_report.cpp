@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/chart_report.h"
 
 #include <algorithm>
@@ -63,10 +64,12 @@ void add_scenes(std::string& html, const StabilityChart& chart, const std::strin
     return;
   }
   html +=
-      "<h2>Where methods fail</h2><p>Force error in % of RMS F<sub>o</sub>: closed loop at 200 "
+      "<h2>Scenes in which methods may fail</h2><p>Force error in % of RMS F<sub>o</sub>: closed "
+      "loop at 200 "
       "N/m, "
-      "the worst of the hands and timings / open loop along a human motion. What is not stable is "
-      "named. The default method and the best of each scene are bold.</p><table><thead><tr>"
+      "worst of the hands and timings / open loop along a human motion. For an unstable loop, the "
+      "kind of instability replaces the error. The default method and the best method of each "
+      "scene are bold.</p><table><thead><tr>"
       "<th>scene<th>best";
   for (const SceneVerdict::Method& each : verdicts.front().methods) {
     html += "<th>" + escaped(each.method);
@@ -104,13 +107,13 @@ void add_sweep(std::string& html, const StabilityChart& chart) {
   if (chart.swept.empty()) {
     return;
   }
-  html +=
-      "<h2>Fault sweep</h2><p>" + std::to_string(chart.sweep.size()) +
-      " seeded runs of the servo's own loop on emulated devices, one fault each: who went on, "
-      "who ended with zero current and why, and what must not happen.</p><table class=sortable>"
-      "<thead><tr><th>device<th>fault<th>ended by<th>runs<th>went on<th>force above limit<th>more "
-      "than "
-      "1 mJ afterwards<th>largest force / N<th>most energy / mJ<th>its seed</tr></thead><tbody>";
+  html += "<h2>Fault sweep</h2><p>" + std::to_string(chart.sweep.size()) +
+          " seeded runs of the real servo loop on emulated devices, with one fault each. The table "
+          "counts the runs that continued, those that ended with zero current and why, and the two "
+          "outcomes that must not occur.</p><table class=sortable>"
+          "<thead><tr><th>device<th>fault<th>ended by<th>runs<th>continued<th>force above "
+          "limit<th>more than 1 mJ afterwards<th>largest force / N<th>largest energy / mJ<th>its "
+          "seed</tr></thead><tbody>";
   for (const SweepLine& line : chart.swept) {
     html += "<tr><td>" + escaped(line.device) + "<td>" + escaped(to_string(line.fault)) + "<td>" +
             escaped(ends_of(line)) + "<td>" + std::to_string(line.runs) + "<td>" +
@@ -295,8 +298,9 @@ std::string stability_html(const StabilityChart& chart, const StabilityChartOpti
           " cells: device, hand, servo, method, simulator and link in simulated time, on the force "
           "table of <code>" +
           chart.scene +
-          "</code> made as stiff as K says. Stable: the tool stays within 50 mm of the hand's "
-          "target, and after 6 s of motion and 2 s at rest within 0.3 mm peak to peak for 2 s. "
+          "</code> scaled to the stiffness K. Stable means: the tool stays within 50 mm of the "
+          "hand's target, and after 6 s of motion and 2 s at rest it stays within 0.3 mm peak to "
+          "peak for 2 s. "
           "<code>exact</code> is the object's force in every cycle, which <code>direct</code> "
           "renders.</p>";
   add_numbers(html, chart, options.default_method);
@@ -311,7 +315,7 @@ std::string stability_html(const StabilityChart& chart, const StabilityChartOpti
   for (const StabilityRow& row : chart.rows) {
     ordered_json line = ordered_json::array();
     for (const ordered_json& value : to_json(row)) {
-      // Four digits are enough to look at; all of them are in the CSV.
+      // Four digits are enough on the page; the CSV has all.
       line.push_back(value.is_number_float()
                          ? ordered_json::parse(number(value.get<double>(), "%.4g"))
                          : value);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/chart_rows.h"
 
 #include <cmath>
@@ -8,7 +9,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-// One list for reading and writing: take(name, value) for everything that a row is.
+// One list for reading and writing: calls take(name, value) for every value of a row.
 template <typename Row, typename Take>
 void each_entry(Row& row, const Take& take) {
   auto& c = row.cell;

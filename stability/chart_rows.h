@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -6,9 +7,9 @@
 
 namespace forcegrid::stability {
 
-/// A row as an object whose keys docs/stability.md explains.
+/// A row as a JSON object; docs/stability.md explains the keys.
 nlohmann::ordered_json to_json(const StabilityRow& row);
-/// @throws nlohmann::json::exception for anything that to_json() did not make.
+/// @throws nlohmann::json::exception if to_json() did not make `json`.
 StabilityRow row_from_json(const nlohmann::ordered_json& json);
 
 }  // namespace forcegrid::stability

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/closed_loop.h"
 
 #include <algorithm>
@@ -16,7 +17,7 @@ constexpr double kComingToRest_s = 0.1;
 
 std::int64_t nanoseconds(double time_s) { return std::llround(1e9 * time_s); }
 
-// Pushes of a device that nobody holds, in every direction.
+// Impulses on a device that nobody holds, in several directions.
 const Vector3d& flick_direction_W() {
   static const Vector3d direction_W = Vector3d(2.0, -1.0, 2.0) / 3.0;
   return direction_W;
@@ -47,7 +48,7 @@ class Run {
       throw std::invalid_argument("servo rate: use 50 to 20000 Hz");
     }
     if (!(setup.hold_s >= StatedRun::kJudged_s)) {
-      throw std::invalid_argument("hold: use at least the 2 s that are judged");
+      throw std::invalid_argument("hold: use at least the 2 s that the criterion covers");
     }
     if (count_age_ns_ < 0 || actuation_ns_ < 0 ||
         count_age_ns_ + actuation_ns_ > cycle_ns(1) - cycle_ns(0)) {
@@ -145,7 +146,7 @@ class Run {
     return method_->force(now_s, measured_W).force_W;
   }
 
-  // What the servo does in a cycle, all but moving the tool.
+  // The servo's part of a cycle; does not move the tool.
   Vector3d rendered_W(std::int64_t cycle) {
     const std::int64_t now_ns = cycle_ns(cycle);
     const double period_s = 1e-9 * static_cast<double>(cycle_ns(cycle + 1) - now_ns);
@@ -238,7 +239,7 @@ class Run {
   std::int64_t actuation_ns_;
   Vector3d sampled_W_;
   Vector3d last_measured_W_;
-  Vector3d force_W_ = Vector3d::Zero();  // acts now
+  Vector3d force_W_ = Vector3d::Zero();  // presently acting
   bool contact_known_ = false;
   bool in_contact_ = false;
   std::uint32_t epoch_ = 0;

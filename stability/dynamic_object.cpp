@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/dynamic_object.h"
 
 #include <Eigen/Eigenvalues>
@@ -19,7 +20,7 @@ using Eigen::VectorXd;
 constexpr std::array<int, 3> kMasses = {7, 7, 4};
 constexpr int kAll = kMasses[0] * kMasses[1] * kMasses[2];
 
-// The lattice with springs of 1 N/m, parted into its modes.
+// The lattice with springs of 1 N/m, decomposed into its modes.
 struct Lattice {
   VectorXd eigenvalues_N_per_m;
   MatrixX3d to_tool_N_per_m;  // K_t in the modes
@@ -30,7 +31,7 @@ struct Lattice {
 constexpr int kFixed = -1;
 constexpr int kTool = -2;
 
-// Number of a free mass, or what it is instead.
+// Number of a free mass, or a marker for a fixed or held one.
 std::array<int, kAll> places(int& free) {
   std::array<int, kAll> place{};
   free = 0;
@@ -46,7 +47,7 @@ std::array<int, kAll> places(int& free) {
   return place;
 }
 
-// Every direction to a neighbour once.
+// Each direction to a neighbour once.
 std::vector<std::array<int, 3>> directions() {
   std::vector<std::array<int, 3>> all;
   for (int z = 0; z <= 1; ++z) {
@@ -134,7 +135,7 @@ void DynamicObject::advance(double time_s, const Vector3d& position_W) {
 
 void DynamicObject::step(const Vector3d& displacement_W) {
   const Lattice& made = lattice();
-  // Behind a steady motion by just kRateOver_s.
+  // Lags a steady motion by exactly kRateOver_s.
   lately_W_ += kStep_s / (kRateOver_s + kStep_s) * (displacement_W - lately_W_);
   const Vector3d tool = displacement_W + damping_time_s_ * rate_W(displacement_W);
   const Eigen::ArrayXd per_mass = scale_ / kOneMass_kg * made.eigenvalues_N_per_m.array();

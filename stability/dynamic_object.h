@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -13,12 +14,12 @@ namespace forcegrid::stability {
 ///
 ///   M q'' + tau K q' + K q = -K_t (u + tau u'),    F = -(K_tt (u + tau u') + K_t^T (q + tau q'))
 ///
-/// with q the displacements of the free masses and u that of the tool, whose rate is taken over 5
-/// ms, since its position is known in encoder counts. M is a multiple of one and the damping one of
-/// K, so that the eigenvectors of K part the equations; each is stepped linearly implicitly by 1
-/// ms. At rest it is a spring of the stiffness asked for along z. The stiffness that at() gives is
-/// that at rest. Source: Bathe, Finite Element Procedures (1996), 9.3 (mode superposition, damping
-/// proportional to stiffness).
+/// with q the displacements of the free masses and u that of the tool. The rate of u is taken over
+/// 5 ms, because the tool's position is known only in encoder counts. M is a multiple of the
+/// identity and the damping a multiple of K, so the eigenvectors of K decouple the equations; each
+/// is stepped linearly implicitly by 1 ms. At rest the object is a spring of the given stiffness
+/// along z. at() returns the stiffness at rest. Source: Bathe, Finite Element Procedures (1996),
+/// 9.3 (mode superposition, damping proportional to stiffness).
 class DynamicObject final : public VirtualObject {
  public:
   static constexpr double kMass_kg = 0.3;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/fault_sweep.h"
 
 #include <algorithm>
@@ -27,7 +28,7 @@ using servo::vector;
 constexpr rt::TimePoint kStart{std::chrono::seconds(1000)};
 constexpr rt::Duration kPeriod = std::chrono::milliseconds(2);
 constexpr double kEnd_s = 5.4;
-// The operator has grabbed the object 2.2 s after the start, and it is felt in full 0.6 s later.
+// The operator grabs the object within 2.2 s of the start, and its full force acts 0.6 s later.
 constexpr double kEarliestFault_s = 2.9;
 constexpr double kLatestFault_s = 4.4;
 constexpr double kAfterEnd_s = 0.1;
@@ -63,7 +64,7 @@ constexpr emulator::MotionKind kMotions[] = {
     emulator::MotionKind::kChirp, emulator::MotionKind::kLissajous, emulator::MotionKind::kRandom,
     emulator::MotionKind::kPoke, emulator::MotionKind::kHold};
 
-// Everything that a seed decides.
+// Everything that the seed determines.
 struct Draw {
   emulator::HandKind hand;
   emulator::MotionKind motion;
@@ -153,14 +154,14 @@ class SweptLoop {
   }
 
   void watch(const servo::CycleRecord& record) {
-    // A force that is not a number is above every limit.
+    // A NaN force counts as above every limit.
     const auto most = [](double so_far, double now) {
       return std::isfinite(now) ? std::max(so_far, now) : HUGE_VAL;
     };
     run_.largest_force_N = most(run_.largest_force_N, vector(record.commanded_force_D_N).norm());
     run_.largest_drive_fraction = most(run_.largest_drive_fraction, drive_fraction());
     if (record.fault != servo::Fault::kNone) {
-      return;  // its position is not believed, and its force is zero
+      return;  // its position is not trusted, and its force is zero
     }
     const Vector3d position_W = vector(record.position_W_m);
     const Vector3d force_W = vector(record.commanded_force_D_N);
@@ -228,7 +229,7 @@ class SweptLoop {
     }
     while (!under_way_.empty() && under_way_.front().arrived <= now_) {
       under_way_.front().arrived = now_;
-      // A full ring loses the answer, as it does in earnest.
+      // A full ring loses the answer, as in the real loop.
       static_cast<void>(ports_.samples.push(under_way_.front()));
       under_way_.pop_front();
     }
@@ -263,7 +264,7 @@ class SweptLoop {
     }
   }
 
-  // Returns false when nothing is answered.
+  // Returns false if there is no answer.
   bool spoil(servo::ArrivedSample& arrived) {
     Sample& sample = arrived.sample;
     switch (fault_) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -7,7 +8,8 @@
 
 namespace forcegrid::stability {
 
-/// Who holds the tool: a mass that moves with it, tied to a moving target by spring and damper.
+/// Model of the hand that holds the tool: a mass that moves with the tool, tied to a moving target
+/// by spring and damper.
 ///
 ///   F_hand = k (r - x) + b (r' - x')   [N],  m moves with the tool
 struct Hand {
@@ -17,7 +19,8 @@ struct Hand {
   bool holds() const noexcept { return impedance.stiffness_N_per_m > 0.0; }
 };
 
-/// Nobody, a light grip, a firm grip, and a whole arm, by rising mass. Each names its source.
+/// Returns no hand, a light grip, a firm grip and a whole arm, in order of rising mass. Each names
+/// its source.
 const std::vector<Hand>& hands();
 
 /// @throws std::invalid_argument for an unknown name, listing the known ones.

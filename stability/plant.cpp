@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/plant.h"
 
 #include <algorithm>
@@ -21,8 +22,8 @@ Plant::Plant(const DeviceDynamics& device, const Hand& hand, const Vector3d& sta
       !(hand.impedance.mass_kg >= 0.0) || !(hand.impedance.damping_N_s_per_m >= 0.0) ||
       !(hand.impedance.stiffness_N_per_m >= 0.0)) {
     throw std::invalid_argument(
-        "plant: the device's mass has to be above zero and nothing else of it or of the hand below "
-        "zero; the defaults are a usable device");
+        "plant: the device's mass must be positive, and its other parameters and the hand's must "
+        "not be negative; the defaults are a usable device");
   }
 }
 
@@ -70,7 +71,7 @@ void Plant::advance(std::int64_t duration_ns, const Vector3d& motor_force_W,
   if (duration_ns <= 0) {
     return;
   }
-  // A device that nobody holds has no target to follow.
+  // A device that nobody holds has no target.
   const Vector3d end_W = stiffness_N_per_m_ > 0.0 ? target_W : target_W_;
   const double duration_s = 1e-9 * static_cast<double>(duration_ns);
   const Vector3d target_speed_W = (end_W - target_W_) / duration_s;

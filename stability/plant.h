@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +9,7 @@
 
 namespace forcegrid::stability {
 
-/// A device as its tip feels it: the same mass and friction in every direction. The default is the
+/// A device reduced to its tip: the same mass and friction in every direction. The default is the
 /// equivalent device of the method study.
 struct DeviceDynamics {
   double mass_kg = 0.06;
@@ -22,25 +23,24 @@ struct DeviceDynamics {
 ///
 ///   (m_d + m_h) x'' = F_motor + k (r - x) + b_h (r' - x') - b_d x' - f_c x'/|x'|
 ///
-/// with the hand's target r moving at constant speed within a step. The linear part is advanced by
-/// its matrix exponential, so that steps of any length are exact; Coulomb friction in substeps of
-/// kFrictionStep_s after which it can only have braked.
-/// Source of the exact step: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd
-/// ed. (1998), section 4.3. Threads: one.
+/// with the hand's target r moving at constant speed within a step. The linear part advances by its
+/// matrix exponential, so steps of any length are exact. Coulomb friction advances in substeps of
+/// kFrictionStep_s and can only brake. Source of the exact step: Franklin, Powell and Workman,
+/// Digital Control of Dynamic Systems, 3rd ed. (1998), section 4.3. Threads: one.
 class Plant {
  public:
   static constexpr double kFrictionStep_s = 125e-6;
 
-  /// At rest at `start_W` [m], which is where the hand's target is, too.
+  /// Starts at rest at `start_W` [m], with the hand's target at the same place.
   /// @throws std::invalid_argument for a mass that is not positive, or a negative parameter.
   Plant(const DeviceDynamics& device, const Hand& hand, const Eigen::Vector3d& start_W);
 
-  /// Advances by `duration_ns` with a constant force [N] of the motors, which is not limited here;
-  /// the target moves from where it was to `target_W` [m].
+  /// Advances by `duration_ns` [ns] with a constant motor force [N], which is not limited here; the
+  /// target moves from its position to `target_W` [m].
   void advance(std::int64_t duration_ns, const Eigen::Vector3d& motor_force_W,
                const Eigen::Vector3d& target_W);
 
-  /// Adds `impulse_W` [N s] at once: a flick.
+  /// Applies the impulse `impulse_W` [N s] instantly.
   void flick(const Eigen::Vector3d& impulse_W) noexcept;
 
   const Eigen::Vector3d& position_W() const noexcept { return position_W_; }  ///< [m]
@@ -48,7 +48,7 @@ class Plant {
   const Eigen::Vector3d& target_W() const noexcept { return target_W_; }      ///< [m]
   double moving_mass_kg() const noexcept { return mass_kg_; }
 
-  /// [m] What the encoders say of `position_W`.
+  /// [m] `position_W` as measured by the encoders.
   Eigen::Vector3d measured_W(const Eigen::Vector3d& position_W) const noexcept;
 
  private:

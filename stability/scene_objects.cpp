@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/scene_objects.h"
 
 #include <algorithm>
@@ -138,7 +139,7 @@ class Tapping final : public SceneObject {
   Contact contact_{.in_contact = false, .epoch = 0};
 };
 
-// How much of the way a first-order lag goes in a time.
+// Fraction of its way that a first-order lag covers in a given time.
 double lag(double duration_s, double time_constant_s) {
   return -std::expm1(-duration_s / time_constant_s);
 }
@@ -213,7 +214,7 @@ class Relaxation final : public SceneObject {
   struct Part {
     double weight;
     double time_s;
-    Vector3d relaxed_W = Vector3d::Zero();  // [N] what the elastic force has been lately
+    Vector3d relaxed_W = Vector3d::Zero();  // [N] low-passed elastic force
   };
   std::array<Part, 2> parts_{Part{0.25, 0.08}, Part{0.15, 0.8}};
   double last_s_ = 0.0;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -10,7 +11,8 @@
 
 namespace forcegrid::stability {
 
-/// A case in which methods are known, or likely, to fail: an object, and how its simulator behaves.
+/// A case in which methods are known or likely to fail: an object and the behaviour of its
+/// simulator.
 struct Scene {
   std::string name;
   std::string title;  ///< in a sentence's words
@@ -19,7 +21,8 @@ struct Scene {
   double noise_N = 0.0;  ///< standard deviation of white noise on each axis of the answers
 };
 
-/// held first, the object at its best; then what objects do; then what simulators do.
+/// Returns all scenes: first held, the simplest object; then difficult objects; then faulty
+/// simulators.
 const std::vector<Scene>& scenes();
 
 /// @throws std::invalid_argument for an unknown name, listing the known ones.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -6,7 +7,7 @@
 
 namespace forcegrid::stability {
 
-/// The largest stiffness up to which a loop is stable, and how it fails above.
+/// The largest stiffness up to which a loop is stable, and its behaviour above.
 struct StiffnessLimit {
   double largest_stable_N_per_m = 0.0;  ///< 0: not even kLeast_N_per_m
   /// No stiffness of the scan was unstable: the limit is kMost_N_per_m or above.
@@ -15,15 +16,15 @@ struct StiffnessLimit {
   Behaviour failure = Behaviour::kStable;  ///< there
 };
 
-/// Stiffnesses are tried in octaves from kLeast_N_per_m on, so that all lower ones of the scan are
-/// stable, and the first unstable octave is bisected to a factor of 2^(1/32), 2.2 %.
+/// The scan tries octaves of stiffness from kLeast_N_per_m upwards until one is unstable. It then
+/// bisects that octave to a factor of 2^(1/32), 2.2 %.
 struct StiffnessScan {
   static constexpr double kLeast_N_per_m = 2.5;
   static constexpr double kMost_N_per_m = 10240.0;
   static constexpr int kBisections = 5;
 };
 
-/// @param behaviour of one run with that stiffness [N/m].
+/// Runs the scan. @param behaviour runs the loop once with a stiffness [N/m].
 StiffnessLimit find_limit(const std::function<Behaviour(double stiffness_N_per_m)>& behaviour);
 
 }  // namespace forcegrid::stability

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/settling.h"
 
 #include <algorithm>
@@ -10,7 +11,7 @@ double peak_to_peak(const std::vector<double>& values) {
   return *most - *least;
 }
 
-// What is left of `values` beside their least-squares line.
+// Residuals of `values` from their least-squares line.
 std::vector<double> without_line(const std::vector<double>& values) {
   const auto count = static_cast<double>(values.size());
   const double middle = 0.5 * (count - 1.0);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -7,15 +8,15 @@
 
 namespace forcegrid::stability {
 
-/// How a tool that should be still behaves.
+/// Behaviour of a tool that should be still.
 struct Settling {
   Behaviour behaviour = Behaviour::kStable;  ///< never kDivergence
   double peak_to_peak_m = 0.0;               ///< of the axis that moves most
 };
 
-/// Judges positions [m] at equal intervals: less than StatedRun::kSettled_m peak to peak is stable.
-/// Otherwise what is left after a straight line has been taken out of the axis that moves most
-/// tells oscillation from creep: more than half of the peak to peak is a limit cycle.
+/// Classifies positions [m] at equal intervals. Less than StatedRun::kSettled_m peak to peak is
+/// stable. Otherwise, a straight line is subtracted from the axis that moves most. If more than
+/// half of its peak-to-peak motion remains, it is a limit cycle, else creep.
 Settling judge_settling(const std::vector<Eigen::Vector3d>& positions_W);
 
 }  // namespace forcegrid::stability

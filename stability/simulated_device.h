@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -17,11 +18,11 @@
 namespace forcegrid::stability {
 
 /// The emulator's mechanism, motors, hand and operator behind the driver's interface, without USB
-/// and in simulated time: what the loop commands moves it. Counts are sampled 1 ms before they are
+/// and in simulated time. The loop's commands move it. Counts are sampled 1 ms before they are
 /// read, as over the bus.
 class SimulatedDevice : public driver::Device {
  public:
-  /// Moves up to 1 ms before `now` and shows that; then up to `now`.
+  /// Advances to 1 ms before `now`, makes the report, then advances to `now`.
   void advance_to(rt::TimePoint now) {
     if (silent || mute) {
       move_to(now);
@@ -57,20 +58,20 @@ class SimulatedDevice : public driver::Device {
   bool stop() noexcept override { return true; }
 
   emulator::OperatorScript::Phase phase() const { return script_.phase(); }
-  /// The newest command, whether it has arrived or not.
+  /// The newest command, even if it did not arrive.
   const driver::MotorCommand& commanded() const { return commanded_; }
   /// [m] of the tool, frame D.
   virtual Eigen::Vector3d position_D() const = 0;
-  /// [J] that the motors have delivered: their power where it is positive.
+  /// [J] Energy delivered by the motors: the integral of their positive power.
   virtual double motor_work_J() const = 0;
 
-  /// No report comes. The driver sends a command for each report that it gets, so that the motors
-  /// keep the last one.
+  /// No report arrives. The driver sends a command for each report that it gets, so the motors keep
+  /// the last command.
   bool silent = false;
-  /// No report comes, but commands still arrive.
+  /// No report arrives, but commands still reach the motors.
   bool mute = false;
   driver::DeviceHealth health_shown = driver::DeviceHealth::kRunning;
-  /// Changes what the encoders say.
+  /// Falsifies the encoder counts.
   std::function<void(rt::TimePoint, std::array<std::int32_t, 6>&)> spoil_counts;
   /// -1: leads swapped; 0: no power.
   Eigen::Vector3d motor_sign = Eigen::Vector3d::Ones();
@@ -95,7 +96,7 @@ class SimulatedDevice : public driver::Device {
  private:
   /// Of joints a, b, c, not rounded.
   virtual Eigen::Vector3d counts_now() const = 0;
-  /// From now on the motors do this.
+  /// Sets the motors' command from now on.
   virtual void obey(const driver::MotorCommand& command) noexcept = 0;
   virtual void advance(double duration_s, const Eigen::Vector3d& hand_target_D) = 0;
 

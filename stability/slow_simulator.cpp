@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "stability/slow_simulator.h"
 
 #include <algorithm>
@@ -23,7 +24,7 @@ SlowSimulator::SlowSimulator(const evaluation::NetworkCondition& network, Simula
   if (!(network.simulator_rate_Hz > 0.0) || !(network.loss >= 0.0 && network.loss <= 1.0) ||
       !(network.delay_s >= 0.0) || !(network.jitter_s >= 0.0)) {
     throw std::invalid_argument(
-        "simulator: the rate has to be above 0 Hz, loss within 0..1, delay and jitter not below 0");
+        "simulator: the rate must be above 0 Hz, loss within 0..1, delay and jitter at least 0");
   }
 }
 
@@ -36,7 +37,7 @@ void SlowSimulator::publish(std::int64_t now_ns, const Eigen::Vector3d& position
   if (tick_ns(tick_) > now_ns) {
     return;
   }
-  // Ticks that fell between two cycles are all answered by the first of them.
+  // The next cycle answers all ticks since the previous one.
   const std::int64_t due_ns = tick_ns(tick_);
   while (tick_ns(tick_) <= now_ns) {
     ++tick_;

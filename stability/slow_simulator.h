@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -11,23 +12,23 @@
 
 namespace forcegrid::stability {
 
-/// What a simulator can do beside answering late.
+/// Faults of a simulator in addition to its delay.
 enum class SimulatorFault : std::uint8_t {
   kNone,
-  kUnconverged,  ///< each answer covers 60 % of what was left of the force
-  kPauses,       ///< the first 0.2 s of every second from 1 s on pass without an answer
-  kRestarts,     ///< kPauses, and a new contact epoch after each of them
+  kUnconverged,  ///< each answer corrects 60 % of the force error
+  kPauses,       ///< no answer in the first 0.2 s of every second, from 1 s on
+  kRestarts,     ///< kPauses, and a new contact epoch after each pause
   kClockJump,    ///< time stamps are 0.5 s late in 2..4 s
   kClockSkew,    ///< time stamps run 1 % fast
-  kBias,         ///< 0.1 N along x on top of every force
+  kBias,         ///< every force is 0.1 N too large along x
   kOutliers,     ///< one answer in twenty is off by up to 2 N on each axis
   kNotFinite,    ///< one answer in twenty is not a number
 };
 
-/// A simulator that is as right as can be and as slow as it is: at its ticks it takes the newest
-/// position that the servo has published, and the force there arrives one of its periods later,
-/// plus the network's delay and jitter, if it isn't lost. Times are in nanoseconds of the servo's
-/// clock, so that ticks and cycles that ought to meet do meet. Threads: one.
+/// A simulator with exact forces and realistic delay. At each tick it takes the newest position
+/// that the servo has published. The force there arrives one period later, plus the network's delay
+/// and jitter, unless it is lost. Times are in nanoseconds of the servo's clock, so that
+/// simultaneous ticks and cycles coincide exactly. Threads: one.
 class SlowSimulator {
  public:
   struct Answer {
@@ -40,16 +41,17 @@ class SlowSimulator {
   SlowSimulator(const evaluation::NetworkCondition& network, SimulatorFault fault,
                 std::uint64_t seed);
 
-  /// The servo is at `position_W` at `now_ns`, and the object has been advanced to that.
+  /// Publishes the servo's `position_W` [m] at `now_ns`. The object must have been advanced to this
+  /// time.
   void publish(std::int64_t now_ns, const Eigen::Vector3d& position_W, const VirtualObject& object);
 
-  /// The next answer that has arrived by `now_ns`, in the order of arrival.
+  /// Returns the next answer that has arrived by `now_ns`, in order of arrival.
   std::optional<Answer> receive(std::int64_t now_ns);
 
   std::uint64_t lost() const noexcept { return lost_; }
 
  private:
-  // Returns false when nothing is answered.
+  // Returns false if there is no answer.
   bool spoil(double now_s, Answer& answer);
 
   evaluation::NetworkCondition network_;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "stability/hand.h"
@@ -5,7 +6,7 @@
 
 namespace forcegrid::stability {
 
-/// A spring that a computer renders on a linear device and hand, one axis:
+/// A spring rendered by a computer on a linear device and hand, along one axis:
 ///
 ///   m x'' = -b x' - k x + f,   f(t) = -K x_j - B (x_j - x_{j-1}) / T
 ///   for t in [j T + tau, (j + 1) T + tau),   x_j = x(j T)
@@ -13,7 +14,7 @@ namespace forcegrid::stability {
 /// m, b, k of device and hand together; T the period at which the force is renewed and held, tau
 /// its age when it begins to act. Friction, quantisation and the motors' limit are left out.
 /// For the exact force in every servo cycle T is the servo's period and tau count age + actuation
-/// delay; for `hold` T is the simulator's period, and tau that period and the network's delay more.
+/// delay; for `hold` T is the simulator's period, and tau that period plus the network's delay.
 struct SampledSpring {
   double mass_kg = 0.0;
   double damping_N_s_per_m = 0.0;
@@ -32,8 +33,8 @@ SampledSpring sampled_spring(const DeviceDynamics& device, const Hand& hand, dou
 /// Source: Franklin, Powell and Workman (1998), section 4.3.3, systems with delay.
 double spectral_radius(const SampledSpring& spring, double stiffness_N_per_m);
 
-/// [N/m] Where a K that rises from 1 N/m first makes the loop unstable, to within 0.01 %; infinite
-/// when 1e6 N/m still is stable, zero when 1 N/m is not.
+/// [N/m] The smallest unstable K when K rises from 1 N/m, to within 0.01 %; infinite if 1e6 N/m is
+/// still stable, zero if 1 N/m is unstable.
 double eigenvalue_limit_N_per_m(const SampledSpring& spring);
 
 /// [N/m] Largest passive stiffness of a sampled wall without delay, b > K T / 2 + |B|.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -7,14 +8,14 @@
 
 namespace forcegrid::stability {
 
-/// What the tool is in contact with, as a perfect simulator would know it at every instant. Objects
-/// with a memory are advanced along the tool's path, once a servo cycle.
-/// Threads: one; every run has its own.
+/// The object that the tool touches, as a perfect simulator would know it at every instant. Objects
+/// with memory are advanced along the tool's path once per servo cycle.
+/// Threads: one. Every run has a separate object.
 class VirtualObject {
  public:
   using Value = evaluation::ForceTable::Value;
 
-  /// What the simulator says of the contact.
+  /// State of the contact as reported by the simulator.
   struct Contact {
     bool in_contact = true;
     std::uint32_t epoch = 1;  ///< a new number at every discontinuity
@@ -23,13 +24,15 @@ class VirtualObject {
 
   virtual ~VirtualObject() = default;
 
-  /// The tool is at `position_W` [m] at `time_s` [s]; times never decrease.
+  /// Advances the object to `time_s` [s] with the tool at `position_W` [m]; times must not
+  /// decrease.
   virtual void advance(double time_s, const Eigen::Vector3d& position_W) {
     static_cast<void>(time_s);
     static_cast<void>(position_W);
   }
 
-  /// Force [N] and stiffness [N/m] for a tool at `position_W` in the object's present state.
+  /// Returns force [N] and stiffness [N/m] for a tool at `position_W` [m] in the object's present
+  /// state.
   virtual Value at(const Eigen::Vector3d& position_W) const = 0;
 
   virtual Contact contact() const = 0;
@@ -38,7 +41,7 @@ class VirtualObject {
   virtual double stiffness_N_per_m() const noexcept = 0;
 };
 
-/// F = -K (x - c): what the theory of sampled springs speaks of.
+/// F = -K (x - c): the spring of the theory of sampled springs.
 class LinearObject final : public VirtualObject {
  public:
   LinearObject(double stiffness_N_per_m, const Eigen::Vector3d& contact_point_W)
@@ -56,11 +59,11 @@ class LinearObject final : public VirtualObject {
   Eigen::Vector3d contact_point_W_;
 };
 
-/// A deformable object that the tool holds, from its force table, made as stiff as wanted:
+/// A deformable object that the tool holds, from its force table, scaled to a given stiffness:
 ///
 ///   F = K / K_table F_table(clamp(x - c))
 ///
-/// Beyond the table the force stays what it is at its edge. `table` must outlive the object.
+/// Outside the table the force is that at its edge. `table` must outlive the object.
 class TableObject final : public VirtualObject {
  public:
   TableObject(const evaluation::ForceTable& table, double stiffness_N_per_m,

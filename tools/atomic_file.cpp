@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/atomic_file.h"
 
 #include <fcntl.h>
@@ -56,7 +57,7 @@ void write_to_disk(const std::string& file, std::string_view text) {
   }
 }
 
-// The names in the folder, too, have to be on the disk.
+// Syncs the folder, so that the new name is on the disk, too.
 void sync_folder(const std::string& folder) {
   const Descriptor descriptor(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (descriptor.number() < 0 || ::fsync(descriptor.number()) != 0) {
@@ -64,7 +65,7 @@ void sync_folder(const std::string& folder) {
   }
 }
 
-// A second name for the old content, so that the file itself is never away.
+// A second name for the old content, so that the file itself never disappears.
 void keep_old(const std::string& file) {
   std::error_code error;
   if (!fs::exists(file, error)) {
@@ -92,7 +93,7 @@ void replace_file(const std::string& file, const std::string& text,
   if (error) {
     fail(folder, error.message());
   }
-  // A folder is part of the name, so that whoever looks it up takes it for a path.
+  // With a folder in the name, lookups treat it as a path.
   const std::string fresh = folder + "/." + fs::path(file).filename().string() + "." +
                             std::to_string(::getpid()) + ".new";
   try {

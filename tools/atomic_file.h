@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -6,19 +7,20 @@
 
 namespace forcegrid::tools {
 
-/// A file that can't be replaced; names it, the system's words and the remedy.
+/// A file can't be replaced. what() names the file, the system's reason and the remedy.
 class AtomicFileError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// Gives `file` another content, making its folder if need be. Who opens it, at any time and after
-/// a power failure, finds the old one or the new one whole: it is written beside, brought to the
-/// disk and renamed. The old one stays as FILE.old.
-/// @param check  looks at the written file before it takes the place; what it throws leaves all as
-///               it was.
-/// @throws AtomicFileError; `file` is as it was then.
-/// Real-time: no. Threads: any, but two for one file get in each other's way.
+/// Replaces the content of `file` atomically and creates its folder if necessary. At any time, also
+/// after a power failure, a reader finds either the complete old content or the complete new one:
+/// the new file is written beside the old one, synced to disk and renamed. The old content remains
+/// as FILE.old.
+/// @param check inspects the new file before it replaces the old one; if it throws, nothing is
+///         replaced.
+/// @throws AtomicFileError; `file` is then unchanged.
+/// Real-time: no. Threads: any, but at most one at a time per file.
 void replace_file(const std::string& file, const std::string& text,
                   const std::function<void(const std::string& written)>& check);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/config_file.h"
 
 #include <algorithm>
@@ -44,7 +45,8 @@ Scalar scalar_of(const std::string& file, const toml::node& node, const std::str
     return {boolean->get() ? "true" : "false", ConfigType::kBoolean};
   }
   fail(file, node, key,
-       "a date, table or array in a place for one value; write a text, a number, true or false");
+       "expected a single value, found a date, table or array; write a text, a number, true or "
+       "false");
 }
 
 bool is_numeric(ConfigType type) {
@@ -61,7 +63,7 @@ ConfigValue array_value(const std::string& file, const toml::array& array, const
     } else if (is_numeric(value.type) && is_numeric(scalar.type)) {
       value.type = std::max(value.type, scalar.type);
     } else if (value.type != scalar.type) {
-      fail(file, element, key, "elements of several types; write one type in an array");
+      fail(file, element, key, "an array with elements of different types; use one type");
     }
     value.texts.push_back(scalar.text);
   }
@@ -189,9 +191,10 @@ void set_in_config(const std::string& file,
   const auto check = [&](const std::string& written) {
     const std::vector<ConfigValue> values = read_config_file(written);
     for (const auto& [key, value] : keys) {
-      const bool said = std::any_of(values.begin(), values.end(), [&](const ConfigValue& one) {
+      const auto says_it = [&key = key, &value = value](const ConfigValue& one) {
         return one.key == key && toml_text(one.texts, one.type, one.is_array) == value;
-      });
+      };
+      const bool said = std::any_of(values.begin(), values.end(), says_it);
       if (!said) {
         throw ConfigError(
             file + ": key '" + key +

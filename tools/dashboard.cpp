@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/dashboard.h"
 
 #include <fcntl.h>
@@ -39,7 +40,7 @@ void restore_and_die(int number) {
 
 void restore_and_sleep(int) {
   put(kLeave, sizeof kLeave - 1);
-  const int file = terminal.exchange(-1);  // no picture in between
+  const int file = terminal.exchange(-1);  // so that no picture is drawn in between
   ::raise(SIGSTOP);
   terminal = file;
   put(kEnter, sizeof kEnter - 1);
@@ -69,12 +70,12 @@ void Dashboard::check(std::FILE* out) {
   const char* const term = std::getenv("TERM");
   if (::isatty(::fileno(out)) == 0) {
     throw std::runtime_error(
-        "--live: the output is no terminal; leave --live out (a line a second is printed instead), "
-        "or over ssh give it one: ssh -t HOST forcegrid run --live");
+        "--live: the output is not a terminal; leave out --live (a line per second is printed "
+        "instead), or over ssh request a terminal: ssh -t HOST forcegrid run --live");
   }
   if (term == nullptr || term[0] == '\0' || std::strcmp(term, "dumb") == 0) {
     throw std::runtime_error(
-        "--live: this terminal (TERM) can't move its cursor; leave --live out, or set TERM, e.g. "
+        "--live: this terminal (TERM) can't move its cursor; leave out --live, or set TERM, e.g. "
         "export TERM=xterm");
   }
 }

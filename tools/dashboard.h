@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <atomic>
@@ -11,24 +12,23 @@
 
 namespace forcegrid::tools {
 
-/// Draws a DashboardPicture on a terminal five times a second, on the alternate screen, with plain
-/// escape codes of ECMA-48 (any terminal, tmux, ssh). The terminal is as before when this object is
-/// gone, and also after Ctrl-Z and after signals that end the process at once (SIGSEGV, SIGABRT and
-/// the like); only SIGKILL can't be answered (`reset` mends that). Nothing is set but screen and
-/// cursor, and no key is read.
-/// Real-time: add() takes a mutex; for telemetry's thread, never for the servo's.
+/// Draws a DashboardPicture on a terminal five times per second, on the alternate screen, with
+/// plain escape codes of ECMA-48 (any terminal, tmux, ssh). Changes only screen and cursor, and
+/// reads no key. The destructor restores the terminal, as do the handlers of Ctrl-Z and of signals
+/// that end the process at once (SIGSEGV, SIGABRT and others). After SIGKILL, run `reset`.
+/// Real-time: no. add() locks a mutex; call it from telemetry's thread, never from the servo's.
 /// Threads: add() and note() from any.
 class Dashboard {
  public:
-  /// @throws std::runtime_error with the remedy where `out` is no terminal that can do it. At most
-  ///         one at a time.
+  /// @throws std::runtime_error with the remedy if `out` is not a terminal with these codes. At
+  ///         most one dashboard at a time.
   Dashboard(std::FILE* out, DashboardTitle title);
-  /// Restores the terminal, and prints the notes that were taken meanwhile.
+  /// Restores the terminal and prints the notes that arrived meanwhile.
   ~Dashboard();
   Dashboard(const Dashboard&) = delete;
   Dashboard& operator=(const Dashboard&) = delete;
 
-  /// Refuses what the constructor would, before a run is set up.
+  /// Throws as the constructor does; for a check before a run is set up.
   static void check(std::FILE* out);
 
   void add(const servo::CycleRecord& cycle);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/dashboard_picture.h"
 
 #include <algorithm>
@@ -99,9 +100,9 @@ void DashboardPicture::add_second(const servo::CycleRecord& cycle) {
 std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
   const servo::CycleRecord& c = newest_;
   const double elapsed_s = 1e-9 * static_cast<double>(c.time_ns - first_ns_);
-  const std::string member = c.rendered_member < title_.members.size()
-                                 ? " (" + title_.members[c.rendered_member] + ")"
-                                 : "";
+  const std::string candidate = c.rendered_candidate < title_.candidates.size()
+                                    ? " (" + title_.candidates[c.rendered_candidate] + ")"
+                                    : "";
   const double asked_N = norm(c.method_force_W_N[0]);
   const double sent_N = norm(c.commanded_force_D_N);
   std::vector<std::string> all{
@@ -125,13 +126,13 @@ std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
       text("contact     %-4s gain %4.2f  largest force %5.2f N  current %+5.2f %+5.2f %+5.2f A",
            c.in_contact ? "yes" : "no", c.gain, force_max_N_, c.current_A[0], c.current_A[1],
            c.current_A[2]),
-      text("method      %s%s, felt: %s", to_string(c.method_status[0]), member.c_str(),
+      text("method      %s%s, force from: %s", to_string(c.method_status[0]), candidate.c_str(),
            to_string(c.rung)),
       text("energy      to the hand %+8.2f mJ in this contact, %+8.2f mJ in all",
            1e3 * c.energy_to_hand_J, 1e3 * work_J_),
       text("limits      %-24s fault %s", limits(c.limits_acted).c_str(), servo::name_of(c.fault)),
       ""};
-  // The histogram takes what is left but the last line.
+  // The histogram takes the remaining lines but the last.
   all[all.size() - 1] =
       text("wake-up     late by at most ... us: share of cycles; worst %.0f us", wakeup_us_.max());
   std::vector<std::string> histogram;
@@ -142,7 +143,7 @@ std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
     histogram.push_back(
         text("%s %7.3f %% %s", edge.c_str(), 100.0 * share, text_bar(share, kBar).c_str()));
   }
-  // Two bins a line would not be read: the rarest small ones are left out where rows are few.
+  // If rows are few, the rarest small bins are left out; two bins per line would be unreadable.
   const auto room = static_cast<std::size_t>(std::max(rows - 1, 0));
   for (std::size_t i = 0; i < histogram.size() && all.size() < room; ++i) {
     const std::size_t left = room - all.size();

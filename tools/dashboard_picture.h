@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -9,10 +10,10 @@
 
 namespace forcegrid::tools {
 
-/// What a dashboard says of a run besides its cycles.
+/// Facts of a run that a dashboard shows besides its cycles.
 struct DashboardTitle {
   std::string device, scene, method;
-  std::vector<std::string> members;  ///< of the rendered method
+  std::vector<std::string> candidates;  ///< of the rendered method, an ensemble
   double rate_Hz = 500.0;
 };
 
@@ -22,8 +23,8 @@ class DashboardPicture {
   explicit DashboardPicture(DashboardTitle title);
 
   void add(const servo::CycleRecord& cycle);
-  /// What the program has to say; the newest is shown.
-  void note(const std::string& text);
+  /// A message of the program; the newest one is shown.
+  void note(const std::string& words);
 
   static constexpr int kColumns = 80;
   static constexpr int kRows = 24;

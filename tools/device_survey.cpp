@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/device_survey.h"
 
 #include <grp.h>
@@ -59,7 +60,7 @@ std::vector<const DeviceProfile*> profiles_of(const std::vector<DeviceProfile>& 
   return matching;
 }
 
-// Where tests keep what is below /dev.
+// Tests keep the contents of /dev elsewhere.
 std::string real_path(const std::string& node, const SurveyRoots& roots) {
   return roots.dev + node.substr(std::strlen("/dev"));
 }
@@ -83,7 +84,7 @@ std::string installed_rule(const SurveyRoots& roots) {
   return "";
 }
 
-// The step that is missing between the user and the node: rule, group, session, or plugging in.
+// The missing step between the user and the node: rule, group, session, or plugging in again.
 Obstacle permission_obstacle(const std::string& node, const struct stat& status,
                              const SurveyRoots& roots, const SurveyUser& user) {
   Obstacle obstacle{"permission", true, "", ""};
@@ -102,13 +103,14 @@ Obstacle permission_obstacle(const std::string& node, const struct stat& status,
     obstacle.what += "the rule " + rule + " was installed after the device was plugged in";
     obstacle.remedy = "sudo udevadm control --reload, then plug the device in again";
   } else if (!user.plugdev_listed) {
-    obstacle.what += "the rule gives it to group plugdev, in which " + user.name + " is not";
+    obstacle.what += "the rule gives it to group plugdev, but " + user.name + " is not in it";
     obstacle.remedy = "sudo usermod -aG plugdev " + user.name + ", then log in again";
   } else if (!user.plugdev_active) {
     obstacle.what += user.name + " is in group plugdev, but not yet in this session";
     obstacle.remedy = "log in again (or for this shell: newgrp plugdev)";
   } else {
-    obstacle.what += "although its group is right; something else refuses (a container, an ACL)";
+    obstacle.what +=
+        "although the group is right; something else denies access (a container, an ACL)";
     obstacle.remedy = "getfacl " + node + "; in a container pass the device in";
   }
   return obstacle;
@@ -120,8 +122,8 @@ struct Holder {
   bool locks = false;
 };
 
-// Programs of this project lock the node (/proc/locks shows every user's); any program that has it
-// open can be seen in /proc/PID/fd, of other users by root only.
+// Programs of this project lock the node, and /proc/locks shows every user's locks. Any program
+// that has it open appears in /proc/PID/fd, but only root sees those of other users.
 std::vector<Holder> holders_of(const std::string& node, const struct stat& status,
                                const SurveyRoots& roots) {
   std::set<std::string> locking;
@@ -173,8 +175,8 @@ void look_at_node(FoundDevice& device, const SurveyRoots& roots, const SurveyUse
     const bool blocks = holder.locks || device.bus == "usbfs";
     device.obstacles.push_back(
         {"busy", blocks,
-         who + (blocks ? " drives it" : " has it open, and could send to it at the same time"),
-         "end it (kill " + holder.pid + "), or wait until it has ended"});
+         who + (blocks ? " drives it" : " has it open and could send to it at the same time"),
+         "end it (kill " + holder.pid + "), or wait until it ends"});
   }
 }
 
@@ -182,10 +184,10 @@ void look_at_power(FoundDevice& device, const fs::path& usb) {
   if (first_line(usb / "power/control") == "auto") {
     device.obstacles.push_back(
         {"autosuspend", false,
-         "the kernel may suspend it when idle (power/control is auto), which drops its first "
-         "reports and its motors",
+         "the kernel may suspend it when idle (power/control is auto), which loses its first "
+         "reports and switches its motors off",
          "echo on | sudo tee " + (usb / "power/control").string() +
-             " (the udev rule does this at every plugging in)"});
+             " (the udev rule does this whenever the device is plugged in)"});
   }
 }
 
@@ -227,7 +229,7 @@ FoundDevice hid_device(const driver::HidrawNode& node,
     const std::size_t remedy = objection.rfind("; ");
     device.obstacles.push_back({"descriptor", true, objection.substr(0, remedy),
                                 remedy == std::string::npos ? "" : objection.substr(remedy + 2)});
-    device.firmware = objection.find("W1") != std::string::npos ? "W1" : "none of ours";
+    device.firmware = objection.find("W1") != std::string::npos ? "W1" : "unknown";
   }
   look_at_node(device, roots, user);
   return device;
@@ -254,15 +256,15 @@ FoundDevice usb_device(const fs::path& usb, const std::vector<const DeviceProfil
   std::error_code error;
   const fs::path driver = fs::read_symlink(usb / (device.port_path + ":1.0") / "driver", error);
   const std::string who =
-      error ? "no driver of the kernel" : "driver " + driver.filename().string();
+      error ? "no kernel driver" : "driver " + driver.filename().string() + ", not usbhid,";
   device.obstacles.push_back(
-      {"no node", true, "it has no hidraw node: " + who + " has its interface instead of usbhid",
-       "end the program that took it (a libusb client), or plug it in again; "
-       "sudo modprobe usbhid where the module is missing"});
+      {"no node", true, "it has no hidraw node because " + who + " has its interface",
+       "end the program that claimed it (a libusb client), or plug it in again; if the module is "
+       "missing, sudo modprobe usbhid"});
   return device;
 }
 
-// An IPv6 address stands in brackets before a port.
+// An IPv6 address before a port is in brackets.
 std::string without_brackets(const std::string& host) {
   const bool bracketed = host.size() > 2 && host.front() == '[' && host.back() == ']';
   return bracketed ? host.substr(1, host.size() - 2) : host;
@@ -358,7 +360,7 @@ std::vector<FoundDevice> survey_usbip(const std::vector<DeviceProfile>& known,
     const auto [stopped, error] = std::from_chars(host_and_port.data() + colon + 1, end, port);
     if (error != std::errc() || stopped != end || port == 0) {
       throw driver::DeviceError("USB/IP server '" + host_and_port +
-                                "': no port from 1 to 65535 behind the colon; write HOST:PORT");
+                                "': the port after the colon must be 1 to 65535; write HOST:PORT");
     }
   }
   std::vector<FoundDevice> found;

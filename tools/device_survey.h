@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -12,7 +13,7 @@
 
 namespace forcegrid::tools {
 
-/// Where the system keeps what a survey reads; tests have their own.
+/// Folders of the system that a survey reads; tests supply their own.
 struct SurveyRoots {
   std::string sysfs = "/sys";
   std::string dev = "/dev";
@@ -22,27 +23,27 @@ struct SurveyRoots {
                                            "/lib/udev/rules.d"};
 };
 
-/// On whose behalf the survey asks.
+/// The user whose access the survey checks.
 struct SurveyUser {
   std::string name;
-  std::optional<gid_t> plugdev;  ///< nothing: there is no such group
-  bool plugdev_listed = false;   ///< among its members
-  bool plugdev_active = false;   ///< and so in this session
+  std::optional<gid_t> plugdev;  ///< empty: the group does not exist
+  bool plugdev_listed = false;   ///< the user is a member of the group
+  bool plugdev_active = false;   ///< the membership is active in this session
   std::function<bool(const std::string& node)> may_open;
 };
 
-/// The user of this process.
+/// Returns the user of this process.
 SurveyUser current_user();
 
-/// What is in the way of a device, or will be.
+/// A reason why a device can't be used, or may fail in use.
 struct Obstacle {
   std::string kind;    ///< "permission", "busy", "descriptor", "no node", "autosuspend"
-  bool blocks = true;  ///< false: it works, but not for long or not alone
+  bool blocks = true;  ///< false: the device works, but may fail or is shared
   std::string what;
-  std::string remedy;  ///< a command where there is one
+  std::string remedy;  ///< a command if there is one
 };
 
-/// A device that could be one of ours, by its USB numbers.
+/// A device whose USB numbers match a profile.
 struct FoundDevice {
   std::string bus;        ///< "hidraw", "usbfs", "usbip"
   std::string node;       ///< "/dev/hidraw3", "/dev/bus/usb/001/004"; empty: none
@@ -50,21 +51,22 @@ struct FoundDevice {
   std::uint16_t vendor_id = 0;
   std::uint16_t product_id = 0;
   std::string manufacturer, product, serial;
-  std::string firmware;               ///< which variant, as far as can be told without opening it
-  std::vector<std::string> profiles;  ///< that have its numbers
+  std::string firmware;               ///< variant, as far as it shows without opening the device
+  std::vector<std::string> profiles;  ///< with its USB numbers
   std::string url;                    ///< for --device
   std::vector<Obstacle> obstacles;
 
   bool usable() const;
 };
 
-/// Every attached device that has the USB numbers of one of `known`, by port. Nothing is opened.
+/// Returns every attached device that has the USB numbers of one of `known`, sorted by port. Opens
+/// no device.
 /// Real-time: no. Threads: any.
 std::vector<FoundDevice> survey_devices(const std::vector<profiles::DeviceProfile>& known,
                                         const SurveyRoots& roots, const SurveyUser& user);
 
-/// The same of a USB/IP server, HOST or HOST:PORT (3240).
-/// @throws driver::DeviceError when it can't be asked, or for an impossible port.
+/// Returns the same for a USB/IP server, HOST or HOST:PORT (default 3240).
+/// @throws driver::DeviceError if the server can't be queried, or for an invalid port.
 std::vector<FoundDevice> survey_usbip(const std::vector<profiles::DeviceProfile>& known,
                                       const std::string& host_and_port);
 

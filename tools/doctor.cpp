@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/doctor.h"
 
 #include <sys/resource.h>
@@ -58,19 +59,19 @@ Finding rule_finding(const DoctorSystem& system) {
   if (installed.empty()) {
     finding.verdict = Verdict::kBad;
     finding.what = std::string(kRule) + " is not installed";
-    finding.cost = "devices can be used by root only, and may be suspended when idle";
+    finding.cost = "only root can use devices, and they may be suspended when idle";
   } else if (text_of(installed) != udev_rule_text()) {
     finding.verdict = Verdict::kWarn;
-    finding.what = installed + " is not that of this version";
+    finding.what = installed + " differs from this version's rule";
     finding.cost = "newer devices may not be covered";
   } else {
-    finding.what = installed + " is that of this version";
+    finding.what = installed + " is this version's rule";
     return finding;
   }
   finding.remedy = install;
-  finding.fixes.push_back({target, udev_rule_text(),
-                           "installs the rule; it acts on devices that are plugged in after "
-                           "'udevadm control --reload'"});
+  finding.fixes.push_back(
+      {target, udev_rule_text(),
+       "installs the rule; it applies to devices plugged in after 'udevadm control --reload'"});
   return finding;
 }
 
@@ -78,19 +79,20 @@ Finding group_finding(const SurveyUser& user) {
   Finding finding{.check = "group plugdev"};
   if (!user.plugdev) {
     finding.verdict = Verdict::kWarn;
-    finding.what = "there is no group plugdev";
-    finding.cost = "the rule then serves only who sits at the computer, not ssh and services";
+    finding.what = "the group plugdev does not exist";
+    finding.cost =
+        "the rule then works only for the user at the computer, not over ssh or for services";
     finding.remedy = "sudo groupadd --system plugdev && sudo usermod -aG plugdev " + user.name +
                      ", then log in again";
   } else if (!user.plugdev_listed && user.name != "root") {
     finding.verdict = Verdict::kWarn;
     finding.what = user.name + " is not in group plugdev";
-    finding.cost = "devices can be used at the seat, not over ssh or by services";
+    finding.cost = "devices can be used at the computer, not over ssh or by services";
     finding.remedy = "sudo usermod -aG plugdev " + user.name + ", then log in again";
   } else if (!user.plugdev_active && user.name != "root") {
     finding.verdict = Verdict::kWarn;
     finding.what = user.name + " is in group plugdev, but not yet in this session";
-    finding.cost = "as if not in it";
+    finding.cost = "the membership has no effect yet";
     finding.remedy = "log in again (or for this shell: newgrp plugdev)";
   } else {
     finding.what = user.name == "root" ? "not needed by root" : user.name + " is in it";
@@ -98,7 +100,7 @@ Finding group_finding(const SurveyUser& user) {
   return finding;
 }
 
-// Both limits come from one file.
+// One file sets both limits.
 FileFix limits_fix(const DoctorSystem& system) {
   return {system.etc + "/security/limits.d/95-forcegrid.conf", kLimits,
           "lets group plugdev have real-time priority and locked memory, from the next login on"};
@@ -113,7 +115,7 @@ std::vector<Finding> limit_findings(const DoctorSystem& system) {
   if (!system.grants.realtime_refused.empty()) {
     realtime.verdict = Verdict::kBad;
     realtime.what = "refused: " + system.grants.realtime_refused;
-    realtime.cost = "any other program may hold the loop up for milliseconds";
+    realtime.cost = "any other program may delay the loop for milliseconds";
     realtime.remedy = remedy;
     realtime.fixes.push_back(limits_fix(system));
   }
@@ -122,7 +124,7 @@ std::vector<Finding> limit_findings(const DoctorSystem& system) {
   if (!system.grants.memory_refused.empty()) {
     memory.verdict = Verdict::kWarn;
     memory.what = "refused: " + system.grants.memory_refused;
-    memory.cost = "a page that was swapped out may hold a cycle up for milliseconds";
+    memory.cost = "a swapped-out page may delay a cycle for milliseconds";
     memory.remedy = remedy;
     memory.fixes.push_back(limits_fix(system));
   }
@@ -134,7 +136,7 @@ Finding kernel_finding(const DoctorSystem& system) {
   const std::string version = first_line(system.roots.proc + "/sys/kernel/version");
   const std::string command_line = first_line(system.roots.proc + "/cmdline");
   const std::string remedy =
-      "sudo apt-get install linux-image-rt-amd64, then reboot into it (or with the present kernel: "
+      "sudo apt-get install linux-image-rt-amd64, then reboot into it (or with the current kernel: "
       "add preempt=full to GRUB_CMDLINE_LINUX in /etc/default/grub, sudo update-grub, reboot)";
   const bool full = command_line.find("preempt=full") != std::string::npos;
   if (first_line(system.roots.sysfs + "/kernel/realtime") == "1" ||
@@ -142,7 +144,7 @@ Finding kernel_finding(const DoctorSystem& system) {
     finding.what = "PREEMPT_RT";
   } else if (version.empty()) {
     finding.verdict = Verdict::kUnknown;
-    finding.what = "the kernel does not tell";
+    finding.what = "the kernel does not report it";
   } else if (version.find("PREEMPT_DYNAMIC") != std::string::npos) {
     finding.verdict = full ? Verdict::kGood : Verdict::kWarn;
     finding.what = full ? "PREEMPT_DYNAMIC, full" : "PREEMPT_DYNAMIC without preempt=full";
@@ -152,7 +154,7 @@ Finding kernel_finding(const DoctorSystem& system) {
     finding.what = finding.verdict == Verdict::kGood ? "PREEMPT" : "no preemption in the kernel";
   }
   if (finding.verdict == Verdict::kWarn) {
-    finding.cost = "another program's long system call holds the loop up until its end";
+    finding.cost = "another program's long system call delays the loop until it ends";
     finding.remedy = remedy;
   }
   return finding;
@@ -183,19 +185,19 @@ Finding governor_finding(const DoctorSystem& system) {
     known += governor.empty() ? 0 : 1;
     if (!governor.empty() && governor != "performance") {
       slow += (slow.empty() ? "" : ", ") + cpu.filename().string() + " " + governor;
-      finding.fixes.push_back({file, "performance\n", "until the next start of the computer"});
+      finding.fixes.push_back({file, "performance\n", "until the computer restarts"});
     }
   }
   if (known == 0) {
     finding.verdict = Verdict::kUnknown;
-    finding.what = "the kernel does not govern the clock here (a virtual machine?)";
+    finding.what = "the kernel does not control the clock frequency here (a virtual machine?)";
   } else if (slow.empty()) {
     finding.what = "performance";
   } else {
     finding.verdict = Verdict::kWarn;
     finding.what = slow;
     finding.cost =
-        "cycles take longer while the clock is low, since the loop alone does not raise it";
+        "cycles take longer at a low clock frequency, and the loop alone does not raise it";
     finding.remedy =
         "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor";
   }
@@ -230,8 +232,7 @@ Finding idle_finding(const DoctorSystem& system) {
     std::snprintf(text, sizeof text, "up to %.0f us of every cycle, before it begins", deepest_us);
     finding.cost = text;
     finding.remedy =
-        "sudo cpupower idle-set -D 100 (package linux-cpupower); it costs power, so "
-        "undo it with -E";
+        "sudo cpupower idle-set -D 100 (package linux-cpupower); it costs power; undo it with -E";
   }
   return finding;
 }
@@ -246,14 +247,14 @@ Finding clock_finding(const DoctorSystem& system) {
   finding.what = text;
   if (system.grants.clock_resolution_ns > 1000) {
     finding.verdict = Verdict::kBad;
-    finding.cost = "deadlines are kept to a tick of the kernel only, a cycle or more";
+    finding.cost = "deadlines are met only to within a kernel tick, a cycle or more";
     finding.remedy = "boot a kernel with CONFIG_HIGH_RES_TIMERS and without highres=off";
   } else if (source == "hpet" || source == "acpi_pm" || source == "refined-jiffies") {
     finding.verdict = Verdict::kWarn;
-    finding.cost = "each look at the clock takes a microsecond and more, some in every cycle";
+    finding.cost = "each reading of the clock takes a microsecond or more, several times per cycle";
     finding.remedy =
-        "dmesg | grep -i clocksource says why tsc was given up; tsc=reliable on the "
-        "kernel's command line where it is sound";
+        "dmesg | grep -i clocksource shows why tsc was rejected; if it is sound, add tsc=reliable "
+        "to the kernel's command line";
   }
   return finding;
 }
@@ -281,10 +282,10 @@ Finding irq_finding(const DoctorSystem& system) {
   } else {
     finding.verdict = Verdict::kWarn;
     finding.what = "shared: " + shared;
-    finding.cost = "the other device's interrupts come before a report of the haptic device";
+    finding.cost = "interrupts of the other device may delay reports of the haptic device";
     finding.remedy =
         "plug the device into a port of another controller (lsusb -t shows which), or "
-        "give the other device another slot";
+        "move the other device to another slot";
   }
   return finding;
 }
@@ -373,7 +374,7 @@ std::vector<std::string> apply_fixes(const std::vector<FileFix>& fixes) {
     std::ofstream stream(fix.file);
     stream << fix.text;
     stream.close();
-    const std::string reason = errno != 0 ? std::strerror(errno) : "it did not take effect";
+    const std::string reason = errno != 0 ? std::strerror(errno) : "it had no effect";
     done.push_back(stream && text_of(fix.file) == fix.text
                        ? "wrote " + fix.file + ": " + fix.words
                        : "could not write " + fix.file + " (" + reason +

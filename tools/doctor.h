@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -13,39 +14,39 @@ namespace forcegrid::tools {
 
 enum class Verdict : std::uint8_t {
   kGood,
-  kUnknown,  ///< this system does not tell
-  kWarn,     ///< works, worse than it could
+  kUnknown,  ///< this system does not report it
+  kWarn,     ///< works, but could be better
   kBad,      ///< does not work, or not as a device needs it
 };
 const char* to_string(Verdict verdict) noexcept;
 
-/// A change that can be undone and harms nothing: a text for a file of the system.
+/// A harmless and reversible change: a text to write to a file of the system.
 struct FileFix {
   std::string file;
   std::string text;
-  std::string words;  ///< what it does, and for how long
+  std::string words;  ///< its effect and how long it lasts
 };
 
-/// One thing that was looked at.
+/// The result of one check.
 struct Finding {
   std::string check{};  ///< "CPU governor"
   Verdict verdict = Verdict::kGood;
   std::string what{};
-  std::string cost{};    ///< what it costs the user; empty when good
+  std::string cost{};    ///< effect on the user; empty when good
   std::string remedy{};  ///< the exact command; empty when good
   std::vector<FileFix> fixes{};
   std::vector<std::pair<std::string, double>> measured{};  ///< name with unit, value
-  std::vector<LatencyBin> histogram{};                     ///< of what was measured
+  std::vector<LatencyBin> histogram{};                     ///< of the measured values
 };
 
-/// What the kernel grants this process; tests have their own.
+/// Rights that the kernel grants this process; tests supply their own.
 struct Grants {
   std::string realtime_refused;  ///< why; empty: granted
   std::string memory_refused;    ///< why; empty: granted
   std::int64_t clock_resolution_ns = 1;
 };
 
-/// Asks the kernel, on a thread of its own.
+/// Requests the rights from the kernel, on a separate thread.
 Grants ask_kernel();
 
 struct DoctorSystem {
@@ -55,17 +56,17 @@ struct DoctorSystem {
   Grants grants;
 };
 
-/// Everything that can be read off: rule, group, limits, kernel, governor, idle states, clock, IRQ,
-/// devices. Nothing is changed.
+/// Checks everything that can be read without a measurement: udev rule, group, limits, kernel,
+/// governor, idle states, clock, IRQ, devices. Changes nothing.
 /// Real-time: no. Threads: any.
 std::vector<Finding> examine_system(const DoctorSystem& system,
                                     const std::vector<profiles::DeviceProfile>& known);
 
-/// Makes a finding's changes, each read back.
-/// @returns one sentence for each: what was done, or why it could not be.
+/// Makes a finding's changes and verifies each by reading it back.
+/// @returns one sentence for each: the change, or the reason why it failed.
 std::vector<std::string> apply_fixes(const std::vector<FileFix>& fixes);
 
-/// The text of udev/70-forcegrid.rules, of this program's version.
+/// Returns the text of udev/70-forcegrid.rules in this program's version.
 const char* udev_rule_text() noexcept;
 
 }  // namespace forcegrid::tools

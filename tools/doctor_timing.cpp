@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/doctor_timing.h"
 
 #include <fcntl.h>
@@ -18,7 +19,7 @@
 namespace forcegrid::tools {
 namespace {
 
-constexpr std::size_t kCopied_bytes = 8 << 20;  // beyond the caches that a core has to itself
+constexpr std::size_t kCopied_bytes = 8 << 20;  // more than the private caches of a core
 constexpr std::size_t kWritten_bytes = 1 << 20;
 constexpr auto kDeviceCycle = std::chrono::milliseconds(2);
 constexpr auto kPoll = std::chrono::microseconds(20);
@@ -26,7 +27,7 @@ constexpr auto kAnswerTimeout = std::chrono::milliseconds(20);
 constexpr auto kToolPeriod = std::chrono::milliseconds(2);
 constexpr double kAbove_m = 0.05;
 constexpr double kGoodShare = 0.1;         // of a period, at the 99.9th percentile
-constexpr double kTolerableShare = 0.5;    // beyond it the next deadline is in danger
+constexpr double kTolerableShare = 0.5;    // above it the next deadline is at risk
 constexpr double kUnansweredShare = 0.01;  // of the commands
 
 void copy_memory(const std::atomic<bool>& stop) {
@@ -42,7 +43,7 @@ void write_to_disk(const std::atomic<bool>& stop) {
   std::string name = (std::filesystem::temp_directory_path() / "forcegrid_load_XXXXXX").string();
   const int file = ::mkstemp(name.data());
   if (file < 0) {
-    return;  // no disk to load; the processors are loaded all the same
+    return;  // no disk to load; the processors are still loaded
   }
   ::unlink(name.c_str());
   const std::vector<char> bytes(kWritten_bytes, 1);
@@ -71,14 +72,14 @@ WakeupTest measure_wakeups(double seconds, double period_s, bool load,
   WakeupTest test;
   std::thread sleeper([&] {
     test.realtime = rt::make_current_thread_realtime(rt::kServoPriority).realtime;
-    const rt::ProcessorsAwake awake;  // as in the loop, where it is allowed
+    const rt::ProcessorsAwake awake;  // as in the loop, if permitted
     const rt::Duration period = rt::from_seconds(period_s);
     const rt::TimePoint end = rt::Clock::now() + rt::from_seconds(seconds);
     for (rt::TimePoint deadline = rt::Clock::now() + period; deadline < end && !stop;) {
       rt::sleep_until(deadline);
       const rt::TimePoint now = rt::Clock::now();
       test.latency_us.add(microseconds(now - deadline));
-      // As cyclictest: after a deadline that was missed altogether comes the next one ahead.
+      // As in cyclictest: after a missed deadline, continue with the next one in the future.
       for (deadline += period; deadline < now; deadline += period) {
       }
     }
@@ -114,10 +115,9 @@ Finding judge_wakeups(const std::string& check, const WakeupTest& test, double p
   std::snprintf(text, sizeof text, "one cycle of 1000 begins %.0f %% of a period late or later",
                 100.0 * p999_us / period_us);
   finding.cost = text;
-  finding.remedy = test.realtime
-                       ? "the kernel and processor findings above, first of all a PREEMPT_RT "
-                         "kernel: sudo apt-get install linux-image-rt-amd64"
-                       : "the real-time priority above";
+  finding.remedy = test.realtime ? "fix the kernel and processor findings above, first of all use "
+                                   "a PREEMPT_RT kernel: sudo apt-get install linux-image-rt-amd64"
+                                 : "fix the real-time priority above";
   return finding;
 }
 
@@ -170,10 +170,10 @@ Finding judge_round_trips(const std::string& check, const RoundTrips& trips,
   } else if (static_cast<double>(trips.unanswered) >
              kUnansweredShare * static_cast<double>(trips.sent)) {
     finding.verdict = Verdict::kWarn;
-    finding.cost = "the force stands still, or fades, while no counts come";
+    finding.cost = "the force freezes or fades while no counts arrive";
     finding.remedy =
-        "a shorter cable, a port of the computer itself (lsusb -t), and a look at "
-        "what the kernel says of it: sudo dmesg | grep -i usb";
+        "use a shorter cable or a port of the computer itself (lsusb -t), and check the kernel's "
+        "messages: sudo dmesg | grep -i usb";
   }
   return finding;
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/hdf5_file.h"
 
 #include <hdf5.h>
@@ -12,11 +13,11 @@
 namespace forcegrid::tools {
 namespace {
 
-constexpr unsigned kDeflate = 1;  // the first level brings most of it
+constexpr unsigned kDeflate = 1;  // the first level achieves most of the compression
 constexpr std::size_t kChunkCache_bytes = 1 << 18;
-constexpr std::size_t kChunkCacheSlots = 521;  // a prime, as HDF5 wants
+constexpr std::size_t kChunkCacheSlots = 521;  // a prime, as HDF5 recommends
 constexpr double kEvictWritten = 1.0;
-constexpr std::size_t kLargestAttribute = 60'000;  // HDF5 keeps them in an object's header
+constexpr std::size_t kLargestAttribute = 60'000;  // HDF5 stores attributes in an object's header
 
 // Any of HDF5's identifiers, closed with it.
 class Id {
@@ -36,8 +37,8 @@ class Id {
   herr_t (*close_)(hid_t);
 };
 
-// HDF5 prints its errors itself unless each thread tells it not to; here they become exceptions.
-// Nor may it tidy up at the program's end: what could not be written then makes it crash.
+// Stops HDF5 from printing its errors, which must be set per thread; here they become exceptions.
+// Also stops its clean-up at exit, which crashes after a failed write.
 void be_quiet() {
   static const herr_t once = H5dont_atexit();
   static_cast<void>(once);
@@ -87,7 +88,7 @@ void write_attribute(hid_t object, const std::string& file, const std::string& n
                      const std::string& text) {
   if (text.size() > kLargestAttribute) {
     throw Hdf5Error(file + ": attribute " + name + " has " + std::to_string(text.size()) +
-                    " bytes, more than HDF5 keeps in one");
+                    " bytes, more than HDF5 stores in one attribute");
   }
   const Id type(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(type, std::max<std::size_t>(text.size(), 1));
@@ -175,7 +176,7 @@ Hdf5Writer::Hdf5Writer(const std::string& file) : file_(file) {
   if (id < 0) {
     const std::string reason = errno != 0 ? std::strerror(errno) : "HDF5 refuses it";
     throw Hdf5Error(file + ": can't be created (" + reason +
-                    "); name a file in a folder that exists and may be written");
+                    "); name a file in an existing, writable folder");
   }
   id_ = id;
 }
@@ -184,7 +185,7 @@ Hdf5Writer::~Hdf5Writer() {
   try {
     close();
   } catch (const Hdf5Error&) {
-    // Who wants to know has called close().
+    // Callers that need the error call close().
   }
 }
 
@@ -231,7 +232,7 @@ void Hdf5Writer::close() {
     return;
   }
   if (failed_) {
-    // Left as a kill would leave it, whole up to the last flush: closing would write again.
+    // Left as after a kill, complete up to the last flush: closing would write again.
     columns_.clear();
     id_ = -1;
     return;
@@ -256,14 +257,14 @@ Hdf5Reader::Hdf5Reader(const std::string& file) : file_(file) {
   }
   id_ = H5Fopen(file.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT);
   if (id_ < 0) {
-    fail(file, "is no readable HDF5 file; name a recording of 'forcegrid record'");
+    fail(file, "is not a readable HDF5 file; name a recording of 'forcegrid record'");
   }
 }
 
 Hdf5Reader::~Hdf5Reader() { H5Fclose(id_); }
 
 bool Hdf5Reader::has(const std::string& name) const {
-  std::size_t at = 0;  // HDF5 wants each group on the way to be asked for
+  std::size_t at = 0;  // HDF5 requires a check of each group on the path
   while ((at = name.find('/', at + 1)) != std::string::npos) {
     if (H5Lexists(id_, name.substr(0, at).c_str(), H5P_DEFAULT) <= 0) {
       return false;
@@ -279,7 +280,7 @@ std::string Hdf5Reader::attribute(const std::string& name) const {
   const Id attribute(H5Aopen(id_, name.c_str(), H5P_DEFAULT), H5Aclose);
   const Id type(H5Aget_type(attribute), H5Tclose);
   if (attribute < 0 || H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0) {
-    fail(file_, "attribute " + name + " is no text of fixed length");
+    fail(file_, "attribute " + name + " is not a text of fixed length");
   }
   std::string text(H5Tget_size(type), '\0');
   checked(H5Aread(attribute, type, text.data()), file_, "attribute " + name + " can't be read");
@@ -305,7 +306,7 @@ std::vector<double> Hdf5Reader::numbers(const std::string& column, std::uint64_t
   std::vector<hsize_t> size(static_cast<std::size_t>(H5Sget_simple_extent_ndims(there)), 0);
   H5Sget_simple_extent_dims(there, size.data(), nullptr);
   if (size.empty() || size.front() < first + rows) {
-    throw Hdf5Error(file_ + ": " + column + " has fewer rows than its neighbours");
+    throw Hdf5Error(file_ + ": " + column + " has fewer rows than the other columns");
   }
   size.front() = rows;
   std::vector<double> numbers(std::accumulate(size.begin(), size.end(), std::size_t{1},

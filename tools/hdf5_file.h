@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -10,17 +11,17 @@
 
 namespace forcegrid::tools {
 
-/// A file in HDF5 that can't be written or read; the text names file, object and reason.
+/// An HDF5 file can't be written or read. what() names file, object and reason.
 class Hdf5Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// Of the library, "1.10.8".
+/// Version of the HDF5 library, e.g. "1.10.8".
 std::string hdf5_version();
 
-/// How numbers of a column are kept. They come and go as doubles, which hold all of these exactly
-/// (integers up to 2^53).
+/// Type of a column's numbers in the file. The interface uses doubles, which hold all of these
+/// types exactly (integers up to 2^53).
 enum class Hdf5Type { kFloat64, kFloat32, kInt32, kUint8, kUint32, kUint64 };
 
 /// One column: a data set that grows by rows, each of the shape `row_shape` (empty: one number).
@@ -33,15 +34,15 @@ struct Hdf5Column {
   std::size_t numbers_per_row() const noexcept;
 };
 
-/// Writes a file that is readable at every moment, also after the writer was killed: HDF5's
-/// single-writer/multiple-reader mode orders all writes so that what a reader meets is whole. After
-/// a kill, readers open it with SWMR, as all readers of this project do.
+/// Writes a file that is readable at every moment, even after the writer was killed. HDF5's
+/// single-writer/multiple-reader mode (SWMR) orders all writes so that a reader always finds a
+/// consistent file. After a kill the file must be opened with SWMR, as Hdf5Reader does.
 ///
 /// Construct, add attributes and columns, begin(), then append() and flush(), then close().
 /// Real-time: no. Threads: one at a time.
 class Hdf5Writer {
  public:
-  /// @throws Hdf5Error, also from every other function here.
+  /// @throws Hdf5Error, as does every other function of this class.
   explicit Hdf5Writer(const std::string& file);
   ~Hdf5Writer();
   Hdf5Writer(const Hdf5Writer&) = delete;
@@ -71,7 +72,7 @@ class Hdf5Writer {
 /// Reads such a file, closed or not. Real-time: no. Threads: one at a time.
 class Hdf5Reader {
  public:
-  /// @throws Hdf5Error, also from every other function here.
+  /// @throws Hdf5Error, as does every other function of this class.
   explicit Hdf5Reader(const std::string& file);
   ~Hdf5Reader();
   Hdf5Reader(const Hdf5Reader&) = delete;

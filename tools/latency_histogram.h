@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -8,20 +9,20 @@
 
 namespace forcegrid::tools {
 
-/// Values above the bin before this one, and at most `up_to_us`.
+/// Number of values above the previous bin's limit and at most `up_to_us`.
 struct LatencyBin {
   double up_to_us;  ///< infinity for the last bin
   std::uint64_t count;
 };
 
-/// Bins of 1, 2, 5, 10, ... us up to 100 ms, and one beyond; empty ones at both ends are left out.
-/// Edges are met to within 0.2 %, as rt::Percentiles keeps its values.
+/// Makes bins with limits of 1, 2, 5, 10, ... us up to 100 ms, and one for larger values; empty
+/// bins at both ends are left out. Limits are accurate to 0.2 %, the resolution of rt::Percentiles.
 std::vector<LatencyBin> latency_histogram(const rt::Percentiles& latency_us);
 
-/// One line a bin: edge, count, and a bar as long as its share of all.
+/// Formats one line per bin: limit, count, and a bar whose length is its share of all values.
 std::vector<std::string> histogram_lines(const std::vector<LatencyBin>& bins);
 
-/// `width` characters where `fraction` is 1 (or more), none where it is 0 (or less).
+/// A bar of `width` characters for a `fraction` of 1 or more, empty for 0 or less.
 std::string text_bar(double fraction, int width);
 
 }  // namespace forcegrid::tools

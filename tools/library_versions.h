@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -6,15 +7,16 @@
 
 namespace forcegrid::tools {
 
-/// A part that the program stands on, and its version.
+/// A component that the program depends on, and its version.
 struct PartVersion {
   std::string name;     ///< "libusb"
   std::string version;  ///< "1.0.26"
-  bool loaded = true;   ///< asked of the library that this process loaded; false: compiled in
+  /// Version of the library that this process loaded; false: of the one compiled in.
+  bool loaded = true;
 };
 
-/// The libraries in use, the compiler and the kernel: those that are loaded first. What is part of
-/// the program itself (headers) has the version that it was compiled with.
+/// Returns the libraries in use, the compiler and the kernel; loaded libraries come first.
+/// Header-only libraries have the version that the program was compiled with.
 /// Real-time: no. Threads: any.
 std::vector<PartVersion> library_versions();
 

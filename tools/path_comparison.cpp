@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/path_comparison.h"
 
 #include <algorithm>
@@ -10,7 +11,7 @@ namespace {
 
 constexpr double kCoarse_s = 0.02;
 constexpr double kFine_s = 0.001;
-constexpr int kInstants = 400;  // at which the two are compared while the lag is looked for
+constexpr int kInstants = 400;  // number of instants compared during the search for the lag
 
 PathComparison at_lag(const TimedPath& leader, const TimedPath& follower, double lag_s,
                       int instants) {

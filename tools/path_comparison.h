@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -5,27 +6,26 @@
 
 namespace forcegrid::tools {
 
-/// Where something was, over time.
+/// Positions over time.
 struct TimedPath {
   std::vector<double> time_s;  ///< rising
   std::vector<Eigen::Vector3d> position_m;
 
-  /// On the straight line between the points around `at_s`; the first or last beyond the ends.
+  /// Linear interpolation at `at_s` [s]; the first or last point outside the path's times.
   Eigen::Vector3d at(double at_s) const;
 };
 
-/// How far one path is from another, once shifted in time so that they fit best.
+/// Distance of two paths after shifting one in time for the best fit.
 struct PathComparison {
-  double lag_s = 0.0;  ///< the follower's time at the leader's first point
+  double lag_s = 0.0;  ///< follower's time at the leader's first point
   double rms_m = 0.0;
   double max_m = 0.0;
 };
 
-/// Looks for the lag, from the follower's first point on, at which the RMS distance of the two over
-/// the leader's duration is least, to a millisecond.
+/// Finds the lag, at or after the follower's first point, with the least RMS distance over the
+/// leader's duration. The lag is accurate to 1 ms.
 /// @throws std::invalid_argument for a path of fewer than two points, or a follower shorter than
-/// the
-///         leader.
+///         the leader.
 /// Real-time: no. Threads: any.
 PathComparison compare_paths(const TimedPath& leader, const TimedPath& follower);
 

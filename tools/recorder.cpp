@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/recorder.h"
 
 #include <algorithm>
@@ -53,7 +54,7 @@ void take_vector(const Eigen::Vector3d& v, std::vector<double>& to) {
   to.insert(to.end(), {v.x(), v.y(), v.z()});
 }
 
-// The work of the force sent: that of a cycle acts until the next.
+// Work of the force sent; the force of a cycle acts until the next cycle.
 class WorkOnHand {
  public:
   double after(const CycleRecord& cycle) {
@@ -88,14 +89,14 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
                                }};
   };
   return {
-      {{"/cycles/time_s", T::kFloat64, {}, "start of the cycle, since the recording began"},
+      {{"/cycles/time_s", T::kFloat64, {}, "start of the cycle since the recording began"},
        [start_ns](const CycleRecord& row, std::vector<double>& to) {
          to.push_back(1e-9 * static_cast<double>(row.time_ns - start_ns));
        }},
       number("/cycles/cycle", T::kUint64, &CycleRecord::cycle,
-             "number of the cycle; a gap is cycles that were lost on the way to the file"),
+             "number of the cycle; a gap means cycles lost on the way to the file"),
       number("/cycles/period_us", T::kFloat32, &CycleRecord::period_us,
-             "since the start of the cycle before; 0 in the first"),
+             "since the start of the previous cycle; 0 in the first"),
       number("/cycles/wakeup_us", T::kFloat32, &CycleRecord::wakeup_us,
              "start of the cycle minus its deadline"),
       number("/cycles/compute_us", T::kFloat32, &CycleRecord::compute_us,
@@ -119,14 +120,14 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
                    to.push_back(static_cast<double>(row.method_status[i]));
                  }),
       of_methods("/cycles/method_uncertainty_N", T::kFloat32, 1,
-                 "each method's standard deviation; NaN: it can't tell",
+                 "each method's standard deviation; NaN: unknown",
                  [](const CycleRecord& row, std::size_t i, std::vector<double>& to) {
                    to.push_back(row.method_uncertainty_N[i]);
                  }),
-      number("/cycles/rendered_member", T::kUint8, &CycleRecord::rendered_member,
-             "which of the rendered method's members spoke"),
+      number("/cycles/rendered_member", T::kUint8, &CycleRecord::rendered_candidate,
+             "candidate of the rendered method that was rendered"),
       number("/cycles/rendered_reason", T::kUint8, &CycleRecord::rendered_reason,
-             "why that one, see names_rendered_reason"),
+             "reason for the candidate, see names_rendered_reason"),
       number("/cycles/gain", T::kFloat32, &CycleRecord::gain, "ramp and fade, 0 to 1"),
       triple("/cycles/sent_force_D_N", T::kFloat64, &CycleRecord::commanded_force_D_N,
              "after ramp, fade and every limit, in the device frame"),
@@ -139,16 +140,16 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
       number("/cycles/samples_taken", T::kUint64, &CycleRecord::samples_taken,
              "samples of the simulator since the start"),
       number("/cycles/sample_age_ms", T::kFloat32, &CycleRecord::sample_age_ms,
-             "since the tool was where the newest sample was computed; -1: none"),
+             "time since the tool was at the position of the newest sample; -1: none"),
       number("/cycles/missed_deadlines", T::kUint32, &CycleRecord::missed_deadlines,
              "deadlines that passed unserved just before this cycle"),
       number("/cycles/energy_to_hand_J", T::kFloat64, &CycleRecord::energy_to_hand_J,
-             "what the passivity guard counts of this contact"),
+             "energy that the passivity guard counts for this contact"),
       number("/cycles/passivity_damping_N_s_per_m", T::kFloat32,
              &CycleRecord::passivity_damping_N_s_per_m, "that the guard added"),
       number("/cycles/passivity_scale", T::kFloat32, &CycleRecord::passivity_scale,
              "by which the guard shortened the wanted force"),
-      number("/cycles/rung", T::kUint8, &CycleRecord::rung, "what is felt, see names_rung"),
+      number("/cycles/rung", T::kUint8, &CycleRecord::rung, "source of the force, see names_rung"),
       number("/cycles/fault", T::kUint8, &CycleRecord::fault, "see names_fault"),
       {{"/cycles/work_on_hand_J",
         T::kFloat64,
@@ -289,7 +290,7 @@ Recorder::Recorder(RecorderOptions options)
   }
   thread_ = std::thread([this] {
     rt::name_current_thread("recorder");
-    write_until_told();
+    write_until_end();
   });
 }
 
@@ -321,7 +322,7 @@ std::string Recorder::trouble_so_far() const {
 const RecorderEnd& Recorder::finish() {
   {
     const std::lock_guard lock(mutex_);
-    told_to_end_ = true;
+    end_requested_ = true;
   }
   wake_.notify_all();
   if (thread_.joinable()) {
@@ -330,14 +331,14 @@ const RecorderEnd& Recorder::finish() {
   return end_;
 }
 
-void Recorder::write_until_told() {
+void Recorder::write_until_end() {
   std::vector<CycleRecord> cycles;
   std::vector<ArrivedSample> samples;
   for (bool last = false; !last;) {
     {
       std::unique_lock lock(mutex_);
-      wake_.wait_for(lock, kWritePeriod, [this] { return told_to_end_; });
-      last = told_to_end_;
+      wake_.wait_for(lock, kWritePeriod, [this] { return end_requested_; });
+      last = end_requested_;
       cycles.clear();
       samples.clear();
       std::swap(cycles, cycles_);
@@ -354,9 +355,9 @@ void Recorder::write_until_told() {
     }
   }
   if (end_.trouble.empty() && end_.cycles_lost + end_.samples_lost > 0) {
-    end_.trouble = std::to_string(end_.cycles_lost) + " cycles and " +
-                   std::to_string(end_.samples_lost) +
-                   " samples found the disk too slow and are not in " + options_.file;
+    end_.trouble =
+        std::to_string(end_.cycles_lost) + " cycles and " + std::to_string(end_.samples_lost) +
+        " samples were lost because the disk was too slow; they are missing in " + options_.file;
   }
 }
 
@@ -372,8 +373,8 @@ void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample
       pages_->close();
       end_.closed = true;
       give_up("less than " + std::to_string(options_.keep_free_bytes >> 20) +
-              " MB are free where " + options_.file +
-              " is; the recording ends here, complete so far. Free some space");
+              " MB are free on the disk of " + options_.file +
+              "; the recording ends here, complete so far. Free some space");
     } else {
       pages_->write(cycles, samples);
       end_.cycles += cycles.size();
@@ -382,7 +383,7 @@ void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample
     }
   } catch (const std::exception& error) {
     give_up(std::string(error.what()) +
-            "; the recording ends here, readable so far. Free some space or mend the disk");
+            "; the recording ends here, readable so far. Free some space or repair the disk");
   }
   const std::lock_guard lock(mutex_);
   end_.cycles_lost += cycles.size();

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <condition_variable>
@@ -20,38 +21,38 @@ struct RecorderOptions {
   std::string file;
   double rate_Hz = 500.0;
   std::vector<std::string> method_names;  ///< in the loop's order
-  /// Everything about the run that is no number of a cycle: settings, versions, device.
+  /// Facts about the whole run: settings, versions, device.
   std::vector<std::pair<std::string, std::string>> attributes;
-  /// Recording ends before the disk has less than this left.
+  /// Recording ends before the free space falls below this [bytes].
   std::uintmax_t keep_free_bytes = 64 << 20;
-  /// [bytes] free where `file` is; the tests have their own.
+  /// Returns the free space [bytes] of the disk that holds `file`; tests supply their own.
   std::function<std::uintmax_t(const std::string& file)> free_bytes;
-  /// Told at once, on the recorder's thread, if recording has to end before the run.
+  /// Called at once, on the recorder's thread, if recording must end before the run does.
   std::function<void(const std::string& sentence)> trouble;
 };
 
-/// What became of a recording.
+/// Outcome of a recording.
 struct RecorderEnd {
   std::uint64_t cycles = 0;   ///< in the file
   std::uint64_t samples = 0;  ///< in the file
   std::uint64_t cycles_lost = 0;
   std::uint64_t samples_lost = 0;
-  bool closed = false;  ///< in order; else it is as a kill would leave it
-  std::string trouble;  ///< empty, or why it ended before the run or is not complete
+  bool closed = false;  ///< properly; otherwise the file is as after a kill
+  std::string trouble;  ///< empty, or the reason why it ended early or is incomplete
 };
 
-/// Writes every cycle and every simulator's sample to HDF5, see docs/recording.md, on a thread of
-/// its own: whoever hands over a cycle only appends it to a bounded queue. The servo itself hands
-/// over nothing; its records come through the ring that telemetry drains. Written and flushed once
-/// a second, so that a kill costs about that. Real-time: no. Threads: push() from any; finish()
-/// from the one that constructed.
+/// Writes every cycle and every simulator sample to HDF5 on a separate thread; see
+/// docs/recording.md. push() only appends to a bounded queue. The servo does not call it: its
+/// records come through the ring that telemetry drains. Data are written and flushed once per
+/// second, so a kill loses about one second.
+/// Real-time: no. Threads: push() from any; finish() from the thread that constructed it.
 class Recorder {
  public:
-  /// Cycles and samples that may wait for the disk: 16 s of 4 kHz, 40 MB.
+  /// Largest number of queued cycles and of queued samples: 16 s at 4 kHz, 40 MB.
   static constexpr std::size_t kLargestQueue = 65'536;
 
-  /// Makes the file and starts the thread.
-  /// @throws Hdf5Error when the file can't be made.
+  /// Creates the file and starts the thread.
+  /// @throws Hdf5Error if the file can't be created.
   explicit Recorder(RecorderOptions options);
   ~Recorder();
   Recorder(const Recorder&) = delete;
@@ -62,15 +63,15 @@ class Recorder {
 
   /// CLOCK_MONOTONIC of time zero in the file.
   std::int64_t start_ns() const noexcept { return start_ns_; }
-  /// Empty, or why it has ended already.
+  /// Empty, or the reason why it has already ended.
   std::string trouble_so_far() const;
 
-  /// Writes what waits, closes the file, joins. Idempotent.
+  /// Writes the queue, closes the file and joins the thread. Idempotent.
   const RecorderEnd& finish();
 
  private:
   class Pages;
-  void write_until_told();
+  void write_until_end();
   void write(std::vector<servo::CycleRecord>& cycles, std::vector<servo::ArrivedSample>& samples);
   void give_up(const std::string& sentence);
 
@@ -81,7 +82,7 @@ class Recorder {
   std::condition_variable wake_;
   std::vector<servo::CycleRecord> cycles_;
   std::vector<servo::ArrivedSample> samples_;
-  bool told_to_end_ = false;
+  bool end_requested_ = false;
   bool gave_up_ = false;
   RecorderEnd end_;
   std::thread thread_;

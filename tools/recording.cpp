@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/recording.h"
 
 #include <algorithm>
@@ -10,7 +11,7 @@ namespace {
 
 constexpr char kFormat[] = "forcegrid recording 1";
 
-// Columns grow one after the other: a killed run's may differ by one block.
+// Columns grow one after the other, so after a kill they may differ by one block.
 std::uint64_t common_rows(const Hdf5Reader& reader, std::initializer_list<const char*> columns) {
   std::uint64_t rows = UINT64_MAX;
   for (const char* column : columns) {
@@ -66,7 +67,7 @@ RecordingHeader read_header(const Hdf5Reader& reader) {
   if (format != kFormat) {
     throw Hdf5Error(
         "this HDF5 file is " +
-        (format.empty() ? std::string("no recording of forcegrid") : "a '" + format + "'") +
+        (format.empty() ? std::string("not a recording of forcegrid") : "a '" + format + "'") +
         "; expected a '" + kFormat + "', as 'forcegrid record' writes it");
   }
   RecordingHeader header;
@@ -78,7 +79,7 @@ RecordingHeader read_header(const Hdf5Reader& reader) {
   for (std::string name; std::getline(names, name, ';');) {
     header.method_names.push_back(name);
   }
-  // The first and the last column that are written.
+  // The first and the last column written.
   header.cycles = common_rows(reader, {"/cycles/time_s", "/cycles/work_on_hand_J"});
   header.samples = common_rows(reader, {"/samples/time_s", "/samples/from_query"});
   header.complete = !reader.attribute("ended").empty();
@@ -107,8 +108,8 @@ evaluation::Trace trace_of_recording(const std::string& file, const SolveReferen
   }
   if (first == header.samples) {
     throw evaluation::TraceError(file +
-                                 ": the tool never touched the object, so there is nothing "
-                                 "to judge; record a run with contact");
+                                 ": the tool never touched the object, so there is nothing to "
+                                 "evaluate; record a run with contact");
   }
   const double contact_s = samples.time_s[first];
 
@@ -149,10 +150,9 @@ evaluation::Trace trace_of_recording(const std::string& file, const SolveReferen
     return trace;
   }
   if (header.scene.empty() || !solve) {
-    throw evaluation::TraceError(
-        file +
-        ": has no reference forces, by which methods are judged, and names no scene of "
-        "'forcegrid simulate' that could be solved for them");
+    throw evaluation::TraceError(file +
+                                 ": has no reference forces, which evaluation needs, and names no "
+                                 "scene of 'forcegrid simulate' to compute them from");
   }
   const std::vector<double> time_s = reader.numbers("/cycles/time_s", header.cycles);
   const std::vector<double> fault = reader.numbers("/cycles/fault", header.cycles);

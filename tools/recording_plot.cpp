@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/recording_plot.h"
 
 #include <algorithm>
@@ -21,7 +22,7 @@ double norm3(const std::vector<double>& numbers, std::size_t at) {
                    numbers[at + 2] * numbers[at + 2]);
 }
 
-// One point of the picture: a span of cycles.
+// One point of the picture, for a span of cycles.
 struct Point {
   double time_s = 0.0;
   double position_mm[3] = {};
@@ -35,7 +36,7 @@ struct Point {
   double work_J = 0.0;
 };
 
-// The columns of some rows.
+// Columns of a block of rows.
 struct Block {
   Block(const Hdf5Reader& reader, std::uint64_t rows, std::uint64_t first)
       : time_s(reader.numbers("/cycles/time_s", rows, first)),

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/tuning.h"
 
 #include <algorithm>
@@ -9,7 +10,7 @@
 namespace forcegrid::tools {
 namespace {
 
-constexpr double kAlike = 1.25;  // what a repeated measurement may differ by
+constexpr double kAlike = 1.25;  // largest ratio between repeated measurements
 
 std::string percent(double value) {
   char text[32];
@@ -19,7 +20,7 @@ std::string percent(double value) {
 
 std::string first_word(const std::string& text) { return text.substr(0, text.find(' ')); }
 
-// Why a row is out whatever the loop would say.
+// Why a row fails independently of the loop.
 std::string objection_before_loop(const TuningRow& row, const TuningTolerance& tolerance) {
   if (!row.problem.empty()) {
     return row.problem;
@@ -31,7 +32,7 @@ std::string objection_before_loop(const TuningRow& row, const TuningTolerance& t
   if (row.stability_margin < tolerance.stability_margin) {
     char text[160];
     std::snprintf(text, sizeof text,
-                  "in simulated time it is stable up to %.2f times the stiffness of the path only, "
+                  "in simulated time it is stable only up to %.2f times the stiffness of the path, "
                   "less than %g",
                   row.stability_margin, tolerance.stability_margin);
     return text;
@@ -76,7 +77,7 @@ bool cheaper(const TuningRow& a, const TuningRow& b) {
 }
 
 std::string objection(const TuningRow& row, const TuningTolerance& tolerance) {
-  const std::string before = objection_before_loop(row, tolerance);
+  std::string before = objection_before_loop(row, tolerance);
   if (!before.empty()) {
     return before;
   }
@@ -89,8 +90,8 @@ std::string objection(const TuningRow& row, const TuningTolerance& tolerance) {
   }
   const double share = 1e-6 * row.compute_p99_us * row.rate_Hz;
   if (!(share <= tolerance.compute_share)) {
-    return "one cycle in a hundred computes for " + percent(100.0 * share) +
-           " of its period, above " + percent(100.0 * tolerance.compute_share);
+    return "one cycle in 100 computes for " + percent(100.0 * share) + " of its period, above " +
+           percent(100.0 * tolerance.compute_share);
   }
   return "";
 }
@@ -119,7 +120,7 @@ TuningChoice choose(const std::vector<TuningRow>& rows, const TuningTolerance& t
                   percent(chosen.method_percent()) + " of a processor; ";
   choice.reason += choice.next_cheaper ? "next cheaper is " + name_of(rows[*choice.next_cheaper]) +
                                              ": " + objection(rows[*choice.next_cheaper], tolerance)
-                                       : "nothing that was tried is cheaper";
+                                       : "no setting tried is cheaper";
   return choice;
 }
 

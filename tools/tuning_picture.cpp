@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/tuning_picture.h"
 
 #include <algorithm>
@@ -20,10 +21,10 @@ struct Panel {
   const char* y_title;
   const char* scales;  ///< gnuplot's, e.g. "xy" for logarithmic ones
   Value x;
-  Value y_on_path;  ///< null: only what the loop has measured is drawn
+  Value y_on_path;  ///< null: only values measured in the loop are drawn
   Value y_in_loop;
-  const char* style;  ///< gnuplot's, of what was judged on the path
-  bool over_budgets;  ///< of methods with a grid, at one rate; otherwise with the largest budget
+  const char* style;  ///< gnuplot's, for values on the path
+  bool over_budgets;  ///< for methods with a grid, at one rate; otherwise with the largest budget
 };
 
 double rate_Hz(const TuningRow& row) { return row.rate_Hz; }
@@ -38,10 +39,10 @@ constexpr Panel kPanels[] = {
     {"rate / Hz", "deadlines missed / %", "", rate_Hz, nullptr, missed, "points", false},
     {"processor time of the method / %", "error / %", "xy", cost_percent, path_error, error,
      "points", false},
-    {"fill budget / vertices a cycle", "error / %", "xy", budget, path_error, error, "linespoints",
-     true}};
+    {"fill budget / vertices per cycle", "error / %", "xy", budget, path_error, error,
+     "linespoints", true}};
 
-// Okabe and Ito's colours, told apart by most eyes; then the same with other marks.
+// Okabe and Ito's colours, which most people can distinguish; then the same with other marks.
 constexpr const char* kColours[] = {"#000000", "#E69F00", "#56B4E9", "#009E73",
                                     "#F0E442", "#0072B2", "#CC79A7", "#999999"};
 constexpr const char* kChosenColour = "#D55E00";
@@ -93,7 +94,8 @@ double rate_of_budgets_Hz(const std::vector<TuningRow>& rows, const TuningChoice
   return lowest_Hz;
 }
 
-// What a panel shows of a row: its budgets, or everything at the largest of them.
+// Whether a panel shows a row: all budgets at one rate, or the largest budget of each rate and
+// every measured row.
 bool belongs(const Panel& panel, const TuningRow& row, const std::vector<TuningRow>& rows,
              double budgets_at_Hz) {
   if (panel.over_budgets) {
@@ -124,7 +126,7 @@ Points points(const Panel& panel, const std::vector<TuningRow>& rows, const std:
   return all;
 }
 
-// gnuplot has no range for values that are all alike, and warns of it.
+// gnuplot has no range for values that are all equal, and warns.
 std::string range(char axis, const std::vector<double>& values, bool logarithmic) {
   const auto [least, most] = std::minmax_element(values.begin(), values.end());
   const double margin = *most > *least ? 0.05 * (*most - *least) : 0.1 * std::abs(*most) + 1e-3;

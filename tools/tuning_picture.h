@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -7,10 +8,11 @@
 
 namespace forcegrid::tools {
 
-/// Draws `folder`/tuning.svg and .png from tuning.csv, which it writes, too: error and misses
-/// against rate, error against what the method costs, error against the fill budget; the chosen one
-/// and the tolerated error are marked.
-/// @throws std::runtime_error when that can't be done.
+/// Writes `folder`/tuning.csv and draws tuning.svg and .png from it: error and missed deadlines
+/// over rate, error over the method's cost, and error over the fill budget. The chosen setting and
+/// the tolerated error are marked.
+/// @returns the files written.
+/// @throws std::runtime_error if a file can't be written or drawn.
 std::vector<std::string> draw_tuning(const std::string& folder, const std::vector<TuningRow>& rows,
                                      const TuningChoice& choice, const TuningTolerance& tolerance);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/tuning_search.h"
 
 #include <Eigen/Eigenvalues>
@@ -16,7 +17,7 @@ namespace forcegrid::tools {
 namespace {
 
 constexpr int kHighSpeedFrame_us = 125;
-constexpr int kRepeats = 3;  // the quickest counts: what else the computer did adds to the others
+constexpr int kRepeats = 3;  // the fastest counts; other work of the computer slows the others down
 
 std::unique_ptr<ForceMethod> made(const MethodOptions& base, const TuningRow& row) {
   const MethodVariant variant = parse_method_variant(row.method, base);
@@ -31,7 +32,7 @@ evaluation::Trace at_rate(const evaluation::Trace& trace, double rate_Hz) {
   const double first_s = trace.servo.front().time_s;
   double before_s = first_s;
   for (const evaluation::ServoInstant& instant : trace.servo) {
-    // The next instant of the recording is as far away as the one before.
+    // The next instant of the recording is as far away as the previous one.
     const double slack_s = 0.5 * (instant.time_s - before_s);
     const auto cycle = static_cast<double>(slower.servo.size());
     if (instant.time_s >= first_s + cycle / rate_Hz - slack_s) {
@@ -67,7 +68,8 @@ void judge_on_path(const evaluation::Trace& trace, const MethodOptions& base, Tu
     for (int i = 0; i < kRepeats; ++i) {
       const std::unique_ptr<ForceMethod> method = made(base, row);
       if (method->needs().requests) {
-        row.problem = "it asks the simulator at positions of its own, which no recorded path tells";
+        row.problem =
+            "it requests forces at positions that it chooses, which a recorded path can't answer";
         return;
       }
       const evaluation::Verdict verdict = evaluation::judge(*method, path, judging);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/unit_profile.h"
 
 #include <algorithm>
@@ -61,7 +62,7 @@ std::string unit_profile_file(const std::string& profile_name, const std::string
   const std::vector<ConfigLayer> layers = config_layers("");
   if (layers.back().name != "user") {
     throw UnitProfileError(
-        "there is no folder for calibrated profiles; set HOME, or XDG_CONFIG_HOME to an absolute "
+        "no folder for calibrated profiles; set HOME, or XDG_CONFIG_HOME to an absolute "
         "path, or name a file with --write");
   }
   return folders().front() + "/" + file_name(profile_name, key);
@@ -102,7 +103,8 @@ void write_unit_profile(const std::string& file, const std::string& base,
       static_cast<void>(profiles::load_device_profile(written));
     });
   } catch (const profiles::ProfileError& error) {
-    throw UnitProfileError(file + " was not written, as it would be no profile: " + error.what());
+    throw UnitProfileError(
+        file + " was not written, because the result would be an invalid profile: " + error.what());
   } catch (const AtomicFileError& error) {
     throw UnitProfileError(error.what());
   }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/chart_command.h"
 
 #include <CLI/CLI.hpp>
@@ -170,7 +171,7 @@ void add_accuracy(CLI::App& chart, ChartAccuracyOptions& o, std::function<int()>
   accuracy.callback([&o, &action] { action = [&o] { return chart_accuracy_command(o); }; });
 }
 
-// The tables that a chart is made of hold one force a position.
+// Force tables hold one force per position, so the chart can't show objects that move.
 void note_what_moves(const std::vector<std::string>& scenes) {
   for (const std::string& name : scenes) {
     const evaluation::ChartScene& scene = evaluation::chart_scene(name);
@@ -227,7 +228,7 @@ int chart_accuracy_command(const ChartAccuracyOptions& asked) {
   const std::vector<fs::path> files = evaluation::write_chart(chart, options, figures);
   line.clear();
   print_numbers(chart, options.default_method);
-  std::printf("%zu rows (%zu of them from before) in %s; look at %s\n", chart.rows.size(),
+  std::printf("%zu rows (%zu of them from an earlier call) in %s; open %s\n", chart.rows.size(),
               chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
   return 0;
 }

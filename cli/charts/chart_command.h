@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -14,14 +15,14 @@ class App;
 
 namespace forcegrid::cli {
 
-/// What `forcegrid chart accuracy` was asked for; empty lists are all there is.
+/// Options of `forcegrid chart accuracy`; an empty list selects everything.
 struct ChartAccuracyOptions : ChartChoice {
   std::vector<std::string> scenes;
   std::vector<std::string> trajectories;
   std::vector<std::string> conditions;
-  std::vector<std::string> methods;         ///< MethodVariant texts, or direct
-  std::string goals_for;                    ///< method held against the goals; empty: that of `run`
-  std::vector<std::string> figures;         ///< SCENE/TRAJECTORY/CONDITION
+  std::vector<std::string> methods;  ///< MethodVariant texts, or direct
+  std::string goals_for;             ///< method compared with the goals; empty: that of `run`
+  std::vector<std::string> figures;  ///< SCENE/TRAJECTORY/CONDITION
   std::vector<std::string> figure_methods;  ///< empty: the default method, forcegrid, hold
 };
 
@@ -31,12 +32,12 @@ struct ChartCommandOptions {
   ChartStabilityOptions stability;
 };
 
-/// Adds the subcommand `chart` with its own subcommands `accuracy`, `stability` and `solvers`,
-/// which set `action`.
+/// Adds the subcommand `chart` with its subcommands `accuracy`, `stability` and `solvers`, which
+/// set `action`.
 void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>& action);
 
-/// Judges force methods on the chart's objects, motions and networks, and writes tables, pictures
-/// and a page into `options.out`, see docs/accuracy.md.
+/// Evaluates force methods on the chart's objects, motions and networks, and writes tables,
+/// pictures and a page into `options.out`; see docs/accuracy.md.
 /// @returns the program's exit status, 0.
 /// @throws std::exception with a sentence for the user.
 int chart_accuracy_command(const ChartAccuracyOptions& options);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/chart_solvers_command.h"
 
 #include <CLI/CLI.hpp>
@@ -78,7 +79,7 @@ int chart_solvers_command(const ChartSolversOptions& asked) {
   const auto files = evaluation::write_solver_chart(asked.out, rows, kRate_Hz);
   line.clear();
   print(rows);
-  std::printf("Look at %s\n", files.back().c_str());
+  std::printf("Open %s\n", files.back().c_str());
   return 0;
 }
 

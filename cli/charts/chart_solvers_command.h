@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -11,7 +12,7 @@ class App;
 
 namespace forcegrid::cli {
 
-/// What `forcegrid chart solvers` was asked for.
+/// Options of `forcegrid chart solvers`.
 struct ChartSolversOptions {
   std::string out;
   std::vector<int> sizes{1'000, 10'000, 100'000};  ///< vertices
@@ -22,8 +23,8 @@ struct ChartSolversOptions {
 /// Adds the subcommand `solvers` to `chart`.
 void add_chart_solvers(CLI::App& chart, ChartSolversOptions& options, std::function<int()>& action);
 
-/// Measures what a servo cycle costs with each solver, see docs/solvers.md; as
-/// chart_accuracy_command().
+/// Measures the cost of a servo cycle with each solver; see docs/solvers.md. Result and errors are
+/// those of chart_accuracy_command().
 int chart_solvers_command(const ChartSolversOptions& options);
 
 }  // namespace forcegrid::cli

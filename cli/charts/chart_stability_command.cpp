@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/chart_stability_command.h"
 
 #include <CLI/CLI.hpp>
@@ -93,7 +94,7 @@ int chart_stability_command(const ChartStabilityOptions& asked) {
   print_numbers(chart, options.default_method);
   print_scenes(chart, options.default_method);
   print_sweep(chart);
-  std::printf("%zu cells (%zu of them from before) in %s; look at %s\n", chart.rows.size(),
+  std::printf("%zu cells (%zu of them from an earlier call) in %s; open %s\n", chart.rows.size(),
               chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
   return 0;
 }

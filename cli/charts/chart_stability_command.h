@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -12,9 +13,9 @@ class App;
 
 namespace forcegrid::cli {
 
-/// What `forcegrid chart stability` was asked for.
+/// Options of `forcegrid chart stability`.
 struct ChartStabilityOptions : ChartChoice {
-  std::vector<std::string> methods;  ///< MethodVariant texts; empty: those of the chart
+  std::vector<std::string> methods;  ///< MethodVariant texts; empty: the chart's methods
   std::vector<std::string> parts;    ///< empty: all
   std::vector<std::string> hands;    ///< empty: all
   std::string goals_for;             ///< as ChartAccuracyOptions::goals_for
@@ -24,8 +25,8 @@ struct ChartStabilityOptions : ChartChoice {
 void add_chart_stability(CLI::App& chart, ChartStabilityOptions& options,
                          std::function<int()>& action);
 
-/// Closes the loop over force methods in simulated time, see docs/stability.md; as
-/// chart_accuracy_command().
+/// Measures the stability of force methods in the closed loop in simulated time; see
+/// docs/stability.md. Result and errors are those of chart_accuracy_command().
 int chart_stability_command(const ChartStabilityOptions& options);
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <chrono>
@@ -17,7 +18,7 @@ class App;
 
 namespace forcegrid::cli {
 
-/// What every chart is asked for; the commands' own options derive from it.
+/// Options that every chart has; the options of each command derive from it.
 struct ChartChoice {
   std::string out;
   std::string cache;  ///< folder of force tables; empty: forcegrid in the user's cache folder
@@ -26,7 +27,7 @@ struct ChartChoice {
   std::uint64_t seed = 1;
 };
 
-/// The words of the flags that differ from chart to chart.
+/// Help texts of the flags that differ from chart to chart.
 struct ChartFlagWords {
   const char* quick;
   const char* jobs = "Threads";
@@ -37,26 +38,28 @@ struct ChartFlagWords {
 /// Adds --out, --quick, --jobs, --cache and --seed.
 void add_chart_choice(CLI::App& command, ChartChoice& choice, const ChartFlagWords& words);
 
-/// Adds --goals-for: the method that is held against the chart's goals.
+/// Adds --goals-for: the method that is compared with the chart's goals.
 void add_goals_for(CLI::App& command, std::string& method);
 
-/// The folder for force tables: `asked`, or if that is empty one in the user's cache folder.
-/// @throws std::runtime_error when the environment names none.
+/// Returns the folder for force tables: `asked`, or if that is empty one in the user's cache
+/// folder.
+/// @throws std::runtime_error if neither XDG_CACHE_HOME nor HOME names a folder.
 std::filesystem::path cache_folder(const std::string& asked);
 
-/// What identifies this program: a hash of its own bytes.
-/// @throws std::runtime_error when they can't be read.
+/// Identifies this program by a hash of its executable's bytes.
+/// @throws std::runtime_error if the executable can't be read.
 std::string program_hash();
 
-/// "42 s", "3 min 05 s".
+/// Formats a duration [s] for people: "42 s", "3 min 05 s".
 std::string time_text(double time_s);
 
-/// On a terminal one line that is written over and over, elsewhere a line every ten seconds.
+/// Shows progress on standard error: one line that is overwritten on a terminal, otherwise a line
+/// every ten seconds.
 /// Threads: one at a time.
 class ProgressLine {
  public:
   ProgressLine() = default;
-  /// Clears the line, so that what an exception makes the program say begins on a line of its own.
+  /// Clears the line, so that the message of an exception starts on a new line.
   ~ProgressLine() { clear(); }
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
@@ -64,7 +67,7 @@ class ProgressLine {
   void show(const std::string& what, double done, double remaining_s);
   void say(const std::string& text);
   void clear();
-  /// The first two as functions, which it must outlive.
+  /// say() and show() as functions; this object must outlive them.
   std::function<void(const std::string&)> say_function();
   std::function<void(const std::string&, double, double)> show_function();
 
@@ -76,11 +79,13 @@ class ProgressLine {
   static bool is_terminal();
 };
 
-/// Takes over what is asked of every chart, and has `line` show how far it is.
-/// @throws std::runtime_error when there is no folder for force tables.
+/// Copies the options that all charts share, prepares the output folder, and makes `line` show the
+/// progress.
+/// @throws std::runtime_error if there is no folder for force tables, or the output folder can't be
+///         written.
 template <typename Options>
 void take_choice(Options& options, const ChartChoice& choice, ProgressLine& line) {
-  prepare_folder(choice.out);  // found out before minutes of work are lost
+  prepare_folder(choice.out);  // fails here rather than after minutes of work
   options.out = choice.out;
   options.cache = cache_folder(choice.cache);
   options.jobs = choice.jobs;
@@ -90,8 +95,8 @@ void take_choice(Options& options, const ChartChoice& choice, ProgressLine& line
   options.progress = line.show_function();
 }
 
-/// take_choice(), and what the charts of force methods share.
-/// @throws std::runtime_error as that, or when /proc is not mounted.
+/// take_choice(), and the options that the charts of force methods share.
+/// @throws std::runtime_error as take_choice(), or if /proc is not mounted.
 template <typename Options, typename Asked>
 void take_common(Options& options, const Asked& asked, ProgressLine& line) {
   take_choice(options, asked, line);

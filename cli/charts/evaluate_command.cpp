@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/evaluate_command.h"
 
 #include <CLI/CLI.hpp>
@@ -29,9 +30,9 @@ using evaluation::TraceError;
 using evaluation::Verdict;
 using nlohmann::ordered_json;
 
-constexpr double kMargin_m = 0.03;  // around a trace that the default workspace does not hold
+constexpr double kMargin_m = 0.03;  // around a trace that exceeds the default workspace
 
-// The command line asks for what can't be done, whatever the trace.
+// A request on the command line that no trace can fulfil.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -63,7 +64,7 @@ bool holds(const GridGeometry& grid, const Eigen::Vector3d& position_W) {
          (position_W.array() <= grid.max_W.array()).all();
 }
 
-// Positions of the servo and of the samples that `grid` does not hold.
+// Number of positions of servo and samples outside `grid`.
 std::size_t positions_outside(const GridGeometry& grid, const Trace& trace) {
   const auto outside = [&](const Eigen::Vector3d& position_W) { return !holds(grid, position_W); };
   return static_cast<std::size_t>(
@@ -91,7 +92,7 @@ GridGeometry box_around(const Trace& trace) {
   return grid;
 }
 
-// The flags, written as a method's variant has them.
+// The flags, written as options of a method variant.
 std::string flags_as_words(const EvaluateOptions& options) {
   std::string words = " cells=" + options.cells;
   const auto add = [&](const char* key, const std::string& value) {
@@ -114,11 +115,11 @@ std::string flags_as_words(const EvaluateOptions& options) {
 }
 
 struct NamedVariant {
-  std::string text;  ///< as asked for, without what the flags add
+  std::string text;  ///< as given by the user, without the flags' additions
   MethodVariant variant;
 };
 
-// Each method once, with the flags first and its own words after, so that these win.
+// Each method once. The flags come first, so that the method's own options override them.
 std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const GridGeometry& grid) {
   const std::string flags = flags_as_words(options);
   MethodOptions base;
@@ -130,8 +131,8 @@ std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const Grid
     const std::string name = begin == std::string::npos ? "" : asked.substr(begin, end - begin);
     if (name == "direct") {
       throw UsageError(
-          "method 'direct' is the simulator itself, evaluated in every cycle; a trace can't answer "
-          "it. See it in 'forcegrid chart accuracy'");
+          "method 'direct' is the simulator itself, evaluated in every cycle, and a trace holds no "
+          "object to evaluate; use 'forcegrid chart accuracy'");
     }
     const std::string own = end == std::string::npos ? "" : asked.substr(end);
     try {
@@ -159,19 +160,19 @@ std::unique_ptr<ForceMethod> made(const NamedVariant& named, const EvaluateOptio
   const MethodNeeds needs = method->needs();
   if (needs.requests) {
     throw UsageError("method '" + named.text +
-                     "' requests forces at positions that it chooses; a trace can't answer. Run it "
-                     "against a simulator: 'forcegrid chart accuracy'");
+                     "' requests forces at positions that it chooses, which a trace can't answer; "
+                     "use 'forcegrid chart accuracy'");
   }
   if (needs.stiffness && options.no_stiffness) {
     throw UsageError("method '" + named.text +
-                     "' lives on the samples' stiffness; leave --no-stiffness out, or the method");
+                     "' needs the samples' stiffness; leave out --no-stiffness, or the method");
   }
   if (needs.stiffness && std::none_of(trace.samples.begin(), trace.samples.end(),
                                       [](const auto& row) { return row.sample.has_stiffness; })) {
     throw TraceError(options.trace +
                      ": no sample has a stiffness (columns j00_N_per_m to "
                      "j22_N_per_m), which method '" +
-                     named.text + "' lives on; choose a method that needs forces only");
+                     named.text + "' needs; choose a method that needs only forces");
   }
   return method;
 }
@@ -220,7 +221,8 @@ void append_columns(std::string& line, const Eigen::Vector3d& v) {
   }
 }
 
-// t_s, position, reference force, then each method's force; a comma in a method's text is a blank.
+// t_s, position, reference force, then each method's force. Commas in a method's text become
+// blanks.
 void write_forces(const std::string& file, const Trace& trace,
                   const std::vector<std::string>& names, const std::vector<Verdict>& verdicts) {
   evaluation::TextWriter writer(file);
@@ -251,8 +253,8 @@ std::vector<Eigen::Vector3d> solve_reference(const std::string& scene,
                scene.c_str());
   if (moves_by_itself(scene, "auto")) {
     throw std::runtime_error("scene " + scene +
-                             " moves by itself, and the recording has no reference forces of it; "
-                             "record with 'forcegrid run --record FILE.csv.gz'");
+                             " moves by itself, and the recording has no reference forces; record "
+                             "it with 'forcegrid run --record FILE.csv.gz'");
   }
   simulator::refuse_sliding_tool(scene, simulator::scene_tool(scene), "a reference force");
   simulator::ReferenceOptions options;
@@ -265,7 +267,8 @@ void note(const std::string& text) { std::fprintf(stderr, "Note: %s\n", text.c_s
 
 void evaluate(const EvaluateOptions& options) {
   GridGeometry grid = asked_workspace(options.workspace_m);
-  std::vector<NamedVariant> variants = variants_of(options, grid);  // before reading for long
+  std::vector<NamedVariant> variants =
+      variants_of(options, grid);  // before the trace is read, which may take long
   const Trace trace = tools::is_recording_name(options.trace)
                           ? tools::trace_of_recording(options.trace, solve_reference)
                           : evaluation::read_trace(options.trace);
@@ -276,10 +279,10 @@ void evaluate(const EvaluateOptions& options) {
   } else if (outside > 0) {
     note(std::to_string(outside) + " of " +
          std::to_string(trace.servo.size() + trace.samples.size()) +
-         " positions lie outside --workspace; grid methods have no force there");
+         " positions lie outside --workspace, where grid methods have no force");
   }
   if (trace.samples.empty()) {
-    note(options.trace + " has no 'sample' row; a method learns nothing from it");
+    note(options.trace + " has no 'sample' row, so no method learns anything from it");
   }
 
   evaluation::JudgeOptions judging;
@@ -295,9 +298,10 @@ void evaluate(const EvaluateOptions& options) {
     all[named.text] = json_of(named.text, verdicts.back(), grid);
   }
   if (!(verdicts.front().reference_rms_N > 0.0)) {
-    note(options.trace + " has no true force but zero, so no error has a percentage");
+    note(options.trace + " has only zero reference forces, so errors have no percentage");
   } else if (trace.servo.back().time_s - trace.servo.front().time_s < 1.0) {
-    note(options.trace + " ends within its first second, so no error after it is known");
+    note(options.trace +
+         " is not longer than one second, so the errors after the first second are unknown");
   }
   if (!options.out.empty()) {
     write_forces(options.out, trace, names, verdicts);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -10,11 +11,11 @@ class App;
 
 namespace forcegrid::cli {
 
-/// What `forcegrid evaluate` was asked for. Texts are as in MethodVariant; empty: the default.
+/// Options of `forcegrid evaluate`. Texts are written as in MethodVariant; empty: the default.
 struct EvaluateOptions {
   std::vector<std::string> methods;  ///< MethodVariant
   std::string trace;
-  std::vector<double> workspace_m;  ///< x0,y0,z0,x1,y1,z1; empty: chosen by the trace
+  std::vector<double> workspace_m;  ///< x0,y0,z0,x1,y1,z1; empty: chosen from the trace
   std::string cells = "49,49,49";
   std::string radius;  ///< metres, or a length with its unit
   std::string unit;
@@ -29,9 +30,9 @@ struct EvaluateOptions {
 /// Adds the subcommand, which sets `action`.
 void add_evaluate(CLI::App& app, EvaluateOptions& options, std::function<int()>& action);
 
-/// Judges force methods on a recorded trace and prints the figures as JSON, see docs/traces.md.
-/// @returns the program's exit status: 0, or 2 when asked for what can't be done.
-/// @throws evaluation::TraceError for a trace that can't be read or used.
+/// Evaluates force methods on a recorded trace and prints the figures as JSON; see docs/traces.md.
+/// @returns the program's exit status: 0, or 2 for a request that can't be fulfilled.
+/// @throws evaluation::TraceError if the trace can't be read or used.
 int evaluate_command(const EvaluateOptions& options);
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/paper_command.h"
 
 #include <CLI/CLI.hpp>
@@ -34,7 +35,7 @@ int paper_command(const PaperCommandOptions& asked) {
     std::printf("%-15s %s: %s (the paper: %s)\n", paper::to_string(claim.outcome),
                 claim.topic.c_str(), claim.here.c_str(), claim.paper.c_str());
   }
-  std::printf("%s; look at %s\n", time_text(results.elapsed_s).c_str(), files.back().c_str());
+  std::printf("%s; open %s\n", time_text(results.elapsed_s).c_str(), files.back().c_str());
   return 0;
 }
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -10,15 +11,15 @@ class App;
 
 namespace forcegrid::cli {
 
-/// What `forcegrid paper` was asked for.
+/// Options of `forcegrid paper`.
 using PaperCommandOptions = ChartChoice;
 
 /// Adds the subcommand `paper`, which sets `action`.
 void add_paper(CLI::App& app, PaperCommandOptions& options, std::function<int()>& action);
 
-/// Runs the forcegrid paper's experiments and writes them beside its figures and claims into
-/// `options.out`, see docs/paper.md.
-/// @returns the program's exit status, 0, also where something differs from the paper.
+/// Repeats the experiments of the forcegrid paper and writes the results beside the paper's figures
+/// and claims into `options.out`; see docs/paper.md.
+/// @returns the program's exit status: 0, even if a result differs from the paper.
 /// @throws std::exception with a sentence for the user.
 int paper_command(const PaperCommandOptions& options);
 

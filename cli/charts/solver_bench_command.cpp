@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/solver_bench_command.h"
 
 #include <cmath>
@@ -18,9 +19,9 @@ constexpr std::uint64_t kSeed = 1;
 constexpr double kSlowMotion_s = 4.0;
 constexpr double kFastMotion_s = 1.5;
 constexpr double kLearning_s = 20.0;
-// Beyond, the full solver that checks the model takes minutes.
+// Above this size the full solver, which checks the model, takes minutes.
 constexpr std::size_t kMostVerticesLearnt = 20'000;
-// The best one that the solver study found, a more accurate and a quicker one.
+// The best model that the solver study found, a more accurate one and a faster one.
 constexpr double kBulletRelaxations[] = {0.03, 0.10, 0.25};
 
 std::vector<Eigen::Vector3d> motion_W(double rate_Hz, double duration_s) {
@@ -31,7 +32,7 @@ std::vector<Eigen::Vector3d> motion_W(double rate_Hz, double duration_s) {
   return displacements_W;
 }
 
-// Another motion than the one that is measured.
+// Not the motion along which the model is measured.
 std::vector<Eigen::Vector3d> training_W() {
   const evaluation::Trajectory motion("lissajous");
   std::vector<Eigen::Vector3d> displacements_W;
@@ -52,7 +53,7 @@ std::string time_text(double time_ms) {
 
 void print_motion(const simulator::SolverBenchResult& result) {
   std::printf(
-      "\nAlong the motion 'random', processor time a tick; error: RMS of |F - F converged| in %% "
+      "\nAlong the motion 'random', processor time per tick; error: RMS of |F - F converged| in %% "
       "of "
       "RMS |F|\n  %-14s %-24s %7s %10s %10s %10s %10s %10s %10s %8s %9s\n",
       "solver", "setting", "rate", "mean", "median", "most", "error", "most", "|r|/|F|", "CG its",
@@ -74,8 +75,8 @@ void print_motion(const simulator::SolverBenchResult& result) {
 
 void print_dynamic(const simulator::SolverBenchResult& result) {
   std::printf(
-      "\nThe object in motion, solver dynamic: processor time a step along the motion 'random';\n"
-      "force against the equilibrium's once the tool has stood still; energy once it has let go\n"
+      "\nThe object in motion, solver dynamic: processor time per step along the motion 'random';\n"
+      "force against the equilibrium's after the tool has rested; energy after it has let go\n"
       "  %10s %12s %12s %8s %16s %12s %14s %14s\n",
       "step", "mean", "most", "CG its", "static error", "let go", "after 0.1 s", "largest rise");
   for (const simulator::DynamicRow& row : result.dynamic) {
@@ -102,8 +103,8 @@ void print_reduced(const simulator::SolverBenchResult& result) {
 
 void print_learning(const simulator::SolverBenchResult& result) {
   std::printf(
-      "\nThe reduced model learnt on the way, along the motion 'random'; against the full solver's "
-      "forces\n  %8s %10s %9s %12s %10s %12s %12s %10s %14s\n",
+      "\nThe reduced model learned along the motion 'random', against the full solver's forces\n  "
+      "%8s %10s %9s %12s %10s %12s %12s %10s %14s\n",
       "answers", "rate", "by model", "their error", "most, all", "time, median", "99 %",
       "trainings", "failed checks");
   for (const simulator::LearningRow& row : result.learning) {
@@ -133,7 +134,7 @@ void print_step(const simulator::SolverBenchResult& result) {
 }
 
 void print_ratios(const simulator::SolverBenchResult& result) {
-  std::printf("\nTime of the peer's cheapest setting that is as accurate, over ours\n");
+  std::printf("\nTime of the peer's cheapest setting of at least the same accuracy, over ours\n");
   for (const simulator::SpeedRatio& ratio : result.ratios) {
     char text[32] = "no setting is as accurate";
     if (std::isfinite(ratio.ratio)) {
@@ -163,7 +164,7 @@ int solver_bench_command(const std::string& scene, const JsonTarget& json) {
   }
   simulator::SolverBenchResult result = simulator::bench_solvers(made, options);
   if (!learns) {
-    result.remarks.push_back("no learning on the way: more than " +
+    result.remarks.push_back("the model was not learned along the motion: more than " +
                              std::to_string(kMostVerticesLearnt) + " vertices");
   }
   if (!json.on_stdout()) {

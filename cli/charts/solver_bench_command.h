@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -6,8 +7,9 @@
 
 namespace forcegrid::cli {
 
-/// Measures every solver on the scene (simulator::bench_solvers) along the motion `random` and
-/// prints the tables, or as JSON where `json` says. What is being measured goes to standard error.
+/// Measures every solver on the scene along the motion `random` (simulator::bench_solvers) and
+/// prints tables, or writes JSON to the target `json`. Progress goes to standard error.
+/// @returns the program's exit status, 0.
 int solver_bench_command(const std::string& scene, const JsonTarget& json);
 
 }  // namespace forcegrid::cli

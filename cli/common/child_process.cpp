@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/child_process.h"
 
 #include <fcntl.h>
@@ -45,7 +46,7 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments) {
   std::string program = "forcegrid";
   argv.push_back(program.data());
   std::vector<std::string> copies = arguments;
-  copies.push_back("--no-config");  // the parent has said everything
+  copies.push_back("--no-config");  // the parent passes every setting
   for (std::string& argument : copies) {
     argv.push_back(argument.data());
   }
@@ -69,14 +70,14 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments) {
   if (pid_ < 0) {
     close(input[1]);
     close(output[0]);
-    fail("start of '" + arguments.front() + "'");
+    fail("could not start '" + arguments.front() + "'");
   }
   to_child_ = input[1];
   from_child_ = output[0];
 }
 
 ChildProcess::~ChildProcess() {
-  // What it still says is read to the end, or it would complain of a broken pipe.
+  // Read its output to the end; otherwise it would report a broken pipe.
   for (const int signal_number : {0, SIGTERM, SIGKILL}) {
     if (signal_number != 0 && !status_) {
       kill(pid_, signal_number);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/figures.h"
 
 #include <cerrno>
@@ -16,7 +17,7 @@ void write_triple(std::ofstream& file, const Triple& t) {
 }
 
 // gnuplot's text for one curve of column `column`, negated: the paper plots the force that the
-// hand exerts against the object's pull, upward with the tool.
+// hand exerts against the object's pull, positive in the direction of the tool.
 std::string force_curve(const std::string& data, int column, const std::string& title, int style) {
   return data + " using 1:(-$" + std::to_string(column) + ") with lines ls " +
          std::to_string(style) + " title '" + title + "'";
@@ -74,7 +75,7 @@ std::vector<std::string> write_figures(const std::string& directory,
     return {csv};
   }
 
-  // More points than pixels only make the files large.
+  // More points than pixels would only enlarge the files.
   constexpr std::size_t kPointsDrawn = 3000;
   const std::string data =
       evaluation::quoted(csv) + " every " + std::to_string(rows.size() / kPointsDrawn + 1);
@@ -84,7 +85,7 @@ std::vector<std::string> write_figures(const std::string& directory,
   std::string errors;
   int column = kFirstForceColumn + (has_reference ? 3 : 0);
   int style = 2;
-  // Streaming first, so that the accurate curves lie on top of it.
+  // Streaming first, so that it lies below the accurate curves.
   for (std::size_t i = method_names.size(); i-- > 0; ++style) {
     const int method_column = column + 3 * static_cast<int>(i);
     forces += (forces.empty() ? "" : ", ") +

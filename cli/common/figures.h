@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -9,20 +10,20 @@ namespace forcegrid::cli {
 
 using Triple = std::array<double, 3>;
 
-/// One instant of the run.
+/// One instant of the run; vectors in the workspace frame W, in m and N.
 struct FigureRow {
   double time_s = 0.0;  ///< since contact
   Triple position_W_m{};
   std::optional<Triple> reference_W_N;  ///< reference force, when it was computed
-  std::vector<Triple> method_W_N;       ///< one a method
+  std::vector<Triple> method_W_N;       ///< one per method
 };
 
-/// Writes `directory`/forces.csv, and from it forces.svg and forces.png with gnuplot: on top the
-/// tool's position and each method's force along z with the reference force (Figure 7), below the
-/// methods' errors (Figure 8).
+/// Writes `directory`/forces.csv and draws forces.svg and forces.png from it with gnuplot. The
+/// upper panels show the tool's position, each method's force along z and the reference force
+/// (Figure 7 of the paper). The lower panel shows the methods' errors (Figure 8).
 /// @returns the files written.
-/// @throws std::runtime_error naming the file or program, the reason and the remedy. The CSV is
-///         kept when only the pictures fail.
+/// @throws std::runtime_error naming the file or program, the reason and the remedy. The CSV file
+///         remains if only the pictures fail.
 std::vector<std::string> write_figures(const std::string& directory,
                                        const std::vector<std::string>& method_names,
                                        const std::vector<FigureRow>& rows);

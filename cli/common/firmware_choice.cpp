@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/firmware_choice.h"
 
 #include <stdexcept>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -7,8 +8,9 @@
 
 namespace forcegrid::cli {
 
-/// What a device that runs none is given: the named file; a synthetic image for an emulated Falcon.
-/// @throws std::runtime_error for a device that keeps its firmware, or a file that is none.
+/// Returns the firmware to load into a device that runs none: the named file, or a synthetic image
+/// for an emulated Falcon.
+/// @throws std::runtime_error if the device keeps its firmware, or the file holds none.
 driver::falcon::Firmware firmware_for(const std::string& file,
                                       const profiles::DeviceProfile& profile, bool emulated);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/json_target.h"
 
 #include <cerrno>
@@ -48,7 +49,7 @@ void write_json(const JsonTarget& target, const std::string& text) {
   file.close();
   if (!file) {
     const std::string reason = std::strerror(errno);
-    std::printf("%s\n", text.c_str());  // rather here than lost
+    std::printf("%s\n", text.c_str());  // so that it is not lost
     throw std::runtime_error("--json " + target.file + ": " + reason +
                              "; the summary is on standard output instead");
   }

@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
 
 namespace forcegrid::cli {
 
-/// `--json [FILE]`: not wanted, on standard output, or into a file.
+/// Target of `--json [FILE]`: none, standard output, or a file.
 struct JsonTarget {
   bool wanted = false;
   std::string file;  ///< empty: standard output
@@ -12,16 +13,17 @@ struct JsonTarget {
   bool on_stdout() const { return wanted && file.empty(); }
 };
 
-/// Why `file` can't be written to, in the system's words; empty where it can. A file that exists
-/// stays as it is, and none is left where there was none.
+/// Returns the system's reason why `file` can't be written; empty if it can. The check neither
+/// changes an existing file nor leaves a new one behind.
 std::string why_not_writable(const std::string& file);
 
-/// @throws std::runtime_error when the target is a file that can't be written, with the reason.
+/// Checks that the target can be written. @throws std::runtime_error with the reason if it is a
+/// file that can't be.
 void check_writable(const JsonTarget& target);
 
-/// Writes `text` and a newline where the target says, if wanted at all.
-/// @throws std::runtime_error naming the file and the system's reason; the text is then on standard
-///         output.
+/// Writes `text` and a newline to the target, if there is one.
+/// @throws std::runtime_error naming the file and the system's reason; in that case `text` goes to
+///         standard output.
 void write_json(const JsonTarget& target, const std::string& text);
 
 }  // namespace forcegrid::cli

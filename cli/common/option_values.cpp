@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/option_values.h"
 
 #include <algorithm>
@@ -20,7 +21,7 @@ std::string joined(const std::vector<std::string>& words) {
 CLI::Validator method_check() {
   return CLI::Validator(
       [](std::string& input) {
-        if (input == "direct") {  // of the simulator, not one of forcegrid/
+        if (input == "direct") {  // solved by the simulator, not a class in forcegrid/
           return std::string();
         }
         try {
@@ -96,7 +97,7 @@ CLI::Validator motion_check() {
             std::find(motions().begin(), motions().end(), input) != motions().end() ||
             (input.starts_with("path:") && input.size() > std::string("path:").size());
         return known ? std::string()
-                     : "'" + input + "' is no motion; use " + joined(motions()) + ", path:FILE";
+                     : "'" + input + "' is not a motion; use " + joined(motions()) + ", path:FILE";
       },
       "{" + joined(motions()) + ", path:FILE}");
 }

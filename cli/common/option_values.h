@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,27 +9,28 @@
 
 namespace forcegrid::cli {
 
-/// What several commands' options have in common.
+/// Helpers that the options of several commands share.
 
-/// "a, b, c".
+/// Joins words with commas: "a, b, c".
 std::string joined(const std::vector<std::string>& words);
 
-/// Names of the emulated hand's motions, of who holds the arm, and of the order in which reports
+/// Names of the emulated hand's motions, of the emulated hands, and of the orders in which reports
 /// cross the emulated bus.
 const std::vector<std::string>& motions();
 const std::vector<std::string>& hands();
 const std::vector<std::string>& frame_orders();
 
-/// A motion by its name, or path:FILE.
+/// Accepts a motion by its name, or path:FILE.
 CLI::Validator motion_check();
-/// A method's name with options that can be understood, or "direct".
+/// Accepts a method's name with valid options, or "direct".
 CLI::Validator method_check();
-/// What an emulated device shall do wrong, see emulator::parse_fault().
+/// Accepts a fault of an emulated device; see emulator::parse_fault().
 CLI::Validator fault_check();
 
-/// `--json [FILE]`.
+/// Adds `--json [FILE]`.
 void add_json(CLI::App& command, JsonTarget& target);
-/// `--key FILE` of both ends of the link: the file's name, as what is in it is for no command line.
+/// Adds `--key FILE`, which both ends of the link take. It names a file because a key on the
+/// command line would be visible to other users.
 void add_key(CLI::App& command, std::vector<std::string>& files, const std::string& description);
 
 }  // namespace forcegrid::cli

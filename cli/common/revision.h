@@ -1,12 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 namespace forcegrid::cli {
 
-/// What was built: the project's version, as "0.1.0". Static text.
+/// The project's version, e.g. "0.2.0". Static text.
 const char* program_version() noexcept;
 
-/// The commit that it was built from, twelve hexadecimal digits, followed by "-changed" where files
-/// differed from it; "unknown" where the sources were no git checkout. Static text.
+/// The commit that the program was built from: twelve hexadecimal digits, followed by "-changed" if
+/// files differed from that commit; "unknown" if the sources were not a git checkout. Static text.
 const char* program_commit() noexcept;
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/scene_option.h"
 
 #include "cli/common/option_values.h"

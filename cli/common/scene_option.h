@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -5,10 +6,10 @@
 
 namespace forcegrid::cli {
 
-/// Takes a scene by its name, or a TOML file.
+/// Accepts a scene by its name, or a TOML file.
 CLI::Validator scene_check();
 
-/// What --scene may be, for its help.
+/// Describes the values of --scene, for its help.
 std::string scene_help();
 
 }  // namespace forcegrid::cli

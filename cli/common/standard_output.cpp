@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/standard_output.h"
 
 #include <poll.h>
@@ -21,13 +22,13 @@ bool reader_has_ended() {
 int status_with_output(int status) {
   errno = 0;
   const bool flushed = std::cout.flush().good() && std::fflush(stdout) == 0;
-  const int error = errno;  // 0: it was lost before
+  const int error = errno;  // 0: it was lost earlier
   if ((flushed && std::ferror(stdout) == 0) || reader_has_ended()) {
     return status;
   }
   std::fprintf(stderr,
-               "forcegrid: standard output could not be written to its end%s%s; free some space or "
-               "send it elsewhere\n",
+               "forcegrid: standard output could not be written completely%s%s; free some space or "
+               "redirect it elsewhere\n",
                error != 0 ? ": " : "", error != 0 ? std::strerror(error) : "");
   return status == 0 ? 1 : status;
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/common/stop_request.h"
 
 #include <csignal>

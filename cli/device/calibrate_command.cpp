@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/device/calibrate_command.h"
 
 #include <poll.h>
@@ -45,7 +46,7 @@ std::string today() {
   return text;
 }
 
-// A newline on standard input, without waiting; its end counts, too.
+// Whether standard input has a newline or has ended; does not wait.
 bool enter_pressed() {
   pollfd input{STDIN_FILENO, POLLIN, 0};
   if (::poll(&input, 1, 0) <= 0) {
@@ -169,7 +170,7 @@ class Calibration {
     std::fflush(out_);
   }
 
-  // An emulated device of this program's own has an emulated hand, which needs no questions.
+  // The emulated hand of a device that this program starts needs no questions.
   bool somebody_is_there() const {
     return !options_.yes && !options_.device.starts_with(kEmulatedPrefix);
   }
@@ -178,7 +179,7 @@ class Calibration {
     if (somebody_is_there() && ::isatty(STDIN_FILENO) == 0) {
       throw std::runtime_error(
           "calibrate asks a person to let go of the device, but standard input is no terminal; "
-          "give --yes for a script, and see that nobody touches the device");
+          "in a script give --yes, and make sure that nobody touches the device");
     }
     if (options_.no_range && options_.no_strokes) {
       say("--no-range and --no-strokes leave homing and directions.");
@@ -188,7 +189,7 @@ class Calibration {
 
   void open() {
     const bool emulated = options_.device.starts_with(kEmulatedPrefix);
-    // An emulated device may be taken for another, so that somebody can see what is found.
+    // An emulated device may be given another profile, to show what the checks find.
     const std::string own_profile = profile_name_of(options_.device, "");
     profile_ =
         profiles::load_device_profile(options_.profile.empty() ? own_profile : options_.profile);
@@ -219,7 +220,7 @@ class Calibration {
   bool home() {
     if (options_.tip_mass_kg > 0.0) {
       char text[120];
-      std::snprintf(text, sizeof text, "The mass of %.3f kg has to be fastened to the tip now.",
+      std::snprintf(text, sizeof text, "Fasten the mass of %.3f kg to the tip now.",
                     options_.tip_mass_kg);
       say(text);
     }
@@ -250,11 +251,11 @@ class Calibration {
     return calibration::run_procedure(rig, profile_, procedure);
   }
 
-  // The file that was written; empty: none.
+  // Returns the file that was written; empty: none.
   std::string write(const ProcedureResult& result) const {
     if (result.changes.empty()) {
       say(result.passed() ? "There is nothing to write."
-                          : "Nothing is written, since a check failed.");
+                          : "Nothing is written because a check failed.");
       return "";
     }
     for (const auto& [key, value] : result.changes) {
@@ -270,11 +271,11 @@ class Calibration {
         file, profile_.file,
         "Calibrated " + today() + " by forcegrid " + program_version() + " from " + profile_.name +
             ": " + device_->identity().product + ", unit " + key_ +
-            (result.absolute ? "" : "; torque constants not measured, for want of a known mass"),
+            (result.absolute ? "" : "; torque constants not measured without a known mass"),
         result.changes);
     say("Written to " + file +
-        (options_.write.empty() ? "; forcegrid run will use it for this unit."
-                                : "; give it as --profile."));
+        (options_.write.empty() ? "; 'forcegrid run' uses it for this unit."
+                                : "; use it with --profile."));
     return file;
   }
 

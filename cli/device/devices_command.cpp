@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/device/devices_command.h"
 
 #include <CLI/CLI.hpp>
@@ -124,8 +125,8 @@ int devices_command(const DevicesOptions& options) {
   }
   if (found.empty()) {
     std::fprintf(out,
-                 "No haptic device. Plug one in and switch its power on; ask another computer with "
-                 "--usbip HOST;\nor run without one: forcegrid run --device "
+                 "No haptic device found. Plug one in and switch it on, ask another computer with "
+                 "--usbip HOST,\nor run without one: forcegrid run --device "
                  "emulated:woodenhaptics_v2015\n");
   }
   write_json(options.json, ordered_json{{"devices", list}, {"failures", failures}}.dump(2));

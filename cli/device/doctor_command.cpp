@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/device/doctor_command.h"
 
 #include <CLI/CLI.hpp>
@@ -29,7 +30,7 @@ using tools::Verdict;
 constexpr int kWarnings = 3;
 constexpr int kBad = 4;
 
-// The program itself first, then all that it stands on.
+// The program's own version first, then those of its libraries.
 std::vector<tools::PartVersion> versions() {
   std::vector<tools::PartVersion> parts = {{"forcegrid", program_version(), false},
                                            {"commit", program_commit(), false}};
@@ -53,15 +54,15 @@ Finding versions_finding(const std::vector<tools::PartVersion>& parts) {
 constexpr char kDeviceCheck[] = "USB round trip";
 constexpr char kSimulatorCheck[] = "simulator's round trip";
 
-// What can't be measured is a finding like the others: it must not take them along.
+// A measurement that fails becomes a finding, so that the other findings are still printed.
 Finding device_finding(const DoctorOptions& options, const profiles::DeviceProfile& profile) {
   try {
     const auto device = driver::open_device(options.device, profile);
     const tools::RoundTrips trips =
         tools::measure_device_round_trip(*device, options.seconds, StopRequest::stop());
-    static_cast<void>(device->stop());  // no current was ever asked for
+    static_cast<void>(device->stop());  // no current was ever commanded
     return tools::judge_round_trips(kDeviceCheck, trips,
-                                    "plug the device in again and look at forcegrid devices");
+                                    "plug the device in again and run 'forcegrid devices'");
   } catch (const driver::DeviceError& error) {
     return tools::not_measured(kDeviceCheck, error.what());
   }
@@ -113,7 +114,7 @@ void print(std::FILE* out, const Finding& finding) {
     std::fprintf(out, "         costs: %s\n", finding.cost.c_str());
   }
   if (!finding.remedy.empty()) {
-    std::fprintf(out, "         mend:  %s\n", finding.remedy.c_str());
+    std::fprintf(out, "         fix: %s\n", finding.remedy.c_str());
   }
   for (const std::string& line : tools::histogram_lines(finding.histogram)) {
     std::fprintf(out, "         %s\n", line.c_str());
@@ -170,7 +171,7 @@ void write_report(const DoctorOptions& options, const std::vector<profiles::Devi
                options.report.c_str());
 }
 
-// Each file once: several findings may want the same.
+// Each file once: several findings may need the same fix.
 std::vector<std::string> fix_all(const std::vector<Finding>& findings) {
   std::vector<tools::FileFix> fixes;
   std::set<std::string> files;
@@ -226,7 +227,7 @@ int doctor_command(const DoctorOptions& options) {
     throw std::runtime_error("--report " + options.report + " can't be written (" + why_not +
                              "); name a file in a folder that exists");
   }
-  std::optional<profiles::DeviceProfile> profile;  // a name that is wrong is said at once
+  std::optional<profiles::DeviceProfile> profile;  // so that a wrong name is reported at once
   if (!options.device.empty()) {
     profile = profiles::load_device_profile(options.profile);
   }
@@ -256,7 +257,7 @@ int doctor_command(const DoctorOptions& options) {
     std::fprintf(out, "fixed:   %s\n", sentence.c_str());
   }
   if (options.fix && done.empty()) {
-    std::fprintf(out, "fixed:   nothing; there is nothing that can be mended without risk\n");
+    std::fprintf(out, "fixed: nothing; no finding has a fix without risk\n");
   }
   if (!options.report.empty()) {
     write_report(options, known, parts, findings, out);

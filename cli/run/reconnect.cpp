@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/reconnect.h"
 
 #include <cmath>
@@ -31,13 +32,13 @@ std::string seconds_text(rt::Duration duration) {
   return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " s";
 }
 
-// Makes sure of the counters. @returns why not; empty when they can be used.
+// Ensures that the counters are valid. @returns why they can't be used; empty if they can.
 std::string settle_counters(const Reconnect& how, driver::Device& device, bool& recalibrated) {
   if (!how.may_calibrate) {
     const auto mechanism = driver::make_mechanism(*how.profile);
     const std::string lost =
         driver::why_counters_are_lost(*mechanism, how.last_counts, device.newest_report().counts);
-    return lost.empty() ? "" : lost + "; start anew without --calibrated";
+    return lost.empty() ? "" : lost + "; restart without --calibrated";
   }
   recalibrated = driver::calibrate(
       device, *how.profile, kCalibrationTimeout,
@@ -50,15 +51,14 @@ std::string settle_counters(const Reconnect& how, driver::Device& device, bool& 
 Reconnected reconnect(const Reconnect& how) {
   Reconnected result;
   const rt::TimePoint gone = rt::Clock::now();
-  std::string last_reason = "it was not tried";
+  std::string last_reason = "it could not be tried";
   while (!how.cancelled()) {
     try {
       std::unique_ptr<driver::Device> device = how.open();
       const driver::DeviceIdentity& now = device->identity();
       if (now.product != how.before.product || now.serial != how.before.serial) {
-        result.why_not = "what is there now is another device: " + now.product + ", serial " +
-                         now.serial + ", where it was " + how.before.product + ", serial " +
-                         how.before.serial;
+        result.why_not = "another device is connected: " + now.product + ", serial " + now.serial +
+                         ", instead of " + how.before.product + ", serial " + how.before.serial;
         return result;
       }
       result.why_not = settle_counters(how, *device, result.recalibrated);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/recording.h"
 
 #include <algorithm>
@@ -27,7 +28,7 @@ std::string text_of(const std::string& file) {
   return text.str();
 }
 
-// "nlohmann-json" is kept as version_nlohmann_json.
+// "nlohmann-json" becomes the attribute version_nlohmann_json.
 std::string version_key(std::string name) {
   std::transform(name.begin(), name.end(), name.begin(), [](unsigned char character) {
     return std::isalnum(character) != 0 ? static_cast<char>(std::tolower(character)) : '_';
@@ -55,18 +56,18 @@ void check_recording(const RunOptions& options) {
   }
   if (!options.record.ends_with(".csv") && !options.record.ends_with(".csv.gz")) {
     throw std::runtime_error("--record " + options.record +
-                             ": ends neither in .h5 (a recording of everything) nor in .csv or "
-                             ".csv.gz (a trace for 'forcegrid evaluate'); name it so");
+                             ": the name must end in .h5 (a recording of everything), or in .csv "
+                             "or .csv.gz (a trace for 'forcegrid evaluate')");
   }
   if (options.no_reference) {
     throw std::runtime_error(
-        "--record needs the reference forces, by which a trace is judged, and --no-reference skips "
-        "them; leave one of the two out");
+        "--record of a trace needs reference forces, but --no-reference skips them; leave one of "
+        "the two out");
   }
   if (!options.simulator.empty()) {
     throw std::runtime_error(
-        "--record needs the reference forces, by which a trace is judged, and only the scenes of "
-        "'forcegrid simulate' can be solved off line; use --scene instead of --simulator");
+        "--record of a trace needs reference forces, which only the scenes of 'forcegrid simulate' "
+        "have; use --scene instead of --simulator");
   }
   try {
     const evaluation::TextWriter probe(options.record);
@@ -145,7 +146,7 @@ evaluation::Trace trace_of(const std::deque<servo::ArrivedSample>& samples,
     trace.servo.push_back({1e-9 * static_cast<double>(cycles[i]->time_ns - contact_ns),
                            servo::vector(cycles[i]->touching_W_m), reference_W.at(i)});
   }
-  // The epoch of the present contact, as the servo knew it.
+  // The epoch of the present contact as known to the servo.
   std::optional<std::uint32_t> contact;
   for (const servo::ArrivedSample& arrived : samples) {
     if (arrived.sample.from_query) {

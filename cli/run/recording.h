@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -16,41 +17,40 @@
 
 namespace forcegrid::cli {
 
-/// Samples that a recording holds at most, the newest: 2.7 hours at 30 a second.
+/// Largest number of samples of a trace; older ones are dropped. 2.7 hours at 30 per second.
 inline constexpr std::size_t kRecordedSamples = 300'000;
 
-/// Whether `--record` asks for a trace in CSV; a recording in HDF5 ends in .h5 or .hdf5.
+/// Whether `--record` names a trace in CSV rather than a recording in HDF5 (.h5 or .hdf5).
 bool records_trace(const RunOptions& options);
 
-/// Refuses `--record` where it could come to nothing, before the run.
-/// @throws std::runtime_error for a name that says neither trace nor recording, and for a trace of
-/// a
-///         run without reference forces, by which alone it can be judged; evaluation::TraceError
+/// Rejects a `--record` that can't succeed, before the run starts.
+/// @throws std::runtime_error for a name that is neither a trace's nor a recording's, and for a
+///         trace of a run without reference forces, which evaluation needs; evaluation::TraceError
 ///         for a file that can't be written.
 void check_recording(const RunOptions& options);
 
-/// The recorder that `--record FILE.h5` asks for, with everything in it that says what is run; null
-/// if it does not ask for one.
-/// @throws tools::Hdf5Error when the file can't be made.
+/// Returns the recorder for `--record FILE.h5`, its attributes filled with the description of the
+/// run; null if `--record` names no recording.
+/// @throws tools::Hdf5Error if the file can't be created.
 std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
                                                 const profiles::DeviceProfile& profile,
                                                 const std::vector<std::string>& methods,
                                                 const std::string& device_url,
                                                 const driver::DeviceIdentity& identity);
 
-/// Adds to a recording that was closed what is known only after the run: the reference forces of
-/// `cycles` (none: skipped) and the summary.
-/// @throws tools::Hdf5Error when it can't be written.
+/// Adds to a closed recording what is known only after the run: the reference forces of `cycles`
+/// (empty: skipped) and the summary.
+/// @throws tools::Hdf5Error if it can't be written.
 void complete_recording(const tools::Recorder& recorder, const std::string& file,
                         const std::vector<const servo::CycleRecord*>& cycles,
                         const std::vector<Eigen::Vector3d>& reference_W,
                         const std::string& summary);
 
-/// The trace of a run: what the simulator returned, when it arrived, which contacts that means, and
-/// the reference force at every cycle. Times are seconds since `contact_ns`.
-/// @param samples all that reached the servo, in order of arrival; those without contact only mark
-///        its end, and answers to queries are left out.
-/// @param cycles the cycles since the contact. @param reference_W [N] one a cycle.
+/// Makes the trace of a run: the simulator's samples with their times of arrival, the contacts that
+/// follow from them, and the reference force at every cycle. Times are seconds since `contact_ns`.
+/// @param samples all samples that reached the servo, in order of arrival. Samples without contact
+///         only mark the end of a contact; answers to queries are left out.
+/// @param cycles the cycles since the contact. @param reference_W [N] one per cycle.
 evaluation::Trace trace_of(const std::deque<servo::ArrivedSample>& samples,
                            const std::vector<const servo::CycleRecord*>& cycles,
                            const std::vector<Eigen::Vector3d>& reference_W,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/reference_forces.h"
 
 #include "simulator/mesh/scene.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -8,14 +9,13 @@
 
 namespace forcegrid::cli {
 
-/// Whether the scene is solved as an object that moves by itself: what --solver asks for, and for
-/// auto what the scene has.
-/// Throws simulator::Error for an unknown scene.
+/// Whether the scene is solved as an object that moves by itself: as --solver requests, or for
+/// `auto` as the scene defines. @throws simulator::Error for an unknown scene.
 bool moves_by_itself(const std::string& scene, const std::string& solver);
 
-/// The reference forces along a recorded path of a tool that sticks: of the object in motion where
-/// moves_by_itself(), else of its equilibria.
-/// @param times_s  of `positions_W` [m], on any clock.
+/// Computes the reference forces along the recorded path of a tool in sticky contact: of the moving
+/// object if moves_by_itself(), otherwise of its equilibria.
+/// @param times_s [s] of `positions_W` [m], on any clock.
 /// @param options  scene included.
 simulator::ReferenceSolution solve_reference_forces(const std::string& solver,
                                                     const std::vector<Eigen::Vector3d>& positions_W,

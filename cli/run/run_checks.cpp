@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_checks.h"
 
 #include <algorithm>
@@ -14,7 +15,7 @@
 namespace forcegrid::cli {
 namespace {
 
-// What a tool's options don't go with.
+// Rejects options that exclude a sliding or extended tool.
 void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
   simulator::check_together(tool);
   if (tool.is_sticky_point()) {
@@ -55,7 +56,7 @@ void check_device(const RunOptions& options, const profiles::DeviceProfile& prof
   }
   if (!is_emulated(options) && !options.faults.empty()) {
     throw std::runtime_error("--fault " + options.faults.front() +
-                             ": only an emulated device can be given faults; use --device " +
+                             ": only an emulated device can have injected faults; use --device " +
                              "emulated:PROFILE, or give --fault to forcegrid emulate");
   }
   if (options.gravity_compensation && profile.kind == profiles::DeviceKind::kDelta) {
@@ -109,7 +110,7 @@ void prepare_folder(const std::string& folder) {
   file << "probe\n";
   file.close();
   if (error || !file) {
-    throw std::runtime_error("folder '" + folder + "' for the results can't be written (" +
+    throw std::runtime_error("folder '" + folder + "' for the results is not writable (" +
                              (error ? error.message() : std::strerror(errno)) +
                              "); choose another with --out");
   }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "cli/run/run_command.h"
@@ -6,22 +7,22 @@
 
 namespace forcegrid::cli {
 
-/// Whether the run starts the device that it drives.
+/// Whether the run starts an emulated device.
 bool is_emulated(const RunOptions& options);
 
 bool is_falcon(const profiles::DeviceProfile& profile);
 
-/// The tool of the simulator that is started: the scene's, with what was asked for. That of a
-/// simulator that already runs is its own business, and taken for the default here.
-/// @throws std::runtime_error for a tool that --simulator, or another tool option, excludes.
+/// Returns the tool of the simulator that the run starts: the scene's, changed by the tool options.
+/// For a running simulator, which chooses its tool itself, returns the default.
+/// @throws std::runtime_error for a tool option that --simulator or another tool option excludes.
 simulator::ToolOptions tool_of(const RunOptions& options);
 
-/// Refuses options that exclude each other, before anything is started.
+/// Rejects options that exclude each other, before anything is started.
 /// @throws std::runtime_error naming the options and the remedy.
 void check_together(const RunOptions& options, const simulator::ToolOptions& tool,
                     const profiles::DeviceProfile& profile);
 
-/// Makes the folder for the results, and tries whether files can be written there.
+/// Creates the folder for the results and checks that files can be written there.
 /// @throws std::runtime_error with the folder, the system's reason and the remedy.
 void prepare_folder(const std::string& folder);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_command.h"
 
 #include <algorithm>
@@ -44,7 +45,7 @@ using std::chrono::seconds;
 
 constexpr milliseconds kWatchdogProof{700};
 
-// With a coupling the guard observes what that gives.
+// With a coupling, the guard only observes.
 void set_passivity(const RunOptions& options, servo::ServoOptions& servo_options) {
   constexpr double kBoundOverAllowance = 2.0;
   servo_options.rendering.passivity.mode = options.passivity == "control"
@@ -91,14 +92,14 @@ servo::ServoOptions servo_options_of(const RunOptions& options,
   return servo_options;
 }
 
-// Why threads of this program get no real-time scheduling; empty: they do.
+// Why this program's threads get no real-time scheduling; empty: they get it.
 std::string why_not_realtime() {
   std::string reason;
   std::thread([&] { reason = rt::make_current_thread_realtime(rt::kServoPriority).reason; }).join();
   return reason;
 }
 
-// The calibrated profile of the unit that has been opened; empty: none is to be taken.
+// The calibrated profile of the opened unit; empty: none applies.
 std::string calibrated_profile(const RunOptions& options, const std::string& profile_name,
                                const driver::DeviceIdentity& identity,
                                const std::string& lasting_url) {
@@ -134,8 +135,8 @@ std::unique_ptr<driver::Device> open(const std::string& url, const profiles::Dev
   }
 }
 
-// One run, from its options to its summary. The members that threads give to come before those
-// threads, so that whatever ends the run ends the threads first.
+// One run, from its options to its summary. Members that threads write to come before those
+// threads, so that the threads end before the members are destroyed.
 class Run {
  public:
   /// Checks everything that can be checked before a process starts or a device is opened.
@@ -180,7 +181,7 @@ class Run {
   std::unique_ptr<tools::Recorder> recorder_;
   std::optional<servo::LinkThread> link_;
   std::unique_ptr<driver::Device> device_;
-  std::string url_again_;  // where the device is to be found again
+  std::string url_again_;  // where to find the device again
   std::optional<TerminalKeys> keys_;
   std::optional<servo::Telemetry> telemetry_;
   std::optional<servo::ServoLoop> loop_;
@@ -213,7 +214,7 @@ Run::Run(const RunOptions& options)
   check_writable(options_.json);
   check_recording(options_);
 
-  // Said once and now; the threads that are refused the same later keep silent.
+  // Reported once, here; the threads that are refused later stay silent.
   realtime_refused_ = why_not_realtime();
   if (!realtime_refused_.empty()) {
     say("No real-time scheduling: " + realtime_refused_ + "\n");
@@ -270,7 +271,7 @@ void Run::say(const std::string& text) {
   std::fflush(out_);
 }
 
-// Something that was asked for can't be written.
+// A requested file can't be written.
 void Run::fail(const std::string& text) {
   note(text);
   std::fprintf(stderr, "forcegrid: %s\n", text.c_str());
@@ -286,8 +287,8 @@ void Run::look_at_keys(milliseconds timeout) {
 void Run::connect() {
   processes_.emplace(options_, tool_, profile_);
   link_.emplace(processes_->simulator_address(), ports_, processes_->take_link_keys());
-  // Filling locked memory may take longer than a device may be silent, so it comes before the
-  // device. A refusal is reported by the loop, which asks again.
+  // Locking memory may take longer than the device's time-out, so it comes before opening the
+  // device. The loop tries again and reports a refusal.
   static_cast<void>(rt::lock_memory());
   const std::string& url = processes_->device_url();
   device_ = open(url, profile_, firmware_, options_.device_timeout_ms, realtime_refused_.empty());
@@ -298,7 +299,8 @@ void Run::connect() {
   if (!calibrated_file.empty()) {
     profile_ = profiles::load_device_profile(calibrated_file);
   }
-  url_again_ = options_.reconnect ? driver::lasting_url(url, profile_) : url;  // while it is there
+  url_again_ =
+      options_.reconnect ? driver::lasting_url(url, profile_) : url;  // while it is connected
   const driver::DeviceIdentity& identity = device_->identity();
   say("Device: " + identity.product + " (" + identity.manufacturer + ", serial " + identity.serial +
       ") at " + url + (processes_->has_emulator() ? " (emulated)" : "") + ", profile " +
@@ -306,12 +308,12 @@ void Run::connect() {
   if (!calibrated_file.empty()) {
     say("Calibrated profile of this unit: " + calibrated_file + "\n");
   }
-  // No force has been rendered yet, but who presses a key now wants none later.
+  // No force has been rendered yet; a key pressed now must prevent force later.
   keys_.emplace();
 }
 
-// False: it was stopped before. A Falcon says itself whether its axes are homed, and has no force
-// before.
+// False: it was stopped before. A Falcon reports whether its axes are homed and has no force
+// until then.
 bool Run::calibrate_arm() {
   if (options_.calibrated && is_falcon(profile_)) {
     say("Falcon: --calibrated has no effect, because the device reports whether its axes are "
@@ -374,15 +376,15 @@ void Run::prepare_telemetry() {
 }
 
 void Run::start_dashboard() {
-  std::vector<std::string> members;
-  for (const char* member : methods_->rendered().candidates()) {
-    members.emplace_back(member);
+  std::vector<std::string> candidates;
+  for (const char* candidate : methods_->rendered().candidates()) {
+    candidates.emplace_back(candidate);
   }
-  keys_.reset();  // its signal handlers have to be newer than the dashboard's
+  keys_.reset();  // its signal handlers must be installed after the dashboard's
   const std::string simulator =
       processes_->has_simulator() ? options_.scene : processes_->simulator_address();
   dashboard_ = std::make_unique<tools::Dashboard>(
-      out_, tools::DashboardTitle{options_.device, simulator, options_.method, members,
+      out_, tools::DashboardTitle{options_.device, simulator, options_.method, candidates,
                                   options_.rate_Hz});
   keys_.emplace();
 }
@@ -398,7 +400,8 @@ servo::ServoOutcome Run::run_loop(double for_s) {
   });
 }
 
-// The loop, and with --reconnect again after each fault that a device may have mended by going.
+// Runs the loop; with --reconnect again after each fault that a disconnected device may have
+// caused.
 void Run::run_until_over() {
   double left_s = options_.seconds;
   for (;;) {
@@ -415,7 +418,7 @@ void Run::run_until_over() {
   }
 }
 
-// Waits for the device that has gone. False: it did not come back, and a note says why.
+// Waits for the disconnected device. False: it did not come back; a note gives the reason.
 bool Run::connect_again(rt::TimePoint ended) {
   const servo::Fault fault = summary_.outcome.fault;
   say(servo::sentence_for(fault) + " (" + summary_.outcome.device_failure +
@@ -440,7 +443,7 @@ bool Run::connect_again(rt::TimePoint ended) {
   device_.reset();
   Reconnected again = reconnect(how);
   if (!again.device) {
-    note("not connected again: " + again.why_not);
+    note("the device was not reconnected: " + again.why_not);
     return false;
   }
   device_ = std::move(again.device);
@@ -456,7 +459,7 @@ bool Run::connect_again(rt::TimePoint ended) {
 
 void Run::stop_threads() {
   if (summary_.outcome.fault == servo::Fault::kEmergencyStop) {
-    StopRequest::request_emergency(summary_.outcome.emergency);  // what is left to do can wait
+    StopRequest::request_emergency(summary_.outcome.emergency);  // skips the remaining work
   }
   StopRequest::main_part_is_over();
   keys_.reset();
@@ -466,7 +469,7 @@ void Run::stop_threads() {
   rt::unlock_memory();
 }
 
-// What device, link, telemetry and method have counted.
+// Copies the counters of device, link, telemetry and method.
 void Run::collect() {
   for (const std::string& refused :
        {summary_.outcome.memory_lock_refused, summary_.outcome.awake_refused}) {
@@ -507,8 +510,8 @@ void Run::collect() {
   for (const NamedCounter& counter : methods_->rendered().counters()) {
     summary_.counters[counter.name] = counter.value;
   }
-  for (const char* member : methods_->rendered().candidates()) {
-    summary_.members.emplace_back(member);
+  for (const char* candidate : methods_->rendered().candidates()) {
+    summary_.candidates.emplace_back(candidate);
   }
 }
 
@@ -534,7 +537,7 @@ void Run::write_flight_records() {
 void Run::finish_processes() {
   const bool emulated = processes_->has_emulator();
   if (emulated && !summary_.outcome.zero_current_delivered) {
-    // The proof is left to the device's own watchdog, which needs half a second.
+    // Leaves time for the device's watchdog, which needs half a second.
     std::this_thread::sleep_for(kWatchdogProof);
   }
   summary_.emulator = processes_->finish_emulator();
@@ -550,13 +553,13 @@ void Run::finish_processes() {
   }
 }
 
-// Why the object is not solved off line; empty: it is.
+// Why no reference forces are computed; empty: they are.
 std::string Run::why_no_reference() const {
   if (!processes_->has_simulator()) {
-    return "only the scenes of 'forcegrid simulate' can be solved off line";
+    return "only the scenes of 'forcegrid simulate' have reference forces";
   }
   if (tool_.slides()) {
-    return "none: what a sliding tool feels depends on its path";
+    return "none: the force on a sliding tool depends on its path";
   }
   return options_.no_reference ? "skipped by --no-reference" : "";
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -13,70 +14,73 @@
 
 namespace forcegrid::cli {
 
-/// Exit status of a run that an emergency stop has ended.
+/// Exit status of a run that an emergency stop ended.
 inline constexpr int kEmergencyStatus = 3;
 
-/// What `forcegrid run` was asked for; the defaults are the main job.
+/// Options of `forcegrid run`.
 struct RunOptions {
   std::string device = "emulated:woodenhaptics_v2015";
-  std::string profile;  ///< of a device that is not emulated; empty: falcon for a Falcon,
-                        ///< else woodenhaptics_v2015
-  /// "auto": what forcegrid calibrate has written for this unit, if anything; "none"; or a file.
+  /// Profile of an attached device; empty: falcon for a Falcon, else woodenhaptics_v2015.
+  std::string profile;
+  /// "auto": the profile that `forcegrid calibrate` wrote for this unit, if any; "none"; or a file.
   std::string calibration = "auto";
-  std::string firmware;  ///< file for a Falcon in which none runs; empty: none
+  std::string firmware;  ///< file for a Falcon that runs none; empty: none
   std::string scene = "block";
-  std::string solver = "auto";  ///< of the started simulator, see simulator::choose_solver
-  std::string simulator;        ///< ADDR:PORT of a simulator that already runs; empty: start one
-  std::vector<std::string> key_files;  ///< of the link to it; empty: not sealed
-  int workers = 0;                     ///< processes that answer requests for the started simulator
+  std::string solver = "auto";         ///< of the started simulator; see simulator::choose_solver
+  std::string simulator;               ///< ADDR:PORT of a running simulator; empty: start one
+  std::vector<std::string> key_files;  ///< of the link to the simulator; empty: not encrypted
+  int workers = 0;                     ///< processes that answer queries for the started simulator
   double simulator_rate_Hz = 30.0;
   double simulator_delay_s = 0.0;
-  /// Options on the command line that a simulator that already runs has no use for.
+  /// Options on the command line that a running simulator would ignore.
   std::vector<std::string> for_started_simulator;
   ToolChoice tool;        ///< of the started simulator
   double seconds = 20.0;  ///< 0: until Ctrl-C
   double rate_Hz = 500.0;
-  std::string method = kDefaultMethod;                      ///< MethodVariant
-  std::vector<std::string> evaluated{"forcegrid", "hold"};  ///< on the same path, not rendered
+  std::string method = kDefaultMethod;  ///< MethodVariant
+  std::vector<std::string> evaluated{"forcegrid",
+                                     "hold"};  ///< methods evaluated on the same path, not rendered
   int fill_budget = 1000;
   std::array<int, 3> cells{49, 49, 49};
-  double influence_radius_mm = 0.0;  ///< 0: a sixth of the workspace's longest side
+  /// Radius of influence; 0: a sixth of the workspace's longest side.
+  double influence_radius_mm = 0.0;
   double unit_mm = 1.0;
   int samples_per_cell = 0;
-  std::optional<double> requests_per_s;  ///< default: 120 for a method that needs them, else 0
+  std::optional<double> requests_per_s;  ///< default: 120 for a method that needs requests, else 0
   bool gravity_compensation = false;
-  int device_timeout_ms = 100;  ///< silence after which the device counts as failed
-  bool calibrated = false;      ///< the counters are right already
+  int device_timeout_ms = 100;  ///< the device counts as failed after this silence
+  bool calibrated = false;      ///< the encoder counters are already valid
   std::string hand = "firm";
   std::string motion = "chirp";
-  bool motion_of_tool = false;  ///< nobody asked for one: a tool that slides strokes
+  bool motion_of_tool = false;  ///< no --motion was given: a sliding tool uses `stroke`
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";
   std::vector<std::string> faults;    ///< of the emulated device
-  std::string passivity = "control";  ///< or observe, or coupling: see PassivityGuard
+  std::string passivity = "control";  ///< or observe, or coupling; see PassivityGuard
   double passivity_allowance_mJ = 0.3;
   double passivity_damping_N_s_per_m = 10.0;   ///< at most
   std::vector<double> coupling{1000.0, 10.0};  ///< N/m, N s/m
-  std::string dead_man = "none";  ///< or button, signal: what must be held for force, see DeadMan
-  bool no_motor_check = false;    ///< skip servo::MotorCheck
-  bool reconnect = false;         ///< wait for a device that has gone, and go on with it
+  /// "none", "button" or "signal": what the user must hold to get force; see DeadMan.
+  std::string dead_man = "none";
+  bool no_motor_check = false;  ///< skip servo::MotorCheck
+  bool reconnect = false;       ///< wait for a disconnected device and continue with it
   double reconnect_timeout_s = 60.0;
   std::string out = "out";
   bool no_reference = false;
-  std::string record;  ///< trace (docs/traces.md) or recording (docs/recording.md) to write, by the
-                       ///< name's end; empty: none
+  std::string record;  ///< file to write, by its extension a trace (docs/traces.md) or a recording
+                       ///< (docs/recording.md); empty: none
   std::string settings;                            ///< all of these as TOML, for the recording
-  std::optional<std::array<double, 3>> contact_m;  ///< where the emulated hand goes to touch; D
+  std::optional<std::array<double, 3>> contact_m;  ///< where the emulated hand touches, frame D
   JsonTarget json;
-  bool live = false;            ///< a dashboard instead of a line a second
-  bool text_on_stderr = false;  ///< also where the JSON goes to a file
+  bool live = false;            ///< a dashboard instead of a line per second
+  bool text_on_stderr = false;  ///< even if the JSON goes to a file
 };
 
-/// Feels the scene through the device, then says how it went.
+/// Renders the scene through the device, then prints a summary.
 /// @returns the program's exit status: 0, 1 after a fault, kEmergencyStatus after an emergency
-/// stop.
-/// @throws std::exception with a sentence for the user when it can't be set up.
+///         stop.
+/// @throws std::exception with a sentence for the user if the run can't be set up.
 int run_command(const RunOptions& options);
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -7,10 +8,11 @@
 
 namespace forcegrid::cli {
 
-/// `forcegrid run`.
+/// Adds the subcommand `run`, which sets `action`.
 void add_run(CLI::App& app, RunOptions& options, std::function<int()>& action);
 
-/// `forcegrid record`: `run` with a file to record to; its settings are those of [run].
+/// Adds the subcommand `record`: `run` with a file to record to. Its configuration keys are those
+/// of [run].
 void add_record(CLI::App& app, RunOptions& options, std::function<int()>& action);
 
 }  // namespace forcegrid::cli

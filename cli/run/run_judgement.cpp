@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_judgement.h"
 
 #include <unistd.h>
@@ -57,8 +58,8 @@ void add_errors(RunSummary& summary, const std::vector<std::string>& names,
   }
 }
 
-// Shows how far the reference forces are: on a terminal one line that is written over and over,
-// elsewhere a line every quarter.
+// Shows the progress of the reference forces: one line that is overwritten on a terminal,
+// otherwise a line every quarter.
 class ReferenceProgress {
  public:
   explicit ReferenceProgress(std::FILE* out) : out_(out), terminal_(isatty(fileno(out)) == 1) {}

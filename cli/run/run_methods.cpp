@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_methods.h"
 
 #include <algorithm>
@@ -14,10 +15,10 @@
 namespace forcegrid::cli {
 namespace {
 
-constexpr double kDirectShare = 0.5;  // of a cycle that method direct may take
+constexpr double kDirectShare = 0.5;  // largest share of a cycle for method direct
 constexpr double kDefaultRequests_per_s = 120.0;
 
-// The scene itself as a force method, if a servo cycle has the time for it.
+// Makes the scene itself a force method, if a servo cycle is long enough for it.
 std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
   if (!options.simulator.empty()) {
     throw std::runtime_error(
@@ -26,7 +27,7 @@ std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
   }
   const simulator::Scene scene = simulator::make_scene(options.scene);
   if (moves_by_itself(options.scene, options.solver)) {
-    throw std::runtime_error("method direct: it solves equilibria, and scene " + options.scene +
+    throw std::runtime_error("method direct solves equilibria, but scene " + options.scene +
                              " moves by itself; choose another method, or --solver quasi_static");
   }
   simulator::DirectOptions direct_options;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <memory>
@@ -11,26 +12,27 @@
 
 namespace forcegrid::cli {
 
-/// The method that is the scene itself, solved in the servo cycle.
+/// Name of the method that solves the scene itself in the servo cycle.
 inline constexpr char kDirect[] = "direct";
 
-/// The methods of a run, each once: the rendered one first, then those that are judged in its
-/// shadow along the same path.
+/// The methods of a run, each once: the rendered method first, then those that are evaluated along
+/// the same path but not rendered.
 class RunMethods {
  public:
-  /// @param base  what is told to each method before its own options
-  /// @throws std::runtime_error for a method that is not known, or that is `direct` where the scene
-  ///         can't be solved in a cycle.
+  /// @param base options that each method gets before its own
+  /// @throws std::runtime_error for an unknown method, or for `direct` if the scene can't be solved
+  ///         within a cycle.
   RunMethods(const RunOptions& options, const MethodOptions& base);
 
-  /// In the order of names(); they live as long as this object.
+  /// In the order of names(). This object owns them.
   [[nodiscard]] const std::vector<ForceMethod*>& methods() const { return methods_; }
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
   [[nodiscard]] const ForceMethod& rendered() const { return *methods_.front(); }
 
-  /// How many requests a second go to the simulator [1/s]. Only the rendered method may ask: its
-  /// shadows see what it sees along the path.
-  /// @throws std::runtime_error where shadows, the tool or the servo rate exclude them.
+  /// [1/s] Rate of requests to the simulator. Only the rendered method may make requests; the
+  /// evaluated methods get the samples along its path.
+  /// @throws std::runtime_error if an evaluated method, the tool or the servo rate excludes
+  ///         requests.
   [[nodiscard]] double requests_per_s(const RunOptions& options,
                                       const simulator::ToolOptions& tool) const;
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_processes.h"
 
 #include "cli/run/run_checks.h"
@@ -54,7 +55,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
                                        std::to_string(at_m[2])});
   }
   if (options.gravity_compensation) {
-    arguments.push_back("--unsupported-weight");  // else two would carry it
+    arguments.push_back("--unsupported-weight");  // otherwise both would carry it
   }
   return std::make_unique<ChildProcess>(arguments);
 }
@@ -117,10 +118,10 @@ RunProcesses::RunProcesses(const RunOptions& options, const simulator::ToolOptio
 }
 
 std::optional<std::string> RunProcesses::simulator_end() {
-  if (!simulator_ || simulator_end_told_ || simulator_->running()) {
+  if (!simulator_ || simulator_end_reported_ || simulator_->running()) {
     return std::nullopt;
   }
-  simulator_end_told_ = true;
+  simulator_end_reported_ = true;
   const std::string how = simulator_->abnormal_end();
   return how.empty() ? "ended" : how;
 }

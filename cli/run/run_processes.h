@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <memory>
@@ -16,12 +17,13 @@
 
 namespace forcegrid::cli {
 
-/// The processes that a run starts beside itself: the simulator, its workers and the emulated
-/// device, each only where the options do not name one that already runs. They end with it.
+/// The child processes of a run: the simulator, its workers and the emulated device. Each is
+/// started only if the options do not name one that is already running. All end with this object.
 class RunProcesses {
  public:
-  /// Starts them, and returns when they listen.
-  /// @throws std::runtime_error or link::LinkError naming the one that does not, and why.
+  /// Starts the processes and returns when all of them listen.
+  /// @throws std::runtime_error or link::LinkError naming the process that does not start, and the
+  ///         reason.
   RunProcesses(const RunOptions& options, const simulator::ToolOptions& tool,
                const profiles::DeviceProfile& profile);
 
@@ -29,16 +31,16 @@ class RunProcesses {
   [[nodiscard]] bool has_simulator() const { return simulator_ != nullptr; }
   [[nodiscard]] const std::string& device_url() const { return device_url_; }
   [[nodiscard]] const std::string& simulator_address() const { return simulator_address_; }
-  /// Of the link to the simulator, the workers' among them; once.
+  /// Moves out the keys of the link to the simulator, including the workers'. Call once.
   [[nodiscard]] std::vector<link::LinkKey> take_link_keys() { return std::move(link_keys_); }
 
-  /// How the simulator ended, once: nothing while it runs, and after it has been told.
+  /// Reports once how the simulator ended; nothing while it runs, and after the first report.
   std::optional<std::string> simulator_end();
 
-  /// Ends a process, and returns its own report; nothing if there is none.
+  /// Ends a process and returns its report; nothing if there is none.
   std::optional<nlohmann::json> finish_emulator();
   std::optional<nlohmann::json> finish_simulator();
-  /// How the emulator ended where it gave no report, as part of a sentence.
+  /// How the emulator ended if it wrote no report, as part of a sentence.
   std::string emulator_end();
 
  private:
@@ -49,7 +51,7 @@ class RunProcesses {
   std::unique_ptr<ChildProcess> simulator_;
   std::string device_url_;
   std::string simulator_address_;
-  bool simulator_end_told_ = false;
+  bool simulator_end_reported_ = false;
 };
 
 }  // namespace forcegrid::cli

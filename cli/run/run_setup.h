@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -9,15 +10,15 @@
 
 namespace forcegrid::cli {
 
-/// "emulated:", before a profile's name: a device that `run` starts itself.
+/// Prefix of a profile's name for an emulated device, which `run` starts itself.
 inline constexpr char kEmulatedPrefix[] = "emulated:";
 
-/// The profile of the device that is asked for: an emulated one's own, else --profile, else that of
-/// the kind of device.
-/// @throws driver::DeviceError for a device that can't be understood.
+/// Returns the name of the requested device's profile: an emulated device's own, else --profile,
+/// else the default for that kind of device.
+/// @throws driver::DeviceError for an invalid device URL.
 std::string profile_name_of(const std::string& device, const std::string& profile);
 
-/// What force methods are told of a run: its workspace, which is the profile's, and the options for
+/// Returns the options that force methods get for a run: the profile's workspace and the options of
 /// grids.
 MethodOptions method_options(const RunOptions& options, const profiles::DeviceProfile& profile,
                              const servo::WorkspaceMap& workspace);

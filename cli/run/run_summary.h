@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <map>
@@ -13,11 +14,11 @@
 
 namespace forcegrid::cli {
 
-/// How far one method was from the reference force, in % of the RMS of |F_o| over the contact.
+/// Error of one method against the reference force F_o, in % of the RMS of |F_o| over the contact.
 struct MethodError {
   double rms_percent = 0.0;           ///< whole contact
-  double rms_percent_first_1s = 0.0;  ///< RMS of the first second of contact
-  double rms_percent_after_1s = 0.0;  ///< RMS of the rest
+  double rms_percent_first_1s = 0.0;  ///< RMS over the first second of contact
+  double rms_percent_after_1s = 0.0;  ///< RMS over the rest
   double max_percent_after_1s = 0.0;
 };
 
@@ -28,7 +29,7 @@ struct RecoveredFault {
   std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC of the end of the loop
 };
 
-/// Everything a run has to say, in the order in which it becomes known.
+/// Everything that a run reports, in the order in which it becomes known.
 struct RunSummary {
   std::string device;
   std::string device_profile;
@@ -38,8 +39,8 @@ struct RunSummary {
   double rate_requested_Hz = 0.0;
   double elapsed_s = 0.0;  ///< from the first to the last cycle
   servo::ServoOutcome outcome;
-  std::vector<RecoveredFault> recovered;  ///< faults after which the device was connected again
-  int recalibrations = 0;                 ///< of these reconnections, those that needed one
+  std::vector<RecoveredFault> recovered;  ///< faults after which the device was reconnected
+  int recalibrations = 0;                 ///< reconnections that needed a calibration
   driver::DeviceStatistics device_statistics;
   link::LinkStatistics link;
   std::uint64_t samples_received = 0;  ///< among what the link accepted
@@ -49,9 +50,9 @@ struct RunSummary {
   double worst_solve_time_s = 0.0;
   std::uint64_t records_lost = 0;
   std::uint64_t cycles_kept = 0;
-  std::uint64_t samples_overrun = 0;  ///< accepted, but the servo's ring was full
-  std::vector<std::string> members;   ///< of the rendered method, see ForceMethod::candidates()
-  std::map<std::string, std::uint64_t> counters;  ///< what the rendered method counts, by name
+  std::uint64_t samples_overrun = 0;    ///< accepted, but the servo's ring was full
+  std::vector<std::string> candidates;  ///< of the rendered method, see ForceMethod::candidates()
+  std::map<std::string, std::uint64_t> counters;  ///< of the rendered method, by name
   std::vector<std::string> notes;                 ///< degradations, one sentence each
   std::optional<nlohmann::json> emulator;         ///< its own report
   std::optional<nlohmann::json> simulator;        ///< its own report

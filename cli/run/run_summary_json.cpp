@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_summary_json.h"
 
 #include "cli/run/run_summary_numbers.h"
@@ -144,15 +145,15 @@ void add_force(json& result, const RunSummary& summary,
                     {"samples_outside", counter(summary, "samples_outside")}};
   result["counters"] = summary.counters;
   result["candidate_cycles"] = json::object();
-  for (std::size_t i = 0; i < summary.members.size(); ++i) {
-    result["candidate_cycles"][summary.members[i]] = statistics.rendered_member[i];
+  for (std::size_t i = 0; i < summary.candidates.size(); ++i) {
+    result["candidate_cycles"][summary.candidates[i]] = statistics.rendered_candidate[i];
   }
-  result["candidate_changes"] = statistics.member_changes;
+  result["candidate_changes"] = statistics.candidate_changes;
   result["first_candidate_changes"] = json::array();
-  for (const servo::MemberChange& change : statistics.first_changes) {
+  for (const servo::CandidateChange& change : statistics.first_changes) {
     result["first_candidate_changes"].push_back({{"time_s", change.time_s},
-                                                 {"from", summary.members.at(change.from)},
-                                                 {"to", summary.members.at(change.to)},
+                                                 {"from", summary.candidates.at(change.from)},
+                                                 {"to", summary.candidates.at(change.to)},
                                                  {"reason", to_string(change.reason)}});
   }
   result["rung_cycles"] = json::object();

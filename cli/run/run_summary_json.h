@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -7,7 +8,7 @@
 
 namespace forcegrid::cli {
 
-/// The whole for programs; keys are documented in docs/summary_json.md.
+/// Returns the whole summary for programs; docs/summary_json.md documents the keys.
 nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_summary_numbers.h"
 
 namespace forcegrid::cli {

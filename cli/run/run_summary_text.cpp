@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_summary_text.h"
 
 #include <cinttypes>
@@ -24,30 +25,31 @@ void append_percentiles(std::string& text, const char* what, const rt::Percentil
          p.at(0.99), p.at(0.999), p.max());
 }
 
-// Who was felt for how long, of a method with several members.
-void append_members(std::string& text, const RunSummary& summary,
-                    const servo::TelemetryStatistics& statistics) {
+// How long each candidate of an ensemble was rendered.
+void append_candidates(std::string& text, const RunSummary& summary,
+                       const servo::TelemetryStatistics& statistics) {
   std::uint64_t all = 0;
-  for (const std::uint64_t cycles : statistics.rendered_member) {
+  for (const std::uint64_t cycles : statistics.rendered_candidate) {
     all += cycles;
   }
-  if (summary.members.empty() || all == 0) {
+  if (summary.candidates.empty() || all == 0) {
     return;
   }
   text += summary.method + ", rendered candidates:";
   const char* separator = " ";
-  for (std::size_t i = 0; i < summary.members.size(); ++i) {
-    if (statistics.rendered_member[i] > 0) {
-      append(text, "%s%s %.1f %%", separator, summary.members[i].c_str(),
-             100.0 * static_cast<double>(statistics.rendered_member[i]) / static_cast<double>(all));
+  for (std::size_t i = 0; i < summary.candidates.size(); ++i) {
+    if (statistics.rendered_candidate[i] > 0) {
+      append(
+          text, "%s%s %.1f %%", separator, summary.candidates[i].c_str(),
+          100.0 * static_cast<double>(statistics.rendered_candidate[i]) / static_cast<double>(all));
       separator = ", ";
     }
   }
   append(text, "; %" PRIu64 " changes; uncertainty of the force %.1f mN (median)\n",
-         statistics.member_changes, statistics.uncertainty_mN.at(0.5));
+         statistics.candidate_changes, statistics.uncertainty_mN.at(0.5));
 }
 
-// What is worth knowing of the way to the simulator.
+// Round trip, clock and losses of the link to the simulator.
 void append_link(std::string& text, const RunSummary& summary) {
   if (summary.simulator_clock.known) {
     append(text, "Link: quickest round trip %.2f ms; the simulator's clock is %.4f s %s\n",
@@ -56,12 +58,12 @@ void append_link(std::string& text, const RunSummary& summary) {
   }
   if (summary.link.dropped() + summary.link.overrun > 0) {
     text += "Link: datagrams dropped: " + link::drop_text(summary.link);
-    append(text, "%s%" PRIu64 " by the system, whose buffer was full\n",
+    append(text, "%s%" PRIu64 " by the system because its buffer was full\n",
            summary.link.dropped() > 0 ? "; " : "", summary.link.overrun);
   }
 }
 
-// How long each rung of the ladder was stood on.
+// Share of the cycles on each rung of the ladder.
 void append_rungs(std::string& text, const servo::TelemetryStatistics& statistics) {
   if (statistics.cycles == 0) {
     return;
@@ -83,7 +85,7 @@ void append_timing(std::string& text, const RunSummary& summary,
                    const servo::TelemetryStatistics& statistics) {
   const servo::ServoOutcome& outcome = summary.outcome;
   append(text,
-         "%" PRIu64 " cycles in %.2f s at %.1f Hz (asked for %.0f), %" PRIu64
+         "%" PRIu64 " cycles in %.2f s at %.1f Hz (requested %.0f), %" PRIu64
          " missed deadlines, %s%s\n",
          outcome.cycles, summary.elapsed_s, measured_rate_Hz(summary), summary.rate_requested_Hz,
          outcome.missed_deadlines,
@@ -135,14 +137,13 @@ void append_first_touches(std::string& text, const RunSummary& summary) {
   }
 }
 
-// What the loop did not take at face value, and what limited its force.
+// Samples that the loop refused, and cycles in which a limit acted.
 void append_limits(std::string& text, const RunSummary& summary,
                    const servo::TelemetryStatistics& statistics) {
   const servo::ServoOutcome& outcome = summary.outcome;
   if (outcome.samples_refused > 0) {
     append(text,
-           "%" PRIu64
-           " forces of the simulator were refused as implausible jumps (docs/safety.md)\n",
+           "%" PRIu64 " simulator forces were refused as implausible jumps (docs/safety.md)\n",
            outcome.samples_refused);
   }
   if (statistics.cycles_limited > 0) {
@@ -185,7 +186,7 @@ void append_disturbances(std::string& text, const RunSummary& summary,
   }
 }
 
-// How much the rendered method knew.
+// Cycles in which the rendered method knew the force.
 void append_knowledge(std::string& text, const RunSummary& summary,
                       const servo::TelemetryStatistics& statistics) {
   const auto& status = statistics.rendered_status;
@@ -204,10 +205,10 @@ void append_knowledge(std::string& text, const RunSummary& summary,
   }
 }
 
-// What the rendered method counted.
+// Counters of the rendered method.
 void append_method_counters(std::string& text, const RunSummary& summary) {
   if (summary.samples_overrun > 0) {
-    append(text, "%" PRIu64 " samples came faster than the servo takes them and were dropped\n",
+    append(text, "%" PRIu64 " samples arrived faster than the servo takes them and were dropped\n",
            summary.samples_overrun);
   }
   const std::uint64_t cut_short = counter(summary, "fills_cut_short");
@@ -227,8 +228,7 @@ void append_method_counters(std::string& text, const RunSummary& summary) {
            recycled);
   }
   if (const std::uint64_t unusable = counter(summary, "samples_unusable"); unusable > 0) {
-    append(text,
-           "Method: %" PRIu64 " samples were of no use to it (not finite, or without stiffness)\n",
+    append(text, "Method: %" PRIu64 " samples were unusable (not finite, or without stiffness)\n",
            unusable);
   }
 }
@@ -262,13 +262,13 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   append_energy(text, summary);
   append_disturbances(text, summary, statistics);
   append_knowledge(text, summary, statistics);
-  append_members(text, summary, statistics);
+  append_candidates(text, summary, statistics);
   append_method_counters(text, summary);
   for (const std::string& note : summary.notes) {
     text += "Note: " + note + "\n";
   }
   if (!summary.recovered.empty()) {
-    append(text, "Connected again %zu times, %d of them with a new calibration\n",
+    append(text, "Reconnected %zu times, %d of them with a new calibration\n",
            summary.recovered.size(), summary.recalibrations);
   }
   append_fault(text, summary);
@@ -276,7 +276,7 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
 }
 
 std::string motors_text(const nlohmann::json& emulator) {
-  // A Falcon's amplifiers take commands, and how much current flows is in no source.
+  // A Falcon's amplifiers take commands; no source gives the resulting current.
   const bool has_commands = emulator.contains("final_command");
   const auto motor =
       emulator.at(has_commands ? "final_command" : "final_current_mA").get<std::vector<double>>();

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -8,16 +9,17 @@
 
 namespace forcegrid::cli {
 
-/// The text for people that is printed as soon as the loop has ended: everything but the errors.
+/// Returns the text that is printed as soon as the loop has ended: everything but the errors.
 std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
 
-/// What the emulated motors did, from the emulator's report.
+/// Returns what the emulated motors did, from the emulator's report.
 std::string motors_text(const nlohmann::json& emulator);
 
-/// Who answered the simulator's queries, from its report; empty without workers.
+/// Returns how many of the simulator's queries each worker answered, from the simulator's report;
+/// empty without workers.
 std::string workers_text(const nlohmann::json& simulator);
 
-/// The errors and the files, once they are there.
+/// Returns the errors against the reference force and the files written.
 std::string errors_text(const RunSummary& summary);
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/terminal_keys.h"
 
 #include <fcntl.h>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr int kInput = STDIN_FILENO;
 
-// Set before the handlers are installed, and not changed while they are.
+// Set before the handlers are installed, and constant while they are.
 termios original;
 termios one_key_at_a_time;
 volatile std::sig_atomic_t changed = 0;
@@ -38,7 +39,7 @@ void change() {
 
 constexpr std::array<int, 6> kFatal = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGQUIT};
 
-// What was there before, which has its own to give back.
+// The previous handler, which may have its own settings to restore.
 std::array<struct sigaction, kFatal.size()> fatal_before;
 struct sigaction suspend_before;
 
@@ -80,7 +81,7 @@ void install_handlers() {
   }
   const struct sigaction suspend = action_of(on_suspend);
   sigaction(SIGTSTP, &suspend, &suspend_before);
-  // Brought to the background, a terminal's process would be stopped for reading or setting it.
+  // A background process would be stopped for reading the terminal or changing its settings.
   const struct sigaction ignore = action_of(SIG_IGN);
   sigaction(SIGTTIN, &ignore, nullptr);
   sigaction(SIGTTOU, &ignore, nullptr);
@@ -138,7 +139,7 @@ bool TerminalKeys::emergency_pressed(std::chrono::milliseconds timeout) {
       return true;
     }
   }
-  if (count <= 0) {  // hung up: there is no terminal any more, and poll() would not wait
+  if (count <= 0) {  // hung up: the terminal is gone, and poll() would return at once
     restore();
     active_ = false;
   }

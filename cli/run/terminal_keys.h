@@ -1,18 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <chrono>
 
 namespace forcegrid::cli {
 
-/// The emergency key of a person at a terminal: space, or e. Where standard input is a terminal in
-/// whose foreground this process runs, each key is taken at once and not shown; anywhere else there
-/// is no key, and nothing is changed.
+/// The emergency key of a user at a terminal: space or e. If standard input is a terminal and this
+/// process runs in its foreground, each key is read at once and not echoed. Otherwise there is no
+/// emergency key, and nothing is changed.
 ///
-/// The terminal gets its settings back in the destructor, at exit(), at Ctrl-Z (until the process
-/// goes on), and before the process dies of a signal that it doesn't handle. Ctrl-C stays what it
-/// is.
-/// Handlers of these signals that were there before are called afterwards; whoever installs some
-/// later has to make a new TerminalKeys.
+/// The terminal's settings are restored in the destructor, at exit(), at Ctrl-Z (until the process
+/// continues), and before the process dies of a signal that it doesn't handle. Ctrl-C keeps its
+/// meaning. Handlers installed earlier for these signals are called afterwards. After installing
+/// such handlers later, construct a new TerminalKeys.
 /// Threads: one; at most one of them exists.
 class TerminalKeys {
  public:

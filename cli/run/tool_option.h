@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -9,7 +10,8 @@
 
 namespace forcegrid::cli {
 
-/// --tool, --contact and what belongs to them; what is not given is the scene's.
+/// Values of --tool, --contact and the options that belong to them. The scene supplies those not
+/// given.
 struct ToolChoice {
   std::optional<std::string> tool;
   std::optional<std::string> contact;
@@ -22,13 +24,13 @@ struct ToolChoice {
 
 void add_tool(CLI::App& command, ToolChoice& choice);
 
-/// A scene's tool with the changes that were asked for.
+/// Returns a scene's tool with the requested changes.
 simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOptions of_scene);
 
-/// The flags of `choice` that mean nothing to the tool that came of it; empty: all count.
+/// Returns the flags of `choice` that have no effect on the resulting tool; empty: all have.
 std::string flags_of_no_use(const ToolChoice& choice, const simulator::ToolOptions& options);
 
-/// What was asked for, as arguments of 'forcegrid simulate'.
+/// Returns the choice as arguments of 'forcegrid simulate'.
 std::vector<std::string> tool_arguments(const ToolChoice& choice);
 
 }  // namespace forcegrid::cli

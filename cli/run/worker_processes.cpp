@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/worker_processes.h"
 
 #include <cerrno>
@@ -61,7 +62,7 @@ void WorkerProcesses::start(int count, const std::string& listening, const std::
       throw std::runtime_error("a worker did not start (its message is above)");
     }
   }
-  remove_own_key();  // everybody has read it, and a run that is killed could not do it later
+  remove_own_key();  // all workers have read it, and a killed run could not remove it later
 }
 
 }  // namespace forcegrid::cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <memory>
@@ -8,22 +9,23 @@
 
 namespace forcegrid::cli {
 
-/// The workers of a simulator that `forcegrid run` starts, and the key that all of them share.
+/// The workers of the simulator that `forcegrid run` starts, and the key that all of them share.
 class WorkerProcesses {
  public:
-  /// @param key_files  of --key; without one a new key is made in a folder of its own, which goes
-  ///                   when all have started, or with the object
+  /// @param key_files of --key. Without one, a new key is made in a temporary folder, which is
+  ///         removed when all workers have started, or by the destructor.
   /// @throws std::runtime_error or link::LinkError with the system's reason.
   explicit WorkerProcesses(const std::vector<std::string>& key_files);
-  /// Ends them.
+  /// Ends the workers.
   ~WorkerProcesses();
   WorkerProcesses(const WorkerProcesses&) = delete;
   WorkerProcesses& operator=(const WorkerProcesses&) = delete;
 
   [[nodiscard]] const std::vector<std::string>& key_files() const { return key_files_; }
 
-  /// @param listening  the line that `forcegrid simulate --workers` has said
-  /// @throws std::runtime_error if one does not start.
+  /// Starts `count` workers and waits until each is ready.
+  /// @param listening the line that `forcegrid simulate --workers` printed
+  /// @throws std::runtime_error if a worker does not start.
   void start(int count, const std::string& listening, const std::string& scene);
 
  private:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -8,8 +9,8 @@
 
 namespace forcegrid {
 
-/// An array of plain values whose memory is asked for once, aligned to a cache line, without
-/// exceptions: a method that could not get all of its memory says so through its factory.
+/// An array of plain values whose memory is allocated once, aligned to a cache line, without
+/// exceptions. A method that could not allocate all of its memory reports it through its factory.
 template <typename Value>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<Value> && std::is_trivially_destructible_v<Value>);
@@ -25,7 +26,7 @@ class Buffer {
     std::uninitialized_fill_n(values_.get(), size_, initial);
   }
 
-  /// False when the memory that was asked for could not be had; the array is then empty.
+  /// False when there was not enough memory; the array is then empty.
   bool allocated() const noexcept { return allocated_; }
   std::size_t size() const noexcept { return size_; }
   std::size_t bytes() const noexcept { return size_ * sizeof(Value); }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +10,7 @@ namespace forcegrid {
 struct GridGeometry {
   Eigen::Vector3d min_W = Eigen::Vector3d::Zero();  ///< [m] lowest corner
   Eigen::Vector3d max_W = Eigen::Vector3d::Zero();  ///< [m] highest corner
-  /// p_x, p_y, p_z; vertices are one more an axis.
+  /// p_x, p_y, p_z; there is one vertex more per axis.
   Eigen::Vector3i cells = Eigen::Vector3i::Zero();
 
   /// @throws std::invalid_argument naming the field: not finite, max <= min, or cells not in

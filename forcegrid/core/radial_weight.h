@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 namespace forcegrid {
@@ -10,8 +11,8 @@ enum class WeightKind {
   kInverse6,  ///< (1 - d/r)^2 / (0.05 + (2 d/h)^6)
 };
 
-/// How a sample's force spreads over the vertices around it ("candle light"): a weight w(d) for
-/// d < r, by one of the formulas of WeightKind, and none beyond.
+/// How a sample's force spreads over the vertices around it (the paper's "candle light"): a weight
+/// w(d) for d < r, by one of the formulas of WeightKind, and none beyond.
 ///
 /// The paper's falls from 1 at d = 0 to 0 at d = r. It adds 1 to d^2 without saying in which unit d
 /// is; L is that unit, and it decides the result: with L in metres the field is a moving average

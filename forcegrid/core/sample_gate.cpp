@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "forcegrid/core/sample_gate.h"
 
 #include <algorithm>

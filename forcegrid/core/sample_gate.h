@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -10,7 +11,7 @@
 
 namespace forcegrid {
 
-/// Keeps forces from a method that the object can't have answered with.
+/// Holds back forces that the object cannot have answered with until the next sample confirms them.
 ///
 /// From one sample to the next the force follows the tool: with (P0, F0) the last sample believed,
 /// S the stiffness seen along the path (Broyden's rank-one estimate) and k the largest |dF| / |dP|
@@ -18,24 +19,26 @@ namespace forcegrid {
 ///
 ///   min over 0 <= c <= 1 of |F - c E|  <=  kSlack_N + k |P - P0|:
 ///
-/// what follows on, and what only gives way, as an object that is cut or slips. So is what resists
-/// the step, as a wall does that the tool has come up against in it, with u = (F - E) / |F - E|:
+/// such a force follows on, or only gives way, as an object does that is cut or slips. A force that
+/// resists the step is believed as well, as a wall that the tool came up against in it, with
+/// u = (F - E) / |F - E|:
 ///
 ///   |F - E|  <=  kSlack_N + kMostStiffness_N_per_m max(0, -u . (P - P0)),
 ///
-/// unless a sample was refused in the last kWary samples. All else surprises, and the next sample
-/// decides. If that one follows on from the last believed, the surprise was an outlier and is
-/// refused. If it bears the surprise out, both are believed, one sample late: an object that has
-/// snapped. They bear each other out if they are no further apart than the surprise is large, and
+/// unless a sample was refused in the last kWary samples. Every other force surprises, and the next
+/// sample decides. If that sample follows on from the last believed one, the surprise was an
+/// outlier and is refused. If it confirms the surprise, both are believed, one sample late: the
+/// object has snapped. Two samples confirm each other if they are no further apart than the
+/// surprise is large, and
 ///
 ///   |F1 - F2| <= kSlack_N + kMostStiffness_N_per_m |P1 - P2|   and   |F1|, |F2| <= max_force_N
 ///
-/// (the latter unless they resist): what is stiffer can't be rendered by any arm, and what is
-/// larger can't by this one. So a simulator whose forces are wrong by a large factor is refused for
-/// as long as they are, its last good sample ages, and the servo fades the force out.
+/// (the latter unless they resist): no arm can render a stiffer object, and this one no larger
+/// force. A simulator whose forces are wrong by a large factor is therefore refused for as long as
+/// they are; its last good sample ages, and the servo fades the force out.
 ///
-/// Failure: outliers within the slack; two that agree by chance; a contact's first force, which
-/// nothing can be compared with; a rigid object, whose force would be rendered as nothing instead
+/// Failure: outliers within the slack; two that agree by chance; a contact's first force, for
+/// which there is no comparison; a rigid object, whose force would be rendered as nothing instead
 /// of as vibration. Source for Broyden: Math. Comp. 19 (1965), 577. Real-time: yes. Threads: one.
 class SampleGate {
  public:
@@ -48,12 +51,13 @@ class SampleGate {
   explicit SampleGate(double max_force_N = std::numeric_limits<double>::infinity()) noexcept
       : max_force_N_(max_force_N) {}
 
-  /// What the method may take now that `sample` has come, oldest first: nothing, it, or the one
-  /// before and it. Valid until the next call. What is not finite is left to the method to count.
+  /// What the method may take after `sample` has arrived, oldest first: nothing, the sample, or the
+  /// one before and the sample. Valid until the next call. Samples that are not finite pass: the
+  /// method counts them.
   std::span<const Sample> pass(const Sample& sample) noexcept;
-  /// Contact was made or lost: what was seen before says nothing.
+  /// Contact was made or lost: earlier samples say nothing about the next.
   void forget() noexcept;
-  /// Samples that no method will get, since the gate was made.
+  /// Samples that were refused, from construction on.
   std::uint64_t refused() const noexcept { return refused_; }
 
  private:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "forcegrid/grid/adaptive_grid.h"
 
 namespace forcegrid {

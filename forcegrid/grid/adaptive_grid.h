@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +17,7 @@ namespace forcegrid {
 /// yet complete there, reads as empty and can't be updated.
 class WindowStorage {
  public:
-  static constexpr int kBlocks = 4;  ///< an axis, a power of two
+  static constexpr int kBlocks = 4;  ///< per axis, a power of two
 
   explicit WindowStorage(const Eigen::Vector3i& vertices) noexcept;
 
@@ -109,13 +110,13 @@ class WindowStorage {
     return keys_[at] == key(x, y, s) ? at * kBlockSegments : kEmptyBlock;
   }
 
-  Eigen::Vector3i blocks_;                           ///< of the whole grid an axis
+  Eigen::Vector3i blocks_;                           ///< of the whole grid per axis
   Eigen::Vector3i first_ = Eigen::Vector3i::Zero();  ///< lowest block of the cube, may be negative
   std::array<std::uint64_t, kPlaces> keys_{};        ///< the block that is complete at each place
   Buffer<ForceSegment> segments_;
 };
 
-/// The paper's adaptive form: a dense grid in a cube of 32 vertices an axis that follows the tool,
+/// The paper's adaptive form: a dense grid in a cube of 32 vertices per axis that follows the tool,
 /// inside a sparse one over the whole workspace whose cells are four times as long.
 ///
 /// Each sample is spread in both. A block that comes into the cube starts with the sparse grid's

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "forcegrid/grid/grid_instances.h"
 #include "forcegrid/grid/grid_method.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -23,7 +24,7 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
  public:
   using Fill = typename Base::Fill;
 
-  /// @param largest_reach vertices an axis beyond which a fill need not reach.
+  /// @param largest_reach vertices per axis beyond which a fill need not reach.
   ForceGrid(const GridGeometry& geometry, const RadialWeight& weighting, Storage&& storage,
             Interpolation interpolation = Interpolation::kTrilinear,
             Instructions instructions = Instructions::kBest,
@@ -108,12 +109,12 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
   Interpolation interpolation_;
   alignas(16) std::array<double, 4> min_{};      ///< the box's lowest corner
   alignas(16) std::array<double, 4> inverse_{};  ///< of the spacing
-  alignas(16) std::array<float, 4> last_{};      ///< index of the last vertex an axis
+  alignas(16) std::array<float, 4> last_{};      ///< index of the last vertex per axis
 };
 
 // In the header since a call costs as much as the eight loads. Whatever is not plainly inside and
 // known everywhere goes the slow way. The position becomes a cell and a fraction in single
-// precision: 4e-6 of a cell on 50 cells an axis, below what the stored forces resolve.
+// precision: 4e-6 of a cell on 50 cells per axis, below what the stored forces resolve.
 template <typename Storage>
 inline ForceEstimate ForceGrid<Storage>::sample(const Eigen::Vector3d& position_W) const noexcept {
   using Double2 = double __attribute__((vector_size(16)));

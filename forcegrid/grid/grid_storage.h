@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -38,7 +39,7 @@ class StridedCorners {
 template <typename Segment>
 class DenseStorage {
  public:
-  /// @param vertices an axis.
+  /// @param vertices per axis.
   /// @param counting whether counters are kept.
   DenseStorage(const Eigen::Vector3i& vertices, bool counting) noexcept
       : row_(segments_in_row(vertices)), slab_(row_ * static_cast<std::size_t>(vertices.y())) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "forcegrid/grid/request_planner.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -11,18 +12,18 @@
 
 namespace forcegrid {
 
-/// Chooses where the simulator should be asked next, by the paper's rule: of the cells whose centre
-/// is within rho of the tool, the one that has received the fewest samples; among several the one
-/// whose centre is nearest. Cells that were asked for and not yet answered count one sample more.
+/// Chooses where the simulator is asked next, by the paper's rule: of the cells whose centre is
+/// within rho of the tool, the one that has received the fewest samples; of several, the one whose
+/// centre is nearest. A cell with a request that is not answered yet counts one sample more.
 /// Source: forcegrid paper, section 5, request method.
-/// Real-time: only the constructor allocates. A plan looks at the cells within rho, nearest first,
+/// Real-time: only the constructor allocates. A plan visits the cells within rho, nearest first,
 /// and stops at the first that is certain to be the answer. Threads: one.
 class RequestPlanner {
  public:
   /// @param radius_m rho.
   RequestPlanner(const GridGeometry& geometry, double radius_m) noexcept;
 
-  /// How many cells a plan looks at in the worst case.
+  /// How many cells a plan visits in the worst case.
   static std::size_t cells_within(const GridGeometry& geometry, double radius_m) noexcept;
 
   bool allocated() const noexcept { return cells_.allocated(); }
@@ -30,8 +31,8 @@ class RequestPlanner {
 
   /// @param tool_W position, inside the grid.
   /// @param tool_cell the cell that holds it.
-  /// @param samples_in tells a cell's samples.
-  /// @param enough a cell with so many samples is not worth asking for.
+  /// @param samples_in callable, the number of samples in a cell.
+  /// @param enough cells with this many samples are not requested.
   /// @param wanted_W the chosen cell's centre.
   /// @returns false, leaving `wanted_W` alone, when no cell has its centre within rho or all have
   ///          enough.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -17,10 +18,10 @@
 
 namespace forcegrid {
 
-/// How far a fill reaches from the vertex nearest to its sample, vertices an axis: a sample lies
+/// How far a fill reaches from the vertex nearest to its sample, vertices per axis: a sample lies
 /// within half a cell's diagonal of that vertex, so what is within r of the sample is within r plus
 /// half a diagonal of it.
-/// @param largest_reach vertices an axis beyond which a fill need not reach.
+/// @param largest_reach vertices per axis beyond which a fill need not reach.
 Eigen::Vector3i fill_reach(const GridGeometry& geometry, double influence_radius_m,
                            int largest_reach) noexcept;
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -161,13 +162,13 @@ class Field {
 ///
 /// V being inflated by the normalised square of what s leaves of e. The samples of the earlier
 /// contacts are multiplied by s, within 0.5 and 2. Where the stiffness is data, its innovation
-/// teaches s in the same way, and first, until v is below 1e-4: it tells s at once, where the first
-/// force is none. v
-/// begins with the mean square of what the contacts before took, 0.03 at first and between 1e-4 and
-/// 0.09: objects that prove to be alike everywhere are left alone.
+/// teaches s in the same way, and first, until v is below 1e-4: at the first touch the force is
+/// zero and says nothing about s, the stiffness does. v begins with the mean square of the changes
+/// at earlier contacts, 0.03 at first and between 1e-4 and 0.09: on objects that prove to be alike
+/// everywhere s stays at one.
 ///
-/// Answers to queries join the dictionary where none of its samples is near; they are never
-/// transient.
+/// Answers to queries join the dictionary where none of its samples is near; they are never the
+/// transient newest sample.
 ///
 /// Failure: kinks within l of the samples; forces that depend on more than position (the history
 /// features are for those that depend on the path, UnilateralConstraintField for kinks).

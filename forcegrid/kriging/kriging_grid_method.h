@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -19,17 +20,16 @@ namespace forcegrid {
 ///
 /// with the posterior force F_v and stiffness J_v of the field at each vertex (PosteriorGrid),
 /// relative to the contact point. After each fit the vertices within kReach_m of the tool are
-/// written, the nearest first: those that hold nothing yet, those that the field now has a sample
-/// for that is at most kFurther times as far away as the nearest was when they were written, and
-/// those that were written before the last surprise.
+/// written, the nearest first: those that hold nothing yet; those for which the field has a sample
+/// at most kFurther times as far away as the nearest one when they were written; and those written
+/// before the last surprise.
 ///
-/// force(): where all eight vertices are written, what the grid says, kOk or kPartlyKnown as
-/// KrigingMethod has it, with its uncertainty. Elsewhere, the known part ends: what the field
-/// itself says there, at most kPartlyKnown, and kUnknown where the field knows nothing either.
+/// force(): where all eight vertices are written, the grid's force, with status and uncertainty as
+/// KrigingMethod gives them. Elsewhere the field's own force, at most kPartlyKnown; kUnknown where
+/// the field knows nothing either.
 ///
-/// Requests: as the paper's request method asks around the tool, but of the vertices along the
-/// predicted motion and beside the tool the one whose posterior variance is largest is asked first,
-/// the nearer the better; none where it is known to kriging::FieldRequests::kAsk_N.
+/// Requests: at vertices along the predicted motion and beside the tool, the one with the largest
+/// posterior deviation first, see kriging::FieldRequests.
 ///
 /// Needs: force. Options used: those of kriging-store; vertex_spacing_m (h, 4 mm), pool_blocks (96,
 /// 2.3 MB). Positions relative to the contact point may be as far away as the workspace
@@ -45,7 +45,7 @@ class KrigingGridMethod final : public ForceMethod {
   static constexpr double kFurther = 1.25;
   static constexpr double kSpacing_m = 0.004;
   static constexpr int kPoolBlocks = 96;
-  /// Cells an axis that the grid may have at most; the factory refuses more.
+  /// Cells per axis that the grid may have at most; the factory refuses more.
   static constexpr int kMostCells = 1024;
   static constexpr double kLeastSpacing_m = 0.002;  ///< the factory refuses less
   /// Blocks that may be written between two fits; the pool must hold them.
@@ -57,7 +57,7 @@ class KrigingGridMethod final : public ForceMethod {
   /// @param options which must be usable: make_force_method() checks.
   explicit KrigingGridMethod(const MethodOptions& options);
 
-  /// Cells an axis for these options: twice the workspace, whatever the contact point.
+  /// Cells per axis for these options: twice the workspace, whatever the contact point.
   static Eigen::Vector3i cells(const MethodOptions& options) noexcept;
 
   bool allocated() const noexcept { return kriging_.allocated() && grid_.allocated(); }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -37,7 +38,7 @@ struct RadialDerivatives {
 ///                           + d_a d_b d_c d_e g''''
 ///
 /// (D the Kronecker delta, J = dF/dP), each column of the first being curl-free in p. Scaled so
-/// that -g'(0) = 1: one newton of prior standard deviation an axis. The shapes:
+/// that -g'(0) = 1: one newton of prior standard deviation per axis. The shapes:
 ///
 ///   squared exponential  g = l^2 exp(-u/l^2)
 ///   Matern 7/2           -g' = (1 + s + s^2/3) exp(-s),  s = sqrt(7) r/l

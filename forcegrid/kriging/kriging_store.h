@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -19,26 +20,26 @@ struct StoredSample {
   bool from_query = false;
 };
 
-/// Thousands of samples of a force, found by place: a hash grid over a fixed pool.
+/// Thousands of samples of a force, looked up by place: a hash grid over a fixed pool.
 ///
 /// Admission. With the distance of SampleSpacing, a sample that is apart from all stored ones is
-/// added. One that has goes, but takes the nearest one's place if that is
-/// doubted more, or if it repeats what that one began with (a repeated measurement;
-/// without the bound a slow motion would drag one sample along and lose what it had known).
+/// added. Any other is dropped, unless the nearest stored one is doubted more or the sample repeats
+/// where that one began; it then takes the nearest one's place. (Without this bound a slow motion
+/// would drag one sample along and lose what it had known.)
 ///
-/// Thinning. In a full store a sample that is added takes the place of another: of 32 that are
-/// looked at in turn, the one with the least
+/// Thinning. In a full store a sample that is added takes the place of another: of 32
+/// that are examined in turn, the one with the least
 ///
 ///   min_j |p_i - p_j|^2 / (min(|p_i - P|, 40 mm)^2 + (10 mm)^2) / (1 + q_i / (10 nugget))
 ///
 /// with P the place of the sample that is added and answers to queries counting a twentieth, so
 /// that samples far from the tool end up four times as far apart as those around it.
 ///
-/// Lookup. Positions fall into cells of 10 mm; a cell is found by a hash, 1 to 2 samples a bucket.
-/// Samples of cells that share a bucket are told apart by their cell.
+/// Lookup. Positions fall into cells of 10 mm; a cell is found by a hash, 1 to 2 samples per
+/// bucket. Samples of different cells that share a bucket are distinguished by their cell.
 ///
 /// Real-time: nothing allocates, locks or throws after construction; every function is bounded
-/// (kMostLooks samples, or one pass over all of them where that is said). Threads: one. Several
+/// (kMostLooks samples, or one pass over all of them where stated). Threads: one. Several
 /// fields may read one store on the same thread.
 class SampleStore {
  public:
@@ -60,7 +61,7 @@ class SampleStore {
   /// @param settings positive, capacity at least 2.
   explicit SampleStore(const Settings& settings) noexcept;
 
-  /// False when the memory could not be had; the store then must not be used.
+  /// False when there was not enough memory; the store then must not be used.
   bool allocated() const noexcept;
   std::size_t memory_bytes() const noexcept;
   const Settings& settings() const noexcept { return settings_; }
@@ -68,7 +69,7 @@ class SampleStore {
   /// Samples that gave up their place because the store was full.
   std::uint64_t thinned() const noexcept { return thinned_; }
 
-  /// Takes in the sample if it is news. Stiffness and history are not kept.
+  /// Takes in the sample if no stored one is like it. Stiffness and history are not kept.
   Admission admit(const Observation& observation) noexcept;
 
   /// Adds  doubt_N2 exp(-|p_i - centre|^2 / (2 reach^2))  to the doubt of every sample. One pass.

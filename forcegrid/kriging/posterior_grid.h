@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -52,7 +53,7 @@ class PosteriorGrid {
     bool known = false;  ///< all eight vertices hold something; else the force is zero
   };
 
-  /// @param min_m lowest corner of the box, `cells` its cells an axis, at least one, each
+  /// @param min_m lowest corner of the box, `cells` its cells per axis, at least one, each
   ///        `spacing_m` wide.
   PosteriorGrid(const Eigen::Vector3d& min_m, const Eigen::Vector3i& cells, double spacing_m,
                 std::size_t pool_blocks) noexcept;
@@ -105,16 +106,17 @@ class PosteriorGrid {
   static Float4 extrapolated(const PosteriorVertex* v, Float4 half_d) noexcept {
     const Float4 shear = load(v->shear_N_per_m.data());
     return load(v->force_N.data()) + load(v->normal_N_per_m.data()) * half_d +
-           __builtin_shuffle(shear, Int4{2, 0, 1, 3}) *
-               __builtin_shuffle(half_d, Int4{1, 2, 0, 3}) +
-           __builtin_shuffle(shear, Int4{1, 2, 0, 3}) * __builtin_shuffle(half_d, Int4{2, 0, 1, 3});
+           __builtin_shufflevector(shear, shear, 2, 0, 1, 3) *
+               __builtin_shufflevector(half_d, half_d, 1, 2, 0, 3) +
+           __builtin_shufflevector(shear, shear, 1, 2, 0, 3) *
+               __builtin_shufflevector(half_d, half_d, 2, 0, 1, 3);
   }
 
   Eigen::Vector3d min_m_;
   Eigen::Vector3i cells_;
   double spacing_m_;
   double inverse_per_m_;
-  Eigen::Vector3d last_;  ///< index of the last vertex an axis
+  Eigen::Vector3d last_;  ///< index of the last vertex per axis
   float half_spacing_m_;
   BlockStorage<PosteriorSegment> storage_;
 };

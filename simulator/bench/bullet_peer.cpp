@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/bench/bullet_peer.h"
 
 #include <BulletSoftBody/btSoftBody.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/kernels/coarse_kernels.h"
 
 #include "simulator/kernels/kernel_support.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/kernels/vertex_forces.h"
 
 #include "simulator/kernels/kernel_support.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compiled without contraction to fused multiply-adds (CMakeLists.txt): the mesh must not depend on
 // the processor.
 #include "simulator/mesh/lattice_block.h"

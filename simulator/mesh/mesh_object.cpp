@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/mesh/mesh_object.h"
 
 #include <Eigen/Geometry>

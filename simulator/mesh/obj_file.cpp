@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/mesh/obj_file.h"
 
 #define TINYOBJLOADER_USE_DOUBLE  // as the library that is linked

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compiled without contraction to fused multiply-adds (CMakeLists.txt), as lattice_block.cpp is.
 #include "simulator/mesh/organ_surface.h"
 

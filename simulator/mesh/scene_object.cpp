@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/mesh/scene_object.h"
 
 #include <algorithm>
@@ -17,7 +18,6 @@ namespace forcegrid::simulator {
 namespace {
 
 using text::kAboveZero;
-using text::kLargestNumber;
 using text::NumberRange;
 using text::TomlTable;
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/solver/dynamic_object.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/solver/pressed_object.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/solver/state_with_sensitivities.h"
 
 #include <algorithm>

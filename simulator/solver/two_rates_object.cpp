@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/solver/two_rates_object.h"
 
 #include <sys/resource.h>

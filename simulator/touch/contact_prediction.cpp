@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/touch/contact_prediction.h"
 
 #include <sys/resource.h>
@@ -108,7 +109,7 @@ std::optional<PressForces> ContactPredictionThread::near(const Eigen::Vector3d& 
 }
 
 void ContactPredictionThread::run() noexcept {
-  rt::name_current_thread("fg-press-ahead");
+  rt::name_current_thread("fg-prediction");
   // Refused or not, it is beside the answers and not in their way.
   static_cast<void>(::setpriority(PRIO_PROCESS, 0, kNice));
   for (;;) {

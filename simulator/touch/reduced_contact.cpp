@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/touch/reduced_contact.h"
 
 #include "simulator/mesh/error.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/touch/tool_path.h"
 
 #include <Eigen/Cholesky>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/touch/two_rates_contact.h"
 
 #include "simulator/mesh/error.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/workers/answer_check.h"
 
 namespace forcegrid::simulator {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wrong and right words on the command line: what they end with and what they say.
 
 #include <gmock/gmock.h>
@@ -68,9 +69,9 @@ TEST(CommandLine, SaysWhichFlagsOfAToolMeanNothingToIt) {
     return program.standard_error();
   };
   EXPECT_THAT(said({"--friction", "0.5", "--tool-radius-mm", "5"}),
-              HasSubstr("Note: --tool-radius-mm, --friction: of no use to tool point, contact "
+              HasSubstr("Note: --tool-radius-mm, --friction: no effect on tool point, contact "
                         "sticky"));
-  EXPECT_THAT(said({"--tool", "sphere", "--tool-radius-mm", "5"}), Not(HasSubstr("of no use")));
+  EXPECT_THAT(said({"--tool", "sphere", "--tool-radius-mm", "5"}), Not(HasSubstr("no effect")));
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -171,9 +172,9 @@ int status_in_shell(const std::string& line) {
 
 TEST(CommandLine, ReadsADeprecatedFlagAndNamesTheNewOne) {
   // Both flags are read: only then is it known that `direct` has no answer for a tool that slides.
-  Program run = Program::forcegrid({"run", "--scene", "small", "--tool", "sphere", "--contact",
-                                    "slide", "--no-truth", "--shadow=direct", "--out",
-                                    fresh_folder("deprecated")});
+  Program run =
+      Program::forcegrid({"run", "--scene", "small", "--tool", "sphere", "--contact", "slide",
+                          "--no-truth", "--shadow=direct", "--out", fresh_folder("deprecated")});
   EXPECT_EQ(run.wait(), 1);
   EXPECT_THAT(run.standard_error(), HasSubstr("method direct"));
   EXPECT_THAT(run.standard_error(), HasSubstr("--no-truth is deprecated"));

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid config` and what the files do to the other commands.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid record`, `replay`, `plot` and `evaluate` on one recording.
 
 #include <gmock/gmock.h>

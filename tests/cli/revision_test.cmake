@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # write_revision.cmake on checkouts made for the purpose.
 set(checkout ${FOLDER}/checkout)
 file(REMOVE_RECURSE ${FOLDER})

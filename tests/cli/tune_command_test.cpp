@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid tune` on the emulated arm.
 
 #include <gmock/gmock.h>
@@ -72,7 +73,7 @@ TEST(TuneCommand, KeepsWhatItMeasuredWhenThePicturesCantBeDrawn) {
 TEST(TuneCommand, RefusesWhatTheDeviceOrTheTimeCantGive) {
   Program fast = Program::forcegrid({"tune", "--rates", "500,2000", "--out", fresh_folder("tune")});
   EXPECT_EQ(fast.wait(kTimeout), 1);
-  EXPECT_THAT(fast.standard_error(), HasSubstr("1000 times a second at most"));
+  EXPECT_THAT(fast.standard_error(), HasSubstr("at most 1000 times per second"));
   EXPECT_THAT(fast.standard_error(), HasSubstr("simulated time"));
   Program hasty = Program::forcegrid({"tune", "--time", "5", "--out", fresh_folder("tune")});
   EXPECT_EQ(hasty.wait(kTimeout), 1);

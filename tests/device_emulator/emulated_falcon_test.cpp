@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "device_emulator/emulated_falcon.h"
 
 #include <gmock/gmock.h>

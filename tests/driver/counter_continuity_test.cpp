@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "driver/counter_continuity.h"
 
 #include <gtest/gtest.h>

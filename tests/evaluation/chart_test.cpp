@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/chart.h"
 
 #include <gmock/gmock.h>
@@ -296,7 +297,7 @@ TEST(Gnuplot, APictureThatIsCutOffIsNoPicture) {
       run_gnuplot(script, file);
       ADD_FAILURE() << name << " is taken for drawn";
     } catch (const ChartError& error) {
-      EXPECT_THAT(error.what(), HasSubstr(name + " (its end is missing); "));
+      EXPECT_THAT(error.what(), HasSubstr(name + " (the file is incomplete); "));
       EXPECT_THAT(error.what(), HasSubstr("free some space"));
     }
     EXPECT_TRUE(std::filesystem::exists("/dev/full"));

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Objects that resist, relax, are cut or slide, and simulators that do not converge, against closed
 // forms.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recorded traces beside this project, with the errors that another implementation of the methods
 // reached on them.
 

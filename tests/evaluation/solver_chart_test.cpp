@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/solver_chart.h"
 
 #include <gmock/gmock.h>
@@ -55,7 +56,7 @@ TEST(SolverChart, WritesItsRowsAndThePicture) {
   EXPECT_THAT(text_of(files[1]), HasSubstr("\nblock,10164,81312,whole,0,4,0,8,300,0.0625,"));
   const std::string svg = text_of(files[2]);
   for (const char* said : {"two_rates, block", "two_rates, other scenes", "a servo cycle",
-                           "vertices touched a cycle, mean", "</svg>"}) {
+                           "vertices touched per cycle, mean", "</svg>"}) {
     EXPECT_THAT(svg, HasSubstr(said));
   }
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/trace.h"
 
 #include <gmock/gmock.h>
@@ -265,7 +266,7 @@ INSTANTIATE_TEST_SUITE_P(
         Malformed{"NegativeResidual",
                   std::string(kLongHeader) + "sample,0,0,0,0,0,0,0,0,,,,,,,,,,-1\n",
                   {"line 2", "'residual'", "zero or more", "-1"}},
-        Malformed{"OnlyAHeader", kHeader, {"servo", "true forces"}}),
+        Malformed{"OnlyAHeader", kHeader, {"servo", "reference forces"}}),
     [](const auto& test) { return test.param.name; });
 
 TEST_F(TraceFile, NamesAFileThatIsNotThereOrNoFile) {
@@ -291,7 +292,7 @@ TEST_F(TraceFile, NoticesAGzippedFileThatWasCutOffOrDamaged) {
   }
   for (const std::size_t missing : {1u, 4u, 8u, 9u, 100u}) {
     const std::string cut = bytes.substr(0, bytes.size() - missing);
-    EXPECT_THAT(complaint(written("cut.csv.gz", cut)), HasSubstr("cut off")) << missing;
+    EXPECT_THAT(complaint(written("cut.csv.gz", cut)), HasSubstr("truncated")) << missing;
   }
   std::string damaged = bytes;
   damaged[damaged.size() - 6] = static_cast<char>(damaged[damaged.size() - 6] ^ 1);  // the CRC

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plays the kept inputs to the targets: seeds, and whatever once was a fault.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One libFuzzer program a target: FUZZ_TARGET names it.
 #include "tests/fuzz/fuzz_targets.h"
 

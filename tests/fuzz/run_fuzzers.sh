@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # run_fuzzers.sh BUILD_FOLDER SECONDS: every fuzzer for SECONDS, as many at once as there are cores.
 set -eu
 build=$1

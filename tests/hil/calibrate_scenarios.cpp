@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid calibrate` as a person with a device at a real kernel would meet it.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid doctor` beside a device on a real kernel with udev: each advice is followed to the
 // letter, and must make its finding go away.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/hil/falcon_bench.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Faults of an emulated Falcon on the stock kernel, through usbfs and libusb: of its boot loader,
 // and in mid-force. By the emulator's own record of its motors.
 

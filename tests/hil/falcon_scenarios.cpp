@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Novint Falcon on the stock kernel: libusb and usbfs in place of hidraw, firmware that has to be
 // sent first, and a serial driver that could take the interface.
 

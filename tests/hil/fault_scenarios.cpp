@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -273,8 +274,9 @@ TEST(LongReplug, ADeviceThatLostItsPowerIsRefusedWhereNobodyCanCalibrate) {
   const FaultyRun result =
       run_through_a_reboot({"--calibrated"}, {"--calibrated", "--reconnect"}, 20.0);
   EXPECT_EQ(result.felt.status, 1) << result.felt.text;
-  EXPECT_THAT(result.felt.text, AllOf(HasSubstr("not connected again: its encoder counters "),
-                                      HasSubstr("it has lost power")));
+  EXPECT_THAT(result.felt.text,
+              AllOf(HasSubstr("the device was not reconnected: its encoder counters "),
+                    HasSubstr("it has lost power")));
   ASSERT_TRUE(result.felt.summary.is_object());
   EXPECT_EQ(result.felt.summary.at("reconnects"), 0);
   EXPECT_GT(result.emulator.at("seconds_since_motors_nonzero").get<double>(), 1.0)

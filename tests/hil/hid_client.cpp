@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What other people's programs for this device family do with hidapi, in one small program: open by
 // vendor and product, kick a silent device after each time-out of 10 ms, drain what is queued,
 // write one report for each that was read. It is built twice, for hidapi's hidraw and for its

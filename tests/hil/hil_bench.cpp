@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/hil/hil_bench.h"
 
 #include <gtest/gtest.h>
@@ -189,11 +190,9 @@ std::string tiny_scene() {
 std::vector<std::string> run_arguments(const std::string& device, double seconds,
                                        const std::string& folder,
                                        const std::vector<std::string>& more) {
-  std::vector<std::string> arguments = {"run",       "--device",
-                                        device,      "--no-reference",
-                                        "--seconds", std::to_string(seconds),
-                                        "--out",     folder,
-                                        "--json",    folder + "/summary.json"};
+  std::vector<std::string> arguments = {
+      "run",   "--device", device,   "--no-reference",        "--seconds", std::to_string(seconds),
+      "--out", folder,     "--json", folder + "/summary.json"};
   if (std::find(more.begin(), more.end(), "--simulator") == more.end()) {
     arguments.insert(arguments.end(), {"--scene", "small"});
   }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Descriptors that are wrong in many ways, through the kernel's own enumeration and whatever of the
 // device it then hands to the program.
 

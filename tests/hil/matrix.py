@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes the coverage page: which scenarios passed on which hosts and devices.
 
 All of it comes from results. The guest's complete runs say which devices and hosts each scenario used;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The link under a key through the kernel's own network emulation: the simulator in a network
 // namespace of its own, as on another machine, and netem on both ends of the cable between.
 

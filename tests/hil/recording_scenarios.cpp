@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid record`, `replay`, `run --live` and the configuration file with a device at a real
 // kernel, by the people who use it.
 
@@ -160,7 +161,7 @@ TEST(LongRecord, ADiskThatFillsUpEndsTheRecordingAndNotTheLoop) {
   EXPECT_EQ(shell("dd if=/dev/zero of=" + folder + "/other bs=1M count=10").status, 0);
   EXPECT_EQ(record.wait(seconds(40)).value_or(-1), 1);
   const std::string text = record.standard_output() + record.standard_error();
-  EXPECT_THAT(text, HasSubstr("less than 64 MB are free where " + file + " is"));
+  EXPECT_THAT(text, HasSubstr("less than 64 MB are free on the disk of " + file));
   EXPECT_THAT(text, Not(HasSubstr("FAULT")));
   const json found = found_in(file, "/tmp/found");
   EXPECT_GT(found.at("cycles").get<int>(), 500);
@@ -194,8 +195,9 @@ TEST(LongConfig, TheSystemsFileAndAPersonsOwnAreTakenTogetherAndMistakesStopBefo
       << "[run]\ndevice = \"hid:" << link << "\"\ncalibrated = true\nrate = 500\n";
   fs::create_directories("/tmp/.config/forcegrid");
   std::ofstream("/tmp/.config/forcegrid/config.toml") << "[run]\nrate = 250\n";
-  const std::string run = "run --scene " + tiny_scene() +
-                          " --no-reference --device-timeout-ms 400 --seconds 1 --out /tmp/configured";
+  const std::string run =
+      "run --scene " + tiny_scene() +
+      " --no-reference --device-timeout-ms 400 --seconds 1 --out /tmp/configured";
   const Answer felt = ask("operator", run);
   EXPECT_EQ(felt.status, 0) << felt.result.dump(2);
   EXPECT_EQ(felt.result.at("servo_rate_requested_Hz"), 250);

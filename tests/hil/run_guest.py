@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the hardware-in-the-loop scenarios in a virtual machine with a stock Debian kernel.
 
 The guest is an initramfs made of this machine's busybox, udev, usbip and lsusb, the project's program,

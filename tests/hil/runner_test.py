@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Tests of the runner itself: what must fail does fail, and says why."""
 
 import contextlib

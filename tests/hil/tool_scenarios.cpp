@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `forcegrid devices` says to the users of a real kernel with udev, and whether `doctor --fix`
 // mends it.
 

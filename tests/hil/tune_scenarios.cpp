@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid tune` with a device at a real kernel. How well the guest keeps time is not looked at.
 
 #include <gmock/gmock.h>
@@ -23,8 +24,9 @@ TEST(LongTune, ARateAboveTheDevicesPaceIsRefusedWithTheReasonBeforeAnythingMoves
       as_user("operator", "forcegrid tune --device hid:path=" + bench.node().port +
                               " --rates 500,2000 --out /tmp/out-tune");
   EXPECT_EQ(refused.status, 1) << refused.text;
-  EXPECT_THAT(refused.text, HasSubstr("--rates 2000: woodenhaptics_v2015 answers once a bus frame "
-                                      "of 1000 us, 1000 times a second at most"));
+  EXPECT_THAT(refused.text,
+              HasSubstr("--rates 2000: woodenhaptics_v2015 answers once per bus frame "
+                        "of 1000 us, at most 1000 times per second"));
   EXPECT_THAT(refused.text, HasSubstr("need a high-speed device, or simulated time"));
   const json emulator = bench.end();
   EXPECT_EQ(emulator.at("reports_received"), 0) << "it was given commands";
@@ -37,7 +39,7 @@ TEST(LongTune, AVisitorIsToldWhyThereIsNoPathToTuneOn) {
                              " --methods hold --rates 250 --time 20 --out /tmp/out-visitor");
   EXPECT_EQ(refused.status, 1) << refused.text;
   EXPECT_THAT(refused.text, HasSubstr("open " + bench.node().dev() + ": Permission denied"));
-  EXPECT_THAT(refused.text, HasSubstr("no path to tune on"));
+  EXPECT_THAT(refused.text, HasSubstr("no path was recorded"));
   EXPECT_EQ(bench.end().at("reports_received"), 0);
 }
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Servo loop, link and simulator together: an approaching tool's method asks for forces at the
 // contact that is to come, and knows the object when it touches.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bullet's soft body behind the link: its force against an equilibrium of the same springs that was
 // solved otherwise, and felt as `make run SIMULATOR=bullet` does.
 

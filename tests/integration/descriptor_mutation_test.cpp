@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ten thousand devices whose descriptors are wrong in ten thousand ways, enumerated and opened by
 // the driver over user-space USB/IP. The emulator's time passes as fast as it is asked, so that a
 // firmware's start-up of a second takes milliseconds.

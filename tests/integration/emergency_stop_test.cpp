@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Emergency stop and dead-man's switch as a user has them: by signal, key and button.
 
 #include <fcntl.h>
@@ -32,8 +33,8 @@ constexpr int kEmergencyStatus = 3;
 
 std::vector<std::string> short_run(const std::string& out,
                                    const std::vector<std::string>& more = {}) {
-  std::vector<std::string> arguments = {"run",        "--scene", "small", "--seconds", "0",
-                                        "--no-reference", "--out",   out,     "--json"};
+  std::vector<std::string> arguments = {
+      "run", "--scene", "small", "--seconds", "0", "--no-reference", "--out", out, "--json"};
   arguments.insert(arguments.end(), more.begin(), more.end());
   return arguments;
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Faults of an emulated Falcon through serial chip, boot loader, driver and servo loop: what is it
 // called, and when are the motors without a command? By the emulator's own record of its motors.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The main job on an emulated Novint Falcon, from power-on: firmware, homing, the block.
 
 #include <gmock/gmock.h>
@@ -70,7 +71,7 @@ TEST(FalconJob, TakesTheUsersFirmwareAndMeetsItAgain) {
   const std::string url = "usbip://" + line.substr(10, line.find(' ', 10) - 10) + "/1-1";
   const auto run = [&](std::vector<std::string> more) {
     std::vector<std::string> arguments = {
-        "run",   "--device",  url, "--profile",  "falcon", "--scene",
+        "run",   "--device",  url, "--profile",      "falcon", "--scene",
         "small", "--seconds", "1", "--no-reference", "--out",  fresh_folder("falcon_again"),
         "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Each fault of the emulated device through bytes, driver and servo loop: what is it called, and
 // when are the motors without current? By the emulator's own record of its currents.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the hand feels in the first 67 ms of a contact at places that nobody has touched before,
 // with and without the servo's own copy of the surface. In simulated time, without processes or
 // link.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same of an object that moves by itself: its stiffness is foretold, its inertia and its
 // dampers are not.
 

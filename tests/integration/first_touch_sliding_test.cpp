@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the hand feels in the first 67 ms after a tool that slides has touched, with and without
 // what the simulator has pressed ahead.
 

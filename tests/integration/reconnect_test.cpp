@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A device that vanishes in mid-force and comes back, as the person at the command line meets it.
 
 #include <gtest/gtest.h>
@@ -22,10 +23,10 @@ using testing::Program;
 // `forcegrid run` of an emulated device with a fault and the example's simulator, a light load.
 std::vector<std::string> arguments(const std::string& simulator, const std::string& fault,
                                    const std::string& out, std::vector<std::string> more) {
-  std::vector<std::string> all = {"run",      "--simulator", simulator,  "--fault",
-                                  fault,      "--out",       out,        "--json",
+  std::vector<std::string> all = {"run",        "--simulator", simulator,  "--fault",
+                                  fault,        "--out",       out,        "--json",
                                   "--evaluate", "hold",        "--method", "hold",
-                                  "--cells",  "8,8,8",       "--motion", "lissajous"};
+                                  "--cells",    "8,8,8",       "--motion", "lissajous"};
   all.insert(all.end(), more.begin(), more.end());
   return all;
 }
@@ -98,7 +99,7 @@ TEST_F(Reconnect, RefusesLostCountersThatNobodyCanCalibrate) {
   Program run = Program::forcegrid(arguments(simulator_, "firmware-reboot:ms=500", out,
                                              {"--calibrated", "--seconds", "20", "--reconnect"}));
   ASSERT_EQ(run.wait(), 1) << run.standard_error();
-  EXPECT_NE(run.standard_error().find("not connected again: its encoder counters"),
+  EXPECT_NE(run.standard_error().find("the device was not reconnected: its encoder counters"),
             std::string::npos)
       << run.standard_error();
   EXPECT_EQ(summary(run).at("faults").at(0).at("name"), "unplugged");
@@ -187,7 +188,7 @@ TEST(FaultOption, IsRefusedForADeviceThatIsNotEmulated) {
   Program run =
       Program::forcegrid({"run", "--device", "usbip://127.0.0.1:9/1-1", "--fault", "babble"});
   ASSERT_EQ(run.wait(), 1);
-  EXPECT_NE(run.standard_error().find("only an emulated device can be given faults"),
+  EXPECT_NE(run.standard_error().find("only an emulated device can have injected faults"),
             std::string::npos)
       << run.standard_error();
 }

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The age that the driver states for its counts, against the emulator's own time of sampling.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A method that asks the simulator for forces where it wants them, through the whole path.
 
 #include <gmock/gmock.h>
@@ -19,8 +20,8 @@ using testing::Program;
 
 TEST(RunWithRequests, GetsAnswersOfTheSimulatorInItsIdleTime) {
   Program run = Program::forcegrid({"run", "--scene", "small", "--seconds", "5", "--method",
-                                    "forcegrid+request", "--evaluate", "hold", "--no-reference", "--out",
-                                    fresh_folder("requests"), "--json"});
+                                    "forcegrid+request", "--evaluate", "hold", "--no-reference",
+                                    "--out", fresh_folder("requests"), "--json"});
   ASSERT_EQ(run.wait(std::chrono::seconds(60)), 0) << run.standard_error();
   const json summary = json::parse(run.standard_output());
   EXPECT_EQ(summary.at("faults"), json::array());

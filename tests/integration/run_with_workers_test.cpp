@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A simulator's queries answered by other processes, some of which end or halt.
 
 #include <gmock/gmock.h>
@@ -27,8 +28,8 @@ TEST(RunWithWorkers, HasTwoOfThemAnswerQueries) {
   const std::string temporary = fresh_folder("workers_temporary");
   std::vector<std::string> command =
       testing::forcegrid_command({"run", "--scene", "small", "--seconds", "4", "--workers", "2",
-                                  "--method", "forcegrid+request", "--evaluate", "hold", "--no-reference",
-                                  "--out", fresh_folder("workers"), "--json"});
+                                  "--method", "forcegrid+request", "--evaluate", "hold",
+                                  "--no-reference", "--out", fresh_folder("workers"), "--json"});
   command.insert(command.begin(), {"/usr/bin/env", "TMPDIR=" + temporary});
   Program run(command);
   ASSERT_TRUE(run.wait_for_text("in contact"));
@@ -66,9 +67,10 @@ TEST(RunWithWorkers, LosesTheirOwnAnswersWhenOneIsKilledAndAnotherHalted) {
   const Program halted = worker();
   ASSERT_NE(killed.wait_for_line("working for "), "");
   ASSERT_NE(halted.wait_for_line("working for "), "");
-  Program run = Program::forcegrid({"run", "--simulator", said.at(1), "--key", key, "--seconds",
-                                    "5", "--method", "forcegrid+request", "--evaluate", "hold",
-                                    "--no-reference", "--out", fresh_folder("killed_run"), "--json"});
+  Program run =
+      Program::forcegrid({"run", "--simulator", said.at(1), "--key", key, "--seconds", "5",
+                          "--method", "forcegrid+request", "--evaluate", "hold", "--no-reference",
+                          "--out", fresh_folder("killed_run"), "--json"});
   ASSERT_TRUE(run.wait_for_text("in contact"));
   killed.send_signal(SIGKILL);
   halted.send_signal(SIGSTOP);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The link under a key, with the programs as a user starts them.
 
 #include <gmock/gmock.h>
@@ -50,9 +51,9 @@ class SealedRun : public ::testing::Test {
 
   std::vector<std::string> run_at(const std::string& address,
                                   const std::vector<std::string>& more) const {
-    std::vector<std::string> command = {"run",        "--simulator",  address,    "--seconds",
-                                        "3",          "--calibrated", "--evaluate", "hold",
-                                        "--no-reference", "--out",        folder_,    "--json"};
+    std::vector<std::string> command = {
+        "run",        "--simulator", address,          "--seconds", "3",     "--calibrated",
+        "--evaluate", "hold",        "--no-reference", "--out",     folder_, "--json"};
     command.insert(command.end(), more.begin(), more.end());
     return command;
   }

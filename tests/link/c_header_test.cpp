@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // link/forcegrid_link.h against the worked datagrams of docs/link_protocol.md, and against
 // strangers.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Both ends of the link with an impaired network between them, in simulated time.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """examples/forcegrid_link.py against the worked datagrams of docs/link_protocol.md."""
 import pathlib
 import re

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "link/servo_endpoint.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stage between the wanted force and the motors' currents.
 
 #include "servo_loop/command_limiter.h"

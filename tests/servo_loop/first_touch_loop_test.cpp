@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The loop with a surface of its own, in scripted time.
 
 #include "servo_loop/first_touch.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Faults that only the arm's own physics show: encoders that freeze, motors that push the wrong
 // way. The loop runs against the emulator's arm in simulated time, so that all motions and hands
 // can be gone through.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rendered method asks the simulator for forces at positions of its own choice.
 
 #include <gtest/gtest.h>

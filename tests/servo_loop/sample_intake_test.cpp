@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The servo's end of the link, without a loop: samples in, contact, queries out.
 
 #include "servo_loop/sample_intake.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Emergency stop and dead-man's switch, cycle by cycle.
 
 #include <gtest/gtest.h>

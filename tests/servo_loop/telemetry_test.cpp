@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "servo_loop/telemetry.h"
 
 #include <gtest/gtest.h>
@@ -78,7 +79,7 @@ TEST(Telemetry, TellsWhoOfTheRenderedMethodsMembersWasFeltAndWhenItChanged) {
   for (std::uint64_t i = 0; i < 100; ++i) {
     CycleRecord record = record_at(i);
     record.in_contact = i >= 10;
-    record.rendered_member = i < 60 ? 0 : 3;
+    record.rendered_candidate = i < 60 ? 0 : 3;
     record.rendered_reason = i < 60 ? ChoiceReason::kFirst : ChoiceReason::kPredictedBetter;
     record.method_uncertainty_N[0] = 0.02;
     ASSERT_TRUE(ports.records.push(record));
@@ -86,9 +87,9 @@ TEST(Telemetry, TellsWhoOfTheRenderedMethodsMembersWasFeltAndWhenItChanged) {
   telemetry.start();
   telemetry.stop();
   const TelemetryStatistics& statistics = telemetry.statistics();
-  EXPECT_EQ(statistics.rendered_member[0], 50u);
-  EXPECT_EQ(statistics.rendered_member[3], 40u);
-  EXPECT_EQ(statistics.member_changes, 1u);
+  EXPECT_EQ(statistics.rendered_candidate[0], 50u);
+  EXPECT_EQ(statistics.rendered_candidate[3], 40u);
+  EXPECT_EQ(statistics.candidate_changes, 1u);
   ASSERT_EQ(statistics.first_changes.size(), 1u);
   EXPECT_DOUBLE_EQ(statistics.first_changes[0].time_s, 0.12);
   EXPECT_EQ(statistics.first_changes[0].from, 0);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The closed loop in its two forms: the servo's own loop in simulated time, and the same through
 // USB/IP, the driver and threads of their own in real time.
 

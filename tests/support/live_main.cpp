@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // main() of the tests that drive devices, or processes, in real time.
 //
 // What they prove holds on a machine that gives them its cores when they are due. A shared machine

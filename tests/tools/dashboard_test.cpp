@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/dashboard.h"
 
 #include <gmock/gmock.h>
@@ -33,7 +34,7 @@ DashboardPicture two_seconds() {
     cycle.commanded_force_D_N = {0.0, 0.0, -3.0};
     cycle.method_force_W_N[0] = {0.0, 0.0, -4.0};
     cycle.missed_deadlines = i == 500 ? 3 : 0;
-    cycle.rendered_member = 1;
+    cycle.rendered_candidate = 1;
     cycle.in_contact = true;
     picture.add(cycle);
   }

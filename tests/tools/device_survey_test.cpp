@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/device_survey.h"
 
 #include <fcntl.h>
@@ -159,7 +160,7 @@ TEST_F(Computer, NamesTheOneStepThatIsMissingForPermission) {
   EXPECT_THAT(only_obstacle().remedy, ::testing::Not(HasSubstr("usermod")));
 
   user_.plugdev_active = true;
-  EXPECT_THAT(only_obstacle().what, HasSubstr("something else refuses"));
+  EXPECT_THAT(only_obstacle().what, HasSubstr("something else denies access"));
 
   // A rule that a package installed counts as well.
   fs::rename(root_ / "etc/udev/rules.d/70-forcegrid.rules",

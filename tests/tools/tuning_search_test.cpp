@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/tuning_search.h"
 
 #include <gmock/gmock.h>
@@ -99,7 +100,7 @@ TEST(JudgeOnPath, SaysWhichMethodsNoPathCanJudge) {
   const evaluation::Trace trace = spring_trace();
   TuningRow asking = setting("forcegrid+request");
   judge_on_path(trace, base(), asking);
-  EXPECT_THAT(asking.problem, HasSubstr("positions of its own"));
+  EXPECT_THAT(asking.problem, HasSubstr("positions that it chooses"));
   TuningRow unknown = setting("nosuch");
   judge_on_path(trace, base(), unknown);
   EXPECT_THAT(unknown.problem, HasSubstr("nosuch"));

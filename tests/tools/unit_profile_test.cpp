@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/unit_profile.h"
 
 #include <gmock/gmock.h>

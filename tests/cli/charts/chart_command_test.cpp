@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid chart accuracy` as its user starts it, on the small scene.
 
 #include <gmock/gmock.h>
@@ -110,7 +111,7 @@ TEST_F(ChartAccuracy, JudgesWritesAndGoesOnWhereItWas) {
   EXPECT_EQ(more.at("rows").size(), 14U);
   EXPECT_EQ(more.at("rows_kept"), 10);
   EXPECT_EQ(text_of(folder + "/rows.jsonl").substr(0, before.size()), before);
-  EXPECT_THAT(out_, HasSubstr("14 rows (10 of them from before)"));
+  EXPECT_THAT(out_, HasSubstr("14 rows (10 of them from an earlier call)"));
 }
 
 TEST_F(ChartAccuracy, GoesOnAfterCtrlC) {
@@ -129,7 +130,7 @@ TEST_F(ChartAccuracy, GoesOnAfterCtrlC) {
     }
     program.send_signal(SIGINT);
     EXPECT_EQ(program.wait(kPatience), 1);
-    EXPECT_THAT(program.standard_error(), HasSubstr("the same command goes on"));
+    EXPECT_THAT(program.standard_error(), HasSubstr("repeat the command to continue"));
   }
   ASSERT_GE(lines, 2U);
   ASSERT_EQ(run(arguments), 0) << error_;

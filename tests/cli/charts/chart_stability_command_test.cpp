@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid chart stability` as its user starts it, on the small block and a few cells.
 
 #include <gmock/gmock.h>
@@ -86,7 +87,7 @@ TEST_F(ChartStability, ChartsSomeCellsAndGoesOnWhereItWas) {
 
   ASSERT_EQ(run(arguments), 0) << error_;
   const std::string kept = std::to_string(chart.at("rows").size());
-  EXPECT_THAT(out_, HasSubstr(kept + " cells (" + kept + " of them from before)"));
+  EXPECT_THAT(out_, HasSubstr(kept + " cells (" + kept + " of them from an earlier call)"));
 }
 
 TEST_F(ChartStability, RefusesWhatItCannotChart) {

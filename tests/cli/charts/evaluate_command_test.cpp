@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid evaluate` as its user starts it.
 
 #include <gmock/gmock.h>
@@ -167,7 +168,7 @@ TEST_F(Evaluate, RefusesMethodsThatATraceCannotServe) {
   run({"--method", "direct", "--trace", trace}, 2);
   EXPECT_THAT(error_, HasSubstr("'direct' is the simulator itself"));
   run({"--method", "tangent", "--no-stiffness", "--trace", trace}, 2);
-  EXPECT_THAT(error_, HasSubstr("'tangent' lives on the samples' stiffness"));
+  EXPECT_THAT(error_, HasSubstr("'tangent' needs the samples' stiffness"));
   Ramp forces_only;
   forces_only.send_stiffness = false;
   run({"--method", "hold", "--method", "tangent", "--trace", written(forces_only.trace())}, 1);
@@ -216,11 +217,11 @@ TEST_F(Evaluate, SaysWhenATraceLeavesFiguresOpen) {
   ramp.seconds = 0.5;
   json figures = result({"--method", "hold", "--trace", written(ramp.trace())});
   EXPECT_TRUE(figures["rms_error_percent_after_1s"].is_null());
-  EXPECT_THAT(error_, HasSubstr("ends within its first second"));
+  EXPECT_THAT(error_, HasSubstr("is not longer than one second"));
   ramp.stiffness_N_per_m = 0.0;
   figures = result({"--method", "hold", "--trace", written(ramp.trace())});
   EXPECT_TRUE(figures["rms_error_percent_first_1s"].is_null());
-  EXPECT_THAT(error_, HasSubstr("no true force but zero"));
+  EXPECT_THAT(error_, HasSubstr("has only zero reference forces"));
   evaluation::Trace silent = Ramp{}.trace();
   silent.samples.clear();
   figures = result({"--method", "hold", "--trace", written(silent)});

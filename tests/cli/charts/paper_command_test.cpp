@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid paper` as its user starts it; the experiments themselves are tested on small objects.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid calibrate` through the driver and the emulated devices' USB.
 
 #include <gmock/gmock.h>
@@ -112,15 +113,16 @@ TEST_F(CalibrateCommand, RecoversAWrongProfileAndRunTakesWhatItWrote) {
                 1.0, 0.10);
   }
 
-  Program run = Program::forcegrid(
-      {"run", "--device", emulator.url(), "--profile", "phantom_desktop", "--calibrated", "--scene",
-       "small", "--no-motor-check", "--seconds", "0.5", "--no-reference", "--out", folder_ + "/out"});
-  ASSERT_TRUE(run.wait(kTimeout).has_value());
-  EXPECT_THAT(run.standard_output(), HasSubstr("Calibrated profile of this unit: " + file));
-  Program without =
+  Program run =
       Program::forcegrid({"run", "--device", emulator.url(), "--profile", "phantom_desktop",
                           "--calibrated", "--scene", "small", "--no-motor-check", "--seconds",
-                          "0.5", "--no-reference", "--calibration", "none", "--out", folder_ + "/out"});
+                          "0.5", "--no-reference", "--out", folder_ + "/out"});
+  ASSERT_TRUE(run.wait(kTimeout).has_value());
+  EXPECT_THAT(run.standard_output(), HasSubstr("Calibrated profile of this unit: " + file));
+  Program without = Program::forcegrid({"run", "--device", emulator.url(), "--profile",
+                                        "phantom_desktop", "--calibrated", "--scene", "small",
+                                        "--no-motor-check", "--seconds", "0.5", "--no-reference",
+                                        "--calibration", "none", "--out", folder_ + "/out"});
   ASSERT_TRUE(without.wait(kTimeout).has_value());
   EXPECT_THAT(without.standard_output(), Not(HasSubstr("Calibrated profile")));
 }

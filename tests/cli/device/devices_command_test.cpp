@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid devices`, with a USB/IP server and with a computer that has nothing.
 
 #include <gmock/gmock.h>

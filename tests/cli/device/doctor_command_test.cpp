@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid doctor`: round trips with the far ends, fixing, and its exit statuses.
 
 #include <gmock/gmock.h>
@@ -93,7 +94,7 @@ TEST(DoctorCommand, FixesWhatItCanAndSaysSo) {
   std::ofstream(governor) << "powersave\n";
   Program before = Program::forcegrid({"doctor", "--root", root, "--seconds", "0"});
   EXPECT_EQ(before.wait(kTimeout), 4);  // no rule
-  EXPECT_THAT(before.standard_output(), HasSubstr("mend:"));
+  EXPECT_THAT(before.standard_output(), HasSubstr("fix:"));
   Program fix = Program::forcegrid({"doctor", "--root", root, "--seconds", "0", "--fix", "--json"});
   ASSERT_TRUE(fix.wait(kTimeout).has_value());
   const json result = json::parse(fix.standard_output());

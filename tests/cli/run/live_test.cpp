@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid run --live` in a pseudo-terminal of 80 x 24, and out of it on every way.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `forcegrid run --record`, and what `forcegrid evaluate` makes of the recording.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // auto: which of its candidates is rendered, and why.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // kriging-contact: what is known at the first moment of a contact, and requests before it.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An ensemble: which of its candidates is rendered, and its work in pieces.
 
 #include "forcegrid/kriging/ensemble_method.h"

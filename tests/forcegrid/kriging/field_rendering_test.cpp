@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an estimate is made of: the field, its uncertainty along the motion, and fades.
 
 #include "forcegrid/kriging/field_rendering.h"

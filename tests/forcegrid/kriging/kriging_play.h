@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 // Motions of a hand on an elastic object, played to a method as servo and simulator would.

@@ -1,4 +1,5 @@
-#include "forcegrid/kriging/unilateral_constraint_field.h"
+// SPDX-License-Identifier: Apache-2.0
+#include "forcegrid/kriging/unilateral_constraint.h"
 
 #include <gtest/gtest.h>
 
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "forcegrid/kriging/ensemble_method.h"
+#include "forcegrid/kriging/unilateral_constraint_field.h"
 #include "forcegrid/methods.h"
 #include "tests/forcegrid/kriging/kriging_support.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // linear, secant, broyden, rls and tangent on fields for which their answer is known.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/bench/solver_scaling.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Runs FIRST and SECOND and fails unless both print the same, and something.
 execute_process(COMMAND ${FIRST} OUTPUT_VARIABLE first COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ${SECOND} OUTPUT_VARIABLE second COMMAND_ERROR_IS_FATAL ANY)

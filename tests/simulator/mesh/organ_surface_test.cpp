@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/mesh/organ_surface.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prints a generated surface, exactly. Built with several sets of compiler flags, whose outputs a
 // test compares.
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/reference/dynamic_reference.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/reference/reference_solution.h"
 
 #include <gmock/gmock.h>

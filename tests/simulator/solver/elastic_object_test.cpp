@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/solver/elastic_object.h"
 
 #include <gmock/gmock.h>

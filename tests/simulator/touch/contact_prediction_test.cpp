@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/touch/contact_prediction.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/touch/sliding_contact.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulator/touch/sticky_contact.h"
 
 #include <gtest/gtest.h>
