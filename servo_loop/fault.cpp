@@ -89,7 +89,8 @@ std::string sentence_for(Fault fault, int joint) {
              " is at the end of its range; check its cable and calibrate again.";
     case Fault::kMotorWrongWay:
       return "The motor" + which +
-             " pushes the wrong way; swap its leads, or correct encoder_sign in the profile.";
+             " pushes the wrong way; swap its leads, or correct encoder_sign in the profile. If "
+             "its leads are right, look for two motors or encoders at each other's plug.";
     case Fault::kMotorNoAnswer:
       return "A push of the motor" + which +
              " moved nothing; switch the amplifiers on, let the arm move freely, and check the "

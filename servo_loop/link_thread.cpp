@@ -45,12 +45,31 @@ LinkThread::~LinkThread() { stop(); }
 void LinkThread::start() {
   thread_ = std::thread([this] {
     rt::name_current_thread("link");
-    while (!stop_.load(std::memory_order_acquire)) {
-      exchange();
-      endpoint_.wait(kPoll);
+    // An exception that left this thread would end the program before the loop could write zero
+    // current. To the loop the simulator falls silent instead, and the force fades.
+    try {
+      while (!stop_.load(std::memory_order_acquire)) {
+        exchange();
+        endpoint_.wait(kPoll);
+      }
+      endpoint_.say_goodbye();
+    } catch (...) {
+      trouble_ = std::current_exception();
     }
-    endpoint_.say_goodbye();
   });
+}
+
+std::string LinkThread::trouble() const {
+  if (!trouble_) {
+    return {};
+  }
+  try {
+    std::rethrow_exception(trouble_);
+  } catch (const std::exception& error) {
+    return error.what();
+  } catch (...) {
+    return "an exception that says nothing";
+  }
 }
 
 void LinkThread::stop() {

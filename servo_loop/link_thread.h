@@ -3,8 +3,10 @@
 
 #include <atomic>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <thread>
 #include <utility>
@@ -46,6 +48,8 @@ class LinkThread {
   /// Says goodbye to the simulator and joins. Idempotent.
   void stop();
 
+  /// After stop(): the exception that ended the exchange, in its own words; empty: none did.
+  std::string trouble() const;
   /// After stop().
   link::ClockEstimate simulator_clock() const noexcept { return endpoint_.clock(); }
   const link::LinkStatistics& statistics() const noexcept { return endpoint_.statistics(); }
@@ -72,6 +76,7 @@ class LinkThread {
   link::ServoEndpoint endpoint_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
+  std::exception_ptr trouble_;  ///< of that thread
   std::optional<FirstContact> first_contact_;
   std::function<void(const ArrivedSample&)> on_sample_;
   std::size_t samples_to_keep_ = 0;

@@ -28,8 +28,8 @@ void MotorCheck::restart() noexcept {
 void MotorCheck::begin_attempt() noexcept {
   push_ = 0;
   cycle_ = 0;
-  answer_rad_ = 0.0;
-  answer_counts_ = 0.0;
+  answer_rad_.setZero();
+  answer_counts_.setZero();
   torque_Nm_.setZero();
 }
 
@@ -40,9 +40,11 @@ MotorCheck::Verdict MotorCheck::update(rt::TimePoint now, const driver::DeviceRe
     return verdict_;
   }
   const auto axis = static_cast<Eigen::Index>(joint_);
-  const Course here{.time_s = rt::seconds(now.time_since_epoch()),
-                    .angle_rad = pose.joint_angle_rad[axis],
-                    .counts = static_cast<double>(report.counts[static_cast<std::size_t>(joint_)])};
+  const Course here{
+      .time_s = rt::seconds(now.time_since_epoch()),
+      .angle_rad = pose.joint_angle_rad,
+      .counts = {static_cast<double>(report.counts[0]), static_cast<double>(report.counts[1]),
+                 static_cast<double>(report.counts[2])}};
   const int rest = kRestPushes * push_cycles_;
   if (cycle_ == rest - push_cycles_) {
     before_ = here;
@@ -72,13 +74,47 @@ MotorCheck::Verdict MotorCheck::update(rt::TimePoint now, const driver::DeviceRe
   return verdict_;
 }
 
+// A joint whose motor or encoder seems to be exchanged with another's; negative: none.
+int MotorCheck::crossed_joint() const noexcept {
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    for (Eigen::Index j = i + 1; j < 3; ++j) {
+      const double cross = answers_rad_(i, j) * answers_rad_(j, i);
+      const double own = answers_rad_(i, i) * answers_rad_(j, j);
+      const double counts =
+          std::min(std::abs(answers_counts_(i, j)), std::abs(answers_counts_(j, i)));
+      if (counts >= kLeastAnswer_counts && cross > kCrossed * own) {
+        return static_cast<int>(j);
+      }
+    }
+  }
+  return -1;
+}
+
+// All three joints have passed, each by itself.
+MotorCheck::Verdict MotorCheck::judge_all() noexcept {
+  const int crossed = crossed_joint();
+  if (crossed < 0) {
+    return Verdict::kPassed;
+  }
+  if (!crossed_before_) {
+    crossed_before_ = true;
+    joint_ = 0;
+    return Verdict::kRunning;
+  }
+  joint_ = crossed;
+  return Verdict::kWrongWay;
+}
+
 MotorCheck::Verdict MotorCheck::judge() noexcept {
-  const bool answered = std::abs(answer_counts_) >= kLeastAnswer_counts;
-  if (answered && answer_rad_ > 0.0) {
+  const auto axis = static_cast<Eigen::Index>(joint_);
+  const bool answered = std::abs(answer_counts_[axis]) >= kLeastAnswer_counts;
+  if (answered && answer_rad_[axis] > 0.0) {
     attempt_ = 0;
     negative_ = 0;
+    answers_rad_.col(axis) = answer_rad_;
+    answers_counts_.col(axis) = answer_counts_;
     if (++joint_ == 3) {
-      verdict_ = Verdict::kPassed;
+      verdict_ = judge_all();
     }
   } else {
     negative_ += answered ? 1 : 0;

@@ -29,6 +29,12 @@ namespace forcegrid::servo {
 /// does not answer within kAttempts, each harder than the last, has no power or no encoder, or is
 /// held fast.
 ///
+/// Two motors or two encoders at each other's plug can pass this: on a coupled arm, a push of one
+/// joint moves the other as well. The answers of all joints to all pushes, the matrix A, reveal
+/// them. For anything passive, A is symmetric and positive definite, so A_ij A_ji < A_ii A_jj; an
+/// exchange of i and j reverses that. If it is reversed, all joints are pushed once more; if it is
+/// reversed again, joint j fails as one that pushes the wrong way.
+///
 /// Real-time: no allocation, lock or throw. Threads: one.
 class MotorCheck {
  public:
@@ -41,6 +47,9 @@ class MotorCheck {
   static constexpr int kAttempts = 3;
   static constexpr double kHarder = 1.5;              ///< from attempt to attempt
   static constexpr double kLeastAnswer_counts = 8.0;  ///< of the four pushes together
+  /// A_ij A_ji over A_ii A_jj above which i and j count as exchanged. The value 1 divides the two
+  /// cases; the rest is for the noise of a hand.
+  static constexpr double kCrossed = 1.2;
 
   MotorCheck(const profiles::DeviceProfile& profile, rt::Duration period) noexcept;
 
@@ -60,12 +69,14 @@ class MotorCheck {
  private:
   struct Course {
     double time_s = 0.0;
-    double angle_rad = 0.0;
-    double counts = 0.0;
+    Eigen::Vector3d angle_rad = Eigen::Vector3d::Zero();
+    Eigen::Vector3d counts = Eigen::Vector3d::Zero();
   };
 
   void begin_attempt() noexcept;
   Verdict judge() noexcept;
+  Verdict judge_all() noexcept;
+  [[nodiscard]] int crossed_joint() const noexcept;
 
   profiles::Axes friction_Nm_;
   int push_cycles_;
@@ -76,8 +87,11 @@ class MotorCheck {
   int cycle_ = 0;  ///< since the rest before the push began
   Course before_;
   Course begin_;
-  double answer_rad_ = 0.0;
-  double answer_counts_ = 0.0;
+  Eigen::Vector3d answer_rad_ = Eigen::Vector3d::Zero();  ///< of every joint
+  Eigen::Vector3d answer_counts_ = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d answers_rad_ = Eigen::Matrix3d::Zero();  ///< A: a column for each pushed joint
+  Eigen::Matrix3d answers_counts_ = Eigen::Matrix3d::Zero();
+  bool crossed_before_ = false;
   Verdict verdict_ = Verdict::kRunning;
   Eigen::Vector3d torque_Nm_ = Eigen::Vector3d::Zero();
 };

@@ -28,10 +28,10 @@ void Telemetry::start() {
   thread_ = std::thread([this] {
     rt::name_current_thread("telemetry");
     while (!stop_.load(std::memory_order_acquire)) {
-      drain();
+      drain_or_give_up();
       std::this_thread::sleep_for(kDrainInterval);
     }
-    drain();
+    drain_or_give_up();
   });
 }
 
@@ -39,6 +39,37 @@ void Telemetry::stop() {
   stop_.store(true, std::memory_order_release);
   if (thread_.joinable()) {
     thread_.join();
+  }
+}
+
+// An exception that left this thread would end the program before the loop could write zero
+// current. So what is shown or recorded ends here, and the loop goes on.
+void Telemetry::drain_or_give_up() noexcept {
+  for (int attempt = 0; attempt < 2; ++attempt) {  // the second is without callbacks
+    try {
+      drain();
+      return;
+    } catch (...) {
+      if (!trouble_) {
+        trouble_ = std::current_exception();
+      }
+      options_.on_cycle = nullptr;
+      options_.on_sentence = nullptr;
+      options_.live = nullptr;
+    }
+  }
+}
+
+std::string Telemetry::trouble() const {
+  if (!trouble_) {
+    return {};
+  }
+  try {
+    std::rethrow_exception(trouble_);
+  } catch (const std::exception& error) {
+    return error.what();
+  } catch (...) {
+    return "an exception that says nothing";
   }
 }
 
@@ -66,12 +97,12 @@ void Telemetry::drain() {
     take_rung(record);
     take_warmth(record);
     take_rendered(record);
-    if (options_.on_cycle) {
-      options_.on_cycle(record);
-    }
     records_.push_back(record);
     if (records_.size() > options_.keep_cycles) {
       records_.pop_front();
+    }
+    if (options_.on_cycle) {
+      options_.on_cycle(record);
     }
     if (options_.live != nullptr && record.time_ns >= last_line_ns_ + kLine_ns) {
       print_live_line(record);

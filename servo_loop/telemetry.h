@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdio>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <limits>
 #include <string>
@@ -87,6 +88,9 @@ class Telemetry {
   /// After stop(): the kept cycles, oldest first, and the statistics of all.
   const std::deque<CycleRecord>& records() const noexcept { return records_; }
   const TelemetryStatistics& statistics() const noexcept { return statistics_; }
+  /// After stop(): the first exception on the thread that drains, in its own words; empty: none. It
+  /// ended the callbacks and the live line. The loop, the statistics and the kept cycles went on.
+  std::string trouble() const;
   /// CycleRecord::time_ns of the first cycle, which need not be kept any more.
   std::int64_t first_time_ns() const noexcept { return first_time_ns_; }
 
@@ -101,6 +105,7 @@ class Telemetry {
 
  private:
   void drain();
+  void drain_or_give_up() noexcept;
   void take_rung(const CycleRecord& record);
   void take_warmth(const CycleRecord& record);
   void take_rendered(const CycleRecord& record);
@@ -115,6 +120,7 @@ class Telemetry {
   TelemetryStatistics statistics_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
+  std::exception_ptr trouble_;  ///< of the thread that drains
   std::int64_t first_time_ns_ = 0;
   std::int64_t last_line_ns_ = 0;
   std::uint64_t cycles_at_last_line_ = 0;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <exception>
 #include <filesystem>
 #include <optional>
 
@@ -349,7 +350,7 @@ void Recorder::write_until_end() {
     try {
       pages_->close();
       end_.closed = true;
-    } catch (const Hdf5Error& error) {
+    } catch (const std::exception& error) {
       give_up(error.what());
     }
   }
@@ -380,7 +381,7 @@ void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample
       end_.samples += samples.size();
       return;
     }
-  } catch (const Hdf5Error& error) {
+  } catch (const std::exception& error) {
     give_up(std::string(error.what()) +
             "; the recording ends here, readable so far. Free some space or repair the disk");
   }

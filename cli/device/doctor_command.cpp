@@ -8,12 +8,15 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
+#include <stdexcept>
 
 #include "cli/common/revision.h"
 #include "cli/common/stop_request.h"
 #include "driver/open_device.h"
 #include "link/address.h"
+#include "tools/atomic_file.h"
 #include "tools/doctor.h"
+#include "tools/doctor_report.h"
 #include "tools/doctor_timing.h"
 #include "tools/library_versions.h"
 
@@ -149,6 +152,25 @@ tools::DoctorSystem system_below(const std::string& root) {
   return system;
 }
 
+void write_report(const DoctorOptions& options, const std::vector<profiles::DeviceProfile>& known,
+                  const std::vector<tools::PartVersion>& parts,
+                  const std::vector<Finding>& findings, std::FILE* out) {
+  if (StopRequest::stop()) {
+    std::fprintf(out, "%s was not written, because the measurements were interrupted\n",
+                 options.report.c_str());
+    return;
+  }
+  const tools::DoctorSystem system = system_below(options.root);
+  const tools::ReportContent content{parts, findings,
+                                     tools::survey_devices(known, system.roots, system.user)};
+  const tools::PrivateWords words = tools::private_words(system, options.root, content.devices);
+  tools::replace_file(options.report, tools::doctor_report(content, system.roots, words), nullptr);
+  std::fprintf(out,
+               "Wrote %s. Read it, complete its blanks (docs/bring_up.md), and attach it to an "
+               "issue in the project's tracker\n",
+               options.report.c_str());
+}
+
 // Each file once: several findings may need the same fix.
 std::vector<std::string> fix_all(const std::vector<Finding>& findings) {
   std::vector<tools::FileFix> fixes;
@@ -185,6 +207,12 @@ void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
                 "autosuspend")
       ->configurable(false);
   doctor
+      .add_option("--report", o.report,
+                  "Write a form in Markdown that you can complete and send to the project; it has "
+                  "no serial numbers, user or host names")
+      ->type_name("FILE")
+      ->configurable(false);
+  doctor
       .add_option("--root", o.root,
                   "Folder before /sys, /dev, /proc and /etc, e.g. of another system's image")
       ->configurable(false);
@@ -194,6 +222,11 @@ void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
 
 int doctor_command(const DoctorOptions& options) {
   std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  if (const std::string why_not = options.report.empty() ? "" : why_not_writable(options.report);
+      !why_not.empty()) {
+    throw std::runtime_error("--report " + options.report + " can't be written (" + why_not +
+                             "); name a file in a folder that exists");
+  }
   std::optional<profiles::DeviceProfile> profile;  // so that a wrong name is reported at once
   if (!options.device.empty()) {
     profile = profiles::load_device_profile(options.profile);
@@ -225,6 +258,9 @@ int doctor_command(const DoctorOptions& options) {
   }
   if (options.fix && done.empty()) {
     std::fprintf(out, "fixed: nothing; no finding has a fix without risk\n");
+  }
+  if (!options.report.empty()) {
+    write_report(options, known, parts, findings, out);
   }
   ordered_json version_of = ordered_json::object();
   for (const tools::PartVersion& part : parts) {

@@ -19,7 +19,8 @@ struct DoctorOptions {
   std::string profile = "woodenhaptics_v2015";
   std::string simulator;  ///< ADDR:PORT; empty: none
   bool fix = false;
-  std::string root;  ///< prefix of /sys, /dev, /proc and /etc; empty: this computer
+  std::string root;    ///< prefix of /sys, /dev, /proc and /etc; empty: this computer
+  std::string report;  ///< Markdown file to send to the project; empty: none
   JsonTarget json;
 };
 

@@ -31,6 +31,7 @@
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
 #include "servo_loop/telemetry.h"
+#include "servo_loop/watched_run.h"
 #include "tools/dashboard.h"
 #include "tools/hdf5_file.h"
 #include "tools/recorder.h"
@@ -241,6 +242,12 @@ int Run::execute() {
     note("--record: " + recorder_->finish().trouble);
     status_ = 1;
   }
+  if (!telemetry_->trouble().empty()) {
+    fail("the live line and the recording ended early: " + telemetry_->trouble());
+  }
+  if (!link_->trouble().empty()) {
+    fail("the link to the simulator ended early, and the force faded to zero: " + link_->trouble());
+  }
   collect();
   write_flight_records();
   say(loop_text(summary_, telemetry_->statistics()));
@@ -296,7 +303,8 @@ void Run::connect() {
       options_.reconnect ? driver::lasting_url(url, profile_) : url;  // while it is connected
   const driver::DeviceIdentity& identity = device_->identity();
   say("Device: " + identity.product + " (" + identity.manufacturer + ", serial " + identity.serial +
-      ") at " + url + ", profile " + base_profile + "\n");
+      ") at " + url + (processes_->has_emulator() ? " (emulated)" : "") + ", profile " +
+      base_profile + "\n");
   if (!calibrated_file.empty()) {
     say("Calibrated profile of this unit: " + calibrated_file + "\n");
   }
@@ -383,21 +391,13 @@ void Run::start_dashboard() {
 
 // Runs the loop until it ends by itself.
 servo::ServoOutcome Run::run_loop(double for_s) {
-  servo::ServoOutcome outcome;
-  std::atomic<bool> ended{false};
-  std::thread servo_thread([&] {
-    outcome = loop_->run(StopRequest::stop(), for_s);
-    ended = true;
-  });
-  while (!ended) {
+  return servo::run_watched(*loop_, StopRequest::stop(), for_s, StopRequest::request, [this] {
     look_at_keys(milliseconds(20));
     if (const auto how = processes_->simulator_end()) {
       note("the simulator process " + *how + " during the run; the force faded to zero");
       say(summary_.notes.back() + "\n");
     }
-  }
-  servo_thread.join();
-  return outcome;
+  });
 }
 
 // Runs the loop; with --reconnect again after each fault that a disconnected device may have

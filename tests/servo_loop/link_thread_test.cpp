@@ -5,6 +5,8 @@
 
 #include <chrono>
 #include <cstdint>
+#include <stdexcept>
+#include <thread>
 
 #include "link/simulator_endpoint.h"
 
@@ -56,6 +58,23 @@ TEST(LinkThread, KeepsTheToolMovingAndTheServosShareBoundedInAFloodOfSamples) {
   EXPECT_GT(link.samples_lost(), 0U);
   EXPECT_EQ(link.statistics().accepted, waiting + link.samples_lost());
   EXPECT_EQ(link.statistics().received, link.statistics().accepted + link.statistics().dropped());
+}
+
+TEST(LinkThread, FallsSilentAfterAnExceptionAndKeepsItsWords) {
+  ServoPorts ports;
+  link::SimulatorEndpoint simulator("127.0.0.1:0");
+  LinkThread link(link::to_string(simulator.address()), ports);
+  link.on_sample([](const ArrivedSample&) { throw std::runtime_error("no memory for a sample"); });
+  link.start();
+  std::uint32_t sequence = 0;
+  const link::ToolState newest = reach(ports, simulator, sequence);
+  ASSERT_EQ(simulator.send(link::answer_to(newest)), link::SendStatus::kSent);
+  ArrivedSample sample;
+  for (int i = 0; i < kPatience && !ports.samples.pop(sample); ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
+  link.stop();
+  EXPECT_EQ(link.trouble(), "no memory for a sample");
 }
 
 }  // namespace

@@ -130,6 +130,28 @@ TEST(Telemetry, WritesTheLastFiveSecondsAsAFlightRecord) {
   EXPECT_NE(last.find("unplugged"), std::string::npos);
 }
 
+TEST(Telemetry, GoesOnWithoutACallbackThatThrew) {
+  ServoPorts ports;
+  TelemetryOptions options;
+  int calls = 0;
+  options.on_cycle = [&](const CycleRecord& record) {
+    ++calls;
+    if (record.cycle == 10) {
+      throw std::runtime_error("the disk is gone");
+    }
+  };
+  Telemetry telemetry(ports, options);
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    ASSERT_TRUE(ports.records.push(record_at(i)));
+  }
+  telemetry.start();
+  telemetry.stop();
+  EXPECT_EQ(telemetry.trouble(), "the disk is gone");
+  EXPECT_EQ(calls, 11);
+  EXPECT_EQ(telemetry.statistics().cycles, 100u);  // the flight record has them all
+  EXPECT_EQ(telemetry.records().size(), 100u);
+}
+
 TEST(Telemetry, SaysWhichFlightRecordCouldNotBeWritten) {
   ServoPorts ports;
   Telemetry telemetry(ports, {});

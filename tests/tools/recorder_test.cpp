@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <stdexcept>
 #include <string>
 
 #include "tools/hdf5_file.h"
@@ -184,6 +185,18 @@ TEST(Recorder, EndsInTimeWhereTheDiskFillsUp) {
   EXPECT_THAT(end.trouble, HasSubstr(file));
   EXPECT_EQ(told, end.trouble);
   EXPECT_EQ(Hdf5Reader(file).rows("/cycles/cycle"), 100u);
+}
+
+TEST(Recorder, EndsAloneWhenSomethingElseThrows) {
+  RecorderOptions options = options_for(fresh_file("throws"));
+  options.free_bytes = [](const std::string&) -> std::uintmax_t {
+    throw std::runtime_error("the folder is gone");
+  };
+  Recorder recorder(options);
+  recorder.push(cycle(0));
+  const RecorderEnd& end = recorder.finish();
+  EXPECT_EQ(end.cycles_lost, 1u);
+  EXPECT_THAT(end.trouble, HasSubstr("the folder is gone"));
 }
 
 TEST(Recorder, KeepsWhatIsThereWhenWritingFails) {

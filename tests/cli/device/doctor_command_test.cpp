@@ -3,11 +3,16 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <array>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/support/program.h"
 
@@ -125,6 +130,61 @@ TEST(DoctorCommand, SaysThatNoSimulatorAnswers) {
   EXPECT_EQ(finding(result, "simulator's round trip").at("verdict"), "bad");
   EXPECT_THAT(finding(result, "simulator's round trip").at("remedy").get<std::string>(),
               HasSubstr("forcegrid simulate --listen 127.0.0.1:9"));
+}
+
+// A device with a serial number on a host with a name, below a folder with another.
+TEST(DoctorCommand, WritesAReportWithoutAnythingPrivate) {
+  namespace fs = std::filesystem;
+  const std::string root = fresh_folder("doctor_report/of_babbage");
+  const std::string usb = root + "/sys/devices/usb1/1-2";
+  const std::string hid = usb + "/1-2:1.0/0003:1234:0006.0001";
+  for (const std::string& folder :
+       {hid, root + "/sys/bus/usb/devices", root + "/sys/class/hidraw/hidraw0", root + "/dev",
+        root + "/etc", root + "/proc/sys/kernel"}) {
+    fs::create_directories(folder);
+  }
+  for (const auto& [name, text] : std::vector<std::pair<std::string, std::string>>{
+           {"idVendor", "1234"},
+           {"idProduct", "0006"},
+           {"manufacturer", "mbed.org"},
+           {"product", "HID DEVICE No. SN-778899"},
+           {"serial", "SN-778899"},
+           {"speed", "12"},
+           {"descriptors", "eighteen bytes and more"}}) {
+    std::ofstream(usb + "/" + name) << text << "\n";
+  }
+  std::ofstream(hid + "/uevent") << "HID_ID=0003:00001234:00000006\nHID_NAME=x\n";
+  std::ofstream(hid + "/report_descriptor") << "not one of ours";
+  std::ofstream(root + "/dev/hidraw0") << "";
+  std::ofstream(root + "/etc/hostname") << "engine-room.example.org\n";
+  std::ofstream(root + "/proc/sys/kernel/hostname") << "engine-room\n";
+  fs::create_directory_symlink(hid, root + "/sys/class/hidraw/hidraw0/device");
+  fs::create_directory_symlink(usb, root + "/sys/bus/usb/devices/1-2");
+  const std::string file = root + "/report.md";
+  Program doctor = Program::forcegrid({"doctor", "--root", root, "--seconds", "0.1", "--device",
+                                       "usbip://lovelace:1/1-1", "--simulator", "127.0.0.1:9",
+                                       "--report", file});
+  EXPECT_EQ(doctor.wait(kTimeout), 4);
+  EXPECT_THAT(doctor.standard_output(), HasSubstr("Wrote " + file));
+  std::ifstream stream(file);
+  const std::string report{std::istreambuf_iterator<char>(stream), {}};
+  for (const char* said : {"### 1234:0006", "SHA-256", "HID DEVICE No. (serial)", "wake-up idle",
+                           "| kernel |", "____", "descriptor, blocks"}) {
+    EXPECT_THAT(report, HasSubstr(said));
+  }
+  std::array<char, 256> host{};
+  ASSERT_EQ(gethostname(host.data(), host.size() - 1), 0);
+  for (const std::string& secret :
+       {std::string("778899"), std::string("engine-room"), std::string("babbage"),
+        std::string("lovelace"), std::string("127.0.0.1"), std::string(host.data())}) {
+    EXPECT_EQ(report.find(secret), std::string::npos) << secret;
+  }
+}
+
+TEST(DoctorCommand, RefusesAReportThatCantBeWrittenBeforeItMeasures) {
+  Program doctor = Program::forcegrid({"doctor", "--report", "/no-such-folder/report.md"});
+  EXPECT_EQ(doctor.wait(std::chrono::seconds(3)), 1);
+  EXPECT_THAT(doctor.standard_error(), HasSubstr("--report /no-such-folder/report.md"));
 }
 
 }  // namespace
