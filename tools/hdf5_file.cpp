@@ -2,6 +2,7 @@
 #include "tools/hdf5_file.h"
 
 #include <hdf5.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -17,6 +18,10 @@ constexpr unsigned kDeflate = 1;  // the first level achieves most of the compre
 constexpr std::size_t kChunkCache_bytes = 1 << 18;
 constexpr std::size_t kChunkCacheSlots = 521;  // a prime, as HDF5 recommends
 constexpr double kEvictWritten = 1.0;
+// Checksums that fail are read again, as a writer may be at work: after 1, 2, 4 ... ns, 1 ms in
+// all. The library's default for SWMR is 100 attempts, whose last pauses outlast any user.
+constexpr unsigned kReadAttempts = 20;
+constexpr double kMostNumbersPerByte = 1100.0;     // deflate packs 1032 bytes into one at most
 constexpr std::size_t kLargestAttribute = 60'000;  // HDF5 stores attributes in an object's header
 
 // Any of HDF5's identifiers, closed with it.
@@ -252,12 +257,29 @@ void Hdf5Writer::close() {
 Hdf5Reader::Hdf5Reader(const std::string& file) : file_(file) {
   be_quiet();
   std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) {
+  const auto status = std::filesystem::status(file, error);
+  if (!std::filesystem::exists(status)) {
     throw Hdf5Error(file + ": no such file; name a recording of 'forcegrid record'");
   }
-  id_ = H5Fopen(file.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT);
+  if (!std::filesystem::is_regular_file(status)) {
+    throw Hdf5Error(file + ": not a file but " +
+                    (std::filesystem::is_directory(status) ? "a folder" : "a device or a pipe") +
+                    "; name a recording of 'forcegrid record'");
+  }
+  if (::access(file.c_str(), R_OK) != 0) {
+    throw Hdf5Error(file + ": can't be read (" + std::strerror(errno) + ")");
+  }
+  size_bytes_ = std::filesystem::file_size(file, error);
+  if (H5Fis_hdf5(file.c_str()) <= 0) {
+    throw Hdf5Error(file +
+                    ": not an HDF5 file, or its first bytes are damaged; name a recording of "
+                    "'forcegrid record'");
+  }
+  const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_metadata_read_attempts(access, kReadAttempts);
+  id_ = H5Fopen(file.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access);
   if (id_ < 0) {
-    fail(file, "is not a readable HDF5 file; name a recording of 'forcegrid record'");
+    fail(file, "damaged: its superblock or root group can't be read");
   }
 }
 
@@ -274,39 +296,56 @@ bool Hdf5Reader::has(const std::string& name) const {
 }
 
 std::string Hdf5Reader::attribute(const std::string& name) const {
-  if (H5Aexists(id_, name.c_str()) <= 0) {
+  const htri_t exists = H5Aexists(id_, name.c_str());
+  checked(exists, file_, "damaged: its attributes can't be read");
+  if (exists == 0) {
     return "";
   }
   const Id attribute(H5Aopen(id_, name.c_str(), H5P_DEFAULT), H5Aclose);
   const Id type(H5Aget_type(attribute), H5Tclose);
   if (attribute < 0 || H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0) {
-    fail(file_, "attribute " + name + " is not a text of fixed length");
+    fail(file_, "damaged: attribute " + name + " is not a text of fixed length");
   }
-  std::string text(H5Tget_size(type), '\0');
-  checked(H5Aread(attribute, type, text.data()), file_, "attribute " + name + " can't be read");
+  const std::size_t length = H5Tget_size(type);
+  if (length > kLargestAttribute) {
+    throw Hdf5Error(file_ + ": damaged: attribute " + name + " claims " + std::to_string(length) +
+                    " bytes");
+  }
+  std::string text(length, '\0');
+  checked(H5Aread(attribute, type, text.data()), file_,
+          "damaged: attribute " + name + " can't be read");
   text.resize(std::strlen(text.c_str()));
   return text;
 }
 
+std::vector<std::uint64_t> Hdf5Reader::shape_of(std::int64_t dataset,
+                                                const std::string& column) const {
+  const std::string what = "damaged: " + column + " can't be opened, or is missing";
+  const Id space(checked(dataset >= 0 ? H5Dget_space(dataset) : -1, file_, what), H5Sclose);
+  const int rank = checked(H5Sget_simple_extent_ndims(space), file_, what);
+  std::vector<hsize_t> size(static_cast<std::size_t>(rank), 0);
+  checked(H5Sget_simple_extent_dims(space, size.data(), nullptr), file_, what);
+  const double numbers = std::accumulate(size.begin(), size.end(), 1.0, [](double a, hsize_t b) {
+    return a * static_cast<double>(b);
+  });
+  if (rank == 0 || numbers > kMostNumbersPerByte * static_cast<double>(size_bytes_)) {
+    throw Hdf5Error(file_ + ": damaged: " + column + " claims more numbers than the file can hold");
+  }
+  return {size.begin(), size.end()};
+}
+
 std::uint64_t Hdf5Reader::rows(const std::string& column) const {
   const Id dataset(H5Dopen2(id_, column.c_str(), H5P_DEFAULT), H5Dclose);
-  const Id space(checked(dataset >= 0 ? H5Dget_space(dataset) : -1, file_, "has no " + column),
-                 H5Sclose);
-  const int rank = H5Sget_simple_extent_ndims(space);
-  std::vector<hsize_t> size(static_cast<std::size_t>(std::max(rank, 1)), 0);
-  H5Sget_simple_extent_dims(space, size.data(), nullptr);
-  return size.front();
+  return shape_of(dataset, column).front();
 }
 
 std::vector<double> Hdf5Reader::numbers(const std::string& column, std::uint64_t rows,
                                         std::uint64_t first) const {
   const Id dataset(H5Dopen2(id_, column.c_str(), H5P_DEFAULT), H5Dclose);
-  const Id there(checked(dataset >= 0 ? H5Dget_space(dataset) : -1, file_, "has no " + column),
-                 H5Sclose);
-  std::vector<hsize_t> size(static_cast<std::size_t>(H5Sget_simple_extent_ndims(there)), 0);
-  H5Sget_simple_extent_dims(there, size.data(), nullptr);
-  if (size.empty() || size.front() < first + rows) {
-    throw Hdf5Error(file_ + ": " + column + " has fewer rows than the other columns");
+  const std::vector<std::uint64_t> shape = shape_of(dataset, column);
+  std::vector<hsize_t> size(shape.begin(), shape.end());
+  if (first > size.front() || size.front() - first < rows) {
+    throw Hdf5Error(file_ + ": damaged: " + column + " has fewer rows than its neighbours");
   }
   size.front() = rows;
   std::vector<double> numbers(std::accumulate(size.begin(), size.end(), std::size_t{1},
@@ -314,13 +353,15 @@ std::vector<double> Hdf5Reader::numbers(const std::string& column, std::uint64_t
   if (numbers.empty()) {
     return numbers;
   }
+  const std::string what = "damaged: " + column + " can't be read";
   std::vector<hsize_t> start(size.size(), 0);
   start.front() = first;
+  const Id there(checked(H5Dget_space(dataset), file_, what), H5Sclose);
   checked(H5Sselect_hyperslab(there, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr),
-          file_, column + " can't be read");
+          file_, what);
   const Id here(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose);
   checked(H5Dread(dataset, H5T_NATIVE_DOUBLE, here, there, H5P_DEFAULT, numbers.data()), file_,
-          column + " can't be read");
+          what);
   return numbers;
 }
 

@@ -69,15 +69,19 @@ class Hdf5Writer {
   std::vector<Column> columns_;
 };
 
-/// Reads such a file, closed or not. Real-time: no. Threads: one at a time.
+/// Reads such a file, closed or not, also while it is written. What a damaged file claims is
+/// checked before it is believed, and a checksum that fails is read again for a millisecond at
+/// most. Real-time: no. Threads: one at a time.
 class Hdf5Reader {
  public:
-  /// @throws Hdf5Error, as does every other function of this class.
+  /// @throws Hdf5Error, as does every other function of this class: "FILE: damaged: ..." names the
+  ///         part that can't be read.
   explicit Hdf5Reader(const std::string& file);
   ~Hdf5Reader();
   Hdf5Reader(const Hdf5Reader&) = delete;
   Hdf5Reader& operator=(const Hdf5Reader&) = delete;
 
+  const std::string& file() const noexcept { return file_; }
   bool has(const std::string& name) const;
   /// Of the file itself; empty if there is none.
   std::string attribute(const std::string& name) const;
@@ -87,7 +91,10 @@ class Hdf5Reader {
                               std::uint64_t first = 0) const;
 
  private:
+  std::vector<std::uint64_t> shape_of(std::int64_t dataset, const std::string& column) const;
+
   std::string file_;
+  std::uint64_t size_bytes_ = 0;
   std::int64_t id_ = -1;
 };
 

@@ -66,7 +66,7 @@ RecordingHeader read_header(const Hdf5Reader& reader) {
   const std::string format = reader.attribute("format");
   if (format != kFormat) {
     throw Hdf5Error(
-        "this HDF5 file is " +
+        reader.file() + ": this HDF5 file is " +
         (format.empty() ? std::string("not a recording of forcegrid") : "a '" + format + "'") +
         "; expected a '" + kFormat + "', as 'forcegrid record' writes it");
   }
