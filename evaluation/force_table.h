@@ -25,7 +25,8 @@ class ChartError : public std::runtime_error {
 /// The work was stopped on request; what is finished is kept.
 class Stopped : public std::runtime_error {
  public:
-  Stopped() : std::runtime_error("stopped; what was finished is kept: repeat the command to continue") {}
+  Stopped()
+      : std::runtime_error("stopped; what was finished is kept: repeat the command to continue") {}
 };
 
 /// A box of equally spaced nodes over the displacements d = P - P_contact, in W.

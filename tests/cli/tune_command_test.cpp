@@ -77,7 +77,8 @@ TEST(TuneCommand, RefusesWhatTheDeviceOrTheTimeCantGive) {
   EXPECT_THAT(fast.standard_error(), HasSubstr("simulated time"));
   Program hasty = Program::forcegrid({"tune", "--time", "5", "--out", fresh_folder("tune")});
   EXPECT_EQ(hasty.wait(kTimeout), 1);
-  EXPECT_THAT(hasty.standard_error(), HasSubstr("recording a path and trying one setting take 20 s"));
+  EXPECT_THAT(hasty.standard_error(),
+              HasSubstr("recording a path and trying one setting take 20 s"));
 }
 
 }  // namespace

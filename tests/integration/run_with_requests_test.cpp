@@ -41,7 +41,8 @@ TEST(RunWithRequests, RefusesWhatItCannotServe) {
       {{"--evaluate", "forcegrid+request"}, "only the rendered method's requests"},
       {{"--method", "forcegrid+request", "--requests-per-s", "0"}, "works only with requests"},
       {{"--workers", "1", "--simulator", "127.0.0.1:1"}, "forcegrid worker"},
-      {{"--method", "forcegrid+request", "--requests-per-s", "600"}, "at most one request per cycle"}};
+      {{"--method", "forcegrid+request", "--requests-per-s", "600"},
+       "at most one request per cycle"}};
   for (auto [arguments, words] : refused) {
     arguments.insert(arguments.begin(), {"run", "--seconds", "1"});
     Program run = Program::forcegrid(arguments);
