@@ -36,7 +36,7 @@ driver::DeviceReport DeviceRig::step(const driver::MotorCommand& command) {
     device_.command({});
     throw CalibrationError(device_.health() == driver::DeviceHealth::kUnplugged
                                ? "The device is gone; check the cable, plug it in again, and start "
-                                 "anew. Its own watchdog takes the current off the motors; no "
+                                 "again. Its own watchdog takes the current off the motors; no "
                                  "profile was changed. (" +
                                      device_.failure() + ")"
                                : device_.failure());
