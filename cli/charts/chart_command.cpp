@@ -82,7 +82,7 @@ Selection selection_of(const std::string& text) {
   Selection selection{text.substr(0, first), text.substr(first + 1, second - first - 1),
                       text.substr(second + 1)};
   evaluation::chart_scene(selection.scene);
-  evaluation::Trajectory{selection.trajectory};
+  static_cast<void>(evaluation::Trajectory(selection.trajectory));
   evaluation::network_condition(selection.condition);
   return selection;
 }

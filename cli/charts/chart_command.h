@@ -37,9 +37,9 @@ struct ChartCommandOptions {
 void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>& action);
 
 /// Evaluates force methods on the chart's objects, motions and networks, and writes tables,
-/// pictures and a page into `options.out`; see docs/accuracy.md.
+/// pictures and a page into `asked.out`; see docs/accuracy.md.
 /// @returns the program's exit status, 0.
 /// @throws std::exception with a sentence for the user.
-int chart_accuracy_command(const ChartAccuracyOptions& options);
+int chart_accuracy_command(const ChartAccuracyOptions& asked);
 
 }  // namespace forcegrid::cli

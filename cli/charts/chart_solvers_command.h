@@ -25,6 +25,6 @@ void add_chart_solvers(CLI::App& chart, ChartSolversOptions& options, std::funct
 
 /// Measures the cost of a servo cycle with each solver; see docs/solvers.md. Result and errors are
 /// those of chart_accuracy_command().
-int chart_solvers_command(const ChartSolversOptions& options);
+int chart_solvers_command(const ChartSolversOptions& asked);
 
 }  // namespace forcegrid::cli

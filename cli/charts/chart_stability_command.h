@@ -27,6 +27,6 @@ void add_chart_stability(CLI::App& chart, ChartStabilityOptions& options,
 
 /// Measures the stability of force methods in the closed loop in simulated time; see
 /// docs/stability.md. Result and errors are those of chart_accuracy_command().
-int chart_stability_command(const ChartStabilityOptions& options);
+int chart_stability_command(const ChartStabilityOptions& asked);
 
 }  // namespace forcegrid::cli

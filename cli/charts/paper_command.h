@@ -18,9 +18,9 @@ using PaperCommandOptions = ChartChoice;
 void add_paper(CLI::App& app, PaperCommandOptions& options, std::function<int()>& action);
 
 /// Repeats the experiments of the forcegrid paper and writes the results beside the paper's figures
-/// and claims into `options.out`; see docs/paper.md.
+/// and claims into `asked.out`; see docs/paper.md.
 /// @returns the program's exit status: 0, even if a result differs from the paper.
 /// @throws std::exception with a sentence for the user.
-int paper_command(const PaperCommandOptions& options);
+int paper_command(const PaperCommandOptions& asked);
 
 }  // namespace forcegrid::cli

@@ -20,18 +20,18 @@ enum class EnsembleKind {
 
 /// The candidates of an ensemble:
 ///
-///   name                                  field                                         in
-///   smooth, exact, noisy, very noisy      nuggets 1e-5, 1e-6, 1e-4, 1e-3 N^2;           both
-///                                         two stiffnesses
-///   kinks                                 Matern 7/2 of 15 mm                           kriging-bank
-///   slowly viscous                        history of 10, 100, 1000 ms, kf 0.03 N^2      kriging-bank
-///   viscous, noisy viscous                history of 5, 30, 200 ms, kf 1 N^2;           both
-///                                         nuggets 1e-5, 1e-4 N^2
-///   walls                                 UnilateralConstraintField                     both
-///   memory                                StoreField                                    auto
-///   unfinished                            LagField                                      auto
-///   relaxing                              RelaxationField                               auto
-///   places                                ContactIndexedField                           auto
+///   name                               field                                      in
+///   smooth, exact, noisy, very noisy   nuggets 1e-5, 1e-6, 1e-4, 1e-3 N^2;        both
+///                                      two stiffnesses
+///   kinks                              Matern 7/2 of 15 mm                        kriging-bank
+///   slowly viscous                     history of 10, 100, 1000 ms, kf 0.03 N^2   kriging-bank
+///   viscous, noisy viscous             history of 5, 30, 200 ms, kf 1 N^2;        both
+///                                      nuggets 1e-5, 1e-4 N^2
+///   walls                              UnilateralConstraintField                  both
+///   memory                             StoreField                                 auto
+///   unfinished                         LagField                                   auto
+///   relaxing                           RelaxationField                            auto
+///   places                             ContactIndexedField                        auto
 ///
 /// @param options spacing_m and spacing_N; the candidates have nuggets and samples of their own.
 /// @param path of the tool, which must outlive the candidates, as must `thresholds`.

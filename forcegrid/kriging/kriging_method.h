@@ -23,12 +23,12 @@ namespace forcegrid {
 ///
 ///   F(P) = sum_i K(P - c, p_i) alpha_i,   p_i = P_i - c_i relative to the contact point c_i
 ///
-///   name              field                                                     needs
-///   kriging           kriging::DictionaryField, 32 samples                      force
-///   kriging-tangent   the same, and the stiffness of the four newest samples    force, stiffness
-///   kriging-hinge     as kriging, and up to two one-sided constraints           force
-///   kriging-store     kriging::StoreField, the 32 best of up to 8192 samples    force
-///   kriging-contact   kriging::ContactIndexedField, tells contacts apart        force, contact point
+///   name              field                                                 needs
+///   kriging           kriging::DictionaryField, 32 samples                  force
+///   kriging-tangent   the same, and the stiffness of the 4 newest samples   force, stiffness
+///   kriging-hinge     as kriging, and up to two one-sided constraints       force
+///   kriging-store     kriging::StoreField, the 32 best of up to 8192        force
+///   kriging-contact   kriging::ContactIndexedField, tells contacts apart    force, contact point
 ///
 /// `kriging-tangent` takes samples without stiffness as well. `kriging-hinge` is risky alone where
 /// surprises have other causes than constraints; EnsembleMethod uses it as a candidate.
