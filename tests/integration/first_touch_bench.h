@@ -22,7 +22,7 @@ struct Approach {
   static constexpr double kDepth_m = 0.004;
 
   Eigen::Vector3d velocity_W_m_per_s{0.01, 0.0, -0.05};
-  Eigen::Vector3d along_W_m_per_s{0.01, 0.0, 0.0};  ///< from the touch on; nobody has foretold it
+  Eigen::Vector3d along_W_m_per_s{0.01, 0.0, 0.0};  ///< from the touch on; no prediction knows it
 
   Eigen::Vector3d position_W(const Eigen::Vector3d& touch_W, double since_touch_s) const {
     if (since_touch_s < 0.0) {
