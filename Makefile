@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # The two commands: `make run` renders a soft block on an emulated arm; `make test` runs every test.
-# Both first install missing packages (Debian 12, root or sudo).
+# Each first installs and builds what it needs (Debian 12, root or sudo), and nothing else.
 
 DEVICE  ?= woodenhaptics_v2015
 SCENE   ?= block
@@ -8,13 +8,23 @@ SIMULATOR ?=
 WORKERS ?= 0
 SECONDS ?= 20
 ARGS    ?=
+ADD     ?=
 FUZZ_SECONDS ?= 600
 SANITIZERS ?= asan tsan
 SINCE   ?=
 MINUTES ?= 0
 
 PROGRAM := build/release/bin/forcegrid
-STAMP   := build/.packages
+
+# Groups of setup/packages.txt.
+PACKAGES = $(addprefix build/.packages-,$(1))
+FOR_PROGRAM := $(call PACKAGES,run)
+FOR_TOOLS   := $(call PACKAGES,run chart)
+FOR_TESTS   := $(call PACKAGES,run chart test guest docs)
+FOR_DEB     := $(call PACKAGES,run chart deb)
+FOR_BENCH   := $(call PACKAGES,run chart test bench guest)
+CONFIGURE := setup/configure.sh
+BUILD := cmake --build --preset release
 
 # DEVICE is a profile's name for the emulated device, or the program's name of an attached one
 # (hid:... or usbip:...).
@@ -30,12 +40,17 @@ $(error KERNEL=$(KERNEL): it is rt, or left out for the stock kernel)
 endif
 HIL_KERNEL := linux-image-$(if $(filter rt,$(KERNEL)),rt-)amd64
 HIL := python3 tests/hil/run_guest.py --kernel $(HIL_KERNEL)
+HIL_SESSION = --device $(DEVICE) $(if $(ARGS),--emulator-flags='$(ARGS)') $(if $(ADD),--add $(ADD))
 # Tests of the driver, or of the whole loop with a device, in user space.
 USER_SPACE_TESTS := ^(W2\.|W3\.|UsbipTransport|EmulatorServer|MainJob|.*ReportAge|.*Falcon|.*Fault|.*Reconnect|.*Malformed)
-UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
+UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/10-forcegrid.rules
+# Its name in version 0.1.
+OLD_UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
-.PHONY: run test build setup bench bench-realtime sanitize fuzz lint docs pictures clean
+.NOTPARALLEL:
+.PHONY: run program tools build test setup bench bench-realtime sanitize fuzz lint docs pictures
+.PHONY: build-report clean deb deb-test
 .PHONY: hil hil-full hil-matrix install-udev uninstall-udev
 
 # SIMULATOR=bullet: another simulator behind the link, examples/bullet_simulator.cpp.
@@ -52,96 +67,138 @@ endif
 endif
 RUN := $(PROGRAM) run --device $(DEVICE_URL) --seconds $(SECONDS)
 
-run: build
 ifeq ($(SIMULATOR),bullet)
+run: $(FOR_TOOLS)
+	$(CONFIGURE) EXAMPLES
+	$(BUILD) --target forcegrid_cli bullet_simulator
 	examples/run_with_simulator.sh "build/release/bin/bullet_simulator 127.0.0.1:0" $(RUN) $(ARGS)
 else
+run: program
 	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)
 endif
 
 # Live tests that fail while the machine stands still run again; the end names them.
-test: build
-	ctest --test-dir build/release -j2 --output-on-failure
+test: build-tests
+	ctest --test-dir build/release -j3 --output-on-failure
 	@grep -aE '^(AGAIN:|[0-9]+/[0-9]+ Testing: )' build/release/Testing/Temporary/LastTest.log | \
 	  grep -a -B1 '^AGAIN:' || true
 
-bench: build
+bench: build-bench
 	build/release/bin/forcegrid_bench
 
 # The loop's wake-ups beside cyclictest, idle and under load: half an hour. ARGS=--quick: two minutes.
-bench-realtime: build
+bench-realtime: build-bench
 	/usr/bin/python3 bench/realtime.py $(ARGS)
 
 # The tests under AddressSanitizer with UndefinedBehaviorSanitizer, and those with threads under
 # ThreadSanitizer. SANITIZERS=asan: only that one.
-sanitize: setup
+sanitize: $(FOR_TESTS)
 	for preset in $(SANITIZERS); do \
 	  cmake --preset $$preset >/dev/null && cmake --build --preset $$preset && \
 	  ctest --test-dir build/$$preset -j2 --output-on-failure || exit 1; \
 	done
 
-# The drivers on a real kernel, in a virtual machine (docs/hil.md). SHELL=1: a shell in it instead;
-# KERNEL=rt: the PREEMPT_RT kernel; ACCEL=kvm: with KVM.
-hil: build
+# The drivers on a real kernel, in a virtual machine (docs/hil.md). KERNEL=rt: the PREEMPT_RT kernel;
+# ACCEL=kvm: with KVM. SHELL=1: a shell in it instead, or COMMAND="...": one command, with the emulated
+# devices DEVICE="PROFILE ...", which take the flags ARGS, and the programs, files and folders
+# ADD="PATH ...".
+hil: build-tests
 ifneq ($(HIL_SHELL),)
-	$(HIL) --shell
+	$(HIL) --shell $(HIL_SESSION)
+else ifeq ($(origin COMMAND),command line)
+	$(HIL) --run '$(subst ','\'',$(COMMAND))' $(HIL_SESSION)
 else ifneq ($(KERNEL),)
 	$(HIL) --timeout 1200
 else
 	ctest --test-dir build/release -L hil -V
 endif
 
-hil-full: build
+hil-full: build-tests
 	$(HIL) --set full --timeout 3000
 
 # Writes docs/hil_matrix.md, the coverage page, from the last complete runs of the guest (hil, hil-full,
 # each kernel) and from a run of the tests that drive an emulated device without a kernel.
-hil-matrix: build
+hil-matrix: build-tests
 	@mkdir -p build/hil/results
 	ctest --test-dir build/release -LE hil -R '$(USER_SPACE_TESTS)' -j2 \
 	  --output-junit $(CURDIR)/build/hil/results/user_space.xml || true
 	python3 tests/hil/matrix.py --junit build/hil/results/user_space.xml
 
 # All pages and the C++ interfaces as one site without a network: build/docs/site/index.html.
-docs: setup
+docs: $(call PACKAGES,docs)
 	/usr/bin/python3 docs/site/make_site.py . build/docs
 
 # docs/pictures/*.svg from the *.dot beside them.
-pictures: setup
+pictures: $(call PACKAGES,docs)
 	docs/pictures/draw.sh
 
 # Lets the person at the computer, and the group plugdev, use the devices without root.
 install-udev:
-	$(AS_ROOT) install -D -m 644 udev/70-forcegrid.rules $(UDEV_RULE)
+	$(AS_ROOT) install -D -m 644 udev/10-forcegrid.rules $(UDEV_RULE)
+	$(AS_ROOT) rm -f $(OLD_UDEV_RULE)
 	$(if $(DESTDIR),,$(AS_ROOT) udevadm control --reload)
 	@echo "Now plug the device in again."
 
 uninstall-udev:
-	$(AS_ROOT) rm -f $(UDEV_RULE)
+	$(AS_ROOT) rm -f $(UDEV_RULE) $(OLD_UDEV_RULE)
 	$(if $(DESTDIR),,$(AS_ROOT) udevadm control --reload)
 
-build: setup build/release/build.ninja
-	cmake --build --preset release
+# build/release/bin/forcegrid, for everything that a run needs.
+program: $(FOR_PROGRAM)
+	$(CONFIGURE)
+	$(BUILD) --target forcegrid_cli
 
-build/release/build.ninja: CMakePresets.json
-	cmake --preset release
+# build/release/bin/forcegrid-tools: charts, tuning, calibration. `forcegrid chart` and the like call
+# this if it is missing.
+tools: $(FOR_TOOLS)
+	$(CONFIGURE) TOOLS
+	$(BUILD) --target forcegrid_cli forcegrid_tools_program forcegrid_reference
 
-setup: $(STAMP)
+# Debian packages of what is built: build/deb/*.deb.
+deb: $(FOR_DEB) tools
+	$(BUILD) --target forcegrid forcegrid_link
+	packaging/make_deb.sh
 
-$(STAMP): setup/packages.txt setup/install.sh
-	setup/install.sh
+# Installs them in a new, minimal Debian, uses, upgrades and removes them there. As root, with a network.
+deb-test: deb
+	tests/package/deb_test.sh
+
+# Both, and the example simulators.
+build: $(FOR_TOOLS)
+	$(CONFIGURE) TOOLS EXAMPLES
+	$(BUILD)
+
+.PHONY: build-tests build-bench
+build-tests: $(FOR_TESTS)
+	$(CONFIGURE) TESTS
+	$(BUILD)
+
+build-bench: $(FOR_BENCH)
+	$(CONFIGURE) BENCH
+	$(BUILD)
+
+# Processor time of the last compilation of each source, by folder, and the slowest.
+build-report:
+	@python3 setup/build_report.py build/release
+
+# All packages.
+setup: $(call PACKAGES,$(shell sed -n 's/^\[\(.*\)\]$$/\1/p' setup/packages.txt))
+
+build/.packages-%: setup/packages.txt setup/install.sh
+	setup/install.sh $*
 	@mkdir -p build && touch $@
 
 # Fuzzes every parser of untrusted bytes, guided by coverage. New inputs go into build/fuzz/corpus,
 # inputs that reveal a fault into build/fuzz/faults.
-fuzz: setup
+fuzz: $(FOR_TESTS) $(call PACKAGES,fuzz)
 	cmake --preset fuzz >/dev/null && cmake --build --preset fuzz
 	tests/fuzz/run_fuzzers.sh build/fuzz $(FUZZ_SECONDS)
 
 # Format and code of every source (.clang-format, .clang-tidy). SINCE=REV: only what differs from REV;
 # SINCE=last-merge: from the last merge's first parent. MINUTES=M: begins no source after that time.
 # A source that was found clean is not checked again until it changes.
-lint: setup build/release/build.ninja
+lint: $(FOR_BENCH) $(call PACKAGES,lint)
+	cmake --preset lint >/dev/null
 	setup/lint.py --minutes $(MINUTES) $(if $(SINCE),--since $(SINCE))
 
 clean:

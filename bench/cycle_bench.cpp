@@ -11,6 +11,7 @@
 #include "bench/ratios.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
+#include "rt/vectors.h"
 #include "servo_loop/servo_loop.h"
 
 namespace forcegrid::bench {
@@ -39,8 +40,8 @@ void servo_cycle(benchmark::State& state) {
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   const driver::ArmKinematics kinematics(profile);
   MethodOptions grid;
-  grid.grid.min_W = servo::vector(profile.limits.workspace_min_m);
-  grid.grid.max_W = servo::vector(profile.limits.workspace_max_m);
+  grid.grid.min_W = rt::to_vector(profile.limits.workspace_min_m);
+  grid.grid.max_W = rt::to_vector(profile.limits.workspace_max_m);
   grid.grid.cells.setConstant(49);
   grid.influence_radius_m = 0.16 / 6;
   const std::unique_ptr<ForceMethod> method = make_force_method("forcegrid", grid);
@@ -69,6 +70,8 @@ void servo_cycle(benchmark::State& state) {
     // Two milliseconds of device time per report, as at 500 Hz.
     device.report.received = now;
     device.report.released = rt::TimePoint(std::chrono::milliseconds(2) * cycle);
+    device.report.sampled_after = device.report.released - std::chrono::milliseconds(1);
+    device.report.oldest_release = device.report.received;
     if (cycle % 16 == 0) {
       servo::ArrivedSample arrived;
       arrived.in_contact = true;

@@ -38,7 +38,8 @@ class NullDevice final : public driver::Device {
   const driver::DeviceIdentity& identity() const noexcept override { return identity_; }
   driver::DeviceReport newest_report() noexcept override {
     ++report_.sequence;
-    report_.released = report_.received = rt::Clock::now();
+    report_.sampled_after = report_.released = report_.oldest_release = report_.received =
+        rt::Clock::now();
     return report_;
   }
   void command(const driver::MotorCommand&) noexcept override {}

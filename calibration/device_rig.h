@@ -9,13 +9,13 @@ namespace forcegrid::calibration {
 
 /// An opened device in real time: steps begin at absolute deadlines.
 ///
-/// Its motors have zero current once step() has thrown, and when it ends; the device's I/O thread
-/// and its watchdog see to that, too, should this process hang.
+/// Its motors have zero current once step() has thrown, and when it ends. The device's I/O thread
+/// and its watchdog ensure that too if this process hangs.
 /// Threads: one.
 class DeviceRig final : public Rig {
  public:
   /// @param device, stop  outlive it; the calibration ends soon after `stop` has become true.
-  /// @param report_timeout  no new report for this long ends the calibration.
+  /// @param report_timeout  the calibration ends if no new report comes for this long.
   DeviceRig(driver::Device& device, rt::Duration period, rt::Duration report_timeout,
             const std::atomic<bool>& stop);
   ~DeviceRig() override;

@@ -9,11 +9,11 @@
 
 namespace forcegrid::calibration {
 
-/// Whether each motor moves its joint the way that the profile says, by servo::MotorCheck: a few
+/// Whether each motor moves its joint in the profile's direction, by servo::MotorCheck: a few
 /// pushes of 16 ms. Somebody may hold the device.
-/// @returns each joint's verdict; kRunning for joints that were not looked at since one before them
-///          was condemned.
-/// @throws what Rig::step() throws, and CalibrationError when the check does not come to an end.
+/// @returns each joint's verdict; kRunning for joints that were not checked because one before them
+///   failed.
+/// @throws what Rig::step() throws, and CalibrationError if the check does not come to an end.
 std::array<servo::MotorCheck::Verdict, 3> check_directions(Rig& rig,
                                                            const profiles::DeviceProfile& profile,
                                                            RigidBody& body);

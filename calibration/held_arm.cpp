@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 constexpr double kIntegralRate_per_s = 4.0;  // of the stiffness
 constexpr double kSpeedFilter_s = 0.006;
 constexpr double kFastestPlanned_rad_per_s = 1.5;
-constexpr double kMoveSpeedPart = 0.5;  // of the planned speed, in the mean of a minimum-jerk move
+constexpr double kMoveSpeedPart = 0.5;  // of the planned speed, on average in a minimum-jerk move
 constexpr double kMinimumJerkPeak = 1.875;
 constexpr double kShortestMove_s = 0.5;
 constexpr double kWeakFor_s = 1.0;
@@ -178,10 +178,7 @@ void HeldArm::hold(double time_s) {
 void HeldArm::move_to(const Vector3d& angle_rad) {
   const Vector3d from_rad = target_rad_;
   const Vector3d way_rad = angle_rad - from_rad;
-  const double duration_s =
-      std::max(kShortestMove_s,
-               kMinimumJerkPeak / kMoveSpeedPart *
-                   (way_rad.cwiseQuotient(planned_speed_rad_per_s())).cwiseAbs().maxCoeff());
+  const double duration_s = move_s(way_rad);
   const double begin_s = time_s_;
   for (double part = 0.0; part < 1.0;) {
     part = std::min(1.0, (time_s_ + period_s_ - begin_s) / duration_s);
@@ -191,6 +188,12 @@ void HeldArm::move_to(const Vector3d& angle_rad) {
           .acceleration_rad_per_s2 = way_rad / (duration_s * duration_s) * 60.0 * part *
                                      (1.0 - part) * (1.0 - 2.0 * part)});
   }
+}
+
+double HeldArm::move_s(const Vector3d& way_rad) const noexcept {
+  return std::max(kShortestMove_s,
+                  kMinimumJerkPeak / kMoveSpeedPart *
+                      (way_rad.cwiseQuotient(planned_speed_rad_per_s())).cwiseAbs().maxCoeff());
 }
 
 void HeldArm::cool(const Vector3d& angle_rad) {

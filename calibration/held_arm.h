@@ -12,7 +12,7 @@
 
 namespace forcegrid::calibration {
 
-/// One step of a motion: what flowed, and the counters after it.
+/// One step of a motion: the current that flowed, and the counters after it.
 struct TracePoint {
   double time_s = 0.0;  ///< of the counters
   std::array<std::int32_t, 6> counts{};
@@ -21,26 +21,27 @@ struct TracePoint {
 };
 using Trace = std::vector<TracePoint>;
 
-/// Where the joints shall be.
+/// The target of the joints.
 struct JointTarget {
   Eigen::Vector3d angle_rad = Eigen::Vector3d::Zero();
   Eigen::Vector3d speed_rad_per_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d acceleration_rad_per_s2 = Eigen::Vector3d::Zero();
 };
 
-/// A joint that gives a constant torque instead of holding an angle, on top of what holds it.
+/// A joint that gives a constant torque instead of holding an angle, in addition to the holding
+/// torque.
 struct Press {
   int joint = 0;
   double torque_Nm = 0.0;
 };
 
-/// Moves the joints of a device that no hand holds, slowly and weakly, and gives up when something
-/// is not as it should be.
+/// Moves the joints of a device that no hand holds, slowly and weakly, and gives up if something is
+/// not as expected.
 ///
 ///   tau = tau_hold(q) + I_j (q''_t + w^2 e + 2 w e') + k_i integral(e),   e = q_t - q
 ///
-/// with I_j the inertia that a joint feels and w = kBandwidth_rad_per_s. Torques stay below half of
-/// what the profile allows in torque and current. Motors get zero before an exception leaves.
+/// with I_j the inertia at a joint and w = kBandwidth_rad_per_s. Torques stay below half of the
+/// profile's limits for torque and current. Motors get zero before an exception leaves.
 ///
 /// Real-time: step() allocates only where it records or throws. Threads: one.
 class HeldArm {
@@ -49,36 +50,38 @@ class HeldArm {
   /// Of the profile's largest speed; motions are planned with kPlannedSpeed of it.
   static constexpr double kSpeedLimit = 0.6;
   static constexpr double kPlannedSpeed = 0.3;
-  /// [rad] A joint that is further from where it should be for kAwayFor_s is not followed any more.
+  /// [rad] A joint that is further from its target than this for kAwayFor_s ends the motion.
   static constexpr double kAway_rad = 0.3;
   static constexpr double kAwayFor_s = 0.3;
   /// [rad] Beyond the profile's stops: they give, and pose and profile may be a little wrong.
   static constexpr double kBeyondStop_rad = 0.35;
-  /// Warmth, 1 being that of the continuous current: to which a pause cools, from which on there is
-  /// one before the next motion, and which ends a motion.
+  /// Warmth, where 1 is that of the continuous current. A pause cools down to the first; above the
+  /// second there is a pause before the next motion; the third ends a motion.
   static constexpr double kCool = 0.42;
   static constexpr double kWarm = 0.5;
   static constexpr double kTooWarm = 0.97;
 
-  /// @param body  outlives it. Begins with a step of zero current, from where it finds the arm.
+  /// @param body  outlives it. Begins with a step of zero current, at the arm's present pose.
   HeldArm(Rig& rig, const profiles::DeviceProfile& profile, RigidBody& body);
 
   /// @throws CalibrationError, see above; what Rig::step() throws.
   void step(const JointTarget& target, std::optional<Press> press = std::nullopt);
-  /// Holds where the arm should be now.
+  /// Holds the present target.
   void hold(double time_s);
   /// Moves all joints there, smoothly, at a planned speed.
   void move_to(const Eigen::Vector3d& angle_rad);
-  /// Rests at `angle_rad` until the motors are cold enough for a motion.
+  /// [s] How long move_to() takes over `way_rad`.
+  [[nodiscard]] double move_s(const Eigen::Vector3d& way_rad) const noexcept;
+  /// Rests at `angle_rad` until the motors are cool enough for a motion.
   void cool(const Eigen::Vector3d& angle_rad);
-  /// Whether it should cool before more is asked of it.
+  /// Whether it should cool before the next motion.
   [[nodiscard]] bool warm() const noexcept { return warmth_.warmest() > kWarm; }
   /// Zero current.
   void release();
 
   /// Steps are appended to `trace` until record(nullptr); it outlives that.
   void record(Trace* trace) noexcept { trace_ = trace; }
-  /// The counters were given another offset: where the arm is now is where it shall be.
+  /// The counters have a new offset: the present pose becomes the target.
   void forget_target() noexcept;
 
   [[nodiscard]] const driver::ArmPose& pose() const noexcept { return pose_; }
@@ -86,7 +89,7 @@ class HeldArm {
   [[nodiscard]] const std::array<std::int32_t, 6>& counts() const noexcept { return counts_; }
   [[nodiscard]] double time_s() const noexcept { return time_s_; }
   [[nodiscard]] double period_s() const noexcept { return period_s_; }
-  /// [rad/s] planned for each joint about this pose, so that the tip keeps kPlannedSpeed.
+  /// [rad/s] planned for each joint in this pose, so that the tip keeps kPlannedSpeed.
   [[nodiscard]] Eigen::Vector3d planned_speed_rad_per_s() const noexcept;
   /// [Nm] the largest that a step commands.
   [[nodiscard]] const Eigen::Vector3d& torque_limit_Nm() const noexcept { return limit_Nm_; }

@@ -17,16 +17,16 @@ using Eigen::VectorXd;
 
 constexpr double kHalfWindow_s = 0.07;
 constexpr double kGrid_s = 0.02;
-constexpr double kLeastTanh = 0.99;  // slower samples depend on how friction begins
+constexpr double kLeastTanh = 0.99;  // slower samples depend on how friction sets in
 constexpr std::size_t kLeastPoints = 12;
 constexpr double kLongestStep = 4.0;  // in median steps: in a longer one the host paused
-constexpr double kOutlier = 4.0;      // in standard deviations, as the median tells them
+constexpr double kOutlier = 4.0;      // in standard deviations, estimated by the median
 constexpr double kMostOutliers = 0.2;
 constexpr int kRefits = 3;
 constexpr std::size_t kLeastSamples = 40;
-// Neighbouring windows share points: so many of them are worth one.
+// Neighbouring windows share points: this many of them count as one.
 constexpr double kOverlap = kHalfWindow_s / kGrid_s;
-constexpr int kColumns = 4;  // of a row: rigid, tanh, speed, rate of the torque
+constexpr int kColumns = 4;  // per row: rigid, tanh, speed, rate of the torque
 
 struct Rows {
   MatrixXd regressors;  // samples x kColumns
@@ -143,7 +143,7 @@ Rows rows_of(const Trace& trace, RigidBody& body, double smoothing_s_per_rad, in
       while (trace[first].time_s < center_s - kHalfWindow_s) {
         ++first;
       }
-      // One point more, whose command flows at the window's end; it weighs nothing itself.
+      // Adds one point, whose command flows at the window's end; it has no weight itself.
       while (last < trace.size() && trace[last].time_s < center_s + kHalfWindow_s) {
         ++last;
       }
@@ -159,9 +159,10 @@ Rows rows_of(const Trace& trace, RigidBody& body, double smoothing_s_per_rad, in
     }
   }
   if (rows.size() < kLeastSamples) {
-    throw CalibrationError("joint " + std::to_string(joint + 1) +
-                           " hardly moved, so its friction can't be told: clear its way, and look "
-                           "whether its motor has power; the motors have no current");
+    throw CalibrationError(
+        "joint " + std::to_string(joint + 1) +
+        " hardly moved, so its friction can't be measured: clear its way, and look "
+        "whether its motor has power; the motors have no current");
   }
   Rows result{MatrixXd(static_cast<Eigen::Index>(rows.size()), kColumns),
               VectorXd(static_cast<Eigen::Index>(rows.size()))};
@@ -194,7 +195,7 @@ Solution solve(const MatrixXd& regressors, const VectorXd& torque_Nm) {
   const MatrixXd inverse = factor.pseudoInverse();
   solution.error =
       (variance * inverse.rowwise().squaredNorm().array()).sqrt() / size.transpose().array();
-  // What the data say nothing of is not known at all.
+  // If the data do not determine every column, the result is unknown.
   if (factor.rank() < regressors.cols()) {
     solution.error.setConstant(std::numeric_limits<double>::infinity());
   }
@@ -202,7 +203,8 @@ Solution solve(const MatrixXd& regressors, const VectorXd& torque_Nm) {
 }
 
 // The same without the few rows that fit far worse than the others: somebody touched the arm, or it
-// was swinging back after the host had paused. Where many do, the model is wrong and all count.
+// swung back after the host had paused. If there are many such rows, the model is wrong and all
+// count.
 Solution solve_without_outliers(const MatrixXd& regressors, const VectorXd& torque_Nm) {
   const Solution whole = solve(regressors, torque_Nm);
   Solution best = whole;

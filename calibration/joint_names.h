@@ -8,7 +8,7 @@
 
 namespace forcegrid::calibration {
 
-/// "a (base)", or of a delta "1 (top)": as a person finds it on the device.
+/// "a (base)", or for a delta "1 (top)": the joint's name as a person finds it on the device.
 inline std::string joint_name(const profiles::DeviceProfile& profile, int joint) {
   constexpr std::array<const char*, 3> kArm = {"a (base)", "b (shoulder)", "c (elbow)"};
   constexpr std::array<const char*, 3> kDelta = {"1 (top)", "2 (right)", "3 (left)"};

@@ -16,10 +16,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kNear_rad = 0.2;  // to where the stop should be: slower from here
+constexpr double kNear_rad = 0.2;  // of the expected stop: slower from here
 constexpr double kFastSeek_rad_per_s = 0.5;
 constexpr double kSlowSeek_rad_per_s = 0.15;
-constexpr double kTouched_rad = 0.04;  // the joint is so far behind its target
+constexpr double kTouched_rad = 0.04;  // the joint is this far behind its target
 constexpr double kBeyond_rad = 0.3;
 constexpr double kElbowMargin_rad = 0.12;
 constexpr double kSettle_s = 0.4;
@@ -29,7 +29,7 @@ constexpr double kRestsWithin_s = 6.0;
 constexpr double kFrictions = 2.5;
 constexpr double kPartOfWeight = 0.35;  // a torque constant that is 25 % wrong still presses
 constexpr double kMostOfLimit = 0.9;
-constexpr double kWeighs = 0.02;  // of the torque: less weight tells nothing
+constexpr double kWeighs = 0.02;  // of the torque: less weight can't be measured
 constexpr std::array<double, 7> kPresses = {1.0, 1.33, 1.67, 2.0, 1.83, 1.5, 1.17};
 constexpr std::size_t kHardest = 3;
 
@@ -88,7 +88,7 @@ void seek(HeldArm& arm, const profiles::DeviceProfile& profile, const Vector3d& 
                          "current");
 }
 
-// Presses until the joint rests, kSettle_s at least, and then for kLook_s, which is recorded.
+// Presses until the joint rests, at least kSettle_s, and then records for kLook_s.
 Trace press_once(HeldArm& arm, const Vector3d& parked_rad, const Press& pressing) {
   JointTarget target{.angle_rad = parked_rad};
   const auto joint = static_cast<std::size_t>(pressing.joint);
@@ -142,7 +142,7 @@ void press(HeldArm& arm, const profiles::DeviceProfile& profile, const Vector3d&
   }
 }
 
-// The means of the traces by the counters as `body` corrects them.
+// The means of the traces, with the counters corrected by `body`.
 Averages averages(const StopPresses& presses, RigidBody& body) {
   Averages result;
   for (std::size_t side = 0; side < 2; ++side) {
@@ -171,7 +171,7 @@ double unpressed_rad(const std::vector<Pressed>& pressed, double slope_rad_per_N
   return sum_rad / static_cast<double>(pressed.size());
 }
 
-// d(angle)/d(torque) while one presses more and less.
+// d(angle)/d(torque) from pressing more and less.
 double slope_rad_per_Nm(const Averages& stops) {
   double product = 0.0;
   double square = 0.0;
@@ -262,6 +262,19 @@ StopPresses press_against_stops(HeldArm& arm, const profiles::DeviceProfile& pro
   return result;
 }
 
+double stops_s(const HeldArm& arm, const profiles::DeviceProfile& profile,
+               const Vector3d& center_rad, int joint) {
+  double time_s = 0.0;
+  for (const bool upper : {false, true}) {
+    const Vector3d way_rad = stop_pose_rad(profile, center_rad, joint, upper) - center_rad;
+    const double far_rad = std::max(0.0, std::abs(way_rad[joint]) - kNear_rad);
+    time_s += far_rad / kFastSeek_rad_per_s + kNear_rad / kSlowSeek_rad_per_s +
+              static_cast<double>(kPresses.size() + 1) * (kSettle_s + 2.0 * kLook_s) +
+              2.0 * arm.move_s(way_rad);
+  }
+  return time_s;
+}
+
 JointRange judge_range(const StopPresses& presses, const profiles::DeviceProfile& profile,
                        RigidBody body, std::optional<double> scale) {
   const double rad_per_count =
@@ -271,7 +284,7 @@ JointRange judge_range(const StopPresses& presses, const profiles::DeviceProfile
   const Averages as_counted = averages(presses, body);
   const Fit first = fit(presses, as_counted, scale);
 
-  // Where the links are decides what they weigh, so the first result corrects the second.
+  // The links' pose decides their weight, so the first result corrects the second.
   std::array<std::int32_t, 3> corrected{};
   const auto found = static_cast<std::int32_t>(std::lround(first.offset_rad / rad_per_count));
   corrected[index] = -found;

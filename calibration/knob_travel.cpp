@@ -9,17 +9,17 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kSpeed_m_per_s = 0.02;
-constexpr double kTouched_m = 0.004;  // the knob is so far behind its target
+constexpr double kTouched_m = 0.004;  // the knob is this far behind its target
 constexpr double kBeyond_m = 0.012;
 constexpr double kRest_s = 0.3;
-constexpr double kLook_s = 0.1;
+constexpr double kLookAtKnob_s = 0.1;
 
-// z in B of the pose, whose x in D it is.
+// z in B of the pose with this x in D.
 double height_B_m(const HeldArm& arm, const profiles::DeviceProfile& profile) {
   return arm.pose().position_D.x() + profile.delta.center_m[2];
 }
 
-// Moves the target outward from the middle until the knob stays behind, and looks where it is.
+// Moves the target outward from the middle until the knob stays behind, and records where it is.
 double stop_at(HeldArm& arm, const profiles::DeviceProfile& profile, double outward,
                double expected_m) {
   const driver::DeltaKinematics kinematics(profile.delta);
@@ -52,7 +52,7 @@ double stop_at(HeldArm& arm, const profiles::DeviceProfile& profile, double outw
     return sum_m / steps;
   };
   static_cast<void>(step_for(kRest_s));
-  return step_for(kLook_s);
+  return step_for(kLookAtKnob_s);
 }
 
 }  // namespace

@@ -11,15 +11,15 @@ struct KnobTravel {
   double out_m = 0.0;
 };
 
-/// [m] A knob that meets the body elsewhere than the profile says by more than this has other
-/// angles than its counters tell.
+/// [m] If a knob meets the body farther than this from the profile's place, its angles are not
+/// those of its counters.
 inline constexpr double kTravelTolerance_m = 0.002;
 
 /// Pushes the knob gently in and pulls it out along the device's axis until it does not follow. The
-/// body is far stiffer than the push, so what is measured is where it stands, for all three legs
+/// body is far stiffer than the push, so this measures the body's place, for all three legs
 /// together.
 /// @param center_rad  where the knob begins and ends.
-/// @throws as HeldArm::step(), and CalibrationError where there is no stop.
+/// @throws as HeldArm::step(), and CalibrationError if there is no stop.
 KnobTravel measure_travel(HeldArm& arm, const profiles::DeviceProfile& profile,
                           const Eigen::Vector3d& center_rad);
 

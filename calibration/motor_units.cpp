@@ -9,7 +9,7 @@
 namespace forcegrid::calibration {
 namespace {
 
-// A report's number is truncated toward zero; a quarter more survives that and rounding alike.
+// A report's number is truncated toward zero; adding a quarter survives both that and rounding.
 constexpr double kSurvivesTruncation = 0.25;
 
 }  // namespace

@@ -10,7 +10,7 @@
 namespace forcegrid::calibration {
 
 /// Joint torques as a device's report can carry them: whole milliamperes, or whole motor commands
-/// of a delta. What is identified is what flowed, so the rounding must be known.
+/// of a delta. The identification needs the current that flowed, so it must know the rounding.
 ///
 /// Real-time: no allocation, lock or throw. Threads: const functions from any.
 class MotorUnits {
@@ -19,17 +19,17 @@ class MotorUnits {
 
   struct Command {
     driver::MotorCommand motors;
-    /// What the profile's torque constants make of it.
+    /// The torque by the profile's torque constants.
     Eigen::Vector3d joint_torque_Nm = Eigen::Vector3d::Zero();
   };
   /// The nearest command to `joint_torque_Nm`, each joint within +-`limit_Nm`.
   [[nodiscard]] Command nearest(const Eigen::Vector3d& joint_torque_Nm,
                                 const Eigen::Vector3d& limit_Nm) const noexcept;
 
-  /// [A] of a joint torque; zero for a delta, whose currents are in no source.
+  /// [A] for a joint torque; zero for a delta, whose currents no source states.
   [[nodiscard]] Eigen::Vector3d current_A(const Eigen::Vector3d& joint_torque_Nm) const noexcept;
 
-  /// Half of what the profile allows a joint: of its torque and of its motor's current.
+  /// Half of the profile's limits for a joint: of its torque and of its motor's current.
   [[nodiscard]] Eigen::Vector3d half_of_limits_Nm() const noexcept;
 
  private:

@@ -32,10 +32,6 @@ std::string text(const char* format, Values... values) {
   return buffer;
 }
 
-bool is_delta(const profiles::DeviceProfile& profile) {
-  return profile.kind == profiles::DeviceKind::kDelta;
-}
-
 Check direction_check(const profiles::DeviceProfile& profile, int joint,
                       MotorCheck::Verdict verdict) {
   Check check{"direction of joint " + joint_name(profile, joint), false, ""};
@@ -98,7 +94,7 @@ Check travel_check(const profiles::DeviceProfile& profile, const KnobTravel& tra
   return check;
 }
 
-/// Refuses a mass whose weight alone is more than the motors bear for ever.
+/// Refuses a mass whose weight alone exceeds what the motors withstand continuously.
 void require_bearable(const profiles::DeviceProfile& profile, const HeldArm& arm, RigidBody& body,
                       const Vector3d& center) {
   const Vector3d holding_Nm = body.holding_Nm(pose_at(profile, center));
@@ -138,9 +134,9 @@ class Procedure {
   }
 
  private:
-  void say(const std::string& line) const {
+  void say(const std::string& line, std::optional<double> length_s = std::nullopt) const {
     if (options_.say) {
-      options_.say(line);
+      options_.say(line, length_s);
     }
   }
 
@@ -173,7 +169,8 @@ class Procedure {
     HeldArm arm(rig_, profile_, body_);
     require_bearable(profile_, arm, body_, center);
     say(std::string("The motors hold the device now. Let go of it, and keep clear") +
-        (options_.person_done ? "; then press Enter." : "."));
+            (options_.person_done ? "; then press Enter." : "."),
+        options_.person_done ? std::nullopt : std::optional(options_.let_go_s));
     const double begin_s = arm.time_s();
     while (options_.person_done ? !options_.person_done()
                                 : arm.time_s() - begin_s < options_.let_go_s) {
@@ -202,7 +199,8 @@ class Procedure {
         result_.checks.push_back({"range of joint " + joint_name(profile_, joint), true, why});
         continue;
       }
-      say("Joint " + joint_name(profile_, joint) + " moves to its stops.");
+      say("Joint " + joint_name(profile_, joint) + " moves to its stops.",
+          stops_s(arm, profile_, center, joint));
       presses_[index] = press_against_stops(arm, profile_, body_, center, joint);
       const JointRange range = judge_range(presses_[index], profile_, body_);
       result_.checks.push_back(range_check(profile_, joint, range));
@@ -244,9 +242,6 @@ class Procedure {
   void identify(HeldArm& arm, const Vector3d& center) {
     std::array<Trace, 3> traces;
     for (int joint = 0; joint < 3; ++joint) {
-      say("Joint " + joint_name(profile_, joint) + " makes its strokes.");
-      arm.cool(center);
-      arm.move_to(center);
       StrokePlan plan;
       plan.amplitude_rad = stroke_amplitude_rad(profile_, center, joint);
       plan.fastest_rad_per_s = arm.planned_speed_rad_per_s()[joint];
@@ -254,6 +249,9 @@ class Procedure {
       plan.swing_rad =
           std::min(kSwing_rad, plan.fastest_rad_per_s / (2.0 * std::numbers::pi * plan.swing_Hz));
       plan.quick = options_.quick;
+      say("Joint " + joint_name(profile_, joint) + " makes its strokes.", strokes_s(plan));
+      arm.cool(center);
+      arm.move_to(center);
       Trace& trace = traces[static_cast<std::size_t>(joint)];
       arm.record(&trace);
       make_strokes(arm, center, joint, plan);
@@ -280,7 +278,7 @@ class Procedure {
       JointResult& one = result_.joints[index];
       one.fit = fit;
       if (one.range && fit.scale.relative_error() < kLargestScaleError) {
-        // Now that it is known what the weight at the stops was worth.
+        // The fit has shown the effect of weight at the stops.
         one.range = judge_range(presses_[index], profile_, body_, fit.scale.value);
       }
       const double scale = absolute ? fit.scale.value : 1.0;

@@ -26,14 +26,15 @@ struct ProcedureOptions {
   bool quick = false;    ///< fewer strokes
   /// [s] How long the motors hold the device while the person lets go of it.
   double let_go_s = 5.0;
-  /// A line for the person; may be empty.
-  std::function<void(const std::string&)> say{};
-  /// Asked again and again whether the person has done what they were asked to: moved the tip, let
-  /// go of it. Empty: there is none; the tip is not moved by hand, and let_go_s passes.
+  /// A line for the person, and how long [s] what it announces is likely to take, without the
+  /// pauses in which motors cool; nullopt: until the person is ready. May be empty.
+  std::function<void(const std::string& line, std::optional<double> length_s)> say{};
+  /// Polled for whether the person has done what they were asked to: moved the tip, or let go of
+  /// it. Empty: nobody is there; the tip is not moved by hand, and let_go_s passes.
   std::function<bool()> person_done{};
 };
 
-/// Result of one thing that was looked at.
+/// The result of one check.
 struct Check {
   std::string name;  ///< "direction", "range", "friction", ..., with the joint
   bool passed = false;
@@ -43,13 +44,13 @@ struct Check {
 /// A key of a profile, as "motors.torque_constant_Nm_per_A", and its new value as TOML writes it.
 using ProfileChange = std::pair<std::string, std::string>;
 
-/// One joint, all values of the arm as it is.
+/// One joint; all values describe the arm itself.
 struct JointResult {
   std::optional<JointRange> range;
   std::optional<JointFit> fit;
   std::optional<double> torque_constant_Nm_per_A;  ///< only with a known mass; not of a delta
-  /// With a known mass in torque; without, in the torque that the profile's constant would give,
-  /// so that friction over torque constant is right.
+  /// With a known mass, a torque; without, the torque that the profile's constant would give, so
+  /// that friction over torque constant is right.
   double coulomb_Nm = 0.0;
   double viscous_Nm_s_per_rad = 0.0;
 };
@@ -67,10 +68,10 @@ struct ProcedureResult {
   [[nodiscard]] bool passed() const;
 };
 
-/// Looks at directions, range, friction, weight and torque constants of a device that has been
-/// homed, in this order, and says what its profile should have instead. Ends before a motion when a
-/// check before it has failed, and always at zero current.
-/// @param profile  of the device as it is believed to be; its link data are taken as given.
+/// Checks directions, range, friction, weight and torque constants of a homed device, in this
+/// order, and says what its profile should have instead. Stops before a motion if an earlier check
+/// has failed, and always ends at zero current.
+/// @param profile  of the device, as assumed; its link data are taken as given.
 /// @throws CalibrationError, Stopped.
 /// Real-time: no; the rig's steps keep their own time.
 ProcedureResult run_procedure(Rig& rig, const profiles::DeviceProfile& profile,

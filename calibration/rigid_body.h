@@ -10,9 +10,9 @@
 
 namespace forcegrid::calibration {
 
-/// What a device weighs and how heavily it moves, by its profile's link data, which a calibration
-/// takes as given: links with the profile's masses, a moving mass at the tip, an inertia at each
-/// joint, and a known mass that a person has fastened to the tip.
+/// The weight and inertia of a device, by its profile's link data, which a calibration takes as
+/// given: links with the profile's masses, a moving mass at the tip, an inertia at each joint, and
+/// a known mass that a person has fastened to the tip.
 ///
 ///   tau_rigid = (m + m_w) J^T x'' + I q'' + tau_links(q) + m_w g J^T z
 ///
@@ -30,7 +30,7 @@ class RigidBody {
   }
   RigidBody& operator=(const RigidBody&) = delete;
 
-  /// Pose at a report's counters, each `offset_counts` larger.
+  /// Pose at a report's counters after `offset_counts` is added to each.
   [[nodiscard]] driver::ArmPose pose(const std::array<std::int32_t, 6>& counts) noexcept;
   void set_offset_counts(const std::array<std::int32_t, 3>& offset_counts) noexcept {
     offset_counts_ = offset_counts;
@@ -39,13 +39,13 @@ class RigidBody {
     return offset_counts_;
   }
 
-  /// [Nm] that holds links and known mass still.
+  /// [Nm] The torque that holds links and known mass still.
   [[nodiscard]] Eigen::Vector3d holding_Nm(const driver::ArmPose& pose) const noexcept;
-  /// [Nm] that accelerates them, without weight.
+  /// [Nm] The torque that accelerates them, without weight.
   [[nodiscard]] Eigen::Vector3d inertial_Nm(
       const driver::ArmPose& pose, const Eigen::Vector3d& tip_acceleration_D_m_per_s2,
       const Eigen::Vector3d& joint_acceleration_rad_per_s2) const noexcept;
-  /// [kg m^2] that each joint feels while the others stand still.
+  /// [kg m^2] The inertia at each joint while the others stand still.
   [[nodiscard]] Eigen::Vector3d joint_inertia_kg_m2(const driver::ArmPose& pose) const noexcept;
 
   [[nodiscard]] double known_mass_kg() const noexcept { return known_mass_kg_; }

@@ -21,11 +21,7 @@ constexpr double kDeltaAmplitude_rad = 0.25;
 constexpr double kStopMargin_rad = 0.15;
 constexpr double kLeastAmplitude_rad = 0.25;
 constexpr double kSearchStep_rad = 0.05;
-constexpr double kLeastReach = 0.6;  // from the base axis, of that in the middle of the frame
-
-bool is_delta(const profiles::DeviceProfile& profile) {
-  return profile.kind == profiles::DeviceKind::kDelta;
-}
+constexpr double kLeastReach = 0.6;  // distance from the base axis, relative to that in mid-frame
 
 double theta_rad(const profiles::DeviceProfile::Kinematics& kinematics, int joint,
                  double angle_rad) {
@@ -33,7 +29,7 @@ double theta_rad(const profiles::DeviceProfile::Kinematics& kinematics, int join
   return kinematics.linkage_offset_rad[index] + kinematics.linkage_sign[index] * angle_rad;
 }
 
-// To the nearest stop of an arm's joint, its own or that between the links.
+// The distance to the nearest stop of an arm's joint, its own or that between the links.
 double room_rad(const profiles::DeviceProfile::Kinematics& kinematics, const Vector3d& angle_rad,
                 int joint) {
   const auto index = static_cast<std::size_t>(joint);
@@ -105,7 +101,7 @@ Vector3d stroke_center_rad(const profiles::DeviceProfile& profile, double known_
                         std::abs(current_A[joint]) /
                             profile.motors.continuous_current_A[static_cast<std::size_t>(joint)]);
       }
-      // Among poses of equal weight, as of a balanced arm, the one that reaches furthest.
+      // Among poses of equal weight, as of a balanced arm, takes the one that reaches furthest.
       load -= 1e-3 * reach_m;
       if (load < least_load) {
         least_load = load;

@@ -8,10 +8,10 @@
 
 namespace forcegrid::calibration {
 
-/// Where the joints are moved about. A delta: with the knob in the middle. An arm: straight ahead,
-/// clear of all stops, not too close to its axis, and there where links and known mass weigh least
-/// on the motors, by the part of their continuous current that holding takes.
-/// @throws CalibrationError when there is no such place.
+/// The pose about which the joints are moved. A delta: with the knob in the middle. An arm:
+/// straight ahead, clear of all stops, not too close to its axis, and where links and known mass
+/// load the motors least, as a share of their continuous current.
+/// @throws CalibrationError if there is no such place.
 Eigen::Vector3d stroke_center_rad(const profiles::DeviceProfile& profile, double known_mass_kg);
 
 /// How far a joint may be moved from there to either side, clear of the stops.

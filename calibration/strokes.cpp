@@ -21,14 +21,27 @@ struct Speeds {
   int pairs;
 };
 
-// A stroke whose speed is v (1 - cos(pi t / T_r)) / 2 at first, v, and the same back at last.
+std::vector<Speeds> speeds_of(const StrokePlan& plan) {
+  return plan.quick ? std::vector<Speeds>{{0.3, 1}, {1.0, 2}}
+                    : std::vector<Speeds>{{0.15, 1}, {0.4, 2}, {1.0, 3}};
+}
+
+// Of a stroke's cruise: no faster than two ramps without a cruise reach on the way.
+double cruising_rad_per_s(double way_rad, double speed_rad_per_s) {
+  return std::min(speed_rad_per_s, 0.5 * std::abs(way_rad) / kRamp_s);
+}
+
+double stroke_s(double way_rad, double speed_rad_per_s) {
+  return std::abs(way_rad) / cruising_rad_per_s(way_rad, speed_rad_per_s) + kRamp_s;
+}
+
+// A stroke whose speed is v (1 - cos(pi t / T_r)) / 2 at first, then v, then the same ramp down.
 void stroke(HeldArm& arm, const Vector3d& center_rad, int joint, double from_rad, double to_rad,
             double speed_rad_per_s) {
   const double way_rad = to_rad - from_rad;
-  const double speed =
-      std::copysign(std::min(speed_rad_per_s, 0.5 * std::abs(way_rad) / kRamp_s), way_rad);
-  const double cruise_s = way_rad / speed - kRamp_s;
-  const double whole_s = cruise_s + 2.0 * kRamp_s;
+  const double speed = std::copysign(cruising_rad_per_s(way_rad, speed_rad_per_s), way_rad);
+  const double whole_s = stroke_s(way_rad, speed_rad_per_s);
+  const double cruise_s = whole_s - 2.0 * kRamp_s;
   const double begin_s = arm.time_s();
   // Way, speed and acceleration `t_s` into the first ramp.
   const auto ramp = [&](double t_s) {
@@ -75,13 +88,10 @@ void swing(HeldArm& arm, const Vector3d& center_rad, int joint, const StrokePlan
 }  // namespace
 
 void make_strokes(HeldArm& arm, const Vector3d& center_rad, int joint, const StrokePlan& plan) {
-  const std::vector<Speeds> speeds = plan.quick
-                                         ? std::vector<Speeds>{{0.3, 1}, {1.0, 2}}
-                                         : std::vector<Speeds>{{0.15, 1}, {0.4, 2}, {1.0, 3}};
   const double low_rad = center_rad[joint] - plan.amplitude_rad;
   const double high_rad = center_rad[joint] + plan.amplitude_rad;
   stroke(arm, center_rad, joint, center_rad[joint], low_rad, plan.fastest_rad_per_s);
-  for (const Speeds& one : speeds) {
+  for (const Speeds& one : speeds_of(plan)) {
     for (int pair = 0; pair < one.pairs; ++pair) {
       stroke(arm, center_rad, joint, low_rad, high_rad, one.part * plan.fastest_rad_per_s);
       stroke(arm, center_rad, joint, high_rad, low_rad, one.part * plan.fastest_rad_per_s);
@@ -89,6 +99,16 @@ void make_strokes(HeldArm& arm, const Vector3d& center_rad, int joint, const Str
   }
   stroke(arm, center_rad, joint, low_rad, center_rad[joint], plan.fastest_rad_per_s);
   swing(arm, center_rad, joint, plan);
+}
+
+double strokes_s(const StrokePlan& plan) {
+  double time_s = 2.0 * stroke_s(plan.amplitude_rad, plan.fastest_rad_per_s) +
+                  (plan.quick ? kQuickSwing_s : kSwing_s);
+  for (const Speeds& one : speeds_of(plan)) {
+    time_s +=
+        2.0 * one.pairs * stroke_s(2.0 * plan.amplitude_rad, one.part * plan.fastest_rad_per_s);
+  }
+  return time_s;
 }
 
 }  // namespace forcegrid::calibration

@@ -3,16 +3,19 @@
 
 #include <unistd.h>
 
+#include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <stdexcept>
 
-#include "cli/charts/solver_bench_command.h"
+#include "cli/common/progress_line.h"
 #include "cli/common/stop_request.h"
+#include "cli/tools_program.h"
 #include "device_emulator/run_emulator.h"
 #include "driver/kinematics_json.h"
 #include "link/key.h"
+#include "log/log.h"
 #include "profiles/device_profile.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/run_simulator.h"
@@ -23,6 +26,11 @@ namespace {
 
 std::array<double, 3> three(const std::vector<double>& values) {
   return {values.at(0), values.at(1), values.at(2)};
+}
+
+// What run_simulator() and run_worker() are told to say their steps to.
+std::function<void(const std::string&)> step_shown_by(WorkProgress& work) {
+  return [&work](const std::string& what) { what.empty() ? work.end() : work.begin(what); };
 }
 
 }  // namespace
@@ -45,9 +53,8 @@ int emulate_command(const EmulateOptions& options) {
   emulator.firmware_loaded = options.firmware_loaded;
   emulator.contact_m = options.contact_m;
   // A parent process reports for all its children that real-time scheduling is refused.
-  std::ostringstream unsaid;
-  std::ostream& log = options.until_stdin_closes ? static_cast<std::ostream&>(unsaid) : std::cerr;
-  const auto reports = emulator::run_emulator(emulator, std::cout, log, StopRequest::stop(),
+  emulator.says_scheduling = !options.until_stdin_closes;
+  const auto reports = emulator::run_emulator(emulator, std::cout, StopRequest::stop(),
                                               options.until_stdin_closes ? STDIN_FILENO : -1);
   const nlohmann::json json =
       reports.size() == 1 ? nlohmann::json(reports.front()) : nlohmann::json(reports);
@@ -57,7 +64,7 @@ int emulate_command(const EmulateOptions& options) {
 
 int simulate_command(const SimulateOptions& options) {
   if (options.bench) {
-    return solver_bench_command(options.scene, options.json);
+    return bench_command(options.scene, options.json);
   }
   simulator::SimulatorOptions simulator;
   simulator.scene = options.scene;
@@ -68,15 +75,22 @@ int simulate_command(const SimulateOptions& options) {
   simulator.workers = options.workers;
   simulator.rate_Hz = options.rate_Hz;
   simulator.answer_delay_s = 1e-3 * options.delay_ms;
+  simulator.say_loading = options.until_stdin_closes;
   simulator.send_stiffness = !options.no_stiffness;
   simulator.tool = tool_options(options.tool, simulator::scene_tool(options.scene));
   if (const std::string flags = flags_of_no_use(options.tool, *simulator.tool); !flags.empty()) {
-    std::cerr << "Note: " << flags << ": no effect on tool " << simulator.tool->shape
-              << ", contact " << simulator.tool->contact << std::endl;
+    std::ostringstream text;
+    text << "Note: " << flags << ": no effect on tool " << simulator.tool->shape << ", contact "
+         << simulator.tool->contact;
+    log::info("simulator", text.str());
   }
-  const simulator::SimulatorSummary summary =
-      simulator::run_simulator(simulator, std::cout, std::cerr, StopRequest::stop(),
-                               options.until_stdin_closes ? STDIN_FILENO : -1);
+  ProgressLine line;
+  WorkProgress work(line);
+  if (!options.until_stdin_closes) {  // a parent process shows its own
+    simulator.step = step_shown_by(work);
+  }
+  const simulator::SimulatorSummary summary = simulator::run_simulator(
+      simulator, std::cout, StopRequest::stop(), options.until_stdin_closes ? STDIN_FILENO : -1);
   write_json(options.json, simulator::to_json(summary).dump(2));
   return 0;
 }
@@ -97,9 +111,14 @@ int worker_command(const WorkerCommandOptions& options) {
   worker.connect = options.connect;
   worker.key_file = options.key_file;
   worker.scene = options.scene;
-  const std::uint64_t answered =
-      simulator::run_worker(worker, std::cout, std::cerr, StopRequest::stop(),
-                            options.until_stdin_closes ? STDIN_FILENO : -1);
+  worker.say_loading = options.until_stdin_closes;
+  ProgressLine line;
+  WorkProgress work(line);
+  if (!options.until_stdin_closes) {
+    worker.step = step_shown_by(work);
+  }
+  const std::uint64_t answered = simulator::run_worker(
+      worker, std::cout, StopRequest::stop(), options.until_stdin_closes ? STDIN_FILENO : -1);
   std::cout << "answered " << answered << " queries" << std::endl;
   return 0;
 }

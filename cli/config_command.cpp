@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/config_command.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "cli/common/log_options.h"
+#include "cli/common/option_values.h"
+#include "cli/common/options.h"
+#include "cli/common/tools_names.h"
+#include "cli/tools_program.h"
+#include "log/log.h"
 #include "text/nearest_name.h"
 
 namespace forcegrid::cli {
@@ -32,74 +38,60 @@ const char* word_of(ConfigType type) {
   return "";
 }
 
-// Rewrites CLI11's "INT in [1 - 10]" in the form of the other ranges: "1..10".
-std::string plain_range(const std::string& range) {
-  const std::size_t begin = range.find(" in [");
-  const std::size_t middle = range.find(" - ", begin);
-  if (begin == std::string::npos || middle == std::string::npos || range.back() != ']') {
-    return range;
-  }
-  const std::size_t low = begin + std::strlen(" in [");
-  const std::size_t high = middle + std::strlen(" - ");
-  return range.substr(low, middle - low) + ".." + range.substr(high, range.size() - 1 - high);
-}
-
 // "FLOAT Hz:100..4000" -> type, unit, range.
 void read_type_name(ConfigKey& key) {
-  const std::string full = key.option->get_type_name();
+  const std::string full = key.option->type_text();
   const std::size_t colon = full.find(':');
   const std::string type = full.substr(0, colon);
   if (colon != std::string::npos) {
-    key.range = plain_range(full.substr(colon + 1));
+    key.range = full.substr(colon + 1);
   }
   const std::size_t blank = type.find(' ');
   if (blank != std::string::npos) {
     key.unit = type.substr(blank + 1);
   }
-  if (key.option->get_items_expected_max() == 0) {
+  if (key.option->is_flag()) {
     key.type = ConfigType::kBoolean;
   } else if (type.find("INT") != std::string::npos) {
     key.type = ConfigType::kInteger;
   } else if (type.find("FLOAT") != std::string::npos) {
     key.type = ConfigType::kNumber;
   }
-  key.takes_several = key.option->get_items_expected_max() > 1;
+  key.takes_several = key.option->takes_several();
 }
 
-// CLI11 writes the default of a list as "[a,b]".
 std::vector<std::string> default_of(const ConfigKey& key) {
-  std::string text = key.option->get_default_str();
-  if (key.type == ConfigType::kBoolean) {
-    return {text.empty() ? "false" : text};
-  }
-  if (!key.takes_several) {
-    return text.empty() ? std::vector<std::string>{} : std::vector<std::string>{text};
-  }
-  if (text.size() >= 2 && text.front() == '[') {
-    text = text.substr(1, text.size() - 2);
-  }
-  return text.empty() ? std::vector<std::string>{} : CLI::detail::split(text, ',');
+  const std::vector<std::string> texts = key.option->default_texts();
+  return texts.empty() && key.type == ConfigType::kBoolean ? std::vector<std::string>{"false"}
+                                                           : texts;
 }
 
-void collect(CLI::App& app, const std::string& path, std::vector<ConfigKey>& keys) {
-  for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) {
-    const std::string name = path + (path.empty() ? "" : ".") + sub->get_name();
-    for (CLI::Option* option : sub->get_options()) {
-      if (!option->get_configurable() || option->get_lnames().empty()) {
-        continue;
-      }
-      ConfigKey key;
-      const std::vector<std::string>& spellings = option->get_lnames();
-      key.name = name + "." + spellings.front();
-      for (std::size_t i = 1; i < spellings.size(); ++i) {
-        key.old_names.push_back(name + "." + spellings[i]);
-      }
-      key.option = option;
-      key.description = option->get_description();
-      read_type_name(key);
-      key.texts = default_of(key);
-      keys.push_back(std::move(key));
+// @param name_of  the key's name, from a spelling of the option.
+template <typename NameOf>
+void collect_own(const Command& command, const NameOf& name_of, std::vector<ConfigKey>& keys) {
+  for (const std::unique_ptr<Option>& option : command.options()) {
+    if (!option->is_in_config()) {
+      continue;
     }
+    ConfigKey key;
+    const std::vector<std::string>& spellings = option->spellings();
+    key.name = name_of(spellings.front());
+    for (std::size_t i = 1; i < spellings.size(); ++i) {
+      key.old_names.push_back(name_of(spellings[i]));
+    }
+    key.option = option.get();
+    key.description = option->description();
+    read_type_name(key);
+    key.texts = default_of(key);
+    keys.push_back(std::move(key));
+  }
+}
+
+void collect(const Command& command, const std::string& path, std::vector<ConfigKey>& keys) {
+  for (const std::unique_ptr<Command>& sub : command.subcommands()) {
+    const std::string name = path + (path.empty() ? "" : ".") + sub->name();
+    collect_own(
+        *sub, [&name](const std::string& option) { return name + "." + option; }, keys);
     collect(*sub, name, keys);
   }
 }
@@ -130,6 +122,10 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
       value.file + ":" + std::to_string(value.line) + ": key '" + value.key + "': ";
   const auto key = std::find_if(keys.begin(), keys.end(),
                                 [&](const ConfigKey& known) { return spells(known, value.key); });
+  if (key == keys.end() && !has_tools_commands() &&
+      is_tools_command(value.key.substr(0, value.key.find('.')))) {
+    return;  // that program checks it
+  }
   if (key == keys.end()) {
     std::vector<std::string> names;
     for (const ConfigKey& known : keys) {
@@ -140,8 +136,8 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
                       "' ('forcegrid config' lists all keys)");
   }
   if (key->name != value.key) {
-    std::fprintf(stderr, "forcegrid: %sdeprecated, will be removed in version 0.3; write '%s'\n",
-                 where.c_str(), key->name.c_str());
+    log::warn("config",
+              where + "deprecated, will be removed in version 0.3; write '" + key->name + "'");
   }
   if (value.texts.empty()) {
     throw ConfigError(where + "an empty array; write " + wanted_words(*key) +
@@ -151,17 +147,10 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
     throw ConfigError(where + "wrong type; write " + wanted_words(*key));
   }
   try {
-    for (const std::string& text : value.texts) {
-      key->option->add_result(text);
-    }
-    key->option->run_callback();
-    key->option->clear();
-  } catch (const CLI::Error& error) {
+    key->option->preset(value.texts);
+  } catch (const OptionError& error) {
     throw ConfigError(where + error.what() + "; write " + wanted_words(*key));
   }
-  key->option->required(false);
-  key->option->default_str(value.is_array ? "[" + CLI::detail::join(value.texts, ",") + "]"
-                                          : value.texts.front());
   key->texts = value.texts;
   key->origin = origin;
   key->file = value.file;
@@ -171,7 +160,7 @@ void apply(const ConfigValue& value, const std::string& origin, std::vector<Conf
 // The description in one line.
 std::string one_line(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
-  for (std::size_t at; (at = text.find("  ")) != std::string::npos;) {
+  for (std::size_t at = 0; (at = text.find("  ")) != std::string::npos;) {
     text.erase(at, 1);
   }
   return text;
@@ -189,11 +178,6 @@ std::string cell(const std::string& text) {
   return escaped;
 }
 
-std::string origin_text(const ConfigKey& key) {
-  return key.file.empty() ? key.origin
-                          : key.origin + ", " + key.file + ":" + std::to_string(key.line);
-}
-
 void print_toml(const std::vector<const ConfigKey*>& keys) {
   std::string table;
   for (const ConfigKey* key : keys) {
@@ -205,11 +189,11 @@ void print_toml(const std::vector<const ConfigKey*>& keys) {
     const std::string name = key->name.substr(dot + 1);
     std::printf("# %s; %s\n", one_line(key->description).c_str(), wanted_words(*key).c_str());
     if (key->texts.empty()) {
-      std::printf("# %s is unset  # %s\n", name.c_str(), origin_text(*key).c_str());
+      std::printf("# %s is unset  # %s\n", name.c_str(), where_from(*key).c_str());
     } else {
       std::printf("%s = %s  # %s\n", name.c_str(),
                   tools::toml_text(key->texts, key->type, key->takes_several).c_str(),
-                  origin_text(*key).c_str());
+                  where_from(*key).c_str());
     }
   }
 }
@@ -253,11 +237,43 @@ ordered_json json_of(const ConfigKey& key) {
           {"line", key.line},          {"description", one_line(key.description)}};
 }
 
+// Somebody may ask for a table ("run"), a key ("run.rate") or the last part of one ("rate").
+std::string unknown_name(const std::string& name, const std::vector<ConfigKey>& keys) {
+  std::vector<std::string> tables;
+  std::vector<std::string> names;
+  for (const ConfigKey& key : keys) {
+    const std::string table = key.name.substr(0, key.name.rfind('.'));
+    if (tables.empty() || tables.back() != table) {
+      tables.push_back(table);
+    }
+    names.push_back(key.name);
+    names.push_back(key.name.substr(key.name.rfind('.') + 1));
+  }
+  names.insert(names.begin(), tables.begin(), tables.end());
+  const std::string nearest = text::nearest_name(name, names);
+  std::string meant;
+  for (const ConfigKey& key : keys) {
+    if (key.name.ends_with("." + nearest)) {
+      meant += (meant.empty() ? "'" : ", '") + key.name + "'";
+    }
+  }
+  return "config: '" + name + "' is neither a key nor a table; the nearest is " +
+         (meant.empty() ? "'" + nearest + "'" : meant) + ". The tables: " + joined(tables) +
+         "; 'forcegrid config' lists all keys";
+}
+
 }  // namespace
 
-std::vector<ConfigKey> config_keys(CLI::App& app, const std::vector<std::string>& without) {
+std::string where_from(const ConfigKey& key) {
+  return key.file.empty() ? key.origin
+                          : key.origin + ", " + key.file + ":" + std::to_string(key.line);
+}
+
+std::vector<ConfigKey> config_keys(const Command& program,
+                                   const std::vector<std::string>& without) {
   std::vector<ConfigKey> keys;
-  collect(app, "", keys);
+  collect(program, "", keys);
+  collect_own(program, log_key, keys);
   std::erase_if(keys, [&](const ConfigKey& key) {
     const std::string command = key.name.substr(0, key.name.find('.'));
     return std::find(without.begin(), without.end(), command) != without.end();
@@ -265,13 +281,12 @@ std::vector<ConfigKey> config_keys(CLI::App& app, const std::vector<std::string>
   return keys;
 }
 
-void share_defaults(const CLI::App& from, CLI::App& to) {
-  for (CLI::Option* option : to.get_options()) {
-    const auto& names = option->get_lnames();
-    const CLI::Option* const same =
-        names.empty() ? nullptr : from.get_option_no_throw("--" + names.front());
-    if (same != nullptr && !same->get_default_str().empty()) {
-      option->default_str(same->get_default_str());
+void share_defaults(const Command& from, const Command& to) {
+  for (const std::unique_ptr<Option>& option : to.options()) {
+    const auto& names = option->spellings();
+    const Option* const same = names.empty() ? nullptr : from.find_option(names.front());
+    if (same != nullptr && !same->default_text().empty()) {
+      option->show_default(same->default_text());
     }
   }
 }
@@ -294,6 +309,33 @@ void apply_config(std::vector<ConfigKey>& keys, const std::vector<tools::ConfigL
   }
 }
 
+void apply_environment(std::vector<ConfigKey>& keys) {
+  for (ConfigKey& key : keys) {
+    const std::string variable = log_variable(key.name);
+    const char* const value = variable.empty() ? nullptr : std::getenv(variable.c_str());
+    if (value == nullptr || *value == '\0') {
+      continue;
+    }
+    std::string text = value;
+    if (key.type == ConfigType::kBoolean && (text == "0" || text == "1")) {
+      text = text == "1" ? "true" : "false";
+    }
+    const std::string where = "environment variable " + variable + "=" + value + ": ";
+    if (key.type == ConfigType::kBoolean && text != "true" && text != "false") {
+      throw ConfigError(where + "write 1, 0, true or false");
+    }
+    try {
+      key.option->preset({text});
+    } catch (const OptionError& error) {
+      throw ConfigError(where + error.what() + "; write " + wanted_words(key));
+    }
+    key.texts = {text};
+    key.origin = "environment " + variable;
+    key.file.clear();
+    key.line = 0;
+  }
+}
+
 ConfigChoice find_config_choice(int argc, const char* const* argv) {
   ConfigChoice choice;
   constexpr char kFlag[] = "--config";
@@ -310,24 +352,24 @@ ConfigChoice find_config_choice(int argc, const char* const* argv) {
   return choice;
 }
 
-void add_config_choice(CLI::App& app, ConfigChoice& choice) {
-  app.fallthrough();  // inherited, so that they may also follow the subcommand
-  CLI::Option* const file = app.add_option(
+void add_config_choice(Command& program, ConfigChoice& choice) {
+  Option* const file = program.add_option(
       "--config", choice.file,
       "Configuration file that overrides the system's and the user's (forcegrid config)");
-  file->type_name("FILE")->configurable(false);
-  app.add_flag("--no-config", choice.none, "Built-in defaults only: read no configuration file")
-      ->configurable(false)
+  file->type_name("FILE")->not_in_config();
+  program
+      .add_flag("--no-config", choice.none, "Built-in defaults only: read no configuration file")
+      ->not_in_config()
       ->excludes(file);
 }
 
-void add_config(CLI::App& app, ConfigOptions& options, const std::vector<ConfigKey>& keys,
+void add_config(Command& app, ConfigOptions& options, const std::vector<ConfigKey>& keys,
                 const std::vector<tools::ConfigLayer>& layers, std::function<int()>& action) {
-  CLI::App& config = *app.add_subcommand(
+  Command& config = app.add_subcommand(
       "config", "Show every key of the configuration file: value, unit, range and origin");
   config.add_option("KEY", options.names, "Only keys that begin with it, e.g. run or run.rate");
   config.add_flag("--markdown", options.markdown, "Print the table of docs/config.md")
-      ->configurable(false);
+      ->not_in_config();
   config.callback([&options, &keys, &layers, &action] {
     action = [&options, &keys, &layers] { return config_command(options, keys, layers); };
   });
@@ -346,17 +388,21 @@ int config_command(const ConfigOptions& options, const std::vector<ConfigKey>& k
       shown.push_back(&key);
     }
   }
+  if (!has_tools_commands()) {
+    std::string commands;
+    for (const ToolsCommand& command : tools_commands()) {
+      commands += (commands.empty() ? "" : ", ") + std::string(command.name);
+    }
+    log::warn("config", "the keys of " + commands +
+                            " are left out: forcegrid-tools, which has these commands, is not "
+                            "beside this program");
+  }
   for (const std::string& name : options.names) {
     const bool known = std::any_of(keys.begin(), keys.end(), [&](const ConfigKey& key) {
       return key.name == name || key.name.starts_with(name + ".");
     });
     if (!known) {
-      std::vector<std::string> names;
-      for (const ConfigKey& key : keys) {
-        names.push_back(key.name);
-      }
-      std::fprintf(stderr, "forcegrid: config: no key '%s'; the nearest is '%s'\n", name.c_str(),
-                   text::nearest_name(name, names).c_str());
+      log::error("config", unknown_name(name, keys));
       return 2;
     }
   }
@@ -383,7 +429,7 @@ int config_command(const ConfigOptions& options, const std::vector<ConfigKey>& k
     std::printf(", %s %s%s", layer.name.c_str(), layer.file.c_str(),
                 std::filesystem::exists(layer.file) ? "" : " (not there)");
   }
-  std::printf(", flags.\n");
+  std::printf(", environment, flags.\n");
   print_toml(shown);
   return 0;
 }

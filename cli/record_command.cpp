@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/record_command.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <iomanip>
 #include <nlohmann/json.hpp>
+#include <ostream>
 #include <stdexcept>
 
+#include "cli/common/number_check.h"
+#include "cli/common/options.h"
+#include "cli/common/progress_line.h"
+#include "cli/common/tools_names.h"
 #include "device_emulator/operator_script.h"
 #include "profiles/device_profile.h"
 #include "simulator/mesh/scene.h"
+#include "text/output_file.h"
 #include "tools/path_comparison.h"
 #include "tools/recording.h"
 #include "tools/recording_plot.h"
@@ -31,6 +35,7 @@ constexpr double kBeforePath_s = emulator::OperatorScript::kApproach_s +
                                  emulator::OperatorScript::kDescent_s +
                                  emulator::OperatorScript::kPause_s;
 constexpr double kSpare_s = 1.0;
+constexpr double kLongestRecording_s = 1e7;
 
 TimedPath path_of(const Hdf5Reader& reader, const RecordingHeader& header) {
   return {reader.numbers("/cycles/time_s", header.cycles),
@@ -73,16 +78,20 @@ ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& read
 }
 
 void write_path(const std::string& file, const TimedPath& path) {
-  std::ofstream stream(file);
+  text::OutputFile output(file);
+  std::ostream& stream = output.stream();
   stream << "time_s,x_m,y_m,z_m\n" << std::setprecision(12);
   for (std::size_t i = 0; i < path.time_s.size(); ++i) {
     const Eigen::Vector3d& p = path.position_m[i];
     stream << path.time_s[i] << ',' << p.x() << ',' << p.y() << ',' << p.z() << '\n';
   }
-  stream.close();
-  if (!stream) {
-    throw std::runtime_error(file + " can't be written; choose another folder with --out");
-  }
+  output.finish();
+}
+
+std::string text_of(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
 }
 
 void make_folder(const std::string& folder) {
@@ -121,30 +130,53 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
 
 }  // namespace
 
-void add_replay(CLI::App& app, ReplayOptions& o, std::function<int()>& action) {
-  CLI::App& replay = *app.add_subcommand(
-      "replay",
-      "Let the emulated hand repeat a recording's path, with the same or another method.\n"
-      "(Into a method alone: forcegrid evaluate --trace FILE.h5; into pictures: forcegrid plot)");
+void add_replay(Command& app, ReplayOptions& o, std::function<int()>& action) {
+  Command& replay = app.add_subcommand("replay", tools_description("replay"));
   replay.add_option("FILE", o.file, "Recording of forcegrid record")->required();
   replay.add_option("--device", o.device,
                     "Profile of the emulated device (default: the recording's)");
   replay.add_option("--scene", o.scene, "Object to feel (default: the recording's, else block)");
   replay.add_option("--method", o.method, "Force method (default: the recording's)");
   replay.add_option("--seconds", o.seconds, "How much of it, from the first contact; 0 means all")
-      ->check(CLI::Range(0.0, 86400.0))
+      ->check(between(0.0, 86400.0))
       ->type_name("FLOAT s")
-      ->capture_default_str();
-  replay.add_option("--out", o.out, "Folder for the path, replay.h5 and pictures")
-      ->capture_default_str();
+      ->show_default();
+  replay.add_option("--out", o.out, "Folder for the path, replay.h5 and pictures")->show_default();
   replay.callback([&o, &action] { action = [&o] { return replay_command(o); }; });
 }
 
-void add_plot(CLI::App& app, PlotOptions& o, std::function<int()>& action) {
-  CLI::App& plot = *app.add_subcommand("plot", "Draw the standard pictures of a recording");
+void add_plot(Command& app, PlotOptions& o, std::function<int()>& action) {
+  Command& plot = app.add_subcommand("plot", tools_description("plot"));
   plot.add_option("FILE", o.file, "Recording of forcegrid record; also of a run that was killed")
       ->required();
-  plot.add_option("--out", o.out, "Folder for recording.svg, .png and .csv")->capture_default_str();
+  plot.add_option("--out", o.out, "Folder for recording.svg, .png and .csv")->show_default();
+  Option* const from =
+      plot.add_option("--from", o.from_s, "Begin there, in seconds since the recording's start")
+          ->check(between(0.0, kLongestRecording_s))
+          ->type_name("FLOAT s")
+          ->not_in_config();
+  Option* const to =
+      plot.add_option("--to", o.to_s, "End there, in seconds since the recording's start")
+          ->check(between(0.0, kLongestRecording_s))
+          ->type_name("FLOAT s")
+          ->not_in_config();
+  plot.add_option("--zoom", o.zoom,
+                  "contact: from just before the first contact to just after the last, so that the "
+                  "approach does not flatten it")
+      ->check(one_of({"contact"}))
+      ->excludes(from)
+      ->excludes(to)
+      ->not_in_config();
+  plot.add_option("--format", o.formats, "Pictures to draw: svg, png, pdf, separated by commas")
+      ->separated_by(',')
+      ->check(one_of({"svg", "png", "pdf"}))
+      ->show_default();
+  plot.add_option("--width", o.width_px,
+                  "Width of the pictures; their height is 1.3 times that, and 96 pixels of a pdf "
+                  "are an inch")
+      ->check(whole_between(300, 10000))
+      ->type_name("INT px")
+      ->show_default();
   plot.callback([&o, &action] { action = [&o] { return plot_command(o); }; });
 }
 
@@ -152,6 +184,8 @@ int replay_command(const ReplayOptions& options) {
   ReplayedPart part;
   RunOptions run;
   {
+    ProgressLine line;
+    line.begin("Reading " + options.file);
     const Hdf5Reader reader(options.file);
     const RecordingHeader header = tools::read_header(reader);
     const std::string profile = options.device.empty() ? header.profile : options.device;
@@ -163,6 +197,8 @@ int replay_command(const ReplayOptions& options) {
   write_path(options.out + "/replayed_path.csv", part.target);
   const int status = run_command(run);
 
+  ProgressLine line;
+  line.begin("Comparing the paths");
   const Hdf5Reader reader(run.record);
   const RecordingHeader header = tools::read_header(reader);
   ordered_json json{
@@ -184,23 +220,56 @@ int replay_command(const ReplayOptions& options) {
     json["followed_rms_mm"] = nullptr;
     sentence = "Replay: ended before the recorded path did (" + std::string(error.what()) + ")";
   }
-  std::fprintf(options.json.on_stdout() ? stderr : stdout, "%s\n", sentence.c_str());
+  line.clear();
+  say_result(options.json, "replay", sentence);
   write_json(options.json, json.dump(2));
   return status;
 }
 
 int plot_command(const PlotOptions& options) {
+  if (options.from_s && options.to_s && *options.from_s >= *options.to_s) {
+    throw std::runtime_error("--from " + text_of(*options.from_s) + " is not before --to " +
+                             text_of(*options.to_s) + "; give the earlier time first");
+  }
   make_folder(options.out);
+  ProgressLine line;
+  line.begin("Drawing " + options.file);
   const Hdf5Reader reader(options.file);
-  const tools::RecordingPlot plot = tools::plot_recording(reader, options.out);
-  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
-  std::fprintf(out, "%s: %s; %llu cycles, %.1f s, %llu missed deadlines\n", options.file.c_str(),
-               plot.header.complete ? "complete" : "not closed by its writer, but readable",
-               static_cast<unsigned long long>(plot.header.cycles), plot.duration_s,
-               static_cast<unsigned long long>(plot.missed_deadlines));
+  tools::RecordingPlotOptions drawing{
+      options.from_s, options.to_s, options.zoom == "contact", {}, options.width_px};
+  for (const std::string& format : options.formats) {
+    if (std::find(drawing.formats.begin(), drawing.formats.end(), format) ==
+        drawing.formats.end()) {
+      drawing.formats.push_back(format);
+    }
+  }
+  const tools::RecordingPlot plot = tools::plot_recording(reader, options.out, drawing);
+  line.clear();
+  char text[160];
+  std::snprintf(text, sizeof text, "; %llu cycles, %.1f s, %llu missed deadlines",
+                static_cast<unsigned long long>(plot.header.cycles), plot.duration_s,
+                static_cast<unsigned long long>(plot.missed_deadlines));
+  say_result(options.json, "plot",
+             options.file + ": " +
+                 (plot.header.complete ? "complete" : "not closed by its writer, but readable") +
+                 text);
+  if (plot.contact_from_s) {
+    std::snprintf(text, sizeof text, "Contact from %.2f to %.2f s; drawn from %.2f to %.2f s%s",
+                  *plot.contact_from_s, *plot.contact_to_s, plot.drawn_from_s, plot.drawn_to_s,
+                  drawing.contact_only || options.from_s || options.to_s
+                      ? ""
+                      : " (--zoom contact draws the contact alone)");
+  } else {
+    std::snprintf(text, sizeof text, "No contact; drawn from %.2f to %.2f s", plot.drawn_from_s,
+                  plot.drawn_to_s);
+  }
+  say_result(options.json, "plot", text);
+  const auto or_null = [](const std::optional<double>& value) {
+    return value ? ordered_json(*value) : ordered_json(nullptr);
+  };
   ordered_json files = plot.files;
   for (const std::string& file : plot.files) {
-    std::fprintf(out, "  %s\n", file.c_str());
+    say_result(options.json, "plot", "  " + file);
   }
   write_json(options.json, ordered_json{{"file", options.file},
                                         {"complete", plot.header.complete},
@@ -214,6 +283,10 @@ int plot_command(const PlotOptions& options) {
                                         {"missed_deadlines", plot.missed_deadlines},
                                         {"period_max_us", plot.period_max_us},
                                         {"force_max_N", plot.force_max_N},
+                                        {"contact_from_s", or_null(plot.contact_from_s)},
+                                        {"contact_to_s", or_null(plot.contact_to_s)},
+                                        {"drawn_from_s", plot.drawn_from_s},
+                                        {"drawn_to_s", plot.drawn_to_s},
                                         {"files", files}}
                                .dump(2));
   return 0;

@@ -2,13 +2,12 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "cli/common/options.h"
 #include "cli/run/run_command.h"
-
-namespace CLI {
-class App;
-}
 
 namespace forcegrid::cli {
 
@@ -24,13 +23,18 @@ struct ReplayOptions {
 
 struct PlotOptions {
   std::string file;
+  std::optional<double> from_s;  ///< since the start of the recording
+  std::optional<double> to_s;
+  std::string zoom;  ///< empty, or contact
+  std::vector<std::string> formats{"svg", "png"};
+  int width_px = 1000;
   std::string out = "out";
   JsonTarget json;
 };
 
 /// Add the subcommands, which set `action`.
-void add_replay(CLI::App& app, ReplayOptions& options, std::function<int()>& action);
-void add_plot(CLI::App& app, PlotOptions& options, std::function<int()>& action);
+void add_replay(Command& app, ReplayOptions& options, std::function<int()>& action);
+void add_plot(Command& app, PlotOptions& options, std::function<int()>& action);
 
 /// Makes the emulated hand repeat a recording's path from the first contact on, through the whole
 /// stack, and prints how closely the tool followed.

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "cli/common/options.h"
+#include "cli/common/progress_line.h"
 #include "cli/common/scene_option.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/reference/return_test.h"
@@ -13,7 +15,21 @@
 namespace forcegrid::cli {
 namespace {
 
-void print_facts(const simulator::Scene& scene) {
+// What has to be solved for.
+struct SceneFacts {
+  int held = 0;
+  Eigen::Matrix3d stiffness_W_N_per_m = Eigen::Matrix3d::Zero();
+};
+
+SceneFacts facts_of(const simulator::Scene& scene) {
+  simulator::ElasticObject<double> object(scene.mesh);
+  SceneFacts facts;
+  facts.held = object.grab(scene.mesh.top_W, scene.patch_radius_m);
+  facts.stiffness_W_N_per_m = object.move_to(Eigen::Vector3d::Zero()).stiffness_W;
+  return facts;
+}
+
+void print_facts(const simulator::Scene& scene, const SceneFacts& facts) {
   const simulator::SpringMesh& mesh = scene.mesh;
   Eigen::Array3d low_m = mesh.rest_position_W.front().array();
   Eigen::Array3d high_m = low_m;
@@ -27,14 +43,11 @@ void print_facts(const simulator::Scene& scene) {
               mesh.rest_position_W.size(), std::count(mesh.fixed.begin(), mesh.fixed.end(), 1),
               mesh.springs.size(), mesh.triangles.size());
   std::printf("  size along x, y, z: %.1f, %.1f, %.1f mm\n", size_mm.x(), size_mm.y(), size_mm.z());
-  simulator::ElasticObject<double> object(mesh);
-  const int held = object.grab(mesh.top_W, scene.patch_radius_m);
-  const simulator::Equilibrium at_rest = object.move_to(Eigen::Vector3d::Zero());
   std::printf(
       "  a tool at the top holds %d vertices within %.1f mm and feels a stiffness of\n"
       "  %.1f, %.1f, %.1f N/m along x, y, z\n",
-      held, 1e3 * scene.patch_radius_m, -at_rest.stiffness_W(0, 0), -at_rest.stiffness_W(1, 1),
-      -at_rest.stiffness_W(2, 2));
+      facts.held, 1e3 * scene.patch_radius_m, -facts.stiffness_W_N_per_m(0, 0),
+      -facts.stiffness_W_N_per_m(1, 1), -facts.stiffness_W_N_per_m(2, 2));
   const simulator::ToolOptions& tool = scene.tool;
   std::printf("  its tool: %s, contact %s", tool.shape.c_str(), tool.contact.c_str());
   if (tool.shape != "point") {
@@ -49,14 +62,18 @@ void print_facts(const simulator::Scene& scene) {
   }
 }
 
-void print_return_test(const simulator::Scene& scene) {
+void print_return_test(const simulator::Scene& scene, ProgressLine& line) {
   std::printf(
       "Return test, 40 steps out and 40 back over the same positions:\n"
       "  %-22s %14s %14s %8s\n",
       "path", "hysteresis", "largest force", "of it");
+  std::fflush(stdout);
   std::string multivalued;
-  for (const simulator::ReturnPath& path : simulator::return_paths()) {
-    const simulator::ReturnResult result = simulator::return_test(scene, path);
+  const std::vector<simulator::ReturnPath>& paths = simulator::return_paths();
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    line.show("Return test", static_cast<double>(i) / static_cast<double>(paths.size()));
+    const simulator::ReturnResult result = simulator::return_test(scene, paths[i]);
+    line.pause();
     std::printf("  %-22s %12.2e N %12.3f N %6.4f %%%s\n", result.name.c_str(), result.hysteresis_N,
                 result.largest_force_N, 100.0 * result.hysteresis_N / result.largest_force_N,
                 result.unconverged > 0 ? "  (not converged everywhere)" : "");
@@ -65,6 +82,7 @@ void print_return_test(const simulator::Scene& scene) {
       multivalued += (multivalued.empty() ? "" : ", ") + result.name;
     }
   }
+  line.clear();
   if (multivalued.empty()) {
     std::printf("On all of them the force is a function of position.\n");
   } else {
@@ -78,8 +96,8 @@ void print_return_test(const simulator::Scene& scene) {
 
 }  // namespace
 
-void add_scene(CLI::App& app, SceneOptions& o, std::function<int()>& action) {
-  CLI::App& scene = *app.add_subcommand("scene", "Describe a scene; see docs/scenes.md");
+void add_scene(Command& app, SceneOptions& o, std::function<int()>& action) {
+  Command& scene = app.add_subcommand("scene", "Describe a scene; see docs/scenes.md");
   scene.add_option("SCENE", o.scene, scene_help())->required()->check(scene_check());
   scene.add_flag("--return-test", o.return_test,
                  "Pull, shear and push its top out and back, and print how much the force differs");
@@ -87,10 +105,16 @@ void add_scene(CLI::App& app, SceneOptions& o, std::function<int()>& action) {
 }
 
 int scene_command(const SceneOptions& options) {
+  ProgressLine line;
+  WorkProgress work(line);
+  work.begin("Loading scene " + options.scene);
   const simulator::Scene scene = simulator::make_scene(options.scene);
-  print_facts(scene);
+  work.begin("Solving scene " + options.scene + " at rest");
+  const SceneFacts facts = facts_of(scene);
+  work.end();
+  print_facts(scene, facts);
   if (options.return_test) {
-    print_return_test(scene);
+    print_return_test(scene, line);
   }
   return 0;
 }

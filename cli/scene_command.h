@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+
+#include "cli/common/options.h"
 
 namespace forcegrid::cli {
 
@@ -13,7 +14,7 @@ struct SceneOptions {
 };
 
 /// Adds `forcegrid scene`, which sets `action`.
-void add_scene(CLI::App& app, SceneOptions& options, std::function<int()>& action);
+void add_scene(Command& app, SceneOptions& options, std::function<int()>& action);
 
 /// Prints a description of a scene and, with return_test, how far its force is from a function of
 /// position.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/tune_command.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdarg>
 #include <cstdio>
 #include <exception>
 #include <nlohmann/json.hpp>
@@ -12,12 +12,17 @@
 #include <optional>
 #include <stdexcept>
 
+#include "cli/common/number_check.h"
+#include "cli/common/options.h"
+#include "cli/common/progress_line.h"
 #include "cli/common/scene_option.h"
 #include "cli/common/stop_request.h"
+#include "cli/common/tools_names.h"
 #include "cli/run/run_setup.h"
 #include "cli/tune_run.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "log/log.h"
 #include "profiles/device_profile.h"
 #include "tools/config_file.h"
 #include "tools/tuning.h"
@@ -101,6 +106,7 @@ ordered_json json_of(const TuningRow& row, const tools::TuningTolerance& toleran
                        {"path_error_percent", number(row.path_error_percent)},
                        {"method_us", row.method_us},
                        {"method_percent", row.method_percent()},
+                       {"method_at_timer_floor", row.at_timer_floor()},
                        {"stability_margin", number(row.stability_margin)},
                        {"measured", row.measured}};
   if (row.measured) {
@@ -124,8 +130,8 @@ void print(std::FILE* out, const TuningRow& row) {
   std::fprintf(out, "%-32s %7.0f %7d %8.2f ", row.method.c_str(), row.rate_Hz, row.fill_budget,
                row.stability_margin);
   if (row.measured) {
-    std::fprintf(out, "%8.3f %8.3f %8.1f %9.4f\n", row.error_percent, row.missed_percent,
-                 row.compute_p99_us, row.method_percent());
+    std::fprintf(out, "%8.3f %8.3f %8.1f %9.4f%s\n", row.error_percent, row.missed_percent,
+                 row.compute_p99_us, row.method_percent(), row.at_timer_floor() ? " or less" : "");
   } else {
     std::fprintf(out, "%s\n", row.problem.empty() ? "not stable enough" : row.problem.c_str());
   }
@@ -185,19 +191,48 @@ class Search {
     }
   }
 
+  __attribute__((format(printf, 2, 3))) void say_step(const char* format, ...) const {
+    char text[256];
+    va_list arguments;
+    va_start(arguments, format);
+    std::vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    cli::say_step(options_.json, "tune", text);
+  }
+
   void judge_all() {
     const double rate_Hz = *std::max_element(options_.rates_Hz.begin(), options_.rates_Hz.end());
-    std::fprintf(out_, "recording a path at %.0f Hz, %.0f s ...\n", rate_Hz, run_s_);
-    std::fflush(out_);
+    say_step("recording a path at %.0f Hz, %.0f s ...", rate_Hz, run_s_);
+    line_.begin("Recording", run_s_ + kOverhead_s);
     const evaluation::Trace trace = record_path(runs_, rate_Hz, run_s_);
+    line_.clear();
     check_stop();
     margin_.stiffest_N_per_m = tools::stiffest_N_per_m(trace);
-    std::fprintf(out_, "evaluating %zu settings on it; its largest stiffness is %.0f N/m ...\n",
-                 rows_.size(), margin_.stiffest_N_per_m);
-    std::fflush(out_);
+    say_step("evaluating %zu settings on it; its largest stiffness is %.0f N/m ...", rows_.size(),
+             margin_.stiffest_N_per_m);
     for (TuningRow& row : rows_) {
+      line_.show("Evaluating",
+                 static_cast<double>(&row - rows_.data()) / static_cast<double>(rows_.size()));
       tools::judge_on_path(trace, base_, row);
       check_stop();
+    }
+    line_.clear();
+    say_what_is_too_quick();
+  }
+
+  void say_what_is_too_quick() const {
+    const auto quick = std::count_if(rows_.begin(), rows_.end(), [](const TuningRow& row) {
+      return row.problem.empty() && row.at_timer_floor();
+    });
+    if (quick > 0) {
+      double floor_us = 0.0;
+      for (const TuningRow& row : rows_) {
+        floor_us = std::max(floor_us, row.timer_floor_us);
+      }
+      say_step(
+          "%ld of them take less time than this computer's timer can tell from none; they count as "
+          "its step, %g ns per cycle",
+          static_cast<long>(quick), 1e3 * floor_us);
     }
   }
 
@@ -213,12 +248,16 @@ class Search {
   }
 
   void try_in_loop(TuningRow& row) {
+    const std::chrono::duration<double> left = end_ - std::chrono::steady_clock::now();
+    line_.show("Trying " + row.method + " in the loop", 1.0 - left.count() / options_.time_s,
+               left.count());
     if (margin_.stiffest_N_per_m > 0.0) {
       row.stability_margin = tools::stability_margin(margin_, base_, row);
     }
     if (!(row.stability_margin < tolerance_.stability_margin)) {
       measure_in_loop(runs_, run_s_, row);
     }
+    line_.clear();
     check_stop();
     print(out_, row);
   }
@@ -253,6 +292,7 @@ class Search {
 
   const TuneOptions& options_;
   std::FILE* out_;
+  ProgressLine line_;
   tools::TuningTolerance tolerance_;
   TuneRuns runs_;
   std::vector<TuningRow> rows_;
@@ -296,70 +336,70 @@ void check_time(const TuneOptions& options) {
 
 }  // namespace
 
-void add_tune(CLI::App& app, TuneOptions& o, std::function<int()>& action) {
-  CLI::App& tune = *app.add_subcommand(
-      "tune", "Find the cheapest rate, fill budget and method that are good enough here");
-  tune.add_option("--device", o.device, "As in run")->capture_default_str();
+void add_tune(Command& app, TuneOptions& o, std::function<int()>& action) {
+  Command& tune = app.add_subcommand("tune", tools_description("tune"));
+  tune.add_option("--device", o.device, "As in run")->show_default();
   tune.add_option("--profile", o.profile, "Profile of an attached device, as in run");
   tune.add_option("--scene", o.scene, "Object to feel: " + scene_help())
       ->check(scene_check())
-      ->capture_default_str();
-  tune.add_option("--motion", o.motion, "Motion of the emulated hand, as in run")
-      ->capture_default_str();
+      ->show_default();
+  tune.add_option("--motion", o.motion, "Motion of the emulated hand, as in run")->show_default();
   tune.add_option(
           "--hand", o.hand,
           "Hand that holds the device: of the emulated device, as in run, and in simulated time")
-      ->check(CLI::IsMember({"firm", "light"}))
-      ->capture_default_str();
+      ->check(one_of({"firm", "light"}))
+      ->show_default();
   tune.add_flag("--calibrated", o.calibrated,
                 "The encoder counters are already valid: no pose, no button, in any run")
-      ->configurable(false);
+      ->not_in_config();
   tune.add_option("--rates", o.rates_Hz, "Servo rates to try, separated by commas")
-      ->delimiter(',')
-      ->check(CLI::Range(100.0, 4000.0))
+      ->separated_by(',')
+      ->check(between(100.0, 4000.0))
       ->type_name("FLOAT Hz")
-      ->capture_default_str();
+      ->show_default();
   tune.add_option("--fill-budgets", o.fill_budgets, "Fill budgets to try for methods with a grid")
-      ->delimiter(',')
-      ->check(CLI::Range(1, 1000000))
+      ->separated_by(',')
+      ->check(whole_between(1, 1000000))
       ->type_name("INT vertices")
-      ->capture_default_str();
+      ->show_default();
   tune.add_option("--methods", o.methods,
                   "Methods to try, separated by ';', with changes to their options, e.g. "
                   "\"forcegrid cells=25;forcegrid\"")
-      ->delimiter(';')
-      ->capture_default_str();
+      ->separated_by(';')
+      ->show_default();
   tune.add_option("--time", o.time_s,
                   "Time limit for everything; with more time, more settings are tried in the loop")
-      ->check(CLI::Range(1.0, 86400.0))
+      ->check(between(1.0, 86400.0))
       ->type_name("FLOAT s")
-      ->capture_default_str();
+      ->show_default();
   tune.add_option(
           "--error-percent", o.error_percent,
           "Tolerated RMS error after the first second of contact, relative to the RMS force")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(between(0.0, 1000.0))
       ->type_name("FLOAT %")
-      ->capture_default_str();
+      ->show_default();
   tune.add_option("--missed-percent", o.missed_percent, "Tolerated share of missed deadlines")
-      ->check(CLI::Range(0.0, 100.0))
+      ->check(between(0.0, 100.0))
       ->type_name("FLOAT %")
-      ->capture_default_str();
+      ->show_default();
   tune.add_option("--compute-percent", o.compute_percent,
                   "Tolerated compute time per cycle at the 99th percentile, relative to the period")
-      ->check(CLI::Range(0.1, 1e6))
+      ->check(between(0.1, 1e6))
       ->type_name("FLOAT %")
-      ->capture_default_str();
+      ->show_default();
   tune.add_option(
           "--margin-percent", o.margin_percent,
           "Stiffness up to which the simulated loop must be stable, relative to the stiffest on "
           "the path")
-      ->check(CLI::Range(0.0, 1e6))
+      ->check(between(0.0, 1e6))
       ->type_name("FLOAT %")
-      ->capture_default_str();
-  tune.add_option("--out", o.out, "Folder for tuning.csv, .svg and .png")->capture_default_str();
+      ->show_default();
+  tune.add_option("--out", o.out, "Folder for tuning.csv, .svg and .png")->show_default();
   tune.add_flag("--write", o.write, "Write the proposal into the user's configuration")
-      ->configurable(false);
-  tune.footer("Exit status: 0 a setting is proposed, 3 none meets the tolerance.");
+      ->not_in_config();
+  tune.footer(
+      "Exit status: 0 a setting is proposed, 3 none meets the tolerance. A picture that can't be "
+      "drawn is a warning and changes neither.");
   tune.callback([&o, &action] { action = [&o] { return tune_command(o); }; });
 }
 
@@ -369,7 +409,8 @@ int tune_command(const TuneOptions& options) {
   check_rates(options, profile);
   check_methods(options);
   check_time(options);
-  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  const ResultText text(options.json, "tune");
+  std::FILE* const out = text.stream();
   Search search(options, profile, out);
   search.run();
   const std::vector<TuningRow>& rows = search.rows();
@@ -387,13 +428,24 @@ int tune_command(const TuneOptions& options) {
     written = write_config(rows[*choice.chosen]);
     std::fprintf(out, "Wrote %s\n", written.c_str());
   }
-  // Last, so that a failure does not lose the measurements.
+  // The proposal stands whatever becomes of its picture. A failed table loses measurements, which
+  // is an error, but only after the JSON has them.
   std::vector<std::string> files;
-  std::exception_ptr not_drawn;
+  std::exception_ptr not_written;
+  std::string picture_problem;
   try {
-    files = tools::draw_tuning(options.out, rows, choice, tolerance);
+    files.push_back(tools::write_tuning_csv(options.out, rows, choice));
   } catch (...) {
-    not_drawn = std::current_exception();
+    not_written = std::current_exception();
+  }
+  try {
+    const std::vector<std::string> pictures =
+        tools::draw_tuning(options.out, rows, choice, tolerance);
+    files.insert(files.end(), pictures.begin(), pictures.end());
+  } catch (const std::runtime_error& error) {
+    picture_problem = error.what();
+    log::warn("tune", std::string("no picture of the tuning: ") + error.what() +
+                          ". The result above is complete.");
   }
   ordered_json list = ordered_json::array();
   for (const TuningRow& row : rows) {
@@ -409,10 +461,13 @@ int tune_command(const TuneOptions& options) {
                                         {"seconds_each", search.run_s()},
                                         {"settings", list},
                                         {"files", files},
+                                        {"picture_problem", picture_problem.empty()
+                                                                ? ordered_json(nullptr)
+                                                                : ordered_json(picture_problem)},
                                         {"written", written}}
                                .dump(2));
-  if (not_drawn) {
-    std::rethrow_exception(not_drawn);
+  if (not_written) {
+    std::rethrow_exception(not_written);
   }
   return choice.chosen ? 0 : kNoneMeets;
 }

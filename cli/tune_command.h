@@ -5,11 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "cli/common/options.h"
 #include "cli/run/run_command.h"
-
-namespace CLI {
-class App;
-}
 
 namespace forcegrid::cli {
 
@@ -50,12 +47,14 @@ struct TuneOptions {
 };
 
 /// Adds the subcommand, which sets `action`.
-void add_tune(CLI::App& app, TuneOptions& options, std::function<int()>& action);
+void add_tune(Command& app, TuneOptions& options, std::function<int()>& action);
 
 /// Evaluates all combinations of rate, fill budget and method on a path recorded with this device
 /// and scene. Then runs those that are good enough in the loop itself, the cheapest first, until
 /// one meets the tolerance, and proposes it.
-/// @returns 0 with a proposal, 3 if no setting meets the tolerance.
+/// @returns 0 with a proposal, 3 if no setting meets the tolerance. A picture that can't be drawn
+/// is
+///          a warning and changes neither.
 /// @throws std::exception with a sentence for the user.
 int tune_command(const TuneOptions& options);
 

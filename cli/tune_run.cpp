@@ -21,6 +21,9 @@ using tools::TuningRow;
 
 constexpr std::chrono::seconds kPatience{120};
 constexpr std::chrono::milliseconds kPoll{50};
+// Its own story is the same in each; warnings, and what its simulator says, are passed on.
+const ChildOptions kRunOfTune{
+    .name = "run", .drives_motors = true, .announces_start = false, .says_details = true};
 
 std::vector<std::string> run_arguments(const TuneRuns& runs, const std::string& method,
                                        double rate_Hz, int fill_budget, double seconds) {
@@ -102,7 +105,7 @@ evaluation::Trace record_path(const TuneRuns& runs, double rate_Hz, double secon
   std::vector<std::string> arguments =
       run_arguments(runs, kDefaultMethod, rate_Hz, RunOptions().fill_budget, seconds);
   arguments.insert(arguments.end(), {"--record", file});
-  ChildProcess run(arguments);
+  ChildProcess run(arguments, kRunOfTune);
   const std::string problem = wait_for(run, seconds);
   if (!problem.empty() || !std::filesystem::exists(file)) {
     throw std::runtime_error(
@@ -119,7 +122,7 @@ void measure_in_loop(const TuneRuns& runs, double seconds, TuningRow& row) {
   std::vector<std::string> arguments =
       run_arguments(runs, row.method, row.rate_Hz, row.fill_budget, seconds);
   arguments.insert(arguments.end(), {"--json", file});
-  ChildProcess run(arguments);
+  ChildProcess run(arguments, kRunOfTune);
   row.problem = wait_for(run, seconds);
   if (!row.problem.empty()) {
     return;

@@ -8,7 +8,7 @@
 namespace forcegrid::contact {
 namespace {
 
-// Below this fraction of the sides' lengths a triangle has no plane, an axis no direction.
+// Below this fraction of its sides' lengths a triangle has no plane, and an axis no direction.
 constexpr double kFlat = 1e-12;
 constexpr double kSmallest_m = 1e-12;
 
@@ -190,7 +190,7 @@ PointInTool locate(const ToolShape& tool, const Eigen::Vector3d& position_W,
     }
     best.normal_W = from_axis / distance_m;
     best.turning_W_per_m = Eigen::Matrix3d::Identity() - best.normal_W * best.normal_W.transpose();
-    if (t > 0.0 && t < 1.0) {  // beside the axis the normal turns around it alone
+    if (t > 0.0 && t < 1.0) {  // beside the axis the normal turns only around it
       best.turning_W_per_m -= axis * axis.transpose() / axis.squaredNorm();
     }
     best.turning_W_per_m /= distance_m;

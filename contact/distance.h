@@ -25,7 +25,7 @@ struct AxisToTriangle {
 /// Real-time: no allocation, lock or throw, as all functions here. Threads: any.
 Eigen::Vector3d nearest_weights(const Eigen::Vector3d& point, const Corners& corners) noexcept;
 
-/// The nearest points of the segment from `from` to `to` and a triangle. Where several pairs are
+/// The nearest points of the segment from `from` to `to` and a triangle. If several pairs are
 /// equally near (a segment parallel to the triangle), one of them.
 AxisToTriangle nearest(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
                        const Corners& corners) noexcept;

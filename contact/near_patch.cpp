@@ -12,7 +12,7 @@
 namespace forcegrid::contact {
 namespace {
 
-// Nearest points this close to each other are one point, of an edge or corner that triangles share.
+// Nearest points this close to each other count as one, on an edge or corner that triangles share.
 constexpr double kSame_m = 1e-9;
 constexpr double kOnEdge = 1e-9;  // a barycentric weight below this
 
@@ -165,7 +165,7 @@ void NearPatch::look_at(std::size_t triangle, Search& search) const noexcept {
   }
   const bool nearer = !search.found || pair.distance_m < search.best_m - kSame_m;
   if (!nearer && (pair.on_triangle - search.point_W).norm() > kSame_m) {
-    return;  // as near elsewhere: one place is enough
+    return;  // equally near elsewhere: one place is enough
   }
   if (nearer) {
     search.best_m = pair.distance_m;

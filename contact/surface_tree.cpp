@@ -57,7 +57,7 @@ Corners SurfaceTree::corners_W(std::size_t index) const noexcept {
           positions_W_[static_cast<std::size_t>(triangle[2])]};
 }
 
-// Halved by number along the longest side, so that the depth is the logarithm of the number.
+// Splits in two equal numbers along the longest side, so that the depth is logarithmic.
 void SurfaceTree::build(std::int32_t begin, std::int32_t end,
                         const std::vector<Eigen::Vector3d>& centres_W) {
   const std::size_t at = nodes_.size();

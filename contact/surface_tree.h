@@ -33,7 +33,7 @@ class SurfaceTree {
   using Triangle = std::array<std::int32_t, 3>;
 
   /// @param triangles  vertex numbers, counterclockwise seen from outside.
-  /// @param positions_W  [m] of all vertices, for the first fit and for how the tree is divided.
+  /// @param positions_W  [m] of all vertices, for the first fit and for dividing the tree.
   /// @throws Error for a triangle with a missing vertex, or a position that is not finite.
   SurfaceTree(std::vector<Triangle> triangles, std::span<const Eigen::Vector3d> positions_W);
 
@@ -78,7 +78,7 @@ class SurfaceTree {
   Box leaf_box(const Node& node) const noexcept;
   static std::array<Box, 2> boxes(const ToolShape& tool,
                                   const Eigen::Vector3d& position_W) noexcept;
-  // A bound from below of the gap between the tool and what is in `box`.
+  // A lower bound of the gap between the tool and the content of `box`.
   static double gap_bound_m(const ToolShape& tool, const std::array<Box, 2>& axes,
                             const Box& box) noexcept;
 

@@ -10,8 +10,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 ArmModel::ArmModel(const profiles::DeviceProfile& profile,
-                   std::optional<profiles::HandProfile> hand, const Vector3d& joint_angle_rad,
-                   bool hand_carries_weight)
+                   const std::optional<profiles::HandProfile>& hand,
+                   const Vector3d& joint_angle_rad, bool hand_carries_weight)
     : HeldMechanism(profile.dynamics, hand, hand_carries_weight,
                     profile.gravity.acceleration_m_per_s2),
       kinematics_(profile.kinematics),
@@ -82,8 +82,8 @@ void ArmModel::substep(const Drive& drive) noexcept {
   const Matrix3d& jacobian = at_mid.jacobian_m_per_rad;
   const Matrix3d jacobian_squared = jacobian.transpose() * jacobian;
 
-  // Forces at the predicted midpoint with the speed of the start; what the change of speed adds
-  // is in `resistance`, the implicit part.
+  // Forces at the predicted midpoint with the initial speed; `resistance`, the implicit part, holds
+  // what the change of speed adds.
   const Vector3d hand_N = hand_force_D(drive, at_mid.position_D, jacobian * speed);
   const Vector3d gravity_Nm = gravity_torque_Nm(at_mid);
   const Stops stops = stops_at(angle_mid, speed);
@@ -97,7 +97,7 @@ void ArmModel::substep(const Drive& drive) noexcept {
   Matrix3d resistance = inertia + mass_with_hand_kg(0.0, step_s) * jacobian_squared;
   stops.add_resistance(step_s, resistance);
 
-  // Two passes: the second knows the speeds at the middle and the end of the substep.
+  // Two passes: the second one has the speeds at the middle and the end of the substep.
   Vector3d change = Vector3d::Zero();
   Vector3d friction = Vector3d::Zero();
   for (int pass = 0; pass < 2; ++pass) {

@@ -23,17 +23,17 @@ namespace forcegrid::emulator {
 /// Lagrange term of this M, since diag(eps) is constant. A holding hand carries the links' weight
 /// too, as a person does, so gravity does not pull the tip away from the hand's target.
 ///
-/// The inertia is taken at the predicted midpoint: second order, free motion keeps its energy to
-/// the substep's third power, springs of any stiffness stay stable.
+/// The inertia is taken at the predicted midpoint. The method is of second order, free motion keeps
+/// its energy to the substep's third power, and springs of any stiffness stay stable.
 ///
 /// Real-time: advance() does not allocate, lock or throw; about 0.3 us per substep. Threads: one.
 class ArmModel final : public HeldMechanism {
  public:
-  /// @param hand what holds the tip; nullopt: nothing.
+  /// @param hand what holds the tip; nullopt: nothing holds it.
   /// @param joint_angle_rad where the arm starts, at rest.
   /// @param hand_carries_weight a hand bears the links' weight beside its spring, as a person does
-  ///        without noticing; false: the motors are expected to.
-  ArmModel(const profiles::DeviceProfile& profile, std::optional<profiles::HandProfile> hand,
+  ///   without noticing; false: the motors are expected to bear it.
+  ArmModel(const profiles::DeviceProfile& profile, const std::optional<profiles::HandProfile>& hand,
            const Eigen::Vector3d& joint_angle_rad, bool hand_carries_weight = true);
 
   /// Sets the joints' speeds [rad/s].

@@ -5,14 +5,14 @@
 
 namespace forcegrid::emulator {
 
-/// Where a boot loader can stop for good, in the order in which a host comes by.
+/// Where a boot loader can stop for good, in the order in which a host reaches these steps.
 enum class BootStep : std::uint8_t {
   kGreeting,  ///< it does not answer the greeting
   kBaudRate,  ///< it does not return the character from which it learns the baud rate
-  kStart,     ///< it takes and returns the whole image, but never starts it
+  kStart,     ///< it receives and returns the whole image, but never starts it
 };
 
-/// What is wrong with a boot loader, asked by it as it goes along.
+/// The faults of a boot loader, which asks for them as it goes along.
 /// Real-time: implementations neither allocate, lock nor throw.
 class BootLoaderFaults {
  public:
@@ -20,7 +20,7 @@ class BootLoaderFaults {
   /// What the loader returns for `character`, which is byte `image_byte` of the image, from 0.
   [[nodiscard]] virtual std::uint8_t echo(std::uint64_t image_byte,
                                           std::uint8_t character) noexcept = 0;
-  /// Whether it goes no further, now that it is at `step`.
+  /// Whether it stops for good at `step`.
   [[nodiscard]] virtual bool stuck_at(BootStep step) noexcept = 0;
 };
 

@@ -20,7 +20,7 @@ enum class CloseReason : std::uint8_t {
   kIsochronous,         ///< isochronous packets on a device that has no such endpoint
   kTooManyUrbs,         ///< more than kMaxPendingUrbs pending
   kDuplicateSequence,   ///< sequence number of an URB that is still pending
-  kSlowClient,          ///< does not take its replies
+  kSlowClient,          ///< does not read its replies
   kIdle,                ///< asked for nothing within 10 s
   kTooManyConnections,  ///< more than kMaxConnections
   kUnplugged,           ///< unplug()

@@ -19,7 +19,7 @@ class CounterSamples {
   /// Number of samples kept.
   static constexpr std::size_t kCapacity = 4096;
 
-  /// @param counts encoder counters at `time`; those that the device has not are 0.
+  /// @param counts encoder counters at `time`; those that the device does not have are 0.
   void add(rt::TimePoint time, const std::array<std::int32_t, 6>& counts) noexcept {
     CounterSample& sample = ring_[count_ % kCapacity];
     sample.time_ns = std::chrono::nanoseconds(time.time_since_epoch()).count();

@@ -8,7 +8,7 @@
 
 namespace forcegrid::emulator {
 
-/// Geometry of the emulated delta: where its knob is decides everything else. Written from the
+/// Geometry of the emulated delta: the place of its knob decides everything else. Written from the
 /// device sheet alone, so that a fault in the driver's kinematics cannot hide in it.
 ///
 /// In the base frame B (x to the user's right, y up, z out of the device) and for leg i at azimuth
@@ -37,8 +37,8 @@ class DeltaMechanism {
 
   explicit DeltaMechanism(const profiles::DeviceProfile::Delta& delta) noexcept;
 
-  /// @returns nothing where the legs do not close or where a stretched or folded one (theta_2 =
-  ///          theta_1, sin theta_3 = 0) has no rate.
+  /// @returns nothing where the legs do not close, or where a stretched or folded leg (theta_2 =
+  ///   theta_1, sin theta_3 = 0) has no rate.
   [[nodiscard]] std::optional<Pose> pose(const Eigen::Vector3d& position_D) const noexcept;
 
   /// d/dt(rate) v, the angular acceleration [rad/s^2] left at constant velocity v [m/s] of the
@@ -47,7 +47,7 @@ class DeltaMechanism {
   [[nodiscard]] Eigen::Vector3d bias_rad_per_s2(
       const Eigen::Vector3d& position_D, const Eigen::Vector3d& velocity_D_m_per_s) const noexcept;
 
-  /// [m] the same place in B, and back.
+  /// [m] The same place in B, and the reverse.
   [[nodiscard]] Eigen::Vector3d to_base(const Eigen::Vector3d& position_D) const noexcept {
     return Eigen::Vector3d(position_D.y(), position_D.z(), position_D.x()) + center_B_;
   }

@@ -11,7 +11,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 DeltaModel::DeltaModel(const profiles::DeviceProfile& profile,
-                       std::optional<profiles::HandProfile> hand, const Vector3d& position_D,
+                       const std::optional<profiles::HandProfile>& hand, const Vector3d& position_D,
                        bool hand_carries_weight)
     : HeldMechanism(profile.dynamics, hand, hand_carries_weight,
                     profiles::kStandardGravity_m_per_s2),
@@ -79,8 +79,8 @@ void DeltaModel::substep(const Drive& drive) noexcept {
   const Matrix3d& rate = at_mid->rate_rad_per_m;
   const Matrix3d rate_squared = rate.transpose() * rate;
 
-  // Forces at the predicted midpoint with the velocity of the start; what the change of velocity
-  // adds is in `resistance`, the implicit part.
+  // Forces at the predicted midpoint with the initial velocity; `resistance`, the implicit part,
+  // holds what the change of velocity adds.
   const Vector3d hand_N = hand_force_D(drive, position_mid_D, velocity_D);
   const Vector3d weight_N(0.0, 0.0, hand_carries_weight_ ? 0.0 : -tip_weight_N_);
   const Stops stops = stops_at(position_mid_D, *at_mid, velocity_D);
@@ -91,7 +91,7 @@ void DeltaModel::substep(const Drive& drive) noexcept {
   resistance.diagonal().array() += mass_with_hand_kg(moving_mass_kg_, step_s);
   stops.add_resistance(step_s, resistance);
 
-  // Two passes: the second knows the velocities at the middle and the end of the substep.
+  // Two passes: the second one has the velocities at the middle and the end of the substep.
   Vector3d change_D = Vector3d::Zero();
   Vector3d friction = Vector3d::Zero();
   for (int pass = 0; pass < 2; ++pass) {

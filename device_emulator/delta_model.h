@@ -18,21 +18,22 @@ namespace forcegrid::emulator {
 ///   M = m 1 + I R^T R
 ///   m: mass at the knob + mass of the hand,   I: inertia at each driven angle
 ///
-/// with F_hand, tau_friction and tau_stop (both per driven angle) of HeldMechanism. F_body is the
-/// same as tau_stop for the knob against the body: planes across and a cylinder about the device's
-/// axis. I R^T R' x' is the Lagrange term of this M. The moving parts have no weight, since their
-/// masses are not known apart. A mass that is fastened to the knob adds to m, and its weight to
-/// F_body. A knob that is forced to where the legs do not close stands still.
+/// with F_hand, tau_friction and tau_stop (both per driven angle) of HeldMechanism. F_body is like
+/// tau_stop, for the knob against the body: planes across and a cylinder about the device's axis. I
+/// R^T R' x' is the Lagrange term of this M. The moving parts have no weight, since their separate
+/// masses are not known. A mass fastened to the knob adds to m, and its weight to F_body. Where the
+/// legs would not close, the knob stands still.
 ///
 /// Real-time: advance() does not allocate, lock or throw; about 2 us per substep. Threads: one.
 class DeltaModel final : public HeldMechanism {
  public:
-  /// @param hand what holds the knob; nullopt: nothing.
+  /// @param hand what holds the knob; nullopt: nothing holds it.
   /// @param position_D [m] where the knob starts, at rest.
-  /// @param hand_carries_weight a hand bears the weight of what is fastened to the knob.
+  /// @param hand_carries_weight a hand bears the weight of a mass fastened to the knob.
   /// @throws std::invalid_argument when the legs do not close there.
-  DeltaModel(const profiles::DeviceProfile& profile, std::optional<profiles::HandProfile> hand,
-             const Eigen::Vector3d& position_D, bool hand_carries_weight = true);
+  DeltaModel(const profiles::DeviceProfile& profile,
+             const std::optional<profiles::HandProfile>& hand, const Eigen::Vector3d& position_D,
+             bool hand_carries_weight = true);
 
   /// Sets the knob's velocity [m/s].
   void set_velocity(const Eigen::Vector3d& velocity_D_m_per_s) noexcept {

@@ -12,7 +12,7 @@
 
 namespace forcegrid::emulator {
 
-/// Who holds the device.
+/// How the operator's hand holds the device.
 enum class HandKind : std::uint8_t { kFirm, kLight, kNone };
 /// "firm", "light" or "none". @throws std::invalid_argument for anything else.
 HandKind parse_hand(std::string_view name);
@@ -30,12 +30,12 @@ struct DeviceOptions {
   HandKind hand = HandKind::kFirm;
   bool hand_carries_weight = true;          ///< see ArmModel
   double tip_mass_kg = 0.0;                 ///< fastened to the tip, beside the arm's own
-  OperatorScript::Options operator_script;  ///< `calibrated` also starts the counters true
+  OperatorScript::Options operator_script;  ///< with `calibrated` the counters also start true
   FrameOrder frame_order = FrameOrder::kOutFirst;
-  /// Arm's counters at power-up: false: 0; true: seeded random ones within +-20000. A Falcon's
-  /// always start anywhere.
+  /// An arm's counters at power-up: false: 0; true: seeded random ones within +-20000. A Falcon's
+  /// counters always start at random.
   bool random_power_up_counters = false;
-  std::vector<FaultSpec> faults;  ///< what shall go wrong, see FaultyDevice
+  std::vector<FaultSpec> faults;  ///< the faults to inject, see FaultyDevice
   bool firmware_loaded = false;   ///< Falcon: the firmware runs from the start
 
   /// The profile's numbers for `hand`; nothing for kNone.

@@ -21,16 +21,20 @@ namespace forcegrid::emulator {
 /// CLOCK_MONOTONIC in the server.
 ///
 /// Real-time: advance_to(), run(), wake_time() and the state queries neither lock nor throw nor
-/// allocate by themselves (what a UsbHost does is its own affair). Threads: one.
+/// allocate by themselves (a UsbHost that they call may). Threads: one.
 class EmulatedDevice {
  public:
   /// A longer gap between two calls (the process was stopped) is not integrated but counted.
   static constexpr rt::Duration kLongestStep = std::chrono::seconds(1);
+  /// The mechanism moves at least this often while time passes without a transfer.
+  static constexpr rt::Duration kPhysicsChunk = std::chrono::milliseconds(1);
+  /// A host that is silent for longer has gone; the hand waits for the next one.
+  static constexpr rt::Duration kHostGone = std::chrono::seconds(2);
 
   virtual ~EmulatedDevice() = default;
 
   [[nodiscard]] virtual UsbIdentity identity() const noexcept = 0;
-  /// All endpoints beside endpoint 0; the same for the device's life.
+  /// All endpoints except endpoint 0; they stay the same for the device's life.
   [[nodiscard]] virtual std::span<const UsbEndpoint> endpoints() const noexcept = 0;
   [[nodiscard]] virtual bool configured() const noexcept = 0;
   /// Whether an endpoint answers STALL.
@@ -41,14 +45,14 @@ class EmulatedDevice {
   virtual ControlReply control(const SetupPacket& setup, std::span<const std::uint8_t> data,
                                rt::TimePoint now) = 0;
 
-  /// Moves the packets that device and host have for each other at `now`; called in every bus
-  /// frame, and for a device with a bulk endpoint also between frames: when the host has submitted
-  /// something and at wake_time(). The host has nothing for, and asks nothing of, endpoints that
-  /// are halted or of a device that is not configured.
+  /// Moves the packets that device and host have for each other at `now`. Called in every bus
+  /// frame; for a device with a bulk endpoint also between frames, when the host has submitted
+  /// something and at wake_time(). The host has no packets for, and asks for none from, halted
+  /// endpoints or a device that is not configured.
   virtual void run(rt::TimePoint now, UsbHost& host) = 0;
 
-  /// When a bulk endpoint that the host asks will have something for it; nothing when only the
-  /// host can change that.
+  /// When a bulk endpoint that the host asks will have a packet for it; nothing if only the host
+  /// can change that.
   [[nodiscard]] virtual std::optional<rt::TimePoint> wake_time() const noexcept {
     return std::nullopt;
   }
@@ -56,12 +60,11 @@ class EmulatedDevice {
   /// Physics, operator and watchdog up to `now`.
   virtual void advance_to(rt::TimePoint now) noexcept = 0;
 
-  /// The host lets go of the device; it goes on under its own power.
+  /// The host lets go of the device; it continues under its own power.
   virtual void bus_reset(rt::TimePoint now) noexcept = 0;
 
-  /// Power is gone and back at once: the firmware starts anew and knows nothing of before; what the
-  /// arm and the person do goes on. A device that keeps nothing in its firmware has only its bus
-  /// reset.
+  /// Power fails and returns at once: the firmware restarts without its state; the arm and the
+  /// person continue. A device that keeps no state in its firmware gets a bus reset only.
   virtual void power_cycle(rt::TimePoint now) noexcept { bus_reset(now); }
 
   /// Whether a motor has current.
@@ -71,11 +74,11 @@ class EmulatedDevice {
   /// and a client that has imported it is cut off.
   [[nodiscard]] virtual bool plugged_in() const noexcept { return true; }
 
-  /// The person presses the button that the device has for calibration; nothing on one without.
+  /// The person presses the device's button for calibration; no effect on a device without one.
   virtual void press_calibration_button() noexcept {}
 
-  /// From now on `faults`, which outlives the device or is null, says what its boot loader does
-  /// wrong; nothing on a device without one.
+  /// From now on `faults`, which outlives the device or is null, decides the faults of its boot
+  /// loader; no effect on a device without one.
   virtual void set_boot_loader_faults(BootLoaderFaults* /*faults*/) noexcept {}
 
   /// Device part of the report (frames and attachment belong to the server).

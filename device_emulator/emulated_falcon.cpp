@@ -13,8 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr rt::Duration kPhysicsChunk = std::chrono::milliseconds(1);
-constexpr rt::Duration kHostGone = std::chrono::seconds(2);
 constexpr std::uint8_t kCentreButton = 0x04;
 // The operator pulls and pushes past the stops, so that a light hand reaches them too.
 constexpr double kBeyondStop_m = 0.003;
@@ -113,7 +111,7 @@ void EmulatedFalcon::advance_physics(rt::TimePoint now) noexcept {
 
 Vector3d EmulatedFalcon::torque_Nm() const noexcept {
   const auto& commands = firmware_.commands();
-  // Subtracted, so that no command is a torque of 0 rather than of -0.
+  // Subtracted from 0, so that a zero command gives a torque of 0 rather than of -0.
   return (Vector3d::Zero() - Vector3d(commands[0], commands[1], commands[2])) / torque_gain_per_Nm_;
 }
 

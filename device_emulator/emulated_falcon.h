@@ -23,8 +23,8 @@ namespace forcegrid::emulator {
 ///
 /// The knob starts at rest kStartHeight_m above the middle of the workspace. Motor torque at driven
 /// angle i is tau_i = -command_i / torque_gain. The operator homes the device by pulling the knob
-/// all the way out and pushing it all the way in. The firmware and the counters live on their own
-/// power supply: a bus reset, or a host that comes and goes, does not touch them.
+/// all the way out and pushing it all the way in. The firmware and the counters have their own
+/// power supply: a bus reset, or a host that comes and goes, does not affect them.
 ///
 /// Real-time and threads: as EmulatedDevice.
 class EmulatedFalcon final : public EmulatedDevice,
@@ -59,7 +59,7 @@ class EmulatedFalcon final : public EmulatedDevice,
   void advance_to(rt::TimePoint now) noexcept override;
   /// Resets the FT232R as opening it does: lines low, FIFOs empty, latency 16 ms.
   void bus_reset(rt::TimePoint now) noexcept override;
-  /// Both power supplies: the firmware has to be loaded again.
+  /// Cycles both power supplies: the firmware must be loaded again.
   void power_cycle(rt::TimePoint now) noexcept override;
   [[nodiscard]] bool motors_on() const override;
   void set_boot_loader_faults(BootLoaderFaults* faults) noexcept override {
@@ -79,7 +79,7 @@ class EmulatedFalcon final : public EmulatedDevice,
   [[nodiscard]] Eigen::Vector3d torque_Nm() const noexcept;
 
  private:
-  // SerialPeer: the bridge's characters come back here, so that the firmware's can go to it.
+  // SerialPeer: the bridge's characters arrive here on their way to the firmware.
   void receive(std::uint8_t character, const LineSettings& line,
                rt::TimePoint time) noexcept override;
   void modem_lines_changed(const LineSettings& line, rt::TimePoint time) noexcept override;

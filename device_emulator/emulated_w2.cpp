@@ -15,8 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr rt::Duration kPhysicsChunk = std::chrono::milliseconds(1);
-constexpr rt::Duration kHostGone = std::chrono::seconds(2);
 // ESCON set-value range; the margin absorbs rounding of 0.5 +- 0.4.
 constexpr double kDutyFullScale = 0.4;
 constexpr double kDutyMargin = 1e-9;

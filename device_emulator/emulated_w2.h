@@ -38,13 +38,13 @@ class EmulatedW2 final : public EmulatedDevice {
   ControlReply control(const SetupPacket& setup, std::span<const std::uint8_t> data,
                        rt::TimePoint now) override;
 
-  /// One bus frame: at most one packet each way, in the frame order chosen.
+  /// One bus frame: at most one packet each way, in the chosen frame order.
   void run(rt::TimePoint now, UsbHost& host) override;
 
   /// A watchdog that trips before `now` cuts the current at its own time.
   void advance_to(rt::TimePoint now) noexcept override;
 
-  /// Attached and unconfigured. Counters and calibration survive, and the watchdog will find out.
+  /// Attached and unconfigured. Counters and calibration survive; the watchdog trips later.
   void bus_reset(rt::TimePoint now) noexcept override;
 
   void power_cycle(rt::TimePoint now) noexcept override;

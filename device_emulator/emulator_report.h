@@ -10,24 +10,24 @@
 
 namespace forcegrid::emulator {
 
-/// When the firmware sampled its counters into a report, and what it saw: the reference that a
-/// host's idea of the age of its counts can be compared with.
+/// When the firmware sampled its counters into a report, and their values: the reference for a
+/// host's estimate of the age of its counts.
 struct CounterSample {
   std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC
   std::array<std::int32_t, 6> counts{};
 };
 
-/// What became of one fault that the device was asked for.
+/// The record of one fault that was requested.
 struct FaultRecord {
   std::string name;
   std::uint64_t times = 0;    ///< how often it did something
   std::int64_t first_ns = 0;  ///< CLOCK_MONOTONIC of the first time; 0: never
-  /// From the first time until current last flowed, 0 when none flowed any more; nothing while it
-  /// flows, or if the fault did nothing.
+  /// Time from the first act until current last flowed, 0 if none flowed from then on; nothing
+  /// while it flows, or if the fault did nothing.
   std::optional<double> seconds_until_motors_off;
 };
 
-/// What only a Novint Falcon has to report.
+/// Results that only a Novint Falcon has.
 struct FalconReport {
   std::string firmware_state;                     ///< "cold", "auto-baud", "loading" or "running"
   std::array<std::int32_t, 3> final_command{};    ///< in force now, motors 1, 2, 3
@@ -36,7 +36,7 @@ struct FalconReport {
   std::uint64_t saturated_commands = 0;     ///< beyond the limit, one for each motor and packet
   std::uint64_t malformed_packets = 0;      ///< '<' that no well-formed packet followed
   std::uint64_t serial_overruns = 0;        ///< bytes lost because the host did not collect them
-  std::uint64_t serial_framing_errors = 0;  ///< bytes that the host was set too differently to read
+  std::uint64_t serial_framing_errors = 0;  ///< bytes unreadable at the host's baud rate
   std::uint64_t boot_handshakes = 0;        ///< answered by the boot loader
   std::uint64_t firmware_bytes_loaded = 0;  ///< of all images
   std::uint64_t firmware_wrong_keys = 0;    ///< images that were none
@@ -46,7 +46,7 @@ struct FalconReport {
   std::uint64_t blocked_substeps = 0;  ///< of the physics, in which the legs would not have closed
 };
 
-/// What one emulated device, and above all its motors, really did.
+/// What one emulated device, and above all its motors, did.
 struct EmulatorReport {
   std::string device;  ///< profile name
   std::string busid;
@@ -56,7 +56,7 @@ struct EmulatorReport {
   std::array<double, 3> final_torque_Nm{};     ///< at the joints, now
   double motor_energy_delivered_J = 0.0;       ///< summed while the motors drove the arm (>= 0)
   double motor_energy_absorbed_J = 0.0;        ///< summed while the arm drove the motors (<= 0)
-  /// Since current last flowed in any motor; 0 while it flows; nothing if it never did.
+  /// Time since current last flowed in any motor; 0 while it flows; nothing if it never did.
   std::optional<double> seconds_since_motors_nonzero;
   /// Currents commanded beyond the amplifier's range, which gave zero current instead; one for each
   /// motor and report.
@@ -72,7 +72,7 @@ struct EmulatorReport {
 
   std::uint64_t frames = 0;          ///< bus frames run
   std::uint64_t frames_late = 0;     ///< of those, begun more than half a frame late
-  std::uint64_t frames_skipped = 0;  ///< not run at all, their time having passed
+  std::uint64_t frames_skipped = 0;  ///< not run at all, because their time had passed
   double worst_lateness_us = 0.0;    ///< of any frame
   double physics_skipped_s = 0.0;    ///< time not integrated after stalls of more than 1 s
 
@@ -82,18 +82,18 @@ struct EmulatorReport {
   bool configured = false;                 ///< and set its configuration
   bool unplugged = false;
 
-  std::vector<FaultRecord> faults;     ///< in the order in which they were asked for
+  std::vector<FaultRecord> faults;     ///< in the order in which they were requested
   std::int64_t motors_last_on_ns = 0;  ///< CLOCK_MONOTONIC; 0: never, or no fault was asked for
 
-  /// Of a Falcon alone, which has no currents, report lengths, draining and command 1: those of the
-  /// above stay zero, and its packets answered are both reports sent and received.
+  /// Of a Falcon alone. A Falcon has no currents, report lengths, draining and command 1: these
+  /// members above stay zero, and its answered packets count as reports both sent and received.
   std::optional<FalconReport> falcon;
 };
 
 /// The same names; an absent value is null.
 void to_json(nlohmann::json& json, const FaultRecord& record);
-/// The same names; an absent value is null. Of a Falcon the members of `falcon` stand beside the
-/// others, and what it has not is left out.
+/// The same names; an absent value is null. For a Falcon the members of `falcon` stand beside the
+/// others, and members that it does not have are left out.
 void to_json(nlohmann::json& json, const EmulatorReport& report);
 
 }  // namespace forcegrid::emulator

@@ -19,11 +19,11 @@ namespace {
 
 constexpr rt::Duration kIdleLimit = std::chrono::seconds(10);
 constexpr int kIdlePoll_ms = 5;
-// A ping-pong on a bulk endpoint needs three a frame; a client that floods the bus gets no more.
+// A ping-pong on a bulk endpoint needs three per frame; a client that floods the bus gets no more.
 constexpr int kMaxWakesPerFrame = 32;
 
-/// The frame thread outranks whoever asks for a report: a holder of the lock must inherit its
-/// priority, or a servo thread in between could hold up the bus.
+/// The frame thread has a higher priority than those who ask for a report. A holder of the lock
+/// must inherit it, or a servo thread in between could hold up the bus.
 class PriorityMutex {
  public:
   PriorityMutex() {
@@ -47,11 +47,39 @@ class PriorityMutex {
   pthread_mutex_t mutex_;
 };
 
-struct FrameCounts {
+constexpr int kHighSpeedFrame_us = 125;
+constexpr int kFullSpeedFrame_us = 1000;
+
+/// The devices of one speed, which share frames.
+struct Bus {
+  rt::Duration frame_period{};
+  rt::TimePoint deadline{};  ///< of the next frame; of the frame thread alone
+  std::uint32_t devices = 0;
   std::uint64_t frames = 0;
   std::uint64_t late = 0;
   std::uint64_t skipped = 0;
-  rt::Duration worst{};
+  rt::Duration worst_lateness{};
+
+  [[nodiscard]] bool is_due(rt::TimePoint now) const noexcept { return deadline <= now; }
+  /// Counts a frame that begins at `now`.
+  void count_frame(rt::TimePoint now) noexcept {
+    const rt::Duration lateness = now - deadline;
+    ++frames;
+    worst_lateness = std::max(worst_lateness, lateness);
+    if (lateness > frame_period / 2) {
+      ++late;
+    }
+  }
+  /// The next deadline after a frame that began at `began`: at least half a period after it.
+  void plan_next_frame(rt::TimePoint began) noexcept {
+    deadline += frame_period;
+    const rt::TimePoint earliest = std::max(began + frame_period / 2, rt::Clock::now());
+    if (deadline < earliest) {
+      const auto missed = (earliest - deadline + frame_period - rt::Duration(1)) / frame_period;
+      deadline += missed * frame_period;
+      skipped += static_cast<std::uint64_t>(missed);
+    }
+  }
 };
 
 }  // namespace
@@ -61,24 +89,33 @@ struct EmulatorServer::Impl {
 
   void run();
   void run_as_fast_as_asked();
+  /// One frame of every bus that is due.
   void frame(rt::TimePoint now);
-  /// Serves bulk endpoints, which a bus does not make wait for its next frame, until `deadline`.
+  void add_device(const DeviceOptions& options, rt::TimePoint start);
+  /// The bus of that frame period, made where there is none yet. @returns its index.
+  std::size_t bus_of_period(rt::Duration frame_period);
+  Bus& bus_of(const BusPort& port) { return buses[port.info.bus_number - 1]; }
+  const Bus& bus_of(const BusPort& port) const { return buses[port.info.bus_number - 1]; }
+  void begin_all_at(rt::TimePoint start);
+  rt::TimePoint next_deadline() const noexcept;
+  /// Whether the client's device, if it has one, is on a bus whose frame is due.
+  bool is_due(const UsbipClient& client, rt::TimePoint now) const;
+  /// Serves bulk endpoints, which need not wait for the next bus frame, until `deadline`.
   void serve_bulk_until(rt::TimePoint deadline);
   void accept_clients(rt::TimePoint now);
   void release(UsbipClient& client, rt::TimePoint now);
   EmulatorReport report(std::size_t index) const;
 
-  mutable PriorityMutex mutex;  // guards everything below but what start() and stop() own
+  mutable PriorityMutex mutex;  // guards all below, except what start() and stop() own
   std::vector<BusPort> ports;
   std::vector<UsbipClient> clients;
+  std::vector<Bus> buses;  // bus n of the device list is buses[n - 1]
   Statistics statistics;
-  FrameCounts frames;
   std::vector<std::uint8_t> read_buffer = std::vector<std::uint8_t>(kMaxReadPerFrame);
   std::vector<pollfd> bulk_sockets;  // of the frame thread alone
 
   ListenAddress listen_address;
   FileDescriptor listener;
-  rt::Duration frame_period{};
   Pace pace = Pace::kRealTime;
 
   std::atomic<bool> stopping{false};
@@ -91,64 +128,90 @@ EmulatorServer::Impl::Impl(const ServerOptions& options)
   if (options.devices.empty()) {
     throw EmulatorError("the emulator has no device; give at least one profile");
   }
-  const int period_us = options.devices.front().profile.usb.frame_period_us;
-  for (const DeviceOptions& device : options.devices) {
-    const int own_us = device.profile.usb.frame_period_us;
-    if (own_us != period_us || own_us < 125) {
-      throw EmulatorError("device " + device.profile.name + ": a bus frame of " +
-                          std::to_string(own_us) +
-                          " us can't be emulated; use at least 125 us, the same for all devices");
-    }
-  }
-  frame_period = std::chrono::microseconds(period_us);
   pace = options.pace;
   const rt::TimePoint start = rt::Clock::now();
-  for (std::size_t i = 0; i < options.devices.size(); ++i) {
-    auto device = make_emulated_device(options.devices[i], start);
-    const UsbIdentity identity = device->identity();
-    usbip::DeviceInfo info;
-    info.busid = "1-" + std::to_string(i + 1);
-    info.path = "/sys/devices/platform/forcegrid/usb1/" + info.busid;
-    info.bus_number = 1;
-    info.device_number = static_cast<std::uint32_t>(i + 2);  // 1 is the root hub
-    info.speed = period_us < 1000 ? usbip::kSpeedHigh : usbip::kSpeedFull;
-    info.vendor_id = identity.vendor_id;
-    info.product_id = identity.product_id;
-    info.device_release = identity.device_release;
-    info.interfaces = identity.interfaces;
-    info.interface_class = identity.interface_class;
-    info.interface_subclass = identity.interface_subclass;
-    info.interface_protocol = identity.interface_protocol;
-    ports.push_back(BusPort{.device = std::move(device), .info = std::move(info)});
+  for (const DeviceOptions& device : options.devices) {
+    add_device(device, start);
   }
   listener = listen_on(listen_address, listen_address.port);
+}
+
+void EmulatorServer::Impl::add_device(const DeviceOptions& options, rt::TimePoint start) {
+  const int period_us = options.profile.usb.frame_period_us;
+  if (period_us != kHighSpeedFrame_us && period_us != kFullSpeedFrame_us) {
+    throw EmulatorError("device " + options.profile.name + ": a bus frame of " +
+                        std::to_string(period_us) +
+                        " us can't be emulated; usb.frame_period_us is 125 (high speed) or 1000 "
+                        "(full speed)");
+  }
+  auto device = make_emulated_device(options, start);
+  const UsbIdentity identity = device->identity();
+  const std::size_t bus = bus_of_period(std::chrono::microseconds(period_us));
+  const std::string bus_number = std::to_string(bus + 1);
+  const std::uint32_t port_number = ++buses[bus].devices;
+  usbip::DeviceInfo info;
+  info.busid = bus_number + "-" + std::to_string(port_number);
+  info.path = "/sys/devices/platform/forcegrid/usb" + bus_number + "/" + info.busid;
+  info.bus_number = static_cast<std::uint32_t>(bus + 1);
+  info.device_number = port_number + 1;  // 1 is the root hub
+  info.speed = period_us == kHighSpeedFrame_us ? usbip::kSpeedHigh : usbip::kSpeedFull;
+  info.vendor_id = identity.vendor_id;
+  info.product_id = identity.product_id;
+  info.device_release = identity.device_release;
+  info.interfaces = identity.interfaces;
+  info.interface_class = identity.interface_class;
+  info.interface_subclass = identity.interface_subclass;
+  info.interface_protocol = identity.interface_protocol;
+  ports.push_back(BusPort{.device = std::move(device), .info = std::move(info)});
+}
+
+std::size_t EmulatorServer::Impl::bus_of_period(rt::Duration frame_period) {
+  const auto found = std::find_if(buses.begin(), buses.end(), [frame_period](const Bus& bus) {
+    return bus.frame_period == frame_period;
+  });
+  if (found != buses.end()) {
+    return static_cast<std::size_t>(found - buses.begin());
+  }
+  buses.push_back({.frame_period = frame_period});
+  return buses.size() - 1;
+}
+
+void EmulatorServer::Impl::begin_all_at(rt::TimePoint start) {
+  for (Bus& bus : buses) {
+    bus.deadline = start + bus.frame_period;
+  }
+}
+
+rt::TimePoint EmulatorServer::Impl::next_deadline() const noexcept {
+  return std::min_element(buses.begin(), buses.end(),
+                          [](const Bus& a, const Bus& b) { return a.deadline < b.deadline; })
+      ->deadline;
+}
+
+bool EmulatorServer::Impl::is_due(const UsbipClient& client, rt::TimePoint now) const {
+  return !client.device() || bus_of(ports[*client.device()]).is_due(now);
 }
 
 void EmulatorServer::Impl::run() {
   rt::name_current_thread("emulator-frame");
   scheduling.set_value(rt::make_current_thread_realtime(rt::kEmulatorFramePriority));
-  rt::TimePoint deadline = rt::Clock::now() + frame_period;
+  begin_all_at(rt::Clock::now());
   while (!stopping.load(std::memory_order_acquire)) {
+    const rt::TimePoint deadline = next_deadline();
     serve_bulk_until(deadline);
     rt::sleep_until(deadline);
     const rt::TimePoint now = rt::Clock::now();
-    const rt::Duration lateness = now - deadline;
-    {
-      const std::lock_guard lock(mutex);
-      ++frames.frames;
-      frames.worst = std::max(frames.worst, lateness);
-      if (lateness > frame_period / 2) {
-        ++frames.late;
+    const std::lock_guard lock(mutex);
+    for (Bus& bus : buses) {
+      if (bus.is_due(now)) {
+        bus.count_frame(now);
       }
-      frame(now);
     }
-    deadline += frame_period;
-    const rt::TimePoint earliest = std::max(now + frame_period / 2, rt::Clock::now());
-    if (deadline < earliest) {
-      const auto missed = (earliest - deadline + frame_period - rt::Duration(1)) / frame_period;
-      deadline += missed * frame_period;
-      const std::lock_guard lock(mutex);
-      frames.skipped += static_cast<std::uint64_t>(missed);
+    frame(now);
+    for (Bus& bus : buses) {
+      if (bus.is_due(now)) {
+        bus.plan_next_frame(now);
+      }
     }
   }
 }
@@ -156,7 +219,7 @@ void EmulatorServer::Impl::run() {
 void EmulatorServer::Impl::run_as_fast_as_asked() {
   rt::name_current_thread("emulator-frame");
   scheduling.set_value({});
-  rt::TimePoint now = rt::Clock::now();
+  begin_all_at(rt::Clock::now());
   std::vector<pollfd> sockets;
   while (!stopping.load(std::memory_order_acquire)) {
     bool asked = false;
@@ -171,10 +234,15 @@ void EmulatorServer::Impl::run_as_fast_as_asked() {
     if (!asked) {
       static_cast<void>(::poll(sockets.data(), sockets.size(), kIdlePoll_ms));
     }
-    now += frame_period;
+    const rt::TimePoint now = next_deadline();
     const std::lock_guard lock(mutex);
-    ++frames.frames;
     frame(now);
+    for (Bus& bus : buses) {
+      if (bus.is_due(now)) {
+        ++bus.frames;
+        bus.deadline += bus.frame_period;
+      }
+    }
   }
 }
 
@@ -201,7 +269,7 @@ void EmulatorServer::Impl::serve_bulk_until(rt::TimePoint deadline) {
     const auto wait_s = std::chrono::duration_cast<std::chrono::seconds>(wait);
     const timespec timeout{.tv_sec = wait_s.count(),
                            .tv_nsec = std::chrono::nanoseconds(wait - wait_s).count()};
-    // A socket that unplug() closes meanwhile only ends the wait.
+    // If unplug() closes a socket meanwhile, that only ends the wait.
     (void)::ppoll(bulk_sockets.data(), bulk_sockets.size(), &timeout, nullptr);
     const rt::TimePoint now = rt::Clock::now();
     if (now >= deadline) {
@@ -224,9 +292,14 @@ void EmulatorServer::Impl::serve_bulk_until(rt::TimePoint deadline) {
 void EmulatorServer::Impl::frame(rt::TimePoint now) {
   accept_clients(now);
   for (UsbipClient& client : clients) {
-    client.receive(ports, read_buffer, now);
+    if (is_due(client, now)) {
+      client.receive(ports, read_buffer, now);
+    }
   }
   for (std::size_t i = 0; i < ports.size(); ++i) {
+    if (!bus_of(ports[i]).is_due(now)) {
+      continue;
+    }
     const auto owner = std::find_if(clients.begin(), clients.end(), [i](const UsbipClient& client) {
       return client.device() == i && !client.closing();
     });
@@ -239,7 +312,7 @@ void EmulatorServer::Impl::frame(rt::TimePoint now) {
   for (UsbipClient& client : clients) {
     client.send();
     if (!client.device() && now - client.opened() > kIdleLimit) {
-      // Also ends a served client that never took its reply.
+      // Also ends a served client that never read its reply.
       client.cut_off(CloseReason::kIdle);
     }
     const bool reply_pending = client.closing() == CloseReason::kServed && client.waits_for_reply();
@@ -279,10 +352,11 @@ EmulatorReport EmulatorServer::Impl::report(std::size_t index) const {
   result.busid = port.info.busid;
   result.attached = port.attached;
   result.unplugged = !port.available();
-  result.frames = frames.frames;
-  result.frames_late = frames.late;
-  result.frames_skipped = frames.skipped;
-  result.worst_lateness_us = 1e6 * rt::seconds(frames.worst);
+  const Bus& bus = bus_of(port);
+  result.frames = bus.frames;
+  result.frames_late = bus.late;
+  result.frames_skipped = bus.skipped;
+  result.worst_lateness_us = 1e6 * rt::seconds(bus.worst_lateness);
   return result;
 }
 
@@ -293,7 +367,7 @@ EmulatorServer::~EmulatorServer() { stop(); }
 
 void EmulatorServer::start() {
   if (impl_->thread.joinable() || impl_->stopping.load()) {
-    throw EmulatorError("the emulator has been started before; make a new one");
+    throw EmulatorError("the emulator has already been started; make a new one");
   }
   auto settled = impl_->scheduling.get_future();
   impl_->thread = std::thread([impl = impl_.get()] {

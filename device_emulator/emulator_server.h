@@ -22,30 +22,35 @@ namespace forcegrid::emulator {
 /// How fast bus frames follow each other.
 enum class Pace : std::uint8_t {
   kRealTime,
-  /// As fast as the computer can: while a client waits, frames follow each other at once, each a
-  /// frame period later by the devices' clock. Start-up times and watchdogs then take a fraction of
-  /// their real time. For tests that attach thousands of times; not for tests of motors.
+  /// As fast as the computer can: while a client waits, frames follow each other at once, one frame
+  /// period apart by the devices' clock. Start-up times and watchdogs then take a fraction of their
+  /// real time. For tests that attach thousands of times; not for tests of motors.
   kAsFastAsAsked,
 };
 
 struct ServerOptions {
   std::string listen = "127.0.0.1:3240";
-  std::vector<DeviceOptions> devices;  ///< bus ids 1-1, 1-2, ...; all of one frame period
+  /// Full-speed and high-speed devices may be mixed: each speed has a bus of its own.
+  std::vector<DeviceOptions> devices;
   Pace pace = Pace::kRealTime;
 };
 
-/// Serves emulated devices over USB/IP and runs their bus.
+/// Serves emulated devices over USB/IP and runs their buses.
 ///
-/// One thread serves all clients. Each bus frame (usb.frame_period_us, on absolute deadlines) it
-/// takes in what clients have sent, answers control transfers and unlinks at once, runs one frame
-/// of every device with the pending URBs, and sends the replies without waiting. Devices with bulk
-/// endpoints are also served between frames, whenever their client has sent something or they have
-/// something for it. A client that does not take its replies is dropped when kMaxUnsentBytes wait
-/// for it; no client can delay a frame. A frame that begins late is counted and not made up for:
-/// the next one begins at least half a period later, and physics advances by the true time.
+/// The devices of one speed share a bus: bus 1 has those of the first device's speed (bus ids 1-1,
+/// 1-2, ...), bus 2 those of the other speed (2-1, ...), if there are any.
+///
+/// One thread serves all clients. In each frame of a bus (usb.frame_period_us, on absolute
+/// deadlines) it reads what the clients of that bus have sent, answers control transfers and
+/// unlinks at once, runs one frame of every device of the bus with the pending URBs, and sends the
+/// replies without waiting. It serves devices with bulk endpoints between frames too, whenever
+/// their client has sent something or they have something for it. A client that does not read its
+/// replies is dropped when kMaxUnsentBytes wait for it; no client can delay a frame. A frame that
+/// begins late is counted and not made up for: the next one begins at least half a period later,
+/// and physics advances by the true time.
 ///
 /// The device of a client that vanishes gets a bus reset and waits, unconfigured, for the next one;
-/// its firmware goes on and its watchdog trips.
+/// its firmware continues and its watchdog trips.
 ///
 /// Threads: all members may be called from any thread; they lock a mutex (with priority
 /// inheritance) against the frame thread, which holds it for the part of each frame that is not
@@ -90,8 +95,8 @@ class EmulatorServer {
 
   /// Binds and listens; clients may connect from now on and are served from start() on.
   /// @throws EmulatorError when the address can't be used (not loopback, port in use), when there
-  ///         is no device or when their frame periods differ; std::invalid_argument for a profile
-  ///         that can't be emulated.
+  ///         is no device or when a frame period is of no bus speed; std::invalid_argument for a
+  ///         profile that can't be emulated.
   explicit EmulatorServer(const ServerOptions& options);
   ~EmulatorServer();
   EmulatorServer(const EmulatorServer&) = delete;

@@ -203,7 +203,7 @@ void FalconFirmware::start_firmware() noexcept {
 
 void FalconFirmware::run(std::uint8_t character, rt::TimePoint time) noexcept {
   if (character == kPacketBegin) {
-    // Never within a packet: what had begun is not one.
+    // Never within a packet: the packet that had begun is then malformed.
     statistics_.malformed_packets += packet_size_ > 0 ? 1 : 0;
     packet_size_ = 0;
   } else if (packet_size_ == 0) {
@@ -296,7 +296,7 @@ std::array<std::int32_t, 3> FalconFirmware::counters(
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto counts = static_cast<std::int32_t>(
         std::lround((joint_angle_rad[axis] - zero_angle_rad_) / rad_per_count_));
-    // The packet has 16 bits of it.
+    // The packet has only 16 bits of it.
     result[axis] = static_cast<std::int16_t>(
         static_cast<std::uint16_t>(static_cast<std::uint32_t>(counts + offset_counts_[axis])));
   }

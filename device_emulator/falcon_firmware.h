@@ -15,8 +15,8 @@
 
 namespace forcegrid::emulator {
 
-/// What the signal processor of a Novint Falcon does with its serial line: the boot loader in its
-/// ROM, and the firmware that a host has loaded.
+/// The signal processor of a Novint Falcon at its serial line: the boot loader in its ROM, and the
+/// firmware that a host has loaded.
 ///
 ///   kCold      power-up, or DTR goes high at 9600 Bd: "\nC\r" is answered with "\nD,\r";
 ///   kAutoBaud  after that: 'A' or 'a' at 140 kBd with DTR low is echoed and begins
@@ -31,9 +31,10 @@ namespace forcegrid::emulator {
 /// unused one, and '>'; nibbles and status are added to 0x41. Status to the device: 0x01 homing,
 /// 0x02, 0x04, 0x08 green, blue, red light; from it: buttons in bits 0 to 3, homed axes in 4 to 6.
 ///
-/// A counter is its encoder plus an offset that is unknown until its axis is homed: with the
-/// homing bit set, that is when the driven angle, having been above `homing_out_rad`, falls below
-/// `homing_in_rad`. Zeros that have been found stay; their flags show while the homing bit is set.
+/// A counter is its encoder plus an offset that is unknown until its axis is homed. With the homing
+/// bit set, an axis is homed when the driven angle, after it was above `homing_out_rad`, falls
+/// below `homing_in_rad`. Zeros that have been found stay; their flags show while the homing bit is
+/// set.
 ///
 /// A watchdog cuts the motors when no packet has come for kWatchdog; the vendor's firmware may have
 /// none.
@@ -53,7 +54,7 @@ class FalconFirmware final : public SerialPeer {
 
   enum class State : std::uint8_t { kCold, kAutoBaud, kLoading, kRunning };
 
-  /// The rest of the device, as the firmware's pins see it.
+  /// The rest of the device, as seen by the firmware's pins.
   class Board {
    public:
     virtual ~Board() = default;
@@ -66,18 +67,18 @@ class FalconFirmware final : public SerialPeer {
 
   struct Statistics {
     std::uint64_t handshakes = 0;         ///< "\nC\r" answered
-    std::uint64_t firmware_starts = 0;    ///< images loaded to their end
+    std::uint64_t firmware_starts = 0;    ///< images loaded completely
     std::uint64_t wrong_keys = 0;         ///< images that began with another key
     std::uint64_t bytes_loaded = 0;       ///< bytes echoed by the loader, of all images
     std::uint64_t packets_answered = 0;   ///< well-formed packets
     std::uint64_t malformed_packets = 0;  ///< '<' that no well-formed packet followed
     std::uint64_t watchdog_trips = 0;
-    std::uint64_t saturated_commands = 0;  ///< beyond the limit, one for each motor and packet
+    std::uint64_t saturated_commands = 0;  ///< beyond the limit, one per motor and packet
     std::uint64_t homings = 0;             ///< how often the last of the three axes was homed
   };
 
   /// @param seed of the unhomed counters' offsets.
-  /// @param running the firmware has been loaded before.
+  /// @param running the firmware is already loaded.
   /// @param homed and its axes are homed.
   FalconFirmware(const profiles::DeviceProfile& profile, Board& board, std::uint64_t seed,
                  bool running, bool homed);
@@ -85,16 +86,16 @@ class FalconFirmware final : public SerialPeer {
   /// The boot loader's faults, or null. Must outlive the firmware.
   void set_boot_loader_faults(BootLoaderFaults* faults) noexcept { faults_ = faults; }
 
-  /// Power has gone and come back: cold, motors off, zeros lost.
+  /// Power fails and returns: cold, motors off, zeros lost.
   void power_up() noexcept;
 
   void receive(std::uint8_t character, const LineSettings& line,
                rt::TimePoint time) noexcept override;
   void modem_lines_changed(const LineSettings& line, rt::TimePoint time) noexcept override;
 
-  /// The driven angles [rad] have changed; homing looks at them.
+  /// Reports that the driven angles [rad] have changed; homing depends on them.
   void turn(const std::array<double, 3>& joint_angle_rad) noexcept;
-  /// Bits of the buttons that are down: 1 plus, 2 forward, 4 centre, 8 minus.
+  /// Bits of the buttons that are pressed: 1 plus, 2 forward, 4 centre, 8 minus.
   void set_buttons(std::uint8_t buttons) noexcept { buttons_ = buttons & 0x0FU; }
 
   [[nodiscard]] std::optional<rt::TimePoint> watchdog_deadline() const noexcept;
@@ -112,7 +113,7 @@ class FalconFirmware final : public SerialPeer {
   [[nodiscard]] bool all_homed() const noexcept { return homed_[0] && homed_[1] && homed_[2]; }
   /// Of the last packet: 0x02 green, 0x04 blue, 0x08 red.
   [[nodiscard]] std::uint8_t lights() const noexcept { return lights_; }
-  /// When the last packet came; nothing since the firmware started.
+  /// When the last packet came; nothing if none came since the firmware started.
   [[nodiscard]] std::optional<rt::TimePoint> last_packet() const noexcept { return last_packet_; }
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
 
@@ -143,7 +144,7 @@ class FalconFirmware final : public SerialPeer {
   bool dtr_ = false;
   std::size_t greeting_matched_ = 0;
 
-  /// Where the loader is in the image.
+  /// The loader's place in the image.
   enum class Section : std::uint8_t { kKey, kHeader, kBlockSize, kBlock, kRefused };
   Section section_ = Section::kKey;
   std::optional<std::uint8_t> low_byte_;

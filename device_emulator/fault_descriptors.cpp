@@ -30,7 +30,7 @@ std::optional<std::vector<std::uint8_t>> DescriptorMutations::apply(
   };
   const auto any_byte = [&random] { return static_cast<std::uint8_t>(random() & 0xFFU); };
 
-  // Else hardly any set would get past its first descriptor.
+  // Otherwise hardly any set would get past its first descriptor.
   if (below(3) != 0) {
     return bytes;
   }

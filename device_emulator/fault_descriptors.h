@@ -7,12 +7,12 @@
 
 namespace forcegrid::emulator {
 
-/// Which of a device's descriptors a set of mutations touches, and how. A set is a number: the same
-/// one always mutates the same way, also when a host asks for a descriptor in pieces.
+/// Which of a device's descriptors a set of mutations changes, and how. A set is a number: the same
+/// number always mutates the same way, also when a host asks for a descriptor in pieces.
 ///
-/// Each set leaves some descriptors alone. A touched one is stalled, cut, extended, filled with
-/// random bytes, has bits flipped, or has single bytes set to values that length and count fields
-/// fear: 0, 1, 2, 0x7F, 0x80, 0xFF.
+/// Each set leaves some descriptors unchanged. A changed one is stalled, cut, extended, filled with
+/// random bytes, has bits flipped, or has single bytes set to values that are critical in length
+/// and count fields: 0, 1, 2, 0x7F, 0x80, 0xFF.
 class DescriptorMutations {
  public:
   /// @param seed of the corpus. @param set number within it.

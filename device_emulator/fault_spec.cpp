@@ -15,7 +15,7 @@ constexpr double kLongest_s = 86400.0;
 struct Row {
   FaultKind kind;
   const char* name;
-  const char* keys;  // beside those of every fault, with their defaults
+  const char* keys;  // in addition to those of every fault, with their defaults
   const char* what;
 };
 

@@ -41,7 +41,7 @@ enum class FaultKind : std::uint8_t {
   kCount
 };
 
-/// One fault as it is asked for on the command line:
+/// One fault as written on the command line:
 ///
 ///   NAME[:KEY=VALUE[,KEY=VALUE]...]      e.g. late-report:ms=50,when=motors,for=2
 ///
@@ -68,7 +68,7 @@ struct FaultSpec {
   std::int32_t counts = 0;        ///< size of a jump [encoder counts]
   int bits = 16;                  ///< width of a counter
   bool small_corruption = false;  ///< only the lowest bits of counters
-  std::uint64_t image_byte = 0;   ///< of firmware that is being loaded, from 0
+  std::uint64_t image_byte = 0;   ///< of the firmware image being loaded, from 0
   BootStep boot_step = BootStep::kStart;
   std::uint64_t seed = 1;  ///< of everything random
 };
@@ -76,10 +76,10 @@ struct FaultSpec {
 /// "drop-report" and so on.
 const char* name_of(FaultKind kind) noexcept;
 
-/// @throws std::invalid_argument naming the part that is wrong and what is known instead.
+/// @throws std::invalid_argument naming the wrong part and the known ones.
 FaultSpec parse_fault(std::string_view text);
 
-/// For --help: every fault with its own keys and their defaults, one a line.
+/// For --help: every fault with its own keys and their defaults, one per line.
 std::string fault_names_text();
 
 }  // namespace forcegrid::emulator

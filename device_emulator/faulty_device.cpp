@@ -7,13 +7,13 @@
 #include <utility>
 
 #include "device_emulator/fault_descriptors.h"
+#include "device_emulator/usb_numbers.h"
 
 namespace forcegrid::emulator {
 
 namespace {
 
 constexpr rt::Duration kPushingFor = std::chrono::milliseconds(500);
-constexpr std::uint8_t kGetDescriptor = 6;
 constexpr std::size_t kCounters = 3;
 constexpr std::size_t kCommandWord = 3;
 constexpr std::size_t kModemStatusBytes = 2;
@@ -28,7 +28,7 @@ constexpr std::size_t kFalconFirstValue = 1;
 constexpr std::uint8_t kFalconZero = 0x41;
 constexpr std::size_t kFalconNibbles = 4;
 
-std::int16_t word(std::span<const std::uint8_t> bytes, std::size_t index) {
+std::int16_t word_at(std::span<const std::uint8_t> bytes, std::size_t index) {
   return static_cast<std::int16_t>(
       static_cast<std::uint16_t>(bytes[2 * index] | (bytes[2 * index + 1] << 8)));
 }
@@ -39,7 +39,7 @@ void put_word(std::span<std::uint8_t> bytes, std::size_t index, std::int16_t val
   bytes[2 * index + 1] = static_cast<std::uint8_t>(bits >> 8);
 }
 
-/// Refuses what a device of `protocol` can't have.
+/// Refuses faults that a device of `protocol` can't have.
 void check_fits(FaultKind kind, const std::string& protocol) {
   const bool hid = protocol == "w2" || protocol == "w3";
   const bool falcon = protocol == "falcon";
@@ -55,21 +55,20 @@ void check_fits(FaultKind kind, const std::string& protocol) {
     case FaultKind::kSaturatedEncoder:
     case FaultKind::kWrongWayMotor:
       if (!hid && !falcon) {
-        refuse("changes counters or motors, whose place in a packet is not known of",
+        refuse("changes counters or motors, and their place in a packet is unknown with",
                "w2, w3 or falcon");
       }
       return;
     case FaultKind::kWatchdogTrip:
       if (!hid) {
-        refuse("needs firmware that answers reports without taking them, which is not so with",
-               "w2 or w3");
+        refuse("needs firmware that answers reports without acting on them, unlike", "w2 or w3");
       }
       return;
     case FaultKind::kStatusOnly:
     case FaultKind::kWrongEcho:
     case FaultKind::kStuckBootLoader:
       if (!falcon) {
-        refuse("is one of a serial chip and a boot loader, which are not there with", "falcon");
+        refuse("needs a serial chip and a boot loader, unlike", "falcon");
       }
       return;
     default:
@@ -82,12 +81,12 @@ void check_fits(FaultKind kind, const std::string& protocol) {
 /// The three values of one report or of one command, in the bytes that carry them.
 class FaultyDevice::Counters {
  public:
-  /// @param nibbles a Falcon's four characters a value; else two bytes, the lower first.
+  /// @param nibbles four characters per value (Falcon); else two bytes, the lower first.
   Counters(std::span<std::uint8_t> bytes, bool nibbles) : bytes_(bytes), nibbles_(nibbles) {}
 
   [[nodiscard]] std::int16_t get(std::size_t axis) const {
     if (!nibbles_) {
-      return word(bytes_, axis);
+      return word_at(bytes_, axis);
     }
     unsigned bits = 0;
     for (std::size_t i = 0; i < kFalconNibbles; ++i) {
@@ -120,8 +119,8 @@ struct FaultyDevice::Fault {
   std::mt19937_64 random;
   std::optional<rt::TimePoint> began{};
   bool active = false;
-  std::uint64_t seen = 0;   // reports since it began
-  std::uint64_t acted = 0;  // times it did something
+  std::uint64_t seen = 0;   // reports since the fault began
+  std::uint64_t acted = 0;  // how often it did something
   std::optional<rt::TimePoint> first_acted{};
   std::optional<std::array<std::int16_t, kCounters>> counters_at_start{};
 
@@ -227,7 +226,7 @@ std::vector<FaultyDevice::Counters> FaultyDevice::counters_in(std::span<std::uin
   }
   for (std::size_t at = prefix; at + kFalconPacketBytes <= packet.size();) {
     if (packet[at] != kFalconBegin || packet[at + kFalconPacketBytes - 1] != kFalconEnd) {
-      ++at;  // the rest of one that began in the packet before
+      ++at;  // the rest of a value that began in the packet before
       continue;
     }
     found.emplace_back(packet.subspan(at + kFalconFirstValue, kFalconNibbles * kCounters), true);
@@ -278,7 +277,7 @@ void FaultyDevice::begin_what_is_due(rt::TimePoint now) {
                    (spec.duration_s <= 0.0 || rt::seconds(now - *fault.began) < spec.duration_s) &&
                    (spec.count == 0 || fault.acted < spec.count);
   }
-  // Endpoints that stall act by being so.
+  // A stalled endpoint acts by being stalled.
   for (const FaultKind kind : {FaultKind::kStallIn, FaultKind::kStallOut}) {
     if (Fault* fault = acting(kind); fault != nullptr && fault->acted == 0) {
       fault->act(now);
@@ -328,10 +327,10 @@ ControlReply FaultyDevice::control(const SetupPacket& setup, std::span<const std
     return {};
   }
   Fault* const malformed = acting(FaultKind::kMalformedDescriptors);
-  if (malformed == nullptr || !setup.device_to_host() || setup.request != kGetDescriptor) {
+  if (malformed == nullptr || !setup.device_to_host() || setup.request != usb::kGetDescriptor) {
     return device_->control(setup, data, now);
   }
-  // All of it is mutated, whatever part of it is asked for.
+  // Mutates the whole descriptor, whatever part of it the host asks for.
   SetupPacket whole = setup;
   whole.length = std::numeric_limits<std::uint16_t>::max();
   ControlReply reply = device_->control(whole, data, now);
@@ -466,7 +465,7 @@ bool FaultyDevice::give_in(UsbHost& host, std::uint8_t endpoint_address,
   if (Fault* too_much = acting(FaultKind::kOverLongPayload)) {
     too_much->act(now_);
     host.overfill(endpoint_address);
-    return true;  // for the device everything was as usual
+    return true;  // for the device everything went as usual
   }
   std::vector<std::uint8_t> report(packet.begin(), packet.end());
   spoil_counters(report);
@@ -476,7 +475,7 @@ bool FaultyDevice::give_in(UsbHost& host, std::uint8_t endpoint_address,
   }
   Fault* const late = acting(FaultKind::kLateReport);
   const bool is_late = late != nullptr && hits(*late);
-  if (is_late || !late_.empty()) {  // what comes after a late report comes after it
+  if (is_late || !late_.empty()) {  // what follows a late report stays behind it
     const double delay_s = is_late ? 1e-3 * late->spec.milliseconds : 0.0;
     late_.push_back({now_ + rt::from_seconds(delay_s), endpoint_address, std::move(report)});
     return true;
@@ -501,7 +500,7 @@ std::span<const std::uint8_t> FaultyDevice::spoil_out(std::span<const std::uint8
     return packet;
   }
   out_.assign(packet.begin(), packet.end());
-  if (wrong_way != nullptr && (has_modem_status_ || word(out_, kCommandWord) == 0)) {
+  if (wrong_way != nullptr && (has_modem_status_ || word_at(out_, kCommandWord) == 0)) {
     for (Counters& commands : counters_in(out_, 0)) {
       for (std::size_t i = 0; i < kCounters; ++i) {
         if (wrong_way->touches(i)) {
@@ -513,7 +512,7 @@ std::span<const std::uint8_t> FaultyDevice::spoil_out(std::span<const std::uint8
     }
   }
   if (trip != nullptr) {
-    // What the firmware takes for a report of another length it answers, and does nothing about.
+    // The firmware answers what it takes for a report of another length, and does nothing with it.
     out_.pop_back();
   }
   return out_;

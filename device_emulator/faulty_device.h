@@ -22,7 +22,7 @@ namespace forcegrid::emulator {
 ///
 /// The report records every fault that has begun, with the time until the motors had no current.
 ///
-/// Real-time: as EmulatedDevice, but for run(), which copies packets. Threads: one.
+/// Real-time: as EmulatedDevice, except run(), which copies packets. Threads: one.
 class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
  public:
   /// @param protocol of the device's profile.
@@ -93,7 +93,7 @@ class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
   bool plugged_in_ = true;
   std::uint64_t attachments_ = 0;
   std::deque<LateReport> late_;
-  std::vector<std::uint8_t> out_;  ///< a spoilt packet of the host
+  std::vector<std::uint8_t> out_;  ///< the host's packet, as corrupted
 };
 
 }  // namespace forcegrid::emulator

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kBaseClock_Hz = 3e6;  // 48 MHz / 16
 // Modem status: bit 0 is always set; CTS, DSR, RI and DCD are not connected and read inactive.
-constexpr std::uint8_t kModemStatus = 0x01;
+constexpr std::uint8_t kModemStatusByte = 0x01;
 constexpr std::uint8_t kLineOverrun = 0x02;
 constexpr std::uint8_t kLineFraming = 0x08;
 constexpr std::uint8_t kLineTransmitHoldingEmpty = 0x20;
@@ -89,12 +89,12 @@ std::array<std::uint8_t, Ft232r::kStatusBytes> Ft232r::status() const noexcept {
   if (framing_error_) {
     line |= kLineFraming;
   }
-  return {kModemStatus, line};
+  return {kModemStatusByte, line};
 }
 
 bool Ft232r::offer_out(std::span<const std::uint8_t> packet, rt::TimePoint now) noexcept {
   if (bit_mode_ != 0) {
-    return true;  // goes to pins that nothing hangs on
+    return true;  // goes to pins without a connection
   }
   if (packet.size() > transmit_.room()) {
     return false;

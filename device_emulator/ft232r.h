@@ -28,12 +28,12 @@ struct LineSettings {
   [[nodiscard]] rt::Duration character_time() const noexcept;
 };
 
-/// What hangs at the UART of an Ft232r.
+/// What is connected to the UART of an Ft232r.
 /// Real-time: implementations neither allocate, lock nor throw.
 class SerialPeer {
  public:
   virtual ~SerialPeer() = default;
-  /// The last bit of a character has come in at `time`.
+  /// Receives a character whose last bit came in at `time`.
   virtual void receive(std::uint8_t character, const LineSettings& line,
                        rt::TimePoint time) noexcept = 0;
   /// DTR or RTS has changed at `time`; `line` has the new state.
@@ -43,17 +43,17 @@ class SerialPeer {
 /// Bridge of an FT232R between its two bulk endpoints and its UART: FIFOs, serial timing, latency
 /// timer, status bytes, and the state that vendor requests set.
 ///
-/// Host to UART: OUT packets go into a FIFO of 128 bytes and leave it at the speed of the line;
-/// a packet that does not fit is answered NAK. UART to host: a FIFO of 256 bytes; every IN packet
-/// is two status bytes and up to 62 bytes of data. An IN token gets
+/// Host to UART: OUT packets go into a FIFO of 128 bytes and leave it at the speed of the line; a
+/// packet that does not fit is answered NAK. UART to host: a FIFO of 256 bytes; every IN packet is
+/// two status bytes and up to 62 bytes of data. An IN token gets
 ///   - a packet with data when 62 bytes wait, when the event character has come in, or when any
 ///     data wait and the latency time has passed since the last packet;
 ///   - a bare status packet when nothing has come in for the latency time since the host began to
 ///     ask.
-/// The chip's timer runs freely, and its manufacturer does not say against what; measured from
-/// when the host begins to ask, a bare packet never overtakes the answer to what the host has just
-/// sent, which is what clients of the real device rely on. What the peer sends in one piece becomes
-/// visible in one piece, with its last character.
+/// The chip's timer runs freely, and its manufacturer does not say from when. Here it starts when
+/// the host begins to ask. So a bare packet never overtakes the answer to what the host has just
+/// sent; clients of the real device rely on that. What the peer sends in one piece becomes visible
+/// in one piece, with its last character.
 ///
 /// Source: FTDI protocol notes in Linux `drivers/usb/serial/ftdi_sio.h`; jonas-schievink
 /// ftdi-protocol; by way of the device's fact sheet.
@@ -65,8 +65,8 @@ class Ft232r {
   static constexpr std::size_t kTransmitFifoBytes = 128;  ///< host to UART; FTDI calls it RX
   static constexpr std::size_t kReceiveFifoBytes = 256;   ///< UART to host; FTDI calls it TX
   static constexpr std::uint8_t kDefaultLatency_ms = 16;
-  /// By how much two UARTs may differ: takes in both divisors, 2 and 2.125, that hosts compute for
-  /// the device's 1 456 312 Bd, and the three, 21, 21.375 and 21.5, for its 140 000 Bd.
+  /// By how much two UARTs may differ. It admits both divisors, 2 and 2.125, that hosts compute for
+  /// the device's 1 456 312 Bd, and all three, 21, 21.375 and 21.5, for its 140 000 Bd.
   static constexpr double kBaudTolerance = 0.031;
 
   enum class FlowControl : std::uint8_t { kNone = 0, kRtsCts = 1, kDtrDsr = 2, kXonXoff = 4 };
@@ -87,7 +87,7 @@ class Ft232r {
 
   /// Baud rate of a divisor: 3 MHz / (integer + fraction), integer in bits 0 to 13 and a code for
   /// the eighths in bits 14 to 16; 0 and 1 mean 3 and 2 MBd.
-  /// @returns nothing for divisors between, which the chip has not.
+  /// @returns nothing for divisors in between, which the chip does not have.
   [[nodiscard]] static std::optional<double> baud_of_divisor(std::uint32_t divisor) noexcept;
 
   // What vendor requests do. The line's changes reach the peer at `time`.
@@ -102,7 +102,7 @@ class Ft232r {
                   bool break_on) noexcept;
   void set_event_character(std::optional<std::uint8_t> character) noexcept { event_ = character; }
   void set_latency_ms(std::uint8_t latency_ms) noexcept { latency_ms_ = latency_ms; }
-  /// Any mode but 0 takes the pins from the UART.
+  /// Any mode but 0 disconnects the pins from the UART.
   void set_bit_mode(std::uint8_t mode) noexcept { bit_mode_ = mode; }
 
   [[nodiscard]] const LineSettings& line() const noexcept { return line_; }
@@ -113,16 +113,16 @@ class Ft232r {
   /// The host sends an OUT packet. @returns false for NAK: it does not fit.
   [[nodiscard]] bool offer_out(std::span<const std::uint8_t> packet, rt::TimePoint now) noexcept;
 
-  /// Whether the host asks the IN endpoint at `now`; to be said whenever that may have changed.
+  /// Says whether the host asks the IN endpoint at `now`; call it whenever that may have changed.
   void set_asked(bool asked, rt::TimePoint now) noexcept;
-  /// What an IN token gets at `now`; nothing for NAK. It stays until in_taken().
+  /// The packet for an IN token at `now`; nothing for NAK. It stays until in_taken().
   [[nodiscard]] std::optional<Packet> in_packet(rt::TimePoint now) const noexcept;
   /// The host has taken in_packet(now).
   void in_taken(rt::TimePoint now) noexcept;
 
-  /// The line goes on until `now`: the peer gets each character at its own time.
+  /// Runs the line until `now`: the peer gets each character at its own time.
   void advance_to(rt::TimePoint now, SerialPeer& peer) noexcept;
-  /// The peer sends characters from `start` on, one behind the other, at `baud_Hz`.
+  /// The peer sends characters from `start` on, back to back, at `baud_Hz`.
   void send_from_peer(std::span<const std::uint8_t> characters, double baud_Hz,
                       rt::TimePoint start) noexcept;
 

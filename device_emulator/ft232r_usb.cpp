@@ -3,34 +3,14 @@
 
 #include <string>
 
+#include "device_emulator/control_replies.h"
+#include "device_emulator/usb_numbers.h"
+
 namespace forcegrid::emulator {
 
 namespace {
 
-// USB 2.0, tables 9-2 to 9-6.
-constexpr std::uint8_t kTypeMask = 0x60;
-constexpr std::uint8_t kTypeStandard = 0x00;
-constexpr std::uint8_t kTypeVendor = 0x40;
-constexpr std::uint8_t kRecipientMask = 0x1F;
-constexpr std::uint8_t kRecipientDevice = 0;
-constexpr std::uint8_t kRecipientInterface = 1;
-constexpr std::uint8_t kRecipientEndpoint = 2;
-constexpr std::uint8_t kGetStatus = 0;
-constexpr std::uint8_t kClearFeature = 1;
-constexpr std::uint8_t kSetFeature = 3;
-constexpr std::uint8_t kSetAddress = 5;
-constexpr std::uint8_t kGetDescriptor = 6;
-constexpr std::uint8_t kGetConfiguration = 8;
-constexpr std::uint8_t kSetConfiguration = 9;
-constexpr std::uint8_t kGetInterface = 10;
-constexpr std::uint8_t kSetInterface = 11;
-constexpr std::uint16_t kFeatureEndpointHalt = 0;
-constexpr std::uint16_t kFeatureRemoteWakeup = 1;
-constexpr std::uint16_t kStatusHalted = 1;
-constexpr std::uint16_t kStatusRemoteWakeup = 2;
-constexpr std::uint8_t kDescriptorDevice = 1;
-constexpr std::uint8_t kDescriptorConfiguration = 2;
-constexpr std::uint8_t kDescriptorString = 3;
+using namespace usb;
 
 // Requests of the chip (FTDI_SIO_... in the source).
 constexpr std::uint8_t kReset = 0x00;
@@ -50,8 +30,6 @@ constexpr std::uint8_t kReadEeprom = 0x90;
 constexpr std::uint16_t kResetAll = 0;
 constexpr std::uint16_t kPurgeTransmit = 1;  // what FTDI calls RX, the chip's view of USB
 constexpr std::uint16_t kPurgeReceive = 2;
-constexpr std::uint8_t kEepromWords = 64;
-constexpr std::uint16_t kErased = 0xFFFF;
 
 constexpr std::uint8_t kAttributes = 0xA0;  // bus-powered, remote wake-up
 constexpr std::uint8_t kMaxPower = 0x2D;    // 90 mA
@@ -66,13 +44,6 @@ constexpr std::array<std::uint8_t, 32> kConfigurationDescriptor = {
 constexpr std::array<UsbEndpoint, 2> kEndpoints = {
     UsbEndpoint{Ft232rUsb::kEndpointIn, UsbTransferType::kBulk, Ft232r::kPacketBytes},
     UsbEndpoint{Ft232rUsb::kEndpointOut, UsbTransferType::kBulk, Ft232r::kPacketBytes}};
-
-std::uint8_t low(std::uint16_t word) { return static_cast<std::uint8_t>(word & 0xFFU); }
-std::uint8_t high(std::uint16_t word) { return static_cast<std::uint8_t>(word >> 8); }
-
-ControlReply stall() { return {}; }
-ControlReply done() { return {false, {}}; }
-ControlReply word(std::uint16_t value) { return {false, {low(value), high(value)}}; }
 
 }  // namespace
 
@@ -91,19 +62,20 @@ Ft232rUsb::Ft232rUsb(const profiles::DeviceProfile::Usb& usb)
                          0x00,
                          0x00,
                          0x08,
-                         low(usb.vendor_id),
-                         high(usb.vendor_id),
-                         low(usb.product_id),
-                         high(usb.product_id),
-                         low(usb.device_release),
-                         high(usb.device_release),
+                         low_byte(usb.vendor_id),
+                         high_byte(usb.vendor_id),
+                         low_byte(usb.product_id),
+                         high_byte(usb.product_id),
+                         low_byte(usb.device_release),
+                         high_byte(usb.device_release),
                          0x01,
                          0x02,
                          0x03,
                          0x01},
       string_descriptors_{std::vector<std::uint8_t>{0x04, 0x03, 0x09, 0x04},  // English (US)
                           usb_string_descriptor(usb.manufacturer),
-                          usb_string_descriptor(usb.product), usb_string_descriptor(usb.serial)} {}
+                          usb_string_descriptor(usb.product), usb_string_descriptor(usb.serial)},
+      eeprom_(ft232r_eeprom(usb, kAttributes, kMaxPower)) {}
 
 std::span<const UsbEndpoint> Ft232rUsb::endpoints() const noexcept { return kEndpoints; }
 
@@ -139,13 +111,13 @@ ControlReply Ft232rUsb::standard(const SetupPacket& setup) {
 
   if (to_host && setup.request == kGetStatus) {
     if (recipient == kRecipientDevice) {
-      return word(remote_wakeup_ ? kStatusRemoteWakeup : 0);
+      return word_reply(remote_wakeup_ ? kStatusRemoteWakeup : 0);
     }
     if (recipient == kRecipientInterface) {
-      return word(0);
+      return word_reply(0);
     }
     if (recipient == kRecipientEndpoint && (known_endpoint || (endpoint & 0x0FU) == 0)) {
-      return word(halted(endpoint) ? kStatusHalted : 0);
+      return word_reply(halted(endpoint) ? kStatusHalted : 0);
     }
     return stall();
   }
@@ -172,7 +144,7 @@ ControlReply Ft232rUsb::standard(const SetupPacket& setup) {
     return stall();
   }
   if (!to_host && setup.request == kSetAddress && recipient == kRecipientDevice) {
-    return done();  // the address is the bus's affair, and this bus has none
+    return done();  // the bus assigns the address, and this bus has none
   }
   if (!to_host && setup.request == kSetConfiguration && recipient == kRecipientDevice) {
     if (setup.value > 1) {
@@ -195,8 +167,8 @@ ControlReply Ft232rUsb::standard(const SetupPacket& setup) {
 }
 
 ControlReply Ft232rUsb::get_descriptor(const SetupPacket& setup) const {
-  const std::uint8_t index = low(setup.value);
-  switch (high(setup.value)) {
+  const std::uint8_t index = low_byte(setup.value);
+  switch (high_byte(setup.value)) {
     case kDescriptorDevice:
       return {false, {device_descriptor_.begin(), device_descriptor_.end()}};
     case kDescriptorConfiguration:
@@ -236,7 +208,7 @@ ControlReply Ft232rUsb::vendor_out(const SetupPacket& setup, Ft232r& bridge, Ser
       return done();
     }
     case kFlowControl: {
-      const std::uint8_t protocol = high(setup.index);
+      const std::uint8_t protocol = high_byte(setup.index);
       if (protocol != 0 && protocol != 1 && protocol != 2 && protocol != 4) {
         return stall();
       }
@@ -253,7 +225,7 @@ ControlReply Ft232rUsb::vendor_out(const SetupPacket& setup, Ft232r& bridge, Ser
       return done();
     }
     case kDataFormat: {
-      const std::uint8_t data_bits = low(value);
+      const std::uint8_t data_bits = low_byte(value);
       const auto parity = static_cast<std::uint8_t>(value >> 8 & 7U);
       const auto stop_bits = static_cast<std::uint8_t>(value >> 11 & 7U);
       if ((data_bits != 7 && data_bits != 8) || parity > 4 || stop_bits > 2) {
@@ -263,18 +235,19 @@ ControlReply Ft232rUsb::vendor_out(const SetupPacket& setup, Ft232r& bridge, Ser
       return done();
     }
     case kEventCharacter:
-      bridge.set_event_character((value & 0x100U) != 0 ? std::optional(low(value)) : std::nullopt);
+      bridge.set_event_character((value & 0x100U) != 0 ? std::optional(low_byte(value))
+                                                       : std::nullopt);
       return done();
     case kErrorCharacter:
-      return done();  // replaces characters with a parity error, which this line has not
+      return done();  // replaces characters with a parity error, which never occurs on this line
     case kSetLatency:
       if (value < 1 || value > 255) {
         return stall();
       }
-      bridge.set_latency_ms(low(value));
+      bridge.set_latency_ms(low_byte(value));
       return done();
     case kBitMode:
-      bridge.set_bit_mode(high(value));
+      bridge.set_bit_mode(high_byte(value));
       return done();
     default:
       return stall();
@@ -292,24 +265,9 @@ ControlReply Ft232rUsb::vendor_in(const SetupPacket& setup, const Ft232r& bridge
     case kReadPins:
       return {false, {0}};
     case kReadEeprom:
-      return word(eeprom_word(setup.index));
+      return word_reply(eeprom_[setup.index % eeprom_.size()]);
     default:
       return stall();
-  }
-}
-
-std::uint16_t Ft232rUsb::eeprom_word(std::uint16_t address) const noexcept {
-  switch (address % kEepromWords) {
-    case 1:
-      return identity_.vendor_id;
-    case 2:
-      return identity_.product_id;
-    case 3:
-      return identity_.device_release;
-    case 4:
-      return kAttributes | kMaxPower << 8;
-    default:
-      return kErased;
   }
 }
 

@@ -28,7 +28,7 @@ constexpr double kRandomLowest_Hz = 0.08;
 constexpr double kRandomHighest_Hz = 5.0;
 constexpr double kRandomCorner_Hz = 1.2;
 constexpr double kRandomRms_m[3] = {0.007, 0.007, 0.0055};
-// Where tanh bends the motion: inside the +-21 mm by -6..+27 mm that the study's objects cover.
+// Where tanh starts to bend the motion: within the +-21 mm by -6..+27 mm of the study's objects.
 constexpr double kRandomLimit_m[3] = {0.018, 0.018, 0.012};
 
 constexpr double kPokePeriod_s = 0.8;
@@ -204,7 +204,7 @@ Vector3d HandMotion::stroke_D(double time_s) noexcept {
   const double slid_s = std::clamp(t - kStrokeRamp_s, 0.0, kStrokeSlide_s);
   const double down = minimum_jerk(t / kStrokeRamp_s);
   const double up = minimum_jerk((t - kStrokeRamp_s - kStrokeSlide_s) / kStrokeRamp_s);
-  const double turns = kStrokeFrequency_Hz * slid_s;  // out and back again each
+  const double turns = kStrokeFrequency_Hz * slid_s;  // each out and back
   const double side = turns < 1.0 ? 1.0 : -1.0;
   return {0.0, 0.5 * side * kStrokeWidth_m * (1.0 - std::cos(kTurn_rad * turns)),
           from_m + down * (-kStrokeDown_m - from_m) + up * (kStrokeUp_m + kStrokeDown_m)};

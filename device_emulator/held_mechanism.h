@@ -10,7 +10,7 @@
 
 namespace forcegrid::emulator {
 
-/// What the physics of all emulated mechanisms have in common: the hand that holds the tip, joint
+/// The common part of the physics of all emulated mechanisms: the hand that holds the tip, joint
 /// friction, stops, energy accounts, and the division of time into substeps.
 ///
 ///   F_hand       = K (x_target - x) + B (x_target' - x')             [N], frame D
@@ -26,11 +26,13 @@ class HeldMechanism {
  public:
   static constexpr double kSubstep_s = 125e-6;
 
-  /// Work done on the mechanism since construction [J]. Its kinetic energy (hand's mass included)
-  /// is the sum but for the integration error.
+  virtual ~HeldMechanism() = default;
+
+  /// Work done on the mechanism since construction [J]. Apart from the integration error, the sum
+  /// is its kinetic energy (hand's mass included).
   struct Work {
     double motor_positive_J = 0.0;  ///< delivered by the motors: power summed over the joints > 0
-    double motor_negative_J = 0.0;  ///< taken up by the motors (<= 0)
+    double motor_negative_J = 0.0;  ///< absorbed by the motors (<= 0)
     double hand_J = 0.0;            ///< spring and damper of the hand
     double friction_J = 0.0;        ///< <= 0
     double stops_J = 0.0;
@@ -43,11 +45,11 @@ class HeldMechanism {
   void advance(double duration_s, const Eigen::Vector3d& motor_torque_Nm,
                const Eigen::Vector3d& hand_target_D) noexcept;
 
-  /// Puts the hand's target [m] somewhere else without moving it there.
+  /// Puts the hand's target [m] somewhere else at once.
   void place_hand_target(const Eigen::Vector3d& hand_target_D) noexcept {
     hand_target_D_ = hand_target_D;
   }
-  /// Fastens a point mass [kg] to the tip: it is moved along and has weight.
+  /// Fastens a point mass [kg] to the tip: it moves with the tip and has weight.
   void attach_tip_mass(double mass_kg) noexcept;
   /// The hand lets go: from now on nothing holds the tip or bears its weight.
   void release_hand() noexcept;
@@ -57,17 +59,17 @@ class HeldMechanism {
   [[nodiscard]] const Work& work() const noexcept { return work_; }
 
  protected:
-  /// The stops that are touched in one substep, each with the force
-  /// -stiffness * excess - damping * rate along its axis d(excess)/dx, x being the mechanism's
-  /// coordinates (joint angles or the knob's position).
+  /// The stops touched in one substep, each with the force -stiffness * excess - damping * rate
+  /// along its axis d(excess)/dx; x are the mechanism's coordinates (joint angles or the knob's
+  /// position).
   class Stops {
    public:
-    /// Notes a stop that x is beyond by `excess`, unless it would pull back in.
+    /// Adds a stop that x is beyond by `excess`, unless it would pull back in.
     void touch(const Eigen::Vector3d& axis, double excess, double rate, double stiffness,
                double damping) noexcept;
-    /// Adds the stops' force for the speed at the start of the substep.
+    /// Adds the stops' force at the substep's initial speed.
     void add_force(Eigen::Vector3d& force) const noexcept;
-    /// Adds what a change of speed adds to the force: the implicit part.
+    /// Adds the implicit part: the force caused by a change of speed.
     void add_resistance(double step_s, Eigen::Matrix3d& resistance) const noexcept;
     /// Adds the work [J] of a substep that changed the speed by `change` and x by `moved`.
     void add_work(double step_s, const Eigen::Vector3d& change, const Eigen::Vector3d& moved,
@@ -98,7 +100,6 @@ class HeldMechanism {
                 double gravity_m_per_s2) noexcept;
   HeldMechanism(const HeldMechanism&) = default;
   HeldMechanism& operator=(const HeldMechanism&) = default;
-  ~HeldMechanism() = default;
 
   virtual void substep(const Drive& drive) noexcept = 0;
 
@@ -108,12 +109,12 @@ class HeldMechanism {
   /// [N] of the hand on a tip at `position_D` [m] with `velocity_D` [m/s].
   Eigen::Vector3d hand_force_D(const Drive& drive, const Eigen::Vector3d& position_D,
                                const Eigen::Vector3d& velocity_D) const noexcept;
-  /// [N s/m] what a change of the tip's velocity within a substep takes from the hand's force at
-  /// its middle.
+  /// [N s/m] By how much a change of the tip's velocity within a substep reduces the hand's force
+  /// at its middle.
   double hand_resistance_N_s_per_m(double step_s) const noexcept {
     return 0.5 * hand_damping_N_s_per_m_ + 0.25 * step_s * hand_stiffness_N_per_m_;
   }
-  /// [kg] `mass_kg` and what the hand adds to it in the implicit equation of motion.
+  /// [kg] `mass_kg` plus the hand's share in the implicit equation of motion.
   double mass_with_hand_kg(double mass_kg, double step_s) const noexcept {
     return mass_kg + 0.5 * step_s * hand_damping_N_s_per_m_ +
            0.25 * step_s * step_s * hand_stiffness_N_per_m_;
@@ -123,7 +124,7 @@ class HeldMechanism {
   }
 
   profiles::DeviceProfile::Dynamics dynamics_;
-  double moving_mass_kg_;  ///< the tip's, the hand's and what is fastened to the tip
+  double moving_mass_kg_;  ///< of the tip, the hand and what is fastened to the tip
   double tip_weight_N_ = 0.0;
   bool hand_carries_weight_;
   Work work_;

@@ -79,7 +79,7 @@ FileDescriptor listen_on(const ListenAddress& where, std::uint16_t& bound_port) 
     fail("socket", "");
   }
   const int on = 1;
-  // Without it a port stays refused for a minute after the last emulator on it has ended.
+  // Without it the system refuses the port for a minute after the last emulator on it has ended.
   if (::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0) {
     fail("setsockopt", "");
   }

@@ -9,7 +9,7 @@
 
 namespace forcegrid::emulator {
 
-/// The emulator can't be set up. `what()` says why and what to do about it.
+/// The emulator can't be set up. `what()` says why and how to fix it.
 class EmulatorError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -26,7 +26,8 @@ struct ListenAddress {
 
 /// "ADDR:PORT" with ADDR an IPv4 address in 127.0.0.0/8, "[::1]" or "localhost", and PORT 0 (any
 /// free one) to 65535.
-/// @throws EmulatorError for anything else; for an address that is not loopback with the reason.
+/// @throws EmulatorError for anything else; for an address that is not loopback it gives the
+///   reason.
 ListenAddress parse_listen_address(std::string_view text);
 
 /// A file descriptor that closes itself.
@@ -46,7 +47,7 @@ class FileDescriptor {
 };
 
 /// Opens a non-blocking TCP socket that listens at `where`.
-/// @param bound_port the port it has got, which differs from where.port if that is 0.
+/// @param bound_port the port that was bound, which differs from where.port if that is 0.
 /// @throws EmulatorError naming the address, the system's words and the remedy.
 FileDescriptor listen_on(const ListenAddress& where, std::uint16_t& bound_port);
 

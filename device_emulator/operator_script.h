@@ -11,21 +11,21 @@
 
 namespace forcegrid::emulator {
 
-/// What the person who holds the arm does, as a target for the hand over time:
+/// What the person who holds the arm does, as the hand's target over time:
 ///
 /// 1. keeps still in the calibration pose until a host has fed the watchdog for 0.2 s, then presses
-///    the calibration button (unless that host has loaded the counters already) and keeps still
-///    until command 1 loads them (`calibrated`: both are skipped); a device with a `homing` gesture
-///    is instead pulled out and pushed in, over and over, until all its axes are homed, and then
-///    brought back within 1.2 s;
-/// 2. moves in 1.2 s to the approach point, 10 mm above the contact point, and in 0.5 s down to
-///    0.5 mm below the contact height, both minimum-jerk, and waits 0.5 s;
+///    the calibration button (unless that host has already loaded the counters) and keeps still
+///    until command 1 loads them (`calibrated`: both are skipped). A device with a `homing` gesture
+///    is instead pulled out and pushed in repeatedly until all its axes are homed, and then brought
+///    back within 1.2 s;
+/// 2. moves in 1.2 s to the approach point, 10 mm above the contact point, and in 0.5 s down to 0.5
+///    mm below the contact height, both minimum-jerk, and waits 0.5 s;
 /// 3. makes the motion relative to that point, without end;
-/// 4. when the host has gone (device detached, or silent for 2 s) returns in 1.2 s to the
+/// 4. when the host has gone (device detached, or silent for 2 s), returns in 1.2 s to the
 ///    calibration pose and starts again with the next host.
 ///
-/// One that lets go keeps still in the calibration pose instead of 2 and 3, and takes the hand away
-/// kLetGo_s after the counters have become right, for good.
+/// An operator who lets go keeps still in the calibration pose instead of 2 and 3, and takes the
+/// hand away for good kLetGo_s after the counters have become right.
 ///
 /// The target never jumps. Time is an argument and must not decrease.
 /// Real-time: update() neither allocates, locks nor throws. Threads: one.
@@ -59,8 +59,8 @@ class OperatorScript {
 
   struct Action {
     Eigen::Vector3d target_D = Eigen::Vector3d::Zero();  ///< [m] of the hand, frame D
-    bool press_button = false;                           ///< the calibration button goes down now
-    bool let_go = false;                                 ///< the hand is taken away now
+    bool press_button = false;                           ///< press the calibration button now
+    bool let_go = false;                                 ///< take the hand away now
   };
 
   enum class Phase : std::uint8_t { kWaiting, kCalibrating, kApproaching, kMoving, kReturning };
@@ -81,7 +81,7 @@ class OperatorScript {
   static constexpr double kHomingPause_s = 0.3;
 
  private:
-  /// [m] `since_s` [s] after the homing gesture began.
+  /// [m] The target `since_s` [s] after the homing gesture began.
   Eigen::Vector3d homing_target_D(double since_s) const noexcept;
 
   Options options_;

@@ -60,12 +60,12 @@ std::vector<PathPoint> read_recorded_path(const std::string& file) {
       const auto [stopped, error] = std::from_chars(field.data(), end, values[i]);
       if (error != std::errc() || stopped != end || !std::isfinite(values[i])) {
         throw EmulatorError(file + ":" + std::to_string(number) + ": '" + field + "' in column " +
-                            kColumns[i] + " is no finite number");
+                            kColumns[i] + " is not a finite number");
       }
     }
     if (!path.empty() && values[0] <= path.back().time_s) {
       throw EmulatorError(file + ":" + std::to_string(number) +
-                          ": time_s does not rise; a path goes forward in time");
+                          ": time_s does not increase; a path must go forward in time");
     }
     path.push_back({values[0], {values[1], values[2], values[3]}});
   }

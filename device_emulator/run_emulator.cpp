@@ -9,6 +9,8 @@
 #include <string>
 #include <string_view>
 
+#include "log/log.h"
+
 namespace forcegrid::emulator {
 
 namespace {
@@ -32,7 +34,7 @@ ServerOptions server_options(const EmulatorOptions& options) {
   }
   if (options.hand_lets_go && parse_hand(options.hand) == HandKind::kNone) {
     throw std::invalid_argument(
-        "a hand that lets go has to be there at first; use hand firm or light");
+        "a hand that lets go must hold the device first; use hand firm or light");
   }
   ServerOptions server;
   server.listen = options.listen;
@@ -67,12 +69,12 @@ ServerOptions server_options(const EmulatorOptions& options) {
 }
 
 std::vector<EmulatorReport> run_emulator(const EmulatorOptions& options, std::ostream& out,
-                                         std::ostream& log, const std::atomic<bool>& stop,
-                                         int stop_fd) {
+                                         const std::atomic<bool>& stop, int stop_fd) {
   EmulatorServer server(server_options(options));
   server.start();
-  if (const auto scheduling = server.statistics().scheduling; !scheduling.realtime) {
-    log << "emulator frame thread: " << scheduling.reason << std::endl;
+  const auto scheduling = server.statistics().scheduling;
+  if (!scheduling.realtime && options.says_scheduling) {
+    log::warn("emulator", "emulator frame thread: " + scheduling.reason);
   }
   for (std::size_t i = 0; i < server.device_count(); ++i) {
     out << "listening " << server.address() << " busid " << server.device(i).busid() << " device "

@@ -27,27 +27,26 @@ struct EmulatorOptions {
   bool hand_lets_go = false;              ///< see OperatorScript
   double tip_mass_kg = 0.0;               ///< fastened to the tip, 0 to kMaxTipMass_kg
   bool calibrated = false;                ///< counters are true from the start; no button needed
-  bool random_power_up_counters = false;  ///< counters start anywhere instead of at 0
+  bool random_power_up_counters = false;  ///< counters start at random values instead of 0
   bool firmware_loaded = false;           ///< a Falcon's firmware runs from the start
   std::array<double, 3> contact_m{};      ///< contact point, frame D
   double amplitude_m = HandMotion::kNominalAmplitude_m;
   std::vector<std::string> faults;  ///< of every device, see FaultSpec
+  bool says_scheduling = true;      ///< the log gets a warning if it gets no real-time scheduling
 };
 
 /// Checks the options and loads the profiles.
 /// @throws EmulatorError, std::invalid_argument or profiles::ProfileError naming what is wrong.
 ServerOptions server_options(const EmulatorOptions& options);
 
-/// Serves until `stop` is true or `stop_fd` can be read or is at its end. When ready it prints for
-/// each device the line `listening ADDR:PORT busid 1-1 device NAME` to `out` and flushes; a refusal
-/// of real-time scheduling goes to `log`, once.
+/// Serves until `stop` is true or `stop_fd` is readable or at its end. When ready it prints for
+/// each device the line `listening ADDR:PORT busid 1-1 device NAME` to `out` and flushes.
 /// @param stop_fd a pipe, signalfd or standard input; -1: none.
 /// @returns what each device did.
 /// @throws as server_options() and EmulatorServer.
-/// Real-time: no. Threads: `stop` may be set from anywhere, a signal handler included; it is looked
-/// at every 50 ms.
+/// Real-time: no. Threads: `stop` may be set from anywhere, including a signal handler; it is read
+/// every 50 ms.
 std::vector<EmulatorReport> run_emulator(const EmulatorOptions& options, std::ostream& out,
-                                         std::ostream& log, const std::atomic<bool>& stop,
-                                         int stop_fd = -1);
+                                         const std::atomic<bool>& stop, int stop_fd = -1);
 
 }  // namespace forcegrid::emulator

@@ -15,19 +15,19 @@ namespace forcegrid::emulator {
 struct Urb {
   std::uint32_t sequence = 0;
   UsbEndpoint endpoint;
-  std::size_t buffer_bytes = 0;    ///< IN: what the client has room for
-  std::vector<std::uint8_t> data;  ///< OUT: what is to be sent; IN: what has come so far
+  std::size_t buffer_bytes = 0;    ///< IN: the client's room
+  std::vector<std::uint8_t> data;  ///< OUT: data to send; IN: data received so far
   std::size_t sent_bytes = 0;      ///< OUT: bytes of `data` that the device has taken
-  bool zero_packet = false;        ///< OUT: data of whole packets is followed by an empty packet
+  bool zero_packet = false;        ///< OUT: an empty packet follows data of whole packets
   bool short_is_error = false;     ///< IN: less than buffer_bytes is an error
 };
 
-/// The host's end of the bus of one USB/IP client: it works off the client's pending transfers
-/// packet by packet, the oldest of each endpoint first, and writes the reply of each that is
+/// The host's end of the bus of one USB/IP client: it processes the client's pending transfers
+/// packet by packet, the oldest of each endpoint first, and writes the reply when a transfer is
 /// complete. An OUT transfer ends with its last packet; an IN transfer with a packet shorter than
 /// the endpoint's or with a full buffer.
 ///
-/// Refers to the client's lists for as long as it lives.
+/// Keeps references to the client's lists.
 /// Real-time: no (replies are appended to a vector). Threads: one.
 class UrbHost final : public UsbHost {
  public:

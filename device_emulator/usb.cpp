@@ -4,11 +4,12 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "device_emulator/usb_numbers.h"
+
 namespace forcegrid::emulator {
 
 namespace {
 
-constexpr std::uint8_t kDescriptorString = 3;
 constexpr std::size_t kMaxStringLength = 126;  // bLength is one byte
 
 }  // namespace
@@ -27,7 +28,7 @@ std::vector<std::uint8_t> usb_string_descriptor(const std::string& text) {
                                 "' can't be emulated; use at most 126 printable ASCII characters");
   }
   std::vector<std::uint8_t> bytes{static_cast<std::uint8_t>(2 + 2 * text.size()),
-                                  kDescriptorString};
+                                  usb::kDescriptorString};
   for (const char character : text) {
     bytes.push_back(static_cast<std::uint8_t>(character));
     bytes.push_back(0);

@@ -29,7 +29,7 @@ struct ControlReply {
   std::vector<std::uint8_t> data;  ///< of a device-to-host transfer, at most `length` bytes
 };
 
-/// What a device list says of a device before anybody has talked to it.
+/// What a device list states about a device before anybody has talked to it.
 struct UsbIdentity {
   std::uint16_t vendor_id = 0;
   std::uint16_t product_id = 0;
@@ -42,11 +42,11 @@ struct UsbIdentity {
 
 /// How often a host asks an endpoint.
 enum class UsbTransferType : std::uint8_t {
-  kInterrupt,  ///< once a bus frame
+  kInterrupt,  ///< once per bus frame
   kBulk,       ///< whenever the bus is free
 };
 
-/// One endpoint beside endpoint 0.
+/// One endpoint other than endpoint 0.
 struct UsbEndpoint {
   std::uint8_t address = 0;  ///< number, and 0x80 for IN
   UsbTransferType type = UsbTransferType::kInterrupt;
@@ -55,14 +55,14 @@ struct UsbEndpoint {
   [[nodiscard]] bool in() const noexcept { return (address & 0x80U) != 0; }
 };
 
-/// The host's end of the bus at one moment: which packets it has for a device and which it asks of
-/// it. A device that leaves a packet where it is has answered NAK.
+/// The host's end of the bus at one moment: which packets it has for a device and which it asks
+/// for. A device that leaves a packet has answered NAK.
 class UsbHost {
  public:
   virtual ~UsbHost() = default;
 
   /// The packet that the host sends to an OUT endpoint, at most packet_bytes long and possibly
-  /// empty; nothing when it sends none. Valid until the next call of a member.
+  /// empty; nothing if it sends none. Valid until the next call of a member.
   [[nodiscard]] virtual std::optional<std::span<const std::uint8_t>> out_packet(
       std::uint8_t endpoint_address) = 0;
   /// The device has taken that packet (ACK); the next one, if any, comes after it.
@@ -79,8 +79,8 @@ class UsbHost {
   /// Ends the host's transfer as if the device had sent more than there was room for; only after
   /// wants_in().
   virtual void babble(std::uint8_t endpoint_address) = 0;
-  /// Ends the host's transfer with more bytes than it asked for, which no bus can do, but a server
-  /// on the way; only after wants_in().
+  /// Ends the host's transfer with more bytes than it asked for. No bus can do that, but a server
+  /// in between can; only after wants_in().
   virtual void overfill(std::uint8_t endpoint_address) = 0;
 };
 

@@ -37,7 +37,7 @@ void UsbipClient::receive(std::span<BusPort> ports, std::span<std::uint8_t> buff
     return;
   }
   std::optional<CloseReason> ended;
-  // A client that commands faster than frames pass is held back by its full socket.
+  // The full socket holds back a client that commands faster than frames pass.
   if (received_.size() < kMaxReadPerFrame) {
     const ssize_t size = ::recv(socket_.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
     if (size > 0) {

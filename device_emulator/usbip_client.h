@@ -31,8 +31,8 @@ struct BusPort {
   [[nodiscard]] const UsbEndpoint* endpoint(std::uint8_t address) const noexcept;
 };
 
-/// One USB/IP client of the emulator: what it has sent, what it is still to be sent, the device
-/// that it has imported and the transfers (URBs) that wait for that device.
+/// One USB/IP client of the emulator: its input, its pending output, the device that it has
+/// imported and the transfers (URBs) that wait for that device.
 ///
 /// A client first asks for the list of devices or imports one (operations); after an import it
 /// submits and unlinks transfers (commands). A message that the protocol does not allow closes the
@@ -48,21 +48,21 @@ class UsbipClient {
   UsbipClient(FileDescriptor socket, rt::TimePoint opened) noexcept
       : socket_(std::move(socket)), opened_(opened) {}
 
-  /// Takes in what the client has sent, at most `buffer.size()` bytes and 64 messages. Control
+  /// Reads what the client has sent, at most `buffer.size()` bytes and 64 messages. Control
   /// transfers and unlinks are answered at once.
   void receive(std::span<BusPort> ports, std::span<std::uint8_t> buffer, rt::TimePoint now);
   /// Runs the imported device's `port` with the pending transfers.
   void run_device(BusPort& port, rt::TimePoint now);
-  /// Sends what the socket takes without waiting. A client that leaves kMaxUnsentBytes is closed.
+  /// Sends what the socket accepts without waiting. Closes a client with kMaxUnsentBytes unread.
   void send();
 
-  /// Marks the connection as closing; the first reason counts.
+  /// Marks the connection as closing; the first reason is kept.
   void close(CloseReason reason) noexcept {
     if (!closing_) {
       closing_ = reason;
     }
   }
-  /// The same, and what has not been sent yet is dropped.
+  /// The same; also drops what has not been sent yet.
   void cut_off(CloseReason reason) noexcept {
     unsent_.clear();
     close(reason);

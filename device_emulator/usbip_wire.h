@@ -11,7 +11,7 @@
 
 namespace forcegrid::emulator {
 
-/// USB/IP messages of the server's end, byte for byte: all numbers big-endian, but for the eight
+/// USB/IP messages of the server's end, byte for byte. All numbers are big-endian except the eight
 /// set-up bytes, which are as on the bus.
 /// Source: Linux kernel, Documentation/usb/usbip_protocol.rst (protocol version 1.1.1).
 namespace usbip {
@@ -50,7 +50,7 @@ inline constexpr std::int32_t kUnlinked = -104;  ///< ECONNRESET
 /// EREMOTEIO: less data than buffer, where the client has said that this is an error
 inline constexpr std::int32_t kShortTransfer = -121;
 
-/// Transfer flags of CMD_SUBMIT (the kernel's URB_...); the others mean nothing to a device.
+/// Transfer flags of CMD_SUBMIT (the kernel's URB_...); the others are irrelevant for a device.
 inline constexpr std::uint32_t kFlagShortNotOk = 0x0001;
 inline constexpr std::uint32_t kFlagZeroPacket = 0x0040;
 
@@ -58,7 +58,7 @@ inline constexpr std::uint32_t kFlagZeroPacket = 0x0040;
 inline constexpr std::uint32_t kSpeedFull = 2;
 inline constexpr std::uint32_t kSpeedHigh = 3;
 
-/// What a device list or an import reply says of a device.
+/// What a device list or an import reply states about a device.
 struct DeviceInfo {
   std::string path;
   std::string busid;
@@ -100,7 +100,7 @@ Command read_command(std::span<const std::uint8_t, kCommandBytes> bytes) noexcep
 void append_devlist_reply(std::vector<std::uint8_t>& out, std::span<const DeviceInfo> devices);
 /// `device` is sent with kOk only.
 void append_import_reply(std::vector<std::uint8_t>& out, OpStatus status, const DeviceInfo& device);
-/// `data` follows an IN transfer; `actual_bytes` tells what an OUT transfer took.
+/// `data` follows an IN transfer; `actual_bytes` is how much an OUT transfer sent.
 void append_submit_reply(std::vector<std::uint8_t>& out, std::uint32_t sequence,
                          std::int32_t status, std::uint32_t actual_bytes,
                          std::span<const std::uint8_t> data);

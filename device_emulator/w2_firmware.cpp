@@ -37,7 +37,7 @@ void W2Firmware::set_configured(bool configured, rt::TimePoint now) noexcept {
   if (!configured && configured_) {
     in_armed_ = false;
     out_count_ = 0;
-    // The blocked send or read returns empty-handed and the loop goes round.
+    // The blocked send or read returns without a result and the loop continues.
     if (state_ == State::kAwaitCollection || state_ == State::kAwaitReport) {
       state_ = State::kArmReport;
     }

@@ -12,8 +12,8 @@
 namespace forcegrid::emulator {
 
 /// The program in a W2 device: the ping-pong loop, the watchdog, current to PWM, the counters and
-/// the calibration latch, as the device sheet has them. Time is an argument, so that it can be
-/// driven in simulated time; it must not decrease.
+/// the calibration latch, as the device sheet describes them. Time is an argument, so that tests
+/// can simulate it; it must not decrease.
 ///
 /// Report IN (14 bytes, little-endian int16): counters a..f, info (1: calibration button pressed
 /// since the last command 1). Report OUT: current a, b, c [mA], command (1: load counters a, b, c
@@ -26,14 +26,14 @@ class W2Firmware {
  public:
   static constexpr std::size_t kReportBytes = 14;  ///< of both reports that are used
   static constexpr std::size_t kPacketBytes = 64;  ///< of both interrupt endpoints
-  /// OUT packets the device takes before it answers NAK. The sheet speaks of queued reports and
-  /// gives no depth; two is the least with which there is something to drain.
+  /// OUT packets the device accepts before it answers NAK. The sheet mentions queued reports but no
+  /// depth; with two, the least, there is something to drain.
   static constexpr std::size_t kOutDepth = 2;
   static constexpr rt::Duration kStartUp = std::chrono::seconds(1);
   static constexpr rt::Duration kWatchdog = std::chrono::milliseconds(500);
   static constexpr double kZeroCurrentDuty = 0.5;
 
-  /// An IN report as it goes over the wire.
+  /// An IN report as sent over the wire.
   class Report {
    public:
     using value_type = std::uint8_t;
@@ -71,18 +71,18 @@ class W2Firmware {
   /// @param wire_bytes length of a report on the wire, 14 (W2) to 64 (W3).
   explicit W2Firmware(double full_scale_current_A, std::size_t wire_bytes = kReportBytes) noexcept;
 
-  /// Positions of the six encoders [counts] as the quadrature decoders see them; counters follow by
-  /// the difference to the last call, and start from the first.
+  /// Positions of the six encoders [counts] as the quadrature decoders see them. The counters
+  /// change by the difference from the last call, and start from the first.
   void turn_encoders(const std::array<std::int64_t, 6>& position_counts) noexcept;
-  /// Puts the counters [counts] somewhere, as if the shafts had been turned unseen.
+  /// Sets the counters [counts], as if the shafts had been turned unseen.
   void set_counters(const Counters& counts) noexcept { counters_ = counts; }
   void press_calibration_button() noexcept { info_ = true; }
 
-  /// The host has put the device into (or out of) its configuration. Leaving it empties both
-  /// endpoints, as a bus reset does; the program goes on.
+  /// Puts the device into or out of its configuration. Leaving it empties both endpoints, as a bus
+  /// reset does; the program continues.
   void set_configured(bool configured, rt::TimePoint now) noexcept;
 
-  /// Power is gone and back: counters, calibration button, packets and outputs are as at power-up.
+  /// Power fails and returns: counters, calibration button, packets and outputs are as at power-up.
   void reboot() noexcept;
 
   /// The host sends a packet to EP1 OUT. @returns false for NAK: full, or not configured.
@@ -94,13 +94,13 @@ class W2Firmware {
   /// What collect_in() would give; while in_armed().
   [[nodiscard]] const Report& in_report() const noexcept { return in_report_; }
 
-  /// The program runs until it has to wait for the host or for time.
+  /// Runs the program until it has to wait for the host or for time.
   /// @returns true when it has sampled the counters into a new IN report.
   bool run(rt::TimePoint now) noexcept;
 
   /// When the watchdog will trip if nothing feeds it; nothing while it is not running.
   [[nodiscard]] std::optional<rt::TimePoint> watchdog_deadline() const noexcept;
-  /// Trips the watchdog when `now` has reached its deadline. @returns true when it did.
+  /// Trips the watchdog if `now` has reached its deadline. @returns true if it did.
   bool check_watchdog(rt::TimePoint now) noexcept;
 
   [[nodiscard]] bool configured() const noexcept { return configured_; }

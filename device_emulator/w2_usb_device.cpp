@@ -5,36 +5,16 @@
 #include <stdexcept>
 #include <string>
 
+#include "device_emulator/control_replies.h"
+#include "device_emulator/usb_numbers.h"
+
 namespace forcegrid::emulator {
 
 namespace {
 
-// USB 2.0, tables 9-2 to 9-6; HID 1.11, section 7.
-constexpr std::uint8_t kTypeMask = 0x60;
-constexpr std::uint8_t kTypeStandard = 0x00;
-constexpr std::uint8_t kTypeClass = 0x20;
-constexpr std::uint8_t kRecipientMask = 0x1F;
-constexpr std::uint8_t kRecipientDevice = 0;
-constexpr std::uint8_t kRecipientInterface = 1;
-constexpr std::uint8_t kRecipientEndpoint = 2;
+using namespace usb;
 
-constexpr std::uint8_t kGetStatus = 0;
-constexpr std::uint8_t kClearFeature = 1;
-constexpr std::uint8_t kSetFeature = 3;
-constexpr std::uint8_t kSetAddress = 5;
-constexpr std::uint8_t kGetDescriptor = 6;
-constexpr std::uint8_t kGetConfiguration = 8;
-constexpr std::uint8_t kSetConfiguration = 9;
-constexpr std::uint8_t kGetInterface = 10;
-constexpr std::uint16_t kFeatureEndpointHalt = 0;
-constexpr std::uint16_t kStatusSelfPowered = 1;
-constexpr std::uint16_t kStatusHalted = 1;
-
-constexpr std::uint8_t kDescriptorDevice = 1;
-constexpr std::uint8_t kDescriptorConfiguration = 2;
-constexpr std::uint8_t kDescriptorString = 3;
-constexpr std::uint8_t kDescriptorQualifier = 6;
-constexpr std::uint8_t kDescriptorOtherSpeed = 7;
+// HID 1.11, section 7.
 constexpr std::uint8_t kDescriptorHid = 0x21;
 constexpr std::uint8_t kDescriptorReport = 0x22;
 
@@ -44,14 +24,11 @@ constexpr std::uint8_t kClassSetReport = 9;
 // The library takes its maximum report size as the only length of SET_REPORT.
 constexpr std::uint16_t kSetReportLength = 63;
 
-// The Teensy core's buffer for the data stage on endpoint 0.
+// The size of the Teensy core's buffer for the data stage on endpoint 0.
 constexpr std::uint16_t kTeensyControlBytes = 8;
 constexpr std::uint8_t kTeensyLastEndpoint = 7;
 
 constexpr std::size_t kHidDescriptorBytes = 9;
-
-std::uint8_t low(std::uint16_t word) { return static_cast<std::uint8_t>(word & 0xFFU); }
-std::uint8_t high(std::uint16_t word) { return static_cast<std::uint8_t>(word >> 8); }
 
 /// Usage page and usage of 16 bits, then `report_bytes` each way: the shape of both libraries.
 /// @param logical_maximum  the item as the library writes it.
@@ -64,8 +41,8 @@ std::vector<std::uint8_t> report_descriptor_of(
       bytes.push_back(byte);
     }
   };
-  add({0x06, low(usb.usage_page), high(usb.usage_page)});
-  add({0x0A, low(usb.usage), high(usb.usage)});
+  add({0x06, low_byte(usb.usage_page), high_byte(usb.usage_page)});
+  add({0x0A, low_byte(usb.usage), high_byte(usb.usage)});
   add({0xA1, 0x01});              // Collection (Application)
   add({0x75, 0x08, 0x15, 0x00});  // Report Size 8, Logical Minimum 0
   add(logical_maximum);
@@ -78,10 +55,6 @@ std::vector<std::uint8_t> report_descriptor_of(
 UsbEndpoint interrupt(std::uint8_t address, std::size_t packet_bytes) {
   return {address, UsbTransferType::kInterrupt, packet_bytes};
 }
-
-ControlReply stall() { return {}; }
-ControlReply done() { return {false, {}}; }
-ControlReply word(std::uint16_t value) { return {false, {low(value), high(value)}}; }
 
 }  // namespace
 
@@ -96,10 +69,24 @@ W2UsbDevice::W2UsbDevice(const profiles::DeviceProfile::Usb& usb)
   const std::uint16_t vendor = usb.vendor_id;
   const std::uint16_t product = usb.product_id;
   const std::uint16_t release = usb.device_release;
-  device_descriptor_ = {0x12,         0x01,          0x00,         0x02,          0x00,
-                        0x00,         0x00,          0x40,         low(vendor),   high(vendor),
-                        low(product), high(product), low(release), high(release), 0x01,
-                        0x02,         0x03,          0x01};
+  device_descriptor_ = {0x12,
+                        0x01,
+                        0x00,
+                        0x02,
+                        0x00,
+                        0x00,
+                        0x00,
+                        0x40,
+                        low_byte(vendor),
+                        high_byte(vendor),
+                        low_byte(product),
+                        high_byte(product),
+                        low_byte(release),
+                        high_byte(release),
+                        0x01,
+                        0x02,
+                        0x03,
+                        0x01};
   string_descriptors_ = {std::vector<std::uint8_t>{0x04, 0x03, 0x09, 0x04},  // English (US)
                          usb_string_descriptor(usb.manufacturer),
                          usb_string_descriptor(usb.product), usb_string_descriptor(usb.serial)};
@@ -201,13 +188,13 @@ ControlReply W2UsbDevice::mbed(const SetupPacket& setup, std::span<const std::ui
 
   if (to_host && setup.request == kGetStatus) {
     if (recipient == kRecipientDevice) {
-      return word(kStatusSelfPowered);
+      return word_reply(kStatusSelfPowered);
     }
     if (recipient == kRecipientInterface) {
-      return word(0);
+      return word_reply(0);
     }
     if (recipient == kRecipientEndpoint && (known_endpoint || control_endpoint)) {
-      return word(halted(endpoint) ? kStatusHalted : 0);
+      return word_reply(halted(endpoint) ? kStatusHalted : 0);
     }
     return stall();
   }
@@ -221,7 +208,7 @@ ControlReply W2UsbDevice::mbed(const SetupPacket& setup, std::span<const std::ui
     return configured() ? ControlReply{false, {0}} : stall();
   }
   if (!to_host && (setup.request == kClearFeature || setup.request == kSetFeature)) {
-    // The only feature that the library knows; not before the device is configured.
+    // The only feature that the library knows, and only after configuration.
     if (recipient != kRecipientEndpoint || setup.value != kFeatureEndpointHalt || !configured() ||
         !known_endpoint) {
       return stall();
@@ -230,7 +217,7 @@ ControlReply W2UsbDevice::mbed(const SetupPacket& setup, std::span<const std::ui
     return done();
   }
   if (!to_host && setup.request == kSetAddress && recipient == kRecipientDevice) {
-    return done();  // the address is the bus's affair, and this bus has none
+    return done();  // the bus assigns the address, and this bus has none
   }
   if (!to_host && setup.request == kSetConfiguration && recipient == kRecipientDevice) {
     if (setup.value > 1) {
@@ -251,14 +238,14 @@ ControlReply W2UsbDevice::hid_descriptor(std::size_t interface) const {
 
 ControlReply W2UsbDevice::mbed_descriptor(const SetupPacket& setup) const {
   const std::uint8_t recipient = setup.request_type & kRecipientMask;
-  const std::uint8_t type = high(setup.value);
-  const std::uint8_t index = low(setup.value);
+  const std::uint8_t type = high_byte(setup.value);
+  const std::uint8_t index = low_byte(setup.value);
   if (recipient == kRecipientDevice) {
     switch (type) {
       case kDescriptorDevice:
         return {false, {device_descriptor_.begin(), device_descriptor_.end()}};
       case kDescriptorConfiguration:
-        // One configuration, whichever index is asked for, as in the library.
+        // One configuration for every index, as in the library.
         return {false, configuration_descriptor_};
       case kDescriptorString:
         return index < string_descriptors_.size() ? ControlReply{false, string_descriptors_[index]}
@@ -276,8 +263,8 @@ ControlReply W2UsbDevice::mbed_descriptor(const SetupPacket& setup) const {
   return stall();
 }
 
-// The core knows requests by their first two bytes as a whole and stalls everything else, SET_IDLE,
-// SET_INTERFACE and the status of an interface among it.
+// The core matches requests by their first two bytes as a whole. It stalls everything else,
+// including SET_IDLE, SET_INTERFACE and the status of an interface.
 ControlReply W2UsbDevice::teensy(const SetupPacket& setup, std::span<const std::uint8_t> data) {
   const auto endpoint = static_cast<std::uint8_t>(setup.index & 0xFFU);
   const bool known_endpoint = (endpoint & 0x7FU) <= kTeensyLastEndpoint;
@@ -288,15 +275,15 @@ ControlReply W2UsbDevice::teensy(const SetupPacket& setup, std::span<const std::
     case kSetAddress << 8:
       return done();
     case kSetConfiguration << 8:
-      configuration_ = low(setup.value);
+      configuration_ = low_byte(setup.value);
       halted_ = 0;
       return done();
     case kGetConfiguration << 8 | 0x80:
       return {false, {configuration_}};
     case kGetStatus << 8 | 0x80:
-      return word(0);  // although the configuration says self-powered
+      return word_reply(0);  // although the configuration says self-powered
     case kGetStatus << 8 | 0x82:
-      return known_endpoint ? word(halted(endpoint) ? kStatusHalted : 0) : stall();
+      return known_endpoint ? word_reply(halted(endpoint) ? kStatusHalted : 0) : stall();
     case kSetFeature << 8 | 0x02:
     case kClearFeature << 8 | 0x02:
       if (!known_endpoint) {
@@ -313,8 +300,8 @@ ControlReply W2UsbDevice::teensy(const SetupPacket& setup, std::span<const std::
 }
 
 ControlReply W2UsbDevice::teensy_descriptor(const SetupPacket& setup) const {
-  const std::uint8_t type = high(setup.value);
-  const std::uint8_t index = low(setup.value);
+  const std::uint8_t type = high_byte(setup.value);
+  const std::uint8_t index = low_byte(setup.value);
   if (type == kDescriptorString) {
     const bool known =
         index < string_descriptors_.size() && setup.index == (index == 0 ? 0 : kEnglish);

@@ -33,7 +33,7 @@ class W2UsbDevice {
   /// Executes one control transfer. `data` is what the host sent in the data stage.
   [[nodiscard]] ControlReply control(const SetupPacket& setup, std::span<const std::uint8_t> data);
 
-  /// Back to attached, unconfigured, nothing halted.
+  /// Returns to attached, unconfigured, nothing halted.
   void bus_reset() noexcept;
 
   [[nodiscard]] bool configured() const noexcept { return configuration_ != 0; }

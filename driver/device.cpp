@@ -11,6 +11,10 @@ const char* to_string(DeviceHealth health) noexcept {
       return "device silent";
     case DeviceHealth::kUnplugged:
       return "device unplugged";
+    case DeviceHealth::kTaken:
+      return "device taken by another program";
+    case DeviceHealth::kSecondWriter:
+      return "device commanded by another program, too";
     case DeviceHealth::kProtocol:
       return "device broke the protocol";
     case DeviceHealth::kClosed:

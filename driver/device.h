@@ -24,9 +24,14 @@ struct DeviceReport {
   bool calibration_button = false;       ///< latched by the device until it is calibrated
   std::uint8_t homed = 0;                ///< Falcon: bit i is set when counter i is absolute
   std::uint8_t buttons = 0;  ///< Falcon: bit 0 plus (far right), 1 forward, 2 centre, 3 minus
+  /// When the OUT that released this report was handed over: the device can't have sampled its
+  /// counters before.
+  rt::TimePoint sampled_after{};
   /// When the OUT that released this report completed: the device samples its counters then, so
-  /// now minus this is the age of the counts.
+  /// now minus this is the age of the counts. After a lost report it may not be known at once which
+  /// OUT that was: `released` is of the newest that it can be, the two others are of the oldest.
   rt::TimePoint released{};
+  rt::TimePoint oldest_release{};
   rt::TimePoint received{};  ///< when the report arrived at the host
 };
 
@@ -42,10 +47,12 @@ struct MotorCommand {
 
 enum class DeviceHealth : std::uint8_t {
   kRunning,
-  kStale,      ///< connected, but no report for longer than the time-out
-  kUnplugged,  ///< the transport ended
-  kProtocol,   ///< something arrived that the protocol does not allow
-  kClosed,     ///< stop() was called
+  kStale,         ///< connected, but no report for longer than the time-out
+  kUnplugged,     ///< the transport ended
+  kTaken,         ///< still on the bus, but another program took its interface
+  kSecondWriter,  ///< it answers commands of another program
+  kProtocol,      ///< something arrived that the protocol does not allow
+  kClosed,        ///< stop() was called
 };
 
 /// [static text, lower case] e.g. "device unplugged".

@@ -10,7 +10,7 @@
 namespace forcegrid::driver {
 namespace {
 
-constexpr std::size_t kBusIdBytes = 31;  // the protocol's field has 32 with its end
+constexpr std::size_t kLongestBusId = 31;  // the protocol's field has 32 with its end
 
 [[noreturn]] void fail(const std::string& text, const std::string& problem) {
   throw DeviceError("device '" + text + "': " + problem + "; write one of:\n" + device_url_forms());
@@ -37,7 +37,7 @@ std::uint16_t parse_id(const std::string& text, std::string_view part, const cha
 bool is_port_path(std::string_view path) {
   const std::size_t dash = path.find('-');
   if (dash == std::string_view::npos || dash == 0 || dash + 1 == path.size() ||
-      path.size() > kBusIdBytes || !is_digit(path.back()) || !is_digit(path[dash + 1]) ||
+      path.size() > kLongestBusId || !is_digit(path.back()) || !is_digit(path[dash + 1]) ||
       path.find("..") != std::string_view::npos) {
     return false;
   }

@@ -32,7 +32,7 @@ struct DeviceUrl {
 ///   hid:1234:0006            vendor and product, four hexadecimal digits each
 ///   hid:1234:0006:SERIAL     and the serial number
 ///   hid:/dev/hidraw3
-///   hid:/dev/forcegrid/LINK  where udev/70-forcegrid.rules links to it
+///   hid:/dev/forcegrid/LINK  where udev/10-forcegrid.rules links to it
 ///   hid:path=1-2             the USB port, for devices that share a serial number
 ///   falcon                   the attached Novint Falcon
 ///   falcon:SERIAL            the one with this serial number

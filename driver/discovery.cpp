@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "driver/hidraw_nodes.h"
+#include "driver/sysfs_file.h"
 
 namespace forcegrid::driver {
 namespace {
@@ -28,13 +29,6 @@ struct UsbDevice {
   std::string serial;
   std::string port_path;  ///< "1-2.4"
 };
-
-std::string first_line(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  std::string line;
-  std::getline(stream, line);
-  return line;
-}
 
 /// The attached devices with the numbers of a profile of `protocol`, by their ports.
 std::vector<UsbDevice> list_usb_devices(const std::vector<profiles::DeviceProfile>& known,
@@ -108,7 +102,7 @@ std::string describe_attached_devices(const std::vector<profiles::DeviceProfile>
   }
   if (any_forbidden || !any_known) {
     text +=
-        "  permission:         sudo cp udev/70-forcegrid.rules /etc/udev/rules.d/ &&\n"
+        "  permission:         sudo cp udev/10-forcegrid.rules /etc/udev/rules.d/ &&\n"
         "                      sudo udevadm control --reload, then plug the device in again\n";
   }
   text +=

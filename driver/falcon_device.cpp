@@ -19,7 +19,7 @@ constexpr rt::Duration kReplyTimeout = milliseconds(40);
 constexpr rt::Duration kSettleAfterLoss = milliseconds(3);
 // A device that answers at once must not keep a real-time thread busy for ever.
 constexpr rt::Duration kShortestExchange = microseconds(200);
-constexpr rt::Duration kPollWhenFaulted = milliseconds(20);
+constexpr rt::Duration kFalconPollWhenFaulted = milliseconds(20);
 constexpr int kLastZeroAttempts = 3;
 constexpr int kMaxPacketsOfOneReply = 64;
 
@@ -70,11 +70,15 @@ class FalconDevice final : public IoThreadDevice {
   // --- one exchange ---
 
   TransportStatus send(const falcon::OutPacket& packet) noexcept {
+    const rt::TimePoint begun = rt::Clock::now();
     const WriteResult result = port_.write(falcon::encode(packet), options_.write_timeout);
     if (result.status == TransportStatus::kOk) {
       count(statistics_.commands_sent);
       ++unanswered_;
       ++owed_;
+      if (unanswered_ == 1) {
+        sent_ = begun;
+      }
       released_ = result.completed;
     }
     return result.status;
@@ -133,7 +137,8 @@ class FalconDevice final : public IoThreadDevice {
     }
     report.homed = packet.homed;
     report.buttons = packet.buttons;
-    report.released = released_;
+    report.sampled_after = sent_;
+    report.released = report.oldest_release = released_;
     report.received = arrived;
     publish_report(report);
   }
@@ -202,7 +207,7 @@ class FalconDevice final : public IoThreadDevice {
       // A fault: the motors get zero at once, not only when somebody calls stop().
       zero_delivered_ = deliver_zero();
       while (!stopping()) {
-        rt::sleep_until(rt::Clock::now() + kPollWhenFaulted);
+        rt::sleep_until(rt::Clock::now() + kFalconPollWhenFaulted);
       }
     }
     finish();
@@ -293,6 +298,7 @@ class FalconDevice final : public IoThreadDevice {
   // I/O thread (and opening thread before it starts).
   falcon::PacketParser parser_;
   IssuedCommand latest_;
+  rt::TimePoint sent_{};  ///< when the oldest packet that the next reply can answer was handed over
   rt::TimePoint released_{};
   std::uint64_t sequence_ = 0;
   int unanswered_ = 0;     ///< packets sent since the last reply

@@ -4,12 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "driver/kinematics.h"
+
 namespace forcegrid::driver {
 namespace {
-
-Eigen::Array3d array_of(const profiles::Axes& axes) {
-  return Eigen::Array3d(axes[0], axes[1], axes[2]);
-}
 
 /// `vector`, shortened to `max_length`.
 Eigen::Vector3d shortened(const Eigen::Vector3d& vector, double max_length, bool& acted) noexcept {

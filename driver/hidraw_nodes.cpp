@@ -10,18 +10,12 @@
 
 #include "driver/device.h"
 #include "driver/hid_descriptor.h"
+#include "driver/sysfs_file.h"
 
 namespace forcegrid::driver {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string first_line(const fs::path& path) {
-  std::ifstream stream(path);
-  std::string line;
-  std::getline(stream, line);
-  return line;
-}
 
 /// The value of KEY=value in a uevent file.
 std::string uevent_value(const fs::path& path, const std::string& key) {
@@ -135,6 +129,7 @@ std::vector<HidrawNode> list_hidraw_nodes(const std::string& sysfs) {
     const fs::path usb = hid.parent_path().parent_path();
     if (fs::exists(usb / "idVendor", error)) {
       node.port_path = usb.filename().string();
+      node.interface = hid.parent_path().filename().string();
       node.manufacturer = first_line(usb / "manufacturer");
       node.product = first_line(usb / "product");
       node.serial = first_line(usb / "serial");

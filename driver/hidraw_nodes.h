@@ -13,6 +13,7 @@ namespace forcegrid::driver {
 struct HidrawNode {
   std::string node;       ///< "/dev/hidraw3"
   std::string port_path;  ///< USB port, "1-2"; empty when it is not a USB device
+  std::string interface;  ///< USB interface, "1-2:1.0"; empty as above
   std::uint16_t vendor_id = 0;
   std::uint16_t product_id = 0;
   std::string manufacturer;

@@ -10,11 +10,12 @@
 
 #include "driver/device.h"
 #include "driver/node_lock.h"
+#include "driver/usb_presence.h"
 
 namespace forcegrid::driver {
 namespace {
 
-constexpr std::size_t kMaxReportBytes = 64;
+constexpr std::size_t kMaxHidReportBytes = 64;
 
 std::string narrow(const wchar_t* text) {
   std::string result;
@@ -25,16 +26,19 @@ std::string narrow(const wchar_t* text) {
 }
 
 /// hidapi takes whole milliseconds and reads a negative number as "for ever".
-int milliseconds(rt::Duration timeout) noexcept {
+int hidapi_timeout_ms(rt::Duration timeout) noexcept {
   const auto count = std::chrono::ceil<std::chrono::milliseconds>(timeout).count();
   return count < 0 ? 0 : (count > 60'000 ? 60'000 : static_cast<int>(count));
 }
 
 class HidrawTransport final : public Transport {
  public:
-  explicit HidrawTransport(const HidrawNode& node)
+  HidrawTransport(const HidrawNode& node, bool share,
+                  const std::function<void(const std::string&)>& notice)
       : node_(node.node),
-        lock_(std::in_place, node.node),
+        lock_(std::in_place, node.node, share, notice),
+        port_path_(node.port_path),
+        presence_(node.port_path, node.interface),
         identity_{node.vendor_id, node.product_id, node.manufacturer, node.product, node.serial},
         report_descriptor_(node.report_descriptor) {
     if (hid_init() != 0) {
@@ -64,10 +68,9 @@ class HidrawTransport final : public Transport {
       return {.status = TransportStatus::kDisconnected};
     }
     const int count =
-        hid_read_timeout(device_, buffer.data(), buffer.size(), milliseconds(timeout));
+        hid_read_timeout(device_, buffer.data(), buffer.size(), hidapi_timeout_ms(timeout));
     if (count < 0) {
-      fail("read");
-      return {.status = TransportStatus::kDisconnected};
+      return {.status = fail("read")};
     }
     if (count == 0) {
       return {.status = TransportStatus::kTimeout};
@@ -82,11 +85,11 @@ class HidrawTransport final : public Transport {
   WaitEnd wait(int, rt::Duration) noexcept override { return WaitEnd::kTimeout; }
 
   WriteResult write(std::span<const std::uint8_t> report, rt::Duration) noexcept override {
-    std::array<std::uint8_t, kMaxReportBytes + 1> buffer{};  // the report ID slot stays zero
+    std::array<std::uint8_t, kMaxHidReportBytes + 1> buffer{};  // the report ID slot stays zero
     if (device_ == nullptr) {
       return {.status = TransportStatus::kDisconnected};
     }
-    if (report.size() > kMaxReportBytes) {
+    if (report.size() > kMaxHidReportBytes) {
       failure_ = "write " + node_ + ": a report of more than 64 bytes; send the protocol's reports";
       return {.status = TransportStatus::kProtocol};
     }
@@ -101,8 +104,7 @@ class HidrawTransport final : public Transport {
       return {.status = TransportStatus::kProtocol};
     }
     if (count != static_cast<int>(report.size() + 1)) {
-      fail("write");
-      return {.status = TransportStatus::kDisconnected};
+      return {.status = fail("write")};
     }
     return {.status = TransportStatus::kOk, .completed = rt::Clock::now()};
   }
@@ -116,15 +118,27 @@ class HidrawTransport final : public Transport {
   }
 
  private:
-  void fail(const char* action) {
+  TransportStatus fail(const char* action) {
     const int reason = errno;
+    if (const std::string driver = presence_.taken_by(); !driver.empty()) {
+      failure_ =
+          std::string(action) + " " + node_ + ": the device is still at USB port " + port_path_ +
+          ", but " +
+          (driver == "none" ? "no driver has its interface: another program detached it"
+                            : "driver " + driver + " has its interface: another program took it") +
+          "; end that program, then plug the device in again";
+      return TransportStatus::kTaken;
+    }
     failure_ = std::string(action) + " " + node_ + ": " +
                (reason != 0 ? std::strerror(reason) : narrow(hid_error(device_)).c_str()) +
                "; plug the device in again";
+    return TransportStatus::kDisconnected;
   }
 
   std::string node_;
   std::optional<NodeLock> lock_;  ///< while the device is open
+  std::string port_path_;
+  UsbPresence presence_;
   TransportIdentity identity_;
   std::vector<std::uint8_t> report_descriptor_;
   std::string failure_;
@@ -133,8 +147,9 @@ class HidrawTransport final : public Transport {
 
 }  // namespace
 
-std::unique_ptr<Transport> open_hidraw_transport(const HidrawNode& node) {
-  return std::make_unique<HidrawTransport>(node);
+std::unique_ptr<Transport> open_hidraw_transport(
+    const HidrawNode& node, bool share, const std::function<void(const std::string&)>& notice) {
+  return std::make_unique<HidrawTransport>(node, share, notice);
 }
 
 }  // namespace forcegrid::driver

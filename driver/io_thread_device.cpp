@@ -119,9 +119,10 @@ void IoThreadDevice::fail(DeviceHealth health, const std::string& words) noexcep
 }
 
 void IoThreadDevice::fail_with(TransportStatus status, const std::string& words) noexcept {
-  fail(
-      status == TransportStatus::kDisconnected ? DeviceHealth::kUnplugged : DeviceHealth::kProtocol,
-      words);
+  fail(status == TransportStatus::kDisconnected ? DeviceHealth::kUnplugged
+       : status == TransportStatus::kTaken      ? DeviceHealth::kTaken
+                                                : DeviceHealth::kProtocol,
+       words);
 }
 
 void IoThreadDevice::closed() noexcept {

@@ -8,13 +8,9 @@
 #include "driver/w2_codec.h"
 
 namespace forcegrid::driver {
-namespace {
-
 Eigen::Array3d array_of(const profiles::Axes& axes) {
   return Eigen::Array3d(axes[0], axes[1], axes[2]);
 }
-
-}  // namespace
 
 const char* to_string(KinematicsStatus status) noexcept {
   switch (status) {
@@ -30,6 +26,16 @@ const char* to_string(KinematicsStatus status) noexcept {
       return "not finite";
   }
   return "unknown";
+}
+
+Eigen::Array3d angle_per_count_rad(const profiles::DeviceProfile& profile) noexcept {
+  if (profile.kind == profiles::DeviceKind::kDelta) {
+    return Eigen::Array3d::Constant(profile.delta.encoder_rad_per_count);
+  }
+  const auto& arm = profile.kinematics;
+  return (2.0 * std::numbers::pi * array_of(arm.capstan_diameter_m) /
+          (array_of(arm.encoder_counts_per_turn) * array_of(arm.body_diameter_m)))
+      .abs();
 }
 
 ArmKinematics::ArmKinematics(const profiles::DeviceProfile& profile)

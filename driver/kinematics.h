@@ -20,6 +20,13 @@ enum class KinematicsStatus : std::uint8_t {
 /// Static text, e.g. "beyond the hard stops".
 const char* to_string(KinematicsStatus status) noexcept;
 
+/// Three values of a profile, as one array.
+Eigen::Array3d array_of(const profiles::Axes& axes);
+
+/// [rad] The angle of one encoder count, without its sign: of joints a, b, c of an arm, or of the
+/// legs of a delta.
+Eigen::Array3d angle_per_count_rad(const profiles::DeviceProfile& profile) noexcept;
+
 /// Where the arm is. Values are valid for kOk, kOutOfRange and kSingular.
 struct ArmPose {
   KinematicsStatus status = KinematicsStatus::kNotFinite;

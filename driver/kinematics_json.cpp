@@ -8,15 +8,12 @@
 #include "driver/device.h"
 #include "driver/falcon_codec.h"
 #include "driver/kinematics.h"
+#include "rt/vectors.h"
 
 namespace forcegrid::driver {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Eigen::Vector3d vector_of(const std::array<double, 3>& values) {
-  return Eigen::Vector3d(values[0], values[1], values[2]);
-}
 
 Json json_of(const Eigen::Vector3d& vector) {
   // Adding zero turns -0.0 into 0.0.
@@ -41,7 +38,7 @@ void require_finite(const std::array<double, 3>& values, const char* what) {
 
 Json describe(const profiles::DeviceProfile& profile, const ArmKinematics& kinematics,
               const ArmPose& pose, const std::array<double, 3>& force_N) {
-  const Eigen::Vector3d torque_Nm = ArmKinematics::joint_torque(pose, vector_of(force_N));
+  const Eigen::Vector3d torque_Nm = ArmKinematics::joint_torque(pose, rt::to_vector(force_N));
   const Eigen::Vector3d current_A = kinematics.motor_current_A(torque_Nm);
   const ReportCurrent report = kinematics.report_current(current_A);
   Json json;
@@ -53,7 +50,7 @@ Json describe(const profiles::DeviceProfile& profile, const ArmKinematics& kinem
   json["jacobian_m_per_rad"] =
       Json::array({json_of(pose.jacobian_D.row(0)), json_of(pose.jacobian_D.row(1)),
                    json_of(pose.jacobian_D.row(2))});
-  json["force_N"] = json_of(vector_of(force_N));
+  json["force_N"] = json_of(rt::to_vector(force_N));
   json["joint_torque_Nm"] = json_of(torque_Nm);
   json["current_A"] = json_of(current_A);
   json["report_mA"] = report.current_mA;
@@ -77,10 +74,9 @@ Json describe(const profiles::DeviceProfile& profile, const ArmKinematics& kinem
 
 Json describe_delta(const profiles::DeviceProfile& profile, const DeltaPose& pose,
                     const std::array<double, 3>& force_N) {
-  const Eigen::Vector3d torque_Nm = DeltaKinematics::joint_torque(pose, vector_of(force_N));
-  const falcon::Commands commands =
-      falcon::commands_for_torque({torque_Nm[0], torque_Nm[1], torque_Nm[2]},
-                                  profile.falcon.torque_gain_per_Nm, profile.falcon.command_limit);
+  const Eigen::Vector3d torque_Nm = DeltaKinematics::joint_torque(pose, rt::to_vector(force_N));
+  const falcon::Commands commands = falcon::commands_for_torque(
+      rt::to_array(torque_Nm), profile.falcon.torque_gain_per_Nm, profile.falcon.command_limit);
   Json json;
   json["profile"] = profile.name;
   json["frame"] = "base";
@@ -90,7 +86,7 @@ Json describe_delta(const profiles::DeviceProfile& profile, const DeltaPose& pos
   json["jacobian_m_per_rad"] =
       Json::array({json_of(pose.jacobian_B.row(0)), json_of(pose.jacobian_B.row(1)),
                    json_of(pose.jacobian_B.row(2))});
-  json["force_N"] = json_of(vector_of(force_N));
+  json["force_N"] = json_of(rt::to_vector(force_N));
   json["joint_torque_Nm"] = json_of(torque_Nm);
   json["command"] = commands.command;
   json["command_scaled"] = commands.scaled;
@@ -101,7 +97,7 @@ std::string delta_json_from_counts(const profiles::DeviceProfile& profile,
                                    const std::array<double, 3>& counts,
                                    const std::array<double, 3>& force_N) {
   const DeltaKinematics kinematics(profile.delta);
-  const DeltaPose pose = kinematics.forward(kinematics.angles_of_counts(vector_of(counts)));
+  const DeltaPose pose = kinematics.forward(kinematics.angles_of_counts(rt::to_vector(counts)));
   if (pose.status == KinematicsStatus::kSingular) {
     refuse_singular_delta(profile, "counts " + text_of(counts));
   }
@@ -115,7 +111,7 @@ std::string delta_json_from_position(const profiles::DeviceProfile& profile,
                                      const std::array<double, 3>& position_m,
                                      const std::array<double, 3>& force_N) {
   const DeltaKinematics kinematics(profile.delta);
-  const DeltaInverse inverse = kinematics.inverse(vector_of(position_m));
+  const DeltaInverse inverse = kinematics.inverse(rt::to_vector(position_m));
   const std::string what = "position " + text_of(position_m) + " m";
   if (inverse.status == KinematicsStatus::kSingular) {
     refuse_singular_delta(profile, what);
@@ -125,7 +121,7 @@ std::string delta_json_from_position(const profiles::DeviceProfile& profile,
                       "'; give a position in metres in the base frame, for instance " +
                       text_of(profile.delta.center_m));
   }
-  const DeltaPose pose = kinematics.forward(inverse.joint_angle_rad, vector_of(position_m));
+  const DeltaPose pose = kinematics.forward(inverse.joint_angle_rad, rt::to_vector(position_m));
   if (pose.status != KinematicsStatus::kOk && pose.status != KinematicsStatus::kOutOfRange) {
     refuse_singular_delta(profile, what);
   }
@@ -145,7 +141,7 @@ std::string kinematics_json_from_counts(const profiles::DeviceProfile& profile,
     return delta_json_from_counts(profile, counts, force_N);
   }
   const ArmKinematics kinematics(profile);
-  const ArmPose pose = kinematics.forward(vector_of(counts));
+  const ArmPose pose = kinematics.forward(rt::to_vector(counts));
   if (pose.status == KinematicsStatus::kSingular) {
     refuse_singular(profile, "counts " + text_of(counts));
   }
@@ -164,7 +160,7 @@ std::string kinematics_json_from_position(const profiles::DeviceProfile& profile
     return delta_json_from_position(profile, position_m, force_N);
   }
   const ArmKinematics kinematics(profile);
-  const ArmInverse inverse = kinematics.inverse(vector_of(position_m));
+  const ArmInverse inverse = kinematics.inverse(rt::to_vector(position_m));
   if (inverse.status == KinematicsStatus::kUnreachable) {
     const auto& limits = profile.limits;
     throw DeviceError("position " + text_of(position_m) + " m: out of reach of profile '" +

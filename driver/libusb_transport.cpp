@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <cstring>
 #include <string>
 #include <vector>
 
 #include "driver/device.h"
+#include "driver/node_users.h"
 
 namespace forcegrid::driver {
 namespace {
@@ -57,6 +59,15 @@ std::string port_path_of(libusb_device* device) {
   return path;
 }
 
+/// "/dev/bus/usb/001/004"
+std::string node_of(libusb_device* device) {
+  char node[40];
+  std::snprintf(node, sizeof node, "/dev/bus/usb/%03u/%03u",
+                static_cast<unsigned>(libusb_get_bus_number(device)),
+                static_cast<unsigned>(libusb_get_device_address(device)));
+  return node;
+}
+
 std::string string_of(libusb_device_handle* handle, std::uint8_t number) {
   std::array<unsigned char, 256> text{};
   if (number == 0) {
@@ -67,7 +78,7 @@ std::string string_of(libusb_device_handle* handle, std::uint8_t number) {
   return size > 0 ? std::string(text.begin(), text.begin() + size) : "";
 }
 
-std::string remedy_for(int error) {
+std::string remedy_for_libusb(int error) {
   switch (error) {
     case LIBUSB_ERROR_ACCESS:
       return "install the udev rule (make install-udev), then plug the device in again";
@@ -321,8 +332,8 @@ class LibusbTransport final : public BulkTransport {
     }
     Candidate& candidate = found.front();
     if (candidate.handle == nullptr) {
-      refuse(url_,
-             "open: " + words(candidate.open_error) + "; " + remedy_for(candidate.open_error));
+      refuse(url_, "open: " + words(candidate.open_error) + "; " +
+                       remedy_for_libusb(candidate.open_error));
     }
     interface_ = find_bulk_interface(candidate.device);
     if (interface_.number < 0) {
@@ -340,7 +351,13 @@ class LibusbTransport final : public BulkTransport {
     // A system without the means says so, and then there is no kernel driver to detach either.
     static_cast<void>(libusb_set_auto_detach_kernel_driver(handle_.get(), 1));
     if (const int error = libusb_claim_interface(handle_.get(), interface_.number); error != 0) {
-      refuse(url_, "claim its interface: " + words(error) + "; " + remedy_for(error));
+      const std::string node = node_of(libusb_get_device(handle_.get()));
+      const std::vector<NodeUser> users = users_of_node(node, node).users;
+      refuse(url_, "claim its interface: " + words(error) + "; " +
+                       (error == LIBUSB_ERROR_BUSY && !users.empty()
+                            ? "it is in use by " + names_of(users) + "; end it (" +
+                                  command_that_ends(users) + ")"
+                            : remedy_for_libusb(error)));
     }
     claimed_ = true;
     for (Transfer* transfer : all()) {

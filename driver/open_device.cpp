@@ -69,8 +69,9 @@ std::unique_ptr<Device> open_device(const std::string& url, const profiles::Devi
     return start_w2_device(open_usbip_transport(parsed, options.connect_timeout), profile, options,
                            url, true);
   }
-  return start_w2_device(open_hidraw_transport(find_node(parsed, profile)), profile, options, url,
-                         parsed.kind == DeviceUrl::Kind::kHidId);
+  return start_w2_device(
+      open_hidraw_transport(find_node(parsed, profile), options.share, options.notice), profile,
+      options, url, parsed.kind == DeviceUrl::Kind::kHidId);
 }
 
 std::string lasting_url(const std::string& url, const profiles::DeviceProfile& profile) {

@@ -20,7 +20,10 @@ struct OpenOptions {
   rt::Duration servo_silence = std::chrono::milliseconds(50);  ///< then zero current is sent
   rt::Duration write_timeout = std::chrono::milliseconds(50);  ///< until the device took a report
   falcon::Firmware firmware;  ///< for a Falcon in which none runs; empty: none
-  bool realtime_io = true;    ///< ask for SCHED_FIFO for the I/O thread
+  /// A program that has the device's hidraw node open, too, is no obstacle. If it sends anything,
+  /// the device ends as DeviceHealth::kSecondWriter all the same.
+  bool share = false;
+  bool realtime_io = true;  ///< ask for SCHED_FIFO for the I/O thread
   /// Called on the opening thread with what the user should know, e.g. that real-time scheduling
   /// was refused. May be empty.
   std::function<void(const std::string&)> notice;

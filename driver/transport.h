@@ -15,6 +15,7 @@ enum class TransportStatus : std::uint8_t {
   kOk,
   kTimeout,       ///< nothing within the time given; the transport is still usable
   kDisconnected,  ///< the device or its server is gone; the transport is not usable any more
+  kTaken,         ///< another program took the device, which is still there; not usable any more
   kProtocol,      ///< the other end broke the transport's rules; not usable any more
 };
 

@@ -21,7 +21,7 @@ constexpr std::array<std::uint8_t, 4> kListReply = {0x01, 0x11, 0x00, 0x05};
 constexpr std::uint32_t kMostDevices = 1024;
 constexpr std::size_t kDeviceBytes = 312;
 constexpr std::size_t kBusIdOffset = 256;
-constexpr std::size_t kBusIdBytes = 32;
+constexpr std::size_t kBusIdFieldBytes = 32;
 constexpr std::size_t kVendorOffset = 300;  // behind busnum, devnum and speed
 constexpr std::size_t kProductOffset = 302;
 constexpr std::size_t kInterfacesOffset = 311;
@@ -122,7 +122,7 @@ std::vector<UsbipListing> list_usbip_devices(const std::string& host, std::uint1
     std::array<std::uint8_t, kDeviceBytes> bytes{};
     server.receive(bytes);
     const char* const bus_id = reinterpret_cast<const char*>(&bytes[kBusIdOffset]);
-    devices.push_back({std::string(bus_id, ::strnlen(bus_id, kBusIdBytes)),
+    devices.push_back({std::string(bus_id, ::strnlen(bus_id, kBusIdFieldBytes)),
                        get16(&bytes[kVendorOffset]), get16(&bytes[kProductOffset])});
     std::vector<std::uint8_t> interfaces(kInterfaceBytes * bytes[kInterfacesOffset]);
     server.receive(interfaces);

@@ -23,7 +23,8 @@ constexpr std::size_t kMaxTransferBytes = 4096;
 constexpr std::size_t kMaxReportBytes = 64;
 constexpr std::size_t kReportQueue = 32;
 constexpr rt::Duration kSendTimeout = std::chrono::milliseconds(50);
-constexpr rt::Duration kUnlinkTimeout = std::chrono::milliseconds(50);
+// A server that the machine holds up for a while is not gone; the servo notices silence by itself.
+constexpr rt::Duration kUnlinkTimeout = std::chrono::milliseconds(500);
 
 std::string import_error_words(std::uint32_t status) {
   switch (status) {

@@ -10,8 +10,8 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "driver/hid_descriptor.h"
 #include "driver/io_thread_device.h"
+#include "driver/open_outs.h"
 #include "driver/w2_codec.h"
 
 namespace forcegrid::driver {
@@ -21,8 +21,10 @@ namespace {
 constexpr rt::Duration kReadTimeout = std::chrono::milliseconds(40);
 // While another report may still be on its way from before a kick: one round trip each way.
 constexpr rt::Duration kSettleAfterKick = std::chrono::milliseconds(3);
-constexpr rt::Duration kPollWhenFaulted = std::chrono::milliseconds(500);
-constexpr rt::Duration kLate = std::chrono::milliseconds(4);
+constexpr rt::Duration kW2PollWhenFaulted = std::chrono::milliseconds(500);
+// A wait for a report looks this often whether it is to be given up for the last zero.
+constexpr rt::Duration kLookUp = std::chrono::milliseconds(5);
+constexpr rt::Duration kDoubtMargin = std::chrono::milliseconds(5);
 constexpr int kZeroAttempts = 2;
 constexpr int kMaxDrained = 64;  // hidraw queues as many
 constexpr int kMaxRejectedInARow = 10;
@@ -32,15 +34,6 @@ constexpr int kRefreshDecay = 16;       // exchanges
 constexpr int kCounterTolerance = 200;  // counts an arm in a hand may move within an exchange
 
 constexpr std::size_t kBufferBytes = 65;  // a report that is too long is seen as such
-
-std::string hexadecimal(unsigned value) {
-  constexpr char kDigits[] = "0123456789abcdef";
-  std::string text(4, '0');
-  for (std::size_t i = 0; i < 4; ++i) {
-    text[3 - i] = kDigits[(value >> (4 * i)) & 0xF];
-  }
-  return text;
-}
 
 struct CounterRequest {
   std::uint32_t id = 0;
@@ -129,26 +122,51 @@ class W2Device final : public IoThreadDevice {
 
   // --- one exchange ---
 
-  WriteResult send(const w2::ReportBytes& bytes) noexcept {
+  WriteResult send(const w2::ReportBytes& bytes, bool last_zero = false) noexcept {
     std::array<std::uint8_t, w2::kW3ReportBytes> padded{};
     std::copy(bytes.begin(), bytes.end(), padded.begin());
+    const rt::TimePoint begun = rt::Clock::now();
     const WriteResult result =
         transport_->write(std::span(padded).first(wire_bytes_), options_.write_timeout);
     if (result.status == TransportStatus::kOk) {
       count(statistics_.commands_sent);
-      released_ = result.completed;
+      open_outs_.push({.sent = begun, .completed = result.completed, .last_zero = last_zero});
     }
     return result;
   }
 
-  /// Reads until `deadline`, and then what else is queued, so that the newest report is left.
+  /// One report. A wait for it ends early when the last zero is due, which must not wait.
+  ReadResult read(rt::Duration timeout) noexcept {
+    const rt::TimePoint deadline = rt::Clock::now() + timeout;
+    for (;;) {
+      const rt::Duration left = std::max(deadline - rt::Clock::now(), rt::Duration::zero());
+      const ReadResult result = transport_->read(buffer_, std::min(left, kLookUp));
+      if (result.status != TransportStatus::kTimeout || left <= kLookUp ||
+          (exchanging_ && (stopping() || !running()))) {
+        return result;
+      }
+    }
+  }
+
+  /// A report that answers nothing that was sent, although no report is missing.
+  void take_unasked(const w2::InputReport& input, rt::TimePoint arrived) noexcept {
+    count(statistics_.reports_unasked);
+    if (foreign_replies_.take(input, last_input_, arrived) && exchanging_) {
+      fail(DeviceHealth::kSecondWriter,
+           "device '" + identity_.url +
+               "': it answers commands that this program did not send, so another program "
+               "commands it; end that program ('forcegrid devices' names it)");
+    }
+  }
+
+  /// Reads for at most `timeout`, and then what else is queued, so that the newest report is left.
   /// @returns kOk with the newest whole report in `newest`, kTimeout when none came.
   TransportStatus receive(rt::Duration timeout, rt::Duration settle, w2::InputReport& newest,
                           rt::TimePoint& arrived) noexcept {
     int found = 0;
     for (int i = 0; i < kMaxDrained; ++i) {
       const ReadResult result =
-          transport_->read(buffer_, i == 0 ? timeout : (found > 0 ? settle : rt::Duration::zero()));
+          read(i == 0 ? timeout : (found > 0 ? settle : rt::Duration::zero()));
       if (result.status == TransportStatus::kTimeout) {
         break;
       }
@@ -156,7 +174,9 @@ class W2Device final : public IoThreadDevice {
         return result.status;
       }
       last_length_ = result.bytes;
-      if (!w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, newest,
+      const bool asked = open_outs_.answer();
+      w2::InputReport input;
+      if (!w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, input,
                       wire_bytes_)) {
         count(statistics_.reports_rejected);
         ++rejected_in_a_row_;
@@ -167,21 +187,34 @@ class W2Device final : public IoThreadDevice {
       if (found > 0) {
         count(statistics_.reports_drained);
       }
-      ++found;
-      arrived = result.arrived;
+      if (!asked) {
+        take_unasked(input, result.arrived);
+      }
+      last_input_ = input;
+      if (asked || found == 0) {
+        newest = input;
+        arrived = result.arrived;
+        ++found;
+      }
     }
-    found_ = found;
     return found > 0 ? TransportStatus::kOk : TransportStatus::kTimeout;
   }
 
   void publish(const w2::InputReport& input, rt::TimePoint arrived) noexcept {
-    if (arrived - released_ > kLate) {
+    // In doubt, any OUT from the oldest to the newest may have released it.
+    const Out& oldest = open_outs_.answered();
+    const rt::TimePoint released =
+        open_outs_.in_doubt() ? open_outs_.newest().completed : oldest.completed;
+    prompt_ = arrived - released <= OpenOuts::kPrompt;
+    if (!prompt_) {
       count(statistics_.reports_late);
     }
     publish_report({.sequence = ++sequence_,
                     .counts = unwrapper_.follow(input.counts),
                     .calibration_button = input.calibration_button,
-                    .released = released_,
+                    .sampled_after = oldest.sent,
+                    .released = released,
+                    .oldest_release = oldest.completed,
                     .received = arrived});
     last_arrival_ = arrived;
   }
@@ -207,7 +240,8 @@ class W2Device final : public IoThreadDevice {
       if (wrong_length_) {
         throw DeviceError(wrong_length_words());
       }
-      if (status == TransportStatus::kOk && discarded_first && released_ != rt::TimePoint{}) {
+      if (status == TransportStatus::kOk && discarded_first &&
+          open_outs_.answered().sent != rt::TimePoint{}) {
         publish(input, arrived);
         return;
       }
@@ -243,6 +277,7 @@ class W2Device final : public IoThreadDevice {
   // --- the I/O thread ---
 
   void run() noexcept override {
+    exchanging_ = true;
     while (running() && !stopping()) {
       const Reason reason = wait_for_reason();
       if (reason == Reason::kStop || health() != DeviceHealth::kRunning) {
@@ -254,7 +289,7 @@ class W2Device final : public IoThreadDevice {
       // A fault: the motors get zero at once, not only when somebody calls stop().
       zero_delivered_ = deliver_zero();
       while (!stopping()) {
-        wait(rt::Clock::now() + kPollWhenFaulted);
+        wait(rt::Clock::now() + kW2PollWhenFaulted);
       }
     }
     finish();
@@ -262,8 +297,10 @@ class W2Device final : public IoThreadDevice {
 
   /// Sends zero current until the device has acted on it. That it took the report is no proof: a
   /// firmware that waits for the host to collect a report takes the next one into its queue and
-  /// looks at it later, or never. The report that the zero releases is.
+  /// looks at it later, or never. The report that the zero releases is, and that comes after those
+  /// that are still on their way.
   bool deliver_zero() noexcept {
+    exchanging_ = false;
     for (int attempt = 0; attempt < kZeroAttempts; ++attempt) {
       w2::InputReport input;
       rt::TimePoint arrived;
@@ -271,19 +308,21 @@ class W2Device final : public IoThreadDevice {
           TransportStatus::kOk) {
         count(statistics_.reports_discarded);
       }
-      if (send(w2::encode_currents({})).status != TransportStatus::kOk) {
+      if (send(w2::encode_currents({}), true).status != TransportStatus::kOk) {
         return false;
       }
-      wrong_length_ = false;
-      const TransportStatus status = receive(kReadTimeout, rt::Duration::zero(), input, arrived);
-      if (status == TransportStatus::kOk) {
-        count(statistics_.reports_discarded);
-      }
-      if (status == TransportStatus::kOk || wrong_length_) {
-        return true;
-      }
-      if (status != TransportStatus::kTimeout) {
-        return false;
+      const rt::TimePoint deadline = rt::Clock::now() + kReadTimeout;
+      for (rt::TimePoint now = rt::Clock::now(); now < deadline; now = rt::Clock::now()) {
+        const TransportStatus status =
+            receive(deadline - now, rt::Duration::zero(), input, arrived);
+        if (status == TransportStatus::kOk) {
+          count(statistics_.reports_discarded);
+        } else if (status != TransportStatus::kTimeout) {
+          return false;
+        }
+        if (open_outs_.answered().last_zero) {
+          return true;
+        }
       }
     }
     return false;
@@ -309,7 +348,8 @@ class W2Device final : public IoThreadDevice {
   /// fresh; but not when that could still be in the way at the servo's next read, for then the
   /// command that follows that read would have to wait for it.
   RefreshPlan plan_refresh(rt::TimePoint now) noexcept {
-    const rt::TimePoint due = (may_overlap_ ? released_ : last_arrival_) + scaled(kRefreshPhase);
+    const rt::TimePoint due =
+        (may_overlap_ ? open_outs_.newest().completed : last_arrival_) + scaled(kRefreshPhase);
     const rt::TimePoint silent_at = latest_.issued + options_.servo_silence;
     const rt::TimePoint next_read = latest_.command.next_read;
     if (!commanded_ || now >= silent_at || next_read == rt::TimePoint{} ||
@@ -403,8 +443,9 @@ class W2Device final : public IoThreadDevice {
   /// Sends, and waits for the report that this releases. What else is to be sent meanwhile goes out
   /// without waiting, if the transport allows: on a bus that serves IN before OUT, a report comes a
   /// frame later than the OUT that released it, and waiting for it would halve the rate and age the
-  /// counts by a frame. There are never more than two OUTs without their reports, and reports come
-  /// in the order of their OUTs.
+  /// counts by a frame. Where reports come later than that, it would only age them: slow firmware
+  /// takes the second OUT before it gives the report of the first. There are never more than two
+  /// OUTs without their reports, and reports come in the order of their OUTs.
   void exchange(Reason reason) noexcept {
     if (!discard_unasked()) {
       return;
@@ -422,8 +463,8 @@ class W2Device final : public IoThreadDevice {
       bool overlapping = false;
       WriteResult second;
       Reason next = Reason::kNone;
-      if (may_overlap_ && !kicked && reason != Reason::kCounters &&
-          sent.status == TransportStatus::kOk) {
+      if (may_overlap_ && prompt_ && !open_outs_.in_doubt() && !kicked &&
+          reason != Reason::kCounters && sent.status == TransportStatus::kOk) {
         next = wait_for_report_or_reason();
       }
       if (next != Reason::kNone) {
@@ -434,17 +475,12 @@ class W2Device final : public IoThreadDevice {
           return;
         }
         overlapping = second.status == TransportStatus::kOk;
-        released_ = sent.completed;
       }
       w2::InputReport input;
       rt::TimePoint arrived;
       wrong_length_ = false;
       const TransportStatus status = receive(kReadTimeout, settle, input, arrived);
       if (status == TransportStatus::kOk) {
-        const bool both = overlapping && found_ > 1;
-        if (both) {
-          released_ = second.completed;
-        }
         publish(input, arrived);
         if (reason == Reason::kRefresh && !kicked && !may_overlap_) {
           learn_refresh_time(arrived - begun);
@@ -452,11 +488,14 @@ class W2Device final : public IoThreadDevice {
         if (reason == Reason::kCounters) {
           check_counters(input);
         }
-        if (!overlapping || both) {
+        if (open_outs_.in_doubt()) {
+          settle_doubt(arrived);
+          return;
+        }
+        if (!overlapping || open_outs_.empty()) {
           return;
         }
         sent = second;
-        released_ = second.completed;
         reason = next;
         continue;
       }
@@ -484,14 +523,44 @@ class W2Device final : public IoThreadDevice {
         // A device may answer two OUTs with one report. It does so once, then each waits for its
         // own.
         may_overlap_ = may_overlap_ && !was_overlapped;
+        open_outs_.doubt();
       }
       kicked = true;
       sent = send(w2::encode_currents({}));
     }
   }
 
-  /// Every OUT so far has its report, or has been given up. What comes now is a duplicate, or one
-  /// that is too late: taken for the answer to the next OUT, it would shift all answers after it.
+  /// After a kick, the report before it may be lost or on its way, and a late one would pass for
+  /// the answer to a later OUT, and its counts for younger than they are. Where a report's time
+  /// does not tell, nothing is sent until another would have come, as late as this one.
+  void settle_doubt(rt::TimePoint arrived) noexcept {
+    if (open_outs_.judge(arrived)) {
+      return;
+    }
+    const rt::Duration late_by = std::clamp(arrived - open_outs_.answered().completed,
+                                            rt::Duration::zero(), options_.stale_after);
+    const rt::TimePoint deadline = open_outs_.newest().completed + late_by + kDoubtMargin;
+    for (rt::TimePoint now = arrived;
+         !open_outs_.empty() && now < deadline && running() && !stopping();
+         now = rt::Clock::now()) {
+      w2::InputReport input;
+      const TransportStatus status = receive(deadline - now, rt::Duration::zero(), input, arrived);
+      if (status == TransportStatus::kOk) {
+        if (open_outs_.empty()) {
+          open_outs_.give_up();
+        }
+        publish(input, arrived);
+      } else if (status != TransportStatus::kTimeout) {
+        fail_with(status, transport_->failure());
+      } else if (silent(rt::Clock::now())) {
+        fail(DeviceHealth::kStale, stale_words());
+      }
+    }
+    open_outs_.give_up();
+  }
+
+  /// What has come before the next OUT is a duplicate, or a report that is late: taken for the
+  /// answer to the next OUT, it would shift all answers after it.
   /// @returns false after a failure.
   bool discard_unasked() noexcept {
     for (int i = 0; i < kMaxDrained; ++i) {
@@ -504,9 +573,19 @@ class W2Device final : public IoThreadDevice {
         return false;
       }
       count(statistics_.reports_drained);
-      count(statistics_.reports_unasked);
+      w2::InputReport input;
+      const bool whole =
+          w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, input, wire_bytes_);
+      if (open_outs_.answer() || !whole) {
+        count(statistics_.reports_unasked);
+      } else {
+        take_unasked(input, result.arrived);
+      }
+      if (whole) {
+        last_input_ = input;
+      }
     }
-    return true;
+    return running();
   }
 
   /// While a report is on its way: waits for it, or for a reason to send something before it.
@@ -568,16 +647,19 @@ class W2Device final : public IoThreadDevice {
   rt::Duration refresh_time_;
   bool may_overlap_;        ///< something may be sent before the report of the last OUT has come
   bool held_back_ = false;  ///< a refresh has been held back since the last OUT
+  bool prompt_ = true;      ///< the last report came soon after its OUT
+  OpenOuts open_outs_;
+  bool exchanging_ = false;  ///< the exchange has begun, and no last zero is due
+  w2::InputReport last_input_;
+  ForeignReplies foreign_replies_;
   std::array<std::uint8_t, kBufferBytes> buffer_{};
   w2::CounterUnwrapper unwrapper_;
   IssuedCommand latest_;
   CounterRequest counter_request_;
-  rt::TimePoint released_{};
   rt::TimePoint last_arrival_{};
   std::uint64_t sequence_ = 0;
   std::size_t last_length_ = 0;
   int rejected_in_a_row_ = 0;
-  int found_ = 0;  ///< reports that the last receive() took in
   bool wrong_length_ = false;
   bool commanded_ = false;
   bool counters_pending_ = false;
@@ -600,39 +682,6 @@ void check_descriptor(const Transport& transport, const profiles::DeviceProfile&
 }
 
 }  // namespace
-
-std::string descriptor_objection(std::span<const std::uint8_t> report_descriptor,
-                                 const profiles::DeviceProfile& profile) {
-  HidInterface interface;
-  try {
-    interface = parse_hid_descriptor(report_descriptor);
-  } catch (const DeviceError& error) {
-    return std::string(error.what()) + "; check that it is the device of profile '" + profile.name +
-           "'";
-  }
-  if (interface.usage_page != profile.usb.usage_page || interface.usage != profile.usb.usage) {
-    return "its HID usage is " + hexadecimal(interface.usage_page) + ":" +
-           hexadecimal(interface.usage) + " where profile '" + profile.name + "' has " +
-           hexadecimal(profile.usb.usage_page) + ":" + hexadecimal(profile.usb.usage) +
-           "; name another device or profile";
-  }
-  if (interface.has_report_ids) {
-    return "its reports carry report IDs, which the protocol does not have; check that it is the "
-           "device of profile '" +
-           profile.name + "'";
-  }
-  if (interface.input_bytes == w2::kW1ReportBytes && interface.output_bytes == w2::kW1ReportBytes) {
-    return "it speaks the older W1 protocol (reports of 8 bytes), which can't be calibrated from "
-           "the host and counts the other way; install the W2 firmware (reports of 14 bytes)";
-  }
-  const auto wanted = static_cast<std::size_t>(profile.usb.report_bytes);
-  if (interface.input_bytes != wanted || interface.output_bytes != wanted) {
-    return "its reports have " + std::to_string(interface.input_bytes) + " bytes in and " +
-           std::to_string(interface.output_bytes) + " out where profile '" + profile.name +
-           "' has " + std::to_string(wanted) + "; name another device or profile";
-  }
-  return "";
-}
 
 std::unique_ptr<Device> start_w2_device(std::unique_ptr<Transport> transport,
                                         const profiles::DeviceProfile& profile,

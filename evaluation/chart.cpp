@@ -20,6 +20,7 @@
 #include "evaluation/trajectories.h"
 #include "evaluation/variation.h"
 #include "forcegrid/methods.h"
+#include "simulator/mesh/error.h"
 #include "simulator/solver/direct_method.h"
 
 namespace forcegrid::evaluation {
@@ -86,6 +87,7 @@ struct Object {
 TableOptions table_options(const ChartOptions& options, const ChartScene& scene,
                            const std::string& what) {
   TableOptions table;
+  table.lattice = options.lattice;
   table.patch_radius_m = scene.patch_radius_m;
   table.threads = options.jobs;
   table.cache = options.cache;
@@ -96,6 +98,12 @@ TableOptions table_options(const ChartOptions& options, const ChartScene& scene,
     };
   }
   return table;
+}
+
+// Those of `displacements_W` that a table covers.
+std::vector<Vector3d> covered(const ForceTable& table, std::vector<Vector3d> displacements_W) {
+  std::erase_if(displacements_W, [&table](const Vector3d& each) { return !table.contains(each); });
+  return displacements_W;
 }
 
 Object make_object(const ChartOptions& options, const std::string& name) {
@@ -112,9 +120,10 @@ Object make_object(const ChartOptions& options, const std::string& name) {
   facts.stiffness_N_per_m = -built.table.at(Vector3d::Zero()).stiffness_W(2, 2);
   const TableOptions comparing = table_options(options, scene, "live solves of " + name);
   facts.along_motion = compare_with_live(
-      built.table, mesh, displacements_along_motion(options.seed, kComparedEvery_s), comparing);
+      built.table, mesh,
+      covered(built.table, displacements_along_motion(options.seed, kComparedEvery_s)), comparing);
   facts.at_random = compare_with_live(
-      built.table, mesh, random_displacements(building.lattice, options.seed, kRandomComparisons),
+      built.table, mesh, random_displacements(options.lattice, options.seed, kRandomComparisons),
       comparing);
   say(options, name + ": force table " +
                    (built.from_cache ? std::string("from the cache")
@@ -287,8 +296,15 @@ class Judging {
         continue;
       }
       check_stop(options_);
-      chart.rows.push_back(judge(jobs[j]));
+      if (std::optional<ChartRow> row = try_to_judge(jobs[j], chart.not_judged)) {
+        store_.keep(*row);
+        chart.rows.push_back(std::move(*row));
+      }
       report_progress(static_cast<double>(j + 1) / static_cast<double>(jobs.size()));
+    }
+    if (chart.rows.empty() && !chart.not_judged.empty()) {
+      throw ChartError("none of the " + std::to_string(chart.not_judged.size()) +
+                       " rows could be judged; the first: " + chart.not_judged.front().reason);
     }
     for (const Object& object : objects_) {
       chart.tables.push_back(object.facts);
@@ -305,7 +321,7 @@ class Judging {
         }
       }
     }
-    if (jobs.empty()) {
+    if (jobs.empty() && options_.shard.whole()) {
       throw ChartError(
           "nothing to evaluate: no condition of the selection supplies what its methods need; add "
           "the condition stiffness for methods that need dF/dP, or requests120 for methods that "
@@ -321,7 +337,7 @@ class Judging {
     const Trajectory* const path =
         trajectories_[trajectory] ? &*trajectories_[trajectory] : nullptr;
     for (const ChartMethod& method : plan_.methods) {
-      if (taken(options_, object.scene, motion, condition.name) &&
+      if (plan_.pieces.contains({object.scene.name, motion, condition.name}) &&
           applies(method, object.scene, condition, path)) {
         jobs.push_back({scene, trajectory, &condition, &method,
                         row_key(options_, object.scene.name, object.facts.key, motion, condition,
@@ -348,13 +364,45 @@ class Judging {
       return;
     }
     const Object& object = objects_[job.scene];
-    trace_ = make_trace(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
-                        options_.seed, object.scene.extras);
+    trace_.reset();
+    trace_problem_.clear();
     traced_ = job;
+    try {
+      trace_ = make_trace(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
+                          options_.seed, object.scene.extras);
+    } catch (const ChartError& error) {
+      trace_problem_ = error.what();
+    }
+  }
+
+  // Nothing, and a line in `not_judged`, for a row that can't be judged. Other errors end the
+  // chart.
+  std::optional<ChartRow> try_to_judge(const Job& job, std::vector<NotJudged>& not_judged) {
+    std::string reason;
+    try {
+      return judge(job);
+    } catch (const ChartError& error) {
+      reason = error.what();
+    } catch (const simulator::Error& error) {
+      reason = error.what();
+    } catch (const std::invalid_argument& error) {
+      reason = error.what();
+    }
+    const std::string& scene = objects_[job.scene].scene.name;
+    pending_[{scene, job.method->text}] -= 1.0;
+    not_judged.push_back(
+        {scene, plan_.trajectories[job.trajectory], job.condition->name, job.method->text, reason});
+    say(options_, "not judged: " + job.method->text + " on " + scene + ", " +
+                      not_judged.back().trajectory + ", " + not_judged.back().condition + ": " +
+                      reason);
+    return std::nullopt;
   }
 
   ChartRow judge(const Job& job) {
     make_trace_of(job);
+    if (trajectories_[job.trajectory] && !trace_) {
+      throw ChartError(trace_problem_);  // for every method alike
+    }
     const Object& object = objects_[job.scene];
     const std::optional<Trajectory>& trajectory = trajectories_[job.trajectory];
     const auto start = std::chrono::steady_clock::now();
@@ -369,7 +417,6 @@ class Judging {
     row.condition = job.condition->name;
     times_.add(row.scene, row.method, seconds_since(start));
     pending_[{row.scene, row.method}] -= 1.0;
-    store_.keep(row);
     return row;
   }
 
@@ -392,6 +439,7 @@ class Judging {
   TimeLeft times_;
   std::map<std::pair<std::string, std::string>, double> pending_;  // jobs by scene and method
   std::optional<Trace> trace_;
+  std::string trace_problem_;  // why there is no trace
   std::optional<Job> traced_;  // the job of trace_
 };
 

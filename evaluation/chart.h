@@ -13,6 +13,7 @@
 #include "evaluation/exploration.h"
 #include "evaluation/force_table.h"
 #include "evaluation/judge.h"
+#include "evaluation/shard.h"
 #include "evaluation/trace.h"
 #include "evaluation/variation.h"
 
@@ -30,6 +31,8 @@ struct ChartOptions {
   std::vector<std::string> conditions;
   std::vector<std::string> methods;  ///< MethodVariant texts, or "direct"
   bool quick = false;
+  Shard shard;                               ///< only these rows, if it is not the whole
+  TableLattice lattice;                      ///< of the force tables
   unsigned jobs = 0;                         ///< threads that make tables; 0: one per processor
   std::uint64_t seed = 1;                    ///< of trajectories, noise and network
   std::string default_method = "forcegrid";  ///< compared with the goals
@@ -75,6 +78,15 @@ struct ChartTable {
   double direct_cycle_us = 0.0;    ///< DirectMethod::measured_cycle_s(); 0: not measured
 };
 
+/// A row that could not be judged, and the reason. The other rows of the chart are not affected.
+struct NotJudged {
+  std::string scene;
+  std::string trajectory;
+  std::string condition;
+  std::string method;
+  std::string reason;
+};
+
 /// A default method that this program can't make, and the reason.
 struct NotRun {
   std::string method;
@@ -91,6 +103,7 @@ struct ChartNumber {
   std::string worst;  ///< row of the measured value
   bool met() const noexcept { return measured <= goal; }
   bool known() const noexcept { return measured == measured; }
+  double ratio() const noexcept { return measured / goal; }  ///< above 1: missed
 };
 
 /// A method in the picture of a scene: error against cost per servo cycle.
@@ -105,6 +118,7 @@ struct ChartPoint {
 struct Chart {
   std::vector<ChartTable> tables;
   std::vector<ChartRow> rows;
+  std::vector<NotJudged> not_judged;
   std::vector<NotRun> not_run;
   std::vector<ChartNumber> numbers;
   double bare_trilinear_read_ns = std::numeric_limits<double>::quiet_NaN();  ///< on this machine
@@ -125,7 +139,9 @@ std::vector<std::string> chart_motions();
 /// are appended to `out`/rows.jsonl, and the next call with the same program and selection reuses
 /// them. Methods run one at a time, so that their costs do not disturb each other. A method that
 /// needs stiffness or requests runs only under conditions that supply them. `direct` runs only
-/// under `ideal`, and only on objects that are the same everywhere.
+/// under `ideal`, and only on objects that are the same everywhere. A row that can't be judged, for
+/// example because its motion leaves the force table, is listed with the reason, and the rest goes
+/// on; the next call tries it again. A shard makes the rows of its pieces, and none is no mistake.
 /// @throws ChartError for an unknown name, std::invalid_argument for a method that can't be made,
 ///         Stopped, and as build_table().
 Chart make_chart(const ChartOptions& options);

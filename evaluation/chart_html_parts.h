@@ -12,15 +12,22 @@ inline constexpr char kHtmlHead[] = R"html(<!doctype html>
 inline constexpr char kHtmlStyle[] = R"html(</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <style>
-body{font:15px/1.5 system-ui,sans-serif;color:#222;background:#fff;max-width:1400px;margin:2em auto;padding:0 1em}
-h1{font-size:1.6em}h2{margin-top:2em;border-bottom:1px solid #ddd}
+body{font:15px/1.5 system-ui,sans-serif;color:#222;background:#fff;max-width:1700px;margin:1em auto;padding:0 1em}
+h1{font-size:1.6em;margin:0.4em 0}h2{margin-top:2em;border-bottom:1px solid #ddd}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:13px;margin:1em 0;display:block;overflow-x:auto}
 th,td{padding:3px 9px;text-align:right;white-space:nowrap;border-bottom:1px solid #eee}
 th:first-child,td:first-child,td:nth-child(2),th:nth-child(2){text-align:left}
-th{cursor:pointer;background:#f5f5f7;position:sticky;top:0}
+th{cursor:pointer;background:#f5f5f7;position:sticky;top:0;white-space:normal;vertical-align:bottom}
+th.words{text-align:left}
+table.tight{font-size:11px}table.tight th,table.tight td{padding:3px;white-space:normal}
+table.tight th:first-child,table.tight td:first-child,table.tight td:nth-child(2){overflow-wrap:anywhere;min-width:7em}
+table.tight small{white-space:nowrap}table.tight .missed{font-weight:400}
 tr:hover td{background:#f7faff}
 tr.front td:first-child{font-weight:600;color:#0b5394}
-.met{color:#1a7f37}.missed{color:#c0392b;font-weight:600}.none{color:#888}
+.met{color:#1a7f37}.near{color:#9a6700}.missed{color:#c0392b;font-weight:600}.none{color:#888}
+.lead{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(600px,100%),1fr));gap:1em;margin:0.5em 0}
+.lead figure{margin:0}.lead figcaption{min-height:3em}
+td.words,td.reason{white-space:normal;text-align:left;min-width:15em;overflow-wrap:anywhere}
 small{color:#888}svg{max-width:100%;height:auto}
 select{margin-right:1em}code{background:#f5f5f7;padding:0 3px}
 </style></head><body>

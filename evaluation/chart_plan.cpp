@@ -112,6 +112,34 @@ bool taken(const ChartOptions& options, const ChartScene& scene, const std::stri
           contains(options.quick ? kQuickHardConditions : kHardConditions, condition));
 }
 
+namespace {
+
+// The traces of the plan that belong to the shard; scenes without any are left out.
+void choose_pieces(const ChartOptions& options, ChartPlan& plan) {
+  std::vector<std::array<std::string, 3>> all;
+  for (const std::string& scene : plan.scenes) {
+    for (const std::string& motion : plan.trajectories) {
+      for (const std::string& condition : plan.conditions) {
+        if (taken(options, chart_scene(scene), motion, condition)) {
+          all.push_back({scene, motion, condition});
+        }
+      }
+    }
+  }
+  std::set<std::string> scenes;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (options.shard.has(i, all.size())) {
+      scenes.insert(all[i][0]);
+      plan.pieces.insert(std::move(all[i]));
+    }
+  }
+  if (!options.shard.whole()) {
+    std::erase_if(plan.scenes, [&](const std::string& scene) { return !scenes.contains(scene); });
+  }
+}
+
+}  // namespace
+
 ChartPlan plan_of(const ChartOptions& options) {
   std::vector<std::string> scenes;
   for (const ChartScene& scene : chart_scenes()) {
@@ -154,6 +182,7 @@ ChartPlan plan_of(const ChartOptions& options) {
       }
     }
   }
+  choose_pieces(options, plan);
   return plan;
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -28,6 +30,9 @@ struct ChartPlan {
   std::vector<std::string> conditions;
   std::vector<ChartMethod> methods;
   std::vector<NotRun> not_run;
+  /// Scene, motion and condition of the traces on which methods are evaluated; the scenes are
+  /// these.
+  std::set<std::array<std::string, 3>> pieces;
 };
 
 /// Makes the plan. @throws ChartError for an unknown name, std::invalid_argument for a method that

@@ -2,36 +2,24 @@
 #include "evaluation/chart_plot.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 #include <sstream>
 
 #include "evaluation/gnuplot.h"
+#include "evaluation/label_placement.h"
 
 namespace forcegrid::evaluation {
 namespace {
 
-constexpr double kWidth_px = 1000.0;
-constexpr double kHeight_px = 620.0;
-constexpr double kLeft = 0.095;  // edges of the plot as fractions of the picture
-constexpr double kRight = 0.975;
-constexpr double kBottom = 0.11;
-constexpr double kTop = 0.92;
-constexpr double kLetter_px = 6.6;
+constexpr double kLeft_px = 90.0;  // margins of the plot
+constexpr double kRight_px = 25.0;
+constexpr double kBottom_px = 68.0;
+constexpr double kTop_px = 48.0;
+constexpr double kLetter_px = 6.2;
 constexpr double kLine_px = 14.0;
+constexpr double kLegendWidth_px = 190.0;  // bottom left
+constexpr double kLegendHeight_px = 66.0;
 constexpr char kPaperMethod[] = "forcegrid";
-
-struct Box {
-  double left, right, bottom, top;
-  bool meets(const Box& other) const {
-    return left < other.right && other.left < right && bottom < other.top && other.bottom < top;
-  }
-};
-
-struct Place {
-  double x_px, y_px;
-};
 
 // The range of an axis between whole powers of ten that contains all values.
 struct LogAxis {
@@ -52,49 +40,45 @@ std::string label_of(const ChartPoint& point) {
   return point.condition == "ideal" ? text : text + " [" + point.condition + "]";
 }
 
-// Places each label near its point without covering a point or another label.
-std::vector<Place> place_labels(const std::vector<ChartPoint>& points,
-                                const std::vector<Place>& at) {
-  std::vector<Box> taken;
-  for (const Place& point : at) {
-    taken.push_back({point.x_px - 5.0, point.x_px + 5.0, point.y_px - 5.0, point.y_px + 5.0});
-  }
-  const Box inside{kLeft * kWidth_px, kRight * kWidth_px, kBottom * kHeight_px, kTop * kHeight_px};
-  std::vector<Place> places;
+// The points in order, and what their labels must not cover: the front and the legend.
+std::vector<PlacedLabel> labels_of(const std::vector<ChartPoint>& points,
+                                   const std::vector<PicturePoint>& at, const PictureBox& plot,
+                                   const std::vector<bool>& shown) {
+  LabelSurroundings around;
+  around.label_height_px = kLine_px;
+  around.inside = plot;
+  around.boxes.push_back({around.inside.left_px, around.inside.left_px + kLegendWidth_px,
+                          around.inside.bottom_px, around.inside.bottom_px + kLegendHeight_px});
+  std::vector<LabelledPoint> labelled;
+  const PicturePoint* before = nullptr;  // on the front, which goes from point to point
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const double width_px = kLetter_px * static_cast<double>(label_of(points[i]).size());
-    Place best{at[i].x_px + 8.0, at[i].y_px};
-    double fewest = std::numeric_limits<double>::infinity();
-    for (int ring = 0; ring < 9 && fewest > 0.0; ++ring) {
-      for (int step = -ring; step <= ring && fewest > 0.0; ++step) {
-        for (const double side : {8.0 + 3.0 * ring, -width_px - 8.0 - 3.0 * ring}) {
-          const Place candidate{at[i].x_px + side, at[i].y_px + kLine_px * step};
-          const Box box{candidate.x_px, candidate.x_px + width_px, candidate.y_px - 0.5 * kLine_px,
-                        candidate.y_px + 0.5 * kLine_px};
-          double cost = static_cast<double>(std::count_if(
-              taken.begin(), taken.end(), [&box](const Box& each) { return box.meets(each); }));
-          cost += box.left < inside.left || box.right > inside.right ||
-                          box.bottom < inside.bottom || box.top > inside.top
-                      ? 100.0
-                      : 0.0;
-          if (cost < fewest) {
-            fewest = cost;
-            best = candidate;
-          }
-        }
-      }
+    if (shown[i]) {
+      labelled.push_back({at[i], kLetter_px * static_cast<double>(label_of(points[i]).size())});
+    } else {
+      const double r = around.mark_radius_px;
+      around.boxes.push_back({at[i].x_px - r, at[i].x_px + r, at[i].y_px - r, at[i].y_px + r});
     }
-    taken.push_back(
-        {best.x_px, best.x_px + width_px, best.y_px - 0.5 * kLine_px, best.y_px + 0.5 * kLine_px});
-    places.push_back(best);
+    if (points[i].on_front) {
+      if (before != nullptr) {
+        around.lines.push_back({*before, at[i]});
+      }
+      before = &at[i];
+    }
   }
-  return places;
+  std::vector<PlacedLabel> placed = place_labels(labelled, around);
+  std::vector<PlacedLabel> labels(points.size());
+  for (std::size_t i = 0, next = 0; i < points.size(); ++i) {
+    if (shown[i]) {
+      labels[i] = placed[next++];
+    }
+  }
+  return labels;
 }
 
 }  // namespace
 
 bool write_error_cost_svg(const std::filesystem::path& file, const std::string& title,
-                          const std::vector<ChartPoint>& all) {
+                          const std::vector<ChartPoint>& all, const ErrorCostLayout& layout) {
   std::vector<ChartPoint> points;
   std::vector<double> costs_ns;
   std::vector<double> errors_percent;
@@ -111,18 +95,27 @@ bool write_error_cost_svg(const std::filesystem::path& file, const std::string& 
   }
   const LogAxis x(costs_ns);
   const LogAxis y(errors_percent);
-  std::vector<Place> at;
+  const double width_px = layout.width_px;
+  const double height_px = layout.height_px;
+  const PictureBox plot{kLeft_px, width_px - kRight_px, kBottom_px, height_px - kTop_px};
+  std::vector<PicturePoint> at;
+  std::vector<bool> shown;
   for (const ChartPoint& point : points) {
-    at.push_back({kWidth_px * (kLeft + (kRight - kLeft) * x.fraction(point.cycle_ns)),
-                  kHeight_px * (kBottom + (kTop - kBottom) * y.fraction(point.error_percent))});
+    at.push_back(
+        {plot.left_px + (plot.right_px - plot.left_px) * x.fraction(point.cycle_ns),
+         plot.bottom_px + (plot.top_px - plot.bottom_px) * y.fraction(point.error_percent)});
+    shown.push_back(layout.labelled.empty() || point.on_front ||
+                    std::find(layout.labelled.begin(), layout.labelled.end(), point.method) !=
+                        layout.labelled.end());
   }
-  const std::vector<Place> labels = place_labels(points, at);
+  const std::vector<PlacedLabel> labels = labels_of(points, at, plot, shown);
 
   std::ostringstream script;
-  script << "set terminal svg size " << kWidth_px << ',' << kHeight_px
+  script << "set terminal svg size " << width_px << ',' << height_px
          << " background '#ffffff' font 'sans,13'\nset output " << quoted(file.string())
-         << "\nset lmargin at screen " << kLeft << "\nset rmargin at screen " << kRight
-         << "\nset bmargin at screen " << kBottom << "\nset tmargin at screen " << kTop
+         << "\nset lmargin at screen " << plot.left_px / width_px << "\nset rmargin at screen "
+         << plot.right_px / width_px << "\nset bmargin at screen " << plot.bottom_px / height_px
+         << "\nset tmargin at screen " << plot.top_px / height_px
          << "\nset logscale xy\nset xrange [1e" << x.low << ":1e" << x.high << "]\nset yrange [1e"
          << y.low << ":1e" << y.high
          << "]\nset grid lt 1 lw 0.5 lc rgb '#dddddd'\nset border 3\n"
@@ -145,20 +138,24 @@ bool write_error_cost_svg(const std::filesystem::path& file, const std::string& 
        [](const ChartPoint& point) { return !point.on_front && point.method != kPaperMethod; });
   data("paper", [](const ChartPoint& point) { return point.method == kPaperMethod; });
   for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!shown[i]) {
+      continue;
+    }
     const char* const colour = points[i].method == kPaperMethod ? "#C0392B"
                                : points[i].on_front             ? "#0B5394"
                                                                 : "#555555";
-    const double label_x = labels[i].x_px / kWidth_px;
-    const double label_y = labels[i].y_px / kHeight_px;
-    script << "set label " << quoted(label_of(points[i])) << " at screen " << label_x << ", screen "
-           << label_y << " left noenhanced font 'sans,11' textcolor rgb '" << colour << "'\n";
-    if (std::abs(labels[i].y_px - at[i].y_px) > kLine_px) {
-      const bool to_the_left = labels[i].x_px < at[i].x_px;
-      const double width_px = kLetter_px * static_cast<double>(label_of(points[i]).size());
-      script << "set arrow from screen " << at[i].x_px / kWidth_px << ", screen "
-             << at[i].y_px / kHeight_px << " to screen "
-             << (labels[i].x_px + (to_the_left ? width_px : -2.0)) / kWidth_px << ", screen "
-             << label_y << " nohead lw 0.5 lc rgb '#bbbbbb'\n";
+    const PictureBox& box = labels[i].box;
+    // A label to the left of its point ends there, whatever the width of the viewer's font.
+    const bool to_the_left = box.right_px < at[i].x_px;
+    script << "set label " << quoted(label_of(points[i])) << " at screen "
+           << (to_the_left ? box.right_px : box.left_px) / width_px << ", screen "
+           << 0.5 * (box.bottom_px + box.top_px) / height_px << (to_the_left ? " right" : " left")
+           << " noenhanced font 'sans,11' textcolor rgb '" << colour << "'\n";
+    if (labels[i].has_leader) {
+      const PictureLine& leader = labels[i].leader;
+      script << "set arrow from screen " << leader.from.x_px / width_px << ", screen "
+             << leader.from.y_px / height_px << " to screen " << leader.to.x_px / width_px
+             << ", screen " << leader.to.y_px / height_px << " nohead lw 0.5 lc rgb '#bbbbbb'\n";
     }
   }
   const bool has_paper = std::any_of(points.begin(), points.end(), [](const ChartPoint& point) {

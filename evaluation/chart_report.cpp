@@ -18,6 +18,10 @@ namespace {
 
 using nlohmann::ordered_json;
 
+// Of the first screen's pictures: two of them side by side in a window of 1300 pixels.
+constexpr double kLeadWidth_px = 640.0;
+constexpr double kLeadHeight_px = 520.0;
+
 ordered_json or_null(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
@@ -38,16 +42,48 @@ void add_numbers(std::string& html, const Chart& chart, const ChartOptions& opti
           readable(chart.bare_trilinear_read_ns) + " ns.";
   html += chart.numbers.empty() ? "" : " Scene: " + escaped(chart.numbers.front().scene) + '.';
   html +=
-      "</p><table class=sortable><thead><tr><th>figure<th>goal<th>measured<th><th>worst at"
-      "</tr></thead><tbody>";
+      "</p><table class=sortable><thead><tr><th>figure<th>goal<th>measured<th>measured / goal"
+      "<th>verdict<th class=words>worst at</tr></thead><tbody>";
+  std::vector<std::string> others;
   for (const ChartNumber& each : chart.numbers) {
+    if (!each.known()) {
+      others.push_back(each.name);
+      continue;
+    }
+    const GoalVerdict verdict = goal_verdict(each.measured, each.goal, false);
     html += "<tr><td>" + escaped(each.name) + "<td>&le; " + number(each.goal) + ' ' + each.unit +
-            "<td>" + (each.known() ? readable(each.measured) + ' ' + each.unit : "") +
-            "<td class=" +
-            (!each.known() ? "none>not in this selection"
-             : each.met()  ? "met>met"
-                           : "missed>missed") +
-            "<td>" + escaped(each.worst) + "</tr>";
+            "<td>" + readable(each.measured) + ' ' + each.unit + "<td>" + readable(each.ratio()) +
+            "<td class=" + verdict.css_class + '>' + verdict.words + "<td>" + escaped(each.worst) +
+            "</tr>";
+  }
+  html += "</tbody></table>";
+  if (!others.empty()) {
+    html += folded_list("Goals that are not in this selection", others);
+  }
+}
+
+const NotJudged* not_judged_row(const Chart& chart, const std::string& scene,
+                                const std::string& trajectory, const ChartPoint& point) {
+  const auto found =
+      std::find_if(chart.not_judged.begin(), chart.not_judged.end(), [&](const NotJudged& each) {
+        return each.scene == scene && each.trajectory == trajectory &&
+               each.condition == point.condition && each.method == point.method;
+      });
+  return found == chart.not_judged.end() ? nullptr : &*found;
+}
+
+// What could not be judged, by reason.
+void add_not_judged(std::string& html, const Chart& chart) {
+  if (chart.not_judged.empty()) {
+    return;
+  }
+  html += "<h2>Not judged</h2><p>" + std::to_string(chart.not_judged.size()) +
+          " rows could not be judged. They count nowhere on this page.</p><table class=sortable>"
+          "<thead><tr><th>scene<th>motion<th>condition<th>method<th>reason</tr></thead><tbody>";
+  for (const NotJudged& each : chart.not_judged) {
+    html += "<tr><td>" + escaped(each.scene) + "<td>" + escaped(each.trajectory) + "<td>" +
+            escaped(each.condition) + "<td>" + escaped(each.method) +
+            "<td class=reason>not judged: " + escaped(each.reason) + "</tr>";
   }
   html += "</tbody></table>";
 }
@@ -97,7 +133,10 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
                    each.condition == point.condition && each.method == point.method;
           });
       if (row == chart.rows.end()) {
-        html += "<td>";
+        const NotJudged* const not_judged = not_judged_row(chart, table.scene, name, point);
+        html += not_judged == nullptr
+                    ? "<td>"
+                    : "<td class=none title=\"" + escaped(not_judged->reason) + "\">not judged";
         continue;
       }
       html += "<td>" + readable(row->verdict.rms_error_percent_after_1s) + " <small>/ " +
@@ -113,6 +152,15 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
   html += "</tbody></table>" + requests_html(chart, table.scene);
 }
 
+// As CSV has them in a quoted field.
+std::string doubled_quotes(const std::string& text) {
+  std::string result;
+  for (const char character : text) {
+    result += character == '"' ? std::string("\"\"") : std::string(1, character);
+  }
+  return result;
+}
+
 }  // namespace
 
 std::string chart_csv(const Chart& chart) {
@@ -120,13 +168,18 @@ std::string chart_csv(const Chart& chart) {
   for (const RowFigure& figure : figures_of(ChartRow{})) {
     text += std::string(",") + figure.first;
   }
-  text += '\n';
+  text += ",not_judged\n";
   for (const ChartRow& row : chart.rows) {
     text += row.scene + ',' + row.trajectory + ',' + row.condition + ",\"" + row.method + '"';
     for (const RowFigure& figure : figures_of(row)) {
       text += ',' + number(figure.second, "%.9g");
     }
-    text += '\n';
+    text += ",\n";
+  }
+  const std::string no_figures(figures_of(ChartRow{}).size(), ',');
+  for (const NotJudged& each : chart.not_judged) {
+    text += each.scene + ',' + each.trajectory + ',' + each.condition + ",\"" + each.method + '"' +
+            no_figures + ",\"" + doubled_quotes(each.reason) + "\"\n";
   }
   return text;
 }
@@ -159,6 +212,7 @@ std::string chart_json(const Chart& chart, const ChartOptions& options) {
                                {"scene", each.scene},
                                {"goal", each.goal},
                                {"measured", or_null(each.measured)},
+                               {"ratio", or_null(each.ratio())},
                                {"unit", each.unit},
                                {"worst_at", each.worst},
                                {"met", each.known() ? ordered_json(each.met()) : nullptr}});
@@ -190,6 +244,14 @@ std::string chart_json(const Chart& chart, const ChartOptions& options) {
                                      {"answers", row.answers}});
     }
   }
+  json["not_judged"] = ordered_json::array();
+  for (const NotJudged& each : chart.not_judged) {
+    json["not_judged"].push_back({{"scene", each.scene},
+                                  {"trajectory", each.trajectory},
+                                  {"condition", each.condition},
+                                  {"method", each.method},
+                                  {"reason", each.reason}});
+  }
   json["not_run"] = ordered_json::array();
   for (const NotRun& each : chart.not_run) {
     json["not_run"].push_back({{"method", each.method}, {"reason", each.reason}});
@@ -202,11 +264,13 @@ std::string chart_json(const Chart& chart, const ChartOptions& options) {
 }
 
 std::string chart_html(const Chart& chart, const ChartOptions& options,
+                       const std::vector<LeadPicture>& lead,
                        const std::vector<std::string>& pictures,
                        const std::vector<ChartFigure>& figures) {
   std::string html = page_head("Force methods: accuracy against speed");
   html +=
-      "<h1>Force methods: accuracy against speed</h1><p>" + std::to_string(chart.rows.size()) +
+      "<h1>Force methods: accuracy against speed</h1>" + lead_pictures(lead) + "<p>" +
+      std::to_string(chart.rows.size()) +
       " rows. Each row is one method on one object, motion and network, with the servo at 500 Hz. "
       "Errors are |F - F<sub>o</sub>| in % of the RMS of |F<sub>o</sub>|, where F<sub>o</sub> is "
       "the reference force: that of the converged object. Click a column's heading to sort.</p>";
@@ -220,6 +284,7 @@ std::string chart_html(const Chart& chart, const ChartOptions& options,
       html += "<h3>" + escaped(figure.title) + "</h3>" + svg_element(figure.svg);
     }
   }
+  add_not_judged(html, chart);
   if (!chart.not_run.empty()) {
     html += "<h2>Not run</h2><ul>";
     for (const NotRun& each : chart.not_run) {
@@ -231,6 +296,7 @@ std::string chart_html(const Chart& chart, const ChartOptions& options,
   for (const RowFigure& figure : figures_of(ChartRow{})) {
     names.push_back(figure.first);
   }
+  names.push_back("not_judged");
   ordered_json rows = ordered_json::array();
   for (const ChartRow& row : chart.rows) {
     ordered_json line = {row.scene, row.trajectory, row.condition, row.method};
@@ -239,6 +305,13 @@ std::string chart_html(const Chart& chart, const ChartOptions& options,
       const std::string text = number(figure.second, "%.4g");
       line.push_back(text.empty() ? ordered_json(nullptr) : ordered_json::parse(text));
     }
+    line.push_back("");
+    rows.push_back(std::move(line));
+  }
+  for (const NotJudged& each : chart.not_judged) {
+    ordered_json line = {each.scene, each.trajectory, each.condition, each.method};
+    line.insert(line.end(), figures_of(ChartRow{}).size(), ordered_json(nullptr));
+    line.push_back(each.reason);
     rows.push_back(std::move(line));
   }
   html += kHtmlAllRows;
@@ -248,7 +321,8 @@ std::string chart_html(const Chart& chart, const ChartOptions& options,
 }
 
 std::vector<std::filesystem::path> write_chart(const Chart& chart, const ChartOptions& options,
-                                               const std::vector<ChartFigure>& figures) {
+                                               const std::vector<ChartFigure>& figures,
+                                               const std::vector<LeadPicture>& more) {
   std::vector<std::filesystem::path> files;
   const auto write = [&](const char* name, const std::string& text) {
     files.push_back(options.out / name);
@@ -266,7 +340,29 @@ std::vector<std::filesystem::path> write_chart(const Chart& chart, const ChartOp
       pictures.back() = read_text(svg);
     }
   }
-  write("index.html", chart_html(chart, options, pictures, figures));
+  std::vector<LeadPicture> lead;
+  const std::filesystem::path svg = options.out / "error_against_cost.svg";
+  std::string scene = chart.numbers.empty() ? "" : chart.numbers.front().scene;
+  if (scene.empty() && !chart.tables.empty()) {
+    scene = chart.tables.back().scene;  // an object that has no goals
+  }
+  std::string title = scene;
+  for (const ChartTable& table : chart.tables) {
+    title += table.scene == scene ? ": " + table.title : "";
+  }
+  if (write_error_cost_svg(svg, title, points_of(chart, scene),
+                           {.width_px = kLeadWidth_px,
+                            .height_px = kLeadHeight_px,
+                            .labelled = {options.default_method, "hold", "forcegrid"}})) {
+    files.push_back(svg);
+    lead.push_back({"How accurate, at what cost?",
+                    "Object " + scene +
+                        ", static motions. Down is more accurate, left is faster. Every method "
+                        "has its label in the picture of the object below.",
+                    read_text(svg)});
+  }
+  lead.insert(lead.end(), more.begin(), more.end());
+  write("index.html", chart_html(chart, options, lead, pictures, figures));
   return files;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "evaluation/chart.h"
+#include "evaluation/page_text.h"
 
 namespace forcegrid::evaluation {
 
@@ -22,16 +23,20 @@ std::string chart_csv(const Chart& chart);
 /// docs/accuracy.md explains the keys.
 std::string chart_json(const Chart& chart, const ChartOptions& options);
 
-/// A self-contained page: the goals, each scene's picture and table, the figures, and all rows with
-/// filters and sorting. `pictures` holds one SVG text per scene, empty for none.
+/// A self-contained page: the pictures of the first screen, the goals, each scene's picture and
+/// table, the figures, what was not judged, and all rows with filters and sorting. `pictures` holds
+/// one SVG text per scene, empty for none.
 std::string chart_html(const Chart& chart, const ChartOptions& options,
+                       const std::vector<LeadPicture>& lead,
                        const std::vector<std::string>& pictures,
                        const std::vector<ChartFigure>& figures);
 
-/// Writes accuracy.csv, accuracy.json, error_against_cost_SCENE.svg and index.html into
-/// `options.out`.
-/// @returns the files written. @throws ChartError, FileError.
+/// Writes accuracy.csv, accuracy.json, error_against_cost.svg for the first screen, one
+/// error_against_cost_SCENE.svg per scene, and index.html into `options.out`.
+/// @param more pictures of the first screen, after that of error and cost.
+/// @returns the files written, the page last. @throws ChartError, FileError.
 std::vector<std::filesystem::path> write_chart(const Chart& chart, const ChartOptions& options,
-                                               const std::vector<ChartFigure>& figures);
+                                               const std::vector<ChartFigure>& figures,
+                                               const std::vector<LeadPicture>& more = {});
 
 }  // namespace forcegrid::evaluation

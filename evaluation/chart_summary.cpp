@@ -14,7 +14,7 @@
 namespace forcegrid::evaluation {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Results of the method study with the paper's grid on such a block: RMS error after 1 s in %.
 struct Reference {
@@ -45,7 +45,7 @@ const ChartRow* find_row(const Chart& chart, const std::string& scene,
 
 // The largest of some values and its place.
 struct Worst {
-  double value = kNan;
+  double value = kUnknown;
   std::string where;
   void take(double candidate, const std::string& at) {
     if (std::isnan(value) || candidate > value) {
@@ -99,7 +99,7 @@ class Numbers {
         ++count;
       }
     }
-    return count > 0 ? std::exp(sum / count) : kNan;
+    return count > 0 ? std::exp(sum / count) : kUnknown;
   }
 
   Worst of(const std::string& trajectory, const std::string& condition,

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "evaluation/minimum_jerk.h"
+
 namespace forcegrid::evaluation {
 namespace {
 
@@ -52,11 +54,6 @@ ForceTable::Value folded(const ForceTable& table, const Vector3d& displacement_W
   return sum;
 }
 
-double minimum_jerk(double fraction) {
-  const double t = std::clamp(fraction, 0.0, 1.0);
-  return t * t * t * (10.0 + t * (-15.0 + 6.0 * t));
-}
-
 // Mean of squares over a window.
 struct Window {
   double from_s, to_s;
@@ -93,6 +90,10 @@ ForceTable::Value large_object(const ForceTable& table, const Vector3d& displace
   ForceTable::Value value = folded(table, displacement_W);
   value.force_W -= folded(table, Vector3d::Zero()).force_W;
   return value;
+}
+
+Vector3d clamped_to_large_object(const ForceTable& table, const Vector3d& displacement_W) noexcept {
+  return {displacement_W.x(), displacement_W.y(), table.clamped(displacement_W).z()};
 }
 
 ReturnErrors return_errors(const std::vector<ServoInstant>& servo, const Vector3d& contact_point_W,

@@ -41,6 +41,10 @@ Eigen::Vector3d exploration_centre_W_m(double time_s);
 /// @throws ChartError for a table that does not cover x and y of +-20 mm, or z.
 ForceTable::Value large_object(const ForceTable& table, const Eigen::Vector3d& displacement_W);
 
+/// [m] The nearest displacement that large_object() covers: any x and y, z within the table.
+Eigen::Vector3d clamped_to_large_object(const ForceTable& table,
+                                        const Eigen::Vector3d& displacement_W) noexcept;
+
 /// RMS of |F - F_o| in windows after the tool re-enters a tile on its second visit, in % of the RMS
 /// of |F_o| over the whole trace. NaN if there is nothing to measure.
 struct ReturnErrors {

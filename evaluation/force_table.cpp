@@ -23,16 +23,16 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
 
-constexpr int kFewestNodes = 4;  // what not-a-knot ends take
+constexpr int kFewestNodes = 4;  // what not-a-knot ends need
 constexpr int kMostNodes = 1000;
-// Raise when simulator/ changes what it answers: tables of another version aren't used.
+// Increase when simulator/ changes its answers: tables of another version are not used.
 constexpr std::uint64_t kSolverVersion = 1;
 constexpr char kFileMark[8] = {'F', 'G', 'T', 'A', 'B', 'L', 'E', '1'};
-// A displacement on the lattice's edge may be outside by rounding.
+// Rounding may put a displacement on the lattice's edge outside.
 constexpr double kEdgeTolerance_m = 1e-9;
 constexpr std::chrono::milliseconds kProgressPeriod{200};
 
-// Inverse of the matrix that takes the n + 2 coefficients of a cubic spline to its values at the n
+// Inverse of the matrix that maps the n + 2 coefficients of a cubic spline to its values at the n
 // nodes, with the third derivative continuous at the second and the last but one.
 Eigen::MatrixXd interpolation_matrix(int nodes) {
   const int size = nodes + 2;
@@ -127,11 +127,11 @@ simulator::ReferenceSolution solve(const simulator::SpringMesh& mesh, const Tabl
   return simulator::simulate_reference(mesh, positions_W, reference);
 }
 
-// What a cache file keeps of a table.
+// The content of a table's cache file.
 struct Layers {
-  std::vector<std::uint8_t> known;         // one a layer of equal z
-  std::vector<std::uint64_t> unconverged;  // one a layer
-  std::vector<Vector3d> forces_W;          // one a node
+  std::vector<std::uint8_t> known;         // one per layer of equal z
+  std::vector<std::uint64_t> unconverged;  // one per layer
+  std::vector<Vector3d> forces_W;          // one per node
 };
 
 template <typename Item>
@@ -163,7 +163,7 @@ void keep(const TableOptions& options, const std::string& key, const Layers& lay
              std::string(kFileMark, sizeof kFileMark) + key + check.text() + body);
 }
 
-// The layers that an earlier call finished. A file that is damaged counts as none.
+// The layers that an earlier call finished. A damaged file counts as having none.
 void fetch(const TableOptions& options, const std::string& key, Layers& layers) {
   if (options.cache.empty()) {
     return;
@@ -193,8 +193,8 @@ void fetch(const TableOptions& options, const std::string& key, Layers& layers) 
   take(at, layers.forces_W);
 }
 
-// From rest up or down to the layer's centre, then row by row, to and fro. The first node of the
-// layer is at index `first`.
+// From rest up or down to the layer's centre, then row by row, to and fro. The layer's first node
+// is at index `first`.
 std::vector<Vector3d> path_of_layer(const TableLattice& lattice, int layer,
                                     std::vector<std::size_t>& numbers) {
   const auto nx = static_cast<std::size_t>(lattice.nodes[0]);
@@ -262,7 +262,7 @@ ForceTable::ForceTable(const TableLattice& lattice, const std::vector<Vector3d>&
                        " is not finite");
     }
   }
-  // One axis after the other: from values at nodes to coefficients.
+  // One axis after the other, from values at nodes to coefficients.
   std::array<std::size_t, 3> size{static_cast<std::size_t>(lattice.nodes[0]),
                                   static_cast<std::size_t>(lattice.nodes[1]),
                                   static_cast<std::size_t>(lattice.nodes[2])};
@@ -359,10 +359,10 @@ std::string table_key(const simulator::SpringMesh& mesh, const TableOptions& opt
 
 namespace {
 
-// Solves the `missing` layers on several threads and keeps each one as soon as it is finished.
+// Solves the `missing` layers on several threads and stores each one as soon as it is finished.
 void solve_layers(const simulator::SpringMesh& mesh, const TableOptions& options,
                   const std::string& key, const std::vector<std::size_t>& missing, Layers& layers) {
-  std::mutex mutex;  // of the layers and their file
+  std::mutex mutex;  // guards the layers and their file
   rt::JobOptions jobs{.threads = options.threads};
   jobs.progress = options.progress;
   jobs.period = kProgressPeriod;

@@ -12,15 +12,10 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/error.h"
 #include "simulator/mesh/spring_mesh.h"
 
 namespace forcegrid::evaluation {
-
-/// A table, chart or cache can't be made. `what()` names the input and the remedy.
-class ChartError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 /// The work was stopped on request; what is finished is kept.
 class Stopped : public std::runtime_error {
@@ -55,7 +50,7 @@ struct TableLattice {
 /// Threads: const after construction.
 class ForceTable {
  public:
-  /// @param forces_W [N] one a node, in the lattice's numbering.
+  /// @param forces_W [N] one per node, in the lattice's numbering.
   /// @throws ChartError for a lattice out of range, another number of forces, or a force that is
   ///         not finite.
   ForceTable(const TableLattice& lattice, const std::vector<Eigen::Vector3d>& forces_W);
@@ -91,7 +86,7 @@ struct TableOptions {
   double patch_radius_m = 0.012;     ///< of the tool's grip, at the centre of the object's top
   double relative_tolerance = 1e-6;  ///< of the solver, in double precision
   double max_step_m = 1.5e-3;        ///< so that every node is reached on the branch from rest
-  unsigned threads = 0;              ///< 0: one a processor
+  unsigned threads = 0;              ///< 0: one per processor
   std::filesystem::path cache;       ///< folder; made if it isn't there. Empty: no cache
   Progress progress;
   const std::atomic<bool>* cancel = nullptr;  ///< when set and true: Stopped is thrown soon

@@ -20,6 +20,7 @@ constexpr int kAllWork = 1 << 30;
 // A query faster than this is timed as the mean of a few: clocks tick in steps of up to 10 ns.
 constexpr double kShortQuery_ns = 1000.0;
 constexpr std::size_t kQueriesInARow = 8;
+constexpr double kClockUnit_ns = 1.0;  // in which rt::Clock counts
 
 // The smallest value that a fraction `p` of `values` does not exceed; NaN without values. Reorders.
 double percentile(std::vector<double>& values, double p) {
@@ -46,7 +47,15 @@ class Stopwatch {
     for (std::size_t i = 500; i < 1500; ++i) {  // the middle half: no interruptions
       overhead_ns_ += readings_ns[i] / 1000.0;
     }
+    for (std::size_t i = 1; i < readings_ns.size(); ++i) {
+      const double step_ns = std::round(readings_ns[i] - readings_ns[i - 1]);
+      floor_ns_ = step_ns > 0.0 && (floor_ns_ == 0.0 || step_ns < floor_ns_) ? step_ns : floor_ns_;
+    }
+    floor_ns_ = std::max(floor_ns_, kClockUnit_ns);
   }
+
+  // The smallest step between readings.
+  double floor_ns() const noexcept { return floor_ns_; }
 
   template <typename Call>
   double ns_of(const Call& call) const {
@@ -58,6 +67,7 @@ class Stopwatch {
 
  private:
   double overhead_ns_ = 0.0;
+  double floor_ns_ = 0.0;
 };
 
 // A stretch of the trace within one contact or without any.
@@ -294,19 +304,26 @@ class Play {
   }
 
   void add_times() {
-    const auto time_ns = [](std::vector<double>& times_ns, double p) {
-      const double ns = percentile(times_ns, p);
-      return ns < 0.0 ? 0.0 : ns;
+    const double floor_ns = stopwatch_.floor_ns();
+    const double floor_of_query_ns = floor_ns / static_cast<double>(kQueriesInARow);
+    const auto at_least = [](double least_ns, double ns) {
+      return ns < least_ns ? least_ns : ns;  // a NaN remains
     };
-    verdict_.query_ns_median = time_ns(query_ns_, 0.5);
-    verdict_.query_ns_p99 = time_ns(query_ns_, 0.99);
+    const auto time_ns = [&](std::vector<double>& times_ns, double p) {
+      return at_least(floor_ns, percentile(times_ns, p));
+    };
+    verdict_.timer_floor_ns = floor_ns;
+    verdict_.query_ns_median = at_least(floor_of_query_ns, percentile(query_ns_, 0.5));
+    verdict_.query_ns_p99 = at_least(floor_of_query_ns, percentile(query_ns_, 0.99));
     verdict_.sample_us_median = 1e-3 * time_ns(sample_ns_, 0.5);
     verdict_.sample_us_p99 = 1e-3 * time_ns(sample_ns_, 0.99);
     double sum_ns = 0.0;
     for (const double ns : cycle_ns_) {
       sum_ns += ns;
     }
-    verdict_.cycle_ns = cycle_ns_.empty() ? kNan : sum_ns / static_cast<double>(cycle_ns_.size());
+    verdict_.cycle_ns = cycle_ns_.empty()
+                            ? kNan
+                            : at_least(floor_ns, sum_ns / static_cast<double>(cycle_ns_.size()));
     verdict_.cycle_ns_median = time_ns(cycle_ns_, 0.5);
     verdict_.cycle_ns_p99 = time_ns(cycle_ns_, 0.99);
   }

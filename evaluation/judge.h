@@ -60,6 +60,10 @@ struct Verdict {
   double cycle_ns = 0.0;  ///< mean time per cycle in the method, samples included
   double cycle_ns_median = 0.0;
   double cycle_ns_p99 = 0.0;
+  /// The timer's floor: the smallest step between two readings of the clock. No time of a call, and
+  /// no mean of a cycle, is reported below it; that of a query, a mean of eight, not below an
+  /// eighth of it.
+  double timer_floor_ns = 0.0;
   std::size_t memory_bytes = 0;
   std::size_t samples_taken = 0;      ///< along the path
   std::size_t samples_not_taken = 0;  ///< of no contact, or of a contact that has ended
@@ -78,7 +82,8 @@ struct Verdict {
 ///
 /// Times are measured with rt::Clock around each call, minus the cost of reading the clock. For
 /// queries below 1 us the time is the mean of eight successive queries along the path, because of
-/// the clock's resolution.
+/// the clock's resolution. What the subtraction leaves below Verdict::timer_floor_ns, or even below
+/// zero, counts as that floor.
 /// Source: the forcegrid paper, section 6, which also compares with the reference force F_o.
 /// Real-time: no. Threads: one.
 Verdict judge(ForceMethod& method, const Trace& trace, const JudgeOptions& options = {});

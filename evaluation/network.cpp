@@ -22,14 +22,14 @@ constexpr std::uint64_t kRequestStream = 0x726571U;
 constexpr double kLeastForce_N = 0.05;
 
 // Force of object and walls on a tool that follows a trajectory.
-class Object {
+class TouchedObject {
  public:
-  Object(const Trajectory& trajectory, const ForceTable& table, const SceneExtras& extras,
-         double servo_rate_Hz)
+  TouchedObject(const Trajectory& trajectory, const ForceTable& table, const SceneExtras& extras,
+                double servo_rate_Hz)
       : trajectory_(trajectory), table_(table), extras_(extras), servo_rate_Hz_(servo_rate_Hz) {
     slid_at_first_N_ = extras.effect.slide_W_m.isZero()
                            ? Vector3d(Vector3d::Zero())
-                           : table.at(-extras.effect.slid_W_m(0.0)).force_W;
+                           : untouched(-extras.effect.slid_W_m(0.0)).force_W;
     if (!extras.effect.relaxations.empty()) {
       remember_path();
     }
@@ -46,6 +46,21 @@ class Object {
     return sample;
   }
 
+  // Where a tool that wants to be at `position_W` gets to: the nearest position that the table
+  // covers.
+  Vector3d reached_W(double time_s, const Vector3d& position_W) const {
+    const int contact = trajectory_.contact_at(time_s);
+    if (contact < 0) {
+      return position_W;
+    }
+    const Vector3d origin_W = trajectory_.contacts()[static_cast<std::size_t>(contact)].point_W +
+                              extras_.effect.slid_W_m(time_s);
+    const Vector3d displacement_W = position_W - origin_W;
+    return origin_W + (trajectory_.is_exploration()
+                           ? clamped_to_large_object(table_, displacement_W)
+                           : table_.clamped(displacement_W));
+  }
+
   // On the moving tool.
   Sample answer_on_path(double time_s, const Vector3d& position_W) const {
     Sample sample = answer(time_s, position_W);
@@ -56,6 +71,12 @@ class Object {
   }
 
  private:
+  // The object of the scene's table, before any effect.
+  ForceTable::Value untouched(const Vector3d& displacement_W) const {
+    return trajectory_.is_exploration() ? large_object(table_, displacement_W)
+                                        : table_.at(displacement_W);
+  }
+
   Sample elastic(double time_s, const Vector3d& position_W) const {
     Sample sample;
     sample.time_s = time_s;
@@ -74,9 +95,7 @@ class Object {
     const ContactSpan& span = contacts[static_cast<std::size_t>(contact)];
     sample.contact_point_W = span.point_W;
     const Vector3d displacement_W = position_W - span.point_W - extras_.effect.slid_W_m(time_s);
-    const ForceTable::Value value = trajectory_.is_exploration()
-                                        ? large_object(table_, displacement_W)
-                                        : table_.at(displacement_W);
+    const ForceTable::Value value = untouched(displacement_W);
     const double factor = span.force_factor * extras_.effect.cut_factor(time_s);
     sample.force_W = factor * (value.force_W - slid_at_first_N_);
     sample.stiffness_W = factor * value.stiffness_W;
@@ -201,7 +220,7 @@ Trace make_trace(const Trajectory& trajectory, const ForceTable& table,
                  const NetworkCondition& condition, double servo_rate_Hz, std::uint64_t seed,
                  const SceneExtras& extras) {
   Trace trace;
-  const Object object(trajectory, table, extras, servo_rate_Hz);
+  const TouchedObject object(trajectory, table, extras, servo_rate_Hz);
   const double period_s = 1.0 / servo_rate_Hz;
   const auto instants =
       static_cast<std::size_t>(std::ceil(trajectory.duration_s() * servo_rate_Hz - 1e-6));
@@ -260,17 +279,11 @@ JudgeOptions judge_options(const Trajectory& trajectory, const ForceTable& table
   options.requests_per_s = condition.requests_per_s;
   if (condition.requests_per_s > 0.0) {
     options.request_delay_s = 1.0 / condition.requests_per_s;
-    options.answer = [&trajectory, &table, noise_N = condition.noise_N,
-                      object = Object(trajectory, table, extras, servo_rate_Hz),
+    options.answer = [noise_N = condition.noise_N,
+                      object = TouchedObject(trajectory, table, extras, servo_rate_Hz),
                       noise = SeededNumbers(seed ^ kRequestStream)](
                          double time_s, const Vector3d& position_W) mutable {
-      Vector3d reached_W = position_W;
-      const int contact = trajectory.contact_at(time_s);
-      if (contact >= 0 && !trajectory.is_exploration()) {
-        const Vector3d& point_W = trajectory.contacts()[static_cast<std::size_t>(contact)].point_W;
-        reached_W = point_W + table.clamped(position_W - point_W);
-      }
-      Sample sample = object.answer(time_s, reached_W);
+      Sample sample = object.answer(time_s, object.reached_W(time_s, position_W));
       sample.from_query = true;
       add_noise(sample, noise_N, noise);
       return sample;

@@ -7,6 +7,8 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
 
 #include "evaluation/force_table.h"
 
@@ -16,6 +18,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr char kNotFound[] = "";
+constexpr const char* kRowsFile = "rows.jsonl";
 
 std::string system_error() { return std::strerror(errno == 0 ? EIO : errno); }
 
@@ -23,7 +26,7 @@ std::string system_error() { return std::strerror(errno == 0 ? EIO : errno); }
 
 RowFile::RowFile(const std::filesystem::path& folder, const std::string& program,
                  const std::function<void(const ordered_json&)>& take)
-    : file_name_(folder / "rows.jsonl"), program_(program) {
+    : file_name_(folder / kRowsFile), program_(program) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) {
@@ -76,6 +79,37 @@ void RowFile::keep(ordered_json row) {
     throw ChartError(file_name_.string() + ": " + system_error() +
                      "; free some space, then repeat the command to continue");
   }
+}
+
+std::size_t merge_rows(const std::filesystem::path& folder, const std::string& program,
+                       const std::vector<std::filesystem::path>& from) {
+  std::set<std::string> keys;
+  RowFile rows(folder, program,
+               [&keys](const ordered_json& row) { keys.insert(row.at("key").get<std::string>()); });
+  std::size_t added = 0;
+  for (const std::filesystem::path& shard : from) {
+    const std::filesystem::path name = shard / kRowsFile;
+    std::ifstream file(name);
+    if (!file) {
+      throw ChartError(name.string() + " can't be read; name the --out folders of the shards");
+    }
+    for (std::string line; std::getline(file, line);) {
+      ordered_json row = ordered_json::parse(line, nullptr, false);
+      if (row.is_discarded() || !row.is_object() || !row.contains("key")) {
+        continue;  // the last line of a shard that was killed; the row is measured again
+      }
+      if (row.value("program", kNotFound) != program) {
+        throw ChartError(name.string() +
+                         " has rows of another program than this one; make all shards and merge "
+                         "them with the same forcegrid-tools");
+      }
+      if (keys.insert(row.at("key").get<std::string>()).second) {
+        rows.keep(std::move(row));
+        ++added;
+      }
+    }
+  }
+  return added;
 }
 
 }  // namespace forcegrid::evaluation

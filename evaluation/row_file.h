@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 namespace forcegrid::evaluation {
 
@@ -34,5 +35,12 @@ class RowFile {
   std::unique_ptr<std::FILE, Close> lock_;
   std::unique_ptr<std::FILE, Close> file_;
 };
+
+/// Adds the rows that shards of a chart have written into the folders `from` to those of `folder`,
+/// each once.
+/// @returns how many were added. @throws ChartError as RowFile, and if one of the folders has no
+/// rows, or some of another program: all shards have to be made by the same one.
+std::size_t merge_rows(const std::filesystem::path& folder, const std::string& program,
+                       const std::vector<std::filesystem::path>& from);
 
 }  // namespace forcegrid::evaluation

@@ -10,7 +10,11 @@
 #include <charconv>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <optional>
 #include <vector>
+
+#include "text/output_file.h"
 
 namespace forcegrid::evaluation {
 namespace {
@@ -51,6 +55,10 @@ struct LineReader::Stream {
 
 LineReader::LineReader(const std::string& file) : stream_(std::make_unique<Stream>()) {
   stream_->file = file;
+  std::error_code error;
+  if (std::filesystem::is_directory(file, error)) {
+    fail(file, "is a folder, not a file");
+  }
   errno = 0;
   stream_->gz = gzopen(file.c_str(), "rb");
   if (stream_->gz == nullptr) {
@@ -135,6 +143,7 @@ bool LineReader::next(std::string_view& line) {
 struct TextWriter::Stream {
   std::string file;
   std::string partial;  ///< where it is written until it is complete
+  std::optional<text::UnfinishedFile> mark;
   int descriptor = -1;
   gzFile gz = nullptr;
 
@@ -161,6 +170,7 @@ TextWriter::TextWriter(const std::string& file) : stream_(std::make_unique<Strea
     fail(file, "exists and is not a regular file; choose another name");
   }
   s.partial = file + ".partial-" + std::to_string(getpid());
+  s.mark.emplace(s.partial);
   s.descriptor = open(s.partial.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (s.descriptor < 0) {
     fail(file, std::string("can't be written (") + std::strerror(errno) +

@@ -8,6 +8,7 @@
 
 #include "evaluation/exploration.h"
 #include "evaluation/force_table.h"
+#include "evaluation/minimum_jerk.h"
 
 namespace forcegrid::evaluation {
 namespace {
@@ -66,12 +67,6 @@ constexpr double kGrabVariation = 0.3;
 const Vector3d kCircleCentre_W_m{0.0, 0.0, 0.009};
 
 double rise(double time_s, double constant_s) { return 1.0 - std::exp(-time_s / constant_s); }
-
-// Flash and Hogan, J. Neuroscience 5(7), 1985.
-double minimum_jerk(double fraction) {
-  const double t = std::clamp(fraction, 0.0, 1.0);
-  return t * t * t * (10.0 + t * (-15.0 + 6.0 * t));
-}
 
 double chirp_phase_rad(double time_s) {
   return kTurn_rad * (kChirpStart_Hz * time_s + 0.5 * kChirpRise_Hz_per_s * time_s * time_s);

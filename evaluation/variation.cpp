@@ -7,12 +7,14 @@
 #include <numbers>
 #include <utility>
 
+#include "evaluation/minimum_jerk.h"
+
 namespace forcegrid::evaluation {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kTurn_rad = 2.0 * std::numbers::pi;
+constexpr double kFullTurn_rad = 2.0 * std::numbers::pi;
 constexpr double kStiffnessVariation = 0.3;
 constexpr double kTurnVariation_rad = 0.6;
 constexpr double kShortLength_m = 0.015;
@@ -27,17 +29,12 @@ constexpr double kFurthestSideways_m = 0.020;
 constexpr double kMotionBegins_s = 2.0;  // where `random` has its full amplitude
 constexpr double kWindows_s[] = {1.0 / 15.0, 0.25, 0.5};
 
-double minimum_jerk(double fraction) {
-  const double t = std::clamp(fraction, 0.0, 1.0);
-  return t * t * t * (10.0 + t * (-15.0 + 6.0 * t));
-}
-
 }  // namespace
 
 VariedObject::VariedObject(const ForceTable& table, std::uint64_t seed) : table_(table) {
   SeededNumbers numbers(seed);
   for (double& phase : phase_rad_) {
-    phase = numbers.uniform(0.0, kTurn_rad);
+    phase = numbers.uniform(0.0, kFullTurn_rad);
   }
 }
 

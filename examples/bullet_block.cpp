@@ -12,8 +12,8 @@ constexpr double kSide_m = 0.1;
 constexpr double kDepth_m = 0.05;
 constexpr double kPatchRadius_m = 0.012;
 constexpr double kLeastForce_N = 0.05;  // a residual is compared with at least this
-// The relaxation that comes nearest to the springs' equilibrium in the time of a tick. More hardens
-// the block, less does not converge in time.
+// The relaxation that comes nearest to the springs' equilibrium in the time of a tick. A larger one
+// hardens the block; a smaller one does not converge in time.
 constexpr btScalar kRelaxation = 0.1f;
 constexpr btScalar kDamping = 0.05f;
 constexpr btScalar kStep_s = 1.0f / 60.0f;
@@ -69,7 +69,7 @@ void BulletBlock::release() {
   to_immovable_->m_kLST = kRelaxation / 2;
   add_links();
   set_node_masses();
-  // Bullet's first step takes the present lengths for the rest lengths.
+  // Bullet's first step takes the present lengths as rest lengths.
   step(btVector3(0, 0, 0));
 }
 
@@ -96,7 +96,7 @@ void BulletBlock::add_links() {
   }
 }
 
-// Not with setMass(), which would make the present shape the one at rest.
+// setMass() would make the present shape the one at rest.
 void BulletBlock::set_node_masses() {
   for (int n = 0; n < body_->m_nodes.size(); ++n) {
     const bool at_bottom = n < kNodesAcross * kNodesAcross;

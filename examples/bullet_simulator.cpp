@@ -24,7 +24,7 @@ using namespace forcegrid::link;
 
 constexpr auto kPeriod = std::chrono::microseconds(33'333);
 constexpr auto kBudget = std::chrono::milliseconds(22);
-constexpr double kConvergedResidual = 0.02;  // what Bullet reaches: it is made for pictures
+constexpr double kConvergedResidual = 0.02;  // within Bullet's reach: it is made for pictures
 
 std::atomic<bool> stop{false};
 void on_signal(int) { stop = true; }

@@ -22,7 +22,7 @@ double number(const std::string& word, std::string_view text, std::string_view& 
   double value = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || !std::isfinite(value)) {
-    refuse(word, "'" + std::string(text) + "' is no number");
+    refuse(word, "'" + std::string(text) + "' is not a number");
   }
   rest = text.substr(static_cast<std::size_t>(end - text.data()));
   return value;
@@ -32,7 +32,7 @@ double plain_number(const std::string& word, std::string_view text) {
   std::string_view rest;
   const double value = number(word, text, rest);
   if (!rest.empty()) {
-    refuse(word, "'" + std::string(rest) + "' behind the number is not understood");
+    refuse(word, "'" + std::string(rest) + "' after the number is not understood");
   }
   return value;
 }

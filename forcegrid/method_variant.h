@@ -9,18 +9,18 @@
 
 namespace forcegrid {
 
-/// A method's name with changes to its options, as people write it: "forcegrid unit=m s=3".
+/// A method's name with changes to its options, as written by people: "forcegrid unit=m s=3".
 /// Keys: unit (m, cells, mm or a length such as 2mm), r (30mm), s, weight, read, storage, pool
 /// (blocks), cells (X,Y,Z or one number for all), ridge, nug, samples, spacing (1mm), spacing_N
 /// (0.1), h (4mm).
 struct MethodVariant {
-  std::string text;  ///< as given, blanks put in order
+  std::string text;  ///< as given, with blanks normalised
   std::string name;  ///< of the method
   MethodOptions options;
 };
 
-/// @param base what the text does not change.
-/// @throws std::invalid_argument naming the word that can't be used and what is known.
+/// @param base the options that the text does not change.
+/// @throws std::invalid_argument naming the word that can't be used and the known ones.
 MethodVariant parse_method_variant(std::string_view text, const MethodOptions& base);
 
 }  // namespace forcegrid

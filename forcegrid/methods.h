@@ -10,10 +10,10 @@
 
 namespace forcegrid {
 
-/// What is rendered unless another method is asked for.
+/// The method that is rendered unless another one is requested.
 inline constexpr char kDefaultMethod[] = "auto";
 
-/// Names that make_force_method knows, in the order in which people should meet them.
+/// Names that make_force_method knows, in the order in which to present them.
 const std::vector<std::string>& method_names();
 
 /// "known methods: forcegrid, hold, ..." for messages.

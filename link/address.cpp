@@ -30,7 +30,7 @@ std::uint16_t parse_port(std::string_view text, std::string_view digits, PortZer
     fail(text, "the port must be a decimal number from 0 to 65535, as in 127.0.0.1:24870");
   }
   if (port == 0 && port_zero == PortZero::kRefused) {
-    fail(text, "port 0 is no port to send to; give the port at which the simulator listens");
+    fail(text, "port 0 is only for listening; give the port at which the simulator listens");
   }
   return static_cast<std::uint16_t>(port);
 }
@@ -50,7 +50,7 @@ bool is_unspecified(const Address& address) {
   return std::ranges::all_of(address.bytes, [](std::uint8_t byte) { return byte == 0; });
 }
 
-/// Why a network address is none of one machine; null if it is.
+/// Why a network address does not name one machine; null if it does.
 const char* why_no_machine(const Address& address, PortZero port_zero) {
   const auto& bytes = address.bytes;
   if (is_unspecified(address)) {
@@ -127,7 +127,7 @@ AddressRange::AddressRange(std::string_view text) {
   const std::string host(text.substr(0, slash));
   is_ipv6_ = host.find(':') != std::string::npos;
   if (!read_numeric(host, is_ipv6_, bytes_)) {
-    fail(text, "no range of addresses; write 192.168.1.7, 192.168.1.0/24 or 2001:db8::/32");
+    fail(text, "not a range of addresses; write 192.168.1.7, 192.168.1.0/24 or 2001:db8::/32");
   }
   const int all_bits = is_ipv6_ ? 128 : 32;
   bits_ = all_bits;

@@ -37,9 +37,9 @@ enum class Reach : std::uint8_t {
 };
 
 /// Reads "127.0.0.1:24870" (any of 127.0.0.0/8), "[::1]:24870" or "localhost:24870" (which means
-/// 127.0.0.1; no name is ever looked up), with kNetwork any other numeric address of one machine.
-/// The port is decimal, 0..65535, without sign or leading zeros. "0.0.0.0" and "[::]", every
-/// address of this machine, are only for listening (PortZero::kAllowed).
+/// 127.0.0.1; no name is ever looked up). With kNetwork it also reads any other numeric address of
+/// one machine. The port is decimal, 0..65535, without sign or leading zeros. "0.0.0.0" and "[::]",
+/// every address of this machine, are only for listening (PortZero::kAllowed).
 /// @throws LinkError for anything else. With kLoopback an address beyond it is refused because
 ///   datagrams are not authenticated: whoever could reach the socket could move the motors.
 /// Real-time: no; set-up only. Threads: any.
@@ -48,12 +48,12 @@ Address parse_address(std::string_view text, PortZero port_zero, Reach reach = R
 /// 127.0.0.0/8 or ::1. Real-time: yes. Threads: any.
 bool is_loopback(const Address& address) noexcept;
 
-/// A block of addresses whose first bits are alike.
+/// A block of addresses that share their first bits.
 class AddressRange {
  public:
   /// Reads "192.168.1.7", "192.168.1.0/24", "fe80::1" or "2001:db8::/32".
   /// @throws LinkError naming the text if it is none of these, or if bits beyond the length are
-  /// set.
+  ///   set.
   explicit AddressRange(std::string_view text);
 
   /// Real-time: bounded, no allocation or throw. Threads: any.

@@ -7,12 +7,12 @@
 
 namespace forcegrid::link {
 
-/// A datagram's way there and one's way back: two times by this end's clock, two by the peer's.
+/// One datagram to the peer and one back: two times by this end's clock, two by the peer's.
 struct RoundTrip {
   std::int64_t sent_ns = 0;           ///< own clock: this end sent
-  std::int64_t peer_received_ns = 0;  ///< peer's clock: the peer took it in
+  std::int64_t peer_received_ns = 0;  ///< peer's clock: the peer received
   std::int64_t peer_sent_ns = 0;      ///< peer's clock: the peer sent
-  std::int64_t received_ns = 0;       ///< own clock: this end took it in
+  std::int64_t received_ns = 0;       ///< own clock: this end received
 };
 
 /// How the peer's clock differs from ours.
@@ -36,7 +36,7 @@ class ClockFilter {
  public:
   static constexpr std::size_t kWindow = 64;  ///< two seconds of a simulator at 30 Hz
 
-  /// One that ran backwards (a peer that states nonsense) is left out.
+  /// Ignores a round trip that ran backwards (the peer's times are nonsense).
   void add(const RoundTrip& times) noexcept;
   [[nodiscard]] ClockEstimate estimate() const noexcept;
   void reset() noexcept { count_ = 0; }

@@ -8,8 +8,8 @@
 
 namespace forcegrid::link {
 
-/// A Curve25519 key pair of one side of an authenticated channel (ZeroMQ's CURVE). Wiped when it
-/// goes.
+/// A Curve25519 key pair of one side of an authenticated channel (ZeroMQ's CURVE). Wiped on
+/// destruction.
 struct CurvePair {
   std::array<unsigned char, 32> public_key{};
   std::array<unsigned char, 32> secret_key{};

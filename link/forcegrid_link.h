@@ -32,6 +32,8 @@
 
 /* Names and declarations as in C; the magic has no end mark. */
 /* NOLINTBEGIN(readability-identifier-naming) */
+/* NOLINTBEGIN(modernize-use-nullptr) */
+/* NOLINTBEGIN(modernize-use-using) */
 /* NOLINTBEGIN(cppcoreguidelines-init-variables) */
 /* NOLINTBEGIN(bugprone-not-null-terminated-result) */
 
@@ -69,7 +71,7 @@ typedef struct {
   double velocity_W_m_per_s[3];
 } fg_tool_state;
 
-/* What would the force be there? Answered in idle time, if at all. */
+/* Asks for the force at that position. Answered in idle time, if at all. */
 typedef struct {
   uint32_t query_id;
   int64_t servo_time_ns;
@@ -78,7 +80,7 @@ typedef struct {
 
 /* The force that the object exerts on the tool at position_W_m. */
 typedef struct {
-  uint32_t echo_sequence; /* these three from what is answered: fg_answer_to_...() */
+  uint32_t echo_sequence; /* copy these three from what is answered: fg_answer_to_...() */
   uint32_t query_id;
   int64_t echo_servo_time_ns;
   uint32_t contact_epoch; /* 0 before any contact, then a new number at every discontinuity */
@@ -93,9 +95,9 @@ typedef struct {
   double stiffness_W_N_per_m[9]; /* dF/dP, row by row */
 } fg_force_sample;
 
-/* What of the surface a tool in the air may touch next; need not be sent. */
+/* The part of the surface that a tool in the air may touch next; optional. */
 typedef struct {
-  uint32_t echo_sequence; /* these three from the tool state: fg_patch_for_tool_state() */
+  uint32_t echo_sequence; /* copy these three from the tool state: fg_patch_for_tool_state() */
   int64_t echo_servo_time_ns;
   double position_W_m[3];
   uint32_t contact_epoch;       /* that of the samples in the air */
@@ -297,7 +299,7 @@ static inline int fg_window_bit(fg_window* window, uint64_t number, int set) {
   return was;
 }
 
-/* 1 the first time for each number, 0 again or if it is too far behind; 0 is no number. */
+/* 1 the first time for each number, 0 for a repeated one or one too far behind; 0 is no number. */
 static inline int fg_window_pass(fg_window* window, uint64_t number) {
   if (number > window->newest) {
     const uint64_t step = number - window->newest;
@@ -406,7 +408,7 @@ static inline int fg_unseal(fg_link* link, const unsigned char* sealed, size_t s
 
 /* ---- the link ---- */
 
-/* `silence_s`: after so long without a word of the servo another may take the link; 2 is usual.
+/* `silence_s`: another servo may take the link after this long without a datagram; 2 is usual.
  * `crypto`: null for a link on loopback without a key; else it outlives the link.
  * @returns 1, or 0 if there were no random bytes. */
 static inline int fg_link_init(fg_link* link, double silence_s, const fg_crypto* crypto) {
@@ -436,7 +438,7 @@ static inline int fg_has_ended(const fg_link* link, uint64_t session_id) {
   return 0;
 }
 
-/* Whose datagram it is; FG_DROP_COUNT if it is the servo's that holds the link, or now does. */
+/* Whose datagram it is; FG_DROP_COUNT for the servo that holds the link or takes it now. */
 static inline fg_drop fg_check_session(fg_link* link, uint64_t session_id, int opens,
                                        const void* from, size_t from_size, int64_t now_ns) {
   const int same_address =
@@ -724,5 +726,7 @@ static inline fg_surface_patch fg_patch_for_tool_state(const fg_tool_state* stat
 
 /* NOLINTEND(bugprone-not-null-terminated-result) */
 /* NOLINTEND(cppcoreguidelines-init-variables) */
+/* NOLINTEND(modernize-use-using) */
+/* NOLINTEND(modernize-use-nullptr) */
 /* NOLINTEND(readability-identifier-naming) */
 #endif /* FORCEGRID_LINK_H */

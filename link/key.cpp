@@ -35,7 +35,7 @@ constexpr mode_t kOwnerOnly = S_IRUSR | S_IWUSR;
   fail(file, action + ": " + std::generic_category().message(error));
 }
 
-/// Text that holds the secret, wiped when it goes.
+/// Text that holds the secret; wiped on destruction.
 struct SecretText {
   std::array<char, kLineBytes + 1> bytes{};  // one more, to see that a file is too long
   SecretText() = default;
@@ -72,7 +72,7 @@ void check_owner_and_mode(const std::string& file, int descriptor) {
     fail_with_errno(file, "look at its mode", errno);
   }
   if (!S_ISREG(status.st_mode)) {
-    fail(file, "is no regular file; make one with 'forcegrid keygen FILE'");
+    fail(file, "is not a regular file; make one with 'forcegrid keygen FILE'");
   }
   if ((status.st_mode & kOthers) != 0) {
     char mode[8];

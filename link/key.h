@@ -28,8 +28,8 @@ std::string to_string(const KeyId& id);
 /// Real-time: no; set-up only. Threads: const members any.
 class LinkKey {
  public:
-  /// @throws LinkError naming the file and the remedy if it can't be read, is no regular file, is
-  ///   open to anyone but its owner (mode beyond 0600), belongs to a user other than this one or
+  /// @throws LinkError naming the file and the remedy if it can't be read, is not a regular file,
+  ///   is open to anyone but its owner (mode beyond 0600), belongs to a user other than this one or
   ///   root, or does not hold a key whose id is right.
   static LinkKey load(const std::string& file);
 

@@ -7,7 +7,7 @@
 
 namespace forcegrid::link {
 
-/// The libraries that datagrams are sealed and checked with, as loaded: name and version.
+/// Name and version, as loaded, of the libraries that seal and check datagrams.
 /// Real-time: no. Threads: any.
 std::vector<std::pair<std::string, std::string>> library_versions();
 

@@ -13,13 +13,13 @@ using Matrix3 = std::array<double, 9>;  ///< row major
 /// Servo -> simulator: where the tool is. W: the workspace frame, x toward the operator, y to the
 /// operator's right, z up; the servo defines its origin and the simulator places its object in it.
 struct ToolState {
-  std::uint32_t sequence = 0;      ///< counts up by one a message
+  std::uint32_t sequence = 0;      ///< increases by one per message
   std::int64_t servo_time_ns = 0;  ///< the servo's clock when `position_W` was measured
   Vector3 position_W_m{};          ///< operational point
   Vector3 velocity_W_m_per_s{};
 };
 
-/// Servo -> simulator: what would the force be there? (request method; answered in idle time)
+/// Servo -> simulator: asks for the force at that position (request method; answered in idle time).
 struct Query {
   std::uint32_t query_id = 0;
   std::int64_t servo_time_ns = 0;
@@ -40,8 +40,8 @@ struct ForceSample {
   Vector3 force_W_N{};
   Matrix3 stiffness_W_N_per_m{};  ///< dF/dP, row major; zero unless has_stiffness
   /// Where the tool touched. Out of contact: where it would touch within some tenths of a second if
-  /// it went straight on, else its position. In a reply: where the tool touched that `force_W_N` is
-  /// for, in contact or not yet.
+  /// it kept its velocity, else its position. In a reply: the touch to which `force_W_N` belongs,
+  /// made or still predicted.
   Vector3 contact_point_W_m{};
   double relative_residual = 0.0;  ///< of the equilibrium; see the simulator's documentation
   double solve_time_s = 0.0;

@@ -7,9 +7,9 @@
 
 namespace forcegrid::link {
 
-/// Lets each counter of one stream of datagrams pass once: a counter that has passed, or that lies
-/// kWindow or more behind the highest, does not. Counters begin at 1 and never wrap.
-/// Only what has been authenticated may be shown to it, else a forger could move the window.
+/// Lets each counter of one stream of datagrams pass once. A counter that has passed, or lies
+/// kWindow or more behind the highest, does not pass. Counters begin at 1 and never wrap. Give it
+/// counters of authenticated datagrams only, or a forger could move the window.
 /// Source: RFC 4303 (IPsec ESP), section 3.4.3.
 /// Real-time: bounded, no allocation, lock or throw. Threads: one.
 class ReplayWindow {
@@ -17,7 +17,7 @@ class ReplayWindow {
   /// How far a datagram may be overtaken by others of its stream: 0.25 s at 4 kHz.
   static constexpr std::uint64_t kWindow = 1024;
 
-  /// @returns whether `counter` passes; it won't a second time.
+  /// @returns whether `counter` passes; it does not pass a second time.
   bool pass(std::uint64_t counter) noexcept {
     if (counter > newest_) {
       const std::uint64_t step = counter - newest_;

@@ -9,8 +9,8 @@
 namespace forcegrid::link {
 namespace {
 
-constexpr std::array<std::byte, 4> kMagic = {std::byte{'F'}, std::byte{'G'}, std::byte{'R'},
-                                             std::byte{'S'}};
+constexpr std::array<std::byte, 4> kSealMagic = {std::byte{'F'}, std::byte{'G'}, std::byte{'R'},
+                                                 std::byte{'S'}};
 constexpr std::size_t kVersionAt = 4;
 constexpr std::size_t kDirectionAt = 6;
 constexpr std::size_t kReservedAt = 7;
@@ -75,10 +75,10 @@ const char* to_string(SealStatus status) noexcept {
 }
 
 SealStatus read_head(std::span<const std::byte> sealed, LinkEnd from, SealedHead& head) noexcept {
-  if (sealed.size() < kMagic.size()) {
+  if (sealed.size() < kSealMagic.size()) {
     return SealStatus::kTooShort;
   }
-  if (!std::equal(kMagic.begin(), kMagic.end(), sealed.begin())) {
+  if (!std::equal(kSealMagic.begin(), kSealMagic.end(), sealed.begin())) {
     return SealStatus::kNotSealed;
   }
   if (sealed.size() < kSealOverheadBytes) {
@@ -123,7 +123,7 @@ std::size_t seal(const SealedHead& head, const SealedTimes& times,
   if (buffer.size() < size) {
     return 0;
   }
-  std::copy(kMagic.begin(), kMagic.end(), buffer.begin());
+  std::copy(kSealMagic.begin(), kSealMagic.end(), buffer.begin());
   put(buffer, kVersionAt, kSealVersion, 2);
   put(buffer, kDirectionAt, static_cast<std::uint64_t>(head.from), 1);
   put(buffer, kReservedAt, 0, 1);

@@ -35,8 +35,8 @@ enum class SealStatus : std::uint8_t {
   kBadDirection,  ///< made by an end like this one, or a reserved field is not zero
   kUnknownKey,    ///< sealed with a key that this end does not have
   kForged,        ///< the tag is wrong: forged, damaged or changed on its way
-  kStale,         ///< authentic, but not made for this end as it is now: an old session's, or the
-                  ///< peer has yet to hear this end's stream
+  kStale,         ///< authentic, but of an old session, or the peer has not yet heard this
+                  ///< end's stream
   kReplayed,      ///< authentic, but this very datagram has been taken before
 };
 inline constexpr std::size_t kSealStatusCount = 10;
@@ -57,13 +57,13 @@ struct SealedHead {
   KeyId key_id{};
   StreamId stream{};          ///< of the sender
   std::uint64_t counter = 0;  ///< of the stream's datagrams, from 1
-  StreamId heard{};           ///< the receiver's stream, as far as the sender knows; else zero
+  StreamId heard{};           ///< the receiver's stream if the sender has heard it; else zero
 };
 
 /// What lets each end estimate the other's clock.
 struct SealedTimes {
   std::int64_t sent_ns = 0;            ///< by the sender's clock: now
-  std::int64_t heard_sent_ns = 0;      ///< by the receiver's: when the newest one heard of it left
+  std::int64_t heard_sent_ns = 0;      ///< by the receiver's: when its newest one heard here left
   std::int64_t heard_received_ns = 0;  ///< by the sender's: when that one came
 };
 
@@ -74,8 +74,8 @@ struct SealedTimes {
                                    SealedHead& head) noexcept;
 
 /// Authenticates a datagram whose head has been read, and decrypts it in place.
-/// @returns the datagram inside (maybe empty), part of `sealed`; nothing if the tag is wrong: then
-///          `times` is not touched.
+/// @returns the datagram inside (maybe empty), part of `sealed`; nothing if the tag is wrong, and
+///   `times` is then unchanged.
 /// Real-time: some us, no allocation, lock or throw. Threads: any.
 [[nodiscard]] std::optional<std::span<const std::byte>> unseal(std::span<std::byte> sealed,
                                                                const LinkKey& key,

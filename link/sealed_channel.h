@@ -14,7 +14,7 @@
 
 namespace forcegrid::link {
 
-/// Whom a datagram is sealed for, as open() found out.
+/// The peer to seal answers for, as open() found out.
 struct SealedPeer {
   StreamId stream{};  ///< zero: not heard yet
   std::uint8_t key_index = 0;
@@ -24,12 +24,12 @@ struct SealedPeer {
 
 /// Seals what one end sends and opens what it receives.
 ///
-/// Freshness: every datagram names the newest stream that its sender has heard of the receiver, and
-/// the receiver takes only what names its own. Its stream is random and as old as this object, so
-/// nothing that was recorded before can pass, and needs no memory of sessions that have ended.
-/// Within a stream a ReplayWindow lets each counter pass once. Up to kPeerStreams streams of peers
-/// are kept; one more makes this end draw a new stream, and all older datagrams become stale. A
-/// servo has one simulator: once it has shown a newer stream, its older ones are stale.
+/// Freshness: every datagram names the newest stream that its sender has heard from the receiver,
+/// and the receiver accepts only datagrams that name its own. That stream is random and as old as
+/// this object, so nothing recorded earlier can pass, and ended sessions need no memory. Within a
+/// stream a ReplayWindow lets each counter pass once. Up to kPeerStreams streams of peers are kept;
+/// one more makes this end draw a new stream, and all older datagrams become stale. A servo has one
+/// simulator: once that has shown a newer stream, its older ones are stale.
 ///
 /// Real-time: open() and seal() cost some us, don't allocate, lock, block or throw.
 /// Threads: one at a time.
@@ -38,7 +38,7 @@ class SealedChannel {
   static constexpr std::size_t kPeerStreams = 16;
   static constexpr std::size_t kMaxKeys = 8;
 
-  /// @param keys  1 to kMaxKeys; all are taken, the first is used until the peer shows another
+  /// @param keys  1 to kMaxKeys; all are accepted, the first is used until the peer shows another
   /// @throws LinkError for no key, too many, or two of the same id.
   SealedChannel(LinkEnd own_end, std::vector<LinkKey> keys);
 

@@ -57,7 +57,7 @@ class SequenceTracker {
     return Arrival::kReordered;
   }
 
-  /// The peer starts its sequence anew; the missing ones of before stay counted.
+  /// The peer restarts its sequence; the earlier missing ones stay counted.
   void restart() noexcept { started_ = false; }
 
   /// Numbers between the first and the newest that have not arrived.

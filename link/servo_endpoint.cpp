@@ -17,7 +17,7 @@
 namespace forcegrid::link {
 namespace {
 
-constexpr int kMaxDatagramsPerCall = 256;
+constexpr int kSamplesPerCall = 256;
 
 /// What was sent under a number, to check what comes back.
 struct SentMessage {
@@ -50,8 +50,8 @@ Address local_for(const Address& simulator) noexcept {
   return local;
 }
 
-/// Refuses what parse_address() would, for an Address that was put together otherwise.
-Address checked(const Address& address, Reach reach) {
+/// Refuses what parse_address() would, for an Address that was made in another way.
+Address checked_simulator(const Address& address, Reach reach) {
   return parse_address(to_string(address), PortZero::kRefused, reach);
 }
 
@@ -59,7 +59,7 @@ Address checked(const Address& address, Reach reach) {
 
 struct ServoEndpoint::State {
   State(const Address& simulator_address, std::uint64_t session, std::vector<LinkKey> keys)
-      : simulator(checked(simulator_address, reach_with(keys))),
+      : simulator(checked_simulator(simulator_address, reach_with(keys))),
         session_id(session),
         transport(LinkEnd::kServo, local_for(simulator), std::move(keys)) {
     if (session_id == 0) {
@@ -124,7 +124,7 @@ bool ServoEndpoint::State::accept(const ForceSample& sample) noexcept {
   return sample.query_id != 0 ? accept_reply(sample) : accept_sample(sample);
 }
 
-// What it answers was sent, at that time and there; else it is counted.
+// Whether the message that it answers was sent, at that time and there; if not, it is counted.
 bool ServoEndpoint::State::echoes(std::uint32_t sequence, std::int64_t servo_time_ns,
                                   const Vector3& position_W_m, double within_m) noexcept {
   const SentMessage& sent = tool_states[sequence % kRememberedToolStates];
@@ -141,8 +141,8 @@ bool ServoEndpoint::State::echoes(std::uint32_t sequence, std::int64_t servo_tim
   return true;
 }
 
-// Its numbers are not looked at: only the newest is of use, and a simulator that was started anew
-// begins them again.
+// Ignores the patch's own numbers: only the newest patch is of use, and a restarted simulator
+// begins its numbers again.
 bool ServoEndpoint::State::accept(const SurfacePatch& candidate) noexcept {
   if (!echoes(candidate.echo_sequence, candidate.echo_servo_time_ns, candidate.position_W_m, 0.0)) {
     return false;
@@ -162,8 +162,8 @@ bool ServoEndpoint::State::accept_sample(const ForceSample& sample) noexcept {
               kMaxEchoDistance_m)) {
     return false;
   }
-  // A live simulator numbers its samples in the order of what they answer, so a newer answer under
-  // an older number comes from one that has been started anew.
+  // A running simulator numbers its samples in the order of what they answer, so a newer answer
+  // under an older number comes from a restarted simulator.
   const bool newer_answer = ahead_of(sample.echo_sequence, newest_echo) > 0;
   if (sample_accepted && newer_answer && ahead_of(sample.sequence, newest_sample) <= 0) {
     tracker.restart();
@@ -259,7 +259,7 @@ SendStatus ServoEndpoint::send(const Query& query) noexcept {
 std::optional<ForceSample> ServoEndpoint::receive() noexcept {
   State& own = *state_;
   std::array<std::byte, kMaxDatagramBytes> buffer;
-  for (int i = 0; i < kMaxDatagramsPerCall; ++i) {
+  for (int i = 0; i < kSamplesPerCall; ++i) {
     const UdpSocket::Received received = own.transport.socket().receive(buffer);
     own.statistics.send_no_peer = own.transport.socket().undelivered();
     if (received.kind == UdpSocket::Received::Kind::kNothing) {

@@ -40,16 +40,16 @@ class ServoEndpoint {
   /// Opens a non-blocking socket on a free port, on loopback if the simulator is there. The
   /// simulator need not run yet.
   /// @param simulator   where it listens, see parse_address()
-  /// @param session_id  not zero; the default is random, as forging must be hard
-  /// @param keys        datagrams are sealed with the first of them, or with that of them which the
-  ///                    simulator uses (sealed_channel.h); none: not sealed
+  /// @param session_id  not zero; random by default, so that forging is hard
+  /// @param keys        datagrams are sealed with the first one, or with the one that the simulator
+  ///   uses (sealed_channel.h); none: not sealed
   /// @throws LinkError for an address beyond loopback without a key, port 0, session 0, or no
   ///   socket.
   explicit ServoEndpoint(const Address& simulator, std::uint64_t session_id = random_session_id(),
                          std::vector<LinkKey> keys = {});
   explicit ServoEndpoint(std::string_view simulator, std::uint64_t session_id = random_session_id(),
                          std::vector<LinkKey> keys = {});
-  /// Says goodbye to the simulator if that has not been done.
+  /// Says goodbye to the simulator unless say_goodbye() has.
   ~ServoEndpoint();
   ServoEndpoint(const ServoEndpoint&) = delete;
   ServoEndpoint& operator=(const ServoEndpoint&) = delete;
@@ -77,7 +77,7 @@ class ServoEndpoint {
   /// Real-time: blocks up to `timeout`; for the link's thread, not for the servo's.
   bool wait(std::chrono::nanoseconds timeout) noexcept;
 
-  /// The simulator said goodbye and nothing of it has been accepted since.
+  /// Whether the simulator has said goodbye and nothing from it has been accepted since.
   [[nodiscard]] bool simulator_ended() const noexcept;
 
   /// Tells the simulator that this run ends. Real-time: as send().
@@ -88,8 +88,8 @@ class ServoEndpoint {
   /// Where this end receives.
   [[nodiscard]] const Address& local_address() const noexcept;
   [[nodiscard]] const LinkStatistics& statistics() const noexcept;
-  /// The simulator's clock and the quickest way there and back; only known with a key, as only
-  /// sealed datagrams carry the times. Real-time: yes.
+  /// The simulator's clock and the shortest round trip. Known only with a key, since only sealed
+  /// datagrams carry the times. Real-time: yes.
   [[nodiscard]] ClockEstimate clock() const noexcept;
 
   /// From the system's random source, never zero. Real-time: no; may throw LinkError.

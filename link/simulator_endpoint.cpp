@@ -13,16 +13,16 @@
 namespace forcegrid::link {
 namespace {
 
-constexpr int kMaxDatagramsPerCall = 4096;
+constexpr int kPositionsPerCall = 4096;
 constexpr std::size_t kRememberedSessions = 16;
 
 using SteadyTime = std::chrono::steady_clock::time_point;
 
-/// The newest `Capacity` messages, the oldest of which come out first.
+/// The newest `Capacity` messages; the oldest comes out first.
 template <typename Message, std::size_t Capacity>
 class Queue {
  public:
-  /// @returns whether an older one had to give way.
+  /// @returns whether an older one was dropped.
   bool push(const Message& message) noexcept {
     const bool full = size_ == Capacity;
     if (full) {
@@ -51,8 +51,8 @@ class Queue {
   std::size_t size_ = 0;
 };
 
-/// Refuses what parse_address() would, for an Address that was put together otherwise.
-Address checked(const Address& address, Reach reach) {
+/// Refuses what parse_address() would, for an Address that was made in another way.
+Address checked_local(const Address& address, Reach reach) {
   return parse_address(to_string(address), PortZero::kAllowed, reach);
 }
 
@@ -61,7 +61,7 @@ Address checked(const Address& address, Reach reach) {
 struct SimulatorEndpoint::State {
   State(const Address& address, std::chrono::nanoseconds silence, Access access)
       : allowed(std::move(access.allowed)),
-        local(checked(address, reach_with(access.keys))),
+        local(checked_local(address, reach_with(access.keys))),
         transport(LinkEnd::kSimulator, local, std::move(access.keys)),
         silence_limit(silence) {
     if (silence <= std::chrono::nanoseconds::zero()) {
@@ -81,12 +81,12 @@ struct SimulatorEndpoint::State {
   [[nodiscard]] bool alive() const noexcept;
   template <typename Message>
   SendStatus transmit(const Message& message) noexcept;
-  /// With the next number of `count`.
+  /// Sends it with the next number of `count`.
   template <typename Message>
   SendStatus transmit_numbered(const Message& message, std::uint32_t& count) noexcept;
 
   std::vector<AddressRange> allowed;
-  Address local;  ///< as asked for: port 0 for any
+  Address local;  ///< as requested: port 0 for any
   Transport transport;
   std::chrono::nanoseconds silence_limit;
   LinkStatistics statistics;
@@ -280,7 +280,7 @@ SimulatorEndpoint::News SimulatorEndpoint::receive(std::chrono::nanoseconds time
   const auto deadline = std::chrono::steady_clock::now() + timeout;
   std::array<std::byte, kMaxDatagramBytes> buffer;
   News news;
-  for (int left = kMaxDatagramsPerCall; left > 0;) {
+  for (int left = kPositionsPerCall; left > 0;) {
     const std::uint64_t accepted_before = own.statistics.accepted;
     for (; left > 0; --left) {
       const UdpSocket::Received received = own.transport.socket().receive(buffer);

@@ -72,33 +72,33 @@ class SimulatorEndpoint {
     bool servo_ended = false;             ///< the servo said goodbye
   };
 
-  /// Takes in all that has arrived (at most 4096 datagrams a call), and waits for a first usable
-  /// datagram up to `timeout` if there is none (queries taken in before don't count; pass zero to
-  /// go on with those); zero or less does not wait. Returns early, possibly empty, when a signal
-  /// interrupts the wait, so that the caller can check its stop flag.
+  /// Reads all that has arrived (at most 4096 datagrams per call). If none is usable, waits up to
+  /// `timeout` for the first usable one; zero or less does not wait. Queries read earlier do not
+  /// count; pass zero to go on with those. Returns early, possibly empty, when a signal interrupts
+  /// the wait, so that the caller can check its stop flag.
   /// Real-time: blocks up to `timeout`; no allocation or throw.
   [[nodiscard]] News receive(std::chrono::nanoseconds timeout) noexcept;
 
-  /// The oldest tool state of the current session that has not been fetched here, the one that
-  /// receive() gave as the newest included: the tool's whole path, for objects to which the way
-  /// counts and not the position alone. Those that came after a newer one are left out. The queue
-  /// holds kQueuedToolStates; when it is full the oldest gives way, so that a simulator without use
-  /// for the path need not call this. Real-time: yes.
+  /// The oldest tool state of the current session that has not been fetched here, including the one
+  /// that receive() gave as the newest. Together they are the tool's whole path, for objects whose
+  /// force depends on it. Tool states that came after a newer one are left out. The queue holds
+  /// kQueuedToolStates. When it is full the oldest is dropped, so that a simulator that does not
+  /// need the path need not call this. Real-time: yes.
   [[nodiscard]] std::optional<ToolState> next_tool_state() noexcept;
 
   /// The oldest waiting query of the current session. The queue holds kQueuedQueries; when it is
-  /// full the oldest gives way, and is counted. Real-time: yes.
+  /// full the oldest is dropped and counted. Real-time: yes.
   [[nodiscard]] std::optional<Query> next_query() noexcept;
 
   /// Sends `sample` to the current servo with the next sequence number (`sample.sequence` is not
   /// used). Samples go out in the order of the tool states that they answer.
   /// Real-time: one or two system calls that don't block; no allocation or throw.
   SendStatus send(const ForceSample& sample) noexcept;
-  /// The same with a patch of the surface, whose numbers are a count of their own; a simulator need
-  /// send none.
+  /// The same for a patch of the surface; patches have sequence numbers of their own. A simulator
+  /// need not send any.
   SendStatus send(const SurfacePatch& patch) noexcept;
 
-  /// A servo holds the link and was heard within the silence limit. Real-time: yes.
+  /// Whether a servo holds the link and was heard within the silence limit. Real-time: yes.
   [[nodiscard]] bool servo_alive() const noexcept;
   /// Sessions since the start; 0 before the first. Real-time: yes.
   [[nodiscard]] std::uint64_t session_count() const noexcept;

@@ -44,7 +44,7 @@ struct LinkStatistics {
   std::array<std::uint64_t, kSealStatusCount> seal_refused{};
   std::array<std::uint64_t, kWireStatusCount> malformed{};  ///< by WireStatus; [kOk] stays 0
   std::uint64_t foreign_address = 0;  ///< not from the peer's address and port
-  std::uint64_t foreign_session = 0;  ///< of another run: stale or made up
+  std::uint64_t foreign_session = 0;  ///< of another run: stale or invented
   std::uint64_t unexpected_type = 0;  ///< a message that only this side sends
   std::uint64_t forged = 0;           ///< echoes something that was never sent (servo's end only)
   std::uint64_t late = 0;             ///< older than the newest accepted
@@ -55,8 +55,7 @@ struct LinkStatistics {
   std::uint64_t lost = 0;        ///< numbers of the peer's sequence that have not arrived (yet)
   std::uint64_t reordered = 0;   ///< arrived after a datagram with a higher number
   std::uint64_t superseded = 0;  ///< tool states skipped for a newer one (simulator's end only)
-  std::uint64_t restarts = 0;    ///< simulator: sessions after the first; servo: simulators that
-                                 ///< started their sequence anew
+  std::uint64_t restarts = 0;    ///< sessions after the first; servo: restarts of the simulator
   std::uint64_t overrun = 0;     ///< arrived while the system's buffer was full; not in `received`
 
   /// Sum of `malformed`. Real-time: yes.
@@ -67,8 +66,8 @@ struct LinkStatistics {
   [[nodiscard]] std::uint64_t dropped() const noexcept;
 };
 
-/// Why datagrams were dropped and how many for each reason, without the reasons that did not occur;
-/// they sum up to dropped(). Real-time: no (allocates).
+/// Why datagrams were dropped, and how many for each reason that occurred; the numbers add up to
+/// dropped(). Real-time: no (allocates).
 std::vector<std::pair<std::string, std::uint64_t>> drop_reasons(const LinkStatistics& statistics);
 
 /// The same for people: "12 forged, 3 stale". Real-time: no (allocates).

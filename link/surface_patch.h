@@ -9,8 +9,8 @@
 
 namespace forcegrid::link {
 
-/// Simulator -> servo, beside its samples and only if it likes: the part of the surface that a tool
-/// in the air may touch next, so that the servo need not wait for a sample to see the touch.
+/// Simulator -> servo, optional, beside its samples: the part of the surface that a tool in the air
+/// may touch next, so that the servo need not wait for a sample to detect the touch.
 struct SurfacePatch {
   static constexpr std::size_t kMaxVertices = 19;  ///< two rings around a vertex of a regular mesh
   static constexpr std::size_t kMaxTriangles = 27;
@@ -25,7 +25,7 @@ struct SurfacePatch {
   using Triangle = std::array<std::uint8_t, 3>;
 
   std::uint32_t sequence = 0;           ///< the simulator's own count of patches
-  std::uint32_t echo_sequence = 0;      ///< ToolState::sequence for which it was cut out
+  std::uint32_t echo_sequence = 0;      ///< ToolState::sequence for which it was made
   std::int64_t echo_servo_time_ns = 0;  ///< ToolState::servo_time_ns of that message
   std::uint32_t contact_epoch = 0;      ///< of the air: it ends where the next contact begins
   bool has_stiffness = false;
@@ -42,9 +42,9 @@ struct SurfacePatch {
   /// dF/dP, which is symmetric, of a tool that has just touched here: xx, yy, zz, xy, xz, yz. Zero
   /// unless has_stiffness.
   std::array<float, 6> stiffness_W_N_per_m{};
-  /// Of a tool that presses and slides, whose stiffness begins at zero: the force on it once it has
-  /// touched here and gone straight on until it is 1 and 2 kPressDepth_m deep, measured along the
-  /// outward normal where it touched. Zero unless has_press_forces.
+  /// For a tool that presses and slides, whose stiffness starts at zero: the force on it once it
+  /// has touched here and moved straight on until it is 1 and 2 kPressDepth_m deep, measured along
+  /// the outward normal where it touched. Zero unless has_press_forces.
   std::array<std::array<float, 3>, kPresses> press_forces_W_N{};
   Vector3 position_W_m{};  ///< of that tool state
   /// From position_W_m, along W's axes; those beyond vertex_count are zero.

@@ -8,7 +8,7 @@
 namespace forcegrid::link {
 namespace {
 
-/// The clock of the servo's cycles, too (CLOCK_MONOTONIC).
+/// Also the clock of the servo's cycles (CLOCK_MONOTONIC).
 std::int64_t now_ns() noexcept {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
              std::chrono::steady_clock::now().time_since_epoch())

@@ -39,9 +39,10 @@ class Transport {
     SealedPeer peer;                      ///< whom to seal answers for; with keys only
     std::optional<RoundTrip> times;       ///< with keys only
   };
-  /// Opens what the socket received into `buffer`. What can't be opened is counted; a hello is
-  /// counted and leaves an empty `datagram` (its peer and times are of use). To an authentic
-  /// datagram that is stale a simulator's end replies with a hello, no longer than what came.
+  /// Opens what the socket received into `buffer`. A datagram that can't be opened is counted. A
+  /// hello is counted and leaves an empty `datagram` with its peer and times. A simulator's end
+  /// replies to an authentic but stale datagram with a hello, which is no longer than that
+  /// datagram.
   /// Real-time: some us; does not block; no allocation or throw.
   [[nodiscard]] std::optional<Incoming> open(const UdpSocket::Received& received,
                                              std::span<std::byte> buffer,

@@ -17,7 +17,7 @@
 namespace forcegrid::link {
 namespace {
 
-/// The system halves what its own limit allows; a solver of 100 ms behind a 4 kHz servo fits in.
+/// The system halves what its own limit allows; enough for a solver of 100 ms behind a 4 kHz servo.
 constexpr int kReceiveBuffer_bytes = 1 << 20;
 constexpr int kMaxErrorsPerCall = 256;
 
@@ -128,7 +128,7 @@ int UdpSocket::send_to(const Address& peer, std::span<const std::byte> datagram)
       return 0;
     }
     const int error = errno;
-    // The system reports an earlier datagram's fate in place of sending this one.
+    // The system reports an earlier datagram's failure instead of sending this one.
     if (error == ECONNREFUSED) {
       take_in_errors();
     }

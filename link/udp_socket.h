@@ -42,11 +42,11 @@ class UdpSocket {
   /// Blocks until something can be received, `timeout` has passed or a signal came.
   Wait wait(std::chrono::nanoseconds timeout) noexcept;
 
-  /// Datagrams that the system dropped since the start because nobody took them in fast enough, as
-  /// of the newest that was received.
+  /// Datagrams that the system has dropped since the start because this end read too slowly, as of
+  /// the newest that was received.
   [[nodiscard]] std::uint32_t overrun() const noexcept { return overrun_; }
 
-  /// Datagrams that came back since the start: nobody listened where they went.
+  /// Datagrams that came back since the start because nobody listened at their destination.
   [[nodiscard]] std::uint64_t undelivered() const noexcept { return undelivered_; }
 
  private:

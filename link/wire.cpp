@@ -21,7 +21,7 @@ constexpr std::uint8_t kPatchHasStiffness = 1U << 0U;
 constexpr std::uint8_t kPatchHasPressForces = 1U << 1U;
 constexpr std::uint32_t kKnownFlags = kFlagInContact | kFlagConverged | kFlagHasStiffness;
 
-/// Appends little-endian fields; the caller has made sure that they fit.
+/// Appends little-endian fields; the caller ensures that they fit.
 class Writer {
  public:
   explicit Writer(std::span<std::byte> buffer) noexcept : buffer_(buffer) {}
@@ -48,7 +48,7 @@ class Writer {
   std::size_t used_ = 0;
 };
 
-/// Reads little-endian fields; the caller has made sure that they are there.
+/// Reads little-endian fields; the caller ensures that they are there.
 class Reader {
  public:
   explicit Reader(std::span<const std::byte> buffer) noexcept : buffer_(buffer) {}
@@ -146,7 +146,7 @@ WireStatus check(const ForceSample& message) noexcept {
 
 WireStatus check(const Goodbye&) noexcept { return WireStatus::kOk; }
 
-// What is beyond the counts has to be zero, so that a message has one form.
+// Everything beyond the counts must be zero, so that a message has one form.
 bool nothing_undeclared(const SurfacePatch& message) noexcept {
   for (std::size_t v = message.vertex_count; v < message.vertices_W_m.size(); ++v) {
     if (!within(message.vertices_W_m[v], 0.0)) {

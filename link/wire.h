@@ -55,8 +55,8 @@ enum class WireStatus : std::uint8_t {
   kBadChecksum,  ///< corrupted on its way
   kBadReserved,  ///< a reserved field, an unknown flag or something undeclared is not zero
   kNotFinite,    ///< NaN or infinity
-  /// Beyond the bounds above, time or residual below zero, session or query id 0, a triangle of
-  /// vertices that are not there.
+  /// Beyond the bounds above, time or residual below zero, session or query id 0, or a triangle
+  /// with a missing vertex.
   kOutOfRange,
 };
 inline constexpr std::size_t kWireStatusCount = 10;
@@ -84,8 +84,8 @@ struct Encoded {
   std::size_t size_bytes = 0;
 };
 
-/// Writes `message` to the front of `buffer`. What decode() would refuse is refused here as well,
-/// so a fault shows on the side that made it; kTooShort means that the buffer is too small.
+/// Writes `message` to the front of `buffer`. Refuses what decode() would refuse, so that a fault
+/// shows on the side that made it; kTooShort means that the buffer is too small.
 /// @param session_id  the servo's number for this run, not zero
 /// Real-time: bounded, no allocation, lock or throw. Threads: any.
 [[nodiscard]] Encoded encode(const ToolState& message, std::uint64_t session_id,

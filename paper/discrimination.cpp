@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 using Forces = std::vector<Vector3d>;
-using ThreeForces = std::vector<Forces>;  // one an object
+using ThreeForces = std::vector<Forces>;  // one per object
 
 constexpr char kReference[] = "off-line";
 constexpr double kTouch_s = 3.0;

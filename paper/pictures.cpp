@@ -16,7 +16,7 @@ using evaluation::quoted;
 
 // Columns of figure7.csv: time, tool along the normal, F_o, then one per method.
 constexpr int kTool = 2;
-constexpr int kReference = 3;
+constexpr int kReferenceColumn = 3;
 constexpr int kFirstMethod = 4;
 constexpr double kEnlarged_s = 1.0;
 const char* const kColours[] = {"#E69F00", "#0072B2", "#CC79A7", "#009E73", "#000000"};
@@ -42,7 +42,7 @@ std::string column(int number) { return "($" + std::to_string(number) + ")"; }
 
 // The reference force as a broad pale line, so that curves on top of it are visible.
 std::string force_curves(const fs::path& data, std::size_t every) {
-  std::string plot = curve(data, column(kReference), "#BBBBBB", 4.0, "reference F_o", every);
+  std::string plot = curve(data, column(kReferenceColumn), "#BBBBBB", 4.0, "reference F_o", every);
   for (std::size_t i = 0; i < figure_methods().size(); ++i) {
     plot += ", " + curve(data, column(kFirstMethod + static_cast<int>(i)), kColours[i], 1.2,
                          label_of(figure_methods()[i]), every);
@@ -95,7 +95,7 @@ void draw_figure_8(const fs::path& data, const Figures& figures, const fs::path&
          << "]\nset ylabel 'error along the normal / N'\nplot ";
   for (std::size_t i = 0; i < figure_methods().size(); ++i) {
     const std::string error = "($" + std::to_string(kFirstMethod + static_cast<int>(i)) + "-$" +
-                              std::to_string(kReference) + ")";
+                              std::to_string(kReferenceColumn) + ")";
     script << (i == 0 ? "" : ", ")
            << curve(data, error, kColours[i], 1.0, label_of(figure_methods()[i]),
                     every_point_drawn(figures));

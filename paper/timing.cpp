@@ -17,7 +17,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kExtent_m[3] = {0.16, 0.12, 0.12};
+constexpr double kWorkspace_m[3] = {0.16, 0.12, 0.12};
 constexpr int kCells[3] = {49, 49, 49};
 constexpr double kRadius_m = 0.16 / 6.0;
 constexpr int kAllWork = std::numeric_limits<int>::max();
@@ -61,11 +61,11 @@ std::size_t count_vertices_within(const double (&point_m)[3], double radius_m,
 Timing measure_timing() {
   Timing timing;
   timing.influence_radius_m = kRadius_m;
-  const double middle_m[3] = {0.5 * kExtent_m[0], 0.5 * kExtent_m[1], 0.5 * kExtent_m[2]};
-  timing.vertices_within_r = count_vertices_within(middle_m, kRadius_m, kCells, kExtent_m);
+  const double middle_m[3] = {0.5 * kWorkspace_m[0], 0.5 * kWorkspace_m[1], 0.5 * kWorkspace_m[2]};
+  timing.vertices_within_r = count_vertices_within(middle_m, kRadius_m, kCells, kWorkspace_m);
   const auto method = make_method("forcegrid");
   timing.memory_bytes = method->memory_bytes();
-  const Vector3d extent_m(kExtent_m[0], kExtent_m[1], kExtent_m[2]);
+  const Vector3d extent_m(kWorkspace_m[0], kWorkspace_m[1], kWorkspace_m[2]);
   const Vector3d centre_W = 0.5 * extent_m;
   method->contact_made(1, centre_W);
 

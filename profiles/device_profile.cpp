@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
 #include <numbers>
 
 #include "text/data_folder.h"
+#include "text/file_kind.h"
 #include "text/text.h"
 #include "text/toml_table.h"
 
@@ -18,21 +18,19 @@ using text::joined;
 using text::number_text;
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr std::size_t kMaxUsbStringLength = 126;  // a string descriptor has 255 bytes at most
 constexpr std::array<const char*, 3> kJointNames = {"a (base)", "b (shoulder)", "c (elbow)"};
 
 using Range = text::NumberRange;
 
 constexpr Range kAnyNumber{-text::kLargestNumber, text::kLargestNumber, "a finite number"};
-// The arms are table-top devices: a length of metres is a unit mistaken.
+// The arms are table-top devices: a length of several metres means a wrong unit.
 constexpr Range kLength_m{1e-4, 2.0, "a length in metres from 0.0001 to 2"};
 constexpr Range kLinkLength_m{0.0, 2.0, "a length in metres from 0 to 2"};
 constexpr Range kPlace_m{-2.0, 2.0, "a coordinate in metres from -2 to 2"};
 constexpr Range kAngle_rad{-2.0 * std::numbers::pi, 2.0 * std::numbers::pi,
                            "an angle in radians from -2 pi to 2 pi"};
-// Wide enough for any arm a person holds: what lies beyond is a unit or a digit mistaken.
+// Wide enough for any arm that a person holds: a value outside means a wrong unit or digit.
 constexpr Range kTorqueConstant_Nm_per_A{1e-4, 10.0,
                                          "a torque constant in N m/A from 0.0001 to 10"};
 // The report's currents are 16-bit milliamperes.
@@ -47,10 +45,14 @@ constexpr Range kStiffness_N_per_m{text::kAboveZero, 1e5,
                                    "a stiffness in N/m above 0 and at most 1e5"};
 constexpr Range kMaxDamping_N_s_per_m{0.0, 1e3, "a damping in N s/m from 0 to 1000"};
 constexpr Range kSpeed_m_per_s{text::kAboveZero, 20.0, "a speed in m/s above 0 and at most 20"};
+constexpr Range kJointSpeed_rad_per_s{text::kAboveZero, 1000.0,
+                                      "a speed in rad/s above 0 and at most 1000"};
+constexpr Range kJointAcceleration_rad_per_s2{text::kAboveZero, 1e6,
+                                              "an acceleration in rad/s^2 above 0 and at most 1e6"};
 constexpr Range kAcceleration_m_per_s2{0.0, 30.0, "an acceleration in m/s^2 from 0 to 30"};
 constexpr Range kLinkMass_kg{0.0, 20.0, "a mass in kilograms from 0 to 20"};
 constexpr Range kTipMass_kg{1e-3, 10.0, "a mass in kilograms from 0.001 to 10"};
-// Without joint inertia the arm's mass matrix is singular where its Jacobian is.
+// Without joint inertia the arm's mass matrix is singular wherever its Jacobian is.
 constexpr Range kInertia_kg_m2{text::kAboveZero, 1.0, "an inertia in kg m^2 above 0 and at most 1"};
 constexpr Range kCoulomb_Nm{0.0, 10.0, "a friction torque in N m from 0 to 10"};
 constexpr Range kSmoothing_s_per_rad{text::kAboveZero, 1e4,
@@ -61,7 +63,7 @@ constexpr Range kStopStiffness_Nm_per_rad{text::kAboveZero, 1e4,
 constexpr Range kStopDamping_Nm_s_per_rad{0.0, 100.0, "a damping in N m s/rad from 0 to 100"};
 constexpr Range kKnobStopStiffness_N_per_m{text::kAboveZero, 1e6,
                                            "a stiffness in N/m above 0 and at most 1e6"};
-constexpr Range kEncoder_rad_per_count{1e-7, 0.1, "an angle a count in radians from 1e-7 to 0.1"};
+constexpr Range kEncoder_rad_per_count{1e-7, 0.1, "an angle per count in radians from 1e-7 to 0.1"};
 constexpr Range kTorqueGain_per_Nm{1.0, 1e6, "a command for 1 N m from 1 to 1e6"};
 constexpr Range kHandMass_kg{1e-3, 20.0, "a mass in kilograms from 0.001 to 20"};
 constexpr Range kHandDamping_N_s_per_m{0.0, 1e4, "a damping in N s/m from 0 to 1e4"};
@@ -73,7 +75,7 @@ std::string usb_string(const Table& table, const char* key) {
   const auto odd =
       std::find_if(value.begin(), value.end(), [](char c) { return c < ' ' || c > '~'; });
   if (odd != value.end()) {
-    table.refuse(key, "byte " + std::to_string(odd - value.begin() + 1) + " is no printable ASCII",
+    table.refuse(key, "byte " + std::to_string(odd - value.begin() + 1) + " is not printable ASCII",
                  "write letters, digits, punctuation and spaces of ASCII only");
   }
   return value;
@@ -112,7 +114,7 @@ std::uint16_t word(const Table& table, const char* key) {
   return static_cast<std::uint16_t>(table.integer(key, 0, 0xFFFF));
 }
 
-/// Looked at before the root table, whose tables depend on it.
+/// Read before the root table, because the root's tables depend on it.
 DeviceKind read_kind(const toml::table& root, const std::string& file) {
   const toml::node* node = root.get("kind");
   if (node == nullptr) {
@@ -374,8 +376,8 @@ DeviceProfile::Falcon read_falcon(const Table& root, const DeviceProfile::Delta&
   return falcon;
 }
 
-/// Why the knob can't be at a place of the base frame; empty when it can. The legs close when
-/// |Q_v| <= b and the triangle of thigh, shin with its end pieces, and (Q_u, Q_w) exists.
+/// Why the knob can't be at a place in the base frame; empty when it can. The legs close when |Q_v|
+/// <= b and the triangle of thigh, shin with its end pieces, and (Q_u, Q_w) exists.
 std::string obstacle_at(const DeviceProfile::Delta& delta, const Axes& place_B_m) {
   if (place_B_m[2] < delta.knob_min_z_m || place_B_m[2] > delta.knob_max_z_m) {
     return "delta.knob_min_z_m and knob_max_z_m cut it off";
@@ -409,7 +411,7 @@ std::string obstacle_at(const DeviceProfile::Delta& delta, const Axes& place_B_m
   return {};
 }
 
-/// A grid over the whole box: what a delta reaches is bounded by surfaces with dents.
+/// A grid over the whole box, because the surfaces that bound a delta's workspace have dents.
 void require_reachable_workspace(const Table& table, const DeviceProfile::Limits& limits,
                                  const DeviceProfile::Delta& delta) {
   constexpr int kSteps = 8;
@@ -440,6 +442,7 @@ DeviceProfile::Limits read_limits(const Table& root, const DeviceProfile& profil
   const Table table =
       root.table("limits", {"max_force_N", "max_force_rate_N_per_s", "max_joint_torque_Nm",
                             "max_stiffness_N_per_m", "max_damping_N_s_per_m", "max_speed_m_per_s",
+                            "max_joint_speed_rad_per_s", "max_joint_acceleration_rad_per_s2",
                             "workspace_min_m", "workspace_max_m"});
   DeviceProfile::Limits limits;
   limits.max_force_N = table.number("max_force_N", kForce_N);
@@ -448,6 +451,9 @@ DeviceProfile::Limits read_limits(const Table& root, const DeviceProfile& profil
   limits.max_stiffness_N_per_m = table.number("max_stiffness_N_per_m", kStiffness_N_per_m);
   limits.max_damping_N_s_per_m = table.number("max_damping_N_s_per_m", kMaxDamping_N_s_per_m);
   limits.max_speed_m_per_s = table.number("max_speed_m_per_s", kSpeed_m_per_s);
+  limits.max_joint_speed_rad_per_s = table.axes("max_joint_speed_rad_per_s", kJointSpeed_rad_per_s);
+  limits.max_joint_acceleration_rad_per_s2 =
+      table.axes("max_joint_acceleration_rad_per_s2", kJointAcceleration_rad_per_s2);
   limits.workspace_min_m = table.axes("workspace_min_m", kPlace_m);
   limits.workspace_max_m = table.axes("workspace_max_m", kPlace_m);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -630,15 +636,10 @@ DeviceProfile read_profile(const toml::table& parsed, const std::string& file) {
 
 DeviceProfile load_device_profile(const std::string& name_or_path) {
   const std::string file = find_file(name_or_path);
-  std::error_code error;
-  if (!fs::exists(file, error)) {
-    throw ProfileError(
-        "device profile '" + file +
-        "': no such file; write the path of a profile or one of: " + joined(available_profiles()));
-  }
-  if (!fs::is_regular_file(file, error)) {
-    throw ProfileError("device profile '" + file +
-                       "': not a regular file; write the path of a .toml file");
+  const std::string why_not = text::why_no_file(file);
+  if (!why_not.empty()) {
+    throw ProfileError("device profile '" + file + "': " + why_not +
+                       "; write the path of a profile or one of: " + joined(available_profiles()));
   }
   try {
     return read_profile(text::read_toml_file(file), file);

@@ -15,7 +15,7 @@ class ProfileError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Three numbers, one an axis: joints a, b, c (base, shoulder, elbow) or x, y, z.
+/// Three numbers, one per axis: joints a, b, c (base, shoulder, elbow) or x, y, z.
 using Axes = std::array<double, 3>;
 
 /// Standard gravity, for devices whose profile has no [gravity].
@@ -35,14 +35,15 @@ enum class DeviceKind : std::uint8_t {
   kDelta,  ///< "delta": three equal legs in parallel, see Delta
 };
 
-/// Everything driver and emulator know of one kind of device, read from one TOML file. It is data
-/// only: each side has its own codec and its own kinematics, so that neither can hide the other's
-/// mistake. Device frame D: x toward the user, y to the user's right, z up.
+/// Everything that driver and emulator know about one kind of device, read from one TOML file. It
+/// holds data only: each side has its own codec and its own kinematics, so that neither can hide a
+/// mistake of the other. Device frame D: x toward the user, y to the user's right, z up.
 ///
-/// An arm has the tables kinematics, motors, calibration and gravity, a delta has delta and falcon;
-/// what the other kind's tables would hold stays zero. Of an arm: joint angle q_i = encoder_sign_i
-/// * (2 pi n_i / counts_per_turn_i) * (d_i / D_i); linkage angle theta_i = linkage_offset_rad_i +
+/// An arm has the tables kinematics, motors, calibration and gravity; a delta has delta and falcon.
+/// Members for the other kind's tables stay zero. For an arm: joint angle q_i = encoder_sign_i * (2
+/// pi n_i / counts_per_turn_i) * (d_i / D_i); linkage angle theta_i = linkage_offset_rad_i +
 /// linkage_sign_i * q_i (theta_a yaw, theta_b from the vertical, theta_c absolute from straight
+/// down). Source: the device fact sheets named in the file's `source`.
 /// down). Source: the device fact sheets named in the file's `source`.
 struct DeviceProfile {
   std::string file;  ///< the file it came from, for messages
@@ -52,8 +53,8 @@ struct DeviceProfile {
   DeviceKind kind = DeviceKind::kArm;
 
   struct Usb {
-    /// Arm: "w2", or "w3", the same in reports of 64 bytes. Delta: "falcon", which is no HID device
-    /// and has no usage page, usage and report length.
+    /// Arm: "w2", or "w3" (the same in reports of 64 bytes). Delta: "falcon", which is not a HID
+    /// device and has no usage page, usage or report length.
     std::string protocol;
     std::uint16_t vendor_id = 0;
     std::uint16_t product_id = 0;
@@ -85,9 +86,9 @@ struct DeviceProfile {
 
   struct Motors {
     Axes torque_constant_Nm_per_A{};
-    Axes max_current_A{};                  ///< limit of what the host commands
-    double full_scale_current_A = 0.0;     ///< I_full of the firmware's PWM
-    Axes continuous_current_A{};           ///< what the motors bear for ever; at most max_current_A
+    Axes max_current_A{};               ///< limit of what the host commands
+    double full_scale_current_A = 0.0;  ///< I_full of the firmware's PWM
+    Axes continuous_current_A{};  ///< what the motors withstand indefinitely; at most max_current_A
     double thermal_time_constant_s = 0.0;  ///< of their windings
   } motors;
 
@@ -120,8 +121,8 @@ struct DeviceProfile {
   struct Falcon {
     double torque_gain_per_Nm = 0.0;  ///< command for 1 N m at a driven angle
     int command_limit = 0;            ///< largest command, of either sign
-    /// A homing axis has found its zero when theta has been above the first angle and then comes
-    /// below the second (the emulated device's rule).
+    /// A homing axis finds its zero when theta, after it was above the first angle, falls below the
+    /// second (the emulated device's rule).
     double homing_out_rad = 0.0;
     double homing_in_rad = 0.0;
     std::string homing_instruction;  ///< how a person homes the device
@@ -134,6 +135,9 @@ struct DeviceProfile {
     double max_stiffness_N_per_m = 0.0;
     double max_damping_N_s_per_m = 0.0;
     double max_speed_m_per_s = 0.0;
+    /// Between two reports no joint can turn farther than these allow; counts that do have jumped.
+    Axes max_joint_speed_rad_per_s{};
+    Axes max_joint_acceleration_rad_per_s2{};
     Axes workspace_min_m{};  ///< D, axis-aligned box in which force may be rendered
     Axes workspace_max_m{};
   } limits;
@@ -172,19 +176,22 @@ struct DeviceProfile {
 };
 
 /// Reads and checks one profile. An unknown, missing, mistyped, non-finite or impossible value is
-/// an error. Impossible is what no table-top arm has (each number has its range, which the error
-/// states), and what contradicts the rest of the file: a capstan not smaller than its body, a
+/// an error. A value is impossible if no table-top arm has it (each number has its range, which the
+/// error states) or if it contradicts the rest of the file: a capstan not smaller than its body, a
 /// current above full scale, a centre of mass beyond its link, a calibration pose beyond the hard
-/// stops, a workspace with a point that the linkage can't reach (distance to the shoulder not
-/// between |L_b - L_c| and L_b + L_c), of a delta one whose legs do not close or that its hard
-/// stops cut off.
+/// stops, or a workspace with a point that the linkage can't reach (distance to the shoulder not
+/// between |L_b - L_c| and L_b + L_c). For a delta, each point of the workspace must let the legs
+/// close and must lie within the hard stops.
 /// @param name_or_path a file name with a slash or ending in ".toml", or a profile's name, looked
 ///        up in $FORCEGRID_PROFILE_PATH (if set), then beside the installed program, then in the
 ///        source tree.
-/// @throws ProfileError naming file, line and key; for an unknown name, the names there are.
+/// @throws ProfileError naming file, line and key; for an unknown name, the known names.
 DeviceProfile load_device_profile(const std::string& name_or_path);
 
 /// Names that load_device_profile finds without a path, sorted.
 std::vector<std::string> available_profiles();
+
+/// Whether its mechanism is a delta: three arms that carry one platform, as a Falcon's.
+inline bool is_delta(const DeviceProfile& profile) { return profile.kind == DeviceKind::kDelta; }
 
 }  // namespace forcegrid::profiles

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <thread>
 
+#include "rt/checkpoint.h"
 #include "rt/clock.h"
 
 namespace forcegrid::rt {
@@ -51,10 +52,14 @@ class JobPool {
 
  private:
   bool cancelled() const noexcept {
-    return options_.cancel != nullptr && options_.cancel->load(std::memory_order_relaxed);
+    const auto asked = [](const std::atomic<bool>* flag) {
+      return flag != nullptr && flag->load(std::memory_order_relaxed);
+    };
+    return asked(options_.cancel) || asked(supervising_);
   }
 
   void work_through() noexcept {
+    const Supervised supervised({.stop = supervising_});
     try {
       while (!stop_ && !cancelled()) {
         const std::size_t number = next_.fetch_add(1, std::memory_order_relaxed);
@@ -67,6 +72,8 @@ class JobPool {
           ++finished_;
         }
       }
+    } catch (const Interrupted&) {
+      stop_ = true;  // as a job that stopped early
     } catch (...) {
       const std::lock_guard lock(mutex_);
       if (!failure_) {
@@ -109,12 +116,13 @@ class JobPool {
   std::size_t count_;
   const JobOptions& options_;
   const std::function<bool(Job&)>& work_;
+  const std::atomic<bool>* const supervising_ = supervising_stop();  // of the calling thread
   const TimePoint start_ = Clock::now();
   std::vector<std::atomic<double>> done_;  // of each job, in [0, 1]
   std::atomic<std::size_t> next_{0};
   std::atomic<std::size_t> finished_{0};
   std::atomic<bool> stop_{false};
-  std::mutex mutex_;  // of what follows
+  std::mutex mutex_;  // guards what follows
   std::condition_variable ended_;
   std::size_t running_ = 0;
   std::exception_ptr failure_;

@@ -47,7 +47,8 @@ struct JobOptions {
 
 /// Runs the jobs 0 .. count - 1 on threads of its own, each thread taking the next one that nobody
 /// has begun. Once `cancel` is true or a job has thrown, no further job begins and Job::stopping()
-/// holds. Returns when every thread has ended.
+/// holds. The flag of the calling thread's supervision (rt/checkpoint.h) cancels as `cancel` does;
+/// a job that a checkpoint interrupts counts as stopped early. Returns when every thread has ended.
 /// @param work  called once per job, from several threads at the same time; returns whether it
 ///   finished the job. false: it stopped early.
 /// @returns whether all jobs were finished.

@@ -31,7 +31,7 @@ ProcessorsAwake::ProcessorsAwake(const char* file) {
 
 ProcessorsAwake::~ProcessorsAwake() {
   if (file_ >= 0) {
-    ::close(file_);  // which withdraws the request
+    ::close(file_);  // withdraws the request
   }
 }
 

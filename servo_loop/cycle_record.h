@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <type_traits>
@@ -16,9 +15,6 @@ namespace forcegrid::servo {
 inline constexpr std::size_t kMaxMethods = 4;
 
 using Triple = std::array<double, 3>;
-
-inline Triple triple(const Eigen::Vector3d& v) noexcept { return {v.x(), v.y(), v.z()}; }
-inline Eigen::Vector3d vector(const Triple& t) noexcept { return {t[0], t[1], t[2]}; }
 
 /// What one servo cycle read and did, for telemetry and the flight record. Plain data.
 struct CycleRecord {

@@ -9,6 +9,10 @@ const char* name_of(Fault fault) noexcept {
       return "none";
     case Fault::kUnplugged:
       return "unplugged";
+    case Fault::kInterfaceTaken:
+      return "interface_taken";
+    case Fault::kSecondWriter:
+      return "second_writer";
     case Fault::kStaleReports:
       return "stale_reports";
     case Fault::kProtocol:
@@ -50,6 +54,14 @@ std::string sentence_for(Fault fault, int joint) {
     case Fault::kUnplugged:
       return "The device is gone; check the cable, plug it in again, and start again. The device's "
              "own watchdog stops any motor that still has power.";
+    case Fault::kInterfaceTaken:
+      return "Another program took the device, which is still connected; end that program "
+             "(forcegrid devices shows what there is), plug the device in again, and start again. "
+             "Until the other program commands the motors, they are left to the device's own "
+             "watchdog.";
+    case Fault::kSecondWriter:
+      return "Another program commands the device at the same time; end it (forcegrid devices "
+             "names it) and start again.";
     case Fault::kStaleReports:
       return "The device stopped sending reports; unplug it, plug it in again, and start again. "
              "Until then the motors are left to its own watchdog (half a second after the last "
@@ -61,8 +73,8 @@ std::string sentence_for(Fault fault, int joint) {
       return "Another part of the program closed the device while the loop ran; open it and start "
              "again.";
     case Fault::kImplausibleJump:
-      return "The encoders jumped farther than the arm can move; check their cables and calibrate "
-             "again.";
+      return "The encoder" + which +
+             " jumped farther than the arm can move; check its cable and calibrate again.";
     case Fault::kTooFast:
       return "The tool moved faster than the profile allows; hold it more firmly, or raise "
              "limits.max_speed_m_per_s in the profile.";
@@ -103,9 +115,9 @@ std::string sentence_for(Fault fault, int joint) {
 }
 
 bool may_be_over_after_reconnecting(Fault fault) noexcept {
-  return fault == Fault::kUnplugged || fault == Fault::kStaleReports ||
-         fault == Fault::kLateReports || fault == Fault::kProtocol ||
-         fault == Fault::kZeroNotDelivered;
+  return fault == Fault::kUnplugged || fault == Fault::kInterfaceTaken ||
+         fault == Fault::kStaleReports || fault == Fault::kLateReports ||
+         fault == Fault::kProtocol || fault == Fault::kZeroNotDelivered;
 }
 
 }  // namespace forcegrid::servo

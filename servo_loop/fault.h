@@ -10,6 +10,8 @@ namespace forcegrid::servo {
 enum class Fault : std::uint8_t {
   kNone,
   kUnplugged,         ///< the transport to the device ended
+  kInterfaceTaken,    ///< another program took the device, which is still connected
+  kSecondWriter,      ///< the device answers commands of another program, too
   kStaleReports,      ///< connected, but no new report
   kProtocol,          ///< the device sent what its protocol does not allow
   kDeviceClosed,      ///< another part of the program closed the device while the loop ran

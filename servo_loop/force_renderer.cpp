@@ -2,22 +2,12 @@
 #include "servo_loop/force_renderer.h"
 
 #include <algorithm>
-#include <numbers>
 
+#include "rt/vectors.h"
 #include "servo_loop/motion_guard.h"
 
 namespace forcegrid::servo {
 namespace {
-
-Eigen::Vector3d angle_per_count_rad(const profiles::DeviceProfile& profile) {
-  if (profile.kind == profiles::DeviceKind::kDelta) {
-    return Eigen::Vector3d::Constant(profile.delta.encoder_rad_per_count);
-  }
-  const auto& arm = profile.kinematics;
-  return (2.0 * std::numbers::pi * vector(arm.capstan_diameter_m).array() /
-          (vector(arm.encoder_counts_per_turn).array() * vector(arm.body_diameter_m).array()))
-      .abs();
-}
 
 PassivityOptions within_profile(PassivityOptions options, const profiles::DeviceProfile& profile) {
   options.max_damping_N_s_per_m =
@@ -43,9 +33,9 @@ ForceRenderer::ForceRenderer(const profiles::DeviceProfile& profile,
     : ladder_(options.ladder),
       damping_field_(within_profile(options.damping_field, profile)),
       guard_(within_profile(options.passivity, profile)),
-      angle_per_count_rad_(angle_per_count_rad(profile).asDiagonal()),
-      box_min_D_(vector(profile.limits.workspace_min_m)),
-      box_max_D_(vector(profile.limits.workspace_max_m)) {
+      angle_per_count_rad_(driver::angle_per_count_rad(profile).matrix().asDiagonal()),
+      box_min_D_(rt::to_vector(profile.limits.workspace_min_m)),
+      box_max_D_(rt::to_vector(profile.limits.workspace_max_m)) {
   if (options.coupling) {
     coupling_.emplace(*options.coupling);
   }

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "rt/exception_text.h"
+#include "rt/vectors.h"
+
 namespace forcegrid::servo {
 namespace {
 
@@ -20,13 +23,13 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
   arrived.in_contact = from.in_contact;
   Sample& to = arrived.sample;
   to.time_s = 1e-9 * static_cast<double>(from.echo_servo_time_ns);
-  to.position_W = vector(from.position_W_m);
-  to.force_W = vector(from.force_W_N);
+  to.position_W = rt::to_vector(from.position_W_m);
+  to.force_W = rt::to_vector(from.force_W_N);
   to.has_stiffness = from.has_stiffness;
   to.stiffness_W = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
       from.stiffness_W_N_per_m.data());
   to.contact_epoch = from.contact_epoch;
-  to.contact_point_W = vector(from.contact_point_W_m);
+  to.contact_point_W = rt::to_vector(from.contact_point_W_m);
   to.relative_residual = from.relative_residual;
   to.converged = from.converged;
   to.from_query = from.query_id != 0;
@@ -59,18 +62,7 @@ void LinkThread::start() {
   });
 }
 
-std::string LinkThread::trouble() const {
-  if (!trouble_) {
-    return {};
-  }
-  try {
-    std::rethrow_exception(trouble_);
-  } catch (const std::exception& error) {
-    return error.what();
-  } catch (...) {
-    return "an exception that says nothing";
-  }
-}
+std::string LinkThread::trouble() const { return rt::text_of(trouble_); }
 
 void LinkThread::stop() {
   stop_.store(true, std::memory_order_release);
@@ -95,6 +87,7 @@ void LinkThread::exchange() {
     }
     take(*sample);
   }
+  nobody_listens_ = endpoint_.statistics().send_no_peer > unheard_before_;
   if (const auto patch = endpoint_.next_patch()) {
     if (const auto surface = near_surface(*patch)) {
       ports_.surface.publish(*surface);
@@ -111,9 +104,11 @@ void LinkThread::take(const link::ForceSample& sample) {
   samples_not_converged_ += sample.converged ? 0 : 1;
   if (sample.in_contact && !first_contact_ && sample.query_id == 0) {
     first_contact_ = FirstContact{sample.echo_servo_time_ns, sample.contact_epoch,
-                                  vector(sample.contact_point_W_m)};
+                                  rt::to_vector(sample.contact_point_W_m)};
   }
   const ArrivedSample arrived = arrived_sample(sample, rt::Clock::now());
+  newest_sample_ns_ = arrived.arrived.time_since_epoch().count();
+  unheard_before_ = endpoint_.statistics().send_no_peer;
   if (!ports_.samples.push(arrived)) {
     ++samples_lost_;
     return;

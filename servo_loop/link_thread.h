@@ -48,6 +48,13 @@ class LinkThread {
   /// Says goodbye to the simulator and joins. Idempotent.
   void stop();
 
+  /// While it runs, from any thread: when the newest sample was accepted, CLOCK_MONOTONIC; 0: none
+  /// was.
+  std::int64_t newest_sample_ns() const noexcept { return newest_sample_ns_.load(); }
+  /// While it runs, from any thread: the system has reported that nobody listens at the
+  /// simulator's address, and no sample has come since.
+  bool nobody_listens() const noexcept { return nobody_listens_.load(); }
+
   /// After stop(): the exception that ended the exchange, in its own words; empty: none did.
   std::string trouble() const;
   /// After stop().
@@ -75,6 +82,9 @@ class LinkThread {
   ServoPorts& ports_;
   link::ServoEndpoint endpoint_;
   std::atomic<bool> stop_{false};
+  std::atomic<std::int64_t> newest_sample_ns_{0};
+  std::atomic<bool> nobody_listens_{false};
+  std::uint64_t unheard_before_ = 0;  ///< send_no_peer at the newest sample
   std::thread thread_;
   std::exception_ptr trouble_;  ///< of that thread
   std::optional<FirstContact> first_contact_;

@@ -17,6 +17,10 @@ Fault fault_of(driver::DeviceHealth health) noexcept {
       return Fault::kStaleReports;
     case driver::DeviceHealth::kUnplugged:
       return Fault::kUnplugged;
+    case driver::DeviceHealth::kTaken:
+      return Fault::kInterfaceTaken;
+    case driver::DeviceHealth::kSecondWriter:
+      return Fault::kSecondWriter;
     case driver::DeviceHealth::kProtocol:
       return Fault::kProtocol;
     case driver::DeviceHealth::kClosed:
@@ -28,7 +32,12 @@ Fault fault_of(driver::DeviceHealth health) noexcept {
 }  // namespace
 
 MotionGuard::MotionGuard(const profiles::DeviceProfile& profile, rt::Duration report_timeout)
-    : max_speed_m_per_s_(profile.limits.max_speed_m_per_s), report_timeout_(report_timeout) {}
+    : max_speed_m_per_s_(profile.limits.max_speed_m_per_s),
+      max_joint_speed_rad_per_s_(profile.limits.max_joint_speed_rad_per_s.data()),
+      max_joint_acceleration_rad_per_s2_(profile.limits.max_joint_acceleration_rad_per_s2.data()),
+      angle_per_count_rad_(driver::angle_per_count_rad(profile)),
+      report_timeout_(report_timeout),
+      joint_speed_rad_per_s_(max_joint_speed_rad_per_s_) {}
 
 Fault MotionGuard::check(rt::TimePoint now, driver::DeviceHealth health,
                          const driver::DeviceReport& report, const driver::ArmPose& pose) noexcept {
@@ -46,16 +55,15 @@ Fault MotionGuard::check(rt::TimePoint now, driver::DeviceHealth health,
   if (has_last_) {
     // One long pause is a pause, not a habit; a longer one is another fault, or the loop's own.
     const rt::Duration gap = std::min(report.received - last_received_, report_timeout_);
-    late_s_ = std::max(0.0, late_s_ + (gap > kLateGap ? 0.5 : -0.5) * rt::seconds(gap));
+    const bool late = gap > kLateGap || report.received - report.oldest_release > kLateGap;
+    late_s_ = std::max(0.0, late_s_ + (late ? 0.5 : -0.5) * rt::seconds(gap));
     if (late_s_ > kLateBudget_s) {
       return Fault::kLateReports;
     }
     const double elapsed_s = rt::seconds(report.released - last_sampled_);
     const Eigen::Vector3d step_D = pose.position_D - last_position_D_;
-    // A late completion stamps counts late, never early: the last ones may have been sampled at any
-    // time since the ones before them.
-    const double longest_s = rt::seconds(report.released - sampled_before_last_);
-    if (!(step_D.norm() <= kJumpFloor_m + kJumpFactor * max_speed_m_per_s_ * longest_s)) {
+    if (const int joint = jumped(report); joint >= 0) {
+      joint_ = joint;
       return distrusted(Fault::kImplausibleJump, report);
     }
     if (!possible) {
@@ -74,15 +82,40 @@ Fault MotionGuard::check(rt::TimePoint now, driver::DeviceHealth health,
     return distrusted(Fault::kBadPose, report);
   } else {
     slow_enough_at_ = report.released;
-    last_sampled_ = report.released;
   }
   has_last_ = true;
   last_sequence_ = report.sequence;
   last_received_ = report.received;
-  sampled_before_last_ = last_sampled_;
+  last_sampled_after_ = report.sampled_after;
   last_sampled_ = report.released;
+  last_counts_ = report.counts;
   last_position_D_ = pose.position_D;
   return Fault::kNone;
+}
+
+int MotionGuard::jumped(const driver::DeviceReport& report) noexcept {
+  Eigen::Array3d step_rad;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double step_counts = static_cast<double>(report.counts[i]) - last_counts_[i];
+    const auto axis = static_cast<Eigen::Index>(i);
+    step_rad[axis] = std::abs(step_counts) * angle_per_count_rad_[axis];
+  }
+  const double longest_s = rt::seconds(report.released - last_sampled_after_);
+  const Eigen::Array3d fastest_rad_per_s =
+      (joint_speed_rad_per_s_ + longest_s * max_joint_acceleration_rad_per_s2_)
+          .min(max_joint_speed_rad_per_s_);
+  const Eigen::Array3d allowed_rad =
+      longest_s * fastest_rad_per_s + kJumpFloor_counts * angle_per_count_rad_;
+  for (int i = 0; i < 3; ++i) {
+    if (!(step_rad[i] <= allowed_rad[i])) {
+      return i;
+    }
+  }
+  const double elapsed_s = rt::seconds(report.released - last_sampled_);
+  if (elapsed_s > 0.0) {
+    joint_speed_rad_per_s_ = step_rad / elapsed_s;
+  }
+  return -1;
 }
 
 // Counters are believed to have 16 bits in the device, as all devices of this project report them.

@@ -38,58 +38,60 @@ struct PassivityOptions {
 };
 
 /// Time-domain passivity: observes the energy that the rendered force gives to the hand, and damps
-/// only as much as it must.
+/// only as much as necessary.
 ///
-/// Observer, with F_k the force rendered from cycle k on, P_k the position that cycle k reads:
+/// Observer, where F_k is the force rendered from cycle k on and P_k the position read in cycle k:
 ///
 ///   E_k = E_{k-1} + F_{k-1} . (P_k - P_{k-1}) + c_k . (W_k - W_{k-1}) / 2          (given: E > 0)
 ///
-/// E is the energy that the hand has received. Compressing a spring makes it negative, a spring
-/// that gives everything back ends at zero, and E > 0 is energy from nowhere. W is the wanted
-/// force. The last term undoes what quantisation adds: positions of resolution q make F_{k-1} . dP
-/// count K q^2 / 2 for every count that a resting tool trembles across, and up to K q^2 / 8 a cycle
-/// in motion. c = clamp(dP - v T, -q, q) is the part of the step that is rounding and not motion,
-/// twice the expected rounding error of P_k, and summation by parts turns sum F . d(error) into
-/// that term. It vanishes for q = 0.
+/// E is the energy that the hand has received. Compressing a spring makes it negative, and a spring
+/// that gives everything back ends at zero. E > 0 is energy that the hand has not put in. W is the
+/// wanted force.
 ///
-/// The account that the controller acts on is E without what the arm's own damping b_0 turns into
-/// heat of the sampling's own energy, -(dP - c) . dW / 2 a cycle and K v^2 T / 2 for a spring: all
-/// of it while K <= 2 b_0 / T (Colgate and Schenkel's condition), none of it from twice that on. It
-/// would otherwise grow for ever on any lossless object, and be damped. A force that jumps is not
-/// taken for a stiffness: none of its energy is left out.
+/// The last term removes what quantisation adds. Positions of resolution q make F_{k-1} . dP count
+/// K q^2 / 2 for every count that a resting tool trembles across, and up to K q^2 / 8 per cycle in
+/// motion. c = clamp(dP - v T, -q, q) is the part of the step that is rounding and not motion,
+/// twice the expected rounding error of P_k. Summation by parts turns sum F . d(error) into the
+/// last term. It vanishes for q = 0.
 ///
-/// That is for slow motion, low-passed with kSlow_s, which only a hand makes, and a hand damps as
-/// well. What is faster is how a loop swings by itself, and then the arm may be all that there is.
-/// The transport delay t_d, which no position shows, makes a spring give K v^2 (T / 2 + t_d) T a
-/// cycle; the account gets the difference, and has less left out: all while
-/// K (1.1 T / 2 + 1.5 t_d) <= b_0, none from 1.25 times that on.
+/// The controller acts on an account: E, without the part of the sampling's own energy that the
+/// arm's own damping b_0 turns into heat. Sampling gives -(dP - c) . dW / 2 per cycle, for a spring
+/// a power of K v^2 T / 2. All of it is left out while K <= 2 b_0 / T (Colgate and Schenkel's
+/// condition), none of it from twice that K on. Otherwise the account would grow without end on any
+/// lossless object, which would then be damped. A jump of the force does not count as a stiffness:
+/// none of its energy is left out.
+///
+/// This holds for slow motion, low-passed with kSlow_s. Only a hand moves so, and a hand damps as
+/// well. Faster motion is how a loop swings by itself, and the arm may then be the only damper.
+/// There the transport delay t_d, which no position shows, makes a spring give
+/// K v^2 (T / 2 + t_d) T per cycle. The account gets the difference, and less is left out: all of
+/// it while K (1.1 T / 2 + 1.5 t_d) <= b_0, none from 1.25 times that K on.
 ///
 /// Controller, after Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002), with an
-/// energy allowance E0, a low-passed velocity v and a dead band, since without them a lossless
-/// object is damped and raw quantised velocity rattles at up to 1 N:
+/// energy allowance E0, a low-passed velocity v and a dead band. Without these a lossless object is
+/// damped, and raw quantised velocity rattles at up to 1 N:
 ///
 ///   F = s W - b u,  u = v max(0, 1 - v_0 / |v|),  v_0 = dead_band_counts q / tau
 ///   b = min(b_max, (A - E0) / (T u . v)) where A > E0, else 0        (A: the account)
 ///
-/// and where damping is not enough (a force that is 50 ms old and more asks for more damping than
-/// a sampled loop can give), s shortens the wanted force so that what it gives within h =
-/// kBoundCycles T + t_d, the acceleration of the moving mass m by itself included, is left in the
-/// account:
+/// Damping is not always enough: a force that is 50 ms old or more needs more of it than a sampled
+/// loop can give. Then s scales the wanted force down, so that the energy that it gives within
+/// h = kBoundCycles T + t_d stays within the account. That includes the acceleration of the moving
+/// mass m by the force itself:
 ///
 ///   s W . v h + (s |W| h)^2 / 2m <= E_bound - A
 ///
-/// s falls at once. It rises within kRecovery_s, but only so far that the energy which the tool
-/// then has before it is in the account: a force that grows under a tool at rest pushes it out with
-/// energy that nobody put in, as an object does that comes into being around it. With the stiffness
-/// k that the wanted force shows along the motion, over the last kSlow_s of it,
+/// s falls at once. It rises within kRecovery_s, but only so far that the account covers the energy
+/// stored before the tool. A force that grows under a tool at rest pushes it out with energy that
+/// nobody put in, like an object that appears around the tool. With the stiffness k that the wanted
+/// force shows along the motion, over the last kSlow_s of it,
 ///
 ///   s U <= E_bound - A,   U = min(|W|^2 / 2k, |W| kReach_m),   k = -sum dW . dP / sum |dP|^2
 ///
-/// (U = |W| kReach_m for k <= 0). While s < 1, A + U stands for A in the damping above: motion pays
+/// (U = |W| kReach_m for k <= 0). While s < 1, A + U replaces A in the damping above: motion pays
 /// the debt off, and then the whole force is back. An object that keeps giving energy fades.
 ///
-/// It has no clock: time comes as dt. Real-time: no allocation, lock or throw.
-/// Threads: one.
+/// Time comes as dt, not from a clock. Real-time: no allocation, lock or throw. Threads: one.
 class PassivityGuard {
  public:
   static constexpr double kBoundCycles = 2.0;

@@ -6,6 +6,8 @@
 #include <span>
 #include <utility>
 
+#include "rt/vectors.h"
+
 namespace forcegrid::servo {
 namespace {
 
@@ -31,8 +33,8 @@ void SampleIntake::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& pos
   link::ToolState tool;
   tool.sequence = ++tool_sequence_;
   tool.servo_time_ns = now.time_since_epoch().count();
-  tool.position_W_m = triple(position_W);
-  tool.velocity_W_m_per_s = triple(velocity_W);
+  tool.position_W_m = rt::to_array(position_W);
+  tool.velocity_W_m_per_s = rt::to_array(velocity_W);
   ports_.tool.publish(tool);
 }
 
@@ -140,7 +142,7 @@ void SampleIntake::send_query(rt::TimePoint now, const Eigen::Vector3d& position
   link::Query query;
   query.query_id = ++last_query_id_;
   query.servo_time_ns = now.time_since_epoch().count();
-  query.position_W_m = triple(wanted_W);
+  query.position_W_m = rt::to_array(wanted_W);
   if (ports_.queries.push(query)) {
     ++queries_sent_;
   }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "rt/processors_awake.h"
+#include "rt/vectors.h"
 
 namespace forcegrid::servo {
 namespace {
@@ -71,8 +72,8 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   ask_methods(now, tool.touching_W, record);
 
   // Until the simulator answers a new touch, the loop's own copy of the surface gives the force.
-  const Eigen::Vector3d object_force_W =
-      first_touch_.force_W(servo_time_s(now), tool.touching_W, vector(record.method_force_W_N[0]));
+  const Eigen::Vector3d object_force_W = first_touch_.force_W(
+      servo_time_s(now), tool.touching_W, rt::to_vector(record.method_force_W_N[0]));
 
   // No force is rendered before the motors are known to push the right way.
   const HeldBack held_back = why_held_back(now);
@@ -99,7 +100,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   driver::MotorCommand command;
   command.next_read = next_read;
   command.current_A = limited.current_A;
-  command.joint_torque_Nm = triple(limited.joint_torque_Nm);
+  command.joint_torque_Nm = rt::to_array(limited.joint_torque_Nm);
   device_->command(command);
   renderer_.set_rendered(limited.torque_scale * limited.force_D);
 
@@ -112,7 +113,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     method->work(options_.fill_budget);
   }
 
-  record.commanded_force_D_N = triple(limited.force_D);
+  record.commanded_force_D_N = rt::to_array(limited.force_D);
   record.current_A = command.current_A;
   record.limits_acted = limited.acted;
   record.fault = fault;
@@ -166,7 +167,7 @@ void ServoLoop::ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W
       methods_[i]->expect_contact(time_s, *intake_.expected_contact_W());
     }
     const ForceEstimate estimate = methods_[i]->force(time_s, touching_W);
-    record.method_force_W_N[i] = triple(estimate.force_W);
+    record.method_force_W_N[i] = rt::to_array(estimate.force_W);
     record.method_status[i] = estimate.status;
     record.method_uncertainty_N[i] = estimate.uncertainty_N;
     if (i == 0) {
@@ -190,9 +191,9 @@ void ServoLoop::end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord
   record.report_age_us = to_us(now - tool.report.released);
   record.report_sequence = tool.report.sequence;
   record.counts = {tool.report.counts[0], tool.report.counts[1], tool.report.counts[2]};
-  record.position_W_m = triple(tool.position_W);
-  record.touching_W_m = triple(tool.touching_W);
-  record.velocity_W_m_per_s = triple(guard_.velocity_D());
+  record.position_W_m = rt::to_array(tool.position_W);
+  record.touching_W_m = rt::to_array(tool.touching_W);
+  record.velocity_W_m_per_s = rt::to_array(guard_.velocity_D());
   renderer_.describe(record);
   intake_.describe(now, record);
   record.motor_warmth = limiter_.warmest_motor();

@@ -11,6 +11,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "rt/exception_text.h"
+
 namespace forcegrid::servo {
 namespace {
 
@@ -55,23 +57,12 @@ void Telemetry::drain_or_give_up() noexcept {
       }
       options_.on_cycle = nullptr;
       options_.on_sentence = nullptr;
-      options_.live = nullptr;
+      options_.on_live_line = nullptr;
     }
   }
 }
 
-std::string Telemetry::trouble() const {
-  if (!trouble_) {
-    return {};
-  }
-  try {
-    std::rethrow_exception(trouble_);
-  } catch (const std::exception& error) {
-    return error.what();
-  } catch (...) {
-    return "an exception that says nothing";
-  }
-}
+std::string Telemetry::trouble() const { return rt::text_of(trouble_); }
 
 void Telemetry::drain() {
   CycleRecord record;
@@ -104,8 +95,8 @@ void Telemetry::drain() {
     if (options_.on_cycle) {
       options_.on_cycle(record);
     }
-    if (options_.live != nullptr && record.time_ns >= last_line_ns_ + kLine_ns) {
-      print_live_line(record);
+    if (options_.on_live_line && record.time_ns >= last_line_ns_ + kLine_ns) {
+      say_live_line(record);
       // On the second where the loop was on time; from here on after a pause.
       const bool late = record.time_ns >= last_line_ns_ + 2 * kLine_ns;
       last_line_ns_ = late ? record.time_ns : last_line_ns_ + kLine_ns;
@@ -150,13 +141,8 @@ void Telemetry::say(const CycleRecord& record, const std::string& sentence) {
   char time[24];
   std::snprintf(time, sizeof time, "%7.1f s  ",
                 1e-9 * static_cast<double>(record.time_ns - first_time_ns_));
-  const std::string line = time + sentence + "\n";
-  if (options_.live != nullptr) {
-    std::fputs(line.c_str(), options_.live);
-    std::fflush(options_.live);
-  }
   if (options_.on_sentence) {
-    options_.on_sentence(line);
+    options_.on_sentence(time + sentence);
   }
 }
 
@@ -181,21 +167,22 @@ void Telemetry::take_rendered(const CycleRecord& record) {
   }
 }
 
-void Telemetry::print_live_line(const CycleRecord& record) {
+void Telemetry::say_live_line(const CycleRecord& record) {
   const double elapsed_s = 1e-9 * static_cast<double>(record.time_ns - first_time_ns_);
   const double since_s = 1e-9 * static_cast<double>(record.time_ns - last_line_ns_);
   const Triple& p = record.position_W_m;
   const Triple& f = record.commanded_force_D_N;
-  std::fprintf(
-      options_.live,
-      "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
-      "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64
-      "  %s  energy %+.2f mJ%s%s\n",
-      elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2], record.in_contact ? "in contact" : "free",
-      f[0], f[1], f[2], static_cast<double>(statistics_.cycles - cycles_at_last_line_) / since_s,
-      1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines,
-      to_string(record.rung), 1e3 * record.energy_to_hand_J, guard_text(), clock_text().c_str());
-  std::fflush(options_.live);
+  char line[512];
+  std::snprintf(line, sizeof line,
+                "%5.0f s  tool (%+6.1f %+6.1f %+6.1f) mm  %-10s force (%+5.2f %+5.2f %+5.2f) N  "
+                "%4.0f cycles/s  report %3.1f ms  sample %3.0f ms old  missed %" PRIu64
+                "  %s  energy %+.2f mJ%s",
+                elapsed_s, 1e3 * p[0], 1e3 * p[1], 1e3 * p[2],
+                record.in_contact ? "in contact" : "free", f[0], f[1], f[2],
+                static_cast<double>(statistics_.cycles - cycles_at_last_line_) / since_s,
+                1e-3 * record.report_age_us, record.sample_age_ms, statistics_.missed_deadlines,
+                to_string(record.rung), 1e3 * record.energy_to_hand_J, guard_text());
+  options_.on_live_line(line + clock_text());
   cycles_at_last_line_ = statistics_.cycles;
   damped_since_line_ = shortened_since_line_ = false;
 }

@@ -23,9 +23,11 @@ struct TelemetryOptions {
   double rate_Hz = 500.0;
   /// How many of the newest cycles are kept; older ones count only in the statistics.
   std::size_t keep_cycles = 300'000;
-  std::FILE* live = nullptr;  ///< where the live line goes, once a second; null: nowhere
+  /// Called once a second with the live line. Empty: there is none. As the others on the thread
+  /// that drains, and with lines without a newline.
+  std::function<void(const std::string&)> on_live_line;
   /// Called with a sentence and its time whenever the loop changes what it does about late forces
-  /// or warm motors, also without `live`. On the thread that drains.
+  /// or warm motors.
   std::function<void(const std::string&)> on_sentence;
   /// Called with every cycle, on the thread that drains; must return soon.
   std::function<void(const CycleRecord&)> on_cycle;
@@ -72,7 +74,7 @@ struct TelemetryStatistics {
   std::vector<CandidateChange> first_changes;  ///< at most kChangesKept of them
 };
 
-/// Drains the servo's records on its own thread, keeps them, and prints the live line.
+/// Drains the servo's records on its own thread, keeps them, and makes the live line of them.
 /// Real-time: no; it is the thread that may wait. Threads: start and stop from one.
 class Telemetry {
  public:
@@ -110,7 +112,7 @@ class Telemetry {
   void take_warmth(const CycleRecord& record);
   void take_rendered(const CycleRecord& record);
   void say(const CycleRecord& record, const std::string& sentence);
-  void print_live_line(const CycleRecord& record);
+  void say_live_line(const CycleRecord& record);
   const char* guard_text() const noexcept;
   std::string clock_text();
 

@@ -7,7 +7,7 @@
 
 namespace forcegrid::simulator {
 
-/// The library that workers are reached through, as loaded: name and version.
+/// Name and version, as loaded, of the library that connects simulator and workers.
 /// Real-time: no. Threads: any.
 std::vector<std::pair<std::string, std::string>> library_versions();
 

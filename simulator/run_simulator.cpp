@@ -14,8 +14,11 @@
 #include <optional>
 #include <ostream>
 #include <random>
+#include <utility>
 
 #include "link/simulator_endpoint.h"
+#include "log/log.h"
+#include "rt/checkpoint.h"
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
@@ -25,6 +28,7 @@
 #include "simulator/predicted_contact.h"
 #include "simulator/touch/solver_choice.h"
 #include "simulator/touch/solver_contact.h"
+#include "simulator/workers/loading.h"
 #include "simulator/workers/query_scheduler.h"
 
 namespace forcegrid::simulator {
@@ -33,7 +37,7 @@ namespace {
 constexpr double kMaxRate_Hz = 1000.0;
 constexpr double kMaxDelay_s = 10.0;
 constexpr int kMaxNice = 19;
-constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, until another may come
+constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, before another may connect
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 
@@ -105,11 +109,10 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
 class Loop {
  public:
   Loop(const SimulatorOptions& options, const Scene& scene, const SolverChoice& solver,
-       const ToolOptions& tool, std::ostream& log)
+       const ToolOptions& tool)
       : options_(options),
-        log_(log),
         endpoint_(options.listen, kSilence, access(options)),
-        contact_(make_solver_contact(scene, solver, tool, options.rate_Hz, log)),
+        contact_(make_solver_contact(scene, solver, tool, options.rate_Hz)),
         predicted_(scene, tool),
         scheduler_(scene, solver.options,
                    {.next_query = [this] { return endpoint_.next_query(); },
@@ -208,7 +211,7 @@ class Loop {
     scheduler_.serve_workers(rt::Clock::now());
   }
 
-  // Where force depends on the path of the tool, a query has no answer.
+  // Where force depends on the tool's path, a query has no answer.
   void take_queries(std::size_t waiting) {
     if (contact_->depends_on_position_alone()) {
       scheduler_.set_waiting(waiting);
@@ -219,13 +222,13 @@ class Loop {
     }
     if (summary_.queries_refused > 0 && !warned_of_queries_) {
       warned_of_queries_ = true;
-      log_ << "simulator: queries are not answered: the force depends on the tool's path (contact "
-              "slide, or a dynamic object); use a method without queries"
-           << std::endl;
+      log::warn("simulator",
+                "simulator: queries are not answered: the force depends on the tool's path "
+                "(contact slide, or a dynamic object); use a method without queries");
     }
   }
 
-  // Once, since a stranger could fill a disk.
+  // Logged once only, since a stranger could fill a disk.
   void report_strangers() {
     using link::SealStatus;
     const link::LinkStatistics& counted = endpoint_.statistics();
@@ -239,9 +242,9 @@ class Loop {
       return;
     }
     warned_of_strangers_ = true;
-    log_ << "simulator: datagrams are refused (" << link::drop_text(counted)
-         << "); if they are your servo's, give it this simulator's key, and --allow its address"
-         << std::endl;
+    log::warn("simulator", "simulator: datagrams are refused (" + link::drop_text(counted) +
+                               "); if they are your servo's, give it this simulator's key, and "
+                               "--allow its address");
   }
 
   void begin_anew() {
@@ -271,7 +274,7 @@ class Loop {
     const StickyContact::Answer answer = contact_->step(position_W);
     const double solve_s = rt::seconds(rt::Clock::now() - start);
     if (!finite(answer.equilibrium)) {
-      // The link would refuse it, and the state can't be trusted any more.
+      // The link would refuse it, and the state can no longer be trusted.
       ++summary_.not_finite;
       lost_epochs_ += answer.epoch;
       contact_->reset();
@@ -336,7 +339,7 @@ class Loop {
     }
   }
 
-  // What a query asks for, as things are now.
+  // The job for a query at the present state of contact.
   QueryJob job_for(const link::Query& query) const {
     QueryJob job;
     job.epoch = epoch_ + lost_epochs_;
@@ -379,7 +382,6 @@ class Loop {
   }
 
   SimulatorOptions options_;
-  std::ostream& log_;
   bool warned_of_strangers_ = false;
   bool warned_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
@@ -401,11 +403,21 @@ class Loop {
 }  // namespace
 
 SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& out,
-                               std::ostream& log, const std::atomic<bool>& stop, int stop_fd) {
+                               const std::atomic<bool>& stop, int stop_fd) {
   check(options);
+  std::optional<rt::Supervised> loading(
+      std::in_place,
+      loading_supervision(options.scene, stop, options.say_loading ? &out : nullptr));
+  const auto step = [&options](const std::string& what) {
+    if (options.step) {
+      options.step(what);
+    }
+  };
+  step("Loading scene " + options.scene);
   const Scene scene = make_scene(options.scene, options.top_centre_W);
+  step("");
   if (!scene.note.empty()) {
-    log << "scene " << scene.name << ": " << scene.note << '\n';
+    log::info("scene", "scene " + scene.name + ": " + scene.note);
   }
   SolverChoice solver = choose_solver(options.solver_kind, scene.mesh.rest_position_W.size(),
                                       options.rate_Hz, options.solver, dynamics_of(scene.mesh));
@@ -426,14 +438,18 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
         "simulator: --workers: workers solve equilibria, but this object is dynamic; leave "
         "--workers out or give --solver quasi_static");
   }
-  log << "solver " << to_string(solver.kind) << ": " << solver.why << '\n';
-  Loop loop(options, scene, solver, tool, log);
+  log::info("solver", std::string("solver ") + to_string(solver.kind) + ": " + solver.why);
+  step("Preparing the solver");
+  Loop loop(options, scene, solver, tool);
+  step("");
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {
-    log << "simulator: nice " << options.nice << " was refused (" << std::strerror(errno)
-        << "); it runs at the priority it was started with\n";
+    log::warn("simulator", "simulator: nice " + std::to_string(options.nice) + " was refused (" +
+                               std::strerror(errno) +
+                               "); it runs at the priority it was started with");
   }
   const SimulatorSummary& summary = loop.summary();
+  loading.reset();
   out << "listening " << summary.listening << " scene " << summary.scene << " vertices "
       << summary.vertices << " springs " << summary.springs
       << (summary.workers_at.empty() ? "" : " workers " + summary.workers_at) << std::endl;

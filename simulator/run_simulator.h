@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <atomic>
+#include <functional>
 #include <iosfwd>
 #include <optional>
 #include <string>
@@ -31,7 +32,11 @@ struct SimulatorOptions {
   std::optional<SolverKind> solver_kind;  ///< nothing: choose_solver() picks one for the object
   SolverOptions solver;                   ///< the options that it starts from
   std::optional<ToolOptions> tool;        ///< nothing: the scene's own
+  /// Is told each long step of the start as it begins, and "" before `out` or `log` is written to;
+  /// may be empty.
+  std::function<void(const std::string&)> step;
   int nice = 5;  ///< 0..19, for the calling thread, so that servo and emulator run first
+  bool say_loading = false;  ///< while the scene loads, `out` gets a line of it now and then
 };
 
 /// Runs the simulator's loop until `stop` is set or `stop_fd` ends.
@@ -51,15 +56,17 @@ struct SimulatorOptions {
 /// patch also carries the forces just after it: dF/dP for a tool that sticks, solved in idle time,
 /// and two forces for a tool that slides, which a low-priority thread computes.
 ///
-/// @param out  when the simulator is ready, gets `listening ADDR:PORT scene NAME vertices N springs
-///   M` and a flush.
-/// @param log  gets remarks for a user.
+/// @param out  with `say_loading`, gets a line `loading SCENE, N s` now and then while the work on
+///   the scene goes on (rt/checkpoint.h). When the simulator is ready, gets
+///   `listening ADDR:PORT scene NAME vertices N springs M` and a flush.
 /// @param stop_fd  a pipe or standard input; the loop ends when it is readable or closed. -1: none.
-/// Throws Error for options out of range or an unknown scene, link::LinkError for the address.
+/// Remarks for a user go to the log (log/log.h).
+/// Throws Error for options out of range or an unknown scene, link::LinkError for the address,
+/// rt::Interrupted if `stop` is set before the simulator is ready.
 /// Real-time: no; normal scheduling at the nice value of the options, which stays with the calling
 /// thread. Threads: `stop` may be set from any thread or signal handler; the loop reads it every
 /// 50 ms.
 SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& out,
-                               std::ostream& log, const std::atomic<bool>& stop, int stop_fd = -1);
+                               const std::atomic<bool>& stop, int stop_fd = -1);
 
 }  // namespace forcegrid::simulator

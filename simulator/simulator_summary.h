@@ -34,8 +34,8 @@ struct SimulatorSummary {
   std::uint64_t missed_ticks =
       0;  ///< deadlines skipped because an answer took longer than a period
   std::uint64_t send_failures = 0;
-  std::string workers_at;       ///< tcp://ADDR:PORT; empty without
-  WorkerStatistics workers;     ///< all zero without
+  std::string workers_at;       ///< tcp://ADDR:PORT; empty without workers
+  WorkerStatistics workers;     ///< all zero without workers
   std::uint64_t unchecked = 0;  ///< QueryScheduler::Counts::unchecked
   /// Dropped datagrams, by reason.
   std::vector<std::pair<std::string, std::uint64_t>> dropped;

@@ -83,18 +83,19 @@ class CaseRunner {
   LoopSetup setup_;
 };
 
-// Works through cells on several threads; the first exception stops all.
+// Works through cells on several threads.
 class Pool {
  public:
   Pool(const StabilityChartOptions& options, const evaluation::ForceTable& table,
        std::size_t done_before)
       : options_(options), table_(table), done_before_(done_before) {}
 
-  void add(const StabilityCase& cell, std::string key, StabilityRow& place) {
+  void add(const StabilityCase& cell, std::string key, std::optional<StabilityRow>& place) {
     cells_.push_back({&cell, std::move(key), &place});
   }
 
-  void run(evaluation::RowFile& file) {
+  // Cells that can't be judged leave their place empty.
+  void run(evaluation::RowFile& file, std::vector<NotJudgedCell>& not_judged) {
     rt::JobOptions jobs{.threads = options_.jobs};
     jobs.cancel = options_.cancel;
     if (options_.progress) {
@@ -104,13 +105,18 @@ class Pool {
         options_.progress("stability", (before + done * now) / (before + now), remaining_s);
       };
     }
-    std::mutex mutex;  // of the file
+    std::mutex mutex;  // of the file and of `not_judged`
     const bool finished = rt::run_jobs(cells_.size(), jobs, [&](rt::Job& job) {
       const Cell& cell = cells_[job.number()];
-      *cell.place = run_case(*cell.cell, table_, options_.seed);
-      nlohmann::ordered_json json = to_json(*cell.place);
-      json["key"] = cell.key;
+      std::vector<NotJudgedCell> failed;
+      *cell.place = try_case(*cell.cell, table_, options_.seed, failed);
       const std::lock_guard lock(mutex);
+      if (!*cell.place) {
+        not_judged.push_back(failed.front());
+        return true;
+      }
+      nlohmann::ordered_json json = to_json(**cell.place);
+      json["key"] = cell.key;
       file.keep(std::move(json));
       return true;
     });
@@ -123,7 +129,7 @@ class Pool {
   struct Cell {
     const StabilityCase* cell;
     std::string key;
-    StabilityRow* place;
+    std::optional<StabilityRow>* place;
   };
 
   const StabilityChartOptions& options_;
@@ -192,6 +198,18 @@ StabilityRow run_case(const StabilityCase& cell, const evaluation::ForceTable& t
   return row;
 }
 
+std::optional<StabilityRow> try_case(const StabilityCase& cell, const evaluation::ForceTable& table,
+                                     std::uint64_t seed, std::vector<NotJudgedCell>& not_judged) {
+  try {
+    return run_case(cell, table, seed);
+  } catch (const evaluation::ChartError& error) {
+    not_judged.push_back({cell, error.what()});
+  } catch (const std::invalid_argument& error) {
+    not_judged.push_back({cell, error.what()});
+  }
+  return std::nullopt;
+}
+
 double eigenvalue_limit_of(const StabilityCase& cell) {
   const LoopSetup setup = setup_of(cell, false, 1);
   const double device_s = setup.timing.count_age_s + setup.timing.actuation_delay_s;
@@ -207,21 +225,29 @@ double eigenvalue_limit_of(const StabilityCase& cell) {
 
 StabilityChart make_stability_chart(const StabilityChartOptions& options) {
   const auto start = steady_clock::now();
-  const std::vector<StabilityCase> cells = chart_cases(
-      {options.quick, options.methods, options.default_method, options.parts, options.hands});
+  std::vector<StabilityCase> cells =
+      !options.cells.empty() ? options.cells
+                             : chart_cases({options.quick, options.methods, options.default_method,
+                                            options.parts, options.hands});
   for (const StabilityCase& cell : cells) {
     if (cell.method != kExact) {
       const MethodVariant variant = variant_of(cell.method);
       check_method_name(variant.name);
     }
   }
-  const bool sweeps = options.parts.empty() || std::find(options.parts.begin(), options.parts.end(),
-                                                         part::kSweep) != options.parts.end();
-  if (cells.empty() && !sweeps) {
+  const bool sweeps =
+      options.cells.empty() && options.shard.whole() &&
+      (options.parts.empty() ||
+       std::find(options.parts.begin(), options.parts.end(), part::kSweep) != options.parts.end());
+  if (cells.empty() && !sweeps && options.shard.whole()) {
     throw evaluation::ChartError(
         "nothing to chart: no selected part uses a selected hand; leave out --parts or "
         "--hands");
   }
+  std::size_t number = 0;
+  std::erase_if(cells, [&number, all = cells.size(), &options](const StabilityCase& /*cell*/) {
+    return !options.shard.has(number++, all);
+  });
   std::map<std::string, StabilityRow> before;
   evaluation::RowFile file(options.out, options.program, [&](const nlohmann::ordered_json& json) {
     before[json.at("key").get<std::string>()] = row_from_json(json);
@@ -230,11 +256,11 @@ StabilityChart make_stability_chart(const StabilityChartOptions& options) {
   chart.scene = options.quick ? "small" : "block";
   const evaluation::BuiltTable built = table_of(options, chart.scene);
   chart.table_stiffness_N_per_m = TableObject::normal_stiffness_N_per_m(built.table);
-  chart.rows.resize(cells.size());
+  std::vector<std::optional<StabilityRow>> rows(cells.size());
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const auto found = before.find(key_of(cells[i], built.key, options.seed));
     if (found != before.end()) {
-      chart.rows[i] = found->second;
+      rows[i] = found->second;
       ++chart.rows_kept;
     }
   }
@@ -242,10 +268,20 @@ StabilityChart make_stability_chart(const StabilityChartOptions& options) {
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const std::string key = key_of(cells[i], built.key, options.seed);
     if (before.find(key) == before.end()) {
-      pool.add(cells[i], key, chart.rows[i]);
+      pool.add(cells[i], key, rows[i]);
     }
   }
-  pool.run(file);
+  pool.run(file, chart.not_judged);
+  for (std::optional<StabilityRow>& row : rows) {
+    if (row) {
+      chart.rows.push_back(std::move(*row));
+    }
+  }
+  if (chart.rows.empty() && !chart.not_judged.empty()) {
+    throw evaluation::ChartError(
+        "none of the " + std::to_string(chart.not_judged.size()) +
+        " cells could be judged; the first: " + chart.not_judged.front().reason);
+  }
   if (sweeps) {
     sweep_devices(options, chart);
   }

@@ -367,6 +367,24 @@ const std::vector<std::string>& chart_parts() {
   return names;
 }
 
+std::vector<StabilityCase> stiffness_cells(const std::vector<std::string>& methods) {
+  StabilityCase cell{
+      .part = part::kMap, .method = kExact, .hand = "light", .timing = "w2_full_speed"};
+  cell.simulator_rate_Hz = 0.0;
+  std::vector<StabilityCase> cells{cell};
+  cell.simulator_rate_Hz = 30.0;
+  for (const std::string& method : methods) {
+    for (const double delay_s : {0.0, 0.02, 0.1, 0.15}) {
+      cell.method = method;
+      cell.delay_s = delay_s;
+      if (method != kExact) {
+        cells.push_back(cell);
+      }
+    }
+  }
+  return cells;
+}
+
 std::vector<StabilityCase> chart_cases(const CaseSelection& selection) {
   return Cases(selection).all();
 }

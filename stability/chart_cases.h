@@ -90,4 +90,8 @@ const std::vector<std::string>& chart_methods();
 /// @throws std::invalid_argument for an unknown part or hand, listing the known ones.
 std::vector<StabilityCase> chart_cases(const CaseSelection& selection);
 
+/// Returns the cells of a picture of the largest stable stiffness over the delay: a light hand on a
+/// full-speed bus, servo at 500 Hz, simulator at 30 Hz, 0 to 150 ms. kExact comes first.
+std::vector<StabilityCase> stiffness_cells(const std::vector<std::string>& methods);
+
 }  // namespace forcegrid::stability

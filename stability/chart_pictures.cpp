@@ -30,16 +30,36 @@ struct Picture {
   std::string y_label;
   std::string axes;  ///< further settings of gnuplot
   std::vector<Curve> curves;
+  int width_px = 860;
+  int plot_height_px = 480;  ///< with title and the axis's label, without the legend
 };
 
 constexpr const char* kColours[] = {"#0B5394", "#C0392B", "#1A7F37", "#8E44AD", "#D68910",
                                     "#148F77", "#7B241C", "#5D6D7E", "#AF7AC5", "#2E86C1"};
+constexpr const char* kStrongColour = "#000000";
+// gnuplot drops, without a word, the entries of a legend that has no room for them. The picture is
+// therefore as high as its legend demands.
+constexpr int kEntryHeight_px = 20;
+constexpr int kLetter_px = 9;   // at most, with the font below
+constexpr int kSample_px = 70;  // a legend's entry without its letters
 
-std::string measured_style(std::size_t number) {
+// Colours and marks begin again after ten curves, with dashes.
+std::string measured_style(std::size_t number, bool strong = false) {
+  const std::size_t colour = number % std::size(kColours);
   std::ostringstream style;
-  style << "with linespoints lw 1.5 ps 0.8 pt " << 4 + number % 10 << " lc rgb '"
-        << kColours[number % std::size(kColours)] << '\'';
+  style << "with linespoints lw " << (strong ? 2.5 : 1.5) << " ps " << (strong ? 1.0 : 0.8)
+        << " pt " << (strong ? 7 : 4 + colour) << " dt "
+        << (strong || number < std::size(kColours) ? 1 : 5) << " lc rgb '"
+        << (strong ? kStrongColour : kColours[colour]) << '\'';
   return style.str();
+}
+
+// The method that the chart is about gets a thick black line. The exact force, which good methods
+// reach, gets a wide light one that lies below them.
+std::string style_of(const std::string& method, std::size_t number,
+                     const std::string& default_method) {
+  return method == kExact ? "with lines lw 7 lc rgb '#B8C4D0'"
+                          : measured_style(number, method == default_method);
 }
 
 std::string theory_style(int number) {
@@ -48,28 +68,57 @@ std::string theory_style(int number) {
   return style.str();
 }
 
+bool has_points(const Curve& curve) {
+  return std::any_of(curve.points.begin(), curve.points.end(), [](const Point& point) {
+    return std::isfinite(point.x) && std::isfinite(point.y);
+  });
+}
+
+// The size of the picture and its legend, below the plot.
+std::string layout_of(const Picture& picture) {
+  std::size_t entries = 0;
+  std::size_t longest = 0;
+  for (const Curve& curve : picture.curves) {
+    if (has_points(curve)) {
+      ++entries;
+      longest = std::max(longest, curve.title.size());
+    }
+  }
+  const int entry_px = kSample_px + kLetter_px * static_cast<int>(longest);
+  const std::size_t columns = 2 * entry_px <= picture.width_px ? 2 : 1;
+  const std::size_t rows = (entries + columns - 1) / columns;
+  const int legend_px = kEntryHeight_px * static_cast<int>(rows) + 10;
+  const int height_px = picture.plot_height_px + legend_px;
+  std::ostringstream script;
+  script << "set terminal svg size " << picture.width_px << ',' << height_px
+         << " background '#ffffff' font 'sans,13'\nset bmargin at screen "
+         << static_cast<double>(legend_px + 60) / height_px << "\nset key at screen 0.5, screen "
+         << static_cast<double>(legend_px) / height_px
+         << " center top vertical Left reverse maxrows " << rows << " noenhanced\n";
+  return script.str();
+}
+
 // Returns false if no curve has a point.
 bool draw(const Picture& picture, const fs::path& file) {
   std::ostringstream script;
-  script << "set terminal svg size 860,600 background '#ffffff' font 'sans,13'\nset output "
-         << evaluation::quoted(file.string()) << "\nset title " << evaluation::quoted(picture.title)
-         << " noenhanced\nset xlabel " << evaluation::quoted(picture.x_label)
-         << " noenhanced\nset ylabel " << evaluation::quoted(picture.y_label)
+  script << layout_of(picture) << "set output " << evaluation::quoted(file.string())
+         << "\nset title " << evaluation::quoted(picture.title) << " noenhanced\nset xlabel "
+         << evaluation::quoted(picture.x_label) << " noenhanced\nset ylabel "
+         << evaluation::quoted(picture.y_label)
          << " noenhanced\nset grid lt 1 lw 0.5 lc rgb '#dddddd'\nset border 3\n"
-            "set xtics nomirror\nset ytics nomirror\nset bmargin 12\nset key at screen 0.5, screen "
-            "0.16 center top noenhanced maxrows 5\n"
+            "set xtics nomirror\nset ytics nomirror\n"
          << picture.axes;
   std::string plots;
   for (std::size_t i = 0; i < picture.curves.size(); ++i) {
     const Curve& curve = picture.curves[i];
+    if (!has_points(curve)) {
+      continue;
+    }
     std::ostringstream data;
     for (const Point& point : curve.points) {
       if (std::isfinite(point.x) && std::isfinite(point.y)) {
         data << point.x << ' ' << point.y << '\n';
       }
-    }
-    if (data.str().empty()) {
-      continue;
     }
     script << "$c" << i << " << EOD\n" << data.str() << "EOD\n";
     plots += (plots.empty() ? "plot $c" : ", $c") + std::to_string(i) + ' ' + curve.style +
@@ -92,7 +141,8 @@ double shown_N_per_m(const StabilityRow& row) {
 
 const char kStiffnessAxis[] = "set logscale y\nset yrange [2:20000]\n";
 
-Picture over_delay(const StabilityChart& chart, const Hand& hand, double servo_rate_Hz) {
+Picture over_delay(const StabilityChart& chart, const Hand& hand, double servo_rate_Hz,
+                   const std::string& default_method) {
   Picture picture;
   picture.title = "Largest stable stiffness, " + words_of(hand) + ", " +
                   std::to_string(std::lround(servo_rate_Hz)) +
@@ -118,7 +168,7 @@ Picture over_delay(const StabilityChart& chart, const Hand& hand, double servo_r
     }
   }
   for (std::size_t i = 0; i < order.size(); ++i) {
-    picture.curves.push_back({order[i], measured_style(i), points[order[i]]});
+    picture.curves.push_back({order[i], style_of(order[i], i, default_method), points[order[i]]});
   }
   if (order.empty()) {
     return picture;
@@ -148,7 +198,7 @@ Picture over_rate(const StabilityChart& chart, const Hand& hand,
   std::vector<std::string> methods = {kExact, default_method, "hold"};
   methods.erase(std::unique(methods.begin(), methods.end()), methods.end());
   for (std::size_t i = 0; i < methods.size(); ++i) {
-    Curve curve{methods[i], measured_style(i), {}};
+    Curve curve{methods[i], style_of(methods[i], i, default_method), {}};
     for (const StabilityRow& row : chart.rows) {
       const StabilityCase& cell = row.cell;
       if (cell.part == part::kMap && cell.hand == hand.name && cell.timing == "ideal" &&
@@ -258,6 +308,15 @@ Picture against_eigenvalues(const StabilityChart& chart) {
 
 }  // namespace
 
+bool draw_stiffness(const StabilityChart& chart, const std::string& default_method,
+                    const fs::path& file) {
+  Picture picture = over_delay(chart, hand_of("light"), 500.0, default_method);
+  picture.title = "Light hand, 500 Hz on a full-speed bus, simulator at 30 Hz";
+  picture.width_px = 640;
+  picture.plot_height_px = 390;
+  return !picture.curves.empty() && draw(picture, file);
+}
+
 std::vector<fs::path> draw_pictures(const StabilityChart& chart, const std::string& default_method,
                                     const fs::path& folder) {
   std::vector<fs::path> files;
@@ -268,8 +327,8 @@ std::vector<fs::path> draw_pictures(const StabilityChart& chart, const std::stri
     }
   };
   for (const Hand& hand : hands()) {
-    add("delay_" + hand.name + "_500Hz", over_delay(chart, hand, 500.0));
-    add("delay_" + hand.name + "_1000Hz", over_delay(chart, hand, 1000.0));
+    add("delay_" + hand.name + "_500Hz", over_delay(chart, hand, 500.0, default_method));
+    add("delay_" + hand.name + "_1000Hz", over_delay(chart, hand, 1000.0, default_method));
   }
   for (const Hand& hand : hands()) {
     add("rate_" + hand.name, over_rate(chart, hand, default_method));

@@ -17,4 +17,11 @@ std::vector<std::filesystem::path> draw_pictures(const StabilityChart& chart,
                                                  const std::string& default_method,
                                                  const std::filesystem::path& folder);
 
+/// Draws the largest stable stiffness over the delay for a light hand at 500 Hz, as for a page's
+/// first screen.
+/// @returns false, without a picture, if the chart has no such cells.
+/// @throws evaluation::ChartError if gnuplot fails.
+bool draw_stiffness(const StabilityChart& chart, const std::string& default_method,
+                    const std::filesystem::path& file);
+
 }  // namespace forcegrid::stability

@@ -43,19 +43,37 @@ std::string field_of(const ordered_json& value) {
 }
 
 void add_numbers(std::string& html, const StabilityChart& chart, const std::string& method) {
-  html += "<h2>Goals</h2><p>Method <b>" + escaped(method) +
-          "</b> unless a line says otherwise.</p><table class=sortable><thead><tr><th>figure<th>"
-          "goal<th>measured<th><th>worst at</tr></thead><tbody>";
+  html +=
+      "<h2>Goals</h2><p>Method <b>" + escaped(method) +
+      "</b> unless a line says otherwise.</p><table class=sortable><thead><tr><th>figure<th>"
+      "goal<th>measured<th>measured / goal<th>verdict<th class=words>worst at</tr></thead><tbody>";
+  std::vector<std::string> others;
   for (const StabilityNumber& each : chart.numbers) {
-    html += "<tr><td>" + escaped(each.name) + "<td>" + (each.at_least ? "&ge; " : "&le; ") +
-            number(each.goal) + ' ' + each.unit + "<td>" +
-            (each.known() ? readable(each.measured) + ' ' + each.unit : "") + "<td class=" +
-            (!each.known() ? "none>not in this selection"
-             : each.met()  ? "met>met"
-                           : "missed>missed") +
-            "<td>" + escaped(each.worst) + "</tr>";
+    if (!each.known()) {
+      others.push_back(each.name);
+      continue;
+    }
+    const evaluation::GoalVerdict verdict =
+        evaluation::goal_verdict(each.measured, each.goal, each.at_least);
+    html += "<tr><td class=words>" + escaped(each.name) + "<td>" +
+            (each.at_least ? "&ge; " : "&le; ") + number(each.goal) + ' ' + each.unit + "<td>" +
+            readable(each.measured) + ' ' + each.unit + "<td>" + readable(each.ratio()) +
+            "<td class=" + verdict.css_class + '>' + verdict.words + "<td class=words>" +
+            escaped(each.worst) + "</tr>";
   }
   html += "</tbody></table>";
+  if (!others.empty()) {
+    html += evaluation::folded_list("Goals that are not in this selection", others);
+  }
+}
+
+// So that no window is too narrow for the method that the page is about.
+std::vector<SceneVerdict::Method> default_first(std::vector<SceneVerdict::Method> methods,
+                                                const std::string& default_method) {
+  std::stable_partition(methods.begin(), methods.end(), [&](const SceneVerdict::Method& each) {
+    return each.method == default_method;
+  });
+  return methods;
 }
 
 void add_scenes(std::string& html, const StabilityChart& chart, const std::string& default_method) {
@@ -68,17 +86,17 @@ void add_scenes(std::string& html, const StabilityChart& chart, const std::strin
       "loop at 200 "
       "N/m, "
       "worst of the hands and timings / open loop along a human motion. For an unstable loop, the "
-      "kind of instability replaces the error. The default method and the best method of each "
-      "scene are bold.</p><table><thead><tr>"
+      "kind of instability replaces the error. The default method, which comes first, and the best "
+      "method of each scene are bold.</p><table class=tight><thead><tr>"
       "<th>scene<th>best";
-  for (const SceneVerdict::Method& each : verdicts.front().methods) {
+  for (const SceneVerdict::Method& each : default_first(verdicts.front().methods, default_method)) {
     html += "<th>" + escaped(each.method);
   }
   html += "</tr></thead><tbody>";
   for (const SceneVerdict& verdict : verdicts) {
     html += "<tr><td title=\"" + escaped(scene_of(verdict.scene).title) + "\">" +
             escaped(verdict.scene) + "<td>" + escaped(verdict.best);
-    for (const SceneVerdict::Method& each : verdict.methods) {
+    for (const SceneVerdict::Method& each : default_first(verdict.methods, default_method)) {
       const bool stable = each.behaviour == Behaviour::kStable;
       const bool bold = each.method == verdict.best || each.method == default_method;
       html += std::string("<td") + (stable ? "" : " class=missed") + '>' + (bold ? "<b>" : "") +
@@ -101,6 +119,21 @@ std::string ends_of(const SweepLine& line) {
     text += std::to_string(count);
   }
   return text;
+}
+
+// What could not be judged, by reason.
+void add_not_judged(std::string& html, const StabilityChart& chart) {
+  if (chart.not_judged.empty()) {
+    return;
+  }
+  html += "<h2>Not judged</h2><p>" + std::to_string(chart.not_judged.size()) +
+          " cells could not be judged. They count nowhere on this page.</p><table class=sortable>"
+          "<thead><tr><th>cell<th>reason</tr></thead><tbody>";
+  for (const NotJudgedCell& each : chart.not_judged) {
+    html += "<tr><td>" + escaped(each.cell.text()) +
+            "<td class=reason>not judged: " + escaped(each.reason) + "</tr>";
+  }
+  html += "</tbody></table>";
 }
 
 void add_sweep(std::string& html, const StabilityChart& chart) {
@@ -263,6 +296,7 @@ std::string stability_json(const StabilityChart& chart, const StabilityChartOpti
                                {"goal", each.goal},
                                {"at_least", each.at_least},
                                {"measured", or_null(each.measured)},
+                               {"ratio", or_null(each.ratio())},
                                {"unit", each.unit},
                                {"worst_at", each.worst},
                                {"met", each.known() ? ordered_json(each.met()) : nullptr}});
@@ -282,6 +316,10 @@ std::string stability_json(const StabilityChart& chart, const StabilityChartOpti
                               {"best", verdict.best},
                               {"methods", std::move(methods)}});
   }
+  json["not_judged"] = ordered_json::array();
+  for (const NotJudgedCell& each : chart.not_judged) {
+    json["not_judged"].push_back({{"cell", each.cell.text()}, {"reason", each.reason}});
+  }
   json["sweep"] = sweep_json(chart);
   json["rows"] = ordered_json::array();
   for (const StabilityRow& row : chart.rows) {
@@ -291,10 +329,11 @@ std::string stability_json(const StabilityChart& chart, const StabilityChartOpti
 }
 
 std::string stability_html(const StabilityChart& chart, const StabilityChartOptions& options,
+                           const std::vector<evaluation::LeadPicture>& lead,
                            const std::vector<std::string>& pictures) {
   std::string html = evaluation::page_head("Force methods: stability");
-  html += "<h1>Force methods: stability in the closed loop</h1><p>" +
-          std::to_string(chart.rows.size()) +
+  html += "<h1>Force methods: stability in the closed loop</h1>" + evaluation::lead_pictures(lead) +
+          "<p>" + std::to_string(chart.rows.size()) +
           " cells: device, hand, servo, method, simulator and link in simulated time, on the force "
           "table of <code>" +
           chart.scene +
@@ -306,7 +345,8 @@ std::string stability_html(const StabilityChart& chart, const StabilityChartOpti
   add_numbers(html, chart, options.default_method);
   add_scenes(html, chart, options.default_method);
   add_sweep(html, chart);
-  html += "<h2>Pictures</h2><p>Dashed lines are theory.</p>";
+  add_not_judged(html, chart);
+  html += pictures.empty() ? "" : "<h2>Pictures</h2><p>Dashed lines are theory.</p>";
   for (const std::string& picture : pictures) {
     html += evaluation::svg_element(picture);
   }
@@ -340,13 +380,20 @@ std::vector<std::filesystem::path> write_stability_chart(const StabilityChart& c
     write("sweep.csv", sweep_csv(chart));
   }
   write("stability.json", stability_json(chart, options));
+  std::vector<evaluation::LeadPicture> lead;
   std::vector<std::string> pictures;
   for (const std::filesystem::path& file :
        draw_pictures(chart, options.default_method, options.out)) {
     files.push_back(file);
-    pictures.push_back(evaluation::read_text(file));
+    const std::string svg = evaluation::read_text(file);
+    if (file.stem() == "delay_light_500Hz" || file.stem() == "delay_firm_500Hz") {
+      lead.push_back({lead.empty() ? "Up to which stiffness?" : "And in another hand?",
+                      "Below a curve the loop is stable. Dashed lines are theory.", svg});
+    } else {
+      pictures.push_back(svg);
+    }
   }
-  write("index.html", stability_html(chart, options, pictures));
+  write("index.html", stability_html(chart, options, lead, pictures));
   return files;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/page_text.h"
 #include "stability/chart.h"
 
 namespace forcegrid::stability {
@@ -33,8 +34,10 @@ std::vector<SceneVerdict> scene_verdicts(const StabilityChart& chart);
 std::string stability_csv(const StabilityChart& chart);
 /// The whole chart as JSON; docs/stability.md explains the keys.
 std::string stability_json(const StabilityChart& chart, const StabilityChartOptions& options);
-/// A self-contained page. `pictures` are SVG texts.
+/// A self-contained page: `lead` on the first screen, then goals, scenes, fault sweep, `pictures`
+/// (SVG texts) and every cell.
 std::string stability_html(const StabilityChart& chart, const StabilityChartOptions& options,
+                           const std::vector<evaluation::LeadPicture>& lead,
                            const std::vector<std::string>& pictures);
 
 /// Writes stability.csv, sweep.csv, stability.json, the pictures and index.html into `options.out`.

@@ -13,6 +13,7 @@
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "rt/parallel_jobs.h"
+#include "rt/vectors.h"
 #include "servo_loop/force_renderer.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
@@ -23,7 +24,6 @@ namespace {
 
 using Eigen::Vector3d;
 using evaluation::SeededNumbers;
-using servo::vector;
 
 constexpr rt::TimePoint kStart{std::chrono::seconds(1000)};
 constexpr rt::Duration kPeriod = std::chrono::milliseconds(2);
@@ -158,13 +158,14 @@ class SweptLoop {
     const auto most = [](double so_far, double now) {
       return std::isfinite(now) ? std::max(so_far, now) : HUGE_VAL;
     };
-    run_.largest_force_N = most(run_.largest_force_N, vector(record.commanded_force_D_N).norm());
+    run_.largest_force_N =
+        most(run_.largest_force_N, rt::to_vector(record.commanded_force_D_N).norm());
     run_.largest_drive_fraction = most(run_.largest_drive_fraction, drive_fraction());
     if (record.fault != servo::Fault::kNone) {
-      return;  // its position is not trusted, and its force is zero
+      return;  // its position is not trusted: zero force
     }
-    const Vector3d position_W = vector(record.position_W_m);
-    const Vector3d force_W = vector(record.commanded_force_D_N);
+    const Vector3d position_W = rt::to_vector(record.position_W_m);
+    const Vector3d force_W = rt::to_vector(record.commanded_force_D_N);
     given_J_ += 0.5 * (last_force_W_ + force_W).dot(position_W - last_position_W_);
     if (record.gain > last_gain_ && given_J_ > 0.0) {
       given_J_ =
@@ -182,9 +183,9 @@ class SweptLoop {
     const driver::MotorCommand& command = device_->commanded();
     const bool delta = profile_.kind == profiles::DeviceKind::kDelta;
     const Eigen::Array3d drive =
-        (delta ? vector(command.joint_torque_Nm) : vector(command.current_A)).array();
+        (delta ? rt::to_vector(command.joint_torque_Nm) : rt::to_vector(command.current_A)).array();
     const auto& most = delta ? profile_.limits.max_joint_torque_Nm : profile_.motors.max_current_A;
-    return (drive.abs() / vector(most).array()).maxCoeff<Eigen::PropagateNaN>();
+    return (drive.abs() / rt::to_vector(most).array()).maxCoeff<Eigen::PropagateNaN>();
   }
 
   void break_device() {
@@ -237,7 +238,7 @@ class SweptLoop {
 
   void answer(double now_s) {
     const link::ToolState tool = newest_tool();
-    const Vector3d position_W = vector(tool.position_W_m);
+    const Vector3d position_W = rt::to_vector(tool.position_W_m);
     if (!grabbed_ && position_W.z() <= 0.0 && now_s > 1.0) {
       grabbed_ = true;
       contact_point_W_ = position_W;
@@ -348,8 +349,8 @@ std::vector<MethodVariant> variants_of(const SweepOptions& options,
     throw std::invalid_argument("fault sweep: give at least one method and one run");
   }
   MethodOptions base;
-  base.grid.min_W = vector(profile.limits.workspace_min_m);
-  base.grid.max_W = vector(profile.limits.workspace_max_m);
+  base.grid.min_W = rt::to_vector(profile.limits.workspace_min_m);
+  base.grid.max_W = rt::to_vector(profile.limits.workspace_max_m);
   base.grid.cells.setConstant(49);
   std::vector<MethodVariant> variants;
   for (const std::string& text : options.methods) {

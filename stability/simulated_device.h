@@ -38,7 +38,8 @@ class SimulatedDevice : public driver::Device {
       spoil_counts(now, report_.counts);
     }
     ++report_.sequence;
-    report_.released = now - std::chrono::milliseconds(1);
+    report_.sampled_after = now - std::chrono::milliseconds(2);
+    report_.released = report_.oldest_release = now - std::chrono::milliseconds(1);
     report_.received = now - std::chrono::microseconds(500);
     move_to(now);
   }

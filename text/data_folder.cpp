@@ -26,10 +26,13 @@ std::vector<fs::path> search_folders(const DataFolder& folder) {
   }
   std::error_code error;
   const fs::path program = fs::read_symlink("/proc/self/exe", error);
-  if (!error) {
-    folders.push_back(program.parent_path().parent_path() / "share/forcegrid" / folder.installed);
+  const fs::path installed =
+      program.parent_path().parent_path() / "share/forcegrid" / folder.installed;
+  if (!error && fs::is_directory(installed, error)) {
+    folders.push_back(installed);
+  } else {
+    folders.emplace_back(folder.source_folder);
   }
-  folders.emplace_back(folder.source_folder);
   return folders;
 }
 

@@ -6,7 +6,7 @@
 
 namespace forcegrid::text {
 
-/// The words with ", " between them. Threads: any, as all of these.
+/// Joins the words with ", ". Threads: any, for all functions of this file.
 std::string joined(const std::vector<std::string>& words);
 
 /// Nine digits, without trailing zeros.

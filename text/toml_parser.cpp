@@ -5,10 +5,16 @@
 #include <fstream>
 #include <iterator>
 
+#include "text/file_kind.h"
+
 namespace forcegrid::text {
 namespace {
 
 std::string read_ascii(const std::string& file) {
+  const std::string why_not = why_no_file(file);
+  if (!why_not.empty()) {
+    throw TomlError(file + ": " + why_not + "; write the path of a TOML file");
+  }
   std::ifstream stream(file, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   if (!stream) {

@@ -4,9 +4,9 @@
 #include <stdexcept>
 #include <string>
 
-// toml++ 3.3 asserts on some malformed files, "[<" for one, and in a release build takes it for
-// granted that they don't occur. Here its assertions are on in every build and refuse the file.
-// Sources include toml++ through this header only, so that its inline functions have one meaning.
+// toml++ 3.3 asserts on some malformed files, "[<" for one; a release build assumes that they do
+// not occur. Here its assertions are on in every build and refuse the file. Sources include toml++
+// through this header only, so that its inline functions have one definition.
 namespace forcegrid::text {
 struct TomlAssertion {};
 }  // namespace forcegrid::text
@@ -29,8 +29,8 @@ class TomlError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Reads and parses a whole file in ASCII (toml++ 3.3 gets lost in some characters beyond it).
-/// A private header: it brings toml++ with it.
+/// Reads and parses a whole file in ASCII (toml++ 3.3 cannot cope with some characters beyond it).
+/// This header is private: it includes toml++.
 /// @throws TomlError when it can't be read, is not ASCII, or is no TOML.
 /// Real-time: no. Threads: any.
 toml::table read_toml_file(const std::string& file);

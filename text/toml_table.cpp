@@ -63,13 +63,13 @@ std::vector<TomlTable> TomlTable::tables(
   const std::string remedy = "write one or more tables [[" + full(key) + "]]";
   const auto* array = required(key, "one or more tables [[" + full(key) + "]]").as_array();
   if (array == nullptr || array->empty()) {
-    refuse(key, "it is no list of tables", remedy);
+    refuse(key, "it is not a list of tables", remedy);
   }
   std::vector<TomlTable> all;
   for (const toml::node& node : *array) {
     const toml::table* inner = node.as_table();
     if (inner == nullptr) {
-      refuse(key, "it is no list of tables", remedy);
+      refuse(key, "it is not a list of tables", remedy);
     }
     const std::string path = full(key) + "[" + std::to_string(all.size() + 1) + "]";
     all.push_back(TomlTable(*inner, file_, path));

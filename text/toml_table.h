@@ -14,7 +14,7 @@
 
 namespace forcegrid::text {
 
-/// What a number may be, and in words what to write: "a length in metres from 0.0001 to 2".
+/// Which values a number may have, and what to write: "a length in metres from 0.0001 to 2".
 struct NumberRange {
   double min;
   double max;
@@ -24,11 +24,11 @@ struct NumberRange {
 inline constexpr double kLargestNumber = std::numeric_limits<double>::max();
 inline constexpr double kAboveZero = std::numeric_limits<double>::min();
 
-/// One table of a strict TOML file: it knows its keys, so that an unknown or missing one is an
-/// error. Every error is a TomlError that names file, line and key, what is wrong, and what to
-/// write; for an unknown key the nearest known one.
+/// One table of a strict TOML file. It knows its keys, so that an unknown or missing one is an
+/// error. Every error is a TomlError that names file, line and key, says what is wrong and what to
+/// write, and for an unknown key names the nearest known one.
 ///
-/// A private header: it brings toml++ with it. Real-time: no. Threads: one.
+/// This header is private: it includes toml++. Real-time: no. Threads: one.
 class TomlTable {
  public:
   /// @param path  of the table in the file, for messages; empty: the file itself.
@@ -42,7 +42,7 @@ class TomlTable {
 
   /// @throws TomlError when the key is missing, of another type or out of range.
   TomlTable table(const char* key, const std::vector<std::string>& keys) const;
-  /// [[key]]: at least one table, with keys of its own kind each: `keys_of` is asked for them.
+  /// [[key]]: at least one table. `keys_of` returns the keys that a given table may have.
   std::vector<TomlTable> tables(
       const char* key,
       const std::function<std::vector<std::string>(const TomlTable&)>& keys_of) const;
@@ -51,12 +51,12 @@ class TomlTable {
   double number(const char* key, const NumberRange& range) const;
   std::int64_t integer(const char* key, std::int64_t min, std::int64_t max) const;
   std::array<double, 3> axes(const char* key, const NumberRange& range) const;
-  /// Three numbers in an array, or one that all three are.
+  /// Three numbers in an array, or one number for all three.
   std::array<double, 3> axes_or_number(const char* key, const NumberRange& range) const;
   std::vector<std::int64_t> integers(const char* key, std::size_t count, std::int64_t min,
                                      std::int64_t max) const;
 
-  /// The same for a key that may be left out.
+  /// The same for an optional key.
   std::string text_or(const char* key, const std::string& otherwise) const;
   bool flag_or(const char* key, bool otherwise) const;
   double number_or(const char* key, const NumberRange& range, double otherwise) const;
@@ -65,7 +65,7 @@ class TomlTable {
   std::array<double, 3> axes_or(const char* key, const NumberRange& range,
                                 const std::array<double, 3>& otherwise) const;
 
-  /// A key's value that the reader itself finds wrong.
+  /// Throws TomlError for a value that the caller finds wrong.
   [[noreturn]] void refuse(std::string_view key, const std::string& problem,
                            const std::string& remedy) const;
 

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <system_error>
 
+#include "text/output_file.h"
+
 namespace forcegrid::tools {
 namespace {
 
@@ -96,6 +98,7 @@ void replace_file(const std::string& file, const std::string& text,
   // With a folder in the name, lookups treat it as a path.
   const std::string fresh = folder + "/." + fs::path(file).filename().string() + "." +
                             std::to_string(::getpid()) + ".new";
+  const forcegrid::text::UnfinishedFile unfinished(fresh);
   try {
     write_to_disk(fresh, text);
     if (check) {

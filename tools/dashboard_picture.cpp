@@ -7,6 +7,7 @@
 #include <cstdarg>
 
 #include "driver/force_limiter.h"
+#include "rt/vectors.h"
 #include "servo_loop/fault.h"
 #include "tools/latency_histogram.h"
 
@@ -15,7 +16,7 @@ namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::array<double, 7> kBinEdges_us = {20, 50, 100, 200, 500, 1000, 2000};
-constexpr int kBar = 50;
+constexpr int kTimingBar = 50;
 constexpr double kFullBar_N = 10.0;
 
 [[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...) {
@@ -50,7 +51,7 @@ std::string limits(std::uint8_t acted) {
   return words.empty() ? "none" : words;
 }
 
-double norm(const servo::Triple& t) { return servo::vector(t).norm(); }
+double norm(const servo::Triple& t) { return rt::to_vector(t).norm(); }
 
 }  // namespace
 
@@ -69,8 +70,8 @@ void DashboardPicture::add(const servo::CycleRecord& cycle) {
   } else {
     period_us_.add(cycle.period_us);
     const Eigen::Vector3d moved =
-        servo::vector(cycle.position_W_m) - servo::vector(newest_.position_W_m);
-    work_J_ += servo::vector(newest_.commanded_force_D_N).dot(moved);
+        rt::to_vector(cycle.position_W_m) - rt::to_vector(newest_.position_W_m);
+    work_J_ += rt::to_vector(newest_.commanded_force_D_N).dot(moved);
   }
   ++cycles_;
   missed_ += cycle.missed_deadlines;
@@ -121,8 +122,8 @@ std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
       text("tool        x %+8.2f  y %+8.2f  z %+8.2f mm     speed %6.3f m/s",
            1e3 * c.position_W_m[0], 1e3 * c.position_W_m[1], 1e3 * c.position_W_m[2],
            norm(c.velocity_W_m_per_s)),
-      text("asked %6.2f N %s", asked_N, text_bar(asked_N / kFullBar_N, kBar).c_str()),
-      text("sent  %6.2f N %s", sent_N, text_bar(sent_N / kFullBar_N, kBar).c_str()),
+      text("asked %6.2f N %s", asked_N, text_bar(asked_N / kFullBar_N, kTimingBar).c_str()),
+      text("sent  %6.2f N %s", sent_N, text_bar(sent_N / kFullBar_N, kTimingBar).c_str()),
       text("contact     %-4s gain %4.2f  largest force %5.2f N  current %+5.2f %+5.2f %+5.2f A",
            c.in_contact ? "yes" : "no", c.gain, force_max_N_, c.current_A[0], c.current_A[1],
            c.current_A[2]),
@@ -141,7 +142,7 @@ std::vector<std::string> DashboardPicture::lines(int columns, int rows) const {
         cycles_ == 0 ? 0.0 : static_cast<double>(wakeup_bins_[i]) / static_cast<double>(cycles_);
     const std::string edge = i < kBinEdges_us.size() ? text("%6.0f", kBinEdges_us[i]) : "  more";
     histogram.push_back(
-        text("%s %7.3f %% %s", edge.c_str(), 100.0 * share, text_bar(share, kBar).c_str()));
+        text("%s %7.3f %% %s", edge.c_str(), 100.0 * share, text_bar(share, kTimingBar).c_str()));
   }
   // If rows are few, the rarest small bins are left out; two bins per line would be unreadable.
   const auto room = static_cast<std::size_t>(std::max(rows - 1, 0));

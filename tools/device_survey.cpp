@@ -4,7 +4,6 @@
 #include <grp.h>
 #include <pwd.h>
 #include <sys/stat.h>
-#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -20,8 +19,11 @@
 
 #include "driver/device.h"
 #include "driver/hidraw_nodes.h"
+#include "driver/node_users.h"
+#include "driver/sysfs_file.h"
 #include "driver/usbip_list.h"
 #include "driver/w2_device.h"
+#include "tools/udev_rules.h"
 
 namespace forcegrid::tools {
 namespace {
@@ -30,20 +32,13 @@ namespace fs = std::filesystem;
 using profiles::DeviceProfile;
 
 constexpr char kGroup[] = "plugdev";
-constexpr char kRule[] = "70-forcegrid.rules";
+constexpr char kRule[] = "10-forcegrid.rules";
 constexpr char kInstallRule[] =
-    "sudo cp udev/70-forcegrid.rules /etc/udev/rules.d/ && sudo udevadm control --reload, then "
+    "sudo cp udev/10-forcegrid.rules /etc/udev/rules.d/ && sudo udevadm control --reload, then "
     "plug "
     "the device in again";
 constexpr auto kUsbipTimeout = std::chrono::seconds(2);
 constexpr std::uint16_t kUsbipPort = 3240;
-
-std::string first_line(const fs::path& file) {
-  std::ifstream stream(file);
-  std::string line;
-  std::getline(stream, line);
-  return line;
-}
 
 std::string padded3(const std::string& number) {
   return number.size() < 3 ? std::string(3 - number.size(), '0') + number : number;
@@ -116,47 +111,41 @@ Obstacle permission_obstacle(const std::string& node, const struct stat& status,
   return obstacle;
 }
 
-struct Holder {
-  std::string pid;
-  std::string name;
-  bool locks = false;
-};
-
-// Programs of this project lock the node, and /proc/locks shows every user's locks. Any program
-// that has it open appears in /proc/PID/fd, but only root sees those of other users.
-std::vector<Holder> holders_of(const std::string& node, const struct stat& status,
-                               const SurveyRoots& roots) {
-  std::set<std::string> locking;
-  char inode[64];
-  std::snprintf(inode, sizeof inode, "%02x:%02x:%llu", major(status.st_dev), minor(status.st_dev),
-                static_cast<unsigned long long>(status.st_ino));
-  std::ifstream locks(roots.proc + "/locks");
-  for (std::string line; std::getline(locks, line);) {
-    std::istringstream words(line);
-    std::string number, kind, mandatory, access, pid, file;
-    words >> number >> kind >> mandatory >> access >> pid >> file;
-    if (kind == "FLOCK" && file == inode) {
-      locking.insert(pid);
-    }
+// Any account may command the motors: which file does that, and can our rule undo it?
+Obstacle open_obstacle(const FoundDevice& device, const struct stat& status,
+                       const SurveyRoots& roots) {
+  const bool hid = device.bus == "hidraw";
+  const auto rule =
+      rule_that_opens({.subsystem = hid ? "hidraw" : "usb",
+                       .kernel = hid ? fs::path(device.node).filename().string() : device.port_path,
+                       .vendor_id = device.vendor_id,
+                       .product_id = device.product_id},
+                      roots.rule_folders);
+  Obstacle obstacle{"open to all", false, "", ""};
+  obstacle.what = device.node + " is " + owner_words(status) +
+                  ": every account of this computer may command its motors; ";
+  if (!rule) {
+    obstacle.what += "no udev rule does that, so a program or a person did";
+    obstacle.remedy = "sudo chmod o-rw " + device.node + ", and find out who did";
+    return obstacle;
   }
-  std::vector<Holder> holders;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(roots.proc, error)) {
-    const std::string pid = entry.path().filename().string();
-    if (pid.empty() || std::isdigit(static_cast<unsigned char>(pid[0])) == 0 ||
-        pid == std::to_string(getpid())) {
-      continue;
-    }
-    bool open = locking.contains(pid);
-    std::error_code no_access;
-    for (const auto& fd : fs::directory_iterator(entry.path() / "fd", no_access)) {
-      open = open || fs::read_symlink(fd.path(), no_access) == fs::path(node);
-    }
-    if (open) {
-      holders.push_back({pid, first_line(entry.path() / "comm"), locking.contains(pid)});
-    }
+  const std::string place = rule->file + ":" + std::to_string(rule->line);
+  obstacle.what += place + " does that (" + rule->assignment + ")";
+  const bool ours_wins =
+      rule->assignment.starts_with("MODE") && !(rule->final && rule->before_ours);
+  if (!ours_wins) {
+    obstacle.remedy =
+        "no later rule can undo it: write MODE=\"0660\", GROUP=\"plugdev\", "
+        "TAG+=\"uaccess\" there instead, then sudo udevadm control --reload and plug "
+        "the device in again";
+  } else if (installed_rule(roots).empty()) {
+    obstacle.remedy = std::string(kInstallRule) + "; it is final, so that line has no effect then";
+  } else {
+    obstacle.remedy =
+        "sudo make install-udev, then plug the device in again; the rule of this "
+        "version is final, so that line has no effect then";
   }
-  return holders;
+  return obstacle;
 }
 
 void look_at_node(FoundDevice& device, const SurveyRoots& roots, const SurveyUser& user) {
@@ -170,18 +159,23 @@ void look_at_node(FoundDevice& device, const SurveyRoots& roots, const SurveyUse
   if (!user.may_open(path)) {
     device.obstacles.push_back(permission_obstacle(device.node, status, roots, user));
   }
-  for (const Holder& holder : holders_of(device.node, status, roots)) {
-    const std::string who = "process " + holder.pid + " (" + holder.name + ")";
-    const bool blocks = holder.locks || device.bus == "usbfs";
+  if ((status.st_mode & S_IWOTH) != 0) {
+    device.obstacles.push_back(open_obstacle(device, status, roots));
+  }
+  for (const driver::NodeUser& user_of_it :
+       driver::users_of_node(device.node, path, roots.proc).users) {
+    const bool drives = user_of_it.locks || device.bus == "usbfs";
     device.obstacles.push_back(
-        {"busy", blocks,
-         who + (blocks ? " drives it" : " has it open and could send to it at the same time"),
-         "end it (kill " + holder.pid + "), or wait until it ends"});
+        {"busy", true,
+         driver::names_of({user_of_it}) +
+             (drives ? " drives it" : " has it open and could send to it at the same time"),
+         "end it (" + driver::command_that_ends({user_of_it}) + "), or wait until it ends" +
+             (drives ? "" : "; if it only listens, run with --share")});
   }
 }
 
 void look_at_power(FoundDevice& device, const fs::path& usb) {
-  if (first_line(usb / "power/control") == "auto") {
+  if (driver::first_line(usb / "power/control") == "auto") {
     device.obstacles.push_back(
         {"autosuspend", false,
          "the kernel may suspend it when idle (power/control is auto), which loses its first "
@@ -240,13 +234,13 @@ FoundDevice usb_device(const fs::path& usb, const std::vector<const DeviceProfil
   FoundDevice device;
   device.bus = "usbfs";
   device.port_path = usb.filename().string();
-  device.node = "/dev/bus/usb/" + padded3(first_line(usb / "busnum")) + "/" +
-                padded3(first_line(usb / "devnum"));
+  device.node = "/dev/bus/usb/" + padded3(driver::first_line(usb / "busnum")) + "/" +
+                padded3(driver::first_line(usb / "devnum"));
   device.vendor_id = matching.front()->usb.vendor_id;
   device.product_id = matching.front()->usb.product_id;
-  device.manufacturer = first_line(usb / "manufacturer");
-  device.product = first_line(usb / "product");
-  device.serial = first_line(usb / "serial");
+  device.manufacturer = driver::first_line(usb / "manufacturer");
+  device.product = driver::first_line(usb / "product");
+  device.serial = driver::first_line(usb / "serial");
   name_profiles(device, matching);
   look_at_node(device, roots, user);
   if (matching.front()->usb.protocol == "falcon") {
@@ -323,8 +317,8 @@ std::vector<FoundDevice> survey_devices(const std::vector<DeviceProfile>& known,
     const std::string port = entry.path().filename().string();
     unsigned vendor_id = 0;
     unsigned product_id = 0;
-    const std::string ids =
-        first_line(entry.path() / "idVendor") + " " + first_line(entry.path() / "idProduct");
+    const std::string ids = driver::first_line(entry.path() / "idVendor") + " " +
+                            driver::first_line(entry.path() / "idProduct");
     if (std::sscanf(ids.c_str(), "%x %x", &vendor_id, &product_id) != 2) {
       continue;
     }

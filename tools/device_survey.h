@@ -37,7 +37,8 @@ SurveyUser current_user();
 
 /// A reason why a device can't be used, or may fail in use.
 struct Obstacle {
-  std::string kind;    ///< "permission", "busy", "descriptor", "no node", "autosuspend"
+  std::string kind;    ///< "permission", "busy", "descriptor", "no node", "autosuspend",
+                       ///< "open to all"
   bool blocks = true;  ///< false: the device works, but may fail or is shared
   std::string what;
   std::string remedy;  ///< a command if there is one

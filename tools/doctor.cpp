@@ -17,6 +17,7 @@
 #include <sstream>
 #include <thread>
 
+#include "driver/sysfs_file.h"
 #include "rt/thread.h"
 
 namespace forcegrid::tools {
@@ -24,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kRule[] = "70-forcegrid.rules";
+constexpr char kRuleFile[] = "10-forcegrid.rules";
 constexpr double kSlowIdle_us = 100.0;  // a twentieth of the 2 ms cycle
 constexpr char kLimits[] =
     "# Real-time priority and locked memory for users of haptic devices.\n"
@@ -36,29 +37,22 @@ std::string text_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-std::string first_line(const fs::path& file) {
-  std::ifstream stream(file);
-  std::string line;
-  std::getline(stream, line);
-  return line;
-}
-
 Finding rule_finding(const DoctorSystem& system) {
   Finding finding{.check = "udev rule"};
-  const std::string target = system.etc + "/udev/rules.d/" + kRule;
+  const std::string target = system.etc + "/udev/rules.d/" + kRuleFile;
   std::string installed;
   for (const std::string& folder : system.roots.rule_folders) {
     std::error_code error;
-    if (installed.empty() && fs::exists(folder + "/" + kRule, error)) {
-      installed = folder + "/" + kRule;
+    if (installed.empty() && fs::exists(folder + "/" + kRuleFile, error)) {
+      installed = folder + "/" + kRuleFile;
     }
   }
-  const std::string install = "sudo make install-udev (or: sudo cp udev/70-forcegrid.rules " +
+  const std::string install = "sudo make install-udev (or: sudo cp udev/10-forcegrid.rules " +
                               target +
                               " && sudo udevadm control --reload), then plug the device in again";
   if (installed.empty()) {
     finding.verdict = Verdict::kBad;
-    finding.what = std::string(kRule) + " is not installed";
+    finding.what = std::string(kRuleFile) + " is not installed";
     finding.cost = "only root can use devices, and they may be suspended when idle";
   } else if (text_of(installed) != udev_rule_text()) {
     finding.verdict = Verdict::kWarn;
@@ -133,13 +127,13 @@ std::vector<Finding> limit_findings(const DoctorSystem& system) {
 
 Finding kernel_finding(const DoctorSystem& system) {
   Finding finding{.check = "kernel preemption"};
-  const std::string version = first_line(system.roots.proc + "/sys/kernel/version");
-  const std::string command_line = first_line(system.roots.proc + "/cmdline");
+  const std::string version = driver::first_line(system.roots.proc + "/sys/kernel/version");
+  const std::string command_line = driver::first_line(system.roots.proc + "/cmdline");
   const std::string remedy =
       "sudo apt-get install linux-image-rt-amd64, then reboot into it (or with the current kernel: "
       "add preempt=full to GRUB_CMDLINE_LINUX in /etc/default/grub, sudo update-grub, reboot)";
   const bool full = command_line.find("preempt=full") != std::string::npos;
-  if (first_line(system.roots.sysfs + "/kernel/realtime") == "1" ||
+  if (driver::first_line(system.roots.sysfs + "/kernel/realtime") == "1" ||
       version.find("PREEMPT_RT") != std::string::npos) {
     finding.what = "PREEMPT_RT";
   } else if (version.empty()) {
@@ -181,7 +175,7 @@ Finding governor_finding(const DoctorSystem& system) {
   std::string slow;
   for (const fs::path& cpu : cpu_folders(system)) {
     const fs::path file = cpu / "cpufreq/scaling_governor";
-    const std::string governor = first_line(file);
+    const std::string governor = driver::first_line(file);
     known += governor.empty() ? 0 : 1;
     if (!governor.empty() && governor != "performance") {
       slow += (slow.empty() ? "" : ", ") + cpu.filename().string() + " " + governor;
@@ -211,12 +205,12 @@ Finding idle_finding(const DoctorSystem& system) {
   for (const fs::path& cpu : cpu_folders(system)) {
     std::error_code error;
     for (const auto& state : fs::directory_iterator(cpu / "cpuidle", error)) {
-      const std::string latency = first_line(state.path() / "latency");
+      const std::string latency = driver::first_line(state.path() / "latency");
       const double latency_us = std::strtod(latency.c_str(), nullptr);
-      if (!latency.empty() && first_line(state.path() / "disable") != "1" &&
+      if (!latency.empty() && driver::first_line(state.path() / "disable") != "1" &&
           latency_us > deepest_us) {
         deepest_us = latency_us;
-        name = first_line(state.path() / "name");
+        name = driver::first_line(state.path() / "name");
       }
     }
   }
@@ -239,7 +233,7 @@ Finding idle_finding(const DoctorSystem& system) {
 
 Finding clock_finding(const DoctorSystem& system) {
   Finding finding{.check = "clock and timers"};
-  const std::string source = first_line(
+  const std::string source = driver::first_line(
       system.roots.sysfs + "/devices/system/clocksource/clocksource0/current_clocksource");
   char text[120];
   std::snprintf(text, sizeof text, "timer resolution %lld ns, clock source %s",
@@ -301,7 +295,9 @@ std::vector<Finding> device_findings(const DoctorSystem& system,
       Finding bad = finding;
       bad.verdict = obstacle.blocks ? Verdict::kBad : Verdict::kWarn;
       bad.what = obstacle.what;
-      bad.cost = obstacle.blocks ? "it can't be used" : "it may fail in use";
+      bad.cost = obstacle.blocks                  ? "it can't be used"
+                 : obstacle.kind == "open to all" ? "another account's program can move the motors"
+                                                  : "it may fail in use";
       bad.remedy = obstacle.remedy;
       if (obstacle.kind == "autosuspend") {
         bad.fixes.push_back(

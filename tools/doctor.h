@@ -66,7 +66,7 @@ std::vector<Finding> examine_system(const DoctorSystem& system,
 /// @returns one sentence for each: the change, or the reason why it failed.
 std::vector<std::string> apply_fixes(const std::vector<FileFix>& fixes);
 
-/// Returns the text of udev/70-forcegrid.rules in this program's version.
+/// Returns the text of udev/10-forcegrid.rules in this program's version.
 const char* udev_rule_text() noexcept;
 
 }  // namespace forcegrid::tools

@@ -15,6 +15,8 @@
 #include <iterator>
 #include <utility>
 
+#include "driver/sysfs_file.h"
+
 namespace forcegrid::tools {
 namespace {
 
@@ -89,13 +91,6 @@ constexpr char kBlanks[] =
 
 // The measured checks that go to an address, whose texts may name it.
 constexpr std::array<const char*, 2> kAddressed{"USB round trip", "simulator's round trip"};
-
-std::string first_line(const fs::path& file) {
-  std::ifstream stream(file);
-  std::string line;
-  std::getline(stream, line);
-  return line;
-}
 
 std::string content_of(const fs::path& file) {
   std::ifstream stream(file, std::ios::binary);
@@ -242,8 +237,8 @@ void write_device(const FoundDevice& device, const SurveyRoots& roots, Form& for
   }
   if (!device.port_path.empty()) {
     const fs::path usb = fs::path(roots.sysfs) / "bus/usb/devices" / device.port_path;
-    form.row({"release (bcdDevice)", first_line(usb / "bcdDevice")});
-    form.row({"speed, Mbit/s", first_line(usb / "speed")});
+    form.row({"release (bcdDevice)", driver::first_line(usb / "bcdDevice")});
+    form.row({"speed, Mbit/s", driver::first_line(usb / "speed")});
     form.row({"USB descriptors", hash_of(usb / "descriptors")});
   }
   if (device.bus == "hidraw") {
@@ -274,9 +269,9 @@ PrivateWords private_words(const DoctorSystem& system, const std::string& root,
   if (gethostname(host.data(), host.size() - 1) == 0) {
     add_host(words, host.data());
   }
-  add_host(words, first_line(system.roots.proc + "/sys/kernel/hostname"));
-  add_host(words, first_line(system.etc + "/hostname"));
-  constexpr std::size_t kShortestSerial = 4;  // a shorter one is in every text, and tells nobody's
+  add_host(words, driver::first_line(system.roots.proc + "/sys/kernel/hostname"));
+  add_host(words, driver::first_line(system.etc + "/hostname"));
+  constexpr std::size_t kShortestSerial = 4;  // a shorter one is in every text and names nobody
   for (const FoundDevice& device : devices) {
     if (device.serial.size() >= kShortestSerial) {
       add(words, device.serial, "(serial)");

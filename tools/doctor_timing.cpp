@@ -94,6 +94,12 @@ WakeupTest measure_wakeups(double seconds, double period_s, bool load,
 
 Finding judge_wakeups(const std::string& check, const WakeupTest& test, double period_us) {
   const rt::Percentiles& latency_us = test.latency_us;
+  if (latency_us.count() == 0) {
+    return {.check = check,
+            .verdict = Verdict::kUnknown,
+            .what = "not measured: no wake-up came",
+            .remedy = "give a longer --seconds"};
+  }
   Finding finding{.check = check};
   finding.histogram = latency_histogram(latency_us);
   const double p999_us = latency_us.at(0.999);

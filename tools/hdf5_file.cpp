@@ -10,6 +10,9 @@
 #include <filesystem>
 #include <functional>
 #include <numeric>
+#include <string_view>
+
+#include "text/file_kind.h"
 
 namespace forcegrid::tools {
 namespace {
@@ -18,8 +21,8 @@ constexpr unsigned kDeflate = 1;  // the first level achieves most of the compre
 constexpr std::size_t kChunkCache_bytes = 1 << 18;
 constexpr std::size_t kChunkCacheSlots = 521;  // a prime, as HDF5 recommends
 constexpr double kEvictWritten = 1.0;
-// Checksums that fail are read again, as a writer may be at work: after 1, 2, 4 ... ns, 1 ms in
-// all. The library's default for SWMR is 100 attempts, whose last pauses outlast any user.
+// Checksums that fail_with_reason are read again, as a writer may be at work: after 1, 2, 4 ... ns,
+// 1 ms in all. The library's default for SWMR is 100 attempts, whose last pauses outlast any user.
 constexpr unsigned kReadAttempts = 20;
 constexpr double kMostNumbersPerByte = 1100.0;     // deflate packs 1032 bytes into one at most
 constexpr std::size_t kLargestAttribute = 60'000;  // HDF5 stores attributes in an object's header
@@ -50,23 +53,30 @@ void be_quiet() {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
 }
 
-herr_t take_deepest(unsigned, const H5E_error2_t* error, void* text) {
-  if (error->desc != nullptr && error->desc[0] != '\0') {
-    *static_cast<std::string*>(text) = error->desc;
+// HDF5's own words speak of its inside ("address overflowed") and are of no use to people. Only
+// what the system has said, which HDF5 quotes, is taken: "..., error message = 'No space left on
+// device', ...".
+herr_t take_system_error(unsigned, const H5E_error2_t* error, void* text) {
+  constexpr std::string_view kBefore = "error message = '";
+  const std::string_view words = error->desc != nullptr ? error->desc : "";
+  const std::size_t quoted = words.find(kBefore);
+  if (quoted != std::string_view::npos) {
+    const std::string_view rest = words.substr(quoted + kBefore.size());
+    *static_cast<std::string*>(text) = rest.substr(0, rest.find('\''));
   }
   return 0;
 }
 
-[[noreturn]] void fail(const std::string& file, const std::string& what) {
+[[noreturn]] void fail_with_reason(const std::string& file, const std::string& what) {
   std::string reason;
-  H5Ewalk2(H5E_DEFAULT, H5E_WALK_DOWNWARD, take_deepest, &reason);
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_DOWNWARD, take_system_error, &reason);
   throw Hdf5Error(file + ": " + what + (reason.empty() ? "" : " (" + reason + ")"));
 }
 
 template <typename Result>
 Result checked(Result result, const std::string& file, const std::string& what) {
   if (result < 0) {
-    fail(file, what);
+    fail_with_reason(file, what);
   }
   return result;
 }
@@ -142,7 +152,7 @@ void append_rows(hid_t dataset, const std::string& file, const Hdf5Column& colum
   const std::vector<hsize_t> block = shape(column, added);
   std::vector<hsize_t> start(block.size(), 0);
   start.front() = rows_before;
-  const std::string what = column.name + " can't grow";
+  const std::string what = column.name + " can't be written";
   checked(H5Dset_extent(dataset, all.data()), file, what);
   const Id there(H5Dget_space(dataset), H5Sclose);
   checked(H5Sselect_hyperslab(there, H5S_SELECT_SET, start.data(), nullptr, block.data(), nullptr),
@@ -155,6 +165,7 @@ void append_rows(hid_t dataset, const std::string& file, const Hdf5Column& colum
 }  // namespace
 
 std::string hdf5_version() {
+  be_quiet();  // any first call of the library settles what it does at exit
   unsigned major = 0;
   unsigned minor = 0;
   unsigned release = 0;
@@ -250,25 +261,20 @@ void Hdf5Writer::close() {
   failed_ = H5Fclose(id_) < 0 || failed_;
   id_ = -1;
   if (failed_) {
-    fail(file_, "can't be completed");
+    fail_with_reason(file_, "can't be completed");
   }
 }
 
 Hdf5Reader::Hdf5Reader(const std::string& file) : file_(file) {
   be_quiet();
-  std::error_code error;
-  const auto status = std::filesystem::status(file, error);
-  if (!std::filesystem::exists(status)) {
-    throw Hdf5Error(file + ": no such file; name a recording of 'forcegrid record'");
-  }
-  if (!std::filesystem::is_regular_file(status)) {
-    throw Hdf5Error(file + ": not a file but " +
-                    (std::filesystem::is_directory(status) ? "a folder" : "a device or a pipe") +
-                    "; name a recording of 'forcegrid record'");
+  const std::string why_not = text::why_no_file(file);
+  if (!why_not.empty()) {
+    throw Hdf5Error(file + ": " + why_not + "; name a recording of 'forcegrid record'");
   }
   if (::access(file.c_str(), R_OK) != 0) {
     throw Hdf5Error(file + ": can't be read (" + std::strerror(errno) + ")");
   }
+  std::error_code error;
   size_bytes_ = std::filesystem::file_size(file, error);
   if (H5Fis_hdf5(file.c_str()) <= 0) {
     throw Hdf5Error(file +
@@ -279,7 +285,7 @@ Hdf5Reader::Hdf5Reader(const std::string& file) : file_(file) {
   H5Pset_metadata_read_attempts(access, kReadAttempts);
   id_ = H5Fopen(file.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access);
   if (id_ < 0) {
-    fail(file, "damaged: its superblock or root group can't be read");
+    fail_with_reason(file, "damaged: its superblock or root group can't be read");
   }
 }
 
@@ -304,7 +310,7 @@ std::string Hdf5Reader::attribute(const std::string& name) const {
   const Id attribute(H5Aopen(id_, name.c_str(), H5P_DEFAULT), H5Aclose);
   const Id type(H5Aget_type(attribute), H5Tclose);
   if (attribute < 0 || H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0) {
-    fail(file_, "damaged: attribute " + name + " is not a text of fixed length");
+    fail_with_reason(file_, "damaged: attribute " + name + " is not a text of fixed length");
   }
   const std::size_t length = H5Tget_size(type);
   if (length > kLargestAttribute) {

@@ -11,6 +11,7 @@
 
 #include "driver/library_versions.h"
 #include "link/library_versions.h"
+#include "log/log.h"
 #include "simulator/library_versions.h"
 #include "tools/hdf5_file.h"
 
@@ -45,6 +46,7 @@ std::vector<PartVersion> library_versions() {
                    dotted(NLOHMANN_JSON_VERSION_MAJOR, NLOHMANN_JSON_VERSION_MINOR,
                           NLOHMANN_JSON_VERSION_PATCH),
                    false});
+  parts.push_back({"spdlog", log::library_version(), false});
   parts.push_back({"tinyobjloader", FORCEGRID_TINYOBJLOADER_VERSION, false});
   parts.push_back({"compiler", __VERSION__, false});
   return parts;

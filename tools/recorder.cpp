@@ -10,6 +10,7 @@
 
 #include "forcegrid/core/force_method.h"
 #include "rt/thread.h"
+#include "rt/vectors.h"
 #include "servo_loop/fault.h"
 #include "tools/hdf5_file.h"
 
@@ -60,8 +61,8 @@ class WorkOnHand {
   double after(const CycleRecord& cycle) {
     if (before_) {
       const Eigen::Vector3d moved =
-          servo::vector(cycle.position_W_m) - servo::vector(before_->position_W_m);
-      work_J_ += servo::vector(before_->commanded_force_D_N).dot(moved);
+          rt::to_vector(cycle.position_W_m) - rt::to_vector(before_->position_W_m);
+      work_J_ += rt::to_vector(before_->commanded_force_D_N).dot(moved);
     }
     before_ = cycle;
     return work_J_;
@@ -113,7 +114,7 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
       of_methods("/cycles/asked_force_W_N", T::kFloat64, 3,
                  "each method's force, the rendered method first, before any limit",
                  [](const CycleRecord& row, std::size_t i, std::vector<double>& to) {
-                   take_vector(servo::vector(row.method_force_W_N[i]), to);
+                   take_vector(rt::to_vector(row.method_force_W_N[i]), to);
                  }),
       of_methods("/cycles/method_status", T::kUint8, 1, "each method's, see names_method_status",
                  [](const CycleRecord& row, std::size_t i, std::vector<double>& to) {
@@ -248,8 +249,8 @@ class Recorder::Pages {
     }
     writer_.add_attribute("format", "forcegrid recording 1");
     writer_.add_attribute("method_names", methods);
-    writer_.add_attribute("names_method_status", names<EstimateStatus>(5, to_string));
-    writer_.add_attribute("names_rendered_reason", names<ChoiceReason>(3, to_string));
+    writer_.add_attribute("names_method_status", names<EstimateStatus>(5, forcegrid::to_string));
+    writer_.add_attribute("names_rendered_reason", names<ChoiceReason>(3, forcegrid::to_string));
     writer_.add_attribute(
         "names_fault",
         names<servo::Fault>(1 + static_cast<int>(servo::Fault::kZeroNotDelivered), servo::name_of));
@@ -383,7 +384,8 @@ void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample
     }
   } catch (const std::exception& error) {
     give_up(std::string(error.what()) +
-            "; the recording ends here, readable so far. Free some space or repair the disk");
+            "; the recording ends here, and what is in the file may not be readable. Free some "
+            "space or repair the disk");
   }
   const std::lock_guard lock(mutex_);
   end_.cycles_lost += cycles.size();

@@ -4,18 +4,22 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
-#include <fstream>
+#include <filesystem>
 #include <iomanip>
+#include <ostream>
 #include <stdexcept>
 
 #include "evaluation/gnuplot.h"
+#include "text/output_file.h"
 
 namespace forcegrid::tools {
 namespace {
 
 constexpr std::uint64_t kPointsDrawn = 2000;
 constexpr std::uint64_t kRowsAtOnce = 50'000;
+constexpr double kAroundContact_s = 0.1;  // drawn before and after the contact
 
 double norm3(const std::vector<double>& numbers, std::size_t at) {
   return std::sqrt(numbers[at] * numbers[at] + numbers[at + 1] * numbers[at + 1] +
@@ -57,8 +61,8 @@ struct Block {
 };
 
 void write_csv(const std::string& file, const std::vector<Point>& points) {
-  errno = 0;
-  std::ofstream stream(file);
+  text::OutputFile output(file);
+  std::ostream& stream = output.stream();
   stream << "time_s,x_mm,y_mm,z_mm,asked_force_N,sent_force_N,period_max_us,wakeup_max_us,"
             "compute_max_us,report_age_max_ms,sample_age_max_ms,work_on_hand_J\n"
          << std::setprecision(9);
@@ -68,11 +72,7 @@ void write_csv(const std::string& file, const std::vector<Point>& points) {
            << p.wakeup_us << ',' << p.compute_us << ',' << p.report_age_ms << ',' << p.sample_age_ms
            << ',' << p.work_J << '\n';
   }
-  stream.close();
-  if (!stream) {
-    throw std::runtime_error(file + " can't be written (" + std::strerror(errno) +
-                             "); free some space or choose another folder with --out");
-  }
+  output.finish();
 }
 
 std::string curve(const std::string& data, int column, const std::string& title, int style) {
@@ -86,7 +86,7 @@ std::string panels(const std::string& data) {
   };
   return panel("tool / mm", curve(data, 2, "x", 1) + ", " + curve(data, 3, "y", 2) + ", " +
                                 curve(data, 4, "z", 3)) +
-         panel("force / N", curve(data, 5, "asked for", 2) + ", " + curve(data, 6, "sent", 1)) +
+         panel("force / N", curve(data, 5, "asked for", 4) + ", " + curve(data, 6, "sent", 1)) +
          "set logscale y\n" +
          panel("time / us", curve(data, 7, "period, worst", 1) + ", " +
                                 curve(data, 8, "wake-up, worst", 2) + ", " +
@@ -98,74 +98,192 @@ std::string panels(const std::string& data) {
          "unset xlabel\n";
 }
 
-void draw(const std::string& folder, const std::string& csv) {
+std::string terminal_of(const std::string& format, int width_px) {
+  constexpr double kHeightOverWidth = 1.3;
+  constexpr double kPixelsAnInch = 96.0;
+  char text[160];
+  if (format == "pdf") {
+    std::snprintf(text, sizeof text,
+                  "set terminal pdfcairo size %.3fin,%.3fin background '#ffffff' font 'sans,10'\n",
+                  width_px / kPixelsAnInch, kHeightOverWidth * width_px / kPixelsAnInch);
+  } else {
+    std::snprintf(text, sizeof text,
+                  "set terminal %s size %d,%.0f background '#ffffff' font '%s'\n",
+                  format == "svg" ? "svg" : "pngcairo", width_px, kHeightOverWidth * width_px,
+                  format == "svg" ? "sans,13" : "sans,11");
+  }
+  return text;
+}
+
+std::vector<std::string> draw(const std::string& folder, const std::string& csv,
+                              const RecordingPlotOptions& options, double from_s, double to_s) {
   const std::string data = evaluation::quoted(csv);
   std::string script =
       "set datafile separator ','\n"
       "set style line 1 lc rgb '#000000' lw 1.2\nset style line 2 lc rgb '#E69F00' lw 1.2\n"
-      "set style line 3 lc rgb '#0072B2' lw 1.2\n"
+      "set style line 3 lc rgb '#0072B2' lw 1.2\nset style line 4 lc rgb '#F2CE7A' lw 5\n"
       "set grid lt 1 lw 0.5 lc rgb '#dddddd'\nset key outside top center horizontal samplen 2\n"
       "set lmargin 10\nset rmargin 3\nset ytics nomirror\nset xtics nomirror\nset border 3\n";
-  for (const bool svg : {true, false}) {
-    script += svg ? "set terminal svg size 1000,1300 background '#ffffff' font 'sans,13'\n"
-                  : "set terminal pngcairo size 1000,1300 background '#ffffff' font 'sans,11'\n";
-    script += "set output " +
-              evaluation::quoted(folder + (svg ? "/recording.svg" : "/recording.png")) +
-              "\nset multiplot layout 5,1\n" + panels(data) + "unset multiplot\n";
+  char range[96];
+  std::snprintf(range, sizeof range, "set xrange [%.9g:%.9g]\n", from_s, to_s);
+  script += range;
+  std::vector<std::filesystem::path> pictures;
+  std::vector<std::string> files;
+  for (const std::string& format : options.formats) {
+    files.push_back(folder + "/recording." + format);
+    pictures.emplace_back(files.back());
+    script += terminal_of(format, options.width_px) + "set output " +
+              evaluation::quoted(files.back()) + "\nset multiplot layout 5,1\n" + panels(data) +
+              "unset multiplot\n";
   }
-  evaluation::run_gnuplot(script, {folder + "/recording.svg", folder + "/recording.png"});
+  evaluation::run_gnuplot(script + "unset output\n", pictures);
+  return files;
 }
+
+// The rows [begin, end) of a recording.
+struct Rows {
+  std::uint64_t begin = 0;
+  std::uint64_t end = 0;
+};
+
+std::string in_seconds(double time_s) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g s", time_s);
+  return text;
+}
+
+class Plotting {
+ public:
+  Plotting(const Hdf5Reader& reader, const RecordingPlotOptions& options)
+      : reader_(reader), options_(options) {
+    plot_.header = read_header(reader);
+    if (plot_.header.cycles < 2) {
+      throw std::runtime_error("the recording has fewer than two cycles; there is nothing to draw");
+    }
+  }
+
+  RecordingPlot draw_into(const std::string& folder) {
+    find_times();
+    const Rows window = chosen_rows();
+    read_rows(window);
+    const std::string csv = folder + "/recording.csv";
+    write_csv(csv, points_);
+    plot_.files = draw(folder, csv, options_, plot_.drawn_from_s, plot_.drawn_to_s);
+    plot_.files.insert(plot_.files.begin(), csv);
+    return std::move(plot_);
+  }
+
+ private:
+  // Calls take(row, time, in contact) for every row.
+  template <typename Take>
+  void each_time(const Take& take) const {
+    for (std::uint64_t first = 0; first < plot_.header.cycles; first += kRowsAtOnce) {
+      const std::uint64_t count = std::min(kRowsAtOnce, plot_.header.cycles - first);
+      const std::vector<double> time_s = reader_.numbers("/cycles/time_s", count, first);
+      const std::vector<double> contact = reader_.numbers("/cycles/in_contact", count, first);
+      for (std::size_t i = 0; i < time_s.size(); ++i) {
+        take(first + i, time_s[i], contact[i] != 0.0);
+      }
+    }
+  }
+
+  void find_times() {
+    each_time([this](std::uint64_t row, double time_s, bool in_contact) {
+      begins_s_ = row == 0 ? time_s : begins_s_;
+      ends_s_ = time_s;
+      if (in_contact) {
+        plot_.contact_from_s = plot_.contact_from_s.value_or(time_s);
+        plot_.contact_to_s = time_s;
+      }
+    });
+    plot_.duration_s = ends_s_ - begins_s_;
+  }
+
+  Rows chosen_rows() {
+    double from_s = options_.from_s.value_or(begins_s_);
+    double to_s = options_.to_s.value_or(ends_s_);
+    if (options_.contact_only) {
+      if (!plot_.contact_from_s) {
+        throw std::runtime_error(
+            "the recording has no contact to zoom in on; draw all of it, or a part with --from and "
+            "--to");
+      }
+      from_s = *plot_.contact_from_s - kAroundContact_s;
+      to_s = *plot_.contact_to_s + kAroundContact_s;
+    }
+    Rows rows{plot_.header.cycles, 0};
+    each_time([&](std::uint64_t row, double time_s, bool /*in_contact*/) {
+      if (time_s >= from_s && time_s <= to_s) {
+        rows.begin = std::min(rows.begin, row);
+        rows.end = row + 1;
+        plot_.drawn_from_s = rows.begin == row ? time_s : plot_.drawn_from_s;
+        plot_.drawn_to_s = time_s;
+      }
+    });
+    if (rows.end < rows.begin + 2) {
+      throw std::runtime_error("there are fewer than two cycles from " + in_seconds(from_s) +
+                               " to " + in_seconds(to_s) + "; the recording goes from " +
+                               in_seconds(begins_s_) + " to " + in_seconds(ends_s_) +
+                               ", so choose --from and --to within that");
+    }
+    return rows;
+  }
+
+  // The points of the window, and the figures of all rows.
+  void read_rows(const Rows& window) {
+    const std::uint64_t rows = plot_.header.cycles;
+    double last_cycle = 0.0;
+    for (std::uint64_t first = 0; first < rows; first += kRowsAtOnce) {
+      const Block block(reader_, std::min(kRowsAtOnce, rows - first), first);
+      for (std::size_t i = 0; i < block.time_s.size(); ++i) {
+        const std::uint64_t row = first + i;
+        plot_.cycles_lost +=
+            row == 0 ? 0 : static_cast<std::uint64_t>(block.cycle[i] - last_cycle - 1.0);
+        last_cycle = block.cycle[i];
+        plot_.missed_deadlines += static_cast<std::uint64_t>(block.missed[i]);
+        plot_.period_max_us = std::max(plot_.period_max_us, block.period_us[i]);
+        plot_.force_max_N = std::max(plot_.force_max_N, norm3(block.sent_N, 3 * i));
+        if (row >= window.begin && row < window.end) {
+          take(block, i, row - window.begin, (window.end - window.begin) / kPointsDrawn + 1);
+        }
+      }
+    }
+  }
+
+  // Row `i` of a block, which is row `row` of the window.
+  void take(const Block& block, std::size_t i, std::uint64_t row, std::uint64_t span) {
+    if (row % span == 0) {
+      Point point;
+      point.time_s = block.time_s[i];
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        point.position_mm[axis] = 1e3 * block.position_m[3 * i + axis];
+      }
+      point.asked_N = norm3(block.asked_N, 3 * plot_.header.method_names.size() * i);
+      point.sent_N = norm3(block.sent_N, 3 * i);
+      point.work_J = block.work_J[i];
+      points_.push_back(point);
+    }
+    Point& point = points_.back();
+    point.period_us = std::max(point.period_us, block.period_us[i]);
+    point.wakeup_us = std::max(point.wakeup_us, block.wakeup_us[i]);
+    point.compute_us = std::max(point.compute_us, block.compute_us[i]);
+    point.report_age_ms = std::max(point.report_age_ms, 1e-3 * block.report_age_us[i]);
+    point.sample_age_ms = std::max(point.sample_age_ms, block.sample_age_ms[i]);
+  }
+
+  const Hdf5Reader& reader_;
+  const RecordingPlotOptions& options_;
+  RecordingPlot plot_;
+  double begins_s_ = 0.0;  // times of the first and the last cycle
+  double ends_s_ = 0.0;
+  std::vector<Point> points_;
+};
 
 }  // namespace
 
-RecordingPlot plot_recording(const Hdf5Reader& reader, const std::string& folder) {
-  RecordingPlot plot;
-  plot.header = read_header(reader);
-  const std::uint64_t rows = plot.header.cycles;
-  if (rows < 2) {
-    throw std::runtime_error("the recording has fewer than two cycles; there is nothing to draw");
-  }
-  const std::uint64_t span = rows / kPointsDrawn + 1;
-  std::vector<Point> points;
-  double first_s = 0.0;
-  double last_cycle = 0.0;
-  for (std::uint64_t first = 0; first < rows; first += kRowsAtOnce) {
-    const Block block(reader, std::min(kRowsAtOnce, rows - first), first);
-    const std::size_t asked = 3 * plot.header.method_names.size();
-    for (std::size_t i = 0; i < block.time_s.size(); ++i) {
-      const std::uint64_t row = first + i;
-      first_s = row == 0 ? block.time_s[i] : first_s;
-      plot.cycles_lost +=
-          row == 0 ? 0 : static_cast<std::uint64_t>(block.cycle[i] - last_cycle - 1.0);
-      last_cycle = block.cycle[i];
-      plot.duration_s = block.time_s[i] - first_s;
-      plot.missed_deadlines += static_cast<std::uint64_t>(block.missed[i]);
-      plot.period_max_us = std::max(plot.period_max_us, block.period_us[i]);
-      plot.force_max_N = std::max(plot.force_max_N, norm3(block.sent_N, 3 * i));
-      if (row % span == 0) {
-        Point point;
-        point.time_s = block.time_s[i];
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          point.position_mm[axis] = 1e3 * block.position_m[3 * i + axis];
-        }
-        point.asked_N = norm3(block.asked_N, asked * i);
-        point.sent_N = norm3(block.sent_N, 3 * i);
-        point.work_J = block.work_J[i];
-        points.push_back(point);
-      }
-      Point& point = points.back();
-      point.period_us = std::max(point.period_us, block.period_us[i]);
-      point.wakeup_us = std::max(point.wakeup_us, block.wakeup_us[i]);
-      point.compute_us = std::max(point.compute_us, block.compute_us[i]);
-      point.report_age_ms = std::max(point.report_age_ms, 1e-3 * block.report_age_us[i]);
-      point.sample_age_ms = std::max(point.sample_age_ms, block.sample_age_ms[i]);
-    }
-  }
-  const std::string csv = folder + "/recording.csv";
-  write_csv(csv, points);
-  draw(folder, csv);
-  plot.files = {csv, folder + "/recording.svg", folder + "/recording.png"};
-  return plot;
+RecordingPlot plot_recording(const Hdf5Reader& reader, const std::string& folder,
+                             const RecordingPlotOptions& options) {
+  return Plotting(reader, options).draw_into(folder);
 }
 
 }  // namespace forcegrid::tools

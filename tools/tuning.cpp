@@ -117,7 +117,8 @@ TuningChoice choose(const std::vector<TuningRow>& rows, const TuningTolerance& t
   }
   choice.reason = name_of(chosen) + " meets the tolerance with an error of " +
                   percent(chosen.error_percent) + ", its method taking " +
-                  percent(chosen.method_percent()) + " of a processor; ";
+                  (chosen.at_timer_floor() ? "at most " : "") + percent(chosen.method_percent()) +
+                  " of a processor; ";
   choice.reason += choice.next_cheaper ? "next cheaper is " + name_of(rows[*choice.next_cheaper]) +
                                              ": " + objection(rows[*choice.next_cheaper], tolerance)
                                        : "no setting tried is cheaper";

@@ -19,7 +19,9 @@ struct TuningRow {
 
   /// RMS error after the first second, in % of the RMS of the reference force; NaN: not evaluated.
   double path_error_percent = std::numeric_limits<double>::quiet_NaN();
-  double method_us = 0.0;  ///< mean time of a cycle in the method, samples included
+  /// Mean time of a cycle in the method, samples included; at least timer_floor_us.
+  double method_us = 0.0;
+  double timer_floor_us = 0.0;  ///< Verdict::timer_floor_ns of that measurement
 
   /// Largest stiffness at which the simulated loop is stable, over the largest stiffness of the
   /// path; NaN: not simulated.
@@ -36,6 +38,8 @@ struct TuningRow {
   /// [%] Share of one processor that the method takes. It decides which row is cheaper, because the
   /// rest of a cycle costs the same for all methods.
   double method_percent() const { return 1e-4 * method_us * rate_Hz; }
+  /// Whether the method takes less time than the timer can tell from none.
+  bool at_timer_floor() const { return timer_floor_us > 0.0 && method_us <= timer_floor_us; }
   /// Error in the loop if it was measured, otherwise on the path.
   double known_error_percent() const { return measured ? error_percent : path_error_percent; }
 };

@@ -4,12 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <iterator>
 #include <limits>
+#include <ostream>
 #include <stdexcept>
 
 #include "evaluation/gnuplot.h"
+#include "text/output_file.h"
 
 namespace forcegrid::tools {
 namespace {
@@ -57,28 +58,34 @@ std::vector<std::string> distinct_methods(const std::vector<TuningRow>& rows) {
   return methods;
 }
 
-void write_csv(const std::string& file, const std::vector<TuningRow>& rows,
-               const TuningChoice& choice) {
-  std::ofstream stream(file);
+}  // namespace
+
+std::string write_tuning_csv(const std::string& folder, const std::vector<TuningRow>& rows,
+                             const TuningChoice& choice) {
+  std::string file = folder + "/tuning.csv";
+  text::OutputFile output(file);
+  std::ostream& stream = output.stream();
   stream << "method,rate_Hz,fill_budget,path_error_percent,method_us,method_percent,"
-            "stability_margin,measured,error_percent,missed_percent,period_p99_us,compute_p50_us,"
+            "method_at_timer_floor,stability_margin,measured,error_percent,missed_percent,period_"
+            "p99_us,compute_p50_us,"
             "compute_p99_us,backlog_percent,chosen\n";
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const TuningRow& r = rows[i];
     stream << '"' << r.method << "\"," << r.rate_Hz << ',' << r.fill_budget << ','
            << r.path_error_percent << ',' << r.method_us << ',' << r.method_percent() << ','
-           << r.stability_margin << ',' << (r.measured ? 1 : 0);
+           << (r.at_timer_floor() ? 1 : 0) << ',' << r.stability_margin << ','
+           << (r.measured ? 1 : 0);
     for (const double value : {r.error_percent, r.missed_percent, r.period_p99_us, r.compute_p50_us,
                                r.compute_p99_us, r.backlog_percent}) {
       stream << ',' << (r.measured ? value : std::nan(""));
     }
     stream << ',' << (choice.chosen == i ? 1 : 0) << '\n';
   }
-  stream.close();
-  if (!stream) {
-    throw std::runtime_error(file + " can't be written; choose another folder with --out");
-  }
+  output.finish();
+  return file;
 }
+
+namespace {
 
 using Points = std::vector<std::pair<double, double>>;
 
@@ -107,19 +114,26 @@ bool belongs(const Panel& panel, const TuningRow& row, const std::vector<TuningR
          });
 }
 
+// Whether a panel has a place for a point: a logarithmic axis has none for zero.
+bool has_place(const Panel& panel, double x, double y) {
+  const std::string scales = panel.scales;
+  return std::isfinite(x) && std::isfinite(y) && (!scales.starts_with('x') || x > 0.0) &&
+         (!scales.ends_with('y') || y > 0.0);
+}
+
 // The points of one method, from the left to the right.
 Points points(const Panel& panel, const std::vector<TuningRow>& rows, const std::string& method,
               double budgets_at_Hz, bool in_loop) {
   Points all;
-  const bool logarithmic = panel.scales[0] != '\0';
   for (const TuningRow& row : rows) {
     if (row.method != method || !row.problem.empty() || (in_loop && !row.measured) ||
         (!in_loop && panel.y_on_path == nullptr) || !belongs(panel, row, rows, budgets_at_Hz)) {
       continue;
     }
+    const double x = panel.x(row);
     const double y = in_loop ? panel.y_in_loop(row) : panel.y_on_path(row);
-    if (std::isfinite(y) && (!logarithmic || y > 0.0)) {
-      all.emplace_back(panel.x(row), y);
+    if (has_place(panel, x, y)) {
+      all.emplace_back(x, y);
     }
   }
   std::sort(all.begin(), all.end());
@@ -143,7 +157,13 @@ std::string draw(const Panel& panel, bool with_key, const std::vector<TuningRow>
   const bool misses = panel.y_in_loop == missed;
   const double tolerated = misses ? tolerance.missed_percent : tolerance.error_percent;
   std::string blocks, curves;
-  std::vector<double> all_x, all_y{tolerated};
+  const std::string scales = panel.scales;
+  const bool log_y = scales.ends_with('y');
+  const bool shows_tolerated = !log_y || tolerated > 0.0;
+  std::vector<double> all_x, all_y;
+  if (shows_tolerated) {
+    all_y.push_back(tolerated);
+  }
   const auto add = [&](const Points& data, const std::string& style) {
     if (data.empty()) {
       return;
@@ -172,7 +192,9 @@ std::string draw(const Panel& panel, bool with_key, const std::vector<TuningRow>
   }
   if (choice.chosen && (!panel.over_budgets || has_grid(rows[*choice.chosen].method))) {
     const TuningRow& row = rows[*choice.chosen];
-    add({{panel.x(row), panel.y_in_loop(row)}},
+    const double x = panel.x(row);
+    const double y = panel.y_in_loop(row);
+    add(has_place(panel, x, y) ? Points{{x, y}} : Points{},
         std::string("with points pt 6 ps 2.6 lw 2.5 lc rgb '") + kChosenColour +
             "' title 'chosen'");
   }
@@ -182,23 +204,23 @@ std::string draw(const Panel& panel, bool with_key, const std::vector<TuningRow>
   if (misses) {
     all_y.push_back(0.0);
   }
-  const std::string scales = panel.scales;
-  char limit[64];
-  std::snprintf(limit, sizeof limit, ", %.9g", tolerated);
+  char limit[128] = "";
+  if (shows_tolerated) {
+    std::snprintf(limit, sizeof limit, ", %.9g with lines dt 2 lc rgb '#000000' title 'tolerated'",
+                  tolerated);
+  }
   return blocks + "unset logscale\n" + (scales.empty() ? "" : "set logscale " + scales + "\n") +
-         range('x', all_x, scales.starts_with('x')) + range('y', all_y, !scales.empty()) +
+         range('x', all_x, scales.starts_with('x')) + range('y', all_y, log_y) +
          (with_key ? "set key outside right top maxcols 1 font ',9' spacing 0.9 Left reverse\n"
                    : "unset key\n") +
          "set xlabel '" + panel.x_title + "'\nset ylabel '" + panel.y_title + "'\n" + curves +
-         limit + " with lines dt 2 lc rgb '#000000' title 'tolerated'\n";
+         limit + "\n";
 }
 
 }  // namespace
 
 std::vector<std::string> draw_tuning(const std::string& folder, const std::vector<TuningRow>& rows,
                                      const TuningChoice& choice, const TuningTolerance& tolerance) {
-  const std::string csv = folder + "/tuning.csv";
-  write_csv(csv, rows, choice);
   std::string script = "set grid\nset lmargin 11\nset rmargin 36\n";
   for (const bool svg : {true, false}) {
     script += svg ? "set terminal svg size 900,1400 background '#ffffff' font 'sans,12'\n"
@@ -212,7 +234,7 @@ std::vector<std::string> draw_tuning(const std::string& folder, const std::vecto
     script += "unset multiplot\n";
   }
   evaluation::run_gnuplot(script, {folder + "/tuning.svg", folder + "/tuning.png"});
-  return {csv, folder + "/tuning.svg", folder + "/tuning.png"};
+  return {folder + "/tuning.svg", folder + "/tuning.png"};
 }
 
 }  // namespace forcegrid::tools

@@ -63,6 +63,7 @@ void judge_on_path(const evaluation::Trace& trace, const MethodOptions& base, Tu
   try {
     const evaluation::Trace path = at_rate(trace, row.rate_Hz);
     row.method_us = std::numeric_limits<double>::infinity();
+    row.timer_floor_us = 0.0;
     evaluation::JudgeOptions judging;
     judging.work_budget = row.fill_budget;
     for (int i = 0; i < kRepeats; ++i) {
@@ -75,6 +76,7 @@ void judge_on_path(const evaluation::Trace& trace, const MethodOptions& base, Tu
       const evaluation::Verdict verdict = evaluation::judge(*method, path, judging);
       row.path_error_percent = verdict.rms_error_percent_after_1s;
       row.method_us = std::min(row.method_us, 1e-3 * verdict.cycle_ns);
+      row.timer_floor_us = std::max(row.timer_floor_us, 1e-3 * verdict.timer_floor_ns);
     }
   } catch (const std::invalid_argument& error) {
     row.problem = error.what();

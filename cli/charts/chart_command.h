@@ -8,15 +8,12 @@
 #include "cli/charts/chart_solvers_command.h"
 #include "cli/charts/chart_stability_command.h"
 #include "cli/charts/chart_support.h"
-
-namespace CLI {
-class App;
-}
+#include "cli/common/options.h"
 
 namespace forcegrid::cli {
 
 /// Options of `forcegrid chart accuracy`; an empty list selects everything.
-struct ChartAccuracyOptions : ChartChoice {
+struct ChartAccuracyOptions : ShardedChoice {
   std::vector<std::string> scenes;
   std::vector<std::string> trajectories;
   std::vector<std::string> conditions;
@@ -24,6 +21,7 @@ struct ChartAccuracyOptions : ChartChoice {
   std::string goals_for;             ///< method compared with the goals; empty: that of `run`
   std::vector<std::string> figures;  ///< SCENE/TRAJECTORY/CONDITION
   std::vector<std::string> figure_methods;  ///< empty: the default method, forcegrid, hold
+  bool no_stiffness_picture = false;
 };
 
 struct ChartCommandOptions {
@@ -34,7 +32,7 @@ struct ChartCommandOptions {
 
 /// Adds the subcommand `chart` with its subcommands `accuracy`, `stability` and `solvers`, which
 /// set `action`.
-void add_chart(CLI::App& app, ChartCommandOptions& options, std::function<int()>& action);
+void add_chart(Command& app, ChartCommandOptions& options, std::function<int()>& action);
 
 /// Evaluates force methods on the chart's objects, motions and networks, and writes tables,
 /// pictures and a page into `asked.out`; see docs/accuracy.md.

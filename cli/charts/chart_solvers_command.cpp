@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/chart_solvers_command.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numeric>
 
 #include "cli/charts/chart_support.h"
+#include "cli/common/number_check.h"
+#include "cli/common/options.h"
 #include "cli/common/scene_option.h"
 #include "cli/run/run_checks.h"
 #include "evaluation/scenarios.h"
@@ -21,6 +23,10 @@ constexpr double kRate_Hz = 500.0;
 constexpr double kMotion_s = 1.0;
 constexpr double kQuickMotion_s = 0.7;
 constexpr int kQuickSize = 10'000;
+
+// Time of an object relative to others: one step of conjugate gradients takes as long as there are
+// vertices, and their number grows with the edge.
+double share_of(double vertices) { return std::pow(vertices, 4.0 / 3.0); }
 
 void print(const std::vector<simulator::SolverScalingRow>& rows) {
   std::printf("A servo cycle of %.0f Hz along the motion 'random', processor time of one thread\n",
@@ -41,21 +47,21 @@ void print(const std::vector<simulator::SolverScalingRow>& rows) {
 
 }  // namespace
 
-void add_chart_solvers(CLI::App& chart, ChartSolversOptions& o, std::function<int()>& action) {
-  CLI::App& solvers = *chart.add_subcommand(
+void add_chart_solvers(Command& chart, ChartSolversOptions& o, std::function<int()>& action) {
+  Command& solvers = chart.add_subcommand(
       "solvers", "Cost of a servo cycle against the size of the object, for each solver");
   solvers.add_option("--out", o.out, "Folder for tables and picture")->required();
   solvers
       .add_option("--sizes", o.sizes,
                   "Approximate numbers of vertices of the blocks, 1000 to 1000000")
-      ->delimiter(',')
-      ->check(CLI::Range(1'000, 1'000'000))
+      ->separated_by(',')
+      ->check(whole_between(1'000, 1'000'000))
       ->type_name("INT vertices")
-      ->capture_default_str();
+      ->show_default();
   solvers.add_option("--scenes", o.scenes, "Scenes beside the blocks: " + scene_help())
-      ->delimiter(',')
+      ->separated_by(',')
       ->check(scene_check())
-      ->capture_default_str();
+      ->show_default();
   solvers.add_flag("--quick", o.quick, "Blocks of up to 10000 vertices, a shorter motion");
   solvers.callback([&o, &action] { action = [&o] { return chart_solvers_command(o); }; });
 }
@@ -74,7 +80,21 @@ int chart_solvers_command(const ChartSolversOptions& asked) {
   options.displacements_W.resize(std::min(
       options.displacements_W.size(), static_cast<std::size_t>(std::lround(
                                           (asked.quick ? kQuickMotion_s : kMotion_s) * kRate_Hz))));
-  options.say = line.say_function();
+  // The time of a step grows with the object's size; of the scenes only the number is known yet.
+  const double least = options.block_sizes.empty() ? 1.0 : options.block_sizes.front();
+  std::vector<double> shares(options.scenes.size(), share_of(least));
+  for (const int size : options.block_sizes) {
+    shares.push_back(share_of(size));
+  }
+  const double all = std::accumulate(shares.begin(), shares.end(), 0.0);
+  std::size_t step = 0;
+  double done = 0.0;
+  options.say = [&](const std::string& what) {
+    line.say(what);
+    line.show("Measuring solvers", done / all);
+    done += shares.at(step / simulator::kScalingSteps) / simulator::kScalingSteps;
+    ++step;
+  };
   const auto rows = simulator::bench_scaling(options);
   const auto files = evaluation::write_solver_chart(asked.out, rows, kRate_Hz);
   line.clear();

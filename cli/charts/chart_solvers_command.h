@@ -6,9 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace CLI {
-class App;
-}
+#include "cli/common/options.h"
 
 namespace forcegrid::cli {
 
@@ -21,7 +19,7 @@ struct ChartSolversOptions {
 };
 
 /// Adds the subcommand `solvers` to `chart`.
-void add_chart_solvers(CLI::App& chart, ChartSolversOptions& options, std::function<int()>& action);
+void add_chart_solvers(Command& chart, ChartSolversOptions& options, std::function<int()>& action);
 
 /// Measures the cost of a servo cycle with each solver; see docs/solvers.md. Result and errors are
 /// those of chart_accuracy_command().

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/chart_stability_command.h"
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 
 #include "cli/charts/chart_support.h"
 #include "cli/common/option_values.h"
+#include "cli/common/options.h"
+#include "evaluation/page_text.h"
+#include "log/log.h"
 #include "stability/chart.h"
 #include "stability/chart_report.h"
 
@@ -14,16 +16,17 @@ namespace forcegrid::cli {
 namespace {
 
 void print_numbers(const stability::StabilityChart& chart, const std::string& method) {
-  std::printf("Goals, method %s, object %s:\n", method.c_str(), chart.scene.c_str());
+  print_goals_head(chart.numbers, "method " + method + ", object " + chart.scene);
+  GoalCount count;
   for (const stability::StabilityNumber& each : chart.numbers) {
-    if (each.known()) {
-      std::printf("  %-78s %9.4g %-6s goal %s %g  %-6s  %s\n", each.name.c_str(), each.measured,
+    if (count.add(each.known(), each.met())) {
+      std::printf("  %-78s %9.4g %-6s goal %s %-5g %-30s  %s\n", each.name.c_str(), each.measured,
                   each.unit.c_str(), each.at_least ? ">=" : "<=", each.goal,
-                  each.met() ? "met" : "MISSED", each.worst.c_str());
-    } else {
-      std::printf("  %-78s not in this selection\n", each.name.c_str());
+                  evaluation::goal_verdict(each.measured, each.goal, each.at_least).words.c_str(),
+                  each.worst.c_str());
     }
   }
+  std::printf("%s\n", count.sentence().c_str());
 }
 
 void print_scenes(const stability::StabilityChart& chart, const std::string& method) {
@@ -55,29 +58,29 @@ void print_sweep(const stability::StabilityChart& chart) {
 
 }  // namespace
 
-void add_chart_stability(CLI::App& chart, ChartStabilityOptions& o, std::function<int()>& action) {
-  CLI::App& stability = *chart.add_subcommand(
+void add_chart_stability(Command& chart, ChartStabilityOptions& o, std::function<int()>& action) {
+  Command& stability = chart.add_subcommand(
       "stability", "Stability of force methods in the closed loop of device, hand and servo");
-  add_chart_choice(stability, o,
-                   {.quick = "The small block and fewer cells, within five minutes",
-                    .seed = "Of noise, loss and motions"});
+  add_sharded_choice(stability, o,
+                     {.quick = "The small block and fewer cells, within five minutes",
+                      .seed = "Of noise, loss and motions"});
   stability
       .add_option("--methods", o.methods,
                   "Methods with changes to their options, separated by ';' (default: " +
                       joined(stability::chart_methods()) + ")")
-      ->delimiter(';');
+      ->separated_by(';');
   stability
       .add_option("--parts", o.parts,
                   "Parts of the chart (default all): " + joined(stability::chart_parts()))
-      ->delimiter(',')
-      ->check(CLI::IsMember(stability::chart_parts()));
+      ->separated_by(',')
+      ->check(one_of(stability::chart_parts()));
   std::vector<std::string> hands;
   for (const stability::Hand& hand : stability::hands()) {
     hands.push_back(hand.name);
   }
   stability.add_option("--hands", o.hands, "Hands (default all): " + joined(hands))
-      ->delimiter(',')
-      ->check(CLI::IsMember(hands));
+      ->separated_by(',')
+      ->check(one_of(hands));
   add_goals_for(stability, o.goals_for);
   stability.callback([&o, &action] { action = [&o] { return chart_stability_command(o); }; });
 }
@@ -88,12 +91,19 @@ int chart_stability_command(const ChartStabilityOptions& asked) {
   take_common(options, asked, line);
   options.parts = asked.parts;
   options.hands = asked.hands;
-  const stability::StabilityChart chart = stability::make_stability_chart(options);
+  const stability::StabilityChart chart =
+      resumable([&options] { return stability::make_stability_chart(options); });
+  if (!options.shard.whole()) {
+    return end_of_shard(asked, chart.rows.size(), chart.not_judged.size(), chart.elapsed_s, line);
+  }
   const auto files = stability::write_stability_chart(chart, options);
   line.clear();
   print_numbers(chart, options.default_method);
   print_scenes(chart, options.default_method);
   print_sweep(chart);
+  for (const stability::NotJudgedCell& each : chart.not_judged) {
+    log::warn("stability", "not judged: " + each.cell.text() + ": " + each.reason);
+  }
   std::printf("%zu cells (%zu of them from an earlier call) in %s; open %s\n", chart.rows.size(),
               chart.rows_kept, time_text(chart.elapsed_s).c_str(), files.back().c_str());
   return 0;

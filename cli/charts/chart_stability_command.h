@@ -6,15 +6,12 @@
 #include <vector>
 
 #include "cli/charts/chart_support.h"
-
-namespace CLI {
-class App;
-}
+#include "cli/common/options.h"
 
 namespace forcegrid::cli {
 
 /// Options of `forcegrid chart stability`.
-struct ChartStabilityOptions : ChartChoice {
+struct ChartStabilityOptions : ShardedChoice {
   std::vector<std::string> methods;  ///< MethodVariant texts; empty: the chart's methods
   std::vector<std::string> parts;    ///< empty: all
   std::vector<std::string> hands;    ///< empty: all
@@ -22,7 +19,7 @@ struct ChartStabilityOptions : ChartChoice {
 };
 
 /// Adds the subcommand `stability` to `chart`.
-void add_chart_stability(CLI::App& chart, ChartStabilityOptions& options,
+void add_chart_stability(Command& chart, ChartStabilityOptions& options,
                          std::function<int()>& action);
 
 /// Measures the stability of force methods in the closed loop in simulated time; see

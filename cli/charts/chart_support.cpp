@@ -1,25 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/chart_support.h"
 
-#include <unistd.h>
-
-#include <CLI/CLI.hpp>
-#include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <stdexcept>
 
+#include "cli/common/number_check.h"
+#include "cli/common/options.h"
 #include "evaluation/force_table.h"
+#include "evaluation/row_file.h"
 
 namespace forcegrid::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using std::chrono::steady_clock;
-
-constexpr std::chrono::milliseconds kTerminalPeriod{200};
-constexpr std::chrono::seconds kLogPeriod{10};
 
 }  // namespace
 
@@ -55,67 +49,81 @@ std::string program_hash() {
   return hash.text();
 }
 
-std::string time_text(double time_s) {
-  const long seconds = std::lround(time_s);
-  char text[32];
-  if (seconds < 60) {
-    std::snprintf(text, sizeof text, "%ld s", seconds);
-  } else {
-    std::snprintf(text, sizeof text, "%ld min %02ld s", seconds / 60, seconds % 60);
+void add_chart_choice(Command& command, ChartChoice& choice, const ChartFlagWords& words) {
+  command.add_option("--out", choice.out, "Folder for tables, pictures and the page")->required();
+  command.add_flag("--quick", choice.quick, words.quick);
+  command.add_option("--jobs", choice.jobs, std::string(words.jobs) + "; 0 is one per processor")
+      ->check(whole_between(0, 1024))
+      ->type_name("UINT threads")
+      ->show_default();
+  command.add_option(
+      "--cache", choice.cache,
+      std::string("Folder of ") + words.cached + " (default forcegrid in the user's cache folder)");
+  command.add_option("--seed", choice.seed, words.seed)->check(seed_number())->show_default();
+}
+
+void add_sharded_choice(Command& command, ShardedChoice& choice, const ChartFlagWords& words) {
+  add_chart_choice(command, choice, words);
+  Option* const shard =
+      command
+          .add_option("--shard", choice.shard,
+                      "Make only part I of N of the rows, e.g. 2/8, without pictures; --merge puts "
+                      "the parts together")
+          ->check({[](const std::string& text) {
+                     try {
+                       static_cast<void>(evaluation::parse_shard(text));
+                       return std::string();
+                     } catch (const std::invalid_argument& error) {
+                       return std::string(error.what());
+                     }
+                   },
+                   "I/N"})
+          ->not_in_config();
+  command
+      .add_option(
+          "--merge", choice.merge,
+          "Folders of shards, whose rows count as made; what is in none of them is made now")
+      ->type_name("DIR ...")
+      ->excludes(shard)
+      ->not_in_config();
+}
+
+void merge_shards(const ShardedChoice& choice, const std::string& program, ProgressLine& line) {
+  if (!choice.merge.empty()) {
+    const std::size_t added =
+        evaluation::merge_rows(choice.out, program, {choice.merge.begin(), choice.merge.end()});
+    line.say("merged " + std::to_string(added) + " rows of " + std::to_string(choice.merge.size()) +
+             " shards");
+  }
+}
+
+int end_of_shard(const ShardedChoice& choice, std::size_t rows, std::size_t not_judged,
+                 double elapsed_s, ProgressLine& line) {
+  line.clear();
+  std::printf(
+      "Shard %s: %zu rows in %s in %s, %zu not judged; put the shards together with --merge\n",
+      choice.shard.c_str(), rows, choice.out.c_str(), time_text(elapsed_s).c_str(), not_judged);
+  return 0;
+}
+
+bool GoalCount::add(bool known, bool met) {
+  (known ? known_ : unknown_) += 1;
+  met_ += known && met ? 1 : 0;
+  return known;
+}
+
+std::string GoalCount::sentence() const {
+  if (known_ == 0) {
+    return "No goal is in this selection";
+  }
+  std::string text = std::to_string(met_) + " of " + std::to_string(known_) + " goals met";
+  if (unknown_ > 0) {
+    text += "; " + std::to_string(unknown_) + " are not in this selection";
   }
   return text;
 }
 
-bool ProgressLine::is_terminal() { return isatty(STDERR_FILENO) == 1; }
-
-void ProgressLine::show(const std::string& what, double done, double remaining_s) {
-  const auto now = steady_clock::now();
-  if (now - shown_ <
-      (terminal_ ? steady_clock::duration(kTerminalPeriod) : steady_clock::duration(kLogPeriod))) {
-    return;
-  }
-  shown_ = now;
-  std::fprintf(stderr, "%s%s: %3.0f %%, %s left%s", terminal_ ? "\r\033[K" : "", what.c_str(),
-               100.0 * done, time_text(remaining_s).c_str(), terminal_ ? "" : "\n");
-  open_ = terminal_;
-}
-
-void ProgressLine::say(const std::string& text) {
-  clear();
-  std::fprintf(stderr, "%s\n", text.c_str());
-}
-
-void ProgressLine::clear() {
-  if (open_) {
-    std::fputs("\r\033[K", stderr);
-    open_ = false;
-  }
-}
-
-std::function<void(const std::string&)> ProgressLine::say_function() {
-  return [this](const std::string& text) { say(text); };
-}
-
-std::function<void(const std::string&, double, double)> ProgressLine::show_function() {
-  return [this](const std::string& what, double done, double remaining_s) {
-    show(what, done, remaining_s);
-  };
-}
-
-void add_chart_choice(CLI::App& command, ChartChoice& choice, const ChartFlagWords& words) {
-  command.add_option("--out", choice.out, "Folder for tables, pictures and the page")->required();
-  command.add_flag("--quick", choice.quick, words.quick);
-  command.add_option("--jobs", choice.jobs, std::string(words.jobs) + "; 0 is one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->type_name("UINT threads")
-      ->capture_default_str();
-  command.add_option(
-      "--cache", choice.cache,
-      std::string("Folder of ") + words.cached + " (default forcegrid in the user's cache folder)");
-  command.add_option("--seed", choice.seed, words.seed)->capture_default_str();
-}
-
-void add_goals_for(CLI::App& command, std::string& method) {
+void add_goals_for(Command& command, std::string& method) {
   command.add_option("--goals-for", method,
                      "Method that is held against the goals (default: that of 'run')");
 }

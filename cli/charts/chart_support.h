@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <chrono>
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
-#include <functional>
 #include <string>
 #include <vector>
 
+#include "cli/common/options.h"
+#include "cli/common/progress_line.h"
 #include "cli/common/stop_request.h"
 #include "cli/run/run_checks.h"
+#include "evaluation/force_table.h"
+#include "evaluation/shard.h"
 #include "forcegrid/methods.h"
-
-namespace CLI {
-class App;
-}
+#include "rt/checkpoint.h"
 
 namespace forcegrid::cli {
 
@@ -27,6 +27,12 @@ struct ChartChoice {
   std::uint64_t seed = 1;
 };
 
+/// A chart that several processes may share.
+struct ShardedChoice : ChartChoice {
+  std::string shard;               ///< "2/8"; empty: all of it
+  std::vector<std::string> merge;  ///< folders of shards
+};
+
 /// Help texts of the flags that differ from chart to chart.
 struct ChartFlagWords {
   const char* quick;
@@ -36,10 +42,46 @@ struct ChartFlagWords {
 };
 
 /// Adds --out, --quick, --jobs, --cache and --seed.
-void add_chart_choice(CLI::App& command, ChartChoice& choice, const ChartFlagWords& words);
+void add_chart_choice(Command& command, ChartChoice& choice, const ChartFlagWords& words);
+
+/// add_chart_choice(), --shard and --merge.
+void add_sharded_choice(Command& command, ShardedChoice& choice, const ChartFlagWords& words);
+
+/// Puts the rows of the shards that are to be merged into the output folder.
+/// @throws std::runtime_error as evaluation::merge_rows().
+void merge_shards(const ShardedChoice& choice, const std::string& program, ProgressLine& line);
+
+/// Says what a shard has made and what comes next. @returns the exit status, 0.
+int end_of_shard(const ShardedChoice& choice, std::size_t rows, std::size_t not_judged,
+                 double elapsed_s, ProgressLine& line);
+
+/// Prints the line above a chart's goals, unless the selection contains none of them.
+template <typename Number>
+void print_goals_head(const std::vector<Number>& numbers, const std::string& of_what) {
+  for (const Number& each : numbers) {
+    if (each.known()) {
+      std::printf("Goals, %s:\n", of_what.c_str());
+      return;
+    }
+  }
+}
+
+/// Counts the goals of a chart for the sentence below them.
+class GoalCount {
+ public:
+  /// @returns `known`: whether the goal has a line.
+  bool add(bool known, bool met);
+  /// "16 of 20 goals met; 17 are not in this selection", or that there are none.
+  std::string sentence() const;
+
+ private:
+  int known_ = 0;
+  int met_ = 0;
+  int unknown_ = 0;
+};
 
 /// Adds --goals-for: the method that is compared with the chart's goals.
-void add_goals_for(CLI::App& command, std::string& method);
+void add_goals_for(Command& command, std::string& method);
 
 /// Returns the folder for force tables: `asked`, or if that is empty one in the user's cache
 /// folder.
@@ -50,34 +92,17 @@ std::filesystem::path cache_folder(const std::string& asked);
 /// @throws std::runtime_error if the executable can't be read.
 std::string program_hash();
 
-/// Formats a duration [s] for people: "42 s", "3 min 05 s".
-std::string time_text(double time_s);
-
-/// Shows progress on standard error: one line that is overwritten on a terminal, otherwise a line
-/// every ten seconds.
-/// Threads: one at a time.
-class ProgressLine {
- public:
-  ProgressLine() = default;
-  /// Clears the line, so that the message of an exception starts on a new line.
-  ~ProgressLine() { clear(); }
-  ProgressLine(const ProgressLine&) = delete;
-  ProgressLine& operator=(const ProgressLine&) = delete;
-
-  void show(const std::string& what, double done, double remaining_s);
-  void say(const std::string& text);
-  void clear();
-  /// say() and show() as functions; this object must outlive them.
-  std::function<void(const std::string&)> say_function();
-  std::function<void(const std::string&, double, double)> show_function();
-
- private:
-  bool terminal_ = is_terminal();
-  bool open_ = false;
-  std::chrono::steady_clock::time_point shown_{};
-
-  static bool is_terminal();
-};
+/// Runs `work`, which keeps what it has finished.
+/// @throws what it throws; evaluation::Stopped, which says how to go on, instead of
+/// rt::Interrupted.
+template <typename Work>
+auto resumable(const Work& work) {
+  try {
+    return work();
+  } catch (const rt::Interrupted&) {
+    throw evaluation::Stopped();
+  }
+}
 
 /// Copies the options that all charts share, prepares the output folder, and makes `line` show the
 /// progress.
@@ -104,6 +129,8 @@ void take_common(Options& options, const Asked& asked, ProgressLine& line) {
   options.quick = asked.quick;
   options.default_method = asked.goals_for.empty() ? std::string(kDefaultMethod) : asked.goals_for;
   options.program = program_hash();
+  options.shard = asked.shard.empty() ? evaluation::Shard{} : evaluation::parse_shard(asked.shard);
+  merge_shards(asked, options.program, line);
 }
 
 }  // namespace forcegrid::cli

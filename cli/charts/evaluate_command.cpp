@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/evaluate_command.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
@@ -11,13 +10,18 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
+#include "cli/common/options.h"
+#include "cli/common/progress_line.h"
+#include "cli/common/tools_names.h"
 #include "cli/run/reference_forces.h"
 #include "evaluation/judge.h"
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "log/log.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/reference/reference_solution.h"
 #include "tools/recording.h"
@@ -199,6 +203,7 @@ ordered_json json_of(const std::string& text, const Verdict& v, const GridGeomet
           {"cycle_ns", v.cycle_ns},
           {"cycle_ns_median", v.cycle_ns_median},
           {"cycle_ns_p99", v.cycle_ns_p99},
+          {"timer_floor_ns", v.timer_floor_ns},
           {"samples_taken", v.samples_taken},
           {"samples_not_taken", v.samples_not_taken},
           {"samples_refused", v.samples_refused},
@@ -246,11 +251,10 @@ void write_forces(const std::string& file, const Trace& trace,
   writer.finish();
 }
 
-std::vector<Eigen::Vector3d> solve_reference(const std::string& scene,
+std::vector<Eigen::Vector3d> solve_reference(ProgressLine& line, const std::string& scene,
                                              const Eigen::Vector3d& contact_point_W,
                                              const std::vector<Eigen::Vector3d>& positions_W) {
-  std::fprintf(stderr, "Note: the recording has no reference forces; solving scene %s for them\n",
-               scene.c_str());
+  line.say("Note: the recording has no reference forces; solving scene " + scene + " for them");
   if (moves_by_itself(scene, "auto")) {
     throw std::runtime_error("scene " + scene +
                              " moves by itself, and the recording has no reference forces; record "
@@ -260,18 +264,27 @@ std::vector<Eigen::Vector3d> solve_reference(const std::string& scene,
   simulator::ReferenceOptions options;
   options.scene = scene;
   options.contact_point_W = contact_point_W;
+  options.progress = [&line](double done, double remaining_s) {
+    line.show("Reference forces", done, remaining_s);
+  };
   return simulator::simulate_reference(positions_W, options).forces_W;
 }
 
-void note(const std::string& text) { std::fprintf(stderr, "Note: %s\n", text.c_str()); }
+void note(const std::string& text) { log::info("evaluation", "Note: " + text); }
 
 void evaluate(const EvaluateOptions& options) {
   GridGeometry grid = asked_workspace(options.workspace_m);
   std::vector<NamedVariant> variants =
       variants_of(options, grid);  // before the trace is read, which may take long
+  ProgressLine line;
+  line.begin("Reading " + options.trace);
   const Trace trace = tools::is_recording_name(options.trace)
-                          ? tools::trace_of_recording(options.trace, solve_reference)
+                          ? tools::trace_of_recording(options.trace,
+                                                      [&line](const auto&... asked) {
+                                                        return solve_reference(line, asked...);
+                                                      })
                           : evaluation::read_trace(options.trace);
+  line.clear();
   const std::size_t outside = positions_outside(grid, trace);
   if (outside > 0 && options.workspace_m.empty()) {
     grid = box_around(trace);
@@ -292,11 +305,14 @@ void evaluate(const EvaluateOptions& options) {
   std::vector<std::string> names;
   std::vector<Verdict> verdicts;
   for (const NamedVariant& named : variants) {
+    line.show("Evaluating",
+              static_cast<double>(names.size()) / static_cast<double>(variants.size()));
     const std::unique_ptr<ForceMethod> method = made(named, options, trace);
     verdicts.push_back(judge(*method, trace, judging));
     names.push_back(named.text);
     all[named.text] = json_of(named.text, verdicts.back(), grid);
   }
+  line.clear();
   if (!(verdicts.front().reference_rms_N > 0.0)) {
     note(options.trace + " has only zero reference forces, so errors have no percentage");
   } else if (trace.servo.back().time_s - trace.servo.front().time_s < 1.0) {
@@ -315,9 +331,8 @@ void evaluate(const EvaluateOptions& options) {
 
 }  // namespace
 
-void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& action) {
-  CLI::App& evaluate =
-      *app.add_subcommand("evaluate", "Evaluate force methods on a recorded trace; prints JSON");
+void add_evaluate(Command& app, EvaluateOptions& o, std::function<int()>& action) {
+  Command& evaluate = app.add_subcommand("evaluate", tools_description("evaluate"));
   evaluate
       .add_option("--method", o.methods,
                   "Force methods, each optionally followed by changes to its options, e.g. "
@@ -334,11 +349,12 @@ void add_evaluate(CLI::App& app, EvaluateOptions& o, std::function<int()>& actio
       .add_option("--workspace", o.workspace_m,
                   "Box of the grid methods in metres: x0,y0,z0,x1,y1,z1 (default "
                   "0,0,0,0.16,0.12,0.12 if it holds the trace, else its box grown by 30 mm)")
-      ->delimiter(',')
-      ->expected(6)
+      ->separated_by(',')
+      ->values(6)
+      ->check(finite_number())
       ->type_name("FLOAT m");
   evaluate.add_option("--cells", o.cells, "Grid cells: X,Y,Z, or one number for all axes")
-      ->capture_default_str();
+      ->show_default();
   evaluate.add_option("--r", o.radius,
                       "Radius of influence of a sample: metres, or a length such as 26.7mm "
                       "(default a sixth of the workspace's x extent)");
@@ -364,7 +380,7 @@ int evaluate_command(const EvaluateOptions& options) {
     evaluate(options);
     return 0;
   } catch (const UsageError& error) {
-    std::fprintf(stderr, "forcegrid: %s\n", error.what());
+    log::error("command", error.what());
     return 2;
   }
 }

@@ -5,9 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace CLI {
-class App;
-}
+#include "cli/common/options.h"
 
 namespace forcegrid::cli {
 
@@ -28,7 +26,7 @@ struct EvaluateOptions {
 };
 
 /// Adds the subcommand, which sets `action`.
-void add_evaluate(CLI::App& app, EvaluateOptions& options, std::function<int()>& action);
+void add_evaluate(Command& app, EvaluateOptions& options, std::function<int()>& action);
 
 /// Evaluates force methods on a recorded trace and prints the figures as JSON; see docs/traces.md.
 /// @returns the program's exit status: 0, or 2 for a request that can't be fulfilled.

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/paper_command.h"
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 
 #include "cli/charts/chart_support.h"
+#include "cli/common/options.h"
+#include "cli/common/tools_names.h"
 #include "cli/run/run_checks.h"
 #include "paper/claims.h"
 #include "paper/paper.h"
@@ -12,9 +13,8 @@
 
 namespace forcegrid::cli {
 
-void add_paper(CLI::App& app, PaperCommandOptions& o, std::function<int()>& action) {
-  CLI::App& paper = *app.add_subcommand(
-      "paper", "Repeat the experiments of the forcegrid paper beside its claims");
+void add_paper(Command& app, PaperCommandOptions& o, std::function<int()>& action) {
+  Command& paper = app.add_subcommand("paper", tools_description("paper"));
   add_chart_choice(paper, o,
                    {.quick = "One motion and fewer trials, within two minutes",
                     .jobs = "Threads that solve",
@@ -28,7 +28,7 @@ int paper_command(const PaperCommandOptions& asked) {
   paper::PaperOptions options;
   take_choice(options, asked, line);
   options.plan = paper::plan_of(asked.quick);
-  const paper::Results results = paper::run_experiments(options);
+  const paper::Results results = resumable([&options] { return paper::run_experiments(options); });
   const auto files = paper::write_report(results, options);
   line.clear();
   for (const paper::Claim& claim : paper::claims_of(results)) {

@@ -4,10 +4,7 @@
 #include <functional>
 
 #include "cli/charts/chart_support.h"
-
-namespace CLI {
-class App;
-}
+#include "cli/common/options.h"
 
 namespace forcegrid::cli {
 
@@ -15,7 +12,7 @@ namespace forcegrid::cli {
 using PaperCommandOptions = ChartChoice;
 
 /// Adds the subcommand `paper`, which sets `action`.
-void add_paper(CLI::App& app, PaperCommandOptions& options, std::function<int()>& action);
+void add_paper(Command& app, PaperCommandOptions& options, std::function<int()>& action);
 
 /// Repeats the experiments of the forcegrid paper and writes the results beside the paper's figures
 /// and claims into `asked.out`; see docs/paper.md.

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
-#include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "cli/common/progress_line.h"
 #include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
 #include "simulator/bench/bullet_peer.h"
@@ -15,7 +15,7 @@
 namespace forcegrid::cli {
 namespace {
 
-constexpr std::uint64_t kSeed = 1;
+constexpr std::uint64_t kBenchSeed = 1;
 constexpr double kSlowMotion_s = 4.0;
 constexpr double kFastMotion_s = 1.5;
 constexpr double kLearning_s = 20.0;
@@ -26,7 +26,7 @@ constexpr double kBulletRelaxations[] = {0.03, 0.10, 0.25};
 
 std::vector<Eigen::Vector3d> motion_W(double rate_Hz, double duration_s) {
   std::vector<Eigen::Vector3d> displacements_W =
-      evaluation::displacements_along_motion(kSeed, 1.0 / rate_Hz);
+      evaluation::displacements_along_motion(kBenchSeed, 1.0 / rate_Hz);
   displacements_W.resize(std::min(displacements_W.size(),
                                   static_cast<std::size_t>(std::lround(duration_s * rate_Hz))));
   return displacements_W;
@@ -42,7 +42,7 @@ std::vector<Eigen::Vector3d> training_W() {
   return displacements_W;
 }
 
-std::string time_text(double time_ms) {
+std::string milliseconds_text(double time_ms) {
   if (!std::isfinite(time_ms)) {
     return "never";
   }
@@ -126,10 +126,12 @@ void print_step(const simulator::SolverBenchResult& result) {
       "vertices");
   for (const simulator::StepRow& row : result.step) {
     std::printf("  %-24s %12s %12s %12s %12s %12s %12.4f %% %9.0f\n", row.solver.c_str(),
-                time_text(row.to_residual_1e2_ms).c_str(),
-                time_text(row.to_residual_1e3_ms).c_str(), time_text(row.first_error_1_ms).c_str(),
-                time_text(row.to_error_1_ms).c_str(), time_text(row.to_error_01_ms).c_str(),
-                row.least_error_percent, row.vertices);
+                milliseconds_text(row.to_residual_1e2_ms).c_str(),
+                milliseconds_text(row.to_residual_1e3_ms).c_str(),
+                milliseconds_text(row.first_error_1_ms).c_str(),
+                milliseconds_text(row.to_error_1_ms).c_str(),
+                milliseconds_text(row.to_error_01_ms).c_str(), row.least_error_percent,
+                row.vertices);
   }
 }
 
@@ -153,16 +155,23 @@ int solver_bench_command(const std::string& scene, const JsonTarget& json) {
   options.at_30_Hz_W = motion_W(30.0, kSlowMotion_s);
   options.at_500_Hz_W = motion_W(500.0, kFastMotion_s);
   options.training_W = training_W();
-  options.say = [](const std::string& what) { std::cerr << "measuring: " << what << std::endl; };
+  ProgressLine line;
+  WorkProgress work(line);
+  options.say = [&line, &work](const std::string& what) {
+    line.say("measuring: " + what);
+    work.begin(what);
+  };
   for (const double relaxation : kBulletRelaxations) {
     options.peers.push_back(simulator::bullet_peer(relaxation));
   }
+  work.begin("Loading scene " + scene);
   const simulator::Scene made = simulator::make_scene(scene);
   const bool learns = made.mesh.rest_position_W.size() <= kMostVerticesLearnt;
   if (learns) {
     options.learning_W = motion_W(100.0, kLearning_s);
   }
   simulator::SolverBenchResult result = simulator::bench_solvers(made, options);
+  work.end();
   if (!learns) {
     result.remarks.push_back("the model was not learned along the motion: more than " +
                              std::to_string(kMostVerticesLearnt) + " vertices");

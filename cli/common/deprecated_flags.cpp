@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/common/deprecated_flags.h"
 
-#include <cstdio>
 #include <cstring>
 #include <set>
+
+#include "log/log.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -27,9 +28,9 @@ void note_deprecated_flags(int argc, const char* const* argv) {
   for (int i = 1; i < argc && std::strcmp(argv[i], "--") != 0; ++i) {
     const DeprecatedFlag* const flag = deprecated_flag(argv[i]);
     if (flag != nullptr && noted.insert(flag).second) {
-      std::fprintf(stderr,
-                   "forcegrid: %s is deprecated and will be removed in version 0.3; write %s\n",
-                   flag->old_name, flag->name);
+      log::warn("command", std::string(flag->old_name) +
+                               " is deprecated and will be removed in version 0.3; write " +
+                               flag->name);
     }
   }
 }

@@ -1,20 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/common/figures.h"
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <iomanip>
-#include <stdexcept>
+#include <ostream>
 
 #include "evaluation/gnuplot.h"
+#include "text/output_file.h"
 
 namespace forcegrid::cli {
 namespace {
 
-void write_triple(std::ofstream& file, const Triple& t) {
+std::string data_file(const std::string& directory) { return directory + "/forces.csv"; }
+
+bool has_references(const std::vector<FigureRow>& rows) {
+  return !rows.empty() && rows.front().reference_W_N.has_value();
+}
+
+void write_triple(std::ostream& file, const Triple& t) {
   file << ',' << t[0] << ',' << t[1] << ',' << t[2];
 }
+
+constexpr int kReferenceStyle = 9;
 
 // gnuplot's text for one curve of column `column`, negated: the paper plots the force that the
 // hand exerts against the object's pull, positive in the direction of the tool.
@@ -40,13 +46,13 @@ std::string label_of(const std::string& method) {
 
 }  // namespace
 
-std::vector<std::string> write_figures(const std::string& directory,
-                                       const std::vector<std::string>& method_names,
-                                       const std::vector<FigureRow>& rows) {
-  const std::string csv = directory + "/forces.csv";
-  const bool has_reference = !rows.empty() && rows.front().reference_W_N.has_value();
-  errno = 0;
-  std::ofstream file(csv);
+std::string write_figure_data(const std::string& directory,
+                              const std::vector<std::string>& method_names,
+                              const std::vector<FigureRow>& rows) {
+  const std::string csv = data_file(directory);
+  const bool has_reference = has_references(rows);
+  text::OutputFile output(csv);
+  std::ostream& file = output.stream();
   file << "time_s,x_m,y_m,z_m";
   if (has_reference) {
     file << ",offline_x_N,offline_y_N,offline_z_N";
@@ -66,14 +72,18 @@ std::vector<std::string> write_figures(const std::string& directory,
     }
     file << '\n';
   }
-  file.close();
-  if (!file) {
-    throw std::runtime_error(csv + " could not be written: " + std::strerror(errno) +
-                             "; free some space or choose another folder with --out");
-  }
+  output.finish();
+  return csv;
+}
+
+std::vector<std::string> draw_figures(const std::string& directory,
+                                      const std::vector<std::string>& method_names,
+                                      const std::vector<FigureRow>& rows) {
   if (rows.size() < 2) {
-    return {csv};
+    return {};
   }
+  const std::string csv = data_file(directory);
+  const bool has_reference = has_references(rows);
 
   // More points than pixels would only enlarge the files.
   constexpr std::size_t kPointsDrawn = 3000;
@@ -81,7 +91,9 @@ std::vector<std::string> write_figures(const std::string& directory,
       evaluation::quoted(csv) + " every " + std::to_string(rows.size() / kPointsDrawn + 1);
 
   constexpr int kFirstForceColumn = 5;
-  std::string forces;
+  // The reference first, wide and grey: an accurate method hides nothing, but lies upon it.
+  std::string forces =
+      has_reference ? force_curve(data, kFirstForceColumn + 2, "reference", kReferenceStyle) : "";
   std::string errors;
   int column = kFirstForceColumn + (has_reference ? 3 : 0);
   int style = 2;
@@ -93,9 +105,6 @@ std::vector<std::string> write_figures(const std::string& directory,
     errors += (errors.empty() ? "" : ", ") +
               error_curve(data, method_column, kFirstForceColumn, label_of(method_names[i]), style);
   }
-  if (has_reference) {
-    forces += ", " + force_curve(data, kFirstForceColumn + 2, "reference", 1);
-  }
   const char* const panels = has_reference ? "3" : "2";
   std::string script =
       "set datafile separator ','\n"
@@ -104,6 +113,7 @@ std::vector<std::string> write_figures(const std::string& directory,
       "set style line 3 lc rgb '#0072B2' lw 1.2\n"
       "set style line 4 lc rgb '#009E73' lw 1.2\n"
       "set style line 5 lc rgb '#CC79A7' lw 1.2\n"
+      "set style line 9 lc rgb '#BBBBBB' lw 6\n"
       "set grid lt 1 lw 0.5 lc rgb '#dddddd'\nset key outside top center horizontal samplen 2\n"
       "set lmargin 9\nset rmargin 3\n"
       "set ytics nomirror\nset xtics nomirror\nset border 3\n"
@@ -131,7 +141,7 @@ std::vector<std::string> write_figures(const std::string& directory,
     script += "unset multiplot\n";
   }
   evaluation::run_gnuplot(script, {directory + "/forces.svg", directory + "/forces.png"});
-  return {csv, directory + "/forces.svg", directory + "/forces.png"};
+  return {directory + "/forces.svg", directory + "/forces.png"};
 }
 
 }  // namespace forcegrid::cli

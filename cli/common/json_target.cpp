@@ -8,6 +8,10 @@
 #include <fstream>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
+
+#include "log/log.h"
+#include "text/output_file.h"
 
 namespace forcegrid::cli {
 
@@ -22,6 +26,50 @@ std::string why_not_writable(const std::string& file) {
     std::filesystem::remove(file, error);
   }
   return "";
+}
+
+void say_result(const JsonTarget& target, const std::string& component, const std::string& text) {
+  if (target.on_stdout()) {
+    log::info(component, text);
+    return;
+  }
+  std::printf("%s\n", text.c_str());
+  std::fflush(stdout);
+  log::write({log::Level::kInfo, component, text, "", log::Where::kFileOnly});
+}
+
+ResultText::ResultText(const JsonTarget& target, std::string component)
+    : target_(target), component_(std::move(component)) {
+  cookie_io_functions_t functions{};
+  functions.write = [](void* self, const char* text, std::size_t size) {
+    static_cast<ResultText*>(self)->take(text, size);
+    return static_cast<ssize_t>(size);
+  };
+  stream_ = ::fopencookie(this, "w", functions);
+  if (stream_ == nullptr) {
+    throw std::runtime_error(std::string("no stream for results: ") + std::strerror(errno));
+  }
+  std::setvbuf(stream_, nullptr, _IOLBF, BUFSIZ);
+}
+
+ResultText::~ResultText() {
+  std::fclose(stream_);
+  if (!rest_.empty()) {
+    say_result(target_, component_, rest_);
+  }
+}
+
+void ResultText::take(const char* text, std::size_t size) {
+  rest_.append(text, size);
+  for (std::size_t end = rest_.find('\n'); end != std::string::npos; end = rest_.find('\n')) {
+    say_result(target_, component_, rest_.substr(0, end));
+    rest_.erase(0, end + 1);
+  }
+}
+
+void say_step(const JsonTarget& target, const std::string& component, const std::string& text) {
+  log::write({log::Level::kInfo, component, text, "",
+              target.on_stdout() ? log::Where::kStderr : log::Where::kStdout});
 }
 
 void check_writable(const JsonTarget& target) {
@@ -43,14 +91,13 @@ void write_json(const JsonTarget& target, const std::string& text) {
     }
     return;
   }
-  errno = 0;
-  std::ofstream file(target.file);
-  file << text << '\n';
-  file.close();
-  if (!file) {
-    const std::string reason = std::strerror(errno);
+  try {
+    forcegrid::text::OutputFile file(target.file);
+    file.stream() << text << '\n';
+    file.finish();
+  } catch (const std::runtime_error& error) {
     std::printf("%s\n", text.c_str());  // so that it is not lost
-    throw std::runtime_error("--json " + target.file + ": " + reason +
+    throw std::runtime_error(std::string("--json ") + error.what() +
                              "; the summary is on standard output instead");
   }
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+#include <cstdio>
 #include <string>
 
 namespace forcegrid::cli {
@@ -12,6 +14,35 @@ struct JsonTarget {
 
   bool on_stdout() const { return wanted && file.empty(); }
 };
+
+/// Says a result in words: on standard output, and in the log's file at level info. If the JSON is
+/// on standard output, it is a message of the log instead.
+/// @param text  without a newline at its end.
+void say_result(const JsonTarget& target, const std::string& component, const std::string& text);
+
+/// A stream whose lines are said as by say_result(). Threads: one.
+class ResultText {
+ public:
+  /// @param target  must outlive this.
+  ResultText(const JsonTarget& target, std::string component);
+  ~ResultText();
+  ResultText(const ResultText&) = delete;
+  ResultText& operator=(const ResultText&) = delete;
+
+  std::FILE* stream() const { return stream_; }
+
+ private:
+  void take(const char* text, std::size_t size);
+
+  const JsonTarget& target_;
+  std::string component_;
+  std::string rest_;  // of a line
+  std::FILE* stream_;
+};
+
+/// A step on the way to a result, for people: a message of level info, on standard output where
+/// the result is, too.
+void say_step(const JsonTarget& target, const std::string& component, const std::string& text);
 
 /// Returns the system's reason why `file` can't be written; empty if it can. The check neither
 /// changes an existing file nor leaves a new one behind.

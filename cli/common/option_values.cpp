@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "cli/common/options.h"
 #include "device_emulator/fault_spec.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
@@ -18,53 +19,48 @@ std::string joined(const std::vector<std::string>& words) {
   return text;
 }
 
-CLI::Validator method_check() {
-  return CLI::Validator(
-      [](std::string& input) {
-        if (input == "direct") {  // solved by the simulator, not a class in forcegrid/
-          return std::string();
-        }
-        try {
-          MethodOptions base;
-          base.grid.max_W.setConstant(0.1);
-          base.grid.cells.setConstant(10);
-          parse_method_variant(input, base);
-          return std::string();
-        } catch (const std::invalid_argument& error) {
-          return std::string(error.what());
-        }
-      },
-      "METHOD [KEY=VALUE...]");
+Check method_check() {
+  return Check{[](const std::string& input) {
+                 if (input == "direct") {  // solved by the simulator, not a class in forcegrid/
+                   return std::string();
+                 }
+                 try {
+                   MethodOptions base;
+                   base.grid.max_W.setConstant(0.1);
+                   base.grid.cells.setConstant(10);
+                   parse_method_variant(input, base);
+                   return std::string();
+                 } catch (const std::invalid_argument& error) {
+                   const std::string problem = error.what();
+                   return problem.ends_with(known_methods()) ? problem + ", direct" : problem;
+                 }
+               },
+               "METHOD [KEY=VALUE...]"};
 }
 
-CLI::Validator fault_check() {
-  return CLI::Validator(
-      [](std::string& input) {
-        try {
-          static_cast<void>(emulator::parse_fault(input));
-          return std::string();
-        } catch (const std::invalid_argument& error) {
-          return std::string(error.what());
-        }
-      },
-      "NAME[:KEY=VALUE,...]");
+Check fault_check() {
+  return Check{[](const std::string& input) {
+                 try {
+                   static_cast<void>(emulator::parse_fault(input));
+                   return std::string();
+                 } catch (const std::invalid_argument& error) {
+                   return std::string(error.what());
+                 }
+               },
+               "NAME[:KEY=VALUE,...]"};
 }
 
-void add_json(CLI::App& command, JsonTarget& target) {
+void add_json(Command& command, JsonTarget& target) {
   command
-      .add_option_function<std::vector<std::string>>(
+      .add_optional_value(
           "--json",
-          [&target](const std::vector<std::string>& values) {
+          [&target](const std::optional<std::string>& file) {
             target.wanted = true;
-            if (!values.empty() && values.front() != "{}") {
-              target.file = values.front();
-            }
+            target.file = file.value_or(target.file);
           },
           "Summary as JSON, into FILE or to standard output")
-      ->expected(0, 1)
       ->type_name("[FILE]")
-      ->configurable(false)
-      ->trigger_on_parse();
+      ->not_in_config();
 }
 
 const std::vector<std::string>& motions() {
@@ -83,23 +79,20 @@ const std::vector<std::string>& frame_orders() {
   return kNames;
 }
 
-void add_key(CLI::App& command, std::vector<std::string>& files, const std::string& description) {
-  command.add_option("--key", files, description)
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
-      ->type_name("FILE");
+void add_key(Command& command, std::vector<std::string>& files, const std::string& description) {
+  command.add_option("--key", files, description)->repeatable()->type_name("FILE");
 }
 
-CLI::Validator motion_check() {
-  return CLI::Validator(
-      [](std::string& input) {
-        const bool known =
-            std::find(motions().begin(), motions().end(), input) != motions().end() ||
-            (input.starts_with("path:") && input.size() > std::string("path:").size());
-        return known ? std::string()
-                     : "'" + input + "' is not a motion; use " + joined(motions()) + ", path:FILE";
-      },
-      "{" + joined(motions()) + ", path:FILE}");
+Check motion_check() {
+  return Check{[](const std::string& input) {
+                 const bool known =
+                     std::find(motions().begin(), motions().end(), input) != motions().end() ||
+                     (input.starts_with("path:") && input.size() > std::string("path:").size());
+                 return known ? std::string()
+                              : "'" + input + "' is not a motion; use " + joined(motions()) +
+                                    ", path:FILE";
+               },
+               "{" + joined(motions()) + ", path:FILE}"};
 }
 
 }  // namespace forcegrid::cli

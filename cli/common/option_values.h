@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
 #include "cli/common/json_target.h"
+#include "cli/common/options.h"
 
 namespace forcegrid::cli {
 
@@ -21,16 +21,16 @@ const std::vector<std::string>& hands();
 const std::vector<std::string>& frame_orders();
 
 /// Accepts a motion by its name, or path:FILE.
-CLI::Validator motion_check();
+Check motion_check();
 /// Accepts a method's name with valid options, or "direct".
-CLI::Validator method_check();
+Check method_check();
 /// Accepts a fault of an emulated device; see emulator::parse_fault().
-CLI::Validator fault_check();
+Check fault_check();
 
 /// Adds `--json [FILE]`.
-void add_json(CLI::App& command, JsonTarget& target);
+void add_json(Command& command, JsonTarget& target);
 /// Adds `--key FILE`, which both ends of the link take. It names a file because a key on the
 /// command line would be visible to other users.
-void add_key(CLI::App& command, std::vector<std::string>& files, const std::string& description);
+void add_key(Command& command, std::vector<std::string>& files, const std::string& description);
 
 }  // namespace forcegrid::cli

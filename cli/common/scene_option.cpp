@@ -2,13 +2,14 @@
 #include "cli/common/scene_option.h"
 
 #include "cli/common/option_values.h"
+#include "cli/common/options.h"
 #include "simulator/mesh/scene.h"
 
 namespace forcegrid::cli {
 
-CLI::Validator scene_check() {
-  return CLI::Validator([](std::string& input) { return simulator::scene_name_problem(input); },
-                        "{" + joined(simulator::scene_names()) + ", FILE.toml}");
+Check scene_check() {
+  return Check{[](const std::string& input) { return simulator::scene_name_problem(input); },
+               "{" + joined(simulator::scene_names()) + ", FILE.toml}"};
 }
 
 std::string scene_help() { return "a scene by its name, or a TOML file; see docs/scenes.md"; }

@@ -8,6 +8,9 @@
 #include <cstdio>
 #include <cstring>
 #include <iostream>
+#include <string>
+
+#include "log/log.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -26,10 +29,9 @@ int status_with_output(int status) {
   if ((flushed && std::ferror(stdout) == 0) || reader_has_ended()) {
     return status;
   }
-  std::fprintf(stderr,
-               "forcegrid: standard output could not be written completely%s%s; free some space or "
-               "redirect it elsewhere\n",
-               error != 0 ? ": " : "", error != 0 ? std::strerror(error) : "");
+  log::error("command", std::string("standard output could not be written completely") +
+                            (error != 0 ? ": " : "") + (error != 0 ? std::strerror(error) : "") +
+                            "; free some space or redirect it elsewhere");
   return status == 0 ? 1 : status;
 }
 

@@ -1,20 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/common/stop_request.h"
 
+#include <semaphore.h>
+
+#include <cerrno>
 #include <csignal>
 
 namespace forcegrid::cli {
 namespace {
 
-std::atomic<int> requests{0};
+std::atomic<int> first_signal{0};
+sem_t signal_came;
 std::atomic<bool> stop_flag{false};
-std::atomic<bool> hurry_flag{false};
-std::atomic<bool> main_part_over{false};
 servo::EmergencyStop emergency_stop;
 servo::DeadManSignal dead_man_signal;
 static_assert(std::atomic<int>::is_always_lock_free && std::atomic<bool>::is_always_lock_free);
 
-void on_signal(int /*signal*/) { StopRequest::request(); }
+// sem_post() is safe in a signal handler.
+void on_signal(int number) {
+  const int error = errno;
+  int none = 0;
+  first_signal.compare_exchange_strong(none, number);
+  StopRequest::request();
+  sem_post(&signal_came);
+  errno = error;
+}
 
 void on_emergency(int /*signal*/) {
   StopRequest::request_emergency(servo::EmergencySource::kSignal);
@@ -44,11 +54,11 @@ const servo::DeadManSignal& StopRequest::dead_man() noexcept { return dead_man_s
 
 void StopRequest::request_emergency(servo::EmergencySource source) noexcept {
   emergency_stop.press(source);
-  hurry_flag.store(true);
   stop_flag.store(true);
 }
 
 void StopRequest::install() {
+  sem_init(&signal_came, 0, 0);
   struct sigaction action {};
   action.sa_handler = on_signal;
   sigemptyset(&action.sa_mask);
@@ -58,17 +68,30 @@ void StopRequest::install() {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-const std::atomic<bool>& StopRequest::stop() noexcept { return stop_flag; }
+int StopRequest::signal() noexcept { return first_signal.load(); }
 
-const std::atomic<bool>& StopRequest::hurry() noexcept { return hurry_flag; }
-
-void StopRequest::request() noexcept {
-  if (requests.fetch_add(1) > 0 || main_part_over.load()) {
-    hurry_flag.store(true);
+std::string StopRequest::signal_name() {
+  switch (signal()) {
+    case 0:
+      return "";
+    case SIGINT:
+      return "SIGINT";
+    case SIGTERM:
+      return "SIGTERM";
+    default:
+      return "SIGHUP";
   }
-  stop_flag.store(true);
 }
 
-void StopRequest::main_part_is_over() noexcept { main_part_over.store(true); }
+void StopRequest::wait_for_signal() noexcept {
+  while (sem_wait(&signal_came) != 0 && errno == EINTR) {
+  }
+}
+
+void StopRequest::wake() noexcept { sem_post(&signal_came); }
+
+const std::atomic<bool>& StopRequest::stop() noexcept { return stop_flag; }
+
+void StopRequest::request() noexcept { stop_flag.store(true); }
 
 }  // namespace forcegrid::cli

@@ -4,7 +4,6 @@
 #include <poll.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <ctime>
 #include <nlohmann/json.hpp>
@@ -15,13 +14,19 @@
 #include "calibration/procedure.h"
 #include "cli/common/child_process.h"
 #include "cli/common/firmware_choice.h"
+#include "cli/common/number_check.h"
+#include "cli/common/options.h"
+#include "cli/common/progress_line.h"
 #include "cli/common/revision.h"
 #include "cli/common/stop_request.h"
+#include "cli/common/stop_watchdog.h"
+#include "cli/common/tools_names.h"
 #include "cli/run/run_setup.h"
 #include "device_emulator/run_emulator.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
 #include "driver/open_device.h"
+#include "log/log.h"
 #include "rt/thread.h"
 #include "tools/unit_profile.h"
 
@@ -73,7 +78,7 @@ std::unique_ptr<ChildProcess> start_emulator(const CalibrateOptions& options,
   } else {
     arguments.insert(arguments.end(), {"--let-go", "--random-counters"});
   }
-  return std::make_unique<ChildProcess>(arguments);
+  return std::make_unique<ChildProcess>(arguments, ChildOptions{.name = "emulator"});
 }
 
 ordered_json json_of(const calibration::Estimate& estimate) {
@@ -133,8 +138,7 @@ ordered_json json_of(const profiles::DeviceProfile& profile, const ProcedureResu
 
 class Calibration {
  public:
-  explicit Calibration(const CalibrateOptions& options)
-      : options_(options), out_(options.json.on_stdout() ? stderr : stdout) {}
+  explicit Calibration(const CalibrateOptions& options) : options_(options) {}
 
   int run() {
     check_options();
@@ -145,10 +149,11 @@ class Calibration {
     const ProcedureResult result = procedure();
     zero_delivered_ = device_->stop();
     for (const Check& check : result.checks) {
-      say(std::string(check.passed ? "ok      " : "FAILED  ") + check.name + ": " + check.text);
+      report(std::string(check.passed ? "ok      " : "FAILED  ") + check.name + ": " + check.text);
     }
     if (result.passed() && !result.absolute && !options_.no_strokes) {
-      say("Without a known mass (--tip-mass) only the ratio of friction to torque constant can be "
+      report(
+          "Without a known mass (--tip-mass) only the ratio of friction to torque constant can be "
           "measured: the profile keeps its torque constants and gets the friction that fits them.");
     }
     ordered_json json = {{"device", device_->identity().url},
@@ -165,10 +170,8 @@ class Calibration {
   }
 
  private:
-  void say(const std::string& line) const {
-    std::fprintf(out_, "%s\n", line.c_str());
-    std::fflush(out_);
-  }
+  void say(const std::string& line) const { say_step(options_.json, "calibration", line); }
+  void report(const std::string& line) const { say_result(options_.json, "calibration", line); }
 
   // The emulated hand of a device that this program starts needs no questions.
   bool somebody_is_there() const {
@@ -180,6 +183,11 @@ class Calibration {
       throw std::runtime_error(
           "calibrate asks a person to let go of the device, but standard input is no terminal; "
           "in a script give --yes, and make sure that nobody touches the device");
+    }
+    if (somebody_is_there() && !log::console_shows(log::Level::kInfo)) {
+      throw std::runtime_error(
+          "calibrate tells a person what to do, which --quiet or --log-level hides; leave it out, "
+          "or give --yes and make sure that nobody touches the device");
     }
     if (options_.no_range && options_.no_strokes) {
       say("--no-range and --no-strokes leave homing and directions.");
@@ -203,12 +211,15 @@ class Calibration {
     driver::OpenOptions open_options;
     open_options.firmware = firmware_for(options_.firmware, profile_, emulated);
     open_options.realtime_io = realtime_refused.empty();
+    open_options.share = options_.share;
+    open_options.notice = [](const std::string& text) { log::info("device", text); };
     open_options.stale_after = std::chrono::milliseconds(options_.device_timeout_ms);
     if (emulated) {
       emulator_ = start_emulator(options_, own_profile);
-      url = "usbip://" + listening_address(*emulator_, "emulator") + "/1-1";
+      url = "usbip://" + listening_address(*emulator_) + "/1-1";
     }
     device_ = driver::open_device(url, profile_, open_options);
+    own_end_.emplace();  // until here no current was ever commanded
     if (!emulated) {
       lasting = driver::lasting_url(url, profile_);
     }
@@ -241,7 +252,13 @@ class Calibration {
     procedure.identify = !options_.no_strokes;
     procedure.quick = options_.quick;
     procedure.let_go_s = options_.let_go_s;
-    procedure.say = [&](const std::string& line) { say(line); };
+    ProgressLine progress;
+    procedure.say = [&](const std::string& line, std::optional<double> length_s) {
+      progress.clear();
+      say(line);
+      const std::string what = line.substr(0, line.find_last_not_of('.') + 1);
+      length_s ? progress.begin(what, *length_s) : progress.begin(what);
+    };
     if (somebody_is_there()) {
       procedure.person_done = enter_pressed;
     }
@@ -254,15 +271,15 @@ class Calibration {
   // Returns the file that was written; empty: none.
   std::string write(const ProcedureResult& result) const {
     if (result.changes.empty()) {
-      say(result.passed() ? "There is nothing to write."
-                          : "Nothing is written because a check failed.");
+      report(result.passed() ? "There is nothing to write."
+                             : "Nothing is written because a check failed.");
       return "";
     }
     for (const auto& [key, value] : result.changes) {
-      say("  " + key + " = " + value);
+      report("  " + key + " = " + value);
     }
     if (options_.dry_run) {
-      say("Nothing is written (--dry-run).");
+      report("Nothing is written (--dry-run).");
       return "";
     }
     const std::string file =
@@ -273,16 +290,16 @@ class Calibration {
             ": " + device_->identity().product + ", unit " + key_ +
             (result.absolute ? "" : "; torque constants not measured without a known mass"),
         result.changes);
-    say("Written to " + file +
-        (options_.write.empty() ? "; 'forcegrid run' uses it for this unit."
-                                : "; use it with --profile."));
+    report("Written to " + file +
+           (options_.write.empty() ? "; 'forcegrid run' uses it for this unit."
+                                   : "; use it with --profile."));
     return file;
   }
 
   const CalibrateOptions& options_;
-  std::FILE* out_;
   std::unique_ptr<ChildProcess> emulator_;
   profiles::DeviceProfile profile_;
+  std::optional<OwnEnd> own_end_;  // from when motors may get current until the device is closed
   std::unique_ptr<driver::Device> device_;
   std::string key_;
   bool zero_delivered_ = false;
@@ -290,16 +307,13 @@ class Calibration {
 
 }  // namespace
 
-void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& action) {
-  CLI::App& calibrate = *app.add_subcommand(
-      "calibrate",
-      "Home a device, check its directions and range, measure its friction and torque constants, "
-      "and write a profile for this unit");
+void add_calibrate(Command& app, CalibrateOptions& o, std::function<int()>& action) {
+  Command& calibrate = app.add_subcommand("calibrate", tools_description("calibrate"));
   calibrate
       .add_option(
           "--device", o.device,
           "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
-      ->capture_default_str();
+      ->show_default();
   calibrate.add_option(
       "--profile", o.profile,
       "Profile that the device is assumed to have (default: the emulated one, falcon for a "
@@ -310,50 +324,53 @@ void add_calibrate(CLI::App& app, CalibrateOptions& o, std::function<int()>& act
       .add_option("--tip-mass", o.tip_mass_kg,
                   "Known mass, 0.05 or 0.1 kg, that you have fastened to the tip; needed to "
                   "measure the torque constants")
-      ->check(CLI::Range(0.0, emulator::kMaxTipMass_kg))
+      ->check(between(0.0, emulator::kMaxTipMass_kg))
       ->type_name("FLOAT kg")
-      ->capture_default_str()
-      ->configurable(false);
+      ->show_default()
+      ->not_in_config();
   calibrate
       .add_flag("--calibrated", o.calibrated,
                 "The encoder counters are already valid: no pose, no button")
-      ->configurable(false);
+      ->not_in_config();
   calibrate.add_flag("--no-range", o.no_range, "Do not move to the hard stops");
   calibrate.add_flag("--no-strokes", o.no_strokes, "Do not measure friction and torque constants");
   calibrate.add_flag("--quick", o.quick, "Fewer strokes: half the time, twice the uncertainty");
   calibrate
       .add_flag("--yes", o.yes,
                 "Ask nothing, for scripts: nobody may touch the device after --let-go-s")
-      ->configurable(false);
+      ->not_in_config();
   calibrate
       .add_option("--let-go-s", o.let_go_s,
                   "With --yes: how long the motors hold the device until "
                   "nobody holds it any more")
-      ->check(CLI::Range(0.0, 600.0))
+      ->check(between(0.0, 600.0))
       ->type_name("FLOAT s")
-      ->capture_default_str();
+      ->show_default();
   calibrate.add_option("--rate", o.rate_Hz, "Control steps per second")
-      ->check(CLI::Range(250.0, 2000.0))
+      ->check(between(250.0, 2000.0))
       ->type_name("FLOAT Hz")
-      ->capture_default_str();
+      ->show_default();
+  calibrate.add_flag("--share", o.share,
+                     "Open the device although another program has it open, too. If that program "
+                     "sends anything, the calibration ends all the same");
   calibrate
       .add_option("--device-timeout-ms", o.device_timeout_ms,
                   "The calibration ends with zero current when the device is silent for this long; "
                   "the device's own watchdog waits 500 ms")
-      ->check(CLI::Range(10, 450))
+      ->check(whole_between(10, 450))
       ->type_name("INT ms")
-      ->capture_default_str();
+      ->show_default();
   calibrate
       .add_option("--write", o.write,
                   "FILE.toml to write the profile to, instead of the place where run finds it")
-      ->configurable(false);
+      ->not_in_config();
   calibrate.add_flag("--dry-run", o.dry_run, "Measure and report, but write nothing")
-      ->configurable(false);
+      ->not_in_config();
   calibrate.footer(
       "Currents stay below half of the profile's limits, the tip below 0.6 of its largest speed.\n"
-      "Exit status: 0 all is well, 1 the device can't be used or it was stopped, 2 words that "
-      "can't "
-      "be understood, 3 a check failed and nothing was written. See docs/calibrate.md.");
+      "Exit status: 0 all is well, 1 the device can't be used, 2 words that can't be "
+      "understood, 3 a check failed and nothing was written, 130 or 143 after SIGINT or SIGTERM. "
+      "See docs/calibrate.md.");
   calibrate.callback([&o, &action] { action = [&o] { return calibrate_command(o); }; });
 }
 

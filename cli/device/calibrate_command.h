@@ -4,11 +4,8 @@
 #include <functional>
 #include <string>
 
+#include "cli/common/options.h"
 #include "cli/run/run_command.h"
-
-namespace CLI {
-class App;
-}
 
 namespace forcegrid::cli {
 
@@ -25,6 +22,7 @@ struct CalibrateOptions {
   double let_go_s = 5.0;
   double rate_Hz = 500.0;
   int device_timeout_ms = 100;  ///< silence after which the device counts as failed
+  bool share = false;           ///< another program may have the device open
   std::string write;            ///< profile to write; empty: the unit's own file
   bool dry_run = false;
   JsonTarget json;
@@ -34,7 +32,7 @@ struct CalibrateOptions {
 inline constexpr int kCheckFailedStatus = 3;
 
 /// Adds the subcommand, which sets `action`.
-void add_calibrate(CLI::App& app, CalibrateOptions& options, std::function<int()>& action);
+void add_calibrate(Command& app, CalibrateOptions& options, std::function<int()>& action);
 
 /// Homes a device, checks its directions and range, measures friction and torque constants, and
 /// writes the result as the profile of this unit.

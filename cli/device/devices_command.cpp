@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/device/devices_command.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "cli/common/option_values.h"
+#include "cli/common/options.h"
 #include "driver/device.h"
+#include "log/log.h"
 #include "tools/device_survey.h"
 
 namespace forcegrid::cli {
@@ -56,7 +58,7 @@ void print(std::FILE* out, const FoundDevice& device) {
   std::fprintf(out, "           %s%s%s%s%s; firmware %s; profiles %s\n", device.bus.c_str(),
                device.node.empty() ? "" : " ", device.node.c_str(),
                device.port_path.empty() ? "" : " at port ", device.port_path.c_str(),
-               device.firmware.c_str(), CLI::detail::join(device.profiles, ", ").c_str());
+               device.firmware.c_str(), joined(device.profiles).c_str());
   if (device.usable()) {
     const bool has_default = std::find(device.profiles.begin(), device.profiles.end(),
                                        kDefaultProfile) != device.profiles.end();
@@ -83,8 +85,8 @@ tools::SurveyRoots roots_below(const std::string& root) {
 
 }  // namespace
 
-void add_devices(CLI::App& app, DevicesOptions& o, std::function<int()>& action) {
-  CLI::App& devices = *app.add_subcommand(
+void add_devices(Command& app, DevicesOptions& o, std::function<int()>& action) {
+  Command& devices = app.add_subcommand(
       "devices",
       "List haptic devices and, for each that cannot be used, the reason and the remedy");
   devices.add_option("--usbip", o.usbip,
@@ -92,10 +94,10 @@ void add_devices(CLI::App& app, DevicesOptions& o, std::function<int()>& action)
   devices
       .add_option("--root", o.root,
                   "Folder before /sys, /dev, /proc and /etc, e.g. of another system's image")
-      ->configurable(false);
+      ->not_in_config();
   devices.footer(
       "Exit status: 0 a device can be used, 3 there are some but none can be, 4 there is none,\n"
-      "1 a USB/IP server can't be asked and nothing else can be used.");
+      "1 a USB/IP server can't be asked.");
   devices.callback([&o, &action] { action = [&o] { return devices_command(o); }; });
 }
 
@@ -107,7 +109,8 @@ int devices_command(const DevicesOptions& options) {
   std::vector<FoundDevice> found =
       tools::survey_devices(known, roots_below(options.root), tools::current_user());
   ordered_json failures = ordered_json::array();
-  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  const ResultText text(options.json, "devices");
+  std::FILE* const out = text.stream();
   for (const std::string& host : options.usbip) {
     try {
       for (FoundDevice& device : tools::survey_usbip(known, host)) {
@@ -115,7 +118,7 @@ int devices_command(const DevicesOptions& options) {
       }
     } catch (const driver::DeviceError& error) {
       failures.push_back(error.what());
-      std::fprintf(stderr, "forcegrid: %s\n", error.what());
+      log::error("device", error.what());
     }
   }
   ordered_json list = ordered_json::array();
@@ -124,15 +127,17 @@ int devices_command(const DevicesOptions& options) {
     list.push_back(json_of(device));
   }
   if (found.empty()) {
-    std::fprintf(out,
-                 "No haptic device found. Plug one in and switch it on, ask another computer with "
-                 "--usbip HOST,\nor run without one: forcegrid run --device "
-                 "emulated:woodenhaptics_v2015\n");
+    std::fprintf(
+        out,
+        "No haptic device found%s. Plug one in and switch it on, ask another computer with "
+        "--usbip HOST,\nor run without one: forcegrid run --device "
+        "emulated:woodenhaptics_v2015\n",
+        failures.empty() ? "" : " where it could be asked");
   }
   write_json(options.json, ordered_json{{"devices", list}, {"failures", failures}}.dump(2));
   const bool any_usable = std::any_of(found.begin(), found.end(),
                                       [](const FoundDevice& device) { return device.usable(); });
-  return any_usable ? 0 : !failures.empty() ? 1 : found.empty() ? kNone : kNoneUsable;
+  return !failures.empty() ? 1 : any_usable ? 0 : found.empty() ? kNone : kNoneUsable;
 }
 
 }  // namespace forcegrid::cli

@@ -5,11 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "cli/common/options.h"
 #include "cli/run/run_command.h"
-
-namespace CLI {
-class App;
-}
 
 namespace forcegrid::cli {
 
@@ -20,7 +17,7 @@ struct DevicesOptions {
 };
 
 /// Adds the subcommand, which sets `action`.
-void add_devices(CLI::App& app, DevicesOptions& options, std::function<int()>& action);
+void add_devices(Command& app, DevicesOptions& options, std::function<int()>& action);
 
 /// Lists every device that may be a supported one and, for each that can't be opened, the reason.
 /// @returns 0 if a device can be used, 3 if devices exist but none can be used, 4 if none exists, 1

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/device/doctor_command.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -10,8 +9,12 @@
 #include <set>
 #include <stdexcept>
 
+#include "cli/common/number_check.h"
+#include "cli/common/options.h"
+#include "cli/common/progress_line.h"
 #include "cli/common/revision.h"
 #include "cli/common/stop_request.h"
+#include "cli/common/stop_watchdog.h"
 #include "driver/open_device.h"
 #include "link/address.h"
 #include "tools/atomic_file.h"
@@ -37,7 +40,7 @@ std::vector<tools::PartVersion> versions() {
   for (tools::PartVersion& part : tools::library_versions()) {
     parts.push_back(std::move(part));
   }
-  parts.push_back({"CLI11", CLI11_VERSION, false});
+  parts.push_back({"CLI11", options_library_version(), false});
   return parts;
 }
 
@@ -57,7 +60,10 @@ constexpr char kSimulatorCheck[] = "simulator's round trip";
 // A measurement that fails becomes a finding, so that the other findings are still printed.
 Finding device_finding(const DoctorOptions& options, const profiles::DeviceProfile& profile) {
   try {
-    const auto device = driver::open_device(options.device, profile);
+    driver::OpenOptions open_options;
+    open_options.share = options.share;
+    const auto device = driver::open_device(options.device, profile, open_options);
+    const OwnEnd own_end;
     const tools::RoundTrips trips =
         tools::measure_device_round_trip(*device, options.seconds, StopRequest::stop());
     static_cast<void>(device->stop());  // no current was ever commanded
@@ -86,23 +92,43 @@ std::vector<Finding> measure(const DoctorOptions& options,
                              std::FILE* out) {
   const auto& stop = StopRequest::stop();
   std::vector<Finding> findings;
-  const double period_s = 1.0 / options.rate_Hz;
-  for (const bool load : {false, true}) {
-    std::fprintf(out, "measuring wake-ups %s, %.0f s ...\n", load ? "under load" : "idle",
-                 options.seconds);
-    const tools::WakeupTest test = tools::measure_wakeups(options.seconds, period_s, load, stop);
+  // A measurement that was cut short says nothing.
+  const auto keep = [&](Finding finding) {
     findings.push_back(
-        tools::judge_wakeups(load ? "wake-up under load" : "wake-up idle", test, 1e6 * period_s));
+        stop ? Finding{.check = finding.check,
+                       .verdict = Verdict::kUnknown,
+                       .what = "not measured: stopped by " + StopRequest::signal_name()}
+             : std::move(finding));
+  };
+  const double period_s = 1.0 / options.rate_Hz;
+  ProgressLine line;
+  const auto begin = [&](const std::string& what) {
+    line.clear();
+    std::fprintf(out, "%s, %.0f s ...\n", what.c_str(), options.seconds);
+    std::fflush(out);
+    line.begin(what, options.seconds);
+  };
+  for (const bool load : {false, true}) {
+    const std::string check = load ? "wake-up under load" : "wake-up idle";
+    if (stop) {
+      keep({.check = check});
+      continue;
+    }
+    begin(std::string("measuring wake-ups ") + (load ? "under load" : "idle"));
+    const tools::WakeupTest test = tools::measure_wakeups(options.seconds, period_s, load, stop);
+    keep(tools::judge_wakeups(check, test, 1e6 * period_s));
   }
-  if (profile) {
-    std::fprintf(out, "measuring the round trip with %s, %.0f s ...\n", options.device.c_str(),
-                 options.seconds);
-    findings.push_back(device_finding(options, *profile));
+  if (profile && stop) {
+    keep({.check = kDeviceCheck});
+  } else if (profile) {
+    begin("measuring the round trip with " + options.device);
+    keep(device_finding(options, *profile));
   }
-  if (!options.simulator.empty()) {
-    std::fprintf(out, "measuring the round trip with %s, %.0f s ...\n", options.simulator.c_str(),
-                 options.seconds);
-    findings.push_back(simulator_finding(options));
+  if (!options.simulator.empty() && stop) {
+    keep({.check = kSimulatorCheck});
+  } else if (!options.simulator.empty()) {
+    begin("measuring the round trip with " + options.simulator);
+    keep(simulator_finding(options));
   }
   return findings;
 }
@@ -187,41 +213,45 @@ std::vector<std::string> fix_all(const std::vector<Finding>& findings) {
 
 }  // namespace
 
-void add_doctor(CLI::App& app, DoctorOptions& o, std::function<int()>& action) {
-  CLI::App& doctor = *app.add_subcommand(
+void add_doctor(Command& app, DoctorOptions& o, std::function<int()>& action) {
+  Command& doctor = app.add_subcommand(
       "doctor", "Check this computer: what is wrong, what it costs, and the command that fixes it");
   doctor.add_option("--seconds", o.seconds, "Length of each measurement; 0 skips them")
-      ->check(CLI::Range(0.0, 3600.0))
+      ->check(between(0.0, 3600.0))
       ->type_name("FLOAT s")
-      ->capture_default_str();
+      ->show_default();
   doctor.add_option("--rate", o.rate_Hz, "Servo rate for which wake-ups are measured and judged")
-      ->check(CLI::Range(100.0, 4000.0))
+      ->check(between(100.0, 4000.0))
       ->type_name("FLOAT Hz")
-      ->capture_default_str();
+      ->show_default();
   doctor.add_option("--device", o.device, "Device to measure the USB round trip with, as in run");
-  doctor.add_option("--profile", o.profile, "Its profile")->capture_default_str();
+  doctor.add_flag("--share", o.share, "Measure although another program has the device open, too");
+  doctor.add_option("--profile", o.profile, "Its profile")->show_default();
   doctor.add_option("--simulator", o.simulator, "ADDR:PORT of a simulator to measure UDP with");
   doctor
       .add_flag("--fix", o.fix,
                 "Do what can be done without risk, and say what was done: rule, limits, governor, "
                 "autosuspend")
-      ->configurable(false);
+      ->not_in_config();
   doctor
       .add_option("--report", o.report,
                   "Write a form in Markdown that you can complete and send to the project; it has "
                   "no serial numbers, user or host names")
       ->type_name("FILE")
-      ->configurable(false);
+      ->not_in_config();
   doctor
       .add_option("--root", o.root,
                   "Folder before /sys, /dev, /proc and /etc, e.g. of another system's image")
-      ->configurable(false);
-  doctor.footer("Exit status: 0 nothing is wrong, 3 warnings only, 4 something is bad.");
+      ->not_in_config();
+  doctor.footer(
+      "Exit status: 0 nothing is wrong, 3 warnings only, 4 something is bad, 130 or 143 after "
+      "SIGINT or SIGTERM.");
   doctor.callback([&o, &action] { action = [&o] { return doctor_command(o); }; });
 }
 
 int doctor_command(const DoctorOptions& options) {
-  std::FILE* const out = options.json.on_stdout() ? stderr : stdout;
+  const ResultText text(options.json, "doctor");
+  std::FILE* const out = text.stream();
   if (const std::string why_not = options.report.empty() ? "" : why_not_writable(options.report);
       !why_not.empty()) {
     throw std::runtime_error("--report " + options.report + " can't be written (" + why_not +

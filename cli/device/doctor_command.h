@@ -4,11 +4,8 @@
 #include <functional>
 #include <string>
 
+#include "cli/common/options.h"
 #include "cli/run/run_command.h"
-
-namespace CLI {
-class App;
-}
 
 namespace forcegrid::cli {
 
@@ -16,6 +13,7 @@ struct DoctorOptions {
   double seconds = 5.0;  ///< duration of each measurement; 0: do not measure
   double rate_Hz = 500.0;
   std::string device;  ///< URL of a device to measure the round trip with; empty: none
+  bool share = false;  ///< another program may have the device open
   std::string profile = "woodenhaptics_v2015";
   std::string simulator;  ///< ADDR:PORT; empty: none
   bool fix = false;
@@ -25,7 +23,7 @@ struct DoctorOptions {
 };
 
 /// Adds the subcommand, which sets `action`.
-void add_doctor(CLI::App& app, DoctorOptions& options, std::function<int()>& action);
+void add_doctor(Command& app, DoctorOptions& options, std::function<int()>& action);
 
 /// Examines this computer and prints for each finding its effect and its remedy.
 /// @returns 0 if nothing is wrong, 3 for warnings only, 4 for a bad finding. A device or simulator

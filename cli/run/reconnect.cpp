@@ -2,7 +2,9 @@
 #include "cli/run/reconnect.h"
 
 #include <cmath>
+#include <optional>
 #include <thread>
+#include <utility>
 
 #include "driver/calibration.h"
 #include "driver/counter_continuity.h"
@@ -12,7 +14,7 @@ namespace forcegrid::cli {
 namespace {
 
 constexpr auto kRetry = std::chrono::milliseconds(50);
-constexpr auto kLook = std::chrono::milliseconds(20);
+constexpr auto kLookForDevice = std::chrono::milliseconds(20);
 constexpr auto kCalibrationTimeout = std::chrono::seconds(60);
 
 // @returns false when cancelled.
@@ -22,7 +24,7 @@ bool pause(const Reconnect& how) {
     if (how.cancelled()) {
       return false;
     }
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kLookForDevice);
   }
   return true;
 }
@@ -40,10 +42,31 @@ std::string settle_counters(const Reconnect& how, driver::Device& device, bool& 
         driver::why_counters_are_lost(*mechanism, how.last_counts, device.newest_report().counts);
     return lost.empty() ? "" : lost + "; restart without --calibrated";
   }
-  recalibrated = driver::calibrate(
-      device, *how.profile, kCalibrationTimeout,
-      [&](const std::string& text) { how.say(text + "\n"); }, how.cancelled);
+  recalibrated =
+      driver::calibrate(device, *how.profile, kCalibrationTimeout, how.say, how.cancelled);
   return recalibrated ? "" : "stopped before it was calibrated again";
+}
+
+// Nothing: the device is not back, for this `reason`.
+std::optional<Reconnected> try_once(const Reconnect& how, std::string& reason) {
+  Reconnected result;
+  try {
+    std::unique_ptr<driver::Device> device = how.open();
+    const driver::DeviceIdentity& now = device->identity();
+    if (now.product != how.before.product || now.serial != how.before.serial) {
+      result.why_not = "another device is connected: " + now.product + ", serial " + now.serial +
+                       ", instead of " + how.before.product + ", serial " + how.before.serial;
+      return result;
+    }
+    result.why_not = settle_counters(how, *device, result.recalibrated);
+    if (result.why_not.empty()) {
+      result.device = std::move(device);
+    }
+    return result;
+  } catch (const driver::DeviceError& error) {
+    reason = error.what();
+    return std::nullopt;
+  }
 }
 
 }  // namespace
@@ -53,21 +76,8 @@ Reconnected reconnect(const Reconnect& how) {
   const rt::TimePoint gone = rt::Clock::now();
   std::string last_reason = "it could not be tried";
   while (!how.cancelled()) {
-    try {
-      std::unique_ptr<driver::Device> device = how.open();
-      const driver::DeviceIdentity& now = device->identity();
-      if (now.product != how.before.product || now.serial != how.before.serial) {
-        result.why_not = "another device is connected: " + now.product + ", serial " + now.serial +
-                         ", instead of " + how.before.product + ", serial " + how.before.serial;
-        return result;
-      }
-      result.why_not = settle_counters(how, *device, result.recalibrated);
-      if (result.why_not.empty()) {
-        result.device = std::move(device);
-      }
-      return result;
-    } catch (const driver::DeviceError& error) {
-      last_reason = error.what();
+    if (std::optional<Reconnected> tried = try_once(how, last_reason)) {
+      return std::move(*tried);
     }
     if (rt::Clock::now() - gone >= how.timeout) {
       result.why_not =

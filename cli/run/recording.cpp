@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cstdio>
 #include <ctime>
 #include <fstream>
 #include <optional>
@@ -14,6 +13,8 @@
 #include "cli/common/json_target.h"
 #include "cli/common/revision.h"
 #include "evaluation/text_file.h"
+#include "log/log.h"
+#include "rt/vectors.h"
 #include "tools/hdf5_file.h"
 #include "tools/library_versions.h"
 #include "tools/recording.h"
@@ -89,7 +90,7 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
   recorder.rate_Hz = options.rate_Hz;
   recorder.method_names = methods;
   recorder.trouble = [](const std::string& sentence) {
-    std::fprintf(stderr, "forcegrid: --record: %s\n", sentence.c_str());
+    log::error("recorder", "--record: " + sentence);
   };
   std::time_t now = std::time(nullptr);
   char started[32];
@@ -144,7 +145,7 @@ evaluation::Trace trace_of(const std::deque<servo::ArrivedSample>& samples,
   evaluation::Trace trace;
   for (std::size_t i = 0; i < cycles.size(); ++i) {
     trace.servo.push_back({1e-9 * static_cast<double>(cycles[i]->time_ns - contact_ns),
-                           servo::vector(cycles[i]->touching_W_m), reference_W.at(i)});
+                           rt::to_vector(cycles[i]->touching_W_m), reference_W.at(i)});
   }
   // The epoch of the present contact as known to the servo.
   std::optional<std::uint32_t> contact;

@@ -12,21 +12,28 @@
 #include "cli/common/figures.h"
 #include "cli/common/firmware_choice.h"
 #include "cli/common/stop_request.h"
+#include "cli/common/stop_watchdog.h"
 #include "cli/run/reconnect.h"
 #include "cli/run/recording.h"
 #include "cli/run/run_checks.h"
+#include "cli/run/run_device.h"
 #include "cli/run/run_judgement.h"
 #include "cli/run/run_methods.h"
 #include "cli/run/run_processes.h"
+#include "cli/run/run_servo_options.h"
 #include "cli/run/run_setup.h"
 #include "cli/run/run_summary_json.h"
 #include "cli/run/run_summary_text.h"
+#include "cli/run/simulator_watch.h"
 #include "cli/run/terminal_keys.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
 #include "driver/discovery.h"
 #include "driver/open_device.h"
+#include "evaluation/gnuplot.h"
+#include "log/log.h"
 #include "profiles/device_profile.h"
+#include "rt/checkpoint.h"
 #include "rt/thread.h"
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
@@ -45,53 +52,6 @@ using std::chrono::seconds;
 
 constexpr milliseconds kWatchdogProof{700};
 
-// With a coupling, the guard only observes.
-void set_passivity(const RunOptions& options, servo::ServoOptions& servo_options) {
-  constexpr double kBoundOverAllowance = 2.0;
-  servo_options.rendering.passivity.mode = options.passivity == "control"
-                                               ? servo::PassivityMode::kControl
-                                               : servo::PassivityMode::kObserve;
-  servo_options.rendering.passivity.allowance_J = 1e-3 * options.passivity_allowance_mJ;
-  servo_options.rendering.passivity.bound_J =
-      kBoundOverAllowance * servo_options.rendering.passivity.allowance_J;
-  servo_options.rendering.passivity.max_damping_N_s_per_m = options.passivity_damping_N_s_per_m;
-  if (options.passivity == "coupling") {
-    servo_options.rendering.coupling =
-        servo::CouplingOptions{options.coupling.at(0), options.coupling.at(1)};
-  }
-}
-
-void set_switches(const RunOptions& options, const profiles::DeviceProfile& profile,
-                  servo::ServoOptions& servo_options) {
-  StopRequest::install_switches();
-  servo_options.emergency_stop = &StopRequest::emergency();
-  servo_options.dead_man_signal = &StopRequest::dead_man();
-  if (options.dead_man == "button") {
-    if (!servo::DeviceButton::can_be_held(profile)) {
-      throw std::runtime_error("--dead-man button: the only button of " + profile.name +
-                               " latches when pressed and does not report whether it is held; use "
-                               "--dead-man signal with a separate switch");
-    }
-    servo_options.dead_man = servo::DeadMan::kButton;
-  } else if (options.dead_man == "signal") {
-    servo_options.dead_man = servo::DeadMan::kSignal;
-  }
-}
-
-servo::ServoOptions servo_options_of(const RunOptions& options,
-                                     const profiles::DeviceProfile& profile) {
-  servo::ServoOptions servo_options;
-  servo_options.rate_Hz = options.rate_Hz;
-  servo_options.fill_budget = options.fill_budget;
-  servo_options.simulator_rate_Hz = options.simulator_rate_Hz;
-  servo_options.report_timeout = milliseconds(options.device_timeout_ms);
-  servo_options.gravity_compensation = options.gravity_compensation;
-  servo_options.check_motors = !options.no_motor_check;
-  set_passivity(options, servo_options);
-  set_switches(options, profile, servo_options);
-  return servo_options;
-}
-
 // Why this program's threads get no real-time scheduling; empty: they get it.
 std::string why_not_realtime() {
   std::string reason;
@@ -99,41 +59,8 @@ std::string why_not_realtime() {
   return reason;
 }
 
-// The calibrated profile of the opened unit; empty: none applies.
-std::string calibrated_profile(const RunOptions& options, const std::string& profile_name,
-                               const driver::DeviceIdentity& identity,
-                               const std::string& lasting_url) {
-  if (options.calibration == "none") {
-    return "";
-  }
-  return options.calibration != "auto"
-             ? options.calibration
-             : tools::find_unit_profile(profile_name, tools::unit_key(identity, lasting_url))
-                   .value_or("");
-}
-
-std::unique_ptr<driver::Device> open(const std::string& url, const profiles::DeviceProfile& profile,
-                                     const driver::falcon::Firmware& firmware,
-                                     int device_timeout_ms, bool realtime) {
-  driver::OpenOptions open_options;
-  open_options.firmware = firmware;
-  open_options.realtime_io = realtime;
-  open_options.stale_after = milliseconds(device_timeout_ms);
-  open_options.notice = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
-  try {
-    return driver::open_device(url, profile, open_options);
-  } catch (const driver::DeviceError& error) {
-    if (url.rfind("hid:", 0) != 0 && url.rfind("falcon", 0) != 0) {
-      throw;
-    }
-    std::vector<profiles::DeviceProfile> known;
-    for (const std::string& name : profiles::available_profiles()) {
-      known.push_back(profiles::load_device_profile(name));
-    }
-    throw driver::DeviceError(std::string(error.what()) + "\n" +
-                              driver::describe_attached_devices(known));
-  }
-}
+// CLOCK_MONOTONIC, as the samples' times of arrival.
+double now_s() { return 1e-9 * static_cast<double>(rt::Clock::now().time_since_epoch().count()); }
 
 // One run, from its options to its summary. Members that threads write to come before those
 // threads, so that the threads end before the members are destroyed.
@@ -146,7 +73,10 @@ class Run {
   int execute();
 
  private:
-  void say(const std::string& text);
+  void say(const std::string& text, log::Level level = log::Level::kInfo,
+           const char* component = "run") const;
+  void report(const std::string& text) const;
+  void report_fault() const;
   void note(const std::string& text) { summary_.notes.push_back(text); }
   void fail(const std::string& text);
   void look_at_keys(milliseconds timeout);
@@ -159,6 +89,9 @@ class Run {
   void run_until_over();
   servo::ServoOutcome run_loop(double for_s);
   bool connect_again(rt::TimePoint ended);
+  void watch_simulator();
+  void judge_end();
+  void settle_status();
   void stop_threads();
   void collect();
   void write_flight_records();
@@ -169,6 +102,7 @@ class Run {
   RunOptions options_;
   std::FILE* out_;
   std::unique_ptr<tools::Dashboard> dashboard_;
+  std::optional<log::ConsoleTaker> to_dashboard_;  // while it covers the terminal
   simulator::ToolOptions tool_;
   profiles::DeviceProfile profile_;
   driver::falcon::Firmware firmware_;
@@ -180,12 +114,15 @@ class Run {
   servo::ServoPorts ports_;
   std::unique_ptr<tools::Recorder> recorder_;
   std::optional<servo::LinkThread> link_;
+  std::optional<SimulatorWatch> watch_;
+  bool simulator_died_ = false;
+  std::optional<OwnEnd> own_end_;  // from when motors may get current until everything is written
   std::unique_ptr<driver::Device> device_;
   std::string url_again_;  // where to find the device again
   std::optional<TerminalKeys> keys_;
   std::optional<servo::Telemetry> telemetry_;
   std::optional<servo::ServoLoop> loop_;
-  int status_ = 0;
+  bool file_failed_ = false;
 };
 
 // With the JSON on standard output, everything for people goes to standard error.
@@ -217,7 +154,7 @@ Run::Run(const RunOptions& options)
   // Reported once, here; the threads that are refused later stay silent.
   realtime_refused_ = why_not_realtime();
   if (!realtime_refused_.empty()) {
-    say("No real-time scheduling: " + realtime_refused_ + "\n");
+    say("No real-time scheduling: " + realtime_refused_);
   }
 }
 
@@ -234,13 +171,11 @@ int Run::execute() {
   link_->start();
   telemetry_->start();
   run_until_over();
+  judge_end();
   stop_threads();
-  const bool emergency =
-      summary_.outcome.fault == servo::Fault::kEmergencyStop || StopRequest::emergency().pressed();
-  status_ = summary_.outcome.fault == servo::Fault::kNone ? 0 : 1;
   if (recorder_ && !recorder_->finish().trouble.empty()) {
     note("--record: " + recorder_->finish().trouble);
-    status_ = 1;
+    file_failed_ = true;
   }
   if (!telemetry_->trouble().empty()) {
     fail("the live line and the recording ended early: " + telemetry_->trouble());
@@ -250,32 +185,55 @@ int Run::execute() {
   }
   collect();
   write_flight_records();
-  say(loop_text(summary_, telemetry_->statistics()));
+  report_fault();
+  report(loop_text(summary_, telemetry_->statistics()));
   finish_processes();
 
   ContactCycles cycles = cycles_since(link_->first_contact(), telemetry_->records());
-  judge(options_, methods_->names(), why_no_reference(), link_->first_contact(), out_, cycles,
-        summary_);
+  judge(options_, methods_->names(), why_no_reference(), link_->first_contact(), cycles, summary_);
+  settle_status();
   write_files(cycles);
-  say(errors_text(summary_));
+  report(errors_text(summary_));
+  settle_status();  // a file may have failed, or a signal may have come meanwhile
   write_json(options_.json, to_json(summary_, telemetry_->statistics()).dump(2));
-  return emergency ? kEmergencyStatus : status_;
+  return summary_.exit_status;
 }
 
-void Run::say(const std::string& text) {
-  if (dashboard_) {
-    dashboard_->note(text);
+// Something on the way, for people: beside the results.
+void Run::say(const std::string& text, log::Level level, const char* component) const {
+  log::write(
+      {level, component, text, "", out_ == stdout ? log::Where::kStdout : log::Where::kStderr});
+}
+
+// Results, of whole lines. Where they would be in the way of JSON they are messages.
+void Run::report(const std::string& text) const {
+  if (text.find_first_not_of('\n') == std::string::npos) {
     return;
   }
-  std::fputs(text.c_str(), out_);
-  std::fflush(out_);
+  const std::string lines = text.substr(0, text.size() - (text.ends_with('\n') ? 1 : 0));
+  if (out_ == stdout) {
+    std::printf("%s\n", lines.c_str());
+    std::fflush(stdout);
+  }
+  log::write({log::Level::kInfo, "summary", lines.substr(lines.find_first_not_of('\n')), "",
+              out_ == stdout ? log::Where::kFileOnly : log::Where::kStderr});
+}
+
+// The summary says it, too: on the console this is for whoever does not see that.
+void Run::report_fault() const {
+  if (summary_.outcome.fault == servo::Fault::kNone) {
+    return;
+  }
+  const bool in_summary = out_ == stdout || log::console_shows(log::Level::kInfo);
+  log::write({log::Level::kError, "servo", fault_text(summary_.outcome), "",
+              in_summary ? log::Where::kFileOnly : log::Where::kStderr});
 }
 
 // A requested file can't be written.
 void Run::fail(const std::string& text) {
   note(text);
-  std::fprintf(stderr, "forcegrid: %s\n", text.c_str());
-  status_ = 1;
+  log::error("run", text);
+  file_failed_ = true;
 }
 
 void Run::look_at_keys(milliseconds timeout) {
@@ -286,12 +244,24 @@ void Run::look_at_keys(milliseconds timeout) {
 
 void Run::connect() {
   processes_.emplace(options_, tool_, profile_);
+  watch_.emplace(SimulatorWatchOptions{
+      .address = processes_->simulator_address(),
+      .period_s = processes_->has_simulator()
+                      ? 1.0 / options_.simulator_rate_Hz + 1e-3 * options_.simulator_delay_ms
+                      : 0.0,
+      .timeout_s = options_.simulator_timeout_s,
+      .wait = options_.wait_for_simulator,
+      .has_key = !options_.key_files.empty()});
   link_.emplace(processes_->simulator_address(), ports_, processes_->take_link_keys());
   // Locking memory may take longer than the device's time-out, so it comes before opening the
   // device. The loop tries again and reports a refusal.
   static_cast<void>(rt::lock_memory());
   const std::string& url = processes_->device_url();
-  device_ = open(url, profile_, firmware_, options_.device_timeout_ms, realtime_refused_.empty());
+  if (StopRequest::stop()) {
+    throw std::runtime_error("stopped before the device was opened");
+  }
+  device_ = open_for_run(url, profile_, firmware_, options_, realtime_refused_.empty());
+  own_end_.emplace();  // until here no current was ever commanded
   const std::string base_profile = profile_.name;
   const std::string calibrated_file =
       calibrated_profile(options_, base_profile, device_->identity(),
@@ -304,9 +274,9 @@ void Run::connect() {
   const driver::DeviceIdentity& identity = device_->identity();
   say("Device: " + identity.product + " (" + identity.manufacturer + ", serial " + identity.serial +
       ") at " + url + (processes_->has_emulator() ? " (emulated)" : "") + ", profile " +
-      base_profile + "\n");
+      base_profile);
   if (!calibrated_file.empty()) {
-    say("Calibrated profile of this unit: " + calibrated_file + "\n");
+    say("Calibrated profile of this unit: " + calibrated_file);
   }
   // No force has been rendered yet; a key pressed now must prevent force later.
   keys_.emplace();
@@ -317,13 +287,13 @@ void Run::connect() {
 bool Run::calibrate_arm() {
   if (options_.calibrated && is_falcon(profile_)) {
     say("Falcon: --calibrated has no effect, because the device reports whether its axes are "
-        "homed\n");
+        "homed");
   }
   if (options_.calibrated && !is_falcon(profile_)) {
     return true;
   }
   return driver::calibrate(
-      *device_, profile_, seconds(60), [&](const std::string& text) { say(text + "\n"); },
+      *device_, profile_, seconds(60), [&](const std::string& text) { say(text); },
       [&] {
         look_at_keys(milliseconds(0));
         return StopRequest::stop().load();
@@ -332,21 +302,24 @@ bool Run::calibrate_arm() {
 
 int Run::end_uncalibrated() {
   note("stopped before the arm was calibrated; the motors had no current");
-  say(summary_.notes.back() + "\n");
+  say(summary_.notes.back());
   summary_.outcome.zero_current_delivered = device_->stop();
+  processes_->hurry_simulator();
   summary_.device_statistics = device_->statistics();
   summary_.emulator = processes_->finish_emulator();
   summary_.simulator = processes_->finish_simulator();
   summary_.reference = "the loop never ran";
+  judge_end();
+  settle_status();
   write_json(options_.json, to_json(summary_, servo::TelemetryStatistics{}).dump(2));
-  return StopRequest::emergency().pressed() ? kEmergencyStatus : 1;
+  return summary_.exit_status;
 }
 
 void Run::prepare_telemetry() {
   say("Simulator: " + processes_->simulator_address() +
       (processes_->has_simulator() ? ", scene " + options_.scene : "") + "; method " +
       options_.method + " at " + std::to_string(std::lround(options_.rate_Hz)) +
-      " Hz; Ctrl-C ends it" + (keys_->active() ? ", space or e stops the motors at once\n" : "\n"));
+      " Hz; Ctrl-C ends it" + (keys_->active() ? ", space or e stops the motors at once" : ""));
   recorder_ = start_recorder(options_, profile_, methods_->names(), processes_->device_url(),
                              device_->identity());
   if (records_trace(options_)) {
@@ -358,20 +331,24 @@ void Run::prepare_telemetry() {
   servo::TelemetryOptions telemetry_options;
   telemetry_options.method_names = methods_->names();
   telemetry_options.rate_Hz = options_.rate_Hz;
-  telemetry_options.live = options_.live ? nullptr : out_;
-  if (options_.live) {
-    telemetry_options.on_sentence = [this](const std::string& text) { say(text); };
+  telemetry_options.on_sentence = [this](const std::string& text) {
+    say(text, log::Level::kInfo, "servo");
+  };
+  if (!options_.live) {
+    telemetry_options.on_live_line = telemetry_options.on_sentence;
   }
-  if (recorder_ || options_.live) {
-    telemetry_options.on_cycle = [this](const servo::CycleRecord& cycle) {
-      if (recorder_) {
-        recorder_->push(cycle);
-      }
-      if (dashboard_) {
-        dashboard_->add(cycle);
-      }
-    };
-  }
+  telemetry_options.on_cycle = [this, said = false](const servo::CycleRecord& cycle) mutable {
+    if (!said) {
+      said = true;
+      log::info("servo", "The servo loop runs: its first cycle is over.");
+    }
+    if (recorder_) {
+      recorder_->push(cycle);
+    }
+    if (dashboard_) {
+      dashboard_->add(cycle);
+    }
+  };
   telemetry_.emplace(ports_, telemetry_options);
 }
 
@@ -386,17 +363,37 @@ void Run::start_dashboard() {
   dashboard_ = std::make_unique<tools::Dashboard>(
       out_, tools::DashboardTitle{options_.device, simulator, options_.method, candidates,
                                   options_.rate_Hz});
+  to_dashboard_.emplace([this](const std::string& line) { dashboard_->note(line + "\n"); });
   keys_.emplace();
+}
+
+// Says what the simulator does, and ends the run if it has none any more.
+void Run::watch_simulator() {
+  if (const auto how = processes_->simulator_end()) {
+    simulator_died_ = true;
+    note("the simulator process " + *how + " during the run; the force faded to zero");
+    say(summary_.notes.back(), log::Level::kWarn);
+  }
+  const std::int64_t sample_ns = link_->newest_sample_ns();
+  const auto line = watch_->update(
+      now_s(), sample_ns == 0 ? std::nullopt : std::optional(1e-9 * static_cast<double>(sample_ns)),
+      link_->nobody_listens());
+  if (line && !simulator_died_) {
+    say(*line,
+        watch_->state() == SimulatorWatch::State::kThere ? log::Level::kInfo : log::Level::kWarn);
+  }
+  // A process of this run does not come back; its force has faded when it counts as lost.
+  if (watch_->gave_up() || (simulator_died_ && watch_->state() != SimulatorWatch::State::kThere)) {
+    StopRequest::request();
+  }
 }
 
 // Runs the loop until it ends by itself.
 servo::ServoOutcome Run::run_loop(double for_s) {
+  watch_->begin(now_s());
   return servo::run_watched(*loop_, StopRequest::stop(), for_s, StopRequest::request, [this] {
     look_at_keys(milliseconds(20));
-    if (const auto how = processes_->simulator_end()) {
-      note("the simulator process " + *how + " during the run; the force faded to zero");
-      say(summary_.notes.back() + "\n");
-    }
+    watch_simulator();
   });
 }
 
@@ -422,12 +419,12 @@ void Run::run_until_over() {
 bool Run::connect_again(rt::TimePoint ended) {
   const servo::Fault fault = summary_.outcome.fault;
   say(servo::sentence_for(fault) + " (" + summary_.outcome.device_failure +
-      ")\nWaiting for the device, at most " +
-      std::to_string(std::lround(options_.reconnect_timeout_s)) + " s; Ctrl-C ends it.\n");
+          ")\nWaiting for the device, at most " +
+          std::to_string(std::lround(options_.reconnect_timeout_s)) + " s; Ctrl-C ends it.",
+      log::Level::kWarn);
   Reconnect how;
   how.open = [&] {
-    return open(url_again_, profile_, firmware_, options_.device_timeout_ms,
-                realtime_refused_.empty());
+    return open_for_run(url_again_, profile_, firmware_, options_, realtime_refused_.empty());
   };
   how.cancelled = [&] {
     look_at_keys(milliseconds(0));
@@ -453,18 +450,48 @@ bool Run::connect_again(rt::TimePoint ended) {
   summary_.recalibrations += again.recalibrated ? 1 : 0;
   say("The device is back" +
       std::string(again.recalibrated ? " and calibrated" : " with its counters unchanged") +
-      "; the force ramps in.\n");
+      "; the force ramps in.");
   return true;
+}
+
+// Why the loop is over; before the work after it, during which more may come.
+void Run::judge_end() {
+  const servo::Fault fault = summary_.outcome.fault;
+  summary_.signal_name = StopRequest::signal_name();
+  if (fault == servo::Fault::kEmergencyStop || StopRequest::emergency().pressed()) {
+    summary_.end = RunEnd::kEmergencyStop;
+  } else if (fault != servo::Fault::kNone) {
+    summary_.end = RunEnd::kFault;
+  } else if (StopRequest::signal() != 0) {
+    summary_.end = RunEnd::kSignal;
+  } else if (watch_->missing() ||
+             (simulator_died_ && watch_->state() != SimulatorWatch::State::kThere)) {
+    summary_.end = watch_->state() == SimulatorWatch::State::kNever ? RunEnd::kNoSimulator
+                                                                    : RunEnd::kLostSimulator;
+  }
+}
+
+// A signal that shortened the work after the loop counts, too, and so does a file that failed.
+void Run::settle_status() {
+  const int signal = StopRequest::signal();
+  summary_.signal_name = StopRequest::signal_name();
+  summary_.exit_status = status_of(summary_.end, signal);
+  if (summary_.exit_status == 0) {
+    summary_.exit_status = signal != 0 ? status_after(signal) : file_failed_ ? 1 : 0;
+  }
 }
 
 void Run::stop_threads() {
   if (summary_.outcome.fault == servo::Fault::kEmergencyStop) {
     StopRequest::request_emergency(summary_.outcome.emergency);  // skips the remaining work
   }
-  StopRequest::main_part_is_over();
+  if (StopRequest::stop()) {
+    processes_->hurry_simulator();
+  }
   keys_.reset();
   link_->stop();
   telemetry_->stop();
+  to_dashboard_.reset();
   dashboard_.reset();
   rt::unlock_memory();
 }
@@ -496,11 +523,8 @@ void Run::collect() {
   if (servo_options_.requests_per_s > 0.0 && summary_.outcome.requests_made == 0) {
     note("method " + options_.method + " made no request");
   }
-  if (link_->samples_accepted() == 0) {
-    note("no sample came from " + processes_->simulator_address() +
-         "; is a simulator listening there" +
-         (options_.key_files.empty() ? "?" : " that has this key?") +
-         " It serves one servo at a time");
+  for (const std::string& text : watch_->notes()) {
+    note(text);
   }
   summary_.cycles_kept = records.size();
   if (summary_.cycles_kept < telemetry_->statistics().cycles) {
@@ -543,13 +567,13 @@ void Run::finish_processes() {
   summary_.emulator = processes_->finish_emulator();
   summary_.simulator = processes_->finish_simulator();
   if (summary_.emulator) {
-    say(motors_text(*summary_.emulator));
+    report(motors_text(*summary_.emulator));
   } else if (emulated) {
     note("the emulator wrote no report; it " + processes_->emulator_end());
-    say("Note: " + summary_.notes.back() + "\n");
+    say("Note: " + summary_.notes.back(), log::Level::kWarn);
   }
   if (summary_.simulator) {
-    say(workers_text(*summary_.simulator));
+    report(workers_text(*summary_.simulator));
   }
 }
 
@@ -580,24 +604,33 @@ void Run::write_files(const ContactCycles& cycles) {
     fail(error.what());
   }
   try {
-    for (std::string& file :
-         write_figures(options_.out, names, figure_rows(cycles, names.size()))) {
+    const std::vector<FigureRow> rows = figure_rows(cycles, names.size());
+    summary_.files.push_back(write_figure_data(options_.out, names, rows));
+    for (std::string& file : draw_figures(options_.out, names, rows)) {
       summary_.files.push_back(std::move(file));
     }
+  } catch (const rt::Interrupted&) {
+    note("the pictures were skipped by " + StopRequest::signal_name());
+  } catch (const evaluation::NoGnuplot& error) {
+    note(std::string("no pictures: ") + error.what());
+    say("Note: " + summary_.notes.back());
   } catch (const std::runtime_error& error) {
     fail(error.what());
   }
   if (!recorder_) {
     return;
   }
+  const tools::RecorderEnd& recorded = recorder_->finish();
+  if (!recorded.closed) {
+    return;  // the recorder has said what went wrong and what is left
+  }
   summary_.files.push_back(options_.record);
-  if (recorder_->finish().closed) {
-    try {
-      complete_recording(*recorder_, options_.record, cycles.records, cycles.reference_W,
-                         to_json(summary_, telemetry_->statistics()).dump());
-    } catch (const tools::Hdf5Error& error) {
-      fail(error.what());
-    }
+  try {
+    complete_recording(*recorder_, options_.record, cycles.records, cycles.reference_W,
+                       to_json(summary_, telemetry_->statistics()).dump());
+  } catch (const tools::Hdf5Error& error) {
+    summary_.files.pop_back();
+    fail(error.what());
   }
 }
 

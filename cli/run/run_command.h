@@ -8,14 +8,12 @@
 #include <vector>
 
 #include "cli/common/json_target.h"
+#include "cli/run/run_end.h"
 #include "cli/run/tool_option.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 
 namespace forcegrid::cli {
-
-/// Exit status of a run that an emergency stop ended.
-inline constexpr int kEmergencyStatus = 3;
 
 /// Options of `forcegrid run`.
 struct RunOptions {
@@ -30,8 +28,10 @@ struct RunOptions {
   std::string simulator;               ///< ADDR:PORT of a running simulator; empty: start one
   std::vector<std::string> key_files;  ///< of the link to the simulator; empty: not encrypted
   int workers = 0;                     ///< processes that answer queries for the started simulator
+  double simulator_timeout_s = 10.0;   ///< without samples for this long the run ends
+  bool wait_for_simulator = false;     ///< instead it waits without an end
   double simulator_rate_Hz = 30.0;
-  double simulator_delay_s = 0.0;
+  double simulator_delay_ms = 0.0;
   /// Options on the command line that a running simulator would ignore.
   std::vector<std::string> for_started_simulator;
   ToolChoice tool;        ///< of the started simulator
@@ -49,6 +49,7 @@ struct RunOptions {
   std::optional<double> requests_per_s;  ///< default: 120 for a method that needs requests, else 0
   bool gravity_compensation = false;
   int device_timeout_ms = 100;  ///< the device counts as failed after this silence
+  bool share = false;           ///< another program may have the device open
   bool calibrated = false;      ///< the encoder counters are already valid
   std::string hand = "firm";
   std::string motion = "chirp";
@@ -78,8 +79,7 @@ struct RunOptions {
 };
 
 /// Renders the scene through the device, then prints a summary.
-/// @returns the program's exit status: 0, 1 after a fault, kEmergencyStatus after an emergency
-///         stop.
+/// @returns the program's exit status, see run_status_help().
 /// @throws std::exception with a sentence for the user if the run can't be set up.
 int run_command(const RunOptions& options);
 

@@ -5,6 +5,7 @@
 
 #include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
+#include "cli/common/options.h"
 #include "cli/common/scene_option.h"
 #include "cli/run/tool_option.h"
 #include "driver/device_url.h"
@@ -16,12 +17,12 @@
 namespace forcegrid::cli {
 namespace {
 
-void add_device(CLI::App& run, RunOptions& o) {
-  run.option_defaults()->group("Device");
+void add_device(Command& run, RunOptions& o) {
+  run.begin_group("Device");
   run.add_option(
          "--device", o.device,
          "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
-      ->capture_default_str();
+      ->show_default();
   run.add_option("--profile", o.profile,
                  "Profile of an attached device (default falcon for a Falcon, else "
                  "woodenhaptics_v2015): " +
@@ -30,7 +31,7 @@ void add_device(CLI::App& run, RunOptions& o) {
          "--calibration", o.calibration,
          "Profile of this unit: auto uses the file that forcegrid calibrate wrote for it, none "
          "ignores that file, else a TOML file")
-      ->capture_default_str();
+      ->show_default();
   run.add_flag(
       "--calibrated", o.calibrated,
       "The encoder counters are already valid: skip the calibration pose and its button (a "
@@ -38,70 +39,79 @@ void add_device(CLI::App& run, RunOptions& o) {
   run.add_option("--firmware", o.firmware,
                  "Firmware file for a Novint Falcon that runs none yet (always after power-on); an "
                  "emulated one gets a synthetic image by default");
+  run.add_flag("--share", o.share,
+               "Open the device although another program has it open, too. If that program sends "
+               "anything, the run ends all the same");
   run.add_option("--device-timeout-ms", o.device_timeout_ms,
                  "The run ends with zero current when the device is silent for this long; the "
                  "device's own watchdog waits 500 ms")
-      ->check(CLI::Range(10, 450))
-      ->capture_default_str()
+      ->check(whole_between(10, 450))
+      ->show_default()
       ->type_name("INT ms");
   run.add_flag("--reconnect", o.reconnect,
                "If the device disappears or falls silent, wait until it is back and continue");
   run.add_option("--reconnect-timeout", o.reconnect_timeout_s, "How long --reconnect waits")
       ->check(between(0.0, 86400.0))
-      ->capture_default_str()
+      ->show_default()
       ->type_name("FLOAT s");
 }
 
-void add_object(CLI::App& run, RunOptions& o) {
-  run.option_defaults()->group("Object");
+void add_object(Command& run, RunOptions& o) {
+  run.begin_group("Object");
   run.add_option("--scene", o.scene, "Object to feel: " + scene_help())
       ->check(scene_check())
-      ->capture_default_str();
+      ->show_default();
   run.add_option("--solver", o.solver,
                  "Solver of the started simulator, see 'forcegrid simulate --help'")
-      ->check(CLI::IsMember(simulator::solver_names()))
-      ->capture_default_str();
+      ->check(one_of(simulator::solver_names()))
+      ->show_default();
   add_tool(run, o.tool);
   run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers per second of the started simulator")
       ->check(between(1.0, 1000.0))
-      ->capture_default_str()
+      ->show_default()
       ->type_name("FLOAT Hz");
-  run.add_option_function<double>(
-         "--sim-delay-ms", [&o](double ms) { o.simulator_delay_s = 1e-3 * ms; },
-         "Delay every answer of the started simulator by this much")
-      ->default_str("0")
+  run.add_option("--sim-delay-ms", o.simulator_delay_ms,
+                 "Delay every answer of the started simulator by this much")
       ->check(between(0.0, 1000.0))
+      ->show_default()
       ->type_name("FLOAT ms");
   run.add_option("--workers", o.workers,
                  "Worker processes that answer requests for the started simulator; with workers, "
                  "--requests-per-s defaults to 120")
-      ->check(CLI::Range(0, 64))
-      ->capture_default_str()
+      ->check(whole_between(0, 64))
+      ->show_default()
       ->type_name("INT processes");
   run.add_option("--simulator", o.simulator,
                  "ADDR:PORT of a simulator that already runs, instead of --scene; on another "
                  "machine only with --key");
   add_key(run, o.key_files,
           "Encrypt the link to the simulator with this key file (forcegrid keygen)");
+  run.add_option("--simulator-timeout", o.simulator_timeout_s,
+                 "The run ends when the simulator has sent no sample for this long")
+      ->check(between(1.0, 86400.0))
+      ->show_default()
+      ->type_name("FLOAT s");
+  run.add_flag("--wait-for-simulator", o.wait_for_simulator,
+               "Wait for a simulator that is silent, without an end, instead of ending the run");
 }
 
-void add_force(CLI::App& run, RunOptions& o) {
-  run.option_defaults()->group("Force");
+void add_force(Command& run, RunOptions& o) {
+  run.begin_group("Force");
   run.add_option("--method", o.method,
                  "Force method: " + joined(method_names()) +
                      ", direct; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
       ->check(method_check())
-      ->capture_default_str();
+      ->show_default();
   run.add_option(
          "--evaluate,--shadow", o.evaluated,
          "Methods that are evaluated beside it on the same path, but not rendered (--shadow is "
          "the deprecated spelling)")
-      ->delimiter(';')
+      ->separated_by(';')
       ->check(method_check())
-      ->capture_default_str();
+      ->show_default();
   run.add_option("--rate", o.rate_Hz, "Servo rate in Hz")
       ->check(between(100.0, 4000.0))
-      ->capture_default_str()
+      ->show_default()
       ->type_name("FLOAT Hz");
   run.add_option(
          "--requests-per-s", o.requests_per_s,
@@ -113,103 +123,104 @@ void add_force(CLI::App& run, RunOptions& o) {
                "Compensate the weight of the device's links");
 }
 
-void add_grid(CLI::App& run, RunOptions& o) {
-  run.option_defaults()->group("Grid methods");
+void add_grid(Command& run, RunOptions& o) {
+  run.begin_group("Grid methods");
   run.add_option("--fill-budget", o.fill_budget,
                  "Grid vertices that one method may update per cycle")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str()
+      ->check(whole_between(1, 1000000))
+      ->show_default()
       ->type_name("INT vertices");
   run.add_option("--cells", o.cells, "Grid cells per axis: X,Y,Z")
-      ->delimiter(',')
-      ->check(CLI::Range(1, 4096))
-      ->capture_default_str()
+      ->separated_by(',')
+      ->check(whole_between(1, 4096))
+      ->show_default()
       ->type_name("[INT,INT,INT] cells");
   run.add_option(
          "--r-mm", o.influence_radius_mm,
          "Radius of influence r of a sample; 0 means a sixth of the workspace's longest side")
       ->check(between(0.0, 1000.0))
-      ->capture_default_str()
+      ->show_default()
       ->type_name("FLOAT mm");
   run.add_option("--unit-mm", o.unit_mm, "Unit of length in the grid's weight")
       ->check(between(0.001, 1000.0))
-      ->capture_default_str()
+      ->show_default()
       ->type_name("FLOAT mm");
   run.add_option("--s", o.samples_per_cell, "Samples counted per cell, at most; 0 counts all")
-      ->check(CLI::Range(0, 65535))
-      ->capture_default_str()
+      ->check(whole_between(0, 65535))
+      ->show_default()
       ->type_name("INT samples");
 }
 
-void add_safety(CLI::App& run, RunOptions& o) {
-  run.option_defaults()->group("Safety");
+void add_safety(Command& run, RunOptions& o) {
+  run.begin_group("Safety");
   run.add_option("--passivity", o.passivity,
                  "What the guard does about energy that the force gives to the hand: control (damp "
                  "it), observe (only count it), coupling (render through a spring and damper)")
-      ->check(CLI::IsMember({"control", "observe", "coupling"}))
-      ->capture_default_str();
+      ->check(one_of({"control", "observe", "coupling"}))
+      ->show_default();
   run.add_option("--passivity-allowance-mJ", o.passivity_allowance_mJ,
                  "Energy per contact above which the control acts")
       ->check(between(0.01, 1000.0))
       ->type_name("FLOAT mJ")
-      ->capture_default_str();
+      ->show_default();
   run.add_option("--passivity-damping", o.passivity_damping_N_s_per_m,
                  "Largest damping that the control may add; the profile's limit also applies")
       ->check(between(0.0, 100.0))
       ->type_name("FLOAT N s/m")
-      ->capture_default_str();
+      ->show_default();
   run.add_option("--coupling", o.coupling, "Stiffness and damping K,B of --passivity coupling")
-      ->delimiter(',')
-      ->expected(2)
+      ->separated_by(',')
+      ->values(2)
       ->check(between(0.001, 1e6))
       ->type_name("FLOAT N/m and N s/m")
-      ->capture_default_str();
+      ->show_default();
   run.add_option("--dead-man", o.dead_man,
                  "Render force only while this is held: button (any button on a Falcon's grip), "
                  "signal (SIGUSR2 at least every 0.2 s, for example from a foot switch), none")
-      ->check(CLI::IsMember({"none", "button", "signal"}))
-      ->capture_default_str();
+      ->check(one_of({"none", "button", "signal"}))
+      ->show_default();
   run.add_flag("--no-motor-check", o.no_motor_check,
                "Skip the check that pushes each motor briefly before the first force");
 }
 
-void add_hand(CLI::App& run, RunOptions& o) {
-  run.option_defaults()->group("Emulated device and hand");
+void add_hand(Command& run, RunOptions& o) {
+  run.begin_group("Emulated device and hand");
   run.add_option("--hand", o.hand, "Emulated hand: " + joined(hands()))
-      ->check(CLI::IsMember(hands()))
-      ->capture_default_str();
+      ->check(one_of(hands()))
+      ->show_default();
   run.add_option("--motion", o.motion,
                  "Motion of the emulated hand: " + joined(motions()) +
                      "; a sliding tool uses stroke by default")
       ->check(motion_check())
-      ->capture_default_str();
+      ->show_default();
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
       ->check(between(0.0, 30.0))
-      ->capture_default_str()
+      ->show_default()
       ->type_name("FLOAT mm");
-  run.add_option("--seed", o.seed, "Seed of the random motions")->capture_default_str();
+  run.add_option("--seed", o.seed, "Seed of the random motions")
+      ->check(seed_number())
+      ->show_default();
   run.add_option("--frame-order", o.frame_order, "Emulated bus: " + joined(frame_orders()))
-      ->check(CLI::IsMember(frame_orders()))
-      ->capture_default_str();
+      ->check(one_of(frame_orders()))
+      ->show_default();
   run.add_option(
          "--fault", o.faults,
          "Inject a fault into the emulated device; may be repeated, see forcegrid emulate --help")
       ->check(fault_check())
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+      ->repeatable();
 }
 
-void add_results(CLI::App& run, RunOptions& o) {
-  run.option_defaults()->group("Run and results");
+void add_results(Command& run, RunOptions& o) {
+  run.begin_group("Run and results");
   run.add_option("--seconds", o.seconds, "Length of the run; 0 runs until Ctrl-C")
       ->check(between(0.0, 86400.0))
-      ->capture_default_str()
+      ->show_default()
       ->type_name("FLOAT s");
   run.add_flag(
       "--live", o.live,
       "Show a dashboard in the terminal (80 x 24 or larger) instead of one line per second");
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
-      ->capture_default_str();
+      ->show_default();
   run.add_flag("--no-reference,--no-truth", o.no_reference,
                "Skip the reference forces (--no-truth is the deprecated spelling)");
   run.add_option("--record", o.record,
@@ -219,9 +230,9 @@ void add_results(CLI::App& run, RunOptions& o) {
   add_json(run, o.json);
 }
 
-CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptions& o,
-                     std::function<int()>& action) {
-  CLI::App& run = *app.add_subcommand(name, what);
+Command& add_run_as(const char* name, const char* what, Command& app, RunOptions& o,
+                    std::function<int()>& action) {
+  Command& run = app.add_subcommand(name, what);
   add_device(run, o);
   add_object(run, o);
   add_force(run, o);
@@ -229,14 +240,15 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
   add_safety(run, o);
   add_hand(run, o);
   add_results(run, o);
+  run.footer(run_status_help());
   run.callback([&run, &o, &action] {
-    o.motion_of_tool = o.motion == RunOptions().motion && run.count("--motion") == 0;
+    o.motion_of_tool = o.motion == RunOptions().motion && !run.given("--motion");
     for (const char* option : {"--scene", "--sim-delay-ms"}) {
-      if (run.count(option) > 0) {
+      if (run.given(option)) {
         o.for_started_simulator.emplace_back(option);
       }
     }
-    o.settings = run.config_to_str(true);
+    o.settings = run.settings_text();
     action = [&o] { return run_command(o); };
   });
   return run;
@@ -244,24 +256,24 @@ CLI::App& add_run_as(const char* name, const char* what, CLI::App& app, RunOptio
 
 }  // namespace
 
-void add_run(CLI::App& app, RunOptions& o, std::function<int()>& action) {
+void add_run(Command& app, RunOptions& o, std::function<int()>& action) {
   add_run_as("run", "Feel a scene through a device", app, o, action);
 }
 
-void add_record(CLI::App& app, RunOptions& o, std::function<int()>& action) {
-  CLI::App& record =
+void add_record(Command& app, RunOptions& o, std::function<int()>& action) {
+  Command& record =
       add_run_as("record", "Feel a scene and record every cycle to HDF5, see docs/recording.md",
                  app, o, action);
-  record.remove_option(record.get_option("--record"));
+  record.remove_option("--record");
   record.add_option("FILE", o.record, "Recording to write, FILE.h5")
       ->required()
-      ->check(CLI::Validator(
-          [](std::string& input) {
-            return tools::is_recording_name(input)
-                       ? std::string()
-                       : "'" + input + "' does not end in .h5 or .hdf5, as a recording's name does";
-          },
-          "FILE.h5"));
+      ->check(Check{[](const std::string& input) {
+                      return tools::is_recording_name(input)
+                                 ? std::string()
+                                 : "'" + input +
+                                       "' does not end in .h5 or .hdf5, as a recording's name does";
+                    },
+                    "FILE.h5"});
 }
 
 }  // namespace forcegrid::cli

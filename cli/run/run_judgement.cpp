@@ -1,34 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_judgement.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 
+#include "cli/common/progress_line.h"
 #include "cli/common/stop_request.h"
 #include "cli/run/reference_forces.h"
+#include "rt/checkpoint.h"
+#include "rt/vectors.h"
 
 namespace forcegrid::cli {
 namespace {
 
 std::string why_reference_is_skipped() {
-  return StopRequest::emergency().pressed() ? "skipped by the emergency stop" : "skipped by Ctrl-C";
+  return StopRequest::emergency().pressed() ? "skipped by the emergency stop"
+         : StopRequest::signal() != 0       ? "skipped by " + StopRequest::signal_name()
+                                            : "skipped because the simulator was lost";
 }
 
 void add_errors(RunSummary& summary, const std::vector<std::string>& names,
                 const ContactCycles& cycles) {
   const auto& reference_W = cycles.reference_W;
   double reference_sum = 0.0;
+  double force_max_N = 0.0;
   for (const Eigen::Vector3d& force_W : reference_W) {
     reference_sum += force_W.squaredNorm();
-    summary.force_max_N = std::max(summary.force_max_N, force_W.norm());
+    force_max_N = std::max(force_max_N, force_W.norm());
   }
-  summary.force_rms_N = std::sqrt(reference_sum / static_cast<double>(reference_W.size()));
+  const double force_rms_N = std::sqrt(reference_sum / static_cast<double>(reference_W.size()));
+  summary.force_rms_N = force_rms_N;
+  summary.force_max_N = force_max_N;
   const auto percent = [&](double sum, double count) {
-    return count > 0.0 && summary.force_rms_N > 0.0
-               ? 100.0 * std::sqrt(sum / count) / summary.force_rms_N
-               : 0.0;
+    return count > 0.0 && force_rms_N > 0.0 ? 100.0 * std::sqrt(sum / count) / force_rms_N : 0.0;
   };
   for (std::size_t method = 0; method < names.size(); ++method) {
     double first_sum = 0.0;
@@ -38,7 +42,7 @@ void add_errors(RunSummary& summary, const std::vector<std::string>& names,
     double worst = 0.0;
     for (std::size_t i = 0; i < reference_W.size(); ++i) {
       const double squared =
-          (servo::vector(cycles.records[i]->method_force_W_N[method]) - reference_W[i])
+          (rt::to_vector(cycles.records[i]->method_force_W_N[method]) - reference_W[i])
               .squaredNorm();
       if (cycles.time_s(i) < 1.0) {
         first_sum += squared;
@@ -58,29 +62,6 @@ void add_errors(RunSummary& summary, const std::vector<std::string>& names,
   }
 }
 
-// Shows the progress of the reference forces: one line that is overwritten on a terminal,
-// otherwise a line every quarter.
-class ReferenceProgress {
- public:
-  explicit ReferenceProgress(std::FILE* out) : out_(out), terminal_(isatty(fileno(out)) == 1) {}
-
-  void operator()(double done, double remaining_s) {
-    if (!terminal_ && done < next_) {
-      return;
-    }
-    next_ += 0.25;
-    std::fprintf(out_, "%sReference forces: %3.0f %%, %2.0f s left (Ctrl-C skips them)%s",
-                 terminal_ ? "\r" : "", 100.0 * done, remaining_s,
-                 terminal_ && done < 1.0 ? " " : "\n");
-    std::fflush(out_);
-  }
-
- private:
-  std::FILE* out_;
-  bool terminal_;
-  double next_ = 0.25;
-};
-
 }  // namespace
 
 ContactCycles cycles_since(const std::optional<servo::FirstContact>& contact,
@@ -93,7 +74,7 @@ ContactCycles cycles_since(const std::optional<servo::FirstContact>& contact,
   for (const servo::CycleRecord& record : records) {
     if (record.time_ns >= contact->time_ns && record.fault == servo::Fault::kNone) {
       cycles.records.push_back(&record);
-      cycles.positions_W.push_back(servo::vector(record.touching_W_m));
+      cycles.positions_W.push_back(rt::to_vector(record.touching_W_m));
     }
   }
   return cycles;
@@ -101,7 +82,7 @@ ContactCycles cycles_since(const std::optional<servo::FirstContact>& contact,
 
 void judge(const RunOptions& options, const std::vector<std::string>& names,
            const std::string& why_not, const std::optional<servo::FirstContact>& contact,
-           std::FILE* out, ContactCycles& cycles, RunSummary& summary) {
+           ContactCycles& cycles, RunSummary& summary) {
   if (!contact || cycles.records.size() < 2) {
     summary.reference = "the tool never touched the object";
     return;
@@ -110,21 +91,29 @@ void judge(const RunOptions& options, const std::vector<std::string>& names,
     summary.reference = why_not;
     return;
   }
-  if (StopRequest::hurry()) {
+  if (StopRequest::stop()) {
     summary.reference = why_reference_is_skipped();
     return;
   }
   simulator::ReferenceOptions reference_options;
   reference_options.scene = options.scene;
   reference_options.contact_point_W = contact->point_W;
-  reference_options.cancel = &StopRequest::hurry();
-  reference_options.progress = ReferenceProgress(out);
+  reference_options.cancel = &StopRequest::stop();
+  ProgressLine line;
+  reference_options.progress = [&line](double done, double remaining_s) {
+    line.show("Reference forces (Ctrl-C skips them)", done, remaining_s);
+  };
   std::vector<double> times_s;
   for (std::size_t i = 0; i < cycles.records.size(); ++i) {
     times_s.push_back(cycles.time_s(i));
   }
-  const simulator::ReferenceSolution reference =
-      solve_reference_forces(options.solver, cycles.positions_W, times_s, reference_options);
+  simulator::ReferenceSolution reference;
+  try {
+    reference =
+        solve_reference_forces(options.solver, cycles.positions_W, times_s, reference_options);
+  } catch (const rt::Interrupted&) {
+    reference.cancelled = true;
+  }
   if (reference.cancelled) {
     summary.reference = why_reference_is_skipped();
     return;
@@ -146,7 +135,7 @@ std::vector<FigureRow> figure_rows(const ContactCycles& cycles, std::size_t meth
     row.time_s = cycles.time_s(i);
     row.position_W_m = cycles.records[i]->touching_W_m;
     if (!cycles.reference_W.empty()) {
-      row.reference_W_N = servo::triple(cycles.reference_W[i]);
+      row.reference_W_N = rt::to_array(cycles.reference_W[i]);
     }
     for (std::size_t method = 0; method < methods; ++method) {
       row.method_W_N.push_back(cycles.records[i]->method_force_W_N[method]);

@@ -37,12 +37,13 @@ ContactCycles cycles_since(const std::optional<servo::FirstContact>& contact,
                            const std::deque<servo::CycleRecord>& records);
 
 /// Computes the reference forces along the cycles' path and writes each method's error into the
-/// summary, or the reason why there is none. Progress goes to `out`.
+/// summary, or the reason why there is none. Progress goes to
+/// standard error.
 /// @param why_not why no reference forces can be computed; empty: they can
 /// @throws std::exception from the solver, see simulator::reference_forces().
 void judge(const RunOptions& options, const std::vector<std::string>& names,
            const std::string& why_not, const std::optional<servo::FirstContact>& contact,
-           std::FILE* out, ContactCycles& cycles, RunSummary& summary);
+           ContactCycles& cycles, RunSummary& summary);
 
 /// Makes the rows of the picture of `methods` methods.
 std::vector<FigureRow> figure_rows(const ContactCycles& cycles, std::size_t methods);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_processes.h"
 
+#include "cli/common/stop_request.h"
 #include "cli/run/run_checks.h"
 #include "cli/run/run_setup.h"
 #include "cli/run/tool_option.h"
@@ -57,7 +58,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
   if (options.gravity_compensation) {
     arguments.push_back("--unsupported-weight");  // otherwise both would carry it
   }
-  return std::make_unique<ChildProcess>(arguments);
+  return std::make_unique<ChildProcess>(arguments, ChildOptions{.name = "emulator"});
 }
 
 std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
@@ -72,7 +73,7 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
                                         "--rate",
                                         std::to_string(options.simulator_rate_Hz),
                                         "--delay-ms",
-                                        std::to_string(1e3 * options.simulator_delay_s),
+                                        std::to_string(options.simulator_delay_ms),
                                         "--until-stdin-closes",
                                         "--json"};
   const std::vector<std::string> tool = tool_arguments(options.tool);
@@ -83,7 +84,7 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   if (options.workers > 0) {
     arguments.insert(arguments.end(), {"--workers", "127.0.0.1:0"});
   }
-  return std::make_unique<ChildProcess>(arguments);
+  return std::make_unique<ChildProcess>(arguments, ChildOptions{.name = "simulator"});
 }
 
 }  // namespace
@@ -98,6 +99,30 @@ RunProcesses::RunProcesses(const RunOptions& options, const simulator::ToolOptio
     key_files_ = workers_->key_files();
   }
   link_keys_ = link::load_keys(key_files_);
+  try {
+    start(options, tool, profile);
+  } catch (...) {
+    end_all();
+    throw;
+  }
+}
+
+RunProcesses::~RunProcesses() { end_all(); }
+
+// After a signal all of them at the same time: each may need a moment.
+void RunProcesses::end_all() noexcept {
+  if (StopRequest::signal() == 0) {
+    return;
+  }
+  for (ChildProcess* child : {simulator_.get(), emulator_.get()}) {
+    if (child != nullptr) {
+      child->terminate();
+    }
+  }
+}
+
+void RunProcesses::start(const RunOptions& options, const simulator::ToolOptions& tool,
+                         const profiles::DeviceProfile& profile) {
   if (options.simulator.empty()) {
     simulator_ = start_simulator(options, key_files_);
   }
@@ -106,10 +131,10 @@ RunProcesses::RunProcesses(const RunOptions& options, const simulator::ToolOptio
     emulator_ =
         start_emulator(options, slides ? kSlidingMotion : options.motion,
                        profile_name_of(options.device, options.profile), is_falcon(profile));
-    device_url_ = "usbip://" + listening_address(*emulator_, "emulator") + "/1-1";
+    device_url_ = "usbip://" + listening_address(*emulator_) + "/1-1";
   }
   if (simulator_) {
-    const std::string line = listening_line(*simulator_, "simulator");
+    const std::string line = listening_line(*simulator_);
     simulator_address_ = line.substr(0, line.find(' '));
     if (workers_) {
       workers_->start(options.workers, line, options.scene);
@@ -124,6 +149,12 @@ std::optional<std::string> RunProcesses::simulator_end() {
   simulator_end_reported_ = true;
   const std::string how = simulator_->abnormal_end();
   return how.empty() ? "ended" : how;
+}
+
+void RunProcesses::hurry_simulator() noexcept {
+  if (simulator_) {
+    simulator_->terminate();
+  }
 }
 
 std::optional<nlohmann::json> RunProcesses::finish_emulator() {

@@ -27,6 +27,10 @@ class RunProcesses {
   RunProcesses(const RunOptions& options, const simulator::ToolOptions& tool,
                const profiles::DeviceProfile& profile);
 
+  ~RunProcesses();
+  RunProcesses(const RunProcesses&) = delete;
+  RunProcesses& operator=(const RunProcesses&) = delete;
+
   [[nodiscard]] bool has_emulator() const { return emulator_ != nullptr; }
   [[nodiscard]] bool has_simulator() const { return simulator_ != nullptr; }
   [[nodiscard]] const std::string& device_url() const { return device_url_; }
@@ -37,6 +41,8 @@ class RunProcesses {
   /// Reports once how the simulator ended; nothing while it runs, and after the first report.
   std::optional<std::string> simulator_end();
 
+  /// Asks the simulator to end, even in the middle of a solution; its report can still be read.
+  void hurry_simulator() noexcept;
   /// Ends a process and returns its report; nothing if there is none.
   std::optional<nlohmann::json> finish_emulator();
   std::optional<nlohmann::json> finish_simulator();
@@ -44,6 +50,10 @@ class RunProcesses {
   std::string emulator_end();
 
  private:
+  void start(const RunOptions& options, const simulator::ToolOptions& tool,
+             const profiles::DeviceProfile& profile);
+  void end_all() noexcept;
+
   std::vector<std::string> key_files_;
   std::vector<link::LinkKey> link_keys_;
   std::unique_ptr<WorkerProcesses> workers_;

@@ -2,6 +2,7 @@
 #include "cli/run/run_setup.h"
 
 #include "driver/device_url.h"
+#include "rt/vectors.h"
 
 namespace forcegrid::cli {
 
@@ -19,8 +20,8 @@ std::string profile_name_of(const std::string& device, const std::string& profil
 MethodOptions method_options(const RunOptions& options, const profiles::DeviceProfile& profile,
                              const servo::WorkspaceMap& workspace) {
   MethodOptions method;
-  method.grid.min_W = workspace.position_W(servo::vector(profile.limits.workspace_min_m));
-  method.grid.max_W = workspace.position_W(servo::vector(profile.limits.workspace_max_m));
+  method.grid.min_W = workspace.position_W(rt::to_vector(profile.limits.workspace_min_m));
+  method.grid.max_W = workspace.position_W(rt::to_vector(profile.limits.workspace_max_m));
   method.grid.cells = {options.cells[0], options.cells[1], options.cells[2]};
   const double longest_m = (method.grid.max_W - method.grid.min_W).maxCoeff();
   method.influence_radius_m =

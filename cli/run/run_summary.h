@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/run/run_end.h"
 #include "driver/device.h"
 #include "link/clock_estimate.h"
 #include "link/statistics.h"
@@ -38,6 +39,9 @@ struct RunSummary {
   std::string passivity;  ///< control, observe or coupling
   double rate_requested_Hz = 0.0;
   double elapsed_s = 0.0;  ///< from the first to the last cycle
+  RunEnd end = RunEnd::kTime;
+  std::string signal_name;  ///< of the signal that ended or shortened it; empty: none
+  int exit_status = 0;
   servo::ServoOutcome outcome;
   std::vector<RecoveredFault> recovered;  ///< faults after which the device was reconnected
   int recalibrations = 0;                 ///< reconnections that needed a calibration
@@ -57,8 +61,8 @@ struct RunSummary {
   std::optional<nlohmann::json> emulator;         ///< its own report
   std::optional<nlohmann::json> simulator;        ///< its own report
   std::map<std::string, MethodError> errors;
-  double force_rms_N = 0.0;  ///< of |F_o|
-  double force_max_N = 0.0;
+  std::optional<double> force_rms_N;  ///< of |F_o|; nothing: no reference forces
+  std::optional<double> force_max_N;
   std::string reference;  ///< "computed", or why it was not
   std::optional<nlohmann::json> reference_details;
   std::vector<std::string> files;

@@ -25,6 +25,8 @@ json percentiles_json(const rt::Percentiles& p) {
           {"max", p.max()},   {"mean", p.mean()},  {"count", p.count()}};
 }
 
+json number_or_null(const std::optional<double>& number) { return number ? json(*number) : json(); }
+
 // A fault that ended the run; empty when it ended as asked.
 json faults_json(const servo::ServoOutcome& outcome) {
   json faults = json::array();
@@ -50,6 +52,8 @@ void add_run(json& result, const RunSummary& summary) {
   result["scene"] = summary.scene;
   result["method"] = summary.method;
   result["elapsed_s"] = summary.elapsed_s;
+  result["ended_by"] = name_of(summary.end, summary.signal_name);
+  result["exit_status"] = summary.exit_status;
   result["records_lost"] = summary.records_lost;
   result["cycles_kept"] = summary.cycles_kept;
   result["faults"] = faults_json(summary.outcome);
@@ -185,8 +189,8 @@ void add_errors(json& result, const RunSummary& summary) {
   }
   result["rms_error_percent"] = rms;
   result["errors"] = details;
-  result["force_rms_N"] = summary.force_rms_N;
-  result["force_max_N"] = summary.force_max_N;
+  result["force_rms_N"] = number_or_null(summary.force_rms_N);
+  result["force_max_N"] = number_or_null(summary.force_max_N);
   result["reference"] = summary.reference;
   result["reference_details"] = summary.reference_details.value_or(json());
 }

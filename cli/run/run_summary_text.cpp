@@ -237,18 +237,31 @@ void append_method_counters(std::string& text, const RunSummary& summary) {
 void append_fault(std::string& text, const RunSummary& summary) {
   const servo::ServoOutcome& outcome = summary.outcome;
   if (outcome.fault != servo::Fault::kNone) {
-    text += outcome.fault == servo::Fault::kEmergencyStop
-                ? std::string("EMERGENCY STOP by ") + servo::words_of(outcome.emergency) + ". "
-                : std::string("FAULT: ");
-    text += servo::sentence_for(outcome.fault, outcome.joint);
-    if (!outcome.device_failure.empty()) {
-      text += " (" + outcome.device_failure + ")";
-    }
-    text += "\n";
+    text += fault_text(outcome) + "\n";
+  }
+}
+
+// What else ended it.
+void append_end(std::string& text, const RunSummary& summary) {
+  if (summary.end == RunEnd::kSignal) {
+    text += "Ended by " + summary.signal_name + "\n";
+  } else if (summary.end == RunEnd::kNoSimulator) {
+    text += "ENDED WITHOUT A SIMULATOR: there was no force at any time\n";
+  } else if (summary.end == RunEnd::kLostSimulator) {
+    text += "ENDED WITHOUT A SIMULATOR: it was lost, and the force faded to zero\n";
   }
 }
 
 }  // namespace
+
+std::string fault_text(const servo::ServoOutcome& outcome) {
+  std::string text =
+      outcome.fault == servo::Fault::kEmergencyStop
+          ? std::string("EMERGENCY STOP by ") + servo::words_of(outcome.emergency) + ". "
+          : std::string("FAULT: ");
+  text += servo::sentence_for(outcome.fault, outcome.joint);
+  return text + (outcome.device_failure.empty() ? "" : " (" + outcome.device_failure + ")");
+}
 
 std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics) {
   std::string text = "\n";
@@ -272,6 +285,7 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
            summary.recovered.size(), summary.recalibrations);
   }
   append_fault(text, summary);
+  append_end(text, summary);
   return text;
 }
 
@@ -314,8 +328,8 @@ std::string workers_text(const nlohmann::json& simulator) {
 std::string errors_text(const RunSummary& summary) {
   std::string text;
   if (!summary.errors.empty()) {
-    append(text, "Reference force F_o: RMS %.2f N, largest %.2f N\n", summary.force_rms_N,
-           summary.force_max_N);
+    append(text, "Reference force F_o: RMS %.2f N, largest %.2f N\n",
+           summary.force_rms_N.value_or(0.0), summary.force_max_N.value_or(0.0));
     append(text,
            "Error against F_o, %% of its RMS:   whole   first 1 s   after 1 s   worst after 1 s\n");
     for (const auto& [name, error] : summary.errors) {

@@ -9,6 +9,9 @@
 
 namespace forcegrid::cli {
 
+/// Returns the fault or emergency stop that ended the loop, and what to do, on one line.
+std::string fault_text(const servo::ServoOutcome& outcome);
+
 /// Returns the text that is printed as soon as the loop has ended: everything but the errors.
 std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistics& statistics);
 

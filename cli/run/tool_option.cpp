@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "cli/common/number_check.h"
+#include "cli/common/options.h"
 #include "contact/tool_shape.h"
 
 namespace forcegrid::cli {
@@ -14,19 +15,19 @@ const std::vector<std::string> kContacts = {"sticky", "slide"};
 
 }  // namespace
 
-void add_tool(CLI::App& command, ToolChoice& choice) {
+void add_tool(Command& command, ToolChoice& choice) {
   using contact::ToolShape;
   command
       .add_option(
           "--tool", choice.tool,
           "Shape of the tool that touches the object, see docs/contact.md (default: the scene's, "
           "else point)")
-      ->check(CLI::IsMember(kTools));
+      ->check(one_of(kTools));
   command
       .add_option("--contact", choice.contact,
                   "Kind of contact: sticky (the tool holds what it touches) or slide (it presses, "
                   "slides with friction and leaves) (default: the scene's, else sticky)")
-      ->check(CLI::IsMember(kContacts));
+      ->check(one_of(kContacts));
   command
       .add_option("--tool-radius-mm", choice.radius_mm,
                   "Radius of a sphere, capsule or jaw (default: the scene's, else 8)")

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "cli/common/options.h"
 #include "simulator/mesh/tool_options.h"
 
 namespace forcegrid::cli {
@@ -22,7 +22,7 @@ struct ToolChoice {
   bool given() const { return tool || contact || radius_mm || length_mm || friction; }
 };
 
-void add_tool(CLI::App& command, ToolChoice& choice);
+void add_tool(Command& command, ToolChoice& choice);
 
 /// Returns a scene's tool with the requested changes.
 simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOptions of_scene);

@@ -7,15 +7,10 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "cli/common/stop_request.h"
 #include "link/key.h"
 
 namespace forcegrid::cli {
-namespace {
-
-constexpr std::chrono::seconds kStartTimeout{10};
-
-}  // namespace
-
 WorkerProcesses::WorkerProcesses(const std::vector<std::string>& key_files)
     : key_files_(key_files) {
   if (!key_files_.empty()) {
@@ -33,6 +28,11 @@ WorkerProcesses::WorkerProcesses(const std::vector<std::string>& key_files)
 }
 
 WorkerProcesses::~WorkerProcesses() {
+  if (StopRequest::signal() != 0) {
+    for (const auto& worker : workers_) {
+      worker->terminate();  // all at the same time
+    }
+  }
   workers_.clear();
   remove_own_key();
 }
@@ -55,12 +55,11 @@ void WorkerProcesses::start(int count, const std::string& listening, const std::
   for (int i = 0; i < count; ++i) {
     workers_.push_back(std::make_unique<ChildProcess>(
         std::vector<std::string>{"worker", "--connect", address, "--key", key_files_.front(),
-                                 "--scene", scene, "--until-stdin-closes"}));
+                                 "--scene", scene, "--until-stdin-closes"},
+        ChildOptions{.name = "worker " + std::to_string(i + 1)}));
   }
   for (const auto& worker : workers_) {
-    if (!worker->read_line(kStartTimeout)) {
-      throw std::runtime_error("a worker did not start (its message is above)");
-    }
+    static_cast<void>(worker->wait_until_started());
   }
   remove_own_key();  // all workers have read it, and a killed run could not remove it later
 }

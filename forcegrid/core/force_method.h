@@ -29,7 +29,7 @@ struct Sample {
 
 enum class EstimateStatus : std::uint8_t {
   kOk,
-  kPartlyKnown,  ///< some of what the answer rests on is still the null force of an empty grid
+  kPartlyKnown,  ///< part of the answer still rests on the null force of an empty grid
   kUnknown,      ///< nothing known here yet; the force is zero
   kOutside,      ///< position beyond the method's workspace; the force is zero
   kNotFinite,    ///< position or result was not finite; the force is zero
@@ -40,13 +40,13 @@ const char* to_string(EstimateStatus status) noexcept;
 
 /// What a method needs from the simulator beyond forces along the path.
 struct MethodNeeds {
-  bool stiffness = false;  ///< samples with dF/dP; it has no use for those without
+  bool stiffness = false;  ///< samples with dF/dP; it can't use those without
   bool requests = false;   ///< answers at positions of its own choice, see plan_request()
   /// It makes requests for an expected contact as well, see expect_contact(), but works without.
   bool requests_before_contact = false;
 };
 
-/// Something that a method counts from construction on, e.g. samples that it could not use.
+/// A quantity that a method counts from construction on, e.g. samples that it could not use.
 struct NamedCounter {
   const char* name = "";  ///< as a key of summaries, e.g. "samples_outside"; static text
   std::uint64_t value = 0;
@@ -56,24 +56,24 @@ struct NamedCounter {
 enum class ChoiceReason : std::uint8_t {
   kFirst,            ///< it is the one that the method begins with
   kPredictedBetter,  ///< it predicted the last samples better than the one before
-  kFoundWall,     ///< it alone explains the force of a second object that the tool came up against
-  kFirstTouches,  ///< a contact begins, and it predicted the first instants of others best
-  kRemembers,     ///< the tool goes where it was long ago
-  kKnownPlace,    ///< a contact begins where another one was
-  kAskedBefore,   ///< a contact begins about which it asked on the way there
+  kFoundWall,        ///< it alone explains the force of a second object that the tool met
+  kFirstTouches,     ///< a contact begins; it predicted the first instants of others best
+  kRemembers,        ///< the tool returns to a place of long ago
+  kKnownPlace,       ///< a contact begins where another one was
+  kAskedBefore,      ///< a contact begins that it had asked about beforehand
 };
 
 /// Static text for messages and files, e.g. "predicted better".
 const char* to_string(ChoiceReason reason) noexcept;
 
-/// What a method says of one position and time.
+/// A method's answer for one position and time.
 struct ForceEstimate {
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();  ///< [N] zero unless kOk or kPartlyKnown
   EstimateStatus status = EstimateStatus::kUnknown;
-  /// [N] One standard deviation of the force's error; NaN for a method that cannot say.
+  /// [N] One standard deviation of the force's error; NaN for a method that does not know it.
   double uncertainty_N = std::numeric_limits<double>::quiet_NaN();
-  /// Of a method that chooses between candidates: the rendered one's index in candidates(), and why
-  /// it was chosen.
+  /// For a method that chooses between candidates: the rendered one's index in candidates(), and
+  /// the reason for the choice.
   std::uint8_t candidate = 0;
   ChoiceReason reason = ChoiceReason::kFirst;
 };
@@ -81,7 +81,7 @@ struct ForceEstimate {
 /// Most candidates that a method has.
 inline constexpr std::size_t kMaxCandidates = 16;
 
-/// Bridges slow forces to a fast loop: takes in the simulator's samples as they arrive (some 30 a
+/// Bridges slow forces to a fast loop: takes the simulator's samples as they arrive (some 30 per
 /// second) and gives a force at any time and position (at up to 4 kHz).
 ///
 /// To write a method, derive from this class, implement the seven pure functions, five of which do
@@ -96,14 +96,14 @@ inline constexpr std::size_t kMaxCandidates = 16;
 /// What the loop guarantees:
 /// - One thread, the servo's, calls everything after construction. No two calls overlap.
 /// - Each cycle calls, in this order: take_sample(), contact_made() and contact_lost() for what has
-///   arrived since the last cycle; observe() and force(); plan_request() while requests
-///   can be sent; work() with what is left of the cycle's budget.
+///   arrived since the last cycle; observe() and force(); plan_request() while requests can be
+///   sent; work() with the rest of the cycle's budget.
 /// - Times are of the servo's clock and never fall from one observe() or force() to the next.
 ///   Samples may be late, repeated or missing. Their values are checked by SampleGate in the loop,
 ///   but a method checks what it depends on itself: other callers have no gate.
 /// - The loop limits force and slew, fades and stops; a method never has to.
 ///
-/// What a method must keep, in every function but the constructor:
+/// What a method must ensure, in every function but the constructor:
 /// - Real-time: no allocation, lock, exception, I/O or logging; every loop has a constant bound.
 ///   allocation_test.cpp fails a method that allocates.
 /// - Work that takes longer than some microseconds is split into pieces and done by work().
@@ -123,19 +123,19 @@ class ForceMethod {
 
   // --- The five functions that do the work. ---
 
-  /// Takes in one sample, or keeps it for work(). Non-finite samples and those older than the
-  /// newest taken in are ignored unless a method says otherwise.
+  /// Takes one sample, or keeps it for work(). Non-finite samples and those older than the newest
+  /// taken are ignored unless a method documents otherwise.
   virtual void take_sample(const Sample& sample) noexcept = 0;
 
   /// The tool touched an object, a new contact epoch: what was learnt before may no longer hold.
-  /// @param point_W [m] where it touched; NaN if that is not known.
+  /// @param point_W [m] where it touched; NaN if that is unknown.
   virtual void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept = 0;
   /// The tool came off the object: the force is zero until the next contact_made().
   virtual void contact_lost() noexcept = 0;
 
-  /// Does pending work worth at most `budget` units, one unit being the update of one vertex of a
-  /// grid. Work that comes in larger pieces (a fit, eight vertices) exceeds the budget
-  /// by at most one piece.
+  /// Does pending work worth at most `budget` units, where one unit is the update of one vertex of
+  /// a grid. Work that comes in larger pieces (a fit, eight vertices) exceeds the budget by at most
+  /// one piece.
   /// @returns the units done; less than `budget` when nothing is left to do.
   virtual int work(int budget) noexcept = 0;
 
@@ -150,32 +150,32 @@ class ForceMethod {
   /// What the method needs from the simulator beyond forces along the path.
   virtual MethodNeeds needs() const noexcept { return {}; }
 
-  /// What the method counts; the names and their order never change. Valid as long as the method.
+  /// The method's counters; their names and order never change. Valid as long as the method.
   virtual std::span<const NamedCounter> counters() const noexcept { return {}; }
 
   /// Names of the fields between which the method chooses, at most kMaxCandidates, fixed from
-  /// construction on; empty where there is no choice.
+  /// construction on; empty if there is no choice.
   virtual std::span<const char* const> candidates() const noexcept { return {}; }
 
-  /// The tool's time [s] and position [m], once a servo cycle, before force().
+  /// The tool's time [s] and position [m], once per servo cycle, before force().
   virtual void observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
     static_cast<void>(time_s);
     static_cast<void>(position_W);
   }
 
-  /// Out of contact: the tool, should it go straight on, will touch at `point_W` within some tenths
-  /// of a second. Called once a servo cycle for as long as that is so, by whoever knows the
-  /// surface.
+  /// Out of contact: the tool will touch at `point_W` within some tenths of a second if it keeps
+  /// its velocity. Called once per servo cycle for as long as that holds, by the caller that knows
+  /// the surface.
   virtual void expect_contact(double time_s, const Eigen::Vector3d& point_W) noexcept {
     static_cast<void>(time_s);
     static_cast<void>(point_W);
   }
 
-  /// Where the simulator should be asked next, the tool being at `position_W`. Called once for each
-  /// request that can be sent; the answer comes back through take_sample() with `from_query` set.
-  /// Out of contact it is called only while a contact is expected; the answer is then the force on
-  /// a tool that has touched there.
-  /// @returns false, leaving `wanted_W` alone, when nothing is worth asking.
+  /// Where to ask the simulator next, with the tool at `position_W`. Called once for each request
+  /// that can be sent; the answer comes back through take_sample() with `from_query` set. Out of
+  /// contact it is called only while a contact is expected; the answer is then the force on a tool
+  /// that has touched there.
+  /// @returns false, with `wanted_W` unchanged, if no request is worth its cost.
   virtual bool plan_request(double time_s, const Eigen::Vector3d& position_W,
                             Eigen::Vector3d& wanted_W) noexcept {
     static_cast<void>(time_s);

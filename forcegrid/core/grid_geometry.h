@@ -6,7 +6,7 @@
 
 namespace forcegrid {
 
-/// A box of the workspace cut into equal cells; vertices stand at the cells' corners.
+/// A box of the workspace cut into equal cells; the vertices are the cells' corners.
 struct GridGeometry {
   Eigen::Vector3d min_W = Eigen::Vector3d::Zero();  ///< [m] lowest corner
   Eigen::Vector3d max_W = Eigen::Vector3d::Zero();  ///< [m] highest corner

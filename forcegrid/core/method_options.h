@@ -33,7 +33,7 @@ struct MethodOptions {
   std::optional<double> nugget;  ///< kriging: noise variance [N^2] of a sample, 1e-5
 
   /// kriging: samples in its dictionary, 2 to 32 (kriging-store: 48), 32. The candidates of an
-  /// ensemble have sizes of their own.
+  /// ensemble have their own sizes.
   std::optional<int> samples;
   /// kriging: how far apart samples are kept, in distance (1 mm) or in force (0.1 N).
   std::optional<double> spacing_m, spacing_N;
@@ -41,7 +41,7 @@ struct MethodOptions {
   /// forcegrid-kriging: h, between vertices, 2 to 20 mm, 4 mm.
   std::optional<double> vertex_spacing_m;
 
-  /// [m] r with its default put in.
+  /// [m] r with its default filled in.
   double influence_radius() const noexcept {
     return influence_radius_m > 0.0 ? influence_radius_m : (grid.max_W.x() - grid.min_W.x()) / 6.0;
   }

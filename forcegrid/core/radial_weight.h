@@ -14,10 +14,11 @@ enum class WeightKind {
 /// How a sample's force spreads over the vertices around it (the paper's "candle light"): a weight
 /// w(d) for d < r, by one of the formulas of WeightKind, and none beyond.
 ///
-/// The paper's falls from 1 at d = 0 to 0 at d = r. It adds 1 to d^2 without saying in which unit d
-/// is; L is that unit, and it decides the result: with L in metres the field is a moving average
-/// over the whole sphere, with 1 mm (the default here) it follows the nearest samples. The inverse
-/// powers fall from 20 and are sharper: a vertex beside a sample all but takes its force.
+/// The paper's weight falls from 1 at d = 0 to 0 at d = r. It adds 1 to d^2 without stating the
+/// unit of d. L is that unit, and it decides the result: with L in metres the field is a moving
+/// average over the whole sphere, with 1 mm (the default here) it follows the nearest samples. The
+/// inverse powers fall from 20 and are sharper: a vertex beside a sample takes almost exactly its
+/// force.
 /// Source: forcegrid paper, section 5, with the unit made explicit; inverse distance weighting,
 /// Shepard 1968, in the bounded form of Franke and Little (1 - d/r)^2.
 struct RadialWeight {

@@ -7,9 +7,9 @@
 namespace forcegrid {
 namespace {
 
-constexpr int kLearning = 3;          // samples until the stiffness seen is trusted
-constexpr double kShortest_m = 1e-4;  // steps that tell a stiffness
-constexpr double kKept = 0.97;        // of the largest stiffness seen, from sample to sample
+constexpr int kLearning = 3;          // samples until the observed stiffness is trusted
+constexpr double kShortest_m = 1e-4;  // shortest step that shows a stiffness
+constexpr double kKept = 0.97;        // of the largest observed stiffness, per sample
 
 }  // namespace
 
@@ -41,7 +41,7 @@ std::span<const Sample> SampleGate::pass(const Sample& sample) noexcept {
 }
 
 void SampleGate::forget() noexcept {
-  refused_ += holds_ ? 1 : 0;  // which says nothing against the simulator
+  refused_ += holds_ ? 1 : 0;  // this is no fault of the simulator
   holds_ = false;
   believed_ = 0;
   slope_N_per_m_.setZero();
@@ -100,7 +100,7 @@ void SampleGate::believe(const Sample& sample) noexcept {
       steepest_N_per_m_ = std::max(kKept * steepest_N_per_m_, steep_N_per_m);
       slope_N_per_m_ += change_N * step_m.transpose() / step_m2;
     } else {
-      slope_N_per_m_.setZero();  // it gave way
+      slope_N_per_m_.setZero();  // the object gave way
     }
   }
   position_m_ = sample.position_W;

@@ -11,7 +11,7 @@ RadialWeight for_grid(const RadialWeight& weighting, const GridGeometry& geometr
   return result;
 }
 
-// With h smaller by a factor c, (d/h)^p grows by c^p.
+// If h is smaller by a factor c, (d/h)^p grows by c^p.
 double inherited_share(WeightKind kind, double spacing_ratio) noexcept {
   switch (kind) {
     case WeightKind::kPaper:
@@ -24,7 +24,7 @@ double inherited_share(WeightKind kind, double spacing_ratio) noexcept {
   return 1.0;
 }
 
-// A sample may lie where the tool was some samples ago, so a fill reaches for more than the cube.
+// A sample may lie where the tool was a few samples ago, so a fill reaches beyond the cube.
 constexpr int kLargestReach = 24;
 
 }  // namespace
@@ -133,7 +133,7 @@ int AdaptiveGrid::prepare(int budget) noexcept {
   int done = 0;
   while (done < budget) {
     if (next_segment_ > 0 && !cube.wanted(block_)) {
-      next_segment_ = 0;  // the tool has moved on
+      next_segment_ = 0;  // the tool has moved since
     }
     if (next_segment_ == 0 && !cube.next_missing(block_)) {
       break;

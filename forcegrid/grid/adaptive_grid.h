@@ -12,9 +12,9 @@
 
 namespace forcegrid {
 
-/// A cube of 4 x 4 x 4 blocks out of a grid that is far larger, for AdaptiveGrid. Each block of the
-/// grid has one place in the cube, that of its numbers modulo 4; what is not in the cube, or not
-/// yet complete there, reads as empty and can't be updated.
+/// A cube of 4 x 4 x 4 blocks out of a far larger grid, for AdaptiveGrid. Each block of the grid
+/// has one place in the cube, given by its numbers modulo 4. A block that is not in the cube, or
+/// not yet complete there, reads as empty and can't be updated.
 class WindowStorage {
  public:
   static constexpr int kBlocks = 4;  ///< per axis, a power of two
@@ -78,14 +78,14 @@ class WindowStorage {
   /// Moves the cube so that its middle is the block corner nearest to the vertex (i, j, k).
   void centre_at(const Eigen::Vector3i& vertex) noexcept;
 
-  /// The block nearest to the cube's middle that belongs into the cube and is missing.
-  /// @returns false when none is.
+  /// Finds the block nearest to the cube's middle that belongs in the cube and is missing.
+  /// @returns false if none is missing.
   bool next_missing(Eigen::Vector3i& block) const noexcept;
 
   /// The place of a block that is being made, which reads as empty until complete() is called.
   ForceSegment* begin_block(const Eigen::Vector3i& block) noexcept;
   void complete(const Eigen::Vector3i& block) noexcept;
-  /// False once the cube has moved on.
+  /// False once the cube has moved away.
   bool wanted(const Eigen::Vector3i& block) const noexcept;
 
  private:
@@ -119,15 +119,15 @@ class WindowStorage {
 /// The paper's adaptive form: a dense grid in a cube of 32 vertices per axis that follows the tool,
 /// inside a sparse one over the whole workspace whose cells are four times as long.
 ///
-/// Each sample is spread in both. A block that comes into the cube starts with the sparse grid's
-/// forces and weights there, interpolated; weights of the inverse powers, whose h differs, are
-/// scaled to what the same samples would have given the dense grid at distances above its h. What
-/// leaves the cube is forgotten but for the sparse grid. Reading takes the dense grid where all of
-/// the cell's vertices are known to it, else the sparse one; the tool is at least 12 dense cells
-/// from the cube's border (less at the workspace's), so it meets that step only when it outruns the
-/// budget of work(). Source: forcegrid paper, section 7, "high-density grid in a cube around the
-/// current position of the operational point and a low-density grid in the rest". Memory: 0.5 MB
-/// for the cube, and a dense grid of 1/64 of the vertices.
+/// Each sample is spread in both. A block that enters the cube starts with the sparse grid's forces
+/// and weights there, interpolated. Weights of the inverse powers, whose h differs, are scaled to
+/// what the same samples would have given the dense grid at distances above its h. A block that
+/// leaves the cube is forgotten; the sparse grid remains. A query uses the dense grid if it knows
+/// all of the cell's vertices, else the sparse one. The tool is at least 12 dense cells from the
+/// cube's border (less at the workspace's), so it meets that step only if it outruns the budget of
+/// work(). Source: forcegrid paper, section 7, "high-density grid in a cube around the current
+/// position of the operational point and a low-density grid in the rest". Memory: 0.5 MB for the
+/// cube, and a dense grid of 1/64 of the vertices.
 class AdaptiveGrid {
  public:
   static constexpr int kCoarsening = 4;
@@ -178,10 +178,10 @@ class AdaptiveGrid {
   void follow(const Eigen::Vector3d& position_W) noexcept;
 
   /// Makes missing blocks of the cube from the sparse grid, at most `budget` vertices rounded up to
-  /// a segment. Not to be called while a fill is under way: its sample would count twice.
-  /// @returns the units done, 0 when no block is missing.
+  /// a segment. Do not call it during a fill: its sample would count twice.
+  /// @returns the units done, 0 if no block is missing.
   int prepare(int budget) noexcept;
-  /// A block is half made: prepare() has to go on before the next fill.
+  /// Whether a block is half made: prepare() must continue before the next fill.
   bool preparing() const noexcept { return next_segment_ > 0; }
 
   const ForceGrid<WindowStorage>& dense() const noexcept { return dense_; }

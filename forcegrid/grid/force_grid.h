@@ -66,8 +66,8 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
   ///          + t (3 (f_0 - f_1) + f_2 - f_-1)))
   ///
   /// Exact for quadratic fields, with a continuous gradient. Vertices beyond the border are
-  /// continued on a straight line, which keeps affine fields exact. Where one of the 64 has not
-  /// been reached by a sample, and wherever sample() isn't kOk, the answer is that of sample().
+  /// extrapolated linearly, which keeps affine fields exact. If no sample has reached one of the
+  /// 64, and wherever sample() isn't kOk, the answer is that of sample().
   /// Source: Keys, Cubic convolution interpolation for digital image processing, 1981 (a = -1/2).
   /// Real-time: 72 aligned loads.
   [[nodiscard]] ForceEstimate sample_tricubic(const Eigen::Vector3d& position_W) const noexcept;
@@ -79,8 +79,8 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
         .vertices[static_cast<std::size_t>(k % kSegmentVertices)];
   }
 
-  /// Force and weight at a position inside, both in trilinear interpolation; without data if one
-  /// of the vertices that contribute is.
+  /// Force and weight at a position inside, both by trilinear interpolation; without data if one of
+  /// the contributing vertices has none.
   ForceVertex blended_vertex(const Eigen::Vector3d& position_W) const noexcept;
 
  private:
@@ -112,9 +112,9 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
   alignas(16) std::array<float, 4> last_{};      ///< index of the last vertex per axis
 };
 
-// In the header since a call costs as much as the eight loads. Whatever is not plainly inside and
-// known everywhere goes the slow way. The position becomes a cell and a fraction in single
-// precision: 4e-6 of a cell on 50 cells per axis, below what the stored forces resolve.
+// In the header, since a call costs as much as the eight loads. Positions that are not plainly
+// inside and known everywhere take the slow path. The position becomes a cell and a fraction in
+// single precision: 4e-6 of a cell on 50 cells per axis, below the resolution of the stored forces.
 template <typename Storage>
 inline ForceEstimate ForceGrid<Storage>::sample(const Eigen::Vector3d& position_W) const noexcept {
   using Double2 = double __attribute__((vector_size(16)));
@@ -129,7 +129,7 @@ inline ForceEstimate ForceGrid<Storage>::sample(const Eigen::Vector3d& position_
   const Float4 index = __builtin_convertvector(exact_index, Float4);
   const Float4 last = load<Float4>(last_.data());
   // Below the last vertex (false for NaN) and no sign bit set: inside. A negative zero and the
-  // upper border itself, which are inside as well, go the slow way.
+  // upper border itself are inside as well, but take the slow path.
   const Int4 inside = (index < last) & ~reinterpret_cast<Int4>(index);
   if (sign_bits(inside) != 0b1111) [[unlikely]] {
     return sample_with_status(position_W);
@@ -285,7 +285,7 @@ ForceEstimate ForceGrid<Storage>::sample_tricubic(
     }
     sum += share[0][static_cast<std::size_t>(a)] * plane;
   }
-  if (least[3] == 0.0F) {  // else the fourth lane of one of them says that it is without data
+  if (least[3] == 0.0F) {  // else the fourth lane of one of them marks it as without data
     estimate.force_W = Eigen::Vector3d(sum[0], sum[1], sum[2]);
   }
   return estimate;

@@ -15,12 +15,12 @@ namespace forcegrid {
 namespace {
 
 constexpr double kMaxBytes = 4.0 * 1024 * 1024 * 1024;
-// A pool holds four fills, and more where that is cheap.
+// A pool holds four fills, or more if that is cheap.
 constexpr double kCheapPoolBytes = 64.0 * 1024 * 1024;
 constexpr double kUsualPoolBytes = 256.0 * 1024 * 1024;
 constexpr double kMaxNeighbours = 1 << 24;
 constexpr std::size_t kMaxCellsOfRequest = std::size_t{1} << 17;
-// Beyond this the weight's terms are no longer told apart in single precision.
+// Beyond this, single precision can't distinguish the weight's terms.
 constexpr double kMaxUnits = 1e6;
 
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument("grid: " + what); }
@@ -110,7 +110,7 @@ void GridGeometry::check() const {
     refuse("each upper corner coordinate must exceed the lower one");
   }
   if ((cells.array() < 1).any() || (cells.array() > 4096).any()) {
-    refuse("cells must be 1 to 4096 an axis");
+    refuse("cells must be 1 to 4096 per axis");
   }
 }
 

@@ -17,11 +17,11 @@ enum class GridMethodKind {
   kMls,      ///< forcegrid-mls
 };
 
-/// Checks the options and puts in the defaults. Uses grid, influence_radius_m, unit_m, weight
+/// Checks the options and fills in the defaults. Uses grid, influence_radius_m, unit_m, weight
 /// (paper; forcegrid-tangent idw6, forcegrid-mls idw4), samples_per_cell, interpolation, storage,
 /// pool_blocks; forcegrid-mls: ridge (1e-5).
-/// @throws std::invalid_argument for options that are not usable or make no sense together, saying
-///         why and what to use instead.
+/// @throws std::invalid_argument for options that are unusable, alone or together, saying why and
+///   what to use instead.
 GridPlan plan_grid(GridMethodKind kind, const MethodOptions& options);
 
 /// @throws as plan_grid(), and std::runtime_error when there is not enough memory.

@@ -8,12 +8,12 @@
 
 namespace forcegrid {
 
-// The grid methods, one for what the vertices hold and where they live. Each is a translation unit
-// of the same name, so that a device's own processor can be given one of them alone and its code
-// size be measured (`cmake --build BUILD --target code_size`).
+// The grid methods, one per kind of vertex and storage. Each is a translation unit of the same
+// name, so that a device's own processor can use one of them alone and its code size can be
+// measured (`cmake --build BUILD --target code_size`).
 //
-// All take a plan that is checked (make_grid_method()) and return null if there is not enough
-// memory. They allocate; what they return does not.
+// All take a checked plan (make_grid_method()) and return null if there is not enough memory. They
+// allocate; the methods that they return do not.
 
 /// Forces at the vertices of one array over the whole workspace: `forcegrid`, `forcegrid+request`
 /// and `forcegrid-tangent`. In dense_force_grid.cpp.

@@ -26,15 +26,15 @@ namespace forcegrid {
 /// touch. Source: forcegrid paper, sections 4 and 5.
 ///
 /// `forcegrid+request`: in addition it asks for the force at centres of cells around the tool, see
-/// RequestPlanner; the answers spread like samples and count like them. Needs: force, requests.
-/// Source: forcegrid paper, section 5, request method.
+/// RequestPlanner; answers spread and count like samples. Needs: force, requests. Source: forcegrid
+/// paper, section 5, request method.
 ///
 /// `forcegrid-tangent`, a first-order grid: a sample spreads F + J (v - P) in place of F, so affine
 /// fields are reproduced exactly. Needs: force and stiffness. Fails when the object changes: a grid
 /// does not forget.
 ///
-/// `forcegrid-mls`: see MlsGrid. Needs: force. Fails on strongly curved fields, its kernel's width
-/// being that of the samples' reach.
+/// `forcegrid-mls`: see MlsGrid. Needs: force. Fails on strongly curved fields, since its kernel is
+/// as wide as the samples' reach.
 ///
 /// Cost: a query reads 8 vertices (64 and 8 in tricubic reading; forcegrid-mls solves eight 3 x 3
 /// systems); a sample updates the vertices within r, split over cycles by the budget given to
@@ -60,9 +60,9 @@ class GridMethod final : public ForceMethod {
   }
   std::span<const NamedCounter> counters() const noexcept override { return counters_; }
 
-  /// Queues the sample for work(). Late samples are used: a grid does not mind the order. Queue
-  /// full (8 unfinished samples): the oldest is cut short and counted. Samples outside the grid,
-  /// and those that are not finite or lack a stiffness that the method needs, are counted and
+  /// Queues the sample for work(). Late samples are used: order does not matter to a grid. If the
+  /// queue is full (8 unfinished samples), the oldest is cut short and counted. Samples outside the
+  /// grid, and those that are not finite or lack a stiffness that the method needs, are counted and
   /// left out.
   void take_sample(const Sample& sample) noexcept override {
     if (!in_contact_) {
@@ -175,7 +175,7 @@ class GridMethod final : public ForceMethod {
 
  private:
   static constexpr std::size_t kQueueLength = 8;
-  /// Larger numbers would overflow the sums of single precision.
+  /// Larger numbers would overflow sums in single precision.
   static constexpr double kLargest = 1e18;
   static constexpr bool kFollows = requires(Grid & grid) { grid.prepare(1); };
   enum Counter : std::size_t { kCutShort, kOverThreshold, kOutside, kUnusable, kRecycled };
@@ -201,7 +201,7 @@ class GridMethod final : public ForceMethod {
     queue_size_ = 0;
     filling_ = false;
   }
-  // The oldest sample becomes the one that is filled in, unless its cell has had enough of them.
+  // Starts to fill in the oldest sample, unless its cell has enough of them.
   void start_filling() noexcept {
     const Waiting& oldest = queue_[queue_head_];
     if (counting_) {
@@ -222,12 +222,12 @@ class GridMethod final : public ForceMethod {
     int done = grid_.continue_fill(fill, budget);
     if (grid_.finished(fill)) {
       drop_oldest();
-      // One block of the cube that follows the tool after each sample, lest either starves.
+      // One block of the cube that follows the tool after each sample, so that neither starves.
       done += prepare(1, true);
     }
     return done;
   }
-  // Goes on with a block that is half made, and begins another if it may.
+  // Continues a block that is half made, and begins another if it may.
   int prepare(int budget, bool begin) noexcept {
     if constexpr (kFollows) {
       return begin || grid_.preparing() ? grid_.prepare(budget) : 0;
@@ -261,7 +261,7 @@ class GridMethod final : public ForceMethod {
 template <typename Grid>
 std::unique_ptr<ForceMethod> allocated_method(const GridPlan& plan, Grid&& grid) noexcept {
   std::unique_ptr<GridMethod<Grid>> method(new (std::nothrow)
-                                               GridMethod<Grid>(plan, std::move(grid)));
+                                               GridMethod<Grid>(plan, std::forward<Grid>(grid)));
   if (method != nullptr && !method->allocated()) {
     method.reset();
   }

@@ -10,7 +10,7 @@
 
 namespace forcegrid {
 
-/// What a grid method is made of, checked and with all defaults put in.
+/// The parameters of a grid method, checked and with all defaults filled in.
 struct GridPlan {
   const char* name = "";  ///< of the method; static text
   GridGeometry geometry;

@@ -13,7 +13,8 @@
 
 namespace forcegrid {
 
-/// The eight vertices around a cell where those along each axis are a fixed way apart.
+/// The eight vertices around a cell, where vertices along each axis are a fixed distance apart in
+/// memory.
 template <typename Vertex>
 class StridedCorners {
  public:
@@ -29,13 +30,13 @@ class StridedCorners {
   std::size_t row_, slab_;  ///< vertices from one to the next along y, and along x
 };
 
-/// Where a grid's vertices live. A storage holds segments of eight vertices along z, and for cells
-/// that are counted one counter a vertex: that of the cell of which it is the lowest corner.
-/// Every storage has the functions of DenseStorage, with the same meaning.
+/// Where a grid's vertices live. A storage holds segments of eight vertices along z and, if cells
+/// are counted, one counter per vertex: that of the cell of which it is the lowest corner. Every
+/// storage has the functions of DenseStorage, with the same meaning.
 /// Real-time: only constructors allocate; nothing locks or throws. Threads: one.
 
-/// One array over the whole box, and a second that is cleared while the first is in use, so that a
-/// new contact starts on a clean grid at once. Memory: two segments for eight vertices.
+/// One array over the whole box, and a second one that is cleared while the first is in use, so
+/// that a new contact starts on a clean grid at once. Memory: two segments per eight vertices.
 template <typename Segment>
 class DenseStorage {
  public:
@@ -52,7 +53,7 @@ class DenseStorage {
     use(0);
   }
 
-  /// What a storage of this size takes, in bytes.
+  /// The size of such a storage in bytes.
   static double bytes_for(const Eigen::Vector3i& vertices, bool counting) noexcept {
     return 2.0 * static_cast<double>(segments_in_row(vertices)) * vertices.y() * vertices.x() *
            static_cast<double>(sizeof(Segment) + (counting ? sizeof(Counters) : 0));
@@ -68,7 +69,7 @@ class DenseStorage {
   const Segment& segment(int i, int j, int s) const noexcept { return active_[index(i, j, s)]; }
 
   /// The same for updating by the fill of this number; null if it can't be updated.
-  /// @param extra_units grows by what it cost beyond looking it up.
+  /// @param extra_units grows by its cost beyond the lookup.
   Segment* touch(int i, int j, int s, std::uint32_t fill, int& extra_units) noexcept {
     static_cast<void>(fill);
     static_cast<void>(extra_units);
@@ -83,8 +84,8 @@ class DenseStorage {
     return &counters_[half_][index(i, j, k / kSegmentVertices)][lane(k)];
   }
 
-  /// `use` on the eight vertices around the cell (i, j, k), which it gets as an object whose
-  /// at<a, b, c>() points at the vertex (i + a, j + b, k + c). For reading.
+  /// Calls `use` with the eight vertices around the cell (i, j, k), for reading: an object whose
+  /// at<a, b, c>() points at the vertex (i + a, j + b, k + c).
   template <typename Use>
   auto with_corners(std::uint32_t i, std::uint32_t j, std::uint32_t k,
                     Use use) const noexcept requires requires {
@@ -100,7 +101,7 @@ class DenseStorage {
   /// Forgets everything. If the other array is still being cleared, this one is not ready() yet.
   void restart() noexcept {
     if (!ready_) {
-      return;  // the contact before still waits for its clean array, and this one waits with it
+      return;  // the contact before still waits for its clean array; so does this one
     }
     ready_ = spare_clean_to_ == segments_[0].size();
     use(1 - half_);
@@ -112,7 +113,7 @@ class DenseStorage {
   /// False while the array in use has not been cleared; then it must not be read or filled.
   bool ready() const noexcept { return ready_; }
 
-  /// Clears what is left to clear, at most `budget` vertices rounded up to a segment.
+  /// Clears the remainder, at most `budget` vertices rounded up to a segment.
   /// @returns the units done.
   int tidy(int budget) noexcept {
     const std::size_t all = segments_[0].size();
@@ -127,12 +128,12 @@ class DenseStorage {
     spare_clean_to_ += count;
     if (!ready_ && spare_clean_to_ == all) {
       ready_ = true;
-      spare_clean_to_ = 0;  // now the other half, of an earlier contact
+      spare_clean_to_ = 0;  // the other half, of an earlier contact
     }
     return static_cast<int>(count) * kSegmentVertices;
   }
 
-  /// Parts that were given up since there was no room: none here.
+  /// Parts recycled for lack of room: none here.
   std::uint64_t recycled() const noexcept { return 0; }
 
  private:
@@ -178,10 +179,10 @@ inline std::size_t vertex_in_block(std::uint32_t i, std::uint32_t j, std::uint32
 }
 
 /// Blocks of 8 x 8 x 8 vertices from a fixed pool, taken when a sample first reaches them. All
-/// others read as empty. Memory: the pool, and 4 bytes a block of the whole box.
+/// others read as empty. Memory: the pool, and 4 bytes per block of the whole box.
 ///
-/// With the pool used up, the block that no sample has reached for the longest time is emptied and
-/// taken, and counted in recycled(). The pool must hold the blocks of one fill.
+/// If the pool is used up, the block that no sample has reached for the longest time is emptied and
+/// reused, and counted in recycled(). The pool must hold the blocks of one fill.
 template <typename Segment>
 class BlockStorage {
  public:
@@ -233,7 +234,7 @@ class BlockStorage {
     return &counters_[first_segment(block) + within(i, j)][lane(k)];
   }
 
-  // Neighbours may lie in up to eight blocks; where they are is worked out axis by axis.
+  // Neighbours may lie in up to eight blocks; their places are computed axis by axis.
   template <typename Vertex>
   class Corners {
    public:
@@ -298,11 +299,11 @@ class BlockStorage {
   using Counters = std::array<std::uint16_t, kSegmentVertices>;
   static_assert(kBlockVertices == kSegmentVertices);
 
-  /// A block of the pool in the list from the newest to the oldest; number 0, never in the list, is
-  /// the empty block that stands for all that are not there.
+  /// A block of the pool, in the list from the newest to the oldest. Number 0, never in the list,
+  /// is the empty block that stands for all missing ones.
   struct Block {
     std::uint32_t newer = 0, older = 0;
-    std::uint32_t fill = 0;   ///< the last one that touched it
+    std::uint32_t fill = 0;   ///< the last one that reached it
     std::uint32_t place = 0;  ///< in the directory
   };
 
@@ -342,7 +343,7 @@ class BlockStorage {
       if (counters_.size() > 0) {
         std::fill_n(counters_.data() + first_segment(block), kBlockSegments, Counters{});
       }
-      // Two bytes are cleared at about the price at which one vertex of 16 bytes is updated / 64.
+      // Clearing two bytes costs about 1/64 of updating one vertex of 16 bytes.
       extra_units += static_cast<int>(sizeof(Segment) / 2);
       directory_[place] = block;
       blocks_[block].place = static_cast<std::uint32_t>(place);

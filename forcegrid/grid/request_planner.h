@@ -12,9 +12,9 @@
 
 namespace forcegrid {
 
-/// Chooses where the simulator is asked next, by the paper's rule: of the cells whose centre is
-/// within rho of the tool, the one that has received the fewest samples; of several, the one whose
-/// centre is nearest. A cell with a request that is not answered yet counts one sample more.
+/// Chooses where to ask the simulator next, by the paper's rule: of the cells whose centre is
+/// within rho of the tool, the one that has received the fewest samples; among equals, the one with
+/// the nearest centre. A cell with an unanswered request counts one sample more.
 /// Source: forcegrid paper, section 5, request method.
 /// Real-time: only the constructor allocates. A plan visits the cells within rho, nearest first,
 /// and stops at the first that is certain to be the answer. Threads: one.
@@ -33,9 +33,9 @@ class RequestPlanner {
   /// @param tool_cell the cell that holds it.
   /// @param samples_in callable, the number of samples in a cell.
   /// @param enough cells with this many samples are not requested.
-  /// @param wanted_W the chosen cell's centre.
-  /// @returns false, leaving `wanted_W` alone, when no cell has its centre within rho or all have
-  ///          enough.
+  /// @param wanted_W set to the chosen cell's centre.
+  /// @returns false, with `wanted_W` unchanged, if no cell has its centre within rho or all have
+  ///   enough.
   template <typename SamplesIn>
   bool plan(const Eigen::Vector3d& tool_W, const Eigen::Vector3i& tool_cell, SamplesIn samples_in,
             int enough, Eigen::Vector3d& wanted_W) noexcept {
@@ -75,9 +75,9 @@ class RequestPlanner {
     return true;
   }
 
-  /// An answer for this cell is now among its samples.
+  /// Counts the answer for this cell among its samples.
   void answered(const Eigen::Vector3i& cell) noexcept;
-  /// No answer is waited for any more.
+  /// Stops waiting for answers.
   void forget_requests() noexcept;
 
  private:
@@ -102,7 +102,7 @@ class RequestPlanner {
   double radius_m_;
   double half_diagonal_m_;
   Buffer<Cell> cells_;  ///< around the tool's own, in order of distance
-  /// Answers that never come are forgotten after so many further requests.
+  /// Answers that never come are forgotten after this many further requests.
   std::array<Eigen::Vector3i, 8> waiting_;
   std::size_t next_waiting_ = 0;
 };

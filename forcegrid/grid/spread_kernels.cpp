@@ -270,7 +270,7 @@ SpreadConstants spread_constants(const RadialWeight& weighting, double spacing_z
   return constants;
 }
 
-// Asking for the name settles the choice of instructions here, before any cycle runs.
+// Asking for the name selects the instruction set here, before any cycle runs.
 SpreadKernel<ForceSegment> spread_force_kernel(Instructions instructions) noexcept {
   static_cast<void>(best_instructions());
   return instructions == Instructions::kScalar ? spread_force_scalar : best_spread_force;

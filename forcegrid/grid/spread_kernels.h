@@ -9,15 +9,15 @@
 
 namespace forcegrid {
 
-/// A sample as the kernels need it: single precision, everything that does not change from vertex
-/// to vertex worked out.
+/// A sample in the kernels' form: single precision, with everything precomputed that is the same
+/// for all vertices.
 struct SpreadSample {
   std::array<float, 3> force_W_N{};
   std::array<float, 9> stiffness_W_N_per_m{};  ///< dF/dP row by row, of samples that have it
   bool has_stiffness = false;
 };
 
-/// What a grid's kernels need to know of its weight and spacing.
+/// The parameters of a grid's weight and spacing that its kernels need.
 struct SpreadConstants {
   WeightKind kind = WeightKind::kPaper;
   float radius2_m2 = 0.0F;            ///< r^2
@@ -30,7 +30,7 @@ struct SpreadConstants {
 
 SpreadConstants spread_constants(const RadialWeight& weighting, double spacing_z_m) noexcept;
 
-/// A segment to be updated and where its first vertex is, seen from the sample.
+/// A segment to update, and where its first vertex is relative to the sample.
 template <typename Segment>
 struct SegmentWork {
   Segment* segment = nullptr;

@@ -10,6 +10,6 @@ void spread_force_scalar(const SpreadConstants& constants, const SpreadSample& s
                          const SegmentWork<ForceSegment>* work, std::size_t count) noexcept;
 void spread_moments_scalar(const SpreadConstants& constants, const SpreadSample& sample,
                            const SegmentWork<MomentSegment>* work, std::size_t count) noexcept;
-void fit_corners_scalar(const CornerMoments& moments, double ridge, CornerForces& forces) noexcept;
+void fit_corners_scalar(const CornerMoments& corners, double ridge, CornerForces& forces) noexcept;
 
 }  // namespace forcegrid

@@ -6,7 +6,7 @@
 namespace forcegrid {
 namespace {
 
-// Segments from the vertex's own one that a reach of `vertices` along z can touch, either way.
+// How many segments away from the vertex's own one a reach of `vertices` along z can touch.
 int segments_for(int vertices) noexcept {
   return (vertices + kSegmentVertices - 1) / kSegmentVertices;
 }
@@ -20,7 +20,7 @@ void visit_segments(const GridGeometry& geometry, double reach_m, const Eigen::V
     for (int j = -reach.y(); j <= reach.y(); ++j) {
       const double xy2 = std::pow(i * spacing_m.x(), 2) + std::pow(j * spacing_m.y(), 2);
       for (int s = -segments; s <= segments; ++s) {
-        // Where in its segment the vertex is, is not known: at best this many cells away, ...
+        // The vertex may be anywhere in its segment: this many cells away at least, ...
         const int cells = std::max(std::abs(s) * kSegmentVertices - (kSegmentVertices - 1), 0);
         if (xy2 + std::pow(cells * spacing_m.z(), 2) <= reach_m * reach_m) {
           visit(NeighbourSegment{static_cast<std::int16_t>(i), static_cast<std::int16_t>(j),
@@ -55,7 +55,7 @@ Buffer<NeighbourSegment> neighbour_segments(const GridGeometry& geometry, double
   std::size_t next = 0;
   visit_segments(geometry, reach_m, reach,
                  [&](const NeighbourSegment& segment) { table[next++] = segment; });
-  // ... and in the middle of its segment this far from the next vertex of the other.
+  // ... and in the middle of its segment this far from the other segment's next vertex.
   const auto distance2_m2 = [&](const NeighbourSegment& n) {
     const double cells = std::max(std::abs(n.ds) * kSegmentVertices - 0.5 * kSegmentVertices, 0.0);
     return std::pow(n.di * spacing_m.x(), 2) + std::pow(n.dj * spacing_m.y(), 2) +
@@ -65,7 +65,8 @@ Buffer<NeighbourSegment> neighbour_segments(const GridGeometry& geometry, double
             [&](const NeighbourSegment& a, const NeighbourSegment& b) {
               const double a2 = distance2_m2(a);
               const double b2 = distance2_m2(b);
-              // Equally distant ones in storage order: what is near in memory then follows.
+              // Equally distant ones in storage order, so that neighbours in memory follow each
+              // other.
               return a2 != b2 ? a2 < b2 : std::tie(a.di, a.dj, a.ds) < std::tie(b.di, b.dj, b.ds);
             });
   return table;

@@ -43,8 +43,8 @@ struct GridFill {
 };
 
 /// A regular grid in which samples are spread over the vertices around them, a bounded number of
-/// vertices at a time. What a vertex holds and how it is read is for those who derive from it.
-/// Real-time: only the constructor allocates; nothing locks or throws. Threads: one.
+/// vertices at a time. Derived classes define what a vertex holds and how it is read. Real-time:
+/// only the constructor allocates; nothing locks or throws. Threads: one.
 template <typename Storage, typename Segment>
 class SpreadingGrid {
  public:
@@ -62,7 +62,7 @@ class SpreadingGrid {
   }
 
   /// Prepares to spread a sample over all vertices within r; its position must be inside().
-  /// `with_stiffness`: spreads F + J (v - P) in place of F.
+  /// `with_stiffness`: spreads F + J (v - P) instead of F.
   Fill begin_fill(const Sample& sample, bool with_stiffness) noexcept {
     Fill fill;
     const Eigen::Array3d u = index_position(sample.position_W);
@@ -81,9 +81,9 @@ class SpreadingGrid {
   }
 
   /// Updates vertices, nearest first to within a segment and a cell's diagonal, until `budget`
-  /// units are spent or the fill is finished. A segment costs eight units, one that is looked at
-  /// but out of reach a single one; at most one segment is done beyond the budget. Each vertex
-  /// changes in one step, so any query in between is consistent.
+  /// units are spent or the fill is finished. A segment costs eight units, or one if it turns out
+  /// to be out of reach; at most one segment exceeds the budget. Each vertex changes in one step,
+  /// so any query in between is consistent.
   /// @returns the units done.
   int continue_fill(Fill& fill, int budget) noexcept {
     std::array<SegmentWork<Segment>, kBatch> batch;
@@ -146,7 +146,7 @@ class SpreadingGrid {
     const Eigen::Array3d u = index_position(position_W);
     return u.cast<int>().max(0).min(geometry_.cells.array() - 1);
   }
-  /// Samples counted in a cell, of a grid that counts.
+  /// Samples counted in a cell, for a grid that counts.
   std::uint16_t samples_in(const Eigen::Vector3i& cell) const noexcept {
     return storage_.counter(cell.x(), cell.y(), cell.z());
   }

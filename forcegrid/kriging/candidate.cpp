@@ -17,7 +17,7 @@ Candidate::Candidate(const char* name, std::unique_ptr<Field> field, double weig
 
 Candidate::Accept Candidate::accept(const QueuedSample& sample, const PathAtSample& /*path*/,
                                     Observation& /*observation*/) const noexcept {
-  // Only a field that tells places apart can use what was asked for before a contact.
+  // Only a field that distinguishes contact points can use answers to queries before a contact.
   return sample.before_contact ? Accept::kNoUse : Accept::kTake;
 }
 

@@ -14,7 +14,7 @@
 
 namespace forcegrid::kriging {
 
-/// What the ensemble knows of the tool's path at a sample's time, looked up when the sample came.
+/// The tool's path at a sample's time, looked up when the sample came.
 struct PathAtSample {
   ToolHistory::Lags lags = ToolHistory::Lags::Zero();  ///< of the tool
   bool lags_known = false;
@@ -22,53 +22,53 @@ struct PathAtSample {
   bool terms_known = false;
 };
 
-/// What a candidate's own score is rated against.
+/// The reference for rating a candidate's own score.
 struct Peers {
   /// [N^2] Least long score of the candidates of weight one, which know the position alone.
   double general_long_score_N2 = 0.0;
   std::uint64_t long_scored = 0;  ///< samples in the long scores
 };
 
-/// Errors of all candidates at one sample, squared [N^2]; kNotTaken_N2 of those without use for it.
+/// Squared errors [N^2] of all candidates at one sample; kNotTaken_N2 for those that do not use it.
 using SquaredErrors = std::span<const double>;
 
-/// One field of an ensemble, and what sets it apart: which samples it takes, how its score is
-/// rated, and what a contact means to it.
+/// One field of an ensemble, and its role: which samples it takes, how its score is rated, and what
+/// a contact means to it.
 ///
 /// A candidate takes the queued samples one by one at its own pace: next_sample() is the number of
-/// the one that it takes next. So the ensemble may serve candidates in any order, leave one alone
-/// and let it catch up later.
+/// the next one. So the ensemble may serve candidates in any order, leave one alone and let it
+/// catch up later.
 /// To add a role: derive, override what differs, and add it in make_candidates().
 /// Real-time: nothing allocates, locks or throws after construction. Threads: one.
 class Candidate {
  public:
   enum class Accept : std::uint8_t {
     kTake,
-    kNoUse,    ///< not for this field; it is taken to err like the rendered candidate
+    kNoUse,    ///< not for this field; it is assumed to err like the rendered candidate
     kUnknown,  ///< its path was not observed: no candidate is scored by this sample
   };
 
   /// @param name static text.
-  /// @param weight that its score counts with, see EnsembleThresholds.
+  /// @param weight of its score, see EnsembleThresholds.
   Candidate(const char* name, std::unique_ptr<Field> field, double weight,
             const EnsembleThresholds& thresholds);
   virtual ~Candidate() = default;
   Candidate(const Candidate&) = delete;
   Candidate& operator=(const Candidate&) = delete;
 
-  /// Whether its field takes a sample. A role may add to `observation` what its field needs.
+  /// Whether its field takes a sample. A role may add what its field needs to `observation`.
   virtual Accept accept(const QueuedSample& sample, const PathAtSample& path,
                         Observation& observation) const noexcept;
-  /// Its field has taken a sample.
-  /// @returns true if it alone can explain it, so that no candidate is to be scored by it.
+  /// Called when its field has taken a sample.
+  /// @returns true if it alone can explain the sample, so that no candidate is scored by it.
   virtual bool on_taken(const Innovation& innovation, bool from_query) noexcept;
-  /// All candidates have evaluated a sample. @param own its index in `errors_N2`.
+  /// Called when all candidates have evaluated a sample. @param own its index in `errors_N2`.
   virtual void on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept;
-  /// [N^2] The score that decides: the least rating wins.
+  /// [N^2] The rating that decides: the least one wins.
   virtual double rate(const Peers& peers) const noexcept;
   /// A contact begins, or is expected, at `point_W`; reads are relative to it from now on.
   virtual void on_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept;
-  /// Whether it takes a sample before others that are further behind.
+  /// Whether it takes a sample before candidates that are further behind.
   virtual bool served_early() const noexcept { return false; }
   /// Whether the force depends on more than the position.
   virtual bool knows_path() const noexcept { return false; }
@@ -80,12 +80,12 @@ class Candidate {
   double weight() const noexcept { return weight_; }
   double least_uncertainty_N() const noexcept { return least_uncertainty_N_; }
 
-  /// The path's features at `position_W`, the tool having been observed last at `observed_W`; zero
-  /// for fields without such features.
+  /// The path's features at `position_W`, where `observed_W` is the tool's last observed position;
+  /// zero for fields without such features.
   History history_at(const Eigen::Vector3d& position_W,
                      const Eigen::Vector3d& observed_W) const noexcept;
 
-  /// What a piece of work on its field counts: half the square of the factor's rows.
+  /// The units of one piece of work on its field: half the square of the factor's rows.
   int piece_units() const noexcept {
     const int rows = field_->row_count();
     return 1 + rows * rows / 2;
@@ -93,6 +93,15 @@ class Candidate {
 
   std::uint64_t next_sample() const noexcept { return next_; }
   void advance() noexcept { ++next_; }
+
+  /// A candidate that sleeps takes no samples and is not scored.
+  bool awake() const noexcept { return awake_; }
+  void sleep() noexcept { awake_ = false; }
+  /// The next sample that it takes is `number`, which it has not taken yet.
+  void wake(std::uint64_t number) noexcept {
+    awake_ = true;
+    next_ = number;
+  }
 
   // Its errors so far, squared and averaged [N^2]: over some samples, over some seconds, and over
   // the first instants of contacts.
@@ -112,9 +121,10 @@ class Candidate {
   double weight_;
   const EnsembleThresholds& thresholds_;
   std::uint64_t next_ = 0;
+  bool awake_ = true;
 };
 
-/// Share of the recent samples that surprised a field: as a score, of ones and zeros.
+/// Share of recent samples that surprised a field, averaged as a score of ones and zeros.
 class SurpriseRate {
  public:
   explicit SurpriseRate(double kept) noexcept : kept_(kept) {}

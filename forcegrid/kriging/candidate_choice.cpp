@@ -20,6 +20,9 @@ void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered)
   const std::size_t count = candidates_.all.size();
   for (std::size_t i = 0; i < count; ++i) {
     Candidate& candidate = *candidates_.all[i];
+    if (!candidate.awake()) {
+      continue;
+    }
     const double error_N2 =
         errors_N2[i] == EvaluatedSample::kNotTaken_N2 ? otherwise_N2 : errors_N2[i];
     candidate.score_N2 = averaged(thresholds_.score_kept, candidate.score_N2, error_N2);
@@ -39,7 +42,7 @@ Peers CandidateChoice::peers() const noexcept {
   peers.long_scored = long_scored_;
   peers.general_long_score_N2 = std::numeric_limits<double>::max();
   for (const auto& candidate : candidates_.all) {
-    if (!(candidate->weight() > 1.0)) {
+    if (candidate->awake() && !(candidate->weight() > 1.0)) {
       peers.general_long_score_N2 = std::min(peers.general_long_score_N2, candidate->long_score_N2);
     }
   }
@@ -52,7 +55,21 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   double least_N2 = thresholds_.hysteresis * candidates_.all[rendered]->rate(peers);
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const double rated_N2 = candidates_.all[i]->rate(peers);
-    if (rated_N2 < least_N2) {
+    if (candidates_.all[i]->awake() && rated_N2 < least_N2) {
+      best = i;
+      least_N2 = rated_N2;
+    }
+  }
+  return best;
+}
+
+std::size_t CandidateChoice::runner_up(std::size_t rendered) const noexcept {
+  const Peers peers = this->peers();
+  std::size_t best = Candidates::kNone;
+  double least_N2 = std::numeric_limits<double>::max();
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const double rated_N2 = candidates_.all[i]->rate(peers);
+    if (i != rendered && candidates_.all[i]->awake() && rated_N2 < least_N2) {
       best = i;
       least_N2 = rated_N2;
     }
@@ -64,6 +81,9 @@ CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool or
                                                      std::size_t rendered) noexcept {
   double least_N2 = std::numeric_limits<double>::max();
   for (const auto& candidate : candidates_.all) {
+    if (!candidate->awake()) {
+      continue;
+    }
     if (first_touch_scored_) {
       candidate->score_N2 = candidate->first_touch_score_N2;
     }

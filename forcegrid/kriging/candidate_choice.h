@@ -15,13 +15,16 @@
 
 namespace forcegrid::kriging {
 
-/// The candidates of an ensemble, in the order of their names, and those of them that have a part
-/// of their own in the choice; null where there is none.
+/// The candidates of an ensemble, in the order of their names, and those with a special part in the
+/// choice; null if there is none.
 struct Candidates {
   std::vector<std::unique_ptr<Candidate>> all;
   static constexpr std::size_t kNone = kMaxCandidates;
-  std::size_t memory = kNone;  ///< index in `all`
-  std::size_t places = kNone;  ///< the same
+  std::size_t memory = kNone;      ///< index in `all`
+  std::size_t places = kNone;      ///< the same
+  std::size_t walls = kNone;       ///< the same
+  std::size_t unfinished = kNone;  ///< the same
+  std::size_t alone = 0;           ///< the same: it begins, while the others sleep
   MemoryCandidate* memory_role = nullptr;
   RelaxationCandidate* relaxation = nullptr;
 };
@@ -32,7 +35,7 @@ struct EvaluatedSample {
 
   PathAtSample path;
   bool scored = true;        ///< every candidate could predict it
-  bool explained = false;    ///< by one candidate alone: none could know
+  bool explained = false;    ///< by one candidate alone: the others could not know
   bool first_touch = false;  ///< of the first instants of a contact
   std::array<double, kMaxCandidates> error_N2{};
 };
@@ -55,19 +58,22 @@ class CandidateChoice {
   CandidateChoice(Candidates& candidates, const EnsembleThresholds& thresholds) noexcept
       : candidates_(candidates), thresholds_(thresholds) {}
 
-  /// Takes the errors of a sample, which all candidates have seen, into the scores. A candidate
-  /// without use for it is taken to err like the rendered one.
+  /// Adds the errors of a sample that all candidates have seen to the scores. A candidate that does
+  /// not use it is assumed to err like the rendered one.
   void score(const EvaluatedSample& sample, std::size_t rendered) noexcept;
   /// The rendered candidate unless another is clearly better.
   std::size_t best(std::size_t rendered) const noexcept;
-  /// Who begins a contact: `places` if it was asked about or knows the place, else the best at
-  /// first touches. Begins the scores with the record of first touches. Needs Candidates::places.
-  /// @param answers_before that came for the expected contact; `origin_known` of the contact.
+  /// The best of the others that are awake.
+  std::size_t runner_up(std::size_t rendered) const noexcept;
+  /// The candidate that begins a contact: `places` if it was asked about or knows the place, else
+  /// the best at first touches. Restarts the scores from the record of first touches. Needs
+  /// Candidates::places.
+  /// @param answers_before for the expected contact; `origin_known` of the contact.
   Choice for_contact(int answers_before, bool origin_known, std::size_t rendered) noexcept;
   /// Whether `memory` knows the force at `ahead_m` so much better than the rendered candidate that
   /// it takes over; adapts its score then. Needs Candidates::memory.
   bool memory_takes_over(const Eigen::Vector3d& ahead_m, std::size_t rendered) noexcept;
-  /// Whether the candidate that alone explains a sample takes over at once.
+  /// Whether a candidate that alone explains a sample takes over at once.
   bool trusts(const Candidate& explaining, std::size_t rendered) const noexcept {
     return thresholds_.wall_trusted * explaining.score_N2 < candidates_.all[rendered]->score_N2;
   }

@@ -15,8 +15,8 @@ namespace forcegrid::kriging {
 namespace {
 
 // The time constants of the force's path: those of the relaxation, and filters that never forget.
-// What the lag behind one of these exceeds the lag behind another by is what that other lets
-// through, but for a constant.
+// The difference between the lags behind two of these is, but for a constant, what the second one
+// lets through.
 ToolHistory::TimeConstants force_time_constants_s() {
   constexpr double kNeverForgets_s = 1e9;
   ToolHistory::TimeConstants time_constants_s;
@@ -41,7 +41,7 @@ bool ConstraintCandidate::on_taken(const Innovation& innovation, bool from_query
   return innovation.explained && surprises_.rate() < thresholds().wall_calm;
 }
 
-// A constraint is proven by samples that no candidate without it comes near to.
+// A constraint is proven by samples that no candidate without it predicts well.
 void ConstraintCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept {
   double others_N2 = std::numeric_limits<double>::max();
   for (std::size_t i = 0; i < errors_N2.size(); ++i) {

@@ -29,8 +29,8 @@ class ConstraintCandidate final : public Candidate {
   int proofs_ = 0;  ///< samples that only its constraint explains
 };
 
-/// `memory`: all samples in a store (StoreField). What was learnt long ago is doubtful for half a
-/// second after a surprise: its score then counts as a specialist's.
+/// `memory`: all samples in a store (StoreField). Old knowledge is doubtful for half a second after
+/// a surprise: its score then counts as a specialist's.
 class MemoryCandidate final : public Candidate {
  public:
   MemoryCandidate(const char* name, const FieldSettings& settings,
@@ -60,7 +60,7 @@ class UnfinishedCandidate final : public Candidate {
 };
 
 /// A field that knows more than the position. It counts as a specialist until its long score is so
-/// far below that of the general candidates that this is no lucky run.
+/// far below that of the general candidates that luck is no explanation.
 class PathCandidate : public Candidate {
  public:
   using Candidate::Candidate;
@@ -72,7 +72,7 @@ class PathCandidate : public Candidate {
 class HistoryCandidate final : public PathCandidate {
  public:
   /// @param path of the tool, which must outlive the candidate; `first_lag` the first of the
-  ///        kHistoryFeatures lags that the features are.
+  ///   kHistoryFeatures lags that are its features.
   HistoryCandidate(const char* name, const FieldSettings& settings,
                    const EnsembleThresholds& thresholds, const ToolHistory& path, int first_lag);
   Accept accept(const QueuedSample& sample, const PathAtSample& path,
@@ -80,11 +80,10 @@ class HistoryCandidate final : public PathCandidate {
 };
 
 /// `relaxing`: for objects that resist and relax (RelaxationField). Keeps the path of the rendered
-/// force, which the field's terms are made of.
+/// force, from which the field computes its terms.
 class RelaxationCandidate final : public PathCandidate {
  public:
-  /// @param velocity_lag column of the tool's lags that the viscous term is made of, and its time
-  ///        constant.
+  /// @param velocity_lag column of the tool's lags for the viscous term, and its time constant.
   RelaxationCandidate(const char* name, const FieldSettings& settings,
                       const EnsembleThresholds& thresholds, int velocity_lag,
                       double velocity_lag_s);
@@ -92,13 +91,13 @@ class RelaxationCandidate final : public PathCandidate {
                 Observation& observation) const noexcept override;
   std::size_t memory_bytes() const noexcept override;
 
-  /// Once a servo cycle: the force that is rendered and the tool's lags.
+  /// Call once per servo cycle with the rendered force and the tool's lags.
   void observe(double time_s, const Eigen::Vector3d& rendered_N,
                const ToolHistory::Lags& tool_m) noexcept;
-  /// The terms at a sample's time, `tool_m` being the tool's lags then.
-  /// @returns false, leaving `terms_N` alone, if that time was not observed.
+  /// The terms at a sample's time, where `tool_m` are the tool's lags at that time.
+  /// @returns false, with `found_N` unchanged, if that time was not observed.
   [[nodiscard]] bool find_terms(double time_s, const ToolHistory::Lags& tool_m,
-                                PathTerms& terms_N) const noexcept;
+                                PathTerms& found_N) const noexcept;
 
  private:
   PathTerms terms_N(const ToolHistory::Lags& tool_m,
@@ -109,7 +108,7 @@ class RelaxationCandidate final : public PathCandidate {
   double per_lag_;
 };
 
-/// `places`: tells contact points apart (ContactIndexedField), so it takes what was asked for
+/// `places`: distinguishes contact points (ContactIndexedField), so it uses answers to queries
 /// before a contact.
 class PlacesCandidate final : public Candidate {
  public:

@@ -14,9 +14,9 @@ using Shape = UnilateralConstraint;
 
 constexpr double kDrop_nats = 3.0;
 constexpr double kConverged_nats = 0.02;
-constexpr double kExplainedScale = 3.0;       // of the data's scale before
+constexpr double kExplainedScale = 3.0;       // of the previous scale of the data
 constexpr double kExplainedDeviations = 4.0;  // of a sample's noise
-constexpr int kSamplesNeeded = 6;             // of those beyond a surface, never dropped
+constexpr int kSamplesNeeded = 6;             // beyond a surface; such samples are never dropped
 constexpr int kTriesOfAStep = 3;
 constexpr double kLargestStep[5] = {3.0, 3.0, 2.0, 2.0, 1.5};
 constexpr double kDifference = 1e-4;  // of a unit
@@ -52,8 +52,8 @@ Vector3d ConstraintFit::push_N(int constraint, const Vector3d& position_W) const
   return std::min(0.0, (k[0] + k[1] * at.penetration_m) * at.penetration_m) * at.inward_W;
 }
 
-// Of m(phi) u, u = grad s: m' dphi/ds u u^T + m grad u, the curvature of a ball's distance being
-// that of the ball through P.
+// Derivative of m(phi) u, u = grad s: m' dphi/ds u u^T + m grad u. The curvature of a ball's
+// distance is that of the ball through P.
 Eigen::Matrix3d ConstraintFit::push_stiffness_N_per_m(int constraint,
                                                       const Vector3d& position_W) const noexcept {
   const UnilateralConstraint& shape = constraints_[static_cast<std::size_t>(constraint)];
@@ -77,7 +77,7 @@ void ConstraintFit::add_features(const Vector3d& position_W, int rows, const Fac
   if (count_ == 0) {
     return;
   }
-  // What a constraint does at p beyond what the rows make of it there.
+  // The effect of a constraint at p beyond the one that the rows already have there.
   Eigen::Matrix<double, 3, 2 * kMaxConstraints> left;
   left.setZero();
   for (int h = 0; h < count_; ++h) {
@@ -212,7 +212,7 @@ void ConstraintFit::leave_over(const Solution& fit) noexcept {
   }
 }
 
-// Of all constraints, the priors of their shapes included.
+// Of all constraints, including the priors of their shapes.
 double ConstraintFit::gain(const Solution& fit) const noexcept {
   if (!fit.pushes) {
     return -std::numeric_limits<double>::infinity();
@@ -224,7 +224,7 @@ double ConstraintFit::gain(const Solution& fit) const noexcept {
   return nats;
 }
 
-// Slope and Gauss-Newton curvature of the gain in the parameters of a shape.
+// Slope and Gauss-Newton curvature of the gain with respect to the parameters of a shape.
 bool ConstraintFit::derive(int index, const Solution& fit,
                            Eigen::Matrix<double, kParameters, 1>& slope,
                            Eigen::Matrix<double, kParameters, kParameters>& curvature) noexcept {
@@ -316,8 +316,8 @@ bool ConstraintFit::derive(int index, const Solution& fit,
   return slope.allFinite() && curvature.allFinite();
 }
 
-// Improves one constraint with the others as they are; columns_ and solution_ are those of all
-// constraints, and stay so. @returns the gain.
+// Improves one constraint while the others stay as they are. columns_ and solution_ are of all
+// constraints before and after. @returns the gain.
 double ConstraintFit::refine(int index, int steps) noexcept {
   UnilateralConstraint& constraint = constraints_[static_cast<std::size_t>(index)];
   Columns& columns = columns_[static_cast<std::size_t>(index)];
@@ -371,7 +371,7 @@ double ConstraintFit::refine(int index, int steps) noexcept {
   return best;
 }
 
-// Whether field and constraints say what all samples say.
+// Whether field and constraints together explain all samples.
 bool ConstraintFit::explains_all_samples() noexcept {
   const int rows = factor_->rows();
   double squares = -solution_.explained;
@@ -383,7 +383,7 @@ bool ConstraintFit::explains_all_samples() noexcept {
   }
   leave_over(solution_);
   factor_->solve_transposed(residual_.data());
-  // What the field leaves of a sample is nugget alpha.
+  // The field leaves nugget alpha of a sample unexplained.
   const double limit = kExplainedDeviations * std::sqrt(data_scale_ / nugget_N2_);
   return std::all_of(residual_.begin(), residual_.begin() + rows,
                      [limit](double alpha) { return std::abs(alpha) < limit; });
@@ -399,7 +399,7 @@ void ConstraintFit::refit() noexcept {
   solution_ = solve(set);
 }
 
-// Refines a constraint from other curvatures, too: from a plane there may be no way to a ball.
+// Refines a constraint from other curvatures too: a plane may have no descent path to a ball.
 void ConstraintFit::refine_anew(int index) noexcept {
   UnilateralConstraint& constraint = constraints_[static_cast<std::size_t>(index)];
   const UnilateralConstraint before = constraint;
@@ -421,7 +421,7 @@ void ConstraintFit::refine_anew(int index) noexcept {
   refit();
 }
 
-// Drops constraints that the samples don't speak for any more.
+// Drops constraints that the samples no longer support.
 void ConstraintFit::drop_unneeded() noexcept {
   for (int h = count_ - 1; h >= 0; --h) {
     Set others{};

@@ -11,8 +11,8 @@
 
 namespace forcegrid::kriging {
 
-/// Up to two one-sided constraints beside a smooth field: their stiffnesses and shapes, fitted to
-/// the field's samples.
+/// Up to two one-sided constraints in addition to a smooth field: their stiffnesses and shapes,
+/// fitted to the field's samples.
 ///
 ///   F(p) = sum_i K(p, p_i) alpha_i + sum_h (k1 phi_h + k2 phi_h^2) grad s_h
 ///
@@ -21,17 +21,17 @@ namespace forcegrid::kriging {
 ///
 ///   X = L^-1 U,  G = I + X^T X,  beta = G^-1 X^T y,  alpha = L^-T (y - X beta).
 ///
-/// The shapes that the samples speak for have the largest gain
+/// The shapes that the samples support have the largest gain
 ///
 ///   gain = y^T X beta / (2 s2) - 1/2 ln|G| - 1/2 (c / (40 /m))^2 - 1/2 (ln(e / 50 um) / 1.5)^2,
 ///
-/// s2 being the scale of the data before the surprise, and at least one.
+/// where s2 is the scale of the data before the surprise, and at least one.
 ///
-/// Refinement: Newton steps with the Gauss-Newton matrix of |y - X beta|^2, beta being eliminated
+/// Refinement: Newton steps with the Gauss-Newton matrix of |y - X beta|^2, with beta eliminated
 /// (variable projection), in n, depth, c and e, damped until the gain rises.
 ///
 /// A constraint never pulls: k1 <= 0 and k1 + k2 phi <= 0 at the deepest sample. k2 is left out
-/// where it would pull, and a shape that pulls all the same is refused.
+/// where it would pull, and a shape that still pulls is refused.
 ///
 /// Use: set_rows() whenever the factor or its samples have changed, then refit(), then the others.
 /// Source: docs/kriging.md; variable projection: Golub and Pereyra, 2003; evidence: Rasmussen and
@@ -49,7 +49,7 @@ class ConstraintFit {
   using Inverse = Eigen::Matrix<double, 2 * kMaxConstraints, 2 * kMaxConstraints>;
   using Column = std::array<double, Factor::kStride>;
 
-  /// X of a constraint: of k1 and k2 in units of their prior deviation; and room for one more.
+  /// X of a constraint: for k1 and k2 in units of their prior deviation; and room for one more.
   struct Columns {
     alignas(64) std::array<Column, 3> x{};
     double deepest_m = 0.0;  ///< phi of the deepest sample
@@ -66,8 +66,8 @@ class ConstraintFit {
   /// @param nugget_N2 noise variance of a sample.
   explicit ConstraintFit(double nugget_N2) noexcept : nugget_N2_(nugget_N2) {}
 
-  /// The smooth field's factor, three rows per sample, and where these samples are. The factor must
-  /// stay as it is while the functions below are used.
+  /// The smooth field's factor, three rows per sample, and the positions of these samples. The
+  /// factor must not change while the functions below are used.
   template <typename PositionOfSample>
   void set_rows(const Factor& factor, int samples, const PositionOfSample& position_W) noexcept {
     factor_ = &factor;
@@ -79,7 +79,7 @@ class ConstraintFit {
   /// s2, see above.
   void set_data_scale(double scale) noexcept { data_scale_ = scale; }
 
-  /// Replaces the constraints by up to kMaxConstraints others. refit() has to follow.
+  /// Replaces the constraints by up to kMaxConstraints others. refit() must follow.
   void set_constraints(std::span<const UnilateralConstraint> constraints) noexcept;
   void set_constraints(const Shapes& shapes, int count) noexcept {
     set_constraints(std::span(shapes).first(static_cast<std::size_t>(count)));
@@ -87,21 +87,21 @@ class ConstraintFit {
   const Shapes& constraints() const noexcept { return constraints_; }
   int count() const noexcept { return count_; }
 
-  /// Solves for the stiffnesses of the constraints as they are.
+  /// Solves for the stiffnesses of the present constraints.
   void refit() noexcept;
-  /// Improves one constraint with the others as they are, by at most `steps` Newton steps.
+  /// Improves one constraint while the others stay as they are, by at most `steps` Newton steps.
   /// @returns the gain of all.
   double refine(int index, int steps) noexcept;
-  /// Refines a constraint from other curvatures, too: from a plane there may be no way to a ball.
+  /// Refines a constraint from other curvatures too: a plane may have no descent path to a ball.
   void refine_anew(int index) noexcept;
-  /// Drops constraints that the samples speak for with less than 3 nats.
+  /// Drops constraints that the samples support with less than 3 nats.
   void drop_unneeded() noexcept;
 
-  /// [nats] Of all constraints, the priors of their shapes included; -infinity if one pulls.
+  /// [nats] Of all constraints, including the priors of their shapes; -infinity if one pulls.
   double gain() const noexcept { return gain(solution_); }
-  /// [nats] What the samples speak for a constraint more than for none, as drop_unneeded() found.
+  /// [nats] How much more the samples support a constraint than none, as drop_unneeded() found.
   double gain_of(int index) const noexcept { return gains_[static_cast<std::size_t>(index)]; }
-  /// Whether field and constraints say what all samples say.
+  /// Whether field and constraints together explain all samples.
   bool explains_all_samples() noexcept;
   /// Whether a sample at `position_W` is one of the few that a constraint rests on.
   bool rests_on(const Eigen::Vector3d& position_W) const noexcept;
@@ -113,7 +113,7 @@ class ConstraintFit {
   /// [N/m] d push_N / dP.
   Eigen::Matrix3d push_stiffness_N_per_m(int constraint,
                                          const Eigen::Vector3d& position_W) const noexcept;
-  /// Adds the constraints' part to mean and covariance of the force at `position_W`, given its
+  /// Adds the constraints' part to mean and covariance of the force at `position_W`. Needs its
   /// covariances with the factor's rows, solved.
   void add_features(const Eigen::Vector3d& position_W, int rows, const Factor::Columns& x,
                     Eigen::Vector3d& mean_N, Eigen::Matrix3d& covariance_N2) const noexcept;

@@ -17,7 +17,7 @@ constexpr int kGapsBesides = 6;
 constexpr double kNearError = 0.5;  // cosine
 constexpr double kSearchedCurvatures_per_m[] = {-30.0, 20.0, 50.0};
 
-// A force that falls short along its own direction is an object that gives way (a cut,
+// A force that falls short along its own direction means an object that gives way (a cut,
 // relaxation), not a wall.
 bool gives_way(const Vector3d& expected_N, const Vector3d& force_N) noexcept {
   return force_N.norm() < expected_N.norm() &&
@@ -26,7 +26,7 @@ bool gives_way(const Vector3d& expected_N, const Vector3d& force_N) noexcept {
 
 }  // namespace
 
-// Compares up to three new constraints beside those in use with the best so far, by their k1 alone.
+// Compares up to three new constraints, added to those in use, with the best so far, by k1 alone.
 void ConstraintSearch::weigh(const ConstraintFit& fit, std::span<const UnilateralConstraint> shapes,
                              Candidate& best) noexcept {
   const auto rows = static_cast<std::size_t>(fit.factor().rows());
@@ -72,7 +72,7 @@ void ConstraintSearch::weigh(const ConstraintFit& fit, std::span<const Unilatera
   }
 }
 
-// Weighs surfaces behind and parallel to `through`: some in each of the first gaps between samples.
+// Tries surfaces behind and parallel to `through`: some in each of the first gaps between samples.
 void ConstraintSearch::weigh_behind(const ConstraintFit& fit, const UnilateralConstraint& through,
                                     int gaps, std::span<const double> parts,
                                     Candidate& best) noexcept {
@@ -103,9 +103,9 @@ void ConstraintSearch::weigh_behind(const ConstraintFit& fit, const UnilateralCo
   weigh(fit, std::span(shapes).first(pending), best);
 }
 
-// New constraints beside those in use that could explain the newest sample: the best plane and the
-// best ball against the innovation, and the best plane across a lattice direction. @returns how
-// many.
+// Finds new constraints, in addition to those in use, that could explain the newest sample: the
+// best plane and the best ball against the innovation, and the best plane across a lattice
+// direction. @returns how many.
 int ConstraintSearch::search(ConstraintFit& fit, const Observation& o, const Vector3d& error_N,
                              Found& found) noexcept {
   fit.update_residual();

@@ -12,17 +12,17 @@ namespace forcegrid::kriging {
 
 /// Looks for one-sided constraints that explain a sample that surprised the field.
 ///
-/// Weighed, by k1 alone, are planes and balls against the innovation and planes across the lattice
-/// directions near it, with surfaces between the samples sorted along them; the best of each kind
-/// is refined. The best of these is accepted if it gains 15 nats over the constraints that were
-/// there, refined. With two in use it has to replace one. A force that falls short along its own
-/// direction is an object that gives way (a cut, relaxation) and is not explained.
+/// It compares, by k1 alone, planes and balls against the innovation and planes across the lattice
+/// directions near it, with surfaces between the samples sorted along them, and refines the best of
+/// each kind. The best of these is accepted if it gains 15 nats over the refined present
+/// constraints. With two in use it must replace one. A force that falls short along its own
+/// direction means an object that gives way (a cut, relaxation) and is not explained.
 /// Cost: some 200 triangular solves. Real-time: nothing allocates, locks or throws. Threads: one.
 class ConstraintSearch {
  public:
-  /// @param fit of the field's rows, of which the surprising sample's are the last; its constraints
-  ///        are those that explain the sample or, if none do, arbitrary: restore them then.
-  /// @param error_N what the field left of the sample's force.
+  /// @param fit of the field's rows, of which the surprising sample's are the last. Its constraints
+  ///   afterwards are those that explain the sample or, if none do, arbitrary: restore them then.
+  /// @param error_N the part of the sample's force that the field did not predict.
   bool explain(ConstraintFit& fit, const Observation& observation,
                const Eigen::Vector3d& error_N) noexcept;
 

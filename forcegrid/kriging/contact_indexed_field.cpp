@@ -14,7 +14,7 @@ namespace {
 constexpr double kPlaceReach = 4.0;  // |c - c_i|^2 against |d_i|^2 in the value of a sample
 constexpr double kOffsetsForgotten = 0.2;
 constexpr double kOffsetsExpected = 0.5;
-constexpr float kFarAway_m = 1e3F;
+constexpr float kOutOfReach_m = 1e3F;
 constexpr double kMost = std::numeric_limits<double>::max();
 
 }  // namespace
@@ -63,7 +63,7 @@ void ContactIndexedField::enter_contact(std::uint64_t contact,
   collapse();
 }
 
-// Thins the samples of the contact that ends to those that tell most, and keeps them.
+// Thins the samples of the contact that ends to the most informative ones, and keeps them.
 void ContactIndexedField::keep_contact() noexcept {
   std::array<const Stored*, kMaxSamples> own;
   int own_count = 0;
@@ -259,7 +259,7 @@ Eigen::Matrix3d ContactIndexedField::own_covariance(const Eigen::Vector3d& d,
   return own;
 }
 
-// The next slot's rows.
+// The rows of the next slot.
 void ContactIndexedField::append_next(bool solved) noexcept {
   const Stored& s =
       stored_[static_cast<std::size_t>(slots_[static_cast<std::size_t>(slot_count_)])];
@@ -293,7 +293,7 @@ void ContactIndexedField::begin_factor() noexcept {
   preparing_ = Preparing::kFactorising;
 }
 
-// With the columns of x_ solved for the observation, whose conditional covariance is `v`.
+// Needs the columns of x_ solved for the observation, whose conditional covariance is `v`.
 double ContactIndexedField::offset_gain(const Eigen::Vector3d& error_N,
                                         const Eigen::Matrix3d& v) noexcept {
   for (std::size_t c = 0; c < 3; ++c) {
@@ -327,7 +327,7 @@ double ContactIndexedField::offset_gain(const Eigen::Vector3d& error_N,
          0.5 * std::log((kOffset_N2 * g).determinant());
 }
 
-// @returns true if the factor has to be made anew.
+// @returns true if the factor must be computed again.
 bool ContactIndexedField::surprised(const Observation& o, const Eigen::Vector3d& error_N,
                                     const Eigen::Matrix3d& covariance_N2) noexcept {
   const double normalised =
@@ -474,7 +474,7 @@ void ContactIndexedField::fit() noexcept {
   collapse();
 }
 
-// Sums up what doesn't depend on where the field is read, for the present contact point.
+// Computes the sums that do not depend on where the field is read, for the present contact point.
 void ContactIndexedField::collapse() noexcept {
   Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
@@ -502,7 +502,7 @@ void ContactIndexedField::collapse() noexcept {
   fill_lane(Eigen::Vector3d::Zero(), origin);
   lanes_used_ = padded(static_cast<int>(lane), kLanePadding);
   while (lane < static_cast<std::size_t>(lanes_used_)) {
-    fill_lane(Eigen::Vector3d::Constant(kFarAway_m), Eigen::Vector3d::Zero());
+    fill_lane(Eigen::Vector3d::Constant(kOutOfReach_m), Eigen::Vector3d::Zero());
   }
   moment.diagonal().array() += moment.trace();
   linear_N_per_m_ = (kernel_.field.stiffness_variance() * moment).cast<float>();

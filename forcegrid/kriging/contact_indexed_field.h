@@ -13,43 +13,43 @@
 
 namespace forcegrid::kriging {
 
-/// Kriging with ContactKernel's covariance: one field for all places where an object was touched,
-/// so that a place that was touched before, or whose neighbourhood was, is known from the first
-/// cycle of the next contact on.
+/// Kriging with ContactKernel's covariance: one field for all places where an object was touched.
+/// So a place is known from the first cycle of the next contact on if it, or its neighbourhood, was
+/// touched before.
 ///
 ///   alpha = (K + diag(nugget + q_i))^-1 F,   F(d) = sum_i K((d, c), (d_i, c_i)) alpha_i
 ///
-/// at the present contact point c. For reading, g(c, c_i) goes into the weights and all that is
-/// linear or belongs to the origin into one matrix and one more radial term (kriging_simd.h).
+/// at the present contact point c. For reading, g(c, c_i) goes into the weights, and all terms that
+/// are linear or belong to the origin go into one matrix and one more radial term (kriging_simd.h).
 ///
-/// Memory. Each of the last kContacts contacts keeps up to kKept samples; when there is no room for
-/// another contact, the older one of the two that are nearest to each other goes.
+/// Memory. Each of the last kContacts contacts keeps up to kKept samples. If there is no room for
+/// another contact, the older one of the two nearest to each other is dropped.
 ///
-/// Working set. At most kMaxSamples samples are in the factor: those of this contact, and to begin
-/// with as many as there is room for from the kNeighbours nearest contacts, chosen one by one as
-/// the one with the largest
+/// Working set. At most kMaxSamples samples are in the factor: those of this contact and, to begin
+/// with, as many as there is room for from the kNeighbours nearest contacts. They are chosen one by
+/// one as the one with the largest
 ///
 ///   g(c, c_i) min_j D^2(i, j) / (|d_i|^2 + 4 |c - c_i|^2 + (10 mm)^2) / (1 + q_i / (10 nugget)),
 ///   D^2 = |d_i - d_j|^2 + (l / (2 lc))^2 |c_i - c_j|^2
 ///
-/// where answers to queries along the path of another contact count a twentieth. It is made in
-/// bounded pieces, see prepare(); until it is ready the field reads from the last one at the new
-/// contact point. So is a factor that a surprise has made obsolete. The dictionary of the contact
-/// itself is DictionaryField's, with D in the place of the distance: transient newest sample,
-/// spacing, refreshing, surprise (the doubt of other contacts' samples counts g^2), and the sample
-/// of the least of the value above, taken at the tool, makes room.
+/// where answers to queries along the path of another contact count a twentieth. The set is made in
+/// bounded pieces, see prepare(). Until it is ready, the field reads from the last one at the new
+/// contact point. The same holds for a factor that a surprise has made obsolete. The dictionary of
+/// the contact itself is DictionaryField's, with D instead of the distance: transient newest
+/// sample, spacing, refreshing, surprise (the doubt of other contacts' samples counts g^2). The
+/// sample with the least of the value above, taken at the tool, makes room.
 ///
-/// The zero. A contact whose samples contradict F = 0 at the contact point has an offset b ~ N(0,
-/// kOffset_N2) of its own: the covariance of its samples with each other grows by that. It is
+/// The zero. A contact whose samples contradict F = 0 at the contact point has its own offset b ~
+/// N(0, kOffset_N2): the covariance of its samples with each other grows by that. The offset is
 /// accepted on a surprise if it raises the evidence of all samples by more than kOffsetGain nats,
 ///
 ///   gain = b^T G^-1 b / (2 s2) - ln|G kOffset_N2| / 2,   G = I / kOffset_N2 + X^T X,   b = X^T y,
 ///
-/// X = L^-1 U with U the identity in this contact's rows, L the factor, y = L^-1 F; nothing else
-/// is doubted then. Objects whose contacts have needed it begin with it.
+/// X = L^-1 U with U the identity in this contact's rows, L the factor, y = L^-1 F; nothing else is
+/// doubted then. Objects whose contacts have needed an offset begin with one.
 ///
-/// Failure: as DictionaryField; forces that depend on the path; the very first contact, unless its
-/// surroundings were asked for before it.
+/// Failure: as DictionaryField; forces that depend on the path; the very first contact, unless
+/// queries explored its surroundings before it.
 /// Source: docs/kriging.md. Real-time: nothing allocates, locks or throws. Threads: one.
 class ContactIndexedField final : public Field {
  public:
@@ -73,7 +73,7 @@ class ContactIndexedField final : public Field {
   void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept override;
   bool prepare() noexcept override;
   bool ready() const noexcept override { return preparing_ == Preparing::kReady; }
-  /// Late samples of a contact that is over are not taken.
+  /// Ignores late samples of an earlier contact.
   Innovation take(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
@@ -109,7 +109,7 @@ class ContactIndexedField final : public Field {
   struct Stored {
     Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
-    Eigen::Vector3d first_position_m = Eigen::Vector3d::Zero();  ///< before others took its place
+    Eigen::Vector3d first_position_m = Eigen::Vector3d::Zero();  ///< before others replaced it
     Eigen::Vector3d first_force_N = Eigen::Vector3d::Zero();
     Eigen::Vector3d point_W = Eigen::Vector3d::Zero();
     Eigen::Matrix3d with_origin = Eigen::Matrix3d::Zero();
@@ -121,8 +121,8 @@ class ContactIndexedField final : public Field {
     bool from_query = false;
     bool used = false;
   };
-  /// What the lanes were made of, so that they can be made again for another contact point while
-  /// the next factor is under way.
+  /// The data that the lanes were made of, so that they can be made again for another contact point
+  /// while the next factor is being made.
   struct Fitted {
     Eigen::Vector3d position_m, weight, point_W;
     Eigen::Matrix3d with_origin;

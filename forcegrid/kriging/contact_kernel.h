@@ -16,11 +16,12 @@ namespace forcegrid::kriging {
 ///
 /// with C the curl-free squared exponential and S the random symmetric stiffness of Kernel. Without
 /// the middle term this is a product of a covariance in d and one in c. C(0, 0) = I and S(0, .) =
-/// 0, so the middle term is what conditioning on F(0, c) = 0 leaves, for all c at once: a tool that
-/// has just touched feels nothing, wherever it touched. The zero is exact and costs no sample.
+/// 0, so the middle term is the effect of conditioning on F(0, c) = 0, for all c at once: a tool
+/// that has just touched feels nothing, wherever it touched. The zero is exact and costs no sample.
 /// Every column stays curl-free in d.
 ///
-/// r0 is what all places of an object have in common. Lengths in metres, forces in newtons.
+/// r0 is the part that all places of an object have in common. Lengths in metres, forces in
+/// newtons.
 /// Source: docs/kriging.md; Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
 /// sections 2.2 (conditioning) and 4.2.4 (products of covariances).
 struct ContactKernel {

@@ -7,9 +7,9 @@
 namespace forcegrid::kriging {
 
 /// Whether the tool touches the object, since when and where; and where it is expected to touch.
-/// Every contact, made or expected, has a number of its own. Positions of a contact are relative to
-/// its origin: the contact point or, where that is not known, the position of the first sample.
-/// W is the workspace frame, times are the servo's. Real-time: nothing allocates, locks or throws.
+/// Every contact, made or expected, has its own number. Positions of a contact are relative to its
+/// origin: the contact point or, if that is not known, the position of the first sample. W is the
+/// workspace frame, times are the servo's. Real-time: nothing allocates, locks or throws.
 class ContactState {
  public:
   /// [s] An expectation lapses unless it is repeated within this time.
@@ -32,8 +32,8 @@ class ContactState {
     expected_s_ = kNever_s;
   }
   /// A contact at `point_W` is expected, see ForceMethod::expect_contact().
-  /// @returns true if it is another one than was expected before: a new number, and its origin has
-  ///          to be set.
+  /// @returns true if it differs from the one expected before: it has a new number, and its origin
+  ///   must be set.
   bool expect(double time_s, const Eigen::Vector3d& point_W) noexcept {
     const bool another = !expects(time_s) || (point_W - origin_W_).norm() > kExpectedApart_m;
     expected_s_ = time_s;

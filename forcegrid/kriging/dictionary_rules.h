@@ -14,27 +14,27 @@
 
 namespace forcegrid::kriging {
 
-// The rules by which a field keeps a small dictionary of samples, for DictionaryField and
-// ContactIndexedField. `Stored` is a slot of the dictionary: `used`, force_N, doubt_N2,
-// first_position_m and first_force_N, which are those of before other samples took its place.
-// Rules and reasons: docs/kriging.md, "The field". All of them are real-time safe.
+// The rules by which DictionaryField and ContactIndexedField keep a small dictionary of samples.
+// `Stored` is a slot of the dictionary: `used`, force_N, doubt_N2, first_position_m and
+// first_force_N, the values before other samples replaced it. Rules and reasons: docs/kriging.md,
+// "The field". All of them are real-time safe.
 
-/// A sample doubted by this many nuggets more than another gives way to it, and counts half.
+/// A sample doubted by this many nuggets more than another is replaced by it, and counts half.
 inline constexpr double kDoubtedNuggets = 10.0;
-/// [m^2] Distances below the root of this, 10 mm, count about alike in the value of a sample.
+/// [m^2] Distances below the root of this, 10 mm, count about the same in the value of a sample.
 inline constexpr double kEvictionReach_m2 = 1e-4;
-/// What the answer to a query is worth against a sample: the tool may never pass there.
+/// The value of an answer to a query relative to a sample: the tool may never pass there.
 inline constexpr double kQueryValue = 0.05;
 
-/// What becomes of the newest sample of a dictionary when the next one comes.
+/// What happens to the newest sample of a dictionary when the next one comes.
 struct Settled {
   enum class Fate { kStays, kReplaces, kGoes };
   Fate fate = Fate::kStays;
-  int replaced = -1;  ///< the slot that has to go, for kReplaces
+  int replaced = -1;  ///< the slot to remove, for kReplaces
 };
 
 /// The newest sample stays if it is apart from all others. It replaces the nearest if that is
-/// doubted more, or if it repeats where that one began; it goes otherwise.
+/// doubted more, or if it repeats the place where that one began; otherwise it is dropped.
 /// @param distance_m2 callable, [m^2] of a stored sample from the newest.
 template <typename Stored, std::size_t kSlots, typename Distance>
 Settled settle_newest(std::array<Stored, kSlots>& stored, int newest, const SampleSpacing& spacing,
@@ -70,8 +70,8 @@ Settled settle_newest(std::array<Stored, kSlots>& stored, int newest, const Samp
   return {Settled::Fate::kReplaces, nearest};
 }
 
-/// The slot that has to go when there is no room: that of the least value. @param newest never
-/// goes.
+/// The slot to remove when there is no room: that of the least value. @param newest is never
+/// removed.
 /// @param separation_m2 callable, [m^2] between two stored samples.
 /// @param value callable, of a slot and the squared distance to its nearest neighbour.
 template <typename Stored, std::size_t kSlots, typename Separation, typename Value>
@@ -98,8 +98,8 @@ int least_valuable(const std::array<Stored, kSlots>& stored, int newest,
   return worst;
 }
 
-/// How large an innovation is, were it drawn from its prediction: e^T V^-1 e / 3 with V =
-/// scale * covariance + nugget I.
+/// The size of an innovation relative to its prediction: e^T V^-1 e / 3 with V = scale * covariance
+/// + nugget I.
 inline double normalised_innovation(const Eigen::Vector3d& error_N,
                                     const Eigen::Matrix3d& covariance_N2, double scale,
                                     double nugget_N2) noexcept {

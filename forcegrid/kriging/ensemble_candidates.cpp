@@ -10,9 +10,10 @@
 namespace forcegrid::kriging {
 namespace {
 
-constexpr int kStiffnessSamples = 2;
+constexpr int kCandidateStiffnessSamples = 2;
 constexpr int kRelaxationSamples = 24;
-constexpr int kSlowLags = 0;  // of kPathTimeConstants_s
+constexpr std::size_t kExact = 1;  // of the smooth ones
+constexpr int kSlowLags = 0;       // of kPathTimeConstants_s
 constexpr int kFastLags = 3;
 constexpr int kVelocityLag = 3;  // the shortest: the velocity times its time constant
 
@@ -29,10 +30,13 @@ class Builder {
   Candidates build() {
     add_smooth();
     add_viscous();
+    candidates_.walls = candidates_.all.size();
     add<ConstraintCandidate>("walls", settings_, thresholds_);
     if (kind_ == EnsembleKind::kAuto) {
+      candidates_.alone = kExact;
       candidates_.memory = candidates_.all.size();
       candidates_.memory_role = add<MemoryCandidate>("memory", settings_, thresholds_);
+      candidates_.unfinished = candidates_.all.size();
       add<UnfinishedCandidate>("unfinished", settings_, thresholds_);
       FieldSettings few = settings_;
       few.samples = kRelaxationSamples;
@@ -66,7 +70,7 @@ class Builder {
       double nugget_N2;
     };
     FieldSettings settings = settings_;
-    settings.stiffness_samples = kStiffnessSamples;
+    settings.stiffness_samples = kCandidateStiffnessSamples;
     for (const Noise& noise : {Noise{"smooth", 1e-5}, Noise{"exact", 1e-6}, Noise{"noisy", 1e-4},
                                Noise{"very noisy", 1e-3}}) {
       settings.nugget_N2 = noise.nugget_N2;

@@ -8,8 +8,8 @@
 
 namespace forcegrid::kriging {
 
-/// [s] Time constants of the path that history features are made of: 0 to 2 are those of "slowly
-/// viscous", 3 to 5 those of the other history candidates.
+/// [s] Time constants of the path for history features: 0 to 2 are those of "slowly viscous", 3 to
+/// 5 those of the other history candidates.
 inline constexpr ToolHistory::TimeConstants kPathTimeConstants_s = {0.010, 0.100, 1.000,
                                                                     0.005, 0.030, 0.200};
 
@@ -33,7 +33,7 @@ enum class EnsembleKind {
 ///   relaxing                           RelaxationField                            auto
 ///   places                             ContactIndexedField                        auto
 ///
-/// @param options spacing_m and spacing_N; the candidates have nuggets and samples of their own.
+/// @param options spacing_m and spacing_N; the candidates have their own nuggets and samples.
 /// @param path of the tool, which must outlive the candidates, as must `thresholds`.
 Candidates make_candidates(EnsembleKind kind, const MethodOptions& options,
                            const EnsembleThresholds& thresholds, const ToolHistory& path);

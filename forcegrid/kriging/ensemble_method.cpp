@@ -17,7 +17,8 @@ EnsembleMethod::EnsembleMethod(Kind kind, const MethodOptions& options,
       path_(kriging::kPathTimeConstants_s),
       candidates_(kriging::make_candidates(kind, options, thresholds_, path_)),
       choice_(candidates_, thresholds_),
-      fade_(thresholds_.hand_over_s) {
+      fade_(thresholds_.hand_over_s),
+      wake_rule_(candidates_, thresholds_, kind == Kind::kAuto) {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     names_[i] = candidates_.all[i]->name();
   }
@@ -55,6 +56,10 @@ void EnsembleMethod::take_sample(const Sample& sample) noexcept {
   answers_before_ += queue_.at(number).before_contact ? 1 : 0;
   EvaluatedSample& entry = evaluated(number);
   entry = EvaluatedSample{};
+  entry.error_N2.fill(EvaluatedSample::kNotTaken_N2);
+  wake_rule_.sample_queued(number, queue_.at(number), sample.time_s - contact_.begun_s(),
+                           rendered_);
+  follow_wake_rule();
   look_up_path(sample, entry.path);
   if (sample.from_query) {
     entry.scored = false;
@@ -65,11 +70,14 @@ void EnsembleMethod::take_sample(const Sample& sample) noexcept {
   entry.scored = !entry.first_touch || sample.force_W.norm() > thresholds_.first_touch_N;
 }
 
-// Candidates that are not rendered may be late; the rendered one never is by as much as the queue's
-// length, for it is served first.
+// Candidates that are not rendered may fall behind. The rendered one never falls behind by the
+// queue's length, since it is served first.
 void EnsembleMethod::pass_over_backlog() noexcept {
-  for (const auto& candidate : candidates_.all) {
-    if (queue_.taken() - candidate->next_sample() >= SampleQueue::kLongestBacklog) {
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const auto& candidate = candidates_.all[i];
+    const bool catches_up = candidate->next_sample() < level_at_[i];
+    const std::uint64_t longest = catches_up ? kLongestCatchUp : SampleQueue::kLongestBacklog;
+    if (candidate->awake() && queue_.taken() - candidate->next_sample() >= longest) {
       evaluated(candidate->next_sample()).scored = false;
       candidate->advance();
       ++passed_over_.value;
@@ -106,7 +114,7 @@ void EnsembleMethod::observe_rendered_force() noexcept {
   candidates_.relaxation->observe(motion_.time_s(), rendered_N, path_.now());
 }
 
-// Of a candidate, where the tool was observed last.
+// A candidate's force at the tool's last observed position.
 Eigen::Vector3d EnsembleMethod::force_N(const Candidate& candidate) const noexcept {
   const Eigen::Vector3d& tool_W = motion_.position_W();
   return candidate.field()
@@ -132,6 +140,8 @@ void EnsembleMethod::contact_made(std::uint32_t /*epoch*/,
     }
   }
   answers_before_ = 0;
+  wake_rule_.contact_made();
+  follow_wake_rule();
   update_uncertainty();
 }
 
@@ -156,7 +166,7 @@ void EnsembleMethod::enter_contact(const Eigen::Vector3d& point_W) noexcept {
 // @returns Candidates::kNone if all have taken all samples.
 std::size_t EnsembleMethod::next_to_serve() const noexcept {
   const auto waits = [this](const Candidate& candidate) {
-    return candidate.next_sample() < queue_.taken();
+    return candidate.awake() && candidate.next_sample() < queue_.taken();
   };
   if (waits(rendered_candidate())) {
     return rendered_;
@@ -199,6 +209,10 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
   const kriging::Innovation innovation = candidate.field().take(observation);
   entry.scored = entry.scored && innovation.predicted;
   entry.error_N2[index] = innovation.error_N * innovation.error_N;
+  if (index == rendered_ && !observation.from_query) {
+    wake_rule_.rendered_took(innovation);
+    follow_wake_rule();
+  }
   if (candidate.on_taken(innovation, observation.from_query)) {
     entry.explained = true;
     if (index != rendered_ && choice_.trusts(candidate, rendered_)) {
@@ -215,7 +229,8 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
   return candidate.piece_units();
 }
 
-// The rendered candidate has taken a sample. @param follows: its field is going to change again.
+// Called when the rendered candidate has taken a sample. @param follows: its field will change
+// again.
 void EnsembleMethod::take_rendered(const Candidate& candidate, std::uint64_t number,
                                    bool follows) noexcept {
   if (contact_.in_contact() && number >= queue_.first_of_contact()) {
@@ -226,12 +241,12 @@ void EnsembleMethod::take_rendered(const Candidate& candidate, std::uint64_t num
   }
 }
 
-// Takes the errors of each sample into the scores once all candidates have seen it, so that they
-// are always compared over the same samples.
+// Adds the errors of each sample to the scores once all candidates have taken it, so that they are
+// always compared over the same samples.
 void EnsembleMethod::score() noexcept {
   std::uint64_t seen = queue_.taken();
   for (const auto& candidate : candidates_.all) {
-    seen = std::min(seen, candidate->next_sample());
+    seen = candidate->awake() ? std::min(seen, candidate->next_sample()) : seen;
   }
   for (; scored_ < seen; ++scored_) {
     const EvaluatedSample& entry = evaluated(scored_);
@@ -243,7 +258,81 @@ void EnsembleMethod::score() noexcept {
     if (best != rendered_) {
       hand_over(best, ChoiceReason::kPredictedBetter);
     }
+    wake_rule_.scored(choice_);
   }
+  follow_wake_rule();
+}
+
+void EnsembleMethod::follow_wake_rule() noexcept {
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    Candidate& candidate = *candidates_.all[i];
+    if (wake_rule_.awake(i) && !candidate.awake()) {
+      wake(i);
+    } else if (!wake_rule_.awake(i) && candidate.awake()) {
+      candidate.sleep();
+      begins_[i] = false;
+    }
+  }
+}
+
+// It is scored by the last samples at once, and the others by them again. `walls` has to explain
+// the newest one; `places` and `unfinished` are woken for the samples that come from now on.
+void EnsembleMethod::wake(std::size_t index) noexcept {
+  Candidate& candidate = *candidates_.all[index];
+  const bool from_now_on =
+      !wake_rule_.all_awake() && (index == candidates_.places || index == candidates_.unfinished);
+  const std::uint64_t back = from_now_on || candidate.served_early() ? 1
+                             : candidate.field().can_begin_with()    ? kScoredAtOnce
+                                                                     : kTakesAtOnce;
+  const std::uint64_t taken = queue_.taken();
+  candidate.wake(std::max(taken - std::min(back, taken), std::min(candidate.next_sample(), taken)));
+  level_at_[index] = taken;
+  const double first = wake_rule_.first_score(index);
+  candidate.score_N2 = first * rendered_candidate().score_N2;
+  candidate.long_score_N2 = first * rendered_candidate().long_score_N2;
+  begins_[index] =
+      !from_now_on && candidate.field().can_begin_with() && candidate.next_sample() > 0;
+  if (!from_now_on) {
+    scored_ = std::min(scored_, taken - std::min(kScoredAtOnce, taken));
+  }
+}
+
+// @returns the units of work done.
+int EnsembleMethod::begin(std::size_t index) noexcept {
+  begins_[index] = false;
+  Candidate& candidate = *candidates_.all[index];
+  const std::uint64_t end = candidate.next_sample();
+  std::size_t count = 0;
+  for (std::uint64_t n = end - std::min<std::uint64_t>(end, kBeginsWith); n < end; ++n) {
+    recent_[count] = queue_.at(n).observation;
+    const bool takes = candidate.accept(queue_.at(n), evaluated(n).path, recent_[count]) ==
+                       Candidate::Accept::kTake;
+    count += takes ? 1 : 0;
+  }
+  if (count > 0) {
+    static_cast<void>(candidate.field().begin_with({recent_.data(), count}));
+  }
+  return candidate.piece_units();
+}
+
+// While `memory` sleeps, its store keeps what it will be asked for.
+bool EnsembleMethod::memory_has_missed() const noexcept {
+  if (candidates_.memory == Candidates::kNone) {
+    return false;
+  }
+  const Candidate& memory = *candidates_.all[candidates_.memory];
+  return !memory.awake() && memory.next_sample() < queue_.taken();
+}
+
+// @returns the units of work done.
+int EnsembleMethod::remember() noexcept {
+  Candidate& memory = *candidates_.all[candidates_.memory];
+  const kriging::QueuedSample& sample = queue_.at(memory.next_sample());
+  memory.advance();
+  if (!sample.before_contact) {
+    memory.field().remember(sample.observation);
+  }
+  return 1;
 }
 
 void EnsembleMethod::hand_over(std::size_t index, ChoiceReason reason) noexcept {
@@ -252,6 +341,8 @@ void EnsembleMethod::hand_over(std::size_t index, ChoiceReason reason) noexcept 
   }
   rendered_ = index;
   reason_ = reason;
+  wake_rule_.handed_over(index);
+  follow_wake_rule();
   update_uncertainty();
 }
 
@@ -269,14 +360,14 @@ int EnsembleMethod::prepare(std::size_t index, int budget) noexcept {
   return done;
 }
 
-// Whether there may be something for `memory` to exchange.
+// Whether `memory` may have samples to exchange.
 bool EnsembleMethod::may_follow() const noexcept {
   return candidates_.memory != Candidates::kNone && follower_.due() && contact_.in_contact() &&
-         contact_.has_origin() &&
+         contact_.has_origin() && candidates_.all[candidates_.memory]->awake() &&
          candidates_.all[candidates_.memory]->next_sample() == queue_.taken();
 }
 
-// One piece of that, where the tool is going.
+// Does one piece of that exchange, for where the tool is going.
 int EnsembleMethod::follow() noexcept {
   Candidate& memory = *candidates_.all[candidates_.memory];
   follower_.step(memory.field(), tool_W(), contact_.origin_W(), motion_);
@@ -293,14 +384,20 @@ int EnsembleMethod::follow() noexcept {
 int EnsembleMethod::work(int budget) noexcept {
   int done = 0;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
-    done += prepare(i, budget - done);
+    if (candidates_.all[i]->awake()) {
+      done += prepare(i, budget - done);
+    }
   }
   while (done < budget) {
     const std::size_t next = next_to_serve();
-    if (next != Candidates::kNone) {
+    if (next != Candidates::kNone && begins_[next]) {
+      done += begin(next);
+    } else if (next != Candidates::kNone) {
       done += take_next(next);
       done += prepare(next, budget - done);
       score();
+    } else if (memory_has_missed()) {
+      done += remember();
     } else if (may_follow()) {
       done += follow();
     } else {

@@ -19,31 +19,34 @@
 #include "forcegrid/kriging/sample_queue.h"
 #include "forcegrid/kriging/store_follower.h"
 #include "forcegrid/kriging/tool_motion.h"
+#include "forcegrid/kriging/wake_rule.h"
 
 namespace forcegrid {
 
-/// An ensemble of kriging fields, the candidates, that all evaluate the same samples; the one whose
-/// recent predictions were best is rendered.
+/// An ensemble of kriging fields, the candidates, which evaluate the same samples; the candidate
+/// whose recent predictions were best is rendered. In `auto`, candidates that nothing speaks for
+/// sleep (kriging::WakeRule): on a plain elastic object one is awake most of the time.
 ///
 /// - `kriging-bank`: nine candidates for noise, kinks, objects that remember, and one-sided
 ///   constraints. Needs: force.
-/// - `auto`: without the two of these that win nothing beside the others, and with four more, for
+/// - `auto`: without the two of these that gain nothing beside the others, and with four more, for
 ///   places touched long ago, for a simulator that has not converged, for relaxation, and for
 ///   places of first touch. Needs: force; contact point and requests before contact if available.
 ///
-/// Which candidates there are: kriging::make_candidates(). How they are scored and when another
-/// takes over: kriging::CandidateChoice and, for what a role changes, kriging::Candidate; the
-/// thresholds: kriging::EnsembleThresholds. A hand-over never makes a step in the force
+/// kriging::make_candidates() makes the candidates. kriging::CandidateChoice scores them and
+/// decides when another takes over; kriging::Candidate, what a role changes in that;
+/// kriging::EnsembleThresholds holds the thresholds. A hand-over never makes a step in the force
 /// (kriging::HandOverFade).
 ///
 /// Work: a sample costs each candidate one piece, a change of some rows of its factor and its
-/// weights; the rendered candidate takes it first, then `walls`, then the one furthest behind. A
+/// weights. The rendered candidate takes it first, then `walls`, then the one furthest behind. A
 /// piece is done in one call of work() and counts as half the square of the field's rows, so a
-/// piece never makes a cycle longer than one fit does. A candidate that is too far behind passes
-/// samples over, see counters().
+/// piece never makes a cycle longer than one fit does. A candidate that is too far behind skips
+/// samples, see counters(). A woken candidate begins, in one piece, with up to kBeginsWith queued
+/// samples, and takes the last kScoredAtOnce of them as the others did, so that it has a score.
 ///
-/// Contacts, force() and requests: as KrigingMethod, of the rendered candidate. Before an expected
-/// contact `places` asks.
+/// Contacts, force() and requests: as KrigingMethod, for the rendered candidate. Before an expected
+/// contact `places` makes the requests.
 /// Options used: spacing_m and spacing_N.
 /// Cost, memory, accuracy and tuning: docs/kriging.md. Real-time: as ForceMethod.
 class EnsembleMethod final : public ForceMethod {
@@ -73,8 +76,8 @@ class EnsembleMethod final : public ForceMethod {
   std::span<const char* const> candidates() const noexcept override {
     return {names_.data(), candidates_.all.size()};
   }
-  /// `samples_passed_over`: samples that some candidate never took because it was
-  /// kriging::SampleQueue::kLongestBacklog samples behind; one for each candidate and sample.
+  /// `samples_passed_over`: samples that a candidate never took because it was
+  /// kriging::SampleQueue::kLongestBacklog samples behind; one per candidate and sample.
   std::span<const NamedCounter> counters() const noexcept override { return {&passed_over_, 1}; }
   std::uint64_t samples_passed_over() const noexcept { return passed_over_.value; }
 
@@ -83,12 +86,19 @@ class EnsembleMethod final : public ForceMethod {
   const kriging::Candidate& candidate(std::size_t index) const noexcept {
     return *candidates_.all[index];
   }
-  /// False when the store's memory could not be had; the method then must not be used.
+  /// False if there was not enough memory for the store; the method then must not be used.
   bool allocated() const noexcept {
     return candidates_.memory_role == nullptr || candidates_.memory_role->store().allocated();
   }
 
  private:
+  static constexpr std::size_t kBeginsWith = 40;
+  static constexpr std::uint64_t kScoredAtOnce = 6;
+  /// Samples that a woken candidate takes one by one if its field can't begin with many.
+  static constexpr std::uint64_t kTakesAtOnce = 24;
+  static constexpr std::uint64_t kLongestCatchUp = 48;
+  static_assert(kBeginsWith + kTakesAtOnce <= kriging::SampleQueue::kLength);
+
   using Candidate = kriging::Candidate;
   using EvaluatedSample = kriging::EvaluatedSample;
 
@@ -104,6 +114,11 @@ class EnsembleMethod final : public ForceMethod {
   void pass_over_backlog() noexcept;
   void look_up_path(const Sample& sample, kriging::PathAtSample& path) const noexcept;
   void observe_rendered_force() noexcept;
+  void follow_wake_rule() noexcept;
+  void wake(std::size_t index) noexcept;
+  int begin(std::size_t index) noexcept;
+  bool memory_has_missed() const noexcept;
+  int remember() noexcept;
   std::size_t next_to_serve() const noexcept;
   int take_next(std::size_t index) noexcept;
   void take_rendered(const Candidate& candidate, std::uint64_t number, bool follows) noexcept;
@@ -115,7 +130,7 @@ class EnsembleMethod final : public ForceMethod {
   void update_uncertainty() noexcept;
   double deviation_N(const Candidate& candidate, const Eigen::Vector3d& position_W) const noexcept;
   Eigen::Vector3d force_N(const Candidate& candidate) const noexcept;
-  /// Where the tool was observed last or, without observations, sampled last.
+  /// Where the tool was last observed or, without observations, last sampled.
   const Eigen::Vector3d& tool_W() const noexcept {
     return motion_.observed() ? motion_.position_W() : queue_.newest_W();
   }
@@ -132,10 +147,14 @@ class EnsembleMethod final : public ForceMethod {
 
   kriging::ToolMotion motion_;
   kriging::ContactState contact_;
-  int answers_before_ = 0;  ///< that came for the contact that is expected
+  int answers_before_ = 0;  ///< for the expected contact
   kriging::SampleQueue queue_;
   std::array<EvaluatedSample, kriging::SampleQueue::kLength> evaluated_{};
   std::uint64_t scored_ = 0;  ///< samples whose errors are in the scores
+  kriging::WakeRule wake_rule_;
+  std::array<std::uint64_t, kMaxCandidates> level_at_{};  ///< a woken one catches up until there
+  std::array<bool, kMaxCandidates> begins_{};             ///< woken, and not begun yet
+  std::array<kriging::Observation, kBeginsWith> recent_{};
   NamedCounter passed_over_{"samples_passed_over", 0};
   kriging::StoreFollower follower_;
   kriging::FieldRequests requests_;

@@ -9,12 +9,31 @@ namespace forcegrid::kriging {
 /// The numbers that decide which candidate of an ensemble is rendered.
 ///
 /// A candidate's score [N^2] is the squared error of its predictions, averaged over samples; its
-/// rating is the score times a weight, and the least rating wins. The rules that use these numbers
-/// are in docs/kriging.md, "How the ensemble chooses"; its table "Thresholds" says more of each
-/// source. Here, in brackets: [study] the prototype study behind the kriging methods, [traces]
-/// checked on recorded traces, [jelly] chosen on the scene `jelly` and a moving block, [choice] no
-/// recorded comparison.
+/// rating is the score times a weight, and the least rating wins. docs/kriging.md, "How the
+/// ensemble chooses", has the rules that use these numbers; its table "Thresholds" describes each
+/// source. The brackets name the source: [study] the prototype study behind the kriging methods,
+/// [traces] checked on recorded traces, [jelly] chosen on the scene `jelly` and a moving block,
+/// [choice] no recorded comparison.
 struct EnsembleThresholds {
+  // Who is awake (WakeRule). [wake] chosen on seeds 2 and 3 of the chart's motions, in which all
+  // candidates awake all the time were the measure; docs/kriging.md has the comparison.
+
+  /// [nats] Evidence against the rendered candidate that wakes everybody: if its predictions are
+  /// right, at most once in exp(8) = 3,000 samples. [wake]
+  double misfit_nats = 8.0;
+  double good_enough_N = 1e-3;  ///< [N] smaller errors are no evidence. [choice]
+  int warm_samples = 60;        ///< scored before anybody sleeps. [wake]
+  int awake_samples = 32;       ///< scored without another taking over: all sleep. [wake]
+  int longest_patience = 64;    ///< samples after a misfit that nobody could mend. [choice]
+  int lately = 300;     ///< samples in which a rendered candidate is not forgotten. [choice]
+  int walls_awake = 8;  ///< samples after a surprise. [choice]
+  double places_learn_s = 0.8;  ///< [s] of a contact, which `places` takes. [choice]
+  int audition_samples = 12;    ///< of one audition. [wake]
+  int audition_pause = 24;      ///< samples before the first one, then twice as many each. [wake]
+  int longest_audition_pause = 192;  ///< samples. [choice]
+  /// An auditioned candidate begins with this multiple of the rendered one's score. [wake]
+  double audition_handicap = 2.0;
+
   // Rating.
 
   /// Share of the old score that a sample leaves: an average over about 7 samples. [study]
@@ -22,7 +41,7 @@ struct EnsembleThresholds {
   /// Another candidate takes over when its rating is below this share of the rendered one's, so
   /// that the choice does not flicker. [traces]
   double hysteresis = 0.9;
-  /// Weight of candidates that are needed seldom: elsewhere a lucky run of theirs costs accuracy.
+  /// Weight of candidates that are seldom needed: elsewhere a lucky run of theirs costs accuracy.
   /// [traces]
   double specialist_weight = 3.0;
   /// Weight of `places`, which is a little less accurate than others on a long contact. [choice]
@@ -45,7 +64,7 @@ struct EnsembleThresholds {
   /// Calm: the surprise rate is below this. One surprise (0.15) leaves the candidate calm, a second
   /// within about 12 samples does not. [choice]
   double wall_calm = 0.17;
-  /// The candidate that explains a surprise takes over at once if this share of its score before
+  /// A candidate that explains a surprise takes over at once if this share of its previous score
   /// was below the rendered one's. [choice]
   double wall_trusted = 0.1;
 
@@ -53,7 +72,7 @@ struct EnsembleThresholds {
 
   /// As score_kept, for the long score: an average over about 12 samples. [jelly]
   double long_score_kept = 0.92;
-  std::uint64_t long_enough = 20;  ///< samples before the long score says anything. [choice]
+  std::uint64_t long_enough = 20;  ///< samples before the long score counts. [choice]
   double path_wrong_N2 = 1e-4;     ///< [N^2] (10 mN)^2: smaller errors are good enough. [jelly]
   /// A long score below this share of the best general candidate's is no lucky run. [jelly]
   double path_better_for_long = 0.8;
@@ -61,7 +80,7 @@ struct EnsembleThresholds {
   // The beginning of a contact.
 
   double first_touch_s = 0.3;      ///< [s] the first instants of a contact. [choice]
-  double first_touch_N = 0.1;      ///< [N] less force says nothing about the object. [choice]
+  double first_touch_N = 0.1;      ///< [N] less force says little about the object. [choice]
   double first_touch_kept = 0.97;  ///< as score_kept, for first touches: 33 samples. [choice]
   int enough_answers = 4;          ///< before contact, for `places` to begin with. [choice]
   /// [m] Where `places` must be sure of the force, relative to the contact point, z being the

@@ -10,8 +10,8 @@
 
 namespace forcegrid::kriging {
 
-/// Makes a ForceEstimate of what a field says: status, uncertainty, and the fade where no sample is
-/// near.
+/// Turns a field's answer into a ForceEstimate: status, uncertainty, and the fade where no sample
+/// is near.
 ///
 /// Out of contact: zero, kOk; kUnknown before the first contact was made or lost. In contact:
 /// kUnknown beyond kUnknown_m from every sample and while the field has none. Between kFade_m and
@@ -25,20 +25,20 @@ class FieldRendering {
   static constexpr double kUnknown_m = 0.090;  ///< three times the kernels' length
   static constexpr double kKnown_N = 0.3;
 
-  /// A contact begins, of which the rendered field has no sample yet.
+  /// A contact begins; the rendered field has no sample of it yet.
   void begin_contact() noexcept { contact_sampled_ = false; }
   /// The rendered field took a sample of this contact.
   void contact_sampled() noexcept { contact_sampled_ = true; }
   bool is_contact_sampled() const noexcept { return contact_sampled_; }
 
-  /// The uncertainty along the motion, to be updated whenever the rendered field has changed.
+  /// The uncertainty along the motion; update it whenever the rendered field has changed.
   UncertaintyLine& uncertainty() noexcept { return uncertainty_; }
 
-  /// Answers where the field is not asked. @returns true if `estimate` is complete.
+  /// Answers where the field is not needed. @returns true if `estimate` is complete.
   bool answers_without_field(double time_s, const Eigen::Vector3d& position_W,
                              const ContactState& contact, ForceEstimate& estimate) const noexcept;
-  /// @param history of the path at `position_W`, for fields that use it; zero else.
-  /// @param fading_N what is left of an earlier field's force, see HandOverFade.
+  /// @param history of the path at `position_W`, for fields that use it; else zero.
+  /// @param fading_N the rest of an earlier field's force, see HandOverFade.
   void render(const Field& field, const History& history, const Eigen::Vector3d& position_W,
               const ContactState& contact, const Eigen::Vector3d& fading_N,
               double least_uncertainty_N, ForceEstimate& estimate) const noexcept;

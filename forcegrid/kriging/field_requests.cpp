@@ -18,7 +18,7 @@ std::array<Eigen::Vector3d, FieldRequests::kPoints> FieldRequests::points_around
       points[next++].setConstant(std::numeric_limits<double>::quiet_NaN());
     }
   }
-  // Where the motion may turn to: one place around the tool per call.
+  // Where the motion may turn: one place beside the tool per call.
   const std::size_t beside = next_beside_++ % 6;
   points[next] = position_W;
   points[next][static_cast<int>(beside / 2)] += beside % 2 == 0 ? kBeside_m : -kBeside_m;

@@ -11,12 +11,12 @@
 
 namespace forcegrid::kriging {
 
-/// Chooses where the simulator is asked: where a field knows least of what the tool will need soon.
+/// Chooses where to ask the simulator: where a field knows least of what the tool will need soon.
 ///
-/// In contact, at points along the predicted motion, one to three sample periods ahead, and at one
-/// of six points 6 mm beside the tool, in turn. Of these the one of the largest
-/// deviation * exp(-|P - tool|^2 / (2 (12 mm)^2)) is asked. Before an expected contact, at the
-/// first of thirteen fixed displacements from the contact point where the field knows too little.
+/// In contact the points are along the predicted motion, one to three sample periods ahead, and at
+/// one of six points 6 mm beside the tool, in turn. The one with the largest deviation * exp(-|P -
+/// tool|^2 / (2 (12 mm)^2)) is asked. Before an expected contact it is the first of thirteen fixed
+/// displacements from the contact point where the field knows too little.
 ///
 /// No point is asked where the deviation is at most kAsk_N, nor within 3 mm and 0.3 s of another.
 /// See docs/kriging.md, "Uncertainty, status, requests".
@@ -24,7 +24,7 @@ namespace forcegrid::kriging {
 /// allocates, locks or throws.
 class FieldRequests {
  public:
-  /// [N] Deviation from which on a request is worth it.
+  /// [N] From this deviation on, a request is worth its cost.
   static constexpr double kAsk_N = 0.1;
   static constexpr double kAskAgain_s = 0.3;
   static constexpr double kAskApart_m = 0.003;
@@ -32,10 +32,10 @@ class FieldRequests {
   static constexpr double kFurthest_m = 0.015;  ///< ahead of the tool
   static constexpr double kBeside_m = 0.006;
 
-  /// Forgets what was asked: another contact, made or expected.
+  /// Forgets the requests made: call for another contact, made or expected.
   void begin_contact() noexcept { asked_.fill(Asked{}); }
 
-  /// Requests ask at the points of a lattice from now on. @param corner_m one of its points,
+  /// From now on requests ask at the points of a lattice. @param corner_m one of its points,
   /// relative to the contact's origin.
   void ask_on_lattice(const Eigen::Vector3d& corner_m, double spacing_m) noexcept {
     lattice_corner_m_ = corner_m;
@@ -45,7 +45,7 @@ class FieldRequests {
   /// In contact. @param position_W of the tool; `origin_W` of the contact.
   /// @param deviation_at_N callable, [N] the field's deviation at a position in the workspace
   /// frame.
-  /// @returns false, leaving `wanted_W` alone, when nothing is worth asking.
+  /// @returns false, with `wanted_W` unchanged, if no request is worth its cost.
   template <typename Deviation>
   bool plan(double time_s, const Eigen::Vector3d& position_W, const Eigen::Vector3d& origin_W,
             const ToolMotion& motion, const Deviation& deviation_at_N,
@@ -103,7 +103,7 @@ class FieldRequests {
     Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
   };
 
-  /// NaN stands for no point: a tool at rest has none ahead.
+  /// NaN means no point: a tool at rest has none ahead.
   std::array<Eigen::Vector3d, kPoints> points_around(const Eigen::Vector3d& position_W,
                                                      const ToolMotion& motion) noexcept;
   Eigen::Vector3d on_lattice(const Eigen::Vector3d& point_W,

@@ -12,8 +12,8 @@ namespace forcegrid::kriging {
 ///
 ///   F(t) = F_new(t) + (F_old(t0) - F_new(t0)) exp(-(t - t0) / tau)
 ///
-/// A difference that has not faded out when the next begins is carried on. Five tau after the last
-/// one nothing is added. Real-time: nothing allocates, locks or throws.
+/// If a difference has not faded out when the next begins, it is carried on. Five tau after the
+/// last one nothing is added. Real-time: nothing allocates, locks or throws.
 class HandOverFade {
  public:
   /// @param tau_s [s] time constant, positive.
@@ -26,7 +26,7 @@ class HandOverFade {
   }
   void clear() noexcept { difference_N_.setZero(); }
 
-  /// [N] To be added to the new field's force.
+  /// [N] The force to add to the new field's.
   Eigen::Vector3d at(double time_s) const noexcept {
     const double age_s = time_s - begun_s_;
     if (!(age_s < 5.0 * tau_s_)) {

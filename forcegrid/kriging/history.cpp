@@ -32,7 +32,7 @@ void ToolHistory::observe(double time_s, const Eigen::Vector3d& position_W) noex
   time_s_ = time_s;
   position_W_ = position_W;
   now_ = lags_.cast<float>();
-  // The newest entry follows the present while that is less than kSpacing_s after the one before.
+  // The newest entry moves with the present while it is less than kSpacing_s after the one before.
   const bool replace = count_ > 1 && time_s - entry(1).time_s < kSpacing_s;
   if (!replace) {
     newest_ = (newest_ + 1) % kEntries;
@@ -45,8 +45,8 @@ bool ToolHistory::find(double time_s, Lags& lags) const noexcept {
   if (count_ == 0 || !(time_s <= entry(0).time_s) || !(time_s >= entry(count_ - 1).time_s)) {
     return false;
   }
-  std::size_t later = 0;             // the oldest entry known not to be before time_s
-  std::size_t earlier = count_ - 1;  // the newest known not to be after it
+  std::size_t later = 0;             // the oldest entry known to be at or after time_s
+  std::size_t earlier = count_ - 1;  // the newest entry known to be at or before it
   while (earlier - later > 1) {
     const std::size_t middle = (earlier + later) / 2;
     (entry(middle).time_s >= time_s ? later : earlier) = middle;

@@ -13,8 +13,8 @@ namespace forcegrid {
 ///
 ///   lag_j(t) = P(t) - LP_j(t),   tau_j dLP_j/dt = P - LP_j
 ///
-/// exact for a path that is straight between observations. What a visco-elastic object remembers of
-/// the path is close to linear in a few such lags. Source: the history kernel of docs/kriging.md;
+/// exact for a path that is straight between observations. A visco-elastic object's memory of the
+/// path is close to linear in a few such lags. Source: the history kernel of docs/kriging.md;
 /// filters with a first-order hold. Real-time: only the constructor allocates; find() is a binary
 /// search. Threads: one.
 class ToolHistory {
@@ -31,8 +31,8 @@ class ToolHistory {
   /// @param time_constants_s tau_j, all positive.
   explicit ToolHistory(const TimeConstants& time_constants_s);
 
-  /// Once a servo cycle. A time that does not rise or a value that is not finite is ignored; after
-  /// a gap of more than kLongestGap_s the path starts anew.
+  /// Call once per servo cycle. A time that does not increase or a value that is not finite is
+  /// ignored; after a gap of more than kLongestGap_s the path starts again.
   void observe(double time_s, const Eigen::Vector3d& position_W) noexcept;
 
   bool empty() const noexcept { return count_ == 0; }
@@ -40,8 +40,8 @@ class ToolHistory {
   const Lags& now() const noexcept { return now_; }
 
   /// The lags at `time_s`, linear between the entries around it.
-  /// @returns false, leaving `lags` alone, for a time before the oldest entry that is kept or later
-  ///          than the newest observation.
+  /// @returns false, with `lags` unchanged, for a time before the oldest kept entry or after the
+  ///   newest observation.
   [[nodiscard]] bool find(double time_s, Lags& lags) const noexcept;
 
   std::size_t allocated_bytes() const noexcept { return entries_.size() * sizeof(Entry); }

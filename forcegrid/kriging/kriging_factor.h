@@ -29,7 +29,7 @@ class GrowingCholesky {
 
   int rows() const noexcept { return rows_; }
   double y(int row) const noexcept { return y_[static_cast<std::size_t>(row)]; }
-  /// |y|^2: the squares of the data in units of what the prior expects of them.
+  /// |y|^2: the squares of the data relative to the prior's expectation.
   double squares() const noexcept {
     double sum = 0.0;
     for (int row = 0; row < rows_; ++row) {
@@ -86,7 +86,7 @@ class GrowingCholesky {
     return sum;
   }
 
-  /// What the rows explain of their covariance: x^T x.
+  /// The part of their covariance that the rows explain: x^T x.
   template <int kCount>
   Eigen::Matrix<double, kCount, kCount> explained(const Columns& x) const noexcept {
     Eigen::Matrix<double, kCount, kCount> sum = Eigen::Matrix<double, kCount, kCount>::Zero();
@@ -106,7 +106,7 @@ class GrowingCholesky {
 
   /// Appends rows: `x` their covariances with the rows before, solved; `own` their own covariance,
   /// noise included; `values` their data. Where rounding would leave less than `floor_variance` of
-  /// a row unexplained, it is taken for that much; this can only happen to a repeated sample.
+  /// a row unexplained, that much is assumed; this can only happen to a repeated sample.
   template <int kCount>
   void append(const Columns& x, const Eigen::Matrix<double, kCount, kCount>& own,
               const Eigen::Matrix<double, kCount, 1>& values, double floor_variance) noexcept {
@@ -158,7 +158,7 @@ class GrowingCholesky {
       double* at = l.column(j) + row;
       std::memmove(at, at + 1, static_cast<std::size_t>(behind) * sizeof(double));
     }
-    // L' L'^T = L L^T + v v^T for the rows behind, v being the removed row's column.
+    // L' L'^T = L L^T + v v^T for the rows behind, where v is the removed row's column.
     std::copy_n(l.column(row) + row + 1, behind, removed_.data());
     double removed_y = y_[static_cast<std::size_t>(row)];
     for (int k = 0; k < behind; ++k) {

@@ -13,7 +13,7 @@ namespace {
 constexpr double kNeededValue = 1e6;
 constexpr double kLeastScaleVariance = 1e-4;
 constexpr double kMostScaleVariance = 0.09;
-constexpr double kScaleKnown = 1e-7;  // variance from which on another sample tells nothing
+constexpr double kScaleKnown = 1e-7;  // below this variance another sample adds nothing
 constexpr double kScaleForgotten = 0.3;
 constexpr double kLeastScale = 0.5;
 constexpr double kMostScale = 2.0;
@@ -175,8 +175,8 @@ double DictionaryField<Real, N, M>::separation_m2(const Stored& a, const Stored&
   return moved_m2;
 }
 
-// Inflates the noise of the samples that the surprise speaks against.
-// @returns the variance added where the observation was made.
+// Inflates the noise of the samples that the surprise contradicts.
+// @returns the variance added at the observation's place.
 template <typename Real, int N, int M>
 double DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
                                                   const Eigen::Vector3d& error_N,
@@ -222,7 +222,7 @@ void DictionaryField<Real, N, M>::earlier_contacts(
   }
 }
 
-// With `x` solved, the covariances of the observed quantity, and `earlier`, earlier_contacts().
+// Needs `x`, the covariances of the observed quantity, solved, and `earlier`, earlier_contacts().
 template <typename Real, int N, int M>
 template <int kCount>
 void DictionaryField<Real, N, M>::scale_earlier_contacts(
@@ -274,7 +274,7 @@ double DictionaryField<Real, N, M>::stiffness_variance(const Vector6d& stiffness
          doubt_N2 / (doubt_length_m * doubt_length_m);
 }
 
-// The stiffness tells at once how stiff this contact is, where the first force is none.
+// The stiffness shows at once how stiff this contact is, while the first force is still zero.
 template <typename Real, int N, int M>
 void DictionaryField<Real, N, M>::scale_by_stiffness(const Observation& o) noexcept {
   typename Factor::Columns earlier;
@@ -290,7 +290,7 @@ void DictionaryField<Real, N, M>::scale_by_stiffness(const Observation& o) noexc
   scale_earlier_contacts<6>(x_, earlier.column[0], v, error_N_per_m);
 }
 
-// Decides on the transient sample. @returns true if rows of others than itself have moved.
+// Decides on the transient sample. @returns true if rows other than its own have moved.
 template <typename Real, int N, int M>
 bool DictionaryField<Real, N, M>::settle_transient() noexcept {
   if (transient_ == kNone) {
@@ -429,6 +429,7 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     innovation.scale = scale_ / scale_before;
     const double normalised =
         normalised_innovation(error_N, covariance_N2, data_scale(), settings_.nugget_N2);
+    innovation.normalised = normalised;
     innovation.surprised = normalised > settings_.surprise;
     if (innovation.surprised) {
       stale = true;
@@ -478,7 +479,36 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   return innovation;
 }
 
-// Solves for the weights and sums up what doesn't depend on where the field is read.
+template <typename Real, int N, int M>
+bool DictionaryField<Real, N, M>::begin_with(std::span<const Observation> observations) noexcept {
+  for (Stored& s : stored_) {
+    s.used = false;
+  }
+  sample_count_ = 0;
+  transient_ = kNone;
+  block_count_ = 0;
+  factor_.clear();
+  takes_since_factorisation_ = 0;
+  scale_ = 1.0;
+  scale_variance_ = 0.0;
+  for (auto o = observations.rbegin(); o != observations.rend(); ++o) {
+    if (o == observations.rbegin()) {
+      contact_ = o->contact;
+    }
+    const bool apart = std::none_of(stored_.begin(), stored_.end(), [&](const Stored& s) {
+      return s.used &&
+             !settings_.spacing.apart(distance_m2(s, o->position_m, o->history, o->force_N));
+    });
+    if (apart && sample_count_ + 1 < settings_.samples) {
+      append_force(place(*o), false);
+      scale_variance_ = o->contact == contact_ ? scale_variance_ : expected_scale_variance_;
+    }
+  }
+  collapse();
+  return true;
+}
+
+// Solves for the weights and computes the sums that do not depend on where the field is read.
 template <typename Real, int N, int M>
 void DictionaryField<Real, N, M>::collapse() noexcept {
   solve_weights();
@@ -564,11 +594,11 @@ RadialTerms<Real> DictionaryField<Real, N, M>::radial_terms() const noexcept {
 template <typename Real, int N, int M>
 Reading DictionaryField<Real, N, M>::read(const Eigen::Vector3d& position_m,
                                           const History& history) const noexcept {
-  const Eigen::Matrix<Real, 3, 1> p = position_m.template cast<Real>();
+  const Eigen::Matrix<Real, 3, 1>& p = position_m.template cast<Real>();
   const RadialSum<Real> radial = radial_sum(radial_terms(), p.data());
   Eigen::Matrix<Real, 3, 1> force = constant_N_ + linear_N_per_m_ * p;
   if (settings_.kernel.history_gain > 0.0) {
-    const Eigen::Matrix<Real, 3, kHistoryFeatures> h = history.template cast<Real>();
+    const Eigen::Matrix<Real, 3, kHistoryFeatures>& h = history.template cast<Real>();
     for (int j = 0; j < kHistoryFeatures; ++j) {
       force += history_N_per_m_[static_cast<std::size_t>(j)] * h.col(j);
     }
@@ -584,13 +614,13 @@ Reading DictionaryField<Real, N, M>::read(const Eigen::Vector3d& position_m,
 template <typename Real, int N, int M>
 Eigen::Matrix3d DictionaryField<Real, N, M>::stiffness_N_per_m(
     const Eigen::Vector3d& position_m, const History& /*history*/) const noexcept {
-  const Eigen::Matrix<Real, 3, 1> p = position_m.template cast<Real>();
+  const Eigen::Matrix<Real, 3, 1>& p = position_m.template cast<Real>();
   const RadialSlope<Real> slope = radial_slope(radial_terms(), p.data());
   Eigen::Matrix3d j = linear_N_per_m_.template cast<double>();
   add_radial_stiffness(slope, j);
   if (settings_.kernel.history_gain > 0.0) {
     for (const auto& lag : history_N_per_m_) {
-      j += lag.template cast<double>();  // a step aside is ahead of every low-passed path
+      j += lag.template cast<double>();  // a sideways step is ahead of every low-passed path
     }
   }
   for (int m = 0; m < few_lanes_used_; ++m) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "forcegrid/kriging/kriging_factor.h"
 #include "forcegrid/kriging/kriging_kernel.h"
@@ -19,19 +20,20 @@ struct FieldSettings {
   int samples = 32;           ///< capacity of the dictionary, up to the field's
   int stiffness_samples = 0;  ///< how many of the newest samples keep their stiffness as data
 
-  /// With the difference of the histories taken into |dP| where the kernel has history features.
+  /// With history features in the kernel, |dP| includes the difference of the histories.
   SampleSpacing spacing;
 
   double stiffness_noise_N_per_m = 1.0;     ///< standard deviation of a component of dF/dP,
   double relative_stiffness_noise = 0.002;  ///< and of its norm, added in squares
-  double surprise = 25.0;  ///< normalised squared innovation from which old samples are doubted
+  double surprise = 25.0;  ///< from this normalised squared innovation on, old samples are doubted
 
-  /// [m] Samples that a surprise is that far from are doubted by a factor exp(-1/2) less.
+  /// [m] At this distance from a surprise, samples are doubted by a factor exp(-1/2) less.
   double doubt_reach_m() const noexcept { return 2.0 * kernel.length_m; }
 };
 
-/// [N] What a force may depend on besides the position, each column in newtons: the tool's velocity
-/// times kViscousTerm_Ns_per_m, and the force itself through three low-pass filters.
+/// [N] Quantities that a force may depend on besides the position, each column in newtons: the
+/// tool's velocity times kViscousTerm_Ns_per_m, and the force itself through three low-pass
+/// filters.
 inline constexpr int kPathTerms = 4;
 inline constexpr double kViscousTerm_Ns_per_m = 10.0;
 using PathTerms = Eigen::Matrix<double, 3, kPathTerms>;
@@ -44,7 +46,8 @@ struct Observation {
   bool has_stiffness = false;
   Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
   bool from_query = false;
-  /// How much the force has risen since the simulator's answer before, if that was of this contact.
+  /// How much the force has risen since the simulator's previous answer, if that was of this
+  /// contact.
   bool has_rise = false;
   Eigen::Vector3d rise_N = Eigen::Vector3d::Zero();
   PathTerms terms_N = PathTerms::Zero();
@@ -53,17 +56,20 @@ struct Observation {
   Eigen::Vector3d origin_W = Eigen::Vector3d::Zero();
 };
 
-/// What taking in an observation showed.
+/// The result of taking in an observation.
 struct Innovation {
   bool predicted = false;  ///< false: the field knew nothing before
   double error_N = 0.0;    ///< |force - prediction|
-  bool surprised = false;  ///< normalised square above FieldSettings::surprise
+  /// Square of the error in units of its predicted variance, averaged over the axes; 0 unless
+  /// predicted.
+  double normalised = 0.0;
+  bool surprised = false;  ///< `normalised` above FieldSettings::surprise
   bool explained = false;  ///< by a one-sided constraint that was found, not by doubt
   double doubt_N2 = 0.0;   ///< variance that was added to samples there
   double scale = 1.0;      ///< factor that the forces of earlier contacts were multiplied by
 };
 
-/// What one piece of Field::follow() did.
+/// The result of one piece of Field::follow().
 struct Followed {
   bool changed = false;  ///< the field's answers differ from those before
   bool more = false;     ///< there may be more to do
@@ -86,44 +92,55 @@ class Field {
   virtual int sample_count() const noexcept = 0;
   virtual int row_count() const noexcept = 0;
 
-  /// A contact begins, or is expected, at `point_W`; positions in reads are relative to it from
-  /// then on. For fields that distinguish places or know something that is fixed in the workspace;
+  /// A contact begins, or is expected, at `point_W`; from then on positions in reads are relative
+  /// to it. For fields that distinguish places or know something that is fixed in the workspace;
   /// the others learn of a contact from its first observation.
   virtual void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept {
     static_cast<void>(contact);
     static_cast<void>(point_W);
   }
-  /// Does one bounded piece of what enter_contact() left to do; until all is done, read() goes on
-  /// with what it had. @returns false when nothing was left.
+  /// Does one bounded piece of the work that enter_contact() has left. Until all is done, read()
+  /// uses the previous state. @returns false if nothing was left.
   virtual bool prepare() noexcept { return false; }
   virtual bool ready() const noexcept { return true; }
 
   /// Whether it knows of walls beyond the object, where no smooth field is right.
   virtual bool knows_walls() const noexcept { return false; }
 
-  /// The terms at the present instant, once a servo cycle, for fields that use them.
+  /// Call once per servo cycle with the present terms, for fields that use them.
   virtual void observe(const PathTerms& terms_N) noexcept { static_cast<void>(terms_N); }
 
-  /// Takes in one observation. In order: predict there; doubt old samples when that failed; decide
-  /// on the sample before; make room; add the new one; fit. Bounded: at most one full factorisation
-  /// of the dictionary, usually three to nine rows of it.
+  /// Takes in one observation. In order: predict there; doubt old samples if that failed; decide on
+  /// the sample before; make room; add the new one; fit. Bounded: at most one full factorisation of
+  /// the dictionary, usually three to nine rows of it.
   virtual Innovation take(const Observation& observation) noexcept = 0;
+
+  /// Begins anew with these observations, oldest first, without evaluating them: for a field that
+  /// has not taken samples for a while. One factorisation.
+  /// @returns false, and changes nothing, if a field of this kind can only take() them.
+  virtual bool begin_with(std::span<const Observation> observations) noexcept {
+    static_cast<void>(observations);
+    return false;
+  }
+  virtual bool can_begin_with() const noexcept { return false; }
+  /// Keeps an observation for later without fitting it, for fields with a store.
+  virtual void remember(const Observation& observation) noexcept { static_cast<void>(observation); }
 
   virtual Reading read(const Eigen::Vector3d& position_m,
                        const History& history) const noexcept = 0;
 
-  /// [N/m] dF/dP of read(), at the same history: how the force changes where the tool steps aside.
-  /// Symmetric but for history features.
+  /// [N/m] dF/dP of read(), at the same history: how the force changes for a small step of the
+  /// tool. Symmetric except for history features.
   virtual Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                             const History& history) const noexcept = 0;
 
-  /// [N] Posterior standard deviation of a component of the force, averaged over the axes,
-  /// scaled by the data's own spread where that is above the prior's. O(rows^2).
+  /// [N] Posterior standard deviation of a component of the force, averaged over the axes, scaled
+  /// by the data's own spread if that is above the prior's. O(rows^2).
   virtual double deviation_N(const Eigen::Vector3d& position_m,
                              const History& history) const noexcept = 0;
 
-  /// Does one bounded piece of work that makes the field know more where the tool is (`tool_m`) and
-  /// will soon be (`ahead_m`). A field that knows the same wherever the tool is has nothing to do.
+  /// Does one bounded piece of work that improves the field where the tool is (`tool_m`) and will
+  /// soon be (`ahead_m`). A field that is equally good everywhere has nothing to do.
   virtual Followed follow(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahead_m) noexcept {
     static_cast<void>(tool_m);
     static_cast<void>(ahead_m);
@@ -137,15 +154,15 @@ class Field {
 ///   alpha = (K + diag(nugget + q_i))^-1 F,   F(p) = sum_i K(p, p_i) alpha_i
 ///
 /// Fitted in double precision, read in `Real`. For reading, the linear, constant and history parts
-/// of the sum collapse to a symmetric matrix, a vector and one matrix a feature, so only the radial
-/// part remains a sum over samples (kriging_simd.h).
+/// of the sum collapse to a symmetric matrix, a vector and one matrix per feature, so only the
+/// radial part remains a sum over samples (kriging_simd.h).
 ///
-/// Dictionary. The newest sample is always in, but transient: when the next one comes it stays if
-/// it is apart from all others (SampleSpacing), replaces the nearest if that was
-/// doubted more or if it is a repetition of where that one began, and goes otherwise.
-/// (Without this bound a slow motion would drag one sample along and lose what it had known.) When
-/// full, the sample goes that has the least of  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) /
-/// (1 + q_i / (10 nugget)), where answers to queries count a twentieth.
+/// Dictionary. The newest sample is always in, but transient. When the next one comes, it stays if
+/// it is apart from all others (SampleSpacing), replaces the nearest if that was doubted more or if
+/// it repeats the place where that one began, and is dropped otherwise. (Without this bound a slow
+/// motion would drag one sample along and lose what it had known.) A full dictionary drops the
+/// sample with the least  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) / (1 + q_i / (10
+/// nugget)), where answers to queries count a twentieth.
 ///
 /// Forgetting is gated by surprise: with the innovation e and V = (predictive covariance)
 /// max(1, s2) + nugget I, s2 = F^T alpha / rows, a normalised square N = e^T V^-1 e / 3 above 25
@@ -153,19 +170,19 @@ class Field {
 /// Forgetting by age instead would lose the directions that a resting hand doesn't explore, and
 /// make the loop unstable.
 ///
-/// Contacts. Another place of an object is often of the same shape of stiffness, but stiffer or
-/// softer. At a new contact all that is known of earlier ones is taken to be right but for one
-/// factor s, N(1, v), which a scalar Kalman filter learns from the innovations e with the part m of
-/// the prediction that comes from earlier contacts:
+/// Contacts. Another place of an object often has the same shape of stiffness, but stiffer or
+/// softer. At a new contact everything known of earlier ones is assumed to be right but for one
+/// factor s, N(1, v). A scalar Kalman filter learns s from the innovations e with the part m of the
+/// prediction that comes from earlier contacts:
 ///
 ///   s - 1 = p m^T V^-1 e,   p = 1 / (1/v + m^T V^-1 m),   v <- p,
 ///
-/// V being inflated by the normalised square of what s leaves of e. The samples of the earlier
-/// contacts are multiplied by s, within 0.5 and 2. Where the stiffness is data, its innovation
-/// teaches s in the same way, and first, until v is below 1e-4: at the first touch the force is
-/// zero and says nothing about s, the stiffness does. v begins with the mean square of the changes
-/// at earlier contacts, 0.03 at first and between 1e-4 and 0.09: on objects that prove to be alike
-/// everywhere s stays at one.
+/// where V is inflated by the normalised square of the part of e that s does not explain. The
+/// samples of the earlier contacts are multiplied by s, within 0.5 and 2. If the stiffness is data,
+/// its innovation teaches s in the same way, and first, until v is below 1e-4: at the first touch
+/// the force is zero and says nothing about s, but the stiffness does. v begins with the mean
+/// square of the changes at earlier contacts, 0.03 at first and between 1e-4 and 0.09: on objects
+/// that prove to be alike everywhere s stays at one.
 ///
 /// Answers to queries join the dictionary where none of its samples is near; they are never the
 /// transient newest sample.
@@ -188,6 +205,9 @@ class DictionaryField : public Field {
     origin_W_ = point_W;
   }
   Innovation take(const Observation& observation) noexcept override;
+  /// Of observations that are not apart (SampleSpacing), the newest is taken.
+  bool begin_with(std::span<const Observation> observations) noexcept override;
+  bool can_begin_with() const noexcept override { return true; }
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                     const History& history) const noexcept override;
@@ -203,7 +223,7 @@ class DictionaryField : public Field {
     bool from_query;
     bool newest;  ///< the transient one, which take() decides on
   };
-  /// `use` on each sample of the dictionary.
+  /// Calls `use` on each sample of the dictionary.
   template <typename Use>
   void for_each_sample(Use use) const noexcept {
     for (int slot = 0; slot < kMaxSamples; ++slot) {
@@ -213,15 +233,15 @@ class DictionaryField : public Field {
       }
     }
   }
-  /// For an owner who changes the dictionary: takes out a sample; puts one in, which takes
-  /// sample_count() < settings().samples, without asking whether it is news, and returns its slot.
-  /// The field answers as before until apply_changes(), which must follow.
+  /// For an owner who changes the dictionary. drop() removes a sample. bring_in() adds one without
+  /// comparing it with the others, which needs sample_count() < settings().samples, and returns its
+  /// slot. apply_changes() must follow; until then the field's answers do not change.
   void drop(int slot) noexcept { remove_sample(slot); }
   int bring_in(const Observation& observation, double doubt_N2) noexcept;
   void apply_changes() noexcept;
 
-  /// deviation_N() of this field plus others that have taken the same samples with other data, each
-  /// times its weight.
+  /// deviation_N() of this field plus other fields with the same samples but other data, each times
+  /// its weight.
   template <std::size_t kOthers>
   double deviation_with(const std::array<const DictionaryField*, kOthers>& others,
                         const Eigen::Matrix<double, static_cast<int>(kOthers), 1>& weights,
@@ -254,7 +274,7 @@ class DictionaryField : public Field {
 
   struct Stored {
     Eigen::Vector3d position_m, force_N;
-    Eigen::Vector3d first_position_m, first_force_N;  ///< before others took its place
+    Eigen::Vector3d first_position_m, first_force_N;  ///< before others replaced it
     History history;
     Vector6d stiffness_N_per_m;
     double doubt_N2 = 0.0;  ///< q
@@ -272,11 +292,11 @@ class DictionaryField : public Field {
   };
 
   // For fields that add features, forces with a few unknown weights, to the covariance. Features
-  // are fitted where the weights are solved for, and stay as they are until then.
+  // are fitted when the weights are solved for, and stay the same until then.
 
   /// Solves for alpha_.
   virtual void solve_weights() noexcept { factor_.weights(alpha_.data()); }
-  /// Adds to the mean and covariance of the force at `p`, given its covariances with the rows,
+  /// Adds to the mean and covariance of the force at `p`. Needs its covariances with the rows,
   /// solved.
   virtual void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
                             const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
@@ -287,21 +307,21 @@ class DictionaryField : public Field {
     static_cast<void>(mean_N);
     static_cast<void>(covariance_N2);
   }
-  /// The part of a sample's force that is the features'.
+  /// The features' part of a sample's force.
   virtual Eigen::Vector3d feature_force_N(const Stored& sample) const noexcept {
     static_cast<void>(sample);
     return Eigen::Vector3d::Zero();
   }
-  /// Of |y|^2, what the features explain.
+  /// The part of |y|^2 that the features explain.
   virtual double explained_squares() const noexcept { return 0.0; }
-  /// Whether a surprise is explained by other features, so that nothing needs to be doubted. Then
-  /// the factor is in order, else it may be stale. Uses x_.
+  /// Whether other features explain a surprise, so that no sample needs to be doubted. Then the
+  /// factor is in order, else it may be stale. Uses x_.
   virtual bool explain(const Observation& observation, const Eigen::Vector3d& error_N) noexcept {
     static_cast<void>(observation);
     static_cast<void>(error_N);
     return false;
   }
-  /// A sample that features can't do without is the last to go.
+  /// A sample that features depend on is the last to be removed.
   virtual bool features_need(int slot) const noexcept {
     static_cast<void>(slot);
     return false;

@@ -14,7 +14,7 @@ double spacing_m(const MethodOptions& options) {
   return options.vertex_spacing_m.value_or(KrigingGridMethod::kSpacing_m);
 }
 
-// How many fits ago, of numbers that begin anew after kFitMask.
+// How many fits ago; their numbers wrap after kFitMask.
 std::uint32_t fits_since(std::uint32_t then, std::uint32_t now) noexcept {
   return (now - then) & kFitMask;
 }
@@ -78,7 +78,7 @@ int KrigingGridMethod::fill(int budget) noexcept {
   }
   const Eigen::Vector3d tool_m = kriging_.soon_W() - *origin_W;
   if (!grid_.inside(tool_m)) {
-    return 0;  // there the field itself answers
+    return 0;  // the field itself answers there
   }
   const Eigen::Vector3i centre = grid_.nearest_vertex(tool_m);
   const std::uint32_t fit = static_cast<std::uint32_t>(kriging_.fits()) & kFitMask;

@@ -21,12 +21,12 @@ namespace forcegrid {
 /// with the posterior force F_v and stiffness J_v of the field at each vertex (PosteriorGrid),
 /// relative to the contact point. After each fit the vertices within kReach_m of the tool are
 /// written, the nearest first: those that hold nothing yet; those for which the field has a sample
-/// at most kFurther times as far away as the nearest one when they were written; and those written
-/// before the last surprise.
+/// at most kFurther times as far away as the nearest one when they were last written; and those
+/// written before the last surprise.
 ///
-/// force(): where all eight vertices are written, the grid's force, with status and uncertainty as
+/// force(): if all eight vertices are written, the grid's force, with status and uncertainty as
 /// KrigingMethod gives them. Elsewhere the field's own force, at most kPartlyKnown; kUnknown where
-/// the field knows nothing either.
+/// the field does not know it either.
 ///
 /// Requests: at vertices along the predicted motion and beside the tool, the one with the largest
 /// posterior deviation first, see kriging::FieldRequests.
@@ -34,8 +34,8 @@ namespace forcegrid {
 /// Needs: force. Options used: those of kriging-store; vertex_spacing_m (h, 4 mm), pool_blocks (96,
 /// 2.3 MB). Positions relative to the contact point may be as far away as the workspace
 /// (MethodOptions::grid) is wide; beyond that the field itself answers.
-/// Cost: a query eight vertices of 48 bytes, whatever the field's size; a fit kriging-store's and
-/// some 120 vertices at h = 4 mm, in pieces of one. Memory: docs/kriging.md.
+/// Cost: a query reads eight vertices of 48 bytes, whatever the field's size; a fit costs
+/// kriging-store's and some 120 vertices at h = 4 mm, in pieces of one. Memory: docs/kriging.md.
 /// Failure: as kriging-store; with less work done than a fit needs, the grid is late.
 /// Source: docs/kriging.md; forcegrid paper, sections 4 and 5, for grid and requests.
 /// Real-time: as ForceMethod.
@@ -54,7 +54,7 @@ class KrigingGridMethod final : public ForceMethod {
     return along * along * along;
   }
 
-  /// @param options which must be usable: make_force_method() checks.
+  /// @param options must be usable: make_force_method() checks.
   explicit KrigingGridMethod(const MethodOptions& options);
 
   /// Cells per axis for these options: twice the workspace, whatever the contact point.
@@ -73,7 +73,7 @@ class KrigingGridMethod final : public ForceMethod {
     kriging_.contact_made(epoch, point_W);
   }
   void contact_lost() noexcept override { kriging_.contact_lost(); }
-  /// The field's work first; then a vertex counts as kVertexUnits.
+  /// The field's work comes first; then a vertex counts as kVertexUnits.
   int work(int budget) noexcept override;
   bool plan_request(double time_s, const Eigen::Vector3d& position_W,
                     Eigen::Vector3d& wanted_W) noexcept override {
@@ -95,7 +95,7 @@ class KrigingGridMethod final : public ForceMethod {
   PosteriorGrid grid_;
   std::vector<Eigen::Vector3i> around_;  ///< vertices within kReach_m of one, the nearest first
   std::size_t next_around_;
-  std::uint32_t fit_ = 0;  ///< that is being written
+  std::uint32_t fit_ = 0;  ///< the one being written
   Eigen::Vector3i centre_ = Eigen::Vector3i::Zero();
   NamedCounter recycled_{"blocks_recycled", 0};
 };

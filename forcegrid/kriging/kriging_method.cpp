@@ -14,8 +14,8 @@ namespace {
 using kriging::FieldSettings;
 using kriging::History;
 
-constexpr int kStiffnessSamples = 4;
-constexpr double kScaleChanged = 1e-3;  // what earlier contacts taught is out of date
+constexpr int kDefaultStiffnessSamples = 4;
+constexpr double kScaleChanged = 1e-3;  // beyond it, what earlier contacts taught is out of date
 
 }  // namespace
 
@@ -31,7 +31,7 @@ void KrigingMethod::make_field(const MethodOptions& options) {
       field_ = kriging::make_dictionary_field(settings);
       break;
     case Kind::kTangent:
-      settings.stiffness_samples = kStiffnessSamples;
+      settings.stiffness_samples = kDefaultStiffnessSamples;
       field_ = kriging::make_dictionary_field(settings);
       break;
     case Kind::kUnilateralConstraint:

@@ -38,9 +38,9 @@ namespace forcegrid {
 /// Contacts: what was learnt is kept from one contact to the next, relative to the contact point.
 /// force(): see kriging::FieldRendering. Requests: see kriging::FieldRequests.
 ///
-/// Work: a sample costs one piece, a change of some rows of the field's factor and its weights; a
+/// Work: a sample costs one piece, a change of some rows of the field's factor and its weights. A
 /// piece is done in one call of work() and counts as half the square of the field's rows. Until
-/// then the field answers as before. A store adds pieces, see kriging::StoreFollower.
+/// then the field's answers do not change. A store adds pieces, see kriging::StoreFollower.
 ///
 /// Options used: nugget, samples, spacing_m, spacing_N.
 /// Failure: the first two sample periods of the first contact; kinks; see DictionaryField.
@@ -50,7 +50,7 @@ class KrigingMethod final : public ForceMethod {
  public:
   enum class Kind { kForceOnly, kTangent, kUnilateralConstraint, kStore, kContact };
 
-  /// @param options nugget, spacings and samples, which must be usable: make_force_method() checks.
+  /// @param options nugget, spacings and samples must be usable: make_force_method() checks.
   KrigingMethod(Kind kind, const MethodOptions& options);
 
   const char* name() const noexcept override;
@@ -76,12 +76,12 @@ class KrigingMethod final : public ForceMethod {
   const kriging::Field& field() const noexcept { return *field_; }
   /// The samples of `kriging-store`; null for the others.
   const kriging::SampleStore* store() const noexcept { return store_.get(); }
-  /// False when the store's memory could not be had; the method then must not be used.
+  /// False if there was not enough memory for the store; the method then must not be used.
   bool allocated() const noexcept { return store_ == nullptr || store_->allocated(); }
 
   // For a method that reads the field in its own way.
 
-  /// The contact point, or null while there is no contact, or nothing is known of it.
+  /// The contact point, or null if there is no contact or the point is unknown.
   const Eigen::Vector3d* origin_W() const noexcept {
     return contact_.in_contact() && contact_.has_origin() && field_->sample_count() > 0
                ? &contact_.origin_W()
@@ -116,7 +116,7 @@ class KrigingMethod final : public ForceMethod {
   int piece_units() const noexcept;
   void update_uncertainty() noexcept;
   double deviation_N(const Eigen::Vector3d& position_W) const noexcept;
-  /// Where the tool was observed last or, without observations, sampled last.
+  /// Where the tool was last observed or, without observations, last sampled.
   const Eigen::Vector3d& tool_W() const noexcept {
     return motion_.observed() ? motion_.position_W() : queue_.newest_W();
   }

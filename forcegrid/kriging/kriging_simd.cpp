@@ -17,15 +17,16 @@ namespace forcegrid::kriging {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// exp(x) for x = scale * r <= 0, never below 2^-126. In single precision: 2^n times the polynomial
-// of fifth degree in f that has the least relative error (7.5e-8) for 2^f, |f| <= 1/2, found by the
-// Remez exchange; half the work of hn::Exp(), which also does what doesn't occur here.
+// exp(x) for x = scale * r <= 0, never below 2^-126. In single precision it is 2^n times the
+// polynomial of fifth degree in f that has the least relative error (7.5e-8) for 2^f, |f| <= 1/2,
+// found by the Remez exchange. This takes half the work of hn::Exp(), which also covers cases that
+// do not occur here.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V exp_of_negative(D d, V r, hn::TFromD<D> scale) {
   using T = hn::TFromD<D>;
   if constexpr (sizeof(T) == sizeof(float)) {
     constexpr T kLog2E = T(1.44269504088896341);
-    // Adding it leaves the nearest integer in the lowest bits.
+    // Adding this leaves the nearest integer in the lowest bits.
     constexpr T kRound = T(12582912);
     const V t = hn::Max(hn::Mul(r, hn::Set(d, scale * kLog2E)), hn::Set(d, T(-126)));
     const V rounded = hn::Add(t, hn::Set(d, kRound));
@@ -65,7 +66,7 @@ HWY_INLINE void radial(D d, hn::TFromD<D> length_m, V r2, V& minus_g1, V& g2, V&
   }
 }
 
-// -g' and g'' l^2 for l = 1, of which the samples' sum is made.
+// -g' and g'' l^2 for l = 1, the terms of the samples' sum.
 template <RadialShape kShape, class D, class V = hn::Vec<D>>
 HWY_INLINE void unit_radial(D d, V r2, V& minus_g1, V& g2) {
   using T = hn::TFromD<D>;
@@ -77,7 +78,8 @@ HWY_INLINE void unit_radial(D d, V r2, V& minus_g1, V& g2) {
   }
 }
 
-// A lane's worth of samples: the way from each to the position, its weight, the distance squared.
+// A lane's worth of samples: the vector from each to the position, its weight, the squared
+// distance.
 template <class V>
 struct SampleLanes {
   V x, y, z, ax, ay, az, r2;

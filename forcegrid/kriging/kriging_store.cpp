@@ -6,11 +6,12 @@
 #include <cmath>
 #include <limits>
 
+#include "forcegrid/kriging/dictionary_rules.h"
+
 namespace forcegrid::kriging {
 namespace {
 
 constexpr double kDoubtedMore = 10.0;  // nuggets
-constexpr double kQueryValue = 0.05;   // the tool may never pass where it was asked
 constexpr int kThinningLooks = 32;
 constexpr double kThinningReach_m2 = 1e-4;
 constexpr double kFarFromTool_m = 0.040;
@@ -116,8 +117,8 @@ void SampleStore::put(std::uint32_t number, const Observation& o) noexcept {
   link(number);
 }
 
-// The stored sample that is nearest to an observation by the distance of admission, if it is less
-// than the spacing away: that is less than a cell, so only neighbours have to be looked at.
+// The stored sample nearest to an observation by the distance of admission, if it is less than the
+// spacing away. The spacing is less than a cell, so only neighbouring cells are searched.
 SampleStore::Nearest SampleStore::nearest(const Observation& o) const noexcept {
   Nearest result;
   const double reach_m = settings_.spacing.metres;
@@ -168,7 +169,7 @@ SampleStore::Admission SampleStore::admit(const Observation& o) noexcept {
     const bool repeated = settings_.spacing.repeated(
         std::max(near.distance_m2, settings_.spacing.distance_m2(moved_m2, changed_N2)));
     const bool doubted = doubt_N2_[near.number] > kDoubtedMore * settings_.nugget_N2;
-    // The tool's own sample counts for more than an answer; an answer never takes its place.
+    // The tool's own sample counts more than an answer to a query, which never replaces it.
     if ((!repeated && !doubted) || (o.from_query && !rest.from_query && !doubted)) {
       return Admission::kKnown;
     }
@@ -182,7 +183,7 @@ SampleStore::Admission SampleStore::admit(const Observation& o) noexcept {
     }
     return Admission::kReplaced;
   }
-  std::uint32_t number;
+  std::uint32_t number = 0;
   if (size_ < settings_.capacity) {
     number = static_cast<std::uint32_t>(size_++);
   } else {
@@ -239,7 +240,7 @@ void SampleStore::doubt(const Eigen::Vector3d& centre_m, double doubt_N2, double
     const float y = place_[1][n] - centre.y();
     const float z = place_[2][n] - centre.z();
     const float exponent = per_m2 * (x * x + y * y + z * z);
-    if (exponent > -16.0F) {  // beyond, less than a millionth
+    if (exponent > -16.0F) {  // beyond this, less than a millionth
       doubt_N2_[n] += most * std::exp(exponent);
     }
   }

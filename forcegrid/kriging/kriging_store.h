@@ -27,13 +27,13 @@ struct StoredSample {
 /// where that one began; it then takes the nearest one's place. (Without this bound a slow motion
 /// would drag one sample along and lose what it had known.)
 ///
-/// Thinning. In a full store a sample that is added takes the place of another: of 32
-/// that are examined in turn, the one with the least
+/// Thinning. In a full store an added sample replaces another one. 32 samples are examined in turn;
+/// the one with the least
 ///
 ///   min_j |p_i - p_j|^2 / (min(|p_i - P|, 40 mm)^2 + (10 mm)^2) / (1 + q_i / (10 nugget))
 ///
-/// with P the place of the sample that is added and answers to queries counting a twentieth, so
-/// that samples far from the tool end up four times as far apart as those around it.
+/// is replaced. P is the place of the added sample, and answers to queries count a twentieth. So
+/// samples far from the tool end up four times as far apart as those around it.
 ///
 /// Lookup. Positions fall into cells of 10 mm; a cell is found by a hash, 1 to 2 samples per
 /// bucket. Samples of different cells that share a bucket are distinguished by their cell.
@@ -55,21 +55,21 @@ class SampleStore {
   };
 
   static constexpr double kCell_m = 0.010;
-  /// Samples that one lookup goes through at most, see gather().
+  /// The most samples that one lookup goes through, see gather().
   static constexpr int kMostLooks = 2048;
 
   /// @param settings positive, capacity at least 2.
   explicit SampleStore(const Settings& settings) noexcept;
 
-  /// False when there was not enough memory; the store then must not be used.
+  /// False if there was not enough memory; the store then must not be used.
   bool allocated() const noexcept;
   std::size_t memory_bytes() const noexcept;
   const Settings& settings() const noexcept { return settings_; }
   std::size_t size() const noexcept { return size_; }
-  /// Samples that gave up their place because the store was full.
+  /// Samples that were replaced because the store was full.
   std::uint64_t thinned() const noexcept { return thinned_; }
 
-  /// Takes in the sample if no stored one is like it. Stiffness and history are not kept.
+  /// Adds the sample unless a stored one is like it. Stiffness and history are not kept.
   Admission admit(const Observation& observation) noexcept;
 
   /// Adds  doubt_N2 exp(-|p_i - centre|^2 / (2 reach^2))  to the doubt of every sample. One pass.
@@ -96,9 +96,9 @@ class SampleStore {
  private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
 
-  /// What is not gone through number by number.
+  /// The data that loops do not read number by number.
   struct Rest {
-    std::array<float, 3> first_position_m;  ///< before others took its place
+    std::array<float, 3> first_position_m;  ///< before others replaced it
     std::array<float, 3> first_force_N;
     std::uint64_t cell;
     std::uint64_t contact;
@@ -129,7 +129,7 @@ class SampleStore {
   Buffer<Rest> rest_;
   Buffer<std::uint32_t> buckets_;  ///< the newest sample of each
   std::size_t size_ = 0;
-  std::size_t next_look_ = 0;  ///< where thinning goes on
+  std::size_t next_look_ = 0;  ///< where thinning continues
   std::uint64_t thinned_ = 0;
 };
 

@@ -4,14 +4,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "forcegrid/kriging/dictionary_rules.h"
+
 namespace forcegrid::kriging {
 namespace {
 
 constexpr float kReach_m2 = 1e-4F;
-constexpr float kQueryValue = 0.05F;  // the tool may never pass where it was asked
-constexpr float kFar_m2 = 1.0F;       // of a sample that has no other
+constexpr float kFar_m2 = 1.0F;  // for a sample without any other
 constexpr double kLeastScaleChange = 1e-6;
-constexpr float kRounding = 1.0001F;  // the same distance, summed up in another order
+constexpr float kRounding = 1.0001F;  // rounding of the same distance, summed in another order
 constexpr int kNoSample = -1;
 
 }  // namespace
@@ -33,8 +34,8 @@ Innovation StoreField::take(const Observation& observation) noexcept {
   return innovation;
 }
 
-// The working set and what the store has around where the tool will be, with what their distances
-// are worth.
+// Lists the working set, and the store's samples around where the tool will be, with the weights of
+// their distances.
 void StoreField::list(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahead_m) noexcept {
   const Eigen::Vector3f tool = tool_m.cast<float>();
   const Eigen::Vector3f ahead = ahead_m.cast<float>();
@@ -42,7 +43,8 @@ void StoreField::list(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahea
   const auto weight = [&](const Eigen::Vector3f& at_m, float doubt_N2, bool from_query) {
     const float away_m2 = std::min((at_m - tool).squaredNorm(), (at_m - ahead).squaredNorm());
     const float near = 1.0F / (away_m2 + kReach_m2);
-    return (from_query ? kQueryValue : 1.0F) * near * near / (1.0F + doubt_N2 * per_doubt);
+    return (from_query ? static_cast<float>(kQueryValue) : 1.0F) * near * near /
+           (1.0F + doubt_N2 * per_doubt);
   };
   set_.count = 0;
   newest_ = -1;
@@ -64,7 +66,7 @@ void StoreField::list(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahea
   }
 }
 
-// Squared distance from a place to the nearest sample of the working set but `except`.
+// Squared distance from a place to the nearest sample of the working set except `except`.
 float StoreField::least_m2(const Eigen::Vector3f& at_m, int except) const noexcept {
   float least = kFar_m2;
   for (int i = 0; i < set_.count; ++i) {
@@ -83,7 +85,7 @@ void StoreField::measure() noexcept {
     const auto s = static_cast<std::size_t>(i);
     set_.nearest_m2[s] = least_m2({set_.x_m[s], set_.y_m[s], set_.z_m[s]}, i);
   }
-  // Sample by sample of the set, so that the candidates are gone through lane by lane.
+  // Loops over the samples of the set, so that the candidates are processed lane by lane.
   std::fill_n(around_.nearest_m2.begin(), around_.count, kFar_m2);
   for (int i = 0; i < set_.count; ++i) {
     const auto s = static_cast<std::size_t>(i);
@@ -99,7 +101,7 @@ void StoreField::measure() noexcept {
   }
 }
 
-// Takes a sample out of the working set; distances to it are measured anew.
+// Removes a sample from the working set; distances to it are measured again.
 void StoreField::take_out(int index) noexcept {
   const auto o = static_cast<std::size_t>(index);
   const Eigen::Vector3f at_m(set_.x_m[o], set_.y_m[o], set_.z_m[o]);
@@ -126,7 +128,7 @@ void StoreField::take_out(int index) noexcept {
   }
 }
 
-// Puts a candidate into the working set, which has room.
+// Adds a candidate to the working set, which has room.
 void StoreField::put_in(int candidate) noexcept {
   const auto c = static_cast<std::size_t>(candidate);
   const StoredSample sample = store_->sample(around_.number[c]);

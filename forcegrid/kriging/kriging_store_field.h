@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "forcegrid/kriging/kriging_field.h"
 #include "forcegrid/kriging/kriging_store.h"
@@ -14,26 +15,26 @@ namespace forcegrid::kriging {
 /// Local kriging over a store of thousands of samples: a DictionaryField whose dictionary is a
 /// working set that follows the tool.
 ///
-/// Every observation goes to the working set and, where it is news, to the store. follow() then
-/// brings in samples of the store, each in place of one of the working set: with P the tool and L
-/// where it will soon be, the sample i is worth
+/// Every observation goes to the working set and, if no stored sample is like it, to the store.
+/// follow() then brings in samples of the store, each in place of one of the working set. With P
+/// the tool and L where it will soon be, the value of sample i is
 ///
 ///   min_j |p_i - p_j|^2 / (min(|p_i - P|, |p_i - L|)^2 + (10 mm)^2)^2 / (1 + q_i / (10 nugget))
 ///
-/// over the samples j of the working set, answers to queries a twentieth of that. (The dictionary
-/// evicts by the same measure but the outer square, which suits a set that has nothing to fall back
-/// on.) A sample is exchanged when the stored one is worth kGain times as much, so that the set is
-/// dense around the tool, thins out with the distance, and settles. What already is in the set is
-/// at distance zero from itself and never brought in twice.
+/// over the samples j of the working set; answers to queries count a twentieth of that. (The
+/// dictionary evicts by the same measure without the outer square, which suits a set without a
+/// store behind it.) A sample is exchanged if the stored one's value is kGain times as large, so
+/// that the set is dense around the tool, thins out with the distance, and settles. A sample of the
+/// set is at distance zero from itself and is never brought in twice.
 ///
 /// What the working set learns about stored samples goes back to the store: doubt after a surprise,
-/// and the factor between contacts. So a place that changed while the tool was away is known as it
-/// was, until it surprises.
+/// and the factor between contacts. So a place that changed while the tool was away is remembered
+/// unchanged until it surprises.
 ///
 /// Needs: force. Failure: as DictionaryField; no history features.
-/// Cost: take() as DictionaryField and looks at up to eight cells of the store; after a surprise or
-/// in the first samples of a contact one pass over the store. follow(): up to kMostCandidates
-/// distances to each sample of the working set and kExchanges of its rows.
+/// Cost: take() as DictionaryField, and a search of up to eight cells of the store; after a
+/// surprise or in the first samples of a contact one pass over the store. follow(): up to
+/// kMostCandidates distances to each sample of the working set and kExchanges of its rows.
 /// Source: docs/kriging.md; local kriging in a moving neighbourhood: Chiles and Delfiner,
 /// Geostatistics, 2nd ed. (2012), section 3.6.
 /// Real-time: nothing allocates, locks or throws. Threads: one.
@@ -46,9 +47,8 @@ class StoreField final : public Field {
   static constexpr int kMostCandidates = 256;
 
   /// @param settings as for DictionaryField, without history features and stiffness.
-  /// @param store that this field reads from and, with `writes`, writes what it learns to. One
-  /// field
-  ///        of those that share a store writes. It must outlive the field.
+  /// @param store that this field reads from and, with `writes`, writes what it learns to. Of the
+  ///   fields that share a store, one writes. The store must outlive the field.
   StoreField(const FieldSettings& settings, SampleStore& store, bool writes) noexcept;
 
   const FieldSettings& settings() const noexcept override { return working_.settings(); }
@@ -59,6 +59,16 @@ class StoreField final : public Field {
     working_.enter_contact(contact, point_W);
   }
   Innovation take(const Observation& observation) noexcept override;
+  /// The working set begins anew; the store keeps what it has.
+  bool begin_with(std::span<const Observation> observations) noexcept override {
+    return working_.begin_with(observations);
+  }
+  bool can_begin_with() const noexcept override { return true; }
+  void remember(const Observation& observation) noexcept override {
+    if (writes_) {
+      store_->admit(observation);
+    }
+  }
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override {
     return working_.read(position_m, history);
   }
@@ -72,7 +82,7 @@ class StoreField final : public Field {
   }
   Followed follow(const Eigen::Vector3d& tool_m, const Eigen::Vector3d& ahead_m) noexcept override;
 
-  /// `use` on each sample of the working set, as DictionaryField::Kept.
+  /// Calls `use` on each sample of the working set, as DictionaryField::Kept.
   template <typename Use>
   void for_each_sample(Use use) const noexcept {
     working_.for_each_sample(use);

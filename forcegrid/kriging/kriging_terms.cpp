@@ -9,7 +9,7 @@
 namespace forcegrid::kriging {
 namespace {
 
-// Whatever the data: all parts must choose the same samples.
+// Independent of the data, because all parts must choose the same samples.
 FieldSettings by_position_only(FieldSettings settings) noexcept {
   settings.spacing.newtons = std::numeric_limits<double>::max();
   settings.surprise = std::numeric_limits<double>::max();

@@ -8,7 +8,7 @@
 
 namespace forcegrid::kriging {
 
-/// Kriging where forces depend on position but for a few terms R_j with unknown factors:
+/// Kriging where forces depend on position except for a few terms R_j with unknown factors:
 ///
 ///   F_k + sum_j gamma_j R_jk = G(p_k),   G a field of the position
 ///
@@ -65,13 +65,13 @@ class TermsField : public Field {
   Factors products_N2_ = Factors::Zero();
 };
 
-/// What a simulator would return if it had the time to solve to the end. One that mends only a
-/// share of what is wrong with its state before it answers lags behind,
-/// F_k = F_{k-1} + share (F(p_k) - F_{k-1}), so what it should have said is F_k + gamma R_k with
-/// the rise R_k = F_k - F_{k-1} of its answer and gamma = (1 - share) / share.
+/// What a simulator would return if it had the time to solve to the end. If it corrects only a
+/// share of its state's error before it answers, it lags behind, F_k = F_{k-1} + share (F(p_k) -
+/// F_{k-1}). So the right answer is F_k + gamma R_k, with the rise R_k = F_k - F_{k-1} of its
+/// answer and gamma = (1 - share) / share.
 ///
 /// Observations without a rise (the first of a contact, or after a lost one) are not taken; answers
-/// to queries are solved to the end and count as risen by nothing.
+/// to queries are solved to the end, so their rise counts as zero.
 /// Failure: noise grows by 1 + 2 gamma; lags of a higher order.
 class LagField final : public TermsField<1> {
  public:
@@ -90,8 +90,8 @@ class LagField final : public TermsField<1> {
 ///
 ///   G(p) = F + b v + sum_j gamma_j L_j,   tau_j dL_j/dt = F - L_j,
 ///
-/// so the terms are the velocity and the force itself, low-passed (PathTerms). What lies between
-/// the time constants is made up of those around it.
+/// so the terms are the velocity and the force itself, low-passed (PathTerms). The neighbours
+/// approximate what lies between two time constants.
 ///
 /// The rendered force goes into the terms, which closes a loop: F (1 + sum_j gamma_j / (1 + tau_j
 /// s)) = G - b v. With b >= 0, and the negative gamma_j adding up to no less than -kMostFeedback,

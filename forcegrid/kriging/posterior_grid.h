@@ -10,7 +10,7 @@
 
 namespace forcegrid {
 
-/// What a vertex holds of a conservative force field: 12 floats.
+/// The content of a vertex for a conservative force field: 12 floats.
 struct alignas(16) PosteriorVertex {
   std::array<float, 3> force_N{};
   float known = kUnknown;  ///< 1, or far below zero so that a blend shows that one is missing
@@ -34,17 +34,17 @@ struct alignas(64) PosteriorSegment {
 ///   F(P) = sum_v w_v [F_v + 1/2 J_v (P - v)]
 ///
 /// over the eight vertices v around P with the trilinear weights w. Exact for quadratic fields (the
-/// whole gradient would have the error of none, with the opposite sign), continuous across cells;
-/// the error goes with the third derivative and h^3.
+/// whole gradient would have the same error as none, with the opposite sign), continuous across
+/// cells; the error is proportional to the third derivative and h^3.
 /// Source: the method study, docs/kriging.md.
-/// Memory: blocks of 8 x 8 x 8 vertices from a fixed pool, 24 KiB each; when it is used up, the
-/// block that was written longest ago is forgotten.
+/// Memory: blocks of 8 x 8 x 8 vertices from a fixed pool, 24 KiB each; if the pool is used up, the
+/// block that was written longest ago is dropped.
 /// Real-time: only the constructor allocates; nothing locks or throws. Threads: one.
 class PosteriorGrid {
  public:
   struct Value {
     Eigen::Vector3d force_N;
-    /// dF/dP, taken as symmetric.
+    /// dF/dP, assumed symmetric.
     Eigen::Matrix3d stiffness_N_per_m;
     double nearest_m;  ///< distance of the nearest sample
   };
@@ -65,7 +65,7 @@ class PosteriorGrid {
   }
   double spacing_m() const noexcept { return spacing_m_; }
   std::size_t blocks_in_use() const noexcept { return storage_.blocks_in_use(); }
-  /// Blocks that were forgotten.
+  /// Blocks that were dropped.
   std::uint64_t recycled() const noexcept { return storage_.recycled(); }
 
   bool inside(const Eigen::Vector3d& position_m) const noexcept {
@@ -87,10 +87,10 @@ class PosteriorGrid {
     return storage_.segment(at.x(), at.y(), at.z() / kSegmentVertices)
         .vertices[static_cast<std::size_t>(at.z() % kSegmentVertices)];
   }
-  /// Writes it; `fit` counts the fits, and its block as used last.
+  /// Writes it; `fit` is the number of the fit. Marks its block as used last.
   void write(const Eigen::Vector3i& at, const Value& value, std::uint32_t fit) noexcept;
 
-  /// Beyond the box, for NaN, and where a vertex is unknown: not known.
+  /// Not known beyond the box, for NaN, and where a vertex is unknown.
   [[nodiscard]] Reading read(const Eigen::Vector3d& position_m) const noexcept;
 
  private:

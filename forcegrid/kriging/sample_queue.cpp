@@ -6,7 +6,7 @@
 namespace forcegrid::kriging {
 namespace {
 
-// An answer to a query about an expected contact.
+// Whether the sample answers a query about an expected contact.
 bool of_expected(const Sample& sample) noexcept {
   return sample.before_contact && sample.from_query;
 }

@@ -26,12 +26,12 @@ struct QueuedSample {
 /// Real-time: nothing allocates, locks or throws. Threads: one.
 class SampleQueue {
  public:
-  static constexpr std::size_t kLength = 32;
-  /// A reader that is this many samples behind has to pass over the oldest of them.
+  static constexpr std::size_t kLength = 64;
+  /// A reader that is this many samples behind must skip the oldest of them.
   static constexpr std::uint64_t kLongestBacklog = 8;
   /// Relative residual above which a sample counts as not converged.
   static constexpr double kUnfinished = 0.01;
-  /// [sample periods] A sample later than this after the one before has lost one in between.
+  /// [sample periods] A longer gap between two samples means that one in between was lost.
   static constexpr double kNextPeriods = 1.6;
 
   /// Whether a sample can be used: finite, of the present contact and, unless it answers a query,
@@ -40,11 +40,11 @@ class SampleQueue {
   bool accepts(const Sample& sample, const ContactState& contact,
                bool takes_expected) const noexcept;
 
-  /// Queues a sample that accepts() has let pass; the contact's origin is known. Tells `motion` of
-  /// the arrival of a sample of the path.
+  /// Queues a sample that accepts() has admitted; the contact's origin is known. Reports samples of
+  /// the path to `motion`.
   void push(const Sample& sample, const ContactState& contact, ToolMotion& motion) noexcept;
 
-  /// A contact begins: the next sample's rise is not one from the newest.
+  /// A contact begins: the next sample's rise is not relative to the newest.
   void begin_contact() noexcept {
     has_previous_ = false;
     first_of_contact_ = taken_;

@@ -5,7 +5,7 @@
 
 namespace forcegrid::kriging {
 
-/// How far apart two samples are, and what that means for keeping both.
+/// The distance between two samples, and whether both are worth keeping.
 ///
 ///   distance = max(|dP|, metres / newtons |dF|)
 ///
@@ -24,7 +24,7 @@ struct SampleSpacing {
   }
   /// Far enough from every other to be kept beside them.
   bool apart(double distance_m2) const noexcept { return distance_m2 >= metres * metres; }
-  /// So close that it is the same measurement once more, which may take the place of the first.
+  /// So close that it repeats the same measurement and may replace the first.
   bool repeated(double distance_m2) const noexcept {
     constexpr double kFraction = 0.3;
     return distance_m2 < kFraction * kFraction * metres * metres;

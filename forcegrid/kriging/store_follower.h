@@ -9,8 +9,8 @@
 namespace forcegrid::kriging {
 
 /// Decides when a StoreField exchanges samples for those around where the tool will be 50 ms later:
-/// after each sample, and after each 3 mm of motion beyond the place that it was prepared for; each
-/// time at most kMostPieces pieces, fewer once a piece finds nothing worth it.
+/// after each sample, and after each 3 mm of motion beyond the place that it was prepared for. Each
+/// time it does at most kMostPieces pieces, fewer once a piece finds no better sample.
 /// Real-time: nothing allocates, locks or throws.
 class StoreFollower {
  public:
@@ -24,9 +24,9 @@ class StoreFollower {
       pieces_left_ = kMostPieces;
     }
   }
-  /// Whether there may be something to exchange.
+  /// Whether there may be samples to exchange.
   bool due() const noexcept { return pieces_left_ > 0; }
-  /// One piece. @param tool_W where the tool is.
+  /// Does one piece. @param tool_W where the tool is.
   /// @returns whether the field's answers have changed.
   bool step(Field& field, const Eigen::Vector3d& tool_W, const Eigen::Vector3d& origin_W,
             const ToolMotion& motion) noexcept {
@@ -35,7 +35,7 @@ class StoreFollower {
     pieces_left_ = followed.more ? pieces_left_ - 1 : 0;
     return followed.changed;
   }
-  /// Where the field was prepared for last.
+  /// Where the field was last prepared for.
   const Eigen::Vector3d& ahead_W() const noexcept { return ahead_W_; }
 
  private:

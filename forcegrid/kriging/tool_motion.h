@@ -13,13 +13,13 @@ namespace forcegrid::kriging {
 /// W is the workspace frame. Real-time: nothing allocates, locks or throws. Threads: one.
 class ToolMotion {
  public:
-  /// Takes in the tool's time [s] and position [m] once a servo cycle. After a gap of 0.1 s or more
+  /// Takes the tool's time [s] and position [m] once per servo cycle. After a gap of 0.1 s or more
   /// the velocity starts at zero.
-  /// @returns false, changing nothing, if a value is not finite.
+  /// @returns false, with everything unchanged, if a value is not finite.
   bool observe(double time_s, const Eigen::Vector3d& position_W) noexcept;
 
-  /// Call when a sample of the tool's path arrives: measures the sample period. Without effect
-  /// before the first observation.
+  /// Call when a sample of the tool's path arrives: measures the sample period. No effect before
+  /// the first observation.
   void sample_arrived() noexcept;
 
   bool observed() const noexcept { return observed_; }

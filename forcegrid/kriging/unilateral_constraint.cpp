@@ -32,11 +32,11 @@ UnilateralConstraint::At UnilateralConstraint::at(const Vector3d& position_W) co
   const Vector3d from_surface_m = position_W - anchor_W + depth_m * normal_W;
   const Vector3d w = normal_W - curvature_per_m * from_surface_m;
   const double length = w.norm();
-  // (1 - |w|) / c, which would lose all digits near c = 0.
+  // (1 - |w|) / c, written so that it keeps its digits near c = 0.
   const double s_m =
       (2.0 * normal_W.dot(from_surface_m) - curvature_per_m * from_surface_m.squaredNorm()) /
       (1.0 + length);
-  const bool has_direction = length > 1e-9;  // a ball's centre has none
+  const bool has_direction = length > 1e-9;  // at a ball's centre there is none
   return {s_m, softplus(s_m, softness_m), has_direction ? Vector3d(w / length) : normal_W};
 }
 

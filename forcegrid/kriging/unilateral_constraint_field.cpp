@@ -83,7 +83,7 @@ bool UnilateralConstraintField<Real>::features_need(int slot) const noexcept {
 template <typename Real>
 bool UnilateralConstraintField<Real>::explain(const Observation& o,
                                               const Vector3d& error_N) noexcept {
-  // What is a surprise for one sample after the other is no wall.
+  // If every sample is a surprise, the cause is not a wall.
   if (failures_ >= kFailuresInARow && failures_ % kFailuresInARow != 0) {
     ++failures_;
     return false;

@@ -13,19 +13,19 @@
 namespace forcegrid::kriging {
 
 /// A smooth field and up to two one-sided constraints, found in the samples: for the kink in the
-/// force where the tool that holds an object comes up against another. See ConstraintFit for the
-/// model and ConstraintSearch for how constraints are found.
+/// force where the tool, holding an object, meets another one. See ConstraintFit for the model and
+/// ConstraintSearch for how constraints are found.
 ///
-/// A sample that surprises is taken for a constraint where one explains it. What is not explained
-/// is doubted, as in DictionaryField; a constraint that the samples then speak for with less than 3
-/// nats is dropped. After four surprises in a row that no constraint explained only every fourth is
+/// If a constraint explains a surprising sample, it is added. Samples that are not explained are
+/// doubted, as in DictionaryField; a constraint that the samples then support with less than 3 nats
+/// is dropped. After four surprises in a row that no constraint explained, only every fourth is
 /// searched. Without constraints the field is DictionaryField.
 ///
-/// Contacts: constraints are fixed in the workspace. At a new contact the smooth field moves along
-/// with the contact point, constraints stay where they are, and the factor that earlier contacts
-/// are scaled by is that of the smooth part of their forces.
+/// Contacts: constraints are fixed in the workspace. At a new contact the smooth field moves with
+/// the contact point, but constraints stay where they are. The factor that scales earlier contacts
+/// applies to the smooth part of their forces.
 ///
-/// The six samples that a constraint rests on are the last to leave the dictionary.
+/// The six samples that a constraint rests on are the last to be removed from the dictionary.
 ///
 /// Cost beyond DictionaryField: per sample up to two Newton steps per constraint; per surprise up
 /// to two factorisations and a search; per read() one exponential and one logarithm for each
@@ -53,11 +53,11 @@ class UnilateralConstraintField final
   }
   /// k1 [N/m] and k2 [N/m^2], negative where the wall pushes.
   Eigen::Vector2d constraint_stiffness(int index) const noexcept { return fit_.stiffness(index); }
-  /// [nats] What the samples speak for a constraint more than for none.
+  /// [nats] How much more the samples support a constraint than none.
   double constraint_gain(int index) const noexcept { return fit_.gain_of(index); }
 
-  /// Replaces the constraints by up to ConstraintFit::kMaxConstraints others, which stay as they
-  /// are until the next sample refines them.
+  /// Replaces the constraints by up to ConstraintFit::kMaxConstraints others, which stay unchanged
+  /// until the next sample refines them.
   void set_constraints(std::span<const UnilateralConstraint> constraints) noexcept;
 
  private:

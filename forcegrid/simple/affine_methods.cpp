@@ -24,7 +24,7 @@ void AffineMethod::forget() noexcept {
   slope_W_.setZero();
 }
 
-// A position that is not finite makes the force so, zero slope or not.
+// A position that is not finite makes the force not finite, even with a zero slope.
 ForceEstimate AffineMethod::force(double time_s, const Eigen::Vector3d& position_W) const noexcept {
   return estimate(time_s, force_W_ + slope_W_ * (position_W - position_W_));
 }

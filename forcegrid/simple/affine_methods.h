@@ -10,12 +10,12 @@ namespace forcegrid {
 ///   F(P) = F_k + J_k (P - P_k)
 ///
 /// The three differ in where J_k comes from. All are as good as J_k, and wrong by the object's
-/// curvature over the distance travelled since the newest sample: speed, delay and hardening
-/// springs show. Cost: a 3 x 3 product a query, a rank-one update at most a sample. Memory: itself.
-/// Samples of the newest one's time replace it.
+/// curvature over the distance travelled since the newest sample: errors grow with speed, delay and
+/// hardening springs. Cost: a 3 x 3 product per query, at most a rank-one update per sample.
+/// Memory: itself. A sample of the newest one's time replaces it.
 class AffineMethod : public ContactModelMethod {
  public:
-  /// Shorter steps between samples say nothing about the slope but their noise.
+  /// Shorter steps between samples show only noise of the slope.
   static constexpr double kShortestStep_m = 0.5e-3;
 
   [[nodiscard]] ForceEstimate force(double time_s,
@@ -23,7 +23,7 @@ class AffineMethod : public ContactModelMethod {
 
  private:
   /// J_k from J_{k-1} and the step dP [m], dF [N] since the sample before (zero for the first).
-  /// @returns false if the sample is of no use.
+  /// @returns false if the sample can't be used.
   virtual bool learn_slope(const Sample& sample, const Eigen::Vector3d& step_W_m,
                            const Eigen::Vector3d& change_W_N,
                            Eigen::Matrix3d& slope_W) const noexcept = 0;
@@ -52,8 +52,8 @@ class SecantMethod final : public AffineMethod {
                    Eigen::Matrix3d& slope_W) const noexcept override;
 };
 
-/// The smallest change of the slope that explains the last step, so that what other directions
-/// have taught is kept.
+/// The smallest change of the slope that explains the last step, so that it keeps what it has
+/// learnt in other directions.
 ///
 ///   J_k = J_{k-1} + (dF - J_{k-1} dP) dPᵀ / |dP|²   if |dP| > 0.5 mm, else J_{k-1};   J_0 = 0
 ///

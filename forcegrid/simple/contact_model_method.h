@@ -5,12 +5,12 @@
 
 namespace forcegrid {
 
-/// What the methods share that fit one model to the samples of a contact and forget it when the
-/// contact ends: which samples count, and what is known when.
+/// The common base of methods that fit one model to the samples of a contact and forget it when the
+/// contact ends: which samples count, and when the force is known.
 ///
 /// Samples that are not finite, answers to queries, and samples older than the newest are ignored.
-/// force() is kUnknown in contact until the first sample, kOk after it and out of contact, where
-/// the force is known to be zero. Nothing is left for work(). Real-time: as ForceMethod.
+/// In contact force() is kUnknown until the first sample and kOk after it; out of contact it is
+/// kOk, since the force is known to be zero. work() has nothing to do. Real-time: as ForceMethod.
 class ContactModelMethod : public ForceMethod {
  public:
   void take_sample(const Sample& sample) noexcept final;
@@ -19,13 +19,13 @@ class ContactModelMethod : public ForceMethod {
   int work(int budget) noexcept final;
 
  protected:
-  /// Takes a usable sample into the model. @param first of this contact.
-  /// @returns false if the method has no use for it.
+  /// Adds a usable sample to the model. @param first of this contact.
+  /// @returns false if the method can't use it.
   virtual bool learn(const Sample& sample, bool first) noexcept = 0;
-  /// Back to the model of before any sample, whose force is zero everywhere.
+  /// Returns to the initial model, whose force is zero everywhere.
   virtual void forget() noexcept = 0;
-  /// The estimate of a model's force. Not finite, the force is zero and the status kNotFinite; a
-  /// position that is not finite has to make the force so.
+  /// The estimate for a model's force. If that is not finite, the force is zero and the status
+  /// kNotFinite; a position that is not finite must make the force not finite.
   ForceEstimate estimate(double time_s, const Eigen::Vector3d& model_force_W) const noexcept;
 
  private:

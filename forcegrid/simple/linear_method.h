@@ -9,14 +9,14 @@ namespace forcegrid {
 ///
 ///   F(P, t) = F_k + (F_k - F_{k-1}) / (t_k - t_{k-1}) * min(t - t_k, 0.25 s)
 ///
-/// t_k is the time that F_k was computed for, P is not looked at. A sample of the same time as the
-/// one before takes its place without changing the slope.
+/// t_k is the time that F_k was computed for; P is not used. A sample of the same time as the one
+/// before replaces it without changing the slope.
 /// Source: extrapolation in time after Picinbono, Lombardo, Delingette, Ayache, "Improving
 /// realism of a surgery simulator: linear anisotropic elasticity, complex interactions and force
 /// extrapolation", J. Visualization and Computer Animation 13 (2002).
-/// Needs: force. Cost: three multiplications a query, a division a sample. Memory: itself.
-/// Fails where the motion reverses, with noise, and with delay, all of which the slope amplifies;
-/// like any force that does not follow P it is unstable on a light grip.
+/// Needs: force. Cost: three multiplications per query, a division per sample. Memory: itself.
+/// Fails where the motion reverses, with noise, and with delay, since the slope amplifies all
+/// three; like any force that does not follow P it is unstable on a light grip.
 class LinearMethod final : public ForceMethod {
  public:
   static constexpr double kLongestExtrapolation_s = 0.25;

@@ -7,7 +7,7 @@ namespace forcegrid {
 namespace {
 
 constexpr double kLength_m = 0.02;
-constexpr double kForgetting = 0.97;  // a sample
+constexpr double kForgetting = 0.97;  // per sample
 constexpr double kRidgeConstant = 1e-9;
 constexpr double kRidgeLinear = 1e-4;
 constexpr double kRidgeQuadratic = 1e-3;
@@ -39,7 +39,7 @@ bool RlsMethod::learn(const Sample& sample, bool first) noexcept {
     const Eigen::Matrix<double, kFeatures, 3> theta_W_N = cholesky.solve(moment_W_N_);
     anchored_W_N_ = theta_W_N.transpose();
   } else {
-    anchored_W_N_.setZero();  // beyond what doubles resolve; the anchor alone makes it hold
+    anchored_W_N_.setZero();  // below the resolution of doubles; the anchor alone holds the force
   }
   const Eigen::Vector3d residual_W_N = sample.force_W - anchored_W_N_ * features;
   anchored_W_N_.col(0) += residual_W_N;
@@ -52,7 +52,7 @@ void RlsMethod::forget() noexcept {
   anchored_W_N_.setZero();
 }
 
-// A position that is not finite makes the force so, null coefficients or not.
+// A position that is not finite makes the force not finite, even with zero coefficients.
 ForceEstimate RlsMethod::force(double time_s, const Eigen::Vector3d& position_W) const noexcept {
   return estimate(time_s, anchored_W_N_ * features_at(position_W));
 }

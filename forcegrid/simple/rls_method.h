@@ -18,9 +18,10 @@ namespace forcegrid {
 /// Source: a buffer model in the sense of Balaniuk, "Using fast local modelling to buffer haptic
 /// data" (PHANToM Users Group workshop, 1999), with regularised normal equations instead of his
 /// geometry.
-/// Needs: force. Cost: 30 multiplications a query; a Cholesky factorisation of 10 x 10 a sample.
-/// Memory: itself. Fails where a quadratic is no fit: after a cut until the old has faded, at
-/// kinks, and on a light grip with a fast simulator, where the samples of a moment span too little.
+/// Needs: force. Cost: 30 multiplications per query; a Cholesky factorisation of 10 x 10 per
+/// sample. Memory: itself. Fails where a quadratic does not fit: after a cut until old samples have
+/// faded, at kinks, and on a light grip with a fast simulator, where the samples of a moment span
+/// too little.
 class RlsMethod final : public ContactModelMethod {
  public:
   static constexpr int kFeatures = 10;
@@ -41,7 +42,7 @@ class RlsMethod final : public ContactModelMethod {
       Eigen::Matrix<double, kFeatures, kFeatures>::Zero();  ///< A
   Eigen::Matrix<double, kFeatures, 3> moment_W_N_ =
       Eigen::Matrix<double, kFeatures, 3>::Zero();  ///< B [N]
-  /// thetaᵀ [N] with the anchor added to the constant's column; a column for each feature.
+  /// thetaᵀ [N] with the anchor added to the constant's column; one column per feature.
   Eigen::Matrix<double, 3, kFeatures> anchored_W_N_ = Eigen::Matrix<double, 3, kFeatures>::Zero();
 };
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "rt/checkpoint.h"
 #include "text/text.h"
 
 namespace forcegrid::simulator {
@@ -19,7 +20,7 @@ constexpr btScalar kDamping = 0.05F;
 constexpr btScalar kStep_s = 1.0F / 60.0F;
 constexpr double kForceFloor_N = 0.05;
 constexpr int kStepsBetweenLooks = 2;
-// Stiffnesses differ; a material each of so many classes stands for them.
+// Stiffnesses differ; each of so many classes has its own material.
 constexpr int kMaterials = 64;
 
 btVector3 to_bullet(const Vector3d& v) {
@@ -47,7 +48,7 @@ class Body {
                  (mesh_.rest_position_W[i] - mesh_.top_W).norm() <= scene.patch_radius_m;
     }
     add_links(relaxation);
-    // Bullet's first step takes the present lengths for the rest lengths.
+    // Bullet's first step takes the present lengths as rest lengths.
     step(Vector3d::Zero());
   }
 
@@ -99,7 +100,7 @@ class Body {
       materials.back()->m_kLST = static_cast<btScalar>(relaxation * m / kMaterials);
     }
     const double stiffest_N_per_m = stiffest();
-    // Not with setMass(), which would make the present shape the one at rest.
+    // setMass() would make the present shape the one at rest.
     for (std::size_t i = 0; i < held_.size(); ++i) {
       body_->m_nodes[static_cast<int>(i)].m_im =
           immovable(static_cast<std::int32_t>(i)) ? btScalar(0) : btScalar(1);
@@ -110,7 +111,7 @@ class Body {
       const auto nearest = std::clamp<long>(std::lround(share * kMaterials), 1, kMaterials) - 1;
       body_->appendLink(spring.a, spring.b, materials[static_cast<std::size_t>(nearest)]);
     }
-    // Links in the mesh's order would pull the fixed point the same way all over.
+    // Links in the mesh's order would pull the fixed point the same way everywhere.
     body_->randomizeConstraints();
     body_->updateLinkConstants();
   }
@@ -135,6 +136,7 @@ std::vector<StepPoint> run(const Scene& scene, double relaxation, int steps,
   std::vector<StepPoint> points;
   double time_ms = 0.0;
   for (int done = 0; done < steps; done += kStepsBetweenLooks) {
+    rt::checkpoint(static_cast<std::size_t>(done), static_cast<std::size_t>(steps));
     const double start_s = thread_time_s();
     for (int i = 0; i < kStepsBetweenLooks; ++i) {
       body.step(displacement_W);

@@ -5,16 +5,16 @@
 
 namespace forcegrid::simulator {
 
-/// Bullet's btSoftBody as a peer of forcegrid simulate --bench: the same mesh with linear springs,
-/// its links' kLST relaxation in proportion to their stiffness (`relaxation` for the stiffest),
-/// halved for links to vertices that are held, since Bullet then moves one end only; equal masses,
-/// no gravity, no collisions, one position iteration a step. The force is read from Bullet's
-/// positions with the springs' own law, which is its best case; reading is not timed.
+/// Bullet's btSoftBody as a peer of forcegrid simulate --bench: the same mesh with linear springs.
+/// The kLST relaxation of its links is in proportion to their stiffness (`relaxation` for the
+/// stiffest), halved for links to vertices that are held, since Bullet then moves one end only.
+/// Equal masses, no gravity, no collisions, one position iteration per step. The force comes from
+/// Bullet's positions by the springs' own law, which is its best case; reading it is not timed.
 ///
 /// kLST is a relaxation factor, not a stiffness: the springs' equilibrium is its fixed point only
 /// as it tends to 0.
 /// @param relaxation  in (0, 1].
-/// @param steps  after which it ends.
+/// @param steps  the number of steps that it takes.
 StepPeer bullet_peer(double relaxation, int steps = 800);
 
 }  // namespace forcegrid::simulator

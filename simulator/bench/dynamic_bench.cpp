@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rt/checkpoint.h"
 #include "simulator/bench/solver_bench.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/dynamic_object.h"
@@ -33,7 +34,9 @@ void measure_motion(DynamicObject& object, const std::vector<Vector3d>& displace
                     double period_s, DynamicRow& row) {
   double spent_ms = 0.0;
   double iterations = 0.0;
+  std::size_t done = 0;
   for (const Vector3d& displacement_W : displacements_W) {
+    rt::checkpoint(done++, displacements_W.size());
     const double start_s = thread_time_s();
     const Equilibrium moved = object.advance(period_s, displacement_W);
     const double time_ms = 1e3 * (thread_time_s() - start_s);
@@ -56,6 +59,7 @@ void measure_swing(DynamicObject& object, const SpringMesh& mesh, DynamicRow& ro
   double before_J = row.released_J;
   const int steps = static_cast<int>(std::lround(kSwing_s / row.step_s));
   for (int step = 1; step <= steps; ++step) {
+    rt::checkpoint(static_cast<std::size_t>(step - 1), static_cast<std::size_t>(steps));
     object.advance(row.step_s, Vector3d::Zero());
     const double now_J = over_rest_J();
     row.largest_rise_percent =

@@ -11,30 +11,30 @@
 
 namespace forcegrid::simulator {
 
-/// [J] What the springs (natural lengths: none), home springs, loads (at rest: none) and the
-/// vertices' motion hold.
+/// [J] Energy of the springs (none at natural length), home springs, loads (none at rest) and the
+/// vertices' motion.
 double energy_J(const SpringMesh& mesh, const std::vector<Eigen::Vector3d>& position_W,
                 const std::vector<Eigen::Vector3d>& velocity_W);
 
-/// DynamicObject with one time step, measured.
+/// Measurements of DynamicObject with one time step.
 struct DynamicRow {
   double step_s = 0.0;
   std::size_t steps = 0;  ///< along the motion
   double mean_ms = 0.0;   ///< processor time of one step
-  double max_ms = 0.0;    ///< of one move's mean step
+  double max_ms = 0.0;    ///< the largest mean over one move's steps
   double iterations_mean = 0.0;
   double unconverged = 0.0;  ///< fraction of the moves
-  /// |F - F_converged| in % of |F_converged|, the tool having stood still for static_after_s.
+  /// |F - F_converged| in % of |F_converged|, after the tool has stood still for static_after_s.
   double static_error_percent = 0.0;
   double static_after_s = 0.0;
-  double released_J = 0.0;            ///< energy over that of rest in the moment when it is let go
-  double after_100ms_percent = 0.0;   ///< of it is left after 0.1 s
+  double released_J = 0.0;            ///< energy above that at rest when the tool lets go
+  double after_100ms_percent = 0.0;   ///< part of it that is left after 0.1 s
   double largest_rise_percent = 0.0;  ///< of it, from one step to the next in 0.5 s; 0: never rose
 };
 
-/// Moves a tool that holds the scene's top along the displacements, one each 1 / `rate_Hz`, with
-/// steps of 1, 2 and 4 ms and of the whole 1 / rate_Hz; then lets it stand still at the last one,
-/// compares with ElasticObject<double>'s equilibrium, and lets go.
+/// Moves a tool that holds the scene's top along the displacements, one per 1 / `rate_Hz`, with
+/// steps of 1, 2 and 4 ms and of the whole 1 / rate_Hz. Then it holds the tool still at the last
+/// one, compares with ElasticObject<double>'s equilibrium, and lets go.
 /// @param displacements_W  [m] since the grab; not empty.
 /// @returns no rows for a scene without masses.
 /// Throws Error for a scene whose top can't be held, or an empty motion.

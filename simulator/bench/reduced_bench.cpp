@@ -5,8 +5,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "rt/checkpoint.h"
 #include "rt/percentiles.h"
 #include "simulator/bench/solver_bench.h"
+#include "simulator/bench/solver_motion.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/reduced_object.h"
 #include "simulator/solver/reduced_training.h"
@@ -16,13 +18,6 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr double kStateTolerance = 1e-4;
-
-void require_held(int held, const Scene& scene) {
-  if (held == 0) {
-    throw Error("bench: no free vertex within " + text::number_text(scene.patch_radius_m) +
-                " m of the top of scene " + scene.name + "; use a larger patch_radius_m");
-  }
-}
 
 ElasticObject<float> held(const Scene& scene, double relative_tolerance) {
   ElasticObject<float> object(scene.mesh, {.relative_tolerance = relative_tolerance});
@@ -41,7 +36,9 @@ struct ReducedBench::Parts {
 ReducedBench::ReducedBench(const Scene& scene, const std::vector<Eigen::Vector3d>& training_W) {
   ElasticObject<float> full = held(scene, SolverOptions{}.relative_tolerance);
   ReducedTrainingSet set = begin_training_set(scene.mesh, full);
+  std::size_t done = 0;
   for (const Eigen::Vector3d& displacement_W : training_W) {
+    rt::checkpoint(done++, training_W.size());
     add_state(scene.mesh, full, full.move_to(displacement_W), {}, set);
   }
   const double start_s = thread_time_s();
@@ -74,7 +71,9 @@ ReducedRow ReducedBench::compare_states(const std::vector<Eigen::Vector3d>& disp
   double error2_m2 = 0.0;
   double largest2_m2 = 0.0;
   double moved2_m2 = 0.0;
+  std::size_t done = 0;
   for (const Eigen::Vector3d& displacement_W : displacements_W) {
+    rt::checkpoint(done++, displacements_W.size());
     const ReducedSnapshot state =
         take_snapshot(parts_->scene.mesh, full, full.move_to(displacement_W));
     model.move_to(state.displacement_W);
@@ -106,7 +105,9 @@ LearningRow bench_learning(const Scene& scene, const std::vector<Eigen::Vector3d
   double largest2_N2 = 0.0;
   double force2_N2 = 0.0;
   rt::Percentiles times_us;
+  std::size_t done = 0;
   for (const Eigen::Vector3d& displacement_W : displacements_W) {
+    rt::checkpoint(done++, displacements_W.size());
     const Equilibrium answer = object.move_to(displacement_W);
     const Eigen::Vector3d full_W = full.move_to(displacement_W).force_W;
     const double error2_N2 = (answer.force_W - full_W).squaredNorm();

@@ -14,7 +14,7 @@
 
 namespace forcegrid::simulator {
 
-/// What a reduced model took to make, and how near its states are to the full solver's.
+/// The cost of making a reduced model, and how near its states are to the full solver's.
 struct ReducedRow {
   std::size_t states = 0;   ///< that it was trained on
   double training_s = 0.0;  ///< processor time, without the full solver's
@@ -32,7 +32,7 @@ struct ReducedRow {
 /// others. Threads: one.
 class ReducedBench {
  public:
-  /// @param training_W  [m] displacements of the tool since the grab, 30 a second.
+  /// @param training_W  [m] displacements of the tool since the grab, 30 per second.
   /// Throws Error for a scene whose top can't be held, or a motion that leaves nothing to train on.
   ReducedBench(const Scene& scene, const std::vector<Eigen::Vector3d>& training_W);
   ~ReducedBench();
@@ -41,7 +41,7 @@ class ReducedBench {
   std::string setting() const;  ///< modes and springs in words
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
 
-  /// Compares its states along `displacements_W` [m] with the full solver's, to a residual of 1e-4.
+  /// Compares its states along `displacements_W` [m] with the full solver's at a residual of 1e-4.
   ReducedRow compare_states(const std::vector<Eigen::Vector3d>& displacements_W);
 
  private:
@@ -49,11 +49,11 @@ class ReducedBench {
   std::unique_ptr<Parts> parts_;
 };
 
-/// How a ReducedObject learnt along a motion.
+/// How a ReducedObject learned along a motion.
 struct LearningRow {
   std::size_t answers = 0;
   double rate_Hz = 0.0;
-  double by_model_percent = 0.0;     ///< of the answers that a reduced model gave
+  double by_model_percent = 0.0;     ///< part of the answers that a reduced model gave
   double model_error_percent = 0.0;  ///< of these, RMS of |F - F_full| in % of RMS |F_full| of all
   double max_error_percent = 0.0;    ///< the largest of all answers, in % of the same
   double model_median_ms = 0.0;      ///< wall time of a model's answer, without its check
@@ -63,9 +63,9 @@ struct LearningRow {
   std::uint64_t failed_checks = 0;
 };
 
-/// Moves a new ReducedObject that holds the scene's top along `displacements_W` [m], trainings and
-/// checks within the moves, so that the outcome doesn't depend on the machine's speed. Compared
-/// with the full solver to a residual of 1e-4. Throws Error for a scene whose top can't be held, or
+/// Moves a new ReducedObject that holds the scene's top along `displacements_W` [m]. Trainings and
+/// checks run within the moves, so that the outcome doesn't depend on the machine's speed. Compares
+/// with the full solver at a residual of 1e-4. Throws Error for a scene whose top can't be held, or
 /// an empty motion.
 LearningRow bench_learning(const Scene& scene, const std::vector<Eigen::Vector3d>& displacements_W,
                            double rate_Hz);

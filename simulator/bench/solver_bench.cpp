@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "rt/checkpoint.h"
 #include "simulator/bench/solver_motion.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/direct_method.h"
@@ -23,11 +24,11 @@ using Eigen::Vector3d;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kStep_m = 0.010;
 constexpr double kFastBorder = 1e-3;
-// For objects whose answers would be late: the prediction's force, as direct's.
+// For objects whose answers would be late: the prediction's force is sent, as direct does.
 constexpr double kAnswerFirstBelow = 0.01;
 constexpr int kAnswerFirstIterations = 2;
 constexpr int kStepRepeats = 3;
-// Against other work on the machine; of larger objects a pass takes long enough.
+// Repeats guard against other work on the machine; with larger objects one pass takes long enough.
 constexpr std::size_t kMostVerticesRepeated = 5'000;
 constexpr double kLearningRate_Hz = 100.0;
 const std::string kQuasiStatic = to_string(SolverKind::kQuasiStatic);
@@ -36,14 +37,7 @@ const std::string kReduced = to_string(SolverKind::kReduced);
 
 std::string tolerance_text(double tolerance) { return "|r| " + text::number_text(tolerance); }
 
-void require_held(int held, const Scene& scene) {
-  if (held == 0) {
-    throw Error("bench: no free vertex within " + text::number_text(scene.patch_radius_m) +
-                " m of the top of scene " + scene.name + "; use a larger patch_radius_m");
-  }
-}
-
-// Nothing where there is no motion to train on. The model is what the subjects of a run share.
+// Nothing if there is no motion to train on. All subjects of a run share the model.
 std::shared_ptr<ReducedBench> train(const Scene& scene, const SolverBenchOptions& options) {
   return options.training_W.empty() ? nullptr
                                     : std::make_shared<ReducedBench>(scene, options.training_W);
@@ -140,8 +134,8 @@ void measure_motion(const Scene& scene, const SolverBenchOptions& options,
   }
 }
 
-// Time from which on `reached` holds for all later points; of points that are solved anew each, one
-// further on may have been the quicker.
+// Time from which on `reached` holds for all later points. If the points are solved from rest each,
+// a later one may be the quicker.
 template <typename Reached>
 double time_until_ms(const std::vector<StepPoint>& points, Reached reached) {
   double time_ms = kNever;
@@ -176,13 +170,17 @@ StepRow step_row(std::string solver, const std::vector<StepPoint>& points, doubl
   return row;
 }
 
-// One point a tolerance, each from rest; of the repeats the quickest.
+// One point per tolerance, each from rest; the quickest of the repeats.
 std::vector<StepPoint> step_points(const std::function<SolverSubject(double tolerance)>& make,
                                    const Vector3d& displacement_W, const Vector3d& converged_W) {
   std::vector<StepPoint> points;
-  for (double exponent = -0.5; exponent >= -4.51; exponent -= 0.25) {
+  constexpr int kTolerances = 17;
+  for (int k = 0; k < kTolerances; ++k) {
+    const double exponent = -0.5 - 0.25 * k;
     StepPoint point{.time_ms = kNever};
     for (int repeat = 0; repeat < kStepRepeats; ++repeat) {
+      rt::checkpoint(static_cast<std::size_t>(k * kStepRepeats + repeat),
+                     static_cast<std::size_t>(kTolerances * kStepRepeats));
       const SolverSubject subject = make(std::pow(10.0, exponent));
       const double start_s = thread_time_s();
       const SolverSubject::Answer answer = subject.move_to(displacement_W);
@@ -221,15 +219,21 @@ void measure_step(const Scene& asked, const SolverBenchOptions& options,
   const auto vertices = static_cast<double>(scene.mesh.rest_position_W.size());
   const auto ours = [&scene](double tolerance) {
     SolverOptions solver;
-    solver.max_step_m = kStep_m;  // linear springs bear it
+    solver.max_step_m = kStep_m;  // linear springs allow it
     solver.relative_tolerance = tolerance;
     return elastic_subject(scene, solver, {});
   };
   const auto plain = [&scene](double tolerance) { return newton_subject(scene, tolerance); };
-  result.step.push_back(
-      step_row(kQuasiStatic, step_points(ours, displacement_W, converged_W), vertices));
-  result.step.push_back(
-      step_row(kNewton, step_points(plain, displacement_W, converged_W), vertices));
+  {
+    const rt::PartOfWork half(0.0, 0.5);
+    result.step.push_back(
+        step_row(kQuasiStatic, step_points(ours, displacement_W, converged_W), vertices));
+  }
+  {
+    const rt::PartOfWork half(0.5, 1.0);
+    result.step.push_back(
+        step_row(kNewton, step_points(plain, displacement_W, converged_W), vertices));
+  }
   for (const StepPeer& peer : options.peers) {
     if (options.say) {
       options.say("step, " + peer.name);

@@ -14,7 +14,7 @@
 
 namespace forcegrid::simulator {
 
-/// One state of a solver that goes on: the processor time spent so far and what it has reached.
+/// One state of a solver in progress: the processor time spent so far and what it has reached.
 struct StepPoint {
   double time_ms = 0.0;
   double relative_residual = 0.0;  ///< |r| / max(|F|, 0.05 N), as Equilibrium defines it
@@ -35,9 +35,9 @@ struct SolverBenchOptions {
   /// [m] Displacements of the tool since it took hold of the top, the first one near zero.
   std::vector<Eigen::Vector3d> at_30_Hz_W;
   std::vector<Eigen::Vector3d> at_500_Hz_W;
-  /// [m] The motion that a reduced model is trained on, 30 a second; empty: none is made.
+  /// [m] The motion that a reduced model is trained on, 30 per second; empty: none is made.
   std::vector<Eigen::Vector3d> training_W;
-  /// [m] The motion that a reduced model is learnt along, 100 a second; empty: that isn't measured.
+  /// [m] The motion along which a reduced model learns, 100 per second; empty: not measured.
   std::vector<Eigen::Vector3d> learning_W;
   int passes = 5;           ///< of each solver, see SolverMotion; 1 beyond 5,000 vertices
   double settling_s = 0.5;  ///< ticks before it are solved, but not counted
@@ -50,19 +50,19 @@ struct StepRow {
   std::string solver;
   double to_residual_1e2_ms = 0.0;
   double to_residual_1e3_ms = 0.0;
-  double first_error_1_ms = 0.0;  ///< within 1 % for the first time, perhaps in passing
-  double to_error_1_ms = 0.0;     ///< from here on the force is within 1 % of the converged one
+  double first_error_1_ms = 0.0;  ///< first time within 1 %, perhaps in passing
+  double to_error_1_ms = 0.0;     ///< from here on within 1 % of the converged force
   double to_error_01_ms = 0.0;    ///< 0.1 %
   double least_error_percent = 0.0;
   double vertices = 0.0;
 };
 
-/// How many times as long as `solver` the cheapest setting of `peer` takes that is as accurate.
+/// Time of `peer`'s cheapest setting that is as accurate as `solver`, over `solver`'s time.
 struct SpeedRatio {
   std::string solver;
   std::string peer;
   std::string at;
-  double ratio = 0.0;  ///< infinity: the peer gets there with no setting
+  double ratio = 0.0;  ///< infinity: no setting of the peer is as accurate
 };
 
 struct SolverBenchResult {
@@ -72,7 +72,7 @@ struct SolverBenchResult {
   std::vector<MotionRow> motion{};
   std::vector<StepRow> step{};
   std::vector<DynamicRow> dynamic{};  ///< of a scene with masses
-  std::vector<ReducedRow> reduced{};  ///< where there is a motion to train on; states at 30 Hz
+  std::vector<ReducedRow> reduced{};  ///< if there is a motion to train on; states at 30 Hz
   std::vector<LearningRow> learning{};
   std::vector<SpeedRatio> ratios{};
   std::vector<std::string> remarks{};  ///< what was left out and why

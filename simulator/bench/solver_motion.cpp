@@ -7,6 +7,7 @@
 #include <memory>
 #include <utility>
 
+#include "rt/checkpoint.h"
 #include "rt/percentiles.h"
 #include "simulator/mesh/error.h"
 #include "simulator/reference/reference_solution.h"
@@ -15,16 +16,16 @@
 #include "text/text.h"
 
 namespace forcegrid::simulator {
-namespace {
-
-using Eigen::Vector3d;
-
 void require_held(int held, const Scene& scene) {
   if (held == 0) {
     throw Error("bench: no free vertex within " + text::number_text(scene.patch_radius_m) +
                 " m of the top of scene " + scene.name + "; use a larger patch_radius_m");
   }
 }
+
+namespace {
+
+using Eigen::Vector3d;
 
 SolverSubject::Answer answer_of(const Equilibrium& e) {
   return {e.force_W, e.relative_residual, static_cast<double>(e.iterations),
@@ -117,8 +118,12 @@ SolverMotion::SolverMotion(const Scene& scene, const std::vector<Vector3d>& disp
   ReferenceOptions reference;
   reference.contact_point_W = scene.mesh.top_W;
   reference.patch_radius_m = scene.patch_radius_m;
+  reference.progress = [](double done, double) {
+    constexpr std::size_t kPieces = 1000;
+    rt::note_progress(static_cast<std::size_t>(done * kPieces), kPieces);
+  };
   std::vector<Vector3d> positions_W;
-  // From rest on, so that the converged solver stays on the branch that the subjects come along.
+  // Starts at rest, so that the converged solver stays on the subjects' branch.
   for (std::size_t tick = first_ % reference_every_; tick < displacements_W.size();
        tick += reference_every_) {
     positions_W.push_back(scene.mesh.top_W + displacements_W[tick]);
@@ -142,11 +147,20 @@ std::vector<MotionRow> SolverMotion::measure(
     const std::vector<std::function<SolverSubject()>>& makes, int passes) const {
   std::vector<MotionRow> rows;
   std::vector<std::vector<double>> shortest_ms(makes.size());
+  // Slow and quick solvers take turns, so that passes take equal times, their parts do not.
+  const auto part_of = [&](int pass, std::size_t k) {
+    const double whole = static_cast<double>(passes) * static_cast<double>(makes.size());
+    const double before =
+        static_cast<double>(pass) * static_cast<double>(makes.size()) + static_cast<double>(k);
+    return rt::PartOfWork(before / whole, (before + 1.0) / whole);
+  };
   for (std::size_t k = 0; k < makes.size(); ++k) {
+    const rt::PartOfWork part = part_of(0, k);
     rows.push_back(run(makes[k](), shortest_ms[k]));
   }
   for (int pass = 1; pass < passes; ++pass) {
     for (std::size_t k = 0; k < makes.size(); ++k) {
+      const rt::PartOfWork part = part_of(pass, k);
       std::vector<double> times_ms;
       run(makes[k](), times_ms);
       for (std::size_t tick = 0; tick < times_ms.size(); ++tick) {
@@ -161,7 +175,7 @@ std::vector<MotionRow> SolverMotion::measure(
 }
 
 void SolverMotion::set_times(const std::vector<double>& times_ms, MotionRow& row) const {
-  rt::Percentiles times_us;  // which tells nothing below 1/64 apart
+  rt::Percentiles times_us;  // resolves steps of 1/64
   row.mean_ms = row.max_ms = 0.0;
   for (const double time_ms : times_ms) {
     row.mean_ms += time_ms / static_cast<double>(times_ms.size());
@@ -178,6 +192,7 @@ MotionRow SolverMotion::run(const SolverSubject& subject, std::vector<double>& t
   double largest_N = 0.0;
   double whole_solutions = 0.0;
   for (std::size_t tick = 0; tick < displacements_W_.size(); ++tick) {
+    rt::checkpoint(tick, displacements_W_.size());
     const double start_s = thread_time_s();
     const SolverSubject::Answer answer = subject.move_to(displacements_W_[tick]);
     const double time_ms = 1e3 * (thread_time_s() - start_s);

@@ -26,8 +26,8 @@ struct SolverSubject {
   std::string name;
   std::string setting;
   std::function<Answer(const Eigen::Vector3d& displacement_W)> move_to;
-  /// What another processor does during a tick of `period_s` [s]. Empty: nothing.
-  /// @returns [ms] its time for a solution that began in it; 0: none did.
+  /// The work of another processor during a tick of `period_s` [s]. Empty: none.
+  /// @returns [ms] its time for a solution that began in this tick; 0: none began.
   std::function<double(double period_s)> meanwhile{};
 };
 
@@ -35,8 +35,8 @@ struct SolverSubject {
 SolverSubject elastic_subject(const Scene& scene, const SolverOptions& options,
                               std::string setting);
 SolverSubject newton_subject(const Scene& scene, double relative_tolerance);
-/// The whole object is solved between the ticks, and handed over after as many of them as its
-/// processor time takes: what a second processor would do, without the noise of the system's
+/// The whole object is solved between the ticks. Its solution is handed over after as many ticks as
+/// its processor time takes: what a second processor would do, without the noise of the system's
 /// scheduling.
 SolverSubject two_rates_subject(const Scene& scene, const TwoRatesOptions& options,
                                 std::string setting);
@@ -56,7 +56,7 @@ struct MotionRow {
   double iterations_mean = 0.0;
   double vertices_mean = 0.0;  ///< that the solver touched
   double unconverged = 0.0;    ///< fraction of the ticks whose tolerance was not reached
-  /// At two rates: of a solution of the whole object, on the other processor; 0: none.
+  /// Two rates: time of one solution of the whole object, on the other processor; 0: none.
   double whole_mean_ms = 0.0;
 };
 
@@ -67,16 +67,17 @@ class SolverMotion {
   /// @param displacements_W  [m] of the tool since it took hold of the top, the first near zero.
   /// @param settling_s  ticks before it are solved, but not counted.
   /// @param reference_every  counted ticks from one comparison with the converged force to the
-  /// next. Throws Error for a motion without a counted tick, or reference_every < 1.
+  ///   next.
+  /// Throws Error for a motion without a counted tick, or reference_every < 1.
   SolverMotion(const Scene& scene, const std::vector<Eigen::Vector3d>& displacements_W,
                double rate_Hz, double settling_s, int reference_every = 1);
 
-  /// Takes the subject through it, which must be new.
+  /// Moves the subject, which must be new, along it.
   MotionRow measure(const SolverSubject& subject) const;
 
-  /// The same of several solvers in turn, each with `passes` >= 1 new subjects. Of a tick's times
-  /// the shortest counts, since they all solve the same and what differs is other work on the
-  /// machine; everything else is the first pass's.
+  /// The same for several solvers in turn, each with `passes` >= 1 new subjects. The shortest of a
+  /// tick's times counts: all passes solve the same, and only other work on the machine differs.
+  /// Everything else is the first pass's.
   std::vector<MotionRow> measure(const std::vector<std::function<SolverSubject()>>& makes,
                                  int passes) const;
 
@@ -94,5 +95,8 @@ class SolverMotion {
 
 /// [s] Processor time of the calling thread.
 double thread_time_s();
+
+/// @throws Error if the tool has taken hold of no vertex of the scene (`held` is 0).
+void require_held(int held, const Scene& scene);
 
 }  // namespace forcegrid::simulator

@@ -13,11 +13,14 @@
 
 namespace forcegrid::simulator {
 
+/// How often SolverScalingOptions::say is called for each object.
+inline constexpr int kScalingSteps = 4;
+
 /// What a servo cycle costs against the size of the object, for each solver.
 struct SolverScalingOptions {
   std::vector<int> block_sizes{1'000, 10'000, 100'000};  ///< vertices, each in 1,000..1,000,000
   std::vector<std::string> scenes{"stomach"};            ///< beside the blocks, as make_scene()
-  /// [m] Displacements of the tool since it took hold of the top, one a servo cycle of `rate_Hz`;
+  /// [m] Displacements of the tool since it took hold of the top, one per servo cycle of `rate_Hz`;
   /// the first near zero.
   std::vector<Eigen::Vector3d> displacements_W;
   double rate_Hz = 500.0;
@@ -30,7 +33,7 @@ struct SolverScalingOptions {
 /// or two_rates, whose time is the servo's share alone.
 struct SolverScalingRow {
   std::string scene;
-  bool block = false;  ///< of the row of blocks that differ in size alone
+  bool block = false;  ///< one of the row of blocks that differ in size alone
   std::size_t vertices = 0;
   std::size_t springs = 0;
   MotionRow motion;
@@ -40,10 +43,10 @@ struct SolverScalingRow {
 /// of them two apart; x has the most. Throws Error outside 1,000..1,000,000.
 std::array<int, 3> block_counts(int vertices);
 
-/// The scene `block` with as many vertices, in the same cube of 0.1 m.
+/// The scene `block` with that many vertices, in the same cube of 0.1 m.
 Scene block_of_size(int vertices);
 
-/// One after the other on the calling thread.
+/// Measures one after the other on the calling thread.
 /// Throws Error for sizes and scenes that can't be used, or motions without a counted cycle.
 std::vector<SolverScalingRow> bench_scaling(const SolverScalingOptions& options);
 

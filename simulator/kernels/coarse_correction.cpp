@@ -12,12 +12,12 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr std::size_t kFewestVertices = 500;
-// Aimed at, up to kCellsUpTo vertices: more cells save iterations but cost a denser solve. Beyond,
-// as many more as an iteration gets dearer by, to the power of 2/3.
+// Target up to kCellsUpTo vertices: more cells save iterations but cost a denser solve. For larger
+// objects it grows as the cost of an iteration to the power of 2/3.
 constexpr double kCells = 27.0;
 constexpr double kCellsUpTo = 4'000.0;
 constexpr int kMaxCellsPerAxis = 8;
-// Nodes that no free vertex sees, and rounding, leave P^T K P singular without it.
+// Without it, nodes that no free vertex sees, and rounding, leave P^T K P singular.
 constexpr float kRelativeRegularisation = 1e-5F;
 
 using kernels::CoarsePlace;
@@ -178,7 +178,7 @@ void invert_coarse(const kernels::SpringRows& rows,
   const Eigen::LLT<Eigen::MatrixXf> factor(stiffness);
   const Eigen::MatrixXf inverse = factor.solve(Eigen::MatrixXf::Identity(unknowns, unknowns));
   if (factor.info() != Eigen::Success || !inverse.allFinite()) {
-    // Block-Jacobi alone converges too, only later.
+    // Block-Jacobi alone converges too, but later.
     std::fill(coarse.inverse_m_per_N.begin(), coarse.inverse_m_per_N.end(), 0.0F);
     return;
   }

@@ -13,16 +13,16 @@ namespace forcegrid::simulator {
 /// The coarse half of the solver's preconditioner: M = block-Jacobi + P (P^T K P)^-1 P^T, with P
 /// the trilinear interpolation from a regular grid of a few dozen cells (some hundred for objects
 /// of 100,000 vertices) over the object's rest shape, 0 on vertices that can't move freely.
-/// Block-Jacobi alone moves news one spring an iteration; the coarse half carries it across the
-/// object at once, which matters when a force that was large has to be small to the same relative
-/// tolerance. Source: additive two-level preconditioning, Smith, Bjorstad and Gropp, Domain
-/// Decomposition (1996), section 2.1.
+/// Block-Jacobi alone carries a change one spring per iteration; the coarse half carries it across
+/// the object at once, which matters when a force that was large has to be small to the same
+/// relative tolerance. Source: additive two-level preconditioning, Smith, Bjorstad and Gropp,
+/// Domain Decomposition (1996), section 2.1.
 /// @param rest  [m] the vertices' rest positions.
-/// @param free  1 for a vertex that moves freely.
 /// @returns the places alone; an empty grid for an object too small to gain from it.
 kernels::CoarseGrid make_coarse_grid(const std::vector<Eigen::Vector3d>& rest);
 
 /// Fills in the inverse of P^T K P for the springs' present tangents and the home springs.
+/// @param free  1 for a vertex that moves freely.
 void invert_coarse(const kernels::SpringRows& rows,
                    const std::vector<kernels::SpringTangent>& tangent,
                    const std::vector<kernels::VertexForce>& vertex_force,

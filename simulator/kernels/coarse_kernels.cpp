@@ -89,7 +89,7 @@ FORCEGRID_MULTIVERSION void next_direction_by_cell(const CoarseGrid& coarse, con
   }
 }
 
-// Rows of the inverse that are worked out side by side: two wide registers a lane.
+// Rows of the inverse that are computed side by side: two wide registers per lane.
 constexpr std::int32_t kRows = 16;
 
 // kRows unknowns from `first` on; the matrix is symmetric, so that its rows are its columns.

@@ -29,8 +29,8 @@ struct CoarseGrid {
   std::int32_t node_count = 0;
   std::int32_t stride_y = 0;  ///< node number = x + stride_y y + stride_z z
   std::int32_t stride_z = 0;
-  std::vector<CoarsePlace> place;  ///< one a vertex
-  std::vector<CoarseCell> cell;    ///< the same cell by cell
+  std::vector<CoarsePlace> place;  ///< one per vertex
+  std::vector<CoarseCell> cell;    ///< the same, cell by cell
   std::vector<CoarseMember> member;
   std::vector<float> inverse_m_per_N;  ///< (3 node_count)^2, row major: the coarse K's inverse
 };

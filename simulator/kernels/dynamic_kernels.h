@@ -7,8 +7,8 @@
 
 #include "simulator/kernels/spring_kernels.h"
 
-// The loops of DynamicObject. As with the other kernels, all arrays have one entry a vertex or a
-// spring in the order of SpringRows, and component 3 of every vector is 0.
+// The loops of DynamicObject. As with the other kernels, all arrays have one entry per vertex or
+// per spring in the order of SpringRows, and component 3 of every vector is 0.
 namespace forcegrid::simulator::kernels {
 
 /// What one spring adds to a step's matrix: Q = q q^T + b I between its two ends, with
@@ -46,7 +46,7 @@ struct alignas(32) SymmetricBlock {
 void invert_step_blocks(const SpringRows& rows, const StepSpring* step, const double* inertia_kg,
                         const std::uint8_t* free, SymmetricBlock* inverse) noexcept;
 
-/// What a step of conjugate gradients amounts to.
+/// Sums of one step of conjugate gradients.
 struct DescentSums {
   double squared = 0.0;         ///< residual . residual
   double preconditioned = 0.0;  ///< residual . M residual

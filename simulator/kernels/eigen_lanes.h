@@ -5,7 +5,7 @@
 
 #include "simulator/kernels/lanes.h"
 
-// Between the kernels' SIMD lanes and Eigen. Real-time: yes.
+// Conversions between the kernels' SIMD lanes and Eigen. Real-time: yes.
 namespace forcegrid::simulator::kernels {
 
 inline Eigen::Vector3d to_vector(const Precise& precise) noexcept {

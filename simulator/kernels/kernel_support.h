@@ -17,8 +17,8 @@
 #endif
 #define FORCEGRID_INLINE inline __attribute__((always_inline))
 
-/// Two Float4 side by side, and the halves again. Not functions: how a vector this wide is handed
-/// over differs between the versions.
+/// Two Float4 side by side, and the halves again. These are not functions, because the versions
+/// differ in how they pass a vector this wide.
 #define FORCEGRID_PAIR(low, high) __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7)
 #define FORCEGRID_LOW(pair) __builtin_shufflevector(pair, pair, 0, 1, 2, 3)
 #define FORCEGRID_HIGH(pair) __builtin_shufflevector(pair, pair, 4, 5, 6, 7)

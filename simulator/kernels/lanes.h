@@ -10,7 +10,7 @@ using Float4 = float __attribute__((vector_size(16)));
 using Double4 = double __attribute__((vector_size(32)));
 
 /// One vertex's position [m] or force [N] in double precision; w is 0. A class, since a container
-/// of bare vector types would forget their alignment.
+/// of bare vector types would lose their alignment.
 struct alignas(32) Precise {
   Double4 xyz;
 };

@@ -10,7 +10,7 @@
 namespace forcegrid::simulator::kernels {
 namespace {
 
-// Below it a diagonal block is taken as singular; its entries carry single precision's 1e-7.
+// Below this a diagonal block counts as singular; its entries carry single precision's 1e-7.
 constexpr double kSmallestRelativeDeterminant = 1e-7;
 
 FORCEGRID_INLINE Float4 rotate_left(Float4 v) { return __builtin_shufflevector(v, v, 1, 2, 0, 3); }
@@ -45,9 +45,10 @@ FORCEGRID_MULTIVERSION void take_positions(std::int32_t vertex_count, const Lane
   }
 }
 
-// What the springs of one row do to the vertices at their ends, in `kSign` times K's sense: sum[]
-// += what they do to the row's own vertex, from `here`, its three components, and there[] -= the
-// same at their other ends. `scale`: of the part along each spring, a lane: w (w . d), beside t d.
+// Applies the springs of one row to the vertices at their ends, with the sign kSign of K. Adds to
+// sum[] their effect on the row's own vertex, whose three components are `here`, and subtracts the
+// same from there[] at their other ends. `scale` multiplies, in each lane, the part along a spring,
+// w (w . d), but not t d.
 template <int kSign>
 FORCEGRID_INLINE void add_row(std::int32_t begin, std::int32_t end, const std::int32_t* other,
                               const SpringTangent* tangent, const Lanes* from, const Float4& scale,
@@ -138,7 +139,7 @@ FORCEGRID_INLINE void apply_rows(const SpringRows& rows, const SpringTangent* ta
   *dot = sum;
 }
 
-// Vectors are handed over by address: their calling convention differs between the versions.
+// Vectors are passed by address: their calling convention differs between the versions.
 FORCEGRID_MULTIVERSION void apply_stiffness_to(const SpringRows& rows, const SpringTangent* tangent,
                                                const float* home_N_per_m, const Lanes* direction,
                                                Lanes* product, Float4* dot) noexcept {

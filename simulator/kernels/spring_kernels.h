@@ -28,7 +28,7 @@ void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, 
 void sum_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInverse* block) noexcept;
 
 /// product = K direction; `product` must be zero before.
-/// @param home_N_per_m  a vertex's home spring each, see VertexForce; null: there are none.
+/// @param home_N_per_m  each vertex's home spring, see VertexForce; null: there are none.
 /// @returns the lanes' dot products direction . product.
 Float4 apply_stiffness(const SpringRows& rows, const SpringTangent* tangent,
                        const float* home_N_per_m, const Lanes* direction, Lanes* product) noexcept;
@@ -54,7 +54,7 @@ void next_direction(std::int32_t vertex_count, Float4 beta, const BlockInverse* 
                     const CoarseGrid& coarse, const Lanes* coarse_correction, Lanes* direction,
                     Lanes* product) noexcept;
 
-/// What a state amounts to, see ElasticObject: with R the residual's lanes,
+/// Sums over a state, see ElasticObject: with R the residual's lanes,
 ///   force = sum_i S_i^T r_i (over all vertices: the patch has S = I, fixed ones S = 0)
 ///   stiffness = sum_i S_i^T (-K S)_i.
 struct StateSums {
@@ -69,9 +69,9 @@ StateSums summarise(std::int32_t vertex_count, const BlockInverse* inverse, cons
 
 /// Moves `state` to where the tool will be, to second order along the tool's last step:
 ///   x += (S + trend/2 (S - S_before)) step,   S += trend/2 (S - S_before),   before = old state
-/// S goes half the way that it seems to go. An error that nothing corrects is multiplied from step
-/// to step by the roots of (z - 1)(z - trend/2): for |trend| < 2 it stays bounded. With the whole
-/// trend it would grow with every step, and set off corrections that a steady S spares.
+/// S follows half of its trend. An error that nothing corrects is multiplied from step to step by
+/// the roots of (z - 1)(z - trend/2): for |trend| < 2 it stays bounded. With the whole trend it
+/// would grow with every step and cause corrections that a steady S avoids.
 /// @param trend  the step's component along the last one over the length of the last one; 0 for
 ///   the first-order x += S step alone.
 void predict(std::int32_t vertex_count, const float step_m[3], float trend, Lanes* state,

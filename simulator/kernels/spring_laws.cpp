@@ -15,10 +15,10 @@ constexpr float kSmallestSquaredLength_m2 = 1e-20F;
 // No spring is stretched so far that its force is finite in single precision.
 constexpr float kLargestArgument = 60.0F;
 
-// Springs whose laws are worked out side by side; the compiler turns the loops into SIMD.
+// Springs whose laws are evaluated side by side; the compiler turns the loops into SIMD.
 constexpr std::int32_t kRun = kSpringPadding;
 
-// What a run of springs is loaded as and worked out to, number by number.
+// The inputs and results of a run of springs, number by number.
 template <typename Real>
 struct Run {
   alignas(32) Real d[3][kRun];
@@ -36,8 +36,8 @@ struct Hyperbolic {
   Real cosh;
 };
 
-// Without a call or a branch, so that a run goes through SIMD: e^|z| = 2^n e^r with |r| <= ln(2)/2,
-// and sinh's series where the difference of two exponentials would lose its digits.
+// Has no call and no branch, so that a run uses SIMD: e^|z| = 2^n e^r with |r| <= ln(2)/2, and
+// sinh's series where the difference of two exponentials would lose its digits.
 FORCEGRID_INLINE Hyperbolic<float> hyperbolic(float z) {
   constexpr float kRound = 12582912.0F;  // 1.5 * 2^23: adding it rounds to a whole number
   constexpr std::int32_t kRoundBits = 0x4B400000;

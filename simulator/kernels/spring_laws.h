@@ -9,10 +9,10 @@
 
 namespace forcegrid::simulator::kernels {
 
-/// The springs, sorted by their lower vertex: those of vertex i are row_begin[i] ..
-/// row_begin[i + 1] - 1 and lead from owner[] = i to other[] > i. Both lists, and every array with
-/// an entry a spring, are padded to a multiple of kSpringPadding with springs from vertex 0 to
-/// itself that no row contains.
+/// The springs, sorted by their lower vertex: those of vertex i are row_begin[i] .. row_begin[i +
+/// 1] - 1 and lead from owner[] = i to other[] > i. Both lists, and every array with one entry per
+/// spring, are padded to a multiple of kSpringPadding with springs from vertex 0 to itself that no
+/// row contains.
 struct SpringRows {
   std::vector<std::int32_t> row_begin;
   std::vector<std::int32_t> owner;
@@ -25,8 +25,8 @@ struct SpringRows {
 };
 inline constexpr std::size_t kSpringPadding = 16;
 
-/// What never changes of one spring with f = k l0 (sinh(a e) / a + c e^3), e = l / l0 - 1, where
-/// sinh(a e) / a is e for a = 0.
+/// The constants of one spring with f = k l0 (sinh(a e) / a + c e^3), e = l / l0 - 1, where sinh(a
+/// e) / a is e for a = 0.
 template <typename Real>
 struct SpringConstants {
   Real inverse_length_per_m;  ///< 1 / l0

@@ -12,14 +12,14 @@
 
 namespace forcegrid::simulator {
 
-/// A mesh's springs as the kernels want them: sorted by their lower vertex and padded.
+/// A mesh's springs in the kernels' form: sorted by their lower vertex and padded.
 template <typename Real>
 struct SpringTable {
   kernels::SpringRows rows;
   std::vector<kernels::SpringConstants<Real>> constants;
   bool exponential = false;               ///< some spring has an exponent
   std::size_t springs = 0;                ///< without the padding
-  std::vector<std::int32_t> mesh_spring;  ///< which one of the mesh each is, without the padding
+  std::vector<std::int32_t> mesh_spring;  ///< the mesh's number of each, without the padding
 };
 
 /// `mesh` must have passed check().
@@ -29,7 +29,7 @@ SpringTable<Real> make_spring_table(const SpringMesh& mesh);
 extern template SpringTable<float> make_spring_table(const SpringMesh&);
 extern template SpringTable<double> make_spring_table(const SpringMesh&);
 
-/// Home springs and loads, one a vertex; empty where nothing but springs pulls.
+/// Home springs and loads, one per vertex; empty if only springs pull.
 /// @param rest_m  the vertices' rest positions from the solver's own origin.
 std::vector<kernels::VertexForce> make_vertex_forces(const SpringMesh& mesh,
                                                      const std::vector<Eigen::Vector3d>& rest_m);

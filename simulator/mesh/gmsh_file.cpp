@@ -3,7 +3,6 @@
 
 #include <dlfcn.h>
 #include <fcntl.h>
-#include <gmshc.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -11,21 +10,41 @@
 #include <system_error>
 #include <unordered_map>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/msh_header.h"
 
 namespace forcegrid::simulator {
 namespace {
 
-// Gmsh's own numbers of its element types.
+// What is called of Gmsh's C interface, version 4.8. Debian's header comes only with a CAD kernel
+// and its headers, which no build should need for a library that is loaded when a .msh file is
+// read.
+constexpr char kLibrary[] = "libgmsh.so.4.8";
+using gmshInitialize = void(int argc, char** argv, int read_configuration, int* error);
+using gmshOptionSetNumber = void(const char* name, double value, int* error);
+using gmshOpen = void(const char* file, int* error);
+using gmshLoggerGetLastError = void(char** text, int* error);
+using gmshFree = void(void* memory);
+using gmshFinalize = void(int* error);
+using gmshModelMeshGetNodes = void(std::size_t** tags, std::size_t* tag_count, double** place,
+                                   std::size_t* place_count, double** parameter,
+                                   std::size_t* parameter_count, int dimension, int tag,
+                                   int with_boundary, int with_parameters, int* error);
+using gmshModelMeshGetElements = void(int** types, std::size_t* type_count, std::size_t*** tags,
+                                      std::size_t** tag_counts, std::size_t* tags_count,
+                                      std::size_t*** nodes, std::size_t** node_counts,
+                                      std::size_t* nodes_count, int dimension, int tag, int* error);
+
+// Gmsh's numbers for its element types.
 enum GmshType { kLine = 1, kTriangle = 2, kTetrahedron = 4, kPoint = 15 };
 
 struct Close {
   void operator()(void* library) const { ::dlclose(library); }
 };
 
-// A name of the file that no other file's name begins with. Gmsh takes FILE.opt beside a FILE for a
-// script, which may start programs, and runs it when it reads FILE.
+// Another name of the file, such that no other file's name begins with it. If FILE.opt lies beside
+// FILE, Gmsh runs it as a script, which may start programs, when it reads FILE.
 class OwnName {
  public:
   explicit OwnName(const std::string& file, const std::string& who)
@@ -45,25 +64,23 @@ class OwnName {
   int descriptor_;
 };
 
-// libgmsh brings a CAD kernel and a window system with it and takes longer to load than the rest of
-// the program to start: it is loaded only here.
+// libgmsh brings a CAD kernel and a window system and takes longer to load than the rest of the
+// program takes to start, so it is loaded only here.
 class Gmsh {
  public:
   explicit Gmsh(const std::string& file)
       : who_("mesh file " + file + ": "), stated_nodes_(stated_node_count(file, who_)) {
-    const std::string name = "libgmsh.so." + std::to_string(GMSH_API_VERSION_MAJOR) + "." +
-                             std::to_string(GMSH_API_VERSION_MINOR);
-    library_.reset(::dlopen(name.c_str(), RTLD_NOW | RTLD_LOCAL));
+    library_.reset(::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL));
     if (!library_) {
-      throw Error(who_ + name + " can't be loaded (" + ::dlerror() +
+      throw Error(who_ + kLibrary + " can't be loaded (" + ::dlerror() +
                   "); install Debian's libgmsh4.8 or convert the file to .obj");
     }
     int error = 0;
-    function<decltype(gmshInitialize)>("gmshInitialize")(0, nullptr, 0, &error);
+    function<gmshInitialize>("gmshInitialize")(0, nullptr, 0, &error);
     require(error == 0, "libgmsh does not start");
-    function<decltype(gmshOptionSetNumber)>("gmshOptionSetNumber")("General.Terminal", 0.0, &error);
+    function<gmshOptionSetNumber>("gmshOptionSetNumber")("General.Terminal", 0.0, &error);
     const OwnName name_in_gmsh(file, who_);
-    function<decltype(gmshOpen)>("gmshOpen")(name_in_gmsh.text().c_str(), &error);
+    function<gmshOpen>("gmshOpen")(name_in_gmsh.text().c_str(), &error);
     if (error != 0) {
       std::string reason = last_error();
       if (const auto at = reason.find(name_in_gmsh.text()); at != std::string::npos) {
@@ -105,19 +122,19 @@ class Gmsh {
   std::string last_error() {
     char* text = nullptr;
     int error = 0;
-    function<decltype(gmshLoggerGetLastError)>("gmshLoggerGetLastError")(&text, &error);
+    function<gmshLoggerGetLastError>("gmshLoggerGetLastError")(&text, &error);
     const std::string result = text != nullptr ? text : "no reason given";
     release(text);
     return result;
   }
 
-  void release(void* memory) { function<decltype(gmshFree)>("gmshFree")(memory); }
+  void release(void* memory) { function<gmshFree>("gmshFree")(memory); }
 
   void finish() noexcept {
     int error = 0;
-    // Its absence would have ended the constructor before.
+    // The constructor has already refused a library without this function.
     if (void* const symbol = library_ ? ::dlsym(library_.get(), "gmshFinalize") : nullptr) {
-      reinterpret_cast<decltype(gmshFinalize)*>(symbol)(&error);
+      reinterpret_cast<gmshFinalize*>(symbol)(&error);
     }
     library_.reset();
   }
@@ -130,10 +147,11 @@ class Gmsh {
     std::size_t place_count = 0;
     std::size_t parameter_count = 0;
     int error = 0;
-    function<decltype(gmshModelMeshGetNodes)>("gmshModelMeshGetNodes")(
+    function<gmshModelMeshGetNodes>("gmshModelMeshGetNodes")(
         &tags, &tag_count, &place, &place_count, &parameter, &parameter_count, -1, -1, 0, 0,
         &error);
     for (std::size_t i = 0; i < tag_count && 3 * i + 2 < place_count; ++i) {
+      rt::checkpoint_at(i, tag_count);
       number_of_.emplace(tags[i], static_cast<std::int32_t>(mesh.vertex.size()));
       mesh.vertex.emplace_back(place[3 * i], place[3 * i + 1], place[3 * i + 2]);
     }
@@ -153,7 +171,7 @@ class Gmsh {
     std::size_t* nodes_size = nullptr;
     std::size_t nodes_count = 0;
     int error = 0;
-    function<decltype(gmshModelMeshGetElements)>("gmshModelMeshGetElements")(
+    function<gmshModelMeshGetElements>("gmshModelMeshGetElements")(
         &types, &type_count, &tags, &tags_size, &tags_count, &nodes, &nodes_size, &nodes_count, -1,
         -1, &error);
     int other_type = 0;
@@ -180,7 +198,7 @@ class Gmsh {
     }
   }
 
-  // Gmsh leaves out what no element uses, and of two nodes with one number the first.
+  // Gmsh drops nodes that no element uses, and the first of two nodes with one number.
   void check_node_count(const MeshFile& mesh) const {
     const bool has_elements = !mesh.triangles.empty() || !mesh.tetrahedra.empty();
     if (has_elements && mesh.vertex.size() != stated_nodes_) {
@@ -194,6 +212,7 @@ class Gmsh {
   void add(const std::size_t* node, std::size_t count,
            std::vector<std::array<std::int32_t, kCorners>>& elements) const {
     for (std::size_t i = 0; i + kCorners <= count; i += kCorners) {
+      rt::checkpoint_at(i / kCorners, count / kCorners);
       std::array<std::int32_t, kCorners> element{};
       for (std::size_t k = 0; k < kCorners; ++k) {
         const auto found = number_of_.find(node[i + k]);

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/rest_surface.h"
 #include "simulator/mesh/vertex_masses.h"
@@ -41,7 +42,7 @@ Matrix3d spring_stiffness(const SpringMesh& mesh, const Spring& spring, const Ve
   return (k * (slope + 3.0 * c * e * e) - t) * u * u.transpose() + t * Matrix3d::Identity();
 }
 
-// Unknowns are the free vertices' coordinates, three each in the mesh's order.
+// The unknowns are the free vertices' coordinates, three per vertex, in the mesh's order.
 class Settling {
  public:
   explicit Settling(const SpringMesh& mesh) : mesh_(mesh), place_(mesh.fixed.size(), -1) {
@@ -121,6 +122,7 @@ std::vector<Vector3d> find_rest_W(const SpringMesh& mesh, double mass_kg) {
   std::vector<Vector3d> position_W = mesh.rest_position_W;
   VectorXd residual = settling.residual_N(position_W);
   for (int step = 0; step < kMaxNewtonSteps; ++step) {
+    rt::checkpoint();
     if (residual.lpNorm<Eigen::Infinity>() <= kBalance * largest_N) {
       return position_W;
     }
@@ -161,7 +163,7 @@ void settle_under_gravity(SpringMesh& mesh, double mass_kg, double gravity_m_per
   }
   const std::vector<Vector3d> rest_W = find_rest_W(mesh, mass_kg);
   for (std::size_t i = 0; i < mesh.home_stiffness_N_per_m.size(); ++i) {
-    // Home is where the vertex was; what its spring pulls at rest becomes a load.
+    // Home stays where the vertex was; what its spring pulls at the new rest becomes a load.
     mesh.load_W_N[i] += mesh.home_stiffness_N_per_m[i] * (mesh.rest_position_W[i] - rest_W[i]);
   }
   mesh.rest_position_W = rest_W;

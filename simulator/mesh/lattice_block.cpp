@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 
 namespace forcegrid::simulator {
@@ -46,7 +47,7 @@ void check(const LatticeBlockOptions& options) {
   }
 }
 
-// Two triangles a lattice face on all six sides, counterclockwise seen from outside.
+// Two triangles per lattice face on all six sides, counterclockwise seen from outside.
 void add_surface(const std::array<int, 3>& count, SpringMesh& mesh) {
   const std::array<int, 3> stride{1, count[0], count[0] * count[1]};
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -93,7 +94,9 @@ SpringMesh make_lattice_block(const LatticeBlockOptions& options) {
       static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny) * static_cast<std::size_t>(nz);
   mesh.rest_position_W.reserve(vertices);
   mesh.fixed.reserve(vertices);
+  const auto layers = 2 * static_cast<std::size_t>(nz);  // of vertices, then of their springs
   for (int l = 0; l < nz; ++l) {
+    rt::checkpoint(static_cast<std::size_t>(l), layers);
     for (int j = 0; j < ny; ++j) {
       for (int i = 0; i < nx; ++i) {
         const Eigen::Vector3d from_top_centre_W((i - 0.5 * (nx - 1)) * spacing_m.x(),
@@ -111,6 +114,7 @@ SpringMesh make_lattice_block(const LatticeBlockOptions& options) {
     mesh.springs.push_back({std::min(a, b), std::max(a, b), k});
   };
   for (int l = 0; l < nz; ++l) {
+    rt::checkpoint(static_cast<std::size_t>(nz + l), layers);
     for (int j = 0; j < ny; ++j) {
       for (int i = 0; i < nx; ++i) {
         const bool x = i + 1 < nx;

@@ -12,8 +12,8 @@ namespace forcegrid::simulator {
 /// A box cut into a lattice of vertices, joined by springs along the lattice's edges (structural)
 /// and both diagonals of each lattice face.
 ///
-/// Without the diagonals a lattice is nearly a mechanism, and its force no function of the tool's
-/// position. nx x ny x nz vertices give
+/// Without the diagonals a lattice is nearly a mechanism, and its force is not a function of the
+/// tool's position. nx x ny x nz vertices give
 ///
 ///   structural  (nx-1) ny nz + nx (ny-1) nz + nx ny (nz-1)
 ///   diagonals   2 [(nx-1)(ny-1) nz + (nx-1) ny (nz-1) + nx (ny-1)(nz-1)]

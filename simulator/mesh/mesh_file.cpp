@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <numeric>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/gmsh_file.h"
 #include "simulator/mesh/obj_file.h"
+#include "text/file_kind.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -21,6 +22,7 @@ template <std::size_t kCorners>
 void check_elements(const std::vector<std::array<std::int32_t, kCorners>>& elements,
                     const char* name, const std::string& who, std::vector<std::uint8_t>& used) {
   for (std::size_t e = 0; e < elements.size(); ++e) {
+    rt::checkpoint_at(e, elements.size());
     auto corners = elements[e];
     for (const std::int32_t vertex : corners) {
       if (vertex < 0 || static_cast<std::size_t>(vertex) >= used.size()) {
@@ -52,6 +54,7 @@ void check_places(const MeshFile& mesh, const std::string& who) {
     return mesh.vertex[a].x() < mesh.vertex[b].x();
   });
   for (std::size_t i = 0; i < order.size(); ++i) {
+    rt::checkpoint_at(i, order.size());
     const Eigen::Vector3d& here = mesh.vertex[order[i]];
     for (std::size_t k = i + 1; k < order.size(); ++k) {
       const Eigen::Vector3d& there = mesh.vertex[order[k]];
@@ -92,9 +95,9 @@ void check(const MeshFile& mesh, const std::string& who) {
 
 MeshFile read_mesh_file(const std::string& file) {
   const std::string who = "mesh file " + file + ": ";
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) {
-    throw Error(who + "no such file; write its path, relative to the scene's file");
+  const std::string why_not = text::why_no_file(file);
+  if (!why_not.empty()) {
+    throw Error(who + why_not + "; write its path, relative to the scene's file");
   }
   MeshFile mesh;
   if (file.ends_with(".msh")) {

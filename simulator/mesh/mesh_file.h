@@ -9,8 +9,7 @@
 
 namespace forcegrid::simulator {
 
-/// Vertices and elements as a file has them. A file with tetrahedra has no use for its triangles:
-/// then those are left out.
+/// Vertices and elements of a mesh file. If the file has tetrahedra, its triangles are left out.
 struct MeshFile {
   std::vector<Eigen::Vector3d> vertex;  ///< in the file's unit of length
   std::vector<std::array<std::int32_t, 3>> triangles;
@@ -19,14 +18,15 @@ struct MeshFile {
 
 /// Reads a mesh by the ending of its name: Gmsh's .msh through libgmsh, .obj (a surface; polygons
 /// are cut into triangles) through tinyobjloader. libgmsh is loaded when the first .msh is read.
-/// Throws Error naming the file: one that can't be read, has another ending, no or other than
-/// first-order triangles and tetrahedra, numbers that are not finite, faces of fewer than three
-/// corners, indices out of range, two vertices at one place (nearer than 1e-6 of the longest side)
-/// or with one number, or a vertex that no element uses. Nothing in or beside the file is run.
-/// Real-time: no. Threads: one at a time, since libgmsh has one state for the whole program.
+/// Throws Error, naming the file, if it can't be read, has another ending, or has no first-order
+/// triangles or tetrahedra or elements other than these; for numbers that are not finite, faces of
+/// fewer than three corners, indices out of range, two vertices at one place (nearer than 1e-6 of
+/// the longest side) or with one number, and a vertex that no element uses. Never runs anything in
+/// or beside the file. Real-time: no. Threads: one at a time, since libgmsh has one state for the
+/// whole program.
 MeshFile read_mesh_file(const std::string& file);
 
-/// What read_mesh_file checks of the content. @param who  begins the message.
+/// The checks of content that read_mesh_file() makes. @param who  begins the message.
 void check(const MeshFile& mesh, const std::string& who);
 
 }  // namespace forcegrid::simulator

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/rest_surface.h"
@@ -23,7 +24,7 @@ using text::number_text;
 
 constexpr double kShortest_m = 0.005;
 constexpr double kLongest_m = 1.0;
-// Of the product of three edges: flatter tetrahedra have no inside.
+// Relative to the product of three edges: flatter tetrahedra have no volume.
 constexpr double kFlat = 1e-6;
 
 struct Box {
@@ -49,10 +50,11 @@ void check_size(const Box& box, const MeshObjectOptions& options) {
   }
 }
 
-// The faces that one tetrahedron alone has, seen counterclockwise from outside.
+// The faces that belong to one tetrahedron only, counterclockwise seen from outside.
 std::vector<Triangle> outer_faces(const MeshFile& file, const std::string& who) {
   std::map<Triangle, std::pair<Triangle, int>> faces;  // by sorted vertices
   for (std::size_t t = 0; t < file.tetrahedra.size(); ++t) {
+    rt::checkpoint_at(t, file.tetrahedra.size());
     Tetrahedron v = file.tetrahedra[t];
     const auto at = [&](std::size_t k) { return file.vertex[static_cast<std::size_t>(v[k])]; };
     const Eigen::Vector3d a = at(1) - at(0);
@@ -91,6 +93,7 @@ std::vector<Triangle> outer_faces(const MeshFile& file, const std::string& who) 
 void check_sides(const std::vector<Triangle>& triangles, const std::string& who) {
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> directed;
   for (std::size_t t = 0; t < triangles.size(); ++t) {
+    rt::checkpoint_at(t, triangles.size());
     for (std::size_t k = 0; k < 3; ++k) {
       const std::pair edge{triangles[t][k], triangles[t][(k + 1) % 3]};
       const auto [found, first] = directed.emplace(edge, t);
@@ -121,7 +124,9 @@ void turn_outward(SpringMesh& mesh) {
 
 template <typename Elements>
 void add_edges(const Elements& elements, std::set<std::pair<std::int32_t, std::int32_t>>& edges) {
+  std::size_t number = 0;
   for (const auto& element : elements) {
+    rt::checkpoint_at(number++, elements.size());
     for (std::size_t i = 0; i < element.size(); ++i) {
       for (std::size_t k = i + 1; k < element.size(); ++k) {
         edges.insert(std::minmax(element[i], element[k]));
@@ -130,7 +135,7 @@ void add_edges(const Elements& elements, std::set<std::pair<std::int32_t, std::i
   }
 }
 
-// A part that nothing holds could be pushed away without force.
+// The tool could push a part that nothing holds away without force.
 void check_held(const SpringMesh& mesh, const std::string& who) {
   std::vector<std::size_t> root(mesh.fixed.size());
   std::iota(root.begin(), root.end(), std::size_t{0});
@@ -154,13 +159,13 @@ void check_held(const SpringMesh& mesh, const std::string& who) {
   }
   if (!any_free) {
     throw Error(who +
-                "all its vertices are fixed, so that nothing gives; write a smaller "
+                "all its vertices are fixed, so nothing can move; write a smaller "
                 "fixed_below_m");
   }
   for (std::size_t i = 0; i < root.size(); ++i) {
     if (held[root_of(static_cast<std::int32_t>(i))] == 0) {
       throw Error(who + "the part with vertex " + std::to_string(i + 1) +
-                  " hangs together with nothing that is fixed; join it to the rest, remove it, or "
+                  " is not connected to anything fixed; join it to the rest, remove it, or "
                   "give the object a home_stiffness_N_per_m");
     }
   }
@@ -199,6 +204,7 @@ SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& optio
   add_edges(file.triangles, edges);
   add_edges(file.tetrahedra, edges);
   for (const auto& [a, b] : edges) {
+    rt::checkpoint_at(mesh.springs.size(), edges.size());
     const double random = spring_random(options.seed, mesh.springs.size());
     mesh.springs.push_back(
         {a, b, options.stiffness_N_per_m * (1.0 + options.random_spread * random)});

@@ -14,9 +14,9 @@ namespace forcegrid::simulator {
 struct MeshObjectOptions {
   std::string who = "mesh: ";  ///< begins every message
   double unit_m = 1.0;         ///< the file's unit of length
-  /// [m] Where the surface above the middle of the object's box is put.
+  /// [m] Where to put the surface point above the middle of the object's box.
   Eigen::Vector3d top_W = Eigen::Vector3d::Zero();
-  double fixed_below_m = 0.0;      ///< vertices this far above the lowest one and less are fixed
+  double fixed_below_m = 0.0;      ///< vertices at most this far above the lowest one are fixed
   double stiffness_N_per_m = 0.0;  ///< k of every spring before the random part; > 0
   double random_spread = 0.0;      ///< see LatticeBlockOptions
   std::uint64_t seed = 1;
@@ -25,11 +25,11 @@ struct MeshObjectOptions {
   SpringLaw law;
 };
 
-/// A surface whose triangles are turned inward as a whole is turned outward. Tetrahedra may have
-/// any orientation; their outer faces are the surface.
+/// A surface whose triangles all face inward is turned outward. Tetrahedra may have any
+/// orientation; their outer faces are the surface.
 /// Throws Error for a mesh that is not between 5 mm and 1 m long, an edge with more than two
-/// triangles or with two that disagree about which side is out, a tetrahedron without a volume, or
-/// no surface above the middle of its box.
+/// triangles or with two that disagree about which side is outside, a tetrahedron without volume,
+/// or no surface above the middle of the box.
 SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& options);
 
 }  // namespace forcegrid::simulator

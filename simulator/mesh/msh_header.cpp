@@ -14,12 +14,12 @@
 namespace forcegrid::simulator {
 namespace {
 
-constexpr double kFirstWithBlocks = 4.0;  // from this version on nodes stand in blocks
+constexpr double kFirstWithBlocks = 4.0;  // from this version on, nodes are stored in blocks
 
 struct Format {
-  double version = 1.0;  // which does not state it
+  double version = 1.0;  // of the legacy format, which does not state it
   bool binary = false;
-  bool swapped = false;  // the other order of bytes
+  bool swapped = false;  // its byte order is not this machine's
 };
 
 bool begins_as_mesh(const std::string& line) {
@@ -49,7 +49,7 @@ Format read_format(std::istream& stream) {
   return format;
 }
 
-// Of a section: "N", or from version 4 on "BLOCKS N ...", there also as two binary numbers.
+// The count of a section: "N", or from version 4 on "BLOCKS N ...", in binary as two numbers.
 bool read_count(std::istream& stream, const Format& format, std::size_t& count) {
   const bool in_blocks = format.version >= kFirstWithBlocks;
   if (in_blocks && format.binary) {
@@ -84,7 +84,7 @@ std::size_t stated_node_count(const std::string& file, const std::string& who) {
   }
   if (!begins_as_mesh(line)) {
     throw Error(who +
-                "is no mesh: it begins neither with $MeshFormat nor with $NOD; save it as "
+                "is not a mesh: it begins neither with $MeshFormat nor with $NOD; save it as "
                 ".msh again (a script of Gmsh's is not run)");
   }
   Format format;

@@ -19,7 +19,7 @@
 namespace forcegrid::simulator {
 namespace {
 
-const std::string kWho = "organ: ";
+const std::string kOrgan = "organ: ";
 constexpr int kFewestOnARing = 5;
 constexpr int kFixedRings = 2;          // at each end, beside the pole
 constexpr std::int64_t kPhases = 1024;  // a ring is turned by a multiple of its step / kPhases
@@ -37,13 +37,13 @@ void check(const OrganOptions& options) {
   const auto require = [](bool good, const std::string& what, double value,
                           const std::string& remedy) {
     if (!good || !std::isfinite(value)) {
-      throw Error(kWho + what + " is " + text::number_text(value) + "; " + remedy);
+      throw Error(kOrgan + what + " is " + text::number_text(value) + "; " + remedy);
     }
   };
   const int vertices = options.vertex_count;
   require(vertices >= 200 && vertices <= 1'000'000, "vertex_count", vertices,
           "give 200 to 1000000");
-  // A third of the vertices, so that pairs of edges at one vertex stay rare.
+  // At most a third of the vertices, so that pairs of edges at one vertex stay rare.
   const int fewest = 3 * vertices - 6 - vertices / 3;
   require(options.edge_count >= fewest && options.edge_count <= 6 * vertices - 12, "edge_count",
           options.edge_count,
@@ -64,7 +64,7 @@ void check(const OrganOptions& options) {
   require(options.home_stiffness_N_per_m >= 0.0, "home_stiffness_N_per_m",
           options.home_stiffness_N_per_m, "it must be finite and >= 0");
   if (!options.top_W.allFinite()) {
-    throw Error(kWho + "top_W is not finite");
+    throw Error(kOrgan + "top_W is not finite");
   }
 }
 
@@ -107,8 +107,8 @@ std::vector<double> ring_angles_rad(const OrganOptions& options) {
   return angles_rad;
 }
 
-// Vertices a ring in proportion to its circumference, as many in all as asked for: by bisection on
-// the proportion, the rest by the largest remainders, in whole numbers throughout.
+// Vertices per ring in proportion to its circumference, in all as many as requested: by bisection
+// on the proportion, the rest by the largest remainders, in integers throughout.
 Rings make_rings(const OrganOptions& options) {
   Rings rings{ring_angles_rad(options), {}};
   const std::size_t n = rings.angle_rad.size();
@@ -222,7 +222,8 @@ class SurfaceBuilder {
     }
   }
 
-  // The strip to the next ring: of the two edges that would lead on, the one that turns less.
+  // Joins the ring to the next one with triangles. Of the two possible next edges, takes the one
+  // that turns less.
   void join(std::size_t ring) {
     const std::size_t next = ring + 1;
     const std::int64_t n = rings_.count[ring];
@@ -262,7 +263,7 @@ std::vector<Edge> shuffled(std::vector<Edge> edges, std::uint64_t seed) {
   return edges;
 }
 
-// The edges to leave out, so that `count` fewer are left.
+// The edges to leave out, so that `count` fewer remain.
 std::set<Edge> edges_to_leave_out(const OrganOptions& options, const Surface& surface, int count) {
   const SpringMesh& mesh = surface.mesh;
   const double clear_m = kClearOfTop * options.semi_axes_m.maxCoeff();
@@ -286,7 +287,7 @@ std::set<Edge> edges_to_leave_out(const OrganOptions& options, const Surface& su
     }
   }
   if (static_cast<int>(left_out.size()) < count) {
-    throw Error(kWho + "edge_count is " + std::to_string(options.edge_count) + ", but only " +
+    throw Error(kOrgan + "edge_count is " + std::to_string(options.edge_count) + ", but only " +
                 std::to_string(left_out.size()) + " edges can be left out; give at least " +
                 std::to_string(3 * options.vertex_count - 6 - static_cast<int>(left_out.size())));
   }
@@ -304,7 +305,7 @@ std::vector<Edge> struts(const OrganOptions& options, const Surface& surface, in
   std::sort(all.begin(), all.end());
   all.erase(std::unique(all.begin(), all.end()), all.end());
   if (static_cast<int>(all.size()) < count) {
-    throw Error(kWho + "edge_count is " + std::to_string(options.edge_count) +
+    throw Error(kOrgan + "edge_count is " + std::to_string(options.edge_count) +
                 ", but there is room for " + std::to_string(all.size()) + " struts; give at most " +
                 std::to_string(3 * options.vertex_count - 6 + static_cast<int>(all.size())));
   }

@@ -10,8 +10,8 @@ namespace {
 
 constexpr int kMaxCellsPerAxis = 256;
 
-// On which side of the line through vertices a and b the point is, seen from above: the same for
-// both triangles of an edge, since it is always worked out from the lower vertex number.
+// On which side of the line through vertices a and b the point is, seen from above. The answer is
+// the same for both triangles of an edge, since it is always computed from the lower vertex number.
 bool left_of(const std::vector<Eigen::Vector3d>& vertex_W, std::int32_t a, std::int32_t b,
              const Eigen::Vector3d& p_W) {
   const bool swapped = a > b;

@@ -14,15 +14,15 @@ namespace forcegrid::simulator {
 /// The surface of an object at rest: which side of it a point is on, and where a straight path
 /// meets it from outside.
 ///
-/// A vertical line through a point that lies exactly on an edge or a vertex is decided as if the
-/// point lay a hair toward +x, and a hair of that toward +y: each crossing counts once.
+/// If a point lies exactly on an edge or a vertex, seen from above, it counts as shifted slightly
+/// toward +x, and far less toward +y. So a vertical line counts each crossing once.
 /// Source: Edelsbrunner and Muecke, Simulation of simplicity, ACM Trans. Graph. 9(1), 1990.
 ///
 /// Real-time: after construction no allocation, lock or throw; look() tests the triangles
 /// of one grid cell, first_hit() all of them. Threads: any, const.
 class RestSurface {
  public:
-  /// `mesh` need not be kept. Without triangles there is no surface, and nothing is inside.
+  /// Does not keep `mesh`. Without triangles there is no surface, and nothing is inside.
   explicit RestSurface(const SpringMesh& mesh);
 
   /// Result of a vertical line through a point.

@@ -2,16 +2,17 @@
 #include "simulator/mesh/scene.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <limits>
 #include <optional>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/gravity.h"
 #include "simulator/mesh/scene_object.h"
 #include "simulator/mesh/scene_tool.h"
 #include "simulator/mesh/vertex_masses.h"
 #include "text/data_folder.h"
+#include "text/file_kind.h"
 #include "text/nearest_name.h"
 #include "text/text.h"
 #include "text/toml_table.h"
@@ -39,11 +40,10 @@ std::string find_scene(const std::string& name_or_file) {
   if (!text::is_data_path(name_or_file)) {
     return text::find_data_file(scene_folder(), name_or_file);
   }
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(name_or_file, error)) {
-    throw Error("scene '" + name_or_file +
-                "': no such file; write the path of a .toml file or one of: " +
-                text::joined(scene_names()));
+  const std::string why_not = text::why_no_file(name_or_file);
+  if (!why_not.empty()) {
+    throw Error("scene '" + name_or_file + "': " + why_not +
+                "; write the path of a .toml file or one of: " + text::joined(scene_names()));
   }
   return name_or_file;
 }
@@ -56,11 +56,11 @@ void give_masses(SpringMesh& object, const std::optional<ObjectDynamics>& dynami
       settle_under_gravity(object, dynamics->mass_kg, gravity_m_per_s2);
     }
   } else if (gravity_m_per_s2 > 0.0) {
-    throw Error("gravity_m_per_s2 pulls at masses; give every [[object]] a mass_kg");
+    throw Error("gravity_m_per_s2 needs masses; give every [[object]] a mass_kg");
   }
 }
 
-// A tool that sticks where none of the vertices near it can move would never hold anything.
+// A sticking tool would never hold anything if no vertex near it could move.
 void check_patch(const TomlTable& root, const Scene& scene) {
   double nearest_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < scene.mesh.rest_position_W.size(); ++i) {
@@ -72,7 +72,7 @@ void check_patch(const TomlTable& root, const Scene& scene) {
     root.refuse("patch_radius_m",
                 "it is " + text::number_text(scene.patch_radius_m) +
                     ", and the nearest vertex that can move is " + text::number_text(nearest_m) +
-                    " m from the top, so that a tool would take hold of nothing there",
+                    " m from the top, so a tool would hold nothing there",
                 "write more than that");
   }
 }
@@ -89,7 +89,11 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   scene.note = root.text_or("note", "");
   scene.patch_radius_m = root.number_or("patch_radius_m", kPatchRadius_m, scene.patch_radius_m);
   const double gravity_m_per_s2 = root.number_or("gravity_m_per_s2", kGravity_m_per_s2, 0.0);
-  for (const TomlTable& table : root.tables("object", scene_object_keys)) {
+  const std::vector<TomlTable> objects = root.tables("object", scene_object_keys);
+  const auto pieces = static_cast<double>(objects.size() + 1);  // the check is one
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const TomlTable& table = objects[i];
+    const rt::PartOfWork part(static_cast<double>(i) / pieces, static_cast<double>(i + 1) / pieces);
     SpringMesh object = make_scene_object(table, origin_W);
     give_masses(object, read_dynamics(table), gravity_m_per_s2);
     if (!scene.mesh.rest_position_W.empty() &&
@@ -98,12 +102,13 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
     }
     append(object, scene.mesh);
   }
+  const rt::PartOfWork last(1.0 - 1.0 / pieces, 1.0);
   check(scene.mesh);
   check_patch(root, scene);
   return scene;
 }
 
-// `read` of the scene's file; its errors as Error, with the file's name in front.
+// Runs `read` on the scene's file; turns its errors into Error, with the file's name in front.
 template <typename Read>
 auto reading(const std::string& name_or_file, Read read) {
   const std::string file = find_scene(name_or_file);
@@ -149,7 +154,7 @@ ToolOptions scene_tool(const std::string& name_or_file) {
 void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
                          const std::string& purpose) {
   if (tool.slides()) {
-    throw Error("scene " + scene + ": its tool slides, and what that feels depends on its path; " +
+    throw Error("scene " + scene + ": its tool slides, so the force depends on its path; " +
                 purpose + " needs a scene whose [tool] is sticky or left out");
   }
 }

@@ -12,19 +12,19 @@ namespace forcegrid::simulator {
 
 /// Something to touch, read from a TOML file; docs/scenes.md describes every key.
 struct Scene {
-  std::string name;               ///< as it was asked for: a scene's name, or a file
+  std::string name;               ///< as requested: a scene's name, or a file
   std::string description;        ///< in one line
   double patch_radius_m = 0.012;  ///< the tool holds the vertices this near; > 0
   /// What a user has to know, such as where its force is not a function of the position alone.
   std::string note;
-  ToolOptions tool;  ///< that it is made for
+  ToolOptions tool;  ///< the tool that the scene is made for
   SpringMesh mesh;   ///< of all objects together
 };
 
 /// Names that make_scene finds without a path, sorted.
 std::vector<std::string> scene_names();
 
-/// Empty if `name_or_file` is a name that make_scene finds, or meant as a path; else what is wrong
+/// Empty if make_scene() finds the name `name_or_file`, or if it is a path; otherwise what is wrong
 /// and what to write.
 std::string scene_name_problem(const std::string& name_or_file);
 
@@ -34,14 +34,15 @@ std::string scene_name_problem(const std::string& name_or_file);
 ///        tree.
 /// @param origin_W  [m] where the scene's origin lies in W: the point that the tool of charts and
 ///        tests touches from above, on the first object's top.
-/// Throws Error naming file, line and key, or for an unknown name the ones there are.
+/// Throws Error naming file, line and key; for an unknown name, the known names.
 Scene make_scene(const std::string& name_or_file,
                  const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
 
-/// Scene::tool alone, without making the objects. Throws as make_scene() does for what it reads.
+/// Reads Scene::tool alone, without making the objects. Throws as make_scene() does for what it
+/// reads.
 ToolOptions scene_tool(const std::string& name_or_file);
 
-/// Throws Error where a scene's own tool slides: `purpose` needs a force that is a function of the
+/// Throws Error if the scene's own tool slides: `purpose` needs a force that is a function of the
 /// position alone.
 void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
                          const std::string& purpose);

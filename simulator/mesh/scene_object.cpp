@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "rt/checkpoint.h"
 #include "rt/vectors.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/mesh_file.h"
@@ -35,6 +36,7 @@ constexpr NumberRange kMass_kg{1e-6, 1e3, "a mass in kg from 1e-6 to 1000"};
 constexpr NumberRange kRetardation_s{0.0, 10.0, "a time in seconds from 0 to 10"};
 constexpr NumberRange kMassDamping_per_s{0.0, 1e4, "a rate in 1/s from 0 to 10000"};
 constexpr NumberRange kExponent{0.01, 30.0, "a number from 0.01 to 30"};
+constexpr double kReadingPart = 0.5;  // of the time that an object of a file takes
 constexpr std::int64_t kMaxSeed = 1'000'000'000;
 
 const std::vector<std::string> kShapes{"block", "organ", "mesh"};
@@ -131,7 +133,7 @@ double unit_m(const TomlTable& object) {
 }
 
 SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_W) {
-  // Relative to the scene's file; an absolute path replaces that.
+  // Relative to the scene's file; an absolute path replaces the folder.
   const std::string file =
       (std::filesystem::path(object.file()).parent_path() / object.text("file")).string();
   MeshObjectOptions options;
@@ -145,7 +147,13 @@ SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_
   options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
   options.home_stiffness_N_per_m = object.number_or("home_stiffness_N_per_m", kHome_N_per_m, 0.0);
   options.law = read_law(object);
-  return make_mesh_object(read_mesh_file(file), options);
+  MeshFile mesh;
+  {
+    const rt::PartOfWork part(0.0, kReadingPart);
+    mesh = read_mesh_file(file);
+  }
+  const rt::PartOfWork part(kReadingPart, 1.0);
+  return make_mesh_object(mesh, options);
 }
 
 }  // namespace
@@ -169,7 +177,7 @@ std::optional<ObjectDynamics> read_dynamics(const TomlTable& object) {
   if (!object.has("mass_kg")) {
     for (const char* key : {"retardation_time_s", "mass_damping_per_s"}) {
       if (object.has(key)) {
-        object.refuse(key, "without a mass nothing moves that could be damped",
+        object.refuse(key, "damping has no effect without a mass",
                       "give the object a mass_kg or leave the damping out");
       }
     }

@@ -18,11 +18,11 @@ std::vector<std::string> scene_object_keys(const text::TomlTable& object);
 
 /// The mesh that a table [[object]] describes.
 /// @param origin_W  [m] the scene's origin.
-/// @throws text::TomlError naming file, line and key; Error for a mesh that can't be.
+/// @throws text::TomlError naming file, line and key; Error for an impossible mesh.
 SpringMesh make_scene_object(const text::TomlTable& object, const Eigen::Vector3d& origin_W);
 
-/// Mass and damping of a table [[object]]; nothing where it has no mass_kg.
-/// @throws text::TomlError naming file, line and key, also for a damping without a mass.
+/// Mass and damping of a table [[object]]; nothing if it has no mass_kg.
+/// @throws text::TomlError naming file, line and key, also for damping without a mass.
 std::optional<ObjectDynamics> read_dynamics(const text::TomlTable& object);
 
 }  // namespace forcegrid::simulator

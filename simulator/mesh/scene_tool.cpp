@@ -27,9 +27,9 @@ constexpr NumberRange kFriction{0.0, ToolOptions::kMaxFriction,
                                 "a coefficient of friction from 0 to 2"};
 constexpr NumberRange kForce_N{1e-3, 100.0, "a force in newtons from 0.001 to 100"};
 
-const std::vector<std::string> kKeys{"shape",       "contact",  "radius_m", "length_m",
-                                     "opening_rad", "friction", "grasp_N",  "let_go_N"};
-const std::vector<std::string> kShapes{"point", "sphere", "capsule", "grasper"};
+const std::vector<std::string> kToolKeys{"shape",       "contact",  "radius_m", "length_m",
+                                         "opening_rad", "friction", "grasp_N",  "let_go_N"};
+const std::vector<std::string> kToolShapes{"point", "sphere", "capsule", "grasper"};
 const std::vector<std::string> kContacts{"sticky", "slide"};
 
 std::string choice_or(const TomlTable& tool, const char* key, const std::vector<std::string>& known,
@@ -43,7 +43,7 @@ std::string choice_or(const TomlTable& tool, const char* key, const std::vector<
   return text;
 }
 
-// A key that changes nothing is a mistake of whoever wrote it.
+// A key without effect is the author's mistake.
 void only_where(bool of_use, const TomlTable& tool, std::initializer_list<const char*> keys,
                 const std::string& what, const std::string& instead) {
   for (const char* key : keys) {
@@ -60,8 +60,8 @@ ToolOptions read_scene_tool(const TomlTable& root) {
   if (!root.has("tool")) {
     return options;
   }
-  const TomlTable tool = root.table("tool", kKeys);
-  options.shape = choice_or(tool, "shape", kShapes, options.shape);
+  const TomlTable tool = root.table("tool", kToolKeys);
+  options.shape = choice_or(tool, "shape", kToolShapes, options.shape);
   options.contact = choice_or(tool, "contact", kContacts, options.contact);
   const bool grasper = options.shape == "grasper";
   const std::string shape = "shape \"" + options.shape + "\"";

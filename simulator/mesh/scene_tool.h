@@ -6,10 +6,10 @@
 
 namespace forcegrid::simulator {
 
-/// The table [tool] of a scene's file, whose keys docs/scenes.md describes; the default tool
-/// without one.
-/// @throws text::TomlError naming file, line and key for what is unknown, out of range, or of
-/// no use to that tool.
+/// The tool of the table [tool] in a scene's file, whose keys docs/scenes.md describes; without the
+/// table, the default tool.
+/// @throws text::TomlError naming file, line and key for a key that is unknown, out of range, or
+///   without effect on that tool.
 ToolOptions read_scene_tool(const text::TomlTable& root);
 
 }  // namespace forcegrid::simulator

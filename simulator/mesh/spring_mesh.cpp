@@ -5,13 +5,14 @@
 #include <cmath>
 #include <string>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 
 namespace forcegrid::simulator {
 namespace {
 
 const std::string kWho = "spring mesh: ";
-// Of the largest k l0: what rounding leaves of a balance, with room.
+// Relative to the largest k l0: the rounding error of a balance, with margin.
 constexpr double kBalanceTolerance = 1e-6;
 
 std::string range_of(std::size_t count) { return "0.." + std::to_string(count - 1); }
@@ -26,7 +27,7 @@ bool not_negative(double value) { return value >= 0.0 && std::isfinite(value); }
 void check_size(std::size_t size, std::size_t vertices, const char* name) {
   if (size != vertices) {
     throw Error(kWho + std::to_string(size) + " entries in '" + name + "' for " +
-                std::to_string(vertices) + " vertices; give one a vertex");
+                std::to_string(vertices) + " vertices; give one per vertex");
   }
 }
 
@@ -53,7 +54,7 @@ void check_vertices(const SpringMesh& mesh) {
   if (std::none_of(mesh.fixed.begin(), mesh.fixed.end(), not_zero) &&
       std::none_of(mesh.home_stiffness_N_per_m.begin(), mesh.home_stiffness_N_per_m.end(),
                    not_zero)) {
-    throw Error(kWho + "no vertex is fixed, so the object has no place; fix some");
+    throw Error(kWho + "no vertex is fixed, so the object would float; fix some");
   }
   for (std::size_t i = 0; i < vertices; ++i) {
     const std::string name = "vertex " + std::to_string(i);
@@ -100,6 +101,7 @@ void check_springs(const SpringMesh& mesh) {
   const std::size_t vertices = mesh.rest_position_W.size();
   std::vector<std::uint8_t> held(vertices, 0);
   for (std::size_t s = 0; s < mesh.springs.size(); ++s) {
+    rt::checkpoint_at(s, mesh.springs.size());
     const Spring& spring = mesh.springs[s];
     const std::string name = kWho + "spring " + std::to_string(s);
     if (outside(spring.a, vertices) || outside(spring.b, vertices) || spring.a == spring.b) {
@@ -108,7 +110,7 @@ void check_springs(const SpringMesh& mesh) {
     }
     if (outside(spring.law, mesh.laws.size())) {
       throw Error(name + " has law " + std::to_string(spring.law) + " of " +
-                  std::to_string(mesh.laws.size()) + "; name one that there is");
+                  std::to_string(mesh.laws.size()) + "; name an existing one");
     }
     const auto a = static_cast<std::size_t>(spring.a);
     const auto b = static_cast<std::size_t>(spring.b);
@@ -248,7 +250,7 @@ void append(const SpringMesh& object, SpringMesh& mesh) {
   const auto join = [](auto& all, const auto& more) {
     all.insert(all.end(), more.begin(), more.end());
   };
-  // An array that only one of the two has is filled up with zeros for the other.
+  // An array that only one of the two meshes has is filled up with zeros for the other.
   const auto join_optional = [&](auto& all, const auto& more, const auto& zero) {
     if (all.empty() && more.empty()) {
       return;

@@ -16,9 +16,8 @@ namespace forcegrid::simulator {
 /// c = a = 0 is the linear law. c = 5 hardens as soft tissue does (twice the stiffness at 26 %
 /// strain); a = 4 does so exponentially (twice at 33 %, five times at 57 %).
 ///
-/// In a DynamicObject, a damper beside the spring adds
-/// k tau dl/dt: Kelvin's and Voigt's model, whose stretch under a sudden load settles as
-/// 1 - exp(-t / tau). Equilibria know nothing of it.
+/// In a DynamicObject, a damper beside the spring adds k tau dl/dt: Kelvin's and Voigt's model,
+/// whose stretch under a sudden load settles as 1 - exp(-t / tau). Equilibria do not depend on it.
 struct SpringLaw {
   double cubic_coefficient = 0.0;   ///< c >= 0, dimensionless
   double exponent = 0.0;            ///< a >= 0, dimensionless
@@ -59,27 +58,27 @@ struct SpringMesh {
 /// l0 of a spring of the mesh.
 double natural_length_m(const SpringMesh& mesh, const Spring& spring);
 
-/// [N] What springs, home springs and loads exert on each vertex at `position_W` [m].
+/// [N] The force of springs, home springs and loads on each vertex at `position_W` [m].
 std::vector<Eigen::Vector3d> vertex_forces_W(const SpringMesh& mesh,
                                              const std::vector<Eigen::Vector3d>& position_W);
 
 /// Makes every force of the object `factor` times as large: springs with their dampers, home
-/// springs, loads and drag; > 0. Masses stay.
+/// springs, loads and drag; > 0. Masses stay the same.
 void scale_forces(SpringMesh& mesh, double factor);
 
-/// Stretches every spring by `pre_strain` >= 0 where the object rests, balances that with dead
-/// loads on the free vertices, and gives every vertex a home spring of `home_stiffness_N_per_m` >=
-/// 0.
+/// Stretches every spring by `pre_strain` >= 0 in the rest shape, balances that with dead loads on
+/// the free vertices, and gives every vertex a home spring of `home_stiffness_N_per_m` >= 0.
 void tighten(SpringMesh& mesh, double pre_strain, double home_stiffness_N_per_m);
 
-/// Puts `object` beside what `mesh` holds already; an empty mesh becomes the object, top included.
+/// Adds `object` to what `mesh` already holds; an empty mesh becomes the object, top included.
 void append(const SpringMesh& object, SpringMesh& mesh);
 
 /// Throws Error when the mesh can't be solved: no vertex or spring, an array of another size,
 /// nothing fixed and no home spring (the object would float), a spring or triangle that names a
-/// missing vertex or law, the same vertex twice or has no length, a stiffness that is not positive
-/// and finite, a position or load that is not finite, a law, mass or drag out of range, a free
-/// vertex without a spring, or a rest shape that is no equilibrium (to 1e-6 of the largest k l0).
+/// missing vertex or law or the same vertex twice, a spring without length, a stiffness that is not
+/// positive and finite, a position or load that is not finite, a law, mass or drag out of range, a
+/// free vertex without a spring, or a rest shape that is no equilibrium (to 1e-6 of the largest
+/// k l0).
 void check(const SpringMesh& mesh);
 
 }  // namespace forcegrid::simulator

@@ -24,9 +24,9 @@ struct SurfacePoints {
   std::vector<std::int32_t> of;
 };
 
-/// Covers SpringMesh::triangles with points: all corners, and on edges and faces more of them until
-/// no two neighbours are farther apart than `spacing_m` > 0 at rest. Points of fixed vertices
-/// only are left out.
+/// Covers SpringMesh::triangles with points: all corners, and more points on edges and faces until
+/// no two neighbours are farther apart than `spacing_m` > 0 at rest. A point that only fixed
+/// vertices carry is left out.
 SurfacePoints make_surface_points(const SpringMesh& mesh, double spacing_m);
 
 }  // namespace forcegrid::simulator

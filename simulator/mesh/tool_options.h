@@ -13,8 +13,8 @@ struct ToolOptions {
   double length_m = 0.04;          ///< of a capsule and of a grasper's jaws
   double opening_rad = 0.7;        ///< between a grasper's jaws
   double friction = 0.3;           ///< mu of a sliding contact, 0 to kMaxFriction
-  double grasp_N = 0.3;            ///< [N] a grasper that is pressed on with this force closes; > 0
-  double let_go_N = 1.0;           ///< [N] a grasper that is pulled with this force opens; > 0
+  double grasp_N = 0.3;            ///< [N] a grasper closes when pressed with this force; > 0
+  double let_go_N = 1.0;           ///< [N] a grasper opens when pulled with this force; > 0
 
   static constexpr double kMaxFriction = 2.0;
 
@@ -23,7 +23,7 @@ struct ToolOptions {
   bool is_sticky_point() const { return shape == "point" && !slides(); }
 };
 
-/// Throws Error naming what does not go with what: a point that slides, a grasper that sticks.
+/// Throws Error naming options that exclude each other: a point that slides, a grasper that sticks.
 void check_together(const ToolOptions& options);
 
 }  // namespace forcegrid::simulator

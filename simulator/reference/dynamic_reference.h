@@ -12,7 +12,7 @@ namespace forcegrid::simulator {
 /// The reference force of a dynamic object (DynamicObject): the force at every position of the
 /// recorded path on a tool that grabbed the object at its first contact.
 ///
-/// Time steps are at most 0.5 ms, so that the method adds a retardation time of 0.5 ms at most;
+/// Time steps are at most 0.5 ms, so that the method adds a retardation time of at most 0.5 ms;
 /// each is solved to options.relative_tolerance. Dampers would react to the encoder steps of the
 /// path, so each position is the mean of up to five cycles, two before to two after. The tool moves
 /// straight from the contact point to the first position, at the speed of the first five cycles, in

@@ -16,11 +16,11 @@
 namespace forcegrid::simulator {
 namespace {
 
-// On the way to its part a thread needs no more accuracy than keeps it on the branch.
+// On the way to its part a thread needs only enough accuracy to stay on the branch.
 constexpr double kApproachTolerance = 1e-3;
 constexpr std::size_t kFewestCyclesAThread = 64;
 constexpr std::chrono::milliseconds kProgressPeriod{100};
-// What is left to do before the first position is done: the measured time of a typical run.
+// Estimate of the time left before the first position is done: measured in a typical run.
 constexpr double kNoGuess_s = 30.0;
 
 struct Part {
@@ -64,7 +64,7 @@ std::vector<std::size_t> stops_along(const std::vector<Eigen::Vector3d>& positio
   return stops;
 }
 
-// Cuts the path so that every part takes as long, the way to its beginning included.
+// Cuts the path into parts that take equally long, including the way to their beginning.
 std::vector<Part> divide(std::size_t first, std::size_t end, const std::vector<std::size_t>& stops,
                          std::size_t threads) {
   const auto steps_before = [&stops](std::size_t cycle) {
@@ -159,7 +159,7 @@ bool solve_part(const Part& part, const std::vector<Eigen::Vector3d>& positions_
   return true;
 }
 
-// Adds what the parts say of themselves, and how well they agree where they meet.
+// Adds the counts of the parts and how well they agree where they meet.
 void add_up(const std::vector<Part>& parts, const std::vector<PartResult>& results,
             ReferenceSolution& reference) {
   for (std::size_t p = 0; p < parts.size(); ++p) {

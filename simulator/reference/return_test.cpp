@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/elastic_object.h"
 
@@ -39,7 +40,9 @@ ReturnResult return_test(const Scene& scene, const ReturnPath& path, int steps) 
                 " m of the top of scene " + scene.name + "; use a larger patch_radius_m");
   }
   ReturnResult result{.name = path.name};
+  std::size_t done = 0;
   const auto force_at = [&](int step) -> Eigen::Vector3d {
+    rt::checkpoint(done++, 2 * static_cast<std::size_t>(steps) + 1);
     const Equilibrium equilibrium =
         object.move_to(path.displacement_W * (static_cast<double>(step) / steps));
     result.unconverged += equilibrium.converged && equilibrium.reached ? 0 : 1;

@@ -16,18 +16,18 @@ struct ReturnPath {
   Eigen::Vector3d displacement_W = Eigen::Vector3d::Zero();  ///< [m] at its far end
 };
 
-/// What came of it. Where force is a function of the tool's position alone the hysteresis is what
-/// the solver's tolerance leaves.
+/// The result. Where force is a function of the tool's position alone, the solver's tolerance is
+/// the only cause of hysteresis.
 struct ReturnResult {
   std::string name;
   double hysteresis_N = 0.0;       ///< largest |F| difference between out and back at one position
   double largest_force_N = 0.0;    ///< of |F| on the way
   std::size_t unconverged = 0;     ///< positions whose tolerance was not reached
-  std::size_t branch_changes = 0;  ///< positions at which the object went over to another branch
+  std::size_t branch_changes = 0;  ///< positions at which the object changed to another branch
 };
 
 /// Whether force was a function of position on the way: the hysteresis is below 1e-4 of the largest
-/// force (what the tolerance leaves is below 1e-6 of it), and every position was solved.
+/// force (the tolerance alone leaves less than 1e-6 of it), and every position was solved.
 bool single_valued(const ReturnResult& result) noexcept;
 
 /// Pull by 20 mm, shear by 20 mm along x and y, push by 5 and 10 mm.

@@ -9,8 +9,8 @@
 namespace forcegrid::simulator {
 namespace {
 
-// e over the stiffness of a point whose neighbours are held. More, and a substitution leaves less
-// of the error; less, and a step that goes too far makes less of one.
+// e over the stiffness of a point whose neighbours are held. A larger ratio lets a substitution
+// leave less of the error; a smaller one limits the error of a step that goes too far.
 constexpr double kOverPointStiffness = 4.0;
 
 std::vector<Eigen::Vector3d> rest_positions(const PressedSprings& springs) {
@@ -177,7 +177,7 @@ void ContactPoints::substitute(const PressedSprings& springs) noexcept {
     known.normal_N = 0.0;
     known.pull_W.setZero();
   }
-  // All that bear now, once each, with those that bore before behind them.
+  // Adds all points that bear now to those that bore before, each once.
   ++search_;
   const std::size_t before = bearing_.size();
   for (std::size_t k = 0; k < before; ++k) {

@@ -21,7 +21,7 @@ class ContactPoints {
   ContactPoints(const SpringMesh& mesh, const PressedSprings& springs, double spacing_m,
                 const ContactLaw& law);
 
-  /// What the points that bear force do in all.
+  /// Sums over the points that bear force.
   struct Sums {
     int points = 0;
     int slipping = 0;
@@ -36,34 +36,34 @@ class ContactPoints {
 
   std::size_t point_count() const noexcept { return known_.size(); }
 
-  /// No point bears anything, the surface is at rest.
+  /// Puts the surface at rest; no point bears a force.
   void clear() noexcept;
 
-  /// Keeps the present state for restore(), and where on the tool each point now is.
+  /// Saves the present state for restore(), and where each point is on the tool.
   void begin_step(const PressedSprings& springs, const Eigen::Vector3d& tool_place) noexcept;
   void restore() noexcept;
 
-  /// The surface has moved with the springs.
+  /// Moves the surface with the springs.
   void follow(const PressedSprings& springs) noexcept;
 
   /// follow(), then every point's reaction to the tool at `tool_place`.
   void find(const contact::ToolShape& tool, const Eigen::Vector3d& tool_place,
             const PressedSprings& springs) noexcept;
 
-  /// How far find()'s forces are from those that the points were known to bear.
+  /// How far find()'s forces are from the known ones.
   struct Unsettled {
-    double place_m = 0.0;     ///< farthest that a point still gives where it must not
-    double friction_N = 0.0;  ///< by which slipping points' friction falls short of mu R_n
+    double place_m = 0.0;     ///< how far a point still gives where it must not, at most
+    double friction_N = 0.0;  ///< by how much slipping points' friction falls short of mu R_n
   };
   const Unsettled& unsettled() const noexcept { return unsettled_; }
 
-  /// How far at most a point gives where it must not when the tool moves, over the tool's way.
+  /// How far a point gives where it must not, at most, per metre that the tool moves.
   double pull_unsettled(const PressedSprings& springs) const noexcept;
 
-  /// find()'s forces are what the points bear, and change as the springs' S says.
+  /// Makes find()'s forces the known ones; the springs' S says how they change.
   void substitute(const PressedSprings& springs) noexcept;
 
-  /// substitute(), and forgets the points that bear nothing: the step is over.
+  /// substitute(), then forgets the points that bear no force: the step is over.
   void accept(const PressedSprings& springs) noexcept;
 
   const std::vector<PointLoad>& active() const noexcept { return active_; }
@@ -74,7 +74,7 @@ class ContactPoints {
   double gap_m(const contact::ToolShape& tool, const Eigen::Vector3d& tool_place,
                double margin_m) const noexcept;
 
-  /// Whether the tool would press on nothing, were the surface at rest, and holds nothing.
+  /// Whether the tool would press on no point of the surface at rest, and holds none.
   bool free_at_rest(const contact::ToolShape& tool,
                     const Eigen::Vector3d& tool_place) const noexcept;
 
@@ -93,10 +93,10 @@ class ContactPoints {
   SurfacePoints surface_;
   contact::SurfaceTree tree_;
   contact::SurfaceTree rest_tree_;
-  ContactLaw law_;                 // with the e of the point that was looked at last
-  std::vector<double> e_N_per_m_;  // react()'s e, one a point
+  ContactLaw law_;                 // with the e of the point visited last
+  std::vector<double> e_N_per_m_;  // react()'s e, one per point
   std::vector<ContactPoint> known_;
-  std::vector<std::uint32_t> seen_;      // number of the search that has looked at a point
+  std::vector<std::uint32_t> seen_;      // number of the search that last visited a point
   std::vector<std::uint32_t> anchored_;  // number of the step in which a point got its anchor
   std::uint32_t search_ = 0;
   std::uint32_t step_ = 0;

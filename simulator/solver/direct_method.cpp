@@ -30,7 +30,7 @@ DirectMethod::DirectMethod(const SpringMesh& mesh, const DirectOptions& options)
 
 DirectMethod::~DirectMethod() {
   if (grabber_.joinable()) {
-    // A grab that runs still writes kServo when it is done, and would overwrite an earlier word.
+    // A grab in progress sets kServo at its end, and would overwrite a value set before that.
     turn_.wait(Turn::kGrab);
     turn_ = Turn::kQuit;
     turn_.notify_all();

@@ -12,7 +12,7 @@ namespace forcegrid::simulator {
 
 struct DirectOptions {
   double patch_radius_m = 0.012;  ///< of the tool's grip; > 0
-  /// Solver for one servo cycle. What the iterations leave over is corrected in the next cycle; the
+  /// Solver for one servo cycle. The next cycle corrects what the iterations leave over; the
   /// force's error is of second order in it.
   SolverOptions solver{.relative_tolerance = 1e-3,
                        .max_steps = 4,
@@ -20,20 +20,20 @@ struct DirectOptions {
                        .max_iterations = 4,
                        .max_recovery_steps = 1,
                        .answer_first_below = 0.03};
-  /// Solve for a new grip on a thread of its own, so that the servo doesn't wait for it; until it
-  /// is done the force is zero and its status kUnknown. Without it contact_made() takes that long.
+  /// Solves for a new grip on a separate thread, so that the servo does not wait. Until that is
+  /// done the force is zero and its status kUnknown. If false, contact_made() takes that long.
   bool grab_on_own_thread = true;
 };
 
-/// The simulator itself as a force method: the object's equilibrium at the tool's position, anew
-/// in every servo cycle, where that can keep up.
+/// The simulator itself as a force method: it solves for the object's equilibrium at the tool's
+/// position in every servo cycle.
 ///
 ///   F(P) = F(P_o) + J (P - P_o)     with P_o the position last observed
 ///
-/// Needs: the object's mesh, in this process; samples are ignored. Cost: one evaluation of all
-/// springs and at most DirectOptions::solver.max_iterations conjugate-gradient iterations a cycle:
-/// measured_cycle_s(). Memory: the object's. Uncertainty: the gap between the corrected and the raw
-/// force. Fails where the object is too large for the cycle, and where it isn't known.
+/// Needs: the object's mesh, in this process; samples are ignored. Cost per cycle: one evaluation
+/// of all springs and at most DirectOptions::solver.max_iterations conjugate-gradient iterations,
+/// see measured_cycle_s(). Memory: the object's. Uncertainty: the gap between the corrected and the
+/// raw force. Fails if the object is too large for the cycle or is not known.
 /// Source: the solver of ElasticObject, which documents its equations.
 /// Real-time: observe() and force() neither allocate, lock nor throw and are bounded as above; so
 /// is contact_made() with grab_on_own_thread. Threads: one, besides its own.
@@ -45,10 +45,9 @@ class DirectMethod final : public ForceMethod {
 
   const char* name() const noexcept override { return "direct"; }
   std::size_t memory_bytes() const noexcept override;
-  /// Nothing: the force comes from the object.
+  /// Does nothing: the force comes from the object.
   void take_sample(const Sample& sample) noexcept override;
-  /// Grabs the object at rest around `point_W`. A point without a vertex near leaves the force
-  /// unknown.
+  /// Grabs the object at rest around `point_W`. If no vertex is near, the force stays unknown.
   void contact_made(std::uint32_t epoch, const Eigen::Vector3d& point_W) noexcept override;
   void contact_lost() noexcept override;
   void observe(double time_s, const Eigen::Vector3d& position_W) noexcept override;
@@ -59,9 +58,9 @@ class DirectMethod final : public ForceMethod {
   /// The answer of the last observe(), for its counts and residuals.
   const Equilibrium& equilibrium() const noexcept { return equilibrium_; }
 
-  /// [s] What observe() takes in the median, measured on this processor: the object is
-  /// grabbed at the top and moved to and fro at 0.2 m/s for `cycles` cycles of `servo_period_s`.
-  /// Not while in use. Throws Error if the object can't be grabbed.
+  /// [s] Median time of observe(), measured on this processor: grabs the object at the top and
+  /// moves it to and fro at 0.2 m/s for `cycles` cycles of `servo_period_s`. Not while the method
+  /// is in use. Throws Error if the object can't be grabbed.
   double measured_cycle_s(double servo_period_s, int cycles = 60);
 
  private:

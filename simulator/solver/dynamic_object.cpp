@@ -19,7 +19,7 @@ using kernels::Double4;
 using kernels::Precise;
 
 const std::string kWho = "dynamic object: ";
-constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step: rounding makes no other one
+constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step, so that rounding adds none
 
 Double4 lanes(const Eigen::Vector3d& v) { return kernels::to_precise(v).xyz; }
 Double4 all(double value) { return Double4{value, value, value, value}; }
@@ -183,7 +183,7 @@ class DynamicObject::Implementation {
     result.steps = steps;
   }
 
-  // Positions are where the step ends and springs are evaluated there.
+  // Moves the positions to the step's end and evaluates the springs there.
   void take_step(const Eigen::Vector3d& next_W, Equilibrium& result) noexcept {
     fill_matrix();
     const double scale_N = std::max(tool_force_W_.norm(), options_.force_floor_N);
@@ -195,7 +195,7 @@ class DynamicObject::Implementation {
     for (std::size_t i = 0; i < position_.size(); ++i) {
       position_[i].xyz += all(step_s_) * velocity_[i].xyz;
     }
-    // Not the sum of many steps.
+    // From the place of the grab, so that the rounding of many steps does not add up.
     for (std::size_t k = 0; k < held_.size(); ++k) {
       position_[held_[k]].xyz = held_at_[k].xyz + lanes(displacement_W_);
     }

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/energy_descent.h"
 #include "simulator/solver/region_schedule.h"
@@ -21,16 +22,17 @@ constexpr int kMaxHalvings = 4;
 // and no further than this fraction of the present residual, where the law's curvature takes over.
 constexpr double kAimBelowTolerance = 0.5;
 constexpr double kAimBelowResidual = 0.01;
-// A residual that grows by more than this under a correction tells of an unstable state.
+// A residual that grows by more than this under a correction indicates an unstable state.
 constexpr double kDivergence = 2.0;
-// Corrections that leave more than this of the residual, and how many of them end the attempt.
+// A correction that leaves more than this of the residual has stalled; so many stalls end the
+// attempt.
 constexpr double kStall = 0.7;
 constexpr int kMaxStalls = 3;
-// How many times max_step_m a step may be long that is predicted well.
+// A step that is predicted well may be this many times max_step_m long.
 constexpr double kLongStep = 3.0;
-// States on the way need no smaller residual, of the force.
+// Intermediate states need no smaller residual than this, relative to the force.
 constexpr double kOnTheWay = 1e-2;
-// So far beyond what the border may have the outside no longer follows S.
+// Where the border has so many times its allowed work, the outside no longer follows S.
 constexpr double kBorderLost = 100.0;
 
 void check(const SolverOptions& options) {
@@ -211,7 +213,7 @@ class ElasticObject<Real>::Implementation {
     last_.displacement_W = state_.displacement_W();
   }
 
-  // A way of some steps is tried in one.
+  // Tries a move of a few steps in one step.
   double longest_step_m(double way_m) const noexcept {
     const double long_step_m = kLongStep * options_.max_step_m;
     return options_.long_step_residual > 0.0 && way_m <= long_step_m ? long_step_m
@@ -238,7 +240,7 @@ class ElasticObject<Real>::Implementation {
     }
   }
 
-  // Solves with a larger region until the border is quiet.
+  // Solves with a larger region until the border's work is small enough.
   void grow() noexcept {
     if (options_.border_tolerance <= 0.0 || options_.answer_first_below > 0.0 ||
         state_.region().is_whole()) {
@@ -308,7 +310,7 @@ class ElasticObject<Real>::Implementation {
                : Outcome::kUnstable;
   }
 
-  // The answer stands; what the prediction left over is mended for the next move.
+  // The answer is final; this corrects what the prediction left over, for the next move.
   Outcome correct_once() noexcept {
     return settled() || correct_to_tolerance(options_.max_iterations) ? Outcome::kSettled
                                                                       : Outcome::kUnstable;
@@ -327,6 +329,7 @@ class ElasticObject<Real>::Implementation {
     int iterations_left = options_.max_iterations;
     int stalls = 0;
     for (int round = 0; round < kMaxEvaluationsAStep; ++round) {
+      rt::note_progress();
       if (!found_.finite()) {
         return Outcome::kUnstable;
       }

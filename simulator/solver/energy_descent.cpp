@@ -14,8 +14,8 @@ constexpr double kLargestMove_m = 1e-3;
 constexpr double kResidualAim = 0.1;
 constexpr double kAnySensitivity_N_per_m = 1e30;
 
-// Moves along the correction, at first by `scale` of it and then half as far each time, until the
-// energy is below `energy_J`, which becomes that; or else back to the saved state.
+// Moves along the correction, first by `scale` of it and then half as far each time, until the
+// energy is below `energy_J`, which it then replaces; otherwise returns to the saved state.
 template <typename Real>
 bool search(StateWithSensitivities<Real>& state, const std::vector<Eigen::Vector3f>& correction_m,
             double scale, double& energy_J) noexcept {

@@ -8,18 +8,18 @@
 
 namespace forcegrid::simulator {
 
-/// What a descent in energy spent.
+/// The cost of a descent in energy.
 struct EnergyDescent {
   int evaluations = 0;
   int iterations = 0;  ///< of conjugate gradients
 };
 
-/// From an unstable or diverging state downhill in energy to another branch of equilibria, the tool
-/// held where it is: truncated Newton steps with a backtracking line search, until |r| is at most
-/// `relative_tolerance` max(|F|, `force_floor_N`), nothing is lower, or `max_steps` are done.
-/// Begins from the state before the last advance_to() with the patch moved on, and overwrites that
-/// state. The region must be the whole object.
-/// @param correction_m  scratch, one a vertex.
+/// Leads from an unstable or diverging state downhill in energy to another branch of equilibria
+/// while the tool stays where it is: truncated Newton steps with a backtracking line search, until
+/// |r| is at most `relative_tolerance` max(|F|, `force_floor_N`), no lower energy is found, or
+/// `max_steps` are done. Begins from the state before the last advance_to(), with the patch at its
+/// new place, and overwrites that state. The region must be the whole object.
+/// @param correction_m  scratch, one per vertex.
 template <typename Real>
 EnergyDescent descend_in_energy(StateWithSensitivities<Real>& state, int max_steps,
                                 double relative_tolerance, double force_floor_N,

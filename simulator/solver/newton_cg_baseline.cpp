@@ -21,11 +21,11 @@ using kernels::SpringRows;
 using kernels::SpringTangent;
 
 constexpr double kForcing = 0.1;
-constexpr double kAimBelowTolerance = 0.5;
-constexpr double kDivergence = 2.0;
-constexpr int kMaxHalvings = 6;
+constexpr double kPlainAimBelowTolerance = 0.5;
+constexpr double kPlainDivergence = 2.0;
+constexpr int kPlainMaxHalvings = 6;
 constexpr int kNewtonStepsOnTheWay = 2;
-constexpr double kLargestTrend = 2.0;
+constexpr double kPlainLargestTrend = 2.0;
 
 FORCEGRID_MULTIVERSION void sum_forces(const SpringRows& rows, const SpringTangent* tangent,
                                        const Single* position, Single* force) noexcept {
@@ -210,7 +210,7 @@ class NewtonCgBaseline::Implementation {
   void extrapolate_to(const Eigen::Vector3d& displacement) {
     const Eigen::Vector3d step = displacement - displacement_;
     double trend = last_step_.isZero(0.0) ? 0.0 : step.dot(last_step_) / last_step_.squaredNorm();
-    if (std::abs(trend) > kLargestTrend) {
+    if (std::abs(trend) > kPlainLargestTrend) {
       trend = 0.0;
     }
     const auto scale = static_cast<float>(trend);
@@ -268,13 +268,13 @@ class NewtonCgBaseline::Implementation {
       find_move(answer);
       base_ = position_;
       double scale = bounded();
-      for (int halving = 0; halving <= kMaxHalvings; ++halving) {
+      for (int halving = 0; halving <= kPlainMaxHalvings; ++halving) {
         const auto factor = static_cast<float>(scale);
         for (std::size_t i = 0; i < position_.size(); ++i) {
           position_[i].xyz = base_[i].xyz + Float4{factor, factor, factor, 0.0F} * move_[i].xyz;
         }
         evaluate(answer);
-        if (residual_N_ <= kDivergence * before_N) {
+        if (residual_N_ <= kPlainDivergence * before_N) {
           break;
         }
         scale *= 0.5;
@@ -299,7 +299,7 @@ class NewtonCgBaseline::Implementation {
     for (std::size_t i = 0; i < inverse_.size(); ++i) {
       kernels::invert_block(inverse_[i], free_[i] != 0);
     }
-    const double aim_N = std::max(kForcing * residual_N_, kAimBelowTolerance * aim_N_);
+    const double aim_N = std::max(kForcing * residual_N_, kPlainAimBelowTolerance * aim_N_);
     std::fill(move_.begin(), move_.end(), Single{});
     std::fill(product_.begin(), product_.end(), Single{});
     std::fill(direction_.begin(), direction_.end(), Single{});

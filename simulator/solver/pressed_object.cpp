@@ -16,11 +16,12 @@ namespace {
 
 constexpr double kSpacingOverRadius = 0.25;
 constexpr double kMaxFriction = 2.0;
-constexpr int kMaxHalvings = 3;
-// The contact forces are substituted once the springs lag behind them by this much less.
+constexpr int kPressedMaxHalvings = 3;
+// The contact forces are substituted once the springs' residual is at most this share of what they
+// change.
 constexpr double kStillEnough = 0.5;
-constexpr double kAimBelowTolerance = 0.5;
-constexpr double kAimBelowResidual = 0.05;
+constexpr double kPressedAimBelowTolerance = 0.5;
+constexpr double kPressedAimBelowResidual = 0.05;
 constexpr double kLeastGain = 0.3;  // however small the residual is: the force gap may not be
 constexpr double kSensitivityTolerance = 0.05;
 // The stiffness that F is divided by is at least |F| over this.
@@ -134,8 +135,8 @@ class PressedObject::Implementation {
  private:
   enum class Outcome { kSettled, kOutOfRounds, kUnstable };
 
-  // In steps short enough that no point can come out on the tool's other side. Through the air it
-  // goes as far as the gap is wide.
+  // Moves in steps short enough that no point can come out on the tool's other side. Without
+  // contact a step may be as wide as the gap.
   void walk_to(const Eigen::Vector3d& target) noexcept {
     Equilibrium& result = last_.equilibrium;
     double step_limit_m = options_.max_step_m;
@@ -155,7 +156,7 @@ class PressedObject::Implementation {
         springs_.restore();
         contacts_.restore();
         place_ = from;
-        if (result.halvings >= kMaxHalvings) {
+        if (result.halvings >= kPressedMaxHalvings) {
           give_up();
           return;
         }
@@ -174,7 +175,8 @@ class PressedObject::Implementation {
     }
   }
 
-  // The object let go of an equilibrium that can't be followed: it begins anew where the tool is.
+  // The equilibrium can't be followed any more: starts again with the object at rest and the tool
+  // where it is.
   void give_up() noexcept {
     const Equilibrium counts = last_.equilibrium;
     reset(place_ + origin_W_);
@@ -244,9 +246,10 @@ class PressedObject::Implementation {
         return Outcome::kOutOfRounds;
       }
       const double target_N = options_.relative_tolerance * force_scale_N();
-      const double still_N = std::max(kAimBelowTolerance * target_N, kStillEnough * unsettled_N_);
-      if (for_sensitivity ||
-          (unsettled_N_ > kAimBelowTolerance * target_N && springs_.residual_N() <= still_N)) {
+      const double still_N =
+          std::max(kPressedAimBelowTolerance * target_N, kStillEnough * unsettled_N_);
+      if (for_sensitivity || (unsettled_N_ > kPressedAimBelowTolerance * target_N &&
+                              springs_.residual_N() <= still_N)) {
         contacts_.substitute(springs_);
         evaluate();
       }
@@ -258,13 +261,13 @@ class PressedObject::Implementation {
   }
 
   // One Newton step, shortened while it makes the residual larger.
-  // @returns false when there is no way down.
+  // @returns false if the state is unstable even with the convex matrix.
   bool correct(double target_N, bool for_sensitivity, int& iterations_left) noexcept {
     Equilibrium& result = last_.equilibrium;
     const double before_N = springs_.residual_N();
-    const double aim_N =
-        std::min(std::max(kAimBelowTolerance * target_N, kAimBelowResidual * before_N),
-                 kLeastGain * before_N);
+    const double aim_N = std::min(
+        std::max(kPressedAimBelowTolerance * target_N, kPressedAimBelowResidual * before_N),
+        kLeastGain * before_N);
     const double sensitivity_aim_N_per_m =
         for_sensitivity ? 0.3 * kSensitivityTolerance * result.stiffness_W.norm()
                         : std::numeric_limits<double>::infinity();

@@ -16,16 +16,16 @@ struct PressOptions {
   double friction = 0.3;  ///< Coulomb's mu between tool and surface, 0 to 2
   /// [m] How far a point gives sideways before it slips; > 0.
   double stick_m = 1e-4;
-  /// [m] Farthest apart that the points may be at which the tool presses; 0: a quarter of the
-  /// tool's radius, between which a sphere sinks in by a hundredth of it.
+  /// [m] Largest distance between the points at which the tool presses; 0: a quarter of the tool's
+  /// radius, at which a sphere sinks in between them by a hundredth of its radius.
   double point_spacing_m = 0.0;
-  /// A state is an equilibrium when residual, force gap and what the contact forces still change
-  /// are at most this times max(|F|, force_floor_N); > 0.
+  /// A state is an equilibrium when the residual, the force gap and the contact forces' remaining
+  /// change are at most this times max(|F|, force_floor_N); > 0.
   double relative_tolerance = 2e-3;
   double force_floor_N = 0.05;
   /// [m] A longer move is made in equal steps of at most this, and of half the tool's radius; > 0.
   double max_step_m = 2e-3;
-  int max_steps = 12;        ///< with contact; a longer move ends on the way there
+  int max_steps = 12;        ///< with contact; a longer move ends part of the way
   int max_rounds = 40;       ///< of one step: Newton steps and corrections of the contact forces
   int max_iterations = 400;  ///< conjugate-gradient iterations of one step
 };
@@ -33,8 +33,8 @@ struct PressOptions {
 /// The state at one tool position.
 struct Pressed {
   /// As an ElasticObject's answer; displacement_W is not used. force_W and raw_force_W are both
-  /// minus the sum of what the tool does to the surface, so that friction's bound holds for it;
-  /// force_gap_N is |sum S_i^T r_i|, how far the residual may put it wrong.
+  /// minus the sum of the tool's forces on the surface, so that they keep friction's bound;
+  /// force_gap_N is |sum S_i^T r_i|, the error that the residual may cause in them.
   Equilibrium equilibrium;
   Eigen::Vector3d position_W = Eigen::Vector3d::Zero();  ///< [m] of the tool
   int points = 0;                                        ///< that bear force
@@ -44,8 +44,8 @@ struct Pressed {
   Eigen::Vector3d friction_W = Eigen::Vector3d::Zero();  ///< [N] sum of friction, on the tool
   /// [m] Mean of the points' places, weighted with their forces; the tool's position without any.
   Eigen::Vector3d centre_W = Eigen::Vector3d::Zero();
-  double deepest_m = 0.0;  ///< farthest that a bearing point is inside the tool: what is left over
-  /// stiffness_W is dF/dP: always but where a point slips with friction.
+  double deepest_m = 0.0;  ///< largest depth that a bearing point still has inside the tool
+  /// stiffness_W is dF/dP: true unless a point slips with friction.
   bool stiffness_known = true;
 };
 
@@ -55,11 +55,11 @@ struct Pressed {
 ///   r_i = -dE/dx_i + sum_p w_ip R_p(x_p, P) = 0 on all free vertices,  F = -sum_p R_p
 ///
 /// over material points p of the surface (x_p = sum_i w_ip x_i, see SurfacePoints) near the tool,
-/// R_p of react(): no point stays inside of the tool, none is pulled, and friction is Coulomb's.
-/// Each step of the tool repeats Newton steps with four right-hand sides (the residual and the
-/// sensitivities S = dx/dP, as ElasticObject's) and substitutions of the contact forces, until both
-/// are still. Points come and go with zero force, so that the force is continuous, making and
-/// breaking contact included. When no point bears force any more, the object is at rest.
+/// with R_p from react(): no point stays inside the tool, none is pulled, and friction is
+/// Coulomb's. For each step of the tool, Newton steps with four right-hand sides (the residual and
+/// the sensitivities S = dx/dP, as ElasticObject's) and substitutions of the contact forces repeat
+/// until both have settled. Points come and go with zero force, so that the force is continuous,
+/// also where contact is made or broken. When no point bears force any more, the object is at rest.
 ///
 /// Friction makes the force depend on the path. Threads: one.
 /// Real-time: no allocation after construction; bounded by PressOptions.
@@ -76,22 +76,22 @@ class PressedObject {
   std::size_t spring_count() const noexcept;
   const contact::ToolShape& tool() const noexcept;
 
-  /// At rest, the tool at `position_W` [m]: it comes from there.
+  /// Puts the object at rest and the tool at `position_W` [m], from where it moves on.
   void reset(const Eigen::Vector3d& position_W) noexcept;
 
-  /// [m] From the tool at `position_W` to the surface as it is now, at most `margin_m`.
+  /// [m] From the tool at `position_W` to the surface in its present shape, at most `margin_m`.
   double gap_m(const Eigen::Vector3d& position_W, double margin_m) const noexcept;
 
   /// Moves the tool straight on to `position_W` [m]. A position that is not finite changes nothing
   /// and gives the last state with converged = reached = false.
   Pressed move_to(const Eigen::Vector3d& position_W) noexcept;
 
-  /// A grasper's jaws close: the points of the surface between them, in its present shape, move
+  /// Closes a grasper's jaws: the points of the surface between them, in its present shape, move
   /// with the tool from now on. The force is continuous.
   /// @returns how many; 0 when there is nothing between them, or for another tool.
   int grasp() noexcept;
 
-  /// The jaws open again: what they held is free, and only pressed on.
+  /// Opens the jaws again: what they held is free, and only pressed on.
   void let_go() noexcept;
 
   /// [m] All vertices' positions in W, in the mesh's numbering.

@@ -15,9 +15,8 @@ namespace {
 using kernels::BlockInverse;
 using kernels::Float4;
 using kernels::Lanes;
-using kernels::Precise;
 
-constexpr double kFinishedLane = 1e-13;  // of where it began: single precision's end
+constexpr double kConvergedLane = 1e-13;  // of the initial value: the limit of single precision
 // A correction that moves a vertex farther than this part of a spring is shortened.
 constexpr double kLargestMoveOverLength = 0.5;
 
@@ -113,8 +112,8 @@ void PressedSprings::restore() noexcept {
   forget_direction();
 }
 
-// What an unstable state left here may not be finite, and is multiplied by zero when the conjugate
-// gradients start.
+// An unstable state may have left numbers here that are not finite, and the conjugate gradients
+// begin by multiplying them by zero.
 void PressedSprings::forget_direction() noexcept {
   std::fill(direction_.begin(), direction_.end(), Lanes{});
   std::fill(product_.begin(), product_.end(), Lanes{});
@@ -279,7 +278,7 @@ PressedSprings::Descent PressedSprings::descend(int max_iterations, double resid
     Float4 alpha{};
     bool active = false;
     for (int lane = 0; lane < 4; ++lane) {
-      if (!(before[lane] > first[lane] * static_cast<float>(kFinishedLane))) {
+      if (!(before[lane] > first[lane] * static_cast<float>(kConvergedLane))) {
         continue;
       }
       if (!(curvature[lane] > 0.0F)) {

@@ -20,16 +20,16 @@ struct PointLoad {
   std::array<std::int32_t, 3> vertex{};
   std::array<double, 3> weight{};
   Reaction reaction;
-  /// [N/m] What is known of d force_W / dP beside stiffness_W (I - S_p): ContactPoint::pull_W.
+  /// [N/m] The known part of d force_W / dP beside stiffness_W (I - S_p): ContactPoint::pull_W.
   Eigen::Matrix3d known_pull_W = Eigen::Matrix3d::Zero();
 };
 
-/// The springs of an object under forces that depend on the place of a few surface points:
-/// PressedObject's other half. Positions in double precision, corrections and the sensitivities
-/// S = dx/dP in single. Coordinates are from the object's own origin, axes W's.
+/// The springs of an object under forces that depend on the places of a few surface points: the
+/// other half of PressedObject. Positions are in double precision, corrections and the
+/// sensitivities S = dx/dP in single. Coordinates are from the object's own origin, along W's axes.
 ///
-///   r = -dE/dx + sum_p w_p R_p,   (K + sum_p w_p C_p w_p^T) dx = r,  (the same matrix) S = w_p
-///   (C_p + L_p)
+///   r = -dE/dx + sum_p w_p R_p,   (K + sum_p w_p C_p w_p^T) dx = r,
+///   (the same matrix) S = w_p (C_p + L_p)
 ///
 /// with C_p = Reaction::stiffness_W and L_p = known_pull_W: four right-hand sides in SIMD lanes,
 /// conjugate gradients with block-Jacobi and a coarse grid fitted at rest. Source: the kernels of
@@ -48,10 +48,10 @@ class PressedSprings {
     return stiffness_at_rest_N_per_m_[vertex];
   }
 
-  /// Room for this many loads, so that evaluate() need not make it.
+  /// Reserves room for this many loads, so that evaluate() need not allocate.
   void reserve(std::size_t loads) { loads_.reserve(loads); }
 
-  void rest() noexcept;  ///< into the rest pose
+  void rest() noexcept;  ///< returns to the rest pose
   bool at_rest() const noexcept { return at_rest_; }
 
   /// Keeps the state for restore(), then x += S step [m].
@@ -59,26 +59,26 @@ class PressedSprings {
   void restore() noexcept;
 
   /// Forces and tangents at the present state under `loads`.
-  /// @param convex  leaves out of the matrix what springs under compression and turning normals
-  ///   take from it: then it is positive definite, and every correction leads downhill in energy.
+  /// @param convex  leaves out of the matrix what compressed springs and turning normals subtract
+  ///   from it. It is then positive definite, and every correction leads downhill in energy.
   void evaluate(const std::vector<PointLoad>& loads, bool convex) noexcept;
 
   double residual_N() const noexcept { return residual_N_; }    ///< |r| on free vertices
   double force_gap_N() const noexcept { return force_gap_N_; }  ///< |sum S_i^T r_i|
-  /// [N/m] What is left of the equations for S on free vertices.
+  /// [N/m] Residual of the equations for S on free vertices.
   double sensitivity_residual_N_per_m() const noexcept { return sensitivity_N_per_m_; }
   bool finite() const noexcept;
 
   struct Descent {
     int iterations = 0;
-    bool unstable = false;  ///< the matrix is not positive definite: x and S are as before
+    bool unstable = false;  ///< the matrix is not positive definite: x and S are unchanged
   };
-  /// Moves x by the solution that conjugate gradients find after evaluate(), and S too, until both
+  /// Moves x, and S too, by the solution that conjugate gradients find after evaluate(), until both
   /// aims are met.
   Descent descend(int max_iterations, double residual_aim_N,
                   double sensitivity_aim_N_per_m) noexcept;
 
-  /// Takes back all of the last descent's move of x but `factor` of it; S keeps its own.
+  /// Keeps only `factor` of the last descent's move of x; S keeps all of its own.
   void shorten(double factor) noexcept;
 
  private:

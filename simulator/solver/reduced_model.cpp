@@ -81,9 +81,7 @@ bool ReducedModel::take_newton_step(Equilibrium& answer) noexcept {
     const Coordinates residual = force.tail(modes_);
     answer.force_W += follow_.transpose().lazyProduct(residual);
     answer.stiffness_W -= stiffness.topRightCorner(3, modes_).lazyProduct(follow_);
-    Coordinates step = residual;
-    factor.solveInPlace(step);
-    z_.tail(modes_) += step;
+    z_.tail(modes_) += factor.solve(residual);
     ++answer.iterations;
   }
   answer.force_gap_N = (answer.force_W - answer.raw_force_W).norm();

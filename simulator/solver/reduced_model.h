@@ -15,10 +15,10 @@ namespace forcegrid::simulator {
 ///
 ///   R(z) = R_0 - A z + R_c(z),   q solves R_q = 0,   F = R_P,   J = -(K_PP - K_Pq K_qq^-1 K_qP)
 ///
-/// R = -dE/dz; R_c are the forces of a few weighted springs (ReducedSprings), and A, R_0 hold what
-/// is linear of all the others, so that at rest force and stiffness are the whole object's. Forces
-/// are work-consistent: what R_q is left with counts as F += (dq/dP)^T R_q.
-/// Each move predicts q along dq/dP and takes Newton steps.
+/// R = -dE/dz. R_c are the forces of a few weighted springs (ReducedSprings); A and R_0 hold the
+/// linear part of all the others, so that at rest force and stiffness are the whole object's.
+/// Forces are work-consistent: the residual R_q counts as F += (dq/dP)^T R_q. Each move predicts q
+/// along dq/dP and takes Newton steps.
 ///
 /// Source: energy-conserving sampling and weighting, Farhat, Avery, Chapman and Cortial (2014),
 /// with the linear part taken out (a control variate); the modes are train_reduced_model()'s.

@@ -13,13 +13,13 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr std::uint64_t kMostTold = 20;
-// So many more states are worth another training.
+// This many more states are worth another training.
 constexpr double kWorthTraining = 0.25;
 constexpr std::size_t kFewestNewStates = 5;
 constexpr std::size_t kFewestStates = 3;
-// How much farther apart the states are to be when there is no room for more.
+// Factor on the states' distance when there is no room for more.
 constexpr double kThinner = 1.5;
-// And how much nearer after a failed check, down to a bound.
+// The same after a failed check, down to a bound.
 constexpr double kDenser = 0.5;
 constexpr double kNearest_m = 0.5e-3;
 constexpr std::size_t kNewAfterFailure = 3;
@@ -81,7 +81,7 @@ void ReducedObject::tell(const std::string& what) {
                (told_++ == kMostTold ? "; what follows is only counted" : ""));
 }
 
-// Ends what runs on other threads, and all that was learnt of this grab.
+// Ends the work on other threads, and drops all that was learnt during this grab.
 void ReducedObject::forget() noexcept {
   cancel_ = true;
   if (check_.valid()) {

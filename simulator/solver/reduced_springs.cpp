@@ -20,7 +20,7 @@ constexpr std::size_t kLanes = 8;
 constexpr int kMost = kMostReducedCoordinates;
 constexpr int kMostPairs = kMost * (kMost + 1) / 2;
 
-// Lane sums, one register a coordinate and a pair of coordinates j <= i: i (i + 1) / 2 + j.
+// Lane sums, one register per coordinate and one per pair of coordinates j <= i: i (i + 1) / 2 + j.
 struct Sums {
   alignas(32) float force[kMost][kLanes];
   alignas(32) float stiffness[kMostPairs][kLanes];
@@ -141,11 +141,12 @@ std::size_t ReducedSprings::memory_bytes() const noexcept {
 
 void ReducedSprings::evaluate(const double* z, double* force, double* stiffness) noexcept {
   const int n = coordinates_;
-  const std::size_t blocks = constants_.size() / kLanes;
+  const bool has_springs = !edge_.empty() && !basis_.empty();
+  const std::size_t blocks = has_springs ? constants_.size() / kLanes : 0;
   float single_z[kMost] = {};
   std::transform(z, z + n, single_z, [](double number) { return static_cast<float>(number); });
-  const float* edge = edge_.empty() ? nullptr : edge_.front().number;
-  const float* basis = basis_.empty() ? nullptr : basis_.front().number;
+  const float* edge = has_springs ? edge_.front().number : nullptr;
+  const float* basis = has_springs ? basis_.front().number : nullptr;
   place_edges(n, blocks, edge, basis, single_z, position_.data());
   kernels::find_tangents(rows_, constants_.data(), exponential_, position_.data(), tangent_.data());
   Sums sums;

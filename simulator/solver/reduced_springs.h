@@ -14,9 +14,9 @@ namespace forcegrid::simulator {
 inline constexpr int kMostReducedCoordinates = 48;
 
 /// A few weighted springs as functions of n generalised coordinates z, eight side by side in SIMD
-/// registers: spring s leads along d_s(z) = d_s(0) + B_s z and counts w_s times.
+/// registers: spring s extends along d_s(z) = d_s(0) + B_s z and has the weight w_s.
 ///
-/// Threads: const after construction but for its scratch; one at a time.
+/// Threads: one at a time, since evaluate() uses scratch memory.
 class ReducedSprings {
  public:
   /// One spring that the sums contain.
@@ -51,8 +51,8 @@ class ReducedSprings {
 
   int coordinates_ = 0;
   std::size_t count_ = 0;
-  std::vector<Eight> edge_;   // 3 each eight springs
-  std::vector<Eight> basis_;  // 3 n each eight springs
+  std::vector<Eight> edge_;   // 3 per eight springs
+  std::vector<Eight> basis_;  // 3 n per eight springs
   kernels::SpringRows rows_;  // a star: vertex s + 1 is where spring s leads to from vertex 0
   std::vector<kernels::SpringConstants<float>> constants_;
   bool exponential_ = false;

@@ -23,18 +23,18 @@ using Eigen::Matrix3Xd;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-// One row a component of a vertex, one column a field over the vertices.
+// One row per component of a vertex, one column per field over the vertices.
 using Fields = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr double kSensitivityReach_m = 3e-3;
 constexpr Index kMostFields = 400;
 constexpr double kMostFieldNumbers = 1e8;  // of 4 bytes
-constexpr Index kFewestPlaces = 60;        // that they are to meet them at
-constexpr Index kMostConditions = 2400;    // rows that the springs' weights are to meet
-// The modes' forces count as what they do to the tool, but no less than this share of the most
-// that any of them does.
+constexpr Index kFewestPlaces = 60;        // at which the springs' forces must agree
+constexpr Index kMostConditions = 2400;    // rows that the springs' weights must satisfy
+// The modes' forces are weighted by their effect on the tool, but with no less than this share of
+// the largest effect.
 constexpr double kLeastShare = 0.03;
-constexpr double kSmallestMode = 1e-7;  // of the largest one's energy: what single precision tells
+constexpr double kSmallestMode = 1e-7;  // of the largest one's energy: single precision's limit
 
 // f u = t d and the Hessian w w^T + t I of a spring.
 struct Law {
@@ -224,11 +224,11 @@ class Training {
     basis_.rightCols(modes_) = fields * mixture.cast<float>();
   }
 
-  // Those that hold most first, until what is left out is worth little.
+  // The modes with most energy first, until what is left out is worth little.
   Index count_modes(const VectorXd& value, const MatrixXd& vector, ReducedTraining& done) const {
     const double worth_J =
         options_.mode_tolerance * std::sqrt(mean_force2_N2_) * options_.mode_length_m;
-    // What each mode holds of the states' mean energy.
+    // The share of each mode in the states' mean energy.
     const VectorXd part = vector.topRows(states()).colwise().squaredNorm().transpose() /
                           static_cast<double>(states());
     const VectorXd share = 0.5 * value.cwiseMax(0.0).cwiseProduct(part);
@@ -243,8 +243,9 @@ class Training {
     return count;
   }
 
-  // Which states the springs are chosen by, and what a force on each coordinate is worth. Where
-  // there are few, places beside them along S count as well: no equilibrium is needed.
+  // Chooses the states by which the springs are chosen, and the weight of a force on each
+  // coordinate. If there are few states, places beside them along S count as well: they need no
+  // equilibrium.
   void weigh_states() {
     const Index n = 3 + modes_;
     const Index room = std::max<Index>(kMostConditions / n, 8);
@@ -282,7 +283,7 @@ class Training {
     return law.w * law.w.transpose() + law.t_N_per_m * Eigen::Matrix3d::Identity();
   }
 
-  // Everything that is linear, of all springs, home springs and loads.
+  // The linear part of all springs, home springs and loads.
   void reduce_linear_part() {
     const Index n = 3 + modes_;
     linear_stiffness_.setZero(n, n);
@@ -303,7 +304,7 @@ class Training {
     }
   }
 
-  // One spring's generalised forces beyond linear, in every chosen state one after the other.
+  // One spring's nonlinear generalised forces, in every chosen state one after the other.
   VectorXd contribution(std::size_t s, LawTable& laws) const {
     const Matrix3Xd basis = basis_of(s);
     const Matrix3Xd moved = basis * coordinates_;

@@ -9,13 +9,14 @@
 
 namespace forcegrid::simulator {
 
-/// The part of an object around the tool that is solved, in rings: level 0 is the held patch, level
-/// n the vertices n springs away from it; what no spring joins to the patch is the last level. With
-/// the vertices numbered by level a region is the head of every array, and the springs of its
-/// vertices lead at most one level further. Source: the solver study, section on local solving.
+/// The part of an object around the tool that is solved, in rings: level 0 is the held patch, and
+/// level n holds the vertices n springs away from it. Vertices that no springs connect to the patch
+/// form the last level. Vertices are numbered by level, so that a region is the head of every
+/// array, and its vertices' springs lead at most one level further. Source: the solver study,
+/// section on local solving.
 ///
-/// Solved are the levels below solved(); the level after them, the border, is evaluated, and the
-/// one after that is read. Further out the object is left where it was when the region last reached
+/// The levels below solved() are solved. The level after them, the border, is evaluated, and the
+/// one after that is read. Farther out the object stays where it was when the region last reached
 /// it.
 class Region {
  public:
@@ -34,22 +35,24 @@ class Region {
   std::int32_t solved_vertices() const noexcept { return end_of(solved_); }
   /// How many levels the next larger region has: one more, or a fifth more.
   int larger() const noexcept;
-  /// `levels` or as many as have at most `vertices` vertices, at least 1; 0 vertices: no limit.
+  /// `levels`, or fewer if they have more than `vertices` vertices, at least 1; 0 vertices: no
+  /// limit.
   int limited(int levels, int vertices) const noexcept;
 
-  /// Everything is solved, and nothing has been left anywhere.
+  /// Makes the region the whole object; no vertex is left outside.
   void whole(kernels::SpringRows& rows) noexcept;
 
-  /// Solves `levels` levels from now on, in 1..levels(), and sets what `rows` says of it.
-  /// @param displacement  of the tool, remembered for what is no longer reached.
+  /// Solves `levels` levels from now on, in 1..levels(), and sets the region's limits in `rows`.
+  /// @param displacement  of the tool, stored for the vertices that are no longer reached.
   void set(int levels, const Eigen::Vector3d& displacement, kernels::SpringRows& rows) noexcept;
 
-  /// How many vertices a region of at most `vertices` vertices goes through, its border and what
-  /// that reads included.
+  /// How many vertices a region of at most `vertices` vertices visits, including its border and
+  /// what the border reads.
   std::int32_t reach_of(int vertices) const noexcept {
     return end_of(limited(levels(), vertices) + 2);
   }
-  /// The vertices [first, end), whole levels, stand where they do with the tool at `displacement`.
+  /// Records that the vertices [first, end), whole levels, stand as with the tool at
+  /// `displacement`.
   void leave_at(std::int32_t first, std::int32_t end, const Eigen::Vector3d& displacement) noexcept;
 
   /// The tool's displacement when the vertex, beyond the region's reach, was left.
@@ -61,13 +64,13 @@ class Region {
   // Vertices in the first `levels` levels.
   std::int32_t end_of(int levels) const noexcept;
 
-  std::vector<std::int32_t> level_begin_;  // and the end
+  std::vector<std::int32_t> level_begin_;  // and the end of the last
   std::vector<std::int32_t> level_of_;     // by vertex
   std::vector<Eigen::Vector3d> place_;     // by level
   int solved_ = 1;
 };
 
-/// Sorts `values` so that element n is what was element order[n].
+/// Sorts `values` so that element n is the former element order[n].
 template <typename Value>
 void permute(const std::vector<std::int32_t>& order, std::vector<Value>& values) {
   std::vector<Value> sorted;

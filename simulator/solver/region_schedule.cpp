@@ -6,7 +6,7 @@
 namespace forcegrid::simulator {
 namespace {
 
-// A region gives up its last ring below this fraction of what the border may have.
+// A region gives up its last ring below this fraction of the border's allowed work.
 constexpr double kShrinkBelow = 0.3;
 // Every attempt with less than the whole object costs an answer of two parts.
 constexpr int kMovesBetweenAttempts = 30;

@@ -5,17 +5,17 @@
 
 namespace forcegrid::simulator {
 
-/// How many rings a local solver goes for at each move, see SolverOptions::border_tolerance and
-/// most_vertices. It sees the border's share: the work residual on the border over
-/// what it may have.
+/// Decides how many rings a local solver solves at each move, see SolverOptions::border_tolerance
+/// and most_vertices. It takes the border's share: the work residual on the border over the allowed
+/// one.
 class RegionSchedule {
  public:
   void reset() noexcept { *this = RegionSchedule(); }
 
-  /// A move begins: the rings to solve for it.
+  /// Begins a move: how many rings it solves.
   int next_levels(const Region& region, double border_share, int most_vertices) noexcept;
 
-  /// What is mended all at once where the region is new is no trend.
+  /// Whether the region changed in the last few moves. What is corrected at once there is no trend.
   bool region_is_new() const noexcept { return calm_moves_ < kCalmMoves; }
   void region_changed() noexcept { calm_moves_ = 0; }
   /// A move that grew its region to the whole object has ended.

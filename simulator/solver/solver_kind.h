@@ -17,14 +17,14 @@ enum class SolverKind {
   kPressed,      ///< contact with friction, for a tool that slides: PressedObject
 };
 
-/// As on the command line and in summaries; "pressed" for the one that can't be asked for.
+/// As on the command line and in summaries; "pressed" for the kind that --solver does not offer.
 const char* to_string(SolverKind kind) noexcept;
 
-/// What --solver can be: auto, quasi_static, local, two_rates, reduced, dynamic.
+/// The values of --solver: auto, quasi_static, local, two_rates, reduced, dynamic.
 const std::vector<std::string>& solver_names();
 
 /// @returns nothing for "auto".
-/// Throws Error for a name that is not one of solver_names(); it states the nearest of them.
+/// Throws Error for a name that solver_names() does not have; it states the nearest one.
 std::optional<SolverKind> parse_solver(const std::string& name);
 
 }  // namespace forcegrid::simulator

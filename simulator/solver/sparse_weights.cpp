@@ -11,7 +11,7 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr int kMostAtOnce = 8;
-// Columns that join together point at least this much of the best one's along the residual.
+// Columns added together point along the residual at least this fraction as much as the best one.
 constexpr double kNearlyBest = 0.6;
 constexpr double kRidge = 1e-13;  // of the largest diagonal element
 // Rounds that add nothing to the set end the search.
@@ -87,7 +87,7 @@ class ActiveSet {
     return matrix.llt().solve(right_side_.head(size_));
   }
 
-  // Columns at zero whose best weight isn't positive leave; at least one does.
+  // Removes columns at zero whose best weight isn't positive; at least one.
   void drop_where(const Eigen::VectorXd& best) {
     constexpr double kZero = 1e-12;
     const double largest = *std::max_element(weight_.begin(), weight_.end());

@@ -15,12 +15,12 @@ struct SparseWeights {
 };
 
 /// Non-negative least squares, ended early so that few columns are used: min |G w - b|, w >= 0.
-/// Lawson and Hanson's active set, which takes the columns that point most along the residual,
-/// several at once, and leaves those whose weight would become negative.
+/// Lawson and Hanson's active set: adds the columns that point most along the residual, several at
+/// once, and removes those whose weight would become negative.
 /// Source: Lawson and Hanson, Solving Least Squares Problems (1974), chapter 23; as the sparse
 /// cubature of Farhat, Avery, Chapman and Cortial (2014).
-/// @param aim  the residual |G w - b| to end at.
-/// @param most_columns  to end at, too.
+/// @param aim  ends at this residual |G w - b|.
+/// @param most_columns  ends at this many columns, too.
 /// @param cancel  null, or ends the search when true.
 /// Real-time: no.
 SparseWeights find_sparse_weights(const Eigen::MatrixXd& columns, const Eigen::VectorXd& sum,

@@ -20,15 +20,15 @@ using kernels::Lanes;
 // A step longer than this many times the last one is predicted to first order only, so that errors
 // of S don't grow, see kernels::predict().
 constexpr double kLargestTrend = 2.0;
-// The preconditioner tolerates this much motion before it is worth computing anew.
+// The preconditioner tolerates this much motion before it is worth computing again.
 constexpr double kPreconditionerReach_m = 3e-3;
 // The coarse half costs as much as the springs' pass. In the first direction of a correction it
 // does most of what it can do; after so many iterations it is worth its time in every one.
 constexpr int kIterationsWithoutCoarse = 8;
-// Below this fraction of where it began a lane is at single precision's end.
+// A lane below this fraction of its initial value is at the limit of single precision.
 constexpr double kFinishedLane = 1e-13;
 
-// What one vertex is by, `way` [m] further on: lane 0 x and the others S.
+// The change of one vertex, with the tool `way` [m] further on: x in lane 0, S in the others.
 Lanes difference(const Neighbourhood::Vertex& was, const Neighbourhood::Vertex& is,
                  const Eigen::Vector3f& way) noexcept {
   const Eigen::Matrix3f s = is.sensitivity_W - was.sensitivity_W;
@@ -221,7 +221,7 @@ void StateWithSensitivities<Real>::change_region(int levels) noexcept {
     set_position(at, from + s * (displacement_ - place));
     direction_[at] = product_[at] = Lanes{};
   }
-  // Nobody corrects S out there, so that it must not go on as it went while it was solved.
+  // Nothing corrects S out there, so its trend from when it was solved must not continue.
   for (std::int32_t i = region_.solved_vertices(); i < rows_.reach; ++i) {
     saved_state_[static_cast<std::size_t>(i)] = state_[static_cast<std::size_t>(i)];
   }
@@ -263,7 +263,8 @@ void StateWithSensitivities<Real>::restore() noexcept {
   }
   displacement_ = saved_displacement_;
   trend_valid_ = false;
-  // What an unstable state left here may not be finite, and is multiplied by zero when CG starts.
+  // An unstable state may have left numbers here that are not finite; CG begins by multiplying them
+  // by zero.
   std::fill(direction_.begin(), direction_.end(), Lanes{});
   std::fill(product_.begin(), product_.end(), Lanes{});
 }
@@ -503,8 +504,8 @@ Descent StateWithSensitivities<Real>::descend(int max_iterations, double residua
         result.iterations == max_iterations) {
       return result;
     }
-    // Polak and Ribiere's, since the preconditioner has changed since the last direction; where it
-    // changes back they begin anew.
+    // Polak and Ribiere's formula, since the preconditioner has changed since the last direction.
+    // Where it changes back, the directions start again.
     const bool coarsely = has_coarse && result.iterations >= kIterationsWithoutCoarse;
     const bool anew = has_coarse && result.iterations == kIterationsWithoutCoarse;
     const Float4 preconditioned =
@@ -546,7 +547,7 @@ void StateWithSensitivities<Real>::correct(const Neighbourhood& was,
       continue;
     }
     Lanes by = difference(was.vertices[at], is.vertices[at], way);
-    // Both states, so that what is mended all at once is no trend.
+    // Changes both states, so that a correction all at once is no trend.
     Lanes saved_by = difference(was.vertices[at], is.vertices[at], saved_way);
     for (int c = 0; c < 3; ++c) {
       if constexpr (kDouble) {

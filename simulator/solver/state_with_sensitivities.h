@@ -33,11 +33,11 @@ struct Descent {
 };
 
 /// A mass-spring object's positions x and sensitivities S = dx/dP, in SIMD lanes side by side, with
-/// everything that predicting, evaluating and correcting them needs. Which of these are done and
-/// when is the solver's affair: ElasticObject.
+/// everything needed to predict, evaluate and correct them. The solver, ElasticObject, decides
+/// which of these to do and when.
 ///
 /// Positions are in W from origin_W(), so that single precision keeps its digits. Vertices have
-/// numbers of its own, which number_around_patch() changes: mesh_number(), own_number().
+/// numbers of their own here, which number_around_patch() changes: mesh_number(), own_number().
 ///
 /// Real-time: no allocation except where said. Threads: one at a time.
 template <typename Real>
@@ -69,12 +69,14 @@ class StateWithSensitivities {
   }
 
   /// From the rest pose: these vertices (own numbers) follow the tool from now on. Allocates.
-  /// @param number_around  renumber the vertices ring by ring around them first.
+  /// @param number_around  first renumber the vertices ring by ring around them.
   void hold(std::vector<std::int32_t> patch, bool number_around);
-  /// Lets go: every vertex where it rests, nothing known of the state before, the region the whole.
+  /// Lets go: every vertex is at rest, the former state is forgotten, the region is the whole
+  /// object.
   void release() noexcept;
 
-  /// The coarse half of the preconditioner for the present state. Allocates; after evaluate().
+  /// Builds the coarse half of the preconditioner for the present state. Allocates; after
+  /// evaluate().
   void invert_coarse();
 
   const Eigen::Vector3d& displacement_W() const noexcept { return displacement_; }
@@ -84,29 +86,29 @@ class StateWithSensitivities {
   /// Keeps the present state for restore() and predicts the one at `displacement` of the tool:
   /// kernels::predict().
   void advance_to(const Eigen::Vector3d& displacement) noexcept;
-  /// Back to the state before the last advance_to().
+  /// Returns to the state before the last advance_to().
   void restore() noexcept;
-  /// The same with the patch moved on: finite, whatever happened since.
+  /// The same with the patch at its new place: finite, whatever happened since.
   void restore_under_tool() noexcept;
 
-  /// Solves `levels` rings from now on. What joins the region is brought to where the tool is; what
-  /// leaves it keeps that place. Between moves, or to a larger region.
+  /// Solves `levels` rings from now on. Vertices that join the region move to where the tool now
+  /// is; vertices that leave it keep that place. Between moves, or to a larger region.
   void change_region(int levels) noexcept;
 
   /// ElasticObject::copy() and ElasticObject::correct(), the latter between moves.
   void copy(const std::vector<std::int32_t>& vertices, Neighbourhood& copy) const noexcept;
   void correct(const Neighbourhood& was, const Neighbourhood& is) noexcept;
 
-  /// One pass over all springs of the region: residuals, tangents and what they amount to; anew
-  /// every few millimetres the preconditioner.
+  /// One pass over all springs of the region: residuals, tangents and their sums; every few
+  /// millimetres also a new preconditioner.
   Evaluation evaluate() noexcept;
 
-  /// Preconditioned conjugate gradients on all four lanes from the residual that evaluate() left,
-  /// until lane 0 is at `residual_aim_N` and the others at `sensitivity_aim_N_per_m`.
+  /// Preconditioned conjugate gradients on all four lanes from evaluate()'s residual, until lane 0
+  /// is at `residual_aim_N` and the others at `sensitivity_aim_N_per_m`.
   Descent descend(int max_iterations, double residual_aim_N,
                   double sensitivity_aim_N_per_m) noexcept;
-  /// In double, lane 0 of the state holds a prediction's or a correction's change of the positions
-  /// until this adds it.
+  /// In double, lane 0 of the state holds a predicted or corrected change of the positions until
+  /// this adds it.
   void absorb_correction() noexcept;
 
   /// [m] Where a vertex of the region is.
@@ -123,7 +125,7 @@ class StateWithSensitivities {
   // For a search along a correction of the positions, which uses what restore() would need.
   void save() noexcept;                                          ///< the state to search from
   Eigen::Vector3d saved_position(std::size_t i) const noexcept;  ///< [m]
-  /// [m] What descend() has changed since save(), or where it stopped at once the direction that it
+  /// [m] The change by descend() since save(). If descend() stopped at once, the direction that it
   /// began with; then S goes back to the saved one.
   void take_correction(bool from_direction, std::vector<Eigen::Vector3f>& correction) noexcept;
 
@@ -136,7 +138,7 @@ class StateWithSensitivities {
   void update_preconditioner() noexcept;
   double silence_border() noexcept;
   std::span<const kernels::VertexForce> active_forces() const noexcept;
-  // A small region needs no news from afar.
+  // A small region does without the coarse grid, which carries corrections far.
   const kernels::CoarseGrid& coarse() const noexcept {
     return region_.is_whole() ? coarse_ : no_coarse_;
   }

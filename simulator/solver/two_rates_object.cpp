@@ -13,9 +13,9 @@
 namespace forcegrid::simulator {
 namespace {
 
-constexpr int kNice = 15;  // the answers go first
-// Of the force: so much work of the border says that what lies outside is no longer known.
-constexpr double kBorderLost = 0.1;
+constexpr int kNice = 15;  // so that answers come first
+// Of the force: with so much work on the border, the object outside is no longer known.
+constexpr double kBorderMoved = 0.1;
 
 const TwoRatesOptions& checked(const TwoRatesOptions& options) {
   if (!(options.near.border_tolerance > 0.0) || options.near.most_vertices <= 0) {
@@ -42,7 +42,7 @@ TwoRatesObject::TwoRatesObject(const SpringMesh& mesh, const TwoRatesOptions& op
 
 TwoRatesObject::~TwoRatesObject() {
   if (solver_.joinable()) {
-    // A solution under way still says kNear when it is done, and would overwrite an earlier word.
+    // A solution in progress sets kNear at its end, and would overwrite a value set before that.
     turn_.wait(Turn::kWhole);
     turn_ = Turn::kQuit;
     turn_.notify_all();
@@ -82,7 +82,7 @@ Equilibrium TwoRatesObject::move_to(const Eigen::Vector3d& displacement_W) noexc
   }
   answer.left_branch |= std::exchange(jumped_, false);
   const double scale_N = std::max(answer.force_W.norm(), options_.near.force_floor_N);
-  answer.converged = answer.converged && answer.border_work_N <= kBorderLost * scale_N;
+  answer.converged = answer.converged && answer.border_work_N <= kBorderMoved * scale_N;
   if (turn_ == Turn::kNear) {
     ask(answer);
   }
@@ -122,7 +122,7 @@ void TwoRatesObject::grab_whole() noexcept {
     whole_.release();
     job_.held = whole_.grab(job_.point_W, job_.radius_m) > 0;
   } catch (...) {
-    // Out of memory: nothing is handed over, and the border's work tells of it.
+    // Out of memory: nothing is handed over, and the border's work shows it.
     whole_.release();
   }
   job_.is.displacement_W.setZero();
@@ -146,7 +146,7 @@ void TwoRatesObject::hand_over() noexcept {
 
 void TwoRatesObject::run() noexcept {
   rt::name_current_thread("fg-whole");
-  // Refused or not, the answers only come the later for it.
+  // If this is refused, the answers only come later.
   static_cast<void>(::setpriority(PRIO_PROCESS, 0, kNice));
   for (;;) {
     turn_.wait(Turn::kNear);

@@ -12,7 +12,7 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr double kNear_m = 1e-4;  // of a touch from the surface
-constexpr int kNice = 15;         // the answers go first
+constexpr int kNice = 15;         // so that answers come first
 
 PressOptions roughly(PressOptions options) {
   options.relative_tolerance = std::max(options.relative_tolerance, ContactPrediction::kTolerance);
@@ -75,7 +75,7 @@ ContactPredictionThread::ContactPredictionThread(const SpringMesh& mesh,
     : press_(mesh, tool, options), thread_([this] { run(); }) {}
 
 ContactPredictionThread::~ContactPredictionThread() {
-  // What is under way still says kOwner when it is done, and would overwrite an earlier word.
+  // A prediction in progress sets kOwner at its end, and would overwrite a kQuit set before that.
   turn_.wait(Turn::kPress);
   turn_ = Turn::kQuit;
   turn_.notify_all();
@@ -110,7 +110,7 @@ std::optional<PressForces> ContactPredictionThread::near(const Eigen::Vector3d& 
 
 void ContactPredictionThread::run() noexcept {
   rt::name_current_thread("fg-prediction");
-  // Refused or not, it is beside the answers and not in their way.
+  // If this is refused, the thread still runs beside the answers and does not hold them up.
   static_cast<void>(::setpriority(PRIO_PROCESS, 0, kNice));
   for (;;) {
     turn_.wait(Turn::kOwner);

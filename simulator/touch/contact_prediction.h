@@ -44,8 +44,7 @@ class ContactPrediction {
   /// @param touch_W  [m] the tool's position at the touch.
   /// @param velocity_W  [m/s] of the tool; only its direction counts.
   /// @returns nothing if there is no surface there, if the force does not increase with depth, or
-  ///   if
-  /// the solve fails.
+  ///   if the solve fails.
   std::optional<PressForces> press(const Eigen::Vector3d& touch_W,
                                    const Eigen::Vector3d& velocity_W) noexcept;
 
@@ -88,12 +87,12 @@ class ContactPredictionThread {
   void take() noexcept;
 
   ContactPrediction press_;
-  // Belong to whose turn it is.
+  // Belong to the thread whose turn it is.
   Eigen::Vector3d touch_W_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_W_ = Eigen::Vector3d::Zero();
   std::optional<PressForces> found_;
   bool fresh_ = false;
-  // The owner's.
+  // Belong to the owner.
   std::optional<PressForces> newest_;
   std::optional<Eigen::Vector3d> pressed_at_W_;
   Eigen::Vector3d pressed_course_W_ = Eigen::Vector3d::Zero();

@@ -4,8 +4,8 @@
 namespace forcegrid::simulator {
 namespace {
 
-constexpr double kNear_m = 1e-6;  // close enough to be a touch
-constexpr int kMaxTraces = 64;
+constexpr double kTouching_m = 1e-6;  // close enough to be a touch
+constexpr int kMaxLooks = 64;
 
 }  // namespace
 
@@ -22,11 +22,11 @@ std::optional<Eigen::Vector3d> SlidingContact::touch_along(
     const Eigen::Vector3d& from_W, const Eigen::Vector3d& path_W) const noexcept {
   const double length_m = path_W.norm();
   double gone_m = 0.0;
-  for (int trace = 0; trace < kMaxTraces; ++trace) {
+  for (int trace = 0; trace < kMaxLooks; ++trace) {
     const Eigen::Vector3d here_W =
         length_m > 0.0 ? Eigen::Vector3d(from_W + gone_m / length_m * path_W) : from_W;
-    const double gap_m = object_.gap_m(here_W, length_m - gone_m + kNear_m);
-    if (gap_m <= kNear_m) {
+    const double gap_m = object_.gap_m(here_W, length_m - gone_m + kTouching_m);
+    if (gap_m <= kTouching_m) {
       return here_W;
     }
     gone_m += gap_m;

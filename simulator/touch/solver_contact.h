@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <iosfwd>
 #include <memory>
 
 #include "simulator/mesh/scene.h"
@@ -11,10 +10,9 @@
 namespace forcegrid::simulator {
 
 /// Makes the contact of a tool with an object under the chosen solver, for `rate_Hz` answers per
-/// second. Remarks of a reduced model go to `log`, which must outlive the contact.
+/// second. Remarks of a reduced model go to the log.
 /// Throws Error as the solver's own contact does.
 std::unique_ptr<ToolContact> make_solver_contact(const Scene& scene, const SolverChoice& solver,
-                                                 const ToolOptions& tool, double rate_Hz,
-                                                 std::ostream& log);
+                                                 const ToolOptions& tool, double rate_Hz);
 
 }  // namespace forcegrid::simulator

@@ -77,7 +77,9 @@ void StickyContact::reset(Object& object) noexcept {
 
 }  // namespace forcegrid::simulator
 
+// NOLINTBEGIN(bugprone-macro-parentheses): a type cannot be in parentheses.
 #define FORCEGRID_INSTANTIATE_STICKY_CONTACT(Object)                                   \
   template StickyContact::Answer StickyContact::step(Object&, const Eigen::Vector3d&); \
   template void StickyContact::release(Object&) noexcept;                              \
   template void StickyContact::reset(Object&) noexcept
+// NOLINTEND(bugprone-macro-parentheses)

@@ -9,9 +9,9 @@
 namespace forcegrid::simulator {
 namespace {
 
-// A query is only begun when this many times the last one's time is left before the deadline.
+// A query is begun only if this many times the last one's time is left before the deadline.
 constexpr double kMargin = 2.0;
-constexpr double kDecay = 0.7;  // of the expected time, each time that there was none
+constexpr double kDecay = 0.7;  // of the expected time, each time that too little was left
 constexpr std::size_t kMaxChecks = 64;
 constexpr std::size_t kMaxLeftOver = 256;
 
@@ -153,7 +153,7 @@ bool QueryScheduler::solve_one(rt::TimePoint deadline) {
     return false;
   }
   if (rt::seconds(deadline - rt::Clock::now()) < kMargin * expected_s_) {
-    expected_s_ *= kDecay;  // one slow answer must not be the last
+    expected_s_ *= kDecay;  // so that one slow answer does not stop all later ones
     return false;
   }
   if (!checks_.empty()) {

@@ -11,10 +11,12 @@
 #include <string>
 #include <string_view>
 
+#include "log/log.h"
 #include "rt/clock.h"
 #include "rt/thread.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/solver_kind.h"
+#include "simulator/workers/loading.h"
 #include "simulator/workers/worker_protocol.h"
 #include "simulator/workers/worker_socket.h"
 
@@ -29,8 +31,8 @@ constexpr std::string_view kScheme = "tcp://";
 link::Address simulators_address(const std::string& connect) {
   if (!connect.starts_with(kScheme)) {
     throw Error("worker: '" + connect +
-                "' is no address of a simulator's workers; write tcp://ADDR:PORT, as 'forcegrid "
-                "simulate --workers' prints it");
+                "' is not an address for workers; write tcp://ADDR:PORT, as 'forcegrid simulate "
+                "--workers' prints it");
   }
   return link::parse_address(connect.substr(kScheme.size()), link::PortZero::kRefused,
                              link::Reach::kNetwork);
@@ -42,15 +44,20 @@ std::string own_name() {
   return std::string(known ? host.data() : "unknown") + ":" + std::to_string(::getpid());
 }
 
+Scene load(const WorkerOptions& options, std::ostream& out, const std::atomic<bool>& stop) {
+  const rt::Supervised supervised(
+      loading_supervision(options.scene, stop, options.say_loading ? &out : nullptr));
+  return make_scene(options.scene);
+}
+
 class Work {
  public:
-  Work(const WorkerOptions& options, std::ostream& out, std::ostream& log)
+  Work(const WorkerOptions& options, std::ostream& out, const std::atomic<bool>& stop)
       : options_(options),
         out_(out),
-        log_(log),
         address_(simulators_address(options.connect)),
         key_(link::LinkKey::load(options.key_file)),
-        scene_(make_scene(options.scene)),
+        scene_(load(options, out, stop)),
         hello_(to_text(WorkerHello{own_name(), digest_of(scene_)})) {
     connect_as_worker(socket_, address_, key_);
   }
@@ -75,10 +82,9 @@ class Work {
     }
     if (!solver_ && !complained_ && now - begun_ > kUnwelcome) {
       complained_ = true;
-      log_ << "worker: no welcome from " << options_.connect
-           << " yet; is there a simulator with --workers at that address, and does it have this "
-              "key? Trying on"
-           << std::endl;
+      log::warn("worker", "worker: no welcome from " + options_.connect +
+                              " yet; is there a simulator with --workers at that address, and does "
+                              "it have this key? Still trying");
     }
   }
 
@@ -93,7 +99,7 @@ class Work {
     } else if (const auto reason = read_refusal(text)) {
       throw Error("worker: refused by " + options_.connect + ": " + *reason);
     } else if (const auto solver = read_welcome(text, options_.solver)) {
-      // A simulator that was started anew may have another solver.
+      // A restarted simulator may have another solver.
       const bool first = !solver_;
       solver_.emplace(scene_, *solver);
       if (first) {
@@ -107,8 +113,7 @@ class Work {
 
   const WorkerOptions& options_;
   std::ostream& out_;
-  std::ostream& log_;
-  link::Address address_;  // what is wrong here is said before the scene is made
+  link::Address address_;  // an error here is reported before the scene is made
   link::LinkKey key_;
   Scene scene_;
   std::optional<QuerySolver> solver_;  // from the first welcome on
@@ -123,11 +128,19 @@ class Work {
 
 }  // namespace
 
-std::uint64_t run_worker(const WorkerOptions& options, std::ostream& out, std::ostream& log,
+std::uint64_t run_worker(const WorkerOptions& options, std::ostream& out,
                          const std::atomic<bool>& stop, int stop_fd) {
   rt::name_current_thread("fg-worker");
   ::setpriority(PRIO_PROCESS, 0, options.nice);
-  return Work(options, out, log).run(stop, stop_fd);
+  const auto step = [&options](const std::string& what) {
+    if (options.step) {
+      options.step(what);
+    }
+  };
+  step("Loading scene " + options.scene);
+  Work work(options, out, stop);
+  step("");
+  return work.run(stop, stop_fd);
 }
 
 }  // namespace forcegrid::simulator

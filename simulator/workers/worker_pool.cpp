@@ -17,7 +17,7 @@ namespace forcegrid::simulator {
 namespace {
 
 constexpr int kMaxMessagesPerPoll = 256;
-constexpr std::size_t kFrames = 2;  // a router's: who, what
+constexpr std::size_t kRouterFrames = 2;  // of a router: sender, message
 
 template <typename T>
 std::optional<T> take_front(std::deque<T>& queue) {
@@ -42,7 +42,7 @@ struct WorkerPool::Worker {
   std::string identity;  ///< ZeroMQ's for the connection
   rt::TimePoint last_heard;
   rt::TimePoint last_given;
-  std::uint64_t asked_id = 0;  ///< of the job that it has to answer, in time or not; 0: none
+  std::uint64_t asked_id = 0;  ///< of the job that it still has to answer, even if late; 0: none
   std::optional<Given> given;  ///< until it is taken back
   std::uint64_t unjudged = 0;
   unsigned right_in_a_row = 0;
@@ -71,7 +71,7 @@ struct WorkerPool::State {
 
   void take(const std::string& identity, const std::string& text, rt::TimePoint now);
   void take_hello(const std::string& identity, const WorkerHello& hello, rt::TimePoint now);
-  void take_answer(Worker& worker, const NumberedAnswer& answer, rt::TimePoint now);
+  void take_answer(Worker& worker, const NumberedAnswer& numbered, rt::TimePoint now);
   void take_giving_up(Worker& worker);
   void take_back(Worker& worker);
   void forget(std::vector<Worker>::iterator worker);
@@ -164,7 +164,7 @@ void WorkerPool::State::take_answer(Worker& worker, const NumberedAnswer& number
   answered.query = worker.given->query;
   answered.job = worker.given->job;
   answered.answer = numbered.answer;
-  // Not for the worker to say.
+  // The pool knows the point; the worker's own statement is not used.
   answered.answer.point_W = answered.job.touching ? answered.job.point_W : answered.job.position_W;
   answered.worker = worker.id;
   answered.witness = worker.given->witness;
@@ -287,7 +287,7 @@ std::string WorkerPool::address() const { return state_->router.get(zmq::sockopt
 
 void WorkerPool::wait(rt::TimePoint until) {
   const auto whole_ms = std::chrono::floor<std::chrono::milliseconds>(until - rt::Clock::now());
-  if (whole_ms > std::chrono::milliseconds(0)) {  // ZeroMQ waits for whole ones
+  if (whole_ms > std::chrono::milliseconds(0)) {  // ZeroMQ waits in whole ones
     wait_for_message(state_->router, whole_ms);
   } else {
     rt::sleep_until(until);
@@ -301,7 +301,7 @@ void WorkerPool::poll(rt::TimePoint now) {
     if (!frames) {
       break;
     }
-    state_->take(frames->front(), frames->size() == kFrames ? frames->back() : "", now);
+    state_->take(frames->front(), frames->size() == kRouterFrames ? frames->back() : "", now);
   }
   for (auto worker = state_->workers.begin(); worker != state_->workers.end();) {
     if (worker->given && now - worker->given->since > kPatience) {
@@ -345,7 +345,7 @@ void WorkerPool::judge(WorkerId id, Verdict verdict) {
   if (worker == nullptr) {
     return;
   }
-  worker->unjudged -= worker->unjudged > 0 ? 1 : 0;  // forget_jobs() may have been in between
+  worker->unjudged -= worker->unjudged > 0 ? 1 : 0;  // forget_jobs() may have run in between
   if (verdict == Verdict::kRight) {
     worker->note(false);
     ++state_->statistics.right;

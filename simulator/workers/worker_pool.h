@@ -25,8 +25,8 @@ namespace forcegrid::simulator {
 ///
 /// The pool decides which answers are to be checked; the caller checks them and reports with
 /// judge(). Every answer of a worker on probation is checked, until kProbation in a row were right.
-/// After that one in kCheckOneIn is, drawn at random so that a worker cannot know which. On
-/// probation a worker gets no new job before its last answer is judged. Unreadable messages and
+/// After that, one in kCheckOneIn is checked, drawn at random so that a worker cannot know which.
+/// On probation a worker gets no new job before its last answer is judged. Unreadable messages and
 /// unrequested answers count as wrong. A wrong answer puts a worker on probation again. A worker
 /// that was wrong in kMaxWrong of the last kRecentChecks is expelled. It is not expelled at once,
 /// because honest workers can differ on an object with several equilibria.
@@ -48,7 +48,7 @@ class WorkerPool {
   /// @param object  the object that a worker must have.
   /// @param seed    of the random choice of answers to check.
   /// @param solver  the simulator's, sent to each worker.
-  /// @throws Error naming the address and the remedy, link::LinkError for an address that is none.
+  /// @throws Error naming the address and the remedy, link::LinkError for an invalid address.
   WorkerPool(const std::string& listen, const link::LinkKey& key, ObjectDigest object,
              std::uint32_t seed, const SolverOptions& solver = {});
   ~WorkerPool();
@@ -58,8 +58,8 @@ class WorkerPool {
   /// "tcp://127.0.0.1:41234", as a worker connects to it.
   [[nodiscard]] std::string address() const;
 
-  /// Waits for a message of a worker, at most until `until`. Signals end it, and it may end up to a
-  /// millisecond early.
+  /// Waits for a message from a worker, at most until `until`. Signals end the wait, and it may end
+  /// up to a millisecond early.
   void wait(rt::TimePoint until);
 
   /// Reads at most 256 messages that have arrived, and takes back jobs that took too long.
@@ -79,8 +79,8 @@ class WorkerPool {
     QueryJob job;
     StickyContact::Answer answer;
     WorkerId worker = 0;
-    bool to_check = false;  ///< owes a judge()
-    bool witness = false;   ///< by give_to_witness(); owes a judge(), too
+    bool to_check = false;  ///< to be reported with judge()
+    bool witness = false;   ///< from give_to_witness(); also to be reported with judge()
   };
   /// The oldest answer that was not returned yet.
   std::optional<Answered> next_answer();
@@ -93,9 +93,9 @@ class WorkerPool {
   std::optional<TakenBack> next_taken_back();
 
   /// Reports the result of checking an answer.
-  void judge(WorkerId worker, Verdict verdict);
+  void judge(WorkerId id, Verdict verdict);
   /// Counts an answer of next_answer() as late, because its contact has ended.
-  void count_late(WorkerId worker);
+  void count_late(WorkerId id);
   /// Starts a new run: earlier jobs are dropped.
   void forget_jobs();
 

@@ -48,7 +48,7 @@ std::uint32_t epoch(const json& number) {
   return static_cast<std::uint32_t>(value);
 }
 
-// It goes to terminals and files.
+// The name goes to terminals and files.
 std::string printable(std::string name) {
   name.resize(std::min(name.size(), kMaxNameBytes));
   std::erase_if(name, [](char c) { return c <= ' ' || c > '~'; });
@@ -60,7 +60,7 @@ bool nearly_equal(double one, double other) noexcept {
   return std::abs(one - other) <= kTolerance * std::abs(one);
 }
 
-/// `read` of the object that `text` is; nothing if it is none or `read` throws.
+/// Calls `read` with the JSON object in `text`; nothing if there is none or `read` throws.
 template <typename Read>
 auto reading(const std::string& text, Read read) -> std::optional<decltype(read(json()))> {
   const json object = json::parse(text, nullptr, false);

@@ -34,8 +34,8 @@ struct ObjectDigest {
 
 ObjectDigest digest_of(const Scene& scene);
 
-/// Whether both may be the same object: equal counts, sums and radius equal to 1e-6 of themselves
-/// (another compiler may round differently). What else differs is found by checking answers.
+/// Whether both may be the same object: equal counts, and sums and radius that agree to 1e-6 of
+/// themselves (another compiler may round differently). Checks of answers find other differences.
 bool same_object(const ObjectDigest& one, const ObjectDigest& other) noexcept;
 
 struct WorkerHello {
@@ -56,7 +56,7 @@ struct NumberedAnswer {
 
 std::string to_text(const WorkerHello& hello);
 std::string to_text(const NumberedJob& job);
-std::string to_text(const NumberedAnswer& answer);
+std::string to_text(const NumberedAnswer& numbered);
 std::string gave_up_text(std::uint64_t id);
 std::string refusal_text(const std::string& reason);
 /// Carries the options with which a worker must solve: relative_tolerance, and border_tolerance, by

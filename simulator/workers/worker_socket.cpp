@@ -25,7 +25,7 @@ void set_common(zmq::socket_t& socket, const link::Address& address) {
   socket.set(zmq::sockopt::heartbeat_ivl, kHeartbeat_ms);
 }
 
-// A signal is no failure of a call that does not wait.
+// A signal is not an error for a call that does not wait.
 template <typename Call>
 auto uninterrupted(Call call) {
   for (;;) {
@@ -65,7 +65,7 @@ void connect_as_worker(zmq::socket_t& socket, const link::Address& address,
   link::derive(key, link::CurveSide::kServer, server);
   link::derive(key, link::CurveSide::kClient, client);
   set_common(socket, address);
-  socket.set(zmq::sockopt::immediate, true);  // nothing is kept for a simulator that is not there
+  socket.set(zmq::sockopt::immediate, true);  // queue nothing for an absent simulator
   socket.set(zmq::sockopt::curve_serverkey, buffer_of(server.public_key));
   socket.set(zmq::sockopt::curve_publickey, buffer_of(client.public_key));
   socket.set(zmq::sockopt::curve_secretkey, buffer_of(client.secret_key));

@@ -9,7 +9,7 @@ namespace forcegrid::simulator {
 
 /// Counts of one worker.
 struct WorkerRecord {
-  std::string name;  ///< that it gave: host:process
+  std::string name;  ///< as the worker gave it: host:process
   bool present = true;
   bool expelled = false;
   std::uint64_t answers = 0;      ///< in time, checked ones included
@@ -31,10 +31,10 @@ struct WorkerStatistics {
   std::uint64_t answered = 0;  ///< in time
   std::uint64_t taken_back =
       0;                       ///< not answered in WorkerPool::kPatience, or by an expelled worker
-  std::uint64_t given_up = 0;  ///< taken back as the worker found no finite force
+  std::uint64_t given_up = 0;  ///< taken back because the worker found no finite force
   std::uint64_t late =
       0;  ///< answers that came after their job was taken back, or for a contact that has ended
-  std::uint64_t right = 0;      ///< answers that were checked, and so
+  std::uint64_t right = 0;      ///< answers checked and right
   std::uint64_t wrong = 0;      ///< WorkerRecord::wrong of all
   std::uint64_t malformed = 0;  ///< messages that could not be read
   std::uint64_t unasked = 0;    ///< answers that were not requested

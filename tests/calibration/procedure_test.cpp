@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <optional>
 #include <random>
 #include <sstream>
 
@@ -304,7 +305,7 @@ ProcedureResult with_a_person(SimulatedRig& rig, const profiles::DeviceProfile& 
   constexpr double kMove_s = 1.0;
   double begun_s = 0.0;
   ProcedureOptions options{.range = false, .identify = false};
-  options.say = [&](const std::string& line) {
+  options.say = [&](const std::string& line, std::optional<double>) {
     const Eigen::Vector3d along_D =
         line.find("right") != std::string::npos ? Eigen::Vector3d::UnitY()
         : line.find("up") != std::string::npos  ? Eigen::Vector3d::UnitZ()
@@ -351,6 +352,35 @@ TEST(Procedure, AnEncoderOfOtherCountsHasAnotherRange) {
   EXPECT_TRUE(result.changes.empty());
   EXPECT_THAT(all_checks(result), HasSubstr("FAILED range of joint a"));
   EXPECT_THAT(all_checks(result), HasSubstr("encoder_counts_per_turn"));
+}
+
+TEST(Procedure, SaysHowLongWhatItDoesIsLikelyToTake) {
+  const auto reference = profiles::load_device_profile("phantom_desktop");
+  SimulatedRig rig(reference, {.hand_lets_go_at_s = kHandLetsGo_s});
+  struct Announced {
+    std::string line;
+    std::optional<double> length_s;
+    double at_s = 0.0;
+  };
+  std::vector<Announced> lines;
+  ProcedureOptions options{.quick = true};
+  options.say = [&](const std::string& line, std::optional<double> length_s) {
+    lines.push_back({line, length_s, rig.time_s()});
+  };
+  const ProcedureResult result = run_procedure(rig, reference, options);
+  ASSERT_TRUE(result.passed()) << all_checks(result);
+  lines.push_back({"the end", std::nullopt, rig.time_s()});
+  int judged = 0;
+  for (std::size_t i = 0; i + 1 < lines.size(); ++i) {
+    if (lines[i].length_s) {
+      ++judged;
+      const double took_s = lines[i + 1].at_s - lines[i].at_s;
+      EXPECT_GT(took_s, 0.75 * *lines[i].length_s) << lines[i].line;
+      // Pauses in which motors cool are not foreseen; this arm's need none.
+      EXPECT_LT(took_s, 1.5 * *lines[i].length_s + 1.0) << lines[i].line;
+    }
+  }
+  EXPECT_GE(judged, 7) << "letting go, three pairs of stops, three sets of strokes";
 }
 
 TEST(Procedure, WhoDoesNotLetGoIsAskedTo) {

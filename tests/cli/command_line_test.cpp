@@ -4,7 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cctype>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -26,6 +31,7 @@ struct Complaint {
   std::vector<std::string> words;  // all in standard error or output
 };
 
+// NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
 void PrintTo(const Complaint& complaint, std::ostream* out) { *out << complaint.name; }
 
 class Complaints : public ::testing::TestWithParam<Complaint> {};
@@ -82,6 +88,17 @@ INSTANTIATE_TEST_SUITE_P(
         Complaint{"UnknownFlag", {"run", "--sceen", "block"}, 2, {"--sceen"}},
         Complaint{"UnknownScene", {"run", "--scene", "blok"}, 2, {"blok", "block"}},
         Complaint{"UnknownMethod", {"run", "--method", "magic"}, 2, {"magic", "forcegrid", "hold"}},
+        Complaint{"UnknownMethodOfARun", {"run", "--method", "magic"}, 2, {"contact, direct"}},
+        Complaint{"SceneIsAFolder", {"scene", "/tmp"}, 1, {"'/tmp': a folder, not a file"}},
+        Complaint{"RunWhoseSceneIsAFolder",
+                  {"run", "--scene", "/tmp"},
+                  1,
+                  {"'/tmp': a folder, not a file"}},
+        Complaint{"SceneIsADevice", {"scene", "/dev/null"}, 1, {"a device, not a file"}},
+        Complaint{"ProfileIsADevice",
+                  {"emulate", "--device", "/dev/null"},
+                  1,
+                  {"'/dev/null': a device, not a file"}},
         Complaint{"NegativeTime", {"run", "--seconds", "-1"}, 2, {"--seconds"}},
         Complaint{"TimeIsNoNumber", {"run", "--seconds", "soon"}, 2, {"--seconds", "soon"}},
         Complaint{"SilenceBeyondTheWatchdog",
@@ -90,6 +107,27 @@ INSTANTIATE_TEST_SUITE_P(
                   {"--device-timeout-ms", "500", "10 to 450"}},
         Complaint{"TimeIsNan", {"run", "--seconds", "nan"}, 2, {"--seconds", "nan"}},
         Complaint{"RadiusIsNan", {"run", "--r-mm", "nan"}, 2, {"--r-mm", "nan"}},
+        Complaint{"SeedBelowZero",
+                  {"run", "--seed", "-1"},
+                  2,
+                  {"--seed: '-1' can't be used; give a whole number from 0 to "
+                   "18446744073709551615"}},
+        Complaint{"SeedOfAChartBelowZero",
+                  {"chart", "accuracy", "--out", ".", "--seed", "-1"},
+                  2,
+                  {"--seed: '-1' can't be used"}},
+        Complaint{"SeedTooLarge",
+                  {"emulate", "--seed", "18446744073709551616"},
+                  2,
+                  {"--seed: '18446744073709551616' can't be used"}},
+        Complaint{"OneRateOfTuningIsNan",
+                  {"tune", "--rates", "500,nan"},
+                  2,
+                  {"--rates: 'nan' can't be used; give a number from 100 to 4000"}},
+        Complaint{"TimeOfTuningIsNan",
+                  {"tune", "--time", "nan"},
+                  2,
+                  {"--time: 'nan' can't be used; give a number from 1 to 86400"}},
         Complaint{"JsonNotWritable",
                   {"run", "--json", "/no-such-folder/x.json"},
                   1,
@@ -163,6 +201,131 @@ INSTANTIATE_TEST_SUITE_P(
                   1,
                   {"no.toml"}}),
     [](const auto& test) { return test.param.name; });
+
+struct NumberOption {
+  std::vector<std::string> command;
+  std::string name;  ///< "--rate"
+};
+
+// Every option of every command whose help gives a number as its type.
+std::vector<NumberOption> number_options() {
+  const std::vector<std::vector<std::string>> commands{{"run"},
+                                                       {"record"},
+                                                       {"doctor"},
+                                                       {"calibrate"},
+                                                       {"tune"},
+                                                       {"scene"},
+                                                       {"replay"},
+                                                       {"plot"},
+                                                       {"emulate"},
+                                                       {"simulate"},
+                                                       {"worker"},
+                                                       {"devices"},
+                                                       {"keygen"},
+                                                       {"chart", "accuracy"},
+                                                       {"chart", "stability"},
+                                                       {"kinematics"},
+                                                       {"evaluate"},
+                                                       {"paper"},
+                                                       {"config"},
+                                                       {"chart", "solvers"}};
+  const std::regex numbers(R"(\n +(--[a-zA-Z-]+)[^ ]* +\[?(?:FLOAT|INT|UINT))");
+  std::vector<NumberOption> options;
+  for (const std::vector<std::string>& command : commands) {
+    std::vector<std::string> words = command;
+    words.emplace_back("--help");
+    Program help = Program::forcegrid(words);
+    EXPECT_EQ(help.wait(), 0);
+    const std::string text = help.standard_output();
+    for (std::sregex_iterator match(text.begin(), text.end(), numbers), end; match != end;
+         ++match) {
+      options.push_back({command, (*match)[1].str()});
+    }
+  }
+  return options;
+}
+
+TEST(CommandLine, RefusesWhatIsNotFiniteForEveryNumberOfEveryCommand) {
+  const std::map<std::string, std::string> lists{
+      {"--counts", "1,#,1"},  {"--position", "0,#,0"},        {"--force", "0,#,0"},
+      {"--contact", "0,#,0"}, {"--workspace", "0,0,0,1,#,1"}, {"--cells", "9,#,9"},
+      {"--coupling", "100,#"}};
+  const std::vector<NumberOption> options = number_options();
+  EXPECT_GT(options.size(), 60u) << "is the help's format another one?";
+  for (const NumberOption& option : options) {
+    for (const std::string word : {"nan", "inf", "-inf"}) {
+      std::string value = word;
+      if (const auto list = lists.find(option.name); list != lists.end()) {
+        value = list->second;
+        value.replace(value.find('#'), 1, word);
+      }
+      std::vector<std::string> words = option.command;
+      words.push_back(option.name + "=" + value);
+      Program program = Program::forcegrid(words);
+      EXPECT_EQ(program.wait(), 2) << option.command.back() << ' ' << words.back();
+      EXPECT_THAT(program.standard_error(),
+                  HasSubstr(option.name + ": '" + word + "' can't be used; give a"))
+          << option.command.back();
+    }
+  }
+}
+
+// The commands of a help text, by the names in its list "Subcommands".
+std::vector<std::string> commands_in(const std::string& help) {
+  std::vector<std::string> names;
+  std::istringstream lines(help.substr(std::min(help.find("Subcommands:"), help.size())));
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("  ") && line.size() > 2 && line[2] != ' ') {
+      names.push_back(line.substr(2, line.find(' ', 2) - 2));
+    }
+  }
+  return names;
+}
+
+std::string help_of(std::vector<std::string> command, const char* flag = "--help") {
+  command.emplace_back(flag);
+  Program program = Program::forcegrid(command);
+  EXPECT_EQ(program.wait(std::chrono::seconds(20)), 0);
+  return program.standard_output();
+}
+
+void expect_narrow(const std::string& help, const std::string& whose) {
+  std::istringstream lines(help);
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LE(line.size(), 100u) << whose << ": " << line;
+  }
+}
+
+TEST(Help, IsAtMost100ColumnsWideForEveryCommand) {
+  expect_narrow(help_of({}, "--help-all"), "--help-all");
+  const std::string help = help_of({});
+  expect_narrow(help, "forcegrid");
+  const std::vector<std::string> commands = commands_in(help);
+  EXPECT_GE(commands.size(), 17u);
+  std::size_t nested = 0;
+  for (const std::string& command : commands) {
+    const std::string of_command = help_of({command});
+    expect_narrow(of_command, command);
+    for (const std::string& below : commands_in(of_command)) {
+      expect_narrow(help_of({command, below}), command + " " + below);
+      ++nested;
+    }
+  }
+  EXPECT_GE(nested, 3u) << "of chart";
+}
+
+TEST(Help, LosesNothingWhereItIsWrapped) {
+  const std::string help = help_of({"run"});
+  // A list of names behind commas, a description, and one that its author has laid out.
+  EXPECT_THAT(help, HasSubstr("discrimination_stiff,\n      discrimination_varied"));
+  std::string words = help;
+  words.erase(std::unique(words.begin(), words.end(),
+                          [](char a, char b) { return std::isspace(a) && std::isspace(b); }),
+              words.end());
+  std::replace(words.begin(), words.end(), '\n', ' ');
+  EXPECT_THAT(words, HasSubstr("hid:/dev/forcegrid/LINK the same by the lasting name that the udev "
+                               "rule gives it"));
+}
 
 int status_in_shell(const std::string& line) {
   return Program({"/bin/bash", "-c", "set -o pipefail; " + line})

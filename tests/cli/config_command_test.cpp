@@ -168,7 +168,7 @@ TEST(Config, EveryNumberSaysItsUnitOrCountsNothing) {
     const bool number = key.at("type") == "number" || key.at("type") == "integer";
     const std::string name = key.at("key");
     const bool no_unit = name.ends_with(".seed") || name.ends_with(".friction");  // a ratio
-    if (number && key.at("unit") == "" && !no_unit) {
+    if (number && key.at("unit").get<std::string>().empty() && !no_unit) {
       without += name + " ";
     }
     EXPECT_NE(key.at("description"), "") << name;

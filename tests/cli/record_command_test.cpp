@@ -8,7 +8,9 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
+#include <vector>
 
 #include "tests/support/program.h"
 
@@ -18,10 +20,69 @@ namespace {
 using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::Program;
 using testing::text_of;
 
 constexpr auto kTimeout = std::chrono::seconds(60);
+
+// The first column of a picture's data.
+std::vector<double> times_of(const std::string& csv) {
+  std::vector<double> times_s;
+  std::istringstream stream(csv);
+  std::string line;
+  std::getline(stream, line);
+  while (std::getline(stream, line)) {
+    times_s.push_back(std::stod(line));
+  }
+  return times_s;
+}
+
+// @param whole what `plot` said about the same file without these options.
+void draws_parts_and_formats(const std::string& file, const std::string& out, const json& whole) {
+  const double touch_s = whole.at("contact_from_s");
+  const double end_s = whole.at("contact_to_s");
+  EXPECT_GT(touch_s, whole.at("drawn_from_s").get<double>() + 0.2) << "the approach";
+  Program zoom = Program::forcegrid({"plot", file, "--out", out, "--zoom", "contact", "--format",
+                                     "pdf,svg", "--width", "600", "--json"});
+  ASSERT_EQ(zoom.wait(kTimeout), 0) << zoom.standard_error();
+  const json zoomed = json::parse(zoom.standard_output());
+  EXPECT_NEAR(zoomed.at("drawn_from_s").get<double>(), touch_s - 0.1, 0.01);
+  EXPECT_GE(zoomed.at("drawn_to_s").get<double>(), end_s);
+  EXPECT_EQ(zoomed.at("missed_deadlines"), whole.at("missed_deadlines")) << "of the whole file";
+  const std::vector<double> times_s = times_of(text_of(out + "/recording.csv"));
+  ASSERT_GT(times_s.size(), 100u);
+  EXPECT_NEAR(times_s.front(), touch_s - 0.1, 0.01);
+  EXPECT_THAT(text_of(out + "/recording.svg"), HasSubstr("viewBox=\"0 0 600 780\""));
+  EXPECT_THAT(text_of(out + "/recording.pdf"), ::testing::StartsWith("%PDF"));
+  EXPECT_FALSE(std::filesystem::exists(out + "/recording.png"));
+
+  Program part = Program::forcegrid(
+      {"plot", file, "--out", out, "--from", "1", "--to", "1.5", "--format", "png", "--json"});
+  ASSERT_EQ(part.wait(kTimeout), 0) << part.standard_error();
+  const std::vector<double> second_s = times_of(text_of(out + "/recording.csv"));
+  EXPECT_NEAR(second_s.front(), 1.0, 0.01);
+  EXPECT_NEAR(second_s.back(), 1.5, 0.01);
+  EXPECT_TRUE(std::filesystem::exists(out + "/recording.png"));
+
+  struct Refused {
+    std::vector<std::string> more;
+    int status;
+    std::string words;
+  };
+  for (const Refused& refused :
+       {Refused{{"--from", "2", "--to", "1"}, 1, "--from 2 is not before --to 1"},
+        Refused{{"--from", "1e6"}, 1, "so choose --from and --to within that"},
+        Refused{{"--from", "1", "--zoom", "contact"}, 2, "--from excludes --zoom"},
+        Refused{{"--format", "bmp"}, 2, "--format"}, Refused{{"--width", "10"}, 2, "--width"},
+        Refused{{"--to", "nan"}, 2, "--to: 'nan' can't be used"}}) {
+    std::vector<std::string> words{"plot", file, "--out", out};
+    words.insert(words.end(), refused.more.begin(), refused.more.end());
+    Program program = Program::forcegrid(words);
+    EXPECT_EQ(program.wait(kTimeout), refused.status) << refused.words;
+    EXPECT_THAT(program.standard_error(), HasSubstr(refused.words));
+  }
+}
 
 TEST(RecordCommand, KeepsARunThatCanBeJudgedDrawnAndReplayed) {
   const std::string out = fresh_folder("record_h5");
@@ -58,6 +119,7 @@ TEST(RecordCommand, KeepsARunThatCanBeJudgedDrawnAndReplayed) {
   EXPECT_TRUE(drawn.at("complete").get<bool>());
   const std::string picture = text_of(out + "/plot/recording.svg");
   EXPECT_THAT(picture, HasSubstr("work on the hand"));
+  draws_parts_and_formats(file, out + "/parts", drawn);
 
   Program replay =
       Program::forcegrid({"replay", file, "--method", "hold", "--out", out + "/replay", "--json"});
@@ -101,6 +163,28 @@ TEST(RecordCommand, LeavesNothingBehindWhenItDoesNotBegin) {
   EXPECT_FALSE(std::filesystem::exists(out + "/summary.json"));
 }
 
+// A file that may not grow stands for a disk that fails: the run goes on, ends with a message in
+// plain words and a status, and does not claim a file that it has not written.
+TEST(RecordCommand, DoesNotClaimAFileThatCouldNotBeWritten) {
+  const std::string out = fresh_folder("record_too_large");
+  const std::string file = out + "/run.h5";
+  std::string command = "trap '' XFSZ; ulimit -f 64; exec";
+  for (const std::string& word : testing::forcegrid_command(
+           {"record", file, "--scene", "small", "--seconds", "1.5", "--no-reference", "--out",
+            out + "/results", "--json", out + "/summary.json"})) {
+    command += " '" + word + "'";
+  }
+  Program record({"/bin/bash", "-c", command});
+  EXPECT_EQ(record.wait(kTimeout), 1) << record.standard_error();
+  EXPECT_THAT(record.standard_error(), HasSubstr("can't be written (File too large); the recording "
+                                                 "ends here"));
+  EXPECT_THAT(record.standard_error(), Not(HasSubstr("errno")));
+  EXPECT_THAT(record.standard_output(), HasSubstr("Wrote " + out + "/results/forces.csv"));
+  EXPECT_THAT(record.standard_output(), Not(HasSubstr("Wrote " + file)));
+  const json files = json::parse(text_of(out + "/summary.json")).at("files");
+  EXPECT_THAT(files.dump(), Not(HasSubstr("run.h5")));
+}
+
 TEST(RecordCommand, RefusesWhatCantBecomeARecording) {
   const std::string out = fresh_folder("record_refused");
   const std::string text = out + "/text.h5";
@@ -117,7 +201,10 @@ TEST(RecordCommand, RefusesWhatCantBecomeARecording) {
       {{"run", "--record", out + "/x.txt"}, 1, ".csv.gz"},
       {{"replay", out + "/none.h5"}, 1, "none.h5"},
       {{"replay", text, "--out", out}, 1, "text.h5"},
-      {{"plot", out + "/none.h5", "--out", out}, 1, "none.h5"},
+      {{"plot", out + "/none.h5", "--out", out}, 1, "none.h5: no such file"},
+      {{"plot", "/dev/null", "--out", out}, 1, "/dev/null: a device, not a file"},
+      {{"plot", out, "--out", out}, 1, "a folder, not a file"},
+      {{"evaluate", "--method", "hold", "--trace", out}, 1, "is a folder, not a file"},
       {{"evaluate", "--method", "hold", "--trace", out + "/none.h5"}, 1, "none.h5"},
       {{"emulate", "--device", "vintage", "--motion", "path:" + text}, 1, "time_s"},
       {{"run", "--motion", "waltz"}, 2, "path:FILE"}};

@@ -156,7 +156,7 @@ TEST(EmulatedW2, CalibratesWithTheOperatorAndReportsThePoseCounts) {
   EXPECT_EQ(int16_at(bus.last, 4), 6000);
   EXPECT_EQ(int16_at(bus.last, 12), 0);
   EXPECT_EQ(bus.device.operator_phase(), OperatorScript::Phase::kCalibrating);
-  // From here the counters tell the reference: the tip goes to the contact point, D's origin.
+  // From here the counters know the reference: the tip goes to the contact point, D's origin.
   bus.drive_until(3300, kZero);
   const auto& kinematics = bus.device.arm().kinematics();
   const Vector3d seen_D = kinematics.position_D(kinematics.joint_angle_rad(

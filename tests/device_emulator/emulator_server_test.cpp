@@ -358,6 +358,67 @@ TEST_F(EmulatorServerTest, TwoDevicesServeTwoClientsAtOnce) {
   EXPECT_EQ(server_.report(1).max_abs_current_mA[2], 0.0);
 }
 
+TEST_F(EmulatorServerTest, EachSpeedHasABusOfItsOwn) {
+  // A full-speed arm, a Teensy and a Falcon on one server, as they may stand at one computer.
+  EmulatorServer server(ServerOptions{
+      "127.0.0.1:0",
+      {device("woodenhaptics_v2015"), device("woodenhaptics_teensy"), device("falcon")}});
+  server.start();
+  EXPECT_EQ(server.device(0).busid(), "1-1");
+  EXPECT_EQ(server.device(1).busid(), "2-1");
+  EXPECT_EQ(server.device(2).busid(), "1-2");
+
+  Client list(server.port());
+  list.send(hex("01 11 80 05 00 00 00 00"));
+  const Bytes head = list.receive(12);
+  ASSERT_EQ(word_at(head, 8), 3U);
+  // Bus, device and speed as the kernel numbers it: 2 full, 3 high.
+  for (const char* place :
+       {"01 00 00 00 02 00 00 00 02", "02 00 00 00 02 00 00 00 03", "01 00 00 00 03 00 00 00 02"}) {
+    const Bytes entry = list.receive(312);
+    EXPECT_EQ(Bytes(entry.begin() + 291, entry.begin() + 300), hex(place));
+    list.receive(4 * std::size_t{entry.at(311)});  // its interfaces
+  }
+  EXPECT_TRUE(list.closed_by_server());
+
+  constexpr std::uint32_t kTeensy = 0x00020002;
+  Client arm(server.port());
+  Client teensy(server.port());
+  ASSERT_TRUE(arm.import("1-1"));
+  ASSERT_TRUE(teensy.import("2-1"));
+  arm.configure(kFirst);
+  teensy.configure(kTeensy);
+  ASSERT_EQ(arm.first_report(2, kFirst).size(), 14U);
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    EXPECT_EQ(arm.exchange(10 + 2 * i, kForceReport, kFirst).size(), 14U);
+  }
+  EXPECT_EQ(word_at(teensy.control(5, hex("80 06 00 01 00 00 12 00"), kTeensy), 24), 18U);
+  EXPECT_NEAR(server.report(0).max_abs_current_mA[2], 330.0, 1e-9);
+  // Frames are counted by bus: eight times as many on the faster one.
+  const EmulatorReport slow = server.report(0);
+  const EmulatorReport fast = server.report(1);
+  EXPECT_NEAR(static_cast<double>(fast.frames + fast.frames_skipped) /
+                  static_cast<double>(slow.frames + slow.frames_skipped),
+              8.0, 0.5);
+}
+
+TEST_F(EmulatorServerTest, MixedSpeedsKeepTheirOwnTimeAlsoWhenItPassesAsFastAsAsked) {
+  ServerOptions options{"127.0.0.1:0",
+                        {device("woodenhaptics_teensy"), device("woodenhaptics_v2015")}};
+  options.pace = Pace::kAsFastAsAsked;
+  EmulatorServer server(options);
+  server.start();
+  constexpr std::uint32_t kArm = 0x00020002;
+  Client arm(server.port());
+  ASSERT_TRUE(arm.import("2-1"));
+  arm.configure(kArm);
+  const std::uint64_t before = server.report(1).frames;
+  ASSERT_EQ(arm.first_report(2, kArm).size(), 14U) << "a second of the arm's time later";
+  EXPECT_GE(server.report(1).frames, before + 900);
+  EXPECT_NEAR(static_cast<double>(server.report(0).frames),
+              8.0 * static_cast<double>(server.report(1).frames), 200.0);
+}
+
 TEST_F(EmulatorServerTest, EndpointsAnswerErrorsAsABusDoes) {
   Client client(server_.port());
   ASSERT_TRUE(client.import());

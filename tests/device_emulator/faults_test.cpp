@@ -332,7 +332,7 @@ TEST(FaultyDevice, WaitsUntilTheMotorsHavePushedForHalfASecond) {
     bus.frame(&out);
   }
   EXPECT_EQ(bus.acted(), 0u);
-  bus.drive(5);  // a pause starts the half second anew
+  bus.drive(5);  // a pause restarts the half second
   for (int i = 0; i < 495; ++i) {
     bus.frame(&out);
   }

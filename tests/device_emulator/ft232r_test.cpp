@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <numeric>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -178,7 +179,7 @@ TEST_F(Ft232rTest, ReceiveFifoHolds256BytesAndTheRestIsLostCountedAndTold) {
   for (int ms = 10; ms < 20; ++ms) {
     const Bytes packet = collect(milliseconds(ms));
     ASSERT_GE(packet.size(), 2U);
-    EXPECT_EQ(packet[1] & 0x02, ms == 10 ? 0x02 : 0x00) << "overrun, told once";
+    EXPECT_EQ(packet[1] & 0x02, ms == 10 ? 0x02 : 0x00) << "overrun, reported once";
     got += packet.size() - 2;
   }
   EXPECT_EQ(got, 256U);
@@ -316,7 +317,49 @@ TEST_F(Ft232rUsbTest, EveryRequestOfTheSheetIsTaken) {
   EXPECT_EQ(get(0xC0, 0x0C, 0, 0, 1).size(), 1U);
   EXPECT_THAT(get(0xC0, 0x90, 0, 1, 2), ElementsAre(0x03, 0x04)) << "vendor in the EEPROM";
   EXPECT_THAT(get(0xC0, 0x90, 0, 2, 2), ElementsAre(0x48, 0xCB));
-  EXPECT_THAT(get(0xC0, 0x90, 0, 30, 2), ElementsAre(0xFF, 0xFF));
+}
+
+TEST_F(Ft232rUsbTest, TheEepromIsByteForByteThatOfLibftdisTable) {
+  // Laid out by hand from libftdi's doc/EEPROM-structure; the checksum was computed apart.
+  const Bytes
+      expected =
+          {
+              0x00, 0x40, 0x03, 0x04, 0x48, 0xCB, 0x00, 0x06, 0xA0, 0x2D, 0x08, 0x00,
+              0x00, 0x00,                                                  // numbers
+              0x98, 0x0A, 0xA2, 0x1C, 0xBE, 0x12, 0x23, 0x10, 0x05, 0x00,  // strings' places, CBUS
+              0x0A, 0x03, 'F',  0,    'T',  0,    'D',  0,    'I',  0,     //
+              0x1C, 0x03, 'F',  0,    'A',  0,    'L',  0,    'C',  0,    'O',  0,
+              'N',  0,    ' ',  0,    'H',  0,    'A',  0,    'P',  0,    'T',  0,
+              'I',  0,    'C',  0,    0x12, 0x03, 'F',  0,    'T',  0,    '0',  0,
+              '0',  0,    '0',  0,    '0',  0,    '0',  0,    '1',  0};
+  Bytes read;
+  for (std::uint16_t address = 0; address < 64; ++address) {
+    const Bytes word = get(0xC0, 0x90, 0, address, 2);
+    read.insert(read.end(), word.begin(), word.end());
+  }
+  ASSERT_EQ(read.size(), 128U);
+  Bytes padded = expected;
+  padded.resize(126, 0);
+  padded.insert(padded.end(), {0xC9, 0x05});
+  EXPECT_THAT(read, ElementsAreArray(padded));
+  EXPECT_THAT(get(0xC0, 0x90, 0, 64 + 1, 2), ElementsAre(0x03, 0x04)) << "addresses repeat";
+}
+
+TEST(Ft232rEeprom, StringsThatTheChipHasNoRoomForAreRefusedByName) {
+  profiles::DeviceProfile::Usb usb = profiles::load_device_profile("falcon").usb;
+  usb.manufacturer = std::string(20, 'M');
+  usb.product = std::string(20, 'P');
+  usb.serial = std::string(8, 'S');
+  EXPECT_NO_THROW(Ft232rUsb{usb});
+  usb.serial += 'S';
+  try {
+    const Ft232rUsb chip{usb};
+    ADD_FAILURE() << "49 characters were taken";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(),
+                 "usb.manufacturer, usb.product and usb.serial have 49 characters together; an "
+                 "FT232R has room for 48");
+  }
 }
 
 TEST_F(Ft232rUsbTest, ModemControlChangesTheMaskedLinesOnly) {

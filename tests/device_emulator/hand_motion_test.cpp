@@ -63,7 +63,7 @@ TEST(HandMotion, StartsWithoutSpeed) {
 
 TEST(HandMotion, ChirpIsOneMinusCosineOfARisingFrequency) {
   const HandMotion motion(MotionKind::kChirp, kNominal_m, 1);
-  // phi / 2 pi = 0.2 t + 0.07 t^2 up to 20 s: 32 whole cycles there, and 3 a second afterwards.
+  // phi / 2 pi = 0.2 t + 0.07 t^2 up to 20 s: 32 whole cycles there, and 3 per second afterwards.
   for (const double time_s : {0.7, 3.0, 12.3, 19.9}) {
     const double cycles = 0.2 * time_s + 0.07 * time_s * time_s;
     EXPECT_NEAR(motion.displacement_D(time_s).z(),

@@ -33,14 +33,13 @@ EmulatorOptions any_port() {
 TEST(RunEmulator, SaysWhereItListensAndEndsWithTheReportWhenStopped) {
   std::atomic<bool> stop{false};
   std::ostringstream out;
-  std::ostringstream log;
   auto options = any_port();
   options.profiles.push_back("phantom_desktop");
   std::thread stopper([&stop] {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     stop = true;
   });
-  const auto reports = run_emulator(options, out, log, stop);
+  const auto reports = run_emulator(options, out, stop);
   stopper.join();
   ASSERT_EQ(reports.size(), 2U);
   EXPECT_EQ(reports[0].device, "woodenhaptics_v2015");
@@ -62,9 +61,8 @@ TEST(RunEmulator, EndsWhenItsStopDescriptorCloses) {
     ::close(ends[1]);
   });
   std::ostringstream out;
-  std::ostringstream log;
   const std::atomic<bool> never{false};
-  EXPECT_EQ(run_emulator(any_port(), out, log, never, ends[0]).size(), 1U);
+  EXPECT_EQ(run_emulator(any_port(), out, never, ends[0]).size(), 1U);
   stopper.join();
   ::close(ends[0]);
 }

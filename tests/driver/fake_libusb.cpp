@@ -117,22 +117,22 @@ void FakeLibusb::reset() {
 
 extern "C" {
 
-int LIBUSB_CALL libusb_init(libusb_context** context) {
+int LIBUSB_CALL libusb_init(libusb_context** ctx) {
   ++FakeLibusb::bus().contexts;
-  *context = &the_context;
+  *ctx = &the_context;
   return 0;
 }
 void LIBUSB_CALL libusb_exit(libusb_context*) { --FakeLibusb::bus().contexts; }
 
-const char* LIBUSB_CALL libusb_strerror(int error) {
-  return error == LIBUSB_ERROR_ACCESS ? "Access denied (insufficient permissions)"
-         : error == LIBUSB_ERROR_BUSY ? "Resource busy"
-                                      : "Other error";
+const char* LIBUSB_CALL libusb_strerror(int errcode) {
+  return errcode == LIBUSB_ERROR_ACCESS ? "Access denied (insufficient permissions)"
+         : errcode == LIBUSB_ERROR_BUSY ? "Resource busy"
+                                        : "Other error";
 }
-const char* LIBUSB_CALL libusb_error_name(int error) {
-  return error == LIBUSB_ERROR_ACCESS ? "LIBUSB_ERROR_ACCESS"
-         : error == LIBUSB_ERROR_BUSY ? "LIBUSB_ERROR_BUSY"
-                                      : "LIBUSB_ERROR_OTHER";
+const char* LIBUSB_CALL libusb_error_name(int errcode) {
+  return errcode == LIBUSB_ERROR_ACCESS ? "LIBUSB_ERROR_ACCESS"
+         : errcode == LIBUSB_ERROR_BUSY ? "LIBUSB_ERROR_BUSY"
+                                        : "LIBUSB_ERROR_OTHER";
 }
 
 ssize_t LIBUSB_CALL libusb_get_device_list(libusb_context*, libusb_device*** list) {
@@ -162,9 +162,14 @@ int LIBUSB_CALL libusb_get_device_descriptor(libusb_device* device,
   return 0;
 }
 std::uint8_t LIBUSB_CALL libusb_get_bus_number(libusb_device*) { return 1; }
-int LIBUSB_CALL libusb_get_port_numbers(libusb_device* device, std::uint8_t* ports, int) {
+// No real device of this computer has so high an address, so nobody is found to use its node.
+std::uint8_t LIBUSB_CALL libusb_get_device_address(libusb_device*) { return 250; }
+libusb_device* LIBUSB_CALL libusb_get_device(libusb_device_handle* handle) {
+  return &device_list.at(handle->number);
+}
+int LIBUSB_CALL libusb_get_port_numbers(libusb_device* device, std::uint8_t* port_numbers, int) {
   const FakeLibusb::Device& fake = FakeLibusb::bus().devices.at(device->number);
-  std::copy(fake.ports.begin(), fake.ports.end(), ports);
+  std::copy(fake.ports.begin(), fake.ports.end(), port_numbers);
   return static_cast<int>(fake.ports.size());
 }
 
@@ -186,11 +191,11 @@ void LIBUSB_CALL libusb_close(libusb_device_handle* handle) {
 }
 
 int LIBUSB_CALL libusb_get_string_descriptor_ascii(libusb_device_handle* handle,
-                                                   std::uint8_t number, unsigned char* data,
+                                                   std::uint8_t desc_index, unsigned char* data,
                                                    int length) {
-  const std::string text = number == 1   ? "Novint"
-                           : number == 2 ? "FALCON HAPTIC"
-                                         : device_of(handle).serial;
+  const std::string text = desc_index == 1   ? "Novint"
+                           : desc_index == 2 ? "FALCON HAPTIC"
+                                             : device_of(handle).serial;
   const std::size_t size = std::min(text.size(), static_cast<std::size_t>(length));
   std::copy_n(text.begin(), size, data);
   return static_cast<int>(size);
@@ -287,7 +292,7 @@ int LIBUSB_CALL libusb_cancel_transfer(libusb_transfer* transfer) {
   return LIBUSB_ERROR_NOT_FOUND;
 }
 
-int LIBUSB_CALL libusb_handle_events_timeout_completed(libusb_context*, timeval* time, int*) {
+int LIBUSB_CALL libusb_handle_events_timeout_completed(libusb_context*, timeval* tv, int*) {
   if (FakeLibusb::bus().events_error != 0) {
     return FakeLibusb::bus().events_error;
   }
@@ -313,7 +318,7 @@ int LIBUSB_CALL libusb_handle_events_timeout_completed(libusb_context*, timeval*
     transfer->callback(transfer);
   }
   if (in_served || !any) {
-    const auto left = std::chrono::seconds(time->tv_sec) + std::chrono::microseconds(time->tv_usec);
+    const auto left = std::chrono::seconds(tv->tv_sec) + std::chrono::microseconds(tv->tv_usec);
     std::this_thread::sleep_for(
         std::min<std::chrono::nanoseconds>(left, std::chrono::milliseconds(1)));
   }

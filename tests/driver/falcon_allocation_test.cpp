@@ -5,6 +5,7 @@
 
 #include "driver/falcon_device.h"
 #include "forcegrid/methods.h"
+#include "rt/vectors.h"
 #include "scripted_falcon.h"
 #include "servo_loop/servo_loop.h"
 #include "tests/support/allocation_count.h"
@@ -27,8 +28,8 @@ TEST(FalconCycle, AllocatesNothingOnTheServoThread) {
       driver::start_falcon_device(std::make_unique<driver::ScriptedBulkTransport>(falcon), profile,
                                   open_options, "scripted", true);
   MethodOptions grid;
-  grid.grid.min_W = vector(profile.limits.workspace_min_m);
-  grid.grid.max_W = vector(profile.limits.workspace_max_m);
+  grid.grid.min_W = rt::to_vector(profile.limits.workspace_min_m);
+  grid.grid.max_W = rt::to_vector(profile.limits.workspace_max_m);
   grid.grid.cells.setConstant(20);
   grid.influence_radius_m = 0.02;
   const auto method = make_force_method("forcegrid", grid);

@@ -19,7 +19,6 @@ using std::chrono::seconds;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using testing::Not;
 using State = ScriptedFalcon::State;
 using Script = ScriptedFalcon::Script;
 

@@ -18,10 +18,15 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
-using testing::Not;
 
 /// A sysfs tree as the kernel lays it out, in a temporary folder.
 class Sysfs : public testing::Test {
+ public:
+  ~Sysfs() override {
+    std::error_code error;
+    fs::remove_all(root_, error);
+  }
+
  protected:
   Sysfs() {
     std::string pattern = (fs::temp_directory_path() / "forcegrid_sysfs_XXXXXX").string();
@@ -30,10 +35,6 @@ class Sysfs : public testing::Test {
     }
     root_ = pattern;
     fs::create_directories(root_ / "class/hidraw");
-  }
-  ~Sysfs() override {
-    std::error_code error;
-    fs::remove_all(root_, error);
   }
 
   static void write(const fs::path& path, const std::string& text) {
@@ -135,7 +136,7 @@ TEST_F(Sysfs, DescribesWhatWasLookedForFoundAndWhatToDo) {
   const std::string none = describe_attached_devices(known, root_.string());
   EXPECT_THAT(none, HasSubstr("1234:0006  woodenhaptics_v2015"));
   EXPECT_THAT(none, HasSubstr("no HID device at all"));
-  EXPECT_THAT(none, HasSubstr("udev/70-forcegrid.rules"));
+  EXPECT_THAT(none, HasSubstr("udev/10-forcegrid.rules"));
   EXPECT_THAT(none, HasSubstr("--device emulated:woodenhaptics_v2015"));
   add_usb(4242, "1-2", "0123456789");
   const std::string one = describe_attached_devices(known, root_.string());

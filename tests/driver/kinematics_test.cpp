@@ -12,6 +12,7 @@
 
 #include "driver/device.h"
 #include "driver/kinematics_json.h"
+#include "rt/vectors.h"
 
 namespace forcegrid::driver {
 namespace {
@@ -495,14 +496,25 @@ TEST(ArmKinematics, TurnsNanAndInfinityIntoAStatusAndZeros) {
   }
 }
 
-// --- the command's JSON ---
+TEST(AnglePerCount, IsWhatACountTurnsTheJointByWhateverItsSign) {
+  for (const char* name : {"woodenhaptics_v2015", "phantom_desktop", "polhem_v1", "vintage"}) {
+    const auto profile = load_device_profile(name);
+    const Vector3d counts(-1000, 2000, 3000);
+    const Vector3d turned_rad = ArmKinematics(profile).forward(counts).joint_angle_rad;
+    const Eigen::Array3d expected_rad = (turned_rad.array() / counts.array()).abs();
+    EXPECT_TRUE(angle_per_count_rad(profile).isApprox(expected_rad, 1e-12)) << name;
+  }
+  const auto falcon = load_device_profile("falcon");
+  EXPECT_EQ(angle_per_count_rad(falcon)[2], falcon.delta.encoder_rad_per_count);
+}
 
-std::array<double, 3> array_of(const Vector3d& vector) { return {vector[0], vector[1], vector[2]}; }
+// --- the command's JSON ---
 
 TEST(KinematicsJson, AgreesWithTheSheetsForceExamples) {
   for (const ForceExample& example : kForceExamples) {
-    const auto json = nlohmann::json::parse(kinematics_json_from_counts(
-        load_device_profile(example.profile), array_of(example.counts), array_of(example.force_D)));
+    const auto json = nlohmann::json::parse(
+        kinematics_json_from_counts(load_device_profile(example.profile),
+                                    rt::to_array(example.counts), rt::to_array(example.force_D)));
     EXPECT_EQ(json.at("profile"), example.profile);
     EXPECT_EQ(json.at("frame"), "device");
     EXPECT_EQ(json.at("status"), "ok");

@@ -18,13 +18,15 @@ using testing::HasSubstr;
 
 // A lock is the same on a file as on a device node.
 class NodeLockTest : public testing::Test {
- protected:
-  NodeLockTest() { std::ofstream(node_) << "node"; }
+ public:
   ~NodeLockTest() override { std::filesystem::remove(node_); }
 
-  static std::string error_of(const std::string& node) {
+ protected:
+  NodeLockTest() { std::ofstream(node_) << "node"; }
+
+  static std::string error_of(const std::string& node, bool share = false) {
     try {
-      const NodeLock lock(node);
+      const NodeLock lock(node, share);
     } catch (const DeviceError& error) {
       return error.what();
     }
@@ -38,6 +40,7 @@ TEST_F(NodeLockTest, RefusesASecondHolderUntilTheFirstIsGone) {
   {
     const NodeLock first(node_);
     EXPECT_THAT(error_of(node_), HasSubstr("open " + node_ + ": another program drives this"));
+    EXPECT_NE(error_of(node_, true), "locked");  // two loops never share
   }
   EXPECT_EQ(error_of(node_), "locked");
 }

@@ -270,7 +270,14 @@ bool ScriptedUsbipServer::out(int client, const Bytes& header) {
     return true;
   }
   armed_ = script_.send_reports;
-  return script_.in_first || deliver(client);
+  const bool delivered = script_.in_first || deliver(client);
+  if (script_.foreign_outs > 0) {
+    --script_.foreign_outs;
+    const std::lock_guard lock(mutex_);
+    counts_[0] += script_.foreign_step;
+    armed_ = true;  // it goes with the next IN
+  }
+  return delivered;
 }
 
 bool ScriptedUsbipServer::deliver(int client) {

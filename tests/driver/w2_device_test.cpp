@@ -448,6 +448,38 @@ TEST_F(W2, FindsItsWayBackAfterALostReport) {
   EXPECT_EQ(device->health(), DeviceHealth::kRunning);
 }
 
+// Each command makes the device answer, whoever sent it.
+TEST_F(W2, NoticesASecondProgramThatCommandsTheDevice) {
+  const auto device = open();
+  device->command({.current_A = {1.0, 1.0, 1.0}});
+  EXPECT_TRUE(eventually([&] { return last_out() == currents(1000, 1000, 1000); }));
+  script_.foreign_outs = 1000;
+  EXPECT_TRUE(eventually([&] { return device->health() == DeviceHealth::kSecondWriter; }));
+  EXPECT_THAT(device->failure(), HasSubstr("another program commands it; end that program"));
+  EXPECT_TRUE(eventually([&] { return last_out() == kZero; }));
+  EXPECT_GE(device->statistics().reports_unasked, 5U);
+}
+
+TEST_F(W2, TakesReportsThatComeTwiceForNoSecondProgram) {
+  const auto device = open();
+  script_.foreign_step = 0;
+  script_.foreign_outs = 100;
+  EXPECT_TRUE(eventually([&] { return script_.foreign_outs == 0; }));
+  const auto sequence = device->newest_report().sequence;
+  EXPECT_TRUE(eventually([&] { return device->newest_report().sequence > sequence + 10; }));
+  EXPECT_EQ(device->health(), DeviceHealth::kRunning) << device->failure();
+  EXPECT_GE(device->statistics().reports_drained, 50U);
+}
+
+TEST_F(W2, ForgivesAFewReportsThatAnswerNothing) {
+  const auto device = open();
+  script_.foreign_outs = 4;
+  EXPECT_TRUE(eventually([&] { return script_.foreign_outs == 0; }));
+  const auto sequence = device->newest_report().sequence;
+  EXPECT_TRUE(eventually([&] { return device->newest_report().sequence > sequence + 10; }));
+  EXPECT_EQ(device->health(), DeviceHealth::kRunning) << device->failure();
+}
+
 TEST_F(W2, StopsInBoundedTimeWhenTheServerNoLongerAnswers) {
   const auto device = open();
   script_.send_reports = false;

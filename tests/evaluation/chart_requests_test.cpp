@@ -59,13 +59,13 @@ TEST(ChartRequests, PutsTheErrorsOfAMethodThatAsksSideByRateAndLeavesOthersOut) 
 }
 
 TEST(ChartRequests, AreOnThePageAndInItsNumbers) {
-  const std::string page = chart_html(some_chart(), ChartOptions{}, {}, {});
+  const std::string page = chart_html(some_chart(), ChartOptions{}, {}, {}, {});
   EXPECT_THAT(page, HasSubstr("<td>auto<td>poke<td>after it<td>0.400<td>0.300 <small>/ 4</small>"));
   EXPECT_THAT(page, HasSubstr("<th>120/s"));
   EXPECT_THAT(chart_json(some_chart(), ChartOptions{}), HasSubstr("\"by_requests\""));
   Chart without = some_chart();
   without.rows.resize(1);
-  EXPECT_THAT(chart_html(without, ChartOptions{}, {}, {}), Not(HasSubstr("<th>120/s")));
+  EXPECT_THAT(chart_html(without, ChartOptions{}, {}, {}, {}), Not(HasSubstr("<th>120/s")));
 }
 
 }  // namespace

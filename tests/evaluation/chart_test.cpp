@@ -17,6 +17,7 @@
 #include "evaluation/chart_summary.h"
 #include "evaluation/gnuplot.h"
 #include "evaluation/trajectories.h"
+#include "tests/paper/tiny_scenes.h"
 
 namespace forcegrid::evaluation {
 namespace {
@@ -223,7 +224,7 @@ TEST(RowStore, OneChartAFolder) {
   const std::string folder = fresh_folder("row_store_lock");
   const RowStore first(folder, "p");
   try {
-    RowStore(folder, "p");
+    const RowStore second(folder, "p");
     FAIL() << "no error";
   } catch (const ChartError& error) {
     EXPECT_THAT(error.what(), HasSubstr("another chart is writing to " + folder));
@@ -255,12 +256,16 @@ TEST(ChartReport, WritesAPageThatNeedsNothingElse) {
   chart.numbers = numbers_of(chart, "kriging");
   chart.not_run.push_back({"x", "a reason"});
   const auto files = write_chart(chart, options, {{"A figure", "<?xml?><svg id='figure'></svg>"}});
-  EXPECT_EQ(files.size(), 4U);
+  EXPECT_EQ(files.size(), 5U);
   const std::string page = text_of(options.out / "index.html");
   EXPECT_THAT(page, HasSubstr("a &lt;large&gt; block"));
   EXPECT_THAT(page, HasSubstr("<svg id='figure'>"));
   EXPECT_THAT(page, HasSubstr("a reason"));
-  EXPECT_THAT(page, HasSubstr("class=met>met"));
+  EXPECT_THAT(page, HasSubstr("class=met>met, 67 % to spare"));  // 0.1 of 0.3
+  // The first screen comes before the goals, and has the picture of error and cost.
+  EXPECT_LT(page.find("How accurate, at what cost?"), page.find("<svg"));
+  EXPECT_LT(page.find("<svg"), page.find("<h2>Goals"));
+  EXPECT_THAT(page, HasSubstr("<summary>Goals that are not in this selection: "));
   EXPECT_THAT(page, Not(HasSubstr("src=\"")));
   EXPECT_THAT(page, Not(HasSubstr("<link")));
   const std::string svg = text_of(options.out / "error_against_cost_block.svg");
@@ -273,6 +278,114 @@ TEST(ChartReport, WritesAPageThatNeedsNothingElse) {
   EXPECT_EQ(json.at("numbers").at(0).at("met"), true);
   EXPECT_TRUE(json.at("numbers").at(7).at("measured").is_null());
   EXPECT_EQ(json.at("points").size(), 3U);
+}
+
+TEST(GoalVerdict, SaysByHowMuch) {
+  EXPECT_EQ(goal_verdict(0.2, 0.4, false).words, "met, 50 % to spare");
+  EXPECT_EQ(goal_verdict(0.4, 0.4, false).words, "met");
+  EXPECT_EQ(goal_verdict(4.28, 4.0, false).words, "missed by 7 %");
+  EXPECT_STREQ(goal_verdict(4.28, 4.0, false).css_class, "near");
+  EXPECT_EQ(goal_verdict(0.45, 0.3, false).words, "missed by 50 %");
+  EXPECT_STREQ(goal_verdict(0.45, 0.3, false).css_class, "missed");
+  EXPECT_EQ(goal_verdict(1.02, 0.3, false).words, "missed, 3.4 times the goal");
+  EXPECT_EQ(goal_verdict(0.76, 0.95, true).words, "missed by 20 %");
+  EXPECT_TRUE(goal_verdict(0.96, 0.95, true).met);
+  EXPECT_EQ(goal_verdict(std::numeric_limits<double>::infinity(), 1.0, false).words,
+            "missed: not measurable");
+  // Agrees with the numbers of the charts.
+  for (const double measured : {0.1, 0.3, 0.31}) {
+    const ChartNumber number{"n", "s", 0.3, measured, "%", ""};
+    EXPECT_EQ(number.met(), goal_verdict(measured, 0.3, false).met) << measured;
+    EXPECT_EQ(number.met(), number.ratio() <= 1.0) << measured;
+  }
+}
+
+// The table of this object ends 15 mm above the contact point, and chirp goes up by 20 mm.
+TEST(MakeChart, GoesOnAfterARowThatCanNotBeJudged) {
+  ChartOptions options;
+  options.out = fresh_folder("chart_goes_on");
+  options.default_method = "hold";
+  options.scenes = {paper::tiny_scene("shallow", 20.0, 0.3)};
+  options.lattice.nodes = {15, 15, 8};
+  options.trajectories = {"chirp", "circle"};
+  options.conditions = {"ideal", "requests120"};
+  options.methods = {"hold", "rls", "forcegrid+request"};
+  options.seed = 1;
+  std::vector<std::string> said;
+  options.say = [&said](const std::string& text) { said.push_back(text); };
+  const Chart chart = make_chart(options);
+  // hold and rls under both conditions, forcegrid+request under requests120.
+  ASSERT_EQ(chart.not_judged.size(), 5U);
+  ASSERT_EQ(chart.rows.size(), 5U);
+  for (const NotJudged& each : chart.not_judged) {
+    EXPECT_EQ(each.trajectory, "chirp");
+    EXPECT_THAT(each.reason, HasSubstr("lies outside its range"));
+  }
+  for (const ChartRow& row : chart.rows) {
+    EXPECT_EQ(row.trajectory, "circle");
+    EXPECT_TRUE(std::isfinite(row.verdict.rms_error_percent_after_1s)) << row.method;
+  }
+  EXPECT_THAT(said, ::testing::Contains(HasSubstr("not judged: rls on ")));
+  // The rest is kept, and what was not judged is tried again.
+  EXPECT_EQ(make_chart(options).rows_kept, 5U);
+
+  options.trajectories = {"chirp"};
+  try {
+    make_chart(options);
+    ADD_FAILURE() << "a chart of nothing";
+  } catch (const ChartError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("none of the 5 rows could be judged; the first: "));
+  }
+}
+
+// A row that could not be judged is seen with its reason, and counts nowhere.
+TEST(ChartReport, MarksWhatWasNotJudged) {
+  ChartOptions options;
+  options.out = fresh_folder("chart_not_judged");
+  options.default_method = "kriging";
+  Chart chart;
+  chart.tables.push_back({});
+  chart.tables[0].scene = "block";
+  chart.rows = {row_of("chirp", "ideal", "kriging", 0.1), row_of("chirp", "ideal", "hold", 30.0),
+                row_of("poke", "ideal", "hold", 40.0)};
+  chart.not_judged = {{"block", "poke", "ideal", "kriging", "it left the \"table\" <far>"}};
+  chart.numbers = numbers_of(chart, "kriging");
+  EXPECT_DOUBLE_EQ(number_named(chart.numbers, "its geometric mean over them").measured, 0.1);
+  write_chart(chart, options, {});
+  const std::string csv = text_of(options.out / "accuracy.csv");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 5);
+  EXPECT_THAT(csv, HasSubstr("\nblock,poke,ideal,\"kriging\",,"));
+  EXPECT_THAT(csv, HasSubstr(",\"it left the \"\"table\"\" <far>\"\n"));
+  const std::string page = text_of(options.out / "index.html");
+  EXPECT_THAT(page, HasSubstr("not judged: it left the &quot;table&quot; &lt;far&gt;"));
+  EXPECT_THAT(page, HasSubstr("&quot;table&quot; &lt;far&gt;\">not judged")) << "the scene's cell";
+  const auto json = nlohmann::json::parse(text_of(options.out / "accuracy.json"));
+  EXPECT_EQ(json.at("rows").size(), 3U);
+  EXPECT_EQ(json.at("not_judged").at(0).at("method"), "kriging");
+  const std::string head = csv.substr(0, csv.find('\n'));
+  std::string line = csv.substr(csv.find("block,poke,ideal,\"kriging\""));
+  line = line.substr(0, line.find('\n'));
+  EXPECT_EQ(std::count(line.begin(), line.end(), ','), std::count(head.begin(), head.end(), ','));
+}
+
+// The text of a label in the SVG, at x and y in gnuplot's units of pixels.
+TEST(ChartPlot, ShowsTheLabelsOfTheFrontAndOfTheMethodsAskedFor) {
+  const std::filesystem::path file = std::filesystem::path(fresh_folder("plot")) / "some.svg";
+  const std::vector<ChartPoint> points{{"hold", "ideal", 30.0, 5.0, true},
+                                       {"worse", "ideal", 40.0, 50.0, false},
+                                       {"asked", "ideal", 35.0, 60.0, false},
+                                       {"best", "stiffness", 0.1, 900.0, true}};
+  ASSERT_TRUE(write_error_cost_svg(file, "t", points,
+                                   {.width_px = 640.0, .height_px = 520.0, .labelled = {"asked"}}));
+  std::string svg = text_of(file);
+  EXPECT_THAT(svg, HasSubstr("viewBox=\"0 0 640 520\""));
+  for (const char* const label : {"hold", "asked", "best [stiffness]"}) {
+    EXPECT_THAT(svg, HasSubstr(std::string(">") + label + "<")) << label;
+  }
+  EXPECT_THAT(svg, Not(HasSubstr(">worse<")));
+  ASSERT_TRUE(write_error_cost_svg(file, "t", points));
+  svg = text_of(file);
+  EXPECT_THAT(svg, HasSubstr(">worse<"));
 }
 
 TEST(ChartPlot, LeavesOutWhatALogarithmCantShow) {

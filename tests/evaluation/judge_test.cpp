@@ -29,7 +29,7 @@ Verdict judged(const std::string& name, const Trace& trace) {
   return judge(*method, trace);
 }
 
-// Says what it is told, in words, and gives the force that a test wants.
+// Records its calls in words, and gives the force that a test wants.
 class Diary final : public ForceMethod {
  public:
   const char* name() const noexcept override { return "diary"; }
@@ -89,14 +89,14 @@ class Diary final : public ForceMethod {
   int requests = 0;
 
  private:
-  // observe() has last told the time of the cycle before.
+  // observe() has last reported the time of the previous cycle.
   void note(const std::string& what) { entries.push_back(text_of(observed_s) + ": " + what); }
 };
 
 // A servo at 10 Hz without motion or force.
 Trace still(double seconds) {
   Trace trace;
-  for (int i = 0; i < static_cast<int>(10.0 * seconds + 0.5); ++i) {
+  for (int i = 0; i < std::lround(10.0 * seconds); ++i) {
     trace.servo.push_back({0.1 * i, Vector3d::Zero(), Vector3d(1.0, 0.0, 0.0)});
   }
   return trace;
@@ -163,6 +163,8 @@ TEST(Judge, MeasuresTimesAndMemory) {
   // A sample costs far more than a query, and one cycle in ten takes one in.
   EXPECT_GT(verdict.cycle_ns, verdict.query_ns_median);
   EXPECT_GT(verdict.cycle_ns_p99, verdict.cycle_ns_median);
+  EXPECT_GE(verdict.timer_floor_ns, 1.0);
+  EXPECT_LT(verdict.timer_floor_ns, 1000.0);
   EXPECT_GT(verdict.memory_bytes, 11u * 11u * 11u * 16u);
 }
 

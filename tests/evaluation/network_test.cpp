@@ -178,6 +178,38 @@ TEST(Network, RequestsAreAnsweredFromTheTableOnePeriodLater) {
   EXPECT_LT((beyond.force_W - true_force_W(beyond.position_W)).norm(), 1e-9);
 }
 
+// A method may ask for any position, also above or below what the large object's table covers.
+TEST(Network, RequestsBeyondTheLargeObjectAreAnsweredAtItsNearestPosition) {
+  const Trajectory exploration("exploration");
+  for (const NamedObjectEffect& effect : named_object_effects()) {
+    const SceneExtras extras{{}, effect.effect};
+    const JudgeOptions options =
+        judge_options(exploration, springs(), network_condition("requests120"), 500.0, 1, extras);
+    for (const Vector3d& far_m : {Vector3d(0.01, -0.02, 0.3), Vector3d(0.4, -0.3, -0.2)}) {
+      const Sample answer = options.answer(20.0, first_contact_point_W() + far_m);
+      const double z_m = answer.position_W.z() - first_contact_point_W().z();
+      EXPECT_NEAR(z_m, far_m.z() > 0.0 ? 0.027 : -0.006, 1e-9) << effect.name;
+      EXPECT_NEAR(answer.position_W.x() - first_contact_point_W().x(), far_m.x(), 1e-9);
+      EXPECT_TRUE(answer.force_W.allFinite());
+    }
+  }
+}
+
+// The object slides by up to 4 mm, and its table with it.
+TEST(Network, RequestsBeyondASlidObjectAreAnsweredAtItsNearestPosition) {
+  const Trajectory random("random");
+  for (const NamedObjectEffect& effect : named_object_effects()) {
+    const JudgeOptions options = judge_options(random, springs(), network_condition("requests120"),
+                                               500.0, 1, {{}, effect.effect});
+    for (const double time_s : {1.0, 10.0}) {
+      const Sample answer =
+          options.answer(time_s, first_contact_point_W() + Vector3d(0.5, -0.5, 0.5));
+      const Vector3d edge_m = Vector3d(0.021, -0.021, 0.027) + effect.effect.slid_W_m(time_s);
+      EXPECT_LT((answer.position_W - first_contact_point_W() - edge_m).norm(), 1e-9) << effect.name;
+    }
+  }
+}
+
 TEST(Network, UnknownConditionListsTheKnownOnes) {
   try {
     network_condition("carrier-pigeon");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <string>
 
 #include "evaluation/trace.h"
@@ -19,7 +20,7 @@ struct Ramp {
   Eigen::Vector3d start_W = Eigen::Vector3d(0.05, 0.06, 0.06);
 
   double time_s(int cycle) const { return cycle * kServoPeriod_s; }
-  int cycles() const { return static_cast<int>(seconds / kServoPeriod_s + 0.5); }
+  int cycles() const { return static_cast<int>(std::lround(seconds / kServoPeriod_s)); }
   Eigen::Vector3d position_W(int cycle) const {
     return start_W + Eigen::Vector3d(kSpeed_m_per_s * time_s(cycle), 0.0, 0.0);
   }

@@ -25,6 +25,9 @@ constexpr char kLongHeader[] =
     "j10_N_per_m,j11_N_per_m,j12_N_per_m,j20_N_per_m,j21_N_per_m,j22_N_per_m,residual\n";
 
 class TraceFile : public ::testing::Test {
+ public:
+  ~TraceFile() override { std::filesystem::remove_all(folder_); }
+
  protected:
   TraceFile() {
     const auto* const test = ::testing::UnitTest::GetInstance()->current_test_info();
@@ -34,7 +37,6 @@ class TraceFile : public ::testing::Test {
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directories(folder_);
   }
-  ~TraceFile() override { std::filesystem::remove_all(folder_); }
 
   std::string file(const std::string& name) const { return (folder_ / name).string(); }
 
@@ -49,7 +51,7 @@ class TraceFile : public ::testing::Test {
   }
 
   std::string zipped(const std::string& name, const std::string& text) const {
-    const gzFile gz = gzopen(file(name).c_str(), "wb");
+    gzFile_s* const gz = gzopen(file(name).c_str(), "wb");
     EXPECT_EQ(gzwrite(gz, text.data(), static_cast<unsigned>(text.size())),
               static_cast<int>(text.size()));
     EXPECT_EQ(gzclose(gz), Z_OK);
@@ -204,6 +206,7 @@ struct Malformed {
   std::vector<std::string> words;
 };
 
+// NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
 void PrintTo(const Malformed& malformed, std::ostream* out) { *out << malformed.name; }
 
 class MalformedTrace : public TraceFile, public ::testing::WithParamInterface<Malformed> {};

@@ -204,7 +204,7 @@ TEST(Trajectory, SameSeedSameMotionOtherSeedAnother) {
 
 TEST(Trajectory, UnknownNameListsTheKnownOnes) {
   try {
-    Trajectory("wobble");
+    const Trajectory unknown("wobble");
     FAIL() << "no error";
   } catch (const ChartError& error) {
     EXPECT_THAT(error.what(), HasSubstr("'wobble'"));

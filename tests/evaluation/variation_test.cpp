@@ -124,7 +124,7 @@ TEST(JudgeVisits, FindsKrigingContactRightFromTheFirstTouchAndHoldNot) {
   EXPECT_LT(alone.errors.returns.first_67ms_percent, 0.3);
   EXPECT_LT(alone.errors.second_tour.first_67ms_percent, 0.3);
   EXPECT_LT(alone.errors.first_tour.first_67ms_percent, 2.5);
-  EXPECT_GT(alone.errors.first_contact.first_67ms_percent, 3.0) << "nobody has told it anything";
+  EXPECT_GT(alone.errors.first_contact.first_67ms_percent, 3.0) << "nothing was known before";
   EXPECT_EQ(alone.verdict.requests_answered, 0u);
   const VisitsVerdict asking = judged("kriging-contact", 120.0);
   EXPECT_GT(asking.verdict.requests_answered, 50u);

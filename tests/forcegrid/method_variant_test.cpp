@@ -66,12 +66,12 @@ TEST(MethodVariant, NamesTheWordThatItCanNotUse) {
   EXPECT_NE(refusal("forcegrid unit").find("'unit': has no value"), std::string::npos);
   EXPECT_NE(refusal("forcegrid r=20").find("give a length with its unit"), std::string::npos);
   EXPECT_NE(refusal("forcegrid r=-2mm").find("above zero"), std::string::npos);
-  EXPECT_NE(refusal("forcegrid r=nanmm").find("no number"), std::string::npos);
+  EXPECT_NE(refusal("forcegrid r=nanmm").find("not a number"), std::string::npos);
   EXPECT_NE(refusal("forcegrid s=1.5").find("whole number"), std::string::npos);
   EXPECT_NE(refusal("forcegrid weight=tent").find("paper, idw4, idw6"), std::string::npos);
   EXPECT_NE(refusal("forcegrid cells=1,2").find("one number, or three"), std::string::npos);
   EXPECT_NE(refusal("forcegrid nug=0").find("above zero"), std::string::npos);
-  EXPECT_NE(refusal("forcegrid nug=1e-5x").find("behind the number"), std::string::npos);
+  EXPECT_NE(refusal("forcegrid nug=1e-5x").find("after the number"), std::string::npos);
   EXPECT_NE(refusal("forcegrid colour=red").find("known keys are unit, r, s"), std::string::npos);
 }
 

@@ -46,7 +46,7 @@ std::string earlier_profile() {
 }
 
 class LongCalibrate : public ::testing::Test {
- protected:
+ public:
   ~LongCalibrate() override { fs::remove_all("/tmp/.config"); }
 };
 
@@ -115,7 +115,7 @@ TEST_F(LongCalibrate, WithoutTheRuleItIsRefusedAndTheAdviceMendsIt) {
     const ShellResult refused = as_user("operator", look);
     EXPECT_EQ(refused.status, 1) << refused.text;
     EXPECT_THAT(refused.text, HasSubstr("open " + bench.node().dev() + ": Permission denied"));
-    EXPECT_THAT(refused.text, HasSubstr("install udev/70-forcegrid.rules"));
+    EXPECT_THAT(refused.text, HasSubstr("install udev/10-forcegrid.rules"));
     EXPECT_THAT(refused.text, HasSubstr("plug the device in again"));
     EXPECT_FALSE(fs::exists(kDevices));
 

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <thread>
 
 #include "tests/hil/hil_bench.h"
@@ -13,7 +14,6 @@ namespace forcegrid::hil {
 namespace {
 
 using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 namespace fs = std::filesystem;
 
 /// One of hidapi's two back ends, as other people's programs link it.
@@ -247,6 +247,31 @@ TEST(LongTeensy, TheProgramChoosesTheInterfaceWithTheReports) {
   const nlohmann::json emulator = bench.end();
   EXPECT_EQ(emulator.at("final_current_mA"), nlohmann::json({0.0, 0.0, 0.0}));
   EXPECT_EQ(number(emulator, "short_reports") + number(emulator, "long_reports"), 0);
+}
+
+// A high-speed and a full-speed device plugged in together, as into any computer.
+TEST(LongTeensy, StandsBesideAFullSpeedArm) {
+  Bench bench({"woodenhaptics_teensy", "woodenhaptics_v2015"}, {"--calibrated"});
+  ASSERT_EQ(bench.nodes().size(), 3U) << "two of the Teensy, one of the arm";
+  std::map<std::string, std::string> speeds;  // Mbit/s by USB numbers
+  for (const Node& node : bench.nodes()) {
+    const std::string usb = "/sys/bus/usb/devices/" + node.port;
+    speeds[first_line(usb + "/idVendor")] = first_line(usb + "/speed");
+  }
+  EXPECT_EQ(speeds, (std::map<std::string, std::string>{{"16c0", "480"}, {"1234", "12"}}));
+  const EndedRun teensy =
+      run("hid:16C0:0486", 1.0, {"--calibrated", "--profile", "woodenhaptics_teensy"});
+  const EndedRun arm = run("hid:1234:0006", 1.0, {"--calibrated"});
+  for (const EndedRun* felt : {&teensy, &arm}) {
+    EXPECT_EQ(felt->status, 0) << felt->text;
+    EXPECT_TRUE(felt->summary.at("faults").empty()) << felt->text;
+  }
+  const nlohmann::json reports = bench.end();
+  ASSERT_EQ(reports.size(), 2U);
+  for (const nlohmann::json& report : reports) {
+    EXPECT_EQ(report.at("final_current_mA"), nlohmann::json({0.0, 0.0, 0.0}));
+    EXPECT_GT(number(report, "reports_sent"), 100);
+  }
 }
 
 }  // namespace

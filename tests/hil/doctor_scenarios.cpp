@@ -75,7 +75,7 @@ TEST(LongDoctor, TellsAVisitorWhyNotAndItsAdviceLetsThemIn) {
 }
 
 TEST(LongDoctor, ItsCommandForALostRuleMakesTheDeviceUsable) {
-  const std::string source = "/tmp/source/udev/70-forcegrid.rules";
+  const std::string source = "/tmp/source/udev/10-forcegrid.rules";
   fs::create_directories(fs::path(source).parent_path());
   fs::copy_file(kRule, source, fs::copy_options::overwrite_existing);
   fs::remove(kRule);

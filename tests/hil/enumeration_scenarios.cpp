@@ -17,27 +17,13 @@
 #include <vector>
 
 #include "tests/hil/hil_bench.h"
+#include "tests/hil/open_node.h"
 
 namespace forcegrid::hil {
 namespace {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
-
-/// A descriptor that is closed with its scope.
-class OpenNode {
- public:
-  explicit OpenNode(const std::string& path) : descriptor_(::open(path.c_str(), O_RDWR)) {
-    EXPECT_GE(descriptor_, 0) << path << ": " << std::strerror(errno);
-  }
-  ~OpenNode() { ::close(descriptor_); }
-  OpenNode(const OpenNode&) = delete;
-  OpenNode& operator=(const OpenNode&) = delete;
-  int get() const { return descriptor_; }
-
- private:
-  int descriptor_;
-};
 
 TEST(Enumeration, TheKernelReadsTheDeviceAsItsSheetHasIt) {
   const Bench bench;

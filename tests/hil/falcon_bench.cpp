@@ -72,7 +72,7 @@ void FalconBench::plug_in() {
 
 nlohmann::json FalconBench::end() {
   emulator_.send_signal(SIGTERM);
-  EXPECT_EQ(emulator_.wait(seconds(20)).value_or(-1), 0)
+  EXPECT_EQ(emulator_.wait(seconds(20)).value_or(-1), 128 + SIGTERM)
       << "the emulator said: " << emulator_.standard_error();
   std::ifstream file(report_file_);
   return nlohmann::json::parse(file, nullptr, false);

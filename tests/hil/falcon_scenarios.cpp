@@ -116,7 +116,7 @@ TEST(Falcon, TakesItsFirmwareIsHomedAndFeelsTheBlock) {
   report_timing(felt);
 }
 
-// --- udev/70-forcegrid.rules ---
+// --- udev/10-forcegrid.rules ---
 
 /// `command` as another user, with that user's groups.
 ShellResult as_user(const std::string& user, const std::string& command) {
@@ -176,6 +176,23 @@ TEST(LongFalcon, IsOpenedByItsSerialNumberAndByItsPort) {
   expect_motors_off_and_clean_line(bench.end());
 }
 
+// libftdi's own tool takes the chip for an FT232R and finds the checksum right.
+TEST(LongFalcon, HasAnEepromThatLibftdisToolReads) {
+  FalconBench bench(kHomed);
+  std::ofstream("/tmp/falcon.conf") << "vendor_id=0x0403\nproduct_id=0xcb48\n"
+                                       "filename=/tmp/falcon.eeprom\n";
+  const ShellResult read = shell("ftdi_eeprom --verbose --read-eeprom /tmp/falcon.conf");
+  EXPECT_EQ(read.status, 0) << read.text;
+  for (const char* fact :
+       {"EEPROM size: 128", "VID:     0x0403", "PID:     0xcb48", "Release: 0x0600",
+        "Bus Powered:  90 mA", "Manufacturer: FTDI", "Product:      FALCON HAPTIC",
+        "Serial:       FT000001", "Checksum      : 05c9", "Internal EEPROM",
+        "Channel A has Mode UART", "C3 Function: PWREN"}) {
+    EXPECT_THAT(read.text, HasSubstr(fact));
+  }
+  EXPECT_THAT(read.text, AllOf(Not(HasSubstr("hecksum Error")), Not(HasSubstr("unexpected"))));
+}
+
 TEST(LongFalcon, IsRefusedWhileAnotherProgramDrivesIt) {
   FalconBench bench(kHomed);
   const std::string folder = forcegrid::testing::fresh_folder("falcon_first");
@@ -184,7 +201,7 @@ TEST(LongFalcon, IsRefusedWhileAnotherProgramDrivesIt) {
   const EndedRun second = run_falcon("falcon", 1.0);
   EXPECT_EQ(second.status, 1);
   EXPECT_THAT(second.text,
-              AllOf(HasSubstr("LIBUSB_ERROR_BUSY"), HasSubstr("end the other program")));
+              AllOf(HasSubstr("LIBUSB_ERROR_BUSY"), HasSubstr("it is in use by process ")));
   EXPECT_EQ(first.wait(seconds(40)).value_or(-1), 0)
       << first.standard_output() << first.standard_error();
   expect_motors_off_and_clean_line(bench.end());

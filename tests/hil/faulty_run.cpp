@@ -124,7 +124,8 @@ nlohmann::json expect_refused_with_stalled_control(const std::string& device,
   EXPECT_THAT(refused.text, HasSubstr(words));
   shell("usbip detach -p 0");
   emulator.send_signal(SIGTERM);
-  EXPECT_EQ(emulator.wait(std::chrono::seconds(20)).value_or(-1), 0) << emulator.standard_error();
+  EXPECT_EQ(emulator.wait(std::chrono::seconds(20)).value_or(-1), 128 + SIGTERM)
+      << emulator.standard_error();
   std::ifstream file(report_file);
   nlohmann::json report = nlohmann::json::parse(file, nullptr, false);
   EXPECT_TRUE(report.is_object());

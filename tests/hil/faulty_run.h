@@ -11,6 +11,7 @@
 namespace forcegrid::hil {
 
 /// A loop that has run against a device with one fault, and what the device says of it.
+// As EndedRun. NOLINTNEXTLINE(bugprone-exception-escape)
 struct FaultyRun {
   EndedRun felt;
   nlohmann::json emulator;

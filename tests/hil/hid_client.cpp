@@ -184,12 +184,15 @@ bool parse(int count, char** words, Request& request) {
     const std::size_t equals = word.find('=');
     const std::string key = word.substr(0, equals);
     const std::string value = equals == std::string::npos ? "" : word.substr(equals + 1);
-    if (key == "id" &&
-        std::sscanf(value.c_str(), "%4x:%4x", &request.vendor, &request.product) == 2) {
-    } else if (key == "current" &&
-               std::sscanf(value.c_str(), "%d,%d,%d", &request.current_mA[0],
-                           &request.current_mA[1], &request.current_mA[2]) == 3) {
-    } else if (key == "bytes" && (value == "14" || value == "64")) {
+    const bool is_id = key == "id" && std::sscanf(value.c_str(), "%4x:%4x", &request.vendor,
+                                                  &request.product) == 2;
+    const bool is_current =
+        key == "current" && std::sscanf(value.c_str(), "%d,%d,%d", &request.current_mA[0],
+                                        &request.current_mA[1], &request.current_mA[2]) == 3;
+    if (is_id || is_current) {
+      continue;
+    }
+    if (key == "bytes" && (value == "14" || value == "64")) {
       request.report_bytes = static_cast<std::size_t>(std::atoi(value.c_str()));
     } else if (key == "kick") {
       request.kick = std::atoi(value.c_str());
@@ -243,9 +246,9 @@ int main(int count, char** words) {
         }
         findings.calibrated = findings.last;
       }
-      const int(&mA)[3] = request.current_mA;
+      const int(&currents_mA)[3] = request.current_mA;
       for (int i = 0; i < request.burst; ++i) {
-        client.write({mA[0], mA[1], mA[2], 0, 0, 0, 0});
+        client.write({currents_mA[0], currents_mA[1], currents_mA[2], 0, 0, 0, 0});
       }
       if (request.burst > 0) {
         findings.after_burst = client.read_all();
@@ -253,7 +256,7 @@ int main(int count, char** words) {
       double sum_us = 0.0;
       for (int i = 0; i < request.exchanges; ++i) {
         const auto begun = Clock::now();
-        client.write({mA[0], mA[1], mA[2], 0, 0, 0, 0});
+        client.write({currents_mA[0], currents_mA[1], currents_mA[2], 0, 0, 0, 0});
         if (!client.newest()) {
           std::fprintf(stderr, "hid_client: exchange %d brought no report\n", i);
           return 3;

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <string_view>
 #include <thread>
 #include <tuple>
 
@@ -19,7 +20,7 @@ namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr char kKeptRule[] = "/tmp/70-forcegrid.rules";
+constexpr char kKeptRule[] = "/tmp/10-forcegrid.rules";
 constexpr milliseconds kPoll{20};
 constexpr seconds kPatience{20};              // software emulation is slow
 constexpr milliseconds kFirmwareStart{1100};  // 1 s after SET_CONFIGURATION
@@ -37,6 +38,21 @@ std::vector<std::string> emulate_command(const std::vector<std::string>& profile
 nlohmann::json json_of(const std::string& file) {
   std::ifstream stream(file);
   return nlohmann::json::parse(stream, nullptr, false);
+}
+
+// The bus ids that the emulator has printed.
+std::vector<std::string> offered(const Program& emulator) {
+  constexpr std::string_view kWord = " busid ";
+  const std::string text = emulator.standard_output();
+  std::vector<std::string> busids;
+  for (std::size_t at = text.find(kWord); at != std::string::npos; at = text.find(kWord, at)) {
+    at += kWord.size();
+    const std::size_t end = text.find(' ', at);
+    if (end != std::string::npos && text.find('\n', end) != std::string::npos) {
+      busids.push_back(text.substr(at, end - at));
+    }
+  }
+  return busids;
 }
 
 }  // namespace
@@ -134,10 +150,10 @@ Bench::Bench(const std::vector<std::string>& profiles,
   for (const std::string& profile : profiles) {
     covers_device(fs::path(profile).stem().string());
   }
-  // The last device's line: all are listening then.
-  emulator_.wait_for_text("busid 1-" + std::to_string(devices_), kPatience);
-  for (std::size_t i = 1; i <= devices_; ++i) {
-    plug_in("1-" + std::to_string(i));
+  std::vector<std::string> busids;
+  EXPECT_TRUE(eventually([&] { return (busids = offered(emulator_)).size() >= devices_; }));
+  for (const std::string& busid : busids) {
+    plug_in(busid);
   }
   if (!eventually([&] { return hil::nodes().size() >= devices_; })) {
     ADD_FAILURE() << "the kernel made " << hil::nodes().size() << " of " << devices_
@@ -175,7 +191,8 @@ void Bench::detach_all() {
 nlohmann::json Bench::end() {
   emulator_.send_signal(SIGTERM);
   const auto status = emulator_.wait(kPatience);
-  EXPECT_EQ(status.value_or(-1), 0) << "the emulator said: " << emulator_.standard_error();
+  EXPECT_EQ(status.value_or(-1), 128 + SIGTERM)
+      << "the emulator said: " << emulator_.standard_error();
   return json_of(report_file_);
 }
 

@@ -70,7 +70,7 @@ void expect_set_is_survived(const std::string& profile, int seed, Survived& surv
   }
   shell("usbip detach -p 0");
   emulator.send_signal(SIGTERM);
-  EXPECT_EQ(emulator.wait(seconds(20)).value_or(-1), 0) << emulator.standard_error();
+  EXPECT_EQ(emulator.wait(seconds(20)).value_or(-1), 128 + SIGTERM) << emulator.standard_error();
   std::ifstream file(folder + "/report.json");
   const auto report = nlohmann::json::parse(file, nullptr, false);
   ASSERT_TRUE(report.is_object());

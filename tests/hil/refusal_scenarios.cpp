@@ -55,7 +55,7 @@ void expect_uaccess(const std::string& sysfs) {
   EXPECT_THAT(shell("udevadm info --query=property --path=" + sysfs).text, HasSubstr(":uaccess:"));
 }
 
-// --- udev/70-forcegrid.rules ---
+// --- udev/10-forcegrid.rules ---
 
 TEST(UdevRule, GivesUsbAndHidrawNodesToTheSeatAndToPlugdev) {
   const Bench bench({"woodenhaptics_v2015", "phantom_desktop"});
@@ -112,7 +112,7 @@ TEST(UdevRule, LetsAMemberOfPlugdevRunAndNobodyElse) {
   const ShellResult other = as_user("visitor", run_command("hid:1234:0006"));
   EXPECT_EQ(other.status, 1) << other.text;
   EXPECT_THAT(other.text, HasSubstr("open " + bench.node().dev() + ": Permission denied"));
-  EXPECT_THAT(other.text, HasSubstr("udev/70-forcegrid.rules"));
+  EXPECT_THAT(other.text, HasSubstr("udev/10-forcegrid.rules"));
   EXPECT_EQ(as_user("visitor", "cat /dev/bus/usb/*/* > /dev/null").status, 1);
 }
 
@@ -126,7 +126,7 @@ TEST(WithoutTheRule, OnlyRootMayOpenAndTheMessageNamesTheRule) {
   const ShellResult refused = as_user("operator", run_command("hid:1234:0006"));
   EXPECT_EQ(refused.status, 1);
   EXPECT_THAT(refused.text, AllOf(HasSubstr("open " + bench.node().dev() +
-                                            ": Permission denied; install udev/70-forcegrid.rules"),
+                                            ": Permission denied; install udev/10-forcegrid.rules"),
                                   HasSubstr("[known, but can't be opened: Permission denied]")));
 }
 

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the hardware-in-the-loop scenarios in a virtual machine with a stock Debian kernel.
 
+With --shell or --run: a shell, or a command, in the same guest with emulated devices attached, and
+with whatever programs --add puts into it.
+
 The guest is an initramfs made of this machine's busybox, udev, usbip and lsusb, the project's program,
 the scenario program and the libraries they need; the kernel is Debian's, fetched by apt and unpacked,
 never installed. A scenario counts as passed only when the guest says so in so many words: a scenario
@@ -14,7 +17,6 @@ import argparse
 import concurrent.futures
 import contextlib
 import fcntl
-import gzip
 import json
 import os
 import pathlib
@@ -27,14 +29,18 @@ import sys
 import tempfile
 import time
 
+from guest_files import HilError, Initramfs, Session, output_of, tool
+
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 MODULES = ["vhci-hcd", "usbhid", "hid-generic", "uhid", "ftdi_sio", "veth", "sch_netem"]
-TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest", "usermod", "ip", "tc"]
+TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest", "usermod", "ip", "tc",
+         "ftdi_eeprom"]
 CLIENTS = ["hil_client_hidraw", "hil_client_libusb"]  # beside the scenario program
 TIMING_SUITES = ("LongTiming.", "PreemptRtTiming.")
 TIMING_TOOLS = ["stress-ng"]  # large, so only where they are used
 TIMING_PROGRAMS = ["forcegrid_null_loop"]  # beside the program
+TOOLS_PROGRAM = "forcegrid-tools"  # beside the program, which becomes it for its commands
 LONG_SUITE = "Long"  # left out of the smoke set: suites that begin so
 # What glibc converts character sets with; hidapi's libusb back end reads USB strings by it.
 GCONV = ["gconv-modules", "gconv-modules.d/gconv-modules-extra.conf", "UTF-16.so"]
@@ -48,21 +54,6 @@ done
 MADE_TO_FAIL = "MadeToFail."  # only run when named
 # A kernel that has met one of its own faults may go on, but nothing after it can be trusted.
 KERNEL_FAULT = re.compile(r"\b(?:kernel BUG at|BUG:|Oops:|general protection fault).*")
-
-
-class HilError(Exception):
-    """What went wrong and the remedy."""
-
-
-def output_of(command, **options):
-    """Standard output of a command that must succeed."""
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
-    except FileNotFoundError as error:
-        raise HilError(f"{command[0]}: not found; `make setup` installs it") from error
-    if done.returncode != 0:
-        raise HilError(f"`{' '.join(map(str, command))}` failed: {done.stderr.strip()}")
-    return done.stdout
 
 
 # --- the kernel ---
@@ -183,57 +174,32 @@ def kernel_of(cache, metapackage):
 # --- the guest's files ---
 
 
-class Initramfs:
-    """A folder that becomes the guest's root."""
-
-    def __init__(self, folder):
-        self.folder = folder
-
-    def path(self, inside):
-        path = self.folder / str(inside).lstrip("/")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return path
-
-    def add_text(self, inside, text, mode=0o644):
-        path = self.path(inside)
-        path.write_text(text, encoding="utf-8")
-        path.chmod(mode)
-
-    def add_file(self, source, inside, mode=None):
-        path = self.path(inside)
-        shutil.copyfile(source, path)
-        path.chmod(mode if mode is not None else os.stat(source).st_mode & 0o755)
-
-    def add_program(self, source, inside):
-        """A program with the libraries that it is linked to."""
-        self.add_file(source, inside, 0o755)
-        listed = subprocess.run(["ldd", source], capture_output=True, text=True, check=False).stdout
-        if "not found" in listed:
-            raise HilError(f"{source} lacks a library:\n{listed}")
-        for library in re.findall(r"(/\S+) \(0x", listed):
-            self.add_file(library, library, 0o755)
-
-    def pack(self, file):
-        names = [str(path.relative_to(self.folder)) for path in sorted(self.folder.rglob("*"))]
-        try:
-            packed = subprocess.run(
-                ["cpio", "--quiet", "-o", "-H", "newc", "-R", "0:0"], cwd=self.folder,
-                input="\n".join(names).encode(), capture_output=True, check=True).stdout
-        except (FileNotFoundError, subprocess.CalledProcessError) as error:
-            raise HilError(f"cpio: {error}; `make setup` installs it") from error
-        with gzip.open(file, "wb", compresslevel=1) as archive:
-            archive.write(packed)
+def run_session(session, command, folder, results, timeout_s):
+    """Runs the guest for a person or for one command. @returns the shell's or command's status."""
+    said = folder / "said"
+    console = ["-serial", "mon:stdio"]
+    stdin = None
+    if session.command:
+        console = ["-serial", "stdio"]
+        stdin = subprocess.DEVNULL
+    try:
+        subprocess.run(command + console + ["-serial", f"file:{said}"], check=False, stdin=stdin,
+                       timeout=timeout_s if session.command else None)
+    except subprocess.TimeoutExpired as error:
+        raise HilError(f"the guest did not end within {timeout_s} s and was stopped; give it more "
+                       "with --timeout") from error
+    text = said.read_text(encoding="utf-8", errors="replace") if said.exists() else ""
+    status = re.search(r"^HIL-STATUS (\d+)\n", text, re.MULTILINE)
+    if not status:
+        raise HilError("the guest ended without a word of the status; its console is above")
+    summary = text[status.end():]
+    if summary.strip():
+        (results / "emulator.json").write_text(summary, encoding="utf-8")
+        print(f"What the emulated devices saw is in {results / 'emulator.json'}")
+    return int(status.group(1)) if session.command else 0
 
 
-def tool(name):
-    """busybox-static has the very name of busybox, usbip may live in sbin."""
-    path = shutil.which(name, path=os.environ.get("PATH", "") + ":/usr/sbin:/sbin")
-    if path is None:
-        raise HilError(f"{name} is not installed; `make setup` installs it")
-    return path
-
-
-def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
+def make_initramfs(file, kernel, program, scenarios, names, limit_s, session):
     with tempfile.TemporaryDirectory(dir=file.parent, prefix="root-") as temporary:
         root = Initramfs(pathlib.Path(temporary))
         for folder in ("proc", "sys", "dev", "tmp", "run", "root", "etc", "bin"):
@@ -245,7 +211,7 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
         for rule in output_of(["dpkg", "-L", "udev"]).split():
             if rule.endswith(".rules"):
                 root.add_file(rule, rule)
-        root.add_file(ROOT / "udev/70-forcegrid.rules", "/etc/udev/rules.d/70-forcegrid.rules", 0o644)
+        root.add_file(ROOT / "udev/10-forcegrid.rules", "/etc/udev/rules.d/10-forcegrid.rules", 0o644)
         # "operator" is in plugdev, "visitor" in no group but its own.
         root.add_text("/etc/passwd", "root:x:0:0:root:/root:/bin/sh\n"
                       "operator:x:1000:1000::/tmp:/bin/sh\nvisitor:x:1001:1001::/tmp:/bin/sh\n")
@@ -261,6 +227,9 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
         # Pictures are no matter of this guest: each that would be drawn is empty but for its end.
         root.add_text("/usr/bin/gnuplot", DRAWS_NOTHING, 0o755)
         root.add_program(program, "/usr/bin/forcegrid")
+        if not (program.parent / TOOLS_PROGRAM).is_file():
+            raise HilError(f"{program.parent / TOOLS_PROGRAM} is not built; run `make tools`")
+        root.add_program(program.parent / TOOLS_PROGRAM, f"/usr/bin/{TOOLS_PROGRAM}")
         root.add_program(scenarios, "/hil/scenarios")
         for client in CLIENTS:
             root.add_program(scenarios.parent / client, f"/usr/bin/{client}")
@@ -270,7 +239,7 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
             for name in TIMING_PROGRAMS:
                 if not (program.parent / name).is_file():
                     raise HilError(f"{program.parent / name} is not built; configure with "
-                                   "-DFORCEGRID_BUILD_BENCH=ON, as the release preset does")
+                                   "-DFORCEGRID_BUILD_TESTS=ON, as `make test` does")
                 root.add_program(program.parent / name, f"/usr/bin/{name}")
         for profile in sorted((ROOT / "profiles").glob("*.toml")):
             root.add_file(profile, f"/usr/share/forcegrid/profiles/{profile.name}", 0o644)
@@ -287,8 +256,8 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, shell):
             inside.append(relative)
         root.add_text("/hil/modules", "".join(f"{module}\n" for module in inside))
         root.add_text("/hil/list", "".join(f"{name} {limit_s}\n" for name in names))
-        if shell:
-            root.add_text("/hil/shell", "")
+        if session:
+            session.put_into(root)
         root.pack(file)
 
 
@@ -550,8 +519,20 @@ def main():
     parser.add_argument("--timeout", type=int, default=700, help="seconds for the guests")
     parser.add_argument("--guests", type=int, default=2,
                         help="guests that share the scenarios, where their time is their own")
-    parser.add_argument("--shell", action="store_true", help="a shell with the device attached")
+    parser.add_argument("--shell", action="store_true",
+                        help="a shell with emulated devices attached, in place of the scenarios")
+    parser.add_argument("--run", metavar="COMMAND", help="the same for one command of the shell, whose "
+                        "status becomes this program's")
+    parser.add_argument("--device", nargs="+", metavar="PROFILE",
+                        help="profiles of those devices, by name or file (woodenhaptics_v2015)")
+    parser.add_argument("--emulator-flags", default="", metavar="FLAGS",
+                        help="more flags of 'forcegrid emulate', as --emulator-flags=--calibrated")
+    parser.add_argument("--add", nargs="+", default=[], metavar="PATH",
+                        help="programs with their libraries, other files and folders for the guest")
     arguments = parser.parse_args()
+    session = Session(arguments) if arguments.shell or arguments.run else None
+    if not session and (arguments.add or arguments.device or arguments.emulator_flags):
+        parser.error("--device, --emulator-flags and --add go with --shell or --run")
     # An exception, so that the guest ends with its runner.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
@@ -571,14 +552,14 @@ def main():
             def command_for(folder, share):
                 folder.mkdir(exist_ok=True)
                 make_initramfs(folder / "initramfs.gz", kernel, arguments.program,
-                               arguments.scenarios, share, arguments.limit, arguments.shell)
+                               arguments.scenarios, share, arguments.limit, session)
                 return qemu_command(kernel, folder / "initramfs.gz", machine)
 
-            if arguments.shell:
-                # A person's time is the host's.
-                machine = "host" if machine == "instructions" else machine
-                command = command_for(temporary, names) + ["-serial", "mon:stdio"]
-                return subprocess.run(command, check=False).returncode
+            if session:
+                if not session.command and machine == "instructions":
+                    machine = "host"  # as is a person's time
+                return run_session(session, command_for(temporary, names), temporary, results,
+                                   arguments.timeout)
             shares = shares_of(names, arguments.guests if machine == "instructions" else 1)
             folders = [temporary / f"guest-{i}" for i in range(len(shares))]
             commands = list(map(command_for, folders, shares))

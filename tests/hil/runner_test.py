@@ -105,6 +105,46 @@ class Runner(unittest.TestCase):
             self.assertIn(words, done.stderr)
 
 
+    def test_a_command_meets_its_devices_with_programs_of_its_own(self):
+        # A program with a library beside it, which it finds by its own place below /tmp, and a script.
+        own = self.folder / "own"
+        own.mkdir()
+        (own / "answer.c").write_text("int answer(void) { return 42; }\n", encoding="ascii")
+        (own / "ask.c").write_text("int answer(void); int printf(const char*, ...);\n"
+                                   'int main(void) { printf("it is %d\\n", answer()); return 0; }\n',
+                                   encoding="ascii")
+        subprocess.run(["gcc", "-shared", "-fPIC", "-o", own / "libanswer.so", own / "answer.c"],
+                       check=True)
+        subprocess.run(["gcc", "-o", own / "ask", own / "ask.c", f"-L{own}", "-lanswer",
+                        "-Wl,-rpath,$ORIGIN"], check=True)
+        script = own / "count"
+        script.write_text("#!/bin/sh\necho nodes $(ls /dev/hidraw* | wc -l)\n", encoding="ascii")
+        script.chmod(0o755)
+        done = self.run_guest(
+            "--device", "woodenhaptics_v2015", "woodenhaptics_teensy", "--emulator-flags=--calibrated",
+            "--add", own / "ask", script, "--run",
+            "ask && count && forcegrid devices && exit 7")
+        self.assertEqual(done.returncode, 7, done.stdout + done.stderr)
+        self.assertIn("it is 42", done.stdout)
+        self.assertIn("nodes 3", done.stdout)
+        self.assertIn("16c0:0486  ready", done.stdout)
+        reports = json.loads((self.folder / "results/emulator.json").read_text(encoding="utf-8"))
+        self.assertEqual([report["busid"] for report in reports], ["1-1", "2-1"])
+        self.assertEqual([report["device"] for report in reports],
+                         ["woodenhaptics_v2015", "woodenhaptics_teensy"])
+
+    def test_what_a_session_cannot_have_is_refused_before_the_guest_starts(self):
+        for arguments, words in (
+                (["--run", "true", "--device", "woodenhaptic"],
+                 "--device woodenhaptic: neither a file nor one of: falcon, "),
+                (["--run", "true", "--add", "/no/such/program"],
+                 "--add /no/such/program: no such file"),
+                (["--add", "/bin/true"], "--device, --emulator-flags and --add go with --shell")):
+            done = self.run_guest(*arguments)
+            self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
+            self.assertIn(words, done.stderr)
+
+
 class Results(unittest.TestCase):
     """What the runner makes of the guest's words, without a guest."""
 
@@ -184,6 +224,14 @@ class MakeTargets(unittest.TestCase):
         self.assertIn("run_guest.py --kernel linux-image-amd64 --shell", done.stdout)
         self.assertNotIn("--shell", self.make("-n", "hil").stdout)
 
+    def test_devices_flags_and_programs_go_into_the_guest(self):
+        done = self.make("-n", "hil", "SHELL=1", "DEVICE=falcon woodenhaptics_teensy",
+                         "ARGS=--firmware-loaded", "ADD=/bin/true lib/")
+        self.assertIn("--shell --device falcon woodenhaptics_teensy "
+                      "--emulator-flags='--firmware-loaded' --add /bin/true lib/", done.stdout)
+        done = self.make("-n", "hil", "COMMAND=echo 'two words'")
+        self.assertIn(r"--run 'echo '\''two words'\''' --device woodenhaptics_v2015", done.stdout)
+
     def test_the_kernel_is_the_stock_one_or_rt_and_nothing_else(self):
         self.assertIn("--kernel linux-image-rt-amd64", self.make("-n", "hil", "KERNEL=rt").stdout)
         self.assertIn("--kernel linux-image-amd64", self.make("-n", "hil-full").stdout)
@@ -193,11 +241,11 @@ class MakeTargets(unittest.TestCase):
 
     def test_the_rule_is_installed_and_uninstalled(self):
         with tempfile.TemporaryDirectory() as root:
-            installed = pathlib.Path(root) / "etc/udev/rules.d/70-forcegrid.rules"
+            installed = pathlib.Path(root) / "etc/udev/rules.d/10-forcegrid.rules"
             done = self.make("install-udev", f"DESTDIR={root}")
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertEqual(installed.read_bytes(),
-                             (ROOT / "udev/70-forcegrid.rules").read_bytes())
+                             (ROOT / "udev/10-forcegrid.rules").read_bytes())
             self.assertEqual(installed.stat().st_mode & 0o777, 0o644)
             done = self.make("uninstall-udev", f"DESTDIR={root}")
             self.assertEqual(done.returncode, 0, done.stderr)

@@ -18,7 +18,6 @@ namespace {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
-namespace fs = std::filesystem;
 
 TEST(Tools, DevicesIsReadyForAMemberAndTellsAVisitorWhichGroup) {
   const Bench bench;

@@ -13,7 +13,7 @@ namespace forcegrid {
 namespace {
 
 std::vector<std::string> rules() {
-  std::ifstream file(FORCEGRID_SOURCE_DIR "/udev/70-forcegrid.rules");
+  std::ifstream file(FORCEGRID_SOURCE_DIR "/udev/10-forcegrid.rules");
   std::vector<std::string> lines;
   for (std::string line; std::getline(file, line);) {
     if (!line.empty() && line.front() != '#') {
@@ -61,8 +61,9 @@ TEST(UdevRules, AreNeverWorldWritable) {
     const std::size_t mode = line.find("MODE");
     if (mode != std::string::npos) {
       ++modes;
-      EXPECT_EQ(line.substr(mode, 11), "MODE=\"0660\"") << line;
-      EXPECT_NE(line.find("GROUP=\"plugdev\""), std::string::npos) << line;
+      // Final: another vendor's MODE="0666" has no effect, before or after it.
+      EXPECT_EQ(line.substr(mode, 12), "MODE:=\"0660\"") << line;
+      EXPECT_NE(line.find("GROUP:=\"plugdev\""), std::string::npos) << line;
       EXPECT_NE(line.find("TAG+=\"uaccess\""), std::string::npos) << line;
     }
   }

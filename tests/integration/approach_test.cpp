@@ -43,8 +43,7 @@ class Simulation {
     options_.send_stiffness = false;
     summary_ = std::async(std::launch::async, [this] {
       std::ostream out(&text_);
-      std::ostringstream log;
-      return simulator::run_simulator(options_, out, log, stop_);
+      return simulator::run_simulator(options_, out, stop_);
     });
   }
   ~Simulation() { stop_ = true; }
@@ -75,7 +74,7 @@ TEST(Approach, IsUsedToAskForTheForcesOfTheContactToCome) {
   ServoPorts ports;
   ServoOptions options;
   options.requests_per_s = 120.0;
-  options.check_motors = false;  // a scripted device does not move by what it is told
+  options.check_motors = false;  // a scripted device does not move by its commands
   options.watch_encoders = false;
   ServoLoop loop(device, profile, {&method}, ports, options);
   LinkThread link(simulation.address(), ports);
@@ -116,8 +115,8 @@ TEST(Approach, IsUsedToAskForTheForcesOfTheContactToCome) {
   ASSERT_TRUE(link.first_contact().has_value());
   EXPECT_GE(known_before_contact, 8);
 
-  // Samples of the contact itself were taken at its point or next to it, so they tell nothing of
-  // the object's stiffness.
+  // Samples of the contact itself were taken at its point or next to it, so they do not show the
+  // object's stiffness.
   simulator::ElasticObject<double> object(simulator::make_scene("small", kTop_W).mesh, {});
   const Vector3d point_W = link.first_contact()->point_W;
   ASSERT_GT(object.grab(point_W, simulator::ContactOptions{}.patch_radius_m), 0U);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "examples/bullet_block.h"
+#include "rt/vectors.h"
 #include "simulator/solver/elastic_object.h"
 #include "tests/support/program.h"
 
@@ -67,8 +68,6 @@ simulator::SpringMesh same_block() {
   return mesh;
 }
 
-Eigen::Vector3d vector(const BulletBlock::Vector3& v) { return {v[0], v[1], v[2]}; }
-
 TEST(BulletBlock, TendsToTheEquilibriumOfEqualLinearSprings) {
   simulator::SolverOptions exact;
   exact.relative_tolerance = 1e-6;
@@ -85,22 +84,27 @@ TEST(BulletBlock, TendsToTheEquilibriumOfEqualLinearSprings) {
     const simulator::Equilibrium expected = reference.move_to(move_W_m);
     ASSERT_TRUE(expected.converged);
     const auto felt = bullet.move_to({move_W_m.x(), move_W_m.y(), move_W_m.z()}, kEnough);
-    EXPECT_LE((vector(felt.force_W_N) - expected.force_W).norm(), share * expected.force_W.norm())
-        << vector(felt.force_W_N).transpose() << " N instead of " << expected.force_W.transpose();
+    EXPECT_LE((rt::to_vector(felt.force_W_N) - expected.force_W).norm(),
+              share * expected.force_W.norm())
+        << rt::to_vector(felt.force_W_N).transpose() << " N instead of "
+        << expected.force_W.transpose();
   }
 }
 
 TEST(BulletBlock, IsAtRestAgainWhenTheToolIsBackOrLetsGo) {
   BulletBlock bullet(kStiffness_N_per_m);
   bullet.grab({0.01, 0.0, 0.0});
-  const double pressed_N = vector(bullet.move_to({0.01, 0.0, -0.006}, kEnough).force_W_N).norm();
+  const double pressed_N =
+      rt::to_vector(bullet.move_to({0.01, 0.0, -0.006}, kEnough).force_W_N).norm();
   EXPECT_GT(pressed_N, 0.5);
-  EXPECT_LT(vector(bullet.move_to({0.01, 0.0, 0.0}, kEnough).force_W_N).norm(), 0.02 * pressed_N);
+  EXPECT_LT(rt::to_vector(bullet.move_to({0.01, 0.0, 0.0}, kEnough).force_W_N).norm(),
+            0.02 * pressed_N);
   static_cast<void>(bullet.move_to({0.01, 0.0, -0.006}, kEnough));
   bullet.release();
   EXPECT_FALSE(bullet.held());
   bullet.grab({0.01, 0.0, 0.0});
-  EXPECT_LT(vector(bullet.move_to({0.01, 0.0, 0.0}, kEnough).force_W_N).norm(), 0.01 * pressed_N);
+  EXPECT_LT(rt::to_vector(bullet.move_to({0.01, 0.0, 0.0}, kEnough).force_W_N).norm(),
+            0.01 * pressed_N);
 }
 
 TEST(BulletBlock, IsTouchedWithinItsSides) {
@@ -112,8 +116,8 @@ TEST(BulletBlock, IsTouchedWithinItsSides) {
 
 TEST(BulletRun, IsFeltLikeAnyOtherSimulatorAndEndsWithTheRun) {
   const std::string folder = fresh_folder("bullet");
-  Program run({FORCEGRID_SOURCE_DIR "/examples/run_with_simulator.sh",
-               std::string(FORCEGRID_BULLET_SIMULATOR) + " 127.0.0.1:0", FORCEGRID_PROGRAM,
+  const std::string starter = FORCEGRID_SOURCE_DIR "/examples/run_with_simulator.sh";
+  Program run({starter, std::string(FORCEGRID_BULLET_SIMULATOR) + " 127.0.0.1:0", FORCEGRID_PROGRAM,
                "--no-config", "run", "--seconds", "4", "--calibrated", "--no-reference", "--out",
                folder, "--json"});
   ASSERT_EQ(run.wait(), 0) << run.standard_error();

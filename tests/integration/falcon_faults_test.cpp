@@ -97,7 +97,7 @@ TEST(FalconWrongEcho, IsNamedWithItsByteAndEndsTheDownload) {
   EXPECT_EQ(falcon.report().faults.at(0).times, 1u);
   EXPECT_EQ(falcon.report().falcon->firmware_starts, 0u) << "the rest of the image was sent";
   EXPECT_EQ(falcon.report().falcon->max_abs_command, kNoCommand);
-  // The advice helps: the boot loader begins anew, and the second image gets through.
+  // The advice helps: the boot loader starts again, and the second image gets through.
   EXPECT_EQ(falcon.open(long_firmware()), "");
   EXPECT_EQ(falcon.report().falcon->firmware_starts, 1u);
   EXPECT_EQ(falcon.report().falcon->firmware_state, "running");

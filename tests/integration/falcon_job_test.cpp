@@ -120,7 +120,7 @@ TEST(FalconJob, RefusesATruncatedImageBeforeAByteIsSent) {
                                               "bytes follow"));
   EXPECT_THAT(run.standard_error(), HasSubstr("nothing was sent"));
   emulator.send_signal(SIGTERM);
-  ASSERT_EQ(emulator.wait(), 0) << emulator.standard_error();
+  ASSERT_EQ(emulator.wait(), 143) << emulator.standard_error();
   const std::string text = emulator.standard_output();
   const json report = parsed(text.substr(text.find('{')));
   EXPECT_EQ(report.at("firmware_state"), "cold");

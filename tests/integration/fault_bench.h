@@ -7,6 +7,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <functional>
@@ -18,6 +19,7 @@
 
 #include "device_emulator/emulator_server.h"
 #include "device_emulator/fault_spec.h"
+#include "driver/kinematics.h"
 #include "driver/open_device.h"
 #include "forcegrid/core/force_method.h"
 #include "profiles/device_profile.h"
@@ -102,7 +104,8 @@ struct Endured {
   std::uint64_t driver::DeviceStatistics::*counter;  ///< what counts it; null: nothing does
 };
 inline void expect_endured(const FaultyRun& run, const Endured& endured) {
-  ASSERT_TRUE(pushed(run));
+  ASSERT_TRUE(pushed(run)) << servo::name_of(run.outcome.fault) << ": "
+                           << run.outcome.device_failure;
   EXPECT_EQ(run.outcome.fault, servo::Fault::kNone)
       << servo::name_of(run.outcome.fault) << ": " << run.outcome.device_failure;
   EXPECT_TRUE(run.outcome.zero_current_delivered);
@@ -136,8 +139,16 @@ class FaultBench {
     if (options_.profile.kind == profiles::DeviceKind::kDelta) {
       options_.firmware_loaded = true;
     } else {
-      // Sheet, 11.4: the counts of the workspace's origin.
+      // The counts of the workspace's origin; sheet, 11.4.
       options_.profile.calibration.pose_counts = {0, 1313, 2535, 0, 0, 0};
+      if (std::string(profile) == "phantom_desktop") {
+        const auto counts =
+            driver::ArmKinematics(options_.profile).inverse(Eigen::Vector3d::Zero()).counts;
+        for (int i = 0; i < 3; ++i) {
+          options_.profile.calibration.pose_counts[static_cast<std::size_t>(i)] =
+              static_cast<int>(std::lround(counts[i]));
+        }
+      }
     }
     options_.operator_script.calibrated = true;
     options_.operator_script.motion = motion;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same of an object that moves by itself: its stiffness is foretold, its inertia and its
+// The same for an object that moves by itself: its stiffness is predicted, its inertia and its
 // dampers are not.
 
 #include <iostream>

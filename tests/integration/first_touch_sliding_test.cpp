@@ -75,7 +75,7 @@ TEST_P(SlidingTool, FeelsWhatItWillFeelUntilTheSimulatorAnswers) {
     with += errors.with_percent;
     without += errors.without_percent;
   }
-  EXPECT_LT(with, 0.4 * without) << "in the mean";
+  EXPECT_LT(with, 0.4 * without) << "on average";
 }
 
 INSTANTIATE_TEST_SUITE_P(Tools, SlidingTool, ::testing::Values("sphere", "grasper"));
@@ -85,8 +85,8 @@ TEST_F(SlidingTouch, WhatWasPressed5MmAsideIsStillNearlyRight) {
   EXPECT_LT(errors.unanswered_percent, 20.0);
 }
 
-// Friction is foretold for a tool that goes straight on: what a hand does that turns, it does not
-// know. It stays far below what no force at all is wrong by, 100 %.
+// Friction is predicted for a tool that keeps its direction, not for a hand that turns. The error
+// stays far below that of no force at all, 100 %.
 TEST_F(SlidingTouch, OfAHandThatTurnsFrictionIsWrongAndThePushIsRight) {
   const Vector3d steep_W(0.01, 0.0, -0.05);
   const Vector3d slanting_W(0.05, 0.0, -0.05);

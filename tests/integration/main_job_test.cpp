@@ -60,6 +60,24 @@ json parsed(const std::string& text) {
   return result.is_discarded() ? json::object() : result;
 }
 
+// The child process of `parent` that runs `forcegrid COMMAND`; 0: none does.
+pid_t child_of(pid_t parent, const std::string& command) {
+  const std::string task = "/proc/" + std::to_string(parent) + "/task";
+  for (const auto& thread : std::filesystem::directory_iterator(task)) {
+    std::ifstream children(thread.path() / "children");
+    for (pid_t child = 0; children >> child;) {
+      std::ifstream stream("/proc/" + std::to_string(child) + "/cmdline");
+      std::string program;
+      std::string word;
+      if (std::getline(stream, program, '\0') && std::getline(stream, word, '\0') &&
+          word == command) {
+        return child;
+      }
+    }
+  }
+  return 0;
+}
+
 TEST(MainJob, FeelsTheSmallBlockAndSaysHowItWent) {
   const std::string out = fresh_folder("run");
   Program run =
@@ -115,6 +133,22 @@ TEST(MainJob, FeelsTheSmallBlockAndSaysHowItWent) {
   EXPECT_NE(run.standard_error().find("cycles in"), std::string::npos);
 }
 
+TEST(MainJob, SucceedsWithoutPicturesWhereThereIsNoGnuplot) {
+  const std::string out = fresh_folder("run");
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", out.c_str(), 1);
+  Program run =
+      Program::forcegrid({"run", "--scene", "small", "--seconds", "2", "--out", out, "--json"});
+  setenv("PATH", path.c_str(), 1);
+  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  const std::string sentence = "no pictures: there is no gnuplot to draw " + out + "/forces.svg";
+  EXPECT_NE(run.standard_error().find("Note: " + sentence), std::string::npos)
+      << run.standard_error();
+  const json notes = parsed(run.standard_output()).at("notes");
+  EXPECT_NE(notes.dump().find("install the package gnuplot-nox"), std::string::npos) << notes;
+  EXPECT_TRUE(std::filesystem::exists(out + "/forces.csv"));
+}
+
 TEST(MainJob, EndsWithZeroCurrentAndASummaryAtCtrlC) {
   const std::string out = fresh_folder("run");
   Program run =
@@ -123,9 +157,12 @@ TEST(MainJob, EndsWithZeroCurrentAndASummaryAtCtrlC) {
   ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   run.send_signal(SIGINT);
-  ASSERT_EQ(run.wait(std::chrono::seconds(10)), 0) << run.standard_error();
+  ASSERT_EQ(run.wait(std::chrono::seconds(10)), 130) << run.standard_error();
   const json summary = parsed(run.standard_output());
   EXPECT_EQ(summary.at("faults"), json::array());
+  EXPECT_EQ(summary.at("ended_by"), "SIGINT");
+  EXPECT_EQ(summary.at("exit_status"), 130);
+  EXPECT_TRUE(summary.at("force_max_N").is_null()) << "no reference force was computed";
   // The hand came from above and touched the block's top, at z = 0 of the workspace.
   const std::vector<double> touch = rows_of(out + "/forces.csv").front();
   for (const std::size_t axis : {1U, 2U, 3U}) {
@@ -167,7 +204,7 @@ TEST(MainJob, LeavesTheMotorsToTheWatchdogWhenItIsKilled) {
   run.send_signal(SIGKILL);
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));
   emulator.send_signal(SIGINT);
-  ASSERT_EQ(emulator.wait(std::chrono::seconds(10)), 0);
+  ASSERT_EQ(emulator.wait(std::chrono::seconds(10)), 130);
   const std::string text = emulator.standard_output();
   const json report = parsed(text.substr(text.find('{')));
   expect_motors_off(report);
@@ -183,24 +220,97 @@ TEST(MainJob, FadesTheForceWhenTheSimulatorDies) {
       Program::forcegrid({"run", "--simulator", address, "--seconds", "8", "--out", out, "--json"});
   ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
   simulator.send_signal(SIGKILL);
-  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  ASSERT_EQ(run.wait(), 4) << run.standard_error();
   const json summary = parsed(run.standard_output());
   EXPECT_EQ(summary.at("faults"), json::array());
+  EXPECT_EQ(summary.at("ended_by"), "lost_simulator");
   expect_motors_off(summary.at("emulator"));
   // The last cycles before the end were already without force.
   EXPECT_GT(summary.at("emulator").at("seconds_since_motors_nonzero").get<double>(), 0.5);
 }
 
-TEST(MainJob, GoesOnWithoutForceWhenNoSimulatorEverStarts) {
+TEST(MainJob, HasNoForceAndEndsWithFourWhenNoSimulatorEverStarts) {
   Program run = Program::forcegrid({"run", "--simulator", "127.0.0.1:9", "--seconds", "3", "--out",
                                     fresh_folder("run"), "--json"});
-  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  ASSERT_EQ(run.wait(), 4) << run.standard_error();
+  EXPECT_NE(run.standard_error().find("no sample from 127.0.0.1:9 yet: nobody listens there"),
+            std::string::npos)
+      << run.standard_error();
   const json summary = parsed(run.standard_output());
+  EXPECT_EQ(summary.at("ended_by"), "no_simulator");
   EXPECT_EQ(summary.at("samples_received"), 0);
   EXPECT_NE(summary.at("notes").dump().find("no sample came from 127.0.0.1:9"), std::string::npos);
   for (const double current_mA : summary.at("emulator").at("max_abs_current_mA")) {
     EXPECT_EQ(current_mA, 0.0);
   }
+}
+
+TEST(LostSimulator, EndsTheRunWithFourWhenItIsStopped) {
+  Program simulator =
+      Program::forcegrid({"simulate", "--scene", "small", "--listen", "127.0.0.1:0"});
+  const std::string address = address_in(simulator.wait_for_line("listening "));
+  const std::string out = fresh_folder("run");
+  Program run = Program::forcegrid({"record", out + "/run.h5", "--simulator", address, "--seconds",
+                                    "60", "--simulator-timeout", "3", "--out", out, "--json"});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  simulator.send_signal(SIGSTOP);
+  ASSERT_EQ(run.wait(std::chrono::seconds(20)), 4) << run.standard_error();
+  EXPECT_NE(run.standard_error().find("the simulator is stopped, gone or out of reach"),
+            std::string::npos)
+      << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  EXPECT_EQ(summary.at("ended_by"), "lost_simulator");
+  EXPECT_NE(summary.at("notes").dump().find("was silent once"), std::string::npos);
+  expect_motors_off(summary.at("emulator"));
+  Program plot = Program::forcegrid({"plot", out + "/run.h5", "--out", out});
+  ASSERT_EQ(plot.wait(), 0) << plot.standard_error();
+  EXPECT_NE(plot.standard_output().find("complete"), std::string::npos);
+}
+
+TEST(LostSimulator, EndsTheRunSoonWhenItWasTheRunsOwnProcess) {
+  const std::string out = fresh_folder("run");
+  Program run = Program::forcegrid(
+      {"run", "--scene", "small", "--seconds", "60", "--no-reference", "--out", out, "--json"});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  const pid_t simulator = child_of(run.pid(), "simulate");
+  ASSERT_GT(simulator, 0);
+  ASSERT_EQ(kill(simulator, SIGKILL), 0);
+  ASSERT_EQ(run.wait(std::chrono::seconds(8)), 4) << run.standard_error();
+  const json summary = parsed(run.standard_output());
+  EXPECT_EQ(summary.at("ended_by"), "lost_simulator");
+  EXPECT_NE(summary.at("notes").dump().find("was ended by signal Killed"), std::string::npos);
+  expect_motors_off(summary.at("emulator"));
+}
+
+TEST(LostSimulator, IsWaitedForIfAskedAndItsReturnIsSaid) {
+  Program simulator =
+      Program::forcegrid({"simulate", "--scene", "small", "--listen", "127.0.0.1:0"});
+  const std::string address = address_in(simulator.wait_for_line("listening "));
+  Program run =
+      Program::forcegrid({"run", "--simulator", address, "--seconds", "8", "--simulator-timeout",
+                          "1", "--wait-for-simulator", "--out", fresh_folder("run"), "--json"});
+  ASSERT_TRUE(run.wait_for_text("in contact")) << run.standard_error();
+  simulator.send_signal(SIGSTOP);
+  ASSERT_TRUE(run.wait_for_text("The run waits for it")) << run.standard_error();
+  std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+  simulator.send_signal(SIGCONT);
+  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  EXPECT_NE(run.standard_error().find("samples come from " + address + " again"), std::string::npos)
+      << run.standard_error();
+}
+
+TEST(MainJob, SaysTheReasonOfAProcessThatDoesNotStart) {
+  const std::string out = fresh_folder("run");
+  std::ofstream(out + "/bad.toml") << "description = \"bad\"\n[[object]]\nshape = \"block\"\n"
+                                      "vertex_count = [1, 1, 1]\nlaw = \"linear\"\n"
+                                      "size_m = [0.1, 0.1, 0.1]\nstiffness_N_per_m = 1.0\n";
+  Program run = Program::forcegrid({"run", "--scene", out + "/bad.toml", "--out", out});
+  ASSERT_EQ(run.wait(std::chrono::seconds(8)), 1) << run.standard_error();
+  EXPECT_NE(
+      run.standard_error().find("forcegrid: the simulator did not start: " + out + "/bad.toml"),
+      std::string::npos)
+      << run.standard_error();
+  EXPECT_EQ(run.standard_error().find("within 10 s"), std::string::npos);
 }
 
 TEST(MainJob, FeelsAForeignSimulatorInPython) {
@@ -239,7 +349,7 @@ TEST(MainJob, IsAFaultWhenTheDeviceHangsAndTheWatchdogProvesIt) {
   EXPECT_FALSE(summary.at("zero_current_delivered").get<bool>());
   std::this_thread::sleep_for(std::chrono::milliseconds(1000));
   emulator.send_signal(SIGINT);
-  ASSERT_EQ(emulator.wait(std::chrono::seconds(10)), 0);
+  ASSERT_EQ(emulator.wait(std::chrono::seconds(10)), 130);
   const std::string text = emulator.standard_output();
   expect_motors_off(parsed(text.substr(text.find('{'))));
 }

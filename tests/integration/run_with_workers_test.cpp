@@ -80,7 +80,7 @@ TEST(RunWithWorkers, LosesTheirOwnAnswersWhenOneIsKilledAndAnotherHalted) {
   std::this_thread::sleep_until(lost + std::chrono::seconds(6));
   halted.send_signal(SIGCONT);
   simulator.send_signal(SIGINT);
-  EXPECT_EQ(simulator.wait(), 0) << simulator.standard_error();
+  EXPECT_EQ(simulator.wait(), 130) << simulator.standard_error();
 
   const json summary = json::parse(run.standard_output());
   EXPECT_EQ(summary.at("faults"), json::array());

@@ -42,7 +42,7 @@ class SealedRun : public ::testing::Test {
   static std::unique_ptr<Program> start_simulator(const std::vector<std::string>& more) {
     std::vector<std::string> command = {"simulate", "--scene", "small", "--listen", "127.0.0.1:0"};
     command.insert(command.end(), more.begin(), more.end());
-    return std::unique_ptr<Program>(new Program(Program::forcegrid(command)));
+    return std::make_unique<Program>(forcegrid::testing::forcegrid_command(command));
   }
   static std::string address_of(const Program& simulator) {
     const std::string line = simulator.wait_for_line("listening ");
@@ -98,7 +98,8 @@ TEST_F(SealedRun, FeelsNothingWithAnotherKeyAndBothEndsSayWhy) {
   const auto simulator = start_simulator({"--key", key_});
   Program run =
       Program::forcegrid(run_at(address_of(*simulator), {"--key", make_key("other.key")}));
-  ASSERT_EQ(run.wait(), 0) << run.standard_error();
+  ASSERT_EQ(run.wait(), 4) << run.standard_error();
+  EXPECT_THAT(run.standard_error(), HasSubstr("is a simulator with this key there?"));
   const json summary = json::parse(run.standard_output());
   EXPECT_EQ(summary.at("samples_received"), 0);
   EXPECT_THAT(run.standard_error(),
@@ -140,7 +141,7 @@ TEST_F(SealedRun, LosesNothingInAFloodOfTenTimesItsRate) {
   EXPECT_EQ(summary.at("samples_rejected"), 0);
   EXPECT_EQ(summary.at("samples_overrun"), 0);
   simulator->send_signal(SIGINT);
-  ASSERT_EQ(simulator->wait(), 0);
+  ASSERT_EQ(simulator->wait(), 130);
   const std::string report = simulator->standard_output();
   const json at_simulator = json::parse(report.substr(report.find('{')));
   const json& dropped = at_simulator.at("datagrams_dropped");

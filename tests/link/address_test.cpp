@@ -127,7 +127,8 @@ TEST(ParseAddress, RefusesMalformedPorts) {
 }
 
 TEST(ParseAddress, RefusesPortZeroAsADestinationOnly) {
-  EXPECT_THAT(refusal("127.0.0.1:0", PortZero::kRefused), testing::HasSubstr("no port to send to"));
+  EXPECT_THAT(refusal("127.0.0.1:0", PortZero::kRefused),
+              testing::HasSubstr("port 0 is only for listening"));
   EXPECT_EQ(parse_address("127.0.0.1:0", PortZero::kAllowed).port, 0);
 }
 

@@ -43,8 +43,8 @@ struct WorkedCrypto {
   fg_crypto functions{};
 
   WorkedCrypto() {
-    for (unsigned char i = 0; i < secret.size(); ++i) {
-      secret[i] = i;
+    for (std::size_t i = 0; i < secret.size(); ++i) {
+      secret[i] = static_cast<unsigned char>(i);
     }
     functions.context = secret.data();
     constexpr std::array<unsigned char, 8> kId = {0x0a, 0xf9, 0x4c, 0xaa, 0xc9, 0x2e, 0x9c, 0xd0};

@@ -36,10 +36,10 @@ std::int64_t nanoseconds(double time_s) { return std::llround(1e9 * time_s); }
 class Session {
  public:
   Session(const Impairment& impairment, bool sealed)
-      : simulator_("127.0.0.1:0", 1h, access(sealed)),
-        network_(simulator_.address(), impairment, kSeed),
-        servo_(network_.address(), ServoEndpoint::random_session_id(),
-               sealed ? counting_keys(0) : std::vector<LinkKey>{}) {}
+      : simulator("127.0.0.1:0", 1h, access(sealed)),
+        network(simulator.address(), impairment, kSeed),
+        servo(network.address(), ServoEndpoint::random_session_id(),
+              sealed ? counting_keys(0) : std::vector<LinkKey>{}) {}
 
   void run_for(double time_s) {
     const int cycles = static_cast<int>(std::lround(time_s / kServoPeriod_s));
@@ -49,34 +49,34 @@ class Session {
   }
 
   void cycle() {
-    ++sequence_;
-    const double now_s = kServoPeriod_s * sequence_;
-    servo_.send(ToolState{.sequence = sequence_,
-                          .servo_time_ns = nanoseconds(now_s),
-                          .position_W_m = position_at(now_s)});
-    network_.move_on_to(now_s);
-    const auto news = simulator_.receive(0ns);
+    ++sequence;
+    const double now_s = kServoPeriod_s * sequence;
+    servo.send(ToolState{.sequence = sequence,
+                         .servo_time_ns = nanoseconds(now_s),
+                         .position_W_m = position_at(now_s)});
+    network.move_on_to(now_s);
+    const auto news = simulator.receive(0ns);
     if (news.tool_state) {
-      newest_ = news.tool_state;
+      newest = news.tool_state;
     }
-    if (sequence_ % kCyclesPerAnswer == 0 && newest_) {
-      answer(*newest_);
-      newest_.reset();
+    if (sequence % kCyclesPerAnswer == 0 && newest) {
+      answer(*newest);
+      newest.reset();
     }
-    network_.move_on_to(now_s);
-    while (const auto sample = servo_.receive()) {
+    network.move_on_to(now_s);
+    while (const auto sample = servo.receive()) {
       take(*sample, now_s);
     }
   }
 
   /// Moves the network on, but neither servo nor simulator.
   void let_all_arrive() {
-    const double end_s = kServoPeriod_s * sequence_ + 1.0;
-    network_.move_on_to(end_s);
-    static_cast<void>(simulator_.receive(0ns));
-    network_.move_on_to(end_s);
-    while (const auto sample = servo_.receive()) {
-      ++taken_;
+    const double end_s = kServoPeriod_s * sequence + 1.0;
+    network.move_on_to(end_s);
+    static_cast<void>(simulator.receive(0ns));
+    network.move_on_to(end_s);
+    while (const auto sample = servo.receive()) {
+      ++taken;
     }
   }
 
@@ -85,21 +85,21 @@ class Session {
     for (std::size_t i = 0; i < 3; ++i) {
       sample.force_W_N[i] = -kStiffness_N_per_m * state.position_W_m[i];
     }
-    simulator_.send(sample);
-    ++answers_;
+    simulator.send(sample);
+    ++answers;
   }
 
   void take(const ForceSample& sample, double now_s) {
-    ++taken_;
-    EXPECT_GT(ahead_of(sample.echo_sequence, newest_echo_), 0);
-    newest_echo_ = sample.echo_sequence;
+    ++taken;
+    EXPECT_GT(ahead_of(sample.echo_sequence, newest_echo), 0);
+    newest_echo = sample.echo_sequence;
     const Vector3 position_W_m = position_at(kServoPeriod_s * sample.echo_sequence);
     for (std::size_t i = 0; i < 3; ++i) {
       EXPECT_EQ(sample.force_W_N[i], -kStiffness_N_per_m * position_W_m[i]);
     }
-    youngest_s_ =
-        std::min(youngest_s_, now_s - 1e-9 * static_cast<double>(sample.echo_servo_time_ns));
-    oldest_s_ = std::max(oldest_s_, now_s - 1e-9 * static_cast<double>(sample.echo_servo_time_ns));
+    youngest_s =
+        std::min(youngest_s, now_s - 1e-9 * static_cast<double>(sample.echo_servo_time_ns));
+    oldest_s = std::max(oldest_s, now_s - 1e-9 * static_cast<double>(sample.echo_servo_time_ns));
   }
 
   static void expect_all_counted(const LinkStatistics& counted) {
@@ -117,16 +117,16 @@ class Session {
     return result;
   }
 
-  SimulatorEndpoint simulator_;
-  ImpairedNetwork network_;
-  ServoEndpoint servo_;
-  std::uint32_t sequence_ = 0;
-  std::optional<ToolState> newest_;
-  int answers_ = 0;
-  int taken_ = 0;
-  std::uint32_t newest_echo_ = 0;
-  double youngest_s_ = 1e9;
-  double oldest_s_ = 0.0;
+  SimulatorEndpoint simulator;
+  ImpairedNetwork network;
+  ServoEndpoint servo;
+  std::uint32_t sequence = 0;
+  std::optional<ToolState> newest;
+  int answers = 0;
+  int taken = 0;
+  std::uint32_t newest_echo = 0;
+  double youngest_s = 1e9;
+  double oldest_s = 0.0;
 };
 
 class ImpairedLink : public testing::TestWithParam<Impairment> {};
@@ -139,34 +139,34 @@ TEST_P(ImpairedLink, BringsTrueForcesInOrderAndCountsTheRest) {
     Session session(impairment, sealed);
     session.run_for(5.0);
     session.let_all_arrive();
-    Session::expect_all_counted(session.servo_.statistics());
-    Session::expect_all_counted(session.simulator_.statistics());
+    Session::expect_all_counted(session.servo.statistics());
+    Session::expect_all_counted(session.simulator.statistics());
     // An answer is not taken if it is lost or was overtaken: with 34 ms between answers and less
     // jitter than that, only the lost ones are missing. (A hello, or one copy of two, may be among
     // those, too.)
-    const int lost = static_cast<int>(session.network_.back().lost());
-    EXPECT_LE(session.taken_, session.answers_);
-    EXPECT_GE(session.taken_, session.answers_ - lost - 1);
-    EXPECT_GT(session.answers_, 120);
+    const int lost = static_cast<int>(session.network.back().lost());
+    EXPECT_LE(session.taken, session.answers);
+    EXPECT_GE(session.taken, session.answers - lost - 1);
+    EXPECT_GT(session.answers, 120);
     // There and back takes twice the delay at least; at most the jitter, what is sent in a queue of
     // the rate's and one cycle of the servo come on top of it.
     const double queue_s =
         impairment.rate_bit_per_s > 0.0
             ? 8.0 * static_cast<double>(impairment.queue_bytes + 400) / impairment.rate_bit_per_s
             : 0.0;
-    EXPECT_GE(session.youngest_s_, 2.0 * impairment.delay_s - kRounding_s);
-    EXPECT_LE(session.oldest_s_, 2.0 * (impairment.delay_s + impairment.jitter_s + queue_s) +
-                                     kServoPeriod_s * (2 + kCyclesPerAnswer) + kRounding_s);
-    const LinkStatistics& at_simulator = session.simulator_.statistics();
-    EXPECT_EQ(impairment.loss > 0.0 || session.network_.there().lost() > 0, at_simulator.lost > 0);
+    EXPECT_GE(session.youngest_s, 2.0 * impairment.delay_s - kRounding_s);
+    EXPECT_LE(session.oldest_s, 2.0 * (impairment.delay_s + impairment.jitter_s + queue_s) +
+                                    kServoPeriod_s * (2 + kCyclesPerAnswer) + kRounding_s);
+    const LinkStatistics& at_simulator = session.simulator.statistics();
+    EXPECT_EQ(impairment.loss > 0.0 || session.network.there().lost() > 0, at_simulator.lost > 0);
     if (sealed && impairment.duplication > 0.0) {
       EXPECT_GT(at_simulator.seal_refused[static_cast<std::size_t>(SealStatus::kReplayed)], 0U);
     } else {
       EXPECT_EQ(at_simulator.duplicated > 0, impairment.duplication > 0.0);
     }
     if (sealed) {
-      EXPECT_GT(session.servo_.statistics().hellos, 0U);
-      EXPECT_TRUE(session.servo_.clock().known);
+      EXPECT_GT(session.servo.statistics().hellos, 0U);
+      EXPECT_TRUE(session.servo.clock().known);
     }
   }
 }
@@ -191,10 +191,10 @@ TEST(LinkUnderAttack, TakesNoneOfAHundredThousandForgedAndReplayedDatagrams) {
   std::cout << "seed " << kSeed << "\n";
   Session session({}, true);
   session.run_for(2.0);
-  const auto heard = session.network_.heard();
+  const auto heard = session.network.heard();
   ASSERT_GT(heard.size(), 1000U);
-  const LinkStatistics servo_before = session.servo_.statistics();
-  const LinkStatistics simulator_before = session.simulator_.statistics();
+  const LinkStatistics servo_before = session.servo.statistics();
+  const LinkStatistics simulator_before = session.simulator.statistics();
   std::mt19937 random(kSeed);
   constexpr int kAttacks = 100'000;
   constexpr int kAtOnce = 100;  // fits the system's buffers, so that all of them arrive
@@ -205,17 +205,17 @@ TEST(LinkUnderAttack, TakesNoneOfAHundredThousandForgedAndReplayedDatagrams) {
         datagram[random() % datagram.size()] ^= static_cast<std::byte>(1U << (random() % 8));
       }
       if (i % 4 < 2) {
-        session.network_.inject_to_simulator(datagram);
+        session.network.inject_to_simulator(datagram);
       } else {
-        session.network_.inject_to_servo(datagram);
+        session.network.inject_to_servo(datagram);
       }
     }
-    const auto news = session.simulator_.receive(0ns);
+    const auto news = session.simulator.receive(0ns);
     EXPECT_FALSE(news.tool_state || news.new_session || news.servo_ended || news.queries > 0);
-    EXPECT_FALSE(session.servo_.receive());
+    EXPECT_FALSE(session.servo.receive());
   }
-  const LinkStatistics& servo = session.servo_.statistics();
-  const LinkStatistics& simulator = session.simulator_.statistics();
+  const LinkStatistics& servo = session.servo.statistics();
+  const LinkStatistics& simulator = session.simulator.statistics();
   EXPECT_EQ(
       servo.received - servo_before.received + (simulator.received - simulator_before.received),
       static_cast<std::uint64_t>(kAttacks));
@@ -225,9 +225,9 @@ TEST(LinkUnderAttack, TakesNoneOfAHundredThousandForgedAndReplayedDatagrams) {
   Session::expect_all_counted(servo);
   Session::expect_all_counted(simulator);
   // The session has taken no harm.
-  const int taken_before = session.taken_;
+  const int taken_before = session.taken;
   session.run_for(1.0);
-  EXPECT_GE(session.taken_ - taken_before, 28);
+  EXPECT_GE(session.taken - taken_before, 28);
 }
 
 TEST(LinkUnderAttack, AnOldSessionMovesNoSimulatorThatWasStartedAnew) {
@@ -235,18 +235,18 @@ TEST(LinkUnderAttack, AnOldSessionMovesNoSimulatorThatWasStartedAnew) {
   {
     Session session({}, true);
     session.run_for(1.0);
-    heard = session.network_.heard();
+    heard = session.network.heard();
   }
   Session session({}, true);  // the same key, both ends new
   session.run_for(0.01);
-  session.newest_.reset();
+  session.newest.reset();
   for (const auto& datagram : heard) {
-    session.network_.inject_to_simulator(datagram);
-    const auto news = session.simulator_.receive(0ns);
+    session.network.inject_to_simulator(datagram);
+    const auto news = session.simulator.receive(0ns);
     EXPECT_FALSE(news.tool_state || news.new_session);
   }
   EXPECT_GE(
-      session.simulator_.statistics().seal_refused[static_cast<std::size_t>(SealStatus::kStale)],
+      session.simulator.statistics().seal_refused[static_cast<std::size_t>(SealStatus::kStale)],
       500U);
 }
 
@@ -255,41 +255,41 @@ TEST(LinkUnderAttack, AFloodCostsACallNoMoreThanItsShare) {
   Session session({}, true);
   session.run_for(1.0);
   const std::vector<std::byte> forged(kForceSampleBytes + kSealOverheadBytes, std::byte{'F'});
-  std::uint64_t before = session.servo_.statistics().received;
+  std::uint64_t before = session.servo.statistics().received;
   for (int i = 0; i < 1000; ++i) {
-    session.network_.inject_to_servo(forged);
+    session.network.inject_to_servo(forged);
   }
   std::uint64_t flooded = 0;
   while (flooded < 1000) {
-    EXPECT_FALSE(session.servo_.receive());
-    const std::uint64_t looked_at = session.servo_.statistics().received - before;
+    EXPECT_FALSE(session.servo.receive());
+    const std::uint64_t looked_at = session.servo.statistics().received - before;
     ASSERT_GT(looked_at, 0U);
     EXPECT_LE(looked_at, kPerCall);
     flooded += looked_at;
     before += looked_at;
   }
   EXPECT_EQ(
-      session.servo_.statistics().seal_refused[static_cast<std::size_t>(SealStatus::kNotSealed)],
+      session.servo.statistics().seal_refused[static_cast<std::size_t>(SealStatus::kNotSealed)],
       1000U);
 }
 
 TEST(LinkUnderAttack, WhatTheSystemDropsInAFloodIsCounted) {
   Session session({}, true);
   session.run_for(0.2);
-  const std::uint64_t before = session.simulator_.statistics().received;
+  const std::uint64_t before = session.simulator.statistics().received;
   const std::vector<std::byte> forged(400, std::byte{'F'});
   constexpr std::uint64_t kFlood = 20'000;  // more than the system's buffer holds
   for (std::uint64_t i = 0; i < kFlood; ++i) {
-    session.network_.inject_to_simulator(forged);
+    session.network.inject_to_simulator(forged);
   }
   std::uint64_t received = 0;
   do {
-    received = session.simulator_.statistics().received;
-    static_cast<void>(session.simulator_.receive(0ns));
-  } while (session.simulator_.statistics().received > received);
-  session.network_.inject_to_simulator(forged);  // brings the count of the dropped ones along
-  static_cast<void>(session.simulator_.receive(1s));
-  const LinkStatistics& counted = session.simulator_.statistics();
+    received = session.simulator.statistics().received;
+    static_cast<void>(session.simulator.receive(0ns));
+  } while (session.simulator.statistics().received > received);
+  session.network.inject_to_simulator(forged);  // brings the count of the dropped ones along
+  static_cast<void>(session.simulator.receive(1s));
+  const LinkStatistics& counted = session.simulator.statistics();
   EXPECT_GT(counted.overrun, 0U);
   EXPECT_EQ(counted.received - before + counted.overrun, kFlood + 1);
 }

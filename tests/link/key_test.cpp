@@ -27,14 +27,16 @@ constexpr const char* kLine =
     "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n";
 
 class LinkKeyFile : public testing::Test {
+ public:
+  ~LinkKeyFile() override {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+
  protected:
   LinkKeyFile() {
     std::string name = testing::TempDir() + "forcegrid_key_XXXXXX";
     folder_ = ::mkdtemp(name.data());
-  }
-  ~LinkKeyFile() override {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
   }
 
   std::string write(const std::string& text, mode_t mode = 0600) const {
@@ -111,9 +113,9 @@ TEST_F(LinkKeyFile, OpenToOthersIsRefusedWithTheCommandThatClosesIt) {
 
 TEST_F(LinkKeyFile, ThatIsNoneIsRefused) {
   EXPECT_THAT(refusal(path()), AllOf(HasSubstr("No such file"), HasSubstr("forcegrid keygen")));
-  EXPECT_THAT(refusal(folder_), HasSubstr("no regular file"));
+  EXPECT_THAT(refusal(folder_), HasSubstr("not a regular file"));
   ASSERT_EQ(::mkfifo((path() + ".pipe").c_str(), 0600), 0);
-  EXPECT_THAT(refusal(path() + ".pipe"), HasSubstr("no regular file"));
+  EXPECT_THAT(refusal(path() + ".pipe"), HasSubstr("not a regular file"));
 }
 
 TEST_F(LinkKeyFile, WithAnythingButOneKeyIsRefusedAndNotShown) {

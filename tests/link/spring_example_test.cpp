@@ -84,11 +84,19 @@ struct Example {
   bool sealed = false;               ///< it gets a key file after the stiffness
 };
 
+// NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
 void PrintTo(const Example& example, std::ostream* out) { *out << example.name; }
 
 constexpr const char* kPythonClient = FORCEGRID_SOURCE_DIR "/examples/spring_with_client.py";
 
 class SpringExample : public testing::TestWithParam<Example> {
+ public:
+  ~SpringExample() override {
+    if (!key_file_.empty()) {
+      ::unlink(key_file_.c_str());
+    }
+  }
+
  protected:
   static constexpr double kStiffness_N_per_m = 250.0;
   static constexpr double kTolerance_N = 1e-12;  // rounding only
@@ -145,12 +153,6 @@ class SpringExample : public testing::TestWithParam<Example> {
     EXPECT_GT(largest_N, 1.0);  // the tool did move: 0.02 m is 5 N
     EXPECT_EQ(servo.statistics().dropped(), 0U);
     EXPECT_EQ(servo.statistics().lost, 0U);
-  }
-
-  ~SpringExample() override {
-    if (!key_file_.empty()) {
-      ::unlink(key_file_.c_str());
-    }
   }
 
   /// A servo of a new session, with the key of the example that was started.

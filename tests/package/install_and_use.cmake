@@ -13,6 +13,38 @@ run(${CMAKE_COMMAND} -S ${SOURCE}/consumer -B ${WORK}/build -G ${GENERATOR}
 run(${CMAKE_COMMAND} --build ${WORK}/build)
 run(${WORK}/build/consumer)
 run(${WORK}/build/consumer_of_0_1)
+
+# The same by pkg-config.
+set(ENV{PKG_CONFIG_PATH} ${WORK}/prefix/lib/pkgconfig)
+run(pkg-config --print-errors --exists "forcegrid >= 0.2 forcegrid < 0.3 forcegrid-link >= 0.2")
+execute_process(COMMAND pkg-config --exists "forcegrid < 0.2" RESULT_VARIABLE older)
+if(older EQUAL 0)
+  message(FATAL_ERROR "pkg-config takes this version for one before 0.2")
+endif()
+execute_process(COMMAND pkg-config --cflags --libs forcegrid forcegrid-link
+                OUTPUT_VARIABLE flags OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+separate_arguments(flags UNIX_COMMAND "${flags}")
+run(c++ -std=c++20 ${SOURCE}/consumer/consumer.cpp -o ${WORK}/consumer_by_pkg_config ${flags})
+run(${WORK}/consumer_by_pkg_config)
+
+# What else is installed.
+foreach(file lib/udev/rules.d/10-forcegrid.rules share/doc/forcegrid/README.md
+             share/doc/forcegrid/docs/commands.md share/doc/forcegrid/examples/spring_simulator.c
+             share/man/man1/forcegrid-run.1 share/bash-completion/completions/forcegrid
+             share/zsh/vendor-completions/_forcegrid share/forcegrid/scenes/small.toml)
+  if(NOT EXISTS ${WORK}/prefix/${file})
+    message(FATAL_ERROR "${file} is not installed")
+  endif()
+endforeach()
+
 # The installed program finds its installed profiles, also without the source tree's.
 run(${CMAKE_COMMAND} -E env ${WORK}/prefix/bin/forcegrid kinematics
     --profile ${WORK}/prefix/share/forcegrid/profiles/vintage.toml --counts 0,4000,9000)
+# It does not look into the folder that it was built in, which may be anybody's on another machine.
+file(REMOVE ${WORK}/prefix/share/forcegrid/profiles/vintage.toml)
+execute_process(COMMAND ${WORK}/prefix/bin/forcegrid kinematics --profile vintage
+                        --counts 0,4000,9000
+                RESULT_VARIABLE result OUTPUT_QUIET ERROR_QUIET)
+if(result EQUAL 0)
+  message(FATAL_ERROR "the installed program takes a profile from the source tree")
+endif()

@@ -32,39 +32,39 @@ const Claim& claim_of(const std::vector<Claim>& claims, const std::string& topic
 class Report : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    options_ = new PaperOptions;
-    options_->jobs = 1;
-    options_->out = ::testing::TempDir() + "paper_out_" + std::to_string(getpid());
-    fs::remove_all(options_->out);
-    options_->plan.scene = tiny_scene("organ", 20.0, 0.3);
-    options_->plan.motions = {"chirp"};
-    options_->plan.vertices = {25, 50};
-    options_->plan.radii_of_workspace = {1.0 / 24, 1.0 / 6};
-    options_->plan.touches = 2;
-    options_->plan.contrasts = {1.0};
-    options_->plan.objects = {tiny_scene("stiff", 60.0, 0.1), tiny_scene("soft", 20.0, 0.1),
-                              tiny_scene("varied", 35.0, 0.9)};
-    results_ = new Results(run_experiments(*options_));
+    shared_options = new PaperOptions;
+    shared_options->jobs = 1;
+    shared_options->out = ::testing::TempDir() + "paper_out_" + std::to_string(getpid());
+    fs::remove_all(shared_options->out);
+    shared_options->plan.scene = tiny_scene("organ", 20.0, 0.3);
+    shared_options->plan.motions = {"chirp"};
+    shared_options->plan.vertices = {25, 50};
+    shared_options->plan.radii_of_workspace = {1.0 / 24, 1.0 / 6};
+    shared_options->plan.touches = 2;
+    shared_options->plan.contrasts = {1.0};
+    shared_options->plan.objects = {tiny_scene("stiff", 60.0, 0.1), tiny_scene("soft", 20.0, 0.1),
+                                    tiny_scene("varied", 35.0, 0.9)};
+    shared_results = new Results(run_experiments(*shared_options));
   }
   static void TearDownTestSuite() {
-    fs::remove_all(options_->out);
-    delete results_;
-    delete options_;
+    fs::remove_all(shared_options->out);
+    delete shared_results;
+    delete shared_options;
   }
-  static PaperOptions* options_;
-  static Results* results_;
+  static PaperOptions* shared_options;
+  static Results* shared_results;
 };
 
-PaperOptions* Report::options_ = nullptr;
-Results* Report::results_ = nullptr;
+PaperOptions* Report::shared_options = nullptr;
+Results* Report::shared_results = nullptr;
 
 TEST_F(Report, WritesTablesPicturesAndAPageThatNeedsNothingElse) {
-  const std::vector<fs::path> files = write_report(*results_, *options_);
+  const std::vector<fs::path> files = write_report(*shared_results, *shared_options);
   EXPECT_EQ(files.back().filename(), "index.html");
   for (const char* name :
        {"claims.csv", "figure7.csv", "resolutions.csv", "discrimination.csv", "shapes.csv",
         "paper.json", "figure7.svg", "figure8.svg", "resolutions.svg", "discrimination.svg"}) {
-    EXPECT_GT(fs::file_size(options_->out / name), 100U) << name;
+    EXPECT_GT(fs::file_size(shared_options->out / name), 100U) << name;
   }
   const std::string page = evaluation::read_text(files.back());
   EXPECT_EQ(std::count(page.begin(), page.end(), '\n') > 10, true);
@@ -74,14 +74,14 @@ TEST_F(Report, WritesTablesPicturesAndAPageThatNeedsNothingElse) {
     ++pictures;
   }
   EXPECT_EQ(pictures, 4U);
-  for (const Claim& claim : claims_of(*results_)) {
+  for (const Claim& claim : claims_of(*shared_results)) {
     EXPECT_THAT(page, HasSubstr(evaluation::escaped(claim.here))) << claim.topic;
   }
-  const std::string forces = evaluation::read_text(options_->out / "figure7.csv");
+  const std::string forces = evaluation::read_text(shared_options->out / "figure7.csv");
   EXPECT_EQ(std::count(forces.begin(), forces.end(), '\n'), 10001);
   const nlohmann::json json =
-      nlohmann::json::parse(evaluation::read_text(options_->out / "paper.json"));
-  EXPECT_EQ(json.at("claims").size(), claims_of(*results_).size());
+      nlohmann::json::parse(evaluation::read_text(shared_options->out / "paper.json"));
+  EXPECT_EQ(json.at("claims").size(), claims_of(*shared_results).size());
   EXPECT_EQ(json.at("resolutions").size(), 4U);
   EXPECT_EQ(json.at("figures").at("fifths").size(), 5U);
   EXPECT_EQ(json.at("figures").at("offline_unconverged"), 0);
@@ -92,14 +92,14 @@ TEST_F(Report, WritesTablesPicturesAndAPageThatNeedsNothingElse) {
 // The method study's figures for this motion: streaming 37 %, forcegrid with d in mm 11 %, in
 // metres 47 %, all after the first second and of objects of other sizes.
 TEST_F(Report, HasTheFiguresErrorsThatTheMethodStudyFound) {
-  const Figures& figures = results_->figures;
+  const Figures& figures = shared_results->figures;
   ASSERT_EQ(figures.played.size(), figure_methods().size());
   EXPECT_NEAR(figures.played[0].verdict.rms_error_percent_after_1s, 36.8, 6.0);
   EXPECT_NEAR(figures.played[1].verdict.rms_error_percent_after_1s, 10.8, 3.0);
   EXPECT_NEAR(figures.played[2].verdict.rms_error_percent_after_1s, 47.0, 6.0);
   EXPECT_NEAR(figures.blind_s, 2.0 / 30.0, 1e-9);
   // The same method, resolution and r, by another way.
-  for (const ResolutionRow& row : results_->resolutions) {
+  for (const ResolutionRow& row : shared_results->resolutions) {
     if (row.vertices == 50 && row.radius_of_workspace > 0.1) {
       EXPECT_NEAR(row.rms_error_percent, figures.played[1].verdict.rms_error_percent_after_1s,
                   1e-3);
@@ -108,9 +108,9 @@ TEST_F(Report, HasTheFiguresErrorsThatTheMethodStudyFound) {
 }
 
 TEST_F(Report, ClaimsFollowTheNumbers) {
-  EXPECT_EQ(claim_of(claims_of(*results_), "Figure 8, streaming").outcome, Outcome::kAgrees);
-  EXPECT_EQ(claim_of(claims_of(*results_), "Figure 7, forcegrid").outcome, Outcome::kDiffers);
-  Results other = *results_;
+  EXPECT_EQ(claim_of(claims_of(*shared_results), "Figure 8, streaming").outcome, Outcome::kAgrees);
+  EXPECT_EQ(claim_of(claims_of(*shared_results), "Figure 7, forcegrid").outcome, Outcome::kDiffers);
+  Results other = *shared_results;
   other.figures.fifths[3].rms_error_percent[0] = other.figures.fifths[2].rms_error_percent[0] - 1.0;
   EXPECT_EQ(claim_of(claims_of(other), "Figure 8, streaming").outcome, Outcome::kDiffers);
   other.figures.fifths[4].rms_error_percent[1] = 1.0;

@@ -168,11 +168,11 @@ TEST(DeviceProfile, NamesTheKnownProfilesForAnUnknownOne) {
 TEST(DeviceProfile, NamesTheFileThatIsMissingOrNoFile) {
   EXPECT_THAT(error_of("no/such.toml"), HasSubstr("'no/such.toml': no such file"));
   const TemporaryFolder folder;
-  EXPECT_THAT(error_of(folder.path().string() + "/"), HasSubstr("not a regular file"));
+  EXPECT_THAT(error_of(folder.path().string() + "/"), HasSubstr("a folder, not a file"));
 }
 
-const std::string k126Characters = "serial = \"" + std::string(126, 'x') + "\"";
-const std::string k127Characters = "serial = \"" + std::string(127, 'x') + "\"";
+const std::string kLongestSerial = "serial = \"" + std::string(126, 'x') + "\"";
+const std::string kTooLongSerial = "serial = \"" + std::string(127, 'x') + "\"";
 
 struct Broken {
   const char* old_line;                 ///< start of the one line that is replaced
@@ -182,6 +182,7 @@ struct Broken {
   const char* reported_line = nullptr;  ///< start of the line that the error names, if another
 };
 
+// NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
 void PrintTo(const Broken& broken, std::ostream* stream) {
   *stream << "'" << broken.old_line << "' -> '" << broken.new_line << "'";
 }
@@ -303,11 +304,11 @@ INSTANTIATE_TEST_SUITE_P(
     Ranges, BrokenProfile,
     testing::Values(
         Broken{"manufacturer", "manufacturer = \"mb\\u00e9d\"", "usb.manufacturer",
-               "byte 3 is no printable ASCII"},
+               "byte 3 is not printable ASCII"},
         Broken{"product =", "product = \"HID\\tDEVICE\"", "usb.product",
-               "byte 4 is no printable ASCII"},
-        Broken{"serial", "serial = \"1\\u007F\"", "usb.serial", "byte 2 is no printable ASCII"},
-        Broken{"serial", k127Characters.c_str(), "usb.serial", "127 characters"},
+               "byte 4 is not printable ASCII"},
+        Broken{"serial", "serial = \"1\\u007F\"", "usb.serial", "byte 2 is not printable ASCII"},
+        Broken{"serial", kTooLongSerial.c_str(), "usb.serial", "127 characters"},
         Broken{"frame_period_us", "frame_period_us = 124", "usb.frame_period_us", "124 is"},
         Broken{"frame_period_us", "frame_period_us = 10001", "usb.frame_period_us", "10001 is"},
         Broken{"link_length_m", "link_length_m = [0.08, 0.205, 2.1]", "kinematics.link_length_m",
@@ -360,6 +361,14 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"max_speed", "max_speed_m_per_s = 0", "limits.max_speed_m_per_s", "0 is impossible"},
         Broken{"max_speed", "max_speed_m_per_s = 20.5", "limits.max_speed_m_per_s",
                "20.5 is impossible"},
+        Broken{"max_joint_speed", "max_joint_speed_rad_per_s = [19, 0, 19]",
+               "limits.max_joint_speed_rad_per_s", "0 in place 2 is impossible"},
+        Broken{"max_joint_speed", "max_joint_speed_rad_per_s = [19, 23, 1001]",
+               "limits.max_joint_speed_rad_per_s", "1001 in place 3 is impossible"},
+        Broken{"max_joint_acceleration", "max_joint_acceleration_rad_per_s2 = [0, 1500, 1250]",
+               "limits.max_joint_acceleration_rad_per_s2", "0 in place 1 is impossible"},
+        Broken{"max_joint_acceleration", "max_joint_acceleration_rad_per_s2 = [1.1e6, 1500, 1250]",
+               "limits.max_joint_acceleration_rad_per_s2", "1100000 in place 1 is impossible"},
         Broken{"workspace_min_m", "workspace_min_m = [-60, -80, -60]", "limits.workspace_min_m",
                "-60 in place 1 is impossible"},
         Broken{"workspace_max_m", "workspace_max_m = [60, 80, 60]", "limits.workspace_max_m",
@@ -430,7 +439,7 @@ TEST(DeviceProfile, AcceptsTheLastValuesThatAreAllowed) {
   const auto shipped = read_lines(load_device_profile("woodenhaptics_v2015").file);
   const TemporaryFolder folder;
   for (const Edge& edge :
-       {Edge{"serial", k126Characters.c_str()}, Edge{"product =", "product = \" ~\""},
+       {Edge{"serial", kLongestSerial.c_str()}, Edge{"product =", "product = \" ~\""},
         Edge{"frame_period_us", "frame_period_us = 125"},
         Edge{"capstan_diameter_m", "capstan_diameter_m = [0.01, 0.119, 0.01]"},
         Edge{"encoder_counts", "encoder_counts_per_turn = [1, 10000000, 2000]"},
@@ -441,6 +450,8 @@ TEST(DeviceProfile, AcceptsTheLastValuesThatAreAllowed) {
         Edge{"max_stiffness", "max_stiffness_N_per_m = 1e5"},
         Edge{"max_damping", "max_damping_N_s_per_m = 0"},
         Edge{"max_speed", "max_speed_m_per_s = 20"},
+        Edge{"max_joint_speed", "max_joint_speed_rad_per_s = [1000, 1, 1]"},
+        Edge{"max_joint_acceleration", "max_joint_acceleration_rad_per_s2 = [1e6, 1, 1]"},
         // sqrt(0.425^2 + 0.11^2 + 0.09^2) = 0.4481 m, below 0.45 m
         Edge{"workspace_max_m", "workspace_max_m = [0.205, 0.11, 0.09]"},
         // 0.045 m from the shoulder, above 0.04 m

@@ -38,7 +38,7 @@ TEST(FalconProfile, HoldsTheNumbersOfTheSheet) {
   EXPECT_NEAR(delta.leg_azimuth_rad[0], 105.0 * kDegree_rad, 1e-15);
   EXPECT_NEAR(delta.leg_azimuth_rad[1], -15.0 * kDegree_rad, 1e-15);
   EXPECT_NEAR(delta.leg_azimuth_rad[2], -135.0 * kDegree_rad, 1e-15);
-  // 1280 counts a motor turn, reduced from 110 mm to 14.25 mm.
+  // 1280 counts per motor turn, reduced from 110 mm to 14.25 mm.
   EXPECT_NEAR(delta.encoder_rad_per_count, 2.0 * std::numbers::pi / 1280.0 * 14.25 / 110.0, 1e-18);
   EXPECT_NEAR(delta.zero_angle_rad, 35.0 * kDegree_rad, 1e-15);
   EXPECT_EQ(profile.falcon.torque_gain_per_Nm, 10000.0);
@@ -59,6 +59,7 @@ struct Broken {
   const char* words;  ///< and say this
 };
 
+// NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
 void PrintTo(const Broken& broken, std::ostream* stream) {
   *stream << "'" << broken.old_text << "' -> '" << broken.new_text << "'";
 }

@@ -19,7 +19,10 @@ USERS = ("bench", "examples", "tests")
 # The design's rules; no row of the table may break one. A name stands for its sub-folders, too.
 NEVER = (("device_emulator", "driver"), ("driver", "device_emulator"), ("driver", "forcegrid"),
          ("driver", "servo_loop"), ("simulator", "servo_loop"), ("simulator", "driver"),
-         ("servo_loop", "simulator"), ("servo_loop", "device_emulator"))
+         ("servo_loop", "simulator"), ("servo_loop", "device_emulator"),
+         # What may run in the servo cycle or on the device's thread never logs.
+         ("servo_loop", "log"), ("driver", "log"), ("forcegrid", "log"), ("rt", "log"),
+         ("simulator/solver", "log"), ("simulator/kernels", "log"))
 ALONE = ("forcegrid", "link", "contact", "rt", "text")  # they include nothing of the project
 LEAVES = ("cli",)  # no other room includes them
 SIMULATOR_ORDER = ("simulator/mesh", "simulator/kernels", "simulator/solver", "simulator/touch",
@@ -166,6 +169,8 @@ class Checker(unittest.TestCase):
                                device_emulator__a_h=["driver/device.h"])
         self.assertEqual(said, ["device_emulator/ may never include driver/"])
         self.assertTrue(list(broken_rules("forcegrid/core", "rt")))
+        for room in ("servo_loop", "driver", "forcegrid/kriging", "rt", "simulator/solver"):
+            self.assertTrue(list(broken_rules(room, "log")), room)
         self.assertTrue(list(broken_rules("simulator/mesh", "simulator/solver")))
         self.assertTrue(list(broken_rules("tools", "cli/run")))
         self.assertFalse(list(broken_rules("simulator/touch", "simulator/mesh")))

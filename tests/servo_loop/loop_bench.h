@@ -17,7 +17,7 @@ class LoopBench : public ::testing::Test {
   static constexpr rt::Duration kPeriod = std::chrono::milliseconds(2);
   static constexpr int kCyclesPerSample = 16;
 
-  explicit LoopBench(ServoOptions changed = options())
+  explicit LoopBench(const ServoOptions& changed = options())
       : profile_(profiles::load_device_profile("woodenhaptics_v2015")),
         device_(profile_),
         loop_(device_, profile_, {&method_}, ports_, changed) {}

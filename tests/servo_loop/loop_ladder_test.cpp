@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "rt/vectors.h"
 #include "tests/servo_loop/loop_bench.h"
 
 namespace forcegrid::servo {
@@ -38,11 +39,11 @@ TEST_F(LoopLadder, StepsDownToDampingAndThenToZeroCurrentWhenSamplesStop) {
     if (rungs.back() != last_.rung) {
       rungs.push_back(last_.rung);
     }
-    const Vector3d force_D = vector(last_.commanded_force_D_N);
+    const Vector3d force_D = rt::to_vector(last_.commanded_force_D_N);
     if (last_.rung == Rung::kDamping && last_.gain == 0.0) {
       // Against the motion and along nothing else, by 3 N s/m at most.
       EXPECT_LE(force_D.y() * last_.velocity_W_m_per_s[1], 0.0);
-      EXPECT_LE(force_D.norm(), 3.0 * vector(last_.velocity_W_m_per_s).norm() + 1e-9);
+      EXPECT_LE(force_D.norm(), 3.0 * rt::to_vector(last_.velocity_W_m_per_s).norm() + 1e-9);
     }
     if (i == 500) {
       EXPECT_EQ(last_.rung, Rung::kDamping);

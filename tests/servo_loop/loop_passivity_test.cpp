@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "rt/vectors.h"
 #include "tests/servo_loop/loop_bench.h"
 
 namespace forcegrid::servo {
@@ -19,7 +20,7 @@ class LoopPassivity : public LoopBench {
   using LoopBench::LoopBench;
 
   // Where the loop believes the tool to be after it was shown `wanted_D`: on whole counts.
-  Vector3d read_W() const { return vector(last_.position_W_m); }
+  Vector3d read_W() const { return rt::to_vector(last_.position_W_m); }
 
   Fault step(const Vector3d& position_D, bool with_samples = true) {
     const Fault fault = cycle(position_D, with_samples);
@@ -53,7 +54,7 @@ TEST_F(ObservingLoop, CountsTheWorkOfTheForceThatLeftItRampAndFadeIncluded) {
     ASSERT_EQ(step(Vector3d(0.0, 0.02 * std::sin(0.02 * i), 0.0), i < 250), Fault::kNone);
     work_J += i == 0 ? 0.0 : force_W.dot(read_W() - before_W);
     most_work_J = std::max(most_work_J, std::abs(work_J));
-    force_W = vector(last_.commanded_force_D_N);
+    force_W = rt::to_vector(last_.commanded_force_D_N);
     before_W = read_W();
     ramped = ramped || (i < 250 && last_.gain > 0.4 && last_.gain < 0.6);
     faded = faded || (i > 250 && last_.gain > 0.4 && last_.gain < 0.6);

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "forcegrid/simple/hold_method.h"
+#include "rt/vectors.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
 
@@ -107,7 +108,7 @@ Course run(const std::string& name, HandKind hand, MotionKind motion, const Wiri
     course.fault = loop.run_cycle(now, now + kPeriod);
     for (CycleRecord record; ports.records.pop(record);) {
       course.most_force_N =
-          std::max(course.most_force_N, vector(record.commanded_force_D_N).norm());
+          std::max(course.most_force_N, rt::to_vector(record.commanded_force_D_N).norm());
     }
   }
   course.most_current_A = device.most_current_A();

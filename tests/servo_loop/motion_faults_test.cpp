@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "forcegrid/simple/hold_method.h"
+#include "rt/vectors.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
 #include "stability/simulated_falcon.h"
@@ -36,67 +37,67 @@ constexpr rt::TimePoint kStart{std::chrono::seconds(1000)};
 template <typename Arm>
 class BenchOf {
  public:
-  BenchOf(const std::string& profile, HandKind hand, MotionKind motion, double stiffness_N_per_m)
-      : profile_(profiles::load_device_profile(profile)),
-        arm_(profile_, hand, motion, kSeed, kStart),
-        stiffness_N_per_m_(stiffness_N_per_m),
-        loop_(arm_, profile_, {&method_}, ports_, {}) {}
+  BenchOf(const std::string& device, HandKind hand, MotionKind motion, double elastic_N_per_m)
+      : profile(profiles::load_device_profile(device)),
+        arm(profile, hand, motion, kSeed, kStart),
+        stiffness_N_per_m(elastic_N_per_m),
+        loop(arm, profile, {&method}, ports, {}) {}
 
   // One cycle. The tool is grabbed at the operator's contact point.
   Fault cycle() {
-    now_ += kPeriod;
-    const rt::Duration in_exchange = (now_ - kStart) % (kLossEvery + kSilence);
-    arm_.silent = loses_reports_ && in_exchange >= kLossEvery;
-    arm_.advance_to(now_);
+    now += kPeriod;
+    const rt::Duration in_exchange = (now - kStart) % (kLossEvery + kSilence);
+    arm.silent = loses_reports && in_exchange >= kLossEvery;
+    arm.advance_to(now);
     if (++cycles_ % 16 == 0) {
       answer();
     }
-    const Fault fault = loop_.run_cycle(now_, now_ + kPeriod);
+    const Fault fault = loop.run_cycle(now, now + kPeriod);
     CycleRecord record;
-    while (ports_.records.pop(record)) {
-      last_ = record;
-      most_force_N_ = std::max(most_force_N_, vector(record.commanded_force_D_N).norm());
+    while (ports.records.pop(record)) {
+      last = record;
+      most_force_N = std::max(most_force_N, rt::to_vector(record.commanded_force_D_N).norm());
     }
     return fault;
   }
 
   // Runs for `seconds` or until a fault.
   Fault run(double seconds) {
-    const rt::TimePoint end = now_ + rt::from_seconds(seconds);
+    const rt::TimePoint end = now + rt::from_seconds(seconds);
     Fault fault = Fault::kNone;
-    while (fault == Fault::kNone && now_ < end) {
+    while (fault == Fault::kNone && now < end) {
       fault = cycle();
     }
     return fault;
   }
 
-  double time_s() const { return rt::seconds(now_ - kStart); }
+  double time_s() const { return rt::seconds(now - kStart); }
 
-  profiles::DeviceProfile profile_;
-  Arm arm_;
-  double stiffness_N_per_m_;
-  HoldMethod method_;
-  ServoPorts ports_;
-  ServoLoop loop_;
-  CycleRecord last_;
-  double most_force_N_ = 0.0;
-  bool loses_reports_ = false;
-  rt::TimePoint now_ = kStart;
+  profiles::DeviceProfile profile;
+  Arm arm;
+  double stiffness_N_per_m;
+  HoldMethod method;
+  ServoPorts ports;
+  ServoLoop loop;
+  CycleRecord last;
+  double most_force_N = 0.0;
+  bool loses_reports = false;
+  rt::TimePoint now = kStart;
 
  private:
   void answer() {
-    const Vector3d position_W = arm_.position_D();
+    const Vector3d position_W = arm.position_D();
     const bool in_contact = position_W.norm() < 0.1 && (grabbed_ || position_W.z() <= 0.0);
     grabbed_ = grabbed_ || in_contact;
     ArrivedSample arrived;
     arrived.sample.position_W = position_W;
     arrived.sample.force_W =
-        in_contact ? Vector3d(-stiffness_N_per_m_ * position_W) : Vector3d(Vector3d::Zero());
-    arrived.sample.time_s = rt::seconds((now_ - milliseconds(10)).time_since_epoch());
+        in_contact ? Vector3d(-stiffness_N_per_m * position_W) : Vector3d(Vector3d::Zero());
+    arrived.sample.time_s = rt::seconds((now - milliseconds(10)).time_since_epoch());
     arrived.sample.contact_epoch = 1;
     arrived.in_contact = in_contact;
-    arrived.arrived = now_;
-    ASSERT_TRUE(ports_.samples.push(arrived));
+    arrived.arrived = now;
+    ASSERT_TRUE(ports.samples.push(arrived));
   }
 
   std::uint64_t cycles_ = 0;
@@ -124,7 +125,7 @@ TEST_P(NormalRun, RaisesNoAlarmInAnyMotion) {
       const Fault fault = bench.run(12.0);
       // An arm that nobody holds falls, and that is too fast; a balanced one floats, and the
       // passivity guard keeps the held force from shaking it.
-      const bool falls = hand == HandKind::kNone && !bench.profile_.gravity.balanced;
+      const bool falls = hand == HandKind::kNone && !bench.profile.gravity.balanced;
       EXPECT_EQ(fault, falls ? Fault::kTooFast : Fault::kNone)
           << name_of(fault) << ": " << name_of_hand(hand) << " hand, "
           << emulator::to_string(motion) << ", " << stiffness_N_per_m << " N/m, after "
@@ -141,7 +142,7 @@ TEST_P(NormalRun, RaisesNoAlarmInAnyMotionThoughReportsGetLost) {
   }
   for (const MotionKind motion : kMotions) {
     Bench bench(profile, hand, motion, 60.0);
-    bench.loses_reports_ = true;
+    bench.loses_reports = true;
     const Fault fault = bench.run(12.0);
     EXPECT_EQ(fault, Fault::kNone)
         << name_of(fault) << ": " << name_of_hand(hand) << " hand, " << emulator::to_string(motion)
@@ -185,20 +186,20 @@ TEST_P(FrozenEncoders, AreFoundATenthOfASecondAfterTheLastCountUnderLoad) {
   Bench bench("woodenhaptics_v2015", hand, motion, 80.0);
   ASSERT_EQ(bench.run(4.0), Fault::kNone);
   // The moment has a force far above friction (0.02 Nm, which 0.1 N at the tip overcome).
-  while (vector(bench.last_.commanded_force_D_N).norm() < 0.8) {
+  while (rt::to_vector(bench.last.commanded_force_D_N).norm() < 0.8) {
     ASSERT_EQ(bench.cycle(), Fault::kNone);
     ASSERT_LT(bench.time_s(), 20.0);
   }
-  const std::array<std::int32_t, 3> stuck = bench.last_.counts;
+  const std::array<std::int32_t, 3> stuck = bench.last.counts;
   const double frozen_at_s = bench.time_s();
-  bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+  bench.arm.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
     std::copy(stuck.begin(), stuck.end(), counts.begin());
   };
   ASSERT_EQ(bench.run(1.5), Fault::kFrozenEncoder);
   // 100 ms and the patience with a joint that was still, and was suspected, just before.
   EXPECT_LE(bench.time_s() - frozen_at_s, 1.15);
   RecordProperty("found_after_ms", static_cast<int>(1e3 * (bench.time_s() - frozen_at_s)));
-  EXPECT_EQ(bench.last_.current_A, (Triple{}));
+  EXPECT_EQ(bench.last.current_A, (Triple{}));
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -217,15 +218,15 @@ TEST_P(FrozenEncoders, AreFoundThoughReportsGetLost) {
   const auto& [hand, motion] = GetParam();
   Bench bench("woodenhaptics_v2015", hand, motion, 80.0);
   ASSERT_EQ(bench.run(4.0), Fault::kNone);
-  while (vector(bench.last_.commanded_force_D_N).norm() < 0.8) {
+  while (rt::to_vector(bench.last.commanded_force_D_N).norm() < 0.8) {
     ASSERT_EQ(bench.cycle(), Fault::kNone);
     ASSERT_LT(bench.time_s(), 20.0);
   }
-  const std::array<std::int32_t, 3> stuck = bench.last_.counts;
-  bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+  const std::array<std::int32_t, 3> stuck = bench.last.counts;
+  bench.arm.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
     std::copy(stuck.begin(), stuck.end(), counts.begin());
   };
-  bench.loses_reports_ = true;
+  bench.loses_reports = true;
   EXPECT_EQ(bench.run(2.0), Fault::kFrozenEncoder);
 }
 
@@ -234,16 +235,16 @@ TEST(FrozenEncoder, OfAFalconIsFoundUnderLoad) {
     BenchOf<stability::SimulatedFalcon> bench("falcon", HandKind::kFirm, motion, 150.0);
     ASSERT_EQ(bench.run(4.0), Fault::kNone);
     // Five times the friction of every motor, 0.025 Nm, are some 1 N along the device's axes.
-    while (vector(bench.last_.commanded_force_D_N).norm() < 1.5) {
+    while (rt::to_vector(bench.last.commanded_force_D_N).norm() < 1.5) {
       ASSERT_EQ(bench.cycle(), Fault::kNone);
       ASSERT_LT(bench.time_s(), 20.0);
     }
-    const std::array<std::int32_t, 3> stuck = bench.last_.counts;
-    bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+    const std::array<std::int32_t, 3> stuck = bench.last.counts;
+    bench.arm.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
       std::copy(stuck.begin(), stuck.end(), counts.begin());
     };
     EXPECT_EQ(bench.run(1.5), Fault::kFrozenEncoder) << emulator::to_string(motion);
-    EXPECT_EQ(bench.last_.current_A, (Triple{}));
+    EXPECT_EQ(bench.last.current_A, (Triple{}));
   }
 }
 
@@ -251,17 +252,17 @@ TEST(FrozenEncoder, IsNamedByItsJoint) {
   for (const int joint : {1, 2}) {
     Bench bench("woodenhaptics_v2015", HandKind::kFirm, MotionKind::kChirp, 250.0);
     ASSERT_EQ(bench.run(4.0), Fault::kNone);
-    while (vector(bench.last_.commanded_force_D_N).norm() < 1.5) {
+    while (rt::to_vector(bench.last.commanded_force_D_N).norm() < 1.5) {
       ASSERT_EQ(bench.cycle(), Fault::kNone);
       ASSERT_LT(bench.time_s(), 20.0);
     }
     const auto index = static_cast<std::size_t>(joint);
-    const std::int32_t stuck = bench.last_.counts[index];
-    bench.arm_.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+    const std::int32_t stuck = bench.last.counts[index];
+    bench.arm.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
       counts[index] = stuck;
     };
     EXPECT_EQ(bench.run(1.5), Fault::kFrozenEncoder) << joint;
-    EXPECT_EQ(bench.last_.counts[index], stuck);
+    EXPECT_EQ(bench.last.counts[index], stuck);
   }
 }
 
@@ -271,32 +272,32 @@ TEST_P(MotorsAtFault, AreFoundBeforeAnyForceWhenTheyPushTheWrongWay) {
   const auto& [profile, hand] = GetParam();
   for (int joint = 0; joint < 3; ++joint) {
     Bench bench(profile, hand, MotionKind::kChirp, 80.0);
-    bench.arm_.motor_sign[joint] = -1.0;
+    bench.arm.motor_sign[joint] = -1.0;
     EXPECT_EQ(bench.run(3.0), Fault::kMotorWrongWay) << joint;
-    EXPECT_EQ(bench.most_force_N_, 0.0);
-    EXPECT_EQ(bench.last_.current_A, (Triple{}));
+    EXPECT_EQ(bench.most_force_N, 0.0);
+    EXPECT_EQ(bench.last.current_A, (Triple{}));
   }
 }
 
 TEST_P(MotorsAtFault, AreFoundBeforeAnyForceWhenTheyDoNothing) {
   const auto& [profile, hand] = GetParam();
   Bench bench(profile, hand, MotionKind::kStill, 80.0);
-  bench.arm_.motor_sign[1] = 0.0;
+  bench.arm.motor_sign[1] = 0.0;
   EXPECT_EQ(bench.run(4.0), Fault::kMotorNoAnswer);
-  EXPECT_EQ(bench.most_force_N_, 0.0);
+  EXPECT_EQ(bench.most_force_N, 0.0);
 }
 
 TEST_P(MotorsAtFault, AreCheckedWithTapsOfThreeNewtonsAtMostThatLeaveTheHandWhereItIs) {
   const auto& [profile, hand] = GetParam();
   Bench bench(profile, hand, MotionKind::kStill, 80.0);
-  SimulatedArm undisturbed(bench.profile_, hand, MotionKind::kStill, kSeed, kStart);
+  SimulatedArm undisturbed(bench.profile, hand, MotionKind::kStill, kSeed, kStart);
   double farthest_m = 0.0;
-  while (bench.last_.gain == 0.0) {
+  while (bench.last.gain == 0.0) {
     ASSERT_EQ(bench.cycle(), Fault::kNone);
-    undisturbed.advance_to(bench.now_);
+    undisturbed.advance_to(bench.now);
     ASSERT_LT(bench.time_s(), 2.0);
     farthest_m = std::max(farthest_m,
-                          (bench.arm_.arm().position_D() - undisturbed.arm().position_D()).norm());
+                          (bench.arm.arm().position_D() - undisturbed.arm().position_D()).norm());
   }
   EXPECT_GT(farthest_m, 0.0001);
   EXPECT_LT(farthest_m, hand == HandKind::kFirm ? 0.004 : 0.012);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "rt/vectors.h"
 #include "tests/servo_loop/loop_bench.h"
 
 namespace forcegrid::servo {
@@ -86,15 +87,15 @@ TEST_F(LoopWithMotors, LeadsTheirCurrentToTheContinuousOneInTheDirectionOfTheFor
     ASSERT_EQ(cycle(), Fault::kNone);
     if (i % 100 == 99) {
       last = record();
-      largest_A = std::max(largest_A, vector(last.current_A).cwiseAbs().maxCoeff());
-      cold_A = i == 199 ? vector(last.current_A) : cold_A;
+      largest_A = std::max(largest_A, rt::to_vector(last.current_A).cwiseAbs().maxCoeff());
+      cold_A = i == 199 ? rt::to_vector(last.current_A) : cold_A;
     }
   }
   ASSERT_GT(largest_A, 2.0);  // more than 1.2 A while cold
-  EXPECT_NEAR(vector(last.current_A).cwiseAbs().maxCoeff(), 1.2, 0.01);
+  EXPECT_NEAR(rt::to_vector(last.current_A).cwiseAbs().maxCoeff(), 1.2, 0.01);
   EXPECT_NE(last.limits_acted & driver::kLimitWarm, 0);
   EXPECT_GT(last.motor_warmth, 0.95);
-  EXPECT_LT((vector(last.current_A).normalized() - cold_A.normalized()).norm(), 1e-6);
+  EXPECT_LT((rt::to_vector(last.current_A).normalized() - cold_A.normalized()).norm(), 1e-6);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "forcegrid/methods.h"
+#include "rt/vectors.h"
 #include "tests/servo_loop/square_patch.h"
 
 namespace forcegrid::servo {
@@ -136,8 +137,8 @@ TEST_F(Intake, PublishesTheToolStateWithARisingSequence) {
     ASSERT_TRUE(ports_.tool.fetch(tool));
     EXPECT_EQ(tool.sequence, sequence);
     EXPECT_EQ(tool.servo_time_ns, now_.time_since_epoch().count());
-    EXPECT_EQ(vector(tool.position_W_m), Vector3d(0.01, 0.02, 0.03));
-    EXPECT_EQ(vector(tool.velocity_W_m_per_s), Vector3d(0.1, 0.2, 0.3));
+    EXPECT_EQ(rt::to_vector(tool.position_W_m), Vector3d(0.01, 0.02, 0.03));
+    EXPECT_EQ(rt::to_vector(tool.velocity_W_m_per_s), Vector3d(0.1, 0.2, 0.3));
   }
 }
 
@@ -343,7 +344,7 @@ TEST_F(Intake, SendsQueriesInContactAtTheirRate) {
   EXPECT_NEAR(static_cast<double>(sent.size()), 120.0, 1.0);
   for (std::size_t i = 0; i < sent.size(); ++i) {
     EXPECT_EQ(sent[i].query_id, i + 1);
-    EXPECT_EQ(vector(sent[i].position_W_m), Vector3d(0.011, 0.0, 0.0));
+    EXPECT_EQ(rt::to_vector(sent[i].position_W_m), Vector3d(0.011, 0.0, 0.0));
   }
   EXPECT_EQ(sent.back().servo_time_ns % 2'000'000, 0) << "the start of a cycle";
   EXPECT_EQ(intake.queries_sent(), sent.size());

@@ -19,14 +19,17 @@ class ScriptedDevice final : public driver::Device {
   }
 
   /// The next report has the tool at `position_D`, sampled and received at `when`.
-  void show(const Eigen::Vector3d& position_D, rt::TimePoint when) {
+  void show(const Eigen::Vector3d& position_D, rt::TimePoint when) { show(position_D, when, when); }
+  /// The same, of an OUT that was handed over at `sent`.
+  void show(const Eigen::Vector3d& position_D, rt::TimePoint when, rt::TimePoint sent) {
     const Eigen::Vector3d counts = kinematics_.inverse(position_D).counts;
     for (int i = 0; i < 3; ++i) {
       report.counts[static_cast<std::size_t>(i)] =
           static_cast<std::int32_t>(std::lround(counts[i]));
     }
     ++report.sequence;
-    report.released = when;
+    report.sampled_after = sent;
+    report.released = report.oldest_release = when;
     report.received = when;
   }
 

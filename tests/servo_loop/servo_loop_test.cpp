@@ -240,8 +240,9 @@ TEST_F(ServoLoopCycle, BelievesCountsThatAStalledBusStampedLate) {
     y_m += 0.0006;
     ASSERT_EQ(cycle(Vector3d(0.0, y_m, 0.0)), Fault::kNone);
   }
+  const rt::TimePoint sent = now_ + std::chrono::microseconds(100);
   now_ += std::chrono::milliseconds(24);
-  device_.show(Vector3d(0.0, y_m + 0.0006, 0.0), now_);
+  device_.show(Vector3d(0.0, y_m + 0.0006, 0.0), now_, sent);
   ASSERT_EQ(loop_.run_cycle(now_, now_ + kPeriod), Fault::kNone);
   now_ += std::chrono::milliseconds(1);
   device_.show(Vector3d(0.0, y_m + 0.0106, 0.0), now_);

@@ -64,7 +64,8 @@ TEST(DeadManSignal, IsHeldForAFifthOfASecondAfterEachSign) {
 }
 
 // A base of its own, so that the stop is there before the loop.
-struct WithStop {
+class WithStop {
+ protected:
   EmergencyStop stop_;
 };
 

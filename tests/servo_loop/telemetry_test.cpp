@@ -43,11 +43,8 @@ TEST(Telemetry, KeepsTheNewestCyclesAndCountsAll) {
 TEST(Telemetry, CountsTheRungsAndSaysWhenTheForceGivesWay) {
   ServoPorts ports;
   TelemetryOptions options;
-  std::FILE* live = std::tmpfile();
-  ASSERT_NE(live, nullptr);
-  options.live = live;
   std::string sentences;
-  options.on_sentence = [&](const std::string& text) { sentences += text; };
+  options.on_sentence = [&](const std::string& text) { sentences += text + "\n"; };
   Telemetry telemetry(ports, options);
   for (std::uint64_t i = 0; i < 100; ++i) {
     CycleRecord record = record_at(i);
@@ -57,10 +54,6 @@ TEST(Telemetry, CountsTheRungsAndSaysWhenTheForceGivesWay) {
   }
   telemetry.start();
   telemetry.stop();
-  std::rewind(live);
-  std::string said(4096, '\0');
-  said.resize(std::fread(said.data(), 1, said.size(), live));
-  std::fclose(live);
   const TelemetryStatistics& statistics = telemetry.statistics();
   EXPECT_EQ(statistics.rung_cycles, (std::array<std::uint64_t, kRungs>{50, 20, 30, 0}));
   EXPECT_EQ(statistics.rung_changes, 3u);  // the first is from zero current
@@ -69,7 +62,6 @@ TEST(Telemetry, CountsTheRungsAndSaysWhenTheForceGivesWay) {
   EXPECT_DOUBLE_EQ(statistics.first_rung_changes[2].time_s, 0.14);
   const std::string gives_way =
       "    0.1 s  The force gives way to a damping field: no sample comes from the simulator.\n";
-  EXPECT_NE(said.find(gives_way), std::string::npos) << said;
   EXPECT_EQ(sentences, "    0.0 s  Samples come; the force ramps in.\n" + gives_way);
 }
 

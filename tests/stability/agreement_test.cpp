@@ -17,6 +17,7 @@
 #include "device_emulator/emulator_server.h"
 #include "driver/open_device.h"
 #include "forcegrid/methods.h"
+#include "rt/vectors.h"
 #include "servo_loop/servo_loop.h"
 #include "stability/simulated_arm.h"
 
@@ -26,7 +27,6 @@ namespace {
 using Eigen::Vector3d;
 using emulator::HandKind;
 using emulator::MotionKind;
-using servo::vector;
 using std::chrono::milliseconds;
 
 constexpr char kDevice[] = "woodenhaptics_v2015";
@@ -79,7 +79,7 @@ class SlowSpring {
 
   void answer(rt::TimePoint now) {
     servo::ArrivedSample arrived;
-    arrived.sample.position_W = vector(tool_.position_W_m);
+    arrived.sample.position_W = rt::to_vector(tool_.position_W_m);
     grabbed_ = grabbed_ ||
                (arrived.sample.position_W.z() <= 0.0 && arrived.sample.position_W.norm() < 0.01);
     arrived.in_contact = grabbed_;
@@ -120,9 +120,9 @@ Felt judge(const std::vector<servo::CycleRecord>& records, double stiffness_N_pe
     if (time_s < kJudgedFrom_s || record.fault != servo::Fault::kNone) {
       continue;
     }
-    const Vector3d position_W = vector(record.position_W_m);
+    const Vector3d position_W = rt::to_vector(record.position_W_m);
     const Vector3d reference_W = -stiffness_N_per_m * position_W;
-    error_N2 += (vector(record.method_force_W_N[0]) - reference_W).squaredNorm();
+    error_N2 += (rt::to_vector(record.method_force_W_N[0]) - reference_W).squaredNorm();
     reference_N2 += reference_W.squaredNorm();
     count += 1.0;
     least_W = least_W.cwiseMin(position_W);
@@ -136,8 +136,8 @@ Felt judge(const std::vector<servo::CycleRecord>& records, double stiffness_N_pe
 
 std::unique_ptr<ForceMethod> method_of(const Point& point, const profiles::DeviceProfile& profile) {
   MethodOptions options;
-  options.grid.min_W = vector(profile.limits.workspace_min_m);
-  options.grid.max_W = vector(profile.limits.workspace_max_m);
+  options.grid.min_W = rt::to_vector(profile.limits.workspace_min_m);
+  options.grid.max_W = rt::to_vector(profile.limits.workspace_max_m);
   options.grid.cells.setConstant(49);
   return make_force_method(point.method, options);
 }

@@ -2,12 +2,16 @@
 #include "stability/chart.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "evaluation/page_text.h"
 #include "stability/chart_numbers.h"
+#include "stability/chart_pictures.h"
 #include "stability/chart_report.h"
 #include "stability/chart_rows.h"
 #include "tests/stability/linear_table.h"
@@ -108,6 +112,73 @@ TEST(StabilityNumbers, AnUnstableRunIsNoSmallError) {
   EXPECT_FALSE(number_named(numbers, "closed-loop force error")->met());
 }
 
+// gnuplot drops the entries of a legend that has no room for them, and says nothing.
+TEST(StabilityPictures, HaveEveryCurveInTheLegend) {
+  StabilityChart chart;
+  std::vector<std::string> methods = chart_methods();
+  for (int variant = 1; variant <= 5; ++variant) {
+    methods.push_back("kriging nug=1e-" + std::to_string(variant));
+  }
+  for (const std::string& method : methods) {
+    for (const double delay_s : {0.0, 0.02, 0.1}) {
+      StabilityRow row = row_of(part::kMap, method, "light", 200.0);
+      row.cell.timing = "w2_full_speed";
+      row.cell.delay_s = method == kExact ? 0.0 : delay_s;
+      row.cell.simulator_rate_Hz = method == kExact ? 0.0 : 30.0;
+      chart.rows.push_back(row);
+    }
+  }
+  for (const char* const kind : {device::kLinear, device::kStudy, device::kFriction}) {
+    StabilityRow row = row_of(part::kPlane, kExact, "light", 300.0);
+    row.cell.device = kind;
+    row.cell.virtual_damping_N_s_per_m = 1.0;
+    chart.rows.push_back(row);
+  }
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) /
+                                       ("stability_pictures_" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  const std::vector<std::filesystem::path> files = draw_pictures(chart, "auto", folder);
+  ASSERT_EQ(files.size(), 2U);
+  EXPECT_TRUE(draw_stiffness(chart, "auto", folder / "stiffness.svg"));
+  // A curve's <title> is in the file in any case; its entry of the legend is a <text>.
+  const auto has_entry = [](const std::string& svg, const std::string& title) {
+    return svg.find("<text>" + title + "</text>") != std::string::npos;
+  };
+  for (const char* const name : {"delay_light_500Hz.svg", "stiffness.svg"}) {
+    const std::string svg = evaluation::read_text(folder / name);
+    for (const std::string& method : methods) {
+      EXPECT_TRUE(has_entry(svg, method)) << name << ": " << method;
+    }
+    EXPECT_TRUE(has_entry(svg, "b > K T / 2 (Colgate, Schenkel)")) << name;
+    EXPECT_TRUE(has_entry(svg, "K &lt; b / age (hold)")) << name;
+  }
+  const std::string plane = evaluation::read_text(folder / "plane_light.svg");
+  for (const char* const title :
+       {"exact, linear device", "exact, study device", "exact, friction device",
+        "eigenvalues of the linear plant", "b > K T / 2 + |B| (Colgate, Schenkel)",
+        "min(2 b / T, 2 f_c / step), f_c = 0.1 N (Abbott, Okamura)"}) {
+    EXPECT_TRUE(has_entry(plane, title)) << title;
+  }
+  std::filesystem::remove_all(folder);
+}
+
+TEST(StabilityPage, BeginsWithUpToWhichStiffness) {
+  const StabilityChart chart;
+  const std::string page = stability_html(
+      chart, {}, {{"Up to which stiffness?", "words", "<svg id='a'/>"}}, {"<svg id='b'/>"});
+  EXPECT_LT(page.find("Up to which stiffness?"), page.find("<svg id='a'/>"));
+  EXPECT_LT(page.find("<svg id='a'/>"), page.find("<h2>Goals"));
+  EXPECT_GT(page.find("<svg id='b'/>"), page.find("<h2>Pictures"));
+}
+
+TEST(StabilityCases, OfThePictureHaveTheExactForceOnceAndEachMethodAtEveryDelay) {
+  const auto cells = stiffness_cells({"hold", kExact, "auto"});
+  ASSERT_EQ(cells.size(), 9U);
+  EXPECT_EQ(cells.front().method, kExact);
+  EXPECT_EQ(cells.back().method, "auto");
+  EXPECT_EQ(cells.back().delay_s, 0.15);
+}
+
 TEST(SceneVerdicts, TheBestIsTheMostAccurateOfTheStable) {
   StabilityChart chart;
   for (const auto& [method, error_percent, behaviour] :
@@ -138,6 +209,26 @@ TEST(RunCase, FindsTheLimitOfTheExactForceOnATable) {
   EXPECT_NEAR(row.limit.largest_stable_N_per_m, eigenvalue_limit_of(cell),
               0.1 * eigenvalue_limit_of(cell));
   EXPECT_EQ(row.run.behaviour, Behaviour::kStable);
+}
+
+TEST(RunCase, ACellThatCanNotBeJudgedIsNamedWithItsReasonOnPageAndInJson) {
+  StabilityCase cell;
+  cell.part = part::kScene;
+  cell.scene = "no <scene>";
+  cell.method = "hold";
+  cell.hand = "light";
+  cell.timing = "ideal";
+  StabilityChart chart;
+  EXPECT_FALSE(try_case(cell, linear_table(50.0), 1, chart.not_judged));
+  ASSERT_EQ(chart.not_judged.size(), 1U);
+  EXPECT_NE(chart.not_judged[0].reason.find("'no <scene>' is not known"), std::string::npos);
+
+  const std::string page = stability_html(chart, {}, {}, {});
+  EXPECT_NE(page.find("not judged: scene 'no &lt;scene&gt;"), std::string::npos) << page;
+  const auto json = nlohmann::json::parse(stability_json(chart, {}));
+  ASSERT_EQ(json.at("not_judged").size(), 1U);
+  EXPECT_EQ(json.at("not_judged")[0].at("cell"), cell.text());
+  EXPECT_EQ(json.at("not_judged")[0].at("reason"), chart.not_judged[0].reason);
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ struct Impairment {
   std::size_t queue_bytes = 30'000;  ///< waits for the rate limit; what does not fit is lost
 };
 
+// NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
 inline void PrintTo(const Impairment& impairment, std::ostream* out) { *out << impairment.name; }
 
 /// One way: takes datagrams in and gives them out when they are due, in simulated time.

@@ -8,7 +8,7 @@
 
 namespace forcegrid::testing {
 
-/// What a terminal is told when a dashboard takes its screen, and when it gives it back.
+/// What a dashboard sends to the terminal when it takes the screen, and when it gives it back.
 inline constexpr char kEnterScreen[] = "\x1b[?1049h";
 inline constexpr char kLeaveScreen[] = "\x1b[?1049l";
 

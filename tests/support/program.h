@@ -28,6 +28,7 @@ class Program {
   static Program forcegrid(std::vector<std::string> arguments);
 
   void send_signal(int number) const;
+  pid_t pid() const noexcept { return pid_; }
   /// Waits for its end. @returns its exit status, 128 + signal, or nothing after `timeout`.
   std::optional<int> wait(std::chrono::milliseconds timeout = std::chrono::seconds(60));
   std::string standard_output() const;

@@ -38,6 +38,9 @@ std::string descriptor(int bytes, int usage_page_low = 0xAB) {
 
 // A computer in a folder: /sys, /dev, /proc and the folders of udev's rules.
 class Computer : public ::testing::Test {
+ public:
+  ~Computer() override { fs::remove_all(root_); }
+
  protected:
   Computer() : root_(::testing::TempDir() + "computer_" + std::to_string(getpid())) {
     fs::remove_all(root_);
@@ -55,7 +58,6 @@ class Computer : public ::testing::Test {
       known_.push_back(profiles::load_device_profile(name));
     }
   }
-  ~Computer() override { fs::remove_all(root_); }
 
   static void write(const fs::path& file, const std::string& text) {
     fs::create_directories(file.parent_path());
@@ -102,7 +104,7 @@ class Computer : public ::testing::Test {
     return found[0].obstacles[0];
   }
 
-  void install_rule() const { write(root_ / "etc/udev/rules.d/70-forcegrid.rules", "#\n"); }
+  void install_rule() const { write(root_ / "etc/udev/rules.d/10-forcegrid.rules", "#\n"); }
 
   fs::path root_;
   SurveyRoots roots_;
@@ -139,8 +141,8 @@ TEST_F(Computer, NamesTheOneStepThatIsMissingForPermission) {
   EXPECT_EQ(only_obstacle().kind, "permission");
   EXPECT_TRUE(only_obstacle().blocks);
   EXPECT_THAT(only_obstacle().what, HasSubstr("0600"));
-  EXPECT_THAT(only_obstacle().what, HasSubstr("70-forcegrid.rules is not installed"));
-  EXPECT_THAT(only_obstacle().remedy, HasSubstr("sudo cp udev/70-forcegrid.rules"));
+  EXPECT_THAT(only_obstacle().what, HasSubstr("10-forcegrid.rules is not installed"));
+  EXPECT_THAT(only_obstacle().remedy, HasSubstr("sudo cp udev/10-forcegrid.rules"));
 
   // The rule, but no group for it to give the node to.
   install_rule();
@@ -163,8 +165,8 @@ TEST_F(Computer, NamesTheOneStepThatIsMissingForPermission) {
   EXPECT_THAT(only_obstacle().what, HasSubstr("something else denies access"));
 
   // A rule that a package installed counts as well.
-  fs::rename(root_ / "etc/udev/rules.d/70-forcegrid.rules",
-             root_ / "lib/udev/rules.d/70-forcegrid.rules");
+  fs::rename(root_ / "etc/udev/rules.d/10-forcegrid.rules",
+             root_ / "lib/udev/rules.d/10-forcegrid.rules");
   EXPECT_THAT(only_obstacle().what, ::testing::Not(HasSubstr("not installed")));
 }
 
@@ -185,12 +187,35 @@ TEST_F(Computer, NamesTheProcessThatDrivesTheDevice) {
   EXPECT_THAT(busy.what, HasSubstr("4711 (forcegrid)"));
   EXPECT_THAT(busy.remedy, HasSubstr("kill 4711"));
 
-  // Somebody else's program locks nothing; it is told, but does not block.
+  // Somebody else's program locks nothing, but could command the motors.
   write(root_ / "proc/locks", "");
   fs::create_directories(root_ / "proc/4712/fd");
   fs::create_symlink("/dev/hidraw0", root_ / "proc/4712/fd/7");
   EXPECT_THAT(only_obstacle().what, HasSubstr("4712 (bash)"));
+  EXPECT_TRUE(only_obstacle().blocks);
+  EXPECT_THAT(only_obstacle().remedy, HasSubstr("run with --share"));
+}
+
+TEST_F(Computer, NamesTheFileThatOpensTheNodeToEveryAccount) {
+  add_w2();
+  chmod((root_ / "dev/hidraw0").c_str(), 0666);
+  EXPECT_EQ(only_obstacle().kind, "open to all");
   EXPECT_FALSE(only_obstacle().blocks);
+  EXPECT_THAT(only_obstacle().what, HasSubstr("0666: every account of this computer may command"));
+  EXPECT_THAT(only_obstacle().what, HasSubstr("no udev rule does that"));
+  EXPECT_THAT(only_obstacle().remedy, HasSubstr("sudo chmod o-rw /dev/hidraw0"));
+
+  const std::string file = root_ / "etc/udev/rules.d/99-vendor.rules";
+  write(file, "# Robots\n\nKERNEL==\"hidraw*\", ATTRS{idVendor}==\"1234\", MODE=\"0666\"\n");
+  EXPECT_THAT(only_obstacle().what, HasSubstr(file + ":3 does that (MODE=\"0666\")"));
+  EXPECT_THAT(only_obstacle().remedy, HasSubstr("sudo cp udev/10-forcegrid.rules"));
+  install_rule();
+  EXPECT_THAT(only_obstacle().remedy, HasSubstr("sudo make install-udev"));
+
+  // Final and before ours.
+  write(root_ / "lib/udev/rules.d/05-vendor.rules", "SUBSYSTEM==\"hidraw\", MODE:=\"0666\"\n");
+  EXPECT_THAT(only_obstacle().what, HasSubstr("05-vendor.rules:1 does that (MODE:=\"0666\")"));
+  EXPECT_THAT(only_obstacle().remedy, HasSubstr("no later rule can undo it"));
 }
 
 TEST_F(Computer, ReadsTheLocksOfARealKernel) {

@@ -21,6 +21,9 @@ constexpr char kSerial[] = "SN-778899";
 
 // A computer in a folder, with a device whose serial number is also in its name.
 class ReportOfAComputer : public ::testing::Test {
+ public:
+  ~ReportOfAComputer() override { fs::remove_all(root_); }
+
  protected:
   ReportOfAComputer()
       : root_(::testing::TempDir() + "report_" + std::to_string(getpid())),
@@ -65,7 +68,6 @@ class ReportOfAComputer : public ::testing::Test {
          .measured = {{"p50_us", 9.0}},
          .histogram = {{10.0, 500}}}};
   }
-  ~ReportOfAComputer() override { fs::remove_all(root_); }
 
   std::string report() const {
     return doctor_report(content_, system_.roots,

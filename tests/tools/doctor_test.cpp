@@ -22,6 +22,9 @@ using ::testing::HasSubstr;
 
 // A computer in a folder with which nothing is wrong, to be spoilt one thing at a time.
 class Patient : public ::testing::Test {
+ public:
+  ~Patient() override { fs::remove_all(root_); }
+
  protected:
   Patient() : root_(::testing::TempDir() + "patient_" + std::to_string(getpid())) {
     fs::remove_all(root_);
@@ -34,7 +37,7 @@ class Patient : public ::testing::Test {
     system_.user.plugdev = getgid();
     system_.user.plugdev_listed = system_.user.plugdev_active = true;
     system_.user.may_open = [](const std::string&) { return true; };
-    write("etc/udev/rules.d/70-forcegrid.rules", udev_rule_text());
+    write("etc/udev/rules.d/10-forcegrid.rules", udev_rule_text());
     fs::create_directories(root_ / "etc/security/limits.d");
     write("sys/kernel/realtime", "1\n");
     write("proc/sys/kernel/version", "#1 SMP PREEMPT_RT Debian 6.1.1\n");
@@ -55,7 +58,6 @@ class Patient : public ::testing::Test {
       known_.push_back(profiles::load_device_profile(name));
     }
   }
-  ~Patient() override { fs::remove_all(root_); }
 
   void write(const std::string& file, const std::string& text) const {
     fs::create_directories((root_ / file).parent_path());
@@ -89,9 +91,9 @@ TEST_F(Patient, IsWell) {
 }
 
 TEST_F(Patient, LacksTheRuleOrHasAnOldOne) {
-  write("etc/udev/rules.d/70-forcegrid.rules", "# of last year\n");
+  write("etc/udev/rules.d/10-forcegrid.rules", "# of last year\n");
   EXPECT_EQ(finding("udev rule").verdict, Verdict::kWarn);
-  fs::remove(root_ / "etc/udev/rules.d/70-forcegrid.rules");
+  fs::remove(root_ / "etc/udev/rules.d/10-forcegrid.rules");
   const Finding found = finding("udev rule");
   EXPECT_EQ(found.verdict, Verdict::kBad);
   EXPECT_THAT(found.remedy, HasSubstr("udevadm control --reload"));

@@ -168,8 +168,8 @@ TEST(Recorder, EndsInTimeWhereTheDiskFillsUp) {
   options.free_bytes = [&asked](const std::string&) -> std::uintmax_t {
     return ++asked == 1 ? 100 << 20 : 10 << 20;
   };
-  std::string told;
-  options.trouble = [&told](const std::string& sentence) { told = sentence; };
+  std::string message;
+  options.trouble = [&message](const std::string& sentence) { message = sentence; };
   Recorder recorder(options);
   for (std::uint64_t i = 0; i < 100; ++i) {
     recorder.push(cycle(i));
@@ -183,7 +183,7 @@ TEST(Recorder, EndsInTimeWhereTheDiskFillsUp) {
   EXPECT_EQ(end.cycles_lost, 1u);
   EXPECT_THAT(end.trouble, HasSubstr("64 MB"));
   EXPECT_THAT(end.trouble, HasSubstr(file));
-  EXPECT_EQ(told, end.trouble);
+  EXPECT_EQ(message, end.trouble);
   EXPECT_EQ(Hdf5Reader(file).rows("/cycles/cycle"), 100u);
 }
 

@@ -80,8 +80,8 @@ TEST(Stiffest, IsTheLargestOverAllSamplesAndDirections) {
   EXPECT_TRUE(std::isnan(stiffest_N_per_m(trace)));
 }
 
-// On a spring the tangent is the reference; what is held lags by 1 to 2 periods of the
-// simulator, 1.5 in the mean, so that its error is about 2 sin(w 1.5 T / 2) of the force's RMS.
+// On a spring the tangent is the reference. What is held lags by 1 to 2 periods of the simulator,
+// 1.5 on average, so that its error is about 2 sin(w 1.5 T / 2) of the force's RMS.
 TEST(JudgeOnPath, FindsTheErrorsThatASpringGives) {
   const evaluation::Trace trace = spring_trace();
   TuningRow tangent = setting("tangent");

@@ -114,19 +114,44 @@ TEST(Tuning, DrawsAllPanelsAlsoOfMethodsWithoutAGrid) {
   for (const char* method : {"forcegrid cells=13", "rls"}) {
     std::vector<TuningRow> rows = {row(method, 250.0, 1.0, 0.5), row(method, 500.0, 1.0, 0.4)};
     rows[1].measured = false;
-    const auto files = draw_tuning(folder, rows, choose(rows, {}), {});
-    for (const std::string& file : files) {
+    for (const std::string& file : draw_tuning(folder, rows, choose(rows, {}), {})) {
       EXPECT_GT(std::filesystem::file_size(file), 100u) << file;
     }
-    std::ifstream csv(files.at(0));
+    std::ifstream csv(write_tuning_csv(folder, rows, choose(rows, {})));
     std::string head, first, second;
     std::getline(csv, head);
     std::getline(csv, first);
     std::getline(csv, second);
-    EXPECT_THAT(first, HasSubstr(std::string("\"") + method + "\",250,1000,0.5,1,0.025,nan,1,0.5"));
+    EXPECT_THAT(first,
+                HasSubstr(std::string("\"") + method + "\",250,1000,0.5,1,0.025,0,nan,1,0.5"));
     EXPECT_TRUE(first.ends_with(",1")) << "the chosen one";
     EXPECT_TRUE(second.ends_with(",nan,0")) << "not measured: " << second;
   }
+  std::filesystem::remove_all(folder);
+}
+
+// gnuplot has no logarithm of zero; a row at the timer's floor says so.
+TEST(Tuning, DrawsCostsErrorsAndTolerancesOfZero) {
+  const std::string folder = ::testing::TempDir() + "draw_zero_" + std::to_string(getpid());
+  std::filesystem::create_directories(folder);
+  std::vector<TuningRow> rows = {row("hold", 250.0, 0.0, 20.0), row("rls", 250.0, 0.001, 0.0),
+                                 row("linear", 250.0, 0.5, 1.0)};
+  rows[1].timer_floor_us = 0.001;
+  const TuningTolerance tolerance{.error_percent = 0.0};
+  const TuningChoice choice = choose(rows, tolerance);
+  ASSERT_EQ(choice.chosen, 1u);
+  EXPECT_THAT(choice.reason, HasSubstr("its method taking at most 2.5e-05 % of a processor"));
+  const auto files = draw_tuning(folder, rows, choice, tolerance);
+  ASSERT_EQ(files.size(), 2u);
+  for (const std::string& file : files) {
+    EXPECT_GT(std::filesystem::file_size(file), 1000u) << file;
+  }
+  EXPECT_TRUE(rows[1].at_timer_floor());
+  EXPECT_FALSE(rows[2].at_timer_floor());
+  std::ifstream csv(write_tuning_csv(folder, rows, choice));
+  std::ostringstream text;
+  text << csv.rdbuf();
+  EXPECT_THAT(text.str(), HasSubstr("\"rls\",250,1000,0,0.001,2.5e-05,1,"));
   std::filesystem::remove_all(folder);
 }
 

@@ -36,15 +36,17 @@ std::string key_of(const std::string& serial, const std::string& lasting_url) {
 }
 
 class UnitProfile : public ::testing::Test {
+ public:
+  ~UnitProfile() override {
+    ::unsetenv("XDG_CONFIG_HOME");
+    fs::remove_all(folder_);
+  }
+
  protected:
   UnitProfile() {
     fs::remove_all(folder_);
     fs::create_directories(folder_);
     ::setenv("XDG_CONFIG_HOME", folder_.c_str(), 1);
-  }
-  ~UnitProfile() override {
-    ::unsetenv("XDG_CONFIG_HOME");
-    fs::remove_all(folder_);
   }
 
   const fs::path folder_ =

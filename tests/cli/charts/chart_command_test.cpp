@@ -9,6 +9,7 @@
 #include <csignal>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -29,11 +30,11 @@ constexpr std::chrono::seconds kPatience{200};
 class ChartAccuracy : public ::testing::Test {
  protected:
   // The force table is made once for all tests of a run.
-  static void SetUpTestSuite() { cache_ = fresh_folder("chart_cache"); }
+  static void SetUpTestSuite() { shared_cache = fresh_folder("chart_cache"); }
 
   std::vector<std::string> command(const std::string& out, const std::string& trajectories,
                                    const std::string& conditions, const std::string& methods) {
-    return {"chart",     "accuracy", "--out",          out,          "--cache",      cache_,
+    return {"chart",     "accuracy", "--out",          out,          "--cache",      shared_cache,
             "--scenes",  "small",    "--trajectories", trajectories, "--conditions", conditions,
             "--methods", methods};
   }
@@ -61,12 +62,12 @@ class ChartAccuracy : public ::testing::Test {
     return nullptr;
   }
 
-  static std::string cache_;
+  static std::string shared_cache;
   std::string out_;
   std::string error_;
 };
 
-std::string ChartAccuracy::cache_;
+std::string ChartAccuracy::shared_cache;
 
 TEST_F(ChartAccuracy, JudgesWritesAndGoesOnWhereItWas) {
   const std::string folder = fresh_folder("chart");
@@ -114,6 +115,67 @@ TEST_F(ChartAccuracy, JudgesWritesAndGoesOnWhereItWas) {
   EXPECT_THAT(out_, HasSubstr("14 rows (10 of them from an earlier call)"));
 }
 
+// The lines of accuracy.csv without the columns of costs, which are never the same twice.
+std::vector<std::string> rows_without_costs(const std::string& folder) {
+  std::istringstream lines(text_of(folder + "/accuracy.csv"));
+  const auto cells_of = [](const std::string& line) {
+    std::vector<std::string> cells;
+    std::istringstream stream(line);
+    for (std::string cell; std::getline(stream, cell, ',');) {
+      cells.push_back(cell);
+    }
+    return cells;
+  };
+  std::vector<std::string> rows;
+  std::vector<std::string> names;
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> cells = cells_of(line);
+    names = names.empty() ? cells : names;
+    std::string row;
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      const std::string name = i < names.size() ? names[i] : "";
+      row += name.find("_ns") != std::string::npos || name.find("_us") != std::string::npos
+                 ? ""
+                 : cells[i] + ",";
+    }
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+// As a batch engine starts them: two processes, a part each, then one that puts them together.
+TEST_F(ChartAccuracy, ComesOutTheSameInPartsThatGnuParallelStarts) {
+  const std::string whole = fresh_folder("chart_whole");
+  const std::string parts = fresh_folder("chart_parts");
+  const auto arguments = [&](const std::string& out) {
+    return command(out, "chirp,circle,poke", "ideal,delay100", "hold;linear");
+  };
+  ASSERT_EQ(run(arguments(whole)), 0) << error_;
+  std::vector<std::string> shards = {"parallel", "--will-cite", "-j2", "--halt", "now,fail=1"};
+  for (const std::string& word : forcegrid::testing::forcegrid_command(arguments(parts + "/{}"))) {
+    shards.push_back(word.find(';') != std::string::npos ? "'" + word + "'" : word);
+  }
+  shards.insert(shards.end(), {"--shard", "{}/2", ":::", "1", "2"});
+  Program parallel(shards);
+  ASSERT_EQ(parallel.wait(kPatience), 0) << parallel.standard_error();
+  EXPECT_THAT(parallel.standard_output(), HasSubstr("Shard 1/2: 6 rows"));
+  EXPECT_THAT(parallel.standard_output(), HasSubstr("Shard 2/2: 6 rows"));
+
+  std::vector<std::string> merging = arguments(parts + "/all");
+  merging.insert(merging.end(), {"--merge", parts + "/1", parts + "/2"});
+  ASSERT_EQ(run(merging), 0) << error_;
+  EXPECT_THAT(error_, HasSubstr("merged 12 rows of 2 shards"));
+  EXPECT_THAT(out_, HasSubstr("12 rows (12 of them from an earlier call)"));
+  const std::vector<std::string> expected = rows_without_costs(whole);
+  EXPECT_EQ(expected.size(), 13U);
+  EXPECT_EQ(rows_without_costs(parts + "/all"), expected);
+
+  std::vector<std::string> wrong = arguments(whole);
+  wrong.insert(wrong.end(), {"--shard", "3/2"});
+  EXPECT_EQ(run(wrong), 2);
+  EXPECT_THAT(error_, HasSubstr("2/8"));
+}
+
 TEST_F(ChartAccuracy, GoesOnAfterCtrlC) {
   const std::string folder = fresh_folder("chart_stopped");
   const std::vector<std::string> arguments =
@@ -129,7 +191,7 @@ TEST_F(ChartAccuracy, GoesOnAfterCtrlC) {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     program.send_signal(SIGINT);
-    EXPECT_EQ(program.wait(kPatience), 1);
+    EXPECT_EQ(program.wait(kPatience), 130);
     EXPECT_THAT(program.standard_error(), HasSubstr("repeat the command to continue"));
   }
   ASSERT_GE(lines, 2U);
@@ -156,6 +218,37 @@ TEST_F(ChartAccuracy, NamesWhatItDoesNotKnow) {
   EXPECT_THAT(error_, HasSubstr("--out"));
   EXPECT_EQ(run(command(folder, "chirp", "ideal", "tangent")), 1);
   EXPECT_THAT(error_, HasSubstr("add the condition stiffness"));
+}
+
+TEST_F(ChartAccuracy, BeginsWithHowAccurateAndUpToWhichStiffness) {
+  const std::string folder = fresh_folder("chart_first_screen");
+  const std::vector<std::string> arguments{
+      "chart",    "accuracy",  "--quick",           "--out",
+      folder,     "--cache",   shared_cache,        "--methods",
+      "hold;rls", "--figures", "small/chirp/ideal", "--goals-for",
+      "rls"};
+  ASSERT_EQ(run(arguments), 0) << error_;
+  const std::string page = text_of(folder + "/index.html");
+  const std::size_t first = page.find("How accurate, at what cost?");
+  const std::size_t second = page.find("Up to which stiffness?");
+  ASSERT_NE(first, std::string::npos);
+  EXPECT_LT(first, second);
+  EXPECT_LT(second, page.find("<h2>Goals"));
+  const std::string picture = text_of(folder + "/stiffness_over_delay.svg");
+  for (const char* const name : {"exact", "hold", "rls", "K &lt; b / age (hold)"}) {
+    EXPECT_THAT(picture, HasSubstr(std::string("<text>") + name + "</text>"));
+  }
+  EXPECT_THAT(out_, HasSubstr(" goals met; "));
+  // What a goal misses, and by how much, is no surprise.
+  for (const json& number : result(folder).at("numbers")) {
+    if (!number.at("measured").is_null()) {
+      EXPECT_EQ(number.at("met").get<bool>(), number.at("ratio").get<double>() <= 1.0) << number;
+    }
+  }
+  std::vector<std::string> without = arguments;
+  without.emplace_back("--no-stiffness-picture");
+  ASSERT_EQ(run(without), 0) << error_;
+  EXPECT_EQ(text_of(folder + "/index.html").find("Up to which stiffness?"), std::string::npos);
 }
 
 TEST_F(ChartAccuracy, NamesAFolderThatItCantUse) {

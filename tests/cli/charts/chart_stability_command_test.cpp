@@ -25,10 +25,10 @@ constexpr std::chrono::seconds kPatience{150};
 
 class ChartStability : public ::testing::Test {
  protected:
-  static void SetUpTestSuite() { cache_ = fresh_folder("stability_cache"); }
+  static void SetUpTestSuite() { shared_cache = fresh_folder("stability_cache"); }
 
   int run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {"chart", "stability", "--quick", "--cache", cache_});
+    arguments.insert(arguments.begin(), {"chart", "stability", "--quick", "--cache", shared_cache});
     Program program = Program::forcegrid(arguments);
     const auto status = program.wait(kPatience);
     out_ = program.standard_output();
@@ -46,12 +46,12 @@ class ChartStability : public ::testing::Test {
     return nullptr;
   }
 
-  static std::string cache_;
+  static std::string shared_cache;
   std::string out_;
   std::string error_;
 };
 
-std::string ChartStability::cache_;
+std::string ChartStability::shared_cache;
 
 TEST_F(ChartStability, ChartsSomeCellsAndGoesOnWhereItWas) {
   const std::string folder = fresh_folder("stability");

@@ -54,11 +54,13 @@ class Emulator {
 };
 
 class CalibrateCommand : public ::testing::Test {
+ public:
+  ~CalibrateCommand() override { ::unsetenv("XDG_CONFIG_HOME"); }
+
  protected:
   CalibrateCommand() : folder_(fresh_folder("calibrate")) {
     ::setenv("XDG_CONFIG_HOME", folder_.c_str(), 1);
   }
-  ~CalibrateCommand() override { ::unsetenv("XDG_CONFIG_HOME"); }
 
   bool anything_written() const { return fs::exists(folder_ + "/forcegrid/devices"); }
 
@@ -154,7 +156,7 @@ TEST_F(CalibrateCommand, CtrlCEndsItWithZeroCurrentAndNothingWritten) {
                           "--calibrated", "--no-range", "--yes", "--let-go-s", "0"});
   ASSERT_TRUE(calibrate.wait_for_text("makes its strokes"));
   calibrate.send_signal(SIGINT);
-  EXPECT_EQ(calibrate.wait(kTimeout), 1);
+  EXPECT_EQ(calibrate.wait(kTimeout), 130);
   EXPECT_THAT(calibrate.standard_error(), HasSubstr("stopped"));
   EXPECT_FALSE(anything_written());
   const json report = emulator.report();

@@ -44,6 +44,15 @@ TEST(DevicesCommand, HasAnExitStatusForEachEnd) {
   Program refused = Program::forcegrid({"devices", "--root", nothing, "--usbip", "127.0.0.1:1"});
   EXPECT_EQ(refused.wait(kTimeout), 1);
   EXPECT_THAT(refused.standard_error(), HasSubstr("127.0.0.1:1: Connection refused"));
+  EXPECT_THAT(refused.standard_output(), HasSubstr("No haptic device found where it could be"));
+  Program emulator =
+      Program::forcegrid({"emulate", "--device", "vintage", "--listen", "127.0.0.1:0"});
+  const std::string line = emulator.wait_for_line("listening ");
+  Program some = Program::forcegrid({"devices", "--root", nothing, "--usbip", "127.0.0.1:1",
+                                     "--usbip", line.substr(10, line.find(' ', 10) - 10)});
+  EXPECT_EQ(some.wait(kTimeout), 1) << "though there is one that can be used";
+  EXPECT_THAT(some.standard_output(), HasSubstr("ready"));
+  EXPECT_THAT(some.standard_error(), HasSubstr("127.0.0.1:1: Connection refused"));
   Program port = Program::forcegrid({"devices", "--root", nothing, "--usbip", "127.0.0.1:x"});
   EXPECT_EQ(port.wait(kTimeout), 1);
   EXPECT_THAT(port.standard_error(), HasSubstr("HOST:PORT"));

@@ -62,7 +62,7 @@ TEST(DoctorCommand, MeasuresTheRoundTripsOfDeviceAndSimulator) {
     for (const json& bin : one.at("histogram")) {
       counted += bin.at("count").get<double>();
     }
-    const json measured = one.at("measured");
+    const json& measured = one.at("measured");
     EXPECT_GT(counted, 0.0) << check;
     EXPECT_EQ(counted, measured.value("wakeups", measured.value("round_trips", 0.0))) << check;
   }
@@ -72,7 +72,7 @@ TEST(DoctorCommand, TellsTheVersionsOfTheProgramAndOfAllItStandsOn) {
   Program doctor = Program::forcegrid({"doctor", "--seconds", "0", "--json"});
   ASSERT_TRUE(doctor.wait(kTimeout).has_value());
   const json result = json::parse(doctor.standard_output());
-  const json versions = result.at("versions");
+  const json& versions = result.at("versions");
   const std::string words = finding(result, "versions").at("what");
   for (const char* part : {"forcegrid", "commit", "libusb", "hidapi", "libsodium", "zlib", "HDF5",
                            "glibc", "kernel", "Eigen", "Highway", "CLI11", "compiler"}) {
@@ -100,7 +100,7 @@ TEST(DoctorCommand, FixesWhatItCanAndSaysSo) {
   const json result = json::parse(fix.standard_output());
   EXPECT_EQ(finding(result, "udev rule").at("verdict"), "good");
   EXPECT_EQ(finding(result, "CPU governor").at("verdict"), "good");
-  EXPECT_THAT(result.at("fixed").dump(), HasSubstr("70-forcegrid.rules"));
+  EXPECT_THAT(result.at("fixed").dump(), HasSubstr("10-forcegrid.rules"));
   EXPECT_THAT(result.at("fixed").dump(), HasSubstr("scaling_governor"));
   std::ifstream written(governor);
   std::string word;

@@ -76,8 +76,8 @@ TEST(SampleGate, RefusesOutliersAndHardlyAnythingElse) {
       (lie ? passed_lies : passed_references) += 1;
     }
   }
-  // Those that happen to look like an object that gives way can't be told; what follows on them may
-  // then seem wrong.
+  // Wrong samples that happen to look like an object that gives way can't be detected; the samples
+  // after them may then seem wrong.
   EXPECT_GT(passed_references, 0.998 * references);
   EXPECT_LT(passed_lies, 0.2 * lies);
   EXPECT_EQ(gate.refused(),

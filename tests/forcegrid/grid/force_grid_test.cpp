@@ -145,7 +145,7 @@ TYPED_TEST(ForceGrids, IsContinuousAcrossCellFaces) {
       Vector3d above = at;
       below[axis] -= 1e-9;
       above[axis] += 1e-9;
-      // 2 nm apart at slopes below 2 N a cell of at least 8 mm, and single precision.
+      // 2 nm apart at slopes below 2 N per cell of at least 8 mm, and single precision.
       EXPECT_LT((grid.sample(below).force_W - grid.sample(above).force_W).norm(), 5e-6)
           << "axis " << axis << " face " << face;
     }

@@ -132,9 +132,11 @@ TEST_F(GrowingCholeskyTest, SurvivesARowThatRoundingLeavesNothingOf) {
 
 // Every instruction set that this processor has, against the plain loops.
 class Lanes : public ::testing::TestWithParam<int64_t> {
+ public:
+  ~Lanes() override { hwy::SetSupportedTargetsForTest(0); }
+
  protected:
   Lanes() { hwy::SetSupportedTargetsForTest(GetParam()); }
-  ~Lanes() override { hwy::SetSupportedTargetsForTest(0); }
   double number() { return uniform_(random_); }
 
   std::mt19937 random_{kSeed};

@@ -61,13 +61,13 @@ TEST(DictionaryField, KnowsNothingAtFirst) {
   EXPECT_GT(field.read(Vector3d::Zero(), kNoHistory).nearest_m2, 1e3);
 }
 
-// Of three samples within 4 mm, on one line, the field tells the forces within 10 mm around.
+// From three samples within 4 mm, on one line, the field predicts the forces within 10 mm around.
 TEST(DictionaryField, LearnsInAFewSamplesThatAnotherContactIsStifferOrSofter) {
   const AnchoredSprings object(kSeed);
   for (const double scale : {0.7, 1.0, 1.3}) {
     const AnchoredSprings elsewhere(kSeed, scale);
     double error[2] = {0.0, 0.0};
-    for (const bool told : {false, true}) {
+    for (const bool with_contact : {false, true}) {
       Plain field{FieldSettings{}};
       for (const Vector3d& p : scattered(30, 0.012)) {
         field.take(observe(p, object.force_N(p)));
@@ -75,7 +75,7 @@ TEST(DictionaryField, LearnsInAFewSamplesThatAnotherContactIsStifferOrSofter) {
       for (const double along_m : {0.001, 0.0025, 0.004}) {
         const Vector3d p = along_m * Vector3d(0.6, 0.0, 0.8);
         Observation o = observe(p, elsewhere.force_N(p));
-        o.contact = told ? 1 : 0;
+        o.contact = with_contact ? 1 : 0;
         field.take(o);
       }
       double error_N2 = 0.0;
@@ -84,7 +84,7 @@ TEST(DictionaryField, LearnsInAFewSamplesThatAnotherContactIsStifferOrSofter) {
         error_N2 += (force_N(field, p) - elsewhere.force_N(p)).squaredNorm();
         reference_N2 += elsewhere.force_N(p).squaredNorm();
       }
-      error[told ? 1 : 0] = std::sqrt(error_N2 / reference_N2);
+      error[with_contact ? 1 : 0] = std::sqrt(error_N2 / reference_N2);
     }
     EXPECT_LT(error[1], 0.02) << "scale " << scale << ", seed " << kSeed;
     if (scale != 1.0) {
@@ -93,8 +93,8 @@ TEST(DictionaryField, LearnsInAFewSamplesThatAnotherContactIsStifferOrSofter) {
   }
 }
 
-// Where the tool grabs, the force tells nothing. How stiff the object is there tells how stiff it
-// is 10 mm around.
+// Where the tool grabs, the force shows nothing. The stiffness there shows how stiff the object is
+// 10 mm around.
 TEST(DictionaryField, LearnsFromTheFirstStiffnessThatAnotherContactIsStifferOrSofter) {
   const AnchoredSprings object(kSeed);
   for (const double scale : {0.7, 1.0, 1.3}) {
@@ -398,7 +398,7 @@ TEST(DictionaryField, RemembersAlongASlowMotion) {
 }
 
 // A stiff object in a light hand: all motion is within a fifth of the spacing, so only the force
-// tells samples apart.
+// distinguishes samples.
 TEST(DictionaryField, LearnsTheStiffnessOfAStiffObjectWithinAFifthOfAMillimetre) {
   const Matrix3d j = Vector3d(-2000.0, -3000.0, -4000.0).asDiagonal();
   for (const double spacing_N : {0.1, 1e6}) {
@@ -526,7 +526,7 @@ TEST(DictionaryField, TakesAnswersToQueriesWhereItKnowsNothingAndKeepsItsNewestS
               1e-3);
 }
 
-// Force on a velocity as well as on position: only history features can tell them apart.
+// Force on a velocity as well as on position: only history features can distinguish them.
 TEST(DictionaryField, LearnsADamperFromHistoryFeatures) {
   const AnchoredSprings object(kSeed);
   const HandMotion motion(kSeed);

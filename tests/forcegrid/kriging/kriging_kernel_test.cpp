@@ -118,7 +118,7 @@ TEST_P(KernelShapes, CovariesStiffnessWithStiffnessAsTheSecondDerivative) {
   }
 }
 
-// Forces and stiffnesses of the same field can't be told arbitrary covariances.
+// Forces and stiffnesses of the same field can't have arbitrary covariances.
 TEST_P(KernelShapes, MakesPositiveDefiniteMatricesOfForcesAndStiffnesses) {
   constexpr int kForces = 10;
   constexpr int kStiffnesses = 4;

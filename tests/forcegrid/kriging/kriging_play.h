@@ -27,6 +27,7 @@ struct Play {
   std::function<Eigen::Matrix3d(const Eigen::Vector3d& d_m)>
       stiffness_N_per_m;  ///< empty: not on the link
   double duration_s = 8.0;
+  double first_s = 1.0;  ///< errors before and after this time are told apart
   double noise_N = 0.0;
   double delay_s = 0.0;
   double requests_per_s = 0.0;
@@ -86,7 +87,7 @@ struct Play {
       const ForceEstimate estimate = method.force(t_s, kPoint_W + d_m);
       const double error_N2 = (estimate.force_W - reference_N).squaredNorm();
       reference_N2 += reference_N.squaredNorm();
-      if (t_s < 1.0) {
+      if (t_s < first_s) {
         first_N2 += error_N2;
         ++first;
       } else {

@@ -178,7 +178,7 @@ TEST(SampleStore, ThinsOutFarFromTheToolWhenItIsFull) {
   EXPECT_GT(count[2], count[0]);
   for (int place = 0; place < 2; ++place) {
     EXPECT_GT(count[place], 60);
-    // What is left of a place covers it: no gap is wider than 8 of its 24 mm.
+    // The remaining samples of a place cover it: no gap is wider than 8 of its 24 mm.
     for (const Vector3d& p : scattered(50, 0.010, kSeed + 9)) {
       double nearest_m = 1.0;
       for (const Vector3d& each : kept) {

@@ -58,7 +58,7 @@ class AnchoredSprings {
   std::array<Spring, 12> springs_;
 };
 
-/// A seeded motion of a hand: 20 sines an axis from 0.1 to 3 Hz, 6 mm RMS, from rest at zero.
+/// A seeded motion of a hand: 20 sines per axis from 0.1 to 3 Hz, 6 mm RMS, from rest at zero.
 class HandMotion {
  public:
   explicit HandMotion(unsigned seed) {

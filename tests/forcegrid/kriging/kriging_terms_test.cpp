@@ -22,7 +22,7 @@ constexpr unsigned kSeed = 11;
 constexpr double kPeriod_s = 1.0 / 30.0;
 constexpr int kSamples = 150;
 
-// The relative error at the last second's samples, foretold one period ahead.
+// The relative error at the last second's samples, predicted one period ahead.
 struct Score {
   double squares_N2 = 0.0;
   double reference_N2 = 0.0;

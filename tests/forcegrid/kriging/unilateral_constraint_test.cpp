@@ -198,7 +198,7 @@ struct Explored {
   int most_constraints = 0;
 };
 
-// Samples along a hand's motion, each predicted before it is told.
+// Samples along a hand's motion, each predicted before the field takes it.
 Explored explore(UnilateralConstraintField<double>& field, const Force& object_N,
                  const Force& wall_N, int samples, unsigned seed, double noise_N = 0.0) {
   const HandMotion motion(seed);
@@ -303,7 +303,7 @@ TEST(UnilateralConstraintField, FindsTwoWallsAndReplacesOneThatDoesNotHold) {
   }
 }
 
-// Whatever it is told: a wall that softens, one that sticks, noise, an object that is cut.
+// For any samples: a wall that softens, one that sticks, noise, an object that is cut.
 TEST(UnilateralConstraintField, NeverPulls) {
   const AnchoredSprings object(kSeed);
   const Force objects[] = {

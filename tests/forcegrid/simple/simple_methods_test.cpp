@@ -190,17 +190,17 @@ TEST(SimpleMethods, IgnoreLateSamplesAndAnswersToOthersRequests) {
   for (const char* name : {"hold", "linear", "secant", "broyden", "rls", "tangent"}) {
     SCOPED_TRACE(name);
     const auto method = in_contact(name);
-    const auto told = [](double time_s, double x_m, double force_N) {
+    const auto pulled_at = [](double time_s, double x_m, double force_N) {
       Sample sample = sample_at(time_s, Vector3d(x_m, 0, 0), Vector3d(force_N, 0, 0));
       sample.has_stiffness = true;
       sample.stiffness_W = -100.0 * Matrix3d::Identity();
       return sample;
     };
-    method->take_sample(told(0.1, 0.001, -0.1));
-    method->take_sample(told(0.2, 0.003, -0.3));
+    method->take_sample(pulled_at(0.1, 0.001, -0.1));
+    method->take_sample(pulled_at(0.2, 0.003, -0.3));
     const Vector3d before_N = force_of(*method, 0.25, Vector3d(0.004, 0, 0));
-    method->take_sample(told(0.15, 0.002, 9.0));
-    Sample answer = told(0.3, 0.002, 9.0);
+    method->take_sample(pulled_at(0.15, 0.002, 9.0));
+    Sample answer = pulled_at(0.3, 0.002, 9.0);
     answer.from_query = true;
     method->take_sample(answer);
     EXPECT_EQ(force_of(*method, 0.25, Vector3d(0.004, 0, 0)), before_N);

@@ -154,7 +154,7 @@ TEST(SolverMotion, OfSeveralPassesTheShortestTimeOfEachTickCounts) {
   const SolverMotion motion(scene, circle_W(100.0, 0.3), 100.0, 0.1);
   int made = 0;
   std::string order;
-  // Busy for so many milliseconds a tick: 3, then 1, then 6.
+  // Busy for so many milliseconds per tick: 3, then 1, then 6.
   const auto busy = [&](char name) {
     order += name;
     const double busy_s = std::array{3e-3, 1e-3, 6e-3}.at(static_cast<std::size_t>(made++ / 2));

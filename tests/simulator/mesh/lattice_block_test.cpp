@@ -16,7 +16,6 @@
 namespace forcegrid::simulator {
 namespace {
 
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 // Looks the other way round from the generator: from the distance between the ends.

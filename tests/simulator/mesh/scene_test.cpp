@@ -234,7 +234,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Scene, AFileWithoutObjectsIsRefused) {
   EXPECT_THAT(complaint(file_with(kHead)), HasSubstr("key 'object': missing"));
   EXPECT_THAT(complaint(file_with(std::string(kHead) + "object = 3\n")),
-              HasSubstr("it is no list of tables"));
+              HasSubstr("it is not a list of tables"));
 }
 
 }  // namespace

@@ -82,7 +82,7 @@ TEST(ContactLaw, ItsStiffnessIsMinusTheForcesDerivativeAtTheKnownNormalForce) {
     ContactPoint point;
     point.normal_N = 0.2;
     point.anchor_T = Vector3d(3e-4 * uniform(random), 3e-4 * uniform(random), -0.01) - kTool;
-    // Inside, so that the force that friction is worked out with is the known one.
+    // Inside, so that the known force is the one that determines friction.
     const Vector3d here =
         0.00995 * Vector3d(0.1 * uniform(random), 0.1 * uniform(random), -1.0).normalized();
     const Reaction reaction = at(here, point, law);

@@ -54,9 +54,9 @@ int moves_until_in_use(ReducedObject& object, int from = 1) {
 
 TEST(ReducedObject, LearnsAndThenAnswersNearlyAsTheConvergedObject) {
   const SpringMesh mesh = block();
-  std::vector<std::string> told;
+  std::vector<std::string> messages;
   ReducedObjectOptions options = in_place();
-  options.say = [&told](const std::string& what) { told.push_back(what); };
+  options.say = [&messages](const std::string& what) { messages.push_back(what); };
   ReducedObject object(mesh, options);
   ElasticObject<double> converged(mesh, {.relative_tolerance = 1e-6});
   ASSERT_EQ(object.grab(mesh.top_W, kPatch_m), converged.grab(mesh.top_W, kPatch_m));
@@ -78,7 +78,7 @@ TEST(ReducedObject, LearnsAndThenAnswersNearlyAsTheConvergedObject) {
   EXPECT_LT(std::sqrt(error2_N2 / all2_N2), 3e-3);
   EXPECT_LT(object.use().springs, mesh.springs.size() / 5);
   EXPECT_GT(object.use().checks, static_cast<std::uint64_t>(options.passes));
-  EXPECT_THAT(told, Contains(HasSubstr("in use")));
+  EXPECT_THAT(messages, Contains(HasSubstr("in use")));
 }
 
 TEST(ReducedObject, WithTheFullObjectOnAnotherThreadItAnswersTheSame) {
@@ -114,11 +114,11 @@ TEST(ReducedObject, AToolThatKeepsToALineIsEnoughToLearnFrom) {
 
 TEST(ReducedObject, IsNotUsedWhereItsForceIsNotGoodEnough) {
   const SpringMesh mesh = block();
-  std::vector<std::string> told;
+  std::vector<std::string> messages;
   ReducedObjectOptions options = in_place();
   options.check_tolerance = 1e-9;
   options.training.most_modes = 6;
-  options.say = [&told](const std::string& what) { told.push_back(what); };
+  options.say = [&messages](const std::string& what) { messages.push_back(what); };
   ReducedObject object(mesh, options);
   object.grab(mesh.top_W, kPatch_m);
   for (int k = 1; k <= 200; ++k) {
@@ -133,19 +133,19 @@ TEST(ReducedObject, IsNotUsedWhereItsForceIsNotGoodEnough) {
 // One mode that is trusted after one check, and then found out.
 TEST(ReducedObject, AModelInUseThatFailsACheckIsDroppedAloud) {
   const SpringMesh mesh = block();
-  std::vector<std::string> told;
+  std::vector<std::string> messages;
   ReducedObjectOptions options = in_place();
   options.training.most_modes = 1;
   options.check_tolerance = 1e-3;
   options.passes = 1;
   options.passes_again = 1000;
-  options.say = [&told](const std::string& what) { told.push_back(what); };
+  options.say = [&messages](const std::string& what) { messages.push_back(what); };
   ReducedObject object(mesh, options);
   object.grab(mesh.top_W, kPatch_m);
-  for (int k = 1; k <= 1000 && told.size() < 2; ++k) {
+  for (int k = 1; k <= 1000 && messages.size() < 2; ++k) {
     object.move_to(place_W(k));
   }
-  EXPECT_THAT(told, Contains(HasSubstr("the full object answers")));
+  EXPECT_THAT(messages, Contains(HasSubstr("the full object answers")));
   EXPECT_FALSE(object.use().in_use);
   EXPECT_GT(object.use().worst_check, options.check_tolerance);
 }

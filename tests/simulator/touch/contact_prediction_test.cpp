@@ -41,18 +41,18 @@ class ContactPredictionTest : public ::testing::TestWithParam<const char*> {
 
 TEST_P(ContactPredictionTest, ForetellsWhatATouchingToolFeels) {
   const Vector3d there_W = touch_W(GetParam(), 0.011);
-  const auto foretold = contact_prediction(GetParam()).press(there_W, kAslant_W_m_per_s);
-  ASSERT_TRUE(foretold);
-  EXPECT_EQ(foretold->touch_W, there_W);
-  EXPECT_LT((foretold->course_W - Vector3d(0.4, -0.2, -1.0)).norm(), 1e-5);
+  const auto predicted = contact_prediction(GetParam()).press(there_W, kAslant_W_m_per_s);
+  ASSERT_TRUE(predicted);
+  EXPECT_EQ(predicted->touch_W, there_W);
+  EXPECT_LT((predicted->course_W - Vector3d(0.4, -0.2, -1.0)).norm(), 1e-5);
   // The tool goes there, in steps as short as those of a servo.
   const auto tool = make_tool_contact(scene_, {}, options(GetParam()));
   tool->step(there_W + Vector3d(0.0, 0.0, 0.005));
-  tool->step(there_W - 0.0005 * foretold->course_W);
+  tool->step(there_W - 0.0005 * predicted->course_W);
   for (int step = 1; step <= 20; ++step) {
-    const auto felt = tool->step(there_W + 1e-4 * step * foretold->course_W);
+    const auto felt = tool->step(there_W + 1e-4 * step * predicted->course_W);
     if (step % 10 == 0) {
-      const Vector3d& force_W = foretold->force_W[static_cast<std::size_t>(step / 10 - 1)];
+      const Vector3d& force_W = predicted->force_W[static_cast<std::size_t>(step / 10 - 1)];
       EXPECT_LT((force_W - felt.equilibrium.force_W).norm(), 0.05 * force_W.norm()) << step;
       EXPECT_GT(force_W.z(), 0.02);
       EXPECT_LT(force_W.x(), 0.0) << "friction against the way";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A tool that goes to and fro on a Kelvin-Voigt link: what the simulator's answers at 30 Hz are
-// worth against the closed form, with all of the servo's positions and with one an answer.
+// A tool that moves to and fro on a Kelvin-Voigt link: the error of the simulator's answers at 30
+// Hz against the closed form, with all of the servo's positions and with one per answer.
 
 #include <gtest/gtest.h>
 

@@ -144,7 +144,7 @@ TEST_F(WorkerPoolTest, ChecksANewWorkerAndThenOneAnswerInEight) {
     EXPECT_TRUE(pool_.available());
   }
   SCOPED_TRACE(kSeed);
-  // 10 in the mean with a standard deviation of 3.
+  // 10 on average, with a standard deviation of 3.
   EXPECT_GT(checked, 0U);
   EXPECT_LT(checked, 25U);
 }

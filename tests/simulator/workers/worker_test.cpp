@@ -34,7 +34,7 @@ class KeyFile {
   std::string name_ = testing::TempDir() + "worker_" + std::to_string(::getpid()) + ".key";
 };
 
-/// By how its simulator solves, of which the worker itself is told nothing.
+/// By the solver of its simulator, which the worker learns only from the welcome.
 class WorkerOfASolver : public ::testing::TestWithParam<SolverOptions> {};
 
 TEST_P(WorkerOfASolver, SolvesAsTheSimulatorDoes) {
@@ -47,13 +47,12 @@ TEST_P(WorkerOfASolver, SolvesAsTheSimulatorDoes) {
   std::vector<std::thread> workers;
   for (std::ostringstream& out : said) {
     workers.emplace_back([&] {
-      std::ostringstream log;
       run_worker({.connect = pool.address(),
                   .key_file = key.name(),
                   .scene = kWorkersScene,
                   .solver = {},
                   .nice = 0},
-                 out, log, stop);
+                 out, stop);
     });
   }
   QuerySolver own(scene, solver);
@@ -110,7 +109,7 @@ TEST(Worker, SaysWhatIsWrongWithAnAddressOrAKey) {
   const auto run = [&](const std::string& connect) {
     run_worker(
         {.connect = connect, .key_file = "none", .scene = kWorkersScene, .solver = {}, .nice = 0},
-        said, said, stop);
+        said, stop);
   };
   EXPECT_THROW(run("127.0.0.1:1"), Error);
   EXPECT_THROW(run("tcp://127.0.0.1:0"), link::LinkError);
