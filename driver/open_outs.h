@@ -56,6 +56,7 @@ class OpenOuts {
   }
   /// What has not come is lost.
   void give_up() noexcept {
+    given_up_ += size_;
     size_ = 0;
     in_doubt_ = false;
   }
@@ -75,6 +76,8 @@ class OpenOuts {
     return true;
   }
 
+  /// OUTs whose reports were given up for lost, so far.
+  [[nodiscard]] std::size_t given_up() const noexcept { return given_up_; }
   [[nodiscard]] bool empty() const noexcept { return size_ == 0; }
   [[nodiscard]] bool in_doubt() const noexcept { return in_doubt_; }
   [[nodiscard]] const Out& newest() const noexcept { return newest_; }
@@ -84,6 +87,7 @@ class OpenOuts {
  private:
   std::array<Out, 8> outs_{};
   std::size_t size_ = 0;
+  std::size_t given_up_ = 0;
   Out newest_;
   Out answered_;
   bool in_doubt_ = false;
@@ -91,20 +95,46 @@ class OpenOuts {
 };
 
 /// Notices a second program that commands the device. Each of its commands makes the device answer,
-/// so reports come that answer nothing this program sent. A report that repeats the one before it
-/// proves nothing: a faulty device may send a report twice. One that differs from it was sampled
-/// for somebody. A few are forgiven, for a report that was given up for lost may come after all.
+/// so reports come that answer nothing this program sent. One that repeats the report before it
+/// proves nothing: a faulty device may send a report twice. One that differs was sampled for
+/// somebody. It may be for this program in two cases, in which it is expected: a report that was
+/// given up for lost comes after all, or one that came twice was taken for two answers, so that the
+/// second answer comes when nothing is asked any more. A few more are forgiven.
 /// Real-time: no allocation, lock or throw. Threads: one.
 class ForeignReplies {
  public:
   /// So many prove a second program, unless they are forgotten, one every kForgetOne.
   static constexpr int kProof = 5;
   static constexpr rt::Duration kForgetOne = std::chrono::seconds(10);
+  /// An expected report comes within this time.
+  static constexpr rt::Duration kExpected = std::chrono::milliseconds(50);
+  static constexpr std::size_t kMostExpected = 4;
+
+  /// Takes a report that was taken for an answer.
+  void answered(const w2::InputReport& report) noexcept {
+    repeated_ = report == before_;
+    before_ = report;
+  }
+
+  /// So many reports may come after all.
+  void expect(std::size_t count, rt::TimePoint now) noexcept {
+    if (count > 0) {
+      expected_ = std::min((now < expected_until_ ? expected_ : 0) + count, kMostExpected);
+      expected_until_ = now + kExpected;
+    }
+  }
 
   /// Takes a report that answers no OUT. @returns true when a second program is proved.
-  [[nodiscard]] bool take(const w2::InputReport& report, const w2::InputReport& before,
-                          rt::TimePoint arrived) noexcept {
-    if (report.counts == before.counts && report.calibration_button == before.calibration_button) {
+  [[nodiscard]] bool take(const w2::InputReport& report, rt::TimePoint arrived) noexcept {
+    const bool repeats = report == before_;
+    const bool follows_repeat = repeated_;
+    before_ = report;
+    repeated_ = false;
+    if (repeats || follows_repeat) {
+      return false;
+    }
+    if (expected_ > 0 && arrived < expected_until_) {
+      --expected_;
       return false;
     }
     for (; seen_ > 0 && arrived - since_ >= kForgetOne; --seen_) {
@@ -118,6 +148,10 @@ class ForeignReplies {
   }
 
  private:
+  w2::InputReport before_;
+  bool repeated_ = false;  ///< it was taken for an answer and repeated the one before it
+  std::size_t expected_ = 0;
+  rt::TimePoint expected_until_{};
   int seen_ = 0;
   rt::TimePoint since_{};  ///< none has been forgotten since
 };

@@ -22,6 +22,7 @@ using ReportBytes = std::array<std::uint8_t, kReportBytes>;
 struct InputReport {
   std::array<std::int16_t, 6> counts{};
   bool calibration_button = false;  ///< info is not 0: pressed since the last calibrate command
+  bool operator==(const InputReport&) const = default;
 };
 
 /// @param wire_bytes  length of a report on the wire: 14 (W2) or 64 (W3).

@@ -148,10 +148,13 @@ class W2Device final : public IoThreadDevice {
     }
   }
 
-  /// A report that answers nothing that was sent, although no report is missing.
-  void take_unasked(const w2::InputReport& input, rt::TimePoint arrived) noexcept {
+  /// @param asked false: the report answers nothing that was sent, although no report is missing.
+  void notice(const w2::InputReport& input, bool asked, rt::TimePoint arrived) noexcept {
+    if (asked) {
+      return foreign_replies_.answered(input);
+    }
     count(statistics_.reports_unasked);
-    if (foreign_replies_.take(input, last_input_, arrived) && exchanging_) {
+    if (foreign_replies_.take(input, arrived) && exchanging_) {
       fail(DeviceHealth::kSecondWriter,
            "device '" + identity_.url +
                "': it answers commands that this program did not send, so another program "
@@ -187,10 +190,7 @@ class W2Device final : public IoThreadDevice {
       if (found > 0) {
         count(statistics_.reports_drained);
       }
-      if (!asked) {
-        take_unasked(input, result.arrived);
-      }
-      last_input_ = input;
+      notice(input, asked, result.arrived);
       if (asked || found == 0) {
         newest = input;
         arrived = result.arrived;
@@ -534,9 +534,14 @@ class W2Device final : public IoThreadDevice {
   /// the answer to a later OUT, and its counts for younger than they are. Where a report's time
   /// does not tell, nothing is sent until another would have come, as late as this one.
   void settle_doubt(rt::TimePoint arrived) noexcept {
-    if (open_outs_.judge(arrived)) {
-      return;
+    const std::size_t given_up = open_outs_.given_up();
+    if (!open_outs_.judge(arrived)) {
+      wait_for_late_reports(arrived);
     }
+    foreign_replies_.expect(open_outs_.given_up() - given_up, rt::Clock::now());
+  }
+
+  void wait_for_late_reports(rt::TimePoint arrived) noexcept {
     const rt::Duration late_by = std::clamp(arrived - open_outs_.answered().completed,
                                             rt::Duration::zero(), options_.stale_after);
     const rt::TimePoint deadline = open_outs_.newest().completed + late_by + kDoubtMargin;
@@ -576,13 +581,12 @@ class W2Device final : public IoThreadDevice {
       w2::InputReport input;
       const bool whole =
           w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, input, wire_bytes_);
-      if (open_outs_.answer() || !whole) {
+      const bool asked = open_outs_.answer();
+      if (asked || !whole) {
         count(statistics_.reports_unasked);
-      } else {
-        take_unasked(input, result.arrived);
       }
       if (whole) {
-        last_input_ = input;
+        notice(input, asked, result.arrived);
       }
     }
     return running();
@@ -650,7 +654,6 @@ class W2Device final : public IoThreadDevice {
   bool prompt_ = true;      ///< the last report came soon after its OUT
   OpenOuts open_outs_;
   bool exchanging_ = false;  ///< the exchange has begun, and no last zero is due
-  w2::InputReport last_input_;
   ForeignReplies foreign_replies_;
   std::array<std::uint8_t, kBufferBytes> buffer_{};
   w2::CounterUnwrapper unwrapper_;

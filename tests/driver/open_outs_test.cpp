@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <vector>
 
 namespace forcegrid::driver {
@@ -107,28 +108,87 @@ w2::InputReport report(std::int16_t count) {
 
 TEST(ForeignReplies, ProveASecondProgramWhenTheyDifferAndAreMany) {
   ForeignReplies replies;
-  for (int i = 0; i < 4; ++i) {
-    EXPECT_FALSE(replies.take(report(1), report(0), at(i)));
+  for (std::int16_t i = 1; i < 5; ++i) {
+    EXPECT_FALSE(replies.take(report(i), at(i)));
   }
-  EXPECT_TRUE(replies.take(report(1), report(0), at(5)));
+  EXPECT_TRUE(replies.take(report(5), at(5)));
 }
 
 TEST(ForeignReplies, ProveNothingWhenTheyRepeatTheOneBefore) {
   ForeignReplies replies;
+  replies.answered(report(3));
   for (int i = 0; i < 100; ++i) {
-    EXPECT_FALSE(replies.take(report(3), report(3), at(i)));
+    EXPECT_FALSE(replies.take(report(3), at(i)));
+  }
+}
+
+// One of sixteen reports comes twice. The second is taken for the next answer, which then comes
+// when nothing is asked.
+TEST(ForeignReplies, ProveNothingWhenAReportThatCameTwiceWasTakenForTwoAnswers) {
+  ForeignReplies replies;
+  for (std::int16_t i = 0; i < 1000; ++i) {
+    if (i % 16 == 1) {
+      EXPECT_FALSE(replies.take(report(i), at(i)));
+      continue;
+    }
+    replies.answered(report(i));
+    if (i % 16 == 0) {
+      replies.answered(report(i));
+    }
+  }
+}
+
+TEST(ForeignReplies, AreExpectedForAWhileAndInSmallNumbers) {
+  ForeignReplies late;
+  late.expect(4, at(0.0));
+  bool proved = false;
+  for (std::int16_t i = 1; i <= 5; ++i) {
+    proved = late.take(report(i), at(50.0 + i));
+  }
+  EXPECT_TRUE(proved);
+  ForeignReplies many;
+  many.expect(100, at(0.0));
+  proved = false;
+  for (std::int16_t i = 1; i <= 9; ++i) {
+    EXPECT_FALSE(proved);
+    proved = many.take(report(i), at(i));
+  }
+  EXPECT_TRUE(proved);
+}
+
+// Each command is answered: 1,000 a second of this program, and 50 a second of another one at any
+// time in between. While the arm moves by less than a count per report, little tells a second
+// program from a device that repeats itself.
+TEST(ForeignReplies, ProveASecondProgramWhenTheArmMoves) {
+  constexpr unsigned kSeed = 7;
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> share(0.0, 1.0);
+  for (const double counts_per_ms : {0.8, 2.0}) {
+    const auto report_at = [counts_per_ms](double time_ms) {
+      return report(static_cast<std::int16_t>(time_ms * counts_per_ms));
+    };
+    ForeignReplies replies;
+    bool proved = false;
+    for (int time_ms = 0; time_ms < 10'000 && !proved; ++time_ms) {
+      replies.answered(report_at(time_ms));
+      if (share(random) < 0.05) {
+        const double between_ms = time_ms + share(random);
+        proved = replies.take(report_at(between_ms), at(between_ms));
+      }
+    }
+    EXPECT_TRUE(proved) << counts_per_ms << " counts per ms, seed " << kSeed;
   }
 }
 
 TEST(ForeignReplies, AreForgottenOneEveryTenSeconds) {
   ForeignReplies rare;
-  for (int i = 0; i < 100; ++i) {
-    EXPECT_FALSE(rare.take(report(1), report(0), at(10'000.0 * i)));
+  for (std::int16_t i = 1; i < 100; ++i) {
+    EXPECT_FALSE(rare.take(report(i), at(10'000.0 * i)));
   }
   ForeignReplies often;
   bool proved = false;
-  for (int i = 0; i < 20 && !proved; ++i) {
-    proved = often.take(report(1), report(0), at(5'000.0 * i));
+  for (std::int16_t i = 1; i < 20 && !proved; ++i) {
+    proved = often.take(report(i), at(5'000.0 * i));
   }
   EXPECT_TRUE(proved);
 }

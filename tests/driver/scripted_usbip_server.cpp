@@ -270,6 +270,10 @@ bool ScriptedUsbipServer::out(int client, const Bytes& header) {
     return true;
   }
   armed_ = script_.send_reports;
+  {
+    const std::lock_guard lock(mutex_);
+    counts_[0] += script_.arm_step;
+  }
   const bool delivered = script_.in_first || deliver(client);
   if (script_.foreign_outs > 0) {
     --script_.foreign_outs;

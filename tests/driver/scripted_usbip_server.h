@@ -43,6 +43,7 @@ struct Script {
   /// So many of the next OUTs are followed by a report more: an answer to somebody else.
   std::atomic<int> foreign_outs{0};
   std::atomic<int> foreign_step{1};          ///< [counts] by which it differs from the one before
+  std::atomic<int> arm_step{0};              ///< [counts] by which each OUT finds the arm moved
   std::atomic<int> merge_outs{0};            ///< so many of the next OUTs release no report
   std::atomic<int> wrong_length_reports{0};  ///< so many of the next reports have 13 bytes
   std::atomic<int> report_status{0};         ///< USB status of the next report, e.g. -ENODEV

@@ -448,9 +448,10 @@ TEST_F(W2, FindsItsWayBackAfterALostReport) {
   EXPECT_EQ(device->health(), DeviceHealth::kRunning);
 }
 
-// Each command makes the device answer, whoever sent it.
+// Each command makes the device answer, whoever sent it, and the arm moves.
 TEST_F(W2, NoticesASecondProgramThatCommandsTheDevice) {
   const auto device = open();
+  script_.arm_step = 1;
   device->command({.current_A = {1.0, 1.0, 1.0}});
   EXPECT_TRUE(eventually([&] { return last_out() == currents(1000, 1000, 1000); }));
   script_.foreign_outs = 1000;
