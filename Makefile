@@ -188,6 +188,13 @@ build/.packages-%: setup/packages.txt setup/install.sh
 	setup/install.sh $*
 	@mkdir -p build && touch $@
 
+# The unit tests of six rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
+# all that a byte from outside or a servo cycle goes through. `sanitize` is the whole.
+.PHONY: sanitize-unit
+sanitize-unit: $(FOR_TESTS)
+	cmake --preset asan-unit >/dev/null && cmake --build --preset asan-unit
+	ctest --test-dir build/asan-unit -L unit -j2 --output-on-failure
+
 # Fuzzes every parser of untrusted bytes, guided by coverage. New inputs go into build/fuzz/corpus,
 # inputs that reveal a fault into build/fuzz/faults.
 fuzz: $(FOR_TESTS) $(call PACKAGES,fuzz)

@@ -210,7 +210,9 @@ void print_markdown(const std::vector<const ConfigKey*>& keys) {
     const std::string value =
         key->texts.empty()
             ? "unset"
-            : "`" + tools::toml_text(key->texts, key->type, key->takes_several) + "`";
+            : std::string("`")
+                  .append(tools::toml_text(key->texts, key->type, key->takes_several))
+                  .append("`");
     std::printf("| `%s` | %s | %s | %s |\n", key->name.substr(dot + 1).c_str(), value.c_str(),
                 cell(wanted_words(*key)).c_str(), cell(one_line(key->description)).c_str());
   }

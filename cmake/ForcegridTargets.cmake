@@ -20,6 +20,9 @@ elseif(NOT FORCEGRID_SANITIZE STREQUAL "")
   message(FATAL_ERROR "FORCEGRID_SANITIZE is '${FORCEGRID_SANITIZE}'; use address, thread or, with "
                       "clang, fuzzer")
 endif()
+if(flags AND FORCEGRID_SANITIZE_NOT)
+  list(APPEND flags -fno-sanitize=${FORCEGRID_SANITIZE_NOT})
+endif()
 if(flags)
   target_compile_options(forcegrid_sanitizers INTERFACE ${flags})
   target_link_options(forcegrid_sanitizers INTERFACE ${flags})
@@ -45,6 +48,22 @@ function(forcegrid_library name)
                                            UNITY_BUILD_BATCH_SIZE 8)
 endfunction()
 
+# Tests are compiled for a quick build: half of their time goes into the headers of GoogleTest, Eigen
+# and the standard library, and a third into optimising code that runs for milliseconds.
+option(FORCEGRID_PRECOMPILED_HEADERS "Precompile the headers that all tests include" ON)
+function(forcegrid_quick_to_compile name)
+  if(CMAKE_BUILD_TYPE STREQUAL "Release")
+    target_compile_options(${name} PRIVATE -O1)
+  endif()
+  if(FORCEGRID_PRECOMPILED_HEADERS)
+    target_precompile_headers(${name} REUSE_FROM forcegrid_live_main)
+    target_compile_options(${name} PRIVATE -fpch-preprocess)  # for ccache
+  endif()
+endfunction()
+
+# All tests labelled unit that are configured.
+add_custom_target(forcegrid_unit_tests)
+
 # forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [LIVE] [SINGLE_THREADED] [TIMEOUT s])
 # SERIAL: the test keeps deadlines; no other such test runs beside it.
 # LIVE: what it tests runs in real time, as all does that is labelled emulator: a failure while the
@@ -59,6 +78,7 @@ function(forcegrid_test name)
     set(arg_TIMEOUT 60)
   endif()
   add_executable(${name} ${arg_SOURCES})
+  forcegrid_quick_to_compile(${name})
   target_compile_features(${name} PRIVATE cxx_std_20)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_compile_definitions(${name} PRIVATE
@@ -72,6 +92,9 @@ function(forcegrid_test name)
   target_link_libraries(${name} PRIVATE ${arg_LIBS} forcegrid_warnings forcegrid_sanitizers
                                         GTest::gmock ${main})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
+  if("unit" IN_LIST arg_LABELS)
+    add_dependencies(forcegrid_unit_tests ${name})
+  endif()
   set(properties LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
   if(arg_SERIAL)
     list(APPEND properties RESOURCE_LOCK deadlines)
