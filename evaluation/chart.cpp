@@ -365,11 +365,15 @@ class Judging {
     }
     const Object& object = objects_[job.scene];
     trace_.reset();
+    limit_ = {};
     trace_problem_.clear();
     traced_ = job;
     try {
       trace_ = make_trace(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
                           options_.seed, object.scene.extras);
+      limit_ = blind_limit(
+          TouchedObject(*trajectory, object.table, object.scene.extras, kChartServoRate_Hz),
+          *trace_);
     } catch (const ChartError& error) {
       trace_problem_ = error.what();
     }
@@ -415,6 +419,9 @@ class Judging {
             : judge_visits_row(object, *job.condition, *job.method, options_.seed);
     row.key = job.key;
     row.condition = job.condition->name;
+    if (trajectory) {
+      row.blind_limit = limit_;
+    }
     times_.add(row.scene, row.method, seconds_since(start));
     pending_[{row.scene, row.method}] -= 1.0;
     return row;
@@ -439,6 +446,7 @@ class Judging {
   TimeLeft times_;
   std::map<std::pair<std::string, std::string>, double> pending_;  // jobs by scene and method
   std::optional<Trace> trace_;
+  BlindLimit limit_;           // of trace_
   std::string trace_problem_;  // why there is no trace
   std::optional<Job> traced_;  // the job of trace_
 };

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/blind_limit.h"
 #include "evaluation/exploration.h"
 #include "evaluation/force_table.h"
 #include "evaluation/judge.h"
@@ -62,6 +63,8 @@ struct ChartRow {
   /// RMS error from 0.2 s after the first touch of a wall on, in % of the whole run's RMS force;
   /// NaN if the scene has no wall or the tool does not touch it.
   double after_touch_percent = std::numeric_limits<double>::quiet_NaN();
+  /// Errors that no method can be below; NaN for visits.
+  BlindLimit blind_limit;
   VisitErrors visits;  ///< NaN for motions other than kVisits
 };
 

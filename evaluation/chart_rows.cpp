@@ -30,6 +30,8 @@ void each_figure(Row& row, const Take& take) {
   take("return_1s_percent", row.returns.to_1s_percent);
   take("second_half_percent", row.returns.second_half_percent);
   take("after_touch_percent", row.after_touch_percent);
+  take("blind_limit_percent", row.blind_limit.after_1s_percent);
+  take("blind_limit_first_1s_percent", row.blind_limit.first_1s_percent);
   take("first_contact_67ms_percent", row.visits.first_contact.first_67ms_percent);
   take("unknown_place_67ms_percent", row.visits.unknown_places.first_67ms_percent);
   take("unknown_place_500ms_percent", row.visits.unknown_places.first_500ms_percent);

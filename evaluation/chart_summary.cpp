@@ -154,6 +154,29 @@ class Numbers {
     return worst;
   }
 
+  // The largest ratio of the error to what no method can be below, where that is large enough to
+  // matter. With requests a method may be better.
+  Worst over_blind_limit() const {
+    constexpr double kMatters_percent = 0.5;
+    Worst worst;
+    for (const ChartRow& each : chart_.rows) {
+      if (each.method != method_ || each.condition.starts_with("requests") ||
+          (each.scene != scene_ && !each.scene.starts_with(scene_ + '+'))) {
+        continue;
+      }
+      const std::string where = each.scene + ", " + each.trajectory + ", " + each.condition;
+      const auto take = [&](double error_percent, double limit_percent, const char* when) {
+        if (limit_percent > kMatters_percent) {
+          worst.take(error_percent / limit_percent, where + when);
+        }
+      };
+      take(each.verdict.rms_error_percent_after_1s, each.blind_limit.after_1s_percent, "");
+      take(each.verdict.rms_error_percent_first_1s, each.blind_limit.first_1s_percent,
+           ", first second");
+    }
+    return worst;
+  }
+
   // The largest ratio, or difference, of a method's error to another one's.
   Worst against(const std::string& method, const std::string& other, bool difference) const {
     Worst worst;
@@ -243,6 +266,8 @@ void hard_numbers(Numbers& n) {
         n.of_visits("ideal",
                     [](const ChartRow& row) { return row.visits.returns.first_67ms_percent; }),
         "%");
+  n.add("error / what no method can be below, where that is over 0.5 %", 1.15, n.over_blind_limit(),
+        "");
   const auto unknown = [](const ChartRow& row) {
     return row.visits.unknown_places.first_67ms_percent;
   };

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "evaluation/exploration.h"
+#include "evaluation/touched_object.h"
 
 namespace forcegrid::evaluation {
 namespace {
@@ -20,139 +20,6 @@ constexpr std::uint64_t kRequestStream = 0x726571U;
 
 // Least force in ObjectEffect's relative residual.
 constexpr double kLeastForce_N = 0.05;
-
-// Force of object and walls on a tool that follows a trajectory.
-class TouchedObject {
- public:
-  TouchedObject(const Trajectory& trajectory, const ForceTable& table, const SceneExtras& extras,
-                double servo_rate_Hz)
-      : trajectory_(trajectory), table_(table), extras_(extras), servo_rate_Hz_(servo_rate_Hz) {
-    slid_at_first_N_ = extras.effect.slide_W_m.isZero()
-                           ? Vector3d(Vector3d::Zero())
-                           : untouched(-extras.effect.slid_W_m(0.0)).force_W;
-    if (!extras.effect.relaxations.empty()) {
-      remember_path();
-    }
-  }
-
-  // On a tool at rest at `position_W`.
-  Sample answer(double time_s, const Vector3d& position_W) const {
-    Sample sample = elastic(time_s, position_W);
-    const int contact = trajectory_.contact_at(time_s);
-    if (contact >= 0 && !lags_N_.empty()) {
-      const auto instant = static_cast<std::size_t>(std::lround(time_s * servo_rate_Hz_));
-      sample.force_W -= lags_N_[std::min(instant, lags_N_.size() - 1)];
-    }
-    return sample;
-  }
-
-  // Where a tool that wants to be at `position_W` gets to: the nearest position that the table
-  // covers.
-  Vector3d reached_W(double time_s, const Vector3d& position_W) const {
-    const int contact = trajectory_.contact_at(time_s);
-    if (contact < 0) {
-      return position_W;
-    }
-    const Vector3d origin_W = trajectory_.contacts()[static_cast<std::size_t>(contact)].point_W +
-                              extras_.effect.slid_W_m(time_s);
-    const Vector3d displacement_W = position_W - origin_W;
-    return origin_W + (trajectory_.is_exploration()
-                           ? clamped_to_large_object(table_, displacement_W)
-                           : table_.clamped(displacement_W));
-  }
-
-  // On the moving tool.
-  Sample answer_on_path(double time_s, const Vector3d& position_W) const {
-    Sample sample = answer(time_s, position_W);
-    if (trajectory_.contact_at(time_s) >= 0) {
-      sample.force_W -= extras_.effect.viscosity_Ns_per_m * velocity_W(time_s);
-    }
-    return sample;
-  }
-
- private:
-  // The object of the scene's table, before any effect.
-  ForceTable::Value untouched(const Vector3d& displacement_W) const {
-    return trajectory_.is_exploration() ? large_object(table_, displacement_W)
-                                        : table_.at(displacement_W);
-  }
-
-  Sample elastic(double time_s, const Vector3d& position_W) const {
-    Sample sample;
-    sample.time_s = time_s;
-    sample.position_W = position_W;
-    sample.has_stiffness = true;
-    const std::vector<ContactSpan>& contacts = trajectory_.contacts();
-    for (std::size_t i = 0; i < contacts.size(); ++i) {
-      // The epoch counts beginnings and ends; the first contact is 1.
-      sample.contact_epoch += time_s >= contacts[i].begin_s ? 1 : 0;
-      sample.contact_epoch += time_s >= contacts[i].end_s ? 1 : 0;
-    }
-    const int contact = trajectory_.contact_at(time_s);
-    if (contact < 0) {
-      return sample;
-    }
-    const ContactSpan& span = contacts[static_cast<std::size_t>(contact)];
-    sample.contact_point_W = span.point_W;
-    const Vector3d displacement_W = position_W - span.point_W - extras_.effect.slid_W_m(time_s);
-    const ForceTable::Value value = untouched(displacement_W);
-    const double factor = span.force_factor * extras_.effect.cut_factor(time_s);
-    sample.force_W = factor * (value.force_W - slid_at_first_N_);
-    sample.stiffness_W = factor * value.stiffness_W;
-    for (const Wall& wall : extras_.walls) {
-      const Wall::Value pushed = wall.at(position_W - first_contact_point_W());
-      sample.force_W += pushed.force_W;
-      sample.stiffness_W += pushed.stiffness_W;
-    }
-    return sample;
-  }
-
-  Vector3d velocity_W(double time_s) const noexcept {
-    const double step_s = 0.5 / servo_rate_Hz_;
-    const double before_s = std::max(0.0, time_s - step_s);
-    const double after_s = std::min(trajectory_.duration_s(), time_s + step_s);
-    return (trajectory_.position_W(after_s) - trajectory_.position_W(before_s)) /
-           (after_s - before_s);
-  }
-
-  // sum_j g_j L_j at each servo instant; the force is assumed linear in between.
-  void remember_path() {
-    const std::vector<ObjectEffect::Relaxation>& relaxations = extras_.effect.relaxations;
-    const auto instants =
-        static_cast<std::size_t>(std::ceil(trajectory_.duration_s() * servo_rate_Hz_ - 1e-6));
-    const double dt_s = 1.0 / servo_rate_Hz_;
-    std::vector<Vector3d> lags_N(relaxations.size(), Vector3d::Zero());
-    Vector3d before_N = Vector3d::Zero();
-    int contact = -1;
-    for (std::size_t i = 0; i < instants; ++i) {
-      const double time_s = static_cast<double>(i) * dt_s;
-      const int now = trajectory_.contact_at(time_s);
-      const Vector3d force_N = elastic(time_s, trajectory_.position_W(time_s)).force_W;
-      Vector3d sum_N = Vector3d::Zero();
-      for (std::size_t j = 0; j < relaxations.size(); ++j) {
-        const double x = dt_s / relaxations[j].time_s;
-        const double kept = std::exp(-x);
-        if (now != contact) {
-          lags_N[j].setZero();
-        } else {
-          const Vector3d rise_N = (force_N - before_N) / x;
-          lags_N[j] = kept * (lags_N[j] - before_N + rise_N) + force_N - rise_N;
-        }
-        sum_N += relaxations[j].share * lags_N[j];
-      }
-      contact = now;
-      before_N = force_N;
-      lags_N_.push_back(sum_N);
-    }
-  }
-
-  const Trajectory& trajectory_;
-  const ForceTable& table_;
-  SceneExtras extras_;
-  double servo_rate_Hz_;
-  Vector3d slid_at_first_N_ = Vector3d::Zero();
-  std::vector<Vector3d> lags_N_;
-};
 
 void add_noise(Sample& sample, double noise_N, SeededNumbers& numbers) {
   if (noise_N > 0.0) {
