@@ -178,7 +178,7 @@ build-bench: $(FOR_BENCH)
 	$(BUILD)
 
 # Processor time of the last compilation of each source, by folder, and the slowest.
-build-report:
+build-report: $(call PACKAGES,report)
 	@python3 setup/build_report.py build/release
 
 # All packages.
