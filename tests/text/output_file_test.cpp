@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 class OutputFileTest : public ::testing::Test {
- protected:
+ public:
   OutputFileTest() {
     fs::remove_all(folder_);
     fs::create_directories(folder_);
@@ -25,6 +25,7 @@ class OutputFileTest : public ::testing::Test {
   }
   ~OutputFileTest() override { fs::remove_all(folder_); }
 
+ protected:
   static std::string content(const fs::path& file) {
     std::ifstream stream(file);
     return {std::istreambuf_iterator<char>(stream), {}};
