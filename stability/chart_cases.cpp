@@ -57,6 +57,7 @@ class Cases {
     guard();
     guarded_map();
     guarded_scenes();
+    requests();
     stress();
     std::stable_partition(cells_.begin(), cells_.end(), is_exact);
     return cells_;
@@ -88,6 +89,8 @@ class Cases {
       cell.simulator_rate_Hz = 0.0;
       cell.delay_s = 0.0;
       cell.loss = 0.0;
+      cell.requests_per_s = 0.0;
+      cell.sees_contacts = false;
     }
     if (texts_.insert(cell.text()).second) {
       cells_.push_back(std::move(cell));
@@ -280,6 +283,33 @@ class Cases {
     }
   }
 
+  // First touches with and without requests before contact, for the methods that make them.
+  void requests() {
+    std::vector<std::string> methods{kExact, default_method_};
+    if (all_methods_) {
+      methods.emplace_back("kriging-contact");
+    }
+    for (const std::string& method : methods) {
+      for (const char* const hand : {"light", "firm"}) {
+        for (const double delay_s : {0.0, 0.1}) {
+          for (const bool sees_contacts : {false, true}) {
+            for (const double rate_per_s : {0.0, 30.0, 60.0, 120.0}) {
+              add({.part = part::kRequests,
+                   .scene = "touching",
+                   .method = method,
+                   .hand = hand,
+                   .timing = "w2_full_speed",
+                   .delay_s = delay_s,
+                   .requests_per_s = rate_per_s,
+                   .sees_contacts = sees_contacts,
+                   .find_limit = false});
+            }
+          }
+        }
+      }
+    }
+  }
+
   void stress() {
     for (const std::string& method : methods_) {
       if (method == kExact) {
@@ -318,7 +348,8 @@ std::string StabilityCase::text() const {
                 simulator_rate_Hz, delay_s, loss, guard ? 1 : 0, virtual_damping_N_s_per_m,
                 stiffness_N_per_m, find_limit ? 1 : 0);
   return part + '/' + scene + '/' + method + '/' + device + '/' + hand + '/' + timing + '/' +
-         numbers;
+         numbers + (requests_per_s > 0.0 ? "/requests" + std::to_string(requests_per_s) : "") +
+         (sees_contacts ? "/sees" : "");
 }
 
 LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed) {
@@ -329,6 +360,8 @@ LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed
   setup.network.simulator_rate_Hz = cell.method == kExact ? 30.0 : cell.simulator_rate_Hz;
   setup.network.delay_s = cell.delay_s;
   setup.network.loss = cell.loss;
+  setup.network.requests_per_s = cell.requests_per_s;
+  setup.sees_contacts = cell.sees_contacts;
   setup.network.stiffness = stiffness;
   setup.virtual_damping_N_s_per_m = cell.virtual_damping_N_s_per_m;
   setup.seed = seed;
@@ -361,9 +394,9 @@ const std::vector<std::string>& chart_methods() {
 }
 
 const std::vector<std::string>& chart_parts() {
-  static const std::vector<std::string> names = {part::kMap,    part::kLinear, part::kPlane,
-                                                 part::kScene,  part::kOpen,   part::kGuard,
-                                                 part::kStress, part::kSweep};
+  static const std::vector<std::string> names = {part::kMap,      part::kLinear, part::kPlane,
+                                                 part::kScene,    part::kOpen,   part::kGuard,
+                                                 part::kRequests, part::kStress, part::kSweep};
   return names;
 }
 

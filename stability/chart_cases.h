@@ -15,14 +15,15 @@ inline constexpr char kExact[] = "exact";
 
 /// Parts of the chart.
 namespace part {
-inline constexpr char kMap[] = "map";        ///< hands x rates x timings x networks
-inline constexpr char kLinear[] = "linear";  ///< compared with the eigenvalues
-inline constexpr char kPlane[] = "plane";    ///< K over B
-inline constexpr char kScene[] = "scene";    ///< scenes in which methods may fail
-inline constexpr char kOpen[] = "open";      ///< the same scenes in open loop
-inline constexpr char kGuard[] = "guard";    ///< passivity guard on and off
-inline constexpr char kStress[] = "stress";  ///< 30 % loss, 200 ms
-inline constexpr char kSweep[] = "sweep";    ///< fault sweep, see fault_sweep.h; it has no cells
+inline constexpr char kMap[] = "map";            ///< hands x rates x timings x networks
+inline constexpr char kLinear[] = "linear";      ///< compared with the eigenvalues
+inline constexpr char kPlane[] = "plane";        ///< K over B
+inline constexpr char kScene[] = "scene";        ///< scenes in which methods may fail
+inline constexpr char kOpen[] = "open";          ///< the same scenes in open loop
+inline constexpr char kGuard[] = "guard";        ///< passivity guard on and off
+inline constexpr char kRequests[] = "requests";  ///< touches, with requests to the simulator
+inline constexpr char kStress[] = "stress";      ///< 30 % loss, 200 ms
+inline constexpr char kSweep[] = "sweep";  ///< fault sweep, see fault_sweep.h; it has no cells
 }  // namespace part
 
 /// Devices of the chart.
@@ -44,7 +45,9 @@ struct StabilityCase {
   double simulator_rate_Hz = 30.0;  ///< 0 for kExact, which needs no simulator
   double delay_s = 0.0;
   double loss = 0.0;
-  bool guard = false;  ///< whether the passivity guard acts
+  double requests_per_s = 0.0;  ///< that the method may make
+  bool sees_contacts = false;   ///< LoopSetup::sees_contacts
+  bool guard = false;           ///< whether the passivity guard acts
   double virtual_damping_N_s_per_m = 0.0;
   /// [N/m] stiffness of the run whose errors and energies are reported
   double stiffness_N_per_m = 200.0;

@@ -23,6 +23,8 @@ void each_entry(Row& row, const Take& take) {
   take("simulator_rate_Hz", c.simulator_rate_Hz);
   take("delay_s", c.delay_s);
   take("loss", c.loss);
+  take("requests_per_s", c.requests_per_s);
+  take("sees_contacts", c.sees_contacts);
   take("guard", c.guard);
   take("virtual_damping_N_s_per_m", c.virtual_damping_N_s_per_m);
   take("find_limit", c.find_limit);
@@ -45,6 +47,12 @@ void each_entry(Row& row, const Take& take) {
   take("end_s", r.end_s);
   take("samples_taken", r.samples_taken);
   take("samples_lost", r.samples_lost);
+  take("first_67ms_error_percent", r.first_67ms_error_percent);
+  take("first_250ms_error_percent", r.first_250ms_error_percent);
+  take("touches", r.touches);
+  take("requests_made", r.requests_made);
+  take("answers_taken", r.answers_taken);
+  take("answers_before", r.answers_before);
 }
 
 constexpr Behaviour kBehaviours[] = {Behaviour::kStable, Behaviour::kDivergence,

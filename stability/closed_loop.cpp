@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 
+#include "servo_loop/motion_guard.h"
 #include "stability/settling.h"
 
 namespace forcegrid::stability {
@@ -14,6 +17,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kComingToRest_s = 0.1;
+// As in evaluation::ContactErrors.
+constexpr double kFirstWindows_s[] = {1.0 / 15.0, 0.25};
 
 std::int64_t nanoseconds(double time_s) { return std::llround(1e9 * time_s); }
 
@@ -103,6 +108,12 @@ class Run {
     result.samples_taken = samples_taken_;
     result.samples_refused = gate_.refused();
     result.samples_lost = simulator_.lost();
+    result.first_67ms_error_percent = first_percent(0);
+    result.first_250ms_error_percent = first_percent(1);
+    result.touches = touches_;
+    result.requests_made = requests_made_;
+    result.answers_taken = answers_taken_;
+    result.answers_before = answers_before_;
     result.rattle_N = changes_ > 0.0 ? std::sqrt(change_square_N2_ / changes_) : 0.0;
     return result;
   }
@@ -118,19 +129,20 @@ class Run {
 
   void take_samples(std::int64_t now_ns) {
     while (const auto answer = simulator_.receive(now_ns)) {
-      ++samples_taken_;
-      const bool news = !contact_known_ || answer->sample.contact_epoch != epoch_;
-      if (answer->in_contact && (news || !in_contact_)) {
-        gate_.forget();
-        method_->contact_made(answer->sample.contact_epoch, answer->sample.contact_point_W);
-      } else if (!answer->in_contact && (in_contact_ || !contact_known_)) {
-        gate_.forget();
-        method_->contact_lost();
+      if (answer->sample.from_query) {
+        take_answer(answer->sample);
+        continue;
       }
-      contact_known_ = true;
-      in_contact_ = answer->in_contact;
-      epoch_ = answer->sample.contact_epoch;
-      if (in_contact_) {
+      ++samples_taken_;
+      if (!setup_.sees_contacts) {
+        learn_contact(answer->in_contact, answer->sample.contact_epoch,
+                      answer->sample.contact_point_W);
+      }
+      if (!answer->in_contact) {
+        air_epoch_ = answer->sample.contact_epoch;
+      }
+      expected_W_ = in_contact_ ? std::nullopt : answer->expected_W;
+      if (in_contact_ && answer->in_contact && answer->sample.contact_epoch == epoch_) {
         for (const Sample& sample : gate_.pass(answer->sample)) {
           method_->take_sample(sample);
         }
@@ -138,12 +150,66 @@ class Run {
     }
   }
 
-  Vector3d method_force_W(std::int64_t now_ns, const Vector3d& measured_W) {
-    simulator_.publish(now_ns, measured_W, object_);
+  void learn_contact(bool in_contact, std::uint32_t epoch, const Vector3d& point_W) {
+    const bool news = !contact_known_ || epoch != epoch_;
+    if (in_contact && (news || !in_contact_)) {
+      gate_.forget();
+      method_->contact_made(epoch, point_W);
+      expected_W_.reset();
+    } else if (!in_contact && (in_contact_ || !contact_known_)) {
+      gate_.forget();
+      method_->contact_lost();
+    }
+    contact_known_ = true;
+    in_contact_ = in_contact;
+    epoch_ = epoch;
+  }
+
+  void take_answer(Sample sample) {
+    const bool asked_in_the_air = sample.before_contact;
+    sample.before_contact = asked_in_the_air && method_->needs().requests_before_contact &&
+                            sample.contact_epoch == air_epoch_;
+    const bool of_this_contact = !asked_in_the_air && in_contact_ && sample.contact_epoch == epoch_;
+    if (contact_known_ && (sample.before_contact || of_this_contact)) {
+      method_->take_sample(sample);
+      ++answers_taken_;
+      answers_before_ += sample.before_contact ? 1 : 0;
+    }
+  }
+
+  Vector3d method_force_W(std::int64_t now_ns, double period_s, const Vector3d& measured_W) {
+    const double share = -std::expm1(-period_s / servo::MotionGuard::kVelocityTimeConstant_s);
+    velocity_W_ += share * ((measured_W - last_measured_W_) / period_s - velocity_W_);
+    simulator_.publish(now_ns, measured_W, velocity_W_, object_);
+    if (setup_.sees_contacts) {
+      const VirtualObject::Contact contact = object_.contact();
+      learn_contact(contact.in_contact, contact.epoch, contact.point_W);
+    }
     take_samples(now_ns);
     const double now_s = 1e-9 * static_cast<double>(now_ns);
     method_->observe(now_s, measured_W);
+    if (expected_W_) {
+      method_->expect_contact(now_s, *expected_W_);
+    }
     return method_->force(now_s, measured_W).force_W;
+  }
+
+  void request_if_due(std::int64_t now_ns, const Vector3d& measured_W) {
+    const double rate_per_s = setup_.network.requests_per_s;
+    if (!(rate_per_s > 0.0) || now_ns < next_request_ns_) {
+      return;
+    }
+    const std::int64_t interval_ns = nanoseconds(1.0 / rate_per_s);
+    next_request_ns_ += interval_ns;
+    if (next_request_ns_ <= now_ns) {
+      next_request_ns_ = now_ns + interval_ns;
+    }
+    Vector3d wanted_W = Vector3d::Zero();
+    const bool may_ask = in_contact_ || (expected_W_ && method_->needs().requests_before_contact);
+    if (may_ask &&
+        method_->plan_request(1e-9 * static_cast<double>(now_ns), measured_W, wanted_W)) {
+      requests_made_ += simulator_.ask(now_ns, wanted_W, object_) ? 1 : 0;
+    }
   }
 
   // The servo's part of a cycle; does not move the tool.
@@ -154,7 +220,8 @@ class Run {
     const Vector3d measured_W = plant_.measured_W(sampled_W_);
     object_.advance(now_s, measured_W);
     const Vector3d reference_W = object_.at(measured_W).force_W;
-    Vector3d wanted_W = method_ == nullptr ? reference_W : method_force_W(now_ns, measured_W);
+    Vector3d wanted_W =
+        method_ == nullptr ? reference_W : method_force_W(now_ns, period_s, measured_W);
     wanted_W -= setup_.virtual_damping_N_s_per_m / period_s * (measured_W - last_measured_W_);
     last_measured_W_ = measured_W;
     wanted_W = guard_.apply(cycle == 0 ? 0.0 : period_s, measured_W, wanted_W);
@@ -166,6 +233,7 @@ class Run {
     guard_.set_rendered(wanted_W);
     largest_force_N_ = std::max(largest_force_N_, wanted_W.norm());
     if (method_ != nullptr) {
+      request_if_due(now_ns, measured_W);
       method_->work(setup_.fill_budget);
     }
     return wanted_W;
@@ -183,6 +251,34 @@ class Run {
       changes_ += 1.0;
     }
     last_error_W_ = error_W;
+    judge_touch(now_s, error_W, reference_W);
+  }
+
+  void judge_touch(double now_s, const Vector3d& error_W, const Vector3d& reference_W) {
+    const bool touching = object_.contact().in_contact;
+    if (touching && was_in_the_air_) {
+      ++touches_;
+      touched_s_ = now_s;
+    }
+    was_in_the_air_ = !touching;
+    if (!touching) {
+      return;
+    }
+    contact_square_N2_ += reference_W.squaredNorm();
+    contact_cycles_ += 1.0;
+    for (std::size_t i = 0; i < std::size(kFirstWindows_s) && touches_ > 0; ++i) {
+      if (now_s - touched_s_ < kFirstWindows_s[i]) {
+        first_square_N2_[i] += error_W.squaredNorm();
+        first_cycles_[i] += 1.0;
+      }
+    }
+  }
+
+  // In % of the RMS of |F_o| in contact.
+  double first_percent(std::size_t window) const {
+    return touches_ == 0 ? std::nan("")
+                         : 100.0 * std::sqrt(first_square_N2_[window] / first_cycles_[window] *
+                                             contact_cycles_ / contact_square_N2_);
   }
 
   bool holds_still(double now_s) const {
@@ -243,6 +339,20 @@ class Run {
   bool contact_known_ = false;
   bool in_contact_ = false;
   std::uint32_t epoch_ = 0;
+  std::optional<std::uint32_t> air_epoch_;  // of the newest sample in the air
+  std::optional<Vector3d> expected_W_;      // where a tool in the air will touch
+  Vector3d velocity_W_ = Vector3d::Zero();  // as servo::MotionGuard estimates it
+  std::int64_t next_request_ns_ = 0;
+  std::uint64_t requests_made_ = 0;
+  std::uint64_t answers_taken_ = 0;
+  std::uint64_t answers_before_ = 0;
+  bool was_in_the_air_ = false;
+  std::uint64_t touches_ = 0;
+  double touched_s_ = 0.0;
+  double first_square_N2_[std::size(kFirstWindows_s)] = {};
+  double first_cycles_[std::size(kFirstWindows_s)] = {};
+  double contact_square_N2_ = 0.0;
+  double contact_cycles_ = 0.0;
   std::uint64_t samples_taken_ = 0;
   double error_square_N2_ = 0.0;
   double reference_square_N2_ = 0.0;

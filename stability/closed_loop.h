@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -38,12 +39,17 @@ struct LoopSetup {
   DeviceTiming timing;
   DeviceDynamics device;
   Hand hand;
+  /// Its requests_per_s lets the method ask the simulator, as servo::ServoOptions::requests_per_s
+  /// does.
   evaluation::NetworkCondition network;
   /// [m] Place of the first contact.
   Eigen::Vector3d contact_point_W = evaluation::first_contact_point_W();
   SimulatorFault fault = SimulatorFault::kNone;
   /// The servo's guard; by default it only observes.
   servo::PassivityOptions passivity{.mode = servo::PassivityMode::kObserve};
+  /// The servo sees touches and lift-offs itself, in the cycle in which they happen, as in
+  /// evaluation::judge(). Otherwise the first answer of a contact, or out of it, tells of it.
+  bool sees_contacts = false;
   double virtual_damping_N_s_per_m = 0.0;  ///< B, added by the servo from the last two positions
   /// [s] Time that the hand keeps still; longer for boundaries at which oscillations decay slowly.
   double hold_s = 4.0;
@@ -69,6 +75,11 @@ struct LoopResult {
   /// the tool position that the servo measured. NaN if there is no force.
   double force_error_percent = 0.0;
   double reference_rms_N = 0.0;  ///< of |F_o| over the same time
+  /// RMS of |F - F_o| from a touch on, pooled over the contacts that begin in the air, in % of the
+  /// RMS of |F_o| in all contact. The servo knows of a contact when its first answer arrives. NaN
+  /// if no contact begins in the air.
+  double first_67ms_error_percent = std::numeric_limits<double>::quiet_NaN();
+  double first_250ms_error_percent = std::numeric_limits<double>::quiet_NaN();
   /// [J] energy added by the rendering: work of the rendered force on the tool minus that of the
   /// object's exact force along the same path; at the end, and its maximum.
   double energy_generated_J = 0.0;
@@ -84,6 +95,10 @@ struct LoopResult {
   std::uint64_t samples_taken = 0;
   std::uint64_t samples_refused = 0;  ///< by SampleGate
   std::uint64_t samples_lost = 0;
+  std::uint64_t touches = 0;         ///< contacts that begin in the air
+  std::uint64_t requests_made = 0;   ///< that the simulator has got
+  std::uint64_t answers_taken = 0;   ///< by the method, to requests
+  std::uint64_t answers_before = 0;  ///< of these, to requests before contact
 };
 
 /// The standard run and its stability criterion. The hand moves for 6 s and then keeps still for 4
@@ -111,9 +126,15 @@ struct StatedRun {
 
 /// Runs device, hand, servo, method, simulator and link in simulated time. Each cycle has the order
 /// of servo::ServoLoop::run_cycle(): counts -> position -> arrived samples -> observe() -> force()
-/// -> passivity guard -> motors' limit -> work(). It does not use servo::ServoLoop, whose
-/// mechanisms quantise and limit, unlike the theory that the charts compare with. For the behaviour
-/// of a real device, run servo::ServoLoop with SimulatedArm.
+/// -> passivity guard -> motors' limit -> requests -> work(). It does not use servo::ServoLoop,
+/// whose mechanisms quantise and limit, unlike the theory that the charts compare with. For the
+/// behaviour of a real device, run servo::ServoLoop with SimulatedArm.
+///
+/// Requests follow servo::SampleIntake: one per 1 / requests_per_s at most, in contact, and before
+/// an expected contact for a method that needs().requests_before_contact. An answer reaches the
+/// method only if its contact lasts, or if it was asked for in the stretch of air before. Where a
+/// touch is expected comes with the samples in the air, as late as they are. servo::FirstTouch, the
+/// servo's own copy of the surface, is not modelled.
 /// @param method nullptr: the object's exact force in every cycle, as `direct` renders it.
 /// @returns the result; the same arguments give the same result to the last bit.
 /// @throws std::invalid_argument with the remedy for an impossible rate or timing.

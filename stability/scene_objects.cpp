@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "stability/scene_objects.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "evaluation/variation.h"
 #include "evaluation/wall.h"
 #include "stability/dynamic_object.h"
 
@@ -136,6 +138,59 @@ class Tapping final : public SceneObject {
   double depth_m(const Vector3d& position_W) const {
     return displacement_W(position_W).x() - 0.002;
   }
+  Contact contact_{.in_contact = false, .epoch = 0};
+};
+
+class Touching final : public VirtualObject {
+ public:
+  explicit Touching(const BaseField& field)
+      : table_(field.table),
+        varied_(field.table, kSeed),
+        stiffness_N_per_m_(field.stiffness_N_per_m),
+        surface_z_m_(field.contact_point_W.z() + 0.002) {
+    contact_.point_W = field.contact_point_W;
+  }
+
+  void advance(double /*time_s*/, const Vector3d& position_W) override {
+    const bool touching = position_W.z() > surface_z_m_;
+    if (touching != contact_.in_contact) {
+      ++contact_.epoch;
+    }
+    if (touching && !contact_.in_contact) {
+      contact_.point_W = position_W;
+      contact_.point_W.z() = surface_z_m_;
+    }
+    contact_.in_contact = touching;
+  }
+  Value at(const Vector3d& position_W) const override {
+    return contact_.in_contact ? touched_at(contact_.point_W, position_W)
+                               : Value{Vector3d::Zero(), Matrix3d::Zero()};
+  }
+  Value touched_at(const Vector3d& point_W, const Vector3d& position_W) const override {
+    const Matrix3d turn =
+        Eigen::AngleAxisd(varied_.turn_rad(point_W), Vector3d::UnitZ()).toRotationMatrix();
+    const double factor = stiffness_N_per_m_ / TableObject::normal_stiffness_N_per_m(table_) *
+                          varied_.stiffness_factor(point_W);
+    const Value value = table_.at(table_.clamped(turn.transpose() * (position_W - point_W)));
+    return {factor * turn * value.force_W, factor * turn * value.stiffness_W * turn.transpose()};
+  }
+  std::optional<Vector3d> expected_touch_W(const Vector3d& position_W, const Vector3d& velocity_W,
+                                           double within_s) const override {
+    const double gap_m = surface_z_m_ - position_W.z();
+    if (gap_m < 0.0 || !(velocity_W.z() > 0.0) || gap_m > velocity_W.z() * within_s) {
+      return std::nullopt;
+    }
+    return Vector3d(position_W + gap_m / velocity_W.z() * velocity_W);
+  }
+  Contact contact() const override { return contact_; }
+  double stiffness_N_per_m() const noexcept override { return stiffness_N_per_m_; }
+
+ private:
+  static constexpr std::uint64_t kSeed = 1;
+  const evaluation::ForceTable& table_;
+  evaluation::VariedObject varied_;
+  double stiffness_N_per_m_;
+  double surface_z_m_;
   Contact contact_{.in_contact = false, .epoch = 0};
 };
 
@@ -276,6 +331,9 @@ std::unique_ptr<VirtualObject> make_second_contact(const BaseField& field) {
 }
 std::unique_ptr<VirtualObject> make_tapping(const BaseField& field) {
   return std::make_unique<Tapping>(field);
+}
+std::unique_ptr<VirtualObject> make_touching(const BaseField& field) {
+  return std::make_unique<Touching>(field);
 }
 std::unique_ptr<VirtualObject> make_viscous(const BaseField& field) {
   return std::make_unique<Viscous>(field);

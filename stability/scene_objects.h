@@ -34,6 +34,16 @@ std::unique_ptr<VirtualObject> make_second_contact(const BaseField& field);
 /// and fro: F_x = -K max(0, x - 2 mm).
 std::unique_ptr<VirtualObject> make_tapping(const BaseField& field);
 
+/// An object that the tool touches and then holds until it lifts off: its surface is 2 mm along z,
+/// and a tool beyond it that has touched at p feels
+///
+///   F = K / K_table a(p) R(theta(p)) F_table(R(theta(p))^T (x - p))
+///
+/// with the stiffness a and the orientation theta of evaluation::VariedObject of seed 1, which
+/// differ from touch to touch. Each touch and each lift-off is a new contact epoch. A touch can be
+/// expected.
+std::unique_ptr<VirtualObject> make_touching(const BaseField& field);
+
 /// The object and a parallel damper of 3 Ns/m, in series with a spring like every real damper:
 ///   F = F_e(x) - 3 Ns/m / 5 ms (x - h),  5 ms h' = x - h
 std::unique_ptr<VirtualObject> make_viscous(const BaseField& field);

@@ -17,6 +17,7 @@ const std::vector<Scene>& scenes() {
   static const std::vector<Scene> all = {
       {"held", "a soft object that the tool holds", make_held},
       {"tapping", "contact with a surface is made and broken", make_tapping},
+      {"touching", "an object of varying stiffness is touched, held and let go", make_touching},
       {"second_contact", "a wall of 1000 N/m behind the object", make_second_contact},
       {"cut", "stiffness drops to 60 and 30 %, unannounced",
        [](const BaseField& field) { return make_cut(field, false); }},

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 
 #include "evaluation/force_table.h"
 
@@ -36,6 +37,25 @@ class VirtualObject {
   virtual Value at(const Eigen::Vector3d& position_W) const = 0;
 
   virtual Contact contact() const = 0;
+
+  /// [m] Where a tool in the air at `position_W` [m] touches within `within_s` [s] if it keeps the
+  /// velocity `velocity_W` [m/s]; nothing if it does not, or if the simulator can't tell.
+  virtual std::optional<Eigen::Vector3d> expected_touch_W(const Eigen::Vector3d& position_W,
+                                                          const Eigen::Vector3d& velocity_W,
+                                                          double within_s) const {
+    static_cast<void>(position_W);
+    static_cast<void>(velocity_W);
+    static_cast<void>(within_s);
+    return std::nullopt;
+  }
+
+  /// Returns force [N] and stiffness [N/m] for a tool at rest at `position_W` [m] that has touched
+  /// at `point_W` [m]: the answer to a request.
+  virtual Value touched_at(const Eigen::Vector3d& point_W,
+                           const Eigen::Vector3d& position_W) const {
+    static_cast<void>(point_W);
+    return at(position_W);
+  }
 
   /// [N/m] Normal stiffness at rest, which the charts vary.
   virtual double stiffness_N_per_m() const noexcept = 0;

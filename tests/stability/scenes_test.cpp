@@ -183,7 +183,7 @@ std::vector<SlowSimulator::Answer> answers(SimulatorFault fault, double until_s)
   SlowSimulator simulator(network, fault, 3);
   std::vector<SlowSimulator::Answer> all;
   for (std::int64_t now_ns = 0; now_ns <= std::llround(1e9 * until_s); now_ns += 2'000'000) {
-    simulator.publish(now_ns, kContact_W + 0.005 * Vector3d::UnitX(), object);
+    simulator.publish(now_ns, kContact_W + 0.005 * Vector3d::UnitX(), Vector3d::Zero(), object);
     while (const auto answer = simulator.receive(now_ns)) {
       EXPECT_LE(answer->arrives_ns, now_ns);
       all.push_back(*answer);
