@@ -143,10 +143,12 @@ void set_option(MethodOptions& options, const std::string& method, const std::st
     options.spacing_N = positive(word, plain_number(word, value));
   } else if (key == "h") {
     options.vertex_spacing_m = length_m(word, value);
+  } else if (key == "budget") {
+    options.budget_reads = positive(word, plain_number(word, value));
   } else {
     refuse(word,
            "known keys are unit, r, s, weight, read, storage, pool, cells, ridge, nug, samples, "
-           "spacing, spacing_N, h");
+           "spacing, spacing_N, h, budget");
   }
 }
 

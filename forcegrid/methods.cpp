@@ -2,6 +2,7 @@
 #include "forcegrid/methods.h"
 
 #include <cmath>
+#include <cstdio>
 #include <optional>
 #include <stdexcept>
 
@@ -9,6 +10,7 @@
 #include "forcegrid/kriging/ensemble_method.h"
 #include "forcegrid/kriging/kriging_grid_method.h"
 #include "forcegrid/kriging/kriging_method.h"
+#include "forcegrid/kriging/work_budget.h"
 #include "forcegrid/simple/affine_methods.h"
 #include "forcegrid/simple/hold_method.h"
 #include "forcegrid/simple/linear_method.h"
@@ -54,6 +56,18 @@ void check_kriging(const MethodOptions& options, bool stored) {
                 "a store's spacing has to be at most 5 mm, half a cell of its grid");
 }
 
+void check_budget(double reads) {
+  const double least = std::ceil(kriging::least_budget_reads());
+  if (!(reads >= least)) {
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "auto: a budget of %.3g bare trilinear reads a cycle pays for nothing; give at "
+                  "least %.0f, or choose a simple method such as rls",
+                  reads, least);
+    throw std::invalid_argument(text);
+  }
+}
+
 template <typename Method>
 std::unique_ptr<ForceMethod> if_allocated(std::unique_ptr<Method> method) {
   if (!method->allocated()) {
@@ -72,6 +86,9 @@ std::unique_ptr<ForceMethod> kriging(const MethodOptions& options) {
 template <EnsembleMethod::Kind kKind>
 std::unique_ptr<ForceMethod> ensemble(const MethodOptions& options) {
   check_kriging(options, kKind == EnsembleMethod::Kind::kAuto);
+  if (kKind == EnsembleMethod::Kind::kAuto && options.budget_reads) {
+    check_budget(*options.budget_reads);
+  }
   return if_allocated(std::make_unique<EnsembleMethod>(kKind, options));
 }
 

@@ -9,6 +9,7 @@
 #include "forcegrid/core/method_options.h"
 
 namespace forcegrid {
+#pragma GCC visibility push(default)
 
 /// The method that is rendered unless another one is requested.
 inline constexpr char kDefaultMethod[] = "auto";
@@ -27,4 +28,5 @@ void check_method_name(const std::string& name);
 std::unique_ptr<ForceMethod> make_force_method(const std::string& name,
                                                const MethodOptions& options);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid

@@ -8,6 +8,7 @@
 #include <span>
 
 namespace forcegrid {
+#pragma GCC visibility push(default)
 
 /// One answer of the simulator: the force that the object exerts on the tool at `position_W`.
 /// W is the workspace frame; lengths in metres, forces in newtons, times in seconds of the servo's
@@ -185,4 +186,5 @@ class ForceMethod {
   }
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid

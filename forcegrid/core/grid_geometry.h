@@ -5,6 +5,7 @@
 #include <cstddef>
 
 namespace forcegrid {
+#pragma GCC visibility push(default)
 
 /// A box of the workspace cut into equal cells; the vertices are the cells' corners.
 struct GridGeometry {
@@ -26,4 +27,5 @@ struct GridGeometry {
   std::size_t cell_count() const noexcept { return cells.array().cast<std::size_t>().prod(); }
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid

@@ -38,6 +38,9 @@ struct MethodOptions {
   /// kriging: how far apart samples are kept, in distance (1 mm) or in force (0.1 N).
   std::optional<double> spacing_m, spacing_N;
 
+  /// auto: what a cycle may cost on average, in bare trilinear reads; absent: what it takes.
+  std::optional<double> budget_reads;
+
   /// forcegrid-kriging: h, between vertices, 2 to 20 mm, 4 mm.
   std::optional<double> vertex_spacing_m;
 

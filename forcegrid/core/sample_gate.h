@@ -10,6 +10,7 @@
 #include "forcegrid/core/force_method.h"
 
 namespace forcegrid {
+#pragma GCC visibility push(default)
 
 /// Holds back forces that are implausible as an object's answer until the next sample confirms
 /// them.
@@ -82,4 +83,5 @@ class SampleGate {
   std::uint64_t refused_ = 0;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid

@@ -108,6 +108,7 @@ class Candidate {
   double score_N2 = 0.0;
   double long_score_N2 = 0.0;
   double first_touch_score_N2 = 0.0;
+  int first_touches = 0;  ///< samples of its own in that average, which begins at zero
 
  protected:
   const EnsembleThresholds& thresholds() const noexcept { return thresholds_; }

@@ -2,6 +2,7 @@
 #include "forcegrid/kriging/candidate_choice.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace forcegrid::kriging {
 namespace {
@@ -13,10 +14,13 @@ double averaged(double kept, double old, double now) noexcept {
 }  // namespace
 
 void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered) noexcept {
-  ++long_scored_;
   const auto& errors_N2 = sample.error_N2;
   const bool rendered_took = errors_N2[rendered] != EvaluatedSample::kNotTaken_N2;
   const double otherwise_N2 = errors_N2[rendered_took ? rendered : 0];
+  if (otherwise_N2 == EvaluatedSample::kNotTaken_N2) {
+    return;  // nobody is there to say how large an error is usual
+  }
+  ++long_scored_;
   const std::size_t count = candidates_.all.size();
   for (std::size_t i = 0; i < count; ++i) {
     Candidate& candidate = *candidates_.all[i];
@@ -28,9 +32,10 @@ void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered)
     candidate.score_N2 = averaged(thresholds_.score_kept, candidate.score_N2, error_N2);
     candidate.long_score_N2 =
         averaged(thresholds_.long_score_kept, candidate.long_score_N2, error_N2);
-    if (sample.first_touch) {
+    if (sample.first_touch && errors_N2[i] != EvaluatedSample::kNotTaken_N2) {
       candidate.first_touch_score_N2 =
           averaged(thresholds_.first_touch_kept, candidate.first_touch_score_N2, error_N2);
+      ++candidate.first_touches;
     }
     candidate.on_evaluated({errors_N2.data(), count}, i);
   }
@@ -80,12 +85,27 @@ std::size_t CandidateChoice::runner_up(std::size_t rendered) const noexcept {
 CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool origin_known,
                                                      std::size_t rendered) noexcept {
   double least_N2 = std::numeric_limits<double>::max();
+  // A candidate that slept at some first touches was averaged over fewer of them, from zero: as if
+  // it had erred less.
+  const auto weight_of = [this](const Candidate& candidate) {
+    return 1.0 - std::pow(thresholds_.first_touch_kept, candidate.first_touches);
+  };
+  double most_N2 = 0.0;
+  double most_weight = 0.0;
+  for (const auto& candidate : candidates_.all) {
+    if (candidate->awake()) {
+      most_N2 = std::max(most_N2, candidate->first_touch_score_N2);
+      most_weight = std::max(most_weight, weight_of(*candidate));
+    }
+  }
   for (const auto& candidate : candidates_.all) {
     if (!candidate->awake()) {
       continue;
     }
     if (first_touch_scored_) {
-      candidate->score_N2 = candidate->first_touch_score_N2;
+      const double weight = weight_of(*candidate);
+      const double own_N2 = candidate->first_touch_score_N2;
+      candidate->score_N2 = weight > 0.0 ? own_N2 * (most_weight / weight) : most_N2;
     }
     least_N2 = std::min(least_N2, candidate->score_N2);
   }

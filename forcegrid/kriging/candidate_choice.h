@@ -24,6 +24,7 @@ struct Candidates {
   std::size_t places = kNone;      ///< the same
   std::size_t walls = kNone;       ///< the same
   std::size_t unfinished = kNone;  ///< the same
+  std::size_t newest = kNone;      ///< the same
   std::size_t alone = 0;           ///< the same: it begins, while the others sleep
   MemoryCandidate* memory_role = nullptr;
   RelaxationCandidate* relaxation = nullptr;
@@ -37,6 +38,7 @@ struct EvaluatedSample {
   bool scored = true;        ///< every candidate could predict it
   bool explained = false;    ///< by one candidate alone: the others could not know
   bool first_touch = false;  ///< of the first instants of a contact
+  bool surprised = false;    ///< it surprised the candidate that was rendered
   std::array<double, kMaxCandidates> error_N2{};
 };
 

@@ -9,6 +9,7 @@
 #include "forcegrid/kriging/default_fields.h"
 #include "forcegrid/kriging/kriging_store_field.h"
 #include "forcegrid/kriging/kriging_terms.h"
+#include "forcegrid/kriging/newest_field.h"
 #include "forcegrid/kriging/unilateral_constraint_field.h"
 
 namespace forcegrid::kriging {
@@ -184,6 +185,16 @@ bool RelaxationCandidate::find_terms(double time_s, const ToolHistory::Lags& too
   }
   found_N = terms_N(tool_m, force_N);
   return true;
+}
+
+NewestCandidate::NewestCandidate(const char* name, const FieldSettings& settings,
+                                 const EnsembleThresholds& thresholds)
+    : Candidate(name, std::make_unique<NewestField>(settings), thresholds.specialist_weight,
+                thresholds) {}
+
+Candidate::Accept NewestCandidate::accept(const QueuedSample& sample, const PathAtSample& /*path*/,
+                                          Observation& /*observation*/) const noexcept {
+  return sample.before_contact || sample.observation.from_query ? Accept::kNoUse : Accept::kTake;
 }
 
 PlacesCandidate::PlacesCandidate(const char* name, const FieldSettings& settings,

@@ -108,6 +108,17 @@ class RelaxationCandidate final : public PathCandidate {
   double per_lag_;
 };
 
+/// `newest`: the newest sample and its stiffness (NewestField), for objects that change all the
+/// time. Answers to queries are no news of the path.
+class NewestCandidate final : public Candidate {
+ public:
+  NewestCandidate(const char* name, const FieldSettings& settings,
+                  const EnsembleThresholds& thresholds);
+  bool served_early() const noexcept override { return true; }  // it takes no time
+  Accept accept(const QueuedSample& sample, const PathAtSample& path,
+                Observation& observation) const noexcept override;
+};
+
 /// `places`: distinguishes contact points (ContactIndexedField), so it uses answers to queries
 /// before a contact.
 class PlacesCandidate final : public Candidate {

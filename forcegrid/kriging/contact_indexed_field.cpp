@@ -63,25 +63,49 @@ void ContactIndexedField::enter_contact(std::uint64_t contact,
   collapse();
 }
 
+void ContactIndexedField::remember(const Observation& o) noexcept {
+  const auto begin = remembered_.begin();
+  const auto end = begin + remembered_count_;
+  if (o.contact != contact_ || remembered_count_ == kKept ||
+      std::any_of(begin, end, [&](const Stored& s) {
+        return !settings_.spacing.apart(distance_m2(s, o.position_m, o.origin_W, o.force_N));
+      })) {
+    return;
+  }
+  Stored& s = remembered_[static_cast<std::size_t>(remembered_count_++)];
+  s = {};
+  s.position_m = o.position_m;
+  s.force_N = o.force_N;
+  s.point_W = o.origin_W;
+  s.from_query = o.from_query;
+}
+
 // Thins the samples of the contact that ends to the most informative ones, and keeps them.
 void ContactIndexedField::keep_contact() noexcept {
-  std::array<const Stored*, kMaxSamples> own;
+  std::array<const Stored*, kMaxSamples + kKept> own;
   int own_count = 0;
   for (const Stored& s : stored_) {
     if (s.used && s.contact == contact_ && s.kept == nullptr) {
       own[static_cast<std::size_t>(own_count++)] = &s;
     }
   }
+  const bool fitted = own_count > 0;
+  for (int i = 0; i < remembered_count_; ++i) {
+    own[static_cast<std::size_t>(own_count++)] = &remembered_[static_cast<std::size_t>(i)];
+  }
+  remembered_count_ = 0;
   if (own_count == 0) {
     return;
   }
-  offsets_needed_ += kOffsetsForgotten * ((offset_N2_ > 0.0 ? 1.0 : 0.0) - offsets_needed_);
+  if (fitted) {
+    offsets_needed_ += kOffsetsForgotten * ((offset_N2_ > 0.0 ? 1.0 : 0.0) - offsets_needed_);
+  }
   Contact& kept = room_for_contact();
   kept.point_W = point_W_;
   kept.offset_N2 = offset_N2_;
   kept.number = contact_;
   kept.count = 0;
-  std::array<double, kMaxSamples> nearest_m2;
+  std::array<double, kMaxSamples + kKept> nearest_m2;
   nearest_m2.fill(kEvictionReach_m2);
   while (kept.count < std::min(own_count, kKept)) {
     int best = kNone;

@@ -75,6 +75,8 @@ class ContactIndexedField final : public Field {
   bool ready() const noexcept override { return preparing_ == Preparing::kReady; }
   /// Ignores late samples of an earlier contact.
   Innovation take(const Observation& observation) noexcept override;
+  /// For later contacts: at most kKept samples of this one that are apart (SampleSpacing).
+  void remember(const Observation& observation) noexcept override;
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                     const History& history) const noexcept override;
@@ -161,6 +163,8 @@ class ContactIndexedField final : public Field {
 
   std::array<Contact, kContacts> contacts_;
   int contact_count_ = 0;
+  std::array<Stored, kKept> remembered_;  ///< of the present contact, not in the working set
+  int remembered_count_ = 0;
 
   std::array<Stored, kMaxSamples> stored_;
   std::array<std::int16_t, kMaxSamples> slots_{};  ///< of the working set, in order of rows

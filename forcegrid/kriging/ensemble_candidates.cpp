@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "forcegrid/kriging/ensemble_candidates.h"
 
+#include <cmath>
 #include <memory>
 #include <utility>
 
 #include "forcegrid/kriging/contact_indexed_field.h"
 #include "forcegrid/kriging/default_fields.h"
+#include "forcegrid/kriging/work_budget.h"
 
 namespace forcegrid::kriging {
 namespace {
@@ -13,7 +15,13 @@ namespace {
 constexpr int kCandidateStiffnessSamples = 2;
 constexpr int kRelaxationSamples = 24;
 constexpr std::size_t kExact = 1;  // of the smooth ones
-constexpr int kSlowLags = 0;       // of kPathTimeConstants_s
+constexpr char kExactName[] = "exact";
+constexpr double kExactNugget_N2 = 1e-6;
+// Noise that makes samples of one place differ by more than their spacing allows would keep the
+// outlying ones beside each other. Candidates for such noise tell places apart by more deviations.
+constexpr double kNoiseApart = 12.0;
+constexpr int kAveraged = 8;
+constexpr int kSlowLags = 0;  // of kPathTimeConstants_s
 constexpr int kFastLags = 3;
 constexpr int kVelocityLag = 3;  // the shortest: the velocity times its time constant
 
@@ -27,7 +35,14 @@ class Builder {
     candidates_.all.reserve(kMaxCandidates);
   }
 
-  Candidates build() {
+  Candidates build(const BudgetPlan& plan) {
+    if (!plan.ensemble) {
+      settings_.stiffness_samples = kCandidateStiffnessSamples;
+      settings_.nugget_N2 = kExactNugget_N2;
+      settings_.samples = plan.samples;
+      add_plain(kExactName, settings_, 1.0);
+      return std::move(candidates_);
+    }
     add_smooth();
     add_viscous();
     candidates_.walls = candidates_.all.size();
@@ -47,6 +62,8 @@ class Builder {
       places.samples = ContactIndexedField::kMaxSamples;
       candidates_.places = candidates_.all.size();
       add<PlacesCandidate>("places", places, thresholds_);
+      candidates_.newest = candidates_.all.size();
+      add<NewestCandidate>("newest", settings_, thresholds_);
     }
     return std::move(candidates_);
   }
@@ -71,9 +88,12 @@ class Builder {
     };
     FieldSettings settings = settings_;
     settings.stiffness_samples = kCandidateStiffnessSamples;
-    for (const Noise& noise : {Noise{"smooth", 1e-5}, Noise{"exact", 1e-6}, Noise{"noisy", 1e-4},
-                               Noise{"very noisy", 1e-3}}) {
+    for (const Noise& noise : {Noise{"smooth", 1e-5}, Noise{kExactName, kExactNugget_N2},
+                               Noise{"noisy", 1e-4}, Noise{"very noisy", 1e-3}}) {
       settings.nugget_N2 = noise.nugget_N2;
+      settings.averaged_spacing.newtons = kNoiseApart * std::sqrt(noise.nugget_N2);
+      settings.averaged =
+          settings.averaged_spacing.newtons > settings.spacing.newtons ? kAveraged : 1;
       add_plain(noise.name, settings, 1.0);
     }
     if (kind_ == EnsembleKind::kKriging) {
@@ -108,7 +128,8 @@ class Builder {
 
 Candidates make_candidates(EnsembleKind kind, const MethodOptions& options,
                            const EnsembleThresholds& thresholds, const ToolHistory& path) {
-  return Builder(kind, options, thresholds, path).build();
+  return Builder(kind, options, thresholds, path)
+      .build(plan_for(kind == EnsembleKind::kAuto ? options.budget_reads : std::nullopt));
 }
 
 }  // namespace forcegrid::kriging

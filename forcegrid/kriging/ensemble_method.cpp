@@ -18,9 +18,12 @@ EnsembleMethod::EnsembleMethod(Kind kind, const MethodOptions& options,
       candidates_(kriging::make_candidates(kind, options, thresholds_, path_)),
       choice_(candidates_, thresholds_),
       fade_(thresholds_.hand_over_s),
-      wake_rule_(candidates_, thresholds_, kind == Kind::kAuto) {
+      wake_rule_(candidates_, thresholds_,
+                 kind == Kind::kAuto && candidates_.all.size() > 1 && !thresholds_.everybody_awake),
+      budget_(kind == Kind::kAuto ? options.budget_reads : std::nullopt) {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     names_[i] = candidates_.all[i]->name();
+    knows_path_ = knows_path_ || candidates_.all[i]->knows_path();
   }
 }
 
@@ -60,6 +63,9 @@ void EnsembleMethod::take_sample(const Sample& sample) noexcept {
   wake_rule_.sample_queued(number, queue_.at(number), sample.time_s - contact_.begun_s(),
                            rendered_);
   follow_wake_rule();
+  if (asks_before_contact() && wake_rule_.places_misses()) {
+    candidates_.all[candidates_.places]->field().remember(queue_.at(number).observation);
+  }
   look_up_path(sample, entry.path);
   if (sample.from_query) {
     entry.scored = false;
@@ -76,11 +82,14 @@ void EnsembleMethod::pass_over_backlog() noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const auto& candidate = candidates_.all[i];
     const bool catches_up = candidate->next_sample() < level_at_[i];
-    const std::uint64_t longest = catches_up ? kLongestCatchUp : SampleQueue::kLongestBacklog;
+    const bool old_is_useless = i == rendered_ && budget_.limited() && !budget_.allows();
+    const std::uint64_t longest = old_is_useless ? 1
+                                  : catches_up   ? kLongestCatchUp
+                                                 : SampleQueue::kLongestBacklog;
     if (candidate->awake() && queue_.taken() - candidate->next_sample() >= longest) {
       evaluated(candidate->next_sample()).scored = false;
       candidate->advance();
-      ++passed_over_.value;
+      ++counters_[old_is_useless ? kSamplesOverBudget : kPassedOver].value;
     }
   }
 }
@@ -95,17 +104,28 @@ void EnsembleMethod::look_up_path(const Sample& sample,
 }
 
 void EnsembleMethod::observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
+  if (budget_.limited()) {
+    budget_.begin_cycle(rendered_candidate().field().sample_count());
+  }
   if (motion_.observe(time_s, position_W)) {
-    path_.observe(time_s, position_W);
+    if (knows_path_) {
+      path_.observe(time_s, position_W);
+    }
     observe_rendered_force();
     follower_.tool_moved(motion_);
   }
 }
 
+// While nobody asks for it, the force's path through filters of 50 ms and more is followed by one
+// point in 8 ms.
 void EnsembleMethod::observe_rendered_force() noexcept {
-  if (candidates_.relaxation == nullptr) {
+  constexpr double kAsleep_s = 0.008;
+  if (candidates_.relaxation == nullptr ||
+      (!candidates_.relaxation->awake() && motion_.time_s() < force_observed_s_ + kAsleep_s &&
+       motion_.time_s() > force_observed_s_)) {
     return;
   }
+  force_observed_s_ = motion_.time_s();
   Eigen::Vector3d rendered_N = Eigen::Vector3d::Zero();
   if (contact_.in_contact() && contact_.has_origin() &&
       rendered_candidate().field().sample_count() > 0) {
@@ -201,6 +221,10 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
       break;
     case Candidate::Accept::kNoUse:
       entry.error_N2[index] = EvaluatedSample::kNotTaken_N2;
+      if (index == rendered_ && !sample.observation.from_query) {
+        wake_rule_.rendered_had_no_use();
+        follow_wake_rule();
+      }
       return 1;
     case Candidate::Accept::kUnknown:
       entry.scored = false;
@@ -209,14 +233,21 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
   const kriging::Innovation innovation = candidate.field().take(observation);
   entry.scored = entry.scored && innovation.predicted;
   entry.error_N2[index] = innovation.error_N * innovation.error_N;
-  if (index == rendered_ && !observation.from_query) {
-    wake_rule_.rendered_took(innovation);
-    follow_wake_rule();
+  if (index == rendered_) {
+    entry.surprised = innovation.surprised || innovation.error_N > thresholds_.wall_plain_N;
+    if (!observation.from_query) {
+      wake_rule_.rendered_took(innovation);
+      follow_wake_rule();
+    }
   }
   if (candidate.on_taken(innovation, observation.from_query)) {
     entry.explained = true;
-    if (index != rendered_ && choice_.trusts(candidate, rendered_)) {
+    const bool settled =
+        number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
+    if (index != rendered_ && (entry.surprised || settled) &&
+        choice_.trusts(candidate, rendered_)) {
       hand_over(index, ChoiceReason::kFoundWall);
+      wall_found_at_ = number;
     }
   }
   const bool follows = index == candidates_.memory && candidate.next_sample() == queue_.taken();
@@ -253,9 +284,12 @@ void EnsembleMethod::score() noexcept {
     if (!entry.scored || entry.explained) {
       continue;
     }
+    wake_rule_.evaluated(entry);
     choice_.score(entry, rendered_);
     const std::size_t best = choice_.best(rendered_);
-    if (best != rendered_) {
+    // Samples from before a wall was found say nothing about it.
+    const bool before_wall = reason_ == ChoiceReason::kFoundWall && scored_ < wall_found_at_;
+    if (best != rendered_ && !before_wall) {
       hand_over(best, ChoiceReason::kPredictedBetter);
     }
     wake_rule_.scored(choice_);
@@ -381,28 +415,46 @@ int EnsembleMethod::follow() noexcept {
   return memory.piece_units();
 }
 
+// Whether the budget pays for the next sample of candidate `next` or, if that is none, for what is
+// left to do without samples.
+bool EnsembleMethod::is_paid_for(std::size_t next) const noexcept {
+  return next == rendered_ ? budget_.allows() : budget_.allows_others();
+}
+
+// @returns the units of work done; 0 if there was nothing to do.
+int EnsembleMethod::do_piece(std::size_t next, int budget) noexcept {
+  if (next == Candidates::kNone) {
+    return memory_has_missed() ? remember() : may_follow() ? follow() : 0;
+  }
+  if (begins_[next]) {
+    return begin(next);
+  }
+  int done = take_next(next);
+  done += prepare(next, budget - done);
+  score();
+  return done;
+}
+
 int EnsembleMethod::work(int budget) noexcept {
   int done = 0;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
-    if (candidates_.all[i]->awake()) {
+    if (candidates_.all[i]->awake() && is_paid_for(i)) {
       done += prepare(i, budget - done);
     }
   }
+  budget_.spend(done);
   while (done < budget) {
     const std::size_t next = next_to_serve();
-    if (next != Candidates::kNone && begins_[next]) {
-      done += begin(next);
-    } else if (next != Candidates::kNone) {
-      done += take_next(next);
-      done += prepare(next, budget - done);
-      score();
-    } else if (memory_has_missed()) {
-      done += remember();
-    } else if (may_follow()) {
-      done += follow();
-    } else {
+    if (!is_paid_for(next)) {
+      counters_[kCyclesOverBudget].value += next != Candidates::kNone ? 1 : 0;
       break;
     }
+    const int piece = do_piece(next, budget - done);
+    if (piece == 0) {
+      break;
+    }
+    budget_.spend(piece);
+    done += piece;
   }
   return done;
 }

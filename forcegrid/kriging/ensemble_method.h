@@ -20,6 +20,7 @@
 #include "forcegrid/kriging/store_follower.h"
 #include "forcegrid/kriging/tool_motion.h"
 #include "forcegrid/kriging/wake_rule.h"
+#include "forcegrid/kriging/work_budget.h"
 
 namespace forcegrid {
 
@@ -45,9 +46,12 @@ namespace forcegrid {
 /// samples, see counters(). A woken candidate begins, in one piece, with up to kBeginsWith queued
 /// samples, and takes the last kScoredAtOnce of them as the others did, so that it has a score.
 ///
+/// Within MethodOptions::budget_reads, `auto` has as many samples and candidates as that pays for
+/// (kriging::plan_for), and work waits until the mean cost allows it (kriging::WorkBudget).
+///
 /// Contacts, force() and requests: as KrigingMethod, for the rendered candidate. Before an expected
 /// contact `places` makes the requests.
-/// Options used: spacing_m and spacing_N.
+/// Options used: spacing_m, spacing_N and, by `auto`, budget_reads.
 /// Cost, memory, accuracy and tuning: docs/kriging.md. Real-time: as ForceMethod.
 class EnsembleMethod final : public ForceMethod {
  public:
@@ -78,8 +82,13 @@ class EnsembleMethod final : public ForceMethod {
   }
   /// `samples_passed_over`: samples that a candidate never took because it was
   /// kriging::SampleQueue::kLongestBacklog samples behind; one per candidate and sample.
-  std::span<const NamedCounter> counters() const noexcept override { return {&passed_over_, 1}; }
-  std::uint64_t samples_passed_over() const noexcept { return passed_over_.value; }
+  /// With a budget also `samples_over_budget`: those that the rendered candidate never took because
+  /// the budget had not paid for the one before when the next came; and `cycles_over_budget`: those
+  /// in which work waited for the budget.
+  std::span<const NamedCounter> counters() const noexcept override {
+    return {counters_.data(), budget_.limited() ? counters_.size() : 1};
+  }
+  std::uint64_t samples_passed_over() const noexcept { return counters_[kPassedOver].value; }
 
   /// Index in candidates().
   std::size_t rendered() const noexcept { return rendered_; }
@@ -102,6 +111,8 @@ class EnsembleMethod final : public ForceMethod {
   using Candidate = kriging::Candidate;
   using EvaluatedSample = kriging::EvaluatedSample;
 
+  enum Counter : std::size_t { kPassedOver, kSamplesOverBudget, kCyclesOverBudget, kCounters };
+
   Candidate& rendered_candidate() noexcept { return *candidates_.all[rendered_]; }
   const Candidate& rendered_candidate() const noexcept { return *candidates_.all[rendered_]; }
   bool asks_before_contact() const noexcept {
@@ -117,6 +128,8 @@ class EnsembleMethod final : public ForceMethod {
   void follow_wake_rule() noexcept;
   void wake(std::size_t index) noexcept;
   int begin(std::size_t index) noexcept;
+  bool is_paid_for(std::size_t next) const noexcept;
+  int do_piece(std::size_t next, int budget) noexcept;
   bool memory_has_missed() const noexcept;
   int remember() noexcept;
   std::size_t next_to_serve() const noexcept;
@@ -139,23 +152,28 @@ class EnsembleMethod final : public ForceMethod {
   kriging::EnsembleThresholds thresholds_;
   ToolHistory path_;  ///< of the tool
   kriging::Candidates candidates_;
+  bool knows_path_ = false;  ///< a candidate does
   std::array<const char*, kMaxCandidates> names_{};
   kriging::CandidateChoice choice_;
   std::size_t rendered_ = 0;
   ChoiceReason reason_ = ChoiceReason::kFirst;
   kriging::HandOverFade fade_;
 
+  double force_observed_s_ = -1e300;
   kriging::ToolMotion motion_;
   kriging::ContactState contact_;
   int answers_before_ = 0;  ///< for the expected contact
   kriging::SampleQueue queue_;
   std::array<EvaluatedSample, kriging::SampleQueue::kLength> evaluated_{};
-  std::uint64_t scored_ = 0;  ///< samples whose errors are in the scores
+  std::uint64_t scored_ = 0;         ///< samples whose errors are in the scores
+  std::uint64_t wall_found_at_ = 0;  ///< number of the sample that `walls` took over with
   kriging::WakeRule wake_rule_;
   std::array<std::uint64_t, kMaxCandidates> level_at_{};  ///< a woken one catches up until there
   std::array<bool, kMaxCandidates> begins_{};             ///< woken, and not begun yet
   std::array<kriging::Observation, kBeginsWith> recent_{};
-  NamedCounter passed_over_{"samples_passed_over", 0};
+  kriging::WorkBudget budget_;
+  std::array<NamedCounter, kCounters> counters_{
+      {{"samples_passed_over", 0}, {"samples_over_budget", 0}, {"cycles_over_budget", 0}}};
   kriging::StoreFollower follower_;
   kriging::FieldRequests requests_;
   kriging::FieldRendering rendering_;

@@ -15,23 +15,37 @@ namespace forcegrid::kriging {
 /// [traces] checked on recorded traces, [jelly] chosen on the scene `jelly` and a moving block,
 /// [choice] no recorded comparison.
 struct EnsembleThresholds {
-  // Who is awake (WakeRule). [wake] chosen on seeds 2 and 3 of the chart's motions, in which all
-  // candidates awake all the time were the measure; docs/kriging.md has the comparison.
+  // Who is awake (WakeRule). [wake] chosen on seeds 2 and 3 of the chart's motions; docs/kriging.md
+  // has the comparisons.
 
   /// [nats] Evidence against the rendered candidate that wakes everybody: if its predictions are
   /// right, at most once in exp(8) = 3,000 samples. [wake]
   double misfit_nats = 8.0;
-  double good_enough_N = 1e-3;  ///< [N] smaller errors are no evidence. [choice]
-  int warm_samples = 60;        ///< scored before anybody sleeps. [wake]
-  int awake_samples = 32;       ///< scored without another taking over: all sleep. [wake]
-  int longest_patience = 64;    ///< samples after a misfit that nobody could mend. [choice]
-  int lately = 300;     ///< samples in which a rendered candidate is not forgotten. [choice]
-  int walls_awake = 8;  ///< samples after a surprise. [choice]
-  double places_learn_s = 0.8;  ///< [s] of a contact, which `places` takes. [choice]
-  int audition_samples = 12;    ///< of one audition. [wake]
-  int audition_pause = 24;      ///< samples before the first one, then twice as many each. [wake]
+  double good_enough_N = 1e-3;   ///< [N] smaller errors are as good as none. [wake]
+  bool everybody_awake = false;  ///< all the time, to compare with
+  int awake_samples = 30;        ///< scored before all may sleep. [wake]
+  int specialist_samples = 60;   ///< the same while a specialist is rendered. [wake]
+  double regret = 1.02;          ///< squared error of one alone over that of the choice. [wake]
+  double regret_kept = 0.98;     ///< of both, per sample: 50 samples. [wake]
+  int path_lately = 60;          ///< samples after which a candidate that knows the path counts
+                                 ///< as not needed. [wake]
+  int hopeless_samples = 40;     ///< scored before single candidates may sleep. [wake]
+  double hopeless = 16.0;        ///< squared error over the rendered one's, summed; and ... [wake]
+  double hopeless_share = 0.5;   ///< ... in most samples, see WakeRule. [wake]
+  int lately = 200;              ///< samples in which a rendered candidate is not forgotten. [wake]
+  int unfinished_samples = 32;   ///< `unfinished` stays awake after such a sample. [choice]
+  int walls_awake = 8;           ///< samples after a surprise. [choice]
+  double wall_plain_N = 0.1;     ///< [N] an error that no noise explains. [wake]
+  int walls_settle = 60;         ///< samples after it woke in which it may be mistaken. [wake]
+  double places_learn_s = 0.4;   ///< [s] of a contact, which `places` takes; it remembers twice as
+                                 ///< many. [wake]
+  int audition_samples = 12;     ///< of one audition. [wake]
+  int contact_audition_samples = 4;  ///< of `memory` at the beginning of a contact. [wake]
+  int longest_contact_pause = 4;     ///< contacts, of `places` and `memory`. [choice]
+  int audition_pause = 24;  ///< samples before the first two, then twice as many each. [wake]
   int longest_audition_pause = 192;  ///< samples. [choice]
-  /// An auditioned candidate begins with this multiple of the rendered one's score. [wake]
+  /// An auditioned candidate, `places` and `memory` begin with this multiple of the rendered one's
+  /// score when they wake. [wake]
   double audition_handicap = 2.0;
 
   // Rating.

@@ -32,7 +32,10 @@ void FieldRendering::render(const Field& field, const History& history,
     estimate.uncertainty_N = std::sqrt(field.settings().kernel.prior_variance_N2(p, history));
     return;
   }
-  estimate.force_W = reading.force_N + fading_N;
+  estimate.force_W = reading.force_N;
+  if (fading_N.allFinite()) {  // unless it is from a field that had no answer
+    estimate.force_W += fading_N;
+  }
   add_uncertainty(position_W, least_uncertainty_N, estimate);
   if (reading.nearest_m2 > kFade_m * kFade_m) {
     const double left = (kUnknown_m - std::sqrt(reading.nearest_m2)) / (kUnknown_m - kFade_m);

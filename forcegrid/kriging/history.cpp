@@ -9,6 +9,18 @@ namespace forcegrid {
 ToolHistory::ToolHistory(const TimeConstants& time_constants_s)
     : time_constants_s_(time_constants_s), entries_(kEntries) {}
 
+// exp(-dt / tau_j), from that of the last exact period where dt is near it, as in a servo's cycles.
+double ToolHistory::kept_after(double dt_s, std::size_t j) noexcept {
+  constexpr double kNear = 0.01;  // the cube of it, over six, is what the series leaves out
+  Kept& known = kept_[j];
+  const double x = (known.period_s - dt_s) / time_constants_s_[j];
+  if (!(std::abs(x) < kNear)) {
+    known = {dt_s, std::exp(-dt_s / time_constants_s_[j])};
+    return known.kept;
+  }
+  return known.kept * (1.0 + x * (1.0 + 0.5 * x));
+}
+
 void ToolHistory::observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
   if (!std::isfinite(time_s) || !position_W.allFinite() || (count_ > 0 && time_s <= time_s_)) {
     return;
@@ -24,7 +36,7 @@ void ToolHistory::observe(double time_s, const Eigen::Vector3d& position_W) noex
     const Eigen::Vector3d velocity = (position_W - position_W_) / dt_s;
     for (std::size_t j = 0; j < kLags; ++j) {
       const double tau_s = time_constants_s_[j];
-      const double kept = std::exp(-dt_s / tau_s);
+      const double kept = kept_after(dt_s, j);
       const int column = static_cast<int>(j);
       lags_.col(column) = kept * lags_.col(column) + (1.0 - kept) * tau_s * velocity;
     }

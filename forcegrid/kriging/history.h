@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 namespace forcegrid {
@@ -13,10 +14,10 @@ namespace forcegrid {
 ///
 ///   lag_j(t) = P(t) - LP_j(t),   tau_j dLP_j/dt = P - LP_j
 ///
-/// exact for a path that is straight between observations. A visco-elastic object's memory of the
-/// path is close to linear in a few such lags. Source: the history kernel of docs/kriging.md;
-/// filters with a first-order hold. Real-time: only the constructor allocates; find() is a binary
-/// search. Threads: one.
+/// exact to 2e-7 of the lag for a path that is straight between observations. A visco-elastic
+/// object's memory of the path is close to linear in a few such lags. Source: the history kernel of
+/// docs/kriging.md; filters with a first-order hold. Real-time: only the constructor allocates;
+/// find() is a binary search. Threads: one.
 class ToolHistory {
  public:
   static constexpr int kLags = 6;
@@ -58,7 +59,14 @@ class ToolHistory {
     return entries_[(newest_ + kEntries - age) % kEntries];
   }
 
+  struct Kept {
+    double period_s = std::numeric_limits<double>::infinity();
+    double kept = 0.0;
+  };
+  double kept_after(double dt_s, std::size_t j) noexcept;
+
   TimeConstants time_constants_s_;
+  std::array<Kept, kLags> kept_{};
   std::vector<Entry> entries_;
   std::size_t newest_ = 0;
   std::size_t count_ = 0;

@@ -96,8 +96,9 @@ void DictionaryField<Real, N, M>::append_force(int slot, bool solved) noexcept {
   }
   Eigen::Matrix3d own =
       settings_.kernel.force_force(s.position_m, s.history, s.position_m, s.history);
-  own.diagonal().array() += settings_.nugget_N2 + s.doubt_N2;
-  factor_.template append<3>(x_, own, s.force_N, 0.5 * settings_.nugget_N2);
+  const double noise_N2 = settings_.nugget_N2 / s.count;
+  own.diagonal().array() += noise_N2 + s.doubt_N2;
+  factor_.template append<3>(x_, own, s.force_N, 0.5 * noise_N2);
   blocks_[static_cast<std::size_t>(block_count_++)] = {static_cast<std::int16_t>(slot), false};
 }
 
@@ -153,26 +154,6 @@ void DictionaryField<Real, N, M>::factorise() noexcept {
     }
   }
   takes_since_factorisation_ = 0;
-}
-
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::distance_m2(const Stored& a, const Eigen::Vector3d& position_m,
-                                                const History& h,
-                                                const Eigen::Vector3d& force_N) const noexcept {
-  double moved_m2 = (a.position_m - position_m).squaredNorm();
-  if (settings_.kernel.history_gain > 0.0) {
-    moved_m2 += (a.history - h).squaredNorm();
-  }
-  return settings_.spacing.distance_m2(moved_m2, (a.force_N - force_N).squaredNorm());
-}
-
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::separation_m2(const Stored& a, const Stored& b) const noexcept {
-  double moved_m2 = (a.position_m - b.position_m).squaredNorm();
-  if (settings_.kernel.history_gain > 0.0) {
-    moved_m2 += (a.history - b.history).squaredNorm();
-  }
-  return moved_m2;
 }
 
 // Inflates the noise of the samples that the surprise contradicts.
@@ -290,6 +271,31 @@ void DictionaryField<Real, N, M>::scale_by_stiffness(const Observation& o) noexc
   scale_earlier_contacts<6>(x_, earlier.column[0], v, error_N_per_m);
 }
 
+// Averages the removed sample `n` of the same place into the newest. A doubted one counts less.
+template <typename Real, int N, int M>
+void DictionaryField<Real, N, M>::average_into(int slot, const Stored& n) noexcept {
+  Stored& t = stored_[static_cast<std::size_t>(slot)];
+  const double trusted = n.count / (1.0 + n.count * n.doubt_N2 / settings_.nugget_N2);
+  const double kept = std::min(trusted, settings_.averaged - 1.0);
+  const double share = kept / (kept + 1.0);
+  t.position_m += share * (n.position_m - t.position_m);
+  t.force_N += share * (n.force_N - t.force_N);
+  t.history += share * (n.history - t.history);
+  t.count = kept + 1.0;
+  // Its stiffness has moved with it: a factor with rows of two places is no covariance's.
+  bool had_stiffness = false;
+  for (int b = block_count_ - 1; b >= 0; --b) {
+    if (blocks_[static_cast<std::size_t>(b)].slot == slot) {
+      had_stiffness = had_stiffness || blocks_[static_cast<std::size_t>(b)].stiffness;
+      remove_block(b);
+    }
+  }
+  append_force(slot, false);
+  if (had_stiffness) {
+    append_stiffness(slot);
+  }
+}
+
 // Decides on the transient sample. @returns true if rows other than its own have moved.
 template <typename Real, int N, int M>
 bool DictionaryField<Real, N, M>::settle_transient() noexcept {
@@ -298,13 +304,21 @@ bool DictionaryField<Real, N, M>::settle_transient() noexcept {
   }
   const int slot = transient_;
   const Stored& t = stored_[static_cast<std::size_t>(slot)];
-  const Settled settled = settle_newest(
-      stored_, slot, settings_.spacing, settings_.nugget_N2,
-      [&](const Stored& s) { return distance_m2(s, t.position_m, t.history, t.force_N); });
+  const bool averages = settings_.averaged > 1 && sample_count_ >= settings_.samples;
+  const SampleSpacing& spacing = averages ? settings_.averaged_spacing : settings_.spacing;
+  const Settled settled =
+      settle_newest(stored_, slot, spacing, settings_.nugget_N2, [&](const Stored& s) {
+        return spacing.distance_m2(moved_m2(s, t.position_m, t.history),
+                                   (s.force_N - t.force_N).squaredNorm());
+      });
   if (settled.fate != Settled::Fate::kGoes) {
     transient_ = kNone;
     if (settled.fate == Settled::Fate::kReplaces) {
+      const Stored replaced = stored_[static_cast<std::size_t>(settled.replaced)];
       remove_sample(settled.replaced);
+      if (averages) {
+        average_into(slot, replaced);
+      }
     }
     return settled.fate == Settled::Fate::kReplaces;
   }
@@ -320,7 +334,7 @@ bool DictionaryField<Real, N, M>::make_room(const Eigen::Vector3d& position_m) n
   while (sample_count_ >= settings_.samples) {
     const int worst = least_valuable(
         stored_, transient_,
-        [this](const Stored& a, const Stored& b) { return separation_m2(a, b); },
+        [this](const Stored& a, const Stored& b) { return moved_m2(a, b.position_m, b.history); },
         [&](int slot, double nearest_m2) {
           const Stored& s = stored_[static_cast<std::size_t>(slot)];
           return nearest_m2 / ((s.position_m - position_m).squaredNorm() + kEvictionReach_m2) /
@@ -364,9 +378,11 @@ int DictionaryField<Real, N, M>::place(const Observation& o) noexcept {
     ++slot;
   }
   stored_[static_cast<std::size_t>(slot)] = {
-      o.position_m, o.force_N,     o.position_m, o.force_N, o.history,  o.stiffness_N_per_m,
-      0.0,          next_order_++, o.from_query, o.contact, o.origin_W, true};
+      o.position_m,        o.force_N,  o.position_m, o.force_N,     o.history,
+      o.stiffness_N_per_m, 0.0,        1.0,          next_order_++, o.from_query,
+      o.contact,           o.origin_W, true};
   ++sample_count_;
+  placed_ = slot;
   return slot;
 }
 
@@ -391,6 +407,7 @@ template <typename Real, int N, int M>
 Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   Innovation innovation;
   innovation.predicted = sample_count_ > 0;
+  placed_ = kNone;
   if (o.contact != contact_) {
     begin_contact(o.contact);
   }

@@ -19,6 +19,10 @@ struct FieldSettings {
   double nugget_N2 = 1e-5;    ///< variance of the noise of a sample's force, per axis
   int samples = 32;           ///< capacity of the dictionary, up to the field's
   int stiffness_samples = 0;  ///< how many of the newest samples keep their stiffness as data
+  /// How many samples of one place a full dictionary averages, the newer ones counting more. 1:
+  /// none; the newest replaces the one before.
+  int averaged = 1;
+  SampleSpacing averaged_spacing;  ///< that tells places apart then
 
   /// With history features in the kernel, |dP| includes the difference of the histories.
   SampleSpacing spacing;
@@ -240,24 +244,6 @@ class DictionaryField : public Field {
   int bring_in(const Observation& observation, double doubt_N2) noexcept;
   void apply_changes() noexcept;
 
-  /// deviation_N() of this field plus other fields with the same samples but other data, each times
-  /// its weight.
-  template <std::size_t kOthers>
-  double deviation_with(const std::array<const DictionaryField*, kOthers>& others,
-                        const Eigen::Matrix<double, static_cast<int>(kOthers), 1>& weights,
-                        const Eigen::Vector3d& position_m, const History& history) const noexcept {
-    double squares = 0.0;
-    for (int r = 0; r < factor_.rows(); ++r) {
-      double y = factor_.y(r);
-      for (std::size_t j = 0; j < kOthers; ++j) {
-        y += weights[static_cast<int>(j)] * others[j]->factor_.y(r);
-      }
-      squares += y * y;
-    }
-    const double scale = squares / std::max(1, factor_.rows());
-    return std::sqrt(variance_N2(position_m, history) * std::max(1.0, scale));
-  }
-
   /// The sums that reading is made of, for tests of the lanes.
   RadialTerms<Real> radial_terms() const noexcept;
 
@@ -278,6 +264,7 @@ class DictionaryField : public Field {
     History history;
     Vector6d stiffness_N_per_m;
     double doubt_N2 = 0.0;  ///< q
+    double count = 1.0;     ///< samples that it is the average of: its variance is nugget / count
     std::uint64_t order = 0;
     bool from_query = false;
     std::uint64_t contact = 0;
@@ -349,12 +336,22 @@ class DictionaryField : public Field {
   void scale_by_stiffness(const Observation& o) noexcept;
   double stiffness_variance(const Vector6d& stiffness_N_per_m, double doubt_N2) const noexcept;
   bool settle_transient() noexcept;
+  void average_into(int slot, const Stored& n) noexcept;
   bool make_room(const Eigen::Vector3d& position_m) noexcept;
   void limit_stiffness() noexcept;
   void collapse() noexcept;
   double distance_m2(const Stored& a, const Eigen::Vector3d& position_m, const History& h,
-                     const Eigen::Vector3d& force_N) const noexcept;
-  double separation_m2(const Stored& a, const Stored& b) const noexcept;
+                     const Eigen::Vector3d& force_N) const noexcept {
+    return settings_.spacing.distance_m2(moved_m2(a, position_m, h),
+                                         (a.force_N - force_N).squaredNorm());
+  }
+  /// [m^2] The same, whatever the forces are.
+  double moved_m2(const Stored& a, const Eigen::Vector3d& position_m,
+                  const History& h) const noexcept {
+    const double moved_m2 = (a.position_m - position_m).squaredNorm();
+    return settings_.kernel.history_gain > 0.0 ? moved_m2 + (a.history - h).squaredNorm()
+                                               : moved_m2;
+  }
   double data_scale() const noexcept;
   double variance_N2(const Eigen::Vector3d& position_m, const History& history) const noexcept;
 
@@ -364,6 +361,7 @@ class DictionaryField : public Field {
   int block_count_ = 0;
   int sample_count_ = 0;
   int transient_ = kNone;
+  int placed_ = kNone;  ///< the slot of the last observation, unless it was not kept
   std::uint64_t next_order_ = 0;
   int takes_since_factorisation_ = 0;
   std::uint64_t contact_ = 0;

@@ -3,31 +3,96 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <limits>
-#include <utility>
 
 namespace forcegrid::kriging {
 namespace {
 
-// Independent of the data, because all parts must choose the same samples.
+// Independent of the data, so that the same samples are right for all fields.
 FieldSettings by_position_only(FieldSettings settings) noexcept {
   settings.spacing.newtons = std::numeric_limits<double>::max();
   settings.surprise = std::numeric_limits<double>::max();
   return settings;
 }
 
-template <typename Part, std::size_t... kIndex>
-std::array<Part, sizeof...(kIndex)> parts(const FieldSettings& settings,
-                                          std::index_sequence<kIndex...> /*one each*/) noexcept {
-  return {((void)kIndex, Part(settings))...};
-}
-
 }  // namespace
 
 template <int kTerms>
+typename TermsField<kTerms>::SumField::Data TermsField<kTerms>::SumField::read_each(
+    const Eigen::Vector3d& position_m) const noexcept {
+  this->covariances_of_force(position_m, History::Zero(), this->x_);
+  const auto rows = static_cast<std::size_t>(this->factor_.rows());
+  Data data_N = Data::Zero();
+  for (int j = 0; j <= kTerms; ++j) {
+    const Column& weights = weights_[static_cast<std::size_t>(j)];
+    for (int c = 0; c < 3; ++c) {
+      const auto& covariances = this->x_.column[static_cast<std::size_t>(c)];
+      for (std::size_t r = 0; r < rows; ++r) {
+        data_N(c, j) += covariances[r] * weights[r];
+      }
+    }
+  }
+  return data_N;
+}
+
+template <int kTerms>
+void TermsField<kTerms>::SumField::take_with(const Observation& o, const Terms& terms_N,
+                                             const Factors& factors) noexcept {
+  incoming_N_ = terms_N;
+  factors_ = factors;
+  Base::take(o);
+}
+
+// The data y = L^-1 R of each term, its weights L^-T y, and the weights of the sum.
+template <int kTerms>
+void TermsField<kTerms>::SumField::solve_weights() noexcept {
+  static_assert(kTerms <= 6);
+  if (this->placed_ != Base::kNone) {
+    terms_N_[static_cast<std::size_t>(this->placed_)] = incoming_N_;
+  }
+  const auto rows = static_cast<std::size_t>(this->factor_.rows());
+  std::size_t row = 0;
+  for (int b = 0; b < this->block_count_; ++b) {
+    const auto slot = static_cast<std::size_t>(this->blocks_[static_cast<std::size_t>(b)].slot);
+    for (int i = 0; i < 3; ++i, ++row) {
+      for (int j = 0; j < kTerms; ++j) {
+        data_.column[static_cast<std::size_t>(j)][row] = terms_N_[slot](i, j);
+      }
+    }
+  }
+  this->factor_.solve(data_, kTerms);
+  this->factor_.weights(weights_[0].data());
+  std::copy_n(weights_[0].begin(), rows, this->alpha_.begin());
+  for (std::size_t j = 0; j < static_cast<std::size_t>(kTerms); ++j) {
+    Column& weights = weights_[j + 1];
+    std::copy_n(data_.column[j].begin(), rows, weights.begin());
+    this->factor_.solve_transposed(weights.data());
+    const double factor = factors_[static_cast<int>(j)];
+    for (std::size_t r = 0; r < rows; ++r) {
+      this->alpha_[r] += factor * weights[r];
+    }
+  }
+  squares_ = 0.0;
+  for (std::size_t r = 0; r < rows; ++r) {
+    double y = this->factor_.y(static_cast<int>(r));
+    for (std::size_t j = 0; j < static_cast<std::size_t>(kTerms); ++j) {
+      y += factors_[static_cast<int>(j)] * data_.column[j][r];
+    }
+    squares_ += y * y;
+  }
+}
+
+template <int kTerms>
+double TermsField<kTerms>::SumField::deviation_N(const Eigen::Vector3d& position_m,
+                                                 const History& history) const noexcept {
+  const double scale = squares_ / std::max(1, this->factor_.rows());
+  return std::sqrt(this->variance_N2(position_m, history) * std::max(1.0, scale));
+}
+
+template <int kTerms>
 TermsField<kTerms>::TermsField(const FieldSettings& settings) noexcept
-    : forces_(by_position_only(settings)),
-      terms_(parts<Part>(forces_.settings(), std::make_index_sequence<kTerms>())) {}
+    : field_(by_position_only(settings)) {}
 
 template <int kTerms>
 Innovation TermsField<kTerms>::take_with(const Observation& o, const Terms& terms_N) noexcept {
@@ -36,22 +101,14 @@ Innovation TermsField<kTerms>::take_with(const Observation& o, const Terms& term
   part.history.setZero();
   Innovation innovation;
   innovation.predicted = sample_count() > 0;
-  const Eigen::Vector3d force_error_N =
-      o.force_N - forces_.read(o.position_m, part.history).force_N;
-  Terms term_errors_N = terms_N;
-  for (int j = 0; j < kTerms; ++j) {
-    term_errors_N.col(j) -=
-        terms_[static_cast<std::size_t>(j)].read(o.position_m, part.history).force_N;
-  }
+  const typename SumField::Data known_N = field_.read_each(o.position_m);
+  const Eigen::Vector3d force_error_N = o.force_N - known_N.col(0);
+  const Terms term_errors_N = terms_N - known_N.template rightCols<kTerms>();
   innovation.error_N = (force_error_N + term_errors_N * factors_).norm();
   if (innovation.predicted && !o.from_query) {
     learn(force_error_N, term_errors_N);
   }
-  forces_.take(part);
-  for (int j = 0; j < kTerms; ++j) {
-    part.force_N = terms_N.col(j);
-    terms_[static_cast<std::size_t>(j)].take(part);
-  }
+  field_.take_with(part, terms_N, factors_);
   return innovation;
 }
 
@@ -66,36 +123,6 @@ void TermsField<kTerms>::learn(const Eigen::Vector3d& force_error_N,
   if (best.allFinite()) {
     factors_ = limited(best.cwiseMax(-kMostFactor).cwiseMin(kMostFactor));
   }
-}
-
-template <int kTerms>
-Reading TermsField<kTerms>::read_field(const Eigen::Vector3d& position_m) const noexcept {
-  Reading reading = forces_.read(position_m, History::Zero());
-  for (int j = 0; j < kTerms; ++j) {
-    reading.force_N +=
-        factors_[j] * terms_[static_cast<std::size_t>(j)].read(position_m, History::Zero()).force_N;
-  }
-  return reading;
-}
-
-template <int kTerms>
-Eigen::Matrix3d TermsField<kTerms>::stiffness_N_per_m(const Eigen::Vector3d& position_m,
-                                                      const History& history) const noexcept {
-  Eigen::Matrix3d sum = forces_.stiffness_N_per_m(position_m, history);
-  for (int j = 0; j < kTerms; ++j) {
-    sum += factors_[j] * terms_[static_cast<std::size_t>(j)].stiffness_N_per_m(position_m, history);
-  }
-  return sum;
-}
-
-template <int kTerms>
-double TermsField<kTerms>::deviation_N(const Eigen::Vector3d& position_m,
-                                       const History& history) const noexcept {
-  std::array<const Part*, kTerms> parts{};
-  for (std::size_t j = 0; j < parts.size(); ++j) {
-    parts[j] = &terms_[j];
-  }
-  return forces_.deviation_with(parts, factors_, position_m, history);
 }
 
 template class TermsField<1>;

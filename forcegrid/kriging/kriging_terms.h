@@ -22,9 +22,9 @@ namespace forcegrid::kriging {
 /// with the sums forgotten by kKept per sample and gamma kept within limits of the kind of terms.
 ///
 /// Nothing is ever doubted and contacts are not distinguished: alone it forgets nothing. Use it as
-/// a candidate of an ensemble, which renders others where they predict better. Cost: 1 + kTerms
-/// times DictionaryField's. Source: docs/kriging.md. Real-time: nothing allocates, locks or throws.
-/// Threads: one.
+/// a candidate of an ensemble, which renders others where they predict better. Cost: that of one
+/// DictionaryField, since all of them share one factor, and per term two triangular solves of one
+/// column. Source: docs/kriging.md. Real-time: nothing allocates, locks or throws. Threads: one.
 template <int kTerms>
 class TermsField : public Field {
  public:
@@ -38,28 +38,61 @@ class TermsField : public Field {
   /// @param settings as for DictionaryField, without stiffness and history features.
   explicit TermsField(const FieldSettings& settings) noexcept;
 
-  const FieldSettings& settings() const noexcept override { return forces_.settings(); }
-  int sample_count() const noexcept override { return forces_.sample_count(); }
-  int row_count() const noexcept override { return forces_.row_count(); }
+  const FieldSettings& settings() const noexcept override { return field_.settings(); }
+  int sample_count() const noexcept override { return field_.sample_count(); }
+  int row_count() const noexcept override { return field_.row_count(); }
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
-                                    const History& history) const noexcept override;
+                                    const History& history) const noexcept override {
+    return field_.stiffness_N_per_m(position_m, history);
+  }
   double deviation_N(const Eigen::Vector3d& position_m,
-                     const History& history) const noexcept override;
+                     const History& history) const noexcept override {
+    return field_.deviation_N(position_m, history);
+  }
 
   const Factors& factors() const noexcept { return factors_; }
 
  protected:
   Innovation take_with(const Observation& observation, const Terms& terms_N) noexcept;
-  Reading read_field(const Eigen::Vector3d& position_m) const noexcept;  ///< G
+  Reading read_field(const Eigen::Vector3d& position_m) const noexcept {  ///< G
+    return field_.read(position_m, History::Zero());
+  }
   /// The nearest factors that make sense, each within kMostFactor of zero.
   virtual Factors limited(Factors factors) const noexcept = 0;
 
  private:
-  using Part = DictionaryField<double, kMostSamples, 0>;
+  using Base = DictionaryField<double, kMostSamples, 0>;
+
+  /// G, and the fields that it is the sum of: their data differ, their samples and factor do not.
+  class SumField final : public Base {
+   public:
+    using Data = Eigen::Matrix<double, 3, 1 + kTerms>;  ///< [N] of the forces, then of the terms
+
+    explicit SumField(const FieldSettings& settings) noexcept : Base(settings) {}
+    /// What each field says at a position [m].
+    Data read_each(const Eigen::Vector3d& position_m) const noexcept;
+    /// As Field::take(). From now on the sum is that with `factors`.
+    void take_with(const Observation& observation, const Terms& terms_N,
+                   const Factors& factors) noexcept;
+    double deviation_N(const Eigen::Vector3d& position_m,
+                       const History& history) const noexcept override;
+
+   private:
+    using Column = std::array<double, Base::Factor::kStride>;
+
+    void solve_weights() noexcept override;
+
+    Terms incoming_N_ = Terms::Zero();
+    Factors factors_ = Factors::Zero();
+    std::array<Terms, kMostSamples> terms_N_{};  ///< of each slot
+    std::array<Column, 1 + kTerms> weights_{};   ///< alpha of each field
+    typename Base::Factor::Columns data_;        ///< scratch
+    double squares_ = 0.0;                       ///< |y|^2 of the sum
+  };
+
   void learn(const Eigen::Vector3d& force_error_N, const Terms& term_errors_N) noexcept;
 
-  Part forces_;
-  std::array<Part, kTerms> terms_;
+  SumField field_;
   Factors factors_ = Factors::Zero();
   Eigen::Matrix<double, kTerms, kTerms> squares_N2_ = Eigen::Matrix<double, kTerms, kTerms>::Zero();
   Factors products_N2_ = Factors::Zero();

@@ -2,6 +2,7 @@
 #include "forcegrid/kriging/wake_rule.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace forcegrid::kriging {
 
@@ -17,9 +18,11 @@ void WakeRule::sample_queued(std::uint64_t number, const QueuedSample& sample,
   queued_ = number + 1;
   rendered_ = rendered;
   last_rendered_[rendered] = queued_;
-  contact_begins_ = sample.before_contact || since_contact_s < thresholds_.places_learn_s;
+  contact_begins_ =
+      sample.before_contact || (places_asked_ && since_contact_s < thresholds_.places_learn_s);
+  places_learn_ = !sample.before_contact && since_contact_s < 2.0 * thresholds_.places_learn_s;
   unfinished_for_ =
-      sample.unfinished ? thresholds_.awake_samples : std::max(0, unfinished_for_ - 1);
+      sample.unfinished ? thresholds_.unfinished_samples : std::max(0, unfinished_for_ - 1);
   if (enabled_ && !all_awake_ && !sample.observation.from_query) {
     audition();
   }
@@ -29,24 +32,26 @@ void WakeRule::audition() noexcept {
   if (--until_audition_ > 0) {
     return;
   }
-  const bool ends = auditioned_ != Candidates::kNone;
-  auditioned_ = ends                                                         ? Candidates::kNone
-                : runner_up_ != rendered_ && runner_up_ != Candidates::kNone ? runner_up_
-                : rendered_ == candidates_.memory                            ? candidates_.alone
-                                                                             : candidates_.memory;
-  if (ends) {
+  if (auditioned_ != Candidates::kNone) {
+    auditioned_ = Candidates::kNone;
     until_audition_ = next_audition_;
     next_audition_ = std::min(2 * next_audition_, thresholds_.longest_audition_pause);
-  } else {
-    until_audition_ = thresholds_.audition_samples;
+    return;
   }
+  const bool of_runner_up =
+      !audition_at_contact_ && runner_up_ != rendered_ && runner_up_ != Candidates::kNone;
+  auditioned_ = of_runner_up                      ? runner_up_
+                : rendered_ == candidates_.memory ? candidates_.alone
+                                                  : candidates_.memory;
+  until_audition_ =
+      audition_at_contact_ ? thresholds_.contact_audition_samples : thresholds_.audition_samples;
+  audition_at_contact_ = false;
 }
 
 void WakeRule::rendered_took(const Innovation& innovation) noexcept {
   if (!enabled_ || !innovation.predicted) {
     return;
   }
-  patience_ = std::max(0, patience_ - 1);
   double normalised = innovation.normalised;
   if (!(normalised > 0.0)) {  // a field that states no variance: its errors so far
     const Candidate& candidate = *candidates_.all[rendered_];
@@ -54,65 +59,155 @@ void WakeRule::rendered_took(const Innovation& innovation) noexcept {
                  (3.0 * candidate.field().settings().nugget_N2 + candidate.long_score_N2);
   }
   misfit_.add(innovation.error_N < thresholds_.good_enough_N ? 0.0 : normalised);
-  if (all_awake_) {
-    return;
-  }
-  if (misfit_.found() && patience_ == 0) {
-    all_awake_ = true;
-    auditioned_ = Candidates::kNone;
-    changed_ = false;
-    since_change_ = 0;
-    misfit_.restart();
+  const bool somebody_sleeps =
+      !all_awake_ || std::find(hopeless_.begin(), hopeless_.end(), true) != hopeless_.end();
+  if (misfit_.found() && somebody_sleeps) {
+    wake_all();
   } else if (innovation.surprised) {
     walls_until_ = queued_ + static_cast<std::uint64_t>(thresholds_.walls_awake);
   }
 }
 
-void WakeRule::scored(const CandidateChoice& choice) noexcept {
-  ++scored_;
-  ++since_change_;
-  if (enabled_ && all_awake_ && since_change_ >= thresholds_.awake_samples &&
-      scored_ >= thresholds_.warm_samples && !specialist_lately()) {
-    all_sleep(choice);
+void WakeRule::rendered_had_no_use() noexcept {
+  if (enabled_ && !all_awake_) {
+    wake_all();
   }
 }
 
-// A misfit that nobody could mend is not looked at again at once.
+void WakeRule::wake_all() noexcept {
+  all_awake_ = true;
+  auditioned_ = Candidates::kNone;
+  awake_for_ = 0;
+  chosen_N2_ = 0.0;
+  alone_N2_.fill(0.0);
+  worse_.fill(0.0);
+  hopeless_.fill(false);
+  misfit_.restart();
+}
+
+void WakeRule::evaluated(const EvaluatedSample& sample) noexcept {
+  // At first touches `places` helps, which wakes by itself.
+  if (!enabled_ || !all_awake_ || sample.first_touch || rendered_ == candidates_.places) {
+    return;
+  }
+  const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
+  const auto error_N2 = [&](std::size_t index) {
+    const double own_N2 = sample.error_N2[index];
+    const double taken_N2 =
+        own_N2 == EvaluatedSample::kNotTaken_N2 ? sample.error_N2[rendered_] : own_N2;
+    return taken_N2 == EvaluatedSample::kNotTaken_N2 ? good_enough_N2
+                                                     : std::max(good_enough_N2, taken_N2);
+  };
+  ++awake_for_;
+  const double kept = thresholds_.regret_kept;
+  const double rendered_N2 = error_N2(rendered_);
+  chosen_N2_ = kept * chosen_N2_ + rendered_N2;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const double own_N2 = hopeless_[i] ? thresholds_.hopeless * rendered_N2 : error_N2(i);
+    alone_N2_[i] = kept * alone_N2_[i] + own_N2;
+    const double twice = std::log(own_N2 / rendered_N2) / std::log(4.0);
+    worse_[i] = kept * worse_[i] + (1.0 - kept) * std::clamp(twice, -1.0, 1.0);
+  }
+}
+
+void WakeRule::scored(const CandidateChoice& choice) noexcept {
+  if (!enabled_ || !all_awake_) {
+    return;
+  }
+  if (rendered_suffices()) {
+    all_sleep(choice);
+  } else if (awake_for_ >= thresholds_.hopeless_samples &&
+             !rendered_within(candidates_.walls, thresholds_.path_lately)) {
+    hopeless_sleep();  // away from a wall others may be right again
+  }
+}
+
+// The best of those that know the position alone.
+std::size_t WakeRule::best_general() const noexcept {
+  std::size_t best = Candidates::kNone;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const bool general = !(candidates_.all[i]->weight() > 1.0) && i != candidates_.memory;
+    if (general && !hopeless_[i] && (best == Candidates::kNone || alone_N2_[i] < alone_N2_[best])) {
+      best = i;
+    }
+  }
+  return best;
+}
+
+void WakeRule::hopeless_sleep() noexcept {
+  const std::size_t general = best_general();
+  const double full = 1.0 - std::pow(thresholds_.regret_kept, awake_for_);
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const bool needed = i == rendered_ || i == general || i == candidates_.newest ||
+                        rendered_within(i, thresholds_.path_lately);
+    if (!needed && alone_N2_[i] > thresholds_.hopeless * alone_N2_[rendered_] &&
+        worse_[i] > thresholds_.hopeless_share * full) {
+      hopeless_[i] = true;
+    }
+  }
+}
+
+// Whether the rendered candidate alone would have done as well as all together, and no other one
+// alone better.
+bool WakeRule::rendered_suffices() const noexcept {
+  const bool special = candidates_.all[rendered_]->weight() > 1.0;
+  if (awake_for_ < (special ? thresholds_.specialist_samples : thresholds_.awake_samples) ||
+      alone_N2_[rendered_] > thresholds_.regret * chosen_N2_ || path_needed_lately()) {
+    return false;
+  }
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    if (candidates_.all[i]->weight() * alone_N2_[i] < alone_N2_[rendered_] && i != rendered_) {
+      return false;
+    }
+  }
+  return true;
+}
+
 void WakeRule::all_sleep(const CandidateChoice& choice) noexcept {
-  next_patience_ = changed_ ? 0
-                            : std::clamp(2 * next_patience_, thresholds_.awake_samples,
-                                         thresholds_.longest_patience);
-  patience_ = next_patience_;
   runner_up_ = choice.runner_up(rendered_);
   all_awake_ = false;
+  hopeless_.fill(false);
   auditioned_ = Candidates::kNone;
+  audition_at_contact_ = false;
   until_audition_ = next_audition_ = thresholds_.audition_pause;
   misfit_.restart();
 }
 
 void WakeRule::handed_over(std::size_t rendered) noexcept {
   rendered_ = rendered;
-  changed_ = true;
-  since_change_ = 0;
+  ask_places_.won = ask_places_.won || rendered == candidates_.places;
+  ask_memory_.won = ask_memory_.won || rendered == candidates_.memory;
   misfit_.restart();
 }
 
-void WakeRule::contact_made() noexcept {
-  contact_begins_ = true;
-  if (auditioned_ == Candidates::kNone) {
-    until_audition_ = 1;  // the place may be known from long ago
+bool WakeRule::AskedAtContact::next(int longest_pause) noexcept {
+  if (--until > 0 && !won) {
+    return false;
   }
-  next_audition_ = thresholds_.audition_pause;
+  pause = won ? 1 : std::min(2 * pause, longest_pause);
+  until = pause;
+  won = false;
+  return true;
 }
 
-bool WakeRule::rendered_lately(std::size_t index) const noexcept {
+void WakeRule::contact_made() noexcept {
+  places_asked_ = ask_places_.next(thresholds_.longest_contact_pause);
+  contact_begins_ = places_asked_;
+  // The place may be known from long ago.
+  if (ask_memory_.next(thresholds_.longest_contact_pause) && auditioned_ == Candidates::kNone) {
+    until_audition_ = 1;
+    audition_at_contact_ = true;
+  }
+}
+
+bool WakeRule::rendered_within(std::size_t index, int samples) const noexcept {
   return last_rendered_[index] != 0 &&
-         queued_ <= last_rendered_[index] + static_cast<std::uint64_t>(thresholds_.lately);
+         queued_ <= last_rendered_[index] + static_cast<std::uint64_t>(samples);
 }
 
-bool WakeRule::specialist_lately() const noexcept {
+bool WakeRule::path_needed_lately() const noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
-    if (i != candidates_.places && candidates_.all[i]->weight() > 1.0 && rendered_lately(i)) {
+    if (candidates_.all[i]->knows_path() && rendered_within(i, thresholds_.path_lately)) {
       return true;
     }
   }
@@ -120,7 +215,8 @@ bool WakeRule::specialist_lately() const noexcept {
 }
 
 bool WakeRule::awake(std::size_t index) const noexcept {
-  if (all_awake_ || index == rendered_ || index == auditioned_) {
+  if ((all_awake_ && !hopeless_[index]) || index == rendered_ || index == auditioned_ ||
+      index == candidates_.newest) {
     return true;
   }
   if (index == candidates_.memory) {
@@ -129,7 +225,8 @@ bool WakeRule::awake(std::size_t index) const noexcept {
   if (index == candidates_.places) {
     return contact_begins_;
   }
-  return rendered_lately(index) || (index == candidates_.unfinished && unfinished_for_ > 0) ||
+  return rendered_within(index, thresholds_.lately) ||
+         (index == candidates_.unfinished && unfinished_for_ > 0) ||
          (index == candidates_.walls &&
           (queued_ < walls_until_ || candidates_.all[index]->field().knows_walls()));
 }

@@ -15,18 +15,28 @@ namespace forcegrid::kriging {
 /// Which candidates of `auto` are awake. The others take no samples and cost nothing.
 ///
 /// Everybody is awake for the first samples and, later, from the moment at which the rendered
-/// candidate's innovations are larger than it says (Misfit), until no other candidate has taken
-/// over for a while. Everybody stays awake as long as a specialist has been rendered lately. When
-/// all sleep, these wake alone:
+/// candidate's innovations are larger than it says (Misfit). All sleep once that was no use: over
+/// the last samples the rendered candidate alone would have done as well as the choice between all
+/// has done, and no other one alone better. As long as a candidate that knows the path has been
+/// rendered lately, nobody sleeps for that reason.
+///
+/// Single candidates sleep while the others are awake if they are hopeless: over the last samples
+/// their squared errors are `hopeless` times those of the rendered one, not by a few samples alone,
+/// and they were not rendered lately. They wake with all others. The best of those that know the
+/// position alone stays awake, to compare with.
+///
+/// When all sleep, these are awake alone:
 ///
 /// - the rendered candidate, and candidates that were rendered lately, but `memory` and `places`;
+/// - `newest`, which costs nothing;
 /// - `walls` for some samples after each surprise, because walls can't wait, and while it knows
-/// one;
+///   one;
 /// - `unfinished` while the simulator says that it has not converged;
-/// - `places` before a contact and at its beginning;
+/// - `places` before a contact and at its beginning, after a win at every contact, and if it wins
+///   nothing two and then four contacts apart;
 /// - one candidate at a time for an audition: what innovations do not show is that another one
-/// knows
-///   more. It is the last runner-up, else `memory`. Auditions that nobody wins become seldom.
+///   knows more. It is the last runner-up, else `memory`, and `memory` where a contact begins.
+///   Auditions that nobody wins become seldom.
 ///
 /// docs/kriging.md, "Who is awake". Real-time: nothing allocates, locks or throws. Threads: one.
 class WakeRule {
@@ -40,6 +50,10 @@ class WakeRule {
                      std::size_t rendered) noexcept;
   /// The rendered candidate has taken a sample of the path.
   void rendered_took(const Innovation& innovation) noexcept;
+  /// The rendered candidate can do nothing with a sample of the path: another one is needed.
+  void rendered_had_no_use() noexcept;
+  /// All that are awake have evaluated a sample, by which they are scored next.
+  void evaluated(const EvaluatedSample& sample) noexcept;
   /// The candidates have been scored by a sample. @param choice that scored them.
   void scored(const CandidateChoice& choice) noexcept;
   void handed_over(std::size_t rendered) noexcept;
@@ -47,16 +61,32 @@ class WakeRule {
 
   bool awake(std::size_t index) const noexcept;
   bool all_awake() const noexcept { return all_awake_; }
+  /// Whether `places` sleeps while a contact begins whose samples it should remember.
+  bool places_misses() const noexcept { return places_learn_ && !awake(candidates_.places); }
   /// The multiple of the rendered candidate's score that a woken candidate begins with.
   double first_score(std::size_t index) const noexcept {
-    return !all_awake_ && index == auditioned_ ? thresholds_.audition_handicap : 1.0;
+    const bool knows_places = index == candidates_.places || index == candidates_.memory;
+    return knows_places || (!all_awake_ && index == auditioned_) ? thresholds_.audition_handicap
+                                                                 : 1.0;
   }
 
  private:
+  /// Whether a candidate is asked at a contact: less and less often if it wins nothing.
+  struct AskedAtContact {
+    int until = 1;  ///< contacts
+    int pause = 1;  ///< contacts
+    bool won = false;
+    bool next(int longest_pause) noexcept;
+  };
+
   void audition() noexcept;
+  void wake_all() noexcept;
   void all_sleep(const CandidateChoice& choice) noexcept;
-  bool rendered_lately(std::size_t index) const noexcept;
-  bool specialist_lately() const noexcept;
+  void hopeless_sleep() noexcept;
+  std::size_t best_general() const noexcept;
+  bool rendered_suffices() const noexcept;
+  bool rendered_within(std::size_t index, int samples) const noexcept;
+  bool path_needed_lately() const noexcept;
 
   const Candidates& candidates_;
   const EnsembleThresholds& thresholds_;
@@ -68,13 +98,17 @@ class WakeRule {
       last_rendered_{};  ///< number + 1 of the sample; 0: never
 
   bool all_awake_ = true;
-  bool changed_ = false;  ///< since all woke
-  int scored_ = 0;        ///< samples
-  int since_change_ = 0;  ///< scored samples, while all are awake
-  int patience_ = 0;      ///< samples until a misfit wakes everybody again
-  int next_patience_ = 0;
+  int awake_for_ = 0;                              ///< scored samples
+  double chosen_N2_ = 0.0;                         ///< squared errors of what was rendered, summed
+  std::array<double, kMaxCandidates> alone_N2_{};  ///< the same of each candidate
 
-  bool contact_begins_ = false;
+  std::array<double, kMaxCandidates> worse_{};  ///< [-1, 1] in most samples than the rendered one
+  std::array<bool, kMaxCandidates> hopeless_{};
+
+  bool contact_begins_ = false;  ///< `places` takes it
+  bool places_learn_ = false;    ///< or remembers it
+  bool places_asked_ = true;     ///< at this contact
+  AskedAtContact ask_places_, ask_memory_;
   int unfinished_for_ = 0;         ///< samples that `unfinished` stays awake
   std::uint64_t walls_until_ = 0;  ///< number of a sample
 
@@ -82,6 +116,7 @@ class WakeRule {
   std::size_t auditioned_ = Candidates::kNone;
   int until_audition_ = 0;  ///< samples, or those until the end of the present one
   int next_audition_ = 0;
+  bool audition_at_contact_ = false;  ///< the next one
 };
 
 }  // namespace forcegrid::kriging

@@ -100,6 +100,51 @@ TEST_F(CandidateChoiceTest, BeginsAContactWithTheBestOfFirstTouches) {
   EXPECT_EQ(choice_.for_contact(0, true, 3).candidate, 2u);
 }
 
+TEST_F(CandidateChoiceTest, BeginsNoContactWithOneThatTookNoFirstTouchItself) {
+  // The rendered one changes; each time it is the best, and the one without use errs like it.
+  const std::size_t no_use = index("unfinished");
+  EvaluatedSample first = sample(1.0, no_use, EvaluatedSample::kNotTaken_N2);
+  first.first_touch = true;
+  for (int i = 0; i < 30; ++i) {
+    const std::size_t best = i % 2 == 0 ? 0 : 1;
+    first.error_N2[best] = 0.01;
+    first.error_N2[1 - best] = 1.0;
+    choice_.score(first, best);
+  }
+  EXPECT_NE(choice_.for_contact(0, true, 0).candidate, no_use);
+}
+
+TEST_F(CandidateChoiceTest, BeginsNoContactWithOneThatSleptAtAllFirstTouches) {
+  const std::size_t slept = index("unfinished");
+  candidates_.all[slept]->sleep();
+  EvaluatedSample first = sample(1.0, 2, 0.1);
+  first.first_touch = true;
+  choice_.score(first, 0);
+  candidates_.all[slept]->wake(0);
+  EXPECT_EQ(choice_.for_contact(0, true, 0).candidate, 2u);
+}
+
+TEST_F(CandidateChoiceTest, BeginsNoContactWithOneThatWasAwakeAtFewFirstTouches) {
+  const std::size_t slept = 3;
+  candidates_.all[slept]->sleep();
+  EvaluatedSample first = sample(1.0, 2, 0.5);
+  first.first_touch = true;
+  for (int i = 0; i < 30; ++i) {
+    choice_.score(first, 0);
+  }
+  candidates_.all[slept]->wake(0);
+  choice_.score(first, 0);  // it errs as much as others do
+  EXPECT_EQ(choice_.for_contact(0, true, 0).candidate, 2u);
+  EXPECT_NEAR(candidates_.all[slept]->score_N2, candidates_.all[0]->score_N2, 1e-12);
+}
+
+TEST_F(CandidateChoiceTest, LearnsNothingFromASampleThatNobodyCouldTake) {
+  choice_.score(sample(2.0, 1, 0.5), 0);
+  const double before_N2 = candidates_.all[0]->score_N2;
+  choice_.score(sample(EvaluatedSample::kNotTaken_N2, 1, 0.5), 0);
+  EXPECT_EQ(candidates_.all[0]->score_N2, before_N2);
+}
+
 TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
   Candidate& walls = *candidates_.all[index("walls")];
   candidates_.all[0]->score_N2 = 1.0;
@@ -109,10 +154,10 @@ TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
   EXPECT_FALSE(choice_.trusts(walls, 0));
 }
 
-TEST_F(CandidateChoiceTest, NamesElevenCandidatesInAFixedOrder) {
-  const char* const names[] = {"smooth",     "exact",         "noisy", "very noisy",
-                               "viscous",    "noisy viscous", "walls", "memory",
-                               "unfinished", "relaxing",      "places"};
+TEST_F(CandidateChoiceTest, NamesItsCandidatesInAFixedOrder) {
+  const char* const names[] = {"smooth",     "exact",         "noisy",  "very noisy",
+                               "viscous",    "noisy viscous", "walls",  "memory",
+                               "unfinished", "relaxing",      "places", "newest"};
   ASSERT_EQ(candidates_.all.size(), std::size(names));
   for (std::size_t i = 0; i < std::size(names); ++i) {
     EXPECT_STREQ(candidates_.all[i]->name(), names[i]);

@@ -426,5 +426,32 @@ TEST(ContactIndexedField, IgnoresALateSampleOfAContactThatIsOver) {
   EXPECT_EQ(field->sample_count(), 0);
 }
 
+// A place whose samples were only remembered is known at the next contact there.
+TEST(ContactIndexedField, KnowsAPlaceThatItHasRemembered) {
+  const AnchoredSprings object(kSeed);
+  const Vector3d place_W(0.01, 0.02, 0.0);
+  ContactIndexedField field({});
+  field.enter_contact(1, place_W);
+  while (field.prepare()) {
+  }
+  Scatter scatter(kSeed);
+  for (int i = 0; i < 24; ++i) {
+    Observation o;
+    o.position_m = scatter.within(0.01);
+    o.force_N = object.force_N(o.position_m);
+    o.contact = 1;
+    o.origin_W = place_W;
+    field.remember(o);
+  }
+  EXPECT_EQ(field.sample_count(), 0) << "nothing is fitted";
+  field.enter_contact(2, place_W);
+  while (field.prepare()) {
+  }
+  EXPECT_EQ(field.sample_count(), 24);
+  const Vector3d at_m(0.003, -0.002, 0.004);
+  const Vector3d expected_N = object.force_N(at_m);
+  EXPECT_LT((field.read(at_m, kNoHistory).force_N - expected_N).norm(), 0.02 * expected_N.norm());
+}
+
 }  // namespace
 }  // namespace forcegrid::kriging

@@ -563,5 +563,69 @@ TEST(DictionaryField, LearnsADamperFromHistoryFeatures) {
   EXPECT_LT(error[1], 0.2 * error[0]);
 }
 
+// The rows of a sample's stiffness move with its place: with rows of two places the factor is no
+// covariance's, and grows until it overflows.
+TEST(DictionaryField, AveragesSamplesWithStiffnessAndStaysFinite) {
+  constexpr double kNoise_N = 0.03;
+  constexpr unsigned kSeed = 7;
+  SCOPED_TRACE(kSeed);
+  FieldSettings settings;
+  settings.nugget_N2 = 1e-3;
+  settings.samples = 32;
+  settings.stiffness_samples = 2;
+  settings.averaged = 8;
+  settings.averaged_spacing.newtons = 12.0 * std::sqrt(settings.nugget_N2);
+  DictionaryField<float, 32, 4> field(settings);
+  std::mt19937 random(kSeed);
+  std::normal_distribution<double> noise_N(0.0, kNoise_N);
+  std::normal_distribution<double> tremor_m(0.0, 1e-3);
+  for (int i = 0; i < 2000; ++i) {
+    const Vector3d p(0.006 * std::sin(0.05 * i) + tremor_m(random),
+                     0.006 * std::sin(0.037 * i) + tremor_m(random), tremor_m(random));
+    const Vector3d true_N = -200.0 * p;
+    Observation o =
+        observe(p, true_N + Vector3d(noise_N(random), noise_N(random), noise_N(random)));
+    o.has_stiffness = true;
+    for (int k = 0; k < 6; ++k) {
+      o.stiffness_N_per_m[k] = kStiffnessRow[k] == kStiffnessColumn[k] ? -200.0 : 0.0;
+    }
+    field.take(o);
+    ASSERT_LT((field.read(p, History::Zero()).force_N - true_N).norm(), 0.3) << i;
+  }
+}
+
+TEST(DictionaryField, AveragesTheNoiseOfARestingTool) {
+  // A full dictionary, and noise of one size and either sign at one place. Of an average over 8
+  // that alternates, a fifteenth of it remains; the newest sample, one in nine, adds a ninth.
+  constexpr double kNoise_N = 0.03;
+  double largest_N[2] = {};
+  for (const bool averages : {false, true}) {
+    FieldSettings settings;
+    settings.nugget_N2 = kNoise_N * kNoise_N;
+    settings.samples = 5;
+    settings.averaged = averages ? 8 : 1;
+    settings.averaged_spacing.newtons = 12.0 * kNoise_N;
+    Plain field(settings);
+    const double stiffness_N_per_m = 200.0;
+    for (const Vector3d& p : {Vector3d(0.02, 0.0, 0.0), Vector3d(0.0, 0.02, 0.0),
+                              Vector3d(0.0, 0.0, 0.02), Vector3d(-0.02, 0.0, 0.0)}) {
+      field.take(observe(p, -stiffness_N_per_m * p));
+    }
+    const Vector3d rest_m(0.004, 0.004, 0.004);
+    const Vector3d true_N = -stiffness_N_per_m * rest_m;
+    for (int i = 0; i < 60; ++i) {
+      const double sign = i % 2 == 0 ? 1.0 : -1.0;
+      field.take(observe(rest_m, true_N + sign * kNoise_N * Vector3d::UnitX()));
+      if (i >= 30) {
+        const double error_N = (force_N(field, rest_m) - true_N).norm();
+        largest_N[averages ? 1 : 0] = std::max(largest_N[averages ? 1 : 0], error_N);
+      }
+    }
+    EXPECT_EQ(field.sample_count(), 5);
+  }
+  EXPECT_LT(largest_N[1], (1.0 / 9.0 + 1.0 / 15.0) * kNoise_N);
+  EXPECT_GT(largest_N[0], 0.4 * kNoise_N);
+}
+
 }  // namespace
 }  // namespace forcegrid::kriging
