@@ -11,13 +11,13 @@
 #include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/rest_surface.h"
+#include "simulator/mesh/tangent_stiffness.h"
 #include "simulator/mesh/vertex_masses.h"
 #include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
@@ -27,71 +27,25 @@ constexpr int kMaxHalvings = 20;
 constexpr double kLinearTolerance = 1e-4;
 constexpr double kFarAbove_m = 10.0;
 
-Matrix3d spring_stiffness(const SpringMesh& mesh, const Spring& spring, const Vector3d& d_m) {
-  const SpringLaw& law = mesh.laws[static_cast<std::size_t>(spring.law)];
-  const double l0_m = natural_length_m(mesh, spring);
-  const double length_m = d_m.norm();
-  const double e = length_m / l0_m - 1.0;
-  const double a = law.exponent;
-  const double g = a > 0.0 ? std::sinh(a * e) / a : e;
-  const double slope = a > 0.0 ? std::cosh(a * e) : 1.0;
-  const double c = law.cubic_coefficient;
-  const double k = spring.stiffness_N_per_m;
-  const double t = k * l0_m * (g + c * e * e * e) / length_m;
-  const Vector3d u = d_m / length_m;
-  return (k * (slope + 3.0 * c * e * e) - t) * u * u.transpose() + t * Matrix3d::Identity();
-}
-
-// The unknowns are the free vertices' coordinates, three per vertex, in the mesh's order.
+// The unknowns are the free vertices' coordinates.
 class Settling {
  public:
-  explicit Settling(const SpringMesh& mesh) : mesh_(mesh), place_(mesh.fixed.size(), -1) {
-    for (std::size_t i = 0; i < place_.size(); ++i) {
-      if (mesh.fixed[i] == 0) {
-        place_[i] = unknowns_;
-        unknowns_ += 3;
-      }
-    }
-  }
+  explicit Settling(const SpringMesh& mesh) : mesh_(mesh), coordinates_(mesh) {}
 
   VectorXd residual_N(const std::vector<Vector3d>& position_W) const {
     const std::vector<Vector3d> force_W = vertex_forces_W(mesh_, position_W);
-    VectorXd r = VectorXd::Zero(unknowns_);
-    for (std::size_t i = 0; i < place_.size(); ++i) {
-      if (place_[i] >= 0) {
-        r.segment<3>(place_[i]) = force_W[i];
+    VectorXd r = VectorXd::Zero(coordinates_.count);
+    for (std::size_t i = 0; i < force_W.size(); ++i) {
+      if (coordinates_.first[i] >= 0) {
+        r.segment<3>(coordinates_.first[i]) = force_W[i];
       }
     }
     return r;
   }
 
   VectorXd newton_step_m(const std::vector<Vector3d>& position_W, const VectorXd& residual) const {
-    std::vector<Eigen::Triplet<double>> entries;
-    entries.reserve(36 * mesh_.springs.size());
-    const auto add = [&entries](Eigen::Index row, Eigen::Index column, const Matrix3d& block) {
-      if (row < 0 || column < 0) {
-        return;
-      }
-      for (Eigen::Index i = 0; i < 3; ++i) {
-        for (Eigen::Index j = 0; j < 3; ++j) {
-          entries.emplace_back(row + i, column + j, block(i, j));
-        }
-      }
-    };
-    for (const Spring& spring : mesh_.springs) {
-      const auto a = static_cast<std::size_t>(spring.a);
-      const auto b = static_cast<std::size_t>(spring.b);
-      const Matrix3d h = spring_stiffness(mesh_, spring, position_W[b] - position_W[a]);
-      add(place_[a], place_[a], h);
-      add(place_[b], place_[b], h);
-      add(place_[a], place_[b], -h);
-      add(place_[b], place_[a], -h);
-    }
-    for (std::size_t i = 0; i < mesh_.home_stiffness_N_per_m.size(); ++i) {
-      add(place_[i], place_[i], mesh_.home_stiffness_N_per_m[i] * Matrix3d::Identity());
-    }
-    Eigen::SparseMatrix<double> stiffness(unknowns_, unknowns_);
-    stiffness.setFromTriplets(entries.begin(), entries.end());
+    const Eigen::SparseMatrix<double> stiffness =
+        tangent_stiffness_W(mesh_, coordinates_, position_W);
     Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower | Eigen::Upper> solver;
     solver.setTolerance(kLinearTolerance);
     solver.compute(stiffness);
@@ -99,9 +53,9 @@ class Settling {
   }
 
   std::vector<Vector3d> moved(std::vector<Vector3d> position_W, const VectorXd& step_m) const {
-    for (std::size_t i = 0; i < place_.size(); ++i) {
-      if (place_[i] >= 0) {
-        position_W[i] += step_m.segment<3>(place_[i]);
+    for (std::size_t i = 0; i < position_W.size(); ++i) {
+      if (coordinates_.first[i] >= 0) {
+        position_W[i] += step_m.segment<3>(coordinates_.first[i]);
       }
     }
     return position_W;
@@ -109,8 +63,7 @@ class Settling {
 
  private:
   const SpringMesh& mesh_;
-  std::vector<Eigen::Index> place_;  // -1: fixed
-  Eigen::Index unknowns_ = 0;
+  const FreeCoordinates coordinates_;
 };
 
 std::vector<Vector3d> find_rest_W(const SpringMesh& mesh, double mass_kg) {

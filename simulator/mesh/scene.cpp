@@ -108,6 +108,21 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   return scene;
 }
 
+SpringMesh read_coarser_mesh(const std::string& file, const Eigen::Vector3d& origin_W) {
+  const toml::table parsed = text::read_toml_file(file);
+  const TomlTable root(parsed, file, "", kKeys);
+  if (root.number_or("gravity_m_per_s2", kGravity_m_per_s2, 0.0) > 0.0) {
+    root.refuse("gravity_m_per_s2", "an object under gravity has no coarser form",
+                "choose a method or a scene that needs none");
+  }
+  SpringMesh mesh;
+  for (const TomlTable& table : root.tables("object", scene_object_keys)) {
+    append(make_scene_object(table, origin_W, Fineness::kHalf), mesh);
+  }
+  check(mesh);
+  return mesh;
+}
+
 // Runs `read` on the scene's file; turns its errors into Error, with the file's name in front.
 template <typename Read>
 auto reading(const std::string& name_or_file, Read read) {
@@ -142,6 +157,12 @@ Scene make_scene(const std::string& name_or_file, const Eigen::Vector3d& origin_
       name_or_file, [&origin_W](const std::string& file) { return read_scene(file, origin_W); });
   scene.name = name_or_file;
   return scene;
+}
+
+SpringMesh make_coarser_mesh(const std::string& name_or_file, const Eigen::Vector3d& origin_W) {
+  return reading(name_or_file, [&origin_W](const std::string& file) {
+    return read_coarser_mesh(file, origin_W);
+  });
 }
 
 ToolOptions scene_tool(const std::string& name_or_file) {

@@ -38,6 +38,12 @@ std::string scene_name_problem(const std::string& name_or_file);
 Scene make_scene(const std::string& name_or_file,
                  const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
 
+/// The mesh of the same objects with about half the vertices per axis (Fineness::kHalf), their
+/// springs as stiff as written. Masses are left out: it is for equilibria.
+/// Throws Error as make_scene(), and for a scene with an object of a mesh file or under gravity.
+SpringMesh make_coarser_mesh(const std::string& name_or_file,
+                             const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
+
 /// Reads Scene::tool alone, without making the objects. Throws as make_scene() does for what it
 /// reads.
 ToolOptions scene_tool(const std::string& name_or_file);

@@ -85,11 +85,14 @@ SpringLaw read_law(const TomlTable& object) {
   return result;
 }
 
-SpringMesh make_block(const TomlTable& object, const Eigen::Vector3d& place_W) {
+SpringMesh make_block(const TomlTable& object, const Eigen::Vector3d& place_W, Fineness fineness) {
   LatticeBlockOptions options;
   const std::vector<std::int64_t> count = object.integers("vertex_count", 3, 2, 1000);
   for (std::size_t axis = 0; axis < 3; ++axis) {
     options.vertex_count[axis] = static_cast<int>(count[axis]);
+    if (fineness == Fineness::kHalf) {
+      options.vertex_count[axis] = std::max(2, (options.vertex_count[axis] + 1) / 2);
+    }
   }
   options.size_m = rt::to_vector(object.axes("size_m", kSize_m));
   options.top_centre_W = place_W;
@@ -101,10 +104,12 @@ SpringMesh make_block(const TomlTable& object, const Eigen::Vector3d& place_W) {
   return make_lattice_block(options);
 }
 
-SpringMesh make_organ(const TomlTable& object, const Eigen::Vector3d& place_W) {
+SpringMesh make_organ(const TomlTable& object, const Eigen::Vector3d& place_W, Fineness fineness) {
   constexpr std::int64_t kMostVertices = 1'000'000;
+  constexpr int kFewestVertices = 200;
   OrganOptions options;
-  options.vertex_count = static_cast<int>(object.integer("vertex_count", 200, kMostVertices));
+  options.vertex_count =
+      static_cast<int>(object.integer("vertex_count", kFewestVertices, kMostVertices));
   options.edge_count = static_cast<int>(object.integer("edge_count", 500, 6 * kMostVertices));
   options.semi_axes_m = rt::to_vector(object.axes("semi_axes_m", kSize_m));
   options.bend_m = object.number_or("bend_m", kBend_m, 0.0);
@@ -116,6 +121,13 @@ SpringMesh make_organ(const TomlTable& object, const Eigen::Vector3d& place_W) {
   options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
   options.home_stiffness_N_per_m = object.number_or("home_stiffness_N_per_m", kHome_N_per_m, 0.0);
   options.law = read_law(object);
+  if (fineness == Fineness::kHalf) {
+    const int vertices = options.vertex_count;
+    options.vertex_count = std::max(kFewestVertices, vertices / 4);
+    const double part = static_cast<double>(options.vertex_count) / vertices;
+    options.edge_count = static_cast<int>(part * options.edge_count);
+    options.home_stiffness_N_per_m /= part;
+  }
   return make_organ_surface(options);
 }
 
@@ -189,13 +201,20 @@ std::optional<ObjectDynamics> read_dynamics(const TomlTable& object) {
       .mass_damping_per_s = object.number_or("mass_damping_per_s", kMassDamping_per_s, 0.0)};
 }
 
-SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W) {
+SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& origin_W,
+                             Fineness fineness) {
   const Eigen::Vector3d place_W =
       origin_W + rt::to_vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
   const std::string shape = choice(object, "shape", kShapes);
-  return shape == "block"  ? make_block(object, place_W)
-         : shape == "mesh" ? make_from_file(object, place_W)
-                           : make_organ(object, place_W);
+  if (shape == "mesh") {
+    if (fineness == Fineness::kHalf) {
+      object.refuse("file", "a mesh file has no coarser form",
+                    "choose a method or a scene that needs none");
+    }
+    return make_from_file(object, place_W);
+  }
+  return shape == "block" ? make_block(object, place_W, fineness)
+                          : make_organ(object, place_W, fineness);
 }
 
 }  // namespace forcegrid::simulator

@@ -16,10 +16,20 @@ namespace forcegrid::simulator {
 /// @throws text::TomlError for a missing or unknown shape.
 std::vector<std::string> scene_object_keys(const text::TomlTable& object);
 
+/// How finely an object is made.
+enum class Fineness {
+  kAsWritten,
+  /// About half the vertices per axis: (n + 1) / 2 of a block, a quarter of the vertices and edges
+  /// of an organ, at least its fewest. An organ's home springs carry the same area with fewer
+  /// vertices. Not for an object of a mesh file.
+  kHalf
+};
+
 /// The mesh that a table [[object]] describes.
 /// @param origin_W  [m] the scene's origin.
 /// @throws text::TomlError naming file, line and key; Error for an impossible mesh.
-SpringMesh make_scene_object(const text::TomlTable& object, const Eigen::Vector3d& origin_W);
+SpringMesh make_scene_object(const text::TomlTable& object, const Eigen::Vector3d& origin_W,
+                             Fineness fineness = Fineness::kAsWritten);
 
 /// Mass and damping of a table [[object]]; nothing if it has no mass_kg.
 /// @throws text::TomlError naming file, line and key, also for damping without a mass.

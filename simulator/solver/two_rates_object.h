@@ -56,6 +56,13 @@ class TwoRatesObject {
   std::size_t vertex_count() const noexcept { return near_.vertex_count(); }
   std::size_t spring_count() const noexcept { return near_.spring_count(); }
 
+  /// Bytes of both objects, without what a move exchanges; only without own_thread, or when it is
+  /// known to be idle.
+  std::size_t memory_bytes() const noexcept {
+    return sizeof *this - sizeof near_ - sizeof whole_ + near_.memory_bytes() +
+           whole_.memory_bytes();
+  }
+
   /// As ElasticObject::grab().
   int grab(const Eigen::Vector3d& point_W, double radius_m);
   void release() noexcept;

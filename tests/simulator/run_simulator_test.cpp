@@ -158,30 +158,41 @@ TEST(RunSimulator, AnswersAToolThatTouchesAndPulls) {
             json.at("solve_ms").at("p50").get<double>());
 }
 
-TEST(RunSimulator, AtTwoRatesTheAnswerBecomesThatOfTheWholeObject) {
+// Asks a simulator at two rates `answers` times at one place.
+SimulatorSummary pull_at_two_rates(int answers, const Eigen::Vector3d& expected_W) {
   SimulatorOptions options;
   options.solver_kind = SolverKind::kTwoRates;
   options.rate_Hz = 500.0;
   RunningSimulator simulator(options);
   link::ServoEndpoint servo(simulator.address());
   std::uint32_t sequence = 0;
-  ASSERT_TRUE(answer_at(servo, sequence, {0.001, 0.002, 0.02}));
-  ASSERT_TRUE(answer_at(servo, sequence, {0.001, 0.002, -0.0001}));
-  ElasticObject<double> reference(make_scene("small").mesh, {.relative_tolerance = 1e-8});
-  reference.grab({0.001, 0.002, 0.0}, 0.012);
-  const Eigen::Vector3d expected_W = reference.move_to({0.0, 0.0, 0.0049}).force_W;
-  // When the whole object's solution comes is the scheduler's affair.
+  EXPECT_TRUE(answer_at(servo, sequence, {0.001, 0.002, 0.02}));
+  EXPECT_TRUE(answer_at(servo, sequence, {0.001, 0.002, -0.0001}));
   double error = 1.0;
-  const auto give_up = std::chrono::steady_clock::now() + kPatience;
-  // A hundred answers at least: the region holds all of this small object, and is right at once.
-  for (int answers = 0;
-       (error > 2e-3 || answers < 100) && std::chrono::steady_clock::now() < give_up; ++answers) {
+  for (int k = 0; k < answers; ++k) {
     const auto pull = answer_at(servo, sequence, {0.001, 0.002, 0.0049});
-    ASSERT_TRUE(pull);
+    if (!pull) {
+      ADD_FAILURE() << "no answer " << k;
+      break;
+    }
     error = (Eigen::Vector3d(pull->force_W_N.data()) - expected_W).norm() / expected_W.norm();
   }
   EXPECT_LE(error, 2e-3);
-  const SimulatorSummary summary = simulator.stop();
+  return simulator.stop();
+}
+
+TEST(RunSimulator, AtTwoRatesTheAnswerBecomesThatOfTheWholeObject) {
+  ElasticObject<double> reference(make_scene("small").mesh, {.relative_tolerance = 1e-8});
+  reference.grab({0.001, 0.002, 0.0}, 0.012);
+  const Eigen::Vector3d expected_W = reference.move_to({0.0, 0.0, 0.0049}).force_W;
+  // The region holds all of this small object and is right at once. When the whole object's
+  // solution comes is the scheduler's affair: its thread has the lowest priority, and on a busy
+  // machine a run of 0.2 s may end before its turn.
+  SimulatorSummary summary;
+  for (int answers = 100; answers <= 6400 && summary.whole_solutions == 0; answers *= 2) {
+    summary = pull_at_two_rates(answers, expected_W);
+    ASSERT_FALSE(HasFailure());
+  }
   EXPECT_EQ(summary.solver, "two_rates");
   EXPECT_GT(to_json(summary).at("whole_solutions").get<int>(), 0);
 }

@@ -109,6 +109,37 @@ TEST(Scene, AFileGivesTheBlockThatItDescribes) {
   EXPECT_EQ(scene.mesh.laws.front().cubic_coefficient, 0.0);
 }
 
+TEST(CoarserMesh, HasHalfTheVerticesPerAxisInTheSamePlace) {
+  const std::string file = file_with(kHead + std::string(kObject) + "law = \"linear\"\n");
+  const SpringMesh fine = make_scene(file).mesh;
+  const SpringMesh coarse = make_coarser_mesh(file);
+  EXPECT_EQ(coarse.rest_position_W.size(), 2U * 2U * 3U);
+  EXPECT_EQ(coarse.top_W, fine.top_W);
+  EXPECT_LT((coarse.rest_position_W.front() - fine.rest_position_W.front()).norm(), 1e-12);
+  EXPECT_LT((coarse.rest_position_W.back() - fine.rest_position_W.back()).norm(), 1e-12);
+
+  // A surface: a quarter of its vertices and springs, each home spring for four times the area.
+  const SpringMesh organ = make_coarser_mesh("organ");
+  EXPECT_EQ(organ.rest_position_W.size(), 2500U);
+  EXPECT_EQ(organ.springs.size(), 8750U);
+  double home_N_per_m = 0.0;
+  for (const double each : organ.home_stiffness_N_per_m) {
+    home_N_per_m += each;
+  }
+  EXPECT_NEAR(home_N_per_m, 10000 * 0.24, 1e-6);
+
+  EXPECT_EQ(make_coarser_mesh("three_cubes").rest_position_W.size(), 3U * 4U * 4U * 4U);
+  const std::string of_file = file_with(
+      kHead + std::string("[[object]]\nshape = \"mesh\"\nfile = \"x.obj\"\nunit = \"m\"\n"
+                          "fixed_below_m = 0.1\nstiffness_N_per_m = 1.0\nlaw = \"linear\"\n"));
+  try {
+    make_coarser_mesh(of_file);
+    ADD_FAILURE() << "a coarser mesh of a file";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("a mesh file has no coarser form"));
+  }
+}
+
 TEST(Scene, SeveralObjectsKeepTheirPlacesAndLaws) {
   const std::string second =
       "law = \"hardening\"\ncubic_coefficient = 5.0\n"
