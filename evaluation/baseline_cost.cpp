@@ -5,9 +5,9 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <random>
 #include <vector>
 
-#include "evaluation/trajectories.h"
 #include "rt/clock.h"
 
 namespace forcegrid::evaluation {
@@ -28,11 +28,13 @@ BareTrilinearGrid::BareTrilinearGrid()
 
 double bare_trilinear_read_ns() {
   const BareTrilinearGrid grid;
-  SeededNumbers random(1);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> coordinate_of_cells(0.0F,
+                                                            BareTrilinearGrid::kVertices - 1.01F);
   std::vector<std::array<float, 3>> positions(kReads);
   for (std::array<float, 3>& p : positions) {
     for (float& coordinate : p) {
-      coordinate = static_cast<float>(random.uniform(0.0, BareTrilinearGrid::kVertices - 1.01));
+      coordinate = coordinate_of_cells(random);
     }
   }
   std::vector<double> batch_ns(kBatches);

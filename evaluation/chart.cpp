@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -37,7 +38,7 @@ constexpr int kRandomComparisons = 60;
 constexpr double kLargestDifference_percent = 0.1;
 constexpr double kTouchKnown_s = 0.2;
 // Increase when the meaning of a row changes.
-constexpr std::uint64_t kRowVersion = 2;
+constexpr std::uint64_t kRowVersion = 3;
 
 std::string row_key(const ChartOptions& options, const std::string& scene,
                     const std::string& table_key, const std::string& trajectory,
@@ -79,7 +80,7 @@ std::string rounded(double value, const char* format) {
 
 struct Object {
   ChartScene scene;
-  simulator::SpringMesh mesh;
+  KnownObject known;
   ForceTable table;
   ChartTable facts;
 };
@@ -108,7 +109,8 @@ std::vector<Vector3d> covered(const ForceTable& table, std::vector<Vector3d> dis
 
 Object make_object(const ChartOptions& options, const std::string& name) {
   const ChartScene& scene = chart_scene(name);
-  simulator::SpringMesh mesh = make_mesh(scene);
+  KnownObject known = known_object(scene);
+  const simulator::SpringMesh& mesh = known.mesh;
   const TableOptions building = table_options(options, scene, "force table of " + name);
   BuiltTable built = build_table(mesh, building);
   ChartTable facts;
@@ -143,7 +145,7 @@ Object make_object(const ChartOptions& options, const std::string& name) {
     say(options, "WARNING: " + name + ": " + std::to_string(built.unconverged) +
                      " of the table's nodes did not reach the solver's tolerance");
   }
-  return {scene, std::move(mesh), std::move(built.table), std::move(facts)};
+  return {scene, std::move(known), std::move(built.table), std::move(facts)};
 }
 
 // Time kTouchKnown_s after the tool first touches a wall; infinity: it never does.
@@ -172,16 +174,35 @@ double rms_error_percent_from(double begin_s, const Trace& trace, const Verdict&
              : 100.0 * std::sqrt(sum_N2 / static_cast<double>(count)) / verdict.reference_rms_N;
 }
 
-ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Trace& trace,
-                   JudgeOptions judging, const ChartMethod& method) {
-  const std::unique_ptr<ForceMethod> made = make(method, object.mesh, object.scene.patch_radius_m);
+// `direct` and the rivals have no work to split.
+SplitCost split_cost(const Object& object, const Trace& trace, JudgeOptions judging,
+                     const ChartMethod& method, const Verdict& at_once) {
+  if (method.direct) {
+    return {at_once.cycle_ns, at_once.cycle_ns_p99, at_once.cycle_ns_p999,
+            at_once.rms_error_percent_after_1s};
+  }
+  const std::unique_ptr<ForceMethod> made =
+      make(method, object.known.mesh, object.scene.patch_radius_m);
+  judging.work_budget = kServoWorkBudget;
+  judging.keep_forces = false;
+  const Verdict verdict = judge(*made, trace, judging);
+  return {verdict.cycle_ns, verdict.cycle_ns_p99, verdict.cycle_ns_p999,
+          verdict.rms_error_percent_after_1s};
+}
+
+ChartRow judge_row(Object& object, const Trajectory& trajectory, const Trace& trace,
+                   JudgeOptions judging, const ChartMethod& method,
+                   const std::atomic<bool>* cancel) {
+  const simulator::MadeRival made = make(method, object.known, cancel);
   judging.keep_forces = trajectory.is_closed_loop() || trajectory.is_exploration() ||
                         !object.scene.extras.walls.empty();
   ChartRow row;
   row.scene = object.scene.name;
   row.trajectory = trajectory.name();
   row.method = method.text;
-  row.verdict = judge(*made, trace, judging);
+  row.precompute_s = made.precompute_s;
+  row.verdict = judge(*made.method, trace, judging);
+  row.split = split_cost(object, trace, judging, method, row.verdict);
   if (!object.scene.extras.walls.empty()) {
     row.after_touch_percent =
         rms_error_percent_from(wall_known_s(object.scene, trace), trace, row.verdict);
@@ -211,7 +232,8 @@ ChartRow judge_row(const Object& object, const Trajectory& trajectory, const Tra
 
 ChartRow judge_visits_row(const Object& object, const NetworkCondition& condition,
                           const ChartMethod& method, std::uint64_t seed) {
-  const std::unique_ptr<ForceMethod> made = make(method, object.mesh, object.scene.patch_radius_m);
+  const std::unique_ptr<ForceMethod> made =
+      make(method, object.known.mesh, object.scene.patch_radius_m);
   VisitsOptions visiting;
   visiting.servo_rate_Hz = kChartServoRate_Hz;
   visiting.simulator_rate_Hz = condition.simulator_rate_Hz;
@@ -349,8 +371,8 @@ class Judging {
   // Cost of a cycle of `direct`, measured once per object.
   void time_direct(const Job& job) {
     Object& object = objects_[job.scene];
-    if (job.method->direct && object.facts.direct_cycle_us == 0.0) {
-      simulator::DirectMethod direct(object.mesh, {.grab_on_own_thread = false});
+    if (job.method->direct && !job.method->rival && object.facts.direct_cycle_us == 0.0) {
+      simulator::DirectMethod direct(object.known.mesh, {.grab_on_own_thread = false});
       object.facts.direct_cycle_us = 1e6 * direct.measured_cycle_s(1.0 / kChartServoRate_Hz);
     }
   }
@@ -407,7 +429,7 @@ class Judging {
     if (trajectories_[job.trajectory] && !trace_) {
       throw ChartError(trace_problem_);  // for every method alike
     }
-    const Object& object = objects_[job.scene];
+    Object& object = objects_[job.scene];
     const std::optional<Trajectory>& trajectory = trajectories_[job.trajectory];
     const auto start = std::chrono::steady_clock::now();
     ChartRow row =
@@ -415,16 +437,29 @@ class Judging {
             ? judge_row(object, *trajectory, *trace_,
                         judge_options(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
                                       options_.seed, object.scene.extras),
-                        *job.method)
+                        *job.method, options_.cancel)
             : judge_visits_row(object, *job.condition, *job.method, options_.seed);
     row.key = job.key;
     row.condition = job.condition->name;
     if (trajectory) {
       row.blind_limit = limit_;
     }
-    times_.add(row.scene, row.method, seconds_since(start));
+    times_.add(row.scene, row.method, seconds_since(start) - newly_computed_s(row));
     pending_[{row.scene, row.method}] -= 1.0;
     return row;
+  }
+
+  // [s] What the first row of a rival took for its tables, which the others do not.
+  double newly_computed_s(const ChartRow& row) {
+    constexpr double kWorthALine_s = 1.0;
+    if (!std::isfinite(row.precompute_s) || !computed_.insert({row.scene, row.method}).second) {
+      return 0.0;
+    }
+    if (row.precompute_s > kWorthALine_s) {
+      say(options_, row.method + " on " + row.scene + ": tables computed beforehand in " +
+                        rounded(row.precompute_s, "%.0f s"));
+    }
+    return row.precompute_s;
   }
 
   void report_progress(double done) const {
@@ -445,6 +480,7 @@ class Judging {
   std::vector<std::optional<Trajectory>> trajectories_;  // empty: visits
   TimeLeft times_;
   std::map<std::pair<std::string, std::string>, double> pending_;  // jobs by scene and method
+  std::set<std::pair<std::string, std::string>> computed_;         // rivals' tables, the same
   std::optional<Trace> trace_;
   BlindLimit limit_;           // of trace_
   std::string trace_problem_;  // why there is no trace
@@ -479,9 +515,9 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
   }
   const ChartScene& chosen = chart_scene(scene);
   const SceneExtras& extras = chosen.extras;
-  const simulator::SpringMesh mesh = make_mesh(chosen);
+  KnownObject known = known_object(chosen);
   const BuiltTable built =
-      build_table(mesh, table_options(options, chosen, "force table of " + scene));
+      build_table(known.mesh, table_options(options, chosen, "force table of " + scene));
   ChartTrace result;
   result.trace =
       make_trace(trajectory, built.table, condition, kChartServoRate_Hz, options.seed, extras);
@@ -492,7 +528,7 @@ ChartTrace trace_of(const ChartOptions& options, const std::string& scene,
     judging.keep_forces = true;
     result.methods.push_back(method.text);
     result.forces_W.push_back(
-        judge(*make(method, mesh, chosen.patch_radius_m), result.trace, judging).forces_W);
+        judge(*make(method, known, options.cancel).method, result.trace, judging).forces_W);
   }
   return result;
 }

@@ -30,7 +30,7 @@ struct ChartOptions {
   std::vector<std::string> scenes;
   std::vector<std::string> trajectories;
   std::vector<std::string> conditions;
-  std::vector<std::string> methods;  ///< MethodVariant texts, or "direct"
+  std::vector<std::string> methods;  ///< MethodVariant texts, "direct", or a simulator::Rival
   bool quick = false;
   Shard shard;                               ///< only these rows, if it is not the whole
   TableLattice lattice;                      ///< of the force tables
@@ -44,6 +44,15 @@ struct ChartOptions {
   /// the time left [s].
   std::function<void(const std::string& what, double done, double remaining_s)> progress;
   const std::atomic<bool>* cancel = nullptr;  ///< when set and true: Stopped is thrown soon
+};
+
+/// What a cycle costs, and the error, where work is split over cycles as a servo loop splits it
+/// (kServoWorkBudget), while Verdict is of a method that does all work in the sample's own cycle.
+struct SplitCost {
+  double cycle_ns_mean = std::numeric_limits<double>::quiet_NaN();
+  double cycle_ns_p99 = std::numeric_limits<double>::quiet_NaN();
+  double cycle_ns_p999 = std::numeric_limits<double>::quiet_NaN();
+  double rms_error_percent_after_1s = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// One method on one object, motion and network.
@@ -66,6 +75,10 @@ struct ChartRow {
   /// Errors that no method can be below; NaN for visits.
   BlindLimit blind_limit;
   VisitErrors visits;  ///< NaN for motions other than kVisits
+  SplitCost split;     ///< NaN for visits
+  /// [s] From the mesh to a method that can answer, for a method that knows the object's model and
+  /// computes tables of it beforehand; once per object and call. NaN for others.
+  double precompute_s = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// An object of the chart and the accuracy of its force table.
@@ -141,10 +154,11 @@ std::vector<std::string> chart_motions();
 /// Evaluates every method of the selection on every scene, trajectory and condition. Finished rows
 /// are appended to `out`/rows.jsonl, and the next call with the same program and selection reuses
 /// them. Methods run one at a time, so that their costs do not disturb each other. A method that
-/// needs stiffness or requests runs only under conditions that supply them. `direct` runs only
-/// under `ideal`, and only on objects that are the same everywhere. A row that can't be judged, for
-/// example because its motion leaves the force table, is listed with the reason, and the rest goes
-/// on; the next call tries it again. A shard makes the rows of its pieces, and none is no mistake.
+/// needs stiffness or requests runs only under conditions that supply them. `direct` and the rivals
+/// run only under `ideal`, and only on objects that are the same everywhere. A row that can't be
+/// judged, for example because its motion leaves the force table, is listed with the reason, and
+/// the rest goes on; the next call tries it again. A shard makes the rows of its pieces, and none
+/// is no mistake.
 /// @throws ChartError for an unknown name, std::invalid_argument for a method that can't be made,
 ///         Stopped, and as build_table().
 Chart make_chart(const ChartOptions& options);

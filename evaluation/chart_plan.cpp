@@ -2,10 +2,13 @@
 #include "evaluation/chart_plan.h"
 
 #include <algorithm>
+#include <sstream>
 #include <stdexcept>
 
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "rt/checkpoint.h"
+#include "simulator/mesh/scene.h"
 #include "simulator/solver/direct_method.h"
 
 namespace forcegrid::evaluation {
@@ -84,6 +87,9 @@ std::vector<std::string> default_chart_methods() {
     }
   }
   texts.emplace_back(kDirect);
+  for (const simulator::Rival& rival : simulator::rivals()) {
+    texts.emplace_back(rival.name);
+  }
   return texts;
 }
 
@@ -94,8 +100,24 @@ std::vector<std::string> chart_motions() {
 }
 
 ChartMethod method_of(const std::string& text) {
-  if (text == kDirect) {
-    return {text, true, {}};
+  std::istringstream words(text);
+  std::string name;
+  std::string option;
+  words >> name >> option;
+  const bool rival = simulator::is_rival(name);
+  if (name == kDirect || rival) {
+    if (!option.empty()) {
+      throw std::invalid_argument("method '" + name + "' has no options; leave '" + option +
+                                  "' out");
+    }
+    return {name, true, {}, rival};
+  }
+  if (!name.empty() && !contains(method_names(), name)) {
+    std::string known = known_methods() + ", " + kDirect;
+    for (const simulator::Rival& each : simulator::rivals()) {
+      known += std::string(", ") + each.name;
+    }
+    throw std::invalid_argument("method '" + name + "' is not known; " + known);
   }
   const MethodVariant variant = parse_method_variant(text, base_options());
   return {variant.text, false, make_force_method(variant.name, variant.options)->needs()};
@@ -217,6 +239,27 @@ std::unique_ptr<ForceMethod> make(const ChartMethod& method, const simulator::Sp
   }
   const MethodVariant variant = parse_method_variant(method.text, base_options());
   return make_force_method(variant.name, variant.options);
+}
+
+KnownObject known_object(const ChartScene& scene) {
+  return {make_mesh(scene), scene.patch_radius_m, simulator::RivalTables([object = scene.object] {
+            return simulator::make_coarser_mesh(object, first_contact_point_W());
+          })};
+}
+
+simulator::MadeRival make(const ChartMethod& method, KnownObject& object,
+                          const std::atomic<bool>* cancel) {
+  simulator::MadeRival made;
+  if (!method.rival) {
+    made.method = make(method, object.mesh, object.patch_radius_m);
+    return made;
+  }
+  const rt::Supervised supervised({.stop = cancel});
+  try {
+    return object.rivals.make(method.text, object.mesh, object.patch_radius_m);
+  } catch (const rt::Interrupted&) {
+    throw Stopped();
+  }
 }
 
 }  // namespace forcegrid::evaluation

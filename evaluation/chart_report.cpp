@@ -11,6 +11,7 @@
 #include "evaluation/chart_rows.h"
 #include "evaluation/chart_summary.h"
 #include "evaluation/page_text.h"
+#include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
 
 namespace forcegrid::evaluation {
@@ -121,6 +122,7 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
   }
   html +=
       "<th>static, geometric mean<th>cycle ns<th>query ns<th>sample &micro;s<th>memory kB"
+      "<th>pre-computation s"
       "</tr></thead><tbody>";
   for (const ChartPoint& point : points) {
     html += std::string("<tr") + (point.on_front ? " class=front" : "") + "><td>" +
@@ -147,6 +149,8 @@ void add_scene(std::string& html, const Chart& chart, const ChartTable& table,
     html += "<td>" + (shown ? readable(shown->verdict.query_ns_median) : "") + "<td>" +
             (shown ? readable(shown->verdict.sample_us_median) : "") + "<td>" +
             (shown ? readable(1e-3 * static_cast<double>(shown->verdict.memory_bytes)) : "") +
+            "<td>" +
+            (shown && std::isfinite(shown->precompute_s) ? readable(shown->precompute_s) : "") +
             "</tr>";
   }
   html += "</tbody></table>" + requests_html(chart, table.scene);
@@ -332,7 +336,8 @@ std::vector<std::filesystem::path> write_chart(const Chart& chart, const ChartOp
   write("accuracy.json", chart_json(chart, options));
   std::vector<std::string> pictures;
   for (const ChartTable& table : chart.tables) {
-    const std::filesystem::path svg = options.out / ("error_against_cost_" + table.scene + ".svg");
+    const std::filesystem::path svg =
+        options.out / ("error_against_cost_" + file_name_part(table.scene) + ".svg");
     pictures.emplace_back();
     if (write_error_cost_svg(svg, table.scene + ": " + table.title,
                              points_of(chart, table.scene))) {

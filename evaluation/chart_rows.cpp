@@ -46,10 +46,15 @@ void each_figure(Row& row, const Take& take) {
   take("cycle_ns_mean", v.cycle_ns);
   take("cycle_ns_median", v.cycle_ns_median);
   take("cycle_ns_p99", v.cycle_ns_p99);
+  take("split_cycle_ns_mean", row.split.cycle_ns_mean);
+  take("split_cycle_ns_p99", row.split.cycle_ns_p99);
+  take("split_cycle_ns_p999", row.split.cycle_ns_p999);
+  take("split_rms_error_percent_after_1s", row.split.rms_error_percent_after_1s);
   take("memory_bytes", v.memory_bytes);
   take("samples_taken", v.samples_taken);
   take("requests_answered", v.requests_answered);
   take("truth_rms_N", v.reference_rms_N);
+  take("precompute_s", row.precompute_s);
 }
 
 }  // namespace

@@ -326,6 +326,7 @@ class Play {
                             : at_least(floor_ns, sum_ns / static_cast<double>(cycle_ns_.size()));
     verdict_.cycle_ns_median = time_ns(cycle_ns_, 0.5);
     verdict_.cycle_ns_p99 = time_ns(cycle_ns_, 0.99);
+    verdict_.cycle_ns_p999 = time_ns(cycle_ns_, 0.999);
   }
 
   struct Answer {

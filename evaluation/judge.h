@@ -18,6 +18,9 @@ namespace forcegrid::evaluation {
 /// carries it.
 using Answerer = std::function<Sample(double time_s, const Eigen::Vector3d& position_W)>;
 
+/// Units of ForceMethod::work() per cycle in a servo loop, as ServoOptions::fill_budget.
+inline constexpr int kServoWorkBudget = 1000;
+
 struct JudgeOptions {
   /// Units of ForceMethod::work() per cycle; negative: all pending work at once after each sample.
   int work_budget = -1;
@@ -60,6 +63,7 @@ struct Verdict {
   double cycle_ns = 0.0;  ///< mean time per cycle in the method, samples included
   double cycle_ns_median = 0.0;
   double cycle_ns_p99 = 0.0;
+  double cycle_ns_p999 = 0.0;
   /// The timer's floor: the smallest step between two readings of the clock. No time of a call, and
   /// no mean of a cycle, is reported below it; that of a query, a mean of eight, not below an
   /// eighth of it.

@@ -101,6 +101,17 @@ const ChartScene& chart_scene(const std::string& name) {
                    text::joined(simulator::scene_names()));
 }
 
+std::string file_name_part(const std::string& scene) {
+  const std::size_t slash = scene.rfind('/');
+  if (slash == std::string::npos) {
+    return scene;
+  }
+  constexpr std::size_t kDigits = 8;
+  ContentHash hash;
+  hash.add(scene);
+  return scene.substr(slash + 1) + '-' + hash.text().substr(0, kDigits);
+}
+
 simulator::SpringMesh make_mesh(const ChartScene& scene) {
   simulator::SpringMesh mesh = simulator::make_scene(scene.object, first_contact_point_W()).mesh;
   simulator::scale_forces(mesh, scene.stiffness_factor);

@@ -35,6 +35,11 @@ const std::vector<ChartScene>& hard_scenes();
 ///         can't be used.
 const ChartScene& chart_scene(const std::string& name);
 
+/// A scene's name as part of the name of a file or folder: itself, or for one that is a path the
+/// last part and eight digits that differ for another path: DIR/mine.toml+cut becomes
+/// mine.toml+cut-0123abcd.
+std::string file_name_part(const std::string& scene);
+
 /// Makes the object's mesh with all spring stiffnesses times the scene's factor, which scales the
 /// force equally.
 simulator::SpringMesh make_mesh(const ChartScene& scene);

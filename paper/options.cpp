@@ -10,6 +10,7 @@ Plan plan_of(bool quick) {
   Plan plan;
   if (quick) {
     plan.motions = {"chirp"};
+    plan.compared_scenes.clear();
     plan.touches = 24;
     plan.contrasts = {1.0, 0.25, 0.06, 0.0};
   }

@@ -37,6 +37,15 @@ Results run_experiments(const PaperOptions& options) {
     tell(options, others.back());
     motions.push_back(&others.back());
   }
+  std::vector<const RecordedMotion*> compared = motions;
+  for (const std::string& scene : options.plan.compared_scenes) {
+    for (const std::string& motion : options.plan.motions) {
+      others.push_back(record_motion(scene, motion, options));
+      tell(options, others.back());
+      compared.push_back(&others.back());
+    }
+  }
+  results.comparison = compare_rivals(compared, results.timing.bare_read_ns, options);
   results.resolutions = sweep_resolutions(motions, options);
   results.discrimination = discriminate(options);
   results.shapes = compare_shapes(options);

@@ -6,7 +6,8 @@
 namespace forcegrid::paper {
 
 /// Runs the paper's experiments: first the timing paragraph, while the program runs nothing else,
-/// then Figures 7 and 8, resolutions and distances of influence, and the three objects.
+/// then Figures 7 and 8, the methods that the paper names, resolutions and distances of influence,
+/// and the three objects.
 /// @throws evaluation::ChartError, evaluation::FileError, evaluation::Stopped, simulator::Error
 ///         with a sentence for the user.
 /// Real-time: no. Threads: one; it starts options.jobs further threads.

@@ -174,10 +174,14 @@ RecordedMotion record_motion(const std::string& scene, const std::string& motion
 }
 
 Played play(const std::string& method, const evaluation::Trace& trace) {
+  return {method, play(*make_method(method), trace).verdict};
+}
+
+Played play(ForceMethod& method, const evaluation::Trace& trace) {
   evaluation::JudgeOptions judging;
   judging.stiffness_to_method = false;
   judging.keep_forces = true;
-  return {method, evaluation::judge(*make_method(method), trace, judging)};
+  return {method.name(), evaluation::judge(method, trace, judging)};
 }
 
 double rms_error_percent(const evaluation::Trace& trace, const std::vector<Vector3d>& forces_W,

@@ -51,6 +51,8 @@ struct Played {
   evaluation::Verdict verdict;
 };
 Played play(const std::string& method, const evaluation::Trace& trace);
+/// The same with a method that was just made.
+Played play(ForceMethod& method, const evaluation::Trace& trace);
 
 /// RMS of |F - F_o| from `begin_s` to before `end_s`, in % of `reference_rms_N`; NaN without
 /// instants.

@@ -19,8 +19,8 @@ std::string paper_json(const Results& results, const std::vector<Claim>& claims,
 std::string paper_html(const Results& results, const std::vector<Claim>& claims,
                        const std::vector<std::string>& pictures);
 
-/// Writes claims.csv, figure7.csv, resolutions.csv, discrimination.csv, shapes.csv, their pictures,
-/// paper.json and index.html into `options.out`, which is created if missing.
+/// Writes claims.csv, figure7.csv, comparison.csv, resolutions.csv, discrimination.csv, shapes.csv,
+/// their pictures, paper.json and index.html into `options.out`, which is created if missing.
 /// @returns the files written, the page last.
 /// @throws evaluation::ChartError, evaluation::FileError naming the file, the reason and the
 ///         remedy.

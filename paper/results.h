@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "paper/comparison.h"
 #include "paper/discrimination.h"
 #include "paper/figures.h"
 #include "paper/options.h"
@@ -17,6 +18,7 @@ struct Results {
   Timing timing;
   Figures figures;
   std::vector<ResolutionRow> resolutions;
+  Comparison comparison;
   Discrimination discrimination;
   std::vector<ShapeDifference> shapes;
   double elapsed_s = 0.0;

@@ -83,6 +83,19 @@ Table fifths_table(const Figures& figures) {
   return table;
 }
 
+Table comparison_table(const Comparison& comparison) {
+  Table table{
+      {"scene", "motion", "method", "stands_for", "needs", "right_when", "rms_error_percent",
+       "cycle_over_bare_read", "precompute_s", "memory_MB", "not_judged"},
+      {}};
+  for (const ComparisonRow& row : comparison.rows) {
+    table.rows.push_back({row.scene, row.motion, row.method, row.stands_for, row.needs,
+                          row.right_when, row.error_percent, row.cycle_over_bare_read,
+                          row.precompute_s, row.memory_MB, row.not_judged});
+  }
+  return table;
+}
+
 Table resolutions_table(const std::vector<ResolutionRow>& rows) {
   Table table{{"motion", "vertices_an_axis", "r_mm", "r_of_workspace", "r_over_longest_travel",
                "spacing_over_r", "rms_error_percent", "unknown_percent", "fill_us", "memory_MB"},

@@ -33,6 +33,7 @@ Table claims_table(const std::vector<Claim>& claims);
 /// the object.
 Table forces_table(const Figures& figures);
 Table fifths_table(const Figures& figures);
+Table comparison_table(const Comparison& comparison);
 Table resolutions_table(const std::vector<ResolutionRow>& rows);
 Table discrimination_table(const Discrimination& all);
 Table shapes_table(const std::vector<ShapeDifference>& shapes);

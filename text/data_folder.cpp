@@ -7,10 +7,17 @@
 #include <set>
 #include <string_view>
 
+#include "text/own_prefix.h"
+
 namespace forcegrid::text {
 namespace {
 
 namespace fs = std::filesystem;
+
+std::string& set_share_folder() {
+  static std::string folder;
+  return folder;
+}
 
 std::vector<fs::path> search_folders(const DataFolder& folder) {
   std::vector<fs::path> folders;
@@ -25,10 +32,13 @@ std::vector<fs::path> search_folders(const DataFolder& folder) {
     }
   }
   std::error_code error;
-  const fs::path program = fs::read_symlink("/proc/self/exe", error);
-  const fs::path installed =
-      program.parent_path().parent_path() / "share/forcegrid" / folder.installed;
-  if (!error && fs::is_directory(installed, error)) {
+  const std::string prefix = own_prefix();
+  fs::path share = set_share_folder();
+  if (share.empty() && !prefix.empty()) {
+    share = fs::path(prefix) / "share/forcegrid";
+  }
+  const fs::path installed = share / folder.installed;
+  if (!share.empty() && fs::is_directory(installed, error)) {
     folders.push_back(installed);
   } else {
     folders.emplace_back(folder.source_folder);
@@ -37,6 +47,8 @@ std::vector<fs::path> search_folders(const DataFolder& folder) {
 }
 
 }  // namespace
+
+void set_installed_data(const std::string& share_folder) { set_share_folder() = share_folder; }
 
 std::string find_data_file(const DataFolder& folder, const std::string& name) {
   for (const fs::path& each : search_folders(folder)) {

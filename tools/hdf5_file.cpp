@@ -117,6 +117,42 @@ void write_attribute(hid_t object, const std::string& file, const std::string& n
           "attribute " + name + " can't be written");
 }
 
+// Of a file or data set; empty if there is none.
+std::string read_attribute(hid_t object, const std::string& file, const std::string& name) {
+  const htri_t exists = H5Aexists(object, name.c_str());
+  checked(exists, file, "damaged: its attributes can't be read");
+  if (exists == 0) {
+    return "";
+  }
+  const Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose);
+  const Id type(H5Aget_type(attribute), H5Tclose);
+  if (attribute < 0 || H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0) {
+    fail_with_reason(file, "damaged: attribute " + name + " is not a text of fixed length");
+  }
+  const std::size_t length = H5Tget_size(type);
+  if (length > kLargestAttribute) {
+    throw Hdf5Error(file + ": damaged: attribute " + name + " claims " + std::to_string(length) +
+                    " bytes");
+  }
+  std::string text(length, '\0');
+  checked(H5Aread(attribute, type, text.data()), file,
+          "damaged: attribute " + name + " can't be read");
+  text.resize(std::strlen(text.c_str()));
+  return text;
+}
+
+std::vector<std::string> names_in(hid_t object, const std::string& file, const std::string& group) {
+  std::vector<std::string> names;
+  const auto take = [](hid_t, const char* name, const H5L_info_t*, void* list) -> herr_t {
+    static_cast<std::vector<std::string>*>(list)->emplace_back(name);
+    return 0;
+  };
+  checked(H5Literate_by_name(object, group.c_str(), H5_INDEX_NAME, H5_ITER_INC, nullptr, take,
+                             &names, H5P_DEFAULT),
+          file, "damaged: group " + group + " can't be read");
+  return names;
+}
+
 std::vector<hsize_t> shape(const Hdf5Column& column, std::uint64_t rows) {
   std::vector<hsize_t> dimensions{rows};
   dimensions.insert(dimensions.end(), column.row_shape.begin(), column.row_shape.end());
@@ -302,26 +338,40 @@ bool Hdf5Reader::has(const std::string& name) const {
 }
 
 std::string Hdf5Reader::attribute(const std::string& name) const {
-  const htri_t exists = H5Aexists(id_, name.c_str());
-  checked(exists, file_, "damaged: its attributes can't be read");
-  if (exists == 0) {
-    return "";
+  return read_attribute(id_, file_, name);
+}
+
+std::vector<std::string> Hdf5Reader::columns() const {
+  std::vector<std::string> names;
+  const auto is = [&](const std::string& name, H5I_type_t type) {
+    const Id object(H5Oopen(id_, name.c_str(), H5P_DEFAULT), H5Oclose);
+    return object >= 0 && H5Iget_type(object) == type;
+  };
+  for (const std::string& group : names_in(id_, file_, "/")) {
+    if (is("/" + group, H5I_GROUP)) {
+      for (const std::string& name : names_in(id_, file_, "/" + group)) {
+        if (is("/" + group + "/" + name, H5I_DATASET)) {
+          names.push_back("/" + group + "/" + name);
+        }
+      }
+    }
   }
-  const Id attribute(H5Aopen(id_, name.c_str(), H5P_DEFAULT), H5Aclose);
-  const Id type(H5Aget_type(attribute), H5Tclose);
-  if (attribute < 0 || H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0) {
-    fail_with_reason(file_, "damaged: attribute " + name + " is not a text of fixed length");
+  return names;
+}
+
+Hdf5Column Hdf5Reader::column(const std::string& name) const {
+  const Id dataset(H5Dopen2(id_, name.c_str(), H5P_DEFAULT), H5Dclose);
+  const std::vector<std::uint64_t> shape = shape_of(dataset, name);
+  Hdf5Column column{name, Hdf5Type::kFloat64, {shape.begin() + 1, shape.end()}, ""};
+  const Id type(H5Dget_type(dataset), H5Tclose);
+  for (const Hdf5Type known : {Hdf5Type::kFloat32, Hdf5Type::kInt32, Hdf5Type::kUint8,
+                               Hdf5Type::kUint32, Hdf5Type::kUint64}) {
+    if (H5Tequal(type, file_type(known)) > 0) {
+      column.type = known;
+    }
   }
-  const std::size_t length = H5Tget_size(type);
-  if (length > kLargestAttribute) {
-    throw Hdf5Error(file_ + ": damaged: attribute " + name + " claims " + std::to_string(length) +
-                    " bytes");
-  }
-  std::string text(length, '\0');
-  checked(H5Aread(attribute, type, text.data()), file_,
-          "damaged: attribute " + name + " can't be read");
-  text.resize(std::strlen(text.c_str()));
-  return text;
+  column.meaning = read_attribute(dataset, file_, "meaning");
+  return column;
 }
 
 std::vector<std::uint64_t> Hdf5Reader::shape_of(std::int64_t dataset,

@@ -85,6 +85,10 @@ class Hdf5Reader {
   bool has(const std::string& name) const;
   /// Of the file itself; empty if there is none.
   std::string attribute(const std::string& name) const;
+  /// Names of the columns in the file's groups, sorted: "/cycles/time_s".
+  std::vector<std::string> columns() const;
+  /// Type, shape of a row and meaning. A type that Hdf5Type doesn't name is given as doubles.
+  Hdf5Column column(const std::string& name) const;
   std::uint64_t rows(const std::string& column) const;
   /// `rows` rows from row `first` on, one row after the other.
   std::vector<double> numbers(const std::string& column, std::uint64_t rows,

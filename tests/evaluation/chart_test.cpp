@@ -16,6 +16,7 @@
 #include "evaluation/chart_rows.h"
 #include "evaluation/chart_summary.h"
 #include "evaluation/gnuplot.h"
+#include "evaluation/scenarios.h"
 #include "evaluation/trajectories.h"
 #include "tests/paper/tiny_scenes.h"
 
@@ -278,6 +279,15 @@ TEST(ChartReport, WritesAPageThatNeedsNothingElse) {
   EXPECT_EQ(json.at("numbers").at(0).at("met"), true);
   EXPECT_TRUE(json.at("numbers").at(7).at("measured").is_null());
   EXPECT_EQ(json.at("points").size(), 3U);
+}
+
+TEST(FileNamePart, KeepsANameAndTellsPathsApart) {
+  EXPECT_EQ(file_name_part("small+wall_flat"), "small+wall_flat");
+  EXPECT_EQ(file_name_part("mine.toml"), "mine.toml");
+  const std::string one = file_name_part("/one/mine.toml+cut");
+  EXPECT_THAT(one, ::testing::MatchesRegex("mine.toml.cut-[0-9a-f]{8}"));
+  EXPECT_EQ(file_name_part("/one/mine.toml+cut"), one);
+  EXPECT_NE(file_name_part("/two/mine.toml+cut"), one);
 }
 
 TEST(GoalVerdict, SaysByHowMuch) {

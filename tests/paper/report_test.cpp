@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -38,6 +39,7 @@ class Report : public ::testing::Test {
     fs::remove_all(shared_options->out);
     shared_options->plan.scene = tiny_scene("organ", 20.0, 0.3);
     shared_options->plan.motions = {"chirp"};
+    shared_options->plan.compared_scenes = {tiny_scene("stomach", 30.0, 0.2)};
     shared_options->plan.vertices = {25, 50};
     shared_options->plan.radii_of_workspace = {1.0 / 24, 1.0 / 6};
     shared_options->plan.touches = 2;
@@ -61,9 +63,9 @@ Results* Report::shared_results = nullptr;
 TEST_F(Report, WritesTablesPicturesAndAPageThatNeedsNothingElse) {
   const std::vector<fs::path> files = write_report(*shared_results, *shared_options);
   EXPECT_EQ(files.back().filename(), "index.html");
-  for (const char* name :
-       {"claims.csv", "figure7.csv", "resolutions.csv", "discrimination.csv", "shapes.csv",
-        "paper.json", "figure7.svg", "figure8.svg", "resolutions.svg", "discrimination.svg"}) {
+  for (const char* name : {"claims.csv", "figure7.csv", "comparison.csv", "resolutions.csv",
+                           "discrimination.csv", "shapes.csv", "paper.json", "figure7.svg",
+                           "figure8.svg", "resolutions.svg", "discrimination.svg"}) {
     EXPECT_GT(fs::file_size(shared_options->out / name), 100U) << name;
   }
   const std::string page = evaluation::read_text(files.back());
@@ -84,6 +86,8 @@ TEST_F(Report, WritesTablesPicturesAndAPageThatNeedsNothingElse) {
   EXPECT_EQ(json.at("claims").size(), claims_of(*shared_results).size());
   EXPECT_EQ(json.at("resolutions").size(), 4U);
   EXPECT_EQ(json.at("figures").at("fifths").size(), 5U);
+  EXPECT_EQ(json.at("comparison").at("rows").size(), 24U);
+  EXPECT_THAT(page, HasSubstr("The methods that the paper names"));
   EXPECT_EQ(json.at("figures").at("offline_unconverged"), 0);
   EXPECT_EQ(json.at("discrimination").at("objects").size(), 3U);
   EXPECT_EQ(json.at("shapes").size(), 3U);
@@ -105,6 +109,67 @@ TEST_F(Report, HasTheFiguresErrorsThatTheMethodStudyFound) {
                   1e-3);
     }
   }
+}
+
+TEST_F(Report, ComparesEveryMethodThatThePaperNames) {
+  const Comparison& comparison = shared_results->comparison;
+  ASSERT_EQ(comparison.rows.size(), 24U);
+  for (const ComparisonRow& row : comparison.rows) {
+    EXPECT_EQ(row.not_judged, "") << row.method;
+    EXPECT_TRUE(std::isfinite(row.error_percent)) << row.method;
+    EXPECT_GT(row.cycle_over_bare_read, 0.0) << row.method;
+    EXPECT_GT(row.memory_MB, 0.0) << row.method;
+    EXPECT_FALSE(row.stands_for.empty() || row.needs.empty() || row.right_when.empty());
+  }
+  // The same method, played by another experiment.
+  EXPECT_EQ(comparison.rows.front().method, "forcegrid");
+  EXPECT_NEAR(comparison.rows.front().error_percent,
+              shared_results->figures.played[1].verdict.rms_error_percent_after_1s, 1e-9);
+  ASSERT_EQ(comparison.which_to_take.size(), 3U);
+  const std::string page =
+      evaluation::read_text(write_report(*shared_results, *shared_options).back());
+  for (const std::string& sentence : comparison.which_to_take) {
+    EXPECT_THAT(page, HasSubstr(evaluation::escaped(sentence)));
+  }
+}
+
+ComparisonRow compared(const char* motion, const char* method, double error_percent) {
+  ComparisonRow row;
+  row.motion = motion;
+  row.method = method;
+  row.right_when = "right";
+  row.error_percent = error_percent;
+  row.cycle_over_bare_read = 10.0;
+  row.precompute_s = 2.0;
+  row.memory_MB = 3.0;
+  return row;
+}
+
+TEST(WhichToTake, IsTheSmallestWorstErrorOfEachGroup) {
+  const std::vector<ComparisonRow> rows{compared("a", "forcegrid", 9.0),
+                                        compared("b", "forcegrid", 30.0),
+                                        compared("a", "auto", 0.1),
+                                        compared("b", "auto", 0.2),
+                                        compared("a", "rls", 0.05),
+                                        compared("b", "rls", 0.4),
+                                        compared("a", "greens-functions", 20.0),
+                                        compared("b", "greens-functions", 22.0),
+                                        compared("a", "penetration-depth", 1.0),
+                                        compared("b", "penetration-depth", 70.0),
+                                        compared("a", "unit-responses", std::nan("")),
+                                        compared("b", "unit-responses", 1.0),
+                                        compared("a", "two-rates", 0.3),
+                                        compared("b", "two-rates", 0.1)};
+  const std::vector<std::string> sentences = which_to_take(rows);
+  ASSERT_EQ(sentences.size(), 3U);
+  EXPECT_THAT(sentences[0], HasSubstr("take auto (0.200 % at worst"));
+  EXPECT_THAT(sentences[0], HasSubstr("forcegrid: 30.0 %"));
+  EXPECT_THAT(sentences[1], HasSubstr("take greens-functions (22.0 % at worst"));
+  EXPECT_THAT(sentences[1], HasSubstr("2.00 s beforehand, 3.00 MB), and only where right."));
+  EXPECT_THAT(sentences[2], HasSubstr("take two-rates (0.300 % at worst"));
+  EXPECT_THAT(sentences[2], HasSubstr("no more accurate than auto"));
+  EXPECT_THAT(which_to_take({})[1],
+              HasSubstr("No method of tables made beforehand was judged everywhere"));
 }
 
 TEST_F(Report, ClaimsFollowTheNumbers) {

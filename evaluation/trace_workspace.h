@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+
+#include "evaluation/trace.h"
+#include "forcegrid/core/grid_geometry.h"
+
+namespace forcegrid::evaluation {
+
+/// The box that grid methods have on a trace unless another one is asked for: 0 to 0.16, 0.12 and
+/// 0.12 m, with 49 cells along each axis.
+GridGeometry default_trace_workspace();
+
+/// Positions of servo instants and samples that lie outside `grid`.
+std::size_t positions_outside(const GridGeometry& grid, const Trace& trace);
+
+/// The box of all positions of a trace, 30 mm wider on every side, with 49 cells along each axis.
+GridGeometry box_around(const Trace& trace);
+
+}  // namespace forcegrid::evaluation
