@@ -4,6 +4,7 @@
 #include <cstdint>
 
 namespace forcegrid::emulator {
+#pragma GCC visibility push(default)
 
 /// Why the server closed a connection. Each reason is counted.
 enum class CloseReason : std::uint8_t {
@@ -31,4 +32,5 @@ enum class CloseReason : std::uint8_t {
 /// Static text for messages, e.g. "truncated message".
 const char* to_string(CloseReason reason) noexcept;
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::emulator

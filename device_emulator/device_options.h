@@ -11,6 +11,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::emulator {
+#pragma GCC visibility push(default)
 
 /// How the operator's hand holds the device.
 enum class HandKind : std::uint8_t { kFirm, kLight, kNone };
@@ -42,4 +43,5 @@ struct DeviceOptions {
   [[nodiscard]] std::optional<profiles::HandProfile> hand_profile() const;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::emulator

@@ -18,6 +18,7 @@
 #include "rt/thread.h"
 
 namespace forcegrid::emulator {
+#pragma GCC visibility push(default)
 
 /// How fast bus frames follow each other.
 enum class Pace : std::uint8_t {
@@ -117,8 +118,9 @@ class EmulatorServer {
   [[nodiscard]] Statistics statistics() const;
 
  private:
-  struct Impl;
+  struct [[gnu::visibility("hidden")]] Impl;
   std::unique_ptr<Impl> impl_;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::emulator

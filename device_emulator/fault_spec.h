@@ -10,6 +10,7 @@
 #include "device_emulator/boot_loader_faults.h"
 
 namespace forcegrid::emulator {
+#pragma GCC visibility push(default)
 
 /// What an emulated device can do wrong.
 enum class FaultKind : std::uint8_t {
@@ -82,4 +83,5 @@ FaultSpec parse_fault(std::string_view text);
 /// For --help: every fault with its own keys and their defaults, one per line.
 std::string fault_names_text();
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::emulator

@@ -24,9 +24,11 @@ enum class MotionKind : std::uint8_t {
   kPath,       ///< a recorded path
 };
 
+#pragma GCC visibility push(default)
 /// @throws std::invalid_argument listing the known names.
 MotionKind parse_motion(std::string_view name);
 const char* to_string(MotionKind kind) noexcept;
+#pragma GCC visibility pop
 
 /// Displacement of the hand's target over time, from zero. All motions except a recorded path are
 /// continuous in position and speed. All of these except the stroke never go below their start

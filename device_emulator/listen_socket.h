@@ -9,11 +9,13 @@
 
 namespace forcegrid::emulator {
 
+#pragma GCC visibility push(default)
 /// The emulator can't be set up. `what()` says why and how to fix it.
 class EmulatorError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
+#pragma GCC visibility pop
 
 /// Where to listen. Loopback only.
 struct ListenAddress {

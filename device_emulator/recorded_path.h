@@ -13,12 +13,14 @@ struct PathPoint {
   Eigen::Vector3d position_D = Eigen::Vector3d::Zero();  ///< [m]
 };
 
+#pragma GCC visibility push(default)
 /// Reads a path for the emulated hand: CSV with a header that names the columns time_s, x_m, y_m
 /// and z_m, as in the forces.csv of `forcegrid run`; other columns are skipped.
 /// @throws EmulatorError naming file, line and what was expected: all four columns, finite numbers,
 ///   increasing times, at least two rows.
 /// Real-time: no. Threads: any.
 std::vector<PathPoint> read_recorded_path(const std::string& file);
+#pragma GCC visibility pop
 
 /// [m] Displacement along the path `time_s` after its first point, frame D: linear between the
 /// points around it; zero before the first point, the last displacement after the last.

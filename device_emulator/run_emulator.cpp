@@ -3,6 +3,7 @@
 
 #include <poll.h>
 
+#include <chrono>
 #include <cmath>
 #include <ostream>
 #include <stdexcept>
@@ -16,6 +17,7 @@ namespace forcegrid::emulator {
 namespace {
 
 constexpr int kStopCheck_ms = 50;
+constexpr int kLingerCheck_ms = 5;
 constexpr char kPathPrefix[] = "path:";
 
 }  // namespace
@@ -88,6 +90,12 @@ std::vector<EmulatorReport> run_emulator(const EmulatorOptions& options, std::os
     if (::poll(&watched, 1, kStopCheck_ms) > 0) {
       break;
     }
+  }
+  const auto lingering = std::chrono::duration<double>(options.linger_s);
+  const auto end = std::chrono::steady_clock::now() +
+                   std::chrono::duration_cast<std::chrono::steady_clock::duration>(lingering);
+  while (!stop.load(std::memory_order_acquire) && std::chrono::steady_clock::now() < end) {
+    static_cast<void>(::poll(nullptr, 0, kLingerCheck_ms));
   }
   server.stop();
   std::vector<EmulatorReport> reports;

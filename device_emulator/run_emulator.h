@@ -12,8 +12,10 @@
 #include "device_emulator/emulator_server.h"
 
 namespace forcegrid::emulator {
+#pragma GCC visibility push(default)
 
 inline constexpr double kMaxTipMass_kg = 5.0;
+inline constexpr double kMaxLinger_s = 60.0;
 
 /// Options of `forcegrid emulate`; names as on the command line.
 struct EmulatorOptions {
@@ -32,7 +34,8 @@ struct EmulatorOptions {
   std::array<double, 3> contact_m{};      ///< contact point, frame D
   double amplitude_m = HandMotion::kNominalAmplitude_m;
   std::vector<std::string> faults;  ///< of every device, see FaultSpec
-  bool says_scheduling = true;      ///< the log gets a warning if it gets no real-time scheduling
+  double linger_s = 0.0;        ///< how long it goes on after stop_fd has ended, 0 to kMaxLinger_s
+  bool says_scheduling = true;  ///< the log gets a warning if it gets no real-time scheduling
 };
 
 /// Checks the options and loads the profiles.
@@ -41,7 +44,8 @@ ServerOptions server_options(const EmulatorOptions& options);
 
 /// Serves until `stop` is true or `stop_fd` is readable or at its end. When ready it prints for
 /// each device the line `listening ADDR:PORT busid 1-1 device NAME` to `out` and flushes.
-/// @param stop_fd a pipe, signalfd or standard input; -1: none.
+/// @param stop_fd a pipe, signalfd or standard input; -1: none. Once it has ended the devices go on
+/// for `linger_s`, without a host if that was the other end: what they do then is in the report.
 /// @returns what each device did.
 /// @throws as server_options() and EmulatorServer.
 /// Real-time: no. Threads: `stop` may be set from anywhere, including a signal handler; it is read
@@ -49,4 +53,5 @@ ServerOptions server_options(const EmulatorOptions& options);
 std::vector<EmulatorReport> run_emulator(const EmulatorOptions& options, std::ostream& out,
                                          const std::atomic<bool>& stop, int stop_fd = -1);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::emulator

@@ -8,6 +8,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 /// Makes the counters absolute with a person's help. Motors are without force all the while.
 ///
@@ -31,4 +32,5 @@ bool calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Durat
 /// Real-time: no; before the loop. Threads: as Device::newest_report().
 void calibrate_now(Device& device, const profiles::DeviceProfile& profile);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

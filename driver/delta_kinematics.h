@@ -8,6 +8,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 /// Where a delta is. Values are valid for kOk, kOutOfRange and kSingular; the Jacobian of a
 /// singular pose is zero, so that it carries no force.
@@ -110,4 +111,5 @@ class DeltaKinematics {
   double orientation_;   ///< sign of det(dF/dp) with the platform outside the knees
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

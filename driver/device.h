@@ -9,12 +9,19 @@
 #include "rt/clock.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 /// A device that can't be found, opened or used. `what()` names the device, what happened in the
 /// system's words, and the remedy.
 class DeviceError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
+};
+
+/// The same of a device that another program, or another part of this one, has in use.
+class DeviceInUse : public DeviceError {
+ public:
+  using DeviceError::DeviceError;
 };
 
 /// One exchanged report, decoded.
@@ -128,4 +135,5 @@ class Device {
   virtual bool stop() noexcept = 0;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

@@ -5,6 +5,7 @@
 #include <string>
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 /// Where a device is.
 struct DeviceUrl {
@@ -46,4 +47,5 @@ DeviceUrl parse_device_url(const std::string& text);
 /// A text of the forms that parse_device_url() takes, one a line, for --help and messages.
 const char* device_url_forms() noexcept;
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

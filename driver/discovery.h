@@ -6,6 +6,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 /// A text for someone who has no device, or wonders why it is not seen: which devices were looked
 /// for (those of `known`), what was found (every HID device, and which of them are known and may
@@ -16,4 +17,5 @@ namespace forcegrid::driver {
 std::string describe_attached_devices(const std::vector<profiles::DeviceProfile>& known,
                                       const std::string& sysfs = "/sys");
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

@@ -7,6 +7,7 @@
 #include <vector>
 
 namespace forcegrid::driver::falcon {
+#pragma GCC visibility push(default)
 
 /// Firmware as the Falcon's boot loader takes it, checked.
 struct Firmware {
@@ -35,4 +36,5 @@ Firmware synthetic_firmware();
 /// Where one gets firmware for a real Falcon; one sentence.
 const char* firmware_advice() noexcept;
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver::falcon

@@ -9,6 +9,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 /// Which limits acted, as bits of LimitedForce::acted.
 enum LimitFlag : std::uint8_t {
@@ -66,4 +67,5 @@ class ForceLimiter {
   Eigen::Vector3d last_force_D_ = Eigen::Vector3d::Zero();
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

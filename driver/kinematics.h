@@ -8,6 +8,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 enum class KinematicsStatus : std::uint8_t {
   kOk,
@@ -155,4 +156,5 @@ class ArmKinematics {
   double weight_c_Nm_;  ///< g m_C l_C
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

@@ -353,11 +353,12 @@ class LibusbTransport final : public BulkTransport {
     if (const int error = libusb_claim_interface(handle_.get(), interface_.number); error != 0) {
       const std::string node = node_of(libusb_get_device(handle_.get()));
       const std::vector<NodeUser> users = users_of_node(node, node).users;
-      refuse(url_, "claim its interface: " + words(error) + "; " +
-                       (error == LIBUSB_ERROR_BUSY && !users.empty()
-                            ? "it is in use by " + names_of(users) + "; end it (" +
-                                  command_that_ends(users) + ")"
-                            : remedy_for_libusb(error)));
+      const std::string claim = "claim its interface: " + words(error) + "; ";
+      if (error == LIBUSB_ERROR_BUSY && !users.empty()) {
+        throw DeviceInUse("device '" + url_.text + "': " + claim + "it is in use by " +
+                          names_of(users) + "; end it (" + command_that_ends(users) + ")");
+      }
+      refuse(url_, claim + remedy_for_libusb(error));
     }
     claimed_ = true;
     for (Transfer* transfer : all()) {

@@ -10,6 +10,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 /// A device's linkage as the servo loop sees it, whatever its kind: encoder counts to the tip in
 /// the device frame D (x toward the user, y to the user's right, z up), with the Jacobian
@@ -32,4 +33,5 @@ class Mechanism {
 /// The linkage that `profile` describes. Real-time: no. Threads: any.
 std::unique_ptr<Mechanism> make_mechanism(const profiles::DeviceProfile& profile);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

@@ -36,7 +36,7 @@ void look_for_others(const std::string& node, bool share,
                      const std::function<void(const std::string&)>& notice) {
   const NodeUsers found = users_of_node(node, node);
   if (!found.users.empty() && !share) {
-    throw DeviceError("open " + node + ": this device is in use by " + names_of(found.users) +
+    throw DeviceInUse("open " + node + ": this device is in use by " + names_of(found.users) +
                       ", which could command its motors at the same time; end it (" +
                       command_that_ends(found.users) + "), or use --share if it only listens");
   }
@@ -60,9 +60,10 @@ NodeLock::NodeLock(const std::string& node, bool share,
   if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
     const int reason = errno;
     ::close(descriptor_);
-    throw DeviceError(reason == EWOULDBLOCK ? already_driven(node)
-                                            : "lock " + node + ": " + std::strerror(reason) +
-                                                  "; plug the device in again");
+    if (reason == EWOULDBLOCK) {
+      throw DeviceInUse(already_driven(node));
+    }
+    throw DeviceError("lock " + node + ": " + std::strerror(reason) + "; plug the device in again");
   }
   try {
     look_for_others(node, share, notice);

@@ -10,6 +10,7 @@
 #include "profiles/device_profile.h"
 
 namespace forcegrid::driver {
+#pragma GCC visibility push(default)
 
 struct OpenOptions {
   rt::Duration connect_timeout = std::chrono::seconds(2);  ///< USB/IP: connecting, and each step
@@ -51,4 +52,5 @@ std::unique_ptr<Device> open_device(const std::string& url, const profiles::Devi
 /// Real-time: no. Threads: any.
 std::string lasting_url(const std::string& url, const profiles::DeviceProfile& profile);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::driver

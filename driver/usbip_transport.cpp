@@ -26,11 +26,14 @@ constexpr rt::Duration kSendTimeout = std::chrono::milliseconds(50);
 // A server that the machine holds up for a while is not gone; the servo notices silence by itself.
 constexpr rt::Duration kUnlinkTimeout = std::chrono::milliseconds(500);
 
+constexpr std::uint32_t kRefusedStatus = 1;
+constexpr std::uint32_t kBusyStatus = 2;
+
 std::string import_error_words(std::uint32_t status) {
   switch (status) {
-    case 1:
+    case kRefusedStatus:
       return "the server refuses the device; it is in use, or not exported (`usbip bind`)";
-    case 2:
+    case kBusyStatus:
       return "the device is busy; end the other client that uses it";
     case 3:
       return "the device is in an error state; plug it in again at the server";
@@ -295,6 +298,9 @@ class UsbipTransport final : public BulkTransport {
                 "the server");
     }
     if (const std::uint32_t status = usbip::import_status(reply); status != 0) {
+      if (status == kRefusedStatus || status == kBusyStatus) {
+        throw DeviceInUse("device '" + url_.text + "': " + import_error_words(status));
+      }
       fail_open(url_, import_error_words(status));
     }
     if (!receive_all(bytes, deadline)) {

@@ -8,6 +8,7 @@
 #include <string_view>
 
 namespace forcegrid::link {
+#pragma GCC visibility push(default)
 
 /// A link that can't be set up. `what()` names the address, what is wrong and the remedy.
 class LinkError : public std::runtime_error {
@@ -69,4 +70,5 @@ class AddressRange {
 /// Real-time: no (allocates). Threads: any.
 std::string to_string(const Address& address);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::link

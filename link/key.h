@@ -10,6 +10,7 @@
 #include "link/address.h"
 
 namespace forcegrid::link {
+#pragma GCC visibility push(default)
 
 inline constexpr std::size_t kKeyBytes = 32;
 /// Names the key that a datagram is sealed with, and reveals nothing about the key itself.
@@ -64,4 +65,5 @@ class LinkKey {
 /// @throws LinkError as LinkKey::load().
 std::vector<LinkKey> load_keys(const std::vector<std::string>& files);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::link

@@ -41,8 +41,10 @@ enum class SealStatus : std::uint8_t {
 };
 inline constexpr std::size_t kSealStatusCount = 10;
 
+#pragma GCC visibility push(default)
 /// Static text in lower case, e.g. "forged".
 const char* to_string(SealStatus status) noexcept;
+#pragma GCC visibility pop
 
 /// A random number that one end draws when it starts: it names all that this end then sends and is
 /// part of every nonce, so that no nonce is ever used twice, also across restarts.

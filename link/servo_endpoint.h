@@ -16,6 +16,7 @@
 #include "link/surface_patch.h"
 
 namespace forcegrid::link {
+#pragma GCC visibility push(default)
 
 /// A sample's position may differ from the tool state (or query) that it answers, since a solver
 /// may move its tool in steps; beyond this the sample is taken as forged.
@@ -96,8 +97,9 @@ class ServoEndpoint {
   static std::uint64_t random_session_id();
 
  private:
-  struct State;
+  struct [[gnu::visibility("hidden")]] State;
   std::unique_ptr<State> state_;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::link

@@ -16,6 +16,7 @@
 #include "link/surface_patch.h"
 
 namespace forcegrid::link {
+#pragma GCC visibility push(default)
 
 inline constexpr std::size_t kQueuedQueries = 64;
 inline constexpr std::size_t kQueuedToolStates = 1024;
@@ -109,7 +110,7 @@ class SimulatorEndpoint {
   [[nodiscard]] const LinkStatistics& statistics() const noexcept;
 
  private:
-  struct State;
+  struct [[gnu::visibility("hidden")]] State;
   std::unique_ptr<State> state_;
 };
 
@@ -122,4 +123,5 @@ class SimulatorEndpoint {
 /// reply).
 [[nodiscard]] ForceSample answer_to(const Query& query) noexcept;
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::link

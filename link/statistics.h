@@ -12,6 +12,7 @@
 #include "link/wire.h"
 
 namespace forcegrid::link {
+#pragma GCC visibility push(default)
 
 /// What became of one send().
 enum class SendStatus : std::uint8_t {
@@ -73,4 +74,5 @@ std::vector<std::pair<std::string, std::uint64_t>> drop_reasons(const LinkStatis
 /// The same for people: "12 forged, 3 stale". Real-time: no (allocates).
 std::string drop_text(const LinkStatistics& statistics);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::link

@@ -15,6 +15,7 @@
 ///
 /// All numbers are little-endian; reals are IEEE 754 doubles, in a surface patch also floats.
 namespace forcegrid::link {
+#pragma GCC visibility push(default)
 
 inline constexpr std::uint16_t kProtocolVersion = 1;
 
@@ -99,4 +100,5 @@ struct Encoded {
 [[nodiscard]] Encoded encode(const SurfacePatch& message, std::uint64_t session_id,
                              std::span<std::byte> buffer) noexcept;
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::link

@@ -8,6 +8,7 @@
 #include <vector>
 
 namespace forcegrid::profiles {
+#pragma GCC visibility push(default)
 
 /// A profile that can't be used. `what()` names file, line, key, what is wrong and what to write.
 class ProfileError : public std::runtime_error {
@@ -194,4 +195,5 @@ std::vector<std::string> available_profiles();
 /// Whether its mechanism is a delta: three arms that carry one platform, as a Falcon's.
 inline bool is_delta(const DeviceProfile& profile) { return profile.kind == DeviceKind::kDelta; }
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::profiles

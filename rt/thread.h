@@ -6,6 +6,7 @@
 #include "rt/clock.h"
 
 namespace forcegrid::rt {
+#pragma GCC visibility push(default)
 
 /// SCHED_FIFO priorities of the house, highest first: the bus must not wait for its host, and the
 /// thread that carries reports must not wait for the thread that reads them.
@@ -42,4 +43,5 @@ void name_current_thread(const char* name) noexcept;
 /// Real-time: yes; no allocation, lock or throw.
 void sleep_until(TimePoint deadline) noexcept;
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::rt

@@ -22,7 +22,7 @@ struct CycleRecord {
   std::int64_t time_ns = 0;    ///< CLOCK_MONOTONIC at the start of the cycle
   double period_us = 0.0;      ///< since the start of the cycle before; 0 in the first
   double wakeup_us = 0.0;      ///< start of the cycle minus its deadline
-  double compute_us = 0.0;     ///< from reading the report to the end of the fill step
+  double compute_us = 0.0;     ///< from the start of the cycle to its end, its listener included
   double report_age_us = 0.0;  ///< start of the cycle minus completion of the OUT that released it
   std::uint64_t report_sequence = 0;
   std::array<std::int32_t, 3> counts{};

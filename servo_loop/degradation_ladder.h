@@ -16,8 +16,10 @@ enum class Rung : std::uint8_t {
 };
 inline constexpr int kRungs = 4;
 
+#pragma GCC visibility push(default)
 /// Static text, e.g. "damping field".
 const char* to_string(Rung rung) noexcept;
+#pragma GCC visibility pop
 
 /// Why no force is rendered.
 enum class HeldBack : std::uint8_t {
@@ -27,8 +29,10 @@ enum class HeldBack : std::uint8_t {
   kDeadMan,     ///< the dead-man's switch is not held
 };
 
+#pragma GCC visibility push(default)
 /// One sentence for people: what the loop does at `rung`, and why.
 std::string sentence_for(Rung rung, HeldBack held_back);
+#pragma GCC visibility pop
 
 struct LadderOptions {
   double ramp_in_s = 0.5;  ///< from no force to the whole force

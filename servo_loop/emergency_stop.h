@@ -6,6 +6,7 @@
 #include <string>
 
 namespace forcegrid::servo {
+#pragma GCC visibility push(default)
 
 /// What has pressed the emergency stop.
 enum class EmergencySource : std::uint8_t {
@@ -36,4 +37,5 @@ class EmergencyStop {
   static_assert(std::atomic<EmergencySource>::is_always_lock_free);
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::servo

@@ -14,7 +14,10 @@ EncoderWatch::EncoderWatch(const profiles::DeviceProfile& profile) noexcept
   }
 }
 
-void EncoderWatch::restart() noexcept { joints_ = {}; }
+void EncoderWatch::restart() noexcept {
+  joints_ = {};
+  settled_from_ = {};
+}
 
 std::optional<int> EncoderWatch::check(rt::TimePoint now,
                                        const driver::DeviceReport& report) noexcept {
@@ -36,7 +39,7 @@ std::optional<int> EncoderWatch::check(rt::TimePoint now,
         joint.suspected = false;
         joint.suspect_no_sooner = now + kPatience;
         joint.travel_counts = 0;
-      } else if (joint.known) {
+      } else if (joint.known && now >= settled_from_) {
         joint.travel_counts += std::min(std::abs(counts - joint.counts), kMovedOn_counts);
         if (joint.travel_counts >= kMovedOn_counts) {
           joint.suspect_no_sooner = now;
@@ -88,6 +91,10 @@ Eigen::Array3d EncoderWatch::relief(rt::TimePoint now, double elapsed_s,
     for (Joint& joint : joints_) {
       joint.part = 0.0;
     }
+  }
+  if (std::any_of(joints_.begin(), joints_.end(),
+                  [](const Joint& joint) { return joint.part < 1.0; })) {
+    settled_from_ = now + kSettleTime;
   }
   return {joints_[0].part, joints_[1].part, joints_[2].part};
 }

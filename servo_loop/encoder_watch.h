@@ -29,7 +29,8 @@ namespace forcegrid::servo {
 /// that moment and takes away what the relief adds. Of a thousand reliefs of a Falcon in a firm
 /// hand that moves at random, one or two last longer than 36 ms. So no joint is called frozen
 /// before all motors have been without torque for a while. A joint that has moved is not suspected
-/// again for kPatience, unless it moves on by itself.
+/// again for kPatience, unless it moves on by itself: what joints do while torque is taken away or
+/// given back, and for kSettleTime after, is the relief's doing.
 ///
 /// These times run only while reports come: a gap of more than kYoung between two reports counts
 /// for nothing. During such a silence no count can come, and no command reaches a device that takes
@@ -50,6 +51,8 @@ class EncoderWatch {
   static constexpr rt::Duration kYoung = std::chrono::milliseconds(15);
   /// At most this much time without a count is credited to one report.
   static constexpr rt::Duration kCredit = std::chrono::milliseconds(4);
+  /// How long a relief moves joints after all torque is back: a hand that holds them swings.
+  static constexpr rt::Duration kSettleTime = std::chrono::milliseconds(150);
   /// Counts after which a joint has moved on by itself.
   static constexpr std::int32_t kMovedOn_counts = 5;
 
@@ -92,6 +95,7 @@ class EncoderWatch {
 
   profiles::Axes loaded_above_Nm_;
   std::array<Joint, 3> joints_;
+  rt::TimePoint settled_from_{};  ///< later motion is not a relief's doing
   std::uint64_t last_sequence_ = 0;
   rt::TimePoint last_released_{};
   rt::Duration

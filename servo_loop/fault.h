@@ -5,6 +5,7 @@
 #include <string>
 
 namespace forcegrid::servo {
+#pragma GCC visibility push(default)
 
 /// Why the loop ended itself. Every fault ends with zero current.
 enum class Fault : std::uint8_t {
@@ -38,4 +39,5 @@ std::string sentence_for(Fault fault, int joint = -1);
 /// Whether the fault may be over once the device is connected again.
 bool may_be_over_after_reconnecting(Fault fault) noexcept;
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::servo

@@ -16,6 +16,7 @@
 #include "servo_loop/servo_loop.h"
 
 namespace forcegrid::servo {
+#pragma GCC visibility push(default)
 
 /// The first sample in contact: where and when the tool touched, to within one simulator period.
 struct FirstContact {
@@ -97,4 +98,5 @@ class LinkThread {
   double worst_relative_residual_ = 0.0;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::servo

@@ -79,8 +79,13 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   const HeldBack held_back = why_held_back(now);
   if (held_back == HeldBack::kDeadMan) {
     motor_check_.restart();
-  } else if (fault == Fault::kNone && held_back == HeldBack::kMotorCheck && intake_.has_sample()) {
+  } else if (fault == Fault::kNone && held_back == HeldBack::kMotorCheck && has_force_to_render()) {
     fault = check_motors(now, tool.report, tool.pose);
+  }
+
+  if (held_back == HeldBack::kDeadMan && options_.dead_man == DeadMan::kSwitch) {
+    renderer_.drop();  // off is off: no fade, and no slew limit on the way down
+    limiter_.restart();
   }
 
   // Ramp, fade, workspace bound, passivity.
@@ -197,6 +202,9 @@ void ServoLoop::end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord
   renderer_.describe(record);
   intake_.describe(now, record);
   record.motor_warmth = limiter_.warmest_motor();
+  if (options_.listener != nullptr) {
+    options_.listener->cycle_ended(record, tool.report, tool.pose);
+  }
   record.compute_us = to_us(rt::Clock::now() - now);
   if (!ports_.records.push(record)) {
     ports_.records_lost.fetch_add(1, std::memory_order_relaxed);
@@ -205,17 +213,29 @@ void ServoLoop::end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord
 
 bool ServoLoop::emergency(const driver::DeviceReport& report) noexcept {
   button_.update(report);
-  if (button_.pressed() && options_.dead_man != DeadMan::kButton) {
+  if (button_.pressed() && options_.dead_man != DeadMan::kButton &&
+      options_.dead_man != DeadMan::kSwitch) {
     emergency_stop_->press(EmergencySource::kDeviceButton);
   }
   return emergency_stop_->pressed();
 }
 
+bool ServoLoop::held_by_person(rt::TimePoint now) const noexcept {
+  switch (options_.dead_man) {
+    case DeadMan::kNone:
+      return true;
+    case DeadMan::kButton:
+      return button_.held();
+    case DeadMan::kSignal:
+      return options_.dead_man_signal->held(now);
+    case DeadMan::kSwitch:
+      return options_.force_switch->on();
+  }
+  return false;
+}
+
 HeldBack ServoLoop::why_held_back(rt::TimePoint now) const noexcept {
-  const bool held = options_.dead_man == DeadMan::kNone ||
-                    (options_.dead_man == DeadMan::kButton ? button_.held()
-                                                           : options_.dead_man_signal->held(now));
-  if (!held) {
+  if (!held_by_person(now)) {
     return HeldBack::kDeadMan;
   }
   return options_.check_motors && !motors_checked_ ? HeldBack::kMotorCheck : HeldBack::kNot;
@@ -229,7 +249,7 @@ ForceRenderer::Cycle ServoLoop::cycle_to_render(rt::TimePoint now, double elapse
   cycle.position_W = position_W;
   cycle.velocity_W = guard_.velocity_D();
   cycle.method_force_W = object_force_W;
-  cycle.sample_age_s = intake_.sample_age_s(now);
+  cycle.sample_age_s = options_.needs_samples ? intake_.sample_age_s(now) : 0.0;
   cycle.sample_period_s = intake_.sample_period_s();
   cycle.held_back = why_held_back(now);
   cycle.in_contact = intake_.in_contact() || first_touch_.acting();
@@ -299,8 +319,12 @@ rt::Duration ServoLoop::shift_to_bus_phase(rt::TimePoint deadline) noexcept {
 ServoOutcome ServoLoop::run(const std::atomic<bool>& stop, double seconds) noexcept {
   ServoOutcome outcome;
   rt::name_current_thread("servo");
-  outcome.scheduling = rt::make_current_thread_realtime(rt::kServoPriority);
-  outcome.memory_lock_refused = rt::lock_memory();
+  if (options_.realtime) {
+    outcome.scheduling = rt::make_current_thread_realtime(rt::kServoPriority);
+  }
+  if (options_.lock_memory) {
+    outcome.memory_lock_refused = rt::lock_memory();
+  }
   const rt::ProcessorsAwake awake;
   outcome.awake_refused = awake.refused();
 

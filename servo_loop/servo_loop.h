@@ -27,6 +27,7 @@
 #include "servo_loop/servo_ports.h"
 
 namespace forcegrid::servo {
+#pragma GCC visibility push(default)
 
 /// The real-time loop: device -> kinematics -> force method -> limits -> torque -> device.
 /// It owns neither the device nor the methods. Threads: may be constructed on any thread; run()
@@ -50,7 +51,8 @@ class ServoLoop {
 
   /// Runs cycles at absolute deadlines until `stop` is true, `seconds` have passed (0: no end), or
   /// a fault. Every way out has written zero current. First requests SCHED_FIFO and locked memory
-  /// for the calling thread; the outcome reports a refusal, and the loop runs without.
+  /// for the calling thread, as the options say; the outcome reports a refusal, and the loop runs
+  /// without.
   ServoOutcome run(const std::atomic<bool>& stop, double seconds) noexcept;
 
   /// The next run() uses `device`, the same device opened again. Earlier samples and reports are
@@ -80,7 +82,11 @@ class ServoLoop {
   SensedTool sense(rt::TimePoint now) noexcept;
   void ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W,
                    CycleRecord& record) noexcept;
+  bool held_by_person(rt::TimePoint now) const noexcept;
   HeldBack why_held_back(rt::TimePoint now) const noexcept;
+  bool has_force_to_render() const noexcept {
+    return intake_.has_sample() || !options_.needs_samples;
+  }
   Fault check_motors(rt::TimePoint now, const driver::DeviceReport& report,
                      const driver::ArmPose& pose) noexcept;
   ForceRenderer::Cycle cycle_to_render(rt::TimePoint now, double elapsed_s,
@@ -122,4 +128,5 @@ class ServoLoop {
   std::uint32_t missed_before_this_ = 0;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::servo

@@ -24,6 +24,9 @@ void require_usable(const ServoOptions& options, const profiles::DeviceProfile& 
   if (options.dead_man == DeadMan::kSignal && options.dead_man_signal == nullptr) {
     throw std::invalid_argument("dead man: the signal is missing");
   }
+  if (options.dead_man == DeadMan::kSwitch && options.force_switch == nullptr) {
+    throw std::invalid_argument("dead man: the switch is missing");
+  }
   if (options.fill_budget < 1) {
     throw std::invalid_argument("fill budget: use at least 1 per cycle");
   }

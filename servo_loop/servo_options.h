@@ -6,11 +6,13 @@
 
 #include "profiles/device_profile.h"
 #include "rt/clock.h"
+#include "servo_loop/cycle_listener.h"
 #include "servo_loop/dead_man.h"
 #include "servo_loop/emergency_stop.h"
 #include "servo_loop/force_renderer.h"
 
 namespace forcegrid::servo {
+#pragma GCC visibility push(default)
 
 /// Where the workspace frame W lies in the device frame D. The axes are parallel (x toward the
 /// user, y to the user's right, z up) and lengths are not scaled, so forces need no conversion.
@@ -48,6 +50,13 @@ struct ServoOptions {
   /// emergency stop: releasing it stops the force.
   DeadMan dead_man = DeadMan::kNone;
   const DeadManSignal* dead_man_signal = nullptr;  ///< for kSignal; must outlive the loop
+  const ForceSwitch* force_switch = nullptr;       ///< for kSwitch; must outlive the loop
+  /// False: the rendered method answers for the age of what it renders by itself, and no sample
+  /// need come before or while it is rendered.
+  bool needs_samples = true;
+  bool realtime = true;               ///< ask for SCHED_FIFO
+  bool lock_memory = true;            ///< of the whole process
+  CycleListener* listener = nullptr;  ///< told of each cycle at its end; must outlive the loop
   WorkspaceMap workspace;
 };
 
@@ -55,4 +64,5 @@ struct ServoOptions {
 /// this profile cannot satisfy.
 void require_usable(const ServoOptions& options, const profiles::DeviceProfile& profile);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::servo

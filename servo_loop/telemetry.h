@@ -17,6 +17,7 @@
 #include "servo_loop/servo_loop.h"
 
 namespace forcegrid::servo {
+#pragma GCC visibility push(default)
 
 struct TelemetryOptions {
   std::vector<std::string> method_names;  ///< in the loop's order
@@ -133,4 +134,5 @@ class Telemetry {
   bool shortened_since_line_ = false;
 };
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::servo

@@ -7,6 +7,7 @@
 #include "servo_loop/servo_loop.h"
 
 namespace forcegrid::servo {
+#pragma GCC visibility push(default)
 
 /// Runs the loop on a thread of its own, and `watch` on the calling thread, again and again, until
 /// the loop has ended.
@@ -20,4 +21,5 @@ ServoOutcome run_watched(ServoLoop& loop, const std::atomic<bool>& stop, double 
                          const std::function<void()>& request_stop,
                          const std::function<void()>& watch);
 
+#pragma GCC visibility pop
 }  // namespace forcegrid::servo

@@ -93,5 +93,63 @@ TEST(EncoderWatch, GivesAJoint25ReportsToMoveHoweverFarTheyAreApart) {
   EXPECT_EQ(joint.run_to(milliseconds(43 * 12), true, milliseconds(12)), 2);
 }
 
+// A hand holds joint c under a steady torque. What a relief lets it move, and back, is no sign that
+// it moves by itself; it is left alone for a second after the first count.
+class Held {
+ public:
+  // To `end` after the start; while relieved, joint c gives way by `give_way_counts`.
+  void run_to(rt::Duration end, std::int32_t give_way_counts) {
+    while (now_ < kStart + end) {
+      now_ += kPeriod;
+      ++report_.sequence;
+      report_.released = now_ - milliseconds(1);
+      report_.counts[2] = moved_ + (parts_[2] < 0.5 ? give_way_counts : 0);
+      EXPECT_EQ(watch_.check(now_, report_), std::nullopt);
+      parts_ = watch_.relief(now_, rt::seconds(kPeriod), kLoad_Nm);
+    }
+  }
+  // By itself.
+  void move(std::int32_t counts) { moved_ += counts; }
+  std::uint64_t suspected() const { return watch_.suspected_stuck_encoders(); }
+  double part() const { return parts_[2]; }
+
+ private:
+  EncoderWatch watch_{profiles::load_device_profile("woodenhaptics_v2015")};
+  driver::DeviceReport report_;
+  rt::TimePoint now_ = kStart;
+  Eigen::Array3d parts_ = Eigen::Array3d::Ones();
+  std::int32_t moved_ = 0;
+};
+
+// Suspected after 60 ms, at half its torque 20 ms later, where it moves; the second begins there.
+// Each round takes some 1.02 s.
+TEST(EncoderWatch, RelievesAJointThatAHandHoldsOnceASecond) {
+  Held joint;
+  joint.run_to(milliseconds(50), 8);
+  EXPECT_EQ(joint.suspected(), 0U);
+  joint.run_to(milliseconds(1060), 8);
+  EXPECT_EQ(joint.suspected(), 1U);
+  EXPECT_EQ(joint.part(), 1.0);
+  joint.run_to(milliseconds(1500), 8);
+  EXPECT_EQ(joint.suspected(), 2U);
+  joint.run_to(milliseconds(60 + 10 * 1020 - 100), 8);
+  EXPECT_EQ(joint.suspected(), 10U);
+}
+
+// Five counts 200 ms after the relief are its own: it is suspected again once it rests for 60 ms.
+TEST(EncoderWatch, SuspectsAJointAtOnceThatHasMovedByItselfSinceItsRelief) {
+  Held joint;
+  joint.run_to(milliseconds(300), 8);
+  ASSERT_EQ(joint.suspected(), 1U);
+  joint.move(4);
+  joint.run_to(milliseconds(400), 8);
+  EXPECT_EQ(joint.suspected(), 1U) << "four counts are few";
+  joint.move(-1);
+  joint.run_to(milliseconds(450), 8);
+  EXPECT_EQ(joint.suspected(), 1U);
+  joint.run_to(milliseconds(480), 8);
+  EXPECT_EQ(joint.suspected(), 2U);
+}
+
 }  // namespace
 }  // namespace forcegrid::servo

@@ -5,6 +5,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <tuple>
@@ -76,6 +79,7 @@ class BenchOf {
   profiles::DeviceProfile profile;
   Arm arm;
   double stiffness_N_per_m;
+  Vector3d steady_force_W_N = Vector3d::Zero();
   HoldMethod method;
   ServoPorts ports;
   ServoLoop loop;
@@ -87,12 +91,13 @@ class BenchOf {
  private:
   void answer() {
     const Vector3d position_W = arm.position_D();
-    const bool in_contact = position_W.norm() < 0.1 && (grabbed_ || position_W.z() <= 0.0);
+    const bool in_contact = !steady_force_W_N.isZero() ||
+                            (position_W.norm() < 0.1 && (grabbed_ || position_W.z() <= 0.0));
     grabbed_ = grabbed_ || in_contact;
     ArrivedSample arrived;
     arrived.sample.position_W = position_W;
     arrived.sample.force_W =
-        in_contact ? Vector3d(-stiffness_N_per_m * position_W) : Vector3d(Vector3d::Zero());
+        in_contact ? Vector3d(steady_force_W_N - stiffness_N_per_m * position_W) : Vector3d::Zero();
     arrived.sample.time_s = rt::seconds((now - milliseconds(10)).time_since_epoch());
     arrived.sample.contact_epoch = 1;
     arrived.in_contact = in_contact;
@@ -244,6 +249,50 @@ TEST(FrozenEncoder, OfAFalconIsFoundUnderLoad) {
       std::copy(stuck.begin(), stuck.end(), counts.begin());
     };
     EXPECT_EQ(bench.run(1.5), Fault::kFrozenEncoder) << emulator::to_string(motion);
+    EXPECT_EQ(bench.last.current_A, (Triple{}));
+  }
+}
+
+// A hand that keeps still holds the arm against a steady 2 N. A dead encoder says the same, so that
+// each joint gives way a little, but no oftener than the patience with it allows.
+TEST(HeldArm, GivesWayOnceASecondAtMost) {
+  constexpr double kSeconds = 10.0;
+  for (const Vector3d& force_W_N : {Vector3d(0.0, 0.0, 2.0), Vector3d(0.0, 2.0, 0.0)}) {
+    Bench bench("woodenhaptics_v2015", HandKind::kFirm, MotionKind::kStill, 0.0);
+    bench.steady_force_W_N = force_W_N;
+    ASSERT_EQ(bench.run(4.0), Fault::kNone);
+    Triple full_A{};
+    Triple before_A{};
+    std::array<int, 3> times{};
+    for (int cycle = 0; rt::seconds(cycle * kPeriod) < kSeconds; ++cycle) {
+      ASSERT_EQ(bench.cycle(), Fault::kNone);
+      for (std::size_t joint = 0; joint < 3; ++joint) {
+        const double now_A = std::abs(bench.last.current_A[joint]);
+        full_A[joint] = std::max(full_A[joint], now_A);
+        const double limit_A = 0.95 * full_A[joint];
+        times[joint] += full_A[joint] > 0.1 && now_A < limit_A && before_A[joint] >= limit_A;
+        before_A[joint] = now_A;
+      }
+    }
+    const int most = *std::max_element(times.begin(), times.end());
+    EXPECT_LE(most, static_cast<int>(kSeconds));
+    EXPECT_GE(most, 5) << "the joint that bears the force is relieved at all";
+  }
+}
+
+// The guard's promise is 1.16 s for a joint that was suspected within the last second.
+TEST(HeldArm, HasItsFrozenEncodersFoundWheneverTheyFreeze) {
+  for (double freeze_s = 5.0; freeze_s < 6.2; freeze_s += 0.13) {
+    Bench bench("woodenhaptics_v2015", HandKind::kFirm, MotionKind::kStill, 0.0);
+    bench.steady_force_W_N = Vector3d(0.0, 0.0, 2.0);
+    ASSERT_EQ(bench.run(freeze_s), Fault::kNone);
+    const std::array<std::int32_t, 3> stuck = bench.last.counts;
+    bench.arm.spoil_counts = [&](rt::TimePoint, std::array<std::int32_t, 6>& counts) {
+      std::copy(stuck.begin(), stuck.end(), counts.begin());
+    };
+    const double frozen_at_s = bench.time_s();
+    EXPECT_EQ(bench.run(1.5), Fault::kFrozenEncoder) << freeze_s;
+    EXPECT_LE(bench.time_s() - frozen_at_s, 1.16) << freeze_s;
     EXPECT_EQ(bench.last.current_A, (Triple{}));
   }
 }
