@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The simulator's end of Forcegrid's link, in one file to copy.
+"""The simulator's end of Forcegrid's link, in one file to copy to a machine without the package.
 
+Where the package is installed, `from forcegrid import SimulatorLink` is the same, compiled.
 docs/simulators.md explains how to use it, docs/link_protocol.md has every byte. It needs only Python
 3.9's standard library, and PyNaCl (Debian: python3-nacl) for a link with a key. A spring that is at
 rest where it catches the tool:
@@ -387,6 +388,7 @@ class SimulatorLink:
         """Says goodbye to the servo, if there is one, and closes the socket."""
         if self._session:
             self._send(encode(GOODBYE, 0, self._session))
+            self._session = 0
         self._socket.close()
 
     def _forget(self):

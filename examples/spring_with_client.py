@@ -1,11 +1,15 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The spring of spring_simulator.py with the client of forcegrid_link.py: F = -k (P - P0).
+"""F = -k (P - P0), the spring of spring_simulator.py, with the package forcegrid or, without it,
+with forcegrid_link.py, the same client in one file to copy.
 usage: spring_with_client.py PORT [STIFFNESS_N_PER_M [KEY_FILE]]"""
 import signal
 import sys
 
-from forcegrid_link import LinkError, SimulatorLink
+try:
+    from forcegrid import LinkError, SimulatorLink
+except ImportError:
+    from forcegrid_link import LinkError, SimulatorLink
 
 PERIOD_S, REACH_M = 1 / 30, 0.005  # the spring catches a tool this near to the origin
 
