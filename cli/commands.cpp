@@ -52,6 +52,7 @@ int emulate_command(const EmulateOptions& options) {
   emulator.random_power_up_counters = options.random_counters;
   emulator.firmware_loaded = options.firmware_loaded;
   emulator.contact_m = options.contact_m;
+  emulator.linger_s = options.linger_s;
   // A parent process reports for all its children that real-time scheduling is refused.
   emulator.says_scheduling = !options.until_stdin_closes;
   const auto reports = emulator::run_emulator(emulator, std::cout, StopRequest::stop(),

@@ -24,6 +24,7 @@ struct EmulateOptions {
   bool firmware_loaded = false;
   bool unsupported_weight = false;
   bool let_go = false;
+  double linger_s = 0.0;
   double tip_mass_kg = 0.0;
   std::array<double, 3> contact_m{};
   bool until_stdin_closes = false;

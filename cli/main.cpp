@@ -22,6 +22,7 @@
 #include "cli/config_command.h"
 #include "cli/device/devices_command.h"
 #include "cli/device/doctor_command.h"
+#include "cli/exec_command.h"
 #include "cli/run/run_flags.h"
 #include "cli/scene_command.h"
 #include "cli/tools_program.h"
@@ -91,6 +92,14 @@ void add_emulate(Command& app, EmulateOptions& o, std::function<int()>& action) 
                    "The firmware of a Falcon runs from the start");
   emulate.add_flag("--until-stdin-closes", o.until_stdin_closes,
                    "End when standard input ends, for a parent process");
+  emulate
+      .add_option(
+          "--linger", o.linger_s,
+          "After standard input has ended go on for so long, to tell what the firmware does "
+          "without its host")
+      ->check(between(0.0, emulator::kMaxLinger_s))
+      ->show_default()
+      ->type_name("FLOAT s");
   add_json(emulate, o.json);
   emulate.callback([&o, &action] { action = [&o] { return emulate_command(o); }; });
 }
@@ -261,6 +270,8 @@ void begin_log(const LogChoice& choice, const std::vector<ConfigKey>& keys, cons
 int program(int argc, char** argv) {
   Program app("Haptic interaction with virtual elastic objects", "forcegrid",
               std::string(program_version()) + ", commit " + program_commit());
+  ExecOptions exec;
+  exec.command = take_command_of_exec(argc, argv);
   ConfigChoice choice = find_config_choice(argc, argv);
   add_config_choice(app, choice);
   LogChoice log_choice;
@@ -290,6 +301,7 @@ int program(int argc, char** argv) {
   add_keygen(app, keygen, action);
   add_worker(app, worker, action);
   add_kinematics(app, kinematics, action);
+  add_exec(app, exec, action);
   const std::shared_ptr<void> tools_options = add_tools_commands(app, action);
   add_config(app, config, config_keys_of_all, layers, action);
   add_json(app.subcommand("config"), config.json);
@@ -310,7 +322,7 @@ int program(int argc, char** argv) {
     if (!action) {
       throw OptionError(
           "A subcommand is required: devices, doctor, calibrate, tune, scene, run, record, replay, "
-          "plot, emulate, simulate, keygen, worker, kinematics, evaluate, chart, paper, "
+          "plot, emulate, simulate, keygen, worker, kinematics, exec, evaluate, chart, paper, "
           "completion, "
           "man-pages or config");
     }

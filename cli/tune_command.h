@@ -35,6 +35,10 @@ struct TuneOptions {
                                    "forcegrid-mls cells=25",
                                    "forcegrid-mls",
                                    "kriging-bank",
+                                   "auto budget=25",
+                                   "auto budget=75",
+                                   "auto budget=250",
+                                   "auto budget=750",
                                    "auto"};
   double time_s = 300.0;
   double error_percent = 5.0;

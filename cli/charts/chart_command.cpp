@@ -25,6 +25,7 @@
 #include "log/log.h"
 #include "rt/vectors.h"
 #include "simulator/mesh/vertex_masses.h"
+#include "simulator/rivals/rivals.h"
 #include "stability/chart.h"
 #include "stability/chart_pictures.h"
 
@@ -48,6 +49,14 @@ std::vector<std::string> extra_names() {
   }
   for (const evaluation::NamedObjectEffect& effect : evaluation::named_object_effects()) {
     names.push_back(effect.name);
+  }
+  return names;
+}
+
+std::vector<std::string> rival_names() {
+  std::vector<std::string> names;
+  for (const simulator::Rival& rival : simulator::rivals()) {
+    names.emplace_back(rival.name);
   }
   return names;
 }
@@ -79,9 +88,11 @@ struct Selection {
 };
 
 Selection selection_of(const std::string& text) {
-  const std::size_t first = text.find('/');
-  const std::size_t second = first == std::string::npos ? first : text.find('/', first + 1);
-  if (second == std::string::npos) {
+  // From the end: a scene may be the path of a file.
+  const std::size_t second = text.rfind('/');
+  const std::size_t first =
+      second == std::string::npos || second == 0 ? std::string::npos : text.rfind('/', second - 1);
+  if (first == std::string::npos) {
     throw std::runtime_error("--figures " + text +
                              ": write SCENE/TRAJECTORY/CONDITION, e.g. small/chirp/ideal");
   }
@@ -109,7 +120,8 @@ evaluation::ChartFigure draw(const evaluation::ChartOptions& options, const Sele
     }
     rows.push_back(std::move(row));
   }
-  const std::string name = selection.scene + "-" + selection.trajectory + "-" + selection.condition;
+  const std::string name = evaluation::file_name_part(selection.scene) + "-" +
+                           selection.trajectory + "-" + selection.condition;
   const fs::path folder = options.out / "figures" / name;
   fs::create_directories(folder);
   write_figure_data(folder.string(), played.methods, rows);
@@ -206,7 +218,8 @@ void add_accuracy(Command& chart, ChartAccuracyOptions& o, std::function<int()>&
       .add_option("--methods", o.methods,
                   "Methods with changes to their options, separated by ';' (default all, and "
                   "variants that matter): " +
-                      joined(method_names()) + ", direct")
+                      joined(method_names()) +
+                      ", direct; of its model alone: " + joined(rival_names()))
       ->separated_by(';');
   add_goals_for(accuracy, o.goals_for);
   accuracy

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "cli/common/budget_option.h"
 #include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
 #include "cli/common/options.h"
@@ -19,6 +20,7 @@
 #include "evaluation/judge.h"
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
+#include "evaluation/trace_workspace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "log/log.h"
@@ -34,23 +36,14 @@ using evaluation::TraceError;
 using evaluation::Verdict;
 using nlohmann::ordered_json;
 
-constexpr double kMargin_m = 0.03;  // around a trace that exceeds the default workspace
-
 // A request on the command line that no trace can fulfil.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-GridGeometry default_workspace() {
-  GridGeometry grid;
-  grid.max_W = {0.16, 0.12, 0.12};
-  grid.cells.setConstant(49);
-  return grid;
-}
-
 GridGeometry asked_workspace(const std::vector<double>& corners_m) {
-  GridGeometry grid = default_workspace();
+  GridGeometry grid = evaluation::default_trace_workspace();
   if (!corners_m.empty()) {
     grid.min_W = {corners_m.at(0), corners_m.at(1), corners_m.at(2)};
     grid.max_W = {corners_m.at(3), corners_m.at(4), corners_m.at(5)};
@@ -60,39 +53,6 @@ GridGeometry asked_workspace(const std::vector<double>& corners_m) {
   } catch (const std::invalid_argument& error) {
     throw UsageError("--workspace: " + std::string(error.what()));
   }
-  return grid;
-}
-
-bool holds(const GridGeometry& grid, const Eigen::Vector3d& position_W) {
-  return (position_W.array() >= grid.min_W.array()).all() &&
-         (position_W.array() <= grid.max_W.array()).all();
-}
-
-// Number of positions of servo and samples outside `grid`.
-std::size_t positions_outside(const GridGeometry& grid, const Trace& trace) {
-  const auto outside = [&](const Eigen::Vector3d& position_W) { return !holds(grid, position_W); };
-  return static_cast<std::size_t>(
-      std::count_if(trace.servo.begin(), trace.servo.end(),
-                    [&](const auto& instant) { return outside(instant.position_W); }) +
-      std::count_if(trace.samples.begin(), trace.samples.end(),
-                    [&](const auto& row) { return outside(row.sample.position_W); }));
-}
-
-GridGeometry box_around(const Trace& trace) {
-  GridGeometry grid = default_workspace();
-  grid.min_W = grid.max_W = trace.servo.front().position_W;
-  const auto include = [&](const Eigen::Vector3d& position_W) {
-    grid.min_W = grid.min_W.cwiseMin(position_W);
-    grid.max_W = grid.max_W.cwiseMax(position_W);
-  };
-  for (const auto& instant : trace.servo) {
-    include(instant.position_W);
-  }
-  for (const auto& row : trace.samples) {
-    include(row.sample.position_W);
-  }
-  grid.min_W.array() -= kMargin_m;
-  grid.max_W.array() += kMargin_m;
   return grid;
 }
 
@@ -124,10 +84,8 @@ struct NamedVariant {
 };
 
 // Each method once. The flags come first, so that the method's own options override them.
-std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const GridGeometry& grid) {
+std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const MethodOptions& base) {
   const std::string flags = flags_as_words(options);
-  MethodOptions base;
-  base.grid = grid;
   std::vector<NamedVariant> variants;
   for (const std::string& asked : options.methods) {
     const std::size_t begin = asked.find_first_not_of(" \t");
@@ -151,6 +109,14 @@ std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const Grid
     }
   }
   return variants;
+}
+
+std::optional<double> asked_budget(const EvaluateOptions& options) {
+  try {
+    return budget_reads(options.budget, options.methods);
+  } catch (const std::runtime_error& error) {
+    throw UsageError(error.what());
+  }
 }
 
 std::unique_ptr<ForceMethod> made(const NamedVariant& named, const EvaluateOptions& options,
@@ -181,7 +147,16 @@ std::unique_ptr<ForceMethod> made(const NamedVariant& named, const EvaluateOptio
   return method;
 }
 
-ordered_json json_of(const std::string& text, const Verdict& v, const GridGeometry& grid) {
+ordered_json counters_of(const ForceMethod& method) {
+  ordered_json counters = ordered_json::object();
+  for (const NamedCounter& counter : method.counters()) {
+    counters[counter.name] = counter.value;
+  }
+  return counters;
+}
+
+ordered_json json_of(const std::string& text, const Verdict& v, const ForceMethod& method,
+                     const GridGeometry& grid) {
   const auto cycles = [&](EstimateStatus status) {
     return v.cycles_by_status[static_cast<std::size_t>(status)];
   };
@@ -203,10 +178,12 @@ ordered_json json_of(const std::string& text, const Verdict& v, const GridGeomet
           {"cycle_ns", v.cycle_ns},
           {"cycle_ns_median", v.cycle_ns_median},
           {"cycle_ns_p99", v.cycle_ns_p99},
+          {"cycle_ns_p999", v.cycle_ns_p999},
           {"timer_floor_ns", v.timer_floor_ns},
           {"samples_taken", v.samples_taken},
           {"samples_not_taken", v.samples_not_taken},
           {"samples_refused", v.samples_refused},
+          {"counters", counters_of(method)},
           {"cycles_known", cycles(EstimateStatus::kOk)},
           {"cycles_partly_known", cycles(EstimateStatus::kPartlyKnown)},
           {"cycles_unknown", cycles(EstimateStatus::kUnknown)},
@@ -273,9 +250,11 @@ std::vector<Eigen::Vector3d> solve_reference(ProgressLine& line, const std::stri
 void note(const std::string& text) { log::info("evaluation", "Note: " + text); }
 
 void evaluate(const EvaluateOptions& options) {
-  GridGeometry grid = asked_workspace(options.workspace_m);
+  MethodOptions base;
+  base.grid = asked_workspace(options.workspace_m);
+  base.budget_reads = asked_budget(options);
   std::vector<NamedVariant> variants =
-      variants_of(options, grid);  // before the trace is read, which may take long
+      variants_of(options, base);  // before the trace is read, which may take long
   ProgressLine line;
   line.begin("Reading " + options.trace);
   const Trace trace = tools::is_recording_name(options.trace)
@@ -285,10 +264,10 @@ void evaluate(const EvaluateOptions& options) {
                                                       })
                           : evaluation::read_trace(options.trace);
   line.clear();
-  const std::size_t outside = positions_outside(grid, trace);
+  const std::size_t outside = evaluation::positions_outside(base.grid, trace);
   if (outside > 0 && options.workspace_m.empty()) {
-    grid = box_around(trace);
-    variants = variants_of(options, grid);
+    base.grid = evaluation::box_around(trace);
+    variants = variants_of(options, base);
   } else if (outside > 0) {
     note(std::to_string(outside) + " of " +
          std::to_string(trace.servo.size() + trace.samples.size()) +
@@ -301,6 +280,9 @@ void evaluate(const EvaluateOptions& options) {
   evaluation::JudgeOptions judging;
   judging.stiffness_to_method = !options.no_stiffness;
   judging.keep_forces = !options.out.empty();
+  if (options.budget.us) {
+    judging.work_budget = evaluation::kServoWorkBudget;  // what a budget is about
+  }
   ordered_json all;
   std::vector<std::string> names;
   std::vector<Verdict> verdicts;
@@ -310,7 +292,7 @@ void evaluate(const EvaluateOptions& options) {
     const std::unique_ptr<ForceMethod> method = made(named, options, trace);
     verdicts.push_back(judge(*method, trace, judging));
     names.push_back(named.text);
-    all[named.text] = json_of(named.text, verdicts.back(), grid);
+    all[named.text] = json_of(named.text, verdicts.back(), *method, base.grid);
   }
   line.clear();
   if (!(verdicts.front().reference_rms_N > 0.0)) {
@@ -368,11 +350,15 @@ void add_evaluate(Command& app, EvaluateOptions& o, std::function<int()>& action
   evaluate.add_option("--s", o.samples_per_cell, "Samples counted per cell, at most; 0 counts all");
   evaluate.add_option("--nug", o.nugget,
                       "Noise variance per sample of the kriging methods, in N^2");
+  add_budget(evaluate, o.budget);
   evaluate.add_flag("--no-stiffness", o.no_stiffness,
                     "Hide the samples' stiffness from the methods");
   evaluate.add_option("--out", o.out,
                       "CSV file for the forces at every servo row; gzipped if it ends in .gz");
-  evaluate.callback([&o, &action] { action = [&o] { return evaluate_command(o); }; });
+  evaluate.callback([&evaluate, &o, &action] {
+    o.budget.on_command_line = evaluate.given("--budget-us");
+    action = [&o] { return evaluate_command(o); };
+  });
 }
 
 int evaluate_command(const EvaluateOptions& options) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/common/budget_option.h"
 #include "cli/common/options.h"
 
 namespace forcegrid::cli {
@@ -21,6 +22,7 @@ struct EvaluateOptions {
   std::string ridge;
   std::string samples_per_cell;
   std::string nugget;
+  BudgetOption budget;
   bool no_stiffness = false;
   std::string out;
 };

@@ -35,6 +35,9 @@ int paper_command(const PaperCommandOptions& asked) {
     std::printf("%-15s %s: %s (the paper: %s)\n", paper::to_string(claim.outcome),
                 claim.topic.c_str(), claim.here.c_str(), claim.paper.c_str());
   }
+  for (const std::string& sentence : results.comparison.which_to_take) {
+    std::printf("%s\n", sentence.c_str());
+  }
   std::printf("%s; open %s\n", time_text(results.elapsed_s).c_str(), files.back().c_str());
   return 0;
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/common/budget_option.h"
 #include "cli/common/json_target.h"
 #include "cli/run/run_end.h"
 #include "cli/run/tool_option.h"
@@ -41,6 +42,7 @@ struct RunOptions {
   std::vector<std::string> evaluated{"forcegrid",
                                      "hold"};  ///< methods evaluated on the same path, not rendered
   int fill_budget = 1000;
+  BudgetOption budget;
   std::array<int, 3> cells{49, 49, 49};
   /// Radius of influence; 0: a sixth of the workspace's longest side.
   double influence_radius_mm = 0.0;

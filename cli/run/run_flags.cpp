@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "cli/common/budget_option.h"
 #include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
 #include "cli/common/options.h"
@@ -119,6 +120,7 @@ void add_force(Command& run, RunOptions& o) {
          "that the method chooses (default 120 for a method that needs them, else 0)")
       ->check(between(0.0, 4000.0))
       ->type_name("FLOAT 1/s");
+  add_budget(run, o.budget);
   run.add_flag("--gravity-compensation", o.gravity_compensation,
                "Compensate the weight of the device's links");
 }
@@ -243,6 +245,7 @@ Command& add_run_as(const char* name, const char* what, Command& app, RunOptions
   run.footer(run_status_help());
   run.callback([&run, &o, &action] {
     o.motion_of_tool = o.motion == RunOptions().motion && !run.given("--motion");
+    o.budget.on_command_line = run.given("--budget-us");
     for (const char* option : {"--scene", "--sim-delay-ms"}) {
       if (run.given(option)) {
         o.for_started_simulator.emplace_back(option);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/run/run_setup.h"
 
+#include "cli/common/budget_option.h"
 #include "driver/device_url.h"
 #include "rt/vectors.h"
 
@@ -28,6 +29,9 @@ MethodOptions method_options(const RunOptions& options, const profiles::DevicePr
       options.influence_radius_mm > 0.0 ? 1e-3 * options.influence_radius_mm : longest_m / 6.0;
   method.unit_m = 1e-3 * options.unit_mm;
   method.samples_per_cell = options.samples_per_cell;
+  std::vector<std::string> methods = options.evaluated;
+  methods.push_back(options.method);
+  method.budget_reads = budget_reads(options.budget, methods);
   return method;
 }
 

@@ -227,6 +227,12 @@ void append_method_counters(std::string& text, const RunSummary& summary) {
            "smaller r)\n",
            recycled);
   }
+  if (const std::uint64_t unpaid = counter(summary, "samples_over_budget"); unpaid > 0) {
+    append(text,
+           "Method: %" PRIu64
+           " samples were left out because the budget was used up (raise --budget-us)\n",
+           unpaid);
+  }
   if (const std::uint64_t unusable = counter(summary, "samples_unusable"); unusable > 0) {
     append(text, "Method: %" PRIu64 " samples were unusable (not finite, or without stiffness)\n",
            unusable);

@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/paper/tiny_scenes.h"
 #include "tests/support/program.h"
 
 namespace forcegrid {
@@ -22,6 +23,8 @@ namespace {
 using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
+using ::testing::IsSupersetOf;
+using ::testing::MatchesRegex;
 using testing::Program;
 using testing::text_of;
 
@@ -251,6 +254,35 @@ TEST_F(ChartAccuracy, BeginsWithHowAccurateAndUpToWhichStiffness) {
   EXPECT_EQ(text_of(folder + "/index.html").find("Up to which stiffness?"), std::string::npos);
 }
 
+// Two files of one name in two folders, by their paths: every picture is in the chart's folder.
+TEST_F(ChartAccuracy, DrawsAnObjectThatIsNamedByAPath) {
+  const std::string folder = fresh_folder("chart_of_files");
+  std::vector<std::string> files;
+  for (const char* const where : {"/one", "/two"}) {
+    std::filesystem::create_directories(folder + where);
+    files.push_back(folder + where + "/mine.toml");
+    std::filesystem::copy_file(paper::tiny_scene("mine", 20.0, 0.3), files.back());
+  }
+  std::vector<std::string> arguments = command(folder + "/out", "chirp", "ideal", "hold;forcegrid");
+  *std::find(arguments.begin(), arguments.end(), "small") = files[0] + "," + files[1];
+  arguments.insert(arguments.end(), {"--figures", files[0] + "/chirp/ideal"});
+  ASSERT_EQ(run(arguments), 0) << error_;
+  EXPECT_EQ(result(folder + "/out").at("rows").size(), 4U);
+  std::vector<std::string> drawn;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder + "/out")) {
+    if (entry.path().extension() == ".svg") {
+      drawn.push_back(std::filesystem::relative(entry.path(), folder + "/out"));
+    }
+  }
+  const std::string digits = "-[0-9a-f]{8}";
+  EXPECT_THAT(drawn, IsSupersetOf(
+                         {MatchesRegex("error_against_cost.svg"),
+                          MatchesRegex("error_against_cost_mine.toml" + digits + ".svg"),
+                          MatchesRegex("error_against_cost_mine.toml" + digits + ".svg"),
+                          MatchesRegex("figures/mine.toml" + digits + "-chirp-ideal/forces.svg")}));
+  EXPECT_THAT(text_of(folder + "/out/index.html"), HasSubstr(files[0] + ", chirp, ideal"));
+}
+
 TEST_F(ChartAccuracy, NamesAFolderThatItCantUse) {
   EXPECT_EQ(run(command("/dev/null/chart", "chirp", "ideal", "hold")), 1);
   EXPECT_THAT(error_, HasSubstr("/dev/null/chart"));
@@ -266,6 +298,46 @@ TEST_F(ChartAccuracy, DirectIsJudgedLiveAndIsTheMostAccurate) {
   EXPECT_LT(direct->at("rms_error_percent_after_1s"), 0.1);
   EXPECT_LT(direct->at("rms_error_percent_first_1s"), 0.5);
   EXPECT_GT(chart.at("scenes").at(0).at("direct_cycle_us"), 1.0);
+}
+
+TEST_F(ChartAccuracy, NamesTheMethodsThatItKnows) {
+  const std::string folder = fresh_folder("chart_unknown_method");
+  EXPECT_EQ(run(command(folder, "poke", "ideal", "greens")), 1);
+  EXPECT_THAT(error_, HasSubstr("method 'greens' is not known; known methods: auto, "));
+  EXPECT_THAT(error_, HasSubstr("direct, penetration-depth"));
+  EXPECT_EQ(run(command(folder, "poke", "ideal", "greens-functions r=6mm")), 1);
+  EXPECT_THAT(error_, HasSubstr("method 'greens-functions' has no options; leave 'r=6mm' out"));
+}
+
+// Their order on this object follows from what each leaves out.
+TEST_F(ChartAccuracy, RivalsAreJudgedWithWhatTheyComputeBeforehand) {
+  const std::string folder = fresh_folder("chart_rivals");
+  ASSERT_EQ(run(command(folder, "poke", "ideal,delay100",
+                        "penetration-depth;coarse-mesh;unit-responses;greens-functions;"
+                        "condensation;two-rates")),
+            0)
+      << error_;
+  const json chart = result(folder);
+  const auto figure = [&chart](const char* method, const char* key) {
+    const json* const row = row_of(chart, "poke", "ideal", method);
+    EXPECT_NE(row, nullptr) << method;
+    EXPECT_EQ(row_of(chart, "poke", "delay100", method), nullptr) << method;
+    return row == nullptr ? json() : row->at(key);
+  };
+  constexpr const char* kError = "rms_error_percent_after_1s";
+  const double greens = figure("greens-functions", kError).get<double>();
+  EXPECT_NEAR(figure("condensation", kError).get<double>(), greens, 1e-6 * greens);
+  EXPECT_LT(greens, figure("penetration-depth", kError).get<double>());
+  EXPECT_LT(figure("unit-responses", kError).get<double>(), greens);
+  EXPECT_LT(figure("two-rates", kError).get<double>(), 0.5);
+  EXPECT_LT(figure("coarse-mesh", kError).get<double>(), 30.0);
+  for (const char* method :
+       {"penetration-depth", "coarse-mesh", "unit-responses", "greens-functions", "condensation"}) {
+    EXPECT_GT(figure(method, "precompute_s").get<double>(), 0.0) << method;
+  }
+  EXPECT_TRUE(figure("two-rates", "precompute_s").is_null());
+  EXPECT_GT(figure("condensation", "memory_bytes").get<double>(),
+            figure("greens-functions", "memory_bytes").get<double>());
 }
 
 }  // namespace

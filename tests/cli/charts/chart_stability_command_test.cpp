@@ -79,7 +79,7 @@ TEST_F(ChartStability, ChartsSomeCellsAndGoesOnWhereItWas) {
   const json& boundary = chart.at("numbers").at(0);
   EXPECT_THAT(boundary.at("name").get<std::string>(), HasSubstr("eigenvalues"));
   EXPECT_TRUE(boundary.at("met")) << boundary.dump();
-  EXPECT_EQ(chart.at("scenes").size(), 26U);
+  EXPECT_EQ(chart.at("scenes").size(), 27U);
   for (const char* const name : {"/stability.csv", "/index.html", "/eigenvalues.svg"}) {
     EXPECT_TRUE(std::filesystem::exists(folder + name)) << name;
   }

@@ -72,6 +72,35 @@ TEST_F(Evaluate, PrintsAFlatObjectForOneMethod) {
   EXPECT_EQ(error_, "");
 }
 
+TEST_F(Evaluate, KeepsABudgetAndCountsWhatItCouldNotPayFor) {
+  // 50 samples a second with stiffness: more than a budget for 30 without reckons with.
+  const std::string trace = written(Ramp{}.trace());
+  const json figures = result({"--method", "auto", "--budget-us", "0.3", "--trace", trace});
+  EXPECT_GT(figures["counters"]["samples_over_budget"], 0) << out_;
+  EXPECT_THAT(error_, HasSubstr("0.3 us a cycle, which is "));
+  const json without = result({"--method", "auto", "--trace", trace});
+  EXPECT_GT(without["memory_bytes"].get<double>(), figures["memory_bytes"].get<double>());
+  EXPECT_FALSE(without["counters"].contains("samples_over_budget")) << out_;
+}
+
+TEST_F(Evaluate, RefusesABudgetThatNoMethodKeepsOrThatPaysForNothing) {
+  const std::string trace = written(Ramp{}.trace());
+  run({"--method", "rls", "--budget-us", "1", "--trace", trace}, 2);
+  EXPECT_THAT(error_, HasSubstr("only method auto keeps a budget"));
+  run({"--method", "auto", "--budget-us", "0.01", "--trace", trace}, 2);
+  EXPECT_THAT(error_, HasSubstr("give at least"));
+}
+
+// The configuration serves every method, so that a budget in it must not keep others from running.
+TEST_F(Evaluate, SaysThatABudgetOfTheConfigurationHasNoEffectOnOtherMethods) {
+  const std::string config = folder_ + "/config.toml";
+  std::ofstream(config) << "[evaluate]\nbudget-us = 1\n";
+  Program program = Program::forcegrid(
+      {"--config", config, "evaluate", "--method", "rls", "--trace", written(Ramp{}.trace())});
+  EXPECT_EQ(program.wait(kPatience), 0);
+  EXPECT_THAT(program.standard_error(), HasSubstr("budget-us of the configuration has no effect"));
+}
+
 TEST_F(Evaluate, PrintsAnObjectKeyedByMethodForSeveral) {
   const json figures = result({"--method", "hold", "--method", "forcegrid  unit=m", "--method",
                                "tangent", "--method", "hold", "--trace", written(Ramp{}.trace())});
