@@ -20,9 +20,9 @@ PROGRAM := build/release/bin/forcegrid
 PACKAGES = $(addprefix build/.packages-,$(1))
 FOR_PROGRAM := $(call PACKAGES,run)
 FOR_TOOLS   := $(call PACKAGES,run chart)
-FOR_TESTS   := $(call PACKAGES,run chart test guest docs)
-FOR_DEB     := $(call PACKAGES,run chart deb)
-FOR_BENCH   := $(call PACKAGES,run chart test bench guest)
+FOR_TESTS   := $(call PACKAGES,run chart test python guest docs)
+FOR_DEB     := $(call PACKAGES,run chart python deb)
+FOR_BENCH   := $(call PACKAGES,run chart test bench python guest)
 CONFIGURE := setup/configure.sh
 BUILD := cmake --build --preset release
 
@@ -85,6 +85,9 @@ test: build-tests
 
 bench: build-bench
 	build/release/bin/forcegrid_bench
+	/usr/bin/python3 bench/client_cycle.py
+	PYTHONPATH=build/release/python /usr/bin/python3 bench/python_queries.py \
+	  build/release/bin/forcegrid_python_queries
 
 # The loop's wake-ups beside cyclictest, idle and under load: half an hour. ARGS=--quick: two minutes.
 bench-realtime: build-bench
@@ -110,10 +113,11 @@ else ifeq ($(origin COMMAND),command line)
 else ifneq ($(KERNEL),)
 	$(HIL) --timeout 1200
 else
-	ctest --test-dir build/release -L hil -V
+	ctest --test-dir build/release -C Full -L hil -V
 endif
 
 hil-full: build-tests
+	ctest --test-dir build/release -C Full -R '^hil.runner$$' --output-on-failure
 	$(HIL) --set full --timeout 3000
 
 # Writes docs/hil_matrix.md, the coverage page, from the last complete runs of the guest (hil, hil-full,
@@ -155,26 +159,27 @@ tools: $(FOR_TOOLS)
 	$(BUILD) --target forcegrid_cli forcegrid_tools_program forcegrid_reference
 
 # Debian packages of what is built: build/deb/*.deb.
-deb: $(FOR_DEB) tools
-	$(BUILD) --target forcegrid forcegrid_link
+deb: $(FOR_DEB)
+	$(CONFIGURE) TOOLS BINDINGS PYTHON
+	$(BUILD)
 	packaging/make_deb.sh
 
 # Installs them in a new, minimal Debian, uses, upgrades and removes them there. As root, with a network.
 deb-test: deb
 	tests/package/deb_test.sh
 
-# Both, and the example simulators.
-build: $(FOR_TOOLS)
-	$(CONFIGURE) TOOLS EXAMPLES
+# Both, the libraries and the examples.
+build: $(FOR_TOOLS) $(call PACKAGES,python)
+	$(CONFIGURE) TOOLS EXAMPLES BINDINGS PYTHON
 	$(BUILD)
 
 .PHONY: build-tests build-bench
 build-tests: $(FOR_TESTS)
-	$(CONFIGURE) TESTS
+	$(CONFIGURE) TESTS PYTHON
 	$(BUILD)
 
 build-bench: $(FOR_BENCH)
-	$(CONFIGURE) BENCH
+	$(CONFIGURE) BENCH BINDINGS PYTHON
 	$(BUILD)
 
 # Processor time of the last compilation of each source, by folder, and the slowest.

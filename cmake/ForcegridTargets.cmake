@@ -44,8 +44,16 @@ function(forcegrid_library name)
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include/forcegrid>)
   target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:forcegrid_warnings>
                                 PUBLIC $<BUILD_INTERFACE:forcegrid_sanitizers>)
+  # Position-independent, so that shared libraries can be made of them, and hidden there, except what
+  # headers show. All names are called and inlined as in a program.
+  target_compile_options(${name} PRIVATE -fno-semantic-interposition)
   set_target_properties(${name} PROPERTIES UNITY_BUILD ${FORCEGRID_UNITY_BUILD}
-                                           UNITY_BUILD_BATCH_SIZE 8)
+                                           UNITY_BUILD_BATCH_SIZE 8
+                                           POSITION_INDEPENDENT_CODE ON
+                                           CXX_VISIBILITY_PRESET hidden
+                                           VISIBILITY_INLINES_HIDDEN ON
+                                           INTERFACE_FORCEGRID_LIBRARIES static
+                                           COMPATIBLE_INTERFACE_STRING FORCEGRID_LIBRARIES)
 endfunction()
 
 # Tests are compiled for a quick build: half of their time goes into the headers of GoogleTest, Eigen

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # What `cmake --install` installs: the programs with profiles, scenes, the udev rule, manual pages,
-# shell completion, documents and examples; and for other projects the methods
-# (forcegrid::forcegrid) and the link's client library (forcegrid::link), as a CMake package and for
-# pkg-config.
-include(GNUInstallDirs)
+# shell completion, documents and examples; and libraries for other projects, as a CMake package
+# and for pkg-config: docs/libraries.md.
 include(CMakePackageConfigHelpers)
 
 # The programs and what they read.
@@ -31,11 +29,32 @@ install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DOCDIR}
         FILES_MATCHING PATTERN "*.md" PATTERN "*.c" PATTERN "*.cpp" PATTERN "*.h" PATTERN "*.py"
         PATTERN "*.sh" PATTERN __pycache__ EXCLUDE)
 
-# For other projects.
+# For other projects: the rooms that a program can be built from, with the C interface of devices.
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/forcegrid)
-install(TARGETS forcegrid forcegrid_link EXPORT forcegrid-targets
+set(rooms rt log text profiles contact link forcegrid driver device_emulator servo_loop device_session)
+set(rooms_of_libraries ${rooms})
+list(REMOVE_ITEM rooms_of_libraries forcegrid)
+list(TRANSFORM rooms_of_libraries PREPEND forcegrid_)
+install(TARGETS forcegrid ${rooms_of_libraries} forcegrid_unit_profiles EXPORT forcegrid-targets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(DIRECTORY forcegrid link DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/forcegrid
+foreach(room rt log text profiles contact driver device_session)
+  set_target_properties(forcegrid_${room} PROPERTIES EXPORT_NAME ${room})
+endforeach()
+set_target_properties(forcegrid_device_emulator PROPERTIES EXPORT_NAME emulator)
+set_target_properties(forcegrid_servo_loop PROPERTIES EXPORT_NAME servo)
+set_target_properties(forcegrid_unit_profiles PROPERTIES EXPORT_NAME unit_profiles)
+if(TARGET forcegrid_c)
+  install(TARGETS forcegrid_c forcegrid_c_static EXPORT forcegrid-targets
+          LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(DIRECTORY bindings/c/include/forcegrid DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+endif()
+set(pkg_config_names forcegrid forcegrid-link forcegrid-device)
+if(FORCEGRID_SHARED_LIBRARIES)
+  install(TARGETS ${FORCEGRID_SHARED_LIBRARIES} EXPORT forcegrid-targets
+          LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  list(APPEND pkg_config_names forcegrid-methods-shared forcegrid-link-shared forcegrid-servo-shared)
+endif()
+install(DIRECTORY ${rooms} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/forcegrid
         FILES_MATCHING PATTERN "*.h")
 include(ForwardingHeaders)
 install(DIRECTORY ${FORCEGRID_FORWARDING_DIR}/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/forcegrid)
@@ -49,7 +68,7 @@ install(FILES ${PROJECT_BINARY_DIR}/forcegrid-config.cmake
         DESTINATION ${package_folder})
 
 # The prefix is known only when the copy is made (cmake --install --prefix).
-foreach(name forcegrid forcegrid-link)
+foreach(name IN LISTS pkg_config_names)
   install(CODE "
     set(PROJECT_VERSION ${PROJECT_VERSION})
     set(LIBDIR ${CMAKE_INSTALL_LIBDIR})

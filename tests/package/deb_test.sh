@@ -13,7 +13,7 @@ fail() {
 [ "$(id -u)" -eq 0 ] || fail "only root can make a new Debian; call it with sudo"
 shopt -s nullglob
 debs=(build/deb/*.deb)
-[ ${#debs[@]} -eq 3 ] || fail "three packages expected in build/deb; 'make deb' makes them"
+[ ${#debs[@]} -eq 9 ] || fail "nine packages expected in build/deb; 'make deb' makes them"
 
 lintian --fail-on error,warning build/deb/*.changes || fail "lintian has findings, see above"
 if grep "dpkg-shlibdeps: warning" build/deb/log.txt; then
@@ -22,6 +22,11 @@ fi
 for library in libgmsh libbullet; do
   ! dpkg-deb -f build/deb/forcegrid_*.deb Depends | grep -q $library ||
     fail "the package forcegrid depends on $library"
+done
+
+for library in libusb libhidapi libspdlog "forcegrid "; do
+  ! dpkg-deb -f build/deb/libforcegrid-methods0.2_*.deb Depends | grep -q "$library" ||
+    fail "the package of the force methods depends on $library"
 done
 
 work=$(mktemp -d)

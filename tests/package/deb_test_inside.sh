@@ -53,6 +53,10 @@ grep -q "install the package forcegrid-tools" chart.txt || {
 }
 install ./now/*.deb
 forcegrid evaluate --help >evaluate.txt 2>&1 || fail "forcegrid evaluate --help"
+python3 -c 'import forcegrid; assert "falcon" in forcegrid.profile_names(); forcegrid.Kinematics("vintage")' ||
+  fail "the Python package does not work"
+python3 -c 'import ctypes; ctypes.CDLL("libforcegrid-servo.so.0.2")' ||
+  fail "the shared libraries do not load"
 [ -f /usr/lib/udev/rules.d/10-forcegrid.rules ] || fail "no udev rule"
 forcegrid completion bash >completion.txt || fail "no completion"
 
@@ -69,7 +73,9 @@ forcegrid config run.rate | grep -q 777 || fail "the upgrade lost the configurat
 # Removal keeps the configuration, purging leaves nothing, calibrations are the person's.
 apt-get remove -y -qq forcegrid >/dev/null 2>&1
 [ -f /etc/forcegrid/config.toml ] || fail "removal took the configuration"
-apt-get purge -y -qq forcegrid forcegrid-tools libforcegrid-dev >/dev/null 2>&1
+# What removal took whole, as the libraries that need forcegrid, apt does not know any more.
+# shellcheck disable=SC2046
+apt-get purge -y -qq $(dpkg-query -W -f='${Package} ' '*forcegrid*') >/dev/null 2>&1
 apt-get autoremove --purge -y -qq >/dev/null 2>&1
 state >after
 diff before after >left.txt || {

@@ -13,6 +13,12 @@ run(${CMAKE_COMMAND} -S ${SOURCE}/consumer -B ${WORK}/build -G ${GENERATOR}
 run(${CMAKE_COMMAND} --build ${WORK}/build)
 run(${WORK}/build/consumer)
 run(${WORK}/build/consumer_of_0_1)
+# The installed copy brings the profiles, and its program for the emulated device, by itself.
+set(ENV{FORCEGRID_PROFILE_PATH} ${WORK}/prefix/share/forcegrid/profiles)
+run(${WORK}/build/consumer_of_servo)
+run(${CMAKE_COMMAND} -E env PATH=${WORK}/prefix/bin:$ENV{PATH} ${WORK}/build/consumer_of_device_static)
+unset(ENV{FORCEGRID_PROFILE_PATH})
+run(${WORK}/build/consumer_of_device)
 
 # The same by pkg-config.
 set(ENV{PKG_CONFIG_PATH} ${WORK}/prefix/lib/pkgconfig)
@@ -26,6 +32,51 @@ execute_process(COMMAND pkg-config --cflags --libs forcegrid forcegrid-link
 separate_arguments(flags UNIX_COMMAND "${flags}")
 run(c++ -std=c++20 ${SOURCE}/consumer/consumer.cpp -o ${WORK}/consumer_by_pkg_config ${flags})
 run(${WORK}/consumer_by_pkg_config)
+execute_process(COMMAND pkg-config --cflags --libs forcegrid-device
+                OUTPUT_VARIABLE flags OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+separate_arguments(flags UNIX_COMMAND "${flags}")
+run(cc ${SOURCE}/consumer/consumer_of_device.c -o ${WORK}/device_by_pkg_config ${flags}
+    -Wl,-rpath,${WORK}/prefix/lib)
+run(${WORK}/device_by_pkg_config)
+
+# The shared C++ libraries, by CMake and by pkg-config. A program needs those that it asks for, and no
+# other of ours; one that asks for both kinds is refused.
+function(run_with_shared program)
+  execute_process(COMMAND readelf -d ${program} OUTPUT_VARIABLE dynamic COMMAND_ERROR_IS_FATAL ANY)
+  string(REGEX MATCHALL "libforcegrid[^]]*" needed "${dynamic}")
+  list(SORT needed)
+  if(NOT needed STREQUAL "${ARGN}")
+    message(FATAL_ERROR "${program} needs ${needed}; expected: ${ARGN}")
+  endif()
+  run(${program})
+endfunction()
+set(configure ${CMAKE_COMMAND} -S ${SOURCE}/shared_consumer -G ${GENERATOR}
+    -DCMAKE_PREFIX_PATH=${WORK}/prefix -DCMAKE_BUILD_TYPE=Release)
+run(${configure} -B ${WORK}/shared)
+run(${CMAKE_COMMAND} --build ${WORK}/shared)
+execute_process(COMMAND ${configure} -B ${WORK}/mixed -DMIXED=ON
+                RESULT_VARIABLE result OUTPUT_QUIET ERROR_VARIABLE mixed)
+if(result EQUAL 0 OR NOT mixed MATCHES "FORCEGRID_LIBRARIES")
+  message(FATAL_ERROR "static and shared libraries in one program are not refused: ${mixed}")
+endif()
+execute_process(COMMAND pkg-config --modversion forcegrid-servo-shared
+                OUTPUT_VARIABLE abi OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+string(REGEX REPLACE "[.][0-9]+$" "" abi "${abi}")
+foreach(program methods session)
+  set(package forcegrid-methods-shared)
+  set(needed libforcegrid-methods.so.${abi})
+  if(program STREQUAL "session")
+    set(package forcegrid-servo-shared)
+    set(needed libforcegrid-link.so.${abi} ${needed} libforcegrid-servo.so.${abi})
+  endif()
+  run_with_shared(${WORK}/shared/${program}_consumer ${needed})
+  execute_process(COMMAND pkg-config --cflags --libs ${package}
+                  OUTPUT_VARIABLE flags OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+  separate_arguments(flags UNIX_COMMAND "${flags}")
+  run(c++ -std=c++20 ${SOURCE}/shared_consumer/${program}_consumer.cpp ${flags}
+      -o ${WORK}/${program}_by_pkg_config -Wl,-rpath,${WORK}/prefix/lib)
+  run_with_shared(${WORK}/${program}_by_pkg_config ${needed})
+endforeach()
 
 # What else is installed.
 foreach(file lib/udev/rules.d/10-forcegrid.rules share/doc/forcegrid/README.md
