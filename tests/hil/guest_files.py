@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What goes into the guest: its root folder, and what --shell or --run asks for."""
 
-import gzip
 import os
 import pathlib
 import re
@@ -105,13 +104,13 @@ class Initramfs:
     def pack(self, file):
         names = [str(path.relative_to(self.folder)) for path in sorted(self.folder.rglob("*"))]
         try:
-            packed = subprocess.run(
-                ["cpio", "--quiet", "-o", "-H", "newc", "-R", "0:0"], cwd=self.folder,
-                input="\n".join(names).encode(), capture_output=True, check=True).stdout
+            with open(file, "wb") as archive:  # not compressed: the guest would have to undo it
+                subprocess.run(
+                    ["cpio", "--quiet", "-o", "-H", "newc", "-R", "0:0"], cwd=self.folder,
+                    input="\n".join(names).encode(), stdout=archive, stderr=subprocess.PIPE,
+                    check=True)
         except (FileNotFoundError, subprocess.CalledProcessError) as error:
             raise HilError(f"cpio: {error}; `make setup` installs it") from error
-        with gzip.open(file, "wb", compresslevel=1) as archive:
-            archive.write(packed)
 
 
 def tool(name):

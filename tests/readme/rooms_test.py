@@ -24,7 +24,9 @@ NEVER = (("device_emulator", "driver"), ("driver", "device_emulator"), ("driver"
          ("servo_loop", "log"), ("driver", "log"), ("forcegrid", "log"), ("rt", "log"),
          ("simulator/solver", "log"), ("simulator/kernels", "log"))
 ALONE = ("forcegrid", "link", "contact", "rt", "text")  # they include nothing of the project
-LEAVES = ("cli",)  # no other room includes them
+LEAVES = ("cli", "compat", "bindings")  # no other room includes them
+# Interfaces for other programs, with include folders of their own.
+INCLUDE_FOLDERS = ("bindings/c/include", "compat/openhaptics/include")
 SIMULATOR_ORDER = ("simulator/mesh", "simulator/kernels", "simulator/solver", "simulator/touch",
                    "simulator/workers", "simulator")
 
@@ -49,6 +51,9 @@ def includes_of(root):
         found[room]  # a room that includes nothing is a room, too
         text = file.read_text(encoding="utf-8")
         for included in re.findall(r'^\s*#\s*include\s+["<]([\w./]+)[">]', text, re.MULTILINE):
+            for folder in INCLUDE_FOLDERS:
+                if not (root / included).is_file() and (root / folder / included).is_file():
+                    included = folder + "/" + included
             is_ours = (root / included).is_file() or (root / included.split("/")[0]).is_dir()
             if "/" in included and is_ours and room_of(included) != room:
                 found[room].setdefault(included, path)
