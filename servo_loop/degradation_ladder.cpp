@@ -37,6 +37,9 @@ std::string sentence_for(Rung rung, HeldBack held_back) {
     case HeldBack::kDeadMan:
       why = "the dead-man's switch is not held";
       break;
+    case HeldBack::kPaused:
+      why = "the force is paused";
+      break;
   }
   return (rung == Rung::kDamping ? "The force gives way to a damping field: "
                                  : "Zero current, no force is rendered: ") +

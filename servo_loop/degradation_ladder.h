@@ -27,6 +27,7 @@ enum class HeldBack : std::uint8_t {
   kNoSamples,   ///< no sample has come yet, or none comes any more
   kMotorCheck,  ///< MotorCheck has not passed yet
   kDeadMan,     ///< the dead-man's switch is not held
+  kPaused,      ///< a person has paused it, see ServoPorts::force_paused
 };
 
 #pragma GCC visibility push(default)

@@ -13,6 +13,8 @@ const char* name_of(EmergencySource source) noexcept {
       return "key";
     case EmergencySource::kDeviceButton:
       return "device_button";
+    case EmergencySource::kView:
+      return "view";
   }
   return "invalid";
 }
@@ -27,6 +29,8 @@ const char* words_of(EmergencySource source) noexcept {
       return "a key";
     case EmergencySource::kDeviceButton:
       return "a button of the device";
+    case EmergencySource::kView:
+      return "the stop in the live view";
   }
   return "an unknown source";
 }

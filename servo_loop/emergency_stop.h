@@ -14,6 +14,7 @@ enum class EmergencySource : std::uint8_t {
   kSignal,        ///< SIGUSR1, from another program that watches over the user
   kKey,           ///< a key in the terminal
   kDeviceButton,  ///< a button of the device
+  kView,          ///< the stop in the live view's page
 };
 
 /// Short name for programs, e.g. "device_button".

@@ -77,7 +77,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
 
   // No force is rendered before the motors are known to push the right way.
   const HeldBack held_back = why_held_back(now);
-  if (held_back == HeldBack::kDeadMan) {
+  if (held_back == HeldBack::kDeadMan || held_back == HeldBack::kPaused) {
     motor_check_.restart();
   } else if (fault == Fault::kNone && held_back == HeldBack::kMotorCheck && has_force_to_render()) {
     fault = check_motors(now, tool.report, tool.pose);
@@ -237,6 +237,9 @@ bool ServoLoop::held_by_person(rt::TimePoint now) const noexcept {
 HeldBack ServoLoop::why_held_back(rt::TimePoint now) const noexcept {
   if (!held_by_person(now)) {
     return HeldBack::kDeadMan;
+  }
+  if (ports_.force_paused.load(std::memory_order_relaxed)) {
+    return HeldBack::kPaused;
   }
   return options_.check_motors && !motors_checked_ ? HeldBack::kMotorCheck : HeldBack::kNot;
 }

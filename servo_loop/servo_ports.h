@@ -38,6 +38,8 @@ struct ServoPorts {
   rt::Mailbox<NearSurface> surface;  ///< the surface near the tool, for FirstTouch
   /// From the link thread to telemetry: the offset of the simulator's clock, if known.
   rt::Mailbox<link::ClockEstimate> simulator_clock;
+  /// From any thread: the force fades out and, once this is false again, ramps in.
+  std::atomic<bool> force_paused{false};
   std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
 };
 

@@ -16,7 +16,6 @@
 namespace forcegrid::servo {
 namespace {
 
-constexpr auto kDrainInterval = std::chrono::milliseconds(20);
 constexpr std::int64_t kLine_ns = 1'000'000'000;
 
 }  // namespace
@@ -31,7 +30,7 @@ void Telemetry::start() {
     rt::name_current_thread("telemetry");
     while (!stop_.load(std::memory_order_acquire)) {
       drain_or_give_up();
-      std::this_thread::sleep_for(kDrainInterval);
+      std::this_thread::sleep_for(options_.drain_interval);
     }
     drain_or_give_up();
   });

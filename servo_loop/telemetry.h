@@ -3,6 +3,7 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstdio>
 #include <deque>
 #include <exception>
@@ -22,6 +23,8 @@ namespace forcegrid::servo {
 struct TelemetryOptions {
   std::vector<std::string> method_names;  ///< in the loop's order
   double rate_Hz = 500.0;
+  /// How often records are taken from the loop's ring, which holds 2 s of them at 4 kHz.
+  std::chrono::milliseconds drain_interval{20};
   /// How many of the newest cycles are kept; older ones count only in the statistics.
   std::size_t keep_cycles = 300'000;
   /// Called once a second with the live line. Empty: there is none. As the others on the thread

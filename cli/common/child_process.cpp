@@ -84,10 +84,14 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments, ChildOptio
   Pipe output;
   Pipe errors;
   std::vector<char*> argv;
-  std::string program = "forcegrid";
+  const bool is_own = options_.program.empty();
+  std::string program = is_own ? "forcegrid" : options_.program;
+  const std::string path = is_own ? "/proc/self/exe" : options_.program;
   argv.push_back(program.data());
   std::vector<std::string> copies = arguments;
-  copies.push_back("--no-config");  // the parent passes every setting
+  if (is_own) {
+    copies.push_back("--no-config");  // the parent passes every setting
+  }
   for (std::string& argument : copies) {
     argv.push_back(argument.data());
   }
@@ -110,7 +114,7 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments, ChildOptio
     dup2(input.end[0], STDIN_FILENO);
     dup2(output.end[1], STDOUT_FILENO);
     dup2(errors.end[1], STDERR_FILENO);
-    execve("/proc/self/exe", argv.data(), environment.data());
+    execve(path.c_str(), argv.data(), environment.data());
     _exit(127);
   }
   if (pid_ < 0) {

@@ -23,10 +23,13 @@ struct ChildOptions {
   /// What it says itself at level info, its own children not counted, is of no interest to whoever
   /// started this process: it has level debug here.
   bool says_details = false;
+  /// Another program, a path, which gets the arguments as they are; empty: this program.
+  std::string program{};
 };
 
-/// A child process that runs this program with other arguments. Its standard streams are pipes.
-/// What it says goes into this process's log as messages of the process NAME, on the console
+/// A child process that runs this program with other arguments, or another program. Its standard
+/// streams are pipes. What it says goes into this process's log as messages of the process NAME, on
+/// the console
 /// "[NAME] text"; see environment_of_child(). It has a separate process group, so Ctrl-C in the
 /// terminal reaches only the parent. The kernel sends it SIGTERM when the parent dies.
 class ChildProcess {

@@ -11,6 +11,7 @@
 
 #include "cli/common/figures.h"
 #include "cli/common/firmware_choice.h"
+#include "cli/common/revision.h"
 #include "cli/common/stop_request.h"
 #include "cli/common/stop_watchdog.h"
 #include "cli/run/reconnect.h"
@@ -26,6 +27,7 @@
 #include "cli/run/run_summary_text.h"
 #include "cli/run/simulator_watch.h"
 #include "cli/run/terminal_keys.h"
+#include "cli/run/view_feed.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
 #include "driver/discovery.h"
@@ -51,6 +53,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kWatchdogProof{700};
+constexpr milliseconds kViewDrain{5};  // the view says within 20 ms that the servo has stopped
 
 // Why this program's threads get no real-time scheduling; empty: they get it.
 std::string why_not_realtime() {
@@ -86,6 +89,8 @@ class Run {
   int end_uncalibrated();
   void prepare_telemetry();
   void start_dashboard();
+  void start_view();
+  void end_view();
   void run_until_over();
   servo::ServoOutcome run_loop(double for_s);
   bool connect_again(rt::TimePoint ended);
@@ -113,6 +118,7 @@ class Run {
   std::optional<RunProcesses> processes_;
   servo::ServoPorts ports_;
   std::unique_ptr<tools::Recorder> recorder_;
+  std::unique_ptr<ViewFeed> view_;
   std::optional<servo::LinkThread> link_;
   std::optional<SimulatorWatch> watch_;
   bool simulator_died_ = false;
@@ -163,6 +169,7 @@ int Run::execute() {
   if (!calibrate_arm()) {
     return end_uncalibrated();
   }
+  start_view();
   prepare_telemetry();
   loop_.emplace(*device_, profile_, methods_->methods(), ports_, servo_options_);
   if (options_.live) {
@@ -173,6 +180,7 @@ int Run::execute() {
   run_until_over();
   judge_end();
   stop_threads();
+  end_view();
   if (recorder_ && !recorder_->finish().trouble.empty()) {
     note("--record: " + recorder_->finish().trouble);
     file_failed_ = true;
@@ -325,17 +333,29 @@ void Run::prepare_telemetry() {
   if (records_trace(options_)) {
     link_->keep_samples(kRecordedSamples);
   }
-  if (recorder_) {
-    link_->on_sample([this](const servo::ArrivedSample& sample) { recorder_->push(sample); });
+  if (recorder_ || view_) {
+    link_->on_sample([this](const servo::ArrivedSample& sample) {
+      if (recorder_) {
+        recorder_->push(sample);
+      }
+      if (view_) {
+        view_->push(sample);
+      }
+    });
   }
   servo::TelemetryOptions telemetry_options;
   telemetry_options.method_names = methods_->names();
   telemetry_options.rate_Hz = options_.rate_Hz;
   telemetry_options.on_sentence = [this](const std::string& text) {
     say(text, log::Level::kInfo, "servo");
+    if (view_) {
+      view_->note("info", "servo", text);
+    }
   };
   if (!options_.live) {
-    telemetry_options.on_live_line = telemetry_options.on_sentence;
+    telemetry_options.on_live_line = [this](const std::string& text) {
+      say(text, log::Level::kInfo, "servo");
+    };
   }
   telemetry_options.on_cycle = [this, said = false](const servo::CycleRecord& cycle) mutable {
     if (!said) {
@@ -348,8 +368,57 @@ void Run::prepare_telemetry() {
     if (dashboard_) {
       dashboard_->add(cycle);
     }
+    if (view_) {
+      view_->push(cycle);
+    }
   };
+  if (view_) {
+    telemetry_options.drain_interval = kViewDrain;
+  }
   telemetry_.emplace(ports_, telemetry_options);
+}
+
+// Before telemetry, which the view is fed by.
+void Run::start_view() {
+  const ViewProcess* const process = processes_->view();
+  if (process == nullptr) {
+    return;
+  }
+  ViewTitle title;
+  title.version = program_version();
+  title.device = options_.device;
+  title.scene = processes_->has_simulator() ? options_.scene : processes_->simulator_address();
+  title.methods = methods_->names();
+  for (const char* candidate : methods_->rendered().candidates()) {
+    title.candidates.emplace_back(candidate);
+  }
+  title.rate_Hz = options_.rate_Hz;
+  title.simulator_rate_Hz = options_.simulator_rate_Hz;
+  title.emulated = processes_->has_emulator();
+  title.hand_socket = processes_->has_emulator() ? process->hand_socket() : "";
+  view_ = std::make_unique<ViewFeed>(process->feed_socket(), title, profile_,
+                                     servo_options_.workspace, ports_);
+  std::fprintf(stderr, "view: %s\n", process->url().c_str());  // not to the log: it has the token
+  if (!processes_->has_simulator()) {
+    say("The simulator may send its surface to " + process->surface_socket() +
+        ", see docs/view_protocol.md");
+  }
+  if (options_.open_view) {
+    const std::string why_not = process->open_browser();
+    if (!why_not.empty()) {
+      say("--open: " + why_not + "; open the address yourself", log::Level::kWarn);
+    }
+  }
+}
+
+// When the devices' end is known.
+void Run::end_view() {
+  if (view_) {
+    view_->finish(name_of(summary_.end, StopRequest::signal_name()),
+                  status_of(summary_.end, StopRequest::signal()),
+                  summary_.outcome.fault == servo::Fault::kNone ? "" : fault_text(summary_.outcome),
+                  summary_.outcome.zero_current_delivered);
+  }
 }
 
 void Run::start_dashboard() {

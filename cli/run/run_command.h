@@ -76,8 +76,11 @@ struct RunOptions {
   std::string settings;                            ///< all of these as TOML, for the recording
   std::optional<std::array<double, 3>> contact_m;  ///< where the emulated hand touches, frame D
   JsonTarget json;
-  bool live = false;            ///< a dashboard instead of a line per second
-  bool text_on_stderr = false;  ///< even if the JSON goes to a file
+  bool view = false;                        ///< show the run in a browser
+  std::string view_listen = "127.0.0.1:0";  ///< ADDR:PORT of its page
+  bool open_view = false;                   ///< ask the desktop to open it
+  bool live = false;                        ///< a dashboard instead of a line per second
+  bool text_on_stderr = false;              ///< even if the JSON goes to a file
 };
 
 /// Renders the scene through the device, then prints a summary.

@@ -25,7 +25,8 @@ std::optional<nlohmann::json> final_report(ChildProcess* child) {
 }
 
 std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const std::string& motion,
-                                             const std::string& profile_name, bool homes_itself) {
+                                             const std::string& profile_name, bool homes_itself,
+                                             const ViewProcess* view) {
   std::vector<std::string> arguments = {"emulate",
                                         "--device",
                                         profile_name,
@@ -55,6 +56,9 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
                      {"--contact", std::to_string(at_m[0]) + "," + std::to_string(at_m[1]) + "," +
                                        std::to_string(at_m[2])});
   }
+  if (view != nullptr) {
+    arguments.insert(arguments.end(), {"--hand-target", view->hand_socket()});
+  }
   if (options.gravity_compensation) {
     arguments.push_back("--unsupported-weight");  // otherwise both would carry it
   }
@@ -62,7 +66,8 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
 }
 
 std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
-                                              const std::vector<std::string>& key_files) {
+                                              const std::vector<std::string>& key_files,
+                                              const ViewProcess* view) {
   std::vector<std::string> arguments = {"simulate",
                                         "--scene",
                                         options.scene,
@@ -80,6 +85,9 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   arguments.insert(arguments.end(), tool.begin(), tool.end());
   for (const std::string& file : key_files) {
     arguments.insert(arguments.end(), {"--key", file});
+  }
+  if (view != nullptr) {
+    arguments.insert(arguments.end(), {"--surface", view->surface_socket()});
   }
   if (options.workers > 0) {
     arguments.insert(arguments.end(), {"--workers", "127.0.0.1:0"});
@@ -123,14 +131,17 @@ void RunProcesses::end_all() noexcept {
 
 void RunProcesses::start(const RunOptions& options, const simulator::ToolOptions& tool,
                          const profiles::DeviceProfile& profile) {
+  if (options.view) {
+    view_ = std::make_unique<ViewProcess>(options.view_listen);
+  }
   if (options.simulator.empty()) {
-    simulator_ = start_simulator(options, key_files_);
+    simulator_ = start_simulator(options, key_files_, view_.get());
   }
   if (is_emulated(options)) {
     const bool slides = tool.slides() && options.motion_of_tool;
-    emulator_ =
-        start_emulator(options, slides ? kSlidingMotion : options.motion,
-                       profile_name_of(options.device, options.profile), is_falcon(profile));
+    emulator_ = start_emulator(options, slides ? kSlidingMotion : options.motion,
+                               profile_name_of(options.device, options.profile), is_falcon(profile),
+                               view_.get());
     device_url_ = "usbip://" + listening_address(*emulator_) + "/1-1";
   }
   if (simulator_) {

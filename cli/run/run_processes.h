@@ -10,6 +10,7 @@
 
 #include "cli/common/child_process.h"
 #include "cli/run/run_command.h"
+#include "cli/run/view_process.h"
 #include "cli/run/worker_processes.h"
 #include "link/key.h"
 #include "profiles/device_profile.h"
@@ -17,8 +18,9 @@
 
 namespace forcegrid::cli {
 
-/// The child processes of a run: the simulator, its workers and the emulated device. Each is
-/// started only if the options do not name one that is already running. All end with this object.
+/// The child processes of a run: the simulator, its workers, the emulated device and the live view.
+/// Each is started only if the options do not name one that is already running. All end with this
+/// object.
 class RunProcesses {
  public:
   /// Starts the processes and returns when all of them listen.
@@ -35,6 +37,8 @@ class RunProcesses {
   [[nodiscard]] bool has_simulator() const { return simulator_ != nullptr; }
   [[nodiscard]] const std::string& device_url() const { return device_url_; }
   [[nodiscard]] const std::string& simulator_address() const { return simulator_address_; }
+  /// The live view; null without --view.
+  [[nodiscard]] const ViewProcess* view() const { return view_.get(); }
   /// Moves out the keys of the link to the simulator, including the workers'. Call once.
   [[nodiscard]] std::vector<link::LinkKey> take_link_keys() { return std::move(link_keys_); }
 
@@ -56,6 +60,7 @@ class RunProcesses {
 
   std::vector<std::string> key_files_;
   std::vector<link::LinkKey> link_keys_;
+  std::unique_ptr<ViewProcess> view_;  // ends last: it shows how the others ended
   std::unique_ptr<WorkerProcesses> workers_;
   std::unique_ptr<ChildProcess> emulator_;
   std::unique_ptr<ChildProcess> simulator_;

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
 #include <stdexcept>
 
+#include "rt/vectors.h"
 #include "tests/servo_loop/loop_bench.h"
 
 namespace forcegrid::servo {
@@ -174,6 +176,38 @@ TEST_F(Switches, ADeadMansSignalIsNeededForForceAndItsEndTakesTheForceAway) {
   run(1200, false);
   EXPECT_EQ(last.rung, Rung::kZero);
   EXPECT_TRUE(is_zero(device_.commands.back()));
+}
+
+TEST_F(Switches, APauseFadesTheForceAndItsEndRampsItIn) {
+  feel();
+  CycleRecord last = record();
+  const auto force_N = [&] { return rt::to_vector(last.commanded_force_D_N).norm(); };
+  const double felt_N = force_N();
+  ASSERT_GT(felt_N, 0.5);
+  const auto run = [&](int cycles) {
+    for (int i = 0; i < cycles; ++i) {
+      const double before_N = force_N();
+      ASSERT_EQ(cycle(), Fault::kNone);
+      last = record();
+      ASSERT_LE(std::abs(force_N() - before_N), 0.03 * felt_N) << "a step in cycle " << i;
+    }
+  };
+  ports_.force_paused = true;
+  run(25);  // half of the fade's 0.1 s
+  EXPECT_NEAR(last.gain, 0.5, 0.03);
+  EXPECT_EQ(last.held_back, HeldBack::kPaused);
+  run(26);
+  EXPECT_EQ(last.gain, 0.0);
+  run(1200);  // the damping field is over, too
+  EXPECT_EQ(last.rung, Rung::kZero);
+  EXPECT_TRUE(is_zero(device_.commands.back()));
+  ports_.force_paused = false;
+  run(25);  // half of the ramp's 0.1 s
+  EXPECT_NEAR(last.gain, 0.5, 0.03);
+  EXPECT_EQ(last.held_back, HeldBack::kNot);
+  run(26);
+  EXPECT_EQ(last.gain, 1.0);
+  EXPECT_NEAR(force_N(), felt_N, 0.03 * felt_N);
 }
 
 TEST_F(Switches, NoMotorIsCheckedBeforeTheDeadMansSwitchIsHeld) {

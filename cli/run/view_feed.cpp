@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/run/view_feed.h"
+
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "cli/common/stop_request.h"
+#include "driver/linkage_lines.h"
+#include "log/log.h"
+#include "rt/vectors.h"
+#include "view_link/little_endian.h"
+
+namespace forcegrid::cli {
+namespace {
+
+using nlohmann::json;
+using view_link::FeedCycle;
+using view_link::FeedSample;
+using view_link::FeedType;
+
+constexpr std::int64_t kBatch_ns = 5'000'000;  // of cycles in one frame
+constexpr std::int64_t kArm_ns = 16'000'000;   // between two pictures of the arm
+constexpr std::size_t kMostCycles = 128;       // in one frame, which holds 64 KiB
+constexpr int kFaults = static_cast<int>(servo::Fault::kZeroNotDelivered) + 1;
+constexpr int kReasons = static_cast<int>(ChoiceReason::kAskedBefore) + 1;
+constexpr int kStatuses = static_cast<int>(EstimateStatus::kNotFinite) + 1;
+
+static_assert(view_link::kFeedMethods == servo::kMaxMethods);
+static_assert(kMostCycles * sizeof(FeedCycle) <= view_link::kLargestFeedPayload);
+
+std::uint16_t type_of(FeedType type) { return static_cast<std::uint16_t>(type); }
+
+// The names behind the numbers 0 to count - 1 of an enumeration.
+template <typename Enum, typename Name>
+json names_of(int count, Name name) {
+  json names = json::array();
+  for (int i = 0; i < count; ++i) {
+    names.push_back(name(static_cast<Enum>(i)));
+  }
+  return names;
+}
+
+json triple(const Eigen::Vector3d& vector) { return {vector.x(), vector.y(), vector.z()}; }
+
+json hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
+           const servo::WorkspaceMap& workspace) {
+  const auto& limits = profile.limits;
+  json controls = {"stop", "pause"};
+  if (!title.hand_socket.empty()) {
+    controls.push_back("hand");
+  }
+  return {
+      {"version", title.version},
+      {"device", title.device},
+      {"profile", profile.name},
+      {"scene", title.scene},
+      {"rate_Hz", title.rate_Hz},
+      {"simulator_rate_Hz", title.simulator_rate_Hz},
+      {"methods", title.methods},
+      {"candidates", title.candidates},
+      {"reasons",
+       names_of<ChoiceReason>(kReasons, [](ChoiceReason reason) { return to_string(reason); })},
+      {"statuses", names_of<EstimateStatus>(
+                       kStatuses, [](EstimateStatus status) { return to_string(status); })},
+      {"rungs", names_of<servo::Rung>(servo::kRungs,
+                                      [](servo::Rung rung) { return servo::to_string(rung); })},
+      {"held_back",
+       {"force is rendered", "no samples", "motor check", "dead-man's switch", "paused"}},
+      {"limits", {"not finite", "force", "slew", "torque", "current", "warm"}},
+      {"faults",
+       names_of<servo::Fault>(kFaults, [](servo::Fault fault) { return servo::name_of(fault); })},
+      {"workspace_W_m",
+       {{"low", triple(workspace.position_W(driver::array_of(limits.workspace_min_m).matrix()))},
+        {"high", triple(workspace.position_W(driver::array_of(limits.workspace_max_m).matrix()))}}},
+      {"emulated", title.emulated},
+      {"controls", controls},
+      {"largest_force_N", limits.max_force_N}};
+}
+
+FeedCycle cycle_of(const servo::CycleRecord& record) {
+  FeedCycle cycle;
+  cycle.cycle = record.cycle;
+  cycle.time_ns = record.time_ns;
+  cycle.samples_taken = record.samples_taken;
+  cycle.position_W_m = record.position_W_m;
+  cycle.touching_W_m = record.touching_W_m;
+  cycle.velocity_W_m_per_s = record.velocity_W_m_per_s;
+  cycle.method_force_W_N = record.method_force_W_N;
+  cycle.method_uncertainty_N = record.method_uncertainty_N;
+  cycle.commanded_force_W_N = record.commanded_force_D_N;  // W and D have the same axes
+  cycle.period_us = record.period_us;
+  cycle.wakeup_us = record.wakeup_us;
+  cycle.compute_us = record.compute_us;
+  cycle.report_age_us = record.report_age_us;
+  cycle.sample_age_ms = record.sample_age_ms;
+  cycle.gain = record.gain;
+  cycle.damping_gain = record.damping_gain;
+  cycle.energy_to_hand_J = record.energy_to_hand_J;
+  cycle.passivity_scale = record.passivity_scale;
+  cycle.motor_warmth = record.motor_warmth;
+  cycle.contact_epoch = record.contact_epoch;
+  cycle.missed_deadlines = record.missed_deadlines;
+  std::transform(record.method_status.begin(), record.method_status.end(),
+                 cycle.method_status.begin(),
+                 [](EstimateStatus status) { return static_cast<std::uint8_t>(status); });
+  cycle.rendered_candidate = record.rendered_candidate;
+  cycle.rendered_reason = static_cast<std::uint8_t>(record.rendered_reason);
+  cycle.rung = static_cast<std::uint8_t>(record.rung);
+  cycle.held_back = static_cast<std::uint8_t>(record.held_back);
+  cycle.limits_acted = record.limits_acted;
+  cycle.in_contact = record.in_contact ? 1 : 0;
+  cycle.fault = static_cast<std::uint8_t>(record.fault);
+  return cycle;
+}
+
+FeedSample sample_of(const servo::ArrivedSample& arrived) {
+  const Sample& sample = arrived.sample;
+  FeedSample sent;
+  sent.arrived_ns = arrived.arrived.time_since_epoch().count();
+  sent.time_s = sample.time_s;
+  sent.position_W_m = rt::to_array(sample.position_W);
+  sent.force_W_N = rt::to_array(sample.force_W);
+  sent.contact_point_W_m = rt::to_array(sample.contact_point_W);
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(sent.stiffness_W_N_per_m.data()) =
+      sample.stiffness_W;
+  sent.contact_epoch = sample.contact_epoch;
+  sent.in_contact = arrived.in_contact ? 1 : 0;
+  sent.has_stiffness = sample.has_stiffness ? 1 : 0;
+  sent.requested = sample.from_query ? 1 : 0;
+  return sent;
+}
+
+}  // namespace
+
+ViewFeed::ViewFeed(const std::string& socket, const ViewTitle& title,
+                   const profiles::DeviceProfile& profile, const servo::WorkspaceMap& workspace,
+                   servo::ServoPorts& ports)
+    : profile_(profile),
+      workspace_(workspace),
+      ports_(ports),
+      mechanism_(driver::make_mechanism(profile)),
+      hand_socket_(title.hand_socket) {
+  if (!hand_socket_.empty()) {
+    hand_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  }
+  view_link::FrameSender::Options options;
+  options.path = socket;
+  options.on_frame = [this](const view_link::Frame& frame) { take_command(frame); };
+  options.on_lost = [](const std::string& why) {
+    log::warn("view", "the live view is gone (" + why + "); the run goes on without it");
+  };
+  const std::lock_guard lock(mutex_);  // a command waits until the sender is there to answer
+  sender_ = std::make_unique<view_link::FrameSender>(std::move(options));
+  sender_->push(
+      view_link::text_frame(type_of(FeedType::kHello), hello(title, profile, workspace).dump()));
+}
+
+ViewFeed::~ViewFeed() {
+  sender_.reset();  // its thread uses what comes before
+  if (hand_ >= 0) {
+    ::close(hand_);
+  }
+}
+
+void ViewFeed::push(const servo::CycleRecord& cycle) {
+  const std::lock_guard lock(mutex_);
+  acknowledge_what_was_done(cycle);
+  cycles_.push_back(cycle_of(cycle));
+  if (cycle.time_ns - cycles_.front().time_ns >= kBatch_ns || cycles_.size() >= kMostCycles) {
+    send_cycles();
+  }
+  if (cycle.time_ns - last_arm_ns_ >= kArm_ns) {
+    last_arm_ns_ = cycle.time_ns;
+    send_arm(cycle);
+  }
+}
+
+void ViewFeed::push(const servo::ArrivedSample& sample) {
+  view_link::Frame frame{type_of(FeedType::kSamples), 0, {}};
+  view_link::append(frame.payload, sample_of(sample));
+  sender_->push(frame);
+}
+
+void ViewFeed::note(const std::string& level, const std::string& component,
+                    const std::string& text) {
+  const json message = {{"level", level}, {"component", component}, {"text", text}};
+  sender_->push(view_link::text_frame(
+      type_of(FeedType::kNote), message.dump(-1, ' ', false, json::error_handler_t::replace)));
+}
+
+void ViewFeed::finish(const std::string& ended_by, int exit_status, const std::string& text,
+                      bool motors_are_off) {
+  {
+    const std::lock_guard lock(mutex_);
+    send_cycles();
+    if (stop_id_) {
+      acknowledge(*stop_id_, "stop", motors_are_off,
+                  motors_are_off ? "the device has taken zero current"
+                                 : "the loop has ended; the device did not confirm zero current");
+      stop_id_.reset();
+    }
+  }
+  const json message = {{"ended_by", ended_by}, {"exit_status", exit_status}, {"text", text}};
+  sender_->push(view_link::text_frame(
+      type_of(FeedType::kEnd), message.dump(-1, ' ', false, json::error_handler_t::replace)));
+  sender_->finish();
+}
+
+// With mutex_ held.
+void ViewFeed::send_cycles() {
+  if (cycles_.empty()) {
+    return;
+  }
+  view_link::Frame frame{type_of(FeedType::kCycles), 0, {}};
+  view_link::append(frame.payload, std::span<const FeedCycle>(cycles_));
+  cycles_.clear();
+  sender_->push(frame);
+}
+
+void ViewFeed::send_arm(const servo::CycleRecord& cycle) {
+  std::array<std::int32_t, 6> counts{};
+  std::copy(cycle.counts.begin(), cycle.counts.end(), counts.begin());
+  const auto lines = driver::linkage_lines(profile_, mechanism_->forward(counts));
+  view_link::Frame frame{type_of(FeedType::kArm), 0, {}};
+  view_link::append(frame.payload, static_cast<std::uint32_t>(lines.size()));
+  for (const driver::LinkageLine& line : lines) {
+    view_link::append(frame.payload, static_cast<std::uint32_t>(line.size()));
+    for (const Eigen::Vector3d& point_D : line) {
+      const Eigen::Vector3f point_W = workspace_.position_W(point_D).cast<float>();
+      view_link::append(frame.payload, std::span<const float>(point_W.data(), 3));
+    }
+  }
+  sender_->push_newest(frame);
+}
+
+// With mutex_ held: the servo's own record says that it has obeyed.
+void ViewFeed::acknowledge_what_was_done(const servo::CycleRecord& cycle) {
+  if (stop_id_ && cycle.fault == servo::Fault::kEmergencyStop) {
+    acknowledge(*stop_id_, "stop", true, "the servo has commanded zero current");
+    stop_id_.reset();
+  }
+  const bool paused = cycle.held_back == servo::HeldBack::kPaused;
+  if (pause_id_ && paused == ports_.force_paused.load()) {
+    acknowledge(*pause_id_, "pause", true, paused ? "the force fades out" : "the force ramps in");
+    pause_id_.reset();
+  }
+}
+
+void ViewFeed::acknowledge(std::int64_t id, const char* what, bool done, const std::string& text) {
+  const json message = {{"id", id}, {"what", what}, {"done", done}, {"text", text}};
+  sender_->push(
+      view_link::text_frame(type_of(FeedType::kAcknowledged),
+                            message.dump(-1, ' ', false, json::error_handler_t::replace)));
+}
+
+// On the sender's thread.
+void ViewFeed::take_command(const view_link::Frame& frame) {
+  if (frame.type != type_of(FeedType::kCommand) ||
+      frame.payload.size() > view_link::kLargestCommand) {
+    return;
+  }
+  const json command = json::parse(view_link::text_of(frame), nullptr, false);
+  if (!command.is_object()) {
+    return;
+  }
+  const auto number = command.find("id");
+  const std::int64_t id =
+      number != command.end() && number->is_number_integer() ? number->get<std::int64_t>() : 0;
+  const auto named = command.find("what");
+  const std::string what = named != command.end() && named->is_string() ? *named : json("");
+  const std::lock_guard lock(mutex_);
+  if (what == "stop") {
+    stop_id_ = id;
+    StopRequest::request_emergency(servo::EmergencySource::kView);
+  } else if (what == "pause" && command.contains("value") && command["value"].is_boolean()) {
+    pause_id_ = id;
+    ports_.force_paused.store(command["value"].get<bool>());
+  } else if (what == "hand" && command.contains("target_W_m")) {
+    const json& target = command["target_W_m"];
+    const bool is_point = target.is_array() && target.size() == 3 &&
+                          std::all_of(target.begin(), target.end(),
+                                      [](const json& value) { return value.is_number(); });
+    if (is_point || target.is_null()) {
+      move_hand(id, is_point ? std::optional(target.get<servo::Triple>()) : std::nullopt);
+      return;
+    }
+    acknowledge(id, "hand", false, "target_W_m is three numbers [m], or null");
+  } else {
+    acknowledge(id, what.c_str(), false, "this command is not known, or its value is missing");
+  }
+}
+
+// The emulator has a socket for the hand's target: three doubles [m], frame D; NaN lets go.
+void ViewFeed::move_hand(std::int64_t id, const std::optional<servo::Triple>& target_W_m) {
+  if (hand_ < 0) {
+    acknowledge(id, "hand", false, "only the hand of an emulated device can be moved");
+    return;
+  }
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  servo::Triple target_D_m{kNone, kNone, kNone};
+  if (target_W_m) {
+    target_D_m = rt::to_array(Eigen::Vector3d(rt::to_vector(*target_W_m) + workspace_.W_origin_D));
+  }
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  hand_socket_.copy(address.sun_path, sizeof(address.sun_path) - 1);
+  if (::sendto(hand_, target_D_m.data(), sizeof(target_D_m), MSG_NOSIGNAL,
+               reinterpret_cast<const sockaddr*>(&address), sizeof(address)) < 0 &&
+      errno != EAGAIN) {
+    acknowledge(id, "hand", false, std::string("the emulated hand: ") + std::strerror(errno));
+  }
+}
+
+}  // namespace forcegrid::cli

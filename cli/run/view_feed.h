@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "driver/mechanism.h"
+#include "profiles/device_profile.h"
+#include "servo_loop/cycle_record.h"
+#include "servo_loop/servo_options.h"
+#include "servo_loop/servo_ports.h"
+#include "view_link/feed_messages.h"
+#include "view_link/frame_sender.h"
+
+namespace forcegrid::cli {
+
+/// What the live view shows of a run besides numbers.
+struct ViewTitle {
+  std::string version;  ///< of this program
+  std::string device;
+  std::string scene;
+  std::vector<std::string> methods;     ///< in the loop's order
+  std::vector<std::string> candidates;  ///< of the rendered one
+  double rate_Hz = 500.0;
+  double simulator_rate_Hz = 30.0;
+  bool emulated = false;
+  std::string hand_socket;  ///< of the emulated hand; empty: there is none
+};
+
+/// Sends a run's cycles and samples to the live view, and does what the person there asks for
+/// (docs/view_protocol.md): stop, pause the force, move the emulated hand. A view that is slow or
+/// gone costs the run nothing.
+/// Real-time: no. Threads: any for every function; the view's commands come on a thread of its own.
+class ViewFeed {
+ public:
+  /// Connects and says what runs.
+  /// @throws view_link::ViewLinkError naming the socket.
+  ViewFeed(const std::string& socket, const ViewTitle& title,
+           const profiles::DeviceProfile& profile, const servo::WorkspaceMap& workspace,
+           servo::ServoPorts& ports);
+  ~ViewFeed();
+  ViewFeed(const ViewFeed&) = delete;
+  ViewFeed& operator=(const ViewFeed&) = delete;
+
+  void push(const servo::CycleRecord& cycle);
+  void push(const servo::ArrivedSample& sample);
+  void note(const std::string& level, const std::string& component, const std::string& text);
+  /// The last frames: a stop that still waits is acknowledged, and how the run ended is said.
+  /// @param motors_are_off  the device has taken a zero command.
+  void finish(const std::string& ended_by, int exit_status, const std::string& text,
+              bool motors_are_off);
+
+ private:
+  void take_command(const view_link::Frame& frame);
+  void acknowledge(std::int64_t id, const char* what, bool done, const std::string& text);
+  void acknowledge_what_was_done(const servo::CycleRecord& cycle);
+  void send_arm(const servo::CycleRecord& cycle);
+  void send_cycles();
+  void move_hand(std::int64_t id, const std::optional<servo::Triple>& target_W_m);
+
+  profiles::DeviceProfile profile_;
+  servo::WorkspaceMap workspace_;
+  servo::ServoPorts& ports_;
+  std::unique_ptr<driver::Mechanism> mechanism_;
+  std::string hand_socket_;
+  int hand_ = -1;  ///< the socket that sends to it
+
+  std::mutex mutex_;  ///< of the next four
+  std::vector<view_link::FeedCycle> cycles_;
+  std::int64_t last_arm_ns_ = 0;
+  std::optional<std::int64_t> stop_id_;   ///< of a command that waits for the servo to obey
+  std::optional<std::int64_t> pause_id_;  ///< likewise
+  std::unique_ptr<view_link::FrameSender> sender_;
+};
+
+}  // namespace forcegrid::cli

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "cli/common/child_process.h"
+
+namespace forcegrid::cli {
+
+/// The program forcegrid-view as a child of this process: it serves the page, and has local sockets
+/// in a folder of its own (docs/view_protocol.md). It ends with this object. Threads: one.
+class ViewProcess {
+ public:
+  /// Starts it and returns when it listens.
+  /// @param listen  ADDR:PORT of the page; port 0: a free one.
+  /// @throws std::runtime_error if there is no such program, naming the package, or if it does not
+  /// start, with its reason.
+  explicit ViewProcess(const std::string& listen);
+
+  /// The page's address, with the token that gives access to it.
+  [[nodiscard]] const std::string& url() const noexcept { return url_; }
+  /// What its sockets are called, each in the private folder.
+  [[nodiscard]] std::string feed_socket() const { return folder_ + "/feed"; }
+  [[nodiscard]] std::string surface_socket() const { return folder_ + "/surface"; }
+  [[nodiscard]] std::string hand_socket() const { return folder_ + "/hand"; }
+
+  /// Shows the page in the person's browser (xdg-open). @returns why not; empty: it was asked to.
+  [[nodiscard]] std::string open_browser() const;
+
+ private:
+  ChildProcess process_;
+  std::string folder_;
+  std::string url_;
+};
+
+}  // namespace forcegrid::cli
