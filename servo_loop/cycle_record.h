@@ -49,7 +49,8 @@ struct CycleRecord {
   double motor_warmth = 0.0;                 ///< of the warmest, see MotorWarmth::warmest()
   bool in_contact = false;
   std::uint32_t contact_epoch = 0;
-  std::uint64_t samples_taken = 0;  ///< since the start
+  std::uint64_t samples_taken = 0;   ///< along the path, since the start
+  std::uint64_t arrivals_taken = 0;  ///< these and answers to requests
   /// Since the tool was where the newest sample was computed; -1: no sample.
   double sample_age_ms = 0.0;
   std::uint32_t missed_deadlines = 0;  ///< deadlines that passed unserved just before this cycle

@@ -46,6 +46,7 @@ void SampleIntake::take(rt::TimePoint now, FirstTouch& first_touch) noexcept {
   ArrivedSample arrived;
   // Bounded by the ring's capacity, however fast the link thread pushes.
   for (int i = 0; i < ServoPorts::kSampleCapacity && ports_.samples.pop(arrived); ++i) {
+    ++arrivals_taken_;
     if (arrived.sample.from_query) {
       take_answer(arrived);
     } else {
@@ -157,6 +158,7 @@ void SampleIntake::describe(rt::TimePoint now, CycleRecord& record) const noexce
   record.in_contact = in_contact_;
   record.contact_epoch = contact_epoch_;
   record.samples_taken = samples_taken_;
+  record.arrivals_taken = arrivals_taken_;
   record.sample_age_ms = has_sample_ ? 1e3 * (servo_time_s(now) - believed_time_s_) : -1.0;
 }
 

@@ -101,6 +101,7 @@ class SampleIntake {
   double believed_time_s_ = 0.0;      ///< when the tool was at that one's position
   double sample_period_s_;
   std::uint64_t samples_taken_ = 0;
+  std::uint64_t arrivals_taken_ = 0;  ///< from the ring, whatever they were
 
   bool contact_known_ = false;
   bool in_contact_ = false;

@@ -27,8 +27,8 @@ inline constexpr std::size_t kFeedMethods = 4;
 /// socket as it is in memory, little-endian.
 struct FeedCycle {
   std::uint64_t cycle = 0;
-  std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC at the start of the cycle
-  std::uint64_t samples_taken = 0;
+  std::int64_t time_ns = 0;          ///< CLOCK_MONOTONIC at the start of the cycle
+  std::uint64_t arrivals_taken = 0;  ///< samples and answers, since the start
   std::array<double, 3> position_W_m{};
   std::array<double, 3> touching_W_m{};  ///< where the methods were asked
   std::array<double, 3> velocity_W_m_per_s{};
@@ -73,9 +73,10 @@ struct FeedSample {
   std::uint8_t in_contact = 0;
   std::uint8_t has_stiffness = 0;
   std::uint8_t requested = 0;  ///< an answer to a request, not to the tool's own position
-  std::uint8_t reserved = 0;
+  std::uint8_t converged = 1;
+  double relative_residual = 0.0;
 };
 static_assert(std::is_trivially_copyable_v<FeedSample>);
-static_assert(sizeof(FeedSample) == 2 * 8 + 9 * 8 + 9 * 8 + 8);
+static_assert(sizeof(FeedSample) == 2 * 8 + 9 * 8 + 9 * 8 + 2 * 8);
 
 }  // namespace forcegrid::view_link

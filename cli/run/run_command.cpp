@@ -112,6 +112,7 @@ class Run {
   profiles::DeviceProfile profile_;
   driver::falcon::Firmware firmware_;
   servo::ServoOptions servo_options_;
+  MethodOptions method_options_;
   std::optional<RunMethods> methods_;
   RunSummary summary_;
   std::string realtime_refused_;
@@ -151,7 +152,8 @@ Run::Run(const RunOptions& options)
   summary_.rate_requested_Hz = options_.rate_Hz;
 
   servo_options_ = servo_options_of(options_, profile_);
-  methods_.emplace(options_, method_options(options_, profile_, servo_options_.workspace));
+  method_options_ = method_options(options_, profile_, servo_options_.workspace);
+  methods_.emplace(options_, method_options_);
   servo_options_.requests_per_s = methods_->requests_per_s(options_, tool_);
   prepare_folder(options_.out);
   check_writable(options_.json);
@@ -393,7 +395,10 @@ void Run::start_view() {
     title.candidates.emplace_back(candidate);
   }
   title.rate_Hz = options_.rate_Hz;
-  title.simulator_rate_Hz = options_.simulator_rate_Hz;
+  title.simulator_rate_Hz = servo_options_.simulator_rate_Hz;
+  title.method_options = method_options_;
+  title.fill_budget = servo_options_.fill_budget;
+  title.requests_per_s = servo_options_.requests_per_s;
   title.emulated = processes_->has_emulator();
   title.hand_socket = processes_->has_emulator() ? process->hand_socket() : "";
   view_ = std::make_unique<ViewFeed>(process->feed_socket(), title, profile_,

@@ -52,6 +52,20 @@ json names_of(int count, Name name) {
 
 json triple(const Eigen::Vector3d& vector) { return {vector.x(), vector.y(), vector.z()}; }
 
+// What a copy of the methods is made of.
+json copy_facts(const ViewTitle& title) {
+  const MethodOptions& options = title.method_options;
+  return {{"low_W_m", triple(options.grid.min_W)},
+          {"high_W_m", triple(options.grid.max_W)},
+          {"cells", {options.grid.cells.x(), options.grid.cells.y(), options.grid.cells.z()}},
+          {"influence_radius_m", options.influence_radius_m},
+          {"unit_m", options.unit_m},
+          {"samples_per_cell", options.samples_per_cell},
+          {"budget_reads", options.budget_reads ? json(*options.budget_reads) : json(nullptr)},
+          {"fill_budget", title.fill_budget},
+          {"requests_per_s", title.requests_per_s}};
+}
+
 json hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
            const servo::WorkspaceMap& workspace) {
   const auto& limits = profile.limits;
@@ -84,14 +98,17 @@ json hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
         {"high", triple(workspace.position_W(driver::array_of(limits.workspace_max_m).matrix()))}}},
       {"emulated", title.emulated},
       {"controls", controls},
-      {"largest_force_N", limits.max_force_N}};
+      {"largest_force_N", limits.max_force_N},
+      {"copies", copy_facts(title)}};
 }
 
-FeedCycle cycle_of(const servo::CycleRecord& record) {
+}  // namespace
+
+view_link::FeedCycle cycle_of(const servo::CycleRecord& record) {
   FeedCycle cycle;
   cycle.cycle = record.cycle;
   cycle.time_ns = record.time_ns;
-  cycle.samples_taken = record.samples_taken;
+  cycle.arrivals_taken = record.arrivals_taken;
   cycle.position_W_m = record.position_W_m;
   cycle.touching_W_m = record.touching_W_m;
   cycle.velocity_W_m_per_s = record.velocity_W_m_per_s;
@@ -123,7 +140,7 @@ FeedCycle cycle_of(const servo::CycleRecord& record) {
   return cycle;
 }
 
-FeedSample sample_of(const servo::ArrivedSample& arrived) {
+view_link::FeedSample sample_of(const servo::ArrivedSample& arrived) {
   const Sample& sample = arrived.sample;
   FeedSample sent;
   sent.arrived_ns = arrived.arrived.time_since_epoch().count();
@@ -137,10 +154,10 @@ FeedSample sample_of(const servo::ArrivedSample& arrived) {
   sent.in_contact = arrived.in_contact ? 1 : 0;
   sent.has_stiffness = sample.has_stiffness ? 1 : 0;
   sent.requested = sample.from_query ? 1 : 0;
+  sent.converged = sample.converged ? 1 : 0;
+  sent.relative_residual = sample.relative_residual;
   return sent;
 }
-
-}  // namespace
 
 ViewFeed::ViewFeed(const std::string& socket, const ViewTitle& title,
                    const profiles::DeviceProfile& profile, const servo::WorkspaceMap& workspace,

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "driver/mechanism.h"
+#include "forcegrid/core/method_options.h"
 #include "profiles/device_profile.h"
 #include "servo_loop/cycle_record.h"
 #include "servo_loop/servo_options.h"
@@ -29,9 +30,16 @@ struct ViewTitle {
   std::vector<std::string> candidates;  ///< of the rendered one
   double rate_Hz = 500.0;
   double simulator_rate_Hz = 30.0;
+  MethodOptions method_options;  ///< that each method got before its own
+  int fill_budget = 1000;
+  double requests_per_s = 0.0;
   bool emulated = false;
   std::string hand_socket;  ///< of the emulated hand; empty: there is none
 };
+
+/// A cycle and a sample as they go to the live view.
+view_link::FeedCycle cycle_of(const servo::CycleRecord& record);
+view_link::FeedSample sample_of(const servo::ArrivedSample& arrived);
 
 /// Sends a run's cycles and samples to the live view, and does what the person there asks for
 /// (docs/view_protocol.md): stop, pause the force, move the emulated hand. A view that is slow or

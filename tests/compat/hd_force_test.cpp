@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "tests/compat/hd_rig.h"
 
@@ -51,23 +52,34 @@ HHD ready(const Rig& rig) {
   return handle;
 }
 
-// Counted while the hand brings the tool to where it holds it.
+// Measured while the hand brings the tool to where it holds it. The middle ones count: a busy
+// machine keeps the thread waiting for a few milliseconds now and then.
 void ticks_are_a_millisecond_apart(Rig& rig) {
-  std::atomic<int> ticks{0};
-  std::atomic<double> rate_Hz{0};
+  constexpr std::size_t kMost = 60'000;
+  std::vector<double> period_ms;
+  std::vector<double> rate_Hz;
+  period_ms.reserve(kMost);
+  rate_Hz.reserve(kMost);
+  rt::TimePoint last{};
   rig.recurring([&] {
-    ++ticks;
+    const rt::TimePoint now = rt::Clock::now();
     HDdouble now_Hz = 0;
     hdGetDoublev(HD_INSTANTANEOUS_UPDATE_RATE, &now_Hz);
-    rate_Hz = now_Hz;
+    if (last != rt::TimePoint{} && rate_Hz.size() < kMost) {
+      period_ms.push_back(1e3 * rt::seconds(now - last));
+      rate_Hz.push_back(now_Hz);
+    }
+    last = now;
     return kAgain;
   });
-  const rt::TimePoint began = rt::Clock::now();
   ASSERT_TRUE(rig.hand_is_there());
-  const double mean_ms = 1e3 * rt::seconds(rt::Clock::now() - began) / ticks;
   rig.clear();
-  EXPECT_NEAR(mean_ms, 1.0, 0.02);
-  EXPECT_NEAR(rate_Hz, 1000, 100);
+  const auto middle = [](std::vector<double>& values) {
+    std::sort(values.begin(), values.end());
+    return values.at(values.size() / 2);
+  };
+  EXPECT_NEAR(middle(period_ms), 1.0, 0.02);
+  EXPECT_NEAR(middle(rate_Hz), 1000, 20);
 }
 
 void needs_to_be_enabled(Rig& rig, HHD arm) {
