@@ -17,6 +17,8 @@
 #include "rt/vectors.h"
 #include "servo_loop/servo_loop.h"
 #include "tests/servo_loop/scripted_device.h"
+#include "view/field_slice.h"
+#include "view_link/little_endian.h"
 
 namespace forcegrid::view {
 namespace {
@@ -193,6 +195,51 @@ TEST_F(MethodCopiesTest, SayThatTheyAreNotExactAfterAGap) {
     copied.take(sent);
   });
   EXPECT_FALSE(copied.exact());
+}
+
+TEST_F(MethodCopiesTest, ShowASliceOfTheField) {
+  make_methods();
+  MethodCopies copied = copies();
+  run(250, [&](const auto& sent) { copied.take(sent); });
+  const SliceWish wish{.method = 2, .compared = 1, .normal = 1, .size_m = 0.02, .points = 5};
+  ASSERT_STREQ(problem_of(wish, copied.size()), "");
+  const Vector3d center(0.001, 0.002, -0.003);
+  const view_link::Bytes bytes = slice_message(copied, wish, center);
+  view_link::Reader reader(bytes);
+  EXPECT_EQ((reader.take<std::array<std::uint8_t, 4>>()),
+            (std::array<std::uint8_t, 4>{6, 2, 1, 1}));
+  EXPECT_EQ(reader.take<std::uint16_t>(), 5);
+  EXPECT_EQ(reader.take<std::uint16_t>(), 1) << "exact";
+  const auto corner = reader.take<std::array<float, 3>>();
+  const auto across = reader.take<std::array<float, 3>>();
+  const auto along = reader.take<std::array<float, 3>>();
+  // Across y: columns along z, rows along x.
+  EXPECT_FLOAT_EQ(corner[0], 0.001F - 0.01F);
+  EXPECT_FLOAT_EQ(corner[1], 0.002F);
+  EXPECT_FLOAT_EQ(corner[2], -0.003F - 0.01F);
+  EXPECT_FLOAT_EQ(across[2], 0.005F);
+  EXPECT_FLOAT_EQ(along[0], 0.005F);
+  for (int row = 0; row < 5; ++row) {
+    for (int column = 0; column < 5; ++column) {
+      const Vector3d place(0.001 - 0.01 + 0.005 * row, 0.002, -0.003 - 0.01 + 0.005 * column);
+      const Vector3d expected = copied.force(2, place).force_W - copied.force(1, place).force_W;
+      const auto value = reader.take<std::array<float, 5>>();
+      EXPECT_NEAR(value[0], expected.x(), 1e-5);
+      EXPECT_NEAR(value[2], expected.z(), 1e-5);
+      EXPECT_EQ(value[4], static_cast<float>(copied.force(2, place).status));
+    }
+  }
+  EXPECT_TRUE(reader.ok());
+  EXPECT_EQ(reader.left(), 0U);
+}
+
+TEST(SliceWish, IsRefusedWhereItCanNotBeMet) {
+  EXPECT_STRNE(problem_of({.method = 2}, 2), "");
+  EXPECT_STRNE(problem_of({.compared = 2}, 2), "");
+  EXPECT_STRNE(problem_of({.normal = 3}, 2), "");
+  EXPECT_STRNE(problem_of({.size_m = std::nan("")}, 2), "");
+  EXPECT_STRNE(problem_of({.points = 66}, 2), "");
+  EXPECT_STREQ(problem_of({}, 1), "");
 }
 
 TEST_F(MethodCopiesTest, LeaveOutTheMethodThatIsASimulator) {
