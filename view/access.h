@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+/// Who may see the page and who may command the run. Pure functions.
+/// Real-time: no. Threads: any, after the first random_token() or token_is_right().
+namespace forcegrid::view {
+
+/// 32 random bytes as 64 hexadecimal digits. @throws ViewError if libsodium can't start.
+std::string random_token();
+/// The token of the environment variable FORCEGRID_VIEW_TOKEN, or a random one.
+/// @throws ViewError for a variable with anything but 32 to 256 hexadecimal digits.
+std::string token_from_environment();
+
+/// Compares in a time that depends on the lengths alone.
+bool token_is_right(std::string_view given, std::string_view token) noexcept;
+
+/// The path of a request's target: what is before '?'.
+std::string_view path_of(std::string_view target) noexcept;
+/// The value of `name` in the target's query as it stands there; empty without it. A token needs no
+/// percent-decoding.
+std::string_view query_value(std::string_view target, std::string_view name) noexcept;
+
+/// Whether a request's Host names this server: a page of another host name that resolves to
+/// this machine sends its own name. Allowed are the listening address, localhost, 127.0.0.1 and
+/// [::1], each with the port; without one where it is 80.
+bool host_is_right(std::string_view host, const std::string& address, std::uint16_t port);
+
+/// Whether a WebSocket may be opened from `origin`: only from a page of this server. No Origin is
+/// right: browsers always send one, so this is a script. `host` is one that host_is_right().
+bool origin_is_right(std::optional<std::string_view> origin, std::string_view host);
+
+/// "127.0.0.1:80" or "[::1]:80".
+std::string address_and_port(const std::string& address, std::uint16_t port);
+
+/// The value of the header Content-Security-Policy for a page of `host`. Nothing from elsewhere,
+/// nothing inline, nobody's frame; WebSockets to this server alone.
+std::string content_security_policy(std::string_view host);
+
+}  // namespace forcegrid::view

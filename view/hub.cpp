@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "view/hub.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "view_link/surface_messages.h"
+
+namespace forcegrid::view {
+namespace {
+
+using nlohmann::json;
+using view_link::FeedType;
+using view_link::Frame;
+using view_link::SurfaceType;
+using view_link::ViewLinkError;
+
+constexpr std::size_t kMostNotes = 20;
+constexpr std::size_t kMostPending = 256;
+
+json object_of(const Frame& frame, const char* what) {
+  std::optional<json> object = parse_object(view_link::text_of(frame));
+  if (!object) {
+    throw ViewLinkError(std::string("its ") + what +
+                        " is no JSON object in UTF-8, or is nested too deep");
+  }
+  return std::move(*object);
+}
+
+// The structs that the payload is made of.
+template <typename T>
+std::vector<T> structs_of(const Frame& frame, const char* what) {
+  if (frame.payload.empty() || frame.payload.size() % sizeof(T) != 0) {
+    throw ViewLinkError(std::string("its ") + what + " have " +
+                        std::to_string(frame.payload.size()) + " bytes, no multiple of " +
+                        std::to_string(sizeof(T)));
+  }
+  std::vector<T> values(frame.payload.size() / sizeof(T));
+  std::memcpy(values.data(), frame.payload.data(), frame.payload.size());
+  return values;
+}
+
+}  // namespace
+
+template <typename Change>
+void Hub::change_all(const Change& change) {
+  for (Viewer* viewer : viewers_) {
+    change(viewer->outbox);
+    viewer->wake();
+  }
+}
+
+void Hub::say(Viewer& viewer, const json& text, bool after_rows) {
+  viewer.outbox.add_text(text.dump(), after_rows);
+  viewer.wake();
+}
+
+void Hub::say_to_all(const json& text, bool after_rows) {
+  const std::string dumped = text.dump();
+  change_all([&](Outbox& outbox) { outbox.add_text(dumped, after_rows); });
+}
+
+// ---- The feed ----
+
+void Hub::take_feed(const Frame& frame) {
+  const auto type = static_cast<FeedType>(frame.type);
+  if ((feed_ == Feed::kLive) == (type == FeedType::kHello)) {
+    throw ViewLinkError(feed_ == Feed::kLive ? "a second hello"
+                                             : "a frame of type " + std::to_string(frame.type) +
+                                                   " before the hello or after the end");
+  }
+  switch (type) {
+    case FeedType::kHello:
+      return take_hello(frame);
+    case FeedType::kCycles:
+      return take_cycles(frame);
+    case FeedType::kSamples:
+      return take_samples(frame);
+    case FeedType::kArm: {
+      if (!arm_is_sound(frame.payload)) {
+        throw ViewLinkError("its arm is no list of lines with finite points");
+      }
+      const SharedBytes message = message_of(PageType::kArm, 0, frame.payload);
+      return change_all([&](Outbox& outbox) { outbox.set_arm(message); });
+    }
+    case FeedType::kNote:
+      return take_note(object_of(frame, "note"));
+    case FeedType::kAcknowledged:
+      return take_acknowledgement(object_of(frame, "acknowledgement"));
+    case FeedType::kEnd: {
+      end_ = object_of(frame, "end");
+      end_["type"] = "end";
+      if (const auto row = rows_->take_rest()) {
+        change_all([&](Outbox& outbox) { outbox.add_row(*row); });
+      }
+      feed_ = Feed::kEnded;
+      return say_to_all(end_, true);
+    }
+    case FeedType::kCommand:
+      break;
+  }
+  throw ViewLinkError("a frame of unknown type " + std::to_string(frame.type));
+}
+
+void Hub::take_hello(const Frame& frame) {
+  json hello = object_of(frame, "hello");
+  const auto methods = hello.find("methods");
+  if (methods == hello.end() || !methods->is_array()) {
+    throw ViewLinkError("its hello has no list of methods");
+  }
+  hello["type"] = "hello";
+  hello["columns"] = scope_columns();
+  rows_.emplace(std::min(methods->size(), view_link::kFeedMethods));
+  hello_ = std::move(hello);
+  feed_ = Feed::kLive;
+  notes_.clear();
+  for (Viewer* viewer : viewers_) {
+    viewer->outbox.forget_run();
+    say_hello(*viewer);
+  }
+}
+
+void Hub::take_cycles(const Frame& frame) {
+  bool any = false;
+  for (const auto& cycle : structs_of<view_link::FeedCycle>(frame, "cycles")) {
+    if (const auto row = rows_->add(cycle)) {
+      any = true;
+      for (Viewer* viewer : viewers_) {
+        viewer->outbox.add_row(*row);
+      }
+    }
+  }
+  if (any) {
+    change_all([](Outbox&) {});
+  }
+}
+
+void Hub::take_samples(const Frame& frame) {
+  for (const auto& sample : structs_of<view_link::FeedSample>(frame, "samples")) {
+    const auto bytes = sample_bytes(sample, rows_->seconds_of(sample.arrived_ns));
+    for (Viewer* viewer : viewers_) {
+      viewer->outbox.add_sample(bytes);
+    }
+  }
+  change_all([](Outbox&) {});
+}
+
+void Hub::take_note(json note) {
+  note["type"] = "note";
+  if (notes_.size() == kMostNotes) {
+    notes_.pop_front();
+  }
+  notes_.push_back(note);
+  say_to_all(note);
+}
+
+// Its id is the server's; the page gets its own back.
+void Hub::take_acknowledgement(json acknowledgement) {
+  const auto id = acknowledgement.find("id");
+  if (id == acknowledgement.end() || !id->is_number_unsigned()) {
+    throw ViewLinkError("its acknowledgement has no id");
+  }
+  const auto run_id = id->get<std::uint64_t>();
+  const auto found = std::find_if(pending_.begin(), pending_.end(),
+                                  [&](const Pending& one) { return one.run_id == run_id; });
+  if (found != pending_.end()) {
+    acknowledgement["id"] = found->page_id;
+    acknowledgement["type"] = "acknowledged";
+    say(*found->viewer, acknowledgement);
+  }
+}
+
+void Hub::feed_lost() {
+  pending_.clear();
+  if (feed_ != Feed::kLive) {
+    return;
+  }
+  feed_ = Feed::kWaiting;
+  rows_.reset();
+  notes_.clear();
+  say_to_all({{"type", "waiting"}}, true);
+}
+
+// ---- Surfaces ----
+
+void Hub::take_surface(std::uint64_t peer, const Frame& frame) {
+  if (frame.object >= kMostObjects) {
+    throw ViewLinkError("object " + std::to_string(frame.object) + "; there are 0 to " +
+                        std::to_string(kMostObjects - 1));
+  }
+  switch (static_cast<SurfaceType>(frame.type)) {
+    case SurfaceType::kShape:
+      return take_shape(peer, frame);
+    case SurfaceType::kFrame:
+      return take_surface_frame(peer, frame);
+  }
+  throw ViewLinkError("a frame of unknown type " + std::to_string(frame.type));
+}
+
+void Hub::take_shape(std::uint64_t peer, const Frame& frame) {
+  Surface& surface = surfaces_[frame.object];
+  if (surface.peer && *surface.peer != peer) {
+    throw ViewLinkError("object " + std::to_string(frame.object) +
+                        " belongs to another simulator; use another number");
+  }
+  const auto shape = view_link::decode_shape(frame.payload);
+  if (!shape) {
+    throw ViewLinkError("its shape of " + std::to_string(frame.payload.size()) +
+                        " bytes is truncated, too large, not finite, or has a corner that is no "
+                        "vertex");
+  }
+  surface = {peer, shape->epoch, shape->rest_W_m.size(),
+             message_of(PageType::kShape, static_cast<std::uint8_t>(frame.object), frame.payload),
+             nullptr};
+  change_all([&](Outbox& outbox) { outbox.set_shape(frame.object, surface.shape); });
+}
+
+void Hub::take_surface_frame(std::uint64_t peer, const Frame& frame) {
+  Surface& surface = surfaces_[frame.object];
+  if (!surface.peer || *surface.peer != peer) {
+    throw ViewLinkError("a surface of object " + std::to_string(frame.object) +
+                        " before its shape");
+  }
+  const auto decoded = view_link::decode_frame(frame.payload);
+  if (!decoded) {
+    throw ViewLinkError("its surface of " + std::to_string(frame.payload.size()) +
+                        " bytes is truncated, too large or not finite");
+  }
+  if (decoded->epoch != surface.epoch) {
+    return;
+  }
+  if (decoded->position_W_m.size() != surface.vertices) {
+    throw ViewLinkError("its surface has " + std::to_string(decoded->position_W_m.size()) +
+                        " vertices, its shape " + std::to_string(surface.vertices));
+  }
+  surface.frame =
+      message_of(PageType::kSurface, static_cast<std::uint8_t>(frame.object), frame.payload);
+  change_all([&](Outbox& outbox) { outbox.set_surface(frame.object, surface.frame); });
+}
+
+void Hub::surface_lost(std::uint64_t peer) {
+  for (std::size_t object = 0; object < kMostObjects; ++object) {
+    if (surfaces_[object].peer == peer) {
+      surfaces_[object] = {};
+      change_all([&](Outbox& outbox) { outbox.forget_surface(object); });
+      say_to_all({{"type", "surface_lost"}, {"object", object}});
+    }
+  }
+}
+
+// ---- Pages ----
+
+const char* Hub::role_of(const Viewer& viewer) const noexcept {
+  return is_controller(viewer) ? "controller" : "viewer";
+}
+
+void Hub::say_hello(Viewer& viewer) {
+  json hello = hello_;
+  hello["role"] = role_of(viewer);
+  say(viewer, hello);
+}
+
+void Hub::say_role(Viewer& viewer) {
+  say(viewer,
+      {{"type", "role"}, {"role", role_of(viewer)}, {"control_is_free", controller_ == nullptr}});
+}
+
+void Hub::join(Viewer& viewer) {
+  viewers_.push_back(&viewer);
+  if (controller_ == nullptr) {
+    controller_ = &viewer;
+  }
+  if (feed_ == Feed::kWaiting) {
+    say(viewer, {{"type", "waiting"}});
+    say_role(viewer);
+  } else {
+    say_hello(viewer);
+  }
+  for (const json& note : notes_) {
+    say(viewer, note);
+  }
+  if (feed_ == Feed::kEnded) {
+    say(viewer, end_);
+  }
+  for (std::size_t object = 0; object < kMostObjects; ++object) {
+    if (surfaces_[object].shape) {
+      viewer.outbox.set_shape(object, surfaces_[object].shape);
+    }
+    if (surfaces_[object].frame) {
+      viewer.outbox.set_surface(object, surfaces_[object].frame);
+    }
+  }
+  viewer.wake();
+}
+
+void Hub::leave(Viewer& viewer) {
+  std::erase(viewers_, &viewer);
+  std::erase_if(pending_, [&](const Pending& one) { return one.viewer == &viewer; });
+  if (controller_ == &viewer) {
+    controller_ = nullptr;
+    for (Viewer* other : viewers_) {
+      say_role(*other);
+    }
+  }
+}
+
+void Hub::forget_viewers() noexcept {
+  viewers_.clear();
+  pending_.clear();
+  controller_ = nullptr;
+}
+
+void Hub::take_page(Viewer& viewer, std::string_view text) {
+  const std::optional<PageCommand> command = parse_command(text);
+  if (!command) {
+    throw ViewLinkError("a text of " + std::to_string(text.size()) + " bytes that is no command");
+  }
+  if (command->what == PageCommand::What::kTakeControl) {
+    take_control(viewer);
+  } else if (command->what == PageCommand::What::kStop || is_controller(viewer)) {
+    forward(viewer, *command);
+  } else if (command->what != PageCommand::What::kShown) {
+    refuse(viewer, *command, "another page has control");
+  }
+}
+
+void Hub::take_control(Viewer& viewer) {
+  if (controller_ == nullptr) {
+    controller_ = &viewer;
+    for (Viewer* each : viewers_) {
+      say_role(*each);
+    }
+  } else {
+    say_role(viewer);
+  }
+}
+
+void Hub::forward(Viewer& viewer, const PageCommand& command) {
+  const std::uint64_t id = next_id_++;
+  const bool newest =
+      command.what == PageCommand::What::kHand || command.what == PageCommand::What::kShown;
+  const Frame frame = view_link::text_frame(static_cast<std::uint16_t>(FeedType::kCommand),
+                                            command_json(command, id));
+  if (feed_ != Feed::kLive) {
+    refuse(viewer, command, feed_ == Feed::kEnded ? "the run has ended" : "no run is connected");
+  } else if (!send_command_(frame, command.what, newest)) {
+    refuse(viewer, command, "the run does not read its commands");
+  } else if (!newest) {
+    if (pending_.size() == kMostPending) {
+      pending_.pop_front();
+    }
+    pending_.push_back({id, command.id, &viewer});
+  }
+}
+
+void Hub::refuse(Viewer& viewer, const PageCommand& command, const std::string& why) {
+  if (command.what != PageCommand::What::kShown) {
+    say(viewer, {{"type", "acknowledged"},
+                 {"id", command.id},
+                 {"what", name_of(command.what)},
+                 {"done", false},
+                 {"text", why}});
+  }
+}
+
+}  // namespace forcegrid::view

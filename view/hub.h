@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "view/messages.h"
+#include "view/outbox.h"
+#include "view/scope_rows.h"
+#include "view_link/frame.h"
+
+namespace forcegrid::view {
+
+/// A page that looks on.
+struct Viewer {
+  Outbox outbox;
+  std::function<void()> wake;  ///< called when the outbox has something; calls nothing of the hub
+};
+
+/// What is known of the run and of the surfaces, and who is told. Everything that a peer sends is
+/// checked here; a peer that breaks the protocol is reported as ViewLinkError, and its connection
+/// is to be closed. It knows no sockets. Real-time: no. Threads: one.
+class Hub {
+ public:
+  /// Hands a command to the run. `newest`: it may take the place of one of its kind that waits.
+  /// False: no run is connected, or it does not read.
+  using SendCommand =
+      std::function<bool(const view_link::Frame& frame, PageCommand::What what, bool newest)>;
+
+  explicit Hub(SendCommand send_command) : send_command_(std::move(send_command)) {}
+
+  /// A frame of the feed. @throws ViewLinkError saying what is wrong with it.
+  void take_feed(const view_link::Frame& frame);
+  /// The feed's connection is closed.
+  void feed_lost();
+
+  /// A frame of the simulator `peer`, any number. An object belongs to the peer that sends it
+  /// first.
+  /// @throws ViewLinkError saying what is wrong with it.
+  void take_surface(std::uint64_t peer, const view_link::Frame& frame);
+  void surface_lost(std::uint64_t peer);
+
+  /// The first viewer is the controller. `viewer` stays where it is until leave().
+  void join(Viewer& viewer);
+  void leave(Viewer& viewer);
+  /// The same for all, without telling anyone: the server ends.
+  void forget_viewers() noexcept;
+  /// What a page sends. @throws ViewLinkError for what is no command.
+  void take_page(Viewer& viewer, std::string_view text);
+
+  bool is_controller(const Viewer& viewer) const noexcept { return controller_ == &viewer; }
+
+ private:
+  enum class Feed { kWaiting, kLive, kEnded };
+  struct Surface {
+    std::optional<std::uint64_t> peer;
+    std::uint32_t epoch = 0;
+    std::size_t vertices = 0;
+    SharedBytes shape;
+    SharedBytes frame;
+  };
+  struct Pending {  ///< a command that the run may acknowledge
+    std::uint64_t run_id;
+    std::uint64_t page_id;
+    Viewer* viewer;
+  };
+
+  void take_hello(const view_link::Frame& frame);
+  void take_cycles(const view_link::Frame& frame);
+  void take_samples(const view_link::Frame& frame);
+  void take_note(nlohmann::json note);
+  void take_acknowledgement(nlohmann::json acknowledgement);
+  void take_shape(std::uint64_t peer, const view_link::Frame& frame);
+  void take_surface_frame(std::uint64_t peer, const view_link::Frame& frame);
+  void forward(Viewer& viewer, const PageCommand& command);
+  void take_control(Viewer& viewer);
+  void say(Viewer& viewer, const nlohmann::json& text, bool after_rows = false);
+  void say_to_all(const nlohmann::json& text, bool after_rows = false);
+  void refuse(Viewer& viewer, const PageCommand& command, const std::string& why);
+  void say_hello(Viewer& viewer);
+  void say_role(Viewer& viewer);
+  const char* role_of(const Viewer& viewer) const noexcept;
+  template <typename Change>
+  void change_all(const Change& change);
+
+  SendCommand send_command_;
+  std::vector<Viewer*> viewers_;
+  Viewer* controller_ = nullptr;
+  Feed feed_ = Feed::kWaiting;
+  nlohmann::json hello_;
+  nlohmann::json end_;
+  std::deque<nlohmann::json> notes_;  ///< the newest, for pages that come later
+  std::optional<ScopeRows> rows_;
+  std::array<Surface, kMostObjects> surfaces_;
+  std::deque<Pending> pending_;
+  std::uint64_t next_id_ = 1;
+};
+
+}  // namespace forcegrid::view

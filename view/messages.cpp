@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "view/messages.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "view_link/little_endian.h"
+
+namespace forcegrid::view {
+namespace {
+
+using nlohmann::json;
+using What = PageCommand::What;
+
+constexpr int kDeepest = 16;
+constexpr double kFarthest_m = 10.0;
+constexpr std::uint64_t kMostId = std::uint64_t{1} << 53;  // exact as a number of a script
+constexpr std::uint32_t kMostLines = 1024;
+
+// Before the parser: what it makes of deep nesting is written out by recursion.
+bool is_shallow(std::string_view text) {
+  int depth = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char letter = text[i];
+    if (in_string) {
+      if (letter == '\\') {
+        ++i;
+      } else if (letter == '"') {
+        in_string = false;
+      }
+    } else if (letter == '"') {
+      in_string = true;
+    } else if (letter == '[' || letter == '{') {
+      if (++depth > kDeepest) {
+        return false;
+      }
+    } else if (letter == ']' || letter == '}') {
+      --depth;
+    }
+  }
+  return true;
+}
+
+std::optional<std::uint64_t> count_of(const json& object, const char* key) {
+  const auto found = object.find(key);
+  if (found == object.end() || !found->is_number_unsigned() ||
+      found->get<std::uint64_t>() > kMostId) {
+    return std::nullopt;
+  }
+  return found->get<std::uint64_t>();
+}
+
+// False: there is no target, or it is none.
+bool read_target(const json& object, PageCommand& command) {
+  const auto target = object.find("target_W_m");
+  if (target == object.end()) {
+    return false;
+  }
+  if (target->is_null()) {
+    return true;
+  }
+  if (!target->is_array() || target->size() != 3) {
+    return false;
+  }
+  std::array<double, 3> position_W_m{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const json& number = (*target)[axis];
+    if (!number.is_number() || !(std::abs(number.get<double>()) <= kFarthest_m)) {
+      return false;
+    }
+    position_W_m[axis] = number.get<double>();
+  }
+  command.target_W_m = position_W_m;
+  return true;
+}
+
+bool read_pause(const json& object, PageCommand& command) {
+  const auto value = object.find("value");
+  if (value == object.end() || !value->is_boolean()) {
+    return false;
+  }
+  command.pause = value->get<bool>();
+  return true;
+}
+
+bool read_shown(const json& object, PageCommand& command) {
+  const auto cycle = count_of(object, "cycle");
+  command.cycle = cycle.value_or(0);
+  return cycle.has_value();
+}
+
+}  // namespace
+
+view_link::Bytes message_head(PageType type, std::uint8_t object) {
+  return {static_cast<std::uint8_t>(type), object, 0, 0};
+}
+
+SharedBytes message_of(PageType type, std::uint8_t object, std::span<const std::uint8_t> payload) {
+  auto bytes = std::make_shared<view_link::Bytes>();
+  bytes->reserve(4 + payload.size());
+  *bytes = message_head(type, object);
+  view_link::append(*bytes, payload);
+  return bytes;
+}
+
+std::array<std::uint8_t, kSampleBytes> sample_bytes(const view_link::FeedSample& sample,
+                                                    double time_s) {
+  std::array<float, kSampleBytes / sizeof(float)> number{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    number[axis] = narrow(sample.position_W_m[axis]);
+    number[3 + axis] = narrow(sample.force_W_N[axis]);
+  }
+  number[6] = narrow(time_s);
+  number[7] = sample.in_contact != 0 ? 1.0F : 0.0F;
+  return std::bit_cast<std::array<std::uint8_t, kSampleBytes>>(number);
+}
+
+bool arm_is_sound(std::span<const std::uint8_t> payload) {
+  view_link::Reader reader(payload);
+  const auto lines = reader.take<std::uint32_t>();
+  if (lines > kMostLines) {
+    return false;
+  }
+  for (std::uint32_t line = 0; line < lines && reader.ok(); ++line) {
+    const auto points = reader.take<std::uint32_t>();
+    if (points > reader.left() / (3 * sizeof(float))) {
+      return false;
+    }
+    for (std::uint32_t point = 0; point < points; ++point) {
+      const auto position_W_m = reader.take<std::array<float, 3>>();
+      if (!std::all_of(position_W_m.begin(), position_W_m.end(),
+                       [](float number) { return std::isfinite(number); })) {
+        return false;
+      }
+    }
+  }
+  return reader.ok() && reader.left() == 0;
+}
+
+std::optional<json> parse_object(std::string_view text) {
+  if (!is_shallow(text)) {
+    return std::nullopt;
+  }
+  json value = json::parse(text.begin(), text.end(), nullptr, false);
+  if (!value.is_object()) {
+    return std::nullopt;
+  }
+  return value;
+}
+
+std::optional<PageCommand> parse_command(std::string_view text) {
+  if (text.size() > kLargestPageText) {
+    return std::nullopt;
+  }
+  const std::optional<json> object = parse_object(text);
+  if (!object) {
+    return std::nullopt;
+  }
+  PageCommand command;
+  if (object->contains("id")) {
+    const auto id = count_of(*object, "id");
+    if (!id) {
+      return std::nullopt;
+    }
+    command.id = *id;
+  }
+  const auto what = object->find("what");
+  if (what == object->end() || !what->is_string()) {
+    return std::nullopt;
+  }
+  const auto& name = what->get_ref<const std::string&>();
+  bool complete = true;
+  if (name == "stop") {
+    command.what = What::kStop;
+  } else if (name == "pause") {
+    command.what = What::kPause;
+    complete = read_pause(*object, command);
+  } else if (name == "hand") {
+    command.what = What::kHand;
+    complete = read_target(*object, command);
+  } else if (name == "shown") {
+    command.what = What::kShown;
+    complete = read_shown(*object, command);
+  } else if (name == "take_control") {
+    command.what = What::kTakeControl;
+  } else {
+    return std::nullopt;
+  }
+  return complete ? std::optional(command) : std::nullopt;
+}
+
+const char* name_of(What what) noexcept {
+  switch (what) {
+    case What::kStop:
+      return "stop";
+    case What::kPause:
+      return "pause";
+    case What::kHand:
+      return "hand";
+    case What::kShown:
+      return "shown";
+    case What::kTakeControl:
+      return "take_control";
+  }
+  return "";
+}
+
+std::string command_json(const PageCommand& command, std::uint64_t id) {
+  json object = {{"id", id}, {"what", name_of(command.what)}};
+  if (command.what == What::kPause) {
+    object["value"] = command.pause;
+  } else if (command.what == What::kHand) {
+    object["target_W_m"] = command.target_W_m ? json(*command.target_W_m) : json(nullptr);
+  } else if (command.what == What::kShown) {
+    object["cycle"] = command.cycle;
+  }
+  return object.dump();
+}
+
+}  // namespace forcegrid::view

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "view/options.h"
+
+#include <arpa/inet.h>
+
+#include <charconv>
+
+namespace forcegrid::view {
+namespace {
+
+constexpr std::string_view kHelp =
+    R"(forcegrid-view: shows a run of forcegrid in a browser on this machine.
+usage: forcegrid-view [--listen ADDRESS:PORT] [--until-stdin-closes]
+
+`forcegrid run --view` starts this program and feeds it. Its first line of output is
+  listening ADDRESS:PORT folder FOLDER token TOKEN
+and the page is http://ADDRESS:PORT/?token=TOKEN. FOLDER has the sockets `feed` and `surface`.
+
+  --listen ADDRESS:PORT  where browsers connect, 127.0.0.1:0 if it is not given; port 0 is any
+                         that is free. Only addresses of this machine itself: 127.*.*.* and [::1]
+  --until-stdin-closes   end when standard input is closed
+  --help                 print this and end
+  --version              print the version and end
+
+Environment:
+  FORCEGRID_VIEW_TOKEN   the token, at least 32 hexadecimal digits; a random one if it is not set
+)";
+
+// An IPv4 or IPv6 address that packets to other machines never carry.
+bool is_loopback(const std::string& address) {
+  in_addr four{};
+  if (::inet_pton(AF_INET, address.c_str(), &four) == 1) {
+    return (ntohl(four.s_addr) >> 24) == 127;
+  }
+  in6_addr six{};
+  return ::inet_pton(AF_INET6, address.c_str(), &six) == 1 && IN6_IS_ADDR_LOOPBACK(&six);
+}
+
+bool is_literal(const std::string& address) {
+  in6_addr bytes{};
+  return ::inet_pton(AF_INET, address.c_str(), &bytes) == 1 ||
+         ::inet_pton(AF_INET6, address.c_str(), &bytes) == 1;
+}
+
+void set_listen(Options& options, const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  if (colon == std::string::npos) {
+    throw ViewError("--listen " + text + ": it has no port; use ADDRESS:PORT, as 127.0.0.1:8080");
+  }
+  std::string address = text.substr(0, colon);
+  if (address.size() >= 2 && address.front() == '[' && address.back() == ']') {
+    address = address.substr(1, address.size() - 2);
+  } else if (address.find(':') != std::string::npos) {
+    throw ViewError("--listen " + text + ": an IPv6 address stands in brackets, as [::1]:8080");
+  }
+  if (address == "localhost") {
+    address = "127.0.0.1";
+  }
+  if (!is_literal(address)) {
+    throw ViewError("--listen " + text + ": '" + address +
+                    "' is no address; use 127.0.0.1, [::1] or localhost");
+  }
+  if (!is_loopback(address)) {
+    throw ViewError("--listen " + text + ": other machines reach " + address +
+                    ", and the page is not encrypted; use 127.0.0.1, and a tunnel as "
+                    "`ssh -L 8080:127.0.0.1:PORT` from elsewhere");
+  }
+  const std::string port = text.substr(colon + 1);
+  const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), options.port);
+  if (error != std::errc() || end != port.data() + port.size() || port.empty()) {
+    throw ViewError("--listen " + text + ": '" + port + "' is no port; use 0 to 65535");
+  }
+  options.address = address;
+}
+
+}  // namespace
+
+Options parse_options(std::span<const char* const> arguments) {
+  Options options;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string_view word = arguments[i];
+    if (word == "--listen" || word.starts_with("--listen=")) {
+      const bool together = word != "--listen";
+      if (!together && i + 1 == arguments.size()) {
+        throw ViewError("--listen: the address is missing; use --listen ADDRESS:PORT");
+      }
+      set_listen(options, together ? std::string(word.substr(word.find('=') + 1))
+                                   : std::string(arguments[++i]));
+    } else if (word == "--until-stdin-closes") {
+      options.until_stdin_closes = true;
+    } else if (word == "--help" || word == "-h") {
+      options.help = true;
+    } else if (word == "--version") {
+      options.version = true;
+    } else {
+      throw ViewError("unknown argument '" + std::string(word) + "'; see forcegrid-view --help");
+    }
+  }
+  return options;
+}
+
+std::string_view help_text() { return kHelp; }
+
+}  // namespace forcegrid::view

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "view/messages.h"
+#include "view/scope_rows.h"
+
+namespace forcegrid::view {
+
+inline constexpr std::size_t kMostObjects = 4;
+
+/// A message to a page.
+struct PageMessage {
+  bool text = false;
+  SharedBytes bytes;
+};
+
+/// What waits for one page. It is bounded: a page that does not read keeps the newest scope rows
+/// and samples, and of surfaces and the arm the newest alone. Real-time: no. Threads: one.
+class Outbox {
+ public:
+  static constexpr std::size_t kMostTextBytes = std::size_t{512} << 10;
+  static constexpr std::size_t kMostRows = 6000;  ///< a minute
+  static constexpr std::size_t kMostSamples = 4096;
+
+  /// A text. @param after_rows  it goes after the rows and samples that wait; others go first.
+  void add_text(std::string text, bool after_rows = false);
+  void add_row(const ScopeRow& row);
+  void add_sample(const std::array<std::uint8_t, kSampleBytes>& sample);
+  void set_arm(SharedBytes message);
+  /// A shape also takes the place of its object's frame that waits. @param object  < kMostObjects
+  void set_shape(std::size_t object, SharedBytes message);
+  void set_surface(std::size_t object, SharedBytes message);
+  void forget_surface(std::size_t object);
+  /// Drops rows, samples and arm: another run begins.
+  void forget_run();
+
+  /// Texts first, then shapes, then the other kinds in turn. Nothing: nothing waits.
+  std::optional<PageMessage> next();
+
+  /// More texts wait than kMostTextBytes: the page is not to be waited for.
+  bool overrun() const noexcept { return text_bytes_ > kMostTextBytes; }
+  std::uint64_t dropped() const noexcept { return dropped_; }  ///< rows, samples, frames
+
+ private:
+  struct Text {
+    SharedBytes bytes;
+    bool after_rows;
+  };
+  std::optional<PageMessage> next_in_turn();
+  std::optional<PageMessage> take_rows();
+  std::optional<PageMessage> take_samples();
+
+  std::deque<Text> texts_;
+  std::size_t text_bytes_ = 0;
+  std::deque<ScopeRow> rows_;
+  std::deque<std::array<std::uint8_t, kSampleBytes>> samples_;
+  SharedBytes arm_;
+  std::array<SharedBytes, kMostObjects> shapes_;
+  std::array<SharedBytes, kMostObjects> surfaces_;
+  std::size_t turn_ = 0;
+  std::uint64_t dropped_ = 0;
+};
+
+}  // namespace forcegrid::view
