@@ -54,8 +54,10 @@ Server::Server(const Options& options, std::string token, PageFiles files, std::
       signals_(context_),
       standard_input_(context_),
       until_stdin_closes_(options.until_stdin_closes) {
+  wait_for_signals();
   listen_for_browsers(options);
   listen_for_peers();
+  accept();
 }
 
 Server::~Server() { hub_.forget_viewers(); }
@@ -116,8 +118,6 @@ bool Server::send_to_run(const view_link::Frame& frame, PageCommand::What what, 
 }
 
 void Server::run() {
-  accept();
-  wait_for_signals();
   if (until_stdin_closes_) {
     const int input = ::dup(STDIN_FILENO);
     if (input < 0) {

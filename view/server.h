@@ -24,7 +24,8 @@ namespace forcegrid::view {
 /// thread that calls run(). Real-time: no. Threads: one.
 class Server {
  public:
-  /// Listens. `folder` is where the sockets `feed` and `surface` are made.
+  /// Listens, and takes signals from now on. `folder` is where the sockets `feed` and `surface` are
+  /// made.
   /// @throws ViewError naming the address or socket and the system's reason.
   Server(const Options& options, std::string token, PageFiles files, std::string folder);
   ~Server();
