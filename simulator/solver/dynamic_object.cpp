@@ -98,6 +98,13 @@ class DynamicObject::Implementation {
   bool long_step() const noexcept { return step_s_ * kAlmostWhole > options_.step_s; }
   std::vector<Eigen::Vector3d> positions_W() const { return vectors(position_); }
   std::vector<Eigen::Vector3d> velocities_W() const { return vectors(velocity_); }
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const {
+    position_W.resize(vertices.size());
+    for (std::size_t n = 0; n < vertices.size(); ++n) {
+      position_W[n] = kernels::to_vector(position_[static_cast<std::size_t>(vertices[n])]);
+    }
+  }
 
   int grab(const Eigen::Vector3d& point_W, double radius_m) {
     if (grabbed()) {
@@ -327,6 +334,10 @@ std::vector<Eigen::Vector3d> DynamicObject::positions_W() const {
 }
 std::vector<Eigen::Vector3d> DynamicObject::velocities_W() const {
   return implementation_->velocities_W();
+}
+void DynamicObject::copy_positions(const std::vector<std::int32_t>& vertices,
+                                   std::vector<Eigen::Vector3d>& position_W) const {
+  implementation_->copy_positions(vertices, position_W);
 }
 
 }  // namespace forcegrid::simulator

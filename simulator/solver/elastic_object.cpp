@@ -155,6 +155,14 @@ class ElasticObject<Real>::Implementation {
     }
     return positions;
   }
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const {
+    position_W.resize(vertices.size());
+    for (std::size_t n = 0; n < vertices.size(); ++n) {
+      const std::size_t i = state_.own_number(static_cast<std::size_t>(vertices[n]));
+      position_W[n] = state_.origin_W() + state_.standing_position(i);
+    }
+  }
 
  private:
   void clear_counts() noexcept {
@@ -466,6 +474,11 @@ void ElasticObject<Real>::correct(const Neighbourhood& was, const Neighbourhood&
 template <typename Real>
 std::vector<Eigen::Vector3d> ElasticObject<Real>::positions_W() const {
   return implementation_->positions_W();
+}
+template <typename Real>
+void ElasticObject<Real>::copy_positions(const std::vector<std::int32_t>& vertices,
+                                         std::vector<Eigen::Vector3d>& position_W) const {
+  implementation_->copy_positions(vertices, position_W);
 }
 template <typename Real>
 const std::vector<std::int32_t>& ElasticObject<Real>::patch() const noexcept {

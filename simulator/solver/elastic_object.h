@@ -148,6 +148,11 @@ class ElasticObject {
 
   /// [m] All vertices' positions in W, in the mesh's numbering.
   std::vector<Eigen::Vector3d> positions_W() const;
+  /// Copies where `vertices` (the mesh's numbering) stand now, [m] in W, into `position_W`, which
+  /// gets their number. With border_tolerance the vertices outside the region follow S. Allocates
+  /// only to grow it.
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const;
 
   /// Vertices that the tool holds, in the mesh's numbering.
   const std::vector<std::int32_t>& patch() const noexcept;

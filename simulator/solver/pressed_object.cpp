@@ -131,6 +131,13 @@ class PressedObject::Implementation {
     }
     return result;
   }
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const {
+    position_W.resize(vertices.size());
+    for (std::size_t n = 0; n < vertices.size(); ++n) {
+      position_W[n] = origin_W_ + springs_.position(static_cast<std::size_t>(vertices[n]));
+    }
+  }
 
  private:
   enum class Outcome { kSettled, kOutOfRounds, kUnstable };
@@ -378,6 +385,10 @@ int PressedObject::grasp() noexcept { return implementation_->grasp(); }
 void PressedObject::let_go() noexcept { implementation_->let_go(); }
 std::vector<Eigen::Vector3d> PressedObject::positions_W() const {
   return implementation_->positions_W();
+}
+void PressedObject::copy_positions(const std::vector<std::int32_t>& vertices,
+                                   std::vector<Eigen::Vector3d>& position_W) const {
+  implementation_->copy_positions(vertices, position_W);
 }
 
 }  // namespace forcegrid::simulator

@@ -96,6 +96,10 @@ class PressedObject {
 
   /// [m] All vertices' positions in W, in the mesh's numbering.
   std::vector<Eigen::Vector3d> positions_W() const;
+  /// Copies where `vertices` (the mesh's numbering) stand now, [m] in W, into `position_W`, which
+  /// gets their number. Allocates only to grow it.
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const;
 
  private:
   class Implementation;

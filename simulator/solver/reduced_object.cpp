@@ -109,6 +109,8 @@ int ReducedObject::grab(const Eigen::Vector3d& point_W, double radius_m) {
   }
   const int held = full_.grab(point_W, radius_m);
   if (held > 0) {
+    held_ = true;
+    displacement_W_.setZero();
     set_ = begin_training_set(mesh_, full_);
   }
   return held;
@@ -117,9 +119,45 @@ int ReducedObject::grab(const Eigen::Vector3d& point_W, double radius_m) {
 void ReducedObject::release() noexcept {
   forget();
   full_.release();
+  held_ = false;
 }
 
 Equilibrium ReducedObject::move_to(const Eigen::Vector3d& displacement_W) {
+  const Equilibrium now = answer(displacement_W);
+  displacement_W_ = now.displacement_W;
+  return now;
+}
+
+// Notes the full object's state, which must be idle.
+void ReducedObject::see() noexcept {
+  if (!seen_vertices_.empty()) {
+    full_.copy(seen_vertices_, seen_);
+  }
+}
+
+void ReducedObject::copy_positions(const std::vector<std::int32_t>& vertices,
+                                   std::vector<Eigen::Vector3d>& position_W) {
+  if (vertices != seen_vertices_) {
+    if (check_.valid()) {
+      finish_check();
+    }
+    seen_vertices_ = vertices;
+    seen_.vertices.resize(vertices.size());
+  }
+  if (!check_.valid()) {
+    see();
+  }
+  const Eigen::Vector3d moved_W =
+      held_ ? Eigen::Vector3d(displacement_W_ - seen_.displacement_W) : Eigen::Vector3d::Zero();
+  position_W.resize(vertices.size());
+  for (std::size_t n = 0; n < vertices.size(); ++n) {
+    const Neighbourhood::Vertex& vertex = seen_.vertices[n];
+    position_W[n] = mesh_.top_W + vertex.position_W.cast<double>() +
+                    vertex.sensitivity_W.cast<double>() * moved_W;
+  }
+}
+
+Equilibrium ReducedObject::answer(const Eigen::Vector3d& displacement_W) {
   if (!displacement_W.allFinite() || (!check_.valid() && !full_.grabbed())) {
     if (check_.valid()) {
       finish_check();
@@ -185,6 +223,7 @@ void ReducedObject::start_check(const Equilibrium& reduced) {
 
 void ReducedObject::finish_check() {
   Checked found = check_.get();
+  see();
   if (found.full.left_branch) {
     tell("forgotten: the object has left its branch of equilibria");
     forget();

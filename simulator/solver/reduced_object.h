@@ -9,8 +9,10 @@
 #include <future>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "simulator/solver/elastic_object.h"
+#include "simulator/solver/neighbourhood.h"
 #include "simulator/solver/reduced_training.h"
 #include "simulator/solver/reduced_use.h"
 #include "simulator/solver/solver_report.h"
@@ -76,6 +78,14 @@ class ReducedObject {
   /// Throws std::system_error when no thread can be started.
   Equilibrium move_to(const Eigen::Vector3d& displacement_W);
 
+  /// Copies where `vertices` (the mesh's numbering) stand, [m] in W, into `position_W`, which gets
+  /// their number. A model knows no positions: after its answers they are those of the full object
+  /// at its last finished check, moved on along S to the tool's present place, which the held
+  /// vertices follow exactly. When other vertices are asked for than in the call before and a check
+  /// runs, this waits for it.
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W);
+
   const ReducedUse& use() const noexcept { return use_; }
   SolverReport report() const noexcept { return {.reduced = use_}; }
 
@@ -87,7 +97,9 @@ class ReducedObject {
     std::optional<ReducedSnapshot> state;
   };
 
+  Equilibrium answer(const Eigen::Vector3d& displacement_W);
   void tell(const std::string& what);
+  void see() noexcept;
   void collect();
   void start_check(const Equilibrium& reduced);
   void finish_check();
@@ -113,7 +125,11 @@ class ReducedObject {
   double last_check_ = 0.0;
   int passes_left_ = 0;
   int until_check_ = 0;
-  bool left_branch_ = false;  // found by a check, not reported yet
+  bool left_branch_ = false;                 // found by a check, not reported yet
+  std::vector<std::int32_t> seen_vertices_;  // that copy_positions() was last asked for
+  Neighbourhood seen_;                       // these in the full object, when it was last idle
+  bool held_ = false;
+  Eigen::Vector3d displacement_W_ = Eigen::Vector3d::Zero();  // [m] of the last answer
   std::uint64_t told_ = 0;
   ReducedUse use_;
   std::future<Checked> check_;

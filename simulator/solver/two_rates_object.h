@@ -72,6 +72,13 @@ class TwoRatesObject {
   /// object has left its branch.
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
 
+  /// As ElasticObject::copy_positions(), of the object that answers. Outside the region the
+  /// vertices stand where the whole object's last solution has them, moved on along S.
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const {
+    near_.copy_positions(vertices, position_W);
+  }
+
   /// Solutions of the whole object that moves have used, since construction.
   std::uint64_t whole_solutions() const noexcept { return whole_solutions_; }
   SolverReport report() const noexcept { return {.whole_solutions = whole_solutions_}; }

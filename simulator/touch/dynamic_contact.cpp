@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "simulator/mesh/error.h"
 #include "simulator/touch/sticky_contact_steps.h"
@@ -78,6 +80,10 @@ class StickingInTime final : public ToolContact {
   }
   bool depends_on_position_alone() const noexcept override { return false; }
   SolverReport report() const noexcept override { return {.long_step = long_step_}; }
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) override {
+    object_.copy_positions(vertices, position_W);
+  }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
 

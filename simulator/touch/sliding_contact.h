@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "simulator/mesh/rest_surface.h"
 #include "simulator/solver/pressed_object.h"
@@ -40,6 +41,10 @@ class SlidingContact final : public ToolContact {
                                                 double within_s) const noexcept override;
   bool depends_on_position_alone() const noexcept override { return false; }
   SolverReport report() const noexcept override { return {}; }
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) override {
+    object_.copy_positions(vertices, position_W);
+  }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }
 

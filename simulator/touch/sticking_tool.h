@@ -3,8 +3,10 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "simulator/mesh/scene.h"
 #include "simulator/touch/sticky_contact.h"
@@ -54,6 +56,10 @@ class StickingTool final : public ToolContact {
     } else {
       return {};
     }
+  }
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) override {
+    object_.copy_positions(vertices, position_W);
   }
   std::size_t vertex_count() const noexcept override { return object_.vertex_count(); }
   std::size_t spring_count() const noexcept override { return object_.spring_count(); }

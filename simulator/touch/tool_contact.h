@@ -3,8 +3,10 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "simulator/mesh/scene.h"
 #include "simulator/mesh/tool_options.h"
@@ -48,6 +50,12 @@ class ToolContact {
   virtual bool depends_on_position_alone() const noexcept = 0;
   /// The solver's report as of the last step.
   virtual SolverReport report() const noexcept = 0;
+  /// Copies where `vertices` (the mesh's numbering) stand after the last step, [m] in W, into
+  /// `position_W`, which gets their number. Solvers that do not solve for every vertex in every
+  /// step give the best that they know: ElasticObject::copy_positions() (local),
+  /// TwoRatesObject::copy_positions(), ReducedObject::copy_positions().
+  virtual void copy_positions(const std::vector<std::int32_t>& vertices,
+                              std::vector<Eigen::Vector3d>& position_W) = 0;
   virtual std::size_t vertex_count() const noexcept = 0;
   virtual std::size_t spring_count() const noexcept = 0;
 };

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include "simulator/mesh/error.h"
@@ -99,6 +100,40 @@ TEST(ReducedObject, WithTheFullObjectOnAnotherThreadItAnswersTheSame) {
     }
   }
   EXPECT_GE(object.use().answers, 300U) << "after " << k << " moves";
+}
+
+TEST(ReducedObject, PositionsWithAModelAreNearlyTheFullObjectsAndThePatchIsExact) {
+  const SpringMesh mesh = block();
+  ReducedObject object(mesh, in_place());
+  ElasticObject<double> converged(mesh, {.relative_tolerance = 1e-6});
+  object.grab(mesh.top_W, kPatch_m);
+  converged.grab(mesh.top_W, kPatch_m);
+  std::vector<std::int32_t> all(mesh.rest_position_W.size());
+  std::iota(all.begin(), all.end(), 0);
+  std::vector<Vector3d> position_W;
+  int models = 0;
+  int k = 1;
+  for (; k < 2000 && models < 50; ++k) {
+    object.move_to(place_W(k));
+    object.copy_positions(all, position_W);
+    converged.move_to(place_W(k));
+    if (!object.use().in_use) {
+      continue;
+    }
+    ++models;
+    const std::vector<Vector3d> expected_W = converged.positions_W();
+    double worst_m = 0.0;
+    for (std::size_t i = 0; i < expected_W.size(); ++i) {
+      worst_m = std::max(worst_m, (position_W[i] - expected_W[i]).norm());
+    }
+    // A move is 0.5 mm long. What S leaves of it is of second order.
+    EXPECT_LT(worst_m, 0.03e-3) << k;
+    for (const std::int32_t held : converged.patch()) {
+      const auto i = static_cast<std::size_t>(held);
+      EXPECT_LT((position_W[i] - mesh.rest_position_W[i] - place_W(k)).norm(), 1e-6) << k;
+    }
+  }
+  EXPECT_EQ(models, 50) << "after " << k << " moves";
 }
 
 TEST(ReducedObject, AToolThatKeepsToALineIsEnoughToLearnFrom) {
