@@ -74,6 +74,7 @@ int simulate_command(const SimulateOptions& options) {
   simulator.key_files = options.key_files;
   simulator.allowed = options.allowed;
   simulator.workers = options.workers;
+  simulator.surface = options.surface;
   simulator.rate_Hz = options.rate_Hz;
   simulator.answer_delay_s = 1e-3 * options.delay_ms;
   simulator.say_loading = options.until_stdin_closes;

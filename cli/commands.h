@@ -41,6 +41,7 @@ struct SimulateOptions {
   std::vector<std::string> key_files;
   std::vector<std::string> allowed;
   std::string workers;
+  std::string surface;
   double rate_Hz = 30.0;
   double delay_ms = 0.0;
   ToolChoice tool;

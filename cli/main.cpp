@@ -140,6 +140,11 @@ void add_simulate(Command& app, SimulateOptions& o, std::function<int()>& action
       ->show_default()
       ->type_name("FLOAT ms");
   add_tool(simulate, o.tool);
+  simulate
+      .add_option("--surface", o.surface,
+                  "Unix socket of the live view (FOLDER/surface of forcegrid-view), which gets the "
+                  "surface as it deforms")
+      ->type_name("PATH");
   simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
   simulate
       .add_flag("--bench", o.bench,

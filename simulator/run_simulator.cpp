@@ -26,6 +26,7 @@
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/predicted_contact.h"
+#include "simulator/surface_stream.h"
 #include "simulator/touch/solver_choice.h"
 #include "simulator/touch/solver_contact.h"
 #include "simulator/workers/loading.h"
@@ -122,6 +123,9 @@ class Loop {
                    make_pool(options, scene, solver.options, tool)),
         period_(rt::from_seconds(1.0 / options.rate_Hz)),
         delay_(rt::from_seconds(options.answer_delay_s)) {
+    if (!options.surface.empty()) {
+      surface_ = std::make_unique<SurfaceStream>(scene.mesh, options.surface);
+    }
     summary_.scene = scene.name;
     summary_.tool = tool.shape;
     summary_.contact = tool.contact;
@@ -148,6 +152,7 @@ class Loop {
         continue;
       }
       tick();
+      show_surface();
       ++summary_.ticks;
       deadline += period_;
       const rt::TimePoint done = rt::Clock::now();
@@ -247,8 +252,15 @@ class Loop {
                                "--allow its address");
   }
 
-  void begin_anew() {
+  void reset_contact() {
     contact_->reset();
+    if (surface_) {
+      surface_->touch();
+    }
+  }
+
+  void begin_anew() {
+    reset_contact();
     scheduler_.begin_anew();
     newest_.reset();
     delayed_.clear();
@@ -273,11 +285,14 @@ class Loop {
     const rt::TimePoint start = rt::Clock::now();
     const StickyContact::Answer answer = contact_->step(position_W);
     const double solve_s = rt::seconds(rt::Clock::now() - start);
+    if (surface_) {
+      surface_->touch();
+    }
     if (!finite(answer.equilibrium)) {
       // The link would refuse it, and the state can no longer be trusted.
       ++summary_.not_finite;
       lost_epochs_ += answer.epoch;
-      contact_->reset();
+      reset_contact();
       return;
     }
     epoch_ = answer.epoch;
@@ -299,6 +314,19 @@ class Loop {
       delayed_.push_back({rt::Clock::now() + delay_, sample, patch_to_send});
     } else {
       send(sample, patch_to_send);
+    }
+  }
+
+  // After the sample was sent, which must not wait for it.
+  void show_surface() {
+    if (!surface_) {
+      return;
+    }
+    const std::uint64_t frames = surface_->counts().frames;
+    const rt::TimePoint start = rt::Clock::now();
+    surface_->show(*contact_);
+    if (surface_->counts().frames != frames) {
+      surface_us_.add(1e6 * rt::seconds(rt::Clock::now() - start));
     }
   }
 
@@ -369,6 +397,14 @@ class Loop {
     if (scheduler_.pool() != nullptr) {
       summary_.workers = scheduler_.pool()->statistics();
     }
+    if (surface_) {
+      const SurfaceStream::Counts counts = surface_->counts();
+      summary_.surface = {.frames = counts.frames,
+                          .dropped = counts.dropped,
+                          .view_lost = counts.lost,
+                          .mean_ms = 1e-3 * surface_us_.mean(),
+                          .max_ms = 1e-3 * surface_us_.max()};
+    }
     const SolverReport report = contact_->report();
     summary_.whole_solutions = report.whole_solutions.value_or(0);
     summary_.reduced = report.reduced.value_or(ReducedUse{});
@@ -386,6 +422,7 @@ class Loop {
   bool warned_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
+  std::unique_ptr<SurfaceStream> surface_;  // null: nobody watches
   PredictedContact predicted_;
   QueryScheduler scheduler_;
   rt::Duration period_;
@@ -396,6 +433,7 @@ class Loop {
   std::uint32_t lost_epochs_ = 0;
   std::deque<Delayed> delayed_;
   rt::Percentiles solve_us_;
+  rt::Percentiles surface_us_;
   std::uint64_t iterations_ = 0;
   SimulatorSummary summary_;
 };

@@ -35,6 +35,9 @@ struct SimulatorOptions {
   /// Is told each long step of the start as it begins, and "" before `out` or `log` is written to;
   /// may be empty.
   std::function<void(const std::string&)> step;
+  /// Path of the live view's Unix socket, which gets the surface as it deforms, see SurfaceStream;
+  /// empty: none.
+  std::string surface;
   int nice = 5;  ///< 0..19, for the calling thread, so that servo and emulator run first
   bool say_loading = false;  ///< while the scene loads, `out` gets a line of it now and then
 };
@@ -56,16 +59,19 @@ struct SimulatorOptions {
 /// patch also carries the forces just after it: dF/dP for a tool that sticks, solved in idle time,
 /// and two forces for a tool that slides, which a low-priority thread computes.
 ///
+/// Surface. With `surface` the loop sends the object's surface to the live view, after the sample
+/// of the same tick.
+///
 /// @param out  with `say_loading`, gets a line `loading SCENE, N s` now and then while the work on
 ///   the scene goes on (rt/checkpoint.h). When the simulator is ready, gets
 ///   `listening ADDR:PORT scene NAME vertices N springs M` and a flush.
 /// @param stop_fd  a pipe or standard input; the loop ends when it is readable or closed. -1: none.
 /// Remarks for a user go to the log (log/log.h).
 /// Throws Error for options out of range or an unknown scene, link::LinkError for the address,
-/// rt::Interrupted if `stop` is set before the simulator is ready.
-/// Real-time: no; normal scheduling at the nice value of the options, which stays with the calling
-/// thread. Threads: `stop` may be set from any thread or signal handler; the loop reads it every
-/// 50 ms.
+/// view_link::ViewLinkError for `surface` if nobody listens there, rt::Interrupted if `stop` is set
+/// before the simulator is ready. Real-time: no; normal scheduling at the nice value of the
+/// options, which stays with the calling thread. Threads: `stop` may be set from any thread or
+/// signal handler; the loop reads it every 50 ms.
 SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& out,
                                const std::atomic<bool>& stop, int stop_fd = -1);
 

@@ -53,6 +53,16 @@ nlohmann::json to_json(const ReducedUse& use) {
           {"springs", use.springs}};
 }
 
+nlohmann::json to_json(const std::optional<SurfaceUse>& use) {
+  if (!use) {
+    return nullptr;
+  }
+  return {{"frames", use->frames},
+          {"dropped", use->dropped},
+          {"view_lost", use->view_lost},
+          {"frame_ms", {{"mean", use->mean_ms}, {"max", use->max_ms}}}};
+}
+
 }  // namespace
 
 nlohmann::json to_json(const SimulatorSummary& summary) {
@@ -92,7 +102,8 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
             {"p99", summary.solve_p99_ms},
             {"max", summary.solve_max_ms}}},
           {"grab_max_ms", summary.grab_max_ms},
-          {"iterations_mean", summary.iterations_mean}};
+          {"iterations_mean", summary.iterations_mean},
+          {"surface", to_json(summary.surface)}};
 }
 
 }  // namespace forcegrid::simulator

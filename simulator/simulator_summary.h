@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,6 +13,15 @@
 #include "simulator/workers/worker_statistics.h"
 
 namespace forcegrid::simulator {
+
+/// What was sent to the live view.
+struct SurfaceUse {
+  std::uint64_t frames = 0;
+  std::uint64_t dropped = 0;  ///< because the view was slow
+  bool view_lost = false;     ///< it went away during the run
+  double mean_ms = 0.0;       ///< [ms] of a frame: copying the positions, encoding, handing over
+  double max_ms = 0.0;
+};
 
 /// Results of one run of the simulator.
 struct SimulatorSummary {
@@ -54,7 +64,8 @@ struct SimulatorSummary {
   double solve_p99_ms = 0.0;
   double solve_max_ms = 0.0;
   double grab_max_ms = 0.0;
-  double iterations_mean = 0.0;  ///< conjugate-gradient iterations per answer
+  double iterations_mean = 0.0;       ///< conjugate-gradient iterations per answer
+  std::optional<SurfaceUse> surface;  ///< nothing without a live view
 };
 
 /// Keys carry the units.
