@@ -40,6 +40,7 @@ int emulate_command(const EmulateOptions& options) {
   emulator.profiles = options.devices;
   emulator.listen = options.listen;
   emulator.hand = options.hand;
+  emulator.hand_target = options.hand_target;
   emulator.motion = options.motion;
   emulator.amplitude_m = 1e-3 * options.amplitude_mm;
   emulator.seed = options.seed;

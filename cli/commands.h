@@ -14,6 +14,7 @@ struct EmulateOptions {
   std::vector<std::string> devices;  ///< profile names or files
   std::string listen = "127.0.0.1:3240";
   std::string hand = "firm";
+  std::string hand_target;
   std::string motion = "chirp";
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;

@@ -51,6 +51,12 @@ void add_emulate(Command& app, EmulateOptions& o, std::function<int()>& action) 
   emulate.add_option("--hand", o.hand, "Hand that holds the arm: " + joined(hands()))
       ->check(one_of(hands()))
       ->show_default();
+  emulate
+      .add_option("--hand-target", o.hand_target,
+                  "Bind a Unix datagram socket that takes where the hand is wanted: three "
+                  "little-endian 64-bit floats, X, Y, Z in metres; three NaN let go; see "
+                  "docs/devices.md")
+      ->type_name("PATH");
   emulate.add_option("--motion", o.motion, "Motion of that hand: " + joined(motions()))
       ->check(motion_check())
       ->show_default();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -76,6 +77,10 @@ class EmulatedDevice {
 
   /// The person presses the device's button for calibration; no effect on a device without one.
   virtual void press_calibration_button() noexcept {}
+
+  /// Where somebody wants the hand from now on, [m] frame D, finite; nothing: the operator's script
+  /// goes on. See OperatorScript; no effect on a device that no hand holds.
+  virtual void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept = 0;
 
   /// From now on `faults`, which outlives the device or is null, decides the faults of its boot
   /// loader; no effect on a device without one.

@@ -20,7 +20,8 @@ constexpr double kBeyondStop_m = 0.003;
 const Vector3d kStart_D(0.0, 0.0, EmulatedFalcon::kStartHeight_m);
 
 OperatorScript::Options script_options(const DeviceOptions& options) {
-  OperatorScript::Options script = options.operator_script;
+  OperatorScript::Options script =
+      OperatorScript::within_workspace(options.operator_script, options.profile);
   const auto& delta = options.profile.delta;
   const double out_m = delta.knob_max_z_m - delta.center_m[2] + kBeyondStop_m;
   const double in_m = delta.knob_min_z_m - delta.center_m[2] - kBeyondStop_m;
@@ -91,7 +92,8 @@ void EmulatedFalcon::advance_physics(rt::TimePoint now) noexcept {
     const auto packet = firmware_.last_packet();
     const auto action = script_.update(end, {.host_present = packet && end - *packet < kHostGone,
                                              .counters_loaded = 0,
-                                             .homed = firmware_.all_homed()});
+                                             .homed = firmware_.all_homed(),
+                                             .pointer_D = pointer_D_});
     if (action.let_go) {
       delta_.release_hand();
     }

@@ -68,6 +68,10 @@ class EmulatedFalcon final : public EmulatedDevice,
   /// The centre button, for kButtonPress.
   void press_calibration_button() noexcept override;
 
+  void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept override {
+    pointer_D_ = pointer_D;
+  }
+
   [[nodiscard]] EmulatorReport report() const override;
   [[nodiscard]] std::vector<CounterSample> samples() const override { return samples_.newest(); }
 
@@ -97,6 +101,7 @@ class EmulatedFalcon final : public EmulatedDevice,
   FalconFirmware firmware_;
   DeltaModel delta_;
   OperatorScript script_;
+  std::optional<Eigen::Vector3d> pointer_D_;
 
   rt::TimePoint now_;
   std::optional<rt::TimePoint> button_until_;

@@ -60,7 +60,8 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
            ArmKinematics(options.profile.kinematics)
                .joint_angle_rad(calibration_counts(options.profile)),
            options.hand_carries_weight),
-      script_(options.operator_script, arm_.position_D()),
+      script_(OperatorScript::within_workspace(options.operator_script, options.profile),
+              arm_.position_D()),
       frame_order_(options.frame_order),
       name_(options.profile.name),
       full_scale_current_A_(options.profile.motors.full_scale_current_A),
@@ -96,7 +97,8 @@ void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
     const auto fed = firmware_.last_feed();
     const auto action =
         script_.update(end, {.host_present = usb_.configured() && fed && end - *fed < kHostGone,
-                             .counters_loaded = firmware_.statistics().counters_loaded});
+                             .counters_loaded = firmware_.statistics().counters_loaded,
+                             .pointer_D = pointer_D_});
     if (action.press_button) {
       firmware_.press_calibration_button();
     }

@@ -52,6 +52,10 @@ class EmulatedW2 final : public EmulatedDevice {
 
   void press_calibration_button() noexcept override { firmware_.press_calibration_button(); }
 
+  void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept override {
+    pointer_D_ = pointer_D;
+  }
+
   [[nodiscard]] EmulatorReport report() const override;
   [[nodiscard]] std::vector<CounterSample> samples() const override { return samples_.newest(); }
 
@@ -71,6 +75,7 @@ class EmulatedW2 final : public EmulatedDevice {
   W2Firmware firmware_;
   ArmModel arm_;
   OperatorScript script_;
+  std::optional<Eigen::Vector3d> pointer_D_;
   FrameOrder frame_order_;
   std::string name_;
   double full_scale_current_A_;

@@ -43,11 +43,16 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
       {"attached", report.attached},
       {"configured", report.configured},
       {"unplugged", report.unplugged},
+      {"hand_target", nullptr},
       {"faults", report.faults},
       {"motors_last_on_ns", report.motors_last_on_ns},
   };
   if (report.seconds_since_motors_nonzero) {
     json["seconds_since_motors_nonzero"] = *report.seconds_since_motors_nonzero;
+  }
+  if (report.hand_target) {
+    json["hand_target"] = {{"taken", report.hand_target->taken},
+                           {"malformed", report.hand_target->malformed}};
   }
   if (!report.falcon) {
     return;

@@ -46,6 +46,12 @@ struct FalconReport {
   std::uint64_t blocked_substeps = 0;  ///< of the physics, in which the legs would not have closed
 };
 
+/// What came for the hand, see HandTargetSocket.
+struct HandTargetUse {
+  std::uint64_t taken = 0;      ///< well-formed datagrams
+  std::uint64_t malformed = 0;  ///< dropped ones
+};
+
 /// What one emulated device, and above all its motors, did.
 struct EmulatorReport {
   std::string device;  ///< profile name
@@ -81,6 +87,8 @@ struct EmulatorReport {
   bool attached = false;                   ///< a client has imported the device
   bool configured = false;                 ///< and set its configuration
   bool unplugged = false;
+
+  std::optional<HandTargetUse> hand_target;  ///< the same for all devices; nothing without a socket
 
   std::vector<FaultRecord> faults;     ///< in the order in which they were requested
   std::int64_t motors_last_on_ns = 0;  ///< CLOCK_MONOTONIC; 0: never, or no fault was asked for

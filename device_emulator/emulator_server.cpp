@@ -13,6 +13,8 @@
 #include <mutex>
 #include <utility>
 
+#include "device_emulator/hand_target_socket.h"
+
 namespace forcegrid::emulator {
 
 namespace {
@@ -116,6 +118,7 @@ struct EmulatorServer::Impl {
 
   ListenAddress listen_address;
   FileDescriptor listener;
+  std::unique_ptr<HandTargetSocket> hand_target;  // null: nobody points
   Pace pace = Pace::kRealTime;
 
   std::atomic<bool> stopping{false};
@@ -132,6 +135,9 @@ EmulatorServer::Impl::Impl(const ServerOptions& options)
   const rt::TimePoint start = rt::Clock::now();
   for (const DeviceOptions& device : options.devices) {
     add_device(device, start);
+  }
+  if (!options.hand_target.empty()) {
+    hand_target = std::make_unique<HandTargetSocket>(options.hand_target);
   }
   listener = listen_on(listen_address, listen_address.port);
 }
@@ -291,6 +297,11 @@ void EmulatorServer::Impl::serve_bulk_until(rt::TimePoint deadline) {
 
 void EmulatorServer::Impl::frame(rt::TimePoint now) {
   accept_clients(now);
+  if (hand_target && hand_target->receive()) {
+    for (const BusPort& port : ports) {
+      port.device->point_hand_at(hand_target->target_D());
+    }
+  }
   for (UsbipClient& client : clients) {
     if (is_due(client, now)) {
       client.receive(ports, read_buffer, now);
@@ -352,6 +363,9 @@ EmulatorReport EmulatorServer::Impl::report(std::size_t index) const {
   result.busid = port.info.busid;
   result.attached = port.attached;
   result.unplugged = !port.available();
+  if (hand_target) {
+    result.hand_target = hand_target->use();
+  }
   const Bus& bus = bus_of(port);
   result.frames = bus.frames;
   result.frames_late = bus.late;

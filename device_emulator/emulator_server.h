@@ -33,6 +33,9 @@ struct ServerOptions {
   std::string listen = "127.0.0.1:3240";
   /// Full-speed and high-speed devices may be mixed: each speed has a bus of its own.
   std::vector<DeviceOptions> devices;
+  /// Path of a Unix datagram socket that the server binds, for where the hands of all devices are
+  /// wanted, see HandTargetSocket; empty: none.
+  std::string hand_target;
   Pace pace = Pace::kRealTime;
 };
 
@@ -43,12 +46,12 @@ struct ServerOptions {
 ///
 /// One thread serves all clients. In each frame of a bus (usb.frame_period_us, on absolute
 /// deadlines) it reads what the clients of that bus have sent, answers control transfers and
-/// unlinks at once, runs one frame of every device of the bus with the pending URBs, and sends the
-/// replies without waiting. It serves devices with bulk endpoints between frames too, whenever
-/// their client has sent something or they have something for it. A client that does not read its
-/// replies is dropped when kMaxUnsentBytes wait for it; no client can delay a frame. A frame that
-/// begins late is counted and not made up for: the next one begins at least half a period later,
-/// and physics advances by the true time.
+/// unlinks at once, passes on what has come for the hands, runs one frame of every device of the
+/// bus with the pending URBs, and sends the replies without waiting. It serves devices with bulk
+/// endpoints between frames too, whenever their client has sent something or they have something
+/// for it. A client that does not read its replies is dropped when kMaxUnsentBytes wait for it; no
+/// client can delay a frame. A frame that begins late is counted and not made up for: the next one
+/// begins at least half a period later, and physics advances by the true time.
 ///
 /// The device of a client that vanishes gets a bus reset and waits, unconfigured, for the next one;
 /// its firmware continues and its watchdog trips.
@@ -95,9 +98,9 @@ class EmulatorServer {
   };
 
   /// Binds and listens; clients may connect from now on and are served from start() on.
-  /// @throws EmulatorError when the address can't be used (not loopback, port in use), when there
-  ///         is no device or when a frame period is of no bus speed; std::invalid_argument for a
-  ///         profile that can't be emulated.
+  /// @throws EmulatorError when the address can't be used (not loopback, port in use), nor the
+  ///         hands' socket, when there is no device or when a frame period is of no bus speed;
+  ///         std::invalid_argument for a profile that can't be emulated.
   explicit EmulatorServer(const ServerOptions& options);
   ~EmulatorServer();
   EmulatorServer(const EmulatorServer&) = delete;

@@ -46,6 +46,9 @@ class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
   void bus_reset(rt::TimePoint now) noexcept override;
   void power_cycle(rt::TimePoint now) noexcept override { device_->power_cycle(now); }
   void press_calibration_button() noexcept override { device_->press_calibration_button(); }
+  void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept override {
+    device_->point_hand_at(pointer_D);
+  }
   [[nodiscard]] bool motors_on() const override { return device_->motors_on(); }
   [[nodiscard]] bool plugged_in() const noexcept override { return plugged_in_; }
   [[nodiscard]] EmulatorReport report() const override;

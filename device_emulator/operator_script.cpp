@@ -2,6 +2,9 @@
 #include "device_emulator/operator_script.h"
 
 #include <cmath>
+#include <utility>
+
+#include "rt/vectors.h"
 
 namespace forcegrid::emulator {
 
@@ -11,6 +14,13 @@ OperatorScript::OperatorScript(const Options& options, const Eigen::Vector3d& ho
       home_D_(home_D),
       target_D_(home_D),
       return_from_D_(home_D) {}
+
+OperatorScript::Options OperatorScript::within_workspace(Options options,
+                                                         const profiles::DeviceProfile& profile) {
+  options.reach_low_D = rt::to_vector(profile.limits.workspace_min_m);
+  options.reach_high_D = rt::to_vector(profile.limits.workspace_max_m);
+  return options;
+}
 
 OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& senses) noexcept {
   Action action;
@@ -83,7 +93,11 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
       target_D_ = return_from_D_ + minimum_jerk(since_s / kReturn_s) * (home_D_ - return_from_D_);
       break;
   }
-  action.target_D = target_D_;
+  std::optional<Eigen::Vector3d> pointer_D;
+  if (senses.pointer_D && (phase_ == Phase::kApproaching || phase_ == Phase::kMoving)) {
+    pointer_D = senses.pointer_D->cwiseMax(options_.reach_low_D).cwiseMin(options_.reach_high_D);
+  }
+  action.target_D = follower_.update(now, target_D_, pointer_D);
   return action;
 }
 

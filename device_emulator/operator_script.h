@@ -6,7 +6,9 @@
 #include <optional>
 #include <vector>
 
+#include "device_emulator/hand_follower.h"
 #include "device_emulator/hand_motion.h"
+#include "profiles/device_profile.h"
 #include "rt/clock.h"
 
 namespace forcegrid::emulator {
@@ -26,6 +28,10 @@ namespace forcegrid::emulator {
 ///
 /// An operator who lets go keeps still in the calibration pose instead of 2 and 3, and takes the
 /// hand away for good kLetGo_s after the counters have become right.
+///
+/// From the approach on, until the host has gone, the hand follows a pointer instead if there is
+/// one (Senses::pointer_D), within its reach; the script's time goes on meanwhile, and once the
+/// pointer has let go the hand returns to where the script then is (HandFollower).
 ///
 /// The target never jumps. Time is an argument and must not decrease.
 /// Real-time: update() neither allocates, locks nor throws. Threads: one.
@@ -48,6 +54,9 @@ class OperatorScript {
     double approach_height_m = 0.010;                     ///< approach point above contact_D
     double contact_depth_m = 0.0005;                      ///< how far below contact_D the tool goes
     std::optional<HomingGesture> homing{};                ///< nothing: a button calibrates
+    /// [m] Frame D: the box that a pointer is clamped to.
+    Eigen::Vector3d reach_low_D = Eigen::Vector3d::Constant(-1.0);
+    Eigen::Vector3d reach_high_D = Eigen::Vector3d::Constant(1.0);
   };
 
   /// What the operator sees of the device.
@@ -55,6 +64,8 @@ class OperatorScript {
     bool host_present = false;          ///< configured, and the watchdog has been fed lately
     std::uint64_t counters_loaded = 0;  ///< how often command 1 has been executed
     bool homed = false;                 ///< all axes; of a device with a homing gesture
+    /// [m] Where the hand is wanted, frame D; finite. Nothing: where the script wants it.
+    std::optional<Eigen::Vector3d> pointer_D{};
   };
 
   struct Action {
@@ -67,6 +78,8 @@ class OperatorScript {
 
   /// @param home_D [m] tip in the calibration pose, frame D.
   OperatorScript(const Options& options, const Eigen::Vector3d& home_D);
+  /// The options with a hand's reach on a device of this profile: its workspace.
+  static Options within_workspace(Options options, const profiles::DeviceProfile& profile);
 
   [[nodiscard]] Action update(rt::TimePoint now, const Senses& senses) noexcept;
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
@@ -86,6 +99,7 @@ class OperatorScript {
 
   Options options_;
   HandMotion motion_;
+  HandFollower follower_;
   Eigen::Vector3d home_D_;
   Eigen::Vector3d target_D_;
   Eigen::Vector3d return_from_D_;

@@ -38,8 +38,15 @@ ServerOptions server_options(const EmulatorOptions& options) {
     throw std::invalid_argument(
         "a hand that lets go must hold the device first; use hand firm or light");
   }
+  if (!options.hand_target.empty() &&
+      (options.hand_lets_go || parse_hand(options.hand) == HandKind::kNone)) {
+    throw std::invalid_argument(
+        "a hand that follows a target must hold the device; use hand firm or light, and do not let "
+        "it go");
+  }
   ServerOptions server;
   server.listen = options.listen;
+  server.hand_target = options.hand_target;
   for (const std::string& name : options.profiles) {
     DeviceOptions device;
     device.profile = profiles::load_device_profile(name);

@@ -27,6 +27,7 @@ struct EmulatorOptions {
   std::string frame_order = "out-first";  ///< out-first, in-first
   bool hand_carries_weight = true;        ///< false: for a host that compensates gravity
   bool hand_lets_go = false;              ///< see OperatorScript
+  std::string hand_target;                ///< path, see ServerOptions
   double tip_mass_kg = 0.0;               ///< fastened to the tip, 0 to kMaxTipMass_kg
   bool calibrated = false;                ///< counters are true from the start; no button needed
   bool random_power_up_counters = false;  ///< counters start at random values instead of 0

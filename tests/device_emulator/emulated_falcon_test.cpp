@@ -223,6 +223,25 @@ TEST(EmulatedFalcon, OperatorGoesToTheContactPointOnceHomed) {
   EXPECT_LT((wire.device.delta().position_D() - Vector3d(0.0, 0.0, -0.0005)).norm(), 1e-3);
 }
 
+TEST(EmulatedFalcon, KnobFollowsAPointerWithinItsWorkspaceAndReturns) {
+  auto options = ready_options();
+  SimulatedFalconWire wire(options);
+  FalconClient(wire).enter_normal_mode();
+  exchange_until(wire, wire.now + seconds(4));
+  const Vector3d script_D = wire.device.delta().position_D();
+  const Vector3d pointer_D(0.015, -0.02, 0.012);
+  wire.device.point_hand_at(pointer_D);
+  exchange_until(wire, wire.now + seconds(1));
+  EXPECT_LT((wire.device.delta().position_D() - pointer_D).norm(), 1e-3);
+  const auto& limits = options.profile.limits;
+  wire.device.point_hand_at(Vector3d(0.0, 0.0, 1.0));
+  exchange_until(wire, wire.now + seconds(1));
+  EXPECT_NEAR(wire.device.delta().position_D().z(), limits.workspace_max_m[2], 1e-3);
+  wire.device.point_hand_at(std::nullopt);
+  exchange_until(wire, wire.now + seconds(1));
+  EXPECT_LT((wire.device.delta().position_D() - script_D).norm(), 1e-3);
+}
+
 TEST(EmulatedFalcon, LightHandHomesToo) {
   auto options = falcon_options();
   options.firmware_loaded = true;

@@ -236,6 +236,49 @@ TEST(EmulatedW2, PositiveForceInEachDirectionPushesTheTipThatWay) {
   }
 }
 
+TEST(EmulatedW2, TheTipFollowsAPointerStaysThereAndReturnsToTheMotion) {
+  for (const char* name : {"woodenhaptics_v2015", "phantom_desktop", "polhem_v1"}) {
+    for (const HandKind hand : {HandKind::kFirm, HandKind::kLight}) {
+      SCOPED_TRACE(std::string(name) + (hand == HandKind::kFirm ? ", firm" : ", light"));
+      auto options = options_for(name, hand);
+      options.operator_script.calibrated = true;
+      options.operator_script.motion = MotionKind::kStill;
+      Bus bus(options);
+      bus.idle_until(1000);
+      bus.drive_until(4000, kZero);
+      ASSERT_EQ(bus.device.operator_phase(), OperatorScript::Phase::kMoving);
+      const auto tip_D = [&bus] { return bus.device.arm().position_D(); };
+      const Vector3d script_D = tip_D();
+      const Vector3d pointer_D = script_D + Vector3d(0.02, -0.01, 0.02);  // 30 mm at once
+      bus.device.point_hand_at(pointer_D);
+      Vector3d before_D = tip_D();
+      Vector3d last_D = before_D;
+      double most_m_per_s = 0.0;
+      double most_m_per_s2 = 0.0;
+      for (int ms = 1; ms <= 1000; ++ms) {
+        bus.frame(&kZero);
+        most_m_per_s = std::max(most_m_per_s, 1e3 * (tip_D() - last_D).norm());
+        most_m_per_s2 = std::max(most_m_per_s2, 1e6 * (tip_D() - 2.0 * last_D + before_D).norm());
+        before_D = last_D;
+        last_D = tip_D();
+      }
+      // The target moves with at most 0.35 m/s and 20 m/s^2; a hand with its mass on a spring
+      // swings beyond that by less than a half.
+      EXPECT_LT(most_m_per_s, 0.5);
+      EXPECT_LT(most_m_per_s2, 30.0);
+      EXPECT_GT(most_m_per_s, 0.1);
+      EXPECT_LT((tip_D() - pointer_D).norm(), 1e-3);
+      bus.drive_until(bus.now_ms + 3000, kZero);
+      EXPECT_LT((tip_D() - pointer_D).norm(), 1e-3) << "nothing new: it holds still";
+      bus.device.point_hand_at(std::nullopt);
+      bus.drive_until(bus.now_ms + 1, kZero);
+      EXPECT_LT((tip_D() - pointer_D).norm(), 1e-3) << "no jump";
+      bus.drive_until(bus.now_ms + 1000, kZero);
+      EXPECT_LT((tip_D() - script_D).norm(), 1e-3);
+    }
+  }
+}
+
 TEST(EmulatedW2, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
@@ -335,6 +378,7 @@ TEST(EmulatorReport, JsonCarriesTheSameNamesAndNullForNever) {
   EXPECT_EQ(json.at("final_current_mA").size(), 3U);
   EXPECT_EQ(json.at("watchdog_trips"), 0);
   EXPECT_TRUE(json.at("seconds_since_motors_nonzero").is_null());
+  EXPECT_TRUE(json.at("hand_target").is_null());
 }
 
 }  // namespace

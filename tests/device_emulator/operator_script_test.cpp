@@ -123,6 +123,37 @@ TEST_F(OperatorScriptTest, GoesHomeWhenTheHostLeavesWithinTheHomingGesture) {
   EXPECT_EQ(script_.phase(), OperatorScript::Phase::kWaiting);
 }
 
+TEST_F(OperatorScriptTest, FollowsAPointerOnlyWhileItMovesAndWithinItsReach) {
+  options_.reach_low_D = {-0.05, -0.06, -0.02};
+  options_.reach_high_D = {0.05, 0.06, 0.08};
+  script_ = OperatorScript(options_, home_D_);
+  const Vector3d pointer_D(0.2, -0.2, 0.04);
+  const Vector3d nearest_D(0.05, -0.06, 0.04);
+  const auto pointed = [&](int time_ms, bool host, std::uint64_t loads) {
+    return script_
+        .update(rt::TimePoint(milliseconds(time_ms)),
+                {.host_present = host, .counters_loaded = loads, .pointer_D = pointer_D})
+        .target_D;
+  };
+  for (int ms = 0; ms <= 999; ++ms) {
+    ASSERT_EQ(pointed(ms, true, 0), home_D_) << "a hand that moves would spoil the calibration";
+  }
+  Vector3d last_D = home_D_;
+  for (int ms = 1000; ms <= 6000; ++ms) {
+    const Vector3d target_D = pointed(ms, true, 1);
+    ASSERT_LE((target_D - last_D).norm(), 1.001e-3) << ms;
+    last_D = target_D;
+  }
+  EXPECT_LT((last_D - nearest_D).norm(), 1e-6);
+  for (int ms = 6001; ms <= 8500; ++ms) {
+    const Vector3d target_D = pointed(ms, false, 1);
+    ASSERT_LE((target_D - last_D).norm(), 1.6e-3)
+        << ms << ": back at 1 m/s, while home comes nearer";
+    last_D = target_D;
+  }
+  EXPECT_EQ(last_D, home_D_) << "the host has gone";
+}
+
 TEST_F(OperatorScriptTest, CalibratedDevicesNeedNoButton) {
   options_.calibrated = true;
   script_ = OperatorScript(options_, home_D_);

@@ -5,9 +5,13 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <thread>
+
+#include "hand_pointer.h"
 
 namespace forcegrid::emulator {
 namespace {
@@ -67,6 +71,36 @@ TEST(RunEmulator, EndsWhenItsStopDescriptorCloses) {
   ::close(ends[0]);
 }
 
+TEST(RunEmulator, TakesTargetsOfTheHandsAndReportsThem) {
+  char folder[] = "/tmp/forcegrid_hand_XXXXXX";
+  ASSERT_NE(::mkdtemp(folder), nullptr);
+  auto options = any_port();
+  options.profiles.push_back("falcon");
+  options.hand_target = std::string(folder) + "/hand";
+  EmulatorServer server(server_options(options));
+  server.start();
+  HandPointer pointer(options.hand_target);
+  pointer.send({0.01, 0.02, 0.03});
+  pointer.send_bytes(23);
+  pointer.send_bytes(25);
+  pointer.send({0.01, std::nan(""), 0.03});
+  pointer.send({std::nan(""), std::nan(""), std::nan("")});
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const auto counted = [&server](std::size_t device) { return *server.report(device).hand_target; };
+  while (counted(0).taken + counted(0).malformed < 5 &&
+         std::chrono::steady_clock::now() < give_up) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  for (const std::size_t device : {0U, 1U}) {
+    EXPECT_EQ(counted(device).taken, 2U);
+    EXPECT_EQ(counted(device).malformed, 3U);
+  }
+  const nlohmann::json json = server.report(0);
+  EXPECT_EQ(json.at("hand_target").at("malformed"), 3);
+  server.stop();
+  std::filesystem::remove_all(folder);
+}
+
 TEST(RunEmulator, WrongOptionsAreErrorsThatNameTheRemedy) {
   auto options = any_port();
   options.profiles = {"woodenhaptics_v1899"};
@@ -75,6 +109,19 @@ TEST(RunEmulator, WrongOptionsAreErrorsThatNameTheRemedy) {
   options = any_port();
   options.hand = "iron";
   EXPECT_NE(error_of([&] { server_options(options); }).find("firm, light or none"),
+            std::string::npos);
+  options = any_port();
+  options.hand_target = "/tmp/hand";
+  options.hand = "none";
+  EXPECT_NE(error_of([&] { server_options(options); }).find("must hold the device"),
+            std::string::npos);
+  options.hand = "firm";
+  options.hand_lets_go = true;
+  EXPECT_NE(error_of([&] { server_options(options); }).find("must hold the device"),
+            std::string::npos);
+  options = any_port();
+  options.hand_target = "/no_such_folder/hand";
+  EXPECT_NE(error_of([&] { EmulatorServer server(server_options(options)); }).find("/no_such_fold"),
             std::string::npos);
   options = any_port();
   options.contact_m = {0.0, std::nan(""), 0.0};
