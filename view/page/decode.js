@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// Binary messages of the live view. Numbers are little-endian, as on every machine that runs a
+// browser today. The functions return null for a message that is truncated or of an unknown type.
+
+export const kScope = 1;
+export const kShape = 2;
+export const kFrame = 3;
+export const kSamples = 4;
+export const kArm = 5;
+
+/** Rows of the scope: values[row * columns + column], float32; base_s [s] is added to each time. */
+function decode_scope(buffer, view) {
+  const rows = view.getUint16(2, true);
+  const columns = view.getUint32(4, true);
+  if (buffer.byteLength < 16 + 4 * rows * columns) {
+    return null;
+  }
+  return {type: kScope, rows, columns, base_s: view.getFloat64(8, true),
+          values: new Float32Array(buffer, 16, rows * columns)};
+}
+
+/** The surface at rest: rest_W_m (x, y, z per vertex) and the corners of its triangles. */
+function decode_shape(buffer, view) {
+  const epoch = view.getUint32(4, true);
+  const vertices = view.getUint32(8, true);
+  const triangles = view.getUint32(12, true);
+  if (buffer.byteLength < 20 + 12 * vertices + 12 * triangles) {
+    return null;
+  }
+  return {type: kShape, object: view.getUint8(1), epoch, vertices, triangles,
+          rest_W_m: new Float32Array(buffer, 20, 3 * vertices),
+          corners: new Uint32Array(buffer, 20 + 12 * vertices, 3 * triangles)};
+}
+
+/** The surface at one instant: position_W_m = low + step * value, for each of x, y, z. */
+function decode_frame(buffer, view) {
+  const vertices = view.getUint32(8, true);
+  if (buffer.byteLength < 48 + 6 * vertices) {
+    return null;
+  }
+  return {type: kFrame, object: view.getUint8(1), epoch: view.getUint32(4, true), vertices,
+          time_s: view.getFloat64(16, true), low: new Float32Array(buffer, 24, 3),
+          step: new Float32Array(buffer, 36, 3),
+          values: new Uint16Array(buffer, 48, 3 * vertices)};
+}
+
+/** Samples: eight float32 each, position_W_m, force_W_N, time_s, flags (1: in contact). */
+function decode_samples(buffer, view) {
+  const count = view.getUint16(2, true);
+  if (buffer.byteLength < 8 + 32 * count) {
+    return null;
+  }
+  return {type: kSamples, count, values: new Float32Array(buffer, 8, 8 * count)};
+}
+
+/** The arm's links: a list of lines, each a Float32Array of x, y, z [m] in W. */
+function decode_arm(buffer, view) {
+  const lines = [];
+  let at = 8;
+  for (let line = view.getUint32(4, true); line > 0; --line) {
+    if (at + 4 > buffer.byteLength) {
+      return null;
+    }
+    const points = view.getUint32(at, true);
+    if (at + 4 + 12 * points > buffer.byteLength) {
+      return null;
+    }
+    lines.push(new Float32Array(buffer, at + 4, 3 * points));
+    at += 4 + 12 * points;
+  }
+  return {type: kArm, lines};
+}
+
+const kDecoders = {
+  [kScope]: [16, decode_scope],
+  [kShape]: [20, decode_shape],
+  [kFrame]: [48, decode_frame],
+  [kSamples]: [8, decode_samples],
+  [kArm]: [8, decode_arm],
+};
+
+/** A message of any type, as an object with its `type`. Its arrays share the buffer's memory. */
+export function decode(buffer) {
+  const view = new DataView(buffer);
+  const [header_bytes, decoder] =
+      (buffer.byteLength > 0 && kDecoders[view.getUint8(0)]) || [Infinity, null];
+  return buffer.byteLength < header_bytes ? null : decoder(buffer, view);
+}

@@ -1,0 +1,337 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wires the page: what comes from the live view goes to the picture and the scope; what the person
+// does goes back.
+
+import {Connection} from '/connection.js';
+import {Pause, Stop, listen_to_keys} from '/controls.js';
+import {decode, kArm, kFrame, kSamples, kScope, kShape} from '/decode.js';
+import {save_csv, save_png} from '/export.js';
+import {History} from '/history.js';
+import {Mouse} from '/mouse.js';
+import {Readouts} from '/readouts.js';
+import {Scene3d} from '/scene3d.js';
+import {Scope} from '/scope.js';
+import {palette, start_theme} from '/theme.js';
+
+const kScopeInterval_ms = 40;        // one panel each time
+const kReadoutInterval_ms = 100;
+const kShownInterval_ms = 50;
+const kWaitForSurface_ms = 1500;     // then a run without a surface is live, too
+const kMethods = 4;
+const kMostWaitingSamples = 64;      // messages
+
+const by_id = (id) => document.getElementById(id);
+
+class Page {
+  constructor() {
+    this.readouts = new Readouts();
+    this.history = new History();
+    this.hello = {};
+    this.role = '';
+    this.state = 'connecting';
+    this.counted = {frames: 0, pictures: 0, broken: 0};
+    this.rates = {frames: 0, pictures: 0, since_ms: performance.now(), frames_per_s: 0, fps: 0};
+    this.delays_ms = [];
+    this.waiting_frames = new Map();
+    this.waiting_samples = [];
+    this.waiting_arm = null;
+    this.new_rows = false;
+    this.last = {scope_ms: 0, readout_ms: 0, shown_ms: 0, cycle: -1, tick_ms: 0, drew: false};
+    this.scene = new Scene3d(by_id('scene'));
+    this.connection = new Connection({
+      on_open: () => this.set_state('waiting'),
+      on_text: (message) => this.on_text(message),
+      on_binary: (buffer, arrived_ms) => this.on_binary(buffer, arrived_ms),
+      on_lost: () => this.on_lost(),
+    });
+    this.scope = new Scope(this.history, {panels: by_id('panels'), chips: by_id('panel-chips'),
+                                          window_s: by_id('window-s'), freeze: by_id('freeze')},
+                           (arrow, shown) => this.scene.show_arrow(arrow, shown));
+    this.mouse = new Mouse(this.scene, (target_W_m) =>
+        this.connection.send('hand', {target_W_m}, target_W_m !== null));
+    this.stop = new Stop(this.connection, by_id('stop'), by_id('stop-word'), by_id('stop-status'));
+    this.pause = new Pause(this.connection, by_id('pause'));
+    this.listen();
+  }
+
+  listen() {
+    start_theme(by_id('theme'), (colours) => {
+      this.palette = colours;
+      this.scene.set_theme(colours);
+      this.scope.set_theme(colours);
+    });
+    const help = by_id('help');
+    const show_help = () => (help.open ? help.close() : help.show());  // not modal: stop stays there
+    by_id('help-open').addEventListener('click', show_help);
+    by_id('help-close').addEventListener('click', () => help.close());
+    by_id('fit').addEventListener('click', () => this.scene.fit());
+    by_id('follow').addEventListener('click', () => this.toggle_follow());
+    by_id('take-control').addEventListener('click', () => this.connection.send('take_control'));
+    by_id('csv').addEventListener('click', () => save_csv(this.history, this.scope.frozen_s));
+    by_id('png').addEventListener('click', () => save_png(
+        document.querySelector('main'), this.scene.canvas, palette(),
+        () => this.scene.draw(performance.now(), true)));
+    document.querySelectorAll('[data-layer]').forEach((box) => {
+      box.addEventListener('change', () => this.scene.show_layer(box.dataset.layer, box.checked));
+    });
+    listen_to_keys(this.stop, {p: () => this.pause.press(), f: () => this.scene.fit(),
+                               o: () => this.toggle_follow(), '?': show_help,
+                               Escape: () => help.close()});
+    new ResizeObserver(() => {
+      this.scene.resize();
+      this.scene.draw(performance.now());
+    }).observe(by_id('scene'));
+  }
+
+  start() {
+    this.connection.connect();
+    const tick = (now_ms) => {
+      this.tick(now_ms);
+      requestAnimationFrame(tick);
+    };
+    requestAnimationFrame(tick);
+  }
+
+  toggle_follow() {
+    this.scene.follows = !this.scene.follows;
+    by_id('follow').setAttribute('aria-pressed', String(this.scene.follows));
+    this.scene.dirty = true;
+  }
+
+  set_state(state) {
+    this.state = state;
+    this.readouts.set_state(state);
+  }
+
+  on_lost() {
+    this.mouse.set_hand_allowed(false);
+    this.pause.set_allowed(false, 'not connected');
+    this.set_state(this.state === 'ended' ? 'ended' : 'lost');
+  }
+
+  on_text(message) {
+    const handler = {
+      hello: () => this.on_hello(message),
+      role: () => this.set_role(message.role),
+      note: () => this.readouts.add_note(message),
+      acknowledged: () => this.on_acknowledged(message),
+      end: () => this.on_end(message),
+      waiting: () => this.set_state('waiting'),
+      surface_lost: () => this.scene.lose_surface(message.object),
+    }[message.type];
+    if (handler) {
+      handler();
+    }
+  }
+
+  on_hello(hello) {
+    this.hello = hello;
+    this.history.reset(hello.columns || []);
+    this.scene.set_run(hello);
+    this.scope.set_run(hello);
+    this.readouts.set_run(hello);
+    this.waiting_frames.clear();
+    this.hello_ms = performance.now();
+    this.frames_at_hello = this.counted.frames;
+    this.last.cycle = -1;
+    this.set_state('waiting');
+    this.set_role(hello.role || this.role);
+    this.stop.on_run();
+  }
+
+  set_role(role) {
+    this.role = role;
+    const controls = this.hello.controls || [];
+    const controller = role === 'controller';
+    const why = controller ? 'this run cannot be paused' : 'another page has the control';
+    this.pause.set_allowed(controller && controls.includes('pause'), why);
+    this.mouse.set_hand_allowed(controller && controls.includes('hand'));
+    by_id('take-control').hidden = controller || role === '';
+  }
+
+  on_acknowledged(message) {
+    this.stop.on_acknowledged(message);
+    this.pause.on_acknowledged(message);
+    if (!message.done && message.what !== 'stop') {
+      this.readouts.add_note({level: 'warn', component: message.what,
+                              text: message.text || 'was refused'});
+    }
+  }
+
+  on_end(message) {
+    this.mouse.set_hand_allowed(false);
+    this.pause.set_allowed(false, 'the run has ended');
+    this.stop.on_end();
+    this.set_state('ended');
+    const status = message.exit_status === undefined ? '' : ` (exit status ${message.exit_status})`;
+    this.readouts.add_note({level: message.exit_status ? 'error' : 'info', component: 'run',
+                            text: `ended: ${message.text || message.ended_by}${status}`});
+  }
+
+  on_binary(buffer, arrived_ms) {
+    const message = decode(buffer);
+    if (message === null) {
+      this.counted.broken += 1;
+    } else if (message.type === kScope) {
+      this.new_rows = this.history.append(message) || this.new_rows;
+    } else if (message.type === kShape) {
+      this.scene.set_shape(message);
+      this.waiting_frames.delete(message.object);
+    } else if (message.type === kFrame) {
+      message.arrived_ms = arrived_ms;
+      this.waiting_frames.set(message.object, message);
+    } else if (message.type === kSamples) {
+      this.waiting_samples.push(message);
+      this.waiting_samples.splice(0, this.waiting_samples.length - kMostWaitingSamples);
+    } else if (message.type === kArm) {
+      this.waiting_arm = message;
+    }
+  }
+
+  /** Everything that came since the last picture goes into the scene. */
+  take_news(now_ms) {
+    let arrived_ms = Infinity;
+    for (const frame of this.waiting_frames.values()) {
+      if (this.scene.set_frame(frame, now_ms)) {
+        this.counted.frames += 1;
+        arrived_ms = Math.min(arrived_ms, frame.arrived_ms);
+      }
+    }
+    this.waiting_frames.clear();
+    this.waiting_samples.forEach((message) => this.scene.add_samples(message, now_ms));
+    this.waiting_samples = [];
+    if (this.waiting_arm) {
+      this.scene.set_arm(this.waiting_arm);
+      this.waiting_arm = null;
+    }
+    if (this.new_rows) {
+      const position = ['x', 'y', 'z'].map((axis) => this.history.newest(`position_${axis}_mm`) / 1000);
+      const force = (name) => ['x', 'y', 'z'].map((axis) => this.history.newest(`${name}_${axis}_N`));
+      this.scene.set_tool(position, [force('force'), ...Array.from(
+          {length: kMethods}, (_, i) => force(`method${i}`))], this.history.newest('in_contact') > 0);
+      this.pause.set_paused(this.history.newest('paused') > 0);
+    }
+    return arrived_ms;
+  }
+
+  tick(now_ms) {
+    if (this.last.drew) {
+      this.scene.judge(now_ms - this.last.tick_ms);
+    }
+    this.last.tick_ms = now_ms;
+    const had_rows = this.new_rows;
+    const arrived_ms = this.take_news(now_ms);
+    this.new_rows = false;
+    this.last.drew = this.scene.draw(now_ms);
+    if (this.last.drew) {
+      this.counted.pictures += 1;
+      this.readouts.draw_compass(this.scene.camera, this.palette);
+      if (arrived_ms < Infinity) {
+        this.delays_ms.push(performance.now() - arrived_ms);
+        this.delays_ms.splice(0, this.delays_ms.length - 60);
+      }
+    }
+    if (this.state === 'waiting' && this.hello.columns && this.shows_run(now_ms)) {
+      this.set_state('live');
+    }
+    if (now_ms - this.last.scope_ms >= kScopeInterval_ms) {
+      this.last.scope_ms = now_ms;
+      this.scope.draw_next();
+    }
+    if (now_ms - this.last.readout_ms >= kReadoutInterval_ms) {
+      this.last.readout_ms = now_ms;
+      this.show_readouts(now_ms);
+    }
+    if (had_rows) {
+      this.report_shown(now_ms);
+    }
+  }
+
+  shows_run(now_ms) {
+    return this.counted.frames > this.frames_at_hello ||
+           (this.history.rows > 0 && this.scene.surfaces.size === 0 &&
+            now_ms - this.hello_ms > kWaitForSurface_ms);
+  }
+
+  /** Tells the live view which cycle is in the picture, at most 20 times a second. */
+  report_shown(now_ms) {
+    const cycle = Math.round(this.history.newest('cycle'));
+    if (this.role === 'controller' && cycle !== this.last.cycle && cycle >= 0 &&
+        now_ms - this.last.shown_ms >= kShownInterval_ms) {
+      this.last.shown_ms = now_ms;
+      this.last.cycle = cycle;
+      this.connection.send('shown', {cycle}, true);
+    }
+  }
+
+  show_readouts(now_ms) {
+    const {rates, counted} = this;
+    const passed_s = (now_ms - rates.since_ms) / 1000;
+    if (passed_s >= 1) {
+      rates.frames_per_s = (counted.frames - rates.frames) / passed_s;
+      rates.fps = (counted.pictures - rates.pictures) / passed_s;
+      Object.assign(rates, {frames: counted.frames, pictures: counted.pictures, since_ms: now_ms});
+    }
+    this.readouts.show_row(this.history, this.hello);
+    this.readouts.show_scale(this.scene.surfaces);
+    const missed = this.history.newest('missed_deadlines');
+    this.readouts.show_numbers([
+      this.vertices > 0 && `${this.vertices.toLocaleString('en')} vertices`,
+      `${rates.frames_per_s.toFixed(0)} surface frames/s`,
+      `${rates.fps.toFixed(0)} pictures/s`,
+      this.scene.scale < 1 && `scale ${this.scene.scale.toFixed(2)}`,
+      Number.isFinite(missed) && `missed deadlines ${missed}`,
+      counted.broken > 0 && `broken messages ${counted.broken}`,
+      this.role,
+    ]);
+  }
+
+  get vertices() {
+    return [...this.scene.surfaces.values()].reduce((sum, surface) => sum + surface.shape.vertices, 0);
+  }
+}
+
+function median(values) {
+  return values.length ? [...values].sort((a, b) => a - b)[values.length >> 1] : NaN;
+}
+
+/** What scripts may ask of the page. */
+function interface_for_scripts(page) {
+  const newest = (names) => names.map((name) => page.history.newest(name));
+  return {
+    get frames() { return page.counted.frames; },
+    get pictures() { return page.counted.pictures; },
+    get vertices() { return page.vertices; },
+    get stop_acknowledged() { return page.stop.acknowledged; },
+    get fps() { return page.rates.fps; },
+    get render_scale() { return page.scene.scale; },
+    get software() { return page.scene.software; },
+    get role() { return page.role; },
+    get rows() { return page.history.rows; },
+    get position_mm() { return newest(['position_x_mm', 'position_y_mm', 'position_z_mm']); },
+    get force_N() { return newest(['force_x_N', 'force_y_N', 'force_z_N']); },
+    get in_contact() { return page.history.newest('in_contact') > 0; },
+    get broken_messages() { return page.counted.broken; },
+    /** Milliseconds from a surface frame's arrival to its picture, and the cycle reported last. */
+    get latency() {
+      return {arrival_to_drawn_ms: median(page.delays_ms), shown_cycle: page.last.cycle};
+    },
+    /** View and projection, by columns, and the picture's place in the window [px]. */
+    get camera() {
+      const place = page.scene.canvas.getBoundingClientRect();
+      return {view: [...page.scene.camera.matrixWorldInverse.elements],
+              projection: [...page.scene.camera.projectionMatrix.elements],
+              left: place.left, top: place.top, width: place.width, height: place.height};
+    },
+    project: (position_W_m) => page.scene.project(position_W_m),
+  };
+}
+
+try {
+  const page = new Page();
+  window.forcegridView = interface_for_scripts(page);
+  page.start();
+} catch (error) {
+  document.getElementById('empty').textContent = `This page cannot run: ${error.message}.`;
+  throw error;
+}

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// Numbers and words of the page: the run's facts, the tool, flags, notes, the status line.
+
+const kMostNotes = 100;
+const kNamesOfAxes = ['x', 'y', 'z'];
+
+function text_of(element, text) {
+  if (element.textContent !== text) {
+    element.textContent = text;
+  }
+}
+
+const fixed = (value, digits) => Number.isFinite(value) ? value.toFixed(digits) : '–';
+
+export class Readouts {
+  constructor() {
+    this.by_id = (id) => document.getElementById(id);
+    this.notes = 0;
+    this.flags_shown = '';
+  }
+
+  set_state(state) {
+    document.body.dataset.state = state;
+    const pill = this.by_id('state');
+    text_of(pill, state);
+    pill.dataset.state = state;
+    const words = {connecting: 'Connecting to the live view…',
+                   waiting: 'Waiting for a run to connect.',
+                   lost: 'The connection to the live view is lost. Trying again…',
+                   ended: ''}[state] || '';
+    text_of(this.by_id('empty'), words);
+    this.by_id('empty').hidden = words === '';
+  }
+
+  set_run(hello) {
+    const rates = [hello.rate_Hz && `servo ${hello.rate_Hz} Hz`,
+                   hello.simulator_rate_Hz && `simulator ${hello.simulator_rate_Hz} Hz`];
+    const facts = [['Device', hello.device], ['Scene', hello.scene],
+                   ['Rates', rates.filter(Boolean).join(', ')]];
+    this.by_id('facts').replaceChildren(...facts.filter(([, value]) => value).map(([name, value]) => {
+      const row = document.createElement('div');
+      const term = document.createElement('dt');
+      const words = document.createElement('dd');
+      term.textContent = name;
+      words.textContent = words.title = value;
+      row.append(term, words);
+      return row;
+    }));
+    document.title = `${hello.scene || hello.device || 'run'} – Forcegrid live view`;
+  }
+
+  /** The newest row of the history. */
+  show_row(history, hello) {
+    text_of(this.by_id('force'), fixed(history.newest('force_N'), 2));
+    kNamesOfAxes.forEach((axis) => {
+      text_of(this.by_id(`at-${axis}`), fixed(history.newest(`position_${axis}_mm`), 1));
+    });
+    const flags = this.flags(history, hello);
+    const key = JSON.stringify(flags);
+    if (key !== this.flags_shown) {
+      this.flags_shown = key;
+      this.by_id('flags').replaceChildren(...flags.map(([text, kind]) => {
+        const flag = document.createElement('span');
+        flag.className = 'flag';
+        flag.dataset.kind = kind;
+        flag.textContent = text;
+        return flag;
+      }));
+    }
+  }
+
+  flags(history, hello) {
+    const flags = [];
+    const fault = history.newest('fault');
+    const rung = history.newest('rung');
+    const held_back = history.newest('held_back');
+    const limits = history.newest('limits');
+    if (fault > 0) {
+      flags.push([`fault: ${(hello.statuses || [])[fault] || fault}`, 'bad']);
+    }
+    if (history.newest('in_contact') > 0) {
+      flags.push(['in contact', 'touch']);
+    }
+    if (history.newest('paused') > 0) {
+      flags.push(['force paused', 'warn']);
+    }
+    if (held_back > 0) {
+      flags.push([`held back: ${(hello.held_back || [])[held_back] || held_back}`, 'warn']);
+    }
+    if (rung > 0) {
+      flags.push([`samples: ${(hello.rungs || [])[rung] || rung}`, 'warn']);
+    }
+    (hello.limits || []).forEach((name, bit) => {
+      if ((limits >> bit) & 1) {
+        flags.push([`limit: ${name}`, 'warn']);
+      }
+    });
+    return flags;
+  }
+
+  add_note({level, component, text}) {
+    const item = document.createElement('li');
+    item.dataset.level = level || 'info';
+    item.textContent = `${component ? `${component}: ` : ''}${text}`;
+    const list = this.by_id('note-list');
+    list.prepend(item);
+    if (list.children.length > kMostNotes) {
+      list.lastChild.remove();
+    }
+    this.notes += 1;
+    const newest = this.by_id('newest-note');
+    newest.dataset.level = item.dataset.level;
+    text_of(newest, this.notes > 1 ? `${item.textContent} (1 of ${this.notes})` : item.textContent);
+  }
+
+  show_numbers(parts) {
+    text_of(this.by_id('numbers'), parts.filter(Boolean).join('  ·  '));
+  }
+
+  show_scale(surfaces) {
+    const full_m = Math.max(0, ...[...surfaces.values()].map((surface) => surface.full_m));
+    this.by_id('scale').hidden = full_m === 0;
+    text_of(this.by_id('scale-top'), `${Number((full_m * 1000).toPrecision(2))} mm`);
+  }
+
+  /** The directions of W's axes as the camera sees them. */
+  draw_compass(camera, palette) {
+    const canvas = this.by_id('compass');
+    const context = canvas.getContext('2d');
+    const middle = canvas.width / 2;
+    const elements = camera.matrixWorldInverse.elements;
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    context.font = '600 24px system-ui, sans-serif';
+    context.textAlign = 'center';
+    context.textBaseline = 'middle';
+    context.lineWidth = 5;
+    context.lineCap = 'round';
+    const axes = [0, 1, 2].map((axis) => ({axis, x: elements[4 * axis], y: -elements[4 * axis + 1],
+                                           z: elements[4 * axis + 2]}));
+    for (const {axis, x, y} of axes.sort((a, b) => a.z - b.z)) {
+      context.strokeStyle = context.fillStyle = palette.axes[axis];
+      context.beginPath();
+      context.moveTo(middle, middle);
+      context.lineTo(middle + 42 * x, middle + 42 * y);
+      context.stroke();
+      context.fillText(kNamesOfAxes[axis], middle + 58 * x, middle + 58 * y);
+    }
+  }
+}

@@ -1,0 +1,313 @@
+// SPDX-License-Identifier: Apache-2.0
+// The 3-D picture. It is drawn only when something in it changed, in fewer pixels where drawing is
+// slow.
+
+import * as THREE from '/three.module.js';
+import {Orbit} from '/orbit.js';
+import {Arm, Arrow, Samples, Tool, workspace_lines} from '/parts.js';
+import {Surface} from '/surface.js';
+
+const kMethods = 4;
+const kFieldOfView_deg = 32;
+const kSlow_ms = 42;      // between pictures: more, and the next have fewer pixels
+const kFast_ms = 24;      // less, and the next have more
+const kLowestScale = 0.5;
+const kJudged = 12;       // intervals that are judged together
+
+/** Does the browser draw by software? Then antialiasing costs more than it gives. */
+function draws_by_software() {
+  const gl = document.createElement('canvas').getContext('webgl2');
+  const details = gl && gl.getExtension('WEBGL_debug_renderer_info');
+  const name = details ? gl.getParameter(details.UNMASKED_RENDERER_WEBGL) : '';
+  const lose = gl && gl.getExtension('WEBGL_lose_context');
+  if (lose) {
+    lose.loseContext();
+  }
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
+}
+
+export class Scene3d {
+  /** @throws Error if the browser has no WebGL 2. */
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.software = draws_by_software();
+    const context = canvas.getContext('webgl2', {antialias: !this.software, alpha: false});
+    if (!context) {
+      throw new Error('this browser has no WebGL 2, or it is switched off');
+    }
+    this.renderer = new THREE.WebGLRenderer({canvas, context});
+    this.scale = this.software ? Math.min(1, devicePixelRatio) : Math.min(2, devicePixelRatio);
+    this.largest_scale = this.scale;
+    this.intervals = [];
+    this.dirty = true;
+    this.camera = new THREE.PerspectiveCamera(kFieldOfView_deg, 1, 0.01, 10);
+    this.scene = new THREE.Scene();
+    this.orbit = new Orbit(this.camera, () => { this.dirty = true; });
+    this.surfaces = new Map();
+    this.shown = {surface: true, mesh: false, arm: true, samples: true, forces: true,
+                  workspace: true};
+    this.hidden_arrows = new Set();
+    this.tool_at = new THREE.Vector3();
+    this.target_at = null;
+    this.has_tool = false;
+    this.in_contact = false;
+    this.follows = false;
+    this.was_fitted = false;
+    this.radius_m = 0.1;
+    this.largest_force_N = 5;
+    this.box = null;
+    this.palette = null;
+    this.make_parts();
+  }
+
+  make_parts() {
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x606870, 0.75));
+    const key = new THREE.DirectionalLight(0xffffff, 0.55);
+    key.position.set(0.4, -0.5, 1);
+    this.scene.add(key);
+    this.surface_group = new THREE.Group();
+    this.mesh_group = new THREE.Group();
+    this.arm = new Arm();
+    this.samples = new Samples();
+    this.tool = new Tool();
+    this.arrows = Array.from({length: kMethods + 1}, (_, i) => new Arrow(10 + i));
+    this.arrow_group = new THREE.Group();
+    this.arrow_group.add(...this.arrows.map((arrow) => arrow.group));
+    this.forces = this.arrows.map(() => [NaN, NaN, NaN]);
+    this.workspace = new THREE.Group();
+    this.scene.add(this.surface_group, this.mesh_group, this.arm.group, this.samples.points,
+                   this.tool.group, this.arrow_group, this.workspace);
+  }
+
+  /** Takes the workspace and the largest force of a hello message. */
+  set_run(hello) {
+    this.largest_force_N = hello.largest_force_N > 0 ? hello.largest_force_N : 5;
+    this.workspace.remove(...this.workspace.children);
+    this.box = null;
+    if (hello.workspace_W_m) {
+      const {low, high} = hello.workspace_W_m;
+      this.box = new THREE.Box3(new THREE.Vector3(...low), new THREE.Vector3(...high));
+      this.workspace.add(...workspace_lines(low, high).children);
+    }
+    this.apply_theme();
+    if (!this.was_fitted) {
+      this.fit();
+      this.was_fitted = false;
+    }
+  }
+
+  set_shape(shape) {
+    const old = this.surfaces.get(shape.object);
+    if (old) {
+      this.surface_group.remove(old.mesh);
+      this.mesh_group.remove(old.edge_lines());
+      old.dispose();
+    }
+    const surface = new Surface(shape);
+    this.surfaces.set(shape.object, surface);
+    this.surface_group.add(surface.mesh);
+    if (this.shown.mesh) {
+      this.mesh_group.add(surface.edge_lines());
+    }
+    this.apply_theme();
+    if (!this.was_fitted) {
+      this.fit();
+    }
+    this.dirty = true;
+  }
+
+  /** Shows a surface frame; false if there is no shape for it. */
+  set_frame(frame, now_ms) {
+    const surface = this.surfaces.get(frame.object);
+    const taken = surface !== undefined && surface.update(frame, now_ms);
+    this.dirty = this.dirty || taken;
+    return taken;
+  }
+
+  lose_surface(object) {
+    const surface = this.surfaces.get(object);
+    if (surface) {
+      surface.dim();
+      this.dirty = true;
+    }
+  }
+
+  /** @param forces_W_N commanded force first, then each method's own; NaN is not drawn. */
+  set_tool(position_W_m, forces_W_N, in_contact) {
+    this.tool_at.set(...position_W_m);
+    this.forces = forces_W_N;
+    this.in_contact = in_contact;
+    this.has_tool = position_W_m.every(Number.isFinite);
+    this.dirty = true;
+  }
+
+  /** The hand's target, or null. */
+  set_target(position_W_m) {
+    this.target_at = position_W_m;
+    this.dirty = true;
+  }
+
+  set_arm(message) {
+    this.arm.update(message.lines, this.radius_m * 0.022);
+    this.dirty = true;
+  }
+
+  add_samples(message, now_ms) {
+    this.samples.add(message, now_ms / 1000);
+    this.dirty = true;
+  }
+
+  show_layer(name, shown) {
+    this.shown[name] = shown;
+    if (name === 'mesh' && shown) {
+      this.surfaces.forEach((surface) => this.mesh_group.add(surface.edge_lines()));
+    }
+    this.dirty = true;
+  }
+
+  show_arrow(index, shown) {
+    this.hidden_arrows[shown ? 'delete' : 'add'](index);
+    this.dirty = true;
+  }
+
+  set_theme(palette) {
+    this.palette = palette;
+    this.apply_theme();
+  }
+
+  apply_theme() {
+    const palette = this.palette;
+    if (!palette) {
+      return;
+    }
+    this.renderer.setClearColor(palette.backdrop);
+    this.surfaces.forEach((surface) => surface.set_theme(palette));
+    this.arm.material.color.set(palette.arm);
+    this.tool.set_theme(palette);
+    this.samples.uniforms.free_colour.value.set(palette.free_sample);
+    this.samples.uniforms.touch_colour.value.set(palette.touch_sample);
+    this.arrows.forEach((arrow, i) => arrow.material.color.set(
+        i === 0 ? palette.commanded : palette.series[i - 1]));
+    this.workspace.children.forEach((lines) => lines.material.color.set(palette.workspace));
+    this.dirty = true;
+  }
+
+  /** The box of the surfaces, else of the workspace, else around the origin. */
+  content_box() {
+    const box = new THREE.Box3();
+    this.surfaces.forEach((surface) => box.union(surface.box));
+    if (box.isEmpty() && this.box) {
+      box.copy(this.box);
+    }
+    if (box.isEmpty()) {
+      box.setFromCenterAndSize(new THREE.Vector3(), new THREE.Vector3(0.1, 0.1, 0.1));
+    }
+    return box;
+  }
+
+  /** Puts the object into the picture, with room for the tool and the forces above it. */
+  fit() {
+    const sphere = this.content_box().getBoundingSphere(new THREE.Sphere());
+    this.radius_m = Math.max(sphere.radius, 1e-4);
+    this.was_fitted = this.surfaces.size > 0;
+    const centre = sphere.center.clone();
+    centre.z += 0.12 * this.radius_m;
+    this.orbit.fit(centre, this.radius_m * 1.22);
+  }
+
+  get tool_radius_m() {
+    return this.radius_m * 0.035;
+  }
+
+  resize() {
+    const {clientWidth, clientHeight} = this.canvas;
+    if (clientWidth === 0 || clientHeight === 0) {
+      return;
+    }
+    this.renderer.setPixelRatio(this.scale);
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.camera.aspect = clientWidth / clientHeight;
+    this.orbit.apply();
+    this.dirty = true;
+  }
+
+  /** Judges the time between pictures [ms] and changes the number of pixels if it must. */
+  judge(interval_ms) {
+    this.intervals.push(interval_ms);
+    if (this.intervals.length < kJudged) {
+      return;
+    }
+    const median = this.intervals.sort((a, b) => a - b)[kJudged >> 1];
+    this.intervals = [];
+    const before = this.scale;
+    if (median > kSlow_ms) {
+      this.scale = Math.max(kLowestScale, this.scale * 0.85);
+      this.largest_scale = Math.max(kLowestScale, this.scale);  // it was too slow: not again soon
+    } else if (median < kFast_ms && this.scale < this.largest_scale) {
+      this.scale = Math.min(this.largest_scale, this.scale * 1.1);
+    }
+    if (this.scale !== before) {
+      this.resize();
+    }
+  }
+
+  /** Draws if something changed. Returns whether it did. */
+  draw(now_ms, force = false) {
+    const now_s = now_ms / 1000;
+    if (this.follows && this.has_tool) {
+      this.orbit.approach(this.tool_at, 0.15);
+    }
+    this.dirty = this.dirty || (this.shown.samples && this.samples.fading(now_s));
+    if (!this.dirty && !force) {
+      return false;
+    }
+    this.dirty = false;
+    this.samples.uniforms.now_s.value = now_s;
+    this.samples.uniforms.size_px.value = 7 * this.scale;
+    this.surface_group.visible = this.shown.surface;
+    this.mesh_group.visible = this.shown.mesh;
+    this.arm.group.visible = this.shown.arm;
+    this.samples.points.visible = this.shown.samples;
+    this.workspace.visible = this.shown.workspace;
+    this.arrow_group.visible = this.shown.forces && this.has_tool;
+    this.tool.group.visible = this.has_tool;
+    this.place_arrows();
+    this.tool.update(this.tool_at, this.target_at, this.in_contact, this.tool_radius_m, this.camera);
+    this.renderer.render(this.scene, this.camera);
+    return true;
+  }
+
+  place_arrows() {
+    const metres_per_N = 1.3 * this.radius_m / this.largest_force_N;
+    this.arrows.forEach((arrow, i) => {
+      arrow.update(this.tool_at, this.forces[i] || [NaN, NaN, NaN], metres_per_N,
+                   this.radius_m * (i === 0 ? 0.018 : 0.0075));
+      arrow.group.visible = arrow.group.visible && !this.hidden_arrows.has(i);
+    });
+  }
+
+  /** Pixel of the page [px from the window's corner] of a point in W [m]; z < 1 is before the far plane. */
+  project(position_W_m) {
+    const place = this.canvas.getBoundingClientRect();
+    const seen = new THREE.Vector3(...position_W_m).project(this.camera);
+    return {x: place.left + (seen.x + 1) / 2 * place.width,
+            y: place.top + (1 - seen.y) / 2 * place.height, z: seen.z};
+  }
+
+  /** The point in W under a pixel, in the plane through the tool that faces the camera. */
+  point_in_tool_plane(x_px, y_px) {
+    const place = this.canvas.getBoundingClientRect();
+    const through = new THREE.Vector3((x_px - place.left) / place.width * 2 - 1,
+                                      1 - (y_px - place.top) / place.height * 2, 0.5);
+    through.unproject(this.camera);
+    const normal = this.camera.getWorldDirection(new THREE.Vector3());
+    const ray = new THREE.Ray(this.camera.position.clone(),
+                              through.sub(this.camera.position).normalize());
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(normal, this.drag_origin || this.tool_at);
+    const point = ray.intersectPlane(plane, new THREE.Vector3());
+    if (point && this.box) {
+      point.clamp(this.box.min, this.box.max);
+    }
+    return point;
+  }
+}
