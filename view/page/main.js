@@ -39,7 +39,7 @@ class Page {
     this.last = {scope_ms: 0, readout_ms: 0, shown_ms: 0, cycle: -1, tick_ms: 0, drew: false};
     this.scene = new Scene3d(by_id('scene'));
     this.connection = new Connection({
-      on_open: () => this.set_state('waiting'),
+      on_open: () => this.on_open(),
       on_text: (message) => this.on_text(message),
       on_binary: (buffer, arrived_ms) => this.on_binary(buffer, arrived_ms),
       on_lost: () => this.on_lost(),
@@ -100,7 +100,20 @@ class Page {
 
   set_state(state) {
     this.state = state;
+    this.scene.set_live(state === 'live');
     this.readouts.set_state(state);
+  }
+
+  on_open() {
+    this.scene.clear_surfaces();
+    this.wait();
+  }
+
+  /** Waits for a run. What the last one ended with stays in sight. */
+  wait() {
+    if (this.state !== 'ended') {
+      this.set_state('waiting');
+    }
   }
 
   on_lost() {
@@ -116,7 +129,7 @@ class Page {
       note: () => this.readouts.add_note(message),
       acknowledged: () => this.on_acknowledged(message),
       end: () => this.on_end(message),
-      waiting: () => this.set_state('waiting'),
+      waiting: () => this.wait(),
       surface_lost: () => this.scene.lose_surface(message.object),
     }[message.type];
     if (handler) {
@@ -216,21 +229,10 @@ class Page {
 
   tick(now_ms) {
     if (this.last.drew) {
-      this.scene.judge(now_ms - this.last.tick_ms);
+      this.scene.judge(now_ms - this.last.tick_ms, now_ms);
     }
     this.last.tick_ms = now_ms;
-    const had_rows = this.new_rows;
-    const arrived_ms = this.take_news(now_ms);
-    this.new_rows = false;
-    this.last.drew = this.scene.draw(now_ms);
-    if (this.last.drew) {
-      this.counted.pictures += 1;
-      this.readouts.draw_compass(this.scene.camera, this.palette);
-      if (arrived_ms < Infinity) {
-        this.delays_ms.push(performance.now() - arrived_ms);
-        this.delays_ms.splice(0, this.delays_ms.length - 60);
-      }
-    }
+    this.last.drew = this.scene.due(now_ms) && this.show_news(now_ms);
     if (this.state === 'waiting' && this.hello.columns && this.shows_run(now_ms)) {
       this.set_state('live');
     }
@@ -242,9 +244,26 @@ class Page {
       this.last.readout_ms = now_ms;
       this.show_readouts(now_ms);
     }
+  }
+
+  /** Draws the picture with everything that came. Returns whether anything was drawn. */
+  show_news(now_ms) {
+    const had_rows = this.new_rows;
+    const arrived_ms = this.take_news(now_ms);
+    this.new_rows = false;
+    const drew = this.scene.draw(now_ms);
+    if (drew) {
+      this.counted.pictures += 1;
+      this.readouts.draw_compass(this.scene.camera, this.palette);
+    }
+    if (arrived_ms < Infinity) {
+      this.delays_ms.push(performance.now() - arrived_ms);
+      this.delays_ms.splice(0, this.delays_ms.length - 60);
+    }
     if (had_rows) {
       this.report_shown(now_ms);
     }
+    return drew;
   }
 
   shows_run(now_ms) {
@@ -272,7 +291,7 @@ class Page {
       rates.fps = (counted.pictures - rates.pictures) / passed_s;
       Object.assign(rates, {frames: counted.frames, pictures: counted.pictures, since_ms: now_ms});
     }
-    this.readouts.show_row(this.history, this.hello);
+    this.readouts.show_row(this.history, this.hello, this.state === 'live');
     this.readouts.show_scale(this.scene.surfaces);
     const missed = this.history.newest('missed_deadlines');
     this.readouts.show_numbers([
@@ -323,6 +342,8 @@ function interface_for_scripts(page) {
               projection: [...page.scene.camera.projectionMatrix.elements],
               left: place.left, top: place.top, width: place.width, height: place.height};
     },
+    /** Draws at this share of the pixels from now on, however slow that is. */
+    fix_scale: (scale) => page.scene.fix_scale(scale),
     project: (position_W_m) => page.scene.project(position_W_m),
   };
 }

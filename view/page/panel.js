@@ -10,6 +10,15 @@ const kLabelFont = '10px system-ui, sans-serif';
 // The legend is the panel's own; dygraphs' sets style attributes, which the page's policy forbids.
 Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
 
+/** Ticks of a logarithmic axis: powers of ten. */
+function decades(low, high) {
+  const ticks = [];
+  for (let power = Math.ceil(Math.log10(low)); power <= Math.log10(high); ++power) {
+    ticks.push({v: 10 ** power, label: String(10 ** power)});
+  }
+  return ticks;
+}
+
 /** One value of a series from a row's start in the history's array. */
 function value_of(series, values, start) {
   const [a, b, c] = series.at;
@@ -216,10 +225,11 @@ export class Panel {
       visibility: spec.series.map((_, i) => !this.hidden.has(i)),
       legend: 'never', dateWindow: window_s, strokeWidth: 1.4, highlightCircleSize: 0,
       logscale: Boolean(spec.log), includeZero: Boolean(spec.zero) && !spec.log,
-      gridLineColor: palette.grid, axisLineColor: palette.grid, rightGap: 8, yRangePad: 4,
+      gridLineColor: palette.grid, axisLineColor: palette.grid, rightGap: 8,
+      yRangePad: spec.band ? kBand_px + 3 : 5,
       axes: {x: {...axis, axisLabelFormatter: (s) => `${Number(s.toFixed(2))}`, pixelsPerLabel: 55,
                  axisLabelWidth: 46},
-             y: {...axis, axisLabelWidth: 38, pixelsPerLabel: 24}},
+             y: {...axis, axisLabelWidth: 38, pixelsPerLabel: 24, ...(spec.log ? {ticker: decades} : {})}},
       xAxisHeight: 17,
       interactionModel: {...Dygraph.defaultInteractionModel, dblclick: () => this.scope.follow()},
       underlayCallback: (context, area, graph) => this.underlay(context, area, graph),

@@ -49,13 +49,14 @@ export class Readouts {
     document.title = `${hello.scene || hello.device || 'run'} – Forcegrid live view`;
   }
 
-  /** The newest row of the history. */
-  show_row(history, hello) {
+  /** The newest row of the history; `live`: is it of this moment? */
+  show_row(history, hello, live) {
     text_of(this.by_id('force'), fixed(history.newest('force_N'), 2));
     kNamesOfAxes.forEach((axis) => {
       text_of(this.by_id(`at-${axis}`), fixed(history.newest(`position_${axis}_mm`), 1));
     });
-    const flags = this.flags(history, hello);
+    const flags = live ? this.flags(history, hello)
+                       : history.rows > 0 ? [['last values', 'old']] : [];
     const key = JSON.stringify(flags);
     if (key !== this.flags_shown) {
       this.flags_shown = key;

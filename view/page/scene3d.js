@@ -9,10 +9,14 @@ import {Surface} from '/surface.js';
 
 const kMethods = 4;
 const kFieldOfView_deg = 32;
-const kSlow_ms = 42;      // between pictures: more, and the next have fewer pixels
+const kSlow_ms = 36;      // until the browser is ready again: more, and the next have fewer pixels
 const kFast_ms = 24;      // less, and the next have more
 const kLowestScale = 0.5;
 const kJudged = 12;       // intervals that are judged together
+const kNotAgain_ms = 15000;  // after a time that was too slow
+const kSoftwareInterval_ms = 24;
+const kSoftwareScale = 0.75;  // to begin with
+const kFadeInterval_ms = 60;
 
 /** Does the browser draw by software? Then antialiasing costs more than it gives. */
 function draws_by_software() {
@@ -36,8 +40,11 @@ export class Scene3d {
       throw new Error('this browser has no WebGL 2, or it is switched off');
     }
     this.renderer = new THREE.WebGLRenderer({canvas, context});
-    this.scale = this.software ? Math.min(1, devicePixelRatio) : Math.min(2, devicePixelRatio);
-    this.largest_scale = this.scale;
+    this.largest_scale = Math.min(this.software ? 1 : 2, devicePixelRatio);
+    this.scale = this.software ? kSoftwareScale : this.largest_scale;
+    this.scale_is_fixed = false;
+    this.sharper_at_ms = 0;
+    this.drawn_ms = -Infinity;
     this.intervals = [];
     this.dirty = true;
     this.camera = new THREE.PerspectiveCamera(kFieldOfView_deg, 1, 0.01, 10);
@@ -49,7 +56,9 @@ export class Scene3d {
     this.hidden_arrows = new Set();
     this.tool_at = new THREE.Vector3();
     this.target_at = null;
+    this.drag_origin = null;  // where the tool was when a drag began
     this.has_tool = false;
+    this.live = false;  // otherwise the forces are old, and are not drawn
     this.in_contact = false;
     this.follows = false;
     this.was_fitted = false;
@@ -92,17 +101,11 @@ export class Scene3d {
     this.apply_theme();
     if (!this.was_fitted) {
       this.fit();
-      this.was_fitted = false;
     }
   }
 
   set_shape(shape) {
-    const old = this.surfaces.get(shape.object);
-    if (old) {
-      this.surface_group.remove(old.mesh);
-      this.mesh_group.remove(old.edge_lines());
-      old.dispose();
-    }
+    this.remove_surface(shape.object);
     const surface = new Surface(shape);
     this.surfaces.set(shape.object, surface);
     this.surface_group.add(surface.mesh);
@@ -114,6 +117,27 @@ export class Scene3d {
       this.fit();
     }
     this.dirty = true;
+  }
+
+  set_live(live) {
+    this.live = live;
+    this.dirty = true;
+  }
+
+  /** Forgets the surfaces: a new connection sends them again. */
+  clear_surfaces() {
+    [...this.surfaces.keys()].forEach((object) => this.remove_surface(object));
+  }
+
+  remove_surface(object) {
+    const surface = this.surfaces.get(object);
+    if (surface) {
+      this.surfaces.delete(object);
+      this.surface_group.remove(surface.mesh);
+      this.mesh_group.remove(...(surface.lines ? [surface.lines] : []));
+      surface.dispose();
+      this.dirty = true;
+    }
   }
 
   /** Shows a surface frame; false if there is no shape for it. */
@@ -231,10 +255,18 @@ export class Scene3d {
     this.dirty = true;
   }
 
+  /** Draws at this share of the pixels from now on. */
+  fix_scale(scale) {
+    this.scale = scale;
+    this.scale_is_fixed = true;
+    this.resize();
+  }
+
   /** Judges the time between pictures [ms] and changes the number of pixels if it must. */
-  judge(interval_ms) {
+  judge(interval_ms, now_ms) {
     this.intervals.push(interval_ms);
-    if (this.intervals.length < kJudged) {
+    if (this.intervals.length < kJudged || this.scale_is_fixed) {
+      this.intervals.splice(0, this.intervals.length - kJudged);
       return;
     }
     const median = this.intervals.sort((a, b) => a - b)[kJudged >> 1];
@@ -242,13 +274,18 @@ export class Scene3d {
     const before = this.scale;
     if (median > kSlow_ms) {
       this.scale = Math.max(kLowestScale, this.scale * 0.85);
-      this.largest_scale = Math.max(kLowestScale, this.scale);  // it was too slow: not again soon
-    } else if (median < kFast_ms && this.scale < this.largest_scale) {
+      this.sharper_at_ms = now_ms + kNotAgain_ms;
+    } else if (median < kFast_ms && now_ms > this.sharper_at_ms) {
       this.scale = Math.min(this.largest_scale, this.scale * 1.1);
     }
     if (this.scale !== before) {
       this.resize();
     }
+  }
+
+  /** May the next picture be drawn? Software draws every other one of 60 a second. */
+  due(now_ms) {
+    return !this.software || now_ms - this.drawn_ms > kSoftwareInterval_ms;
   }
 
   /** Draws if something changed. Returns whether it did. */
@@ -257,11 +294,13 @@ export class Scene3d {
     if (this.follows && this.has_tool) {
       this.orbit.approach(this.tool_at, 0.15);
     }
-    this.dirty = this.dirty || (this.shown.samples && this.samples.fading(now_s));
+    this.dirty = this.dirty || (now_ms - this.drawn_ms > kFadeInterval_ms && this.shown.samples &&
+                                this.samples.fading(now_s));
     if (!this.dirty && !force) {
       return false;
     }
     this.dirty = false;
+    this.drawn_ms = now_ms;
     this.samples.uniforms.now_s.value = now_s;
     this.samples.uniforms.size_px.value = 7 * this.scale;
     this.surface_group.visible = this.shown.surface;
@@ -269,16 +308,17 @@ export class Scene3d {
     this.arm.group.visible = this.shown.arm;
     this.samples.points.visible = this.shown.samples;
     this.workspace.visible = this.shown.workspace;
-    this.arrow_group.visible = this.shown.forces && this.has_tool;
+    this.arrow_group.visible = this.shown.forces && this.has_tool && this.live;
     this.tool.group.visible = this.has_tool;
     this.place_arrows();
-    this.tool.update(this.tool_at, this.target_at, this.in_contact, this.tool_radius_m, this.camera);
+    this.tool.update(this.tool_at, this.target_at, this.in_contact && this.live, this.tool_radius_m,
+                     this.camera);
     this.renderer.render(this.scene, this.camera);
     return true;
   }
 
   place_arrows() {
-    const metres_per_N = 1.3 * this.radius_m / this.largest_force_N;
+    const metres_per_N = 0.9 * this.radius_m / this.largest_force_N;
     this.arrows.forEach((arrow, i) => {
       arrow.update(this.tool_at, this.forces[i] || [NaN, NaN, NaN], metres_per_N,
                    this.radius_m * (i === 0 ? 0.018 : 0.0075));
@@ -286,7 +326,7 @@ export class Scene3d {
     });
   }
 
-  /** Pixel of the page [px from the window's corner] of a point in W [m]; z < 1 is before the far plane. */
+  /** Pixel [px from the window's corner] of a point in W [m]; z < 1 is before the far plane. */
   project(position_W_m) {
     const place = this.canvas.getBoundingClientRect();
     const seen = new THREE.Vector3(...position_W_m).project(this.camera);
@@ -303,7 +343,8 @@ export class Scene3d {
     const normal = this.camera.getWorldDirection(new THREE.Vector3());
     const ray = new THREE.Ray(this.camera.position.clone(),
                               through.sub(this.camera.position).normalize());
-    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(normal, this.drag_origin || this.tool_at);
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(
+        normal, this.drag_origin || this.tool_at);
     const point = ray.intersectPlane(plane, new THREE.Vector3());
     if (point && this.box) {
       point.clamp(this.box.min, this.box.max);

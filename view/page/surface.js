@@ -7,38 +7,36 @@ import * as THREE from '/three.module.js';
 const kCrease_cos = Math.cos(40 * Math.PI / 180);  // at rest; flatter edges are shaded smoothly
 const kSmallestScale_m = 0.001;
 const kScaleHold_ms = 3000;
+const kLight = [-0.55, 0.55, 0.75];  // direction in the camera's frame
 
+// Little work per vertex: a computer without a graphics card runs this, too.
 const kVertexShader = `
-  attribute vec3 rest;
-  attribute vec4 outward;
+  attribute vec4 outward;  // normal in W, and the displacement as a share of the ramp
+  uniform mat4 to_picture;
   uniform vec3 low;
   uniform vec3 grain;
-  uniform float full_m;
+  uniform vec3 eye_W;
+  uniform vec3 light_W;
+  uniform vec3 gloss_W;
   uniform float dimmed;
   uniform vec3 ramp[4];
   varying vec3 colour;
-  vec3 of_ramp(float t) {
-    float at = 3.0 * clamp(t, 0.0, 1.0);
-    vec3 first = mix(ramp[0], ramp[1], clamp(at, 0.0, 1.0));
-    vec3 second = mix(first, ramp[2], clamp(at - 1.0, 0.0, 1.0));
-    return mix(second, ramp[3], clamp(at - 2.0, 0.0, 1.0));
-  }
   void main() {
     vec3 at_W_m = low + grain * position;
-    vec4 seen = modelViewMatrix * vec4(at_W_m, 1.0);
-    vec3 normal_W = normalize(outward.xyz + vec3(1e-6));
-    vec3 normal = normalize((modelViewMatrix * vec4(normal_W, 0.0)).xyz);
-    vec3 to_eye = normalize(-seen.xyz);
-    float side = dot(normal, to_eye) < 0.0 ? -1.0 : 1.0;
-    normal *= side;
-    float key = max(0.0, dot(normal, normalize(vec3(-0.45, 0.75, 0.6))));
-    float sky = 0.5 + 0.5 * side * normal_W.z;
-    vec3 half_way = normalize(to_eye + normalize(vec3(-0.45, 0.75, 0.6)));
-    float gloss = pow(max(0.0, dot(normal, half_way)), 24.0);
-    vec3 base = of_ramp(distance(at_W_m, rest) / full_m);
-    colour = base * (0.30 + 0.22 * sky + 0.56 * key) + vec3(0.10 * gloss);
+    float side = dot(outward.xyz, eye_W - at_W_m) < 0.0 ? -1.0 : 1.0;
+    vec3 normal = side * outward.xyz;
+    float gloss = max(0.0, dot(normal, gloss_W));
+    gloss *= gloss;
+    gloss *= gloss;
+    gloss *= gloss;
+    float place = 3.0 * outward.w;
+    vec3 base = mix(ramp[0], ramp[1], min(place, 1.0));
+    base = mix(base, ramp[2], clamp(place - 1.0, 0.0, 1.0));
+    base = mix(base, ramp[3], max(place - 2.0, 0.0));
+    colour = base * (0.50 + 0.14 * normal.z + 0.48 * max(0.0, dot(normal, light_W)));
+    colour += 0.10 * gloss * gloss;
     colour = mix(colour, vec3(dot(colour, vec3(0.33))), dimmed);
-    gl_Position = projectionMatrix * seen;
+    gl_Position = to_picture * vec4(position, 1.0);
   }`;
 
 const kFragmentShader = `
@@ -46,16 +44,15 @@ const kFragmentShader = `
   void main() { gl_FragColor = vec4(colour, 1.0); }`;
 
 const kLineVertexShader = `
-  uniform vec3 low;
-  uniform vec3 grain;
+  uniform mat4 to_picture;
   void main() {
-    gl_Position = projectionMatrix * modelViewMatrix * vec4(low + grain * position, 1.0);
+    gl_Position = to_picture * vec4(position, 1.0);
     gl_Position.z -= 0.0004 * gl_Position.w;
   }`;
 
 const kLineFragmentShader = `
   uniform vec3 tint;
-  void main() { gl_FragColor = vec4(tint, 0.32); }`;
+  void main() { gl_FragColor = vec4(tint, 0.24); }`;
 
 /** Normals of the triangles at rest, not normalised to length 1 where a triangle has no area. */
 function triangle_normals(rest, corners) {
@@ -139,10 +136,32 @@ function edges_of(corners) {
   return Uint32Array.from(edges);
 }
 
-/** 1, 2 or 5 times a power of ten, at least `value`. */
+/**
+ * Which sides of the triangles can be seen: the outer ones of a closed surface, both of any other. A
+ * surface is closed if every edge runs once in each direction.
+ */
+function visible_sides(rest, corners) {
+  let open = 0;  // a sum over the edges in which opposite directions cancel
+  let volume_m3 = 0;
+  for (let i = 0; i < corners.length; i += 3) {
+    for (let side = 0; side < 3; ++side) {
+      const a = corners[i + side];
+      const b = corners[i + (side + 1) % 3];
+      const mark = Math.imul(Math.min(a, b) + 1, 73856093) ^ Math.imul(Math.max(a, b) + 1, 19349663);
+      open = (open + (a < b ? mark : -mark)) | 0;
+    }
+    const [a, b, c] = [3 * corners[i], 3 * corners[i + 1], 3 * corners[i + 2]];
+    volume_m3 += (rest[a] * (rest[b + 1] * rest[c + 2] - rest[b + 2] * rest[c + 1]) +
+                  rest[a + 1] * (rest[b + 2] * rest[c] - rest[b] * rest[c + 2]) +
+                  rest[a + 2] * (rest[b] * rest[c + 1] - rest[b + 1] * rest[c])) / 6;
+  }
+  return open !== 0 ? THREE.DoubleSide : volume_m3 > 0 ? THREE.FrontSide : THREE.BackSide;
+}
+
+/** A round number with at most two digits that is at least `value`. */
 function round_up(value) {
   const decade = 10 ** Math.floor(Math.log10(value));
-  return [1, 2, 5, 10].map((digit) => digit * decade).find((round) => round >= value * 0.999);
+  return [1, 1.5, 2, 3, 5, 7.5, 10].map((digit) => digit * decade).find((round) => round >= value * 0.999);
 }
 
 export class Surface {
@@ -159,15 +178,12 @@ export class Surface {
     this.positions = new Uint16Array(3 * source.length);
     this.normals = new Int8Array(4 * source.length);
     this.sums = new Float32Array(3 * source.length);
+    this.displacements_m = new Float32Array(shape.vertices);
     this.make_meshes();
     this.show_rest();
   }
 
   make_meshes() {
-    const rest = new Float32Array(3 * this.source.length);
-    this.source.forEach((vertex, i) => {
-      rest.set(this.shape.rest_W_m.subarray(3 * vertex, 3 * vertex + 3), 3 * i);
-    });
     this.position_attribute = new THREE.BufferAttribute(this.positions, 3);
     this.normal_attribute = new THREE.BufferAttribute(this.normals, 4, true);
     this.position_attribute.setUsage(THREE.DynamicDrawUsage);
@@ -175,19 +191,34 @@ export class Surface {
     this.geometry = new THREE.BufferGeometry();
     this.geometry.setAttribute('position', this.position_attribute);
     this.geometry.setAttribute('outward', this.normal_attribute);
-    this.geometry.setAttribute('rest', new THREE.BufferAttribute(rest, 3));
     this.geometry.setIndex(new THREE.BufferAttribute(this.corners, 1));
     this.uniforms = {
       low: {value: new THREE.Vector3()}, grain: {value: new THREE.Vector3()},
-      full_m: {value: this.full_m}, dimmed: {value: 0},
+      to_picture: {value: new THREE.Matrix4()}, eye_W: {value: new THREE.Vector3()},
+      light_W: {value: new THREE.Vector3()}, gloss_W: {value: new THREE.Vector3()},
+      dimmed: {value: 0},
       ramp: {value: [0, 1, 2, 3].map(() => new THREE.Color(0x808080))},
       tint: {value: new THREE.Color(0xffffff)},
     };
     this.mesh = new THREE.Mesh(this.geometry, new THREE.ShaderMaterial({
       uniforms: this.uniforms, vertexShader: kVertexShader, fragmentShader: kFragmentShader,
-      side: THREE.DoubleSide}));
+      side: visible_sides(this.shape.rest_W_m, this.shape.corners)}));
     this.mesh.frustumCulled = false;  // the box of its 16-bit numbers is not the surface's box
+    this.mesh.onBeforeRender = (renderer, scene, camera) => this.aim(camera);
     this.lines = null;
+  }
+
+  /** Transformation from 16-bit numbers to the picture, and lights that move with the camera. */
+  aim(camera) {
+    const {to_picture, low, grain, eye_W, light_W, gloss_W} = this.uniforms;
+    const scaled = new THREE.Matrix4().makeScale(grain.value.x, grain.value.y, grain.value.z)
+                       .setPosition(low.value);
+    to_picture.value.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse)
+        .multiply(scaled);
+    eye_W.value.setFromMatrixPosition(camera.matrixWorld);
+    light_W.value.set(...kLight).normalize().transformDirection(camera.matrixWorld);
+    gloss_W.value.set(...kLight).normalize().add(new THREE.Vector3(0, 0, 1)).normalize()
+        .transformDirection(camera.matrixWorld);
   }
 
   /** The edges as lines, made when they are first shown. */
@@ -200,6 +231,7 @@ export class Surface {
         uniforms: this.uniforms, vertexShader: kLineVertexShader,
         fragmentShader: kLineFragmentShader, transparent: true, depthWrite: false}));
       this.lines.frustumCulled = false;
+      this.lines.onBeforeRender = (renderer, scene, camera) => this.aim(camera);
     }
     return this.lines;
   }
@@ -225,14 +257,13 @@ export class Surface {
     if (frame.epoch !== this.shape.epoch || frame.vertices !== this.shape.vertices) {
       return false;
     }
-    this.place(frame.low, frame.step, frame.values);
-    this.scale_colours(now_ms);
+    this.place(frame.low, frame.step, frame.values, now_ms);
     this.uniforms.dimmed.value = 0;
     this.frames += 1;
     return true;
   }
 
-  place(low, step, values) {
+  place(low, step, values, now_ms = 0) {
     this.positions.set(values);
     for (let i = this.shape.vertices; i < this.source.length; ++i) {
       const from = 3 * this.source[i];
@@ -242,8 +273,10 @@ export class Surface {
     }
     this.uniforms.low.value.set(...low);
     this.uniforms.grain.value.set(...step);
-    this.compute_normals(step);
     this.measure(low, step);
+    this.scale_colours(now_ms);
+    this.compute_normals(step);
+    this.colour_by_displacement();
     this.position_attribute.needsUpdate = true;
     this.normal_attribute.needsUpdate = true;
   }
@@ -280,20 +313,30 @@ export class Surface {
     }
   }
 
-  /** The box around the surface and its largest displacement [m]. */
+  /** Writes each vertex's displacement beside its normal, 127 for the end of the colours' range. */
+  colour_by_displacement() {
+    const {normals, source, displacements_m} = this;
+    const factor = 127 / this.full_m;
+    for (let i = 0, to = 3; i < source.length; ++i, to += 4) {
+      normals[to] = Math.min(127, displacements_m[source[i]] * factor);
+    }
+  }
+
+  /** The box around the surface, each vertex's displacement and the largest one [m]. */
   measure(low, step) {
-    const {positions} = this;
+    const {positions, displacements_m} = this;
     const rest = this.shape.rest_W_m;
     const [lx, ly, lz] = low;
     const [sx, sy, sz] = step;
-    let largest2_m2 = 0;
-    for (let i = 0; i < rest.length; i += 3) {
+    this.largest_m = 0;
+    for (let i = 0, vertex = 0; i < rest.length; i += 3, ++vertex) {
       const x = lx + sx * positions[i] - rest[i];
       const y = ly + sy * positions[i + 1] - rest[i + 1];
       const z = lz + sz * positions[i + 2] - rest[i + 2];
-      largest2_m2 = Math.max(largest2_m2, x * x + y * y + z * z);
+      const length_m = Math.sqrt(x * x + y * y + z * z);
+      displacements_m[vertex] = length_m;
+      this.largest_m = Math.max(this.largest_m, length_m);
     }
-    this.largest_m = Math.sqrt(largest2_m2);
     this.box.min.set(lx, ly, lz);
     this.box.max.set(lx + 65535 * sx, ly + 65535 * sy, lz + 65535 * sz);
   }
@@ -309,7 +352,6 @@ export class Surface {
       this.full_m = Math.max(kSmallestScale_m, round_up(Math.max(this.largest_m, 1e-6)));
       this.last_large_ms = now_ms;
     }
-    this.uniforms.full_m.value = this.full_m;
   }
 
   set_theme(palette) {

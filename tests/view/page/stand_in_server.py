@@ -130,7 +130,7 @@ class StandIn:
         self.block, self.port, self.token = Block(vertices), port, token
         self.feed_scope = feed_scope
         self.commands, self.frozen, self.paused, self.stopped = [], None, False, False
-        self.sockets, self.epoch, self.hand = [], 1, None
+        self.sockets, self.epoch, self.hand, self.refuse_stop = [], 1, None, False
         self.loop = asyncio.new_event_loop()
         self.ready = threading.Event()
         self.thread = threading.Thread(target=self.run, daemon=True)
@@ -148,6 +148,11 @@ class StandIn:
             self.loop.run_until_complete(self.serve())
         except asyncio.CancelledError:
             pass
+        left = asyncio.all_tasks(self.loop)
+        for task in left:
+            task.cancel()
+        self.loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))
+        self.loop.close()
 
     async def serve(self):
         server = await asyncio.start_server(self.answer, "127.0.0.1", self.port)
@@ -230,7 +235,9 @@ class StandIn:
     async def obey(self, writer, command):
         self.commands.append({**command, "arrived_s": time.monotonic()})
         what, answer = command["what"], {"type": "acknowledged", "id": command.get("id"), "done": True}
-        if what == "stop":
+        if what == "stop" and self.refuse_stop:
+            send_text(writer, {**answer, "what": what, "done": False, "text": "the device is silent"})
+        elif what == "stop":
             await asyncio.sleep(0.3)
             self.stopped = True
             send_text(writer, {**answer, "what": what, "text": "zero current is commanded"})
@@ -242,7 +249,7 @@ class StandIn:
             send_text(writer, {**answer, "what": what, "text": ""})
         elif what == "hand":
             self.hand = command["target_W_m"]
-        elif what == "take_control":
+        elif what == "take_control":  # here the newest that asks has it
             send_text(writer, {"type": "role", "role": "controller"})
 
     async def feed(self):
@@ -290,7 +297,8 @@ class StandIn:
 
     def send_all(self, message):
         for writer in self.sockets:
-            if writer.transport.get_write_buffer_size() < 1 << 20:  # a slow page loses messages
+            # A page that is slow, or gone, loses messages.
+            if not writer.is_closing() and writer.transport.get_write_buffer_size() < 1 << 20:
                 send(writer, 2, message)
 
 

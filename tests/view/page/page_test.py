@@ -1,0 +1,494 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The page of the live view in a browser, before a server that stands in for the live view's.
+usage: page_test.py [NAME_OF_TEST ...]      ends with 77 where Chromium or selenium is missing"""
+import base64
+import os
+import pathlib
+import random
+import shutil
+import socket
+import sys
+import tempfile
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+try:
+    from selenium import webdriver
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.chrome.service import Service
+except ImportError:
+    webdriver = None
+from picture import Picture, depth_inside, outline
+from stand_in_server import COLUMNS, HELLO, JAVASCRIPT, StandIn, send
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+PATIENCE_S = 20
+STILL_TOOL_W_M = (0.02, 0.03, 0.06)
+
+CONTRAST = """
+const canvas = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
+const rgba = (colour) => {
+  canvas.clearRect(0, 0, 1, 1);
+  canvas.fillStyle = colour;
+  canvas.fillRect(0, 0, 1, 1);
+  return [...canvas.getImageData(0, 0, 1, 1).data];
+};
+const over = (top, below) => [0, 1, 2].map((i) => top[i] * top[3] / 255 + below[i] * (1 - top[3] / 255));
+const background = (element) => {
+  if (!element) return rgba(getComputedStyle(document.body).backgroundColor);
+  const own = rgba(getComputedStyle(element).backgroundColor);
+  return own[3] === 255 ? own : [...over(own, background(element.parentElement)), 255];
+};
+const light = (colour) => {
+  const [r, g, b] = colour.map((c) => c / 255).map((c) => c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const poor = [];
+let seen = 0;
+for (const element of document.querySelectorAll('body *')) {
+  const own = [...element.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim());
+  if (!own || !element.checkVisibility() || element.closest(':disabled')) continue;
+  const behind = background(element);
+  const front = over(rgba(getComputedStyle(element).color), behind);
+  const [a, b] = [light(front), light(behind)].sort((p, q) => q - p);
+  seen += 1;
+  if ((a + 0.05) / (b + 0.05) < 4.5) {
+    poor.push(`${element.tagName}.${element.className} '${element.textContent.trim()}' ${(a + 0.05) / (b + 0.05)}`);
+  }
+}
+return {seen, poor};
+"""
+
+
+def start_browser(downloads):
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for flag in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
+                 "--enable-unsafe-swiftshader", "--window-size=1280,720", "--no-first-run"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    browser = webdriver.Chrome(service=Service(DRIVER), options=options)
+    browser.execute_cdp_cmd("Browser.setDownloadBehavior",
+                            {"behavior": "allow", "downloadPath": str(downloads)})
+    return browser
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Page(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.browser = start_browser(cls.folder.name)
+        cls.stand_in = None
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.quit()
+        cls.stand_in.close()
+        cls.folder.cleanup()
+
+    def setUp(self):
+        self.size(1280, 720)
+        self.lost_is_expected = False
+        if self.stand_in is None or self.stand_in.stopped or self.stand_in.hurt:
+            if self.stand_in:
+                self.stand_in.close()
+            type(self).stand_in = StandIn(vertices=1500)
+            self.stand_in.hurt = False
+            self.browser.get(self.stand_in.address)
+            self.wait_for_state("live")
+        self.failed_before = self.failed_tests()
+
+    def tearDown(self):
+        errors = [entry["message"] for entry in self.browser.get_log("browser")
+                  if entry["level"] == "SEVERE"]
+        if self.lost_is_expected:
+            errors = [message for message in errors if "WebSocket connection" not in message]
+        self.stand_in.hurt = bool(errors) or self.failed_tests() > self.failed_before
+        self.assertEqual(errors, [], "the browser's console has errors")
+
+    def failed_tests(self):
+        return len(self._outcome.result.failures) + len(self._outcome.result.errors)
+
+    def size(self, width, height):
+        self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": False})
+
+    def run_script(self, text, *arguments):
+        return self.browser.execute_script(text, *arguments)
+
+    def view(self, name):
+        return self.run_script(f"return window.forcegridView && window.forcegridView.{name}")
+
+    def by_id(self, name):
+        return self.browser.find_element(By.ID, name)
+
+    def wait_until(self, wanted, what):
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            found = wanted()
+            if found:
+                return found
+            time.sleep(0.03)
+        return self.fail(f"waited {PATIENCE_S} s: {what}")
+
+    def wait_for_state(self, state):
+        self.wait_until(lambda: self.run_script("return document.body.dataset.state") == state,
+                        f"the page is {self.run_script('return document.body.dataset.state')}, "
+                        f"not {state}")
+
+    def wait_for_frames(self, count):
+        before = self.view("frames")
+        self.wait_until(lambda: self.view("frames") >= before + count, "no frames are shown")
+
+    def command(self, what, known=0):
+        """The first command of a kind that comes after `known` ones."""
+        found = lambda: [c for c in self.stand_in.commands[known:] if c["what"] == what]
+        return self.wait_until(found, f"the page sends no {what}")[0]
+
+    def still_tool(self):
+        self.stand_in.hand = STILL_TOOL_W_M
+        wanted = [1000 * x for x in STILL_TOOL_W_M]
+        self.wait_until(lambda: max(abs(a - b) for a, b in zip(self.view("position_mm"), wanted)) < 1e-3,
+                        "the tool does not stand still")
+        self.wait_for_frames(2)
+
+    def clear_hand(self):
+        self.stand_in.hand = None
+
+    # What is shown
+
+    def test_shows_the_surface_the_scope_and_the_run(self):
+        self.assertEqual(self.view("vertices"), len(self.stand_in.block.rest))
+        self.wait_for_frames(3)
+        self.assertEqual(self.view("role"), "controller")
+        self.assertEqual(self.view("broken_messages"), 0)
+        self.wait_until(lambda: self.view("rows") > 50, "the scope gets no rows")
+        self.assertIn(HELLO["device"], self.by_id("facts").text)
+        speaker = self.browser.find_element(By.CLASS_NAME, "speaker")
+        self.wait_until(lambda: " speaks: " in speaker.text, "nobody speaks")
+        name, _, reason = speaker.text.partition(" speaks: ")
+        self.assertEqual(HELLO["candidates"].index(name), HELLO["reasons"].index(reason))
+        self.assertGreater(self.view("latency")["shown_cycle"], 0)
+        self.assertGreaterEqual(self.command("shown")["cycle"], 0)
+
+    def test_draws_the_surface_where_its_vertices_are(self):
+        layers = ["mesh", "arm", "samples", "forces", "workspace"]
+        boxes = [self.browser.find_element(By.CSS_SELECTOR, f"[data-layer={name}]") for name in layers]
+        self.run_script("document.getElementById('layers').open = true")
+        for box in boxes[1:]:
+            box.click()
+        self.run_script("document.getElementById('layers').open = false")
+        positions = self.stand_in.block.sheared(0.03)
+        self.stand_in.hand = (0.0, 0.0, -0.02)  # inside of the block
+        self.stand_in.freeze(positions)
+        self.wait_for_frames(4)
+        camera = self.view("camera")
+        huds = "document.querySelectorAll('.hud').forEach((e) => { e.style.visibility = arguments[0]; })"
+        self.run_script(huds, "hidden")
+        clip = {"x": camera["left"], "y": camera["top"], "width": camera["width"],
+                "height": camera["height"], "scale": 1}
+        shot = self.browser.execute_cdp_cmd("Page.captureScreenshot", {"format": "png", "clip": clip})
+        picture = Picture(base64.b64decode(shot["data"]))
+        self.run_script(huds, "visible")
+        deformed = outline([self.pixel(camera, p) for p in positions])
+        rest = outline([self.pixel(camera, p) for p in self.stand_in.block.rest])
+        self.check_outline(picture, deformed, rest)
+        corner = self.pixel(camera, max(positions, key=lambda p: p[2] * 2 + p[0] + p[1]))
+        middle = self.pixel(camera, (0, 0.015, 0.015))
+        near_top = picture.at(*[0.93 * c + 0.07 * m for c, m in zip(corner, middle)])
+        bottom = self.pixel(camera, (0.05, 0.0, -0.045))
+        self.assertGreater(colourfulness(near_top), 60, "displaced most, and grey")
+        self.assertLess(colourfulness(picture.at(*bottom)), 35, "hardly displaced, and coloured")
+        self.stand_in.freeze(None)
+        self.clear_hand()
+        self.run_script("document.getElementById('layers').open = true")
+        for box in boxes[1:]:
+            box.click()
+        self.run_script("document.getElementById('layers').open = false")
+
+    def check_outline(self, picture, deformed, rest):
+        """Pixels are of the object inside of the deformed outline, of the background outside."""
+        dice = random.Random(5)
+        background = picture.at(picture.width // 2, picture.height - 3)
+        points = [(dice.uniform(2, picture.width - 2), dice.uniform(2, picture.height - 2))
+                  for _ in range(4000)]
+        hits = {"inside": 0, "outside": 0, "only where it is deformed": 0}
+        for point in points:
+            depth = depth_inside(deformed, point)
+            if abs(depth) < 3:
+                continue
+            hits["inside" if depth > 0 else "outside"] += 1
+            hits["only where it is deformed"] += depth > 0 and depth_inside(rest, point) < -3
+            is_object = picture.at(*point) != background
+            self.assertEqual(is_object, depth > 0, f"pixel {point}: {picture.at(*point)}")
+        self.assertGreater(min(hits.values()), 60, hits)
+
+    @staticmethod
+    def pixel(camera, position):
+        """Where a point of W is in the picture, from the matrices that the page tells."""
+        def times(matrix, vector):
+            return [sum(matrix[4 * column + row] * vector[column] for column in range(4))
+                    for row in range(4)]
+        x, y, _, w = times(camera["projection"], times(camera["view"], [*position, 1]))
+        return ((x / w + 1) / 2 * camera["width"], (1 - y / w) / 2 * camera["height"])
+
+    def test_tells_scripts_where_points_are(self):
+        camera = self.view("camera")
+        x, y = self.pixel(camera, STILL_TOOL_W_M)
+        told = self.run_script("return window.forcegridView.project(arguments[0])", STILL_TOOL_W_M)
+        self.assertAlmostEqual(told["x"], x + camera["left"], places=3)
+        self.assertAlmostEqual(told["y"], y + camera["top"], places=3)
+
+    def test_counts_broken_messages_and_goes_on(self):
+        before = self.view("broken_messages")
+        whole = self.stand_in.block.frame(self.stand_in.epoch, 0.0, self.stand_in.block.quantised)
+        bad = [whole[:40], whole[:-2], b"\x63" + whole[1:], b"", b"\x01\x00\xff\xff"]
+        self.stand_in.loop.call_soon_threadsafe(
+            lambda: [send(self.stand_in.sockets[0], 2, message) for message in bad])
+        self.wait_until(lambda: self.view("broken_messages") == before + len(bad), "not counted")
+        self.wait_for_frames(2)
+
+    def test_shows_only_frames_of_the_newest_shape(self):
+        self.stand_in.epoch = 77  # of its frames; no shape of this epoch was sent
+        self.wait_until(lambda: self.frames_stand_still(), "frames of another epoch are shown")
+        self.stand_in.loop.call_soon_threadsafe(
+            lambda: send(self.stand_in.sockets[0], 2, self.stand_in.block.shape(77)))
+        self.wait_for_frames(2)
+
+    def frames_stand_still(self):
+        before = self.view("frames")
+        time.sleep(0.25)
+        return self.view("frames") == before
+
+    # What the person does
+
+    def test_stops_by_the_space_bar_wherever_the_focus_is(self):
+        known = len(self.stand_in.commands)
+        freeze = self.by_id("freeze")
+        self.run_script("arguments[0].focus()", freeze)
+        self.run_script("""window.seen = [];
+            new MutationObserver(() => window.seen.push(document.getElementById('stop-status').textContent))
+                .observe(document.getElementById('stop-status'), {childList: true});""")
+        self.assertFalse(self.view("stop_acknowledged"))
+        freeze.send_keys(Keys.SPACE)
+        self.command("stop", known)
+        self.wait_until(lambda: self.view("stop_acknowledged"), "stop is not acknowledged")
+        seen = self.run_script("return window.seen")
+        self.assertEqual(seen[0], "stopping…")
+        self.assertTrue(seen[-1].startswith("stopped, acknowledged by the servo"), seen)
+        self.assertEqual(freeze.get_attribute("aria-pressed"), "false", "the button was pressed, too")
+        self.wait_for_state("ended")
+        self.wait_until(lambda: self.by_id("flags").text == "last values", "old values look new")
+
+    def test_says_so_when_stop_is_refused(self):
+        self.run_script("document.getElementById('stop').dataset.stop")
+        self.stand_in.refuse_stop = True
+        self.by_id("stop").click()
+        self.wait_until(lambda: "not stopped: the device" in self.by_id("stop-status").text,
+                        "a refusal is not shown")
+        self.assertFalse(self.view("stop_acknowledged"))
+        self.stand_in.refuse_stop = False  # the page asks again by itself
+        self.wait_until(lambda: self.view("stop_acknowledged"), "stop is not repeated")
+
+    def test_pauses_the_force_and_resumes_it(self):
+        known = len(self.stand_in.commands)
+        button = self.by_id("pause")
+        button.click()
+        self.assertIs(self.command("pause", known)["value"], True)
+        self.wait_until(lambda: button.text == "Resume force", "the pause is not shown")
+        self.assertEqual(button.get_attribute("aria-pressed"), "true")
+        self.wait_until(lambda: "force paused" in self.by_id("flags").text, "no flag")
+        known = len(self.stand_in.commands)
+        self.browser.find_element(By.TAG_NAME, "body").send_keys("p")
+        self.assertIs(self.command("pause", known)["value"], False)
+        self.wait_until(lambda: button.text == "Pause force", "the pause does not end")
+
+    def test_drags_the_hand_by_the_tool(self):
+        self.still_tool()
+        known = len(self.stand_in.commands)
+        start = self.view(f"project({list(STILL_TOOL_W_M)})")
+        self.run_script("""window.sent_ms = [];
+            const send = WebSocket.prototype.send;
+            WebSocket.prototype.send = function (text) {
+              if (JSON.parse(text).target_W_m) window.sent_ms.push(performance.now());
+              return send.call(this, text);
+            };""")
+        x, y = round(start["x"]), round(start["y"])
+        hand = ActionChains(self.browser, duration=8)
+        hand.w3c_actions.pointer_action.move_to_location(x, y)
+        hand.click_and_hold()
+        for _ in range(17):
+            hand.move_by_offset(5, 0).move_by_offset(0, -1)
+        hand.perform()
+        self.command("hand", known)
+        camera, tool = self.view("camera"), STILL_TOOL_W_M
+        targets = lambda: [c["target_W_m"] for c in self.stand_in.commands[known:] if c["what"] == "hand"]
+        end = (x + 85, y - 17)
+
+        def arrived():
+            at = self.pixel(camera, targets()[-1])
+            return abs(at[0] + camera["left"] - end[0]) < 2 and abs(at[1] + camera["top"] - end[1]) < 2
+        self.wait_until(arrived, "the target is not under the pointer")
+        depth = lambda p: sum(camera["view"][4 * i + 2] * p[i] for i in range(3))
+        for target in targets():
+            self.assertAlmostEqual(depth(target), depth(tool), delta=1e-4, msg="not in the plane")
+        ActionChains(self.browser).release().perform()
+        self.wait_until(lambda: targets()[-1] is None, "the hand is not let go")
+        sent_ms = self.run_script("return window.sent_ms")
+        self.assertGreater(len(sent_ms), 3)
+        self.assertGreater((sent_ms[-1] - sent_ms[0]) / (len(sent_ms) - 1), 16, "above 60 Hz")
+        self.clear_hand()
+
+    def test_turns_the_picture_beside_the_tool_and_fits_it(self):
+        before = self.view("camera")
+        known = len(self.stand_in.commands)
+        turn = ActionChains(self.browser)
+        turn.w3c_actions.pointer_action.move_to_location(300, 600)
+        turn.click_and_hold().move_by_offset(60, 0).release().perform()
+        self.assertNotEqual(self.view("camera")["view"], before["view"])
+        self.assertEqual([c for c in self.stand_in.commands[known:] if c["what"] == "hand"], [])
+        self.browser.find_element(By.TAG_NAME, "body").send_keys("o")
+        self.assertEqual(self.by_id("follow").get_attribute("aria-pressed"), "true")
+        self.by_id("follow").click()
+        self.by_id("fit").click()
+        fitted = self.view("camera")
+        corners = [self.pixel(fitted, p) for p in self.stand_in.block.rest]
+        self.assertGreater(min(min(p) for p in corners), 0)
+        self.assertLess(max(x for x, _ in corners), before["width"])
+
+    def test_lets_a_viewer_stop_and_nothing_else(self):
+        self.stand_in.say({"type": "role", "role": "viewer"})
+        take = self.by_id("take-control")
+        self.wait_until(take.is_displayed, "a viewer cannot take control")
+        self.assertFalse(self.by_id("pause").is_enabled())
+        self.assertTrue(self.by_id("stop").is_enabled())
+        self.still_tool()
+        known = len(self.stand_in.commands)
+        start = self.view(f"project({list(STILL_TOOL_W_M)})")
+        hand = ActionChains(self.browser, duration=50)
+        hand.w3c_actions.pointer_action.move_to_location(round(start["x"]), round(start["y"]))
+        hand.click_and_hold().move_by_offset(30, 0).release().perform()
+        take.click()
+        self.command("take_control", known)
+        self.assertEqual([c for c in self.stand_in.commands[known:] if c["what"] in ("hand", "pause")], [])
+        self.wait_until(self.by_id("pause").is_enabled, "the role does not change")
+        self.clear_hand()
+        self.by_id("fit").click()
+
+    def test_freezes_zooms_and_follows_the_scope(self):
+        self.wait_until(lambda: self.view("rows") > 100, "the scope gets no rows")
+        chart = self.browser.find_element(By.CSS_SELECTOR, "[data-panel=position] .chart")
+        freeze = self.by_id("freeze")
+        zoom = ActionChains(self.browser, duration=100)
+        zoom.move_to_element_with_offset(chart, -60, 0).click_and_hold().move_by_offset(120, 0)
+        zoom.release().perform()
+        self.wait_until(lambda: freeze.text == "Follow", "a zoom does not freeze the scope")
+        freeze.click()
+        self.wait_until(lambda: freeze.text == "Freeze", "the scope does not follow")
+        chip = self.browser.find_element(By.CSS_SELECTOR, "[data-chip=energy]")
+        chip.click()
+        energy = self.browser.find_element(By.CSS_SELECTOR, "[data-panel=energy] .chart canvas")
+        self.assertTrue(energy.is_displayed())
+        chip.click()
+
+    def test_saves_rows_as_csv_and_a_picture_as_png(self):
+        self.wait_until(lambda: self.view("rows") > 100, "the scope gets no rows")
+        folder = pathlib.Path(self.folder.name)
+        self.by_id("freeze").click()
+        self.by_id("csv").click()
+        saved = self.wait_until(lambda: list(folder.glob("forcegrid_*.csv")), "no CSV is saved")[0]
+        lines = [line.split(",") for line in saved.read_text().splitlines()]
+        self.assertEqual(lines[0], COLUMNS)
+        self.assertGreater(len(lines), 50)
+        times = [float(line[0]) for line in lines[1:]]
+        self.assertAlmostEqual(times[1] - times[0], 0.01, places=6)
+        self.assertEqual(times, sorted(times))
+        row = self.stand_in.row(times[5])
+        for name in ("position_y_mm", "method1_z_N", "period_max_us"):
+            column = COLUMNS.index(name)
+            self.assertAlmostEqual(float(lines[6][column]), row[column], delta=1e-5 * abs(row[column]) + 1e-6)
+        self.assertEqual(lines[6][COLUMNS.index("method3_x_N")], "", "no number stands for none")
+        self.by_id("freeze").click()
+        self.by_id("png").click()
+        saved = self.wait_until(lambda: list(folder.glob("forcegrid_*.png")), "no PNG is saved")[0]
+        main = self.browser.find_element(By.TAG_NAME, "main").rect
+        self.assertEqual(int.from_bytes(saved.read_bytes()[16:20], "big"), main["width"])
+
+    # For everybody
+
+    def test_names_every_control(self):
+        tree = self.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+        roles = ("button", "checkbox", "combobox", "link", "textbox", "slider", "img", "figure")
+        controls = [(node["role"]["value"], node.get("name", {}).get("value", "").strip())
+                    for node in tree if not node.get("ignored") and node["role"]["value"] in roles]
+        self.assertGreater(len(controls), 20)
+        self.assertEqual([role for role, name in controls if not name], [])
+        self.assertTrue(any(name.startswith("Stop") for _, name in controls), controls)
+
+    def test_has_contrast_in_both_themes(self):
+        self.by_id("help-open").click()
+        self.stand_in.say({"type": "note", "level": "warn", "component": "link", "text": "a warning"})
+        self.wait_until(lambda: "a warning" in self.by_id("newest-note").text, "no note is shown")
+        themes = set()
+        for _ in range(2):
+            self.by_id("theme").click()
+            themes.add(self.run_script("return document.documentElement.dataset.theme"))
+            found = self.run_script(CONTRAST)
+            self.assertGreater(found["seen"], 40)
+            self.assertEqual(found["poor"], [])
+        self.assertEqual(themes, {"dark", "light"})
+        self.by_id("help-close").click()
+
+    def test_keeps_stop_in_sight_in_a_narrow_window(self):
+        self.size(400, 800)
+        reachable = """const at = document.getElementById('stop').getBoundingClientRect();
+            const found = document.elementFromPoint(at.x + at.width / 2, at.y + at.height / 2);
+            return at.left >= 0 && at.right <= innerWidth && at.bottom <= innerHeight &&
+                   at.height >= 44 && found.closest('#stop') !== null;"""
+        for y in (0, 100000):
+            self.run_script("scrollTo(0, arguments[0])", y)
+            self.assertTrue(self.run_script(reachable), f"stop is hidden at {y}")
+        self.assertLessEqual(self.run_script("return document.documentElement.scrollWidth"), 400)
+        known = len(self.stand_in.commands)
+        self.by_id("stop").click()
+        self.command("stop", known)
+        self.wait_until(lambda: self.view("stop_acknowledged"), "stop is not acknowledged")
+
+    def test_comes_back_when_the_server_does(self):
+        self.lost_is_expected = True
+        port = self.stand_in.port
+        self.stand_in.close()
+        self.wait_for_state("lost")
+        self.by_id("stop").click()
+        self.assertIn("not sent yet", self.by_id("stop-status").text)
+        type(self).stand_in = StandIn(vertices=600, port=port)
+        self.wait_until(lambda: self.view("vertices") == len(self.stand_in.block.rest),
+                        "the new surface is not shown")
+        self.command("stop")
+        self.wait_until(lambda: self.view("stop_acknowledged"), "stop is not sent afterwards")
+
+
+def colourfulness(colour):
+    return max(colour) - min(colour)
+
+
+if __name__ == "__main__":
+    missing = [name for name, found in (
+        ("python3-selenium", webdriver), ("chromium", CHROMIUM), ("chromium-driver", DRIVER),
+        ("libjs-three", (JAVASCRIPT / "three/three.module.js").exists()),
+        ("libjs-dygraphs", (JAVASCRIPT / "dygraphs/dygraph.js").exists())) if not found]
+    if missing:
+        print("skipped: not installed:", ", ".join(missing))
+        sys.exit(77)
+    os.environ.setdefault("HOME", "/tmp")
+    unittest.main()
