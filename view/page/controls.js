@@ -2,19 +2,23 @@
 // Stop, pause, take control, keys.
 
 const kRepeatStop_ms = 1000;
+const kEnded = 'the run has ended';
 
 /**
- * Stop. Any page may send it, in any state. It is sent again each second until the servo
- * acknowledges it, and as soon as a lost connection is back.
+ * Stop. Any page may send it, in any state. While a run is there it is sent again each second until
+ * the servo acknowledges it, and as soon as a lost connection is back.
  */
 export class Stop {
-  constructor(connection, button, word, status) {
+  /** @param is_live() tells whether the page shows a run. */
+  constructor(connection, button, word, status, is_live) {
     this.connection = connection;
     this.button = button;
     this.word = word;
     this.status = status;
-    this.state = 'idle';
-    this.ids = new Set();
+    this.is_live = is_live;
+    this.state = 'idle';  // then sent, acknowledged or ended
+    this.refusal = '';
+    this.run_is_over = false;
     button.addEventListener('click', () => this.press());
     setInterval(() => this.repeat(), kRepeatStop_ms);
   }
@@ -24,20 +28,22 @@ export class Stop {
   }
 
   press() {
-    if (this.state !== 'acknowledged') {
-      this.state = 'sent';
+    this.refusal = '';
+    if (!this.acknowledged) {
+      this.state = this.run_is_over ? 'ended' : 'sent';
     }
     this.send();
   }
 
   send() {
-    const id = this.connection.send('stop');
-    if (id !== null) {
-      this.ids.add(id);
+    const sent = this.connection.send('stop') !== null;
+    if (this.state === 'ended') {
+      this.show(kEnded);
+    } else if (!this.acknowledged && !sent) {
+      this.show('No connection: stop is not sent yet. Use the switch of the device.');
+    } else if (!this.acknowledged && this.refusal === '') {
+      this.show('stopping…');
     }
-    this.show(id === null
-        ? 'No connection: stop is not sent yet. Use the switch of the device.'
-        : this.acknowledged ? this.status.textContent : 'stopping…');
   }
 
   repeat() {
@@ -48,31 +54,37 @@ export class Stop {
 
   /** An acknowledged message of the live view. */
   on_acknowledged(message) {
-    if (message.what !== 'stop' || this.state === 'idle') {
+    if (message.what !== 'stop' || this.state !== 'sent') {
       return;
     }
     if (message.done) {
       this.state = 'acknowledged';
       this.show(`stopped, acknowledged by the servo${message.text ? `: ${message.text}` : ''}`);
-    } else {
-      this.show(`not stopped: ${message.text || 'the servo refused'}`);
+      return;
     }
+    this.refusal = message.text || 'the servo refused';
+    if (!this.is_live()) {
+      this.state = 'idle';  // there is nothing to stop, and the next run is not meant
+    }
+    this.show(`not stopped: ${this.refusal}`);
   }
 
   on_end() {
+    this.run_is_over = true;
     if (this.state === 'sent') {
       this.state = 'ended';
-      this.show('the run has ended');
+      this.show(this.refusal ? `${kEnded}, but stop was not confirmed: ${this.refusal}` : kEnded);
     }
   }
 
   /** Another run begins: it is not stopped, unless this page still waits for its answer. */
   on_run() {
-    if (this.state === 'acknowledged' || this.state === 'ended') {
+    this.run_is_over = false;
+    this.refusal = '';
+    if (this.state !== 'sent') {
       this.state = 'idle';
       this.show('');
     }
-    this.ids.clear();
     this.repeat();
   }
 

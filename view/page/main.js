@@ -49,7 +49,8 @@ class Page {
                            (arrow, shown) => this.scene.show_arrow(arrow, shown));
     this.mouse = new Mouse(this.scene, (target_W_m) =>
         this.connection.send('hand', {target_W_m}, target_W_m !== null));
-    this.stop = new Stop(this.connection, by_id('stop'), by_id('stop-word'), by_id('stop-status'));
+    this.stop = new Stop(this.connection, by_id('stop'), by_id('stop-word'), by_id('stop-status'),
+                         () => this.state === 'live');
     this.pause = new Pause(this.connection, by_id('pause'));
     this.listen();
   }
@@ -125,7 +126,7 @@ class Page {
   on_text(message) {
     const handler = {
       hello: () => this.on_hello(message),
-      role: () => this.set_role(message.role),
+      role: () => this.set_role(message.role, message.control_is_free),
       note: () => this.readouts.add_note(message),
       acknowledged: () => this.on_acknowledged(message),
       end: () => this.on_end(message),
@@ -143,6 +144,7 @@ class Page {
     this.scene.set_run(hello);
     this.scope.set_run(hello);
     this.readouts.set_run(hello);
+    this.readouts.clear_notes();
     this.waiting_frames.clear();
     this.hello_ms = performance.now();
     this.frames_at_hello = this.counted.frames;
@@ -152,7 +154,8 @@ class Page {
     this.stop.on_run();
   }
 
-  set_role(role) {
+  /** @param control_is_free false: another page has the control and keeps it. */
+  set_role(role, control_is_free) {
     this.role = role;
     const controls = this.hello.controls || [];
     const controller = role === 'controller';
@@ -160,6 +163,7 @@ class Page {
     this.pause.set_allowed(controller && controls.includes('pause'), why);
     this.mouse.set_hand_allowed(controller && controls.includes('hand'));
     by_id('take-control').hidden = controller || role === '';
+    by_id('take-control').disabled = control_is_free === false;
   }
 
   on_acknowledged(message) {

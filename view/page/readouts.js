@@ -15,7 +15,6 @@ const fixed = (value, digits) => Number.isFinite(value) ? value.toFixed(digits) 
 export class Readouts {
   constructor() {
     this.by_id = (id) => document.getElementById(id);
-    this.notes = 0;
     this.flags_shown = '';
   }
 
@@ -76,20 +75,19 @@ export class Readouts {
     const rung = history.newest('rung');
     const held_back = history.newest('held_back');
     const limits = history.newest('limits');
+    const paused = history.newest('paused') > 0;
     if (fault > 0) {
-      flags.push([`fault: ${(hello.statuses || [])[fault] || fault}`, 'bad']);
+      flags.push([`fault: ${(hello.faults || [])[fault] || fault}`, 'bad']);
     }
     if (history.newest('in_contact') > 0) {
       flags.push(['in contact', 'touch']);
     }
-    if (history.newest('paused') > 0) {
+    if (paused) {
       flags.push(['force paused', 'warn']);
-    }
-    if (held_back > 0) {
-      flags.push([`held back: ${(hello.held_back || [])[held_back] || held_back}`, 'warn']);
-    }
-    if (rung > 0) {
-      flags.push([`samples: ${(hello.rungs || [])[rung] || rung}`, 'warn']);
+    } else if (held_back > 0) {
+      flags.push([`no force: ${(hello.held_back || [])[held_back] || held_back}`, 'warn']);
+    } else if (rung > 0) {
+      flags.push([`${(hello.rungs || [])[rung] || `rung ${rung}`}`, 'warn']);
     }
     (hello.limits || []).forEach((name, bit) => {
       if ((limits >> bit) & 1) {
@@ -99,19 +97,31 @@ export class Readouts {
     return flags;
   }
 
+  clear_notes() {
+    this.by_id('note-list').replaceChildren();
+    delete this.by_id('newest-note').dataset.level;
+    text_of(this.by_id('newest-note'), 'No notes');
+  }
+
+  /** Adds a note on top. The same one again is counted. */
   add_note({level, component, text}) {
-    const item = document.createElement('li');
-    item.dataset.level = level || 'info';
-    item.textContent = `${component ? `${component}: ` : ''}${text}`;
+    const words = `${component ? `${component}: ` : ''}${text}`;
     const list = this.by_id('note-list');
-    list.prepend(item);
-    if (list.children.length > kMostNotes) {
-      list.lastChild.remove();
+    let item = list.firstChild;
+    if (!item || item.dataset.words !== words) {
+      item = document.createElement('li');
+      Object.assign(item.dataset, {level: level || 'info', words, times: 0});
+      list.prepend(item);
+      if (list.children.length > kMostNotes) {
+        list.lastChild.remove();
+      }
     }
-    this.notes += 1;
+    item.dataset.times = Number(item.dataset.times) + 1;
+    item.textContent = item.dataset.times === '1' ? words : `${words} (${item.dataset.times} times)`;
     const newest = this.by_id('newest-note');
     newest.dataset.level = item.dataset.level;
-    text_of(newest, this.notes > 1 ? `${item.textContent} (1 of ${this.notes})` : item.textContent);
+    const others = list.children.length - 1;
+    text_of(newest, others > 0 ? `${item.textContent}, and ${others} more` : item.textContent);
   }
 
   show_numbers(parts) {

@@ -29,7 +29,7 @@ function panel_specs(hello) {
               plain('wake-up', 'series-1', 'wakeup_max_us', {positive: true, role: 'latest in 10 ms'}),
               plain('compute', 'series-2', 'compute_max_us', {positive: true})]},
     {key: 'age', title: 'Age', unit: 'ms', digits: 1, zero: true,
-     series: [plain('sample', 'series-0', 'sample_age_ms'),
+     series: [plain('sample', 'series-0', 'sample_age_ms', {positive: true}),
               plain('report', 'series-1', 'report_age_us', {factor: 1e-3})]},
     {key: 'energy', title: 'Energy to the hand', unit: 'mJ', digits: 2, zero: true,
      series: [plain('energy', 'series-0', 'energy_mJ')]},

@@ -291,7 +291,6 @@ class Page(unittest.TestCase):
         self.wait_until(lambda: self.by_id("flags").text == "last values", "old values look new")
 
     def test_says_so_when_stop_is_refused(self):
-        self.run_script("document.getElementById('stop').dataset.stop")
         self.stand_in.refuse_stop = True
         self.by_id("stop").click()
         self.wait_until(lambda: "not stopped: the device" in self.by_id("stop-status").text,
@@ -299,6 +298,31 @@ class Page(unittest.TestCase):
         self.assertFalse(self.view("stop_acknowledged"))
         self.stand_in.refuse_stop = False  # the page asks again by itself
         self.wait_until(lambda: self.view("stop_acknowledged"), "stop is not repeated")
+
+    def test_counts_a_note_that_comes_again(self):
+        note = {"type": "note", "level": "warn", "component": "hand", "text": "nobody listens"}
+        for _ in range(3):
+            self.stand_in.say(note)
+        self.stand_in.say({**note, "level": "error", "text": "the last one"})
+        newest = self.by_id("newest-note")
+        self.wait_until(lambda: "the last one" in newest.text, "no note is shown")
+        self.assertEqual(newest.get_attribute("data-level"), "error")
+        notes = [item.get_attribute("textContent")
+                 for item in self.browser.find_elements(By.CSS_SELECTOR, "#note-list li")]
+        self.assertEqual(notes[:2], ["hand: the last one", "hand: nobody listens (3 times)"])
+
+    def test_does_not_stop_the_next_run_for_a_stop_without_a_run(self):
+        self.stand_in.stopped = True
+        self.stand_in.say({"type": "end", "ended_by": "time", "exit_status": 0, "text": "its time is up"})
+        self.wait_for_state("ended")
+        self.by_id("stop").click()
+        self.assertEqual(self.by_id("stop-status").text, "the run has ended")
+        self.stand_in.commands.clear()
+        self.stand_in.say({**HELLO, "role": "controller"})
+        self.wait_for_state("waiting")
+        self.assertFalse(self.by_id("stop-status").is_displayed())
+        time.sleep(1.2)
+        self.assertEqual([c for c in self.stand_in.commands if c["what"] == "stop"], [])
 
     def test_pauses_the_force_and_resumes_it(self):
         known = len(self.stand_in.commands)
@@ -459,6 +483,9 @@ class Page(unittest.TestCase):
             self.run_script("scrollTo(0, arguments[0])", y)
             self.assertTrue(self.run_script(reachable), f"stop is hidden at {y}")
         self.assertLessEqual(self.run_script("return document.documentElement.scrollWidth"), 400)
+        self.assertTrue(self.run_script("""return document.getElementById('numbers')
+            .getBoundingClientRect().bottom <= document.getElementById('stop').getBoundingClientRect().top"""),
+                        "stop hides the end of the page")
         known = len(self.stand_in.commands)
         self.by_id("stop").click()
         self.command("stop", known)
