@@ -186,8 +186,8 @@ Option* Command::add_optional_value(const std::string& name,
   CLI::Option* const option = app_.add_option_function<std::vector<std::string>>(
       name,
       [take = std::move(take)](const std::vector<std::string>& values) {
-        // CLI11 gives "{}" for no value.
-        const bool none = values.empty() || values.front() == "{}";
+        // CLI11 gives "{}" or an empty word for no value.
+        const bool none = values.empty() || values.front().empty() || values.front() == "{}";
         take(none ? std::nullopt : std::optional(values.front()));
       },
       description);
