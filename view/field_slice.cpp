@@ -6,7 +6,7 @@
 namespace forcegrid::view {
 namespace {
 
-constexpr std::uint8_t kSliceType = 6;
+constexpr std::uint8_t kSliceType = 6;  // PageType::kField
 constexpr std::uint8_t kNotCompared = 255;
 
 void append_vector(view_link::Bytes& bytes, const Eigen::Vector3d& vector) {

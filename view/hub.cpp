@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "rt/vectors.h"
 #include "view_link/surface_messages.h"
 
 namespace forcegrid::view {
@@ -17,6 +18,7 @@ using view_link::ViewLinkError;
 
 constexpr std::size_t kMostNotes = 20;
 constexpr std::size_t kMostPending = 256;
+constexpr std::int64_t kSlice_ns = 60'000'000;  // between two slices, whoever wants them
 
 json object_of(const Frame& frame, const char* what) {
   std::optional<json> object = parse_object(view_link::text_of(frame));
@@ -38,6 +40,40 @@ std::vector<T> structs_of(const Frame& frame, const char* what) {
   std::vector<T> values(frame.payload.size() / sizeof(T));
   std::memcpy(values.data(), frame.payload.data(), frame.payload.size());
   return values;
+}
+
+Eigen::Vector3d vector_of(const json& list) {
+  return rt::to_vector(list.get<std::array<double, 3>>());
+}
+
+// Copies of the methods that the hello describes; nothing if it does not say how they were made.
+std::optional<MethodCopies> copies_of(const json& hello) {
+  const auto facts = hello.find("copies");
+  if (facts == hello.end()) {
+    return std::nullopt;
+  }
+  try {
+    MethodCopies::Options options;
+    options.methods = hello.at("methods").get<std::vector<std::string>>();
+    options.max_force_N = hello.at("largest_force_N");
+    options.simulator_rate_Hz = hello.at("simulator_rate_Hz");
+    options.fill_budget = facts->at("fill_budget");
+    options.requests_per_s = facts->at("requests_per_s");
+    options.base.grid.min_W = vector_of(facts->at("low_W_m"));
+    options.base.grid.max_W = vector_of(facts->at("high_W_m"));
+    const auto cells = facts->at("cells").get<std::array<int, 3>>();
+    options.base.grid.cells = {cells[0], cells[1], cells[2]};
+    options.base.influence_radius_m = facts->at("influence_radius_m");
+    options.base.unit_m = facts->at("unit_m");
+    options.base.samples_per_cell = facts->at("samples_per_cell");
+    if (!facts->at("budget_reads").is_null()) {
+      options.base.budget_reads = facts->at("budget_reads").get<double>();
+    }
+    return std::optional<MethodCopies>(std::in_place, std::move(options));
+  } catch (const std::exception& error) {  // of JSON, or of a method
+    throw ViewLinkError(std::string("its hello describes methods that can't be copied: ") +
+                        error.what());
+  }
 }
 
 }  // namespace
@@ -108,6 +144,10 @@ void Hub::take_hello(const Frame& frame) {
   if (methods == hello.end() || !methods->is_array()) {
     throw ViewLinkError("its hello has no list of methods");
   }
+  copies_ = copies_of(hello);
+  hello.erase("copies");
+  hello["field"] = copies_.has_value();
+  slice_ns_ = 0;
   hello["type"] = "hello";
   hello["columns"] = scope_columns();
   rows_.emplace(std::min(methods->size(), view_link::kFeedMethods));
@@ -116,6 +156,7 @@ void Hub::take_hello(const Frame& frame) {
   notes_.clear();
   for (Viewer* viewer : viewers_) {
     viewer->outbox.forget_run();
+    viewer->slice.reset();  // it was for other methods
     say_hello(*viewer);
   }
 }
@@ -123,6 +164,11 @@ void Hub::take_hello(const Frame& frame) {
 void Hub::take_cycles(const Frame& frame) {
   bool any = false;
   for (const auto& cycle : structs_of<view_link::FeedCycle>(frame, "cycles")) {
+    touching_W_ = rt::to_vector(cycle.touching_W_m);
+    if (copies_) {
+      copies_->take(cycle);
+      send_slice(cycle.time_ns);
+    }
     if (const auto row = rows_->add(cycle)) {
       any = true;
       for (Viewer* viewer : viewers_) {
@@ -135,8 +181,28 @@ void Hub::take_cycles(const Frame& frame) {
   }
 }
 
+// One page's slice at a time, so that many pages cost no more than one.
+void Hub::send_slice(std::int64_t time_ns) {
+  if (viewers_.empty() || time_ns - slice_ns_ < kSlice_ns || !touching_W_.allFinite()) {
+    return;
+  }
+  for (std::size_t tried = 0; tried < viewers_.size(); ++tried) {
+    Viewer& viewer = *viewers_[++slice_turn_ % viewers_.size()];
+    if (viewer.slice) {
+      slice_ns_ = time_ns;
+      viewer.outbox.set_field(
+          std::make_shared<view_link::Bytes>(slice_message(*copies_, *viewer.slice, touching_W_)));
+      viewer.wake();
+      return;
+    }
+  }
+}
+
 void Hub::take_samples(const Frame& frame) {
   for (const auto& sample : structs_of<view_link::FeedSample>(frame, "samples")) {
+    if (copies_) {
+      copies_->take(sample);
+    }
     const auto bytes = sample_bytes(sample, rows_->seconds_of(sample.arrived_ns));
     for (Viewer* viewer : viewers_) {
       viewer->outbox.add_sample(bytes);
@@ -317,11 +383,28 @@ void Hub::take_page(Viewer& viewer, std::string_view text) {
   }
   if (command->what == PageCommand::What::kTakeControl) {
     take_control(viewer);
+  } else if (command->what == PageCommand::What::kField) {
+    take_slice_wish(viewer, *command);
   } else if (command->what == PageCommand::What::kStop || is_controller(viewer)) {
     forward(viewer, *command);
   } else if (command->what != PageCommand::What::kShown) {
     refuse(viewer, *command, "another page has control");
   }
+}
+
+// Any page may ask: it changes nothing but its own picture.
+void Hub::take_slice_wish(Viewer& viewer, const PageCommand& command) {
+  viewer.slice.reset();
+  viewer.outbox.set_field(nullptr);
+  if (!command.slice) {
+    return;
+  }
+  const std::string problem = copies_ ? problem_of(*command.slice, copies_->size())
+                                      : "the run did not say how its methods are made";
+  if (!problem.empty()) {
+    return refuse(viewer, command, problem);
+  }
+  viewer.slice = command.slice;
 }
 
 void Hub::take_control(Viewer& viewer) {

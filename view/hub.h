@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "view/messages.h"
+#include "view/method_copies.h"
 #include "view/outbox.h"
 #include "view/scope_rows.h"
 #include "view_link/frame.h"
@@ -23,6 +24,7 @@ namespace forcegrid::view {
 struct Viewer {
   Outbox outbox;
   std::function<void()> wake;  ///< called when the outbox has something; calls nothing of the hub
+  std::optional<SliceWish> slice{};  ///< of the force field that it shows
 };
 
 /// What is known of the run and of the surfaces, and who is told. Everything that a peer sends is
@@ -80,6 +82,8 @@ class Hub {
   void take_acknowledgement(nlohmann::json acknowledgement);
   void take_shape(std::uint64_t peer, const view_link::Frame& frame);
   void take_surface_frame(std::uint64_t peer, const view_link::Frame& frame);
+  void take_slice_wish(Viewer& viewer, const PageCommand& command);
+  void send_slice(std::int64_t time_ns);
   void forward(Viewer& viewer, const PageCommand& command);
   void take_control(Viewer& viewer);
   void say(Viewer& viewer, const nlohmann::json& text, bool after_rows = false);
@@ -99,6 +103,10 @@ class Hub {
   nlohmann::json end_;
   std::deque<nlohmann::json> notes_;  ///< the newest, for pages that come later
   std::optional<ScopeRows> rows_;
+  std::optional<MethodCopies> copies_;  ///< of the methods; nothing: the run did not say how
+  Eigen::Vector3d touching_W_ = Eigen::Vector3d::Zero();  ///< [m] of the newest cycle
+  std::int64_t slice_ns_ = 0;                             ///< cycle of the newest slice
+  std::size_t slice_turn_ = 0;
   std::array<Surface, kMostObjects> surfaces_;
   std::deque<Pending> pending_;
   std::uint64_t next_id_ = 1;

@@ -90,6 +90,46 @@ bool read_shown(const json& object, PageCommand& command) {
   return cycle.has_value();
 }
 
+// An absent key leaves `number` as it is.
+template <typename Number>
+bool read_number(const json& object, const char* key, Number& number) {
+  const auto found = object.find(key);
+  if (found == object.end()) {
+    return true;
+  }
+  if (!found->is_number() || !(std::abs(found->get<double>()) <= kFarthest_m * 1e3)) {
+    return false;
+  }
+  number = found->get<Number>();
+  return true;
+}
+
+// "method": null wants no slice.
+bool read_slice(const json& object, PageCommand& command) {
+  const auto method = object.find("method");
+  if (method == object.end()) {
+    return false;
+  }
+  if (method->is_null()) {
+    return true;
+  }
+  SliceWish wish;
+  const auto number = count_of(object, "method");
+  const auto compared = object.find("compared");
+  const bool is_compared = compared != object.end() && !compared->is_null();
+  if (!number || (is_compared && !count_of(object, "compared"))) {
+    return false;
+  }
+  wish.method = *number;
+  if (is_compared) {
+    wish.compared = *count_of(object, "compared");
+  }
+  command.slice = wish;
+  return read_number(object, "normal", command.slice->normal) &&
+         read_number(object, "size_m", command.slice->size_m) &&
+         read_number(object, "points", command.slice->points);
+}
+
 }  // namespace
 
 view_link::Bytes message_head(PageType type, std::uint8_t object) {
@@ -184,6 +224,9 @@ std::optional<PageCommand> parse_command(std::string_view text) {
     complete = read_shown(*object, command);
   } else if (name == "take_control") {
     command.what = What::kTakeControl;
+  } else if (name == "field") {
+    command.what = What::kField;
+    complete = read_slice(*object, command);
   } else {
     return std::nullopt;
   }
@@ -202,6 +245,8 @@ const char* name_of(What what) noexcept {
       return "shown";
     case What::kTakeControl:
       return "take_control";
+    case What::kField:
+      return "field";
   }
   return "";
 }

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "view/field_slice.h"
 #include "view_link/feed_messages.h"
 #include "view_link/frame.h"
 
@@ -27,6 +28,7 @@ enum class PageType : std::uint8_t {
   kSurface = 3,
   kSamples = 4,
   kArm = 5,
+  kField = 6,
 };
 
 using SharedBytes = std::shared_ptr<const view_link::Bytes>;
@@ -58,12 +60,13 @@ std::optional<nlohmann::json> parse_object(std::string_view text);
 
 /// What a page asks for.
 struct PageCommand {
-  enum class What { kStop, kPause, kHand, kShown, kTakeControl };
+  enum class What { kStop, kPause, kHand, kShown, kTakeControl, kField };
   What what = What::kStop;
   std::uint64_t id = 0;  ///< of the page; 0 if it gives none
   bool pause = false;
   std::optional<std::array<double, 3>> target_W_m;  ///< nothing: let go
   std::uint64_t cycle = 0;                          ///< modulo 2^24, that the page has drawn
+  std::optional<SliceWish> slice;                   ///< nothing: the page wants none
 };
 
 /// Nothing for what is too long, unknown, incomplete or out of range; a target is finite and within

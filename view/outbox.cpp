@@ -11,7 +11,7 @@ namespace forcegrid::view {
 namespace {
 
 constexpr std::size_t kMostRowsOfAMessage = 1024;
-constexpr std::size_t kTurns = 3 + kMostObjects;  // rows, samples, arm, each object's surface
+constexpr std::size_t kTurns = 4 + kMostObjects;  // rows, samples, arm, field, each surface
 
 std::optional<PageMessage> take_binary(SharedBytes& waiting) {
   if (!waiting) {
@@ -48,6 +48,11 @@ void Outbox::set_arm(SharedBytes message) {
   arm_ = std::move(message);
 }
 
+void Outbox::set_field(SharedBytes message) {
+  dropped_ += field_ ? 1 : 0;
+  field_ = std::move(message);
+}
+
 void Outbox::set_shape(std::size_t object, SharedBytes message) {
   forget_surface(object);
   shapes_[object] = std::move(message);
@@ -67,6 +72,7 @@ void Outbox::forget_run() {
   rows_.clear();
   samples_.clear();
   arm_ = nullptr;
+  field_ = nullptr;
 }
 
 std::optional<PageMessage> Outbox::next() {
@@ -104,8 +110,10 @@ std::optional<PageMessage> Outbox::next_in_turn() {
       return take_samples();
     case 2:
       return take_binary(arm_);
+    case 3:
+      return take_binary(field_);
     default:
-      return take_binary(surfaces_[turn_ - 3]);
+      return take_binary(surfaces_[turn_ - 4]);
   }
 }
 

@@ -423,6 +423,10 @@ void Run::end_view() {
                   status_of(summary_.end, StopRequest::signal()),
                   summary_.outcome.fault == servo::Fault::kNone ? "" : fault_text(summary_.outcome),
                   summary_.outcome.zero_current_delivered);
+    const rt::Percentiles delay_ms = view_->picture_delay_ms();
+    if (delay_ms.count() > 0) {
+      summary_.picture_delay = {delay_ms.count(), delay_ms.at(0.5), delay_ms.at(0.99)};
+    }
   }
 }
 

@@ -65,6 +65,13 @@ struct RunSummary {
   std::optional<double> force_max_N;
   std::string reference;  ///< "computed", or why it was not
   std::optional<nlohmann::json> reference_details;
+  /// From the start of a cycle to the page's report that it has drawn it; nothing: no page did.
+  struct PictureDelay {
+    std::uint64_t pictures = 0;
+    double p50_ms = 0.0;
+    double p99_ms = 0.0;
+  };
+  std::optional<PictureDelay> picture_delay;
   std::vector<std::string> files;
 };
 

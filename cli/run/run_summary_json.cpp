@@ -221,6 +221,11 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
   add_samples(result, summary, statistics);
   add_force(result, summary, statistics);
   add_errors(result, summary);
+  if (summary.picture_delay) {
+    result["picture_delay_ms"] = {{"pictures", summary.picture_delay->pictures},
+                                  {"p50", summary.picture_delay->p50_ms},
+                                  {"p99", summary.picture_delay->p99_ms}};
+  }
   add_deprecated(result);
   return result;
 }

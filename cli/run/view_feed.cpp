@@ -31,6 +31,7 @@ using view_link::FeedType;
 constexpr std::int64_t kBatch_ns = 5'000'000;  // of cycles in one frame
 constexpr std::int64_t kArm_ns = 16'000'000;   // between two pictures of the arm
 constexpr std::size_t kMostCycles = 128;       // in one frame, which holds 64 KiB
+constexpr std::size_t kMostBegun = 16'384;     // cycles that a page may still report: 4 s at 4 kHz
 constexpr int kFaults = static_cast<int>(servo::Fault::kZeroNotDelivered) + 1;
 constexpr int kReasons = static_cast<int>(ChoiceReason::kAskedBefore) + 1;
 constexpr int kStatuses = static_cast<int>(EstimateStatus::kNotFinite) + 1;
@@ -193,6 +194,10 @@ void ViewFeed::push(const servo::CycleRecord& cycle) {
   const std::lock_guard lock(mutex_);
   acknowledge_what_was_done(cycle);
   cycles_.push_back(cycle_of(cycle));
+  begun_.emplace_back(cycle.cycle, cycle.time_ns);
+  if (begun_.size() > kMostBegun) {
+    begun_.pop_front();
+  }
   if (cycle.time_ns - cycles_.front().time_ns >= kBatch_ns || cycles_.size() >= kMostCycles) {
     send_cycles();
   }
@@ -312,9 +317,28 @@ void ViewFeed::take_command(const view_link::Frame& frame) {
       return;
     }
     acknowledge(id, "hand", false, "target_W_m is three numbers [m], or null");
+  } else if (what == "shown" && command.contains("cycle") &&
+             command["cycle"].is_number_unsigned()) {
+    take_shown(command["cycle"].get<std::uint64_t>());
   } else {
     acknowledge(id, what.c_str(), false, "this command is not known, or its value is missing");
   }
+}
+
+// The page has drawn this cycle, modulo 2^24.
+void ViewFeed::take_shown(std::uint64_t cycle) {
+  const auto shown = std::find_if(begun_.rbegin(), begun_.rend(), [cycle](const auto& one) {
+    return one.first % (std::uint64_t{1} << 24) == cycle;
+  });
+  if (shown != begun_.rend()) {
+    const std::int64_t now_ns = rt::Clock::now().time_since_epoch().count();
+    picture_delay_ms_.add(1e-6 * static_cast<double>(now_ns - shown->second));
+  }
+}
+
+rt::Percentiles ViewFeed::picture_delay_ms() {
+  const std::lock_guard lock(mutex_);
+  return picture_delay_ms_;
 }
 
 // The emulator has a socket for the hand's target: three doubles [m], frame D; NaN lets go.

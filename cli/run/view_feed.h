@@ -3,16 +3,19 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "driver/mechanism.h"
 #include "forcegrid/core/method_options.h"
 #include "profiles/device_profile.h"
+#include "rt/percentiles.h"
 #include "servo_loop/cycle_record.h"
 #include "servo_loop/servo_options.h"
 #include "servo_loop/servo_ports.h"
@@ -64,12 +67,16 @@ class ViewFeed {
   void finish(const std::string& ended_by, int exit_status, const std::string& text,
               bool motors_are_off);
 
+  /// From the start of a cycle to the page's report that it has drawn it.
+  rt::Percentiles picture_delay_ms();
+
  private:
   void take_command(const view_link::Frame& frame);
   void acknowledge(std::int64_t id, const char* what, bool done, const std::string& text);
   void acknowledge_what_was_done(const servo::CycleRecord& cycle);
   void send_arm(const servo::CycleRecord& cycle);
   void send_cycles();
+  void take_shown(std::uint64_t cycle);
   void move_hand(std::int64_t id, const std::optional<servo::Triple>& target_W_m);
 
   profiles::DeviceProfile profile_;
@@ -79,7 +86,9 @@ class ViewFeed {
   std::string hand_socket_;
   int hand_ = -1;  ///< the socket that sends to it
 
-  std::mutex mutex_;  ///< of the next four
+  std::mutex mutex_;                                          ///< of the next six
+  std::deque<std::pair<std::uint64_t, std::int64_t>> begun_;  ///< cycles, and when each began
+  rt::Percentiles picture_delay_ms_;
   std::vector<view_link::FeedCycle> cycles_;
   std::int64_t last_arm_ns_ = 0;
   std::optional<std::int64_t> stop_id_;   ///< of a command that waits for the servo to obey

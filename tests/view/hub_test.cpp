@@ -400,5 +400,105 @@ TEST_F(HubOfPages, WithstandRandomFrames) {
   }
 }
 
+Frame hello_with_copies(const char* methods) {
+  return text(FeedType::kHello, std::string(R"({"methods":)") + methods +
+                                    R"(,"largest_force_N":5,"simulator_rate_Hz":30,"copies":{)"
+                                    R"("low_W_m":[-0.1,-0.1,-0.1],"high_W_m":[0.1,0.1,0.1],)"
+                                    R"("cells":[20,20,20],"influence_radius_m":0.03,)"
+                                    R"("unit_m":0.001,"samples_per_cell":0,"budget_reads":null,)"
+                                    R"("fill_budget":1000,"requests_per_s":0}})");
+}
+
+// Cycles of 10 ms with the tool at z = -4 mm, and a sample of 2 N there.
+void press(Hub& hub, std::uint64_t cycles) {
+  view_link::FeedSample sample;
+  sample.arrived_ns = 1'000'000'000;
+  sample.time_s = 1.0;
+  sample.position_W_m = {0, 0, -0.004};
+  sample.force_W_N = {0, 0, 2};
+  sample.contact_epoch = 1;
+  sample.in_contact = 1;
+  hub.take_feed(structs(FeedType::kSamples, std::vector{sample}));
+  for (std::uint64_t i = 0; i < cycles; ++i) {
+    view_link::FeedCycle one;
+    one.cycle = i;
+    one.time_ns = 1'000'000'000 + static_cast<std::int64_t>(i) * 10'000'000;
+    one.arrivals_taken = 1;
+    one.touching_W_m = {0, 0, -0.004};
+    hub.take_feed(structs(FeedType::kCycles, std::vector{one}));
+  }
+}
+
+std::vector<view_link::Bytes> slices(Page& page) {
+  page.texts();
+  std::vector<view_link::Bytes> found;
+  for (const view_link::Bytes& message : page.binary) {
+    if (message[0] == 6) {
+      found.push_back(message);
+    }
+  }
+  page.binary.clear();
+  return found;
+}
+
+TEST(HubsField, IsSentToThePageThatAsksForIt) {
+  Hub hub([](const Frame&, PageCommand::What, bool) { return true; });
+  Page asks, other;
+  hub.join(asks);
+  hub.join(other);
+  hub.take_feed(hello_with_copies(R"(["hold"])"));
+  EXPECT_EQ(asks.texts().back()["field"], true);
+  hub.take_page(asks, R"({"id":1,"what":"field","method":0,"points":3,"size_m":0.01})");
+  press(hub, 20);
+  const auto sent = slices(asks);
+  ASSERT_FALSE(sent.empty());
+  EXPECT_TRUE(slices(other).empty());
+  view_link::Reader reader(sent.back());
+  reader.take<std::array<std::uint8_t, 4>>();
+  EXPECT_EQ(reader.take<std::uint16_t>(), 3);
+  EXPECT_EQ(reader.take<std::uint16_t>(), 1) << "exact";
+  reader.take<std::array<float, 9>>();
+  for (int i = 0; i < 9; ++i) {  // hold has one force for all places
+    EXPECT_EQ((reader.take<std::array<float, 5>>()[2]), 2.0F);
+  }
+  EXPECT_EQ(reader.left(), 0U);
+  hub.take_page(asks, R"({"id":2,"what":"field","method":null})");
+  press(hub, 20);
+  EXPECT_TRUE(slices(asks).empty());
+}
+
+TEST(HubsField, IsRefusedWithAReason) {
+  Hub hub([](const Frame&, PageCommand::What, bool) { return true; });
+  Page page;
+  hub.join(page);
+  hub.take_feed(hello());
+  EXPECT_EQ(page.texts().back()["field"], false);
+  hub.take_page(page, R"({"id":3,"what":"field","method":0})");
+  const json without = page.texts().back();
+  EXPECT_EQ(without["id"], 3);
+  EXPECT_EQ(without["done"], false);
+  Hub other([](const Frame&, PageCommand::What, bool) { return true; });
+  Page asks;
+  other.join(asks);
+  other.take_feed(hello_with_copies(R"(["hold"])"));
+  for (const char* const wrong :
+       {R"({"id":4,"what":"field","method":1})", R"({"id":4,"what":"field","method":0,"normal":3})",
+        R"({"id":4,"what":"field","method":0,"points":1000})",
+        R"({"id":4,"what":"field","method":0,"compared":7})"}) {
+    asks.texts();
+    other.take_page(asks, wrong);
+    const auto said = asks.texts();
+    ASSERT_EQ(said.size(), 1U) << wrong;
+    EXPECT_EQ(said[0]["done"], false) << wrong;
+  }
+  EXPECT_THROW(other.take_page(asks, R"({"id":5,"what":"field"})"), ViewLinkError);
+}
+
+TEST(HubsField, NeedsMethodsThatExist) {
+  Hub hub([](const Frame&, PageCommand::What, bool) { return true; });
+  EXPECT_THROW(hub.take_feed(hello_with_copies(R"(["no such method"])")), ViewLinkError);
+  EXPECT_THROW(hub.take_feed(hello_with_copies("[]")), ViewLinkError);
+}
+
 }  // namespace
 }  // namespace forcegrid::view
