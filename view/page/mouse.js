@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pointer on the 3-D picture: turns, moves and zooms it, or drags the emulated hand by its tool.
+// Pointer and arrow keys on the 3-D picture: turns, moves and zooms it, or drags the emulated hand by its tool.
 
 const kGrab_px = 22;
 const kHandInterval_ms = 1000 / 60;
+const kKeyTurn_px = 24;
+const kKeyZoom = 1.12;
 
 export class Mouse {
   /**
@@ -26,9 +28,24 @@ export class Mouse {
       event.preventDefault();
       scene.orbit.wheel(event.deltaY);
     }, {passive: false});
+    canvas.addEventListener('keydown', (event) => this.key(event));
     canvas.addEventListener('contextmenu', (event) => event.preventDefault());
     addEventListener('blur', () => this.let_go());
     document.addEventListener('visibilitychange', () => this.let_go());
+  }
+
+  /** Arrows turn the picture, plus and minus zoom it, while it has the focus. */
+  key(event) {
+    const {orbit} = this.scene;
+    const action = {
+      ArrowLeft: () => orbit.turn(kKeyTurn_px, 0), ArrowRight: () => orbit.turn(-kKeyTurn_px, 0),
+      ArrowUp: () => orbit.turn(0, kKeyTurn_px), ArrowDown: () => orbit.turn(0, -kKeyTurn_px),
+      '+': () => orbit.zoom(1 / kKeyZoom), '-': () => orbit.zoom(kKeyZoom),
+    }[event.key];
+    if (action && !event.ctrlKey && !event.altKey && !event.metaKey) {
+      event.preventDefault();
+      action();
+    }
   }
 
   set_hand_allowed(allowed) {

@@ -220,7 +220,7 @@ export class Panel {
     const palette = this.scope.palette;
     const axis = {axisLabelFontSize: 10, drawGrid: true};
     this.graph = new Dygraph(this.chart, file, {
-      labels: ['time [s]', ...spec.series.map((series) => series.label)],
+      labels: ['time [s]', ...spec.series.map((_, i) => String(i))],  // two may have the same name
       colors: spec.series.map((series) => palette.of(series.colour)),
       visibility: spec.series.map((_, i) => !this.hidden.has(i)),
       legend: 'never', dateWindow: window_s, strokeWidth: 1.4, highlightCircleSize: 0,

@@ -341,12 +341,8 @@ class Page(unittest.TestCase):
         self.still_tool()
         known = len(self.stand_in.commands)
         start = self.view(f"project({list(STILL_TOOL_W_M)})")
-        self.run_script("""window.sent_ms = [];
-            const send = WebSocket.prototype.send;
-            WebSocket.prototype.send = function (text) {
-              if (JSON.parse(text).target_W_m) window.sent_ms.push(performance.now());
-              return send.call(this, text);
-            };""")
+        self.run_script("""document.getElementById('scene').addEventListener(
+            'pointerdown', (event) => { window.pointerId = event.pointerId; }, {once: true});""")
         x, y = round(start["x"]), round(start["y"])
         hand = ActionChains(self.browser, duration=8)
         hand.w3c_actions.pointer_action.move_to_location(x, y)
@@ -366,11 +362,16 @@ class Page(unittest.TestCase):
         depth = lambda p: sum(camera["view"][4 * i + 2] * p[i] for i in range(3))
         for target in targets():
             self.assertAlmostEqual(depth(target), depth(tool), delta=1e-4, msg="not in the plane")
+        known_targets = len(targets())
+        self.run_script("""for (let i = 0; i < 40; ++i) {  // a mouse of some kHz
+              document.getElementById('scene').dispatchEvent(new PointerEvent('pointermove', {
+                pointerId: window.pointerId, buttons: 1, clientX: arguments[0] - i, clientY: arguments[1]}));
+            }""", *end)
+        end = (end[0] - 39, end[1])
+        self.wait_until(arrived, "the newest target is not sent")
+        self.assertLessEqual(len(targets()) - known_targets, 2, "more than 60 a second")
         ActionChains(self.browser).release().perform()
         self.wait_until(lambda: targets()[-1] is None, "the hand is not let go")
-        sent_ms = self.run_script("return window.sent_ms")
-        self.assertGreater(len(sent_ms), 3)
-        self.assertGreater((sent_ms[-1] - sent_ms[0]) / (len(sent_ms) - 1), 16, "above 60 Hz")
         self.clear_hand()
 
     def test_turns_the_picture_beside_the_tool_and_fits_it(self):
@@ -381,6 +382,9 @@ class Page(unittest.TestCase):
         turn.click_and_hold().move_by_offset(60, 0).release().perform()
         self.assertNotEqual(self.view("camera")["view"], before["view"])
         self.assertEqual([c for c in self.stand_in.commands[known:] if c["what"] == "hand"], [])
+        turned = self.view("camera")["view"]
+        self.by_id("scene").send_keys(Keys.ARROW_LEFT)
+        self.assertNotEqual(self.view("camera")["view"], turned)
         self.browser.find_element(By.TAG_NAME, "body").send_keys("o")
         self.assertEqual(self.by_id("follow").get_attribute("aria-pressed"), "true")
         self.by_id("follow").click()
@@ -452,7 +456,7 @@ class Page(unittest.TestCase):
 
     def test_names_every_control(self):
         tree = self.browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
-        roles = ("button", "checkbox", "combobox", "link", "textbox", "slider", "img", "figure")
+        roles = ("button", "checkbox", "combobox", "link", "textbox", "slider", "img", "image", "figure", "application")
         controls = [(node["role"]["value"], node.get("name", {}).get("value", "").strip())
                     for node in tree if not node.get("ignored") and node["role"]["value"] in roles]
         self.assertGreater(len(controls), 20)
