@@ -8,7 +8,7 @@ const kLongestBuffered_bytes = 64 * 1024;
 
 export class Connection {
   /**
-   * @param handlers {on_open(), on_text(object), on_binary(ArrayBuffer, arrived_ms), on_lost(wait_ms)}
+   * @param handlers {on_open(), on_text(object), on_binary(ArrayBuffer, arrived_ms), on_lost()}
    */
   constructor(handlers) {
     this.handlers = handlers;
@@ -57,9 +57,14 @@ export class Connection {
       return;
     }
     this.socket = null;
-    this.handlers.on_lost(this.wait_ms);
+    this.handlers.on_lost();
     setTimeout(() => this.connect(), this.wait_ms);
     this.wait_ms = Math.min(kLongestWait_ms, this.wait_ms * kWaitGrowth);
+  }
+
+  /** Nobody is expected to be there soon. */
+  slow_down() {
+    this.wait_ms = kLongestWait_ms;
   }
 
   /**

@@ -8,7 +8,7 @@ import {decode, kArm, kFrame, kSamples, kScope, kShape} from '/decode.js';
 import {save_csv, save_png} from '/export.js';
 import {History} from '/history.js';
 import {Mouse} from '/mouse.js';
-import {Readouts} from '/readouts.js';
+import {Readouts, is_paused} from '/readouts.js';
 import {Scene3d} from '/scene3d.js';
 import {Scope} from '/scope.js';
 import {palette, start_theme} from '/theme.js';
@@ -120,7 +120,11 @@ class Page {
   on_lost() {
     this.mouse.set_hand_allowed(false);
     this.pause.set_allowed(false, 'not connected');
-    this.set_state(this.state === 'ended' ? 'ended' : 'lost');
+    if (this.state === 'ended') {
+      this.connection.slow_down();  // its server probably ended, too
+    } else {
+      this.set_state('lost');
+    }
   }
 
   on_text(message) {
@@ -226,7 +230,7 @@ class Page {
       const force = (name) => ['x', 'y', 'z'].map((axis) => this.history.newest(`${name}_${axis}_N`));
       this.scene.set_tool(position, [force('force'), ...Array.from(
           {length: kMethods}, (_, i) => force(`method${i}`))], this.history.newest('in_contact') > 0);
-      this.pause.set_paused(this.history.newest('paused') > 0);
+      this.pause.set_paused(is_paused(this.history, this.hello));
     }
     return arrived_ms;
   }

@@ -55,12 +55,12 @@ export class Mouse {
     }
   }
 
+  /** Is the pointer where the tool is, or was a moment ago? A moving tool is hard to hit. */
   over_tool(event) {
-    if (!this.hand_allowed || !this.scene.has_tool) {
-      return false;
-    }
-    const at = this.scene.project(this.scene.tool_at.toArray());
-    return Math.hypot(at.x - event.clientX, at.y - event.clientY) < kGrab_px;
+    return this.hand_allowed && this.scene.has_tool && this.scene.trail.some((place) => {
+      const at = this.scene.project(place);
+      return Math.hypot(at.x - event.clientX, at.y - event.clientY) < kGrab_px;
+    });
   }
 
   down(event) {

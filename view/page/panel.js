@@ -223,7 +223,8 @@ export class Panel {
       labels: ['time [s]', ...spec.series.map((_, i) => String(i))],  // two may have the same name
       colors: spec.series.map((series) => palette.of(series.colour)),
       visibility: spec.series.map((_, i) => !this.hidden.has(i)),
-      legend: 'never', dateWindow: window_s, strokeWidth: 1.4, highlightCircleSize: 0,
+      legend: 'never', dateWindow: window_s, strokeWidth: 1.3, highlightCircleSize: 0,
+      series: spec.series[0].colour === 'commanded' ? {0: {strokeWidth: 2.6}} : {},
       logscale: Boolean(spec.log), includeZero: Boolean(spec.zero) && !spec.log,
       gridLineColor: palette.grid, axisLineColor: palette.grid, rightGap: 8,
       yRangePad: spec.band ? kBand_px + 3 : 5,

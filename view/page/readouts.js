@@ -12,6 +12,12 @@ function text_of(element, text) {
 
 const fixed = (value, digits) => Number.isFinite(value) ? value.toFixed(digits) : '–';
 
+/** Does the newest row say that a person paused the force? */
+export function is_paused(history, hello) {
+  return history.newest('paused') > 0 ||
+         (hello.held_back || [])[history.newest('held_back')] === 'paused';
+}
+
 export class Readouts {
   constructor() {
     this.by_id = (id) => document.getElementById(id);
@@ -75,7 +81,7 @@ export class Readouts {
     const rung = history.newest('rung');
     const held_back = history.newest('held_back');
     const limits = history.newest('limits');
-    const paused = history.newest('paused') > 0;
+    const paused = is_paused(history, hello);
     if (fault > 0) {
       flags.push([`fault: ${(hello.faults || [])[fault] || fault}`, 'bad']);
     }

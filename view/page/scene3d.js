@@ -9,6 +9,7 @@ import {Surface} from '/surface.js';
 
 const kMethods = 4;
 const kFieldOfView_deg = 32;
+const kTrail = 12;
 const kSlow_ms = 36;      // until the browser is ready again: more, and the next have fewer pixels
 const kFast_ms = 24;      // less, and the next have more
 const kLowestScale = 0.6;
@@ -55,6 +56,7 @@ export class Scene3d {
                   workspace: true};
     this.hidden_arrows = new Set();
     this.tool_at = new THREE.Vector3();
+    this.trail = [];  // places of the tool in the newest pictures
     this.target_at = null;
     this.drag_origin = null;  // where the tool was when a drag began
     this.has_tool = false;
@@ -159,6 +161,8 @@ export class Scene3d {
   /** @param forces_W_N commanded force first, then each method's own; NaN is not drawn. */
   set_tool(position_W_m, forces_W_N, in_contact) {
     this.tool_at.set(...position_W_m);
+    this.trail.push(position_W_m);
+    this.trail.splice(0, this.trail.length - kTrail);
     this.forces = forces_W_N;
     this.in_contact = in_contact;
     this.has_tool = position_W_m.every(Number.isFinite);

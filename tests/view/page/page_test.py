@@ -303,13 +303,16 @@ class Page(unittest.TestCase):
         note = {"type": "note", "level": "warn", "component": "hand", "text": "nobody listens"}
         for _ in range(3):
             self.stand_in.say(note)
-        self.stand_in.say({**note, "level": "error", "text": "the last one"})
+        self.stand_in.say({**note, "level": "error", "text": "the last one " + 40 * "is long "})
         newest = self.by_id("newest-note")
         self.wait_until(lambda: "the last one" in newest.text, "no note is shown")
         self.assertEqual(newest.get_attribute("data-level"), "error")
-        notes = [item.get_attribute("textContent")
+        notes = [item.get_attribute("textContent").strip()
                  for item in self.browser.find_elements(By.CSS_SELECTOR, "#note-list li")]
-        self.assertEqual(notes[:2], ["hand: the last one", "hand: nobody listens (3 times)"])
+        self.assertEqual(notes[:2], [("hand: the last one " + 40 * "is long ").strip(), "hand: nobody listens (3 times)"])
+        self.assertLessEqual(self.run_script("return document.documentElement.scrollWidth"), 1280)
+        right = "return document.getElementById('stop').getBoundingClientRect().right"
+        self.assertLessEqual(self.run_script(right), 1280, "a long note pushes stop out of the window")
 
     def test_does_not_stop_the_next_run_for_a_stop_without_a_run(self):
         self.stand_in.stopped = True
@@ -332,10 +335,14 @@ class Page(unittest.TestCase):
         self.wait_until(lambda: button.text == "Resume force", "the pause is not shown")
         self.assertEqual(button.get_attribute("aria-pressed"), "true")
         self.wait_until(lambda: "force paused" in self.by_id("flags").text, "no flag")
+        self.stand_in.says_paused_by_held_back = True  # as a servo that has no column for it
+        self.wait_until(lambda: self.by_id("flags").text.splitlines()[-1] == "force paused", "no flag")
         known = len(self.stand_in.commands)
         self.browser.find_element(By.TAG_NAME, "body").send_keys("p")
         self.assertIs(self.command("pause", known)["value"], False)
         self.wait_until(lambda: button.text == "Pause force", "the pause does not end")
+        self.wait_until(lambda: "force paused" not in self.by_id("flags").text, "the flag stays")
+        self.stand_in.says_paused_by_held_back = False
 
     def test_drags_the_hand_by_the_tool(self):
         self.still_tool()

@@ -41,7 +41,7 @@ HELLO = {"type": "hello", "version": "0.2.0", "device": "emulated:woodenhaptics_
          "candidates": ["smooth", "exact", "walls", "memory"],
          "reasons": ["first", "predicted better", "found a wall", "first touches"],
          "rungs": ["fresh", "old", "damping", "zero"],
-         "held_back": ["not", "no samples", "motor check", "dead man's switch"],
+         "held_back": ["not", "no samples", "motor check", "dead man's switch", "paused"],
          "limits": ["force", "slew", "torque"], "statuses": [], "columns": COLUMNS,
          "workspace_W_m": {"low": [-0.12, -0.12, -0.08], "high": [0.12, 0.12, 0.14]},
          "emulated": True, "controls": ["stop", "pause", "hand"], "largest_force_N": 5.0}
@@ -130,6 +130,7 @@ class StandIn:
         self.block, self.port, self.token = Block(vertices), port, token
         self.feed_scope = feed_scope
         self.commands, self.frozen, self.paused, self.stopped = [], None, False, False
+        self.says_paused_by_held_back = False
         self.sockets, self.epoch, self.hand, self.refuse_stop = [], 1, None, False
         self.loop = asyncio.new_event_loop()
         self.ready = threading.Event()
@@ -288,12 +289,14 @@ class StandIn:
         hold = [f + ripple for f in true] if depth else [0.0] * 3
         command = [gain * f for f in auto]
         candidate = int(time_s / 1.7) % 4
+        held_back = 4 * (self.paused and self.says_paused_by_held_back)
+        paused = float(self.paused and not held_back)
         return [time_s, *(1000 * x for x in tool), *command, math.hypot(*command), *auto, *grid,
                 *hold, *[math.nan] * 3, 0.02, 0.1, math.nan, math.nan,
                 2000 + 60 * abs(math.sin(7 * time_s)) + (900 if int(time_s * 100) % 310 == 0 else 0),
                 8 + 5 * abs(math.sin(11 * time_s)), 130 + 40 * abs(math.sin(3 * time_s)), 420.0,
                 35 + 30 * (time_s * 30 % 1), 4 * math.sin(6.28 * share), gain, 0.0, candidate,
-                candidate, 0, 0, 0, float(depth > 0), 0, float(self.paused), 3, int(time_s * RATE_HZ)]
+                candidate, 0, held_back, 0, float(depth > 0), 0, paused, 3, int(time_s * RATE_HZ)]
 
     def send_all(self, message):
         for writer in self.sockets:
