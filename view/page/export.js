@@ -23,29 +23,51 @@ export function save_csv(history, frozen_s) {
   save(new Blob([history.csv(from_s, to_s)], {type: 'text/csv'}), file_name('csv'));
 }
 
-/** Draws what the page shows of `element` and its charts into a context, moved by (left, top). */
-function copy_charts(context, root, left, top) {
-  root.querySelectorAll('.chart canvas').forEach((canvas) => {
-    const place = canvas.getBoundingClientRect();
-    context.drawImage(canvas, place.left - left, place.top - top, place.width, place.height);
-  });
-  const texts = '.dygraph-axis-label, .panel-title, .unit, .series-name, .series-value, .speaker';
+const kNotInPictures = '.scope-bar, .hud-tools, .empty';
+
+function draw_text(context, element, text, place) {
+  const style = getComputedStyle(element);
+  context.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+  context.fillStyle = style.color;
+  context.fillText(text, place.left, place.top + place.height / 2);
+}
+
+/** Draws the text of `root`, where the page has it. */
+function copy_texts(context, root) {
+  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
+  const range = document.createRange();
   context.textBaseline = 'middle';
-  root.querySelectorAll(texts).forEach((element) => {
-    const place = element.getBoundingClientRect();
-    const style = getComputedStyle(element);
-    if (place.width > 0) {
-      context.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
-      context.fillStyle = style.color;
-      context.textAlign = style.textAlign === 'right' ? 'right' : 'left';
-      context.fillText(element.textContent, (style.textAlign === 'right' ? place.right : place.left) - left,
-                       place.top + place.height / 2 - top);
+  while (walker.nextNode()) {
+    const node = walker.currentNode;
+    const element = node.parentElement;
+    if (node.data.trim() !== '' && !element.closest(`${kNotInPictures}, select`) &&
+        element.checkVisibility()) {
+      range.selectNodeContents(node);
+      draw_text(context, element, node.data.trim(), range.getBoundingClientRect());
     }
+  }
+  root.querySelectorAll('.panel:not([hidden]) select').forEach((choice) => {
+    draw_text(context, choice, choice.selectedOptions[0].text, choice.getBoundingClientRect());
   });
 }
 
+/** Draws the lines beside the names of the curves, and the colours of the displacement. */
+function copy_keys(context, root, palette) {
+  root.querySelectorAll('.series[aria-pressed=true]').forEach((button) => {
+    const place = button.getBoundingClientRect();
+    context.fillStyle = palette.of(button.dataset.colour);
+    context.fillRect(place.left + 5, place.top + place.height / 2 - 1.5, 10, 3);
+  });
+  const ramp = root.querySelector('.ramp').getBoundingClientRect();
+  if (ramp.width > 0) {
+    context.fillStyle = context.createLinearGradient(ramp.left, 0, ramp.right, 0);
+    palette.ramp.forEach((colour, i) => context.fillStyle.addColorStop(i / 3, colour));
+    context.fillRect(ramp.left, ramp.top, ramp.width, ramp.height);
+  }
+}
+
 /** Saves the 3-D picture and the charts. `draw` draws the 3-D picture at once. */
-export function save_png(main, scene_canvas, palette, draw) {
+export function save_png(main, palette, draw) {
   const place = main.getBoundingClientRect();
   const canvas = document.createElement('canvas');
   const scale = Math.max(1, devicePixelRatio);
@@ -53,12 +75,17 @@ export function save_png(main, scene_canvas, palette, draw) {
   canvas.height = Math.round(place.height * scale);
   const context = canvas.getContext('2d');
   context.scale(scale, scale);
+  context.translate(-place.left, -place.top);
   context.fillStyle = palette.panel;
-  context.fillRect(0, 0, place.width, place.height);
+  context.fillRect(place.left, place.top, place.width, place.height);
   draw();  // in this task: the browser drops the picture after it
-  const scene = scene_canvas.getBoundingClientRect();
-  context.drawImage(scene_canvas, scene.left - place.left, scene.top - place.top, scene.width,
-                    scene.height);
-  copy_charts(context, main, place.left, place.top);
+  main.querySelectorAll('canvas').forEach((drawing) => {
+    const at = drawing.getBoundingClientRect();
+    if (at.width > 0) {
+      context.drawImage(drawing, at.left, at.top, at.width, at.height);
+    }
+  });
+  copy_keys(context, main, palette);
+  copy_texts(context, main);
   canvas.toBlob((blob) => save(blob, file_name('png')), 'image/png');
 }

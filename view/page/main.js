@@ -70,7 +70,7 @@ class Page {
     by_id('take-control').addEventListener('click', () => this.connection.send('take_control'));
     by_id('csv').addEventListener('click', () => save_csv(this.history, this.scope.frozen_s));
     by_id('png').addEventListener('click', () => save_png(
-        document.querySelector('main'), this.scene.canvas, palette(),
+        document.querySelector('main'), palette(),
         () => this.scene.draw(performance.now(), true)));
     document.querySelectorAll('[data-layer]').forEach((box) => {
       box.addEventListener('change', () => this.scene.show_layer(box.dataset.layer, box.checked));
@@ -229,7 +229,8 @@ class Page {
       const position = ['x', 'y', 'z'].map((axis) => this.history.newest(`position_${axis}_mm`) / 1000);
       const force = (name) => ['x', 'y', 'z'].map((axis) => this.history.newest(`${name}_${axis}_N`));
       this.scene.set_tool(position, [force('force'), ...Array.from(
-          {length: kMethods}, (_, i) => force(`method${i}`))], this.history.newest('in_contact') > 0);
+          {length: kMethods}, (_, i) => force(`method${i}`))],
+                          this.history.newest('in_contact') > 0, now_ms);
       this.pause.set_paused(is_paused(this.history, this.hello));
     }
     return arrived_ms;
@@ -300,7 +301,7 @@ class Page {
       Object.assign(rates, {frames: counted.frames, pictures: counted.pictures, since_ms: now_ms});
     }
     this.readouts.show_row(this.history, this.hello, this.state === 'live');
-    this.readouts.show_scale(this.scene.surfaces);
+    this.readouts.show_scale(this.scene);
     const missed = this.history.newest('missed_deadlines');
     this.readouts.show_numbers([
       this.vertices > 0 && `${this.vertices.toLocaleString('en')} vertices`,

@@ -134,10 +134,12 @@ export class Readouts {
     text_of(this.by_id('numbers'), parts.filter(Boolean).join('  ·  '));
   }
 
-  show_scale(surfaces) {
+  /** What the colours and the arrows of the scene stand for. */
+  show_scale({surfaces, force_scale}) {
     const full_m = Math.max(0, ...[...surfaces.values()].map((surface) => surface.full_m));
-    this.by_id('scale').hidden = full_m === 0;
+    this.by_id('colours').hidden = full_m === 0;
     text_of(this.by_id('scale-top'), `${Number((full_m * 1000).toPrecision(2))} mm`);
+    text_of(this.by_id('arrow-top'), `${force_scale.full} N`);
   }
 
   /** The directions of W's axes as the camera sees them. */

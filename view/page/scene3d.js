@@ -5,11 +5,13 @@
 import * as THREE from '/three.module.js';
 import {Orbit} from '/orbit.js';
 import {Arm, Arrow, Samples, Tool, workspace_lines} from '/parts.js';
+import {Scale} from '/scale.js';
 import {Surface} from '/surface.js';
 
 const kMethods = 4;
 const kFieldOfView_deg = 32;
 const kTrail = 12;
+const kLongestArrow = 0.95;  // of the object's radius
 const kSlow_ms = 36;      // until the browser is ready again: more, and the next have fewer pixels
 const kFast_ms = 24;      // less, and the next have more
 const kLowestScale = 0.6;
@@ -65,7 +67,7 @@ export class Scene3d {
     this.follows = false;
     this.was_fitted = false;
     this.radius_m = 0.1;
-    this.largest_force_N = 5;
+    this.force_scale = new Scale(0.1);
     this.box = null;
     this.palette = null;
     this.make_parts();
@@ -92,7 +94,8 @@ export class Scene3d {
 
   /** Takes the workspace and the largest force of a hello message. */
   set_run(hello) {
-    this.largest_force_N = hello.largest_force_N > 0 ? hello.largest_force_N : 5;
+    const limit_N = hello.largest_force_N > 0 ? hello.largest_force_N : 5;
+    this.force_scale = new Scale(limit_N / 50);
     this.workspace.remove(...this.workspace.children);
     this.box = null;
     if (hello.workspace_W_m) {
@@ -159,11 +162,13 @@ export class Scene3d {
   }
 
   /** @param forces_W_N commanded force first, then each method's own; NaN is not drawn. */
-  set_tool(position_W_m, forces_W_N, in_contact) {
+  set_tool(position_W_m, forces_W_N, in_contact, now_ms) {
     this.tool_at.set(...position_W_m);
     this.trail.push(position_W_m);
     this.trail.splice(0, this.trail.length - kTrail);
     this.forces = forces_W_N;
+    this.force_scale.update(Math.max(0, ...forces_W_N.map((force) => Math.hypot(...force))
+        .filter(Number.isFinite)), now_ms);
     this.in_contact = in_contact;
     this.has_tool = position_W_m.every(Number.isFinite);
     this.dirty = true;
@@ -322,7 +327,7 @@ export class Scene3d {
   }
 
   place_arrows() {
-    const metres_per_N = 0.9 * this.radius_m / this.largest_force_N;
+    const metres_per_N = kLongestArrow * this.radius_m / this.force_scale.full;
     this.arrows.forEach((arrow, i) => {
       arrow.update(this.tool_at, this.forces[i] || [NaN, NaN, NaN], metres_per_N,
                    this.radius_m * (i === 0 ? 0.018 : 0.0075));

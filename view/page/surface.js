@@ -3,10 +3,10 @@
 // scales them. Normals are computed here, one pass over the triangles per frame.
 
 import * as THREE from '/three.module.js';
+import {Scale} from '/scale.js';
 
 const kCrease_cos = Math.cos(40 * Math.PI / 180);  // at rest; flatter edges are shaded smoothly
 const kSmallestScale_m = 0.001;
-const kScaleHold_ms = 3000;
 const kLight = [-0.55, 0.55, 0.75];  // direction in the camera's frame
 
 // Little work per vertex: a computer without a graphics card runs this, too.
@@ -158,20 +158,14 @@ function visible_sides(rest, corners) {
   return open !== 0 ? THREE.DoubleSide : volume_m3 > 0 ? THREE.FrontSide : THREE.BackSide;
 }
 
-/** A round number with at most two digits that is at least `value`. */
-function round_up(value) {
-  const decade = 10 ** Math.floor(Math.log10(value));
-  return [1, 1.5, 2, 3, 5, 7.5, 10].map((digit) => digit * decade).find((round) => round >= value * 0.999);
-}
-
 export class Surface {
   /** @param shape a shape message of decode.js. */
   constructor(shape) {
     this.shape = shape;
     this.frames = 0;
     this.box = new THREE.Box3();
+    this.scale = new Scale(kSmallestScale_m);
     this.full_m = kSmallestScale_m;
-    this.last_large_ms = 0;
     const {corners, source} = split_at_creases(shape);
     this.corners = corners;
     this.source = source;
@@ -274,7 +268,7 @@ export class Surface {
     this.uniforms.low.value.set(...low);
     this.uniforms.grain.value.set(...step);
     this.measure(low, step);
-    this.scale_colours(now_ms);
+    this.full_m = this.scale.update(this.largest_m, now_ms);
     this.compute_normals(step);
     this.colour_by_displacement();
     this.position_attribute.needsUpdate = true;
@@ -339,19 +333,6 @@ export class Surface {
     }
     this.box.min.set(lx, ly, lz);
     this.box.max.set(lx + 65535 * sx, ly + 65535 * sy, lz + 65535 * sz);
-  }
-
-  /** The colours' range grows at once and shrinks when it was too wide for some seconds. */
-  scale_colours(now_ms) {
-    if (this.largest_m > 0.4 * this.full_m) {
-      this.last_large_ms = now_ms;
-    }
-    if (this.largest_m > this.full_m) {
-      this.full_m = round_up(this.largest_m);
-    } else if (now_ms - this.last_large_ms > kScaleHold_ms) {
-      this.full_m = Math.max(kSmallestScale_m, round_up(Math.max(this.largest_m, 1e-6)));
-      this.last_large_ms = now_ms;
-    }
   }
 
   set_theme(palette) {

@@ -270,6 +270,32 @@ class Page(unittest.TestCase):
         time.sleep(0.25)
         return self.view("frames") == before
 
+    def in_module(self, module, text):
+        """What a script returns that is given the exports of one of the page's modules."""
+        return self.browser.execute_async_script(f"""const [done] = arguments;
+            import('/{module}').then((module) => done((() => {{ {text} }})()),
+                                     (error) => done(String(error)));""")
+
+    def test_scales_colours_and_arrows_to_the_largest_of_some_seconds(self):
+        ranges = self.in_module("scale.js", """const scale = new module.Scale(0.1);
+            return [[0.02, 0], [2.2, 10], [6.1, 20], [2.9, 3000], [1, 5000], [1.4, 6900], [1, 7100],
+                    [0, 20000], [0, 30000]].map(([value, ms]) => scale.update(value, ms));""")
+        self.assertEqual(ranges, [0.1, 3, 7.5, 7.5, 3, 3, 3, 1, 0.1])
+
+    def test_keeps_the_newest_rows_of_two_minutes(self):
+        found = self.in_module("history.js", """const history = new module.History();
+            history.reset(['time_s', 'force_N']);
+            const rows = (first, count) => ({rows: count, columns: 2, base_s: first, values:
+                Float32Array.from({length: 2 * count}, (_, i) => i % 2 ? first : (i >> 1) / 100)});
+            for (let s = 0; s < 150; ++s) history.append(rows(s, 100));
+            const kept = [history.rows, history.oldest_s, history.newest('force_N'),
+                          history.time(history.row_at(100.004))];
+            history.append(rows(3, 2));  // another run: the clock begins again
+            return [...kept, history.rows, history.oldest_s, history.append({columns: 3})];""")
+        for value, wanted in zip(found, [12000, 30, 149, 100.01, 2, 3]):
+            self.assertAlmostEqual(value, wanted, places=5)
+        self.assertIs(found[6], False, "rows with other columns are taken")
+
     # What the person does
 
     def test_stops_by_the_space_bar_wherever_the_focus_is(self):
