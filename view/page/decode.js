@@ -7,6 +7,7 @@ export const kShape = 2;
 export const kFrame = 3;
 export const kSamples = 4;
 export const kArm = 5;
+export const kField = 6;
 
 /** Rows of the scope: values[row * columns + column], float32; base_s [s] is added to each time. */
 function decode_scope(buffer, view) {
@@ -71,12 +72,26 @@ function decode_arm(buffer, view) {
   return {type: kArm, lines};
 }
 
+/** A slice of the force field: points x points values of force x, y, z [N], uncertainty [N] and
+ *  status; the first is at `corner`, the next of a row `across` away, the next row `along` away. */
+function decode_field(buffer, view) {
+  const points = view.getUint16(4, true);
+  if (buffer.byteLength < 44 + 20 * points * points) {
+    return null;
+  }
+  const vector = (at) => [0, 4, 8].map((axis) => view.getFloat32(at + axis, true));
+  return {type: kField, method: view.getUint8(1), compared: view.getUint8(2), points,
+          exact: view.getUint16(6, true) === 1, corner: vector(8), across: vector(20),
+          along: vector(32), values: new Float32Array(buffer, 44, 5 * points * points)};
+}
+
 const kDecoders = {
   [kScope]: [16, decode_scope],
   [kShape]: [20, decode_shape],
   [kFrame]: [48, decode_frame],
   [kSamples]: [8, decode_samples],
   [kArm]: [8, decode_arm],
+  [kField]: [44, decode_field],
 };
 
 /** A message of any type, as an object with its `type`. Its arrays share the buffer's memory. */

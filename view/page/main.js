@@ -4,8 +4,9 @@
 
 import {Connection} from '/connection.js';
 import {Pause, Stop, listen_to_keys} from '/controls.js';
-import {decode, kArm, kFrame, kSamples, kScope, kShape} from '/decode.js';
+import {decode, kArm, kField, kFrame, kSamples, kScope, kShape} from '/decode.js';
 import {save_csv, save_png} from '/export.js';
+import {FieldChoice} from '/field_choice.js';
 import {History} from '/history.js';
 import {Mouse} from '/mouse.js';
 import {Readouts, is_paused} from '/readouts.js';
@@ -51,6 +52,7 @@ class Page {
         this.connection.send('hand', {target_W_m}, target_W_m !== null));
     this.stop = new Stop(this.connection, by_id('stop'), by_id('stop-word'), by_id('stop-status'),
                          () => this.state === 'live');
+    this.field = new FieldChoice(this.connection, this.scene);
     this.pause = new Pause(this.connection, by_id('pause'));
     this.listen();
   }
@@ -156,6 +158,7 @@ class Page {
     this.set_state('waiting');
     this.set_role(hello.role || this.role);
     this.stop.on_run();
+    this.field.set_run(hello);
   }
 
   /** @param control_is_free false: another page has the control and keeps it. */
@@ -206,6 +209,8 @@ class Page {
       this.waiting_samples.splice(0, this.waiting_samples.length - kMostWaitingSamples);
     } else if (message.type === kArm) {
       this.waiting_arm = message;
+    } else if (message.type === kField) {
+      this.field.take(message);
     }
   }
 
@@ -338,6 +343,12 @@ function interface_for_scripts(page) {
     get rows() { return page.history.rows; },
     get position_mm() { return newest(['position_x_mm', 'position_y_mm', 'position_z_mm']); },
     get force_N() { return newest(['force_x_N', 'force_y_N', 'force_z_N']); },
+    /** Shares of the slice's points that are known, partly known and unknown; is it exact? */
+    get field() {
+      const {mesh, top_N, message} = page.scene.field;
+      return {shown: mesh.visible, top_N, exact: message !== null && message.exact,
+              ...page.scene.field.shares()};
+    },
     get in_contact() { return page.history.newest('in_contact') > 0; },
     get broken_messages() { return page.counted.broken; },
     /** Milliseconds from a surface frame's arrival to its picture, and the cycle reported last. */

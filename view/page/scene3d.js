@@ -4,6 +4,7 @@
 
 import * as THREE from '/three.module.js';
 import {Orbit} from '/orbit.js';
+import {Field} from '/field.js';
 import {Arm, Arrow, Samples, Tool, workspace_lines} from '/parts.js';
 import {Scale} from '/scale.js';
 import {Surface} from '/surface.js';
@@ -83,13 +84,14 @@ export class Scene3d {
     this.arm = new Arm();
     this.samples = new Samples();
     this.tool = new Tool();
+    this.field = new Field();
     this.arrows = Array.from({length: kMethods + 1}, (_, i) => new Arrow(10 + i));
     this.arrow_group = new THREE.Group();
     this.arrow_group.add(...this.arrows.map((arrow) => arrow.group));
     this.forces = this.arrows.map(() => [NaN, NaN, NaN]);
     this.workspace = new THREE.Group();
     this.scene.add(this.surface_group, this.mesh_group, this.arm.group, this.samples.points,
-                   this.tool.group, this.arrow_group, this.workspace);
+                   this.tool.group, this.arrow_group, this.workspace, this.field.mesh);
   }
 
   /** Takes the workspace and the largest force of a hello message. */
@@ -185,6 +187,21 @@ export class Scene3d {
     this.dirty = true;
   }
 
+  /** Shows a slice of the field; null hides it. */
+  set_field(message) {
+    if (message) {
+      this.field.show(message);
+    } else {
+      this.field.hide();
+    }
+    this.dirty = true;
+  }
+
+  set_field_quantity(quantity) {
+    this.field.set_quantity(quantity);
+    this.dirty = true;
+  }
+
   add_samples(message, now_ms) {
     this.samples.add(message, now_ms / 1000);
     this.dirty = true;
@@ -216,6 +233,7 @@ export class Scene3d {
     this.renderer.setClearColor(palette.backdrop);
     this.surfaces.forEach((surface) => surface.set_theme(palette));
     this.arm.material.color.set(palette.arm);
+    this.field.set_theme(palette);
     this.tool.set_theme(palette);
     this.samples.uniforms.free_colour.value.set(palette.free_sample);
     this.samples.uniforms.touch_colour.value.set(palette.touch_sample);
