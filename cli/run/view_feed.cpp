@@ -137,6 +137,7 @@ view_link::FeedCycle cycle_of(const servo::CycleRecord& record) {
   cycle.held_back = static_cast<std::uint8_t>(record.held_back);
   cycle.limits_acted = record.limits_acted;
   cycle.in_contact = record.in_contact ? 1 : 0;
+  cycle.paused = record.held_back == servo::HeldBack::kPaused ? 1 : 0;
   cycle.fault = static_cast<std::uint8_t>(record.fault);
   return cycle;
 }

@@ -53,6 +53,7 @@ export class Field {
     this.points = 0;
     this.quantity = 'force';
     this.top_N = 0;  // end of the colours' range
+    this.largest_N = Infinity;  // that the range may grow to: what the device can render
     this.message = null;
     this.uniforms = {
       field: {value: null},
@@ -135,7 +136,7 @@ export class Field {
       largest = known ? Math.max(largest, value) : largest;
     }
     // The range grows at once and shrinks slowly, so that colours do not flicker.
-    this.top_N = Math.max(largest, kShrink * this.top_N, 1e-6);
+    this.top_N = Math.min(Math.max(largest, kShrink * this.top_N, 1e-6), this.largest_N);
     const data = this.uniforms.field.value.image.data;
     for (let i = 0; i < count; ++i) {
       const known = !Number.isNaN(shown[i]);

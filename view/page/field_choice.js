@@ -44,6 +44,7 @@ export class FieldChoice {
   /** Another run: its methods. */
   set_run(hello) {
     this.methods = hello.methods || [];
+    this.scene.field.largest_N = hello.largest_force_N > 0 ? hello.largest_force_N : Infinity;
     by_id('field').disabled = hello.field !== true;
     const names = this.methods.map((name, i) => [i, name]);
     fill(this.method, [['', 'no method'], ...names]);

@@ -1,0 +1,203 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""forcegrid run --view with all its processes and a browser: the surface, the hand, the controls.
+usage: live_view_test.py FORCEGRID          ends with 77 where Chromium or selenium is missing"""
+import json
+import math
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "page"))
+from page_test import CHROMIUM, DRIVER, start_browser, webdriver
+
+if webdriver:
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+FORCEGRID = ""
+PATIENCE_S = 30
+# The scene `small` has 11 x 11 x 9 vertices, of which 9 x 9 x 7 are inside.
+SURFACE_OF_SMALL = 11 * 11 * 9 - 9 * 9 * 7
+
+
+class Run:
+    """A run with a live view, and what it says on standard error."""
+
+    def __init__(self, *options):
+        self.folder = tempfile.TemporaryDirectory()
+        self.summary_file = pathlib.Path(self.folder.name) / "summary.json"
+        self.process = subprocess.Popen(
+            [FORCEGRID, "--no-config", "run", "--view", "--scene", "small", "--no-reference",
+             "--device-timeout-ms", "450", "--out", self.folder.name,
+             "--json", str(self.summary_file), *options],
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        self.lines = []
+        self.reader = threading.Thread(target=self.read)
+        self.reader.start()
+        self.url = wait_until(lambda: self.find(r"^view: (http://127\.0\.0\.1:\d+/\?token=\w{32,})$"),
+                              "the view's address", self.lines)[1]
+
+    def read(self):
+        for line in self.process.stderr:
+            self.lines.append(line.rstrip("\n"))
+
+    def find(self, pattern):
+        return next((found for found in (re.search(pattern, line) for line in list(self.lines))
+                     if found), None)
+
+    def place(self, pattern):
+        return next(i for i, line in enumerate(self.lines) if re.search(pattern, line))
+
+    def view_pid(self):
+        children = subprocess.run(["pgrep", "-P", str(self.process.pid), "-x", "forcegrid-view"],
+                                  capture_output=True, text=True)
+        return int(children.stdout)
+
+    def summary(self):
+        return json.loads(self.summary_file.read_text(encoding="utf-8"))
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        self.process.wait(PATIENCE_S)
+        self.reader.join(PATIENCE_S)
+        self.process.stderr.close()
+        self.folder.cleanup()
+
+
+def wait_until(wanted, what, said=()):
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        found = wanted()
+        if found:
+            return found
+        time.sleep(0.02)
+    raise AssertionError(f"{what} did not come within {PATIENCE_S} s\n" + "\n".join(said))
+
+
+class LiveView(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.browser = start_browser(cls.folder.name)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.quit()
+        cls.folder.cleanup()
+
+    def view(self, name, *arguments):
+        return self.browser.execute_script(
+            f"return window.forcegridView && window.forcegridView.{name}", *arguments)
+
+    def open(self, run):
+        self.browser.get(run.url)
+        wait_until(lambda: self.browser.execute_script("return document.body.dataset.state") == "live",
+                   "a live page", run.lines)
+
+    def force_N(self):
+        force = self.view("force_N")
+        return math.sqrt(sum(x * x for x in force)) if force and None not in force else math.nan
+
+    def drag_tool(self, right_px, up_px):
+        """Takes the tool with the mouse and holds it elsewhere."""
+        x, y, z = (1e-3 * value for value in self.view("position_mm"))
+        at = self.view(f"project([{x}, {y}, {z}])")
+        canvas = self.browser.find_element(By.ID, "scene")
+        box = self.browser.execute_script(
+            "const r = arguments[0].getBoundingClientRect();"
+            "return [r.left + r.width / 2, r.top + r.height / 2]", canvas)
+        ActionChains(self.browser).move_to_element_with_offset(
+            canvas, round(at["x"] - box[0]), round(at["y"] - box[1])).click_and_hold(
+            ).move_by_offset(right_px, -up_px).perform()
+
+    def test_shows_a_run_and_does_what_the_person_wants(self):
+        run = Run("--seconds", "120", "--motion", "still", "--hand", "light")
+        try:
+            self.open(run)
+            self.assertLess(run.place("^view: "), run.place("its first cycle is over"))
+            self.assertEqual(self.view("vertices"), SURFACE_OF_SMALL)
+            self.assertEqual(self.view("role"), "controller")
+            wait_until(lambda: self.view("in_contact"), "contact", run.lines)
+
+            with self.subTest("the hand follows the mouse"):
+                before_mm = self.view("position_mm")
+                self.drag_tool(0, 40)
+                wait_until(lambda: self.view("position_mm")[2] > before_mm[2] + 4, "the hand")
+                # It pulls the sticking block up, which pulls back.
+                wait_until(lambda: self.force_N() > 0.3, "a force")
+                self.assertLess(self.view("force_N")[2], -0.2)
+
+            with self.subTest("a slice of the field is the servo's own"):
+                self.browser.execute_script(
+                    "document.getElementById('layers').open = true;"
+                    "const list = document.getElementById('field-method'); list.value = '0';"
+                    "list.dispatchEvent(new Event('change'))")
+                wait_until(lambda: self.view("field")["shown"], "a slice")
+                field = self.view("field")
+                self.assertTrue(field["exact"])
+                self.assertGreater(field["known"] + field["partly"], 0.0)
+                self.assertGreater(field["top_N"], 0.1)
+
+            with self.subTest("the force pauses and comes back"):
+                press_p = lambda: ActionChains(self.browser).send_keys("p").perform()
+                press_p()  # a click on the button would let go of the tool
+                wait_until(lambda: self.force_N() < 0.01, "zero force")
+                self.assertEqual(self.browser.find_element(By.ID, "pause").text, "Resume force")
+                press_p()
+                wait_until(lambda: self.force_N() > 0.2, "the force again")
+
+            with self.subTest("the servo acknowledges the stop"):
+                self.browser.find_element(By.ID, "stop").click()
+                wait_until(lambda: self.view("stop_acknowledged"), "the acknowledgement", run.lines)
+                self.assertEqual(run.process.wait(PATIENCE_S), 3, run.lines)
+                summary = run.summary()
+                self.assertEqual(summary["emergency_stop"], "view")
+                self.assertEqual(summary["ended_by"], "emergency_stop")
+                self.assertGreater(summary["picture_delay_ms"]["pictures"], 10)
+                print("picture_delay_ms", summary["picture_delay_ms"])
+            errors = [entry["message"] for entry in self.browser.get_log("browser")
+                      if entry["level"] == "SEVERE" and "WebSocket connection" not in entry["message"]]
+            self.assertEqual(errors, [])
+        finally:
+            run.close()
+
+    def test_changes_nothing_for_the_run_when_it_dies(self):
+        run = Run("--seconds", "3")
+        try:
+            wait_until(lambda: run.find("its first cycle is over"), "the first cycle", run.lines)
+            os.kill(run.view_pid(), signal.SIGKILL)
+            self.assertEqual(run.process.wait(PATIENCE_S), 0, run.lines)
+            run.reader.join(PATIENCE_S)
+            self.assertTrue(run.find("the live view is gone"), run.lines)
+            summary = run.summary()
+            self.assertEqual(summary["ended_by"], "time")
+            self.assertEqual(summary["faults"], [])
+            self.assertGreater(summary["cycles"], 1000)
+        finally:
+            run.close()
+
+
+class Words(unittest.TestCase):
+    def test_say_what_is_wrong_with_an_address(self):
+        for address in ("0.0.0.0:0", "127.0.0.1", "nowhere:1"):
+            done = subprocess.run([FORCEGRID, "--no-config", "run", "--view", address, "--seconds", "1"],
+                                  capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertNotEqual(done.returncode, 0, address)
+            self.assertIn(address.split(":", maxsplit=1)[0], done.stderr)
+
+
+if __name__ == "__main__":
+    FORCEGRID = sys.argv.pop(1)
+    if webdriver is None or CHROMIUM is None or DRIVER is None:
+        print("Chromium, its driver or selenium is missing: setup/install.sh browser")
+        sys.exit(77)
+    unittest.main(verbosity=2)
