@@ -56,7 +56,8 @@ void add_emulate(Command& app, EmulateOptions& o, std::function<int()>& action) 
                   "Bind a Unix datagram socket that takes where the hand is wanted: three "
                   "little-endian 64-bit floats, X, Y, Z in metres; three NaN let go; see "
                   "docs/devices.md")
-      ->type_name("PATH");
+      ->type_name("PATH")
+      ->not_in_config();
   emulate.add_option("--motion", o.motion, "Motion of that hand: " + joined(motions()))
       ->check(motion_check())
       ->show_default();
@@ -150,7 +151,8 @@ void add_simulate(Command& app, SimulateOptions& o, std::function<int()>& action
       .add_option("--surface", o.surface,
                   "Unix socket of the live view (FOLDER/surface of forcegrid-view), which gets the "
                   "surface as it deforms")
-      ->type_name("PATH");
+      ->type_name("PATH")
+      ->not_in_config();
   simulate.add_flag("--no-stiffness", o.no_stiffness, "Send forces without dF/dP");
   simulate
       .add_flag("--bench", o.bench,

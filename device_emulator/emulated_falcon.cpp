@@ -21,7 +21,7 @@ const Vector3d kStart_D(0.0, 0.0, EmulatedFalcon::kStartHeight_m);
 
 OperatorScript::Options script_options(const DeviceOptions& options) {
   OperatorScript::Options script =
-      OperatorScript::within_workspace(options.operator_script, options.profile);
+      OperatorScript::on_device(options.operator_script, options.profile);
   const auto& delta = options.profile.delta;
   const double out_m = delta.knob_max_z_m - delta.center_m[2] + kBeyondStop_m;
   const double in_m = delta.knob_min_z_m - delta.center_m[2] - kBeyondStop_m;

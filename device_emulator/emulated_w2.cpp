@@ -60,7 +60,7 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
            ArmKinematics(options.profile.kinematics)
                .joint_angle_rad(calibration_counts(options.profile)),
            options.hand_carries_weight),
-      script_(OperatorScript::within_workspace(options.operator_script, options.profile),
+      script_(OperatorScript::on_device(options.operator_script, options.profile),
               arm_.position_D()),
       frame_order_(options.frame_order),
       name_(options.profile.name),

@@ -20,14 +20,14 @@ Vector3d at_most(const Vector3d& vector, double length) noexcept {
 }
 
 // Moves on along the way to the goal, way_D from it, for `duration_s`.
-void approach(double duration_s, Vector3d& way_D, Vector3d& speed_D) noexcept {
+void approach(double duration_s, double most_m_per_s, Vector3d& way_D, Vector3d& speed_D) noexcept {
   const int steps = static_cast<int>(std::clamp(
       std::ceil(duration_s / HandFollower::kStep_s - 1e-9), 0.0, double{HandFollower::kMostSteps}));
   const double step_s = steps > 0 ? std::min(duration_s / steps, HandFollower::kStep_s) : 0.0;
   for (int step = 0; step < steps; ++step) {
     const Vector3d wanted = -kFollow_rad_per_s * (kFollow_rad_per_s * way_D + 2.0 * speed_D);
     speed_D += step_s * at_most(wanted, HandFollower::kMost_m_per_s2);
-    speed_D = at_most(speed_D, HandFollower::kMost_m_per_s);
+    speed_D = at_most(speed_D, most_m_per_s);
     way_D += step_s * speed_D;
   }
 }
@@ -54,7 +54,7 @@ Vector3d HandFollower::update(rt::TimePoint now, const Vector3d& script_D,
   }
   Vector3d way_D = target_D_ - (pointer_D ? *pointer_D : old_script_D);
   Vector3d speed_D = pointer_D ? speed_D_ : Vector3d(speed_D_ - old_speed_D);
-  approach(passed_s, way_D, speed_D);
+  approach(passed_s, most_m_per_s_, way_D, speed_D);
   target_D_ = (pointer_D ? *pointer_D : script_D) + way_D;
   speed_D_ = pointer_D ? speed_D : Vector3d(speed_D + script_speed_D_);
   if (!pointer_D && way_D.norm() < kBack_m && speed_D.norm() < kBack_m_per_s) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 
 #include "rt/clock.h"
@@ -13,11 +14,14 @@ namespace forcegrid::emulator {
 ///
 /// With e the way from the goal to the hand's target, and e' its speed:
 ///
-///   e'' = -w^2 e - 2 w e',   w = 2 pi kBandwidth_Hz;   |e''| <= kMost_m_per_s2, |e'| <= kMost_m_per_s
+///   e'' = -w^2 e - 2 w e',   w = 2 pi kBandwidth_Hz;   |e''| <= kMost_m_per_s2, |e'| <= V
 ///
 /// The goal is the pointer's place, at rest; or, after it has let go, the script's target, which
 /// goes on meanwhile. Critically damped, and slow enough that braking from kMost_m_per_s takes
 /// w kMost_m_per_s / exp(1) = 11.6 m/s^2: no overshoot. A way of 30 mm is done to 1 % in 0.23 s.
+/// V is at most kMost_m_per_s; OperatorScript chooses less, so that the tip, which swings beyond
+/// the target on the hand's spring, stays below the speed at which a servo loop takes it for a
+/// fault.
 ///
 /// Source of the bandwidth: Draper, Hand acceleration impulse bandwidth during target acquisition,
 /// IEEE Trans. Systems, Man, and Cybernetics 24(6), 1994: 5.6 Hz for the joints near the shoulder.
@@ -28,6 +32,10 @@ namespace forcegrid::emulator {
 /// Real-time: update() neither allocates, locks nor throws; at most kMostSteps steps. Threads: one.
 class HandFollower {
  public:
+  /// @param most_m_per_s  V; > 0, at most kMost_m_per_s.
+  explicit HandFollower(double most_m_per_s = kMost_m_per_s) noexcept
+      : most_m_per_s_(std::min(most_m_per_s, kMost_m_per_s)) {}
+
   static constexpr double kBandwidth_Hz = 5.0;
   static constexpr double kMost_m_per_s = 1.0;
   static constexpr double kMost_m_per_s2 = 20.0;
@@ -45,6 +53,7 @@ class HandFollower {
   [[nodiscard]] bool away() const noexcept { return away_; }
 
  private:
+  double most_m_per_s_;
   bool away_ = false;
   std::optional<rt::TimePoint> last_;
   Eigen::Vector3d script_D_ = Eigen::Vector3d::Zero();

@@ -11,14 +11,16 @@ namespace forcegrid::emulator {
 OperatorScript::OperatorScript(const Options& options, const Eigen::Vector3d& home_D)
     : options_(options),
       motion_(options.motion, options.amplitude_m, options.seed, options.path),
+      follower_(options.reach_m_per_s),
       home_D_(home_D),
       target_D_(home_D),
       return_from_D_(home_D) {}
 
-OperatorScript::Options OperatorScript::within_workspace(Options options,
-                                                         const profiles::DeviceProfile& profile) {
+OperatorScript::Options OperatorScript::on_device(Options options,
+                                                  const profiles::DeviceProfile& profile) {
   options.reach_low_D = rt::to_vector(profile.limits.workspace_min_m);
   options.reach_high_D = rt::to_vector(profile.limits.workspace_max_m);
+  options.reach_m_per_s = 0.5 * profile.limits.max_speed_m_per_s;
   return options;
 }
 

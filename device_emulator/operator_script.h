@@ -57,6 +57,7 @@ class OperatorScript {
     /// [m] Frame D: the box that a pointer is clamped to.
     Eigen::Vector3d reach_low_D = Eigen::Vector3d::Constant(-1.0);
     Eigen::Vector3d reach_high_D = Eigen::Vector3d::Constant(1.0);
+    double reach_m_per_s = 0.5;  ///< largest speed after a pointer, see HandFollower
   };
 
   /// What the operator sees of the device.
@@ -78,8 +79,9 @@ class OperatorScript {
 
   /// @param home_D [m] tip in the calibration pose, frame D.
   OperatorScript(const Options& options, const Eigen::Vector3d& home_D);
-  /// The options with a hand's reach on a device of this profile: its workspace.
-  static Options within_workspace(Options options, const profiles::DeviceProfile& profile);
+  /// The options with a hand's reach on a device of this profile: its workspace, at half of the
+  /// speed that its limits allow, since the tip swings beyond the hand's target.
+  static Options on_device(Options options, const profiles::DeviceProfile& profile);
 
   [[nodiscard]] Action update(rt::TimePoint now, const Senses& senses) noexcept;
   [[nodiscard]] Phase phase() const noexcept { return phase_; }

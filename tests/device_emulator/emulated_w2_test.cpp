@@ -279,6 +279,29 @@ TEST(EmulatedW2, TheTipFollowsAPointerStaysThereAndReturnsToTheMotion) {
   }
 }
 
+TEST(EmulatedW2, APointerThatIsFlungAboutKeepsTheTipBelowTheProfilesSpeed) {
+  for (const HandKind hand : {HandKind::kFirm, HandKind::kLight}) {
+    auto options = options_for("woodenhaptics_v2015", hand);
+    options.operator_script.calibrated = true;
+    options.operator_script.motion = MotionKind::kStill;
+    Bus bus(options);
+    bus.idle_until(1000);
+    bus.drive_until(4000, kZero);
+    double most_m_per_s = 0.0;
+    for (const int flung : {1, -1, 1, -1}) {
+      bus.device.point_hand_at(Vector3d::Constant(flung));  // from corner to corner
+      for (int ms = 0; ms < 450; ++ms) {
+        const Vector3d last_D = bus.device.arm().position_D();
+        bus.frame(&kZero);
+        most_m_per_s =
+            std::max(most_m_per_s, 1e3 * (bus.device.arm().position_D() - last_D).norm());
+      }
+    }
+    EXPECT_GT(most_m_per_s, 0.5);
+    EXPECT_LT(most_m_per_s, options.profile.limits.max_speed_m_per_s);
+  }
+}
+
 TEST(EmulatedW2, CurrentsBeyondTheAmplifierGiveNoneAndAreCounted) {
   Bus bus(options_for("woodenhaptics_v2015"));
   bus.idle_until(1000);
