@@ -428,12 +428,22 @@ void Hub::forward(Viewer& viewer, const PageCommand& command) {
     refuse(viewer, command, feed_ == Feed::kEnded ? "the run has ended" : "no run is connected");
   } else if (!send_command_(frame, command.what, newest)) {
     refuse(viewer, command, "the run does not read its commands");
-  } else if (!newest) {
-    if (pending_.size() == kMostPending) {
-      pending_.pop_front();
-    }
-    pending_.push_back({id, command.id, &viewer});
+  } else if (command.what != PageCommand::What::kShown) {
+    remember({id, command.id, command.what, &viewer});
   }
+}
+
+// A move of the hand takes the place of the one before: there are sixty a second.
+void Hub::remember(const Pending& command) {
+  if (command.what == PageCommand::What::kHand) {
+    std::erase_if(pending_, [&](const Pending& one) {
+      return one.what == command.what && one.viewer == command.viewer;
+    });
+  }
+  if (pending_.size() == kMostPending) {
+    pending_.pop_front();
+  }
+  pending_.push_back(command);
 }
 
 void Hub::refuse(Viewer& viewer, const PageCommand& command, const std::string& why) {

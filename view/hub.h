@@ -72,6 +72,7 @@ class Hub {
   struct Pending {  ///< a command that the run may acknowledge
     std::uint64_t run_id;
     std::uint64_t page_id;
+    PageCommand::What what;
     Viewer* viewer;
   };
 
@@ -85,6 +86,7 @@ class Hub {
   void take_slice_wish(Viewer& viewer, const PageCommand& command);
   void send_slice(std::int64_t time_ns);
   void forward(Viewer& viewer, const PageCommand& command);
+  void remember(const Pending& command);
   void take_control(Viewer& viewer);
   void say(Viewer& viewer, const nlohmann::json& text, bool after_rows = false);
   void say_to_all(const nlohmann::json& text, bool after_rows = false);

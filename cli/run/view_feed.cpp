@@ -139,6 +139,7 @@ view_link::FeedCycle cycle_of(const servo::CycleRecord& record) {
   cycle.in_contact = record.in_contact ? 1 : 0;
   cycle.paused = record.held_back == servo::HeldBack::kPaused ? 1 : 0;
   cycle.fault = static_cast<std::uint8_t>(record.fault);
+  cycle.paused = record.held_back == servo::HeldBack::kPaused ? 1 : 0;
   return cycle;
 }
 

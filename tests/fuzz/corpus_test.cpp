@@ -52,7 +52,9 @@ INSTANTIATE_TEST_SUITE_P(Targets, FuzzCorpus,
                                          Target{"w2_report", w2_report},
                                          Target{"device_profile", device_profile},
                                          Target{"link_datagram", link_datagram},
-                                         Target{"sealed_datagram", sealed_datagram}),
+                                         Target{"sealed_datagram", sealed_datagram},
+                                         Target{"view_streams", view_streams},
+                                         Target{"view_command", view_command}),
                          [](const auto& target) { return target.param.name; });
 
 }  // namespace

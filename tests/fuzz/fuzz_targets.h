@@ -17,6 +17,8 @@ void w2_report(Input input);        ///< reports of the device, currents for it,
 void device_profile(Input input);   ///< TOML files
 void link_datagram(Input input);    ///< datagrams of the other end of the link
 void sealed_datagram(Input input);  ///< the same of a link with a key
+void view_streams(Input input);     ///< what a run or a simulator sends to the live view
+void view_command(Input input);     ///< what a page sends to it, and a request's names
 
 /// Ends the process with `promise` on standard error unless `kept`.
 void require(bool kept, const char* promise);

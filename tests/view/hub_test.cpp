@@ -198,8 +198,10 @@ TEST_F(HubOfPages, RefusesAFeedThatBreaksTheProtocol) {
   hub_.take_feed(hello());
   EXPECT_THROW(hub_.take_feed(hello()), ViewLinkError);
   EXPECT_THROW(hub_.take_feed({2, 0, {}}), ViewLinkError);
-  EXPECT_THROW(hub_.take_feed({2, 0, view_link::Bytes(351)}), ViewLinkError);
-  EXPECT_THROW(hub_.take_feed({3, 0, view_link::Bytes(169)}), ViewLinkError);
+  EXPECT_THROW(hub_.take_feed({2, 0, view_link::Bytes(sizeof(view_link::FeedCycle) - 1)}),
+               ViewLinkError);
+  EXPECT_THROW(hub_.take_feed({3, 0, view_link::Bytes(sizeof(view_link::FeedSample) + 1)}),
+               ViewLinkError);
   EXPECT_THROW(hub_.take_feed({4, 0, {1}}), ViewLinkError);
   EXPECT_THROW(hub_.take_feed(text(FeedType::kNote, "note")), ViewLinkError);
   EXPECT_THROW(hub_.take_feed(text(FeedType::kAcknowledged, "{}")), ViewLinkError);
@@ -259,6 +261,29 @@ TEST_F(HubOfPages, GiveEachPageTheAcknowledgementOfItsOwnCommand) {
   acknowledgement["id"] = commands_[0]["id"];
   hub_.take_feed(text(FeedType::kAcknowledged, acknowledgement.dump()));  // its page has left
   EXPECT_TRUE(first_.texts().empty());
+}
+
+// A hand moves 60 times a second, and only a failure is acknowledged.
+TEST_F(HubOfPages, RememberTheNewestMoveOfTheHandAndEveryStop) {
+  hub_.join(first_);
+  hub_.take_feed(hello());
+  clear();
+  hub_.take_page(first_, R"({"id":1,"what":"stop"})");
+  for (int i = 0; i < 1000; ++i) {
+    hub_.take_page(first_, R"({"id":2,"what":"hand","target_W_m":[0,0,0]})");
+  }
+  const auto acknowledge = [&](const json& command) {
+    hub_.take_feed(text(FeedType::kAcknowledged,
+                        json{{"id", command["id"]}, {"done", false}, {"text", "no"}}.dump()));
+    return first_.texts();
+  };
+  EXPECT_TRUE(acknowledge(commands_[1]).empty()) << "a newer move took its place";
+  const auto of_hand = acknowledge(commands_.back());
+  ASSERT_EQ(of_hand.size(), 1U);
+  EXPECT_EQ(of_hand[0]["id"], 2);
+  const auto of_stop = acknowledge(commands_.front());
+  ASSERT_EQ(of_stop.size(), 1U);
+  EXPECT_EQ(of_stop[0]["id"], 1);
 }
 
 TEST_F(HubOfPages, SayWhyACommandGoesNowhere) {

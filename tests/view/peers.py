@@ -15,7 +15,7 @@ import time
 
 TIMEOUT_S = 10.0
 CYCLE = struct.Struct("<Qq Q 3d3d3d 12d 4d 3d 10d II 4B 8B I")
-SAMPLE = struct.Struct("<q d 3d3d3d 9d I 4B")
+SAMPLE = struct.Struct("<q d 3d3d3d 9d I 4B d")
 HELLO = {"version": "0.2.0", "device": "emulated:test", "scene": "block", "rate_Hz": 1000,
          "methods": ["auto", "hold"], "controls": ["stop", "pause", "hand"]}
 FEED = {"hello": 1, "cycles": 2, "samples": 3, "arm": 4, "note": 5, "acknowledged": 6, "end": 7,

@@ -177,7 +177,7 @@ class WebSockets(WithView):
         page, run = self.live_page()
         run.cycle(0, 10**12)
         run.send(FEED["samples"], peers.SAMPLE.pack(
-            10**12 + 250_000_000, 0.0, 1, 2, 3, -1, -2, -3, *(12 * [0.0]), 1, 1, 0, 0, 0))
+            10**12 + 250_000_000, 0.0, 1, 2, 3, -1, -2, -3, *(12 * [0.0]), 1, 1, 0, 0, 1, 0.0))
         message = page.receive_type(4)
         self.assertEqual(struct.unpack_from("<BxHI", message), (4, 1, 0))
         self.assertEqual(struct.unpack("<8f", message[8:]), (1, 2, 3, -1, -2, -3, 0.25, 1))

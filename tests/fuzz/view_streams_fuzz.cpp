@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tests/fuzz/fuzz_targets.h"
+#include "view/hub.h"
+#include "view_link/frame.h"
+#include "view_link/surface_messages.h"
+
+namespace forcegrid::fuzz {
+namespace {
+
+// What a page would get is a JSON object with a type, or begins with a known type.
+void check_outbox(view::Outbox& outbox) {
+  while (const auto message = outbox.next()) {
+    if (message->text) {
+      const auto text = nlohmann::json::parse(*message->bytes, nullptr, false);
+      require(text.is_object() && text.contains("type"), "each text has a type");
+    } else {
+      require(message->bytes->size() >= 4 && message->bytes->front() >= 1 &&
+                  message->bytes->front() <= 5,
+              "each binary message has a known type");
+    }
+  }
+}
+
+void check_surface(const view_link::Frame& frame) {
+  if (const auto shape = view_link::decode_shape(frame.payload)) {
+    require(view_link::encode(*shape).payload.size() == frame.payload.size(),
+            "a shape has one size");
+  }
+  if (const auto surface = view_link::decode_frame(frame.payload)) {
+    require(view_link::encode(*surface).payload.size() == frame.payload.size(),
+            "a surface has one size");
+  }
+}
+
+}  // namespace
+
+// The first byte says to which socket the others come.
+void view_streams(Input input) {
+  if (input.empty()) {
+    return;
+  }
+  const bool is_feed = input.front() % 2 == 0;
+  view::Hub hub([](const view_link::Frame&, view::PageCommand::What, bool) { return true; });
+  view::Viewer page;
+  page.wake = [] {};
+  hub.join(page);
+  view_link::FrameReader reader(view_link::kLargestFeedPayload);
+  try {
+    reader.add(input.subspan(1));
+    while (const auto frame = reader.next()) {
+      if (is_feed) {
+        hub.take_feed(*frame);
+      } else {
+        check_surface(*frame);
+        hub.take_surface(1, *frame);
+      }
+      check_outbox(page.outbox);
+    }
+  } catch (const view_link::ViewLinkError&) {
+    // A stream that is refused is what most inputs are.
+  }
+  hub.feed_lost();
+  hub.surface_lost(1);
+  check_outbox(page.outbox);
+  hub.leave(page);
+}
+
+}  // namespace forcegrid::fuzz
