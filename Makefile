@@ -20,7 +20,8 @@ PROGRAM := build/release/bin/forcegrid
 PACKAGES = $(addprefix build/.packages-,$(1))
 FOR_PROGRAM := $(call PACKAGES,run)
 FOR_TOOLS   := $(call PACKAGES,run chart)
-FOR_TESTS   := $(call PACKAGES,run chart test python guest docs)
+FOR_VIEW    := $(call PACKAGES,run view)
+FOR_TESTS   := $(call PACKAGES,run view chart test browser python guest docs)
 FOR_DEB     := $(call PACKAGES,run chart python deb)
 FOR_BENCH   := $(call PACKAGES,run chart test bench python guest)
 CONFIGURE := setup/configure.sh
@@ -49,7 +50,7 @@ OLD_UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
 .NOTPARALLEL:
-.PHONY: run program tools build test setup bench bench-realtime sanitize fuzz lint docs pictures
+.PHONY: run view program tools build test setup bench bench-realtime sanitize fuzz lint docs pictures
 .PHONY: build-report clean deb deb-test
 .PHONY: hil hil-full hil-matrix install-udev uninstall-udev
 
@@ -76,6 +77,12 @@ else
 run: program
 	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)
 endif
+
+# The run in a browser, until it is stopped there. The program prints the address.
+view: $(FOR_VIEW)
+	$(CONFIGURE) VIEW
+	$(BUILD) --target forcegrid_cli forcegrid_view
+	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --view --seconds 0 $(ARGS)
 
 # Live tests that fail while the machine stands still run again; the end names them.
 test: build-tests

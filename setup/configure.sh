@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Configures build/release, and turns on what it is to build besides the program. What was turned on
 # before stays on.
-# usage: setup/configure.sh [OPTION...]    OPTION: TOOLS, EXAMPLES, BINDINGS, PYTHON, TESTS or BENCH
+# usage: setup/configure.sh [OPTION...]    OPTION: TOOLS, VIEW, EXAMPLES, BINDINGS, PYTHON, TESTS or BENCH
 set -eu
 cd "$(dirname "$0")/.."
 folder=build/release

@@ -62,8 +62,8 @@ void set_listen(Options& options, const std::string& text) {
   }
   if (!is_loopback(address)) {
     throw ViewError("--listen " + text + ": other machines reach " + address +
-                    ", and the page is not encrypted; use 127.0.0.1, and a tunnel as "
-                    "`ssh -L 8080:127.0.0.1:PORT` from elsewhere");
+                    ", and the page is not encrypted; use 127.0.0.1:8080, and from elsewhere "
+                    "a tunnel, `ssh -L 8080:127.0.0.1:8080 HOST`");
   }
   const std::string port = text.substr(colon + 1);
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), options.port);

@@ -24,7 +24,7 @@ NEVER = (("device_emulator", "driver"), ("driver", "device_emulator"), ("driver"
          ("servo_loop", "log"), ("driver", "log"), ("forcegrid", "log"), ("rt", "log"),
          ("simulator/solver", "log"), ("simulator/kernels", "log"))
 ALONE = ("forcegrid", "link", "contact", "rt", "text")  # they include nothing of the project
-LEAVES = ("cli", "compat", "bindings")  # no other room includes them
+LEAVES = ("cli", "compat", "bindings", "view")  # no other room includes them
 # Interfaces for other programs, with include folders of their own.
 INCLUDE_FOLDERS = ("bindings/c/include", "compat/openhaptics/include")
 SIMULATOR_ORDER = ("simulator/mesh", "simulator/kernels", "simulator/solver", "simulator/touch",

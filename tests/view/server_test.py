@@ -5,6 +5,7 @@ usage: server_test.py FORCEGRID_VIEW [TEST...]"""
 import os
 import pathlib
 import random
+import re
 import select
 import signal
 import socket
@@ -349,6 +350,46 @@ class Surfaces(WithView):
                 peer.connection.sendall(bad)
                 self.assertTrue(peer.is_closed())
             self.view.wait_until_it_says(words)
+
+
+class Examples(WithView):
+    """Programs of docs/view_protocol.md, as they stand there."""
+
+    def program(self, language):
+        page = pathlib.Path(__file__).parents[2] / "docs/view_protocol.md"
+        blocks = re.findall("^```%s\n(.*?)^```" % language, page.read_text(encoding="utf-8"),
+                            re.MULTILINE | re.DOTALL)
+        self.assertEqual(len(blocks), 1, language)
+        return blocks[0]
+
+    def check(self, command, vertices, triangles):
+        with Page(self.view) as page:
+            process = subprocess.Popen([*command, self.view.folder + "/surface"])
+            try:
+                shape = page.receive_type(2)
+                self.assertEqual(struct.unpack_from("<II", shape, 8), (vertices, triangles))
+                times_s = []
+                while len(times_s) < 3:
+                    frame = page.receive_type(3)
+                    self.assertEqual(struct.unpack_from("<I", frame, 8)[0], vertices)
+                    times_s.append(struct.unpack_from("<d", frame, 16)[0])
+                self.assertEqual(times_s, sorted(set(times_s)))
+            finally:
+                process.kill()
+                process.wait()
+            self.assertEqual(page.receive_type("surface_lost")["object"], 0)
+            self.assertNotIn("disconnected", self.view.said())
+
+    def test_in_python_show_a_sheet(self):
+        self.check([sys.executable, "-c", self.program("python")], 900, 1682)
+
+    def test_in_c_show_a_triangle(self):
+        with tempfile.TemporaryDirectory() as folder:
+            source, program = pathlib.Path(folder) / "simulator.c", folder + "/simulator"
+            source.write_text(self.program("c"))
+            subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-o", program, source, "-lm"],
+                           check=True)
+            self.check([program], 3, 1)
 
 
 class Program(unittest.TestCase):
