@@ -22,7 +22,7 @@ FOR_PROGRAM := $(call PACKAGES,run)
 FOR_TOOLS   := $(call PACKAGES,run chart)
 FOR_VIEW    := $(call PACKAGES,run view)
 FOR_TESTS   := $(call PACKAGES,run view chart test browser python guest docs)
-FOR_DEB     := $(call PACKAGES,run chart python deb)
+FOR_DEB     := $(call PACKAGES,run view chart python deb)
 FOR_BENCH   := $(call PACKAGES,run chart test bench python guest)
 CONFIGURE := setup/configure.sh
 BUILD := cmake --build --preset release
@@ -167,7 +167,7 @@ tools: $(FOR_TOOLS)
 
 # Debian packages of what is built: build/deb/*.deb.
 deb: $(FOR_DEB)
-	$(CONFIGURE) TOOLS BINDINGS PYTHON
+	$(CONFIGURE) TOOLS VIEW BINDINGS PYTHON
 	$(BUILD)
 	packaging/make_deb.sh
 

@@ -15,6 +15,11 @@ if(TARGET forcegrid_tools_program)
   install(FILES ${FORCEGRID_REFERENCE_DIR}/forcegrid.zsh RENAME _forcegrid
           DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
 endif()
+if(TARGET forcegrid_view)
+  install(TARGETS forcegrid_view RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(DIRECTORY view/page/ DESTINATION ${CMAKE_INSTALL_DATADIR}/forcegrid/view)
+  install(FILES view/forcegrid-view.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+endif()
 install(DIRECTORY profiles/ DESTINATION ${CMAKE_INSTALL_DATADIR}/forcegrid/profiles
         FILES_MATCHING PATTERN "*.toml")
 install(DIRECTORY simulator/scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/forcegrid/scenes)

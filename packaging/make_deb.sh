@@ -6,7 +6,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 build=$PWD/build/release
-for file in bin/forcegrid bin/forcegrid-tools reference/forcegrid.zsh; do
+for file in bin/forcegrid bin/forcegrid-tools bin/forcegrid-view reference/forcegrid.zsh; do
   [ -e "$build/$file" ] || {
     echo "packaging/make_deb.sh: $build/$file is missing; 'make deb' builds it first" >&2
     exit 1

@@ -13,7 +13,7 @@ fail() {
 [ "$(id -u)" -eq 0 ] || fail "only root can make a new Debian; call it with sudo"
 shopt -s nullglob
 debs=(build/deb/*.deb)
-[ ${#debs[@]} -eq 9 ] || fail "nine packages expected in build/deb; 'make deb' makes them"
+[ ${#debs[@]} -eq 10 ] || fail "ten packages expected in build/deb; 'make deb' makes them"
 
 lintian --fail-on error,warning build/deb/*.changes || fail "lintian has findings, see above"
 if grep "dpkg-shlibdeps: warning" build/deb/log.txt; then

@@ -57,6 +57,11 @@ python3 -c 'import forcegrid; assert "falcon" in forcegrid.profile_names(); forc
   fail "the Python package does not work"
 python3 -c 'import ctypes; ctypes.CDLL("libforcegrid-servo.so.0.2")' ||
   fail "the shared libraries do not load"
+forcegrid-view --until-stdin-closes </dev/null >view.txt 2>&1 || {
+  cat view.txt >&2
+  fail "the live view does not start"
+}
+grep -q "^listening 127.0.0.1:" view.txt || fail "the live view does not listen"
 [ -f /usr/lib/udev/rules.d/10-forcegrid.rules ] || fail "no udev rule"
 forcegrid completion bash >completion.txt || fail "no completion"
 

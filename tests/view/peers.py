@@ -88,8 +88,10 @@ def wait_for(condition, message=lambda: "it does not come"):
 def http(view, target, method="GET", host=None, extra="", raw=None):
     """Status, headers and body of one request."""
     with view.connect() as connection:
-        text = raw if raw is not None else "%s %s HTTP/1.1\r\nHost: %s\r\nConnection: close\r\n%s\r\n" % (
-            method, target, host if host is not None else view.host, extra)
+        text = raw
+        if raw is None:
+            text = "%s %s HTTP/1.1\r\nHost: %s\r\nConnection: close\r\n%s\r\n" % (
+                method, target, view.host if host is None else host, extra)
         connection.sendall(text.encode("latin-1"))
         return read_answer(connection)
 

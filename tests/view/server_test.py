@@ -7,6 +7,7 @@ import pathlib
 import random
 import re
 import select
+import shutil
 import signal
 import socket
 import stat
@@ -75,7 +76,8 @@ class Http(WithView):
             with Page(self.view, host=host or "none", origin=None) as page:
                 self.assertEqual(page.status, 403, host)
         for host in ("localhost", "[::1]"):
-            self.assertEqual(http(self.view, "/app.js", host="%s:%d" % (host, self.view.port))[0], 200)
+            host = "%s:%d" % (host, self.view.port)
+            self.assertEqual(http(self.view, "/app.js", host=host)[0], 200, host)
         twice = "GET /app.js HTTP/1.1\r\nHost: %s\r\nHost: evil.example\r\n\r\n" % self.view.host
         self.assertIn(http(self.view, "", raw=twice)[0], (400, 403))
 
@@ -197,7 +199,8 @@ class WebSockets(WithView):
                 sender.send(command)
                 got = run.command()
                 self.assertEqual({**got, "id": command["id"]}, command)
-            run.send(FEED["acknowledged"], {"id": got["id"], "what": "stop", "done": True, "text": "off"})
+            run.send(FEED["acknowledged"],
+                     {"id": got["id"], "what": "stop", "done": True, "text": "off"})
             self.assertEqual(other.receive_type("acknowledged"),
                              {"type": "acknowledged", "id": 5, "what": "stop", "done": True,
                               "text": "off"})
@@ -254,7 +257,8 @@ class WebSockets(WithView):
                 pass
             grown = self.view.resident_bytes() - before
             self.assertGreater(sent, 60e6)
-            self.assertLess(grown, 16e6, "bytes, for a page that does not read")
+            if not os.environ.get("FORCEGRID_SANITIZED"):  # they keep what is freed
+                self.assertLess(grown, 16e6, "bytes, for a page that does not read")
             print("resident memory grows by %.1f MB while %.0f MB are sent to a page that does not "
                   "read" % (grown / 1e6, sent / 1e6))
             # Texts are not left out: too many that are not read end the connection.
@@ -340,7 +344,7 @@ class Surfaces(WithView):
     def test_end_with_a_reason_if_they_break_the_protocol(self):
         shape = peers.frame_bytes(2, shape_bytes(TRIANGLE, [(0, 1, 2)]))
         for bad, words in ((peers.frame_bytes(3, surface_bytes([(0, 0, 0)])), "before its shape"),
-                           (peers.frame_bytes(2, shape_bytes(TRIANGLE, [(0, 1, 3)])), "its shape of"),
+                           (peers.frame_bytes(2, shape_bytes(TRIANGLE, [(0, 1, 3)])), "its shape"),
                            (peers.frame_bytes(2, shape_bytes(TRIANGLE, [])[:-1]), "its shape of"),
                            (shape + peers.frame_bytes(3, surface_bytes([(0, 0, 0)])), "1 vertices"),
                            (peers.frame_bytes(2, shape_bytes(TRIANGLE, []), 4), "object 4"),
@@ -422,6 +426,37 @@ class Program(unittest.TestCase):
         self.assertEqual(done.returncode, 2)
         self.assertIn("/nowhere/index.html", done.stderr)
 
+    def test_has_a_manual_page_with_all_it_takes(self):
+        page = (pathlib.Path(__file__).parents[2] / "view/forcegrid-view.1").read_text()
+        page = page.replace("\\-", "-")
+        said = self.run_program("--help").stdout
+        words = set(re.findall(r"--[a-z-]+|FORCEGRID_[A-Z_]+", said))
+        self.assertGreater(len(words), 4)
+        for word in words:
+            self.assertIn(word, page)
+
+    def test_finds_its_page_where_it_is_installed(self):
+        with tempfile.TemporaryDirectory() as prefix:
+            folder = pathlib.Path(prefix)
+            (folder / "bin").mkdir()
+            program = shutil.copy(PROGRAM, folder / "bin")
+            page = folder / "share/forcegrid/view"
+            page.mkdir(parents=True)
+            (page / "index.html").write_text("<title>installed</title>")
+            environment = {name: value for name, value in os.environ.items()
+                           if name != "FORCEGRID_VIEW_PAGE"}
+            with subprocess.Popen([program, "--until-stdin-closes"], stdin=subprocess.PIPE,
+                                  stdout=subprocess.PIPE, text=True, env=environment) as process:
+                words = process.stdout.readline().split()
+                address, token = words[1], words[5]
+                host, port = address.split(":")
+                with socket.create_connection((host, int(port)), timeout=peers.TIMEOUT_S) as browser:
+                    browser.sendall(("GET /?token=%s HTTP/1.1\r\nHost: %s\r\nConnection: close"
+                                     "\r\n\r\n" % (token, address)).encode())
+                    self.assertIn(b"installed", peers.read_answer(browser)[2])
+                process.stdin.close()
+                self.assertEqual(process.wait(peers.TIMEOUT_S), 0)
+
     def test_refuses_a_port_that_is_taken(self):
         with socket.create_server(("127.0.0.1", 0)) as taken:
             done = self.run_program("--listen", "127.0.0.1:%d" % taken.getsockname()[1])
@@ -455,7 +490,8 @@ def rows_of(message, columns):
     if (kind, width, len(message)) != (1, len(columns), 16 + 4 * count * width):
         raise AssertionError("no scope message: %r" % message[:16])
     for row in range(count):
-        values = dict(zip(columns, struct.unpack_from("<%df" % width, message, 16 + 4 * width * row)))
+        numbers = struct.unpack_from("<%df" % width, message, 16 + 4 * width * row)
+        values = dict(zip(columns, numbers))
         yield {**values, "time_s": values["time_s"] + base_s}
 
 
