@@ -86,8 +86,9 @@ export class History {
     const lines = [this.names.join(',')];
     for (let row = this.row_at(from_s); row < this.end && this.time(row) <= to_s; ++row) {
       const start = (row % kRows) * this.names.length;
-      const cells = Array.from(this.values.subarray(start, start + this.names.length),
-                               (value) => Number.isNaN(value) ? '' : String(Number(value.toPrecision(7))));
+      const cells = Array.from(
+          this.values.subarray(start, start + this.names.length),
+          (value) => Number.isNaN(value) ? '' : String(Number(value.toPrecision(7))));
       cells[this.column.time_s] = this.time(row).toFixed(4);
       lines.push(cells.join(','));
     }

@@ -64,7 +64,8 @@ class Page {
       this.scope.set_theme(colours);
     });
     const help = by_id('help');
-    const show_help = () => (help.open ? help.close() : help.show());  // not modal: stop stays there
+    const show_help = () =>
+        (help.open ? help.close() : help.show());  // not modal: stop stays there
     by_id('help-open').addEventListener('click', show_help);
     by_id('help-close').addEventListener('click', () => help.close());
     by_id('fit').addEventListener('click', () => this.scene.fit());
@@ -89,8 +90,8 @@ class Page {
   start() {
     this.connection.connect();
     const tick = (now_ms) => {
-      this.tick(now_ms);
       requestAnimationFrame(tick);
+      this.tick(now_ms);
     };
     requestAnimationFrame(tick);
   }
@@ -104,7 +105,7 @@ class Page {
   set_state(state) {
     this.state = state;
     this.scene.set_live(state === 'live');
-    this.readouts.set_state(state);
+    this.readouts.set_state(state, this.scene.renderer !== null);
   }
 
   on_open() {
@@ -231,8 +232,10 @@ class Page {
       this.waiting_arm = null;
     }
     if (this.new_rows) {
-      const position = ['x', 'y', 'z'].map((axis) => this.history.newest(`position_${axis}_mm`) / 1000);
-      const force = (name) => ['x', 'y', 'z'].map((axis) => this.history.newest(`${name}_${axis}_N`));
+      const position =
+          ['x', 'y', 'z'].map((axis) => this.history.newest(`position_${axis}_mm`) / 1000);
+      const force =
+          (name) => ['x', 'y', 'z'].map((axis) => this.history.newest(`${name}_${axis}_N`));
       this.scene.set_tool(position, [force('force'), ...Array.from(
           {length: kMethods}, (_, i) => force(`method${i}`))],
                           this.history.newest('in_contact') > 0, now_ms);
@@ -320,7 +323,8 @@ class Page {
   }
 
   get vertices() {
-    return [...this.scene.surfaces.values()].reduce((sum, surface) => sum + surface.shape.vertices, 0);
+    return [...this.scene.surfaces.values()].reduce(
+        (sum, surface) => sum + surface.shape.vertices, 0);
   }
 }
 
@@ -368,11 +372,6 @@ function interface_for_scripts(page) {
   };
 }
 
-try {
-  const page = new Page();
-  window.forcegridView = interface_for_scripts(page);
-  page.start();
-} catch (error) {
-  document.getElementById('empty').textContent = `This page cannot run: ${error.message}.`;
-  throw error;
-}
+const page = new Page();
+window.forcegridView = interface_for_scripts(page);
+page.start();

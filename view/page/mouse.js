@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pointer and arrow keys on the 3-D picture: turns, moves and zooms it, or drags the emulated hand by its tool.
+// Pointer and arrow keys on the 3-D picture: turns, moves and zooms it, or drags the emulated hand
+// by its tool.
 
 const kGrab_px = 22;
 const kHandInterval_ms = 1000 / 60;
@@ -66,7 +67,8 @@ export class Mouse {
   down(event) {
     this.scene.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    if (event.button === 0 && !event.shiftKey && this.pointers.size === 1 && this.over_tool(event)) {
+    if (event.button === 0 && !event.shiftKey && this.pointers.size === 1 &&
+        this.over_tool(event)) {
       this.dragging = event.pointerId;
       this.scene.drag_origin = this.scene.tool_at.clone();
       this.aim(event);
@@ -88,7 +90,8 @@ export class Mouse {
   move_camera(event, [x, y]) {
     const {orbit, canvas} = this.scene;
     if (this.pointers.size > 1) {
-      const [other] = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
+      const [other] =
+          [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
       const before = Math.hypot(x - other[0], y - other[1]);
       const after = Math.hypot(event.clientX - other[0], event.clientY - other[1]);
       orbit.zoom(before / Math.max(after, 1));

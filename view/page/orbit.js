@@ -62,8 +62,9 @@ export class Orbit {
 
   /** Puts a sphere (centre and radius [m] in W) into the picture. */
   fit(centre, radius_m) {
-    const half = Math.min(this.camera.fov * Math.PI / 360,
-                          Math.atan(Math.tan(this.camera.fov * Math.PI / 360) * this.camera.aspect));
+    const half = Math.min(
+        this.camera.fov * Math.PI / 360,
+        Math.atan(Math.tan(this.camera.fov * Math.PI / 360) * this.camera.aspect));
     this.target.copy(centre);
     this.distance_m = radius_m / Math.sin(half);
     this.nearest_m = radius_m / 20;

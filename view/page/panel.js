@@ -50,7 +50,8 @@ function spells(history, name, from_s, to_s) {
 
 export class Panel {
   /**
-   * @param spec {key, title, unit, series: [{label, colour, kind, columns, arrow}], log, zero, band,
+   * @param spec {key, title, unit, series: [{label, colour, kind, columns, arrow}], log, zero,
+   *     band,
    *        deadline_us, components}; columns are names of the history's columns.
    * @param scope the Scope that owns this panel.
    */
@@ -174,7 +175,8 @@ export class Panel {
     if (together < 3) {
       for (let row = first; row < end; ++row) {
         const start = (row % slots) * width;
-        rows.push([history.time(row), ...series.map((one) => value_of(one, history.values, start))]);
+        rows.push(
+            [history.time(row), ...series.map((one) => value_of(one, history.values, start))]);
       }
       return rows;
     }
@@ -223,14 +225,26 @@ export class Panel {
       labels: ['time [s]', ...spec.series.map((_, i) => String(i))],  // two may have the same name
       colors: spec.series.map((series) => palette.of(series.colour)),
       visibility: spec.series.map((_, i) => !this.hidden.has(i)),
-      legend: 'never', dateWindow: window_s, strokeWidth: 1.3, highlightCircleSize: 0,
+      legend: 'never',
+      dateWindow: window_s,
+      strokeWidth: 1.3,
+      highlightCircleSize: 0,
       series: spec.series[0].colour === 'commanded' ? {0: {strokeWidth: 2.6}} : {},
-      logscale: Boolean(spec.log), includeZero: Boolean(spec.zero) && !spec.log,
-      gridLineColor: palette.grid, axisLineColor: palette.grid, rightGap: 8,
+      logscale: Boolean(spec.log),
+      includeZero: Boolean(spec.zero) && !spec.log,
+      gridLineColor: palette.grid,
+      axisLineColor: palette.grid,
+      rightGap: 8,
       yRangePad: spec.band ? kBand_px + 3 : 5,
-      axes: {x: {...axis, axisLabelFormatter: (s) => `${Number(s.toFixed(2))}`, pixelsPerLabel: 55,
-                 axisLabelWidth: 46},
-             y: {...axis, axisLabelWidth: 38, pixelsPerLabel: 24, ...(spec.log ? {ticker: decades} : {})}},
+      axes: {
+        x: {
+          ...axis,
+          axisLabelFormatter: (s) => `${Number(s.toFixed(2))}`,
+          pixelsPerLabel: 55,
+          axisLabelWidth: 46
+        },
+        y: {...axis, axisLabelWidth: 38, pixelsPerLabel: 24, ...(spec.log ? {ticker: decades} : {})}
+      },
       xAxisHeight: 17,
       interactionModel: {...Dygraph.defaultInteractionModel, dblclick: () => this.scope.follow()},
       underlayCallback: (context, area, graph) => this.underlay(context, area, graph),
@@ -312,7 +326,8 @@ export class Panel {
     if (this.spec.band) {
       const candidate = (hello.candidates || [])[history.value(row, 'candidate')];
       const reason = (hello.reasons || [])[history.value(row, 'reason')];
-      this.speaker.textContent = candidate ? `${candidate} speaks${reason ? `: ${reason}` : ''}` : '';
+      this.speaker.textContent =
+          candidate ? `${candidate} speaks${reason ? `: ${reason}` : ''}` : '';
     }
   }
 

@@ -135,8 +135,12 @@ export class Samples {
     geometry.setAttribute('position', this.place);
     geometry.setAttribute('born_s', this.born);
     geometry.setAttribute('touching', this.touching);
-    this.uniforms = {now_s: {value: 0}, size_px: {value: 7},
-                     free_colour: {value: new THREE.Color()}, touch_colour: {value: new THREE.Color()}};
+    this.uniforms = {
+      now_s: {value: 0},
+      size_px: {value: 7},
+      free_colour: {value: new THREE.Color()},
+      touch_colour: {value: new THREE.Color()}
+    };
     this.points = new THREE.Points(geometry, new THREE.ShaderMaterial({
       uniforms: this.uniforms, vertexShader: kSampleVertexShader,
       fragmentShader: kSampleFragmentShader, transparent: true, depthTest: false,

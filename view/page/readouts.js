@@ -24,7 +24,8 @@ export class Readouts {
     this.flags_shown = '';
   }
 
-  set_state(state) {
+  /** @param draws does the browser draw in 3-D? */
+  set_state(state, draws) {
     document.body.dataset.state = state;
     const pill = this.by_id('state');
     text_of(pill, state);
@@ -32,7 +33,8 @@ export class Readouts {
     const words = {connecting: 'Connecting to the live view…',
                    waiting: 'Waiting for a run to connect.',
                    lost: 'The connection to the live view is lost. Trying again…',
-                   ended: ''}[state] || '';
+                   ended: ''}[state] ||
+                  (draws ? '' : 'No picture: this browser has no WebGL 2, or it is switched off.');
     text_of(this.by_id('empty'), words);
     this.by_id('empty').hidden = words === '';
   }
@@ -42,15 +44,16 @@ export class Readouts {
                    hello.simulator_rate_Hz && `simulator ${hello.simulator_rate_Hz} Hz`];
     const facts = [['Device', hello.device], ['Scene', hello.scene],
                    ['Rates', rates.filter(Boolean).join(', ')]];
-    this.by_id('facts').replaceChildren(...facts.filter(([, value]) => value).map(([name, value]) => {
-      const row = document.createElement('div');
-      const term = document.createElement('dt');
-      const words = document.createElement('dd');
-      term.textContent = name;
-      words.textContent = words.title = value;
-      row.append(term, words);
-      return row;
-    }));
+    this.by_id('facts').replaceChildren(
+        ...facts.filter(([, value]) => value).map(([name, value]) => {
+          const row = document.createElement('div');
+          const term = document.createElement('dt');
+          const words = document.createElement('dd');
+          term.textContent = name;
+          words.textContent = words.title = value;
+          row.append(term, words);
+          return row;
+        }));
     document.title = `${hello.scene || hello.device || 'run'} – Forcegrid live view`;
   }
 
@@ -123,7 +126,8 @@ export class Readouts {
       }
     }
     item.dataset.times = Number(item.dataset.times) + 1;
-    item.textContent = item.dataset.times === '1' ? words : `${words} (${item.dataset.times} times)`;
+    item.textContent =
+        item.dataset.times === '1' ? words : `${words} (${item.dataset.times} times)`;
     const newest = this.by_id('newest-note');
     newest.dataset.level = item.dataset.level;
     const others = list.children.length - 1;

@@ -35,15 +35,12 @@ function draws_by_software() {
 }
 
 export class Scene3d {
-  /** @throws Error if the browser has no WebGL 2. */
+  /** Without WebGL 2 nothing is drawn, and `renderer` is null: stop and scope work all the same. */
   constructor(canvas) {
     this.canvas = canvas;
     this.software = draws_by_software();
     const context = canvas.getContext('webgl2', {antialias: !this.software, alpha: false});
-    if (!context) {
-      throw new Error('this browser has no WebGL 2, or it is switched off');
-    }
-    this.renderer = new THREE.WebGLRenderer({canvas, context});
+    this.renderer = context ? new THREE.WebGLRenderer({canvas, context}) : null;
     this.largest_scale = Math.min(this.software ? 1 : 2, devicePixelRatio);
     this.scale = this.software ? kSoftwareScale : this.largest_scale;
     this.scale_is_fixed = false;
@@ -230,7 +227,9 @@ export class Scene3d {
     if (!palette) {
       return;
     }
-    this.renderer.setClearColor(palette.backdrop);
+    if (this.renderer) {
+      this.renderer.setClearColor(palette.backdrop);
+    }
     this.surfaces.forEach((surface) => surface.set_theme(palette));
     this.arm.material.color.set(palette.arm);
     this.field.set_theme(palette);
@@ -275,8 +274,10 @@ export class Scene3d {
     if (clientWidth === 0 || clientHeight === 0) {
       return;
     }
-    this.renderer.setPixelRatio(this.scale);
-    this.renderer.setSize(clientWidth, clientHeight, false);
+    if (this.renderer) {
+      this.renderer.setPixelRatio(this.scale);
+      this.renderer.setSize(clientWidth, clientHeight, false);
+    }
     this.camera.aspect = clientWidth / clientHeight;
     this.orbit.apply();
     this.dirty = true;
@@ -340,7 +341,10 @@ export class Scene3d {
     this.place_arrows();
     this.tool.update(this.tool_at, this.target_at, this.in_contact && this.live, this.tool_radius_m,
                      this.camera);
-    this.renderer.render(this.scene, this.camera);
+    this.camera.updateMatrixWorld();
+    if (this.renderer) {
+      this.renderer.render(this.scene, this.camera);
+    }
     return true;
   }
 

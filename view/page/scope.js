@@ -14,25 +14,74 @@ function panel_specs(hello) {
   const plain = (label, colour, column, more = {}) =>
       ({label, colour, kind: 'plain', columns: [column], ...more});
   const specs = [
-    {key: 'force', title: 'Force', unit: 'N', digits: 2, zero: true, band: true, components: true,
-     series: [{label: 'commanded', colour: 'commanded', kind: 'norm', all: force('force'),
-               columns: force('force'), arrow: 0, role: 'the force on the hand, after every limit'},
-              ...methods.map((method, i) => (
-                {label: method, colour: `series-${i}`, kind: 'norm', all: force(`method${i}`),
-                 columns: force(`method${i}`), arrow: i + 1,
-                 role: i === 0 ? 'rendered' : 'evaluated, not rendered'}))]},
-    {key: 'position', title: 'Position', unit: 'mm', digits: 1,
-     series: kAxes.map((axis, i) => plain(axis, `axis-${i}`, `position_${axis}_mm`))},
-    {key: 'timing', title: 'Timing', unit: 'µs', digits: 0, log: true,
-     deadline_us: hello.rate_Hz > 0 ? 1e6 / hello.rate_Hz : 0,
-     series: [plain('period', 'series-0', 'period_max_us', {positive: true, role: 'longest in 10 ms'}),
-              plain('wake-up', 'series-1', 'wakeup_max_us', {positive: true, role: 'latest in 10 ms'}),
-              plain('compute', 'series-2', 'compute_max_us', {positive: true})]},
-    {key: 'age', title: 'Age', unit: 'ms', digits: 1, zero: true,
-     series: [plain('sample', 'series-0', 'sample_age_ms', {positive: true}),
-              plain('report', 'series-1', 'report_age_us', {factor: 1e-3})]},
-    {key: 'energy', title: 'Energy to the hand', unit: 'mJ', digits: 2, zero: true,
-     series: [plain('energy', 'series-0', 'energy_mJ')]},
+    {
+      key: 'force',
+      title: 'Force',
+      unit: 'N',
+      digits: 2,
+      zero: true,
+      band: true,
+      components: true,
+      series: [
+        {
+          label: 'commanded',
+          colour: 'commanded',
+          kind: 'norm',
+          all: force('force'),
+          columns: force('force'),
+          arrow: 0,
+          role: 'the force on the hand, after every limit'
+        },
+        ...methods.map((method, i) => ({
+                         label: method,
+                         colour: `series-${i}`,
+                         kind: 'norm',
+                         all: force(`method${i}`),
+                         columns: force(`method${i}`),
+                         arrow: i + 1,
+                         role: i === 0 ? 'rendered' : 'evaluated, not rendered'
+                       }))
+      ]
+    },
+    {
+      key: 'position',
+      title: 'Position',
+      unit: 'mm',
+      digits: 1,
+      series: kAxes.map((axis, i) => plain(axis, `axis-${i}`, `position_${axis}_mm`))
+    },
+    {
+      key: 'timing',
+      title: 'Timing',
+      unit: 'µs',
+      digits: 0,
+      log: true,
+      deadline_us: hello.rate_Hz > 0 ? 1e6 / hello.rate_Hz : 0,
+      series: [
+        plain('period', 'series-0', 'period_max_us', {positive: true, role: 'longest in 10 ms'}),
+        plain('wake-up', 'series-1', 'wakeup_max_us', {positive: true, role: 'latest in 10 ms'}),
+        plain('compute', 'series-2', 'compute_max_us', {positive: true})
+      ]
+    },
+    {
+      key: 'age',
+      title: 'Age',
+      unit: 'ms',
+      digits: 1,
+      zero: true,
+      series: [
+        plain('sample', 'series-0', 'sample_age_ms', {positive: true}),
+        plain('report', 'series-1', 'report_age_us', {factor: 1e-3})
+      ]
+    },
+    {
+      key: 'energy',
+      title: 'Energy to the hand',
+      unit: 'mJ',
+      digits: 2,
+      zero: true,
+      series: [plain('energy', 'series-0', 'energy_mJ')]
+    },
   ];
   specs.forEach((spec) => {
     spec.series = spec.series.filter((series) => series.columns.every((name) => names.has(name)));
@@ -60,7 +109,8 @@ export class Scope {
     this.next_panel = 0;
     this.changed = true;
     elements.window_s.addEventListener('change', () => this.follow());
-    elements.freeze.addEventListener('click', () => (this.frozen_s ? this.follow() : this.freeze()));
+    elements.freeze.addEventListener(
+        'click', () => (this.frozen_s ? this.follow() : this.freeze()));
     addEventListener('pointerup', () => this.hold(false));
     addEventListener('pointercancel', () => this.hold(false));
     new ResizeObserver(() => this.resize()).observe(elements.panels);
@@ -150,7 +200,8 @@ export class Scope {
   on_range(panel, [from_s, to_s]) {
     const [shown_from_s, shown_to_s] = panel.asked_s || [from_s, to_s];
     const tolerance_s = 1e-6 * (to_s - from_s);
-    if (Math.abs(from_s - shown_from_s) > tolerance_s || Math.abs(to_s - shown_to_s) > tolerance_s) {
+    if (Math.abs(from_s - shown_from_s) > tolerance_s ||
+        Math.abs(to_s - shown_to_s) > tolerance_s) {
       panel.asked_s = [from_s, to_s];
       this.frozen_s = [from_s, to_s];
       this.show_frozen();
@@ -167,7 +218,8 @@ export class Scope {
 
   read_cursor() {
     const panel = this.panels.find((one) => one.graph && !one.root.hidden);
-    this.cursor_s = panel && this.cursor_px !== null ? panel.graph.toDataXCoord(this.cursor_px) : null;
+    this.cursor_s =
+        panel && this.cursor_px !== null ? panel.graph.toDataXCoord(this.cursor_px) : null;
   }
 
   /** Draws all panels at the next opportunity. */

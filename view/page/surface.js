@@ -137,8 +137,8 @@ function edges_of(corners) {
 }
 
 /**
- * Which sides of the triangles can be seen: the outer ones of a closed surface, both of any other. A
- * surface is closed if every edge runs once in each direction.
+ * Which sides of the triangles can be seen: the outer ones of a closed surface, both of any other.
+ * A surface is closed if every edge runs once in each direction.
  */
 function visible_sides(rest, corners) {
   let open = 0;  // a sum over the edges in which opposite directions cancel
@@ -147,7 +147,8 @@ function visible_sides(rest, corners) {
     for (let side = 0; side < 3; ++side) {
       const a = corners[i + side];
       const b = corners[i + (side + 1) % 3];
-      const mark = Math.imul(Math.min(a, b) + 1, 73856093) ^ Math.imul(Math.max(a, b) + 1, 19349663);
+      const mark =
+          Math.imul(Math.min(a, b) + 1, 73856093) ^ Math.imul(Math.max(a, b) + 1, 19349663);
       open = (open + (a < b ? mark : -mark)) | 0;
     }
     const [a, b, c] = [3 * corners[i], 3 * corners[i + 1], 3 * corners[i + 2]];
@@ -240,13 +241,16 @@ export class Surface {
       high[i % 3] = Math.max(high[i % 3], value);
     });
     const step = low.map((value, axis) => (high[axis] - value) / 65535 || 1e-9);
-    const values = Uint16Array.from(rest, (value, i) => Math.round((value - low[i % 3]) / step[i % 3]));
+    const values =
+        Uint16Array.from(rest, (value, i) => Math.round((value - low[i % 3]) / step[i % 3]));
     if (this.shape.vertices > 0) {
       this.place(low, step, values);
     }
   }
 
-  /** Shows a frame. Returns false for one of another epoch or size. Time [ms] scales its colours. */
+  /**
+   * Shows a frame. Returns false for one of another epoch or size. Time [ms] scales its colours.
+   */
   update(frame, now_ms) {
     if (frame.epoch !== this.shape.epoch || frame.vertices !== this.shape.vertices) {
       return false;

@@ -24,7 +24,8 @@ def processor_s():
             continue
         kind = next((word[7:] for word in words if word.startswith("--type=")), None)
         if kind and os.getsid(int(folder.name)) == os.getsid(0):
-            used[kind] = used.get(kind, 0) + (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+            ticks = int(fields[11]) + int(fields[12])
+            used[kind] = used.get(kind, 0) + ticks / os.sysconf("SC_CLK_TCK")
     return used
 
 
@@ -57,14 +58,15 @@ def main():
                 pictures.append(after[2] - before[2])
                 before = after
             shown = max(1, before[2] - first[2])
-            cost = {kind: 1000 * (s - used.get(kind, 0)) / shown for kind, s in processor_s().items()}
+            cost = {kind: 1000 * (now - used.get(kind, 0)) / shown
+                    for kind, now in processor_s().items()}
         finally:
             browser.quit()
             stand_in.close()
     print(f"{after[4]} vertices, 1280x720, scale {after[3]:.2f}: {statistics.median(frames):.1f} "
           f"surface frames/s at the median second, {min(frames):.1f} in the slowest; processor "
-          f"{cost.get('gpu-process', 0):.0f} ms drawing + {cost.get('renderer', 0):.0f} ms page per "
-          f"picture; load {os.getloadavg()[0]:.1f}")
+          f"{cost.get('gpu-process', 0):.0f} ms drawing + {cost.get('renderer', 0):.0f} ms page "
+          f"per picture; load {os.getloadavg()[0]:.1f}")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pixels of a PNG file and convex outlines, with the standard library."""
+import math
 import struct
 import zlib
 
@@ -15,7 +16,8 @@ class Picture:
             size, kind = struct.unpack_from(">I4s", png, at)
             body = png[at + 8:at + 8 + size]
             if kind == b"IHDR":
-                self.width, self.height, depth, colour, _, _, interlace = struct.unpack(">IIBBBBB", body)
+                self.width, self.height, depth, colour, _, _, interlace = struct.unpack(
+                    ">IIBBBBB", body)
                 if depth != 8 or colour not in (2, 6) or interlace:
                     raise ValueError("a PNG of a kind that this does not read")
                 self.channels = 3 if colour == 2 else 4
@@ -72,4 +74,4 @@ def cross(a, b, p):
 def depth_inside(corners, p):
     """Distance of p from the nearest side's line: positive inside of the outline."""
     sides = zip(corners, corners[1:] + corners[:1])
-    return min(cross(a, b, p) / max(1e-9, ((b[0] - a[0])**2 + (b[1] - a[1])**2)**0.5) for a, b in sides)
+    return min(cross(a, b, p) / max(1e-9, math.dist(a, b)) for a, b in sides)

@@ -48,7 +48,7 @@ HELLO = {"type": "hello", "version": "0.2.0", "device": "emulated:woodenhaptics_
 
 
 class Block:
-    """A cube of SIZE_M with about `vertices` vertices on its surface, which a tool dents from above."""
+    """A cube of SIZE_M with about `vertices` vertices on its surface; a tool dents its top."""
 
     def __init__(self, vertices):
         self.n = max(2, round(math.sqrt((vertices - 2) / 6)))
@@ -124,7 +124,7 @@ def arm_message(tool):
 
 
 class StandIn:
-    """The server in a thread. `commands` are the page's messages; `freeze` shows a fixed surface."""
+    """The server in a thread. `commands` are the page's messages; `freeze` holds the surface."""
 
     def __init__(self, vertices=10000, port=0, token="0" * 64, feed_scope=True):
         self.block, self.port, self.token = Block(vertices), port, token
@@ -235,19 +235,20 @@ class StandIn:
 
     async def obey(self, writer, command):
         self.commands.append({**command, "arrived_s": time.monotonic()})
-        what, answer = command["what"], {"type": "acknowledged", "id": command.get("id"), "done": True}
+        what = command["what"]
+        answer = {"type": "acknowledged", "id": command.get("id"), "what": what, "done": True}
         if what == "stop" and self.refuse_stop:
-            send_text(writer, {**answer, "what": what, "done": False, "text": "the device is silent"})
+            send_text(writer, {**answer, "done": False, "text": "the device is silent"})
         elif what == "stop":
             await asyncio.sleep(0.3)
             self.stopped = True
-            send_text(writer, {**answer, "what": what, "text": "zero current is commanded"})
+            send_text(writer, {**answer, "text": "zero current is commanded"})
             await asyncio.sleep(0.2)
             send_text(writer, {"type": "end", "ended_by": "stop from the live view",
                                "exit_status": 0, "text": "stopped from the live view"})
         elif what == "pause":
             self.paused = command["value"]
-            send_text(writer, {**answer, "what": what, "text": ""})
+            send_text(writer, {**answer, "text": ""})
         elif what == "hand":
             self.hand = command["target_W_m"]
         elif what == "take_control":  # here the newest that asks has it
@@ -275,7 +276,8 @@ class StandIn:
             rows = due
 
     def scope(self, first, end):
-        rows = b"".join(struct.pack(f"<{len(COLUMNS)}f", *self.row(i / 100)) for i in range(first, end))
+        rows = b"".join(struct.pack(f"<{len(COLUMNS)}f", *self.row(i / 100))
+                        for i in range(first, end))
         return struct.pack("<BBHId", 1, 0, end - first, len(COLUMNS), 0.0) + rows
 
     def row(self, time_s):
@@ -293,7 +295,7 @@ class StandIn:
         paused = float(self.paused and not held_back)
         return [time_s, *(1000 * x for x in tool), *command, math.hypot(*command), *auto, *grid,
                 *hold, *[math.nan] * 3, 0.02, 0.1, math.nan, math.nan,
-                2000 + 60 * abs(math.sin(7 * time_s)) + (900 if int(time_s * 100) % 310 == 0 else 0),
+                2000 + 60 * abs(math.sin(7 * time_s)) + 900 * (int(time_s * 100) % 310 == 0),
                 8 + 5 * abs(math.sin(11 * time_s)), 130 + 40 * abs(math.sin(3 * time_s)), 420.0,
                 35 + 30 * (time_s * 30 % 1), 4 * math.sin(6.28 * share), gain, 0.0, candidate,
                 candidate, 0, held_back, 0, float(depth > 0), 0, paused, 3, int(time_s * RATE_HZ)]
