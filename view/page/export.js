@@ -51,19 +51,22 @@ function copy_texts(context, root) {
   });
 }
 
-/** Draws the lines beside the names of the curves, and the colours of the displacement. */
+/** Draws the lines beside the names of the curves, and what the colours stand for. */
 function copy_keys(context, root, palette) {
   root.querySelectorAll('.series[aria-pressed=true]').forEach((button) => {
     const place = button.getBoundingClientRect();
     context.fillStyle = palette.of(button.dataset.colour);
     context.fillRect(place.left + 5, place.top + place.height / 2 - 1.5, 10, 3);
   });
-  const ramp = root.querySelector('.ramp').getBoundingClientRect();
-  if (ramp.width > 0) {
-    context.fillStyle = context.createLinearGradient(ramp.left, 0, ramp.right, 0);
-    palette.ramp.forEach((colour, i) => context.fillStyle.addColorStop(i / 3, colour));
-    context.fillRect(ramp.left, ramp.top, ramp.width, ramp.height);
-  }
+  root.querySelectorAll('.ramp').forEach((ramp) => {
+    const place = ramp.getBoundingClientRect();
+    if (place.width > 0) {
+      const colours = context.createLinearGradient(place.left, 0, place.right, 0);
+      palette.ramp.forEach((colour, i) => colours.addColorStop(i / 3, colour));
+      context.fillStyle = colours;
+      context.fillRect(place.left, place.top, place.width, place.height);
+    }
+  });
 }
 
 /** Saves the 3-D picture and the charts. `draw` draws the 3-D picture at once. */
