@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <stdexcept>
 #include <utility>
 
@@ -69,11 +70,11 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
 
   // What the simulator has said since the last cycle, and the force there from each method.
   intake_.take(now, first_touch_);
-  ask_methods(now, tool.touching_W, record);
+  const Eigen::Vector3d method_force_W = ask_methods(now, elapsed_s, tool.touching_W, record);
 
   // Until the simulator answers a new touch, the loop's own copy of the surface gives the force.
-  const Eigen::Vector3d object_force_W = first_touch_.force_W(
-      servo_time_s(now), tool.touching_W, rt::to_vector(record.method_force_W_N[0]));
+  const Eigen::Vector3d object_force_W =
+      first_touch_.force_W(servo_time_s(now), tool.touching_W, method_force_W);
 
   // No force is rendered before the motors are known to push the right way.
   const HeldBack held_back = why_held_back(now);
@@ -163,8 +164,10 @@ ServoLoop::SensedTool ServoLoop::sense(rt::TimePoint now) noexcept {
   return tool;
 }
 
-void ServoLoop::ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W,
-                            CycleRecord& record) noexcept {
+// Returns the force of the method that is rendered.
+Eigen::Vector3d ServoLoop::ask_methods(rt::TimePoint now, double elapsed_s,
+                                       const Eigen::Vector3d& touching_W,
+                                       CycleRecord& record) noexcept {
   const double time_s = servo_time_s(now);
   for (std::size_t i = 0; i < methods_.size(); ++i) {
     methods_[i]->observe(time_s, touching_W);
@@ -180,6 +183,9 @@ void ServoLoop::ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W
       record.rendered_reason = estimate.reason;
     }
   }
+  record.rendered_method = ports_.rendered_method.load(std::memory_order_relaxed);
+  return method_fade_.force_W(elapsed_s, record.rendered_method,
+                              std::span(record.method_force_W_N).first(methods_.size()));
 }
 
 // The torque that carries the links, ramped in as the force is.

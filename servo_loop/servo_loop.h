@@ -19,6 +19,7 @@
 #include "servo_loop/emergency_stop.h"
 #include "servo_loop/first_touch.h"
 #include "servo_loop/force_renderer.h"
+#include "servo_loop/method_fade.h"
 #include "servo_loop/motion_guard.h"
 #include "servo_loop/motor_check.h"
 #include "servo_loop/sample_intake.h"
@@ -80,8 +81,8 @@ class ServoLoop {
   // The steps of a cycle, in order.
   double begin_cycle(rt::TimePoint now, CycleRecord& record) noexcept;
   SensedTool sense(rt::TimePoint now) noexcept;
-  void ask_methods(rt::TimePoint now, const Eigen::Vector3d& touching_W,
-                   CycleRecord& record) noexcept;
+  Eigen::Vector3d ask_methods(rt::TimePoint now, double elapsed_s,
+                              const Eigen::Vector3d& touching_W, CycleRecord& record) noexcept;
   bool held_by_person(rt::TimePoint now) const noexcept;
   HeldBack why_held_back(rt::TimePoint now) const noexcept;
   bool has_force_to_render() const noexcept {
@@ -108,6 +109,7 @@ class ServoLoop {
   std::unique_ptr<driver::Mechanism> mechanism_;
   MotionGuard guard_;
   SampleIntake intake_;
+  MethodFade method_fade_;
   FirstTouch first_touch_;
   MotorCheck motor_check_;
   ForceRenderer renderer_;

@@ -40,6 +40,8 @@ struct ServoPorts {
   rt::Mailbox<link::ClockEstimate> simulator_clock;
   /// From any thread: the force fades out and, once this is false again, ramps in.
   std::atomic<bool> force_paused{false};
+  /// From any thread: index of the method to render, see MethodFade.
+  std::atomic<std::uint8_t> rendered_method{0};
   std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
 };
 

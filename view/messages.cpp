@@ -224,6 +224,11 @@ std::optional<PageCommand> parse_command(std::string_view text) {
     complete = read_shown(*object, command);
   } else if (name == "take_control") {
     command.what = What::kTakeControl;
+  } else if (name == "method") {
+    command.what = What::kMethod;
+    const auto method = count_of(*object, "method");
+    complete = method.has_value();
+    command.method = method.value_or(0);
   } else if (name == "field") {
     command.what = What::kField;
     complete = read_slice(*object, command);
@@ -247,6 +252,8 @@ const char* name_of(What what) noexcept {
       return "take_control";
     case What::kField:
       return "field";
+    case What::kMethod:
+      return "method";
   }
   return "";
 }
@@ -257,6 +264,8 @@ std::string command_json(const PageCommand& command, std::uint64_t id) {
     object["value"] = command.pause;
   } else if (command.what == What::kHand) {
     object["target_W_m"] = command.target_W_m ? json(*command.target_W_m) : json(nullptr);
+  } else if (command.what == What::kMethod) {
+    object["method"] = command.method;
   } else if (command.what == What::kShown) {
     object["cycle"] = command.cycle;
   }

@@ -60,12 +60,13 @@ std::optional<nlohmann::json> parse_object(std::string_view text);
 
 /// What a page asks for.
 struct PageCommand {
-  enum class What { kStop, kPause, kHand, kShown, kTakeControl, kField };
+  enum class What { kStop, kPause, kHand, kShown, kTakeControl, kField, kMethod };
   What what = What::kStop;
   std::uint64_t id = 0;  ///< of the page; 0 if it gives none
   bool pause = false;
   std::optional<std::array<double, 3>> target_W_m;  ///< nothing: let go
   std::uint64_t cycle = 0;                          ///< modulo 2^24, that the page has drawn
+  std::uint64_t method = 0;                         ///< that is to be rendered
   std::optional<SliceWish> slice;                   ///< nothing: the page wants none
 };
 

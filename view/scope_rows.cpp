@@ -37,6 +37,7 @@ enum Column : std::size_t {
   kInContact,
   kFault,
   kPaused,
+  kRenderedMethod,
   kMissedDeadlines,
   kCycle,
   kColumns
@@ -64,7 +65,7 @@ std::vector<std::string> column_names() {
   for (const char* name :
        {"period_max_us", "wakeup_max_us", "compute_max_us", "report_age_us", "sample_age_ms",
         "energy_mJ", "gain", "damping_gain", "candidate", "reason", "rung", "held_back", "limits",
-        "in_contact", "fault", "paused", "missed_deadlines", "cycle"}) {
+        "in_contact", "fault", "paused", "rendered_method", "missed_deadlines", "cycle"}) {
     names.emplace_back(name);
   }
   return names;
@@ -158,6 +159,7 @@ void ScopeRows::join_bucket(const FeedCycle& cycle) {
     value[kFault] = cycle.fault;
   }
   value[kPaused] = cycle.paused;
+  value[kRenderedMethod] = cycle.rendered_method;
   value[kMissedDeadlines] = static_cast<float>(missed_deadlines_);
   value[kCycle] = static_cast<float>(cycle.cycle % kCycleModulus);
 }

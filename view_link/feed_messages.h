@@ -55,8 +55,9 @@ struct FeedCycle {
   std::uint8_t limits_acted = 0;  ///< bits
   std::uint8_t in_contact = 0;
   std::uint8_t fault = 0;
-  std::uint8_t paused = 0;  ///< the person has paused the force
-  std::uint32_t reserved = 0;
+  std::uint8_t paused = 0;           ///< the person has paused the force
+  std::uint8_t rendered_method = 0;  ///< the one that is rendered, or faded to
+  std::array<std::uint8_t, 3> reserved{};
 };
 static_assert(std::is_trivially_copyable_v<FeedCycle>);
 static_assert(sizeof(FeedCycle) == 3 * 8 + 9 * 8 + 12 * 8 + 4 * 8 + 3 * 8 + 10 * 8 + 2 * 4 + 16);

@@ -70,7 +70,7 @@ json copy_facts(const ViewTitle& title) {
 json hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
            const servo::WorkspaceMap& workspace) {
   const auto& limits = profile.limits;
-  json controls = {"stop", "pause"};
+  json controls = {"stop", "pause", "method"};
   if (!title.hand_socket.empty()) {
     controls.push_back("hand");
   }
@@ -131,6 +131,7 @@ view_link::FeedCycle cycle_of(const servo::CycleRecord& record) {
   std::transform(record.method_status.begin(), record.method_status.end(),
                  cycle.method_status.begin(),
                  [](EstimateStatus status) { return static_cast<std::uint8_t>(status); });
+  cycle.rendered_method = record.rendered_method;
   cycle.rendered_candidate = record.rendered_candidate;
   cycle.rendered_reason = static_cast<std::uint8_t>(record.rendered_reason);
   cycle.rung = static_cast<std::uint8_t>(record.rung);
@@ -169,6 +170,7 @@ ViewFeed::ViewFeed(const std::string& socket, const ViewTitle& title,
       workspace_(workspace),
       ports_(ports),
       mechanism_(driver::make_mechanism(profile)),
+      methods_(title.methods.size()),
       hand_socket_(title.hand_socket) {
   if (!hand_socket_.empty()) {
     hand_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
@@ -274,6 +276,10 @@ void ViewFeed::acknowledge_what_was_done(const servo::CycleRecord& cycle) {
     stop_id_.reset();
   }
   const bool paused = cycle.held_back == servo::HeldBack::kPaused;
+  if (method_id_ && cycle.rendered_method == ports_.rendered_method.load()) {
+    acknowledge(*method_id_, "method", true, "the force fades to the chosen method's");
+    method_id_.reset();
+  }
   if (pause_id_ && paused == ports_.force_paused.load()) {
     acknowledge(*pause_id_, "pause", true, paused ? "the force fades out" : "the force ramps in");
     pause_id_.reset();
@@ -319,6 +325,11 @@ void ViewFeed::take_command(const view_link::Frame& frame) {
       return;
     }
     acknowledge(id, "hand", false, "target_W_m is three numbers [m], or null");
+  } else if (what == "method" && command.contains("method") &&
+             command["method"].is_number_unsigned() &&
+             command["method"].get<std::uint64_t>() < methods_) {
+    method_id_ = id;
+    ports_.rendered_method.store(command["method"].get<std::uint8_t>());
   } else if (what == "shown" && command.contains("cycle") &&
              command["cycle"].is_number_unsigned()) {
     take_shown(command["cycle"].get<std::uint64_t>());

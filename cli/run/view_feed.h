@@ -83,16 +83,18 @@ class ViewFeed {
   servo::WorkspaceMap workspace_;
   servo::ServoPorts& ports_;
   std::unique_ptr<driver::Mechanism> mechanism_;
+  std::size_t methods_;
   std::string hand_socket_;
   int hand_ = -1;  ///< the socket that sends to it
 
-  std::mutex mutex_;                                          ///< of the next six
+  std::mutex mutex_;                                          ///< of the next seven
   std::deque<std::pair<std::uint64_t, std::int64_t>> begun_;  ///< cycles, and when each began
   rt::Percentiles picture_delay_ms_;
   std::vector<view_link::FeedCycle> cycles_;
   std::int64_t last_arm_ns_ = 0;
-  std::optional<std::int64_t> stop_id_;   ///< of a command that waits for the servo to obey
-  std::optional<std::int64_t> pause_id_;  ///< likewise
+  std::optional<std::int64_t> stop_id_;    ///< of a command that waits for the servo to obey
+  std::optional<std::int64_t> pause_id_;   ///< likewise
+  std::optional<std::int64_t> method_id_;  ///< likewise
   std::unique_ptr<view_link::FrameSender> sender_;
 };
 

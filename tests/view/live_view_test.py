@@ -155,6 +155,12 @@ class LiveView(unittest.TestCase):
                 press_p()
                 wait_until(lambda: self.force_N() > 0.2, "the force again")
 
+            with self.subTest("another method is rendered"):
+                self.browser.execute_script(
+                    "const list = document.getElementById('rendered'); list.value = '2';"
+                    "list.dispatchEvent(new Event('change'))")
+                wait_until(lambda: self.view("rendered_method") == 2, "the other method", run.lines)
+
             with self.subTest("the servo acknowledges the stop"):
                 self.browser.find_element(By.ID, "stop").click()
                 wait_until(lambda: self.view("stop_acknowledged"), "the acknowledgement", run.lines)

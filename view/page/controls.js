@@ -97,6 +97,48 @@ export class Stop {
   }
 }
 
+/** Which method is rendered. What it shows is what the servo's rows say. */
+export class Rendered {
+  constructor(connection, list) {
+    this.connection = connection;
+    this.list = list;
+    this.now = 0;
+    this.offered = false;
+    list.addEventListener('change', () => this.choose());
+  }
+
+  set_run(hello) {
+    const methods = hello.methods || [];
+    this.offered = (hello.controls || []).includes('method') && methods.length > 1;
+    this.list.replaceChildren(...methods.map((name, i) => new Option(name, i)));
+    this.now = 0;
+  }
+
+  set_allowed(allowed) {
+    this.list.disabled = !(allowed && this.offered);
+  }
+
+  choose() {
+    if (this.connection.send('method', {method: Number(this.list.value)}) === null) {
+      this.list.value = this.now;
+    }
+  }
+
+  /** The newest row's `rendered_method`. */
+  set_now(method) {
+    if (method !== this.now && method >= 0) {
+      this.now = method;
+      this.list.value = method;
+    }
+  }
+
+  on_acknowledged(message) {
+    if (message.what === 'method' && !message.done) {
+      this.list.value = this.now;
+    }
+  }
+}
+
 /** Pause of the force. What it shows is what the servo's rows say, not what was asked for. */
 export class Pause {
   constructor(connection, button) {

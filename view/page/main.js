@@ -3,7 +3,7 @@
 // does goes back.
 
 import {Connection} from '/connection.js';
-import {Pause, Stop, listen_to_keys} from '/controls.js';
+import {Pause, Rendered, Stop, listen_to_keys} from '/controls.js';
 import {decode, kArm, kField, kFrame, kSamples, kScope, kShape} from '/decode.js';
 import {save_csv, save_png} from '/export.js';
 import {FieldChoice} from '/field_choice.js';
@@ -53,6 +53,7 @@ class Page {
     this.stop = new Stop(this.connection, by_id('stop'), by_id('stop-word'), by_id('stop-status'),
                          () => this.state === 'live');
     this.field = new FieldChoice(this.connection, this.scene);
+    this.rendered = new Rendered(this.connection, by_id('rendered'));
     this.pause = new Pause(this.connection, by_id('pause'));
     this.listen();
   }
@@ -123,6 +124,7 @@ class Page {
   on_lost() {
     this.mouse.set_hand_allowed(false);
     this.pause.set_allowed(false, 'not connected');
+    this.rendered.set_allowed(false);
     if (this.state === 'ended') {
       this.connection.slow_down();  // its server probably ended, too
     } else {
@@ -160,6 +162,8 @@ class Page {
     this.set_role(hello.role || this.role);
     this.stop.on_run();
     this.field.set_run(hello);
+    this.rendered.set_run(hello);
+    this.rendered.set_allowed(this.role === 'controller');
   }
 
   /** @param control_is_free false: another page has the control and keeps it. */
@@ -170,6 +174,7 @@ class Page {
     const why = controller ? 'this run cannot be paused' : 'another page has the control';
     this.pause.set_allowed(controller && controls.includes('pause'), why);
     this.mouse.set_hand_allowed(controller && controls.includes('hand'));
+    this.rendered.set_allowed(controller);
     by_id('take-control').hidden = controller || role === '';
     by_id('take-control').disabled = control_is_free === false;
   }
@@ -177,6 +182,7 @@ class Page {
   on_acknowledged(message) {
     this.stop.on_acknowledged(message);
     this.pause.on_acknowledged(message);
+    this.rendered.on_acknowledged(message);
     if (!message.done && message.what !== 'stop') {
       this.readouts.add_note({level: 'warn', component: message.what,
                               text: message.text || 'was refused'});
@@ -186,6 +192,7 @@ class Page {
   on_end(message) {
     this.mouse.set_hand_allowed(false);
     this.pause.set_allowed(false, 'the run has ended');
+    this.rendered.set_allowed(false);
     this.stop.on_end();
     this.set_state('ended');
     const status = message.exit_status === undefined ? '' : ` (exit status ${message.exit_status})`;
@@ -239,6 +246,7 @@ class Page {
       this.scene.set_tool(position, [force('force'), ...Array.from(
           {length: kMethods}, (_, i) => force(`method${i}`))],
                           this.history.newest('in_contact') > 0, now_ms);
+      this.rendered.set_now(this.history.newest('rendered_method'));
       this.pause.set_paused(is_paused(this.history, this.hello));
     }
     return arrived_ms;
@@ -353,6 +361,7 @@ function interface_for_scripts(page) {
       return {shown: mesh.visible, top_N, exact: message !== null && message.exact,
               ...page.scene.field.shares()};
     },
+    get rendered_method() { return page.history.newest('rendered_method'); },
     get in_contact() { return page.history.newest('in_contact') > 0; },
     get broken_messages() { return page.counted.broken; },
     /** Milliseconds from a surface frame's arrival to its picture, and the cycle reported last. */

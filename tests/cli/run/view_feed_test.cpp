@@ -140,7 +140,7 @@ TEST_F(ViewFeedTest, BeginsWithWhatRuns) {
   const json hello = next_json(FeedType::kHello);
   EXPECT_EQ(hello["version"], "1.2.3");
   EXPECT_EQ(hello["methods"], json({"auto", "hold"}));
-  EXPECT_EQ(hello["controls"], json({"stop", "pause", "hand"}));
+  EXPECT_EQ(hello["controls"], json({"stop", "pause", "method", "hand"}));
   EXPECT_EQ(hello["faults"][0], "none");
   EXPECT_EQ(hello["held_back"].size(), static_cast<std::size_t>(servo::HeldBack::kPaused) + 1);
   // The profile's box lies in D; W's origin is at (10, 20, 30) mm of D.
@@ -211,6 +211,26 @@ TEST_F(ViewFeedTest, AcknowledgesAPauseOnceTheServoHasIt) {
   EXPECT_EQ(done["done"], true);
   command({{"id", 8}, {"what", "pause"}, {"value", false}});
   wait_until_paused(false);
+}
+
+TEST_F(ViewFeedTest, ChoosesTheRenderedMethodAmongThoseThatAreThere) {
+  ViewFeed& feed = start();
+  command({{"id", 6}, {"what", "method"}, {"method", 2}});
+  EXPECT_EQ(next_json(FeedType::kAcknowledged)["done"], false) << "there are two";
+  command({{"id", 7}, {"what", "method"}, {"method", 1}});
+  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(kPatience_ms);
+  while (ports_.rendered_method.load() != 1 && std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  servo::CycleRecord cycle;
+  feed.push(cycle);  // one that began before
+  feed.note("info", "test", "between");
+  cycle.rendered_method = 1;
+  feed.push(cycle);
+  EXPECT_EQ(next_json(FeedType::kNote)["text"], "between") << "not acknowledged before";
+  const json done = next_json(FeedType::kAcknowledged);
+  EXPECT_EQ(done["id"], 7);
+  EXPECT_EQ(done["done"], true);
 }
 
 TEST_F(ViewFeedTest, MovesTheHandInTheDevicesFrame) {
