@@ -172,6 +172,16 @@ TEST(FaultyDevice, DropsEveryNthReport) {
   EXPECT_EQ(bus.reports.size() + bus.acted(), kHundredFrames + 1);
 }
 
+TEST(FaultyDevice, ItsHandFollowsAPointerToo) {
+  Bus bus("drop-report:every=1000,when=power-up");
+  bus.drive(3500);  // until the hand is at the contact point
+  const Eigen::Vector3d pointer_D(0.01, -0.02, 0.02);
+  bus.device->point_hand_at(pointer_D);
+  bus.drive(1000);
+  const auto tip_m = bus.device->report().tip_position_m;
+  EXPECT_LT((Eigen::Vector3d(tip_m[0], tip_m[1], tip_m[2]) - pointer_D).norm(), 1e-3);
+}
+
 TEST(FaultyDevice, SendsReportsTwice) {
   Bus bus("duplicate-report:every=10,count=1,when=power-up");
   bus.drive(30);
