@@ -139,10 +139,20 @@ class GrowingCholesky {
     rows_ += kCount;
   }
 
-  /// Removes `count` rows from `first` on.
+  /// Removes `count` rows from `first` on. The last rows go without any work.
   void remove(int first, int count) noexcept {
-    for (int i = 0; i < count; ++i) {
-      remove_row(first + count - 1 - i);
+    const int behind = rows_ - first - count;
+    if (behind == 0) {
+      rows_ = first;
+      return;
+    }
+    const PackedLower l = lower();
+    for (int j = 0; j < first; ++j) {
+      double* at = l.column(j) + first;
+      std::memmove(at, at + count, static_cast<std::size_t>(behind) * sizeof(double));
+    }
+    for (int row = first + count - 1; row >= first; --row) {
+      remove_row(row, first);
     }
   }
 
@@ -151,10 +161,11 @@ class GrowingCholesky {
     return {const_cast<double*>(data_.data()), inverse_diagonal_.data(), kMaxRows, rows_};
   }
 
-  void remove_row(int row) noexcept {
+  // In the columns before `from` the rows behind have been moved already.
+  void remove_row(int row, int from) noexcept {
     const PackedLower l = lower();
     const int behind = rows_ - row - 1;
-    for (int j = 0; j < row; ++j) {
+    for (int j = from; j < row; ++j) {
       double* at = l.column(j) + row;
       std::memmove(at, at + 1, static_cast<std::size_t>(behind) * sizeof(double));
     }
