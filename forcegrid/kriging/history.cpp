@@ -7,18 +7,21 @@
 namespace forcegrid {
 
 ToolHistory::ToolHistory(const TimeConstants& time_constants_s)
-    : time_constants_s_(time_constants_s), entries_(kEntries) {}
+    : time_constants_s_(Eigen::Map<const PerLag>(time_constants_s.data())),
+      per_time_constant_Hz_(time_constants_s_.inverse()),
+      shortest_s_(time_constants_s_.minCoeff()),
+      entries_(kEntries) {}
 
 // exp(-dt / tau_j), from that of the last exact period where dt is near it, as in a servo's cycles.
-double ToolHistory::kept_after(double dt_s, std::size_t j) noexcept {
+ToolHistory::PerLag ToolHistory::kept_after(double dt_s) noexcept {
   constexpr double kNear = 0.01;  // the cube of it, over six, is what the series leaves out
-  Kept& known = kept_[j];
-  const double x = (known.period_s - dt_s) / time_constants_s_[j];
-  if (!(std::abs(x) < kNear)) {
-    known = {dt_s, std::exp(-dt_s / time_constants_s_[j])};
-    return known.kept;
+  if (!(std::abs(period_s_ - dt_s) < kNear * shortest_s_)) {
+    period_s_ = dt_s;
+    kept_after_period_ = (-dt_s * per_time_constant_Hz_).exp();
+    return kept_after_period_;
   }
-  return known.kept * (1.0 + x * (1.0 + 0.5 * x));
+  const PerLag x = (period_s_ - dt_s) * per_time_constant_Hz_;
+  return kept_after_period_ * (1.0 + x * (1.0 + 0.5 * x));
 }
 
 void ToolHistory::observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
@@ -29,28 +32,32 @@ void ToolHistory::observe(double time_s, const Eigen::Vector3d& position_W) noex
     count_ = 0;
   }
   if (count_ == 0) {
-    lags_.setZero();
+    lags_.fill(PerLag::Zero());
   } else {
     // On a straight path of velocity v the lag tends to v tau.
     const double dt_s = time_s - time_s_;
     const Eigen::Vector3d velocity = (position_W - position_W_) / dt_s;
-    for (std::size_t j = 0; j < kLags; ++j) {
-      const double tau_s = time_constants_s_[j];
-      const double kept = kept_after(dt_s, j);
-      const int column = static_cast<int>(j);
-      lags_.col(column) = kept * lags_.col(column) + (1.0 - kept) * tau_s * velocity;
+    const PerLag kept = kept_after(dt_s);
+    const PerLag gained_s = (1.0 - kept) * time_constants_s_;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      lags_[axis] = kept * lags_[axis] + gained_s * velocity[static_cast<int>(axis)];
     }
   }
   time_s_ = time_s;
   position_W_ = position_W;
-  now_ = lags_.cast<float>();
   // The newest entry moves with the present while it is less than kSpacing_s after the one before.
   const bool replace = count_ > 1 && time_s - entry(1).time_s < kSpacing_s;
   if (!replace) {
     newest_ = (newest_ + 1) % kEntries;
     count_ = std::min(count_ + 1, kEntries);
   }
-  entries_[newest_] = {time_s, now_};
+  Entry& now = entries_[newest_];
+  now.time_s = time_s;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (int j = 0; j < kLags; ++j) {
+      now.lags(static_cast<int>(axis), j) = static_cast<float>(lags_[axis][j]);
+    }
+  }
 }
 
 bool ToolHistory::find(double time_s, Lags& lags) const noexcept {

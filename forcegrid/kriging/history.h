@@ -21,7 +21,8 @@ namespace forcegrid {
 class ToolHistory {
  public:
   static constexpr int kLags = 6;
-  using Lags = Eigen::Matrix<float, 3, kLags>;  ///< [m] column j is lag_j
+  /// [m] Column j is lag_j. Row by row in memory, so that all lags along an axis are one operation.
+  using Lags = Eigen::Matrix<float, 3, kLags, Eigen::RowMajor>;
   using TimeConstants = std::array<double, kLags>;
 
   /// Entries are kept about a millisecond apart, so that kEntries of them cover about a second at
@@ -38,7 +39,7 @@ class ToolHistory {
 
   bool empty() const noexcept { return count_ == 0; }
   /// The lags at the newest observation.
-  const Lags& now() const noexcept { return now_; }
+  const Lags& now() const noexcept { return entries_[newest_].lags; }
 
   /// The lags at `time_s`, linear between the entries around it.
   /// @returns false, with `lags` unchanged, for a time before the oldest kept entry or after the
@@ -51,29 +52,28 @@ class ToolHistory {
 
  private:
   struct Entry {
-    double time_s;
-    Lags lags;
+    double time_s = 0.0;
+    Lags lags = Lags::Zero();
   };
   /// The `age`-th newest entry.
   const Entry& entry(std::size_t age) const noexcept {
     return entries_[(newest_ + kEntries - age) % kEntries];
   }
 
-  struct Kept {
-    double period_s = std::numeric_limits<double>::infinity();
-    double kept = 0.0;
-  };
-  double kept_after(double dt_s, std::size_t j) noexcept;
+  using PerLag = Eigen::Array<double, 1, kLags>;
+  PerLag kept_after(double dt_s) noexcept;
 
-  TimeConstants time_constants_s_;
-  std::array<Kept, kLags> kept_{};
+  PerLag time_constants_s_;
+  PerLag per_time_constant_Hz_;
+  double shortest_s_;  ///< of the time constants
+  double period_s_ = std::numeric_limits<double>::infinity();
+  PerLag kept_after_period_ = PerLag::Zero();
   std::vector<Entry> entries_;
   std::size_t newest_ = 0;
   std::size_t count_ = 0;
   double time_s_ = 0.0;
   Eigen::Vector3d position_W_ = Eigen::Vector3d::Zero();
-  Eigen::Matrix<double, 3, kLags> lags_ = Eigen::Matrix<double, 3, kLags>::Zero();
-  Lags now_ = Lags::Zero();
+  std::array<PerLag, 3> lags_{PerLag::Zero(), PerLag::Zero(), PerLag::Zero()};  ///< [m] by axis
 };
 
 }  // namespace forcegrid
