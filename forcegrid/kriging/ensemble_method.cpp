@@ -24,6 +24,7 @@ EnsembleMethod::EnsembleMethod(Kind kind, const MethodOptions& options,
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     names_[i] = candidates_.all[i]->name();
     knows_path_ = knows_path_ || candidates_.all[i]->knows_path();
+    candidates_.all[i]->field().expect_reads(i == rendered_);
   }
 }
 
@@ -53,6 +54,7 @@ void EnsembleMethod::take_sample(const Sample& sample) noexcept {
   if (!contact_.has_origin()) {
     enter_contact(sample.position_W);
   }
+  idle_ = false;
   pass_over_backlog();
   const std::uint64_t number = queue_.taken();
   queue_.push(sample, contact_, motion_);
@@ -148,6 +150,7 @@ void EnsembleMethod::contact_made(std::uint32_t /*epoch*/,
   if (point_W.allFinite()) {
     enter_contact(point_W);
   }
+  idle_ = false;
   queue_.begin_contact();
   rendering_.begin_contact();
   requests_.begin_contact();
@@ -177,6 +180,7 @@ void EnsembleMethod::expect_contact(double time_s, const Eigen::Vector3d& point_
 }
 
 void EnsembleMethod::enter_contact(const Eigen::Vector3d& point_W) noexcept {
+  idle_ = false;
   contact_.set_origin(point_W);
   for (const auto& candidate : candidates_.all) {
     candidate->on_contact(contact_.number(), point_W);
@@ -300,9 +304,13 @@ void EnsembleMethod::score() noexcept {
 void EnsembleMethod::follow_wake_rule() noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     Candidate& candidate = *candidates_.all[i];
-    if (wake_rule_.awake(i) && !candidate.awake()) {
+    const bool awake = wake_rule_.awake(i);
+    if (awake == candidate.awake()) {
+      continue;
+    }
+    if (awake) {
       wake(i);
-    } else if (!wake_rule_.awake(i) && candidate.awake()) {
+    } else {
       candidate.sleep();
       begins_[i] = false;
     }
@@ -370,8 +378,13 @@ int EnsembleMethod::remember() noexcept {
 }
 
 void EnsembleMethod::hand_over(std::size_t index, ChoiceReason reason) noexcept {
+  kriging::Field& next = candidates_.all[index]->field();
+  next.expect_reads(true);
   if (motion_.observed() && contact_.in_contact() && rendering_.is_contact_sampled()) {
     fade_.start(motion_.time_s(), force_N(rendered_candidate()), force_N(*candidates_.all[index]));
+  }
+  if (index != rendered_) {
+    rendered_candidate().field().expect_reads(false);
   }
   rendered_ = index;
   reason_ = reason;
@@ -435,7 +448,18 @@ int EnsembleMethod::do_piece(std::size_t next, int budget) noexcept {
   return done;
 }
 
+// Whether all that are awake have done everything that can be done without another sample, contact
+// or motion.
+bool EnsembleMethod::all_ready() const noexcept {
+  return std::all_of(candidates_.all.begin(), candidates_.all.end(), [](const auto& candidate) {
+    return !candidate->awake() || candidate->field().ready();
+  });
+}
+
 int EnsembleMethod::work(int budget) noexcept {
+  if (idle_ && !may_follow()) {
+    return 0;
+  }
   int done = 0;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     if (candidates_.all[i]->awake() && is_paid_for(i)) {
@@ -451,6 +475,7 @@ int EnsembleMethod::work(int budget) noexcept {
     }
     const int piece = do_piece(next, budget - done);
     if (piece == 0) {
+      idle_ = all_ready();
       break;
     }
     budget_.spend(piece);

@@ -129,6 +129,7 @@ class EnsembleMethod final : public ForceMethod {
   void wake(std::size_t index) noexcept;
   int begin(std::size_t index) noexcept;
   bool is_paid_for(std::size_t next) const noexcept;
+  bool all_ready() const noexcept;
   int do_piece(std::size_t next, int budget) noexcept;
   bool memory_has_missed() const noexcept;
   int remember() noexcept;
@@ -171,6 +172,7 @@ class EnsembleMethod final : public ForceMethod {
   std::array<std::uint64_t, kMaxCandidates> level_at_{};  ///< a woken one catches up until there
   std::array<bool, kMaxCandidates> begins_{};             ///< woken, and not begun yet
   std::array<kriging::Observation, kBeginsWith> recent_{};
+  bool idle_ = false;  ///< nothing was left to do, and nothing has come since
   kriging::WorkBudget budget_;
   std::array<NamedCounter, kCounters> counters_{
       {{"samples_passed_over", 0}, {"samples_over_budget", 0}, {"cycles_over_budget", 0}}};

@@ -396,14 +396,6 @@ int DictionaryField<Real, N, M>::bring_in(const Observation& o, double doubt_N2)
 }
 
 template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::apply_changes() noexcept {
-  if (takes_since_factorisation_ >= kTakesBetweenFactorisations) {
-    factorise();
-  }
-  collapse();
-}
-
-template <typename Real, int N, int M>
 Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   Innovation innovation;
   innovation.predicted = sample_count_ > 0;
@@ -528,6 +520,10 @@ bool DictionaryField<Real, N, M>::begin_with(std::span<const Observation> observ
 // Solves for the weights and computes the sums that do not depend on where the field is read.
 template <typename Real, int N, int M>
 void DictionaryField<Real, N, M>::collapse() noexcept {
+  collapse_due_ = !reads_expected_;
+  if (collapse_due_) {
+    return;
+  }
   solve_weights();
   Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();

@@ -127,6 +127,9 @@ class Field {
     return false;
   }
   virtual bool can_begin_with() const noexcept { return false; }
+  /// Whether anybody will call read() or stiffness_N_per_m(). As long as nobody does, a field may
+  /// put off what only these need; call this with true before they are called again.
+  virtual void expect_reads(bool expected) noexcept { static_cast<void>(expected); }
   /// Keeps an observation for later without fitting it, for fields with a store.
   virtual void remember(const Observation& observation) noexcept { static_cast<void>(observation); }
 
@@ -212,6 +215,13 @@ class DictionaryField : public Field {
   /// Of observations that are not apart (SampleSpacing), the newest is taken.
   bool begin_with(std::span<const Observation> observations) noexcept override;
   bool can_begin_with() const noexcept override { return true; }
+  /// Puts off the weights of the samples: a fifth of the work of take().
+  void expect_reads(bool expected) noexcept override {
+    reads_expected_ = expected;
+    if (expected && collapse_due_) {
+      collapse();
+    }
+  }
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                     const History& history) const noexcept override;
@@ -242,7 +252,12 @@ class DictionaryField : public Field {
   /// slot. apply_changes() must follow; until then the field's answers do not change.
   void drop(int slot) noexcept { remove_sample(slot); }
   int bring_in(const Observation& observation, double doubt_N2) noexcept;
-  void apply_changes() noexcept;
+  void apply_changes() noexcept {
+    if (takes_since_factorisation_ >= kTakesBetweenFactorisations) {
+      factorise();
+    }
+    collapse();
+  }
 
   /// The sums that reading is made of, for tests of the lanes.
   RadialTerms<Real> radial_terms() const noexcept;
@@ -364,6 +379,8 @@ class DictionaryField : public Field {
   int placed_ = kNone;  ///< the slot of the last observation, unless it was not kept
   std::uint64_t next_order_ = 0;
   int takes_since_factorisation_ = 0;
+  bool reads_expected_ = true;
+  bool collapse_due_ = false;  ///< put off, since nobody reads
   std::uint64_t contact_ = 0;
   double scale_ = 1.0;           ///< s of this contact so far
   double scale_variance_ = 0.0;  ///< v; 0: there is no earlier contact

@@ -64,6 +64,7 @@ class StoreField final : public Field {
     return working_.begin_with(observations);
   }
   bool can_begin_with() const noexcept override { return true; }
+  void expect_reads(bool expected) noexcept override { working_.expect_reads(expected); }
   void remember(const Observation& observation) noexcept override {
     if (writes_) {
       store_->admit(observation);

@@ -42,6 +42,8 @@ class UnilateralConstraintField final
 
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   Innovation take(const Observation& observation) noexcept override;
+  /// Puts nothing off: with the weights it refines and drops constraints.
+  void expect_reads(bool /*expected*/) noexcept override {}
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                     const History& history) const noexcept override;

@@ -397,6 +397,27 @@ TEST(DictionaryField, RemembersAlongASlowMotion) {
   }
 }
 
+TEST(DictionaryField, ReadsTheSameIfItHasPutOffItsWeights) {
+  const AnchoredSprings object(kSeed);
+  Plain always{FieldSettings{}};
+  Plain later{FieldSettings{}};
+  later.expect_reads(false);
+  for (const Vector3d& p : scattered(40, 0.02)) {
+    const Observation o = observe(p, object.force_N(p));
+    EXPECT_EQ(later.take(o).error_N, always.take(o).error_N);
+  }
+  for (const bool again : {false, true}) {
+    later.expect_reads(true);
+    for (const Vector3d& p : scattered(5, 0.02, kSeed + 1)) {
+      EXPECT_GT(force_N(always, p).norm(), 0.0);
+      EXPECT_EQ(force_N(later, p), force_N(always, p)) << "again: " << again;
+    }
+    const Observation o = observe(Vector3d(0.005, 0.0, 0.0), Vector3d(-1.0, 0.0, 0.0));
+    always.take(o);
+    later.take(o);
+  }
+}
+
 // A stiff object in a light hand: all motion is within a fifth of the spacing, so only the force
 // distinguishes samples.
 TEST(DictionaryField, LearnsTheStiffnessOfAStiffObjectWithinAFifthOfAMillimetre) {
