@@ -78,11 +78,12 @@ run: program
 	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)
 endif
 
-# The run in a browser, until it is stopped there. The program prints the address.
+# The run in a browser, until it is stopped, or for SECONDS. The program prints the address.
+view: VIEW_SECONDS = $(if $(filter file,$(origin SECONDS)),0,$(SECONDS))
 view: $(FOR_VIEW)
 	$(CONFIGURE) VIEW
 	$(BUILD) --target forcegrid_cli forcegrid_view
-	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --view --seconds 0 $(ARGS)
+	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --view --seconds $(VIEW_SECONDS) $(ARGS)
 
 # Live tests that fail while the machine stands still run again; the end names them.
 test: build-tests
