@@ -20,13 +20,15 @@ const double kNan = std::numeric_limits<double>::quiet_NaN();
 const double kInfinity = std::numeric_limits<double>::infinity();
 
 class HandTargetSocketTest : public testing::Test {
+ public:
+  ~HandTargetSocketTest() override { std::filesystem::remove_all(folder_); }
+
  protected:
   HandTargetSocketTest() {
     char folder[] = "/tmp/forcegrid_hand_XXXXXX";
     EXPECT_NE(::mkdtemp(folder), nullptr);
     folder_ = folder;
   }
-  ~HandTargetSocketTest() override { std::filesystem::remove_all(folder_); }
 
   std::string path() const { return folder_ + "/hand"; }
 

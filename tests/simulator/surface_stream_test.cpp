@@ -219,6 +219,9 @@ TEST(SurfaceStream, WithoutAViewTheErrorNamesThePath) {
 
 // A simulator of the scene "small" that a view watches.
 class WatchedSimulator : public ::testing::Test {
+ public:
+  ~WatchedSimulator() override { stop_ = true; }
+
  protected:
   WatchedSimulator() {
     SimulatorOptions options;
@@ -237,7 +240,6 @@ class WatchedSimulator : public ::testing::Test {
     std::istringstream words(out_.flushed());
     words >> address_ >> address_;
   }
-  ~WatchedSimulator() override { stop_ = true; }
 
   // Keeps the tool at `position_W_m` until the simulator has answered there, and a frame has come
   // with its highest vertex at `top_m`.
