@@ -46,16 +46,14 @@ TEST_P(FuzzCorpus, IsWithstoodWholeCutAndMutated) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Targets, FuzzCorpus,
-                         testing::Values(Target{"usbip_server", usbip_server},
-                                         Target{"usbip_client", usbip_client},
-                                         Target{"w2_report", w2_report},
-                                         Target{"device_profile", device_profile},
-                                         Target{"link_datagram", link_datagram},
-                                         Target{"sealed_datagram", sealed_datagram},
-                                         Target{"view_streams", view_streams},
-                                         Target{"view_command", view_command}),
-                         [](const auto& target) { return target.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    Targets, FuzzCorpus,
+    testing::Values(Target{"usbip_server", usbip_server}, Target{"usbip_client", usbip_client},
+                    Target{"w2_report", w2_report}, Target{"device_profile", device_profile},
+                    Target{"link_datagram", link_datagram},
+                    Target{"sealed_datagram", sealed_datagram},
+                    Target{"view_streams", view_streams}, Target{"view_command", view_command}),
+    [](const auto& target) { return target.param.name; });
 
 }  // namespace
 }  // namespace forcegrid::fuzz

@@ -59,8 +59,7 @@ TEST(PageCommands, AreRefused) {
                            R"({"what":"hand","target_W_m":[1,2,NaN]})",
                            R"({"what":"shown"})",
                            R"({"what":"shown","cycle":-1})",
-                           R"({"what":"stop"} )"
-                           "x",
+                           R"({"what":"stop"} x)",
                            "{\"what\":\"stop\",\"text\":\"\xff\"}"}) {
     EXPECT_FALSE(parse_command(text)) << text;
   }

@@ -19,14 +19,14 @@ namespace fs = std::filesystem;
 
 class Page : public testing::Test {
  protected:
-  Page() {
+  void SetUp() override {
     std::string name = "/tmp/view-page-test-XXXXXX";
     EXPECT_NE(::mkdtemp(name.data()), nullptr);
     folder_ = name;
     write("index.html", "<!doctype html>");
     folders_.page = folder_.string();
   }
-  ~Page() override { fs::remove_all(folder_); }
+  void TearDown() override { fs::remove_all(folder_); }
 
   void write(const std::string& name, const std::string& content) const {
     std::ofstream(folder_ / name) << content;
