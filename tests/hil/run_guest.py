@@ -39,7 +39,11 @@ TOOLS = ["busybox", "udevadm", "usbip", "lsusb", "cyclictest", "usermod", "ip", 
 CLIENTS = ["hil_client_hidraw", "hil_client_libusb"]  # beside the scenario program
 TIMING_SUITES = ("LongTiming.", "PreemptRtTiming.")
 TIMING_TOOLS = ["stress-ng"]  # large, so only where they are used
-TIMING_PROGRAMS = ["forcegrid_null_loop", "forcegrid_driver_loop", "forcegrid_hd_spring"]  # beside the program
+TIMING_PROGRAMS = ["forcegrid_null_loop", "forcegrid_driver_loop", "forcegrid_hd_spring",
+                   "forcegrid-view"]  # beside the program
+# What the live view serves besides its own page, from libjs-three and libjs-dygraphs.
+VIEW_LIBRARIES = ["three/three.module.js", "three/examples/jsm/controls/OrbitControls.js",
+                  "dygraphs/dygraph.js", "dygraphs/dygraph.css"]
 TOOLS_PROGRAM = "forcegrid-tools"  # beside the program, which becomes it for its commands
 LONG_SUITE = "Long"  # left out of the smoke set: suites that begin so
 # What glibc converts character sets with; hidapi's libusb back end reads USB strings by it.
@@ -241,6 +245,13 @@ def make_initramfs(file, kernel, program, scenarios, names, limit_s, session):
                     raise HilError(f"{program.parent / name} is not built; configure with "
                                    "-DFORCEGRID_BUILD_TESTS=ON, as `make test` does")
                 root.add_program(program.parent / name, f"/usr/bin/{name}")
+            for page in sorted((ROOT / "view/page").iterdir()):
+                root.add_file(page, f"/usr/share/forcegrid/view/{page.name}", 0o644)
+            for name in VIEW_LIBRARIES:
+                library = pathlib.Path("/usr/share/javascript") / name
+                if not library.is_file():
+                    raise HilError(f"{library} is missing; `setup/install.sh view` installs it")
+                root.add_file(library, library, 0o644)
         for profile in sorted((ROOT / "profiles").glob("*.toml")):
             root.add_file(profile, f"/usr/share/forcegrid/profiles/{profile.name}", 0o644)
         for scene in sorted((ROOT / "simulator/scenes").glob("*.toml")):

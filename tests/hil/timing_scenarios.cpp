@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 #include <signal.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -250,6 +256,124 @@ TEST(LongTiming, OfAProgramOnLibHdBesideTheDriversLoop) {
     // On the one processor another thread may run for 12 us within each cycle, as long as the
     // phases of loop and bus happen to be so: the cycles in which none does are compared.
     EXPECT_LE(program.compute_p10_us - bare.compute_p10_us, kMostCompute_us);
+  }
+}
+
+/// A page that looks on: a WebSocket that reads whatever the live view sends.
+class Onlooker {
+ public:
+  /// @param url  as `run --view` prints it.
+  explicit Onlooker(const std::string& url) {
+    const std::string host = url.substr(7, url.find('/', 7) - 7);
+    socket_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port =
+        htons(static_cast<std::uint16_t>(std::stoi(host.substr(host.find(':') + 1))));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    const std::string request =
+        "GET /ws?" + url.substr(url.find("token=")) + " HTTP/1.1\r\nHost: " + host +
+        "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n";
+    EXPECT_EQ(::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+    EXPECT_EQ(::send(socket_, request.data(), request.size(), MSG_NOSIGNAL),
+              static_cast<ssize_t>(request.size()));
+    reader_ = std::thread([this] {
+      std::array<char, 65536> piece{};
+      for (ssize_t got = 1; got > 0;) {
+        got = ::recv(socket_, piece.data(), piece.size(), 0);
+        bytes_ += static_cast<std::uint64_t>(std::max<ssize_t>(got, 0));
+      }
+    });
+  }
+  ~Onlooker() {
+    ::shutdown(socket_, SHUT_RDWR);
+    reader_.join();
+    ::close(socket_);
+  }
+  Onlooker(const Onlooker&) = delete;
+  Onlooker& operator=(const Onlooker&) = delete;
+
+  std::uint64_t bytes() const { return bytes_; }
+
+ private:
+  int socket_ = -1;
+  std::atomic<std::uint64_t> bytes_{0};
+  std::thread reader_;
+};
+
+/// [s] Processor time of the process with this name so far; negative: there is none.
+double processor_s(const std::string& name) {
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    if (first_line(entry.path() / "comm") == name) {
+      const std::string stat = first_line(entry.path() / "stat");
+      std::istringstream words(stat.substr(stat.rfind(')') + 1));
+      std::vector<std::string> fields;
+      for (std::string word; words >> word;) {
+        fields.push_back(word);
+      }
+      // Fields 14 and 15 of proc(5), of which the third is the first here.
+      const double ticks = std::stod(fields.at(11)) + std::stod(fields.at(12));
+      return ticks / static_cast<double>(::sysconf(_SC_CLK_TCK));
+    }
+  }
+  return -1.0;
+}
+
+struct ViewedRun {
+  nlohmann::json summary;
+  double view_share = 0.0;  ///< of a processor, that forcegrid-view took
+};
+
+ViewedRun run_with_onlooker(const std::string& seconds) {
+  covers_host("forcegrid-hidraw");
+  const std::string folder = testing::fresh_folder("viewed");
+  testing::Program program = testing::Program::forcegrid(
+      run_arguments("hid:1234:0006", std::stod(seconds), folder, {"--view"}));
+  ViewedRun viewed;
+  if (!program.wait_for_text("its first cycle is over", std::chrono::seconds(40))) {
+    ADD_FAILURE() << program.standard_error();
+    return viewed;
+  }
+  const std::string said = program.standard_error();
+  const std::size_t begin = said.find("http://");
+  const Onlooker page(said.substr(begin, said.find('\n', begin) - begin));
+  const double before_s = processor_s("forcegrid-view");
+  const auto since = std::chrono::steady_clock::now();
+  std::this_thread::sleep_for(std::chrono::milliseconds(long(900 * std::stod(seconds))));
+  const double passed_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
+  viewed.view_share = (processor_s("forcegrid-view") - before_s) / passed_s;
+  EXPECT_GE(before_s, 0.0);
+  EXPECT_EQ(program.wait(std::chrono::seconds(60)), 0) << program.standard_error();
+  EXPECT_GT(page.bytes(), 10'000U) << "the view sent the run";
+  std::ifstream file(folder + "/summary.json");
+  viewed.summary = nlohmann::json::parse(file, nullptr, false);
+  return viewed;
+}
+
+// The same run without and with a live view, to which a page is connected.
+TEST(LongTiming, OfTheServoLoopWithItsLiveView) {
+  constexpr double kMostAdded_us = 1.0;
+  constexpr double kMostShare = 0.15;
+  const char* const asked = std::getenv("HIL_TIMING_SECONDS");
+  const std::string seconds = asked == nullptr ? "10" : asked;
+  Bench bench;
+  const EndedRun alone = run("hid:1234:0006", std::stod(seconds));
+  ASSERT_EQ(alone.status, 0) << alone.text;
+  const ViewedRun viewed = run_with_onlooker(seconds);
+  ASSERT_TRUE(viewed.summary.is_object());
+  for (const auto& [part, share] : kParts) {
+    measured(std::string("alone_wakeup_") + part, alone.summary.at("wakeup_us").at(part), "us");
+    measured(std::string("viewed_wakeup_") + part, viewed.summary.at("wakeup_us").at(part), "us");
+  }
+  measured("view_share_of_a_processor", viewed.view_share, "1");
+  EXPECT_EQ(bench.end().at("final_current_mA"), nlohmann::json({0.0, 0.0, 0.0}));
+  if (time_goes_by_instructions()) {
+    EXPECT_LE(viewed.summary.at("wakeup_us").at("p999").get<double>() -
+                  alone.summary.at("wakeup_us").at("p999").get<double>(),
+              kMostAdded_us);
+    EXPECT_LE(viewed.view_share, kMostShare);
   }
 }
 
