@@ -107,6 +107,7 @@ TEST(ScopeRows, HoldTheNewestTheLargestTheSumAndTheUnion) {
   second.limits_acted = 0b0110;
   second.in_contact = 1;
   second.paused = 1;
+  second.rendered_method = 2;
   second.missed_deadlines = 3;
   second.cycle = 77;
   EXPECT_FALSE(rows.add(first));
@@ -142,6 +143,7 @@ TEST(ScopeRows, HoldTheNewestTheLargestTheSumAndTheUnion) {
   EXPECT_FLOAT_EQ(value(*row, "in_contact"), 1);
   EXPECT_FLOAT_EQ(value(*row, "fault"), 3) << "a fault of any cycle is shown";
   EXPECT_FLOAT_EQ(value(*row, "paused"), 1);
+  EXPECT_FLOAT_EQ(value(*row, "rendered_method"), 2);
   EXPECT_FLOAT_EQ(value(*row, "missed_deadlines"), 5);
   EXPECT_FLOAT_EQ(value(*row, "cycle"), 77);
 }
@@ -211,18 +213,18 @@ TEST(ScopeMessage, HasTheWorkedBytes) {
   second.value[kScopeColumns - 1] = 9.0F;
   const std::vector<ScopeRow> rows = {first, second};
   const auto bytes = scope_message(rows);
-  ASSERT_EQ(bytes.size(), 16 + 2 * 42 * 4U);
+  ASSERT_EQ(bytes.size(), 16 + 2 * 43 * 4U);
   const std::vector<std::uint8_t> head(bytes.begin(), bytes.begin() + 16);
   // 100.25 is 0x40591 00000000000.
-  const std::vector<std::uint8_t> worked = {1, 0, 2, 0, 42, 0,    0,    0,
+  const std::vector<std::uint8_t> worked = {1, 0, 2, 0, 43, 0,    0,    0,
                                             0, 0, 0, 0, 0,  0x10, 0x59, 0x40};
   EXPECT_EQ(head, worked);
-  std::array<float, 84> numbers{};
+  std::array<float, 86> numbers{};
   std::memcpy(numbers.data(), bytes.data() + 16, sizeof(numbers));
   EXPECT_EQ(numbers[0], 0.0F);
   EXPECT_EQ(numbers[1], 1.5F);
-  EXPECT_EQ(numbers[42], 0.5F) << "time is relative to the base";
-  EXPECT_EQ(numbers[83], 9.0F);
+  EXPECT_EQ(numbers[43], 0.5F) << "time is relative to the base";
+  EXPECT_EQ(numbers[85], 9.0F);
 }
 
 }  // namespace
