@@ -201,7 +201,7 @@ build/.packages-%: setup/packages.txt setup/install.sh
 	setup/install.sh $*
 	@mkdir -p build && touch $@
 
-# The unit tests of six rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
+# The unit tests of eight rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
 # all that a byte from outside or a servo cycle goes through. `sanitize` is the whole.
 .PHONY: sanitize-unit
 sanitize-unit: $(FOR_TESTS)

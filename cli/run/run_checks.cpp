@@ -76,6 +76,8 @@ void check_workers(const RunOptions& options) {
 
 }  // namespace
 
+bool has_hand(const RunOptions& options) { return options.hand != "none"; }
+
 bool is_emulated(const RunOptions& options) {
   return options.device.rfind(kEmulatedPrefix, 0) == 0;
 }

@@ -400,7 +400,8 @@ void Run::start_view() {
   title.fill_budget = servo_options_.fill_budget;
   title.requests_per_s = servo_options_.requests_per_s;
   title.emulated = processes_->has_emulator();
-  title.hand_socket = processes_->has_emulator() ? process->hand_socket() : "";
+  title.hand_socket =
+      processes_->has_emulator() && has_hand(options_) ? process->hand_socket() : "";
   view_ = std::make_unique<ViewFeed>(process->feed_socket(), title, profile_,
                                      servo_options_.workspace, ports_);
   std::fprintf(stderr, "view: %s\n", process->url().c_str());  // not to the log: it has the token

@@ -221,16 +221,17 @@ void add_results(Command& run, RunOptions& o) {
   run.add_flag(
       "--live", o.live,
       "Show a dashboard in the terminal (80 x 24 or larger) instead of one line per second");
-  run.add_optional_value(
-         "--view",
-         [&o](const std::optional<std::string>& listen) {
-           o.view = true;
-           o.view_listen = listen.value_or(o.view_listen);
-         },
-         "Show the run in a browser, at this loopback ADDR:PORT (default a free port)")
-      ->not_in_config();
+  Option* const view = run.add_optional_value(
+      "--view",
+      [&o](const std::optional<std::string>& listen) {
+        o.view = true;
+        o.view_listen = listen.value_or(o.view_listen);
+      },
+      "Show the run in a browser, at this loopback ADDR:PORT (default a free port)");
+  view->not_in_config();
   run.add_flag("--open", o.open_view, "Open the page of --view in the desktop's browser")
-      ->not_in_config();
+      ->not_in_config()
+      ->needs(view);
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->show_default();
   run.add_flag("--no-reference,--no-truth", o.no_reference,

@@ -56,7 +56,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
                      {"--contact", std::to_string(at_m[0]) + "," + std::to_string(at_m[1]) + "," +
                                        std::to_string(at_m[2])});
   }
-  if (view != nullptr) {
+  if (view != nullptr && has_hand(options)) {
     arguments.insert(arguments.end(), {"--hand-target", view->hand_socket()});
   }
   if (options.gravity_compensation) {
