@@ -40,7 +40,7 @@ struct SurfaceFrame {
 
 /// A frame of the stream. Real-time: no.
 Frame encode(const SurfaceShape& shape, std::uint16_t object = 0);
-Frame encode(const SurfaceFrame& frame, std::uint16_t object = 0);
+Frame encode(const SurfaceFrame& surface, std::uint16_t object = 0);
 
 /// Nothing for a payload that is truncated, too long, has too many vertices or triangles, a number
 /// that is not finite, or a corner that is no vertex. Real-time: no. Threads: any.

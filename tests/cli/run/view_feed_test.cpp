@@ -52,6 +52,14 @@ bool readable(int socket) {
 }
 
 class ViewFeedTest : public testing::Test {
+ public:
+  ~ViewFeedTest() override {
+    for (const int socket : {listening_, hand_, view_}) {
+      ::close(socket);
+    }
+    std::filesystem::remove_all(folder_);
+  }
+
  protected:
   ViewFeedTest() {
     std::string name = testing::TempDir() + "/viewXXXXXX";
@@ -66,12 +74,6 @@ class ViewFeedTest : public testing::Test {
     title_.candidates = {"kriging"};
     title_.emulated = true;
     title_.hand_socket = folder_ + "/hand";
-  }
-  ~ViewFeedTest() override {
-    for (const int socket : {listening_, hand_, view_}) {
-      ::close(socket);
-    }
-    std::filesystem::remove_all(folder_);
   }
 
   ViewFeed& start() {
