@@ -126,12 +126,13 @@ def arm_message(tool):
 class StandIn:
     """The server in a thread. `commands` are the page's messages; `freeze` holds the surface."""
 
-    def __init__(self, vertices=10000, port=0, token="0" * 64, feed_scope=True):
+    def __init__(self, vertices=10000, port=0, token="0" * 64, feed_scope=True, pictures_per_s=30):
         self.block, self.port, self.token = Block(vertices), port, token
-        self.feed_scope = feed_scope
+        self.feed_scope, self.pictures_per_s = feed_scope, pictures_per_s
         self.commands, self.frozen, self.paused, self.stopped = [], None, False, False
         self.says_paused_by_held_back = False
         self.sockets, self.epoch, self.hand, self.refuse_stop = [], 1, None, False
+        self.sent_rows = {}  # of the scope, by their time in hundredths of a second
         self.loop = asyncio.new_event_loop()
         self.ready = threading.Event()
         self.thread = threading.Thread(target=self.run, daemon=True)
@@ -258,11 +259,11 @@ class StandIn:
         began, picture, rows = time.monotonic(), 0, 0
         while True:
             picture += 1
-            await asyncio.sleep(max(0.0, began + picture / 30 - time.monotonic()))
+            await asyncio.sleep(max(0.0, began + picture / self.pictures_per_s - time.monotonic()))
             now_s = time.monotonic() - began
             if self.stopped:
                 continue
-            phase = picture % PHASES
+            phase = round(picture * 30 / self.pictures_per_s) % PHASES
             values = self.frozen or self.block.dented(phase)
             self.send_all(self.block.frame(self.epoch, now_s, values))
             if not self.feed_scope:
@@ -276,9 +277,12 @@ class StandIn:
             rows = due
 
     def scope(self, first, end):
-        rows = b"".join(struct.pack(f"<{len(COLUMNS)}f", *self.row(i / 100))
-                        for i in range(first, end))
-        return struct.pack("<BBHId", 1, 0, end - first, len(COLUMNS), 0.0) + rows
+        new = {i: self.row(i / 100) for i in range(first, end)}
+        self.sent_rows.update(new)
+        base_s = first / 100  # 32 bits hold the time since then to the microsecond
+        rows = b"".join(struct.pack(f"<{len(COLUMNS)}f", row[0] - base_s, *row[1:])
+                        for row in new.values())
+        return struct.pack("<BBHId", 1, 0, end - first, len(COLUMNS), base_s) + rows
 
     def row(self, time_s):
         share = time_s * 30 / PHASES % 1
