@@ -99,15 +99,10 @@ kernels::CoarseGrid make_coarse_grid(const std::vector<Eigen::Vector3d>& rest) {
   return coarse;
 }
 
-void invert_coarse(const kernels::SpringRows& rows,
-                   const std::vector<kernels::SpringTangent>& tangent,
-                   const std::vector<kernels::VertexForce>& vertex_force,
-                   const std::vector<std::uint8_t>& free, kernels::CoarseGrid& coarse) {
-  if (coarse.place.empty()) {
-    return;
-  }
-  const int unknowns = 3 * coarse.node_count;
-  Eigen::MatrixXf stiffness = Eigen::MatrixXf::Zero(unknowns, unknowns);
+void add_coarse_stiffness(const kernels::SpringRows& rows,
+                          const std::vector<kernels::SpringTangent>& tangent,
+                          const std::vector<std::uint8_t>& free, const kernels::CoarseGrid& coarse,
+                          Eigen::MatrixXf& stiffness) {
   // A spring pulls at each hat with the hat's difference between the spring's ends.
   std::array<std::int32_t, 16> node{};
   std::array<float, 16> difference{};
@@ -161,6 +156,11 @@ void invert_coarse(const kernels::SpringRows& rows,
       }
     }
   }
+}
+
+void finish_coarse(Eigen::MatrixXf& stiffness,
+                   const std::vector<kernels::VertexForce>& vertex_force,
+                   const std::vector<std::uint8_t>& free, kernels::CoarseGrid& coarse) {
   for (std::size_t i = 0; i < vertex_force.size(); ++i) {
     if (free[i] == 0 || vertex_force[i].home_stiffness_N_per_m == 0.0F) {
       continue;
@@ -173,6 +173,7 @@ void invert_coarse(const kernels::SpringRows& rows,
       }
     }
   }
+  const Eigen::Index unknowns = stiffness.rows();
   const float scale = stiffness.diagonal().maxCoeff();
   stiffness.diagonal().array() += kRelativeRegularisation * scale;
   const Eigen::LLT<Eigen::MatrixXf> factor(stiffness);
@@ -185,6 +186,23 @@ void invert_coarse(const kernels::SpringRows& rows,
   // Conjugate gradients need a symmetric preconditioner to the last digit.
   Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
       coarse.inverse_m_per_N.data(), unknowns, unknowns) = 0.5F * (inverse + inverse.transpose());
+}
+
+Eigen::MatrixXf begin_coarse(const kernels::CoarseGrid& coarse) {
+  const Eigen::Index unknowns = 3 * Eigen::Index{coarse.node_count};
+  return Eigen::MatrixXf::Zero(unknowns, unknowns);
+}
+
+void invert_coarse(const kernels::SpringRows& rows,
+                   const std::vector<kernels::SpringTangent>& tangent,
+                   const std::vector<kernels::VertexForce>& vertex_force,
+                   const std::vector<std::uint8_t>& free, kernels::CoarseGrid& coarse) {
+  if (coarse.place.empty()) {
+    return;
+  }
+  Eigen::MatrixXf stiffness = begin_coarse(coarse);
+  add_coarse_stiffness(rows, tangent, free, coarse, stiffness);
+  finish_coarse(stiffness, vertex_force, free, coarse);
 }
 
 }  // namespace forcegrid::simulator

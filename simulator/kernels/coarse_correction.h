@@ -21,6 +21,20 @@ namespace forcegrid::simulator {
 /// @returns the places alone; an empty grid for an object too small to gain from it.
 kernels::CoarseGrid make_coarse_grid(const std::vector<Eigen::Vector3d>& rest);
 
+/// P^T K P before anything is in it, for a grid that is not empty.
+Eigen::MatrixXf begin_coarse(const kernels::CoarseGrid& coarse);
+
+/// Adds the springs' part to the lower triangle.
+void add_coarse_stiffness(const kernels::SpringRows& rows,
+                          const std::vector<kernels::SpringTangent>& tangent,
+                          const std::vector<std::uint8_t>& free, const kernels::CoarseGrid& coarse,
+                          Eigen::MatrixXf& stiffness);
+
+/// Adds the home springs and inverts. Uses up `stiffness`.
+void finish_coarse(Eigen::MatrixXf& stiffness,
+                   const std::vector<kernels::VertexForce>& vertex_force,
+                   const std::vector<std::uint8_t>& free, kernels::CoarseGrid& coarse);
+
 /// Fills in the inverse of P^T K P for the springs' present tangents and the home springs.
 /// @param free  1 for a vertex that moves freely.
 void invert_coarse(const kernels::SpringRows& rows,

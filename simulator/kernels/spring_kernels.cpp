@@ -15,14 +15,12 @@ constexpr double kSmallestRelativeDeterminant = 1e-7;
 
 FORCEGRID_INLINE Float4 rotate_left(Float4 v) { return __builtin_shufflevector(v, v, 1, 2, 0, 3); }
 
-FORCEGRID_MULTIVERSION void find_precise_forces(const SpringRows& rows, const double* t_N_per_m,
-                                                const Precise* position, Precise* force) noexcept {
+FORCEGRID_MULTIVERSION void add_precise_forces_to(const SpringRows& rows, const double* t_N_per_m,
+                                                  const Precise* position,
+                                                  Precise* force) noexcept {
   const std::int32_t vertices = rows.active;
   const std::int32_t* const row_begin = rows.row_begin.data();
   const std::int32_t* const other = rows.other.data();
-  for (std::int32_t i = 0; i < rows.reach; ++i) {
-    force[i] = Precise{};
-  }
   for (std::int32_t i = 0; i < vertices; ++i) {
     const Double4 here = position[i].xyz;
     Double4 sum = force[i].xyz;
@@ -37,8 +35,8 @@ FORCEGRID_MULTIVERSION void find_precise_forces(const SpringRows& rows, const do
   }
 }
 
-FORCEGRID_MULTIVERSION void take_positions(std::int32_t vertex_count, const Lanes* state,
-                                           Single* position) noexcept {
+FORCEGRID_MULTIVERSION void take_positions_of(std::int32_t vertex_count, const Lanes* state,
+                                              Single* position) noexcept {
   for (std::int32_t i = 0; i < vertex_count; ++i) {
     position[i].xyz =
         Float4{state[i].component[0][0], state[i].component[1][0], state[i].component[2][0], 0.0F};
@@ -72,12 +70,11 @@ FORCEGRID_INLINE void add_row(std::int32_t begin, std::int32_t end, const std::i
   }
 }
 
-// -(H d) summed at each vertex; in lane 0 only t d, which is the spring's force.
-FORCEGRID_MULTIVERSION void find_residuals(const SpringRows& rows, const SpringTangent* tangent,
-                                           const Lanes* state, Lanes* residual) noexcept {
+// -(H d) added at each vertex; in lane 0 only t d, which is the spring's force.
+FORCEGRID_MULTIVERSION void add_residuals_of(const SpringRows& rows, const SpringTangent* tangent,
+                                             const Lanes* state, Lanes* residual) noexcept {
   const std::int32_t* const row_begin = rows.row_begin.data();
   const Float4 sensitivity_lanes{0.0F, 1.0F, 1.0F, 1.0F};
-  std::fill_n(residual, rows.reach, Lanes{});
   for (std::int32_t i = 0; i < rows.active; ++i) {
     const Float4 x[3] = {state[i].component[0], state[i].component[1], state[i].component[2]};
     Float4 r[3] = {residual[i].component[0], residual[i].component[1], residual[i].component[2]};
@@ -89,12 +86,9 @@ FORCEGRID_MULTIVERSION void find_residuals(const SpringRows& rows, const SpringT
   }
 }
 
-FORCEGRID_MULTIVERSION void find_blocks(const SpringRows& rows, const SpringTangent* tangent,
-                                        BlockInverse* block) noexcept {
+FORCEGRID_MULTIVERSION void add_blocks_of(const SpringRows& rows, const SpringTangent* tangent,
+                                          BlockInverse* block) noexcept {
   const std::int32_t vertices = rows.active;
-  for (std::int32_t i = 0; i < rows.reach; ++i) {
-    block[i] = BlockInverse{};
-  }
   for (std::int32_t i = 0; i < vertices; ++i) {
     BlockInverse sum = block[i];
     for (std::int32_t s = rows.row_begin[i]; s < rows.row_begin[i + 1]; ++s) {
@@ -294,15 +288,18 @@ void evaluate(const SpringRows& rows, const SpringConstants<float>* constants, b
               SpringTangent* tangent) noexcept {
   take_positions(rows.reach, state, position);
   find_tangents(rows, constants, exponential, position, tangent);
-  find_residuals(rows, tangent, state, residual);
+  std::fill_n(residual, rows.reach, Lanes{});
+  add_residuals(rows, tangent, state, residual);
 }
 
 void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, bool exponential,
               const Lanes* state, const Precise* position, double* t_N_per_m, Precise* force,
               Lanes* residual, SpringTangent* tangent) noexcept {
   find_tangents(rows, constants, exponential, position, t_N_per_m, tangent);
-  find_precise_forces(rows, t_N_per_m, position, force);
-  find_residuals(rows, tangent, state, residual);
+  std::fill_n(force, rows.reach, Precise{});
+  add_precise_forces(rows, t_N_per_m, position, force);
+  std::fill_n(residual, rows.reach, Lanes{});
+  add_residuals(rows, tangent, state, residual);
   const std::int32_t vertices = rows.active;
   for (std::int32_t i = 0; i < vertices; ++i) {
     for (int c = 0; c < 3; ++c) {
@@ -311,9 +308,29 @@ void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, 
   }
 }
 
+void take_positions(std::int32_t vertex_count, const Lanes* state, Single* position) noexcept {
+  take_positions_of(vertex_count, state, position);
+}
+
+void add_residuals(const SpringRows& rows, const SpringTangent* tangent, const Lanes* state,
+                   Lanes* residual) noexcept {
+  add_residuals_of(rows, tangent, state, residual);
+}
+
+void add_precise_forces(const SpringRows& rows, const double* t_N_per_m, const Precise* position,
+                        Precise* force) noexcept {
+  add_precise_forces_to(rows, t_N_per_m, position, force);
+}
+
+void add_blocks(const SpringRows& rows, const SpringTangent* tangent,
+                BlockInverse* block) noexcept {
+  add_blocks_of(rows, tangent, block);
+}
+
 void sum_blocks(const SpringRows& rows, const SpringTangent* tangent,
                 BlockInverse* block) noexcept {
-  find_blocks(rows, tangent, block);
+  std::fill_n(block, rows.reach, BlockInverse{});
+  add_blocks(rows, tangent, block);
 }
 
 Float4 precondition(std::int32_t vertex_count, const BlockInverse* inverse, const Lanes* residual,

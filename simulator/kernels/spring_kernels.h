@@ -23,8 +23,20 @@ void evaluate(const SpringRows& rows, const SpringConstants<double>* constants, 
               const Lanes* state, const Precise* position, double* t_N_per_m, Precise* force,
               Lanes* residual, SpringTangent* tangent) noexcept;
 
-/// block = sum of w w^T + max(t, 0) I over each vertex's springs, to be inverted by invert_block().
-/// The clamp keeps the preconditioner positive; K itself is not clamped.
+/// The parts of evaluate(). take_positions() copies lane 0 of the first `vertex_count` states;
+/// add_residuals() adds what the springs' tangents give to `residual`, -t d in lane 0 included;
+/// add_precise_forces() adds the springs' forces in double.
+void take_positions(std::int32_t vertex_count, const Lanes* state, Single* position) noexcept;
+void add_residuals(const SpringRows& rows, const SpringTangent* tangent, const Lanes* state,
+                   Lanes* residual) noexcept;
+void add_precise_forces(const SpringRows& rows, const double* t_N_per_m, const Precise* position,
+                        Precise* force) noexcept;
+
+/// block += sum of w w^T + max(t, 0) I over each vertex's springs, to be inverted by
+/// invert_block(). The clamp keeps the preconditioner positive; K itself is not clamped.
+void add_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInverse* block) noexcept;
+
+/// The same from zero.
 void sum_blocks(const SpringRows& rows, const SpringTangent* tangent, BlockInverse* block) noexcept;
 
 /// product = K direction; `product` must be zero before.

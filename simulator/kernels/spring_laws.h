@@ -9,18 +9,22 @@
 
 namespace forcegrid::simulator::kernels {
 
+/// How much of the object the kernels work on: the rows of the vertices below `active` alone, which
+/// lead to vertices below `reach`. Both are the number of vertices unless a part is solved by
+/// itself.
+struct Extent {
+  std::int32_t active = 0;
+  std::int32_t reach = 0;
+};
+
 /// The springs, sorted by their lower vertex: those of vertex i are row_begin[i] .. row_begin[i +
 /// 1] - 1 and lead from owner[] = i to other[] > i. Both lists, and every array with one entry per
 /// spring, are padded to a multiple of kSpringPadding with springs from vertex 0 to itself that no
 /// row contains.
-struct SpringRows {
+struct SpringRows : Extent {
   std::vector<std::int32_t> row_begin;
   std::vector<std::int32_t> owner;
   std::vector<std::int32_t> other;
-  /// The kernels work on the rows of the vertices below `active` alone, whose springs lead to
-  /// vertices below `reach`: both are the number of vertices unless a part is solved by itself.
-  std::int32_t active = 0;
-  std::int32_t reach = 0;
   std::int32_t vertex_count() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
 };
 inline constexpr std::size_t kSpringPadding = 16;

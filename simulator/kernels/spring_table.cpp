@@ -2,6 +2,7 @@
 #include "simulator/kernels/spring_table.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace forcegrid::simulator {
 
@@ -66,5 +67,42 @@ std::vector<kernels::VertexForce> make_vertex_forces(const SpringMesh& mesh,
   }
   return forces;
 }
+
+template <typename Real>
+void renumber_springs(const std::vector<std::int32_t>& order, kernels::SpringRows& rows,
+                      std::vector<kernels::SpringConstants<Real>>& constants) {
+  std::vector<std::int32_t> number(order.size());
+  for (std::size_t n = 0; n < order.size(); ++n) {
+    number[static_cast<std::size_t>(order[n])] = static_cast<std::int32_t>(n);
+  }
+  struct Ends {
+    std::int32_t low;
+    std::int32_t high;
+    std::size_t was;
+  };
+  std::vector<Ends> springs(static_cast<std::size_t>(rows.row_begin.back()));
+  for (std::size_t s = 0; s < springs.size(); ++s) {
+    const auto [low, high] = std::minmax({number[static_cast<std::size_t>(rows.owner[s])],
+                                          number[static_cast<std::size_t>(rows.other[s])]});
+    springs[s] = {low, high, s};
+  }
+  std::sort(springs.begin(), springs.end(), [](const Ends& a, const Ends& b) {
+    return a.low != b.low ? a.low < b.low : a.high < b.high;
+  });
+  const std::vector<kernels::SpringConstants<Real>> before = constants;
+  std::fill(rows.row_begin.begin(), rows.row_begin.end(), 0);
+  for (std::size_t s = 0; s < springs.size(); ++s) {
+    rows.owner[s] = springs[s].low;
+    rows.other[s] = springs[s].high;
+    constants[s] = before[springs[s].was];
+    ++rows.row_begin[static_cast<std::size_t>(springs[s].low) + 1];
+  }
+  std::partial_sum(rows.row_begin.begin(), rows.row_begin.end(), rows.row_begin.begin());
+}
+
+template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
+                               std::vector<kernels::SpringConstants<float>>&);
+template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
+                               std::vector<kernels::SpringConstants<double>>&);
 
 }  // namespace forcegrid::simulator

@@ -29,6 +29,16 @@ SpringTable<Real> make_spring_table(const SpringMesh& mesh);
 extern template SpringTable<float> make_spring_table(const SpringMesh&);
 extern template SpringTable<double> make_spring_table(const SpringMesh&);
 
+/// Renumbers the springs' ends, order[n] becoming n, and sorts them by their lower vertex again.
+template <typename Real>
+void renumber_springs(const std::vector<std::int32_t>& order, kernels::SpringRows& rows,
+                      std::vector<kernels::SpringConstants<Real>>& constants);
+
+extern template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
+                                      std::vector<kernels::SpringConstants<float>>&);
+extern template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
+                                      std::vector<kernels::SpringConstants<double>>&);
+
 /// Home springs and loads, one per vertex; empty if only springs pull.
 /// @param rest_m  the vertices' rest positions from the solver's own origin.
 std::vector<kernels::VertexForce> make_vertex_forces(const SpringMesh& mesh,

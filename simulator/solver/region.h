@@ -3,17 +3,18 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <span>
 #include <vector>
 
-#include "simulator/kernels/spring_kernels.h"
+#include "simulator/kernels/spring_laws.h"
 
 namespace forcegrid::simulator {
 
 /// The part of an object around the tool that is solved, in rings: level 0 is the held patch, and
-/// level n holds the vertices n springs away from it. Vertices that no springs connect to the patch
-/// form the last level. Vertices are numbered by level, so that a region is the head of every
-/// array, and its vertices' springs lead at most one level further. Source: the solver study,
-/// section on local solving.
+/// level n holds the vertices n springs or element edges away from it. Vertices that no springs
+/// connect to the patch form the last level. Vertices are numbered by level, so that a region is
+/// the head of every array, and its vertices' springs lead at most one level further. Source: the
+/// solver study, section on local solving.
 ///
 /// The levels below solved() are solved. The level after them, the border, is evaluated, and the
 /// one after that is read. Farther out the object stays where it was when the region last reached
@@ -28,6 +29,10 @@ class Region {
   ///          the patch first.
   std::vector<std::int32_t> number_around(const std::vector<std::int32_t>& patch,
                                           const kernels::SpringRows& rows);
+  /// The same for pairs of vertices (first[n], second[n]) that act on each other.
+  std::vector<std::int32_t> number_around(const std::vector<std::int32_t>& patch,
+                                          std::span<const std::int32_t> first,
+                                          std::span<const std::int32_t> second);
 
   int levels() const noexcept { return static_cast<int>(level_begin_.size()) - 1; }
   int solved() const noexcept { return solved_; }
@@ -40,11 +45,11 @@ class Region {
   int limited(int levels, int vertices) const noexcept;
 
   /// Makes the region the whole object; no vertex is left outside.
-  void whole(kernels::SpringRows& rows) noexcept;
+  void whole(kernels::Extent& extent) noexcept;
 
-  /// Solves `levels` levels from now on, in 1..levels(), and sets the region's limits in `rows`.
+  /// Solves `levels` levels from now on, in 1..levels(), and sets the region's limits in `extent`.
   /// @param displacement  of the tool, stored for the vertices that are no longer reached.
-  void set(int levels, const Eigen::Vector3d& displacement, kernels::SpringRows& rows) noexcept;
+  void set(int levels, const Eigen::Vector3d& displacement, kernels::Extent& extent) noexcept;
 
   /// How many vertices a region of at most `vertices` vertices visits, including its border and
   /// what the border reads.
@@ -80,15 +85,5 @@ void permute(const std::vector<std::int32_t>& order, std::vector<Value>& values)
   }
   values.swap(sorted);
 }
-
-/// Renumbers the springs' ends, order[n] becoming n, and sorts them by their lower vertex again.
-template <typename Real>
-void renumber_springs(const std::vector<std::int32_t>& order, kernels::SpringRows& rows,
-                      std::vector<kernels::SpringConstants<Real>>& constants);
-
-extern template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
-                                      std::vector<kernels::SpringConstants<float>>&);
-extern template void renumber_springs(const std::vector<std::int32_t>&, kernels::SpringRows&,
-                                      std::vector<kernels::SpringConstants<double>>&);
 
 }  // namespace forcegrid::simulator

@@ -57,12 +57,8 @@ StateWithSensitivities<Real>::StateWithSensitivities(const SpringMesh& mesh)
   for (const Eigen::Vector3d& position_W : mesh.rest_position_W) {
     rest_.push_back(position_W - origin_W_);
   }
-  SpringTable<Real> table = make_spring_table<Real>(mesh);
-  springs_ = table.springs;
-  rows_ = std::move(table.rows);
-  constants_ = std::move(table.constants);
-  exponential_ = table.exponential;
-  tangent_.resize(constants_.size());
+  springs_ = mesh.springs.size();
+  models_ = make_force_models<Real>(mesh);
   vertex_force_ = make_vertex_forces(mesh, rest_);
   home_N_per_m_ = kernels::home_stiffness_N_per_m(vertex_force_);
   mesh_number_.resize(n);
@@ -78,7 +74,6 @@ StateWithSensitivities<Real>::StateWithSensitivities(const SpringMesh& mesh)
     position_.resize(n);
     saved_position_.resize(n);
     force_.resize(n);
-    t_N_per_m_.resize(tangent_.size());
   } else {
     single_position_.resize(n);
   }
@@ -94,12 +89,16 @@ std::size_t StateWithSensitivities<Real>::memory_bytes() const noexcept {
   const auto bytes = [](const auto&... vectors) {
     return (... + (vectors.capacity() * sizeof(*vectors.data())));
   };
-  return sizeof *this +
-         bytes(rest_, fixed_, free_, patch_, mesh_number_, own_number_, rows_.row_begin,
-               rows_.owner, rows_.other, constants_, vertex_force_, home_N_per_m_, constrained_,
-               state_, residual_, direction_, product_, saved_state_, inverse_, tangent_, position_,
-               saved_position_, force_, t_N_per_m_, single_position_, coarse_.place, coarse_.cell,
-               coarse_.member, coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
+  std::size_t models = 0;
+  for (const auto& model : models_) {
+    models += model->memory_bytes();
+  }
+  return sizeof *this + models +
+         bytes(rest_, fixed_, free_, patch_, mesh_number_, own_number_, models_, vertex_force_,
+               home_N_per_m_, constrained_, state_, residual_, direction_, product_, saved_state_,
+               inverse_, position_, saved_position_, force_, single_position_, coarse_.place,
+               coarse_.cell, coarse_.member, coarse_.inverse_m_per_N, coarse_residual_,
+               coarse_correction_);
 }
 
 template <typename Real>
@@ -121,7 +120,8 @@ void StateWithSensitivities<Real>::hold(std::vector<std::int32_t> patch, bool nu
 template <typename Real>
 void StateWithSensitivities<Real>::release() noexcept {
   patch_.clear();
-  region_.whole(rows_);
+  region_.whole(extent_);
+  limit_models();
   stand_at_rest();
 }
 
@@ -145,7 +145,13 @@ void StateWithSensitivities<Real>::stand_at_rest() noexcept {
 // Grabbed first, then ring by ring, so that a region is the head of every array.
 template <typename Real>
 void StateWithSensitivities<Real>::number_around_patch() {
-  const std::vector<std::int32_t> order = region_.number_around(patch_, rows_);
+  std::vector<std::int32_t> lower;
+  std::vector<std::int32_t> upper;
+  for (const auto& model : models_) {
+    lower.insert(lower.end(), model->lower().begin(), model->lower().end());
+    upper.insert(upper.end(), model->upper().begin(), model->upper().end());
+  }
+  const std::vector<std::int32_t> order = region_.number_around(patch_, lower, upper);
   permute(order, rest_);
   permute(order, fixed_);
   permute(order, free_);
@@ -154,19 +160,36 @@ void StateWithSensitivities<Real>::number_around_patch() {
     permute(order, vertex_force_);
     permute(order, home_N_per_m_);
   }
-  renumber_springs(order, rows_, constants_);
+  for (const auto& model : models_) {
+    model->renumber(order);
+  }
   for (std::size_t i = 0; i < rest_.size(); ++i) {
     own_number_[static_cast<std::size_t>(mesh_number_[i])] = i;
   }
   std::iota(patch_.begin(), patch_.end(), 0);
   coarse_ = make_coarse_grid(rest_);
   stand_at_rest();
-  region_.whole(rows_);
+  region_.whole(extent_);
+  limit_models();
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::limit_models() noexcept {
+  for (const auto& model : models_) {
+    model->limit(extent_);
+  }
 }
 
 template <typename Real>
 void StateWithSensitivities<Real>::invert_coarse() {
-  simulator::invert_coarse(rows_, tangent_, vertex_force_, free_, coarse_);
+  if (coarse_.place.empty()) {
+    return;
+  }
+  Eigen::MatrixXf stiffness = begin_coarse(coarse_);
+  for (const auto& model : models_) {
+    model->add_coarse_stiffness(free_, coarse_, stiffness);
+  }
+  finish_coarse(stiffness, vertex_force_, free_, coarse_);
 }
 
 template <typename Real>
@@ -192,7 +215,7 @@ void StateWithSensitivities<Real>::set_position(std::size_t i,
 
 template <typename Real>
 Eigen::Vector3d StateWithSensitivities<Real>::standing_position(std::size_t i) const noexcept {
-  if (static_cast<std::int32_t>(i) < rows_.reach) {
+  if (static_cast<std::int32_t>(i) < extent_.reach) {
     return position(i);
   }
   const Eigen::Vector3d way = displacement_ - region_.place(static_cast<std::int32_t>(i));
@@ -206,9 +229,10 @@ Eigen::Matrix3d StateWithSensitivities<Real>::sensitivity(std::size_t i) const n
 
 template <typename Real>
 void StateWithSensitivities<Real>::change_region(int levels) noexcept {
-  const std::int32_t reached = rows_.reach;
-  region_.set(levels, displacement_, rows_);
-  for (std::int32_t i = reached; i < rows_.reach; ++i) {
+  const std::int32_t reached = extent_.reach;
+  region_.set(levels, displacement_, extent_);
+  limit_models();
+  for (std::int32_t i = reached; i < extent_.reach; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const Eigen::Matrix3d s = sensitivity(at);
     const Eigen::Vector3d from = position(at);
@@ -222,7 +246,7 @@ void StateWithSensitivities<Real>::change_region(int levels) noexcept {
     direction_[at] = product_[at] = Lanes{};
   }
   // Nothing corrects S out there, so its trend from when it was solved must not continue.
-  for (std::int32_t i = region_.solved_vertices(); i < rows_.reach; ++i) {
+  for (std::int32_t i = region_.solved_vertices(); i < extent_.reach; ++i) {
     saved_state_[static_cast<std::size_t>(i)] = state_[static_cast<std::size_t>(i)];
   }
   preconditioner_valid_ = false;
@@ -244,9 +268,9 @@ void StateWithSensitivities<Real>::advance_to(const Eigen::Vector3d& displacemen
   const double trend = last_step.isZero(0.0) ? 0.0 : step.dot(last_step) / last_step.squaredNorm();
   const bool trust = trend_valid_ && std::abs(trend) <= kLargestTrend;
   if constexpr (kDouble) {
-    std::copy_n(position_.begin(), rows_.reach, saved_position_.begin());
+    std::copy_n(position_.begin(), extent_.reach, saved_position_.begin());
   }
-  kernels::predict(rows_.reach, step_m.data(), trust ? static_cast<float>(trend) : 0.0F,
+  kernels::predict(extent_.reach, step_m.data(), trust ? static_cast<float>(trend) : 0.0F,
                    state_.data(), saved_state_.data());
   absorb_correction();
   saved_displacement_ = displacement_;
@@ -257,9 +281,9 @@ void StateWithSensitivities<Real>::advance_to(const Eigen::Vector3d& displacemen
 
 template <typename Real>
 void StateWithSensitivities<Real>::restore() noexcept {
-  std::copy_n(saved_state_.begin(), rows_.reach, state_.begin());
+  std::copy_n(saved_state_.begin(), extent_.reach, state_.begin());
   if constexpr (kDouble) {
-    std::copy_n(saved_position_.begin(), rows_.reach, position_.begin());
+    std::copy_n(saved_position_.begin(), extent_.reach, position_.begin());
   }
   displacement_ = saved_displacement_;
   trend_valid_ = false;
@@ -280,7 +304,7 @@ void StateWithSensitivities<Real>::restore_under_tool() noexcept {
 template <typename Real>
 void StateWithSensitivities<Real>::absorb_correction() noexcept {
   if constexpr (kDouble) {
-    for (std::size_t i = 0; i < static_cast<std::size_t>(rows_.reach); ++i) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(extent_.reach); ++i) {
       for (int c = 0; c < 3; ++c) {
         position_[i].xyz[c] += static_cast<double>(state_[i].component[c][0]);
         state_[i].component[c][0] = 0.0F;
@@ -289,23 +313,24 @@ void StateWithSensitivities<Real>::absorb_correction() noexcept {
   }
 }
 
+// Where the first `count` vertices are, for the models.
 template <typename Real>
-double StateWithSensitivities<Real>::energy_J() const noexcept {
+const typename ForceModel<Real>::Position* StateWithSensitivities<Real>::model_positions(
+    std::int32_t count) noexcept {
+  if constexpr (kDouble) {
+    return position_.data();
+  } else {
+    kernels::take_positions(count, state_.data(), single_position_.data());
+    return single_position_.data();
+  }
+}
+
+template <typename Real>
+double StateWithSensitivities<Real>::energy_J() noexcept {
   double sum_J = 0.0;
-  for (std::size_t a = 0; a < rest_.size(); ++a) {
-    const Eigen::Vector3d here = position(a);
-    for (std::int32_t s = rows_.row_begin[a]; s < rows_.row_begin[a + 1]; ++s) {
-      const auto at = static_cast<std::size_t>(s);
-      const auto b = static_cast<std::size_t>(rows_.other[at]);
-      const kernels::SpringConstants<Real>& law = constants_[at];
-      const auto inverse_length = static_cast<double>(law.inverse_length_per_m);
-      const auto exponent = static_cast<double>(law.exponent);
-      const double strain = (position(b) - here).norm() * inverse_length - 1.0;
-      const double root =
-          exponent > 0.0 ? 2.0 * std::sinh(0.5 * exponent * strain) / exponent : strain;
-      sum_J += static_cast<double>(law.scale_N) / inverse_length *
-               (0.5 * root * root + 0.25 * static_cast<double>(law.cubic) * std::pow(strain, 4));
-    }
+  const auto* const positions = model_positions(static_cast<std::int32_t>(rest_.size()));
+  for (const auto& model : models_) {
+    sum_J += model->energy_J(positions);
   }
   for (std::size_t i = 0; i < vertex_force_.size(); ++i) {
     const kernels::VertexForce& force = vertex_force_[i];
@@ -356,7 +381,7 @@ template <typename Real>
 std::span<const kernels::VertexForce> StateWithSensitivities<Real>::active_forces() const noexcept {
   return vertex_force_.empty()
              ? std::span<const kernels::VertexForce>{}
-             : std::span(vertex_force_).first(static_cast<std::size_t>(rows_.active));
+             : std::span(vertex_force_).first(static_cast<std::size_t>(extent_.active));
 }
 
 template <typename Real>
@@ -365,10 +390,13 @@ void StateWithSensitivities<Real>::update_preconditioner() noexcept {
       (displacement_ - preconditioner_displacement_).norm() <= kPreconditionerReach_m) {
     return;
   }
-  kernels::sum_blocks(rows_, tangent_.data(), inverse_.data());
+  std::fill_n(inverse_.begin(), extent_.reach, kernels::BlockInverse{});
+  for (const auto& model : models_) {
+    model->add_blocks(inverse_.data());
+  }
   kernels::add_home_blocks(active_forces(), inverse_.data());
   const auto solved = static_cast<std::size_t>(region_.solved_vertices());
-  for (std::size_t i = 0; i < static_cast<std::size_t>(rows_.reach); ++i) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(extent_.reach); ++i) {
     kernels::invert_block(inverse_[i], free_[i] != 0 && i < solved);
   }
   preconditioner_displacement_ = displacement_;
@@ -377,21 +405,29 @@ void StateWithSensitivities<Real>::update_preconditioner() noexcept {
 
 template <typename Real>
 Evaluation StateWithSensitivities<Real>::evaluate() noexcept {
-  const kernels::Precise* force = nullptr;
+  const auto* const positions = model_positions(extent_.reach);
+  kernels::Precise* const force = kDouble ? force_.data() : nullptr;
+  std::fill_n(residual_.begin(), extent_.reach, Lanes{});
   if constexpr (kDouble) {
-    kernels::evaluate(rows_, constants_.data(), exponential_, state_.data(), position_.data(),
-                      t_N_per_m_.data(), force_.data(), residual_.data(), tangent_.data());
+    std::fill_n(force_.begin(), extent_.reach, kernels::Precise{});
+  }
+  for (const auto& model : models_) {
+    model->evaluate(state_.data(), positions, force, residual_.data());
+  }
+  if constexpr (kDouble) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(extent_.active); ++i) {
+      for (int c = 0; c < 3; ++c) {
+        residual_[i].component[c][0] = static_cast<float>(force_[i].xyz[c]);
+      }
+    }
     kernels::add_vertex_forces(active_forces(), state_.data(), position_.data(), force_.data(),
                                residual_.data());
-    force = force_.data();
   } else {
-    kernels::evaluate(rows_, constants_.data(), exponential_, state_.data(),
-                      single_position_.data(), residual_.data(), tangent_.data());
     kernels::add_vertex_forces(active_forces(), state_.data(), residual_.data());
   }
   update_preconditioner();
   const kernels::StateSums sums =
-      kernels::summarise(rows_.active, inverse_.data(), state_.data(), residual_.data(), force);
+      kernels::summarise(extent_.active, inverse_.data(), state_.data(), residual_.data(), force);
   Evaluation found;
   for (const std::int32_t i : patch_) {
     const auto at = static_cast<std::size_t>(i);
@@ -424,9 +460,9 @@ Evaluation StateWithSensitivities<Real>::evaluate() noexcept {
 template <typename Real>
 double StateWithSensitivities<Real>::silence_border() noexcept {
   double border_work_N = 0.0;
-  for (std::int32_t i = region_.solved_vertices(); i < rows_.reach; ++i) {
+  for (std::int32_t i = region_.solved_vertices(); i < extent_.reach; ++i) {
     const auto at = static_cast<std::size_t>(i);
-    if (i < rows_.active && free_[at] != 0) {
+    if (i < extent_.active && free_[at] != 0) {
       Eigen::Vector3d residual_N;
       for (int c = 0; c < 3; ++c) {
         residual_N[c] = static_cast<double>(residual_[at].component[c][0]);
@@ -441,7 +477,7 @@ double StateWithSensitivities<Real>::silence_border() noexcept {
 // The vertices' half of the preconditioner; what it finds is enough to see whether to go on.
 template <typename Real>
 kernels::StepSums StateWithSensitivities<Real>::take_step(Float4 alpha) noexcept {
-  return kernels::take_step(rows_.reach, alpha, inverse_.data(), no_coarse_, direction_.data(),
+  return kernels::take_step(extent_.reach, alpha, inverse_.data(), no_coarse_, direction_.data(),
                             state_.data(), residual_.data(), product_.data(), nullptr);
 }
 
@@ -455,8 +491,20 @@ Float4 StateWithSensitivities<Real>::precondition_coarsely() noexcept {
 template <typename Real>
 void StateWithSensitivities<Real>::next_direction(Float4 beta,
                                                   const kernels::CoarseGrid& coarse) noexcept {
-  kernels::next_direction(rows_.reach, beta, inverse_.data(), coarse, coarse_correction_.data(),
+  kernels::next_direction(extent_.reach, beta, inverse_.data(), coarse, coarse_correction_.data(),
                           direction_.data(), product_.data());
+}
+
+// product += K direction; the last model's dot products are those of all.
+template <typename Real>
+Float4 StateWithSensitivities<Real>::apply_stiffness() noexcept {
+  const float* const home_N_per_m = home_N_per_m_.empty() ? nullptr : home_N_per_m_.data();
+  Float4 curvature{};
+  for (const auto& model : models_) {
+    curvature = model->apply_stiffness(model == models_.back() ? home_N_per_m : nullptr,
+                                       direction_.data(), product_.data());
+  }
+  return curvature;
 }
 
 template <typename Real>
@@ -466,14 +514,12 @@ Descent StateWithSensitivities<Real>::descend(int max_iterations, double residua
   const bool has_coarse = !coarse().place.empty();
   const Float4 zero{};
   const Float4 first =
-      kernels::precondition(rows_.reach, inverse_.data(), residual_.data(), product_.data()) +
+      kernels::precondition(extent_.reach, inverse_.data(), residual_.data(), product_.data()) +
       precondition_coarsely();
   next_direction(zero, coarse());
   Float4 before = first;
-  const float* const home_N_per_m = home_N_per_m_.empty() ? nullptr : home_N_per_m_.data();
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const Float4 curvature = kernels::apply_stiffness(rows_, tangent_.data(), home_N_per_m,
-                                                      direction_.data(), product_.data());
+    const Float4 curvature = apply_stiffness();
     Float4 alpha{};
     bool active = false;
     for (int lane = 0; lane < 4; ++lane) {
@@ -537,7 +583,7 @@ template <typename Real>
 void StateWithSensitivities<Real>::correct(const Neighbourhood& was,
                                            const Neighbourhood& is) noexcept {
   const auto count = static_cast<std::int32_t>(std::min(was.vertices.size(), is.vertices.size()));
-  const std::int32_t solved = std::min(count, rows_.reach);
+  const std::int32_t solved = std::min(count, extent_.reach);
   const Eigen::Vector3f way = (displacement_ - was.displacement_W).template cast<float>();
   const Eigen::Vector3f saved_way =
       (saved_displacement_ - was.displacement_W).template cast<float>();

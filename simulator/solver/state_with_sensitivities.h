@@ -3,10 +3,12 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <type_traits>
 #include <vector>
 
+#include "simulator/kernels/force_model.h"
 #include "simulator/kernels/spring_kernels.h"
 #include "simulator/kernels/vertex_forces.h"
 #include "simulator/mesh/spring_mesh.h"
@@ -55,7 +57,7 @@ class StateWithSensitivities {
   std::size_t own_number(std::size_t mesh) const noexcept { return own_number_[mesh]; }
   Region& region() noexcept { return region_; }
   const Region& region() const noexcept { return region_; }
-  std::int32_t evaluated_vertices() const noexcept { return rows_.active; }
+  std::int32_t evaluated_vertices() const noexcept { return extent_.active; }
 
   /// Calls visit(own number) for each vertex that a grab would hold.
   template <typename Visit>
@@ -118,9 +120,8 @@ class StateWithSensitivities {
   Eigen::Vector3d standing_position(std::size_t i) const noexcept;
   Eigen::Matrix3d sensitivity(std::size_t i) const noexcept;
 
-  /// [J] The springs' energy, k l0^2 (2 (sinh(a e / 2) / a)^2 + c e^4 / 4) each, which is
-  /// k l0^2 (e^2 / 2 + c e^4 / 4) for a = 0; the home springs' and the loads'.
-  double energy_J() const noexcept;
+  /// [J] The force models' energy, the home springs' and the loads'.
+  double energy_J() noexcept;
 
   // For a search along a correction of the positions, which uses what restore() would need.
   void save() noexcept;                                          ///< the state to search from
@@ -133,6 +134,8 @@ class StateWithSensitivities {
   static constexpr bool kDouble = std::is_same_v<Real, double>;
 
   void number_around_patch();
+  void limit_models() noexcept;
+  const typename ForceModel<Real>::Position* model_positions(std::int32_t count) noexcept;
   void stand_at_rest() noexcept;
   void place_patch() noexcept;
   void update_preconditioner() noexcept;
@@ -144,6 +147,7 @@ class StateWithSensitivities {
   }
   kernels::StepSums take_step(kernels::Float4 alpha) noexcept;
   kernels::Float4 precondition_coarsely() noexcept;
+  kernels::Float4 apply_stiffness() noexcept;
   void next_direction(kernels::Float4 beta, const kernels::CoarseGrid& coarse) noexcept;
 
   Eigen::Vector3d origin_W_;
@@ -156,10 +160,9 @@ class StateWithSensitivities {
   Region region_;
   std::vector<std::int32_t> constrained_;  // fixed vertices and the patch
   std::size_t springs_ = 0;
-  kernels::SpringRows rows_;
-  std::vector<kernels::SpringConstants<Real>> constants_;
-  bool exponential_ = false;                        // some spring has an exponent
-  std::vector<kernels::VertexForce> vertex_force_;  // empty: nothing but springs pulls
+  std::vector<std::unique_ptr<ForceModel<Real>>> models_;
+  kernels::Extent extent_;
+  std::vector<kernels::VertexForce> vertex_force_;  // empty: nothing but the models pulls
   std::vector<float> home_N_per_m_;                 // of vertex_force_
 
   std::vector<kernels::Lanes> state_;
@@ -168,11 +171,9 @@ class StateWithSensitivities {
   std::vector<kernels::Lanes> product_;
   std::vector<kernels::Lanes> saved_state_;
   std::vector<kernels::BlockInverse> inverse_;
-  std::vector<kernels::SpringTangent> tangent_;
   std::vector<kernels::Precise> position_;  // double only
   std::vector<kernels::Precise> saved_position_;
   std::vector<kernels::Precise> force_;
-  std::vector<double> t_N_per_m_;
   std::vector<kernels::Single> single_position_;  // float only
   kernels::CoarseGrid coarse_;
   kernels::CoarseGrid no_coarse_;
