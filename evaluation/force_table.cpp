@@ -91,6 +91,20 @@ ContentHash object_hash(const simulator::SpringMesh& mesh, const TableOptions& o
     hash.add(spring.natural_length_m);
     hash.add(static_cast<std::uint64_t>(spring.law));
   }
+  for (const simulator::Tetrahedron& element : mesh.tetrahedra) {
+    for (const std::int32_t vertex : element.vertex) {
+      hash.add(static_cast<std::uint64_t>(vertex));
+    }
+    hash.add(static_cast<std::uint64_t>(element.material));
+  }
+  for (const simulator::ElementMaterial& material : mesh.materials) {
+    hash.add(static_cast<std::uint64_t>(material.model));
+    hash.add(material.youngs_modulus_Pa);
+    hash.add(material.poissons_ratio);
+  }
+  for (const Vector3d& position_W : mesh.unstrained_W) {
+    add(hash, position_W);
+  }
   for (const simulator::SpringLaw& law : mesh.laws) {
     hash.add(law.cubic_coefficient);
     hash.add(law.exponent);

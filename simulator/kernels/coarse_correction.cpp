@@ -42,6 +42,38 @@ Hats hats(const kernels::CoarseGrid& coarse, const CoarsePlace& place) {
   return result;
 }
 
+// The hats that a pair of vertices sees, and their weights at either of them; a vertex that can't
+// move sees none.
+struct PairHats {
+  PairHats(const Hats& at_lower, bool lower_free, const Hats& at_upper, bool upper_free) {
+    for (std::size_t k = 0; k < 8; ++k) {
+      if (lower_free) {
+        lower[place_of(at_lower.node[k])] += at_lower.weight[k];
+      }
+    }
+    for (std::size_t k = 0; k < 8; ++k) {
+      if (upper_free) {
+        upper[place_of(at_upper.node[k])] += at_upper.weight[k];
+      }
+    }
+  }
+
+  std::size_t place_of(std::int32_t wanted) {
+    for (std::size_t k = 0; k < count; ++k) {
+      if (node[k] == wanted) {
+        return k;
+      }
+    }
+    node[count] = wanted;
+    return count++;
+  }
+
+  std::size_t count = 0;
+  std::array<std::int32_t, 16> node{};
+  std::array<float, 16> lower{};
+  std::array<float, 16> upper{};
+};
+
 void sort_by_cell(kernels::CoarseGrid& coarse) {
   std::vector<std::int32_t> order(coarse.place.size());
   std::iota(order.begin(), order.end(), 0);
@@ -151,6 +183,39 @@ void add_coarse_stiffness(const kernels::SpringRows& rows,
           if (node[column] <= node[row]) {
             stiffness.block<3, 3>(3 * node[row], 3 * node[column]) +=
                 difference[row] * difference[column] * tangent_stiffness;
+          }
+        }
+      }
+    }
+  }
+}
+
+void add_coarse_stiffness(const kernels::SpringRows& rows,
+                          const std::vector<kernels::EdgeStiffness>& edge,
+                          const std::vector<std::uint8_t>& free, const kernels::CoarseGrid& coarse,
+                          Eigen::MatrixXf& stiffness) {
+  for (std::int32_t a = 0; a < rows.vertex_count(); ++a) {
+    const auto i = static_cast<std::size_t>(a);
+    const Hats lower = hats(coarse, coarse.place[i]);
+    for (std::int32_t s = rows.row_begin[i]; s < rows.row_begin[i + 1]; ++s) {
+      const auto at = static_cast<std::size_t>(s);
+      const auto j = static_cast<std::size_t>(rows.other[at]);
+      if (free[i] == 0 && free[j] == 0) {
+        continue;
+      }
+      const PairHats pair(lower, free[i] != 0, hats(coarse, coarse.place[j]), free[j] != 0);
+      Eigen::Matrix3f h;
+      for (int c = 0; c < 3; ++c) {
+        for (int d = 0; d < 3; ++d) {
+          h(c, d) = edge[at].row[c][d];
+        }
+      }
+      for (std::size_t row = 0; row < pair.count; ++row) {
+        const Eigen::Matrix3f pull = pair.lower[row] * h - pair.upper[row] * h.transpose();
+        for (std::size_t column = 0; column < pair.count; ++column) {
+          if (pair.node[column] <= pair.node[row]) {
+            stiffness.block<3, 3>(3 * pair.node[row], 3 * pair.node[column]) +=
+                (pair.lower[column] - pair.upper[column]) * pull;
           }
         }
       }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "simulator/kernels/element_kernels.h"
 #include "simulator/kernels/spring_kernels.h"
 #include "simulator/kernels/vertex_forces.h"
 
@@ -27,6 +28,12 @@ Eigen::MatrixXf begin_coarse(const kernels::CoarseGrid& coarse);
 /// Adds the springs' part to the lower triangle.
 void add_coarse_stiffness(const kernels::SpringRows& rows,
                           const std::vector<kernels::SpringTangent>& tangent,
+                          const std::vector<std::uint8_t>& free, const kernels::CoarseGrid& coarse,
+                          Eigen::MatrixXf& stiffness);
+
+/// The same of elements' edges.
+void add_coarse_stiffness(const kernels::SpringRows& rows,
+                          const std::vector<kernels::EdgeStiffness>& edge,
                           const std::vector<std::uint8_t>& free, const kernels::CoarseGrid& coarse,
                           Eigen::MatrixXf& stiffness);
 

@@ -50,6 +50,25 @@ FORCEGRID_MULTIVERSION void add_forces(const SpringRows& rows, const double* t_N
   }
 }
 
+FORCEGRID_MULTIVERSION void add_edge_products_to(const SpringRows& rows, const EdgeStiffness* edge,
+                                                 const double* scale, const Precise* direction,
+                                                 Precise* product) noexcept {
+  const std::int32_t vertices = rows.vertex_count();
+  for (std::int32_t i = 0; i < vertices; ++i) {
+    const Double4 here = direction[i].xyz;
+    Double4 sum = product[i].xyz;
+    for (std::int32_t s = rows.row_begin[i]; s < rows.row_begin[i + 1]; ++s) {
+      const Double4 x = __builtin_convertvector(edge[s].row[0], Double4);
+      const Double4 y = __builtin_convertvector(edge[s].row[1], Double4);
+      const Double4 z = __builtin_convertvector(edge[s].row[2], Double4);
+      const Double4 d = all(scale[i]) * (here - direction[rows.other[s]].xyz);
+      sum += Double4{sum_of(x * d), sum_of(y * d), sum_of(z * d), 0.0};
+      product[rows.other[s]].xyz -= all(d[0]) * x + all(d[1]) * y + all(d[2]) * z;
+    }
+    product[i].xyz = sum;
+  }
+}
+
 FORCEGRID_MULTIVERSION void descend_on(std::size_t count, double alpha, const std::uint8_t* free,
                                        const SymmetricBlock* inverse, const Precise* direction,
                                        Precise* solution, Precise* residual, Precise* product,
@@ -134,8 +153,8 @@ void apply_step_matrix(const SpringRows& rows, const StepSpring* step, const dou
   apply_springs(rows, step, inertia_kg, direction, product);
 }
 
-void invert_step_blocks(const SpringRows& rows, const StepSpring* step, const double* inertia_kg,
-                        const std::uint8_t* free, SymmetricBlock* inverse) noexcept {
+void sum_step_blocks(const SpringRows& rows, const StepSpring* step, const double* inertia_kg,
+                     SymmetricBlock* inverse) noexcept {
   const std::int32_t vertices = rows.vertex_count();
   for (std::int32_t i = 0; i < vertices; ++i) {
     inverse[i].diagonal = Double4{inertia_kg[i], inertia_kg[i], inertia_kg[i], 0.0};
@@ -153,11 +172,36 @@ void invert_step_blocks(const SpringRows& rows, const StepSpring* step, const do
       inverse[rows.other[s]].off_diagonal += off_diagonal;
     }
   }
-  for (std::int32_t i = 0; i < vertices; ++i) {
+}
+
+void invert_step_blocks(std::size_t count, const std::uint8_t* free,
+                        SymmetricBlock* block) noexcept {
+  for (std::size_t i = 0; i < count; ++i) {
     if (free[i] != 0) {
-      invert(inverse[i]);
+      invert(block[i]);
     } else {
-      inverse[i] = SymmetricBlock{};
+      block[i] = SymmetricBlock{};
+    }
+  }
+}
+
+void add_edge_products(const SpringRows& rows, const EdgeStiffness* edge, const double* scale,
+                       const Precise* direction, Precise* product) noexcept {
+  add_edge_products_to(rows, edge, scale, direction, product);
+}
+
+void add_edge_step_blocks(const SpringRows& rows, const EdgeStiffness* edge, const double* scale,
+                          SymmetricBlock* block) noexcept {
+  const std::int32_t vertices = rows.vertex_count();
+  for (std::int32_t i = 0; i < vertices; ++i) {
+    for (std::int32_t s = rows.row_begin[i]; s < rows.row_begin[i + 1]; ++s) {
+      const auto h = [&edge, s](int c, int d) { return static_cast<double>(edge[s].row[c][d]); };
+      SymmetricBlock& there = block[rows.other[s]];
+      const Double4 diagonal = all(scale[i]) * Double4{h(0, 0), h(1, 1), h(2, 2), 0.0};
+      block[i].diagonal += diagonal;
+      there.diagonal += diagonal;
+      block[i].off_diagonal += all(scale[i]) * Double4{h(0, 1), h(1, 2), h(2, 0), 0.0};
+      there.off_diagonal += all(scale[i]) * Double4{h(1, 0), h(2, 1), h(0, 2), 0.0};
     }
   }
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "simulator/kernels/element_kernels.h"
 #include "simulator/kernels/spring_kernels.h"
 
 // The loops of DynamicObject. As with the other kernels, all arrays have one entry per vertex or
@@ -42,9 +43,22 @@ struct alignas(32) SymmetricBlock {
   Double4 off_diagonal;
 };
 
-/// The inverses of the matrix's diagonal blocks; all zero for a vertex that is not free.
-void invert_step_blocks(const SpringRows& rows, const StepSpring* step, const double* inertia_kg,
-                        const std::uint8_t* free, SymmetricBlock* inverse) noexcept;
+/// The matrix's diagonal blocks.
+void sum_step_blocks(const SpringRows& rows, const StepSpring* step, const double* inertia_kg,
+                     SymmetricBlock* block) noexcept;
+
+/// Their inverses, in their place; all zero for a vertex that is not free.
+void invert_step_blocks(std::size_t count, const std::uint8_t* free,
+                        SymmetricBlock* block) noexcept;
+
+/// product += scale K direction, K of elements' edges, see ForceModel; `scale` is that of an edge's
+/// lower vertex.
+void add_edge_products(const SpringRows& rows, const EdgeStiffness* edge, const double* scale,
+                       const Precise* direction, Precise* product) noexcept;
+
+/// block += scale K's diagonal blocks.
+void add_edge_step_blocks(const SpringRows& rows, const EdgeStiffness* edge, const double* scale,
+                          SymmetricBlock* block) noexcept;
 
 /// Sums of one step of conjugate gradients.
 struct DescentSums {

@@ -16,7 +16,7 @@
 
 namespace forcegrid::simulator {
 
-/// What makes an object elastic, as the solver sees it: springs, for now. It is a sum
+/// What makes an object elastic, as the solver sees it: springs, or finite elements. It is a sum
 /// over pairs of vertices. With H_ij the 3 x 3 block of a pair (i < j) and d = y_i - y_j,
 ///
 ///   (K y)_i += H_ij d,   (K y)_j -= H_ij^T d
@@ -76,7 +76,7 @@ class ForceModel {
   virtual double energy_J(const Position* position) const noexcept = 0;
 };
 
-/// The models of a mesh that has passed check(): of its springs, if it has any.
+/// The models of a mesh that has passed check(): of its springs and its elements, where it has any.
 template <typename Real>
 std::vector<std::unique_ptr<ForceModel<Real>>> make_force_models(const SpringMesh& mesh);
 

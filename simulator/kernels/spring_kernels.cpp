@@ -394,8 +394,9 @@ void invert_block(BlockInverse& block, bool free) noexcept {
     return;
   }
   block.diagonal[3] = 1.0F;
-  const double scale = xx + yy + zz;
-  if (determinant > kSmallestRelativeDeterminant * scale * scale * scale) {
+  const double scale = std::abs(xx) + std::abs(yy) + std::abs(zz);
+  const bool definite = xx > 0.0 && xx * yy > xy * xy;  // elements' blocks need not be
+  if (definite && determinant > kSmallestRelativeDeterminant * scale * scale * scale) {
     block.diagonal[0] = static_cast<float>(minor_x / determinant);
     block.diagonal[1] = static_cast<float>((xx * zz - zx * zx) / determinant);
     block.diagonal[2] = static_cast<float>((xx * yy - xy * xy) / determinant);
@@ -403,7 +404,8 @@ void invert_block(BlockInverse& block, bool free) noexcept {
     block.off_diagonal[1] = static_cast<float>((xy * zx - xx * yz) / determinant);
     block.off_diagonal[2] = static_cast<float>(minor_z / determinant);
   } else if (scale > 0.0) {
-    // A vertex held in a plane or along a line only: its scalar stiffness still gives a direction.
+    // A vertex held in a plane or along a line only, or one that gives way: its scalar stiffness
+    // still gives a direction.
     for (int axis = 0; axis < 3; ++axis) {
       block.diagonal[axis] = static_cast<float>(1.0 / scale);
     }

@@ -12,6 +12,7 @@
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/rest_surface.h"
 #include "simulator/mesh/tangent_stiffness.h"
+#include "simulator/mesh/tetrahedra.h"
 #include "simulator/mesh/vertex_masses.h"
 #include "text/text.h"
 
@@ -67,10 +68,7 @@ class Settling {
 };
 
 std::vector<Vector3d> find_rest_W(const SpringMesh& mesh, double mass_kg) {
-  double largest_N = 0.0;
-  for (const Spring& spring : mesh.springs) {
-    largest_N = std::max(largest_N, spring.stiffness_N_per_m * natural_length_m(mesh, spring));
-  }
+  const double largest_N = force_scale_N(mesh);
   const Settling settling(mesh);
   std::vector<Vector3d> position_W = mesh.rest_position_W;
   VectorXd residual = settling.residual_N(position_W);
@@ -95,7 +93,7 @@ std::vector<Vector3d> find_rest_W(const SpringMesh& mesh, double mass_kg) {
     }
   }
   throw Error("gravity: an object of " + text::number_text(mass_kg) +
-              " kg finds no rest under its weight; give it stiffer springs or less mass_kg");
+              " kg finds no rest under its weight; give it a stiffer material or less mass");
 }
 
 }  // namespace
@@ -108,6 +106,9 @@ void settle_under_gravity(SpringMesh& mesh, double mass_kg, double gravity_m_per
   }
   for (Spring& spring : mesh.springs) {
     spring.natural_length_m = natural_length_m(mesh, spring);
+  }
+  if (!mesh.tetrahedra.empty()) {
+    mesh.unstrained_W = unstrained_W(mesh);
   }
   mesh.load_W_N.resize(mesh.rest_position_W.size(), Vector3d::Zero());
   const std::vector<double> masses_kg = vertex_masses_kg(mesh, mass_kg);
@@ -127,11 +128,13 @@ void settle_under_gravity(SpringMesh& mesh, double mass_kg, double gravity_m_per
   const auto below_m = RestSurface(mesh).look(above_W).below_m;
   if (!below_m) {
     throw Error(
-        "gravity: the object sinks away from under its top; give it stiffer springs or less "
-        "mass_kg");
+        "gravity: the object sinks away from under its top; give it a stiffer material or less "
+        "mass");
   }
-  for (Vector3d& position_W : mesh.rest_position_W) {
-    position_W.z() += *below_m - kFarAbove_m;
+  for (std::vector<Vector3d>* positions_W : {&mesh.rest_position_W, &mesh.unstrained_W}) {
+    for (Vector3d& position_W : *positions_W) {
+      position_W.z() += *below_m - kFarAbove_m;
+    }
   }
 }
 

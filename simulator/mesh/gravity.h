@@ -7,7 +7,8 @@ namespace forcegrid::simulator {
 
 /// Lets an object hang or stand under its own weight. Its rest shape becomes the equilibrium of its
 /// springs with a dead load of m_i g downwards on every free vertex, found by Newton's method in
-/// double precision. The mass is distributed as vertex_masses_kg() does; the ground bears the
+/// double precision; elements keep where they are without strain. The mass is distributed as
+/// vertex_masses_kg() does; the ground bears the
 /// weight of fixed vertices. Natural lengths and home springs keep their values. A mesh with a
 /// surface is then raised as a whole, so that its surface lies at top_W again.
 /// @param mass_kg  of the object; > 0.

@@ -7,6 +7,7 @@
 
 #include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/tetrahedra.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -33,7 +34,7 @@ void check_size(std::size_t size, std::size_t vertices, const char* name) {
 
 void check_vertices(const SpringMesh& mesh) {
   const std::size_t vertices = mesh.rest_position_W.size();
-  if (vertices == 0 || mesh.springs.empty()) {
+  if (vertices == 0 || (mesh.springs.empty() && mesh.tetrahedra.empty())) {
     throw Error(kWho + std::to_string(vertices) + " vertices and " +
                 std::to_string(mesh.springs.size()) + " springs; give at least one of each");
   }
@@ -128,6 +129,11 @@ void check_springs(const SpringMesh& mesh) {
     held[a] = 1;
     held[b] = 1;
   }
+  for (const Tetrahedron& element : mesh.tetrahedra) {
+    for (const std::int32_t vertex : element.vertex) {
+      held[static_cast<std::size_t>(vertex)] = 1;
+    }
+  }
   for (std::size_t i = 0; i < vertices; ++i) {
     if (held[i] == 0 && mesh.fixed[i] == 0) {
       throw Error(kWho + "free vertex " + std::to_string(i) +
@@ -156,13 +162,10 @@ void check_balance(const SpringMesh& mesh) {
   const bool at_natural_lengths =
       std::all_of(mesh.springs.begin(), mesh.springs.end(),
                   [](const Spring& spring) { return spring.natural_length_m == 0.0; });
-  if (at_natural_lengths && mesh.load_W_N.empty()) {
+  if (at_natural_lengths && mesh.load_W_N.empty() && mesh.unstrained_W.empty()) {
     return;
   }
-  double largest_N = 0.0;
-  for (const Spring& spring : mesh.springs) {
-    largest_N = std::max(largest_N, spring.stiffness_N_per_m * natural_length_m(mesh, spring));
-  }
+  const double largest_N = force_scale_N(mesh);
   const std::vector<Eigen::Vector3d> force_W = vertex_forces_W(mesh, mesh.rest_position_W);
   for (std::size_t i = 0; i < force_W.size(); ++i) {
     if (mesh.fixed[i] == 0 && !(force_W[i].norm() <= kBalanceTolerance * largest_N)) {
@@ -203,12 +206,31 @@ std::vector<Eigen::Vector3d> vertex_forces_W(const SpringMesh& mesh,
     force_W[a] += pull_N;
     force_W[b] -= pull_N;
   }
+  add_element_forces_W(mesh, position_W, force_W);
   return force_W;
+}
+
+double force_scale_N(const SpringMesh& mesh) {
+  double largest_N = 0.0;
+  for (const Spring& spring : mesh.springs) {
+    largest_N = std::max(largest_N, spring.stiffness_N_per_m * natural_length_m(mesh, spring));
+  }
+  for (const Tetrahedron& element : mesh.tetrahedra) {
+    const double edge_m = std::cbrt(element_shape(unstrained_W(mesh), element).volume_m3);
+    largest_N =
+        std::max(largest_N,
+                 edge_m * edge_m *
+                     mesh.materials[static_cast<std::size_t>(element.material)].youngs_modulus_Pa);
+  }
+  return largest_N;
 }
 
 void scale_forces(SpringMesh& mesh, double factor) {
   for (Spring& spring : mesh.springs) {
     spring.stiffness_N_per_m *= factor;
+  }
+  for (ElementMaterial& material : mesh.materials) {
+    material.youngs_modulus_Pa *= factor;
   }
   for (double& stiffness_N_per_m : mesh.home_stiffness_N_per_m) {
     stiffness_N_per_m *= factor;
@@ -263,7 +285,13 @@ void append(const SpringMesh& object, SpringMesh& mesh) {
   join_optional(mesh.load_W_N, object.load_W_N, Eigen::Vector3d(Eigen::Vector3d::Zero()));
   join_optional(mesh.mass_kg, object.mass_kg, 0.0);
   join_optional(mesh.drag_Ns_per_m, object.drag_Ns_per_m, 0.0);
+  if (!mesh.unstrained_W.empty() || !object.unstrained_W.empty()) {
+    mesh.unstrained_W = unstrained_W(mesh);
+    join(mesh.unstrained_W, unstrained_W(object));
+  }
+  const auto first_material = static_cast<std::int32_t>(mesh.materials.size());
   join(mesh.rest_position_W, object.rest_position_W);
+  join(mesh.materials, object.materials);
   join(mesh.fixed, object.fixed);
   join(mesh.laws, object.laws);
   for (Spring spring : object.springs) {
@@ -271,6 +299,13 @@ void append(const SpringMesh& object, SpringMesh& mesh) {
     spring.b += first_vertex;
     spring.law += first_law;
     mesh.springs.push_back(spring);
+  }
+  for (Tetrahedron element : object.tetrahedra) {
+    for (std::int32_t& vertex : element.vertex) {
+      vertex += first_vertex;
+    }
+    element.material += first_material;
+    mesh.tetrahedra.push_back(element);
   }
   for (const auto& [a, b, c] : object.triangles) {
     mesh.triangles.push_back({a + first_vertex, b + first_vertex, c + first_vertex});
@@ -280,6 +315,7 @@ void append(const SpringMesh& object, SpringMesh& mesh) {
 void check(const SpringMesh& mesh) {
   check_vertices(mesh);
   check_laws(mesh);
+  check_elements(mesh);
   check_springs(mesh);
   check_triangles(mesh);
   check_balance(mesh);

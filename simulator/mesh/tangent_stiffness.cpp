@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "simulator/mesh/tetrahedra.h"
+
 namespace forcegrid::simulator {
 
 using Eigen::Matrix3d;
@@ -36,7 +38,7 @@ Eigen::SparseMatrix<double> tangent_stiffness_W(const SpringMesh& mesh,
                                                 const FreeCoordinates& coordinates,
                                                 const std::vector<Vector3d>& position_W) {
   std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(36 * mesh.springs.size());
+  entries.reserve(36 * mesh.springs.size() + 144 * mesh.tetrahedra.size());
   const auto add = [&entries](Eigen::Index row, Eigen::Index column, const Matrix3d& block) {
     if (row < 0 || column < 0) {
       return;
@@ -55,6 +57,19 @@ Eigen::SparseMatrix<double> tangent_stiffness_W(const SpringMesh& mesh,
     add(coordinates.first[b], coordinates.first[b], h);
     add(coordinates.first[a], coordinates.first[b], -h);
     add(coordinates.first[b], coordinates.first[a], -h);
+  }
+  for (const Tetrahedron& element : mesh.tetrahedra) {
+    const ElementShape shape = element_shape(unstrained_W(mesh), element);
+    const Eigen::Matrix<double, 12, 12> k =
+        element_stiffness_W(shape, mesh.materials[static_cast<std::size_t>(element.material)],
+                            deformation_gradient(shape, element, position_W));
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = 0; b < 4; ++b) {
+        add(coordinates.first[static_cast<std::size_t>(element.vertex[a])],
+            coordinates.first[static_cast<std::size_t>(element.vertex[b])],
+            k.block<3, 3>(3 * static_cast<Eigen::Index>(a), 3 * static_cast<Eigen::Index>(b)));
+      }
+    }
   }
   for (std::size_t i = 0; i < mesh.home_stiffness_N_per_m.size(); ++i) {
     add(coordinates.first[i], coordinates.first[i],

@@ -27,7 +27,7 @@ struct FreeCoordinates {
 };
 
 /// [N/m] K = -dr/dx: r the forces on the free vertices, x their coordinates, at `position_W` [m].
-/// Springs and home springs; loads have no derivative. Symmetric, both triangles filled.
+/// Springs, elements and home springs; loads have no derivative. Symmetric, both triangles filled.
 Eigen::SparseMatrix<double> tangent_stiffness_W(const SpringMesh& mesh,
                                                 const FreeCoordinates& coordinates,
                                                 const std::vector<Eigen::Vector3d>& position_W);

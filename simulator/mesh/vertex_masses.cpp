@@ -4,14 +4,24 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <string>
 
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/tetrahedra.h"
 #include "text/text.h"
 
 namespace forcegrid::simulator {
 
 std::vector<double> vertex_masses_kg(const SpringMesh& mesh, double mass_kg) {
+  if (!mesh.tetrahedra.empty()) {
+    std::vector<double> masses_kg = element_masses_kg(mesh);
+    const double sum_kg = std::accumulate(masses_kg.begin(), masses_kg.end(), 0.0);
+    for (double& each : masses_kg) {
+      each *= mass_kg / sum_kg;
+    }
+    return masses_kg;
+  }
   std::vector<double> share(mesh.rest_position_W.size(), 0.0);
   double sum = 0.0;
   for (const Spring& spring : mesh.springs) {
@@ -44,6 +54,9 @@ void give_dynamics(SpringMesh& mesh, const ObjectDynamics& dynamics) {
   for (SpringLaw& law : mesh.laws) {
     law.retardation_time_s = dynamics.retardation_time_s;
   }
+  for (ElementMaterial& material : mesh.materials) {
+    material.retardation_time_s = dynamics.retardation_time_s;
+  }
   mesh.drag_Ns_per_m.assign(mesh.mass_kg.size(), 0.0);
   for (std::size_t i = 0; i < mesh.mass_kg.size(); ++i) {
     mesh.drag_Ns_per_m[i] = dynamics.mass_damping_per_s * mesh.mass_kg[i];
@@ -60,6 +73,9 @@ MeshDynamics dynamics_of(const SpringMesh& mesh) noexcept {
   const bool damped =
       std::any_of(mesh.laws.begin(), mesh.laws.end(),
                   [](const SpringLaw& law) { return law.retardation_time_s > 0.0; }) ||
+      std::any_of(
+          mesh.materials.begin(), mesh.materials.end(),
+          [](const ElementMaterial& material) { return material.retardation_time_s > 0.0; }) ||
       std::any_of(mesh.drag_Ns_per_m.begin(), mesh.drag_Ns_per_m.end(),
                   [](double drag) { return drag > 0.0; });
   return damped ? MeshDynamics::kDamped : MeshDynamics::kMasses;

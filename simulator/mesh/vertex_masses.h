@@ -8,7 +8,8 @@
 namespace forcegrid::simulator {
 
 /// [kg] One mass per vertex: the object's mass spread over its springs in proportion to their
-/// length at rest, half of each to either end, fixed vertices included.
+/// length at rest, half of each to either end, fixed vertices included. If it has elements: spread
+/// over these in proportion to volume and density, a quarter of each to every corner.
 std::vector<double> vertex_masses_kg(const SpringMesh& mesh, double mass_kg);
 
 /// Mass and damping of a dynamic object.

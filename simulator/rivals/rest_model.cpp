@@ -39,6 +39,15 @@ class Dissection {
       neighbours_[static_cast<std::size_t>(spring.a)].push_back(spring.b);
       neighbours_[static_cast<std::size_t>(spring.b)].push_back(spring.a);
     }
+    for (const Tetrahedron& element : mesh.tetrahedra) {
+      for (const std::int32_t a : element.vertex) {
+        for (const std::int32_t b : element.vertex) {
+          if (a != b) {
+            neighbours_[static_cast<std::size_t>(a)].push_back(b);
+          }
+        }
+      }
+    }
   }
 
   // Appends `vertices` to `order`.

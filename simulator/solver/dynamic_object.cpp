@@ -8,9 +8,11 @@
 
 #include "simulator/kernels/dynamic_kernels.h"
 #include "simulator/kernels/eigen_lanes.h"
+#include "simulator/kernels/element_forces.h"
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/tetrahedra.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -19,6 +21,8 @@ using kernels::Double4;
 using kernels::Precise;
 
 const std::string kWho = "dynamic object: ";
+// A step whose matrix is not definite is taken in two halves, and so on: so often at most.
+constexpr int kMaxStepHalvings = 6;
 constexpr double kAlmostWhole = 1.0 - 1e-9;  // of a step, so that rounding adds none
 
 Double4 lanes(const Eigen::Vector3d& v) { return kernels::to_precise(v).xyz; }
@@ -78,9 +82,20 @@ class DynamicObject::Implementation {
       damper_Ns_per_m_[s] = spring.stiffness_N_per_m *
                             mesh.laws[static_cast<std::size_t>(spring.law)].retardation_time_s;
     }
-    for (std::vector<Precise>* array :
-         {&position_, &velocity_, &force_, &damping_, &residual_, &direction_, &product_}) {
+    for (std::vector<Precise>* array : {&position_, &velocity_, &force_, &damping_, &residual_,
+                                        &direction_, &product_, &velocity_before_}) {
       array->resize(vertices, Precise{});
+    }
+    if (!mesh.tetrahedra.empty()) {
+      elements_ = std::make_unique<ElementForces<double>>(mesh);
+      element_tau_s_.assign(vertices, 0.0);
+      edge_scale_.assign(vertices, 0.0);
+      for (const Tetrahedron& element : mesh.tetrahedra) {
+        for (const std::int32_t vertex : element.vertex) {
+          element_tau_s_[static_cast<std::size_t>(vertex)] =
+              mesh.materials[static_cast<std::size_t>(element.material)].retardation_time_s;
+        }
+      }
     }
     inertia_kg_.resize(vertices);
     inverse_.resize(vertices);
@@ -190,12 +205,27 @@ class DynamicObject::Implementation {
     result.steps = steps;
   }
 
-  // Moves the positions to the step's end and evaluates the springs there.
-  void take_step(const Eigen::Vector3d& next_W, Equilibrium& result) noexcept {
+  // Moves the positions to the step's end and evaluates the springs there. Elements' exact Hessian
+  // may be indefinite; the masses outweigh it if the step is short enough.
+  void take_step(const Eigen::Vector3d& next_W, Equilibrium& result, int halvings = 0) noexcept {
     fill_matrix();
+    if (elements_) {
+      std::copy(velocity_.begin(), velocity_.end(), velocity_before_.begin());
+    }
     const double scale_N = std::max(tool_force_W_.norm(), options_.force_floor_N);
     const double residual_N = solve(options_.relative_tolerance * scale_N,
                                     (next_W - displacement_W_) / step_s_, result.iterations);
+    if (indefinite_ && halvings < kMaxStepHalvings) {
+      std::copy(velocity_before_.begin(), velocity_before_.end(), velocity_.begin());
+      const Eigen::Vector3d middle_W = 0.5 * (displacement_W_ + next_W);
+      step_s_ *= 0.5;
+      take_step(middle_W, result, halvings + 1);
+      take_step(next_W, result, halvings + 1);
+      step_s_ *= 2.0;
+      ++result.halvings;
+      return;
+    }
+    result.converged = result.converged && !indefinite_;
     result.relative_residual = std::max(result.relative_residual, residual_N / scale_N);
     result.converged = result.converged && residual_N <= options_.relative_tolerance * scale_N;
     displacement_W_ = next_W;
@@ -216,11 +246,29 @@ class DynamicObject::Implementation {
     for (std::size_t i = 0; i < inertia_kg_.size(); ++i) {
       inertia_kg_[i] = mass_kg_[i] + step_s_ * (drag_Ns_per_m_[i] + step_s_ * home_N_per_m_[i]);
     }
-    kernels::invert_step_blocks(table_.rows, step_.data(), inertia_kg_.data(), free_.data(),
-                                inverse_.data());
+    kernels::sum_step_blocks(table_.rows, step_.data(), inertia_kg_.data(), inverse_.data());
+    if (elements_) {
+      for (std::size_t i = 0; i < edge_scale_.size(); ++i) {
+        edge_scale_[i] = step_s_ * (step_s_ + element_tau_s_[i]);
+      }
+      kernels::add_edge_step_blocks(elements_->rows(), elements_->edges().data(),
+                                    edge_scale_.data(), inverse_.data());
+    }
+    kernels::invert_step_blocks(inverse_.size(), free_.data(), inverse_.data());
   }
 
-  // Leaves v1 in velocity_. @returns |A v1 - b| / h [N].
+  // product = (M + h D + h^2 K) direction.
+  void apply_step_matrix(const Precise* direction) noexcept {
+    kernels::apply_step_matrix(table_.rows, step_.data(), inertia_kg_.data(), direction,
+                               product_.data());
+    if (elements_) {
+      kernels::add_edge_products(elements_->rows(), elements_->edges().data(), edge_scale_.data(),
+                                 direction, product_.data());
+    }
+  }
+
+  // Leaves v1 in velocity_, and in indefinite_ whether the matrix was not definite. @returns |A v1
+  // - b| / h [N].
   double solve(double aim_N, const Eigen::Vector3d& tool_velocity_W, int& iterations) noexcept {
     const std::size_t count = position_.size();
     for (std::size_t i = 0; i < count; ++i) {
@@ -229,8 +277,8 @@ class DynamicObject::Implementation {
     for (const std::size_t i : held_) {
       velocity_[i].xyz = lanes(tool_velocity_W);
     }
-    kernels::apply_step_matrix(table_.rows, step_.data(), inertia_kg_.data(), velocity_.data(),
-                               product_.data());
+    apply_step_matrix(velocity_.data());
+    indefinite_ = false;
     std::fill(direction_.begin(), direction_.end(), Precise{});
     kernels::DescentSums sums =
         kernels::descend(count, 1.0, free_.data(), inverse_.data(), direction_.data(),
@@ -239,10 +287,13 @@ class DynamicObject::Implementation {
     double beta = 0.0;
     for (int i = 0; i < options_.max_iterations && std::sqrt(sums.squared) > aim; ++i) {
       kernels::turn_direction(count, beta, product_.data(), direction_.data());
-      kernels::apply_step_matrix(table_.rows, step_.data(), inertia_kg_.data(), direction_.data(),
-                                 product_.data());
+      apply_step_matrix(direction_.data());
       const double before = sums.preconditioned;
       const double curvature = kernels::dot(count, direction_.data(), product_.data());
+      if (elements_ && !(curvature > 0.0 && before > 0.0)) {
+        indefinite_ = true;
+        break;
+      }
       sums =
           kernels::descend(count, before / curvature, free_.data(), inverse_.data(),
                            direction_.data(), velocity_.data(), residual_.data(), product_.data());
@@ -260,6 +311,9 @@ class DynamicObject::Implementation {
       force_[i].xyz = load_[i].xyz - all(home_N_per_m_[i]) * (position_[i].xyz - rest_[i].xyz);
     }
     kernels::add_spring_forces(table_.rows, t_N_per_m_.data(), position_.data(), force_.data());
+    if (elements_) {
+      elements_->evaluate_forces(position_.data(), force_.data(), nullptr);
+    }
     sum_tool_force(force_);
   }
 
@@ -277,6 +331,13 @@ class DynamicObject::Implementation {
     }
     kernels::add_damper_forces(table_.rows, tangent_.data(), damper_Ns_per_m_.data(),
                                velocity_.data(), damping_.data());
+    if (elements_) {
+      for (std::size_t i = 0; i < edge_scale_.size(); ++i) {
+        edge_scale_[i] = -element_tau_s_[i];
+      }
+      kernels::add_edge_products(elements_->rows(), elements_->edges().data(), edge_scale_.data(),
+                                 velocity_.data(), damping_.data());
+    }
     sum_tool_force(damping_);
   }
 
@@ -304,6 +365,11 @@ class DynamicObject::Implementation {
   std::vector<double> t_N_per_m_;
   std::vector<kernels::SpringTangent> tangent_;
   std::vector<kernels::StepSpring> step_;
+  std::unique_ptr<ElementForces<double>> elements_;  // null: springs only
+  std::vector<double> element_tau_s_;                // by vertex
+  std::vector<double> edge_scale_;                   // by vertex
+  std::vector<Precise> velocity_before_;
+  bool indefinite_ = false;
   Eigen::Vector3d displacement_W_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d tool_force_W_ = Eigen::Vector3d::Zero();
   double step_s_ = 0.0;

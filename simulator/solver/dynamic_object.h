@@ -25,7 +25,7 @@ struct DynamicOptions {
   int max_iterations = 200;     ///< conjugate-gradient iterations of one step; >= 1
 };
 
-/// A mass-spring object with inertia and dampers, and a tool that may hold a patch of it. Computes
+/// An elastic object with inertia and dampers, and a tool that may hold a patch of it. Computes
 /// the next state and the force on the tool with linearly implicit (semi-implicit) Euler, one
 /// Newton step per time step h:
 ///
@@ -34,6 +34,8 @@ struct DynamicOptions {
 /// with f the springs', home springs' and loads' forces, K their Hessian, in which a compressed
 /// spring's geometric part (f/l)(I - u u^T) is left out, so that the matrix is definite, and u the
 /// springs' directions at x0. The change of u with the step in the dampers' forces is left out.
+/// Finite elements add their exact K, and tau K to D. Where the matrix is then indefinite, the step
+/// is taken in two halves (Equilibrium::halvings), and these again, up to six times.
 /// Held and fixed vertices' v1 is prescribed: a held one keeps the place relative to the tool that
 /// it had at the grab, and the tool goes straight on at constant speed. Solved by conjugate
 /// gradients, matrix-free, preconditioned with the vertices' 3 x 3 blocks.

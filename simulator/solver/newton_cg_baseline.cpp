@@ -10,6 +10,7 @@
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/tetrahedra.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -156,6 +157,7 @@ class NewtonCgBaseline::Implementation {
     for (const Eigen::Vector3d& position_W : mesh.rest_position_W) {
       rest_.push_back(position_W - origin_W_);
     }
+    refuse_elements(mesh, "Newton-CG baseline: ", "compare it on a scene of springs");
     table_ = make_spring_table<float>(mesh);
     vertex_force_ = make_vertex_forces(mesh, rest_);
     home_N_per_m_ = kernels::home_stiffness_N_per_m(vertex_force_);

@@ -8,6 +8,7 @@
 #include "simulator/kernels/coarse_correction.h"
 #include "simulator/kernels/eigen_lanes.h"
 #include "simulator/kernels/spring_table.h"
+#include "simulator/mesh/tetrahedra.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -35,6 +36,7 @@ void add(BlockInverse& block, const Eigen::Matrix3d& stiffness, double factor) {
 }  // namespace
 
 PressedSprings::PressedSprings(const SpringMesh& mesh) {
+  refuse_elements(mesh, "a tool that slides: ", "give it a tool that sticks (--contact sticky)");
   const std::size_t n = mesh.rest_position_W.size();
   rest_.reserve(n);
   for (std::size_t i = 0; i < n; ++i) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/tetrahedra.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -37,6 +38,7 @@ const SpringMesh& checked(const SpringMesh& mesh, const ReducedObjectOptions& op
     throw Error("reduced object: first_states is " + std::to_string(options.first_states) +
                 "; give 1 to spacing.most_states, " + std::to_string(options.spacing.most_states));
   }
+  refuse_elements(mesh, "solver reduced: ", "leave --solver out");
   return mesh;
 }
 

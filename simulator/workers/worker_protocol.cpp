@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "simulator/mesh/tetrahedra.h"
+
 namespace forcegrid::simulator {
 namespace {
 
@@ -86,6 +88,16 @@ ObjectDigest digest_of(const Scene& scene) {
   for (const Spring& spring : scene.mesh.springs) {
     digest.stiffness_sum_N_per_m += spring.stiffness_N_per_m;
     digest.length_sum_m += natural_length_m(scene.mesh, spring);
+  }
+  for (const Tetrahedron& element : scene.mesh.tetrahedra) {
+    const ElementMaterial& material =
+        scene.mesh.materials[static_cast<std::size_t>(element.material)];
+    const double size_m = std::cbrt(element_shape(unstrained_W(scene.mesh), element).volume_m3);
+    // Made so that two models or ratios give different numbers, too.
+    digest.stiffness_sum_N_per_m +=
+        material.youngs_modulus_Pa * size_m *
+        (1.0 + static_cast<double>(material.model) + material.poissons_ratio);
+    digest.length_sum_m += size_m;
   }
   digest.patch_radius_m = scene.patch_radius_m;
   return digest;
