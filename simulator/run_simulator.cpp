@@ -457,6 +457,9 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   if (!scene.note.empty()) {
     log::info("scene", "scene " + scene.name + ": " + scene.note);
   }
+  for (const std::string& warning : scene.warnings) {
+    log::warn("scene", warning);
+  }
   SolverChoice solver = choose_solver(options.solver_kind, scene.mesh.rest_position_W.size(),
                                       options.rate_Hz, options.solver, dynamics_of(scene.mesh));
   const ToolOptions tool = options.tool.value_or(scene.tool);

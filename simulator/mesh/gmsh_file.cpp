@@ -35,6 +35,11 @@ using gmshModelMeshGetElements = void(int** types, std::size_t* type_count, std:
                                       std::size_t** tag_counts, std::size_t* tags_count,
                                       std::size_t*** nodes, std::size_t** node_counts,
                                       std::size_t* nodes_count, int dimension, int tag, int* error);
+using gmshModelGetPhysicalGroups = void(int** dimensions_and_tags, std::size_t* count,
+                                        int dimension, int* error);
+using gmshModelGetEntitiesForPhysicalGroup = void(int dimension, int tag, int** entities,
+                                                  std::size_t* count, int* error);
+using gmshModelGetPhysicalName = void(int dimension, int tag, char** name, int* error);
 
 // Gmsh's numbers for its element types.
 enum GmshType { kLine = 1, kTriangle = 2, kTetrahedron = 4, kPoint = 15 };
@@ -101,6 +106,7 @@ class Gmsh {
     check_node_count(mesh);
     if (!mesh.tetrahedra.empty()) {
       mesh.triangles.clear();
+      read_regions(mesh);
     }
     return mesh;
   }
@@ -179,6 +185,9 @@ class Gmsh {
       if (types[k] == kTriangle) {
         add(nodes[k], nodes_size[k], mesh.triangles);
       } else if (types[k] == kTetrahedron) {
+        for (std::size_t n = 0; n < tags_size[k]; ++n) {
+          tetrahedron_of_.emplace(tags[k][n], mesh.tetrahedra.size() + n);
+        }
         add(nodes[k], nodes_size[k], mesh.tetrahedra);
       } else if (types[k] != kLine && types[k] != kPoint) {
         other_type = types[k];
@@ -195,6 +204,78 @@ class Gmsh {
     if (other_type != 0) {
       throw Error(who_ + "elements of Gmsh's type " + std::to_string(other_type) +
                   "; mesh it with triangles or tetrahedra of the first order");
+    }
+  }
+
+  // The physical groups of volumes.
+  void read_regions(MeshFile& mesh) {
+    constexpr int kVolumes = 3;
+    int* groups = nullptr;
+    std::size_t count = 0;
+    int error = 0;
+    function<gmshModelGetPhysicalGroups>("gmshModelGetPhysicalGroups")(&groups, &count, kVolumes,
+                                                                       &error);
+    require(error == 0, "its physical groups can't be read");
+    if (count > 0) {
+      mesh.region.assign(mesh.tetrahedra.size(), -1);
+    }
+    for (std::size_t g = 1; g < count; g += 2) {  // pairs of dimension and tag
+      const int tag = groups[g];
+      char* name = nullptr;
+      function<gmshModelGetPhysicalName>("gmshModelGetPhysicalName")(kVolumes, tag, &name, &error);
+      const std::string text = name != nullptr ? name : "";
+      release(name);
+      const auto region = static_cast<std::int32_t>(mesh.regions.size());
+      mesh.regions.push_back(text.empty() ? std::to_string(tag) : text);
+      int* entities = nullptr;
+      std::size_t entity_count = 0;
+      function<gmshModelGetEntitiesForPhysicalGroup>("gmshModelGetEntitiesForPhysicalGroup")(
+          kVolumes, tag, &entities, &entity_count, &error);
+      require(error == 0,
+              "the volumes of its physical group " + mesh.regions.back() + " can't be read");
+      for (std::size_t e = 0; e < entity_count; ++e) {
+        mark_region(entities[e], region, mesh);
+      }
+      release(entities);
+    }
+    release(groups);
+  }
+
+  void mark_region(int entity, std::int32_t region, MeshFile& mesh) {
+    int* types = nullptr;
+    std::size_t type_count = 0;
+    std::size_t** tags = nullptr;
+    std::size_t* tags_size = nullptr;
+    std::size_t tags_count = 0;
+    std::size_t** nodes = nullptr;
+    std::size_t* nodes_size = nullptr;
+    std::size_t nodes_count = 0;
+    int error = 0;
+    function<gmshModelMeshGetElements>("gmshModelMeshGetElements")(
+        &types, &type_count, &tags, &tags_size, &tags_count, &nodes, &nodes_size, &nodes_count, 3,
+        entity, &error);
+    std::int32_t other = -1;
+    for (std::size_t k = 0; k < type_count; ++k) {
+      for (std::size_t n = 0; n < tags_size[k]; ++n) {
+        if (const auto found = tetrahedron_of_.find(tags[k][n]); found != tetrahedron_of_.end()) {
+          std::int32_t& its = mesh.region[found->second];
+          other = its >= 0 && its != region ? its : other;
+          its = region;
+        }
+      }
+      release(tags[k]);
+      release(nodes[k]);
+    }
+    release(types);
+    release(tags);
+    release(tags_size);
+    release(nodes);
+    release(nodes_size);
+    require(error == 0, "its elements can't be read");
+    if (other >= 0) {
+      throw Error(who_ + "a volume belongs to the physical groups '" +
+                  mesh.regions[static_cast<std::size_t>(other)] + "' and '" +
+                  mesh.regions[static_cast<std::size_t>(region)] + "'; put it into one of them");
     }
   }
 
@@ -225,7 +306,8 @@ class Gmsh {
   std::string who_;
   std::size_t stated_nodes_;
   std::unique_ptr<void, Close> library_;
-  std::unordered_map<std::size_t, std::int32_t> number_of_;  // Gmsh's tag of a node -> vertex
+  std::unordered_map<std::size_t, std::int32_t> number_of_;      // Gmsh's tag of a node -> vertex
+  std::unordered_map<std::size_t, std::size_t> tetrahedron_of_;  // Gmsh's tag of an element
 };
 
 }  // namespace

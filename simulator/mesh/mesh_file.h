@@ -14,6 +14,9 @@ struct MeshFile {
   std::vector<Eigen::Vector3d> vertex;  ///< in the file's unit of length
   std::vector<std::array<std::int32_t, 3>> triangles;
   std::vector<std::array<std::int32_t, 4>> tetrahedra;
+  /// Gmsh's physical groups of volumes: their names, or their numbers where they have none.
+  std::vector<std::string> regions;
+  std::vector<std::int32_t> region;  ///< by tetrahedron: one of `regions`, -1: none; or empty
 };
 
 /// Reads a mesh by the ending of its name: Gmsh's .msh through libgmsh, .obj (a surface; polygons

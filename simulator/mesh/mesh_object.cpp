@@ -13,19 +13,23 @@
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/rest_surface.h"
+#include "simulator/mesh/tetrahedra.h"
+#include "text/nearest_name.h"
 #include "text/text.h"
 
 namespace forcegrid::simulator {
 namespace {
 
 using Triangle = std::array<std::int32_t, 3>;
-using Tetrahedron = std::array<std::int32_t, 4>;
+using Corners = std::array<std::int32_t, 4>;
 using text::number_text;
 
 constexpr double kShortest_m = 0.005;
 constexpr double kLongest_m = 1.0;
 // Relative to the product of three edges: flatter tetrahedra have no volume.
 constexpr double kFlat = 1e-6;
+// element_quality() of a sliver. Meshers leave 0.1 and more.
+constexpr double kSliver = 0.01;
 
 struct Box {
   Eigen::Vector3d low_m;
@@ -55,7 +59,7 @@ std::vector<Triangle> outer_faces(const MeshFile& file, const std::string& who) 
   std::map<Triangle, std::pair<Triangle, int>> faces;  // by sorted vertices
   for (std::size_t t = 0; t < file.tetrahedra.size(); ++t) {
     rt::checkpoint_at(t, file.tetrahedra.size());
-    Tetrahedron v = file.tetrahedra[t];
+    Corners v = file.tetrahedra[t];
     const auto at = [&](std::size_t k) { return file.vertex[static_cast<std::size_t>(v[k])]; };
     const Eigen::Vector3d a = at(1) - at(0);
     const Eigen::Vector3d b = at(2) - at(0);
@@ -135,6 +139,91 @@ void add_edges(const Elements& elements, std::set<std::pair<std::int32_t, std::i
   }
 }
 
+std::string place_text(const std::array<Eigen::Vector3d, 4>& corner) {
+  const Eigen::Vector3d middle = 0.25 * (corner[0] + corner[1] + corner[2] + corner[3]);
+  return "(" + number_text(middle.x()) + ", " + number_text(middle.y()) + ", " +
+         number_text(middle.z()) + ")";
+}
+
+// Places are in the file's unit, where its owner finds them.
+void check_tetrahedra(const MeshFile& file, const std::string& who) {
+  if (file.tetrahedra.empty()) {
+    throw Error(who + "a material needs tetrahedra, and it has triangles only; mesh its volume, " +
+                "or give it springs (stiffness_N_per_m and law) instead of a material");
+  }
+  for (std::size_t t = 0; t < file.tetrahedra.size(); ++t) {
+    rt::checkpoint_at(t, file.tetrahedra.size());
+    std::array<Eigen::Vector3d, 4> corner;
+    for (std::size_t k = 0; k < 4; ++k) {
+      corner[k] = file.vertex[static_cast<std::size_t>(file.tetrahedra[t][k])];
+    }
+    const Eigen::Vector3d a = corner[1] - corner[0];
+    const Eigen::Vector3d b = corner[2] - corner[0];
+    const Eigen::Vector3d c = corner[3] - corner[0];
+    const double six_volumes = a.dot(b.cross(c));
+    const std::string name = "tetrahedron " + std::to_string(t + 1) + " at ";
+    if (std::abs(six_volumes) <= kFlat * a.norm() * b.norm() * c.norm()) {
+      throw Error(who + name + place_text(corner) + " is flat, it has no volume; remesh");
+    }
+    if (six_volumes < 0.0) {
+      throw Error(
+          who + name + place_text(corner) +
+          " is inverted: its fourth vertex lies on the wrong side of the others; swap two " +
+          "of its vertices, or remesh");
+    }
+    const double quality = element_quality(corner);
+    if (quality < kSliver) {
+      throw Error(who + name + place_text(corner) + " is a sliver of quality " +
+                  number_text(quality) + " (a regular one has 1, " + number_text(kSliver) +
+                  " is the least); remesh or optimise the mesh");
+    }
+  }
+}
+
+std::size_t region_number(const MeshFile& file, const MeshObjectOptions& options,
+                          const std::string& region) {
+  const auto found = std::find(file.regions.begin(), file.regions.end(), region);
+  if (found == file.regions.end()) {
+    throw Error(options.who +
+                (file.regions.empty()
+                     ? "no physical group of volumes, so none is '" + region +
+                           "'; name its groups in Gmsh or write one [object.material]"
+                     : "no physical group of volumes '" + region +
+                           "'; write one of: " + text::joined(file.regions) + " (the nearest is " +
+                           text::nearest_name(region, file.regions) + ")"));
+  }
+  return static_cast<std::size_t>(found - file.regions.begin());
+}
+
+void add_elements(const MeshFile& file, const MeshObjectOptions& options, SpringMesh& mesh) {
+  constexpr std::int32_t kNone = -1;
+  std::int32_t otherwise = kNone;
+  if (options.material) {
+    otherwise = 0;
+    mesh.materials.push_back(*options.material);
+  }
+  std::vector<std::int32_t> material_of(file.regions.size(), otherwise);
+  for (const RegionMaterial& each : options.region_materials) {
+    material_of[region_number(file, options, each.region)] =
+        static_cast<std::int32_t>(mesh.materials.size());
+    mesh.materials.push_back(each.material);
+  }
+  for (std::size_t t = 0; t < file.tetrahedra.size(); ++t) {
+    const std::int32_t region = file.region.empty() ? kNone : file.region[t];
+    const std::int32_t material =
+        region == kNone ? otherwise : material_of[static_cast<std::size_t>(region)];
+    if (material == kNone) {
+      throw Error(options.who + "tetrahedron " + std::to_string(t + 1) +
+                  (region == kNone ? " is in no physical group"
+                                   : " is in the physical group '" +
+                                         file.regions[static_cast<std::size_t>(region)] + "'") +
+                  " and has no material; add an [object.material] for all that is left, or an " +
+                  "[[object.region]] for it");
+    }
+    mesh.tetrahedra.push_back({file.tetrahedra[t], material});
+  }
+}
+
 // The tool could push a part that nothing holds away without force.
 void check_held(const SpringMesh& mesh, const std::string& who) {
   std::vector<std::size_t> root(mesh.fixed.size());
@@ -148,6 +237,11 @@ void check_held(const SpringMesh& mesh, const std::string& who) {
   };
   for (const Spring& spring : mesh.springs) {
     root[root_of(spring.a)] = root_of(spring.b);
+  }
+  for (const Tetrahedron& element : mesh.tetrahedra) {
+    for (const std::int32_t vertex : element.vertex) {
+      root[root_of(vertex)] = root_of(element.vertex[0]);
+    }
   }
   std::vector<std::uint8_t> held(root.size(), mesh.home_stiffness_N_per_m.empty() ? 0 : 1);
   bool any_free = false;
@@ -180,6 +274,9 @@ SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& optio
   }
   const Box box = box_of(mesh.rest_position_W);
   check_size(box, options);
+  if (options.has_elements()) {
+    check_tetrahedra(file, options.who);
+  }
   const Eigen::Vector3d middle_m = 0.5 * (box.low_m + box.high_m);
   for (Eigen::Vector3d& position_W : mesh.rest_position_W) {
     mesh.fixed.push_back(position_W.z() - box.low_m.z() <= options.fixed_below_m ? 1 : 0);
@@ -200,6 +297,12 @@ SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& optio
     position_W += shift_W;
   }
   mesh.top_W = options.top_W;
+  if (options.has_elements()) {
+    add_elements(file, options, mesh);
+    tighten(mesh, 0.0, options.home_stiffness_N_per_m);
+    check_held(mesh, options.who);
+    return mesh;
+  }
   std::set<std::pair<std::int32_t, std::int32_t>> edges;
   add_edges(file.triangles, edges);
   add_edges(file.tetrahedra, edges);

@@ -3,14 +3,23 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/spring_mesh.h"
 
 namespace forcegrid::simulator {
 
-/// An object made of a mesh from a file: every edge of its triangles or tetrahedra is a spring.
+/// The material of a mesh's tetrahedra in one of its regions.
+struct RegionMaterial {
+  std::string region;  ///< one of MeshFile::regions
+  ElementMaterial material;
+};
+
+/// An object made of a mesh from a file. Without a material every edge of its triangles or
+/// tetrahedra is a spring; with one every tetrahedron is a finite element.
 struct MeshObjectOptions {
   std::string who = "mesh: ";  ///< begins every message
   double unit_m = 1.0;         ///< the file's unit of length
@@ -23,13 +32,20 @@ struct MeshObjectOptions {
   double pre_strain = 0.0;              ///< see tighten()
   double home_stiffness_N_per_m = 0.0;  ///< see tighten()
   SpringLaw law;
+  /// Of the tetrahedra that no entry of `region_materials` names.
+  std::optional<ElementMaterial> material;
+  std::vector<RegionMaterial> region_materials;
+
+  bool has_elements() const noexcept { return material || !region_materials.empty(); }
 };
 
-/// A surface whose triangles all face inward is turned outward. Tetrahedra may have any
-/// orientation; their outer faces are the surface.
+/// A surface whose triangles all face inward is turned outward. Tetrahedra that become springs may
+/// have any orientation; their outer faces are the surface.
 /// Throws Error for a mesh that is not between 5 mm and 1 m long, an edge with more than two
 /// triangles or with two that disagree about which side is outside, a tetrahedron without volume,
-/// or no surface above the middle of the box.
+/// or no surface above the middle of the box. For elements also: no tetrahedra, one that is
+/// inverted or whose quality (element_quality()) is below 0.01, one without a material, or a region
+/// that the file does not have.
 SpringMesh make_mesh_object(const MeshFile& file, const MeshObjectOptions& options);
 
 }  // namespace forcegrid::simulator

@@ -95,7 +95,9 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
     const TomlTable& table = objects[i];
     const rt::PartOfWork part(static_cast<double>(i) / pieces, static_cast<double>(i + 1) / pieces);
     SpringMesh object = make_scene_object(table, origin_W);
-    give_masses(object, read_dynamics(table), gravity_m_per_s2);
+    give_masses(object, read_dynamics(table, object), gravity_m_per_s2);
+    const std::vector<std::string> warnings = material_warnings(table);
+    scene.warnings.insert(scene.warnings.end(), warnings.begin(), warnings.end());
     if (!scene.mesh.rest_position_W.empty() &&
         scene.mesh.mass_kg.empty() != object.mass_kg.empty()) {
       throw Error("some objects have a mass_kg and others none; give it to every [[object]]");

@@ -17,8 +17,9 @@ struct Scene {
   double patch_radius_m = 0.012;  ///< the tool holds the vertices this near; > 0
   /// What a user has to know, such as where its force is not a function of the position alone.
   std::string note;
-  ToolOptions tool;  ///< the tool that the scene is made for
-  SpringMesh mesh;   ///< of all objects together
+  std::vector<std::string> warnings;  ///< about legal but improbable values
+  ToolOptions tool;                   ///< the tool that the scene is made for
+  SpringMesh mesh;                    ///< of all objects together
 };
 
 /// Names that make_scene finds without a path, sorted.

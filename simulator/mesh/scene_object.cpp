@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/mesh_object.h"
 #include "simulator/mesh/organ_surface.h"
+#include "simulator/mesh/tetrahedra.h"
 #include "text/nearest_name.h"
 #include "text/text.h"
 
@@ -36,6 +38,18 @@ constexpr NumberRange kMass_kg{1e-6, 1e3, "a mass in kg from 1e-6 to 1000"};
 constexpr NumberRange kRetardation_s{0.0, 10.0, "a time in seconds from 0 to 10"};
 constexpr NumberRange kMassDamping_per_s{0.0, 1e4, "a rate in 1/s from 0 to 10000"};
 constexpr NumberRange kExponent{0.01, 30.0, "a number from 0.01 to 30"};
+constexpr NumberRange kYoungsModulus_Pa{1e-3, 1e13, "a modulus in Pa from 0.001 to 1e13"};
+constexpr NumberRange kPoissonsRatio{
+    -0.99, 0.4999,
+    "a ratio from -0.99 to 0.4999; linear tetrahedra cannot keep their volume exactly"};
+constexpr NumberRange kDensity_kg_per_m3{1.0, 3e4, "a density in kg/m^3 from 1 to 30000"};
+// From the softest brain to cortical bone, and from an inflated lung to tooth enamel.
+// Sources: Budday et al., Arch. Comput. Methods Eng. 27 (2020), table 1; Rho, Kuhn-Spearing and
+// Zioupos, Med. Eng. Phys. 20 (1998); Duck, Physical Properties of Tissue (1990), chapter 5.
+constexpr double kSoftestTissue_Pa = 100.0;
+constexpr double kStiffestTissue_Pa = 3e10;
+constexpr double kLightestTissue_kg_per_m3 = 200.0;
+constexpr double kHeaviestTissue_kg_per_m3 = 3100.0;
 constexpr double kReadingPart = 0.5;  // of the time that an object of a file takes
 constexpr std::int64_t kMaxSeed = 1'000'000'000;
 
@@ -144,6 +158,72 @@ double unit_m(const TomlTable& object) {
       ->second;
 }
 
+const std::vector<std::string> kMaterialKeys{"model", "youngs_modulus_Pa", "poissons_ratio",
+                                             "density_kg_per_m3"};
+
+bool has_elements(const TomlTable& object) {
+  return object.has("material") || object.has("region");
+}
+
+ElementMaterial read_material(const TomlTable& table) {
+  ElementMaterial material;
+  material.model = *element_model(choice(table, "model", element_model_names()));
+  material.youngs_modulus_Pa = table.number("youngs_modulus_Pa", kYoungsModulus_Pa);
+  material.poissons_ratio = table.number("poissons_ratio", kPoissonsRatio);
+  material.density_kg_per_m3 = table.number("density_kg_per_m3", kDensity_kg_per_m3);
+  return material;
+}
+
+std::vector<TomlTable> region_tables(const TomlTable& object) {
+  if (!object.has("region")) {
+    return {};
+  }
+  return object.tables("region", [](const TomlTable&) {
+    std::vector<std::string> keys = kMaterialKeys;
+    keys.emplace_back("group");
+    return keys;
+  });
+}
+
+void read_materials(const TomlTable& object, MeshObjectOptions& options) {
+  for (const char* key : {"stiffness_N_per_m", "law", "cubic_coefficient", "exponent",
+                          "random_spread", "seed", "pre_strain", "mass_kg"}) {
+    if (object.has(key)) {
+      object.refuse(key, "an object with a material has none",
+                    "leave it out: the material has stiffness and density");
+    }
+  }
+  if (object.has("material")) {
+    options.material = read_material(object.table("material", kMaterialKeys));
+  }
+  for (const TomlTable& table : region_tables(object)) {
+    const std::string group = table.text("group");
+    for (const RegionMaterial& other : options.region_materials) {
+      if (other.region == group) {
+        table.refuse("group", "'" + group + "' has a material already", "name each group once");
+      }
+    }
+    options.region_materials.push_back({group, read_material(table)});
+  }
+}
+
+void warn_of(const TomlTable& table, std::vector<std::string>& warnings) {
+  const auto compare = [&](const char* key, double value, double least, double most,
+                           const char* unit) {
+    if (value < least || value > most) {
+      warnings.push_back(table.file() + ":" + std::to_string(table.line_of(key)) + ": " + key +
+                         " is " + text::number_text(value) + ", which no tissue has (" +
+                         text::number_text(least) + " to " + text::number_text(most) + " " + unit +
+                         "); check the unit");
+    }
+  };
+  const ElementMaterial material = read_material(table);
+  compare("youngs_modulus_Pa", material.youngs_modulus_Pa, kSoftestTissue_Pa, kStiffestTissue_Pa,
+          "Pa");
+  compare("density_kg_per_m3", material.density_kg_per_m3, kLightestTissue_kg_per_m3,
+          kHeaviestTissue_kg_per_m3, "kg/m^3");
+}
+
 SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_W) {
   // Relative to the scene's file; an absolute path replaces the folder.
   const std::string file =
@@ -153,12 +233,16 @@ SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_
   options.unit_m = unit_m(object);
   options.top_W = place_W;
   options.fixed_below_m = object.number("fixed_below_m", kFixedBelow_m);
-  options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
-  options.random_spread = object.number_or("random_spread", kSpread, 0.0);
-  options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
-  options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
   options.home_stiffness_N_per_m = object.number_or("home_stiffness_N_per_m", kHome_N_per_m, 0.0);
-  options.law = read_law(object);
+  if (has_elements(object)) {
+    read_materials(object, options);
+  } else {
+    options.stiffness_N_per_m = object.number("stiffness_N_per_m", kStiffness_N_per_m);
+    options.random_spread = object.number_or("random_spread", kSpread, 0.0);
+    options.seed = static_cast<std::uint64_t>(object.integer_or("seed", 0, kMaxSeed, 1));
+    options.pre_strain = object.number_or("pre_strain", kPreStrain, 0.0);
+    options.law = read_law(object);
+  }
   MeshFile mesh;
   {
     const rt::PartOfWork part(0.0, kReadingPart);
@@ -176,8 +260,8 @@ std::vector<std::string> scene_object_keys(const TomlTable& object) {
   if (shape == "block") {
     keys.insert(keys.end(), {"vertex_count", "size_m", "diagonal_factor"});
   } else if (shape == "mesh") {
-    keys.insert(keys.end(),
-                {"file", "unit", "fixed_below_m", "pre_strain", "home_stiffness_N_per_m"});
+    keys.insert(keys.end(), {"file", "unit", "fixed_below_m", "pre_strain",
+                             "home_stiffness_N_per_m", "material", "region"});
   } else {
     keys.insert(keys.end(), {"vertex_count", "edge_count", "semi_axes_m", "bend_m", "strut_factor",
                              "pre_strain", "home_stiffness_N_per_m"});
@@ -185,7 +269,25 @@ std::vector<std::string> scene_object_keys(const TomlTable& object) {
   return keys;
 }
 
-std::optional<ObjectDynamics> read_dynamics(const TomlTable& object) {
+std::vector<std::string> material_warnings(const TomlTable& object) {
+  std::vector<std::string> warnings;
+  if (object.has("material")) {
+    warn_of(object.table("material", kMaterialKeys), warnings);
+  }
+  for (const TomlTable& table : region_tables(object)) {
+    warn_of(table, warnings);
+  }
+  return warnings;
+}
+
+std::optional<ObjectDynamics> read_dynamics(const TomlTable& object, const SpringMesh& mesh) {
+  if (!mesh.tetrahedra.empty()) {
+    const std::vector<double> masses_kg = element_masses_kg(mesh);
+    return ObjectDynamics{
+        .mass_kg = std::accumulate(masses_kg.begin(), masses_kg.end(), 0.0),
+        .retardation_time_s = object.number_or("retardation_time_s", kRetardation_s, 0.0),
+        .mass_damping_per_s = object.number_or("mass_damping_per_s", kMassDamping_per_s, 0.0)};
+  }
   if (!object.has("mass_kg")) {
     for (const char* key : {"retardation_time_s", "mass_damping_per_s"}) {
       if (object.has(key)) {

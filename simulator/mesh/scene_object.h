@@ -31,8 +31,13 @@ enum class Fineness {
 SpringMesh make_scene_object(const text::TomlTable& object, const Eigen::Vector3d& origin_W,
                              Fineness fineness = Fineness::kAsWritten);
 
-/// Mass and damping of a table [[object]]; nothing if it has no mass_kg.
+/// What is legal in the table's materials but belongs to no tissue: one text per value, with file,
+/// line and key. The same errors as make_scene_object().
+std::vector<std::string> material_warnings(const text::TomlTable& object);
+
+/// Mass and damping of a table [[object]] and its mesh; nothing if it has neither a mass_kg nor
+/// elements, whose density gives the mass.
 /// @throws text::TomlError naming file, line and key, also for damping without a mass.
-std::optional<ObjectDynamics> read_dynamics(const text::TomlTable& object);
+std::optional<ObjectDynamics> read_dynamics(const text::TomlTable& object, const SpringMesh& mesh);
 
 }  // namespace forcegrid::simulator

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scenes whose objects are finite elements, as their authors write them, and what is refused.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "simulator/mesh/error.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/mesh/tetrahedra.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+// Two regular-looking halves of a wedge of 20 mm, in two physical groups; its numbers are mm.
+const std::string kNodes =
+    "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+    "$PhysicalNames\n2\n3 1 \"soft\"\n3 2 \"stiff\"\n$EndPhysicalNames\n"
+    "$Nodes\n5\n1 0 0 0\n2 20 0 0\n3 0 20 0\n4 8 8 20\n5 20 20 10\n$EndNodes\n";
+const std::string kElements = "$Elements\n2\n1 4 2 1 1 1 2 3 4\n2 4 2 2 2 2 5 3 4\n$EndElements\n";
+const std::string kMaterial =
+    "model = \"neo_hookean\"\nyoungs_modulus_Pa = 5000.0\npoissons_ratio = 0.45\n"
+    "density_kg_per_m3 = 1060.0\n";
+const std::string kWhole = "[object.material]\n" + kMaterial;
+
+class ElementScene : public testing::Test {
+ protected:
+  ElementScene()
+      : folder_(std::filesystem::temp_directory_path() /
+                ("forcegrid_element_scene_" + std::to_string(::getpid()))) {
+    std::filesystem::create_directories(folder_);
+  }
+  ~ElementScene() override { std::filesystem::remove_all(folder_); }
+
+  std::string write(const std::string& materials, const std::string& keys = "",
+                    const std::string& mesh = kNodes + kElements) {
+    std::ofstream(folder_ / "wedge.msh") << mesh;
+    const std::string file = (folder_ / "scene.toml").string();
+    std::ofstream(file) << "description = \"A wedge\"\npatch_radius_m = 0.03\n"
+                        << "[[object]]\nshape = \"mesh\"\nfile = \"wedge.msh\"\nunit = \"mm\"\n"
+                        << "fixed_below_m = 0.001\n"
+                        << keys << materials;
+    return file;
+  }
+
+  std::string refusal(const std::string& file) {
+    try {
+      make_scene(file);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "it was accepted";
+  }
+
+  void expect_refused(const std::string& file, const std::vector<std::string>& parts) {
+    const std::string text = refusal(file);
+    for (const std::string& part : parts) {
+      EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is not in: " << text;
+    }
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(ElementScene, HasVolumeMassAndMaterialOfTheFile) {
+  const Scene scene = make_scene(write(kWhole));
+  ASSERT_EQ(scene.mesh.tetrahedra.size(), 2U);
+  EXPECT_TRUE(scene.mesh.springs.empty());
+  // 20 * 20 * 20 / 6 and the determinant of (0, 20, 10), (-20, 20, 0), (-12, 8, 20) / 6, in mm^3.
+  const double first_mm3 = 8000.0 / 6.0;
+  const double second_mm3 = std::abs(0.0 * 400.0 - 20.0 * -400.0 + 10.0 * (-160.0 + 240.0)) / 6.0;
+  EXPECT_NEAR(element_volume_m3(scene.mesh), 1e-9 * (first_mm3 + second_mm3), 1e-15);
+  double mass_kg = 0.0;
+  for (const double each : scene.mesh.mass_kg) {
+    mass_kg += each;
+  }
+  EXPECT_NEAR(mass_kg, 1060e-9 * (first_mm3 + second_mm3), 1e-12);
+  EXPECT_EQ(scene.mesh.materials[0].model, ElementModel::kNeoHookean);
+  EXPECT_TRUE(scene.warnings.empty());
+}
+
+TEST_F(ElementScene, RegionsHaveMaterialsOfTheirOwn) {
+  const Scene scene = make_scene(
+      write(kWhole +
+            "[[object.region]]\ngroup = \"stiff\"\nmodel = \"stvk\"\n"
+            "youngs_modulus_Pa = 20000.0\npoissons_ratio = 0.3\ndensity_kg_per_m3 = 1100\n"));
+  ASSERT_EQ(scene.mesh.tetrahedra.size(), 2U);
+  const auto material_of = [&scene](std::size_t element) {
+    return scene.mesh.materials[static_cast<std::size_t>(scene.mesh.tetrahedra[element].material)];
+  };
+  EXPECT_EQ(material_of(0).youngs_modulus_Pa, 5000.0);
+  EXPECT_EQ(material_of(1).youngs_modulus_Pa, 20000.0);
+  EXPECT_EQ(material_of(1).model, ElementModel::kStVenantKirchhoff);
+}
+
+TEST_F(ElementScene, RefusesMaterialsThatCannotBe) {
+  std::string half = kWhole;
+  half.replace(half.find("0.45"), 4, "0.5");
+  expect_refused(write(half), {"scene.toml:", "poissons_ratio", "0.4999"});
+  std::string model = kWhole;
+  model.replace(model.find("neo_hookean"), 11, "neohookean");
+  expect_refused(write(model), {"scene.toml:", "'neohookean' is unknown", "neo_hookean"});
+  expect_refused(write(kWhole, "stiffness_N_per_m = 3.0\n"),
+                 {"scene.toml:", "stiffness_N_per_m", "leave it out"});
+  expect_refused(write("[object.material]\nmodel = \"stvk\"\n"), {"youngs_modulus_Pa"});
+}
+
+TEST_F(ElementScene, RefusesRegionsWithoutAMaterialAndMaterialsWithoutARegion) {
+  const std::string soft = "[[object.region]]\ngroup = \"soft\"\n" + kMaterial;
+  expect_refused(write(soft), {"tetrahedron 2", "'stiff'", "no material"});
+  expect_refused(write(kWhole + "[[object.region]]\ngroup = \"sof\"\n" + kMaterial),
+                 {"no physical group of volumes 'sof'", "soft"});
+  expect_refused(write(kWhole + soft + soft), {"'soft' has a material already"});
+}
+
+TEST_F(ElementScene, RefusesInvertedAndFlatElementsAndSliversByNumberAndPlace) {
+  expect_refused(
+      write(kWhole, "",
+            kNodes + "$Elements\n2\n1 4 2 1 1 1 2 3 4\n2 4 2 2 2 5 2 3 4\n$EndElements\n"),
+      {"tetrahedron 2 at (12, 12, 7.5) is inverted"});
+  std::string thin = kNodes;
+  thin.replace(thin.find("20 20 10"), 8, "10 9 5.01");  // all but in the plane of 2, 3 and 4
+  expect_refused(write(kWhole, "", thin + kElements), {"tetrahedron 2 at", "is a sliver"});
+}
+
+TEST_F(ElementScene, RefusesASurfaceAndAWrongUnit) {
+  expect_refused(write(kWhole, "",
+                       "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0 0\n2 20 0 0\n"
+                       "3 0 20 9\n$EndNodes\n$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n"),
+                 {"needs tetrahedra"});
+  std::string file = write(kWhole);
+  std::ifstream stream(file);
+  std::string text((std::istreambuf_iterator<char>(stream)), {});
+  text.replace(text.find("\"mm\""), 4, "\"m\"");
+  std::ofstream(file) << text;
+  expect_refused(file, {"20 m long", "write the unit"});
+}
+
+TEST_F(ElementScene, WarnsOfWhatNoTissueHas) {
+  std::string stiff = kWhole;
+  stiff.replace(stiff.find("5000.0"), 6, "2.1e11");
+  const Scene scene = make_scene(write(stiff));
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_NE(scene.warnings[0].find("scene.toml:10: youngs_modulus_Pa"), std::string::npos)
+      << scene.warnings[0];
+}
+
+}  // namespace
+}  // namespace forcegrid::simulator
