@@ -3,12 +3,18 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cstdio>
+#include <numeric>
+#include <string>
+#include <vector>
 
 #include "cli/common/options.h"
 #include "cli/common/progress_line.h"
 #include "cli/common/scene_option.h"
+#include "cli/scene_force.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/mesh/tetrahedra.h"
 #include "simulator/reference/return_test.h"
 #include "simulator/solver/elastic_object.h"
 
@@ -29,6 +35,34 @@ SceneFacts facts_of(const simulator::Scene& scene) {
   return facts;
 }
 
+void print_elements(const simulator::SpringMesh& mesh) {
+  if (mesh.tetrahedra.empty()) {
+    return;
+  }
+  double least = 1.0;
+  double sum = 0.0;
+  for (const simulator::Tetrahedron& element : mesh.tetrahedra) {
+    std::array<Eigen::Vector3d, 4> corner_m;
+    for (std::size_t k = 0; k < 4; ++k) {
+      corner_m[k] = unstrained_W(mesh)[static_cast<std::size_t>(element.vertex[k])];
+    }
+    const double quality = simulator::element_quality(corner_m);
+    least = std::min(least, quality);
+    sum += quality;
+  }
+  const std::vector<double> masses_kg = simulator::element_masses_kg(mesh);
+  std::printf("  tetrahedra %zu, volume %.6g cm^3, mass %.6g kg\n", mesh.tetrahedra.size(),
+              1e6 * simulator::element_volume_m3(mesh),
+              std::accumulate(masses_kg.begin(), masses_kg.end(), 0.0));
+  std::printf("  quality of the elements (1: regular): worst %.3f, mean %.3f\n", least,
+              sum / static_cast<double>(mesh.tetrahedra.size()));
+  for (const simulator::ElementMaterial& material : mesh.materials) {
+    std::printf("  material: %s, E %.6g Pa, nu %.6g, %.6g kg/m^3\n",
+                simulator::name_of(material.model), material.youngs_modulus_Pa,
+                material.poissons_ratio, material.density_kg_per_m3);
+  }
+}
+
 void print_facts(const simulator::Scene& scene, const SceneFacts& facts) {
   const simulator::SpringMesh& mesh = scene.mesh;
   Eigen::Array3d low_m = mesh.rest_position_W.front().array();
@@ -42,6 +76,7 @@ void print_facts(const simulator::Scene& scene, const SceneFacts& facts) {
   std::printf("  vertices %zu (%td fixed), springs %zu, triangles of the surface %zu\n",
               mesh.rest_position_W.size(), std::count(mesh.fixed.begin(), mesh.fixed.end(), 1),
               mesh.springs.size(), mesh.triangles.size());
+  print_elements(mesh);
   std::printf("  size along x, y, z: %.1f, %.1f, %.1f mm\n", size_mm.x(), size_mm.y(), size_mm.z());
   std::printf(
       "  a tool at the top holds %d vertices within %.1f mm and feels a stiffness of\n"
@@ -59,6 +94,9 @@ void print_facts(const simulator::Scene& scene, const SceneFacts& facts) {
   std::printf("\n");
   if (!scene.note.empty()) {
     std::printf("  note: %s\n", scene.note.c_str());
+  }
+  for (const std::string& warning : scene.warnings) {
+    std::printf("  warning: %s\n", warning.c_str());
   }
 }
 
@@ -101,6 +139,29 @@ void add_scene(Command& app, SceneOptions& o, std::function<int()>& action) {
   scene.add_option("SCENE", o.scene, scene_help())->required()->check(scene_check());
   scene.add_flag("--return-test", o.return_test,
                  "Pull, shear and push its top out and back, and print how much the force differs");
+  Option* const force_at =
+      scene
+          .add_option("--force-at", o.force_at_m,
+                      "Take hold of the top, move the tool by x,y,z and print the converged force "
+                      "of the object on it")
+          ->separated_by(',')
+          ->type_name("X,Y,Z m")
+          ->not_in_config();
+  scene
+      .add_option("--contact", o.contact_m,
+                  "With --force-at: where to take hold, in W (default: the scene's top)")
+      ->separated_by(',')
+      ->type_name("X,Y,Z m")
+      ->needs(force_at)
+      ->not_in_config();
+  scene.add_flag("--json", o.json, "With --force-at: print the result as JSON")
+      ->needs(force_at)
+      ->not_in_config();
+  scene
+      .add_flag("--displacements", o.displacements,
+                "With --force-at: add the displacement of every vertex")
+      ->needs(force_at)
+      ->not_in_config();
   scene.callback([&o, &action] { action = [&o] { return scene_command(o); }; });
 }
 
@@ -109,6 +170,9 @@ int scene_command(const SceneOptions& options) {
   WorkProgress work(line);
   work.begin("Loading scene " + options.scene);
   const simulator::Scene scene = simulator::make_scene(options.scene);
+  if (!options.force_at_m.empty()) {
+    return print_force_at(scene, options, work);
+  }
   work.begin("Solving scene " + options.scene + " at rest");
   const SceneFacts facts = facts_of(scene);
   work.end();
