@@ -440,7 +440,8 @@ int EnsembleMethod::do_piece(std::size_t next, int budget) noexcept {
     return memory_has_missed() ? remember() : may_follow() ? follow() : 0;
   }
   if (begins_[next]) {
-    return begin(next);
+    const int done = begin(next);
+    return done + prepare(next, budget - done);
   }
   int done = take_next(next);
   done += prepare(next, budget - done);

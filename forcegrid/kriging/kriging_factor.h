@@ -11,14 +11,15 @@
 namespace forcegrid::kriging {
 
 /// Cholesky factor L of a covariance matrix K = L L^T that grows and shrinks by a few rows, with
-/// the data carried along as y = L^-1 f, so that K^-1 f costs one back substitution.
+/// the data carried along as y = L^-1 f, so that K^-1 f costs one back substitution. So are kMore
+/// other data r_j of the same rows, y_j = L^-1 r_j.
 ///
 /// Appending k rows to n costs k n^2/2 multiplications; removing a row costs those of the rows
 /// behind it (rank-one update by Givens rotations, stable since it only adds). Double precision:
 /// the samples' noise is down to 1e-6 of their variance.
 /// Source: Golub and Van Loan, Matrix Computations, 4th ed. (2013), section 6.5.
 /// Real-time: no allocation, lock or throw. Threads: one.
-template <int kMaxRows>
+template <int kMaxRows, int kMore = 0>
 class GrowingCholesky {
  public:
   /// Right-hand sides: columns of kMaxRows numbers with room for the lanes behind them.
@@ -71,6 +72,16 @@ class GrowingCholesky {
     solve_upper(lower(), alpha);
   }
 
+  /// y + sum_j factors_j y_j: the data of the sum.
+  void sum_of_data(const Eigen::Matrix<double, kMore, 1>& factors, double* sum) const noexcept {
+    std::copy_n(y_.data(), rows_, sum);
+    for (std::size_t j = 0; j < more_.size(); ++j) {
+      for (std::size_t r = 0; r < static_cast<std::size_t>(rows_); ++r) {
+        sum[r] += factors[static_cast<int>(j)] * more_[j][r];
+      }
+    }
+  }
+
   /// alpha <- L^-T alpha; it has room for kLanePadding numbers behind its rows.
   void solve_transposed(double* alpha) const noexcept { solve_upper(lower(), alpha); }
 
@@ -84,6 +95,19 @@ class GrowingCholesky {
       }
     }
     return sum;
+  }
+
+  /// Their means by the other data: column j is x^T y_j.
+  Eigen::Matrix<double, 3, kMore> more_means(const Columns& x) const noexcept {
+    Eigen::Matrix<double, 3, kMore> sums = Eigen::Matrix<double, 3, kMore>::Zero();
+    for (std::size_t j = 0; j < more_.size(); ++j) {
+      for (std::size_t r = 0; r < static_cast<std::size_t>(rows_); ++r) {
+        for (std::size_t c = 0; c < 3; ++c) {
+          sums(static_cast<int>(c), static_cast<int>(j)) += x.column[c][r] * more_[j][r];
+        }
+      }
+    }
+    return sums;
   }
 
   /// The part of their covariance that the rows explain: x^T x.
@@ -139,6 +163,25 @@ class GrowingCholesky {
     rows_ += kCount;
   }
 
+  /// The other data of the last three rows, appended just before with the same `x`.
+  void append_more(const Columns& x, const Eigen::Matrix<double, 3, kMore>& values) noexcept {
+    const int first = rows_ - 3;
+    rows_ = first;
+    Eigen::Matrix<double, 3, kMore> y = values - more_means(x);
+    rows_ = first + 3;
+    const PackedLower l = lower();
+    for (int c = 0; c < 3; ++c) {
+      const double* column = l.column(first + c) + first;
+      for (int j = 0; j < kMore; ++j) {
+        y(c, j) /= column[c];
+        for (int b = c + 1; b < 3; ++b) {
+          y(b, j) -= column[b] * y(c, j);
+        }
+        more_[static_cast<std::size_t>(j)][static_cast<std::size_t>(first + c)] = y(c, j);
+      }
+    }
+  }
+
   /// Removes `count` rows from `first` on. The last rows go without any work.
   void remove(int first, int count) noexcept {
     const int behind = rows_ - first - count;
@@ -172,6 +215,10 @@ class GrowingCholesky {
     // L' L'^T = L L^T + v v^T for the rows behind, where v is the removed row's column.
     std::copy_n(l.column(row) + row + 1, behind, removed_.data());
     double removed_y = y_[static_cast<std::size_t>(row)];
+    std::array<double, kMore> removed_more;
+    for (std::size_t j = 0; j < more_.size(); ++j) {
+      removed_more[j] = more_[j][static_cast<std::size_t>(row)];
+    }
     for (int k = 0; k < behind; ++k) {
       const int old_column = row + 1 + k;
       const double* column = l.column(old_column) + old_column;
@@ -186,6 +233,11 @@ class GrowingCholesky {
       const double y = y_[static_cast<std::size_t>(old_column)];
       y_[static_cast<std::size_t>(old_column - 1)] = c * y + s * removed_y;
       removed_y = c * removed_y - s * y;
+      for (std::size_t j = 0; j < more_.size(); ++j) {
+        const double other = more_[j][static_cast<std::size_t>(old_column)];
+        more_[j][static_cast<std::size_t>(old_column - 1)] = c * other + s * removed_more[j];
+        removed_more[j] = c * removed_more[j] - s * other;
+      }
     }
     --rows_;
   }
@@ -193,6 +245,7 @@ class GrowingCholesky {
   alignas(64) std::array<double, kMaxRows*(kMaxRows + 1) / 2 + kLanePadding> data_{};
   std::array<double, kStride> inverse_diagonal_{};
   std::array<double, kStride> y_{};
+  std::array<std::array<double, kStride>, kMore> more_{};
   std::array<double, kStride> removed_{};
   int rows_ = 0;
 };

@@ -21,21 +21,21 @@ constexpr double kFarAway_m = 1e3;
 
 }  // namespace
 
-template <typename Real, int N, int M>
-DictionaryField<Real, N, M>::DictionaryField(const FieldSettings& settings) noexcept
+template <typename Real, int N, int M, int K>
+DictionaryField<Real, N, M, K>::DictionaryField(const FieldSettings& settings) noexcept
     : settings_(settings),
       inverse_length_per_m_(static_cast<Real>(1.0 / settings.kernel.length_m)) {
   collapse();
 }
 
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::data_scale() const noexcept {
+template <typename Real, int N, int M, int K>
+double DictionaryField<Real, N, M, K>::data_scale() const noexcept {
   return std::max(1.0, (factor_.squares() - explained_squares()) / std::max(1, factor_.rows()));
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::covariances_of_force(const Eigen::Vector3d& p, const History& h,
-                                                       typename Factor::Columns& x) const noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::covariances_of_force(
+    const Eigen::Vector3d& p, const History& h, typename Factor::Columns& x) const noexcept {
   std::size_t row = 0;
   for (int b = 0; b < block_count_; ++b) {
     const Block& block = blocks_[static_cast<std::size_t>(b)];
@@ -60,8 +60,8 @@ void DictionaryField<Real, N, M>::covariances_of_force(const Eigen::Vector3d& p,
   }
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::covariances_of_stiffness(
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::covariances_of_stiffness(
     const Eigen::Vector3d& p, typename Factor::Columns& x) const noexcept {
   std::size_t row = 0;
   for (int b = 0; b < block_count_; ++b) {
@@ -87,8 +87,8 @@ void DictionaryField<Real, N, M>::covariances_of_stiffness(
   }
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::append_force(int slot, bool solved) noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::append_force(int slot, bool solved) noexcept {
   const Stored& s = stored_[static_cast<std::size_t>(slot)];
   if (!solved) {
     covariances_of_force(s.position_m, s.history, x_);
@@ -99,11 +99,14 @@ void DictionaryField<Real, N, M>::append_force(int slot, bool solved) noexcept {
   const double noise_N2 = settings_.nugget_N2 / s.count;
   own.diagonal().array() += noise_N2 + s.doubt_N2;
   factor_.template append<3>(x_, own, s.force_N, 0.5 * noise_N2);
+  if constexpr (K > 0) {
+    factor_.append_more(x_, terms_N_[static_cast<std::size_t>(slot)]);
+  }
   blocks_[static_cast<std::size_t>(block_count_++)] = {static_cast<std::int16_t>(slot), false};
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::append_stiffness(int slot) noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::append_stiffness(int slot) noexcept {
   const Stored& s = stored_[static_cast<std::size_t>(slot)];
   covariances_of_stiffness(s.position_m, x_);
   factor_.solve(x_, 6);
@@ -114,8 +117,8 @@ void DictionaryField<Real, N, M>::append_stiffness(int slot) noexcept {
   blocks_[static_cast<std::size_t>(block_count_++)] = {static_cast<std::int16_t>(slot), true};
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::remove_block(int block) noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::remove_block(int block) noexcept {
   int first = 0;
   for (int b = 0; b < block; ++b) {
     first += blocks_[static_cast<std::size_t>(b)].rows();
@@ -125,8 +128,8 @@ void DictionaryField<Real, N, M>::remove_block(int block) noexcept {
   --block_count_;
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::remove_sample(int slot) noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::remove_sample(int slot) noexcept {
   for (int b = block_count_ - 1; b >= 0; --b) {
     if (blocks_[static_cast<std::size_t>(b)].slot == slot) {
       remove_block(b);
@@ -139,29 +142,12 @@ void DictionaryField<Real, N, M>::remove_sample(int slot) noexcept {
   }
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::factorise() noexcept {
-  const std::array<Block, kMaxBlocks> blocks = blocks_;
-  const int count = block_count_;
-  block_count_ = 0;
-  factor_.clear();
-  for (int b = 0; b < count; ++b) {
-    const Block& block = blocks[static_cast<std::size_t>(b)];
-    if (block.stiffness) {
-      append_stiffness(block.slot);
-    } else {
-      append_force(block.slot, false);
-    }
-  }
-  takes_since_factorisation_ = 0;
-}
-
 // Inflates the noise of the samples that the surprise contradicts.
 // @returns the variance added at the observation's place.
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::doubt_samples(const Observation& observation,
-                                                  const Eigen::Vector3d& error_N,
-                                                  double normalised) noexcept {
+template <typename Real, int N, int M, int K>
+double DictionaryField<Real, N, M, K>::doubt_samples(const Observation& observation,
+                                                     const Eigen::Vector3d& error_N,
+                                                     double normalised) noexcept {
   const double doubt_N2 = error_N.squaredNorm() / 3.0 * (1.0 - settings_.surprise / normalised);
   const double reach_m = settings_.doubt_reach_m();
   for (Stored& s : stored_) {
@@ -173,8 +159,8 @@ double DictionaryField<Real, N, M>::doubt_samples(const Observation& observation
   return doubt_N2;
 }
 
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::begin_contact(std::uint64_t contact) noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::begin_contact(std::uint64_t contact) noexcept {
   contact_ = contact;
   if (scale_variance_ > 0.0) {
     const double change = scale_ - 1.0;
@@ -188,8 +174,8 @@ void DictionaryField<Real, N, M>::begin_contact(std::uint64_t contact) noexcept 
 }
 
 // The data of earlier contacts, with zeros for those of this one.
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::earlier_contacts(
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::earlier_contacts(
     std::array<double, Factor::kStride>& f) const noexcept {
   std::size_t row = 0;
   for (int b = 0; b < block_count_; ++b) {
@@ -204,9 +190,9 @@ void DictionaryField<Real, N, M>::earlier_contacts(
 }
 
 // Needs `x`, the covariances of the observed quantity, solved, and `earlier`, earlier_contacts().
-template <typename Real, int N, int M>
+template <typename Real, int N, int M, int K>
 template <int kCount>
-void DictionaryField<Real, N, M>::scale_earlier_contacts(
+void DictionaryField<Real, N, M, K>::scale_earlier_contacts(
     const typename Factor::Columns& x, const std::array<double, Factor::kStride>& earlier,
     const Eigen::Matrix<double, kCount, kCount>& variance,
     Eigen::Matrix<double, kCount, 1>& error) noexcept {
@@ -244,9 +230,9 @@ void DictionaryField<Real, N, M>::scale_earlier_contacts(
   error -= (factor - 1.0) * predicted;
 }
 
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::stiffness_variance(const Vector6d& stiffness_N_per_m,
-                                                       double doubt_N2) const noexcept {
+template <typename Real, int N, int M, int K>
+double DictionaryField<Real, N, M, K>::stiffness_variance(const Vector6d& stiffness_N_per_m,
+                                                          double doubt_N2) const noexcept {
   const double noise = settings_.stiffness_noise_N_per_m;
   const double relative = settings_.relative_stiffness_noise;
   // A force doubted by some newtons makes the slope over a third of l doubtful as well.
@@ -256,8 +242,8 @@ double DictionaryField<Real, N, M>::stiffness_variance(const Vector6d& stiffness
 }
 
 // The stiffness shows at once how stiff this contact is, while the first force is still zero.
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::scale_by_stiffness(const Observation& o) noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::scale_by_stiffness(const Observation& o) noexcept {
   typename Factor::Columns earlier;
   earlier_contacts(earlier.column[0]);
   factor_.solve(earlier, 3);
@@ -272,8 +258,8 @@ void DictionaryField<Real, N, M>::scale_by_stiffness(const Observation& o) noexc
 }
 
 // Averages the removed sample `n` of the same place into the newest. A doubted one counts less.
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::average_into(int slot, const Stored& n) noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::average_into(int slot, const Stored& n) noexcept {
   Stored& t = stored_[static_cast<std::size_t>(slot)];
   const double trusted = n.count / (1.0 + n.count * n.doubt_N2 / settings_.nugget_N2);
   const double kept = std::min(trusted, settings_.averaged - 1.0);
@@ -297,8 +283,8 @@ void DictionaryField<Real, N, M>::average_into(int slot, const Stored& n) noexce
 }
 
 // Decides on the transient sample. @returns true if rows other than its own have moved.
-template <typename Real, int N, int M>
-bool DictionaryField<Real, N, M>::settle_transient() noexcept {
+template <typename Real, int N, int M, int K>
+bool DictionaryField<Real, N, M, K>::settle_transient() noexcept {
   if (transient_ == kNone) {
     return false;
   }
@@ -328,8 +314,8 @@ bool DictionaryField<Real, N, M>::settle_transient() noexcept {
   return !was_last;
 }
 
-template <typename Real, int N, int M>
-bool DictionaryField<Real, N, M>::make_room(const Eigen::Vector3d& position_m) noexcept {
+template <typename Real, int N, int M, int K>
+bool DictionaryField<Real, N, M, K>::make_room(const Eigen::Vector3d& position_m) noexcept {
   bool moved = false;
   while (sample_count_ >= settings_.samples) {
     const int worst = least_valuable(
@@ -348,8 +334,8 @@ bool DictionaryField<Real, N, M>::make_room(const Eigen::Vector3d& position_m) n
 }
 
 // Keeps the stiffness of the newest samples only, leaving room for one more.
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::limit_stiffness() noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::limit_stiffness() noexcept {
   int kept = 0;
   int oldest = kNone;
   for (int b = 0; b < block_count_; ++b) {
@@ -371,8 +357,8 @@ void DictionaryField<Real, N, M>::limit_stiffness() noexcept {
 }
 
 // Puts an observation into a free slot.
-template <typename Real, int N, int M>
-int DictionaryField<Real, N, M>::place(const Observation& o) noexcept {
+template <typename Real, int N, int M, int K>
+int DictionaryField<Real, N, M, K>::place(const Observation& o) noexcept {
   int slot = 0;
   while (stored_[static_cast<std::size_t>(slot)].used) {
     ++slot;
@@ -381,13 +367,15 @@ int DictionaryField<Real, N, M>::place(const Observation& o) noexcept {
       o.position_m,        o.force_N,  o.position_m, o.force_N,     o.history,
       o.stiffness_N_per_m, 0.0,        1.0,          next_order_++, o.from_query,
       o.contact,           o.origin_W, true};
+  if constexpr (K > 0) {
+    terms_N_[static_cast<std::size_t>(slot)] = o.terms_N.template leftCols<K>();
+  }
   ++sample_count_;
-  placed_ = slot;
   return slot;
 }
 
-template <typename Real, int N, int M>
-int DictionaryField<Real, N, M>::bring_in(const Observation& o, double doubt_N2) noexcept {
+template <typename Real, int N, int M, int K>
+int DictionaryField<Real, N, M, K>::bring_in(const Observation& o, double doubt_N2) noexcept {
   ++takes_since_factorisation_;
   const int slot = place(o);
   stored_[static_cast<std::size_t>(slot)].doubt_N2 = doubt_N2;
@@ -395,11 +383,11 @@ int DictionaryField<Real, N, M>::bring_in(const Observation& o, double doubt_N2)
   return slot;
 }
 
-template <typename Real, int N, int M>
-Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
+template <typename Real, int N, int M, int K>
+Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
+  finish();
   Innovation innovation;
   innovation.predicted = sample_count_ > 0;
-  placed_ = kNone;
   if (o.contact != contact_) {
     begin_contact(o.contact);
   }
@@ -418,6 +406,7 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     x_.column[5].fill(0.0);
   }
   factor_.solve(x_, scaling ? 6 : 3);
+  predicted(o, x_);
   Eigen::Vector3d mean_N = factor_.template mean<3>(x_);
   Eigen::Matrix3d covariance_N2 = Eigen::Matrix3d::Zero();
   if (innovation.predicted) {
@@ -454,9 +443,9 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
     for (const Stored& s : stored_) {
       if (s.used && !settings_.spacing.apart(distance_m2(s, o.position_m, o.history, o.force_N))) {
         if (fresh_needed) {
-          factorise();
-        }
-        if (fresh_needed || innovation.explained) {
+          begin_factor();
+          finish_if_read();
+        } else if (innovation.explained) {
           collapse();
         }
         return innovation;
@@ -468,18 +457,29 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   if (make_room(o.position_m)) {
     stale = true;
   }
+  const bool with_stiffness = M > 0 && o.has_stiffness && settings_.stiffness_samples > 0;
   if (fresh_needed) {
-    factorise();
-    stale = true;
+    if (with_stiffness) {
+      limit_stiffness();
+    }
+    begin_factor();
   }
 
   const int slot = place(o);
   if (!o.from_query) {
     transient_ = slot;
   }
+  if (fresh_needed) {
+    append_later(slot, false);
+    if (with_stiffness) {
+      append_later(slot, true);
+    }
+    finish_if_read();
+    return innovation;
+  }
   append_force(slot, !stale);
   if constexpr (M > 0) {
-    if (o.has_stiffness && settings_.stiffness_samples > 0) {
+    if (with_stiffness) {
       limit_stiffness();
       append_stiffness(slot);
     }
@@ -488,16 +488,17 @@ Innovation DictionaryField<Real, N, M>::take(const Observation& o) noexcept {
   return innovation;
 }
 
-template <typename Real, int N, int M>
-bool DictionaryField<Real, N, M>::begin_with(std::span<const Observation> observations) noexcept {
+template <typename Real, int N, int M, int K>
+bool DictionaryField<Real, N, M, K>::begin_with(
+    std::span<const Observation> observations) noexcept {
   for (Stored& s : stored_) {
     s.used = false;
   }
   sample_count_ = 0;
   transient_ = kNone;
   block_count_ = 0;
-  factor_.clear();
-  takes_since_factorisation_ = 0;
+  blocks_due_ = 0;
+  begin_factor();
   scale_ = 1.0;
   scale_variance_ = 0.0;
   for (auto o = observations.rbegin(); o != observations.rend(); ++o) {
@@ -509,17 +510,17 @@ bool DictionaryField<Real, N, M>::begin_with(std::span<const Observation> observ
              !settings_.spacing.apart(distance_m2(s, o->position_m, o->history, o->force_N));
     });
     if (apart && sample_count_ + 1 < settings_.samples) {
-      append_force(place(*o), false);
+      append_later(place(*o), false);
       scale_variance_ = o->contact == contact_ ? scale_variance_ : expected_scale_variance_;
     }
   }
-  collapse();
+  finish_if_read();
   return true;
 }
 
 // Solves for the weights and computes the sums that do not depend on where the field is read.
-template <typename Real, int N, int M>
-void DictionaryField<Real, N, M>::collapse() noexcept {
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::collapse() noexcept {
   collapse_due_ = !reads_expected_;
   if (collapse_due_) {
     return;
@@ -589,8 +590,8 @@ void DictionaryField<Real, N, M>::collapse() noexcept {
   }
 }
 
-template <typename Real, int N, int M>
-RadialTerms<Real> DictionaryField<Real, N, M>::radial_terms() const noexcept {
+template <typename Real, int N, int M, int K>
+RadialTerms<Real> DictionaryField<Real, N, M, K>::radial_terms() const noexcept {
   RadialTerms<Real> terms;
   terms.sample_rows = lane_rows_[0].data();
   terms.stride = kLanes;
@@ -604,9 +605,9 @@ RadialTerms<Real> DictionaryField<Real, N, M>::radial_terms() const noexcept {
   return terms;
 }
 
-template <typename Real, int N, int M>
-Reading DictionaryField<Real, N, M>::read(const Eigen::Vector3d& position_m,
-                                          const History& history) const noexcept {
+template <typename Real, int N, int M, int K>
+Reading DictionaryField<Real, N, M, K>::read(const Eigen::Vector3d& position_m,
+                                             const History& history) const noexcept {
   const Eigen::Matrix<Real, 3, 1>& p = position_m.template cast<Real>();
   const RadialSum<Real> radial = radial_sum(radial_terms(), p.data());
   Eigen::Matrix<Real, 3, 1> force = constant_N_ + linear_N_per_m_ * p;
@@ -624,8 +625,8 @@ Reading DictionaryField<Real, N, M>::read(const Eigen::Vector3d& position_m,
   return reading;
 }
 
-template <typename Real, int N, int M>
-Eigen::Matrix3d DictionaryField<Real, N, M>::stiffness_N_per_m(
+template <typename Real, int N, int M, int K>
+Eigen::Matrix3d DictionaryField<Real, N, M, K>::stiffness_N_per_m(
     const Eigen::Vector3d& position_m, const History& /*history*/) const noexcept {
   const Eigen::Matrix<Real, 3, 1>& p = position_m.template cast<Real>();
   const RadialSlope<Real> slope = radial_slope(radial_terms(), p.data());
@@ -659,9 +660,9 @@ Eigen::Matrix3d DictionaryField<Real, N, M>::stiffness_N_per_m(
   return j;
 }
 
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::variance_N2(const Eigen::Vector3d& position_m,
-                                                const History& history) const noexcept {
+template <typename Real, int N, int M, int K>
+double DictionaryField<Real, N, M, K>::variance_N2(const Eigen::Vector3d& position_m,
+                                                   const History& history) const noexcept {
   covariances_of_force(position_m, history, x_);
   factor_.solve(x_, 3);
   double explained_N2 = 0.0;
@@ -677,14 +678,16 @@ double DictionaryField<Real, N, M>::variance_N2(const Eigen::Vector3d& position_
                            (features_N2.trace() - explained_N2) / 3.0);
 }
 
-template <typename Real, int N, int M>
-double DictionaryField<Real, N, M>::deviation_N(const Eigen::Vector3d& position_m,
-                                                const History& history) const noexcept {
+template <typename Real, int N, int M, int K>
+double DictionaryField<Real, N, M, K>::deviation_N(const Eigen::Vector3d& position_m,
+                                                   const History& history) const noexcept {
   return std::sqrt(variance_N2(position_m, history) * data_scale());
 }
 
 template class DictionaryField<float, 32, 0>;
 template class DictionaryField<double, 32, 0>;
+template class DictionaryField<double, 32, 0, 1>;
+template class DictionaryField<double, 32, 0, kPathTerms>;
 template class DictionaryField<float, 32, 4>;
 template class DictionaryField<double, 32, 4>;
 template class DictionaryField<float, 48, 0>;

@@ -103,8 +103,8 @@ class Field {
     static_cast<void>(contact);
     static_cast<void>(point_W);
   }
-  /// Does one bounded piece of the work that enter_contact() has left. Until all is done, read()
-  /// uses the previous state. @returns false if nothing was left.
+  /// Does one bounded piece of the work that enter_contact(), take() or begin_with() have left.
+  /// Until all is done, read() uses the previous state. @returns false if nothing was left.
   virtual bool prepare() noexcept { return false; }
   virtual bool ready() const noexcept { return true; }
 
@@ -115,12 +115,13 @@ class Field {
   virtual void observe(const PathTerms& terms_N) noexcept { static_cast<void>(terms_N); }
 
   /// Takes in one observation. In order: predict there; doubt old samples if that failed; decide on
-  /// the sample before; make room; add the new one; fit. Bounded: at most one full factorisation of
-  /// the dictionary, usually three to nine rows of it.
+  /// the sample before; make room; add the new one; fit. Bounded: usually three to nine rows of the
+  /// dictionary's factor, at most a full factorisation, which a field that nobody reads leaves to
+  /// prepare(). Call it when ready(); else it first does what was left.
   virtual Innovation take(const Observation& observation) noexcept = 0;
 
   /// Begins anew with these observations, oldest first, without evaluating them: for a field that
-  /// has not taken samples for a while. One factorisation.
+  /// has not taken samples for a while. One factorisation, as in take().
   /// @returns false, and changes nothing, if a field of this kind can only take() them.
   virtual bool begin_with(std::span<const Observation> observations) noexcept {
     static_cast<void>(observations);
@@ -194,10 +195,13 @@ class Field {
 /// Answers to queries join the dictionary where none of its samples is near; they are never the
 /// transient newest sample.
 ///
+/// Other data of the same samples, kTerms vectors each (Observation::terms_N), may be carried along
+/// for an owner who derives: y_j = L^-1 R_j beside y = L^-1 F.
+///
 /// Failure: kinks within l of the samples; forces that depend on more than position (the history
 /// features are for those that depend on the path, UnilateralConstraintField for kinks).
 /// Source: docs/kriging.md; Rasmussen and Williams, 2006, chapter 2.
-template <typename Real, int kMaxSamples, int kMaxStiffness>
+template <typename Real, int kMaxSamples, int kMaxStiffness, int kTerms = 0>
 class DictionaryField : public Field {
  public:
   /// @param settings must be usable: positive nugget, lengths and spacings, 2 <= samples <=
@@ -215,11 +219,28 @@ class DictionaryField : public Field {
   /// Of observations that are not apart (SampleSpacing), the newest is taken.
   bool begin_with(std::span<const Observation> observations) noexcept override;
   bool can_begin_with() const noexcept override { return true; }
-  /// Puts off the weights of the samples: a fifth of the work of take().
+  bool prepare() noexcept override {
+    if (blocks_due_ == 0) {
+      return false;
+    }
+    int squares = 0;  // an append's work
+    while (squares < kAppendsAPiece * kMaxRows * kMaxRows && append_next()) {
+      squares += factor_.rows() * factor_.rows();
+    }
+    if (blocks_due_ == 0) {
+      collapse();
+    }
+    return true;
+  }
+  bool ready() const noexcept override { return blocks_due_ == 0; }
+  /// Puts off the weights of the samples, a fifth of the work of take(), and full factorisations.
   void expect_reads(bool expected) noexcept override {
     reads_expected_ = expected;
-    if (expected && collapse_due_) {
-      collapse();
+    if (expected) {
+      finish();
+      if (collapse_due_) {
+        collapse();
+      }
     }
   }
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
@@ -271,7 +292,10 @@ class DictionaryField : public Field {
   static constexpr int kNone = -1;
   /// Rounding of the rotations adds up slowly; a fresh factorisation this often keeps it out.
   static constexpr int kTakesBetweenFactorisations = 1024;
-  using Factor = GrowingCholesky<kMaxRows>;
+  /// To a full factor, or as much work.
+  static constexpr int kAppendsAPiece = 4;
+  using Factor = GrowingCholesky<kMaxRows, kTerms>;
+  using Terms = Eigen::Matrix<double, 3, kTerms>;
 
   struct Stored {
     Eigen::Vector3d position_m, force_N;
@@ -298,6 +322,13 @@ class DictionaryField : public Field {
 
   /// Solves for alpha_.
   virtual void solve_weights() noexcept { factor_.weights(alpha_.data()); }
+  /// Called by take() with the observation's covariances with the rows, solved, before anything
+  /// changes.
+  virtual void predicted(const Observation& observation,
+                         const typename Factor::Columns& x) noexcept {
+    static_cast<void>(observation);
+    static_cast<void>(x);
+  }
   /// Adds to the mean and covariance of the force at `p`. Needs its covariances with the rows,
   /// solved.
   virtual void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
@@ -337,7 +368,46 @@ class DictionaryField : public Field {
   void append_stiffness(int slot) noexcept;
   void remove_block(int block) noexcept;
   void remove_sample(int slot) noexcept;
-  void factorise() noexcept;
+  void factorise() noexcept {
+    begin_factor();
+    while (append_next()) {
+    }
+  }
+  /// The factor begins anew; its blocks are appended one by one.
+  void begin_factor() noexcept {
+    blocks_due_ += block_count_;
+    block_count_ = 0;
+    factor_.clear();
+    takes_since_factorisation_ = 0;
+  }
+  /// @returns false if none was left.
+  bool append_next() noexcept {
+    if (blocks_due_ == 0) {
+      return false;
+    }
+    --blocks_due_;
+    const Block& block = blocks_[static_cast<std::size_t>(block_count_)];
+    if (block.stiffness) {
+      append_stiffness(block.slot);
+    } else {
+      append_force(block.slot, false);
+    }
+    return true;
+  }
+  /// Does what prepare() would.
+  void finish() noexcept {
+    while (prepare()) {
+    }
+  }
+  void finish_if_read() noexcept {
+    if (reads_expected_) {
+      blocks_due_ > 0 ? finish() : collapse();
+    }
+  }
+  void append_later(int slot, bool stiffness) noexcept {
+    blocks_[static_cast<std::size_t>(block_count_ + blocks_due_++)] = {
+        static_cast<std::int16_t>(slot), stiffness};
+  }
   double doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
                        double normalised) noexcept;
   int place(const Observation& observation) noexcept;
@@ -372,11 +442,12 @@ class DictionaryField : public Field {
 
   FieldSettings settings_;
   std::array<Stored, kMaxSamples> stored_{};
+  std::array<Terms, kTerms == 0 ? 0 : kMaxSamples> terms_N_{};
   std::array<Block, kMaxBlocks> blocks_{};
-  int block_count_ = 0;
+  int block_count_ = 0;  ///< of them in the factor
+  int blocks_due_ = 0;   ///< behind these, which prepare() appends
   int sample_count_ = 0;
   int transient_ = kNone;
-  int placed_ = kNone;  ///< the slot of the last observation, unless it was not kept
   std::uint64_t next_order_ = 0;
   int takes_since_factorisation_ = 0;
   bool reads_expected_ = true;

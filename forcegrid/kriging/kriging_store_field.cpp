@@ -157,6 +157,8 @@ void StoreField::put_in(int candidate) noexcept {
 
 Followed StoreField::follow(const Eigen::Vector3d& tool_m,
                             const Eigen::Vector3d& ahead_m) noexcept {
+  while (working_.prepare()) {
+  }
   list(tool_m, ahead_m);
   measure();
   const auto spacing_m2 = static_cast<float>(settings().spacing.metres * settings().spacing.metres);

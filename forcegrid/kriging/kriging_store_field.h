@@ -64,6 +64,8 @@ class StoreField final : public Field {
     return working_.begin_with(observations);
   }
   bool can_begin_with() const noexcept override { return true; }
+  bool prepare() noexcept override { return working_.prepare(); }
+  bool ready() const noexcept override { return working_.ready(); }
   void expect_reads(bool expected) noexcept override { working_.expect_reads(expected); }
   void remember(const Observation& observation) noexcept override {
     if (writes_) {

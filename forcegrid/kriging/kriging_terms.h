@@ -23,8 +23,8 @@ namespace forcegrid::kriging {
 ///
 /// Nothing is ever doubted and contacts are not distinguished: alone it forgets nothing. Use it as
 /// a candidate of an ensemble, which renders others where they predict better. Cost: that of one
-/// DictionaryField, since all of them share one factor, and per term two triangular solves of one
-/// column. Source: docs/kriging.md. Real-time: nothing allocates, locks or throws. Threads: one.
+/// DictionaryField, since all of them share one factor, which carries the data of all.
+/// Source: docs/kriging.md. Real-time: nothing allocates, locks or throws. Threads: one.
 template <int kTerms>
 class TermsField : public Field {
  public:
@@ -37,6 +37,8 @@ class TermsField : public Field {
 
   /// @param settings as for DictionaryField, without stiffness and history features.
   explicit TermsField(const FieldSettings& settings) noexcept;
+  TermsField(const TermsField&) = delete;  // its parts refer to each other
+  TermsField& operator=(const TermsField&) = delete;
 
   const FieldSettings& settings() const noexcept override { return field_.settings(); }
   int sample_count() const noexcept override { return field_.sample_count(); }
@@ -50,7 +52,11 @@ class TermsField : public Field {
     return field_.deviation_N(position_m, history);
   }
 
-  const Factors& factors() const noexcept { return factors_; }
+  bool prepare() noexcept override { return field_.prepare(); }
+  bool ready() const noexcept override { return field_.ready(); }
+  void expect_reads(bool expected) noexcept override { field_.expect_reads(expected); }
+
+  const Factors& factors() const noexcept { return field_.factors(); }
 
  protected:
   Innovation take_with(const Observation& observation, const Terms& terms_N) noexcept;
@@ -61,41 +67,36 @@ class TermsField : public Field {
   virtual Factors limited(Factors factors) const noexcept = 0;
 
  private:
-  using Base = DictionaryField<double, kMostSamples, 0>;
+  using Base = DictionaryField<double, kMostSamples, 0, kTerms>;
 
   /// G, and the fields that it is the sum of: their data differ, their samples and factor do not.
   class SumField final : public Base {
    public:
-    using Data = Eigen::Matrix<double, 3, 1 + kTerms>;  ///< [N] of the forces, then of the terms
-
-    explicit SumField(const FieldSettings& settings) noexcept : Base(settings) {}
-    /// What each field says at a position [m].
-    Data read_each(const Eigen::Vector3d& position_m) const noexcept;
-    /// As Field::take(). From now on the sum is that with `factors`.
-    void take_with(const Observation& observation, const Terms& terms_N,
-                   const Factors& factors) noexcept;
+    /// @param owner limits the factors.
+    SumField(const FieldSettings& settings, const TermsField& owner) noexcept
+        : Base(settings), owner_(owner) {}
+    /// As Field::take(), and learns the factors. @returns [N] the error of the sum.
+    double learn_from(const Observation& observation) noexcept;
+    const Factors& factors() const noexcept { return factors_; }
     double deviation_N(const Eigen::Vector3d& position_m,
                        const History& history) const noexcept override;
 
    private:
-    using Column = std::array<double, Base::Factor::kStride>;
+    using Columns = typename Base::Factor::Columns;
 
+    void predicted(const Observation& observation, const Columns& x) noexcept override;
     void solve_weights() noexcept override;
+    void learn(const Eigen::Vector3d& force_error_N, const Terms& term_errors_N) noexcept;
 
-    Terms incoming_N_ = Terms::Zero();
+    const TermsField& owner_;
+    double error_N_ = 0.0;
     Factors factors_ = Factors::Zero();
-    std::array<Terms, kMostSamples> terms_N_{};  ///< of each slot
-    std::array<Column, 1 + kTerms> weights_{};   ///< alpha of each field
-    typename Base::Factor::Columns data_;        ///< scratch
-    double squares_ = 0.0;                       ///< |y|^2 of the sum
+    Eigen::Matrix<double, kTerms, kTerms> squares_N2_ =
+        Eigen::Matrix<double, kTerms, kTerms>::Zero();
+    Factors products_N2_ = Factors::Zero();
   };
 
-  void learn(const Eigen::Vector3d& force_error_N, const Terms& term_errors_N) noexcept;
-
   SumField field_;
-  Factors factors_ = Factors::Zero();
-  Eigen::Matrix<double, kTerms, kTerms> squares_N2_ = Eigen::Matrix<double, kTerms, kTerms>::Zero();
-  Factors products_N2_ = Factors::Zero();
 };
 
 /// What a simulator would return if it had the time to solve to the end. If it corrects only a
