@@ -54,13 +54,18 @@ double ContactIndexedField::away_m2_of(double displacement_m2,
 
 void ContactIndexedField::enter_contact(std::uint64_t contact,
                                         const Eigen::Vector3d& point_W) noexcept {
+  if (fit_due_) {
+    weigh();  // until the next factor is there
+  }
   keep_contact();
   contact_ = contact;
   point_W_ = point_W;
   offset_N2_ = offsets_needed_ > kOffsetsExpected ? kOffset_N2 : 0.0;
   transient_ = kNone;
   preparing_ = Preparing::kSelecting;
-  collapse();
+  if (reads_expected_) {
+    collapse();
+  }
 }
 
 void ContactIndexedField::remember(const Observation& o) noexcept {
@@ -359,6 +364,9 @@ bool ContactIndexedField::surprised(const Observation& o, const Eigen::Vector3d&
   if (!(normalised > settings_.surprise)) {
     return false;
   }
+  if (fit_due_) {
+    weigh();
+  }
   if (!has_offset()) {
     Eigen::Matrix3d own = covariance_N2;
     own.diagonal().array() += settings_.nugget_N2;
@@ -442,6 +450,9 @@ Innovation ContactIndexedField::take(const Observation& o) noexcept {
   innovation.error_N = error_N.norm();
   bool rows_moved = false;
   bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
+  if (fresh_needed && fit_due_) {
+    weigh();
+  }
   innovation.surprised = surprised(
       o, error_N, own_covariance(o.position_m, with_origin, offset_N2_) - factor_.explained<3>(x_));
   fresh_needed = fresh_needed || innovation.surprised;
@@ -486,7 +497,27 @@ Innovation ContactIndexedField::take(const Observation& o) noexcept {
   return innovation;
 }
 
+void ContactIndexedField::expect_reads(bool expected) noexcept {
+  reads_expected_ = expected;
+  if (expected) {
+    if (fit_due_) {
+      weigh();
+    }
+    collapse();
+  }
+}
+
 void ContactIndexedField::fit() noexcept {
+  fit_due_ = !reads_expected_;
+  if (!fit_due_) {
+    weigh();
+    collapse();
+  }
+}
+
+// The weights of the present factor's samples.
+void ContactIndexedField::weigh() noexcept {
+  fit_due_ = false;
   factor_.weights(alpha_.data());
   fitted_count_ = slot_count_;
   for (std::size_t i = 0; i < static_cast<std::size_t>(slot_count_); ++i) {
@@ -495,7 +526,6 @@ void ContactIndexedField::fit() noexcept {
                   s.point_W,    s.with_origin,
                   s.offset_N2,  s.contact};
   }
-  collapse();
 }
 
 // Computes the sums that do not depend on where the field is read, for the present contact point.

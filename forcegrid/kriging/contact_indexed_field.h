@@ -68,11 +68,13 @@ class ContactIndexedField final : public Field {
   const FieldSettings& settings() const noexcept override { return settings_; }
   const ContactKernel& kernel() const noexcept { return kernel_; }
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
-  int sample_count() const noexcept override { return fitted_count_; }
+  int sample_count() const noexcept override { return fit_due_ ? slot_count_ : fitted_count_; }
   int row_count() const noexcept override { return factor_.rows(); }
   void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept override;
   bool prepare() noexcept override;
   bool ready() const noexcept override { return preparing_ == Preparing::kReady; }
+  /// Puts off the weights of the samples.
+  void expect_reads(bool expected) noexcept override;
   /// Ignores late samples of an earlier contact.
   Innovation take(const Observation& observation) noexcept override;
   /// For later contacts: at most kKept samples of this one that are apart (SampleSpacing).
@@ -148,6 +150,7 @@ class ContactIndexedField final : public Field {
   void settle_transient(bool& rows_moved) noexcept;
   void make_room(const Eigen::Vector3d& position_m, bool& rows_moved) noexcept;
   void fit() noexcept;
+  void weigh() noexcept;
   RadialTerms<float> radial_terms() const noexcept;
   void collapse() noexcept;
   double away_m2_of(double displacement_m2, const Eigen::Vector3d& point_W) const noexcept;
@@ -173,6 +176,8 @@ class ContactIndexedField final : public Field {
   int transient_ = kNone;
   int takes_since_factorisation_ = 0;
   Preparing preparing_ = Preparing::kReady;
+  bool reads_expected_ = true;
+  bool fit_due_ = false;  ///< the weights of the present factor are put off
 
   std::uint64_t contact_ = 0;
   Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
