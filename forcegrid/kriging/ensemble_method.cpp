@@ -68,6 +68,9 @@ void EnsembleMethod::take_sample(const Sample& sample) noexcept {
   if (asks_before_contact() && wake_rule_.places_misses()) {
     candidates_.all[candidates_.places]->field().remember(queue_.at(number).observation);
   }
+  if (sample.time_s > path_observed_s_) {
+    observe_path();
+  }
   look_up_path(sample, entry.path);
   if (sample.from_query) {
     entry.scored = false;
@@ -110,23 +113,29 @@ void EnsembleMethod::observe(double time_s, const Eigen::Vector3d& position_W) n
     budget_.begin_cycle(rendered_candidate().field().sample_count());
   }
   if (motion_.observe(time_s, position_W)) {
-    if (knows_path_) {
-      path_.observe(time_s, position_W);
+    if (path_awake_ || !(time_s < path_observed_s_ + kPathAsleep_s)) {
+      observe_path();
     }
-    observe_rendered_force();
     follower_.tool_moved(motion_);
   }
 }
 
-// While nobody asks for it, the force's path through filters of 50 ms and more is followed by one
-// point in 8 ms.
-void EnsembleMethod::observe_rendered_force() noexcept {
-  constexpr double kAsleep_s = 0.008;
-  if (candidates_.relaxation == nullptr ||
-      (!candidates_.relaxation->awake() && motion_.time_s() < force_observed_s_ + kAsleep_s &&
-       motion_.time_s() > force_observed_s_)) {
+// While no candidate that knows them is awake, the paths of tool and force are followed by few
+// points; filters of 50 ms and more, which the force passes through, by fewer.
+void EnsembleMethod::observe_path() noexcept {
+  if (!knows_path_ || !motion_.observed()) {
     return;
   }
+  path_observed_s_ = motion_.time_s();
+  path_.observe(path_observed_s_, motion_.position_W());
+  if (candidates_.relaxation != nullptr &&
+      (candidates_.relaxation->awake() ||
+       !(path_observed_s_ < force_observed_s_ + kForceAsleep_s))) {
+    observe_rendered_force();
+  }
+}
+
+void EnsembleMethod::observe_rendered_force() noexcept {
   force_observed_s_ = motion_.time_s();
   Eigen::Vector3d rendered_N = Eigen::Vector3d::Zero();
   if (contact_.in_contact() && contact_.has_origin() &&
@@ -283,6 +292,7 @@ void EnsembleMethod::score() noexcept {
   for (const auto& candidate : candidates_.all) {
     seen = candidate->awake() ? std::min(seen, candidate->next_sample()) : seen;
   }
+  bool slept = false;
   for (; scored_ < seen; ++scored_) {
     const EvaluatedSample& entry = evaluated(scored_);
     if (!entry.scored || entry.explained) {
@@ -296,24 +306,34 @@ void EnsembleMethod::score() noexcept {
     if (best != rendered_ && !before_wall) {
       hand_over(best, ChoiceReason::kPredictedBetter);
     }
-    wake_rule_.scored(choice_);
+    slept = wake_rule_.scored(choice_) || slept;
   }
-  follow_wake_rule();
+  if (slept) {
+    follow_wake_rule();
+  }
 }
 
 void EnsembleMethod::follow_wake_rule() noexcept {
+  bool changed = false;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     Candidate& candidate = *candidates_.all[i];
     const bool awake = wake_rule_.awake(i);
     if (awake == candidate.awake()) {
       continue;
     }
+    changed = true;
     if (awake) {
       wake(i);
     } else {
       candidate.sleep();
       begins_[i] = false;
     }
+  }
+  if (changed && knows_path_) {
+    path_awake_ = std::any_of(
+        candidates_.all.begin(), candidates_.all.end(),
+        [](const auto& candidate) { return candidate->awake() && candidate->knows_path(); });
+    observe_path();
   }
 }
 

@@ -106,6 +106,10 @@ class EnsembleMethod final : public ForceMethod {
   /// Samples that a woken candidate takes one by one if its field can't begin with many.
   static constexpr std::uint64_t kTakesAtOnce = 24;
   static constexpr std::uint64_t kLongestCatchUp = 48;
+  /// While no candidate that knows them is awake, the paths of tool and force are followed by one
+  /// point in this time; a little less than 4 and 16 ms, so that servo periods vary as they may.
+  static constexpr double kPathAsleep_s = 0.0035;
+  static constexpr double kForceAsleep_s = 0.0155;
   static_assert(kBeginsWith + kTakesAtOnce <= kriging::SampleQueue::kLength);
 
   using Candidate = kriging::Candidate;
@@ -124,6 +128,7 @@ class EnsembleMethod final : public ForceMethod {
   void enter_contact(const Eigen::Vector3d& point_W) noexcept;
   void pass_over_backlog() noexcept;
   void look_up_path(const Sample& sample, kriging::PathAtSample& path) const noexcept;
+  void observe_path() noexcept;
   void observe_rendered_force() noexcept;
   void follow_wake_rule() noexcept;
   void wake(std::size_t index) noexcept;
@@ -154,12 +159,14 @@ class EnsembleMethod final : public ForceMethod {
   ToolHistory path_;  ///< of the tool
   kriging::Candidates candidates_;
   bool knows_path_ = false;  ///< a candidate does
+  bool path_awake_ = true;   ///< such a candidate is awake
   std::array<const char*, kMaxCandidates> names_{};
   kriging::CandidateChoice choice_;
   std::size_t rendered_ = 0;
   ChoiceReason reason_ = ChoiceReason::kFirst;
   kriging::HandOverFade fade_;
 
+  double path_observed_s_ = -1e300;
   double force_observed_s_ = -1e300;
   kriging::ToolMotion motion_;
   kriging::ContactState contact_;

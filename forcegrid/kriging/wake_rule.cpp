@@ -110,16 +110,17 @@ void WakeRule::evaluated(const EvaluatedSample& sample) noexcept {
   }
 }
 
-void WakeRule::scored(const CandidateChoice& choice) noexcept {
+bool WakeRule::scored(const CandidateChoice& choice) noexcept {
   if (!enabled_ || !all_awake_) {
-    return;
+    return false;
   }
   if (rendered_suffices()) {
     all_sleep(choice);
-  } else if (awake_for_ >= thresholds_.hopeless_samples &&
-             !rendered_within(candidates_.walls, thresholds_.path_lately)) {
-    hopeless_sleep();  // away from a wall others may be right again
+    return true;
   }
+  // Away from a wall others may be right again.
+  return awake_for_ >= thresholds_.hopeless_samples &&
+         !rendered_within(candidates_.walls, thresholds_.path_lately) && hopeless_sleep();
 }
 
 // The best of those that know the position alone.
@@ -134,7 +135,8 @@ std::size_t WakeRule::best_general() const noexcept {
   return best;
 }
 
-void WakeRule::hopeless_sleep() noexcept {
+bool WakeRule::hopeless_sleep() noexcept {
+  bool slept = false;
   const std::size_t general = best_general();
   const double full = 1.0 - std::pow(thresholds_.regret_kept, awake_for_);
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
@@ -142,9 +144,11 @@ void WakeRule::hopeless_sleep() noexcept {
                         rendered_within(i, thresholds_.path_lately);
     if (!needed && alone_N2_[i] > thresholds_.hopeless * alone_N2_[rendered_] &&
         worse_[i] > thresholds_.hopeless_share * full) {
+      slept = slept || !hopeless_[i];
       hopeless_[i] = true;
     }
   }
+  return slept;
 }
 
 // Whether the rendered candidate alone would have done as well as all together, and no other one

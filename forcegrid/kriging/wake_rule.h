@@ -55,7 +55,8 @@ class WakeRule {
   /// All that are awake have evaluated a sample, by which they are scored next.
   void evaluated(const EvaluatedSample& sample) noexcept;
   /// The candidates have been scored by a sample. @param choice that scored them.
-  void scored(const CandidateChoice& choice) noexcept;
+  /// @returns whether candidates fell asleep.
+  bool scored(const CandidateChoice& choice) noexcept;
   void handed_over(std::size_t rendered) noexcept;
   void contact_made() noexcept;
 
@@ -82,7 +83,7 @@ class WakeRule {
   void audition() noexcept;
   void wake_all() noexcept;
   void all_sleep(const CandidateChoice& choice) noexcept;
-  void hopeless_sleep() noexcept;
+  bool hopeless_sleep() noexcept;
   std::size_t best_general() const noexcept;
   bool rendered_suffices() const noexcept;
   bool rendered_within(std::size_t index, int samples) const noexcept;
