@@ -18,6 +18,7 @@ void WakeRule::sample_queued(std::uint64_t number, const QueuedSample& sample,
   queued_ = number + 1;
   rendered_ = rendered;
   last_rendered_[rendered] = queued_;
+  unchosen_ = chosen_ ? unchosen_ : queued_;
   contact_begins_ =
       sample.before_contact || (places_asked_ && since_contact_s < thresholds_.places_learn_s);
   places_learn_ = !sample.before_contact && since_contact_s < 2.0 * thresholds_.places_learn_s;
@@ -169,6 +170,7 @@ bool WakeRule::rendered_suffices() const noexcept {
 
 void WakeRule::all_sleep(const CandidateChoice& choice) noexcept {
   runner_up_ = choice.runner_up(rendered_);
+  chosen_ = true;
   all_awake_ = false;
   hopeless_.fill(false);
   auditioned_ = Candidates::kNone;
@@ -179,6 +181,7 @@ void WakeRule::all_sleep(const CandidateChoice& choice) noexcept {
 
 void WakeRule::handed_over(std::size_t rendered) noexcept {
   rendered_ = rendered;
+  chosen_ = true;
   ask_places_.won = ask_places_.won || rendered == candidates_.places;
   ask_memory_.won = ask_memory_.won || rendered == candidates_.memory;
   misfit_.restart();
@@ -209,6 +212,24 @@ bool WakeRule::rendered_within(std::size_t index, int samples) const noexcept {
          queued_ <= last_rendered_[index] + static_cast<std::uint64_t>(samples);
 }
 
+// The one that began was rendered before any was scored. That alone is no reason to stay awake, but
+// specialists and others that stay are compared with it.
+bool WakeRule::kept_lately(std::size_t index) const noexcept {
+  if (!rendered_within(index, thresholds_.lately)) {
+    return false;
+  }
+  if (last_rendered_[index] > unchosen_ || candidates_.all[rendered_]->weight() > 1.0) {
+    return true;
+  }
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const bool stays = i != rendered_ && i != candidates_.memory && i != candidates_.places;
+    if (stays && last_rendered_[i] > unchosen_ && rendered_within(i, thresholds_.lately)) {
+      return true;
+    }
+  }
+  return false;
+}
+
 bool WakeRule::path_needed_lately() const noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     if (candidates_.all[i]->knows_path() && rendered_within(i, thresholds_.path_lately)) {
@@ -229,8 +250,7 @@ bool WakeRule::awake(std::size_t index) const noexcept {
   if (index == candidates_.places) {
     return contact_begins_;
   }
-  return rendered_within(index, thresholds_.lately) ||
-         (index == candidates_.unfinished && unfinished_for_ > 0) ||
+  return kept_lately(index) || (index == candidates_.unfinished && unfinished_for_ > 0) ||
          (index == candidates_.walls &&
           (queued_ < walls_until_ || candidates_.all[index]->field().knows_walls()));
 }

@@ -28,6 +28,7 @@ namespace forcegrid::kriging {
 /// When all sleep, these are awake alone:
 ///
 /// - the rendered candidate, and candidates that were rendered lately, but `memory` and `places`;
+///   the one that began only if it was chosen or sufficed, or beside a specialist or others;
 /// - `newest`, which costs nothing;
 /// - `walls` for some samples after each surprise, because walls can't wait, and while it knows
 ///   one;
@@ -87,6 +88,7 @@ class WakeRule {
   std::size_t best_general() const noexcept;
   bool rendered_suffices() const noexcept;
   bool rendered_within(std::size_t index, int samples) const noexcept;
+  bool kept_lately(std::size_t index) const noexcept;
   bool path_needed_lately() const noexcept;
 
   const Candidates& candidates_;
@@ -95,8 +97,10 @@ class WakeRule {
   Misfit misfit_;
   std::size_t rendered_ = 0;
   std::uint64_t queued_ = 0;
+  bool chosen_ = false;  ///< the rendered one is not just that which began
   std::array<std::uint64_t, kMaxCandidates>
-      last_rendered_{};  ///< number + 1 of the sample; 0: never
+      last_rendered_{};         ///< number + 1 of the sample; 0: never
+  std::uint64_t unchosen_ = 0;  ///< until then the rendered one was just that which began
 
   bool all_awake_ = true;
   int awake_for_ = 0;                              ///< scored samples
