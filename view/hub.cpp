@@ -42,6 +42,12 @@ std::vector<T> structs_of(const Frame& frame, const char* what) {
   return values;
 }
 
+// Of times that a peer sent: they may be any.
+std::int64_t nanoseconds_between(std::int64_t from_ns, std::int64_t to_ns) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(to_ns) -
+                                   static_cast<std::uint64_t>(from_ns));
+}
+
 Eigen::Vector3d vector_of(const json& list) {
   return rt::to_vector(list.get<std::array<double, 3>>());
 }
@@ -82,7 +88,9 @@ template <typename Change>
 void Hub::change_all(const Change& change) {
   for (Viewer* viewer : viewers_) {
     change(viewer->outbox);
-    viewer->wake();
+    if (!quiet_) {
+      viewer->wake();
+    }
   }
 }
 
@@ -93,7 +101,10 @@ void Hub::say(Viewer& viewer, const json& text, bool after_rows) {
 
 void Hub::say_to_all(const json& text, bool after_rows) {
   const std::string dumped = text.dump();
-  change_all([&](Outbox& outbox) { outbox.add_text(dumped, after_rows); });
+  for (Viewer* viewer : viewers_) {
+    viewer->outbox.add_text(dumped, after_rows);
+    viewer->wake();
+  }
 }
 
 // ---- The feed ----
@@ -117,6 +128,7 @@ void Hub::take_feed(const Frame& frame) {
         throw ViewLinkError("its arm is no list of lines with finite points");
       }
       const SharedBytes message = message_of(PageType::kArm, 0, frame.payload);
+      newest_arm_ = message;
       return change_all([&](Outbox& outbox) { outbox.set_arm(message); });
     }
     case FeedType::kNote:
@@ -132,6 +144,8 @@ void Hub::take_feed(const Frame& frame) {
       feed_ = Feed::kEnded;
       return say_to_all(end_, true);
     }
+    case FeedType::kPlayback:
+      return take_playback(object_of(frame, "playback"));
     case FeedType::kCommand:
       break;
   }
@@ -147,15 +161,15 @@ void Hub::take_hello(const Frame& frame) {
   copies_ = copies_of(hello);
   hello.erase("copies");
   hello["field"] = copies_.has_value();
-  slice_ns_ = 0;
   hello["type"] = "hello";
   hello["columns"] = scope_columns();
-  rows_.emplace(std::min(methods->size(), view_link::kFeedMethods));
+  playback_ = nullptr;
+  quiet_ = false;
   hello_ = std::move(hello);
+  begin_anew(json::object());
   feed_ = Feed::kLive;
   notes_.clear();
   for (Viewer* viewer : viewers_) {
-    viewer->outbox.forget_run();
     viewer->slice.reset();  // it was for other methods
     say_hello(*viewer);
   }
@@ -171,6 +185,7 @@ void Hub::take_cycles(const Frame& frame) {
     }
     if (const auto row = rows_->add(cycle)) {
       any = true;
+      newest_row_ = row;
       for (Viewer* viewer : viewers_) {
         viewer->outbox.add_row(*row);
       }
@@ -183,19 +198,23 @@ void Hub::take_cycles(const Frame& frame) {
 
 // One page's slice at a time, so that many pages cost no more than one.
 void Hub::send_slice(std::int64_t time_ns) {
-  if (viewers_.empty() || time_ns - slice_ns_ < kSlice_ns || !touching_W_.allFinite()) {
+  const bool is_due = !slice_ns_ || nanoseconds_between(*slice_ns_, time_ns) >= kSlice_ns;
+  if (quiet_ || viewers_.empty() || !is_due || !touching_W_.allFinite()) {
     return;
   }
   for (std::size_t tried = 0; tried < viewers_.size(); ++tried) {
     Viewer& viewer = *viewers_[++slice_turn_ % viewers_.size()];
     if (viewer.slice) {
       slice_ns_ = time_ns;
-      viewer.outbox.set_field(
-          std::make_shared<view_link::Bytes>(slice_message(*copies_, *viewer.slice, touching_W_)));
-      viewer.wake();
-      return;
+      return send_slice(viewer);
     }
   }
+}
+
+void Hub::send_slice(Viewer& viewer) {
+  viewer.outbox.set_field(
+      std::make_shared<view_link::Bytes>(slice_message(*copies_, *viewer.slice, touching_W_)));
+  viewer.wake();
 }
 
 void Hub::take_samples(const Frame& frame) {
@@ -218,6 +237,66 @@ void Hub::take_note(json note) {
   }
   notes_.push_back(note);
   say_to_all(note);
+}
+
+// ---- Recordings ----
+
+void Hub::take_playback(json playback) {
+  const auto state = playback.find("state");
+  if (hello_.find("recording") == hello_.end() || state == playback.end() || !state->is_string()) {
+    throw ViewLinkError("a playback without a state, or of no recording");
+  }
+  const bool seeking = *state == "seeking";
+  const bool stands = *state == "paused";
+  if (playback.contains("anew")) {
+    begin_anew(playback);
+  }
+  if (stands) {  // no cycle comes that would end the bucket
+    if (const auto row = rows_->take_rest()) {
+      newest_row_ = row;
+      change_all([&](Outbox& outbox) { outbox.add_row(*row); });
+    }
+  }
+  const bool arrived = quiet_ && !seeking;
+  playback["type"] = "playback";
+  playback_ = playback;
+  playback_.erase("anew");
+  quiet_ = seeking;
+  say_to_all(playback);
+  if (arrived && copies_ && touching_W_.allFinite()) {
+    for (Viewer* viewer : viewers_) {
+      if (viewer->slice) {
+        send_slice(*viewer);
+      }
+    }
+  }
+}
+
+// What comes next is not what follows the cycles that came.
+// @param playback  "anew": {"missed_deadlines": before that}
+void Hub::begin_anew(const json& playback) {
+  try {
+    std::optional<std::int64_t> first_ns;
+    if (hello_.contains("recording")) {
+      first_ns = hello_["recording"].at("first_ns").get<std::int64_t>();
+    }
+    const std::uint64_t missed_deadlines =
+        playback.contains("anew") ? playback["anew"].at("missed_deadlines").get<std::uint64_t>()
+                                  : 0;
+    rows_.emplace(std::min(hello_.at("methods").size(), view_link::kFeedMethods), first_ns,
+                  missed_deadlines);
+  } catch (const json::exception& error) {
+    throw ViewLinkError(std::string("its recording or playback is not complete: ") + error.what());
+  }
+  if (copies_) {
+    copies_->restart();
+  }
+  slice_ns_.reset();
+  newest_row_.reset();
+  newest_arm_ = nullptr;
+  for (Viewer* viewer : viewers_) {
+    viewer->outbox.forget_run();
+  }
 }
 
 // Its id is the server's; the page gets its own back.
@@ -341,6 +420,15 @@ void Hub::join(Viewer& viewer) {
     say_role(viewer);
   } else {
     say_hello(viewer);
+    if (!playback_.is_null()) {
+      say(viewer, playback_);
+      if (newest_row_) {
+        viewer.outbox.add_row(*newest_row_);
+      }
+      if (newest_arm_) {
+        viewer.outbox.set_arm(newest_arm_);
+      }
+    }
   }
   for (const json& note : notes_) {
     say(viewer, note);
@@ -405,6 +493,9 @@ void Hub::take_slice_wish(Viewer& viewer, const PageCommand& command) {
     return refuse(viewer, command, problem);
   }
   viewer.slice = command.slice;
+  if (!playback_.is_null() && playback_["state"] == "paused" && touching_W_.allFinite()) {
+    send_slice(viewer);  // no cycle comes that would
+  }
 }
 
 void Hub::take_control(Viewer& viewer) {
@@ -420,8 +511,9 @@ void Hub::take_control(Viewer& viewer) {
 
 void Hub::forward(Viewer& viewer, const PageCommand& command) {
   const std::uint64_t id = next_id_++;
-  const bool newest =
-      command.what == PageCommand::What::kHand || command.what == PageCommand::What::kShown;
+  const bool newest = command.what == PageCommand::What::kHand ||
+                      command.what == PageCommand::What::kShown ||
+                      command.what == PageCommand::What::kSeek;
   const Frame frame = view_link::text_frame(static_cast<std::uint16_t>(FeedType::kCommand),
                                             command_json(command, id));
   if (feed_ != Feed::kLive) {
@@ -435,7 +527,7 @@ void Hub::forward(Viewer& viewer, const PageCommand& command) {
 
 // A move of the hand takes the place of the one before: there are sixty a second.
 void Hub::remember(const Pending& command) {
-  if (command.what == PageCommand::What::kHand) {
+  if (command.what == PageCommand::What::kHand || command.what == PageCommand::What::kSeek) {
     std::erase_if(pending_, [&](const Pending& one) {
       return one.what == command.what && one.viewer == command.viewer;
     });

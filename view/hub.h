@@ -59,6 +59,10 @@ class Hub {
   void take_page(Viewer& viewer, std::string_view text);
 
   bool is_controller(const Viewer& viewer) const noexcept { return controller_ == &viewer; }
+  /// Of the run's methods; null if the run did not say how they were made.
+  const MethodCopies* copies() const noexcept { return copies_ ? &*copies_ : nullptr; }
+  /// [m] Where the methods were asked in the newest cycle.
+  const Eigen::Vector3d& touching_W() const noexcept { return touching_W_; }
 
  private:
   enum class Feed { kWaiting, kLive, kEnded };
@@ -80,11 +84,14 @@ class Hub {
   void take_cycles(const view_link::Frame& frame);
   void take_samples(const view_link::Frame& frame);
   void take_note(nlohmann::json note);
+  void take_playback(nlohmann::json playback);
+  void begin_anew(const nlohmann::json& playback);
   void take_acknowledgement(nlohmann::json acknowledgement);
   void take_shape(std::uint64_t peer, const view_link::Frame& frame);
   void take_surface_frame(std::uint64_t peer, const view_link::Frame& frame);
   void take_slice_wish(Viewer& viewer, const PageCommand& command);
   void send_slice(std::int64_t time_ns);
+  void send_slice(Viewer& viewer);
   void forward(Viewer& viewer, const PageCommand& command);
   void remember(const Pending& command);
   void take_control(Viewer& viewer);
@@ -103,11 +110,15 @@ class Hub {
   Feed feed_ = Feed::kWaiting;
   nlohmann::json hello_;
   nlohmann::json end_;
+  nlohmann::json playback_;           ///< of a recording: the newest; null: a run
   std::deque<nlohmann::json> notes_;  ///< the newest, for pages that come later
   std::optional<ScopeRows> rows_;
+  std::optional<ScopeRow> newest_row_;  ///< of a recording, which may stand still for long
+  SharedBytes newest_arm_;              ///< likewise
+  bool quiet_ = false;                  ///< a recording is on its way to a place: pages wait for it
   std::optional<MethodCopies> copies_;  ///< of the methods; nothing: the run did not say how
   Eigen::Vector3d touching_W_ = Eigen::Vector3d::Zero();  ///< [m] of the newest cycle
-  std::int64_t slice_ns_ = 0;                             ///< cycle of the newest slice
+  std::optional<std::int64_t> slice_ns_;                  ///< cycle of the newest slice
   std::size_t slice_turn_ = 0;
   std::array<Surface, kMostObjects> surfaces_;
   std::deque<Pending> pending_;

@@ -14,6 +14,9 @@ using What = PageCommand::What;
 
 constexpr int kDeepest = 16;
 constexpr double kFarthest_m = 10.0;
+constexpr double kSlowest = 0.01;
+constexpr double kFastest = 100.0;
+constexpr double kLatest_s = 1e9;
 constexpr std::uint64_t kMostId = std::uint64_t{1} << 53;  // exact as a number of a script
 constexpr std::uint32_t kMostLines = 1024;
 
@@ -88,6 +91,25 @@ bool read_shown(const json& object, PageCommand& command) {
   const auto cycle = count_of(object, "cycle");
   command.cycle = cycle.value_or(0);
   return cycle.has_value();
+}
+
+// Within low..high; a NaN is not.
+bool read_between(const json& object, const char* key, double low, double high, double& number) {
+  const auto found = object.find(key);
+  if (found == object.end() || !found->is_number()) {
+    return false;
+  }
+  number = found->get<double>();
+  return number >= low && number <= high;
+}
+
+bool read_play(const json& object, PageCommand& command) {
+  const auto value = object.find("value");
+  if (value == object.end() || !value->is_boolean()) {
+    return false;
+  }
+  command.play = value->get<bool>();
+  return read_between(object, "speed", kSlowest, kFastest, command.speed);
 }
 
 // An absent key leaves `number` as it is.
@@ -229,6 +251,12 @@ std::optional<PageCommand> parse_command(std::string_view text) {
     const auto method = count_of(*object, "method");
     complete = method.has_value();
     command.method = method.value_or(0);
+  } else if (name == "play") {
+    command.what = What::kPlay;
+    complete = read_play(*object, command);
+  } else if (name == "seek") {
+    command.what = What::kSeek;
+    complete = read_between(*object, "time_s", 0.0, kLatest_s, command.time_s);
   } else if (name == "field") {
     command.what = What::kField;
     complete = read_slice(*object, command);
@@ -254,6 +282,10 @@ const char* name_of(What what) noexcept {
       return "field";
     case What::kMethod:
       return "method";
+    case What::kPlay:
+      return "play";
+    case What::kSeek:
+      return "seek";
   }
   return "";
 }
@@ -268,6 +300,11 @@ std::string command_json(const PageCommand& command, std::uint64_t id) {
     object["method"] = command.method;
   } else if (command.what == What::kShown) {
     object["cycle"] = command.cycle;
+  } else if (command.what == What::kPlay) {
+    object["value"] = command.play;
+    object["speed"] = command.speed;
+  } else if (command.what == What::kSeek) {
+    object["time_s"] = command.time_s;
   }
   return object.dump();
 }

@@ -60,7 +60,7 @@ std::optional<nlohmann::json> parse_object(std::string_view text);
 
 /// What a page asks for.
 struct PageCommand {
-  enum class What { kStop, kPause, kHand, kShown, kTakeControl, kField, kMethod };
+  enum class What { kStop, kPause, kHand, kShown, kTakeControl, kField, kMethod, kPlay, kSeek };
   What what = What::kStop;
   std::uint64_t id = 0;  ///< of the page; 0 if it gives none
   bool pause = false;
@@ -68,10 +68,13 @@ struct PageCommand {
   std::uint64_t cycle = 0;                          ///< modulo 2^24, that the page has drawn
   std::uint64_t method = 0;                         ///< that is to be rendered
   std::optional<SliceWish> slice;                   ///< nothing: the page wants none
+  bool play = false;                                ///< of a recording; false: stand still
+  double speed = 1.0;                               ///< of its time over the person's
+  double time_s = 0.0;                              ///< where to go in it, since its first cycle
 };
 
 /// Nothing for what is too long, unknown, incomplete or out of range; a target is finite and within
-/// 10 m.
+/// 10 m, a speed 0.01 to 100, a time 0 to 1e9 s.
 std::optional<PageCommand> parse_command(std::string_view text);
 /// The command as the run gets it, with the server's own `id`.
 std::string command_json(const PageCommand& command, std::uint64_t id);

@@ -51,6 +51,18 @@ MethodCopies::MethodCopies(Options options)
   begin_anew();
 }
 
+void MethodCopies::restart() {
+  first_touch_ = servo::FirstTouch(options_.max_force_N);
+  samples_.clear();
+  cycles_.clear();
+  arrivals_ = taken_ = next_cycle_ = 0;
+  begun_ = false;
+  exact_ = true;
+  time_s_ = 0.0;
+  largest_difference_N_ = 0.0;
+  begin_anew();
+}
+
 void MethodCopies::begin_anew() {
   copies_.clear();
   methods_.clear();

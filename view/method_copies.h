@@ -38,17 +38,22 @@ class MethodCopies {
 
   /// Cycles that may wait for a sample that has not come yet.
   static constexpr std::size_t kMostWaiting = 4000;
+  /// Larger differences between a copy's force and the servo's are none of rounding.
+  static constexpr double kRounding_N = 1e-6;
 
   /// Method `direct`, which is a simulator, has no copy: its force is unknown everywhere.
   /// @throws std::invalid_argument for a method or an option that can't be used.
   explicit MethodCopies(Options options);
 
+  /// Forgets everything: what comes next is the first, or as if a page had joined there.
+  void restart();
   void take(const view_link::FeedSample& sample);
   void take(const view_link::FeedCycle& cycle);
 
   std::size_t size() const noexcept { return copies_.size(); }
-  /// Whether the copies have seen all that the servo's methods have.
-  bool exact() const noexcept { return exact_; }
+  /// Whether the copies have seen all that the servo's methods have, and answer as those did. A
+  /// recording rounds its times, so that its copies may differ in the last digits.
+  bool exact() const noexcept { return exact_ && largest_difference_N_ <= kRounding_N; }
   /// Largest difference [N] between a copy's force and the servo's, at the tool, so far.
   double largest_difference_N() const noexcept { return largest_difference_N_; }
 

@@ -35,7 +35,11 @@ const std::vector<std::string>& scope_columns();
 class ScopeRows {
  public:
   /// @param methods  how many are loaded; columns of the others are NaN.
-  explicit ScopeRows(std::size_t methods) : methods_(methods) {}
+  /// @param first_time_ns  of the first cycle; nothing: the first that add() gets.
+  /// @param missed_deadlines  before that.
+  explicit ScopeRows(std::size_t methods, std::optional<std::int64_t> first_time_ns = {},
+                     std::uint64_t missed_deadlines = 0)
+      : methods_(methods), first_time_ns_(first_time_ns), missed_deadlines_(missed_deadlines) {}
 
   /// The row of the bucket before, if `cycle` is the first of another one.
   std::optional<ScopeRow> add(const view_link::FeedCycle& cycle);
@@ -53,7 +57,7 @@ class ScopeRows {
   std::optional<std::int64_t> first_time_ns_;
   std::int64_t bucket_ = 0;
   std::optional<ScopeRow> row_;
-  std::uint64_t missed_deadlines_ = 0;
+  std::uint64_t missed_deadlines_;
 };
 
 /// The message to the page. @param rows  at most 65535. Real-time: no. Threads: any.

@@ -17,6 +17,7 @@ enum class FeedType : std::uint16_t {
   kNote = 5,          ///< JSON: a sentence for people
   kAcknowledged = 6,  ///< JSON: what became of a command
   kEnd = 7,           ///< JSON: how the run ended
+  kPlayback = 8,      ///< JSON, of a recording: where its player is
   kCommand = 16,      ///< JSON, from the view: what the person wants
 };
 inline constexpr std::size_t kLargestCommand = 4096;  ///< [bytes] of a command's JSON

@@ -90,6 +90,11 @@ void FrameSender::push(const Frame& frame, bool newest) {
   wake();
 }
 
+std::size_t FrameSender::waiting_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return waiting_bytes_;
+}
+
 void FrameSender::wake() const noexcept {
   const std::uint64_t one = 1;
   static_cast<void>(!::write(wake_, &one, sizeof(one)));  // full: it wakes anyway

@@ -47,6 +47,10 @@ class FrameSender {
   /// Sends what waits, for at most `timeout_s`, and joins. Idempotent.
   void finish(double timeout_s = 0.5);
 
+  /// [bytes] That wait. Who must not lose a frame pushes while there is room below
+  /// Options::most_waiting_bytes.
+  std::size_t waiting_bytes() const;
+
   bool lost() const noexcept { return lost_.load(); }  ///< the view has gone away
   std::uint64_t dropped() const noexcept { return dropped_.load(); }
 
@@ -67,7 +71,7 @@ class FrameSender {
   Options options_;
   int socket_ = -1;
   int wake_ = -1;  ///< eventfd: there is something to send
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::deque<Waiting> waiting_;
   std::size_t waiting_bytes_ = 0;
   std::atomic<bool> finishing_{false};

@@ -400,6 +400,7 @@ TEST_F(HubOfPages, WithstandRandomFrames) {
                                     encode(shape(5)),
                                     encode(surface(5, 1.0)),
                                     text(FeedType::kNote, R"({"text":"a"})"),
+                                    text(FeedType::kPlayback, R"({"state":"seeking"})"),
                                     text(FeedType::kAcknowledged, R"({"id":1})")};
   for (int round = 0; round < 5000; ++round) {
     Frame frame = sound[random() % sound.size()];
@@ -450,6 +451,7 @@ void press(Hub& hub, std::uint64_t cycles) {
     one.time_ns = 1'000'000'000 + static_cast<std::int64_t>(i) * 10'000'000;
     one.arrivals_taken = 1;
     one.touching_W_m = {0, 0, -0.004};
+    one.method_force_W_N[0] = {0, 0, 2};  // of hold
     hub.take_feed(structs(FeedType::kCycles, std::vector{one}));
   }
 }
@@ -490,6 +492,159 @@ TEST(HubsField, IsSentToThePageThatAsksForIt) {
   hub.take_page(asks, R"({"id":2,"what":"field","method":null})");
   press(hub, 20);
   EXPECT_TRUE(slices(asks).empty());
+}
+
+TEST(HubsField, IsNotExactWhereTheServosForceWasAnother) {
+  Hub hub([](const Frame&, PageCommand::What, bool) { return true; });
+  Page page;
+  hub.join(page);
+  hub.take_feed(hello_with_copies(R"(["hold"])"));
+  press(hub, 1);
+  hub.take_page(page, R"({"id":1,"what":"field","method":0,"points":2})");
+  view_link::FeedCycle other;
+  other.cycle = 1;
+  other.time_ns = 3'000'000'000;
+  other.arrivals_taken = 1;
+  other.method_force_W_N[0] = {0, 0, 1.9};
+  hub.take_feed(structs(FeedType::kCycles, std::vector{other}));
+  const auto sent = slices(page);
+  ASSERT_EQ(sent.size(), 1U);
+  EXPECT_EQ(sent[0][6], 0);
+}
+
+// ---- Recordings ----
+
+// A player that begins at 2 s of the clock.
+class HubOfARecording : public HubOfPages {
+ protected:
+  HubOfARecording() {
+    Frame frame = hello_with_copies(R"(["hold"])");
+    json facts = json::parse(view_link::text_of(frame));
+    facts["recording"] = {{"first_ns", 1'000'000'000}, {"duration_s", 9.0}};
+    hub_.join(first_);
+    hub_.take_feed(text(FeedType::kHello, facts.dump()));
+    clear();
+  }
+  void say(const std::string& state, double time_s, bool anew = false) {
+    json playback = {{"state", state}, {"time_s", time_s}, {"speed", 1.0}};
+    if (anew) {
+      playback["anew"] = {{"missed_deadlines", 7}};
+    }
+    hub_.take_feed(text(FeedType::kPlayback, playback.dump()));
+  }
+  // Rows of the scope that wait: each its time and the deadlines missed so far.
+  std::vector<std::pair<double, float>> rows() {
+    first_.texts();
+    std::vector<std::pair<double, float>> found;
+    for (const view_link::Bytes& message : first_.binary) {
+      if (message[0] == 1) {
+        view_link::Reader reader(message);
+        reader.take<std::uint16_t>();
+        const auto count = reader.take<std::uint16_t>();
+        reader.take<std::uint32_t>();
+        const auto base_s = reader.take<double>();
+        for (int row = 0; row < count; ++row) {
+          const auto value = reader.take<std::array<float, kScopeColumns>>();
+          found.emplace_back(base_s + value[0], value[kScopeColumns - 2]);
+        }
+      }
+    }
+    first_.binary.clear();
+    return found;
+  }
+};
+
+TEST_F(HubOfARecording, CountsTimeFromItsFirstCycleWhereverItBegins) {
+  say("seeking", 3.0, true);
+  hub_.take_feed(cycle(1000, 4'000'000'000));
+  hub_.take_feed(cycle(1001, 4'002'000'000));
+  say("paused", 3.002);
+  const auto found = rows();
+  ASSERT_EQ(found.size(), 1U) << "the bucket ends where it stands still";
+  EXPECT_NEAR(found[0].first, 3.002, 1e-9);
+  EXPECT_EQ(found[0].second, 7.0F) << "deadlines that were missed before";
+}
+
+TEST_F(HubOfARecording, TellsPagesNothingOfTheWayToAPlaceButThatTheyWait) {
+  say("playing", 0.0);
+  hub_.take_feed(cycle(1, 1'000'000'000));
+  clear();
+  say("seeking", 5.0, true);
+  EXPECT_EQ(first_.wakes, 1);
+  const auto said = first_.texts();
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_EQ(said[0]["type"], "playback");
+  EXPECT_TRUE(said[0].contains("anew"));
+  hub_.take_feed(cycle(900, 5'900'000'000));
+  hub_.take_feed(cycle(901, 5'990'000'000));
+  EXPECT_EQ(first_.wakes, 1);
+  say("playing", 5.0);
+  EXPECT_EQ(first_.wakes, 2);
+  EXPECT_EQ(rows().size(), 1U);
+}
+
+TEST_F(HubOfARecording, ForgetsTheRowsThatLedElsewhere) {
+  hub_.take_feed(cycle(1, 1'000'000'000));
+  hub_.take_feed(cycle(2, 1'010'000'000));
+  say("seeking", 0.0, true);
+  say("paused", 0.0);
+  EXPECT_TRUE(rows().empty());
+}
+
+TEST_F(HubOfARecording, ShowsLatecomersWhereItStands) {
+  hub_.take_feed(cycle(1, 1'000'000'000));
+  hub_.take_feed({static_cast<std::uint16_t>(FeedType::kArm), 0, {0, 0, 0, 0}});
+  say("paused", 0.0);
+  hub_.join(second_);
+  EXPECT_THAT(second_.types(), ElementsAre("hello", "playback"));
+  ASSERT_EQ(second_.binary.size(), 2U);
+  EXPECT_EQ(second_.binary[0][0] + second_.binary[1][0], 1 + 5) << "a row and the arm";
+}
+
+TEST_F(HubOfARecording, ShowsTheFieldWhereItStands) {
+  press(hub_, 20);
+  say("paused", 0.19);
+  clear();
+  hub_.take_page(first_, R"({"id":1,"what":"field","method":0,"points":2})");
+  ASSERT_EQ(slices(first_).size(), 1U) << "at once: no cycle comes";
+  say("seeking", 0.1, true);
+  press(hub_, 10);
+  EXPECT_TRUE(slices(first_).empty());
+  say("paused", 0.1);
+  const auto sent = slices(first_);
+  ASSERT_EQ(sent.size(), 1U);
+  EXPECT_EQ(sent[0][6], 1) << "it began with the recording: exact";
+}
+
+TEST_F(HubOfARecording, ObeysTheControllerAlone) {
+  hub_.join(second_);
+  clear();
+  hub_.take_page(first_, R"({"id":1,"what":"play","value":false,"speed":0.5})");
+  hub_.take_page(first_, R"({"id":2,"what":"seek","time_s":4.5})");
+  ASSERT_EQ(commands_.size(), 2U);
+  EXPECT_EQ(commands_[0]["value"], false);
+  EXPECT_EQ(commands_[0]["speed"], 0.5);
+  EXPECT_EQ(commands_[1]["time_s"], 4.5);
+  hub_.take_page(second_, R"({"id":1,"what":"seek","time_s":4.5})");
+  EXPECT_EQ(commands_.size(), 2U);
+  EXPECT_EQ(second_.texts().at(0)["done"], false);
+}
+
+TEST_F(HubOfARecording, RefusesAPlayerThatBreaksTheProtocol) {
+  const auto refused = [&](const std::string& playback) {
+    EXPECT_THROW(hub_.take_feed(text(FeedType::kPlayback, playback)), ViewLinkError) << playback;
+  };
+  refused("{}");
+  refused(R"({"state":3})");
+  refused(R"({"state":"seeking","anew":1})");
+  refused(R"({"state":"seeking","anew":{}})");
+  Hub of_a_run([](const Frame&, PageCommand::What, bool) { return true; });
+  of_a_run.take_feed(hello());
+  EXPECT_THROW(of_a_run.take_feed(text(FeedType::kPlayback, R"({"state":"paused"})")),
+               ViewLinkError);
+  Hub other([](const Frame&, PageCommand::What, bool) { return true; });
+  EXPECT_THROW(other.take_feed(text(FeedType::kHello, R"({"methods":["hold"],"recording":{}})")),
+               ViewLinkError);
 }
 
 TEST(HubsField, IsRefusedWithAReason) {

@@ -32,6 +32,10 @@ TEST(PageCommands, AreTaken) {
   EXPECT_FALSE(let_go->target_W_m);
   EXPECT_EQ(parse_command(R"({"what":"shown","cycle":16777215})")->cycle, 16'777'215U);
   EXPECT_EQ(parse_command(R"({"what":"take_control"})")->what, What::kTakeControl);
+  const auto play = parse_command(R"({"what":"play","value":true,"speed":0.25})");
+  EXPECT_TRUE(play->play);
+  EXPECT_EQ(play->speed, 0.25);
+  EXPECT_EQ(parse_command(R"({"what":"seek","time_s":12.5})")->time_s, 12.5);
 }
 
 TEST(PageCommands, AreRefused) {
@@ -58,6 +62,15 @@ TEST(PageCommands, AreRefused) {
                            R"({"what":"hand","target_W_m":[1,2,1e999]})",
                            R"({"what":"hand","target_W_m":[1,2,NaN]})",
                            R"({"what":"shown"})",
+                           R"({"what":"play"})",
+                           R"({"what":"play","value":1,"speed":1})",
+                           R"({"what":"play","value":true})",
+                           R"({"what":"play","value":true,"speed":0})",
+                           R"({"what":"play","value":true,"speed":101})",
+                           R"({"what":"seek"})",
+                           R"({"what":"seek","time_s":-1})",
+                           R"({"what":"seek","time_s":"1"})",
+                           R"({"what":"seek","time_s":1e10})",
                            R"({"what":"shown","cycle":-1})",
                            R"({"what":"stop"} x)",
                            "{\"what\":\"stop\",\"text\":\"\xff\"}"}) {
