@@ -23,6 +23,7 @@
 #include "cli/device/devices_command.h"
 #include "cli/device/doctor_command.h"
 #include "cli/exec_command.h"
+#include "cli/playback/view_command.h"
 #include "cli/run/run_flags.h"
 #include "cli/scene_command.h"
 #include "cli/tools_program.h"
@@ -298,6 +299,7 @@ int program(int argc, char** argv) {
   DevicesOptions devices;
   DoctorOptions doctor;
   SceneOptions scene;
+  ViewOptions view;
   ConfigOptions config;
   std::vector<ConfigKey> config_keys_of_all;
   std::vector<tools::ConfigLayer> layers;
@@ -309,6 +311,8 @@ int program(int argc, char** argv) {
   add_json(app.subcommand("doctor"), doctor.json);
   add_scene(app, scene, action);
   add_record(app, run, action);
+  add_view(app, view, action);
+  add_json(app.subcommand("view"), view.json);
   add_emulate(app, emulate, action);
   add_simulate(app, simulate, action);
   add_keygen(app, keygen, action);
@@ -334,8 +338,9 @@ int program(int argc, char** argv) {
   app.callback([&action] {
     if (!action) {
       throw OptionError(
-          "A subcommand is required: devices, doctor, calibrate, tune, scene, run, record, replay, "
-          "plot, emulate, simulate, keygen, worker, kinematics, exec, evaluate, chart, paper, "
+          "A subcommand is required: devices, doctor, calibrate, tune, scene, run, record, view, "
+          "replay, plot, emulate, simulate, keygen, worker, kinematics, exec, evaluate, chart, "
+          "paper, "
           "completion, "
           "man-pages or config");
     }

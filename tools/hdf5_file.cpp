@@ -91,6 +91,8 @@ hid_t file_type(Hdf5Type type) {
       return H5T_STD_I32LE;
     case Hdf5Type::kUint8:
       return H5T_STD_U8LE;
+    case Hdf5Type::kUint16:
+      return H5T_STD_U16LE;
     case Hdf5Type::kUint32:
       return H5T_STD_U32LE;
     case Hdf5Type::kUint64:
@@ -365,7 +367,7 @@ Hdf5Column Hdf5Reader::column(const std::string& name) const {
   Hdf5Column column{name, Hdf5Type::kFloat64, {shape.begin() + 1, shape.end()}, ""};
   const Id type(H5Dget_type(dataset), H5Tclose);
   for (const Hdf5Type known : {Hdf5Type::kFloat32, Hdf5Type::kInt32, Hdf5Type::kUint8,
-                               Hdf5Type::kUint32, Hdf5Type::kUint64}) {
+                               Hdf5Type::kUint16, Hdf5Type::kUint32, Hdf5Type::kUint64}) {
     if (H5Tequal(type, file_type(known)) > 0) {
       column.type = known;
     }

@@ -22,7 +22,7 @@ std::string hdf5_version();
 
 /// Type of a column's numbers in the file. The interface uses doubles, which hold all of these
 /// types exactly (integers up to 2^53).
-enum class Hdf5Type { kFloat64, kFloat32, kInt32, kUint8, kUint32, kUint64 };
+enum class Hdf5Type { kFloat64, kFloat32, kInt32, kUint8, kUint16, kUint32, kUint64 };
 
 /// One column: a data set that grows by rows, each of the shape `row_shape` (empty: one number).
 struct Hdf5Column {

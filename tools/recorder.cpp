@@ -109,6 +109,8 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
       triple("/cycles/counts", T::kInt32, &CycleRecord::counts, "encoder counts of joints a, b, c"),
       triple("/cycles/position_W_m", T::kFloat64, &CycleRecord::position_W_m,
              "tool, in the workspace frame"),
+      triple("/cycles/touching_W_m", T::kFloat64, &CycleRecord::touching_W_m,
+             "where the methods were asked: at the tool, or at the proxy of a virtual coupling"),
       triple("/cycles/velocity_W_m_per_s", T::kFloat32, &CycleRecord::velocity_W_m_per_s,
              "of the tool, in the workspace frame"),
       of_methods("/cycles/asked_force_W_N", T::kFloat64, 3,
@@ -129,7 +131,13 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
              "candidate of the rendered method that was rendered"),
       number("/cycles/rendered_reason", T::kUint8, &CycleRecord::rendered_reason,
              "reason for the candidate, see names_rendered_reason"),
+      number("/cycles/rendered_method", T::kUint8, &CycleRecord::rendered_method,
+             "method that is rendered, or faded to: its place in method_names"),
       number("/cycles/gain", T::kFloat32, &CycleRecord::gain, "ramp and fade, 0 to 1"),
+      number("/cycles/damping_gain", T::kFloat32, &CycleRecord::damping_gain,
+             "of the damping field, 0 to 1"),
+      number("/cycles/held_back", T::kUint8, &CycleRecord::held_back,
+             "why no force is rendered, see names_held_back; 0: it is"),
       triple("/cycles/sent_force_D_N", T::kFloat64, &CycleRecord::commanded_force_D_N,
              "after ramp, fade and every limit, in the device frame"),
       triple("/cycles/current_A", T::kFloat32, &CycleRecord::current_A, "sent to motors a, b, c"),
@@ -140,6 +148,8 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
              "a new number at every discontinuity of contact"),
       number("/cycles/samples_taken", T::kUint64, &CycleRecord::samples_taken,
              "samples of the simulator since the start"),
+      number("/cycles/arrivals_taken", T::kUint64, &CycleRecord::arrivals_taken,
+             "rows of /samples that the methods had got by this cycle"),
       number("/cycles/sample_age_ms", T::kFloat32, &CycleRecord::sample_age_ms,
              "time since the tool was at the position of the newest sample; -1: none"),
       number("/cycles/missed_deadlines", T::kUint32, &CycleRecord::missed_deadlines,
@@ -150,6 +160,8 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
              &CycleRecord::passivity_damping_N_s_per_m, "that the guard added"),
       number("/cycles/passivity_scale", T::kFloat32, &CycleRecord::passivity_scale,
              "by which the guard shortened the wanted force"),
+      number("/cycles/motor_warmth", T::kFloat32, &CycleRecord::motor_warmth,
+             "of the warmest motor: 0 cold, 1 as warm as its continuous current makes it"),
       number("/cycles/rung", T::kUint8, &CycleRecord::rung, "source of the force, see names_rung"),
       number("/cycles/fault", T::kUint8, &CycleRecord::fault, "see names_fault"),
       {{"/cycles/work_on_hand_J",
@@ -250,7 +262,11 @@ class Recorder::Pages {
     writer_.add_attribute("format", "forcegrid recording 1");
     writer_.add_attribute("method_names", methods);
     writer_.add_attribute("names_method_status", names<EstimateStatus>(5, forcegrid::to_string));
-    writer_.add_attribute("names_rendered_reason", names<ChoiceReason>(3, forcegrid::to_string));
+    writer_.add_attribute("names_rendered_reason",
+                          names<ChoiceReason>(1 + static_cast<int>(ChoiceReason::kAskedBefore),
+                                              forcegrid::to_string));
+    writer_.add_attribute("names_held_back",
+                          "force is rendered;no samples;motor check;dead-man's switch;paused");
     writer_.add_attribute(
         "names_fault",
         names<servo::Fault>(1 + static_cast<int>(servo::Fault::kZeroNotDelivered), servo::name_of));
@@ -266,12 +282,22 @@ class Recorder::Pages {
     for (auto& source : samples_) {
       source.number = writer_.add_column(source.column, kSamplesPerChunk);
     }
+    if (options.surface) {
+      surface_.emplace(writer_, start_ns);
+    }
     writer_.begin();
   }
 
-  void write(const std::vector<CycleRecord>& cycles, const std::vector<ArrivedSample>& samples) {
+  void write(const std::vector<CycleRecord>& cycles, const std::vector<ArrivedSample>& samples,
+             const Surfaces& surfaces) {
     write_rows(writer_, cycles_, cycles);
     write_rows(writer_, samples_, samples);
+    for (const RecordedShape& shape : surfaces.shapes) {
+      surface_->write(shape);
+    }
+    for (const RecordedFrame& frame : surfaces.frames) {
+      surface_->write(frame);
+    }
     writer_.flush();
   }
   void close() { writer_.close(); }
@@ -280,6 +306,7 @@ class Recorder::Pages {
   Hdf5Writer writer_;
   std::vector<Source<CycleRecord>> cycles_;
   std::vector<Source<ArrivedSample>> samples_;
+  std::optional<SurfaceColumns> surface_;
 };
 
 Recorder::Recorder(RecorderOptions options)
@@ -315,6 +342,30 @@ void Recorder::push(const ArrivedSample& sample) {
   }
 }
 
+void Recorder::push(RecordedShape shape) {
+  const std::lock_guard lock(mutex_);
+  const std::size_t bytes = 12 * (shape.rest_W_m.size() + shape.corners.size());
+  if (options_.surface && !gave_up_ && surface_bytes_ + bytes <= 2 * kMostSurfaceBytes) {
+    surface_bytes_ += bytes;
+    surfaces_.shapes.push_back(std::move(shape));
+  }
+}
+
+void Recorder::push(RecordedFrame frame) {
+  const std::lock_guard lock(mutex_);
+  const std::size_t bytes = 6 * frame.value.size();
+  if (!options_.surface || gave_up_) {
+    return;
+  }
+  if (surface_bytes_ + bytes > kMostSurfaceBytes ||
+      !surface_bound_.take(1e-9 * static_cast<double>(frame.arrived_ns - start_ns_), bytes)) {
+    ++end_.surface_frames_left_out;
+    return;
+  }
+  surface_bytes_ += bytes;
+  surfaces_.frames.push_back(std::move(frame));
+}
+
 std::string Recorder::trouble_so_far() const {
   const std::lock_guard lock(mutex_);
   return end_.trouble;
@@ -335,6 +386,7 @@ const RecorderEnd& Recorder::finish() {
 void Recorder::write_until_end() {
   std::vector<CycleRecord> cycles;
   std::vector<ArrivedSample> samples;
+  Surfaces surfaces;
   for (bool last = false; !last;) {
     {
       std::unique_lock lock(mutex_);
@@ -344,8 +396,10 @@ void Recorder::write_until_end() {
       samples.clear();
       std::swap(cycles, cycles_);
       std::swap(samples, samples_);
+      surfaces = std::exchange(surfaces_, {});
+      surface_bytes_ = 0;
     }
-    write(cycles, samples);
+    write(cycles, samples, surfaces);
   }
   if (pages_) {
     try {
@@ -362,7 +416,8 @@ void Recorder::write_until_end() {
   }
 }
 
-void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample>& samples) {
+void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample>& samples,
+                     const Surfaces& surfaces) {
   if (!pages_) {
     const std::lock_guard lock(mutex_);
     end_.cycles_lost += cycles.size();
@@ -377,7 +432,8 @@ void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample
               " MB are free on the disk of " + options_.file +
               "; the recording ends here, complete so far. Free some space");
     } else {
-      pages_->write(cycles, samples);
+      pages_->write(cycles, samples, surfaces);
+      end_.surface_frames += surfaces.frames.size();
       end_.cycles += cycles.size();
       end_.samples += samples.size();
       return;

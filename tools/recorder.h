@@ -14,6 +14,7 @@
 
 #include "rt/clock.h"
 #include "servo_loop/servo_loop.h"
+#include "tools/surface_recorder.h"
 
 namespace forcegrid::tools {
 
@@ -23,6 +24,7 @@ struct RecorderOptions {
   std::vector<std::string> method_names;  ///< in the loop's order
   /// Facts about the whole run: settings, versions, device.
   std::vector<std::pair<std::string, std::string>> attributes;
+  bool surface = false;  ///< push() gets shapes and frames of surfaces, too
   /// Recording ends before the free space falls below this [bytes].
   std::uintmax_t keep_free_bytes = 64 << 20;
   /// Returns the free space [bytes] of the disk that holds `file`; tests supply their own.
@@ -37,7 +39,9 @@ struct RecorderEnd {
   std::uint64_t samples = 0;  ///< in the file
   std::uint64_t cycles_lost = 0;
   std::uint64_t samples_lost = 0;
-  bool closed = false;  ///< properly; otherwise the file is as after a kill
+  std::uint64_t surface_frames = 0;           ///< in the file
+  std::uint64_t surface_frames_left_out = 0;  ///< to keep the file small, see SurfaceBound
+  bool closed = false;                        ///< properly; otherwise the file is as after a kill
   std::string trouble;  ///< empty, or the reason why it ended early or is incomplete
 };
 
@@ -50,6 +54,8 @@ class Recorder {
  public:
   /// Largest number of queued cycles and of queued samples: 16 s at 4 kHz, 40 MB.
   static constexpr std::size_t kLargestQueue = 65'536;
+  /// Of queued vertices: several seconds of what SurfaceBound lets through.
+  static constexpr std::size_t kMostSurfaceBytes = std::size_t{64} << 20;
 
   /// Creates the file and starts the thread.
   /// @throws Hdf5Error if the file can't be created.
@@ -60,6 +66,8 @@ class Recorder {
 
   void push(const servo::CycleRecord& cycle);
   void push(const servo::ArrivedSample& sample);
+  void push(RecordedShape shape);
+  void push(RecordedFrame frame);
 
   /// CLOCK_MONOTONIC of time zero in the file.
   std::int64_t start_ns() const noexcept { return start_ns_; }
@@ -72,7 +80,12 @@ class Recorder {
  private:
   class Pages;
   void write_until_end();
-  void write(std::vector<servo::CycleRecord>& cycles, std::vector<servo::ArrivedSample>& samples);
+  struct Surfaces {
+    std::vector<RecordedShape> shapes;
+    std::vector<RecordedFrame> frames;
+  };
+  void write(std::vector<servo::CycleRecord>& cycles, std::vector<servo::ArrivedSample>& samples,
+             const Surfaces& surfaces);
   void give_up(const std::string& sentence);
 
   RecorderOptions options_;
@@ -82,6 +95,9 @@ class Recorder {
   std::condition_variable wake_;
   std::vector<servo::CycleRecord> cycles_;
   std::vector<servo::ArrivedSample> samples_;
+  Surfaces surfaces_;
+  std::size_t surface_bytes_ = 0;
+  SurfaceBound surface_bound_;
   bool end_requested_ = false;
   bool gave_up_ = false;
   RecorderEnd end_;

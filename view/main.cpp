@@ -5,6 +5,7 @@
 #include <span>
 
 #include "view/access.h"
+#include "view/export_server.h"
 #include "view/log_line.h"
 #include "view/options.h"
 #include "view/page_files.h"
@@ -28,6 +29,10 @@ int run(int argc, char** argv) {
     return 0;
   }
   const PrivateFolder folder;
+  if (!options.export_file.empty()) {
+    serve_export(options, load_page_files(default_page_folders()), folder.path());
+    return 0;
+  }
   Server server(options, token_from_environment(), load_page_files(default_page_folders()),
                 folder.path());
   std::puts(server.ready_line().c_str());

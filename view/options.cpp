@@ -10,7 +10,8 @@ namespace {
 
 constexpr std::string_view kHelp =
     R"(forcegrid-view: shows a run of forcegrid in a browser on this machine.
-usage: forcegrid-view [--listen ADDRESS:PORT] [--until-stdin-closes]
+usage: forcegrid-view [--listen ADDRESS:PORT | --export FILE [--export-MB N]]
+                      [--until-stdin-closes]
 
 `forcegrid run --view` starts this program and feeds it. Its first line of output is
   listening ADDRESS:PORT folder FOLDER token TOKEN
@@ -18,6 +19,9 @@ and the page is http://ADDRESS:PORT/?token=TOKEN. FOLDER has the sockets `feed` 
 
   --listen ADDRESS:PORT  where browsers connect, 127.0.0.1:0 if it is not given; port 0 is any
                          that is free. Only addresses of this machine itself: 127.*.*.* and [::1]
+  --export FILE          serve no page: write the recording that comes over the sockets to FILE,
+                         as a page that needs nothing else, and end
+  --export-MB N          the file's largest size, 5 to 500; 20 if it is not given
   --until-stdin-closes   end when standard input is closed
   --help                 print this and end
   --version              print the version and end
@@ -25,6 +29,9 @@ and the page is http://ADDRESS:PORT/?token=TOKEN. FOLDER has the sockets `feed` 
 Environment:
   FORCEGRID_VIEW_TOKEN   the token, at least 32 hexadecimal digits; a random one if it is not set
 )";
+
+constexpr double kSmallestExport_MB = 5.0;
+constexpr double kLargestExport_MB = 500.0;
 
 // An IPv4 or IPv6 address that packets to other machines never carry.
 bool is_loopback(const std::string& address) {
@@ -73,6 +80,22 @@ void set_listen(Options& options, const std::string& text) {
   options.address = address;
 }
 
+void set_export(Options& options, const std::string& file) {
+  if (file.empty()) {
+    throw ViewError("--export: the file's name is empty; use --export FILE.html");
+  }
+  options.export_file = file;
+}
+
+void set_export_MB(Options& options, const std::string& text) {
+  const auto [end, error] =
+      std::from_chars(text.data(), text.data() + text.size(), options.export_MB);
+  if (error != std::errc() || end != text.data() + text.size() ||
+      !(options.export_MB >= kSmallestExport_MB && options.export_MB <= kLargestExport_MB)) {
+    throw ViewError("--export-MB " + text + ": use a number from 5 to 500");
+  }
+}
+
 }  // namespace
 
 Options parse_options(std::span<const char* const> arguments) {
@@ -86,6 +109,12 @@ Options parse_options(std::span<const char* const> arguments) {
       }
       set_listen(options, together ? std::string(word.substr(word.find('=') + 1))
                                    : std::string(arguments[++i]));
+    } else if (word == "--export" || word == "--export-MB") {
+      if (i + 1 == arguments.size()) {
+        throw ViewError(std::string(word) + ": its value is missing");
+      }
+      const std::string value = arguments[++i];
+      word == "--export" ? set_export(options, value) : set_export_MB(options, value);
     } else if (word == "--until-stdin-closes") {
       options.until_stdin_closes = true;
     } else if (word == "--help" || word == "-h") {

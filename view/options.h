@@ -19,6 +19,8 @@ struct Options {
   std::string address = "127.0.0.1";  ///< literal, without brackets; of this machine alone
   std::uint16_t port = 0;             ///< 0: any that is free
   bool until_stdin_closes = false;    ///< ends when the parent does
+  std::string export_file{};          ///< a page that needs nothing else; empty: pages are served
+  double export_MB = 20.0;            ///< its largest size
   bool help = false;
   bool version = false;
 };

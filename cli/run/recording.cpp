@@ -44,6 +44,11 @@ bool records_trace(const RunOptions& options) {
 }
 
 void check_recording(const RunOptions& options) {
+  if (options.record_surface && (options.record.empty() || records_trace(options))) {
+    throw std::runtime_error(
+        "--record-surface adds the surface to a recording in HDF5, and there is none; give "
+        "--record FILE.h5, too");
+  }
   if (options.record.empty()) {
     return;
   }
@@ -81,7 +86,8 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
                                                 const profiles::DeviceProfile& profile,
                                                 const std::vector<std::string>& methods,
                                                 const std::string& device_url,
-                                                const driver::DeviceIdentity& identity) {
+                                                const driver::DeviceIdentity& identity,
+                                                const std::string& view_hello) {
   if (options.record.empty() || records_trace(options)) {
     return nullptr;
   }
@@ -89,6 +95,7 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
   recorder.file = options.record;
   recorder.rate_Hz = options.rate_Hz;
   recorder.method_names = methods;
+  recorder.surface = options.record_surface;
   recorder.trouble = [](const std::string& sentence) {
     log::error("recorder", "--record: " + sentence);
   };
@@ -99,6 +106,7 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
                          {"forcegrid_commit", program_commit()},
                          {"started_utc", started},
                          {"settings", options.settings},
+                         {"view_hello", view_hello},
                          {"rate_Hz", std::to_string(options.rate_Hz)},
                          {"scene", options.simulator.empty() ? options.scene : ""},
                          {"profile_name", profile.name},

@@ -30,13 +30,15 @@ bool records_trace(const RunOptions& options);
 void check_recording(const RunOptions& options);
 
 /// Returns the recorder for `--record FILE.h5`, its attributes filled with the description of the
-/// run; null if `--record` names no recording.
+/// run, `view_hello` among them, which the live view of the recording begins with; null if
+/// `--record` names no recording.
 /// @throws tools::Hdf5Error if the file can't be created.
 std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
                                                 const profiles::DeviceProfile& profile,
                                                 const std::vector<std::string>& methods,
                                                 const std::string& device_url,
-                                                const driver::DeviceIdentity& identity);
+                                                const driver::DeviceIdentity& identity,
+                                                const std::string& view_hello);
 
 /// Adds to a closed recording what is known only after the run: the reference forces of `cycles`
 /// (empty: skipped) and the summary.

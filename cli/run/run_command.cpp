@@ -28,6 +28,7 @@
 #include "cli/run/simulator_watch.h"
 #include "cli/run/terminal_keys.h"
 #include "cli/run/view_feed.h"
+#include "cli/run/view_title.h"
 #include "driver/calibration.h"
 #include "driver/device_url.h"
 #include "driver/discovery.h"
@@ -116,9 +117,9 @@ class Run {
   std::optional<RunMethods> methods_;
   RunSummary summary_;
   std::string realtime_refused_;
+  std::unique_ptr<tools::Recorder> recorder_;
   std::optional<RunProcesses> processes_;
   servo::ServoPorts ports_;
-  std::unique_ptr<tools::Recorder> recorder_;
   std::unique_ptr<ViewFeed> view_;
   std::optional<servo::LinkThread> link_;
   std::optional<SimulatorWatch> watch_;
@@ -183,6 +184,13 @@ int Run::execute() {
   judge_end();
   stop_threads();
   end_view();
+  if (processes_->surface_tap() != nullptr) {
+    processes_->surface_tap()->record(nullptr);
+  }
+  if (recorder_ && recorder_->finish().surface_frames_left_out > 0) {
+    note("--record-surface: " + std::to_string(recorder_->finish().surface_frames_left_out) +
+         " pictures of the surface were left out, because it may have 4 MB/s and 4 GB in all");
+  }
   if (recorder_ && !recorder_->finish().trouble.empty()) {
     note("--record: " + recorder_->finish().trouble);
     file_failed_ = true;
@@ -330,8 +338,20 @@ void Run::prepare_telemetry() {
       (processes_->has_simulator() ? ", scene " + options_.scene : "") + "; method " +
       options_.method + " at " + std::to_string(std::lround(options_.rate_Hz)) +
       " Hz; Ctrl-C ends it" + (keys_->active() ? ", space or e stops the motors at once" : ""));
-  recorder_ = start_recorder(options_, profile_, methods_->names(), processes_->device_url(),
-                             device_->identity());
+  recorder_ = start_recorder(
+      options_, profile_, methods_->names(), processes_->device_url(), device_->identity(),
+      view_hello(view_title(options_, *methods_, method_options_, servo_options_, *processes_),
+                 profile_, servo_options_.workspace)
+          .dump());
+  SurfaceTap* const tap = processes_->surface_tap();
+  if (tap != nullptr) {
+    tap->record(recorder_.get());
+  }
+  if (!processes_->has_simulator() && (tap != nullptr || view_)) {
+    say("The simulator may send its surface to " +
+        (tap != nullptr ? tap->socket() : processes_->view()->surface_socket()) +
+        ", see docs/view_protocol.md");
+  }
   if (records_trace(options_)) {
     link_->keep_samples(kRecordedSamples);
   }
@@ -386,29 +406,12 @@ void Run::start_view() {
   if (process == nullptr) {
     return;
   }
-  ViewTitle title;
-  title.version = program_version();
-  title.device = options_.device;
-  title.scene = processes_->has_simulator() ? options_.scene : processes_->simulator_address();
-  title.methods = methods_->names();
-  for (const char* candidate : methods_->rendered().candidates()) {
-    title.candidates.emplace_back(candidate);
-  }
-  title.rate_Hz = options_.rate_Hz;
-  title.simulator_rate_Hz = servo_options_.simulator_rate_Hz;
-  title.method_options = method_options_;
-  title.fill_budget = servo_options_.fill_budget;
-  title.requests_per_s = servo_options_.requests_per_s;
-  title.emulated = processes_->has_emulator();
+  ViewTitle title = view_title(options_, *methods_, method_options_, servo_options_, *processes_);
   title.hand_socket =
       processes_->has_emulator() && has_hand(options_) ? process->hand_socket() : "";
   view_ = std::make_unique<ViewFeed>(process->feed_socket(), title, profile_,
                                      servo_options_.workspace, ports_);
   std::fprintf(stderr, "view: %s\n", process->url().c_str());  // not to the log: it has the token
-  if (!processes_->has_simulator()) {
-    say("The simulator may send its surface to " + process->surface_socket() +
-        ", see docs/view_protocol.md");
-  }
   if (options_.open_view) {
     const std::string why_not = process->open_browser();
     if (!why_not.empty()) {

@@ -73,7 +73,8 @@ struct RunOptions {
   bool no_reference = false;
   std::string record;  ///< file to write, by its extension a trace (docs/traces.md) or a recording
                        ///< (docs/recording.md); empty: none
-  std::string settings;                            ///< all of these as TOML, for the recording
+  bool record_surface = false;  ///< the object's surface goes into the recording, too
+  std::string settings;         ///< all of these as TOML, for the recording
   std::optional<std::array<double, 3>> contact_m;  ///< where the emulated hand touches, frame D
   JsonTarget json;
   bool view = false;                        ///< show the run in a browser

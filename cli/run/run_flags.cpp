@@ -240,6 +240,9 @@ void add_results(Command& run, RunOptions& o) {
                  "FILE.h5: record every cycle completely, as forcegrid record does. FILE.csv or "
                  ".csv.gz: record a trace for 'forcegrid evaluate': samples and, for each cycle, "
                  "position and reference force");
+  run.add_flag("--record-surface", o.record_surface,
+               "Record the object's surface, too, for 'forcegrid view': at most 4 MB/s")
+      ->not_in_config();
   add_json(run, o.json);
 }
 

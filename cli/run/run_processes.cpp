@@ -67,7 +67,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
 
 std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
                                               const std::vector<std::string>& key_files,
-                                              const ViewProcess* view) {
+                                              const std::string& surface_socket) {
   std::vector<std::string> arguments = {"simulate",
                                         "--scene",
                                         options.scene,
@@ -86,8 +86,8 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   for (const std::string& file : key_files) {
     arguments.insert(arguments.end(), {"--key", file});
   }
-  if (view != nullptr) {
-    arguments.insert(arguments.end(), {"--surface", view->surface_socket()});
+  if (!surface_socket.empty()) {
+    arguments.insert(arguments.end(), {"--surface", surface_socket});
   }
   if (options.workers > 0) {
     arguments.insert(arguments.end(), {"--workers", "127.0.0.1:0"});
@@ -134,8 +134,13 @@ void RunProcesses::start(const RunOptions& options, const simulator::ToolOptions
   if (options.view) {
     view_ = std::make_unique<ViewProcess>(options.view_listen);
   }
+  std::string surface_socket = view_ ? view_->surface_socket() : "";
+  if (options.record_surface) {
+    surface_tap_ = std::make_unique<SurfaceTap>(surface_socket);
+    surface_socket = surface_tap_->socket();
+  }
   if (options.simulator.empty()) {
-    simulator_ = start_simulator(options, key_files_, view_.get());
+    simulator_ = start_simulator(options, key_files_, surface_socket);
   }
   if (is_emulated(options)) {
     const bool slides = tool.slides() && options.motion_of_tool;

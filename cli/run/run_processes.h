@@ -10,6 +10,7 @@
 
 #include "cli/common/child_process.h"
 #include "cli/run/run_command.h"
+#include "cli/run/surface_tap.h"
 #include "cli/run/view_process.h"
 #include "cli/run/worker_processes.h"
 #include "link/key.h"
@@ -39,6 +40,8 @@ class RunProcesses {
   [[nodiscard]] const std::string& simulator_address() const { return simulator_address_; }
   /// The live view; null without --view.
   [[nodiscard]] const ViewProcess* view() const { return view_.get(); }
+  /// Where the simulator's surface goes on its way to the recording; null without --record-surface.
+  [[nodiscard]] SurfaceTap* surface_tap() const { return surface_tap_.get(); }
   /// Moves out the keys of the link to the simulator, including the workers'. Call once.
   [[nodiscard]] std::vector<link::LinkKey> take_link_keys() { return std::move(link_keys_); }
 
@@ -61,6 +64,7 @@ class RunProcesses {
   std::vector<std::string> key_files_;
   std::vector<link::LinkKey> link_keys_;
   std::unique_ptr<ViewProcess> view_;  // ends last: it shows how the others ended
+  std::unique_ptr<SurfaceTap> surface_tap_;
   std::unique_ptr<WorkerProcesses> workers_;
   std::unique_ptr<ChildProcess> emulator_;
   std::unique_ptr<ChildProcess> simulator_;

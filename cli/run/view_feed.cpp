@@ -67,8 +67,10 @@ json copy_facts(const ViewTitle& title) {
           {"requests_per_s", title.requests_per_s}};
 }
 
-json hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
-           const servo::WorkspaceMap& workspace) {
+}  // namespace
+
+json view_hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
+                const servo::WorkspaceMap& workspace) {
   const auto& limits = profile.limits;
   json controls = {"stop", "pause", "method"};
   if (!title.hand_socket.empty()) {
@@ -103,7 +105,23 @@ json hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
       {"copies", copy_facts(title)}};
 }
 
-}  // namespace
+view_link::Frame arm_frame(const profiles::DeviceProfile& profile, driver::Mechanism& mechanism,
+                           const servo::WorkspaceMap& workspace,
+                           const std::array<std::int32_t, 3>& counts) {
+  std::array<std::int32_t, 6> all_counts{};
+  std::copy(counts.begin(), counts.end(), all_counts.begin());
+  const auto lines = driver::linkage_lines(profile, mechanism.forward(all_counts));
+  view_link::Frame frame{type_of(FeedType::kArm), 0, {}};
+  view_link::append(frame.payload, static_cast<std::uint32_t>(lines.size()));
+  for (const driver::LinkageLine& line : lines) {
+    view_link::append(frame.payload, static_cast<std::uint32_t>(line.size()));
+    for (const Eigen::Vector3d& point_D : line) {
+      const Eigen::Vector3f point_W = workspace.position_W(point_D).cast<float>();
+      view_link::append(frame.payload, std::span<const float>(point_W.data(), 3));
+    }
+  }
+  return frame;
+}
 
 view_link::FeedCycle cycle_of(const servo::CycleRecord& record) {
   FeedCycle cycle;
@@ -183,8 +201,8 @@ ViewFeed::ViewFeed(const std::string& socket, const ViewTitle& title,
   };
   const std::lock_guard lock(mutex_);  // a command waits until the sender is there to answer
   sender_ = std::make_unique<view_link::FrameSender>(std::move(options));
-  sender_->push(
-      view_link::text_frame(type_of(FeedType::kHello), hello(title, profile, workspace).dump()));
+  sender_->push(view_link::text_frame(type_of(FeedType::kHello),
+                                      view_hello(title, profile, workspace).dump()));
 }
 
 ViewFeed::~ViewFeed() {
@@ -254,19 +272,7 @@ void ViewFeed::send_cycles() {
 }
 
 void ViewFeed::send_arm(const servo::CycleRecord& cycle) {
-  std::array<std::int32_t, 6> counts{};
-  std::copy(cycle.counts.begin(), cycle.counts.end(), counts.begin());
-  const auto lines = driver::linkage_lines(profile_, mechanism_->forward(counts));
-  view_link::Frame frame{type_of(FeedType::kArm), 0, {}};
-  view_link::append(frame.payload, static_cast<std::uint32_t>(lines.size()));
-  for (const driver::LinkageLine& line : lines) {
-    view_link::append(frame.payload, static_cast<std::uint32_t>(line.size()));
-    for (const Eigen::Vector3d& point_D : line) {
-      const Eigen::Vector3f point_W = workspace_.position_W(point_D).cast<float>();
-      view_link::append(frame.payload, std::span<const float>(point_W.data(), 3));
-    }
-  }
-  sender_->push_newest(frame);
+  sender_->push_newest(arm_frame(profile_, *mechanism_, workspace_, cycle.counts));
 }
 
 // With mutex_ held: the servo's own record says that it has obeyed.

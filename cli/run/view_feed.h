@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -39,6 +41,15 @@ struct ViewTitle {
   bool emulated = false;
   std::string hand_socket;  ///< of the emulated hand; empty: there is none
 };
+
+/// What the live view is told first: the keys of docs/view_protocol.md, "Hello".
+nlohmann::json view_hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
+                          const servo::WorkspaceMap& workspace);
+
+/// The arm as lines, at encoder counts. @param mechanism  of the profile.
+view_link::Frame arm_frame(const profiles::DeviceProfile& profile, driver::Mechanism& mechanism,
+                           const servo::WorkspaceMap& workspace,
+                           const std::array<std::int32_t, 3>& counts);
 
 /// A cycle and a sample as they go to the live view.
 view_link::FeedCycle cycle_of(const servo::CycleRecord& record);

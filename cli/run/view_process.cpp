@@ -49,6 +49,27 @@ std::map<std::string, std::string> facts_of(const std::string& line) {
 ViewProcess::ViewProcess(const std::string& listen)
     : process_({"--listen", listen, "--until-stdin-closes"},
                ChildOptions{.name = "view", .program = path_of_view()}) {
+  read_facts();
+}
+
+ViewProcess::ViewProcess(const std::string& export_file, double largest_MB)
+    : process_({"--export", export_file, "--export-MB", std::to_string(largest_MB),
+                "--until-stdin-closes"},
+               ChildOptions{.name = "view", .program = path_of_view()}) {
+  read_facts();
+}
+
+std::optional<std::string> ViewProcess::exported(std::chrono::milliseconds timeout) {
+  const bool was_running = process_.running();
+  std::optional<std::string> line = process_.read_line(timeout);
+  if (!line && !was_running) {
+    throw std::runtime_error("--export: forcegrid-view " + process_.abnormal_end() +
+                             " and wrote no file; its reason is above");
+  }
+  return line;
+}
+
+void ViewProcess::read_facts() {
   const auto facts = facts_of(process_.wait_until_started());
   folder_ = facts.at("folder");
   url_ = "http://" + facts.at("listening") + "/?token=" + facts.at("token");

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
+#include <optional>
 #include <string>
 
 #include "cli/common/child_process.h"
@@ -16,6 +18,13 @@ class ViewProcess {
   /// @throws std::runtime_error if there is no such program, naming the package, or if it does not
   /// start, with its reason.
   explicit ViewProcess(const std::string& listen);
+  /// Starts it so that it writes a recording to `export_file` instead of serving it.
+  /// @throws as above, also for a file that can't be made.
+  ViewProcess(const std::string& export_file, double largest_MB);
+
+  /// What it says of the exported file, one line of JSON; nothing yet, after `timeout`.
+  /// @throws std::runtime_error once it has ended without.
+  std::optional<std::string> exported(std::chrono::milliseconds timeout);
 
   /// The page's address, with the token that gives access to it.
   [[nodiscard]] const std::string& url() const noexcept { return url_; }
@@ -28,6 +37,8 @@ class ViewProcess {
   [[nodiscard]] std::string open_browser() const;
 
  private:
+  void read_facts();
+
   ChildProcess process_;
   std::string folder_;
   std::string url_;

@@ -15,6 +15,7 @@
 #include <fstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "tools/hdf5_file.h"
 
@@ -247,6 +248,76 @@ TEST(Hdf5Reader, NamesTheFileThatIsNone) {
   } catch (const Hdf5Error& error) {
     EXPECT_THAT(error.what(), HasSubstr(file));
   }
+}
+
+// A surface of `vertices` vertices, of which the first has the value `first`.
+RecordedFrame picture(std::int64_t arrived_ns, std::uint16_t first, std::size_t vertices) {
+  RecordedFrame frame;
+  frame.arrived_ns = arrived_ns;
+  frame.simulator_s = 7.5;
+  frame.epoch = 3;
+  frame.low_W_m = {-0.1F, -0.2F, -0.3F};
+  frame.step_m = {1e-6F, 2e-6F, 3e-6F};
+  frame.value.assign(vertices, {0, 1, 65'535});
+  frame.value.front()[0] = first;
+  return frame;
+}
+
+TEST(Recorder, KeepsTheSurfaceOnlyIfItIsAskedTo) {
+  const std::string file = fresh_file("surface");
+  RecorderOptions options = options_for(file);
+  options.surface = true;
+  {
+    Recorder recorder(options);
+    const std::int64_t start_ns = recorder.start_ns();
+    RecordedShape shape{start_ns + 10'000'000, 1, 3, {}, {{0, 1, 2}}};
+    shape.rest_W_m = {{0.0F, 0.0F, 0.0F}, {0.5F, 0.0F, 0.0F}, {0.0F, 0.25F, 0.0F}};
+    recorder.push(shape);
+    recorder.push(picture(start_ns + 20'000'000, 11, 3));
+    recorder.push(picture(start_ns + 50'000'000, 12, 3));
+    EXPECT_EQ(recorder.finish().surface_frames, 2U);
+    EXPECT_EQ(recorder.finish().trouble, "");
+  }
+  const Hdf5Reader reader(file);
+  EXPECT_EQ(reader.numbers("/surface/shape_vertices", 1), std::vector<double>{3.0});
+  EXPECT_EQ(reader.numbers("/surface/corners", 1), (std::vector<double>{0.0, 1.0, 2.0}));
+  EXPECT_EQ(reader.numbers("/surface/rest_W_m", 1, 1), (std::vector<double>{0.5, 0.0, 0.0}));
+  EXPECT_NEAR(reader.numbers("/surface/frame_time_s", 1, 1)[0], 0.05, 1e-9);
+  EXPECT_EQ(reader.numbers("/surface/frame_simulator_s", 1)[0], 7.5);
+  EXPECT_EQ(reader.column("/surface/vertex_value").type, Hdf5Type::kUint16);
+  ASSERT_EQ(reader.rows("/surface/vertex_value"), 6U);
+  EXPECT_EQ(reader.numbers("/surface/vertex_value", 1, 3),
+            (std::vector<double>{12.0, 1.0, 65535.0}));
+
+  const std::string without = fresh_file("no_surface");
+  {
+    Recorder recorder(options_for(without));
+    recorder.push(picture(recorder.start_ns(), 1, 3));
+    EXPECT_EQ(recorder.finish().surface_frames, 0U);
+  }
+  EXPECT_FALSE(Hdf5Reader(without).has("/surface/vertex_value"));
+}
+
+TEST(Recorder, LeavesOutPicturesThatASecondHasNoRoomFor) {
+  SurfaceBound bound;
+  // 8 MB/s of pictures of 400 kB: every second one.
+  int kept = 0;
+  for (int i = 0; i < 200; ++i) {
+    kept += bound.take(0.05 * i, 400'000) ? 1 : 0;
+  }
+  EXPECT_NEAR(kept, 100 + 10, 2) << "and what the first second may have at once";
+  // One that is larger than a second's share is kept, and those after it wait for its debt.
+  SurfaceBound large;
+  EXPECT_TRUE(large.take(0.0, 6'000'000));
+  EXPECT_FALSE(large.take(0.4, 6'000'000));
+  EXPECT_TRUE(large.take(0.6, 6'000'000));
+  // 4 GB in all.
+  SurfaceBound all;
+  std::size_t bytes = 0;
+  for (int i = 0; i < 2000; ++i) {
+    bytes += all.take(1.0 * i, 4'000'000) ? 4'000'000 : 0;
+  }
+  EXPECT_EQ(bytes, 4'000'000'000U);
 }
 
 }  // namespace

@@ -56,6 +56,17 @@ TEST(ViewOptions, RefuseWhatIsNoAddressWithItsText) {
   EXPECT_THAT(refusal_of({"--listen"}), testing::HasSubstr("missing"));
 }
 
+TEST(ViewOptions, TakeAFileToExport) {
+  EXPECT_EQ(parsed({}).export_file, "");
+  EXPECT_EQ(parsed({"--export", "a.html"}).export_file, "a.html");
+  EXPECT_EQ(parsed({"--export", "a.html", "--export-MB", "7.5"}).export_MB, 7.5);
+  for (const char* size : {"", "4.9", "501", "nan", "20x", "-20"}) {
+    EXPECT_THAT(refusal_of({"--export-MB", size}), testing::HasSubstr("5 to 500")) << size;
+  }
+  EXPECT_THAT(refusal_of({"--export"}), testing::HasSubstr("missing"));
+  EXPECT_THAT(refusal_of({"--export", ""}), testing::HasSubstr("empty"));
+}
+
 TEST(ViewOptions, RefuseWhatTheyDoNotKnow) {
   EXPECT_THAT(refusal_of({"--token"}), testing::HasSubstr("'--token'"));
   EXPECT_THAT(refusal_of({"extra"}), testing::HasSubstr("--help"));

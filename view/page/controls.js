@@ -19,6 +19,7 @@ export class Stop {
     this.state = 'idle';  // then sent, acknowledged or ended
     this.refusal = '';
     this.run_is_over = false;
+    this.instead = null;
     button.addEventListener('click', () => this.press());
     setInterval(() => this.repeat(), kRepeatStop_ms);
   }
@@ -27,7 +28,20 @@ export class Stop {
     return this.state === 'acknowledged';
   }
 
+  /**
+   * @param why there is nothing to stop; empty: there is. @param instead what the key does then.
+   */
+  set_off(why, instead) {
+    this.instead = why ? instead : null;
+    this.button.disabled = why !== '';
+    this.button.title = why;
+  }
+
   press() {
+    if (this.instead) {
+      this.instead();
+      return;
+    }
     this.refusal = '';
     if (!this.acknowledged) {
       this.state = this.run_is_over ? 'ended' : 'sent';

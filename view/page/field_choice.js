@@ -27,6 +27,7 @@ export class FieldChoice {
     this.connection = connection;
     this.scene = scene;
     this.methods = [];
+    this.inexact = '';
     this.method = by_id('field-method');
     this.compared = by_id('field-compared');
     this.quantity = by_id('field-quantity');
@@ -44,6 +45,7 @@ export class FieldChoice {
   /** Another run: its methods. */
   set_run(hello) {
     this.methods = hello.methods || [];
+    this.inexact = hello.recording ? 'about' : 'from when the view joined';
     this.scene.field.largest_N = hello.largest_force_N > 0 ? hello.largest_force_N : Infinity;
     by_id('field').disabled = hello.field !== true;
     const names = this.methods.map((name, i) => [i, name]);
@@ -84,7 +86,7 @@ export class FieldChoice {
     const less = this.compared.value === '' ? '' : ` − ${this.methods[this.compared.value]}`;
     by_id('field-scale').hidden = !field.mesh.visible;
     by_id('field-word').textContent = `${word} of ${this.methods[this.method.value] || ''}${less}` +
-        (field.message && !field.message.exact ? ' (from when the view joined)' : '');
+        (field.message && !field.message.exact ? ` (${this.inexact})` : '');
     by_id('field-top').textContent = `${field.top_N.toPrecision(2)} ${unit}`;
   }
 }

@@ -6,9 +6,11 @@ import {Connection} from '/connection.js';
 import {Pause, Rendered, Stop, listen_to_keys} from '/controls.js';
 import {decode, kArm, kField, kFrame, kSamples, kScope, kShape} from '/decode.js';
 import {save_csv, save_png} from '/export.js';
+import {ExportedRecording} from '/exported.js';
 import {FieldChoice} from '/field_choice.js';
 import {History} from '/history.js';
 import {Mouse} from '/mouse.js';
+import {Playback} from '/playback.js';
 import {Readouts, is_paused} from '/readouts.js';
 import {Scene3d} from '/scene3d.js';
 import {Scope} from '/scope.js';
@@ -20,6 +22,7 @@ const kShownInterval_ms = 50;
 const kWaitForSurface_ms = 1500;     // then a run without a surface is live, too
 const kMethods = 4;
 const kMostWaitingSamples = 64;      // messages
+const kRecording = 'this is a recording: there is no force to stop or to pause';
 
 const by_id = (id) => document.getElementById(id);
 
@@ -39,12 +42,15 @@ class Page {
     this.new_rows = false;
     this.last = {scope_ms: 0, readout_ms: 0, shown_ms: 0, cycle: -1, tick_ms: 0, drew: false};
     this.scene = new Scene3d(by_id('scene'));
-    this.connection = new Connection({
+    const handlers = {
       on_open: () => this.on_open(),
       on_text: (message) => this.on_text(message),
       on_binary: (buffer, arrived_ms) => this.on_binary(buffer, arrived_ms),
       on_lost: () => this.on_lost(),
-    });
+    };
+    const exported = by_id('exported');
+    this.connection = exported ? new ExportedRecording(handlers, exported)
+                               : new Connection(handlers);
     this.scope = new Scope(this.history, {panels: by_id('panels'), chips: by_id('panel-chips'),
                                           window_s: by_id('window-s'), freeze: by_id('freeze')},
                            (arrow, shown) => this.scene.show_arrow(arrow, shown));
@@ -55,6 +61,7 @@ class Page {
     this.field = new FieldChoice(this.connection, this.scene);
     this.rendered = new Rendered(this.connection, by_id('rendered'));
     this.pause = new Pause(this.connection, by_id('pause'));
+    this.playback = new Playback(this.connection, () => this.on_anew());
     this.listen();
   }
 
@@ -106,7 +113,7 @@ class Page {
   set_state(state) {
     this.state = state;
     this.scene.set_live(state === 'live');
-    this.readouts.set_state(state, this.scene.renderer !== null);
+    this.readouts.set_state(state, this.scene.renderer !== null, this.playback.shown);
   }
 
   on_open() {
@@ -124,6 +131,7 @@ class Page {
   on_lost() {
     this.mouse.set_hand_allowed(false);
     this.pause.set_allowed(false, 'not connected');
+    this.playback.set_allowed(false);
     this.rendered.set_allowed(false);
     if (this.state === 'ended') {
       this.connection.slow_down();  // its server probably ended, too
@@ -139,6 +147,7 @@ class Page {
       note: () => this.readouts.add_note(message),
       acknowledged: () => this.on_acknowledged(message),
       end: () => this.on_end(message),
+      playback: () => this.playback.take(message),
       waiting: () => this.wait(),
       surface_lost: () => this.scene.lose_surface(message.object),
     }[message.type];
@@ -149,6 +158,8 @@ class Page {
 
   on_hello(hello) {
     this.hello = hello;
+    this.playback.set_run(hello);
+    this.scene.set_recorded_time(this.playback.shown ? 0 : null);
     this.history.reset(hello.columns || []);
     this.scene.set_run(hello);
     this.scope.set_run(hello);
@@ -171,12 +182,22 @@ class Page {
     this.role = role;
     const controls = this.hello.controls || [];
     const controller = role === 'controller';
-    const why = controller ? 'this run cannot be paused' : 'another page has the control';
+    const why = this.playback.shown ? kRecording
+                : controller ? 'this run cannot be paused' : 'another page has the control';
     this.pause.set_allowed(controller && controls.includes('pause'), why);
     this.mouse.set_hand_allowed(controller && controls.includes('hand'));
     this.rendered.set_allowed(controller);
+    this.playback.set_allowed(controller);
+    this.stop.set_off(this.playback.shown ? kRecording : '', () => this.playback.toggle());
     by_id('take-control').hidden = controller || role === '';
     by_id('take-control').disabled = control_is_free === false;
+  }
+
+  /** A recording goes elsewhere: what the page holds does not lead there. */
+  on_anew() {
+    this.history.reset(this.hello.columns || []);
+    this.waiting_samples = [];
+    this.scene.forget_past();
   }
 
   on_acknowledged(message) {
@@ -194,6 +215,7 @@ class Page {
     this.pause.set_allowed(false, 'the run has ended');
     this.rendered.set_allowed(false);
     this.stop.on_end();
+    this.playback.set_allowed(false);
     this.set_state('ended');
     const status = message.exit_status === undefined ? '' : ` (exit status ${message.exit_status})`;
     this.readouts.add_note({level: message.exit_status ? 'error' : 'info', component: 'run',
@@ -273,6 +295,12 @@ class Page {
 
   /** Draws the picture with everything that came. Returns whether anything was drawn. */
   show_news(now_ms) {
+    if (this.playback.seeking) {
+      return this.scene.draw(now_ms);
+    }
+    if (this.playback.shown) {
+      this.scene.set_recorded_time(this.playback.now.time_s);
+    }
     const had_rows = this.new_rows;
     const arrived_ms = this.take_news(now_ms);
     this.new_rows = false;
@@ -352,6 +380,9 @@ function interface_for_scripts(page) {
     get render_scale() { return page.scene.scale; },
     get software() { return page.scene.software; },
     get role() { return page.role; },
+    /** The player of a recording: {state, time_s, speed}; null: a run is shown. */
+    get playback() { return page.playback.shown ? page.playback.now : null; },
+    get time_s() { return page.history.newest_s; },
     get rows() { return page.history.rows; },
     get position_mm() { return newest(['position_x_mm', 'position_y_mm', 'position_z_mm']); },
     get force_N() { return newest(['force_x_N', 'force_y_N', 'force_z_N']); },

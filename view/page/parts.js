@@ -149,17 +149,25 @@ export class Samples {
     this.points.renderOrder = 2;
   }
 
-  /** Adds the samples of a message, at the page's time [s]. */
-  add(message, now_s) {
+  /**
+   * Adds the samples of a message, at the page's time [s].
+   * @param dated they are as old as they say, by the clock of a recording; else they came now.
+   */
+  add(message, now_s, dated) {
     for (let i = 0; i < message.count; ++i) {
       const from = 8 * i;
       const slot = this.next++ % kMostSamples;
       this.place.array.set(message.values.subarray(from, from + 3), 3 * slot);
-      this.born.array[slot] = now_s;
+      this.born.array[slot] = dated ? message.values[from + 6] : now_s;
       this.touching.array[slot] = message.values[from + 7] & 1;
     }
     this.newest_s = now_s;
     this.place.needsUpdate = this.born.needsUpdate = this.touching.needsUpdate = true;
+  }
+
+  clear() {
+    this.born.array.fill(-1e6);
+    this.born.needsUpdate = true;
   }
 
   /** Is there a dot that still fades? */

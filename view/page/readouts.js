@@ -24,11 +24,11 @@ export class Readouts {
     this.flags_shown = '';
   }
 
-  /** @param draws does the browser draw in 3-D? */
-  set_state(state, draws) {
+  /** @param draws does the browser draw in 3-D? @param recorded is a recording shown? */
+  set_state(state, draws, recorded = false) {
     document.body.dataset.state = state;
     const pill = this.by_id('state');
-    text_of(pill, state);
+    text_of(pill, state === 'live' && recorded ? 'recording' : state);
     pill.dataset.state = state;
     const words = {connecting: 'Connecting to the live view…',
                    waiting: 'Waiting for a run to connect.',
@@ -54,7 +54,8 @@ export class Readouts {
           row.append(term, words);
           return row;
         }));
-    document.title = `${hello.scene || hello.device || 'run'} – Forcegrid live view`;
+    document.title = `${hello.scene || hello.device || 'run'} – Forcegrid ` +
+        (hello.recording ? `recording ${hello.recording.file}` : 'live view');
   }
 
   /** The newest row of the history; `live`: is it of this moment? */

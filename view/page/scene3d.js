@@ -80,6 +80,7 @@ export class Scene3d {
     this.mesh_group = new THREE.Group();
     this.arm = new Arm();
     this.samples = new Samples();
+    this.recorded_s = null;
     this.tool = new Tool();
     this.field = new Field();
     this.arrows = Array.from({length: kMethods + 1}, (_, i) => new Arrow(10 + i));
@@ -200,7 +201,27 @@ export class Scene3d {
   }
 
   add_samples(message, now_ms) {
-    this.samples.add(message, now_ms / 1000);
+    this.samples.add(message, this.sample_time_s(now_ms), this.recorded_s !== null);
+    this.dirty = true;
+  }
+
+  /** By what clock samples fade: the page's, or that of a recording. */
+  sample_time_s(now_ms) {
+    return this.recorded_s === null ? now_ms / 1000 : this.recorded_s;
+  }
+
+  /** The time of the recording that is shown; null: a run is. */
+  set_recorded_time(time_s) {
+    if (time_s !== this.recorded_s) {
+      this.recorded_s = time_s;
+      this.dirty = true;
+    }
+  }
+
+  /** What was shown is not what leads to what comes next. */
+  forget_past() {
+    this.samples.clear();
+    this.trail = [];
     this.dirty = true;
   }
 
@@ -318,7 +339,7 @@ export class Scene3d {
 
   /** Draws if something changed. Returns whether it did. */
   draw(now_ms, force = false) {
-    const now_s = now_ms / 1000;
+    const now_s = this.sample_time_s(now_ms);
     if (this.follows && this.has_tool) {
       this.orbit.approach(this.tool_at, 0.15);
     }

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "cli/common/json_target.h"
+#include "cli/common/options.h"
+
+namespace forcegrid::cli {
+
+struct ViewOptions {
+  std::string file;                    ///< a recording
+  std::string listen = "127.0.0.1:0";  ///< ADDR:PORT of the page
+  bool open = false;                   ///< ask the desktop to open it
+  std::string export_file;             ///< one file with everything instead; empty: none
+  double export_MB = 20.0;             ///< its largest size
+  JsonTarget json;
+};
+
+void add_view(Command& app, ViewOptions& o, std::function<int()>& action);
+
+/// Shows a recording in a browser until it is asked to stop, or writes it as a page.
+/// @returns the program's exit status: 0, or 1 if the live view broke off.
+/// @throws std::exception with a sentence for the user.
+int view_command(const ViewOptions& options);
+
+}  // namespace forcegrid::cli
