@@ -77,7 +77,9 @@ int simulate_command(const SimulateOptions& options) {
   simulator.workers = options.workers;
   simulator.surface = options.surface;
   simulator.rate_Hz = options.rate_Hz;
-  simulator.answer_delay_s = 1e-3 * options.delay_ms;
+  simulator.link_conditions = {1e-3 * options.delay_ms, 1e-3 * options.jitter_ms,
+                               1e-2 * options.loss_percent};
+  simulator.control = options.control;
   simulator.say_loading = options.until_stdin_closes;
   simulator.send_stiffness = !options.no_stiffness;
   simulator.tool = tool_options(options.tool, simulator::scene_tool(options.scene));

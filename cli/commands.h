@@ -45,6 +45,9 @@ struct SimulateOptions {
   std::string surface;
   double rate_Hz = 30.0;
   double delay_ms = 0.0;
+  double jitter_ms = 0.0;
+  double loss_percent = 0.0;
+  std::string control;
   ToolChoice tool;
   bool no_stiffness = false;
   bool until_stdin_closes = false;

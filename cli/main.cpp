@@ -147,7 +147,23 @@ void add_simulate(Command& app, SimulateOptions& o, std::function<int()>& action
       ->check(between(0.0, 1000.0))
       ->show_default()
       ->type_name("FLOAT ms");
+  simulate
+      .add_option("--jitter-ms", o.jitter_ms,
+                  "Delay every answer further, by a random time of up to this much")
+      ->check(between(0.0, 1000.0))
+      ->show_default()
+      ->type_name("FLOAT ms");
+  simulate.add_option("--loss-percent", o.loss_percent, "Lose this share of the answers")
+      ->check(between(0.0, 100.0))
+      ->show_default()
+      ->type_name("FLOAT %");
   add_tool(simulate, o.tool);
+  simulate
+      .add_option("--control", o.control,
+                  "Bind a Unix datagram socket that takes another rate, delay, jitter or loss "
+                  "while it runs; see docs/view_protocol.md")
+      ->type_name("PATH")
+      ->not_in_config();
   simulate
       .add_option("--surface", o.surface,
                   "Unix socket of the live view (FOLDER/surface of forcegrid-view), which gets the "

@@ -9,12 +9,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <ostream>
 #include <random>
 #include <utility>
+#include <variant>
 
 #include "link/simulator_endpoint.h"
 #include "log/log.h"
@@ -23,6 +23,9 @@
 #include "rt/percentiles.h"
 #include "rt/thread.h"
 #include "rt/vectors.h"
+#include "simulator/control_socket.h"
+#include "simulator/impaired_link.h"
+#include "simulator/mesh/column_cut.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/predicted_contact.h"
@@ -35,12 +38,14 @@
 namespace forcegrid::simulator {
 namespace {
 
-constexpr double kMaxRate_Hz = 1000.0;
-constexpr double kMaxDelay_s = 10.0;
+constexpr double kMaxRate_Hz = SimulatorControls::kMostRate_Hz;
 constexpr int kMaxNice = 19;
 constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, before another may connect
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
+constexpr double kWall_N_per_m = 1000.0;
+constexpr double kCutOverPatch = 1.5;
+constexpr double kAbove_m = 0.01;  // of the surface, from where a tool touches again
 
 link::Access access(const SimulatorOptions& options) {
   link::Access access;
@@ -56,9 +61,11 @@ void check(const SimulatorOptions& options) {
     throw Error("simulator: rate is " + std::to_string(options.rate_Hz) +
                 " Hz; give more than 0 and at most " + std::to_string(kMaxRate_Hz));
   }
-  if (!(options.answer_delay_s >= 0.0 && options.answer_delay_s <= kMaxDelay_s)) {
-    throw Error("simulator: answer delay is " + std::to_string(options.answer_delay_s) +
-                " s; give 0 to " + std::to_string(kMaxDelay_s));
+  if (!options.link_conditions.usable()) {
+    throw Error("simulator: delay " + std::to_string(options.link_conditions.delay_s) +
+                " s, jitter " + std::to_string(options.link_conditions.jitter_s) + " s, loss " +
+                std::to_string(options.link_conditions.loss) + "; give delay and jitter of 0 to " +
+                std::to_string(LinkConditions::kMostDelay_s) + " s, and a loss of 0 to 1");
   }
   if (options.nice < 0 || options.nice > kMaxNice) {
     throw Error("simulator: nice is " + std::to_string(options.nice) + "; give 0 to " +
@@ -112,17 +119,21 @@ class Loop {
   Loop(const SimulatorOptions& options, const Scene& scene, const SolverChoice& solver,
        const ToolOptions& tool)
       : options_(options),
+        scene_(scene),
+        solver_(solver),
+        tool_(tool),
         endpoint_(options.listen, kSilence, access(options)),
         contact_(make_solver_contact(scene, solver, tool, options.rate_Hz)),
         predicted_(scene, tool),
-        scheduler_(scene, solver.options,
-                   {.next_query = [this] { return endpoint_.next_query(); },
-                    .job_for = [this](const link::Query& query) { return job_for(query); },
-                    .reply = [this](const link::Query& query,
-                                    const StickyContact::Answer& answer) { reply(query, answer); }},
-                   make_pool(options, scene, solver.options, tool)),
-        period_(rt::from_seconds(1.0 / options.rate_Hz)),
-        delay_(rt::from_seconds(options.answer_delay_s)) {
+        impaired_([this](const ImpairedLink::Message& message) { send(message); },
+                  options.link_conditions, options.link_seed),
+        controls_{.rate_Hz = options.rate_Hz, .link = options.link_conditions},
+        period_(rt::from_seconds(1.0 / options.rate_Hz)) {
+    make_scheduler(scene);
+    if (!options.control.empty()) {
+      control_ = std::make_unique<ControlSocket>(
+          options.control, [this](const SimulatorControls& wanted) { return admits(wanted); });
+    }
     if (!options.surface.empty()) {
       surface_ = std::make_unique<SurfaceStream>(scene.mesh, options.surface);
     }
@@ -135,7 +146,7 @@ class Loop {
     summary_.solver = to_string(solver.kind);
     summary_.solver_why = solver.why;
     summary_.rate_Hz = options.rate_Hz;
-    summary_.workers_at = scheduler_.pool() == nullptr ? "" : scheduler_.pool()->address();
+    summary_.workers_at = scheduler_->pool() == nullptr ? "" : scheduler_->pool()->address();
   }
 
   const SimulatorSummary& summary() const { return summary_; }
@@ -146,7 +157,10 @@ class Loop {
     // A negative descriptor is ignored by poll.
     while (!stop.load(std::memory_order_relaxed) && ::poll(&watched, 1, 0) <= 0) {
       const rt::TimePoint now = rt::Clock::now();
-      send_due(now);
+      impaired_.send_due(now);
+      if (take_controls()) {
+        deadline = std::min(deadline, now + period_);
+      }
       if (now < deadline) {
         wait_until(deadline);
         continue;
@@ -167,29 +181,91 @@ class Loop {
   }
 
  private:
-  struct Delayed {
-    rt::TimePoint due;
-    link::ForceSample sample;
-    std::optional<link::SurfacePatch> patch;
-  };
+  void make_scheduler(const Scene& scene) {
+    scheduler_.emplace(
+        scene, solver_.options,
+        QueryScheduler::Ports{
+            .next_query = [this] { return endpoint_.next_query(); },
+            .job_for = [this](const link::Query& query) { return job_for(query); },
+            .reply = [this](const link::Query& query,
+                            const StickyContact::Answer& answer) { reply(query, answer); }},
+        make_pool(options_, scene, solver_.options, tool_));
+  }
+
+  // Workers have the whole object; a cut forgets how it moves.
+  bool admits(const SimulatorControls& wanted) const {
+    const bool changes_object = wanted.cut != controls_.cut;
+    return !changes_object ||
+           (scheduler_->pool() == nullptr && contact_->depends_on_position_alone() &&
+            !tool_.slides() && scene_.mesh.load_W_N.empty());
+  }
+
+  // Cuts the object, or makes it whole. The tool holds it where it did, in a new epoch.
+  void replace_object() {
+    const bool held = contact_->in_contact() && contact_answer_;
+    const Eigen::Vector3d point_W = held ? contact_answer_->point_W : scene_.mesh.top_W;
+    Scene scene = scene_;
+    if (controls_.cut) {
+      scene.mesh = with_cut(scene.mesh, {.centre_W = point_W,
+                                         .half_width_m = kCutOverPatch * scene.patch_radius_m,
+                                         .depth_m = kCutOverPatch * 2.0 * scene.patch_radius_m});
+    }
+    contact_ = make_solver_contact(scene, solver_, tool_, controls_.rate_Hz);
+    make_scheduler(scene);
+    if (surface_) {
+      surface_->change(scene.mesh);
+    }
+    lost_epochs_ += epoch_;
+    epoch_ = 0;
+    if (held) {
+      static_cast<void>(contact_->step(point_W + Eigen::Vector3d(0.0, 0.0, kAbove_m)));
+      contact_answer_ = contact_->step(point_W);
+      epoch_ = contact_answer_->epoch;
+    }
+  }
+
+  // The wall pushes a tool that holds the object back down.
+  void add_wall(StickyContact::Answer& answer) const {
+    const double depth_m = answer.position_W.z() - controls_.wall_m;
+    if (answer.in_contact && depth_m > 0.0) {
+      answer.equilibrium.force_W.z() -= kWall_N_per_m * depth_m;
+      answer.equilibrium.stiffness_W(2, 2) -= kWall_N_per_m;
+    }
+  }
+
+  // Whether the rate or the link's conditions were changed.
+  bool take_controls() {
+    const SimulatorControls before = controls_;
+    if (!control_ || !control_->receive(controls_)) {
+      return false;
+    }
+    if (controls_.cut != before.cut) {
+      replace_object();
+    } else if (controls_.wall_m != before.wall_m) {
+      ++lost_epochs_;  // the force may jump
+    }
+    period_ = rt::from_seconds(1.0 / controls_.rate_Hz);
+    impaired_.set(controls_.link);
+    summary_.rate_Hz = controls_.rate_Hz;
+    ++summary_.control_changes;
+    return true;
+  }
 
   void wait_until(rt::TimePoint deadline) {
-    if (scheduler_.solve_one(deadline)) {
+    if (scheduler_->solve_one(deadline)) {
       receive();
       return;
     }
     if (predicted_.wants_stiffness()) {
-      predicted_.learn_stiffness([this](const QueryJob& job) { return scheduler_.solve_now(job); },
+      predicted_.learn_stiffness([this](const QueryJob& job) { return scheduler_->solve_now(job); },
                                  epoch_ + lost_epochs_);
       receive();
       return;
     }
     rt::TimePoint wake = std::min(deadline, rt::Clock::now() + kStopCheck);
-    if (!delayed_.empty()) {
-      wake = std::min(wake, delayed_.front().due);
-    }
-    if (scheduler_.pool() != nullptr) {
-      scheduler_.pool()->wait(std::min(wake, rt::Clock::now() + kWorkerPoll));
+    wake = std::min(wake, impaired_.next().value_or(wake));
+    if (scheduler_->pool() != nullptr) {
+      scheduler_->pool()->wait(std::min(wake, rt::Clock::now() + kWorkerPoll));
     } else {
       rt::sleep_until(wake);
     }
@@ -213,13 +289,13 @@ class Loop {
     }
     take_queries(news.queries);
     report_strangers();
-    scheduler_.serve_workers(rt::Clock::now());
+    scheduler_->serve_workers(rt::Clock::now());
   }
 
   // Where force depends on the tool's path, a query has no answer.
   void take_queries(std::size_t waiting) {
     if (contact_->depends_on_position_alone()) {
-      scheduler_.set_waiting(waiting);
+      scheduler_->set_waiting(waiting);
       return;
     }
     while (endpoint_.next_query()) {
@@ -261,9 +337,9 @@ class Loop {
 
   void begin_anew() {
     reset_contact();
-    scheduler_.begin_anew();
+    scheduler_->begin_anew();
     newest_.reset();
-    delayed_.clear();
+    impaired_.clear();
     contact_answer_.reset();
     predicted_.begin_anew();
     epoch_ = 0;
@@ -283,7 +359,7 @@ class Loop {
     newest_.reset();
     const bool was_in_contact = contact_->in_contact();
     const rt::TimePoint start = rt::Clock::now();
-    const StickyContact::Answer answer = contact_->step(position_W);
+    StickyContact::Answer answer = contact_->step(position_W);
     const double solve_s = rt::seconds(rt::Clock::now() - start);
     if (surface_) {
       surface_->touch();
@@ -295,6 +371,7 @@ class Loop {
       reset_contact();
       return;
     }
+    add_wall(answer);
     epoch_ = answer.epoch;
     predicted_.look(*contact_, position_W, velocity_W);
     if (answer.in_contact) {
@@ -309,11 +386,10 @@ class Loop {
     sample.contact_epoch += lost_epochs_;
     patch.contact_epoch = sample.contact_epoch;
     const bool with_patch = !answer.in_contact && predicted_.cut(patch);
-    const auto patch_to_send = with_patch ? std::optional(patch) : std::nullopt;
-    if (delay_ > rt::Duration::zero()) {
-      delayed_.push_back({rt::Clock::now() + delay_, sample, patch_to_send});
-    } else {
-      send(sample, patch_to_send);
+    const rt::TimePoint now = rt::Clock::now();
+    impaired_.send(sample, now);
+    if (with_patch) {
+      impaired_.send(patch, now);
     }
   }
 
@@ -347,24 +423,17 @@ class Loop {
         std::max(summary_.worst_relative_residual, equilibrium.relative_residual);
   }
 
-  void send(const link::ForceSample& sample, const std::optional<link::SurfacePatch>& patch) {
-    if (endpoint_.send(sample) == link::SendStatus::kSent) {
-      ++summary_.answers;
+  // To the socket.
+  void send(const ImpairedLink::Message& message) {
+    std::uint64_t* count = &summary_.patches;
+    link::SendStatus status = link::SendStatus::kSent;
+    if (const auto* const sample = std::get_if<link::ForceSample>(&message)) {
+      count = sample->query_id != 0 ? &summary_.replies : &summary_.answers;
+      status = endpoint_.send(*sample);
     } else {
-      ++summary_.send_failures;
+      status = endpoint_.send(std::get<link::SurfacePatch>(message));
     }
-    if (patch && endpoint_.send(*patch) == link::SendStatus::kSent) {
-      ++summary_.patches;
-    } else if (patch) {
-      ++summary_.send_failures;
-    }
-  }
-
-  void send_due(rt::TimePoint now) {
-    while (!delayed_.empty() && delayed_.front().due <= now) {
-      send(delayed_.front().sample, delayed_.front().patch);
-      delayed_.pop_front();
-    }
+    ++(status == link::SendStatus::kSent ? *count : summary_.send_failures);
   }
 
   // The job for a query at the present state of contact.
@@ -380,22 +449,19 @@ class Loop {
     return job;
   }
 
-  void reply(const link::Query& query, const StickyContact::Answer& answer) {
+  void reply(const link::Query& query, StickyContact::Answer answer) {
+    add_wall(answer);
     link::ForceSample sample = link::answer_to(query);
     fill(sample, answer, options_.send_stiffness);
-    if (endpoint_.send(sample) == link::SendStatus::kSent) {
-      ++summary_.replies;
-    } else {
-      ++summary_.send_failures;
-    }
+    impaired_.send(sample, rt::Clock::now());
   }
 
   void finish() {
     summary_.dropped = link::drop_reasons(endpoint_.statistics());
-    summary_.not_finite += scheduler_.counts().not_finite;
-    summary_.unchecked = scheduler_.counts().unchecked;
-    if (scheduler_.pool() != nullptr) {
-      summary_.workers = scheduler_.pool()->statistics();
+    summary_.not_finite += scheduler_->counts().not_finite;
+    summary_.unchecked = scheduler_->counts().unchecked;
+    if (scheduler_->pool() != nullptr) {
+      summary_.workers = scheduler_->pool()->statistics();
     }
     if (surface_) {
       const SurfaceStream::Counts counts = surface_->counts();
@@ -405,6 +471,9 @@ class Loop {
                           .mean_ms = 1e-3 * surface_us_.mean(),
                           .max_ms = 1e-3 * surface_us_.max()};
     }
+    summary_.delayed = impaired_.counts().delayed;
+    summary_.lost_on_purpose = impaired_.counts().lost;
+    summary_.link = impaired_.conditions();
     const SolverReport report = contact_->report();
     summary_.whole_solutions = report.whole_solutions.value_or(0);
     summary_.reduced = report.reduced.value_or(ReducedUse{});
@@ -418,20 +487,24 @@ class Loop {
   }
 
   SimulatorOptions options_;
+  const Scene& scene_;  ///< as it was read, whole
+  SolverChoice solver_;
+  ToolOptions tool_;
   bool warned_of_strangers_ = false;
   bool warned_of_queries_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
   std::unique_ptr<SurfaceStream> surface_;  // null: nobody watches
   PredictedContact predicted_;
-  QueryScheduler scheduler_;
+  std::optional<QueryScheduler> scheduler_;
+  ImpairedLink impaired_;
+  SimulatorControls controls_;
+  std::unique_ptr<ControlSocket> control_;  // null: nobody changes anything
   rt::Duration period_;
-  rt::Duration delay_;
   std::optional<link::ToolState> newest_;
   std::optional<StickyContact::Answer> contact_answer_;
   std::uint32_t epoch_ = 0;  ///< of the newest answer, without the lost ones
   std::uint32_t lost_epochs_ = 0;
-  std::deque<Delayed> delayed_;
   rt::Percentiles solve_us_;
   rt::Percentiles surface_us_;
   std::uint64_t iterations_ = 0;

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "simulator/impaired_link.h"
 #include "simulator/mesh/tool_options.h"
 #include "simulator/simulator_summary.h"
 #include "simulator/solver/elastic_object.h"
@@ -25,8 +26,12 @@ struct SimulatorOptions {
   std::vector<std::string> allowed;    ///< ranges of addresses, see link::AddressRange
   std::string workers;                 ///< ADDR:PORT for workers, see WorkerPool; empty: none
   double rate_Hz = 30.0;               ///< answers per second; in (0, 1000]
-  /// [s] Extra delay before each answer is sent, to imitate a slower machine; in [0, 10].
-  double answer_delay_s = 0.0;
+  /// Extra delay of every answer, jitter and loss, to imitate a slower machine or a bad network.
+  LinkConditions link_conditions;
+  std::uint64_t link_seed = 1;  ///< of jitter and loss
+  /// Path of a Unix datagram socket that takes other rates and conditions while the simulator runs,
+  /// see ControlSocket; empty: none.
+  std::string control;
   bool send_stiffness = true;                              ///< dF/dP with every sample
   Eigen::Vector3d top_centre_W = Eigen::Vector3d::Zero();  ///< [m] see make_scene()
   std::optional<SolverKind> solver_kind;  ///< nothing: choose_solver() picks one for the object

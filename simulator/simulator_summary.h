@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "simulator/impaired_link.h"
 #include "simulator/solver/reduced_use.h"
 #include "simulator/workers/worker_statistics.h"
 
@@ -31,9 +32,13 @@ struct SimulatorSummary {
   std::string listening;  ///< ADDR:PORT
   std::size_t vertices = 0;
   std::size_t springs = 0;
-  std::string solver;      ///< the one that was used, see to_string(SolverKind)
-  std::string solver_why;  ///< why it was chosen
-  double rate_Hz = 0.0;
+  std::string solver;                 ///< the one that was used, see to_string(SolverKind)
+  std::string solver_why;             ///< why it was chosen
+  double rate_Hz = 0.0;               ///< at the end
+  LinkConditions link;                ///< likewise
+  std::uint64_t control_changes = 0;  ///< of rate or link while it ran
+  std::uint64_t delayed = 0;          ///< datagrams that were delayed on purpose
+  std::uint64_t lost_on_purpose = 0;  ///< and those that were lost
   std::uint64_t sessions = 0;         ///< servo sessions
   std::uint64_t ticks = 0;            ///< deadlines, with or without a tool state to answer
   std::uint64_t answers = 0;          ///< samples sent

@@ -9,8 +9,6 @@
 namespace forcegrid::simulator {
 namespace {
 
-constexpr std::uint32_t kShapeEpoch = 1;  // the one shape: springs neither break nor grow here
-
 void check_size(std::size_t count, std::uint32_t most, const std::string& what) {
   if (count > most) {
     throw Error("simulator: --surface: the object's surface has " + std::to_string(count) + " " +
@@ -49,10 +47,7 @@ DrawnSurface drawn_surface(const SpringMesh& mesh) {
   return surface;
 }
 
-SurfaceStream::SurfaceStream(const SpringMesh& mesh, const std::string& path)
-    : surface_(drawn_surface(mesh)) {
-  check_size(surface_.vertices.size(), view_link::kMostVertices, "vertices");
-  check_size(surface_.triangles.size(), view_link::kMostTriangles, "triangles");
+SurfaceStream::SurfaceStream(const SpringMesh& mesh, const std::string& path) {
   view_link::FrameSender::Options options;
   options.path = path;
   options.on_lost = [path](const std::string& why) {
@@ -60,16 +55,23 @@ SurfaceStream::SurfaceStream(const SpringMesh& mesh, const std::string& path)
                                "); the simulator goes on without it");
   };
   sender_ = std::make_unique<view_link::FrameSender>(std::move(options));
+  change(mesh);
+}
+
+void SurfaceStream::change(const SpringMesh& mesh) {
+  surface_ = drawn_surface(mesh);
+  check_size(surface_.vertices.size(), view_link::kMostVertices, "vertices");
+  check_size(surface_.triangles.size(), view_link::kMostTriangles, "triangles");
   view_link::SurfaceShape shape;
-  shape.epoch = kShapeEpoch;
+  shape.epoch = ++frame_.epoch;
   shape.triangle = surface_.triangles;
   shape.rest_W_m.reserve(surface_.vertices.size());
   for (const std::int32_t vertex : surface_.vertices) {
     shape.rest_W_m.push_back(to_point(mesh.rest_position_W[static_cast<std::size_t>(vertex)]));
   }
   sender_->push(view_link::encode(shape));
-  frame_.epoch = kShapeEpoch;
   frame_.position_W_m = std::move(shape.rest_W_m);
+  moved_ = true;
   send(rt::Clock::now());
 }
 

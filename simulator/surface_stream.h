@@ -23,7 +23,7 @@ struct DrawnSurface {
 };
 DrawnSurface drawn_surface(const SpringMesh& mesh);
 
-/// Sends an object's surface, as it deforms, to the live view: its shape once, and a frame whenever
+/// Sends an object's surface, as it deforms, to the live view: its shape, and a frame whenever
 /// a vertex has moved, at least one a second. A frame that the view has not taken when the next one
 /// comes is dropped, so a slow view costs neither time nor memory. When the view goes away, one
 /// line in the log says so, and the simulator goes on.
@@ -39,6 +39,10 @@ class SurfaceStream {
   ~SurfaceStream();
   SurfaceStream(const SurfaceStream&) = delete;
   SurfaceStream& operator=(const SurfaceStream&) = delete;
+
+  /// The object has another surface from now on: it was cut, or is whole again. Sends its shape.
+  /// Throws Error as the constructor does.
+  void change(const SpringMesh& mesh);
 
   /// Tells that the object may have moved since the last show().
   void touch() noexcept { moved_ = true; }

@@ -7,14 +7,20 @@
 
 #include <array>
 #include <atomic>
+#include <bit>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <future>
+#include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
 #include "link/servo_endpoint.h"
+#include "rt/local_datagrams.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/touch/dynamic_contact.h"
@@ -461,7 +467,7 @@ TEST(RunSimulator, AnObjectThatMovesByItselfFeelsEveryPositionOfTheServo) {
 
 TEST(RunSimulator, DelaysItsAnswersAsASlowerMachineWould) {
   SimulatorOptions options;
-  options.answer_delay_s = 0.3;
+  options.link_conditions.delay_s = 0.3;
   options.send_stiffness = false;
   RunningSimulator simulator(options);
   link::ServoEndpoint servo(simulator.address());
@@ -472,6 +478,114 @@ TEST(RunSimulator, DelaysItsAnswersAsASlowerMachineWould) {
   EXPECT_GE(std::chrono::steady_clock::now() - start, 300ms);
   EXPECT_FALSE(sample->has_stiffness);
   simulator.stop();
+}
+
+// Rate, wall and cut while it runs, as a person changes them in the live view.
+class ControlledSimulator : public ::testing::Test {
+ public:
+  ~ControlledSimulator() override { std::filesystem::remove_all(folder_); }
+
+ protected:
+  ControlledSimulator() {
+    char folder[] = "/tmp/forcegrid_simulator_XXXXXX";
+    EXPECT_NE(::mkdtemp(folder), nullptr);
+    folder_ = folder;
+    SimulatorOptions options;
+    options.control = folder_ + "/simulator";
+    simulator_ = std::make_unique<RunningSimulator>(options);
+    person_ = std::make_unique<rt::LocalDatagrams>(folder_ + "/person");
+    servo_ = std::make_unique<link::ServoEndpoint>(simulator_->address());
+  }
+
+  // Rate [Hz], delay, jitter [ms], loss [%], wall [mm], cut; false: it answers something else.
+  bool set(const std::array<double, 6>& value) {
+    struct Datagram {
+      std::uint64_t number;
+      std::array<double, 6> value;
+    };
+    std::array<std::uint8_t, sizeof(Datagram)> bytes =
+        std::bit_cast<std::array<std::uint8_t, sizeof(Datagram)>>(Datagram{++number_, value});
+    EXPECT_TRUE(person_->send(folder_ + "/simulator", bytes));
+    const auto give_up = std::chrono::steady_clock::now() + kPatience;
+    while (person_->receive(bytes) < 0 && std::chrono::steady_clock::now() < give_up) {
+      std::this_thread::sleep_for(1ms);
+    }
+    const auto answer = std::bit_cast<Datagram>(bytes);
+    for (std::size_t i = 0; i < value.size(); ++i) {
+      if (!std::isnan(value[i]) && value[i] != answer.value[i]) {
+        return false;
+      }
+    }
+    return answer.number == number_;
+  }
+
+  // An answer to a state that was sent after this call.
+  link::ForceSample at(double z_m) {
+    const std::uint32_t before = sequence_;
+    for (;;) {
+      const auto sample = answer_at(*servo_, sequence_, {0, 0, z_m});
+      if (!sample || sample->echo_sequence > before) {
+        EXPECT_TRUE(sample);
+        return sample.value_or(link::ForceSample{});
+      }
+    }
+  }
+
+  static constexpr double kSame = std::numeric_limits<double>::quiet_NaN();
+  std::string folder_;
+  std::unique_ptr<RunningSimulator> simulator_;
+  std::unique_ptr<rt::LocalDatagrams> person_;
+  std::unique_ptr<link::ServoEndpoint> servo_;
+  std::uint64_t number_ = 0;
+  std::uint32_t sequence_ = 0;
+};
+
+TEST_F(ControlledSimulator, PutsAWallInTheWayOfAToolThatHoldsTheObject) {
+  at(0.005);
+  at(-0.0001);  // it touches
+  const link::ForceSample before = at(0.009);
+  ASSERT_TRUE(before.in_contact);
+  ASSERT_TRUE(set({kSame, kSame, kSame, kSame, 6.0, kSame}));
+  const link::ForceSample with_wall = at(0.009);
+  EXPECT_GT(with_wall.contact_epoch, before.contact_epoch) << "the force jumps";
+  // 1000 N/m over 3 mm.
+  EXPECT_NEAR(with_wall.force_W_N[2], before.force_W_N[2] - 3.0, 0.02);
+  EXPECT_NEAR(with_wall.stiffness_W_N_per_m[8], before.stiffness_W_N_per_m[8] - 1000.0, 20.0);
+  EXPECT_NEAR(at(0.0059).force_W_N[2], 0.59 / 0.9 * before.force_W_N[2],
+              0.1 * std::abs(before.force_W_N[2]))
+      << "below the wall there is the object alone";
+}
+
+TEST_F(ControlledSimulator, CutsTheObjectUnderTheToolAndMakesItWhole) {
+  at(0.005);
+  at(-0.0001);
+  const link::ForceSample whole = at(0.008);
+  ASSERT_TRUE(set({kSame, kSame, kSame, kSame, kSame, 1.0}));
+  const link::ForceSample cut = at(0.008);
+  ASSERT_TRUE(cut.in_contact) << "the tool still holds it";
+  EXPECT_GT(cut.contact_epoch, whole.contact_epoch);
+  EXPECT_LT(std::abs(cut.force_W_N[2]), 0.9 * std::abs(whole.force_W_N[2]));
+  EXPECT_GT(std::abs(cut.force_W_N[2]), 0.05 * std::abs(whole.force_W_N[2]));
+  ASSERT_TRUE(set({kSame, kSame, kSame, kSame, kSame, 0.0}));
+  const link::ForceSample again = at(0.008);
+  EXPECT_GT(again.contact_epoch, cut.contact_epoch);
+  EXPECT_NEAR(again.force_W_N[2], whole.force_W_N[2], 0.02 * std::abs(whole.force_W_N[2]));
+}
+
+TEST_F(ControlledSimulator, ReportsWhatWasChanged) {
+  at(0.02);
+  ASSERT_TRUE(set({100.0, kSame, kSame, 100.0, kSame, kSame}));
+  EXPECT_FALSE(set({-5.0, kSame, kSame, kSame, kSame, kSame}));
+  link::ToolState state;
+  state.sequence = ++sequence_;
+  state.servo_time_ns = 1000 + sequence_;
+  servo_->send(state);
+  EXPECT_FALSE(servo_->wait(200ms) && servo_->receive()) << "every answer is lost";
+  const SimulatorSummary summary = simulator_->stop();
+  EXPECT_EQ(summary.control_changes, 1U);
+  EXPECT_EQ(summary.rate_Hz, 100.0);
+  EXPECT_EQ(summary.link.loss, 1.0);
+  EXPECT_GE(summary.lost_on_purpose, 1U);
 }
 
 TEST(RunSimulator, EndsWhenItsStandardInputCloses) {
@@ -502,7 +616,7 @@ TEST(RunSimulator, RefusesOptionsOutOfRangeByName) {
   options.rate_Hz = 0.0;
   EXPECT_THAT(message(options), HasSubstr("rate"));
   options = {};
-  options.answer_delay_s = -1.0;
+  options.link_conditions.delay_s = -1.0;
   EXPECT_THAT(message(options), HasSubstr("delay"));
   options = {};
   options.scene = "small";
