@@ -6,18 +6,37 @@
 
 namespace forcegrid::emulator {
 
+namespace {
+
+constexpr std::array<const char*, kHands> kHandNames = {"firm", "light", "none", "arm"};
+
+}  // namespace
+
+const char* to_string(HandKind hand) noexcept { return kHandNames[static_cast<std::size_t>(hand)]; }
+
+std::optional<HandKind> find_hand(std::string_view name) noexcept {
+  for (std::size_t i = 0; i < kHands; ++i) {
+    if (name == kHandNames[i]) {
+      return static_cast<HandKind>(i);
+    }
+  }
+  return std::nullopt;
+}
+
 HandKind parse_hand(std::string_view name) {
-  if (name == "firm") {
-    return HandKind::kFirm;
-  }
-  if (name == "light") {
-    return HandKind::kLight;
-  }
-  if (name == "none") {
-    return HandKind::kNone;
+  if (const auto hand = find_hand(name)) {
+    return *hand;
   }
   throw std::invalid_argument("hand '" + std::string(name) +
-                              "' is unknown; use firm, light or none");
+                              "' is unknown; use light, firm, arm or none");
+}
+
+Hands hands_of(const profiles::DeviceProfile& profile) {
+  Hands hands;
+  hands[static_cast<std::size_t>(HandKind::kFirm)] = profile.firm_hand;
+  hands[static_cast<std::size_t>(HandKind::kLight)] = profile.light_hand;
+  hands[static_cast<std::size_t>(HandKind::kArm)] = profiles::arm_hand();
+  return hands;
 }
 
 FrameOrder parse_frame_order(std::string_view name) {
@@ -29,18 +48,6 @@ FrameOrder parse_frame_order(std::string_view name) {
   }
   throw std::invalid_argument("frame order '" + std::string(name) +
                               "' is unknown; use out-first or in-first");
-}
-
-std::optional<profiles::HandProfile> DeviceOptions::hand_profile() const {
-  switch (hand) {
-    case HandKind::kFirm:
-      return profile.firm_hand;
-    case HandKind::kLight:
-      return profile.light_hand;
-    case HandKind::kNone:
-      break;
-  }
-  return std::nullopt;
 }
 
 }  // namespace forcegrid::emulator

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -14,9 +16,17 @@ namespace forcegrid::emulator {
 #pragma GCC visibility push(default)
 
 /// How the operator's hand holds the device.
-enum class HandKind : std::uint8_t { kFirm, kLight, kNone };
-/// "firm", "light" or "none". @throws std::invalid_argument for anything else.
+enum class HandKind : std::uint8_t { kFirm, kLight, kNone, kArm };
+inline constexpr std::size_t kHands = 4;
+/// "firm", "light", "arm" or "none". @throws std::invalid_argument for anything else.
 HandKind parse_hand(std::string_view name);
+/// The same; nothing for anything else. Real-time: yes.
+std::optional<HandKind> find_hand(std::string_view name) noexcept;
+const char* to_string(HandKind hand) noexcept;
+
+/// A device's hands by HandKind; nothing for kNone.
+using Hands = std::array<std::optional<profiles::HandProfile>, kHands>;
+Hands hands_of(const profiles::DeviceProfile& profile);
 
 /// What happens first within a bus frame; for devices with interrupt endpoints.
 enum class FrameOrder : std::uint8_t {
@@ -39,8 +49,10 @@ struct DeviceOptions {
   std::vector<FaultSpec> faults;  ///< the faults to inject, see FaultyDevice
   bool firmware_loaded = false;   ///< Falcon: the firmware runs from the start
 
-  /// The profile's numbers for `hand`; nothing for kNone.
-  [[nodiscard]] std::optional<profiles::HandProfile> hand_profile() const;
+  /// The numbers for `hand`; nothing for kNone.
+  [[nodiscard]] std::optional<profiles::HandProfile> hand_profile() const {
+    return hands_of(profile)[static_cast<std::size_t>(hand)];
+  }
 };
 
 #pragma GCC visibility pop

@@ -82,6 +82,10 @@ class EmulatedDevice {
   /// goes on. See OperatorScript; no effect on a device that no hand holds.
   virtual void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept = 0;
 
+  /// Another hand holds the device from now on, see HeldMechanism::change_hand(). One that takes a
+  /// device that nothing held takes the tip where it is.
+  virtual void hold_with(HandKind hand) noexcept = 0;
+
   /// From now on `faults`, which outlives the device or is null, decides the faults of its boot
   /// loader; no effect on a device without one.
   virtual void set_boot_loader_faults(BootLoaderFaults* /*faults*/) noexcept {}

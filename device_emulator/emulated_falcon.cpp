@@ -44,6 +44,8 @@ EmulatedFalcon::EmulatedFalcon(const DeviceOptions& options, rt::TimePoint start
                 options.operator_script.calibrated),
       delta_(options.profile, options.hand_profile(), kStart_D, options.hand_carries_weight),
       script_(script_options(options), kStart_D),
+      hands_(hands_of(options.profile)),
+      hand_(options.hand),
       now_(start) {
   delta_.attach_tip_mass(options.tip_mass_kg);
 }
@@ -117,6 +119,15 @@ Vector3d EmulatedFalcon::torque_Nm() const noexcept {
   return (Vector3d::Zero() - Vector3d(commands[0], commands[1], commands[2])) / torque_gain_per_Nm_;
 }
 
+void EmulatedFalcon::hold_with(HandKind hand) noexcept {
+  if (hand_ == HandKind::kNone && hand != HandKind::kNone) {
+    delta_.place_hand_target(delta_.position_D());
+    script_.take_at(delta_.position_D());
+  }
+  delta_.change_hand(hands_[static_cast<std::size_t>(hand)]);
+  hand_ = hand;
+}
+
 void EmulatedFalcon::bus_reset(rt::TimePoint now) noexcept {
   usb_.bus_reset();
   bridge_.reset(*this, now);
@@ -168,6 +179,7 @@ void EmulatedFalcon::send(std::span<const std::uint8_t> characters, double baud_
 EmulatorReport EmulatedFalcon::report() const {
   EmulatorReport report;
   report.device = name_;
+  report.hand = to_string(hand_);
   report.final_torque_Nm = rt::to_array(torque_Nm());
   report.tip_position_m = rt::to_array(delta_.position_D());
   report.motor_energy_delivered_J = delta_.work().motor_positive_J;

@@ -71,6 +71,7 @@ class EmulatedFalcon final : public EmulatedDevice,
   void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept override {
     pointer_D_ = pointer_D;
   }
+  void hold_with(HandKind hand) noexcept override;
 
   [[nodiscard]] EmulatorReport report() const override;
   [[nodiscard]] std::vector<CounterSample> samples() const override { return samples_.newest(); }
@@ -101,6 +102,8 @@ class EmulatedFalcon final : public EmulatedDevice,
   FalconFirmware firmware_;
   DeltaModel delta_;
   OperatorScript script_;
+  Hands hands_;
+  HandKind hand_;
   std::optional<Eigen::Vector3d> pointer_D_;
 
   rt::TimePoint now_;

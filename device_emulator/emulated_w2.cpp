@@ -62,6 +62,8 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
            options.hand_carries_weight),
       script_(OperatorScript::on_device(options.operator_script, options.profile),
               arm_.position_D()),
+      hands_(hands_of(options.profile)),
+      hand_(options.hand),
       frame_order_(options.frame_order),
       name_(options.profile.name),
       full_scale_current_A_(options.profile.motors.full_scale_current_A),
@@ -153,6 +155,15 @@ void EmulatedW2::run(rt::TimePoint now, UsbHost& host) {
   }
 }
 
+void EmulatedW2::hold_with(HandKind hand) noexcept {
+  if (hand_ == HandKind::kNone && hand != HandKind::kNone) {
+    arm_.place_hand_target(arm_.position_D());
+    script_.take_at(arm_.position_D());
+  }
+  arm_.change_hand(hands_[static_cast<std::size_t>(hand)]);
+  hand_ = hand;
+}
+
 void EmulatedW2::bus_reset(rt::TimePoint now) noexcept {
   usb_.bus_reset();
   firmware_.set_configured(false, now);
@@ -194,6 +205,7 @@ void EmulatedW2::drive_motors() noexcept {
 EmulatorReport EmulatedW2::report() const {
   EmulatorReport report;
   report.device = name_;
+  report.hand = to_string(hand_);
   const Vector3d torque_Nm = current_A_.cwiseProduct(torque_per_current_Nm_per_A_);
   const Vector3d tip_D = arm_.position_D();
   for (std::size_t i = 0; i < 3; ++i) {

@@ -55,6 +55,7 @@ class EmulatedW2 final : public EmulatedDevice {
   void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept override {
     pointer_D_ = pointer_D;
   }
+  void hold_with(HandKind hand) noexcept override;
 
   [[nodiscard]] EmulatorReport report() const override;
   [[nodiscard]] std::vector<CounterSample> samples() const override { return samples_.newest(); }
@@ -75,6 +76,8 @@ class EmulatedW2 final : public EmulatedDevice {
   W2Firmware firmware_;
   ArmModel arm_;
   OperatorScript script_;
+  Hands hands_;
+  HandKind hand_;
   std::optional<Eigen::Vector3d> pointer_D_;
   FrameOrder frame_order_;
   std::string name_;

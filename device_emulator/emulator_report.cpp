@@ -19,6 +19,7 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
   json = nlohmann::json{
       {"device", report.device},
       {"busid", report.busid},
+      {"hand", report.hand},
       {"final_current_mA", report.final_current_mA},
       {"max_abs_current_mA", report.max_abs_current_mA},
       {"final_torque_Nm", report.final_torque_Nm},

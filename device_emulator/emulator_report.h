@@ -56,6 +56,7 @@ struct HandTargetUse {
 struct EmulatorReport {
   std::string device;  ///< profile name
   std::string busid;
+  std::string hand;  ///< that holds it, or that it goes over to: "firm", ...
 
   std::array<double, 3> final_current_mA{};    ///< flowing now, motors a, b, c
   std::array<double, 3> max_abs_current_mA{};  ///< largest ever

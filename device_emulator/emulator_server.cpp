@@ -119,6 +119,7 @@ struct EmulatorServer::Impl {
   ListenAddress listen_address;
   FileDescriptor listener;
   std::unique_ptr<HandTargetSocket> hand_target;  // null: nobody points
+  std::optional<HandKind> hand;                   // that it has asked for
   Pace pace = Pace::kRealTime;
 
   std::atomic<bool> stopping{false};
@@ -300,7 +301,11 @@ void EmulatorServer::Impl::frame(rt::TimePoint now) {
   if (hand_target && hand_target->receive()) {
     for (const BusPort& port : ports) {
       port.device->point_hand_at(hand_target->target_D());
+      if (hand_target->hand() && hand_target->hand() != hand) {
+        port.device->hold_with(*hand_target->hand());
+      }
     }
+    hand = hand_target->hand();
   }
   for (UsbipClient& client : clients) {
     if (is_due(client, now)) {

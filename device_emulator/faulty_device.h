@@ -49,6 +49,7 @@ class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
   void point_hand_at(const std::optional<Eigen::Vector3d>& pointer_D) noexcept override {
     device_->point_hand_at(pointer_D);
   }
+  void hold_with(HandKind hand) noexcept override { device_->hold_with(hand); }
   [[nodiscard]] bool motors_on() const override { return device_->motors_on(); }
   [[nodiscard]] bool plugged_in() const noexcept override { return plugged_in_; }
   [[nodiscard]] EmulatorReport report() const override;

@@ -49,6 +49,12 @@ class HandFollower {
   [[nodiscard]] Eigen::Vector3d update(rt::TimePoint now, const Eigen::Vector3d& script_D,
                                        const std::optional<Eigen::Vector3d>& pointer_D) noexcept;
 
+  /// The hand's target is at `position_D` [m], at rest, and goes from there to where it is wanted.
+  void begin_at(const Eigen::Vector3d& position_D) noexcept {
+    away_ = true;
+    target_D_ = position_D;
+    speed_D_.setZero();
+  }
   /// Whether the hand is somewhere else than its script wants it.
   [[nodiscard]] bool away() const noexcept { return away_; }
 

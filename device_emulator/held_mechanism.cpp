@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device_emulator/held_mechanism.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace forcegrid::emulator {
@@ -14,7 +15,8 @@ HeldMechanism::HeldMechanism(const profiles::DeviceProfile::Dynamics& dynamics,
     : dynamics_(dynamics),
       moving_mass_kg_(dynamics.tip_mass_kg),
       hand_carries_weight_(hand.has_value() && hand_carries_weight),
-      gravity_m_per_s2_(gravity_m_per_s2) {
+      gravity_m_per_s2_(gravity_m_per_s2),
+      can_carry_weight_(hand_carries_weight) {
   if (hand) {
     hand_mass_kg_ = hand->mass_kg;
     moving_mass_kg_ += hand_mass_kg_;
@@ -28,7 +30,32 @@ void HeldMechanism::attach_tip_mass(double mass_kg) noexcept {
   tip_weight_N_ += mass_kg * gravity_m_per_s2_;
 }
 
+void HeldMechanism::change_hand(const std::optional<profiles::HandProfile>& hand) noexcept {
+  hand_goal_ = {0.0, 0.0, 0.0, kHandChange_s};
+  if (hand) {
+    hand_goal_ = {hand->mass_kg, hand->stiffness_N_per_m, hand->damping_N_s_per_m, kHandChange_s};
+    hand_carries_weight_ = can_carry_weight_;
+  }
+}
+
+void HeldMechanism::go_over_to_goal(double step_s) noexcept {
+  if (hand_goal_.left_s <= 0.0) {
+    return;
+  }
+  const double share = std::min(1.0, step_s / hand_goal_.left_s);
+  hand_goal_.left_s -= step_s;
+  const double mass_kg = hand_mass_kg_ + share * (hand_goal_.mass_kg - hand_mass_kg_);
+  moving_mass_kg_ += mass_kg - hand_mass_kg_;
+  hand_mass_kg_ = mass_kg;
+  hand_stiffness_N_per_m_ += share * (hand_goal_.stiffness_N_per_m - hand_stiffness_N_per_m_);
+  hand_damping_N_s_per_m_ += share * (hand_goal_.damping_N_s_per_m - hand_damping_N_s_per_m_);
+  if (hand_goal_.left_s <= 0.0 && hand_goal_.stiffness_N_per_m == 0.0) {
+    hand_carries_weight_ = false;
+  }
+}
+
 void HeldMechanism::release_hand() noexcept {
+  hand_goal_ = {};
   moving_mass_kg_ -= hand_mass_kg_;
   hand_mass_kg_ = hand_stiffness_N_per_m_ = hand_damping_N_s_per_m_ = 0.0;
   hand_carries_weight_ = false;
@@ -47,6 +74,7 @@ void HeldMechanism::advance(double duration_s, const Vector3d& motor_torque_Nm,
   drive.target_speed_D = (hand_target_D - target_start_D) / duration_s;
   for (double i = 0.0; i < substeps; i += 1.0) {
     drive.target_mid_D = target_start_D + (i + 0.5) * drive.step_s * drive.target_speed_D;
+    go_over_to_goal(drive.step_s);
     substep(drive);
   }
   hand_target_D_ = hand_target_D;

@@ -51,6 +51,12 @@ class HeldMechanism {
   }
   /// Fastens a point mass [kg] to the tip: it moves with the tip and has weight.
   void attach_tip_mass(double mass_kg) noexcept;
+  /// Another hand holds the tip: mass, spring and damper go over to its within kHandChange_s, so
+  /// that the force of the hand has no step. Nothing: the hand fades away, and then nothing bears
+  /// the tip's weight. The mass that comes and goes does so at the tip's speed; Work does not count
+  /// its energy.
+  void change_hand(const std::optional<profiles::HandProfile>& hand) noexcept;
+  static constexpr double kHandChange_s = 0.3;
   /// The hand lets go: from now on nothing holds the tip or bears its weight.
   void release_hand() noexcept;
 
@@ -134,6 +140,14 @@ class HeldMechanism {
   double hand_mass_kg_ = 0.0;
   double hand_stiffness_N_per_m_ = 0.0;
   double hand_damping_N_s_per_m_ = 0.0;
+  bool can_carry_weight_;
+  struct HandGoal {
+    double mass_kg = 0.0;
+    double stiffness_N_per_m = 0.0;
+    double damping_N_s_per_m = 0.0;
+    double left_s = 0.0;  ///< until the hand is so; 0: it is
+  } hand_goal_;
+  void go_over_to_goal(double step_s) noexcept;
   Eigen::Vector3d hand_target_D_ = Eigen::Vector3d::Zero();
 };
 

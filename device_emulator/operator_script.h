@@ -84,6 +84,8 @@ class OperatorScript {
   static Options on_device(Options options, const profiles::DeviceProfile& profile);
 
   [[nodiscard]] Action update(rt::TimePoint now, const Senses& senses) noexcept;
+  /// A hand takes the tip at `position_D` [m], and goes from there to where it is wanted.
+  void take_at(const Eigen::Vector3d& position_D) noexcept { follower_.begin_at(position_D); }
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
 
   static constexpr double kButtonDelay_s = 0.2;

@@ -36,13 +36,11 @@ ServerOptions server_options(const EmulatorOptions& options) {
   }
   if (options.hand_lets_go && parse_hand(options.hand) == HandKind::kNone) {
     throw std::invalid_argument(
-        "a hand that lets go must hold the device first; use hand firm or light");
+        "a hand that lets go must hold the device first; use hand firm, light or arm");
   }
-  if (!options.hand_target.empty() &&
-      (options.hand_lets_go || parse_hand(options.hand) == HandKind::kNone)) {
+  if (!options.hand_target.empty() && options.hand_lets_go) {
     throw std::invalid_argument(
-        "a hand that follows a target must hold the device; use hand firm or light, and do not let "
-        "it go");
+        "a hand that follows a target must hold the device; do not let it go");
   }
   ServerOptions server;
   server.listen = options.listen;

@@ -21,7 +21,7 @@ inline constexpr double kMaxLinger_s = 60.0;
 struct EmulatorOptions {
   std::vector<std::string> profiles;      ///< one device each: names or TOML files
   std::string listen = "127.0.0.1:3240";  ///< ADDR:PORT, loopback only
-  std::string hand = "firm";              ///< firm, light, none
+  std::string hand = "firm";              ///< firm, light, arm, none
   std::string motion = "chirp";  ///< see MotionKind; or path:FILE, see read_recorded_path()
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";  ///< out-first, in-first

@@ -634,6 +634,12 @@ DeviceProfile read_profile(const toml::table& parsed, const std::string& file) {
 
 }  // namespace
 
+HandProfile arm_hand() {
+  return {1.5, 20.0, 300.0,
+          "in the range of arms that keep a posture: stiffness Mussa-Ivaldi, Hogan and Bizzi, J. "
+          "Neuroscience 5(10), 1985; inertia and viscosity Tsuji et al., Biol. Cybern. 72, 1995"};
+}
+
 DeviceProfile load_device_profile(const std::string& name_or_path) {
   const std::string file = find_file(name_or_path);
   const std::string why_not = text::why_no_file(file);

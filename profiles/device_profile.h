@@ -30,6 +30,9 @@ struct HandProfile {
   std::string source;  ///< where the numbers come from
 };
 
+/// A whole arm that keeps its posture, of every device.
+HandProfile arm_hand();
+
 /// The mechanism of a device, by the key `kind` of its profile.
 enum class DeviceKind : std::uint8_t {
   kArm,    ///< "arm", also when the key is absent: yaw and two links, see Kinematics

@@ -15,10 +15,7 @@ const std::vector<Hand>& hands() {
        {0.2, 10.0, 400.0,
         "prototype study; in the range of a stylus grip (Kuchenbecker, Park and Niemeyer, Proc. "
         "ASME IMECE 2003)"}},
-      {"arm",
-       {1.5, 20.0, 300.0,
-        "in the range of arms that keep a posture: stiffness Mussa-Ivaldi, Hogan and Bizzi, J. "
-        "Neuroscience 5(10), 1985; inertia and viscosity Tsuji et al., Biol. Cybern. 72, 1995"}}};
+      {"arm", profiles::arm_hand()}};
   return all;
 }
 

@@ -70,7 +70,7 @@ const std::vector<std::string>& motions() {
 }
 
 const std::vector<std::string>& hands() {
-  static const std::vector<std::string> kNames = {"firm", "light", "none"};
+  static const std::vector<std::string> kNames = {"firm", "light", "arm", "none"};
   return kNames;
 }
 

@@ -279,6 +279,54 @@ TEST(EmulatedW2, TheTipFollowsAPointerStaysThereAndReturnsToTheMotion) {
   }
 }
 
+// Under a constant force a hand gives way by F / K, whichever hand holds the tip by then.
+TEST(EmulatedW2, AnotherHandTakesOverWithoutAJump) {
+  const auto options = options_for("woodenhaptics_v2015", HandKind::kFirm);
+  Bus bus(options);
+  bus.idle_until(1000);
+  const auto tip_D = [&bus] { return bus.device.arm().position_D(); };
+  const Vector3d rest_D = tip_D();
+  const auto push = out_report({0, 659, 0, 0, 0, 0, 0});  // the sheet's 1 N along x
+  const Hands hands = hands_of(options.profile);
+  bus.drive_until(3500, push);
+  for (const HandKind hand : {HandKind::kLight, HandKind::kArm, HandKind::kFirm}) {
+    SCOPED_TRACE(to_string(hand));
+    const Vector3d before_D = tip_D();
+    bus.device.hold_with(hand);
+    bus.frame(&push);
+    EXPECT_LT((tip_D() - before_D).norm(), 20e-6) << "within a millisecond";
+    bus.drive_until(bus.now_ms + 4000, push);
+    const double K = hands[static_cast<std::size_t>(hand)]->stiffness_N_per_m;
+    // 10 mm of motion turn the Jacobian by some percent.
+    EXPECT_NEAR(K * (tip_D() - rest_D).norm(), 1.0, 0.12);
+    EXPECT_EQ(bus.device.report().hand, to_string(hand));
+  }
+}
+
+TEST(EmulatedW2, AHandThatLetsGoCanTakeTheTipAgainWhereItIs) {
+  auto options = options_for("woodenhaptics_v2015", HandKind::kFirm);
+  options.operator_script.calibrated = true;
+  options.operator_script.motion = MotionKind::kStill;
+  Bus bus(options);
+  bus.idle_until(1000);
+  bus.drive_until(4000, kZero);
+  const auto tip_D = [&bus] { return bus.device.arm().position_D(); };
+  const Vector3d held_D = tip_D();
+  bus.device.hold_with(HandKind::kNone);
+  bus.drive_until(5500, kZero);
+  const Vector3d fallen_D = tip_D();
+  EXPECT_GT((fallen_D - held_D).norm(), 0.01) << "nothing bears the links' weight";
+  bus.device.hold_with(HandKind::kFirm);
+  double most_m_per_s = 0.0;
+  for (int ms = 0; ms < 2500; ++ms) {
+    const Vector3d last_D = tip_D();
+    bus.frame(&kZero);
+    most_m_per_s = std::max(most_m_per_s, 1e3 * (tip_D() - last_D).norm());
+  }
+  EXPECT_LT(most_m_per_s, 0.6) << "it is carried back, not flung";
+  EXPECT_LT((tip_D() - held_D).norm(), 1e-3);
+}
+
 TEST(EmulatedW2, APointerThatIsFlungAboutKeepsTheTipBelowTheProfilesSpeed) {
   for (const HandKind hand : {HandKind::kFirm, HandKind::kLight}) {
     auto options = options_for("woodenhaptics_v2015", hand);

@@ -4,13 +4,17 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>
 #include <string>
+#include <vector>
 
+#include "device_emulator/listen_socket.h"
 #include "hand_pointer.h"
+#include "rt/local_datagrams.h"
 
 namespace forcegrid::emulator {
 namespace {
@@ -67,6 +71,36 @@ TEST_F(HandTargetSocketTest, GarbageIsDroppedAndCounted) {
   EXPECT_EQ(socket.target_D(), Vector3d(0.01, 0.02, 0.03));
   EXPECT_EQ(socket.use().taken, 1U);
   EXPECT_EQ(socket.use().malformed, 6U);
+}
+
+TEST_F(HandTargetSocketTest, TakesAnotherHandAndSaysSo) {
+  HandTargetSocket socket(path());
+  EXPECT_FALSE(socket.hand());
+  rt::LocalDatagrams person(folder_ + "/person");
+  const auto say = [&](const std::string& text) {
+    const std::vector<std::uint8_t> bytes(text.begin(), text.end());
+    ASSERT_TRUE(person.send(path(), bytes));
+  };
+  const auto answer = [&]() -> std::string {
+    std::array<std::uint8_t, 64> bytes{};
+    const auto size = person.receive(bytes);
+    return size < 0 ? "" : std::string(bytes.begin(), bytes.begin() + size);
+  };
+  for (const HandKind hand : {HandKind::kLight, HandKind::kFirm, HandKind::kArm, HandKind::kNone}) {
+    const std::string text = std::string("hand ") + to_string(hand);
+    say(text);
+    EXPECT_TRUE(socket.receive());
+    EXPECT_EQ(socket.hand(), hand);
+    EXPECT_EQ(answer(), text);
+  }
+  for (const char* wrong : {"hand", "hand ", "hand iron", "firm", "hand firm "}) {
+    say(wrong);
+    EXPECT_FALSE(socket.receive()) << wrong;
+    EXPECT_EQ(answer(), "") << wrong;
+  }
+  EXPECT_EQ(socket.hand(), HandKind::kNone);
+  EXPECT_EQ(socket.use().taken, 4U);
+  EXPECT_EQ(socket.use().malformed, 5U);
 }
 
 TEST_F(HandTargetSocketTest, OnlyItsUserMayPointAndItsFileIsRemovedAtTheEnd) {
