@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include "forcegrid/core/force_method.h"
@@ -54,6 +55,10 @@ struct CycleRecord {
   std::uint64_t arrivals_taken = 0;  ///< these and answers to requests
   /// Since the tool was where the newest sample was computed; -1: no sample.
   double sample_age_ms = 0.0;
+  double sample_period_ms = 0.0;  ///< from sample to sample, averaged over some ten of them
+  double requests_per_s = 0.0;    ///< that the rendered method may make
+  /// [bare trilinear reads a cycle] Infinite: no limit; NaN: as the methods were made.
+  double budget_reads = std::numeric_limits<double>::quiet_NaN();
   std::uint32_t missed_deadlines = 0;  ///< deadlines that passed unserved just before this cycle
   Fault fault = Fault::kNone;
 };

@@ -159,6 +159,8 @@ void SampleIntake::describe(rt::TimePoint now, CycleRecord& record) const noexce
   record.contact_epoch = contact_epoch_;
   record.samples_taken = samples_taken_;
   record.arrivals_taken = arrivals_taken_;
+  record.sample_period_ms = 1e3 * sample_period_s_;
+  record.requests_per_s = requests_per_s_;
   record.sample_age_ms = has_sample_ ? 1e3 * (servo_time_s(now) - believed_time_s_) : -1.0;
 }
 

@@ -60,6 +60,10 @@ class SampleIntake {
   /// Queries that a pause has prevented are not made up for.
   void query_if_due(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
 
+  /// From now on; finite, at least 0. Real-time: yes.
+  void set_requests_per_s(double requests_per_s) noexcept { requests_per_s_ = requests_per_s; }
+  [[nodiscard]] double requests_per_s() const noexcept { return requests_per_s_; }
+
   /// A sample has come along the path, since construction or restart().
   [[nodiscard]] bool has_sample() const noexcept { return has_sample_; }
   [[nodiscard]] bool in_contact() const noexcept { return in_contact_; }

@@ -60,6 +60,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
 Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept {
   CycleRecord record;
   const double elapsed_s = begin_cycle(now, record);
+  take_settings(record);
 
   // Encoder report -> counts -> joint angles -> tool, believed only if plausible.
   const SensedTool tool = sense(now);
@@ -142,6 +143,23 @@ double ServoLoop::begin_cycle(rt::TimePoint now, CycleRecord& record) noexcept {
     elapsed_s = 0.0;  // nothing was rendered meanwhile, so no force may have grown
   }
   return elapsed_s;
+}
+
+// What another thread has changed since the last cycle. Neither changes a force at once: requests
+// bring other samples, and a budget, other times of work.
+void ServoLoop::take_settings(CycleRecord& record) noexcept {
+  const double requests_per_s = ports_.requests_per_s.load(std::memory_order_relaxed);
+  if (requests_per_s >= 0.0) {
+    intake_.set_requests_per_s(std::min(requests_per_s, options_.rate_Hz));
+  }
+  const double budget_reads = ports_.budget_reads.load(std::memory_order_relaxed);
+  if (budget_reads > 0.0 && budget_reads != budget_reads_) {
+    budget_reads_ = budget_reads;
+    for (ForceMethod* method : methods_) {
+      method->set_budget(budget_reads);
+    }
+  }
+  record.budget_reads = budget_reads_;
 }
 
 ServoLoop::SensedTool ServoLoop::sense(rt::TimePoint now) noexcept {

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <atomic>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -80,6 +81,7 @@ class ServoLoop {
 
   // The steps of a cycle, in order.
   double begin_cycle(rt::TimePoint now, CycleRecord& record) noexcept;
+  void take_settings(CycleRecord& record) noexcept;
   SensedTool sense(rt::TimePoint now) noexcept;
   Eigen::Vector3d ask_methods(rt::TimePoint now, double elapsed_s,
                               const Eigen::Vector3d& touching_W, CycleRecord& record) noexcept;
@@ -122,6 +124,8 @@ class ServoLoop {
   rt::TimePoint last_cycle_{};
   double wakeup_us_ = 0.0;  ///< of the current cycle, set by run()
   double gravity_gain_ = 0.0;
+  /// That the methods were told last; NaN: nothing.
+  double budget_reads_ = std::numeric_limits<double>::quiet_NaN();
   std::uint64_t cycle_ = 0;
   int faulty_joint_ = -1;
   bool motors_checked_ = false;

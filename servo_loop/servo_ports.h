@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <limits>
 
 #include "forcegrid/core/force_method.h"
 #include "link/clock_estimate.h"
@@ -42,6 +43,11 @@ struct ServoPorts {
   std::atomic<bool> force_paused{false};
   /// From any thread: index of the method to render, see MethodFade.
   std::atomic<std::uint8_t> rendered_method{0};
+  /// From any thread: ServoOptions::requests_per_s from now on; NaN: as the options say.
+  std::atomic<double> requests_per_s{std::numeric_limits<double>::quiet_NaN()};
+  /// From any thread: ForceMethod::set_budget() of every method that keeps a budget; NaN: as the
+  /// methods were made.
+  std::atomic<double> budget_reads{std::numeric_limits<double>::quiet_NaN()};
   std::atomic<std::uint64_t> records_lost{0};  ///< records that found the ring full
 };
 

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 
 namespace forcegrid {
@@ -45,6 +46,7 @@ struct MethodNeeds {
   bool requests = false;   ///< answers at positions of its own choice, see plan_request()
   /// It makes requests for an expected contact as well, see expect_contact(), but works without.
   bool requests_before_contact = false;
+  bool can_request = false;  ///< it makes requests if it may, but works without
 };
 
 /// A quantity that a method counts from construction on, e.g. samples that it could not use.
@@ -92,6 +94,7 @@ inline constexpr std::size_t kMaxCandidates = 16;
 /// - use the tool's path between samples: observe();
 /// - ask the simulator for forces where they need them: plan_request(), expect_contact(), needs();
 /// - choose between several fields: candidates();
+/// - keep the mean cost of cycles within a budget: set_budget();
 /// - count what they could not use: counters().
 ///
 /// What the loop guarantees:
@@ -184,6 +187,15 @@ class ForceMethod {
     static_cast<void>(wanted_W);
     return false;
   }
+
+  /// The least that set_budget() takes, in bare trilinear reads a cycle: less pays for nothing.
+  /// Nothing: the method keeps no budget. It never changes.
+  virtual std::optional<double> least_budget_reads() const noexcept { return std::nullopt; }
+
+  /// From now on a cycle may cost this much on average, in bare trilinear reads: at least
+  /// least_budget_reads(); infinite: no limit. It decides when work() is done, and never changes
+  /// what force() answers before the next work(). Without effect on a method without a budget.
+  virtual void set_budget(double reads_per_cycle) noexcept { static_cast<void>(reads_per_cycle); }
 };
 
 #pragma GCC visibility pop

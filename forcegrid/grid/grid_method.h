@@ -45,7 +45,8 @@ class GridMethod final : public ForceMethod {
  public:
   GridMethod(const GridPlan& plan, Grid&& grid) noexcept
       : name_(plan.name),
-        needs_{.stiffness = plan.stiffness, .requests = plan.requests},
+        needs_{
+            .stiffness = plan.stiffness, .requests = plan.requests, .can_request = plan.requests},
         samples_per_cell_(plan.samples_per_cell),
         counting_(plan.counting()),
         grid_(std::move(grid)),

@@ -20,6 +20,10 @@ EnsembleMethod::EnsembleMethod(Kind kind, const MethodOptions& options,
       fade_(thresholds_.hand_over_s),
       wake_rule_(candidates_, thresholds_,
                  kind == Kind::kAuto && candidates_.all.size() > 1 && !thresholds_.everybody_awake),
+      least_budget_reads_(kind == Kind::kAuto
+                              ? std::optional(kriging::least_budget_reads(
+                                    kriging::plan_for(options.budget_reads).samples))
+                              : std::nullopt),
       budget_(kind == Kind::kAuto ? options.budget_reads : std::nullopt) {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     names_[i] = candidates_.all[i]->name();
@@ -35,6 +39,7 @@ const char* EnsembleMethod::name() const noexcept {
 MethodNeeds EnsembleMethod::needs() const noexcept {
   MethodNeeds needs;
   needs.requests_before_contact = asks_before_contact();
+  needs.can_request = true;
   return needs;
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "forcegrid/core/force_method.h"
@@ -77,6 +78,13 @@ class EnsembleMethod final : public ForceMethod {
                     Eigen::Vector3d& wanted_W) noexcept override;
   [[nodiscard]] ForceEstimate force(double time_s,
                                     const Eigen::Vector3d& position_W) const noexcept override;
+  /// Of `auto`: fields and candidates are those that the options paid for, whatever is set later.
+  std::optional<double> least_budget_reads() const noexcept override { return least_budget_reads_; }
+  void set_budget(double reads_per_cycle) noexcept override {
+    if (least_budget_reads_) {
+      budget_.set(reads_per_cycle);
+    }
+  }
   std::span<const char* const> candidates() const noexcept override {
     return {names_.data(), candidates_.all.size()};
   }
@@ -180,6 +188,7 @@ class EnsembleMethod final : public ForceMethod {
   std::array<bool, kMaxCandidates> begins_{};             ///< woken, and not begun yet
   std::array<kriging::Observation, kBeginsWith> recent_{};
   bool idle_ = false;  ///< nothing was left to do, and nothing has come since
+  std::optional<double> least_budget_reads_;  ///< nothing: it keeps none
   kriging::WorkBudget budget_;
   std::array<NamedCounter, kCounters> counters_{
       {{"samples_passed_over", 0}, {"samples_over_budget", 0}, {"cycles_over_budget", 0}}};

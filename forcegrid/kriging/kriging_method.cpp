@@ -69,6 +69,7 @@ MethodNeeds KrigingMethod::needs() const noexcept {
   MethodNeeds needs;
   needs.stiffness = kind_ == Kind::kTangent;
   needs.requests_before_contact = kind_ == Kind::kContact;
+  needs.can_request = true;
   return needs;
 }
 

@@ -22,7 +22,9 @@ double alone_reads(int samples, double taken = 1.0) noexcept {
 
 }  // namespace
 
-double least_budget_reads() noexcept { return alone_reads(kFewestSamples, kLeastTaken); }
+double least_budget_reads() noexcept { return least_budget_reads(kFewestSamples); }
+
+double least_budget_reads(int samples) noexcept { return alone_reads(samples, kLeastTaken); }
 
 BudgetPlan plan_for(std::optional<double> reads_per_cycle) noexcept {
   if (!reads_per_cycle) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 namespace forcegrid::kriging {
 
@@ -39,6 +40,8 @@ BudgetPlan plan_for(std::optional<double> reads_per_cycle) noexcept;
 /// The cost of a cycle with the smallest field that takes every second sample. A smaller budget is
 /// no use.
 double least_budget_reads() noexcept;
+/// The same with a field of so many samples.
+double least_budget_reads(int samples) noexcept;
 
 /// A purse that keeps the mean cost of cycles within a budget: each cycle puts the budget in and
 /// takes out what its query costs; work begins only while something is left, and takes out what it
@@ -56,6 +59,15 @@ class WorkBudget {
         purse_(kSaved_cycles * reads_per_cycle_) {}
 
   bool limited() const noexcept { return limited_; }
+
+  /// From now on. What is saved up stays, within the new bound; a budget after none begins with all
+  /// that can be saved. @param reads_per_cycle > 0; infinite: no limit.
+  void set(double reads_per_cycle) noexcept {
+    const bool was_limited = std::exchange(limited_, std::isfinite(reads_per_cycle));
+    reads_per_cycle_ = limited_ ? reads_per_cycle : 0.0;
+    const double most = kSaved_cycles * reads_per_cycle_;
+    purse_ = was_limited ? std::min(purse_, most) : most;
+  }
 
   /// A cycle begins. @param samples of the rendered field.
   void begin_cycle(int samples) noexcept {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "tests/servo_loop/loop_bench.h"
@@ -97,6 +98,45 @@ TEST(RenderedMethod, IsTheOneThatWasChosen) {
   run(100);
   EXPECT_NEAR(record.commanded_force_D_N[1], 0.5, 1e-9);
   EXPECT_NEAR(record.commanded_force_D_N[2], -1.0, 1e-9);
+}
+
+// Requests and budget come from another thread; the record of the cycle says that they hold.
+TEST(ServoLoop, TakesRequestsAndBudgetWhileItRuns) {
+  const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
+  ScriptedDevice device(profile);
+  SpokenMethod method, other;
+  ServoPorts ports;
+  ServoOptions options;
+  options.check_motors = false;
+  options.watch_encoders = false;
+  options.requests_per_s = 20.0;
+  ServoLoop loop(device, profile, {&method, &other}, ports, options);
+  rt::TimePoint now(std::chrono::seconds(1000));
+  const auto cycle = [&] {
+    now += std::chrono::milliseconds(2);
+    device.show(Vector3d::Zero(), now);
+    EXPECT_EQ(loop.run_cycle(now, now + std::chrono::milliseconds(2)), Fault::kNone);
+    CycleRecord record;
+    EXPECT_TRUE(ports.records.pop(record));
+    return record;
+  };
+  CycleRecord record = cycle();
+  EXPECT_EQ(record.requests_per_s, 20.0);
+  EXPECT_TRUE(std::isnan(record.budget_reads));
+  EXPECT_EQ(method.budgets, 0);
+  ports.requests_per_s = 1e9;
+  ports.budget_reads = 40.0;
+  cycle();
+  record = cycle();
+  EXPECT_EQ(record.requests_per_s, options.rate_Hz) << "at most one a cycle";
+  EXPECT_EQ(record.budget_reads, 40.0);
+  EXPECT_EQ(method.budgets, 1) << "told once";
+  EXPECT_EQ(other.budget_reads, 40.0);
+  ports.requests_per_s = 0.0;
+  ports.budget_reads = -1.0;  // no budget: ignored
+  record = cycle();
+  EXPECT_EQ(record.requests_per_s, 0.0);
+  EXPECT_EQ(record.budget_reads, 40.0);
 }
 
 }  // namespace

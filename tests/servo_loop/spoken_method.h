@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "forcegrid/core/force_method.h"
@@ -26,7 +27,14 @@ class SpokenMethod final : public ForceMethod {
     estimate.status = EstimateStatus::kOk;
     return estimate;
   }
+  std::optional<double> least_budget_reads() const noexcept override { return 1.0; }
+  void set_budget(double reads_per_cycle) noexcept override {
+    ++budgets;
+    budget_reads = reads_per_cycle;
+  }
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
+  int budgets = 0;
+  double budget_reads = 0.0;
   int samples = 0;
   int losses = 0;
   std::vector<std::uint32_t> epochs;

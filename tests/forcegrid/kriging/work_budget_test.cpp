@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -86,11 +87,57 @@ TEST(WorkBudget, KeepsTheMeanOfPiecesOfAnySize) {
   EXPECT_GE(spent, kCycles * kReads) << "and what is there is used; seed " << kSeed;
 }
 
+TEST(WorkBudget, KeepsAnotherMeanFromWhenItIsSet) {
+  WorkBudget budget(std::nullopt);
+  constexpr int kPiece = 500;
+  for (const double reads : {60.0, 30.0, 200.0}) {
+    budget.set(reads);
+    double spent = 0.0;
+    constexpr int kCycles = 20'000;
+    for (int i = 0; i < kCycles; ++i) {
+      budget.begin_cycle(10);
+      spent += CostModel::cycle_reads(10);
+      while (budget.allows()) {
+        budget.spend(kPiece);
+        spent += CostModel::piece_reads(kPiece);
+      }
+    }
+    // What was saved up at the start, and one piece of debt.
+    const double slack = WorkBudget::kSaved_cycles * reads + CostModel::piece_reads(kPiece);
+    EXPECT_NEAR(spent, kCycles * reads, slack) << reads;
+  }
+  budget.set(std::numeric_limits<double>::infinity());
+  EXPECT_FALSE(budget.limited());
+  budget.spend(1 << 30);
+  EXPECT_TRUE(budget.allows());
+}
+
 TEST(WorkBudget, WithoutALimitAllowsEverything) {
   WorkBudget budget(std::nullopt);
   budget.spend(1 << 30);
   EXPECT_TRUE(budget.allows());
   EXPECT_TRUE(budget.allows_others());
+}
+
+// The budget decides when work is done: what force() answers does not change at once.
+TEST(AutoWithBudget, TakesAnotherBudgetWithoutAStepInTheForce) {
+  const AnchoredSprings object(kSeed);
+  EnsembleMethod method(EnsembleMethod::Kind::kAuto, {});
+  ASSERT_TRUE(method.least_budget_reads());
+  Play play = hand_on(object);
+  play.work_budget = 1000;
+  play.run(method);
+  const double time_s = 1e3;
+  const Vector3d place_W = kPoint_W + Vector3d(0.002, 0.001, 0.004);
+  const Vector3d before_N = method.force(time_s, place_W).force_W;
+  EXPECT_GT(before_N.norm(), 0.05);
+  for (const double reads :
+       {*method.least_budget_reads(), 1e4, std::numeric_limits<double>::infinity()}) {
+    method.set_budget(reads);
+    EXPECT_EQ(method.force(time_s, place_W).force_W, before_N) << reads;
+  }
+  EnsembleMethod without(EnsembleMethod::Kind::kKriging, {});
+  EXPECT_FALSE(without.least_budget_reads());
 }
 
 TEST(AutoWithBudget, IsMoreAccurateWithMore) {
