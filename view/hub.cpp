@@ -135,6 +135,8 @@ void Hub::take_feed(const Frame& frame) {
       return take_note(object_of(frame, "note"));
     case FeedType::kAcknowledged:
       return take_acknowledgement(object_of(frame, "acknowledgement"));
+    case FeedType::kSettings:
+      return take_settings(object_of(frame, "settings"));
     case FeedType::kEnd: {
       end_ = object_of(frame, "end");
       end_["type"] = "end";
@@ -159,6 +161,12 @@ void Hub::take_hello(const Frame& frame) {
     throw ViewLinkError("its hello has no list of methods");
   }
   copies_ = copies_of(hello);
+  if (copies_) {
+    const json& copies = hello["copies"];
+    hello["grid"] = {{"low_W_m", copies["low_W_m"]},
+                     {"high_W_m", copies["high_W_m"]},
+                     {"cells", copies["cells"]}};
+  }
   hello.erase("copies");
   hello["field"] = copies_.has_value();
   hello["type"] = "hello";
@@ -313,6 +321,17 @@ void Hub::take_acknowledgement(json acknowledgement) {
     acknowledgement["type"] = "acknowledged";
     say(*found->viewer, acknowledgement);
   }
+}
+
+// Pages that come later get them with the hello.
+void Hub::take_settings(json settings) {
+  const auto list = settings.find("settings");
+  if (list == settings.end() || !list->is_array()) {
+    throw ViewLinkError("its settings are no list");
+  }
+  hello_["settings"] = *list;
+  settings["type"] = "settings";
+  say_to_all(settings);
 }
 
 void Hub::feed_lost() {

@@ -87,6 +87,7 @@ class Hub {
   void take_playback(nlohmann::json playback);
   void begin_anew(const nlohmann::json& playback);
   void take_acknowledgement(nlohmann::json acknowledgement);
+  void take_settings(nlohmann::json settings);
   void take_shape(std::uint64_t peer, const view_link::Frame& frame);
   void take_surface_frame(std::uint64_t peer, const view_link::Frame& frame);
   void take_slice_wish(Viewer& viewer, const PageCommand& command);

@@ -19,6 +19,8 @@ constexpr double kFastest = 100.0;
 constexpr double kLatest_s = 1e9;
 constexpr std::uint64_t kMostId = std::uint64_t{1} << 53;  // exact as a number of a script
 constexpr std::uint32_t kMostLines = 1024;
+constexpr std::uint32_t kEpochModulus = 1U << 24U;  // a float keeps such a number exactly
+constexpr std::size_t kLongestName = 256;           // [bytes] of a setting, or of its value
 
 // Before the parser: what it makes of deep nesting is written out by recursion.
 bool is_shallow(std::string_view text) {
@@ -112,6 +114,21 @@ bool read_play(const json& object, PageCommand& command) {
   return read_between(object, "speed", kSlowest, kFastest, command.speed);
 }
 
+bool read_setting(const json& object, PageCommand& command) {
+  const auto name = object.find("name");
+  const auto value = object.find("value");
+  if (name == object.end() || !name->is_string() ||
+      name->get_ref<const std::string&>().size() > kLongestName || value == object.end()) {
+    return false;
+  }
+  const bool is_sound =
+      value->is_null() || (value->is_number() && std::isfinite(value->get<double>())) ||
+      (value->is_string() && value->get_ref<const std::string&>().size() <= kLongestName);
+  command.setting = name->get<std::string>();
+  command.value = *value;
+  return is_sound;
+}
+
 // An absent key leaves `number` as it is.
 template <typename Number>
 bool read_number(const json& object, const char* key, Number& number) {
@@ -172,9 +189,11 @@ std::array<std::uint8_t, kSampleBytes> sample_bytes(const view_link::FeedSample&
   for (std::size_t axis = 0; axis < 3; ++axis) {
     number[axis] = narrow(sample.position_W_m[axis]);
     number[3 + axis] = narrow(sample.force_W_N[axis]);
+    number[8 + axis] = narrow(sample.contact_point_W_m[axis]);
   }
   number[6] = narrow(time_s);
-  number[7] = sample.in_contact != 0 ? 1.0F : 0.0F;
+  number[7] = (sample.in_contact != 0 ? 1.0F : 0.0F) + (sample.requested != 0 ? 2.0F : 0.0F);
+  number[11] = static_cast<float>(sample.contact_epoch % kEpochModulus);
   return std::bit_cast<std::array<std::uint8_t, kSampleBytes>>(number);
 }
 
@@ -257,6 +276,9 @@ std::optional<PageCommand> parse_command(std::string_view text) {
   } else if (name == "seek") {
     command.what = What::kSeek;
     complete = read_between(*object, "time_s", 0.0, kLatest_s, command.time_s);
+  } else if (name == "set") {
+    command.what = What::kSet;
+    complete = read_setting(*object, command);
   } else if (name == "field") {
     command.what = What::kField;
     complete = read_slice(*object, command);
@@ -286,6 +308,8 @@ const char* name_of(What what) noexcept {
       return "play";
     case What::kSeek:
       return "seek";
+    case What::kSet:
+      return "set";
   }
   return "";
 }
@@ -298,6 +322,9 @@ std::string command_json(const PageCommand& command, std::uint64_t id) {
     object["target_W_m"] = command.target_W_m ? json(*command.target_W_m) : json(nullptr);
   } else if (command.what == What::kMethod) {
     object["method"] = command.method;
+  } else if (command.what == What::kSet) {
+    object["name"] = command.setting;
+    object["value"] = command.value;
   } else if (command.what == What::kShown) {
     object["cycle"] = command.cycle;
   } else if (command.what == What::kPlay) {

@@ -33,7 +33,7 @@ enum class PageType : std::uint8_t {
 
 using SharedBytes = std::shared_ptr<const view_link::Bytes>;
 
-inline constexpr std::size_t kSampleBytes = 32;  ///< of one sample in a message of type 4
+inline constexpr std::size_t kSampleBytes = 48;  ///< of one sample in a message of type 4
 inline constexpr std::size_t kLargestPageText = 4096;
 
 /// The nearest float; NaN stays NaN. What is out of range becomes the largest of its sign.
@@ -60,7 +60,18 @@ std::optional<nlohmann::json> parse_object(std::string_view text);
 
 /// What a page asks for.
 struct PageCommand {
-  enum class What { kStop, kPause, kHand, kShown, kTakeControl, kField, kMethod, kPlay, kSeek };
+  enum class What {
+    kStop,
+    kPause,
+    kHand,
+    kShown,
+    kTakeControl,
+    kField,
+    kMethod,
+    kPlay,
+    kSeek,
+    kSet
+  };
   What what = What::kStop;
   std::uint64_t id = 0;  ///< of the page; 0 if it gives none
   bool pause = false;
@@ -71,6 +82,8 @@ struct PageCommand {
   bool play = false;                                ///< of a recording; false: stand still
   double speed = 1.0;                               ///< of its time over the person's
   double time_s = 0.0;                              ///< where to go in it, since its first cycle
+  std::string setting;                              ///< its name
+  nlohmann::json value;                             ///< a finite number, a short text or null
 };
 
 /// Nothing for what is too long, unknown, incomplete or out of range; a target is finite and within

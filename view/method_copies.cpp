@@ -2,6 +2,8 @@
 #include "view/method_copies.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <utility>
 
 #include "forcegrid/method_variant.h"
@@ -66,6 +68,7 @@ void MethodCopies::restart() {
 void MethodCopies::begin_anew() {
   copies_.clear();
   methods_.clear();
+  budget_reads_ = std::numeric_limits<double>::quiet_NaN();
   for (const std::string& text : options_.methods) {
     if (text == kDirect) {
       copies_.push_back(std::make_unique<NoCopy>());
@@ -122,6 +125,19 @@ void MethodCopies::take(const view_link::FeedCycle& cycle) {
   }
 }
 
+// As ServoLoop::take_settings().
+void MethodCopies::take_settings(const view_link::FeedCycle& cycle) {
+  if (std::isfinite(cycle.requests_per_s) && cycle.requests_per_s >= 0.0) {
+    intake_->set_requests_per_s(cycle.requests_per_s);
+  }
+  if (cycle.budget_reads > 0.0 && cycle.budget_reads != budget_reads_) {
+    budget_reads_ = cycle.budget_reads;
+    for (ForceMethod* method : methods_) {
+      method->set_budget(budget_reads_);
+    }
+  }
+}
+
 // As ServoLoop::run_cycle() calls them.
 void MethodCopies::replay(const view_link::FeedCycle& cycle) {
   for (; taken_ < cycle.arrivals_taken && !samples_.empty(); ++taken_) {
@@ -132,6 +148,7 @@ void MethodCopies::replay(const view_link::FeedCycle& cycle) {
   const rt::TimePoint now(rt::Duration(cycle.time_ns));
   const Eigen::Vector3d touching_W = rt::to_vector(cycle.touching_W_m);
   time_s_ = servo::servo_time_s(now);
+  take_settings(cycle);
   intake_->take(now, first_touch_);
   for (std::size_t i = 0; i < methods_.size(); ++i) {
     methods_[i]->observe(time_s_, touching_W);

@@ -62,6 +62,7 @@ class MethodCopies {
 
  private:
   void begin_anew();
+  void take_settings(const view_link::FeedCycle& cycle);
   void replay(const view_link::FeedCycle& cycle);
 
   Options options_;
@@ -78,6 +79,7 @@ class MethodCopies {
   bool begun_ = false;
   bool exact_ = true;
   double time_s_ = 0.0;
+  double budget_reads_ = 0.0;  // that the methods were told last; NaN: none
   double largest_difference_N_ = 0.0;
 };
 

@@ -14,7 +14,7 @@ namespace forcegrid::view {
 namespace {
 
 constexpr char kTemplate[] = "/forcegrid-view-XXXXXX";
-constexpr std::size_t kLongestName = sizeof("/surface");  // of a socket in it, with its end
+constexpr std::size_t kLongestName = sizeof("/simulator");  // of a socket in it, with its end
 static_assert(sizeof(sockaddr_un::sun_path) > sizeof("/tmp") + sizeof(kTemplate) + kLongestName);
 
 // A socket's path has at most 107 bytes: a longer runtime folder is of no use.

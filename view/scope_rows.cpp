@@ -38,6 +38,10 @@ enum Column : std::size_t {
   kFault,
   kPaused,
   kRenderedMethod,
+  kSamplePeriod,
+  kRequests,
+  kBudget,
+  kArrivals,
   kMissedDeadlines,
   kCycle,
   kColumns
@@ -62,10 +66,12 @@ std::vector<std::string> column_names() {
   for (std::size_t method = 0; method < kFeedMethods; ++method) {
     names.push_back("method" + std::to_string(method) + "_uncertainty_N");
   }
-  for (const char* name :
-       {"period_max_us", "wakeup_max_us", "compute_max_us", "report_age_us", "sample_age_ms",
-        "energy_mJ", "gain", "damping_gain", "candidate", "reason", "rung", "held_back", "limits",
-        "in_contact", "fault", "paused", "rendered_method", "missed_deadlines", "cycle"}) {
+  for (const char* name : {"period_max_us",   "wakeup_max_us",    "compute_max_us", "report_age_us",
+                           "sample_age_ms",   "energy_mJ",        "gain",           "damping_gain",
+                           "candidate",       "reason",           "rung",           "held_back",
+                           "limits",          "in_contact",       "fault",          "paused",
+                           "rendered_method", "sample_period_ms", "requests_per_s", "budget_reads",
+                           "arrivals",        "missed_deadlines", "cycle"}) {
     names.emplace_back(name);
   }
   return names;
@@ -160,6 +166,10 @@ void ScopeRows::join_bucket(const FeedCycle& cycle) {
   }
   value[kPaused] = cycle.paused;
   value[kRenderedMethod] = cycle.rendered_method;
+  value[kSamplePeriod] = narrow(cycle.sample_period_ms);
+  value[kRequests] = narrow(cycle.requests_per_s);
+  value[kBudget] = std::isnan(cycle.budget_reads) ? kNothing : narrow(cycle.budget_reads);
+  value[kArrivals] = static_cast<float>(cycle.arrivals_taken % kCycleModulus);
   value[kMissedDeadlines] = static_cast<float>(missed_deadlines_);
   value[kCycle] = static_cast<float>(cycle.cycle % kCycleModulus);
 }

@@ -14,7 +14,7 @@
 namespace forcegrid::view {
 
 /// Numbers of one row, in the order of scope_columns().
-inline constexpr std::size_t kScopeColumns = 43;
+inline constexpr std::size_t kScopeColumns = 47;
 inline constexpr std::int64_t kBucket_ns = 10'000'000;
 /// The column `cycle` counts modulo this: a float keeps such a number exactly.
 inline constexpr std::uint64_t kCycleModulus = std::uint64_t{1} << 24;

@@ -18,6 +18,7 @@ enum class FeedType : std::uint16_t {
   kAcknowledged = 6,  ///< JSON: what became of a command
   kEnd = 7,           ///< JSON: how the run ended
   kPlayback = 8,      ///< JSON, of a recording: where its player is
+  kSettings = 9,      ///< JSON: what can be changed while it runs, and how it stands
   kCommand = 16,      ///< JSON, from the view: what the person wants
 };
 inline constexpr std::size_t kLargestCommand = 4096;  ///< [bytes] of a command's JSON
@@ -46,6 +47,9 @@ struct FeedCycle {
   double energy_to_hand_J = 0.0;
   double passivity_scale = 1.0;
   double motor_warmth = 0.0;
+  double sample_period_ms = 0.0;  ///< from sample to sample, averaged over some ten of them
+  double requests_per_s = 0.0;    ///< that the rendered method may make
+  double budget_reads = 0.0;      ///< of a cycle; infinite: no limit; NaN: as the methods were made
   std::uint32_t contact_epoch = 0;
   std::uint32_t missed_deadlines = 0;  ///< since the cycle before
   std::array<std::uint8_t, kFeedMethods> method_status{};
@@ -61,7 +65,7 @@ struct FeedCycle {
   std::array<std::uint8_t, 3> reserved{};
 };
 static_assert(std::is_trivially_copyable_v<FeedCycle>);
-static_assert(sizeof(FeedCycle) == 3 * 8 + 9 * 8 + 12 * 8 + 4 * 8 + 3 * 8 + 10 * 8 + 2 * 4 + 16);
+static_assert(sizeof(FeedCycle) == 3 * 8 + 9 * 8 + 12 * 8 + 4 * 8 + 3 * 8 + 13 * 8 + 2 * 4 + 16);
 
 /// A sample of the simulator, in the workspace frame W.
 struct FeedSample {

@@ -94,4 +94,11 @@ const std::atomic<bool>& StopRequest::stop() noexcept { return stop_flag; }
 
 void StopRequest::request() noexcept { stop_flag.store(true); }
 
+void StopRequest::forget() noexcept {
+  stop_flag.store(false);
+  if (signal() != 0 || emergency_stop.pressed()) {  // perhaps just now
+    stop_flag.store(true);
+  }
+}
+
 }  // namespace forcegrid::cli

@@ -39,6 +39,9 @@ class StopRequest {
   static void request_emergency(servo::EmergencySource source) noexcept;
   /// Requests the end without a signal: the program itself wants to end.
   static void request() noexcept;
+  /// Takes back what request() asked for: another run begins in this program. A signal and an
+  /// emergency stop remain.
+  static void forget() noexcept;
 };
 
 }  // namespace forcegrid::cli

@@ -66,6 +66,20 @@ void check_device(const RunOptions& options, const profiles::DeviceProfile& prof
   }
 }
 
+void check_tour(const RunOptions& options) {
+  if (!options.tour) {
+    return;
+  }
+  if (!is_emulated(options) || !options.simulator.empty()) {
+    throw std::runtime_error(
+        "--tour: its steps change hand, scene and link, so it needs an emulated device and the "
+        "simulator that run starts; leave out --device and --simulator");
+  }
+  if (!options.record.empty()) {
+    throw std::runtime_error("--tour: a recording has one scene; leave out --record");
+  }
+}
+
 void check_workers(const RunOptions& options) {
   if (options.workers > 0 && !options.simulator.empty()) {
     throw std::runtime_error(
@@ -75,8 +89,6 @@ void check_workers(const RunOptions& options) {
 }
 
 }  // namespace
-
-bool has_hand(const RunOptions& options) { return options.hand != "none"; }
 
 bool is_emulated(const RunOptions& options) {
   return options.device.rfind(kEmulatedPrefix, 0) == 0;
@@ -102,6 +114,7 @@ void check_together(const RunOptions& options, const simulator::ToolOptions& too
   check_solver(options);
   check_device(options, profile);
   check_workers(options);
+  check_tour(options);
 }
 
 void prepare_folder(const std::string& folder) {

@@ -9,8 +9,6 @@ namespace forcegrid::cli {
 
 /// Whether the run starts an emulated device.
 bool is_emulated(const RunOptions& options);
-/// Whether a hand holds the emulated device.
-bool has_hand(const RunOptions& options);
 
 bool is_falcon(const profiles::DeviceProfile& profile);
 

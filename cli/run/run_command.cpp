@@ -4,19 +4,18 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <thread>
 
 #include "cli/common/figures.h"
 #include "cli/common/firmware_choice.h"
-#include "cli/common/revision.h"
 #include "cli/common/stop_request.h"
 #include "cli/common/stop_watchdog.h"
 #include "cli/run/reconnect.h"
 #include "cli/run/recording.h"
 #include "cli/run/run_checks.h"
+#include "cli/run/run_collect.h"
 #include "cli/run/run_device.h"
 #include "cli/run/run_judgement.h"
 #include "cli/run/run_methods.h"
@@ -25,6 +24,7 @@
 #include "cli/run/run_setup.h"
 #include "cli/run/run_summary_json.h"
 #include "cli/run/run_summary_text.h"
+#include "cli/run/run_view.h"
 #include "cli/run/simulator_watch.h"
 #include "cli/run/terminal_keys.h"
 #include "cli/run/view_feed.h"
@@ -71,10 +71,13 @@ double now_s() { return 1e-9 * static_cast<double>(rt::Clock::now().time_since_e
 class Run {
  public:
   /// Checks everything that can be checked before a process starts or a device is opened.
-  explicit Run(const RunOptions& options);
+  /// @param view  that goes on from run to run; null: the first one with a view starts it.
+  Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view);
 
   /// @returns the program's exit status.
   int execute();
+  /// The scene that another run is to begin with; nothing: there is to be none.
+  std::optional<std::string> next_scene();
 
  private:
   void say(const std::string& text, log::Level level = log::Level::kInfo,
@@ -99,13 +102,13 @@ class Run {
   void judge_end();
   void settle_status();
   void stop_threads();
-  void collect();
-  void write_flight_records();
   void finish_processes();
   [[nodiscard]] std::string why_no_reference() const;
   void write_files(const ContactCycles& cycles);
 
   RunOptions options_;
+  std::unique_ptr<ViewProcess>& kept_view_;
+  NextScene next_scene_;
   std::FILE* out_;
   std::unique_ptr<tools::Dashboard> dashboard_;
   std::optional<log::ConsoleTaker> to_dashboard_;  // while it covers the terminal
@@ -134,8 +137,9 @@ class Run {
 };
 
 // With the JSON on standard output, everything for people goes to standard error.
-Run::Run(const RunOptions& options)
+Run::Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view)
     : options_(options),
+      kept_view_(view),
       out_(options.json.on_stdout() || options.text_on_stderr ? stderr : stdout) {
   if (options_.live) {
     tools::Dashboard::check(out_);
@@ -201,8 +205,12 @@ int Run::execute() {
   if (!link_->trouble().empty()) {
     fail("the link to the simulator ended early, and the force faded to zero: " + link_->trouble());
   }
-  collect();
-  write_flight_records();
+  if (device_) {
+    driver::add(summary_.device_statistics, device_->statistics());
+  }
+  collect_counts({*link_, ports_, *telemetry_, *methods_, *watch_}, options_.method,
+                 servo_options_.requests_per_s, summary_);
+  write_flight_records(*telemetry_, options_.out, summary_);
   report_fault();
   report(loop_text(summary_, telemetry_->statistics()));
   finish_processes();
@@ -215,6 +223,11 @@ int Run::execute() {
   settle_status();  // a file may have failed, or a signal may have come meanwhile
   write_json(options_.json, to_json(summary_, telemetry_->statistics()).dump(2));
   return summary_.exit_status;
+}
+
+// A signal, a fault or an emergency stop ends everything.
+std::optional<std::string> Run::next_scene() {
+  return summary_.end == RunEnd::kScene ? next_scene_.chosen() : std::nullopt;
 }
 
 // Something on the way, for people: beside the results.
@@ -261,7 +274,7 @@ void Run::look_at_keys(milliseconds timeout) {
 }
 
 void Run::connect() {
-  processes_.emplace(options_, tool_, profile_);
+  processes_.emplace(options_, tool_, profile_, kept_view_);
   watch_.emplace(SimulatorWatchOptions{
       .address = processes_->simulator_address(),
       .period_s = processes_->has_simulator()
@@ -406,9 +419,12 @@ void Run::start_view() {
   if (process == nullptr) {
     return;
   }
-  ViewTitle title = view_title(options_, *methods_, method_options_, servo_options_, *processes_);
-  title.hand_socket =
-      processes_->has_emulator() && has_hand(options_) ? process->hand_socket() : "";
+  ViewTitle title =
+      live_title(options_, *processes_, *methods_, method_options_, servo_options_, tool_);
+  title.restart = [this](const std::string& scene) {
+    next_scene_.choose(scene);
+    StopRequest::request();
+  };
   view_ = std::make_unique<ViewFeed>(process->feed_socket(), title, profile_,
                                      servo_options_.workspace, ports_);
   std::fprintf(stderr, "view: %s\n", process->url().c_str());  // not to the log: it has the token
@@ -427,6 +443,7 @@ void Run::end_view() {
                   status_of(summary_.end, StopRequest::signal()),
                   summary_.outcome.fault == servo::Fault::kNone ? "" : fault_text(summary_.outcome),
                   summary_.outcome.zero_current_delivered);
+    summary_.setting_changes = view_->setting_changes();
     const rt::Percentiles delay_ms = view_->picture_delay_ms();
     if (delay_ms.count() > 0) {
       summary_.picture_delay = {delay_ms.count(), delay_ms.at(0.5), delay_ms.at(0.99)};
@@ -550,6 +567,8 @@ void Run::judge_end() {
              (simulator_died_ && watch_->state() != SimulatorWatch::State::kThere)) {
     summary_.end = watch_->state() == SimulatorWatch::State::kNever ? RunEnd::kNoSimulator
                                                                     : RunEnd::kLostSimulator;
+  } else if (next_scene_.chosen()) {
+    summary_.end = RunEnd::kScene;
   }
 }
 
@@ -576,68 +595,6 @@ void Run::stop_threads() {
   to_dashboard_.reset();
   dashboard_.reset();
   rt::unlock_memory();
-}
-
-// Copies the counters of device, link, telemetry and method.
-void Run::collect() {
-  for (const std::string& refused :
-       {summary_.outcome.memory_lock_refused, summary_.outcome.awake_refused}) {
-    if (!refused.empty()) {
-      note(refused);
-    }
-  }
-  if (device_) {
-    driver::add(summary_.device_statistics, device_->statistics());
-  }
-  summary_.link = link_->statistics();
-  summary_.samples_received = link_->samples_accepted();
-  summary_.simulator_clock = link_->simulator_clock();
-  summary_.samples_not_converged = link_->samples_not_converged();
-  summary_.worst_relative_residual = link_->worst_relative_residual();
-  summary_.worst_solve_time_s = link_->worst_solve_time_s();
-  summary_.samples_overrun = link_->samples_lost();
-  summary_.records_lost = ports_.records_lost.load();
-  const auto& records = telemetry_->records();
-  if (records.size() > 1) {
-    summary_.elapsed_s =
-        1e-9 * static_cast<double>(records.back().time_ns - telemetry_->first_time_ns());
-  }
-  if (servo_options_.requests_per_s > 0.0 && summary_.outcome.requests_made == 0) {
-    note("method " + options_.method + " made no request");
-  }
-  for (const std::string& text : watch_->notes()) {
-    note(text);
-  }
-  summary_.cycles_kept = records.size();
-  if (summary_.cycles_kept < telemetry_->statistics().cycles) {
-    note("only the last " + std::to_string(summary_.cycles_kept) +
-         " cycles were kept; errors, CSV and picture are theirs");
-  }
-  for (const NamedCounter& counter : methods_->rendered().counters()) {
-    summary_.counters[counter.name] = counter.value;
-  }
-  for (const char* candidate : methods_->rendered().candidates()) {
-    summary_.candidates.emplace_back(candidate);
-  }
-}
-
-// The last seconds before each fault.
-void Run::write_flight_records() {
-  const auto write = [&](const std::string& name, std::int64_t end_ns) {
-    const std::string file = options_.out + "/" + name;
-    try {
-      telemetry_->write_flight_record(file, servo::Telemetry::kFlightRecord_s, end_ns);
-      summary_.files.push_back(file);
-    } catch (const std::runtime_error& error) {
-      note(error.what());
-    }
-  };
-  for (std::size_t i = 0; i < summary_.recovered.size(); ++i) {
-    write("flight_record_" + std::to_string(i + 1) + ".csv", summary_.recovered[i].time_ns);
-  }
-  if (summary_.outcome.fault != servo::Fault::kNone) {
-    write("flight_record.csv", std::numeric_limits<std::int64_t>::max());
-  }
 }
 
 void Run::finish_processes() {
@@ -667,6 +624,11 @@ std::string Run::why_no_reference() const {
   if (tool_.slides()) {
     return "none: the force on a sliding tool depends on its path";
   }
+  for (const auto& change : summary_.setting_changes) {
+    if (change.at("name") == "wall_mm" || change.at("name") == "cut") {
+      return "none: a wall or a cut was chosen in the live view";
+    }
+  }
   return options_.no_reference ? "skipped by --no-reference" : "";
 }
 
@@ -688,6 +650,9 @@ void Run::write_files(const ContactCycles& cycles) {
   try {
     const std::vector<FigureRow> rows = figure_rows(cycles, names.size());
     summary_.files.push_back(write_figure_data(options_.out, names, rows));
+    if (summary_.end == RunEnd::kScene) {
+      return;  // the next run waits
+    }
     for (std::string& file : draw_figures(options_.out, names, rows)) {
       summary_.files.push_back(std::move(file));
     }
@@ -718,6 +683,20 @@ void Run::write_files(const ContactCycles& cycles) {
 
 }  // namespace
 
-int run_command(const RunOptions& options) { return Run(options).execute(); }
+int run_command(const RunOptions& options) {
+  std::unique_ptr<ViewProcess> view;  // outlives every run, so that pages stay connected
+  RunOptions now = options;
+  for (;;) {
+    Run run(now, view);
+    const int status = run.execute();
+    const auto scene = run.next_scene();
+    if (!scene) {
+      return status;
+    }
+    now.scene = *scene;
+    now.open_view = false;
+    StopRequest::forget();
+  }
+}
 
 }  // namespace forcegrid::cli

@@ -33,6 +33,8 @@ struct RunOptions {
   bool wait_for_simulator = false;     ///< instead it waits without an end
   double simulator_rate_Hz = 30.0;
   double simulator_delay_ms = 0.0;
+  double simulator_jitter_ms = 0.0;
+  double simulator_loss_percent = 0.0;
   /// Options on the command line that a running simulator would ignore.
   std::vector<std::string> for_started_simulator;
   ToolChoice tool;        ///< of the started simulator
@@ -79,6 +81,7 @@ struct RunOptions {
   JsonTarget json;
   bool view = false;                        ///< show the run in a browser
   std::string view_listen = "127.0.0.1:0";  ///< ADDR:PORT of its page
+  bool tour = false;                        ///< the page shows the steps of a tour
   bool open_view = false;                   ///< ask the desktop to open it
   bool live = false;                        ///< a dashboard instead of a line per second
   bool text_on_stderr = false;              ///< even if the JSON goes to a file

@@ -17,6 +17,8 @@ std::string name_of(RunEnd end, const std::string& signal_name) {
       return "no_simulator";
     case RunEnd::kLostSimulator:
       return "lost_simulator";
+    case RunEnd::kScene:
+      return "scene";
     case RunEnd::kTime:
       break;
   }
@@ -34,6 +36,7 @@ int status_of(RunEnd end, int signal) noexcept {
     case RunEnd::kNoSimulator:
     case RunEnd::kLostSimulator:
       return kNoSimulatorStatus;
+    case RunEnd::kScene:
     case RunEnd::kTime:
       break;
   }

@@ -18,15 +18,17 @@ enum class RunEnd : std::uint8_t {
   kSignal,         ///< SIGINT, SIGTERM or SIGHUP
   kNoSimulator,    ///< no sample ever came
   kLostSimulator,  ///< no sample came any more
+  kScene,          ///< a person chose another scene in the live view: the next run has begun
   kTime,           ///< --seconds are over
 };
 
 /// For programs: "emergency_stop", "fault", "SIGINT" (or the other signals' names), "no_simulator",
-/// "lost_simulator", "time".
+/// "lost_simulator", "scene", "time".
 /// @param signal_name  of the signal; empty unless it is kSignal.
 std::string name_of(RunEnd end, const std::string& signal_name);
 
-/// The exit status: 0 for kTime, 1 fault, 3 emergency stop, 4 no simulator, 128 + `signal`.
+/// The exit status: 0 for kTime and kScene, 1 fault, 3 emergency stop, 4 no simulator, 128 +
+/// `signal`.
 int status_of(RunEnd end, int signal) noexcept;
 
 /// The exit statuses for --help, one a line.

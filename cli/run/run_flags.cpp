@@ -18,6 +18,8 @@
 namespace forcegrid::cli {
 namespace {
 
+constexpr char kTourScene[] = "small";  // light enough for a laptop that draws by software
+
 void add_device(Command& run, RunOptions& o) {
   run.begin_group("Device");
   run.add_option(
@@ -76,6 +78,15 @@ void add_object(Command& run, RunOptions& o) {
       ->check(between(0.0, 1000.0))
       ->show_default()
       ->type_name("FLOAT ms");
+  run.add_option("--sim-jitter-ms", o.simulator_jitter_ms,
+                 "Delay them further, each by a random time of up to this much")
+      ->check(between(0.0, 1000.0))
+      ->show_default()
+      ->type_name("FLOAT ms");
+  run.add_option("--sim-loss-percent", o.simulator_loss_percent, "Lose this share of them")
+      ->check(between(0.0, 100.0))
+      ->show_default()
+      ->type_name("FLOAT %");
   run.add_option("--workers", o.workers,
                  "Worker processes that answer requests for the started simulator; with workers, "
                  "--requests-per-s defaults to 120")
@@ -232,6 +243,10 @@ void add_results(Command& run, RunOptions& o) {
   run.add_flag("--open", o.open_view, "Open the page of --view in the desktop's browser")
       ->not_in_config()
       ->needs(view);
+  run.add_flag("--tour", o.tour,
+               "Six steps in the page of --view that show what this is about; without an end")
+      ->not_in_config()
+      ->needs(view);
   run.add_option("--out", o.out, "Folder for the CSV, the picture and the flight record")
       ->show_default();
   run.add_flag("--no-reference,--no-truth", o.no_reference,
@@ -260,10 +275,16 @@ Command& add_run_as(const char* name, const char* what, Command& app, RunOptions
   run.callback([&run, &o, &action] {
     o.motion_of_tool = o.motion == RunOptions().motion && !run.given("--motion");
     o.budget.on_command_line = run.given("--budget-us");
-    for (const char* option : {"--scene", "--sim-delay-ms"}) {
+    for (const char* option :
+         {"--scene", "--sim-delay-ms", "--sim-jitter-ms", "--sim-loss-percent"}) {
       if (run.given(option)) {
         o.for_started_simulator.emplace_back(option);
       }
+    }
+    if (o.tour) {
+      o.seconds = run.given("--seconds") ? o.seconds : 0.0;
+      o.no_reference = true;
+      o.scene = run.given("--scene") ? o.scene : kTourScene;
     }
     o.settings = run.settings_text();
     action = [&o] { return run_command(o); };

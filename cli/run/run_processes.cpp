@@ -56,7 +56,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
                      {"--contact", std::to_string(at_m[0]) + "," + std::to_string(at_m[1]) + "," +
                                        std::to_string(at_m[2])});
   }
-  if (view != nullptr && has_hand(options)) {
+  if (view != nullptr) {
     arguments.insert(arguments.end(), {"--hand-target", view->hand_socket()});
   }
   if (options.gravity_compensation) {
@@ -67,7 +67,8 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
 
 std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
                                               const std::vector<std::string>& key_files,
-                                              const std::string& surface_socket) {
+                                              const std::string& surface_socket,
+                                              const ViewProcess* view) {
   std::vector<std::string> arguments = {"simulate",
                                         "--scene",
                                         options.scene,
@@ -79,6 +80,10 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
                                         std::to_string(options.simulator_rate_Hz),
                                         "--delay-ms",
                                         std::to_string(options.simulator_delay_ms),
+                                        "--jitter-ms",
+                                        std::to_string(options.simulator_jitter_ms),
+                                        "--loss-percent",
+                                        std::to_string(options.simulator_loss_percent),
                                         "--until-stdin-closes",
                                         "--json"};
   const std::vector<std::string> tool = tool_arguments(options.tool);
@@ -89,6 +94,9 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   if (!surface_socket.empty()) {
     arguments.insert(arguments.end(), {"--surface", surface_socket});
   }
+  if (view != nullptr) {
+    arguments.insert(arguments.end(), {"--control", view->simulator_socket()});
+  }
   if (options.workers > 0) {
     arguments.insert(arguments.end(), {"--workers", "127.0.0.1:0"});
   }
@@ -98,7 +106,8 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
 }  // namespace
 
 RunProcesses::RunProcesses(const RunOptions& options, const simulator::ToolOptions& tool,
-                           const profiles::DeviceProfile& profile)
+                           const profiles::DeviceProfile& profile,
+                           std::unique_ptr<ViewProcess>& view)
     : key_files_(options.key_files),
       device_url_(options.device),
       simulator_address_(options.simulator) {
@@ -108,7 +117,7 @@ RunProcesses::RunProcesses(const RunOptions& options, const simulator::ToolOptio
   }
   link_keys_ = link::load_keys(key_files_);
   try {
-    start(options, tool, profile);
+    start(options, tool, profile, view);
   } catch (...) {
     end_all();
     throw;
@@ -130,9 +139,13 @@ void RunProcesses::end_all() noexcept {
 }
 
 void RunProcesses::start(const RunOptions& options, const simulator::ToolOptions& tool,
-                         const profiles::DeviceProfile& profile) {
+                         const profiles::DeviceProfile& profile,
+                         std::unique_ptr<ViewProcess>& view) {
   if (options.view) {
-    view_ = std::make_unique<ViewProcess>(options.view_listen);
+    if (!view) {
+      view = std::make_unique<ViewProcess>(options.view_listen);
+    }
+    view_ = view.get();
   }
   std::string surface_socket = view_ ? view_->surface_socket() : "";
   if (options.record_surface) {
@@ -140,13 +153,13 @@ void RunProcesses::start(const RunOptions& options, const simulator::ToolOptions
     surface_socket = surface_tap_->socket();
   }
   if (options.simulator.empty()) {
-    simulator_ = start_simulator(options, key_files_, surface_socket);
+    simulator_ = start_simulator(options, key_files_, surface_socket, view_);
   }
   if (is_emulated(options)) {
     const bool slides = tool.slides() && options.motion_of_tool;
-    emulator_ = start_emulator(options, slides ? kSlidingMotion : options.motion,
-                               profile_name_of(options.device, options.profile), is_falcon(profile),
-                               view_.get());
+    emulator_ =
+        start_emulator(options, slides ? kSlidingMotion : options.motion,
+                       profile_name_of(options.device, options.profile), is_falcon(profile), view_);
     device_url_ = "usbip://" + listening_address(*emulator_) + "/1-1";
   }
   if (simulator_) {

@@ -20,15 +20,16 @@
 namespace forcegrid::cli {
 
 /// The child processes of a run: the simulator, its workers, the emulated device and the live view.
-/// Each is started only if the options do not name one that is already running. All end with this
-/// object.
+/// Each is started only if the options do not name one that is already running. All but the
+/// view end with this object.
 class RunProcesses {
  public:
   /// Starts the processes and returns when all of them listen.
+  /// @param view  with --view: used if it is there, else started and left there.
   /// @throws std::runtime_error or link::LinkError naming the process that does not start, and the
   ///         reason.
   RunProcesses(const RunOptions& options, const simulator::ToolOptions& tool,
-               const profiles::DeviceProfile& profile);
+               const profiles::DeviceProfile& profile, std::unique_ptr<ViewProcess>& view);
 
   ~RunProcesses();
   RunProcesses(const RunProcesses&) = delete;
@@ -39,7 +40,7 @@ class RunProcesses {
   [[nodiscard]] const std::string& device_url() const { return device_url_; }
   [[nodiscard]] const std::string& simulator_address() const { return simulator_address_; }
   /// The live view; null without --view.
-  [[nodiscard]] const ViewProcess* view() const { return view_.get(); }
+  [[nodiscard]] const ViewProcess* view() const { return view_; }
   /// Where the simulator's surface goes on its way to the recording; null without --record-surface.
   [[nodiscard]] SurfaceTap* surface_tap() const { return surface_tap_.get(); }
   /// Moves out the keys of the link to the simulator, including the workers'. Call once.
@@ -58,12 +59,12 @@ class RunProcesses {
 
  private:
   void start(const RunOptions& options, const simulator::ToolOptions& tool,
-             const profiles::DeviceProfile& profile);
+             const profiles::DeviceProfile& profile, std::unique_ptr<ViewProcess>& view);
   void end_all() noexcept;
 
   std::vector<std::string> key_files_;
   std::vector<link::LinkKey> link_keys_;
-  std::unique_ptr<ViewProcess> view_;  // ends last: it shows how the others ended
+  const ViewProcess* view_ = nullptr;  // ends last: it shows how the others ended
   std::unique_ptr<SurfaceTap> surface_tap_;
   std::unique_ptr<WorkerProcesses> workers_;
   std::unique_ptr<ChildProcess> emulator_;

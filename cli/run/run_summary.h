@@ -72,6 +72,8 @@ struct RunSummary {
     double p99_ms = 0.0;
   };
   std::optional<PictureDelay> picture_delay;
+  /// What a person has changed in the live view, see ViewControls::changes(); null: no view.
+  nlohmann::json setting_changes;
   std::vector<std::string> files;
 };
 

@@ -226,6 +226,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
                                   {"p50", summary.picture_delay->p50_ms},
                                   {"p99", summary.picture_delay->p99_ms}};
   }
+  result["setting_changes"] = summary.setting_changes;
   add_deprecated(result);
   return result;
 }

@@ -70,9 +70,9 @@ json copy_facts(const ViewTitle& title) {
 }  // namespace
 
 json view_hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
-                const servo::WorkspaceMap& workspace) {
+                const servo::WorkspaceMap& workspace, const json& settings) {
   const auto& limits = profile.limits;
-  json controls = {"stop", "pause", "method"};
+  json controls = {"stop", "pause", "method", "set"};
   if (!title.hand_socket.empty()) {
     controls.push_back("hand");
   }
@@ -101,6 +101,8 @@ json view_hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
         {"high", triple(workspace.position_W(driver::array_of(limits.workspace_max_m).matrix()))}}},
       {"emulated", title.emulated},
       {"controls", controls},
+      {"settings", settings},
+      {"tour", title.tour},
       {"largest_force_N", limits.max_force_N},
       {"copies", copy_facts(title)}};
 }
@@ -144,6 +146,9 @@ view_link::FeedCycle cycle_of(const servo::CycleRecord& record) {
   cycle.energy_to_hand_J = record.energy_to_hand_J;
   cycle.passivity_scale = record.passivity_scale;
   cycle.motor_warmth = record.motor_warmth;
+  cycle.sample_period_ms = record.sample_period_ms;
+  cycle.requests_per_s = record.requests_per_s;
+  cycle.budget_reads = record.budget_reads;
   cycle.contact_epoch = record.contact_epoch;
   cycle.missed_deadlines = record.missed_deadlines;
   std::transform(record.method_status.begin(), record.method_status.end(),
@@ -158,7 +163,6 @@ view_link::FeedCycle cycle_of(const servo::CycleRecord& record) {
   cycle.in_contact = record.in_contact ? 1 : 0;
   cycle.paused = record.held_back == servo::HeldBack::kPaused ? 1 : 0;
   cycle.fault = static_cast<std::uint8_t>(record.fault);
-  cycle.paused = record.held_back == servo::HeldBack::kPaused ? 1 : 0;
   return cycle;
 }
 
@@ -199,20 +203,34 @@ ViewFeed::ViewFeed(const std::string& socket, const ViewTitle& title,
   options.on_lost = [](const std::string& why) {
     log::warn("view", "the live view is gone (" + why + "); the run goes on without it");
   };
+  controls_ = std::make_unique<ViewControls>(
+      title.controls, ports,
+      ViewControls::Calls{
+          .acknowledge = [this](std::int64_t id, bool done,
+                                const std::string& text) { acknowledge(id, "set", done, text); },
+          .changed =
+              [this](const json& settings) {
+                sender_->push(view_link::text_frame(type_of(FeedType::kSettings),
+                                                    json{{"settings", settings}}.dump()));
+              },
+          .restart = title.restart});
   const std::lock_guard lock(mutex_);  // a command waits until the sender is there to answer
   sender_ = std::make_unique<view_link::FrameSender>(std::move(options));
-  sender_->push(view_link::text_frame(type_of(FeedType::kHello),
-                                      view_hello(title, profile, workspace).dump()));
+  sender_->push(view_link::text_frame(
+      type_of(FeedType::kHello),
+      view_hello(title, profile, workspace, controls_->settings()).dump()));
 }
 
 ViewFeed::~ViewFeed() {
-  sender_.reset();  // its thread uses what comes before
+  controls_->stop();  // its thread uses the sender
+  sender_.reset();    // its thread uses what comes before
   if (hand_ >= 0) {
     ::close(hand_);
   }
 }
 
 void ViewFeed::push(const servo::CycleRecord& cycle) {
+  controls_->cycle_ended(cycle);
   const std::lock_guard lock(mutex_);
   acknowledge_what_was_done(cycle);
   cycles_.push_back(cycle_of(cycle));
@@ -336,6 +354,9 @@ void ViewFeed::take_command(const view_link::Frame& frame) {
              command["method"].get<std::uint64_t>() < methods_) {
     method_id_ = id;
     ports_.rendered_method.store(command["method"].get<std::uint8_t>());
+  } else if (what == "set" && command.contains("name") && command["name"].is_string() &&
+             command.contains("value")) {
+    controls_->set(id, command["name"].get<std::string>(), command["value"]);
   } else if (what == "shown" && command.contains("cycle") &&
              command["cycle"].is_number_unsigned()) {
     take_shown(command["cycle"].get<std::uint64_t>());

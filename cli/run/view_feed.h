@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "cli/run/view_controls.h"
 #include "driver/mechanism.h"
 #include "forcegrid/core/method_options.h"
 #include "profiles/device_profile.h"
@@ -40,11 +41,17 @@ struct ViewTitle {
   double requests_per_s = 0.0;
   bool emulated = false;
   std::string hand_socket;  ///< of the emulated hand; empty: there is none
+  ControlFacts controls;
+  /// The run is to end and to begin again with this scene.
+  std::function<void(const std::string& scene)> restart = [](const std::string&) {};
+  bool tour = false;  ///< the page shows the steps of a tour
 };
 
 /// What the live view is told first: the keys of docs/view_protocol.md, "Hello".
+/// @param settings  ViewControls::settings(); none for a recording.
 nlohmann::json view_hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
-                          const servo::WorkspaceMap& workspace);
+                          const servo::WorkspaceMap& workspace,
+                          const nlohmann::json& settings = nlohmann::json::array());
 
 /// The arm as lines, at encoder counts. @param mechanism  of the profile.
 view_link::Frame arm_frame(const profiles::DeviceProfile& profile, driver::Mechanism& mechanism,
@@ -56,9 +63,9 @@ view_link::FeedCycle cycle_of(const servo::CycleRecord& record);
 view_link::FeedSample sample_of(const servo::ArrivedSample& arrived);
 
 /// Sends a run's cycles and samples to the live view, and does what the person there asks for
-/// (docs/view_protocol.md): stop, pause the force, move the emulated hand. A view that is slow or
-/// gone costs the run nothing.
-/// Real-time: no. Threads: any for every function; the view's commands come on a thread of its own.
+/// (docs/view_protocol.md): stop, pause the force, move the emulated hand, ViewControls. A view
+/// that is slow or gone costs the run nothing. Real-time: no. Threads: any for every function; the
+/// view's commands come on a thread of its own.
 class ViewFeed {
  public:
   /// Connects and says what runs.
@@ -80,6 +87,8 @@ class ViewFeed {
 
   /// From the start of a cycle to the page's report that it has drawn it.
   rt::Percentiles picture_delay_ms();
+  /// ViewControls::changes().
+  nlohmann::json setting_changes() { return controls_->changes(); }
 
  private:
   void take_command(const view_link::Frame& frame);
@@ -107,6 +116,7 @@ class ViewFeed {
   std::optional<std::int64_t> pause_id_;   ///< likewise
   std::optional<std::int64_t> method_id_;  ///< likewise
   std::unique_ptr<view_link::FrameSender> sender_;
+  std::unique_ptr<ViewControls> controls_;
 };
 
 }  // namespace forcegrid::cli

@@ -32,6 +32,8 @@ class ViewProcess {
   [[nodiscard]] std::string feed_socket() const { return folder_ + "/feed"; }
   [[nodiscard]] std::string surface_socket() const { return folder_ + "/surface"; }
   [[nodiscard]] std::string hand_socket() const { return folder_ + "/hand"; }
+  [[nodiscard]] std::string simulator_socket() const { return folder_ + "/simulator"; }
+  [[nodiscard]] std::string run_socket() const { return folder_ + "/run"; }
 
   /// Shows the page in the person's browser (xdg-open). @returns why not; empty: it was asked to.
   [[nodiscard]] std::string open_browser() const;

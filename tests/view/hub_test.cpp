@@ -264,6 +264,28 @@ TEST_F(HubOfPages, GiveEachPageTheAcknowledgementOfItsOwnCommand) {
 }
 
 // A hand moves 60 times a second, and only a failure is acknowledged.
+TEST_F(HubOfPages, PassOnHowTheSettingsStandAlsoToLatecomers) {
+  hub_.join(first_);
+  hub_.take_feed(hello());
+  first_.texts();
+  hub_.take_page(first_, R"({"id":9,"what":"set","name":"delay_ms","value":20})");
+  ASSERT_EQ(commands_.size(), 1U);
+  EXPECT_EQ(commands_[0]["name"], "delay_ms");
+  EXPECT_EQ(commands_[0]["value"], 20);
+  hub_.take_feed(text(FeedType::kSettings, R"({"settings":[{"name":"delay_ms","value":20}]})"));
+  hub_.take_feed(text(FeedType::kAcknowledged, R"({"id":1,"what":"set","done":true,"text":""})"));
+  const auto told = first_.texts();
+  ASSERT_EQ(told.size(), 2U);
+  EXPECT_EQ(told[0]["type"], "settings");
+  EXPECT_EQ(told[0]["settings"][0]["value"], 20);
+  EXPECT_EQ(told[1]["id"], 9);
+  hub_.join(second_);
+  EXPECT_EQ(second_.texts()[0]["settings"][0]["value"], 20);
+  hub_.take_page(second_, R"({"id":2,"what":"set","name":"delay_ms","value":0})");
+  EXPECT_EQ(second_.texts()[0]["done"], false) << "it has no control";
+  EXPECT_THROW(hub_.take_feed(text(FeedType::kSettings, R"({"settings":5})")), ViewLinkError);
+}
+
 TEST_F(HubOfPages, RememberTheNewestMoveOfTheHandAndEveryStop) {
   hub_.join(first_);
   hub_.take_feed(hello());

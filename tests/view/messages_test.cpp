@@ -36,6 +36,13 @@ TEST(PageCommands, AreTaken) {
   EXPECT_TRUE(play->play);
   EXPECT_EQ(play->speed, 0.25);
   EXPECT_EQ(parse_command(R"({"what":"seek","time_s":12.5})")->time_s, 12.5);
+  const auto set = parse_command(R"({"id":3,"what":"set","name":"delay_ms","value":12.5})");
+  ASSERT_TRUE(set);
+  EXPECT_EQ(set->what, What::kSet);
+  EXPECT_EQ(set->setting, "delay_ms");
+  EXPECT_EQ(set->value, 12.5);
+  EXPECT_EQ(parse_command(R"({"what":"set","name":"hand","value":"arm"})")->value, "arm");
+  EXPECT_TRUE(parse_command(R"({"what":"set","name":"budget_us","value":null})")->value.is_null());
 }
 
 TEST(PageCommands, AreRefused) {
@@ -72,6 +79,12 @@ TEST(PageCommands, AreRefused) {
                            R"({"what":"seek","time_s":"1"})",
                            R"({"what":"seek","time_s":1e10})",
                            R"({"what":"shown","cycle":-1})",
+                           R"({"what":"set"})",
+                           R"({"what":"set","name":"delay_ms"})",
+                           R"({"what":"set","name":5,"value":1})",
+                           R"({"what":"set","name":"delay_ms","value":[1]})",
+                           R"({"what":"set","name":"delay_ms","value":true})",
+                           R"({"what":"set","name":"delay_ms","value":1e999})",
                            R"({"what":"stop"} x)",
                            "{\"what\":\"stop\",\"text\":\"\xff\"}"}) {
     EXPECT_FALSE(parse_command(text)) << text;
@@ -96,6 +109,8 @@ TEST(PageCommands, GoToTheRunWithTheServersId) {
             nlohmann::json::parse(R"({"id":41,"what":"hand","target_W_m":[0.1,0.2,0.3]})"));
   EXPECT_EQ(json(R"({"id":7,"what":"hand","target_W_m":null})"),
             nlohmann::json::parse(R"({"id":41,"what":"hand","target_W_m":null})"));
+  EXPECT_EQ(json(R"({"id":7,"what":"set","name":"hand","value":"arm","extra":1})"),
+            nlohmann::json::parse(R"({"id":41,"what":"set","name":"hand","value":"arm"})"));
   EXPECT_EQ(json(R"({"id":7,"what":"shown","cycle":12})"),
             nlohmann::json::parse(R"({"id":41,"what":"shown","cycle":12})"));
 }
@@ -123,11 +138,18 @@ TEST(SampleBytes, AreTheWorkedOnes) {
   view_link::FeedSample sample;
   sample.position_W_m = {1, 2, 3};
   sample.force_W_N = {-1, -2, -3};
+  sample.contact_point_W_m = {4, 5, 6};
+  sample.contact_epoch = 77;
   sample.in_contact = 1;
-  const auto bytes = sample_bytes(sample, 0.5);
-  std::array<float, 8> numbers{};
-  std::memcpy(numbers.data(), bytes.data(), bytes.size());
-  EXPECT_EQ(numbers, (std::array<float, 8>{1, 2, 3, -1, -2, -3, 0.5F, 1}));
+  const auto numbers = [&] {
+    std::array<float, 12> found{};
+    const auto bytes = sample_bytes(sample, 0.5);
+    std::memcpy(found.data(), bytes.data(), bytes.size());
+    return found;
+  };
+  EXPECT_EQ(numbers(), (std::array<float, 12>{1, 2, 3, -1, -2, -3, 0.5F, 1, 4, 5, 6, 77}));
+  sample.requested = 1;
+  EXPECT_EQ(numbers()[7], 3.0F);
 }
 
 view_link::Bytes arm(const std::vector<std::vector<float>>& lines) {

@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -157,6 +158,29 @@ TEST_F(MethodCopiesTest, HaveTheServosForceToTheLastBit) {
     }
   }
   EXPECT_GT(known, 100) << "the field has something to compare";
+}
+
+TEST_F(MethodCopiesTest, FollowRequestsAndBudgetThatChangeOnTheWay) {
+  make_methods();
+  MethodCopies copied = copies();
+  int cycles = 0;
+  run(4250, [&](const auto& sent) {
+    copied.take(sent);
+    if constexpr (std::is_same_v<std::decay_t<decltype(sent)>, view_link::FeedCycle>) {
+      ++cycles;
+      if (cycles == 900) {
+        ports_.budget_reads = 1.2 * *methods_[0]->least_budget_reads();
+      } else if (cycles == 1500) {
+        ports_.requests_per_s = 250.0;
+      } else if (cycles == 2600) {
+        ports_.requests_per_s = 0.0;
+        ports_.budget_reads = std::numeric_limits<double>::infinity();
+      }
+    }
+  });
+  EXPECT_GT(requests_, 100);
+  EXPECT_TRUE(copied.exact());
+  EXPECT_EQ(copied.largest_difference_N(), 0.0);
 }
 
 // A sample is announced by the link's thread, a cycle by telemetry's: either may be first.

@@ -43,6 +43,24 @@ TEST(ScopeColumns, HaveEachNameOnce) {
   EXPECT_EQ(column("method3_z_N"), 19U);
 }
 
+TEST(ScopeRows, HaveWhatAPersonMayChange) {
+  ScopeRows rows(1);
+  FeedCycle cycle = cycle_at(0);
+  cycle.sample_period_ms = 33.25;
+  cycle.requests_per_s = 120.0;
+  cycle.budget_reads = 75.0;
+  cycle.arrivals_taken = (std::uint64_t{1} << 24) + 5;
+  rows.add(cycle);
+  const ScopeRow row = *rows.take_rest();
+  EXPECT_EQ(value(row, "sample_period_ms"), 33.25F);
+  EXPECT_EQ(value(row, "requests_per_s"), 120.0F);
+  EXPECT_EQ(value(row, "budget_reads"), 75.0F);
+  EXPECT_EQ(value(row, "arrivals"), 5.0F);
+  cycle.budget_reads = std::nan("");
+  rows.add(cycle);
+  EXPECT_TRUE(std::isnan(value(*rows.take_rest(), "budget_reads")));
+}
+
 TEST(ScopeRows, EndABucketEveryTenMilliseconds) {
   ScopeRows rows(1);
   // 500 Hz: cycles 0..4 are in the first bucket, 5..9 in the second.

@@ -142,7 +142,7 @@ TEST_F(ViewFeedTest, BeginsWithWhatRuns) {
   const json hello = next_json(FeedType::kHello);
   EXPECT_EQ(hello["version"], "1.2.3");
   EXPECT_EQ(hello["methods"], json({"auto", "hold"}));
-  EXPECT_EQ(hello["controls"], json({"stop", "pause", "method", "hand"}));
+  EXPECT_EQ(hello["controls"], json({"stop", "pause", "method", "set", "hand"}));
   EXPECT_EQ(hello["faults"][0], "none");
   EXPECT_EQ(hello["held_back"].size(), static_cast<std::size_t>(servo::HeldBack::kPaused) + 1);
   // The profile's box lies in D; W's origin is at (10, 20, 30) mm of D.
