@@ -98,10 +98,41 @@ class LiveView(unittest.TestCase):
         return self.browser.execute_script(
             f"return window.forcegridView && window.forcegridView.{name}", *arguments)
 
-    def open(self, run):
-        self.browser.get(run.url)
+    def open(self, run, more=""):
+        self.browser.get(run.url + more)
+        self.wait_live(run)
+
+    def wait_live(self, run):
         wait_until(lambda: self.browser.execute_script("return document.body.dataset.state") == "live",
                    "a live page", run.lines)
+
+    def set(self, run, name, value):
+        """Changes a setting as its control in the page does, and waits for the answer."""
+        before = self.view("settings_answered")
+        sent = self.browser.execute_script("return window.forcegridView.set(...arguments)", name, value)
+        self.assertIsNotNone(sent, f"{name} is not sent")
+        wait_until(lambda: self.view("settings_answered") != before, f"an answer to {name}", run.lines)
+        after = self.view("settings_answered")
+        note = self.browser.find_element(By.ID, "newest-note").text
+        self.assertEqual(after["refused"], before["refused"], f"{name}: {note}")
+        self.assertEqual(self.browser.execute_script(
+            "return window.forcegridView.setting(arguments[0])", name), value)
+
+    def wait_measured(self, run, what, is_so):
+        """Until the servo's own telemetry says so."""
+        try:
+            wait_until(lambda: is_so(self.view("measured")), what, run.lines)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.view('measured')}") from None
+
+    def most_N(self, axis, seconds):
+        """The largest force along an axis of W within some seconds."""
+        end, most = time.monotonic() + seconds, 0.0
+        while time.monotonic() < end:
+            force = self.view("force_N")
+            most = max(most, abs(force[axis] or 0.0) if force else 0.0)
+            time.sleep(0.02)
+        return most
 
     def force_N(self):
         force = self.view("force_N")
@@ -173,6 +204,106 @@ class LiveView(unittest.TestCase):
             errors = [entry["message"] for entry in self.browser.get_log("browser")
                       if entry["level"] == "SEVERE" and "WebSocket connection" not in entry["message"]]
             self.assertEqual(errors, [])
+        finally:
+            run.close()
+
+    def test_changes_what_the_person_wants_while_the_run_goes_on(self):
+        run = Run("--seconds", "240", "--motion", "lissajous", "--hand", "firm")
+        try:
+            self.open(run)
+            wait_until(lambda: self.view("in_contact"), "contact", run.lines)
+            self.wait_measured(run, "30 samples a second", lambda m: 25 < m["arrivals_per_s"] < 32)
+
+            with self.subTest("the simulator's rate"):
+                self.set(run, "simulator_rate_Hz", 10)
+                self.wait_measured(run, "10 samples a second", lambda m: m["arrivals_per_s"] < 11.5
+                                   and m["sample_period_ms"] > 80)
+                self.set(run, "simulator_rate_Hz", 30)
+                self.wait_measured(run, "30 again", lambda m: m["arrivals_per_s"] > 25)
+            with self.subTest("delay and jitter of its link"):
+                self.set(run, "delay_ms", 150)
+                self.wait_measured(run, "samples of 150 ms", lambda m: m["sample_age_ms"] > 150)
+                self.set(run, "jitter_ms", 100)
+                self.wait_measured(run, "samples of 200 ms", lambda m: m["sample_age_ms"] > 200)
+                self.set(run, "delay_ms", 0)
+                self.set(run, "jitter_ms", 0)
+                self.wait_measured(run, "young samples", lambda m: m["sample_age_ms"] < 100)
+            with self.subTest("loss of its link"):
+                self.set(run, "loss_percent", 70)  # 9 of 30 are left
+                self.wait_measured(run, "fewer samples", lambda m: m["arrivals_per_s"] < 16)
+                self.set(run, "loss_percent", 0)
+                self.wait_measured(run, "all samples", lambda m: m["arrivals_per_s"] > 25)
+            with self.subTest("requests a second"):
+                before = self.view("contact")["requested"]
+                self.set(run, "requests_per_s", 60)
+                self.wait_measured(run, "60 requests", lambda m: m["requests_per_s"] == 60)
+                wait_until(lambda: self.view("contact")["requested"] > before + 20, "answers")
+                self.set(run, "requests_per_s", 0)
+            with self.subTest("the budget of auto"):
+                self.set(run, "budget_us", 20)
+                self.wait_measured(run, "a budget", lambda m: 10 < m["budget_reads"] < 1e6)
+                self.set(run, "budget_us", None)
+                self.wait_measured(run, "no budget", lambda m: m["budget_reads"] > 1e30)
+            with self.subTest("a wall and a cut"):
+                epoch, free_N = self.view("contact")["epoch"], self.most_N(2, 3)
+                self.set(run, "wall_mm", 4)
+                wait_until(lambda: self.view("contact")["epoch"] > epoch, "another epoch", run.lines)
+                self.assertGreater(self.most_N(2, 3), free_N + 0.5, "nothing is in the way")
+                self.set(run, "wall_mm", None)
+                epoch = self.view("contact")["epoch"]
+                self.set(run, "cut", "yes")
+                wait_until(lambda: self.view("contact")["epoch"] > epoch, "another epoch", run.lines)
+                time.sleep(0.5)
+                self.assertLess(self.most_N(2, 3), 0.9 * free_N, "the object is as stiff as before")
+            with self.subTest("the hand"):
+                self.set(run, "hand", "light")
+            with self.subTest("what is out of range is refused"):
+                before = self.view("settings_answered")
+                self.view("set('delay_ms', 5000)")
+                wait_until(lambda: self.view("settings_answered")["refused"] > before["refused"],
+                           "a refusal", run.lines)
+
+            run.process.send_signal(signal.SIGINT)
+            self.assertEqual(run.process.wait(PATIENCE_S), 130, run.lines)
+            summary = run.summary()
+            changes = [(one["name"], one["value"]) for one in summary["setting_changes"]]
+            self.assertEqual(changes[:3], [("simulator_rate_Hz", 10), ("simulator_rate_Hz", 30),
+                                           ("delay_ms", 150)])
+            self.assertEqual(changes[-1], ("hand", "light"))
+            self.assertEqual(summary["emulator"]["hand"], "light")
+            self.assertEqual(summary["faults"], [])
+            self.assertGreater(summary["requests_made"], 20)
+            self.assertEqual(summary["simulator"]["control_changes"], 11)
+            self.assertGreater(summary["simulator"]["link"]["lost_on_purpose"], 5)
+            self.assertGreater(summary["simulator"]["link"]["delayed"], 5)
+        finally:
+            run.close()
+
+    def test_leads_through_the_tour_and_to_another_scene(self):
+        run = Run("--tour")
+        try:
+            self.open(run, "&step_s=2")
+            wait_until(lambda: self.view("tour_step") == "streaming", "the tour", run.lines)
+            wait_until(lambda: self.view("rendered_method") == 2, "hold", run.lines)
+            wait_until(lambda: self.view("tour_step") is None, "the tour's end", run.lines)
+            self.assertEqual(self.view("tour_visited"),
+                             ["streaming", "grid", "auto", "wall", "cut", "delay"])
+            wait_until(lambda: self.view("rendered_method") == 0, "auto", run.lines)
+            wait_until(lambda: self.view("measured")["sample_age_ms"] > 150, "the delay", run.lines)
+
+            self.browser.execute_script("return window.forcegridView.set('scene', 'three_cubes')")
+            wait_until(lambda: self.view("vertices") not in (0, SURFACE_OF_SMALL), "another object",
+                       run.lines)
+            self.wait_live(run)
+            self.assertEqual(run.summary()["ended_by"], "scene")
+            changes = [(one["name"], one["value"]) for one in run.summary()["setting_changes"]]
+            for change in (("wall_mm", 12), ("wall_mm", None), ("cut", "yes"), ("cut", "no"),
+                           ("delay_ms", 150), ("scene", "three_cubes")):
+                self.assertIn(change, changes)
+            wait_until(lambda: self.view("in_contact"), "contact with it", run.lines)
+            self.browser.find_element(By.ID, "stop").click()
+            self.assertEqual(run.process.wait(PATIENCE_S), 3, run.lines)
+            self.assertEqual(run.summary()["scene"], "three_cubes")
         finally:
             run.close()
 

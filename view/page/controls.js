@@ -219,7 +219,8 @@ export function listen_to_keys(stop, actions) {
       }
       return;
     }
-    const typing = event.target instanceof HTMLSelectElement;
+    const typing = event.target instanceof HTMLSelectElement ||
+                   event.target instanceof HTMLInputElement;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (plain(event) && !typing && !event.repeat && Object.hasOwn(actions, key)) {
       event.preventDefault();

@@ -8,6 +8,7 @@ export const kFrame = 3;
 export const kSamples = 4;
 export const kArm = 5;
 export const kField = 6;
+export const kSampleValues = 12;
 
 /** Rows of the scope: values[row * columns + column], float32; base_s [s] is added to each time. */
 function decode_scope(buffer, view) {
@@ -45,13 +46,14 @@ function decode_frame(buffer, view) {
           values: new Uint16Array(buffer, 48, 3 * vertices)};
 }
 
-/** Samples: eight float32 each, position_W_m, force_W_N, time_s, flags (1: in contact). */
+/** Samples: kSampleValues float32 each: position_W_m, force_W_N, time_s, flags (1: in contact, 2:
+ *  the answer to a request), contact_point_W_m, epoch. */
 function decode_samples(buffer, view) {
   const count = view.getUint16(2, true);
-  if (buffer.byteLength < 8 + 32 * count) {
+  if (buffer.byteLength < 8 + 4 * kSampleValues * count) {
     return null;
   }
-  return {type: kSamples, count, values: new Float32Array(buffer, 8, 8 * count)};
+  return {type: kSamples, count, values: new Float32Array(buffer, 8, kSampleValues * count)};
 }
 
 /** The arm's links: a list of lines, each a Float32Array of x, y, z [m] in W. */

@@ -11,9 +11,12 @@ const kContours = 8;       // between zero and the end of the colours' range
 const kShrink = 0.9;       // of the range, for each slice that needs less
 
 const kVertexShader = `
+  attribute vec2 cell;
   varying vec2 place;
+  varying vec2 at_cell;
   void main() {
     place = uv;
+    at_cell = cell;
     gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
   }`;
 
@@ -21,9 +24,16 @@ const kFragmentShader = `
   uniform sampler2D field;
   uniform vec3 ramp[4];
   uniform float contours;
+  uniform float cells;  // 1: draws the grid's
   varying vec2 place;
+  varying vec2 at_cell;
   void main() {
     vec4 point = texture2D(field, place);
+    vec2 edge = abs(fract(at_cell - 0.5) - 0.5) / max(fwidth(at_cell), vec2(1e-4));
+    if (cells > 0.5 && min(edge.x, edge.y) < 0.6) {
+      gl_FragColor = vec4(ramp[0] * 0.5, 0.8);
+      return;
+    }
     if (point.g < 0.25) {  // unknown
       float stripe = fract((gl_FragCoord.x + gl_FragCoord.y) / 9.0);
       gl_FragColor = vec4(ramp[0], stripe < 0.25 ? 0.45 : 0.12);
@@ -58,12 +68,15 @@ export class Field {
     this.uniforms = {
       field: {value: null},
       contours: {value: kContours},
+      cells: {value: 0},
       ramp: {value: [0, 1, 2, 3].map(() => new THREE.Color(0x808080))},
     };
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(12), 3));
     geometry.setAttribute('uv', new THREE.BufferAttribute(new Float32Array(8), 2));
+    geometry.setAttribute('cell', new THREE.BufferAttribute(new Float32Array(8), 2));
     geometry.setIndex([0, 1, 3, 0, 3, 2]);
+    this.grid = null;  // of the methods: {low_W_m, high_W_m, cells}
     this.mesh = new THREE.Mesh(geometry, new THREE.ShaderMaterial({
       uniforms: this.uniforms, vertexShader: kVertexShader, fragmentShader: kFragmentShader,
       side: THREE.DoubleSide, transparent: true, depthWrite: false,
@@ -84,6 +97,10 @@ export class Field {
     palette.ramp.forEach((colour, i) => this.uniforms.ramp.value[i].set(colour));
   }
 
+  show_cells(shown) {
+    this.uniforms.cells.value = shown && this.grid ? 1 : 0;
+  }
+
   set_quantity(quantity) {
     this.quantity = quantity;
     this.top_N = 0;
@@ -101,13 +118,20 @@ export class Field {
   }
 
   place({points, corner, across, along}) {
-    const {position, uv} = this.mesh.geometry.attributes;
+    const {position, uv, cell} = this.mesh.geometry.attributes;
+    const axes = [across, along].map((way) => way.findIndex((value) => value !== 0));
     const inset = 0.5 / points;  // a texel's middle stands for its point
     [[0, 0], [1, 0], [0, 1], [1, 1]].forEach(([u, v], i) => {
       const at = (axis) => corner[axis] + (points - 1) * (u * across[axis] + v * along[axis]);
       position.setXYZ(i, at(0), at(1), at(2));
       uv.setXY(i, u ? 1 - inset : inset, v ? 1 - inset : inset);
+      if (this.grid) {
+        const {low_W_m, high_W_m, cells} = this.grid;
+        cell.setXY(i, ...axes.map((axis) => (at(axis) - low_W_m[axis]) * cells[axis] /
+                                            (high_W_m[axis] - low_W_m[axis])));
+      }
     });
+    cell.needsUpdate = true;
     position.needsUpdate = true;
     uv.needsUpdate = true;
   }

@@ -36,6 +36,8 @@ export class FieldChoice {
     [this.method, this.compared, this.normal].forEach((list) => {
       list.addEventListener('change', () => this.ask());
     });
+    this.cells = by_id('field-cells');
+    this.cells.addEventListener('change', () => this.show_cells());
     this.quantity.addEventListener('change', () => {
       this.scene.set_field_quantity(this.quantity.value);
       this.show_scale();
@@ -47,11 +49,18 @@ export class FieldChoice {
     this.methods = hello.methods || [];
     this.inexact = hello.recording ? 'about' : 'from when the view joined';
     this.scene.field.largest_N = hello.largest_force_N > 0 ? hello.largest_force_N : Infinity;
+    this.scene.field.grid = hello.grid || null;
+    this.show_cells();
     by_id('field').disabled = hello.field !== true;
     const names = this.methods.map((name, i) => [i, name]);
     fill(this.method, [['', 'no method'], ...names]);
     fill(this.compared, [['', 'nothing'], ...names]);
     this.ask();
+  }
+
+  show_cells() {
+    this.scene.field.show_cells(this.cells.checked);
+    this.scene.dirty = true;
   }
 
   get wanted() {

@@ -14,7 +14,9 @@ import {Playback} from '/playback.js';
 import {Readouts, is_paused} from '/readouts.js';
 import {Scene3d} from '/scene3d.js';
 import {Scope} from '/scope.js';
+import {Settings} from '/settings.js';
 import {palette, start_theme} from '/theme.js';
+import {Tour} from '/tour.js';
 
 const kScopeInterval_ms = 40;        // one panel each time
 const kReadoutInterval_ms = 100;
@@ -62,6 +64,9 @@ class Page {
     this.rendered = new Rendered(this.connection, by_id('rendered'));
     this.pause = new Pause(this.connection, by_id('pause'));
     this.playback = new Playback(this.connection, () => this.on_anew());
+    this.settings = new Settings(this.connection, {menu: by_id('settings'),
+        list: by_id('settings-list'), measured: by_id('settings-measured')});
+    this.tour = new Tour(this.settings, this.connection, () => this.scene.resize());
     this.listen();
   }
 
@@ -86,6 +91,8 @@ class Page {
     document.querySelectorAll('[data-layer]').forEach((box) => {
       box.addEventListener('change', () => this.scene.show_layer(box.dataset.layer, box.checked));
     });
+    by_id('colouring').addEventListener(
+        'change', () => this.scene.set_colouring(by_id('colouring').value));
     listen_to_keys(this.stop, {p: () => this.pause.press(), f: () => this.scene.fit(),
                                o: () => this.toggle_follow(), '?': show_help,
                                Escape: () => help.close()});
@@ -129,15 +136,22 @@ class Page {
   }
 
   on_lost() {
-    this.mouse.set_hand_allowed(false);
-    this.pause.set_allowed(false, 'not connected');
-    this.playback.set_allowed(false);
-    this.rendered.set_allowed(false);
+    this.forbid('not connected');
     if (this.state === 'ended') {
       this.connection.slow_down();  // its server probably ended, too
     } else {
       this.set_state('lost');
     }
+  }
+
+  /** There is nothing that a person could change. */
+  forbid(why) {
+    this.mouse.set_hand_allowed(false);
+    this.pause.set_allowed(false, why);
+    this.rendered.set_allowed(false);
+    this.settings.set_allowed(false);
+    this.tour.set_allowed(false);
+    this.playback.set_allowed(false);
   }
 
   on_text(message) {
@@ -146,6 +160,7 @@ class Page {
       role: () => this.set_role(message.role, message.control_is_free),
       note: () => this.readouts.add_note(message),
       acknowledged: () => this.on_acknowledged(message),
+      settings: () => this.settings.on_settings(message),
       end: () => this.on_end(message),
       playback: () => this.playback.take(message),
       waiting: () => this.wait(),
@@ -170,6 +185,8 @@ class Page {
     this.frames_at_hello = this.counted.frames;
     this.last.cycle = -1;
     this.set_state('waiting');
+    this.settings.set_run(hello);
+    this.tour.set_run(hello);
     this.set_role(hello.role || this.role);
     this.stop.on_run();
     this.field.set_run(hello);
@@ -189,6 +206,8 @@ class Page {
     this.rendered.set_allowed(controller);
     this.playback.set_allowed(controller);
     this.stop.set_off(this.playback.shown ? kRecording : '', () => this.playback.toggle());
+    this.settings.set_allowed(controller);
+    this.tour.set_allowed(controller);
     by_id('take-control').hidden = controller || role === '';
     by_id('take-control').disabled = control_is_free === false;
   }
@@ -204,6 +223,7 @@ class Page {
     this.stop.on_acknowledged(message);
     this.pause.on_acknowledged(message);
     this.rendered.on_acknowledged(message);
+    this.settings.on_acknowledged(message);
     if (!message.done && message.what !== 'stop') {
       this.readouts.add_note({level: 'warn', component: message.what,
                               text: message.text || 'was refused'});
@@ -211,11 +231,8 @@ class Page {
   }
 
   on_end(message) {
-    this.mouse.set_hand_allowed(false);
-    this.pause.set_allowed(false, 'the run has ended');
-    this.rendered.set_allowed(false);
+    this.forbid('the run has ended');
     this.stop.on_end();
-    this.playback.set_allowed(false);
     this.set_state('ended');
     const status = message.exit_status === undefined ? '' : ` (exit status ${message.exit_status})`;
     this.readouts.add_note({level: message.exit_status ? 'error' : 'info', component: 'run',
@@ -346,6 +363,11 @@ class Page {
     }
     this.readouts.show_row(this.history, this.hello, this.state === 'live');
     this.readouts.show_scale(this.scene);
+    this.settings.show_measured(this.history);
+    this.scene.set_wall(this.settings.wall_m);
+    if (this.state === 'live') {
+      this.tour.on_live();
+    }
     const missed = this.history.newest('missed_deadlines');
     this.readouts.show_numbers([
       this.vertices > 0 && `${this.vertices.toLocaleString('en')} vertices`,
@@ -393,6 +415,21 @@ function interface_for_scripts(page) {
               ...page.scene.field.shares()};
     },
     get rendered_method() { return page.history.newest('rendered_method'); },
+    /** How the run says that a setting stands; what the servo measures; answered commands. */
+    setting: (name) => page.settings.value(name),
+    set: (name, value) => page.settings.send(name, value),
+    get measured() { return page.settings.measured(page.history); },
+    get settings_answered() {
+      return {acknowledged: page.settings.acknowledged, refused: page.settings.refused};
+    },
+    get contact() {
+      const {contact_W_m, epoch, requested} = page.scene.samples;
+      return {point_W_m: contact_W_m, epoch, requested};
+    },
+    get wall_m() { return page.scene.wall.group.visible ? page.scene.wall_m : null; },
+    get tour_step() { return page.tour.current ? page.tour.current.key : null; },
+    get tour_visited() { return page.tour.visited; },
+    get tour_ready() { return page.tour.ready; },
     get in_contact() { return page.history.newest('in_contact') > 0; },
     get broken_messages() { return page.counted.broken; },
     /** Milliseconds from a surface frame's arrival to its picture, and the cycle reported last. */

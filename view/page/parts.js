@@ -2,6 +2,7 @@
 // What is in the picture beside the surface: tool, arm, force arrows, samples, workspace.
 
 import * as THREE from '/three.module.js';
+import {kSampleValues} from '/decode.js';
 
 const kUp = new THREE.Vector3(0, 0, 1);
 const kSampleLife_s = 4;
@@ -97,27 +98,32 @@ export class Arm {
 
 const kSampleVertexShader = `
   attribute float born_s;
-  attribute float touching;
+  attribute float flags;  // 1: in contact, 2: requested
   uniform float now_s;
   uniform float size_px;
   varying float fade;
   varying float touched;
+  varying float requested;
   void main() {
     fade = clamp(1.0 - (now_s - born_s) / ${kSampleLife_s.toFixed(1)}, 0.0, 1.0);
-    touched = touching;
+    requested = step(1.5, flags);
+    touched = flags - 2.0 * requested;
     gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
-    gl_PointSize = fade > 0.0 ? size_px * (0.5 + 0.5 * fade) : 0.0;
+    gl_PointSize = fade > 0.0 ? size_px * (0.5 + 0.5 * fade) * (1.0 + 0.5 * requested) : 0.0;
   }`;
 
 const kSampleFragmentShader = `
   uniform vec3 free_colour;
   uniform vec3 touch_colour;
+  uniform vec3 asked_colour;
   varying float fade;
   varying float touched;
+  varying float requested;
   void main() {
     float r = length(gl_PointCoord - vec2(0.5));
-    if (r > 0.5 || fade <= 0.0) discard;
-    gl_FragColor = vec4(mix(free_colour, touch_colour, touched), fade * 0.9);
+    if (r > 0.5 || fade <= 0.0 || (requested > 0.5 && r < 0.3)) discard;  // a ring: requested
+    vec3 colour = mix(free_colour, touch_colour, touched);
+    gl_FragColor = vec4(mix(colour, asked_colour, requested), fade * 0.9);
   }`;
 
 /** The simulator's samples as dots that fade with their age. */
@@ -127,19 +133,23 @@ export class Samples {
         .setUsage(THREE.DynamicDrawUsage);
     this.place = make(3);
     this.born = make(1);
-    this.touching = make(1);
+    this.flags = make(1);
+    this.contact_W_m = null;  // where the tool holds the object; of the newest sample on its path
+    this.epoch = NaN;
+    this.requested = 0;       // answers to requests that came
     this.born.array.fill(-1e6);
     this.next = 0;
     this.newest_s = -1e6;
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute('position', this.place);
     geometry.setAttribute('born_s', this.born);
-    geometry.setAttribute('touching', this.touching);
+    geometry.setAttribute('flags', this.flags);
     this.uniforms = {
       now_s: {value: 0},
       size_px: {value: 7},
       free_colour: {value: new THREE.Color()},
-      touch_colour: {value: new THREE.Color()}
+      touch_colour: {value: new THREE.Color()},
+      asked_colour: {value: new THREE.Color()}
     };
     this.points = new THREE.Points(geometry, new THREE.ShaderMaterial({
       uniforms: this.uniforms, vertexShader: kSampleVertexShader,
@@ -155,19 +165,28 @@ export class Samples {
    */
   add(message, now_s, dated) {
     for (let i = 0; i < message.count; ++i) {
-      const from = 8 * i;
+      const from = kSampleValues * i;
+      const flags = message.values[from + 7];
       const slot = this.next++ % kMostSamples;
       this.place.array.set(message.values.subarray(from, from + 3), 3 * slot);
       this.born.array[slot] = dated ? message.values[from + 6] : now_s;
-      this.touching.array[slot] = message.values[from + 7] & 1;
+      this.flags.array[slot] = flags;
+      if (flags >= 2) {
+        this.requested += 1;
+      } else {
+        this.contact_W_m = flags === 1 ? Array.from(message.values.subarray(from + 8, from + 11))
+                                       : null;
+        this.epoch = message.values[from + 11];
+      }
     }
     this.newest_s = now_s;
-    this.place.needsUpdate = this.born.needsUpdate = this.touching.needsUpdate = true;
+    this.place.needsUpdate = this.born.needsUpdate = this.flags.needsUpdate = true;
   }
 
   clear() {
     this.born.array.fill(-1e6);
     this.born.needsUpdate = true;
+    this.contact_W_m = null;
   }
 
   /** Is there a dot that still fades? */
@@ -252,5 +271,61 @@ export class Tool {
     this.ring.material.color.set(palette.touch);
     this.target.material.color.set(palette.accent);
     this.string.material.color.set(palette.accent);
+  }
+}
+
+/** Where the tool took hold of the object: a cross in the plane of the picture. */
+export class ContactPoint {
+  constructor() {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute('position', new THREE.BufferAttribute(
+        new Float32Array([-1, 0, 0, 1, 0, 0, 0, -1, 0, 0, 1, 0]), 3));
+    this.cross = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({depthTest: false}));
+    this.cross.renderOrder = 4;
+    this.cross.visible = false;
+  }
+
+  update(at_W_m, radius_m, camera) {
+    this.cross.visible = at_W_m !== null;
+    if (at_W_m) {
+      this.cross.position.set(...at_W_m);
+      this.cross.quaternion.copy(camera.quaternion);
+      this.cross.scale.setScalar(2.2 * radius_m);
+    }
+  }
+}
+
+/** A flat wall across the workspace, as a pane with a lattice on it. */
+export class Wall {
+  constructor() {
+    this.pane = new THREE.Mesh(new THREE.PlaneBufferGeometry(1, 1), new THREE.MeshBasicMaterial({
+      transparent: true, opacity: 0.16, side: THREE.DoubleSide, depthWrite: false}));
+    this.lattice = new THREE.LineSegments(Wall.lattice_of(10), new THREE.LineBasicMaterial({
+      transparent: true, opacity: 0.5, depthWrite: false}));
+    this.group = new THREE.Group();
+    this.group.add(this.pane, this.lattice);
+    this.group.visible = false;
+  }
+
+  static lattice_of(cells) {
+    const points = [];
+    for (let i = 0; i <= cells; ++i) {
+      const at = i / cells - 0.5;
+      points.push(at, -0.5, 0, at, 0.5, 0, -0.5, at, 0, 0.5, at, 0);
+    }
+    return new THREE.BufferGeometry().setAttribute(
+        'position', new THREE.BufferAttribute(new Float32Array(points), 3));
+  }
+
+  /** @param height_m along W's z; null: there is no wall. */
+  place(height_m, size_m) {
+    this.group.visible = height_m !== null;
+    this.group.position.z = height_m || 0;
+    this.group.scale.set(size_m, size_m, 1);
+  }
+
+  set_theme(palette) {
+    this.pane.material.color.set(palette.of('bad'));
+    this.lattice.material.color.set(palette.of('bad'));
   }
 }

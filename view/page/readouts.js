@@ -140,10 +140,13 @@ export class Readouts {
   }
 
   /** What the colours and the arrows of the scene stand for. */
-  show_scale({surfaces, force_scale}) {
-    const full_m = Math.max(0, ...[...surfaces.values()].map((surface) => surface.full_m));
-    this.by_id('colours').hidden = full_m === 0;
-    text_of(this.by_id('scale-top'), `${Number((full_m * 1000).toPrecision(2))} mm`);
+  show_scale({surfaces, force_scale, colouring}) {
+    const full = Math.max(0, ...[...surfaces.values()].map((surface) => surface.full));
+    const is_strain = colouring === 'strain';
+    this.by_id('colours').hidden = full === 0;
+    text_of(this.by_id('colours-word'), colouring);
+    const top = Number((full * (is_strain ? 100 : 1000)).toPrecision(2));
+    text_of(this.by_id('scale-top'), `${top} ${is_strain ? '%' : 'mm'}`);
     text_of(this.by_id('arrow-top'), `${force_scale.full} N`);
   }
 

@@ -5,7 +5,7 @@
 import * as THREE from '/three.module.js';
 import {Orbit} from '/orbit.js';
 import {Field} from '/field.js';
-import {Arm, Arrow, Samples, Tool, workspace_lines} from '/parts.js';
+import {Arm, Arrow, ContactPoint, Samples, Tool, Wall, workspace_lines} from '/parts.js';
 import {Scale} from '/scale.js';
 import {Surface} from '/surface.js';
 
@@ -55,6 +55,7 @@ export class Scene3d {
     this.shown = {surface: true, mesh: false, arm: true, samples: true, forces: true,
                   workspace: true};
     this.hidden_arrows = new Set();
+    this.colouring = 'displacement';
     this.tool_at = new THREE.Vector3();
     this.trail = [];  // places of the tool in the newest pictures
     this.target_at = null;
@@ -83,13 +84,17 @@ export class Scene3d {
     this.recorded_s = null;
     this.tool = new Tool();
     this.field = new Field();
+    this.contact_point = new ContactPoint();
+    this.wall = new Wall();
+    this.wall_m = null;
     this.arrows = Array.from({length: kMethods + 1}, (_, i) => new Arrow(10 + i));
     this.arrow_group = new THREE.Group();
     this.arrow_group.add(...this.arrows.map((arrow) => arrow.group));
     this.forces = this.arrows.map(() => [NaN, NaN, NaN]);
     this.workspace = new THREE.Group();
     this.scene.add(this.surface_group, this.mesh_group, this.arm.group, this.samples.points,
-                   this.tool.group, this.arrow_group, this.workspace, this.field.mesh);
+                   this.tool.group, this.arrow_group, this.workspace, this.field.mesh,
+                   this.contact_point.cross, this.wall.group);
   }
 
   /** Takes the workspace and the largest force of a hello message. */
@@ -112,6 +117,7 @@ export class Scene3d {
   set_shape(shape) {
     this.remove_surface(shape.object);
     const surface = new Surface(shape);
+    surface.set_colouring(this.colouring);
     this.surfaces.set(shape.object, surface);
     this.surface_group.add(surface.mesh);
     if (this.shown.mesh) {
@@ -200,6 +206,21 @@ export class Scene3d {
     this.dirty = true;
   }
 
+  /** A wall at this height in W [m], or null. */
+  set_wall(height_m) {
+    if (height_m !== this.wall_m) {
+      this.wall_m = height_m;
+      this.dirty = true;
+    }
+  }
+
+  /** What the surfaces' colours stand for: 'displacement' or 'strain'. */
+  set_colouring(colouring) {
+    this.colouring = colouring;
+    this.surfaces.forEach((surface) => surface.set_colouring(colouring));
+    this.dirty = true;
+  }
+
   add_samples(message, now_ms) {
     this.samples.add(message, this.sample_time_s(now_ms), this.recorded_s !== null);
     this.dirty = true;
@@ -255,6 +276,9 @@ export class Scene3d {
     this.arm.material.color.set(palette.arm);
     this.field.set_theme(palette);
     this.tool.set_theme(palette);
+    this.wall.set_theme(palette);
+    this.contact_point.cross.material.color.set(palette.touch);
+    this.samples.uniforms.asked_colour.value.set(palette.accent);
     this.samples.uniforms.free_colour.value.set(palette.free_sample);
     this.samples.uniforms.touch_colour.value.set(palette.touch_sample);
     this.arrows.forEach((arrow, i) => arrow.material.color.set(
@@ -362,6 +386,9 @@ export class Scene3d {
     this.place_arrows();
     this.tool.update(this.tool_at, this.target_at, this.in_contact && this.live, this.tool_radius_m,
                      this.camera);
+    this.contact_point.update(this.live ? this.samples.contact_W_m : null, this.tool_radius_m,
+                              this.camera);
+    this.wall.place(this.wall_m, 2 * this.radius_m);
     this.camera.updateMatrixWorld();
     if (this.renderer) {
       this.renderer.render(this.scene, this.camera);

@@ -7,6 +7,7 @@ import {Scale} from '/scale.js';
 
 const kCrease_cos = Math.cos(40 * Math.PI / 180);  // at rest; flatter edges are shaded smoothly
 const kSmallestScale_m = 0.001;
+const kSmallestStrain = 0.01;
 const kLight = [-0.55, 0.55, 0.75];  // direction in the camera's frame
 
 // Little work per vertex: a computer without a graphics card runs this, too.
@@ -166,7 +167,8 @@ export class Surface {
     this.frames = 0;
     this.box = new THREE.Box3();
     this.scale = new Scale(kSmallestScale_m);
-    this.full_m = kSmallestScale_m;
+    this.strain_scale = new Scale(kSmallestStrain);
+    this.full = kSmallestScale_m;  // end of the colours' range, in metres or as a strain
     const {corners, source} = split_at_creases(shape);
     this.corners = corners;
     this.source = source;
@@ -174,6 +176,8 @@ export class Surface {
     this.normals = new Int8Array(4 * source.length);
     this.sums = new Float32Array(3 * source.length);
     this.displacements_m = new Float32Array(shape.vertices);
+    this.colouring = 'displacement';
+    this.edges = null;  // for the strain: made when it is first shown
     this.make_meshes();
     this.show_rest();
   }
@@ -272,9 +276,14 @@ export class Surface {
     this.uniforms.low.value.set(...low);
     this.uniforms.grain.value.set(...step);
     this.measure(low, step);
-    this.full_m = this.scale.update(this.largest_m, now_ms);
+    if (this.colouring === 'strain') {
+      this.measure_strain(step);
+      this.full = this.strain_scale.update(this.largest_strain, now_ms);
+    } else {
+      this.full = this.scale.update(this.largest_m, now_ms);
+    }
     this.compute_normals(step);
-    this.colour_by_displacement();
+    this.colour();
     this.position_attribute.needsUpdate = true;
     this.normal_attribute.needsUpdate = true;
   }
@@ -311,12 +320,50 @@ export class Surface {
     }
   }
 
-  /** Writes each vertex's displacement beside its normal, 127 for the end of the colours' range. */
-  colour_by_displacement() {
-    const {normals, source, displacements_m} = this;
-    const factor = 127 / this.full_m;
+  /** Writes each vertex's value beside its normal, 127 for the end of the colours' range. */
+  colour() {
+    const {normals, source} = this;
+    const values = this.colouring === 'strain' ? this.strains : this.displacements_m;
+    const factor = 127 / this.full;
     for (let i = 0, to = 3; i < source.length; ++i, to += 4) {
-      normals[to] = Math.min(127, displacements_m[source[i]] * factor);
+      normals[to] = Math.min(127, values[source[i]] * factor);
+    }
+  }
+
+  /** @param colouring 'displacement' or 'strain'; seen from the next frame on. */
+  set_colouring(colouring) {
+    this.colouring = colouring;
+    this.full = colouring === 'strain' ? kSmallestStrain : kSmallestScale_m;
+  }
+
+  make_edges() {
+    this.edges = edges_of(this.shape.corners);
+    this.strains = new Float32Array(this.shape.vertices);
+    const rest = this.shape.rest_W_m;
+    this.rest_lengths = Float32Array.from({length: this.edges.length / 2}, (_, i) => {
+      const [a, b] = [3 * this.edges[2 * i], 3 * this.edges[2 * i + 1]];
+      return Math.hypot(rest[a] - rest[b], rest[a + 1] - rest[b + 1], rest[a + 2] - rest[b + 2]);
+    });
+  }
+
+  /** Each vertex's strain: the largest |l / l0 - 1| of the surface's edges that meet in it. */
+  measure_strain(step) {
+    if (!this.edges) {
+      this.make_edges();
+    }
+    const {edges, positions, rest_lengths, strains} = this;
+    const [sx, sy, sz] = step;
+    strains.fill(0);
+    this.largest_strain = 0;
+    for (let i = 0; i < rest_lengths.length; ++i) {
+      const [va, vb] = [edges[2 * i], edges[2 * i + 1]];
+      const x = (positions[3 * va] - positions[3 * vb]) * sx;
+      const y = (positions[3 * va + 1] - positions[3 * vb + 1]) * sy;
+      const z = (positions[3 * va + 2] - positions[3 * vb + 2]) * sz;
+      const strain = Math.abs(Math.sqrt(x * x + y * y + z * z) / rest_lengths[i] - 1);
+      strains[va] = Math.max(strains[va], strain);
+      strains[vb] = Math.max(strains[vb], strain);
+      this.largest_strain = Math.max(this.largest_strain, strain);
     }
   }
 

@@ -3,6 +3,7 @@
 """The page of the live view in a browser, before a server that stands in for the live view's.
 usage: page_test.py [NAME_OF_TEST ...]      ends with 77 where Chromium or selenium is missing"""
 import base64
+import math
 import os
 import pathlib
 import random
@@ -23,7 +24,7 @@ try:
 except ImportError:
     webdriver = None
 from picture import Picture, depth_inside, outline
-from stand_in_server import COLUMNS, HELLO, JAVASCRIPT, StandIn, send
+from stand_in_server import COLUMNS, HELLO, JAVASCRIPT, METHODS, StandIn, send
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 PATIENCE_S = 60
@@ -487,6 +488,141 @@ class Page(unittest.TestCase):
         self.wait_until(self.by_id("pause").is_enabled, "the role does not change")
         self.clear_hand()
         self.by_id("fit").click()
+
+    def open_settings(self):
+        self.run_script("document.getElementById('settings').open = true")
+        return lambda name: self.browser.find_element(By.CSS_SELECTOR, f"[data-setting={name}]")
+
+    def close_settings(self):
+        self.run_script("document.getElementById('settings').open = false")
+
+    def test_changes_settings_and_shows_how_the_run_says_they_stand(self):
+        row = self.open_settings()
+        known = len(self.stand_in.commands)
+        number = row("delay_ms").find_element(By.CSS_SELECTOR, "input[type=number]")
+        number.send_keys(Keys.CONTROL, "a")
+        number.send_keys("150", Keys.ENTER)
+        asked = self.command("set", known)
+        self.assertEqual((asked["name"], asked["value"]), ("delay_ms", 150))
+        self.wait_until(lambda: self.view("setting('delay_ms')") == 150, "delay is not shown")
+        with self.subTest("a slider, a choice and no limit"):
+            self.run_script("""const slider = arguments[0].querySelector('input[type=range]');
+                slider.value = 40;
+                slider.dispatchEvent(new Event('input'));
+                slider.dispatchEvent(new Event('change'));""", row("requests_per_s"))
+            self.wait_until(lambda: self.view("setting('requests_per_s')") == 40, "no slider")
+            self.run_script("""const list = arguments[0].querySelector('select');
+                list.value = 'arm'; list.dispatchEvent(new Event('change'));""", row("hand"))
+            self.wait_until(lambda: self.view("setting('hand')") == "arm", "no other hand")
+            no_limit = row("budget_us").find_element(By.CSS_SELECTOR, "input[type=checkbox]")
+            self.assertTrue(no_limit.is_selected())
+            no_limit.click()
+            self.wait_until(lambda: self.view("setting('budget_us')") == 1000, "no budget")
+            no_limit.click()
+            self.wait_until(lambda: self.view("setting('budget_us')") is None, "still a budget")
+        with self.subTest("a refusal puts back what holds"):
+            number.send_keys(Keys.CONTROL, "a")
+            number.send_keys("666", Keys.ENTER)
+            self.wait_until(lambda: "refuses" in self.by_id("newest-note").text, "no refusal")
+            self.wait_until(lambda: number.get_property("value") == "150", "it is not put back")
+        with self.subTest("what can't be changed says why"):
+            rate = row("simulator_rate_Hz")
+            self.assertIn("did not start the simulator", rate.text)
+            self.assertFalse(rate.find_element(By.CSS_SELECTOR, "input").is_enabled())
+        with self.subTest("what the servo measures"):
+            measured = self.by_id("settings-measured")
+            self.wait_until(lambda: "requests/s" in measured.text, "nothing is measured")
+            self.assertAlmostEqual(self.view("measured")["arrivals_per_s"], 60, delta=6)
+            self.assertIn("no limit of the budget", measured.text)
+        with self.subTest("it waits for the answer"):
+            self.stand_in.answers_settings = False
+            number.send_keys(Keys.CONTROL, "a")
+            number.send_keys("20", Keys.ENTER)
+            self.wait_until(lambda: row("delay_ms").get_attribute("aria-busy") == "true", "no wait")
+            self.assertEqual(self.view("setting('delay_ms')"), 150)
+            self.stand_in.answers_settings = True
+        self.stand_in.hurt = True
+        self.close_settings()
+
+    def test_stops_by_the_space_bar_while_a_number_is_typed(self):
+        row = self.open_settings()
+        number = row("delay_ms").find_element(By.CSS_SELECTOR, "input[type=number]")
+        known = len(self.stand_in.commands)
+        number.send_keys("1", Keys.SPACE)
+        self.command("stop", known)
+        self.wait_until(lambda: self.view("stop_acknowledged"), "stop is not acknowledged")
+
+    def test_shows_a_wall_the_contact_point_and_requests(self):
+        self.still_tool()
+        contact = self.view("contact")
+        self.assertEqual(contact["epoch"], 7)
+        self.assertGreater(contact["requested"], 3)
+        self.clear_hand()
+        self.wait_until(lambda: self.view("contact")["point_W_m"], "no contact")
+        self.assertAlmostEqual(self.view("contact")["point_W_m"][2], 0.05, places=6)
+        self.assertIsNone(self.view("wall_m"))
+        self.view("set('wall_mm', 14)")
+        self.wait_until(lambda: self.view("wall_m") == 0.014, "there is no wall")
+        self.view("set('wall_mm', null)")
+        self.wait_until(lambda: self.view("wall_m") is None, "the wall stays")
+
+    def test_colours_by_strain_too(self):
+        rest = self.in_module("surface.js", """
+            const surface = new module.Surface({object: 0, epoch: 1, vertices: 3, triangles: 1,
+                rest_W_m: Float32Array.of(0, 0, 0, 0.1, 0, 0, 0, 0.1, 0),
+                corners: Uint32Array.of(0, 1, 2)});
+            surface.set_colouring('strain');
+            // One edge grows from 0.1 m to 0.12 m, one stays, the third grows with the first.
+            surface.update({epoch: 1, vertices: 3, low: [0, 0, 0], step: [1e-5, 1e-5, 1e-5],
+                            values: Uint16Array.of(0, 0, 0, 12000, 0, 0, 0, 10000, 0)}, 0);
+            return Array.from(surface.strains);""")
+        for found, wanted in zip(rest, [0.2, 0.2, math.hypot(0.12, 0.1) / math.hypot(0.1, 0.1) - 1]):
+            self.assertAlmostEqual(found, wanted, places=4)
+        self.run_script("""document.getElementById('layers').open = true;
+            const list = document.getElementById('colouring');
+            list.value = 'strain'; list.dispatchEvent(new Event('change'));""")
+        self.wait_until(lambda: "strain" in self.by_id("colours").text, "the legend stays")
+        self.assertTrue(self.by_id("scale-top").text.endswith("%"))
+        self.run_script("""const list = document.getElementById('colouring');
+            list.value = 'displacement'; list.dispatchEvent(new Event('change'));
+            document.getElementById('layers').open = false;""")
+
+    def test_leads_through_the_tour(self):
+        self.assertFalse(self.by_id("tour").is_displayed())
+        self.stand_in.tour = True
+        self.browser.get(self.stand_in.address)
+        self.wait_for_state("live")
+        self.wait_until(lambda: self.view("tour_ready"), "the first step is not set up")
+        self.assertEqual(self.view("tour_step"), "streaming")
+        self.assertEqual(self.by_id("tour-place").text, "Step 1 of 6")
+        self.wait_until(lambda: self.stand_in.method == METHODS.index("hold"), "not hold")
+        self.assertFalse(self.by_id("tour-back").is_enabled())
+        steps = []
+        for _ in range(5):
+            self.by_id("tour-next").click()
+            self.wait_until(lambda: self.view("tour_ready"), "the next step is not set up")
+            steps.append(self.view("tour_step"))
+            self.assertGreater(len(self.by_id("tour-text").text), 100)
+        self.assertEqual(steps, ["grid", "auto", "wall", "cut", "delay"])
+        self.wait_until(lambda: self.view("setting('delay_ms')") == 150, "there is no delay")
+        self.assertEqual(self.view("setting('cut')"), "no")
+        self.by_id("tour-back").click()
+        self.wait_until(lambda: self.view("setting('cut')") == "yes", "nothing is cut")
+        self.assertEqual(self.view("setting('delay_ms')"), 0)
+        self.by_id("tour-stay").click()
+        self.assertEqual(self.by_id("tour-stay").get_attribute("aria-pressed"), "true")
+        self.by_id("tour-quit").click()
+        self.assertFalse(self.by_id("tour").is_displayed())
+        self.assertIsNone(self.view("tour_step"))
+        self.stand_in.hurt = True
+
+    def test_goes_on_with_the_tour_by_itself(self):
+        self.stand_in.tour = True
+        self.browser.get(self.stand_in.address + "&step_s=0.4")
+        steps = ["streaming", "grid", "auto", "wall", "cut", "delay"]
+        self.wait_until(lambda: self.view("tour_visited") == steps, "the tour does not go on")
+        self.wait_until(lambda: not self.by_id("tour").is_displayed(), "the tour does not end")
+        self.stand_in.hurt = True
 
     def test_freezes_zooms_and_follows_the_scope(self):
         self.wait_until(lambda: self.view("rows") > 100, "the scope gets no rows")

@@ -34,7 +34,21 @@ COLUMNS = (["time_s"] + [f"position_{a}_mm" for a in AXES] + [f"force_{a}_N" for
            + [f"method{m}_uncertainty_N" for m in range(4)]
            + ["period_max_us", "wakeup_max_us", "compute_max_us", "report_age_us", "sample_age_ms",
               "energy_mJ", "gain", "damping_gain", "candidate", "reason", "rung", "held_back",
-              "limits", "in_contact", "fault", "paused", "missed_deadlines", "cycle"])
+              "limits", "in_contact", "fault", "paused", "rendered_method", "sample_period_ms",
+              "requests_per_s", "budget_reads", "arrivals", "missed_deadlines", "cycle"])
+SETTINGS = [
+    {"name": "budget_us", "label": "Budget of auto", "unit": "µs a cycle", "value": None, "low": 0.5,
+     "high": 1000.0, "none": "no limit"},
+    {"name": "requests_per_s", "label": "Requests", "unit": "1/s", "value": 120.0, "low": 0.0,
+     "high": 500.0},
+    {"name": "hand", "label": "Hand", "value": "firm", "choices": ["light", "firm", "arm", "none"]},
+    {"name": "simulator_rate_Hz", "label": "Simulator's rate", "unit": "Hz", "value": 30.0,
+     "low": 1.0, "high": 200.0, "why_not": "this run did not start the simulator"},
+    {"name": "delay_ms", "label": "Link: delay", "unit": "ms", "value": 0.0, "low": 0.0,
+     "high": 1000.0},
+    {"name": "wall_mm", "label": "Wall above", "unit": "mm", "value": None, "low": 2.0,
+     "high": 60.0, "none": "no wall"},
+    {"name": "cut", "label": "Cut", "value": "no", "choices": ["no", "yes"]}]
 HELLO = {"type": "hello", "version": "0.2.0", "device": "emulated:woodenhaptics_v2015",
          "profile": "woodenhaptics_v2015", "scene": "jelly_block", "rate_Hz": RATE_HZ,
          "simulator_rate_Hz": 30, "methods": METHODS,
@@ -44,7 +58,8 @@ HELLO = {"type": "hello", "version": "0.2.0", "device": "emulated:woodenhaptics_
          "held_back": ["not", "no samples", "motor check", "dead man's switch", "paused"],
          "limits": ["force", "slew", "torque"], "statuses": [], "columns": COLUMNS,
          "workspace_W_m": {"low": [-0.12, -0.12, -0.08], "high": [0.12, 0.12, 0.14]},
-         "emulated": True, "controls": ["stop", "pause", "hand"], "largest_force_N": 5.0}
+         "emulated": True, "controls": ["stop", "pause", "hand", "method", "set"],
+         "settings": SETTINGS, "tour": False, "largest_force_N": 5.0}
 
 
 class Block:
@@ -131,6 +146,8 @@ class StandIn:
         self.feed_scope, self.pictures_per_s = feed_scope, pictures_per_s
         self.commands, self.frozen, self.paused, self.stopped = [], None, False, False
         self.says_paused_by_held_back = False
+        self.settings = {one["name"]: dict(one) for one in SETTINGS}
+        self.answers_settings, self.tour, self.method = True, False, 0
         self.sockets, self.epoch, self.hand, self.refuse_stop = [], 1, None, False
         self.sent_rows = {}  # of the scope, by their time in hundredths of a second
         self.loop = asyncio.new_event_loop()
@@ -202,7 +219,7 @@ class StandIn:
         name, _, query = path.partition("?")
         status, body, kind = "404 Not Found", b"there is no such file", "text/plain"
         file = LIBRARIES.get(name, PAGE / (name.lstrip("/") or "index.html"))
-        if name == "/" and query != f"token={self.token}":
+        if name == "/" and query.split("&")[0] != f"token={self.token}":
             status, body = "403 Forbidden", b"the token is missing or wrong"
         elif file.is_file() and (name in LIBRARIES or file.resolve().parent == PAGE):
             status, body = "200 OK", file.read_bytes()
@@ -221,7 +238,8 @@ class StandIn:
         writer.write(("HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\n"
                       f"Connection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n").encode())
         role = "viewer" if self.sockets else "controller"
-        send_text(writer, {**HELLO, "role": role})
+        send_text(writer, {**HELLO, "role": role, "tour": self.tour,
+                           "settings": list(self.settings.values())})
         send(writer, 2, self.block.shape(self.epoch))
         self.sockets.append(writer)
         try:
@@ -252,6 +270,15 @@ class StandIn:
             send_text(writer, {**answer, "text": ""})
         elif what == "hand":
             self.hand = command["target_W_m"]
+        elif what == "method":
+            self.method = command["method"]
+            send_text(writer, {**answer, "text": ""})
+        elif what == "set" and command["value"] == 666:
+            send_text(writer, {**answer, "done": False, "text": "the simulator refuses it"})
+        elif what == "set" and self.answers_settings:
+            self.settings[command["name"]]["value"] = command["value"]
+            send_text(writer, {"type": "settings", "settings": list(self.settings.values())})
+            send_text(writer, {**answer, "text": "done"})
         elif what == "take_control":  # here the newest that asks has it
             send_text(writer, {"type": "role", "role": "controller"})
 
@@ -271,7 +298,10 @@ class StandIn:
             tool = self.hand or tool_at(phase / PHASES)
             self.send_all(arm_message(tool))
             force = max(0.0, TOP_M - tool[2]) * 180
-            self.send_all(struct.pack("<BBHI8f", 4, 0, 1, 0, *tool, 0, 0, force, now_s, force > 0))
+            held = (tool[0], tool[1], TOP_M)
+            self.send_all(struct.pack("<BBHI24f", 4, 0, 2, 0, *tool, 0, 0, force, now_s, force > 0,
+                                      *held, 7, *tool, 0, 0, force, now_s, 2 + (force > 0),
+                                      *held, 7))
             due = int(now_s * 100)
             self.send_all(self.scope(rows, min(due, rows + 1000)))
             rows = due
@@ -302,7 +332,9 @@ class StandIn:
                 2000 + 60 * abs(math.sin(7 * time_s)) + 900 * (int(time_s * 100) % 310 == 0),
                 8 + 5 * abs(math.sin(11 * time_s)), 130 + 40 * abs(math.sin(3 * time_s)), 420.0,
                 35 + 30 * (time_s * 30 % 1), 4 * math.sin(6.28 * share), gain, 0.0, candidate,
-                candidate, 0, held_back, 0, float(depth > 0), 0, paused, 3, int(time_s * RATE_HZ)]
+                candidate, 0, held_back, 0, float(depth > 0), 0, paused, self.method, 33.3,
+                self.settings["requests_per_s"]["value"], math.inf, int(time_s * 60), 3,
+                int(time_s * RATE_HZ)]
 
     def send_all(self, message):
         for writer in self.sockets:
