@@ -26,6 +26,59 @@ struct Dense {
 // Some smooth covariance of two quantities with numbers s and t.
 double covariance(double s, double t) { return std::exp(-0.5 * (s - t) * (s - t)) + s * t; }
 
+// By linearity, the sum of the data carried along is the data of the sum.
+TEST(GrowingCholeskyMore, CarriesOtherDataThroughAppendingAndRemoving) {
+  using WithMore = GrowingCholesky<kMaxRows, 2>;
+  constexpr double kNoise = 1e-3;
+  const Eigen::Vector2d factors(0.5, -2.0);
+  WithMore carried;
+  Factor summed;
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  std::vector<double> at;
+  const auto append = [&] {
+    WithMore::Columns x;
+    Factor::Columns y;
+    Eigen::Matrix3d own;
+    Eigen::Vector3d values;
+    Eigen::Matrix<double, 3, 2> more;
+    const Eigen::Vector3d fresh(uniform(random), uniform(random), uniform(random));
+    for (int c = 0; c < 3; ++c) {
+      for (std::size_t r = 0; r < at.size(); ++r) {
+        const auto column = static_cast<std::size_t>(c);
+        x.column[column][r] = y.column[column][r] = covariance(fresh[c], at[r]);
+      }
+      for (int b = 0; b < 3; ++b) {
+        own(c, b) = covariance(fresh[c], fresh[b]) + (b == c ? kNoise : 0.0);
+      }
+      values[c] = uniform(random);
+      more.row(c) << uniform(random), uniform(random);
+    }
+    carried.solve(x, 3);
+    carried.append<3>(x, own, values, 0.1 * kNoise);
+    carried.append_more(x, more);
+    summed.solve(y, 3);
+    summed.append<3>(y, own, values + more * factors, 0.1 * kNoise);
+    at.insert(at.end(), fresh.begin(), fresh.end());
+  };
+  for (int i = 0; i < 12; ++i) {
+    append();
+  }
+  for (const int first : {3, 0, 24}) {
+    carried.remove(first, 3);
+    summed.remove(first, 3);
+    at.erase(at.begin() + first, at.begin() + first + 3);
+    append();
+  }
+  std::array<double, WithMore::kStride> sum{};
+  carried.sum_of_data(factors, sum.data());
+  ASSERT_EQ(carried.rows(), 36);
+  for (int r = 0; r < 36; ++r) {
+    EXPECT_NEAR(sum[static_cast<std::size_t>(r)], summed.y(r), 1e-9 * (1.0 + std::abs(summed.y(r))))
+        << r;
+  }
+}
+
 class GrowingCholeskyTest : public ::testing::Test {
  protected:
   template <int kCount>

@@ -296,6 +296,35 @@ class Sleepers {
 // In these tests "smooth" is a little better than the rendered one, so that not all sleep; or the
 // rendered one knows the path.
 
+TEST(TheOneThatBegan, SleepsWithAllOthersUnlessItWasChosen) {
+  Sleepers s;
+  s.samples(5, "smooth", {});
+  s.rule.handed_over(s.index("exact"));
+  s.all_fall_asleep();
+  EXPECT_FALSE(s.awake("smooth"));
+  Sleepers chosen;
+  chosen.samples(5, "smooth", {});
+  chosen.rule.handed_over(chosen.index("exact"));
+  chosen.sample("exact", {});
+  chosen.rule.handed_over(chosen.index("smooth"));
+  chosen.sample("smooth", {});
+  chosen.rule.handed_over(chosen.index("exact"));
+  chosen.all_fall_asleep();
+  EXPECT_TRUE(chosen.awake("smooth"));
+}
+
+TEST(TheOneThatBegan, StaysBesideAnotherThatWasRenderedLately) {
+  Sleepers s;
+  s.samples(5, "smooth", {});
+  s.rule.handed_over(s.index("viscous"));
+  s.sample("viscous", {});
+  s.rule.handed_over(s.index("exact"));
+  s.samples(70, "exact", {});  // until the path is no longer needed
+  ASSERT_FALSE(s.rule.all_awake());
+  EXPECT_TRUE(s.awake("viscous"));
+  EXPECT_TRUE(s.awake("smooth"));
+}
+
 TEST(HopelessCandidates, SleepAfter40SamplesOfSixteenTimesTheSquaredError) {
   Sleepers s;
   const Errors_N2 errors_N2{{"smooth", 0.5}, {"viscous", 15.5}, {"noisy viscous", 16.5}};
