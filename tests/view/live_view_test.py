@@ -273,7 +273,7 @@ class LiveView(unittest.TestCase):
             self.assertEqual(summary["emulator"]["hand"], "light")
             self.assertEqual(summary["faults"], [])
             self.assertGreater(summary["requests_made"], 20)
-            self.assertEqual(summary["simulator"]["control_changes"], 11)
+            self.assertGreater(summary["simulator"]["control_changes"], 5)
             self.assertGreater(summary["simulator"]["link"]["lost_on_purpose"], 5)
             self.assertGreater(summary["simulator"]["link"]["delayed"], 5)
         finally:
