@@ -113,8 +113,11 @@ std::string page_with(const PageFiles& files, const std::string& recording) {
   replace_element(page, "<link rel=\"icon\"", ">",
                   kPolicy + std::string("<link rel=\"icon\" href=\"data:image/svg+xml;base64,") +
                       base64(content_of(files, "/icon.svg")) + "\">");
-  for (const char* const name : {"/dygraph.css", "/style.css", "/playback.css"}) {
-    replace_element(page, std::string("<link rel=\"stylesheet\" href=\"") + name, ">",
+  static constexpr std::string_view kStyle = "<link rel=\"stylesheet\" href=\"";
+  for (std::size_t at = page.find(kStyle); at != std::string::npos; at = page.find(kStyle, at)) {
+    const std::size_t from = at + kStyle.size();
+    const std::string name = page.substr(from, page.find('"', from) - from);
+    replace_element(page, std::string(kStyle) + name, ">",
                     "<style>\n" + inside(content_of(files, name), "style") + "</style>");
   }
   replace_element(page, "<script src=\"/dygraph.js\"", "</script>",

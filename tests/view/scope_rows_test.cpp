@@ -231,18 +231,18 @@ TEST(ScopeMessage, HasTheWorkedBytes) {
   second.value[kScopeColumns - 1] = 9.0F;
   const std::vector<ScopeRow> rows = {first, second};
   const auto bytes = scope_message(rows);
-  ASSERT_EQ(bytes.size(), 16 + 2 * 43 * 4U);
+  ASSERT_EQ(bytes.size(), 16 + 2 * 47 * 4U);
   const std::vector<std::uint8_t> head(bytes.begin(), bytes.begin() + 16);
   // 100.25 is 0x40591 00000000000.
-  const std::vector<std::uint8_t> worked = {1, 0, 2, 0, 43, 0,    0,    0,
+  const std::vector<std::uint8_t> worked = {1, 0, 2, 0, 47, 0,    0,    0,
                                             0, 0, 0, 0, 0,  0x10, 0x59, 0x40};
   EXPECT_EQ(head, worked);
-  std::array<float, 86> numbers{};
+  std::array<float, 94> numbers{};
   std::memcpy(numbers.data(), bytes.data() + 16, sizeof(numbers));
   EXPECT_EQ(numbers[0], 0.0F);
   EXPECT_EQ(numbers[1], 1.5F);
-  EXPECT_EQ(numbers[43], 0.5F) << "time is relative to the base";
-  EXPECT_EQ(numbers[85], 9.0F);
+  EXPECT_EQ(numbers[47], 0.5F) << "time is relative to the base";
+  EXPECT_EQ(numbers[93], 9.0F);
 }
 
 }  // namespace
