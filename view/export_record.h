@@ -89,7 +89,7 @@ class ExportRecord {
   std::array<Group, kExportKinds> groups_;
   std::int64_t first_ns_ = 0;
   double now_s_ = 0.0;
-  double surface_s_ = 0.0;  ///< of the newest picture of a surface
+  double surface_s_ = 0.0;                ///< of the newest picture of a surface
   std::array<double, 3> next_slice_s_{};  ///< by normal
   std::uint64_t surfaces_announced_ = 0;
   std::uint64_t surfaces_ = 0;

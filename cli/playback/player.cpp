@@ -194,8 +194,10 @@ void Player::obey(const json& command) {
   } else if (what == "seek") {
     wanted_s_ = command.value("time_s", 0.0);
   } else if (what != "shown") {
-    const json refusal = {
-        {"id", command.value("id", std::uint64_t{0})}, {"what", what}, {"done", false}, {"text", kNoServo}};
+    const json refusal = {{"id", command.value("id", std::uint64_t{0})},
+                          {"what", what},
+                          {"done", false},
+                          {"text", kNoServo}};
     feed_->push(view_link::text_frame(type_of(FeedType::kAcknowledged), text_of(refusal)));
   }
 }

@@ -136,7 +136,8 @@ struct ElementLaw;
 
 /// The corotated energy. Its Hessian, with S = R^T F, G = tr(S) I - S and h = R g:
 ///
-///   K_ab = 2 mu (g_a . g_b) I + lambda h_a h_b^T + (lambda (s - 3) - 2 mu) [h_a]^T R G^-1 R^T [h_b]
+///   K_ab = 2 mu (g_a . g_b) I + lambda h_a h_b^T
+///          + (lambda (s - 3) - 2 mu) [h_a]^T R G^-1 R^T [h_b]
 template <typename Real>
 struct ElementLaw<ElementModel::kCorotated, Real> {
   using Vector = typename WideOf<Real>::Vector;
