@@ -3,6 +3,7 @@
 simulator's surface stream. Standard library only."""
 import base64
 import json
+import math
 import os
 import pathlib
 import re
@@ -14,7 +15,7 @@ import tempfile
 import time
 
 TIMEOUT_S = 10.0
-CYCLE = struct.Struct("<Qq Q 3d3d3d 12d 4d 3d 10d II 4B 8B I")
+CYCLE = struct.Struct("<Qq Q 3d3d3d 12d 4d 3d 13d II 4B 8B I")
 SAMPLE = struct.Struct("<q d 3d3d3d 9d I 4B d")
 HELLO = {"version": "0.2.0", "device": "emulated:test", "scene": "block", "rate_Hz": 1000,
          "methods": ["auto", "hold"], "controls": ["stop", "pause", "hand"]}
@@ -276,7 +277,7 @@ class Run(Peer):
 def cycle_bytes(number, time_ns, position_W_m=(0, 0, 0), force_W_N=(0, 0, 0), paused=0):
     return CYCLE.pack(number, time_ns, 0, *position_W_m, 0, 0, 0, 0, 0, 0, *(12 * [0.0]),
                       *(4 * [0.5]), *force_W_N, 1000.0, 5.0, 50.0, 300.0, 20.0, 1.0, 0.0, 0.001,
-                      1.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, paused, 0)
+                      1.0, 0.0, 33.0, 0.0, math.inf, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, paused, 0)
 
 
 def shape_bytes(rest_W_m, triangles, epoch=1):

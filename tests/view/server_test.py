@@ -183,7 +183,8 @@ class WebSockets(WithView):
             10**12 + 250_000_000, 0.0, 1, 2, 3, -1, -2, -3, *(12 * [0.0]), 1, 1, 0, 0, 1, 0.0))
         message = page.receive_type(4)
         self.assertEqual(struct.unpack_from("<BxHI", message), (4, 1, 0))
-        self.assertEqual(struct.unpack("<8f", message[8:]), (1, 2, 3, -1, -2, -3, 0.25, 1))
+        self.assertEqual(struct.unpack("<12f", message[8:]),
+                         (1, 2, 3, -1, -2, -3, 0.25, 1, 0, 0, 0, 1))
         arm = struct.pack("<II6f", 1, 2, 0, 0, 0, 1, 1, 1)
         run.send(FEED["arm"], arm)
         self.assertEqual(page.receive_type(5), b"\x05\0\0\0" + arm)
@@ -290,7 +291,7 @@ class Feeds(WithView):
                            (peers.frame_bytes(1, '{"a":' * 20_000), "no JSON object"),
                            (struct.pack("<IHH", 65537, 1, 0), "65537 bytes"),
                            (struct.pack("<IHH", 2**32 - 1, 1, 0), "4294967295 bytes"),
-                           (peers.frame_bytes(1, HELLO) + peers.frame_bytes(9, b""), "type 9")):
+                           (peers.frame_bytes(1, HELLO) + peers.frame_bytes(10, b""), "type 10")):
             with Peer(self.view.folder + "/feed") as peer:
                 peer.connection.sendall(bad)
                 self.assertTrue(peer.is_closed())
