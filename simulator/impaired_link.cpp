@@ -33,7 +33,7 @@ void ImpairedLink::send(const Message& message, rt::TimePoint now) {
 
 void ImpairedLink::send_due(rt::TimePoint now) {
   while (!waiting_.empty() && waiting_.begin()->first <= now) {
-    const Message message = std::move(waiting_.begin()->second);
+    const Message message = waiting_.begin()->second;
     waiting_.erase(waiting_.begin());
     send_(message);
   }

@@ -59,6 +59,8 @@ bool arm_is_sound(std::span<const std::uint8_t> payload);
 std::optional<nlohmann::json> parse_object(std::string_view text);
 
 /// What a page asks for.
+// JSON moves without throwing, by functions that could.
+// NOLINTNEXTLINE(bugprone-exception-escape)
 struct PageCommand {
   enum class What {
     kStop,

@@ -305,6 +305,8 @@ RecordedRun::RecordedRun(const std::string& file) : reader_(file) {
   hello_["controls"] = {"play", "seek"};
 }
 
+RecordedRun::~RecordedRun() = default;
+
 void RecordedRun::read_samples() {
   const std::size_t rows = tools::read_header(reader_).samples;
   const auto column = [&](const char* name, std::size_t width) {

@@ -32,6 +32,7 @@ class RecordedRun {
   /// @throws tools::Hdf5Error for a file that is no recording, is damaged or has no cycle; other
   ///         exceptions for a device profile or settings that can't be used. All name the file.
   explicit RecordedRun(const std::string& file);
+  ~RecordedRun();
 
   /// As ViewFeed's, with the key `recording`.
   const nlohmann::json& hello() const noexcept { return hello_; }

@@ -39,7 +39,7 @@ class RecordedSurface {
 
   /// An entry as the frame of docs/view_protocol.md, with the recording's time for its own.
   /// @throws tools::Hdf5Error for a part that can't be read.
-  view_link::Frame frame(std::size_t entry) const;
+  view_link::Frame frame(std::size_t index) const;
 
  private:
   void read_shapes(double first_s);

@@ -31,6 +31,8 @@ struct RecoveredFault {
 };
 
 /// Everything that a run reports, in the order in which it becomes known.
+// JSON moves without throwing, by functions that could.
+// NOLINTNEXTLINE(bugprone-exception-escape)
 struct RunSummary {
   std::string device;
   std::string device_profile;

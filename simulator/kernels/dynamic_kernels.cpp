@@ -154,11 +154,11 @@ void apply_step_matrix(const SpringRows& rows, const StepSpring* step, const dou
 }
 
 void sum_step_blocks(const SpringRows& rows, const StepSpring* step, const double* inertia_kg,
-                     SymmetricBlock* inverse) noexcept {
+                     SymmetricBlock* block) noexcept {
   const std::int32_t vertices = rows.vertex_count();
   for (std::int32_t i = 0; i < vertices; ++i) {
-    inverse[i].diagonal = Double4{inertia_kg[i], inertia_kg[i], inertia_kg[i], 0.0};
-    inverse[i].off_diagonal = Double4{};
+    block[i].diagonal = Double4{inertia_kg[i], inertia_kg[i], inertia_kg[i], 0.0};
+    block[i].off_diagonal = Double4{};
   }
   for (std::int32_t i = 0; i < vertices; ++i) {
     for (std::int32_t s = rows.row_begin[i]; s < rows.row_begin[i + 1]; ++s) {
@@ -166,10 +166,10 @@ void sum_step_blocks(const SpringRows& rows, const StepSpring* step, const doubl
       const Double4 diagonal =
           Double4{q[0] * q[0] + q[3], q[1] * q[1] + q[3], q[2] * q[2] + q[3], 0.0};
       const Double4 off_diagonal{q[0] * q[1], q[1] * q[2], q[2] * q[0], 0.0};
-      inverse[i].diagonal += diagonal;
-      inverse[i].off_diagonal += off_diagonal;
-      inverse[rows.other[s]].diagonal += diagonal;
-      inverse[rows.other[s]].off_diagonal += off_diagonal;
+      block[i].diagonal += diagonal;
+      block[i].off_diagonal += off_diagonal;
+      block[rows.other[s]].diagonal += diagonal;
+      block[rows.other[s]].off_diagonal += off_diagonal;
     }
   }
 }

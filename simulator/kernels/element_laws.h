@@ -171,9 +171,9 @@ struct ElementLaw<ElementModel::kCorotated, Real> {
       }
     }
     for (int a = 0; a < 4; ++a) {
-      times(r, element.gradient[a], h[a]);
+      times(r, element.gradient[a], h_[a]);
       for (int c = 0; c < 3; ++c) {
-        cross3(q.at[c], h[a], t[a].at[c]);  // row c of Q [h]
+        cross3(q.at[c], h_[a], t_[a].at[c]);  // row c of Q [h]
       }
     }
   }
@@ -183,13 +183,13 @@ struct ElementLaw<ElementModel::kCorotated, Real> {
     const Vector lambda = element.stiffness[1];
     const Vector alike = (element.stiffness[0] + element.stiffness[0]) *
                          dot3(element.gradient[a], element.gradient[b]);
-    const Matrix<Real>& tb = t[b];
+    const Matrix<Real>& tb = t_[b];
     for (int d = 0; d < 3; ++d) {
-      k.at[0][d] = h[a][2] * tb.at[1][d] - h[a][1] * tb.at[2][d];
-      k.at[1][d] = h[a][0] * tb.at[2][d] - h[a][2] * tb.at[0][d];
-      k.at[2][d] = h[a][1] * tb.at[0][d] - h[a][0] * tb.at[1][d];
+      k.at[0][d] = h_[a][2] * tb.at[1][d] - h_[a][1] * tb.at[2][d];
+      k.at[1][d] = h_[a][0] * tb.at[2][d] - h_[a][2] * tb.at[0][d];
+      k.at[2][d] = h_[a][1] * tb.at[0][d] - h_[a][0] * tb.at[1][d];
       for (int c = 0; c < 3; ++c) {
-        k.at[c][d] += lambda * h[a][c] * h[b][d];
+        k.at[c][d] += lambda * h_[a][c] * h_[b][d];
       }
       k.at[d][d] += alike;
     }
@@ -273,8 +273,8 @@ struct ElementLaw<ElementModel::kCorotated, Real> {
     }
   }
 
-  Vector h[4][3];
-  Matrix<Real> t[4];
+  Vector h_[4][3];
+  Matrix<Real> t_[4];
 };
 
 /// St. Venant and Kirchhoff's energy. With S = 2 mu G + lambda tr(G) I and h = F g:
@@ -294,25 +294,25 @@ struct ElementLaw<ElementModel::kStVenantKirchhoff, Real> {
       s.at[c][c] -= static_cast<Real>(1);
       for (int d = 0; d < 3; ++d) {
         s.at[c][d] *= mu;
-        spread.at[c][d] = mu * dot3(element.f.at[c], element.f.at[d]);
+        spread_.at[c][d] = mu * dot3(element.f.at[c], element.f.at[d]);
       }
       s.at[c][c] += static_cast<Real>(0.5) * lambda * trace;
     }
     product(element.f, s, stress);
     for (int a = 0; a < 4; ++a) {
-      times(element.f, element.gradient[a], h[a]);
-      times(s, element.gradient[a], pulled[a]);
+      times(element.f, element.gradient[a], h_[a]);
+      times(s, element.gradient[a], pulled_[a]);
     }
   }
 
   FORCEGRID_INLINE void block(const ElementState<Real>& element, int a, int b,
                               Matrix<Real>& k) const {
     const Vector alike = dot3(element.gradient[a], element.gradient[b]);
-    const Vector along = dot3(element.gradient[a], pulled[b]);
+    const Vector along = dot3(element.gradient[a], pulled_[b]);
     for (int c = 0; c < 3; ++c) {
       for (int d = 0; d < 3; ++d) {
-        k.at[c][d] = element.stiffness[1] * h[a][c] * h[b][d] +
-                     element.stiffness[0] * h[b][c] * h[a][d] + alike * spread.at[c][d];
+        k.at[c][d] = element.stiffness[1] * h_[a][c] * h_[b][d] +
+                     element.stiffness[0] * h_[b][c] * h_[a][d] + alike * spread_.at[c][d];
       }
       k.at[c][c] += along;
     }
@@ -321,9 +321,9 @@ struct ElementLaw<ElementModel::kStVenantKirchhoff, Real> {
   Matrix<Real> stress;
 
  private:
-  Matrix<Real> spread;  // mu F F^T
-  Vector h[4][3];
-  Vector pulled[4][3];  // S g
+  Matrix<Real> spread_;  // mu F F^T
+  Vector h_[4][3];
+  Vector pulled_[4][3];  // S g
 };
 
 /// The stable neo-Hookean energy. With h = F g, c = cof(F) g and r = 1 / (Ic + 1):
@@ -340,23 +340,23 @@ struct ElementLaw<ElementModel::kNeoHookean, Real> {
     const Vector j = dot3(element.f.at[0], cofactor.at[0]);
     const Vector r =
         static_cast<Real>(1) / (sum_of_products(element.f, element.f) + static_cast<Real>(1));
-    stretch = m - m * r;
-    spread = (m + m) * r * r;
-    pressure = element.stiffness[1] * (j - element.stiffness[2]);
+    stretch_ = m - m * r;
+    spread_ = (m + m) * r * r;
+    pressure_ = element.stiffness[1] * (j - element.stiffness[2]);
     for (int c = 0; c < 3; ++c) {
       for (int d = 0; d < 3; ++d) {
-        stress.at[c][d] = stretch * element.f.at[c][d] + pressure * cofactor.at[c][d];
+        stress.at[c][d] = stretch_ * element.f.at[c][d] + pressure_ * cofactor.at[c][d];
       }
     }
     for (int a = 0; a < 4; ++a) {
-      times(element.f, element.gradient[a], h[a]);
-      times(cofactor, element.gradient[a], normal[a]);
+      times(element.f, element.gradient[a], h_[a]);
+      times(cofactor, element.gradient[a], normal_[a]);
     }
   }
 
   FORCEGRID_INLINE void block(const ElementState<Real>& element, int a, int b,
                               Matrix<Real>& k) const {
-    const Vector alike = stretch * dot3(element.gradient[a], element.gradient[b]);
+    const Vector alike = stretch_ * dot3(element.gradient[a], element.gradient[b]);
     Vector across[3];
     cross3(element.gradient[b], element.gradient[a], across);
     Vector turn[3];
@@ -364,26 +364,26 @@ struct ElementLaw<ElementModel::kNeoHookean, Real> {
     for (int c = 0; c < 3; ++c) {
       for (int d = 0; d < 3; ++d) {
         k.at[c][d] =
-            spread * h[a][c] * h[b][d] + element.stiffness[1] * normal[a][c] * normal[b][d];
+            spread_ * h_[a][c] * h_[b][d] + element.stiffness[1] * normal_[a][c] * normal_[b][d];
       }
       k.at[c][c] += alike;
     }
-    k.at[0][1] -= pressure * turn[2];
-    k.at[0][2] += pressure * turn[1];
-    k.at[1][0] += pressure * turn[2];
-    k.at[1][2] -= pressure * turn[0];
-    k.at[2][0] -= pressure * turn[1];
-    k.at[2][1] += pressure * turn[0];
+    k.at[0][1] -= pressure_ * turn[2];
+    k.at[0][2] += pressure_ * turn[1];
+    k.at[1][0] += pressure_ * turn[2];
+    k.at[1][2] -= pressure_ * turn[0];
+    k.at[2][0] -= pressure_ * turn[1];
+    k.at[2][1] += pressure_ * turn[0];
   }
 
   Matrix<Real> stress;
 
  private:
-  Vector stretch;
-  Vector spread;
-  Vector pressure;
-  Vector h[4][3];
-  Vector normal[4][3];
+  Vector stretch_;
+  Vector spread_;
+  Vector pressure_;
+  Vector h_[4][3];
+  Vector normal_[4][3];
 };
 
 }  // namespace forcegrid::simulator::kernels

@@ -296,9 +296,9 @@ TEST(EmulatedW2, AnotherHandTakesOverWithoutAJump) {
     bus.frame(&push);
     EXPECT_LT((tip_D() - before_D).norm(), 20e-6) << "within a millisecond";
     bus.drive_until(bus.now_ms + 4000, push);
-    const double K = hands[static_cast<std::size_t>(hand)]->stiffness_N_per_m;
+    const double stiffness_N_per_m = hands[static_cast<std::size_t>(hand)]->stiffness_N_per_m;
     // 10 mm of motion turn the Jacobian by some percent.
-    EXPECT_NEAR(K * (tip_D() - rest_D).norm(), 1.0, 0.12);
+    EXPECT_NEAR(stiffness_N_per_m * (tip_D() - rest_D).norm(), 1.0, 0.12);
     EXPECT_EQ(bus.device.report().hand, to_string(hand));
   }
 }

@@ -28,13 +28,15 @@ const std::string kMaterial =
 const std::string kWhole = "[object.material]\n" + kMaterial;
 
 class ElementScene : public testing::Test {
+ public:
+  ~ElementScene() override { std::filesystem::remove_all(folder_); }
+
  protected:
   ElementScene()
       : folder_(std::filesystem::temp_directory_path() /
                 ("forcegrid_element_scene_" + std::to_string(::getpid()))) {
     std::filesystem::create_directories(folder_);
   }
-  ~ElementScene() override { std::filesystem::remove_all(folder_); }
 
   std::string write(const std::string& materials, const std::string& keys = "",
                     const std::string& mesh = kNodes + kElements) {
