@@ -25,6 +25,25 @@ sockaddr_un address_of(const std::string& path) noexcept {
   return address;
 }
 
+// Binds; in place of a socket that its process has left behind, as one that was killed does.
+bool bind_to(int socket, const sockaddr_un& address) noexcept {
+  const auto* name = reinterpret_cast<const sockaddr*>(&address);
+  if (::bind(socket, name, sizeof(address)) == 0) {
+    return true;
+  }
+  if (errno != EADDRINUSE) {
+    return false;
+  }
+  const bool left_behind = ::connect(socket, name, sizeof(address)) != 0 && errno == ECONNREFUSED;
+  struct stat file {};
+  if (left_behind && ::lstat(address.sun_path, &file) == 0 && S_ISSOCK(file.st_mode)) {
+    ::unlink(address.sun_path);
+    return ::bind(socket, name, sizeof(address)) == 0;
+  }
+  errno = EADDRINUSE;
+  return false;
+}
+
 }  // namespace
 
 LocalDatagrams::LocalDatagrams(const std::string& path) : path_(path) {
@@ -36,8 +55,7 @@ LocalDatagrams::LocalDatagrams(const std::string& path) : path_(path) {
   socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   // The mode of a socket before bind() is that of the file that bind() makes, so that nobody else
   // can write to it at any moment.
-  if (socket_ < 0 || ::fchmod(socket_, S_IRUSR | S_IWUSR) != 0 ||
-      ::bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
+  if (socket_ < 0 || ::fchmod(socket_, S_IRUSR | S_IWUSR) != 0 || !bind_to(socket_, address)) {
     const int error = errno;
     if (socket_ >= 0) {
       ::close(socket_);

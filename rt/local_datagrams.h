@@ -18,6 +18,7 @@ namespace forcegrid::rt {
 /// each. Threads: one.
 class LocalDatagrams {
  public:
+  /// Replaces a socket that no process has any more.
   /// @throws std::runtime_error with the path, the system's words and the remedy.
   explicit LocalDatagrams(const std::string& path);
   /// Removes the socket's file.

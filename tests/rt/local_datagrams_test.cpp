@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <array>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 
@@ -66,6 +68,27 @@ TEST_F(LocalDatagramsTest, NameAPathThatCanNotBeBound) {
   }
   LocalDatagrams client(folder_ + "/client");
   EXPECT_FALSE(client.send(folder_ + "/nobody", Bytes{}));
+}
+
+TEST_F(LocalDatagramsTest, ReplaceASocketWhoseProcessWasKilledAndNoOtherFile) {
+  const std::string path = folder_ + "/server";
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, path.size());
+  const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  ASSERT_EQ(::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+  EXPECT_THROW(const LocalDatagrams second(path), std::runtime_error) << "it is in use";
+  ::close(socket);
+  {
+    LocalDatagrams server(path);
+    LocalDatagrams client(folder_ + "/client");
+    ASSERT_TRUE(client.send(path, Bytes{1}));
+    Bytes bytes{};
+    EXPECT_EQ(server.receive(bytes), 4);
+  }
+  std::ofstream(path) << "a person's file";
+  EXPECT_THROW(const LocalDatagrams third(path), std::runtime_error);
+  EXPECT_EQ(std::filesystem::file_size(path), 15U);
 }
 
 }  // namespace
