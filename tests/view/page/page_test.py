@@ -383,8 +383,10 @@ class Page(unittest.TestCase):
         self.stand_in.say({"type": "end", "ended_by": "time", "exit_status": 0,
                            "text": "its time is up"})
         self.wait_for_state("ended")
+        known = len(self.stand_in.commands)
         self.by_id("stop").click()
         self.assertEqual(self.by_id("stop-status").text, "the run has ended")
+        self.command("stop", known)
         self.stand_in.commands.clear()
         self.stand_in.say({**HELLO, "role": "controller"})
         self.wait_for_state("waiting")

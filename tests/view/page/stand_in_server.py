@@ -258,6 +258,8 @@ class StandIn:
         answer = {"type": "acknowledged", "id": command.get("id"), "what": what, "done": True}
         if what == "stop" and self.refuse_stop:
             send_text(writer, {**answer, "done": False, "text": "the device is silent"})
+        elif what == "stop" and self.stopped:
+            send_text(writer, {**answer, "done": False, "text": "the run has ended"})
         elif what == "stop":
             await asyncio.sleep(0.3)
             self.stopped = True
