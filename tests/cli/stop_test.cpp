@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -46,38 +47,46 @@ unsigned seed() {
   return value;
 }
 
-// What all commands work on. Made once per process.
+// What the commands work on, each made when the first asks for it.
 struct Workplace {
   std::string folder = fresh_folder("stop");
-  std::string recording = folder + "/recorded.h5";
-  std::string trace = folder + "/trace.csv";
-  std::string key = folder + "/link.key";
   std::string big_scene = folder + "/big.toml";
-  std::string mesh_scene = folder + "/mesh.toml";
 
   Workplace() {
     ::setenv("XDG_CONFIG_HOME", folder.c_str(), 1);
     write_block(big_scene, 84);
-    write_mesh();
-    Program keygen = Program::forcegrid({"keygen", key});
-    EXPECT_EQ(keygen.wait(), 0) << keygen.standard_error();
   }
   ~Workplace() { fs::remove_all(folder); }
 
-  // The trace and recording that plot, replay and evaluate read.
-  void record() const {
-    Program run = Program::forcegrid({"record", recording, "--scene", "small", "--seconds", "3",
-                                      "--no-reference", "--out", folder});
-    ASSERT_EQ(run.wait(), 0) << run.standard_error();
-    std::ofstream file(trace);
-    file << "kind,t_s,delivered_s,x_m,y_m,z_m,fx_N,fy_N,fz_N\n";
-    for (int i = 0; i < 200'000; ++i) {
-      const double t_s = 1e-3 * i;
-      const double z_m = 0.01 + 1e-3 * (i % 997) / 997.0;
-      file << (i % 33 == 0 ? "sample," : "servo,") << t_s << ',' << (i % 33 == 0 ? t_s : 0.0)
-           << ",0,0," << z_m << ",0,0," << -100.0 * z_m << '\n';
-    }
+  std::string key() const {
+    return made("link.key", [](const std::string& file) {
+      Program keygen = Program::forcegrid({"keygen", file});
+      EXPECT_EQ(keygen.wait(), 0) << keygen.standard_error();
+    });
   }
+
+  std::string recording() const {
+    return made("recorded.h5", [this](const std::string& file) {
+      Program run = Program::forcegrid({"record", file, "--scene", "small", "--seconds", "3",
+                                        "--no-reference", "--out", folder});
+      EXPECT_EQ(run.wait(), 0) << run.standard_error();
+    });
+  }
+
+  std::string trace() const {
+    return made("trace.csv", [](const std::string& name) {
+      std::ofstream file(name);
+      file << "kind,t_s,delivered_s,x_m,y_m,z_m,fx_N,fy_N,fz_N\n";
+      for (int i = 0; i < 200'000; ++i) {
+        const double t_s = 1e-3 * i;
+        const double z_m = 0.01 + 1e-3 * (i % 997) / 997.0;
+        file << (i % 33 == 0 ? "sample," : "servo,") << t_s << ',' << (i % 33 == 0 ? t_s : 0.0)
+             << ",0,0," << z_m << ",0,0," << -100.0 * z_m << '\n';
+      }
+    });
+  }
+
+  std::string mesh_scene() const { return made("mesh.toml", write_mesh); }
 
   // edge^3 vertices: 592,704, which load for some seconds.
   static void write_block(const std::string& file, int edge) {
@@ -89,10 +98,10 @@ struct Workplace {
            "law = \"hardening\"\ncubic_coefficient = 5.0\n";
   }
 
-  // A surface of 1,000,000 triangles in a file of 40 MB.
-  void write_mesh() const {
+  // A surface of 1,000,000 triangles in a file of 40 MB beside the scene.
+  static void write_mesh(const std::string& scene) {
     constexpr int kEdge = 708;
-    std::ofstream file(folder + "/mesh.obj");
+    std::ofstream file(fs::path(scene).parent_path() / "mesh.obj");
     std::string text;
     for (int j = 0; j < kEdge; ++j) {
       for (int i = 0; i < kEdge; ++i) {
@@ -109,11 +118,21 @@ struct Workplace {
       }
     }
     file << text;
-    std::ofstream(mesh_scene)
+    std::ofstream(scene)
         << "description = \"mesh\"\n[[object]]\nshape = \"mesh\"\nfile = \"mesh.obj\"\n"
            "unit = \"m\"\nfixed_below_m = 0.0\nstiffness_N_per_m = 10.0\nhome_stiffness_N_per_m = "
            "1.0\n"
            "law = \"linear\"\n";
+  }
+
+ private:
+  std::string made(const std::string& name,
+                   const std::function<void(const std::string&)>& make) const {
+    const std::string file = folder + "/" + name;
+    if (!fs::exists(file)) {
+      make(file);
+    }
+    return file;
   }
 };
 
@@ -126,7 +145,6 @@ struct Case {
   std::string name;
   std::vector<std::string> (*command)(const Workplace& at, const std::string& out);
   bool short_lived = false;  ///< may have ended by itself before the signal
-  bool needs_recording = false;
 };
 
 // NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
@@ -161,9 +179,6 @@ class Stop : public ::testing::TestWithParam<Case> {};
 
 TEST_P(Stop, EndsSoonAfterASignalAndLeavesNoHalfWrittenFile) {
   const Case& tested = GetParam();
-  if (tested.needs_recording) {
-    workplace().record();
-  }
   std::mt19937 random(seed() + static_cast<unsigned>(std::hash<std::string>{}(tested.name)));
   for (const int number : {SIGINT, SIGTERM}) {
     const double after_s = std::uniform_real_distribution<double>(0.0, kLatestSignal_s)(random);
@@ -224,20 +239,19 @@ const Case kCases[] = {
      }},
     {"replay",
      [](const Workplace& at, const std::string& out) {
-       return Words{"replay", at.recording, "--out", out};
-     },
-     false, true},
+       return Words{"replay", at.recording(), "--out", out};
+     }},
     {"plot",
      [](const Workplace& at, const std::string& out) {
-       return Words{"plot", at.recording, "--out", out};
+       return Words{"plot", at.recording(), "--out", out};
      },
-     true, true},
+     true},
     {"evaluate",
      [](const Workplace& at, const std::string& out) {
        return Words{"evaluate", "--method", "forcegrid;kriging", "--trace",
-                    at.trace,   "--out",    out + "/forces.csv"};
+                    at.trace(), "--out",    out + "/forces.csv"};
      },
-     true, true},
+     true},
     {"emulate",
      [](const Workplace&, const std::string&) {
        return Words{"emulate", "--device", "falcon", "--listen", "127.0.0.1:0"};
@@ -256,11 +270,11 @@ const Case kCases[] = {
      }},
     {"worker",
      [](const Workplace& at, const std::string&) {
-       return Words{"worker", "--connect", "tcp://127.0.0.1:9", "--key", at.key};
+       return Words{"worker", "--connect", "tcp://127.0.0.1:9", "--key", at.key()};
      }},
     {"scene_of_a_mesh",
      [](const Workplace& at, const std::string&) {
-       return Words{"scene", at.mesh_scene};
+       return Words{"scene", at.mesh_scene()};
      }},
     {"scene_return_test",
      [](const Workplace&, const std::string&) {
@@ -315,10 +329,10 @@ INSTANTIATE_TEST_SUITE_P(Commands, Stop, ::testing::ValuesIn(kCases),
 // A signal that no random moment may miss: while the scene of `run` loads, and its simulator says
 // so.
 TEST(StoppedCommand, SaysThatTheSceneLoads) {
-  Program run = Program::forcegrid({"run", "--scene", workplace().mesh_scene, "--seconds", "1",
+  Program run = Program::forcegrid({"run", "--scene", workplace().mesh_scene(), "--seconds", "1",
                                     "--out", fresh_folder("stop_loading")});
-  ASSERT_TRUE(
-      run.wait_for_text("[simulator] loading " + workplace().mesh_scene, std::chrono::seconds(30)))
+  ASSERT_TRUE(run.wait_for_text("[simulator] loading " + workplace().mesh_scene(),
+                                std::chrono::seconds(30)))
       << run.standard_error();
   run.send_signal(SIGTERM);
   ASSERT_EQ(run.wait(kSoon), 128 + SIGTERM) << run.standard_error();

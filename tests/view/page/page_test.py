@@ -82,6 +82,10 @@ def start_browser(downloads):
     browser = webdriver.Chrome(service=Service(DRIVER), options=options)
     browser.execute_cdp_cmd("Browser.setDownloadBehavior",
                             {"behavior": "allow", "downloadPath": str(downloads)})
+    # All that is shown is drawn in software, beside other tests: ten times a second are enough.
+    browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": """
+        const request = window.requestAnimationFrame.bind(window);
+        window.requestAnimationFrame = (draw) => setTimeout(() => request(draw), 100);"""})
     return browser
 
 
