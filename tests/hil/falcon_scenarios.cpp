@@ -93,7 +93,7 @@ TEST(Falcon, TakesItsFirmwareIsHomedAndFeelsTheBlock) {
   FalconBench bench;
   EXPECT_EQ(driver_of(bench.port()), "") << "a driver of the kernel has taken the interface";
   constexpr std::size_t kWords = 200;
-  constexpr double kSeconds = 4.0;
+  constexpr double kSeconds = 2.5;
   const std::string image = image_file(kWords);
   const EndedRun felt = run_falcon("falcon", kSeconds, {"--firmware", image});
   expect_sound(felt, kSeconds);

@@ -84,7 +84,7 @@ void expect_contact(const EndedRun& run) {
 // The whole: calibration by the emulated operator, approach, contact, forces.
 TEST(OpenAndRun, ByVendorAndProductWithCalibrationAndContact) {
   Bench bench;
-  constexpr double kSeconds = 6.0;
+  constexpr double kSeconds = 3.5;  // the hand is at the object after 1.7
   const EndedRun felt = run("hid:1234:0006", kSeconds);
   expect_sound(felt, kSeconds);
   expect_contact(felt);
@@ -153,7 +153,7 @@ TEST(Unplug, InMidForceStopsTheMotorsWithinHalfASecondAndEndsTheRun) {
       Program::forcegrid(run_arguments("hid:1234:0006", 60.0, folder, {"--calibrated"}));
   program.wait_for_line("Simulator: ");
   // The operator is at the object 1.7 s after the first command, and stays there.
-  std::this_thread::sleep_for(std::chrono::milliseconds(4500));
+  std::this_thread::sleep_for(std::chrono::milliseconds(3000));
   const auto pulled = Clock::now();
   bench.unplug();
   const auto gone = Clock::now();
