@@ -3,8 +3,11 @@
 
 #include <poll.h>
 #include <pty.h>
+#include <sched.h>
 #include <signal.h>
 #include <stdlib.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -22,18 +25,47 @@ InTerminal::InTerminal(std::vector<std::string> command) {
   winsize size{};
   size.ws_col = 80;
   size.ws_row = 24;
-  pid_ = forkpty(&terminal_, nullptr, nullptr, &size);
-  if (pid_ == 0) {
-    setenv("TERM", "xterm", 1);
-    execvp(argv[0], argv.data());
-    _exit(127);
+  // When the leader of the terminal's session ends, the kernel drops what nobody has read yet. So
+  // the leader is a process that stays, and the program is its sibling, a child of this process.
+  int started[2];
+  if (pipe(started) != 0) {
+    return;
   }
+  leader_ = forkpty(&terminal_, nullptr, nullptr, &size);
+  if (leader_ == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    const long program = syscall(SYS_clone, CLONE_PARENT | SIGCHLD, nullptr, nullptr, nullptr, 0L);
+    if (program == 0) {
+      close(started[0]);
+      close(started[1]);
+      setenv("TERM", "xterm", 1);
+      execvp(argv[0], argv.data());
+      _exit(127);
+    }
+    const auto pid = static_cast<pid_t>(program);
+    static_cast<void>(!write(started[1], &pid, sizeof pid));
+    for (int stream = 0; stream < 3; ++stream) {
+      close(stream);
+    }
+    for (;;) {
+      pause();
+    }
+  }
+  close(started[1]);
+  if (read(started[0], &pid_, sizeof pid_) != sizeof pid_) {
+    pid_ = -1;
+  }
+  close(started[0]);
 }
 
 InTerminal::~InTerminal() {
   if (pid_ > 0) {
     kill(pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);
+  }
+  if (leader_ > 0) {
+    kill(leader_, SIGKILL);
+    waitpid(leader_, nullptr, 0);
   }
   close(terminal_);
 }

@@ -39,6 +39,7 @@ class InTerminal {
   std::string seen_afterwards() const;
 
  private:
+  pid_t leader_ = -1;  ///< of the terminal's session
   pid_t pid_ = -1;
   int terminal_ = -1;
   std::string seen_;
