@@ -50,7 +50,7 @@ OLD_UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
 .NOTPARALLEL:
-.PHONY: run view program tools build test setup bench bench-realtime sanitize fuzz lint docs pictures
+.PHONY: run view program tools build test test-full setup bench bench-realtime sanitize fuzz lint docs pictures
 .PHONY: build-report clean deb deb-test
 .PHONY: hil hil-full hil-matrix install-udev uninstall-udev
 
@@ -90,6 +90,10 @@ test: build-tests
 	ctest --test-dir build/release -j5 --output-on-failure
 	@grep -aE '^(AGAIN:|[0-9]+/[0-9]+ Testing: )' build/release/Testing/Temporary/LastTest.log | \
 	  grep -a -B1 '^AGAIN:' || true
+
+# What takes half a minute each: whole runs in a browser, other people's finite-element codes.
+test-full: build-tests
+	ctest --test-dir build/release -C Full -L '^full$$' --output-on-failure
 
 bench: build-bench
 	build/release/bin/forcegrid_bench
