@@ -588,7 +588,6 @@ TEST(DictionaryField, LearnsADamperFromHistoryFeatures) {
 // covariance's, and grows until it overflows.
 TEST(DictionaryField, AveragesSamplesWithStiffnessAndStaysFinite) {
   constexpr double kNoise_N = 0.03;
-  constexpr unsigned kSeed = 7;
   SCOPED_TRACE(kSeed);
   FieldSettings settings;
   settings.nugget_N2 = 1e-3;
