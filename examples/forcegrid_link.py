@@ -328,9 +328,9 @@ class SimulatorLink:
         to a query that of the present contact. contact_point_W_m: where the tool touched.
         stiffness_W_N_per_m: dF/dP, 9 numbers row by row. converged: the solver reached its tolerance.
         Raises ValueError for what the servo would refuse."""
-        position_W_m = tuple(position_W_m or request.position_W_m)
-        contact_point_W_m = tuple(contact_point_W_m or position_W_m)
-        stiffness = tuple(stiffness_W_N_per_m or [0.0] * 9)
+        position_W_m = tuple(request.position_W_m if position_W_m is None else position_W_m)
+        contact_point_W_m = tuple(position_W_m if contact_point_W_m is None else contact_point_W_m)
+        stiffness = tuple([0.0] * 9 if stiffness_W_N_per_m is None else stiffness_W_N_per_m)
         if not (_within(position_W_m, _MAX_POSITION_M) and _within(contact_point_W_m, _MAX_POSITION_M)
                 and _within(force_W_N, _MAX_FORCE_N) and _within(stiffness, _MAX_STIFFNESS_N_PER_M)
                 and 0.0 <= relative_residual < math.inf and 0.0 <= solve_time_s <= _MAX_SOLVE_TIME_S):
@@ -360,7 +360,7 @@ class SimulatorLink:
         offsets = [vertex[axis] - tool_state.position_W_m[axis] for vertex in vertices_W_m
                    for axis in range(3)]
         corners = [corner for triangle in triangles for corner in triangle]
-        stiffness = tuple(stiffness_W_N_per_m or [0.0] * 6)
+        stiffness = tuple([0.0] * 6 if stiffness_W_N_per_m is None else stiffness_W_N_per_m)
         slides = press_forces_W_N is not None
         press = [component for force in press_forces_W_N for component in force] if slides else []
         flags = (stiffness_W_N_per_m is not None) | slides << 1
