@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A block of neo-Hookean tissue that the finite-element package GetFEM computes, some ten times a
-second. At the end of a run it says how far its answers were from its own converged forces.
+"""A block of neo-Hookean tissue that the finite-element package GetFEM computes, five to fourteen times
+a second. At the end of a run it says how far its answers were from its own converged forces.
 usage: getfem_simulator.py PORT      needs python3-getfem, python3-scipy (setup/install.sh fem)"""
 import sys
 import time
 
-import getfem
-import numpy as np
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
+try:
+    import getfem
+    import numpy as np
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+except ImportError as missing:
+    sys.exit("%s; 'setup/install.sh fem' installs it for /usr/bin/python3" % missing)
 
 from forcegrid_link import LinkError, SimulatorLink
 
