@@ -70,8 +70,9 @@ TEST_F(LongCalibrate, AMemberMeasuresADeviceAndTheNextRunTakesWhatWasWritten) {
   }
   const ShellResult run = as_user(
       "operator",
-      "forcegrid run --device hid:1209:0001 --profile phantom_desktop --calibrated --scene small "
-      "--device-timeout-ms 400 --no-reference --seconds 0.5 --out /tmp/out-calibrated");
+      "forcegrid run --device hid:1209:0001 --profile phantom_desktop --calibrated --scene " +
+          tiny_scene() +
+          " --device-timeout-ms 400 --no-reference --seconds 0.5 --out /tmp/out-calibrated");
   EXPECT_EQ(run.status, 0) << run.text;
   EXPECT_THAT(run.text, HasSubstr("Calibrated profile of this unit: " + file));
   expect_motors_off(bench.end());

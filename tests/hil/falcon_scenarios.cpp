@@ -142,8 +142,8 @@ TEST(LongFalcon, IsGivenToThePlugdevGroupByTheUdevRuleAndToNobodyElse) {
   EXPECT_EQ(fs::canonical(link, error).string(), node);
 
   const std::string command =
-      "forcegrid run --device falcon --device-timeout-ms 400 --scene small --no-reference "
-      "--seconds 0.5 --out /tmp/out-$(id -u)";
+      "forcegrid run --device falcon --device-timeout-ms 400 --no-reference --scene " +
+      tiny_scene() + " --seconds 0.5 --out /tmp/out-$(id -u)";
   const ShellResult member = as_user("operator", command);
   EXPECT_EQ(member.status, 0) << member.text;
   EXPECT_THAT(member.text, HasSubstr("zero current at the end delivered"));

@@ -200,7 +200,7 @@ std::string tiny_scene() {
   const std::string file = "/tmp/tiny.toml";
   std::ofstream(file) << "description = \"Cube of 100 vertices\"\n[[object]]\nshape = \"block\"\n"
                          "vertex_count = [5, 5, 4]\nsize_m = [0.1, 0.1, 0.1]\nlaw = \"linear\"\n"
-                         "stiffness_N_per_m = 20.0\n";
+                         "stiffness_N_per_m = 60.0\n";
   return file;
 }
 
@@ -211,7 +211,7 @@ std::vector<std::string> run_arguments(const std::string& device, double seconds
       "run",   "--device", device,   "--no-reference",        "--seconds", std::to_string(seconds),
       "--out", folder,     "--json", folder + "/summary.json"};
   if (std::find(more.begin(), more.end(), "--simulator") == more.end()) {
-    arguments.insert(arguments.end(), {"--scene", "small"});
+    arguments.insert(arguments.end(), {"--scene", tiny_scene()});
   }
   // A guest on a busy host can stand still for longer than the usual 100 ms.
   arguments.insert(arguments.end(), {"--device-timeout-ms", "400"});

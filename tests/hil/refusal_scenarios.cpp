@@ -33,9 +33,8 @@ std::string first_line(const fs::path& path) {
 }
 
 std::string run_command(const std::string& device) {
-  return "forcegrid run --device " + device +
-         " --calibrated --device-timeout-ms 400 --scene small --no-reference --seconds 0.5 --out "
-         "/tmp/out-$(id -u)";
+  return "forcegrid run --device " + device + " --calibrated --device-timeout-ms 400 --scene " +
+         tiny_scene() + " --no-reference --seconds 0.5 --out /tmp/out-$(id -u)";
 }
 
 /// The owner may read and write, the group plugdev too, others nothing.

@@ -52,7 +52,8 @@ TEST(LongTwoPrograms, TheOneThatHasTheNodeOpenIsNamedAndNoMotorMovesUnlessShared
     // A member of plugdev may not look at root's processes, and is told so.
     const ShellResult member = shell(
         "su operator -c 'forcegrid run --device hid:1234:0006 --calibrated --device-timeout-ms 400 "
-        "--scene small --no-reference --seconds 0.5 --out /tmp/out-operator'");
+        "--no-reference --seconds 0.5 --out /tmp/out-operator --scene " +
+        tiny_scene() + "'");
     EXPECT_EQ(member.status, 0) << member.text;
     EXPECT_THAT(member.text, HasSubstr("processes of other users can't be looked at"));
   }
