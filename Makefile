@@ -91,9 +91,10 @@ test: build-tests
 	@grep -aE '^(AGAIN:|[0-9]+/[0-9]+ Testing: )' build/release/Testing/Temporary/LastTest.log | \
 	  grep -a -B1 '^AGAIN:' || true
 
-# What takes half a minute each: whole runs in a browser, other people's finite-element codes.
+# What takes up to half a minute each: the page and whole runs in a browser, other people's
+# finite-element codes, the installed copy, Python's stubs and wheel, the site of the documents.
 test-full: build-tests
-	ctest --test-dir build/release -C Full -L '^full$$' --output-on-failure
+	ctest --test-dir build/release -C Full -L '^full$$' -j2 --output-on-failure
 
 bench: build-bench
 	build/release/bin/forcegrid_bench
