@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/support/in_terminal.h"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <pty.h>
 #include <sched.h>
@@ -15,6 +16,21 @@
 #include <chrono>
 
 namespace forcegrid::testing {
+
+namespace {
+
+// A terminal's session is a scheduling group of its own. Beside two guests at work such a group was
+// seen to get 3 % of a core for 15 s, with all its threads ready to run (Linux 6.18). What is more
+// urgent is not; to make it so takes root.
+void make_the_session_urgent() {
+  const int group = open("/proc/self/autogroup", O_WRONLY | O_CLOEXEC);
+  if (group >= 0) {
+    static_cast<void>(!write(group, "-20", 3));
+    close(group);
+  }
+}
+
+}  // namespace
 
 InTerminal::InTerminal(std::vector<std::string> command) {
   std::vector<char*> argv;
@@ -34,6 +50,7 @@ InTerminal::InTerminal(std::vector<std::string> command) {
   leader_ = forkpty(&terminal_, nullptr, nullptr, &size);
   if (leader_ == 0) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
+    make_the_session_urgent();
     const long program = syscall(SYS_clone, CLONE_PARENT | SIGCHLD, nullptr, nullptr, nullptr, 0L);
     if (program == 0) {
       close(started[0]);
