@@ -137,9 +137,11 @@ hil-full: build-tests
 # each kernel) and from a run of the tests that drive an emulated device without a kernel.
 hil-matrix: build-tests
 	@mkdir -p build/hil/results
+	cmake --preset release -DFORCEGRID_TESTS_ONE_BY_ONE=ON >/dev/null && $(BUILD)
 	ctest --test-dir build/release -LE hil -R '$(USER_SPACE_TESTS)' -j2 \
 	  --output-junit $(CURDIR)/build/hil/results/user_space.xml || true
 	python3 tests/hil/matrix.py --junit build/hil/results/user_space.xml
+	cmake --preset release -DFORCEGRID_TESTS_ONE_BY_ONE=OFF >/dev/null && $(BUILD)
 
 # All pages and the C++ interfaces as one site without a network: build/docs/site/index.html.
 docs: $(call PACKAGES,docs)

@@ -69,6 +69,24 @@ function(forcegrid_quick_to_compile name)
   endif()
 endfunction()
 
+# Half of a unit test's time is its process's and ctest's, so ctest knows whole test suites, as
+# PROGRAM.SUITE. Tests that run in real time are single ones, since a failed one may run again.
+option(FORCEGRID_TESTS_ONE_BY_ONE "Let ctest know every single unit test by its name" OFF)
+
+# forcegrid_discover_suites(NAME PROPERTY VALUE...): the suites of a built test program are ctest's.
+function(forcegrid_discover_suites name)
+  set(list ${CMAKE_CURRENT_BINARY_DIR}/${name}_suites.cmake)
+  if(NOT EXISTS ${list})
+    file(WRITE ${list} "add_test(${name}_NOT_BUILT ${name}_NOT_BUILT)\n")
+  endif()
+  string(REPLACE ";" "," properties "${ARGN}")
+  add_custom_command(TARGET ${name} POST_BUILD
+    COMMAND ${CMAKE_COMMAND} -DPROGRAM=$<TARGET_FILE:${name}> -DNAME=${name} -DOUT=${list}
+            -DPROPERTIES=${properties} -P ${PROJECT_SOURCE_DIR}/cmake/DiscoverSuites.cmake
+    VERBATIM)
+  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${list})
+endfunction()
+
 # All tests labelled unit that are configured.
 add_custom_target(forcegrid_unit_tests)
 
@@ -106,9 +124,15 @@ function(forcegrid_test name)
   if("unit" IN_LIST arg_LABELS)
     add_dependencies(forcegrid_unit_tests ${name})
   endif()
-  set(properties LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
+  set(properties LABELS "${arg_LABELS}")
   if(arg_SERIAL)
     list(APPEND properties RESOURCE_LOCK deadlines)
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES ${properties})
+  if(arg_LABELS STREQUAL "unit" AND NOT arg_LIVE AND NOT FORCEGRID_TESTS_ONE_BY_ONE)
+    math(EXPR arg_TIMEOUT "4 * ${arg_TIMEOUT}")
+    forcegrid_discover_suites(${name} ${properties} TIMEOUT ${arg_TIMEOUT})
+  else()
+    gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST
+                         PROPERTIES ${properties} TIMEOUT ${arg_TIMEOUT})
+  endif()
 endfunction()
