@@ -21,8 +21,8 @@ PACKAGES = $(addprefix build/.packages-,$(1))
 FOR_PROGRAM := $(call PACKAGES,run)
 FOR_TOOLS   := $(call PACKAGES,run chart)
 FOR_VIEW    := $(call PACKAGES,run view)
-FOR_TESTS   := $(call PACKAGES,run view chart test fem browser python guest docs)
-FOR_DEB     := $(call PACKAGES,run view chart python deb)
+FOR_TESTS   := $(call PACKAGES,run view mesh chart test fem browser python guest docs)
+FOR_DEB     := $(call PACKAGES,run view mesh chart python deb)
 FOR_BENCH   := $(call PACKAGES,run chart test bench python guest)
 CONFIGURE := setup/configure.sh
 BUILD := cmake --build --preset release
@@ -50,7 +50,7 @@ OLD_UDEV_RULE := $(DESTDIR)/etc/udev/rules.d/70-forcegrid.rules
 AS_ROOT := $(if $(DESTDIR),,$(if $(filter-out 0,$(shell id -u)),sudo))
 
 .NOTPARALLEL:
-.PHONY: run view program tools build test test-full setup bench bench-realtime sanitize fuzz lint docs pictures
+.PHONY: run view scenes program tools build test test-full setup bench bench-realtime sanitize fuzz lint docs pictures
 .PHONY: build-report clean deb deb-test
 .PHONY: hil hil-full hil-matrix install-udev uninstall-udev
 
@@ -66,6 +66,8 @@ ifneq ($(filter-out 0,$(WORKERS)),)
 $(error WORKERS=$(WORKERS): only the project's own simulator has workers; leave SIMULATOR=$(SIMULATOR) out)
 endif
 endif
+# Scenes whose meshes have to be made.
+MADE_SCENE = $(if $(filter liver liver_fine,$(SCENE)),scenes)
 RUN := $(PROGRAM) run --device $(DEVICE_URL) --seconds $(SECONDS)
 
 ifeq ($(SIMULATOR),bullet)
@@ -74,13 +76,13 @@ run: $(FOR_TOOLS)
 	$(BUILD) --target forcegrid_cli bullet_simulator
 	examples/run_with_simulator.sh "build/release/bin/bullet_simulator 127.0.0.1:0" $(RUN) $(ARGS)
 else
-run: program
+run: program $(MADE_SCENE)
 	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)
 endif
 
 # The run in a browser, until it is stopped, or for SECONDS. The program prints the address.
 view: VIEW_SECONDS = $(if $(filter file,$(origin SECONDS)),0,$(SECONDS))
-view: $(FOR_VIEW)
+view: $(FOR_VIEW) $(MADE_SCENE)
 	$(CONFIGURE) VIEW
 	$(BUILD) --target forcegrid_cli forcegrid_view
 	$(PROGRAM) run --device $(DEVICE_URL) --scene $(SCENE) --view --seconds $(VIEW_SECONDS) $(ARGS)
@@ -108,7 +110,7 @@ bench-realtime: build-bench
 
 # The tests under AddressSanitizer with UndefinedBehaviorSanitizer, and those with threads under
 # ThreadSanitizer. SANITIZERS=asan: only that one.
-sanitize: $(FOR_TESTS)
+sanitize: $(FOR_TESTS) scenes
 	for preset in $(SANITIZERS); do \
 	  cmake --preset $$preset >/dev/null && cmake --build --preset $$preset && \
 	  ctest --test-dir build/$$preset -j2 --output-on-failure || exit 1; \
@@ -167,6 +169,10 @@ program: $(FOR_PROGRAM)
 	$(CONFIGURE)
 	$(BUILD) --target forcegrid_cli
 
+# build/scenes/*.msh, which Gmsh makes of the geometries in simulator/scenes.
+scenes: $(call PACKAGES,mesh)
+	simulator/scenes/make_meshes.sh build/scenes
+
 # build/release/bin/forcegrid-tools: charts, tuning, calibration. `forcegrid chart` and the like call
 # this if it is missing.
 tools: $(FOR_TOOLS)
@@ -174,7 +180,7 @@ tools: $(FOR_TOOLS)
 	$(BUILD) --target forcegrid_cli forcegrid_tools_program forcegrid_reference
 
 # Debian packages of what is built: build/deb/*.deb.
-deb: $(FOR_DEB)
+deb: $(FOR_DEB) scenes
 	$(CONFIGURE) TOOLS VIEW BINDINGS PYTHON
 	$(BUILD)
 	packaging/make_deb.sh
@@ -189,7 +195,7 @@ build: $(FOR_TOOLS) $(call PACKAGES,python)
 	$(BUILD)
 
 .PHONY: build-tests build-bench
-build-tests: $(FOR_TESTS)
+build-tests: $(FOR_TESTS) scenes
 	$(CONFIGURE) TESTS PYTHON
 	$(BUILD)
 
@@ -211,7 +217,7 @@ build/.packages-%: setup/packages.txt setup/install.sh
 # The unit tests of eight rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
 # all that a byte from outside or a servo cycle goes through. `sanitize` is the whole.
 .PHONY: sanitize-unit
-sanitize-unit: $(FOR_TESTS)
+sanitize-unit: $(FOR_TESTS) scenes
 	cmake --preset asan-unit >/dev/null && cmake --build --preset asan-unit
 	ctest --test-dir build/asan-unit -L unit -j2 --output-on-failure
 

@@ -22,7 +22,10 @@ if(TARGET forcegrid_view)
 endif()
 install(DIRECTORY profiles/ DESTINATION ${CMAKE_INSTALL_DATADIR}/forcegrid/profiles
         FILES_MATCHING PATTERN "*.toml")
-install(DIRECTORY simulator/scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/forcegrid/scenes)
+install(DIRECTORY simulator/scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/forcegrid/scenes
+        FILES_MATCHING PATTERN "*.toml")
+install(DIRECTORY ${FORCEGRID_MADE_MESHES_DIR}/ DESTINATION ${CMAKE_INSTALL_DATADIR}/forcegrid/scenes
+        OPTIONAL FILES_MATCHING PATTERN "*.msh")
 # udev reads /usr/lib/udev, whatever the folder of libraries is.
 install(FILES udev/10-forcegrid.rules DESTINATION lib/udev/rules.d)
 

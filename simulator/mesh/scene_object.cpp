@@ -224,10 +224,26 @@ void warn_of(const TomlTable& table, std::vector<std::string>& warnings) {
           kHeaviestTissue_kg_per_m3, "kg/m^3");
 }
 
+// Relative to the scene's file; an absolute path replaces the folder. What is made of the
+// geometries in the source tree lies in its build folder.
+std::string mesh_path(const TomlTable& object) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::path(object.file()).parent_path();
+  const fs::path file = folder / object.text("file");
+  std::error_code error;
+  if (folder != FORCEGRID_SCENE_SOURCE_DIR || fs::exists(file, error)) {
+    return file.string();
+  }
+  const fs::path made = fs::path(FORCEGRID_MADE_MESHES_DIR) / file.filename();
+  if (!fs::exists(made, error)) {
+    throw Error("mesh file " + made.string() +
+                ": it is not there yet; 'make scenes' makes it with Gmsh");
+  }
+  return made.string();
+}
+
 SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_W) {
-  // Relative to the scene's file; an absolute path replaces the folder.
-  const std::string file =
-      (std::filesystem::path(object.file()).parent_path() / object.text("file")).string();
+  const std::string file = mesh_path(object);
   MeshObjectOptions options;
   options.who = "mesh file " + file + ": ";
   options.unit_m = unit_m(object);

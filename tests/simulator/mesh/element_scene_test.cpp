@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -149,6 +150,43 @@ TEST_F(ElementScene, WarnsOfWhatNoTissueHas) {
   ASSERT_EQ(scene.warnings.size(), 1U);
   EXPECT_NE(scene.warnings[0].find("scene.toml:10: youngs_modulus_Pa"), std::string::npos)
       << scene.warnings[0];
+}
+
+// Of simulator/scenes/liver.geo [mm]: two ellipsoids, the second turned and moved, less a sphere.
+bool in_liver(const Eigen::Vector3d& place_mm) {
+  const auto in_ellipsoid = [](const Eigen::Vector3d& place, const Eigen::Array3d& semi_axes) {
+    return (place.array() / semi_axes).matrix().squaredNorm() < 1.0;
+  };
+  const Eigen::AngleAxisd turned(std::acos(-1.0) / 14.0, Eigen::Vector3d::UnitX());
+  const bool right = in_ellipsoid(place_mm, {68.0, 82.0, 62.0});
+  const bool left = in_ellipsoid(turned.inverse() * (place_mm - Eigen::Vector3d(6.0, 62.0, 14.0)),
+                                 {52.0, 105.0, 36.0});
+  const bool hollow = (place_mm - Eigen::Vector3d(30.0, 70.0, -95.0)).norm() < 92.0;
+  return (right || left) && !hollow;
+}
+
+TEST(OwnScenes, TheLiverFillsItsGeometry) {
+  constexpr double kStep_mm = 2.0;
+  double volume_mm3 = 0.0;
+  for (double x = -100.0; x < 100.0; x += kStep_mm) {
+    for (double y = -100.0; y < 200.0; y += kStep_mm) {
+      for (double z = -80.0; z < 80.0; z += kStep_mm) {
+        volume_mm3 += in_liver({x, y, z}) ? kStep_mm * kStep_mm * kStep_mm : 0.0;
+      }
+    }
+  }
+  const auto expect_filled = [volume_mm3](const char* name, double elements, double tolerance) {
+    const Scene scene = make_scene(name);
+    // Chords cut a little off every arc.
+    const double filled = 1e9 * element_volume_m3(scene.mesh) / volume_mm3;
+    EXPECT_LT(filled, 1.0) << name;
+    EXPECT_GT(filled, 1.0 - tolerance) << name;
+    EXPECT_NEAR(static_cast<double>(scene.mesh.tetrahedra.size()), elements, 0.1 * elements)
+        << name;
+    EXPECT_TRUE(scene.warnings.empty()) << name;
+  };
+  expect_filled("liver", 5000.0, 0.02);
+  expect_filled("liver_fine", 20000.0, 0.01);
 }
 
 }  // namespace
