@@ -74,6 +74,9 @@ void print_motion(const simulator::SolverBenchResult& result) {
 }
 
 void print_dynamic(const simulator::SolverBenchResult& result) {
+  if (result.dynamic.empty()) {
+    return;
+  }
   std::printf(
       "\nThe object in motion, solver dynamic: processor time per step along the motion 'random';\n"
       "force against the equilibrium's after the tool has rested; energy after it has let go\n"
@@ -88,6 +91,9 @@ void print_dynamic(const simulator::SolverBenchResult& result) {
 }
 
 void print_reduced(const simulator::SolverBenchResult& result) {
+  if (result.reduced.empty()) {
+    return;
+  }
   std::printf(
       "\nThe reduced model, trained on the motion 'lissajous'; states against the full solver's at "
       "30 Hz\n  %8s %12s %8s %8s %9s %15s %13s %10s %12s\n",
@@ -102,6 +108,9 @@ void print_reduced(const simulator::SolverBenchResult& result) {
 }
 
 void print_learning(const simulator::SolverBenchResult& result) {
+  if (result.learning.empty()) {
+    return;
+  }
   std::printf(
       "\nThe reduced model learned along the motion 'random', against the full solver's forces\n  "
       "%8s %10s %9s %12s %10s %12s %12s %10s %14s\n",
@@ -119,6 +128,9 @@ void print_learning(const simulator::SolverBenchResult& result) {
 }
 
 void print_step(const simulator::SolverBenchResult& result) {
+  if (result.step.empty()) {
+    return;
+  }
   std::printf(
       "\nA step of 10 mm upwards from rest, linear springs; processor time until it stays within\n"
       "  %-24s %12s %12s %12s %12s %12s %14s %9s\n",
@@ -136,6 +148,9 @@ void print_step(const simulator::SolverBenchResult& result) {
 }
 
 void print_ratios(const simulator::SolverBenchResult& result) {
+  if (result.ratios.empty()) {
+    return;
+  }
   std::printf("\nTime of the peer's cheapest setting of at least the same accuracy, over ours\n");
   for (const simulator::SpeedRatio& ratio : result.ratios) {
     char text[32] = "no setting is as accurate";
@@ -172,24 +187,18 @@ int solver_bench_command(const std::string& scene, const JsonTarget& json) {
   }
   simulator::SolverBenchResult result = simulator::bench_solvers(made, options);
   work.end();
-  if (!learns) {
+  if (!learns && result.tetrahedra == 0) {
     result.remarks.push_back("the model was not learned along the motion: more than " +
                              std::to_string(kMostVerticesLearnt) + " vertices");
   }
   if (!json.on_stdout()) {
-    std::printf("%s: %zu vertices, %zu springs\n", result.scene.c_str(), result.vertices,
-                result.springs);
+    std::printf("%s: %zu vertices, %zu springs, %zu tetrahedra\n", result.scene.c_str(),
+                result.vertices, result.springs, result.tetrahedra);
     print_motion(result);
     print_reduced(result);
-    if (!result.learning.empty()) {
-      print_learning(result);
-    }
-    if (!result.step.empty()) {
-      print_step(result);
-    }
-    if (!result.dynamic.empty()) {
-      print_dynamic(result);
-    }
+    print_learning(result);
+    print_step(result);
+    print_dynamic(result);
     print_ratios(result);
     for (const std::string& remark : result.remarks) {
       std::printf("%s\n", remark.c_str());

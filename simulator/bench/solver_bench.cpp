@@ -37,10 +37,14 @@ const std::string kReduced = to_string(SolverKind::kReduced);
 
 std::string tolerance_text(double tolerance) { return "|r| " + text::number_text(tolerance); }
 
-// Nothing if there is no motion to train on. All subjects of a run share the model.
+bool has_elements(const Scene& scene) { return !scene.mesh.tetrahedra.empty(); }
+
+// Nothing if there is no motion to train on, or for elements. All subjects of a run share the
+// model.
 std::shared_ptr<ReducedBench> train(const Scene& scene, const SolverBenchOptions& options) {
-  return options.training_W.empty() ? nullptr
-                                    : std::make_shared<ReducedBench>(scene, options.training_W);
+  return options.training_W.empty() || has_elements(scene)
+             ? nullptr
+             : std::make_shared<ReducedBench>(scene, options.training_W);
 }
 
 SolverSubject reduced(const std::shared_ptr<ReducedBench>& model) {
@@ -59,6 +63,9 @@ void add_elastic(const Scene& scene, const SolverOptions& solver, const std::str
 }
 
 void add_newton(const Scene& scene, Makes& makes) {
+  if (has_elements(scene)) {
+    return;
+  }
   for (const double tolerance : {1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5}) {
     makes.push_back([&scene, tolerance] { return newton_subject(scene, tolerance); });
   }
@@ -202,6 +209,12 @@ Scene with_linear_springs(Scene scene) {
 
 void measure_step(const Scene& asked, const SolverBenchOptions& options,
                   SolverBenchResult& result) {
+  if (has_elements(asked)) {
+    result.remarks.push_back(
+        "no Newton-CG baseline, no reduced model and no step with linear springs: this scene has "
+        "finite elements, and they know springs only");
+    return;
+  }
   if (!asked.mesh.load_W_N.empty() || !asked.mesh.home_stiffness_N_per_m.empty()) {
     result.remarks.push_back(
         "no step with linear springs: this scene has home springs or dead loads, which the peers "
@@ -245,7 +258,7 @@ void measure_step(const Scene& asked, const SolverBenchOptions& options,
 
 void measure_learning(const Scene& scene, const SolverBenchOptions& options,
                       SolverBenchResult& result) {
-  if (options.learning_W.empty()) {
+  if (options.learning_W.empty() || has_elements(scene)) {
     return;
   }
   if (options.say) {
@@ -255,6 +268,11 @@ void measure_learning(const Scene& scene, const SolverBenchOptions& options,
 }
 
 void find_ratios(SolverBenchResult& result) {
+  const bool has_peer = std::any_of(result.motion.begin(), result.motion.end(),
+                                    [](const MotionRow& row) { return row.solver == kNewton; });
+  if (!has_peer) {
+    return;
+  }
   for (const MotionRow& ours : result.motion) {
     if (ours.solver == kNewton) {
       continue;
@@ -289,7 +307,8 @@ nlohmann::json number_or_null(double value) {
 SolverBenchResult bench_solvers(const Scene& scene, const SolverBenchOptions& options) {
   SolverBenchResult result{.scene = scene.name,
                            .vertices = scene.mesh.rest_position_W.size(),
-                           .springs = scene.mesh.springs.size()};
+                           .springs = scene.mesh.springs.size(),
+                           .tetrahedra = scene.mesh.tetrahedra.size()};
   measure_motion(scene, options, result);
   measure_step(scene, options, result);
   measure_learning(scene, options, result);
@@ -302,6 +321,7 @@ nlohmann::json to_json(const SolverBenchResult& result) {
   nlohmann::json json{{"scene", result.scene},
                       {"vertices", result.vertices},
                       {"springs", result.springs},
+                      {"tetrahedra", result.tetrahedra},
                       {"remarks", result.remarks},
                       {"motion", nlohmann::json::array()},
                       {"step", nlohmann::json::array()},

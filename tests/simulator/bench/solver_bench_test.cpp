@@ -16,6 +16,7 @@
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/newton_cg_baseline.h"
+#include "tests/simulator/element_block.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -147,6 +148,30 @@ TEST(SolverBench, LeavesTheStepOutWhereThePeersLackTheScenesForces) {
   EXPECT_TRUE(result.step.empty());
   ASSERT_EQ(result.remarks.size(), 1U);
   EXPECT_THAT(result.remarks.front(), ::testing::HasSubstr("home springs or dead loads"));
+}
+
+TEST(SolverBench, OfFiniteElementsMeasuresTheSolversThatKnowThem) {
+  Scene scene;
+  scene.name = "elements";
+  scene.mesh = element_block({4, 4, 3}, 0.01, {ElementModel::kNeoHookean, 5000.0, 0.4, 1000.0});
+  SolverBenchOptions options;
+  options.passes = 1;
+  options.at_30_Hz_W = circle_W(30.0, 2.0);
+  options.at_500_Hz_W = circle_W(500.0, 0.7);
+  options.training_W = rosette_W();
+  options.learning_W = circle_W(100.0, 3.0);
+  const SolverBenchResult result = bench_solvers(scene, options);
+  EXPECT_EQ(result.tetrahedra, 6U * 4U * 4U * 3U);
+  EXPECT_GE(result.motion.size(), 10U);
+  for (const MotionRow& row : result.motion) {
+    EXPECT_NE(row.solver, "newton_cg");
+    EXPECT_NE(row.solver, "reduced");
+    EXPECT_LT(row.error_percent, 1.0) << row.solver << ", " << row.setting;
+  }
+  EXPECT_TRUE(result.reduced.empty() && result.learning.empty() && result.step.empty());
+  EXPECT_TRUE(result.ratios.empty());
+  ASSERT_EQ(result.remarks.size(), 1U);
+  EXPECT_THAT(result.remarks.front(), ::testing::HasSubstr("finite elements"));
 }
 
 TEST(SolverMotion, OfSeveralPassesTheShortestTimeOfEachTickCounts) {
