@@ -9,6 +9,7 @@
 
 #include "rt/checkpoint.h"
 #include "rt/vectors.h"
+#include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/mesh_object.h"
