@@ -142,8 +142,8 @@ hil-matrix: build-tests
 	cmake --preset release -DFORCEGRID_TESTS_ONE_BY_ONE=ON >/dev/null && $(BUILD)
 	ctest --test-dir build/release -LE hil -R '$(USER_SPACE_TESTS)' -j2 \
 	  --output-junit $(CURDIR)/build/hil/results/user_space.xml || true
-	python3 tests/hil/matrix.py --junit build/hil/results/user_space.xml
 	cmake --preset release -DFORCEGRID_TESTS_ONE_BY_ONE=OFF >/dev/null && $(BUILD)
+	python3 tests/hil/matrix.py --junit build/hil/results/user_space.xml
 
 # All pages and the C++ interfaces as one site without a network: build/docs/site/index.html.
 docs: $(call PACKAGES,docs)

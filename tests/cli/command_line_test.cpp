@@ -252,23 +252,21 @@ TEST(CommandLine, RefusesWhatIsNotFiniteForEveryNumberOfEveryCommand) {
       {"--coupling", "100,#"}};
   const std::vector<NumberOption> options = number_options();
   EXPECT_GT(options.size(), 60u) << "is the help's format another one?";
-  // One parser reads them all, so that one word each is enough.
-  const std::vector<std::string> not_finite{"nan", "inf", "-inf"};
-  for (std::size_t i = 0; i < options.size(); ++i) {
-    const NumberOption& option = options[i];
-    const std::string& word = not_finite[i % not_finite.size()];
-    std::string value = word;
-    if (const auto list = lists.find(option.name); list != lists.end()) {
-      value = list->second;
-      value.replace(value.find('#'), 1, word);
+  for (const NumberOption& option : options) {
+    for (const std::string word : {"nan", "inf", "-inf"}) {
+      std::string value = word;
+      if (const auto list = lists.find(option.name); list != lists.end()) {
+        value = list->second;
+        value.replace(value.find('#'), 1, word);
+      }
+      std::vector<std::string> words = option.command;
+      words.push_back(option.name + "=" + value);
+      Program program = Program::forcegrid(words);
+      EXPECT_EQ(program.wait(), 2) << option.command.back() << ' ' << words.back();
+      EXPECT_THAT(program.standard_error(),
+                  HasSubstr(option.name + ": '" + word + "' can't be used; give a"))
+          << option.command.back();
     }
-    std::vector<std::string> words = option.command;
-    words.push_back(option.name + "=" + value);
-    Program program = Program::forcegrid(words);
-    EXPECT_EQ(program.wait(), 2) << option.command.back() << ' ' << words.back();
-    EXPECT_THAT(program.standard_error(),
-                HasSubstr(option.name + ": '" + word + "' can't be used; give a"))
-        << option.command.back();
   }
 }
 
