@@ -3,11 +3,13 @@
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "tests/compat/hd_rig.h"
 
@@ -115,13 +117,20 @@ TEST(HdPhantom, N24_AnArmIsInChai3dsAxesAndTheLoopAtTheServosRate) {
   EXPECT_EQ(phantom.set_torque(0, nullptr, &torque_Nm[1], &torque_Nm[2]), -1);
   EXPECT_EQ(phantom.set_torque(0, &torque_Nm[0], &torque_Nm[1], &torque_Nm[2]), 0);
   EXPECT_EQ(phantom.set_force(0, &force_N[0], &force_N[1], &force_N[2]), 0);
-  const rt::TimePoint began = rt::Clock::now();
+  // One force a cycle of 1 ms: by the mean never faster, however late this thread is woken at times;
+  // by the median, which a busy machine's late wake-ups leave where it is, not slower.
+  std::vector<double> took_s;
+  rt::TimePoint last = rt::Clock::now();
+  const rt::TimePoint began = last;
   for (int k = 0; k < 500; ++k) {
     set(0);
+    const rt::TimePoint now = rt::Clock::now();
+    took_s.push_back(rt::seconds(now - last));
+    last = now;
   }
-  const double rate_Hz = 500 / rt::seconds(rt::Clock::now() - began);
-  EXPECT_GT(rate_Hz, 800);
-  EXPECT_LT(rate_Hz, 1200);
+  EXPECT_LT(500 / rt::seconds(last - began), 1200);
+  std::nth_element(took_s.begin(), took_s.begin() + 250, took_s.end());
+  EXPECT_GT(1 / took_s[250], 800);
 
   EXPECT_EQ(phantom.close(0), 0);
   EXPECT_TRUE(
