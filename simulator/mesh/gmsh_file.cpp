@@ -1,32 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulator/mesh/gmsh_file.h"
 
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <memory>
+#include <numbers>
 #include <system_error>
 #include <unordered_map>
+#include <vector>
 
 #include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/gmsh_library.h"
 #include "simulator/mesh/msh_header.h"
 
 namespace forcegrid::simulator {
 namespace {
 
-// What is called of Gmsh's C interface, version 4.8. Debian's header comes only with a CAD kernel
-// and its headers, which no build should need for a library that is loaded when a .msh file is
-// read.
-constexpr char kLibrary[] = "libgmsh.so.4.8";
-using gmshInitialize = void(int argc, char** argv, int read_configuration, int* error);
-using gmshOptionSetNumber = void(const char* name, double value, int* error);
+// What is called of Gmsh's C interface.
 using gmshOpen = void(const char* file, int* error);
-using gmshLoggerGetLastError = void(char** text, int* error);
-using gmshFree = void(void* memory);
-using gmshFinalize = void(int* error);
 using gmshModelMeshGetNodes = void(std::size_t** tags, std::size_t* tag_count, double** place,
                                    std::size_t* place_count, double** parameter,
                                    std::size_t* parameter_count, int dimension, int tag,
@@ -40,13 +33,28 @@ using gmshModelGetPhysicalGroups = void(int** dimensions_and_tags, std::size_t* 
 using gmshModelGetEntitiesForPhysicalGroup = void(int dimension, int tag, int** entities,
                                                   std::size_t* count, int* error);
 using gmshModelGetPhysicalName = void(int dimension, int tag, char** name, int* error);
+using gmshModelAdd = void(const char* name, int* error);
+using gmshModelAddDiscreteEntity = int(int dimension, int tag, int* boundary,
+                                       std::size_t boundary_count, int* error);
+using gmshModelMeshAddNodes = void(int dimension, int tag, std::size_t* tags, std::size_t tag_count,
+                                   double* place, std::size_t place_count, double* parameter,
+                                   std::size_t parameter_count, int* error);
+using gmshModelMeshAddElementsByType = void(int tag, int type, std::size_t* tags,
+                                            std::size_t tag_count, std::size_t* nodes,
+                                            std::size_t node_count, int* error);
+using gmshModelMeshClassifySurfaces = void(double angle_rad, int boundary,
+                                           int for_reparametrisation, double curve_angle_rad,
+                                           int export_discrete, int* error);
+using gmshModelMeshCreateGeometry = void(int* dimensions_and_tags, std::size_t count, int* error);
+using gmshModelGetEntities = void(int** dimensions_and_tags, std::size_t* count, int dimension,
+                                  int* error);
+using gmshModelGeoAddSurfaceLoop = int(int* surfaces, std::size_t count, int tag, int* error);
+using gmshModelGeoAddVolume = int(int* shells, std::size_t count, int tag, int* error);
+using gmshModelGeoSynchronize = void(int* error);
+using gmshModelMeshGenerate = void(int dimension, int* error);
 
 // Gmsh's numbers for its element types.
 enum GmshType { kLine = 1, kTriangle = 2, kTetrahedron = 4, kPoint = 15 };
-
-struct Close {
-  void operator()(void* library) const { ::dlclose(library); }
-};
 
 // Another name of the file, such that no other file's name begins with it. If FILE.opt lies beside
 // FILE, Gmsh runs it as a script, which may start programs, when it reads FILE.
@@ -69,41 +77,15 @@ class OwnName {
   int descriptor_;
 };
 
-// libgmsh brings a CAD kernel and a window system and takes longer to load than the rest of the
-// program takes to start, so it is loaded only here.
-class Gmsh {
+// Reads the mesh of Gmsh's present model.
+class Model {
  public:
-  explicit Gmsh(const std::string& file)
-      : who_("mesh file " + file + ": "), stated_nodes_(stated_node_count(file, who_)) {
-    library_.reset(::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL));
-    if (!library_) {
-      throw Error(who_ + kLibrary + " can't be loaded (" + ::dlerror() +
-                  "); install Debian's libgmsh4.8 or convert the file to .obj");
-    }
-    int error = 0;
-    function<gmshInitialize>("gmshInitialize")(0, nullptr, 0, &error);
-    require(error == 0, "libgmsh does not start");
-    function<gmshOptionSetNumber>("gmshOptionSetNumber")("General.Terminal", 0.0, &error);
-    const OwnName name_in_gmsh(file, who_);
-    function<gmshOpen>("gmshOpen")(name_in_gmsh.text().c_str(), &error);
-    if (error != 0) {
-      std::string reason = last_error();
-      if (const auto at = reason.find(name_in_gmsh.text()); at != std::string::npos) {
-        reason.replace(at, name_in_gmsh.text().size(), file);
-      }
-      finish();
-      throw Error(who_ + "Gmsh can't read it (" + reason + "); save it as .msh again");
-    }
-  }
-  ~Gmsh() { finish(); }
-  Gmsh(const Gmsh&) = delete;
-  Gmsh& operator=(const Gmsh&) = delete;
+  explicit Model(const GmshLibrary& gmsh) : gmsh_(gmsh), who_(gmsh.who()) {}
 
   MeshFile read() {
     MeshFile mesh;
     read_nodes(mesh);
     read_elements(mesh);
-    check_node_count(mesh);
     if (!mesh.tetrahedra.empty()) {
       mesh.triangles.clear();
       read_regions(mesh);
@@ -113,37 +95,11 @@ class Gmsh {
 
  private:
   template <typename Function>
-  Function* function(const char* name) {
-    void* const symbol = ::dlsym(library_.get(), name);
-    require(symbol != nullptr, std::string("libgmsh has no ") + name);
-    return reinterpret_cast<Function*>(symbol);
+  Function* function(const char* name) const {
+    return gmsh_.function<Function>(name);
   }
-
-  void require(bool good, const std::string& problem) const {
-    if (!good) {
-      throw Error(who_ + problem + "; install Debian's libgmsh4.8 or convert the file to .obj");
-    }
-  }
-
-  std::string last_error() {
-    char* text = nullptr;
-    int error = 0;
-    function<gmshLoggerGetLastError>("gmshLoggerGetLastError")(&text, &error);
-    const std::string result = text != nullptr ? text : "no reason given";
-    release(text);
-    return result;
-  }
-
-  void release(void* memory) { function<gmshFree>("gmshFree")(memory); }
-
-  void finish() noexcept {
-    int error = 0;
-    // The constructor has already refused a library without this function.
-    if (void* const symbol = library_ ? ::dlsym(library_.get(), "gmshFinalize") : nullptr) {
-      reinterpret_cast<gmshFinalize*>(symbol)(&error);
-    }
-    library_.reset();
-  }
+  void require(bool good, const std::string& problem) const { gmsh_.require(good, problem); }
+  void release(void* memory) const { gmsh_.release(memory); }
 
   void read_nodes(MeshFile& mesh) {
     std::size_t* tags = nullptr;
@@ -279,16 +235,6 @@ class Gmsh {
     }
   }
 
-  // Gmsh drops nodes that no element uses, and the first of two nodes with one number.
-  void check_node_count(const MeshFile& mesh) const {
-    const bool has_elements = !mesh.triangles.empty() || !mesh.tetrahedra.empty();
-    if (has_elements && mesh.vertex.size() != stated_nodes_) {
-      throw Error(who_ + "states " + std::to_string(stated_nodes_) +
-                  " nodes, of which Gmsh keeps " + std::to_string(mesh.vertex.size()) +
-                  "; remove those that no element uses, and give each a number of its own");
-    }
-  }
-
   template <std::size_t kCorners>
   void add(const std::size_t* node, std::size_t count,
            std::vector<std::array<std::int32_t, kCorners>>& elements) const {
@@ -303,15 +249,155 @@ class Gmsh {
     }
   }
 
-  std::string who_;
-  std::size_t stated_nodes_;
-  std::unique_ptr<void, Close> library_;
+  const GmshLibrary& gmsh_;
+  const std::string& who_;
   std::unordered_map<std::size_t, std::int32_t> number_of_;      // Gmsh's tag of a node -> vertex
   std::unordered_map<std::size_t, std::size_t> tetrahedron_of_;  // Gmsh's tag of an element
 };
 
+void open_file(const GmshLibrary& gmsh, const std::string& file) {
+  const OwnName name_in_gmsh(file, gmsh.who());
+  int error = 0;
+  gmsh.function<gmshOpen>("gmshOpen")(name_in_gmsh.text().c_str(), &error);
+  if (error != 0) {
+    std::string reason = gmsh.last_error();
+    if (const auto at = reason.find(name_in_gmsh.text()); at != std::string::npos) {
+      reason.replace(at, name_in_gmsh.text().size(), file);
+    }
+    throw Error(gmsh.who() + "Gmsh can't read it (" + reason + "); save it as .msh again");
+  }
+}
+
+// Gmsh drops nodes that no element uses, and the first of two nodes with one number.
+void check_node_count(const MeshFile& mesh, std::size_t stated_nodes, const std::string& who) {
+  const bool has_elements = !mesh.triangles.empty() || !mesh.tetrahedra.empty();
+  if (has_elements && mesh.vertex.size() != stated_nodes) {
+    throw Error(who + "states " + std::to_string(stated_nodes) + " nodes, of which Gmsh keeps " +
+                std::to_string(mesh.vertex.size()) +
+                "; remove those that no element uses, and give each a number of its own");
+  }
+}
+
+// The surface of a mesh as a discrete surface of Gmsh's present model.
+void add_surface(const GmshLibrary& gmsh, const MeshFile& mesh) {
+  constexpr int kSurface = 1;
+  int error = 0;
+  gmsh.function<gmshModelAddDiscreteEntity>("gmshModelAddDiscreteEntity")(2, kSurface, nullptr, 0,
+                                                                          &error);
+  gmsh.require(error == 0, "Gmsh takes no surface");
+  std::vector<std::size_t> corners;  // Gmsh counts from one
+  std::vector<std::size_t> nodes;
+  std::vector<double> places;
+  std::vector<std::size_t> tag_of(mesh.vertex.size(), 0);
+  for (const auto& face : outer_faces(mesh, gmsh.who())) {
+    for (const std::int32_t corner : face) {
+      const auto vertex = static_cast<std::size_t>(corner);
+      if (tag_of[vertex] == 0) {
+        tag_of[vertex] = vertex + 1;
+        nodes.push_back(vertex + 1);
+        const Eigen::Vector3d& place = mesh.vertex[vertex];
+        places.insert(places.end(), place.data(), place.data() + 3);
+      }
+      corners.push_back(tag_of[vertex]);
+    }
+  }
+  gmsh.function<gmshModelMeshAddNodes>("gmshModelMeshAddNodes")(
+      2, kSurface, nodes.data(), nodes.size(), places.data(), places.size(), nullptr, 0, &error);
+  gmsh.require(error == 0, "Gmsh takes no nodes");
+  gmsh.function<gmshModelMeshAddElementsByType>("gmshModelMeshAddElementsByType")(
+      kSurface, kTriangle, nullptr, 0, corners.data(), corners.size(), &error);
+  gmsh.require(error == 0, "Gmsh takes no triangles");
+}
+
+// The discrete surface, cut into charts along its ridges, bounds one volume.
+void make_geometry(const GmshLibrary& gmsh) {
+  constexpr double kRidge_rad = 40.0 * std::numbers::pi / 180.0;
+  int error = 0;
+  gmsh.function<gmshModelMeshClassifySurfaces>("gmshModelMeshClassifySurfaces")(
+      kRidge_rad, 1, 1, std::numbers::pi, 1, &error);
+  if (error == 0) {
+    gmsh.function<gmshModelMeshCreateGeometry>("gmshModelMeshCreateGeometry")(nullptr, 0, &error);
+  }
+  if (error != 0) {
+    throw Error(gmsh.who() + "Gmsh makes no geometry of its surface (" + gmsh.last_error() + ")");
+  }
+  int* found = nullptr;
+  std::size_t count = 0;
+  gmsh.function<gmshModelGetEntities>("gmshModelGetEntities")(&found, &count, 2, &error);
+  std::vector<int> charts;
+  for (std::size_t i = 1; i < count; i += 2) {  // pairs of dimension and tag
+    charts.push_back(found[i]);
+  }
+  gmsh.release(found);
+  int loop = gmsh.function<gmshModelGeoAddSurfaceLoop>("gmshModelGeoAddSurfaceLoop")(
+      charts.data(), charts.size(), -1, &error);
+  if (error == 0) {
+    gmsh.function<gmshModelGeoAddVolume>("gmshModelGeoAddVolume")(&loop, 1, -1, &error);
+  }
+  if (error == 0) {
+    gmsh.function<gmshModelGeoSynchronize>("gmshModelGeoSynchronize")(&error);
+  }
+  if (error != 0) {
+    throw Error(gmsh.who() + "Gmsh makes no volume of its surface (" + gmsh.last_error() + ")");
+  }
+}
+
+double mean_edge(const MeshFile& mesh) {
+  double sum = 0.0;
+  for (const auto& element : mesh.tetrahedra) {
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = 0; b < a; ++b) {
+        sum += (mesh.vertex[static_cast<std::size_t>(element[a])] -
+                mesh.vertex[static_cast<std::size_t>(element[b])])
+                   .norm();
+      }
+    }
+  }
+  return sum / (6.0 * static_cast<double>(mesh.tetrahedra.size()));
+}
+
 }  // namespace
 
-MeshFile read_gmsh(const std::string& file) { return Gmsh(file).read(); }
+MeshFile read_gmsh(const std::string& file) {
+  const std::string who = "mesh file " + file + ": ";
+  const std::size_t stated_nodes = stated_node_count(file, who);
+  const GmshLibrary gmsh(who);
+  open_file(gmsh, file);
+  MeshFile mesh = Model(gmsh).read();
+  check_node_count(mesh, stated_nodes, who);
+  return mesh;
+}
+
+MeshFile remeshed(const MeshFile& mesh, double edge_factor, const std::string& who) {
+  constexpr double kMeshAdapt = 1.0;  // the surface's mesher that leaves the fewest slivers
+  if (mesh.tetrahedra.empty() || mesh.regions.size() > 1) {
+    throw Error(who +
+                (mesh.tetrahedra.empty() ? "it has no tetrahedra" : "it has several regions") +
+                ", so Gmsh can't mesh it anew from its surface");
+  }
+  const GmshLibrary gmsh(who);
+  int error = 0;
+  gmsh.function<gmshModelAdd>("gmshModelAdd")("remeshed", &error);
+  gmsh.require(error == 0, "Gmsh makes no model");
+  add_surface(gmsh, mesh);
+  make_geometry(gmsh);
+  const double edge = edge_factor * mean_edge(mesh);
+  gmsh.set_option("Mesh.MeshSizeMin", edge);
+  gmsh.set_option("Mesh.MeshSizeMax", edge);
+  gmsh.set_option("Mesh.MeshSizeExtendFromBoundary", 0.0);
+  gmsh.set_option("Mesh.Algorithm", kMeshAdapt);
+  gmsh.function<gmshModelMeshGenerate>("gmshModelMeshGenerate")(3, &error);
+  if (error != 0) {
+    throw Error(who + "Gmsh does not mesh it anew (" + gmsh.last_error() + ")");
+  }
+  MeshFile result = Model(gmsh).read();
+  if (result.tetrahedra.empty()) {
+    throw Error(who + "Gmsh fills its surface with no tetrahedra");
+  }
+  result.regions = mesh.regions;
+  result.region.assign(mesh.region.empty() ? 0 : result.tetrahedra.size(), 0);
+  check(result, who);
+  return result;
+}
 
 }  // namespace forcegrid::simulator

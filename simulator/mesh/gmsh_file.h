@@ -14,4 +14,12 @@ namespace forcegrid::simulator {
 /// one state for the whole program.
 MeshFile read_gmsh(const std::string& file);
 
+/// Fills the surface of a mesh of tetrahedra with others, by Gmsh: it cuts the surface into charts
+/// along ridges of 40 degrees and more, and meshes each anew.
+/// @param edge_factor  length of the new edges relative to the present ones' mean.
+/// @param who  begins every message.
+/// Throws Error, also for a mesh of several regions, whose borders the surface does not tell.
+/// Real-time: no. Threads: as read_gmsh().
+MeshFile remeshed(const MeshFile& mesh, double edge_factor, const std::string& who);
+
 }  // namespace forcegrid::simulator

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulator/mesh/mesh_file.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <utility>
 
 #include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
@@ -17,6 +20,9 @@ namespace {
 // Of the mesh's longest side: nearer vertices are one vertex written twice, perhaps with seven
 // digits.
 constexpr double kSamePlace = 1e-6;
+
+using Triangle = std::array<std::int32_t, 3>;
+using Corners = std::array<std::int32_t, 4>;
 
 template <std::size_t kCorners>
 void check_elements(const std::vector<std::array<std::int32_t, kCorners>>& elements,
@@ -91,6 +97,45 @@ void check(const MeshFile& mesh, const std::string& who) {
                 " belongs to no element; remove it");
   }
   check_places(mesh, who);
+}
+
+std::vector<Triangle> outer_faces(const MeshFile& file, const std::string& who) {
+  std::map<Triangle, std::pair<Triangle, int>> faces;  // by sorted vertices
+  for (std::size_t t = 0; t < file.tetrahedra.size(); ++t) {
+    rt::checkpoint_at(t, file.tetrahedra.size());
+    Corners v = file.tetrahedra[t];
+    const auto at = [&](std::size_t k) { return file.vertex[static_cast<std::size_t>(v[k])]; };
+    const Eigen::Vector3d a = at(1) - at(0);
+    const Eigen::Vector3d b = at(2) - at(0);
+    const Eigen::Vector3d c = at(3) - at(0);
+    const double six_volumes = a.dot(b.cross(c));
+    if (!(std::abs(six_volumes) > kFlat * a.norm() * b.norm() * c.norm())) {
+      throw Error(who + "tetrahedron " + std::to_string(t + 1) + " is flat; remesh");
+    }
+    if (six_volumes < 0.0) {
+      std::swap(v[2], v[3]);
+    }
+    for (const Triangle& face : {Triangle{v[0], v[2], v[1]}, Triangle{v[0], v[1], v[3]},
+                                 Triangle{v[1], v[2], v[3]}, Triangle{v[0], v[3], v[2]}}) {
+      Triangle key = face;
+      std::sort(key.begin(), key.end());
+      auto& [first, count] = faces[key];
+      first = face;
+      ++count;
+    }
+  }
+  std::vector<Triangle> outer;
+  for (const auto& [key, face] : faces) {
+    if (face.second > 2) {
+      throw Error(who + "more than two tetrahedra share the face of vertices " +
+                  std::to_string(key[0] + 1) + ", " + std::to_string(key[1] + 1) + " and " +
+                  std::to_string(key[2] + 1) + "; remesh");
+    }
+    if (face.second == 1) {
+      outer.push_back(face.first);
+    }
+  }
+  return outer;
 }
 
 MeshFile read_mesh_file(const std::string& file) {

@@ -32,4 +32,11 @@ MeshFile read_mesh_file(const std::string& file);
 /// The checks of content that read_mesh_file() makes. @param who  begins the message.
 void check(const MeshFile& mesh, const std::string& who);
 
+/// Six volumes relative to the product of three edges: flatter tetrahedra have none.
+inline constexpr double kFlat = 1e-6;
+
+/// The faces that belong to one tetrahedron only, counterclockwise seen from outside.
+/// Throws Error for a tetrahedron without volume and a face that more than two share.
+std::vector<std::array<std::int32_t, 3>> outer_faces(const MeshFile& mesh, const std::string& who);
+
 }  // namespace forcegrid::simulator

@@ -110,7 +110,8 @@ Scene read_scene(const std::string& file, const Eigen::Vector3d& origin_W) {
   return scene;
 }
 
-SpringMesh read_coarser_mesh(const std::string& file, const Eigen::Vector3d& origin_W) {
+SpringMesh read_coarser_mesh(const std::string& file, const Eigen::Vector3d& origin_W,
+                             Fineness fineness) {
   const toml::table parsed = text::read_toml_file(file);
   const TomlTable root(parsed, file, "", kKeys);
   if (root.number_or("gravity_m_per_s2", kGravity_m_per_s2, 0.0) > 0.0) {
@@ -119,7 +120,7 @@ SpringMesh read_coarser_mesh(const std::string& file, const Eigen::Vector3d& ori
   }
   SpringMesh mesh;
   for (const TomlTable& table : root.tables("object", scene_object_keys)) {
-    append(make_scene_object(table, origin_W, Fineness::kHalf), mesh);
+    append(make_scene_object(table, origin_W, fineness), mesh);
   }
   check(mesh);
   return mesh;
@@ -161,9 +162,10 @@ Scene make_scene(const std::string& name_or_file, const Eigen::Vector3d& origin_
   return scene;
 }
 
-SpringMesh make_coarser_mesh(const std::string& name_or_file, const Eigen::Vector3d& origin_W) {
-  return reading(name_or_file, [&origin_W](const std::string& file) {
-    return read_coarser_mesh(file, origin_W);
+SpringMesh make_coarser_mesh(const std::string& name_or_file, const Eigen::Vector3d& origin_W,
+                             Fineness fineness) {
+  return reading(name_or_file, [&](const std::string& file) {
+    return read_coarser_mesh(file, origin_W, fineness);
   });
 }
 

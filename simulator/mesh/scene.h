@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "simulator/mesh/fineness.h"
 #include "simulator/mesh/spring_mesh.h"
 #include "simulator/mesh/tool_options.h"
 
@@ -39,11 +40,14 @@ std::string scene_name_problem(const std::string& name_or_file);
 Scene make_scene(const std::string& name_or_file,
                  const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
 
-/// The mesh of the same objects with about half the vertices per axis (Fineness::kHalf), their
-/// springs as stiff as written. Masses are left out: it is for equilibria.
-/// Throws Error as make_scene(), and for a scene with an object of a mesh file or under gravity.
+/// The mesh of the same objects with fewer vertices, their springs and materials as written. Masses
+/// are left out: it is for equilibria.
+/// @param fineness  not kAsWritten.
+/// Throws Error as make_scene(), for a scene under gravity, and for an object that has no such form
+/// (Fineness).
 SpringMesh make_coarser_mesh(const std::string& name_or_file,
-                             const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero());
+                             const Eigen::Vector3d& origin_W = Eigen::Vector3d::Zero(),
+                             Fineness fineness = Fineness::kHalf);
 
 /// Reads Scene::tool alone, without making the objects. Throws as make_scene() does for what it
 /// reads.

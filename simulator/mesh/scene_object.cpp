@@ -10,6 +10,7 @@
 #include "rt/checkpoint.h"
 #include "rt/vectors.h"
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/gmsh_file.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/mesh_object.h"
@@ -243,7 +244,14 @@ std::string mesh_path(const TomlTable& object) {
   return made.string();
 }
 
-SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_W) {
+double edge_factor(Fineness fineness) { return fineness == Fineness::kHalf ? 2.0 : 1.5; }
+
+SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_W,
+                          Fineness fineness) {
+  if (fineness != Fineness::kAsWritten && !has_elements(object)) {
+    object.refuse("file", "a mesh file of springs has no coarser form",
+                  "choose a method or a scene that needs none");
+  }
   const std::string file = mesh_path(object);
   MeshObjectOptions options;
   options.who = "mesh file " + file + ": ";
@@ -264,6 +272,9 @@ SpringMesh make_from_file(const TomlTable& object, const Eigen::Vector3d& place_
   {
     const rt::PartOfWork part(0.0, kReadingPart);
     mesh = read_mesh_file(file);
+  }
+  if (fineness != Fineness::kAsWritten) {
+    mesh = remeshed(mesh, edge_factor(fineness), options.who);
   }
   const rt::PartOfWork part(kReadingPart, 1.0);
   return make_mesh_object(mesh, options);
@@ -326,11 +337,11 @@ SpringMesh make_scene_object(const TomlTable& object, const Eigen::Vector3d& ori
       origin_W + rt::to_vector(object.axes_or("place_m", kPlace_m, {0.0, 0.0, 0.0}));
   const std::string shape = choice(object, "shape", kShapes);
   if (shape == "mesh") {
-    if (fineness == Fineness::kHalf) {
-      object.refuse("file", "a mesh file has no coarser form",
-                    "choose a method or a scene that needs none");
-    }
-    return make_from_file(object, place_W);
+    return make_from_file(object, place_W, fineness);
+  }
+  if (fineness == Fineness::kTwoThirds) {
+    object.refuse("shape", "an object of springs has no such coarser form",
+                  "choose a scene of finite elements");
   }
   return shape == "block" ? make_block(object, place_W, fineness)
                           : make_organ(object, place_W, fineness);

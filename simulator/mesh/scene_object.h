@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "simulator/mesh/fineness.h"
 #include "simulator/mesh/spring_mesh.h"
 #include "simulator/mesh/vertex_masses.h"
 #include "text/toml_table.h"
@@ -16,18 +17,10 @@ namespace forcegrid::simulator {
 /// @throws text::TomlError for a missing or unknown shape.
 std::vector<std::string> scene_object_keys(const text::TomlTable& object);
 
-/// How finely an object is made.
-enum class Fineness {
-  kAsWritten,
-  /// About half the vertices per axis: (n + 1) / 2 of a block, a quarter of the vertices and edges
-  /// of an organ, at least its fewest. An organ's home springs carry the same area with fewer
-  /// vertices. Not for an object of a mesh file.
-  kHalf
-};
-
 /// The mesh that a table [[object]] describes.
 /// @param origin_W  [m] the scene's origin.
-/// @throws text::TomlError naming file, line and key; Error for an impossible mesh.
+/// @throws text::TomlError naming file, line and key; Error for an impossible mesh, and where Gmsh
+/// makes no coarser one.
 SpringMesh make_scene_object(const text::TomlTable& object, const Eigen::Vector3d& origin_W,
                              Fineness fineness = Fineness::kAsWritten);
 

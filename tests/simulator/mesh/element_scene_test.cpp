@@ -8,11 +8,14 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/gmsh_file.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/mesh/tetrahedra.h"
+#include "tests/simulator/element_block.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -187,6 +190,56 @@ TEST(OwnScenes, TheLiverFillsItsGeometry) {
   };
   expect_filled("liver", 5000.0, 0.02);
   expect_filled("liver_fine", 20000.0, 0.01);
+}
+
+TEST(OwnScenes, ACoarserLiverHasItsPlaceMaterialAndVolume) {
+  const Scene scene = make_scene("liver");
+  for (const auto& [fineness, least] :
+       {std::pair(Fineness::kTwoThirds, 0.95), std::pair(Fineness::kHalf, 0.9)}) {
+    const SpringMesh coarse = make_coarser_mesh("liver", Eigen::Vector3d::Zero(), fineness);
+    EXPECT_LT(coarse.tetrahedra.size(), scene.mesh.tetrahedra.size() / 3);
+    EXPECT_EQ(coarse.top_W, scene.mesh.top_W);
+    EXPECT_EQ(coarse.materials[0].youngs_modulus_Pa, scene.mesh.materials[0].youngs_modulus_Pa);
+    const double part = element_volume_m3(coarse) / element_volume_m3(scene.mesh);
+    EXPECT_LT(part, 1.0);
+    EXPECT_GT(part, least);
+  }
+}
+
+TEST(MeshedAnew, ABoxKeepsItsVolumeInFewerElements) {
+  const SpringMesh box = element_block({8, 8, 5}, 0.006, soft(ElementModel::kNeoHookean));
+  MeshFile file;
+  file.vertex = box.rest_position_W;
+  for (const Tetrahedron& element : box.tetrahedra) {
+    file.tetrahedra.push_back(element.vertex);
+  }
+  file.regions = {"all of it"};
+  file.region.assign(file.tetrahedra.size(), 0);
+  const MeshFile coarse = remeshed(file, 1.5, "box: ");
+  EXPECT_LT(coarse.tetrahedra.size(), file.tetrahedra.size() / 2);
+  EXPECT_EQ(coarse.regions, file.regions);
+  EXPECT_EQ(coarse.region.size(), coarse.tetrahedra.size());
+  SpringMesh made;
+  made.rest_position_W = coarse.vertex;
+  for (const auto& vertex : coarse.tetrahedra) {
+    made.tetrahedra.push_back({.vertex = vertex});
+  }
+  EXPECT_NEAR(element_volume_m3(made), 0.048 * 0.048 * 0.030, 1e-12);
+
+  const auto refusal = [](const MeshFile& mesh) -> std::string {
+    try {
+      remeshed(mesh, 1.5, "box: ");
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "it was accepted";
+  };
+  file.regions = {"soft", "stiff"};
+  EXPECT_EQ(refusal(file),
+            "box: it has several regions, so Gmsh can't mesh it anew from its surface");
+  file.tetrahedra.clear();
+  EXPECT_EQ(refusal(file),
+            "box: it has no tetrahedra, so Gmsh can't mesh it anew from its surface");
 }
 
 }  // namespace

@@ -142,7 +142,7 @@ TEST(CoarserMesh, HasHalfTheVerticesPerAxisInTheSamePlace) {
     make_coarser_mesh(of_file);
     ADD_FAILURE() << "a coarser mesh of a file";
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("a mesh file has no coarser form"));
+    EXPECT_THAT(error.what(), HasSubstr("a mesh file of springs has no coarser form"));
   }
 }
 
