@@ -71,6 +71,7 @@ int simulate_command(const SimulateOptions& options) {
   simulator::SimulatorOptions simulator;
   simulator.scene = options.scene;
   simulator.solver_kind = simulator::parse_solver(options.solver);
+  simulator.material_tolerance_percent = options.material_tolerance_percent;
   simulator.listen = options.listen;
   simulator.key_files = options.key_files;
   simulator.allowed = options.allowed;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,7 @@ int emulate_command(const EmulateOptions& options);
 struct SimulateOptions {
   std::string scene = "block";
   std::string solver = "auto";
+  std::optional<double> material_tolerance_percent;  ///< nothing: the scene as written
   std::string listen = "127.0.0.1:24870";
   std::vector<std::string> key_files;
   std::vector<std::string> allowed;

@@ -124,6 +124,13 @@ void add_simulate(Command& app, SimulateOptions& o, std::function<int()>& action
       ->check(one_of(simulator::solver_names()))
       ->show_default();
   simulate
+      .add_option("--material-tolerance-percent", o.material_tolerance_percent,
+                  "Simulate the cheapest model of the scene's finite elements whose force is "
+                  "within this of the scene as written: another energy, a coarser mesh, a part of "
+                  "the object; see docs/solvers.md")
+      ->check(between(1e-4, 100.0))
+      ->type_name("FLOAT %");
+  simulate
       .add_option("--listen", o.listen,
                   "ADDR:PORT; without --key loopback only; port 0 takes a free one")
       ->show_default();

@@ -29,6 +29,7 @@
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/predicted_contact.h"
+#include "simulator/reference/model_choice.h"
 #include "simulator/surface_stream.h"
 #include "simulator/touch/solver_choice.h"
 #include "simulator/touch/solver_contact.h"
@@ -150,6 +151,19 @@ class Loop {
   }
 
   const SimulatorSummary& summary() const { return summary_; }
+
+  void note_model(const std::optional<ModelChoice>& model) {
+    if (!model) {
+      return;
+    }
+    summary_.model = ModelUse{.tolerance_percent = *options_.material_tolerance_percent,
+                              .chosen = model->trials[model->chosen].model,
+                              .why = model->why,
+                              .trials = {}};
+    for (const ModelTrial& trial : model->trials) {
+      summary_.model->trials.push_back({trial.model, trial.mean_ms, trial.error_percent});
+    }
+  }
 
   SimulatorSummary run(const std::atomic<bool>& stop, int stop_fd) {
     pollfd watched{stop_fd, POLLIN, 0};
@@ -511,6 +525,38 @@ class Loop {
   SimulatorSummary summary_;
 };
 
+// Exchanges the scene's object for a cheaper model of it.
+ModelChoice exchange_model(const SimulatorOptions& options, const ToolOptions& tool, Scene& scene) {
+  const std::string who = "simulator: --material-tolerance-percent: ";
+  if (tool.slides()) {
+    throw Error(who +
+                "models are compared under a tool that holds the object; use --contact "
+                "sticky or leave it out");
+  }
+  if (!options.workers.empty()) {
+    throw Error(who + "workers know the scene as written; leave one of them out");
+  }
+  if (!options.solver_kind && dynamics_of(scene.mesh) == MeshDynamics::kDamped) {
+    throw Error(who + "models are compared in equilibrium, and scene " + scene.name +
+                " has dampers; give --solver quasi_static or leave it out");
+  }
+  ModelChoice choice = choose_model(
+      scene, {.tolerance_percent = *options.material_tolerance_percent,
+              .rate_Hz = options.rate_Hz,
+              .solver = options.solver_kind,
+              .solver_options = options.solver,
+              .coarser = [&options](Fineness fineness) {
+                return make_coarser_mesh(options.scene, options.top_centre_W, fineness);
+              }});
+  for (const std::string& reason : choice.left_out) {
+    log::info("model", "not tried: " + reason);
+  }
+  choice.within ? log::info("model", "model: " + choice.why)
+                : log::warn("model", "model: " + choice.why);
+  scene.mesh = choice.mesh;
+  return choice;
+}
+
 }  // namespace
 
 SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& out,
@@ -525,7 +571,7 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
     }
   };
   step("Loading scene " + options.scene);
-  const Scene scene = make_scene(options.scene, options.top_centre_W);
+  Scene scene = make_scene(options.scene, options.top_centre_W);
   step("");
   if (!scene.note.empty()) {
     log::info("scene", "scene " + scene.name + ": " + scene.note);
@@ -533,9 +579,19 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   for (const std::string& warning : scene.warnings) {
     log::warn("scene", warning);
   }
-  SolverChoice solver = choose_solver(options.solver_kind, scene.mesh.rest_position_W.size(),
-                                      options.rate_Hz, options.solver, dynamics_of(scene.mesh));
   const ToolOptions tool = options.tool.value_or(scene.tool);
+  std::optional<ModelChoice> model;
+  if (options.material_tolerance_percent) {
+    step("Trying cheaper models of scene " + options.scene);
+    model = exchange_model(options, tool, scene);
+    step("");
+  }
+  SolverChoice solver =
+      choose_solver(model ? model->solver : options.solver_kind, scene.mesh.rest_position_W.size(),
+                    options.rate_Hz, options.solver, dynamics_of(scene.mesh));
+  if (model) {
+    solver.why = "as the model was tried";
+  }
   if (tool.slides()) {
     if (options.solver_kind) {
       throw Error(std::string("simulator: solver ") + to_string(*options.solver_kind) +
@@ -555,6 +611,7 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   log::info("solver", std::string("solver ") + to_string(solver.kind) + ": " + solver.why);
   step("Preparing the solver");
   Loop loop(options, scene, solver, tool);
+  loop.note_model(model);
   step("");
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {

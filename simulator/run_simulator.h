@@ -36,6 +36,9 @@ struct SimulatorOptions {
   Eigen::Vector3d top_centre_W = Eigen::Vector3d::Zero();  ///< [m] see make_scene()
   std::optional<SolverKind> solver_kind;  ///< nothing: choose_solver() picks one for the object
   SolverOptions solver;                   ///< the options that it starts from
+  /// Simulate the cheapest model of the scene whose force is within this of the scene's as written,
+  /// see choose_model(); nothing: the scene as written.
+  std::optional<double> material_tolerance_percent;
   std::optional<ToolOptions> tool;        ///< nothing: the scene's own
   /// Is told each long step of the start as it begins, and "" before `out` or `log` is written to;
   /// may be empty.

@@ -53,6 +53,22 @@ nlohmann::json to_json(const ReducedUse& use) {
           {"springs", use.springs}};
 }
 
+nlohmann::json to_json(const std::optional<ModelUse>& use) {
+  if (!use) {
+    return nullptr;
+  }
+  nlohmann::json trials = nlohmann::json::array();
+  for (const ModelUse::Trial& trial : use->trials) {
+    trials.push_back({{"model", trial.model},
+                      {"mean_ms", trial.mean_ms},
+                      {"error_percent", trial.error_percent}});
+  }
+  return {{"tolerance_percent", use->tolerance_percent},
+          {"chosen", use->chosen},
+          {"why", use->why},
+          {"trials", trials}};
+}
+
 nlohmann::json to_json(const std::optional<SurfaceUse>& use) {
   if (!use) {
     return nullptr;
@@ -75,6 +91,7 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
           {"springs", summary.springs},
           {"solver", summary.solver},
           {"solver_why", summary.solver_why},
+          {"model", to_json(summary.model)},
           {"rate_Hz", summary.rate_Hz},
           {"link",
            {{"delay_ms", 1e3 * summary.link.delay_s},

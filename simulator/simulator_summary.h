@@ -24,6 +24,19 @@ struct SurfaceUse {
   double max_ms = 0.0;
 };
 
+/// The model that was simulated in place of the scene as written, see choose_model().
+struct ModelUse {
+  struct Trial {
+    std::string model;
+    double mean_ms = 0.0;
+    double error_percent = 0.0;
+  };
+  double tolerance_percent = 0.0;
+  std::string chosen;
+  std::string why;
+  std::vector<Trial> trials;  ///< the cheapest first
+};
+
 /// Results of one run of the simulator.
 struct SimulatorSummary {
   std::string scene;
@@ -34,6 +47,7 @@ struct SimulatorSummary {
   std::size_t springs = 0;
   std::string solver;                 ///< the one that was used, see to_string(SolverKind)
   std::string solver_why;             ///< why it was chosen
+  std::optional<ModelUse> model;      ///< nothing: the scene as written
   double rate_Hz = 0.0;               ///< at the end
   LinkConditions link;                ///< likewise
   std::uint64_t control_changes = 0;  ///< of rate or link while it ran

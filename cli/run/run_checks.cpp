@@ -36,6 +36,15 @@ void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
 }
 
 void check_solver(const RunOptions& options) {
+  if (options.material_tolerance_percent && options.workers > 0) {
+    throw std::runtime_error(
+        "--material-tolerance-percent: workers know the scene as written; leave --workers out");
+  }
+  if (options.material_tolerance_percent && options.method == kDirect) {
+    throw std::runtime_error(
+        "--material-tolerance-percent: method direct solves the scene as written; choose another "
+        "method");
+  }
   if (!options.for_started_simulator.empty() && !options.simulator.empty()) {
     throw std::runtime_error(options.for_started_simulator.front() +
                              ": --simulator names a running simulator, which has its own scene and "

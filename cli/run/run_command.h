@@ -26,6 +26,8 @@ struct RunOptions {
   std::string firmware;  ///< file for a Falcon that runs none; empty: none
   std::string scene = "block";
   std::string solver = "auto";         ///< of the started simulator; see simulator::choose_solver
+  /// Of the started simulator; nothing: the scene as written.
+  std::optional<double> material_tolerance_percent;
   std::string simulator;               ///< ADDR:PORT of a running simulator; empty: start one
   std::vector<std::string> key_files;  ///< of the link to the simulator; empty: not encrypted
   int workers = 0;                     ///< processes that answer queries for the started simulator

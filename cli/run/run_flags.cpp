@@ -68,6 +68,10 @@ void add_object(Command& run, RunOptions& o) {
                  "Solver of the started simulator, see 'forcegrid simulate --help'")
       ->check(one_of(simulator::solver_names()))
       ->show_default();
+  run.add_option("--material-tolerance-percent", o.material_tolerance_percent,
+                 "Option of the started simulator, see 'forcegrid simulate --help'")
+      ->check(between(1e-4, 100.0))
+      ->type_name("FLOAT %");
   add_tool(run, o.tool);
   run.add_option("--sim-rate", o.simulator_rate_Hz, "Answers per second of the started simulator")
       ->check(between(1.0, 1000.0))
@@ -275,8 +279,8 @@ Command& add_run_as(const char* name, const char* what, Command& app, RunOptions
   run.callback([&run, &o, &action] {
     o.motion_of_tool = o.motion == RunOptions().motion && !run.given("--motion");
     o.budget.on_command_line = run.given("--budget-us");
-    for (const char* option :
-         {"--scene", "--sim-delay-ms", "--sim-jitter-ms", "--sim-loss-percent"}) {
+    for (const char* option : {"--scene", "--sim-delay-ms", "--sim-jitter-ms", "--sim-loss-percent",
+                               "--material-tolerance-percent"}) {
       if (run.given(option)) {
         o.for_started_simulator.emplace_back(option);
       }

@@ -91,6 +91,10 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   for (const std::string& file : key_files) {
     arguments.insert(arguments.end(), {"--key", file});
   }
+  if (options.material_tolerance_percent) {
+    arguments.insert(arguments.end(), {"--material-tolerance-percent",
+                                       std::to_string(*options.material_tolerance_percent)});
+  }
   if (!surface_socket.empty()) {
     arguments.insert(arguments.end(), {"--surface", surface_socket});
   }

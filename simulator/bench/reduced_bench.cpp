@@ -8,7 +8,7 @@
 #include "rt/checkpoint.h"
 #include "rt/percentiles.h"
 #include "simulator/bench/solver_bench.h"
-#include "simulator/bench/solver_motion.h"
+#include "simulator/reference/solver_motion.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/reduced_object.h"
 #include "simulator/solver/reduced_training.h"

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "rt/checkpoint.h"
-#include "simulator/bench/solver_motion.h"
+#include "simulator/reference/solver_motion.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/direct_method.h"
 #include "simulator/solver/elastic_object.h"

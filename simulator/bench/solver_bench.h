@@ -9,7 +9,7 @@
 
 #include "simulator/bench/dynamic_bench.h"
 #include "simulator/bench/reduced_bench.h"
-#include "simulator/bench/solver_motion.h"
+#include "simulator/reference/solver_motion.h"
 #include "simulator/mesh/scene.h"
 
 namespace forcegrid::simulator {

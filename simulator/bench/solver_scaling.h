@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "simulator/bench/solver_motion.h"
+#include "simulator/reference/solver_motion.h"
 #include "simulator/mesh/scene.h"
 
 namespace forcegrid::simulator {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "simulator/bench/solver_motion.h"
+#include "simulator/reference/solver_motion.h"
 
 #include <algorithm>
 #include <cmath>

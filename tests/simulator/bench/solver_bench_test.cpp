@@ -11,7 +11,7 @@
 #include <string>
 
 #include "simulator/bench/bullet_peer.h"
-#include "simulator/bench/solver_motion.h"
+#include "simulator/reference/solver_motion.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/solver/elastic_object.h"
