@@ -9,8 +9,8 @@
 
 #include "simulator/bench/dynamic_bench.h"
 #include "simulator/bench/reduced_bench.h"
-#include "simulator/reference/solver_motion.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/reference/solver_motion.h"
 
 namespace forcegrid::simulator {
 

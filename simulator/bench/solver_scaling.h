@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "simulator/reference/solver_motion.h"
 #include "simulator/mesh/scene.h"
+#include "simulator/reference/solver_motion.h"
 
 namespace forcegrid::simulator {
 

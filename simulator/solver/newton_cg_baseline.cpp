@@ -7,15 +7,16 @@
 #include <utility>
 #include <vector>
 
+#include "simulator/kernels/element_forces.h"
 #include "simulator/kernels/kernel_support.h"
 #include "simulator/kernels/spring_table.h"
 #include "simulator/mesh/error.h"
-#include "simulator/mesh/tetrahedra.h"
 
 namespace forcegrid::simulator {
 namespace {
 
 using kernels::BlockInverse;
+using kernels::EdgeStiffness;
 using kernels::Float4;
 using kernels::Single;
 using kernels::SpringRows;
@@ -81,6 +82,28 @@ FORCEGRID_MULTIVERSION void apply(const SpringRows& rows, const SpringTangent* t
     apply_rows<false>(rows, tangent, nullptr, direction, product);
   } else {
     apply_rows<true>(rows, tangent, home_N_per_m.data(), direction, product);
+  }
+}
+
+// product += K direction of the elements' edges.
+FORCEGRID_MULTIVERSION void add_edges(const SpringRows& rows, const EdgeStiffness* edge,
+                                      const Single* direction, Single* product) noexcept {
+  const std::int32_t vertices = rows.vertex_count();
+  for (std::int32_t i = 0; i < vertices; ++i) {
+    const Float4 here = direction[i].xyz;
+    Float4 sum = product[i].xyz;
+    for (std::int32_t s = rows.row_begin[i]; s < rows.row_begin[i + 1]; ++s) {
+      const Float4* h = edge[s].row;
+      const Float4 d = here - direction[rows.other[s]].xyz;
+      const Float4 x = h[0] * d;
+      const Float4 y = h[1] * d;
+      const Float4 z = h[2] * d;
+      sum += Float4{x[0] + x[1] + x[2], y[0] + y[1] + y[2], z[0] + z[1] + z[2], 0.0F};
+      product[rows.other[s]].xyz -= Float4{d[0], d[0], d[0], 0.0F} * h[0] +
+                                    Float4{d[1], d[1], d[1], 0.0F} * h[1] +
+                                    Float4{d[2], d[2], d[2], 0.0F} * h[2];
+    }
+    product[i].xyz = sum;
   }
 }
 
@@ -157,15 +180,14 @@ class NewtonCgBaseline::Implementation {
     for (const Eigen::Vector3d& position_W : mesh.rest_position_W) {
       rest_.push_back(position_W - origin_W_);
     }
-    refuse_elements(mesh, "Newton-CG baseline: ", "compare it on a scene of springs");
     table_ = make_spring_table<float>(mesh);
     vertex_force_ = make_vertex_forces(mesh, rest_);
     home_N_per_m_ = kernels::home_stiffness_N_per_m(vertex_force_);
-    double length_m = 0.0;
-    for (const Spring& spring : mesh.springs) {
-      length_m += natural_length_m(mesh, spring);
+    if (!mesh.tetrahedra.empty()) {
+      elements_ = std::make_unique<ElementForces<float>>(mesh);
+      element_force_.resize(rest_.size());
     }
-    largest_move_m_ = 0.5 * length_m / static_cast<double>(mesh.springs.size());
+    largest_move_m_ = 0.5 * mean_length_m(mesh);
     for (const Eigen::Vector3d& rest : rest_) {
       position_.push_back(single(rest));
     }
@@ -209,6 +231,34 @@ class NewtonCgBaseline::Implementation {
                    0.0F}};
   }
 
+  // Of the springs and the edges of elements, each edge counted once for each of its elements.
+  static double mean_length_m(const SpringMesh& mesh) {
+    double length_m = 0.0;
+    for (const Spring& spring : mesh.springs) {
+      length_m += natural_length_m(mesh, spring);
+    }
+    const auto at = [&mesh](std::int32_t vertex) {
+      return mesh.rest_position_W[static_cast<std::size_t>(vertex)];
+    };
+    for (const Tetrahedron& element : mesh.tetrahedra) {
+      for (std::size_t a = 0; a < 4; ++a) {
+        for (std::size_t b = 0; b < a; ++b) {
+          length_m += (at(element.vertex[a]) - at(element.vertex[b])).norm();
+        }
+      }
+    }
+    return length_m / static_cast<double>(mesh.springs.size() + 6 * mesh.tetrahedra.size());
+  }
+
+  void add_elements() {
+    std::fill(element_force_.begin(), element_force_.end(), kernels::Lanes{});
+    elements_->evaluate_forces(position_.data(), nullptr, element_force_.data());
+    for (std::size_t i = 0; i < force_.size(); ++i) {
+      const kernels::Lanes& f = element_force_[i];
+      force_[i].xyz += Float4{f.component[0][0], f.component[1][0], f.component[2][0], 0.0F};
+    }
+  }
+
   void extrapolate_to(const Eigen::Vector3d& displacement) {
     const Eigen::Vector3d step = displacement - displacement_;
     double trend = last_step_.isZero(0.0) ? 0.0 : step.dot(last_step_) / last_step_.squaredNorm();
@@ -233,6 +283,9 @@ class NewtonCgBaseline::Implementation {
     kernels::find_tangents(table_.rows, table_.constants.data(), table_.exponential,
                            position_.data(), tangent_.data());
     sum_forces(table_.rows, tangent_.data(), position_.data(), force_.data());
+    if (elements_) {
+      add_elements();
+    }
     for (std::size_t i = 0; i < vertex_force_.size(); ++i) {
       for (int c = 0; c < 3; ++c) {
         force_[i].xyz[c] += static_cast<float>(
@@ -297,6 +350,9 @@ class NewtonCgBaseline::Implementation {
   // Truncated conjugate gradients from force_, which becomes the linear residual.
   void find_move(Answer& answer) {
     kernels::sum_blocks(table_.rows, tangent_.data(), inverse_.data());
+    if (elements_) {
+      elements_->add_blocks(inverse_.data());
+    }
     kernels::add_home_blocks(vertex_force_, inverse_.data());
     for (std::size_t i = 0; i < inverse_.size(); ++i) {
       kernels::invert_block(inverse_[i], free_[i] != 0);
@@ -312,6 +368,9 @@ class NewtonCgBaseline::Implementation {
     while (answer.iterations < options_.max_iterations && sums.preconditioned > 0.0) {
       const double before = sums.preconditioned;
       apply(table_.rows, tangent_.data(), home_N_per_m_, direction_.data(), product_.data());
+      if (elements_) {
+        add_edges(elements_->rows(), elements_->edges().data(), direction_.data(), product_.data());
+      }
       const double curvature = dot(direction_, product_);
       if (!(curvature > 0.0)) {
         return;
@@ -334,6 +393,8 @@ class NewtonCgBaseline::Implementation {
   std::vector<std::uint8_t> free_;
   std::vector<std::size_t> patch_;
   SpringTable<float> table_;
+  std::unique_ptr<ElementForces<float>> elements_;  // null: springs only
+  std::vector<kernels::Lanes> element_force_;
   std::vector<kernels::VertexForce> vertex_force_;
   std::vector<float> home_N_per_m_;  // of vertex_force_
   std::vector<Single> position_;

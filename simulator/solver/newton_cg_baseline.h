@@ -12,10 +12,10 @@ namespace forcegrid::simulator {
 /// The peer that ElasticObject is measured against: the same object solved by plain Newton with
 /// conjugate gradients, without sensitivities. Each move begins from the state extrapolated along
 /// the last one (2 x - x_before, scaled with the step; moves of more than max_step_m are divided),
-/// and repeats: forces of all springs; block-Jacobi preconditioned conjugate gradients on
-/// K dx = r, to a tenth of |r| or half the tolerance, whichever is larger; x += dx, with no
+/// and repeats: forces of all springs and elements; block-Jacobi preconditioned conjugate gradients
+/// on K dx = r, to a tenth of |r| or half the tolerance, whichever is larger; x += dx, with no
 /// vertex further than half a mean spring length and halved while |r| more than doubles. The force
-/// is the springs' sum over the patch. Same springs, laws, tangents and SIMD build as
+/// is their sum over the patch. Same springs, laws, elements, tangents and SIMD build as
 /// ElasticObject<float>; one right-hand side in place of four.
 ///
 /// For measurements: forcegrid simulate --bench. Threads: one at a time.
