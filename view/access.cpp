@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "view/access.h"
 
+#include <arpa/inet.h>
 #include <sodium.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 
 #include "view/options.h"
 
@@ -23,6 +27,25 @@ char lower(char letter) {
 bool same_in_any_case(std::string_view a, std::string_view b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(),
                     [](char x, char y) { return lower(x) == lower(y); });
+}
+
+bool is_literal(int family, const std::string& address) {
+  in6_addr bytes{};
+  return ::inet_pton(family, address.c_str(), &bytes) == 1;
+}
+
+// "10.0.0.2", "[fe80::1]".
+bool is_literal_of_url(std::string_view host) {
+  return host.starts_with('[') && host.ends_with(']')
+             ? is_literal(AF_INET6, std::string(host.substr(1, host.size() - 2)))
+             : is_literal(AF_INET, std::string(host));
+}
+
+bool listens_everywhere(const std::string& address) {
+  in_addr four{};
+  in6_addr six{};
+  return (::inet_pton(AF_INET, address.c_str(), &four) == 1 && four.s_addr == INADDR_ANY) ||
+         (::inet_pton(AF_INET6, address.c_str(), &six) == 1 && IN6_IS_ADDR_UNSPECIFIED(&six));
 }
 
 bool is_hexadecimal(std::string_view text) {
@@ -87,24 +110,52 @@ std::string address_and_port(const std::string& address, std::uint16_t port) {
   return (six ? "[" + address + "]" : address) + ":" + std::to_string(port);
 }
 
-bool host_is_right(std::string_view host, const std::string& address, std::uint16_t port) {
-  for (const std::string& name :
-       {address, std::string("localhost"), std::string("127.0.0.1"), std::string("::1")}) {
-    const std::string with_port = address_and_port(name, port);
-    if (same_in_any_case(host, with_port) ||
-        (port == 80 && same_in_any_case(host, with_port.substr(0, with_port.rfind(':'))))) {
-      return true;
-    }
+bool is_loopback(const std::string& address) {
+  in_addr four{};
+  if (::inet_pton(AF_INET, address.c_str(), &four) == 1) {
+    return (ntohl(four.s_addr) >> 24) == 127;
   }
-  return false;
+  in6_addr six{};
+  return ::inet_pton(AF_INET6, address.c_str(), &six) == 1 && IN6_IS_ADDR_LOOPBACK(&six);
 }
 
-bool origin_is_right(std::optional<std::string_view> origin, std::string_view host) {
-  return !origin || same_in_any_case(*origin, "http://" + std::string(host));
+std::string name_of_machine() {
+  std::array<char, 256> name{};
+  if (::gethostname(name.data(), name.size() - 1) != 0) {
+    throw ViewError(std::string("cannot learn this machine's name: ") + std::strerror(errno));
+  }
+  return name.data();
 }
 
-std::string content_security_policy(std::string_view host) {
-  return "default-src 'self'; connect-src 'self' ws://" + std::string(host) +
+bool host_is_right(std::string_view host, const Site& site) {
+  const std::string port = ":" + std::to_string(site.port);
+  std::string_view name = host;
+  if (host.ends_with(port)) {
+    name.remove_suffix(port.size());
+  } else if (site.port != (site.encrypted ? 443 : 80)) {
+    return false;
+  }
+  const std::string with_port = address_and_port(site.address, site.port);
+  if (same_in_any_case(name, with_port.substr(0, with_port.rfind(':')))) {
+    return true;
+  }
+  if (is_loopback(site.address)) {
+    return same_in_any_case(name, "localhost") || name == "127.0.0.1" || name == "[::1]";
+  }
+  return listens_everywhere(site.address) &&
+         (is_literal_of_url(name) ||
+          (!site.machine.empty() && same_in_any_case(name, site.machine)));
+}
+
+bool origin_is_right(std::optional<std::string_view> origin, std::string_view host,
+                     bool encrypted) {
+  return !origin ||
+         same_in_any_case(*origin, (encrypted ? "https://" : "http://") + std::string(host));
+}
+
+std::string content_security_policy(std::string_view host, bool encrypted) {
+  return std::string("default-src 'self'; connect-src 'self' ") + (encrypted ? "wss://" : "ws://") +
+         std::string(host) +
          "; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'; "
          "frame-ancestors 'none'";
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "view/http_answer.h"
 
-#include "view/access.h"
-
 namespace forcegrid::view {
 namespace {
 
@@ -43,7 +41,7 @@ void answer_upgrade(const HttpRequest& request, const HttpServer& server, HttpAn
   result.keep_alive = false;
   if (path_of(request.target) != "/ws") {
     say("404 Not Found", "The WebSocket is /ws.", result);
-  } else if (!origin_is_right(request.origin, *request.host)) {
+  } else if (!origin_is_right(request.origin, *request.host, server.site.encrypted)) {
     say("403 Forbidden", "Only a page of this server may open this WebSocket.", result);
   } else if (!token_is_right(query_value(request.target, "token"), server.token)) {
     say("403 Forbidden", "The token is wrong or missing.", result);
@@ -61,7 +59,7 @@ void answer_and_close(std::string_view status, std::string_view sentence, HttpAn
 
 void answer(const HttpRequest& request, const HttpServer& server, HttpAnswer& result) {
   result.keep_alive = request.keep_alive;
-  if (!request.host || !host_is_right(*request.host, server.address, server.port)) {
+  if (!request.host || !host_is_right(*request.host, server.site)) {
     return answer_and_close("403 Forbidden",
                             "This server answers only to its own address: open the URL that "
                             "forcegrid printed.",
@@ -83,7 +81,8 @@ void answer(const HttpRequest& request, const HttpServer& server, HttpAnswer& re
   } else if (const auto file = server.files.find(is_page ? "/index.html" : path);
              file != server.files.end()) {
     result.body = file->second.content;
-    write_head("200 OK", file->second.type, content_security_policy(*request.host), result);
+    write_head("200 OK", file->second.type,
+               content_security_policy(*request.host, server.site.encrypted), result);
   } else {
     say("404 Not Found", "There is no such file.", result);
   }

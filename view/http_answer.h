@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 
+#include "view/access.h"
 #include "view/page_files.h"
 
 /// What the server answers to a request, without sockets.
@@ -24,8 +24,7 @@ struct HttpRequest {
 
 /// Of this server.
 struct HttpServer {
-  std::string address;
-  std::uint16_t port = 0;
+  Site site;
   std::string token;
   PageFiles files;
 };

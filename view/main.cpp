@@ -2,9 +2,12 @@
 // forcegrid-view: the server of the live view (docs/view_protocol.md).
 #include <cstdio>
 #include <exception>
+#include <optional>
 #include <span>
+#include <utility>
 
 #include "view/access.h"
+#include "view/certificate.h"
 #include "view/export_server.h"
 #include "view/log_line.h"
 #include "view/options.h"
@@ -28,13 +31,17 @@ int run(int argc, char** argv) {
     std::puts("forcegrid-view " FORCEGRID_VIEW_VERSION);
     return 0;
   }
+  std::optional<Certificate> certificate;
+  if (!options.key_file.empty()) {
+    certificate = load_certificate(options.key_file);
+  }
   const PrivateFolder folder;
   if (!options.export_file.empty()) {
     serve_export(options, load_page_files(default_page_folders()), folder.path());
     return 0;
   }
-  Server server(options, token_from_environment(), load_page_files(default_page_folders()),
-                folder.path());
+  Server server(options, std::move(certificate), token_from_environment(),
+                load_page_files(default_page_folders()), folder.path());
   std::puts(server.ready_line().c_str());
   std::fflush(stdout);
   server.run();

@@ -42,8 +42,9 @@ void refuse(tcp::socket socket) {
 
 }  // namespace
 
-Server::Server(const Options& options, std::string token, PageFiles files, std::string folder)
-    : http_{options.address, options.port, std::move(token), std::move(files)},
+Server::Server(const Options& options, std::optional<Certificate> certificate, std::string token,
+               PageFiles files, std::string folder)
+    : http_{{.address = options.address, .port = options.port}, std::move(token), std::move(files)},
       folder_(std::move(folder)),
       hub_([this](const view_link::Frame& frame, PageCommand::What what, bool newest) {
         return send_to_run(frame, what, newest);
@@ -54,6 +55,12 @@ Server::Server(const Options& options, std::string token, PageFiles files, std::
       signals_(context_),
       standard_input_(context_),
       until_stdin_closes_(options.until_stdin_closes) {
+  if (certificate) {
+    http_.site.encrypted = true;
+    http_.site.machine = name_of_machine();
+    certificate_sha256_ = certificate->sha256;
+    tls_.emplace(certificate->context.release());  // takes ownership
+  }
   wait_for_signals();
   listen_for_browsers(options);
   listen_for_peers();
@@ -69,7 +76,7 @@ void Server::listen_for_browsers(const Options& options) {
     acceptor_.set_option(tcp::acceptor::reuse_address(true));
     acceptor_.bind(endpoint);
     acceptor_.listen();
-    http_.port = acceptor_.local_endpoint().port();
+    http_.site.port = acceptor_.local_endpoint().port();
   } catch (const boost::system::system_error& error) {
     throw ViewError("cannot listen at " + address_and_port(options.address, options.port) + ": " +
                     error.code().message() + "; --listen 127.0.0.1:0 takes any port that is free");
@@ -109,8 +116,8 @@ void Server::listen_for_peers() {
 }
 
 std::string Server::ready_line() const {
-  return "listening " + address_and_port(http_.address, http_.port) + " folder " + folder_ +
-         " token " + http_.token;
+  return "listening " + address_and_port(http_.site.address, http_.site.port) + " folder " +
+         folder_ + " token " + http_.token + (tls_ ? " certificate " + certificate_sha256_ : "");
 }
 
 bool Server::send_to_run(const view_link::Frame& frame, PageCommand::What what, bool newest) {
@@ -152,23 +159,27 @@ void Server::accept() {
 void Server::take_browser(tcp::socket socket) {
   if (slot_.use_count() > kMostConnections) {
     log_line("refused a connection; there are " + std::to_string(kMostConnections) + " already");
-    return refuse(std::move(socket));
+    if (!tls_) {
+      refuse(std::move(socket));
+    }  // a peer that waits for TLS would not understand a sentence
+    return;
   }
   boost::system::error_code ignored;
   socket.set_option(tcp::no_delay(true), ignored);
   socket.set_option(asio::socket_base::send_buffer_size(kSendBufferBytes), ignored);
-  std::make_shared<HttpSession>(
-      std::move(socket), http_, slot_,
-      [this](tcp::socket upgraded, ConnectionSlot slot, const WebSocketSession::Request& request) {
-        open_web_socket(std::move(upgraded), std::move(slot), request);
-      })
-      ->read();
+  std::make_shared<HttpSession>(BrowserStream(std::move(socket), tls_ ? &*tls_ : nullptr), http_,
+                                slot_,
+                                [this](BrowserStream upgraded, ConnectionSlot slot,
+                                       const WebSocketSession::Request& request) {
+                                  open_web_socket(std::move(upgraded), std::move(slot), request);
+                                })
+      ->run();
 }
 
-void Server::open_web_socket(tcp::socket socket, ConnectionSlot slot,
+void Server::open_web_socket(BrowserStream stream, ConnectionSlot slot,
                              const WebSocketSession::Request& request) {
   std::erase_if(pages_, [](const auto& page) { return page.expired(); });
-  const auto page = std::make_shared<WebSocketSession>(std::move(socket), hub_, std::move(slot));
+  const auto page = std::make_shared<WebSocketSession>(std::move(stream), hub_, std::move(slot));
   pages_.push_back(page);
   page->run(request);
 }

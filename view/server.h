@@ -6,12 +6,15 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/signal_set.hpp>
+#include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "view/browser_stream.h"
+#include "view/certificate.h"
 #include "view/http_answer.h"
 #include "view/hub.h"
 #include "view/local_stream.h"
@@ -26,13 +29,15 @@ class Server {
  public:
   /// Listens, and takes signals from now on. `folder` is where the sockets `feed` and `surface` are
   /// made.
+  /// @param certificate  for TLS; nothing: without it.
   /// @throws ViewError naming the address or socket and the system's reason.
-  Server(const Options& options, std::string token, PageFiles files, std::string folder);
+  Server(const Options& options, std::optional<Certificate> certificate, std::string token,
+         PageFiles files, std::string folder);
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  /// "listening ADDR:PORT folder FOLDER token TOKEN"
+  /// "listening ADDR:PORT folder FOLDER token TOKEN", with TLS " certificate SHA256" after it
   std::string ready_line() const;
   /// Serves until a signal (SIGTERM, SIGHUP; SIGINT unless options.until_stdin_closes), or until
   /// standard input closes if options.until_stdin_closes. Then it takes what the run still sends,
@@ -44,7 +49,7 @@ class Server {
   void listen_for_peers();
   void accept();
   void take_browser(boost::asio::ip::tcp::socket socket);
-  void open_web_socket(boost::asio::ip::tcp::socket socket, ConnectionSlot slot,
+  void open_web_socket(BrowserStream stream, ConnectionSlot slot,
                        const WebSocketSession::Request& request);
   bool send_to_run(const view_link::Frame& frame, PageCommand::What what, bool newest);
   void wait_for_signals();
@@ -55,6 +60,8 @@ class Server {
 
   // What pages and requests refer to outlives the context, which holds them.
   HttpServer http_;
+  std::string certificate_sha256_;
+  std::optional<boost::asio::ssl::context> tls_;
   std::string folder_;
   Hub hub_;
   boost::asio::io_context context_{1};

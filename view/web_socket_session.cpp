@@ -20,9 +20,8 @@ constexpr std::chrono::seconds kSilence{30};
 
 }  // namespace
 
-WebSocketSession::WebSocketSession(boost::asio::ip::tcp::socket socket, Hub& hub,
-                                   ConnectionSlot slot)
-    : stream_(std::move(socket)), hub_(hub), slot_(std::move(slot)) {
+WebSocketSession::WebSocketSession(BrowserStream stream, Hub& hub, ConnectionSlot slot)
+    : stream_(std::move(stream)), hub_(hub), slot_(std::move(slot)) {
   viewer_.wake = [this] { write(); };
 }
 
@@ -33,7 +32,9 @@ WebSocketSession::~WebSocketSession() {
 }
 
 void WebSocketSession::run(const Request& request) {
-  stream_.next_layer().expires_never();  // from here on the WebSocket's own limits hold
+  stream_.next_layer()
+      .next_layer()
+      .expires_never();  // from here on the WebSocket's own limits hold
   stream_.set_option(ws::stream_base::timeout{kHandshake, kSilence, true});
   stream_.read_message_max(kLargestPageText);
   stream_.auto_fragment(false);
@@ -120,7 +121,7 @@ void WebSocketSession::close(ws::close_code code) {
 // Without a goodbye, for which a page that does not read has no ears.
 void WebSocketSession::drop() {
   closing_ = true;
-  stream_.next_layer().close();
+  stream_.next_layer().next_layer().close();
 }
 
 }  // namespace forcegrid::view

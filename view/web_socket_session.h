@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
 #include <boost/beast/websocket/stream.hpp>
 #include <memory>
 
+#include "view/browser_stream.h"
 #include "view/hub.h"
 
 namespace forcegrid::view {
@@ -24,7 +23,7 @@ class WebSocketSession : public std::enable_shared_from_this<WebSocketSession> {
   using Request = boost::beast::http::request<boost::beast::http::empty_body>;
 
   /// @param hub  outlives the io_context's run.
-  WebSocketSession(boost::asio::ip::tcp::socket socket, Hub& hub, ConnectionSlot slot);
+  WebSocketSession(BrowserStream stream, Hub& hub, ConnectionSlot slot);
   ~WebSocketSession();
   WebSocketSession(const WebSocketSession&) = delete;
   WebSocketSession& operator=(const WebSocketSession&) = delete;
@@ -41,8 +40,8 @@ class WebSocketSession : public std::enable_shared_from_this<WebSocketSession> {
   void close(boost::beast::websocket::close_code code);
   void drop();
 
-  // Pages are of this machine: compression would only cost.
-  boost::beast::websocket::stream<boost::beast::tcp_stream, false> stream_;
+  // Pages are of this machine or near: compression would only cost.
+  boost::beast::websocket::stream<BrowserStream, false> stream_;
   Hub& hub_;
   ConnectionSlot slot_;
   Viewer viewer_;

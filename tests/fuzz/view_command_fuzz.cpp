@@ -24,7 +24,7 @@ void view_command(Input input) {
   }
   // The same bytes as a request's target, Host and Origin.
   require(view::query_value(text, "token").size() <= text.size(), "a value is a part of the query");
-  if (view::host_is_right(text, "127.0.0.1", 8080)) {
+  if (view::host_is_right(text, {"127.0.0.1", 8080})) {
     require(text.ends_with(":8080") && text.size() <= 14, "a host is one of four");
   }
   require(!view::origin_is_right(text, "127.0.0.1:8080") || text.size() == 21,

@@ -13,10 +13,10 @@ namespace {
 
 TEST(Host, IsRightForTheServersOwnNames) {
   for (const char* host : {"127.0.0.1:8080", "localhost:8080", "LocalHost:8080", "[::1]:8080"}) {
-    EXPECT_TRUE(host_is_right(host, "127.0.0.1", 8080)) << host;
+    EXPECT_TRUE(host_is_right(host, {"127.0.0.1", 8080})) << host;
   }
-  EXPECT_TRUE(host_is_right("127.0.0.2:8080", "127.0.0.2", 8080));
-  EXPECT_TRUE(host_is_right("[::1]:8080", "::1", 8080));
+  EXPECT_TRUE(host_is_right("127.0.0.2:8080", {"127.0.0.2", 8080}));
+  EXPECT_TRUE(host_is_right("[::1]:8080", {"::1", 8080}));
 }
 
 // A page of evil.example whose name resolves to this machine sends "evil.example".
@@ -26,15 +26,78 @@ TEST(Host, IsWrongForAnyOtherName) {
         "127.0.0.2:8080", "localhost", "localhost:8080.evil.example", "localhost.evil:8080",
         "127.0.0.1:8080 ", " 127.0.0.1:8080", "127.0.0.1:8080/", "user@127.0.0.1:8080", "::1:8080",
         "[::1]", "0.0.0.0:8080", "2130706433:8080"}) {
-    EXPECT_FALSE(host_is_right(host, "127.0.0.1", 8080)) << host;
+    EXPECT_FALSE(host_is_right(host, {"127.0.0.1", 8080})) << host;
   }
 }
 
 TEST(Host, HasNoPortWhereItIs80) {
-  EXPECT_TRUE(host_is_right("localhost", "127.0.0.1", 80));
-  EXPECT_TRUE(host_is_right("[::1]", "127.0.0.1", 80));
-  EXPECT_TRUE(host_is_right("localhost:80", "127.0.0.1", 80));
-  EXPECT_FALSE(host_is_right("evil.example", "127.0.0.1", 80));
+  EXPECT_TRUE(host_is_right("localhost", {"127.0.0.1", 80}));
+  EXPECT_TRUE(host_is_right("[::1]", {"127.0.0.1", 80}));
+  EXPECT_TRUE(host_is_right("localhost:80", {"127.0.0.1", 80}));
+  EXPECT_FALSE(host_is_right("evil.example", {"127.0.0.1", 80}));
+}
+
+TEST(Host, HasNoPortWhereItIs443WithTls) {
+  const Site site{.address = "127.0.0.1", .port = 443, .encrypted = true};
+  EXPECT_TRUE(host_is_right("localhost", site));
+  EXPECT_TRUE(host_is_right("[::1]:443", site));
+  EXPECT_FALSE(host_is_right("evil.example", site));
+  EXPECT_FALSE(host_is_right("localhost", {.address = "127.0.0.1", .port = 443}));
+  EXPECT_FALSE(host_is_right("localhost", {.address = "127.0.0.1", .port = 80, .encrypted = true}));
+}
+
+TEST(Host, IsTheListeningAddressAloneBeyondLoopback) {
+  const Site site{.address = "192.168.1.5", .port = 8443, .encrypted = true, .machine = "lab"};
+  EXPECT_TRUE(host_is_right("192.168.1.5:8443", site));
+  for (const char* host : {"192.168.1.5", "192.168.1.6:8443", "127.0.0.1:8443", "localhost:8443",
+                           "[::1]:8443", "lab:8443", "evil.example:8443", ":8443", ""}) {
+    EXPECT_FALSE(host_is_right(host, site)) << host;
+  }
+  const Site six{.address = "fd00::5", .port = 443, .encrypted = true};
+  EXPECT_TRUE(host_is_right("[FD00::5]:443", six));
+  EXPECT_TRUE(host_is_right("[fd00::5]", six));
+  EXPECT_FALSE(host_is_right("fd00::5", six));
+}
+
+// A name that somebody else's server resolves to this machine is no address and not its name.
+TEST(Host, IsAnyAddressOrTheMachinesNameWhereItListensEverywhere) {
+  for (const char* everywhere : {"0.0.0.0", "::"}) {
+    const Site site{.address = everywhere, .port = 8443, .encrypted = true, .machine = "lab"};
+    for (const char* host : {"lab:8443", "LAB:8443", "192.168.1.5:8443", "127.0.0.1:8443",
+                             "[::1]:8443", "[fd00::5]:8443"}) {
+      EXPECT_TRUE(host_is_right(host, site)) << host;
+    }
+    for (const char* host :
+         {"", ":8443", "lab", "lab:8444", "lab:08443", "lab.evil.example:8443", "alab:8443",
+          "evil.example:8443", "192.168.1.5", "192.168.1.5.evil.example:8443", "3232235781:8443",
+          "192.168.261:8443", "[]:8443", "[lab]:8443", "[127.0.0.1]:8443", "::1:8443",
+          "user@192.168.1.5:8443", "192.168.1.5:8443:8443", "192.168.1.5 :8443"}) {
+      EXPECT_FALSE(host_is_right(host, site)) << host;
+    }
+  }
+  const Site nameless{.address = "0.0.0.0", .port = 443, .encrypted = true};
+  EXPECT_FALSE(host_is_right("", nameless));
+  EXPECT_FALSE(host_is_right(":443", nameless));
+}
+
+TEST(Machine, HasAName) { EXPECT_NE(name_of_machine(), ""); }
+
+TEST(Address, IsLoopbackIfPacketsStayHere) {
+  for (const char* address : {"127.0.0.1", "127.255.255.255", "::1"}) {
+    EXPECT_TRUE(is_loopback(address)) << address;
+  }
+  for (const char* address : {"", "0.0.0.0", "128.0.0.1", "::", "::ffff:127.0.0.1", "localhost"}) {
+    EXPECT_FALSE(is_loopback(address)) << address;
+  }
+}
+
+TEST(Origin, IsEncryptedAsTheServerIs) {
+  EXPECT_TRUE(origin_is_right("https://lab:8443", "lab:8443", true));
+  EXPECT_TRUE(origin_is_right(std::nullopt, "lab:8443", true));
+  for (const char* origin : {"http://lab:8443", "https://lab", "https://evil.example", "null", "",
+                             "several", "https://lab:8443.evil.example"}) {
+    EXPECT_FALSE(origin_is_right(origin, "lab:8443", true)) << origin;
+  }
 }
 
 TEST(Origin, IsTheHostItselfOrNone) {

@@ -17,8 +17,7 @@ constexpr char kHost[] = "127.0.0.1:8080";
 std::string token() { return std::string(64, '7'); }
 
 HttpServer server() {
-  return {"127.0.0.1",
-          8080,
+  return {{.address = "127.0.0.1", .port = 8080},
           token(),
           {{"/index.html", {"text/html", "the page"}}, {"/app.js", {"text/javascript", "code"}}}};
 }
@@ -143,6 +142,23 @@ TEST_F(HttpAnswers, SayWhatABrowserMayDo) {
   ask(request("/app.js"));
   EXPECT_THAT(result_.head, HasSubstr("default-src 'self'; connect-src 'self' "
                                       "ws://127.0.0.1:8080;"));
+}
+
+TEST_F(HttpAnswers, SpeakOfTlsOnlyIfTheyAreEncrypted) {
+  server_.site.encrypted = true;
+  ask(request("/app.js"));
+  EXPECT_THAT(result_.head, HasSubstr("connect-src 'self' wss://127.0.0.1:8080;"));
+  EXPECT_THAT(result_.head, Not(HasSubstr("ws://1")));
+  const std::string target = "/ws?token=" + token();
+  HttpRequest asked = request(target);
+  asked.is_upgrade = true;
+  asked.origin = "https://127.0.0.1:8080";
+  ask(asked);
+  EXPECT_TRUE(result_.open_web_socket);
+  asked.origin = "http://127.0.0.1:8080";
+  ask(asked);
+  EXPECT_FALSE(result_.open_web_socket) << "whoever is between could have changed that page";
+  EXPECT_THAT(result_.head, StartsWith("HTTP/1.1 403"));
 }
 
 TEST_F(HttpAnswers, KeepTheConnectionIfTheRequestDoes) {

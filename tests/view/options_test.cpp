@@ -46,6 +46,28 @@ TEST(ViewOptions, RefuseWhatOtherMachinesReach) {
   }
 }
 
+TEST(ViewOptions, NameTheRemedyForWhatOtherMachinesReach) {
+  const std::string refusal = refusal_of({"--listen", "192.168.1.2:80"});
+  for (const char* remedy : {"--listen 192.168.1.2:80: ", "--key FILE", "--view-key FILE",
+                             "openssl req -x509", "-keyout view.pem -out view.pem", "ssh -L"}) {
+    EXPECT_THAT(refusal, testing::HasSubstr(remedy));
+  }
+}
+
+TEST(ViewOptions, TakeAnyAddressWithAKey) {
+  for (const char* address : {"0.0.0.0:80", "192.168.1.2:80", "[::]:80", "127.0.0.1:80"}) {
+    EXPECT_EQ(parsed({"--listen", address, "--key", "view.pem"}).key_file, "view.pem") << address;
+    EXPECT_EQ(parsed({"--key", "view.pem", "--listen", address}).port, 80) << address;
+  }
+  EXPECT_EQ(parsed({}).key_file, "");
+  EXPECT_THAT(refusal_of({"--key"}), testing::HasSubstr("missing"));
+  EXPECT_THAT(refusal_of({"--key", ""}), testing::HasSubstr("empty"));
+  EXPECT_THAT(refusal_of({"--key", "view.pem", "--export", "a.html"}),
+              testing::HasSubstr("leave one"));
+  EXPECT_THAT(refusal_of({"--key", "view.pem", "--listen", "lab:80"}),
+              testing::HasSubstr("is no address"));
+}
+
 TEST(ViewOptions, RefuseWhatIsNoAddressWithItsText) {
   for (const char* address :
        {"", ":", "80", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "127.0.0.1:8x",

@@ -2,6 +2,7 @@
 """What the tests of forcegrid-view need: the program, a browser's WebSocket, a run's feed and a
 simulator's surface stream. Standard library only."""
 import base64
+import hashlib
 import json
 import math
 import os
@@ -9,6 +10,7 @@ import pathlib
 import re
 import select
 import socket
+import ssl
 import struct
 import subprocess
 import tempfile
@@ -40,10 +42,11 @@ class View:
             env={**os.environ, "FORCEGRID_VIEW_PAGE": str(folder),
                  "XDG_RUNTIME_DIR": str(folder / "run"), **environment})
         line = self.process.stdout.readline()
-        found = re.fullmatch(r"listening (\S+):(\d+) folder (\S+) token ([0-9a-f]+)\n", line)
+        found = re.fullmatch(r"listening (\S+):(\d+) folder (\S+) token ([0-9a-f]+)"
+                             r"(?: certificate ([0-9a-f]{64}))?\n", line)
         if not found:
             raise AssertionError("its first line is %r; it says: %s" % (line, self.said()))
-        self.address, port, self.folder, self.token = found.groups()
+        self.address, port, self.folder, self.token, self.certificate = found.groups()
         self.port = int(port)
         self.host = "%s:%d" % (self.address, self.port)
 
@@ -63,6 +66,22 @@ class View:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def connect(self):
+        """A connection, with TLS if the program has it: its certificate is compared with what it
+        says."""
+        connection = self.connect_plain()
+        if self.certificate is None:
+            return connection
+        try:
+            connection = unchecked_tls().wrap_socket(connection)
+            seen = hashlib.sha256(connection.getpeercert(binary_form=True)).hexdigest()
+        except BaseException:
+            connection.close()
+            raise
+        if seen != self.certificate:
+            raise AssertionError("the certificate is %s, not %s" % (seen, self.certificate))
+        return connection
+
+    def connect_plain(self):
         return socket.create_connection((self.address, self.port), timeout=TIMEOUT_S)
 
     def close(self):
@@ -76,6 +95,24 @@ class View:
             self.process.stdout.close()
             self.log.close()
             self.page.cleanup()
+
+
+def unchecked_tls():
+    """For a browser whose user has compared the fingerprint."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname = False
+    context.verify_mode = ssl.CERT_NONE
+    return context
+
+
+def make_key_file(file, *arguments, names="DNS:localhost,IP:127.0.0.1"):
+    """A private key and its certificate in one file, made as the refusal without one says."""
+    subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1",
+         "-nodes", "-days", "365", "-subj", "/CN=localhost", "-addext", "subjectAltName=" + names,
+         *arguments, "-keyout", str(file), "-out", str(file)],
+        check=True, capture_output=True, timeout=TIMEOUT_S)
+    return str(file)
 
 
 def wait_for(condition, message=lambda: "it does not come"):
@@ -126,7 +163,8 @@ class Page:
     def __init__(self, view, token=None, host=None, origin=True, target=None):
         self.connection = view.connect()
         host = host or view.host
-        origin = "http://" + host if origin is True else origin
+        scheme = "http://" if view.certificate is None else "https://"
+        origin = scheme + host if origin is True else origin
         target = target or "/ws?token=" + (view.token if token is None else token)
         key = base64.b64encode(os.urandom(16)).decode()
         self.connection.sendall(
