@@ -22,9 +22,9 @@ namespace {
 bool stops() { return StopRequest::stop().load(); }
 
 int show(RecordedRun& run, const ViewOptions& options) {
-  const ViewProcess process(options.listen);
+  const ViewProcess process(options.listen, options.view_key);
   Player player(run, {process.feed_socket(), process.surface_socket()});
-  std::fprintf(stderr, "view: %s\n", process.url().c_str());  // not to the log: it has the token
+  std::fputs(process.address_text().c_str(), stderr);  // not to the log: it has the token
   if (options.open) {
     const std::string why_not = process.open_browser();
     if (!why_not.empty()) {
@@ -90,15 +90,22 @@ void add_view(Command& app, ViewOptions& o, std::function<int()>& action) {
   Command& view = app.add_subcommand("view", "Show a recording in a browser: play, scrub, export");
   view.add_option("FILE", o.file, "Recording of forcegrid record; also of a run that was killed")
       ->required();
-  view.add_option("--listen", o.listen, "ADDR:PORT of the page, loopback only; port 0: a free one")
+  view.add_option("--listen", o.listen,
+                  "ADDR:PORT of the page; without --view-key loopback only; port 0: a free one")
       ->show_default()
       ->type_name("ADDR:PORT")
       ->not_in_config();
+  Option* const key =
+      view.add_option("--view-key", o.view_key,
+                      "Serve the page encrypted, with the private key and certificate of this file")
+          ->type_name("FILE.pem")
+          ->not_in_config();
   view.add_flag("--open", o.open, "Open the page in the desktop's browser")->not_in_config();
   view.add_option("--export", o.export_file,
                   "Write it as one page that needs nothing else, instead of serving it")
       ->type_name("FILE.html")
-      ->not_in_config();
+      ->not_in_config()
+      ->excludes(key);
   view.add_option("--export-MB", o.export_MB,
                   "Largest size of that file; what does not fit is thinned out, and said")
       ->check(between(5.0, 500.0))

@@ -12,6 +12,7 @@ namespace forcegrid::cli {
 struct ViewOptions {
   std::string file;                    ///< a recording
   std::string listen = "127.0.0.1:0";  ///< ADDR:PORT of the page
+  std::string view_key;                ///< PEM file that encrypts the page; empty: it is not
   bool open = false;                   ///< ask the desktop to open it
   std::string export_file;             ///< one file with everything instead; empty: none
   double export_MB = 20.0;             ///< its largest size

@@ -427,7 +427,7 @@ void Run::start_view() {
   };
   view_ = std::make_unique<ViewFeed>(process->feed_socket(), title, profile_,
                                      servo_options_.workspace, ports_);
-  std::fprintf(stderr, "view: %s\n", process->url().c_str());  // not to the log: it has the token
+  std::fputs(process->address_text().c_str(), stderr);  // not to the log: it has the token
   const std::string why_not = options_.open_view ? process->open_browser() : "";
   if (!why_not.empty()) {
     say("--open: " + why_not + "; open the address yourself", log::Level::kWarn);

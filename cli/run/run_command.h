@@ -83,6 +83,7 @@ struct RunOptions {
   JsonTarget json;
   bool view = false;                        ///< show the run in a browser
   std::string view_listen = "127.0.0.1:0";  ///< ADDR:PORT of its page
+  std::string view_key;                     ///< PEM file that encrypts it; empty: it is not
   bool tour = false;                        ///< the page shows the steps of a tour
   bool open_view = false;                   ///< ask the desktop to open it
   bool live = false;                        ///< a dashboard instead of a line per second

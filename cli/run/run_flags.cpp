@@ -242,8 +242,15 @@ void add_results(Command& run, RunOptions& o) {
         o.view = true;
         o.view_listen = listen.value_or(o.view_listen);
       },
-      "Show the run in a browser, at this loopback ADDR:PORT (default a free port)");
+      "Show the run in a browser, at this ADDR:PORT; without --view-key loopback only (default a "
+      "free port)");
   view->not_in_config();
+  run.add_option("--view-key", o.view_key,
+                 "Serve the page of --view encrypted, with the private key and certificate of this "
+                 "file")
+      ->type_name("FILE.pem")
+      ->not_in_config()
+      ->needs(view);
   run.add_flag("--open", o.open_view, "Open the page of --view in the desktop's browser")
       ->not_in_config()
       ->needs(view);

@@ -147,7 +147,7 @@ void RunProcesses::start(const RunOptions& options, const simulator::ToolOptions
                          std::unique_ptr<ViewProcess>& view) {
   if (options.view) {
     if (!view) {
-      view = std::make_unique<ViewProcess>(options.view_listen);
+      view = std::make_unique<ViewProcess>(options.view_listen, options.view_key);
     }
     view_ = view.get();
   }

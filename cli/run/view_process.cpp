@@ -5,11 +5,15 @@
 #include <spawn.h>
 #include <unistd.h>
 
+#include <array>
+#include <cctype>
+#include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <map>
 #include <sstream>
 #include <stdexcept>
+#include <vector>
 
 #include "text/own_prefix.h"
 
@@ -28,7 +32,7 @@ std::string path_of_view() {
   return path.string();
 }
 
-// "listening ADDR:PORT folder FOLDER token TOKEN", word by word.
+// "listening ADDR:PORT folder FOLDER token TOKEN", and with TLS "certificate SHA256", word by word.
 std::map<std::string, std::string> facts_of(const std::string& line) {
   std::istringstream words(line);
   std::map<std::string, std::string> facts;
@@ -44,10 +48,45 @@ std::map<std::string, std::string> facts_of(const std::string& line) {
   return facts;
 }
 
+// "0.0.0.0:80" is no address to go to: this machine's name stands there instead.
+std::string address_to_open(const std::string& listening) {
+  const std::size_t colon = listening.rfind(':');
+  const std::string address = listening.substr(0, colon);
+  if (colon == std::string::npos || (address != "0.0.0.0" && address != "[::]")) {
+    return listening;
+  }
+  std::array<char, 256> name{};
+  if (::gethostname(name.data(), name.size() - 1) != 0) {
+    throw std::runtime_error(std::string("--view: cannot learn this machine's name: ") +
+                             std::strerror(errno));
+  }
+  return name.data() + listening.substr(colon);
+}
+
+// "AB:CD:..." of "abcd...", as browsers show it.
+std::string with_colons(const std::string& digits) {
+  std::string text;
+  for (std::size_t i = 0; i < digits.size(); ++i) {
+    if (i > 0 && i % 2 == 0) {
+      text += ':';
+    }
+    text += static_cast<char>(std::toupper(static_cast<unsigned char>(digits[i])));
+  }
+  return text;
+}
+
+std::vector<std::string> arguments_of(const std::string& listen, const std::string& key_file) {
+  std::vector<std::string> arguments = {"--listen", listen, "--until-stdin-closes"};
+  if (!key_file.empty()) {
+    arguments.insert(arguments.end(), {"--key", key_file});
+  }
+  return arguments;
+}
+
 }  // namespace
 
-ViewProcess::ViewProcess(const std::string& listen)
-    : process_({"--listen", listen, "--until-stdin-closes"},
+ViewProcess::ViewProcess(const std::string& listen, const std::string& key_file)
+    : process_(arguments_of(listen, key_file),
                ChildOptions{.name = "view", .program = path_of_view()}) {
   read_facts();
 }
@@ -72,7 +111,21 @@ std::optional<std::string> ViewProcess::exported(std::chrono::milliseconds timeo
 void ViewProcess::read_facts() {
   const auto facts = facts_of(process_.wait_until_started());
   folder_ = facts.at("folder");
-  url_ = "http://" + facts.at("listening") + "/?token=" + facts.at("token");
+  const auto certificate = facts.find("certificate");
+  if (certificate != facts.end()) {
+    certificate_sha256_ = certificate->second;
+  }
+  url_ = (certificate_sha256_.empty() ? "http://" : "https://") +
+         address_to_open(facts.at("listening")) + "/?token=" + facts.at("token");
+}
+
+std::string ViewProcess::address_text() const {
+  std::string text = "view: " + url_ + "\n";
+  if (!certificate_sha256_.empty()) {
+    text += "view: its certificate has the SHA-256 fingerprint " +
+            with_colons(certificate_sha256_) + "\n";
+  }
+  return text;
 }
 
 std::string ViewProcess::open_browser() const {

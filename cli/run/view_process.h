@@ -14,10 +14,12 @@ namespace forcegrid::cli {
 class ViewProcess {
  public:
   /// Starts it and returns when it listens.
-  /// @param listen  ADDR:PORT of the page; port 0: a free one.
+  /// @param listen    ADDR:PORT of the page; port 0: a free one.
+  /// @param key_file  PEM of the private key and certificate of TLS; empty: without TLS, and
+  ///   `listen` is a loopback address.
   /// @throws std::runtime_error if there is no such program, naming the package, or if it does not
   /// start, with its reason.
-  explicit ViewProcess(const std::string& listen);
+  ViewProcess(const std::string& listen, const std::string& key_file);
   /// Starts it so that it writes a recording to `export_file` instead of serving it.
   /// @throws as above, also for a file that can't be made.
   ViewProcess(const std::string& export_file, double largest_MB);
@@ -26,8 +28,12 @@ class ViewProcess {
   /// @throws std::runtime_error once it has ended without.
   std::optional<std::string> exported(std::chrono::milliseconds timeout);
 
-  /// The page's address, with the token that gives access to it.
+  /// The page's address, with the token that gives access to it. If it listens on all addresses,
+  /// this machine's name stands there.
   [[nodiscard]] const std::string& url() const noexcept { return url_; }
+  /// For people: a line with url(), and with TLS one with the fingerprint of its certificate. Not
+  /// for a log: it has the token.
+  [[nodiscard]] std::string address_text() const;
   /// What its sockets are called, each in the private folder.
   [[nodiscard]] std::string feed_socket() const { return folder_ + "/feed"; }
   [[nodiscard]] std::string surface_socket() const { return folder_ + "/surface"; }
@@ -44,6 +50,7 @@ class ViewProcess {
   ChildProcess process_;
   std::string folder_;
   std::string url_;
+  std::string certificate_sha256_;  ///< empty: without TLS
 };
 
 }  // namespace forcegrid::cli

@@ -15,6 +15,8 @@ import threading
 import time
 import unittest
 
+import peers
+
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "page"))
 from page_test import CHROMIUM, DRIVER, start_browser, webdriver
 
@@ -31,19 +33,19 @@ SURFACE_OF_SMALL = 11 * 11 * 9 - 9 * 9 * 7
 class Run:
     """A run with a live view, and what it says on standard error."""
 
-    def __init__(self, *options):
+    def __init__(self, *options, view=("--view",), scheme="http"):
         self.folder = tempfile.TemporaryDirectory()
         self.summary_file = pathlib.Path(self.folder.name) / "summary.json"
         self.process = subprocess.Popen(
-            [FORCEGRID, "--no-config", "run", "--view", "--scene", "small", "--no-reference",
+            [FORCEGRID, "--no-config", "run", *view, "--scene", "small", "--no-reference",
              "--device-timeout-ms", "450", "--out", self.folder.name,
              "--json", str(self.summary_file), *options],
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         self.lines = []
         self.reader = threading.Thread(target=self.read)
         self.reader.start()
-        self.url = wait_until(lambda: self.find(r"^view: (http://127\.0\.0\.1:\d+/\?token=\w{32,})$"),
-                              "the view's address", self.lines)[1]
+        address = r"^view: (%s://127\.0\.0\.1:\d+/\?token=\w{32,})$" % scheme
+        self.url = wait_until(lambda: self.find(address), "the view's address", self.lines)[1]
 
     def read(self):
         for line in self.process.stderr:
@@ -312,6 +314,30 @@ class LiveView(unittest.TestCase):
         finally:
             run.close()
 
+    def test_shows_a_run_over_tls(self):
+        key_file = peers.make_key_file(pathlib.Path(self.folder.name) / "view.pem")
+        run = Run("--seconds", "60", view=("--view", "127.0.0.1:0", "--view-key", key_file),
+                  scheme="https")
+        browser = start_browser(self.folder.name, "--ignore-certificate-errors")
+        try:
+            browser.get(run.url)
+            wait_until(lambda: browser.execute_script("return document.body.dataset.state") == "live",
+                       "a live page", run.lines)
+            self.assertTrue(browser.execute_script("return isSecureContext"))
+            wait_until(lambda: browser.execute_script(
+                "return window.forcegridView.vertices") == SURFACE_OF_SMALL, "the surface", run.lines)
+            said = subprocess.run(["openssl", "x509", "-in", key_file, "-noout", "-fingerprint",
+                                   "-sha256"], capture_output=True, text=True, check=True).stdout
+            fingerprint = said.strip().split("=")[1]
+            self.assertTrue(run.find("^view: its certificate has the SHA-256 fingerprint %s$"
+                                     % fingerprint), run.lines)
+            browser.find_element(By.ID, "stop").click()
+            self.assertEqual(run.process.wait(PATIENCE_S), 3, run.lines)
+            self.assertEqual(run.summary()["emergency_stop"], "view")
+        finally:
+            browser.quit()
+            run.close()
+
     def test_changes_nothing_for_the_run_when_it_dies(self):
         run = Run("--seconds", "3")
         try:
@@ -335,6 +361,26 @@ class Words(unittest.TestCase):
                                   capture_output=True, text=True, timeout=PATIENCE_S)
             self.assertNotEqual(done.returncode, 0, address)
             self.assertIn(address.split(":", maxsplit=1)[0], done.stderr)
+
+    def test_name_the_remedy_for_an_address_that_other_machines_reach(self):
+        done = self.refused("--view", "0.0.0.0:0")
+        for word in ("--view-key FILE", "openssl req -x509"):
+            self.assertIn(word, done.stderr)
+
+    def test_say_what_is_wrong_with_a_key_file(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(peers.make_key_file(pathlib.Path(folder) / "view.pem"))
+            file.chmod(0o644)
+            done = self.refused("--view", "0.0.0.0:0", "--view-key", str(file))
+            for word in (str(file), "its mode 0644", "chmod 600"):
+                self.assertIn(word, done.stderr)
+        self.assertIn("--view", self.refused("--view-key", "view.pem").stderr)
+
+    def refused(self, *options):
+        done = subprocess.run([FORCEGRID, "--no-config", "run", *options, "--seconds", "1"],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        self.assertNotEqual(done.returncode, 0, options)
+        return done
 
 
 if __name__ == "__main__":

@@ -16,6 +16,9 @@ import sys
 import tempfile
 import threading
 import unittest
+import urllib.request
+
+import peers
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "page"))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
@@ -62,8 +65,8 @@ def record(file, out, seconds, *more):
 class Viewer:
     """forcegrid view FILE, and what it says on standard error."""
 
-    def __init__(self, file):
-        self.process = subprocess.Popen([FORCEGRID, "--no-config", "view", str(file)],
+    def __init__(self, file, *options):
+        self.process = subprocess.Popen([FORCEGRID, "--no-config", "view", str(file), *options],
                                         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         self.lines = []
         self.reader = threading.Thread(target=self.read)
@@ -71,7 +74,7 @@ class Viewer:
         self.url = wait_until(self.find_url, "the view's address", self.lines)
 
     def find_url(self):
-        found = [re.fullmatch(r"view: (http://127\.0\.0\.1:\d+/\?token=\w{32,})", line)
+        found = [re.fullmatch(r"view: (https?://127\.0\.0\.1:\d+/\?token=\w{32,})", line)
                  for line in list(self.lines)]
         return next((one[1] for one in found if one), None)
 
@@ -354,8 +357,25 @@ class Refusals(unittest.TestCase):
         self.refuses([empty], "empty.h5", "has no cycle")
         self.refuses([truncated], "truncated.h5", "damaged")
         self.refuses([no_forces], "no_forces.h5", "force_W_N", "missing")
-        self.refuses([self.good, "--listen", "0.0.0.0:0"], "0.0.0.0")
+        self.refuses([self.good, "--listen", "0.0.0.0:0"], "0.0.0.0", "--view-key FILE")
         self.refuses([], "FILE", status=2)
+
+    def test_are_none_of_a_page_over_tls(self):
+        key_file = peers.make_key_file(self.path / "view.pem")
+        viewer = Viewer(self.good, "--view-key", key_file)
+        try:
+            self.assertTrue(viewer.url.startswith("https://"))
+            with urllib.request.urlopen(viewer.url, timeout=PATIENCE_S,
+                                        context=peers.unchecked_tls()) as page:
+                self.assertEqual(page.status, 200)
+            self.assertTrue(any("SHA-256 fingerprint" in line for line in viewer.lines), viewer.lines)
+        finally:
+            viewer.close()
+
+    def test_say_what_is_wrong_with_a_key(self):
+        self.refuses([self.good, "--view-key", self.path / "none.pem"], "none.pem", "openssl req")
+        self.refuses([self.good, "--view-key", "view.pem", "--export", self.path / "run.html"],
+                     "--view-key", status=2)
 
     def test_say_why_a_page_cannot_be_written(self):
         self.refuses([self.good, "--export", self.path / "none" / "run.html"], "run.html",

@@ -72,11 +72,11 @@ return {seen, poor};
 """
 
 
-def start_browser(downloads):
+def start_browser(downloads, *flags):
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
     for flag in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
-                 "--enable-unsafe-swiftshader", "--window-size=1280,720", "--no-first-run"):
+                 "--enable-unsafe-swiftshader", "--window-size=1280,720", "--no-first-run", *flags):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     browser = webdriver.Chrome(service=Service(DRIVER), options=options)
