@@ -7,6 +7,7 @@
 #include "rt/checkpoint.h"
 #include "simulator/bench/solver_bench.h"
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/tetrahedra.h"
 #include "simulator/solver/dynamic_object.h"
 #include "simulator/solver/elastic_object.h"
 #include "text/text.h"
@@ -82,6 +83,13 @@ double energy_J(const SpringMesh& mesh, const std::vector<Vector3d>& position_W,
                                 .norm();
     sum_J += spring_energy_J(mesh.laws[static_cast<std::size_t>(spring.law)],
                              spring.stiffness_N_per_m, natural_length_m(mesh, spring), length_m);
+  }
+  const std::vector<Vector3d>& unstrained = unstrained_W(mesh);
+  for (const Tetrahedron& element : mesh.tetrahedra) {
+    const ElementShape shape = element_shape(unstrained, element);
+    sum_J += shape.volume_m3 *
+             strain_energy_J_per_m3(mesh.materials[static_cast<std::size_t>(element.material)],
+                                    deformation_gradient(shape, element, position_W));
   }
   for (std::size_t i = 0; i < position_W.size(); ++i) {
     const Vector3d off_m = position_W[i] - mesh.rest_position_W[i];
