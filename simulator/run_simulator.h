@@ -39,7 +39,7 @@ struct SimulatorOptions {
   /// Simulate the cheapest model of the scene whose force is within this of the scene's as written,
   /// see choose_model(); nothing: the scene as written.
   std::optional<double> material_tolerance_percent;
-  std::optional<ToolOptions> tool;        ///< nothing: the scene's own
+  std::optional<ToolOptions> tool;  ///< nothing: the scene's own
   /// Is told each long step of the start as it begins, and "" before `out` or `log` is written to;
   /// may be empty.
   std::function<void(const std::string&)> step;

@@ -25,7 +25,7 @@ struct RunOptions {
   std::string calibration = "auto";
   std::string firmware;  ///< file for a Falcon that runs none; empty: none
   std::string scene = "block";
-  std::string solver = "auto";         ///< of the started simulator; see simulator::choose_solver
+  std::string solver = "auto";  ///< of the started simulator; see simulator::choose_solver
   /// Of the started simulator; nothing: the scene as written.
   std::optional<double> material_tolerance_percent;
   std::string simulator;               ///< ADDR:PORT of a running simulator; empty: start one

@@ -11,8 +11,8 @@
 
 namespace forcegrid::simulator {
 
-/// [J] Energy of the springs (none at natural length), elements (none without strain), home springs,
-/// loads (none at rest) and the vertices' motion.
+/// [J] Energy of the springs (none at natural length), elements (none without strain), home
+/// springs, loads (none at rest) and the vertices' motion.
 double energy_J(const SpringMesh& mesh, const std::vector<Eigen::Vector3d>& position_W,
                 const std::vector<Eigen::Vector3d>& velocity_W);
 

@@ -99,12 +99,12 @@ void check(const MeshFile& mesh, const std::string& who) {
   check_places(mesh, who);
 }
 
-std::vector<Triangle> outer_faces(const MeshFile& file, const std::string& who) {
+std::vector<Triangle> outer_faces(const MeshFile& mesh, const std::string& who) {
   std::map<Triangle, std::pair<Triangle, int>> faces;  // by sorted vertices
-  for (std::size_t t = 0; t < file.tetrahedra.size(); ++t) {
-    rt::checkpoint_at(t, file.tetrahedra.size());
-    Corners v = file.tetrahedra[t];
-    const auto at = [&](std::size_t k) { return file.vertex[static_cast<std::size_t>(v[k])]; };
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    rt::checkpoint_at(t, mesh.tetrahedra.size());
+    Corners v = mesh.tetrahedra[t];
+    const auto at = [&](std::size_t k) { return mesh.vertex[static_cast<std::size_t>(v[k])]; };
     const Eigen::Vector3d a = at(1) - at(0);
     const Eigen::Vector3d b = at(2) - at(0);
     const Eigen::Vector3d c = at(3) - at(0);

@@ -117,8 +117,8 @@ TEST(HdPhantom, N24_AnArmIsInChai3dsAxesAndTheLoopAtTheServosRate) {
   EXPECT_EQ(phantom.set_torque(0, nullptr, &torque_Nm[1], &torque_Nm[2]), -1);
   EXPECT_EQ(phantom.set_torque(0, &torque_Nm[0], &torque_Nm[1], &torque_Nm[2]), 0);
   EXPECT_EQ(phantom.set_force(0, &force_N[0], &force_N[1], &force_N[2]), 0);
-  // One force a cycle of 1 ms: by the mean never faster, however late this thread is woken at times;
-  // by the median, which a busy machine's late wake-ups leave where it is, not slower.
+  // One force a cycle of 1 ms: by the mean never faster, however late this thread is woken at
+  // times; by the median, which a busy machine's late wake-ups leave where it is, not slower.
   std::vector<double> took_s;
   rt::TimePoint last = rt::Clock::now();
   const rt::TimePoint began = last;
