@@ -25,6 +25,7 @@
 #include "cli/run/run_summary_json.h"
 #include "cli/run/run_summary_text.h"
 #include "cli/run/run_view.h"
+#include "cli/run/scene_change.h"
 #include "cli/run/simulator_watch.h"
 #include "cli/run/terminal_keys.h"
 #include "cli/run/view_feed.h"
@@ -691,8 +692,7 @@ int run_command(const RunOptions& options) {
     if (!scene) {
       return status;
     }
-    now.scene = *scene;
-    now.open_view = false;
+    now = with_scene(now, *scene);
     StopRequest::forget();
   }
 }

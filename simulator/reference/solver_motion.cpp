@@ -18,7 +18,7 @@
 namespace forcegrid::simulator {
 void require_held(int held, const Scene& scene) {
   if (held == 0) {
-    throw Error("bench: no free vertex within " + text::number_text(scene.patch_radius_m) +
+    throw Error("no free vertex within " + text::number_text(scene.patch_radius_m) +
                 " m of the top of scene " + scene.name + "; use a larger patch_radius_m");
   }
 }
