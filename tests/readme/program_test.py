@@ -34,6 +34,7 @@ class PythonProgram(unittest.TestCase):
             try:
                 ran = subprocess.run(
                     [PROGRAM, "--no-config", "run", "--simulator", "127.0.0.1:" + port, "--seconds", "3",
+                     "--device-timeout-ms", "400",
                      "--json", folder + "/run.json", "--out", folder], capture_output=True, text=True,
                     timeout=100)
                 self.assertEqual(ran.returncode, 0, ran.stdout + ran.stderr)

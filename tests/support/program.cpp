@@ -26,6 +26,10 @@ std::string temporary(const std::string& name) {
 
 constexpr auto kPoll = std::chrono::milliseconds(10);
 
+bool has_device(const std::string& command) {
+  return command == "run" || command == "record" || command == "calibrate";
+}
+
 }  // namespace
 
 std::string text_of(const std::string& file) {
@@ -70,8 +74,7 @@ std::vector<std::string> forcegrid_command(std::vector<std::string> arguments) {
   const auto has = [&](const char* word) {
     return std::find(arguments.begin(), arguments.end(), word) != arguments.end();
   };
-  if (!arguments.empty() && (arguments.front() == "run" || arguments.front() == "calibrate") &&
-      !has("--device-timeout-ms")) {
+  if (!arguments.empty() && has_device(arguments.front()) && !has("--device-timeout-ms")) {
     arguments.insert(arguments.end(), {"--device-timeout-ms", "400"});
   }
   if (!has("--config")) {

@@ -11,8 +11,8 @@
 namespace forcegrid::testing {
 
 /// This project's command with `arguments`; no configuration file counts but one that they name,
-/// and a run or calibration waits longer for its device than the usual 100 ms, for which a machine
-/// that is shared may well stand still.
+/// and a run, recording or calibration waits longer for its device than the usual 100 ms, for which
+/// a machine that is shared may well stand still.
 std::vector<std::string> forcegrid_command(std::vector<std::string> arguments);
 
 /// A program started by a test, its output kept in files, ended when the test ends.

@@ -21,7 +21,8 @@ class ARecording(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory()
         cls.file = str(pathlib.Path(cls.folder.name, "run.h5"))
         ran = subprocess.run(
-            [PROGRAM, "--no-config", "run", "--device", "emulated:woodenhaptics_v2015", "--scene",
+            [PROGRAM, "--no-config", "run", "--device-timeout-ms", "400",
+             "--device", "emulated:woodenhaptics_v2015", "--scene",
              "small", "--seconds", "3", "--record", cls.file, "--out", cls.folder.name],
             capture_output=True, text=True, timeout=100)
         if ran.returncode != 0:
