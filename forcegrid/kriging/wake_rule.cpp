@@ -77,18 +77,23 @@ void WakeRule::rendered_had_no_use() noexcept {
 
 void WakeRule::wake_all() noexcept {
   all_awake_ = true;
+  all_woken_ = queued_;
   auditioned_ = Candidates::kNone;
-  awake_for_ = 0;
-  chosen_N2_ = 0.0;
-  alone_N2_.fill(0.0);
+  restart_sums();
   worse_.fill(0.0);
   hopeless_.fill(false);
   misfit_.restart();
 }
 
+void WakeRule::restart_sums() noexcept {
+  awake_for_ = 0;
+  chosen_N2_ = 0.0;
+  alone_N2_.fill(0.0);
+}
+
 void WakeRule::evaluated(const EvaluatedSample& sample) noexcept {
   // At first touches `places` helps, which wakes by itself.
-  if (!enabled_ || !all_awake_ || sample.first_touch || rendered_ == candidates_.places) {
+  if (!enabled_ || sample.first_touch || rendered_ == candidates_.places) {
     return;
   }
   const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
@@ -106,14 +111,20 @@ void WakeRule::evaluated(const EvaluatedSample& sample) noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const double own_N2 = hopeless_[i] ? thresholds_.hopeless * rendered_N2 : error_N2(i);
     alone_N2_[i] = kept * alone_N2_[i] + own_N2;
+    if (!all_awake_) {
+      continue;  // nobody is hopeless then
+    }
     const double twice = std::log(own_N2 / rendered_N2) / std::log(4.0);
     worse_[i] = kept * worse_[i] + (1.0 - kept) * std::clamp(twice, -1.0, 1.0);
   }
 }
 
 bool WakeRule::scored(const CandidateChoice& choice) noexcept {
-  if (!enabled_ || !all_awake_) {
+  if (!enabled_) {
     return false;
+  }
+  if (!all_awake_) {
+    return dismiss_kept();
   }
   if (rendered_suffices()) {
     all_sleep(choice);
@@ -168,6 +179,26 @@ bool WakeRule::rendered_suffices() const noexcept {
   return true;
 }
 
+// After an event, others may be needed at the next one.
+bool WakeRule::dismiss_kept() noexcept {
+  const bool event_lately =
+      all_woken_ != 0 && queued_ <= all_woken_ + static_cast<std::uint64_t>(thresholds_.lately);
+  if (event_lately || !rendered_suffices()) {
+    return false;
+  }
+  bool slept = false;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    if (i != rendered_ && kept_lately(i)) {
+      dismissed_[i] = queued_;
+      slept = true;
+    }
+  }
+  if (slept) {
+    restart_sums();
+  }
+  return slept;
+}
+
 void WakeRule::all_sleep(const CandidateChoice& choice) noexcept {
   runner_up_ = choice.runner_up(rendered_);
   chosen_ = true;
@@ -177,6 +208,7 @@ void WakeRule::all_sleep(const CandidateChoice& choice) noexcept {
   audition_at_contact_ = false;
   until_audition_ = next_audition_ = thresholds_.audition_pause;
   misfit_.restart();
+  restart_sums();
 }
 
 void WakeRule::handed_over(std::size_t rendered) noexcept {
@@ -184,6 +216,7 @@ void WakeRule::handed_over(std::size_t rendered) noexcept {
   chosen_ = true;
   ask_places_.won = ask_places_.won || rendered == candidates_.places;
   ask_memory_.won = ask_memory_.won || rendered == candidates_.memory;
+  awake_for_ = all_awake_ ? awake_for_ : 0;
   misfit_.restart();
 }
 
@@ -215,7 +248,7 @@ bool WakeRule::rendered_within(std::size_t index, int samples) const noexcept {
 // The one that began was rendered before any was scored. That alone is no reason to stay awake, but
 // specialists and others that stay are compared with it.
 bool WakeRule::kept_lately(std::size_t index) const noexcept {
-  if (!rendered_within(index, thresholds_.lately)) {
+  if (!rendered_within(index, thresholds_.lately) || last_rendered_[index] <= dismissed_[index]) {
     return false;
   }
   if (last_rendered_[index] > unchosen_ || candidates_.all[rendered_]->weight() > 1.0) {

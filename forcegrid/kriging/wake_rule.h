@@ -28,7 +28,8 @@ namespace forcegrid::kriging {
 /// When all sleep, these are awake alone:
 ///
 /// - the rendered candidate, and candidates that were rendered lately, but `memory` and `places`;
-///   the one that began only if it was chosen or sufficed, or beside a specialist or others;
+///   the one that began only if it was chosen or sufficed, or beside a specialist or others. They,
+///   too, sleep once that was no use, unless everybody was woken lately;
 /// - `newest`, which costs nothing;
 /// - `walls` for some samples after each surprise, because walls can't wait, and while it knows
 ///   one;
@@ -85,6 +86,8 @@ class WakeRule {
   void wake_all() noexcept;
   void all_sleep(const CandidateChoice& choice) noexcept;
   bool hopeless_sleep() noexcept;
+  bool dismiss_kept() noexcept;
+  void restart_sums() noexcept;
   std::size_t best_general() const noexcept;
   bool rendered_suffices() const noexcept;
   bool rendered_within(std::size_t index, int samples) const noexcept;
@@ -99,11 +102,14 @@ class WakeRule {
   std::uint64_t queued_ = 0;
   bool chosen_ = false;  ///< the rendered one is not just that which began
   std::array<std::uint64_t, kMaxCandidates>
-      last_rendered_{};         ///< number + 1 of the sample; 0: never
+      last_rendered_{};  ///< number + 1 of the sample; 0: never
+  std::array<std::uint64_t, kMaxCandidates>
+      dismissed_{};             ///< until then it was no use to keep it awake
   std::uint64_t unchosen_ = 0;  ///< until then the rendered one was just that which began
 
   bool all_awake_ = true;
-  int awake_for_ = 0;                              ///< scored samples
+  std::uint64_t all_woken_ = 0;                    ///< number + 1 of the sample; 0: never again
+  int awake_for_ = 0;                              ///< scored samples, of the sums below
   double chosen_N2_ = 0.0;                         ///< squared errors of what was rendered, summed
   std::array<double, kMaxCandidates> alone_N2_{};  ///< the same of each candidate
 

@@ -325,6 +325,71 @@ TEST(TheOneThatBegan, StaysBesideAnotherThatWasRenderedLately) {
   EXPECT_TRUE(s.awake("smooth"));
 }
 
+// "smooth" was chosen, then "exact"; all fall asleep but these.
+void keep_smooth(Sleepers& s) {
+  s.samples(5, "exact", {});
+  s.rule.handed_over(s.index("smooth"));
+  s.sample("smooth", {});
+  s.rule.handed_over(s.index("exact"));
+  s.all_fall_asleep();
+  ASSERT_TRUE(s.awake("smooth"));
+}
+
+TEST(RenderedLately, SleepsAfter30SamplesThatItPredictsNoBetter) {
+  Sleepers s;
+  keep_smooth(s);
+  s.samples(29, "exact", {{"smooth", 1.0}});
+  EXPECT_TRUE(s.awake("smooth"));
+  s.sample("exact", {{"smooth", 1.0}});
+  EXPECT_FALSE(s.awake("smooth"));
+}
+
+TEST(RenderedLately, StaysFor200SamplesIfItPredictsBetter) {
+  Sleepers s;
+  keep_smooth(s);
+  s.samples(100, "exact", {{"smooth", 0.9}});
+  EXPECT_TRUE(s.awake("smooth"));
+  s.samples(71, "exact", {{"smooth", 0.9}});  // 30 went by before
+  EXPECT_FALSE(s.awake("smooth"));
+}
+
+TEST(RenderedLately, StaysIfChoosingItHasGainedSomething) {
+  Sleepers s;
+  keep_smooth(s);
+  for (int turn = 0; turn < 4; ++turn) {  // each is right in its turn, and rendered then
+    s.rule.handed_over(s.index("smooth"));
+    s.sample("smooth", {{"smooth", 1.0}}, 9.0);
+    s.rule.handed_over(s.index("exact"));
+    s.samples(39, "exact", {{"exact", 1.0}}, 9.0);
+  }
+  EXPECT_TRUE(s.awake("smooth"));
+}
+
+TEST(RenderedLately, StaysFor200SamplesAfterEverybodyWasWoken) {
+  Sleepers s;
+  keep_smooth(s);
+  s.rule.rendered_had_no_use();
+  ASSERT_TRUE(s.rule.all_awake());
+  s.rule.handed_over(s.index("smooth"));
+  s.sample("smooth", {});
+  s.rule.handed_over(s.index("exact"));
+  s.all_fall_asleep();
+  s.samples(100, "exact", {});
+  EXPECT_TRUE(s.awake("smooth"));
+}
+
+TEST(RenderedLately, StaysAgainWhenItIsRenderedAgain) {
+  Sleepers s;
+  keep_smooth(s);
+  s.samples(30, "exact", {});
+  ASSERT_FALSE(s.awake("smooth"));
+  s.rule.handed_over(s.index("smooth"));
+  s.sample("smooth", {});
+  s.rule.handed_over(s.index("exact"));
+  s.sample("exact", {});
+  EXPECT_TRUE(s.awake("smooth"));
+}
+
 TEST(HopelessCandidates, SleepAfter40SamplesOfSixteenTimesTheSquaredError) {
   Sleepers s;
   const Errors_N2 errors_N2{{"smooth", 0.5}, {"viscous", 15.5}, {"noisy viscous", 16.5}};
