@@ -2,18 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finite elements against other people's codes: the same mesh, material and boundary.
 
-usage: fem_peers_test.py FORCEGRID     the program
-                                       exit status 77: a package is missing, nothing was compared
+usage: fem_peers_test.py FORCEGRID PEER     the program; the peer's class: GetFemPeer, FreeFemPeer
+                                            or SciPyPeer
+                                            exit status 77: a package of the peer's is missing
 
 stvk and neo_hookean: GetFEM assembles forces and tangent, from its own law of St. Venant and
-Kirchhoff and from the energy of the neo-Hookean one, differentiated by itself. corotated: SciPy
-minimises an energy in NumPy. Reaction force and displacements at 20 positions of the tool have to
-agree within 1e-6.
+Kirchhoff and from the energy of the neo-Hookean one, differentiated by itself. FreeFem assembles
+and solves what press_block.edp writes down by hand. corotated: SciPy minimises an energy in NumPy.
+Reaction force and displacements at 20 positions of the tool have to agree within 1e-6.
 """
 
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -30,11 +32,13 @@ except ImportError as missing:
     sys.exit(SKIPPED)
 try:
     import getfem
-except ImportError as missing:
-    print(f"skipped: {missing}; setup/install.sh fem installs it")
-    sys.exit(SKIPPED)
+except ImportError:
+    getfem = None
+FREEFEM = shutil.which("FreeFem++-nw")
 
 PROGRAM = sys.argv.pop(1)
+FREEFEM_SCRIPT = pathlib.Path(__file__).resolve().with_name("press_block.edp")
+LOAD_STEPS = 4
 YOUNG_PA, POISSON = 4.2e3, 0.42
 MU = YOUNG_PA / (2 * (1 + POISSON))
 LAMBDA = YOUNG_PA * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
@@ -85,18 +89,30 @@ def write_gmsh(path, points, tetrahedra):
     path.write_text("\n".join(lines + ["$EndElements", ""]))
 
 
+def write_medit(path, points, tetrahedra):
+    lines = ["MeshVersionFormatted 2", "Dimension 3", "Vertices", str(len(points))]
+    lines += [f"{p[0]!r} {p[1]!r} {p[2]!r} 0" for p in points.tolist()]
+    lines += ["Tetrahedra", str(len(tetrahedra))]
+    lines += [" ".join(str(v + 1) for v in t) + " 0" for t in tetrahedra.tolist()]
+    path.write_text("\n".join(lines + ["End", ""]))
+
+
+def held_by(points, contact):
+    """Which points the tool holds: those in its patch that are not fixed."""
+    return (np.linalg.norm(points - contact, axis=1) <= RADIUS_M) & (points[:, 2] > 0.0)
+
+
 class Peer:
     """An equilibrium by Newton's method: subclasses give residual and tangent."""
 
     def __init__(self, points, tetrahedra, contact):
         self.points, self.tetrahedra = points, tetrahedra
-        self.held = np.linalg.norm(points - contact, axis=1) <= RADIUS_M
+        self.held = held_by(points, contact)
         fixed = points[:, 2] <= 0.0
-        self.held &= ~fixed
         self.free = np.repeat(~(fixed | self.held), 3)
         self.displacement = np.zeros(points.size)
 
-    def solve(self, tool, steps=4):
+    def solve(self, tool, steps=LOAD_STEPS):
         start = self.displacement[np.flatnonzero(np.repeat(self.held, 3))[:3]]
         for step in range(1, steps + 1):
             place = start + (tool - start) * step / steps
@@ -206,17 +222,59 @@ class Corotated(Peer):
         self.displacement[self.free] = found.x
 
 
-class FemPeers(unittest.TestCase):
+def solve_with_freefem(folder, model, cases):
+    """Force [N] and displacements [m] of each case (contact, tool), as FreeFem solves them."""
+    points, tetrahedra = cases.mesh
+    write_medit(folder / "block.mesh", points, tetrahedra)
+    lines = [f"{model} {MU!r} {LAMBDA!r} {LOAD_STEPS} {len(cases.places)}"]
+    for contact, tool in cases.places:
+        held = np.flatnonzero(held_by(points, contact))
+        lines.append(" ".join(map(repr, [*tool.tolist(), len(held), *held.tolist()])))
+    (folder / "cases.txt").write_text("\n".join(lines + [""]))
+    done = subprocess.run([FREEFEM, "-ne", "-v", "0", str(FREEFEM_SCRIPT)], cwd=folder,
+                          capture_output=True, text=True, timeout=500)
+    if done.returncode != 0:
+        raise AssertionError(f"FreeFem ended with {done.returncode}: {done.stdout}{done.stderr}")
+    rows = np.loadtxt(folder / "found.txt").reshape(len(cases.places), 1 + len(points), 3)
+    return [(answer[0], answer[1:]) for answer in rows]
+
+
+class Cases:
+    """The mesh and the tool's places: pairs of the contact [m] and the displacement [m]."""
+
+    def __init__(self, seed, count):
+        random = np.random.default_rng(seed)
+        self.mesh = make_mesh(random)
+        top = self.mesh[0][:, 2].max()
+        self.places = [(np.array([*random.uniform([0.02, 0.015], [0.045, 0.035]), top]),
+                        random.uniform([-0.004, -0.004, -0.006], [0.004, 0.004, 0.005]))
+                       for _ in range(count)]
+
+
+class Comparison(unittest.TestCase):
+    """What the peers have in common; it has no test of its own."""
+
+    positions = POSITIONS
+
     @classmethod
     def setUpClass(cls):
-        cls.random = np.random.default_rng(SEED)
         print(f"seed {SEED}")
-        cls.points, cls.tetrahedra = make_mesh(cls.random)
-        cls.folder = tempfile.TemporaryDirectory()
-        folder = pathlib.Path(cls.folder.name)
-        write_gmsh(folder / "block.msh", cls.points, cls.tetrahedra)
-        for model in ("corotated", "stvk", "neo_hookean"):
-            (folder / f"{model}.toml").write_text(f"""\
+        cls.cases = Cases(SEED, cls.positions)
+        cls.points, cls.tetrahedra = cls.cases.mesh
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.temporary.name)
+        write_gmsh(cls.folder / "block.msh", cls.points, cls.tetrahedra)
+        # The scene puts the surface point above the middle of the mesh's box at the origin.
+        middle = 0.5 * (cls.points.min(axis=0) + cls.points.max(axis=0))
+        cls.origin = np.array([middle[0], middle[1], cls.points[:, 2].max()])
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.temporary.cleanup()
+
+    def forcegrid(self, model, contact, tool):
+        scene = self.folder / f"{model}.toml"
+        scene.write_text(f"""\
 description = "A leaning block"
 patch_radius_m = {RADIUS_M}
 [[object]]
@@ -230,16 +288,7 @@ youngs_modulus_Pa = {YOUNG_PA}
 poissons_ratio = {POISSON}
 density_kg_per_m3 = 1060.0
 """)
-        # The scene puts the surface point above the middle of the mesh's box at the origin.
-        middle = 0.5 * (cls.points.min(axis=0) + cls.points.max(axis=0))
-        cls.origin = np.array([middle[0], middle[1], cls.points[:, 2].max()])
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    def forcegrid(self, model, tool, contact):
-        command = [PROGRAM, "--no-config", "scene", os.path.join(self.folder.name, f"{model}.toml"),
+        command = [PROGRAM, "--no-config", "scene", os.fspath(scene),
                    "--force-at", ",".join(map(repr, tool.tolist())),
                    "--contact", ",".join(map(repr, (contact - self.origin).tolist())),
                    "--json", "--displacements"]
@@ -249,43 +298,66 @@ density_kg_per_m3 = 1060.0
         self.assertTrue(found["converged"])
         return np.array(found["force_N"]), np.array(found["displacements_m"])
 
-    def compare(self, model, make_peer, positions):
-        top = self.points[:, 2].max()
+    def compare(self, model, expected):
+        """`expected`: force [N] and displacements [m] of each of the peer's answers."""
         worst_force, worst_place = 0.0, 0.0
-        for n in range(positions):
-            contact = np.array([*self.random.uniform([0.02, 0.015], [0.045, 0.035]), top])
-            tool = self.random.uniform([-0.004, -0.004, -0.006], [0.004, 0.004, 0.005])
-            peer = make_peer(contact)
-            expected = peer.solve(tool)
-            force, displacements = self.forcegrid(model, tool, contact)
+        for (contact, tool), (peer_force, peer_displacements) in zip(
+                self.cases.places, expected, strict=True):
+            force, displacements = self.forcegrid(model, contact, tool)
             worst_force = max(worst_force,
-                              np.linalg.norm(force - expected) / np.linalg.norm(expected))
-            worst_place = max(worst_place,
-                              np.abs(displacements - peer.displacement.reshape(-1, 3)).max()
+                              np.linalg.norm(force - peer_force) / np.linalg.norm(peer_force))
+            worst_place = max(worst_place, np.abs(displacements - peer_displacements).max()
                               / np.linalg.norm(tool))
-        print(f"{model}: {positions} positions, force within {worst_force:.1e}, displacements "
-              f"within {worst_place:.1e} of the tool's")
+        print(f"{model}: {len(self.cases.places)} positions, force within {worst_force:.1e}, "
+              f"displacements within {worst_place:.1e} of the tool's")
         self.assertLess(worst_force, TOLERANCE)
         self.assertLess(worst_place, TOLERANCE)
 
+    def solved(self, make_peer):
+        """The answers of a peer of this process, which `make_peer` makes for a contact."""
+        for contact, tool in self.cases.places:
+            peer = make_peer(contact)
+            force = peer.solve(tool)
+            yield force, peer.displacement.reshape(-1, 3)
+
+
+@unittest.skipIf(getfem is None, "no module getfem; setup/install.sh fem installs it")
+class GetFemPeer(Comparison):
+    def solved_with(self, expression):
+        return self.solved(lambda contact: GetFem(self.points, self.tetrahedra, contact,
+                                                  expression))
+
     def test_stvk_is_getfems(self):
-        weak = ("((Id(3)+Grad_u)*Saint_Venant_Kirchhoff_PK2(Grad_u,[la;mu])):Grad_Test_u")
-        self.compare("stvk", lambda contact: GetFem(self.points, self.tetrahedra, contact, weak),
-                     POSITIONS)
+        self.compare("stvk", self.solved_with(
+            "((Id(3)+Grad_u)*Saint_Venant_Kirchhoff_PK2(Grad_u,[la;mu])):Grad_Test_u"))
 
     def test_neo_hookean_is_what_getfem_makes_of_its_energy(self):
         m, stiff = "(4*mu/3)", "(la+5*mu/6)"
-        energy = (f"{m}/2*(Norm_sqr(Id(3)+Grad_u)-3)"
-                  f"+{stiff}/2*sqr(Det(Id(3)+Grad_u)-1-3*{m}/(4*{stiff}))"
-                  f"-{m}/2*log(Norm_sqr(Id(3)+Grad_u)+1)")
-        self.compare("neo_hookean",
-                     lambda contact: GetFem(self.points, self.tetrahedra, contact, energy),
-                     POSITIONS)
+        self.compare("neo_hookean", self.solved_with(
+            f"{m}/2*(Norm_sqr(Id(3)+Grad_u)-3)"
+            f"+{stiff}/2*sqr(Det(Id(3)+Grad_u)-1-3*{m}/(4*{stiff}))"
+            f"-{m}/2*log(Norm_sqr(Id(3)+Grad_u)+1)"))
+
+
+@unittest.skipIf(FREEFEM is None, "no program FreeFem++-nw; setup/install.sh fem installs it")
+class FreeFemPeer(Comparison):
+    def test_stvk_is_what_freefem_solves(self):
+        self.compare("stvk", solve_with_freefem(self.folder, "stvk", self.cases))
+
+    def test_neo_hookean_is_what_freefem_solves(self):
+        self.compare("neo_hookean", solve_with_freefem(self.folder, "neo_hookean", self.cases))
+
+
+class SciPyPeer(Comparison):
+    positions = 1
 
     def test_corotated_is_the_minimum_that_scipy_finds(self):
-        self.compare("corotated",
-                     lambda contact: Corotated(self.points, self.tetrahedra, contact), 1)
+        self.compare("corotated", self.solved(
+            lambda contact: Corotated(self.points, self.tetrahedra, contact)))
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    result = unittest.main(verbosity=2, exit=False).result
+    if result.wasSuccessful() and result.testsRun == len(result.skipped):
+        sys.exit(SKIPPED)
+    sys.exit(not result.wasSuccessful())
