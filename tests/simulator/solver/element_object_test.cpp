@@ -19,6 +19,7 @@
 #include "simulator/solver/pressed_springs.h"
 #include "simulator/solver/two_rates_object.h"
 #include "simulator/touch/solver_choice.h"
+#include "tests/simulator/dense_newton.h"
 #include "tests/simulator/element_block.h"
 
 namespace forcegrid::simulator {
@@ -38,57 +39,6 @@ SolverOptions precise() {
           .sensitivity_tolerance = 1e-4};
 }
 
-// Newton's method with a dense factor on the scalar reference's forces and Hessian: another way to
-// the same equilibrium.
-struct Newton {
-  Newton(SpringMesh object, const Vector3d& point_W, double radius_m)
-      : mesh(std::move(object)), position_W(mesh.rest_position_W) {
-    for (std::size_t i = 0; i < position_W.size(); ++i) {
-      if (mesh.fixed[i] == 0 && (position_W[i] - point_W).norm() <= radius_m) {
-        held.push_back(i);
-        mesh.fixed[i] = 1;
-      }
-    }
-  }
-
-  Vector3d force_at(const Vector3d& displacement_W) {
-    constexpr int kSteps = 8;
-    const FreeCoordinates free(mesh);
-    const std::vector<Vector3d> rest_W = mesh.rest_position_W;
-    for (int step = 1; step <= kSteps; ++step) {
-      for (const std::size_t i : held) {
-        position_W[i] = rest_W[i] + step * displacement_W / kSteps;
-      }
-      for (int iteration = 0; iteration < 12; ++iteration) {
-        const std::vector<Vector3d> force_W = vertex_forces_W(mesh, position_W);
-        VectorXd residual(free.count);
-        for (std::size_t i = 0; i < force_W.size(); ++i) {
-          if (free.first[i] >= 0) {
-            residual.segment<3>(free.first[i]) = force_W[i];
-          }
-        }
-        const VectorXd move_m =
-            Eigen::MatrixXd(tangent_stiffness_W(mesh, free, position_W)).llt().solve(residual);
-        for (std::size_t i = 0; i < force_W.size(); ++i) {
-          if (free.first[i] >= 0) {
-            position_W[i] += move_m.segment<3>(free.first[i]);
-          }
-        }
-      }
-    }
-    Vector3d sum_W = Vector3d::Zero();
-    const std::vector<Vector3d> force_W = vertex_forces_W(mesh, position_W);
-    for (const std::size_t i : held) {
-      sum_W += force_W[i];
-    }
-    return sum_W;
-  }
-
-  SpringMesh mesh;
-  std::vector<Vector3d> position_W;
-  std::vector<std::size_t> held;
-};
-
 class ElementObjects : public testing::TestWithParam<ElementModel> {
  protected:
   SpringMesh mesh_ = element_block({4, 4, 3}, kEdge_m, soft(GetParam(), 0.4), 0.15);
@@ -96,7 +46,7 @@ class ElementObjects : public testing::TestWithParam<ElementModel> {
 
 TEST_P(ElementObjects, ForceAndPlacesAreThoseOfNewtonsMethodOnTheScalarReference) {
   const Vector3d displacement_W(0.004, -0.002, 0.006);
-  Newton newton(mesh_, Vector3d::Zero(), kPatch_m);
+  DenseNewton newton(mesh_, Vector3d::Zero(), kPatch_m);
   const Vector3d expected_W = newton.force_at(displacement_W);
   ElasticObject<double> object(mesh_, precise());
   ASSERT_EQ(object.grab(Vector3d::Zero(), kPatch_m), static_cast<int>(newton.held.size()));
@@ -275,7 +225,7 @@ TEST(ElementObject, StandsBesideSpringsAndOnHomeSprings) {
   mesh.home_stiffness_N_per_m.assign(mesh.fixed.size(), 2.0);
   mesh.springs = {{0, 47, 30.0, 0.0, 0}, {5, 40, 20.0, 0.0, 0}};
   const Vector3d displacement_W(0.002, 0.003, 0.004);
-  Newton newton(mesh, Vector3d::Zero(), kPatch_m);
+  DenseNewton newton(mesh, Vector3d::Zero(), kPatch_m);
   const Vector3d expected_W = newton.force_at(displacement_W);
   ElasticObject<double> object(mesh, precise());
   object.grab(Vector3d::Zero(), kPatch_m);

@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <thread>
 
 #include "simulator/mesh/error.h"
@@ -13,6 +15,8 @@
 #include "simulator/predicted_contact.h"
 #include "simulator/touch/tool_contact.h"
 #include "simulator/workers/query_solver.h"
+#include "tests/simulator/dense_newton.h"
+#include "tests/simulator/element_block.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -182,6 +186,78 @@ TEST_F(ContactPredictionTest, APredictedContactOfAStickingToolAsksForItsStiffnes
   EXPECT_TRUE(patch.has_stiffness);
   EXPECT_FALSE(patch.has_press_forces);
   EXPECT_LT(patch.stiffness_W_N_per_m[2], -10.0F);
+}
+
+// A block of elements that a tool can touch from above.
+Scene element_scene(ElementModel model) {
+  constexpr std::array<int, 3> kCells{4, 4, 3};
+  Scene scene;
+  scene.name = "elements";
+  scene.mesh = element_block(kCells, 0.01, soft(model, 0.4), 0.15);
+  const auto top = [&](int x, int y) { return x + (kCells[0] + 1) * (y + (kCells[1] + 1) * 3); };
+  for (int y = 0; y < kCells[1]; ++y) {
+    for (int x = 0; x < kCells[0]; ++x) {
+      scene.mesh.triangles.push_back({top(x, y), top(x + 1, y), top(x + 1, y + 1)});
+      scene.mesh.triangles.push_back({top(x, y), top(x + 1, y + 1), top(x, y + 1)});
+    }
+  }
+  return scene;
+}
+
+class ContactPredictionOfElements : public ::testing::TestWithParam<ElementModel> {
+ protected:
+  Scene scene_ = element_scene(GetParam());
+};
+
+TEST_P(ContactPredictionOfElements, PredictsTheForcesThatAnIndependentSolveFindsThere) {
+  PredictedContact predicted(scene_, {});
+  const auto contact = make_tool_contact(scene_, {}, {});
+  QuerySolver solver(scene_, {});
+  // In the middle, and where the patch is at the block's side.
+  for (const Vector3d& from_W : {Vector3d(0.001, 0.002, 0.005), Vector3d(0.014, -0.009, 0.005)}) {
+    predicted.look(*contact, from_W, kAslant_W_m_per_s);
+    ASSERT_TRUE(predicted.wants_stiffness());
+    predicted.learn_stiffness([&](const QueryJob& job) { return solver.answer(job); }, 1);
+    link::SurfacePatch patch;
+    patch.position_W_m = {from_W.x(), from_W.y(), from_W.z()};
+    ASSERT_TRUE(predicted.cut(patch));
+    EXPECT_GT(patch.triangle_count, 0);
+    ASSERT_TRUE(patch.has_stiffness);
+    const auto& k = patch.stiffness_W_N_per_m;
+    Eigen::Matrix3d stiffness_W;
+    stiffness_W << k[0], k[3], k[4], k[3], k[1], k[5], k[4], k[5], k[2];
+    DenseNewton newton(scene_.mesh, predicted.expected_W().value(), scene_.patch_radius_m);
+    ASSERT_FALSE(newton.held.empty());
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vector3d by_W = 1e-5 * Vector3d::Unit(axis);
+      const Vector3d slope_W = (newton.force_at(by_W, 1) - newton.force_at(-by_W, 1)) / 2e-5;
+      EXPECT_LT((stiffness_W.col(axis) - slope_W).norm(), 5e-3 * stiffness_W.norm()) << axis;
+    }
+    const Vector3d pressed_W(2e-4, -1e-4, -4e-4);
+    const Vector3d force_W = newton.force_at(pressed_W, 1);
+    EXPECT_GT(force_W.z(), 0.005);
+    EXPECT_LT((stiffness_W * pressed_W - force_W).norm(), 0.05 * force_W.norm());
+    // The tool that then touches there feels it, too.
+    const auto tool = make_tool_contact(scene_, {}, {});
+    tool->step(from_W);
+    ASSERT_TRUE(tool->step(*predicted.expected_W() - Vector3d(0.0, 0.0, 1e-9)).in_contact);
+    const auto felt = tool->step(*predicted.expected_W() + pressed_W);
+    EXPECT_LT((felt.equilibrium.force_W - force_W).norm(), 2e-3 * force_W.norm());
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Materials, ContactPredictionOfElements,
+                         ::testing::ValuesIn(kElementModels));
+
+TEST(PredictedContactOfElements, ASlidingToolIsRefused) {
+  const Scene scene = element_scene(ElementModel::kNeoHookean);
+  try {
+    PredictedContact predicted(scene, {.shape = "sphere", .contact = "slide"});
+    FAIL() << "it predicts for elements as if they were springs";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("a tool that slides: "), std::string::npos)
+        << error.what();
+  }
 }
 
 TEST(ContactPredictionThread, CanEndWhileItPresses) {
