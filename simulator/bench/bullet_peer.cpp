@@ -9,6 +9,7 @@
 #include <string>
 
 #include "rt/checkpoint.h"
+#include "simulator/mesh/tetrahedra.h"
 #include "text/text.h"
 
 namespace forcegrid::simulator {
@@ -132,6 +133,8 @@ class Body {
 
 std::vector<StepPoint> run(const Scene& scene, double relaxation, int steps,
                            const Vector3d& displacement_W, const Vector3d& converged_W) {
+  refuse_elements(scene.mesh, "scene " + scene.name + ", peer bullet: ",
+                  "give it a scene of springs, such as block_linear");
   Body body(scene, relaxation);
   std::vector<StepPoint> points;
   double time_ms = 0.0;

@@ -15,6 +15,7 @@ namespace forcegrid::simulator {
 /// as it tends to 0.
 /// @param relaxation  in (0, 1].
 /// @param steps  the number of steps that it takes.
+/// StepPeer::run throws Error for a scene of finite elements: btSoftBody's links have no material.
 StepPeer bullet_peer(double relaxation, int steps = 800);
 
 }  // namespace forcegrid::simulator

@@ -103,6 +103,20 @@ TEST(BulletPeer, ComesNearTheSpringsEquilibriumButNotToIt) {
   EXPECT_GT(points.back().time_ms, points.front().time_ms);
 }
 
+TEST(BulletPeer, RefusesFiniteElementsAlsoBesideSprings) {
+  Scene scene = little_scene(0.0);
+  scene.name = "mixed";
+  append(element_block({2, 2, 2}, 0.01, soft(ElementModel::kNeoHookean)), scene.mesh);
+  try {
+    bullet_peer(0.1, 2).run(scene, {0.0, 0.0, 0.01}, {0.0, 0.0, 1.0});
+    FAIL() << "it takes a scene whose elements it leaves out";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::StartsWith("scene mixed, peer bullet: "));
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("finite elements"));
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("block_linear"));
+  }
+}
+
 TEST(SolverBench, MeasuresAllSolversAgainstTheConvergedForce) {
   SolverBenchOptions options;
   options.passes = 1;
