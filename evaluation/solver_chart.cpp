@@ -30,12 +30,13 @@ constexpr std::array<Series, 3> kSeries{
 void write_csv(const fs::path& file, const std::vector<SolverScalingRow>& rows) {
   TextWriter out(file.string());
   out.write(
-      "scene,vertices,springs,solver,cycles,time_mean_ms,time_median_ms,time_max_ms,"
+      "scene,vertices,springs,tetrahedra,solver,cycles,time_mean_ms,time_median_ms,time_max_ms,"
       "vertices_touched,error_rms_percent,error_max_percent,iterations_mean,whole_solution_ms\n");
   for (const SolverScalingRow& row : rows) {
     const simulator::MotionRow& m = row.motion;
     std::string text = row.scene + "," + std::to_string(row.vertices) + "," +
-                       std::to_string(row.springs) + "," + m.solver + "," + std::to_string(m.ticks);
+                       std::to_string(row.springs) + "," + std::to_string(row.tetrahedra) + "," +
+                       m.solver + "," + std::to_string(m.ticks);
     for (const double value : {m.mean_ms, m.median_ms, m.max_ms, m.vertices_mean, m.error_percent,
                                m.max_error_percent, m.iterations_mean, m.whole_mean_ms}) {
       text += ',';
@@ -132,6 +133,7 @@ nlohmann::ordered_json to_json(const std::vector<SolverScalingRow>& rows, double
     json["rows"].push_back({{"scene", row.scene},
                             {"vertices", row.vertices},
                             {"springs", row.springs},
+                            {"tetrahedra", row.tetrahedra},
                             {"solver", m.solver},
                             {"cycles", m.ticks},
                             {"time_mean_ms", m.mean_ms},

@@ -31,13 +31,13 @@ double share_of(double vertices) { return std::pow(vertices, 4.0 / 3.0); }
 void print(const std::vector<simulator::SolverScalingRow>& rows) {
   std::printf("A servo cycle of %.0f Hz along the motion 'random', processor time of one thread\n",
               kRate_Hz);
-  std::printf("  %-10s %9s %-10s %10s %10s %10s %9s %9s %12s\n", "scene", "vertices", "solver",
-              "mean", "median", "most", "touched", "error", "whole takes");
+  std::printf("  %-10s %9s %9s %-10s %10s %10s %10s %9s %9s %12s\n", "scene", "vertices",
+              "elements", "solver", "mean", "median", "most", "touched", "error", "whole takes");
   for (const simulator::SolverScalingRow& row : rows) {
     const simulator::MotionRow& m = row.motion;
-    std::printf("  %-10s %9zu %-10s %7.3f ms %7.3f ms %7.3f ms %9.0f %7.3f %%", row.scene.c_str(),
-                row.vertices, m.solver.c_str(), m.mean_ms, m.median_ms, m.max_ms, m.vertices_mean,
-                m.error_percent);
+    std::printf("  %-10s %9zu %9zu %-10s %7.3f ms %7.3f ms %7.3f ms %9.0f %7.3f %%",
+                row.scene.c_str(), row.vertices, row.tetrahedra, m.solver.c_str(), m.mean_ms,
+                m.median_ms, m.max_ms, m.vertices_mean, m.error_percent);
     if (m.whole_mean_ms > 0.0) {
       std::printf(" %9.2f ms", m.whole_mean_ms);
     }
@@ -58,7 +58,11 @@ void add_chart_solvers(Command& chart, ChartSolversOptions& o, std::function<int
       ->check(whole_between(1'000, 1'000'000))
       ->type_name("INT vertices")
       ->show_default();
-  solvers.add_option("--scenes", o.scenes, "Scenes beside the blocks: " + scene_help())
+  solvers
+      .add_option("--scenes", o.scenes,
+                  "Scenes beside the blocks: " + scene_help() +
+                      ". The default ones are left out where their mesh is missing ('make scenes' "
+                      "makes it)")
       ->separated_by(',')
       ->check(scene_check())
       ->show_default();
@@ -74,7 +78,9 @@ int chart_solvers_command(const ChartSolversOptions& asked) {
   if (asked.quick) {
     std::erase_if(options.block_sizes, [](int size) { return size > kQuickSize; });
   }
-  options.scenes = asked.scenes;
+  options.scenes = asked.scenes == ChartSolversOptions{}.scenes
+                       ? simulator::scenes_at_hand(asked.scenes, line.say_function())
+                       : asked.scenes;
   options.rate_Hz = kRate_Hz;
   options.displacements_W = evaluation::displacements_along_motion(kSeed, 1.0 / kRate_Hz);
   options.displacements_W.resize(std::min(

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cli/common/options.h"
+#include "simulator/bench/solver_scaling.h"
 
 namespace forcegrid::cli {
 
@@ -14,7 +15,8 @@ namespace forcegrid::cli {
 struct ChartSolversOptions {
   std::string out;
   std::vector<int> sizes{1'000, 10'000, 100'000};  ///< vertices
-  std::vector<std::string> scenes{"stomach"};
+  /// Of the default ones, those whose mesh is missing are left out with a line that says why.
+  std::vector<std::string> scenes = simulator::SolverScalingOptions{}.scenes;
   bool quick = false;
 };
 

@@ -6,6 +6,7 @@
 
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
+#include "simulator/mesh/missing_part.h"
 #include "simulator/solver/direct_method.h"
 #include "simulator/touch/solver_choice.h"
 
@@ -29,8 +30,8 @@ void measure(const Scene& scene, bool block, const SolverScalingOptions& options
                             options.reference_every);
   const auto add = [&](SolverSubject subject, const std::string& name) {
     subject.name = name;
-    rows.push_back(
-        {scene.name, block, vertices, scene.mesh.springs.size(), motion.measure(subject)});
+    rows.push_back({scene.name, block, vertices, scene.mesh.springs.size(),
+                    scene.mesh.tetrahedra.size(), motion.measure(subject)});
   };
   say("two_rates");
   add(two_rates_subject(scene, two_rates_options(options.rate_Hz, {}), "as direct"),
@@ -70,6 +71,20 @@ Scene block_of_size(int vertices) {
   block.vertex_count = block_counts(vertices);
   scene.mesh = make_lattice_block(block);
   return scene;
+}
+
+std::vector<std::string> scenes_at_hand(const std::vector<std::string>& scenes,
+                                        const std::function<void(const std::string&)>& left_out) {
+  std::vector<std::string> found;
+  for (const std::string& name : scenes) {
+    try {
+      make_scene(name);
+      found.push_back(name);
+    } catch (const MissingPart& part) {
+      left_out(name + " is left out: " + part.what());
+    }
+  }
+  return found;
 }
 
 std::vector<SolverScalingRow> bench_scaling(const SolverScalingOptions& options) {

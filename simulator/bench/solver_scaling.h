@@ -19,7 +19,8 @@ inline constexpr int kScalingSteps = 4;
 /// What a servo cycle costs against the size of the object, for each solver.
 struct SolverScalingOptions {
   std::vector<int> block_sizes{1'000, 10'000, 100'000};  ///< vertices, each in 1,000..1,000,000
-  std::vector<std::string> scenes{"stomach"};            ///< beside the blocks, as make_scene()
+  /// Beside the blocks, as make_scene().
+  std::vector<std::string> scenes{"stomach", "liver", "liver_fine"};
   /// [m] Displacements of the tool since it took hold of the top, one per servo cycle of `rate_Hz`;
   /// the first near zero.
   std::vector<Eigen::Vector3d> displacements_W;
@@ -36,6 +37,7 @@ struct SolverScalingRow {
   bool block = false;  ///< one of the row of blocks that differ in size alone
   std::size_t vertices = 0;
   std::size_t springs = 0;
+  std::size_t tetrahedra = 0;
   MotionRow motion;
 };
 
@@ -45,6 +47,12 @@ std::array<int, 3> block_counts(int vertices);
 
 /// The scene `block` with that many vertices, in the same cube of 0.1 m.
 Scene block_of_size(int vertices);
+
+/// `scenes` without those that lack a part, such as a mesh that `make scenes` has not made. Calls
+/// `left_out` with a line for each of these: its name and what is missing.
+/// Throws Error for a scene that can't be used for another reason.
+std::vector<std::string> scenes_at_hand(const std::vector<std::string>& scenes,
+                                        const std::function<void(const std::string&)>& left_out);
 
 /// Measures one after the other on the calling thread.
 /// Throws Error for sizes and scenes that can't be used, or motions without a counted cycle.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "simulator/mesh/error.h"
+#include "simulator/mesh/missing_part.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -26,8 +27,8 @@ void GmshLibrary::Close::operator()(void* library) const { ::dlclose(library); }
 GmshLibrary::GmshLibrary(std::string who)
     : who_(std::move(who)), library_(::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL)) {
   if (!library_) {
-    throw Error(who_ + kLibrary + " can't be loaded (" + ::dlerror() +
-                "); install Debian's libgmsh4.8 or convert the file to .obj");
+    throw MissingPart(who_ + kLibrary + " can't be loaded (" + ::dlerror() +
+                      "); install Debian's libgmsh4.8 or convert the file to .obj");
   }
   int error = 0;
   function<gmshInitialize>("gmshInitialize")(0, nullptr, 0, &error);

@@ -11,6 +11,7 @@
 #include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/gmsh_file.h"
+#include "simulator/mesh/missing_part.h"
 #include "simulator/mesh/obj_file.h"
 #include "text/file_kind.h"
 
@@ -142,7 +143,7 @@ MeshFile read_mesh_file(const std::string& file) {
   const std::string who = "mesh file " + file + ": ";
   const std::string why_not = text::why_no_file(file);
   if (!why_not.empty()) {
-    throw Error(who + why_not + "; write its path, relative to the scene's file");
+    throw MissingPart(who + why_not + "; write its path, relative to the scene's file");
   }
   MeshFile mesh;
   if (file.ends_with(".msh")) {

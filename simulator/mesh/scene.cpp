@@ -8,6 +8,7 @@
 #include "rt/checkpoint.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/gravity.h"
+#include "simulator/mesh/missing_part.h"
 #include "simulator/mesh/scene_object.h"
 #include "simulator/mesh/scene_tool.h"
 #include "simulator/mesh/vertex_masses.h"
@@ -130,13 +131,17 @@ SpringMesh read_coarser_mesh(const std::string& file, const Eigen::Vector3d& ori
 template <typename Read>
 auto reading(const std::string& name_or_file, Read read) {
   const std::string file = find_scene(name_or_file);
+  const auto with_name = [&file](const std::string& text) {
+    return text.rfind(file, 0) == 0 ? text : file + ": " + text;
+  };
   try {
     return read(file);
   } catch (const text::TomlError& problem) {
     throw Error(problem.what());
+  } catch (const MissingPart& problem) {
+    throw MissingPart(with_name(problem.what()));
   } catch (const Error& problem) {
-    const std::string text = problem.what();
-    throw Error(text.rfind(file, 0) == 0 ? text : file + ": " + text);
+    throw Error(with_name(problem.what()));
   }
 }
 

@@ -14,6 +14,7 @@
 #include "simulator/mesh/lattice_block.h"
 #include "simulator/mesh/mesh_file.h"
 #include "simulator/mesh/mesh_object.h"
+#include "simulator/mesh/missing_part.h"
 #include "simulator/mesh/organ_surface.h"
 #include "simulator/mesh/tetrahedra.h"
 #include "text/nearest_name.h"
@@ -238,8 +239,8 @@ std::string mesh_path(const TomlTable& object) {
   }
   const fs::path made = fs::path(FORCEGRID_MADE_MESHES_DIR) / file.filename();
   if (!fs::exists(made, error)) {
-    throw Error("mesh file " + made.string() +
-                ": it is not there yet; 'make scenes' makes it with Gmsh");
+    throw MissingPart("mesh file " + made.string() +
+                      ": it is not there yet; 'make scenes' makes it with Gmsh");
   }
   return made.string();
 }

@@ -32,6 +32,7 @@ std::vector<SolverScalingRow> rows() {
                            .block = vertices != 4'000U,
                            .vertices = vertices,
                            .springs = 8 * vertices,
+                           .tetrahedra = 5 * vertices,
                            .motion = {}};
       row.motion.solver = solver;
       row.motion.mean_ms = vertices == 10'164U ? 4.0 : 0.125;  // around a servo cycle
@@ -53,7 +54,7 @@ TEST(SolverChart, WritesItsRowsAndThePicture) {
   EXPECT_EQ(json.at("rate_Hz"), 500.0);
   ASSERT_EQ(json.at("rows").size(), 9U);
   EXPECT_EQ(json.at("rows")[0].at("time_mean_ms"), 4.0);
-  EXPECT_THAT(text_of(files[1]), HasSubstr("\nblock,10164,81312,whole,0,4,0,8,300,0.0625,"));
+  EXPECT_THAT(text_of(files[1]), HasSubstr("\nblock,10164,81312,50820,whole,0,4,0,8,300,0.0625,"));
   const std::string svg = text_of(files[2]);
   for (const char* said : {"two_rates, block", "two_rates, other scenes", "a servo cycle",
                            "vertices touched per cycle, mean", "</svg>"}) {

@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
+#include <string>
+#include <vector>
 
 #include "simulator/mesh/error.h"
 
@@ -51,6 +54,43 @@ TEST(SolverScaling, MeasuresEachSolverOnEachObject) {
     if (row.motion.solver == "whole") {
       EXPECT_EQ(row.motion.vertices_mean, static_cast<double>(row.vertices));
     }
+  }
+}
+
+TEST(SolverScaling, LeavesOutASceneWhoseMeshIsMissingAndSaysSo) {
+  const std::string file = ::testing::TempDir() + "no_liver.toml";
+  std::ofstream(file) << R"(description = "Not meshed yet"
+[[object]]
+shape = "mesh"
+file = "no_liver.msh"
+unit = "mm"
+fixed_below_m = 0.02
+[object.material]
+model = "neo_hookean"
+youngs_modulus_Pa = 5500.0
+poissons_ratio = 0.45
+density_kg_per_m3 = 1060.0
+)";
+  std::vector<std::string> said;
+  const auto found = scenes_at_hand({"small_linear", file, "small"},
+                                    [&](const std::string& line) { said.push_back(line); });
+  EXPECT_THAT(found, ElementsAre("small_linear", "small"));
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_THAT(said[0], ::testing::StartsWith(file + " is left out: "));
+  EXPECT_THAT(said[0], ::testing::HasSubstr("no_liver.msh"));
+}
+
+TEST(SolverScaling, AMeshThatIsThereAndBrokenIsAnError) {
+  const std::string file = ::testing::TempDir() + "broken_liver.toml";
+  std::ofstream(file) << "description = \"Broken\"\n[[object]]\nshape = \"mesh\"\n"
+                         "file = \"broken_liver.msh\"\nunit = \"mm\"\nfixed_below_m = 0.02\n"
+                         "stiffness_N_per_m = 20.0\nlaw = \"linear\"\n";
+  std::ofstream(::testing::TempDir() + "broken_liver.msh") << "no mesh\n";
+  try {
+    scenes_at_hand({file}, [](const std::string& line) { ADD_FAILURE() << line; });
+    FAIL() << "a mesh that is no mesh was taken";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("$MeshFormat"));
   }
 }
 
