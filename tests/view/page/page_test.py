@@ -72,6 +72,65 @@ return {seen, poor};
 """
 
 
+# Texts and controls that cover each other, and those that leave the window at its sides. What a
+# box that scrolls hides does not count, nor what lies over the page on purpose.
+OVERLAPS = """
+const clipped = (inside, rect) => {
+  let {left, top, right, bottom} = rect;
+  for (let box = inside; box; box = box.parentElement) {
+    const style = getComputedStyle(box);
+    if (box !== document.body && style.overflow !== 'visible') {
+      const edge = box.getBoundingClientRect();
+      left = Math.max(left, edge.left);
+      right = Math.min(right, edge.right);
+      top = Math.max(top, edge.top);
+      bottom = Math.min(bottom, edge.bottom);
+    }
+    if (style.position === 'fixed') break;
+  }
+  return {left, top, right, bottom};
+};
+const parts = [];
+const add = (inside, rect, word) => {
+  const seen = clipped(inside, rect);
+  if (seen.right - seen.left > 1 && seen.bottom - seen.top > 1) {
+    parts.push({word, ...seen});
+  }
+};
+const range = document.createRange();
+for (const element of document.querySelectorAll('body *')) {
+  if (!element.checkVisibility({checkVisibilityCSS: true}) || element.closest(
+      '.chart, .hidden-word, option, dialog, .menu-list, .note-list')) continue;
+  if (getComputedStyle(element.closest('.stop') || element).position === 'fixed') continue;
+  if (element.matches('button, select, input, summary')) {
+    add(element.parentElement, element.getBoundingClientRect(), element.id || element.textContent.trim());
+  } else if (!element.closest('button, select, summary')) {
+    for (const node of element.childNodes) {
+      if (node.nodeType === 3 && node.data.trim()) {
+        range.selectNodeContents(node);
+        add(element, range.getBoundingClientRect(), node.data.trim());
+      }
+    }
+  }
+}
+const found = [];
+parts.forEach((a, i) => {
+  if (a.left < -1 || a.right > innerWidth + 1) found.push(`${a.word} leaves the window`);
+  for (const b of parts.slice(i + 1)) {
+    const width = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+    const height = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+    if (width > 1 && height > 1) {
+      found.push(`'${a.word}' and '${b.word}': ${width.toFixed(0)} x ${height.toFixed(0)} px`);
+    }
+  }
+});
+return {seen: parts.length, found};
+"""
+# Wide, low, between two layouts, narrow.
+SIZES_PX = [(1280, 720), (1920, 1080), (1024, 400), (901, 600), (861, 500), (860, 500), (640, 900),
+            (480, 800), (400, 800), (320, 640)]
+
+
 def start_browser(downloads, *flags):
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
@@ -696,6 +755,24 @@ class Page(unittest.TestCase):
             self.assertEqual(found["poor"], [])
         self.assertEqual(themes, {"dark", "light"})
         self.by_id("help-close").click()
+
+    def test_lays_nothing_over_anything_else(self):
+        self.still_tool()
+        self.stand_in.hand = (0.02, 0.03, 0.02)
+        self.wait_until(lambda: self.view("in_contact"), "no contact")
+        self.stand_in.say({"type": "note", "level": "warn", "component": "link", "text":
+                           "a sentence that is longer than what a narrow window can show at once"})
+        self.run_script("""document.getElementById('colours').hidden = false;
+            document.getElementById('field-scale').hidden = false;""")
+        for width, height in SIZES_PX:
+            with self.subTest(f"{width} x {height}"):
+                self.size(width, height)
+                found = self.wait_until(
+                    lambda: self.run_script("return innerWidth") == width and
+                    self.run_script(OVERLAPS), "the window keeps its size")
+                self.assertGreater(found["seen"], 30)
+                self.assertEqual(found["found"], [])
+        self.stand_in.hurt = True
 
     def test_keeps_stop_in_sight_in_a_narrow_window(self):
         self.size(400, 800)
