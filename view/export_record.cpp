@@ -162,6 +162,8 @@ void ExportRecord::keep(const PageMessage& message) {
       return;
     case PageType::kField:
       return;  // keep_slices() makes them
+    case PageType::kBlocks:
+      return;  // nobody asks for them here
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "rt/vectors.h"
+#include "view/storage_blocks.h"
 #include "view_link/surface_messages.h"
 
 namespace forcegrid::view {
@@ -18,7 +19,8 @@ using view_link::ViewLinkError;
 
 constexpr std::size_t kMostNotes = 20;
 constexpr std::size_t kMostPending = 256;
-constexpr std::int64_t kSlice_ns = 60'000'000;  // between two slices, whoever wants them
+constexpr std::int64_t kSlice_ns = 60'000'000;    // between two slices, whoever wants them
+constexpr std::int64_t kBlocks_ns = 250'000'000;  // between two looks at the blocks of storage
 
 json object_of(const Frame& frame, const char* what) {
   std::optional<json> object = parse_object(view_link::text_of(frame));
@@ -169,6 +171,7 @@ void Hub::take_hello(const Frame& frame) {
   }
   hello.erase("copies");
   hello["field"] = copies_.has_value();
+  hello["blocks"] = copies_.has_value();
   hello["type"] = "hello";
   hello["columns"] = scope_columns();
   playback_ = nullptr;
@@ -179,6 +182,7 @@ void Hub::take_hello(const Frame& frame) {
   notes_.clear();
   for (Viewer* viewer : viewers_) {
     viewer->slice.reset();  // it was for other methods
+    viewer->blocks = false;
     say_hello(*viewer);
   }
 }
@@ -190,6 +194,7 @@ void Hub::take_cycles(const Frame& frame) {
     if (copies_) {
       copies_->take(cycle);
       send_slice(cycle.time_ns);
+      send_blocks(cycle.time_ns);
     }
     if (const auto row = rows_->add(cycle)) {
       any = true;
@@ -223,6 +228,27 @@ void Hub::send_slice(Viewer& viewer) {
   viewer.outbox.set_field(
       std::make_shared<view_link::Bytes>(slice_message(*copies_, *viewer.slice, touching_W_)));
   viewer.wake();
+}
+
+// The same for all pages, and only what has changed.
+void Hub::send_blocks(std::int64_t time_ns) {
+  const bool is_due = !blocks_ns_ || nanoseconds_between(*blocks_ns_, time_ns) >= kBlocks_ns;
+  const auto wants = [](const Viewer* viewer) { return viewer->blocks; };
+  if (quiet_ || !is_due || std::none_of(viewers_.begin(), viewers_.end(), wants)) {
+    return;
+  }
+  blocks_ns_ = time_ns;
+  view_link::Bytes message = blocks_message(*copies_);
+  if (newest_blocks_ && *newest_blocks_ == message) {
+    return;
+  }
+  newest_blocks_ = std::make_shared<view_link::Bytes>(std::move(message));
+  for (Viewer* viewer : viewers_) {
+    if (viewer->blocks) {
+      viewer->outbox.set_blocks(newest_blocks_);
+      viewer->wake();
+    }
+  }
 }
 
 void Hub::take_samples(const Frame& frame) {
@@ -271,12 +297,14 @@ void Hub::take_playback(json playback) {
   playback_.erase("anew");
   quiet_ = seeking;
   say_to_all(playback);
-  if (arrived && copies_ && touching_W_.allFinite()) {
+  if (arrived && copies_) {
     for (Viewer* viewer : viewers_) {
-      if (viewer->slice) {
+      if (viewer->slice && touching_W_.allFinite()) {
         send_slice(*viewer);
       }
     }
+    blocks_ns_.reset();
+    send_blocks(0);
   }
 }
 
@@ -300,6 +328,8 @@ void Hub::begin_anew(const json& playback) {
     copies_->restart();
   }
   slice_ns_.reset();
+  blocks_ns_.reset();
+  newest_blocks_ = nullptr;
   newest_row_.reset();
   newest_arm_ = nullptr;
   for (Viewer* viewer : viewers_) {
@@ -492,6 +522,8 @@ void Hub::take_page(Viewer& viewer, std::string_view text) {
     take_control(viewer);
   } else if (command->what == PageCommand::What::kField) {
     take_slice_wish(viewer, *command);
+  } else if (command->what == PageCommand::What::kLayers) {
+    take_layers(viewer, *command);
   } else if (command->what == PageCommand::What::kStop || is_controller(viewer)) {
     forward(viewer, *command);
   } else if (command->what != PageCommand::What::kShown) {
@@ -514,6 +546,19 @@ void Hub::take_slice_wish(Viewer& viewer, const PageCommand& command) {
   viewer.slice = command.slice;
   if (!playback_.is_null() && playback_["state"] == "paused" && touching_W_.allFinite()) {
     send_slice(viewer);  // no cycle comes that would
+  }
+}
+
+// Any page may, likewise.
+void Hub::take_layers(Viewer& viewer, const PageCommand& command) {
+  viewer.blocks = command.blocks && copies_;
+  viewer.outbox.set_blocks(nullptr);
+  if (command.blocks && !copies_) {
+    refuse(viewer, command, "the run did not say how its methods are made");
+  } else if (viewer.blocks) {
+    newest_blocks_ = nullptr;  // this page has none yet
+    blocks_ns_.reset();
+    send_blocks(0);
   }
 }
 

@@ -25,6 +25,7 @@ struct Viewer {
   Outbox outbox;
   std::function<void()> wake;  ///< called when the outbox has something; calls nothing of the hub
   std::optional<SliceWish> slice{};  ///< of the force field that it shows
+  bool blocks = false;               ///< it shows the blocks of storage
 };
 
 /// What is known of the run and of the surfaces, and who is told. Everything that a peer sends is
@@ -93,6 +94,8 @@ class Hub {
   void take_slice_wish(Viewer& viewer, const PageCommand& command);
   void send_slice(std::int64_t time_ns);
   void send_slice(Viewer& viewer);
+  void take_layers(Viewer& viewer, const PageCommand& command);
+  void send_blocks(std::int64_t time_ns);
   void forward(Viewer& viewer, const PageCommand& command);
   void remember(const Pending& command);
   void take_control(Viewer& viewer);
@@ -121,6 +124,8 @@ class Hub {
   Eigen::Vector3d touching_W_ = Eigen::Vector3d::Zero();  ///< [m] of the newest cycle
   std::optional<std::int64_t> slice_ns_;                  ///< cycle of the newest slice
   std::size_t slice_turn_ = 0;
+  SharedBytes newest_blocks_;              ///< of storage, that pages were sent
+  std::optional<std::int64_t> blocks_ns_;  ///< cycle in which they were looked at last
   std::array<Surface, kMostObjects> surfaces_;
   std::deque<Pending> pending_;
   std::uint64_t next_id_ = 1;

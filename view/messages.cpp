@@ -143,6 +143,15 @@ bool read_number(const json& object, const char* key, Number& number) {
   return true;
 }
 
+bool read_flag(const json& object, const char* key, bool& flag) {
+  const auto found = object.find(key);
+  if (found == object.end() || !found->is_boolean()) {
+    return false;
+  }
+  flag = found->get<bool>();
+  return true;
+}
+
 // "method": null wants no slice.
 bool read_slice(const json& object, PageCommand& command) {
   const auto method = object.find("method");
@@ -282,6 +291,9 @@ std::optional<PageCommand> parse_command(std::string_view text) {
   } else if (name == "field") {
     command.what = What::kField;
     complete = read_slice(*object, command);
+  } else if (name == "layers") {
+    command.what = What::kLayers;
+    complete = read_flag(*object, "blocks", command.blocks);
   } else {
     return std::nullopt;
   }
@@ -302,6 +314,8 @@ const char* name_of(What what) noexcept {
       return "take_control";
     case What::kField:
       return "field";
+    case What::kLayers:
+      return "layers";
     case What::kMethod:
       return "method";
     case What::kPlay:

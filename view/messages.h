@@ -29,6 +29,7 @@ enum class PageType : std::uint8_t {
   kSamples = 4,
   kArm = 5,
   kField = 6,
+  kBlocks = 7,
 };
 
 using SharedBytes = std::shared_ptr<const view_link::Bytes>;
@@ -69,6 +70,7 @@ struct PageCommand {
     kShown,
     kTakeControl,
     kField,
+    kLayers,
     kMethod,
     kPlay,
     kSeek,
@@ -81,6 +83,7 @@ struct PageCommand {
   std::uint64_t cycle = 0;                          ///< modulo 2^24, that the page has drawn
   std::uint64_t method = 0;                         ///< that is to be rendered
   std::optional<SliceWish> slice;                   ///< nothing: the page wants none
+  bool blocks = false;                              ///< the page shows blocks of storage
   bool play = false;                                ///< of a recording; false: stand still
   double speed = 1.0;                               ///< of its time over the person's
   double time_s = 0.0;                              ///< where to go in it, since its first cycle

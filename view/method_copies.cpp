@@ -177,4 +177,9 @@ ForceEstimate MethodCopies::force(std::size_t index, const Eigen::Vector3d& posi
   return methods_.at(index)->force(time_s_, position_W);
 }
 
+std::size_t MethodCopies::storage_blocks(std::size_t index, std::span<StorageBlock> blocks) const {
+  const auto* const with_blocks = dynamic_cast<const StorageBlocks*>(methods_.at(index));
+  return with_blocks != nullptr ? with_blocks->storage_blocks(blocks) : 0;
+}
+
 }  // namespace forcegrid::view

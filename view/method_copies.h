@@ -6,11 +6,13 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "forcegrid/core/force_method.h"
 #include "forcegrid/core/method_options.h"
+#include "forcegrid/core/storage_blocks.h"
 #include "servo_loop/first_touch.h"
 #include "servo_loop/sample_intake.h"
 #include "servo_loop/servo_ports.h"
@@ -59,6 +61,8 @@ class MethodCopies {
 
   /// What method `index` would answer at `position_W` [m] now, which is the newest cycle's time.
   ForceEstimate force(std::size_t index, const Eigen::Vector3d& position_W) const;
+  /// As StorageBlocks::storage_blocks() of method `index`; 0 for one without.
+  std::size_t storage_blocks(std::size_t index, std::span<StorageBlock> blocks) const;
 
  private:
   void begin_anew();

@@ -11,7 +11,8 @@ namespace forcegrid::view {
 namespace {
 
 constexpr std::size_t kMostRowsOfAMessage = 1024;
-constexpr std::size_t kTurns = 4 + kMostObjects;  // rows, samples, arm, field, each surface
+constexpr std::size_t kFirstSurface = 5;  // after rows, samples, arm, field, blocks
+constexpr std::size_t kTurns = kFirstSurface + kMostObjects;
 
 std::optional<PageMessage> take_binary(SharedBytes& waiting) {
   if (!waiting) {
@@ -53,6 +54,11 @@ void Outbox::set_field(SharedBytes message) {
   field_ = std::move(message);
 }
 
+void Outbox::set_blocks(SharedBytes message) {
+  dropped_ += blocks_ ? 1 : 0;
+  blocks_ = std::move(message);
+}
+
 void Outbox::set_shape(std::size_t object, SharedBytes message) {
   forget_surface(object);
   shapes_[object] = std::move(message);
@@ -73,6 +79,7 @@ void Outbox::forget_run() {
   samples_.clear();
   arm_ = nullptr;
   field_ = nullptr;
+  blocks_ = nullptr;
 }
 
 std::optional<PageMessage> Outbox::next() {
@@ -112,8 +119,10 @@ std::optional<PageMessage> Outbox::next_in_turn() {
       return take_binary(arm_);
     case 3:
       return take_binary(field_);
+    case 4:
+      return take_binary(blocks_);
     default:
-      return take_binary(surfaces_[turn_ - 4]);
+      return take_binary(surfaces_[turn_ - kFirstSurface]);
   }
 }
 

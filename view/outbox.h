@@ -22,7 +22,8 @@ struct PageMessage {
 };
 
 /// What waits for one page. It is bounded: a page that does not read keeps the newest scope rows
-/// and samples, and of surfaces, arm and field the newest alone. Real-time: no. Threads: one.
+/// and samples, and of surfaces, arm, field and blocks the newest alone. Real-time: no. Threads:
+/// one.
 class Outbox {
  public:
   static constexpr std::size_t kMostTextBytes = std::size_t{512} << 10;
@@ -34,12 +35,13 @@ class Outbox {
   void add_row(const ScopeRow& row);
   void add_sample(const std::array<std::uint8_t, kSampleBytes>& sample);
   void set_arm(SharedBytes message);
-  void set_field(SharedBytes message);  ///< nothing: the page wants none any more
+  void set_field(SharedBytes message);   ///< nothing: the page wants none any more
+  void set_blocks(SharedBytes message);  ///< likewise
   /// A shape also takes the place of its object's frame that waits. @param object  < kMostObjects
   void set_shape(std::size_t object, SharedBytes message);
   void set_surface(std::size_t object, SharedBytes message);
   void forget_surface(std::size_t object);
-  /// Drops rows, samples and arm: another run begins.
+  /// Drops rows, samples, arm, field and blocks: another run begins.
   void forget_run();
 
   /// Texts first, then shapes, then the other kinds in turn. Nothing: nothing waits.
@@ -64,6 +66,7 @@ class Outbox {
   std::deque<std::array<std::uint8_t, kSampleBytes>> samples_;
   SharedBytes arm_;
   SharedBytes field_;
+  SharedBytes blocks_;
   std::array<SharedBytes, kMostObjects> shapes_;
   std::array<SharedBytes, kMostObjects> surfaces_;
   std::size_t turn_ = 0;

@@ -5,8 +5,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "forcegrid/core/buffer.h"
+#include "forcegrid/core/storage_blocks.h"
 #include "forcegrid/grid/force_grid.h"
 #include "forcegrid/grid/grid_storage.h"
 
@@ -74,6 +76,18 @@ class WindowStorage {
     return 0;
   }
   std::uint64_t recycled() const noexcept { return 0; }
+  /// As BlockStorage's, for the blocks that are complete.
+  template <typename Use>
+  void for_each_block(Use use) const noexcept {
+    constexpr std::uint64_t kMask = (1U << 20U) - 1;
+    for (const std::uint64_t key : keys_) {
+      if (key != kNone) {
+        use(Eigen::Vector3i(kBlockVertices * Eigen::Matrix<std::uint64_t, 3, 1>(
+                                                 key >> 40U, key >> 20U & kMask, key & kMask)
+                                                 .cast<int>()));
+      }
+    }
+  }
 
   /// Moves the cube so that its middle is the block corner nearest to the vertex (i, j, k).
   void centre_at(const Eigen::Vector3i& vertex) noexcept;
@@ -173,6 +187,10 @@ class AdaptiveGrid {
   }
   void count_sample_in(const Eigen::Vector3i& cell) noexcept { sparse_.count_sample_in(cell); }
   std::uint64_t recycled() const noexcept { return 0; }
+  /// Of the cube: the sparse grid is everywhere.
+  std::size_t storage_blocks(std::span<StorageBlock> blocks) const noexcept {
+    return dense_.storage_blocks(blocks);
+  }
 
   /// Moves the cube to the tool; a position outside or not finite leaves it where it is.
   void follow(const Eigen::Vector3d& position_W) noexcept;

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "forcegrid/core/force_method.h"
+#include "forcegrid/core/storage_blocks.h"
 #include "forcegrid/grid/grid_plan.h"
 #include "forcegrid/grid/request_planner.h"
 
@@ -41,7 +42,7 @@ namespace forcegrid {
 /// work(). Memory: see the grid's storage.
 /// Real-time: only the constructor allocates; nothing locks or throws. Threads: one.
 template <typename Grid>
-class GridMethod final : public ForceMethod {
+class GridMethod final : public ForceMethod, public StorageBlocks {
  public:
   GridMethod(const GridPlan& plan, Grid&& grid) noexcept
       : name_(plan.name),
@@ -170,6 +171,11 @@ class GridMethod final : public ForceMethod {
       return ForceEstimate{};
     }
     return grid_.read(position_W);
+  }
+
+  /// With storage=blocks those of the pool, with storage=adaptive those of the cube; else none.
+  std::size_t storage_blocks(std::span<StorageBlock> blocks) const noexcept override {
+    return grid_.storage_blocks(blocks);
   }
 
   const Grid& grid() const noexcept { return grid_; }

@@ -6,9 +6,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <type_traits>
 
 #include "forcegrid/core/buffer.h"
+#include "forcegrid/core/storage_blocks.h"
 #include "forcegrid/grid/grid_segments.h"
 
 namespace forcegrid {
@@ -178,6 +180,27 @@ inline std::size_t vertex_in_block(std::uint32_t i, std::uint32_t j, std::uint32
          k % kBlockVertices;
 }
 
+/// The blocks of a storage in use as boxes, see StorageBlocks::storage_blocks(). A block holds the
+/// cells of which its vertices are the lowest corners.
+/// @param low_W     [m] the grid's first vertex
+/// @param spacing_m  of the vertices, per axis
+/// @param cells      of the grid, per axis
+template <typename Storage>
+std::size_t boxes_of_blocks(const Storage& storage, const Eigen::Vector3d& low_W,
+                            const Eigen::Vector3d& spacing_m, const Eigen::Vector3i& cells,
+                            std::span<StorageBlock> boxes) noexcept {
+  std::size_t count = 0;
+  storage.for_each_block([&](const Eigen::Vector3i& first_vertex) {
+    if (count < boxes.size()) {
+      const Eigen::Array3i end = (first_vertex.array() + kBlockVertices).min(cells.array());
+      boxes[count] = {low_W + spacing_m.cwiseProduct(first_vertex.cast<double>()),
+                      low_W + spacing_m.cwiseProduct(end.matrix().cast<double>())};
+    }
+    ++count;
+  });
+  return count;
+}
+
 /// Blocks of 8 x 8 x 8 vertices from a fixed pool, taken when a sample first reaches them. All
 /// others read as empty. Memory: the pool, and 4 bytes per block of the whole box.
 ///
@@ -214,6 +237,16 @@ class BlockStorage {
     return directory_.bytes() + segments_.bytes() + counters_.bytes() + blocks_.bytes();
   }
   std::size_t blocks_in_use() const noexcept { return used_; }
+  /// Calls `use` with the lowest vertex (i, j, k) of each block in use.
+  template <typename Use>
+  void for_each_block(Use use) const noexcept {
+    for (std::size_t block = 1; block <= used_; ++block) {
+      const std::size_t place = blocks_[block].place;
+      use(Eigen::Vector3i(kBlockVertices * Eigen::Matrix<std::size_t, 3, 1>(
+                                               place / slab_, place % slab_ / row_, place % row_)
+                                               .cast<int>()));
+    }
+  }
 
   const Segment& segment(int i, int j, int s) const noexcept {
     return segments_[first_segment(directory_[block_at(i, j, s)]) + within(i, j)];

@@ -7,13 +7,16 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <utility>
 
 #include "forcegrid/core/buffer.h"
 #include "forcegrid/core/force_method.h"
 #include "forcegrid/core/grid_geometry.h"
 #include "forcegrid/core/radial_weight.h"
+#include "forcegrid/core/storage_blocks.h"
 #include "forcegrid/grid/grid_segments.h"
+#include "forcegrid/grid/grid_storage.h"
 #include "forcegrid/grid/spread_kernels.h"
 
 namespace forcegrid {
@@ -156,6 +159,15 @@ class SpreadingGrid {
   }
 
   std::uint64_t recycled() const noexcept { return storage_.recycled(); }
+  /// See StorageBlocks; none for a storage that is everywhere.
+  std::size_t storage_blocks(std::span<StorageBlock> blocks) const noexcept {
+    if constexpr (requires { storage_.for_each_block([](const Eigen::Vector3i&) {}); }) {
+      return boxes_of_blocks(storage_, geometry_.min_W, spacing_m_, geometry_.cells, blocks);
+    } else {
+      static_cast<void>(blocks);
+      return 0;
+    }
+  }
   const Storage& storage() const noexcept { return storage_; }
   Storage& storage() noexcept { return storage_; }
 

@@ -114,6 +114,11 @@ int KrigingGridMethod::fill(int budget) noexcept {
   return done;
 }
 
+std::size_t KrigingGridMethod::storage_blocks(std::span<StorageBlock> blocks) const noexcept {
+  const Eigen::Vector3d* origin_W = kriging_.origin_W();
+  return origin_W != nullptr ? grid_.storage_blocks(*origin_W, blocks) : 0;
+}
+
 ForceEstimate KrigingGridMethod::force(double time_s,
                                        const Eigen::Vector3d& position_W) const noexcept {
   const Eigen::Vector3d* origin_W = kriging_.origin_W();

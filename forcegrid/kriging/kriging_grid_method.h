@@ -9,6 +9,7 @@
 
 #include "forcegrid/core/force_method.h"
 #include "forcegrid/core/method_options.h"
+#include "forcegrid/core/storage_blocks.h"
 #include "forcegrid/kriging/kriging_method.h"
 #include "forcegrid/kriging/posterior_grid.h"
 
@@ -39,7 +40,7 @@ namespace forcegrid {
 /// Failure: as kriging-store; with less work done than a fit needs, the grid is late.
 /// Source: docs/kriging.md; forcegrid paper, sections 4 and 5, for grid and requests.
 /// Real-time: as ForceMethod.
-class KrigingGridMethod final : public ForceMethod {
+class KrigingGridMethod final : public ForceMethod, public StorageBlocks {
  public:
   static constexpr double kReach_m = 0.012;
   static constexpr double kFurther = 1.25;
@@ -81,6 +82,9 @@ class KrigingGridMethod final : public ForceMethod {
   }
   [[nodiscard]] ForceEstimate force(double time_s,
                                     const Eigen::Vector3d& position_W) const noexcept override;
+
+  /// None until the first contact point is known: the grid is relative to it.
+  std::size_t storage_blocks(std::span<StorageBlock> blocks) const noexcept override;
 
   static constexpr int kVertexUnits = 32;
 

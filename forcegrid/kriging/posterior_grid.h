@@ -5,7 +5,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
+#include "forcegrid/core/storage_blocks.h"
 #include "forcegrid/grid/grid_storage.h"
 
 namespace forcegrid {
@@ -65,6 +67,12 @@ class PosteriorGrid {
   }
   double spacing_m() const noexcept { return spacing_m_; }
   std::size_t blocks_in_use() const noexcept { return storage_.blocks_in_use(); }
+  /// See StorageBlocks. @param origin_W  [m] what the grid's positions are relative to.
+  std::size_t storage_blocks(const Eigen::Vector3d& origin_W,
+                             std::span<StorageBlock> blocks) const noexcept {
+    return boxes_of_blocks(storage_, origin_W + min_m_, Eigen::Vector3d::Constant(spacing_m_),
+                           cells_, blocks);
+  }
   /// Blocks that were dropped.
   std::uint64_t recycled() const noexcept { return storage_.recycled(); }
 

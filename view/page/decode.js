@@ -8,6 +8,7 @@ export const kFrame = 3;
 export const kSamples = 4;
 export const kArm = 5;
 export const kField = 6;
+export const kBlocks = 7;
 export const kSampleValues = 12;
 
 /** Rows of the scope: values[row * columns + column], float32; base_s [s] is added to each time. */
@@ -87,6 +88,18 @@ function decode_field(buffer, view) {
           along: vector(32), values: new Float32Array(buffer, 44, 5 * points * points)};
 }
 
+/** Blocks of storage: 7 values each, the method's number in `methods`, then the low and the high
+ *  corner [m] in `values`. `in_use` also counts those that were not sent. */
+function decode_blocks(buffer, view) {
+  const count = view.getUint16(2, true);
+  if (buffer.byteLength < 8 + 28 * count) {
+    return null;
+  }
+  return {type: kBlocks, count, in_use: view.getUint32(4, true),
+          methods: new Uint32Array(buffer, 8, 7 * count),
+          values: new Float32Array(buffer, 8, 7 * count)};
+}
+
 const kDecoders = {
   [kScope]: [16, decode_scope],
   [kShape]: [20, decode_shape],
@@ -94,6 +107,7 @@ const kDecoders = {
   [kSamples]: [8, decode_samples],
   [kArm]: [8, decode_arm],
   [kField]: [44, decode_field],
+  [kBlocks]: [8, decode_blocks],
 };
 
 /** A message of any type, as an object with its `type`. Its arrays share the buffer's memory. */

@@ -109,7 +109,7 @@ export class ExportedRecording {
     const texts = this.records.filter(({text}) => text).map(({text}) => text);
     const hello = texts.find(({type}) => type === 'hello');
     this.duration_s = hello.recording.duration_s;
-    this.handlers.on_text({...hello, role: 'controller'});
+    this.handlers.on_text({...hello, blocks: false, role: 'controller'});
     texts.filter(({type}) => type === 'note').forEach((note) => this.handlers.on_text(note));
     this.hold(0);
     this.go_to(0);

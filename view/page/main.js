@@ -4,11 +4,12 @@
 
 import {Connection} from '/connection.js';
 import {Pause, Rendered, Stop, listen_to_keys} from '/controls.js';
-import {decode, kArm, kField, kFrame, kSamples, kScope, kShape} from '/decode.js';
+import {decode, kArm, kBlocks, kField, kFrame, kSamples, kScope, kShape} from '/decode.js';
 import {save_csv, save_png} from '/export.js';
 import {ExportedRecording} from '/exported.js';
 import {FieldChoice} from '/field_choice.js';
 import {History} from '/history.js';
+import {Layers} from '/layers.js';
 import {Mouse} from '/mouse.js';
 import {Playback} from '/playback.js';
 import {Readouts, is_paused} from '/readouts.js';
@@ -61,6 +62,7 @@ class Page {
     this.stop = new Stop(this.connection, by_id('stop'), by_id('stop-word'), by_id('stop-status'),
                          () => this.state === 'live');
     this.field = new FieldChoice(this.connection, this.scene);
+    this.layers = new Layers(this.connection, this.scene);
     this.rendered = new Rendered(this.connection, by_id('rendered'));
     this.pause = new Pause(this.connection, by_id('pause'));
     this.playback = new Playback(this.connection, () => this.on_anew());
@@ -190,6 +192,7 @@ class Page {
     this.set_role(hello.role || this.role);
     this.stop.on_run();
     this.field.set_run(hello);
+    this.layers.set_run(hello);
     this.rendered.set_run(hello);
     this.rendered.set_allowed(this.role === 'controller');
   }
@@ -258,6 +261,8 @@ class Page {
       this.waiting_arm = message;
     } else if (message.type === kField) {
       this.field.take(message);
+    } else if (message.type === kBlocks) {
+      this.layers.take_blocks(message);
     }
   }
 
@@ -413,6 +418,11 @@ function interface_for_scripts(page) {
       const {mesh, top_N, message} = page.scene.field;
       return {shown: mesh.visible, top_N, exact: message !== null && message.exact,
               ...page.scene.field.shares()};
+    },
+    /** The method's number of each block of storage that is drawn; how many are in use. */
+    get blocks() {
+      const {methods, in_use, lines} = page.scene.blocks;
+      return {drawn: lines.visible ? [...methods] : [], in_use};
     },
     get rendered_method() { return page.history.newest('rendered_method'); },
     /** How the run says that a setting stands; what the servo measures; answered commands. */

@@ -3,6 +3,7 @@
 // slow.
 
 import * as THREE from '/three.module.js';
+import {Blocks} from '/blocks.js';
 import {Orbit} from '/orbit.js';
 import {Field} from '/field.js';
 import {Arm, Arrow, ContactPoint, Samples, Tool, Wall, workspace_lines} from '/parts.js';
@@ -84,6 +85,7 @@ export class Scene3d {
     this.recorded_s = null;
     this.tool = new Tool();
     this.field = new Field();
+    this.blocks = new Blocks();
     this.contact_point = new ContactPoint();
     this.wall = new Wall();
     this.wall_m = null;
@@ -93,7 +95,7 @@ export class Scene3d {
     this.forces = this.arrows.map(() => [NaN, NaN, NaN]);
     this.workspace = new THREE.Group();
     this.scene.add(this.surface_group, this.mesh_group, this.arm.group, this.samples.points,
-                   this.tool.group, this.arrow_group, this.workspace, this.field.mesh,
+                   this.tool.group, this.arrow_group, this.workspace, this.field.mesh, this.blocks.lines,
                    this.contact_point.cross, this.wall.group);
   }
 
@@ -201,6 +203,12 @@ export class Scene3d {
     this.dirty = true;
   }
 
+  /** Shows blocks of storage; null hides them. */
+  set_blocks(message) {
+    this.blocks.show(message);
+    this.dirty = true;
+  }
+
   set_field_quantity(quantity) {
     this.field.set_quantity(quantity);
     this.dirty = true;
@@ -275,6 +283,7 @@ export class Scene3d {
     this.surfaces.forEach((surface) => surface.set_theme(palette));
     this.arm.material.color.set(palette.arm);
     this.field.set_theme(palette);
+    this.blocks.set_theme(palette);
     this.tool.set_theme(palette);
     this.wall.set_theme(palette);
     this.contact_point.cross.material.color.set(palette.touch);

@@ -32,6 +32,7 @@ PATIENCE_S = 60
 PICTURES_PER_S = 10
 COARSE = 0.25
 STILL_TOOL_W_M = (0.02, 0.03, 0.06)
+BOX = [(x, y, z) for x in (1, 11) for y in (2, 22) for z in (4, 44)]  # corners
 
 CONTRAST = """
 const canvas = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
@@ -630,6 +631,36 @@ class Page(unittest.TestCase):
         self.wait_until(lambda: self.view("wall_m") == 0.014, "there is no wall")
         self.view("set('wall_mm', null)")
         self.wait_until(lambda: self.view("wall_m") is None, "the wall stays")
+
+    def check(self, name, checked):
+        """Sets a box of the menu Show."""
+        self.run_script("""const box = document.getElementById(arguments[0]);
+            if (box.checked !== arguments[1]) box.click();""", name, checked)
+
+    def test_shows_the_blocks_of_storage_on_demand(self):
+        self.assertEqual(self.view("blocks"), {"drawn": [], "in_use": None})
+        known = len(self.stand_in.commands)
+        self.check("blocks", True)
+        self.assertIs(self.command("layers", known)["blocks"], True)
+        self.wait_until(lambda: self.view("blocks")["drawn"] == [1, 1, 2], "no blocks are drawn")
+        self.assertEqual(self.run_script("""return document.getElementById('blocks-count')
+            .textContent"""), "(5)")
+        ends = self.in_module("blocks.js", """
+            const blocks = new module.Blocks();
+            const one = new ArrayBuffer(28);
+            new Uint32Array(one)[0] = 1;
+            new Float32Array(one).set([1, 2, 4, 11, 22, 44], 1);
+            blocks.show({count: 1, in_use: 1, methods: new Uint32Array(one),
+                         values: new Float32Array(one)});
+            return Array.from(blocks.lines.geometry.attributes.position.array);""")
+        lines = {frozenset((tuple(ends[i:i + 3]), tuple(ends[i + 3:i + 6])))
+                 for i in range(0, len(ends), 6)}
+        self.assertEqual(lines, {frozenset((a, b)) for a in BOX for b in BOX
+                                 if sum(x != y for x, y in zip(a, b)) == 1})
+        known = len(self.stand_in.commands)
+        self.check("blocks", False)
+        self.assertIs(self.command("layers", known)["blocks"], False)
+        self.assertEqual(self.view("blocks"), {"drawn": [], "in_use": None})
 
     def test_colours_by_strain_too(self):
         rest = self.in_module("surface.js", """

@@ -59,7 +59,7 @@ HELLO = {"type": "hello", "version": "0.2.0", "device": "emulated:woodenhaptics_
          "limits": ["force", "slew", "torque"], "statuses": [], "columns": COLUMNS,
          "workspace_W_m": {"low": [-0.12, -0.12, -0.08], "high": [0.12, 0.12, 0.14]},
          "emulated": True, "controls": ["stop", "pause", "hand", "method", "set"],
-         "settings": SETTINGS, "tour": False, "largest_force_N": 5.0}
+         "settings": SETTINGS, "tour": False, "largest_force_N": 5.0, "field": True, "blocks": True}
 
 
 class Block:
@@ -136,6 +136,17 @@ def arm_message(tool):
     for line in lines:
         body += struct.pack("<I", len(line)) + b"".join(struct.pack("<3f", *p) for p in line)
     return struct.pack("<B3x", 5) + body
+
+
+def blocks_message(boxes, in_use):
+    """Blocks of storage, each (method, low corner [m], high corner [m])."""
+    return (struct.pack("<BBHI", 7, 0, len(boxes), in_use)
+            + b"".join(struct.pack("<I6f", method, *low, *high) for method, low, high in boxes))
+
+
+# Two of the second method around the middle of the top, and one of the third.
+BLOCKS = [(1, (-0.02, -0.02, 0.03), (0.0, 0.0, 0.05)), (1, (0.0, -0.02, 0.03), (0.02, 0.0, 0.05)),
+          (2, (-0.02, 0.0, 0.03), (0.0, 0.02, 0.05))]
 
 
 class StandIn:
@@ -281,6 +292,9 @@ class StandIn:
             self.settings[command["name"]]["value"] = command["value"]
             send_text(writer, {"type": "settings", "settings": list(self.settings.values())})
             send_text(writer, {**answer, "text": "done"})
+        elif what == "layers":
+            if command["blocks"]:
+                send(writer, 2, blocks_message(BLOCKS, 5))
         elif what == "take_control":  # here the newest that asks has it
             send_text(writer, {"type": "role", "role": "controller"})
 
