@@ -8,11 +8,12 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <string_view>
 #include <system_error>
 #include <utility>
+
+#include "text/secret_file.h"
 
 namespace forcegrid::link {
 namespace {
@@ -24,7 +25,6 @@ constexpr std::string_view kIdContext = "forcegrid link key id";
 constexpr std::size_t kIdDigits = 2 * std::tuple_size_v<KeyId>;
 constexpr std::size_t kSecretDigits = 2 * kKeyBytes;
 constexpr std::size_t kLineBytes = kTag.size() + 1 + kIdDigits + 1 + kSecretDigits + 1;
-constexpr mode_t kOthers = S_IRWXG | S_IRWXO;
 constexpr mode_t kOwnerOnly = S_IRUSR | S_IWUSR;
 
 [[noreturn]] void fail(const std::string& file, const std::string& reason) {
@@ -58,33 +58,11 @@ void start_library() {
   }
 }
 
-std::string quoted(const std::string& file) {
-  std::string text = "'";
-  for (const char letter : file) {
-    text += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
-  }
-  return text + "'";
-}
-
 void check_owner_and_mode(const std::string& file, int descriptor) {
-  struct stat status {};
-  if (::fstat(descriptor, &status) != 0) {
-    fail_with_errno(file, "look at its mode", errno);
-  }
-  if (!S_ISREG(status.st_mode)) {
-    fail(file, "is not a regular file; make one with 'forcegrid keygen FILE'");
-  }
-  if ((status.st_mode & kOthers) != 0) {
-    char mode[8];
-    std::snprintf(mode, sizeof mode, "%04o", static_cast<unsigned>(status.st_mode & 07777U));
-    fail(file, "its mode " + std::string(mode) +
-                   " opens it to others, and whoever has the key can move the motors; run: chmod "
-                   "600 " +
-                   quoted(file) + ", and make a new key if others could have read this one");
-  }
-  if (status.st_uid != ::geteuid() && status.st_uid != 0) {
-    fail(file,
-         "belongs to another user, who could exchange it; run: sudo chown $USER " + quoted(file));
+  const std::string fault = text::fault_of_secret_file(
+      file, descriptor, "make one with 'forcegrid keygen FILE'", "move the motors");
+  if (!fault.empty()) {
+    fail(file, fault);
   }
 }
 

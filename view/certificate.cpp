@@ -8,7 +8,6 @@
 #include <openssl/pem.h>
 #include <openssl/ssl.h>
 #include <openssl/x509.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -16,13 +15,13 @@
 #include <cstdio>
 #include <system_error>
 
+#include "text/secret_file.h"
 #include "view/options.h"
 
 namespace forcegrid::view {
 namespace {
 
 constexpr std::size_t kLargestFile = 256 << 10;  // a chain of certificates has some KiB
-constexpr mode_t kOthers = S_IRWXG | S_IRWXO;
 
 [[noreturn]] void fail(const std::string& file, const std::string& reason) {
   throw ViewError("view key file '" + file + "': " + reason);
@@ -34,14 +33,6 @@ constexpr mode_t kOthers = S_IRWXG | S_IRWXO;
 }
 
 std::string make_one() { return "make one with: " + std::string(command_for_key()); }
-
-std::string quoted(const std::string& file) {
-  std::string text = "'";
-  for (const char letter : file) {
-    text += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
-  }
-  return text + "'";
-}
 
 // OpenSSL's newest reason; its queue is empty afterwards.
 std::string openssl_reason() {
@@ -85,36 +76,17 @@ using Memory = std::unique_ptr<BIO, FreeWith<::BIO_free_all>>;
 using PrivateKey = std::unique_ptr<EVP_PKEY, FreeWith<::EVP_PKEY_free>>;
 using X509Certificate = std::unique_ptr<X509, FreeWith<::X509_free>>;
 
-// The link's key files have the same rule: link/key.cpp.
-void check_owner_and_mode(const std::string& file, int descriptor) {
-  struct stat status {};
-  if (::fstat(descriptor, &status) != 0) {
-    fail_with_errno(file, "look at its mode", errno);
-  }
-  if (!S_ISREG(status.st_mode)) {
-    fail(file, "is not a regular file; " + make_one());
-  }
-  if ((status.st_mode & kOthers) != 0) {
-    char mode[8];
-    std::snprintf(mode, sizeof mode, "%04o", static_cast<unsigned>(status.st_mode & 07777U));
-    fail(file, "its mode " + std::string(mode) +
-                   " opens it to others, and whoever has the key can pose as the live view; run: "
-                   "chmod 600 " +
-                   quoted(file) + ", and make a new key if others could have read this one");
-  }
-  if (status.st_uid != ::geteuid() && status.st_uid != 0) {
-    fail(file,
-         "belongs to another user, who could exchange it; run: sudo chown $USER " + quoted(file));
-  }
-}
-
 void read_all(const std::string& file, SecretText& text) {
   const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK));
   if (descriptor.number < 0) {
     const int error = errno;
     fail_with_errno(file, "open", error, error == ENOENT ? "; " + make_one() : "");
   }
-  check_owner_and_mode(file, descriptor.number);
+  const std::string fault =
+      text::fault_of_secret_file(file, descriptor.number, make_one(), "pose as the live view");
+  if (!fault.empty()) {
+    fail(file, fault);
+  }
   text.bytes.resize(kLargestFile + 1);
   std::size_t size = 0;
   while (size < text.bytes.size()) {
@@ -161,7 +133,7 @@ PrivateKey private_key(const std::string& file, const SecretText& text) {
     fail(file,
          "its private key is encrypted, and nobody is asked for a passphrase; write it without "
          "one: openssl pkey -in " +
-             quoted(file) + " -out KEY.pem, and append the certificate to KEY.pem");
+             text::shell_quoted(file) + " -out KEY.pem, and append the certificate to KEY.pem");
   }
   if (!key) {
     // OpenSSL gives the same reason for none as for one that it can't read.

@@ -23,7 +23,8 @@ NEVER = (("device_emulator", "driver"), ("driver", "device_emulator"), ("driver"
          # What may run in the servo cycle or on the device's thread never logs.
          ("servo_loop", "log"), ("driver", "log"), ("forcegrid", "log"), ("rt", "log"),
          ("simulator/solver", "log"), ("simulator/kernels", "log"))
-ALONE = ("forcegrid", "link", "contact", "rt", "text")  # they include nothing of the project
+ALONE = ("forcegrid", "contact", "rt", "text")  # they include nothing of the project
+ALMOST_ALONE = {"link": ("text/secret_file.h",)}  # what they may: headers without a library
 LEAVES = ("cli", "compat", "bindings", "view")  # no other room includes them
 # Interfaces for other programs, with include folders of their own.
 INCLUDE_FOLDERS = ("bindings/c/include", "compat/openhaptics/include")
@@ -96,11 +97,18 @@ def complaints(table, includes):
             if not entry.endswith("/") and room_of(entry) + "/" in entries:
                 yield "the row of %s/ permits %s twice: its room is permitted" % (room, entry)
             yield from broken_rules(room, room_of(entry))
+            yield from broken_loneliness(room, entry)
     graph = {room: {room_of(included) for included in used} for room, used in includes.items()}
     try:
         graphlib.TopologicalSorter(graph).prepare()
     except graphlib.CycleError as cycle:
         yield "rooms include each other in a circle: " + " <- ".join(cycle.args[1])
+
+
+def broken_loneliness(room, entry):
+    for alone, permitted in ALMOST_ALONE.items():
+        if within(room, alone) and not within(room_of(entry), alone) and entry not in permitted:
+            yield "%s/ may include %s alone, not %s" % (alone, " ".join(permitted), entry)
 
 
 def broken_rules(room, other):
@@ -179,6 +187,9 @@ class Checker(unittest.TestCase):
         self.assertTrue(list(broken_rules("simulator/mesh", "simulator/solver")))
         self.assertTrue(list(broken_rules("tools", "cli/run")))
         self.assertFalse(list(broken_rules("simulator/touch", "simulator/mesh")))
+        self.assertFalse(list(broken_loneliness("link", "text/secret_file.h")))
+        for entry in ("text/", "text/text.h", "rt/"):
+            self.assertTrue(list(broken_loneliness("link", entry)), entry)
 
     def test_refuses_rows_in_words(self):
         for row in ("| `tools/` | all but `cli/` |\n", "| `tools/` | `rt/`, `driver/` |\n"):
