@@ -48,6 +48,18 @@ bool listens_everywhere(const std::string& address) {
          (::inet_pton(AF_INET6, address.c_str(), &six) == 1 && IN6_IS_ADDR_UNSPECIFIED(&six));
 }
 
+bool is_label(std::string_view label) {
+  return !label.empty() && label.size() <= 63 &&
+         std::all_of(label.begin(), label.end(), [](char letter) {
+           return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '-' ||
+                  letter == '_';
+         });
+}
+
+bool is_number(std::string_view label) {
+  return label.find_first_not_of("0123456789") == std::string_view::npos;
+}
+
 bool is_hexadecimal(std::string_view text) {
   return std::all_of(text.begin(), text.end(), [](char letter) {
     return std::isxdigit(static_cast<unsigned char>(letter)) != 0;
@@ -127,6 +139,36 @@ std::string name_of_machine() {
   return name.data();
 }
 
+bool is_certificate_name(std::string_view name) {
+  constexpr std::size_t kLongest = 253;  // of DNS
+  if (name.size() > kLongest) {
+    return false;
+  }
+  const bool wildcard = name.starts_with("*.");
+  std::string_view rest = wildcard ? name.substr(2) : name;
+  std::size_t labels = 0;
+  while (true) {
+    const std::string_view label = rest.substr(0, rest.find('.'));
+    if (!is_label(label)) {
+      return false;
+    }
+    ++labels;
+    if (label.size() == rest.size()) {
+      // A browser takes what ends in a number for an IPv4 address.
+      return !is_number(label) && (!wildcard || labels >= 2);
+    }
+    rest.remove_prefix(label.size() + 1);
+  }
+}
+
+bool matches_certificate_name(std::string_view name, std::string_view of_certificate) {
+  if (!of_certificate.starts_with("*.")) {
+    return same_in_any_case(name, of_certificate);
+  }
+  const std::string_view first = name.substr(0, name.find('.'));
+  return is_label(first) && same_in_any_case(name.substr(first.size()), of_certificate.substr(1));
+}
+
 bool host_is_right(std::string_view host, const Site& site) {
   const std::string port = ":" + std::to_string(site.port);
   std::string_view name = host;
@@ -137,6 +179,10 @@ bool host_is_right(std::string_view host, const Site& site) {
   }
   const std::string with_port = address_and_port(site.address, site.port);
   if (same_in_any_case(name, with_port.substr(0, with_port.rfind(':')))) {
+    return true;
+  }
+  if (std::any_of(site.names.begin(), site.names.end(),
+                  [name](const std::string& own) { return matches_certificate_name(name, own); })) {
     return true;
   }
   if (is_loopback(site.address)) {

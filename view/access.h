@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 /// Who may see the page and who may command the run. Pure functions.
 /// Real-time: no. Threads: any, after the first random_token() or token_is_right().
@@ -31,6 +32,7 @@ struct Site {
   std::uint16_t port = 0;  ///< it listens there
   bool encrypted = false;  ///< with TLS
   std::string machine{};   ///< this machine's name, for a server that listens on all addresses
+  std::vector<std::string> names{};  ///< of its certificate, each one is_certificate_name()
 };
 
 /// An IPv4 or IPv6 address that packets to other machines never carry.
@@ -39,12 +41,21 @@ bool is_loopback(const std::string& address);
 /// This machine's name, as `hostname` prints it. @throws ViewError with the system's reason.
 std::string name_of_machine();
 
+/// Whether a certificate's name is one that a browser looks up: labels of letters, digits, '-' and
+/// '_', at most 253 characters, the last label not only of digits. The first one may be '*' if two
+/// others follow.
+bool is_certificate_name(std::string_view name);
+
+/// Whether `name` is the certificate's, in any case. A leading '*' stands for one label.
+bool matches_certificate_name(std::string_view name, std::string_view of_certificate);
+
 /// Whether a request's Host names this server: a page of another host name that resolves to
 /// this machine sends its own name. Allowed are
 ///   on a loopback address:  that address, localhost, 127.0.0.1 and [::1];
 ///   on 0.0.0.0 and [::]:    any IPv4 or IPv6 address, since no name resolves to it, and the
 ///                           machine's name;
 ///   on another address:     that address;
+///   on any:                 the names of its certificate;
 /// each with the port; without one where it is 80, with TLS 443.
 bool host_is_right(std::string_view host, const Site& site);
 

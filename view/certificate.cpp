@@ -8,14 +8,17 @@
 #include <openssl/pem.h>
 #include <openssl/ssl.h>
 #include <openssl/x509.h>
+#include <openssl/x509v3.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
 #include <cstdio>
 #include <system_error>
+#include <utility>
 
 #include "text/secret_file.h"
+#include "view/access.h"
 #include "view/options.h"
 
 namespace forcegrid::view {
@@ -198,6 +201,44 @@ std::string sha256_of(const std::string& file, const X509* certificate) {
   return digits;
 }
 
+std::string utf8_of(const ASN1_STRING* text) {
+  unsigned char* bytes = nullptr;
+  const int size = ::ASN1_STRING_to_UTF8(&bytes, text);
+  const std::string copy =
+      size > 0 ? std::string(reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(size))
+               : "";
+  ::OPENSSL_free(bytes);
+  return copy;
+}
+
+std::vector<std::string> names_of(const X509* certificate) {
+  std::vector<std::string> names;
+  const auto take = [&names](const ASN1_STRING* text) {
+    if (std::string name = utf8_of(text); is_certificate_name(name)) {
+      names.push_back(std::move(name));
+    }
+  };
+  int found = 0;  // -1: there is no such extension
+  const std::unique_ptr<GENERAL_NAMES, FreeWith<::GENERAL_NAMES_free>> alternatives(
+      static_cast<GENERAL_NAMES*>(
+          ::X509_get_ext_d2i(certificate, NID_subject_alt_name, &found, nullptr)));
+  if (alternatives) {
+    for (int i = 0; i < sk_GENERAL_NAME_num(alternatives.get()); ++i) {
+      const GENERAL_NAME* name = sk_GENERAL_NAME_value(alternatives.get(), i);
+      if (name->type == GEN_DNS) {
+        take(name->d.dNSName);
+      }
+    }
+  } else if (found == -1) {
+    const X509_NAME* subject = ::X509_get_subject_name(certificate);
+    for (int at = -1; (at = ::X509_NAME_get_index_by_NID(subject, NID_commonName, at)) >= 0;) {
+      take(::X509_NAME_ENTRY_get_data(::X509_NAME_get_entry(subject, at)));
+    }
+  }
+  ::ERR_clear_error();
+  return names;
+}
+
 }  // namespace
 
 void Certificate::Free::operator()(ssl_ctx_st* context) const noexcept { ::SSL_CTX_free(context); }
@@ -222,7 +263,8 @@ Certificate load_certificate(const std::string& file) {
   check_times(file, own.get());
   Certificate result{.context = std::unique_ptr<ssl_ctx_st, Certificate::Free>(
                          ::SSL_CTX_new(::TLS_server_method())),
-                     .sha256 = sha256_of(file, own.get())};
+                     .sha256 = sha256_of(file, own.get()),
+                     .names = names_of(own.get())};
   SSL_CTX* context = result.context.get();
   if (context == nullptr || ::SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION) != 1) {
     throw ViewError("OpenSSL does not start: " + openssl_reason() +

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 struct ssl_ctx_st;  // OpenSSL's SSL_CTX
 
@@ -18,6 +19,9 @@ struct Certificate {
   /// With key and certificates, for TLS 1.2 and later, without sessions that are resumed.
   std::unique_ptr<ssl_ctx_st, Free> context;
   std::string sha256;  ///< fingerprint of the server's own certificate, 64 hexadecimal digits
+  /// The DNS names of its subjectAltName; of a certificate without one its common names. Only those
+  /// that are is_certificate_name().
+  std::vector<std::string> names;
 };
 
 /// Reads a file that holds a private key, its certificate and those that lead to a root, in PEM.

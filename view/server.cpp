@@ -58,6 +58,7 @@ Server::Server(const Options& options, std::optional<Certificate> certificate, s
   if (certificate) {
     http_.site.encrypted = true;
     http_.site.machine = name_of_machine();
+    http_.site.names = std::move(certificate->names);
     certificate_sha256_ = certificate->sha256;
     tls_.emplace(certificate->context.release());  // takes ownership
   }

@@ -80,6 +80,63 @@ TEST(Host, IsAnyAddressOrTheMachinesNameWhereItListensEverywhere) {
   EXPECT_FALSE(host_is_right(":443", nameless));
 }
 
+TEST(Host, IsANameOfTheCertificate) {
+  for (const char* address : {"127.0.0.1", "192.168.1.5", "0.0.0.0", "::"}) {
+    const Site site{.address = address,
+                    .port = 8443,
+                    .encrypted = true,
+                    .names = {"view.lab.example", "*.rooms.example"}};
+    for (const char* host : {"view.lab.example:8443", "View.LAB.example:8443",
+                             "one.rooms.example:8443", "ONE-2.Rooms.example:8443"}) {
+      EXPECT_TRUE(host_is_right(host, site)) << host << " on " << address;
+      EXPECT_TRUE(origin_is_right("https://" + std::string(host), host, true)) << host;
+    }
+    for (const char* host :
+         {"view.lab.example", "view.lab.example:8444", "view.lab.example.:8443", "lab.example:8443",
+          "a.view.lab.example:8443", "xview.lab.example:8443", "view.lab.example.evil.example:8443",
+          "rooms.example:8443", ".rooms.example:8443", "*.rooms.example:8443",
+          "a.b.rooms.example:8443", "evilrooms.example:8443", "a.rooms.example.evil.example:8443",
+          "user@one.rooms.example:8443", "evil/one.rooms.example:8443", "evil.example:8443",
+          ":8443"}) {
+      EXPECT_FALSE(host_is_right(host, site)) << host << " on " << address;
+    }
+  }
+  const Site usual{.address = "0.0.0.0", .port = 443, .encrypted = true, .names = {"view.example"}};
+  EXPECT_TRUE(host_is_right("view.example", usual));
+  EXPECT_TRUE(host_is_right("view.example:443", usual));
+}
+
+TEST(CertificateName, IsOneThatABrowserLooksUp) {
+  const std::string longest(63, 'a');
+  for (const std::string& name :
+       {std::string("lab"), std::string("view.lab.example"), std::string("xn--bcher-kva.example"),
+        std::string("a_b.1.x2"), std::string("*.lab.example"), longest + ".example"}) {
+    EXPECT_TRUE(is_certificate_name(name)) << name;
+  }
+  for (const std::string& name : {std::string(),
+                                  std::string("."),
+                                  std::string("*"),
+                                  std::string("*."),
+                                  std::string("*.lab"),
+                                  std::string("*.*.example"),
+                                  std::string("a.*.example"),
+                                  std::string("a*.lab.example"),
+                                  std::string(".lab"),
+                                  std::string("lab."),
+                                  std::string("a..b"),
+                                  std::string("192.168.1.5"),
+                                  std::string("8443"),
+                                  std::string("::1"),
+                                  std::string("a b"),
+                                  std::string("a:1"),
+                                  std::string("lab\0.evil", 9),
+                                  std::string("b\xc3\xbc.example"),
+                                  longest + "a.example",
+                                  longest + "." + longest + "." + longest + "." + longest}) {
+    EXPECT_FALSE(is_certificate_name(name)) << name;
+  }
+}
+
 TEST(Machine, HasAName) { EXPECT_NE(name_of_machine(), ""); }
 
 TEST(Address, IsLoopbackIfPacketsStayHere) {

@@ -105,12 +105,15 @@ def unchecked_tls():
     return context
 
 
-def make_key_file(file, *arguments, names="DNS:localhost,IP:127.0.0.1"):
-    """A private key and its certificate in one file, made as the refusal without one says."""
+def make_key_file(file, *arguments, names="DNS:localhost,IP:127.0.0.1", common_name="localhost"):
+    """A private key and its certificate in one file, made as the refusal without one says; without
+    names it has none but the common one."""
+    if names:
+        arguments = ("-addext", "subjectAltName=" + names, *arguments)
     subprocess.run(
         ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1",
-         "-nodes", "-days", "365", "-subj", "/CN=localhost", "-addext", "subjectAltName=" + names,
-         *arguments, "-keyout", str(file), "-out", str(file)],
+         "-nodes", "-days", "365", "-subj", "/CN=" + common_name, *arguments, "-keyout", str(file),
+         "-out", str(file)],
         check=True, capture_output=True, timeout=TIMEOUT_S)
     return str(file)
 

@@ -470,10 +470,12 @@ class EncryptedEverywhere(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
         self.addCleanup(self.folder.cleanup)
-        self.key_file = peers.make_key_file(pathlib.Path(self.folder.name) / "view.pem")
+        self.key_file = pathlib.Path(self.folder.name) / "view.pem"
 
-    def start(self, listen):
-        view = View(PROGRAM, "--listen", listen, "--key", self.key_file)
+    def start(self, listen, **names):
+        """With a certificate of these names."""
+        peers.make_key_file(self.key_file, **{"names": "IP:127.0.0.1", **names})
+        view = View(PROGRAM, "--listen", listen, "--key", str(self.key_file))
         self.addCleanup(view.close)
         return view
 
@@ -493,6 +495,34 @@ class EncryptedEverywhere(unittest.TestCase):
             self.assertEqual(http(view, "/?token=" + view.token, host=host)[0], 403, host)
             with Page(view, host=host) as page:
                 self.assertEqual(page.status, 403, host)
+
+    def answers(self, view, name):
+        """Whether the page and the WebSocket are given to who asks for this name: both or none."""
+        host = "%s:%d" % (name, view.port)
+        status = http(view, "/?token=" + view.token, host=host)[0]
+        with Page(view, host=host) as page:
+            self.assertIn((status, page.status), ((200, 101), (403, 403)), host)
+        return status == 200
+
+    def test_answers_to_the_names_of_its_certificate(self):
+        view = self.start("127.0.0.1:0", common_name="common.test",
+                          names="DNS:View.Lab.test,DNS:*.rooms.test,DNS:*.test,IP:192.0.2.7")
+        for name in ("view.lab.test", "VIEW.lab.TEST", "one.rooms.test", "localhost"):
+            self.assertTrue(self.answers(view, name), name)
+        for name in ("common.test", "lab.test", "a.view.lab.test", "a.b.rooms.test", "rooms.test",
+                     "*.rooms.test", "evil.test", "192.0.2.7", "view.lab.test.evil.example",
+                     "evil.example"):
+            self.assertFalse(self.answers(view, name), name)
+        host = "view.lab.test:%d" % view.port
+        for origin in ("http://" + host, "https://view.lab.test", "https://one.rooms.test:%d" % view.port,
+                       "https://evil.example", "null"):
+            with Page(view, host=host, origin=origin) as page:
+                self.assertEqual(page.status, 403, origin)
+
+    def test_answers_to_the_common_name_of_a_certificate_without_others(self):
+        view = self.start("127.0.0.1:0", common_name="common.test", names=None)
+        self.assertTrue(self.answers(view, "common.test"))
+        self.assertFalse(self.answers(view, "evil.test"))
 
     def test_answers_to_the_listening_address_alone(self):
         own = next((address for address in subprocess.run(
