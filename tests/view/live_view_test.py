@@ -33,11 +33,11 @@ SURFACE_OF_SMALL = 11 * 11 * 9 - 9 * 9 * 7
 class Run:
     """A run with a live view, and what it says on standard error."""
 
-    def __init__(self, *options, view=("--view",), scheme="http"):
+    def __init__(self, *options, view=("--view",), scheme="http", scene="small"):
         self.folder = tempfile.TemporaryDirectory()
         self.summary_file = pathlib.Path(self.folder.name) / "summary.json"
         self.process = subprocess.Popen(
-            [FORCEGRID, "--no-config", "run", *view, "--scene", "small", "--no-reference",
+            [FORCEGRID, "--no-config", "run", *view, "--scene", scene, "--no-reference",
              "--device-timeout-ms", "450", "--out", self.folder.name,
              "--json", str(self.summary_file), *options],
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)

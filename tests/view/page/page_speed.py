@@ -37,7 +37,7 @@ def main():
     options = parser.parse_args()
     stand_in = StandIn(options.vertices)
     with tempfile.TemporaryDirectory() as folder:
-        browser = start_browser(folder)
+        browser = start_browser(folder, full_rate=True)
         try:
             browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
                 "width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False})

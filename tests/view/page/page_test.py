@@ -132,7 +132,9 @@ SIZES_PX = [(1280, 720), (1920, 1080), (1024, 400), (901, 600), (861, 500), (860
             (480, 800), (400, 800), (320, 640)]
 
 
-def start_browser(downloads, *flags):
+def start_browser(downloads, *flags, full_rate=False):
+    """Headless. All that is shown is drawn in software, beside other tests: ten times a second are
+    enough for them; with full_rate as often as Chromium can."""
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
     for flag in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
@@ -142,10 +144,10 @@ def start_browser(downloads, *flags):
     browser = webdriver.Chrome(service=Service(DRIVER), options=options)
     browser.execute_cdp_cmd("Browser.setDownloadBehavior",
                             {"behavior": "allow", "downloadPath": str(downloads)})
-    # All that is shown is drawn in software, beside other tests: ten times a second are enough.
-    browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": """
-        const request = window.requestAnimationFrame.bind(window);
-        window.requestAnimationFrame = (draw) => setTimeout(() => request(draw), 100);"""})
+    if not full_rate:
+        browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": """
+            const request = window.requestAnimationFrame.bind(window);
+            window.requestAnimationFrame = (draw) => setTimeout(() => request(draw), 100);"""})
     return browser
 
 
