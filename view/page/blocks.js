@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The blocks of storage that the methods have in use, as the edges of boxes. They have the colours
-// of their methods' arrows.
+// of their methods' arrows. What is inside the object shines through it: forces are felt there.
 
 import * as THREE from '/three.module.js';
 
@@ -10,15 +10,22 @@ const kEdges = kCorners.flatMap((a) => [1, 2, 4].filter((bit) => (a & bit) === 0
     .map((bit) => [a, a | bit])).flat();
 export const kValuesPerBlock = 7;  // a message's: method, low and high corner
 
+function edges(options) {
+  const lines = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({
+    vertexColors: THREE.VertexColors, transparent: true, depthWrite: false, ...options}));
+  lines.frustumCulled = false;
+  return lines;
+}
+
 export class Blocks {
   constructor() {
     this.methods = new Uint32Array(0);  // of each block
     this.in_use = null;                 // all of them, also those that were not sent
     this.colours = [];
-    this.lines = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({
-      vertexColors: THREE.VertexColors, transparent: true, opacity: 0.6, depthWrite: false}));
-    this.lines.frustumCulled = false;
+    this.lines = edges({opacity: 0.6});
     this.lines.visible = false;
+    this.behind = edges({opacity: 0.2, depthTest: false});
+    this.lines.add(this.behind);
   }
 
   /** Shows the blocks of a message of decode.js; null: none are known. */
@@ -37,7 +44,7 @@ export class Blocks {
       }
     }
     this.lines.geometry.dispose();
-    this.lines.geometry = new THREE.BufferGeometry();
+    this.lines.geometry = this.behind.geometry = new THREE.BufferGeometry();
     this.lines.geometry.setAttribute('position', new THREE.BufferAttribute(ends, 3));
     this.lines.visible = boxes > 0;
     this.paint();

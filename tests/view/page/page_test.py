@@ -647,14 +647,17 @@ class Page(unittest.TestCase):
         self.wait_until(lambda: self.view("blocks")["drawn"] == [1, 1, 2], "no blocks are drawn")
         self.assertEqual(self.run_script("""return document.getElementById('blocks-count')
             .textContent"""), "(5)")
-        ends = self.in_module("blocks.js", """
+        ends, inside_too = self.in_module("blocks.js", """
             const blocks = new module.Blocks();
             const one = new ArrayBuffer(28);
             new Uint32Array(one)[0] = 1;
             new Float32Array(one).set([1, 2, 4, 11, 22, 44], 1);
             blocks.show({count: 1, in_use: 1, methods: new Uint32Array(one),
                          values: new Float32Array(one)});
-            return Array.from(blocks.lines.geometry.attributes.position.array);""")
+            return [Array.from(blocks.lines.geometry.attributes.position.array),
+                    blocks.lines.children.map((child) => !child.material.depthTest &&
+                        child.geometry === blocks.lines.geometry)];""")
+        self.assertEqual(inside_too, [True], "the object hides what is inside of it")
         lines = {frozenset((tuple(ends[i:i + 3]), tuple(ends[i + 3:i + 6])))
                  for i in range(0, len(ends), 6)}
         self.assertEqual(lines, {frozenset((a, b)) for a in BOX for b in BOX
@@ -663,6 +666,22 @@ class Page(unittest.TestCase):
         self.check("blocks", False)
         self.assertIs(self.command("layers", known)["blocks"], False)
         self.assertEqual(self.view("blocks"), {"drawn": [], "in_use": None})
+
+    def test_has_the_words_of_its_boxes_beside_them(self):
+        distances_px = self.run_script("""
+            const menu = document.getElementById('layers');
+            const was_open = menu.open;
+            menu.open = true;
+            const range = document.createRange();
+            const found = [...menu.querySelectorAll('label > input[type=checkbox]')].map((box) => {
+              range.selectNodeContents(box.nextSibling);
+              return range.getBoundingClientRect().left - box.getBoundingClientRect().right;
+            });
+            menu.open = was_open;
+            return found;""")
+        self.assertGreaterEqual(len(distances_px), 8)
+        for distance_px in distances_px:
+            self.assertTrue(0 <= distance_px <= 16, distances_px)
 
     def test_colours_by_strain_too(self):
         rest = self.in_module("surface.js", """
