@@ -160,10 +160,9 @@ void ExportRecord::keep(const PageMessage& message) {
       always_.push_back({now_s_, message.bytes, false});
       bytes_ += message.bytes->size();
       return;
-    case PageType::kField:
-      return;  // keep_slices() makes them
-    case PageType::kBlocks:
-      return;  // nobody asks for them here
+    case PageType::kField:   // keep_slices() makes them
+    case PageType::kBlocks:  // nobody asks for them here
+      return;
   }
 }
 
