@@ -21,6 +21,9 @@ PAGES, DOCS = BUILD / "pages", ROOT / "docs"
 LINK = re.compile(r"(\]\()<?([^)\s>]+)>?((?: \"[^\"]*\")?\))")
 LANGUAGES = {".h": "cpp", ".cpp": "cpp", ".c": "cpp", ".py": "python", ".toml": "toml", ".sh": "bash"}
 PICTURES = (".svg", ".png")
+# The live view, as `make test-full` has seen it: on its page, in the place of this comment.
+VIEW_PICTURES = ROOT / "build/release/view_pictures"
+VIEW_PLACE = "<!-- the site has pictures here -->"
 
 
 def page_of(source):
@@ -43,6 +46,18 @@ def page_of(source):
 def prose_and_code(text):
     """The text in parts; every second one is a block or span of code, in which nothing is a link."""
     return re.split(r"(^ *```.*?^ *```|(?<!`)`[^`\n]+`)", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def view_pictures():
+    """The pictures of the live view as Markdown, and their copies; nothing if none were made."""
+    lines = []
+    for picture in sorted(VIEW_PICTURES.glob("*.png")):
+        copy = PAGES / "view_pictures" / picture.name
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(picture, copy)
+        lines.append("![The live view: %s](view_pictures/%s)" % (
+            picture.stem.replace("live_view_", ""), picture.name))
+    return "\n\n".join(lines)
 
 
 class Site:
@@ -78,6 +93,7 @@ class Site:
             fence = "~~~~~~~~"
             return "# %s\n\n%s%s\n%s\n%s\n" % (name, fence, LANGUAGES.get(source.suffix, "text"),
                                               text.rstrip("\n"), fence)
+        text = text.replace(VIEW_PLACE, view_pictures()) if source.parent == DOCS else text
         parts = prose_and_code(text)
         turn = functools.partial(self.turn_link, source)
         # A span of code may be a link's text: `](` then begins the part after it.
