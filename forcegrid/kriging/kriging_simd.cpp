@@ -244,6 +244,15 @@ RadialSlope<double> radial_slope_double(const RadialTerms<double>& terms, const 
   return slope_by_shape(terms, p_m);
 }
 
+// Columns of a triangle that are subtracted in one pass over the right-hand sides.
+constexpr int kColumnsAtOnce = 3;
+
+// x - a b, rounded as the lanes' is.
+double less_product(double x, double a, double b) {
+  const hn::CappedTag<double, 1> one;
+  return hn::GetLane(hn::NegMulAdd(hn::Set(one, a), hn::Set(one, b), hn::Set(one, x)));
+}
+
 void solve_lower_lanes(const PackedLower& l, double* const* x) {
   const hn::CappedTag<double, kLanePadding> d;
   using V = hn::Vec<decltype(d)>;
@@ -254,17 +263,42 @@ void solve_lower_lanes(const PackedLower& l, double* const* x) {
   for (int r = l.rows; r < l.rows + kLanePadding; ++r) {
     x0[r] = x1[r] = x2[r] = 0.0;
   }
-  for (int j = 0; j < l.rows; ++j) {
+  int j = 0;
+  for (; j + kColumnsAtOnce <= l.rows; j += kColumnsAtOnce) {
+    const double* HWY_RESTRICT a = l.column(j);
+    const double* HWY_RESTRICT b = l.column(j + 1);
+    const double* HWY_RESTRICT c = l.column(j + 2);
+    for (double* HWY_RESTRICT y : {x0, x1, x2}) {
+      y[j] *= l.inverse_diagonal[j];
+      y[j + 1] = less_product(y[j + 1], y[j], a[j + 1]) * l.inverse_diagonal[j + 1];
+      y[j + 2] = less_product(less_product(y[j + 2], y[j], a[j + 2]), y[j + 1], b[j + 2]) *
+                 l.inverse_diagonal[j + 2];
+    }
+    const V a0 = hn::Set(d, x0[j]), b0 = hn::Set(d, x0[j + 1]), c0 = hn::Set(d, x0[j + 2]);
+    const V a1 = hn::Set(d, x1[j]), b1 = hn::Set(d, x1[j + 1]), c1 = hn::Set(d, x1[j + 2]);
+    const V a2 = hn::Set(d, x2[j]), b2 = hn::Set(d, x2[j + 1]), c2 = hn::Set(d, x2[j + 2]);
+    for (int r = j + kColumnsAtOnce; r < l.rows; r += lanes) {
+      const V va = hn::LoadU(d, a + r);
+      const V vb = hn::LoadU(d, b + r);
+      const V vc = hn::LoadU(d, c + r);
+      V y0 = hn::NegMulAdd(a0, va, hn::LoadU(d, x0 + r));
+      V y1 = hn::NegMulAdd(a1, va, hn::LoadU(d, x1 + r));
+      V y2 = hn::NegMulAdd(a2, va, hn::LoadU(d, x2 + r));
+      y0 = hn::NegMulAdd(b0, vb, y0);
+      y1 = hn::NegMulAdd(b1, vb, y1);
+      y2 = hn::NegMulAdd(b2, vb, y2);
+      hn::StoreU(hn::NegMulAdd(c0, vc, y0), d, x0 + r);
+      hn::StoreU(hn::NegMulAdd(c1, vc, y1), d, x1 + r);
+      hn::StoreU(hn::NegMulAdd(c2, vc, y2), d, x2 + r);
+    }
+  }
+  for (; j < l.rows; ++j) {
     const double* HWY_RESTRICT column = l.column(j);
-    const double inverse = l.inverse_diagonal[j];
-    const V s0 = hn::Set(d, x0[j] *= inverse);
-    const V s1 = hn::Set(d, x1[j] *= inverse);
-    const V s2 = hn::Set(d, x2[j] *= inverse);
-    for (int r = j + 1; r < l.rows; r += lanes) {
-      const V v = hn::LoadU(d, column + r);
-      hn::StoreU(hn::NegMulAdd(s0, v, hn::LoadU(d, x0 + r)), d, x0 + r);
-      hn::StoreU(hn::NegMulAdd(s1, v, hn::LoadU(d, x1 + r)), d, x1 + r);
-      hn::StoreU(hn::NegMulAdd(s2, v, hn::LoadU(d, x2 + r)), d, x2 + r);
+    for (double* HWY_RESTRICT y : {x0, x1, x2}) {
+      y[j] *= l.inverse_diagonal[j];
+      for (int r = j + 1; r < l.rows; ++r) {
+        y[r] = less_product(y[r], y[j], column[r]);
+      }
     }
   }
 }
