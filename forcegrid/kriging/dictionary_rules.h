@@ -72,24 +72,29 @@ Settled settle_newest(std::array<Stored, kSlots>& stored, int newest, const Samp
 
 /// The slot to remove when there is no room: that of the least value. @param newest is never
 /// removed.
-/// @param separation_m2 callable, [m^2] between two stored samples.
+/// @param separation_m2 callable, [m^2] between two stored samples, the same in both orders.
 /// @param value callable, of a slot and the squared distance to its nearest neighbour.
 template <typename Stored, std::size_t kSlots, typename Separation, typename Value>
 int least_valuable(const std::array<Stored, kSlots>& stored, int newest,
                    const Separation& separation_m2, const Value& value) noexcept {
+  std::array<double, kSlots> nearest_m2;
+  nearest_m2.fill(std::numeric_limits<double>::max());
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    for (std::size_t j = stored[i].used ? i + 1 : kSlots; j < kSlots; ++j) {
+      if (stored[j].used) {
+        const double apart_m2 = separation_m2(stored[i], stored[j]);
+        nearest_m2[i] = std::min(nearest_m2[i], apart_m2);
+        nearest_m2[j] = std::min(nearest_m2[j], apart_m2);
+      }
+    }
+  }
   int worst = -1;
   double worst_value = std::numeric_limits<double>::max();
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!stored[i].used || static_cast<int>(i) == newest) {
       continue;
     }
-    double nearest_m2 = std::numeric_limits<double>::max();
-    for (std::size_t j = 0; j < kSlots; ++j) {
-      if (stored[j].used && i != j) {
-        nearest_m2 = std::min(nearest_m2, separation_m2(stored[i], stored[j]));
-      }
-    }
-    const double slot_value = value(static_cast<int>(i), nearest_m2);
+    const double slot_value = value(static_cast<int>(i), nearest_m2[i]);
     if (slot_value < worst_value) {
       worst_value = slot_value;
       worst = static_cast<int>(i);
