@@ -137,6 +137,7 @@ class Model {
         &types, &type_count, &tags, &tags_size, &tags_count, &nodes, &nodes_size, &nodes_count, -1,
         -1, &error);
     int other_type = 0;
+    std::size_t of_other_type = 0;  // its first element's number
     for (std::size_t k = 0; k < type_count; ++k) {
       if (types[k] == kTriangle) {
         add(nodes[k], nodes_size[k], mesh.triangles);
@@ -147,6 +148,7 @@ class Model {
         add(nodes[k], nodes_size[k], mesh.tetrahedra);
       } else if (types[k] != kLine && types[k] != kPoint) {
         other_type = types[k];
+        of_other_type = tags_size[k] > 0 ? tags[k][0] : 0;
       }
       release(tags[k]);
       release(nodes[k]);
@@ -158,7 +160,8 @@ class Model {
     release(nodes_size);
     require(error == 0, "its elements can't be read");
     if (other_type != 0) {
-      throw Error(who_ + "elements of Gmsh's type " + std::to_string(other_type) +
+      throw Error(who_ + "element " + std::to_string(of_other_type) + " is of Gmsh's type " +
+                  std::to_string(other_type) +
                   "; mesh it with triangles or tetrahedra of the first order");
     }
   }

@@ -147,6 +147,10 @@ TEST(MeshFile, BrokenFilesAreRefusedByNameWithARemedy) {
   EXPECT_THAT(complaint(".msh", cube.substr(0, cube.find("$Elements"))),
               HasSubstr("no triangle and no tetrahedron"));
   EXPECT_THAT(complaint(".msh", replaced(cube, " 18\n", " 99\n")), HasSubstr("mesh file"));
+  const std::string seven = replaced(cube, "$Elements\n6\n", "$Elements\n7\n");
+  const std::string mixed =
+      replaced(seven, "$EndElements", "77 7 2 1 1 11 12 13 14 15\n$EndElements");
+  EXPECT_THAT(complaint(".msh", mixed), HasSubstr("element 77 is of Gmsh's type 7; mesh it with"));
   const std::string nine = replaced(cube, "$Nodes\n8\n", "$Nodes\n9\n");
   EXPECT_THAT(
       complaint(".msh", replaced(nine, "$EndNodes", "30 5 5 5\n$EndNodes")),
