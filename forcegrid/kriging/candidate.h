@@ -2,10 +2,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
+#include <utility>
 
 #include "forcegrid/kriging/ensemble_thresholds.h"
 #include "forcegrid/kriging/history.h"
@@ -93,10 +96,20 @@ class Candidate {
 
   std::uint64_t next_sample() const noexcept { return next_; }
   void advance() noexcept { ++next_; }
+  /// Its field has begun to take sample `number`, and will know the result once it is ready.
+  void expect_result(std::uint64_t number) noexcept { unfinished_ = number; }
+  bool expects_result() const noexcept { return unfinished_ != kNone; }
+  /// @returns the number of that sample.
+  std::uint64_t take_result() noexcept { return std::exchange(unfinished_, kNone); }
+  /// It has evaluated the samples before this one.
+  std::uint64_t evaluated_until() const noexcept { return std::min(next_, unfinished_); }
 
   /// A candidate that sleeps takes no samples and is not scored.
   bool awake() const noexcept { return awake_; }
-  void sleep() noexcept { awake_ = false; }
+  void sleep() noexcept {
+    awake_ = false;
+    unfinished_ = kNone;
+  }
   /// The next sample that it takes is `number`, which it has not taken yet.
   void wake(std::uint64_t number) noexcept {
     awake_ = true;
@@ -121,7 +134,10 @@ class Candidate {
   std::unique_ptr<Field> field_;
   double weight_;
   const EnsembleThresholds& thresholds_;
+  static constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
+
   std::uint64_t next_ = 0;
+  std::uint64_t unfinished_ = kNone;
   bool awake_ = true;
 };
 

@@ -20,7 +20,6 @@ constexpr int kSamplesNeeded = 6;             // beyond a surface; such samples 
 constexpr int kTriesOfAStep = 3;
 constexpr double kLargestStep[5] = {3.0, 3.0, 2.0, 2.0, 1.5};
 constexpr double kDifference = 1e-4;  // of a unit
-constexpr double kStartingCurvatures_per_m[] = {-40.0, -15.0, 15.0, 40.0, 80.0};
 
 }  // namespace
 
@@ -45,20 +44,18 @@ Eigen::Vector2d ConstraintFit::stiffness(int index) const noexcept {
           Shape::kStiffening_N_per_m2 * solution_.weight[2 * index + 1]};
 }
 
-Vector3d ConstraintFit::push_N(int constraint, const Vector3d& position_W) const noexcept {
-  const UnilateralConstraint::At at =
-      constraints_[static_cast<std::size_t>(constraint)].at(position_W);
-  const Eigen::Vector2d k = stiffness(constraint);
+Vector3d ConstraintFit::push_N(const UnilateralConstraint& shape, const Eigen::Vector2d& k,
+                               const Vector3d& position_W) noexcept {
+  const UnilateralConstraint::At at = shape.at(position_W);
   return std::min(0.0, (k[0] + k[1] * at.penetration_m) * at.penetration_m) * at.inward_W;
 }
 
 // Derivative of m(phi) u, u = grad s: m' dphi/ds u u^T + m grad u. The curvature of a ball's
 // distance is that of the ball through P.
-Eigen::Matrix3d ConstraintFit::push_stiffness_N_per_m(int constraint,
-                                                      const Vector3d& position_W) const noexcept {
-  const UnilateralConstraint& shape = constraints_[static_cast<std::size_t>(constraint)];
+Eigen::Matrix3d ConstraintFit::push_stiffness_N_per_m(const UnilateralConstraint& shape,
+                                                      const Eigen::Vector2d& k,
+                                                      const Vector3d& position_W) noexcept {
   const UnilateralConstraint::At at = shape.at(position_W);
-  const Eigen::Vector2d k = stiffness(constraint);
   const double push_N = (k[0] + k[1] * at.penetration_m) * at.penetration_m;
   if (push_N >= 0.0) {
     return Eigen::Matrix3d::Zero();
@@ -87,10 +84,8 @@ void ConstraintFit::add_features(const Vector3d& position_W, int rows, const Fac
         Shape::kStiffening_N_per_m2 * at.penetration_m * at.penetration_m * at.inward_W;
     for (int i = 0; i < 2; ++i) {
       const Column& column = columns_[static_cast<std::size_t>(h)].x[static_cast<std::size_t>(i)];
-      for (std::size_t r = 0; r < static_cast<std::size_t>(rows); ++r) {
-        for (int c = 0; c < 3; ++c) {
-          left(c, 2 * h + i) -= x.column[static_cast<std::size_t>(c)][r] * column[r];
-        }
+      for (int c = 0; c < 3; ++c) {
+        left(c, 2 * h + i) -= dot(x.column[static_cast<std::size_t>(c)], column, 0, rows);
       }
     }
   }
@@ -124,7 +119,7 @@ void ConstraintFit::solve_columns(const UnilateralConstraint& constraint,
 }
 
 ConstraintFit::Solution ConstraintFit::solve(const Set& set) const noexcept {
-  const auto rows = static_cast<std::size_t>(factor_->rows());
+  const int rows = factor_->rows();
   Inverse products = Inverse::Zero();
   Weights seen = Weights::Zero();
   std::array<const Column*, 2 * kMaxConstraints> column{};
@@ -140,14 +135,9 @@ ConstraintFit::Solution ConstraintFit::solve(const Set& set) const noexcept {
     if (!used[i]) {
       continue;
     }
-    for (std::size_t r = 0; r < rows; ++r) {
-      seen[static_cast<int>(i)] += (*column[i])[r] * factor_->y(static_cast<int>(r));
-    }
+    seen[static_cast<int>(i)] = dot(*column[i], factor_->y(), 0, rows);
     for (std::size_t j = 0; j <= i; ++j) {
-      double sum = 0.0;
-      for (std::size_t r = 0; used[j] && r < rows; ++r) {
-        sum += (*column[i])[r] * (*column[j])[r];
-      }
+      const double sum = used[j] ? dot(*column[i], *column[j], 0, rows) : 0.0;
       products(static_cast<int>(i), static_cast<int>(j)) = sum;
       products(static_cast<int>(j), static_cast<int>(i)) = sum;
     }
@@ -228,80 +218,83 @@ double ConstraintFit::gain(const Solution& fit) const noexcept {
 bool ConstraintFit::derive(int index, const Solution& fit,
                            Eigen::Matrix<double, kParameters, 1>& slope,
                            Eigen::Matrix<double, kParameters, kParameters>& curvature) noexcept {
-  const auto rows = static_cast<std::size_t>(factor_->rows());
+  const int rows = factor_->rows();
   const UnilateralConstraint& constraint = constraints_[static_cast<std::size_t>(index)];
   const int at = 2 * index;
   leave_over(fit);
+  int first = rows;
+  for (int b = 0; b < position_count_ && first == rows; ++b) {
+    if (constraint.at(positions_W_[static_cast<std::size_t>(b)]).penetration_m > 0.0) {
+      first = 3 * b;
+    }
+  }
+  if (first == rows) {
+    return false;
+  }
+  for (std::size_t i = 0; i < per_column_.size(); ++i) {
+    Column& z = per_column_[i];
+    z.fill(0.0);
+    for (int h = 0; h < count_; ++h) {
+      const Columns& c = columns_[static_cast<std::size_t>(h)];
+      const double g1 = fit.inverse(at + static_cast<int>(i), 2 * h);
+      const double g2 = fit.inverse(at + static_cast<int>(i), 2 * h + 1);
+      for (std::size_t r = static_cast<std::size_t>(first); r < static_cast<std::size_t>(rows);
+           ++r) {
+        z[r] += g1 * c.x[0][r] + g2 * c.x[1][r];
+      }
+    }
+    factor_->solve_transposed_from(first, z.data());
+  }
   std::array<UnilateralConstraint, kParameters> shifted;
   for (int j = 0; j < kParameters; ++j) {
     Eigen::Matrix<double, kParameters, 1> step = Eigen::Matrix<double, kParameters, 1>::Zero();
     step[j] = kDifference;
     shifted[static_cast<std::size_t>(j)] = constraint.moved(step);
   }
-  int first = static_cast<int>(rows);
-  std::size_t row = 0;
-  for (int b = 0; b < position_count_; ++b, row += 3) {
+  for (Column& changed : changed_) {
+    changed.fill(0.0);
+  }
+  slope.setZero();
+  for (int b = first / 3; b < position_count_; ++b) {
     const Vector3d position_W = positions_W_[static_cast<std::size_t>(b)];
     const UnilateralConstraint::At here = constraint.at(position_W);
+    if (here.penetration_m <= 0.0) {
+      continue;
+    }
+    const Vector3d first_N = here.penetration_m * here.inward_W;
+    const Vector3d second_N = here.penetration_m * first_N;
+    const auto row = static_cast<std::size_t>(3 * b);
     for (std::size_t j = 0; j < kParameters; ++j) {
       const UnilateralConstraint::At there = shifted[j].at(position_W);
-      const Vector3d d1 =
-          (there.penetration_m * there.inward_W - here.penetration_m * here.inward_W) / kDifference;
-      const Vector3d d2 = (there.penetration_m * there.penetration_m * there.inward_W -
-                           here.penetration_m * here.penetration_m * here.inward_W) /
-                          kDifference;
+      const Vector3d pushed = there.penetration_m * there.inward_W;
+      const Vector3d d1 = Shape::kStiffness_N_per_m / kDifference * (pushed - first_N);
+      const Vector3d d2 =
+          Shape::kStiffening_N_per_m2 / kDifference * (there.penetration_m * pushed - second_N);
       for (int a = 0; a < 3; ++a) {
         const std::size_t r = row + static_cast<std::size_t>(a);
-        derivatives_[j].x[0][r] = Shape::kStiffness_N_per_m * d1[a];
-        derivatives_[j].x[1][r] = Shape::kStiffening_N_per_m2 * d2[a];
-        derivatives_[j].x[2][r] = 0.0;
-      }
-      if (there.penetration_m > 0.0 || here.penetration_m > 0.0) {
-        first = std::min(first, static_cast<int>(row));
+        slope[static_cast<int>(j)] -= per_column_[0][r] * d1[a] + per_column_[1][r] * d2[a];
+        changed_[j][r] = d1[a] * fit.weight[at] + d2[a] * fit.weight[at + 1];
       }
     }
   }
-  if (first >= static_cast<int>(rows)) {
-    return false;
+  for (std::size_t three = 0; three < changed_.size(); three += 3) {
+    double* const x[3] = {changed_[three].data(), changed_[three + 1].data(),
+                          changed_[three + 2].data()};
+    factor_->solve_from(first, x);
   }
   Eigen::Matrix<double, 2 * kMaxConstraints, kParameters> crossed;
   crossed.setZero();
-  for (std::size_t j = 0; j < kParameters; ++j) {
-    Columns& d = derivatives_[j];
-    double* const three[3] = {d.x[0].data(), d.x[1].data(), d.x[2].data()};
-    factor_->solve_from(first, three);
-    double rising = 0.0;
-    double volume = 0.0;
+  for (int j = 0; j < kParameters; ++j) {
+    const Column& changed = changed_[static_cast<std::size_t>(j)];
     for (int h = 0; h < count_; ++h) {
-      for (int i = 0; i < 2; ++i) {
-        const Column& column = columns_[static_cast<std::size_t>(h)].x[static_cast<std::size_t>(i)];
-        double with_first = 0.0;
-        double with_second = 0.0;
-        for (std::size_t r = 0; r < rows; ++r) {
-          with_first += column[r] * d.x[0][r];
-          with_second += column[r] * d.x[1][r];
-        }
-        volume +=
-            fit.inverse(at, 2 * h + i) * with_first + fit.inverse(at + 1, 2 * h + i) * with_second;
-        crossed(2 * h + i, static_cast<int>(j)) =
-            with_first * fit.weight[at] + with_second * fit.weight[at + 1];
-      }
+      const Columns& c = columns_[static_cast<std::size_t>(h)];
+      crossed(2 * h, j) = dot(c.x[0], changed, first, rows);
+      crossed(2 * h + 1, j) = dot(c.x[1], changed, first, rows);
     }
-    // From here on x[2] is the derivative of X beta.
-    for (std::size_t r = 0; r < rows; ++r) {
-      d.x[2][r] = d.x[0][r] * fit.weight[at] + d.x[1][r] * fit.weight[at + 1];
-      rising += residual_[r] * d.x[2][r];
-    }
-    slope[static_cast<int>(j)] = rising / data_scale_ - volume;
-  }
-  for (std::size_t j = 0; j < kParameters; ++j) {
-    for (std::size_t k = 0; k <= j; ++k) {
-      double sum = 0.0;
-      for (std::size_t r = 0; r < rows; ++r) {
-        sum += derivatives_[j].x[2][r] * derivatives_[k].x[2][r];
-      }
-      curvature(static_cast<int>(j), static_cast<int>(k)) = sum;
-      curvature(static_cast<int>(k), static_cast<int>(j)) = sum;
+    slope[j] += dot(residual_, changed, first, rows) / data_scale_;
+    for (int k = 0; k <= j; ++k) {
+      curvature(j, k) = curvature(k, j) =
+          dot(changed, changed_[static_cast<std::size_t>(k)], first, rows);
     }
   }
   curvature -= crossed.transpose() * fit.inverse * crossed;
@@ -316,59 +309,63 @@ bool ConstraintFit::derive(int index, const Solution& fit,
   return slope.allFinite() && curvature.allFinite();
 }
 
-// Improves one constraint while the others stay as they are. columns_ and solution_ are of all
-// constraints before and after. @returns the gain.
 double ConstraintFit::refine(int index, int steps) noexcept {
-  UnilateralConstraint& constraint = constraints_[static_cast<std::size_t>(index)];
-  Columns& columns = columns_[static_cast<std::size_t>(index)];
+  begin_refining(index, steps);
+  while (refine_once()) {
+  }
+  return gain();
+}
+
+// columns_ and solution_ are of all constraints before and after.
+bool ConstraintFit::refine_once() noexcept {
+  if (steps_left_ == 0) {
+    return false;
+  }
+  --steps_left_;
+  const bool better = step_is_better();
+  steps_left_ = better ? steps_left_ : 0;
+  return steps_left_ > 0;
+}
+
+// @returns whether a step was made that is worth another one.
+bool ConstraintFit::step_is_better() noexcept {
+  const auto index = static_cast<std::size_t>(refined_);
+  UnilateralConstraint& constraint = constraints_[index];
+  Eigen::Matrix<double, kParameters, 1> slope;
+  Eigen::Matrix<double, kParameters, kParameters> curvature;
+  if (!derive(refined_, solution_, slope, curvature)) {
+    return false;
+  }
   Set set{};
   for (std::size_t h = 0; h < static_cast<std::size_t>(count_); ++h) {
-    set[h] = &columns_[h];
+    set[h] = h == index ? &trial_ : &columns_[h];
   }
-  double best = gain(solution_);
-  double damping = 0.03;
-  for (int i = 0; i < steps; ++i) {
-    Eigen::Matrix<double, kParameters, 1> slope;
-    Eigen::Matrix<double, kParameters, kParameters> curvature;
-    if (!derive(index, solution_, slope, curvature)) {
-      break;
+  const double best = gain(solution_);
+  for (int t = 0; t < kTriesOfAStep; ++t) {
+    Eigen::Matrix<double, kParameters, kParameters> damped = curvature;
+    damped.diagonal().array() += damping_ * (1.0 + curvature.diagonal().array().max(0.0));
+    Eigen::Matrix<double, kParameters, 1> step = damped.ldlt().solve(slope);
+    for (int j = 0; j < kParameters; ++j) {
+      step[j] = std::clamp(step[j], -kLargestStep[j], kLargestStep[j]);
     }
-    bool better = false;
-    double improved = 0.0;
-    for (int t = 0; t < kTriesOfAStep && !better; ++t) {
-      Eigen::Matrix<double, kParameters, kParameters> damped = curvature;
-      damped.diagonal().array() += damping * (1.0 + curvature.diagonal().array().max(0.0));
-      Eigen::Matrix<double, kParameters, 1> step = damped.ldlt().solve(slope);
-      for (int j = 0; j < kParameters; ++j) {
-        step[j] = std::clamp(step[j], -kLargestStep[j], kLargestStep[j]);
-      }
-      if (!step.allFinite()) {
-        break;
-      }
-      const UnilateralConstraint before = constraint;
-      constraint = before.moved(step);
-      solve_columns(constraint, trial_);
-      set[static_cast<std::size_t>(index)] = &trial_;
-      const Solution tried = solve(set);
-      set[static_cast<std::size_t>(index)] = &columns;
-      const double nats = gain(tried);
-      better = nats > best;
-      if (better) {
-        improved = nats - best;
-        best = nats;
-        solution_ = tried;
-        std::swap(columns, trial_);
-        damping = std::max(0.2 * damping, 1e-6);
-      } else {
-        constraint = before;
-        damping *= 10.0;
-      }
+    if (!step.allFinite()) {
+      return false;
     }
-    if (!better || improved < kConverged_nats) {
-      break;
+    const UnilateralConstraint before = constraint;
+    constraint = before.moved(step);
+    solve_columns(constraint, trial_);
+    const Solution tried = solve(set);
+    const double improved = gain(tried) - best;
+    if (improved > 0.0) {
+      solution_ = tried;
+      std::swap(columns_[index], trial_);
+      damping_ = std::max(0.2 * damping_, 1e-6);
+      return improved >= kConverged_nats;
     }
+    constraint = before;
+    damping_ *= 10.0;
   }
-  return best;
+  return false;
 }
 
 // Whether field and constraints together explain all samples.
@@ -397,28 +394,6 @@ void ConstraintFit::refit() noexcept {
     set[h] = &columns_[h];
   }
   solution_ = solve(set);
-}
-
-// Refines a constraint from other curvatures too: a plane may have no descent path to a ball.
-void ConstraintFit::refine_anew(int index) noexcept {
-  UnilateralConstraint& constraint = constraints_[static_cast<std::size_t>(index)];
-  const UnilateralConstraint before = constraint;
-  UnilateralConstraint best = constraint;
-  refit();
-  double best_nats = gain(solution_);
-  for (const double curvature_per_m : kStartingCurvatures_per_m) {
-    constraint = before;
-    constraint.curvature_per_m = curvature_per_m;
-    constraint.softness_m = Shape::kUsualSoftness_m;
-    refit();
-    const double nats = refine(index, kStepsOnSurprise);
-    if (nats > best_nats) {
-      best_nats = nats;
-      best = constraint;
-    }
-  }
-  constraint = best;
-  refit();
 }
 
 // Drops constraints that the samples no longer support.

@@ -36,8 +36,10 @@ namespace forcegrid::kriging {
 /// Use: set_rows() whenever the factor or its samples have changed, then refit(), then the others.
 /// Source: docs/kriging.md; variable projection: Golub and Pereyra, 2003; evidence: Rasmussen and
 /// Williams, 2006, sections 2.7 and 5.4.
-/// Real-time: nothing allocates, locks or throws. Cost: a Newton step is six triangular solves with
-/// three right-hand sides. Threads: one.
+/// The derivative of X beta takes one solve per parameter, L^-1 dU beta. What G adds to the slope,
+/// tr(G^-1 X^T dX), needs none: it is tr(Z^T dU) with Z = L^-T X G^-1, two columns for all five.
+/// Real-time: nothing allocates, locks or throws. Cost: a Newton step is three triangular solves
+/// with three right-hand sides, and two of one. Threads: one.
 class ConstraintFit {
  public:
   static constexpr int kMaxConstraints = 2;
@@ -51,9 +53,9 @@ class ConstraintFit {
 
   /// X of a constraint: for k1 and k2 in units of their prior deviation; and room for one more.
   struct Columns {
-    alignas(64) std::array<Column, 3> x{};
-    double deepest_m = 0.0;  ///< phi of the deepest sample
-    int active = 0;          ///< samples beyond the surface
+    alignas(64) std::array<Column, 3> x{};  // solved three at a time
+    double deepest_m = 0.0;                 ///< phi of the deepest sample
+    int active = 0;                         ///< samples beyond the surface
   };
   struct Solution {
     Inverse inverse = Inverse::Identity();  ///< G^-1
@@ -62,6 +64,12 @@ class ConstraintFit {
     double gain = 0.0;                      ///< [nats] without the priors of the shapes
     bool pushes = true;
   };
+
+  /// Of their rows from `first` on.
+  static double dot(const Column& a, const Column& b, int first, int rows) noexcept {
+    using Rows = Eigen::Map<const Eigen::VectorXd>;
+    return Rows(a.data() + first, rows - first).dot(Rows(b.data() + first, rows - first));
+  }
 
   /// @param nugget_N2 noise variance of a sample.
   explicit ConstraintFit(double nugget_N2) noexcept : nugget_N2_(nugget_N2) {}
@@ -92,8 +100,19 @@ class ConstraintFit {
   /// Improves one constraint while the others stay as they are, by at most `steps` Newton steps.
   /// @returns the gain of all.
   double refine(int index, int steps) noexcept;
-  /// Refines a constraint from other curvatures too: a plane may have no descent path to a ball.
-  void refine_anew(int index) noexcept;
+  /// The same in pieces: refine_once() takes one step, and returns whether another one is due.
+  void begin_refining(int index, int steps) noexcept {
+    refined_ = index;
+    steps_left_ = steps;
+    damping_ = kFirstDamping;
+  }
+  bool refine_once() noexcept;
+  /// The same for a constraint that another shape replaces.
+  void begin_refining_from(int index, const UnilateralConstraint& shape, int steps) noexcept {
+    constraints_[static_cast<std::size_t>(index)] = shape;
+    refit();
+    begin_refining(index, steps);
+  }
   /// Drops constraints that the samples support with less than 3 nats.
   void drop_unneeded() noexcept;
 
@@ -108,11 +127,13 @@ class ConstraintFit {
 
   /// k1 [N/m] and k2 [N/m^2], negative where the constraint pushes.
   Eigen::Vector2d stiffness(int index) const noexcept;
-  /// [N] What a constraint adds to the force; it never pulls.
-  Eigen::Vector3d push_N(int constraint, const Eigen::Vector3d& position_W) const noexcept;
+  /// [N] What a constraint of this stiffness adds to the force; it never pulls.
+  static Eigen::Vector3d push_N(const UnilateralConstraint& shape, const Eigen::Vector2d& stiffness,
+                                const Eigen::Vector3d& position_W) noexcept;
   /// [N/m] d push_N / dP.
-  Eigen::Matrix3d push_stiffness_N_per_m(int constraint,
-                                         const Eigen::Vector3d& position_W) const noexcept;
+  static Eigen::Matrix3d push_stiffness_N_per_m(const UnilateralConstraint& shape,
+                                                const Eigen::Vector2d& stiffness,
+                                                const Eigen::Vector3d& position_W) noexcept;
   /// Adds the constraints' part to mean and covariance of the force at `position_W`. Needs its
   /// covariances with the factor's rows, solved.
   void add_features(const Eigen::Vector3d& position_W, int rows, const Factor::Columns& x,
@@ -133,11 +154,13 @@ class ConstraintFit {
 
  private:
   static constexpr int kParameters = UnilateralConstraint::kParameters;
+  static constexpr double kFirstDamping = 0.03;
   using Set = std::array<const Columns*, kMaxConstraints>;  ///< nullptr: no constraint
 
   void solve_columns(const UnilateralConstraint& constraint, Columns& columns) const noexcept;
   Solution solve(const Set& set) const noexcept;
   double gain(const Solution& fit) const noexcept;
+  bool step_is_better() noexcept;
   void leave_over(const Solution& fit) noexcept;
   bool derive(int index, const Solution& fit, Eigen::Matrix<double, kParameters, 1>& slope,
               Eigen::Matrix<double, kParameters, kParameters>& curvature) noexcept;
@@ -154,8 +177,13 @@ class ConstraintFit {
   std::array<Columns, kMaxConstraints> columns_;
   Solution solution_;
   Columns trial_;
-  std::array<Columns, kParameters> derivatives_;
+  std::array<Column, 6> changed_{};     ///< d (X beta) by each parameter; solved three at a time
+  std::array<Column, 2> per_column_{};  ///< Z
   Column residual_{};
+
+  int refined_ = 0;  ///< of the constraints, by refine_once()
+  int steps_left_ = 0;
+  double damping_ = kFirstDamping;
 };
 
 }  // namespace forcegrid::kriging

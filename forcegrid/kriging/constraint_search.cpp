@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace forcegrid::kriging {
 namespace {
@@ -16,6 +17,17 @@ constexpr int kGapsAgainstError = 10;
 constexpr int kGapsBesides = 6;
 constexpr double kNearError = 0.5;  // cosine
 constexpr double kSearchedCurvatures_per_m[] = {-30.0, 20.0, 50.0};
+constexpr double kStartingCurvatures_per_m[] = {-40.0, -15.0, 15.0, 40.0, 80.0};
+constexpr int kStarts = static_cast<int>(std::size(kStartingCurvatures_per_m));
+constexpr int kSolvesOfAStep = 7;  // with three sides, about, and what belongs to them
+
+// Kinds of surfaces: planes against the innovation, balls, planes across lattice directions.
+constexpr int kBalls = static_cast<int>(std::size(kSearchedCurvatures_per_m));
+constexpr int kLattice = 1 + kBalls;
+constexpr int kDirections = 27;
+constexpr int kKinds = kLattice + kDirections;
+constexpr double kQuarters[] = {0.25, 0.75};
+constexpr double kMiddle[] = {0.5};
 
 // A force that falls short along its own direction means an object that gives way (a cut,
 // relaxation), not a wall.
@@ -26,16 +38,21 @@ bool gives_way(const Vector3d& expected_N, const Vector3d& force_N) noexcept {
 
 }  // namespace
 
-// Compares up to three new constraints, added to those in use, with the best so far, by k1 alone.
-void ConstraintSearch::weigh(const ConstraintFit& fit, std::span<const UnilateralConstraint> shapes,
-                             Candidate& best) noexcept {
-  const auto rows = static_cast<std::size_t>(fit.factor().rows());
-  int first = static_cast<int>(rows);
+// Compares up to three new constraints, added to those in use, with the best of this kind, by k1
+// alone.
+void ConstraintSearch::weigh(const ConstraintFit& fit,
+                             std::span<const UnilateralConstraint> shapes) noexcept {
+  const int rows = fit.factor().rows();
+  int first = rows;
   std::size_t row = 0;
   for (const Vector3d& position_W : fit.positions_W()) {
     for (std::size_t t = 0; t < 3; ++t) {
       Vector3d push_N = Vector3d::Zero();
-      if (t < shapes.size()) {
+      if (t < shapes.size() && shapes[t].curvature_per_m == 0.0) {
+        push_N = UnilateralConstraint::kStiffness_N_per_m *
+                 shapes[t].penetration_m(depth_m_[row / 3] + shapes[t].depth_m) *
+                 shapes[t].normal_W;
+      } else if (t < shapes.size()) {
         const UnilateralConstraint::At at = shapes[t].at(position_W);
         push_N = UnilateralConstraint::kStiffness_N_per_m * at.penetration_m * at.inward_W;
       }
@@ -50,36 +67,36 @@ void ConstraintSearch::weigh(const ConstraintFit& fit, std::span<const Unilatera
   }
   double* const three[3] = {trial_.x[0].data(), trial_.x[1].data(), trial_.x[2].data()};
   fit.factor().solve_from(first, three);
+  done_ += cost(rows);
   for (std::size_t t = 0; t < shapes.size(); ++t) {
-    const Column& x = trial_.x[t];
-    double own = 1.0;
-    double seen = 0.0;
+    const auto times = [&](const Column& column) {
+      return ConstraintFit::dot(trial_.x[t], column, first, rows);
+    };
+    double own = 1.0 + times(trial_.x[t]);
+    const double seen = times(fit.residual());
     Weights crossed = Weights::Zero();
-    for (std::size_t r = static_cast<std::size_t>(first); r < rows; ++r) {
-      own += x[r] * x[r];
-      seen += x[r] * fit.residual()[r];
-      for (int h = 0; h < fit.count(); ++h) {
-        const Columns& c = fit.columns(h);
-        crossed[2 * h] += c.x[0][r] * x[r];
-        crossed[2 * h + 1] += c.x[1][r] * x[r];
-      }
+    for (int h = 0; h < fit.count(); ++h) {
+      crossed[2 * h] = times(fit.columns(h).x[0]);
+      crossed[2 * h + 1] = times(fit.columns(h).x[1]);
     }
     own -= crossed.dot(fit.solution().inverse * crossed);
     const double nats = 0.5 * seen * seen / (own * fit.data_scale()) - 0.5 * std::log(own);
-    if (seen < 0.0 && own > 0.0 && nats > best.nats) {
-      best = {shapes[t], nats};
+    if (seen < 0.0 && own > 0.0 && nats > weighed_.nats) {
+      weighed_ = {shapes[t], nats};
     }
   }
 }
 
-// Tries surfaces behind and parallel to `through`: some in each of the first gaps between samples.
+// Tries surfaces behind and parallel to `through`, whose own depth is zero: some in each of the
+// first gaps between samples.
 void ConstraintSearch::weigh_behind(const ConstraintFit& fit, const UnilateralConstraint& through,
-                                    int gaps, std::span<const double> parts,
-                                    Candidate& best) noexcept {
+                                    int gaps, std::span<const double> parts) noexcept {
   std::array<double, ConstraintFit::kMaxSamples> behind_m{};
   int behind = 0;
+  std::size_t sample = 0;
   for (const Vector3d& position_W : fit.positions_W()) {
     const double depth_m = through.at(position_W).depth_m;
+    depth_m_[sample++] = depth_m;
     if (depth_m < 0.0) {
       behind_m[static_cast<std::size_t>(behind++)] = -depth_m;
     }
@@ -94,117 +111,230 @@ void ConstraintSearch::weigh_behind(const ConstraintFit& fit, const UnilateralCo
       shapes[pending] = through;
       shapes[pending].depth_m = from_m + part * (to_m - from_m);
       if (++pending == shapes.size()) {
-        weigh(fit, shapes, best);
+        weigh(fit, shapes);
         pending = 0;
       }
     }
     from_m = to_m;
   }
-  weigh(fit, std::span(shapes).first(pending), best);
+  weigh(fit, std::span(shapes).first(pending));
 }
 
-// Finds new constraints, in addition to those in use, that could explain the newest sample: the
-// best plane and the best ball against the innovation, and the best plane across a lattice
-// direction. @returns how many.
-int ConstraintSearch::search(ConstraintFit& fit, const Observation& o, const Vector3d& error_N,
-                             Found& found) noexcept {
-  fit.update_residual();
-  int count = 0;
-  Candidate best;
-  const auto keep = [&] {
-    if (best.nats > 0.0) {
-      found[static_cast<std::size_t>(count)] = best.constraint;
-      found[static_cast<std::size_t>(count++)].softness_m = UnilateralConstraint::kUsualSoftness_m;
-    }
-    best = {};
-  };
-  UnilateralConstraint through;
-  through.anchor_W = o.position_m + o.origin_W;
-  through.normal_W = -error_N.normalized();
-  through.softness_m = UnilateralConstraint::kHardest_m;
-  const Vector3d against = through.normal_W;
-  constexpr double kQuarters[] = {0.25, 0.75};
-  constexpr double kMiddle[] = {0.5};
-  weigh_behind(fit, through, kGapsAgainstError, kQuarters, best);
-  keep();
-  for (const double curvature_per_m : kSearchedCurvatures_per_m) {
-    through.curvature_per_m = curvature_per_m;
-    weigh_behind(fit, through, kGapsBesides, kQuarters, best);
-  }
-  keep();
-  through.curvature_per_m = 0.0;
-  for (int i = 0; i < 27; ++i) {
-    const Vector3d lattice(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
-    if (lattice.dot(against) > kNearError * lattice.norm()) {
-      through.normal_W = lattice.normalized();
-      weigh_behind(fit, through, kGapsBesides, kMiddle, best);
-    }
-  }
-  keep();
-  return count;
+void ConstraintSearch::begin(const Observation& o, const Vector3d& error_N) noexcept {
+  observation_ = o;
+  error_N_ = error_N;
+  stage_ = Stage::kBegins;
+  found_ = false;
+  pieces_ = 0;
 }
 
-// Refines the constraints in use. @returns whether that explains all samples.
-bool ConstraintSearch::refine_known(ConstraintFit& fit) const noexcept {
-  if (fit.count() == 0) {
-    return false;
-  }
-  for (int h = 0; h < fit.count(); ++h) {
-    fit.refine(h, ConstraintFit::kStepsOnSurprise);
-  }
-  if (fit.explains_all_samples()) {
-    return true;
-  }
-  for (int h = 0; h < fit.count(); ++h) {
-    fit.refine_anew(h);
-  }
-  return fit.explains_all_samples();
+// What the next piece may cost.
+int ConstraintSearch::piece() const noexcept {
+  constexpr int kSwift[] = {kSwiftestPiece, kSwiftestPiece, kSwiftestPiece, kSwiftPiece};
+  const auto later = static_cast<std::size_t>(pieces_ + 2 * in_vain_);
+  return later < std::size(kSwift) ? kSwift[later] : kPiece;
 }
 
-bool ConstraintSearch::explain(ConstraintFit& fit, const Observation& o,
-                               const Vector3d& error_N) noexcept {
-  fit.refit();
-  if (refine_known(fit)) {
-    return true;
+bool ConstraintSearch::step(ConstraintFit& fit) noexcept {
+  const int most = piece();
+  ++pieces_;
+  done_ = 0;
+  while (stage_ != Stage::kOver && done_ < most) {
+    go_on(fit);
   }
-  if (gives_way(o.force_N - error_N, o.force_N)) {
-    return false;
-  }
-  const Shapes refined = fit.constraints();
-  const int refined_count = fit.count();
-  Shapes best = refined;
-  int best_count = 0;
-  double best_nats = std::max(0.0, fit.gain()) + kAccept_nats;
-  const bool replacing = refined_count == ConstraintFit::kMaxConstraints;
-  for (int replaced = 0; replaced < (replacing ? ConstraintFit::kMaxConstraints : 1); ++replaced) {
-    Shapes others = refined;
-    int count = refined_count;
-    if (replacing) {
-      others[static_cast<std::size_t>(replaced)] = refined[ConstraintFit::kMaxConstraints - 1];
-      --count;
-    }
-    fit.set_constraints(others, count);
-    fit.refit();
-    Found found;
-    const int found_count = search(fit, o, error_N, found);
-    for (int c = 0; c < found_count; ++c) {
-      Shapes tried = others;
-      tried[static_cast<std::size_t>(count)] = found[static_cast<std::size_t>(c)];
-      fit.set_constraints(tried, count + 1);
+  return stage_ != Stage::kOver;
+}
+
+void ConstraintSearch::end(bool found) noexcept {
+  stage_ = Stage::kOver;
+  found_ = found;
+  in_vain_ = found ? std::max(0, in_vain_ - 1) : std::min(in_vain_ + 1, kMostInVain);
+}
+
+void ConstraintSearch::go_on(ConstraintFit& fit) noexcept {
+  const int solve = cost(fit.factor().rows());
+  switch (stage_) {
+    case Stage::kBegins:
       fit.refit();
-      for (int h = count; h >= 0; --h) {
-        fit.refine(h, kStepsOnSearch);
+      done_ += fit.count() * solve;
+      if (fit.count() == 0) {
+        begin_comparing(fit);
+        return;
       }
-      const double nats = fit.gain();
-      if (nats > best_nats) {
-        best_nats = nats;
-        best = fit.constraints();
-        best_count = fit.count();
+      at_ = 0;
+      stage_ = Stage::kRefining;
+      fit.begin_refining(0, ConstraintFit::kStepsOnSurprise);
+      return;
+    case Stage::kRefining:
+      done_ += kSolvesOfAStep * solve;
+      if (fit.refine_once()) {
+        return;
       }
+      if (++at_ < fit.count()) {
+        fit.begin_refining(at_, ConstraintFit::kStepsOnSurprise);
+      } else if (fit.explains_all_samples()) {
+        end(true);
+      } else {
+        at_ = 0;
+        stage_ = Stage::kRefiningAnew;
+        begin_anew(fit);
+      }
+      return;
+    case Stage::kRefiningAnew:
+      done_ += kSolvesOfAStep * solve;
+      if (!fit.refine_once()) {
+        go_on_anew(fit);
+      }
+      return;
+    case Stage::kComparing:
+      compare(fit);
+      return;
+    case Stage::kRefiningFound:
+      done_ += kSolvesOfAStep * solve;
+      if (fit.refine_once()) {
+        return;
+      }
+      if (--at_ >= 0) {
+        fit.begin_refining(at_, kStepsOnSearch);
+      } else {
+        judge_found(fit);
+      }
+      return;
+    case Stage::kOver:
+      return;
+  }
+}
+
+// Constraint `at_` of the present ones, from the first of the other curvatures.
+void ConstraintSearch::begin_anew(ConstraintFit& fit) noexcept {
+  fit.refit();
+  before_ = best_start_ = fit.constraints()[static_cast<std::size_t>(at_)];
+  best_start_nats_ = fit.gain();
+  start_ = 0;
+  fit.begin_refining_from(at_, before_.bent(kStartingCurvatures_per_m[0]),
+                          ConstraintFit::kStepsOnSurprise);
+}
+
+// It has been refined from one of them.
+void ConstraintSearch::go_on_anew(ConstraintFit& fit) noexcept {
+  if (fit.gain() > best_start_nats_) {
+    best_start_nats_ = fit.gain();
+    best_start_ = fit.constraints()[static_cast<std::size_t>(at_)];
+  }
+  if (++start_ < kStarts) {
+    fit.begin_refining_from(at_, before_.bent(kStartingCurvatures_per_m[start_]),
+                            ConstraintFit::kStepsOnSurprise);
+    return;
+  }
+  fit.begin_refining_from(at_, best_start_, 0);
+  if (++at_ < fit.count()) {
+    begin_anew(fit);
+  } else if (fit.explains_all_samples()) {
+    end(true);
+  } else {
+    begin_comparing(fit);
+  }
+}
+
+// Finds new constraints, in addition to those in use or to all but one of them, that could explain
+// the sample.
+void ConstraintSearch::begin_comparing(ConstraintFit& fit) noexcept {
+  if (gives_way(observation_.force_N - error_N_, observation_.force_N)) {
+    end(false);
+    return;
+  }
+  refined_ = fit.constraints();
+  refined_count_ = fit.count();
+  best_count_ = 0;
+  best_nats_ = std::max(0.0, fit.gain()) + kAccept_nats;
+  replaced_ = 0;
+  begin_replacing(fit);
+}
+
+void ConstraintSearch::begin_replacing(ConstraintFit& fit) noexcept {
+  others_ = refined_;
+  others_count_ = refined_count_;
+  if (refined_count_ == ConstraintFit::kMaxConstraints) {
+    others_[static_cast<std::size_t>(replaced_)] = refined_[ConstraintFit::kMaxConstraints - 1];
+    --others_count_;
+  }
+  fit.set_constraints(others_, others_count_);
+  fit.refit();
+  fit.update_residual();
+  kind_ = 0;
+  new_count_ = 0;
+  weighed_ = {};
+  stage_ = Stage::kComparing;
+}
+
+// Surfaces of one kind. The best plane and the best ball against the innovation, and the best plane
+// across a lattice direction, are kept.
+void ConstraintSearch::compare(ConstraintFit& fit) noexcept {
+  UnilateralConstraint through;
+  through.anchor_W = observation_.position_m + observation_.origin_W;
+  through.normal_W = -error_N_.normalized();
+  through.softness_m = UnilateralConstraint::kHardest_m;
+  if (kind_ == 0) {
+    weigh_behind(fit, through, kGapsAgainstError, kQuarters);
+  } else if (kind_ < kLattice) {
+    through.curvature_per_m = kSearchedCurvatures_per_m[kind_ - 1];
+    weigh_behind(fit, through, kGapsBesides, kQuarters);
+  } else {
+    const int i = kind_ - kLattice;
+    const Vector3d lattice(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
+    if (lattice.dot(through.normal_W) > kNearError * lattice.norm()) {
+      through.normal_W = lattice.normalized();
+      weigh_behind(fit, through, kGapsBesides, kMiddle);
     }
   }
-  fit.set_constraints(best, best_count);
-  return best_count > 0;
+  ++kind_;
+  if (kind_ == 1 || kind_ == kLattice || kind_ == kKinds) {
+    keep_weighed();
+  }
+  if (kind_ == kKinds) {
+    tried_ = -1;
+    begin_refining_found(fit);
+  }
+}
+
+void ConstraintSearch::keep_weighed() noexcept {
+  if (weighed_.nats > 0.0) {
+    UnilateralConstraint& kept = new_[static_cast<std::size_t>(new_count_++)];
+    kept = weighed_.constraint;
+    kept.softness_m = UnilateralConstraint::kUsualSoftness_m;
+  }
+  weighed_ = {};
+}
+
+// The next of the new ones or, if there is none, the next one to replace.
+void ConstraintSearch::begin_refining_found(ConstraintFit& fit) noexcept {
+  if (++tried_ < new_count_) {
+    Shapes tried = others_;
+    tried[static_cast<std::size_t>(others_count_)] = new_[static_cast<std::size_t>(tried_)];
+    fit.set_constraints(tried, others_count_ + 1);
+    fit.refit();
+    at_ = others_count_;
+    fit.begin_refining(at_, kStepsOnSearch);
+    stage_ = Stage::kRefiningFound;
+    return;
+  }
+  if (refined_count_ == ConstraintFit::kMaxConstraints &&
+      ++replaced_ < ConstraintFit::kMaxConstraints) {
+    begin_replacing(fit);
+    return;
+  }
+  fit.set_constraints(best_, best_count_);
+  fit.refit();
+  end(best_count_ > 0);
+}
+
+void ConstraintSearch::judge_found(ConstraintFit& fit) noexcept {
+  if (fit.gain() > best_nats_) {
+    best_nats_ = fit.gain();
+    best_ = fit.constraints();
+    best_count_ = fit.count();
+  }
+  begin_refining_found(fit);
 }
 
 }  // namespace forcegrid::kriging

@@ -201,29 +201,35 @@ void EnsembleMethod::enter_contact(const Eigen::Vector3d& point_W) noexcept {
   }
 }
 
-// @returns Candidates::kNone if all have taken all samples.
+// The rendered candidate goes first, then what takes no time, then what has been begun. @returns
+// Candidates::kNone if all are ready and have taken all samples.
 std::size_t EnsembleMethod::next_to_serve() const noexcept {
-  const auto waits = [this](const Candidate& candidate) {
-    return candidate.awake() && candidate.next_sample() < queue_.taken();
+  const auto is_unready = [](const Candidate& candidate) {
+    return candidate.awake() && !candidate.field().ready();
   };
-  if (waits(rendered_candidate())) {
+  const auto waits = [this](const Candidate& candidate) {
+    return candidate.awake() && candidate.field().ready() &&
+           candidate.next_sample() < queue_.taken();
+  };
+  if (is_unready(rendered_candidate()) || waits(rendered_candidate())) {
     return rendered_;
   }
+  std::size_t unready = Candidates::kNone;
   std::size_t furthest = Candidates::kNone;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const Candidate& candidate = *candidates_.all[i];
-    if (!waits(candidate)) {
-      continue;
-    }
-    if (candidate.served_early()) {
+    if (waits(candidate) && candidate.served_early()) {
       return i;
     }
-    if (furthest == Candidates::kNone ||
-        candidate.next_sample() < candidates_.all[furthest]->next_sample()) {
+    if (unready == Candidates::kNone && is_unready(candidate)) {
+      unready = i;
+    }
+    if (waits(candidate) && (furthest == Candidates::kNone ||
+                             candidate.next_sample() < candidates_.all[furthest]->next_sample())) {
       furthest = i;
     }
   }
-  return furthest;
+  return unready != Candidates::kNone ? unready : furthest;
 }
 
 // @returns the units of work done.
@@ -249,16 +255,30 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
       return 1;
   }
   const kriging::Innovation innovation = candidate.field().take(observation);
+  if (innovation.unfinished) {
+    candidate.expect_result(number);
+    return 1;  // it was only evaluated
+  }
+  taken(index, number, innovation);
+  return candidate.piece_units();
+}
+
+// A candidate has taken a sample.
+void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
+                           const kriging::Innovation& innovation) noexcept {
+  Candidate& candidate = *candidates_.all[index];
+  EvaluatedSample& entry = evaluated(number);
+  const bool from_query = queue_.at(number).observation.from_query;
   entry.scored = entry.scored && innovation.predicted;
   entry.error_N2[index] = innovation.error_N * innovation.error_N;
   if (index == rendered_) {
     entry.surprised = innovation.surprised || innovation.error_N > thresholds_.wall_plain_N;
-    if (!observation.from_query) {
+    if (!from_query) {
       wake_rule_.rendered_took(innovation);
       follow_wake_rule();
     }
   }
-  if (candidate.on_taken(innovation, observation.from_query)) {
+  if (candidate.on_taken(innovation, from_query)) {
     entry.explained = true;
     const bool settled =
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
@@ -275,7 +295,6 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
   if (follows) {
     follower_.sample_taken();
   }
-  return candidate.piece_units();
 }
 
 // Called when the rendered candidate has taken a sample. @param follows: its field will change
@@ -286,7 +305,7 @@ void EnsembleMethod::take_rendered(const Candidate& candidate, std::uint64_t num
     rendering_.contact_sampled();
   }
   if (candidate.next_sample() == queue_.taken() && !follows) {
-    update_uncertainty();
+    uncertainty_due_ = true;
   }
 }
 
@@ -295,7 +314,7 @@ void EnsembleMethod::take_rendered(const Candidate& candidate, std::uint64_t num
 void EnsembleMethod::score() noexcept {
   std::uint64_t seen = queue_.taken();
   for (const auto& candidate : candidates_.all) {
-    seen = candidate->awake() ? std::min(seen, candidate->next_sample()) : seen;
+    seen = candidate->awake() ? std::min(seen, candidate->evaluated_until()) : seen;
   }
   bool slept = false;
   for (; scored_ < seen; ++scored_) {
@@ -426,8 +445,11 @@ int EnsembleMethod::prepare(std::size_t index, int budget) noexcept {
     candidate.field().prepare();
     done += candidate.piece_units();
     if (candidate.field().ready() && index == rendered_) {
-      update_uncertainty();
+      uncertainty_due_ = true;
     }
+  }
+  if (candidate.expects_result() && candidate.field().ready()) {
+    taken(index, candidate.take_result(), candidate.field().taken());
   }
   return done;
 }
@@ -453,6 +475,12 @@ int EnsembleMethod::follow() noexcept {
   return memory.piece_units();
 }
 
+// Whether that comes before what people look at.
+bool EnsembleMethod::is_urgent(std::size_t next) const noexcept {
+  return next != Candidates::kNone && (next == rendered_ || candidates_.all[next]->served_early() ||
+                                       !candidates_.all[next]->field().ready());
+}
+
 // Whether the budget pays for the next sample of candidate `next` or, if that is none, for what is
 // left to do without samples.
 bool EnsembleMethod::is_paid_for(std::size_t next) const noexcept {
@@ -464,11 +492,12 @@ int EnsembleMethod::do_piece(std::size_t next, int budget) noexcept {
   if (next == Candidates::kNone) {
     return memory_has_missed() ? remember() : may_follow() ? follow() : 0;
   }
+  int done = 0;
   if (begins_[next]) {
-    const int done = begin(next);
-    return done + prepare(next, budget - done);
+    done = begin(next);
+  } else if (candidates_.all[next]->field().ready()) {
+    done = take_next(next);
   }
-  int done = take_next(next);
   done += prepare(next, budget - done);
   score();
   return done;
@@ -487,14 +516,13 @@ int EnsembleMethod::work(int budget) noexcept {
     return 0;
   }
   int done = 0;
-  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
-    if (candidates_.all[i]->awake() && is_paid_for(i)) {
-      done += prepare(i, budget - done);
-    }
-  }
-  budget_.spend(done);
   while (done < budget) {
     const std::size_t next = next_to_serve();
+    if (uncertainty_due_ && !is_urgent(next)) {
+      update_uncertainty();  // a piece of its own, paid for with what has changed the field
+      done += rendered_candidate().piece_units();
+      continue;
+    }
     if (!is_paid_for(next)) {
       counters_[kCyclesOverBudget].value += next != Candidates::kNone ? 1 : 0;
       break;
@@ -518,6 +546,7 @@ double EnsembleMethod::deviation_N(const Candidate& candidate,
 
 void EnsembleMethod::update_uncertainty() noexcept {
   const Candidate& candidate = rendered_candidate();
+  uncertainty_due_ = false;
   if (contact_.has_origin() && candidate.field().sample_count() > 0) {
     rendering_.uncertainty().update(
         tool_W(), motion_, [&](const Eigen::Vector3d& p_W) { return deviation_N(candidate, p_W); });

@@ -141,6 +141,7 @@ class EnsembleMethod final : public ForceMethod {
   void follow_wake_rule() noexcept;
   void wake(std::size_t index) noexcept;
   int begin(std::size_t index) noexcept;
+  bool is_urgent(std::size_t next) const noexcept;
   bool is_paid_for(std::size_t next) const noexcept;
   bool all_ready() const noexcept;
   int do_piece(std::size_t next, int budget) noexcept;
@@ -148,6 +149,8 @@ class EnsembleMethod final : public ForceMethod {
   int remember() noexcept;
   std::size_t next_to_serve() const noexcept;
   int take_next(std::size_t index) noexcept;
+  void taken(std::size_t index, std::uint64_t number,
+             const kriging::Innovation& innovation) noexcept;
   void take_rendered(const Candidate& candidate, std::uint64_t number, bool follows) noexcept;
   void score() noexcept;
   void hand_over(std::size_t index, ChoiceReason reason) noexcept;
@@ -187,7 +190,8 @@ class EnsembleMethod final : public ForceMethod {
   std::array<std::uint64_t, kMaxCandidates> level_at_{};  ///< a woken one catches up until there
   std::array<bool, kMaxCandidates> begins_{};             ///< woken, and not begun yet
   std::array<kriging::Observation, kBeginsWith> recent_{};
-  bool idle_ = false;  ///< nothing was left to do, and nothing has come since
+  bool idle_ = false;             ///< nothing was left to do, and nothing has come since
+  bool uncertainty_due_ = false;  ///< of the rendered candidate, which has changed
   std::optional<double> least_budget_reads_;  ///< nothing: it keeps none
   kriging::WorkBudget budget_;
   std::array<NamedCounter, kCounters> counters_{

@@ -30,6 +30,8 @@ class GrowingCholesky {
 
   int rows() const noexcept { return rows_; }
   double y(int row) const noexcept { return y_[static_cast<std::size_t>(row)]; }
+  /// y, in its first rows() numbers.
+  const std::array<double, kStride>& y() const noexcept { return y_; }
   /// |y|^2: the squares of the data relative to the prior's expectation.
   double squares() const noexcept {
     double sum = 0.0;
@@ -52,11 +54,8 @@ class GrowingCholesky {
 
   /// x <- L^-1 x of three columns that are zero above row `first`; each has kStride numbers.
   void solve_from(int first, double* const x[3]) const noexcept {
-    const PackedLower all = lower();
     double* const below[3] = {x[0] + first, x[1] + first, x[2] + first};
-    solve_lower({all.column(first) + first, inverse_diagonal_.data() + first, kMaxRows - first,
-                 rows_ - first},
-                below);
+    solve_lower(lower_from(first), below);
   }
 
   /// Data f <- f + factor * (L x), given x as solved: y <- y + factor x.
@@ -84,6 +83,11 @@ class GrowingCholesky {
 
   /// alpha <- L^-T alpha; it has room for kLanePadding numbers behind its rows.
   void solve_transposed(double* alpha) const noexcept { solve_upper(lower(), alpha); }
+
+  /// Its rows from `first` on; those above stay as they are.
+  void solve_transposed_from(int first, double* alpha) const noexcept {
+    solve_upper(lower_from(first), alpha + first);
+  }
 
   /// Mean of `kCount` new quantities whose covariances with the rows are solved in `x`: x^T y.
   template <int kCount>
@@ -202,6 +206,10 @@ class GrowingCholesky {
  private:
   PackedLower lower() const noexcept {
     return {const_cast<double*>(data_.data()), inverse_diagonal_.data(), kMaxRows, rows_};
+  }
+  PackedLower lower_from(int first) const noexcept {
+    return {lower().column(first) + first, inverse_diagonal_.data() + first, kMaxRows - first,
+            rows_ - first};
   }
 
   // In the columns before `from` the rows behind have been moved already.

@@ -416,8 +416,7 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
   add_features(o.position_m, o.origin_W, x_, mean_N, covariance_N2);
   Eigen::Vector3d error_N = o.force_N - mean_N;
   innovation.error_N = error_N.norm();
-  bool stale = false;  // the rows that x_ was solved for have moved
-  bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
+  const bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
   if (innovation.predicted) {
     if (scaling) {
       Eigen::Matrix3d v = covariance_N2 * data_scale();
@@ -425,30 +424,48 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
       scale_earlier_contacts<3>(x_, x_.column[3], v, error_N);
     }
     innovation.scale = scale_ / scale_before;
-    const double normalised =
+    innovation.normalised =
         normalised_innovation(error_N, covariance_N2, data_scale(), settings_.nugget_N2);
-    innovation.normalised = normalised;
-    innovation.surprised = normalised > settings_.surprise;
+    innovation.surprised = innovation.normalised > settings_.surprise;
     if (innovation.surprised) {
-      stale = true;
-      innovation.explained = explain(o, error_N);
-      if (!innovation.explained) {
-        innovation.doubt_N2 = doubt_samples(o, error_N, normalised);
-        fresh_needed = true;
+      if (seeks_explanation(o, error_N, innovation)) {
+        innovation.unfinished = true;
+      } else {
+        finish_surprise(o, error_N, innovation);
       }
+      return innovation;
     }
   }
+  add(o, false, false, fresh_needed);
+  return innovation;
+}
 
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::finish_surprise(const Observation& o,
+                                                     const Eigen::Vector3d& error_N,
+                                                     Innovation& innovation) noexcept {
+  bool fresh_needed = takes_since_factorisation_ >= kTakesBetweenFactorisations;
+  if (!innovation.explained) {
+    innovation.doubt_N2 = doubt_samples(o, error_N, innovation.normalised);
+    fresh_needed = true;
+  }
+  add(o, innovation.explained, true, fresh_needed);
+}
+
+// @param stale the rows that x_ was solved for have moved.
+template <typename Real, int N, int M, int K>
+void DictionaryField<Real, N, M, K>::add(const Observation& o, bool explained, bool stale,
+                                         bool fresh_needed) noexcept {
   if (o.from_query) {
     for (const Stored& s : stored_) {
       if (s.used && !settings_.spacing.apart(distance_m2(s, o.position_m, o.history, o.force_N))) {
         if (fresh_needed) {
           begin_factor();
           finish_if_read();
-        } else if (innovation.explained) {
+        } else if (explained) {
           collapse();
         }
-        return innovation;
+        return;
       }
     }
   } else {
@@ -475,7 +492,7 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
       append_later(slot, true);
     }
     finish_if_read();
-    return innovation;
+    return;
   }
   append_force(slot, !stale);
   if constexpr (M > 0) {
@@ -485,7 +502,6 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
     }
   }
   collapse();
-  return innovation;
 }
 
 template <typename Real, int N, int M, int K>

@@ -69,8 +69,10 @@ struct Innovation {
   double normalised = 0.0;
   bool surprised = false;  ///< `normalised` above FieldSettings::surprise
   bool explained = false;  ///< by a one-sided constraint that was found, not by doubt
-  double doubt_N2 = 0.0;   ///< variance that was added to samples there
-  double scale = 1.0;      ///< factor that the forces of earlier contacts were multiplied by
+  /// It is not known yet whether it can be explained: prepare() goes on, then taken() tells.
+  bool unfinished = false;
+  double doubt_N2 = 0.0;  ///< variance that was added to samples there
+  double scale = 1.0;     ///< factor that the forces of earlier contacts were multiplied by
 };
 
 /// The result of one piece of Field::follow().
@@ -119,6 +121,9 @@ class Field {
   /// dictionary's factor, at most a full factorisation, which a field that nobody reads leaves to
   /// prepare(). Call it when ready(); else it first does what was left.
   virtual Innovation take(const Observation& observation) noexcept = 0;
+
+  /// The whole result of the last take() that was unfinished, once the field is ready().
+  virtual Innovation taken() const noexcept { return {}; }
 
   /// Begins anew with these observations, oldest first, without evaluating them: for a field that
   /// has not taken samples for a while. One factorisation, as in take().
@@ -223,10 +228,7 @@ class DictionaryField : public Field {
     if (blocks_due_ == 0) {
       return false;
     }
-    int squares = 0;  // an append's work
-    while (squares < kAppendsAPiece * kMaxRows * kMaxRows && append_next()) {
-      squares += factor_.rows() * factor_.rows();
-    }
+    append_some();
     if (blocks_due_ == 0) {
       collapse();
     }
@@ -293,7 +295,7 @@ class DictionaryField : public Field {
   /// Rounding of the rotations adds up slowly; a fresh factorisation this often keeps it out.
   static constexpr int kTakesBetweenFactorisations = 1024;
   /// To a full factor, or as much work.
-  static constexpr int kAppendsAPiece = 4;
+  static constexpr int kAppendsAPiece = 3;
   using Factor = GrowingCholesky<kMaxRows, kTerms>;
   using Terms = Eigen::Matrix<double, 3, kTerms>;
 
@@ -347,13 +349,19 @@ class DictionaryField : public Field {
   }
   /// The part of |y|^2 that the features explain.
   virtual double explained_squares() const noexcept { return 0.0; }
-  /// Whether other features explain a surprise, so that no sample needs to be doubted. Then the
-  /// factor is in order, else it may be stale. Uses x_.
-  virtual bool explain(const Observation& observation, const Eigen::Vector3d& error_N) noexcept {
+  /// Whether to look for other features that explain a surprise, so that no sample needs to be
+  /// doubted. Then take() ends here, and finish_surprise() must follow.
+  virtual bool seeks_explanation(const Observation& observation, const Eigen::Vector3d& error_N,
+                                 const Innovation& innovation) noexcept {
     static_cast<void>(observation);
     static_cast<void>(error_N);
+    static_cast<void>(innovation);
     return false;
   }
+  /// The rest of take(). Samples are doubted unless `innovation` is explained; then the factor is
+  /// in order, else it may be stale.
+  void finish_surprise(const Observation& observation, const Eigen::Vector3d& error_N,
+                       Innovation& innovation) noexcept;
   /// A sample that features depend on is the last to be removed.
   virtual bool features_need(int slot) const noexcept {
     static_cast<void>(slot);
@@ -394,14 +402,23 @@ class DictionaryField : public Field {
     }
     return true;
   }
+  /// One piece of those that are left.
+  void append_some() noexcept {
+    int squares = 0;  // an append's work
+    while (squares < kAppendsAPiece * kMaxRows * kMaxRows && append_next()) {
+      squares += factor_.rows() * factor_.rows();
+    }
+  }
   /// Does what prepare() would.
   void finish() noexcept {
     while (prepare()) {
     }
   }
   void finish_if_read() noexcept {
-    if (reads_expected_) {
-      blocks_due_ > 0 ? finish() : collapse();
+    if (blocks_due_ == 0) {
+      collapse();
+    } else if (reads_expected_ && !factors_later_) {
+      finish();
     }
   }
   void append_later(int slot, bool stiffness) noexcept {
@@ -411,6 +428,7 @@ class DictionaryField : public Field {
   double doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
                        double normalised) noexcept;
   int place(const Observation& observation) noexcept;
+  void add(const Observation& observation, bool explained, bool stale, bool fresh_needed) noexcept;
   void begin_contact(std::uint64_t contact) noexcept;
   void earlier_contacts(std::array<double, Factor::kStride>& f) const noexcept;
   template <int kCount>
@@ -451,7 +469,8 @@ class DictionaryField : public Field {
   std::uint64_t next_order_ = 0;
   int takes_since_factorisation_ = 0;
   bool reads_expected_ = true;
-  bool collapse_due_ = false;  ///< put off, since nobody reads
+  bool collapse_due_ = false;   ///< put off, since nobody reads
+  bool factors_later_ = false;  ///< a whole factorisation is prepare()'s, whoever reads
   std::uint64_t contact_ = 0;
   double scale_ = 1.0;           ///< s of this contact so far
   double scale_variance_ = 0.0;  ///< v; 0: there is no earlier contact

@@ -140,8 +140,8 @@ int KrigingMethod::take_next() noexcept {
   }
   if (next_ == queue_.taken()) {
     if (store_ != nullptr) {
-      follower_.sample_taken();  // follow() updates the uncertainty
-    } else {
+      follower_.sample_taken();    // follow() updates the uncertainty
+    } else if (field_->ready()) {  // else prepare() does
       update_uncertainty();
     }
   }

@@ -10,14 +10,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-double softplus(double s_m, double e_m) noexcept {
-  const double ratio = s_m / e_m;
-  if (ratio > 30.0) {
-    return s_m;
-  }
-  return ratio < -30.0 ? 0.0 : e_m * std::log1p(std::exp(ratio));
-}
-
 // Two directions across a unit vector.
 void tangents(const Vector3d& n, Vector3d& first, Vector3d& second) noexcept {
   int least = 0;
@@ -28,6 +20,15 @@ void tangents(const Vector3d& n, Vector3d& first, Vector3d& second) noexcept {
 
 }  // namespace
 
+// Softplus.
+double UnilateralConstraint::penetration_m(double depth_m) const noexcept {
+  const double ratio = depth_m / softness_m;
+  if (ratio > 30.0) {
+    return depth_m;
+  }
+  return ratio < -30.0 ? 0.0 : softness_m * std::log1p(std::exp(ratio));
+}
+
 UnilateralConstraint::At UnilateralConstraint::at(const Vector3d& position_W) const noexcept {
   const Vector3d from_surface_m = position_W - anchor_W + depth_m * normal_W;
   const Vector3d w = normal_W - curvature_per_m * from_surface_m;
@@ -37,7 +38,7 @@ UnilateralConstraint::At UnilateralConstraint::at(const Vector3d& position_W) co
       (2.0 * normal_W.dot(from_surface_m) - curvature_per_m * from_surface_m.squaredNorm()) /
       (1.0 + length);
   const bool has_direction = length > 1e-9;  // at a ball's centre there is none
-  return {s_m, softplus(s_m, softness_m), has_direction ? Vector3d(w / length) : normal_W};
+  return {s_m, penetration_m(s_m), has_direction ? Vector3d(w / length) : normal_W};
 }
 
 double UnilateralConstraint::prior_nats() const noexcept {

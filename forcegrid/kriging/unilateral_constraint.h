@@ -26,6 +26,8 @@ struct UnilateralConstraint {
     Eigen::Vector3d inward_W;  ///< grad s
   };
   At at(const Eigen::Vector3d& position_W) const noexcept;
+  /// [m] phi at a depth s.
+  double penetration_m(double depth_m) const noexcept;
 
   // Prior deviations of its weights and of its shape.
   static constexpr double kStiffness_N_per_m = 1000.0;
@@ -45,6 +47,13 @@ struct UnilateralConstraint {
   static constexpr double kUnit[kParameters] = {0.1, 0.1, 1e-3, 10.0, 0.5};
   /// The shape with its parameters changed by `step`.
   UnilateralConstraint moved(const Parameters& step) const noexcept;
+  /// The shape with another curvature, as hard as usual.
+  UnilateralConstraint bent(double to_per_m) const noexcept {
+    UnilateralConstraint result = *this;
+    result.curvature_per_m = to_per_m;
+    result.softness_m = kUsualSoftness_m;
+    return result;
+  }
 };
 
 }  // namespace forcegrid::kriging

@@ -19,6 +19,7 @@ template <typename Real>
 UnilateralConstraintField<Real>::UnilateralConstraintField(const FieldSettings& settings) noexcept
     : Base(settings), fit_(settings.nugget_N2) {
   static_assert(std::is_same_v<Factor, ConstraintFit::Factor>);
+  this->factors_later_ = true;
 }
 
 template <typename Real>
@@ -41,8 +42,10 @@ template <typename Real>
 Reading UnilateralConstraintField<Real>::read(const Vector3d& position_m,
                                               const History& history) const noexcept {
   Reading reading = Base::read(position_m, history);
-  for (int h = 0; h < fit_.count(); ++h) {
-    reading.force_N += fit_.push_N(h, position_m + this->origin_W_);
+  for (int h = 0; h < wall_count_; ++h) {
+    const Wall& wall = walls_[static_cast<std::size_t>(h)];
+    reading.force_N +=
+        ConstraintFit::push_N(wall.shape, wall.stiffness, position_m + this->origin_W_);
   }
   return reading;
 }
@@ -51,8 +54,10 @@ template <typename Real>
 Eigen::Matrix3d UnilateralConstraintField<Real>::stiffness_N_per_m(
     const Vector3d& position_m, const History& history) const noexcept {
   Eigen::Matrix3d j = Base::stiffness_N_per_m(position_m, history);
-  for (int h = 0; h < fit_.count(); ++h) {
-    j += fit_.push_stiffness_N_per_m(h, position_m + this->origin_W_);
+  for (int h = 0; h < wall_count_; ++h) {
+    const Wall& wall = walls_[static_cast<std::size_t>(h)];
+    j += ConstraintFit::push_stiffness_N_per_m(wall.shape, wall.stiffness,
+                                               position_m + this->origin_W_);
   }
   return j;
 }
@@ -60,8 +65,10 @@ Eigen::Matrix3d UnilateralConstraintField<Real>::stiffness_N_per_m(
 template <typename Real>
 Vector3d UnilateralConstraintField<Real>::feature_force_N(const Stored& sample) const noexcept {
   Vector3d force_N = Vector3d::Zero();
-  for (int h = 0; h < fit_.count(); ++h) {
-    force_N += fit_.push_N(h, sample.position_m + sample.origin_W);
+  for (int h = 0; h < wall_count_; ++h) {
+    const Wall& wall = walls_[static_cast<std::size_t>(h)];
+    force_N +=
+        ConstraintFit::push_N(wall.shape, wall.stiffness, sample.position_m + sample.origin_W);
   }
   return force_N;
 }
@@ -71,7 +78,9 @@ void UnilateralConstraintField<Real>::add_features(const Vector3d& p, const Vect
                                                    const typename Factor::Columns& x,
                                                    Vector3d& mean_N,
                                                    Eigen::Matrix3d& covariance_N2) const noexcept {
-  fit_.add_features(p + origin_W, this->factor_.rows(), x, mean_N, covariance_N2);
+  if (seeking_ == Seeking::kNothing) {  // else the fit belongs to the search
+    fit_.add_features(p + origin_W, this->factor_.rows(), x, mean_N, covariance_N2);
+  }
 }
 
 template <typename Real>
@@ -80,45 +89,106 @@ bool UnilateralConstraintField<Real>::features_need(int slot) const noexcept {
   return fit_.rests_on(s.position_m + s.origin_W);
 }
 
+// Not if every sample is a surprise: then the cause is not a wall.
 template <typename Real>
-bool UnilateralConstraintField<Real>::explain(const Observation& o,
-                                              const Vector3d& error_N) noexcept {
-  // If every sample is a surprise, the cause is not a wall.
+bool UnilateralConstraintField<Real>::seeks_explanation(const Observation& o,
+                                                        const Vector3d& error_N,
+                                                        const Innovation& innovation) noexcept {
   if (failures_ >= kFailuresInARow && failures_ % kFailuresInARow != 0) {
     ++failures_;
     return false;
   }
-  std::array<double, Base::kMaxSamplesHeld> doubts_N2;
+  sought_ = o;
+  error_N_ = error_N;
+  taken_ = innovation;
+  seeking_ = Seeking::kBegins;
+  return true;
+}
+
+// The search needs the factor of the samples without their doubts.
+template <typename Real>
+void UnilateralConstraintField<Real>::leave_doubts_out() noexcept {
   bool doubted = false;
-  for (std::size_t i = 0; i < doubts_N2.size(); ++i) {
+  for (std::size_t i = 0; i < doubts_N2_.size(); ++i) {
     Stored& s = this->stored_[i];
-    doubts_N2[i] = s.doubt_N2;
+    doubts_N2_[i] = s.doubt_N2;
     doubted = doubted || (s.used && s.doubt_N2 > 0.0);
     s.doubt_N2 = 0.0;
   }
   if (doubted) {
-    this->factorise();
+    this->begin_factor();
   }
-  const ConstraintFit::Shapes constraints = fit_.constraints();
-  const int count = fit_.count();
-  const int slot = this->place(o);
-  this->append_force(slot, false);
+  seeking_ = Seeking::kFactorises;
+}
+
+template <typename Real>
+void UnilateralConstraintField<Real>::begin_search() noexcept {
+  slot_ = this->place(sought_);
+  this->append_force(slot_, false);
   set_rows();
-  const bool explained = search_.explain(fit_, o, error_N);
-  this->remove_sample(slot);
-  if (explained) {
-    return true;
+  search_.begin(sought_, error_N_);
+  seeking_ = Seeking::kSearches;
+}
+
+template <typename Real>
+void UnilateralConstraintField<Real>::end_search() noexcept {
+  seeking_ = Seeking::kNothing;
+  this->remove_sample(slot_);
+  taken_.explained = search_.found();
+  if (!taken_.explained) {
+    ++failures_;
+    std::array<UnilateralConstraint, ConstraintFit::kMaxConstraints> shapes;
+    std::transform(walls_.begin(), walls_.end(), shapes.begin(),
+                   [](const Wall& wall) { return wall.shape; });
+    fit_.set_constraints(shapes, wall_count_);
+    for (std::size_t i = 0; i < doubts_N2_.size(); ++i) {
+      this->stored_[i].doubt_N2 = doubts_N2_[i];
+    }
   }
-  ++failures_;
-  fit_.set_constraints(constraints, count);
-  for (std::size_t i = 0; i < doubts_N2.size(); ++i) {
-    this->stored_[i].doubt_N2 = doubts_N2[i];
+  this->finish_surprise(sought_, error_N_, taken_);
+}
+
+template <typename Real>
+void UnilateralConstraintField<Real>::search_on() noexcept {
+  if (search_.step(fit_)) {
+    return;
   }
-  return false;
+  seeking_ = Seeking::kEnds;
+  if (search_.found()) {
+    end_search();  // a wall cannot wait
+  }
+}
+
+template <typename Real>
+bool UnilateralConstraintField<Real>::prepare() noexcept {
+  if (seeking_ == Seeking::kNothing) {
+    const bool did = Base::prepare();
+    return Base::prepare() || did;  // twice as much at once: a wall cannot wait
+  }
+  if (seeking_ == Seeking::kBegins) {
+    leave_doubts_out();
+  }
+  if (seeking_ == Seeking::kFactorises) {
+    if (this->blocks_due_ > 0) {
+      this->append_some();
+      return true;
+    }
+    begin_search();
+  }
+  seeking_ == Seeking::kSearches ? search_on() : end_search();
+  return true;
+}
+
+template <typename Real>
+bool UnilateralConstraintField<Real>::begin_with(
+    std::span<const Observation> observations) noexcept {
+  seeking_ = Seeking::kNothing;
+  return Base::begin_with(observations);
 }
 
 template <typename Real>
 Innovation UnilateralConstraintField<Real>::take(const Observation& o) noexcept {
+  this->finish();
   refinements_due_ = kStepsOnSample;
   const Innovation innovation = Base::take(o);
   if (!innovation.surprised) {
@@ -137,6 +207,11 @@ void UnilateralConstraintField<Real>::solve_weights() noexcept {
   }
   refinements_due_ = 0;
   fit_.drop_unneeded();
+  wall_count_ = fit_.count();
+  for (int h = 0; h < wall_count_; ++h) {
+    walls_[static_cast<std::size_t>(h)] = {fit_.constraints()[static_cast<std::size_t>(h)],
+                                           fit_.stiffness(h)};
+  }
   fit_.update_residual();
   std::copy_n(fit_.residual().begin(), this->factor_.rows(), this->alpha_.begin());
   this->factor_.solve_transposed(this->alpha_.data());

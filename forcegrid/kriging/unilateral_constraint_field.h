@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 #include "forcegrid/kriging/constraint_fit.h"
@@ -27,6 +29,9 @@ namespace forcegrid::kriging {
 ///
 /// The six samples that a constraint rests on are the last to be removed from the dictionary.
 ///
+/// The search takes many times as long as a sample. It is done by prepare(), in pieces; until it is
+/// over, take() is unfinished, and read() answers as before.
+///
 /// Cost beyond DictionaryField: per sample up to two Newton steps per constraint; per surprise up
 /// to two factorisations and a search; per read() one exponential and one logarithm for each
 /// constraint nearby.
@@ -42,19 +47,24 @@ class UnilateralConstraintField final
 
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   Innovation take(const Observation& observation) noexcept override;
-  /// Puts nothing off: with the weights it refines and drops constraints.
+  Innovation taken() const noexcept override { return taken_; }
+  bool prepare() noexcept override;
+  bool ready() const noexcept override { return seeking_ == Seeking::kNothing && Base::ready(); }
+  /// Does not put the weights off: with them it refines and drops constraints.
   void expect_reads(bool /*expected*/) noexcept override {}
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
   Eigen::Matrix3d stiffness_N_per_m(const Eigen::Vector3d& position_m,
                                     const History& history) const noexcept override;
 
-  bool knows_walls() const noexcept override { return fit_.count() > 0; }
-  int constraint_count() const noexcept { return fit_.count(); }
+  bool knows_walls() const noexcept override { return wall_count_ > 0; }
+  int constraint_count() const noexcept { return wall_count_; }
   const UnilateralConstraint& constraint(int index) const noexcept {
-    return fit_.constraints()[static_cast<std::size_t>(index)];
+    return walls_[static_cast<std::size_t>(index)].shape;
   }
   /// k1 [N/m] and k2 [N/m^2], negative where the wall pushes.
-  Eigen::Vector2d constraint_stiffness(int index) const noexcept { return fit_.stiffness(index); }
+  Eigen::Vector2d constraint_stiffness(int index) const noexcept {
+    return walls_[static_cast<std::size_t>(index)].stiffness;
+  }
   /// [nats] How much more the samples support a constraint than none.
   double constraint_gain(int index) const noexcept { return fit_.gain_of(index); }
 
@@ -62,25 +72,51 @@ class UnilateralConstraintField final
   /// until the next sample refines them.
   void set_constraints(std::span<const UnilateralConstraint> constraints) noexcept;
 
+  /// Also ends a search.
+  bool begin_with(std::span<const Observation> observations) noexcept override;
+
  private:
   using Base = DictionaryField<Real, ConstraintFit::kMaxSamples, 0>;
   using Factor = typename Base::Factor;
   using Stored = typename Base::Stored;
+  enum class Seeking : std::uint8_t { kNothing, kBegins, kFactorises, kSearches, kEnds };
+  /// A constraint as read() uses it, whatever a search tries.
+  struct Wall {
+    UnilateralConstraint shape;
+    Eigen::Vector2d stiffness = Eigen::Vector2d::Zero();
+  };
 
+  void leave_doubts_out() noexcept;
+  void begin_search() noexcept;
+  void search_on() noexcept;
+  void end_search() noexcept;
   void solve_weights() noexcept override;
   void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
                     const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
                     Eigen::Matrix3d& covariance_N2) const noexcept override;
   Eigen::Vector3d feature_force_N(const Stored& sample) const noexcept override;
-  double explained_squares() const noexcept override { return fit_.solution().explained; }
-  bool explain(const Observation& observation, const Eigen::Vector3d& error_N) noexcept override;
+  double explained_squares() const noexcept override {
+    return seeking_ == Seeking::kNothing ? fit_.solution().explained : 0.0;
+  }
+  bool seeks_explanation(const Observation& observation, const Eigen::Vector3d& error_N,
+                         const Innovation& innovation) noexcept override;
   bool features_need(int slot) const noexcept override;
   void set_rows() noexcept;
 
   int refinements_due_ = 0;
   int failures_ = 0;  ///< surprises in a row that no constraint explained
   ConstraintFit fit_;
+  std::array<Wall, ConstraintFit::kMaxConstraints> walls_;
+  int wall_count_ = 0;
+
+  // Of the sample that is not finished.
   ConstraintSearch search_;
+  Seeking seeking_ = Seeking::kNothing;
+  Observation sought_;
+  Eigen::Vector3d error_N_ = Eigen::Vector3d::Zero();
+  Innovation taken_;
+  std::array<double, Base::kMaxSamplesHeld> doubts_N2_{};  ///< left out by the search
+  int slot_ = 0;                                           ///< of the sample while it is searched
 };
 
 }  // namespace forcegrid::kriging

@@ -42,6 +42,14 @@ Observation observe(const Vector3d& position_m, const Vector3d& force_N) {
   return o;
 }
 
+/// Takes an observation and does all that it has left.
+Innovation take_whole(Field& field, const Observation& o) {
+  const Innovation innovation = field.take(o);
+  while (field.prepare()) {
+  }
+  return innovation.unfinished ? field.taken() : innovation;
+}
+
 /// A hard wall through `surface_m`, pushing against `normal`; beyond it k1 s + k2 s^2.
 Vector3d plane_N(const Vector3d& p, const Vector3d& normal, const Vector3d& surface_m, double k1,
                  double k2 = 0.0) {
@@ -132,7 +140,7 @@ TEST(UnilateralConstraintField, EqualsADenseSolveWithColumnsForItsconstraints) {
                there.inward_W;
     }
     f.segment<3>(3 * i) = force;
-    field.take(observe(at.back(), force));
+    take_whole(field, observe(at.back(), force));
   }
   ASSERT_EQ(field.sample_count(), 24);
   ASSERT_EQ(field.constraint_count(), 0);
@@ -217,7 +225,7 @@ Explored explore(UnilateralConstraintField<double>& field, const Force& object_N
     result.touches += wall_N(p) != Vector3d::Zero() ? 1 : 0;
     const Vector3d wrong_N = noise_N > 0.0 ? Vector3d(noise(random), noise(random), noise(random))
                                            : Vector3d(Vector3d::Zero());
-    field.take(observe(p, reference_N + wrong_N));
+    take_whole(field, observe(p, reference_N + wrong_N));
     result.most_constraints = std::max(result.most_constraints, field.constraint_count());
   }
   result.error = std::sqrt(squares_N2 / reference_N2);
@@ -328,8 +336,8 @@ TEST(UnilateralConstraintField, NeverPulls) {
       std::normal_distribution<double> noise(0.0, 0.05);
       for (int i = 0; i < 200; ++i) {
         const Vector3d p = motion.position_m(i * kPeriod_s);
-        field.take(observe(
-            p, object_N(p) + wall_N(p) + Vector3d(noise(random), noise(random), noise(random))));
+        take_whole(field, observe(p, object_N(p) + wall_N(p) +
+                                         Vector3d(noise(random), noise(random), noise(random))));
         for (int h = 0; h < field.constraint_count(); ++h) {
           ++constraints;
           const Eigen::Vector2d k = field.constraint_stiffness(h);
@@ -363,7 +371,7 @@ TEST(UnilateralConstraintField, IsTheFieldWithoutConstraintsOnASmoothObjectWithN
         const Vector3d p = motion.position_m(i * kPeriod_s);
         const Vector3d told_N =
             object.force_N(p) + noise_N * Vector3d(noise(random), noise(random), noise(random));
-        field.take(observe(p, told_N));
+        take_whole(field, observe(p, told_N));
         without.take(observe(p, told_N));
         ASSERT_EQ(field.constraint_count(), 0) << "sample " << i;
         const Vector3d ahead = motion.position_m((i + 1) * kPeriod_s);
@@ -392,7 +400,7 @@ TEST(UnilateralConstraintField, DropsAWallThatHasGone) {
       squares_N2 += (force_N(field, p) - reference_N).squaredNorm();
       reference_N2 += reference_N.squaredNorm();
     }
-    field.take(observe(p, reference_N));
+    take_whole(field, observe(p, reference_N));
   }
   EXPECT_EQ(field.constraint_count(), 0);
   EXPECT_LT(std::sqrt(squares_N2 / reference_N2), 0.03);
@@ -414,7 +422,7 @@ TEST(UnilateralConstraintField, LeavesAWallWhereItIsWhenTheContactMoves) {
     const Vector3d p = motion.position_m(i * kPeriod_s);
     Observation o = observe(p, object.force_N(p) + wall_N(first_W + p));
     o.origin_W = first_W;
-    field.take(o);
+    take_whole(field, o);
   }
   ASSERT_EQ(field.constraint_count(), 1);
   field.enter_contact(2, second_W);
@@ -440,7 +448,7 @@ TEST(UnilateralConstraintField, LeavesAWallWhereItIsWhenTheContactMoves) {
     Observation o = observe(p, compare(p));
     o.origin_W = second_W;
     o.contact = 1;
-    field.take(o);
+    take_whole(field, o);
     EXPECT_EQ(field.constraint_count(), 1);
   }
   EXPECT_LT(std::sqrt(squares_N2 / reference_N2), 0.01);
@@ -485,6 +493,92 @@ TEST(UnilateralConstraint, FeelsAWallWhereKrigingSmoothsIt) {
   EXPECT_LT(error["kriging-bank"], 0.005);
 }
 
+// A wall may be sought for in many cycles; nothing that is rendered changes until it is found.
+TEST(UnilateralConstraintField, SeeksInBoundedPiecesAndAnswersAsBefore) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  const Vector3d surface_m(0, 0, 0.005);
+  const std::vector<Vector3d> probes = {
+      {0, 0, 0}, {0.004, -0.002, 0.001}, {-0.003, 0.005, 0.008}, {0.002, 0.002, 0.02}};
+  UnilateralConstraintField<double> field{FieldSettings{}};
+  int searches = 0;
+  for (int i = 0; i < 300 && field.constraint_count() == 0; ++i) {
+    const Vector3d p = motion.position_m(i * kPeriod_s);
+    const Vector3d wall_N = plane_N(p, Vector3d::UnitZ(), surface_m, 1000.0);
+    std::vector<Vector3d> before_N;
+    for (const Vector3d& probe : probes) {
+      before_N.push_back(force_N(field, probe));
+    }
+    const Observation o = observe(p, object.force_N(p) + wall_N);
+    if (!field.take(o).unfinished) {
+      continue;
+    }
+    ++searches;
+    int pieces = 1;
+    for (; !field.ready() && pieces < 100; ++pieces) {
+      EXPECT_FALSE(field.knows_walls());
+      for (std::size_t j = 0; j < probes.size(); ++j) {
+        EXPECT_EQ(force_N(field, probes[j]), before_N[j]) << "piece " << pieces;
+      }
+      EXPECT_TRUE(std::isfinite(field.deviation_N(probes[1], kNoHistory)));
+      EXPECT_TRUE(field.prepare());
+    }
+    EXPECT_GT(pieces, 2);
+    EXPECT_LT(pieces, 100);
+    EXPECT_FALSE(field.prepare());
+    EXPECT_FALSE(field.taken().unfinished);
+    EXPECT_TRUE(field.taken().surprised);
+    EXPECT_EQ(field.taken().explained, field.constraint_count() == 1);
+  }
+  EXPECT_GT(searches, 0);
+  EXPECT_EQ(field.constraint_count(), 1);
+}
+
+// What is left is done by the next take() at the latest, and a field that begins anew forgets it.
+TEST(UnilateralConstraintField, EndsASearchThatNobodyGoesOnWith) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  const auto told = [&](int i) {
+    const Vector3d p = motion.position_m(i * kPeriod_s);
+    return observe(p, object.force_N(p) + plane_N(p, Vector3d::UnitZ(), {0, 0, 0.005}, 1000.0));
+  };
+  UnilateralConstraintField<double> prepared{FieldSettings{}};
+  UnilateralConstraintField<double> taken{FieldSettings{}};
+  int i = 0;
+  while (i < 300 && !prepared.take(told(i)).unfinished) {
+    taken.take(told(i++));
+  }
+  ASSERT_LT(i, 300);
+  EXPECT_TRUE(taken.take(told(i)).unfinished);
+  while (prepared.prepare()) {
+  }
+  take_whole(prepared, told(i + 1));
+  take_whole(taken, told(i + 1));
+  EXPECT_EQ(taken.constraint_count(), prepared.constraint_count());
+  for (const Vector3d& p : {Vector3d(0, 0, 0.001), Vector3d(0.004, 0, 0.01)}) {
+    EXPECT_EQ(force_N(taken, p), force_N(prepared, p));
+  }
+
+  UnilateralConstraintField<double> anew{FieldSettings{}};
+  for (int n = 0; n < i; ++n) {
+    anew.take(told(n));
+  }
+  ASSERT_TRUE(anew.take(told(i)).unfinished);
+  std::vector<Observation> recent;
+  for (int n = i - 5; n <= i; ++n) {
+    recent.push_back(observe(motion.position_m(n * kPeriod_s),
+                             object.force_N(motion.position_m(n * kPeriod_s))));
+  }
+  EXPECT_TRUE(anew.begin_with(recent));
+  while (anew.prepare()) {
+  }
+  EXPECT_TRUE(anew.ready());
+  EXPECT_FALSE(anew.knows_walls());
+  const Observation& newest = recent.back();
+  EXPECT_LT((force_N(anew, newest.position_m) - newest.force_N).norm(),
+            0.01 * newest.force_N.norm());
+}
+
 // The ensemble hands over at the very sample that explains a wall, and says why.
 TEST(UnilateralConstraint, TakesOverInTheEnsembleAtTheFirstSampleBeyondAWall) {
   const AnchoredSprings object(kSeed);
@@ -514,6 +608,48 @@ TEST(UnilateralConstraint, TakesOverInTheEnsembleAtTheFirstSampleBeyondAWall) {
   EXPECT_TRUE(touched);
 }
 
+// With the work of a cycle bounded, it does so some cycles later, and counts what it does.
+TEST(UnilateralConstraint, IsFoundInTheCyclesAfterThatSample) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  const Vector3d surface_m(0, 0, 0.005);
+  constexpr int kCyclesPerSample = 17;
+  constexpr double kCycle_s = kPeriod_s / kCyclesPerSample;
+  EnsembleMethod ensemble(EnsembleMethod::Kind::kKriging, {});
+  ensemble.contact_made(1, Vector3d::Zero());
+  bool touched = false;
+  int cycles_until_found = -1;
+  for (int i = 0; i < 600 && cycles_until_found < 0; ++i) {
+    const double time_s = i * kPeriod_s;
+    const Vector3d p = motion.position_m(time_s);
+    const Vector3d wall_N = plane_N(p, Vector3d::UnitZ(), surface_m, 1000.0);
+    if (!touched && wall_N != Vector3d::Zero() && (wall_N.norm() < 0.2 || i < 30)) {
+      continue;
+    }
+    touched = touched || wall_N != Vector3d::Zero();
+    Sample sample;
+    sample.time_s = time_s;
+    sample.position_W = p;
+    sample.force_W = object.force_N(p) + wall_N;
+    ensemble.observe(time_s, p);
+    ensemble.take_sample(sample);
+    for (int c = 0; c < kCyclesPerSample && cycles_until_found < 0; ++c) {
+      ensemble.work(1000);
+      const double now_s = time_s + (c + 1) * kCycle_s;
+      ensemble.observe(now_s, motion.position_m(now_s));
+      const ForceEstimate estimate = ensemble.force(now_s, p);
+      if (estimate.reason == ChoiceReason::kFoundWall) {
+        cycles_until_found = c;
+      }
+    }
+    if (touched) {
+      break;
+    }
+  }
+  EXPECT_TRUE(touched);
+  EXPECT_GT(cycles_until_found, 1);  // within the first sample's cycles
+}
+
 // A cut makes every force smaller at once. No wall does that, and the ensemble must not take it for
 // one.
 TEST(UnilateralConstraint, DoesNotTakeACutForAWall) {
@@ -526,7 +662,7 @@ TEST(UnilateralConstraint, DoesNotTakeACutForAWall) {
     for (int i = 0; i < 300; ++i) {
       const Vector3d p = motion.position_m(i * kPeriod_s);
       const Innovation innovation =
-          field.take(observe(p, (i < 150 ? 1.0 : 0.5) * object.force_N(p)));
+          take_whole(field, observe(p, (i < 150 ? 1.0 : 0.5) * object.force_N(p)));
       surprises += innovation.surprised ? 1 : 0;
       if (i == 150) {
         EXPECT_FALSE(innovation.explained);
