@@ -475,12 +475,6 @@ int EnsembleMethod::follow() noexcept {
   return memory.piece_units();
 }
 
-// Whether that comes before what people look at.
-bool EnsembleMethod::is_urgent(std::size_t next) const noexcept {
-  return next != Candidates::kNone && (next == rendered_ || candidates_.all[next]->served_early() ||
-                                       !candidates_.all[next]->field().ready());
-}
-
 // Whether the budget pays for the next sample of candidate `next` or, if that is none, for what is
 // left to do without samples.
 bool EnsembleMethod::is_paid_for(std::size_t next) const noexcept {
@@ -516,9 +510,10 @@ int EnsembleMethod::work(int budget) noexcept {
     return 0;
   }
   int done = 0;
+  uncertainty_waits_ += uncertainty_due_ ? 1 : 0;
   while (done < budget) {
     const std::size_t next = next_to_serve();
-    if (uncertainty_due_ && !is_urgent(next)) {
+    if (uncertainty_due_ && (next == Candidates::kNone || uncertainty_waits_ > kUncertaintyWaits)) {
       update_uncertainty();  // a piece of its own, paid for with what has changed the field
       done += rendered_candidate().piece_units();
       continue;
@@ -547,6 +542,7 @@ double EnsembleMethod::deviation_N(const Candidate& candidate,
 void EnsembleMethod::update_uncertainty() noexcept {
   const Candidate& candidate = rendered_candidate();
   uncertainty_due_ = false;
+  uncertainty_waits_ = 0;
   if (contact_.has_origin() && candidate.field().sample_count() > 0) {
     rendering_.uncertainty().update(
         tool_W(), motion_, [&](const Eigen::Vector3d& p_W) { return deviation_N(candidate, p_W); });

@@ -111,6 +111,8 @@ class EnsembleMethod final : public ForceMethod {
  private:
   static constexpr std::size_t kBeginsWith = 40;
   static constexpr std::uint64_t kScoredAtOnce = 6;
+  /// [cycles] What is shown waits for samples, but not for all of the next one's.
+  static constexpr int kUncertaintyWaits = 16;
   /// Samples that a woken candidate takes one by one if its field can't begin with many.
   static constexpr std::uint64_t kTakesAtOnce = 24;
   static constexpr std::uint64_t kLongestCatchUp = 48;
@@ -141,7 +143,6 @@ class EnsembleMethod final : public ForceMethod {
   void follow_wake_rule() noexcept;
   void wake(std::size_t index) noexcept;
   int begin(std::size_t index) noexcept;
-  bool is_urgent(std::size_t next) const noexcept;
   bool is_paid_for(std::size_t next) const noexcept;
   bool all_ready() const noexcept;
   int do_piece(std::size_t next, int budget) noexcept;
@@ -192,6 +193,7 @@ class EnsembleMethod final : public ForceMethod {
   std::array<kriging::Observation, kBeginsWith> recent_{};
   bool idle_ = false;             ///< nothing was left to do, and nothing has come since
   bool uncertainty_due_ = false;  ///< of the rendered candidate, which has changed
+  int uncertainty_waits_ = 0;     ///< cycles
   std::optional<double> least_budget_reads_;  ///< nothing: it keeps none
   kriging::WorkBudget budget_;
   std::array<NamedCounter, kCounters> counters_{
