@@ -700,6 +700,9 @@ double DictionaryField<Real, N, M, K>::deviation_N(const Eigen::Vector3d& positi
   return std::sqrt(variance_N2(position_m, history) * data_scale());
 }
 
+#ifdef FORCEGRID_SMALL_FIELDS  // for a device's own processor
+template class DictionaryField<float, kSmallSamples, 0>;
+#else
 template class DictionaryField<float, 32, 0>;
 template class DictionaryField<double, 32, 0>;
 template class DictionaryField<double, 32, 0, 1>;
@@ -708,5 +711,6 @@ template class DictionaryField<float, 32, 4>;
 template class DictionaryField<double, 32, 4>;
 template class DictionaryField<float, 48, 0>;
 template class DictionaryField<double, 48, 0>;
+#endif
 
 }  // namespace forcegrid::kriging

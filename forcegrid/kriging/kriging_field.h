@@ -14,6 +14,9 @@
 
 namespace forcegrid::kriging {
 
+/// Capacity of the dictionary on a device's own processor.
+inline constexpr int kSmallSamples = 16;
+
 struct FieldSettings {
   Kernel kernel;
   double nugget_N2 = 1e-5;    ///< variance of the noise of a sample's force, per axis

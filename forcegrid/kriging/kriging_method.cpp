@@ -2,52 +2,24 @@
 #include "forcegrid/kriging/kriging_method.h"
 
 #include <cmath>
-
-#include "forcegrid/kriging/contact_indexed_field.h"
-#include "forcegrid/kriging/default_fields.h"
-#include "forcegrid/kriging/kriging_store_field.h"
-#include "forcegrid/kriging/unilateral_constraint_field.h"
+#include <utility>
 
 namespace forcegrid {
 namespace {
 
-using kriging::FieldSettings;
 using kriging::History;
 
-constexpr int kDefaultStiffnessSamples = 4;
 constexpr double kScaleChanged = 1e-3;  // beyond it, what earlier contacts taught is out of date
 
 }  // namespace
 
-KrigingMethod::KrigingMethod(Kind kind, const MethodOptions& options) : kind_(kind) {
-  make_field(options);
-}
-
-void KrigingMethod::make_field(const MethodOptions& options) {
-  FieldSettings settings = kriging::field_settings(options);
-  least_uncertainty_N_ = kriging::least_uncertainty_N(settings);
-  switch (kind_) {
-    case Kind::kForceOnly:
-      field_ = kriging::make_dictionary_field(settings);
-      break;
-    case Kind::kTangent:
-      settings.stiffness_samples = kDefaultStiffnessSamples;
-      field_ = kriging::make_dictionary_field(settings);
-      break;
-    case Kind::kUnilateralConstraint:
-      field_ = std::make_unique<kriging::UnilateralConstraintField<float>>(settings);
-      break;
-    case Kind::kStore:
-      store_ = kriging::make_store(settings);
-      field_ = std::make_unique<kriging::StoreField>(settings, *store_, true);
-      break;
-    case Kind::kContact:
-      settings.samples = options.samples.value_or(kriging::ContactIndexedField::kMaxSamples);
-      field_ = std::make_unique<kriging::ContactIndexedField>(settings);
-      least_uncertainty_N_ = 0.0;
-      break;
-  }
-}
+KrigingMethod::KrigingMethod(Kind kind, double least_uncertainty_N,
+                             std::unique_ptr<kriging::Field> field,
+                             std::unique_ptr<kriging::SampleStore> store) noexcept
+    : kind_(kind),
+      store_(std::move(store)),
+      field_(std::move(field)),
+      least_uncertainty_N_(least_uncertainty_N) {}
 
 const char* KrigingMethod::name() const noexcept {
   switch (kind_) {

@@ -52,6 +52,11 @@ class KrigingMethod final : public ForceMethod {
 
   /// @param options nugget, spacings and samples must be usable: make_force_method() checks.
   KrigingMethod(Kind kind, const MethodOptions& options);
+  /// With a field of one's own.
+  /// @param least_uncertainty_N [N] see kriging::least_uncertainty_N().
+  /// @param field of the given kind. @param store that `field` reads, of kStore; else null.
+  KrigingMethod(Kind kind, double least_uncertainty_N, std::unique_ptr<kriging::Field> field,
+                std::unique_ptr<kriging::SampleStore> store = nullptr) noexcept;
 
   const char* name() const noexcept override;
   MethodNeeds needs() const noexcept override;
