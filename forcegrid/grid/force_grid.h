@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "forcegrid/core/interpolation.h"
@@ -15,11 +16,23 @@
 
 namespace forcegrid {
 
-/// Forces at the vertices of a regular grid: the paper's data structure.
-/// Thread-safe: no. Real-time: only the constructor allocates; nothing locks or throws after it.
-template <typename Storage>
-class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
-  using Base = SpreadingGrid<Storage, ForceSegment>;
+/// The kernel of grids of these segments.
+template <typename Segment>
+SpreadKernel<Segment> spread_kernel(Instructions instructions) noexcept {
+  if constexpr (std::is_same_v<Segment, HalfSegment>) {
+    static_cast<void>(instructions);
+    return spread_half;
+  } else {
+    return spread_force_kernel(instructions);
+  }
+}
+
+/// Forces at the vertices of a regular grid: the paper's data structure. A Segment is a
+/// ForceSegment or, in half precision, a HalfSegment. Thread-safe: no. Real-time: only the
+/// constructor allocates; nothing locks or throws after it.
+template <typename Storage, typename Segment = ForceSegment>
+class ForceGrid : public SpreadingGrid<Storage, Segment> {
+  using Base = SpreadingGrid<Storage, Segment>;
 
  public:
   using Fill = typename Base::Fill;
@@ -29,7 +42,7 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
             Interpolation interpolation = Interpolation::kTrilinear,
             Instructions instructions = Instructions::kBest,
             int largest_reach = std::numeric_limits<int>::max()) noexcept
-      : Base(geometry, weighting, largest_reach, spread_force_kernel(instructions),
+      : Base(geometry, weighting, largest_reach, spread_kernel<Segment>(instructions),
              std::move(storage)),
         interpolation_(interpolation) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -74,9 +87,9 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
 
   /// The vertex (i, j, k), which must exist.
   ForceVertex vertex(int i, int j, int k) const noexcept {
-    return this->storage()
-        .segment(i, j, k / kSegmentVertices)
-        .vertices[static_cast<std::size_t>(k % kSegmentVertices)];
+    return unpacked(this->storage()
+                        .segment(i, j, k / kSegmentVertices)
+                        .vertices[static_cast<std::size_t>(k % kSegmentVertices)]);
   }
 
   /// Force and weight at a position inside, both by trilinear interpolation; without data if one of
@@ -92,6 +105,12 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
     Register value;
     __builtin_memcpy(&value, __builtin_assume_aligned(aligned, sizeof value), sizeof value);
     return value;
+  }
+  /// Force and weight of a vertex.
+  static Float4 lanes_of(const ForceVertex* vertex) noexcept { return load<Float4>(vertex); }
+  static Float4 lanes_of(const HalfVertex* vertex) noexcept {
+    const ForceVertex v = unpacked(*vertex);
+    return Float4{v.force_W_N[0], v.force_W_N[1], v.force_W_N[2], v.weight};
   }
   /// The four lanes' sign bits, lane 0 lowest.
   template <typename Register>
@@ -115,8 +134,9 @@ class ForceGrid : public SpreadingGrid<Storage, ForceSegment> {
 // In the header, since a call costs as much as the eight loads. Positions that are not plainly
 // inside and known everywhere take the slow path. The position becomes a cell and a fraction in
 // single precision: 4e-6 of a cell on 50 cells per axis, below the resolution of the stored forces.
-template <typename Storage>
-inline ForceEstimate ForceGrid<Storage>::sample(const Eigen::Vector3d& position_W) const noexcept {
+template <typename Storage, typename Segment>
+inline ForceEstimate ForceGrid<Storage, Segment>::sample(
+    const Eigen::Vector3d& position_W) const noexcept {
   using Double2 = double __attribute__((vector_size(16)));
   using Double4 = double __attribute__((vector_size(32)));
   using Int4 = std::int32_t __attribute__((vector_size(16)));
@@ -145,9 +165,9 @@ inline ForceEstimate ForceGrid<Storage>::sample(const Eigen::Vector3d& position_
   const float c = fraction[2];
   const Float4 v =
       this->storage().with_corners(at[0], at[1], at[2], [a, b, c](const auto& corners) {
-        const auto mix_along_z = [c](const ForceVertex* below, const ForceVertex* above) {
-          const Float4 low = load<Float4>(below);
-          return low + c * (load<Float4>(above) - low);
+        const auto mix_along_z = [c](const auto* below, const auto* above) {
+          const Float4 low = lanes_of(below);
+          return low + c * (lanes_of(above) - low);
         };
         const Float4 v00 =
             mix_along_z(corners.template at<0, 0, 0>(), corners.template at<0, 0, 1>());
@@ -171,8 +191,8 @@ inline ForceEstimate ForceGrid<Storage>::sample(const Eigen::Vector3d& position_
   return estimate;
 }
 
-template <typename Storage>
-ForceEstimate ForceGrid<Storage>::sample_with_status(
+template <typename Storage, typename Segment>
+ForceEstimate ForceGrid<Storage, Segment>::sample_with_status(
     const Eigen::Vector3d& position_W) const noexcept {
   ForceEstimate estimate;
   if (!position_W.allFinite()) {
@@ -208,8 +228,9 @@ ForceEstimate ForceGrid<Storage>::sample_with_status(
   return estimate;
 }
 
-template <typename Storage>
-ForceVertex ForceGrid<Storage>::blended_vertex(const Eigen::Vector3d& position_W) const noexcept {
+template <typename Storage, typename Segment>
+ForceVertex ForceGrid<Storage, Segment>::blended_vertex(
+    const Eigen::Vector3d& position_W) const noexcept {
   const Eigen::Vector3i cell = this->cell(position_W);
   const Eigen::Array3f t =
       (this->index_position(position_W) - cell.cast<double>().array()).template cast<float>();
@@ -233,8 +254,8 @@ ForceVertex ForceGrid<Storage>::blended_vertex(const Eigen::Vector3d& position_W
   return blend;
 }
 
-template <typename Storage>
-ForceEstimate ForceGrid<Storage>::sample_tricubic(
+template <typename Storage, typename Segment>
+ForceEstimate ForceGrid<Storage, Segment>::sample_tricubic(
     const Eigen::Vector3d& position_W) const noexcept {
   ForceEstimate estimate = sample(position_W);
   if (estimate.status != EstimateStatus::kOk) {
@@ -277,7 +298,7 @@ ForceEstimate ForceGrid<Storage>::sample_tricubic(
         const auto& segment =
             this->storage().segment(cell.x() - 1 + a, cell.y() - 1 + b, k / kSegmentVertices);
         const Float4 v =
-            load<Float4>(&segment.vertices[static_cast<std::size_t>(k % kSegmentVertices)]);
+            lanes_of(&segment.vertices[static_cast<std::size_t>(k % kSegmentVertices)]);
         least = v < least ? v : least;
         line += share[2][static_cast<std::size_t>(c)] * v;
       }

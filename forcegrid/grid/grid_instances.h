@@ -20,6 +20,9 @@ namespace forcegrid {
 std::unique_ptr<ForceMethod> make_dense_force_grid(const GridPlan& plan) noexcept;
 /// The same in blocks from a pool, only where samples came. In block_force_grid.cpp.
 std::unique_ptr<ForceMethod> make_block_force_grid(const GridPlan& plan) noexcept;
+/// The same with vertices in half precision, for a device's own processor. In half_block_grid.cpp,
+/// which is not part of the library.
+std::unique_ptr<ForceMethod> make_half_block_grid(const GridPlan& plan) noexcept;
 /// The same in the paper's adaptive form. In adaptive_force_grid.cpp.
 std::unique_ptr<ForceMethod> make_adaptive_force_grid(const GridPlan& plan) noexcept;
 /// Moments of the samples at the vertices of one array: `forcegrid-mls`. In dense_mls_grid.cpp.

@@ -246,30 +246,6 @@ void best_fit_corners(const CornerMoments& corners, double ridge, CornerForces& 
 
 }  // namespace
 
-SpreadConstants spread_constants(const RadialWeight& weighting, double spacing_z_m) noexcept {
-  SpreadConstants constants;
-  const double r = weighting.influence_radius_m;
-  constants.kind = weighting.kind;
-  constants.radius2_m2 = static_cast<float>(r * r);
-  constants.inverse_radius_per_m = static_cast<float>(1.0 / r);
-  constants.spacing_z_m = static_cast<float>(spacing_z_m);
-  switch (weighting.kind) {
-    case WeightKind::kPaper: {
-      const double in_units = r / weighting.unit_m;
-      constants.inverse_scale_per_m = static_cast<float>(1.0 / weighting.unit_m);
-      constants.slope = static_cast<float>(1.0 / (in_units * (1.0 + in_units * in_units)));
-      break;
-    }
-    case WeightKind::kInverse4:
-      constants.inverse_scale_per_m = static_cast<float>(1.0 / weighting.mean_spacing_m);
-      break;
-    case WeightKind::kInverse6:
-      constants.inverse_scale_per_m = static_cast<float>(2.0 / weighting.mean_spacing_m);
-      break;
-  }
-  return constants;
-}
-
 // Asking for the name selects the instruction set here, before any cycle runs.
 SpreadKernel<ForceSegment> spread_force_kernel(Instructions instructions) noexcept {
   static_cast<void>(best_instructions());

@@ -54,6 +54,9 @@ enum class Instructions {
 
 /// The formula above.
 SpreadKernel<ForceSegment> spread_force_kernel(Instructions instructions) noexcept;
+/// The same on vertices in half precision, in plain C++: each is rounded when it has changed.
+void spread_half(const SpreadConstants& constants, const SpreadSample& sample,
+                 const SegmentWork<HalfSegment>* work, std::size_t count) noexcept;
 
 /// Adds the sample's w(d) times 1, u, u u^T, F and F u^T to the vertices' moments.
 SpreadKernel<MomentSegment> spread_moments_kernel(Instructions instructions) noexcept;

@@ -25,10 +25,9 @@ float weight_at(const SpreadConstants& c, float distance2_m2) noexcept {
   return fade * fade / (0.05F + falling);
 }
 
-}  // namespace
-
-void spread_force_scalar(const SpreadConstants& c, const SpreadSample& sample,
-                         const SegmentWork<ForceSegment>* work, std::size_t count) noexcept {
+template <typename Segment>
+void spread(const SpreadConstants& c, const SpreadSample& sample, const SegmentWork<Segment>* work,
+            std::size_t count) noexcept {
   const auto& stiffness = sample.stiffness_W_N_per_m;
   for (std::size_t s = 0; s < count; ++s) {
     for (int lane = 0; lane < kSegmentVertices; ++lane) {
@@ -39,7 +38,8 @@ void spread_force_scalar(const SpreadConstants& c, const SpreadSample& sample,
       if (added <= 0.0F) {
         continue;
       }
-      ForceVertex& vertex = work[s].segment->vertices[static_cast<std::size_t>(lane)];
+      auto& stored = work[s].segment->vertices[static_cast<std::size_t>(lane)];
+      ForceVertex vertex = unpacked(stored);
       const float weight = std::max(vertex.weight, 0.0F) + added;
       const float share = added / weight;
       for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -51,8 +51,45 @@ void spread_force_scalar(const SpreadConstants& c, const SpreadSample& sample,
         vertex.force_W_N[axis] += share * (target_N - vertex.force_W_N[axis]);
       }
       vertex.weight = weight;
+      pack(vertex, stored);
     }
   }
+}
+
+}  // namespace
+
+SpreadConstants spread_constants(const RadialWeight& weighting, double spacing_z_m) noexcept {
+  SpreadConstants constants;
+  const double r = weighting.influence_radius_m;
+  constants.kind = weighting.kind;
+  constants.radius2_m2 = static_cast<float>(r * r);
+  constants.inverse_radius_per_m = static_cast<float>(1.0 / r);
+  constants.spacing_z_m = static_cast<float>(spacing_z_m);
+  switch (weighting.kind) {
+    case WeightKind::kPaper: {
+      const double in_units = r / weighting.unit_m;
+      constants.inverse_scale_per_m = static_cast<float>(1.0 / weighting.unit_m);
+      constants.slope = static_cast<float>(1.0 / (in_units * (1.0 + in_units * in_units)));
+      break;
+    }
+    case WeightKind::kInverse4:
+      constants.inverse_scale_per_m = static_cast<float>(1.0 / weighting.mean_spacing_m);
+      break;
+    case WeightKind::kInverse6:
+      constants.inverse_scale_per_m = static_cast<float>(2.0 / weighting.mean_spacing_m);
+      break;
+  }
+  return constants;
+}
+
+void spread_force_scalar(const SpreadConstants& c, const SpreadSample& sample,
+                         const SegmentWork<ForceSegment>* work, std::size_t count) noexcept {
+  spread(c, sample, work, count);
+}
+
+void spread_half(const SpreadConstants& c, const SpreadSample& sample,
+                 const SegmentWork<HalfSegment>* work, std::size_t count) noexcept {
+  spread(c, sample, work, count);
 }
 
 void spread_moments_scalar(const SpreadConstants& c, const SpreadSample& sample,
