@@ -39,29 +39,32 @@ Eigen::Array3d angle_per_count_rad(const profiles::DeviceProfile& profile) noexc
 }
 
 ArmKinematics::ArmKinematics(const profiles::DeviceProfile& profile)
-    : origin_m_(array_of(profile.kinematics.origin_m)),
-      max_current_A_(array_of(profile.motors.max_current_A)),
-      linkage_sign_(array_of(profile.kinematics.linkage_sign)),
-      linkage_offset_rad_(array_of(profile.kinematics.linkage_offset_rad)),
-      joint_min_rad_(array_of(profile.kinematics.joint_min_rad)),
-      joint_max_rad_(array_of(profile.kinematics.joint_max_rad)),
-      length_a_m_(profile.kinematics.link_length_m[0]),
-      length_b_m_(profile.kinematics.link_length_m[1]),
-      length_c_m_(profile.kinematics.link_length_m[2]),
-      elbow_min_rad_(profile.kinematics.elbow_min_rad),
-      elbow_max_rad_(profile.kinematics.elbow_max_rad),
-      weight_b_Nm_(profile.gravity.acceleration_m_per_s2 *
-                   (profile.gravity.link_b_mass_kg * profile.gravity.link_b_center_m +
-                    profile.gravity.link_c_mass_kg * profile.kinematics.link_length_m[1])),
-      weight_c_Nm_(profile.gravity.acceleration_m_per_s2 * profile.gravity.link_c_mass_kg *
-                   profile.gravity.link_c_center_m) {
-  const Eigen::Array3d ratio = array_of(profile.kinematics.capstan_diameter_m) /
-                               array_of(profile.kinematics.body_diameter_m);
-  const Eigen::Array3d encoder_sign = array_of(profile.kinematics.encoder_sign);
-  angle_per_count_rad_ = encoder_sign * 2.0 * std::numbers::pi * ratio /
-                         array_of(profile.kinematics.encoder_counts_per_turn);
-  current_per_torque_A_per_Nm_ =
-      encoder_sign * ratio / array_of(profile.motors.torque_constant_Nm_per_A);
+    : ArmKinematics(profile.kinematics, profile.motors, profile.gravity) {}
+
+ArmKinematics::ArmKinematics(const profiles::DeviceProfile::Kinematics& arm,
+                             const profiles::DeviceProfile::Motors& motors,
+                             const profiles::DeviceProfile::Gravity& gravity) noexcept
+    : origin_m_(array_of(arm.origin_m)),
+      max_current_A_(array_of(motors.max_current_A)),
+      linkage_sign_(array_of(arm.linkage_sign)),
+      linkage_offset_rad_(array_of(arm.linkage_offset_rad)),
+      joint_min_rad_(array_of(arm.joint_min_rad)),
+      joint_max_rad_(array_of(arm.joint_max_rad)),
+      length_a_m_(arm.link_length_m[0]),
+      length_b_m_(arm.link_length_m[1]),
+      length_c_m_(arm.link_length_m[2]),
+      elbow_min_rad_(arm.elbow_min_rad),
+      elbow_max_rad_(arm.elbow_max_rad),
+      weight_b_Nm_(gravity.acceleration_m_per_s2 *
+                   (gravity.link_b_mass_kg * gravity.link_b_center_m +
+                    gravity.link_c_mass_kg * arm.link_length_m[1])),
+      weight_c_Nm_(gravity.acceleration_m_per_s2 * gravity.link_c_mass_kg *
+                   gravity.link_c_center_m) {
+  const Eigen::Array3d ratio = array_of(arm.capstan_diameter_m) / array_of(arm.body_diameter_m);
+  const Eigen::Array3d encoder_sign = array_of(arm.encoder_sign);
+  angle_per_count_rad_ =
+      encoder_sign * 2.0 * std::numbers::pi * ratio / array_of(arm.encoder_counts_per_turn);
+  current_per_torque_A_per_Nm_ = encoder_sign * ratio / array_of(motors.torque_constant_Nm_per_A);
 }
 
 bool ArmKinematics::within_stops(const Eigen::Vector3d& joint_angle_rad,

@@ -78,6 +78,10 @@ class ArmKinematics {
   static constexpr double kStopTolerance_rad = 0.05;
 
   explicit ArmKinematics(const profiles::DeviceProfile& profile);
+  /// The same from a profile's tables, for a program without files.
+  ArmKinematics(const profiles::DeviceProfile::Kinematics& arm,
+                const profiles::DeviceProfile::Motors& motors,
+                const profiles::DeviceProfile::Gravity& gravity) noexcept;
 
   /// Forward kinematics and Jacobian of encoder counts a, b, c (need not be whole numbers).
   [[nodiscard]] ArmPose forward(const Eigen::Vector3d& counts) const noexcept;
