@@ -21,7 +21,7 @@ PACKAGES = $(addprefix build/.packages-,$(1))
 FOR_PROGRAM := $(call PACKAGES,run)
 FOR_TOOLS   := $(call PACKAGES,run chart)
 FOR_VIEW    := $(call PACKAGES,run view)
-FOR_TESTS   := $(call PACKAGES,run view mesh chart test fem browser python guest docs)
+FOR_TESTS   := $(call PACKAGES,run view mesh chart test fem browser python guest docs firmware)
 FOR_DEB     := $(call PACKAGES,run view mesh chart python deb)
 FOR_BENCH   := $(call PACKAGES,run chart test bench python guest)
 CONFIGURE := setup/configure.sh
@@ -198,6 +198,7 @@ build: $(FOR_TOOLS) $(call PACKAGES,python)
 build-tests: $(FOR_TESTS) scenes
 	$(CONFIGURE) TESTS PYTHON
 	$(BUILD)
+	$(MAKE) firmware-images
 
 build-bench: $(FOR_BENCH)
 	$(CONFIGURE) BENCH BINDINGS PYTHON
@@ -206,6 +207,16 @@ build-bench: $(FOR_BENCH)
 # Processor time of the last compilation of each source, by folder, and the slowest.
 build-report: $(call PACKAGES,report)
 	@python3 setup/build_report.py build/release
+
+# The methods on a device's own processor (docs/firmware.md): build/firmware/*.elf, and what they take
+# of its memory.
+.PHONY: firmware firmware-images
+firmware: $(call PACKAGES,run firmware) firmware-images
+	@/usr/bin/python3 firmware/sizes.py build/firmware
+
+firmware-images:
+	cmake --preset firmware >/dev/null
+	cmake --build --preset firmware
 
 # All packages.
 setup: $(call PACKAGES,$(shell sed -n 's/^\[\(.*\)\]$$/\1/p' setup/packages.txt))
