@@ -53,6 +53,8 @@ std::uint32_t timer_ticks() noexcept { return 0xffffffff - at(kTimerValue); }
 void start_serial(Port port) noexcept {
   serial(port, kDivider) = kBoardClock_Hz / 1'000'000;
   serial(port, kControl) = 3;  // both ways
+  // What came before is nobody's. QEMU also begins to listen at this read, not at the line above.
+  [[maybe_unused]] const std::uint32_t dropped = serial(port, kData);
 }
 
 bool serial_read(Port port, std::uint8_t& byte) noexcept {

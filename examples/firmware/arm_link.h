@@ -25,7 +25,7 @@ struct ArmState {
 
 /// The answer, a frame of 16 bytes:
 ///
-///   0       u32     number of the cycle that it answers
+///   0       u32     number of the cycle that it answers; 0, once at start: ready
 ///   4       3 i16   currents of the motors a, b, c [mA]
 ///   10      u8      driver::KinematicsStatus of the pose
 ///   11      u8      EstimateStatus of the force

@@ -111,11 +111,12 @@ class Line {
   OnBoardCycle cycle(kinematics, kLimits.max_force_N, method);
   Learning learning(method);
   SimulatorLink link(kSession);
-  Line arm(Port::kArm), simulator(Port::kSimulator);
+  static Line arm(Port::kArm), simulator(Port::kSimulator);
   Clock clock;
   start_timer();
   double sent_s = -kToolState_s;
   Eigen::Vector3d sent_W = Eigen::Vector3d::Zero();
+  arm.send(bytes_of({}));  // ready
   for (;;) {
     const std::int64_t now_ns = clock.now_ns();
     const double now_s = 1e-9 * static_cast<double>(now_ns);
