@@ -66,6 +66,9 @@ ifneq ($(filter-out 0,$(WORKERS)),)
 $(error WORKERS=$(WORKERS): only the project's own simulator has workers; leave SIMULATOR=$(SIMULATOR) out)
 endif
 endif
+# DEVICE=woodenhaptics_onboard: the force method METHOD=grid, rls or kriging on the arm's own processor,
+# emulated, too (docs/firmware.md).
+METHOD ?= rls
 # Scenes whose meshes have to be made.
 MADE_SCENE = $(if $(filter liver liver_fine,$(SCENE)),scenes)
 RUN := $(PROGRAM) run --device $(DEVICE_URL) --seconds $(SECONDS)
@@ -75,6 +78,10 @@ run: $(FOR_TOOLS)
 	$(CONFIGURE) EXAMPLES
 	$(BUILD) --target forcegrid_cli bullet_simulator
 	examples/run_with_simulator.sh "build/release/bin/bullet_simulator 127.0.0.1:0" $(RUN) $(ARGS)
+else ifeq ($(DEVICE),woodenhaptics_onboard)
+run: program firmware $(MADE_SCENE)
+	examples/firmware/run_on_board.sh $(METHOD) $(SCENE) $(PROGRAM) run \
+	  --device emulated:woodenhaptics_v2015 --seconds $(SECONDS) $(ARGS)
 else
 run: program $(MADE_SCENE)
 	$(RUN) --scene $(SCENE) $(if $(filter-out 0,$(WORKERS)),--workers $(WORKERS)) $(ARGS)

@@ -45,6 +45,7 @@ int emulate_command(const EmulateOptions& options) {
   emulator.amplitude_m = 1e-3 * options.amplitude_mm;
   emulator.seed = options.seed;
   emulator.frame_order = options.frame_order;
+  emulator.core = options.core;
   emulator.faults = options.faults;
   emulator.calibrated = options.calibrated;
   emulator.hand_carries_weight = !options.unsupported_weight;

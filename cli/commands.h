@@ -20,6 +20,7 @@ struct EmulateOptions {
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";
+  std::string core;
   std::vector<std::string> faults;
   bool calibrated = false;
   bool random_counters = false;

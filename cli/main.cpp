@@ -72,6 +72,13 @@ void add_emulate(Command& app, EmulateOptions& o, std::function<int()>& action) 
   emulate.add_option("--frame-order", o.frame_order, "Bus: " + joined(frame_orders()))
       ->check(one_of(frame_orders()))
       ->show_default();
+  emulate
+      .add_option(
+          "--core", o.core,
+          "The arm's motors are driven by a second processor, such as an emulated one; this "
+          "is the Unix socket of its line (docs/firmware.md)")
+      ->type_name("PATH")
+      ->not_in_config();
   emulate.add_option("--contact", o.contact_m, "Position where the hand touches: X,Y,Z")
       ->separated_by(',')
       ->check(finite_number())

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -48,6 +49,7 @@ struct DeviceOptions {
   bool random_power_up_counters = false;
   std::vector<FaultSpec> faults;  ///< the faults to inject, see FaultyDevice
   bool firmware_loaded = false;   ///< Falcon: the firmware runs from the start
+  std::string core;               ///< an arm's: see CoreLine; empty: it has no second processor
 
   /// The numbers for `hand`; nothing for kNone.
   [[nodiscard]] std::optional<profiles::HandProfile> hand_profile() const {

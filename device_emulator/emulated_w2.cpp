@@ -72,11 +72,16 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
               .cwiseProduct(rt::to_vector(options.profile.motors.torque_constant_Nm_per_A))
               .cwiseProduct(rt::to_vector(options.profile.kinematics.body_diameter_m))
               .cwiseQuotient(rt::to_vector(options.profile.kinematics.capstan_diameter_m))),
-      now_(start) {
+      now_(start),
+      counters_are_true_(options.operator_script.calibrated) {
   arm_.attach_tip_mass(options.tip_mass_kg);
   identity_.interfaces = usb_.interfaces();
   firmware_.turn_encoders(encoder_positions(arm_));
   firmware_.set_counters(power_up_counters(options));
+  if (!options.core.empty()) {
+    core_ = std::make_unique<CoreLine>(options.core);
+    firmware_.hand_over();
+  }
 }
 
 UsbIdentity EmulatedW2::identity() const noexcept { return identity_; }
@@ -118,6 +123,19 @@ void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
     }
   }
   firmware_.turn_encoders(encoder_positions(arm_));
+  if (core_ && motors_on() && !host_reports(now)) {
+    stop_core();
+  }
+}
+
+// The W2's own watchdog waits half a second, too long for currents that the host does not know.
+bool EmulatedW2::host_reports(rt::TimePoint now) const noexcept {
+  return firmware_.watchdog_deadline() && now - *firmware_.last_feed() <= kCoreSilence;
+}
+
+void EmulatedW2::stop_core() noexcept {
+  firmware_.apply({});
+  drive_motors();
 }
 
 ControlReply EmulatedW2::control(const SetupPacket& setup, std::span<const std::uint8_t> data,
@@ -167,6 +185,9 @@ void EmulatedW2::hold_with(HandKind hand) noexcept {
 void EmulatedW2::bus_reset(rt::TimePoint now) noexcept {
   usb_.bus_reset();
   firmware_.set_configured(false, now);
+  if (core_) {
+    stop_core();
+  }
 }
 
 void EmulatedW2::power_cycle(rt::TimePoint now) noexcept {
@@ -183,6 +204,36 @@ void EmulatedW2::run_firmware(rt::TimePoint now) noexcept {
   if (firmware_.statistics().reports_applied != reports_applied_) {
     reports_applied_ = firmware_.statistics().reports_applied;
     drive_motors();
+  }
+  if (core_) {
+    run_core(now);
+  }
+}
+
+void EmulatedW2::run_core(rt::TimePoint now) noexcept {
+  if (const auto answer = core_->receive(); answer && answer->number > 0) {
+    ++core_use_.answers;
+    core_answered_ = now;
+    const double latency_ms =
+        1e3 * rt::seconds(now - core_sent_[answer->number % core_sent_.size()]);
+    core_latency_sum_ms_ += latency_ms;
+    core_use_.worst_latency_ms = std::max(core_use_.worst_latency_ms, latency_ms);
+    if (host_reports(now)) {
+      firmware_.apply(answer->current_mA);
+      drive_motors();
+    }
+  } else if (core_answered_ && now - *core_answered_ > kCoreSilence) {
+    core_answered_.reset();
+    ++core_use_.silences;
+    stop_core();
+  }
+  const bool true_counters = counters_are_true_ || firmware_.statistics().counters_loaded > 0;
+  const std::uint64_t cycles = core_use_.cycles;
+  const bool due = cycles == 0 || now - core_sent_[cycles % core_sent_.size()] >= kCorePeriod;
+  if (due && true_counters && host_reports(now)) {
+    const auto number = static_cast<std::uint32_t>(++core_use_.cycles);
+    core_sent_[number % core_sent_.size()] = now;
+    core_->send(number, firmware_.counters());
   }
 }
 
@@ -232,6 +283,12 @@ EmulatorReport EmulatedW2::report() const {
   report.reports_drained = statistics.reports_drained;
   report.counters_loaded = statistics.counters_loaded;
   report.physics_skipped_s = physics_skipped_s_;
+  if (core_) {
+    report.core = core_use_;
+    report.core->broken_frames = core_->broken_frames();
+    report.core->mean_latency_ms =
+        core_latency_sum_ms_ / std::max(1.0, static_cast<double>(core_use_.answers));
+  }
   report.counters = firmware_.counters();
   report.configured = usb_.configured();
   return report;

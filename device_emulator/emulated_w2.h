@@ -3,12 +3,14 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "device_emulator/arm_model.h"
+#include "device_emulator/core_line.h"
 #include "device_emulator/counter_samples.h"
 #include "device_emulator/emulated_device.h"
 #include "device_emulator/operator_script.h"
@@ -23,10 +25,19 @@ namespace forcegrid::emulator {
 /// k_i I_i D_i / d_i with I_i = I_full (duty_i - 0.5) / 0.4 for a duty within 10..90 %. The servo
 /// amplifier (ESCON) treats any other duty as out of range: zero current, counted.
 ///
+/// With DeviceOptions::core, a second processor computes the currents: every kCorePeriod, while the
+/// host sends reports and the counters are true, it is sent the counters, and its newest answer
+/// drives the motors. If it or the host is silent for kCoreSilence, and when the host lets go of
+/// the device, the currents are zero.
+///
 /// Real-time and threads: as EmulatedDevice.
 class EmulatedW2 final : public EmulatedDevice {
  public:
-  /// @throws std::invalid_argument for a profile that can't be emulated (see W2UsbDevice).
+  static constexpr rt::Duration kCorePeriod = std::chrono::milliseconds(2);
+  static constexpr rt::Duration kCoreSilence = std::chrono::milliseconds(50);
+
+  /// @throws std::invalid_argument for a profile that can't be emulated (see W2UsbDevice);
+  ///         EmulatorError if there is no processor at DeviceOptions::core.
   EmulatedW2(const DeviceOptions& options, rt::TimePoint start);
 
   [[nodiscard]] UsbIdentity identity() const noexcept override;
@@ -70,6 +81,9 @@ class EmulatedW2 final : public EmulatedDevice {
  private:
   void run_firmware(rt::TimePoint now) noexcept;
   void drive_motors() noexcept;
+  void run_core(rt::TimePoint now) noexcept;
+  void stop_core() noexcept;
+  [[nodiscard]] bool host_reports(rt::TimePoint now) const noexcept;
 
   UsbIdentity identity_;
   W2UsbDevice usb_;
@@ -92,6 +106,13 @@ class EmulatedW2 final : public EmulatedDevice {
   std::uint64_t reports_applied_ = 0;
   double physics_skipped_s_ = 0.0;
   CounterSamples samples_;
+
+  std::unique_ptr<CoreLine> core_;  ///< null: there is no second processor
+  bool counters_are_true_;          ///< from the start; else they are once they have been loaded
+  CoreUse core_use_;
+  double core_latency_sum_ms_ = 0.0;
+  std::array<rt::TimePoint, 16> core_sent_{};   ///< when the state of this number, modulo 16, went
+  std::optional<rt::TimePoint> core_answered_;  ///< nothing: silent
 };
 
 }  // namespace forcegrid::emulator

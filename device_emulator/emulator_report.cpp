@@ -44,12 +44,21 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
       {"attached", report.attached},
       {"configured", report.configured},
       {"unplugged", report.unplugged},
+      {"core", nullptr},
       {"hand_target", nullptr},
       {"faults", report.faults},
       {"motors_last_on_ns", report.motors_last_on_ns},
   };
   if (report.seconds_since_motors_nonzero) {
     json["seconds_since_motors_nonzero"] = *report.seconds_since_motors_nonzero;
+  }
+  if (report.core) {
+    json["core"] = {{"cycles", report.core->cycles},
+                    {"answers", report.core->answers},
+                    {"broken_frames", report.core->broken_frames},
+                    {"silences", report.core->silences},
+                    {"mean_latency_ms", report.core->mean_latency_ms},
+                    {"worst_latency_ms", report.core->worst_latency_ms}};
   }
   if (report.hand_target) {
     json["hand_target"] = {{"taken", report.hand_target->taken},
@@ -58,8 +67,9 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
   if (!report.falcon) {
     return;
   }
-  for (const char* key : {"final_current_mA", "max_abs_current_mA", "out_of_range_currents",
-                          "short_reports", "long_reports", "reports_drained", "counters_loaded"}) {
+  for (const char* key :
+       {"final_current_mA", "max_abs_current_mA", "out_of_range_currents", "short_reports",
+        "long_reports", "reports_drained", "counters_loaded", "core"}) {
     json.erase(key);
   }
   const FalconReport& falcon = *report.falcon;

@@ -46,6 +46,16 @@ struct FalconReport {
   std::uint64_t blocked_substeps = 0;  ///< of the physics, in which the legs would not have closed
 };
 
+/// What a W2's second processor did, see CoreLine.
+struct CoreUse {
+  std::uint64_t cycles = 0;         ///< states that it was sent
+  std::uint64_t answers = 0;        ///< newest answers that were taken
+  std::uint64_t broken_frames = 0;  ///< answers that were damaged
+  std::uint64_t silences = 0;       ///< times that it fell silent and the motors were set to zero
+  /// From a state to its answer, in steps of the bus frame: mean, and longest.
+  double mean_latency_ms = 0.0, worst_latency_ms = 0.0;
+};
+
 /// What came for the hand, see HandTargetSocket.
 struct HandTargetUse {
   std::uint64_t taken = 0;      ///< well-formed datagrams
@@ -89,6 +99,7 @@ struct EmulatorReport {
   bool configured = false;                 ///< and set its configuration
   bool unplugged = false;
 
+  std::optional<CoreUse> core;               ///< of an arm with a second processor
   std::optional<HandTargetUse> hand_target;  ///< the same for all devices; nothing without a socket
 
   std::vector<FaultRecord> faults;     ///< in the order in which they were requested

@@ -55,6 +55,11 @@ ServerOptions server_options(const EmulatorOptions& options) {
     device.frame_order = parse_frame_order(options.frame_order);
     device.random_power_up_counters = options.random_power_up_counters;
     device.firmware_loaded = options.firmware_loaded;
+    device.core = options.core;
+    if (!options.core.empty() &&
+        (options.profiles.size() > 1 || profiles::is_delta(device.profile))) {
+      throw std::invalid_argument("a second processor drives one arm: give one device, no Falcon");
+    }
     if (options.motion.starts_with(kPathPrefix)) {
       device.operator_script.motion = MotionKind::kPath;
       device.operator_script.path =

@@ -32,6 +32,7 @@ struct EmulatorOptions {
   bool calibrated = false;                ///< counters are true from the start; no button needed
   bool random_power_up_counters = false;  ///< counters start at random values instead of 0
   bool firmware_loaded = false;           ///< a Falcon's firmware runs from the start
+  std::string core;                       ///< path, see CoreLine; only for one arm
   std::array<double, 3> contact_m{};      ///< contact point, frame D
   double amplitude_m = HandMotion::kNominalAmplitude_m;
   std::vector<std::string> faults;  ///< of every device, see FaultSpec

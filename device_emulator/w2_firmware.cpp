@@ -169,9 +169,21 @@ void W2Firmware::act_on(const Packet& packet, rt::TimePoint now) noexcept {
     ++statistics_.counters_loaded;
     return;
   }
+  if (!handed_over_) {
+    drive({read_int16(bytes), read_int16(bytes + 2), read_int16(bytes + 4)});
+  }
+}
+
+void W2Firmware::apply(const std::array<std::int16_t, 3>& current_mA) noexcept {
+  if (handed_over_ && watchdog_running_) {
+    drive(current_mA);
+  }
+}
+
+// Not clamped, as in the device: beyond I_full the duty leaves the amplifier's range.
+void W2Firmware::drive(const std::array<std::int16_t, 3>& current_mA) noexcept {
   for (std::size_t i = 0; i < 3; ++i) {
-    const double current_A = 1e-3 * read_int16(bytes + 2 * i);
-    // Not clamped, as in the device: beyond I_full the duty leaves the amplifier's range.
+    const double current_A = 1e-3 * current_mA[i];
     outputs_.duty[i] = kZeroCurrentDuty + 0.4 * current_A / full_scale_current_A_;
   }
 }

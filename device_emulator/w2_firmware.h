@@ -78,6 +78,14 @@ class W2Firmware {
   void set_counters(const Counters& counts) noexcept { counters_ = counts; }
   void press_calibration_button() noexcept { info_ = true; }
 
+  /// From now on a second processor in the device computes the motors' currents: those of the
+  /// host's reports are not applied. The reports feed the watchdog as before, so that the motors
+  /// are on only while a host is there.
+  void hand_over() noexcept { handed_over_ = true; }
+  /// The second processor's currents [mA]. Without effect unless handed over, and while the
+  /// watchdog is not running.
+  void apply(const std::array<std::int16_t, 3>& current_mA) noexcept;
+
   /// Puts the device into or out of its configuration. Leaving it empties both endpoints, as a bus
   /// reset does; the program continues.
   void set_configured(bool configured, rt::TimePoint now) noexcept;
@@ -126,6 +134,7 @@ class W2Firmware {
 
   Report sample() const noexcept;
   void act_on(const Packet& packet, rt::TimePoint now) noexcept;
+  void drive(const std::array<std::int16_t, 3>& current_mA) noexcept;
 
   double full_scale_current_A_;
   std::size_t wire_bytes_;
@@ -141,6 +150,7 @@ class W2Firmware {
   std::size_t out_count_ = 0;
   std::optional<rt::TimePoint> last_feed_;
   bool watchdog_running_ = false;
+  bool handed_over_ = false;
   Outputs outputs_;
   Statistics statistics_;
 };

@@ -27,6 +27,9 @@ void start_serial(Port port) noexcept;
 [[nodiscard]] bool serial_read(Port port, std::uint8_t& byte) noexcept;
 /// @returns false if the port can't take one yet.
 [[nodiscard]] bool serial_write(Port port, std::uint8_t byte) noexcept;
+/// Sleeps until a byte has come on a port, or returns at once if one came since serial_read() found
+/// none.
+void wait_for_serial() noexcept;
 
 /// Bytes of the stack that were used since start, at most; and those that there are.
 std::size_t stack_bytes_used() noexcept;

@@ -31,7 +31,10 @@ constexpr std::uintptr_t kTimer = 0x40000000;
 constexpr std::uintptr_t kTimerControl = kTimer, kTimerValue = kTimer + 4,
                          kTimerReload = kTimer + 8;
 constexpr std::uintptr_t kSerial = 0x40004000, kSerialStep = 0x1000;  // from port to port
-constexpr std::uintptr_t kData = 0, kState = 4, kControl = 8, kDivider = 16;
+constexpr std::uintptr_t kData = 0, kState = 4, kControl = 8, kInterrupt = 12, kDivider = 16;
+constexpr std::uint32_t kBothWays = 3, kReceiveInterrupt = 8, kReceived = 2;
+constexpr std::uintptr_t kInterruptEnable = 0xE000E100, kInterruptPending = 0xE000E280;
+constexpr std::uint32_t kReceiveLines = 1 << 0 | 1 << 2;  // of UART 0 and 1
 constexpr std::uint32_t kTransmitFull = 1, kReceiveFull = 2;
 constexpr std::uintptr_t kCoprocessorAccess = 0xE000ED88;
 
@@ -52,7 +55,7 @@ std::uint32_t timer_ticks() noexcept { return 0xffffffff - at(kTimerValue); }
 
 void start_serial(Port port) noexcept {
   serial(port, kDivider) = kBoardClock_Hz / 1'000'000;
-  serial(port, kControl) = 3;  // both ways
+  serial(port, kControl) = kBothWays | kReceiveInterrupt;
   // What came before is nobody's. QEMU also begins to listen at this read, not at the line above.
   [[maybe_unused]] const std::uint32_t dropped = serial(port, kData);
 }
@@ -71,6 +74,17 @@ bool serial_write(Port port, std::uint8_t byte) noexcept {
   }
   serial(port, kData) = byte;
   return true;
+}
+
+// Interrupts wake the processor, but stay masked: there is no handler.
+void wait_for_serial() noexcept {
+  asm volatile("cpsid i" ::: "memory");
+  at(kInterruptEnable) = kReceiveLines;
+  asm volatile("dsb\n wfi" ::: "memory");
+  for (const Port port : {Port::kSimulator, Port::kArm}) {
+    serial(port, kInterrupt) = kReceived;
+  }
+  at(kInterruptPending) = kReceiveLines;
 }
 
 std::size_t stack_bytes() noexcept {

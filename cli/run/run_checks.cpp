@@ -68,6 +68,12 @@ void check_device(const RunOptions& options, const profiles::DeviceProfile& prof
                              ": only an emulated device can have injected faults; use --device " +
                              "emulated:PROFILE, or give --fault to forcegrid emulate");
   }
+  if (!options.core.empty() &&
+      (!is_emulated(options) || profile.kind == profiles::DeviceKind::kDelta)) {
+    throw std::runtime_error(
+        "--core: only an emulated arm has a second processor; use --device "
+        "emulated:woodenhaptics_v2015");
+  }
   if (options.gravity_compensation && profile.kind == profiles::DeviceKind::kDelta) {
     throw std::runtime_error(
         "--gravity-compensation: the masses of the Falcon's moving parts are "

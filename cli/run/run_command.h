@@ -63,6 +63,7 @@ struct RunOptions {
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";
+  std::string core;
   std::vector<std::string> faults;    ///< of the emulated device
   std::string passivity = "control";  ///< or observe, or coupling; see PassivityGuard
   double passivity_allowance_mJ = 0.3;

@@ -221,6 +221,12 @@ void add_hand(Command& run, RunOptions& o) {
       ->check(one_of(frame_orders()))
       ->show_default();
   run.add_option(
+         "--core", o.core,
+         "The emulated arm's motors are driven by a second processor in it; this is the Unix "
+         "socket of its line (docs/firmware.md)")
+      ->type_name("PATH")
+      ->not_in_config();
+  run.add_option(
          "--fault", o.faults,
          "Inject a fault into the emulated device; may be repeated, see forcegrid emulate --help")
       ->check(fault_check())

@@ -50,6 +50,9 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
   for (const std::string& fault : options.faults) {
     arguments.insert(arguments.end(), {"--fault", fault});
   }
+  if (!options.core.empty()) {
+    arguments.insert(arguments.end(), {"--core", options.core});
+  }
   if (options.contact_m) {
     const auto& at_m = *options.contact_m;
     arguments.insert(arguments.end(),

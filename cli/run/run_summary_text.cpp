@@ -304,6 +304,14 @@ std::string motors_text(const nlohmann::json& emulator) {
   append(text, "Emulated motors: final %s %.0f %.0f %.0f%s, %" PRIu64 " watchdog trips\n",
          has_commands ? "command" : "current", motor.at(0), motor.at(1), motor.at(2),
          has_commands ? "" : " mA", emulator.at("watchdog_trips").get<std::uint64_t>());
+  if (const auto core = emulator.find("core"); core != emulator.end() && !core->is_null()) {
+    append(text,
+           "Second processor: %" PRIu64 " cycles, %" PRIu64
+           " answered after %.1f ms on average, %.1f ms at most; %" PRIu64 " silences\n",
+           core->at("cycles").get<std::uint64_t>(), core->at("answers").get<std::uint64_t>(),
+           core->at("mean_latency_ms").get<double>(), core->at("worst_latency_ms").get<double>(),
+           core->at("silences").get<std::uint64_t>());
+  }
   return text;
 }
 

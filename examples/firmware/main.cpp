@@ -83,25 +83,35 @@ class Learning {
   double newest_s_ = 0.0;
 };
 
-/// One port with its frames; each call moves at most one byte each way.
+/// One port with its frames.
 class Line {
  public:
+  static constexpr int kMostBytes = 16;  ///< that a call sends; it takes at most one
+
   explicit Line(Port port) noexcept : port_(port) { start_serial(port); }
 
   /// @returns a frame that has just ended, or an empty one.
   std::span<const std::uint8_t> poll() noexcept {
-    if (const auto byte = out_.next(); byte && serial_write(port_, *byte)) {
+    for (int i = 0; i < kMostBytes; ++i) {
+      const auto byte = out_.next();
+      if (!byte || !serial_write(port_, *byte)) {
+        break;
+      }
       out_.pop();
     }
     std::uint8_t byte = 0;
-    return serial_read(port_, byte) ? in_.take(byte) : std::span<const std::uint8_t>{};
+    idle_ = !serial_read(port_, byte);
+    return idle_ ? std::span<const std::uint8_t>{} : in_.take(byte);
   }
   void send(std::span<const std::uint8_t> frame) noexcept { out_.put(frame); }
+  /// Nothing came at the last poll(), and nothing waits to be sent.
+  bool idle() const noexcept { return idle_ && !out_.next(); }
 
  private:
   Port port_;
   FrameReader in_;
   FrameWriter out_;
+  bool idle_ = false;
 };
 
 [[noreturn]] void run() noexcept {
@@ -128,6 +138,9 @@ class Line {
     const auto frame = arm.poll();
     const auto state = arm_state_of(frame);
     if (!state) {
+      if (arm.idle() && simulator.idle()) {
+        wait_for_serial();
+      }
       continue;
     }
     learning.forget_old(now_s);

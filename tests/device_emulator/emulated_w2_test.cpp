@@ -451,6 +451,7 @@ TEST(EmulatorReport, JsonCarriesTheSameNamesAndNullForNever) {
   EXPECT_EQ(json.at("watchdog_trips"), 0);
   EXPECT_TRUE(json.at("seconds_since_motors_nonzero").is_null());
   EXPECT_TRUE(json.at("hand_target").is_null());
+  EXPECT_TRUE(json.at("core").is_null());
 }
 
 }  // namespace
