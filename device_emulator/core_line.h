@@ -16,8 +16,8 @@ namespace forcegrid::emulator {
 ///
 /// A frame ends in C0; in it DB DC stands for C0 and DB DD for DB (RFC 1055). Little-endian:
 ///   to the core, 32 bytes:   u32 number of the cycle, 6 i32 counters, u32 CRC-32 of these 28
-///   from the core, 16 bytes: u32 number that it answers, 3 i16 current [mA], u8 status of the pose,
-///                            u8 status of the force, u32 CRC-32 of these 12
+///   from the core, 16 bytes: u32 number that it answers, 3 i16 current [mA], u8 status of the
+///                            pose, u8 status of the force, u32 CRC-32 of these 12
 ///
 /// Real-time: send() and receive() neither wait, allocate, lock nor throw; one system call each,
 /// and at most kReadBytes bytes. Threads: one.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Joins a device's serial line to a simulator: each SLIP frame (RFC 1055) is a datagram of the link.
-usage: serial_bridge.py LINE HOST:PORT    LINE: a serial port at 1 Mbit/s, or unix:FILE of an emulator"""
+"""Joins a device's serial line to a simulator: each SLIP frame (RFC 1055) is one datagram.
+usage: serial_bridge.py LINE HOST:PORT    LINE: a serial port at 1 Mbit/s, or unix:FILE"""
 import os
 import select
 import socket

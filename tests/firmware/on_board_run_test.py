@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A run with the force method on the arm's own, emulated processor: examples/firmware/run_on_board.sh.
+"""A run with the force method on the arm's own, emulated processor.
 usage: on_board_run_test.py SOURCE_FOLDER PROGRAM"""
 import json
 import pathlib
