@@ -59,6 +59,7 @@ class Cases {
     guarded_scenes();
     requests();
     stress();
+    on_board();
     std::stable_partition(cells_.begin(), cells_.end(), is_exact);
     return cells_;
   }
@@ -330,6 +331,28 @@ class Cases {
     }
   }
 
+  // The same loop at 500 Hz in the host and on the device's own processor.
+  void on_board() {
+    static const std::vector<std::string> all = {kExact, "rls", "kriging samples=16",
+                                                 "forcegrid storage=blocks cells=32,24,24 r=15mm"};
+    for (const std::string& method : all_methods_ ? all : methods_) {
+      for (const Hand& hand : hands()) {
+        for (const char* const timing : {"w2_full_speed", "on_board"}) {
+          for (const double delay_s : {0.0, 0.1}) {
+            if (quick_ && (delay_s > 0.0 || hand.name == "arm" || hand.name == "none")) {
+              continue;
+            }
+            add({.part = part::kOnBoard,
+                 .method = method,
+                 .hand = hand.name,
+                 .timing = timing,
+                 .delay_s = delay_s});
+          }
+        }
+      }
+    }
+  }
+
   bool quick_;
   std::vector<std::string> parts_;
   std::vector<std::string> hands_;
@@ -394,9 +417,9 @@ const std::vector<std::string>& chart_methods() {
 }
 
 const std::vector<std::string>& chart_parts() {
-  static const std::vector<std::string> names = {part::kMap,      part::kLinear, part::kPlane,
-                                                 part::kScene,    part::kOpen,   part::kGuard,
-                                                 part::kRequests, part::kStress, part::kSweep};
+  static const std::vector<std::string> names = {
+      part::kMap,   part::kLinear,   part::kPlane,  part::kScene,   part::kOpen,
+      part::kGuard, part::kRequests, part::kStress, part::kOnBoard, part::kSweep};
   return names;
 }
 

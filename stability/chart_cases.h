@@ -23,7 +23,8 @@ inline constexpr char kOpen[] = "open";          ///< the same scenes in open lo
 inline constexpr char kGuard[] = "guard";        ///< passivity guard on and off
 inline constexpr char kRequests[] = "requests";  ///< touches, with requests to the simulator
 inline constexpr char kStress[] = "stress";      ///< 30 % loss, 200 ms
-inline constexpr char kSweep[] = "sweep";  ///< fault sweep, see fault_sweep.h; it has no cells
+inline constexpr char kOnBoard[] = "onboard";  ///< methods of docs/firmware.md: either side of USB
+inline constexpr char kSweep[] = "sweep";      ///< fault sweep, see fault_sweep.h; it has no cells
 }  // namespace part
 
 /// Devices of the chart.

@@ -28,7 +28,9 @@ struct DeviceTiming {
 
 /// Returns the known timings. ideal: no delay. w2_full_speed: the W2 exchange on a bus with frames
 /// of 1 ms; counts are 0.6 ms old and forces 0.4 ms late, as servo::ServoLoop places its cycles in
-/// the frames. w2_high_speed: the same with microframes of 125 us.
+/// the frames. w2_high_speed: the same with microframes of 125 us. on_board: the method runs on the
+/// device's own processor, which reads the counters itself; from them to the currents it executes
+/// up to 3,624 instructions (docs/firmware.md), 20 us at 200 MHz.
 const std::vector<DeviceTiming>& device_timings();
 /// @throws std::invalid_argument for an unknown name, listing the known ones.
 const DeviceTiming& device_timing(const std::string& name);

@@ -6,8 +6,11 @@
 
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string>
+#include <utility>
 
 #include "evaluation/page_text.h"
 #include "stability/chart_numbers.h"
@@ -64,6 +67,20 @@ TEST(StabilityCases, TheWholeChartHasEveryNetworkOfTheUsualRates) {
     }
   }
   EXPECT_EQ(networks.size(), 3U * 3U * 2U);
+}
+
+TEST(StabilityCases, ComparesTheDevicesOwnProcessorWithTheHostCellByCell) {
+  std::map<std::string, std::set<std::string>> timings;
+  for (StabilityCase cell : chart_cases({false, {}, "kriging", {part::kOnBoard}, {}})) {
+    EXPECT_EQ(cell.servo_rate_Hz, 500.0);
+    const std::string timing = std::exchange(cell.timing, "");
+    timings[cell.text()].insert(timing);
+  }
+  // 3 methods with and 1 without a simulator's delays, in 4 hands.
+  EXPECT_EQ(timings.size(), (3U * 2U + 1U) * 4U);
+  for (const auto& [cell, of_cell] : timings) {
+    EXPECT_EQ(of_cell, (std::set<std::string>{"w2_full_speed", "on_board"})) << cell;
+  }
 }
 
 TEST(StabilityRows, SurviveJson) {

@@ -52,8 +52,11 @@ double limit_N_per_m(const LoopSetup& setup, const std::string& method) {
 TEST(ClosedLoop, ExactForceIsStableUpToTheEigenvalueLimit) {
   int compared = 0;
   for (const char* hand : {"none", "light", "firm"}) {
-    for (const auto& [rate_Hz, timing] : std::vector<std::pair<double, const char*>>{
-             {500.0, "ideal"}, {500.0, "w2_full_speed"}, {1000.0, "w2_full_speed"}}) {
+    for (const auto& [rate_Hz, timing] :
+         std::vector<std::pair<double, const char*>>{{500.0, "ideal"},
+                                                     {500.0, "w2_full_speed"},
+                                                     {500.0, "on_board"},
+                                                     {1000.0, "w2_full_speed"}}) {
       const LoopSetup setup = linear_setup(hand, rate_Hz, timing);
       const double expected = eigenvalue_limit_N_per_m(
           sampled_spring(setup.device, setup.hand, 1.0 / rate_Hz,
