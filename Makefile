@@ -222,7 +222,7 @@ firmware: $(call PACKAGES,run firmware) firmware-images
 	@/usr/bin/python3 firmware/sizes.py build/firmware
 
 firmware-images:
-	cmake --preset firmware >/dev/null
+	@test -f build/firmware/build.ninja || cmake --preset firmware >/dev/null
 	cmake --build --preset firmware
 
 # All packages.
