@@ -45,7 +45,9 @@ LoopResult run(const LoopSetup& setup, double stiffness_N_per_m, const std::stri
 }
 
 double limit_N_per_m(const LoopSetup& setup, const std::string& method) {
-  return find_limit([&](double K) { return run(setup, K, method).behaviour; })
+  return find_limit([&](double stiffness_N_per_m) {
+           return run(setup, stiffness_N_per_m, method).behaviour;
+         })
       .largest_stable_N_per_m;
 }
 
