@@ -205,7 +205,7 @@ export class Pause {
 }
 
 /**
- * Keys. Space is stop wherever the focus is; enter presses the button that has it.
+ * Keys. Space is stop wherever the focus is; enter presses the button or the box that has it.
  * @param actions {p, f, o, '?', Escape}: functions.
  */
 export function listen_to_keys(stop, actions) {
@@ -217,6 +217,11 @@ export function listen_to_keys(stop, actions) {
       if (!event.repeat) {
         stop.press();
       }
+      return;
+    }
+    if (event.key === 'Enter' && plain(event) && event.target.type === 'checkbox') {
+      event.preventDefault();
+      event.target.click();
       return;
     }
     const typing = event.target instanceof HTMLSelectElement ||
