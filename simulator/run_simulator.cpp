@@ -218,12 +218,15 @@ class Loop {
   void replace_object() {
     const bool held = contact_->in_contact() && contact_answer_;
     const Eigen::Vector3d point_W = held ? contact_answer_->point_W : scene_.mesh.top_W;
-    Scene scene = scene_;
+    cut_scene_.reset();
     if (controls_.cut) {
-      scene.mesh = with_cut(scene.mesh, {.centre_W = point_W,
-                                         .half_width_m = kCutOverPatch * scene.patch_radius_m,
-                                         .depth_m = kCutOverPatch * 2.0 * scene.patch_radius_m});
+      cut_scene_ = scene_;
+      cut_scene_->mesh =
+          with_cut(scene_.mesh, {.centre_W = point_W,
+                                 .half_width_m = kCutOverPatch * scene_.patch_radius_m,
+                                 .depth_m = kCutOverPatch * 2.0 * scene_.patch_radius_m});
     }
+    const Scene& scene = cut_scene_ ? *cut_scene_ : scene_;
     contact_ = make_solver_contact(scene, solver_, tool_, controls_.rate_Hz);
     make_scheduler(scene);
     if (surface_) {
@@ -412,10 +415,14 @@ class Loop {
     if (!surface_) {
       return;
     }
-    const std::uint64_t frames = surface_->counts().frames;
+    const auto frames = [this] {
+      const SurfaceStream::Counts counts = surface_->counts();
+      return counts.frames + counts.inside_frames;
+    };
+    const std::uint64_t before = frames();
     const rt::TimePoint start = rt::Clock::now();
     surface_->show(*contact_);
-    if (surface_->counts().frames != frames) {
+    if (frames() != before) {
       surface_us_.add(1e6 * rt::seconds(rt::Clock::now() - start));
     }
   }
@@ -480,6 +487,7 @@ class Loop {
     if (surface_) {
       const SurfaceStream::Counts counts = surface_->counts();
       summary_.surface = {.frames = counts.frames,
+                          .inside_frames = counts.inside_frames,
                           .dropped = counts.dropped,
                           .view_lost = counts.lost,
                           .mean_ms = 1e-3 * surface_us_.mean(),
@@ -501,7 +509,8 @@ class Loop {
   }
 
   SimulatorOptions options_;
-  const Scene& scene_;  ///< as it was read, whole
+  const Scene& scene_;              ///< as it was read, whole
+  std::optional<Scene> cut_scene_;  ///< the same after a cut; nothing: it is whole
   SolverChoice solver_;
   ToolOptions tool_;
   bool warned_of_strangers_ = false;

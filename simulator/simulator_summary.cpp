@@ -74,6 +74,7 @@ nlohmann::json to_json(const std::optional<SurfaceUse>& use) {
     return nullptr;
   }
   return {{"frames", use->frames},
+          {"inside_frames", use->inside_frames},
           {"dropped", use->dropped},
           {"view_lost", use->view_lost},
           {"frame_ms", {{"mean", use->mean_ms}, {"max", use->max_ms}}}};

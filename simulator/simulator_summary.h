@@ -18,9 +18,10 @@ namespace forcegrid::simulator {
 /// What was sent to the live view.
 struct SurfaceUse {
   std::uint64_t frames = 0;
-  std::uint64_t dropped = 0;  ///< because the view was slow
-  bool view_lost = false;     ///< it went away during the run
-  double mean_ms = 0.0;       ///< [ms] of a frame: copying the positions, encoding, handing over
+  std::uint64_t inside_frames = 0;  ///< sent while a page showed the inside
+  std::uint64_t dropped = 0;        ///< of both, because the view was slow
+  bool view_lost = false;           ///< it went away during the run
+  double mean_ms = 0.0;  ///< [ms] of a frame: copying the positions, encoding, handing over
   double max_ms = 0.0;
 };
 

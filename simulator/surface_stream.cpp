@@ -5,9 +5,12 @@
 
 #include "log/log.h"
 #include "simulator/mesh/error.h"
+#include "view_link/inside_messages.h"
 
 namespace forcegrid::simulator {
 namespace {
+
+using view_link::InsideType;
 
 void check_size(std::size_t count, std::uint32_t most, const std::string& what) {
   if (count > most) {
@@ -23,43 +26,30 @@ view_link::Point to_point(const Eigen::Vector3d& position_W) {
 
 }  // namespace
 
-DrawnSurface drawn_surface(const SpringMesh& mesh) {
-  DrawnSurface surface;
-  std::vector<bool> is_corner(mesh.rest_position_W.size(), false);
-  for (const auto& triangle : mesh.triangles) {
-    for (const std::int32_t vertex : triangle) {
-      is_corner[static_cast<std::size_t>(vertex)] = true;
-    }
-  }
-  std::vector<std::uint32_t> number(is_corner.size(), 0);
-  for (std::size_t vertex = 0; vertex < is_corner.size(); ++vertex) {
-    if (is_corner[vertex]) {
-      number[vertex] = static_cast<std::uint32_t>(surface.vertices.size());
-      surface.vertices.push_back(static_cast<std::int32_t>(vertex));
-    }
-  }
-  surface.triangles.reserve(mesh.triangles.size());
-  for (const auto& [a, b, c] : mesh.triangles) {
-    surface.triangles.push_back({number[static_cast<std::size_t>(a)],
-                                 number[static_cast<std::size_t>(b)],
-                                 number[static_cast<std::size_t>(c)]});
-  }
-  return surface;
-}
-
-SurfaceStream::SurfaceStream(const SpringMesh& mesh, const std::string& path) {
+SurfaceStream::SurfaceStream(const SpringMesh& mesh, const std::string& path) : mesh_(&mesh) {
   view_link::FrameSender::Options options;
   options.path = path;
+  options.on_frame = [this](const view_link::Frame& frame) {
+    if (frame.type == static_cast<std::uint16_t>(InsideType::kWish)) {
+      inside_wished_.store(view_link::decode_wish(frame.payload).value_or(false));
+    }
+  };
   options.on_lost = [path](const std::string& why) {
     log::warn("simulator", "simulator: the live view at " + path + " has gone away (" + why +
                                "); the simulator goes on without it");
   };
   sender_ = std::make_unique<view_link::FrameSender>(std::move(options));
-  change(mesh);
+  send_shape();
 }
 
 void SurfaceStream::change(const SpringMesh& mesh) {
-  surface_ = drawn_surface(mesh);
+  mesh_ = &mesh;
+  inside_.reset();
+  send_shape();
+}
+
+void SurfaceStream::send_shape() {
+  surface_ = drawn_surface(*mesh_);
   check_size(surface_.vertices.size(), view_link::kMostVertices, "vertices");
   check_size(surface_.triangles.size(), view_link::kMostTriangles, "triangles");
   view_link::SurfaceShape shape;
@@ -67,7 +57,7 @@ void SurfaceStream::change(const SpringMesh& mesh) {
   shape.triangle = surface_.triangles;
   shape.rest_W_m.reserve(surface_.vertices.size());
   for (const std::int32_t vertex : surface_.vertices) {
-    shape.rest_W_m.push_back(to_point(mesh.rest_position_W[static_cast<std::size_t>(vertex)]));
+    shape.rest_W_m.push_back(to_point(mesh_->rest_position_W[static_cast<std::size_t>(vertex)]));
   }
   sender_->push(view_link::encode(shape));
   frame_.position_W_m = std::move(shape.rest_W_m);
@@ -78,25 +68,71 @@ void SurfaceStream::change(const SpringMesh& mesh) {
 SurfaceStream::~SurfaceStream() = default;
 
 void SurfaceStream::show(ToolContact& contact) {
-  const rt::TimePoint now = rt::Clock::now();
-  const bool due = now - sent_ >= kLongestSilence;
-  if ((!moved_ && !due) || sender_->lost()) {
+  if (sender_->lost()) {
     return;
   }
-  moved_ = false;
-  contact.copy_positions(surface_.vertices, position_W_);
+  const rt::TimePoint now = rt::Clock::now();
+  const bool moved = std::exchange(moved_, false);
+  show_surface(contact, now, moved);
+  show_inside(contact, now, moved);
+}
+
+// Where they are, into point_W_m_. False: the object is about to be reset.
+bool SurfaceStream::copy_points(ToolContact& contact, const std::vector<std::int32_t>& vertices) {
+  contact.copy_positions(vertices, position_W_);
   point_W_m_.clear();
   for (const Eigen::Vector3d& position_W : position_W_) {
     if (!position_W.allFinite()) {
-      return;  // the object is about to be reset
+      return false;
     }
     point_W_m_.push_back(to_point(position_W));
   }
-  if (!due && point_W_m_ == frame_.position_W_m) {
+  return true;
+}
+
+void SurfaceStream::show_surface(ToolContact& contact, rt::TimePoint now, bool moved) {
+  const bool due = now - sent_ >= kLongestSilence;
+  if ((!moved && !due) || !copy_points(contact, surface_.vertices) ||
+      (!due && point_W_m_ == frame_.position_W_m)) {
     return;
   }
   frame_.position_W_m.swap(point_W_m_);
   send(now);
+}
+
+void SurfaceStream::show_inside(ToolContact& contact, rt::TimePoint now, bool moved) {
+  if (!inside_wished_.load()) {
+    inside_.reset();
+    return;
+  }
+  const bool begins = !inside_;
+  if (begins) {
+    begin_inside();
+  }
+  inside_moved_ = inside_moved_ || moved;
+  const double bytes = static_cast<double>(sizeof(std::uint16_t) * 3 * inside_->vertices.size());
+  const bool due = begins || now - inside_sent_ >= kLongestSilence;
+  const bool may = rt::seconds(now - inside_sent_) * kMostInside_per_s >= bytes;
+  if (inside_->vertices.empty() || !(due || (inside_moved_ && may))) {
+    return;
+  }
+  inside_moved_ = false;
+  if (!copy_points(contact, inside_->vertices) ||
+      (!due && point_W_m_ == inside_frame_.position_W_m)) {
+    return;
+  }
+  inside_frame_.position_W_m.swap(point_W_m_);
+  inside_frame_.time_s = rt::seconds(now.time_since_epoch());
+  sender_->push_newest(view_link::encode_inside(inside_frame_));
+  inside_sent_ = now;
+  ++inside_frames_;
+}
+
+void SurfaceStream::begin_inside() {
+  inside_ = drawn_inside(*mesh_);
+  inside_->lines.epoch = ++inside_frame_.epoch;
+  sender_->push(view_link::encode(inside_->lines));
+  inside_->lines.edge = {};  // the view has them
 }
 
 void SurfaceStream::send(rt::TimePoint now) {

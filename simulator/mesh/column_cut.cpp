@@ -33,6 +33,7 @@ SpringMesh with_cut(const SpringMesh& mesh, const ColumnCut& cut) {
   for (Spring& spring : result.springs) {
     if (crosses(spring.a, spring.b)) {
       spring.stiffness_N_per_m *= kSevered;
+      spring.severed = true;
     }
   }
   std::erase_if(result.triangles, [&](const auto& corner) {

@@ -18,10 +18,10 @@ struct ColumnCut {
 /// What is left of a severed spring's stiffness: enough to keep every vertex held.
 inline constexpr double kSevered = 1e-4;
 
-/// The object after the cut: springs that cross its sides have kSevered of their stiffness, and
-/// triangles that do are gone. The rest shape stays, since springs pull with nothing there.
-/// Throws Error for an object that dead loads keep in its shape (pre-strain, gravity): cut, it
-/// would have another one.
+/// The object after the cut: springs that cross its sides are `severed` and have kSevered of their
+/// stiffness, and triangles that do are gone. The rest shape stays, since springs pull with nothing
+/// there. Throws Error for an object that dead loads keep in its shape (pre-strain, gravity): cut,
+/// it would have another one.
 SpringMesh with_cut(const SpringMesh& mesh, const ColumnCut& cut);
 
 }  // namespace forcegrid::simulator

@@ -33,6 +33,7 @@ struct Spring {
   double stiffness_N_per_m = 0.0;  ///< k: slope of the force at the natural length; > 0
   double natural_length_m = 0.0;   ///< l0; 0: its length in the mesh's rest shape
   std::int32_t law = 0;            ///< index into SpringMesh::laws
+  bool severed = false;            ///< by a cut, see with_cut(): the stiffness is what is left
 };
 
 /// A finite element: a linear tetrahedron. The order of its vertices has no meaning.

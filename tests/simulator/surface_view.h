@@ -16,6 +16,7 @@
 #include <string>
 
 #include "view_link/frame.h"
+#include "view_link/inside_messages.h"
 #include "view_link/surface_messages.h"
 
 namespace forcegrid::simulator::testing {
@@ -78,6 +79,15 @@ class SurfaceView {
       }
       reader_.add({piece.data(), static_cast<std::size_t>(bytes)});
     }
+  }
+
+  /// Tells the simulator whether its inside is wished.
+  void wish(bool inside) { send(view_link::bytes_of(view_link::encode_wish(inside))); }
+
+  void send(const view_link::Bytes& bytes) {
+    accept();
+    EXPECT_EQ(::send(connection_, bytes.data(), bytes.size(), MSG_NOSIGNAL),
+              static_cast<ssize_t>(bytes.size()));
   }
 
   /// The next frame as a shape; nothing if it is none.
