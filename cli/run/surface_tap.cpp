@@ -19,6 +19,7 @@
 #include "log/log.h"
 #include "rt/clock.h"
 #include "rt/thread.h"
+#include "view_link/inside_messages.h"
 #include "view_link/little_endian.h"
 #include "view_link/surface_messages.h"
 
@@ -26,6 +27,7 @@ namespace forcegrid::cli {
 namespace {
 
 using view_link::Frame;
+using view_link::InsideType;
 using view_link::SurfaceType;
 using view_link::ViewLinkError;
 
@@ -65,9 +67,18 @@ int listen_at(const std::string& path) {
 struct SurfaceTap::Simulator {
   explicit Simulator(int connected)
       : descriptor(connected), reader(view_link::kLargestSurfacePayload) {}
-  ~Simulator() { ::close(descriptor); }
+  ~Simulator() {
+    to_view.reset();  // its thread writes to the descriptor
+    ::close(descriptor);
+  }
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
+
+  // What the view wishes. A simulator that does not read loses it, and nothing else.
+  void pass_back(const Frame& frame) const {
+    const view_link::Bytes bytes = view_link::bytes_of(frame);
+    static_cast<void>(::send(descriptor, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT));
+  }
 
   int descriptor;
   view_link::FrameReader reader;
@@ -174,6 +185,7 @@ void SurfaceTap::accept() {
     try {
       view_link::FrameSender::Options options;
       options.path = view_socket_;
+      options.on_frame = [to = simulator.get()](const Frame& frame) { to->pass_back(frame); };
       simulator->to_view = std::make_unique<view_link::FrameSender>(std::move(options));
     } catch (const ViewLinkError& error) {
       log::warn("surface", error.what());
@@ -188,20 +200,24 @@ void SurfaceTap::take(Simulator& simulator, const Frame& frame) {
     throw ViewLinkError("object " + std::to_string(frame.object) + "; there are 0 to 3");
   }
   pass_on(simulator, frame);
-  switch (static_cast<SurfaceType>(frame.type)) {
-    case SurfaceType::kShape:
+  switch (frame.type) {
+    case static_cast<std::uint16_t>(SurfaceType::kShape):
       return take_shape(frame, now_ns);
-    case SurfaceType::kFrame:
+    case static_cast<std::uint16_t>(SurfaceType::kFrame):
       return take_frame(frame, now_ns);
+    case static_cast<std::uint16_t>(InsideType::kLines):
+    case static_cast<std::uint16_t>(InsideType::kFrame):
+      return;  // the view checks them; a recording has the surface alone
+    default:
+      throw ViewLinkError("a frame of unknown type " + std::to_string(frame.type));
   }
-  throw ViewLinkError("a frame of unknown type " + std::to_string(frame.type));
 }
 
 void SurfaceTap::pass_on(Simulator& simulator, const Frame& frame) {
   if (simulator.to_view) {
-    static_cast<SurfaceType>(frame.type) == SurfaceType::kShape
-        ? simulator.to_view->push(frame)
-        : simulator.to_view->push_newest(frame);
+    const bool is_newest = frame.type == static_cast<std::uint16_t>(SurfaceType::kFrame) ||
+                           frame.type == static_cast<std::uint16_t>(InsideType::kFrame);
+    is_newest ? simulator.to_view->push_newest(frame) : simulator.to_view->push(frame);
   }
 }
 
