@@ -161,7 +161,9 @@ void ExportRecord::keep(const PageMessage& message) {
       bytes_ += message.bytes->size();
       return;
     case PageType::kField:   // keep_slices() makes them
-    case PageType::kBlocks:  // nobody asks for them here
+    case PageType::kBlocks:  // nobody asks for these here
+    case PageType::kInsideLines:
+    case PageType::kInsideFrame:
       return;
   }
 }

@@ -6,7 +6,6 @@
 
 #include "rt/vectors.h"
 #include "view/storage_blocks.h"
-#include "view_link/surface_messages.h"
 
 namespace forcegrid::view {
 namespace {
@@ -14,7 +13,6 @@ namespace {
 using nlohmann::json;
 using view_link::FeedType;
 using view_link::Frame;
-using view_link::SurfaceType;
 using view_link::ViewLinkError;
 
 constexpr std::size_t kMostNotes = 20;
@@ -172,6 +170,7 @@ void Hub::take_hello(const Frame& frame) {
   hello.erase("copies");
   hello["field"] = copies_.has_value();
   hello["blocks"] = copies_.has_value();
+  hello["inside"] = !hello.contains("recording");  // it has none
   hello["type"] = "hello";
   hello["columns"] = scope_columns();
   playback_ = nullptr;
@@ -378,68 +377,31 @@ void Hub::feed_lost() {
 // ---- Surfaces ----
 
 void Hub::take_surface(std::uint64_t peer, const Frame& frame) {
-  if (frame.object >= kMostObjects) {
-    throw ViewLinkError("object " + std::to_string(frame.object) + "; there are 0 to " +
-                        std::to_string(kMostObjects - 1));
-  }
-  switch (static_cast<SurfaceType>(frame.type)) {
-    case SurfaceType::kShape:
-      return take_shape(peer, frame);
-    case SurfaceType::kFrame:
-      return take_surface_frame(peer, frame);
-  }
-  throw ViewLinkError("a frame of unknown type " + std::to_string(frame.type));
-}
-
-void Hub::take_shape(std::uint64_t peer, const Frame& frame) {
-  Surface& surface = surfaces_[frame.object];
-  if (surface.peer && *surface.peer != peer) {
-    throw ViewLinkError("object " + std::to_string(frame.object) +
-                        " belongs to another simulator; use another number");
-  }
-  const auto shape = view_link::decode_shape(frame.payload);
-  if (!shape) {
-    throw ViewLinkError("its shape of " + std::to_string(frame.payload.size()) +
-                        " bytes is truncated, too large, not finite, or has a corner that is no "
-                        "vertex");
-  }
-  surface = {peer, shape->epoch, shape->rest_W_m.size(),
-             message_of(PageType::kShape, static_cast<std::uint8_t>(frame.object), frame.payload),
-             nullptr};
-  change_all([&](Outbox& outbox) { outbox.set_shape(frame.object, surface.shape); });
-}
-
-void Hub::take_surface_frame(std::uint64_t peer, const Frame& frame) {
-  Surface& surface = surfaces_[frame.object];
-  if (!surface.peer || *surface.peer != peer) {
-    throw ViewLinkError("a surface of object " + std::to_string(frame.object) +
-                        " before its shape");
-  }
-  const auto decoded = view_link::decode_frame(frame.payload);
-  if (!decoded) {
-    throw ViewLinkError("its surface of " + std::to_string(frame.payload.size()) +
-                        " bytes is truncated, too large or not finite");
-  }
-  if (decoded->epoch != surface.epoch) {
+  const auto news = surfaces_.take(peer, frame);
+  if (!news) {
     return;
   }
-  if (decoded->position_W_m.size() != surface.vertices) {
-    throw ViewLinkError("its surface has " + std::to_string(decoded->position_W_m.size()) +
-                        " vertices, its shape " + std::to_string(surface.vertices));
+  for (Viewer* viewer : viewers_) {
+    if (viewer->inside || !news->is_inside()) {
+      news->put(viewer->outbox);
+      if (!quiet_) {
+        viewer->wake();
+      }
+    }
   }
-  surface.frame =
-      message_of(PageType::kSurface, static_cast<std::uint8_t>(frame.object), frame.payload);
-  change_all([&](Outbox& outbox) { outbox.set_surface(frame.object, surface.frame); });
 }
 
 void Hub::surface_lost(std::uint64_t peer) {
-  for (std::size_t object = 0; object < kMostObjects; ++object) {
-    if (surfaces_[object].peer == peer) {
-      surfaces_[object] = {};
-      change_all([&](Outbox& outbox) { outbox.forget_surface(object); });
-      say_to_all({{"type", "surface_lost"}, {"object", object}});
-    }
+  for (const std::size_t object : surfaces_.lose(peer)) {
+    change_all([&](Outbox& outbox) { outbox.forget_surface(object); });
+    say_to_all({{"type", "surface_lost"}, {"object", object}});
   }
+}
+
+// Simulators send it as long as any page shows it.
+void Hub::wish_inside() {
+  surfaces_.wish_inside(std::any_of(viewers_.begin(), viewers_.end(),
+                                    [](const Viewer* viewer) { return viewer->inside; }));
 }
 
 // ---- Pages ----
@@ -485,19 +447,13 @@ void Hub::join(Viewer& viewer) {
   if (feed_ == Feed::kEnded) {
     say(viewer, end_);
   }
-  for (std::size_t object = 0; object < kMostObjects; ++object) {
-    if (surfaces_[object].shape) {
-      viewer.outbox.set_shape(object, surfaces_[object].shape);
-    }
-    if (surfaces_[object].frame) {
-      viewer.outbox.set_surface(object, surfaces_[object].frame);
-    }
-  }
+  surfaces_.give(viewer.outbox);
   viewer.wake();
 }
 
 void Hub::leave(Viewer& viewer) {
   std::erase(viewers_, &viewer);
+  wish_inside();
   std::erase_if(pending_, [&](const Pending& one) { return one.viewer == &viewer; });
   if (controller_ == &viewer) {
     controller_ = nullptr;
@@ -508,6 +464,7 @@ void Hub::leave(Viewer& viewer) {
 }
 
 void Hub::forget_viewers() noexcept {
+  surfaces_.stop_telling();
   viewers_.clear();
   pending_.clear();
   controller_ = nullptr;
@@ -551,6 +508,17 @@ void Hub::take_slice_wish(Viewer& viewer, const PageCommand& command) {
 
 // Any page may, likewise.
 void Hub::take_layers(Viewer& viewer, const PageCommand& command) {
+  const bool inside_begins = command.inside && !viewer.inside;
+  viewer.inside = command.inside;
+  wish_inside();
+  if (inside_begins) {
+    surfaces_.give_inside(viewer.outbox);
+    viewer.wake();
+  } else if (!viewer.inside) {
+    for (std::size_t object = 0; object < kMostObjects; ++object) {
+      viewer.outbox.forget_inside(object);
+    }
+  }
   viewer.blocks = command.blocks && copies_;
   viewer.outbox.set_blocks(nullptr);
   if (command.blocks && !copies_) {

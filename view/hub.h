@@ -16,6 +16,7 @@
 #include "view/method_copies.h"
 #include "view/outbox.h"
 #include "view/scope_rows.h"
+#include "view/surfaces.h"
 #include "view_link/frame.h"
 
 namespace forcegrid::view {
@@ -26,6 +27,7 @@ struct Viewer {
   std::function<void()> wake;  ///< called when the outbox has something; calls nothing of the hub
   std::optional<SliceWish> slice{};  ///< of the force field that it shows
   bool blocks = false;               ///< it shows the blocks of storage
+  bool inside = false;               ///< it shows what is inside of the objects
 };
 
 /// What is known of the run and of the surfaces, and who is told. Everything that a peer sends is
@@ -38,15 +40,16 @@ class Hub {
   using SendCommand =
       std::function<bool(const view_link::Frame& frame, PageCommand::What what, bool newest)>;
 
-  explicit Hub(SendCommand send_command) : send_command_(std::move(send_command)) {}
+  /// @param tell_simulator  that pages show the inside of its objects, or none does any more.
+  explicit Hub(SendCommand send_command, Surfaces::Tell tell_simulator = {})
+      : send_command_(std::move(send_command)), surfaces_(std::move(tell_simulator)) {}
 
   /// A frame of the feed. @throws ViewLinkError saying what is wrong with it.
   void take_feed(const view_link::Frame& frame);
   /// The feed's connection is closed.
   void feed_lost();
 
-  /// A frame of the simulator `peer`, any number. An object belongs to the peer that sends it
-  /// first.
+  /// A frame of the simulator `peer`, as Surfaces::take().
   /// @throws ViewLinkError saying what is wrong with it.
   void take_surface(std::uint64_t peer, const view_link::Frame& frame);
   void surface_lost(std::uint64_t peer);
@@ -67,13 +70,6 @@ class Hub {
 
  private:
   enum class Feed { kWaiting, kLive, kEnded };
-  struct Surface {
-    std::optional<std::uint64_t> peer;
-    std::uint32_t epoch = 0;
-    std::size_t vertices = 0;
-    SharedBytes shape;
-    SharedBytes frame;
-  };
   struct Pending {  ///< a command that the run may acknowledge
     std::uint64_t run_id;
     std::uint64_t page_id;
@@ -89,8 +85,7 @@ class Hub {
   void begin_anew(const nlohmann::json& playback);
   void take_acknowledgement(nlohmann::json acknowledgement);
   void take_settings(nlohmann::json settings);
-  void take_shape(std::uint64_t peer, const view_link::Frame& frame);
-  void take_surface_frame(std::uint64_t peer, const view_link::Frame& frame);
+  void wish_inside();
   void take_slice_wish(Viewer& viewer, const PageCommand& command);
   void send_slice(std::int64_t time_ns);
   void send_slice(Viewer& viewer);
@@ -126,7 +121,7 @@ class Hub {
   std::size_t slice_turn_ = 0;
   SharedBytes newest_blocks_;              ///< of storage, that pages were sent
   std::optional<std::int64_t> blocks_ns_;  ///< cycle in which they were looked at last
-  std::array<Surface, kMostObjects> surfaces_;
+  Surfaces surfaces_;
   std::deque<Pending> pending_;
   std::uint64_t next_id_ = 1;
 };

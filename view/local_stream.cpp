@@ -73,7 +73,9 @@ class LocalConnection : public std::enable_shared_from_this<LocalConnection> {
       return;
     }
     if (error) {
-      return end(error == asio::error::eof ? "" : error.message());
+      // A peer that has not read all that was sent resets the connection when it closes it.
+      const bool has_closed = error == asio::error::eof || error == asio::error::connection_reset;
+      return end(has_closed ? "" : error.message());
     }
     try {
       reader_.add({piece_.data(), bytes});
@@ -171,6 +173,11 @@ void LocalListener::closed(std::uint64_t id) {
 
 bool LocalListener::send(const view_link::Frame& frame, int key) {
   return !connections_.empty() && connections_.begin()->second->send(frame, key);
+}
+
+bool LocalListener::send_to(std::uint64_t id, const view_link::Frame& frame, int key) {
+  const auto found = connections_.find(id);
+  return found != connections_.end() && found->second->send(frame, key);
 }
 
 void LocalListener::stop_accepting() {

@@ -293,7 +293,8 @@ std::optional<PageCommand> parse_command(std::string_view text) {
     complete = read_slice(*object, command);
   } else if (name == "layers") {
     command.what = What::kLayers;
-    complete = read_flag(*object, "blocks", command.blocks);
+    complete = read_flag(*object, "blocks", command.blocks) &&
+               (!object->contains("inside") || read_flag(*object, "inside", command.inside));
   } else {
     return std::nullopt;
   }

@@ -30,6 +30,8 @@ enum class PageType : std::uint8_t {
   kArm = 5,
   kField = 6,
   kBlocks = 7,
+  kInsideLines = 8,
+  kInsideFrame = 9,
 };
 
 using SharedBytes = std::shared_ptr<const view_link::Bytes>;
@@ -84,6 +86,7 @@ struct PageCommand {
   std::uint64_t method = 0;                         ///< that is to be rendered
   std::optional<SliceWish> slice;                   ///< nothing: the page wants none
   bool blocks = false;                              ///< the page shows blocks of storage
+  bool inside = false;                              ///< and what is inside of the objects
   bool play = false;                                ///< of a recording; false: stand still
   double speed = 1.0;                               ///< of its time over the person's
   double time_s = 0.0;                              ///< where to go in it, since its first cycle

@@ -12,7 +12,8 @@ namespace {
 
 constexpr std::size_t kMostRowsOfAMessage = 1024;
 constexpr std::size_t kFirstSurface = 5;  // after rows, samples, arm, field, blocks
-constexpr std::size_t kTurns = kFirstSurface + kMostObjects;
+constexpr std::size_t kFirstInside = kFirstSurface + kMostObjects;
+constexpr std::size_t kTurns = kFirstInside + kMostObjects;
 
 std::optional<PageMessage> take_binary(SharedBytes& waiting) {
   if (!waiting) {
@@ -72,6 +73,22 @@ void Outbox::set_surface(std::size_t object, SharedBytes message) {
 void Outbox::forget_surface(std::size_t object) {
   shapes_[object] = nullptr;
   surfaces_[object] = nullptr;
+  forget_inside(object);
+}
+
+void Outbox::set_inside_lines(std::size_t object, SharedBytes message) {
+  forget_inside(object);
+  inside_lines_[object] = std::move(message);
+}
+
+void Outbox::set_inside_frame(std::size_t object, SharedBytes message) {
+  dropped_ += inside_frames_[object] ? 1 : 0;
+  inside_frames_[object] = std::move(message);
+}
+
+void Outbox::forget_inside(std::size_t object) {
+  inside_lines_[object] = nullptr;
+  inside_frames_[object] = nullptr;
 }
 
 void Outbox::forget_run() {
@@ -95,9 +112,11 @@ std::optional<PageMessage> Outbox::next() {
     text_bytes_ -= message.bytes->size();
     return message;
   }
-  for (SharedBytes& shape : shapes_) {
-    if (auto message = take_binary(shape)) {
-      return message;
+  for (auto* const kind : {&shapes_, &inside_lines_}) {
+    for (SharedBytes& shape : *kind) {
+      if (auto message = take_binary(shape)) {
+        return message;
+      }
     }
   }
   for (std::size_t tried = 0; tried < kTurns; ++tried) {
@@ -122,7 +141,8 @@ std::optional<PageMessage> Outbox::next_in_turn() {
     case 4:
       return take_binary(blocks_);
     default:
-      return take_binary(surfaces_[turn_ - kFirstSurface]);
+      return take_binary(turn_ < kFirstInside ? surfaces_[turn_ - kFirstSurface]
+                                              : inside_frames_[turn_ - kFirstInside]);
   }
 }
 

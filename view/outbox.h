@@ -22,8 +22,8 @@ struct PageMessage {
 };
 
 /// What waits for one page. It is bounded: a page that does not read keeps the newest scope rows
-/// and samples, and of surfaces, arm, field and blocks the newest alone. Real-time: no. Threads:
-/// one.
+/// and samples, and of surfaces, insides, arm, field and blocks the newest alone. Real-time: no.
+/// Threads: one.
 class Outbox {
  public:
   static constexpr std::size_t kMostTextBytes = std::size_t{512} << 10;
@@ -37,14 +37,19 @@ class Outbox {
   void set_arm(SharedBytes message);
   void set_field(SharedBytes message);   ///< nothing: the page wants none any more
   void set_blocks(SharedBytes message);  ///< likewise
-  /// A shape also takes the place of its object's frame that waits. @param object  < kMostObjects
+  /// A shape also takes the place of its object's frame and inside that wait.
+  /// @param object  < kMostObjects
   void set_shape(std::size_t object, SharedBytes message);
   void set_surface(std::size_t object, SharedBytes message);
   void forget_surface(std::size_t object);
+  /// Lines also take the place of their object's frame that waits.
+  void set_inside_lines(std::size_t object, SharedBytes message);
+  void set_inside_frame(std::size_t object, SharedBytes message);
+  void forget_inside(std::size_t object);
   /// Drops rows, samples, arm, field and blocks: another run begins.
   void forget_run();
 
-  /// Texts first, then shapes, then the other kinds in turn. Nothing: nothing waits.
+  /// Texts first, then shapes, then lines, then the other kinds in turn. Nothing: nothing waits.
   std::optional<PageMessage> next();
 
   /// More texts wait than kMostTextBytes: the page is not to be waited for.
@@ -69,6 +74,8 @@ class Outbox {
   SharedBytes blocks_;
   std::array<SharedBytes, kMostObjects> shapes_;
   std::array<SharedBytes, kMostObjects> surfaces_;
+  std::array<SharedBytes, kMostObjects> inside_lines_;
+  std::array<SharedBytes, kMostObjects> inside_frames_;
   std::size_t turn_ = 0;
   std::uint64_t dropped_ = 0;
 };

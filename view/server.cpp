@@ -46,9 +46,12 @@ Server::Server(const Options& options, std::optional<Certificate> certificate, s
                PageFiles files, std::string folder)
     : http_{{.address = options.address, .port = options.port}, std::move(token), std::move(files)},
       folder_(std::move(folder)),
-      hub_([this](const view_link::Frame& frame, PageCommand::What what, bool newest) {
-        return send_to_run(frame, what, newest);
-      }),
+      hub_([this](const view_link::Frame& frame, PageCommand::What what,
+                  bool newest) { return send_to_run(frame, what, newest); },
+           [this](std::uint64_t simulator, const view_link::Frame& wish) {
+             // One that does not read its wishes lacks nothing else.
+             static_cast<void>(surface_ && surface_->send_to(simulator, wish, 1));
+           }),
       acceptor_(context_),
       retry_(context_),
       goodbye_(context_),

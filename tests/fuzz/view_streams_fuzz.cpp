@@ -5,6 +5,7 @@
 #include "tests/fuzz/fuzz_targets.h"
 #include "view/hub.h"
 #include "view_link/frame.h"
+#include "view_link/inside_messages.h"
 #include "view_link/surface_messages.h"
 
 namespace forcegrid::fuzz {
@@ -18,7 +19,7 @@ void check_outbox(view::Outbox& outbox) {
       require(text.is_object() && text.contains("type"), "each text has a type");
     } else {
       require(message->bytes->size() >= 4 && message->bytes->front() >= 1 &&
-                  message->bytes->front() <= 5,
+                  message->bytes->front() <= 9,
               "each binary message has a known type");
     }
   }
@@ -33,6 +34,17 @@ void check_surface(const view_link::Frame& frame) {
     require(view_link::encode(*surface).payload.size() == frame.payload.size(),
             "a surface has one size");
   }
+  if (const auto lines = view_link::decode_lines(frame.payload)) {
+    require(view_link::encode(*lines).payload == view_link::Bytes(frame.payload),
+            "lines have one form");
+    for (const view_link::Edge& edge : lines->edge) {
+      require(edge[0] < lines->vertices && edge[1] < lines->vertices, "an edge has two vertices");
+    }
+  }
+  if (const auto inside = view_link::decode_wish(frame.payload)) {
+    require(view_link::encode_wish(*inside).payload.size() == frame.payload.size(),
+            "a wish has one size");
+  }
 }
 
 }  // namespace
@@ -43,10 +55,14 @@ void view_streams(Input input) {
     return;
   }
   const bool is_feed = input.front() % 2 == 0;
-  view::Hub hub([](const view_link::Frame&, view::PageCommand::What, bool) { return true; });
+  view::Hub hub([](const view_link::Frame&, view::PageCommand::What, bool) { return true; },
+                [](std::uint64_t, const view_link::Frame& wish) {
+                  require(view_link::decode_wish(wish.payload).has_value(), "a wish can be read");
+                });
   view::Viewer page;
   page.wake = [] {};
   hub.join(page);
+  hub.take_page(page, R"({"what":"layers","blocks":false,"inside":true})");
   view_link::FrameReader reader(view_link::kLargestFeedPayload);
   try {
     reader.add(input.subspan(1));

@@ -319,7 +319,8 @@ TEST_F(HubOfPages, RefuseASimulatorThatBreaksTheProtocol) {
   EXPECT_THROW(hub_.take_surface(1, encode(shape(5), kMostObjects)), ViewLinkError);
   EXPECT_THROW(hub_.take_surface(1, {2, 0, {}}), ViewLinkError);
   EXPECT_THROW(hub_.take_surface(1, {1, 0, {}}), ViewLinkError);
-  EXPECT_THROW(hub_.take_surface(1, {4, 0, {}}), ViewLinkError);
+  EXPECT_THROW(hub_.take_surface(1, {6, 0, {}}), ViewLinkError);
+  EXPECT_THROW(hub_.take_surface(1, {16, 0, {1, 0, 0, 0}}), ViewLinkError) << "that is the view's";
   hub_.take_surface(1, encode(shape(5)));
   EXPECT_THROW(hub_.take_surface(2, encode(shape(5))), ViewLinkError) << "another one's object";
   EXPECT_THROW(hub_.take_surface(2, encode(surface(5, 1.0))), ViewLinkError);

@@ -134,6 +134,31 @@ TEST(Outbox, SendsAShapeBeforeItsFrames) {
   EXPECT_FALSE(outbox.next());
 }
 
+TEST(Outbox, SendsLinesAfterShapesAndBeforeTheirFrames) {
+  Outbox outbox;
+  const auto message = [](PageType type, std::uint8_t number) {
+    return message_of(type, 1, view_link::Bytes{number});
+  };
+  outbox.set_inside_lines(1, message(PageType::kInsideLines, 1));
+  outbox.set_inside_frame(1, message(PageType::kInsideFrame, 1));
+  outbox.set_inside_lines(1, message(PageType::kInsideLines, 2));
+  outbox.set_inside_frame(1, message(PageType::kInsideFrame, 2));
+  outbox.set_inside_frame(1, message(PageType::kInsideFrame, 3));
+  EXPECT_EQ(outbox.dropped(), 1U);
+  outbox.set_inside_lines(0, message(PageType::kInsideLines, 2));
+  outbox.set_shape(2, message(PageType::kShape, 0));
+  std::vector<std::pair<int, int>> sent;  // type and number
+  while (const auto next = outbox.next()) {
+    sent.emplace_back((*next->bytes)[0], next->bytes->back());
+  }
+  EXPECT_EQ(sent, (std::vector<std::pair<int, int>>{{2, 0}, {8, 2}, {8, 2}, {9, 3}}));
+  outbox.set_inside_lines(1, message(PageType::kInsideLines, 1));
+  outbox.set_inside_frame(1, message(PageType::kInsideFrame, 1));
+  outbox.set_shape(1, message(PageType::kShape, 9));  // it has another inside
+  EXPECT_EQ(outbox.next()->bytes->back(), 9);
+  EXPECT_FALSE(outbox.next());
+}
+
 TEST(Outbox, TakesTurnsSoThatNoKindWaitsForEver) {
   Outbox outbox;
   std::set<int> seen;

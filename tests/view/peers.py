@@ -327,6 +327,12 @@ def shape_bytes(rest_W_m, triangles, epoch=1):
         struct.pack("<3I", *corners) for corners in triangles)
 
 
+def lines_bytes(vertices, springs, element_edges=0, edges=(), epoch=1):
+    """What is inside of an object; `edges`: two vertices each."""
+    return struct.pack("<5I", epoch, vertices, springs, element_edges, len(edges)) + b"".join(
+        struct.pack("<2I", *edge) for edge in edges)
+
+
 def surface_bytes(steps, epoch=1, time_s=0.0, low=(0, 0, 0), step=(1e-6, 1e-6, 1e-6)):
     """`steps`: three numbers of 0..65535 for each vertex."""
     flat = [number for vertex in steps for number in vertex]

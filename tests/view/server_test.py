@@ -21,7 +21,8 @@ import unittest
 import warnings
 
 import peers
-from peers import FEED, HELLO, Page, Peer, Run, View, cycle_bytes, http, shape_bytes, surface_bytes
+from peers import (FEED, HELLO, Page, Peer, Run, View, cycle_bytes, http, lines_bytes, shape_bytes,
+                   surface_bytes)
 
 PROGRAM = sys.argv.pop(1)
 TRIANGLE = ((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0))
@@ -722,11 +723,91 @@ class Surfaces(WithView):
                            (shape + peers.frame_bytes(3, surface_bytes([(0, 0, 0)])), "1 vertices"),
                            (peers.frame_bytes(2, shape_bytes(TRIANGLE, []), 4), "object 4"),
                            (peers.frame_bytes(7, b""), "unknown type 7"),
+                           (peers.frame_bytes(4, lines_bytes(2, 0)), "before its shape"),
+                           (shape + peers.frame_bytes(4, lines_bytes(2, 1, edges=[(0, 2)])),
+                            "an edge without a vertex"),
+                           (shape + peers.frame_bytes(4, lines_bytes(2, 1)), "its inside of"),
+                           (shape + peers.frame_bytes(4, lines_bytes(2, 300_001, edges=[(0, 1)] * 2)),
+                            "its inside of"),
+                           (shape + peers.frame_bytes(4, lines_bytes(2, 1, edges=[(0, 1)]))
+                            + peers.frame_bytes(5, surface_bytes([(0, 0, 0)])), "its inside has 1"),
                            (struct.pack("<IHH", (64 << 20) + 1, 2, 0), "67108865 bytes")):
             with Peer(self.view.folder + "/surface") as peer:
                 peer.connection.sendall(bad)
                 self.assertTrue(peer.is_closed())
             self.view.wait_until_it_says(words)
+
+
+class Insides(WithView):
+    """What is inside of an object: its simulator sends it while a page shows it."""
+    SHOW = {"what": "layers", "blocks": False, "inside": True}
+    HIDE = {"what": "layers", "blocks": False, "inside": False}
+    WISH, NO_WISH = (16, struct.pack("<I", 1)), (16, struct.pack("<I", 0))
+
+    def page(self):
+        page = Page(self.view)
+        self.addCleanup(page.connection.close)
+        page.receive_type("role")
+        return page
+
+    def test_are_asked_of_simulators_while_any_page_shows_them(self):
+        with Peer(self.view.folder + "/surface") as first, Peer(
+                self.view.folder + "/surface") as second:
+            first.send(2, shape_bytes(TRIANGLE, [(0, 1, 2)]), 0)
+            second.send(2, shape_bytes(TRIANGLE, [(0, 1, 2)]), 1)
+            page, other = self.page(), self.page()
+            page.receive_type(2)
+            page.receive_type(2)
+            page.send(self.SHOW)
+            self.assertEqual([first.receive(), second.receive()], [self.WISH, self.WISH])
+            other.send(self.SHOW)
+            lines = lines_bytes(3, 1, 1, edges=[(0, 1), (1, 2)])
+            frame = surface_bytes([(1, 2, 3)] * 3)
+            first.send(4, lines, 0)
+            first.send(5, frame, 0)
+            for each in (page, other):
+                self.assertEqual(each.receive_type(8), b"\x08\0\0\0" + lines)
+                self.assertEqual(each.receive_type(9), b"\x09\0\0\0" + frame)
+            with Peer(self.view.folder + "/surface") as third:
+                third.send(2, shape_bytes(TRIANGLE, [(0, 1, 2)]), 2)
+                self.assertEqual(third.receive(), self.WISH, "it came later")
+                page.send(self.HIDE)
+                other.connection.close()
+                self.assertEqual([each.receive() for each in (first, second, third)],
+                                 [self.NO_WISH] * 3)
+            first.send(5, frame, 0)
+            first.send(3, surface_bytes([(7, 7, 7)] * 3), 0)
+            kinds = []  # of what comes, until the surface that was sent last
+            while 3 not in kinds:
+                message = page.receive()
+                kinds.append(message[0] if isinstance(message, bytes) else message["type"])
+            self.assertNotIn(9, kinds, "it does not show it any more")
+
+    def test_leave_simulators_alone_that_read_nothing(self):
+        with Peer(self.view.folder + "/surface") as old:
+            old.send(2, shape_bytes(TRIANGLE, [(0, 1, 2)]))
+            page = self.page()
+            page.receive_type(2)
+            for _ in range(20_000):  # 12 bytes each are more than its socket and the view keep
+                page.send(self.SHOW)
+                page.send(self.HIDE)
+            page.send(self.SHOW)
+            old.send(3, surface_bytes([(1, 2, 3)] * 3))
+            self.assertEqual(len(page.receive_type(3)), 4 + 44 + 18)
+        self.assertEqual(page.receive_type("surface_lost")["object"], 0)
+        self.assertNotIn("simulator", self.view.said(), "it closed its connection, that is all")
+
+    def test_are_not_asked_by_pages_that_do_not_know_them(self):
+        with Peer(self.view.folder + "/surface") as simulator:
+            simulator.send(2, shape_bytes(TRIANGLE, [(0, 1, 2)]))
+            old, page = self.page(), self.page()
+            page.receive_type(2)
+            old.send({"what": "layers", "blocks": False})
+            old.send({"what": "take_control"})
+            old.receive_type("role")  # both have been read
+            page.send(self.SHOW)
+            page.send(self.HIDE)
+            self.assertEqual([simulator.receive(), simulator.receive()], [self.WISH, self.NO_WISH])
 
 
 class Examples(WithView):
@@ -751,6 +832,10 @@ class Examples(WithView):
                     self.assertEqual(struct.unpack_from("<I", frame, 8)[0], vertices)
                     times_s.append(struct.unpack_from("<d", frame, 16)[0])
                 self.assertEqual(times_s, sorted(set(times_s)))
+                # A page that wishes to see the inside, which this program knows nothing of.
+                page.send({"what": "layers", "blocks": False, "inside": True})
+                for _ in range(3):
+                    page.receive_type(3)
             finally:
                 process.kill()
                 process.wait()
