@@ -28,6 +28,8 @@ FORCEGRID = ""
 PATIENCE_S = 30
 # The scene `small` has 11 x 11 x 9 vertices, of which 9 x 9 x 7 are inside.
 SURFACE_OF_SMALL = 11 * 11 * 9 - 9 * 9 * 7
+# Springs join neighbours along one axis, and along both diagonals of each lattice face.
+SPRINGS_OF_SMALL = (2 * 10 * 11 * 9 + 11 * 11 * 8) + 2 * (10 * 10 * 9 + 2 * 10 * 11 * 8)
 
 
 class Run:
@@ -313,6 +315,67 @@ class LiveView(unittest.TestCase):
             self.assertEqual(run.summary()["scene"], "three_cubes")
         finally:
             run.close()
+
+    def test_shows_the_springs_inside_on_demand(self):
+        folder = tempfile.TemporaryDirectory()
+        # The recording of the surface stands between the simulator and the view, and hands on wishes.
+        run = Run("--seconds", "120", "--motion", "lissajous", "--hand", "firm", "--record-surface",
+                  "--record", folder.name + "/run.h5")
+        tick = lambda: self.browser.execute_script("document.getElementById('inside').click()")
+        try:
+            self.open(run)
+            wait_until(lambda: self.view("in_contact"), "contact", run.lines)
+            self.assertEqual(self.view("inside")["edges"], 0)
+            self.assertFalse(self.view("inside")["opened"])
+            tick()
+            wait_until(lambda: self.view("inside")["edges"] > 0, "the springs", run.lines)
+            shown = self.view("inside")
+            self.assertEqual((shown["springs"], shown["edges"]), 2 * (SPRINGS_OF_SMALL,))
+            self.assertEqual(shown["element_edges"], 0)
+            self.assertTrue(shown["opened"])
+            wait_until(lambda: 0 < self.view("inside")["drawn"] < SPRINGS_OF_SMALL,
+                       "the springs near the section", run.lines)
+
+            with self.subTest("they move with the vertices inside"):
+                # The lattice's vertex (5, 5, 6), two layers below the middle of the top.
+                height_mm = lambda: 1e3 * self.view(f"inside_vertex(0, {5 + 11 * (5 + 11 * 6)})")[2]
+                least = most = height_mm()
+
+                def has_moved():
+                    nonlocal least, most
+                    now = height_mm()
+                    least, most = min(least, now), max(most, now)
+                    return most - least > 1.0
+                wait_until(has_moved, "a movement of 1 mm below the tool", run.lines)
+                self.assertEqual(self.view("vertices"), SURFACE_OF_SMALL)
+
+            with self.subTest("a cut severs some of them"):
+                self.set(run, "cut", "yes")
+                wait_until(lambda: 0 < self.view("inside")["springs"] < SPRINGS_OF_SMALL,
+                           "the cut", run.lines)
+                wait_until(lambda: self.view("inside")["edges"] == self.view("inside")["springs"],
+                           "a frame of the cut object", run.lines)
+                self.set(run, "cut", "no")
+                wait_until(lambda: self.view("inside")["edges"] == SPRINGS_OF_SMALL,
+                           "the whole object", run.lines)
+
+            with self.subTest("they vanish, and the simulator sends them no more"):
+                tick()
+                wait_until(lambda: self.view("inside")["edges"] == 0, "the end of the springs")
+                self.assertFalse(self.view("inside")["opened"])
+                frames = self.view("frames")
+                wait_until(lambda: self.view("frames") > frames + 60, "surfaces alone", run.lines)
+                self.assertEqual(self.view("inside")["frames"], 0)
+            run.process.send_signal(signal.SIGINT)
+            self.assertEqual(run.process.wait(PATIENCE_S), 130, run.lines)
+            simulator = run.summary()["simulator"]
+            self.assertEqual(simulator["springs"], SPRINGS_OF_SMALL)
+            self.assertGreater(simulator["surface"]["inside_frames"], 3)
+            self.assertLess(simulator["surface"]["inside_frames"],
+                            simulator["surface"]["frames"] - 50)
+        finally:
+            run.close()
+            folder.cleanup()
 
     def test_shows_a_run_over_tls(self):
         key_file = peers.make_key_file(pathlib.Path(self.folder.name) / "view.pem")

@@ -210,6 +210,13 @@ class Page(unittest.TestCase):
                 self.script("return new Promise((done) => setTimeout(done, 400))")
                 self.browser.save_screenshot(f"{SCREENSHOTS}/{name}_{theme}.png")
 
+    def assert_no_inside(self):
+        """The menu says that the file does not have it."""
+        self.assertEqual(self.browser.execute_script(
+            "const box = document.getElementById('inside');"
+            "return [box.disabled, document.getElementById('inside-count').textContent]"),
+            [True, "(not in a recording)"])
+
     def test_plays_a_recording_and_goes_where_the_person_wants(self):
         viewer = Viewer(self.new)
         try:
@@ -223,6 +230,7 @@ class Page(unittest.TestCase):
                     self.assertIn("recording", button.get_attribute("title"))
                 self.assertEqual(self.view("vertices"), SURFACE_OF_SMALL)
                 self.assertFalse(self.view("stop_acknowledged"))
+                self.assert_no_inside()
             with self.subTest("it plays on by its own clock, and stands still"):
                 self.pause()  # a slow browser shows the first row when the last has been played
                 self.seek(0.2)
@@ -301,6 +309,7 @@ class Page(unittest.TestCase):
             self.browser.get(page.as_uri())
             self.wait_live()
             self.assertEqual(self.view("vertices"), SURFACE_OF_SMALL)
+            self.assert_no_inside()
             self.pause()
             touched_s = self.truth.touched_s()
             self.show_field()

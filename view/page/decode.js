@@ -9,6 +9,8 @@ export const kSamples = 4;
 export const kArm = 5;
 export const kField = 6;
 export const kBlocks = 7;
+export const kInsideLines = 8;
+export const kInsideFrame = 9;
 export const kSampleValues = 12;
 
 /** Rows of the scope: values[row * columns + column], float32; base_s [s] is added to each time. */
@@ -35,13 +37,13 @@ function decode_shape(buffer, view) {
           corners: new Uint32Array(buffer, 20 + 12 * vertices, 3 * triangles)};
 }
 
-/** The surface at one instant: position_W_m = low + step * value, for each of x, y, z. */
+/** The surface or the lines at one instant: position_W_m = low + step * value, for x, y and z. */
 function decode_frame(buffer, view) {
   const vertices = view.getUint32(8, true);
   if (buffer.byteLength < 48 + 6 * vertices) {
     return null;
   }
-  return {type: kFrame, object: view.getUint8(1), epoch: view.getUint32(4, true), vertices,
+  return {type: view.getUint8(0), object: view.getUint8(1), epoch: view.getUint32(4, true), vertices,
           time_s: view.getFloat64(16, true), low: new Float32Array(buffer, 24, 3),
           step: new Float32Array(buffer, 36, 3),
           values: new Uint16Array(buffer, 48, 3 * vertices)};
@@ -100,6 +102,18 @@ function decode_blocks(buffer, view) {
           values: new Float32Array(buffer, 8, 7 * count)};
 }
 
+/** What is inside an object: how many springs it has, and edges of tetrahedra, and in `ends` the two
+ *  vertices of each; none if there are too many. */
+function decode_lines(buffer, view) {
+  const [epoch, vertices, springs, element_edges, edges] =
+      [4, 8, 12, 16, 20].map((at) => view.getUint32(at, true));
+  if (buffer.byteLength < 24 + 8 * edges) {
+    return null;
+  }
+  return {type: kInsideLines, object: view.getUint8(1), epoch, vertices, springs, element_edges,
+          ends: new Uint32Array(buffer, 24, 2 * edges)};
+}
+
 const kDecoders = {
   [kScope]: [16, decode_scope],
   [kShape]: [20, decode_shape],
@@ -108,6 +122,8 @@ const kDecoders = {
   [kArm]: [8, decode_arm],
   [kField]: [44, decode_field],
   [kBlocks]: [8, decode_blocks],
+  [kInsideLines]: [24, decode_lines],
+  [kInsideFrame]: [48, decode_frame],
 };
 
 /** A message of any type, as an object with its `type`. Its arrays share the buffer's memory. */

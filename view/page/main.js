@@ -4,7 +4,8 @@
 
 import {Connection} from '/connection.js';
 import {Pause, Rendered, Stop, listen_to_keys} from '/controls.js';
-import {decode, kArm, kBlocks, kField, kFrame, kSamples, kScope, kShape} from '/decode.js';
+import {decode, kArm, kBlocks, kField, kFrame, kInsideFrame, kInsideLines, kSamples, kScope,
+        kShape} from '/decode.js';
 import {save_csv, save_png} from '/export.js';
 import {ExportedRecording} from '/exported.js';
 import {FieldChoice} from '/field_choice.js';
@@ -40,6 +41,7 @@ class Page {
     this.rates = {frames: 0, pictures: 0, since_ms: performance.now(), frames_per_s: 0, fps: 0};
     this.delays_ms = [];
     this.waiting_frames = new Map();
+    this.waiting_insides = new Map();
     this.waiting_samples = [];
     this.waiting_arm = null;
     this.new_rows = false;
@@ -251,6 +253,7 @@ class Page {
     } else if (message.type === kShape) {
       this.scene.set_shape(message);
       this.waiting_frames.delete(message.object);
+      this.waiting_insides.delete(message.object);
     } else if (message.type === kFrame) {
       message.arrived_ms = arrived_ms;
       this.waiting_frames.set(message.object, message);
@@ -263,6 +266,10 @@ class Page {
       this.field.take(message);
     } else if (message.type === kBlocks) {
       this.layers.take_blocks(message);
+    } else if (message.type === kInsideLines) {
+      this.layers.take_inside_lines(message);
+    } else if (message.type === kInsideFrame) {
+      this.waiting_insides.set(message.object, message);
     }
   }
 
@@ -276,6 +283,8 @@ class Page {
       }
     }
     this.waiting_frames.clear();
+    this.waiting_insides.forEach((frame) => this.scene.set_inside_frame(frame));
+    this.waiting_insides.clear();
     this.waiting_samples.forEach((message) => this.scene.add_samples(message, now_ms));
     this.waiting_samples = [];
     if (this.waiting_arm) {
@@ -424,6 +433,16 @@ function interface_for_scripts(page) {
       const {methods, in_use, lines} = page.scene.blocks;
       return {drawn: lines.visible ? [...methods] : [], in_use};
     },
+    /** What is inside the objects: how much they have, how much is known and is drawn near the
+     *  section, the sum of the lengths. */
+    get inside() {
+      const {insides} = page.scene;
+      return {springs: insides.sum('springs'), element_edges: insides.sum('element_edges'),
+              edges: insides.sum('edges'), drawn: insides.sum('drawn'), frames: insides.sum('frames'),
+              length_m: insides.sum('length_m'), opened: insides.section.active};
+    },
+    inside_vertex: (object, vertex) =>
+        page.scene.insides.objects.get(object).position_W_m(vertex),
     get rendered_method() { return page.history.newest('rendered_method'); },
     /** How the run says that a setting stands; what the servo measures; answered commands. */
     setting: (name) => page.settings.value(name),

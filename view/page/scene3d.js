@@ -4,6 +4,7 @@
 
 import * as THREE from '/three.module.js';
 import {Blocks} from '/blocks.js';
+import {Insides} from '/inside.js';
 import {Orbit} from '/orbit.js';
 import {Field} from '/field.js';
 import {Arm, Arrow, ContactPoint, Samples, Tool, Wall, workspace_lines} from '/parts.js';
@@ -86,6 +87,7 @@ export class Scene3d {
     this.tool = new Tool();
     this.field = new Field();
     this.blocks = new Blocks();
+    this.insides = new Insides();
     this.contact_point = new ContactPoint();
     this.wall = new Wall();
     this.wall_m = null;
@@ -95,8 +97,9 @@ export class Scene3d {
     this.forces = this.arrows.map(() => [NaN, NaN, NaN]);
     this.workspace = new THREE.Group();
     this.scene.add(this.surface_group, this.mesh_group, this.arm.group, this.samples.points,
-                   this.tool.group, this.arrow_group, this.workspace, this.field.mesh, this.blocks.lines,
-                   this.contact_point.cross, this.wall.group);
+                   this.tool.group, this.arrow_group, this.workspace, this.field.mesh,
+                   this.blocks.lines, this.insides.group, this.contact_point.cross,
+                   this.wall.group);
   }
 
   /** Takes the workspace and the largest force of a hello message. */
@@ -118,7 +121,7 @@ export class Scene3d {
 
   set_shape(shape) {
     this.remove_surface(shape.object);
-    const surface = new Surface(shape);
+    const surface = new Surface(shape, this.insides.section);
     surface.set_colouring(this.colouring);
     this.surfaces.set(shape.object, surface);
     this.surface_group.add(surface.mesh);
@@ -149,6 +152,7 @@ export class Scene3d {
       this.surface_group.remove(surface.mesh);
       this.mesh_group.remove(...(surface.lines ? [surface.lines] : []));
       surface.dispose();
+      this.insides.remove(object);  // it is another one, too
       this.dirty = true;
     }
   }
@@ -165,8 +169,31 @@ export class Scene3d {
     const surface = this.surfaces.get(object);
     if (surface) {
       surface.dim();
+      this.insides.remove(object);
       this.dirty = true;
     }
+  }
+
+  /** Opens the objects at a plane, so that what is inside is seen, or closes them. */
+  show_inside(shown) {
+    const {section} = this.insides;
+    if (shown !== section.active) {
+      section.active = shown;
+      this.surfaces.forEach((surface) => surface.apply_section());
+      this.dirty = true;
+    }
+    if (!shown) {
+      this.insides.clear();
+    }
+  }
+
+  set_inside_lines(message) {
+    this.insides.set_lines(message);
+    this.dirty = true;
+  }
+
+  set_inside_frame(frame) {
+    this.dirty = this.insides.set_frame(frame) || this.dirty;
   }
 
   /** @param forces_W_N commanded force first, then each method's own; NaN is not drawn. */
@@ -284,6 +311,7 @@ export class Scene3d {
     this.arm.material.color.set(palette.arm);
     this.field.set_theme(palette);
     this.blocks.set_theme(palette);
+    this.insides.set_theme(palette);
     this.tool.set_theme(palette);
     this.wall.set_theme(palette);
     this.contact_point.cross.material.color.set(palette.touch);
@@ -399,6 +427,7 @@ export class Scene3d {
                               this.camera);
     this.wall.place(this.wall_m, 2 * this.radius_m);
     this.camera.updateMatrixWorld();
+    this.insides.place(this.camera, this.has_tool ? this.tool_at : null, this.content_box());
     if (this.renderer) {
       this.renderer.render(this.scene, this.camera);
     }

@@ -3,7 +3,10 @@
 // scales them. Normals are computed here, one pass over the triangles per frame.
 
 import * as THREE from '/three.module.js';
+import {set_to_picture} from '/inside.js';
 import {Scale} from '/scale.js';
+import {Section, kSectionFragment, kSectionFragmentHead, kSectionVertex,
+        kSectionVertexHead} from '/section.js';
 
 const kCrease_cos = Math.cos(40 * Math.PI / 180);  // at rest; flatter edges are shaded smoothly
 const kSmallestScale_m = 0.001;
@@ -22,8 +25,10 @@ const kVertexShader = `
   uniform float dimmed;
   uniform vec3 ramp[4];
   varying vec3 colour;
+  ${kSectionVertexHead}
   void main() {
     vec3 at_W_m = low + grain * position;
+    ${kSectionVertex}
     float side = dot(outward.xyz, eye_W - at_W_m) < 0.0 ? -1.0 : 1.0;
     vec3 normal = side * outward.xyz;
     float gloss = max(0.0, dot(normal, gloss_W));
@@ -42,18 +47,31 @@ const kVertexShader = `
 
 const kFragmentShader = `
   varying vec3 colour;
-  void main() { gl_FragColor = vec4(colour, 1.0); }`;
+  ${kSectionFragmentHead}
+  void main() {
+    ${kSectionFragment}
+    gl_FragColor = vec4(colour, 1.0);
+  }`;
 
 const kLineVertexShader = `
   uniform mat4 to_picture;
+  uniform vec3 low;
+  uniform vec3 grain;
+  ${kSectionVertexHead}
   void main() {
+    vec3 at_W_m = low + grain * position;
+    ${kSectionVertex}
     gl_Position = to_picture * vec4(position, 1.0);
     gl_Position.z -= 0.0004 * gl_Position.w;
   }`;
 
 const kLineFragmentShader = `
   uniform vec3 tint;
-  void main() { gl_FragColor = vec4(tint, 0.24); }`;
+  ${kSectionFragmentHead}
+  void main() {
+    ${kSectionFragment}
+    gl_FragColor = vec4(tint, 0.24);
+  }`;
 
 /** Normals of the triangles at rest, not normalised to length 1 where a triangle has no area. */
 function triangle_normals(rest, corners) {
@@ -161,9 +179,10 @@ function visible_sides(rest, corners) {
 }
 
 export class Surface {
-  /** @param shape a shape message of decode.js. */
-  constructor(shape) {
+  /** @param shape a shape message of decode.js. @param section a plane that may open it. */
+  constructor(shape, section = new Section()) {
     this.shape = shape;
+    this.section = section;
     this.frames = 0;
     this.box = new THREE.Box3();
     this.scale = new Scale(kSmallestScale_m);
@@ -198,22 +217,30 @@ export class Surface {
       dimmed: {value: 0},
       ramp: {value: [0, 1, 2, 3].map(() => new THREE.Color(0x808080))},
       tint: {value: new THREE.Color(0xffffff)},
+      section: this.section.uniform,
     };
+    this.side = visible_sides(this.shape.rest_W_m, this.shape.corners);
     this.mesh = new THREE.Mesh(this.geometry, new THREE.ShaderMaterial({
-      uniforms: this.uniforms, vertexShader: kVertexShader, fragmentShader: kFragmentShader,
-      side: visible_sides(this.shape.rest_W_m, this.shape.corners)}));
+      uniforms: this.uniforms, vertexShader: kVertexShader, fragmentShader: kFragmentShader}));
+    this.apply_section();
     this.mesh.frustumCulled = false;  // the box of its 16-bit numbers is not the surface's box
     this.mesh.onBeforeRender = (renderer, scene, camera) => this.aim(camera);
     this.lines = null;
   }
 
+  /** After the section was switched on or off. Opened, the surface is seen from within, too. */
+  apply_section() {
+    this.mesh.material.side = this.section.active ? THREE.DoubleSide : this.side;
+    this.section.apply(this.mesh.material);
+    if (this.lines) {
+      this.section.apply(this.lines.material);
+    }
+  }
+
   /** Transformation from 16-bit numbers to the picture, and lights that move with the camera. */
   aim(camera) {
     const {to_picture, low, grain, eye_W, light_W, gloss_W} = this.uniforms;
-    const scaled = new THREE.Matrix4().makeScale(grain.value.x, grain.value.y, grain.value.z)
-                       .setPosition(low.value);
-    to_picture.value.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse)
-        .multiply(scaled);
+    set_to_picture(to_picture.value, low.value, grain.value, camera);
     eye_W.value.setFromMatrixPosition(camera.matrixWorld);
     light_W.value.set(...kLight).normalize().transformDirection(camera.matrixWorld);
     gloss_W.value.set(...kLight).normalize().add(new THREE.Vector3(0, 0, 1)).normalize()
@@ -229,6 +256,7 @@ export class Surface {
       this.lines = new THREE.LineSegments(geometry, new THREE.ShaderMaterial({
         uniforms: this.uniforms, vertexShader: kLineVertexShader,
         fragmentShader: kLineFragmentShader, transparent: true, depthWrite: false}));
+      this.section.apply(this.lines.material);
       this.lines.frustumCulled = false;
       this.lines.onBeforeRender = (renderer, scene, camera) => this.aim(camera);
     }

@@ -24,7 +24,7 @@ try:
 except ImportError:
     webdriver = None
 from picture import Picture, depth_inside, outline
-from stand_in_server import COLUMNS, HELLO, JAVASCRIPT, METHODS, StandIn, send
+from stand_in_server import COLUMNS, HELLO, JAVASCRIPT, METHODS, StandIn, lines_message, send
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 PATIENCE_S = 60
@@ -666,6 +666,83 @@ class Page(unittest.TestCase):
         self.check("blocks", False)
         self.assertIs(self.command("layers", known)["blocks"], False)
         self.assertEqual(self.view("blocks"), {"drawn": [], "in_use": None})
+
+    def inside_text(self):
+        return self.run_script("return document.getElementById('inside-count').textContent")
+
+    def test_shows_what_is_inside_on_demand(self):
+        nothing = {"springs": 0, "element_edges": 0, "edges": 0, "drawn": 0, "frames": 0,
+                   "length_m": 0, "opened": False}
+        self.assertEqual(self.view("inside"), nothing)
+        known = len(self.stand_in.commands)
+        self.check("inside", True)
+        self.assertEqual(
+            {key: self.command("layers", known)[key] for key in ("blocks", "inside")},
+            {"blocks": False, "inside": True})
+        self.wait_until(lambda: self.view("inside")["edges"] == 4, "no lines are drawn")
+        shown = self.view("inside")
+        self.assertAlmostEqual(shown.pop("length_m"), 0.03 + 0.04 + 0.05 + 0.01, delta=4e-6)
+        del shown["drawn"]  # where the tool is, and so the section, depends on the time
+        self.assertEqual(shown, {"springs": 3, "element_edges": 1, "edges": 4, "frames": 1,
+                                 "opened": True})
+        self.assertEqual(self.inside_text(), "(3 springs, 1 edges of tetrahedra)")
+        box = self.by_id("inside")
+        self.run_script("document.getElementById('layers').open = true")
+        self.assertEqual((box.accessible_name, box.get_attribute("aria-describedby")),
+                         ("Inside", "inside-count"))
+        known = len(self.stand_in.commands)
+        box.send_keys(Keys.ENTER)  # space is stop
+        self.wait_until(lambda: self.view("inside") == nothing, "the lines stay")
+        self.assertIs(self.command("layers", known)["inside"], False)
+        self.assertEqual(self.inside_text(), "")
+        self.run_script("document.getElementById('layers').open = false")
+
+    def test_draws_the_lines_at_the_section_and_near_behind_it(self):
+        drawn = self.in_module("inside.js", """
+            const insides = new module.Insides();
+            insides.section.active = true;
+            // Edges of 10 mm along x, from x = 0 on, and one of 10 mm across at each end.
+            const xs = Array.from({length: 11}, (_, i) => i);
+            const ends = Uint32Array.from(xs.slice(0, 10).flatMap((i) => [i, i + 1])
+                .concat(xs.flatMap((i) => [i, 11 + i])));
+            insides.set_lines({object: 0, epoch: 1, vertices: 22, springs: 21, element_edges: 0,
+                               ends});
+            const values = Uint16Array.from([0, 1].flatMap((y) => xs.flatMap((i) => [i, y, 0])));
+            insides.set_frame({object: 0, epoch: 1, vertices: 22, low: [0, 0, 0],
+                               step: [0.01, 0.01, 0.01], values});
+            const inside = insides.objects.get(0);
+            const pairs = (section) => {
+              insides.section.uniform.value.set(...section);
+              inside.select();
+              const {array} = inside.near;
+              return Array.from({length: inside.drawn}, (_, i) => [array[2 * i], array[2 * i + 1]]);
+            };
+            return [pairs([1, 0, 0, 0.055]), pairs([-1, 0, 0, -0.005]), pairs([1, 0, 0, 1])];""")
+        # An edge's mean length is 10 mm: lines end 20 mm behind the plane, which is at x = 55 mm.
+        self.assertEqual(sorted(drawn[0]),
+                         sorted([[3, 4], [4, 5], [5, 6], [4, 15], [5, 16]]))
+        # Seen from the other side, with the plane at x = 5 mm.
+        self.assertEqual(sorted(drawn[1]),
+                         sorted([[0, 1], [1, 2], [2, 3], [1, 12], [2, 13]]))
+        self.assertEqual(drawn[2], [], "all are a metre behind it")
+
+    def test_says_that_an_object_has_too_many_lines(self):
+        self.check("inside", True)
+        self.wait_until(lambda: self.view("inside")["edges"] == 4, "no lines are drawn")
+        self.stand_in.loop.call_soon_threadsafe(
+            self.stand_in.send_all, lines_message(2, 0, 400_000, 0, []))
+        self.wait_until(lambda: self.view("inside")["edges"] == 0, "lines of another epoch stay")
+        self.assertEqual(self.inside_text(), "(400,000 springs: too many, at most 300,000 of an "
+                         "object are shown)")
+        self.check("inside", False)
+
+    def test_says_that_a_simulator_sends_no_inside(self):
+        self.stand_in.sends_inside = False
+        self.check("inside", True)
+        self.assertEqual(self.inside_text(), "")
+        self.wait_until(lambda: self.inside_text() == "(its simulator sends none)", "it waits on")
+        self.stand_in.sends_inside = True
+        self.check("inside", False)
 
     def test_has_the_words_of_its_boxes_beside_them(self):
         distances_px = self.run_script("""

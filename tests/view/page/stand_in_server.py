@@ -59,7 +59,8 @@ HELLO = {"type": "hello", "version": "0.2.0", "device": "emulated:woodenhaptics_
          "limits": ["force", "slew", "torque"], "statuses": [], "columns": COLUMNS,
          "workspace_W_m": {"low": [-0.12, -0.12, -0.08], "high": [0.12, 0.12, 0.14]},
          "emulated": True, "controls": ["stop", "pause", "hand", "method", "set"],
-         "settings": SETTINGS, "tour": False, "largest_force_N": 5.0, "field": True, "blocks": True}
+         "settings": SETTINGS, "tour": False, "largest_force_N": 5.0, "field": True, "blocks": True,
+         "inside": True}
 
 
 class Block:
@@ -149,6 +150,25 @@ BLOCKS = [(1, (-0.02, -0.02, 0.03), (0.0, 0.0, 0.05)), (1, (0.0, -0.02, 0.03), (
           (2, (-0.02, 0.0, 0.03), (0.0, 0.02, 0.05))]
 
 
+def lines_message(epoch, vertices, springs, element_edges, edges):
+    """What is inside of an object: springs, then edges of tetrahedra, two vertices each."""
+    return (struct.pack("<BBHIIIII", 8, 0, 0, epoch, vertices, springs, element_edges, len(edges))
+            + b"".join(struct.pack("<2I", *edge) for edge in edges))
+
+
+def inside_message(epoch, points_m):
+    """Where their vertices are, to 1 um, within 65 mm of the lowest."""
+    low = [min(point[axis] for point in points_m) for axis in range(3)]
+    values = [round((point[axis] - low[axis]) * 1e6) for point in points_m for axis in range(3)]
+    return (struct.pack("<BBHIIId6f", 9, 0, 0, epoch, len(points_m), 0, 0.0, *low, *3 * (1e-6,))
+            + struct.pack(f"<{len(values)}H", *values))
+
+
+# Three springs of 30, 40 and 50 mm, and an edge of a tetrahedron of 10 mm.
+LINE_POINTS = [(0, -0.02, 0), (0, 0.01, 0), (0, 0.01, -0.04), (0.01, -0.02, 0)]
+LINES = [(0, 1), (1, 2), (2, 0), (0, 3)]
+
+
 class StandIn:
     """The server in a thread. `commands` are the page's messages; `freeze` holds the surface."""
 
@@ -159,6 +179,7 @@ class StandIn:
         self.says_paused_by_held_back = False
         self.settings = {one["name"]: dict(one) for one in SETTINGS}
         self.answers_settings, self.tour, self.method = True, False, 0
+        self.sends_inside = True
         self.sockets, self.epoch, self.hand, self.refuse_stop = [], 1, None, False
         self.sent_rows = {}  # of the scope, by their time in hundredths of a second
         self.loop = asyncio.new_event_loop()
@@ -295,6 +316,9 @@ class StandIn:
         elif what == "layers":
             if command["blocks"]:
                 send(writer, 2, blocks_message(BLOCKS, 5))
+            if command["inside"] and self.sends_inside:
+                send(writer, 2, lines_message(1, len(LINE_POINTS), 3, 1, LINES))
+                send(writer, 2, inside_message(1, LINE_POINTS))
         elif what == "take_control":  # here the newest that asks has it
             send_text(writer, {"type": "role", "role": "controller"})
 
