@@ -39,10 +39,18 @@ SimulatorControls changed(SimulatorControls controls, const Datagram& wanted) {
   return controls;
 }
 
+std::size_t differences(const SimulatorControls& a, const SimulatorControls& b) {
+  return static_cast<std::size_t>(a.rate_Hz != b.rate_Hz) +
+         static_cast<std::size_t>(a.link.delay_s != b.link.delay_s) +
+         static_cast<std::size_t>(a.link.jitter_s != b.link.jitter_s) +
+         static_cast<std::size_t>(a.link.loss != b.link.loss) +
+         static_cast<std::size_t>(a.wall_m != b.wall_m) + static_cast<std::size_t>(a.cut != b.cut);
+}
+
 }  // namespace
 
-bool ControlSocket::receive(SimulatorControls& controls) {
-  bool news = false;
+std::size_t ControlSocket::receive(SimulatorControls& controls) {
+  std::size_t changes = 0;
   for (int i = 0; i < kMostAtOnce; ++i) {
     std::array<std::uint8_t, kBytes> bytes{};
     const ssize_t taken = socket_.receive(bytes);
@@ -55,8 +63,8 @@ bool ControlSocket::receive(SimulatorControls& controls) {
     auto datagram = std::bit_cast<Datagram>(bytes);
     const SimulatorControls wanted = changed(controls, datagram);
     if (wanted.usable() && admits_(wanted)) {
+      changes += differences(controls, wanted);
       controls = wanted;
-      news = true;
     }
     datagram = {datagram.number,
                 controls.rate_Hz,
@@ -67,7 +75,7 @@ bool ControlSocket::receive(SimulatorControls& controls) {
                 controls.cut ? 1.0 : 0.0};
     static_cast<void>(socket_.reply(std::bit_cast<std::array<std::uint8_t, kBytes>>(datagram)));
   }
-  return news;
+  return changes;
 }
 
 }  // namespace forcegrid::simulator

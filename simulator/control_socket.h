@@ -46,8 +46,8 @@ class ControlSocket {
       : socket_(path), admits_(std::move(admits)) {}
 
   /// Takes what has come. @param controls  as they are; changed as was asked.
-  /// @returns whether anything was changed.
-  bool receive(SimulatorControls& controls);
+  /// @returns how many values were changed, one after another; several in a datagram count each.
+  std::size_t receive(SimulatorControls& controls);
 
  private:
   rt::LocalDatagrams socket_;

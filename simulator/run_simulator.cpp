@@ -250,10 +250,11 @@ class Loop {
     }
   }
 
-  // Whether the rate or the link's conditions were changed.
+  // Whether anything was changed.
   bool take_controls() {
     const SimulatorControls before = controls_;
-    if (!control_ || !control_->receive(controls_)) {
+    const std::size_t changes = control_ ? control_->receive(controls_) : 0;
+    if (changes == 0) {
       return false;
     }
     if (controls_.cut != before.cut) {
@@ -264,7 +265,7 @@ class Loop {
     period_ = rt::from_seconds(1.0 / controls_.rate_Hz);
     impaired_.set(controls_.link);
     summary_.rate_Hz = controls_.rate_Hz;
-    ++summary_.control_changes;
+    summary_.control_changes += changes;
     return true;
   }
 

@@ -51,7 +51,7 @@ struct SimulatorSummary {
   std::optional<ModelUse> model;      ///< nothing: the scene as written
   double rate_Hz = 0.0;               ///< at the end
   LinkConditions link;                ///< likewise
-  std::uint64_t control_changes = 0;  ///< of rate or link while it ran
+  std::uint64_t control_changes = 0;  ///< of single values: rate, link, wall, cut
   std::uint64_t delayed = 0;          ///< datagrams that were delayed on purpose
   std::uint64_t lost_on_purpose = 0;  ///< and those that were lost
   std::uint64_t sessions = 0;         ///< servo sessions

@@ -585,7 +585,7 @@ TEST_F(ControlledSimulator, ReportsWhatWasChanged) {
     EXPECT_FALSE(servo_->wait(20ms) && servo_->receive()) << "every answer is lost";
   }
   const SimulatorSummary summary = simulator_->stop();
-  EXPECT_EQ(summary.control_changes, 1U);
+  EXPECT_EQ(summary.control_changes, 2U) << "rate and loss";
   EXPECT_EQ(summary.rate_Hz, 100.0);
   EXPECT_EQ(summary.link.loss, 1.0);
   EXPECT_GE(summary.lost_on_purpose, 1U);

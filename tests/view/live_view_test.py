@@ -278,7 +278,8 @@ class LiveView(unittest.TestCase):
             self.assertEqual(summary["emulator"]["hand"], "light")
             self.assertEqual(summary["faults"], [])
             self.assertGreater(summary["requests_made"], 0)
-            self.assertGreater(summary["simulator"]["control_changes"], 5)
+            # Two of the rate, six of the link, two of the wall, one cut.
+            self.assertEqual(summary["simulator"]["control_changes"], 11)
             self.assertGreater(summary["simulator"]["link"]["lost_on_purpose"], 5)
             self.assertGreater(summary["simulator"]["link"]["delayed"], 5)
         finally:
