@@ -152,6 +152,12 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
              "rows of /samples that the methods had got by this cycle"),
       number("/cycles/sample_age_ms", T::kFloat32, &CycleRecord::sample_age_ms,
              "time since the tool was at the position of the newest sample; -1: none"),
+      number("/cycles/requests_per_s", T::kFloat64, &CycleRecord::requests_per_s,
+             "requests that the rendered method might make"),
+      number(
+          "/cycles/budget_reads", T::kFloat64, &CycleRecord::budget_reads,
+          "the methods' budget, in bare trilinear reads a cycle; infinite: no limit; NaN: as the "
+          "methods were made"),
       number("/cycles/missed_deadlines", T::kUint32, &CycleRecord::missed_deadlines,
              "deadlines that passed unserved just before this cycle"),
       number("/cycles/energy_to_hand_J", T::kFloat64, &CycleRecord::energy_to_hand_J,

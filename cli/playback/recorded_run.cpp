@@ -200,6 +200,8 @@ class CycleColumns {
     cycle.energy_to_hand_J = energy_.at(i);
     cycle.passivity_scale = passivity_scale_.at(i);
     cycle.motor_warmth = warmth_.at(i);
+    cycle.requests_per_s = requests_.at(i);
+    cycle.budget_reads = budget_.at(i);
     cycle.contact_epoch = epoch_.whole<std::uint32_t>(i);
     cycle.missed_deadlines = missed_.whole<std::uint32_t>(i);
     cycle.rendered_candidate = candidate_.whole<std::uint8_t>(i);
@@ -246,6 +248,9 @@ class CycleColumns {
   Column energy_ = column("energy_to_hand_J");
   Column passivity_scale_ = column("passivity_scale");
   Column warmth_ = column("motor_warmth", 1, kUnknown);
+  // Unknown: the methods keep what the hello says.
+  Column requests_ = column("requests_per_s", 1, kUnknown);
+  Column budget_ = column("budget_reads", 1, kUnknown);
   Column epoch_ = column("contact_epoch");
   Column missed_ = column("missed_deadlines");
   Column candidate_ = column("rendered_member");

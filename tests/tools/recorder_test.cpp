@@ -44,6 +44,8 @@ CycleRecord cycle(std::uint64_t i) {
   record.method_status[1] = EstimateStatus::kOutside;
   record.commanded_force_D_N = {-2.0, 0.0, 0.0};
   record.sample_age_ms = 33.5;
+  record.requests_per_s = 120.0;
+  record.budget_reads = i == 0 ? NAN : i == 1 ? 1234.1 : INFINITY;
   record.fault = servo::Fault::kNone;
   return record;
 }
@@ -93,6 +95,11 @@ TEST(Recorder, KeepsEveryCycleAndSampleWithUnitsInTheNames) {
     ASSERT_EQ(asked[6 * i + 5], 0.25);
     ASSERT_EQ(status[2 * i + 1], static_cast<double>(EstimateStatus::kOutside));
   }
+  EXPECT_EQ(reader.numbers("/cycles/requests_per_s", 1)[0], 120.0);
+  const auto budget_reads = reader.numbers("/cycles/budget_reads", 3);
+  EXPECT_TRUE(std::isnan(budget_reads[0]));
+  EXPECT_EQ(budget_reads[1], 1234.1) << "a double: the replay sets the same";
+  EXPECT_EQ(budget_reads[2], INFINITY);
   // -2 N along the whole way.
   const auto work_J = reader.numbers("/cycles/work_on_hand_J", kCycles);
   constexpr double kRounding_J = 1e-12;

@@ -40,7 +40,7 @@ METHODS = ("auto", "forcegrid", "hold")
 SCREENSHOTS = os.environ.get("FORCEGRID_SCREENSHOTS", "")
 # What a recording has got since there is a view of it.
 NEW_COLUMNS = ("touching_W_m", "rendered_method", "damping_gain", "held_back", "arrivals_taken",
-               "motor_warmth")
+               "motor_warmth", "requests_per_s", "budget_reads")
 
 
 def run(*words, **options):
