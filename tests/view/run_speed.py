@@ -1,13 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """What a person who watches a real run waits for, measured in the page, in headless Chromium
-without a graphics card: how long a stop takes, and how many pictures a second a large object has.
+without a graphics card: how long a stop takes, how many pictures a second a large object has, and
+how late pictures are, with the times of the page's parts and the browser's processor time.
 usage: run_speed.py FORCEGRID stop [--runs N] [--scene SCENE]
-       run_speed.py FORCEGRID pictures [--corners X,Y,Z] [--seconds S]"""
+       run_speed.py FORCEGRID pictures [--corners X,Y,Z] [--seconds S]
+       run_speed.py FORCEGRID delay [--seconds S] [--scene SCENE]"""
 import argparse
 import os
 import pathlib
 import random
+import re
+import signal
 import statistics
 import sys
 import tempfile
@@ -146,10 +150,51 @@ def measure_pictures(browser, options, folder):
           f"{measured['arrivals_per_s']:.0f} times a second; load {os.getloadavg()[0]:.1f}")
 
 
+def processor_s():
+    """By kind of the browser's processes, the processor time that they have had."""
+    seconds = {}
+    for folder in pathlib.Path("/proc").glob("[0-9]*"):
+        try:
+            command = (folder / "cmdline").read_text()
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue  # it has ended
+        kind = re.search(r"--type=([a-z-]+)", command)
+        if "chrom" in command.split("\0")[0] and kind:
+            ticks = int(fields[11]) + int(fields[12])
+            seconds[kind[1]] = seconds.get(kind[1], 0) + ticks / os.sysconf("SC_CLK_TCK")
+    return seconds
+
+
+def measure_delay(browser, options):
+    run = Run("--seconds", "0", "--evaluate", "forcegrid;hold", scene=options.scene)
+    try:
+        open_page(browser, run)
+        wait_until(lambda: view(browser, "in_contact"), "contact", run.lines)
+        view(browser, "clear_times()")
+        before, begin_s = processor_s(), time.monotonic()
+        time.sleep(options.seconds)
+        passed_s, after, parts = time.monotonic() - begin_s, processor_s(), view(browser, "times")
+        run.process.send_signal(signal.SIGINT)
+        run.process.wait(live_view_test.PATIENCE_S)
+        delay = run.summary()["picture_delay_ms"]
+    finally:
+        run.close()
+    print(f"{options.scene}: from the start of a cycle to the report that it is drawn, "
+          f"{delay['pictures']} pictures: p50 {delay['p50']:.1f} ms, p99 {delay['p99']:.1f} ms; "
+          f"load {os.getloadavg()[0]:.1f}")
+    for name, part in sorted(parts.items()):
+        print(f"  {name:12} {part['times'] / passed_s:5.1f} a second, mean {part['mean_ms']:.2f} ms, "
+              f"p99 {part['p99_ms']:.1f} ms, most {part['most_ms']:.1f} ms")
+    used = {kind: 100 * (seconds - before.get(kind, 0)) / passed_s for kind, seconds in after.items()}
+    print("  % of a core: " + ", ".join(f"{kind} {share:.1f}" for kind, share in sorted(used.items())
+                                       if share >= 0.1))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("forcegrid")
-    parser.add_argument("what", choices=("stop", "pictures"))
+    parser.add_argument("what", choices=("stop", "pictures", "delay"))
     parser.add_argument("--runs", type=int, default=100, help="one stop each")
     parser.add_argument("--scene", default="block")
     parser.add_argument("--corners", default="47,47,46", help="vertices along each edge")
@@ -163,6 +208,8 @@ def main():
                 "width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False})
             if options.what == "stop":
                 measure_stops(browser, options)
+            elif options.what == "delay":
+                measure_delay(browser, options)
             else:
                 measure_pictures(browser, options, folder)
         finally:

@@ -12,6 +12,7 @@ import {FieldChoice} from '/field_choice.js';
 import {History} from '/history.js';
 import {Layers} from '/layers.js';
 import {Mouse} from '/mouse.js';
+import {PartTimes} from '/part_times.js';
 import {Playback} from '/playback.js';
 import {Readouts, is_paused} from '/readouts.js';
 import {Scene3d} from '/scene3d.js';
@@ -21,6 +22,8 @@ import {palette, start_theme} from '/theme.js';
 import {Tour} from '/tour.js';
 
 const kScopeInterval_ms = 40;        // one panel each time
+const kSoftwareScopeInterval_ms = 80;  // a panel costs software as much as a third of a picture
+const kLateScopeInterval_ms = 160;     // while pictures come late
 const kReadoutInterval_ms = 100;
 const kShownInterval_ms = 50;
 const kWaitForSurface_ms = 1500;     // then a run without a surface is live, too
@@ -40,6 +43,7 @@ class Page {
     this.counted = {frames: 0, pictures: 0, broken: 0};
     this.rates = {frames: 0, pictures: 0, since_ms: performance.now(), frames_per_s: 0, fps: 0};
     this.delays_ms = [];
+    this.times = new PartTimes();
     this.waiting_frames = new Map();
     this.waiting_insides = new Map();
     this.waiting_samples = [];
@@ -107,6 +111,7 @@ class Page {
   }
 
   start() {
+    this.scene.warm_up();
     this.connection.connect();
     const tick = (now_ms) => {
       requestAnimationFrame(tick);
@@ -171,7 +176,7 @@ class Page {
       surface_lost: () => this.scene.lose_surface(message.object),
     }[message.type];
     if (handler) {
-      handler();
+      this.times.measure('text', handler);
     }
   }
 
@@ -250,8 +255,9 @@ class Page {
       this.counted.broken += 1;
     } else if (message.type === kScope) {
       this.new_rows = this.history.append(message) || this.new_rows;
+      this.rows_arrived_ms = arrived_ms;
     } else if (message.type === kShape) {
-      this.scene.set_shape(message);
+      this.times.measure('shape', () => this.scene.set_shape(message));
       this.waiting_frames.delete(message.object);
       this.waiting_insides.delete(message.object);
     } else if (message.type === kFrame) {
@@ -277,7 +283,7 @@ class Page {
   take_news(now_ms) {
     let arrived_ms = Infinity;
     for (const frame of this.waiting_frames.values()) {
-      if (this.scene.set_frame(frame, now_ms)) {
+      if (this.times.measure('surface', () => this.scene.set_frame(frame, now_ms))) {
         this.counted.frames += 1;
         arrived_ms = Math.min(arrived_ms, frame.arrived_ms);
       }
@@ -306,6 +312,7 @@ class Page {
   }
 
   tick(now_ms) {
+    this.times.add('between', now_ms - this.last.tick_ms);
     if (this.last.drew) {
       this.scene.judge(now_ms - this.last.tick_ms, now_ms);
     }
@@ -314,14 +321,28 @@ class Page {
     if (this.state === 'waiting' && this.hello.columns && this.shows_run(now_ms)) {
       this.set_state('live');
     }
-    if (now_ms - this.last.scope_ms >= kScopeInterval_ms) {
-      this.last.scope_ms = now_ms;
-      this.scope.draw_next();
+    if (this.is_time_for('scope_ms', this.scope_interval_ms, now_ms)) {
+      this.times.measure('scope', () => this.scope.draw_next());
     }
-    if (now_ms - this.last.readout_ms >= kReadoutInterval_ms) {
-      this.last.readout_ms = now_ms;
-      this.show_readouts(now_ms);
+    if (this.is_time_for('readout_ms', kReadoutInterval_ms, now_ms)) {
+      this.times.measure('readouts', () => this.show_readouts(now_ms));
     }
+  }
+
+  /** Work that goes with a picture, after it: frames in which the picture stays would cost the
+   *  browser more. Without a picture it waits a little longer. */
+  is_time_for(name, interval_ms, now_ms) {
+    const waited_ms = now_ms - this.last[name];
+    if (waited_ms < (this.last.drew ? interval_ms : 1.5 * interval_ms)) {
+      return false;
+    }
+    this.last[name] = now_ms;
+    return true;
+  }
+
+  get scope_interval_ms() {
+    return !this.scene.software ? kScopeInterval_ms
+           : this.scene.late    ? kLateScopeInterval_ms : kSoftwareScopeInterval_ms;
   }
 
   /** Draws the picture with everything that came. Returns whether anything was drawn. */
@@ -335,16 +356,18 @@ class Page {
     const had_rows = this.new_rows;
     const arrived_ms = this.take_news(now_ms);
     this.new_rows = false;
-    const drew = this.scene.draw(now_ms);
+    const drew = this.times.measure('scene', () => this.scene.draw(now_ms));
     if (drew) {
       this.counted.pictures += 1;
-      this.readouts.draw_compass(this.scene.camera, this.palette);
+      this.times.measure(
+          'compass', () => this.readouts.draw_compass(this.scene.camera, this.palette));
     }
     if (arrived_ms < Infinity) {
       this.delays_ms.push(performance.now() - arrived_ms);
       this.delays_ms.splice(0, this.delays_ms.length - 60);
     }
     if (had_rows) {
+      this.times.add('rows waited', performance.now() - this.rows_arrived_ms);
       this.report_shown(now_ms);
     }
     return drew;
@@ -460,6 +483,9 @@ function interface_for_scripts(page) {
     get tour_visited() { return page.tour.visited; },
     get tour_ready() { return page.tour.ready; },
     get in_contact() { return page.history.newest('in_contact') > 0; },
+    /** How long the parts of the page's work take; clear_times() begins anew. */
+    get times() { return page.times.summary; },
+    clear_times: () => page.times.clear(),
     get broken_messages() { return page.counted.broken; },
     /** Milliseconds from a surface frame's arrival to its picture, and the cycle reported last. */
     get latency() {

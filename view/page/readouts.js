@@ -22,6 +22,7 @@ export class Readouts {
   constructor() {
     this.by_id = (id) => document.getElementById(id);
     this.flags_shown = '';
+    this.compass_shown = '';
   }
 
   /** @param draws does the browser draw in 3-D? @param recorded is a recording shown? */
@@ -152,10 +153,15 @@ export class Readouts {
 
   /** The directions of W's axes as the camera sees them. */
   draw_compass(camera, palette) {
+    const elements = camera.matrixWorldInverse.elements;
+    const shown = [...elements.slice(0, 11), ...palette.axes].join();
+    if (shown === this.compass_shown) {
+      return;
+    }
+    this.compass_shown = shown;
     const canvas = this.by_id('compass');
     const context = canvas.getContext('2d');
     const middle = canvas.width / 2;
-    const elements = camera.matrixWorldInverse.elements;
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.font = '600 24px system-ui, sans-serif';
     context.textAlign = 'center';

@@ -18,6 +18,7 @@ const kLongestArrow = 0.95;  // of the object's radius
 const kSlow_ms = 36;      // until the browser is ready again: more, and the next have fewer pixels
 const kFast_ms = 24;      // less, and the next have more
 const kLowestScale = 0.6;
+const kLate_ms = 80;      // one of those that are judged took more: pictures come late
 const kJudged = 12;       // intervals that are judged together
 const kNotAgain_ms = 15000;  // after a time that was too slow
 const kSoftwareInterval_ms = 24;
@@ -49,6 +50,7 @@ export class Scene3d {
     this.sharper_at_ms = 0;
     this.drawn_ms = -Infinity;
     this.intervals = [];
+    this.late = false;
     this.dirty = true;
     this.camera = new THREE.PerspectiveCamera(kFieldOfView_deg, 1, 0.01, 10);
     this.scene = new THREE.Scene();
@@ -365,6 +367,20 @@ export class Scene3d {
     this.dirty = true;
   }
 
+  /** Makes the browser compile the shaders, before the first picture waits for them. */
+  warm_up() {
+    const plain = new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]);
+    this.warm_surface = new Surface({epoch: 0, vertices: 3, triangles: 1, rest_W_m: plain,
+                              corners: new Uint32Array([0, 1, 2])}, this.insides.section);
+    this.surface_group.add(this.warm_surface.mesh);
+    if (this.renderer) {
+      this.renderer.compile(this.scene, this.camera);  // also of what is not seen yet
+    }
+    this.draw(performance.now(), true);
+    this.surface_group.remove(this.warm_surface.mesh);  // it is kept, and its shader with it
+    this.dirty = true;
+  }
+
   /** Draws at this share of the pixels from now on. */
   fix_scale(scale) {
     this.scale = scale;
@@ -375,12 +391,16 @@ export class Scene3d {
   /** Judges the time between pictures [ms] and changes the number of pixels if it must. */
   judge(interval_ms, now_ms) {
     this.intervals.push(interval_ms);
-    if (this.intervals.length < kJudged || this.scale_is_fixed) {
-      this.intervals.splice(0, this.intervals.length - kJudged);
+    if (this.intervals.length < kJudged) {
       return;
     }
-    const median = this.intervals.sort((a, b) => a - b)[kJudged >> 1];
+    const sorted = this.intervals.sort((a, b) => a - b);
+    const median = sorted[kJudged >> 1];
+    this.late = median > kSlow_ms || sorted[kJudged - 1] > kLate_ms;
     this.intervals = [];
+    if (this.scale_is_fixed) {
+      return;
+    }
     const before = this.scale;
     if (median > kSlow_ms) {
       this.scale = Math.max(kLowestScale, this.scale * 0.85);

@@ -77,12 +77,22 @@ const kLineFragmentShader = `
 function triangle_normals(rest, corners) {
   const normals = new Float32Array(corners.length);
   for (let i = 0; i < corners.length; i += 3) {
-    const [a, b, c] = [3 * corners[i], 3 * corners[i + 1], 3 * corners[i + 2]];
-    const [ux, uy, uz] = [rest[b] - rest[a], rest[b + 1] - rest[a + 1], rest[b + 2] - rest[a + 2]];
-    const [vx, vy, vz] = [rest[c] - rest[a], rest[c + 1] - rest[a + 1], rest[c + 2] - rest[a + 2]];
-    const [x, y, z] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
-    const length = Math.hypot(x, y, z) || 1;
-    normals.set([x / length, y / length, z / length], i);
+    const a = 3 * corners[i];
+    const b = 3 * corners[i + 1];
+    const c = 3 * corners[i + 2];
+    const ux = rest[b] - rest[a];
+    const uy = rest[b + 1] - rest[a + 1];
+    const uz = rest[b + 2] - rest[a + 2];
+    const vx = rest[c] - rest[a];
+    const vy = rest[c + 1] - rest[a + 1];
+    const vz = rest[c + 2] - rest[a + 2];
+    const x = uy * vz - uz * vy;
+    const y = uz * vx - ux * vz;
+    const z = ux * vy - uy * vx;
+    const length = Math.sqrt(x * x + y * y + z * z) || 1;
+    normals[i] = x / length;
+    normals[i + 1] = y / length;
+    normals[i + 2] = z / length;
   }
   return normals;
 }
@@ -120,6 +130,13 @@ function split_at_creases(shape) {
                normals[i + 2] * normals[j + 2] > kCrease_cos;
   };
   for (let vertex = 0; vertex < shape.vertices; ++vertex) {
+    let next = start[vertex];
+    while (next < start[vertex + 1] && smooth(meeting[start[vertex]], meeting[next])) {
+      ++next;
+    }
+    if (next === start[vertex + 1]) {
+      continue;  // one smooth side, as most vertices have
+    }
     let left = Array.from(meeting.subarray(start[vertex], start[vertex + 1]));
     for (let side = 0; left.length > 0; ++side) {
       const together = [left.pop()];
@@ -268,10 +285,10 @@ export class Surface {
     const rest = this.shape.rest_W_m;
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];
-    rest.forEach((value, i) => {
-      low[i % 3] = Math.min(low[i % 3], value);
-      high[i % 3] = Math.max(high[i % 3], value);
-    });
+    for (let i = 0; i < rest.length; ++i) {
+      low[i % 3] = Math.min(low[i % 3], rest[i]);
+      high[i % 3] = Math.max(high[i % 3], rest[i]);
+    }
     const step = low.map((value, axis) => (high[axis] - value) / 65535 || 1e-9);
     const values =
         Uint16Array.from(rest, (value, i) => Math.round((value - low[i % 3]) / step[i % 3]));

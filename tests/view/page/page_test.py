@@ -667,6 +667,53 @@ class Page(unittest.TestCase):
         self.assertIs(self.command("layers", known)["blocks"], False)
         self.assertEqual(self.view("blocks"), {"drawn": [], "in_use": None})
 
+    def test_draws_the_compass_when_the_camera_turns(self):
+        self.run_script("""
+            window.compasses = 0;
+            const canvas = document.getElementById('compass');
+            const clear = CanvasRenderingContext2D.prototype.clearRect;
+            CanvasRenderingContext2D.prototype.clearRect = function(...sides) {
+              window.compasses += this.canvas === canvas ? 1 : 0;
+              return clear.apply(this, sides);
+            };""")
+        self.wait_for_frames(8)
+        self.assertEqual(self.run_script("return compasses"), 0, "the camera stands still")
+        for key in (Keys.ARROW_LEFT, Keys.ARROW_RIGHT):  # and back, for the other tests
+            known = self.run_script("return compasses")
+            self.by_id("scene").send_keys(key)
+            self.wait_until(lambda: self.run_script("return compasses") > known, "it does not turn")
+
+    def test_tells_late_pictures_from_those_in_time(self):
+        late = self.in_module("scene3d.js", """
+            const scene = {intervals: [], late: false, scale_is_fixed: true};
+            const judged = (times) => {
+              times.forEach((ms) => module.Scene3d.prototype.judge.call(scene, ms, 0));
+              return scene.late;
+            };
+            const in_time = Array(12).fill(33);
+            return [judged(in_time), judged([...in_time.slice(1), 90]), judged(in_time),
+                    judged(Array(12).fill(40)), judged(in_time.slice(1)), judged([33])];""")
+        # All in time; one far too late; again in time; each a little late; not judged yet; in time.
+        self.assertEqual(late, [False, True, False, True, True, False])
+
+    def test_knows_how_long_its_parts_take(self):
+        self.view("clear_times()")
+        self.wait_for_frames(10)
+        times = self.view("times")
+        for part in ("surface", "scene", "scope", "readouts", "rows waited"):
+            self.assertGreater(times[part]["times"], 0, part)
+            self.assertLessEqual(times[part]["p50_ms"], times[part]["p99_ms"], part)
+            self.assertLessEqual(times[part]["p99_ms"], times[part]["most_ms"], part)
+        counted = self.in_module("part_times.js", """
+            const times = new module.PartTimes();
+            for (let ms = 1; ms <= 200; ++ms) {
+              times.add('a', ms);
+            }
+            return [times.measure('b', () => 7), times.summary.a, times.summary.b.times];""")
+        self.assertEqual((counted[0], counted[2]), (7, 1))
+        self.assertEqual(counted[1], {"times": 200, "mean_ms": 100.5, "p50_ms": 101, "p99_ms": 199,
+                                      "most_ms": 200})
+
     def inside_text(self):
         return self.run_script("return document.getElementById('inside-count').textContent")
 
