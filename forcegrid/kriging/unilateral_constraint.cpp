@@ -21,10 +21,10 @@ void tangents(const Vector3d& n, Vector3d& first, Vector3d& second) noexcept {
 }  // namespace
 
 // Softplus.
-double UnilateralConstraint::penetration_m(double depth_m) const noexcept {
-  const double ratio = depth_m / softness_m;
+double UnilateralConstraint::penetration_m(double s_m) const noexcept {
+  const double ratio = s_m / softness_m;
   if (ratio > 30.0) {
-    return depth_m;
+    return s_m;
   }
   return ratio < -30.0 ? 0.0 : softness_m * std::log1p(std::exp(ratio));
 }

@@ -27,7 +27,7 @@ struct UnilateralConstraint {
   };
   At at(const Eigen::Vector3d& position_W) const noexcept;
   /// [m] phi at a depth s.
-  double penetration_m(double depth_m) const noexcept;
+  double penetration_m(double s_m) const noexcept;
 
   // Prior deviations of its weights and of its shape.
   static constexpr double kStiffness_N_per_m = 1000.0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The images of `make firmware` on an emulated Cortex-M7, against the libraries of the host.
 //
-// random_motion.csv.gz is a recording of `forcegrid run --scene block --motion random
+// random_motion.csv is a recording of `forcegrid run --scene block --motion random
 // --amplitude-mm 15 --seed 3 --record FILE`, rounded to 0.1 um and 1 uN.
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@
 namespace forcegrid::firmware {
 namespace {
 
-const std::string kTrace = FORCEGRID_SOURCE_DIR "/tests/firmware/random_motion.csv.gz";
+const std::string kTrace = FORCEGRID_SOURCE_DIR "/tests/firmware/random_motion.csv";
 constexpr double kBudget_instructions = 200e6 / 500;  // of a cycle at 500 Hz, one each clock
 
 std::string image_of(const std::string& method) {
