@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace forcegrid::link {
@@ -9,6 +10,13 @@ namespace forcegrid::link {
 /// x, y, z. Plain arrays, so that a foreign simulator needs no linear algebra library.
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  ///< row major
+
+/// The number of a tool among those of one simulation, chosen by its servo. 0: the only tool, of a
+/// servo that speaks version 1 of the protocol.
+using ToolId = std::uint16_t;
+inline constexpr ToolId kMaxToolId = 999;
+/// Tools that one simulator serves, at most.
+inline constexpr std::size_t kMostTools = 4;
 
 /// Servo -> simulator: where the tool is. W: the workspace frame, x toward the operator, y to the
 /// operator's right, z up; the servo defines its origin and the simulator places its object in it.
@@ -45,6 +53,34 @@ struct ForceSample {
   Vector3 contact_point_W_m{};
   double relative_residual = 0.0;  ///< of the equilibrium; see the simulator's documentation
   double solve_time_s = 0.0;
+};
+
+/// Where one of the other tools of the simulation is.
+struct OtherTool {
+  ToolId tool = 0;
+  bool in_contact = false;
+  /// How long ago the simulator had received `position_W_m` when it sent this. The way to the
+  /// simulator and the way from it come on top.
+  std::int64_t age_ns = 0;
+  Vector3 position_W_m{};
+};
+
+/// Simulator -> servo, version 2 only: the other tools of the simulation.
+struct OtherTools {
+  static constexpr std::size_t kMost = kMostTools - 1;
+  std::uint32_t sequence = 0;  ///< the simulator's own count of these
+  std::uint32_t count = 0;
+  std::array<OtherTool, kMost> tools{};  ///< the first `count`; the rest is zero
+};
+
+/// Simulator -> servo, version 2 only: why it does not serve this servo.
+struct Refusal {
+  enum class Reason : std::uint32_t {
+    kAllPlacesTaken = 1,  ///< it serves `most_tools` other tools
+    kToolTaken = 2,       ///< another servo moves the tool of this number
+  };
+  Reason reason = Reason::kAllPlacesTaken;
+  std::uint32_t most_tools = 1;  ///< how many the simulator serves
 };
 
 }  // namespace forcegrid::link

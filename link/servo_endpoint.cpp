@@ -18,6 +18,10 @@ namespace forcegrid::link {
 namespace {
 
 constexpr int kSamplesPerCall = 256;
+// A simulator that knows several tools answers version 1 only to a servo whose first datagram in
+// version 2 is still on its way.
+constexpr std::uint32_t kTryVersion1Every = 64;
+constexpr int kAnswersOfVersion1 = 3;
 
 /// What was sent under a number, to check what comes back.
 struct SentMessage {
@@ -58,18 +62,26 @@ Address checked_simulator(const Address& address, Reach reach) {
 }  // namespace
 
 struct ServoEndpoint::State {
-  State(const Address& simulator_address, std::uint64_t session, std::vector<LinkKey> keys)
+  State(const Address& simulator_address, std::uint64_t session, std::vector<LinkKey> keys,
+        ToolId own_tool)
       : simulator(checked_simulator(simulator_address, reach_with(keys))),
         session_id(session),
+        tool(own_tool),
         transport(LinkEnd::kServo, local_for(simulator), std::move(keys)) {
     if (session_id == 0) {
       throw LinkError("link to " + to_string(simulator) +
                       ": session id 0 is reserved; use random_session_id()");
     }
+    if (own_tool > kMaxToolId) {
+      throw LinkError("link to " + to_string(simulator) + ": tool number " +
+                      std::to_string(own_tool) + "; give 1 to " + std::to_string(kMaxToolId) +
+                      ", or 0 for a simulator's only tool");
+    }
   }
 
   template <typename Message>
-  SendStatus transmit(const Message& message) noexcept;
+  SendStatus transmit(const Message& message, ToolId as_tool) noexcept;
+  void take(const Decoded& decoded) noexcept;
   bool accept(const ForceSample& sample) noexcept;
   bool accept_sample(const ForceSample& sample) noexcept;
   bool accept_reply(const ForceSample& reply) noexcept;
@@ -80,6 +92,7 @@ struct ServoEndpoint::State {
 
   Address simulator;
   std::uint64_t session_id;
+  ToolId tool;
   Transport transport;
   SealedPeer peer;
   ClockFilter clock;
@@ -98,15 +111,23 @@ struct ServoEndpoint::State {
   std::optional<SurfacePatch> patch;  ///< not yet given out
   std::uint64_t patches_accepted = 0;
   std::uint32_t newest_patch_echo = 0;
+  std::optional<OtherTools> others;  ///< not yet given out
+  std::uint64_t others_accepted = 0;
+  std::optional<std::uint32_t> newest_others;  ///< its number
+  std::optional<Refusal> refusal;
+  std::uint64_t refusals_accepted = 0;
+  bool own_version_answered = false;
+  std::uint32_t tool_states_sent = 0;
+  int answers_of_version_1 = 0;
   bool simulator_ended = false;
   bool goodbye_said = false;
 };
 
 template <typename Message>
-SendStatus ServoEndpoint::State::transmit(const Message& message) noexcept {
+SendStatus ServoEndpoint::State::transmit(const Message& message, ToolId as_tool) noexcept {
   std::array<std::byte, kMaxDatagramBytes> buffer;
-  const SendStatus status =
-      transport.send(simulator, peer, encode(message, session_id, buffer), buffer, statistics);
+  const SendStatus status = transport.send(
+      simulator, peer, encode(message, session_id, buffer, as_tool), buffer, statistics);
   statistics.send_no_peer = transport.socket().undelivered();
   return status;
 }
@@ -168,6 +189,7 @@ bool ServoEndpoint::State::accept_sample(const ForceSample& sample) noexcept {
   if (sample_accepted && newer_answer && ahead_of(sample.sequence, newest_sample) <= 0) {
     tracker.restart();
     sample_accepted = false;
+    newest_others.reset();
     ++statistics.restarts;
   }
   switch (track(sample.sequence)) {
@@ -215,13 +237,13 @@ bool ServoEndpoint::State::accept_reply(const ForceSample& reply) noexcept {
 }
 
 ServoEndpoint::ServoEndpoint(const Address& simulator, std::uint64_t session_id,
-                             std::vector<LinkKey> keys)
-    : state_(std::make_unique<State>(simulator, session_id, std::move(keys))) {}
+                             std::vector<LinkKey> keys, ToolId tool)
+    : state_(std::make_unique<State>(simulator, session_id, std::move(keys), tool)) {}
 
 ServoEndpoint::ServoEndpoint(std::string_view simulator, std::uint64_t session_id,
-                             std::vector<LinkKey> keys)
+                             std::vector<LinkKey> keys, ToolId tool)
     : state_(std::make_unique<State>(parse_address(simulator, PortZero::kRefused, reach_with(keys)),
-                                     session_id, std::move(keys))) {}
+                                     session_id, std::move(keys), tool)) {}
 
 ServoEndpoint::~ServoEndpoint() { say_goodbye(); }
 
@@ -231,7 +253,9 @@ SendStatus ServoEndpoint::send(const ToolState& state) noexcept {
     ++own.statistics.send_invalid;
     return SendStatus::kNotRising;
   }
-  const SendStatus status = own.transmit(state);
+  const bool try_version_1 =
+      own.tool != 0 && !own.own_version_answered && ++own.tool_states_sent % kTryVersion1Every == 0;
+  const SendStatus status = own.transmit(state, try_version_1 ? ToolId{0} : own.tool);
   if (status == SendStatus::kSent) {
     own.tool_state_sent = true;
     own.newest_tool_state = state.sequence;
@@ -247,13 +271,38 @@ SendStatus ServoEndpoint::send(const Query& query) noexcept {
     ++own.statistics.send_invalid;
     return SendStatus::kNotRising;
   }
-  const SendStatus status = own.transmit(query);
+  const SendStatus status = own.transmit(query, own.tool);
   if (status == SendStatus::kSent) {
     own.newest_query = query.query_id;
     own.queries[query.query_id % kRememberedQueries] = {true, false, query.query_id,
                                                         query.servo_time_ns, query.position_W_m};
   }
   return status;
+}
+
+// A message of this session and tool that is not a sample.
+void ServoEndpoint::State::take(const Decoded& decoded) noexcept {
+  if (std::holds_alternative<Goodbye>(decoded.message)) {
+    ++statistics.accepted;
+    simulator_ended = true;
+  } else if (const auto* candidate = std::get_if<SurfacePatch>(&decoded.message)) {
+    statistics.accepted += accept(*candidate) ? 1 : 0;
+  } else if (const auto* told = std::get_if<OtherTools>(&decoded.message)) {
+    if (newest_others && ahead_of(told->sequence, *newest_others) <= 0) {
+      ++(told->sequence == *newest_others ? statistics.duplicated : statistics.late);
+      return;
+    }
+    ++statistics.accepted;
+    ++others_accepted;
+    newest_others = told->sequence;
+    others = *told;
+  } else if (const auto* refused = std::get_if<Refusal>(&decoded.message)) {
+    ++statistics.accepted;
+    ++refusals_accepted;
+    refusal = *refused;
+  } else {
+    ++statistics.unexpected_type;
+  }
 }
 
 std::optional<ForceSample> ServoEndpoint::receive() noexcept {
@@ -291,23 +340,21 @@ std::optional<ForceSample> ServoEndpoint::receive() noexcept {
       ++own.statistics.foreign_session;
       continue;
     }
-    if (std::holds_alternative<Goodbye>(decoded.message)) {
-      ++own.statistics.accepted;
-      own.simulator_ended = true;
+    if (decoded.tool != own.tool) {
+      const bool version_1 = decoded.tool == 0;
+      ++(version_1 ? own.statistics.malformed[static_cast<std::size_t>(WireStatus::kBadVersion)]
+                   : own.statistics.foreign_session);
+      own.answers_of_version_1 += version_1 ? 1 : 0;
       continue;
     }
-    if (const auto* patch = std::get_if<SurfacePatch>(&decoded.message)) {
-      own.statistics.accepted += own.accept(*patch) ? 1 : 0;
-      continue;
-    }
+    own.own_version_answered = true;
     const auto* sample = std::get_if<ForceSample>(&decoded.message);
     if (sample == nullptr) {
-      ++own.statistics.unexpected_type;
-      continue;
-    }
-    if (own.accept(*sample)) {
+      own.take(decoded);
+    } else if (own.accept(*sample)) {
       ++own.statistics.accepted;
       own.simulator_ended = false;
+      own.refusal.reset();
       return *sample;
     }
   }
@@ -320,6 +367,22 @@ std::optional<SurfacePatch> ServoEndpoint::next_patch() noexcept {
 
 std::uint64_t ServoEndpoint::patches_accepted() const noexcept { return state_->patches_accepted; }
 
+std::optional<OtherTools> ServoEndpoint::next_others() noexcept {
+  return std::exchange(state_->others, std::nullopt);
+}
+
+std::uint64_t ServoEndpoint::others_accepted() const noexcept { return state_->others_accepted; }
+
+const std::optional<Refusal>& ServoEndpoint::refusal() const noexcept { return state_->refusal; }
+
+std::uint64_t ServoEndpoint::refusals_accepted() const noexcept {
+  return state_->refusals_accepted;
+}
+
+bool ServoEndpoint::simulator_knows_one_tool() const noexcept {
+  return !state_->own_version_answered && state_->answers_of_version_1 >= kAnswersOfVersion1;
+}
+
 bool ServoEndpoint::wait(std::chrono::nanoseconds timeout) noexcept {
   const bool readable = state_->transport.socket().wait(timeout) == UdpSocket::Wait::kReadable;
   state_->statistics.send_no_peer = state_->transport.socket().undelivered();
@@ -331,11 +394,13 @@ bool ServoEndpoint::simulator_ended() const noexcept { return state_->simulator_
 void ServoEndpoint::say_goodbye() noexcept {
   if (!state_->goodbye_said) {
     state_->goodbye_said = true;
-    state_->transmit(Goodbye{});
+    state_->transmit(Goodbye{}, state_->tool);
   }
 }
 
 std::uint64_t ServoEndpoint::session_id() const noexcept { return state_->session_id; }
+
+ToolId ServoEndpoint::tool() const noexcept { return state_->tool; }
 
 const Address& ServoEndpoint::simulator_address() const noexcept { return state_->simulator; }
 

@@ -35,6 +35,10 @@ inline constexpr std::size_t kRememberedQueries = 1024;
 /// state its very position, and be newer than the newest taken. Everything else is dropped and
 /// counted.
 ///
+/// A servo with a tool's number speaks version 2 of the protocol and may share the simulator with
+/// others. Until it is answered in that version, every 64th tool state goes out in version 1, so
+/// that a simulator that knows one tool shows itself: see simulator_knows_one_tool().
+///
 /// Threads: one at a time.
 class ServoEndpoint {
  public:
@@ -44,12 +48,13 @@ class ServoEndpoint {
   /// @param session_id  not zero; random by default, so that forging is hard
   /// @param keys        datagrams are sealed with the first one, or with the one that the simulator
   ///   uses (sealed_channel.h); none: not sealed
-  /// @throws LinkError for an address beyond loopback without a key, port 0, session 0, or no
-  ///   socket.
+  /// @param tool        1 to kMaxToolId, unlike the other servos'; 0: the simulator's only one
+  /// @throws LinkError for an address beyond loopback without a key, port 0, session 0, a tool out
+  ///   of range, or no socket.
   explicit ServoEndpoint(const Address& simulator, std::uint64_t session_id = random_session_id(),
-                         std::vector<LinkKey> keys = {});
+                         std::vector<LinkKey> keys = {}, ToolId tool = 0);
   explicit ServoEndpoint(std::string_view simulator, std::uint64_t session_id = random_session_id(),
-                         std::vector<LinkKey> keys = {});
+                         std::vector<LinkKey> keys = {}, ToolId tool = 0);
   /// Says goodbye to the simulator unless say_goodbye() has.
   ~ServoEndpoint();
   ServoEndpoint(const ServoEndpoint&) = delete;
@@ -72,6 +77,20 @@ class ServoEndpoint {
   /// Patches of the surface among LinkStatistics::accepted. Real-time: yes.
   [[nodiscard]] std::uint64_t patches_accepted() const noexcept;
 
+  /// The newest message about the other tools that receive() has come across since the last call.
+  /// Real-time: as receive().
+  [[nodiscard]] std::optional<OtherTools> next_others() noexcept;
+  /// Such messages among LinkStatistics::accepted. Real-time: yes.
+  [[nodiscard]] std::uint64_t others_accepted() const noexcept;
+  /// Why the simulator does not serve this servo; nothing: it has not refused since the newest
+  /// sample. Real-time: yes.
+  [[nodiscard]] const std::optional<Refusal>& refusal() const noexcept;
+  /// Refusals among LinkStatistics::accepted. Real-time: yes.
+  [[nodiscard]] std::uint64_t refusals_accepted() const noexcept;
+  /// The simulator answers version 1 of the protocol and does not answer version 2, so that this
+  /// servo's tool cannot be one of several. Real-time: yes.
+  [[nodiscard]] bool simulator_knows_one_tool() const noexcept;
+
   /// Waits until something has arrived, `timeout` has passed or a signal came. Zero or less: does
   /// not wait.
   /// @returns true when receive() has a datagram to read.
@@ -85,6 +104,7 @@ class ServoEndpoint {
   void say_goodbye() noexcept;
 
   [[nodiscard]] std::uint64_t session_id() const noexcept;
+  [[nodiscard]] ToolId tool() const noexcept;
   [[nodiscard]] const Address& simulator_address() const noexcept;
   /// Where this end receives.
   [[nodiscard]] const Address& local_address() const noexcept;

@@ -14,7 +14,7 @@ namespace forcegrid::link {
 namespace {
 
 constexpr int kPositionsPerCall = 4096;
-constexpr std::size_t kRememberedSessions = 16;
+constexpr std::size_t kRememberedSessions = 16 * kMostTools;
 
 using SteadyTime = std::chrono::steady_clock::time_point;
 
@@ -56,49 +56,13 @@ Address checked_local(const Address& address, Reach reach) {
   return parse_address(to_string(address), PortZero::kAllowed, reach);
 }
 
-}  // namespace
-
-struct SimulatorEndpoint::State {
-  State(const Address& address, std::chrono::nanoseconds silence, Access access)
-      : allowed(std::move(access.allowed)),
-        local(checked_local(address, reach_with(access.keys))),
-        transport(LinkEnd::kSimulator, local, std::move(access.keys)),
-        silence_limit(silence) {
-    if (silence <= std::chrono::nanoseconds::zero()) {
-      throw LinkError("link at " + to_string(address) +
-                      ": the silence limit must be above zero, for example 2 s");
-    }
-  }
-
-  void take(const UdpSocket::Received& received, std::span<std::byte> buffer, News& news) noexcept;
-  [[nodiscard]] bool may_use(const Address& sender) const noexcept;
-  bool belongs_to_servo(const Address& sender, const Decoded& decoded, News& news) noexcept;
-  void take(const ToolState& state, News& news) noexcept;
-  void take(const Query& query) noexcept;
-  /// @returns whether the message of this number is to be used; counts it otherwise.
-  bool track(SequenceTracker& tracker, std::uint32_t number) noexcept;
-  void end_session() noexcept;
-  [[nodiscard]] bool alive() const noexcept;
-  template <typename Message>
-  SendStatus transmit(const Message& message) noexcept;
-  /// Sends it with the next number of `count`.
-  template <typename Message>
-  SendStatus transmit_numbered(const Message& message, std::uint32_t& count) noexcept;
-
-  std::vector<AddressRange> allowed;
-  Address local;  ///< as requested: port 0 for any
-  Transport transport;
-  std::chrono::nanoseconds silence_limit;
-  LinkStatistics statistics;
-  std::uint64_t sent_without_servo = 0;
-
+/// A servo that is served, and what it has sent.
+struct Place {
   std::uint64_t session_id = 0;  ///< 0: no servo
-  std::uint64_t session_count = 0;
+  ToolId tool = 0;               ///< 0: it speaks version 1
   Address servo;
-  SealedPeer servo_peer;
+  SealedPeer peer;
   SteadyTime last_heard;
-  std::array<std::uint64_t, kRememberedSessions> ended_sessions{};
-  std::size_t next_ended = 0;
 
   SequenceTracker tool_states;
   SequenceTracker query_ids;
@@ -110,57 +74,185 @@ struct SimulatorEndpoint::State {
 
   std::uint32_t sample_sequence = 0;
   std::uint32_t patch_sequence = 0;
+  std::uint32_t others_sequence = 0;
 };
 
-bool SimulatorEndpoint::State::alive() const noexcept {
-  return session_id != 0 && std::chrono::steady_clock::now() - last_heard < silence_limit;
+bool opens_a_session(const Decoded& decoded) noexcept {
+  return std::holds_alternative<ToolState>(decoded.message) ||
+         std::holds_alternative<Query>(decoded.message);
 }
 
-void SimulatorEndpoint::State::end_session() noexcept {
-  if (session_id != 0) {
-    ended_sessions[next_ended] = session_id;
+}  // namespace
+
+struct SimulatorEndpoint::State {
+  using AllNews = std::array<News, kMostTools>;
+
+  State(const Address& address, std::chrono::nanoseconds silence, Access access,
+        std::size_t place_count)
+      : allowed(std::move(access.allowed)),
+        local(checked_local(address, reach_with(access.keys))),
+        transport(LinkEnd::kSimulator, local, std::move(access.keys)),
+        silence_limit(silence),
+        places(place_count) {
+    if (place_count == 0 || place_count > kMostTools) {
+      throw LinkError("link at " + to_string(address) + ": " + std::to_string(place_count) +
+                      " places for servos; give 1 to " + std::to_string(kMostTools));
+    }
+    if (silence <= std::chrono::nanoseconds::zero()) {
+      throw LinkError("link at " + to_string(address) +
+                      ": the silence limit must be above zero, for example 2 s");
+    }
+  }
+
+  void take(const UdpSocket::Received& received, std::span<std::byte> buffer,
+            AllNews& news) noexcept;
+  [[nodiscard]] bool may_use(const Address& sender) const noexcept;
+  /// The place whose servo has sent this, perhaps just taken; null: it is refused, and counted.
+  Place* place_of(const Address& sender, const Decoded& decoded, const SealedPeer& peer,
+                  AllNews& news) noexcept;
+  /// The place that a new session may have; null: it is refused.
+  Place* place_for(const Address& sender, const Decoded& decoded, const SealedPeer& peer) noexcept;
+  /// The place of another living servo with this tool.
+  [[nodiscard]] bool taken(ToolId tool, const Place* but) const noexcept;
+  void refuse(const Address& sender, const Decoded& decoded, const SealedPeer& peer,
+              Refusal::Reason reason) noexcept;
+  void take(const ToolState& state, Place& place, News& news) noexcept;
+  void take(const Query& query, Place& place) noexcept;
+  /// @returns whether the message of this number is to be used; counts it otherwise.
+  bool track(SequenceTracker& tracker, std::uint32_t number) noexcept;
+  void end_session(Place& place) noexcept;
+  [[nodiscard]] bool alive(const Place& place) const noexcept;
+  template <typename Message>
+  SendStatus transmit(const Message& message, const Place& place) noexcept;
+  /// Sends it with the next number of `count`.
+  template <typename Message>
+  SendStatus transmit_numbered(const Message& message, const Place& place,
+                               std::uint32_t& count) noexcept;
+
+  std::vector<AddressRange> allowed;
+  Address local;  ///< as requested: port 0 for any
+  Transport transport;
+  std::chrono::nanoseconds silence_limit;
+  LinkStatistics statistics;
+  std::uint64_t sent_without_servo = 0;
+
+  std::uint64_t session_count = 0;
+  std::vector<Place> places;
+  std::array<std::uint64_t, kRememberedSessions> ended_sessions{};
+  std::size_t next_ended = 0;
+};
+
+bool SimulatorEndpoint::State::alive(const Place& place) const noexcept {
+  return place.session_id != 0 &&
+         std::chrono::steady_clock::now() - place.last_heard < silence_limit;
+}
+
+void SimulatorEndpoint::State::end_session(Place& place) noexcept {
+  if (place.session_id != 0) {
+    ended_sessions[next_ended] = place.session_id;
     next_ended = (next_ended + 1) % kRememberedSessions;
   }
-  session_id = 0;
-  tool_states.restart();
-  query_ids.restart();
-  tool_state_seen = false;
-  queries.clear();
-  path.clear();
+  place.session_id = 0;
+  place.tool = 0;
+  place.tool_states.restart();
+  place.query_ids.restart();
+  place.tool_state_seen = false;
+  place.queries.clear();
+  place.path.clear();
 }
 
-bool SimulatorEndpoint::State::belongs_to_servo(const Address& sender, const Decoded& decoded,
-                                                News& news) noexcept {
-  if (decoded.session_id == session_id) {
-    if (sender != servo) {
-      ++statistics.foreign_address;
-      return false;
-    }
-    last_heard = std::chrono::steady_clock::now();
-    return true;
+bool SimulatorEndpoint::State::taken(ToolId tool, const Place* but) const noexcept {
+  return std::ranges::any_of(places, [&](const Place& place) {
+    return &place != but && place.tool == tool && alive(place);
+  });
+}
+
+void SimulatorEndpoint::State::refuse(const Address& sender, const Decoded& decoded,
+                                      const SealedPeer& peer, Refusal::Reason reason) noexcept {
+  ++statistics.foreign_session;
+  if (decoded.tool == 0) {
+    return;
   }
-  const bool opens = std::holds_alternative<ToolState>(decoded.message) ||
-                     std::holds_alternative<Query>(decoded.message);
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  const Refusal refusal = {reason, static_cast<std::uint32_t>(places.size())};
+  static_cast<void>(transport.send(
+      sender, peer, encode(refusal, decoded.session_id, buffer, decoded.tool), buffer, statistics));
+}
+
+Place* SimulatorEndpoint::State::place_for(const Address& sender, const Decoded& decoded,
+                                           const SealedPeer& peer) noexcept {
   const bool ended = std::ranges::find(ended_sessions, decoded.session_id) != ended_sessions.end();
-  if (!opens || ended || (alive() && sender != servo)) {
+  if (!opens_a_session(decoded) || ended) {
     ++statistics.foreign_session;
-    return false;
+    return nullptr;
   }
-  end_session();
-  session_id = decoded.session_id;
-  servo = sender;
-  last_heard = std::chrono::steady_clock::now();
+  const auto of_sender = std::ranges::find_if(
+      places, [&](const Place& place) { return place.session_id != 0 && place.servo == sender; });
+  const auto of_tool = std::ranges::find_if(places, [&](const Place& place) {
+    return place.session_id != 0 && place.tool == decoded.tool;
+  });
+  const auto without_servo =
+      std::ranges::find_if(places, [](const Place& place) { return place.session_id == 0; });
+  const auto silent =
+      std::ranges::find_if(places, [this](const Place& place) { return !alive(place); });
+  const Place* const own = of_sender == places.end() ? nullptr : &*of_sender;
+  if (places.size() > 1 && taken(decoded.tool, own)) {
+    refuse(sender, decoded, peer, Refusal::Reason::kToolTaken);
+    return nullptr;
+  }
+  for (const auto candidate : {of_sender, of_tool, without_servo, silent}) {
+    if (candidate != places.end() && (candidate == of_sender || !alive(*candidate))) {
+      return &*candidate;
+    }
+  }
+  refuse(sender, decoded, peer, Refusal::Reason::kAllPlacesTaken);
+  return nullptr;
+}
+
+Place* SimulatorEndpoint::State::place_of(const Address& sender, const Decoded& decoded,
+                                          const SealedPeer& peer, AllNews& news) noexcept {
+  const auto known = std::ranges::find_if(
+      places, [&](const Place& place) { return place.session_id == decoded.session_id; });
+  if (known != places.end()) {
+    if (sender != known->servo || peer.key_index != known->peer.key_index) {
+      ++statistics.foreign_address;
+      return nullptr;
+    }
+    // A servo that asks for version 2 tries version 1 now and then until it is answered.
+    if (decoded.tool != 0 && decoded.tool != known->tool) {
+      if (known->tool != 0 || taken(decoded.tool, &*known)) {
+        refuse(sender, decoded, peer, Refusal::Reason::kToolTaken);
+        return nullptr;
+      }
+      known->tool = decoded.tool;
+    }
+    known->last_heard = std::chrono::steady_clock::now();
+    return &*known;
+  }
+  Place* const place = place_for(sender, decoded, peer);
+  if (place == nullptr) {
+    return nullptr;
+  }
+  end_session(*place);
+  place->session_id = decoded.session_id;
+  place->tool = decoded.tool;
+  place->servo = sender;
+  place->last_heard = std::chrono::steady_clock::now();
   if (session_count++ > 0) {
     ++statistics.restarts;
   }
-  news.tool_state.reset();
-  news.new_session = true;
-  return true;
+  News& of_place = news[static_cast<std::size_t>(place - places.data())];
+  of_place.tool_state.reset();
+  of_place.new_session = true;
+  return place;
 }
 
 bool SimulatorEndpoint::State::track(SequenceTracker& tracker, std::uint32_t number) noexcept {
   const auto arrival = tracker.observe(number);
-  statistics.lost = tool_states.missing() + query_ids.missing();
+  statistics.lost = 0;
+  for (const Place& place : places) {
+    statistics.lost += place.tool_states.missing() + place.query_ids.missing();
+  }
   switch (arrival) {
     case SequenceTracker::Arrival::kNewest:
       return true;
@@ -177,11 +269,11 @@ bool SimulatorEndpoint::State::track(SequenceTracker& tracker, std::uint32_t num
   return false;
 }
 
-void SimulatorEndpoint::State::take(const ToolState& state, News& news) noexcept {
-  if (!track(tool_states, state.sequence)) {
+void SimulatorEndpoint::State::take(const ToolState& state, Place& place, News& news) noexcept {
+  if (!track(place.tool_states, state.sequence)) {
     return;
   }
-  if (tool_state_seen && ahead_of(state.sequence, newest_tool_state) < 0) {
+  if (place.tool_state_seen && ahead_of(state.sequence, place.newest_tool_state) < 0) {
     ++statistics.late;
     return;
   }
@@ -189,17 +281,17 @@ void SimulatorEndpoint::State::take(const ToolState& state, News& news) noexcept
   if (news.tool_state) {
     ++statistics.superseded;
   }
-  tool_state_seen = true;
-  newest_tool_state = state.sequence;
+  place.tool_state_seen = true;
+  place.newest_tool_state = state.sequence;
   news.tool_state = state;
-  path.push(state);
+  place.path.push(state);
 }
 
-void SimulatorEndpoint::State::take(const Query& query) noexcept {
-  if (!track(query_ids, query.query_id)) {
+void SimulatorEndpoint::State::take(const Query& query, Place& place) noexcept {
+  if (!track(place.query_ids, query.query_id)) {
     return;
   }
-  if (queries.push(query)) {
+  if (place.queries.push(query)) {
     ++statistics.overflowed;
   } else {
     ++statistics.accepted;
@@ -213,7 +305,7 @@ bool SimulatorEndpoint::State::may_use(const Address& sender) const noexcept {
 }
 
 void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
-                                    std::span<std::byte> buffer, News& news) noexcept {
+                                    std::span<std::byte> buffer, AllNews& news) noexcept {
   ++statistics.received;
   statistics.overrun = transport.socket().overrun();
   if (!may_use(received.sender)) {
@@ -229,57 +321,67 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
     ++statistics.malformed[static_cast<std::size_t>(decoded.status)];
     return;
   }
-  if (std::holds_alternative<ForceSample>(decoded.message) ||
-      std::holds_alternative<SurfacePatch>(decoded.message)) {
+  if (!opens_a_session(decoded) && !std::holds_alternative<Goodbye>(decoded.message)) {
     ++statistics.unexpected_type;
     return;
   }
-  if (!belongs_to_servo(received.sender, decoded, news)) {
+  Place* const place = place_of(received.sender, decoded, incoming->peer, news);
+  if (place == nullptr) {
     return;
   }
-  servo_peer = incoming->peer;
+  place->peer = incoming->peer;
+  News& of_place = news[static_cast<std::size_t>(place - places.data())];
   if (const auto* state = std::get_if<ToolState>(&decoded.message)) {
-    take(*state, news);
+    take(*state, *place, of_place);
   } else if (const auto* query = std::get_if<Query>(&decoded.message)) {
-    take(*query);
+    take(*query, *place);
   } else {
     ++statistics.accepted;
-    end_session();
-    news.tool_state.reset();
-    news.servo_ended = true;
+    end_session(*place);
+    of_place.tool_state.reset();
+    of_place.servo_ended = true;
   }
 }
 
 template <typename Message>
-SendStatus SimulatorEndpoint::State::transmit(const Message& message) noexcept {
+SendStatus SimulatorEndpoint::State::transmit(const Message& message, const Place& place) noexcept {
   std::array<std::byte, kMaxDatagramBytes> buffer;
   const SendStatus status =
-      transport.send(servo, servo_peer, encode(message, session_id, buffer), buffer, statistics);
+      transport.send(place.servo, place.peer, encode(message, place.session_id, buffer, place.tool),
+                     buffer, statistics);
   statistics.send_no_peer = sent_without_servo + transport.socket().undelivered();
   return status;
 }
 
 SimulatorEndpoint::SimulatorEndpoint(const Address& address, std::chrono::nanoseconds silence_limit,
-                                     Access access)
-    : state_(std::make_unique<State>(address, silence_limit, std::move(access))) {}
+                                     Access access, std::size_t places)
+    : state_(std::make_unique<State>(address, silence_limit, std::move(access), places)) {}
 
 SimulatorEndpoint::SimulatorEndpoint(std::string_view address,
-                                     std::chrono::nanoseconds silence_limit, Access access)
+                                     std::chrono::nanoseconds silence_limit, Access access,
+                                     std::size_t places)
     : state_(std::make_unique<State>(
           parse_address(address, PortZero::kAllowed, reach_with(access.keys)), silence_limit,
-          std::move(access))) {}
+          std::move(access), places)) {}
 
 SimulatorEndpoint::~SimulatorEndpoint() {
-  if (state_->session_id != 0) {
-    state_->transmit(Goodbye{});
+  for (const Place& place : state_->places) {
+    if (place.session_id != 0) {
+      state_->transmit(Goodbye{}, place);
+    }
   }
 }
 
 SimulatorEndpoint::News SimulatorEndpoint::receive(std::chrono::nanoseconds timeout) noexcept {
+  return receive_all(timeout).front();
+}
+
+std::array<SimulatorEndpoint::News, kMostTools> SimulatorEndpoint::receive_all(
+    std::chrono::nanoseconds timeout) noexcept {
   State& own = *state_;
   const auto deadline = std::chrono::steady_clock::now() + timeout;
   std::array<std::byte, kMaxDatagramBytes> buffer;
-  News news;
+  State::AllNews news;
   for (int left = kPositionsPerCall; left > 0;) {
     const std::uint64_t accepted_before = own.statistics.accepted;
     for (; left > 0; --left) {
@@ -298,45 +400,64 @@ SimulatorEndpoint::News SimulatorEndpoint::receive(std::chrono::nanoseconds time
     }
   }
   own.statistics.send_no_peer = own.sent_without_servo + own.transport.socket().undelivered();
-  news.queries = own.queries.size();
+  for (std::size_t place = 0; place < own.places.size(); ++place) {
+    news[place].queries = own.places[place].queries.size();
+  }
   return news;
 }
 
-std::optional<Query> SimulatorEndpoint::next_query() noexcept { return state_->queries.pop(); }
+std::optional<Query> SimulatorEndpoint::next_query(std::size_t place) noexcept {
+  return state_->places[place].queries.pop();
+}
 
-std::optional<ToolState> SimulatorEndpoint::next_tool_state() noexcept {
-  return state_->path.pop();
+std::optional<ToolState> SimulatorEndpoint::next_tool_state(std::size_t place) noexcept {
+  return state_->places[place].path.pop();
 }
 
 template <typename Message>
-SendStatus SimulatorEndpoint::State::transmit_numbered(const Message& message,
+SendStatus SimulatorEndpoint::State::transmit_numbered(const Message& message, const Place& place,
                                                        std::uint32_t& count) noexcept {
-  if (session_id == 0) {
+  if (place.session_id == 0) {
     statistics.send_no_peer = ++sent_without_servo + transport.socket().undelivered();
     return SendStatus::kNoPeer;
   }
   Message numbered = message;
   numbered.sequence = count + 1;
-  const SendStatus status = transmit(numbered);
+  const SendStatus status = transmit(numbered, place);
   if (status == SendStatus::kSent) {
     count = numbered.sequence;
   }
   return status;
 }
 
-SendStatus SimulatorEndpoint::send(const ForceSample& sample) noexcept {
-  return state_->transmit_numbered(sample, state_->sample_sequence);
+SendStatus SimulatorEndpoint::send(const ForceSample& sample, std::size_t place) noexcept {
+  Place& to = state_->places[place];
+  return state_->transmit_numbered(sample, to, to.sample_sequence);
 }
 
-SendStatus SimulatorEndpoint::send(const SurfacePatch& patch) noexcept {
-  return state_->transmit_numbered(patch, state_->patch_sequence);
+SendStatus SimulatorEndpoint::send(const SurfacePatch& patch, std::size_t place) noexcept {
+  Place& to = state_->places[place];
+  return state_->transmit_numbered(patch, to, to.patch_sequence);
 }
 
-bool SimulatorEndpoint::servo_alive() const noexcept { return state_->alive(); }
+SendStatus SimulatorEndpoint::send(const OtherTools& others, std::size_t place) noexcept {
+  Place& to = state_->places[place];
+  return state_->transmit_numbered(others, to, to.others_sequence);
+}
+
+bool SimulatorEndpoint::servo_alive(std::size_t place) const noexcept {
+  return state_->alive(state_->places[place]);
+}
+
+ToolId SimulatorEndpoint::tool(std::size_t place) const noexcept {
+  return state_->places[place].tool;
+}
 
 std::uint64_t SimulatorEndpoint::session_count() const noexcept { return state_->session_count; }
 
-std::uint64_t SimulatorEndpoint::session_id() const noexcept { return state_->session_id; }
+std::uint64_t SimulatorEndpoint::session_id(std::size_t place) const noexcept {
+  return state_->places[place].session_id;
+}
 
 const Address& SimulatorEndpoint::address() const noexcept {
   return state_->transport.socket().local_address();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -44,23 +45,28 @@ struct Access {
 ///     while (auto query = servo.next_query()) ...           // in idle time, if at all
 ///   }
 ///
-/// One servo at a time: the first that is heard holds the link until it says goodbye or has been
-/// silent for `silence_limit`. Until then other servos are counted as foreign and get no answer.
-/// A new session from the address of the current servo takes over at once, and a session that has
-/// been replaced does not come back.
+/// The endpoint has a place for each servo that it serves at once, one by default. The first servo
+/// that is heard holds its place until it says goodbye or has been silent for `silence_limit`. A
+/// servo for whom there is no place, or whose tool's number is taken, is counted as foreign; it
+/// gets a Refusal if it speaks version 2 of the protocol, else no answer. A new session from the
+/// address of a servo takes over its place at once, and a session that has been replaced does not
+/// come back. With keys a session goes on under the key that it began with. Each place has sequence
+/// numbers, a path and queries of its own.
 ///
 /// Threads: one at a time.
 class SimulatorEndpoint {
  public:
   /// Listens at `address` ("ADDR:PORT", see parse_address(); port 0 chooses a free one).
-  /// @throws LinkError for an address beyond loopback without a key, a port in use, or no socket.
+  /// @param places  how many servos are served at once, 1 to kMostTools
+  /// @throws LinkError for an address beyond loopback without a key, a port in use, no socket, or
+  ///   a number of places out of range.
   explicit SimulatorEndpoint(const Address& address,
                              std::chrono::nanoseconds silence_limit = std::chrono::seconds(2),
-                             Access access = {});
+                             Access access = {}, std::size_t places = 1);
   explicit SimulatorEndpoint(std::string_view address,
                              std::chrono::nanoseconds silence_limit = std::chrono::seconds(2),
-                             Access access = {});
-  /// Says goodbye to the servo, if there is one.
+                             Access access = {}, std::size_t places = 1);
+  /// Says goodbye to the servos that there are.
   ~SimulatorEndpoint();
   SimulatorEndpoint(const SimulatorEndpoint&) = delete;
   SimulatorEndpoint& operator=(const SimulatorEndpoint&) = delete;
@@ -79,31 +85,37 @@ class SimulatorEndpoint {
   /// the wait, so that the caller can check its stop flag.
   /// Real-time: blocks up to `timeout`; no allocation or throw.
   [[nodiscard]] News receive(std::chrono::nanoseconds timeout) noexcept;
+  /// The same of every place; receive() returns the first one's.
+  [[nodiscard]] std::array<News, kMostTools> receive_all(std::chrono::nanoseconds timeout) noexcept;
 
   /// The oldest tool state of the current session that has not been fetched here, including the one
   /// that receive() gave as the newest. Together they are the tool's whole path, for objects whose
   /// force depends on it. Tool states that came after a newer one are left out. The queue holds
   /// kQueuedToolStates. When it is full the oldest is dropped, so that a simulator that does not
   /// need the path need not call this. Real-time: yes.
-  [[nodiscard]] std::optional<ToolState> next_tool_state() noexcept;
+  [[nodiscard]] std::optional<ToolState> next_tool_state(std::size_t place = 0) noexcept;
 
   /// The oldest waiting query of the current session. The queue holds kQueuedQueries; when it is
   /// full the oldest is dropped and counted. Real-time: yes.
-  [[nodiscard]] std::optional<Query> next_query() noexcept;
+  [[nodiscard]] std::optional<Query> next_query(std::size_t place = 0) noexcept;
 
-  /// Sends `sample` to the current servo with the next sequence number (`sample.sequence` is not
+  /// Sends `sample` to the place's servo with the next sequence number (`sample.sequence` is not
   /// used). Samples go out in the order of the tool states that they answer.
   /// Real-time: one or two system calls that don't block; no allocation or throw.
-  SendStatus send(const ForceSample& sample) noexcept;
+  SendStatus send(const ForceSample& sample, std::size_t place = 0) noexcept;
   /// The same for a patch of the surface; patches have sequence numbers of their own. A simulator
   /// need not send any.
-  SendStatus send(const SurfacePatch& patch) noexcept;
+  SendStatus send(const SurfacePatch& patch, std::size_t place = 0) noexcept;
+  /// The same for the other tools; kInvalid for a servo that speaks version 1.
+  SendStatus send(const OtherTools& others, std::size_t place) noexcept;
 
-  /// Whether a servo holds the link and was heard within the silence limit. Real-time: yes.
-  [[nodiscard]] bool servo_alive() const noexcept;
+  /// Whether a servo holds the place and was heard within the silence limit. Real-time: yes.
+  [[nodiscard]] bool servo_alive(std::size_t place = 0) const noexcept;
+  /// The tool of the place's servo; 0 without one, and for one that speaks version 1.
+  [[nodiscard]] ToolId tool(std::size_t place) const noexcept;
   /// Sessions since the start; 0 before the first. Real-time: yes.
   [[nodiscard]] std::uint64_t session_count() const noexcept;
-  [[nodiscard]] std::uint64_t session_id() const noexcept;  ///< 0 without a servo
+  [[nodiscard]] std::uint64_t session_id(std::size_t place = 0) const noexcept;  ///< 0: no servo
   /// Where this end listens, with the port that the system chose.
   [[nodiscard]] const Address& address() const noexcept;
   [[nodiscard]] std::uint16_t port() const noexcept;

@@ -19,6 +19,7 @@ constexpr std::uint32_t kFlagConverged = 1U << 1U;
 constexpr std::uint32_t kFlagHasStiffness = 1U << 2U;
 constexpr std::uint8_t kPatchHasStiffness = 1U << 0U;
 constexpr std::uint8_t kPatchHasPressForces = 1U << 1U;
+constexpr std::uint16_t kOtherInContact = 1U << 0U;
 constexpr std::uint32_t kKnownFlags = kFlagInContact | kFlagConverged | kFlagHasStiffness;
 
 /// Appends little-endian fields; the caller ensures that they fit.
@@ -146,6 +147,40 @@ WireStatus check(const ForceSample& message) noexcept {
 
 WireStatus check(const Goodbye&) noexcept { return WireStatus::kOk; }
 
+bool usable(ToolId tool) noexcept { return tool > 0 && tool <= kMaxToolId; }
+
+WireStatus check(const OtherTools& message) noexcept {
+  if (message.count > OtherTools::kMost) {
+    return WireStatus::kOutOfRange;
+  }
+  const auto told = std::span(message.tools).first(message.count);
+  const auto rest = std::span(message.tools).subspan(message.count);
+  if (!std::ranges::all_of(message.tools,
+                           [](const OtherTool& other) { return finite(other.position_W_m); })) {
+    return WireStatus::kNotFinite;
+  }
+  if (!std::ranges::all_of(rest, [](const OtherTool& other) {
+        return other.tool == 0 && !other.in_contact && other.age_ns == 0 &&
+               within(other.position_W_m, 0.0);
+      })) {
+    return WireStatus::kBadReserved;
+  }
+  // A tool of version 1 is told as number 0.
+  const bool in_range = std::ranges::all_of(told, [](const OtherTool& other) {
+    return other.tool <= kMaxToolId && other.age_ns >= 0 &&
+           within(other.position_W_m, kMaxPosition_m);
+  });
+  return in_range ? WireStatus::kOk : WireStatus::kOutOfRange;
+}
+
+WireStatus check(const Refusal& message) noexcept {
+  const bool known = message.reason == Refusal::Reason::kAllPlacesTaken ||
+                     message.reason == Refusal::Reason::kToolTaken;
+  return known && message.most_tools > 0 && message.most_tools <= kMostTools
+             ? WireStatus::kOk
+             : WireStatus::kOutOfRange;
+}
+
 // Everything beyond the counts must be zero, so that a message has one form.
 bool nothing_undeclared(const SurfacePatch& message) noexcept {
   for (std::size_t v = message.vertex_count; v < message.vertices_W_m.size(); ++v) {
@@ -213,8 +248,16 @@ constexpr std::size_t size_bytes(MessageType type) noexcept {
       return kGoodbyeBytes;
     case MessageType::kSurfacePatch:
       return kSurfacePatchBytes;
+    case MessageType::kOtherTools:
+      return kOtherToolsBytes;
+    case MessageType::kRefusal:
+      return kRefusalBytes;
   }
   return 0;
+}
+
+constexpr bool in_version_1(MessageType type) noexcept {
+  return type != MessageType::kOtherTools && type != MessageType::kRefusal;
 }
 
 void put_payload(Writer& writer, const ToolState& message) noexcept {
@@ -267,9 +310,26 @@ void put_payload(Writer& writer, const SurfacePatch& message) noexcept {
   writer.put(message.triangles);
 }
 
+void put_payload(Writer& writer, const OtherTools& message) noexcept {
+  writer.put(message.count);
+  writer.put(std::uint32_t{0});
+  for (const OtherTool& other : message.tools) {
+    writer.put(other.tool);
+    writer.put(other.in_contact ? kOtherInContact : std::uint16_t{0});
+    writer.put(std::uint32_t{0});
+    writer.put(other.age_ns);
+    writer.put(other.position_W_m);
+  }
+}
+
+void put_payload(Writer& writer, const Refusal& message) noexcept {
+  writer.put(static_cast<std::uint32_t>(message.reason));
+  writer.put(message.most_tools);
+}
+
 template <typename Message>
 Encoded encode_as(MessageType type, std::uint32_t sequence, const Message& message,
-                  std::uint64_t session_id, std::span<std::byte> buffer) noexcept {
+                  std::uint64_t session_id, std::span<std::byte> buffer, ToolId tool) noexcept {
   const std::size_t size = size_bytes(type);
   if (buffer.size() < size) {
     return {WireStatus::kTooShort, 0};
@@ -277,17 +337,17 @@ Encoded encode_as(MessageType type, std::uint32_t sequence, const Message& messa
   if (const WireStatus status = check(message); status != WireStatus::kOk) {
     return {status, 0};
   }
-  if (session_id == 0) {
+  if (session_id == 0 || (tool == 0 ? !in_version_1(type) : !usable(tool))) {
     return {WireStatus::kOutOfRange, 0};
   }
   Writer writer(buffer);
   for (const char letter : kMagic) {
     writer.put(static_cast<std::uint8_t>(letter));
   }
-  writer.put(kProtocolVersion);
+  writer.put(tool == 0 ? kProtocolVersion : kToolsVersion);
   writer.put(static_cast<std::uint16_t>(type));
   writer.put(static_cast<std::uint16_t>(size - kHeaderBytes - kChecksumBytes));
-  writer.put(std::uint16_t{0});
+  writer.put(tool);
   writer.put(sequence);
   writer.put(session_id);
   put_payload(writer, message);
@@ -360,18 +420,48 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, SurfacePatch& mes
   return known ? check(message) : WireStatus::kBadReserved;
 }
 
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, OtherTools& message) noexcept {
+  message.sequence = sequence;
+  reader.get(message.count);
+  std::uint32_t reserved = 0;
+  reader.get(reserved);
+  bool known = reserved == 0;
+  for (OtherTool& other : message.tools) {
+    std::uint16_t flags = 0;
+    reader.get(other.tool);
+    reader.get(flags);
+    reader.get(reserved);
+    reader.get(other.age_ns);
+    reader.get(other.position_W_m);
+    other.in_contact = (flags & kOtherInContact) != 0;
+    known = known && reserved == 0 && (flags & ~kOtherInContact) == 0;
+  }
+  return known ? check(message) : WireStatus::kBadReserved;
+}
+
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Refusal& message) noexcept {
+  std::uint32_t reason = 0;
+  reader.get(reason);
+  reader.get(message.most_tools);
+  message.reason = static_cast<Refusal::Reason>(reason);
+  return sequence == 0 ? check(message) : WireStatus::kBadReserved;
+}
+
 template <typename Message>
-Decoded decode_as(Reader reader, std::uint32_t sequence, std::uint64_t session_id) noexcept {
+Decoded decode_as(Reader reader, std::uint32_t sequence, std::uint64_t session_id,
+                  ToolId tool) noexcept {
   Message message;
   WireStatus status = get_payload(reader, sequence, message);
   if (status == WireStatus::kOk && session_id == 0) {
     status = WireStatus::kOutOfRange;
   }
   if (status != WireStatus::kOk) {
-    return {status, 0, {}};
+    return {status, 0, {}, 0};
   }
-  return {WireStatus::kOk, session_id, message};
+  return {WireStatus::kOk, session_id, message, tool};
 }
+
+Decoded refused(WireStatus status) noexcept { return {status, 0, {}, 0}; }
 
 }  // namespace
 
@@ -403,85 +493,102 @@ const char* to_string(WireStatus status) noexcept {
 
 Decoded decode(std::span<const std::byte> datagram) noexcept {
   if (datagram.size() < kHeaderBytes + kChecksumBytes) {
-    return {WireStatus::kTooShort, 0, {}};
+    return refused(WireStatus::kTooShort);
   }
   Reader reader(datagram);
   for (const char letter : kMagic) {
     std::uint8_t byte = 0;
     reader.get(byte);
     if (byte != static_cast<std::uint8_t>(letter)) {
-      return {WireStatus::kBadMagic, 0, {}};
+      return refused(WireStatus::kBadMagic);
     }
   }
   std::uint16_t version = 0;
   std::uint16_t type_number = 0;
   std::uint16_t payload_bytes = 0;
-  std::uint16_t reserved = 0;
+  ToolId tool = 0;
   std::uint32_t sequence = 0;
   std::uint64_t session_id = 0;
   reader.get(version);
   reader.get(type_number);
   reader.get(payload_bytes);
-  reader.get(reserved);
+  reader.get(tool);
   reader.get(sequence);
   reader.get(session_id);
-  if (version != kProtocolVersion) {
-    return {WireStatus::kBadVersion, 0, {}};
+  if (version != kProtocolVersion && version != kToolsVersion) {
+    return refused(WireStatus::kBadVersion);
   }
   const auto type = static_cast<MessageType>(type_number);
   const std::size_t size = size_bytes(type);
-  if (size == 0) {
-    return {WireStatus::kBadType, 0, {}};
+  if (size == 0 || (version == kProtocolVersion && !in_version_1(type))) {
+    return refused(WireStatus::kBadType);
   }
   if (datagram.size() != size || payload_bytes != size - kHeaderBytes - kChecksumBytes) {
-    return {WireStatus::kBadLength, 0, {}};
+    return refused(WireStatus::kBadLength);
   }
   std::uint32_t stated_checksum = 0;
   Reader(datagram.last(kChecksumBytes)).get(stated_checksum);
   if (stated_checksum != checksum(datagram.first(size - kChecksumBytes))) {
-    return {WireStatus::kBadChecksum, 0, {}};
+    return refused(WireStatus::kBadChecksum);
   }
-  if (reserved != 0) {
-    return {WireStatus::kBadReserved, 0, {}};
+  if (version == kProtocolVersion && tool != 0) {
+    return refused(WireStatus::kBadReserved);
+  }
+  if (version == kToolsVersion && !usable(tool)) {
+    return refused(WireStatus::kOutOfRange);
   }
   switch (type) {
     case MessageType::kToolState:
-      return decode_as<ToolState>(reader, sequence, session_id);
+      return decode_as<ToolState>(reader, sequence, session_id, tool);
     case MessageType::kQuery:
-      return decode_as<Query>(reader, sequence, session_id);
+      return decode_as<Query>(reader, sequence, session_id, tool);
     case MessageType::kForceSample:
-      return decode_as<ForceSample>(reader, sequence, session_id);
+      return decode_as<ForceSample>(reader, sequence, session_id, tool);
     case MessageType::kGoodbye:
-      return decode_as<Goodbye>(reader, sequence, session_id);
+      return decode_as<Goodbye>(reader, sequence, session_id, tool);
     case MessageType::kSurfacePatch:
-      return decode_as<SurfacePatch>(reader, sequence, session_id);
+      return decode_as<SurfacePatch>(reader, sequence, session_id, tool);
+    case MessageType::kOtherTools:
+      return decode_as<OtherTools>(reader, sequence, session_id, tool);
+    case MessageType::kRefusal:
+      return decode_as<Refusal>(reader, sequence, session_id, tool);
   }
-  return {WireStatus::kBadType, 0, {}};
+  return refused(WireStatus::kBadType);
 }
 
-Encoded encode(const ToolState& message, std::uint64_t session_id,
-               std::span<std::byte> buffer) noexcept {
-  return encode_as(MessageType::kToolState, message.sequence, message, session_id, buffer);
+Encoded encode(const ToolState& message, std::uint64_t session_id, std::span<std::byte> buffer,
+               ToolId tool) noexcept {
+  return encode_as(MessageType::kToolState, message.sequence, message, session_id, buffer, tool);
 }
 
-Encoded encode(const Query& message, std::uint64_t session_id,
-               std::span<std::byte> buffer) noexcept {
-  return encode_as(MessageType::kQuery, message.query_id, message, session_id, buffer);
+Encoded encode(const Query& message, std::uint64_t session_id, std::span<std::byte> buffer,
+               ToolId tool) noexcept {
+  return encode_as(MessageType::kQuery, message.query_id, message, session_id, buffer, tool);
 }
 
-Encoded encode(const ForceSample& message, std::uint64_t session_id,
-               std::span<std::byte> buffer) noexcept {
-  return encode_as(MessageType::kForceSample, message.sequence, message, session_id, buffer);
+Encoded encode(const ForceSample& message, std::uint64_t session_id, std::span<std::byte> buffer,
+               ToolId tool) noexcept {
+  return encode_as(MessageType::kForceSample, message.sequence, message, session_id, buffer, tool);
 }
 
-Encoded encode(const Goodbye& message, std::uint64_t session_id,
-               std::span<std::byte> buffer) noexcept {
-  return encode_as(MessageType::kGoodbye, 0, message, session_id, buffer);
+Encoded encode(const Goodbye& message, std::uint64_t session_id, std::span<std::byte> buffer,
+               ToolId tool) noexcept {
+  return encode_as(MessageType::kGoodbye, 0, message, session_id, buffer, tool);
 }
 
-Encoded encode(const SurfacePatch& message, std::uint64_t session_id,
-               std::span<std::byte> buffer) noexcept {
-  return encode_as(MessageType::kSurfacePatch, message.sequence, message, session_id, buffer);
+Encoded encode(const SurfacePatch& message, std::uint64_t session_id, std::span<std::byte> buffer,
+               ToolId tool) noexcept {
+  return encode_as(MessageType::kSurfacePatch, message.sequence, message, session_id, buffer, tool);
+}
+
+Encoded encode(const OtherTools& message, std::uint64_t session_id, std::span<std::byte> buffer,
+               ToolId tool) noexcept {
+  return encode_as(MessageType::kOtherTools, message.sequence, message, session_id, buffer, tool);
+}
+
+Encoded encode(const Refusal& message, std::uint64_t session_id, std::span<std::byte> buffer,
+               ToolId tool) noexcept {
+  return encode_as(MessageType::kRefusal, 0, message, session_id, buffer, tool);
 }
 
 }  // namespace forcegrid::link

@@ -17,7 +17,10 @@
 namespace forcegrid::link {
 #pragma GCC visibility push(default)
 
+/// Of a link that names no tool: its servo has the only one.
 inline constexpr std::uint16_t kProtocolVersion = 1;
+/// Of a link that names its tool in each datagram.
+inline constexpr std::uint16_t kToolsVersion = 2;
 
 inline constexpr std::size_t kHeaderBytes = 24;
 inline constexpr std::size_t kChecksumBytes = 4;
@@ -26,6 +29,8 @@ inline constexpr std::size_t kQueryBytes = kHeaderBytes + 32 + kChecksumBytes;
 inline constexpr std::size_t kForceSampleBytes = kHeaderBytes + 184 + kChecksumBytes;
 inline constexpr std::size_t kGoodbyeBytes = kHeaderBytes + kChecksumBytes;
 inline constexpr std::size_t kSurfacePatchBytes = kHeaderBytes + 385 + kChecksumBytes;
+inline constexpr std::size_t kOtherToolsBytes = kHeaderBytes + 128 + kChecksumBytes;
+inline constexpr std::size_t kRefusalBytes = kHeaderBytes + 8 + kChecksumBytes;
 /// No datagram of this or a later version is longer; it fits every path without fragmentation.
 inline constexpr std::size_t kMaxDatagramBytes = 511;
 static_assert(kForceSampleBytes <= kMaxDatagramBytes);
@@ -43,6 +48,8 @@ enum class MessageType : std::uint16_t {
   kForceSample = 3,
   kGoodbye = 4,
   kSurfacePatch = 5,
+  kOtherTools = 6,  ///< version 2 only
+  kRefusal = 7,     ///< version 2 only
 };
 
 /// What is wrong with a datagram, in the order in which it is checked.
@@ -56,8 +63,8 @@ enum class WireStatus : std::uint8_t {
   kBadChecksum,  ///< corrupted on its way
   kBadReserved,  ///< a reserved field, an unknown flag or something undeclared is not zero
   kNotFinite,    ///< NaN or infinity
-  /// Beyond the bounds above, time or residual below zero, session or query id 0, or a triangle
-  /// with a missing vertex.
+  /// Beyond the bounds above, time or residual below zero, session or query id 0, a triangle with a
+  /// missing vertex, or in version 2 a tool that is 0 or above kMaxToolId.
   kOutOfRange,
 };
 inline constexpr std::size_t kWireStatusCount = 10;
@@ -72,7 +79,10 @@ struct Goodbye {};
 struct Decoded {
   WireStatus status = WireStatus::kTooShort;
   std::uint64_t session_id = 0;
-  std::variant<std::monostate, ToolState, Query, ForceSample, Goodbye, SurfacePatch> message;
+  std::variant<std::monostate, ToolState, Query, ForceSample, Goodbye, SurfacePatch, OtherTools,
+               Refusal>
+      message;
+  ToolId tool = 0;  ///< 0: the datagram is of version 1
 };
 
 /// Checks a received datagram completely and reads it. Safe for any bytes of any length.
@@ -88,17 +98,23 @@ struct Encoded {
 /// Writes `message` to the front of `buffer`. Refuses what decode() would refuse, so that a fault
 /// shows on the side that made it; kTooShort means that the buffer is too small.
 /// @param session_id  the servo's number for this run, not zero
+/// @param tool  0 writes version 1, another number version 2
 /// Real-time: bounded, no allocation, lock or throw. Threads: any.
 [[nodiscard]] Encoded encode(const ToolState& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
 [[nodiscard]] Encoded encode(const Query& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
 [[nodiscard]] Encoded encode(const ForceSample& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
 [[nodiscard]] Encoded encode(const Goodbye& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
 [[nodiscard]] Encoded encode(const SurfacePatch& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
+/// With `tool` 0 these are refused: version 1 does not know them.
+[[nodiscard]] Encoded encode(const OtherTools& message, std::uint64_t session_id,
+                             std::span<std::byte> buffer, ToolId tool) noexcept;
+[[nodiscard]] Encoded encode(const Refusal& message, std::uint64_t session_id,
+                             std::span<std::byte> buffer, ToolId tool) noexcept;
 
 #pragma GCC visibility pop
 }  // namespace forcegrid::link

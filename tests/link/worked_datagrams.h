@@ -101,6 +101,30 @@ inline constexpr const char* kSlidingPatchHex =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
     "00 00 00 00 00 00 00 00 00 cc e4 01 4f ";
 
+// Of version 2, for tool 2.
+inline constexpr const char* kTool2StateHex =
+    "46 47 52 44 02 00 01 00 38 00 02 00 07 00 00 00 "
+    "88 77 66 55 44 33 22 11 00 2f 68 59 00 00 00 00 "
+    "00 00 00 00 00 00 c0 3f 00 00 00 00 00 00 b0 bf "
+    "00 00 00 00 00 00 a0 3f 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 d0 bf "
+    "f8 56 2f 16 ";
+inline constexpr const char* kOtherToolsHex =
+    "46 47 52 44 02 00 06 00 80 00 02 00 05 00 00 00 "
+    "88 77 66 55 44 33 22 11 02 00 00 00 00 00 00 00 "
+    "01 00 01 00 00 00 00 00 50 d6 dc 01 00 00 00 00 "
+    "00 00 00 00 00 00 b0 3f 00 00 00 00 00 00 c0 3f "
+    "00 00 00 00 00 00 90 bf 00 00 00 00 00 00 00 00 "
+    "80 84 1e 00 00 00 00 00 00 00 00 00 00 00 b0 bf "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 d0 3f "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 3f ec da ed ";
+inline constexpr const char* kRefusalHex =
+    "46 47 52 44 02 00 07 00 08 00 02 00 00 00 00 00 "
+    "88 77 66 55 44 33 22 11 02 00 00 00 04 00 00 00 "
+    "2b 2c f9 79 ";
+
 // Sealed with libsodium through PyNaCl, the key's id with Python's hashlib: the tool state above,
 // and a hello that answers it.
 inline constexpr const char* kSealedToolStateHex =
@@ -186,6 +210,21 @@ inline SurfacePatch sliding_patch() {
   patch.tool_opening_crad = 70;
   return patch;
 }
+
+inline OtherTools other_tools() {
+  OtherTools others;
+  others.sequence = 5;
+  others.count = 2;
+  others.tools[0] = {.tool = 1,
+                     .in_contact = true,
+                     .age_ns = 31'250'000,
+                     .position_W_m = {0.0625, 0.125, -0.015625}};
+  others.tools[1] = {
+      .tool = 0, .in_contact = false, .age_ns = 2'000'000, .position_W_m = {-0.0625, 0.0, 0.25}};
+  return others;
+}
+
+inline Refusal refusal() { return {.reason = Refusal::Reason::kToolTaken, .most_tools = 4}; }
 
 /// "46 47 " -> {0x46, 0x47}
 inline std::vector<std::byte> from_hex(const std::string& text) {
