@@ -39,9 +39,10 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
 }  // namespace
 
 LinkThread::LinkThread(std::string_view simulator_address, ServoPorts& ports,
-                       std::vector<link::LinkKey> keys)
+                       std::vector<link::LinkKey> keys, link::ToolId tool)
     : ports_(ports),
-      endpoint_(simulator_address, link::ServoEndpoint::random_session_id(), std::move(keys)) {}
+      endpoint_(simulator_address, link::ServoEndpoint::random_session_id(), std::move(keys),
+                tool) {}
 
 LinkThread::~LinkThread() { stop(); }
 
@@ -93,9 +94,26 @@ void LinkThread::exchange() {
       ports_.surface.publish(*surface);
     }
   }
+  look_whether_barred();
+  if (const auto others = endpoint_.next_others()) {
+    others_ = *others;
+    if (on_others_) {
+      on_others_(others_);
+    }
+  }
   if (const link::ClockEstimate clock = endpoint_.clock(); clock.known) {
     ports_.simulator_clock.publish(clock);
   }
+}
+
+void LinkThread::look_whether_barred() noexcept {
+  Barred barred = endpoint_.simulator_knows_one_tool() ? Barred::kKnowsOneTool : Barred::kNo;
+  if (const auto& refusal = endpoint_.refusal()) {
+    most_tools_ = refusal->most_tools;
+    barred = refusal->reason == link::Refusal::Reason::kToolTaken ? Barred::kToolTaken
+                                                                  : Barred::kAllPlacesTaken;
+  }
+  barred_ = barred;
 }
 
 void LinkThread::take(const link::ForceSample& sample) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <deque>
 #include <exception>
 #include <functional>
@@ -31,9 +32,10 @@ struct FirstContact {
 class LinkThread {
  public:
   /// @param keys  of a sealed link, see link::ServoEndpoint; none: not sealed
-  /// @throws link::LinkError for an address that cannot be used.
+  /// @param tool  its number among the simulator's; 0: the only one
+  /// @throws link::LinkError for an address or a tool that cannot be used.
   LinkThread(std::string_view simulator_address, ServoPorts& ports,
-             std::vector<link::LinkKey> keys = {});
+             std::vector<link::LinkKey> keys = {}, link::ToolId tool = 0);
   ~LinkThread();
   LinkThread(const LinkThread&) = delete;
   LinkThread& operator=(const LinkThread&) = delete;
@@ -45,6 +47,12 @@ class LinkThread {
   /// It must return soon.
   void on_sample(std::function<void(const ArrivedSample&)> take) { on_sample_ = std::move(take); }
 
+  /// Before start(): calls `take` with where the other tools are, whenever the simulator has said
+  /// so, on the link's thread. It must return soon.
+  void on_others(std::function<void(const link::OtherTools&)> take) {
+    on_others_ = std::move(take);
+  }
+
   void start();
   /// Says goodbye to the simulator and joins. Idempotent.
   void stop();
@@ -55,6 +63,17 @@ class LinkThread {
   /// While it runs, from any thread: the system has reported that nobody listens at the
   /// simulator's address, and no sample has come since.
   bool nobody_listens() const noexcept { return nobody_listens_.load(); }
+  /// Why the simulator does not serve this servo.
+  enum class Barred : std::uint8_t {
+    kNo,
+    kAllPlacesTaken,  ///< link::Refusal::Reason, with most_tools()
+    kToolTaken,
+    kKnowsOneTool,  ///< link::ServoEndpoint::simulator_knows_one_tool()
+  };
+  /// While it runs, from any thread.
+  Barred barred() const noexcept { return barred_.load(); }
+  /// While it runs, from any thread: how many tools a simulator that has refused this one serves.
+  std::uint32_t most_tools() const noexcept { return most_tools_.load(); }
 
   /// After stop(): the exception that ended the exchange, in its own words; empty: none did.
   std::string trouble() const;
@@ -63,8 +82,12 @@ class LinkThread {
   const link::LinkStatistics& statistics() const noexcept { return endpoint_.statistics(); }
   /// Accepted datagrams that were samples. After stop().
   std::uint64_t samples_accepted() const noexcept {
-    return endpoint_.statistics().accepted - endpoint_.patches_accepted();
+    return endpoint_.statistics().accepted - endpoint_.patches_accepted() -
+           endpoint_.others_accepted() - endpoint_.refusals_accepted();
   }
+  /// Messages about the other tools, and the newest one; count 0 before the first. After stop().
+  std::uint64_t others_accepted() const noexcept { return endpoint_.others_accepted(); }
+  const link::OtherTools& others() const noexcept { return others_; }
   /// After stop(). Nothing if the tool never touched.
   const std::optional<FirstContact>& first_contact() const noexcept { return first_contact_; }
   /// The samples kept, in order of arrival. After stop().
@@ -79,17 +102,22 @@ class LinkThread {
  private:
   void exchange();
   void take(const link::ForceSample& sample);
+  void look_whether_barred() noexcept;
 
   ServoPorts& ports_;
   link::ServoEndpoint endpoint_;
   std::atomic<bool> stop_{false};
   std::atomic<std::int64_t> newest_sample_ns_{0};
   std::atomic<bool> nobody_listens_{false};
+  std::atomic<Barred> barred_{Barred::kNo};
+  std::atomic<std::uint32_t> most_tools_{1};
   std::uint64_t unheard_before_ = 0;  ///< send_no_peer at the newest sample
   std::thread thread_;
   std::exception_ptr trouble_;  ///< of that thread
   std::optional<FirstContact> first_contact_;
   std::function<void(const ArrivedSample&)> on_sample_;
+  std::function<void(const link::OtherTools&)> on_others_;
+  link::OtherTools others_;
   std::size_t samples_to_keep_ = 0;
   std::deque<ArrivedSample> samples_;
   std::uint64_t samples_lost_ = 0;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <stdexcept>
@@ -75,6 +76,54 @@ TEST(LinkThread, FallsSilentAfterAnExceptionAndKeepsItsWords) {
   }
   link.stop();
   EXPECT_EQ(link.trouble(), "no memory for a sample");
+}
+
+TEST(LinkThread, TellsWhereTheOtherToolsAreBesideTheSamples) {
+  ServoPorts ports;
+  link::SimulatorEndpoint simulator("127.0.0.1:0", 1h, {}, 2);
+  LinkThread link(link::to_string(simulator.address()), ports, {}, 5);
+  std::atomic<int> told = 0;
+  link.on_others([&](const link::OtherTools&) { ++told; });
+  link.start();
+  std::uint32_t sequence = 0;
+  const link::ToolState newest = reach(ports, simulator, sequence);
+  EXPECT_EQ(simulator.tool(0), 5U);
+  link::OtherTools others;
+  others.count = 1;
+  others.tools[0] = {.tool = 3, .in_contact = true, .age_ns = 7, .position_W_m = {0.0, 0.25, 0.0}};
+  ASSERT_EQ(simulator.send(others, 0), link::SendStatus::kSent);
+  ASSERT_EQ(simulator.send(link::answer_to(newest)), link::SendStatus::kSent);
+  for (int i = 0; i < 100 * kPatience && (told == 0 || link.newest_sample_ns() == 0); ++i) {
+    std::this_thread::sleep_for(1ms);
+  }
+  link.stop();
+  EXPECT_EQ(told, 1);
+  EXPECT_EQ(link.others_accepted(), 1U);
+  EXPECT_EQ(link.others().tools[0].tool, 3U);
+  EXPECT_EQ(link.others().tools[0].position_W_m[1], 0.25);
+  EXPECT_EQ(link.samples_accepted(), 1U);
+  EXPECT_EQ(link.barred(), LinkThread::Barred::kNo);
+}
+
+TEST(LinkThread, TellsWhyTheSimulatorDoesNotServeIt) {
+  ServoPorts ports;
+  link::SimulatorEndpoint simulator("127.0.0.1:0", 1h, {}, 2);
+  LinkThread first(link::to_string(simulator.address()), ports, {}, 1);
+  first.start();
+  std::uint32_t sequence = 0;
+  static_cast<void>(reach(ports, simulator, sequence));
+  ServoPorts other_ports;
+  LinkThread second(link::to_string(simulator.address()), other_ports, {}, 1);
+  second.start();
+  for (int i = 0; i < kPatience && second.barred() == LinkThread::Barred::kNo; ++i) {
+    ++sequence;
+    other_ports.tool.publish(link::ToolState{.sequence = sequence, .servo_time_ns = sequence});
+    static_cast<void>(simulator.receive(100ms));
+  }
+  EXPECT_EQ(second.barred(), LinkThread::Barred::kToolTaken);
+  EXPECT_EQ(second.most_tools(), 2U);
+  second.stop();
+  first.stop();
 }
 
 }  // namespace
