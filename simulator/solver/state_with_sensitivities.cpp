@@ -94,11 +94,11 @@ std::size_t StateWithSensitivities<Real>::memory_bytes() const noexcept {
     models += model->memory_bytes();
   }
   return sizeof *this + models +
-         bytes(rest_, fixed_, free_, patch_, mesh_number_, own_number_, models_, vertex_force_,
-               home_N_per_m_, constrained_, state_, residual_, direction_, product_, saved_state_,
-               inverse_, position_, saved_position_, force_, single_position_, coarse_.place,
-               coarse_.cell, coarse_.member, coarse_.inverse_m_per_N, coarse_residual_,
-               coarse_correction_);
+         bytes(rest_, fixed_, free_, patch_, patch_anchor_, others_, others_place_, mesh_number_,
+               own_number_, models_, vertex_force_, home_N_per_m_, constrained_, state_, residual_,
+               direction_, product_, saved_state_, inverse_, position_, saved_position_, force_,
+               single_position_, coarse_.place, coarse_.cell, coarse_.member,
+               coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
 }
 
 template <typename Real>
@@ -111,6 +111,7 @@ void StateWithSensitivities<Real>::hold(std::vector<std::int32_t> patch, bool nu
     const auto at = static_cast<std::size_t>(i);
     free_[at] = 0;
     constrained_.push_back(i);
+    patch_anchor_.push_back(rest_[at]);
     for (int c = 0; c < 3; ++c) {
       state_[at].component[c][1 + c] = 1.0F;
     }
@@ -118,8 +119,64 @@ void StateWithSensitivities<Real>::hold(std::vector<std::int32_t> patch, bool nu
 }
 
 template <typename Real>
+void StateWithSensitivities<Real>::share(std::vector<std::int32_t> patch,
+                                         std::vector<Eigen::Vector3d> anchor,
+                                         std::vector<std::int32_t> others, bool anew) {
+  patch_ = std::move(patch);
+  patch_anchor_ = std::move(anchor);
+  others_ = std::move(others);
+  others_place_.clear();
+  constrained_.clear();
+  for (std::size_t i = 0; i < rest_.size(); ++i) {
+    free_[i] = fixed_[i] == 0 ? 1 : 0;
+    if (free_[i] == 0) {
+      constrained_.push_back(static_cast<std::int32_t>(i));
+    }
+  }
+  const auto set_sensitivity = [this](std::size_t i, float diagonal) {
+    for (int c = 0; c < 3; ++c) {
+      for (int j = 0; j < 3; ++j) {
+        state_[i].component[c][1 + j] = c == j ? diagonal : 0.0F;
+      }
+    }
+  };
+  for (std::size_t i = 0; anew && i < rest_.size(); ++i) {
+    set_sensitivity(i, 0.0F);
+  }
+  for (const std::int32_t i : others_) {
+    const auto at = static_cast<std::size_t>(i);
+    others_place_.push_back(position(at));
+    set_sensitivity(at, 0.0F);
+  }
+  for (const std::int32_t i : patch_) {
+    set_sensitivity(static_cast<std::size_t>(i), 1.0F);
+  }
+  for (const auto* held : {&patch_, &others_}) {
+    for (const std::int32_t i : *held) {
+      free_[static_cast<std::size_t>(i)] = 0;
+      constrained_.push_back(i);
+    }
+  }
+  if (anew) {
+    displacement_.setZero();
+  }
+  saved_displacement_ = displacement_;
+  preconditioner_valid_ = false;
+  forget_trends();
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::place_others(
+    const std::vector<Eigen::Vector3d>& place) noexcept {
+  std::copy_n(place.begin(), std::min(place.size(), others_place_.size()), others_place_.begin());
+}
+
+template <typename Real>
 void StateWithSensitivities<Real>::release() noexcept {
   patch_.clear();
+  patch_anchor_.clear();
+  others_.clear();
+  others_place_.clear();
   region_.whole(extent_);
   limit_models();
   stand_at_rest();
@@ -254,9 +311,11 @@ void StateWithSensitivities<Real>::change_region(int levels) noexcept {
 
 template <typename Real>
 void StateWithSensitivities<Real>::place_patch() noexcept {
-  for (const std::int32_t i : patch_) {
-    const auto at = static_cast<std::size_t>(i);
-    set_position(at, rest_[at] + displacement_);
+  for (std::size_t n = 0; n < patch_.size(); ++n) {
+    set_position(static_cast<std::size_t>(patch_[n]), patch_anchor_[n] + displacement_);
+  }
+  for (std::size_t n = 0; n < others_.size(); ++n) {
+    set_position(static_cast<std::size_t>(others_[n]), others_place_[n]);
   }
 }
 
@@ -286,6 +345,11 @@ void StateWithSensitivities<Real>::restore() noexcept {
     std::copy_n(saved_position_.begin(), extent_.reach, position_.begin());
   }
   displacement_ = saved_displacement_;
+  forget_trends();
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::forget_trends() noexcept {
   trend_valid_ = false;
   // An unstable state may have left numbers here that are not finite; CG begins by multiplying them
   // by zero.

@@ -73,6 +73,18 @@ class StateWithSensitivities {
   /// From the rest pose: these vertices (own numbers) follow the tool from now on. Allocates.
   /// @param number_around  first renumber the vertices ring by ring around them.
   void hold(std::vector<std::int32_t> patch, bool number_around);
+  /// For one of several tools that hold the object (SharedObject): `patch` follows this state's
+  /// tool from `anchor` [m, from the origin], where it stands without displacement; the vertices
+  /// `others` are held elsewhere, where place_others() puts them, and S is zero there. Positions
+  /// and the rest of S stay. The region must be the whole object, numbered as the mesh is.
+  /// Allocates.
+  /// @param anew  the tool has just taken hold: its displacement and S begin at zero.
+  void share(std::vector<std::int32_t> patch, std::vector<Eigen::Vector3d> anchor,
+             std::vector<std::int32_t> others, bool anew);
+  /// [m, from the origin] Where share()'s `others` stand from the next advance_to() on.
+  void place_others(const std::vector<Eigen::Vector3d>& place) noexcept;
+  /// Whether nothing holds this vertex.
+  bool is_free(std::size_t i) const noexcept { return free_[i] != 0; }
   /// Lets go: every vertex is at rest, the former state is forgotten, the region is the whole
   /// object.
   void release() noexcept;
@@ -138,6 +150,7 @@ class StateWithSensitivities {
   const typename ForceModel<Real>::Position* model_positions(std::int32_t count) noexcept;
   void stand_at_rest() noexcept;
   void place_patch() noexcept;
+  void forget_trends() noexcept;
   void update_preconditioner() noexcept;
   double silence_border() noexcept;
   std::span<const kernels::VertexForce> active_forces() const noexcept;
@@ -155,6 +168,10 @@ class StateWithSensitivities {
   std::vector<std::uint8_t> fixed_;
   std::vector<std::uint8_t> free_;
   std::vector<std::int32_t> patch_;
+  std::vector<Eigen::Vector3d>
+      patch_anchor_;                  // where each vertex of the patch is at displacement 0
+  std::vector<std::int32_t> others_;  // held by other tools
+  std::vector<Eigen::Vector3d> others_place_;
   std::vector<std::int32_t> mesh_number_;  // by own number
   std::vector<std::size_t> own_number_;    // by the mesh's number
   Region region_;

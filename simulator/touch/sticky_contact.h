@@ -33,9 +33,9 @@ struct ContactOptions {
 /// near to it and moving down. The contact holds until release(). A tool whose first position is
 /// inside the object must leave it before it can touch.
 ///
-/// step(), release() and reset() take an ElasticObject, a TwoRatesObject, a ReducedObject or a
-/// TimeSteppedObject; the source of each one's contact instantiates them (sticky_contact_steps.h).
-/// Threads: one.
+/// step(), release() and reset() take an ElasticObject, a TwoRatesObject, a ReducedObject, a
+/// TimeSteppedObject or a tool's share of a SharedObject; the source of each one's contact
+/// instantiates them (sticky_contact_steps.h). Threads: one.
 class StickyContact {
  public:
   /// Throws Error for options out of range.
@@ -77,6 +77,8 @@ class StickyContact {
                                                 double within_s) const noexcept;
 
   bool in_contact() const noexcept { return in_contact_; }
+  /// Of the last answer.
+  std::uint32_t epoch() const noexcept { return epoch_; }
   const ContactOptions& options() const noexcept { return options_; }
 
  private:

@@ -7,6 +7,7 @@
 #include "simulator/solver/elastic_object.h"
 #include "simulator/solver/pressed_object.h"
 #include "simulator/solver/reduced_training.h"
+#include "simulator/solver/shared_object.h"
 #include "simulator/solver/two_rates_object.h"
 #include "tests/support/allocation_count.h"
 
@@ -23,6 +24,19 @@ TEST(ElasticObject, MovesDoNotAllocateEvenWhenTheObjectSnapsThrough) {
   }
   EXPECT_EQ(count.value(), 0U);
   EXPECT_TRUE(left_branch) << "the way out of an unstable state was not exercised";
+}
+
+TEST(SharedObject, MovesOfTwoToolsDoNotAllocate) {
+  SharedObject<float> object(make_scene("small").mesh, {}, 2);
+  ASSERT_GT(object.grab(0, {-0.02, 0, 0}, 0.012), 0);
+  ASSERT_GT(object.grab(1, {0.02, 0, 0}, 0.012), 0);
+  const testing::AllocationCount count;
+  for (int i = 1; i <= 20; ++i) {
+    object.aim(0, {0.0002 * i, 0, -0.001 * i});
+    object.aim(1, {0, 0.0003 * i, 0.0005 * i});
+    object.solve();
+  }
+  EXPECT_EQ(count.value(), 0U);
 }
 
 TEST(TwoRatesObject, MovesDoNotAllocateNorDoesTakingTheWholeIn) {
