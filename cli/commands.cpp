@@ -78,6 +78,7 @@ int simulate_command(const SimulateOptions& options) {
   simulator.allowed = options.allowed;
   simulator.workers = options.workers;
   simulator.surface = options.surface;
+  simulator.tools = static_cast<std::size_t>(options.tools);
   simulator.rate_Hz = options.rate_Hz;
   simulator.link_conditions = {1e-3 * options.delay_ms, 1e-3 * options.jitter_ms,
                                1e-2 * options.loss_percent};

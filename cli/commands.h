@@ -46,6 +46,7 @@ struct SimulateOptions {
   std::vector<std::string> allowed;
   std::string workers;
   std::string surface;
+  int tools = 1;
   double rate_Hz = 30.0;
   double delay_ms = 0.0;
   double jitter_ms = 0.0;

@@ -153,6 +153,14 @@ void add_simulate(Command& app, SimulateOptions& o, std::function<int()>& action
       "--workers", o.workers,
       "ADDR:PORT where 'forcegrid worker' processes connect to answer queries, under the first "
       "--key");
+  simulate
+      .add_option("--tools", o.tools,
+                  "Tools that hold the object at once, each moved by a 'forcegrid run' with a "
+                  "tool number of its own; several need tools that stick and the solver "
+                  "quasi_static")
+      ->check(whole_between(1, 4))
+      ->show_default()
+      ->type_name("INT tools");
   simulate.add_option("--rate", o.rate_Hz, "Answers per second")
       ->check(between(1.0, 1000.0))
       ->show_default()

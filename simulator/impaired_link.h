@@ -33,7 +33,7 @@ struct LinkConditions {
 /// Real-time: no. Threads: one.
 class ImpairedLink {
  public:
-  using Message = std::variant<link::ForceSample, link::SurfacePatch>;
+  using Message = std::variant<link::ForceSample, link::SurfacePatch, link::OtherTools>;
   using Send = std::function<void(const Message&)>;
 
   /// @param send  hands a datagram over to the socket. @param seed  of jitter and loss.

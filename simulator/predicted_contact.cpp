@@ -20,7 +20,13 @@ PredictedContact::PredictedContact(const Scene& scene, const ToolOptions& tool)
 
 void PredictedContact::look(const ToolContact& contact, const Eigen::Vector3d& position_W,
                             const Eigen::Vector3d& velocity_W) {
-  const auto touch_W = contact.expected_touch(position_W, velocity_W, kExpectedWithin_s);
+  look([&](double within_s) { return contact.expected_touch(position_W, velocity_W, within_s); },
+       velocity_W);
+}
+
+void PredictedContact::look(const ExpectedTouch& expected_touch,
+                            const Eigen::Vector3d& velocity_W) {
+  const auto touch_W = expected_touch(kExpectedWithin_s);
   if (!touch_W) {
     expected_W_.reset();
     stiffness_W_N_per_m_.reset();
@@ -31,7 +37,7 @@ void PredictedContact::look(const ToolContact& contact, const Eigen::Vector3d& p
   if (!contact_prediction_) {
     return;
   }
-  later_touch_W_ = contact.expected_touch(position_W, velocity_W, kPressedWithin_s);
+  later_touch_W_ = expected_touch(kPressedWithin_s);
   if (later_touch_W_) {
     contact_prediction_->expect(*later_touch_W_, velocity_W);
   }

@@ -29,6 +29,10 @@ class PredictedContact {
   /// Updates the prediction for a tool at `position_W` [m] with the velocity `velocity_W` [m/s].
   void look(const ToolContact& contact, const Eigen::Vector3d& position_W,
             const Eigen::Vector3d& velocity_W);
+  /// The same for a tool of several: `expected_touch` gives where it touches within so many
+  /// seconds.
+  using ExpectedTouch = std::function<std::optional<Eigen::Vector3d>(double within_s)>;
+  void look(const ExpectedTouch& expected_touch, const Eigen::Vector3d& velocity_W);
   /// Starts a new run: no touch is predicted.
   void begin_anew() noexcept;
 

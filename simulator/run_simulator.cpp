@@ -25,11 +25,13 @@
 #include "rt/vectors.h"
 #include "simulator/control_socket.h"
 #include "simulator/impaired_link.h"
+#include "simulator/loop_parts.h"
 #include "simulator/mesh/column_cut.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/predicted_contact.h"
 #include "simulator/reference/model_choice.h"
+#include "simulator/shared_loop.h"
 #include "simulator/surface_stream.h"
 #include "simulator/touch/solver_choice.h"
 #include "simulator/touch/solver_contact.h"
@@ -41,21 +43,11 @@ namespace {
 
 constexpr double kMaxRate_Hz = SimulatorControls::kMostRate_Hz;
 constexpr int kMaxNice = 19;
-constexpr auto kSilence = std::chrono::seconds(2);  // of a servo, before another may connect
 constexpr auto kStopCheck = std::chrono::milliseconds(50);
 constexpr auto kWorkerPoll = std::chrono::milliseconds(2);
 constexpr double kWall_N_per_m = 1000.0;
 constexpr double kCutOverPatch = 1.5;
 constexpr double kAbove_m = 0.01;  // of the surface, from where a tool touches again
-
-link::Access access(const SimulatorOptions& options) {
-  link::Access access;
-  access.keys = link::load_keys(options.key_files);
-  for (const std::string& range : options.allowed) {
-    access.allowed.emplace_back(range);
-  }
-  return access;
-}
 
 void check(const SimulatorOptions& options) {
   if (!(options.rate_Hz > 0.0 && options.rate_Hz <= kMaxRate_Hz)) {
@@ -72,26 +64,13 @@ void check(const SimulatorOptions& options) {
     throw Error("simulator: nice is " + std::to_string(options.nice) + "; give 0 to " +
                 std::to_string(kMaxNice));
   }
-}
-
-double time_s(const link::ToolState& state) {
-  return 1e-9 * static_cast<double>(state.servo_time_ns);
-}
-
-void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool send_stiffness) {
-  sample.contact_epoch = answer.epoch;
-  sample.in_contact = answer.in_contact;
-  sample.converged = answer.equilibrium.converged;
-  sample.position_W_m = rt::to_array(answer.position_W);
-  sample.force_W_N = rt::to_array(answer.equilibrium.force_W);
-  sample.has_stiffness = send_stiffness && answer.stiffness_known;
-  if (sample.has_stiffness) {
-    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(sample.stiffness_W_N_per_m.data()) =
-        answer.equilibrium.stiffness_W;
+  if (options.tools == 0) {
+    throw Error("simulator: --tools 0: a simulator serves 1 to " +
+                std::to_string(link::kMostTools) + " tools");
   }
-  sample.contact_point_W_m = rt::to_array(answer.point_W);
-  sample.relative_residual = answer.equilibrium.relative_residual;
-  sample.solve_time_s = answer.equilibrium.solve_time_s;
+  if (options.tools > 1) {
+    check_several_tools(options);
+  }
 }
 
 std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Scene& scene,
@@ -123,7 +102,7 @@ class Loop {
         scene_(scene),
         solver_(solver),
         tool_(tool),
-        endpoint_(options.listen, kSilence, access(options)),
+        endpoint_(options.listen, kServoSilence, access_of(options)),
         contact_(make_solver_contact(scene, solver, tool, options.rate_Hz)),
         predicted_(scene, tool),
         impaired_([this](const ImpairedLink::Message& message) { send(message); },
@@ -596,13 +575,22 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
     model = exchange_model(options, tool, scene);
     step("");
   }
-  SolverChoice solver =
-      choose_solver(model ? model->solver : options.solver_kind, scene.mesh.rest_position_W.size(),
-                    options.rate_Hz, options.solver, dynamics_of(scene.mesh));
+  const bool shared = options.tools > 1;
+  SolverChoice solver = choose_solver(model    ? model->solver
+                                      : shared ? SolverKind::kQuasiStatic
+                                               : options.solver_kind,
+                                      scene.mesh.rest_position_W.size(), options.rate_Hz,
+                                      options.solver, dynamics_of(scene.mesh));
+  if (shared) {
+    solver.why = "several tools always use it";
+    if (dynamics_of(scene.mesh) == MeshDynamics::kDamped) {
+      solver.why += "; masses and dampers are ignored";
+    }
+  }
   if (model) {
     solver.why = "as the model was tried";
   }
-  if (tool.slides()) {
+  if (tool.slides() && !shared) {
     if (options.solver_kind) {
       throw Error(std::string("simulator: solver ") + to_string(*options.solver_kind) +
                   ": tools that slide always use the solver pressed; leave --solver out");
@@ -620,8 +608,13 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
   }
   log::info("solver", std::string("solver ") + to_string(solver.kind) + ": " + solver.why);
   step("Preparing the solver");
-  Loop loop(options, scene, solver, tool);
-  loop.note_model(model);
+  std::optional<SharedLoop> shared_loop;
+  std::optional<Loop> loop;
+  if (shared) {
+    shared_loop.emplace(options, scene, solver, tool);
+  } else {
+    loop.emplace(options, scene, solver, tool).note_model(model);
+  }
   step("");
   rt::name_current_thread("fg-simulator");
   if (::setpriority(PRIO_PROCESS, 0, options.nice) != 0) {
@@ -629,12 +622,13 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
                                std::strerror(errno) +
                                "); it runs at the priority it was started with");
   }
-  const SimulatorSummary& summary = loop.summary();
+  const SimulatorSummary& summary = shared ? shared_loop->summary() : loop->summary();
   loading.reset();
   out << "listening " << summary.listening << " scene " << summary.scene << " vertices "
       << summary.vertices << " springs " << summary.springs
+      << (shared ? " tools " + std::to_string(options.tools) : "")
       << (summary.workers_at.empty() ? "" : " workers " + summary.workers_at) << std::endl;
-  return loop.run(stop, stop_fd);
+  return shared ? shared_loop->run(stop, stop_fd) : loop->run(stop, stop_fd);
 }
 
 }  // namespace forcegrid::simulator

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <atomic>
+#include <cstddef>
 #include <functional>
 #include <iosfwd>
 #include <optional>
@@ -25,6 +26,7 @@ struct SimulatorOptions {
   std::vector<std::string> key_files;  ///< of a sealed link, see link::Access
   std::vector<std::string> allowed;    ///< ranges of addresses, see link::AddressRange
   std::string workers;                 ///< ADDR:PORT for workers, see WorkerPool; empty: none
+  std::size_t tools = 1;               ///< served at once, each by a servo of its own; 1 to 4
   double rate_Hz = 30.0;               ///< answers per second; in (0, 1000]
   /// Extra delay of every answer, jitter and loss, to imitate a slower machine or a bad network.
   LinkConditions link_conditions;
@@ -67,12 +69,16 @@ struct SimulatorOptions {
 /// patch also carries the forces just after it: dF/dP for a tool that sticks, solved in idle time,
 /// and two forces for a tool that slides, which a low-priority thread computes.
 ///
+/// Several tools. With `tools` above 1 the loop is SharedLoop's: the servos' tools hold one object,
+/// solved by quasi_static; no queries, workers, surface or controls.
+///
 /// Surface. With `surface` the loop sends the object's surface to the live view, after the sample
 /// of the same tick.
 ///
 /// @param out  with `say_loading`, gets a line `loading SCENE, N s` now and then while the work on
 ///   the scene goes on (rt/checkpoint.h). When the simulator is ready, gets
-///   `listening ADDR:PORT scene NAME vertices N springs M` and a flush.
+///   `listening ADDR:PORT scene NAME vertices N springs M` and a flush; with several
+///   tools also `tools T`.
 /// @param stop_fd  a pipe or standard input; the loop ends when it is readable or closed. -1: none.
 /// Remarks for a user go to the log (log/log.h).
 /// Throws Error for options out of range or an unknown scene, link::LinkError for the address,

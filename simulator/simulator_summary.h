@@ -86,6 +86,14 @@ struct SimulatorSummary {
   double grab_max_ms = 0.0;
   double iterations_mean = 0.0;       ///< conjugate-gradient iterations per answer
   std::optional<SurfaceUse> surface;  ///< nothing without a live view
+  /// One servo's place.
+  struct ToolUse {
+    std::uint16_t tool = 0;  ///< of its last servo
+    std::uint64_t sessions = 0;
+    std::uint64_t answers = 0;
+    std::uint64_t contacts = 0;
+  };
+  std::vector<ToolUse> tools;  ///< by place; empty: it served one tool
 };
 
 /// Keys carry the units.

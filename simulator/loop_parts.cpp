@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simulator/loop_parts.h"
+
+#include "rt/vectors.h"
+
+namespace forcegrid::simulator {
+
+link::Access access_of(const SimulatorOptions& options) {
+  link::Access access;
+  access.keys = link::load_keys(options.key_files);
+  for (const std::string& range : options.allowed) {
+    access.allowed.emplace_back(range);
+  }
+  return access;
+}
+
+double time_s(const link::ToolState& state) noexcept {
+  return 1e-9 * static_cast<double>(state.servo_time_ns);
+}
+
+void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool send_stiffness) {
+  sample.contact_epoch = answer.epoch;
+  sample.in_contact = answer.in_contact;
+  sample.converged = answer.equilibrium.converged;
+  sample.position_W_m = rt::to_array(answer.position_W);
+  sample.force_W_N = rt::to_array(answer.equilibrium.force_W);
+  sample.has_stiffness = send_stiffness && answer.stiffness_known;
+  if (sample.has_stiffness) {
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(sample.stiffness_W_N_per_m.data()) =
+        answer.equilibrium.stiffness_W;
+  }
+  sample.contact_point_W_m = rt::to_array(answer.point_W);
+  sample.relative_residual = answer.equilibrium.relative_residual;
+  sample.solve_time_s = answer.equilibrium.solve_time_s;
+}
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+
+#include "link/messages.h"
+#include "link/simulator_endpoint.h"
+#include "simulator/run_simulator.h"
+#include "simulator/touch/sticky_contact.h"
+
+namespace forcegrid::simulator {
+
+/// Of a servo, before another one may take its place.
+inline constexpr auto kServoSilence = std::chrono::seconds(2);
+
+/// Who may use the simulator, as the options say. Throws link::LinkError for a key file or a range
+/// that cannot be used.
+link::Access access_of(const SimulatorOptions& options);
+
+/// [s] When the tool was there, by the servo's clock.
+double time_s(const link::ToolState& state) noexcept;
+
+/// Writes the object's reaction into a sample.
+void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool send_stiffness);
+
+}  // namespace forcegrid::simulator

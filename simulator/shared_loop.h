@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <memory>
+
+#include "simulator/mesh/scene.h"
+#include "simulator/mesh/tool_options.h"
+#include "simulator/run_simulator.h"
+#include "simulator/simulator_summary.h"
+#include "simulator/touch/solver_choice.h"
+
+namespace forcegrid::simulator {
+
+/// The simulator's loop for several tools on one object (SharedContact), each moved by a servo of
+/// its own. At each deadline all tools go to the newest states of their servos and the object is
+/// solved once; each servo whose tool has moved gets its sample, a patch of the surface in the air,
+/// and where the other tools are. A servo that ends or falls silent lets go; the others go on.
+///
+/// Queries are not answered, since the force depends on the other tools, too.
+/// Real-time: no. Threads: one.
+class SharedLoop {
+ public:
+  /// Throws Error for options that several tools exclude, as SharedContact does, and
+  /// link::LinkError for the address.
+  SharedLoop(const SimulatorOptions& options, const Scene& scene, const SolverChoice& solver,
+             const ToolOptions& tool);
+  ~SharedLoop();
+  SharedLoop(const SharedLoop&) = delete;
+  SharedLoop& operator=(const SharedLoop&) = delete;
+
+  const SimulatorSummary& summary() const noexcept;
+  /// See run_simulator().
+  SimulatorSummary run(const std::atomic<bool>& stop, int stop_fd);
+
+ private:
+  class State;
+  std::unique_ptr<State> state_;
+};
+
+/// Throws Error for options that several tools exclude; before the scene is read.
+void check_several_tools(const SimulatorOptions& options);
+
+}  // namespace forcegrid::simulator

@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+// A simulator for several tools, over the link.
+#include "simulator/shared_loop.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "rt/vectors.h"
+#include "simulator/mesh/error.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/solver/shared_object.h"
+#include "tests/simulator/running_simulator.h"
+
+namespace forcegrid::simulator {
+namespace {
+
+using Eigen::Vector3d;
+using ::testing::HasSubstr;
+using namespace std::chrono_literals;
+
+SimulatorOptions two_tools() {
+  SimulatorOptions options;
+  options.tools = 2;
+  options.rate_Hz = 100.0;
+  return options;
+}
+
+// A servo in the test's hands that keeps its tool at one place.
+class Servo {
+ public:
+  Servo(RunningSimulator& simulator, link::ToolId tool)
+      : endpoint(simulator.address(), link::ServoEndpoint::random_session_id(), {}, tool) {}
+
+  void say(const Vector3d& position_W) {
+    at_W = position_W;
+    link::ToolState state;
+    state.sequence = ++sequence;
+    state.servo_time_ns = 1000 + sequence;
+    state.position_W_m = rt::to_array(position_W);
+    endpoint.send(state);
+  }
+  // The newest sample that has come.
+  void listen() {
+    while (const auto sample = endpoint.receive()) {
+      newest = sample;
+    }
+    if (const auto told = endpoint.next_others()) {
+      others = told;
+    }
+  }
+
+  link::ServoEndpoint endpoint;
+  std::uint32_t sequence = 0;
+  Vector3d at_W = Vector3d::Zero();
+  std::optional<link::ForceSample> newest;
+  std::optional<link::OtherTools> others;
+};
+
+// Keeps all servos talking until `done`. @returns whether it came in time.
+template <typename Done>
+bool until(std::initializer_list<Servo*> servos, Done done) {
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (std::chrono::steady_clock::now() < give_up) {
+    for (Servo* const servo : servos) {
+      servo->say(servo->at_W);
+    }
+    std::this_thread::sleep_for(2ms);
+    for (Servo* const servo : servos) {
+      servo->listen();
+    }
+    if (done()) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool is_at(const Servo& servo) {
+  return servo.newest && servo.newest->position_W_m == rt::to_array(servo.at_W);
+}
+
+constexpr double kApart_m = 0.02;
+const Vector3d kLeft_W{-kApart_m, 0, 0};
+const Vector3d kRight_W{kApart_m, 0, 0};
+const Vector3d kUp_W{0, 0, 0.01};
+
+class TwoServos : public testing::Test {
+ protected:
+  void bring_both_down() {
+    for (const double z_m : {0.01, -0.0001}) {
+      left.at_W = kLeft_W + Vector3d(0, 0, z_m);
+      right.at_W = kRight_W + Vector3d(0, 0, z_m);
+      ASSERT_TRUE(until({&left, &right}, [&] { return is_at(left) && is_at(right); }));
+    }
+    ASSERT_TRUE(left.newest->in_contact && right.newest->in_contact);
+  }
+
+  RunningSimulator simulator{two_tools()};
+  Servo left{simulator, 1};
+  Servo right{simulator, 2};
+};
+
+TEST_F(TwoServos, HoldOneObjectAndFeelEachOther) {
+  EXPECT_THAT(simulator.line(), HasSubstr(" tools 2\n"));
+  bring_both_down();
+  left.at_W = kLeft_W + Vector3d(-0.001, 0.0, 0.002);
+  right.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
+  const auto settled = [&] {
+    return is_at(left) && is_at(right) && left.newest->converged && right.newest->converged;
+  };
+  ASSERT_TRUE(until({&left, &right}, settled));
+  // Both are there, so from the next tick on no sample is of an older place of the other one.
+  const std::uint32_t sequence = left.sequence;
+  ASSERT_TRUE(until({&left, &right}, [&] {
+    return settled() && left.newest->echo_sequence > sequence &&
+           right.newest->echo_sequence > sequence;
+  }));
+
+  SharedObject<double> reference(make_scene("small").mesh, {}, 2);
+  reference.grab(0, kLeft_W, 0.012);
+  reference.grab(1, kRight_W, 0.012);
+  reference.aim(0, left.at_W - kLeft_W);
+  reference.aim(1, right.at_W - kRight_W);
+  reference.solve();
+  const std::array<const Servo*, 2> servos = {&left, &right};
+  for (std::size_t k = 0; k < 2; ++k) {
+    const Vector3d expected_W = reference.equilibrium(k).force_W;
+    const Vector3d found_W = rt::to_vector(servos[k]->newest->force_W_N);
+    ASSERT_GT(expected_W.norm(), 0.1);
+    EXPECT_LT((found_W - expected_W).norm(), 3e-3 * expected_W.norm());
+    EXPECT_TRUE(servos[k]->newest->has_stiffness);
+  }
+  const SimulatorSummary summary = simulator.stop();
+  EXPECT_EQ(summary.sessions, 2U);
+  EXPECT_EQ(summary.contacts, 2U);
+  EXPECT_EQ(summary.not_finite, 0U);
+  ASSERT_EQ(summary.tools.size(), 2U);
+  EXPECT_EQ(summary.tools[0].tool, 1U);
+  EXPECT_EQ(summary.tools[1].tool, 2U);
+  EXPECT_EQ(summary.tools[0].answers + summary.tools[1].answers, summary.answers);
+  EXPECT_EQ(to_json(summary)["tools"][1]["contacts"], 1);
+}
+
+TEST_F(TwoServos, AreToldWhereTheOtherIs) {
+  left.at_W = kLeft_W + kUp_W;
+  right.at_W = kRight_W + kUp_W;
+  ASSERT_TRUE(until({&left, &right}, [&] { return left.others && right.others; }));
+  right.at_W = kRight_W + 2.0 * kUp_W;
+  ASSERT_TRUE(until({&left, &right}, [&] {
+    return left.others->tools[0].position_W_m == rt::to_array(right.at_W);
+  }));
+  ASSERT_EQ(left.others->count, 1U);
+  EXPECT_EQ(left.others->tools[0].tool, 2U);
+  EXPECT_FALSE(left.others->tools[0].in_contact);
+  EXPECT_GE(left.others->tools[0].age_ns, 0);
+  EXPECT_EQ(right.others->tools[0].tool, 1U);
+}
+
+// The right servo says nothing more: its position's age grows, and then its tool is gone.
+TEST_F(TwoServos, AnAgeGrowsUntilASilentServosToolLetsGo) {
+  bring_both_down();
+  right.at_W = kRight_W + Vector3d(0, 0, 0.005);
+  ASSERT_TRUE(until({&left, &right}, [&] { return is_at(right) && left.others; }));
+  const std::uint32_t epoch = left.newest->contact_epoch;
+  ASSERT_TRUE(until({&left}, [&] { return left.others->tools[0].age_ns > 1'000'000'000; }));
+  EXPECT_TRUE(left.others->tools[0].in_contact);
+  ASSERT_TRUE(until({&left}, [&] { return left.newest->contact_epoch > epoch; }));
+  EXPECT_TRUE(left.newest->in_contact) << "it goes on alone";
+  const SimulatorSummary summary = simulator.stop();
+  EXPECT_EQ(summary.not_finite, 0U);
+}
+
+TEST_F(TwoServos, OneEndsInMidForceAndTheOtherFeelsTheObjectAlone) {
+  bring_both_down();
+  left.at_W = kLeft_W + Vector3d(-0.001, 0.0, 0.004);
+  right.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
+  ASSERT_TRUE(until({&left, &right}, [&] { return is_at(left) && is_at(right); }));
+  const std::uint32_t epoch = left.newest->contact_epoch;
+  right.endpoint.say_goodbye();
+  ASSERT_TRUE(until({&left}, [&] {
+    return left.newest->contact_epoch > epoch && left.newest->converged && is_at(left);
+  }));
+  ElasticObject<double> alone(make_scene("small").mesh);
+  alone.grab(kLeft_W, 0.012);
+  const Vector3d expected_W = alone.move_to(left.at_W - kLeft_W).force_W;
+  EXPECT_LT((rt::to_vector(left.newest->force_W_N) - expected_W).norm(), 5e-3 * expected_W.norm());
+  EXPECT_TRUE(left.newest->in_contact);
+}
+
+TEST_F(TwoServos, AThirdIsRefusedAndAServoOfVersion1IsServedInAFreePlace) {
+  left.at_W = kLeft_W + kUp_W;
+  ASSERT_TRUE(until({&left}, [&] { return is_at(left); }));
+  Servo old(simulator, 0);
+  old.at_W = kRight_W + kUp_W;
+  ASSERT_TRUE(until({&left, &old}, [&] { return is_at(old) && left.others; }));
+  EXPECT_EQ(left.others->tools[0].tool, 0U);
+  EXPECT_EQ(old.endpoint.others_accepted(), 0U);
+  ASSERT_TRUE(until({&left, &old, &right}, [&] { return right.endpoint.refusal().has_value(); }));
+  EXPECT_EQ(right.endpoint.refusal()->most_tools, 2U);
+  EXPECT_FALSE(right.newest);
+}
+
+TEST_F(TwoServos, EachLinkIsDelayedAsAsked) {
+  SimulatorOptions options = two_tools();
+  options.link_conditions.delay_s = 0.02;
+  RunningSimulator delayed(options);
+  Servo first(delayed, 1);
+  Servo second(delayed, 2);
+  first.at_W = kLeft_W + kUp_W;
+  second.at_W = kRight_W + kUp_W;
+  ASSERT_TRUE(until({&first, &second}, [&] { return is_at(first) && is_at(second); }));
+  const SimulatorSummary summary = delayed.stop();
+  EXPECT_GT(summary.delayed, 0U);
+}
+
+TEST(SharedLoop, SaysWhichOptionKnowsOneToolOnly) {
+  const auto refused = [](auto change) {
+    SimulatorOptions options = two_tools();
+    options.listen = "127.0.0.1:0";
+    options.scene = "small";
+    change(options);
+    std::ostringstream out;
+    const std::atomic<bool> stop{true};
+    try {
+      run_simulator(options, out, stop);
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(refused([](auto& o) { o.solver_kind = SolverKind::kLocal; }),
+              HasSubstr("solver local knows one tool; give --solver quasi_static"));
+  EXPECT_THAT(refused([](auto& o) { o.workers = "127.0.0.1:0"; }), HasSubstr("--workers out"));
+  EXPECT_THAT(refused([](auto& o) { o.control = "/nowhere"; }), HasSubstr("--control out"));
+  EXPECT_THAT(refused([](auto& o) { o.surface = "/nowhere"; }), HasSubstr("--surface out"));
+  EXPECT_THAT(refused([](auto& o) { o.material_tolerance_percent = 1.0; }),
+              HasSubstr("--material-tolerance-percent out"));
+  EXPECT_THAT(refused([](auto& o) { o.tools = 5; }), HasSubstr("at most 4"));
+  EXPECT_THAT(refused([](auto& o) { o.tools = 0; }), HasSubstr("1 to 4"));
+}
+
+TEST(SharedLoop, RefusesAToolThatSlides) {
+  SimulatorOptions options = two_tools();
+  options.listen = "127.0.0.1:0";
+  options.scene = "small";
+  options.tool = ToolOptions{};
+  options.tool->shape = "sphere";
+  options.tool->contact = "slide";
+  std::ostringstream out;
+  const std::atomic<bool> stop{false};
+  EXPECT_THAT([&] { run_simulator(options, out, stop); },
+              testing::ThrowsMessage<Error>(HasSubstr("use --contact sticky")));
+}
+
+}  // namespace
+}  // namespace forcegrid::simulator
