@@ -14,7 +14,7 @@ namespace forcegrid::cli {
 namespace {
 
 constexpr double kLeastBudget_us = 0.01;
-constexpr double kLargestBudget_us = 1000.0;
+constexpr double kMostBudget_us = 1000.0;
 
 bool keeps_a_budget(const std::string& method) {
   std::string name;
@@ -29,7 +29,7 @@ void add_budget(Command& command, BudgetOption& budget) {
       .add_option("--budget-us", budget.us,
                   "What a cycle of method auto may cost on average: it takes as many samples and "
                   "candidates as that pays for (default no limit)")
-      ->check(between(kLeastBudget_us, kLargestBudget_us))
+      ->check(between(kLeastBudget_us, kMostBudget_us))
       ->type_name("FLOAT us");
 }
 
