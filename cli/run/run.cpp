@@ -39,9 +39,12 @@ std::string why_not_realtime() {
 }  // namespace
 
 // With the JSON on standard output, everything for people goes to standard error.
-Run::Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view)
+Run::Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view, SharedRun* shared)
     : options_(options),
       kept_view_(view),
+      shared_(shared),
+      prefix_(options.device_number > 0 ? "device " + std::to_string(options.device_number) + ": "
+                                        : ""),
       out_(options.json.on_stdout() || options.text_on_stderr ? stderr : stdout) {
   if (options_.live) {
     tools::Dashboard::check(out_);
@@ -68,16 +71,34 @@ Run::Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view)
 
   // Reported once, here; the threads that are refused later stay silent.
   realtime_refused_ = why_not_realtime();
-  if (!realtime_refused_.empty()) {
+  if (!realtime_refused_.empty() && options_.device_number <= 1) {
     say("No real-time scheduling: " + realtime_refused_);
   }
 }
 
 int Run::execute() {
-  connect();
-  if (!calibrate_arm()) {
-    return end_uncalibrated();
+  if (!prepare()) {
+    const int status = finish_uncalibrated();
+    write_json(options_.json, json().dump(2));
+    return status;
   }
+  begin();
+  render();
+  finish();
+  write_json(options_.json, json().dump(2));
+  return summary_.exit_status;
+}
+
+nlohmann::json Run::json() const {
+  return to_json(summary_, telemetry_ ? telemetry_->statistics() : servo::TelemetryStatistics{});
+}
+
+bool Run::prepare() {
+  connect();
+  return calibrate_arm();
+}
+
+void Run::begin() {
   start_view();
   prepare_telemetry();
   loop_.emplace(*device_, profile_, methods_->methods(), ports_, servo_options_);
@@ -86,9 +107,25 @@ int Run::execute() {
   }
   link_->start();
   telemetry_->start();
+}
+
+void Run::render() {
   run_until_over();
+  if (shared_ != nullptr && summary_.outcome.fault != servo::Fault::kNone) {
+    int none = 0;
+    shared_->failed_device.compare_exchange_strong(none, options_.device_number);
+    if (shared_->fault_stops_all) {
+      StopRequest::request();
+    }
+  }
   judge_end();
   stop_threads();
+}
+
+int Run::finish() {
+  if (options_.device_number > 0) {
+    report("\nDevice " + std::to_string(options_.device_number) + ", " + options_.device + ":");
+  }
   end_view();
   if (processes_->surface_tap() != nullptr) {
     processes_->surface_tap()->record(nullptr);
@@ -112,6 +149,10 @@ int Run::execute() {
   }
   collect_counts({*link_, ports_, *telemetry_, *methods_, *watch_}, options_.method,
                  servo_options_.requests_per_s, summary_);
+  if (summary_.shared) {
+    summary_.shared->others_told = link_->others_accepted();
+    summary_.shared->others = link_->others();
+  }
   write_flight_records(*telemetry_, options_.out, summary_);
   report_fault();
   report(loop_text(summary_, telemetry_->statistics()));
@@ -123,7 +164,6 @@ int Run::execute() {
   write_files(cycles);
   report(errors_text(summary_));
   settle_status();  // a file may have failed, or a signal may have come meanwhile
-  write_json(options_.json, to_json(summary_, telemetry_->statistics()).dump(2));
   return summary_.exit_status;
 }
 
@@ -134,8 +174,8 @@ std::optional<std::string> Run::next_scene() {
 
 // Something on the way, for people: beside the results.
 void Run::say(const std::string& text, log::Level level, const char* component) const {
-  log::write(
-      {level, component, text, "", out_ == stdout ? log::Where::kStdout : log::Where::kStderr});
+  log::write({level, component, prefix_ + text, "",
+              out_ == stdout ? log::Where::kStdout : log::Where::kStderr});
 }
 
 // Results, of whole lines. Where they would be in the way of JSON they are messages.
@@ -158,7 +198,7 @@ void Run::report_fault() const {
     return;
   }
   const bool in_summary = out_ == stdout || log::console_shows(log::Level::kInfo);
-  log::write({log::Level::kError, "servo", fault_text(summary_.outcome), "",
+  log::write({log::Level::kError, "servo", prefix_ + fault_text(summary_.outcome), "",
               in_summary ? log::Where::kFileOnly : log::Where::kStderr});
 }
 
@@ -170,13 +210,20 @@ void Run::fail(const std::string& text) {
 }
 
 void Run::look_at_keys(milliseconds timeout) {
-  if (keys_->emergency_pressed(timeout)) {
+  TerminalKeys* const keys = shared_ != nullptr ? shared_->keys : &*keys_;
+  if (keys == nullptr) {
+    std::this_thread::sleep_for(timeout);  // another thread looks at them
+  } else if (keys->emergency_pressed(timeout)) {
     StopRequest::request_emergency(servo::EmergencySource::kKey);
   }
 }
 
 void Run::connect() {
-  processes_.emplace(options_, tool_, profile_, kept_view_);
+  RunOptions for_processes = options_;
+  if (shared_ != nullptr && !shared_->simulator.empty()) {
+    for_processes.simulator = shared_->simulator;
+  }
+  processes_.emplace(for_processes, tool_, profile_, kept_view_);
   watch_.emplace(SimulatorWatchOptions{
       .address = processes_->simulator_address(),
       .period_s = processes_->has_simulator()
@@ -185,7 +232,8 @@ void Run::connect() {
       .timeout_s = options_.simulator_timeout_s,
       .wait = options_.wait_for_simulator,
       .has_key = !options_.key_files.empty()});
-  link_.emplace(processes_->simulator_address(), ports_, processes_->take_link_keys());
+  link_.emplace(processes_->simulator_address(), ports_, processes_->take_link_keys(),
+                static_cast<link::ToolId>(options_.tool_number));
   // Locking memory may take longer than the device's time-out, so it comes before opening the
   // device. The loop tries again and reports a refusal.
   static_cast<void>(rt::lock_memory());
@@ -202,6 +250,21 @@ void Run::connect() {
   if (!calibrated_file.empty()) {
     profile_ = profiles::load_device_profile(calibrated_file);
   }
+  if (options_.tool_number > 0) {
+    const driver::DeviceIdentity& unit = device_->identity();
+    summary_.shared =
+        RunSummary::Shared{.tool_number = options_.tool_number,
+                           .manufacturer = unit.manufacturer,
+                           .product = unit.product,
+                           .serial = unit.serial,
+                           .url = is_emulated(options_) ? url : driver::lasting_url(url, profile_),
+                           .offset_W_mm = options_.offset_W_mm};
+    link_->on_others([this](const link::OtherTools& others) {
+      for (std::size_t k = 0; k < others.count; ++k) {
+        summary_.shared->others_age_ms.add(1e-6 * static_cast<double>(others.tools[k].age_ns));
+      }
+    });
+  }
   url_again_ =
       options_.reconnect ? driver::lasting_url(url, profile_) : url;  // while it is connected
   const driver::DeviceIdentity& identity = device_->identity();
@@ -212,7 +275,9 @@ void Run::connect() {
     say("Calibrated profile of this unit: " + calibrated_file);
   }
   // No force has been rendered yet; a key pressed now must prevent force later.
-  keys_.emplace();
+  if (shared_ == nullptr) {
+    keys_.emplace();
+  }
 }
 
 // False: it was stopped before. A Falcon reports whether its axes are homed and has no force
@@ -233,7 +298,7 @@ bool Run::calibrate_arm() {
       });
 }
 
-int Run::end_uncalibrated() {
+int Run::finish_uncalibrated() {
   note("stopped before the arm was calibrated; the motors had no current");
   say(summary_.notes.back());
   summary_.outcome.zero_current_delivered = device_->stop();
@@ -244,7 +309,6 @@ int Run::end_uncalibrated() {
   summary_.reference = "the loop never ran";
   judge_end();
   settle_status();
-  write_json(options_.json, to_json(summary_, servo::TelemetryStatistics{}).dump(2));
   return summary_.exit_status;
 }
 
@@ -252,7 +316,10 @@ void Run::prepare_telemetry() {
   say("Simulator: " + processes_->simulator_address() +
       (processes_->has_simulator() ? ", scene " + options_.scene : "") + "; method " +
       options_.method + " at " + std::to_string(std::lround(options_.rate_Hz)) +
-      " Hz; Ctrl-C ends it" + (keys_->active() ? ", space or e stops the motors at once" : ""));
+      " Hz; Ctrl-C ends it" +
+      ((shared_ != nullptr ? shared_->keys->active() : keys_->active())
+           ? ", space or e stops the motors at once"
+           : ""));
   recorder_ = start_recorder(
       options_, profile_, methods_->names(), processes_->device_url(), device_->identity(),
       view_hello(view_title(options_, *methods_, method_options_, servo_options_, *processes_),

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
@@ -31,16 +33,46 @@
 
 namespace forcegrid::cli {
 
+/// What the runs of several devices in one program share.
+struct SharedRun {
+  std::string simulator;         ///< address of the one that the first run has started; empty: none
+  TerminalKeys* keys = nullptr;  ///< while one thread takes the runs through their steps
+  bool fault_stops_all = true;
+  std::atomic<int> failed_device{0};  ///< number of the first one that a fault has ended; 0: none
+};
+
 // One run, from its options to its summary. Members that threads write to come before those
 // threads, so that the threads end before the members are destroyed.
 class Run {
  public:
   /// Checks everything that can be checked before a process starts or a device is opened.
   /// @param view  that goes on from run to run; null: the first one with a view starts it.
-  Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view);
+  /// @param shared  of several runs at once; null: this is the only one. It outlives this.
+  Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view, SharedRun* shared = nullptr);
 
   /// @returns the program's exit status.
   int execute();
+
+  // Its steps. Those of several runs are taken in turn by one thread, render() by one each.
+  /// Starts processes, opens and calibrates the device. False: stopped before the arm was
+  /// calibrated; then finish_uncalibrated() follows.
+  bool prepare();
+  int finish_uncalibrated();
+  /// Starts the threads beside the loop.
+  void begin();
+  /// Runs the loop until it is over. Every way out has written zero current.
+  void render();
+  /// Ends the rest and writes the files. @returns the exit status of this run alone.
+  int finish();
+
+  [[nodiscard]] nlohmann::json json() const;
+  [[nodiscard]] const RunSummary& summary() const { return summary_; }
+  [[nodiscard]] const profiles::DeviceProfile& profile() const { return profile_; }
+  [[nodiscard]] bool makes_requests() const { return servo_options_.requests_per_s > 0.0; }
+  /// Where the simulator of this run listens; after prepare().
+  [[nodiscard]] const std::string& simulator_address() const {
+    return processes_->simulator_address();
+  }
   /// The scene that another run is to begin with; nothing: there is to be none.
   std::optional<std::string> next_scene();
 
@@ -55,7 +87,6 @@ class Run {
 
   void connect();
   bool calibrate_arm();
-  int end_uncalibrated();
   void prepare_telemetry();
   void start_dashboard();
   void start_view();
@@ -64,6 +95,7 @@ class Run {
   servo::ServoOutcome run_loop(double for_s);
   bool connect_again(rt::TimePoint ended);
   void watch_simulator();
+  bool note_if_barred();
   void judge_end();
   void settle_status();
   void stop_threads();
@@ -73,6 +105,8 @@ class Run {
 
   RunOptions options_;
   std::unique_ptr<ViewProcess>& kept_view_;
+  SharedRun* shared_;
+  std::string prefix_;  // of lines for people: "device 2: "
   NextScene next_scene_;
   std::FILE* out_;
   std::unique_ptr<tools::Dashboard> dashboard_;
@@ -92,6 +126,7 @@ class Run {
   std::optional<servo::LinkThread> link_;
   std::optional<SimulatorWatch> watch_;
   bool simulator_died_ = false;
+  bool barred_ = false;
   std::optional<OwnEnd> own_end_;  // from when motors may get current until everything is written
   std::unique_ptr<driver::Device> device_;
   std::string url_again_;  // where to find the device again

@@ -18,7 +18,15 @@ namespace forcegrid::cli {
 
 /// Options of `forcegrid run`.
 struct RunOptions {
+  /// All devices of one simulation, in the order of the flags; the others describe each of them.
+  std::vector<std::string> devices{"emulated:woodenhaptics_v2015"};
+  std::vector<std::string> device_offsets_mm;  ///< "X,Y,Z" of each; fewer: default_offsets_mm()
+  std::string fault_stops = "all";             ///< or "one": whom a device's fault brings to zero
+  int tool_number = 0;                         ///< of the first device at the simulator; 0: only
+  // Of one device among them; of several, run_command() sets these.
   std::string device = "emulated:woodenhaptics_v2015";
+  int device_number = 0;                ///< from 1 on; 0: it is the only one
+  std::array<double, 3> offset_W_mm{};  ///< of the device's origin in the scene
   /// Profile of an attached device; empty: falcon for a Falcon, else woodenhaptics_v2015.
   std::string profile;
   /// "auto": the profile that `forcegrid calibrate` wrote for this unit, if any; "none"; or a file.
@@ -30,6 +38,7 @@ struct RunOptions {
   std::optional<double> material_tolerance_percent;
   std::string simulator;               ///< ADDR:PORT of a running simulator; empty: start one
   std::vector<std::string> key_files;  ///< of the link to the simulator; empty: not encrypted
+  int started_tools = 1;               ///< that the started simulator serves
   int workers = 0;                     ///< processes that answer queries for the started simulator
   double simulator_timeout_s = 10.0;   ///< without samples for this long the run ends
   bool wait_for_simulator = false;     ///< instead it waits without an end

@@ -11,6 +11,8 @@ std::string name_of(RunEnd end, const std::string& signal_name) {
       return "emergency_stop";
     case RunEnd::kFault:
       return "fault";
+    case RunEnd::kOtherDevice:
+      return "other_device";
     case RunEnd::kSignal:
       return signal_name;
     case RunEnd::kNoSimulator:
@@ -30,6 +32,7 @@ int status_of(RunEnd end, int signal) noexcept {
     case RunEnd::kEmergencyStop:
       return kEmergencyStatus;
     case RunEnd::kFault:
+    case RunEnd::kOtherDevice:
       return 1;
     case RunEnd::kSignal:
       return status_after(signal);

@@ -15,6 +15,7 @@ inline constexpr int kNoSimulatorStatus = 4;
 enum class RunEnd : std::uint8_t {
   kEmergencyStop,
   kFault,
+  kOtherDevice,    ///< a fault of another device in this run
   kSignal,         ///< SIGINT, SIGTERM or SIGHUP
   kNoSimulator,    ///< no sample ever came
   kLostSimulator,  ///< no sample came any more
@@ -22,13 +23,13 @@ enum class RunEnd : std::uint8_t {
   kTime,           ///< --seconds are over
 };
 
-/// For programs: "emergency_stop", "fault", "SIGINT" (or the other signals' names), "no_simulator",
-/// "lost_simulator", "scene", "time".
+/// For programs: "emergency_stop", "fault", "other_device", "SIGINT" (or the other signals' names),
+/// "no_simulator", "lost_simulator", "scene", "time".
 /// @param signal_name  of the signal; empty unless it is kSignal.
 std::string name_of(RunEnd end, const std::string& signal_name);
 
-/// The exit status: 0 for kTime and kScene, 1 fault, 3 emergency stop, 4 no simulator, 128 +
-/// `signal`.
+/// The exit status: 0 for kTime and kScene, 1 fault of this or another device, 3 emergency stop, 4
+/// no simulator, 128 + `signal`.
 int status_of(RunEnd end, int signal) noexcept;
 
 /// The exit statuses for --help, one a line.

@@ -8,6 +8,7 @@
 #include "cli/common/option_values.h"
 #include "cli/common/options.h"
 #include "cli/common/scene_option.h"
+#include "cli/run/run_devices.h"
 #include "cli/run/tool_option.h"
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
@@ -23,8 +24,20 @@ constexpr char kTourScene[] = "small";  // light enough for a laptop that draws 
 void add_device(Command& run, RunOptions& o) {
   run.begin_group("Device");
   run.add_option(
-         "--device", o.device,
-         "emulated:PROFILE, or an attached device:\n" + std::string(driver::device_url_forms()))
+         "--device", o.devices,
+         "emulated:PROFILE, or an attached device; repeated up to four times they share one "
+         "object, see docs/several_devices.md:\n" +
+             std::string(driver::device_url_forms()))
+      ->repeatable()
+      ->show_default(o.devices.front());
+  run.add_option("--device-offset-mm", o.device_offsets_mm,
+                 "Where the device's origin is in the scene; repeated, of each --device in turn "
+                 "(default 0,0,0; several devices 30 mm apart from left to right)")
+      ->repeatable()
+      ->check(offset_check());
+  run.add_option("--fault-stops", o.fault_stops,
+                 "Of several devices: whom a fault of one brings to zero force, all or one")
+      ->check(one_of({"all", "one"}))
       ->show_default();
   run.add_option("--profile", o.profile,
                  "Profile of an attached device (default falcon for a Falcon, else "
@@ -100,6 +113,11 @@ void add_object(Command& run, RunOptions& o) {
   run.add_option("--simulator", o.simulator,
                  "ADDR:PORT of a simulator that already runs, instead of --scene; on another "
                  "machine only with --key");
+  run.add_option("--tool-number", o.tool_number,
+                 "Number of this run's tool at a --simulator that several servos share (simulate "
+                 "--tools); several devices take it and the next ones (default 1 for those)")
+      ->check(whole_between(1, 996))
+      ->type_name("INT");
   add_key(run, o.key_files,
           "Encrypt the link to the simulator with this key file (forcegrid keygen)");
   run.add_option("--simulator-timeout", o.simulator_timeout_s,
@@ -226,10 +244,11 @@ void add_hand(Command& run, RunOptions& o) {
          "socket of its line (docs/firmware.md)")
       ->type_name("PATH")
       ->not_in_config();
-  run.add_option(
-         "--fault", o.faults,
-         "Inject a fault into the emulated device; may be repeated, see forcegrid emulate --help")
-      ->check(fault_check())
+  run.add_option("--fault", o.faults,
+                 "Inject a fault into the emulated device, with N: before it into the Nth one "
+                 "alone; may be "
+                 "repeated, see forcegrid emulate --help")
+      ->check(device_fault_check())
       ->repeatable();
 }
 
@@ -290,6 +309,7 @@ Command& add_run_as(const char* name, const char* what, Command& app, RunOptions
   add_results(run, o);
   run.footer(run_status_help());
   run.callback([&run, &o, &action] {
+    o.device = o.devices.front();
     o.motion_of_tool = o.motion == RunOptions().motion && !run.given("--motion");
     o.budget.on_command_line = run.given("--budget-us");
     for (const char* option : {"--scene", "--sim-delay-ms", "--sim-jitter-ms", "--sim-loss-percent",

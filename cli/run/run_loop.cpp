@@ -36,10 +36,48 @@ void Run::watch_simulator() {
     say(*line,
         watch_->state() == SimulatorWatch::State::kThere ? log::Level::kInfo : log::Level::kWarn);
   }
+  if (note_if_barred() && !options_.wait_for_simulator) {
+    StopRequest::request();
+  }
   // A process of this run does not come back; its force has faded when it counts as lost.
   if (watch_->gave_up() || (simulator_died_ && watch_->state() != SimulatorWatch::State::kThere)) {
     StopRequest::request();
   }
+}
+
+// Whether the simulator has said that it does not serve this tool; a note says so once.
+bool Run::note_if_barred() {
+  using Barred = servo::LinkThread::Barred;
+  const Barred barred = link_->barred();
+  if (barred == Barred::kNo || barred_) {
+    return barred != Barred::kNo;
+  }
+  barred_ = true;
+  const std::string where = "the simulator at " + processes_->simulator_address();
+  const std::string tool = std::to_string(options_.tool_number);
+  switch (barred) {
+    case Barred::kAllPlacesTaken: {
+      const std::uint32_t most = link_->most_tools();
+      note(where + " serves " + std::to_string(most) + (most == 1 ? " tool" : " tools") +
+           " and has no place for tool " + tool +
+           "; end another run, or start it with a larger --tools");
+      break;
+    }
+    case Barred::kToolTaken:
+      note(where + " has another servo that moves tool " + tool +
+           "; give this run another --tool-number");
+      break;
+    case Barred::kKnowsOneTool:
+      note(
+          where + " knows one tool (version 1 of the link), so tool " + tool +
+          " cannot be one of several there; leave --tool-number out, or use a simulator that knows "
+          "several, such as 'forcegrid simulate --tools 2'");
+      break;
+    case Barred::kNo:
+      break;
+  }
+  say(summary_.notes.back(), log::Level::kWarn);
+  return true;
 }
 
 // Runs the loop until it ends by itself.
@@ -116,6 +154,10 @@ void Run::judge_end() {
     summary_.end = RunEnd::kEmergencyStop;
   } else if (fault != servo::Fault::kNone) {
     summary_.end = RunEnd::kFault;
+  } else if (shared_ != nullptr && shared_->fault_stops_all && shared_->failed_device != 0) {
+    summary_.end = RunEnd::kOtherDevice;
+    note("device " + std::to_string(shared_->failed_device) +
+         " had a fault, which brought this one to zero force, too (--fault-stops)");
   } else if (StopRequest::signal() != 0) {
     summary_.end = RunEnd::kSignal;
   } else if (watch_->missing() ||

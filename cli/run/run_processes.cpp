@@ -94,6 +94,9 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   for (const std::string& file : key_files) {
     arguments.insert(arguments.end(), {"--key", file});
   }
+  if (options.started_tools > 1) {
+    arguments.insert(arguments.end(), {"--tools", std::to_string(options.started_tools)});
+  }
   if (options.material_tolerance_percent) {
     arguments.insert(arguments.end(), {"--material-tolerance-percent",
                                        std::to_string(*options.material_tolerance_percent)});

@@ -30,7 +30,7 @@ void Run::stop_threads() {
   if (summary_.outcome.fault == servo::Fault::kEmergencyStop) {
     StopRequest::request_emergency(summary_.outcome.emergency);  // skips the remaining work
   }
-  if (StopRequest::stop()) {
+  if (StopRequest::stop() && shared_ == nullptr) {
     processes_->hurry_simulator();
   }
   keys_.reset();
@@ -38,7 +38,9 @@ void Run::stop_threads() {
   telemetry_->stop();
   to_dashboard_.reset();
   dashboard_.reset();
-  rt::unlock_memory();
+  if (shared_ == nullptr) {  // else the other loops still need it
+    rt::unlock_memory();
+  }
 }
 
 void Run::finish_processes() {
@@ -62,6 +64,9 @@ void Run::finish_processes() {
 
 // Why no reference forces are computed; empty: they are.
 std::string Run::why_no_reference() const {
+  if (shared_ != nullptr) {
+    return "none: reference forces are those of an object under one tool";
+  }
   if (!processes_->has_simulator()) {
     return "only the scenes of 'forcegrid simulate' have reference forces";
   }

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "cli/common/stop_request.h"
+#include "rt/vectors.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -48,6 +49,7 @@ servo::ServoOptions servo_options_of(const RunOptions& options,
                                      const profiles::DeviceProfile& profile) {
   servo::ServoOptions servo_options;
   servo_options.rate_Hz = options.rate_Hz;
+  servo_options.workspace.W_origin_D = -1e-3 * rt::to_vector(options.offset_W_mm);
   servo_options.fill_budget = options.fill_budget;
   servo_options.simulator_rate_Hz = options.simulator_rate_Hz;
   servo_options.report_timeout = std::chrono::milliseconds(options.device_timeout_ms);

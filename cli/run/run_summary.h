@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -10,7 +11,9 @@
 #include "cli/run/run_end.h"
 #include "driver/device.h"
 #include "link/clock_estimate.h"
+#include "link/messages.h"
 #include "link/statistics.h"
+#include "rt/percentiles.h"
 #include "servo_loop/servo_loop.h"
 
 namespace forcegrid::cli {
@@ -77,6 +80,19 @@ struct RunSummary {
   /// What a person has changed in the live view, see ViewControls::changes(); null: no view.
   nlohmann::json setting_changes;
   std::vector<std::string> files;
+  /// Of a run whose tool has a number: it, the device's unit, its place and the other tools.
+  struct Shared {
+    int tool_number = 0;
+    std::string manufacturer;
+    std::string product;
+    std::string serial;
+    std::string url;  ///< finds the unit again
+    std::array<double, 3> offset_W_mm{};
+    std::uint64_t others_told = 0;  ///< messages about the other tools
+    rt::Percentiles others_age_ms;  ///< of their positions on arrival
+    link::OtherTools others;        ///< the newest
+  };
+  std::optional<Shared> shared;  ///< nothing: the only tool
 };
 
 }  // namespace forcegrid::cli

@@ -46,6 +46,28 @@ json recovered_json(const RunSummary& summary) {
   return recovered;
 }
 
+json shared_json(const RunSummary::Shared& shared) {
+  json newest = json::array();
+  for (std::size_t k = 0; k < shared.others.count; ++k) {
+    const link::OtherTool& other = shared.others.tools[k];
+    newest.push_back({{"tool", other.tool},
+                      {"in_contact", other.in_contact},
+                      {"age_ms", 1e-6 * static_cast<double>(other.age_ns)},
+                      {"position_W_m", other.position_W_m}});
+  }
+  return {{"tool_number", shared.tool_number},
+          {"unit",
+           {{"manufacturer", shared.manufacturer},
+            {"product", shared.product},
+            {"serial", shared.serial},
+            {"url", shared.url}}},
+          {"offset_W_mm", shared.offset_W_mm},
+          {"other_tools",
+           {{"messages", shared.others_told},
+            {"age_ms", percentiles_json(shared.others_age_ms)},
+            {"newest", newest}}}};
+}
+
 void add_run(json& result, const RunSummary& summary) {
   result["device"] = summary.device;
   result["profile"] = summary.device_profile;
@@ -225,6 +247,9 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
     result["picture_delay_ms"] = {{"pictures", summary.picture_delay->pictures},
                                   {"p50", summary.picture_delay->p50_ms},
                                   {"p99", summary.picture_delay->p99_ms}};
+  }
+  if (summary.shared) {
+    result["several_tools"] = shared_json(*summary.shared);
   }
   result["setting_changes"] = summary.setting_changes;
   add_deprecated(result);

@@ -68,11 +68,19 @@ class RawPeer {
       return std::nullopt;
     }
     std::array<std::byte, 2048> buffer;
-    const ssize_t size = ::recv(descriptor_, buffer.data(), buffer.size(), 0);
+    socklen_t address_size = sizeof sender_;
+    const ssize_t size = ::recvfrom(descriptor_, buffer.data(), buffer.size(), 0,
+                                    reinterpret_cast<sockaddr*>(&sender_), &address_size);
     if (size < 0) {
       return std::nullopt;
     }
     return decode(std::span(buffer).first(static_cast<std::size_t>(size)));
+  }
+
+  /// Sends a message to whoever sent what receive() gave last.
+  template <typename Message>
+  void answer(const Message& message, std::uint64_t session_id) const {
+    send_message(ntohs(sender_.sin_port), message, session_id);
   }
 
   template <typename Message>
@@ -95,6 +103,7 @@ class RawPeer {
 
   int descriptor_;
   std::uint16_t port_ = 0;
+  mutable sockaddr_in sender_{};  ///< of the datagram received last
 };
 
 }  // namespace forcegrid::link

@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: Apache-2.0
+// Several devices in one simulation: in one program, and in programs of their own at one simulator.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <atomic>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "link/simulator_endpoint.h"
+#include "tests/link/raw_peer.h"
+#include "tests/support/program.h"
+
+namespace forcegrid {
+namespace {
+
+using nlohmann::json;
+using testing::fresh_folder;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::Program;
+
+constexpr auto kTimeout = std::chrono::seconds(60);
+constexpr char kArm[] = "emulated:woodenhaptics_v2015";
+
+std::vector<std::string> run_of_two(const std::string& folder, std::vector<std::string> more) {
+  std::vector<std::string> arguments = {"run",
+                                        "--device",
+                                        kArm,
+                                        "--device",
+                                        kArm,
+                                        "--scene",
+                                        "small",
+                                        "--out",
+                                        folder,
+                                        "--json",
+                                        folder + "/run.json",
+                                        "--device-timeout-ms",
+                                        "400"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+json summary_in(const std::string& folder) {
+  return json::parse(testing::text_of(folder + "/run.json"));
+}
+
+void expect_motors_off(const json& device) {
+  for (const json& current_mA : device.at("emulator").at("final_current_mA")) {
+    EXPECT_EQ(current_mA, 0.0);
+  }
+}
+
+TEST(SeveralDevices, HoldOneObjectInOneProgram) {
+  const std::string folder = fresh_folder("two");
+  Program run = Program::forcegrid(run_of_two(folder, {"--seconds", "5"}));
+  ASSERT_EQ(run.wait(kTimeout), 0) << run.standard_error();
+  const json summary = summary_in(folder);
+  ASSERT_EQ(summary.at("devices").size(), 2U);
+  EXPECT_EQ(summary.at("exit_status"), 0);
+  for (int k = 0; k < 2; ++k) {
+    SCOPED_TRACE(k + 1);
+    const json& device = summary.at("devices").at(k);
+    EXPECT_EQ(device.at("device"), kArm);
+    EXPECT_EQ(device.at("ended_by"), "time");
+    EXPECT_EQ(device.at("scene"), "small");
+    EXPECT_TRUE(device.at("zero_current_delivered"));
+    EXPECT_GT(device.at("samples_received"), 10);
+    expect_motors_off(device);
+    const json& several = device.at("several_tools");
+    EXPECT_EQ(several.at("tool_number"), k + 1);
+    EXPECT_EQ(several.at("offset_W_mm"), json({0.0, k == 0 ? -15.0 : 15.0, 0.0}));
+    EXPECT_THAT(several.at("unit").at("url").get<std::string>(), HasSubstr("usbip://127.0.0.1:"));
+    const json& others = several.at("other_tools");
+    EXPECT_GT(others.at("messages"), 10);
+    ASSERT_EQ(others.at("newest").size(), 1U);
+    EXPECT_EQ(others.at("newest").at(0).at("tool"), 2 - k);
+    // The other one stands where it was placed, seen in the same frame.
+    const double y_m = others.at("newest").at(0).at("position_W_m").at(1);
+    EXPECT_NEAR(y_m, k == 0 ? 0.015 : -0.015, 0.01);
+  }
+  EXPECT_NE(summary["devices"][0]["several_tools"]["unit"]["url"],
+            summary["devices"][1]["several_tools"]["unit"]["url"]);
+  const json& tools = summary.at("devices").at(0).at("simulator").at("tools");
+  ASSERT_EQ(tools.size(), 2U);
+  EXPECT_EQ(tools.at(0).at("contacts"), 1);
+  EXPECT_EQ(tools.at(1).at("contacts"), 1);
+  EXPECT_THAT(run.standard_output(), HasSubstr("device 2: Device: "));
+  EXPECT_THAT(run.standard_output(), HasSubstr("Device 1, emulated:woodenhaptics_v2015:"));
+  EXPECT_THAT(run.standard_output() + run.standard_error(),
+              HasSubstr("The workspaces of devices 1 and 2 have 120 x 130 x 120 mm"));
+}
+
+TEST(SeveralDevices, AFaultOfOneInMidForceBringsAllToZeroForce) {
+  const std::string folder = fresh_folder("two_fault");
+  Program run = Program::forcegrid(
+      run_of_two(folder, {"--seconds", "50", "--fault", "2:connection-closed:when=motors"}));
+  ASSERT_EQ(run.wait(kTimeout), 1) << run.standard_error();
+  const json devices = summary_in(folder).at("devices");
+  EXPECT_EQ(devices[1]["ended_by"], "fault");
+  EXPECT_EQ(devices[1]["faults"][0]["name"], "unplugged");
+  EXPECT_EQ(devices[0]["ended_by"], "other_device");
+  EXPECT_TRUE(devices[0]["faults"].empty());
+  EXPECT_TRUE(devices[0]["zero_current_delivered"]);
+  EXPECT_THAT(devices[0]["notes"].dump(), HasSubstr("device 2 had a fault"));
+  for (const json& device : devices) {
+    expect_motors_off(device);
+  }
+}
+
+TEST(SeveralDevices, OrOnlyThatOneAsAsked) {
+  const std::string folder = fresh_folder("two_fault_one");
+  Program run =
+      Program::forcegrid(run_of_two(folder, {"--seconds", "6", "--fault-stops", "one", "--fault",
+                                             "1:connection-closed:when=motors"}));
+  ASSERT_EQ(run.wait(kTimeout), 1) << run.standard_error();
+  const json summary = summary_in(folder);
+  const json& devices = summary.at("devices");
+  EXPECT_EQ(summary.at("exit_status"), 1);
+  EXPECT_EQ(devices[0]["ended_by"], "fault");
+  EXPECT_EQ(devices[1]["ended_by"], "time");
+  EXPECT_GT(devices[1]["cycles"], devices[0]["cycles"]);
+  EXPECT_TRUE(devices[1]["zero_current_delivered"]);
+  for (const json& device : devices) {
+    expect_motors_off(device);
+  }
+}
+
+TEST(SeveralDevices, OneSignalEndsAll) {
+  const std::string folder = fresh_folder("two_signal");
+  Program run = Program::forcegrid(run_of_two(folder, {"--seconds", "0"}));
+  ASSERT_TRUE(run.wait_for_text("device 1:     0")) << run.standard_error();
+  ASSERT_TRUE(run.wait_for_text("device 2:     0"));
+  run.send_signal(SIGINT);
+  ASSERT_EQ(run.wait(kTimeout), 130) << run.standard_error();
+  for (const json& device : summary_in(folder).at("devices")) {
+    EXPECT_EQ(device.at("ended_by"), "SIGINT");
+    EXPECT_TRUE(device.at("zero_current_delivered"));
+    expect_motors_off(device);
+  }
+}
+
+TEST(SeveralDevices, TheEmergencyStopEndsAll) {
+  const std::string folder = fresh_folder("two_emergency");
+  Program run = Program::forcegrid(run_of_two(folder, {"--seconds", "0"}));
+  ASSERT_TRUE(run.wait_for_text("device 1:     0")) << run.standard_error();
+  ASSERT_TRUE(run.wait_for_text("device 2:     0"));
+  run.send_signal(SIGUSR1);
+  ASSERT_EQ(run.wait(kTimeout), 3) << run.standard_error();
+  for (const json& device : summary_in(folder).at("devices")) {
+    EXPECT_EQ(device.at("ended_by"), "emergency_stop");
+    EXPECT_TRUE(device.at("zero_current_delivered"));
+    expect_motors_off(device);
+  }
+}
+
+struct Complaint {
+  const char* name;
+  std::vector<std::string> arguments;
+  const char* sentence;
+};
+
+class BadInput : public ::testing::TestWithParam<Complaint> {};
+
+TEST_P(BadInput, GetsAClearSentence) {
+  std::vector<std::string> arguments = {"run", "--out", fresh_folder("bad_input"), "--seconds",
+                                        "1"};
+  arguments.insert(arguments.end(), GetParam().arguments.begin(), GetParam().arguments.end());
+  Program run = Program::forcegrid(arguments);
+  const auto status = run.wait(kTimeout);
+  ASSERT_TRUE(status == 1 || status == 2) << run.standard_output();
+  EXPECT_THAT(run.standard_error(), HasSubstr(GetParam().sentence));
+  EXPECT_THAT(run.standard_output(), Not(HasSubstr("Device: "))) << "before a device is opened";
+}
+
+const std::vector<std::string> kTwo = {"--device", kArm, "--device", kArm};
+std::vector<std::string> two_with(std::vector<std::string> more) {
+  more.insert(more.begin(), kTwo.begin(), kTwo.end());
+  return more;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    SeveralDevices, BadInput,
+    ::testing::Values(
+        Complaint{"TheSameDeviceTwice",
+                  {"--device", "hid:1234:0006", "--device", "hid:1234:0006"},
+                  "--device hid:1234:0006 is given twice"},
+        Complaint{"AtTheSamePlace",
+                  two_with({"--device-offset-mm", "0,5,0", "--device-offset-mm", "0,0,0"}),
+                  "devices 1 and 2 stand 5 mm apart in the scene"},
+        Complaint{"MoreOffsetsThanDevices",
+                  two_with({"--device-offset-mm", "0,5,0", "--device-offset-mm", "0,30,0",
+                            "--device-offset-mm", "0,90,0"}),
+                  "more often than --device"},
+        Complaint{"AnOffsetThatIsNone", two_with({"--device-offset-mm", "0,5"}),
+                  "'0,5' is no offset; write X,Y,Z in mm"},
+        Complaint{"Five",
+                  {"--device", kArm, "--device", kArm, "--device", kArm, "--device", kArm,
+                   "--device", kArm},
+                  "5 devices (--device): a simulator serves at most 4 tools"},
+        Complaint{"View", two_with({"--view"}), "leave --view out"},
+        Complaint{"Record", two_with({"--record", "x.h5"}), "leave --record out"},
+        Complaint{"Workers", two_with({"--workers", "1"}), "leave --workers out"},
+        Complaint{"Reconnect", two_with({"--reconnect"}), "leave --reconnect out"},
+        Complaint{"Direct", two_with({"--scene", "small", "--method", "direct"}),
+                  "choose another method"},
+        Complaint{"Sliding", two_with({"--scene", "small_slide"}), "use --contact sticky"},
+        Complaint{"Solver", two_with({"--solver", "local"}), "leave --solver out"},
+        Complaint{"Requests", two_with({"--requests-per-s", "100"}), "makes requests"},
+        Complaint{"FaultOfAMissingDevice", two_with({"--fault", "3:babble"}),
+                  "there is no device 3"},
+        Complaint{"UnknownFault", two_with({"--fault", "2:sneeze"}), "'sneeze' is unknown"},
+        Complaint{"ToolNumberAlone", {"--tool-number", "2"}, "--tool-number: the simulator"}),
+    [](const auto& complaint) { return std::string(complaint.param.name); });
+
+std::vector<std::string> servo_at(const std::string& simulator, const std::string& number,
+                                  const std::string& y_mm, const std::string& folder,
+                                  const std::string& seconds) {
+  return {"run",
+          "--simulator",
+          simulator,
+          "--tool-number",
+          number,
+          "--out",
+          folder,
+          "--json",
+          folder + "/run.json",
+          "--seconds",
+          seconds,
+          "--device-offset-mm",
+          "0," + y_mm + ",0",
+          "--device-timeout-ms",
+          "400"};
+}
+
+std::string address_in(const std::string& line) {
+  const std::size_t begin = line.find(' ') + 1;
+  return line.substr(begin, line.find(' ', begin) - begin);
+}
+
+// As two surgeons do on two machines; here both are on this one.
+TEST(SeveralRuns, ShareOneSimulatorAndOneObject) {
+  Program simulator = Program::forcegrid(
+      {"simulate", "--tools", "2", "--scene", "small", "--listen", "127.0.0.1:0", "--json"});
+  const std::string address = address_in(simulator.wait_for_line("listening "));
+  const std::string left_folder = fresh_folder("left");
+  const std::string right_folder = fresh_folder("right");
+  Program left = Program::forcegrid(servo_at(address, "1", "-15", left_folder, "6"));
+  Program right = Program::forcegrid(servo_at(address, "2", "15", right_folder, "6"));
+  ASSERT_TRUE(left.wait_for_text("Samples come"));
+  ASSERT_TRUE(right.wait_for_text("Samples come"));
+
+  // A number that is taken, and a third tool: each is told why and ends at once.
+  Program taken = Program::forcegrid(servo_at(address, "2", "0", fresh_folder("taken"), "30"));
+  EXPECT_EQ(taken.wait(kTimeout), 4) << taken.standard_output();
+  EXPECT_THAT(
+      taken.standard_output() + taken.standard_error(),
+      HasSubstr("has another servo that moves tool 2; give this run another --tool-number"));
+  EXPECT_EQ(left.wait(kTimeout), 0) << left.standard_error();
+  EXPECT_EQ(right.wait(kTimeout), 0) << right.standard_error();
+  for (const std::string& folder : {left_folder, right_folder}) {
+    const json summary = summary_in(folder);
+    EXPECT_GT(summary.at("samples_received"), 10);
+    EXPECT_GT(summary.at("several_tools").at("other_tools").at("messages"), 10);
+    EXPECT_FALSE(summary.contains("devices")) << "one device: its keys are at the top";
+    expect_motors_off(summary);
+  }
+  simulator.send_signal(SIGINT);
+  ASSERT_TRUE(simulator.wait(kTimeout));
+  const std::string out = simulator.standard_output();
+  const json report = json::parse(out.substr(out.find("\n{") + 1));
+  EXPECT_EQ(report.at("tools").at(0).at("contacts").get<int>() +
+                report.at("tools").at(1).at("contacts").get<int>(),
+            2);
+}
+
+TEST(SeveralRuns, AreToldThatASimulatorOfOneToolHasNoPlace) {
+  Program simulator =
+      Program::forcegrid({"simulate", "--scene", "small", "--listen", "127.0.0.1:0"});
+  const std::string address = address_in(simulator.wait_for_line("listening "));
+  Program first = Program::forcegrid(servo_at(address, "1", "-15", fresh_folder("first"), "0"));
+  ASSERT_TRUE(first.wait_for_text("Samples come"));
+  Program second = Program::forcegrid(servo_at(address, "2", "15", fresh_folder("second"), "30"));
+  EXPECT_EQ(second.wait(kTimeout), 4);
+  EXPECT_THAT(second.standard_output() + second.standard_error(),
+              HasSubstr("serves 1 tool and has no place for tool 2; end another run, or start it "
+                        "with a larger --tools"));
+  first.send_signal(SIGINT);
+  EXPECT_EQ(first.wait(kTimeout), 130);
+}
+
+// A simulator of somebody's that speaks version 1 of the link only.
+TEST(SeveralRuns, AreToldThatASimulatorKnowsOneTool) {
+  const link::RawPeer simulator;
+  std::atomic<bool> over{false};
+  std::thread answers([&] {
+    std::uint32_t samples = 0;
+    while (!over) {
+      std::optional<link::Decoded> asked = simulator.receive(20);
+      if (!asked || asked->tool != 0 || !std::holds_alternative<link::ToolState>(asked->message)) {
+        continue;  // another version: dropped
+      }
+      link::ForceSample sample = link::answer_to(std::get<link::ToolState>(asked->message));
+      sample.sequence = ++samples;
+      simulator.answer(sample, asked->session_id);
+    }
+  });
+  Program run =
+      Program::forcegrid(servo_at(simulator.address(), "2", "0", fresh_folder("version_1"), "30"));
+  const auto status = run.wait(kTimeout);
+  over = true;
+  answers.join();
+  EXPECT_EQ(status, 4);
+  EXPECT_THAT(
+      run.standard_output() + run.standard_error(),
+      HasSubstr("knows one tool (version 1 of the link), so tool 2 cannot be one of several "
+                "there"));
+}
+
+}  // namespace
+}  // namespace forcegrid
