@@ -79,6 +79,7 @@ int simulate_command(const SimulateOptions& options) {
   simulator.workers = options.workers;
   simulator.surface = options.surface;
   simulator.tools = static_cast<std::size_t>(options.tools);
+  simulator.fault_stops_all = options.fault_stops == "all";
   simulator.rate_Hz = options.rate_Hz;
   simulator.link_conditions = {1e-3 * options.delay_ms, 1e-3 * options.jitter_ms,
                                1e-2 * options.loss_percent};

@@ -47,6 +47,7 @@ struct SimulateOptions {
   std::string workers;
   std::string surface;
   int tools = 1;
+  std::string fault_stops = "all";
   double rate_Hz = 30.0;
   double delay_ms = 0.0;
   double jitter_ms = 0.0;

@@ -161,6 +161,12 @@ void add_simulate(Command& app, SimulateOptions& o, std::function<int()>& action
       ->check(whole_between(1, 4))
       ->show_default()
       ->type_name("INT tools");
+  simulate
+      .add_option("--fault-stops", o.fault_stops,
+                  "Of several tools: whom the failure of one tool's device, or its silence, brings "
+                  "to zero force, all or one")
+      ->check(one_of({"all", "one"}))
+      ->show_default();
   simulate.add_option("--rate", o.rate_Hz, "Answers per second")
       ->check(between(1.0, 1000.0))
       ->show_default()

@@ -73,11 +73,12 @@ struct OtherTools {
   std::array<OtherTool, kMost> tools{};  ///< the first `count`; the rest is zero
 };
 
-/// Simulator -> servo, version 2 only: why it does not serve this servo.
+/// Simulator -> servo, version 2 only: why it does not serve this servo, or no longer.
 struct Refusal {
   enum class Reason : std::uint32_t {
     kAllPlacesTaken = 1,  ///< it serves `most_tools` other tools
     kToolTaken = 2,       ///< another servo moves the tool of this number
+    kOtherFault = 3,      ///< another tool's device has failed, and the simulation stops for all
   };
   Reason reason = Reason::kAllPlacesTaken;
   std::uint32_t most_tools = 1;  ///< how many the simulator serves

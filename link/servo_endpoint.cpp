@@ -391,10 +391,10 @@ bool ServoEndpoint::wait(std::chrono::nanoseconds timeout) noexcept {
 
 bool ServoEndpoint::simulator_ended() const noexcept { return state_->simulator_ended; }
 
-void ServoEndpoint::say_goodbye() noexcept {
+void ServoEndpoint::say_goodbye(bool fault) noexcept {
   if (!state_->goodbye_said) {
     state_->goodbye_said = true;
-    state_->transmit(Goodbye{}, state_->tool);
+    state_->transmit(Goodbye{fault}, state_->tool);
   }
 }
 

@@ -100,8 +100,10 @@ class ServoEndpoint {
   /// Whether the simulator has said goodbye and nothing from it has been accepted since.
   [[nodiscard]] bool simulator_ended() const noexcept;
 
-  /// Tells the simulator that this run ends. Real-time: as send().
-  void say_goodbye() noexcept;
+  /// Tells the simulator that this run ends, once.
+  /// @param fault  because its device has failed; only a servo with a tool's number can say it.
+  /// Real-time: as send().
+  void say_goodbye(bool fault = false) noexcept;
 
   [[nodiscard]] std::uint64_t session_id() const noexcept;
   [[nodiscard]] ToolId tool() const noexcept;

@@ -337,6 +337,7 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
     take(*query, *place);
   } else {
     ++statistics.accepted;
+    of_place.servo_failed = std::get<Goodbye>(decoded.message).fault;
     end_session(*place);
     of_place.tool_state.reset();
     of_place.servo_ended = true;
@@ -443,6 +444,11 @@ SendStatus SimulatorEndpoint::send(const SurfacePatch& patch, std::size_t place)
 SendStatus SimulatorEndpoint::send(const OtherTools& others, std::size_t place) noexcept {
   Place& to = state_->places[place];
   return state_->transmit_numbered(others, to, to.others_sequence);
+}
+
+SendStatus SimulatorEndpoint::send(const Refusal& refusal, std::size_t place) noexcept {
+  const Place& to = state_->places[place];
+  return to.session_id == 0 ? SendStatus::kNoPeer : state_->transmit(refusal, to);
 }
 
 bool SimulatorEndpoint::servo_alive(std::size_t place) const noexcept {

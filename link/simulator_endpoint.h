@@ -77,6 +77,7 @@ class SimulatorEndpoint {
     std::size_t queries = 0;              ///< how many wait in next_query()
     bool new_session = false;             ///< another run of a servo began; forget the old one
     bool servo_ended = false;             ///< the servo said goodbye
+    bool servo_failed = false;            ///< and that its device has failed; version 2 only
   };
 
   /// Reads all that has arrived (at most 4096 datagrams per call). If none is usable, waits up to
@@ -108,6 +109,8 @@ class SimulatorEndpoint {
   SendStatus send(const SurfacePatch& patch, std::size_t place = 0) noexcept;
   /// The same for the other tools; kInvalid for a servo that speaks version 1.
   SendStatus send(const OtherTools& others, std::size_t place) noexcept;
+  /// Tells a served servo that it is not served any more; kInvalid for one that speaks version 1.
+  SendStatus send(const Refusal& refusal, std::size_t place) noexcept;
 
   /// Whether a servo holds the place and was heard within the silence limit. Real-time: yes.
   [[nodiscard]] bool servo_alive(std::size_t place = 0) const noexcept;

@@ -175,7 +175,8 @@ WireStatus check(const OtherTools& message) noexcept {
 
 WireStatus check(const Refusal& message) noexcept {
   const bool known = message.reason == Refusal::Reason::kAllPlacesTaken ||
-                     message.reason == Refusal::Reason::kToolTaken;
+                     message.reason == Refusal::Reason::kToolTaken ||
+                     message.reason == Refusal::Reason::kOtherFault;
   return known && message.most_tools > 0 && message.most_tools <= kMostTools
              ? WireStatus::kOk
              : WireStatus::kOutOfRange;
@@ -390,8 +391,9 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, ForceSample& mess
   return (flags & ~kKnownFlags) != 0 ? WireStatus::kBadReserved : check(message);
 }
 
-WireStatus get_payload(Reader&, std::uint32_t sequence, Goodbye&) noexcept {
-  return sequence == 0 ? WireStatus::kOk : WireStatus::kBadReserved;
+WireStatus get_payload(Reader&, std::uint32_t sequence, Goodbye& message) noexcept {
+  message.fault = sequence == 1;
+  return sequence <= 1 ? WireStatus::kOk : WireStatus::kBadReserved;
 }
 
 WireStatus get_payload(Reader& reader, std::uint32_t sequence, SurfacePatch& message) noexcept {
@@ -545,6 +547,9 @@ Decoded decode(std::span<const std::byte> datagram) noexcept {
     case MessageType::kForceSample:
       return decode_as<ForceSample>(reader, sequence, session_id, tool);
     case MessageType::kGoodbye:
+      if (version == kProtocolVersion && sequence != 0) {
+        return refused(WireStatus::kBadReserved);
+      }
       return decode_as<Goodbye>(reader, sequence, session_id, tool);
     case MessageType::kSurfacePatch:
       return decode_as<SurfacePatch>(reader, sequence, session_id, tool);
@@ -573,7 +578,8 @@ Encoded encode(const ForceSample& message, std::uint64_t session_id, std::span<s
 
 Encoded encode(const Goodbye& message, std::uint64_t session_id, std::span<std::byte> buffer,
                ToolId tool) noexcept {
-  return encode_as(MessageType::kGoodbye, 0, message, session_id, buffer, tool);
+  return encode_as(MessageType::kGoodbye, tool != 0 && message.fault ? 1 : 0, message, session_id,
+                   buffer, tool);
 }
 
 Encoded encode(const SurfacePatch& message, std::uint64_t session_id, std::span<std::byte> buffer,

@@ -73,7 +73,10 @@ inline constexpr std::size_t kWireStatusCount = 10;
 const char* to_string(WireStatus status) noexcept;
 
 /// Either side to the other: this end stops now; don't wait for a time-out.
-struct Goodbye {};
+struct Goodbye {
+  /// Version 2 only, of a servo: its device has failed. Version 1 does not carry it.
+  bool fault = false;
+};
 
 /// A checked datagram. Unless `status` is kOk the message is std::monostate and `session_id` 0.
 struct Decoded {

@@ -56,7 +56,7 @@ void LinkThread::start() {
         exchange();
         endpoint_.wait(kPoll);
       }
-      endpoint_.say_goodbye();
+      endpoint_.say_goodbye(fault_);
     } catch (...) {
       trouble_ = std::current_exception();
     }
@@ -65,7 +65,8 @@ void LinkThread::start() {
 
 std::string LinkThread::trouble() const { return rt::text_of(trouble_); }
 
-void LinkThread::stop() {
+void LinkThread::stop(bool fault) {
+  fault_ = fault;
   stop_.store(true, std::memory_order_release);
   if (thread_.joinable()) {
     thread_.join();
@@ -110,8 +111,17 @@ void LinkThread::look_whether_barred() noexcept {
   Barred barred = endpoint_.simulator_knows_one_tool() ? Barred::kKnowsOneTool : Barred::kNo;
   if (const auto& refusal = endpoint_.refusal()) {
     most_tools_ = refusal->most_tools;
-    barred = refusal->reason == link::Refusal::Reason::kToolTaken ? Barred::kToolTaken
-                                                                  : Barred::kAllPlacesTaken;
+    switch (refusal->reason) {
+      case link::Refusal::Reason::kAllPlacesTaken:
+        barred = Barred::kAllPlacesTaken;
+        break;
+      case link::Refusal::Reason::kToolTaken:
+        barred = Barred::kToolTaken;
+        break;
+      case link::Refusal::Reason::kOtherFault:
+        barred = Barred::kOtherFault;
+        break;
+    }
   }
   barred_ = barred;
 }

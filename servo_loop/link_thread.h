@@ -55,7 +55,8 @@ class LinkThread {
 
   void start();
   /// Says goodbye to the simulator and joins. Idempotent.
-  void stop();
+  /// @param fault  the device has failed: tells a simulator of several tools so.
+  void stop(bool fault = false);
 
   /// While it runs, from any thread: when the newest sample was accepted, CLOCK_MONOTONIC; 0: none
   /// was.
@@ -68,6 +69,7 @@ class LinkThread {
     kNo,
     kAllPlacesTaken,  ///< link::Refusal::Reason, with most_tools()
     kToolTaken,
+    kOtherFault,    ///< another tool's device has failed
     kKnowsOneTool,  ///< link::ServoEndpoint::simulator_knows_one_tool()
   };
   /// While it runs, from any thread.
@@ -107,6 +109,7 @@ class LinkThread {
   ServoPorts& ports_;
   link::ServoEndpoint endpoint_;
   std::atomic<bool> stop_{false};
+  std::atomic<bool> fault_{false};  ///< as stop() was told
   std::atomic<std::int64_t> newest_sample_ns_{0};
   std::atomic<bool> nobody_listens_{false};
   std::atomic<Barred> barred_{Barred::kNo};

@@ -27,7 +27,10 @@ struct SimulatorOptions {
   std::vector<std::string> allowed;    ///< ranges of addresses, see link::AddressRange
   std::string workers;                 ///< ADDR:PORT for workers, see WorkerPool; empty: none
   std::size_t tools = 1;               ///< served at once, each by a servo of its own; 1 to 4
-  double rate_Hz = 30.0;               ///< answers per second; in (0, 1000]
+  /// Of several tools: the failure of one tool's device, or its servo's silence, ends the answers
+  /// to all, until those servos that were there have gone.
+  bool fault_stops_all = true;
+  double rate_Hz = 30.0;  ///< answers per second; in (0, 1000]
   /// Extra delay of every answer, jitter and loss, to imitate a slower machine or a bad network.
   LinkConditions link_conditions;
   std::uint64_t link_seed = 1;  ///< of jitter and loss

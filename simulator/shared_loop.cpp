@@ -122,6 +122,7 @@ class SharedLoop::State {
     PredictedContact predicted;
     ImpairedLink impaired;
     bool served = false;
+    bool must_go = false;                   // its servo was here when another one failed
     std::optional<link::ToolState> newest;  // not answered yet
     link::ToolState last;                   // the newest of all
     rt::TimePoint heard{};                  // when it came
@@ -141,6 +142,9 @@ class SharedLoop::State {
     const rt::TimePoint now = rt::Clock::now();
     for (std::size_t p = 0; p < places_.size(); ++p) {
       Place& place = *places_[p];
+      if (news[p].servo_failed) {
+        fail(place.use.tool, "has ended because of a fault");
+      }
       if (news[p].servo_ended || news[p].new_session) {
         let_go(p);
       }
@@ -159,8 +163,7 @@ class SharedLoop::State {
         ++summary_.queries_refused;
       }
       if (place.served && !endpoint_.servo_alive(p)) {
-        log::warn("simulator", "simulator: the servo of " + name_of_tool(place.use.tool) +
-                                   " has fallen silent; the tool lets go");
+        fail(place.use.tool, "has fallen silent");
         let_go(p);
       }
     }
@@ -184,8 +187,24 @@ class SharedLoop::State {
     }
   }
 
+  void fail(link::ToolId tool, const char* how) {
+    ++summary_.faults;
+    for (const auto& place : places_) {
+      place->must_go = options_.fault_stops_all && place->served;
+    }
+    log::warn("simulator", "simulator: the servo of " + name_of_tool(tool) + " " + how +
+                               (options_.fault_stops_all ? "; every tool stops (--fault-stops all)"
+                                                         : "; the tool lets go"));
+  }
+
+  // Whether a servo has failed and one of those that were there has not gone yet.
+  bool stopped() const {
+    return std::ranges::any_of(places_, [](const auto& place) { return place->must_go; });
+  }
+
   void let_go(std::size_t p) {
     Place& place = *places_[p];
+    place.must_go = false;
     contact_.reset(p);
     place.predicted.begin_anew();
     place.impaired.clear();
@@ -195,6 +214,10 @@ class SharedLoop::State {
 
   void tick() {
     receive();
+    if (stopped()) {
+      refuse_all();
+      return;
+    }
     const rt::TimePoint start = rt::Clock::now();
     bool touching = false;
     bool made_contact = false;
@@ -228,6 +251,18 @@ class SharedLoop::State {
       if (places_[p]->newest) {
         answer(p, solve_s);
         places_[p]->newest.reset();
+      }
+    }
+  }
+
+  // A servo of version 1 does not know refusals: its force fades without samples.
+  void refuse_all() {
+    const link::Refusal refusal = {link::Refusal::Reason::kOtherFault,
+                                   static_cast<std::uint32_t>(places_.size())};
+    for (std::size_t p = 0; p < places_.size(); ++p) {
+      places_[p]->impaired.clear();
+      if (std::exchange(places_[p]->newest, std::nullopt) && endpoint_.tool(p) != 0) {
+        endpoint_.send(refusal, p);
       }
     }
   }

@@ -15,7 +15,11 @@ namespace forcegrid::simulator {
 /// The simulator's loop for several tools on one object (SharedContact), each moved by a servo of
 /// its own. At each deadline all tools go to the newest states of their servos and the object is
 /// solved once; each servo whose tool has moved gets its sample, a patch of the surface in the air,
-/// and where the other tools are. A servo that ends or falls silent lets go; the others go on.
+/// and where the other tools are. A servo that ends lets go; the others go on.
+///
+/// A servo fails when it says so in its goodbye, or falls silent. With
+/// SimulatorOptions::fault_stops_all the others then get refusals in place of answers, so that
+/// their runs end at zero force, until those that were there have gone. Else they go on.
 ///
 /// Queries are not answered, since the force depends on the other tools, too.
 /// Real-time: no. Threads: one.

@@ -135,6 +135,9 @@ nlohmann::json to_json(const SimulatorSummary& summary) {
                                {"answers", use.answers},
                                {"contacts", use.contacts}});
   }
+  if (!summary.tools.empty()) {
+    result["tool_faults"] = summary.faults;
+  }
   return result;
 }
 

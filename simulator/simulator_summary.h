@@ -94,6 +94,7 @@ struct SimulatorSummary {
     std::uint64_t contacts = 0;
   };
   std::vector<ToolUse> tools;  ///< by place; empty: it served one tool
+  std::uint64_t faults = 0;    ///< of several tools: servos that failed or fell silent
 };
 
 /// Keys carry the units.

@@ -15,7 +15,7 @@ inline constexpr int kNoSimulatorStatus = 4;
 enum class RunEnd : std::uint8_t {
   kEmergencyStop,
   kFault,
-  kOtherDevice,    ///< a fault of another device in this run
+  kOtherDevice,    ///< a fault of another device in this run or at its simulator
   kSignal,         ///< SIGINT, SIGTERM or SIGHUP
   kNoSimulator,    ///< no sample ever came
   kLostSimulator,  ///< no sample came any more

@@ -67,6 +67,11 @@ bool Run::note_if_barred() {
       note(where + " has another servo that moves tool " + tool +
            "; give this run another --tool-number");
       break;
+    case Barred::kOtherFault:
+      note(where +
+           " has stopped every tool, because the device of another one has failed; 'forcegrid "
+           "simulate --fault-stops one' lets the others go on");
+      break;
     case Barred::kKnowsOneTool:
       note(
           where + " knows one tool (version 1 of the link), so tool " + tool +
@@ -158,6 +163,8 @@ void Run::judge_end() {
     summary_.end = RunEnd::kOtherDevice;
     note("device " + std::to_string(shared_->failed_device) +
          " had a fault, which brought this one to zero force, too (--fault-stops)");
+  } else if (barred_ && link_->barred() == servo::LinkThread::Barred::kOtherFault) {
+    summary_.end = RunEnd::kOtherDevice;
   } else if (StopRequest::signal() != 0) {
     summary_.end = RunEnd::kSignal;
   } else if (watch_->missing() ||

@@ -95,7 +95,8 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
     arguments.insert(arguments.end(), {"--key", file});
   }
   if (options.started_tools > 1) {
-    arguments.insert(arguments.end(), {"--tools", std::to_string(options.started_tools)});
+    arguments.insert(arguments.end(), {"--tools", std::to_string(options.started_tools),
+                                       "--fault-stops", options.fault_stops});
   }
   if (options.material_tolerance_percent) {
     arguments.insert(arguments.end(), {"--material-tolerance-percent",

@@ -34,7 +34,7 @@ void Run::stop_threads() {
     processes_->hurry_simulator();
   }
   keys_.reset();
-  link_->stop();
+  link_->stop(summary_.outcome.fault != servo::Fault::kNone);
   telemetry_->stop();
   to_dashboard_.reset();
   dashboard_.reset();

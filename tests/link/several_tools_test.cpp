@@ -103,7 +103,8 @@ TEST(ToolsWire, HoldsEachFieldToItsRange) {
   EXPECT_EQ(status_with<double>(kOthers, 128, 1.0), WireStatus::kBadReserved) << "a third one";
   EXPECT_EQ(status_with<std::uint32_t>(kRefusal, 12, 1), WireStatus::kBadReserved);
   EXPECT_EQ(status_with<std::uint32_t>(kRefusal, 24, 0), WireStatus::kOutOfRange);
-  EXPECT_EQ(status_with<std::uint32_t>(kRefusal, 24, 3), WireStatus::kOutOfRange);
+  EXPECT_EQ(status_with<std::uint32_t>(kRefusal, 24, 3), WireStatus::kOk);
+  EXPECT_EQ(status_with<std::uint32_t>(kRefusal, 24, 4), WireStatus::kOutOfRange);
   EXPECT_EQ(status_with<std::uint32_t>(kRefusal, 28, 0), WireStatus::kOutOfRange);
   EXPECT_EQ(status_with<std::uint32_t>(kRefusal, 28, 5), WireStatus::kOutOfRange);
 
@@ -112,6 +113,15 @@ TEST(ToolsWire, HoldsEachFieldToItsRange) {
             WireStatus::kOutOfRange);
   EXPECT_EQ(encode(worked::refusal(), 1, buffer, 0).status, WireStatus::kOutOfRange);
   EXPECT_EQ(encode(worked::other_tools(), 1, buffer, 0).status, WireStatus::kOutOfRange);
+}
+
+TEST(ToolsWire, AGoodbyeTellsAFaultInVersion2Only) {
+  const Decoded failed = decode(encoded(Goodbye{true}, 2));
+  ASSERT_TRUE(std::holds_alternative<Goodbye>(failed.message));
+  EXPECT_TRUE(std::get<Goodbye>(failed.message).fault);
+  EXPECT_FALSE(std::get<Goodbye>(decode(encoded(Goodbye{}, 2)).message).fault);
+  EXPECT_EQ(encoded(Goodbye{true}, 0), worked::from_hex(worked::kGoodbyeHex));
+  EXPECT_EQ(status_with<std::uint32_t>(encoded(Goodbye{}, 2), 12, 2), WireStatus::kBadReserved);
 }
 
 /// A simulator's endpoint with two places whose servos are bare sockets in the test's hands.
@@ -220,10 +230,24 @@ TEST_F(TwoPlaces, OneServoEndsAndTheOtherGoesOn) {
   sends(right_, state(501), 2, 2);
   const auto news = simulator_.receive_all(20s);
   EXPECT_TRUE(news[0].servo_ended);
+  EXPECT_FALSE(news[0].servo_failed);
   EXPECT_FALSE(news[1].servo_ended);
   EXPECT_EQ(news[1].tool_state->sequence, 501U);
   EXPECT_EQ(simulator_.send(worked::force_sample(), 0), SendStatus::kNoPeer);
   EXPECT_EQ(simulator_.send(worked::force_sample(), 1), SendStatus::kSent);
+}
+
+TEST_F(TwoPlaces, OneServoFailsAndTheOtherIsTold) {
+  both_begin();
+  sends(left_, Goodbye{true}, 1, 1);
+  sends(right_, state(501), 2, 2);
+  const auto news = simulator_.receive_all(20s);
+  EXPECT_TRUE(news[0].servo_failed);
+  EXPECT_FALSE(news[1].servo_failed);
+  const Refusal refusal = {Refusal::Reason::kOtherFault, 2};
+  EXPECT_EQ(simulator_.send(refusal, 0), SendStatus::kNoPeer);
+  EXPECT_EQ(simulator_.send(refusal, 1), SendStatus::kSent);
+  EXPECT_EQ(right_.expect_message<Refusal>().reason, Refusal::Reason::kOtherFault);
 }
 
 TEST_F(TwoPlaces, ANewRunTakesThePlaceOfItsAddress) {

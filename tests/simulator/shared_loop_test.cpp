@@ -90,6 +90,8 @@ const Vector3d kUp_W{0, 0, 0.01};
 
 class TwoServos : public testing::Test {
  protected:
+  explicit TwoServos(const SimulatorOptions& options = two_tools()) : simulator(options) {}
+
   void bring_both_down() {
     for (const double z_m : {0.01, -0.0001}) {
       left.at_W = kLeft_W + Vector3d(0, 0, z_m);
@@ -99,7 +101,7 @@ class TwoServos : public testing::Test {
     ASSERT_TRUE(left.newest->in_contact && right.newest->in_contact);
   }
 
-  RunningSimulator simulator{two_tools()};
+  RunningSimulator simulator;
   Servo left{simulator, 1};
   Servo right{simulator, 2};
 };
@@ -160,8 +162,18 @@ TEST_F(TwoServos, AreToldWhereTheOtherIs) {
   EXPECT_EQ(right.others->tools[0].tool, 1U);
 }
 
+class TwoServosFaultOfOne : public TwoServos {
+ protected:
+  TwoServosFaultOfOne() : TwoServos(fault_stops_one()) {}
+  static SimulatorOptions fault_stops_one() {
+    SimulatorOptions options = two_tools();
+    options.fault_stops_all = false;
+    return options;
+  }
+};
+
 // The right servo says nothing more: its position's age grows, and then its tool is gone.
-TEST_F(TwoServos, AnAgeGrowsUntilASilentServosToolLetsGo) {
+TEST_F(TwoServosFaultOfOne, AnAgeGrowsUntilASilentServosToolLetsGo) {
   bring_both_down();
   right.at_W = kRight_W + Vector3d(0, 0, 0.005);
   ASSERT_TRUE(until({&left, &right}, [&] { return is_at(right) && left.others; }));
@@ -171,6 +183,7 @@ TEST_F(TwoServos, AnAgeGrowsUntilASilentServosToolLetsGo) {
   ASSERT_TRUE(until({&left}, [&] { return left.newest->contact_epoch > epoch; }));
   EXPECT_TRUE(left.newest->in_contact) << "it goes on alone";
   const SimulatorSummary summary = simulator.stop();
+  EXPECT_EQ(summary.faults, 1U);
   EXPECT_EQ(summary.not_finite, 0U);
 }
 
@@ -189,6 +202,38 @@ TEST_F(TwoServos, OneEndsInMidForceAndTheOtherFeelsTheObjectAlone) {
   const Vector3d expected_W = alone.move_to(left.at_W - kLeft_W).force_W;
   EXPECT_LT((rt::to_vector(left.newest->force_W_N) - expected_W).norm(), 5e-3 * expected_W.norm());
   EXPECT_TRUE(left.newest->in_contact);
+}
+
+TEST_F(TwoServosFaultOfOne, TheOtherGoesOnAlone) {
+  bring_both_down();
+  const std::uint32_t epoch = left.newest->contact_epoch;
+  right.endpoint.say_goodbye(true);
+  ASSERT_TRUE(until({&left}, [&] { return left.newest->contact_epoch > epoch; }));
+  EXPECT_FALSE(left.endpoint.refusal());
+}
+
+// By default, and also for silence; and the simulator serves again once all have gone.
+TEST_F(TwoServos, AFaultOfOneStopsBothUntilAllHaveGone) {
+  bring_both_down();
+  right.endpoint.say_goodbye(true);
+  ASSERT_TRUE(until({&left}, [&] { return left.endpoint.refusal().has_value(); }));
+  EXPECT_EQ(left.endpoint.refusal()->reason, link::Refusal::Reason::kOtherFault);
+  Servo third(simulator, 3);
+  third.at_W = kRight_W + kUp_W;
+  ASSERT_TRUE(until({&left, &third}, [&] { return third.endpoint.refusal().has_value(); }));
+  EXPECT_FALSE(third.newest);
+  left.endpoint.say_goodbye();
+  third.endpoint.say_goodbye();
+  Servo next(simulator, 1);
+  next.at_W = kLeft_W + kUp_W;
+  ASSERT_TRUE(until({&next}, [&] { return is_at(next); }));
+  EXPECT_EQ(simulator.stop().faults, 1U);
+}
+
+TEST_F(TwoServos, SoDoesASilenceOfOne) {
+  bring_both_down();
+  ASSERT_TRUE(until({&left}, [&] { return left.endpoint.refusal().has_value(); }));
+  EXPECT_EQ(left.endpoint.refusal()->reason, link::Refusal::Reason::kOtherFault);
 }
 
 TEST_F(TwoServos, AThirdIsRefusedAndAServoOfVersion1IsServedInAFreePlace) {

@@ -278,6 +278,25 @@ TEST(SeveralRuns, ShareOneSimulatorAndOneObject) {
             2);
 }
 
+TEST(SeveralRuns, AFaultOfOneBringsTheOtherToZeroForceToo) {
+  Program simulator = Program::forcegrid(
+      {"simulate", "--tools", "2", "--scene", "small", "--listen", "127.0.0.1:0"});
+  const std::string address = address_in(simulator.wait_for_line("listening "));
+  const std::string folder = fresh_folder("goes_on");
+  Program other = Program::forcegrid(servo_at(address, "1", "-15", folder, "50"));
+  ASSERT_TRUE(other.wait_for_text("Samples come"));
+  std::vector<std::string> failing = servo_at(address, "2", "15", fresh_folder("fails"), "50");
+  failing.insert(failing.end(), {"--fault", "connection-closed:when=motors"});
+  Program fails = Program::forcegrid(failing);
+  EXPECT_EQ(fails.wait(kTimeout), 1);
+  ASSERT_EQ(other.wait(kTimeout), 1) << other.standard_error();
+  const json summary = summary_in(folder);
+  EXPECT_EQ(summary.at("ended_by"), "other_device");
+  EXPECT_TRUE(summary.at("zero_current_delivered"));
+  EXPECT_THAT(summary.at("notes").dump(), HasSubstr("has stopped every tool"));
+  expect_motors_off(summary);
+}
+
 TEST(SeveralRuns, AreToldThatASimulatorOfOneToolHasNoPlace) {
   Program simulator =
       Program::forcegrid({"simulate", "--scene", "small", "--listen", "127.0.0.1:0"});
