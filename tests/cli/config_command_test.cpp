@@ -167,7 +167,8 @@ TEST(Config, EveryNumberSaysItsUnitOrCountsNothing) {
   for (const json& key : shown.at("keys")) {
     const bool number = key.at("type") == "number" || key.at("type") == "integer";
     const std::string name = key.at("key");
-    const bool no_unit = name.ends_with(".seed") || name.ends_with(".friction");  // a ratio
+    const bool no_unit = name.ends_with(".seed") || name.ends_with(".friction") ||
+                         name.ends_with(".tool-number");  // a ratio, a name
     if (number && key.at("unit").get<std::string>().empty() && !no_unit) {
       without += name + " ";
     }
