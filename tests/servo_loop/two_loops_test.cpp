@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two loops in one process, each with a link of its own to one simulator: what they share is the
+// stop. Also for ThreadSanitizer, which sees whatever else they share.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <thread>
+
+#include "link/simulator_endpoint.h"
+#include "servo_loop/link_thread.h"
+#include "servo_loop/servo_loop.h"
+#include "servo_loop/watched_run.h"
+#include "tests/servo_loop/scripted_device.h"
+
+namespace forcegrid::servo {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kPatience = 60s;
+constexpr double kOffset_m = 0.02;
+
+/// Counts the samples, and those that are another tool's; renders nothing.
+class CountingMethod final : public ForceMethod {
+ public:
+  explicit CountingMethod(double own_N) : own_N_(own_N) {}
+
+  const char* name() const noexcept override { return "counting"; }
+  std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
+  void take_sample(const Sample& sample) noexcept override {
+    strange += sample.force_W.x() == own_N_ ? 0 : 1;
+    ++samples;
+  }
+  void contact_made(std::uint32_t, const Eigen::Vector3d&) noexcept override {}
+  void contact_lost() noexcept override {}
+  int work(int) noexcept override { return 0; }
+  ForceEstimate force(double, const Eigen::Vector3d&) const noexcept override {
+    ForceEstimate estimate;
+    estimate.status = EstimateStatus::kOk;
+    return estimate;
+  }
+
+  std::atomic<int> samples{0};
+  std::atomic<int> strange{0};
+
+ private:
+  double own_N_;
+};
+
+/// One device with everything that is its own.
+struct Arm {
+  Arm(const std::string& simulator, link::ToolId tool)
+      : profile(profiles::load_device_profile("woodenhaptics_v2015")),
+        device(profile),
+        method(tool),
+        link(simulator, ports, {}, tool) {
+    ServoOptions options;
+    options.check_motors = false;
+    options.watch_encoders = false;
+    options.report_timeout = 600s;  // the device's one report lasts for the test
+    options.workspace.W_origin_D = {0.0, tool == 1 ? kOffset_m : -kOffset_m, 0.0};
+    device.show(Eigen::Vector3d::Zero(), rt::Clock::now());
+    loop = std::make_unique<ServoLoop>(device, profile, std::vector<ForceMethod*>{&method}, ports,
+                                       options);
+  }
+
+  profiles::DeviceProfile profile;
+  ScriptedDevice device;
+  CountingMethod method;
+  ServoPorts ports;
+  LinkThread link;
+  std::unique_ptr<ServoLoop> loop;
+  ServoOutcome outcome;
+};
+
+TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
+  link::SimulatorEndpoint endpoint("127.0.0.1:0", 1h, {}, 2);
+  std::atomic<bool> simulated{true};
+  std::array<std::atomic<double>, 2> y_m{};
+  std::jthread simulator([&] {
+    while (simulated) {
+      const auto news = endpoint.receive_all(10ms);
+      for (std::size_t place = 0; place < 2; ++place) {
+        if (news[place].tool_state) {
+          link::ForceSample sample = link::answer_to(*news[place].tool_state);
+          sample.force_W_N[0] = endpoint.tool(place);
+          sample.converged = true;
+          sample.in_contact = true;
+          sample.contact_epoch = 1;
+          endpoint.send(sample, place);
+          y_m[endpoint.tool(place) - 1U] = sample.position_W_m[1];
+        }
+      }
+    }
+  });
+  const std::string address = link::to_string(endpoint.address());
+  std::array<std::unique_ptr<Arm>, 2> arms = {std::make_unique<Arm>(address, 1),
+                                              std::make_unique<Arm>(address, 2)};
+  std::atomic<bool> stop{false};
+  const auto give_up = rt::Clock::now() + kPatience;
+  {
+    std::vector<std::jthread> threads;
+    for (const auto& arm : arms) {
+      arm->link.start();
+      threads.emplace_back([&] {
+        arm->outcome = run_watched(
+            *arm->loop, stop, 0.0, [&] { stop = true; },
+            [&] {
+              std::this_thread::sleep_for(2ms);
+              if ((arms[0]->method.samples >= 20 && arms[1]->method.samples >= 20) ||
+                  rt::Clock::now() > give_up) {
+                stop = true;
+              }
+            });
+      });
+    }
+  }
+  for (const auto& arm : arms) {
+    arm->link.stop();
+  }
+  simulated = false;
+  simulator.join();
+  for (const auto& arm : arms) {
+    EXPECT_GE(arm->method.samples, 20);
+    EXPECT_EQ(arm->method.strange, 0) << "a sample of the other tool";
+    EXPECT_EQ(arm->outcome.fault, Fault::kNone);
+    EXPECT_TRUE(arm->outcome.zero_current_delivered);
+    EXPECT_TRUE(arm->device.stopped);
+  }
+  // The same pose of both arms, at two places of the scene.
+  EXPECT_NEAR(y_m[0], -kOffset_m, 1e-4);
+  EXPECT_NEAR(y_m[1], kOffset_m, 1e-4);
+}
+
+}  // namespace
+}  // namespace forcegrid::servo
