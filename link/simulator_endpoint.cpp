@@ -335,9 +335,9 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
     take(*state, *place, of_place);
   } else if (const auto* query = std::get_if<Query>(&decoded.message)) {
     take(*query, *place);
-  } else {
+  } else if (const auto* goodbye = std::get_if<Goodbye>(&decoded.message)) {
     ++statistics.accepted;
-    of_place.servo_failed = std::get<Goodbye>(decoded.message).fault;
+    of_place.servo_failed = goodbye->fault;
     end_session(*place);
     of_place.tool_state.reset();
     of_place.servo_ended = true;

@@ -16,6 +16,7 @@
 #include "log/log.h"
 #include "rt/clock.h"
 #include "rt/percentiles.h"
+#include "rt/thread.h"
 #include "rt/vectors.h"
 #include "simulator/impaired_link.h"
 #include "simulator/loop_parts.h"

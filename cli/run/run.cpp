@@ -252,13 +252,13 @@ void Run::connect() {
   }
   if (options_.tool_number > 0) {
     const driver::DeviceIdentity& unit = device_->identity();
-    summary_.shared =
-        RunSummary::Shared{.tool_number = options_.tool_number,
-                           .manufacturer = unit.manufacturer,
-                           .product = unit.product,
-                           .serial = unit.serial,
-                           .url = is_emulated(options_) ? url : driver::lasting_url(url, profile_),
-                           .offset_W_mm = options_.offset_W_mm};
+    RunSummary::Shared& own = summary_.shared.emplace();
+    own.tool_number = options_.tool_number;
+    own.manufacturer = unit.manufacturer;
+    own.product = unit.product;
+    own.serial = unit.serial;
+    own.url = is_emulated(options_) ? url : driver::lasting_url(url, profile_);
+    own.offset_W_mm = options_.offset_W_mm;
     link_->on_others([this](const link::OtherTools& others) {
       for (std::size_t k = 0; k < others.count; ++k) {
         summary_.shared->others_age_ms.add(1e-6 * static_cast<double>(others.tools[k].age_ns));

@@ -2,14 +2,17 @@
 #include "cli/run/run_devices.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <exception>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "cli/common/json_target.h"
 #include "cli/common/option_values.h"

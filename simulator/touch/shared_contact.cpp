@@ -85,8 +85,8 @@ SharedContact::SharedContact(const Scene& scene, const SolverOptions& solver,
 
 SharedContact::~SharedContact() = default;
 
-void SharedContact::move(std::size_t number, const Eigen::Vector3d& position_W) {
-  State::Tool& tool = *state_->each[number];
+void SharedContact::move(std::size_t tool_number, const Eigen::Vector3d& position_W) {
+  State::Tool& tool = *state_->each[tool_number];
   const bool held = tool.contact.in_contact();
   if (!held && tool.last_position_W && position_W.allFinite()) {
     if (const auto touch_W = state_->way_in.between(*tool.last_position_W, position_W)) {
@@ -127,8 +127,8 @@ const SharedContact::Answer& SharedContact::answer(std::size_t tool) const noexc
   return state_->each[tool]->answer;
 }
 
-void SharedContact::reset(std::size_t number) {
-  State::Tool& tool = *state_->each[number];
+void SharedContact::reset(std::size_t tool_number) {
+  State::Tool& tool = *state_->each[tool_number];
   if (tool.contact.in_contact()) {
     state_->begin_epochs_but_of(tool);
   }

@@ -35,14 +35,14 @@ class SharedContact {
   SharedContact& operator=(const SharedContact&) = delete;
 
   /// Where the tool is at the next solve(), [m]. Touches there if the rule says so.
-  void move(std::size_t tool, const Eigen::Vector3d& position_W);
+  void move(std::size_t tool_number, const Eigen::Vector3d& position_W);
   /// Solves for all tools at once, where move() has put them; those that were not moved stay.
   void solve();
   /// The object's reaction to this tool since the last solve().
   const Answer& answer(std::size_t tool) const noexcept;
 
   /// Starts a new run of this tool: no contact, epoch 0. The object goes on under the others.
-  void reset(std::size_t tool);
+  void reset(std::size_t tool_number);
   /// Every tool lets go and the object is at rest; the tools' epochs go on.
   void start_over();
 
