@@ -252,7 +252,7 @@ void Run::connect() {
   }
   if (options_.tool_number > 0) {
     const driver::DeviceIdentity& unit = device_->identity();
-    RunSummary::Shared& own = summary_.shared.emplace();
+    SeveralTools& own = summary_.shared.emplace();
     own.tool_number = options_.tool_number;
     own.manufacturer = unit.manufacturer;
     own.product = unit.product;

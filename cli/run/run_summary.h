@@ -33,6 +33,19 @@ struct RecoveredFault {
   std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC of the end of the loop
 };
 
+/// Of a run whose tool has a number: it, the device's unit, its place and the other tools.
+struct SeveralTools {
+  int tool_number = 0;
+  std::string manufacturer;
+  std::string product;
+  std::string serial;
+  std::string url;  ///< finds the unit again
+  std::array<double, 3> offset_W_mm{};
+  std::uint64_t others_told = 0;  ///< messages about the other tools
+  rt::Percentiles others_age_ms;  ///< of their positions on arrival
+  link::OtherTools others;        ///< the newest
+};
+
 /// Everything that a run reports, in the order in which it becomes known.
 // JSON moves without throwing, by functions that could.
 // NOLINTNEXTLINE(bugprone-exception-escape)
@@ -80,19 +93,7 @@ struct RunSummary {
   /// What a person has changed in the live view, see ViewControls::changes(); null: no view.
   nlohmann::json setting_changes;
   std::vector<std::string> files;
-  /// Of a run whose tool has a number: it, the device's unit, its place and the other tools.
-  struct Shared {
-    int tool_number = 0;
-    std::string manufacturer;
-    std::string product;
-    std::string serial;
-    std::string url;  ///< finds the unit again
-    std::array<double, 3> offset_W_mm{};
-    std::uint64_t others_told = 0;  ///< messages about the other tools
-    rt::Percentiles others_age_ms;  ///< of their positions on arrival
-    link::OtherTools others;        ///< the newest
-  };
-  std::optional<Shared> shared;  ///< nothing: the only tool
+  std::optional<SeveralTools> shared;  ///< nothing: the only tool
 };
 
 }  // namespace forcegrid::cli

@@ -46,7 +46,7 @@ json recovered_json(const RunSummary& summary) {
   return recovered;
 }
 
-json shared_json(const RunSummary::Shared& shared) {
+json shared_json(const SeveralTools& shared) {
   json newest = json::array();
   for (std::size_t k = 0; k < shared.others.count; ++k) {
     const link::OtherTool& other = shared.others.tools[k];
