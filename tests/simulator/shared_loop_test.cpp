@@ -90,45 +90,45 @@ const Vector3d kUp_W{0, 0, 0.01};
 
 class TwoServos : public testing::Test {
  protected:
-  explicit TwoServos(const SimulatorOptions& options = two_tools()) : simulator(options) {}
+  explicit TwoServos(const SimulatorOptions& options = two_tools()) : simulator_(options) {}
 
   void bring_both_down() {
     for (const double z_m : {0.01, -0.0001}) {
-      left.at_W = kLeft_W + Vector3d(0, 0, z_m);
-      right.at_W = kRight_W + Vector3d(0, 0, z_m);
-      ASSERT_TRUE(until({&left, &right}, [&] { return is_at(left) && is_at(right); }));
+      left_.at_W = kLeft_W + Vector3d(0, 0, z_m);
+      right_.at_W = kRight_W + Vector3d(0, 0, z_m);
+      ASSERT_TRUE(until({&left_, &right_}, [&] { return is_at(left_) && is_at(right_); }));
     }
-    ASSERT_TRUE(left.newest->in_contact && right.newest->in_contact);
+    ASSERT_TRUE(left_.newest->in_contact && right_.newest->in_contact);
   }
 
-  RunningSimulator simulator;
-  Servo left{simulator, 1};
-  Servo right{simulator, 2};
+  RunningSimulator simulator_;
+  Servo left_{simulator_, 1};
+  Servo right_{simulator_, 2};
 };
 
 TEST_F(TwoServos, HoldOneObjectAndFeelEachOther) {
-  EXPECT_THAT(simulator.line(), HasSubstr(" tools 2\n"));
+  EXPECT_THAT(simulator_.line(), HasSubstr(" tools 2\n"));
   bring_both_down();
-  left.at_W = kLeft_W + Vector3d(-0.001, 0.0, 0.002);
-  right.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
+  left_.at_W = kLeft_W + Vector3d(-0.001, 0.0, 0.002);
+  right_.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
   const auto settled = [&] {
-    return is_at(left) && is_at(right) && left.newest->converged && right.newest->converged;
+    return is_at(left_) && is_at(right_) && left_.newest->converged && right_.newest->converged;
   };
-  ASSERT_TRUE(until({&left, &right}, settled));
+  ASSERT_TRUE(until({&left_, &right_}, settled));
   // Both are there, so from the next tick on no sample is of an older place of the other one.
-  const std::uint32_t sequence = left.sequence;
-  ASSERT_TRUE(until({&left, &right}, [&] {
-    return settled() && left.newest->echo_sequence > sequence &&
-           right.newest->echo_sequence > sequence;
+  const std::uint32_t sequence = left_.sequence;
+  ASSERT_TRUE(until({&left_, &right_}, [&] {
+    return settled() && left_.newest->echo_sequence > sequence &&
+           right_.newest->echo_sequence > sequence;
   }));
 
   SharedObject<double> reference(make_scene("small").mesh, {}, 2);
   reference.grab(0, kLeft_W, 0.012);
   reference.grab(1, kRight_W, 0.012);
-  reference.aim(0, left.at_W - kLeft_W);
-  reference.aim(1, right.at_W - kRight_W);
+  reference.aim(0, left_.at_W - kLeft_W);
+  reference.aim(1, right_.at_W - kRight_W);
   reference.solve();
-  const std::array<const Servo*, 2> servos = {&left, &right};
+  const std::array<const Servo*, 2> servos = {&left_, &right_};
   for (std::size_t k = 0; k < 2; ++k) {
     const Vector3d expected_W = reference.equilibrium(k).force_W;
     const Vector3d found_W = rt::to_vector(servos[k]->newest->force_W_N);
@@ -136,7 +136,7 @@ TEST_F(TwoServos, HoldOneObjectAndFeelEachOther) {
     EXPECT_LT((found_W - expected_W).norm(), 3e-3 * expected_W.norm());
     EXPECT_TRUE(servos[k]->newest->has_stiffness);
   }
-  const SimulatorSummary summary = simulator.stop();
+  const SimulatorSummary summary = simulator_.stop();
   EXPECT_EQ(summary.sessions, 2U);
   EXPECT_EQ(summary.contacts, 2U);
   EXPECT_EQ(summary.not_finite, 0U);
@@ -148,18 +148,18 @@ TEST_F(TwoServos, HoldOneObjectAndFeelEachOther) {
 }
 
 TEST_F(TwoServos, AreToldWhereTheOtherIs) {
-  left.at_W = kLeft_W + kUp_W;
-  right.at_W = kRight_W + kUp_W;
-  ASSERT_TRUE(until({&left, &right}, [&] { return left.others && right.others; }));
-  right.at_W = kRight_W + 2.0 * kUp_W;
-  ASSERT_TRUE(until({&left, &right}, [&] {
-    return left.others->tools[0].position_W_m == rt::to_array(right.at_W);
+  left_.at_W = kLeft_W + kUp_W;
+  right_.at_W = kRight_W + kUp_W;
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return left_.others && right_.others; }));
+  right_.at_W = kRight_W + 2.0 * kUp_W;
+  ASSERT_TRUE(until({&left_, &right_}, [&] {
+    return left_.others->tools[0].position_W_m == rt::to_array(right_.at_W);
   }));
-  ASSERT_EQ(left.others->count, 1U);
-  EXPECT_EQ(left.others->tools[0].tool, 2U);
-  EXPECT_FALSE(left.others->tools[0].in_contact);
-  EXPECT_GE(left.others->tools[0].age_ns, 0);
-  EXPECT_EQ(right.others->tools[0].tool, 1U);
+  ASSERT_EQ(left_.others->count, 1U);
+  EXPECT_EQ(left_.others->tools[0].tool, 2U);
+  EXPECT_FALSE(left_.others->tools[0].in_contact);
+  EXPECT_GE(left_.others->tools[0].age_ns, 0);
+  EXPECT_EQ(right_.others->tools[0].tool, 1U);
 }
 
 class TwoServosFaultOfOne : public TwoServos {
@@ -175,78 +175,79 @@ class TwoServosFaultOfOne : public TwoServos {
 // The right servo says nothing more: its position's age grows, and then its tool is gone.
 TEST_F(TwoServosFaultOfOne, AnAgeGrowsUntilASilentServosToolLetsGo) {
   bring_both_down();
-  right.at_W = kRight_W + Vector3d(0, 0, 0.005);
-  ASSERT_TRUE(until({&left, &right}, [&] { return is_at(right) && left.others; }));
-  const std::uint32_t epoch = left.newest->contact_epoch;
-  ASSERT_TRUE(until({&left}, [&] { return left.others->tools[0].age_ns > 1'000'000'000; }));
-  EXPECT_TRUE(left.others->tools[0].in_contact);
-  ASSERT_TRUE(until({&left}, [&] { return left.newest->contact_epoch > epoch; }));
-  EXPECT_TRUE(left.newest->in_contact) << "it goes on alone";
-  const SimulatorSummary summary = simulator.stop();
+  right_.at_W = kRight_W + Vector3d(0, 0, 0.005);
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return is_at(right_) && left_.others; }));
+  const std::uint32_t epoch = left_.newest->contact_epoch;
+  ASSERT_TRUE(until({&left_}, [&] { return left_.others->tools[0].age_ns > 1'000'000'000; }));
+  EXPECT_TRUE(left_.others->tools[0].in_contact);
+  ASSERT_TRUE(until({&left_}, [&] { return left_.newest->contact_epoch > epoch; }));
+  EXPECT_TRUE(left_.newest->in_contact) << "it goes on alone";
+  const SimulatorSummary summary = simulator_.stop();
   EXPECT_EQ(summary.faults, 1U);
   EXPECT_EQ(summary.not_finite, 0U);
 }
 
 TEST_F(TwoServos, OneEndsInMidForceAndTheOtherFeelsTheObjectAlone) {
   bring_both_down();
-  left.at_W = kLeft_W + Vector3d(-0.001, 0.0, 0.004);
-  right.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
-  ASSERT_TRUE(until({&left, &right}, [&] { return is_at(left) && is_at(right); }));
-  const std::uint32_t epoch = left.newest->contact_epoch;
-  right.endpoint.say_goodbye();
-  ASSERT_TRUE(until({&left}, [&] {
-    return left.newest->contact_epoch > epoch && left.newest->converged && is_at(left);
+  left_.at_W = kLeft_W + Vector3d(-0.001, 0.0, 0.004);
+  right_.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return is_at(left_) && is_at(right_); }));
+  const std::uint32_t epoch = left_.newest->contact_epoch;
+  right_.endpoint.say_goodbye();
+  ASSERT_TRUE(until({&left_}, [&] {
+    return left_.newest->contact_epoch > epoch && left_.newest->converged && is_at(left_);
   }));
   ElasticObject<double> alone(make_scene("small").mesh);
   alone.grab(kLeft_W, 0.012);
-  const Vector3d expected_W = alone.move_to(left.at_W - kLeft_W).force_W;
-  EXPECT_LT((rt::to_vector(left.newest->force_W_N) - expected_W).norm(), 5e-3 * expected_W.norm());
-  EXPECT_TRUE(left.newest->in_contact);
+  const Vector3d expected_W = alone.move_to(left_.at_W - kLeft_W).force_W;
+  EXPECT_LT((rt::to_vector(left_.newest->force_W_N) - expected_W).norm(), 5e-3 * expected_W.norm());
+  EXPECT_TRUE(left_.newest->in_contact);
 }
 
 TEST_F(TwoServosFaultOfOne, TheOtherGoesOnAlone) {
   bring_both_down();
-  const std::uint32_t epoch = left.newest->contact_epoch;
-  right.endpoint.say_goodbye(true);
-  ASSERT_TRUE(until({&left}, [&] { return left.newest->contact_epoch > epoch; }));
-  EXPECT_FALSE(left.endpoint.refusal());
+  const std::uint32_t epoch = left_.newest->contact_epoch;
+  right_.endpoint.say_goodbye(true);
+  ASSERT_TRUE(until({&left_}, [&] { return left_.newest->contact_epoch > epoch; }));
+  EXPECT_FALSE(left_.endpoint.refusal());
 }
 
 // By default, and also for silence; and the simulator serves again once all have gone.
 TEST_F(TwoServos, AFaultOfOneStopsBothUntilAllHaveGone) {
   bring_both_down();
-  right.endpoint.say_goodbye(true);
-  ASSERT_TRUE(until({&left}, [&] { return left.endpoint.refusal().has_value(); }));
-  EXPECT_EQ(left.endpoint.refusal()->reason, link::Refusal::Reason::kOtherFault);
-  Servo third(simulator, 3);
+  right_.endpoint.say_goodbye(true);
+  ASSERT_TRUE(until({&left_}, [&] { return left_.endpoint.refusal().has_value(); }));
+  EXPECT_EQ(left_.endpoint.refusal()->reason, link::Refusal::Reason::kOtherFault);
+  Servo third(simulator_, 3);
   third.at_W = kRight_W + kUp_W;
-  ASSERT_TRUE(until({&left, &third}, [&] { return third.endpoint.refusal().has_value(); }));
+  ASSERT_TRUE(until({&left_, &third}, [&] { return third.endpoint.refusal().has_value(); }));
   EXPECT_FALSE(third.newest);
-  left.endpoint.say_goodbye();
+  left_.endpoint.say_goodbye();
   third.endpoint.say_goodbye();
-  Servo next(simulator, 1);
+  Servo next(simulator_, 1);
   next.at_W = kLeft_W + kUp_W;
   ASSERT_TRUE(until({&next}, [&] { return is_at(next); }));
-  EXPECT_EQ(simulator.stop().faults, 1U);
+  EXPECT_EQ(simulator_.stop().faults, 1U);
 }
 
 TEST_F(TwoServos, SoDoesASilenceOfOne) {
   bring_both_down();
-  ASSERT_TRUE(until({&left}, [&] { return left.endpoint.refusal().has_value(); }));
-  EXPECT_EQ(left.endpoint.refusal()->reason, link::Refusal::Reason::kOtherFault);
+  ASSERT_TRUE(until({&left_}, [&] { return left_.endpoint.refusal().has_value(); }));
+  EXPECT_EQ(left_.endpoint.refusal()->reason, link::Refusal::Reason::kOtherFault);
 }
 
 TEST_F(TwoServos, AThirdIsRefusedAndAServoOfVersion1IsServedInAFreePlace) {
-  left.at_W = kLeft_W + kUp_W;
-  ASSERT_TRUE(until({&left}, [&] { return is_at(left); }));
-  Servo old(simulator, 0);
+  left_.at_W = kLeft_W + kUp_W;
+  ASSERT_TRUE(until({&left_}, [&] { return is_at(left_); }));
+  Servo old(simulator_, 0);
   old.at_W = kRight_W + kUp_W;
-  ASSERT_TRUE(until({&left, &old}, [&] { return is_at(old) && left.others; }));
-  EXPECT_EQ(left.others->tools[0].tool, 0U);
+  ASSERT_TRUE(until({&left_, &old}, [&] { return is_at(old) && left_.others; }));
+  EXPECT_EQ(left_.others->tools[0].tool, 0U);
   EXPECT_EQ(old.endpoint.others_accepted(), 0U);
-  ASSERT_TRUE(until({&left, &old, &right}, [&] { return right.endpoint.refusal().has_value(); }));
-  EXPECT_EQ(right.endpoint.refusal()->most_tools, 2U);
-  EXPECT_FALSE(right.newest);
+  ASSERT_TRUE(
+      until({&left_, &old, &right_}, [&] { return right_.endpoint.refusal().has_value(); }));
+  EXPECT_EQ(right_.endpoint.refusal()->most_tools, 2U);
+  EXPECT_FALSE(right_.newest);
 }
 
 TEST_F(TwoServos, EachLinkIsDelayedAsAsked) {
