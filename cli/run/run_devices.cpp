@@ -77,6 +77,7 @@ void check_excluded(const RunOptions& options) {
   refuse(options.workers > 0, options, "workers know one tool; leave --workers out");
   refuse(options.reconnect, options,
          "the others would render on without it meanwhile; leave --reconnect out");
+  refuse(!options.core.empty(), options, "a second processor belongs to one arm; leave --core out");
   refuse(options.material_tolerance_percent.has_value(), options,
          "models are compared under one tool; leave --material-tolerance-percent out");
   refuse(options.solver != "auto" && options.solver != "quasi_static", options,

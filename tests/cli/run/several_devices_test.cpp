@@ -206,6 +206,7 @@ INSTANTIATE_TEST_SUITE_P(
         Complaint{"Record", two_with({"--record", "x.h5"}), "leave --record out"},
         Complaint{"Workers", two_with({"--workers", "1"}), "leave --workers out"},
         Complaint{"Reconnect", two_with({"--reconnect"}), "leave --reconnect out"},
+        Complaint{"SecondProcessor", two_with({"--core", "/tmp/line"}), "leave --core out"},
         Complaint{"Direct", two_with({"--scene", "small", "--method", "direct"}),
                   "choose another method"},
         Complaint{"Sliding", two_with({"--scene", "small_slide"}), "use --contact sticky"},
