@@ -418,10 +418,8 @@ class DictionaryField : public Field {
     }
   }
   void finish_if_read() noexcept {
-    if (blocks_due_ == 0) {
-      collapse();
-    } else if (reads_expected_ && !factors_later_) {
-      finish();
+    if (reads_expected_) {
+      blocks_due_ > 0 ? finish() : collapse();
     }
   }
   void append_later(int slot, bool stiffness) noexcept {
@@ -472,8 +470,7 @@ class DictionaryField : public Field {
   std::uint64_t next_order_ = 0;
   int takes_since_factorisation_ = 0;
   bool reads_expected_ = true;
-  bool collapse_due_ = false;   ///< put off, since nobody reads
-  bool factors_later_ = false;  ///< a whole factorisation is prepare()'s, whoever reads
+  bool collapse_due_ = false;  ///< put off, since nobody reads
   std::uint64_t contact_ = 0;
   double scale_ = 1.0;           ///< s of this contact so far
   double scale_variance_ = 0.0;  ///< v; 0: there is no earlier contact

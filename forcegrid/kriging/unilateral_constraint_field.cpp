@@ -19,7 +19,6 @@ template <typename Real>
 UnilateralConstraintField<Real>::UnilateralConstraintField(const FieldSettings& settings) noexcept
     : Base(settings), fit_(settings.nugget_N2) {
   static_assert(std::is_same_v<Factor, ConstraintFit::Factor>);
-  this->factors_later_ = true;
 }
 
 template <typename Real>
@@ -149,17 +148,6 @@ void UnilateralConstraintField<Real>::end_search() noexcept {
 }
 
 template <typename Real>
-void UnilateralConstraintField<Real>::search_on() noexcept {
-  if (search_.step(fit_)) {
-    return;
-  }
-  seeking_ = Seeking::kEnds;
-  if (search_.found()) {
-    end_search();  // a wall cannot wait
-  }
-}
-
-template <typename Real>
 bool UnilateralConstraintField<Real>::prepare() noexcept {
   if (seeking_ == Seeking::kNothing) {
     const bool did = Base::prepare();
@@ -175,7 +163,9 @@ bool UnilateralConstraintField<Real>::prepare() noexcept {
     }
     begin_search();
   }
-  seeking_ == Seeking::kSearches ? search_on() : end_search();
+  if (!search_.step(fit_)) {
+    end_search();
+  }
   return true;
 }
 

@@ -79,7 +79,7 @@ class UnilateralConstraintField final
   using Base = DictionaryField<Real, ConstraintFit::kMaxSamples, 0>;
   using Factor = typename Base::Factor;
   using Stored = typename Base::Stored;
-  enum class Seeking : std::uint8_t { kNothing, kBegins, kFactorises, kSearches, kEnds };
+  enum class Seeking : std::uint8_t { kNothing, kBegins, kFactorises, kSearches };
   /// A constraint as read() uses it, whatever a search tries.
   struct Wall {
     UnilateralConstraint shape;
@@ -88,7 +88,6 @@ class UnilateralConstraintField final
 
   void leave_doubts_out() noexcept;
   void begin_search() noexcept;
-  void search_on() noexcept;
   void end_search() noexcept;
   void solve_weights() noexcept override;
   void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
