@@ -375,15 +375,6 @@ int DictionaryField<Real, N, M, K>::place(const Observation& o) noexcept {
 }
 
 template <typename Real, int N, int M, int K>
-int DictionaryField<Real, N, M, K>::bring_in(const Observation& o, double doubt_N2) noexcept {
-  ++takes_since_factorisation_;
-  const int slot = place(o);
-  stored_[static_cast<std::size_t>(slot)].doubt_N2 = doubt_N2;
-  append_force(slot, false);
-  return slot;
-}
-
-template <typename Real, int N, int M, int K>
 Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
   finish();
   Innovation innovation;
@@ -438,18 +429,6 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
   }
   add(o, false, false, fresh_needed);
   return innovation;
-}
-
-template <typename Real, int N, int M, int K>
-void DictionaryField<Real, N, M, K>::finish_surprise(const Observation& o,
-                                                     const Eigen::Vector3d& error_N,
-                                                     Innovation& innovation) noexcept {
-  bool fresh_needed = takes_since_factorisation_ >= kTakesBetweenFactorisations;
-  if (!innovation.explained) {
-    innovation.doubt_N2 = doubt_samples(o, error_N, innovation.normalised);
-    fresh_needed = true;
-  }
-  add(o, innovation.explained, true, fresh_needed);
 }
 
 // @param stale the rows that x_ was solved for have moved.

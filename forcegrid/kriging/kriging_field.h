@@ -277,7 +277,13 @@ class DictionaryField : public Field {
   /// comparing it with the others, which needs sample_count() < settings().samples, and returns its
   /// slot. apply_changes() must follow; until then the field's answers do not change.
   void drop(int slot) noexcept { remove_sample(slot); }
-  int bring_in(const Observation& observation, double doubt_N2) noexcept;
+  int bring_in(const Observation& observation, double doubt_N2) noexcept {
+    ++takes_since_factorisation_;
+    const int slot = place(observation);
+    stored_[static_cast<std::size_t>(slot)].doubt_N2 = doubt_N2;
+    append_force(slot, false);
+    return slot;
+  }
   void apply_changes() noexcept {
     if (takes_since_factorisation_ >= kTakesBetweenFactorisations) {
       factorise();
@@ -364,7 +370,14 @@ class DictionaryField : public Field {
   /// The rest of take(). Samples are doubted unless `innovation` is explained; then the factor is
   /// in order, else it may be stale.
   void finish_surprise(const Observation& observation, const Eigen::Vector3d& error_N,
-                       Innovation& innovation) noexcept;
+                       Innovation& innovation) noexcept {
+    bool fresh_needed = takes_since_factorisation_ >= kTakesBetweenFactorisations;
+    if (!innovation.explained) {
+      innovation.doubt_N2 = doubt_samples(observation, error_N, innovation.normalised);
+      fresh_needed = true;
+    }
+    add(observation, innovation.explained, true, fresh_needed);
+  }
   /// A sample that features depend on is the last to be removed.
   virtual bool features_need(int slot) const noexcept {
     static_cast<void>(slot);
