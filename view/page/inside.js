@@ -4,24 +4,11 @@
 // a hundred thousand can be told apart, and drawn by software.
 
 import * as THREE from '/three.module.js';
-import {Section, kSectionFragment, kSectionFragmentHead, kSectionVertex,
-        kSectionVertexHead} from '/section.js';
+import {Section, kLineVertexShader, kSectionFragment, kSectionFragmentHead} from '/section.js';
 
 const kStrength = 0.55;
 const kFade = 0.5;  // of an edge's mean length: the distance behind the section that halves a line
 const kDepth = 4;   // such distances: what is farther behind is not drawn
-
-const kVertexShader = `
-  uniform mat4 to_picture;
-  uniform vec3 low;
-  uniform vec3 grain;
-  ${kSectionVertexHead}
-  void main() {
-    vec3 at_W_m = low + grain * position;
-    ${kSectionVertex}
-    gl_Position = to_picture * vec4(position, 1.0);
-    gl_Position.z -= 0.0004 * gl_Position.w;
-  }`;
 
 const kFragmentShader = `
   uniform vec3 tint;
@@ -66,7 +53,7 @@ class Inside {
       fade_m: {value: 0.01}, section: section.uniform,
     };
     this.lines = new THREE.LineSegments(geometry, new THREE.ShaderMaterial({
-      uniforms: this.uniforms, vertexShader: kVertexShader, fragmentShader: kFragmentShader,
+      uniforms: this.uniforms, vertexShader: kLineVertexShader, fragmentShader: kFragmentShader,
       transparent: true, depthWrite: false}));
     section.apply(this.lines.material);
     this.lines.frustumCulled = false;  // the box of its 16-bit numbers is not the object's

@@ -26,6 +26,19 @@ export const kSectionFragment = `
   if (ahead_m > 0.0) { discard; }
   #endif`;
 
+/** For lines with a frame's quantised vertices, a little nearer than what they lie on. */
+export const kLineVertexShader = `
+  uniform mat4 to_picture;
+  uniform vec3 low;
+  uniform vec3 grain;
+  ${kSectionVertexHead}
+  void main() {
+    vec3 at_W_m = low + grain * position;
+    ${kSectionVertex}
+    gl_Position = to_picture * vec4(position, 1.0);
+    gl_Position.z -= 0.0004 * gl_Position.w;
+  }`;
+
 export class Section {
   constructor() {
     this.active = false;

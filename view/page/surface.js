@@ -5,7 +5,7 @@
 import * as THREE from '/three.module.js';
 import {set_to_picture} from '/inside.js';
 import {Scale} from '/scale.js';
-import {Section, kSectionFragment, kSectionFragmentHead, kSectionVertex,
+import {Section, kLineVertexShader, kSectionFragment, kSectionFragmentHead, kSectionVertex,
         kSectionVertexHead} from '/section.js';
 
 const kCrease_cos = Math.cos(40 * Math.PI / 180);  // at rest; flatter edges are shaded smoothly
@@ -51,18 +51,6 @@ const kFragmentShader = `
   void main() {
     ${kSectionFragment}
     gl_FragColor = vec4(colour, 1.0);
-  }`;
-
-const kLineVertexShader = `
-  uniform mat4 to_picture;
-  uniform vec3 low;
-  uniform vec3 grain;
-  ${kSectionVertexHead}
-  void main() {
-    vec3 at_W_m = low + grain * position;
-    ${kSectionVertex}
-    gl_Position = to_picture * vec4(position, 1.0);
-    gl_Position.z -= 0.0004 * gl_Position.w;
   }`;
 
 const kLineFragmentShader = `
