@@ -127,12 +127,12 @@ class ConstraintFit {
 
   /// k1 [N/m] and k2 [N/m^2], negative where the constraint pushes.
   Eigen::Vector2d stiffness(int index) const noexcept;
-  /// [N] What a constraint of this stiffness adds to the force; it never pulls.
-  static Eigen::Vector3d push_N(const UnilateralConstraint& shape, const Eigen::Vector2d& stiffness,
+  /// [N] What a constraint of this stiffness(), k, adds to the force; it never pulls.
+  static Eigen::Vector3d push_N(const UnilateralConstraint& shape, const Eigen::Vector2d& k,
                                 const Eigen::Vector3d& position_W) noexcept;
   /// [N/m] d push_N / dP.
   static Eigen::Matrix3d push_stiffness_N_per_m(const UnilateralConstraint& shape,
-                                                const Eigen::Vector2d& stiffness,
+                                                const Eigen::Vector2d& k,
                                                 const Eigen::Vector3d& position_W) noexcept;
   /// Adds the constraints' part to mean and covariance of the force at `position_W`. Needs its
   /// covariances with the factor's rows, solved.

@@ -274,18 +274,18 @@ void ConstraintSearch::compare(ConstraintFit& fit) noexcept {
   through.anchor_W = observation_.position_m + observation_.origin_W;
   through.normal_W = -error_N_.normalized();
   through.softness_m = UnilateralConstraint::kHardest_m;
-  if (kind_ == 0) {
-    weigh_behind(fit, through, kGapsAgainstError, kQuarters);
-  } else if (kind_ < kLattice) {
-    through.curvature_per_m = kSearchedCurvatures_per_m[kind_ - 1];
-    weigh_behind(fit, through, kGapsBesides, kQuarters);
-  } else {
+  if (kind_ >= kLattice) {
     const int i = kind_ - kLattice;
     const Vector3d lattice(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
     if (lattice.dot(through.normal_W) > kNearError * lattice.norm()) {
       through.normal_W = lattice.normalized();
       weigh_behind(fit, through, kGapsBesides, kMiddle);
     }
+  } else if (kind_ >= 1) {
+    through.curvature_per_m = kSearchedCurvatures_per_m[kind_ - 1];
+    weigh_behind(fit, through, kGapsBesides, kQuarters);
+  } else {
+    weigh_behind(fit, through, kGapsAgainstError, kQuarters);
   }
   ++kind_;
   if (kind_ == 1 || kind_ == kLattice || kind_ == kKinds) {
