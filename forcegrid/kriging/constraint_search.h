@@ -20,9 +20,9 @@ namespace forcegrid::kriging {
 /// accepted if it gains 15 nats over the refined present constraints. With two in use it must
 /// replace one. A force that falls short along its own direction means an object that gives way (a
 /// cut, relaxation) and is not explained.
-/// Cost: a piece is about as much as taking a sample, and the first ones up to four times that (a
-/// wall cannot wait); a search that finds the first wall among 32 samples has 2 or 3, one in vain
-/// up to some 30. Real-time: nothing allocates, locks or throws. Threads: one.
+/// Cost: a piece is about as much as taking a sample, and the first ones up to three times that (a
+/// wall cannot wait); a search that finds the first wall among 32 samples has 3 or 4, one in vain
+/// up to some 50. Real-time: nothing allocates, locks or throws. Threads: one.
 class ConstraintSearch {
  public:
   /// Begins with a surprising sample, whose rows must be the fit's last ones, and the fit's present

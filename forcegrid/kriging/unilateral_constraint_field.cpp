@@ -129,6 +129,15 @@ void UnilateralConstraintField<Real>::begin_search() noexcept {
   seeking_ = Seeking::kSearches;
 }
 
+// The fit has those that a search tried.
+template <typename Real>
+void UnilateralConstraintField<Real>::restore_walls() noexcept {
+  std::array<UnilateralConstraint, ConstraintFit::kMaxConstraints> shapes;
+  std::transform(walls_.begin(), walls_.end(), shapes.begin(),
+                 [](const Wall& wall) { return wall.shape; });
+  fit_.set_constraints(shapes, wall_count_);
+}
+
 template <typename Real>
 void UnilateralConstraintField<Real>::end_search() noexcept {
   seeking_ = Seeking::kNothing;
@@ -136,10 +145,7 @@ void UnilateralConstraintField<Real>::end_search() noexcept {
   taken_.explained = search_.found();
   if (!taken_.explained) {
     ++failures_;
-    std::array<UnilateralConstraint, ConstraintFit::kMaxConstraints> shapes;
-    std::transform(walls_.begin(), walls_.end(), shapes.begin(),
-                   [](const Wall& wall) { return wall.shape; });
-    fit_.set_constraints(shapes, wall_count_);
+    restore_walls();
     for (std::size_t i = 0; i < doubts_N2_.size(); ++i) {
       this->stored_[i].doubt_N2 = doubts_N2_[i];
     }
@@ -172,7 +178,11 @@ bool UnilateralConstraintField<Real>::prepare() noexcept {
 template <typename Real>
 bool UnilateralConstraintField<Real>::begin_with(
     std::span<const Observation> observations) noexcept {
-  seeking_ = Seeking::kNothing;
+  if (seeking_ != Seeking::kNothing) {
+    seeking_ = Seeking::kNothing;
+    refinements_due_ = 0;
+    restore_walls();
+  }
   return Base::begin_with(observations);
 }
 

@@ -88,6 +88,7 @@ class UnilateralConstraintField final
 
   void leave_doubts_out() noexcept;
   void begin_search() noexcept;
+  void restore_walls() noexcept;
   void end_search() noexcept;
   void solve_weights() noexcept override;
   void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,

@@ -579,6 +579,46 @@ TEST(UnilateralConstraintField, EndsASearchThatNobodyGoesOnWith) {
             0.01 * newest.force_N.norm());
 }
 
+// A search that is given up leaves the walls that were known.
+TEST(UnilateralConstraintField, KeepsItsWallsWhenItBeginsAnewInASearch) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  const auto told = [&](int i, double second_wall_m) {
+    const Vector3d p = motion.position_m(i * kPeriod_s);
+    return observe(p, object.force_N(p) + plane_N(p, Vector3d::UnitZ(), {0, 0, 0.004}, 1000.0) +
+                          plane_N(p, Vector3d::UnitX(), {second_wall_m, 0, 0}, 2000.0));
+  };
+  UnilateralConstraintField<double> searching{FieldSettings{}};
+  UnilateralConstraintField<double> twin{FieldSettings{}};
+  int i = 0;
+  for (; i < 200; ++i) {
+    take_whole(searching, told(i, 1.0));
+    take_whole(twin, told(i, 1.0));
+  }
+  ASSERT_EQ(searching.constraint_count(), 1);
+  while (i < 600 && !searching.take(told(i, 0.0)).unfinished) {
+    take_whole(twin, told(i++, 0.0));
+  }
+  ASSERT_LT(i, 600);
+  for (int piece = 0; piece < 4 && !searching.ready(); ++piece) {
+    searching.prepare();
+  }
+  ASSERT_FALSE(searching.ready());
+  std::vector<Observation> recent;
+  for (int n = 160; n < 200; ++n) {
+    recent.push_back(told(n, 1.0));
+  }
+  for (UnilateralConstraintField<double>* field : {&searching, &twin}) {
+    field->begin_with(recent);
+    while (field->prepare()) {
+    }
+  }
+  EXPECT_EQ(searching.constraint_count(), twin.constraint_count());
+  for (const Vector3d& p : {Vector3d(0, 0, 0.001), Vector3d(0.004, 0, 0.008)}) {
+    EXPECT_EQ(force_N(searching, p), force_N(twin, p));
+  }
+}
+
 // The ensemble hands over at the very sample that explains a wall, and says why.
 TEST(UnilateralConstraint, TakesOverInTheEnsembleAtTheFirstSampleBeyondAWall) {
   const AnchoredSprings object(kSeed);
