@@ -2,6 +2,7 @@
 // Stop, pause, take control, keys.
 
 const kRepeatStop_ms = 1000;
+const kUrgent_ms = 150;
 const kEnded = 'the run has ended';
 
 /**
@@ -20,12 +21,19 @@ export class Stop {
     this.refusal = '';
     this.run_is_over = false;
     this.instead = null;
+    this.pressed_ms = -Infinity;
     button.addEventListener('click', () => this.press());
     setInterval(() => this.repeat(), kRepeatStop_ms);
   }
 
   get acknowledged() {
     return this.state === 'acknowledged';
+  }
+
+  /** Nothing may hold up the acknowledgement now: pictures, drawn by software, and the banner, which
+   *  changes the size of everything below it, wait. */
+  is_urgent(now_ms) {
+    return this.state === 'sent' && now_ms - this.pressed_ms < kUrgent_ms;
   }
 
   /**
@@ -43,6 +51,7 @@ export class Stop {
       return;
     }
     this.refusal = '';
+    this.pressed_ms = performance.now();
     if (!this.acknowledged) {
       this.state = this.run_is_over ? 'ended' : 'sent';
     }
@@ -56,7 +65,8 @@ export class Stop {
     } else if (!this.acknowledged && !sent) {
       this.show('No connection: stop is not sent yet. Use the switch of the device.');
     } else if (!this.acknowledged && this.refusal === '') {
-      this.show('stopping…');
+      this.show('stopping…', this.is_urgent(performance.now()));
+      setTimeout(() => { this.status.hidden = this.status.textContent === ''; }, kUrgent_ms);
     }
   }
 
@@ -102,9 +112,9 @@ export class Stop {
     this.repeat();
   }
 
-  show(text) {
+  show(text, banner_waits = false) {
     this.status.textContent = text;
-    this.status.hidden = text === '';
+    this.status.hidden = text === '' || banner_waits;
     this.status.dataset.stop = this.state;
     this.button.dataset.stop = this.state;
     this.word.textContent = {idle: 'Stop', sent: 'Stopping…'}[this.state] || 'Stopped';

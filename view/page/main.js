@@ -15,6 +15,7 @@ import {Mouse} from '/mouse.js';
 import {PartTimes} from '/part_times.js';
 import {Playback} from '/playback.js';
 import {Readouts, is_paused} from '/readouts.js';
+import {when_resized} from '/resized.js';
 import {Scene3d} from '/scene3d.js';
 import {Scope} from '/scope.js';
 import {Settings} from '/settings.js';
@@ -104,10 +105,10 @@ class Page {
     listen_to_keys(this.stop, {p: () => this.pause.press(), f: () => this.scene.fit(),
                                o: () => this.toggle_follow(), '?': show_help,
                                Escape: () => help.close()});
-    new ResizeObserver(() => {
+    when_resized(by_id('scene'), () => {
       this.scene.resize();
       this.scene.draw(performance.now());
-    }).observe(by_id('scene'));
+    });
   }
 
   start() {
@@ -312,6 +313,9 @@ class Page {
   }
 
   tick(now_ms) {
+    if (this.stop.is_urgent(now_ms)) {
+      return;
+    }
     this.times.add('between', now_ms - this.last.tick_ms);
     if (this.last.drew) {
       this.scene.judge(now_ms - this.last.tick_ms, now_ms);

@@ -2,6 +2,7 @@
 // The scope: panels over one time axis, which follows the newest row or stands still.
 
 import {Panel} from '/panel.js';
+import {when_resized} from '/resized.js';
 
 const kMethods = 4;
 const kAxes = ['x', 'y', 'z'];
@@ -113,7 +114,7 @@ export class Scope {
         'click', () => (this.frozen_s ? this.follow() : this.freeze()));
     addEventListener('pointerup', () => this.hold(false));
     addEventListener('pointercancel', () => this.hold(false));
-    new ResizeObserver(() => this.resize()).observe(elements.panels);
+    when_resized(elements.panels, () => this.resize());
   }
 
   set_run(hello) {

@@ -387,15 +387,16 @@ class Page(unittest.TestCase):
         self.run_script("arguments[0].focus()", freeze)
         self.run_script("""window.seen = [];
             const status = document.getElementById('stop-status');
-            new MutationObserver(() => window.seen.push(status.textContent))
+            new MutationObserver(() => window.seen.push([status.textContent, status.hidden]))
                 .observe(status, {childList: true});""")
         self.assertFalse(self.view("stop_acknowledged"))
         freeze.send_keys(Keys.SPACE)
         self.command("stop", known)
         self.wait_until(lambda: self.view("stop_acknowledged"), "stop is not acknowledged")
         seen = self.run_script("return window.seen")
-        self.assertEqual(seen[0], "stopping…")
-        self.assertTrue(seen[-1].startswith("stopped, acknowledged by the servo"), seen)
+        self.assertEqual(seen[0], ["stopping…", True], "the banner holds up the acknowledgement")
+        self.assertTrue(seen[-1][0].startswith("stopped, acknowledged by the servo"), seen)
+        self.assertFalse(seen[-1][1])
         self.assertEqual(freeze.get_attribute("aria-pressed"), "false",
                          "the button was pressed, too")
         self.wait_for_state("ended")
