@@ -311,14 +311,21 @@ void EnsembleMethod::take_rendered(const Candidate& candidate, std::uint64_t num
 
 // Adds the errors of each sample to the scores once all candidates have taken it, so that they are
 // always compared over the same samples.
-void EnsembleMethod::score() noexcept {
-  std::uint64_t seen = queue_.taken();
+// Samples below this number have been predicted by all that are awake.
+std::uint64_t EnsembleMethod::evaluated_by_all() const noexcept {
+  std::uint64_t until = queue_.taken();
   for (const auto& candidate : candidates_.all) {
-    seen = candidate->awake() ? std::min(seen, candidate->evaluated_until()) : seen;
+    until = candidate->awake() ? std::min(until, candidate->evaluated_until()) : until;
   }
+  return until;
+}
+
+void EnsembleMethod::score() noexcept {
   bool slept = false;
-  for (; scored_ < seen; ++scored_) {
-    const EvaluatedSample& entry = evaluated(scored_);
+  std::uint64_t until = evaluated_by_all();
+  while (scored_ < until) {
+    const std::uint64_t number = scored_++;
+    const EvaluatedSample& entry = evaluated(number);
     if (!entry.scored || entry.explained) {
       continue;
     }
@@ -326,9 +333,10 @@ void EnsembleMethod::score() noexcept {
     choice_.score(entry, rendered_);
     const std::size_t best = choice_.best(rendered_);
     // Samples from before a wall was found say nothing about it.
-    const bool before_wall = reason_ == ChoiceReason::kFoundWall && scored_ < wall_found_at_;
+    const bool before_wall = reason_ == ChoiceReason::kFoundWall && number < wall_found_at_;
     if (best != rendered_ && !before_wall) {
       hand_over(best, ChoiceReason::kPredictedBetter);
+      until = evaluated_by_all();  // whom that woke takes the last samples first
     }
     slept = wake_rule_.scored(choice_) || slept;
   }
@@ -378,7 +386,9 @@ void EnsembleMethod::wake(std::size_t index) noexcept {
   candidate.long_score_N2 = first * rendered_candidate().long_score_N2;
   begins_[index] =
       !from_now_on && candidate.field().can_begin_with() && candidate.next_sample() > 0;
-  if (!from_now_on) {
+  // Once for each sample that came: hand-overs wake and put to sleep, and could go on for ever.
+  if (!from_now_on && scored_again_at_ != taken) {
+    scored_again_at_ = taken;
     scored_ = std::min(scored_, taken - std::min(kScoredAtOnce, taken));
   }
 }

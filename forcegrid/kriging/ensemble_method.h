@@ -153,6 +153,7 @@ class EnsembleMethod final : public ForceMethod {
   void taken(std::size_t index, std::uint64_t number,
              const kriging::Innovation& innovation) noexcept;
   void take_rendered(const Candidate& candidate, std::uint64_t number, bool follows) noexcept;
+  std::uint64_t evaluated_by_all() const noexcept;
   void score() noexcept;
   void hand_over(std::size_t index, ChoiceReason reason) noexcept;
   int prepare(std::size_t index, int budget) noexcept;
@@ -185,8 +186,9 @@ class EnsembleMethod final : public ForceMethod {
   int answers_before_ = 0;  ///< for the expected contact
   kriging::SampleQueue queue_;
   std::array<EvaluatedSample, kriging::SampleQueue::kLength> evaluated_{};
-  std::uint64_t scored_ = 0;         ///< samples whose errors are in the scores
-  std::uint64_t wall_found_at_ = 0;  ///< number of the sample that `walls` took over with
+  std::uint64_t scored_ = 0;           ///< samples whose errors are in the scores
+  std::uint64_t scored_again_at_ = 0;  ///< queue_.taken() when the last were scored once more
+  std::uint64_t wall_found_at_ = 0;    ///< number of the sample that `walls` took over with
   kriging::WakeRule wake_rule_;
   std::array<std::uint64_t, kMaxCandidates> level_at_{};  ///< a woken one catches up until there
   std::array<bool, kMaxCandidates> begins_{};             ///< woken, and not begun yet
