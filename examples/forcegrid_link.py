@@ -26,7 +26,8 @@ rest where it catches the tool:
             pass
 
 Units are SI; vectors are (x, y, z) in the workspace frame W: x toward the operator, y to the operator's
-right, z up. Not thread-safe.
+right, z up. Quaternions are (w, x, y, z). A servo whose device has a wrist tells its tool's orientation
+and takes torques. Not thread-safe.
 """
 import collections
 import dataclasses
@@ -47,9 +48,14 @@ _HEADER = struct.Struct("<4sHHHHIQ")  # magic, version, type, payload bytes, res
 _PAYLOADS = {TOOL_STATE: struct.Struct("<q6d"), QUERY: struct.Struct("<q3d"),
              FORCE_SAMPLE: struct.Struct("<qIIII9d2d9d"), GOODBYE: struct.Struct("<"),
              SURFACE_PATCH: struct.Struct("<qIIBBBB2f6f3d57f81B")}
+_POSE_PAYLOADS = {**_PAYLOADS, TOOL_STATE: struct.Struct("<q13dII"),
+                  FORCE_SAMPLE: struct.Struct("<qIIII9d2d9d3d4d9d")}
+_POSITION, _POSE = 1, 3  # versions of the protocol
 _MAX_DATAGRAM_BYTES = 511
 _MAX_POSITION_M, _MAX_VELOCITY_M_PER_S, _MAX_FORCE_N, _MAX_STIFFNESS_N_PER_M = 10.0, 100.0, 1e3, 1e7
 _MAX_SOLVE_TIME_S = 3600.0
+_MAX_ANGULAR_VELOCITY_RAD_PER_S, _MAX_TORQUE_NM, _MAX_ROTATIONAL_STIFFNESS_NM_PER_RAD = 1e3, 1e3, 1e7
+_MAX_NORM_ERROR, _IDENTITY = 1e-6, (1.0, 0.0, 0.0, 0.0)
 _MAX_VERTICES, _MAX_TRIANGLES, _MAX_OFFSET_M = 19, 27, 1.0
 _MAX_TOOL_RADIUS_M, _MAX_TOOL_LENGTH_M, _MAX_TOOL_OPENING_RAD = 0.1, 0.5, 1.6
 _QUEUED_QUERIES, _REMEMBERED_SESSIONS, _WINDOW, _PEER_STREAMS = 64, 16, 1024, 16
@@ -70,6 +76,11 @@ class ToolState:
     servo_time_ns: int
     position_W_m: tuple
     velocity_W_m_per_s: tuple
+    orientation_WT: tuple = _IDENTITY  # of the rotation from the tool's frame T to W
+    angular_velocity_W_rad_per_s: tuple = (0.0, 0.0, 0.0)
+    buttons: int = 0                   # bit i: the device's button i is pressed
+    has_orientation: bool = False      # else the identity and no angular velocity
+    has_buttons: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,38 +107,56 @@ def _within(values, bound):
     return all(math.isfinite(value) and abs(value) <= bound for value in values)
 
 
+def _is_unit(quaternion):
+    return abs(sum(component * component for component in quaternion) - 1.0) <= _MAX_NORM_ERROR
+
+
 class _Refused(Exception):
     """The datagram is dropped. The text names the counter."""
 
 
+def _check_pose(payload):
+    """Refuses an unsound tool state of version 3."""
+    orientation, angular_velocity, (buttons, flags) = payload[7:11], payload[11:14], payload[14:]
+    if flags > 3 or (not flags & 2 and buttons) or (
+            not flags & 1 and (orientation != _IDENTITY or any(angular_velocity))):
+        raise _Refused("reserved field not zero")
+    if not (_within(orientation, 2.0) and _is_unit(orientation)
+            and _within(angular_velocity, _MAX_ANGULAR_VELOCITY_RAD_PER_S)):
+        raise _Refused("out of range")
+
+
 def decode(datagram):
-    """(type, sequence, session, payload) of a valid datagram. Raises _Refused for any other."""
+    """(version, type, sequence, session, payload) of a valid datagram. Raises _Refused for any other."""
     if len(datagram) < _HEADER.size + 4:
         raise _Refused("too short")
     magic, version, kind, length, reserved, sequence, session = _HEADER.unpack_from(datagram)
     if magic != b"FGRD":
         raise _Refused("bad magic")
-    if version != 1:
+    if version not in (_POSITION, _POSE):
         raise _Refused("bad version")
-    if kind not in _PAYLOADS:
+    payloads = _POSE_PAYLOADS if version == _POSE else _PAYLOADS
+    if kind not in payloads:
         raise _Refused("bad type")
-    if len(datagram) != _HEADER.size + _PAYLOADS[kind].size + 4 or length != _PAYLOADS[kind].size:
+    if len(datagram) != _HEADER.size + payloads[kind].size + 4 or length != payloads[kind].size:
         raise _Refused("bad length")
     if zlib.crc32(datagram[:-4]) != struct.unpack("<I", datagram[-4:])[0]:
         raise _Refused("bad checksum")
     if reserved != 0 or (kind == GOODBYE and sequence != 0):
         raise _Refused("reserved field not zero")
-    payload = _PAYLOADS[kind].unpack_from(datagram, _HEADER.size)
+    payload = payloads[kind].unpack_from(datagram, _HEADER.size)
     if session == 0 or (kind == QUERY and sequence == 0) or (payload and payload[0] < 0) or (
             kind in (TOOL_STATE, QUERY) and not _within(payload[1:4], _MAX_POSITION_M)) or (
             kind == TOOL_STATE and not _within(payload[4:7], _MAX_VELOCITY_M_PER_S)):
         raise _Refused("out of range")
-    return kind, sequence, session, payload
+    if version == _POSE and kind == TOOL_STATE:
+        _check_pose(payload)
+    return version, kind, sequence, session, payload
 
 
-def encode(kind, sequence, session, *payload):
-    body = _HEADER.pack(b"FGRD", 1, kind, _PAYLOADS[kind].size, 0, sequence, session)
-    body += _PAYLOADS[kind].pack(*payload)
+def encode(version, kind, sequence, session, *payload):
+    layout = (_POSE_PAYLOADS if version == _POSE else _PAYLOADS)[kind]
+    body = _HEADER.pack(b"FGRD", version, kind, layout.size, 0, sequence, session) + layout.pack(*payload)
     return body + struct.pack("<I", zlib.crc32(body))
 
 
@@ -281,6 +310,7 @@ class SimulatorLink:
         self._silence_s = silence_s
         self._servo = self._peer = None
         self._session, self._ended = 0, collections.deque(maxlen=_REMEMBERED_SESSIONS)
+        self._version = _POSITION  # in which the servo is answered
         self._last_heard_s = 0.0
         self._sequence = self._patches = 0
         self.dropped = collections.Counter()  # reason -> datagrams
@@ -319,7 +349,8 @@ class SimulatorLink:
 
     def answer(self, request, force_W_N, in_contact, converged, stiffness_W_N_per_m=None,
                position_W_m=None, contact_point_W_m=None, contact_epoch=0, relative_residual=0.0,
-               solve_time_s=0.0):
+               solve_time_s=0.0, torque_W_Nm=None, orientation_WT=None,
+               rotational_stiffness_W_Nm_per_rad=None):
         """Answers a ToolState or a Query: force_W_N is the force of the object on the tool.
 
         position_W_m: where the force was computed; default: the request's position.
@@ -327,6 +358,10 @@ class SimulatorLink:
         contact_epoch: 0 before any contact, then a new number at every discontinuity; in the answer
         to a query that of the present contact. contact_point_W_m: where the tool touched.
         stiffness_W_N_per_m: dF/dP, 9 numbers row by row. converged: the solver reached its tolerance.
+        torque_W_Nm: on the tool about position_W_m; a servo without a wrist does not get it.
+        orientation_WT: for which it was computed; default: the request's.
+        rotational_stiffness_W_Nm_per_rad, with a torque only: d(torque)/d(theta), 9 numbers row by
+        row; theta is the rotation vector in W by which the tool turns on.
         Raises ValueError for what the servo would refuse."""
         position_W_m = tuple(request.position_W_m if position_W_m is None else position_W_m)
         contact_point_W_m = tuple(position_W_m if contact_point_W_m is None else contact_point_W_m)
@@ -335,15 +370,38 @@ class SimulatorLink:
                 and _within(force_W_N, _MAX_FORCE_N) and _within(stiffness, _MAX_STIFFNESS_N_PER_M)
                 and 0.0 <= relative_residual < math.inf and 0.0 <= solve_time_s <= _MAX_SOLVE_TIME_S):
             raise ValueError("the answer is not finite or out of range; see docs/link_protocol.md")
+        torque = self._torque_fields(request, torque_W_Nm, orientation_WT, rotational_stiffness_W_Nm_per_rad)
         if self._session == 0:
             return  # the servo has gone
         is_query = isinstance(request, Query)
         flags = bool(in_contact) | bool(converged) << 1 | (stiffness_W_N_per_m is not None) << 2
         self._sequence = (self._sequence + 1) % 2**32
-        self._send(encode(FORCE_SAMPLE, self._sequence, self._session, request.servo_time_ns,
+        if self._version == _POSE:
+            flags |= (torque_W_Nm is not None) << 3 | (rotational_stiffness_W_Nm_per_rad is not None) << 4
+        else:
+            torque = ()
+        self._send(encode(self._version, FORCE_SAMPLE, self._sequence, self._session, request.servo_time_ns,
                           0 if is_query else request.sequence, request.query_id if is_query else 0,
                           contact_epoch, flags, *position_W_m, *force_W_N, *contact_point_W_m,
-                          relative_residual, solve_time_s, *stiffness))
+                          relative_residual, solve_time_s, *stiffness, *torque))
+
+    @staticmethod
+    def _torque_fields(request, torque_W_Nm, orientation_WT, rotational_stiffness_W_Nm_per_rad):
+        """Torque, orientation and rotational stiffness of a sample of version 3. Raises ValueError."""
+        stiffness = tuple([0.0] * 9 if rotational_stiffness_W_Nm_per_rad is None
+                          else rotational_stiffness_W_Nm_per_rad)
+        if torque_W_Nm is None:
+            if rotational_stiffness_W_Nm_per_rad is not None:
+                raise ValueError("rotational_stiffness_W_Nm_per_rad needs a torque_W_Nm")
+            return (0.0, 0.0, 0.0, *_IDENTITY, *stiffness)
+        orientation = tuple(getattr(request, "orientation_WT", _IDENTITY) if orientation_WT is None
+                            else orientation_WT)
+        if not (_within(torque_W_Nm, _MAX_TORQUE_NM) and _within(orientation, 2.0)
+                and len(orientation) == 4 and _is_unit(orientation)
+                and _within(stiffness, _MAX_ROTATIONAL_STIFFNESS_NM_PER_RAD)):
+            raise ValueError("the torque is not finite or out of range, or orientation_WT is not a unit "
+                             "quaternion; see docs/link_protocol.md")
+        return (*torque_W_Nm, *orientation, *stiffness)
 
     def show_surface(self, tool_state, vertices_W_m, triangles, contact_epoch=0, tool_radius_m=0.0,
                      tool_length_m=0.0, stiffness_W_N_per_m=None, press_forces_W_N=None,
@@ -377,17 +435,18 @@ class SimulatorLink:
         if self._session == 0:
             return  # the servo has gone
         self._patches = (self._patches + 1) % 2**32
-        self._send(encode(SURFACE_PATCH, self._patches, self._session, tool_state.servo_time_ns,
-                          tool_state.sequence, contact_epoch, len(vertices_W_m), len(triangles),
-                          flags, round(100 * tool_opening_rad), tool_radius_m, tool_length_m,
-                          *(press or stiffness), *tool_state.position_W_m, *offsets,
+        self._send(encode(self._version, SURFACE_PATCH, self._patches, self._session,
+                          tool_state.servo_time_ns, tool_state.sequence, contact_epoch,
+                          len(vertices_W_m), len(triangles), flags, round(100 * tool_opening_rad),
+                          tool_radius_m, tool_length_m, *(press or stiffness),
+                          *tool_state.position_W_m, *offsets,
                           *[0.0] * (3 * _MAX_VERTICES - len(offsets)), *corners,
                           *[0] * (3 * _MAX_TRIANGLES - len(corners))))
 
     def close(self):
         """Says goodbye to the servo, if there is one, and closes the socket."""
         if self._session:
-            self._send(encode(GOODBYE, 0, self._session))
+            self._send(encode(self._version, GOODBYE, 0, self._session))
             self._session = 0
         self._socket.close()
 
@@ -397,6 +456,7 @@ class SimulatorLink:
         self._session = 0
         self._tool_states, self._query_ids = _Numbers(), _Numbers()
         self._newest = None
+        self._version = _POSITION
         self._queries = collections.deque()
 
     def _take(self, datagram, sender, news):
@@ -407,26 +467,36 @@ class SimulatorLink:
             datagram, peer = self._channel.open(datagram)
             if not datagram:
                 return
-        kind, sequence, session, payload = decode(datagram)
+        version, kind, sequence, session, payload = decode(datagram)
         if kind in (FORCE_SAMPLE, SURFACE_PATCH):
             raise _Refused("unexpected type")
         self._check_session(kind, session, sender, news)
         self._peer = peer
+        self._version = max(self._version, version)
         if kind == GOODBYE:
             self._forget()
             news.tool_state, news.servo_ended = None, True
         elif kind == TOOL_STATE:
             self._tool_states.take(sequence)
-            if self._newest is not None and _ahead_of(sequence, self._newest) < 0:
+            if self._newest is not None and _ahead_of(sequence, self._newest.sequence) < 0:
                 raise _Refused("late")
-            self._newest = sequence
-            news.tool_state = ToolState(sequence, payload[0], payload[1:4], payload[4:7])
+            self._newest = news.tool_state = self._tool_state(version, sequence, payload)
         else:
             self._query_ids.take(sequence)
             self._queries.append(Query(sequence, payload[0], payload[1:4]))
             if len(self._queries) > _QUEUED_QUERIES:
                 self._queries.popleft()
                 self.dropped["queue full"] += 1
+
+    def _tool_state(self, version, sequence, payload):
+        position = (sequence, payload[0], payload[1:4], payload[4:7])
+        if version == _POSE:
+            return ToolState(*position, payload[7:11], payload[11:14], payload[14], bool(payload[15] & 1),
+                             bool(payload[15] & 2))
+        if self._newest is None:
+            return ToolState(*position)
+        return dataclasses.replace(self._newest, sequence=sequence, servo_time_ns=payload[0],
+                                   position_W_m=payload[1:4], velocity_W_m_per_s=payload[4:7])
 
     def _check_session(self, kind, session, sender, news):
         if session == self._session:

@@ -21,7 +21,10 @@
  *
  * All functions are static inline, don't allocate, lock or keep global state. One fg_link belongs
  * to one thread. Units are SI; vectors are x, y, z in the workspace frame W: x toward the operator,
- * y to the operator's right, z up.
+ * y to the operator's right, z up. Quaternions are w, x, y, z.
+ *
+ * A servo whose device has a wrist tells its tool's orientation and takes torques (version 3 of the
+ * protocol); fg_link answers each servo in its own version.
  *
  * Without a key listen on a loopback address only: datagrams are then not authenticated, and forces
  * move real motors. With a key give fg_link_init() an fg_crypto, whose functions are one line each
@@ -69,6 +72,11 @@ typedef struct {
   int64_t servo_time_ns; /* the servo's clock when the position was measured */
   double position_W_m[3];
   double velocity_W_m_per_s[3];
+  int has_orientation;      /* else the identity and no angular velocity */
+  int has_buttons;          /* else none is pressed */
+  double orientation_WT[4]; /* of the rotation from the tool's frame T to W; a unit quaternion */
+  double angular_velocity_W_rad_per_s[3];
+  uint32_t buttons; /* bit i: the device's button i is pressed */
 } fg_tool_state;
 
 /* Asks for the force at that position. Answered in idle time, if at all. */
@@ -93,6 +101,12 @@ typedef struct {
   double relative_residual;
   double solve_time_s;
   double stiffness_W_N_per_m[9]; /* dF/dP, row by row */
+  int has_torque; /* else torque_W_Nm is not sent; nor is it to a servo without wrist */
+  int has_rotational_stiffness; /* with a torque only */
+  double torque_W_Nm[3];        /* on the tool, about position_W_m */
+  double orientation_WT[4];     /* for which it was computed; copied from the tool state */
+  double rotational_stiffness_W_Nm_per_rad[9]; /* d(torque)/d(theta), row by row: theta is the
+                                                  rotation vector in W by which the tool turns on */
 } fg_force_sample;
 
 /* The part of the surface that a tool in the air may touch next; optional. */
@@ -175,6 +189,7 @@ typedef struct {
   uint64_t ended[FG_ENDED_SESSIONS];
   unsigned ended_count;
   int tool_state_seen;
+  int knows_poses; /* the servo speaks version 3 */
   fg_window tool_states;
   fg_window queries;
   uint32_t sample_sequence;
@@ -272,15 +287,25 @@ static inline uint32_t fg_crc32(const unsigned char* bytes, size_t size) {
   return ~crc;
 }
 
-static inline size_t fg_begin_datagram(unsigned char* to, unsigned type, unsigned payload_bytes,
-                                       uint32_t sequence, uint64_t session_id) {
+/* A unit quaternion of no rotation, and whether four finite numbers are a unit quaternion. */
+static inline void fg_set_identity(double* quaternion) {
+  quaternion[0] = 1.0;
+  quaternion[1] = quaternion[2] = quaternion[3] = 0.0;
+}
+
+static inline int fg_is_unit(const double* q) {
+  return fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) <= 1e-6;
+}
+
+static inline size_t fg_begin_datagram(const fg_link* link, unsigned char* to, unsigned type,
+                                       unsigned payload_bytes, uint32_t sequence) {
   memcpy(to, "FGRD", 4);
-  fg_put(to + 4, 1, 2);
+  fg_put(to + 4, link->knows_poses ? 3 : 1, 2);
   fg_put(to + 6, type, 2);
   fg_put(to + 8, payload_bytes, 2);
   fg_put(to + 10, 0, 2);
   fg_put(to + 12, sequence, 4);
-  fg_put(to + 16, session_id, 8);
+  fg_put(to + 16, link->session_id, 8);
   return FG_HEADER_BYTES + (size_t)payload_bytes;
 }
 
@@ -424,6 +449,7 @@ static inline void fg_end_session(fg_link* link) {
   }
   link->session_id = 0;
   link->tool_state_seen = 0;
+  link->knows_poses = 0;
   memset(&link->tool_states, 0, sizeof link->tool_states);
   memset(&link->queries, 0, sizeof link->queries);
 }
@@ -477,6 +503,31 @@ static inline int fg_take_number(fg_link* link, fg_window* window, uint32_t numb
   return 0;
 }
 
+/* What version 3 has beyond the others, behind the velocity. 1 if it is sound. */
+static inline int fg_get_pose(const unsigned char* datagram, fg_tool_state* state) {
+  const uint32_t flags = (uint32_t)fg_get(datagram + 140, 4);
+  const double* const q = state->orientation_WT;
+  const int sound = fg_get_doubles(datagram + 80, state->orientation_WT, 4, 2.0) &&
+                    fg_get_doubles(datagram + 112, state->angular_velocity_W_rad_per_s, 3, 1e3) &&
+                    fg_is_unit(q) && flags <= 3;
+  state->buttons = (uint32_t)fg_get(datagram + 136, 4);
+  state->has_orientation = (flags & 1u) != 0;
+  state->has_buttons = (flags & 2u) != 0;
+  return sound && (state->has_buttons || state->buttons == 0) &&
+         (state->has_orientation || (q[0] == 1.0 && q[1] == 0.0 && q[2] == 0.0 && q[3] == 0.0 &&
+                                     fg_within(state->angular_velocity_W_rad_per_s, 3, 0.0)));
+}
+
+/* What an older version leaves out stays as it was. */
+static inline void fg_keep_pose(fg_tool_state* state, const fg_tool_state* last) {
+  state->has_orientation = last->has_orientation;
+  state->has_buttons = last->has_buttons;
+  memcpy(state->orientation_WT, last->orientation_WT, sizeof state->orientation_WT);
+  memcpy(state->angular_velocity_W_rad_per_s, last->angular_velocity_W_rad_per_s,
+         sizeof state->angular_velocity_W_rad_per_s);
+  state->buttons = last->buttons;
+}
+
 /* Takes in what recvfrom() gave: `from` are the bytes of the sender's address (at most
  * FG_ADDRESS_BYTES are looked at), `now_ns` a monotonic clock. With a key there may be a `reply`
  * (FG_SEAL_OVERHEAD_BYTES of room; *reply_size is 0 if not) to be sent to `from` as it is.
@@ -490,6 +541,7 @@ static inline fg_event fg_link_take(fg_link* link, const unsigned char* bytes, s
   fg_query query;
   fg_drop drop;
   unsigned type;
+  unsigned version;
   size_t payload_bytes;
   uint32_t sequence;
   uint64_t session_id;
@@ -505,11 +557,12 @@ static inline fg_event fg_link_take(fg_link* link, const unsigned char* bytes, s
     datagram = inside + FG_SEAL_TIMES_BYTES;
     size -= FG_SEAL_OVERHEAD_BYTES;
   }
-  if (size < FG_HEADER_BYTES + FG_CHECKSUM_BYTES || memcmp(datagram, "FGRD\1\0", 6) != 0) {
+  version = size < FG_HEADER_BYTES + FG_CHECKSUM_BYTES ? 0 : (unsigned)fg_get(datagram + 4, 2);
+  if ((version != 1 && version != 3) || memcmp(datagram, "FGRD", 4) != 0) {
     return fg_drop_for(link, FG_DROP_MALFORMED);
   }
   type = (unsigned)fg_get(datagram + 6, 2);
-  payload_bytes = type == 1 ? 56 : type == 2 ? 32 : 0;
+  payload_bytes = type == 1 ? (version == 3 ? 120 : 56) : type == 2 ? 32 : 0;
   sequence = (uint32_t)fg_get(datagram + 12, 4);
   session_id = fg_get(datagram + 16, 8);
   if ((type != 1 && type != 2 && type != 4) ||
@@ -525,7 +578,7 @@ static inline fg_event fg_link_take(fg_link* link, const unsigned char* bytes, s
     state.servo_time_ns = (int64_t)fg_get(datagram + 24, 8);
     if (!fg_get_doubles(datagram + 32, state.position_W_m, 3, 10.0) ||
         !fg_get_doubles(datagram + 56, state.velocity_W_m_per_s, 3, 100.0) ||
-        state.servo_time_ns < 0) {
+        state.servo_time_ns < 0 || (version == 3 && !fg_get_pose(datagram, &state))) {
       return fg_drop_for(link, FG_DROP_MALFORMED);
     }
   } else if (type == 2) {
@@ -542,6 +595,7 @@ static inline fg_event fg_link_take(fg_link* link, const unsigned char* bytes, s
   if (drop != FG_DROP_COUNT) {
     return fg_drop_for(link, drop);
   }
+  link->knows_poses = link->knows_poses || version == 3;
   if (type == 4) {
     fg_end_session(link);
     return FG_GOODBYE;
@@ -558,6 +612,11 @@ static inline fg_event fg_link_take(fg_link* link, const unsigned char* bytes, s
   }
   if (link->tool_state_seen && (int32_t)(sequence - link->tool_state.sequence) < 0) {
     return fg_drop_for(link, FG_DROP_LATE);
+  }
+  if (version == 1 && link->tool_state_seen) {
+    fg_keep_pose(&state, &link->tool_state);
+  } else if (version == 1) {
+    fg_set_identity(state.orientation_WT);
   }
   link->tool_state_seen = 1;
   link->tool_state = state;
@@ -576,6 +635,30 @@ static inline size_t fg_finish(fg_link* link, unsigned char* datagram, size_t si
   return fg_seal(link, to, size, link->heard, link->heard_sent_ns, link->heard_received_ns, now_ns);
 }
 
+static inline int fg_torque_is_sound(const fg_force_sample* sample) {
+  return fg_within(sample->torque_W_Nm, 3, 1e3) && fg_within(sample->orientation_WT, 4, 2.0) &&
+         fg_is_unit(sample->orientation_WT) &&
+         (!sample->has_rotational_stiffness ||
+          fg_within(sample->rotational_stiffness_W_Nm_per_rad, 9, 1e7));
+}
+
+/* What version 3 has beyond the others, behind the stiffness. */
+static inline void fg_put_torque(unsigned char* datagram, const fg_force_sample* sample) {
+  double identity[4];
+  fg_set_identity(identity);
+  if (!sample->has_torque) {
+    fg_put_doubles(datagram + 232, identity, 4);
+    return;
+  }
+  fg_put(datagram + 44,
+         fg_get(datagram + 44, 4) | 8u | (sample->has_rotational_stiffness ? 16u : 0u), 4);
+  fg_put_doubles(datagram + 208, sample->torque_W_Nm, 3);
+  fg_put_doubles(datagram + 232, sample->orientation_WT, 4);
+  if (sample->has_rotational_stiffness) {
+    fg_put_doubles(datagram + 264, sample->rotational_stiffness_W_Nm_per_rad, 9);
+  }
+}
+
 /* Writes the datagram of a sample (or reply) to `to`, which has room for FG_MAX_DATAGRAM_BYTES.
  * @returns its size; 0 if there is no servo, or if the sample is not finite or out of range: the
  * servo would refuse it. */
@@ -588,11 +671,14 @@ static inline size_t fg_link_make_sample(fg_link* link, const fg_force_sample* s
       !fg_within(sample->contact_point_W_m, 3, 10.0) ||
       !fg_within(&sample->relative_residual, 1, HUGE_VAL) || sample->relative_residual < 0.0 ||
       !fg_within(&sample->solve_time_s, 1, 3600.0) || sample->solve_time_s < 0.0 ||
-      (sample->has_stiffness && !fg_within(sample->stiffness_W_N_per_m, 9, 1e7))) {
+      (sample->has_stiffness && !fg_within(sample->stiffness_W_N_per_m, 9, 1e7)) ||
+      (sample->has_torque && !fg_torque_is_sound(sample)) ||
+      (sample->has_rotational_stiffness && !sample->has_torque)) {
     return 0;
   }
   memset(datagram, 0, sizeof datagram);
-  size = fg_begin_datagram(datagram, 3, 184, ++link->sample_sequence, link->session_id);
+  size =
+      fg_begin_datagram(link, datagram, 3, link->knows_poses ? 312 : 184, ++link->sample_sequence);
   fg_put(datagram + 24, (uint64_t)sample->echo_servo_time_ns, 8);
   fg_put(datagram + 32, sample->echo_sequence, 4);
   fg_put(datagram + 36, sample->query_id, 4);
@@ -608,6 +694,9 @@ static inline size_t fg_link_make_sample(fg_link* link, const fg_force_sample* s
   fg_put_doubles(datagram + 128, &sample->solve_time_s, 1);
   if (sample->has_stiffness) {
     fg_put_doubles(datagram + 136, sample->stiffness_W_N_per_m, 9);
+  }
+  if (link->knows_poses) {
+    fg_put_torque(datagram, sample);
   }
   return fg_finish(link, datagram, size, now_ns, to);
 }
@@ -651,7 +740,7 @@ static inline size_t fg_link_make_patch(fg_link* link, const fg_surface_patch* p
     return 0;
   }
   memset(datagram, 0, sizeof datagram);
-  size = fg_begin_datagram(datagram, 5, 385, ++link->patch_sequence, link->session_id);
+  size = fg_begin_datagram(link, datagram, 5, 385, ++link->patch_sequence);
   fg_put(datagram + 24, (uint64_t)patch->echo_servo_time_ns, 8);
   fg_put(datagram + 32, patch->echo_sequence, 4);
   fg_put(datagram + 36, patch->contact_epoch, 4);
@@ -684,11 +773,10 @@ static inline size_t fg_link_make_goodbye(fg_link* link, int64_t now_ns, unsigne
   if (link->session_id == 0) {
     return 0;
   }
-  return fg_finish(link, datagram, fg_begin_datagram(datagram, 4, 0, 0, link->session_id), now_ns,
-                   to);
+  return fg_finish(link, datagram, fg_begin_datagram(link, datagram, 4, 0, 0), now_ns, to);
 }
 
-/* A sample for the tool's position with the echo filled in; force zero, not in contact. */
+/* A sample for the tool's pose with the echo filled in; force zero, not in contact. */
 static inline fg_force_sample fg_answer_to_tool_state(const fg_tool_state* state) {
   fg_force_sample sample;
   memset(&sample, 0, sizeof sample);
@@ -696,6 +784,7 @@ static inline fg_force_sample fg_answer_to_tool_state(const fg_tool_state* state
   sample.echo_servo_time_ns = state->servo_time_ns;
   memcpy(sample.position_W_m, state->position_W_m, sizeof sample.position_W_m);
   memcpy(sample.contact_point_W_m, state->position_W_m, sizeof sample.contact_point_W_m);
+  memcpy(sample.orientation_WT, state->orientation_WT, sizeof sample.orientation_WT);
   return sample;
 }
 
@@ -707,6 +796,7 @@ static inline fg_force_sample fg_answer_to_query(const fg_query* query) {
   sample.echo_servo_time_ns = query->servo_time_ns;
   memcpy(sample.position_W_m, query->position_W_m, sizeof sample.position_W_m);
   memcpy(sample.contact_point_W_m, query->position_W_m, sizeof sample.contact_point_W_m);
+  fg_set_identity(sample.orientation_WT);
   return sample;
 }
 

@@ -10,6 +10,15 @@ namespace forcegrid::link {
 /// x, y, z. Plain arrays, so that a foreign simulator needs no linear algebra library.
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  ///< row major
+/// w, x, y, z of a rotation: q = cos(a/2) + sin(a/2) (x i + y j + z k) turns by a about (x, y, z).
+using Quaternion = std::array<double, 4>;
+inline constexpr Quaternion kIdentity = {1.0, 0.0, 0.0, 0.0};
+
+/// What the datagrams of a link tell of. Both name their tool or not (ToolId).
+enum class Content : std::uint8_t {
+  kPosition,  ///< versions 1 and 2 of the protocol: positions and forces
+  kPose,      ///< version 3: orientations, buttons and torques, too
+};
 
 /// The number of a tool among those of one simulation, chosen by its servo. 0: the only tool, of a
 /// servo that speaks version 1 of the protocol.
@@ -25,6 +34,13 @@ struct ToolState {
   std::int64_t servo_time_ns = 0;  ///< the servo's clock when `position_W` was measured
   Vector3 position_W_m{};          ///< operational point
   Vector3 velocity_W_m_per_s{};
+  // From here on version 3 only; versions 1 and 2 do not carry it.
+  bool has_orientation = false;  ///< else the identity, and no angular velocity
+  bool has_buttons = false;      ///< else none is pressed
+  /// Of the rotation from the tool's frame T to W: a_W = R(orientation_WT) a_T. A unit quaternion.
+  Quaternion orientation_WT = kIdentity;
+  Vector3 angular_velocity_W_rad_per_s{};
+  std::uint32_t buttons = 0;  ///< bit i: the device's button i is pressed
 };
 
 /// Servo -> simulator: asks for the force at that position (request method; answered in idle time).
@@ -53,6 +69,17 @@ struct ForceSample {
   Vector3 contact_point_W_m{};
   double relative_residual = 0.0;  ///< of the equilibrium; see the simulator's documentation
   double solve_time_s = 0.0;
+  // From here on version 3 only; versions 1 and 2 do not carry it.
+  bool has_torque = false;
+  bool has_rotational_stiffness = false;  ///< not without a torque
+  /// Of the object on the tool, about `position_W_m`; zero unless has_torque.
+  Vector3 torque_W_Nm{};
+  /// For which force and torque were computed, as ToolState::orientation_WT. Sent with a torque
+  /// only.
+  Quaternion orientation_WT = kIdentity;
+  /// d(torque)/d(theta), row major, at a fixed position; theta [rad] is the rotation vector in W by
+  /// which the tool turns on from `orientation_WT`. Zero unless has_rotational_stiffness.
+  Matrix3 rotational_stiffness_W_Nm_per_rad{};
 };
 
 /// Where one of the other tools of the simulation is.

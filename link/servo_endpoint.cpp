@@ -18,10 +18,10 @@ namespace forcegrid::link {
 namespace {
 
 constexpr int kSamplesPerCall = 256;
-// A simulator that knows several tools answers version 1 only to a servo whose first datagram in
-// version 2 is still on its way.
-constexpr std::uint32_t kTryVersion1Every = 64;
-constexpr int kAnswersOfVersion1 = 3;
+// A simulator that knows a version answers an older one only to a servo whose first datagram in the
+// newer one is still on its way.
+constexpr std::uint32_t kTryOlderVersionEvery = 64;
+constexpr int kAnswersOfOlderVersion = 3;
 
 /// What was sent under a number, to check what comes back.
 struct SentMessage {
@@ -79,8 +79,20 @@ struct ServoEndpoint::State {
     }
   }
 
+  /// A version of the protocol.
+  struct Speech {
+    ToolId tool = 0;
+    Content content = Content::kPosition;
+  };
+  /// The newest one that the simulator is not known to be without.
+  [[nodiscard]] Speech own_speech() const noexcept;
+  /// Of the next tool state: now and then an older one.
+  Speech next_speech() noexcept;
+  /// Whether the datagram is in a version that the simulator was asked in; else it is counted.
+  bool answers_own_speech(const Decoded& decoded) noexcept;
+
   template <typename Message>
-  SendStatus transmit(const Message& message, ToolId as_tool) noexcept;
+  SendStatus transmit(const Message& message, Speech speech) noexcept;
   void take(const Decoded& decoded) noexcept;
   bool accept(const ForceSample& sample) noexcept;
   bool accept_sample(const ForceSample& sample) noexcept;
@@ -116,20 +128,61 @@ struct ServoEndpoint::State {
   std::optional<std::uint32_t> newest_others;  ///< its number
   std::optional<Refusal> refusal;
   std::uint64_t refusals_accepted = 0;
-  bool own_version_answered = false;
-  std::uint32_t tool_states_sent = 0;
-  int answers_of_version_1 = 0;
+  bool own_tool_answered = false;
+  int answers_without_tool = 0;
+  bool has_pose = false;  ///< a tool state had an orientation or buttons
+  bool pose_answered = false;
+  int answers_without_pose = 0;
+  std::uint32_t unanswered_tool_states = 0;
   bool simulator_ended = false;
   bool goodbye_said = false;
 };
 
 template <typename Message>
-SendStatus ServoEndpoint::State::transmit(const Message& message, ToolId as_tool) noexcept {
+SendStatus ServoEndpoint::State::transmit(const Message& message, Speech speech) noexcept {
   std::array<std::byte, kMaxDatagramBytes> buffer;
   const SendStatus status = transport.send(
-      simulator, peer, encode(message, session_id, buffer, as_tool), buffer, statistics);
+      simulator, peer, encode(message, session_id, buffer, speech.tool, speech.content), buffer,
+      statistics);
   statistics.send_no_peer = transport.socket().undelivered();
   return status;
+}
+
+ServoEndpoint::State::Speech ServoEndpoint::State::own_speech() const noexcept {
+  const bool poses_refused = !pose_answered && answers_without_pose >= kAnswersOfOlderVersion;
+  return {tool, has_pose && !poses_refused ? Content::kPose : Content::kPosition};
+}
+
+ServoEndpoint::State::Speech ServoEndpoint::State::next_speech() noexcept {
+  const Speech own = own_speech();
+  const bool try_without_tool = tool != 0 && !own_tool_answered;
+  const bool try_without_pose = own.content == Content::kPose && !pose_answered;
+  if ((!try_without_tool && !try_without_pose) ||
+      ++unanswered_tool_states % kTryOlderVersionEvery != 0) {
+    return own;
+  }
+  // In turns, since a simulator of version 1 drops what names a tool.
+  const bool odd_try = unanswered_tool_states / kTryOlderVersionEvery % 2 != 0;
+  return try_without_pose && (odd_try || !try_without_tool) ? Speech{tool, Content::kPosition}
+                                                            : Speech{0, Content::kPosition};
+}
+
+bool ServoEndpoint::State::answers_own_speech(const Decoded& decoded) noexcept {
+  std::uint64_t& bad_version =
+      statistics.malformed[static_cast<std::size_t>(WireStatus::kBadVersion)];
+  if (decoded.content == Content::kPose && !has_pose) {
+    ++bad_version;
+    return false;
+  }
+  if (decoded.tool != tool) {
+    const bool names_none = decoded.tool == 0;
+    ++(names_none ? bad_version : statistics.foreign_session);
+    answers_without_tool += names_none ? 1 : 0;
+    return false;
+  }
+  own_tool_answered = true;
+  pose_answered = pose_answered || decoded.content == Content::kPose;
+  return true;
 }
 
 SequenceTracker::Arrival ServoEndpoint::State::track(std::uint32_t sequence) noexcept {
@@ -253,9 +306,8 @@ SendStatus ServoEndpoint::send(const ToolState& state) noexcept {
     ++own.statistics.send_invalid;
     return SendStatus::kNotRising;
   }
-  const bool try_version_1 =
-      own.tool != 0 && !own.own_version_answered && ++own.tool_states_sent % kTryVersion1Every == 0;
-  const SendStatus status = own.transmit(state, try_version_1 ? ToolId{0} : own.tool);
+  own.has_pose = own.has_pose || state.has_orientation || state.has_buttons;
+  const SendStatus status = own.transmit(state, own.next_speech());
   if (status == SendStatus::kSent) {
     own.tool_state_sent = true;
     own.newest_tool_state = state.sequence;
@@ -271,7 +323,7 @@ SendStatus ServoEndpoint::send(const Query& query) noexcept {
     ++own.statistics.send_invalid;
     return SendStatus::kNotRising;
   }
-  const SendStatus status = own.transmit(query, own.tool);
+  const SendStatus status = own.transmit(query, own.own_speech());
   if (status == SendStatus::kSent) {
     own.newest_query = query.query_id;
     own.queries[query.query_id % kRememberedQueries] = {true, false, query.query_id,
@@ -340,19 +392,15 @@ std::optional<ForceSample> ServoEndpoint::receive() noexcept {
       ++own.statistics.foreign_session;
       continue;
     }
-    if (decoded.tool != own.tool) {
-      const bool version_1 = decoded.tool == 0;
-      ++(version_1 ? own.statistics.malformed[static_cast<std::size_t>(WireStatus::kBadVersion)]
-                   : own.statistics.foreign_session);
-      own.answers_of_version_1 += version_1 ? 1 : 0;
+    if (!own.answers_own_speech(decoded)) {
       continue;
     }
-    own.own_version_answered = true;
     const auto* sample = std::get_if<ForceSample>(&decoded.message);
     if (sample == nullptr) {
       own.take(decoded);
     } else if (own.accept(*sample)) {
       ++own.statistics.accepted;
+      own.answers_without_pose += decoded.content == Content::kPosition && own.has_pose ? 1 : 0;
       own.simulator_ended = false;
       own.refusal.reset();
       return *sample;
@@ -380,7 +428,11 @@ std::uint64_t ServoEndpoint::refusals_accepted() const noexcept {
 }
 
 bool ServoEndpoint::simulator_knows_one_tool() const noexcept {
-  return !state_->own_version_answered && state_->answers_of_version_1 >= kAnswersOfVersion1;
+  return !state_->own_tool_answered && state_->answers_without_tool >= kAnswersOfOlderVersion;
+}
+
+bool ServoEndpoint::simulator_knows_poses() const noexcept {
+  return !state_->has_pose || state_->own_speech().content == Content::kPose;
 }
 
 bool ServoEndpoint::wait(std::chrono::nanoseconds timeout) noexcept {
@@ -394,7 +446,7 @@ bool ServoEndpoint::simulator_ended() const noexcept { return state_->simulator_
 void ServoEndpoint::say_goodbye(bool fault) noexcept {
   if (!state_->goodbye_said) {
     state_->goodbye_said = true;
-    state_->transmit(Goodbye{fault}, state_->tool);
+    state_->transmit(Goodbye{fault}, state_->own_speech());
   }
 }
 

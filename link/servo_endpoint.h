@@ -39,6 +39,11 @@ inline constexpr std::size_t kRememberedQueries = 1024;
 /// others. Until it is answered in that version, every 64th tool state goes out in version 1, so
 /// that a simulator that knows one tool shows itself: see simulator_knows_one_tool().
 ///
+/// A servo whose tool states have an orientation or buttons speaks version 3 from the first of them
+/// on. Until it is answered in that version, every 64th tool state goes out without them. A
+/// simulator that answers three of these and nothing else gets all others without them, too: see
+/// simulator_knows_poses().
+///
 /// Threads: one at a time.
 class ServoEndpoint {
  public:
@@ -90,6 +95,11 @@ class ServoEndpoint {
   /// The simulator answers version 1 of the protocol and does not answer version 2, so that this
   /// servo's tool cannot be one of several. Real-time: yes.
   [[nodiscard]] bool simulator_knows_one_tool() const noexcept;
+
+  /// Whether the simulator may get orientations and buttons and send torques: it has answered in
+  /// version 3 of the protocol, or not shown yet that it only speaks an older one. True for a servo
+  /// that has none to send. Real-time: yes.
+  [[nodiscard]] bool simulator_knows_poses() const noexcept;
 
   /// Waits until something has arrived, `timeout` has passed or a signal came. Zero or less: does
   /// not wait.

@@ -59,7 +59,8 @@ Address checked_local(const Address& address, Reach reach) {
 /// A servo that is served, and what it has sent.
 struct Place {
   std::uint64_t session_id = 0;  ///< 0: no servo
-  ToolId tool = 0;               ///< 0: it speaks version 1
+  ToolId tool = 0;               ///< 0: it names none
+  Content content = Content::kPosition;
   Address servo;
   SealedPeer peer;
   SteadyTime last_heard;
@@ -67,7 +68,7 @@ struct Place {
   SequenceTracker tool_states;
   SequenceTracker query_ids;
   bool tool_state_seen = false;
-  std::uint32_t newest_tool_state = 0;
+  ToolState newest_tool_state;
 
   Queue<Query, kQueuedQueries> queries;
   Queue<ToolState, kQueuedToolStates> path;
@@ -76,6 +77,16 @@ struct Place {
   std::uint32_t patch_sequence = 0;
   std::uint32_t others_sequence = 0;
 };
+
+/// `state` of a version without poses, with the pose that was told last.
+ToolState with_pose_of(const ToolState& last, const ToolState& state) noexcept {
+  ToolState posed = last;
+  posed.sequence = state.sequence;
+  posed.servo_time_ns = state.servo_time_ns;
+  posed.position_W_m = state.position_W_m;
+  posed.velocity_W_m_per_s = state.velocity_W_m_per_s;
+  return posed;
+}
 
 bool opens_a_session(const Decoded& decoded) noexcept {
   return std::holds_alternative<ToolState>(decoded.message) ||
@@ -116,7 +127,7 @@ struct SimulatorEndpoint::State {
   [[nodiscard]] bool taken(ToolId tool, const Place* but) const noexcept;
   void refuse(const Address& sender, const Decoded& decoded, const SealedPeer& peer,
               Refusal::Reason reason) noexcept;
-  void take(const ToolState& state, Place& place, News& news) noexcept;
+  void take(const ToolState& state, Content content, Place& place, News& news) noexcept;
   void take(const Query& query, Place& place) noexcept;
   /// @returns whether the message of this number is to be used; counts it otherwise.
   bool track(SequenceTracker& tracker, std::uint32_t number) noexcept;
@@ -154,9 +165,11 @@ void SimulatorEndpoint::State::end_session(Place& place) noexcept {
   }
   place.session_id = 0;
   place.tool = 0;
+  place.content = Content::kPosition;
   place.tool_states.restart();
   place.query_ids.restart();
   place.tool_state_seen = false;
+  place.newest_tool_state = {};
   place.queries.clear();
   place.path.clear();
 }
@@ -176,7 +189,8 @@ void SimulatorEndpoint::State::refuse(const Address& sender, const Decoded& deco
   std::array<std::byte, kMaxDatagramBytes> buffer;
   const Refusal refusal = {reason, static_cast<std::uint32_t>(places.size())};
   static_cast<void>(transport.send(
-      sender, peer, encode(refusal, decoded.session_id, buffer, decoded.tool), buffer, statistics));
+      sender, peer, encode(refusal, decoded.session_id, buffer, decoded.tool, decoded.content),
+      buffer, statistics));
 }
 
 Place* SimulatorEndpoint::State::place_for(const Address& sender, const Decoded& decoded,
@@ -218,13 +232,16 @@ Place* SimulatorEndpoint::State::place_of(const Address& sender, const Decoded& 
       ++statistics.foreign_address;
       return nullptr;
     }
-    // A servo that asks for version 2 tries version 1 now and then until it is answered.
+    // A servo tries older versions now and then until it is answered in its own.
     if (decoded.tool != 0 && decoded.tool != known->tool) {
       if (known->tool != 0 || taken(decoded.tool, &*known)) {
         refuse(sender, decoded, peer, Refusal::Reason::kToolTaken);
         return nullptr;
       }
       known->tool = decoded.tool;
+    }
+    if (decoded.content == Content::kPose) {
+      known->content = Content::kPose;
     }
     known->last_heard = std::chrono::steady_clock::now();
     return &*known;
@@ -236,6 +253,7 @@ Place* SimulatorEndpoint::State::place_of(const Address& sender, const Decoded& 
   end_session(*place);
   place->session_id = decoded.session_id;
   place->tool = decoded.tool;
+  place->content = decoded.content;
   place->servo = sender;
   place->last_heard = std::chrono::steady_clock::now();
   if (session_count++ > 0) {
@@ -269,11 +287,12 @@ bool SimulatorEndpoint::State::track(SequenceTracker& tracker, std::uint32_t num
   return false;
 }
 
-void SimulatorEndpoint::State::take(const ToolState& state, Place& place, News& news) noexcept {
+void SimulatorEndpoint::State::take(const ToolState& state, Content content, Place& place,
+                                    News& news) noexcept {
   if (!track(place.tool_states, state.sequence)) {
     return;
   }
-  if (place.tool_state_seen && ahead_of(state.sequence, place.newest_tool_state) < 0) {
+  if (place.tool_state_seen && ahead_of(state.sequence, place.newest_tool_state.sequence) < 0) {
     ++statistics.late;
     return;
   }
@@ -282,9 +301,10 @@ void SimulatorEndpoint::State::take(const ToolState& state, Place& place, News& 
     ++statistics.superseded;
   }
   place.tool_state_seen = true;
-  place.newest_tool_state = state.sequence;
-  news.tool_state = state;
-  place.path.push(state);
+  place.newest_tool_state =
+      content == Content::kPose ? state : with_pose_of(place.newest_tool_state, state);
+  news.tool_state = place.newest_tool_state;
+  place.path.push(place.newest_tool_state);
 }
 
 void SimulatorEndpoint::State::take(const Query& query, Place& place) noexcept {
@@ -332,7 +352,7 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
   place->peer = incoming->peer;
   News& of_place = news[static_cast<std::size_t>(place - places.data())];
   if (const auto* state = std::get_if<ToolState>(&decoded.message)) {
-    take(*state, *place, of_place);
+    take(*state, decoded.content, *place, of_place);
   } else if (const auto* query = std::get_if<Query>(&decoded.message)) {
     take(*query, *place);
   } else if (const auto* goodbye = std::get_if<Goodbye>(&decoded.message)) {
@@ -347,9 +367,9 @@ void SimulatorEndpoint::State::take(const UdpSocket::Received& received,
 template <typename Message>
 SendStatus SimulatorEndpoint::State::transmit(const Message& message, const Place& place) noexcept {
   std::array<std::byte, kMaxDatagramBytes> buffer;
-  const SendStatus status =
-      transport.send(place.servo, place.peer, encode(message, place.session_id, buffer, place.tool),
-                     buffer, statistics);
+  const SendStatus status = transport.send(
+      place.servo, place.peer, encode(message, place.session_id, buffer, place.tool, place.content),
+      buffer, statistics);
   statistics.send_no_peer = sent_without_servo + transport.socket().undelivered();
   return status;
 }
@@ -459,6 +479,10 @@ ToolId SimulatorEndpoint::tool(std::size_t place) const noexcept {
   return state_->places[place].tool;
 }
 
+bool SimulatorEndpoint::knows_poses(std::size_t place) const noexcept {
+  return state_->places[place].content == Content::kPose;
+}
+
 std::uint64_t SimulatorEndpoint::session_count() const noexcept { return state_->session_count; }
 
 std::uint64_t SimulatorEndpoint::session_id(std::size_t place) const noexcept {
@@ -479,6 +503,7 @@ ForceSample answer_to(const ToolState& state) noexcept {
   sample.echo_servo_time_ns = state.servo_time_ns;
   sample.position_W_m = state.position_W_m;
   sample.contact_point_W_m = state.position_W_m;
+  sample.orientation_WT = state.orientation_WT;
   return sample;
 }
 

@@ -53,6 +53,10 @@ struct Access {
 /// come back. With keys a session goes on under the key that it began with. Each place has sequence
 /// numbers, a path and queries of its own.
 ///
+/// A servo that has told of poses (version 3 of the protocol) is answered in that version. What it
+/// sends in an older version before its first answer keeps the orientation and the buttons of the
+/// tool state before.
+///
 /// Threads: one at a time.
 class SimulatorEndpoint {
  public:
@@ -107,15 +111,17 @@ class SimulatorEndpoint {
   /// The same for a patch of the surface; patches have sequence numbers of their own. A simulator
   /// need not send any.
   SendStatus send(const SurfacePatch& patch, std::size_t place = 0) noexcept;
-  /// The same for the other tools; kInvalid for a servo that speaks version 1.
+  /// The same for the other tools; kInvalid for a servo that names no tool.
   SendStatus send(const OtherTools& others, std::size_t place) noexcept;
-  /// Tells a served servo that it is not served any more; kInvalid for one that speaks version 1.
+  /// Tells a served servo that it is not served any more; kInvalid for one that names no tool.
   SendStatus send(const Refusal& refusal, std::size_t place) noexcept;
 
   /// Whether a servo holds the place and was heard within the silence limit. Real-time: yes.
   [[nodiscard]] bool servo_alive(std::size_t place = 0) const noexcept;
-  /// The tool of the place's servo; 0 without one, and for one that speaks version 1.
+  /// The tool of the place's servo; 0 without one, and for one that names none.
   [[nodiscard]] ToolId tool(std::size_t place) const noexcept;
+  /// Whether torques reach the place's servo, because it has told of poses. Real-time: yes.
+  [[nodiscard]] bool knows_poses(std::size_t place = 0) const noexcept;
   /// Sessions since the start; 0 before the first. Real-time: yes.
   [[nodiscard]] std::uint64_t session_count() const noexcept;
   [[nodiscard]] std::uint64_t session_id(std::size_t place = 0) const noexcept;  ///< 0: no servo
@@ -129,7 +135,8 @@ class SimulatorEndpoint {
   std::unique_ptr<State> state_;
 };
 
-/// A sample for the tool's position with the echo filled in; force zero, not in contact.
+/// A sample for the tool's pose with the echo filled in; force zero, not in contact. The
+/// orientation is sent with a torque only.
 /// Real-time: yes. Threads: any.
 [[nodiscard]] ForceSample answer_to(const ToolState& state) noexcept;
 /// An empty patch for the tool's position with the echo filled in.

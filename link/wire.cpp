@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <concepts>
+
+#include "link/message_check.h"
 
 namespace forcegrid::link {
 namespace {
@@ -21,6 +22,11 @@ constexpr std::uint8_t kPatchHasStiffness = 1U << 0U;
 constexpr std::uint8_t kPatchHasPressForces = 1U << 1U;
 constexpr std::uint16_t kOtherInContact = 1U << 0U;
 constexpr std::uint32_t kKnownFlags = kFlagInContact | kFlagConverged | kFlagHasStiffness;
+constexpr std::uint32_t kFlagHasTorque = 1U << 3U;
+constexpr std::uint32_t kFlagHasRotationalStiffness = 1U << 4U;
+constexpr std::uint32_t kPoseFlags = kFlagHasTorque | kFlagHasRotationalStiffness;
+constexpr std::uint32_t kStateHasOrientation = 1U << 0U;
+constexpr std::uint32_t kStateHasButtons = 1U << 1U;
 
 /// Appends little-endian fields; the caller ensures that they fit.
 class Writer {
@@ -94,157 +100,23 @@ std::uint32_t checksum(std::span<const std::byte> bytes) noexcept {
       ::crc32(0, reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uInt>(bytes.size())));
 }
 
-template <typename T, std::size_t N>
-bool finite(const std::array<T, N>& values) noexcept {
-  return std::ranges::all_of(values, [](T value) { return std::isfinite(value); });
-}
-
-template <typename T, std::size_t N>
-bool within(const std::array<T, N>& values, double bound) noexcept {
-  return std::ranges::all_of(values, [bound](T value) { return std::abs(value) <= bound; });
-}
-
-WireStatus check(const ToolState& message) noexcept {
-  if (!finite(message.position_W_m) || !finite(message.velocity_W_m_per_s)) {
-    return WireStatus::kNotFinite;
-  }
-  if (message.servo_time_ns < 0 || !within(message.position_W_m, kMaxPosition_m) ||
-      !within(message.velocity_W_m_per_s, kMaxVelocity_m_per_s)) {
-    return WireStatus::kOutOfRange;
-  }
-  return WireStatus::kOk;
-}
-
-WireStatus check(const Query& message) noexcept {
-  if (!finite(message.position_W_m)) {
-    return WireStatus::kNotFinite;
-  }
-  if (message.query_id == 0 || message.servo_time_ns < 0 ||
-      !within(message.position_W_m, kMaxPosition_m)) {
-    return WireStatus::kOutOfRange;
-  }
-  return WireStatus::kOk;
-}
-
-WireStatus check(const ForceSample& message) noexcept {
-  if (!finite(message.position_W_m) || !finite(message.force_W_N) ||
-      !finite(message.stiffness_W_N_per_m) || !finite(message.contact_point_W_m) ||
-      !std::isfinite(message.relative_residual) || !std::isfinite(message.solve_time_s)) {
-    return WireStatus::kNotFinite;
-  }
-  if (!message.has_stiffness && !within(message.stiffness_W_N_per_m, 0.0)) {
-    return WireStatus::kBadReserved;
-  }
-  if (message.echo_servo_time_ns < 0 || !within(message.position_W_m, kMaxPosition_m) ||
-      !within(message.force_W_N, kMaxForce_N) ||
-      !within(message.stiffness_W_N_per_m, kMaxStiffness_N_per_m) ||
-      !within(message.contact_point_W_m, kMaxPosition_m) || message.relative_residual < 0.0 ||
-      message.solve_time_s < 0.0 || message.solve_time_s > kMaxSolveTime_s) {
-    return WireStatus::kOutOfRange;
-  }
-  return WireStatus::kOk;
-}
-
-WireStatus check(const Goodbye&) noexcept { return WireStatus::kOk; }
-
 bool usable(ToolId tool) noexcept { return tool > 0 && tool <= kMaxToolId; }
 
-WireStatus check(const OtherTools& message) noexcept {
-  if (message.count > OtherTools::kMost) {
-    return WireStatus::kOutOfRange;
-  }
-  const auto told = std::span(message.tools).first(message.count);
-  const auto rest = std::span(message.tools).subspan(message.count);
-  if (!std::ranges::all_of(message.tools,
-                           [](const OtherTool& other) { return finite(other.position_W_m); })) {
-    return WireStatus::kNotFinite;
-  }
-  if (!std::ranges::all_of(rest, [](const OtherTool& other) {
-        return other.tool == 0 && !other.in_contact && other.age_ns == 0 &&
-               within(other.position_W_m, 0.0);
-      })) {
-    return WireStatus::kBadReserved;
-  }
-  // A tool of version 1 is told as number 0.
-  const bool in_range = std::ranges::all_of(told, [](const OtherTool& other) {
-    return other.tool <= kMaxToolId && other.age_ns >= 0 &&
-           within(other.position_W_m, kMaxPosition_m);
-  });
-  return in_range ? WireStatus::kOk : WireStatus::kOutOfRange;
+template <std::size_t N>
+bool same_bits(const std::array<double, N>& a, const std::array<double, N>& b) noexcept {
+  const auto bits = [](double value) { return std::bit_cast<std::uint64_t>(value); };
+  return std::ranges::equal(a, b, {}, bits, bits);
 }
 
-WireStatus check(const Refusal& message) noexcept {
-  const bool known = message.reason == Refusal::Reason::kAllPlacesTaken ||
-                     message.reason == Refusal::Reason::kToolTaken ||
-                     message.reason == Refusal::Reason::kOtherFault;
-  return known && message.most_tools > 0 && message.most_tools <= kMostTools
-             ? WireStatus::kOk
-             : WireStatus::kOutOfRange;
-}
-
-// Everything beyond the counts must be zero, so that a message has one form.
-bool nothing_undeclared(const SurfacePatch& message) noexcept {
-  for (std::size_t v = message.vertex_count; v < message.vertices_W_m.size(); ++v) {
-    if (!within(message.vertices_W_m[v], 0.0)) {
-      return false;
-    }
-  }
-  for (std::size_t t = message.triangle_count; t < message.triangles.size(); ++t) {
-    if (message.triangles[t] != SurfacePatch::Triangle{}) {
-      return false;
-    }
-  }
-  const bool press_undeclared =
-      !message.has_press_forces &&
-      !std::ranges::all_of(message.press_forces_W_N, [](const auto& f) { return within(f, 0.0); });
-  return !press_undeclared && !(message.has_stiffness && message.has_press_forces) &&
-         (message.has_stiffness || within(message.stiffness_W_N_per_m, 0.0));
-}
-
-WireStatus check(const SurfacePatch& message) noexcept {
-  if (message.vertex_count > SurfacePatch::kMaxVertices ||
-      message.triangle_count > SurfacePatch::kMaxTriangles) {
-    return WireStatus::kOutOfRange;
-  }
-  const auto all_finite = [](const auto& vector) { return finite(vector); };
-  if (!finite(message.position_W_m) || !finite(message.stiffness_W_N_per_m) ||
-      !std::isfinite(message.tool_radius_m) || !std::isfinite(message.tool_length_m) ||
-      !std::ranges::all_of(message.press_forces_W_N, all_finite) ||
-      !std::ranges::all_of(message.vertices_W_m, all_finite)) {
-    return WireStatus::kNotFinite;
-  }
-  if (!nothing_undeclared(message)) {
-    return WireStatus::kBadReserved;
-  }
-  const auto vertex_near = [](const auto& vertex) {
-    return within(vertex, SurfacePatch::kMaxOffset_m);
-  };
-  const auto force_usual = [](const auto& force) { return within(force, kMaxForce_N); };
-  const auto declared = [&message](const SurfacePatch::Triangle& triangle) {
-    return std::ranges::all_of(triangle, [&](auto v) { return v < message.vertex_count; });
-  };
-  const auto triangles = std::span(message.triangles).first(message.triangle_count);
-  if (message.echo_servo_time_ns < 0 || !within(message.position_W_m, kMaxPosition_m) ||
-      !within(message.stiffness_W_N_per_m, kMaxStiffness_N_per_m) || message.tool_radius_m < 0.0F ||
-      message.tool_radius_m > SurfacePatch::kMaxToolRadius_m || message.tool_length_m < 0.0F ||
-      message.tool_length_m > SurfacePatch::kMaxToolLength_m ||
-      message.tool_opening_crad > SurfacePatch::kMaxToolOpening_crad ||
-      !std::ranges::all_of(message.press_forces_W_N, force_usual) ||
-      !std::ranges::all_of(message.vertices_W_m, vertex_near) ||
-      !std::ranges::all_of(triangles, declared)) {
-    return WireStatus::kOutOfRange;
-  }
-  return WireStatus::kOk;
-}
-
-constexpr std::size_t size_bytes(MessageType type) noexcept {
+constexpr std::size_t size_bytes(MessageType type, Content content) noexcept {
+  const bool pose = content == Content::kPose;
   switch (type) {
     case MessageType::kToolState:
-      return kToolStateBytes;
+      return pose ? kPoseToolStateBytes : kToolStateBytes;
     case MessageType::kQuery:
       return kQueryBytes;
     case MessageType::kForceSample:
-      return kForceSampleBytes;
+      return pose ? kPoseForceSampleBytes : kForceSampleBytes;
     case MessageType::kGoodbye:
       return kGoodbyeBytes;
     case MessageType::kSurfacePatch:
@@ -257,40 +129,59 @@ constexpr std::size_t size_bytes(MessageType type) noexcept {
   return 0;
 }
 
-constexpr bool in_version_1(MessageType type) noexcept {
+constexpr bool needs_no_tool(MessageType type) noexcept {
   return type != MessageType::kOtherTools && type != MessageType::kRefusal;
 }
 
-void put_payload(Writer& writer, const ToolState& message) noexcept {
+constexpr std::uint16_t version_of(ToolId tool, Content content) noexcept {
+  return content == Content::kPose ? kPoseVersion : tool == 0 ? kProtocolVersion : kToolsVersion;
+}
+
+void put_payload(Writer& writer, const ToolState& message, Content content) noexcept {
   writer.put(message.servo_time_ns);
   writer.put(message.position_W_m);
   writer.put(message.velocity_W_m_per_s);
+  if (content == Content::kPose) {
+    writer.put(message.orientation_WT);
+    writer.put(message.angular_velocity_W_rad_per_s);
+    writer.put(message.buttons);
+    writer.put((message.has_orientation ? kStateHasOrientation : 0U) |
+               (message.has_buttons ? kStateHasButtons : 0U));
+  }
 }
 
-void put_payload(Writer& writer, const Query& message) noexcept {
+void put_payload(Writer& writer, const Query& message, Content) noexcept {
   writer.put(message.servo_time_ns);
   writer.put(message.position_W_m);
 }
 
-void put_payload(Writer& writer, const ForceSample& message) noexcept {
+void put_payload(Writer& writer, const ForceSample& message, Content content) noexcept {
+  const bool pose = content == Content::kPose;
   writer.put(message.echo_servo_time_ns);
   writer.put(message.echo_sequence);
   writer.put(message.query_id);
   writer.put(message.contact_epoch);
   writer.put((message.in_contact ? kFlagInContact : 0U) |
              (message.converged ? kFlagConverged : 0U) |
-             (message.has_stiffness ? kFlagHasStiffness : 0U));
+             (message.has_stiffness ? kFlagHasStiffness : 0U) |
+             (pose && message.has_torque ? kFlagHasTorque : 0U) |
+             (pose && message.has_rotational_stiffness ? kFlagHasRotationalStiffness : 0U));
   writer.put(message.position_W_m);
   writer.put(message.force_W_N);
   writer.put(message.contact_point_W_m);
   writer.put(message.relative_residual);
   writer.put(message.solve_time_s);
   writer.put(message.stiffness_W_N_per_m);
+  if (pose) {
+    writer.put(message.torque_W_Nm);
+    writer.put(message.has_torque ? message.orientation_WT : kIdentity);
+    writer.put(message.rotational_stiffness_W_Nm_per_rad);
+  }
 }
 
-void put_payload(Writer&, const Goodbye&) noexcept {}
+void put_payload(Writer&, const Goodbye&, Content) noexcept {}
 
-void put_payload(Writer& writer, const SurfacePatch& message) noexcept {
+void put_payload(Writer& writer, const SurfacePatch& message, Content) noexcept {
   writer.put(message.echo_servo_time_ns);
   writer.put(message.echo_sequence);
   writer.put(message.contact_epoch);
@@ -311,7 +202,7 @@ void put_payload(Writer& writer, const SurfacePatch& message) noexcept {
   writer.put(message.triangles);
 }
 
-void put_payload(Writer& writer, const OtherTools& message) noexcept {
+void put_payload(Writer& writer, const OtherTools& message, Content) noexcept {
   writer.put(message.count);
   writer.put(std::uint32_t{0});
   for (const OtherTool& other : message.tools) {
@@ -323,55 +214,69 @@ void put_payload(Writer& writer, const OtherTools& message) noexcept {
   }
 }
 
-void put_payload(Writer& writer, const Refusal& message) noexcept {
+void put_payload(Writer& writer, const Refusal& message, Content) noexcept {
   writer.put(static_cast<std::uint32_t>(message.reason));
   writer.put(message.most_tools);
 }
 
 template <typename Message>
 Encoded encode_as(MessageType type, std::uint32_t sequence, const Message& message,
-                  std::uint64_t session_id, std::span<std::byte> buffer, ToolId tool) noexcept {
-  const std::size_t size = size_bytes(type);
+                  std::uint64_t session_id, std::span<std::byte> buffer, ToolId tool,
+                  Content content) noexcept {
+  const std::size_t size = size_bytes(type, content);
   if (buffer.size() < size) {
     return {WireStatus::kTooShort, 0};
   }
   if (const WireStatus status = check(message); status != WireStatus::kOk) {
     return {status, 0};
   }
-  if (session_id == 0 || (tool == 0 ? !in_version_1(type) : !usable(tool))) {
+  if (session_id == 0 || (tool == 0 ? !needs_no_tool(type) : !usable(tool))) {
     return {WireStatus::kOutOfRange, 0};
   }
   Writer writer(buffer);
   for (const char letter : kMagic) {
     writer.put(static_cast<std::uint8_t>(letter));
   }
-  writer.put(tool == 0 ? kProtocolVersion : kToolsVersion);
+  writer.put(version_of(tool, content));
   writer.put(static_cast<std::uint16_t>(type));
   writer.put(static_cast<std::uint16_t>(size - kHeaderBytes - kChecksumBytes));
   writer.put(tool);
   writer.put(sequence);
   writer.put(session_id);
-  put_payload(writer, message);
+  put_payload(writer, message, content);
   writer.put(checksum(buffer.first(writer.used())));
   return {WireStatus::kOk, writer.used()};
 }
 
-WireStatus get_payload(Reader& reader, std::uint32_t sequence, ToolState& message) noexcept {
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Content content,
+                       ToolState& message) noexcept {
   message.sequence = sequence;
   reader.get(message.servo_time_ns);
   reader.get(message.position_W_m);
   reader.get(message.velocity_W_m_per_s);
-  return check(message);
+  if (content == Content::kPosition) {
+    return check(message);
+  }
+  reader.get(message.orientation_WT);
+  reader.get(message.angular_velocity_W_rad_per_s);
+  reader.get(message.buttons);
+  std::uint32_t flags = 0;
+  reader.get(flags);
+  message.has_orientation = (flags & kStateHasOrientation) != 0;
+  message.has_buttons = (flags & kStateHasButtons) != 0;
+  const bool known = (flags & ~(kStateHasOrientation | kStateHasButtons)) == 0;
+  return known ? check(message) : WireStatus::kBadReserved;
 }
 
-WireStatus get_payload(Reader& reader, std::uint32_t sequence, Query& message) noexcept {
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Content, Query& message) noexcept {
   message.query_id = sequence;
   reader.get(message.servo_time_ns);
   reader.get(message.position_W_m);
   return check(message);
 }
 
-WireStatus get_payload(Reader& reader, std::uint32_t sequence, ForceSample& message) noexcept {
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Content content,
+                       ForceSample& message) noexcept {
   message.sequence = sequence;
   reader.get(message.echo_servo_time_ns);
   reader.get(message.echo_sequence);
@@ -388,15 +293,26 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, ForceSample& mess
   reader.get(message.relative_residual);
   reader.get(message.solve_time_s);
   reader.get(message.stiffness_W_N_per_m);
-  return (flags & ~kKnownFlags) != 0 ? WireStatus::kBadReserved : check(message);
+  bool known = (flags & ~kKnownFlags) == 0;
+  if (content == Content::kPose) {
+    message.has_torque = (flags & kFlagHasTorque) != 0;
+    message.has_rotational_stiffness = (flags & kFlagHasRotationalStiffness) != 0;
+    reader.get(message.torque_W_Nm);
+    reader.get(message.orientation_WT);
+    reader.get(message.rotational_stiffness_W_Nm_per_rad);
+    known = (flags & ~(kKnownFlags | kPoseFlags)) == 0 &&
+            (message.has_torque || same_bits(message.orientation_WT, kIdentity));
+  }
+  return known ? check(message) : WireStatus::kBadReserved;
 }
 
-WireStatus get_payload(Reader&, std::uint32_t sequence, Goodbye& message) noexcept {
+WireStatus get_payload(Reader&, std::uint32_t sequence, Content, Goodbye& message) noexcept {
   message.fault = sequence == 1;
   return sequence <= 1 ? WireStatus::kOk : WireStatus::kBadReserved;
 }
 
-WireStatus get_payload(Reader& reader, std::uint32_t sequence, SurfacePatch& message) noexcept {
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Content,
+                       SurfacePatch& message) noexcept {
   message.sequence = sequence;
   reader.get(message.echo_servo_time_ns);
   reader.get(message.echo_sequence);
@@ -422,7 +338,8 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, SurfacePatch& mes
   return known ? check(message) : WireStatus::kBadReserved;
 }
 
-WireStatus get_payload(Reader& reader, std::uint32_t sequence, OtherTools& message) noexcept {
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Content,
+                       OtherTools& message) noexcept {
   message.sequence = sequence;
   reader.get(message.count);
   std::uint32_t reserved = 0;
@@ -441,7 +358,7 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, OtherTools& messa
   return known ? check(message) : WireStatus::kBadReserved;
 }
 
-WireStatus get_payload(Reader& reader, std::uint32_t sequence, Refusal& message) noexcept {
+WireStatus get_payload(Reader& reader, std::uint32_t sequence, Content, Refusal& message) noexcept {
   std::uint32_t reason = 0;
   reader.get(reason);
   reader.get(message.most_tools);
@@ -449,21 +366,25 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, Refusal& message)
   return sequence == 0 ? check(message) : WireStatus::kBadReserved;
 }
 
+Decoded refused(WireStatus status) noexcept {
+  Decoded decoded;
+  decoded.status = status;
+  return decoded;
+}
+
 template <typename Message>
-Decoded decode_as(Reader reader, std::uint32_t sequence, std::uint64_t session_id,
-                  ToolId tool) noexcept {
+Decoded decode_as(Reader reader, std::uint32_t sequence, std::uint64_t session_id, ToolId tool,
+                  Content content) noexcept {
   Message message;
-  WireStatus status = get_payload(reader, sequence, message);
+  WireStatus status = get_payload(reader, sequence, content, message);
   if (status == WireStatus::kOk && session_id == 0) {
     status = WireStatus::kOutOfRange;
   }
   if (status != WireStatus::kOk) {
-    return {status, 0, {}, 0};
+    return refused(status);
   }
-  return {WireStatus::kOk, session_id, message, tool};
+  return {WireStatus::kOk, session_id, message, tool, content};
 }
-
-Decoded refused(WireStatus status) noexcept { return {status, 0, {}, 0}; }
 
 }  // namespace
 
@@ -517,12 +438,14 @@ Decoded decode(std::span<const std::byte> datagram) noexcept {
   reader.get(tool);
   reader.get(sequence);
   reader.get(session_id);
-  if (version != kProtocolVersion && version != kToolsVersion) {
+  if (version < kProtocolVersion || version > kPoseVersion) {
     return refused(WireStatus::kBadVersion);
   }
   const auto type = static_cast<MessageType>(type_number);
-  const std::size_t size = size_bytes(type);
-  if (size == 0 || (version == kProtocolVersion && !in_version_1(type))) {
+  const Content content = version == kPoseVersion ? Content::kPose : Content::kPosition;
+  const std::size_t size = size_bytes(type, content);
+  const bool names_a_tool = version == kToolsVersion || (version == kPoseVersion && tool != 0);
+  if (size == 0 || (!names_a_tool && !needs_no_tool(type))) {
     return refused(WireStatus::kBadType);
   }
   if (datagram.size() != size || payload_bytes != size - kHeaderBytes - kChecksumBytes) {
@@ -536,65 +459,70 @@ Decoded decode(std::span<const std::byte> datagram) noexcept {
   if (version == kProtocolVersion && tool != 0) {
     return refused(WireStatus::kBadReserved);
   }
-  if (version == kToolsVersion && !usable(tool)) {
+  if (names_a_tool && !usable(tool)) {
     return refused(WireStatus::kOutOfRange);
   }
   switch (type) {
     case MessageType::kToolState:
-      return decode_as<ToolState>(reader, sequence, session_id, tool);
+      return decode_as<ToolState>(reader, sequence, session_id, tool, content);
     case MessageType::kQuery:
-      return decode_as<Query>(reader, sequence, session_id, tool);
+      return decode_as<Query>(reader, sequence, session_id, tool, content);
     case MessageType::kForceSample:
-      return decode_as<ForceSample>(reader, sequence, session_id, tool);
+      return decode_as<ForceSample>(reader, sequence, session_id, tool, content);
     case MessageType::kGoodbye:
-      if (version == kProtocolVersion && sequence != 0) {
+      if (!names_a_tool && sequence != 0) {
         return refused(WireStatus::kBadReserved);
       }
-      return decode_as<Goodbye>(reader, sequence, session_id, tool);
+      return decode_as<Goodbye>(reader, sequence, session_id, tool, content);
     case MessageType::kSurfacePatch:
-      return decode_as<SurfacePatch>(reader, sequence, session_id, tool);
+      return decode_as<SurfacePatch>(reader, sequence, session_id, tool, content);
     case MessageType::kOtherTools:
-      return decode_as<OtherTools>(reader, sequence, session_id, tool);
+      return decode_as<OtherTools>(reader, sequence, session_id, tool, content);
     case MessageType::kRefusal:
-      return decode_as<Refusal>(reader, sequence, session_id, tool);
+      return decode_as<Refusal>(reader, sequence, session_id, tool, content);
   }
   return refused(WireStatus::kBadType);
 }
 
 Encoded encode(const ToolState& message, std::uint64_t session_id, std::span<std::byte> buffer,
-               ToolId tool) noexcept {
-  return encode_as(MessageType::kToolState, message.sequence, message, session_id, buffer, tool);
+               ToolId tool, Content content) noexcept {
+  return encode_as(MessageType::kToolState, message.sequence, message, session_id, buffer, tool,
+                   content);
 }
 
 Encoded encode(const Query& message, std::uint64_t session_id, std::span<std::byte> buffer,
-               ToolId tool) noexcept {
-  return encode_as(MessageType::kQuery, message.query_id, message, session_id, buffer, tool);
+               ToolId tool, Content content) noexcept {
+  return encode_as(MessageType::kQuery, message.query_id, message, session_id, buffer, tool,
+                   content);
 }
 
 Encoded encode(const ForceSample& message, std::uint64_t session_id, std::span<std::byte> buffer,
-               ToolId tool) noexcept {
-  return encode_as(MessageType::kForceSample, message.sequence, message, session_id, buffer, tool);
+               ToolId tool, Content content) noexcept {
+  return encode_as(MessageType::kForceSample, message.sequence, message, session_id, buffer, tool,
+                   content);
 }
 
 Encoded encode(const Goodbye& message, std::uint64_t session_id, std::span<std::byte> buffer,
-               ToolId tool) noexcept {
+               ToolId tool, Content content) noexcept {
   return encode_as(MessageType::kGoodbye, tool != 0 && message.fault ? 1 : 0, message, session_id,
-                   buffer, tool);
+                   buffer, tool, content);
 }
 
 Encoded encode(const SurfacePatch& message, std::uint64_t session_id, std::span<std::byte> buffer,
-               ToolId tool) noexcept {
-  return encode_as(MessageType::kSurfacePatch, message.sequence, message, session_id, buffer, tool);
+               ToolId tool, Content content) noexcept {
+  return encode_as(MessageType::kSurfacePatch, message.sequence, message, session_id, buffer, tool,
+                   content);
 }
 
 Encoded encode(const OtherTools& message, std::uint64_t session_id, std::span<std::byte> buffer,
-               ToolId tool) noexcept {
-  return encode_as(MessageType::kOtherTools, message.sequence, message, session_id, buffer, tool);
+               ToolId tool, Content content) noexcept {
+  return encode_as(MessageType::kOtherTools, message.sequence, message, session_id, buffer, tool,
+                   content);
 }
 
 Encoded encode(const Refusal& message, std::uint64_t session_id, std::span<std::byte> buffer,
-               ToolId tool) noexcept {
-  return encode_as(MessageType::kRefusal, 0, message, session_id, buffer, tool);
+               ToolId tool, Content content) noexcept {
+  return encode_as(MessageType::kRefusal, 0, message, session_id, buffer, tool, content);
 }
 
 }  // namespace forcegrid::link

@@ -21,6 +21,8 @@ namespace forcegrid::link {
 inline constexpr std::uint16_t kProtocolVersion = 1;
 /// Of a link that names its tool in each datagram.
 inline constexpr std::uint16_t kToolsVersion = 2;
+/// Of a link that tells poses and torques; it may name its tool.
+inline constexpr std::uint16_t kPoseVersion = 3;
 
 inline constexpr std::size_t kHeaderBytes = 24;
 inline constexpr std::size_t kChecksumBytes = 4;
@@ -31,9 +33,11 @@ inline constexpr std::size_t kGoodbyeBytes = kHeaderBytes + kChecksumBytes;
 inline constexpr std::size_t kSurfacePatchBytes = kHeaderBytes + 385 + kChecksumBytes;
 inline constexpr std::size_t kOtherToolsBytes = kHeaderBytes + 128 + kChecksumBytes;
 inline constexpr std::size_t kRefusalBytes = kHeaderBytes + 8 + kChecksumBytes;
+inline constexpr std::size_t kPoseToolStateBytes = kHeaderBytes + 120 + kChecksumBytes;
+inline constexpr std::size_t kPoseForceSampleBytes = kHeaderBytes + 312 + kChecksumBytes;
 /// No datagram of this or a later version is longer; it fits every path without fragmentation.
 inline constexpr std::size_t kMaxDatagramBytes = 511;
-static_assert(kForceSampleBytes <= kMaxDatagramBytes);
+static_assert(kPoseForceSampleBytes <= kMaxDatagramBytes);
 
 /// Bounds of what is believed, both ways; each holds for the absolute value of every component.
 inline constexpr double kMaxPosition_m = 10.0;
@@ -41,6 +45,11 @@ inline constexpr double kMaxVelocity_m_per_s = 100.0;
 inline constexpr double kMaxForce_N = 1000.0;
 inline constexpr double kMaxStiffness_N_per_m = 1e7;
 inline constexpr double kMaxSolveTime_s = 3600.0;  ///< and not below zero
+inline constexpr double kMaxAngularVelocity_rad_per_s = 1000.0;
+inline constexpr double kMaxTorque_Nm = 1000.0;
+inline constexpr double kMaxRotationalStiffness_Nm_per_rad = 1e7;
+/// How far the sum of a unit quaternion's squares may be from 1.
+inline constexpr double kMaxNormError = 1e-6;
 
 enum class MessageType : std::uint16_t {
   kToolState = 1,
@@ -48,8 +57,8 @@ enum class MessageType : std::uint16_t {
   kForceSample = 3,
   kGoodbye = 4,
   kSurfacePatch = 5,
-  kOtherTools = 6,  ///< version 2 only
-  kRefusal = 7,     ///< version 2 only
+  kOtherTools = 6,  ///< only with a tool's number
+  kRefusal = 7,     ///< only with a tool's number
 };
 
 /// What is wrong with a datagram, in the order in which it is checked.
@@ -64,7 +73,8 @@ enum class WireStatus : std::uint8_t {
   kBadReserved,  ///< a reserved field, an unknown flag or something undeclared is not zero
   kNotFinite,    ///< NaN or infinity
   /// Beyond the bounds above, time or residual below zero, session or query id 0, a triangle with a
-  /// missing vertex, or in version 2 a tool that is 0 or above kMaxToolId.
+  /// missing vertex, a quaternion that is not a unit one, a tool above kMaxToolId, or in version 2
+  /// the tool 0.
   kOutOfRange,
 };
 inline constexpr std::size_t kWireStatusCount = 10;
@@ -74,7 +84,7 @@ const char* to_string(WireStatus status) noexcept;
 
 /// Either side to the other: this end stops now; don't wait for a time-out.
 struct Goodbye {
-  /// Version 2 only, of a servo: its device has failed. Version 1 does not carry it.
+  /// Of a servo with a tool's number: its device has failed. Without a number it is not carried.
   bool fault = false;
 };
 
@@ -85,7 +95,8 @@ struct Decoded {
   std::variant<std::monostate, ToolState, Query, ForceSample, Goodbye, SurfacePatch, OtherTools,
                Refusal>
       message;
-  ToolId tool = 0;  ///< 0: the datagram is of version 1
+  ToolId tool = 0;                       ///< 0: the datagram names no tool
+  Content content = Content::kPosition;  ///< kPose: the datagram is of version 3
 };
 
 /// Checks a received datagram completely and reads it. Safe for any bytes of any length.
@@ -101,23 +112,31 @@ struct Encoded {
 /// Writes `message` to the front of `buffer`. Refuses what decode() would refuse, so that a fault
 /// shows on the side that made it; kTooShort means that the buffer is too small.
 /// @param session_id  the servo's number for this run, not zero
-/// @param tool  0 writes version 1, another number version 2
+/// @param tool  0 names no tool
+/// @param content  kPosition writes version 1, or 2 with a tool's number; kPose writes version 3
 /// Real-time: bounded, no allocation, lock or throw. Threads: any.
 [[nodiscard]] Encoded encode(const ToolState& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0,
+                             Content content = Content::kPosition) noexcept;
 [[nodiscard]] Encoded encode(const Query& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0,
+                             Content content = Content::kPosition) noexcept;
 [[nodiscard]] Encoded encode(const ForceSample& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0,
+                             Content content = Content::kPosition) noexcept;
 [[nodiscard]] Encoded encode(const Goodbye& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
+                             std::span<std::byte> buffer, ToolId tool = 0,
+                             Content content = Content::kPosition) noexcept;
 [[nodiscard]] Encoded encode(const SurfacePatch& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer, ToolId tool = 0) noexcept;
-/// With `tool` 0 these are refused: version 1 does not know them.
+                             std::span<std::byte> buffer, ToolId tool = 0,
+                             Content content = Content::kPosition) noexcept;
+/// With `tool` 0 these are refused: they are for servos with a tool's number.
 [[nodiscard]] Encoded encode(const OtherTools& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer, ToolId tool) noexcept;
+                             std::span<std::byte> buffer, ToolId tool,
+                             Content content = Content::kPosition) noexcept;
 [[nodiscard]] Encoded encode(const Refusal& message, std::uint64_t session_id,
-                             std::span<std::byte> buffer, ToolId tool) noexcept;
+                             std::span<std::byte> buffer, ToolId tool,
+                             Content content = Content::kPosition) noexcept;
 
 #pragma GCC visibility pop
 }  // namespace forcegrid::link

@@ -21,6 +21,11 @@ inline py::tuple tuple_of(const link::Vector3& vector) {
   return py::make_tuple(vector[0], vector[1], vector[2]);
 }
 
+/// The same of a quaternion: w, x, y, z.
+inline py::tuple tuple_of(const link::Quaternion& quaternion) {
+  return py::make_tuple(quaternion[0], quaternion[1], quaternion[2], quaternion[3]);
+}
+
 /// kCount numbers of a sequence, an array, or a sequence of such: rows one after the other. Without
 /// NumPy. @throws ValueError naming `name`.
 template <std::size_t kCount>

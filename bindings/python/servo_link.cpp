@@ -59,12 +59,26 @@ void send(ServoLink& self, const Message& message, const char* what) {
 }
 
 std::uint32_t send_tool_state(ServoLink& self, std::int64_t servo_time_ns,
-                              const py::object& position_W_m,
-                              const py::object& velocity_W_m_per_s) {
+                              const py::object& position_W_m, const py::object& velocity_W_m_per_s,
+                              const py::object& orientation_WT,
+                              const py::object& angular_velocity_W_rad_per_s,
+                              std::optional<std::uint32_t> buttons) {
   link::ToolState state;
   state.servo_time_ns = servo_time_ns;
   state.position_W_m = link_vector(position_W_m, "position_W_m");
   state.velocity_W_m_per_s = link_vector(velocity_W_m_per_s, "velocity_W_m_per_s");
+  const link::Vector3 angular_velocity_W =
+      link_vector(angular_velocity_W_rad_per_s, "angular_velocity_W_rad_per_s");
+  if (!orientation_WT.is_none()) {
+    state.has_orientation = true;
+    state.orientation_WT =
+        link_numbers<4>(orientation_WT, "orientation_WT", "four numbers: w, x, y, z");
+    state.angular_velocity_W_rad_per_s = angular_velocity_W;
+  } else if (angular_velocity_W != link::Vector3{}) {
+    throw py::value_error("angular_velocity_W_rad_per_s needs an orientation_WT");
+  }
+  state.has_buttons = buttons.has_value();
+  state.buttons = buttons.value_or(0);
   state.sequence = ++self.states;
   send(self, state, "the tool state");
   return state.sequence;
@@ -100,10 +114,10 @@ std::optional<ForceSample> receive(ServoLink& self, double timeout_s) {
   }
 }
 
-py::tuple stiffness_of(const ForceSample& sample) {
-  py::tuple nine(sample.stiffness_W_N_per_m.size());
-  for (std::size_t i = 0; i < sample.stiffness_W_N_per_m.size(); ++i) {
-    nine[i] = py::float_(sample.stiffness_W_N_per_m[i]);
+py::tuple rows_of(const link::Matrix3& matrix) {
+  py::tuple nine(matrix.size());
+  for (std::size_t i = 0; i < matrix.size(); ++i) {
+    nine[i] = py::float_(matrix[i]);
   }
   return nine;
 }
@@ -132,9 +146,26 @@ void bind_sample(py::module_& module) {
       .def_property_readonly(
           "stiffness_W_N_per_m",
           [](const ForceSample& self) {
-            return self.has_stiffness ? py::object(stiffness_of(self)) : py::none();
+            return self.has_stiffness ? py::object(rows_of(self.stiffness_W_N_per_m)) : py::none();
           },
-          "[N/m] dF/dP, nine numbers row by row; None if it was not sent");
+          "[N/m] dF/dP, nine numbers row by row; None if it was not sent")
+      .def_property_readonly(
+          "torque_W_Nm",
+          [](const ForceSample& self) {
+            return self.has_torque ? py::object(tuple_of(self.torque_W_Nm)) : py::none();
+          },
+          "[N m] on the tool about position_W_m; None if it was not sent")
+      .def_property_readonly(
+          "orientation_WT", [](const ForceSample& self) { return tuple_of(self.orientation_WT); },
+          "(w, x, y, z) for which the torque was computed; the identity without one")
+      .def_property_readonly(
+          "rotational_stiffness_W_Nm_per_rad",
+          [](const ForceSample& self) {
+            return self.has_rotational_stiffness
+                       ? py::object(rows_of(self.rotational_stiffness_W_Nm_per_rad))
+                       : py::none();
+          },
+          "[N m/rad] d(torque)/d(theta), nine numbers row by row; None if it was not sent");
 }
 
 py::tuple vertices_of(const SurfacePatch& patch) {
@@ -230,10 +261,15 @@ key_files: files of `forcegrid keygen`; without one only addresses of this machi
 saying what to do.)")
       .def("send_tool_state", &send_tool_state, py::arg("servo_time_ns"), py::arg("position_W_m"),
            py::arg("velocity_W_m_per_s") = py::make_tuple(0.0, 0.0, 0.0),
+           py::arg("orientation_WT") = py::none(),
+           py::arg("angular_velocity_W_rad_per_s") = py::make_tuple(0.0, 0.0, 0.0),
+           py::arg("buttons") = py::none(),
            R"(Sends where the tool was at servo_time_ns of this end's clock, frame W.
 
-position_W_m [m], velocity_W_m_per_s [m/s]: three numbers. Returns its number, which the answer
-echoes. Raises ValueError for what is not finite or out of range.)")
+position_W_m [m], velocity_W_m_per_s [m/s]: three numbers. orientation_WT: of a device with a wrist,
+the unit quaternion (w, x, y, z) of the rotation from the tool's frame T to W, and with it
+angular_velocity_W_rad_per_s [rad/s]. buttons: bit i, the device's button i is pressed; None: it has
+none. Returns its number, which the answer echoes. Raises ValueError for what is not finite or out of range.)")
       .def("send_query", &send_query, py::arg("servo_time_ns"), py::arg("position_W_m"),
            "Asks for the force at position_W_m [m], frame W. Returns the query's id.")
       .def("receive", &receive, py::arg("timeout_s") = 0.0,
@@ -253,6 +289,12 @@ echoes. Raises ValueError for what is not finite or out of range.)")
             return self.guard.alone([&] { return self.endpoint().patches_accepted(); });
           },
           "How many have come, also those that a newer one has replaced.")
+      .def_property_readonly(
+          "simulator_knows_poses",
+          [](ServoLink& self) {
+            return self.guard.alone([&] { return self.endpoint().simulator_knows_poses(); });
+          },
+          "False once the simulator has shown that it takes no orientation and sends no torque.")
       .def_property_readonly(
           "simulator_ended",
           [](ServoLink& self) {

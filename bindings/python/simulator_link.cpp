@@ -84,10 +84,34 @@ ForceSample answer_to_any(const py::object& request) {
   throw py::type_error("request: expected a ToolState or a Query");
 }
 
+void set_torque(ForceSample& sample, const py::object& torque_W_Nm,
+                const py::object& orientation_WT,
+                const py::object& rotational_stiffness_W_Nm_per_rad) {
+  if (!torque_W_Nm.is_none()) {
+    sample.has_torque = true;
+    sample.torque_W_Nm = link_vector(torque_W_Nm, "torque_W_Nm");
+  }
+  if (!orientation_WT.is_none()) {
+    sample.orientation_WT =
+        link_numbers<4>(orientation_WT, "orientation_WT", "four numbers: w, x, y, z");
+  }
+  if (!rotational_stiffness_W_Nm_per_rad.is_none()) {
+    if (!sample.has_torque) {
+      throw py::value_error("rotational_stiffness_W_Nm_per_rad needs a torque_W_Nm");
+    }
+    sample.has_rotational_stiffness = true;
+    sample.rotational_stiffness_W_Nm_per_rad =
+        link_numbers<9>(rotational_stiffness_W_Nm_per_rad, "rotational_stiffness_W_Nm_per_rad",
+                        "9 numbers, row by row");
+  }
+}
+
 void answer(SimulatorLink& self, const py::object& request, const py::object& force_W_N,
             bool in_contact, bool converged, const py::object& stiffness_W_N_per_m,
             const py::object& position_W_m, const py::object& contact_point_W_m,
-            std::uint32_t contact_epoch, double relative_residual, double solve_time_s) {
+            std::uint32_t contact_epoch, double relative_residual, double solve_time_s,
+            const py::object& torque_W_Nm, const py::object& orientation_WT,
+            const py::object& rotational_stiffness_W_Nm_per_rad) {
   ForceSample sample = answer_to_any(request);
   sample.force_W_N = link_vector(force_W_N, "force_W_N");
   sample.in_contact = in_contact;
@@ -106,6 +130,7 @@ void answer(SimulatorLink& self, const py::object& request, const py::object& fo
     sample.stiffness_W_N_per_m =
         link_numbers<9>(stiffness_W_N_per_m, "stiffness_W_N_per_m", "9 numbers, row by row");
   }
+  set_torque(sample, torque_W_Nm, orientation_WT, rotational_stiffness_W_Nm_per_rad);
   send(self, sample, "the answer");
 }
 
@@ -175,6 +200,17 @@ void bind_messages(py::module_& module) {
           "velocity_W_m_per_s",
           [](const ToolState& self) { return tuple_of(self.velocity_W_m_per_s); },
           "[m/s] (x, y, z)")
+      .def_readonly("has_orientation", &ToolState::has_orientation,
+                    "Else the identity, and no angular velocity.")
+      .def_readonly("has_buttons", &ToolState::has_buttons, "Else none is pressed.")
+      .def_property_readonly(
+          "orientation_WT", [](const ToolState& self) { return tuple_of(self.orientation_WT); },
+          "(w, x, y, z) of the rotation from the tool's frame T to W")
+      .def_property_readonly(
+          "angular_velocity_W_rad_per_s",
+          [](const ToolState& self) { return tuple_of(self.angular_velocity_W_rad_per_s); },
+          "[rad/s] (x, y, z)")
+      .def_readonly("buttons", &ToolState::buttons, "Bit i: the device's button i is pressed.")
       .def("__repr__", [](const ToolState& self) {
         return py::str("ToolState(sequence={}, position_W_m={})")
             .format(self.sequence, tuple_of(self.position_W_m));
@@ -199,15 +235,20 @@ void add_answers(py::class_<SimulatorLink>& type) {
            py::arg("converged"), py::arg("stiffness_W_N_per_m") = py::none(),
            py::arg("position_W_m") = py::none(), py::arg("contact_point_W_m") = py::none(),
            py::arg("contact_epoch") = 0, py::arg("relative_residual") = 0.0,
-           py::arg("solve_time_s") = 0.0,
+           py::arg("solve_time_s") = 0.0, py::arg("torque_W_Nm") = py::none(),
+           py::arg("orientation_WT") = py::none(),
+           py::arg("rotational_stiffness_W_Nm_per_rad") = py::none(),
            R"(Answers a ToolState or a Query. Without a servo it does nothing.
 
 force_W_N: [N] of the object on the tool, three numbers, frame W. in_contact: the tool touches the
 object; say False, with zero force, while it is free. converged: the solver reached its tolerance.
 stiffness_W_N_per_m: dF/dP, 9 numbers row by row. position_W_m: where the force was computed; None:
 the request's. contact_epoch: 0 before any contact, then a new number at every discontinuity.
-contact_point_W_m: where the tool touched; None: the position. Raises ValueError for what the servo
-would refuse.)");
+contact_point_W_m: where the tool touched; None: the position. torque_W_Nm: [N m] on the tool about
+position_W_m; a servo without a wrist does not get it. orientation_WT: (w, x, y, z) for which it was
+computed; None: the request's. rotational_stiffness_W_Nm_per_rad, with a torque only:
+d(torque)/d(theta), 9 numbers row by row; theta is the rotation vector in W by which the tool turns
+on. Raises ValueError for what the servo would refuse.)");
   type.def("show_surface", &show_surface, py::arg("tool_state"), py::arg("vertices_W_m"),
            py::arg("triangles"), py::arg("contact_epoch") = 0, py::arg("tool_radius_m") = 0.0,
            py::arg("tool_length_m") = 0.0, py::arg("stiffness_W_N_per_m") = py::none(),

@@ -23,15 +23,15 @@ bool taken_by_c_header(std::span<const std::byte> datagram) {
   return event == FG_TOOL_STATE || event == FG_QUERY;
 }
 
-// In version 1, which is what the C header speaks.
-bool opens_a_session_of_version_1(const link::Decoded& decoded) {
+// Without a tool's number, which the C header does not know.
+bool opens_a_session_of_the_only_tool(const link::Decoded& decoded) {
   return decoded.tool == 0 && (std::holds_alternative<link::ToolState>(decoded.message) ||
                                std::holds_alternative<link::Query>(decoded.message));
 }
 
 void check(std::span<const std::byte> datagram) {
   const link::Decoded decoded = link::decode(datagram);
-  require(taken_by_c_header(datagram) == opens_a_session_of_version_1(decoded),
+  require(taken_by_c_header(datagram) == opens_a_session_of_the_only_tool(decoded),
           "the C header takes what the library takes");
   const bool empty = std::holds_alternative<std::monostate>(decoded.message);
   require((decoded.status == link::WireStatus::kOk) != empty, "a message only if it is sound");
@@ -45,7 +45,7 @@ void check(std::span<const std::byte> datagram) {
         if constexpr (std::is_same_v<std::decay_t<decltype(message)>, std::monostate>) {
           return link::Encoded{};
         } else {
-          return link::encode(message, decoded.session_id, again, decoded.tool);
+          return link::encode(message, decoded.session_id, again, decoded.tool, decoded.content);
         }
       },
       decoded.message);

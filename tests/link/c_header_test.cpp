@@ -131,6 +131,78 @@ TEST_F(CHeader, WritesTheWorkedForceSampleAndGoodbye) {
   EXPECT_EQ(made, kGoodbye);
 }
 
+TEST_F(CHeader, ReadsTheWorkedPose) {
+  ASSERT_EQ(take(bytes_of(worked::kPoseToolStateHex)), FG_TOOL_STATE);
+  const ToolState expected = worked::pose_tool_state();
+  EXPECT_TRUE(std::ranges::equal(link_.tool_state.position_W_m, expected.position_W_m));
+  EXPECT_EQ(link_.tool_state.has_orientation, 1);
+  EXPECT_EQ(link_.tool_state.has_buttons, 1);
+  EXPECT_TRUE(std::ranges::equal(link_.tool_state.orientation_WT, expected.orientation_WT));
+  EXPECT_TRUE(std::ranges::equal(link_.tool_state.angular_velocity_W_rad_per_s,
+                                 expected.angular_velocity_W_rad_per_s));
+  EXPECT_EQ(link_.tool_state.buttons, expected.buttons);
+  EXPECT_EQ(take(bytes_of(worked::kPoseTool2StateHex)), FG_DROPPED) << "one of several tools";
+  // A servo tries an older version until it is answered: its pose is what it was.
+  ToolState older = worked::tool_state();
+  older.sequence = 8;
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  const Encoded encoded = encode(older, worked::kSession, buffer);
+  const auto* bytes = reinterpret_cast<const unsigned char*>(buffer.data());
+  ASSERT_EQ(take({bytes, bytes + encoded.size_bytes}), FG_TOOL_STATE);
+  EXPECT_EQ(link_.tool_state.sequence, 8U);
+  EXPECT_TRUE(std::ranges::equal(link_.tool_state.orientation_WT, expected.orientation_WT));
+  EXPECT_EQ(link_.tool_state.buttons, expected.buttons);
+}
+
+TEST_F(CHeader, WritesTheWorkedTorqueForAServoWithAWristOnly) {
+  const ForceSample expected = worked::pose_force_sample();
+  const auto third_sample = [&](const char* tool_state) {
+    fg_link_init(&link_, 2.0, nullptr);
+    EXPECT_EQ(take(bytes_of(tool_state)), FG_TOOL_STATE);
+    fg_force_sample sample = fg_answer_to_tool_state(&link_.tool_state);
+    sample.contact_epoch = 2;
+    sample.in_contact = sample.converged = sample.has_stiffness = 1;
+    std::ranges::copy(expected.force_W_N, sample.force_W_N);
+    std::ranges::copy(expected.contact_point_W_m, sample.contact_point_W_m);
+    std::ranges::copy(expected.stiffness_W_N_per_m, sample.stiffness_W_N_per_m);
+    sample.relative_residual = expected.relative_residual;
+    sample.solve_time_s = expected.solve_time_s;
+    sample.has_torque = sample.has_rotational_stiffness = 1;
+    std::ranges::copy(expected.torque_W_Nm, sample.torque_W_Nm);
+    std::ranges::copy(expected.rotational_stiffness_W_Nm_per_rad,
+                      sample.rotational_stiffness_W_Nm_per_rad);
+    std::vector<unsigned char> made(FG_MAX_DATAGRAM_BYTES);
+    size_t size = 0;
+    for (int i = 0; i < 3; ++i) {
+      size = fg_link_make_sample(&link_, &sample, kNow_ns, made.data());
+    }
+    made.resize(size);
+    return made;
+  };
+  EXPECT_EQ(third_sample(worked::kPoseToolStateHex), bytes_of(worked::kPoseForceSampleHex));
+  EXPECT_EQ(third_sample(worked::kToolStateHex), kForceSample);
+}
+
+TEST_F(CHeader, SendsNoTorqueThatTheServoWouldRefuse) {
+  ASSERT_EQ(take(bytes_of(worked::kPoseToolStateHex)), FG_TOOL_STATE);
+  std::array<unsigned char, FG_MAX_DATAGRAM_BYTES> to;
+  const auto size_with = [&](auto change) {
+    fg_force_sample sample = fg_answer_to_tool_state(&link_.tool_state);
+    sample.has_torque = 1;
+    change(sample);
+    return fg_link_make_sample(&link_, &sample, kNow_ns, to.data());
+  };
+  EXPECT_EQ(size_with([](fg_force_sample&) {}), kPoseForceSampleBytes);
+  EXPECT_EQ(size_with([](fg_force_sample& s) { s.torque_W_Nm[2] = 1001.0; }), 0U);
+  EXPECT_EQ(size_with([](fg_force_sample& s) { s.torque_W_Nm[0] = NAN; }), 0U);
+  EXPECT_EQ(size_with([](fg_force_sample& s) { s.orientation_WT[0] = 0.51; }), 0U);
+  EXPECT_EQ(size_with([](fg_force_sample& s) {
+              s.has_torque = 0;
+              s.has_rotational_stiffness = 1;
+            }),
+            0U);
+}
+
 TEST_F(CHeader, WritesTheWorkedSurfacePatch) {
   ASSERT_EQ(take(kToolState), FG_TOOL_STATE);
   fg_surface_patch patch = fg_patch_for_tool_state(&link_.tool_state);

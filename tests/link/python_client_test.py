@@ -4,10 +4,12 @@
 import pathlib
 import re
 import socket
+import struct
 import sys
 import tempfile
 import unittest
 import unittest.mock
+import zlib
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT / "examples"))
@@ -71,6 +73,57 @@ class PlainLink(WithALink):
                              stiffness_W_N_per_m=(-100, 0, 0, 0, -100, 0, 0, 0, -72))
         sent = [self.servo.recv(512) for _ in range(3)]
         self.assertEqual(sent[2], WORKED["force_sample"])
+
+    def test_reads_the_worked_pose(self):
+        state = self.send(WORKED["pose_tool_state"]).tool_state
+        self.assertEqual(state.position_W_m, (0.125, -0.0625, 0.03125))
+        self.assertEqual((state.has_orientation, state.has_buttons, state.buttons), (True, True, 5))
+        self.assertEqual(state.orientation_WT, (0.5, 0.5, -0.5, 0.5))
+        self.assertEqual(state.angular_velocity_W_rad_per_s, (0.25, -2.0, 0.0))
+        # A servo tries an older version until it is answered: its pose is what it was.
+        older = bytearray(WORKED["tool_state"][:-4])
+        older[12] = 8
+        state = self.send(bytes(older) + struct.pack("<I", zlib.crc32(older))).tool_state
+        self.assertEqual((state.sequence, state.orientation_WT, state.buttons), (8, (0.5, 0.5, -0.5, 0.5), 5))
+
+    def test_writes_the_worked_torque(self):
+        answer = dict(force_W_N=(-1.5, 0.0, 2.25), in_contact=True, converged=True, contact_epoch=2,
+                      contact_point_W_m=(0.125, -0.0625, 0.0), relative_residual=2**-10, solve_time_s=1 / 64,
+                      stiffness_W_N_per_m=(-100, 0, 0, 0, -100, 0, 0, 0, -72),
+                      torque_W_Nm=(1 / 32, -1 / 16, 0),
+                      rotational_stiffness_W_Nm_per_rad=(-0.25, 0, 0.125, 0, -0.25, 0, 0.125, 0, -0.5))
+        state = self.send(WORKED["pose_tool_state"]).tool_state
+        for _ in range(3):  # the worked one has number 3
+            self.link.answer(state, **answer)
+        sent = [self.servo.recv(512) for _ in range(3)]
+        self.assertEqual(sent[2], WORKED["pose_force_sample"])
+        self.link.answer(state, (0, 0, 0), in_contact=False, converged=True)
+        without = self.servo.recv(512)
+        self.assertEqual(without[44:48], struct.pack("<I", 2))
+        self.assertEqual(without[208:336], struct.pack("<16d", *[0] * 3, 1, *[0] * 12))
+
+    def test_sends_no_torque_to_a_servo_without_a_wrist(self):
+        state = self.send(WORKED["tool_state"]).tool_state
+        self.assertEqual((state.has_orientation, state.orientation_WT), (False, (1.0, 0.0, 0.0, 0.0)))
+        for _ in range(3):
+            self.link.answer(state, (-1.5, 0.0, 2.25), in_contact=True, converged=True, contact_epoch=2,
+                             contact_point_W_m=(0.125, -0.0625, 0.0), relative_residual=2**-10,
+                             solve_time_s=1 / 64, torque_W_Nm=(0, 1, 0),
+                             stiffness_W_N_per_m=(-100, 0, 0, 0, -100, 0, 0, 0, -72))
+        self.assertEqual([self.servo.recv(512) for _ in range(3)][2], WORKED["force_sample"])
+
+    def test_takes_no_unsound_pose_and_sends_no_unsound_torque(self):
+        for offset, layout, value in ((80, "d", 0.51), (80, "d", float("nan")), (112, "d", 1001.0),
+                                      (140, "I", 4), (140, "I", 1), (140, "I", 2)):
+            body = bytearray(WORKED["pose_tool_state"][:-4])
+            struct.pack_into("<" + layout, body, offset, value)
+            with self.assertRaises(forcegrid_link._Refused):
+                forcegrid_link.decode(bytes(body) + struct.pack("<I", zlib.crc32(body)))
+        state = self.send(WORKED["pose_tool_state"]).tool_state
+        for torque in ({"torque_W_Nm": (0, 1001, 0)}, {"rotational_stiffness_W_Nm_per_rad": [0] * 9},
+                       {"torque_W_Nm": (0, 0, 0), "orientation_WT": (1, 1, 0, 0)}):
+            with self.assertRaises(ValueError):
+                self.link.answer(state, (0, 0, 0), in_contact=True, converged=True, **torque)
 
     def test_writes_the_worked_surface_patch(self):
         state = self.send(WORKED["tool_state"]).tool_state

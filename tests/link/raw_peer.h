@@ -52,9 +52,10 @@ class RawPeer {
   }
 
   template <typename Message>
-  void send_message(std::uint16_t port, const Message& message, std::uint64_t session_id) const {
+  void send_message(std::uint16_t port, const Message& message, std::uint64_t session_id,
+                    ToolId tool = 0, Content content = Content::kPosition) const {
     std::array<std::byte, kMaxDatagramBytes> buffer;
-    const Encoded encoded = encode(message, session_id, buffer);
+    const Encoded encoded = encode(message, session_id, buffer, tool, content);
     if (encoded.status != WireStatus::kOk) {
       throw std::runtime_error("raw peer: the test's message is not valid");
     }

@@ -175,6 +175,9 @@ TEST(LinkProtocolDocument, ShowsTheBytesThatAreTestedHere) {
   EXPECT_EQ(shown["tool_2_state"], worked::kTool2StateHex);
   EXPECT_EQ(shown["other_tools"], worked::kOtherToolsHex);
   EXPECT_EQ(shown["refusal"], worked::kRefusalHex);
+  EXPECT_EQ(shown["pose_tool_state"], worked::kPoseToolStateHex);
+  EXPECT_EQ(shown["pose_tool_2_state"], worked::kPoseTool2StateHex);
+  EXPECT_EQ(shown["pose_force_sample"], worked::kPoseForceSampleHex);
   EXPECT_EQ(shown["sealed_tool_state"], worked::kSealedToolStateHex);
   EXPECT_EQ(shown["hello"], worked::kHelloHex);
 }
@@ -279,7 +282,7 @@ TEST(Decode, SaysWhatIsWrongWithAHeader) {
   for (const Bytes& datagram : kEveryType) {
     EXPECT_EQ(decode(with<char>(datagram, 3, 'X')).status, WireStatus::kBadMagic);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 0)).status, WireStatus::kBadVersion);
-    EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 3)).status, WireStatus::kBadVersion);
+    EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 4)).status, WireStatus::kBadVersion);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 2)).status, WireStatus::kOutOfRange)
         << "version 2 without a tool";
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 6, 0)).status, WireStatus::kBadType);

@@ -125,6 +125,53 @@ inline constexpr const char* kRefusalHex =
     "88 77 66 55 44 33 22 11 02 00 00 00 04 00 00 00 "
     "2b 2c f9 79 ";
 
+// Of version 3, for the only tool and for tool 2.
+inline constexpr const char* kPoseToolStateHex =
+    "46 47 52 44 03 00 01 00 78 00 00 00 07 00 00 00 "
+    "88 77 66 55 44 33 22 11 00 2f 68 59 00 00 00 00 "
+    "00 00 00 00 00 00 c0 3f 00 00 00 00 00 00 b0 bf "
+    "00 00 00 00 00 00 a0 3f 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 d0 bf "
+    "00 00 00 00 00 00 e0 3f 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 e0 bf 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 d0 3f 00 00 00 00 00 00 00 c0 "
+    "00 00 00 00 00 00 00 00 05 00 00 00 03 00 00 00 "
+    "5d f5 c4 4f ";
+inline constexpr const char* kPoseTool2StateHex =
+    "46 47 52 44 03 00 01 00 78 00 02 00 07 00 00 00 "
+    "88 77 66 55 44 33 22 11 00 2f 68 59 00 00 00 00 "
+    "00 00 00 00 00 00 c0 3f 00 00 00 00 00 00 b0 bf "
+    "00 00 00 00 00 00 a0 3f 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 d0 bf "
+    "00 00 00 00 00 00 e0 3f 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 e0 bf 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 d0 3f 00 00 00 00 00 00 00 c0 "
+    "00 00 00 00 00 00 00 00 05 00 00 00 03 00 00 00 "
+    "30 1d 90 60 ";
+inline constexpr const char* kPoseForceSampleHex =
+    "46 47 52 44 03 00 03 00 38 01 00 00 03 00 00 00 "
+    "88 77 66 55 44 33 22 11 00 2f 68 59 00 00 00 00 "
+    "07 00 00 00 00 00 00 00 02 00 00 00 1f 00 00 00 "
+    "00 00 00 00 00 00 c0 3f 00 00 00 00 00 00 b0 bf "
+    "00 00 00 00 00 00 a0 3f 00 00 00 00 00 00 f8 bf "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 02 40 "
+    "00 00 00 00 00 00 c0 3f 00 00 00 00 00 00 b0 bf "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 50 3f "
+    "00 00 00 00 00 00 90 3f 00 00 00 00 00 00 59 c0 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 59 c0 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 52 c0 "
+    "00 00 00 00 00 00 a0 3f 00 00 00 00 00 00 b0 bf "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 e0 3f "
+    "00 00 00 00 00 00 e0 3f 00 00 00 00 00 00 e0 bf "
+    "00 00 00 00 00 00 e0 3f 00 00 00 00 00 00 d0 bf "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 c0 3f "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 d0 bf "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 c0 3f "
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 e0 bf "
+    "f1 92 a6 1d ";
+
 // Sealed with libsodium through PyNaCl, the key's id with Python's hashlib: the tool state above,
 // and a hello that answers it.
 inline constexpr const char* kSealedToolStateHex =
@@ -155,6 +202,17 @@ inline ToolState tool_state() {
           .velocity_W_m_per_s = {0.5, 0.0, -0.25}};
 }
 
+/// The same of a device with a wrist: turned by 120 degrees about (1, -1, 1).
+inline ToolState pose_tool_state() {
+  ToolState state = tool_state();
+  state.has_orientation = true;
+  state.has_buttons = true;
+  state.orientation_WT = {0.5, 0.5, -0.5, 0.5};
+  state.angular_velocity_W_rad_per_s = {0.25, -2.0, 0.0};
+  state.buttons = 5;
+  return state;
+}
+
 inline Query query() {
   return {.query_id = 9, .servo_time_ns = 1'502'000'000, .position_W_m = {0.125, -0.0625, 0.0625}};
 }
@@ -174,6 +232,16 @@ inline ForceSample force_sample() {
           .contact_point_W_m = {0.125, -0.0625, 0.0},
           .relative_residual = 0.0009765625,
           .solve_time_s = 0.015625};
+}
+
+inline ForceSample pose_force_sample() {
+  ForceSample sample = force_sample();
+  sample.has_torque = true;
+  sample.has_rotational_stiffness = true;
+  sample.torque_W_Nm = {0.03125, -0.0625, 0.0};
+  sample.orientation_WT = {0.5, 0.5, -0.5, 0.5};
+  sample.rotational_stiffness_W_Nm_per_rad = {-0.25, 0.0, 0.125, 0.0, -0.25, 0.0, 0.125, 0.0, -0.5};
+  return sample;
 }
 
 inline SurfacePatch surface_patch() {

@@ -69,6 +69,42 @@ class BothEnds:
                           sample.relative_residual, sample.solve_time_s, sample.query_id),
                          (True, True, 2, 2**-10, 1 / 64, 0))
 
+    def test_tell_a_pose_and_a_torque(self):
+        simulator, servo = self.with_both()
+        turned = (0.5, 0.5, -0.5, 0.5)
+        state = self.tool_state(simulator, servo, (0, 0, 0.5), orientation_WT=turned,
+                                angular_velocity_W_rad_per_s=(0.25, -2, 0), buttons=5).tool_state
+        self.assertEqual((state.has_orientation, state.has_buttons, state.buttons), (True, True, 5))
+        self.assertEqual(state.orientation_WT, turned)
+        self.assertEqual(state.angular_velocity_W_rad_per_s, (0.25, -2.0, 0.0))
+        simulator.answer(state, (1, 0, 0), in_contact=True, converged=True,
+                         torque_W_Nm=(1 / 32, -1 / 16, 0), rotational_stiffness_W_Nm_per_rad=STIFFNESS)
+        sample = servo.receive(PATIENCE_S)
+        self.assertEqual(sample.torque_W_Nm, (1 / 32, -1 / 16, 0.0))
+        self.assertEqual(sample.orientation_WT, turned)
+        self.assertEqual(sample.rotational_stiffness_W_Nm_per_rad, STIFFNESS)
+        simulator.answer(state, (1, 0, 0), in_contact=True, converged=True)
+        sample = servo.receive(PATIENCE_S)
+        self.assertIsNone(sample.torque_W_Nm)
+        self.assertIsNone(sample.rotational_stiffness_W_Nm_per_rad)
+        for torque in ({"torque_W_Nm": (0, 2e3, 0)}, {"rotational_stiffness_W_Nm_per_rad": STIFFNESS},
+                       {"torque_W_Nm": (0, 0, 0), "orientation_WT": (1, 1, 0, 0)}):
+            with self.assertRaises(ValueError):
+                simulator.answer(state, (1, 0, 0), in_contact=True, converged=True, **torque)
+        for pose in ({"orientation_WT": (1, 1, 0, 0)}, {"orientation_WT": (1, 0, 0)},
+                     {"angular_velocity_W_rad_per_s": (0, 1, 0)}):
+            with self.assertRaises(ValueError):
+                servo.send_tool_state(time.monotonic_ns(), (0, 0, 0), **pose)
+
+    def test_tell_no_torque_without_a_wrist(self):
+        simulator, servo = self.with_both()
+        state = self.tool_state(simulator, servo, (0, 0, 0)).tool_state
+        self.assertEqual((state.has_orientation, state.orientation_WT), (False, (1.0, 0.0, 0.0, 0.0)))
+        simulator.answer(state, (1, 0, 0), in_contact=True, converged=True, torque_W_Nm=(0, 1, 0))
+        sample = servo.receive(PATIENCE_S)
+        self.assertIsNone(sample.torque_W_Nm)
+        self.assertEqual(sample.force_W_N, (1.0, 0.0, 0.0))
+
     def test_answer_queries(self):
         simulator, servo = self.with_both()
         self.tool_state(simulator, servo, (0, 0, 0))
