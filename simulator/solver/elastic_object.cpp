@@ -12,6 +12,7 @@
 #include "simulator/solver/energy_descent.h"
 #include "simulator/solver/region_schedule.h"
 #include "simulator/solver/state_with_sensitivities.h"
+#include "simulator/solver/turning_sensitivities.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -65,6 +66,12 @@ void check(const SolverOptions& options) {
 
 enum class Outcome { kSettled, kOutOfIterations, kUnstable };
 
+/// Where a tool is, since the grab.
+struct Pose {
+  Eigen::Vector3d displacement_W = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond turn_W = Eigen::Quaterniond::Identity();
+};
+
 }  // namespace
 
 template <typename Real>
@@ -90,7 +97,17 @@ class ElasticObject<Real>::Implementation {
            mesh_patch_.capacity() * sizeof(std::int32_t);
   }
   bool grabbed() const noexcept { return !mesh_patch_.empty(); }
+  bool turns() const noexcept { return turning_ != nullptr; }
   const std::vector<std::int32_t>& patch() const noexcept { return mesh_patch_; }
+
+  void turn(const SpringMesh& mesh) {
+    if (options_.border_tolerance > 0.0) {
+      throw Error(
+          "elastic object: border_tolerance must be 0 for a tool that turns, because the whole "
+          "object is solved; use the solver quasi_static");
+    }
+    turning_ = std::make_unique<TurningSensitivities<Real>>(mesh);
+  }
 
   int grab(const Eigen::Vector3d& point_W, double radius_m) {
     if (grabbed()) {
@@ -106,21 +123,31 @@ class ElasticObject<Real>::Implementation {
       mesh_patch_.push_back(state_.mesh_number(static_cast<std::size_t>(i)));
     }
     solve_sensitivities();
+    if (turning_) {
+      turning_->hold(state_, point_W - state_.origin_W());
+      find_torque(SolverOptions{}.max_iterations);
+    }
     return static_cast<int>(mesh_patch_.size());
   }
 
   void release() noexcept {
     mesh_patch_.clear();
     state_.release();
+    if (turning_) {
+      turning_->release();
+    }
+    turn_W_ = saved_turn_W_ = Eigen::Quaterniond::Identity();
+    has_turned_ = false;
     schedule_.reset();
     last_ = Equilibrium{};
     last_.converged = true;
   }
 
-  Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept {
+  Equilibrium move_to(const Pose& pose) noexcept {
+    const Eigen::Vector3d& displacement_W = pose.displacement_W;
     const auto start = std::chrono::steady_clock::now();
     Equilibrium answer;
-    if (!displacement_W.allFinite()) {
+    if (!displacement_W.allFinite() || !pose.turn_W.coeffs().allFinite()) {
       clear_counts();
       answer = last_;
       answer.converged = answer.reached = false;
@@ -128,7 +155,7 @@ class ElasticObject<Real>::Implementation {
       answer.displacement_W = displacement_W;
       answer.converged = true;
     } else {
-      follow(displacement_W);
+      follow(pose);
       answer = last_;
     }
     answer.solve_time_s =
@@ -171,25 +198,23 @@ class ElasticObject<Real>::Implementation {
   }
 
   // The move in steps of at most max_step_m, or half as long where a step met an unstable state.
-  void follow(const Eigen::Vector3d& displacement_W) noexcept {
+  void follow(const Pose& aim) noexcept {
     clear_counts();
     if (options_.border_tolerance > 0.0) {
       choose_region();
     }
-    double step_limit_m = longest_step_m((displacement_W - state_.displacement_W()).norm());
+    double step_limit_m = longest_step_m(way_m(aim));
     for (;;) {
-      const Eigen::Vector3d left = displacement_W - state_.displacement_W();
-      const double pieces = std::max(1.0, std::ceil(left.norm() / step_limit_m * (1.0 - 1e-12)));
-      const Eigen::Vector3d target =
-          pieces > 1.0 ? Eigen::Vector3d(state_.displacement_W() + left / pieces) : displacement_W;
-      const double length_m = (target - state_.displacement_W()).norm();
+      const double pieces = std::max(1.0, std::ceil(way_m(aim) / step_limit_m * (1.0 - 1e-12)));
+      const Pose target = pieces > 1.0 ? part_of_the_way(aim, pieces) : aim;
+      const double length_m = way_m(target);
       ++last_.steps;
       const bool is_last = pieces <= 1.0 || last_.steps >= options_.max_steps;
-      state_.advance_to(target);
+      advance_to(target);
       evaluate();
       if (step_limit_m > options_.max_step_m && length_m > options_.max_step_m &&
           !(last_.relative_residual <= options_.long_step_residual)) {
-        state_.restore();
+        restore();
         state_.forget_preconditioner();
         --last_.steps;
         step_limit_m = options_.max_step_m;
@@ -198,7 +223,7 @@ class ElasticObject<Real>::Implementation {
       const Outcome outcome = is_last ? settle() : relax();
       if (outcome == Outcome::kUnstable) {
         if (last_.halvings < kMaxHalvings && length_m > 0.0) {
-          state_.restore();
+          restore();
           ++last_.halvings;
           --last_.steps;
           step_limit_m = 0.5 * length_m;
@@ -219,6 +244,61 @@ class ElasticObject<Real>::Implementation {
       }
     }
     last_.displacement_W = state_.displacement_W();
+    last_.turn_W = turn_W_;
+    if (turning_) {
+      find_torque(options_.max_iterations);
+    }
+  }
+
+  // [m] The farthest that a vertex of the patch has to go.
+  double way_m(const Pose& aim) const noexcept {
+    const double straight_m = (aim.displacement_W - state_.displacement_W()).norm();
+    return turning_ ? straight_m +
+                          rotation_vector_W_rad(turn_W_, aim.turn_W).norm() * turning_->reach_m()
+                    : straight_m;
+  }
+
+  Pose part_of_the_way(const Pose& aim, double pieces) const noexcept {
+    Pose target;
+    target.displacement_W =
+        state_.displacement_W() + (aim.displacement_W - state_.displacement_W()) / pieces;
+    target.turn_W = turning_ ? turn_W_.slerp(1.0 / pieces, aim.turn_W) : aim.turn_W;
+    return target;
+  }
+
+  void advance_to(const Pose& target) noexcept {
+    if (!turning_) {
+      state_.advance_to(target.displacement_W);
+      return;
+    }
+    const Eigen::Vector3d theta_W_rad = rotation_vector_W_rad(turn_W_, target.turn_W);
+    has_turned_ = has_turned_ || !theta_W_rad.isZero(0.0);
+    saved_turn_W_ = turn_W_;
+    turn_W_ = target.turn_W;
+    if (has_turned_) {
+      state_.set_patch_anchor(turning_->anchor(turn_W_));
+    }
+    state_.advance_to(target.displacement_W);
+    if (has_turned_) {
+      turning_->predict(theta_W_rad, state_);
+    }
+  }
+
+  void restore() noexcept {
+    state_.restore();
+    turn_W_ = saved_turn_W_;
+    if (has_turned_) {
+      state_.set_patch_anchor(turning_->anchor(turn_W_));
+    }
+  }
+
+  void find_torque(int max_iterations) noexcept {
+    const auto found =
+        turning_->solve(state_, found_, options_.sensitivity_tolerance, max_iterations);
+    last_.torque_known = found.known;
+    last_.torque_W_Nm = found.torque_W_Nm;
+    last_.rotational_stiffness_W_Nm_per_rad = found.stiffness_W_Nm_per_rad;
+    last_.iterations += found.iterations;
   }
 
   // Tries a move of a few steps in one step.
@@ -396,6 +476,10 @@ class ElasticObject<Real>::Implementation {
   SolverOptions options_;
   StateWithSensitivities<Real> state_;
   RegionSchedule schedule_;
+  std::unique_ptr<TurningSensitivities<Real>> turning_;  // null: the tool does not turn
+  Eigen::Quaterniond turn_W_ = Eigen::Quaterniond::Identity();
+  Eigen::Quaterniond saved_turn_W_ = Eigen::Quaterniond::Identity();
+  bool has_turned_ = false;  // until then the patch stands where it was grabbed, to the last digit
   std::vector<std::int32_t> mesh_patch_;       // in the mesh's numbering
   std::vector<Eigen::Vector3f> correction_m_;  // for leave_branch()
   Evaluation found_;
@@ -454,8 +538,21 @@ bool ElasticObject<Real>::grabbed() const noexcept {
   return implementation_->grabbed();
 }
 template <typename Real>
+void ElasticObject<Real>::turn(const SpringMesh& mesh) {
+  implementation_->turn(mesh);
+}
+template <typename Real>
+bool ElasticObject<Real>::turns() const noexcept {
+  return implementation_->turns();
+}
+template <typename Real>
 Equilibrium ElasticObject<Real>::move_to(const Eigen::Vector3d& displacement_W) noexcept {
-  return implementation_->move_to(displacement_W);
+  return implementation_->move_to({.displacement_W = displacement_W});
+}
+template <typename Real>
+Equilibrium ElasticObject<Real>::move_to(const Eigen::Vector3d& displacement_W,
+                                         const Eigen::Quaterniond& turn_W) noexcept {
+  return implementation_->move_to({displacement_W, turn_W});
 }
 template <typename Real>
 std::vector<std::int32_t> ElasticObject<Real>::neighbourhood() const {

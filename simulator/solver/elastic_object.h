@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -72,6 +73,15 @@ struct Equilibrium {
   /// [N] Sum of |S_i^T r_i| over the ring around the region, see SolverOptions::border_tolerance; 0
   /// when the whole object is solved.
   double border_work_N = 0.0;
+  /// Of an object that was told to turn(): the torque below is known.
+  bool torque_known = false;
+  Eigen::Quaterniond turn_W = Eigen::Quaterniond::Identity();  ///< of the tool since the grab
+  /// [N m] Of the object on the tool about its position, sum over patch and free vertices of
+  /// T_i^T r_i: second order in the error, as the force.
+  Eigen::Vector3d torque_W_Nm = Eigen::Vector3d::Zero();
+  /// d(torque)/d(theta) at a fixed position; theta is the rotation vector by which the tool turns
+  /// on. Not symmetric: sum over the patch of (theta x l) x f is part of it.
+  Eigen::Matrix3d rotational_stiffness_W_Nm_per_rad = Eigen::Matrix3d::Zero();
   double solve_time_s = 0.0;  ///< wall time of the move
   bool reached = true;        ///< the tool reached its target; false: see displacement_W
   bool converged = false;     ///< relative_residual <= relative_tolerance and everything is finite
@@ -89,6 +99,11 @@ struct Equilibrium {
 /// matrix, in SIMD lanes). They give the predictor x += S dP, a force of second-order accuracy and
 /// the stiffness J. Each step: predict, one pass of evaluation, block-Jacobi preconditioned
 /// conjugate gradients with a step length a lane.
+///
+/// A tool that turns holds its patch by x_g = P + R (X_g - P_0), R from the grab on. turn() makes
+/// the solver carry the sensitivities T = dx/d(theta), too, with T_g = -[x_g - P]x on the patch.
+/// They give the predictor of a turn and the torque. The equations for x, S and the force are the
+/// same, and so is every digit of the force of a tool that has not turned.
 ///
 /// Real is the precision of positions, forces and residual: float for the 30 Hz simulator (residual
 /// down to about 1e-5 of a newton), double for the reference force. Corrections and S are single
@@ -113,6 +128,12 @@ class ElasticObject {
   /// Changes SolverOptions::relative_tolerance from the next move on. Throws Error unless > 0.
   void set_relative_tolerance(double relative_tolerance);
 
+  /// From the next grab on the tool may turn, and answers have a torque. An answer then costs about
+  /// twice as much. Allocates. Throws Error with a border_tolerance: the whole object is solved.
+  /// @param mesh  that of the constructor.
+  void turn(const SpringMesh& mesh);
+  bool turns() const noexcept;
+
   /// Number of vertices that grab(point_W, radius_m) would hold.
   int count_grabbable(const Eigen::Vector3d& point_W, double radius_m) const noexcept;
 
@@ -131,6 +152,10 @@ class ElasticObject {
   /// equilibrium. Without a grab nothing moves and the force is zero. A displacement that is not
   /// finite changes nothing and returns the last force with converged = reached = false.
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept;
+  /// The same with the tool turned by `turn_W`, a unit quaternion, since the grab about its
+  /// position. One that is not finite is as such a displacement. Only of an object that turns().
+  Equilibrium move_to(const Eigen::Vector3d& displacement_W,
+                      const Eigen::Quaterniond& turn_W) noexcept;
 
   /// The vertices, in the mesh's numbering, whole rings around the patch, that a region of at most
   /// SolverOptions::most_vertices goes through. Allocates.

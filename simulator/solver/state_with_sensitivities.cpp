@@ -172,6 +172,22 @@ void StateWithSensitivities<Real>::place_others(
 }
 
 template <typename Real>
+void StateWithSensitivities<Real>::set_patch_anchor(
+    const std::vector<Eigen::Vector3d>& anchor) noexcept {
+  std::copy_n(anchor.begin(), std::min(anchor.size(), patch_anchor_.size()), patch_anchor_.begin());
+}
+
+template <typename Real>
+void StateWithSensitivities<Real>::set_sensitivity(std::size_t i,
+                                                   const Eigen::Matrix3d& sensitivity) noexcept {
+  for (int c = 0; c < 3; ++c) {
+    for (int j = 0; j < 3; ++j) {
+      state_[i].component[c][1 + j] = static_cast<float>(sensitivity(c, j));
+    }
+  }
+}
+
+template <typename Real>
 void StateWithSensitivities<Real>::release() noexcept {
   patch_.clear();
   patch_anchor_.clear();
@@ -495,13 +511,16 @@ Evaluation StateWithSensitivities<Real>::evaluate() noexcept {
   Evaluation found;
   for (const std::int32_t i : patch_) {
     const auto at = static_cast<std::size_t>(i);
+    Eigen::Vector3d pull_N;
     for (int c = 0; c < 3; ++c) {
       if constexpr (kDouble) {
-        found.raw_force_W[c] += force_[at].xyz[c];
+        pull_N[c] = force_[at].xyz[c];
       } else {
-        found.raw_force_W[c] += static_cast<double>(residual_[at].component[c][0]);
+        pull_N[c] = static_cast<double>(residual_[at].component[c][0]);
       }
     }
+    found.raw_force_W += pull_N;
+    found.patch_moment_W_Nm += position(at) * pull_N.transpose();
   }
   double sensitivity_squared = 0.0;
   for (int j = 0; j < 3; ++j) {

@@ -25,6 +25,8 @@ struct Evaluation {
   double residual_N = 0.0;                                ///< |r| over the free vertices
   double sensitivity_residual_N_per_m = 0.0;              ///< |K S| over the free vertices
   double border_work_N = 0.0;                             ///< see SolverOptions::border_tolerance
+  /// [N m] Sum over the patch of x_g r_g^T, positions from origin_W().
+  Eigen::Matrix3d patch_moment_W_Nm = Eigen::Matrix3d::Zero();
   bool finite() const noexcept;
 };
 
@@ -83,6 +85,11 @@ class StateWithSensitivities {
              std::vector<std::int32_t> others, bool anew);
   /// [m, from the origin] Where share()'s `others` stand from the next advance_to() on.
   void place_others(const std::vector<Eigen::Vector3d>& place) noexcept;
+  /// [m, from the origin] Where each vertex of the patch stands without displacement, from the next
+  /// advance_to() on: for a tool that turns. As many as the patch has.
+  void set_patch_anchor(const std::vector<Eigen::Vector3d>& anchor) noexcept;
+  /// For a vertex that is held, as one whose place is not the tool's displacement alone.
+  void set_sensitivity(std::size_t i, const Eigen::Matrix3d& sensitivity) noexcept;
   /// Whether nothing holds this vertex.
   bool is_free(std::size_t i) const noexcept { return free_[i] != 0; }
   /// Lets go: every vertex is at rest, the former state is forgotten, the region is the whole
