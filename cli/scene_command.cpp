@@ -91,6 +91,9 @@ void print_facts(const simulator::Scene& scene, const SceneFacts& facts) {
   if (tool.slides()) {
     std::printf(", friction %.2f", tool.friction);
   }
+  if (tool.turns) {
+    std::printf(", turns with the hand");
+  }
   std::printf("\n");
   if (!scene.note.empty()) {
     std::printf("  note: %s\n", scene.note.c_str());

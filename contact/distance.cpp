@@ -198,13 +198,14 @@ PointInTool locate(const ToolShape& tool, const Eigen::Vector3d& position_W,
   return best;
 }
 
-bool between_jaws(const ToolShape& tool, const Eigen::Vector3d& point_T) noexcept {
+bool between_jaws(const ToolShape& tool, const Eigen::Vector3d& from_tool_W) noexcept {
   if (tool.kind() != ToolShape::Kind::kGrasper) {
     return false;
   }
   const std::span<const Capsule> jaws = tool.parts();
   const Corners between{jaws[0].from_T, jaws[1].from_T, jaws[0].to_T};
-  return (blend(nearest_weights(point_T, between), between) - point_T).norm() <= jaws[0].radius_m;
+  return (blend(nearest_weights(from_tool_W, between), between) - from_tool_W).norm() <=
+         jaws[0].radius_m;
 }
 
 }  // namespace forcegrid::contact

@@ -60,8 +60,9 @@ struct PointInTool {
 PointInTool locate(const ToolShape& tool, const Eigen::Vector3d& position_W,
                    const Eigen::Vector3d& point_W) noexcept;
 
-/// Whether a point, in the tool's frame T, lies between the jaws of a grasper or in them: within a
-/// jaw's radius of the triangle of their tips and the hinge. Never for another tool.
-bool between_jaws(const ToolShape& tool, const Eigen::Vector3d& point_T) noexcept;
+/// Whether a point, from the tool's position along W's axes, lies between the jaws of a grasper or
+/// in them: within a jaw's radius of the triangle of their tips and the hinge. Never for another
+/// tool.
+bool between_jaws(const ToolShape& tool, const Eigen::Vector3d& from_tool_W) noexcept;
 
 }  // namespace forcegrid::contact

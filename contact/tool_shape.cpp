@@ -40,7 +40,17 @@ ToolShape ToolShape::capsule(double radius_m, double length_m, const Eigen::Vect
   shape.kind_ = Kind::kCapsule;
   shape.count_ = 1;
   shape.length_m_ = length_m;
-  shape.parts_[0] = {radius_m * along, (radius_m + length_m) * along, radius_m};
+  shape.upright_[0] = {radius_m * along, (radius_m + length_m) * along, radius_m};
+  shape.turn_parts();
+  return shape;
+}
+
+ToolShape ToolShape::blade(double radius_m, double length_m) {
+  ToolShape shape = capsule(radius_m, length_m);
+  const Eigen::Vector3d middle_T(0.0, 0.0, radius_m);
+  const Eigen::Vector3d half_T(0.5 * length_m, 0.0, 0.0);
+  shape.upright_[0] = {middle_T - half_T, middle_T + half_T, radius_m};
+  shape.turn_parts();
   return shape;
 }
 
@@ -52,7 +62,7 @@ ToolShape ToolShape::grasper(double radius_m, double length_m, double opening_ra
   shape.kind_ = Kind::kGrasper;
   shape.count_ = 2;
   shape.length_m_ = length_m;
-  shape.parts_[0].radius_m = shape.parts_[1].radius_m = radius_m;
+  shape.upright_[0].radius_m = shape.upright_[1].radius_m = radius_m;
   shape.set_opening(opening_rad);
   return shape;
 }
@@ -62,13 +72,38 @@ void ToolShape::set_opening(double opening_rad) noexcept {
     return;
   }
   opening_rad_ = std::clamp(opening_rad, 0.0, kMaxOpening_rad);
-  const Eigen::Vector3d hinge_T(0.0, 0.0, parts_[0].radius_m + length_m_);
+  const Eigen::Vector3d hinge_T(0.0, 0.0, upright_[0].radius_m + length_m_);
   const double half_rad = 0.5 * opening_rad_;
   for (std::size_t jaw = 0; jaw < 2; ++jaw) {
     const double side = jaw == 0 ? 1.0 : -1.0;
-    parts_[jaw].from_T =
+    upright_[jaw].from_T =
         hinge_T + length_m_ * Eigen::Vector3d(side * std::sin(half_rad), 0.0, -std::cos(half_rad));
-    parts_[jaw].to_T = hinge_T;
+    upright_[jaw].to_T = hinge_T;
+  }
+  turn_parts();
+}
+
+void ToolShape::set_orientation(const Eigen::Quaterniond& orientation_WT) noexcept {
+  if (!orientation_WT.coeffs().allFinite() || !(orientation_WT.norm() > 0.0)) {
+    return;
+  }
+  orientation_WT_ = orientation_WT.normalized();
+  rotation_WT_ = orientation_WT_.toRotationMatrix();
+  turn_parts();
+}
+
+double ToolShape::reach_m() const noexcept {
+  double reach_m = 0.0;
+  for (const Capsule& part : parts()) {
+    reach_m = std::max(reach_m, part.radius_m + std::max(part.from_T.norm(), part.to_T.norm()));
+  }
+  return reach_m;
+}
+
+void ToolShape::turn_parts() noexcept {
+  for (std::size_t part = 0; part < count_; ++part) {
+    parts_[part] = {rotation_WT_ * upright_[part].from_T, rotation_WT_ * upright_[part].to_T,
+                    upright_[part].radius_m};
   }
 }
 

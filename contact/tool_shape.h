@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -9,16 +10,17 @@
 namespace forcegrid::contact {
 
 /// All points within `radius_m` of a straight axis; a sphere if the axis has no length. T is the
-/// tool's frame: its origin is the operational point, its axes are parallel to W's.
+/// tool's frame: its origin is the operational point, its axes are parallel to W's unless the tool
+/// is turned.
 struct Capsule {
   Eigen::Vector3d from_T = Eigen::Vector3d::Zero();  ///< [m] one end of the axis
   Eigen::Vector3d to_T = Eigen::Vector3d::Zero();    ///< [m] the other
   double radius_m = 0.0;
 };
 
-/// A rigid tool that a 3-DOF device translates but does not rotate: one capsule, or the two jaws of
-/// a grasper. The operational point is its tip, so that a tool that comes down on a flat surface
-/// touches it there, as a point would.
+/// A rigid tool: one capsule, or the two jaws of a grasper. The operational point is its tip, so
+/// that an upright tool that comes down on a flat surface touches it there, as a point would. A
+/// device with a wrist turns the tool about that point.
 ///
 /// Threads: a value; const calls from any.
 class ToolShape {
@@ -41,6 +43,10 @@ class ToolShape {
   static ToolShape capsule(double radius_m, double length_m,
                            const Eigen::Vector3d& axis_W = Eigen::Vector3d::UnitZ());
 
+  /// A blade or edge: a thin rod that lies along T's x axis, its middle above the tip.
+  /// @param length_m  between the centres of its round ends, 0 to kMaxLength_m.
+  static ToolShape blade(double radius_m, double length_m);
+
   /// Two capsules that meet in a hinge above the tip and open in W's x-z plane, each turned by half
   /// of the opening. Closed they are one upright capsule.
   /// @param length_m  of a jaw from the hinge's centre to the centre of its round end.
@@ -48,7 +54,10 @@ class ToolShape {
   static ToolShape grasper(double radius_m, double length_m, double opening_rad);
 
   Kind kind() const noexcept { return kind_; }
+  /// As the tool is turned: from the operational point, along W's axes.
   std::span<const Capsule> parts() const noexcept { return {parts_.data(), count_}; }
+  /// [m] The farthest that a point of the tool is from the operational point.
+  double reach_m() const noexcept;
   double opening_rad() const noexcept { return opening_rad_; }
 
   /// Opens or closes a grasper. The angle is clamped to the range; an angle that is not finite is
@@ -56,11 +65,22 @@ class ToolShape {
   /// Real-time: no allocation, lock or throw.
   void set_opening(double opening_rad) noexcept;
 
+  /// Turns the tool about the operational point: a_W = R(orientation_WT) a_T. A quaternion that is
+  /// not finite, or zero, is ignored. Not turned, every number is what it is without this.
+  /// Real-time: no allocation, lock or throw.
+  void set_orientation(const Eigen::Quaterniond& orientation_WT) noexcept;
+  const Eigen::Quaterniond& orientation_WT() const noexcept { return orientation_WT_; }
+  const Eigen::Matrix3d& rotation_WT() const noexcept { return rotation_WT_; }
+
  private:
   ToolShape() = default;
+  void turn_parts() noexcept;
 
   Kind kind_ = Kind::kSphere;
+  std::array<Capsule, 2> upright_{};
   std::array<Capsule, 2> parts_{};
+  Eigen::Quaterniond orientation_WT_ = Eigen::Quaterniond::Identity();
+  Eigen::Matrix3d rotation_WT_ = Eigen::Matrix3d::Identity();
   std::size_t count_ = 0;
   double length_m_ = 0.0;
   double opening_rad_ = 0.0;

@@ -29,6 +29,19 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(sample.stiffness_W_N_per_m.data()) =
         answer.equilibrium.stiffness_W;
   }
+  const Equilibrium& found = answer.equilibrium;
+  sample.has_torque = found.torque_known;
+  if (sample.has_torque) {
+    const Eigen::Quaterniond& q = answer.orientation_WT;
+    sample.orientation_WT = {q.w(), q.x(), q.y(), q.z()};
+    sample.torque_W_Nm = rt::to_array(found.torque_W_Nm);
+  }
+  sample.has_rotational_stiffness =
+      send_stiffness && found.torque_known && found.rotational_stiffness_known;
+  if (sample.has_rotational_stiffness) {
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
+        sample.rotational_stiffness_W_Nm_per_rad.data()) = found.rotational_stiffness_W_Nm_per_rad;
+  }
   sample.contact_point_W_m = rt::to_array(answer.point_W);
   sample.relative_residual = answer.equilibrium.relative_residual;
   sample.solve_time_s = answer.equilibrium.solve_time_s;

@@ -84,6 +84,11 @@ std::unique_ptr<WorkerPool> make_pool(const SimulatorOptions& options, const Sce
         "not "
         "have; leave --workers out or use --contact sticky");
   }
+  if (tool.turns) {
+    throw Error(
+        "simulator: --workers: workers know a tool that stays upright; leave --workers or "
+        "--tool-turns out");
+  }
   if (options.key_files.empty()) {
     throw Error(
         "simulator: workers need a key; make one with 'forcegrid keygen FILE' and give --key FILE "
@@ -190,7 +195,7 @@ class Loop {
     const bool changes_object = wanted.cut != controls_.cut;
     return !changes_object ||
            (scheduler_->pool() == nullptr && contact_->depends_on_position_alone() &&
-            !tool_.slides() && scene_.mesh.load_W_N.empty());
+            tool_.needs_position_alone() && scene_.mesh.load_W_N.empty());
   }
 
   // Cuts the object, or makes it whole. The tool holds it where it did, in a new epoch.
@@ -302,7 +307,8 @@ class Loop {
       warned_of_queries_ = true;
       log::warn("simulator",
                 "simulator: queries are not answered: the force depends on the tool's path "
-                "(contact slide, or a dynamic object); use a method without queries");
+                "(contact slide, or a dynamic object) or orientation (--tool-turns); use a method "
+                "without queries");
     }
   }
 
@@ -353,6 +359,7 @@ class Loop {
     const Eigen::Vector3d position_W = rt::to_vector(newest_->position_W_m);
     const Eigen::Vector3d velocity_W = rt::to_vector(newest_->velocity_W_m_per_s);
     contact_->tell_time(time_s(*newest_));
+    turn_tool(*newest_);
     newest_.reset();
     const bool was_in_contact = contact_->in_contact();
     const rt::TimePoint start = rt::Clock::now();
@@ -387,6 +394,21 @@ class Loop {
     impaired_.send(sample, now);
     if (with_patch) {
       impaired_.send(patch, now);
+    }
+  }
+
+  // A device without a wrist leaves the tool upright.
+  void turn_tool(const link::ToolState& state) {
+    if (!state.has_orientation) {
+      return;
+    }
+    const link::Quaternion& q = state.orientation_WT;
+    contact_->turn_to(Eigen::Quaterniond(q[0], q[1], q[2], q[3]));
+    if (!tool_.turns && !warned_of_orientation_) {
+      warned_of_orientation_ = true;
+      log::info("simulator",
+                "simulator: the device tells its tool's orientation; the tool stays upright "
+                "without --tool-turns");
     }
   }
 
@@ -495,6 +517,7 @@ class Loop {
   ToolOptions tool_;
   bool warned_of_strangers_ = false;
   bool warned_of_queries_ = false;
+  bool warned_of_orientation_ = false;
   link::SimulatorEndpoint endpoint_;
   std::unique_ptr<ToolContact> contact_;
   std::unique_ptr<SurfaceStream> surface_;  // null: nobody watches
@@ -522,6 +545,9 @@ ModelChoice exchange_model(const SimulatorOptions& options, const ToolOptions& t
                 "models are compared under a tool that holds the object; use --contact "
                 "sticky or leave it out");
   }
+  if (tool.turns) {
+    throw Error(who + "models are compared under a tool that stays upright; leave one of them out");
+  }
   if (!options.workers.empty()) {
     throw Error(who + "workers know the scene as written; leave one of them out");
   }
@@ -544,6 +570,19 @@ ModelChoice exchange_model(const SimulatorOptions& options, const ToolOptions& t
                 : log::warn("model", "model: " + choice.why);
   scene.mesh = choice.mesh;
   return choice;
+}
+
+// A tool that turns and sticks is solved on the whole object, at its equilibria.
+void check_turning(const SimulatorOptions& options, const ToolOptions& tool) {
+  if (tool.turns && options.tools > 1) {
+    throw Error("simulator: --tools " + std::to_string(options.tools) +
+                ": several tools stay upright; leave --tool-turns out");
+  }
+  if (tool.turns && !tool.slides() &&
+      options.solver_kind.value_or(SolverKind::kQuasiStatic) != SolverKind::kQuasiStatic) {
+    throw Error(std::string("simulator: solver ") + to_string(*options.solver_kind) +
+                ": tools that turn use quasi_static; leave --solver or --tool-turns out");
+  }
 }
 
 }  // namespace
@@ -576,9 +615,11 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
     step("");
   }
   const bool shared = options.tools > 1;
-  SolverChoice solver = choose_solver(model    ? model->solver
-                                      : shared ? SolverKind::kQuasiStatic
-                                               : options.solver_kind,
+  check_turning(options, tool);
+  const bool turns_and_sticks = tool.turns && !tool.slides();
+  SolverChoice solver = choose_solver(model                        ? model->solver
+                                      : shared || turns_and_sticks ? SolverKind::kQuasiStatic
+                                                                   : options.solver_kind,
                                       scene.mesh.rest_position_W.size(), options.rate_Hz,
                                       options.solver, dynamics_of(scene.mesh));
   if (shared) {
@@ -600,6 +641,12 @@ SimulatorSummary run_simulator(const SimulatorOptions& options, std::ostream& ou
       solver.why += "; masses and dampers are ignored";
     }
     solver.kind = SolverKind::kPressed;
+  }
+  if (turns_and_sticks) {
+    solver.why = "tools that turn always use it";
+    if (dynamics_of(scene.mesh) == MeshDynamics::kDamped) {
+      solver.why += "; masses and dampers are ignored";
+    }
   }
   if (solver.kind == SolverKind::kDynamic && !options.workers.empty()) {
     throw Error(

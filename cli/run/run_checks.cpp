@@ -21,11 +21,15 @@ void check_tool(const RunOptions& options, const simulator::ToolOptions& tool) {
   if (tool.is_sticky_point()) {
     return;
   }
-  const std::string asked = "tool " + tool.shape + ", contact " + tool.contact;
+  const std::string asked =
+      "tool " + tool.shape + ", contact " + tool.contact + (tool.turns ? ", --tool-turns" : "");
   if (tool.slides() && options.workers > 0) {
     throw std::runtime_error(asked +
                              ": the force on a sliding tool depends on its path, which --workers "
                              "do not know; leave them out");
+  }
+  if (tool.turns && options.workers > 0) {
+    throw std::runtime_error(asked + ": --workers know a tool that stays upright; leave them out");
   }
   const auto is_direct = [](const std::string& method) { return method == kDirect; };
   if (is_direct(options.method) ||

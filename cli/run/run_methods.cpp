@@ -101,6 +101,12 @@ double RunMethods::requests_per_s(const RunOptions& options,
         "contact slide: the force on a sliding tool depends on its path, so requests cannot be "
         "answered; use a method without requests, and --requests-per-s 0");
   }
+  if (tool.turns && asked > 0.0) {
+    throw std::runtime_error(
+        "--tool-turns: the force depends on the tool's orientation, so requests cannot be "
+        "answered; "
+        "use a method without requests, and --requests-per-s 0");
+  }
   if (asked > options.rate_Hz) {
     throw std::runtime_error("--requests-per-s " + std::to_string(std::lround(asked)) +
                              ": at most one request per cycle; give a number up to --rate");

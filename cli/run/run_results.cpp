@@ -73,6 +73,9 @@ std::string Run::why_no_reference() const {
   if (tool_.slides()) {
     return "none: the force on a sliding tool depends on its path";
   }
+  if (tool_.turns) {
+    return "none: the force depends on the tool's orientation";
+  }
   for (const auto& change : summary_.setting_changes) {
     if (change.at("name") == "wall_mm" || change.at("name") == "cut") {
       return "none: a wall or a cut was chosen in the live view";

@@ -20,6 +20,9 @@ std::string why_no_requests(const RunOptions& options, const ForceMethod& render
   if (tool.slides()) {
     return "the force on a sliding tool depends on its path";
   }
+  if (tool.turns) {
+    return "the force depends on the tool's orientation";
+  }
   if (options.simulator.empty() && moves_by_itself(options.scene, options.solver)) {
     return "the object of this scene moves by itself";
   }
@@ -69,6 +72,8 @@ ControlFacts control_facts(const RunOptions& options, const RunProcesses& proces
   }
   if (tool.slides()) {
     facts.why_whole = "the object under a sliding tool can't be cut";
+  } else if (tool.turns) {
+    facts.why_whole = "the object under a tool that turns can't be cut";
   } else if (options.workers > 0) {
     facts.why_whole = "the workers have the whole object";
   } else if (options.simulator.empty() && moves_by_itself(options.scene, options.solver)) {

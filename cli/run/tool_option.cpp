@@ -10,7 +10,7 @@
 namespace forcegrid::cli {
 namespace {
 
-const std::vector<std::string> kTools = {"point", "sphere", "capsule", "grasper"};
+const std::vector<std::string> kTools = {"point", "sphere", "capsule", "grasper", "blade"};
 const std::vector<std::string> kContacts = {"sticky", "slide"};
 
 }  // namespace
@@ -30,12 +30,12 @@ void add_tool(Command& command, ToolChoice& choice) {
       ->check(one_of(kContacts));
   command
       .add_option("--tool-radius-mm", choice.radius_mm,
-                  "Radius of a sphere, capsule or jaw (default: the scene's, else 8)")
+                  "Radius of a sphere, capsule, blade or jaw (default: the scene's, else 8)")
       ->check(between(1e3 * ToolShape::kMinRadius_m, 1e3 * ToolShape::kMaxRadius_m))
       ->type_name("FLOAT mm");
   command
       .add_option("--tool-length-mm", choice.length_mm,
-                  "Length of a capsule or jaw (default: the scene's, else 40)")
+                  "Length of a capsule, blade or jaw (default: the scene's, else 40)")
       ->check(between(0.0, 1e3 * ToolShape::kMaxLength_m))
       ->type_name("FLOAT mm");
   command
@@ -44,6 +44,10 @@ void add_tool(Command& command, ToolChoice& choice) {
                   "0.3)")
       ->check(between(0.0, simulator::ToolOptions::kMaxFriction))
       ->type_name("FLOAT");
+  command.add_flag("--tool-turns", choice.turns,
+                   "The tool turns with the hand of a device that has a wrist, and the simulator "
+                   "sends a torque, see docs/wrist.md (default: as the scene's tool does, else it "
+                   "stays upright)");
 }
 
 simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOptions of_scene) {
@@ -53,6 +57,7 @@ simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOpt
   options.radius_m = choice.radius_mm ? 1e-3 * *choice.radius_mm : options.radius_m;
   options.length_m = choice.length_mm ? 1e-3 * *choice.length_mm : options.length_m;
   options.friction = choice.friction.value_or(options.friction);
+  options.turns = options.turns || choice.turns;
   return options;
 }
 
@@ -64,8 +69,7 @@ std::string flags_of_no_use(const ToolChoice& choice, const simulator::ToolOptio
     }
   };
   add(choice.radius_mm.has_value(), options.shape != "point", "--tool-radius-mm");
-  add(choice.length_mm.has_value(), options.shape == "capsule" || options.shape == "grasper",
-      "--tool-length-mm");
+  add(choice.length_mm.has_value(), options.has_length(), "--tool-length-mm");
   add(choice.friction.has_value(), options.slides(), "--friction");
   return flags;
 }
@@ -89,6 +93,9 @@ std::vector<std::string> tool_arguments(const ToolChoice& choice) {
   add_number("--tool-radius-mm", choice.radius_mm);
   add_number("--tool-length-mm", choice.length_mm);
   add_number("--friction", choice.friction);
+  if (choice.turns) {
+    arguments.emplace_back("--tool-turns");
+  }
   return arguments;
 }
 

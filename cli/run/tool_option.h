@@ -18,8 +18,9 @@ struct ToolChoice {
   std::optional<double> radius_mm;
   std::optional<double> length_mm;
   std::optional<double> friction;
+  bool turns = false;
 
-  bool given() const { return tool || contact || radius_mm || length_mm || friction; }
+  bool given() const { return tool || contact || radius_mm || length_mm || friction || turns; }
 };
 
 void add_tool(Command& command, ToolChoice& choice);

@@ -187,6 +187,10 @@ void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
     throw Error("scene " + scene + ": its tool slides, so the force depends on its path; " +
                 purpose + " needs a scene whose [tool] is sticky or left out");
   }
+  if (tool.turns) {
+    throw Error("scene " + scene + ": its tool turns, so the force depends on its orientation; " +
+                purpose + " needs a scene whose [tool] does not");
+  }
 }
 
 }  // namespace forcegrid::simulator

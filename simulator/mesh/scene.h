@@ -53,8 +53,8 @@ SpringMesh make_coarser_mesh(const std::string& name_or_file,
 /// reads.
 ToolOptions scene_tool(const std::string& name_or_file);
 
-/// Throws Error if the scene's own tool slides: `purpose` needs a force that is a function of the
-/// position alone.
+/// Throws Error if the scene's own tool slides or turns: `purpose` needs a force that is a function
+/// of the position alone.
 void refuse_sliding_tool(const std::string& scene, const ToolOptions& tool,
                          const std::string& purpose);
 

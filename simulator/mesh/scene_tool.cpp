@@ -27,9 +27,10 @@ constexpr NumberRange kFriction{0.0, ToolOptions::kMaxFriction,
                                 "a coefficient of friction from 0 to 2"};
 constexpr NumberRange kForce_N{1e-3, 100.0, "a force in newtons from 0.001 to 100"};
 
-const std::vector<std::string> kToolKeys{"shape",       "contact",  "radius_m", "length_m",
-                                         "opening_rad", "friction", "grasp_N",  "let_go_N"};
-const std::vector<std::string> kToolShapes{"point", "sphere", "capsule", "grasper"};
+const std::vector<std::string> kToolKeys{"shape",    "contact",     "radius_m",
+                                         "length_m", "opening_rad", "friction",
+                                         "grasp_N",  "let_go_N",    "turns"};
+const std::vector<std::string> kToolShapes{"point", "sphere", "capsule", "grasper", "blade"};
 const std::vector<std::string> kContacts{"sticky", "slide"};
 
 std::string choice_or(const TomlTable& tool, const char* key, const std::vector<std::string>& known,
@@ -66,8 +67,7 @@ ToolOptions read_scene_tool(const TomlTable& root) {
   const bool grasper = options.shape == "grasper";
   const std::string shape = "shape \"" + options.shape + "\"";
   only_where(options.shape != "point", tool, {"radius_m"}, shape, "shape = \"sphere\"");
-  only_where(grasper || options.shape == "capsule", tool, {"length_m"}, shape,
-             "shape = \"capsule\"");
+  only_where(options.has_length(), tool, {"length_m"}, shape, "shape = \"capsule\"");
   only_where(grasper, tool, {"opening_rad", "grasp_N", "let_go_N"}, shape, "shape = \"grasper\"");
   only_where(options.slides(), tool, {"friction"}, "contact \"" + options.contact + "\"",
              "contact = \"slide\"");
@@ -77,6 +77,7 @@ ToolOptions read_scene_tool(const TomlTable& root) {
   options.friction = tool.number_or("friction", kFriction, options.friction);
   options.grasp_N = tool.number_or("grasp_N", kForce_N, options.grasp_N);
   options.let_go_N = tool.number_or("let_go_N", kForce_N, options.let_go_N);
+  options.turns = tool.flag_or("turns", options.turns);
   try {
     check_together(options);
   } catch (const Error& problem) {

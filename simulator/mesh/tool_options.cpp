@@ -11,8 +11,8 @@ void check_together(const ToolOptions& options) {
   }
   if (options.slides() && options.shape == "point") {
     throw Error(
-        "tool: a point has nothing to press with; give a sphere, capsule or grasper with contact "
-        "slide");
+        "tool: a point has nothing to press with; give a sphere, capsule, grasper or blade with "
+        "contact slide");
   }
   if (!options.slides() && options.shape == "grasper") {
     throw Error("tool: a grasper presses before it grasps; give contact slide with it");

@@ -57,6 +57,7 @@ struct Reaction {
 /// Laursen, An augmented Lagrangian treatment of contact problems involving friction, Computers &
 /// Structures 42(1), 1992; Hayward and Armstrong, A new computational model of friction applied to
 /// haptic rendering, 2000.
+/// @param tool  turned as it is now: anchors are in its frame T.
 /// @param position_W  [m] of the tool; point_W [m] in the same frame.
 /// Real-time: no allocation, lock or throw. Threads: any.
 Reaction react(const contact::ToolShape& tool, const Eigen::Vector3d& position_W,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulator/solver/contact_points.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -71,13 +72,14 @@ void ContactPoints::follow(const PressedSprings& springs) noexcept {
   static_cast<void>(tree_.refit(positions_));  // refuses what is not finite; so does the solver
 }
 
-void ContactPoints::begin_step(const PressedSprings& springs,
+void ContactPoints::begin_step(const PressedSprings& springs, const contact::ToolShape& tool,
                                const Eigen::Vector3d& tool_place) noexcept {
   ++step_;
   for (std::size_t i = 0; i < positions_before_.size(); ++i) {
     positions_before_[i] = springs.position(i);
   }
   tool_before_ = tool_place;
+  rotation_before_WT_ = tool.rotation_WT();
   saved_bearing_.assign(bearing_.begin(), bearing_.end());
   saved_.clear();
   for (const std::int32_t point : bearing_) {
@@ -114,7 +116,8 @@ void ContactPoints::react_at(std::int32_t point, const contact::ToolShape& tool,
   ContactPoint& known = known_[at];
   if (!known.touching && anchored_[at] != step_) {
     anchored_[at] = step_;
-    known.anchor_T = place(at, positions_before_) - tool_before_;
+    known.anchor_T =
+        rotation_before_WT_.transpose() * (place(at, positions_before_) - tool_before_);
   }
   law_.e_N_per_m = e_N_per_m_[at];
   const Reaction reaction = react(tool, tool_place, place(at, positions_), known, law_);
@@ -218,7 +221,8 @@ void ContactPoints::accept(const PressedSprings& springs) noexcept {
   follow(springs);
 }
 
-ContactPoints::Sums ContactPoints::sums(const PressedSprings& springs) const noexcept {
+ContactPoints::Sums ContactPoints::sums(const PressedSprings& springs,
+                                        const Eigen::Vector3d& tool_place) const noexcept {
   Sums sums;
   double weights_N = 0.0;
   for (const PointLoad& load : active_) {
@@ -233,8 +237,10 @@ ContactPoints::Sums ContactPoints::sums(const PressedSprings& springs) const noe
     }
     sums.deepest_m = std::max(sums.deepest_m, -reaction.gap_m);
     const double weight_N = reaction.force_W.norm();
+    const Eigen::Vector3d at = place(static_cast<std::size_t>(load.point), positions_);
     weights_N += weight_N;
-    sums.centre += weight_N * place(static_cast<std::size_t>(load.point), positions_);
+    sums.centre += weight_N * at;
+    sums.torque_W_Nm += (at - tool_place).cross(reaction.force_W);
     sums.stiffness_W -= reaction.stiffness_W * lag(load, springs) + load.known_pull_W;
   }
   if (weights_N > 0.0) {
@@ -270,8 +276,8 @@ int ContactPoints::grasp(const contact::ToolShape& tool,
     return 0;
   }
   for (std::size_t at = 0; at < known_.size(); ++at) {
-    const Eigen::Vector3d point_T = place(at, positions_) - tool_place;
-    if (!contact::between_jaws(tool, point_T)) {
+    const Eigen::Vector3d from_tool_W = place(at, positions_) - tool_place;
+    if (!contact::between_jaws(tool, from_tool_W)) {
       continue;
     }
     const auto point = static_cast<std::int32_t>(at);
@@ -286,7 +292,7 @@ int ContactPoints::grasp(const contact::ToolShape& tool,
     }
     known.touching = true;
     known.normal_N = 0.0;
-    known.anchor_T = point_T;
+    known.anchor_T = tool.rotation_WT().transpose() * from_tool_W;
     known.held = true;
   }
   held_ = static_cast<int>(std::count_if(known_.begin(), known_.end(),

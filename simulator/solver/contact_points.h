@@ -32,6 +32,7 @@ class ContactPoints {
     double normal_N = 0.0;
     Eigen::Vector3d friction_W = Eigen::Vector3d::Zero();  ///< [N] of force_W
     double deepest_m = 0.0;
+    Eigen::Vector3d torque_W_Nm = Eigen::Vector3d::Zero();  ///< on the surface, about the tool
   };
 
   std::size_t point_count() const noexcept { return known_.size(); }
@@ -39,8 +40,9 @@ class ContactPoints {
   /// Puts the surface at rest; no point bears a force.
   void clear() noexcept;
 
-  /// Saves the present state for restore(), and where each point is on the tool.
-  void begin_step(const PressedSprings& springs, const Eigen::Vector3d& tool_place) noexcept;
+  /// Saves the present state for restore(), and where each point is on the tool, as it is turned.
+  void begin_step(const PressedSprings& springs, const contact::ToolShape& tool,
+                  const Eigen::Vector3d& tool_place) noexcept;
   void restore() noexcept;
 
   /// Moves the surface with the springs.
@@ -68,7 +70,7 @@ class ContactPoints {
 
   const std::vector<PointLoad>& active() const noexcept { return active_; }
   bool any() const noexcept { return !active_.empty(); }
-  Sums sums(const PressedSprings& springs) const noexcept;
+  Sums sums(const PressedSprings& springs, const Eigen::Vector3d& tool_place) const noexcept;
 
   /// [m] From the tool to the surface, or `margin_m`.
   double gap_m(const contact::ToolShape& tool, const Eigen::Vector3d& tool_place,
@@ -108,6 +110,7 @@ class ContactPoints {
   std::vector<Eigen::Vector3d> positions_;
   std::vector<Eigen::Vector3d> positions_before_;  // when the step began
   Eigen::Vector3d tool_before_ = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d rotation_before_WT_ = Eigen::Matrix3d::Identity();
   Unsettled unsettled_;
   int held_ = 0;
 };

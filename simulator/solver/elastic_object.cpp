@@ -295,7 +295,7 @@ class ElasticObject<Real>::Implementation {
   void find_torque(int max_iterations) noexcept {
     const auto found =
         turning_->solve(state_, found_, options_.sensitivity_tolerance, max_iterations);
-    last_.torque_known = found.known;
+    last_.torque_known = last_.rotational_stiffness_known = found.known;
     last_.torque_W_Nm = found.torque_W_Nm;
     last_.rotational_stiffness_W_Nm_per_rad = found.stiffness_W_Nm_per_rad;
     last_.iterations += found.iterations;

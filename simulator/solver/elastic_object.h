@@ -73,12 +73,13 @@ struct Equilibrium {
   /// [N] Sum of |S_i^T r_i| over the ring around the region, see SolverOptions::border_tolerance; 0
   /// when the whole object is solved.
   double border_work_N = 0.0;
-  /// Of an object that was told to turn(): the torque below is known.
+  /// Of an object that was told to turn(), and of a PressedObject: the torque is known.
   bool torque_known = false;
   Eigen::Quaterniond turn_W = Eigen::Quaterniond::Identity();  ///< of the tool since the grab
   /// [N m] Of the object on the tool about its position, sum over patch and free vertices of
   /// T_i^T r_i: second order in the error, as the force.
   Eigen::Vector3d torque_W_Nm = Eigen::Vector3d::Zero();
+  bool rotational_stiffness_known = false;  ///< else the following is zero
   /// d(torque)/d(theta) at a fixed position; theta is the rotation vector by which the tool turns
   /// on. Not symmetric: sum over the patch of (theta x l) x f is part of it.
   Eigen::Matrix3d rotational_stiffness_W_Nm_per_rad = Eigen::Matrix3d::Zero();

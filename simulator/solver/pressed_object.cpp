@@ -83,6 +83,7 @@ class PressedObject::Implementation {
     springs_.reserve(contacts_.point_count());
   }
 
+  contact::ToolShape& tool() noexcept { return tool_; }
   const contact::ToolShape& tool() const noexcept { return tool_; }
   const PressedSprings& springs() const noexcept { return springs_; }
 
@@ -101,20 +102,23 @@ class PressedObject::Implementation {
     return contacts_.gap_m(tool_, position_W - origin_W_, margin_m);
   }
 
-  Pressed move_to(const Eigen::Vector3d& position_W) noexcept {
+  Pressed move_to(const Eigen::Vector3d& position_W,
+                  const Eigen::Quaterniond& orientation_WT) noexcept {
     const auto start = std::chrono::steady_clock::now();
     Equilibrium& result = last_.equilibrium;
     result.steps = result.evaluations = result.iterations = result.halvings = 0;
     result.left_branch = false;
-    result.reached = position_W.allFinite();
+    result.reached = position_W.allFinite() && orientation_WT.coeffs().allFinite();
     result.converged = result.converged && result.reached;
     if (result.reached) {
       if (!started_) {
+        tool_.set_orientation(orientation_WT);
         reset(position_W);
       }
-      walk_to(position_W - origin_W_);
+      walk_to(position_W - origin_W_, orientation_WT);
     }
     last_.position_W = place_ + origin_W_;
+    last_.orientation_WT = tool_.orientation_WT();
     result.solve_time_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return last_;
@@ -144,12 +148,13 @@ class PressedObject::Implementation {
 
   // Moves in steps short enough that no point can come out on the tool's other side. Without
   // contact a step may be as wide as the gap.
-  void walk_to(const Eigen::Vector3d& target) noexcept {
+  void walk_to(const Eigen::Vector3d& target, const Eigen::Quaterniond& aim_WT) noexcept {
     Equilibrium& result = last_.equilibrium;
     double step_limit_m = options_.max_step_m;
     for (;;) {
       const Eigen::Vector3d left = target - place_;
-      const double left_m = left.norm();
+      const double left_m =
+          left.norm() + tool_.reach_m() * tool_.orientation_WT().angularDistance(aim_WT);
       double step_m = step_limit_m;
       if (!contacts_.any()) {
         step_m = std::max(step_m, contacts_.gap_m(tool_, place_, left_m + options_.max_step_m));
@@ -158,11 +163,14 @@ class PressedObject::Implementation {
       const double parts = std::ceil(left_m / step_m * (1.0 - 1e-9));
       const Eigen::Vector3d next = last ? target : Eigen::Vector3d(place_ + left / parts);
       const Eigen::Vector3d from = place_;
-      const Outcome outcome = step_to(next, last);
+      const Eigen::Quaterniond from_WT = tool_.orientation_WT();
+      const Eigen::Quaterniond next_WT = last ? aim_WT : from_WT.slerp(1.0 / parts, aim_WT);
+      const Outcome outcome = step_to(next, next_WT, last);
       if (outcome == Outcome::kUnstable) {
         springs_.restore();
         contacts_.restore();
         place_ = from;
+        tool_.set_orientation(from_WT);
         if (result.halvings >= kPressedMaxHalvings) {
           give_up();
           return;
@@ -195,11 +203,13 @@ class PressedObject::Implementation {
     last_.equilibrium.reached = false;
   }
 
-  Outcome step_to(const Eigen::Vector3d& next, bool last) noexcept {
+  Outcome step_to(const Eigen::Vector3d& next, const Eigen::Quaterniond& next_WT,
+                  bool last) noexcept {
     const Eigen::Vector3d step = next - place_;
-    contacts_.begin_step(springs_, place_);
+    contacts_.begin_step(springs_, tool_, place_);
     springs_.predict(step);
     place_ = next;
+    tool_.set_orientation(next_WT);
     contacts_.find(tool_, place_, springs_);
     if (!contacts_.any() && springs_.at_rest()) {
       describe_rest();
@@ -309,7 +319,7 @@ class PressedObject::Implementation {
 
   void describe() noexcept {
     Equilibrium& result = last_.equilibrium;
-    const ContactPoints::Sums sums = contacts_.sums(springs_);
+    const ContactPoints::Sums sums = contacts_.sums(springs_, place_);
     last_.points = sums.points;
     last_.slipping = sums.slipping;
     last_.held = sums.held;
@@ -321,6 +331,8 @@ class PressedObject::Implementation {
     last_.stiffness_known = sums.slipping == 0 || options_.friction == 0.0;
     result.force_W = result.raw_force_W = -sums.force_W;
     result.stiffness_W = sums.stiffness_W;
+    result.torque_known = true;
+    result.torque_W_Nm = -sums.torque_W_Nm;
     result.force_gap_N = springs_.force_gap_N();
     unsettled_N_ = contacts_.unsettled().place_m *
                        std::max(result.stiffness_W.norm(), result.force_W.norm() / kDeepPush_m) +
@@ -344,6 +356,7 @@ class PressedObject::Implementation {
     last_.equilibrium.halvings = counts.halvings;
     last_.equilibrium.left_branch = counts.left_branch;
     last_.equilibrium.converged = true;
+    last_.equilibrium.torque_known = true;
   }
 
   contact::ToolShape tool_;
@@ -378,8 +391,17 @@ void PressedObject::reset(const Eigen::Vector3d& position_W) noexcept {
 double PressedObject::gap_m(const Eigen::Vector3d& position_W, double margin_m) const noexcept {
   return implementation_->gap_m(position_W, margin_m);
 }
+void PressedObject::reset(const Eigen::Vector3d& position_W,
+                          const Eigen::Quaterniond& orientation_WT) noexcept {
+  implementation_->tool().set_orientation(orientation_WT);
+  implementation_->reset(position_W);
+}
 Pressed PressedObject::move_to(const Eigen::Vector3d& position_W) noexcept {
-  return implementation_->move_to(position_W);
+  return implementation_->move_to(position_W, implementation_->tool().orientation_WT());
+}
+Pressed PressedObject::move_to(const Eigen::Vector3d& position_W,
+                               const Eigen::Quaterniond& orientation_WT) noexcept {
+  return implementation_->move_to(position_W, orientation_WT);
 }
 int PressedObject::grasp() noexcept { return implementation_->grasp(); }
 void PressedObject::let_go() noexcept { implementation_->let_go(); }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -33,7 +34,8 @@ struct PressOptions {
 /// The state at one tool position.
 struct Pressed {
   /// As an ElasticObject's answer; displacement_W is not used. force_W and raw_force_W are both
-  /// minus the sum of the tool's forces on the surface, so that they keep friction's bound;
+  /// minus the sum of the tool's forces on the surface, so that they keep friction's bound; the
+  /// torque is minus that of the same forces. Its derivative is not known.
   /// force_gap_N is |sum S_i^T r_i|, the error that the residual may cause in them.
   Equilibrium equilibrium;
   Eigen::Vector3d position_W = Eigen::Vector3d::Zero();  ///< [m] of the tool
@@ -45,12 +47,14 @@ struct Pressed {
   /// [m] Mean of the points' places, weighted with their forces; the tool's position without any.
   Eigen::Vector3d centre_W = Eigen::Vector3d::Zero();
   double deepest_m = 0.0;  ///< largest depth that a bearing point still has inside the tool
+  /// Of the tool, for which everything else was computed.
+  Eigen::Quaterniond orientation_WT = Eigen::Quaterniond::Identity();
   /// stiffness_W is dF/dP: true unless a point slips with friction.
   bool stiffness_known = true;
 };
 
 /// A mass-spring object that a rigid tool presses, slides over and may grasp: quasi-static
-/// equilibria along the tool's path.
+/// equilibria along the tool's path. The tool may turn about its position.
 ///
 ///   r_i = -dE/dx_i + sum_p w_ip R_p(x_p, P) = 0 on all free vertices,  F = -sum_p R_p
 ///
@@ -78,6 +82,8 @@ class PressedObject {
 
   /// Puts the object at rest and the tool at `position_W` [m], from where it moves on.
   void reset(const Eigen::Vector3d& position_W) noexcept;
+  /// The same with the tool turned.
+  void reset(const Eigen::Vector3d& position_W, const Eigen::Quaterniond& orientation_WT) noexcept;
 
   /// [m] From the tool at `position_W` to the surface in its present shape, at most `margin_m`.
   double gap_m(const Eigen::Vector3d& position_W, double margin_m) const noexcept;
@@ -85,6 +91,10 @@ class PressedObject {
   /// Moves the tool straight on to `position_W` [m]. A position that is not finite changes nothing
   /// and gives the last state with converged = reached = false.
   Pressed move_to(const Eigen::Vector3d& position_W) noexcept;
+  /// The same, and turns the tool on to `orientation_WT`, a unit quaternion, the shorter way and
+  /// evenly on that line. One that is not finite is as such a position.
+  Pressed move_to(const Eigen::Vector3d& position_W,
+                  const Eigen::Quaterniond& orientation_WT) noexcept;
 
   /// Closes a grasper's jaws: the points of the surface between them, in its present shape, move
   /// with the tool from now on. The force is continuous.

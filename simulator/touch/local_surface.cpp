@@ -15,8 +15,9 @@ namespace {
 constexpr double kFirstLook_m = 0.004;
 constexpr double kLastLook_m = 0.1;
 
-bool has_length(const ToolOptions& tool) {
-  return tool.shape == "capsule" || tool.shape == "grasper";
+// A patch tells of an upright rod or two.
+bool can_be_told(const ToolOptions& tool) {
+  return tool.shape == "point" || (tool.shape != "blade" && !tool.turns);
 }
 
 contact::ToolShape smallest_sphere() {
@@ -26,7 +27,7 @@ contact::ToolShape smallest_sphere() {
 }  // namespace
 
 std::optional<LocalSurface> LocalSurface::make(const SpringMesh& mesh, const ToolOptions& tool) {
-  if (mesh.triangles.empty()) {
+  if (mesh.triangles.empty() || !can_be_told(tool)) {
     return std::nullopt;
   }
   return LocalSurface(mesh, tool, tool_shape(tool).value_or(smallest_sphere()));
@@ -37,7 +38,7 @@ LocalSurface::LocalSurface(const SpringMesh& mesh, const ToolOptions& tool,
     : tree_(mesh.triangles, mesh.rest_position_W),
       shape_(shape),
       tool_radius_m_(tool.shape == "point" ? 0.0F : static_cast<float>(tool.radius_m)),
-      tool_length_m_(has_length(tool) ? static_cast<float>(tool.length_m) : 0.0F),
+      tool_length_m_(tool.has_length() ? static_cast<float>(tool.length_m) : 0.0F),
       tool_opening_crad_(static_cast<std::uint8_t>(std::lround(100.0 * shape.opening_rad()))) {}
 
 void LocalSurface::cut(const std::optional<Eigen::Vector3d>& touch_W, link::SurfacePatch& patch) {

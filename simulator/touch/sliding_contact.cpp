@@ -47,18 +47,24 @@ std::optional<Eigen::Vector3d> SlidingContact::expected_touch(const Eigen::Vecto
   return touch_along(position_W, within_s * velocity_W);
 }
 
+void SlidingContact::turn_to(const Eigen::Quaterniond& orientation_WT) noexcept {
+  if (options_.turns && orientation_WT.coeffs().allFinite()) {
+    orientation_WT_ = orientation_WT.normalized();
+  }
+}
+
 ToolContact::Answer SlidingContact::step(const Eigen::Vector3d& position_W) {
   if (!position_W.allFinite()) {
     pressed_.equilibrium.converged = false;
     pressed_.equilibrium.reached = false;
   } else {
     if (!last_position_W_) {
-      object_.reset(position_W);
+      object_.reset(position_W, orientation_WT_);
       must_leave_first_ = overlaps(position_W);
     }
     if (must_leave_first_) {
+      object_.reset(position_W, orientation_WT_);
       must_leave_first_ = overlaps(position_W);
-      object_.reset(position_W);
       pressed_ = Pressed{};
       pressed_.equilibrium.converged = true;
       pressed_.position_W = position_W;
@@ -72,7 +78,9 @@ ToolContact::Answer SlidingContact::step(const Eigen::Vector3d& position_W) {
   answer.epoch = epoch_;
   answer.position_W = pressed_.position_W;
   answer.point_W = in_contact_ ? point_W_ : pressed_.position_W;
+  answer.orientation_WT = pressed_.orientation_WT;
   answer.equilibrium = pressed_.equilibrium;
+  answer.equilibrium.torque_known = options_.turns;
   answer.stiffness_known = pressed_.stiffness_known;
   return answer;
 }
@@ -81,7 +89,7 @@ void SlidingContact::press(const Eigen::Vector3d& position_W) {
   const Eigen::Vector3d from_W = last_position_W_.value_or(position_W);
   // Before the surface moves.
   const auto touch_W = in_contact_ ? std::nullopt : touch_along(from_W, position_W - from_W);
-  pressed_ = object_.move_to(position_W);
+  pressed_ = object_.move_to(position_W, orientation_WT_);
   if (holding_ && pressed_.held == 0) {
     holding_ = false;  // the object has snapped out of the jaws
   }
@@ -104,7 +112,7 @@ void SlidingContact::work_jaws() noexcept {
     has_let_go_ = false;
     return;
   }
-  const double along_N = pressed_.equilibrium.force_W.z();
+  const double along_N = pressed_.equilibrium.force_W.dot(object_.tool().rotation_WT().col(2));
   if (!holding_ && !has_let_go_ && along_N >= options_.grasp_N) {
     holding_ = object_.grasp() > 0;
     epoch_ += holding_ ? 1 : 0;
@@ -118,7 +126,8 @@ void SlidingContact::work_jaws() noexcept {
 
 void SlidingContact::reset() noexcept {
   object_.let_go();
-  object_.reset(Eigen::Vector3d::Zero());
+  orientation_WT_ = Eigen::Quaterniond::Identity();
+  object_.reset(Eigen::Vector3d::Zero(), orientation_WT_);
   pressed_ = Pressed{};
   last_position_W_.reset();
   point_W_.setZero();

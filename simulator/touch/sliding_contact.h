@@ -16,6 +16,7 @@ struct SlidingOptions {
   PressOptions press;
   double grasp_N = 0.3;  ///< see ToolOptions
   double let_go_N = 1.0;
+  bool turns = false;  ///< by turn_to(); answers then have a torque
 };
 
 /// A tool that presses and slides (PressedObject). A new epoch begins when the tool touches,
@@ -23,9 +24,9 @@ struct SlidingOptions {
 /// sticking and slipping begins none, since the force is continuous. Answer::point_W is the tool's
 /// position at the touch, where the force is zero.
 ///
-/// A grasper closes when the surface presses it with SlidingOptions::grasp_N along its axis, and
-/// opens when it is pulled down with let_go_N. It must then leave the surface before it can close
-/// again. A tool whose first position is inside the object must leave it before it can touch.
+/// A grasper closes when the surface presses it with SlidingOptions::grasp_N along its axis, T's z,
+/// and opens when it is pulled down with let_go_N. It must then leave the surface before it can
+/// close again. A tool whose first position is inside the object must leave it before it can touch.
 /// Threads: one.
 class SlidingContact final : public ToolContact {
  public:
@@ -33,6 +34,7 @@ class SlidingContact final : public ToolContact {
   SlidingContact(const SpringMesh& mesh, const contact::ToolShape& tool,
                  const SlidingOptions& options);
 
+  void turn_to(const Eigen::Quaterniond& orientation_WT) noexcept override;
   Answer step(const Eigen::Vector3d& position_W) override;
   void reset() noexcept override;
   bool in_contact() const noexcept override { return in_contact_; }
@@ -64,6 +66,7 @@ class SlidingContact final : public ToolContact {
   Pressed pressed_;
   std::optional<Eigen::Vector3d> last_position_W_;
   Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond orientation_WT_ = Eigen::Quaterniond::Identity();
   std::uint32_t epoch_ = 0;
   bool in_contact_ = false;
   bool must_leave_first_ = false;

@@ -28,6 +28,19 @@ class StickingTool final : public ToolContact {
         contact_(scene.mesh, options),
         way_in_(scene.mesh, options.tool) {}
 
+  /// From the next touch on the tool turns by turn_to(), and its force depends on how it is turned.
+  /// @param mesh  the scene's.
+  void let_turn(const SpringMesh& mesh) {
+    object_.turn(mesh);
+    turns_ = true;
+  }
+
+  void turn_to(const Eigen::Quaterniond& orientation_WT) noexcept override {
+    if (turns_) {
+      contact_.turn_to(orientation_WT);
+      way_in_.turn_to(orientation_WT);
+    }
+  }
   Answer step(const Eigen::Vector3d& position_W) override {
     if (!contact_.in_contact() && last_position_W_ && position_W.allFinite()) {
       if (const auto touch_W = way_in_.between(*last_position_W_, position_W)) {
@@ -41,6 +54,7 @@ class StickingTool final : public ToolContact {
   }
   void reset() noexcept override {
     contact_.reset(object_);
+    way_in_.turn_to(Eigen::Quaterniond::Identity());
     last_position_W_.reset();
   }
   bool in_contact() const noexcept override { return contact_.in_contact(); }
@@ -49,7 +63,7 @@ class StickingTool final : public ToolContact {
                                                 double within_s) const noexcept override {
     return contact_.expected_touch(position_W, velocity_W, within_s);
   }
-  bool depends_on_position_alone() const noexcept override { return true; }
+  bool depends_on_position_alone() const noexcept override { return !turns_; }
   SolverReport report() const noexcept override {
     if constexpr (requires(const Object& object) { object.report(); }) {
       return object_.report();
@@ -69,6 +83,7 @@ class StickingTool final : public ToolContact {
   StickyContact contact_;
   WayIn way_in_;
   std::optional<Eigen::Vector3d> last_position_W_;
+  bool turns_ = false;
 };
 
 }  // namespace forcegrid::simulator

@@ -29,6 +29,16 @@ std::optional<Eigen::Vector3d> StickyContact::expected_touch(const Eigen::Vector
   return surface_.first_hit(position_W, within_s * velocity_W);
 }
 
+void StickyContact::turn_to(const Eigen::Quaterniond& orientation_WT) noexcept {
+  if (!orientation_WT.coeffs().allFinite()) {
+    return;
+  }
+  orientation_WT_ = orientation_WT.normalized();
+  if (options_.tool) {
+    options_.tool->set_orientation(orientation_WT_);
+  }
+}
+
 bool StickyContact::at_surface(const Eigen::Vector3d& position_W) const noexcept {
   const RestSurface::Vertical vertical = surface_.look(position_W);
   const bool sinking = last_position_W_ && position_W.z() < last_position_W_->z();

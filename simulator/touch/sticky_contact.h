@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
 
@@ -50,6 +51,8 @@ class StickyContact {
     /// [m] Where force and stiffness were computed: the tool's position unless the move was longer
     /// than the solver's bound (Equilibrium::reached).
     Eigen::Vector3d position_W = Eigen::Vector3d::Zero();
+    /// For which Equilibrium::torque_W_Nm was computed.
+    Eigen::Quaterniond orientation_WT = Eigen::Quaterniond::Identity();
     Equilibrium equilibrium;      ///< zero force without contact
     bool stiffness_known = true;  ///< Equilibrium::stiffness_W is dF/dP
   };
@@ -60,6 +63,11 @@ class StickyContact {
   /// made.
   template <typename Object>
   Answer step(Object& object, const Eigen::Vector3d& position_W);
+
+  /// Sets the tool's orientation for the next step(). The patch turns with an object that turns
+  /// (ElasticObject::turn()); a tool with a shape touches as it is turned. One that is not finite
+  /// is ignored.
+  void turn_to(const Eigen::Quaterniond& orientation_WT) noexcept;
 
   /// Lets go and begins a new epoch. The tool must leave the surface before it can touch again.
   template <typename Object>
@@ -83,12 +91,16 @@ class StickyContact {
 
  private:
   bool at_surface(const Eigen::Vector3d& position_W) const noexcept;
+  template <typename Object>
+  Equilibrium move(Object& object, const Eigen::Vector3d& position_W) const;
 
   ContactOptions options_;
   RestSurface surface_;
   std::optional<contact::SurfaceTree> tree_;  ///< with a tool that has a shape
   std::optional<Eigen::Vector3d> last_position_W_;
   Eigen::Vector3d point_W_ = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond orientation_WT_ = Eigen::Quaterniond::Identity();
+  Eigen::Quaterniond touched_WT_ = Eigen::Quaterniond::Identity();  ///< when it touched
   std::uint32_t epoch_ = 0;
   bool in_contact_ = false;
   bool must_leave_first_ = false;

@@ -8,6 +8,16 @@
 namespace forcegrid::simulator {
 
 template <typename Object>
+Equilibrium StickyContact::move(Object& object, const Eigen::Vector3d& position_W) const {
+  if constexpr (requires { object.turns(); }) {
+    if (object.turns()) {
+      return object.move_to(position_W - point_W_, orientation_WT_ * touched_WT_.conjugate());
+    }
+  }
+  return object.move_to(position_W - point_W_);
+}
+
+template <typename Object>
 StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d& position_W) {
   Answer answer;
   if (!position_W.allFinite()) {
@@ -21,6 +31,7 @@ StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d&
       answer.equilibrium.displacement_W.setZero();
     }
     answer.position_W = answer.point_W + answer.equilibrium.displacement_W;
+    answer.orientation_WT = answer.equilibrium.turn_W * touched_WT_;
     return answer;
   }
   if (!in_contact_) {
@@ -33,6 +44,7 @@ StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d&
     } else if (!must_leave_first_ && object.grab(position_W, options_.patch_radius_m) > 0) {
       in_contact_ = true;
       point_W_ = position_W;
+      touched_WT_ = orientation_WT_;
       ++epoch_;
     }
   }
@@ -41,7 +53,7 @@ StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d&
   answer.point_W = in_contact_ ? point_W_ : position_W;
   answer.position_W = position_W;
   if (in_contact_) {
-    answer.equilibrium = object.move_to(position_W - point_W_);
+    answer.equilibrium = move(object, position_W);
     if (answer.equilibrium.left_branch) {
       ++epoch_;
     }
@@ -52,6 +64,7 @@ StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d&
     answer.equilibrium.converged = true;
   }
   answer.epoch = epoch_;
+  answer.orientation_WT = in_contact_ ? answer.equilibrium.turn_W * touched_WT_ : orientation_WT_;
   return answer;
 }
 
@@ -72,6 +85,10 @@ void StickyContact::reset(Object& object) noexcept {
   must_leave_first_ = false;
   last_position_W_.reset();
   point_W_.setZero();
+  orientation_WT_ = touched_WT_ = Eigen::Quaterniond::Identity();
+  if (options_.tool) {
+    options_.tool->set_orientation(orientation_WT_);
+  }
   epoch_ = 0;
 }
 

@@ -23,8 +23,11 @@ std::optional<contact::ToolShape> make_shape(const ToolOptions& options) {
   if (options.shape == "grasper") {
     return contact::ToolShape::grasper(options.radius_m, options.length_m, options.opening_rad);
   }
+  if (options.shape == "blade") {
+    return contact::ToolShape::blade(options.radius_m, options.length_m);
+  }
   throw Error("tool: unknown shape '" + options.shape +
-              "'; write point, sphere, capsule or grasper");
+              "'; write point, sphere, capsule, grasper or blade");
 }
 
 }  // namespace
@@ -45,10 +48,15 @@ std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverO
     return std::make_unique<SlidingContact>(scene.mesh, *shape,
                                             SlidingOptions{.press = {.friction = options.friction},
                                                            .grasp_N = options.grasp_N,
-                                                           .let_go_N = options.let_go_N});
+                                                           .let_go_N = options.let_go_N,
+                                                           .turns = options.turns});
   }
-  return std::make_unique<StickingTool<ElasticObject<float>>>(
-      scene, solver, ContactOptions{.patch_radius_m = scene.patch_radius_m, .tool = shape});
+  const ContactOptions contact{.patch_radius_m = scene.patch_radius_m, .tool = shape};
+  auto tool = std::make_unique<StickingTool<ElasticObject<float>>>(scene, solver, contact);
+  if (options.turns) {
+    tool->let_turn(scene.mesh);
+  }
+  return tool;
 }
 
 FORCEGRID_INSTANTIATE_STICKY_CONTACT(ElasticObject<float>);

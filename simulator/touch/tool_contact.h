@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -34,6 +35,12 @@ class ToolContact {
   /// Sets the time [s] of the servo's clock that the next step() belongs to. Solvers of equilibria
   /// ignore it.
   virtual void tell_time(double time_s) noexcept { static_cast<void>(time_s); }
+  /// Sets the tool's orientation for the next step(): the rotation from its frame T to W, a unit
+  /// quaternion. One that is not finite is ignored. Ignored also by tools that do not turn, and by
+  /// solvers that know no such tool (ToolOptions::turns is for make_tool_contact() alone).
+  virtual void turn_to(const Eigen::Quaterniond& orientation_WT) noexcept {
+    static_cast<void>(orientation_WT);
+  }
   /// Moves the tool to `position_W` [m]. For a position that is not finite the last answer is
   /// repeated, with converged and reached false.
   virtual Answer step(const Eigen::Vector3d& position_W) = 0;

@@ -23,6 +23,13 @@ class WayIn {
   std::optional<Eigen::Vector3d> between(const Eigen::Vector3d& from_W,
                                          const Eigen::Vector3d& to_W) const noexcept;
 
+  /// Of the tool, from now on; see ToolShape::set_orientation().
+  void turn_to(const Eigen::Quaterniond& orientation_WT) noexcept {
+    if (shape_) {
+      shape_->set_orientation(orientation_WT);
+    }
+  }
+
   static constexpr double kTouching_m = 1e-6;
 
  private:

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
 #include <string>
 
 #include "contact/distance.h"
@@ -65,6 +66,48 @@ TEST(ToolShape, OnlyAGrasperOpens) {
   tool.set_opening(0.5);
   EXPECT_EQ(tool.opening_rad(), 0.0);
   EXPECT_EQ(tool.parts()[0].from_T, before);
+}
+
+// A capsule may be made along any axis, which is another way to turn it.
+TEST(ToolShape, ATurnedRodIsTheRodAlongTheTurnedAxis) {
+  constexpr unsigned kSeed = 7;
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
+  std::mt19937 random(kSeed);
+  std::normal_distribution<double> normal;
+  ToolShape turned = ToolShape::capsule(0.002, 0.03);
+  for (int i = 0; i < 50; ++i) {
+    const Eigen::Quaterniond orientation_WT =
+        Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
+            .normalized();
+    turned.set_orientation(orientation_WT);
+    const ToolShape made =
+        ToolShape::capsule(0.002, 0.03, orientation_WT * Vector3d(0.0, 0.0, 1.0));
+    EXPECT_LT((turned.parts()[0].from_T - made.parts()[0].from_T).norm(), 1e-15);
+    EXPECT_LT((turned.parts()[0].to_T - made.parts()[0].to_T).norm(), 1e-15);
+    EXPECT_NEAR(turned.reach_m(), 0.034, 1e-15);
+  }
+  turned.set_orientation(Eigen::Quaterniond::Identity());
+  EXPECT_EQ(turned.parts()[0].to_T, Vector3d(0.0, 0.0, 0.032));
+  turned.set_orientation(Eigen::Quaterniond(1.0, std::numeric_limits<double>::quiet_NaN(), 0, 0));
+  turned.set_orientation(Eigen::Quaterniond(0.0, 0.0, 0.0, 0.0));
+  EXPECT_EQ(turned.parts()[0].to_T, Vector3d(0.0, 0.0, 0.032)) << "ignored";
+}
+
+TEST(ToolShape, ATurnedGrasperOpensInItsOwnPlane) {
+  ToolShape tool = ToolShape::grasper(0.002, 0.02, 0.0);
+  tool.set_orientation(
+      Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 2.0, Vector3d::UnitZ())));
+  tool.set_opening(1.0);  // by half a radian to both sides of x in T, which is y in W
+  EXPECT_NEAR(tool.parts()[0].from_T.x(), 0.0, 1e-15);
+  EXPECT_NEAR(tool.parts()[0].from_T.y(), 0.02 * std::sin(0.5), 1e-15);
+  EXPECT_NEAR(tool.parts()[1].from_T.y(), -0.02 * std::sin(0.5), 1e-15);
+}
+
+TEST(ToolShape, ABladeLiesAcrossItsTip) {
+  const ToolShape tool = ToolShape::blade(0.001, 0.03);
+  ASSERT_EQ(tool.parts().size(), 1U);
+  EXPECT_EQ(tool.parts()[0].from_T, Vector3d(-0.015, 0.0, 0.001));
+  EXPECT_EQ(tool.parts()[0].to_T, Vector3d(0.015, 0.0, 0.001));
 }
 
 TEST(ToolShape, RefusesSizesOutOfRangeByName) {

@@ -191,6 +191,24 @@ TEST(Scene, ItsToolIsTheDefaultsWithItsOwnKeys) {
   EXPECT_EQ(some.radius_m, ToolOptions().radius_m);
 }
 
+TEST(Scene, AToolMayTurnAndBeABlade) {
+  const ToolOptions blade = scene_tool(file_with(
+      with_tool("shape = \"blade\"\ncontact = \"slide\"\nlength_m = 0.03\nturns = true\n")));
+  EXPECT_EQ(blade.shape, "blade");
+  EXPECT_EQ(blade.length_m, 0.03);
+  EXPECT_TRUE(blade.turns);
+  EXPECT_FALSE(blade.needs_position_alone());
+  const ToolOptions point = scene_tool(file_with(with_tool("turns = true\n")));
+  EXPECT_TRUE(point.turns);
+  EXPECT_FALSE(point.is_sticky_point());
+  try {
+    refuse_sliding_tool("mine", point, "a chart");
+    FAIL() << "it was not refused";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("its tool turns"), HasSubstr("a chart needs")));
+  }
+}
+
 TEST(Scene, AToolThatSlidesIsRefusedWhereForceHasToBeAFunctionOfThePosition) {
   EXPECT_NO_THROW(refuse_sliding_tool("small", scene_tool("small"), "a chart"));
   try {
