@@ -5,11 +5,13 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include "simulator/mesh/error.h"
 #include "simulator/solver/contact_points.h"
 #include "simulator/solver/pressed_springs.h"
+#include "simulator/solver/pressed_turning.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -81,6 +83,10 @@ class PressedObject::Implementation {
         contacts_(mesh, springs_, options_.point_spacing_m,
                   {.friction = options_.friction, .stick_m = options_.stick_m}) {
     springs_.reserve(contacts_.point_count());
+    if (options_.rotational_stiffness) {
+      turning_.emplace(mesh);
+      turning_->reserve(contacts_.point_count());
+    }
   }
 
   contact::ToolShape& tool() noexcept { return tool_; }
@@ -91,6 +97,9 @@ class PressedObject::Implementation {
     springs_.rest();
     contacts_.clear();
     contacts_.follow(springs_);
+    if (turning_) {
+      turning_->rest();
+    }
     place_ = position_W - origin_W_;
     last_ = Pressed{};
     last_.equilibrium.converged = true;
@@ -116,6 +125,7 @@ class PressedObject::Implementation {
         reset(position_W);
       }
       walk_to(position_W - origin_W_, orientation_WT);
+      find_rotational_stiffness();
     }
     last_.position_W = place_ + origin_W_;
     last_.orientation_WT = tool_.orientation_WT();
@@ -228,6 +238,22 @@ class PressedObject::Implementation {
       come_to_rest();
     }
     return outcome;
+  }
+
+  void find_rotational_stiffness() noexcept {
+    Equilibrium& result = last_.equilibrium;
+    result.rotational_stiffness_known = false;
+    result.rotational_stiffness_W_Nm_per_rad.setZero();
+    if (!turning_ || !contacts_.any() || !result.converged || !last_.stiffness_known) {
+      return;
+    }
+    const PressedTurning::Found found = turning_->solve(
+        springs_, contacts_.active(), place_, result.stiffness_W.norm(), options_.max_iterations);
+    result.iterations += found.iterations;
+    result.rotational_stiffness_known = found.known;
+    if (found.known) {
+      result.rotational_stiffness_W_Nm_per_rad = found.stiffness_W_Nm_per_rad;
+    }
   }
 
   void come_to_rest() noexcept {
@@ -364,6 +390,7 @@ class PressedObject::Implementation {
   Eigen::Vector3d origin_W_;
   PressedSprings springs_;
   ContactPoints contacts_;
+  std::optional<PressedTurning> turning_;            // with PressOptions::rotational_stiffness
   Eigen::Vector3d place_ = Eigen::Vector3d::Zero();  // of the tool, from origin_W_
   bool started_ = false;
   double unsettled_N_ = 0.0;  // by how much contact forces that still change may put F wrong

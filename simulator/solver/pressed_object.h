@@ -29,14 +29,17 @@ struct PressOptions {
   int max_steps = 12;        ///< with contact; a longer move ends part of the way
   int max_rounds = 40;       ///< of one step: Newton steps and corrections of the contact forces
   int max_iterations = 400;  ///< conjugate-gradient iterations of one step
+  /// Answers have d(torque)/d(theta), too (PressedTurning); costs up to a dozen more solutions.
+  bool rotational_stiffness = false;
 };
 
 /// The state at one tool position.
 struct Pressed {
   /// As an ElasticObject's answer; displacement_W is not used. force_W and raw_force_W are both
   /// minus the sum of the tool's forces on the surface, so that they keep friction's bound; the
-  /// torque is minus that of the same forces. Its derivative is not known.
-  /// force_gap_N is |sum S_i^T r_i|, the error that the residual may cause in them.
+  /// torque is minus that of the same forces. Its derivative is known as PressOptions says, unless
+  /// a point slips with friction. force_gap_N is |sum S_i^T r_i|, the error that the residual may
+  /// cause in them.
   Equilibrium equilibrium;
   Eigen::Vector3d position_W = Eigen::Vector3d::Zero();  ///< [m] of the tool
   int points = 0;                                        ///< that bear force

@@ -98,6 +98,11 @@ void PressedSprings::rest() noexcept {
   at_rest_ = true;
 }
 
+void PressedSprings::take_positions(const PressedSprings& other) noexcept {
+  std::copy(other.position_.begin(), other.position_.end(), position_.begin());
+  at_rest_ = other.at_rest_;
+}
+
 void PressedSprings::predict(const Eigen::Vector3d& step) noexcept {
   std::copy(position_.begin(), position_.end(), saved_position_.begin());
   saved_at_rest_ = at_rest_;
@@ -180,7 +185,7 @@ void PressedSprings::evaluate(const std::vector<PointLoad>& loads, bool convex) 
 
 void PressedSprings::add_loads() noexcept {
   for (const PointLoad& load : loads_) {
-    Eigen::Matrix3d moves = Eigen::Matrix3d::Identity();
+    Eigen::Matrix3d moves = load.tool_motion_W;
     for (std::size_t k = 0; k < 3; ++k) {
       moves -= load.weight[k] * sensitivity(static_cast<std::size_t>(load.vertex[k]));
     }

@@ -22,6 +22,9 @@ struct PointLoad {
   Reaction reaction;
   /// [N/m] The known part of d force_W / dP beside stiffness_W (I - S_p): ContactPoint::pull_W.
   Eigen::Matrix3d known_pull_W = Eigen::Matrix3d::Zero();
+  /// How the tool moves at that point with what the sensitivities are for: I for its position P;
+  /// -[x_p - P]x for its rotation, whose sensitivities are T (PressedTurning).
+  Eigen::Matrix3d tool_motion_W = Eigen::Matrix3d::Identity();
 };
 
 /// The springs of an object under forces that depend on the places of a few surface points: the
@@ -31,9 +34,10 @@ struct PointLoad {
 ///   r = -dE/dx + sum_p w_p R_p,   (K + sum_p w_p C_p w_p^T) dx = r,
 ///   (the same matrix) S = w_p (C_p + L_p)
 ///
-/// with C_p = Reaction::stiffness_W and L_p = known_pull_W: four right-hand sides in SIMD lanes,
-/// conjugate gradients with block-Jacobi and a coarse grid fitted at rest. Source: the kernels of
-/// ElasticObject. Real-time: no allocation after construction. Threads: one.
+/// with C_p = Reaction::stiffness_W and L_p = known_pull_W (and C_p M_p for a tool_motion_W M_p
+/// that is not I): four right-hand sides in SIMD lanes, conjugate gradients with block-Jacobi and a
+/// coarse grid fitted at rest. Source: the kernels of ElasticObject. Real-time: no allocation after
+/// construction. Threads: one.
 class PressedSprings {
  public:
   /// `mesh` must have passed check().
@@ -52,6 +56,8 @@ class PressedSprings {
   void reserve(std::size_t loads) { loads_.reserve(loads); }
 
   void rest() noexcept;  ///< returns to the rest pose
+  /// Moves to the positions of another of the same mesh; S stays.
+  void take_positions(const PressedSprings& other) noexcept;
   bool at_rest() const noexcept { return at_rest_; }
 
   /// Keeps the state for restore(), then x += S step [m].

@@ -45,11 +45,13 @@ std::unique_ptr<ToolContact> make_tool_contact(const Scene& scene, const SolverO
                                                const ToolOptions& options) {
   const std::optional<contact::ToolShape> shape = tool_shape(options);
   if (options.slides()) {
-    return std::make_unique<SlidingContact>(scene.mesh, *shape,
-                                            SlidingOptions{.press = {.friction = options.friction},
-                                                           .grasp_N = options.grasp_N,
-                                                           .let_go_N = options.let_go_N,
-                                                           .turns = options.turns});
+    return std::make_unique<SlidingContact>(
+        scene.mesh, *shape,
+        SlidingOptions{
+            .press = {.friction = options.friction, .rotational_stiffness = options.turns},
+            .grasp_N = options.grasp_N,
+            .let_go_N = options.let_go_N,
+            .turns = options.turns});
   }
   const ContactOptions contact{.patch_radius_m = scene.patch_radius_m, .tool = shape};
   auto tool = std::make_unique<StickingTool<ElasticObject<float>>>(scene, solver, contact);

@@ -163,6 +163,56 @@ TEST_F(TwistingGrasp, HasTheTorqueThatTheEnergyIsSpentOn) {
   }
 }
 
+// Central differences of the torque about an axis, beside the solver's own derivative.
+void expect_the_derivative_of_the_torque(PressedObject& object, const Vector3d& position_W,
+                                         const Quaterniond& orientation_WT) {
+  const auto at = [&](const Quaterniond& turn_W) {
+    Pressed found;
+    for (int again = 0; again < 10; ++again) {
+      found = object.move_to(position_W, turn_W * orientation_WT);
+      if (found.equilibrium.converged) {
+        break;
+      }
+    }
+    EXPECT_TRUE(found.equilibrium.converged);
+    return found.equilibrium;
+  };
+  constexpr double kStep_rad = 2e-3;
+  Eigen::Matrix3d differences;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vector3d ahead_Nm = at(about(Vector3d::Unit(axis), kStep_rad)).torque_W_Nm;
+    const Vector3d behind_Nm = at(about(Vector3d::Unit(axis), -kStep_rad)).torque_W_Nm;
+    differences.col(axis) = (ahead_Nm - behind_Nm) / (2.0 * kStep_rad);
+  }
+  const Equilibrium here = at(Quaterniond::Identity());
+  ASSERT_TRUE(here.rotational_stiffness_known);
+  // As of dF/dP: points come and go within the step.
+  EXPECT_LE((here.rotational_stiffness_W_Nm_per_rad - differences).norm(), 0.1 * differences.norm())
+      << here.rotational_stiffness_W_Nm_per_rad << "\nby differences\n"
+      << differences;
+}
+
+TEST(TurningPress, HasTheDerivativeOfTheTorqueOfABladeThatPresses) {
+  PressOptions options = tight(0.0);
+  options.rotational_stiffness = true;
+  PressedObject blade(regular_block(), ToolShape::blade(0.003, 0.02), options);
+  const Quaterniond oblique_WT = about(Vector3d::UnitZ(), 0.4) * about(Vector3d::UnitY(), 0.1);
+  blade.reset({0.001, 0.0007, 0.006}, oblique_WT);
+  blade.move_to({0.001, 0.0007, -0.002}, oblique_WT);
+  expect_the_derivative_of_the_torque(blade, {0.001, 0.0007, -0.002}, oblique_WT);
+}
+
+TEST(TurningPress, HasTheDerivativeOfTheTorqueOfAGraspThatIsTwisted) {
+  PressOptions options = tight(0.0);
+  options.rotational_stiffness = true;
+  PressedObject grasper(regular_block(), ToolShape::grasper(0.002, 0.02, 0.8), options);
+  grasper.reset({0.0, 0.0, 0.003}, Quaterniond::Identity());
+  grasper.move_to({0.0, 0.0, -0.004});
+  ASSERT_GT(grasper.grasp(), 3);
+  grasper.move_to({0.0, 0.0, 0.0}, about(Vector3d::UnitZ(), 0.2));
+  expect_the_derivative_of_the_torque(grasper, {0.0, 0.0, 0.0}, about(Vector3d::UnitZ(), 0.2));
+}
+
 TEST(TurningPress, ATurnThatIsNotFiniteKeepsTheAnswer) {
   PressedObject object(regular_block(), ToolShape::sphere(0.006), {.friction = 0.3});
   object.reset({0.0, 0.0, 0.002});
