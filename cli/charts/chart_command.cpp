@@ -258,6 +258,7 @@ void add_chart(Command& app, ChartCommandOptions& options, std::function<int()>&
   chart.require_subcommand();
   add_accuracy(chart, options.accuracy, action);
   add_chart_solvers(chart, options.solvers, action);
+  add_chart_wrist(chart, options.wrist, action);
   add_chart_stability(chart, options.stability, action);
 }
 

@@ -8,6 +8,7 @@
 #include "cli/charts/chart_solvers_command.h"
 #include "cli/charts/chart_stability_command.h"
 #include "cli/charts/chart_support.h"
+#include "cli/charts/chart_wrist_command.h"
 #include "cli/common/options.h"
 
 namespace forcegrid::cli {
@@ -27,11 +28,12 @@ struct ChartAccuracyOptions : ShardedChoice {
 struct ChartCommandOptions {
   ChartAccuracyOptions accuracy;
   ChartSolversOptions solvers;
+  ChartWristOptions wrist;
   ChartStabilityOptions stability;
 };
 
-/// Adds the subcommand `chart` with its subcommands `accuracy`, `stability` and `solvers`, which
-/// set `action`.
+/// Adds the subcommand `chart` with its subcommands `accuracy`, `stability`, `solvers` and `wrist`,
+/// which set `action`.
 void add_chart(Command& app, ChartCommandOptions& options, std::function<int()>& action);
 
 /// Evaluates force methods on the chart's objects, motions and networks, and writes tables,
