@@ -21,8 +21,8 @@ struct TwistPose {
 ///   twist   lifts by 5 mm and turns about the tool's axis z by 0.5 rad sin phi, phi = 2 pi (0.2 t
 ///           + 0.1 t^2): 0.2 to 1.4 Hz in 6 s
 ///   wring   to and fro about z by 0.6 rad at 0.7 Hz while pulling up by 8 mm at 0.45 Hz
-///   tilt    leans about y by 0.4 rad at 0.6 Hz and about x by 0.25 rad at 0.83 Hz while pushing 3 mm
-///           down
+///   tilt    leans about y by 0.4 rad at 0.6 Hz and about x by 0.25 rad at 0.83 Hz while pushing
+///           3 mm down
 ///   random  12 sines per axis, seeded, 0.1 to 3 Hz, amplitude 1 / (1 + (f / 1 Hz)^2): rotation
 ///           vector of 0.25 rad and displacement of 4 mm RMS along each axis, 5 mm up
 ///

@@ -269,7 +269,8 @@ saying what to do.)")
 position_W_m [m], velocity_W_m_per_s [m/s]: three numbers. orientation_WT: of a device with a wrist,
 the unit quaternion (w, x, y, z) of the rotation from the tool's frame T to W, and with it
 angular_velocity_W_rad_per_s [rad/s]. buttons: bit i, the device's button i is pressed; None: it has
-none. Returns its number, which the answer echoes. Raises ValueError for what is not finite or out of range.)")
+none. Returns its number, which the answer echoes. Raises ValueError for what is not finite or out
+of range.)")
       .def("send_query", &send_query, py::arg("servo_time_ns"), py::arg("position_W_m"),
            "Asks for the force at position_W_m [m], frame W. Returns the query's id.")
       .def("receive", &receive, py::arg("timeout_s") = 0.0,

@@ -42,7 +42,7 @@ void add_chart_wrist(Command& chart, ChartWristOptions& o, std::function<int()>&
   wrist.add_option("--scene", o.scene, "What is grasped: " + scene_help())
       ->check(scene_check())
       ->show_default();
-  wrist.add_option("--motions", o.motions, "Motions of the hand, see docs/wrist.md")
+  wrist.add_option("--motions", o.motions, "Motions of the hand, see docs/turning.md")
       ->separated_by(',')
       ->check(one_of(evaluation::twist_motion_names()))
       ->show_default();

@@ -46,7 +46,7 @@ void add_tool(Command& command, ToolChoice& choice) {
       ->type_name("FLOAT");
   command.add_flag("--tool-turns", choice.turns,
                    "The tool turns with the hand of a device that has a wrist, and the simulator "
-                   "sends a torque, see docs/wrist.md (default: as the scene's tool does, else it "
+                   "sends a torque, see docs/turning.md (default: as the scene's tool does, else it "
                    "stays upright)");
 }
 

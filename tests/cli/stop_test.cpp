@@ -313,6 +313,10 @@ const Case kCases[] = {
      [](const Workplace&, const std::string& out) {
        return Words{"chart", "solvers", "--out", out};
      }},
+    {"chart_wrist",
+     [](const Workplace&, const std::string& out) {
+       return Words{"chart", "wrist", "--out", out};
+     }},
     {"chart_stability",
      [](const Workplace&, const std::string& out) {
        return Words{"chart", "stability", "--out", out, "--cache", out + "/cache"};
