@@ -51,7 +51,9 @@ void add_chart_wrist(Command& chart, ChartWristOptions& o, std::function<int()>&
       ->check(between(1.0, 500.0))
       ->type_name("FLOAT Hz")
       ->show_default();
-  wrist.add_option("--seed", o.seed, "Of the motion 'random'")->show_default();
+  wrist.add_option("--seed", o.seed, "Of the motion 'random'")
+      ->check(seed_number())
+      ->show_default();
   wrist.add_flag("--quick", o.quick, "2 s of each motion instead of 6");
   wrist.callback([&o, &action] { action = [&o] { return chart_wrist_command(o); }; });
 }
