@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "rt/rotation.h"
+
 namespace forcegrid::servo {
 namespace {
 
@@ -28,17 +30,6 @@ Eigen::Vector3d shortened(const Eigen::Vector3d& vector, double longest) noexcep
 }
 
 }  // namespace
-
-Eigen::Vector3d rotation_vector_W_rad(const Eigen::Quaterniond& from,
-                                      const Eigen::Quaterniond& to) noexcept {
-  const Eigen::Quaterniond turn = to * from.conjugate();
-  const double side = turn.w() < 0.0 ? -1.0 : 1.0;  // q and -q are one rotation
-  const double sine = turn.vec().norm();
-  const double angle_rad = 2.0 * std::atan2(sine, side * turn.w());
-  // 2 is the limit of angle / sine at no rotation.
-  const double scale = sine > 0.0 ? angle_rad / sine : 2.0;
-  return side * scale * turn.vec();
-}
 
 ToolTorque::ToolTorque(const ToolTorqueOptions& options) : options_(options) {
   require(options.max_torque_Nm > 0.0, "max_torque_Nm", options.max_torque_Nm, "more than 0 N m");
@@ -76,7 +67,7 @@ Eigen::Vector3d ToolTorque::torque_W_Nm(const Eigen::Quaterniond& orientation_WT
   Eigen::Vector3d torque_W_Nm;
   if (wrench_.has_rotational_stiffness) {
     const Eigen::Vector3d theta_W_rad = shortened(
-        rotation_vector_W_rad(wrench_.orientation_WT, orientation_WT), options_.max_rotation_rad);
+        rt::rotation_vector_rad(wrench_.orientation_WT, orientation_WT), options_.max_rotation_rad);
     torque_W_Nm = lever_W_.cross(force_W) +
                   share * (couple_W_Nm_ + wrench_.rotational_stiffness_W_Nm_per_rad * theta_W_rad);
   } else {

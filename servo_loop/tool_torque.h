@@ -84,9 +84,4 @@ class ToolTorque {
   bool known_ = false;
 };
 
-/// [rad] The rotation vector in W that turns `from` into `to`, the shorter way: length 0 to pi.
-/// Real-time: no allocation, lock or throw. Threads: any.
-[[nodiscard]] Eigen::Vector3d rotation_vector_W_rad(const Eigen::Quaterniond& from,
-                                                    const Eigen::Quaterniond& to) noexcept;
-
 }  // namespace forcegrid::servo

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "rt/checkpoint.h"
+#include "rt/rotation.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/energy_descent.h"
 #include "simulator/solver/region_schedule.h"
@@ -254,7 +255,7 @@ class ElasticObject<Real>::Implementation {
   double way_m(const Pose& aim) const noexcept {
     const double straight_m = (aim.displacement_W - state_.displacement_W()).norm();
     return turning_ ? straight_m +
-                          rotation_vector_W_rad(turn_W_, aim.turn_W).norm() * turning_->reach_m()
+                          rt::rotation_vector_rad(turn_W_, aim.turn_W).norm() * turning_->reach_m()
                     : straight_m;
   }
 
@@ -271,7 +272,7 @@ class ElasticObject<Real>::Implementation {
       state_.advance_to(target.displacement_W);
       return;
     }
-    const Eigen::Vector3d theta_W_rad = rotation_vector_W_rad(turn_W_, target.turn_W);
+    const Eigen::Vector3d theta_W_rad = rt::rotation_vector_rad(turn_W_, target.turn_W);
     has_turned_ = has_turned_ || !theta_W_rad.isZero(0.0);
     saved_turn_W_ = turn_W_;
     turn_W_ = target.turn_W;

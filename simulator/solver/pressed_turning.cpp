@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "simulator/solver/cross_matrix.h"
+
 namespace forcegrid::simulator {
 namespace {
 
@@ -12,12 +14,6 @@ constexpr double kTurningTolerance =
     0.02;  // of |K T|, relative to the stiffness and the lever arms
 constexpr double kTurningAim = 0.3;
 constexpr double kTurningLag = 0.02;  // what a constraint may still give, relative to the lever arm
-
-Eigen::Matrix3d turning_cross(const Eigen::Vector3d& v) noexcept {
-  Eigen::Matrix3d matrix;
-  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return matrix;
-}
 
 }  // namespace
 
@@ -63,10 +59,10 @@ PressedTurning::Found PressedTurning::solve(const PressedSprings& lead,
   for (PointLoad& load : loads_) {
     const Eigen::Vector3d arm = place(load) - tool_place;
     reach_m = std::max(reach_m, arm.norm());
-    load.tool_motion_W = -turning_cross(arm);
+    load.tool_motion_W = -cross_matrix(arm);
     load.known_pull_W = load.reaction.state == Reaction::State::kHeld
                             ? Eigen::Matrix3d(Eigen::Matrix3d::Zero())
-                            : Eigen::Matrix3d(-turning_cross(load.reaction.force_W));
+                            : Eigen::Matrix3d(-cross_matrix(load.reaction.force_W));
   }
   const double aim_N_per_rad = kTurningTolerance * stiffness_N_per_m * reach_m;
   springs_.evaluate(loads_, false);
@@ -89,7 +85,7 @@ PressedTurning::Found PressedTurning::solve(const PressedSprings& lead,
   for (const PointLoad& load : loads_) {
     const Eigen::Matrix3d turned = load.tool_motion_W - lag(load);
     found.stiffness_W_Nm_per_rad +=
-        turning_cross(load.reaction.force_W) * turned +
+        cross_matrix(load.reaction.force_W) * turned +
         load.tool_motion_W * (load.reaction.stiffness_W * lag(load) + load.known_pull_W);
   }
   found.known =

@@ -2,8 +2,9 @@
 #include "simulator/solver/turning_sensitivities.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
+
+#include "simulator/solver/cross_matrix.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -11,23 +12,7 @@ namespace {
 constexpr int kMaxTurningRounds = 4;
 constexpr double kTurningAimBelowTolerance = 0.5;
 
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) noexcept {
-  Eigen::Matrix3d matrix;
-  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return matrix;
-}
-
 }  // namespace
-
-Eigen::Vector3d rotation_vector_W_rad(const Eigen::Quaterniond& from,
-                                      const Eigen::Quaterniond& to) noexcept {
-  const Eigen::Quaterniond turn = to * from.conjugate();
-  const double side = turn.w() < 0.0 ? -1.0 : 1.0;  // q and -q are one rotation
-  const double sine = turn.vec().norm();
-  const double angle_rad = 2.0 * std::atan2(sine, side * turn.w());
-  // 2 is the limit of angle / sine at no rotation.
-  return side * (sine > 0.0 ? angle_rad / sine : 2.0) * turn.vec();
-}
 
 template <typename Real>
 void TurningSensitivities<Real>::hold(const State& lead, const Eigen::Vector3d& pivot) {

@@ -11,11 +11,6 @@
 
 namespace forcegrid::simulator {
 
-/// [rad] The rotation vector in W that turns `from` into `to`, the shorter way.
-/// Real-time: no allocation, lock or throw. Threads: any.
-Eigen::Vector3d rotation_vector_W_rad(const Eigen::Quaterniond& from,
-                                      const Eigen::Quaterniond& to) noexcept;
-
 /// How the vertices of an object move when the tool that holds a patch of it turns: T =
 /// dx/d(theta), theta the rotation vector in W, at a fixed position P of the tool.
 ///
