@@ -95,7 +95,8 @@ class ElasticObject<Real>::Implementation {
   std::size_t memory_bytes() const noexcept {
     return sizeof *this - sizeof state_ + state_.memory_bytes() +
            correction_m_.capacity() * sizeof(Eigen::Vector3f) +
-           mesh_patch_.capacity() * sizeof(std::int32_t);
+           mesh_patch_.capacity() * sizeof(std::int32_t) +
+           (turning_ ? turning_->memory_bytes() : 0);
   }
   bool grabbed() const noexcept { return !mesh_patch_.empty(); }
   bool turns() const noexcept { return turning_ != nullptr; }

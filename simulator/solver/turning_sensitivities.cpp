@@ -40,6 +40,13 @@ void TurningSensitivities<Real>::release() noexcept {
 }
 
 template <typename Real>
+std::size_t TurningSensitivities<Real>::memory_bytes() const noexcept {
+  return sizeof *this - sizeof state_ + state_.memory_bytes() +
+         patch_.capacity() * sizeof(std::int32_t) +
+         (arm_.capacity() + anchor_.capacity()) * sizeof(Eigen::Vector3d);
+}
+
+template <typename Real>
 const std::vector<Eigen::Vector3d>& TurningSensitivities<Real>::anchor(
     const Eigen::Quaterniond& turn_W) noexcept {
   for (std::size_t n = 0; n < arm_.size(); ++n) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -41,6 +42,8 @@ class TurningSensitivities {
   /// `lead` has just taken hold of its patch, with the tool at `pivot` [m, from the origin].
   void hold(const State& lead, const Eigen::Vector3d& pivot);
   void release() noexcept;
+
+  std::size_t memory_bytes() const noexcept;  ///< that it holds, itself included
 
   /// [m] The farthest that a vertex of the patch was from the tool's position at the grab.
   double reach_m() const noexcept { return reach_m_; }

@@ -272,6 +272,16 @@ TEST(TurningObject, KeepsItsAnswerForATurnThatIsNotFinite) {
   EXPECT_EQ(after.force_W, before.force_W);
 }
 
+TEST(TurningObject, CountsTheMemoryOfItsSecondState) {
+  const SpringMesh mesh = block_with(0.0);
+  ElasticObject<float> object(mesh);
+  const std::size_t before = object.memory_bytes();
+  object.turn(mesh);
+  // T and what solves for it: as much again as S has.
+  EXPECT_GT(object.memory_bytes(), before + before / 2);
+  EXPECT_LT(object.memory_bytes(), 3 * before);
+}
+
 TEST(TurningObject, IsSolvedAsAWholeOrNotAtAll) {
   const SpringMesh mesh = block_with(0.0);
   SolverOptions options;
