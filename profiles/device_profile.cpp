@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "profiles/gimbal_profile.h"
 #include "text/data_folder.h"
 #include "text/file_kind.h"
 #include "text/text.h"
@@ -606,8 +607,8 @@ DeviceProfile read_profile(const toml::table& parsed, const std::string& file) {
                   {"name", "description", "source", "kind", "usb", "delta", "falcon", "limits",
                    "dynamics", "firm_hand", "light_hand"})
           : Table(parsed, file, "",
-                  {"name", "description", "source", "kind", "usb", "kinematics", "motors", "limits",
-                   "calibration", "gravity", "dynamics", "firm_hand", "light_hand"});
+                  {"name", "description", "source", "kind", "usb", "kinematics", "gimbal", "motors",
+                   "limits", "calibration", "gravity", "dynamics", "firm_hand", "light_hand"});
   DeviceProfile profile;
   profile.file = file;
   profile.name = root.text("name");
@@ -624,6 +625,7 @@ DeviceProfile read_profile(const toml::table& parsed, const std::string& file) {
     profile.motors = read_motors(root);
     profile.limits = read_limits(root, profile);
     profile.calibration = read_calibration(root, profile.kinematics);
+    profile.gimbal = read_gimbal(root, profile.calibration.pose_counts);
     profile.gravity = read_gravity(root, profile.kinematics);
   }
   profile.dynamics = read_dynamics(root, kind);

@@ -48,7 +48,6 @@ enum class DeviceKind : std::uint8_t {
 /// pi n_i / counts_per_turn_i) * (d_i / D_i); linkage angle theta_i = linkage_offset_rad_i +
 /// linkage_sign_i * q_i (theta_a yaw, theta_b from the vertical, theta_c absolute from straight
 /// down). Source: the device fact sheets named in the file's `source`.
-/// down). Source: the device fact sheets named in the file's `source`.
 struct DeviceProfile {
   std::string file;  ///< the file it came from, for messages
   std::string name;
@@ -95,6 +94,31 @@ struct DeviceProfile {
     Axes continuous_current_A{};  ///< what the motors withstand indefinitely; at most max_current_A
     double thermal_time_constant_s = 0.0;  ///< of their windings
   } motors;
+
+  /// The wrist of an arm: three joints in series between its last link and the tool, each with an
+  /// encoder and without a motor, whose axes meet in the tip. Joint angle g_i = encoder_sign_i *
+  /// 2 pi n_i / counts_per_turn_i, from the inside out. With T the tool's frame and R_k(g) the
+  /// rotation by g about axis k of the frame that the joints before have left:
+  ///
+  ///   R_DT = R_z(theta_a) R_y(pi/2 - theta_c) R_axis1(g_1) R_axis2(g_2) R_axis3(g_3)
+  ///
+  /// So T has the axes of D when the last link points toward the user and all g_i are zero. The
+  /// counts at which that is so are zero; calibration.pose_counts d, e, f are those of the
+  /// calibration pose.
+  struct Gimbal {
+    bool present = false;          ///< false: the file has no [gimbal]; the rest is zero
+    std::array<int, 3> counter{};  ///< which of a report's counters measures g_i: 3, 4, 5 (d, e, f)
+    std::array<int, 3> axis{};     ///< 0, 1, 2 for x, y, z
+    Axes encoder_counts_per_turn{};  ///< quadrature counts of one turn of the joint
+    Axes encoder_sign{};             ///< +1 or -1
+    Axes joint_min_rad{};            ///< hard stops, in g
+    Axes joint_max_rad{};
+    Axes max_joint_speed_rad_per_s{};  ///< counts that turn a joint faster have jumped
+    Axes max_joint_acceleration_rad_per_s2{};
+    /// The stylus has a button: while it is pressed the device adds 10000 to counter d, which is
+    /// below 5000 otherwise.
+    bool stylus_button = false;
+  } gimbal;
 
   /// Mechanism of a delta. In leg i's own frame u points out of the base at azimuth phi_i, v is u
   /// turned by +90 degrees, and w is z of the base frame B: x to the user's right, y up, z out of
@@ -197,6 +221,9 @@ std::vector<std::string> available_profiles();
 
 /// Whether its mechanism is a delta: three arms that carry one platform, as a Falcon's.
 inline bool is_delta(const DeviceProfile& profile) { return profile.kind == DeviceKind::kDelta; }
+
+/// Whether it has a wrist with encoders, so that the tool's orientation is known.
+inline bool has_wrist(const DeviceProfile& profile) { return profile.gimbal.present; }
 
 #pragma GCC visibility pop
 }  // namespace forcegrid::profiles

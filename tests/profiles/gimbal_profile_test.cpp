@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "profiles/gimbal_profile.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <ostream>
+#include <string>
+#include <vector>
+
+namespace forcegrid::profiles {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr const char* kWrist = "woodenhaptics_v2015_wrist";
+
+std::vector<std::string> lines_of(const std::string& profile) {
+  std::ifstream stream(load_device_profile(profile).file);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(stream, line);) {
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+std::string written(const std::vector<std::string>& lines) {
+  const std::string file =
+      testing::TempDir() + "gimbal_profile_" + std::to_string(getpid()) + ".toml";
+  std::ofstream stream(file);
+  for (const std::string& line : lines) {
+    stream << line << '\n';
+  }
+  return file;
+}
+
+TEST(GimbalProfile, HoldsTheNumbersOfTheSheet) {
+  const DeviceProfile profile = load_device_profile(kWrist);
+  ASSERT_TRUE(has_wrist(profile));
+  // "Rotation encoders are consumed by the host in reverse order: (f, e, d)"; Rx(D) Ry(E) Rx(F).
+  EXPECT_EQ(profile.gimbal.counter, (std::array<int, 3>{5, 4, 3}));
+  EXPECT_EQ(profile.gimbal.axis, (std::array<int, 3>{0, 1, 0}));
+  EXPECT_EQ(profile.gimbal.encoder_counts_per_turn, (Axes{1024, 1024, 1024}));
+  EXPECT_TRUE(profile.gimbal.stylus_button);
+}
+
+TEST(GimbalProfile, IsTheArmWithoutAWristOtherwise) {
+  const DeviceProfile with = load_device_profile(kWrist);
+  const DeviceProfile without = load_device_profile("woodenhaptics_v2015");
+  EXPECT_EQ(with.kinematics.link_length_m, without.kinematics.link_length_m);
+  EXPECT_EQ(with.kinematics.origin_m, without.kinematics.origin_m);
+  EXPECT_EQ(with.motors.torque_constant_Nm_per_A, without.motors.torque_constant_Nm_per_A);
+  EXPECT_EQ(with.limits.max_joint_torque_Nm, without.limits.max_joint_torque_Nm);
+  EXPECT_EQ(with.calibration.pose_counts, without.calibration.pose_counts);
+  EXPECT_EQ(with.usb.product_id, without.usb.product_id);
+}
+
+TEST(GimbalProfile, IsAbsentFromEveryOtherDevice) {
+  for (const std::string& name : available_profiles()) {
+    if (name != kWrist) {
+      EXPECT_FALSE(has_wrist(load_device_profile(name))) << name;
+    }
+  }
+}
+
+TEST(GimbalProfile, BelongsToAnArm) {
+  std::vector<std::string> lines = lines_of("falcon");
+  lines.emplace_back("[gimbal]");
+  try {
+    static_cast<void>(load_device_profile(written(lines)));
+    ADD_FAILURE() << "a delta with a wrist was accepted";
+  } catch (const ProfileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("gimbal"));
+  }
+}
+
+struct Broken {
+  const char* key;    ///< the line of [gimbal] that is replaced, and the key that the error names
+  const char* value;  ///< its new value
+  const char* words;  ///< what the error says
+};
+
+// NOLINTNEXTLINE(readability-identifier-naming): GoogleTest calls it so.
+void PrintTo(const Broken& broken, std::ostream* stream) {
+  *stream << broken.key << " = " << broken.value;
+}
+
+class BrokenGimbal : public testing::TestWithParam<Broken> {};
+
+TEST_P(BrokenGimbal, IsRefusedWithLineKeyAndRemedy) {
+  const auto& [key, value, words] = GetParam();
+  std::vector<std::string> lines = lines_of(kWrist);
+  auto line = std::find(lines.begin(), lines.end(), "[gimbal]");
+  line = std::find_if(line, lines.end(), [key = key](const std::string& text) {
+    return text.starts_with(std::string(key) + " =");
+  });
+  ASSERT_NE(line, lines.end());
+  *line = std::string(key) + " = " + value;
+  const std::string file = written(lines);
+  try {
+    static_cast<void>(load_device_profile(file));
+    ADD_FAILURE() << *line << " was accepted";
+  } catch (const ProfileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr(file + ":" + std::to_string(line - lines.begin() + 1)));
+    EXPECT_THAT(error.what(), HasSubstr(std::string("gimbal.") + key));
+    EXPECT_THAT(error.what(), HasSubstr(words));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Values, BrokenGimbal,
+    testing::Values(Broken{"counters", "\"fee\"", "not d, e and f in some order"},
+                    Broken{"counters", "\"abc\"", "not d, e and f in some order"},
+                    Broken{"axes", "\"xxy\"", "not that of the joint before"},
+                    Broken{"axes", "\"xyw\"", "each x, y or z"},
+                    Broken{"axes", "\"xy\"", "is no wrist"},
+                    Broken{"encoder_counts_per_turn", "[1024, 0, 1024]",
+                           "0 in place 2 is a wrist without an encoder; write how many counts one "
+                           "turn of the joint gives, or leave [gimbal] out"},
+                    Broken{"encoder_counts_per_turn", "[1024, 1024]",
+                           "write three times a whole number"},
+                    Broken{"encoder_sign", "[1, 0, 1]", "0 in place 2 is no sign"},
+                    Broken{"joint_max_rad", "[2.6, -1.4, 3.0]", "not above joint_min_rad"},
+                    Broken{"joint_min_rad", "[0.5, -1.4, -3.0]", "in the calibration pose"},
+                    Broken{"max_joint_speed_rad_per_s", "[60, 0, 60]", "rad/s above 0"},
+                    Broken{"max_joint_acceleration_rad_per_s2", "[3000, 1, inf]", "rad/s^2"},
+                    Broken{"stylus_button", "1", "true or false"}));
+
+TEST(GimbalProfile, HasNoButtonOnACounterThatCountsFartherThanTheButtonsMark) {
+  // 8000 counts a turn: 3.0 rad are 3820 counts, 4.1 rad are 5221.
+  std::vector<std::string> lines = lines_of(kWrist);
+  const auto set = [&](const std::string& key, const std::string& value) {
+    auto line = std::find(lines.begin(), lines.end(), "[gimbal]");
+    line = std::find_if(line, lines.end(),
+                        [&](const std::string& text) { return text.starts_with(key + " ="); });
+    ASSERT_NE(line, lines.end());
+    *line = key + " = " + value;
+  };
+  set("encoder_counts_per_turn", "[1024, 1024, 8000]");
+  EXPECT_TRUE(load_device_profile(written(lines)).gimbal.stylus_button);
+  set("joint_max_rad", "[2.6, 1.4, 4.1]");
+  try {
+    static_cast<void>(load_device_profile(written(lines)));
+    ADD_FAILURE() << "accepted";
+  } catch (const ProfileError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("counter d reaches 5221"));
+  }
+  set("stylus_button", "false");
+  EXPECT_FALSE(load_device_profile(written(lines)).gimbal.stylus_button);
+}
+
+}  // namespace
+}  // namespace forcegrid::profiles
