@@ -10,6 +10,8 @@ namespace forcegrid::driver {
 namespace {
 
 constexpr rt::Duration kPoll = std::chrono::milliseconds(2);
+// Farther from zero than a held arm may have moved, see kCounterTolerance.
+constexpr std::int16_t kWristProbe_counts = 1000;
 
 /// Waits until `done()`.
 /// @returns false when `cancelled` says so, or true.
@@ -72,6 +74,11 @@ void calibrate_now(Device& device, const profiles::DeviceProfile& profile) {
   std::array<std::int16_t, 6> counts{};
   for (std::size_t i = 0; i < counts.size(); ++i) {
     counts[i] = static_cast<std::int16_t>(profile.calibration.pose_counts[i]);
+  }
+  if (profiles::has_wrist(profile)) {
+    // A device without encoders there reports zeros whatever it is told, and zeros may be right.
+    device.load_counters({counts[0], counts[1], counts[2], kWristProbe_counts, kWristProbe_counts,
+                          kWristProbe_counts});
   }
   device.load_counters(counts);
 }

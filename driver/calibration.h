@@ -27,8 +27,10 @@ bool calibrate(Device& device, const profiles::DeviceProfile& profile, rt::Durat
                const std::function<void(const std::string&)>& on_prompt = {},
                const std::function<bool()>& cancelled = {});
 
-/// Sets the counters at once: the caller knows that the arm is in its calibration pose.
-/// @throws DeviceError when the device does not take them (a Falcon never does).
+/// Sets the counters at once: the caller knows that the arm is in its calibration pose. Those of a
+/// wrist are first set to other values, which shows whether the device has them.
+/// @throws DeviceError when the device does not take them (a Falcon never does), or has no counters
+/// for the wrist of its profile.
 /// Real-time: no; before the loop. Threads: as Device::newest_report().
 void calibrate_now(Device& device, const profiles::DeviceProfile& profile);
 

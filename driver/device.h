@@ -30,7 +30,9 @@ struct DeviceReport {
   std::array<std::int32_t, 6> counts{};  ///< encoder counts a..f, 16-bit wraps undone
   bool calibration_button = false;       ///< latched by the device until it is calibrated
   std::uint8_t homed = 0;                ///< Falcon: bit i is set when counter i is absolute
-  std::uint8_t buttons = 0;  ///< Falcon: bit 0 plus (far right), 1 forward, 2 centre, 3 minus
+  /// Falcon: bit 0 plus (far right), 1 forward, 2 centre, 3 minus. W2 with a stylus that has a
+  /// button: bit 0.
+  std::uint8_t buttons = 0;
   /// When the OUT that released this report was handed over: the device can't have sampled its
   /// counters before.
   rt::TimePoint sampled_after{};

@@ -35,6 +35,14 @@ struct ArmPose {
   Eigen::Vector3d joint_angle_rad = Eigen::Vector3d::Zero();  ///< q_a, q_b, q_c
   /// [m/rad] d(position_D)/dq, columns a, b, c.
   Eigen::Matrix3d jacobian_D = Eigen::Matrix3d::Zero();
+
+  // Of a device with a wrist, see GimbalKinematics; the identity and zeros of one without.
+  bool has_orientation = false;
+  Eigen::Matrix3d rotation_DT = Eigen::Matrix3d::Identity();   ///< tool frame T to D
+  Eigen::Vector3d gimbal_angle_rad = Eigen::Vector3d::Zero();  ///< g_1, g_2, g_3
+  /// Angular velocity of T in D per joint speed: columns of a, b, c, and of g_1, g_2, g_3.
+  Eigen::Matrix3d arm_axis_D = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d gimbal_axis_D = Eigen::Matrix3d::Zero();
 };
 
 /// How the arm gets somewhere. Values are valid for kOk and kOutOfRange.

@@ -2,16 +2,20 @@
 #include "driver/mechanism.h"
 
 #include "driver/delta_kinematics.h"
+#include "driver/gimbal_kinematics.h"
 
 namespace forcegrid::driver {
 namespace {
 
 class ArmMechanism final : public Mechanism {
  public:
-  explicit ArmMechanism(const profiles::DeviceProfile& profile) : kinematics_(profile) {}
+  explicit ArmMechanism(const profiles::DeviceProfile& profile)
+      : kinematics_(profile), wrist_(profile) {}
 
   ArmPose forward(const std::array<std::int32_t, 6>& counts) noexcept override {
-    return kinematics_.forward(counts);
+    ArmPose pose = kinematics_.forward(counts);
+    wrist_.orient(counts, pose);
+    return pose;
   }
   Eigen::Vector3d gravity_torque(const Eigen::Vector3d& joint_angle_rad) const noexcept override {
     return kinematics_.gravity_torque(joint_angle_rad);
@@ -19,6 +23,7 @@ class ArmMechanism final : public Mechanism {
 
  private:
   ArmKinematics kinematics_;
+  GimbalKinematics wrist_;
 };
 
 /// A delta in the device frame D, whose axes are the base frame's in another order: x_D = z_B,

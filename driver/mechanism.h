@@ -21,7 +21,8 @@ class Mechanism {
  public:
   virtual ~Mechanism() = default;
 
-  /// Forward kinematics and Jacobian of a report's counters.
+  /// Forward kinematics and Jacobian of a report's counters; with a wrist the tool's orientation,
+  /// too.
   [[nodiscard]] virtual ArmPose forward(const std::array<std::int32_t, 6>& counts) noexcept = 0;
 
   /// Joint torque [Nm] that holds the links' weight at these joint angles; zero for a delta, whose

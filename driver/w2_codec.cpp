@@ -24,8 +24,8 @@ void put_word(ReportBytes& bytes, std::size_t index, std::int16_t value) noexcep
 
 }  // namespace
 
-bool decode(std::span<const std::uint8_t> bytes, InputReport& report,
-            std::size_t wire_bytes) noexcept {
+bool decode(std::span<const std::uint8_t> bytes, InputReport& report, std::size_t wire_bytes,
+            bool has_stylus_button) noexcept {
   if (bytes.size() != wire_bytes || wire_bytes < kReportBytes) {
     return false;
   }
@@ -33,6 +33,11 @@ bool decode(std::span<const std::uint8_t> bytes, InputReport& report,
     report.counts[i] = word_at(bytes, i);
   }
   report.calibration_button = word_at(bytes, 6) != 0;
+  std::int16_t& counter_d = report.counts[3];
+  report.stylus_button = has_stylus_button && counter_d > kStylusThreshold;
+  if (report.stylus_button) {
+    counter_d = static_cast<std::int16_t>(counter_d - kStylusOffset);
+  }
   return true;
 }
 

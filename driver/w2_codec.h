@@ -22,14 +22,22 @@ using ReportBytes = std::array<std::uint8_t, kReportBytes>;
 struct InputReport {
   std::array<std::int16_t, 6> counts{};
   bool calibration_button = false;  ///< info is not 0: pressed since the last calibrate command
+  bool stylus_button = false;       ///< pressed; counts[3] is without what says so
   bool operator==(const InputReport&) const = default;
 };
 
+/// Above this, counter d of a device whose stylus has a button is kStylusOffset too much, which
+/// says that the button is pressed. Source: haptikfabrikenapi src/fsusbhapticdevicethread.cpp.
+inline constexpr std::int16_t kStylusThreshold = 5000;
+inline constexpr std::int16_t kStylusOffset = 10000;
+
 /// @param wire_bytes  length of a report on the wire: 14 (W2) or 64 (W3).
+/// @param has_stylus_button  whether counter d carries a button, see kStylusThreshold.
 /// @returns false when `bytes` is not exactly one report; `report` is then untouched.
 /// Real-time: no allocation, lock or throw. Threads: any.
 [[nodiscard]] bool decode(std::span<const std::uint8_t> bytes, InputReport& report,
-                          std::size_t wire_bytes = kReportBytes) noexcept;
+                          std::size_t wire_bytes = kReportBytes,
+                          bool has_stylus_button = false) noexcept;
 
 /// Currents as a report has them.
 struct Currents {

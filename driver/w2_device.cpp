@@ -7,9 +7,9 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 
+#include "driver/counter_loading.h"
 #include "driver/io_thread_device.h"
 #include "driver/open_outs.h"
 #include "driver/w2_codec.h"
@@ -31,15 +31,8 @@ constexpr int kMaxRejectedInARow = 10;
 constexpr double kRefreshPhase = 0.6;   // of a bus frame after a report
 constexpr double kRefreshMargin = 0.1;  // of a bus frame, for the way from here to the servo
 constexpr int kRefreshDecay = 16;       // exchanges
-constexpr int kCounterTolerance = 200;  // counts an arm in a hand may move within an exchange
 
 constexpr std::size_t kBufferBytes = 65;  // a report that is too long is seen as such
-
-struct CounterRequest {
-  std::uint32_t id = 0;
-  std::array<std::int16_t, 6> counts{};
-  rt::TimePoint deadline{};
-};
 
 /// Why an exchange is begun.
 enum class Reason : std::uint8_t { kNone, kCommand, kRefresh, kCounters, kStop };
@@ -56,6 +49,7 @@ class W2Device final : public IoThreadDevice {
         transport_(std::move(transport)),
         max_current_A_(profile.motors.max_current_A),
         wire_bytes_(static_cast<std::size_t>(profile.usb.report_bytes)),
+        has_stylus_button_(profile.gimbal.stylus_button),
         frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
         refresh_time_(frame_),
         may_overlap_(transport_->can_wait()),
@@ -91,8 +85,11 @@ class W2Device final : public IoThreadDevice {
       // The I/O thread gives up at the deadline; a little later it can't succeed any more.
       if (rt::Clock::now() > deadline + kReadTimeout + options_.write_timeout) {
         throw DeviceError("device '" + identity_.url +
-                          "': it did not take the encoder counters; hold the arm still in its "
-                          "calibration pose and try again");
+                          (arm_only_ ? "': it took the arm's counters but not those of the wrist, "
+                                       "d, e and f: it has no encoders there; use a profile "
+                                       "without [gimbal]"
+                                     : "': it did not take the encoder counters; hold the arm "
+                                       "still in its calibration pose and try again"));
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
@@ -133,6 +130,11 @@ class W2Device final : public IoThreadDevice {
       open_outs_.push({.sent = begun, .completed = result.completed, .last_zero = last_zero});
     }
     return result;
+  }
+
+  [[nodiscard]] bool decode(std::size_t bytes, w2::InputReport& input) const noexcept {
+    return w2::decode({buffer_.data(), std::min(bytes, buffer_.size())}, input, wire_bytes_,
+                      has_stylus_button_);
   }
 
   /// One report. A wait for it ends early when the last zero is due, which must not wait.
@@ -179,8 +181,7 @@ class W2Device final : public IoThreadDevice {
       last_length_ = result.bytes;
       const bool asked = open_outs_.answer();
       w2::InputReport input;
-      if (!w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, input,
-                      wire_bytes_)) {
+      if (!decode(result.bytes, input)) {
         count(statistics_.reports_rejected);
         ++rejected_in_a_row_;
         wrong_length_ = true;
@@ -212,6 +213,7 @@ class W2Device final : public IoThreadDevice {
     publish_report({.sequence = ++sequence_,
                     .counts = unwrapper_.follow(input.counts),
                     .calibration_button = input.calibration_button,
+                    .buttons = static_cast<std::uint8_t>(input.stylus_button ? 1 : 0),
                     .sampled_after = oldest.sent,
                     .released = released,
                     .oldest_release = oldest.completed,
@@ -579,8 +581,7 @@ class W2Device final : public IoThreadDevice {
       }
       count(statistics_.reports_drained);
       w2::InputReport input;
-      const bool whole =
-          w2::decode({buffer_.data(), std::min(result.bytes, buffer_.size())}, input, wire_bytes_);
+      const bool whole = decode(result.bytes, input);
       const bool asked = open_outs_.answer();
       if (asked || !whole) {
         count(statistics_.reports_unasked);
@@ -628,11 +629,9 @@ class W2Device final : public IoThreadDevice {
   }
 
   void check_counters(const w2::InputReport& input) noexcept {
-    bool taken = !input.calibration_button;
-    for (std::size_t i = 0; i < input.counts.size(); ++i) {
-      taken = taken && std::abs(input.counts[i] - counter_request_.counts[i]) <= kCounterTolerance;
-    }
-    if (taken) {
+    const CountersTaken taken = counters_taken(counter_request_, input);
+    arm_only_ = taken == CountersTaken::kArmOnly;
+    if (taken == CountersTaken::kAll) {
       counters_pending_ = false;
       counters_loaded_.store(counter_request_.id, std::memory_order_release);
     } else if (rt::Clock::now() > counter_request_.deadline) {
@@ -643,6 +642,7 @@ class W2Device final : public IoThreadDevice {
   std::unique_ptr<Transport> transport_;
   const std::array<double, 3> max_current_A_;
   const std::size_t wire_bytes_;  ///< length of a report: 14 (W2) or 64 (W3)
+  const bool has_stylus_button_;  ///< counter d carries it
   const rt::Duration frame_;
 
   // I/O thread (and opening thread before it starts).
@@ -673,16 +673,9 @@ class W2Device final : public IoThreadDevice {
   // Between threads.
   rt::Mailbox<CounterRequest> counter_requests_;
   std::atomic<std::uint32_t> counters_loaded_{0};
+  std::atomic<bool> arm_only_{false};  ///< the newest report of a request had taken a, b, c alone
   const int wake_;
 };
-
-void check_descriptor(const Transport& transport, const profiles::DeviceProfile& profile,
-                      const std::string& url) {
-  const std::string objection = descriptor_objection(transport.report_descriptor(), profile);
-  if (!objection.empty()) {
-    throw DeviceError("device '" + url + "': " + objection);
-  }
-}
 
 }  // namespace
 
@@ -693,7 +686,10 @@ std::unique_ptr<Device> start_w2_device(std::unique_ptr<Transport> transport,
   if (ids_must_match) {
     check_ids(transport->identity(), profile, url);
   }
-  check_descriptor(*transport, profile, url);
+  const std::string objection = descriptor_objection(transport->report_descriptor(), profile);
+  if (!objection.empty()) {
+    throw DeviceError("device '" + url + "': " + objection);
+  }
   return std::make_unique<W2Device>(std::move(transport), profile, options, url);
 }
 

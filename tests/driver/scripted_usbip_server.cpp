@@ -252,6 +252,9 @@ bool ScriptedUsbipServer::out(int client, const Bytes& header) {
         return static_cast<std::int16_t>(report[2 * i] | (report[2 * i + 1] << 8));
       };
       counts_ = {word(4), word(5), word(6), word(0), word(1), word(2)};
+      if (!script_.has_wrist) {
+        counts_[3] = counts_[4] = counts_[5] = 0;
+      }
       button_ = false;
     }
   }

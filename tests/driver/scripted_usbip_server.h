@@ -34,6 +34,7 @@ struct Script {
   bool answer_control = true;
   bool answer_unlink = true;
   bool take_outs = true;
+  bool has_wrist = true;    ///< false: counters d, e, f stay 0 whatever it is told
   bool speak_first = true;  ///< W2: one report before the first OUT
 
   std::atomic<bool> send_reports{true};  ///< false: OUTs are taken, no report follows

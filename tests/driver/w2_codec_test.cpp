@@ -28,6 +28,24 @@ TEST(W2Codec, DecodesMinusOneAndBothEndsOfTheRange) {
   EXPECT_EQ(report.counts, (std::array<std::int16_t, 6>{-1, 32767, -32768, 1, 2, 3}));
 }
 
+TEST(W2Codec, TakesTheStylusButtonFromCounterDOfADeviceThatHasOne) {
+  // d = 10000 - 123 = 0x2695: pressed, at -123. Then 5000, which is still a count, and 5001.
+  const ReportBytes pressed = {0, 0, 0, 0, 0, 0, 0x95, 0x26, 7, 0, 8, 0, 0, 0};
+  InputReport report;
+  ASSERT_TRUE(decode(pressed, report, kReportBytes, true));
+  EXPECT_TRUE(report.stylus_button);
+  EXPECT_EQ(report.counts, (std::array<std::int16_t, 6>{0, 0, 0, -123, 7, 8}));
+  ASSERT_TRUE(decode(pressed, report));
+  EXPECT_FALSE(report.stylus_button) << "another device has no such button";
+  EXPECT_EQ(report.counts[3], 9877);
+  ASSERT_TRUE(decode(ReportBytes{0, 0, 0, 0, 0, 0, 0x88, 0x13}, report, kReportBytes, true));
+  EXPECT_FALSE(report.stylus_button);
+  EXPECT_EQ(report.counts[3], 5000);
+  ASSERT_TRUE(decode(ReportBytes{0, 0, 0, 0, 0, 0, 0x89, 0x13}, report, kReportBytes, true));
+  EXPECT_TRUE(report.stylus_button);
+  EXPECT_EQ(report.counts[3], -4999);
+}
+
 TEST(W2Codec, RefusesReportsOfAnotherLengthAndLeavesTheOldOne) {
   const std::array<std::uint8_t, 64> bytes{};
   InputReport report;

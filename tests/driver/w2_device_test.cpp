@@ -550,5 +550,41 @@ TEST_F(W2, CalibratesAtOnceWhenAsked) {
   EXPECT_EQ(device->newest_report().counts[2], 6000);
 }
 
+// --- a wrist ---
+
+class W2Wrist : public W2 {
+ protected:
+  W2Wrist() { profile_ = profiles::load_device_profile("woodenhaptics_v2015_wrist"); }
+};
+
+TEST_F(W2Wrist, CalibratesAllSixCounters) {
+  profile_.calibration.pose_counts = {0, 0, 6000, 0, 30, -12};
+  const auto device = open();
+  calibrate_now(*device, profile_);
+  EXPECT_EQ(device->newest_report().counts, (std::array<std::int32_t, 6>{0, 0, 6000, 0, 30, -12}));
+}
+
+TEST_F(W2Wrist, RefusesADeviceWithoutEncodersThere) {
+  script_.has_wrist = false;
+  const auto device = open();
+  try {
+    calibrate_now(*device, profile_);
+    ADD_FAILURE() << "calibrated";
+  } catch (const DeviceError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("has no encoders there; use a profile without [gimbal]"));
+  }
+}
+
+TEST_F(W2Wrist, ReportsTheStylusButtonAndTheCounterWithoutIt) {
+  server().set_counts({0, 0, 6000, 9877, 7, 8});
+  const auto device = open();
+  const DeviceReport pressed = device->newest_report();
+  EXPECT_EQ(pressed.buttons, 1);
+  EXPECT_EQ(pressed.counts, (std::array<std::int32_t, 6>{0, 0, 6000, -123, 7, 8}));
+  server().set_counts({0, 0, 6000, -124, 7, 8});
+  EXPECT_TRUE(eventually([&] { return device->newest_report().buttons == 0; }));
+  EXPECT_EQ(device->newest_report().counts[3], -124);
+}
+
 }  // namespace
 }  // namespace forcegrid::driver
