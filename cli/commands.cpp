@@ -42,6 +42,8 @@ int emulate_command(const EmulateOptions& options) {
   emulator.hand = options.hand;
   emulator.hand_target = options.hand_target;
   emulator.motion = options.motion;
+  emulator.wrist = options.wrist;
+  emulator.click_every_s = options.click_every_s;
   emulator.amplitude_m = 1e-3 * options.amplitude_mm;
   emulator.seed = options.seed;
   emulator.frame_order = options.frame_order;

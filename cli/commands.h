@@ -17,6 +17,8 @@ struct EmulateOptions {
   std::string hand = "firm";
   std::string hand_target;
   std::string motion = "chirp";
+  std::string wrist = "turn";
+  double click_every_s = 0.0;
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";

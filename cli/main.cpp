@@ -62,6 +62,18 @@ void add_emulate(Command& app, EmulateOptions& o, std::function<int()>& action) 
   emulate.add_option("--motion", o.motion, "Motion of that hand: " + joined(motions()))
       ->check(motion_check())
       ->show_default();
+  emulate
+      .add_option(
+          "--wrist", o.wrist,
+          "How the hand turns the wrist of a device that has one: " + joined(wrist_motions()))
+      ->check(one_of(wrist_motions()))
+      ->show_default();
+  emulate
+      .add_option("--click-every", o.click_every_s,
+                  "The hand presses the button on the stylus this often; 0 means never")
+      ->check(between(0.0, emulator::kMaxClickEvery_s))
+      ->show_default()
+      ->type_name("FLOAT s");
   emulate.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
       ->check(between(0.0, 30.0))
       ->show_default()

@@ -2,6 +2,8 @@
 #include "device_emulator/emulated_device.h"
 
 #include <algorithm>
+#include <stdexcept>
+#include <string>
 
 #include "device_emulator/emulated_falcon.h"
 #include "device_emulator/emulated_w2.h"
@@ -18,6 +20,13 @@ bool EmulatedDevice::motors_on() const {
 
 std::unique_ptr<EmulatedDevice> make_emulated_device(const DeviceOptions& options,
                                                      rt::TimePoint start) {
+  for (const FaultSpec& fault : options.faults) {
+    if (fault.axis.value_or(0) > 2 && !profiles::has_wrist(options.profile)) {
+      throw std::invalid_argument(std::string("fault '") + name_of(fault.kind) +
+                                  "' of axis d, e or f needs a wrist, and device '" +
+                                  options.profile.name + "' has none; give axis a, b or c");
+    }
+  }
   std::unique_ptr<EmulatedDevice> device;
   if (options.profile.kind == profiles::DeviceKind::kDelta) {
     device = std::make_unique<EmulatedFalcon>(options, start);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device_emulator/emulated_w2.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -26,11 +27,6 @@ Vector3d calibration_counts(const profiles::DeviceProfile& profile) {
   return {static_cast<double>(pose[0]), static_cast<double>(pose[1]), static_cast<double>(pose[2])};
 }
 
-std::array<std::int64_t, 6> encoder_positions(const ArmModel& arm) {
-  const Vector3d counts = arm.kinematics().counts(arm.joint_angle_rad());
-  return {std::llround(counts[0]), std::llround(counts[1]), std::llround(counts[2]), 0, 0, 0};
-}
-
 W2Firmware::Counters power_up_counters(const DeviceOptions& options) {
   W2Firmware::Counters counters{};
   if (options.operator_script.calibrated) {
@@ -38,7 +34,8 @@ W2Firmware::Counters power_up_counters(const DeviceOptions& options) {
               options.profile.calibration.pose_counts.end(), counters.begin());
   } else if (options.random_power_up_counters) {
     std::mt19937_64 random(options.operator_script.seed);
-    for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t encoders = profiles::has_wrist(options.profile) ? 6 : 3;
+    for (std::size_t i = 0; i < encoders; ++i) {
       counters[i] = static_cast<std::int32_t>(random() % (2 * kPowerUpRange_counts + 1)) -
                     kPowerUpRange_counts;
     }
@@ -60,6 +57,7 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
            ArmKinematics(options.profile.kinematics)
                .joint_angle_rad(calibration_counts(options.profile)),
            options.hand_carries_weight),
+      wrist_(options.profile.gimbal),
       script_(OperatorScript::on_device(options.operator_script, options.profile),
               arm_.position_D()),
       hands_(hands_of(options.profile)),
@@ -72,16 +70,46 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
               .cwiseProduct(rt::to_vector(options.profile.motors.torque_constant_Nm_per_A))
               .cwiseProduct(rt::to_vector(options.profile.kinematics.body_diameter_m))
               .cwiseQuotient(rt::to_vector(options.profile.kinematics.capstan_diameter_m))),
+      has_stylus_button_(options.profile.gimbal.stylus_button),
+      gimbal_rad_(OperatorScript::on_device({}, options.profile).wrist_rest_rad),
       now_(start),
       counters_are_true_(options.operator_script.calibrated) {
   arm_.attach_tip_mass(options.tip_mass_kg);
   identity_.interfaces = usb_.interfaces();
-  firmware_.turn_encoders(encoder_positions(arm_));
+  firmware_.turn_encoders(encoder_positions());
   firmware_.set_counters(power_up_counters(options));
   if (!options.core.empty()) {
     core_ = std::make_unique<CoreLine>(options.core);
     firmware_.hand_over();
   }
+}
+
+std::array<std::int64_t, 6> EmulatedW2::encoder_positions() const noexcept {
+  const Vector3d arm = arm_.kinematics().counts(arm_.joint_angle_rad());
+  const auto wrist = wrist_.encoder_positions(gimbal_rad_);
+  return {std::llround(arm[0]),
+          std::llround(arm[1]),
+          std::llround(arm[2]),
+          wrist[0],
+          wrist[1],
+          wrist[2]};
+}
+
+Eigen::Matrix3d EmulatedW2::tool_axes_D() const noexcept {
+  const Vector3d theta_rad =
+      arm_.kinematics().motion(arm_.joint_angle_rad(), Vector3d::Zero()).linkage_angle_rad;
+  return wrist_.tool_axes_D(theta_rad, gimbal_rad_);
+}
+
+void EmulatedW2::turn_wrist(const OperatorScript::Action& action) noexcept {
+  if (!wrist_.present() || hand_ == HandKind::kNone) {
+    return;
+  }
+  gimbal_rad_ = wrist_.within_stops(action.gimbal_rad);
+  const bool down = has_stylus_button_ && action.stylus_pressed;
+  stylus_clicks_ += down && !stylus_down_ ? 1 : 0;
+  stylus_down_ = down;
+  firmware_.hold_stylus_button(down);
 }
 
 UsbIdentity EmulatedW2::identity() const noexcept { return identity_; }
@@ -114,6 +142,7 @@ void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
     }
     arm_.advance(rt::seconds(end - now_), current_A_.cwiseProduct(torque_per_current_Nm_per_A_),
                  action.target_D);
+    turn_wrist(action);
     now_ = end;
     if (!current_A_.isZero(0.0)) {
       motors_last_nonzero_ = now_;
@@ -122,7 +151,7 @@ void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
       drive_motors();
     }
   }
-  firmware_.turn_encoders(encoder_positions(arm_));
+  firmware_.turn_encoders(encoder_positions());
   if (core_ && motors_on() && !host_reports(now)) {
     stop_core();
   }
@@ -283,6 +312,12 @@ EmulatorReport EmulatedW2::report() const {
   report.reports_drained = statistics.reports_drained;
   report.counters_loaded = statistics.counters_loaded;
   report.physics_skipped_s = physics_skipped_s_;
+  if (wrist_.present()) {
+    const Eigen::Quaterniond q(tool_axes_D());
+    report.wrist = WristReport{.angle_rad = rt::to_array(gimbal_rad_),
+                               .orientation_wxyz = {q.w(), q.x(), q.y(), q.z()},
+                               .stylus_clicks = stylus_clicks_};
+  }
   if (core_) {
     report.core = core_use_;
     report.core->broken_frames = core_->broken_frames();

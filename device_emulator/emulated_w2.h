@@ -16,6 +16,7 @@
 #include "device_emulator/operator_script.h"
 #include "device_emulator/w2_firmware.h"
 #include "device_emulator/w2_usb_device.h"
+#include "device_emulator/wrist.h"
 #include "rt/clock.h"
 
 namespace forcegrid::emulator {
@@ -24,6 +25,8 @@ namespace forcegrid::emulator {
 /// operator. The arm starts at rest in the calibration pose. Motor torque at joint i is tau_i = s_i
 /// k_i I_i D_i / d_i with I_i = I_full (duty_i - 0.5) / 0.4 for a duty within 10..90 %. The servo
 /// amplifier (ESCON) treats any other duty as out of range: zero current, counted.
+///
+/// A wrist's joints are where the hand turns them, within their stops; see Wrist.
 ///
 /// With DeviceOptions::core, a second processor computes the currents: every kCorePeriod, while the
 /// host sends reports and the counters are true, it is sent the counters, and its newest answer
@@ -74,11 +77,15 @@ class EmulatedW2 final : public EmulatedDevice {
   [[nodiscard]] const W2UsbDevice& usb() const noexcept { return usb_; }
   [[nodiscard]] const W2Firmware& firmware() const noexcept { return firmware_; }
   [[nodiscard]] const ArmModel& arm() const noexcept { return arm_; }
+  /// The tool's frame in D: columns are its axes.
+  [[nodiscard]] Eigen::Matrix3d tool_axes_D() const noexcept;
   [[nodiscard]] OperatorScript::Phase operator_phase() const noexcept { return script_.phase(); }
   /// [A] flowing in motors a, b, c.
   [[nodiscard]] const Eigen::Vector3d& current_A() const noexcept { return current_A_; }
 
  private:
+  std::array<std::int64_t, 6> encoder_positions() const noexcept;
+  void turn_wrist(const OperatorScript::Action& action) noexcept;
   void run_firmware(rt::TimePoint now) noexcept;
   void drive_motors() noexcept;
   void run_core(rt::TimePoint now) noexcept;
@@ -89,6 +96,7 @@ class EmulatedW2 final : public EmulatedDevice {
   W2UsbDevice usb_;
   W2Firmware firmware_;
   ArmModel arm_;
+  Wrist wrist_;
   OperatorScript script_;
   Hands hands_;
   HandKind hand_;
@@ -97,6 +105,11 @@ class EmulatedW2 final : public EmulatedDevice {
   std::string name_;
   double full_scale_current_A_;
   Eigen::Vector3d torque_per_current_Nm_per_A_;
+
+  bool has_stylus_button_;
+  bool stylus_down_ = false;
+  std::uint64_t stylus_clicks_ = 0;
+  Eigen::Vector3d gimbal_rad_;  ///< joint angles of the wrist
 
   rt::TimePoint now_;
   Eigen::Vector3d current_A_ = Eigen::Vector3d::Zero();

@@ -44,6 +44,7 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
       {"attached", report.attached},
       {"configured", report.configured},
       {"unplugged", report.unplugged},
+      {"wrist", nullptr},
       {"core", nullptr},
       {"hand_target", nullptr},
       {"faults", report.faults},
@@ -51,6 +52,11 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
   };
   if (report.seconds_since_motors_nonzero) {
     json["seconds_since_motors_nonzero"] = *report.seconds_since_motors_nonzero;
+  }
+  if (report.wrist) {
+    json["wrist"] = {{"angle_rad", report.wrist->angle_rad},
+                     {"orientation_wxyz", report.wrist->orientation_wxyz},
+                     {"stylus_clicks", report.wrist->stylus_clicks}};
   }
   if (report.core) {
     json["core"] = {{"cycles", report.core->cycles},
@@ -69,7 +75,7 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
   }
   for (const char* key :
        {"final_current_mA", "max_abs_current_mA", "out_of_range_currents", "short_reports",
-        "long_reports", "reports_drained", "counters_loaded", "core"}) {
+        "long_reports", "reports_drained", "counters_loaded", "wrist", "core"}) {
     json.erase(key);
   }
   const FalconReport& falcon = *report.falcon;

@@ -56,6 +56,13 @@ struct CoreUse {
   double mean_latency_ms = 0.0, worst_latency_ms = 0.0;
 };
 
+/// Where the wrist of a device that has one is, see Wrist.
+struct WristReport {
+  std::array<double, 3> angle_rad{};
+  std::array<double, 4> orientation_wxyz{1.0, 0.0, 0.0, 0.0};  ///< of the tool's frame in D
+  std::uint64_t stylus_clicks = 0;  ///< how often the button on the stylus has gone down
+};
+
 /// What came for the hand, see HandTargetSocket.
 struct HandTargetUse {
   std::uint64_t taken = 0;      ///< well-formed datagrams
@@ -99,6 +106,7 @@ struct EmulatorReport {
   bool configured = false;                 ///< and set its configuration
   bool unplugged = false;
 
+  std::optional<WristReport> wrist;          ///< of an arm with a wrist
   std::optional<CoreUse> core;               ///< of an arm with a second processor
   std::optional<HandTargetUse> hand_target;  ///< the same for all devices; nothing without a socket
 

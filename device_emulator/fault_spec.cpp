@@ -147,10 +147,10 @@ void set(FaultSpec& spec, const std::string& whole, std::string_view key, std::s
   } else if (key == "axis") {
     if (value == "all") {
       spec.axis.reset();
-    } else if (value == "a" || value == "b" || value == "c") {
+    } else if (value.size() == 1 && value >= "a" && value <= "f") {
       spec.axis = value.front() - 'a';
     } else {
-      refuse(whole, key, value, "a, b, c or all");
+      refuse(whole, key, value, "a, b, c, for a wrist d, e, f, or all of a, b, c");
     }
   } else if (key == "ms") {
     spec.milliseconds =

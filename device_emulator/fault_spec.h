@@ -63,7 +63,7 @@ struct FaultSpec {
   std::uint64_t count = 0;        ///< 0: any number of times
   std::uint64_t every = 1;        ///< acts on every n-th report
   double probability = 1.0;       ///< and then with this probability
-  std::optional<int> axis;        ///< 0, 1, 2 for a, b, c; nothing: all three
+  std::optional<int> axis;        ///< 0 to 5 for a to f; nothing: a, b and c
   double milliseconds = 0.0;      ///< delay, pause or absence
   std::size_t bytes = 0;          ///< length of a report
   std::int32_t counts = 0;        ///< size of a jump [encoder counts]

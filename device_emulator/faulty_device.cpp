@@ -14,7 +14,8 @@ namespace forcegrid::emulator {
 namespace {
 
 constexpr rt::Duration kPushingFor = std::chrono::milliseconds(500);
-constexpr std::size_t kCounters = 3;
+constexpr std::size_t kCounters = 3;         // of the arm's joints, or motors
+constexpr std::size_t kCountersOfWrist = 6;  // and those of a wrist behind them, in W2 and W3
 constexpr std::size_t kCommandWord = 3;
 constexpr std::size_t kModemStatusBytes = 2;
 constexpr std::size_t kMostReportBytes = 64;
@@ -40,7 +41,8 @@ void put_word(std::span<std::uint8_t> bytes, std::size_t index, std::int16_t val
 }
 
 /// Refuses faults that a device of `protocol` can't have.
-void check_fits(FaultKind kind, const std::string& protocol) {
+void check_fits(const FaultSpec& spec, const std::string& protocol) {
+  const FaultKind kind = spec.kind;
   const bool hid = protocol == "w2" || protocol == "w3";
   const bool falcon = protocol == "falcon";
   const auto refuse = [&](const char* why, const char* with) {
@@ -54,6 +56,14 @@ void check_fits(FaultKind kind, const std::string& protocol) {
     case FaultKind::kWrappingEncoder:
     case FaultKind::kSaturatedEncoder:
     case FaultKind::kWrongWayMotor:
+      if (spec.axis && *spec.axis >= static_cast<int>(kCounters) &&
+          (!hid || kind == FaultKind::kWrongWayMotor)) {
+        refuse(kind == FaultKind::kWrongWayMotor ? "of axis d, e or f needs motors that a wrist "
+                                                   "does not have with"
+                                                 : "of axis d, e or f needs counters that are not "
+                                                   "in a packet of",
+               "w2 or w3");
+      }
       if (!hid && !falcon) {
         refuse("changes counters or motors, and their place in a packet is unknown with",
                "w2, w3 or falcon");
@@ -78,11 +88,13 @@ void check_fits(FaultKind kind, const std::string& protocol) {
 
 }  // namespace
 
-/// The three values of one report or of one command, in the bytes that carry them.
+/// The values of one report or of one command, in the bytes that carry them.
 class FaultyDevice::Counters {
  public:
   /// @param nibbles four characters per value (Falcon); else two bytes, the lower first.
   Counters(std::span<std::uint8_t> bytes, bool nibbles) : bytes_(bytes), nibbles_(nibbles) {}
+
+  [[nodiscard]] std::size_t size() const { return bytes_.size() / (nibbles_ ? kFalconNibbles : 2); }
 
   [[nodiscard]] std::int16_t get(std::size_t axis) const {
     if (!nibbles_) {
@@ -122,10 +134,10 @@ struct FaultyDevice::Fault {
   std::uint64_t seen = 0;   // reports since the fault began
   std::uint64_t acted = 0;  // how often it did something
   std::optional<rt::TimePoint> first_acted{};
-  std::optional<std::array<std::int16_t, kCounters>> counters_at_start{};
+  std::optional<std::array<std::int16_t, kCountersOfWrist>> counters_at_start{};
 
   [[nodiscard]] bool touches(std::size_t axis) const {
-    return !spec.axis || *spec.axis == static_cast<int>(axis);
+    return spec.axis ? *spec.axis == static_cast<int>(axis) : axis < kCounters;
   }
   void act(rt::TimePoint now) {
     ++acted;
@@ -188,7 +200,7 @@ FaultyDevice::FaultyDevice(std::unique_ptr<EmulatedDevice> device, const std::st
                            const std::vector<FaultSpec>& faults, rt::TimePoint start)
     : device_(std::move(device)), has_modem_status_(protocol == "falcon"), now_(start) {
   for (const FaultSpec& spec : faults) {
-    check_fits(spec.kind, protocol);
+    check_fits(spec, protocol);
     faults_.emplace_back(spec);
   }
   device_->set_boot_loader_faults(this);
@@ -219,8 +231,10 @@ std::vector<FaultyDevice::Counters> FaultyDevice::counters_in(std::span<std::uin
                                                               std::size_t prefix) const {
   std::vector<Counters> found;
   if (!has_modem_status_) {
-    if (packet.size() >= prefix + 2 * kCounters) {
-      found.emplace_back(packet.subspan(prefix, 2 * kCounters), false);
+    for (const std::size_t counters : {kCountersOfWrist, kCounters}) {
+      if (found.empty() && packet.size() >= prefix + 2 * counters) {
+        found.emplace_back(packet.subspan(prefix, 2 * counters), false);
+      }
     }
     return found;
   }
@@ -388,8 +402,10 @@ void FaultyDevice::bus_reset(rt::TimePoint now) noexcept {
 void FaultyDevice::spoil_counters(std::vector<std::uint8_t>& report) {
   const std::size_t prefix = has_modem_status_ ? kModemStatusBytes : 0;
   for (Counters& counters : counters_in(report, prefix)) {
-    const std::array<std::int16_t, kCounters> true_counters = {counters.get(0), counters.get(1),
-                                                               counters.get(2)};
+    std::array<std::int16_t, kCountersOfWrist> true_counters{};
+    for (std::size_t i = 0; i < counters.size(); ++i) {
+      true_counters[i] = counters.get(i);
+    }
     for (Fault& fault : faults_) {
       const FaultKind kind = fault.spec.kind;
       const bool of_encoders =
@@ -401,7 +417,7 @@ void FaultyDevice::spoil_counters(std::vector<std::uint8_t>& report) {
       if (!fault.counters_at_start) {
         fault.counters_at_start = true_counters;
       }
-      for (std::size_t i = 0; i < kCounters; ++i) {
+      for (std::size_t i = 0; i < counters.size(); ++i) {
         if (!fault.touches(i)) {
           continue;
         }

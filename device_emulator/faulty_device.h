@@ -69,7 +69,7 @@ class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
   [[nodiscard]] Fault* acting(FaultKind kind) noexcept;
   /// Whether a fault that acts on single reports acts on this one.
   [[nodiscard]] bool hits(Fault& fault);
-  /// Where the three counters of each report in `packet` are, behind `prefix` bytes.
+  /// Where the counters of each report in `packet` are, behind `prefix` bytes.
   [[nodiscard]] std::vector<Counters> counters_in(std::span<std::uint8_t> packet,
                                                   std::size_t prefix) const;
   void spoil_counters(std::vector<std::uint8_t>& report);

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device_emulator/operator_script.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
+#include "device_emulator/wrist.h"
 #include "rt/vectors.h"
 
 namespace forcegrid::emulator {
@@ -11,16 +14,30 @@ namespace forcegrid::emulator {
 OperatorScript::OperatorScript(const Options& options, const Eigen::Vector3d& home_D)
     : options_(options),
       motion_(options.motion, options.amplitude_m, options.seed, options.path),
+      wrist_motion_(options.wrist_motion, options.wrist_rest_rad, options.wrist_reach_rad,
+                    options.path),
       follower_(options.reach_m_per_s),
       home_D_(home_D),
       target_D_(home_D),
-      return_from_D_(home_D) {}
+      return_from_D_(home_D),
+      gimbal_rad_(options.wrist_rest_rad),
+      return_from_gimbal_rad_(options.wrist_rest_rad) {}
 
 OperatorScript::Options OperatorScript::on_device(Options options,
                                                   const profiles::DeviceProfile& profile) {
   options.reach_low_D = rt::to_vector(profile.limits.workspace_min_m);
   options.reach_high_D = rt::to_vector(profile.limits.workspace_max_m);
   options.reach_m_per_s = 0.5 * profile.limits.max_speed_m_per_s;
+  if (profiles::has_wrist(profile)) {
+    const auto& gimbal = profile.gimbal;
+    std::array<std::int32_t, 6> pose{};
+    std::copy(profile.calibration.pose_counts.begin(), profile.calibration.pose_counts.end(),
+              pose.begin());
+    options.wrist_rest_rad = Wrist(gimbal).joint_angle_rad(pose);
+    options.wrist_reach_rad =
+        (rt::to_vector(gimbal.joint_max_rad) - options.wrist_rest_rad)
+            .cwiseMin(options.wrist_rest_rad - rt::to_vector(gimbal.joint_min_rad));
+  }
   return options;
 }
 
@@ -44,6 +61,7 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
     } else if (phase_ == Phase::kCalibrating || phase_ == Phase::kApproaching ||
                phase_ == Phase::kMoving) {
       return_from_D_ = target_D_;
+      return_from_gimbal_rad_ = gimbal_rad_;
       enter(Phase::kReturning);
     }
   } else if (!host_since_) {
@@ -66,6 +84,7 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
   }
   if (phase_ == Phase::kCalibrating && calibrated) {
     return_from_D_ = target_D_;
+    return_from_gimbal_rad_ = gimbal_rad_;
     enter(options_.homing || options_.lets_go ? Phase::kReturning : Phase::kApproaching);
   }
   if (options_.lets_go && calibrated && host_since_ && !has_let_go_) {
@@ -100,7 +119,31 @@ OperatorScript::Action OperatorScript::update(rt::TimePoint now, const Senses& s
     pointer_D = senses.pointer_D->cwiseMax(options_.reach_low_D).cwiseMin(options_.reach_high_D);
   }
   action.target_D = follower_.update(now, target_D_, pointer_D);
+  const double in_phase_s = rt::seconds(now - phase_start_);  // which may have begun just now
+  gimbal_rad_ = gimbal_target_rad(in_phase_s);
+  action.gimbal_rad = gimbal_rad_;
+  action.stylus_pressed = phase_ == Phase::kMoving && options_.click_every_s > 0.0 &&
+                          in_phase_s >= options_.click_every_s &&
+                          std::fmod(in_phase_s, options_.click_every_s) < kClick_s;
   return action;
+}
+
+Eigen::Vector3d OperatorScript::gimbal_target_rad(double since_s) const noexcept {
+  const Eigen::Vector3d& rest_rad = options_.wrist_rest_rad;
+  switch (phase_) {
+    case Phase::kApproaching:
+      return rest_rad +
+             minimum_jerk(since_s / kApproach_s) * (wrist_motion_.angle_rad(0.0) - rest_rad);
+    case Phase::kMoving:
+      return wrist_motion_.angle_rad(since_s);
+    case Phase::kReturning:
+      return return_from_gimbal_rad_ +
+             minimum_jerk(since_s / kReturn_s) * (rest_rad - return_from_gimbal_rad_);
+    case Phase::kWaiting:
+    case Phase::kCalibrating:
+      break;
+  }
+  return rest_rad;
 }
 
 Eigen::Vector3d OperatorScript::homing_target_D(double since_s) const noexcept {

@@ -8,6 +8,7 @@
 
 #include "device_emulator/hand_follower.h"
 #include "device_emulator/hand_motion.h"
+#include "device_emulator/wrist_motion.h"
 #include "profiles/device_profile.h"
 #include "rt/clock.h"
 
@@ -32,6 +33,10 @@ namespace forcegrid::emulator {
 /// From the approach on, until the host has gone, the hand follows a pointer instead if there is
 /// one (Senses::pointer_D), within its reach; the script's time goes on meanwhile, and once the
 /// pointer has let go the hand returns to where the script then is (HandFollower).
+///
+/// On a device with a wrist the hand turns it: from the calibration pose to where the wrist's
+/// motion begins while it approaches, along with the motion in 3, and back in 4. With a stylus
+/// button it presses for kClick_s in every `click_every_s` of the motion.
 ///
 /// The target never jumps. Time is an argument and must not decrease.
 /// Real-time: update() neither allocates, locks nor throws. Threads: one.
@@ -58,6 +63,10 @@ class OperatorScript {
     Eigen::Vector3d reach_low_D = Eigen::Vector3d::Constant(-1.0);
     Eigen::Vector3d reach_high_D = Eigen::Vector3d::Constant(1.0);
     double reach_m_per_s = 0.5;  ///< largest speed after a pointer, see HandFollower
+    WristMotionKind wrist_motion = WristMotionKind::kTurn;
+    Eigen::Vector3d wrist_rest_rad = Eigen::Vector3d::Zero();   ///< in the calibration pose
+    Eigen::Vector3d wrist_reach_rad = Eigen::Vector3d::Zero();  ///< see WristMotion
+    double click_every_s = 0.0;                                 ///< of the stylus; 0: never
   };
 
   /// What the operator sees of the device.
@@ -70,9 +79,11 @@ class OperatorScript {
   };
 
   struct Action {
-    Eigen::Vector3d target_D = Eigen::Vector3d::Zero();  ///< [m] of the hand, frame D
-    bool press_button = false;                           ///< press the calibration button now
-    bool let_go = false;                                 ///< take the hand away now
+    Eigen::Vector3d target_D = Eigen::Vector3d::Zero();    ///< [m] of the hand, frame D
+    bool press_button = false;                             ///< press the calibration button now
+    bool let_go = false;                                   ///< take the hand away now
+    Eigen::Vector3d gimbal_rad = Eigen::Vector3d::Zero();  ///< joint angles of the wrist
+    bool stylus_pressed = false;
   };
 
   enum class Phase : std::uint8_t { kWaiting, kCalibrating, kApproaching, kMoving, kReturning };
@@ -80,7 +91,8 @@ class OperatorScript {
   /// @param home_D [m] tip in the calibration pose, frame D.
   OperatorScript(const Options& options, const Eigen::Vector3d& home_D);
   /// The options with a hand's reach on a device of this profile: its workspace, at half of the
-  /// speed that its limits allow, since the tip swings beyond the hand's target.
+  /// speed that its limits allow, since the tip swings beyond the hand's target; and with its
+  /// wrist.
   static Options on_device(Options options, const profiles::DeviceProfile& profile);
 
   [[nodiscard]] Action update(rt::TimePoint now, const Senses& senses) noexcept;
@@ -96,17 +108,23 @@ class OperatorScript {
   static constexpr double kReturn_s = 1.2;
   static constexpr double kHomingStroke_s = 1.5;
   static constexpr double kHomingPause_s = 0.3;
+  static constexpr double kClick_s = 0.3;
 
  private:
   /// [m] The target `since_s` [s] after the homing gesture began.
   Eigen::Vector3d homing_target_D(double since_s) const noexcept;
+  /// [rad] The wrist `since_s` [s] after the phase began.
+  Eigen::Vector3d gimbal_target_rad(double since_s) const noexcept;
 
   Options options_;
   HandMotion motion_;
+  WristMotion wrist_motion_;
   HandFollower follower_;
   Eigen::Vector3d home_D_;
   Eigen::Vector3d target_D_;
   Eigen::Vector3d return_from_D_;
+  Eigen::Vector3d gimbal_rad_;
+  Eigen::Vector3d return_from_gimbal_rad_;
   Phase phase_ = Phase::kWaiting;
   rt::TimePoint phase_start_{};
   std::optional<rt::TimePoint> host_since_;

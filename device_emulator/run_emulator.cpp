@@ -42,6 +42,10 @@ ServerOptions server_options(const EmulatorOptions& options) {
     throw std::invalid_argument(
         "a hand that follows a target must hold the device; do not let it go");
   }
+  if (!(options.click_every_s >= 0.0 && options.click_every_s <= kMaxClickEvery_s)) {
+    throw std::invalid_argument("clicks every " + std::to_string(options.click_every_s) +
+                                " s are impossible; give seconds from 0 (never) to 3600");
+  }
   ServerOptions server;
   server.listen = options.listen;
   server.hand_target = options.hand_target;
@@ -60,6 +64,11 @@ ServerOptions server_options(const EmulatorOptions& options) {
         (options.profiles.size() > 1 || profiles::is_delta(device.profile))) {
       throw std::invalid_argument("a second processor drives one arm: give one device, no Falcon");
     }
+    if (options.click_every_s > 0.0 && !device.profile.gimbal.stylus_button) {
+      throw std::invalid_argument("device '" + device.profile.name +
+                                  "' has no button on its stylus to click; give a device whose "
+                                  "profile has gimbal.stylus_button");
+    }
     if (options.motion.starts_with(kPathPrefix)) {
       device.operator_script.motion = MotionKind::kPath;
       device.operator_script.path =
@@ -67,6 +76,8 @@ ServerOptions server_options(const EmulatorOptions& options) {
     } else {
       device.operator_script.motion = parse_motion(options.motion);
     }
+    device.operator_script.wrist_motion = parse_wrist_motion(options.wrist);
+    device.operator_script.click_every_s = options.click_every_s;
     device.operator_script.amplitude_m = options.amplitude_m;
     device.operator_script.seed = options.seed;
     device.operator_script.calibrated = options.calibrated;

@@ -16,6 +16,7 @@ namespace forcegrid::emulator {
 
 inline constexpr double kMaxTipMass_kg = 5.0;
 inline constexpr double kMaxLinger_s = 60.0;
+inline constexpr double kMaxClickEvery_s = 3600.0;
 
 /// Options of `forcegrid emulate`; names as on the command line.
 struct EmulatorOptions {
@@ -23,6 +24,8 @@ struct EmulatorOptions {
   std::string listen = "127.0.0.1:3240";  ///< ADDR:PORT, loopback only
   std::string hand = "firm";              ///< firm, light, arm, none
   std::string motion = "chirp";  ///< see MotionKind; or path:FILE, see read_recorded_path()
+  std::string wrist = "turn";    ///< of devices with a wrist, see WristMotionKind
+  double click_every_s = 0.0;    ///< of a stylus with a button, 0: never, see OperatorScript
   std::uint64_t seed = 1;
   std::string frame_order = "out-first";  ///< out-first, in-first
   bool hand_carries_weight = true;        ///< false: for a host that compensates gravity

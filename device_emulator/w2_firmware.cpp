@@ -12,6 +12,7 @@ std::int16_t read_int16(const std::uint8_t* bytes) noexcept {
 }
 
 constexpr std::int16_t kLoadCounters = 1;
+constexpr std::size_t kStylusCounter = 3;  // d
 
 }  // namespace
 
@@ -142,7 +143,10 @@ W2Firmware::Report W2Firmware::sample() const noexcept {
   Report report;
   report.size_ = wire_bytes_;
   for (std::size_t i = 0; i < 6; ++i) {
-    const auto low = static_cast<std::uint16_t>(static_cast<std::uint32_t>(counters_[i]) & 0xFFFFU);
+    auto low = static_cast<std::uint16_t>(static_cast<std::uint32_t>(counters_[i]) & 0xFFFFU);
+    if (i == kStylusCounter && stylus_down_) {
+      low = static_cast<std::uint16_t>(low + kStylusOffset);
+    }
     report.bytes_[2 * i] = static_cast<std::uint8_t>(low & 0xFFU);
     report.bytes_[2 * i + 1] = static_cast<std::uint8_t>(low >> 8);
   }

@@ -77,6 +77,10 @@ class W2Firmware {
   /// Sets the counters [counts], as if the shafts had been turned unseen.
   void set_counters(const Counters& counts) noexcept { counters_ = counts; }
   void press_calibration_button() noexcept { info_ = true; }
+  /// The button on the stylus of a device that has one: while it is down the report's counter d is
+  /// kStylusOffset more than the counter.
+  void hold_stylus_button(bool down) noexcept { stylus_down_ = down; }
+  static constexpr std::uint16_t kStylusOffset = 10000;
 
   /// From now on a second processor in the device computes the motors' currents: those of the
   /// host's reports are not applied. The reports feed the watchdog as before, so that the motors
@@ -144,6 +148,7 @@ class W2Firmware {
   Counters counters_{};
   std::optional<std::array<std::int64_t, 6>> encoders_;
   bool info_ = false;
+  bool stylus_down_ = false;
   Report in_report_{};
   bool in_armed_ = false;
   std::array<Packet, kOutDepth> out_queue_;

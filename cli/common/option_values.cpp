@@ -63,6 +63,11 @@ void add_json(Command& command, JsonTarget& target) {
       ->not_in_config();
 }
 
+const std::vector<std::string>& wrist_motions() {
+  static const std::vector<std::string> names = {"still", "turn", "twist"};
+  return names;
+}
+
 const std::vector<std::string>& motions() {
   static const std::vector<std::string> kNames = {"chirp", "lissajous", "random", "poke",
                                                   "hold",  "still",     "stroke"};

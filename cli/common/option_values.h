@@ -17,6 +17,7 @@ std::string joined(const std::vector<std::string>& words);
 /// Names of the emulated hand's motions, of the emulated hands, and of the orders in which reports
 /// cross the emulated bus.
 const std::vector<std::string>& motions();
+const std::vector<std::string>& wrist_motions();
 const std::vector<std::string>& hands();
 const std::vector<std::string>& frame_orders();
 

@@ -68,6 +68,8 @@ struct RunOptions {
   bool calibrated = false;      ///< the encoder counters are already valid
   std::string hand = "firm";
   std::string motion = "chirp";
+  std::string wrist = "turn";
+  double click_every_s = 0.0;
   bool motion_of_tool = false;  ///< no --motion was given: a sliding tool uses `stroke`
   double amplitude_mm = 10.0;
   std::uint64_t seed = 1;

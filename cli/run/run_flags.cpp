@@ -10,6 +10,7 @@
 #include "cli/common/scene_option.h"
 #include "cli/run/run_devices.h"
 #include "cli/run/tool_option.h"
+#include "device_emulator/run_emulator.h"
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
 #include "profiles/device_profile.h"
@@ -228,6 +229,16 @@ void add_hand(Command& run, RunOptions& o) {
                      "; a sliding tool uses stroke by default")
       ->check(motion_check())
       ->show_default();
+  run.add_option("--wrist", o.wrist,
+                 "How the emulated hand turns the wrist of a device that has one: " +
+                     joined(wrist_motions()))
+      ->check(one_of(wrist_motions()))
+      ->show_default();
+  run.add_option("--click-every", o.click_every_s,
+                 "The emulated hand presses the button on the stylus this often; 0 means never")
+      ->check(between(0.0, emulator::kMaxClickEvery_s))
+      ->show_default()
+      ->type_name("FLOAT s");
   run.add_option("--amplitude-mm", o.amplitude_mm, "Amplitude of the motion")
       ->check(between(0.0, 30.0))
       ->show_default()

@@ -50,6 +50,7 @@ TEST(FaultSpec, HasDefaultsAndTakesWhatIsSaid) {
   EXPECT_EQ(said.every, 4u);
 
   EXPECT_EQ(parse_fault("frozen-encoder:axis=b").axis, 1);
+  EXPECT_EQ(parse_fault("frozen-encoder:axis=f").axis, 5);
   EXPECT_FALSE(parse_fault("frozen-encoder").axis.has_value());
   EXPECT_TRUE(parse_fault("corrupt-report:size=small").small_corruption);
   EXPECT_EQ(parse_fault("wrong-way-motor").start, FaultSpec::Start::kPowerUp);
@@ -66,7 +67,7 @@ TEST(FaultSpec, RefusesWhatItDoesNotKnowAndSaysWhatThereIs) {
   EXPECT_NE(refusal("late-report:ms=5x").find("ms=5x"), std::string::npos);
   EXPECT_NE(refusal("late-report:ms=nan").find("ms=nan"), std::string::npos);
   EXPECT_NE(refusal("late-report:every=0").find("from 1"), std::string::npos);
-  EXPECT_NE(refusal("frozen-encoder:axis=d").find("a, b, c or all"), std::string::npos);
+  EXPECT_NE(refusal("frozen-encoder:axis=g").find("for a wrist d, e, f"), std::string::npos);
   EXPECT_NE(refusal("drop-report:when").find("KEY=VALUE"), std::string::npos);
   EXPECT_NE(refusal("drop-report:").find("nothing follows"), std::string::npos);
   EXPECT_NE(refusal("drop-report:probability=1.5").find("0 to 1"), std::string::npos);
@@ -115,9 +116,9 @@ class Frame final : public UsbHost {
 /// hand keeps still; the counters are those of the calibration pose, 0, 0, 6000.
 class Bus {
  public:
-  explicit Bus(const std::string& fault) {
+  explicit Bus(const std::string& fault, const char* profile = "woodenhaptics_v2015") {
     DeviceOptions options;
-    options.profile = profiles::load_device_profile("woodenhaptics_v2015");
+    options.profile = profiles::load_device_profile(profile);
     options.operator_script.calibrated = true;
     options.operator_script.motion = MotionKind::kStill;
     options.faults = {parse_fault(fault)};
@@ -243,6 +244,24 @@ TEST(FaultyDevice, MakesEncodersJumpAndSaturate) {
   ends.drive(5);
   EXPECT_EQ(ends.reports.back().counter(2), 32767);
   EXPECT_NEAR(ends.reports.back().counter(0), 0, 2);
+}
+
+TEST(FaultyDevice, SpoilsTheCountersOfAWristOneByOne) {
+  constexpr const char* kWrist = "woodenhaptics_v2015_wrist";
+  Bus jumps("jumping-encoder:counts=300,axis=e,when=power-up", kWrist);
+  jumps.drive(5);
+  EXPECT_EQ(jumps.reports.back().counter(3), 0);
+  EXPECT_EQ(jumps.reports.back().counter(4), 300);
+  EXPECT_EQ(jumps.reports.back().counter(5), 0);
+  EXPECT_NEAR(jumps.reports.back().counter(0), 0, 2);
+  Bus ends("saturated-encoder:axis=f,when=power-up", kWrist);
+  ends.drive(5);
+  EXPECT_EQ(ends.reports.back().counter(5), 32767);
+  EXPECT_EQ(ends.reports.back().counter(4), 0);
+  Bus all("jumping-encoder:counts=300,axis=all,when=power-up", kWrist);
+  all.drive(5);
+  EXPECT_NEAR(all.reports.back().counter(1), 300, 2);
+  EXPECT_EQ(all.reports.back().counter(4), 0) << "all are those of the arm";
 }
 
 TEST(FaultyDevice, StallsItsEndpoints) {
@@ -379,6 +398,17 @@ TEST(FaultyDevice, RefusesFaultsThatItsDeviceCannotHave) {
     EXPECT_NE(refusal_of(fault, "w2").find("use it with a falcon device"), std::string::npos);
   }
   EXPECT_EQ(refusal_of("nak-out", "another"), "");
+  EXPECT_NE(refusal_of("wrong-way-motor:axis=d", "w2").find("a wrist does not have"),
+            std::string::npos);
+  EXPECT_NE(refusal_of("frozen-encoder:axis=d", "falcon").find("use it with a w2 or w3 device"),
+            std::string::npos);
+  options.faults = {parse_fault("frozen-encoder:axis=d")};
+  try {
+    static_cast<void>(make_emulated_device(options, at(0)));
+    ADD_FAILURE() << "an arm without a wrist froze a counter of it";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("'woodenhaptics_v2015' has none"), std::string::npos);
+  }
 }
 
 TEST(DescriptorMutations, AreTheSameForTheSameNumbersAndOthersForOthers) {

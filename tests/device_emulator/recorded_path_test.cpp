@@ -38,6 +38,18 @@ TEST(RecordedPath, ReadsItsColumnsAmongOthers) {
   ASSERT_EQ(path.size(), 2u);
   EXPECT_EQ(path[1].time_s, 5.5);
   EXPECT_EQ(path[1].position_D, Eigen::Vector3d(0.02, 0.02, -0.03));
+  EXPECT_FALSE(path[1].gimbal_rad.has_value());
+}
+
+TEST(RecordedPath, ReadsTheWristsAnglesIfAllThreeAreThere) {
+  const auto path =
+      read_recorded_path(file_with("time_s,x_m,y_m,z_m,gimbal_1_rad,gimbal_2_rad,gimbal_3_rad\n"
+                                   "0,0,0,0,0.1,0.2,0.3\n2,0,0,0,0.3,0.2,-0.3\n"));
+  ASSERT_TRUE(path[1].gimbal_rad.has_value());
+  EXPECT_EQ(*path[1].gimbal_rad, Eigen::Vector3d(0.3, 0.2, -0.3));
+  EXPECT_NEAR((gimbal_along(path, 1.0) - Eigen::Vector3d(0.2, 0.2, 0.0)).norm(), 0.0, 1e-15);
+  EXPECT_THAT(complaint_about("time_s,x_m,y_m,z_m,gimbal_2_rad\n0,0,0,0,1\n1,0,0,0,1\n"),
+              HasSubstr("gimbal_1_rad, gimbal_2_rad and gimbal_3_rad, or none"));
 }
 
 TEST(RecordedPath, NamesTheLineThatItCantUse) {

@@ -207,6 +207,21 @@ TEST_F(W2FirmwareTest, CommandOneLoadsTheGimbalFromTheCurrentFields) {
   EXPECT_THAT(firmware_.counters(), testing::ElementsAre(10, 11, -12, 1, -2, 3));
 }
 
+TEST_F(W2FirmwareTest, AddsTenThousandToCounterDWhileTheStylusButtonIsDown) {
+  firmware_.set_counters({1, 2, 3, -123, 5, 6});
+  start();
+  firmware_.hold_stylus_button(true);
+  exchange(kKick, 1001);
+  // 10000 - 123 = 9877 = 0x2695.
+  EXPECT_THAT(exchange(kKick, 1002),
+              ElementsAreArray(hex("01 00 02 00 03 00 95 26 05 00 06 00 00 00")));
+  firmware_.hold_stylus_button(false);
+  exchange(kKick, 1003);
+  EXPECT_THAT(exchange(kKick, 1004),
+              ElementsAreArray(hex("01 00 02 00 03 00 85 FF 05 00 06 00 00 00")));
+  EXPECT_EQ(firmware_.counters()[3], -123);
+}
+
 TEST_F(W2FirmwareTest, OtherCommandsApplyTheCurrents) {
   start();
   exchange(hex("00 00 00 00 4A 01 02 00 09 00 09 00 09 00"), 1001);
