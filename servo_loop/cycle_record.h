@@ -31,6 +31,17 @@ struct CycleRecord {
   /// Where the methods were evaluated: at the tool, or at the proxy of a virtual coupling.
   Triple touching_W_m{};
   Triple velocity_W_m_per_s{};
+  /// The device has a wrist; without one the tool keeps the axes of W, and the rest is zero.
+  bool has_orientation = false;
+  /// Bits 0, 1, 2: encoder d, e, f has not counted for long, so that the orientation may be wrong;
+  /// see WristGuard.
+  std::uint8_t suspected_wrist_encoders = 0;
+  std::uint8_t buttons = 0;                     ///< see driver::DeviceReport
+  std::array<std::int32_t, 3> gimbal_counts{};  ///< d, e, f
+  Triple gimbal_angle_rad{};                    ///< of the wrist's joints from the arm outward
+  /// Unit quaternion w, x, y, z of the rotation from the tool's frame T to W; w >= 0.
+  std::array<double, 4> orientation_WT_wxyz{1.0, 0.0, 0.0, 0.0};
+  Triple angular_velocity_W_rad_per_s{};               ///< of T, filtered
   std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
   std::array<EstimateStatus, kMaxMethods> method_status{};
   std::array<double, kMaxMethods> method_uncertainty_N{};  ///< NaN: it can't tell

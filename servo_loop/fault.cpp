@@ -47,7 +47,7 @@ const char* name_of(Fault fault) noexcept {
 
 std::string sentence_for(Fault fault, int joint) {
   const std::string which =
-      joint >= 0 && joint < 3 ? " of joint " + std::string(1, static_cast<char>('a' + joint)) : "";
+      joint >= 0 && joint < 6 ? " of joint " + std::string(1, static_cast<char>('a' + joint)) : "";
   switch (fault) {
     case Fault::kNone:
       return "No fault.";

@@ -33,7 +33,8 @@ enum class Fault : std::uint8_t {
 const char* name_of(Fault fault) noexcept;
 
 /// One sentence for people: what happened and what to do.
-/// @param joint  0, 1, 2 for joints a, b, c where one is at fault; negative: none is named.
+/// @param joint  0 to 5 for joints a to f where one is at fault, d to f being a wrist's by the
+///               letter of its counter; negative: none is named.
 std::string sentence_for(Fault fault, int joint = -1);
 
 /// Whether the fault may be over once the device is connected again.

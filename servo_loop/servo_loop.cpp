@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "driver/gimbal_kinematics.h"
 #include "rt/processors_awake.h"
 #include "rt/vectors.h"
 
@@ -44,6 +45,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       ports_(ports),
       mechanism_(driver::make_mechanism(profile)),
       guard_(profile, options.report_timeout),
+      wrist_(profile),
       intake_(ports, methods_,
               {.max_force_N = profile.limits.max_force_N,
                .simulator_rate_Hz = options.simulator_rate_Hz,
@@ -168,6 +170,13 @@ ServoLoop::SensedTool ServoLoop::sense(rt::TimePoint now) noexcept {
   tool.pose = mechanism_->forward(tool.report.counts);
   tool.fault = guard_.check(now, device_->health(), tool.report, tool.pose);
   faulty_joint_ = guard_.joint();
+  // A wrist's counter that jumps beyond the stops is a jump, not a bad pose of the arm.
+  if (tool.fault == Fault::kNone || tool.fault == Fault::kBadPose) {
+    if (const Fault wrist = wrist_.check(tool.report, tool.pose); wrist != Fault::kNone) {
+      tool.fault = wrist;
+      faulty_joint_ = wrist_.encoder();
+    }
+  }
   if (tool.fault == Fault::kNone) {
     if (const auto joint = limiter_.stuck_encoder(now, tool.report)) {
       tool.fault = Fault::kFrozenEncoder;
@@ -223,6 +232,7 @@ void ServoLoop::end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord
   record.position_W_m = rt::to_array(tool.position_W);
   record.touching_W_m = rt::to_array(tool.touching_W);
   record.velocity_W_m_per_s = rt::to_array(guard_.velocity_D());
+  describe_wrist(tool, record);
   renderer_.describe(record);
   intake_.describe(now, record);
   record.motor_warmth = limiter_.warmest_motor();
@@ -233,6 +243,20 @@ void ServoLoop::end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord
   if (!ports_.records.push(record)) {
     ports_.records_lost.fetch_add(1, std::memory_order_relaxed);
   }
+}
+
+void ServoLoop::describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept {
+  record.buttons = tool.report.buttons;
+  if (!tool.pose.has_orientation) {
+    return;
+  }
+  const auto& counts = tool.report.counts;
+  record.has_orientation = true;
+  record.suspected_wrist_encoders = wrist_.suspected();
+  record.gimbal_counts = {counts[3], counts[4], counts[5]};
+  record.gimbal_angle_rad = rt::to_array(tool.pose.gimbal_angle_rad);
+  record.orientation_WT_wxyz = driver::quaternion_wxyz(tool.pose.rotation_DT);  // W || D
+  record.angular_velocity_W_rad_per_s = rt::to_array(wrist_.angular_velocity_D());
 }
 
 bool ServoLoop::emergency(const driver::DeviceReport& report) noexcept {
@@ -304,6 +328,7 @@ Fault ServoLoop::check_motors(rt::TimePoint now, const driver::DeviceReport& rep
 void ServoLoop::continue_with(driver::Device& device) {
   device_ = &device;
   guard_ = MotionGuard(profile_, options_.report_timeout);
+  wrist_ = WristGuard(profile_);
   limiter_.restart();
   button_.restart();
   motor_check_ = MotorCheck(profile_, rt::from_seconds(1.0 / options_.rate_Hz));

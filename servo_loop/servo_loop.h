@@ -27,6 +27,7 @@
 #include "servo_loop/servo_options.h"
 #include "servo_loop/servo_outcome.h"
 #include "servo_loop/servo_ports.h"
+#include "servo_loop/wrist_guard.h"
 
 namespace forcegrid::servo {
 #pragma GCC visibility push(default)
@@ -96,6 +97,7 @@ class ServoLoop {
                                        const Eigen::Vector3d& position_W,
                                        const Eigen::Vector3d& object_force_W) noexcept;
   Eigen::Vector3d gravity_torque_Nm(double elapsed_s, const driver::ArmPose& pose) noexcept;
+  void describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept;
   void end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord& record) noexcept;
 
   bool emergency(const driver::DeviceReport& report) noexcept;
@@ -110,6 +112,7 @@ class ServoLoop {
   ServoPorts& ports_;
   std::unique_ptr<driver::Mechanism> mechanism_;
   MotionGuard guard_;
+  WristGuard wrist_;
   SampleIntake intake_;
   MethodFade method_fade_;
   FirstTouch first_touch_;

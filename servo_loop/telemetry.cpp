@@ -86,6 +86,7 @@ void Telemetry::drain() {
     shortened_since_line_ = shortened_since_line_ || record.passivity_scale < 1.0;
     take_rung(record);
     take_warmth(record);
+    take_orientation(record);
     take_rendered(record);
     records_.push_back(record);
     if (records_.size() > options_.keep_cycles) {
@@ -134,6 +135,30 @@ void Telemetry::take_warmth(const CycleRecord& record) {
         "less, and it cools in a minute.");
   }
   said_warm_ = true;
+}
+
+void Telemetry::take_orientation(const CycleRecord& record) {
+  OrientationStatistics& seen = statistics_.orientation;
+  seen.button_presses += (record.buttons & ~last_buttons_) != 0 ? 1 : 0;
+  last_buttons_ = record.buttons;
+  if (!record.has_orientation) {
+    return;
+  }
+  seen.known = true;
+  seen.last_WT_wxyz = record.orientation_WT_wxyz;
+  const Triple& w = record.angular_velocity_W_rad_per_s;
+  seen.largest_speed_rad_per_s =
+      std::max(seen.largest_speed_rad_per_s, std::hypot(w[0], w[1], w[2]));
+  seen.cycles_suspected += record.suspected_wrist_encoders != 0 ? 1 : 0;
+  for (int i = 0; i < 3; ++i) {
+    const auto bit = static_cast<std::uint8_t>(1U << i);
+    if ((record.suspected_wrist_encoders & bit) != 0 && (seen.suspected_encoders & bit) == 0) {
+      say(record, std::string("Encoder ") + static_cast<char>('d' + i) +
+                      " of the wrist has not counted while the tool moved 1 m: the orientation may "
+                      "be wrong. Check its cable, or use a profile without [gimbal].");
+    }
+  }
+  seen.suspected_encoders |= record.suspected_wrist_encoders;
 }
 
 void Telemetry::say(const CycleRecord& record, const std::string& sentence) {
@@ -214,7 +239,8 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
           "current_a_A,current_b_A,current_c_A,limits_acted,motor_warmth,"
           "energy_to_hand_J,passivity_damping_N_s_per_m,passivity_scale,in_contact,contact_epoch,"
           "samples_taken,"
-          "sample_age_ms,missed_deadlines,fault,rendered_member,rendered_reason";
+          "sample_age_ms,missed_deadlines,fault,rendered_member,rendered_reason,buttons,count_d,"
+          "count_e,count_f,qw_WT,qx_WT,qy_WT,qz_WT,suspected_wrist_encoders";
   for (const std::string& name : options_.method_names) {
     file << ',' << name << "_x_N," << name << "_y_N," << name << "_z_N," << name << "_status,"
          << name << "_uncertainty_N";
@@ -243,7 +269,15 @@ void Telemetry::write_flight_record(const std::string& path, double seconds,
          << r.energy_to_hand_J << ',' << r.passivity_damping_N_s_per_m << ',' << r.passivity_scale
          << ',' << r.in_contact << ',' << r.contact_epoch << ',' << r.samples_taken << ','
          << r.sample_age_ms << ',' << r.missed_deadlines << ',' << name_of(r.fault) << ','
-         << static_cast<int>(r.rendered_candidate) << ',' << to_string(r.rendered_reason);
+         << static_cast<int>(r.rendered_candidate) << ',' << to_string(r.rendered_reason) << ','
+         << static_cast<int>(r.buttons);
+    for (const std::int32_t count : r.gimbal_counts) {
+      file << ',' << count;
+    }
+    for (const double part : r.orientation_WT_wxyz) {
+      file << ',' << part;
+    }
+    file << ',' << static_cast<int>(r.suspected_wrist_encoders);
     for (std::size_t i = 0; i < options_.method_names.size(); ++i) {
       const Triple& f = r.method_force_W_N[i];
       file << ',' << f[0] << ',' << f[1] << ',' << f[2] << ',' << to_string(r.method_status[i])

@@ -53,6 +53,16 @@ struct RungChange {
   HeldBack held_back = HeldBack::kNot;
 };
 
+/// What a device's wrist and buttons did in a run.
+struct OrientationStatistics {
+  bool known = false;                    ///< the device has a wrist
+  std::uint64_t cycles_suspected = 0;    ///< in which one of its encoders was, see WristGuard
+  std::uint8_t suspected_encoders = 0;   ///< those that have been: bits 0, 1, 2 for d, e, f
+  double largest_speed_rad_per_s = 0.0;  ///< of the tool's frame
+  std::array<double, 4> last_WT_wxyz{1.0, 0.0, 0.0, 0.0};
+  std::uint64_t button_presses = 0;  ///< of any button
+};
+
 /// Distributions over every cycle of a run, also those no longer kept.
 struct TelemetryStatistics {
   rt::Percentiles period_us;
@@ -70,6 +80,7 @@ struct TelemetryStatistics {
   std::array<std::uint64_t, kMaxCandidates> rendered_candidate{};
   std::array<std::uint64_t, kRungs> rung_cycles{};  ///< indexed by Rung
   std::uint64_t rung_changes = 0;
+  OrientationStatistics orientation;
   double motor_warmth = 0.0;                   ///< the largest, see MotorWarmth::warmest()
   std::uint64_t cycles_warm = 0;               ///< in which it limited the current
   std::vector<RungChange> first_rung_changes;  ///< at most kChangesKept of them
@@ -114,6 +125,7 @@ class Telemetry {
   void drain_or_give_up() noexcept;
   void take_rung(const CycleRecord& record);
   void take_warmth(const CycleRecord& record);
+  void take_orientation(const CycleRecord& record);
   void take_rendered(const CycleRecord& record);
   void say(const CycleRecord& record, const std::string& sentence);
   void say_live_line(const CycleRecord& record);
@@ -132,6 +144,7 @@ class Telemetry {
   std::uint64_t cycles_at_last_line_ = 0;
   std::uint8_t last_candidate_ = 0;
   Rung last_rung_ = Rung::kZero;
+  std::uint8_t last_buttons_ = 0;
   bool said_warm_ = false;
   bool damped_since_line_ = false;
   bool shortened_since_line_ = false;

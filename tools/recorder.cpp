@@ -40,10 +40,10 @@ Source<Row> number(std::string name, Hdf5Type type, Value Row::*member, std::str
           }};
 }
 
-template <typename Value>
-Source<CycleRecord> triple(std::string name, Hdf5Type type,
-                           std::array<Value, 3> CycleRecord::*member, std::string meaning) {
-  return {{std::move(name), type, {3}, std::move(meaning)},
+template <typename Value, std::size_t N>
+Source<CycleRecord> several(std::string name, Hdf5Type type,
+                            std::array<Value, N> CycleRecord::*member, std::string meaning) {
+  return {{std::move(name), type, {N}, std::move(meaning)},
           [member](const CycleRecord& row, std::vector<double>& to) {
             for (const Value value : row.*member) {
               to.push_back(static_cast<double>(value));
@@ -106,13 +106,29 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
              "age of the device's report at the start of the cycle"),
       number("/cycles/report_sequence", T::kUint64, &CycleRecord::report_sequence,
              "count of the device's reports"),
-      triple("/cycles/counts", T::kInt32, &CycleRecord::counts, "encoder counts of joints a, b, c"),
-      triple("/cycles/position_W_m", T::kFloat64, &CycleRecord::position_W_m,
-             "tool, in the workspace frame"),
-      triple("/cycles/touching_W_m", T::kFloat64, &CycleRecord::touching_W_m,
-             "where the methods were asked: at the tool, or at the proxy of a virtual coupling"),
-      triple("/cycles/velocity_W_m_per_s", T::kFloat32, &CycleRecord::velocity_W_m_per_s,
-             "of the tool, in the workspace frame"),
+      several("/cycles/counts", T::kInt32, &CycleRecord::counts,
+              "encoder counts of joints a, b, c"),
+      several("/cycles/position_W_m", T::kFloat64, &CycleRecord::position_W_m,
+              "tool, in the workspace frame"),
+      several("/cycles/touching_W_m", T::kFloat64, &CycleRecord::touching_W_m,
+              "where the methods were asked: at the tool, or at the proxy of a virtual coupling"),
+      several("/cycles/velocity_W_m_per_s", T::kFloat32, &CycleRecord::velocity_W_m_per_s,
+              "of the tool, in the workspace frame"),
+      number("/cycles/has_orientation", T::kUint8, &CycleRecord::has_orientation,
+             "1 with a wrist; else the orientation is the identity and the angles are 0"),
+      several("/cycles/orientation_WT_wxyz", T::kFloat64, &CycleRecord::orientation_WT_wxyz,
+              "unit quaternion w, x, y, z from the tool's frame T to the workspace frame; w >= 0"),
+      several("/cycles/angular_velocity_W_rad_per_s", T::kFloat32,
+              &CycleRecord::angular_velocity_W_rad_per_s,
+              "of the tool's frame, in the workspace frame"),
+      several("/cycles/gimbal_angle_rad", T::kFloat64, &CycleRecord::gimbal_angle_rad,
+              "of the wrist's joints from the arm outward"),
+      several("/cycles/gimbal_counts", T::kInt32, &CycleRecord::gimbal_counts,
+              "encoder counts d, e, f"),
+      number("/cycles/suspected_wrist_encoders", T::kUint8, &CycleRecord::suspected_wrist_encoders,
+             "bits 0, 1, 2: encoder d, e, f has not counted for long"),
+      number("/cycles/buttons", T::kUint8, &CycleRecord::buttons,
+             "buttons that are down: bit i for button i + 1"),
       of_methods("/cycles/asked_force_W_N", T::kFloat64, 3,
                  "each method's force, the rendered method first, before any limit",
                  [](const CycleRecord& row, std::size_t i, std::vector<double>& to) {
@@ -138,9 +154,9 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
              "of the damping field, 0 to 1"),
       number("/cycles/held_back", T::kUint8, &CycleRecord::held_back,
              "why no force is rendered, see names_held_back; 0: it is"),
-      triple("/cycles/sent_force_D_N", T::kFloat64, &CycleRecord::commanded_force_D_N,
-             "after ramp, fade and every limit, in the device frame"),
-      triple("/cycles/current_A", T::kFloat32, &CycleRecord::current_A, "sent to motors a, b, c"),
+      several("/cycles/sent_force_D_N", T::kFloat64, &CycleRecord::commanded_force_D_N,
+              "after ramp, fade and every limit, in the device frame"),
+      several("/cycles/current_A", T::kFloat32, &CycleRecord::current_A, "sent to motors a, b, c"),
       number("/cycles/limits_acted", T::kUint8, &CycleRecord::limits_acted,
              "bits of the limits that acted"),
       number("/cycles/in_contact", T::kUint8, &CycleRecord::in_contact, "1 in contact"),

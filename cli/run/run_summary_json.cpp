@@ -115,6 +115,22 @@ void add_loop(json& result, const RunSummary& summary,
                          {"cycles_shortened", outcome.cycles_shortened}};
 }
 
+// A device without a wrist keeps the axes of W, and has_orientation says so.
+json orientation_json(const servo::OrientationStatistics& orientation) {
+  json suspected = json::array();
+  for (int i = 0; i < 3; ++i) {
+    if ((orientation.suspected_encoders & (1U << i)) != 0) {
+      suspected.push_back(std::string(1, static_cast<char>('d' + i)));
+    }
+  }
+  return {{"has_orientation", orientation.known},
+          {"final_WT_wxyz", orientation.last_WT_wxyz},
+          {"largest_speed_rad_per_s", orientation.largest_speed_rad_per_s},
+          {"suspected_encoders", suspected},
+          {"cycles_suspected", orientation.cycles_suspected},
+          {"button_presses", orientation.button_presses}};
+}
+
 void add_device(json& result, const RunSummary& summary,
                 const servo::TelemetryStatistics& statistics) {
   const driver::DeviceStatistics& device = summary.device_statistics;
@@ -131,6 +147,7 @@ void add_device(json& result, const RunSummary& summary,
   result["commands_starved"] = device.commands_starved;
   result["kicks"] = device.kicks;
   result["refreshes"] = device.refreshes;
+  result["orientation"] = orientation_json(statistics.orientation);
   result["zero_current_delivered"] = summary.outcome.zero_current_delivered;
 }
 

@@ -113,6 +113,28 @@ void append_device(std::string& text, const RunSummary& summary) {
                                           "device's own watchdog");
 }
 
+// The wrist of a device that has one.
+void append_wrist(std::string& text, const servo::OrientationStatistics& orientation) {
+  if (!orientation.known) {
+    return;
+  }
+  const auto& q = orientation.last_WT_wxyz;
+  append(text,
+         "Wrist: orientation (w, x, y, z) %.4f %+.4f %+.4f %+.4f at the end, turned at %.1f rad/s "
+         "at most; %" PRIu64 " presses of a button\n",
+         q[0], q[1], q[2], q[3], orientation.largest_speed_rad_per_s, orientation.button_presses);
+  if (orientation.cycles_suspected > 0) {
+    append(text, "Wrist: in %" PRIu64 " cycles an encoder had not counted for long:",
+           orientation.cycles_suspected);
+    for (int i = 0; i < 3; ++i) {
+      if ((orientation.suspected_encoders & (1U << i)) != 0) {
+        append(text, " %c", 'd' + i);
+      }
+    }
+    text += "; check its cable\n";
+  }
+}
+
 // The simulator's samples.
 void append_simulator(std::string& text, const RunSummary& summary) {
   append(text,
@@ -273,6 +295,7 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   std::string text = "\n";
   append_timing(text, summary, statistics);
   append_device(text, summary);
+  append_wrist(text, statistics.orientation);
   append_simulator(text, summary);
   append_link(text, summary);
   append_first_touches(text, summary);

@@ -42,6 +42,17 @@ TEST(DeviceButton, OfAW2IsPressedOnceAndNeverHeld) {
   EXPECT_FALSE(button.held());
 }
 
+TEST(DeviceButton, OfAStylusIsHeldAndThatOfItsDeviceIsPressed) {
+  DeviceButton button(profiles::load_device_profile("woodenhaptics_v2015_wrist"));
+  button.update(report_of(false, 0));
+  button.update(report_of(false, 1));
+  EXPECT_TRUE(button.held());
+  EXPECT_FALSE(button.pressed());
+  button.update(report_of(true, 0));
+  EXPECT_FALSE(button.held());
+  EXPECT_TRUE(button.pressed());
+}
+
 TEST(DeviceButton, ThatWasDownFromTheStartHasToGoUpFirst) {
   DeviceButton button(profiles::load_device_profile("falcon"));
   button.update({});  // no report yet says nothing

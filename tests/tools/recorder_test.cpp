@@ -38,6 +38,12 @@ CycleRecord cycle(std::uint64_t i) {
   record.cycle = i;
   record.time_ns = rt::Clock::now().time_since_epoch().count();
   record.counts = {static_cast<std::int32_t>(i), -70'000, 3};
+  record.has_orientation = true;
+  record.orientation_WT_wxyz = {0.5, -0.5, 0.1 * static_cast<double>(i % 5), 0.7};
+  record.angular_velocity_W_rad_per_s = {0.25, -0.5, 1.0};
+  record.gimbal_angle_rad = {0.1, 0.2, 0.3};
+  record.gimbal_counts = {-4, 5, static_cast<std::int32_t>(i)};
+  record.buttons = 3;
   record.position_W_m = {2e-4 * static_cast<double>(i), 0.01, -0.02};
   record.method_force_W_N[0] = {-2.5, 0.0, 0.0};
   record.method_force_W_N[1] = {-3.0, 0.5, 0.25};
@@ -95,6 +101,16 @@ TEST(Recorder, KeepsEveryCycleAndSampleWithUnitsInTheNames) {
     ASSERT_EQ(asked[6 * i + 5], 0.25);
     ASSERT_EQ(status[2 * i + 1], static_cast<double>(EstimateStatus::kOutside));
   }
+  EXPECT_EQ(reader.column("/cycles/orientation_WT_wxyz").row_shape,
+            (std::vector<std::uint64_t>{4}));
+  const auto orientation = reader.numbers("/cycles/orientation_WT_wxyz", kCycles);
+  EXPECT_EQ(orientation[4 * 13 + 1], -0.5);
+  EXPECT_EQ(orientation[4 * 13 + 2], 0.1 * 3.0);
+  EXPECT_EQ(reader.numbers("/cycles/angular_velocity_W_rad_per_s", 1)[1], -0.5);
+  EXPECT_EQ(reader.numbers("/cycles/gimbal_angle_rad", 1)[2], 0.3);
+  EXPECT_EQ(reader.numbers("/cycles/gimbal_counts", 8)[3 * 7 + 2], 7.0);
+  EXPECT_EQ(reader.numbers("/cycles/buttons", 1)[0], 3.0);
+  EXPECT_EQ(reader.numbers("/cycles/has_orientation", 1)[0], 1.0);
   EXPECT_EQ(reader.numbers("/cycles/requests_per_s", 1)[0], 120.0);
   const auto budget_reads = reader.numbers("/cycles/budget_reads", 3);
   EXPECT_TRUE(std::isnan(budget_reads[0]));
