@@ -337,6 +337,10 @@ void Session::cycle_ended(const servo::CycleRecord& record, const driver::Device
   state.time_ns = record.time_ns;
   state.position_D_m = record.position_W_m;  // W is D here
   state.velocity_D_m_per_s = record.velocity_W_m_per_s;
+  state.has_orientation = record.has_orientation;
+  state.orientation_DT_wxyz = record.orientation_WT_wxyz;
+  state.angular_velocity_D_rad_per_s = record.angular_velocity_W_rad_per_s;
+  state.gimbal_angle_rad = record.gimbal_angle_rad;
   state.joint_angle_rad = rt::to_array(pose.joint_angle_rad);
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
@@ -363,6 +367,7 @@ void Session::cycle_ended(const servo::CycleRecord& record, const driver::Device
 // The last place, at rest and without force.
 void Session::publish_rest(servo::Fault fault) noexcept {
   last_.velocity_D_m_per_s = {};
+  last_.angular_velocity_D_rad_per_s = {};
   last_.commanded_force_D_N = {};
   last_.current_A = {};
   last_.force_gain = 0.0;

@@ -55,6 +55,8 @@ struct SessionOptions {
   rt::Duration longest_callback = std::chrono::milliseconds(50);
   std::string emulator_hand = "firm";     ///< emulated devices: firm, light, none
   std::string emulator_motion = "still";  ///< emulated devices: as `forcegrid emulate --motion`
+  std::string emulator_wrist = "still";   ///< emulated devices: as `forcegrid emulate --wrist`
+  double emulator_click_every_s = 0.0;    ///< emulated devices: as --click-every
   std::string emulator_summary;           ///< file for the emulator's summary (JSON); empty: none
   /// File for the times of the motor thread's cycles, written at the end, see MotorTiming; empty:
   /// the one that $FORCEGRID_TIMING names, if it is set.
@@ -69,6 +71,10 @@ struct ToolState {
   std::int64_t time_ns = 0;  ///< CLOCK_MONOTONIC at the start of the cycle
   std::array<double, 3> position_D_m{};
   std::array<double, 3> velocity_D_m_per_s{};
+  bool has_orientation = false;  ///< the device has a wrist; else the identity and zeros follow
+  std::array<double, 4> orientation_DT_wxyz{1.0, 0.0, 0.0, 0.0};  ///< tool frame to D, w >= 0
+  std::array<double, 3> angular_velocity_D_rad_per_s{};           ///< of the tool frame
+  std::array<double, 3> gimbal_angle_rad{};  ///< of the wrist's joints from the arm outward
   std::array<double, 3> joint_angle_rad{};
   std::array<double, 9> jacobian_D_m_per_rad{};  ///< row-major d(position)/dq
   std::array<double, 3> commanded_force_D_N{};   ///< after every limit
@@ -76,7 +82,7 @@ struct ToolState {
   std::array<std::int32_t, 6> counts{};
   double motor_warmth = 0.0;           ///< of the warmest, 1: its limit
   double force_gain = 0.0;             ///< ramp and fade, 0..1
-  std::uint32_t buttons = 0;           ///< bit i: button i+1
+  std::uint32_t buttons = 0;           ///< bit i: button i+1; of a stylus: button 1
   std::uint32_t limits_acted = 0;      ///< driver::LimitFlag bits
   std::uint32_t missed_deadlines = 0;  ///< in all
   std::uint8_t held_back = 0;          ///< servo::HeldBack

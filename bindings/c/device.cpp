@@ -73,6 +73,8 @@ SessionOptions session_options(const forcegrid_options& options) {
   result.falcon_firmware = text_or(options.falcon_firmware, "");
   result.emulator_hand = text_or(options.emulator_hand, result.emulator_hand.c_str());
   result.emulator_motion = text_or(options.emulator_motion, result.emulator_motion.c_str());
+  result.emulator_wrist = text_or(options.emulator_wrist, result.emulator_wrist.c_str());
+  result.emulator_click_every_s = options.emulator_click_every_s;
   result.emulator_summary = text_or(options.emulator_summary, "");
   if (options.notice != nullptr) {
     result.notice = [notice = options.notice, data = options.notice_data](const std::string& text) {
@@ -136,10 +138,13 @@ forcegrid_state state_of(const ToolState& from, std::uint32_t tool, forcegrid_st
   to.cycle = from.cycle;
   to.time_ns = from.time_ns;
   std::copy(from.position_D_m.begin(), from.position_D_m.end(), to.position_m);
-  to.orientation[0] = 1.0;
+  std::copy(from.orientation_DT_wxyz.begin(), from.orientation_DT_wxyz.end(), to.orientation);
+  std::copy(from.angular_velocity_D_rad_per_s.begin(), from.angular_velocity_D_rad_per_s.end(),
+            to.angular_velocity_rad_per_s);
   std::copy(from.velocity_D_m_per_s.begin(), from.velocity_D_m_per_s.end(), to.velocity_m_per_s);
   std::copy(from.commanded_force_D_N.begin(), from.commanded_force_D_N.end(), to.force_N);
   std::copy(from.joint_angle_rad.begin(), from.joint_angle_rad.end(), to.joint_angle_rad);
+  std::copy(from.gimbal_angle_rad.begin(), from.gimbal_angle_rad.end(), to.joint_angle_rad + 3);
   to.force_gain = from.force_gain;
   to.motor_warmth = from.motor_warmth;
   std::copy(from.counts.begin(), from.counts.end(), to.counts);
@@ -515,7 +520,7 @@ forcegrid_status forcegrid_get_identity(forcegrid_device* device, forcegrid_iden
   }
   try {
     forcegrid_identity value{};
-    value.degrees_of_freedom = 3;
+    value.degrees_of_freedom = forcegrid::profiles::has_wrist(device->session->profile()) ? 6 : 3;
     copy_text(device->session->url(), value.url, sizeof value.url);
     copy_text(device->session->profile().name, value.profile, sizeof value.profile);
     copy_text(device->session->manufacturer(), value.manufacturer, sizeof value.manufacturer);

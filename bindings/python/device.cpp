@@ -159,6 +159,7 @@ std::unique_ptr<Device> open(const std::string& device, const std::string& profi
                              bool gravity_compensation, double ramp_in_s, bool realtime,
                              double open_timeout_s, std::optional<double> longest_callback_s,
                              const std::string& emulator_hand, const std::string& emulator_motion,
+                             const std::string& emulator_wrist, double emulator_click_every_s,
                              const std::string& emulator_summary) {
   SessionOptions options;
   options.device = device;
@@ -179,6 +180,8 @@ std::unique_ptr<Device> open(const std::string& device, const std::string& profi
   }
   options.emulator_hand = emulator_hand;
   options.emulator_motion = emulator_motion;
+  options.emulator_wrist = emulator_wrist;
+  options.emulator_click_every_s = emulator_click_every_s;
   options.emulator_summary = emulator_summary;
   return std::make_unique<Device>(std::move(options));
 }
@@ -403,6 +406,17 @@ read(out=state) and run() overwrite: copy() what has to stay.)")
                              "[m] shape (3,)")
       .def_property_readonly("velocity_D_m_per_s", vector_view<&ToolState::velocity_D_m_per_s>(),
                              "[m/s] shape (3,)")
+      .def_property_readonly("has_orientation", number<&ToolState::has_orientation>(),
+                             "Whether the device has a wrist; else the identity and zeros follow.")
+      .def_property_readonly("orientation_DT_wxyz",
+                             vector_view<&ToolState::orientation_DT_wxyz>({4}),
+                             "Unit quaternion w, x, y, z from the tool's frame to D, shape (4,); w "
+                             "is not negative")
+      .def_property_readonly("angular_velocity_D_rad_per_s",
+                             vector_view<&ToolState::angular_velocity_D_rad_per_s>(),
+                             "[rad/s] of the tool's frame, shape (3,)")
+      .def_property_readonly("gimbal_angle_rad", vector_view<&ToolState::gimbal_angle_rad>(),
+                             "[rad] of the wrist's joints from the arm outward, shape (3,)")
       .def_property_readonly("joint_angle_rad", vector_view<&ToolState::joint_angle_rad>(),
                              "[rad] shape (3,)")
       .def_property_readonly("jacobian_D_m_per_rad",
@@ -558,7 +572,8 @@ zero current. Frame D: x toward the user, y to the user's right, z up; SI units.
            py::arg("check_motors") = true, py::arg("gravity_compensation") = false,
            py::arg("ramp_in_s") = 0.2, py::arg("realtime") = true, py::arg("open_timeout_s") = 2.0,
            py::arg("longest_callback_s") = py::none(), py::arg("emulator_hand") = "firm",
-           py::arg("emulator_motion") = "still", py::arg("emulator_summary") = "",
+           py::arg("emulator_motion") = "still", py::arg("emulator_wrist") = "still",
+           py::arg("emulator_click_every_s") = 0.0, py::arg("emulator_summary") = "",
            R"(Opens a device; its first state is there when this returns.
 
 device: a URL as `forcegrid run --device` takes it, or "emulated:PROFILE", which starts an emulator.
@@ -566,6 +581,8 @@ profile: name or TOML file; empty: the device's own. rate_Hz: of the motor threa
 method: empty: forces as commanded; "auto": samples, rendered at rate_Hz. calibrated: the counters
 are absolute already. longest_callback_s: None: 0.05 s, with a method 0.2 s.
 emulator_hand: "firm", "light", "none"; emulator_motion: "still", "chirp", "lissajous", ...;
+emulator_wrist, of a device with a wrist: "still", "turn", "twist"; emulator_click_every_s: how often
+that hand presses the button on a stylus, 0: never;
 emulator_summary: file for what the emulated motors did (JSON).
 Raises NoDeviceError, DeviceInUseError or DeviceError saying what to do.)");
   type.def("read", &read, py::arg("out") = py::none(),

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -72,6 +73,58 @@ int push_up(const forcegrid_state* /*state*/, forcegrid_force* force, void* call
   force->force_N[2] = 1.5;
   ++*static_cast<std::atomic<int>*>(calls);
   return 0;
+}
+
+TEST(CApi, ReadsTheOrientationOfAWristAndTheButtonOfItsStylus) {
+  forcegrid_options options = default_options();
+  options.device = "emulated:woodenhaptics_v2015_wrist";
+  options.emulator_wrist = "turn";
+  options.emulator_click_every_s = 0.5;
+  const Opened arm(options);
+  forcegrid_identity identity{};
+  identity.size = sizeof identity;
+  ASSERT_EQ(forcegrid_get_identity(arm.get(), &identity), FORCEGRID_OK);
+  EXPECT_EQ(identity.degrees_of_freedom, 6U);
+  bool pressed = false;
+  bool turned = false;
+  ASSERT_TRUE(wait_until([&] {
+    const forcegrid_state state = arm.state();
+    pressed = pressed || state.buttons == 1;
+    turned = turned || std::abs(state.joint_angle_rad[3]) > 0.3;
+    return pressed && turned;
+  }));
+  // The sheet's formula from the state's own counters: R_z(a) R_y(pi/2 - c) R_x(D) R_y(E) R_x(F).
+  const forcegrid_state state = arm.state();
+  const auto angle_rad = [&](int counter, double counts) {
+    return 2.0 * M_PI * state.counts[counter] / counts;
+  };
+  const Eigen::Quaterniond expected =
+      Eigen::AngleAxisd(angle_rad(0, 32000), Eigen::Vector3d::UnitZ()) *
+      Eigen::AngleAxisd(M_PI / 2 - angle_rad(2, 24000), Eigen::Vector3d::UnitY()) *
+      Eigen::AngleAxisd(angle_rad(5, 1024), Eigen::Vector3d::UnitX()) *
+      Eigen::AngleAxisd(angle_rad(4, 1024), Eigen::Vector3d::UnitY()) *
+      Eigen::AngleAxisd(angle_rad(3, 1024), Eigen::Vector3d::UnitX());
+  const Eigen::Quaterniond given(state.orientation[0], state.orientation[1], state.orientation[2],
+                                 state.orientation[3]);
+  EXPECT_NEAR(given.norm(), 1.0, 1e-12);
+  EXPECT_NEAR(given.angularDistance(expected), 0.0, 1e-7);
+  EXPECT_NEAR(state.joint_angle_rad[3], angle_rad(5, 1024), 1e-12);
+  EXPECT_NEAR(state.joint_angle_rad[5], angle_rad(3, 1024), 1e-12);
+  const double* const w = state.angular_velocity_rad_per_s;
+  EXPECT_GT(std::hypot(w[0], w[1], w[2]), 0.0);
+  EXPECT_LT(std::hypot(w[0], w[1], w[2]), 10.0);
+}
+
+TEST(CApi, GivesTheIdentityForAnArmWithoutAWrist) {
+  const Opened arm;
+  const forcegrid_state state = arm.state();
+  EXPECT_THAT(state.orientation, ::testing::ElementsAre(1.0, 0.0, 0.0, 0.0));
+  EXPECT_THAT(state.angular_velocity_rad_per_s, ::testing::Each(0.0));
+  EXPECT_EQ(state.joint_angle_rad[3], 0.0);
+  forcegrid_identity identity{};
+  identity.size = sizeof identity;
+  ASSERT_EQ(forcegrid_get_identity(arm.get(), &identity), FORCEGRID_OK);
+  EXPECT_EQ(identity.degrees_of_freedom, 3U);
 }
 
 TEST(CApi, ReadsTheArmThroughEveryVersionOfAState) {

@@ -66,6 +66,34 @@ class Reading(Devices):
                 self.assertEqual(state.fault, "")
                 time.sleep(0.05)
 
+    def test_tells_how_a_wrist_is_turned(self):
+        with self.open("emulated:woodenhaptics_v2015_wrist", emulator_wrist="turn",
+                       emulator_click_every_s=0.5) as device:
+            deadline_s = time.monotonic() + 20.0
+            pressed = False
+            while not pressed or abs(device.read().gimbal_angle_rad[0]) < 0.3:
+                self.assertLess(time.monotonic(), deadline_s)
+                pressed = pressed or device.read().buttons == 1
+                time.sleep(0.01)
+            state = device.read()
+            self.assertTrue(state.has_orientation)
+            w, x, y, z = state.orientation_DT_wxyz
+            self.assertGreaterEqual(w, 0.0)
+            # x of the tool's frame T in D, from the quaternion; joint 1 turns about the last link, and
+            # joint 2 tilts the tool's x away from it by its angle.
+            tool_x_D = np.array((1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)))
+            self.assertAlmostEqual(np.linalg.norm(tool_x_D), 1.0, places=12)
+            yaw = 2 * np.pi * state.counts[0] / 32000
+            elbow = 2 * np.pi * state.counts[2] / 24000
+            link_D = np.array((np.sin(elbow) * np.cos(yaw), np.sin(elbow) * np.sin(yaw), -np.cos(elbow)))
+            self.assertAlmostEqual(link_D @ tool_x_D, np.cos(state.gimbal_angle_rad[1]), places=9)
+            self.assertEqual(state.angular_velocity_D_rad_per_s.shape, (3,))
+        with self.open() as device:
+            state = device.read()
+            self.assertFalse(state.has_orientation)
+            np.testing.assert_array_equal(state.orientation_DT_wxyz, (1, 0, 0, 0))
+            np.testing.assert_array_equal(state.gimbal_angle_rad, (0, 0, 0))
+
     def test_gives_views_that_read_refreshes_and_nobody_writes(self):
         with self.open() as device:
             state = device.read()

@@ -85,6 +85,8 @@ typedef struct forcegrid_options {
   /* Is told what a person should know, a line at a time, on any thread; may be null. */
   void (*notice)(const char* text, void* data);
   void* notice_data;
+  const char* emulator_wrist;    /* how the hand turns a wrist: "still" (null), "turn", "twist" */
+  double emulator_click_every_s; /* the hand presses the stylus button this often; 0: never */
 } forcegrid_options;
 
 /* Where the tool is and what its motors do, after one cycle of the motor thread. */
@@ -94,16 +96,16 @@ typedef struct forcegrid_state {
   uint64_t cycle; /* 1 for the first */
   int64_t time_ns;
   double position_m[3];
-  double orientation[4]; /* 1, 0, 0, 0 for an arm without a wrist */
+  double orientation[4]; /* w not negative; 1, 0, 0, 0 for an arm without a wrist */
   double velocity_m_per_s[3];
   double angular_velocity_rad_per_s[3];
-  double force_N[3];   /* commanded, after every limit */
-  double torque_Nm[3]; /* at the tool; zero for an arm without a wrist */
-  double joint_angle_rad[6];
-  double force_gain;   /* ramp and fade, 0 to 1 */
-  double motor_warmth; /* of the warmest motor; 1: its limit */
+  double force_N[3];         /* commanded, after every limit */
+  double torque_Nm[3];       /* at the tool; zero for an arm without motors in its wrist */
+  double joint_angle_rad[6]; /* of the arm, then of its wrist; 0, 0, 0 without one */
+  double force_gain;         /* ramp and fade, 0 to 1 */
+  double motor_warmth;       /* of the warmest motor; 1: its limit */
   int32_t counts[6];
-  uint32_t buttons;          /* bit i: button i + 1 */
+  uint32_t buttons;          /* bit i: button i + 1; that of a stylus is button 1 */
   uint32_t limits;           /* what shortened the force: 1 not finite, 2 force, 4 slew, 8 torque,
                                 16 current, 32 warm motor */
   uint32_t missed_deadlines; /* of the motor thread, in all */
@@ -114,7 +116,7 @@ typedef struct forcegrid_force {
   uint32_t size;
   uint32_t tool;
   double force_N[3];
-  double torque_Nm[3]; /* taken and ignored by an arm without a wrist */
+  double torque_Nm[3]; /* taken and ignored by an arm without motors in its wrist */
   double hold_s;       /* 0: 0.1 s */
 } forcegrid_force;
 
@@ -133,7 +135,7 @@ typedef struct forcegrid_limits {
 
 typedef struct forcegrid_identity {
   uint32_t size;
-  uint32_t degrees_of_freedom; /* 3 */
+  uint32_t degrees_of_freedom; /* that are sensed: 3, or 6 with a wrist */
   char url[128];
   char profile[64];
   char manufacturer[64];
