@@ -69,6 +69,7 @@ ToolState Arm::latch() const noexcept {
   ToolState state = session_->newest_state();
   if (is_gone(session_->health())) {
     state.velocity_D_m_per_s = {};
+    state.angular_velocity_D_rad_per_s = {};
     state.buttons = 0;
   }
   return state;

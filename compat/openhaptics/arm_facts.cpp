@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compat/openhaptics/arm_facts.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <numbers>
@@ -30,6 +31,17 @@ double release_number(std::uint16_t bcd) {
 
 }  // namespace
 
+std::array<double, 9> rotation_hd(const std::array<double, 4>& orientation_DT_wxyz) noexcept {
+  const auto& [w, x, y, z] = orientation_DT_wxyz;
+  // The quaternion's vector part changes frames as any vector does.
+  const std::array<double, 3> vector_HD = to_hd({x, y, z});
+  const Eigen::Matrix3d rotation =
+      Eigen::Quaterniond(w, vector_HD[0], vector_HD[1], vector_HD[2]).toRotationMatrix();
+  std::array<double, 9> rows{};
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data()) = rotation;
+  return rows;
+}
+
 ArmFacts facts_of(const session::DeviceSession& session, const DeviceEntry& entry) {
   const profiles::DeviceProfile& profile = session.profile();
   ArmFacts facts;
@@ -51,6 +63,7 @@ ArmFacts facts_of(const session::DeviceSession& session, const DeviceEntry& entr
   facts.max_damping_N_s_per_mm = profile.limits.max_damping_N_s_per_m / kMm_per_m;
   facts.max_force_N = profile.limits.max_force_N;
   facts.continuous_force_N = facts.max_force_N * continuous_share(profile);
+  facts.has_wrist = has_wrist(profile);
   facts.has_joints = !is_delta(profile);
   if (facts.has_joints) {
     const auto& sign = profile.kinematics.linkage_sign;

@@ -20,6 +20,17 @@ constexpr std::array<double, 3> to_device(const std::array<double, 3>& vector_HD
   return {vector_HD[2], vector_HD[0], vector_HD[1]};
 }
 
+/// HD's rotation, row by row, of a tool whose frame is turned by the unit quaternion w, x, y, z in
+/// D. The axes of HD's end effector are those of HD's frame where the tool's are those of D.
+/// Real-time.
+std::array<double, 9> rotation_hd(const std::array<double, 4>& orientation_DT_wxyz) noexcept;
+
+/// HD's gimbal angles [rad] of the wrist's joints from the arm outward: right, down and clockwise
+/// (seen by the user) are positive. Real-time.
+constexpr std::array<double, 3> gimbal_angles_hd(const std::array<double, 3>& gimbal_rad) noexcept {
+  return {gimbal_rad[0], gimbal_rad[1], -gimbal_rad[2]};
+}
+
 /// What does not change about an open device, in HD's units.
 struct ArmFacts {
   std::string model;
@@ -36,6 +47,7 @@ struct ArmFacts {
   bool has_joints = false;                   ///< of a serial arm; a parallel one answers zeros
   std::array<double, 3> joint_sign{};        ///< d(HD angle)/dq, +1 or -1
   std::array<double, 3> joint_offset_rad{};  ///< HD angle at q = 0
+  bool has_wrist = false;                    ///< else the orientation is the identity
 };
 
 /// HD's joint angles are the turret's to the left, the thigh's above the horizontal, and the

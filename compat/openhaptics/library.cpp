@@ -69,6 +69,7 @@ std::shared_ptr<DeviceSession> Library::open_session(const DeviceEntry& entry, H
   options.longest_callback = method_.empty() ? kLongestCallback : kLongestSampledCallback;
   options.emulator_hand = variable("FORCEGRID_EMULATOR_HAND", options.emulator_hand.c_str());
   options.emulator_motion = variable("FORCEGRID_EMULATOR_MOTION", options.emulator_motion.c_str());
+  options.emulator_wrist = variable("FORCEGRID_EMULATOR_WRIST", options.emulator_wrist.c_str());
   options.emulator_summary = variable("FORCEGRID_EMULATOR_SUMMARY");
   options.timing_file = variable("FORCEGRID_TIMING");
   for (std::string* const file : {&options.emulator_summary, &options.timing_file}) {

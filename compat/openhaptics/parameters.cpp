@@ -7,7 +7,8 @@
 namespace forcegrid::openhaptics {
 namespace {
 
-constexpr int kAxes = 3;  // of every device here: input and output, without a gimbal
+constexpr int kAxes = 3;           // of every device's force, and of what it senses without a wrist
+constexpr int kAxesWithWrist = 6;  // that it senses
 
 void zeros(double* values, int count) noexcept { std::fill_n(values, count, 0.0); }
 
@@ -44,10 +45,25 @@ void velocity(const Reading& r, double* values) noexcept {
 
 void transform(const Reading& r, double* values) noexcept {
   zeros(values, 16);
-  values[0] = values[5] = values[10] = values[15] = 1.0;
+  values[15] = 1.0;
+  const std::array<double, 9> rotation = rotation_hd(r.state.orientation_DT_wxyz);
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t column = 0; column < 3; ++column) {
+      values[4 * column + row] = rotation[3 * row + column];
+    }
+  }
   if (r.facts != nullptr) {
     position(r, values + 12);
   }
+}
+
+void angular_velocity(const Reading& r, double* values) noexcept {
+  write3(values, to_hd(r.state.angular_velocity_D_rad_per_s));
+}
+
+void gimbal_angles(const Reading& r, double* values) noexcept {
+  write3(values,
+         r.facts->has_wrist ? gimbal_angles_hd(r.state.gimbal_angle_rad) : std::array<double, 3>{});
 }
 
 void jacobian(const Reading& r, double* values) noexcept {
@@ -81,7 +97,10 @@ void workspace(const Reading& r, double* values) noexcept {
 
 void tabletop(const Reading& r, double* values) noexcept { values[0] = r.facts->tabletop_mm; }
 
-void axes(const Reading& /*reading*/, double* values) noexcept { values[0] = kAxes; }
+void output_axes(const Reading& /*reading*/, double* values) noexcept { values[0] = kAxes; }
+void input_axes(const Reading& r, double* values) noexcept {
+  values[0] = r.facts->has_wrist ? kAxesWithWrist : kAxes;
+}
 
 void calibration_style(const Reading& /*reading*/, double* values) noexcept {
   values[0] = HD_CALIBRATION_AUTO;
@@ -119,10 +138,10 @@ constexpr Parameter kParameters[] = {
     {HD_CURRENT_POSITION, F::kReal, 3, M::kCurrent, S::kNone, position},
     {HD_CURRENT_VELOCITY, F::kReal, 3, M::kCurrent, S::kNone, velocity},
     {HD_CURRENT_TRANSFORM, F::kReal, 16, M::kCurrent, S::kNone, transform},
-    {HD_CURRENT_ANGULAR_VELOCITY, F::kReal, 3, M::kCurrent, S::kNone, zero<3>},
+    {HD_CURRENT_ANGULAR_VELOCITY, F::kReal, 3, M::kCurrent, S::kNone, angular_velocity},
     {HD_CURRENT_JACOBIAN, F::kReal, 36, M::kCurrent, S::kNone, jacobian},
     {HD_CURRENT_JOINT_ANGLES, F::kReal, 3, M::kCurrent, S::kNone, joint_angles},
-    {HD_CURRENT_GIMBAL_ANGLES, F::kReal, 3, M::kCurrent, S::kNone, zero<3>},
+    {HD_CURRENT_GIMBAL_ANGLES, F::kReal, 3, M::kCurrent, S::kNone, gimbal_angles},
     {HD_LAST_BUTTONS, F::kInteger, 1, M::kLast, S::kNone, buttons},
     {HD_LAST_SAFETY_SWITCH, F::kBoolean, 1, M::kLast, S::kNone, zero<1>},
     {HD_LAST_INKWELL_SWITCH, F::kBoolean, 1, M::kLast, S::kNone, one},
@@ -130,16 +149,16 @@ constexpr Parameter kParameters[] = {
     {HD_LAST_POSITION, F::kReal, 3, M::kLast, S::kNone, position},
     {HD_LAST_VELOCITY, F::kReal, 3, M::kLast, S::kNone, velocity},
     {HD_LAST_TRANSFORM, F::kReal, 16, M::kLast, S::kNone, transform},
-    {HD_LAST_ANGULAR_VELOCITY, F::kReal, 3, M::kLast, S::kNone, zero<3>},
+    {HD_LAST_ANGULAR_VELOCITY, F::kReal, 3, M::kLast, S::kNone, angular_velocity},
     {HD_LAST_JACOBIAN, F::kReal, 36, M::kLast, S::kNone, jacobian},
     {HD_LAST_JOINT_ANGLES, F::kReal, 3, M::kLast, S::kNone, joint_angles},
-    {HD_LAST_GIMBAL_ANGLES, F::kReal, 3, M::kLast, S::kNone, zero<3>},
+    {HD_LAST_GIMBAL_ANGLES, F::kReal, 3, M::kLast, S::kNone, gimbal_angles},
     {HD_DEVICE_FIRMWARE_VERSION, F::kReal, 1, M::kDevice, S::kNone, firmware},
     {HD_MAX_WORKSPACE_DIMENSIONS, F::kReal, 6, M::kDevice, S::kNone, workspace},
     {HD_USABLE_WORKSPACE_DIMENSIONS, F::kReal, 6, M::kDevice, S::kNone, workspace},
     {HD_TABLETOP_OFFSET, F::kReal, 1, M::kDevice, S::kNone, tabletop},
-    {HD_INPUT_DOF, F::kInteger, 1, M::kDevice, S::kNone, axes},
-    {HD_OUTPUT_DOF, F::kInteger, 1, M::kDevice, S::kNone, axes},
+    {HD_INPUT_DOF, F::kInteger, 1, M::kDevice, S::kNone, input_axes},
+    {HD_OUTPUT_DOF, F::kInteger, 1, M::kDevice, S::kNone, output_axes},
     {HD_CALIBRATION_STYLE, F::kInteger, 1, M::kDevice, S::kNone, calibration_style},
     {HD_UPDATE_RATE, F::kInteger, 1, M::kScheduler, S::kNone, update_rate},
     {HD_INSTANTANEOUS_UPDATE_RATE, F::kInteger, 1, M::kScheduler, S::kNone, measured_rate},

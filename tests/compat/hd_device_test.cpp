@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -307,6 +308,75 @@ TEST(HdDevice, N18_N19_EveryParameterWritesItsCountByEveryCall) {
   HDboolean out = 0;
   hdGetBooleanv(HD_CURRENT_INKWELL_SWITCH, &out);
   EXPECT_EQ(out, 1);
+}
+
+TEST(HdDevice, HasTheRotationGimbalAnglesAndButtonOfAWrist) {
+  const Eigen::Vector3d gimbal_rad(0.5, -0.4, 0.8);
+  RigOptions options;
+  options.profile = "woodenhaptics_v2015_wrist";
+  options.motion = emulator::MotionKind::kPath;
+  options.path = {{0.0, Eigen::Vector3d::Zero(), gimbal_rad},
+                  {1.0, Eigen::Vector3d::Zero(), gimbal_rad}};
+  options.click_every_s = 0.6;
+  Rig rig(options);
+  hdInitDevice(HD_DEFAULT_DEVICE);
+  HDint axes = 0;
+  hdGetIntegerv(HD_INPUT_DOF, &axes);
+  EXPECT_EQ(axes, 6);
+  hdGetIntegerv(HD_OUTPUT_DOF, &axes);
+  EXPECT_EQ(axes, 3);
+  ASSERT_TRUE(wait_until([] {
+    HDint buttons = 0;
+    hdGetIntegerv(HD_CURRENT_BUTTONS, &buttons);
+    return buttons == HD_DEVICE_BUTTON_1;
+  })) << "the hand moves and clicks";
+  ASSERT_TRUE(rig.hand_is_there());
+
+  std::array<double, 16> transform{};
+  std::array<double, 3> gimbal{};
+  std::array<double, 3> turning{};
+  hdBeginFrame(hdGetCurrentDevice());
+  hdGetDoublev(HD_CURRENT_TRANSFORM, transform.data());
+  hdGetDoublev(HD_CURRENT_GIMBAL_ANGLES, gimbal.data());
+  hdGetDoublev(HD_CURRENT_ANGULAR_VELOCITY, turning.data());
+  EXPECT_EQ(position_mm(), (std::array<double, 3>{transform[12], transform[13], transform[14]}));
+  hdEndFrame(hdGetCurrentDevice());
+  // Right, down and clockwise are positive; a count of the wrist is 6.1 mrad.
+  constexpr double kCount_rad = 0.0062;
+  EXPECT_NEAR(gimbal[0], 0.5, kCount_rad);
+  EXPECT_NEAR(gimbal[1], -0.4, kCount_rad);
+  EXPECT_NEAR(gimbal[2], -0.8, kCount_rad);
+  EXPECT_LT(std::hypot(turning[0], turning[1], turning[2]), 0.3) << "the hand keeps still";
+  // The emulator's rotation in D, with D's y, z, x as HD's x, y, z on both sides.
+  const auto& wxyz = rig.report().wrist->orientation_wxyz;
+  const Eigen::Matrix3d in_D =
+      Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).toRotationMatrix();
+  constexpr int kAxis_D[3] = {1, 2, 0};
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      EXPECT_NEAR(transform[static_cast<std::size_t>(4 * column + row)],
+                  in_D(kAxis_D[row], kAxis_D[column]), 3 * kCount_rad)
+          << row << ", " << column;
+    }
+  }
+}
+
+TEST(HdDevice, GivesTheIdentityWithoutAWrist) {
+  Rig rig;
+  hdInitDevice(HD_DEFAULT_DEVICE);
+  std::array<double, 16> transform{};
+  hdGetDoublev(HD_CURRENT_TRANSFORM, transform.data());
+  for (std::size_t i = 0; i < 11; ++i) {
+    EXPECT_EQ(transform[i], i % 5 == 0 ? 1.0 : 0.0) << i;
+  }
+  HDint axes = 0;
+  hdGetIntegerv(HD_INPUT_DOF, &axes);
+  EXPECT_EQ(axes, 3);
+  std::array<double, 3> three{1.0, 1.0, 1.0};
+  hdGetDoublev(HD_CURRENT_GIMBAL_ANGLES, three.data());
+  EXPECT_EQ(three, (std::array<double, 3>{}));
+  hdGetDoublev(HD_CURRENT_ANGULAR_VELOCITY, three.data());
+  EXPECT_EQ(three, (std::array<double, 3>{}));
 }
 
 TEST(HdDevice, HasTheProfilesNumbersInMillimetres) {

@@ -35,8 +35,10 @@ Rig::Rig(const RigOptions& options) : folder_(fresh_folder("hd")) {
   server.listen = "127.0.0.1:0";
   for (int i = 0; i < options.arms; ++i) {
     emulator::DeviceOptions device;
-    device.profile = profiles::load_device_profile(kProfile);
+    device.profile = profiles::load_device_profile(options.profile);
     device.operator_script.motion = options.motion;
+    device.operator_script.path = options.path;
+    device.operator_script.click_every_s = options.click_every_s;
     device.operator_script.calibrated = options.calibrated;
     if (i == 0) {
       for (const std::string& fault : options.faults) {

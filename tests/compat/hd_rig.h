@@ -22,7 +22,10 @@ struct RigOptions {
   emulator::MotionKind motion = emulator::MotionKind::kStill;
   std::vector<std::string> faults{};  ///< of the first arm
   bool calibrated = true;
-  std::string lines{};  ///< at the top of the configuration file
+  const char* profile = "woodenhaptics_v2015";
+  std::vector<emulator::PathPoint> path{};  ///< of motion kPath
+  double click_every_s = 0.0;               ///< of a stylus with a button
+  std::string lines{};                      ///< at the top of the configuration file
 };
 
 /// Emulated arms in this process as the witness of what libHD does, and a configuration file that
