@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -106,25 +107,30 @@ TEST_F(WristGuardTest, TurnsWithTheArmThatCarriesIt) {
 }
 
 TEST_F(WristGuardTest, SuspectsAnEncoderThatStandsWhileTheToolTravelsAMetre) {
-  // The shoulder swings the tip by about 20 mm and back; d stands, e and f count.
-  const auto travel = [&](int d) {
+  // The shoulder swings the tip by about 40 mm and back; e and f count, and d does if it `counts`.
+  int at = 0;
+  std::int32_t last_turned = 0;
+  std::int32_t d = 0;
+  const auto travel = [&](bool counts_d) {
     double way_m = 0.0;
-    Vector3d last_D = Vector3d::Zero();
-    for (int i = 0; way_m < 1.1; ++i) {
-      const auto swing = static_cast<std::int32_t>(std::lround(400 * std::sin(1e-2 * i)));
-      const auto turned = static_cast<std::int32_t>(std::lround(50 * std::sin(2e-3 * i)));
-      const Counts counts = {0, 1313 + swing, 2535, d * turned, turned, -turned};
-      EXPECT_EQ(next(counts), Fault::kNone);
+    std::optional<Vector3d> last_D;
+    for (; way_m < 1.1; ++at) {
+      const auto swing = static_cast<std::int32_t>(std::lround(400 * std::sin(1e-2 * at)));
+      const auto turned = static_cast<std::int32_t>(std::lround(50 * std::sin(2e-3 * at)));
+      d += counts_d ? turned - last_turned : 0;
+      last_turned = turned;
+      const Counts counts = {0, 1313 + swing, 2535, d, turned, -turned};
+      ASSERT_EQ(next(counts), Fault::kNone);
       const Vector3d at_D = mechanism_->forward(counts).position_D;
-      way_m += i > 0 ? (at_D - last_D).norm() : 0.0;
+      way_m += last_D ? (at_D - *last_D).norm() : 0.0;
       last_D = at_D;
     }
   };
-  travel(1);
+  travel(true);
   EXPECT_EQ(guard_.suspected(), 0);
-  travel(0);
+  travel(false);
   EXPECT_EQ(guard_.suspected(), 1);
-  travel(1);
+  travel(true);
   EXPECT_EQ(guard_.suspected(), 0) << "it counts again";
 }
 
@@ -196,6 +202,47 @@ TEST_F(WristLoop, PutsOrientationAnglesAndButtonsIntoTheRecord) {
   const auto& [w, x, y, z] = last_.orientation_WT_wxyz;
   EXPECT_GE(w, 0.0);
   EXPECT_NEAR(expected.angularDistance(Eigen::Quaterniond(w, x, y, z)), 0.0, 1e-7);
+}
+
+TEST_F(WristLoop, SendsThePoseAndRecordsTheTorqueOfTheForceThatItCommands) {
+  // A wrench whose force acts 10 mm beside the tip: torque = lever x force, and no couple.
+  ArrivedSample arrived;
+  arrived.sample.force_W = Vector3d(0.0, 0.0, 2.0);
+  arrived.sample.contact_epoch = 1;
+  arrived.in_contact = true;
+  arrived.has_torque = true;
+  arrived.torque_W_Nm = Vector3d(0.01, 0.0, 0.0).cross(arrived.sample.force_W);
+  device_.show(Vector3d(0.01, 0.02, 0.03), now_);
+  Counts counts = device_.report.counts;
+  counts[3] = 7;
+  counts[4] = -5;
+  counts[5] = 3;
+  // The wrist stands as it stood for the sample: no turn, so the lever keeps its place.
+  arrived.orientation_WT_wxyz =
+      driver::quaternion_wxyz(driver::make_mechanism(profile_)->forward(counts).rotation_DT);
+  for (int i = 0; i < 400; ++i) {
+    arrived.sample.time_s = rt::seconds(now_.time_since_epoch());
+    arrived.arrived = now_;
+    ASSERT_TRUE(ports_.samples.push(arrived));
+    ASSERT_EQ(cycle({7, -5, 3}, 1), Fault::kNone);
+  }
+  const Vector3d force_D(last_.commanded_force_D_N.data());
+  ASSERT_GT(force_D.norm(), 0.5) << "the force has ramped in";
+  const Vector3d expected_Nm = Vector3d(0.01, 0.0, 0.0).cross(force_D);
+  EXPECT_NEAR((Vector3d(last_.tool_torque_W_Nm.data()) - expected_Nm).norm(), 0.0, 1e-9);
+  link::ToolState sent;
+  ASSERT_TRUE(ports_.tool.fetch(sent));
+  EXPECT_TRUE(sent.has_orientation);
+  EXPECT_TRUE(sent.has_buttons);
+  EXPECT_EQ(sent.buttons, 1u);
+  EXPECT_EQ(sent.orientation_WT, last_.orientation_WT_wxyz);
+
+  arrived.in_contact = false;
+  arrived.sample.contact_epoch = 2;
+  arrived.arrived = now_;
+  ASSERT_TRUE(ports_.samples.push(arrived));
+  ASSERT_EQ(cycle({7, -5, 3}), Fault::kNone);
+  EXPECT_EQ(last_.tool_torque_W_Nm, (Triple{})) << "no contact, no torque";
 }
 
 TEST_F(WristLoop, EndsAtAJumpOfTheWristAndNamesItEvenBeyondTheStops) {
