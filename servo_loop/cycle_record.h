@@ -41,7 +41,10 @@ struct CycleRecord {
   Triple gimbal_angle_rad{};                    ///< of the wrist's joints from the arm outward
   /// Unit quaternion w, x, y, z of the rotation from the tool's frame T to W; w >= 0.
   std::array<double, 4> orientation_WT_wxyz{1.0, 0.0, 0.0, 0.0};
-  Triple angular_velocity_W_rad_per_s{};               ///< of T, filtered
+  Triple angular_velocity_W_rad_per_s{};  ///< of T, filtered
+  /// Of the object on the tool, about position_W_m, with the force that is commanded; see
+  /// ToolTorque. Zero without a wrist, and of a simulator that sends no torque.
+  Triple tool_torque_W_Nm{};
   std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
   std::array<EstimateStatus, kMaxMethods> method_status{};
   std::array<double, kMaxMethods> method_uncertainty_N{};  ///< NaN: it can't tell

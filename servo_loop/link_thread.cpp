@@ -33,6 +33,13 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
   to.relative_residual = from.relative_residual;
   to.converged = from.converged;
   to.from_query = from.query_id != 0;
+  arrived.has_torque = from.has_torque;
+  arrived.has_rotational_stiffness = from.has_rotational_stiffness;
+  arrived.torque_W_Nm = rt::to_vector(from.torque_W_Nm);
+  arrived.orientation_WT_wxyz = from.orientation_WT;
+  arrived.rotational_stiffness_W_Nm_per_rad =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
+          from.rotational_stiffness_W_Nm_per_rad.data());
   return arrived;
 }
 

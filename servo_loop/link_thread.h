@@ -77,6 +77,9 @@ class LinkThread {
   /// While it runs, from any thread: how many tools a simulator that has refused this one serves.
   std::uint32_t most_tools() const noexcept { return most_tools_.load(); }
 
+  /// After stop(): whether the simulator may get orientations, see
+  /// link::ServoEndpoint::simulator_knows_poses().
+  bool simulator_knows_poses() const noexcept { return endpoint_.simulator_knows_poses(); }
   /// After stop(): the exception that ended the exchange, in its own words; empty: none did.
   std::string trouble() const;
   /// After stop().

@@ -29,12 +29,20 @@ SampleIntake::SampleIntake(ServoPorts& ports, std::vector<ForceMethod*> methods,
       sample_period_s_(1.0 / options.simulator_rate_Hz) {}
 
 void SampleIntake::send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W,
-                                   const Eigen::Vector3d& velocity_W) noexcept {
+                                   const Eigen::Vector3d& velocity_W,
+                                   const std::optional<ToolPose>& pose) noexcept {
   link::ToolState tool;
   tool.sequence = ++tool_sequence_;
   tool.servo_time_ns = now.time_since_epoch().count();
   tool.position_W_m = rt::to_array(position_W);
   tool.velocity_W_m_per_s = rt::to_array(velocity_W);
+  if (pose) {
+    tool.has_orientation = true;
+    tool.orientation_WT = pose->orientation_WT_wxyz;
+    tool.angular_velocity_W_rad_per_s = rt::to_array(pose->angular_velocity_W_rad_per_s);
+    tool.has_buttons = pose->has_buttons;
+    tool.buttons = pose->has_buttons ? pose->buttons : 0;
+  }
   ports_.tool.publish(tool);
 }
 
@@ -75,9 +83,25 @@ void SampleIntake::take_sample(rt::TimePoint now, const ArrivedSample& arrived,
     }
   }
   if (!in_contact_ || !believed.empty()) {
+    take_torque(arrived);
     believed_arrival_ = arrived.arrived;
     believed_time_s_ = arrived.sample.time_s;
   }
+}
+
+// A torque without the contact that it belongs to is none.
+void SampleIntake::take_torque(const ArrivedSample& arrived) noexcept {
+  if (!in_contact_ || !arrived.has_torque) {
+    tool_torque_.forget();
+    return;
+  }
+  const auto& [w, x, y, z] = arrived.orientation_WT_wxyz;
+  tool_torque_.take(
+      {.force_W = arrived.sample.force_W,
+       .torque_W_Nm = arrived.torque_W_Nm,
+       .orientation_WT = Eigen::Quaterniond(w, x, y, z),
+       .has_rotational_stiffness = arrived.has_rotational_stiffness,
+       .rotational_stiffness_W_Nm_per_rad = arrived.rotational_stiffness_W_Nm_per_rad});
 }
 
 void SampleIntake::take_contact(const ArrivedSample& arrived) noexcept {
@@ -167,6 +191,7 @@ void SampleIntake::describe(rt::TimePoint now, CycleRecord& record) const noexce
 void SampleIntake::restart() noexcept {
   has_sample_ = false;
   gate_.forget();
+  tool_torque_.forget();
 }
 
 }  // namespace forcegrid::servo

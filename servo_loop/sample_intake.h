@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "servo_loop/cycle_record.h"
 #include "servo_loop/first_touch.h"
 #include "servo_loop/servo_ports.h"
+#include "servo_loop/tool_torque.h"
 
 namespace forcegrid::servo {
 
@@ -46,10 +48,20 @@ class SampleIntake {
   /// @param methods  the first one is rendered; at least one, none null; must outlive the intake.
   SampleIntake(ServoPorts& ports, std::vector<ForceMethod*> methods, const Options& options);
 
+  /// How a tool on a wrist is turned, and the buttons of its stylus.
+  struct ToolPose {
+    std::array<double, 4> orientation_WT_wxyz = link::kIdentity;
+    Eigen::Vector3d angular_velocity_W_rad_per_s = Eigen::Vector3d::Zero();
+    bool has_buttons = false;
+    std::uint32_t buttons = 0;
+  };
+
   /// Publishes where the tool is, for the link thread to send.
   /// @param position_W [m] where the object is touched. @param velocity_W [m/s].
+  /// @param pose nothing of a device without a wrist.
   void send_tool_state(rt::TimePoint now, const Eigen::Vector3d& position_W,
-                       const Eigen::Vector3d& velocity_W) noexcept;
+                       const Eigen::Vector3d& velocity_W,
+                       const std::optional<ToolPose>& pose = std::nullopt) noexcept;
 
   /// Takes in all that has arrived since the last call. The newest surface goes to `first_touch`,
   /// and so does the news of each sample along the path.
@@ -75,6 +87,9 @@ class SampleIntake {
   [[nodiscard]] double sample_age_s(rt::TimePoint now) const noexcept;
   /// [s] From sample to sample, averaged over some ten of them.
   [[nodiscard]] double sample_period_s() const noexcept { return sample_period_s_; }
+  /// The object's torque on the tool by the newest believed sample that has one; none is known out
+  /// of contact.
+  [[nodiscard]] const ToolTorque& tool_torque() const noexcept { return tool_torque_; }
   /// Contact, epoch, count and age of samples, into the record of the cycle at `now`.
   void describe(rt::TimePoint now, CycleRecord& record) const noexcept;
 
@@ -90,6 +105,7 @@ class SampleIntake {
   void take_sample(rt::TimePoint now, const ArrivedSample& arrived,
                    FirstTouch& first_touch) noexcept;
   void take_contact(const ArrivedSample& arrived) noexcept;
+  void take_torque(const ArrivedSample& arrived) noexcept;
   void take_answer(const ArrivedSample& answer) noexcept;
   void send_query(rt::TimePoint now, const Eigen::Vector3d& position_W) noexcept;
 
@@ -98,6 +114,7 @@ class SampleIntake {
   double requests_per_s_;
   bool queries_before_contact_;
   SampleGate gate_;
+  ToolTorque tool_torque_{ToolTorqueOptions{}};
 
   bool has_sample_ = false;
   rt::TimePoint newest_arrival_{};    ///< of any sample along the path

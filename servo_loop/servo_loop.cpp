@@ -68,7 +68,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   const SensedTool tool = sense(now);
   Fault fault = tool.fault;
   if (fault == Fault::kNone) {
-    intake_.send_tool_state(now, tool.touching_W, guard_.velocity_D());
+    intake_.send_tool_state(now, tool.touching_W, guard_.velocity_D(), tool_pose(tool));
   }
 
   // What the simulator has said since the last cycle, and the force there from each method.
@@ -122,6 +122,9 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
     method->work(options_.fill_budget);
   }
 
+  if (tool.pose.has_orientation && fault == Fault::kNone) {
+    record.tool_torque_W_Nm = rt::to_array(tool_torque_W_Nm(tool, limited));
+  }
   record.commanded_force_D_N = rt::to_array(limited.force_D);
   record.current_A = command.current_A;
   record.limits_acted = limited.acted;
@@ -188,6 +191,9 @@ ServoLoop::SensedTool ServoLoop::sense(rt::TimePoint now) noexcept {
   }
   tool.position_W = options_.workspace.position_W(tool.pose.position_D);
   tool.touching_W = renderer_.touching_W(tool.position_W);
+  if (tool.pose.has_orientation) {
+    tool.orientation_WT_wxyz = driver::quaternion_wxyz(tool.pose.rotation_DT);  // W || D
+  }
   return tool;
 }
 
@@ -245,6 +251,25 @@ void ServoLoop::end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord
   }
 }
 
+// What a simulator is told of a wrist.
+std::optional<SampleIntake::ToolPose> ServoLoop::tool_pose(const SensedTool& tool) const noexcept {
+  if (!tool.pose.has_orientation) {
+    return std::nullopt;
+  }
+  return SampleIntake::ToolPose{.orientation_WT_wxyz = tool.orientation_WT_wxyz,
+                                .angular_velocity_W_rad_per_s = wrist_.angular_velocity_D(),
+                                .has_buttons = profile_.gimbal.stylus_button,
+                                .buttons = tool.report.buttons};
+}
+
+Eigen::Vector3d ServoLoop::tool_torque_W_Nm(const SensedTool& tool,
+                                            const driver::LimitedForce& limited) const noexcept {
+  const auto& [w, x, y, z] = tool.orientation_WT_wxyz;
+  return intake_.tool_torque().torque_W_Nm(Eigen::Quaterniond(w, x, y, z),
+                                           limited.torque_scale * limited.force_D,
+                                           renderer_.ladder().force_gain());
+}
+
 void ServoLoop::describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept {
   record.buttons = tool.report.buttons;
   if (!tool.pose.has_orientation) {
@@ -255,7 +280,7 @@ void ServoLoop::describe_wrist(const SensedTool& tool, CycleRecord& record) cons
   record.suspected_wrist_encoders = wrist_.suspected();
   record.gimbal_counts = {counts[3], counts[4], counts[5]};
   record.gimbal_angle_rad = rt::to_array(tool.pose.gimbal_angle_rad);
-  record.orientation_WT_wxyz = driver::quaternion_wxyz(tool.pose.rotation_DT);  // W || D
+  record.orientation_WT_wxyz = tool.orientation_WT_wxyz;
   record.angular_velocity_W_rad_per_s = rt::to_array(wrist_.angular_velocity_D());
 }
 

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "driver/device.h"
@@ -77,6 +79,7 @@ class ServoLoop {
     driver::ArmPose pose;
     Eigen::Vector3d position_W = Eigen::Vector3d::Zero();  ///< [m]
     Eigen::Vector3d touching_W = Eigen::Vector3d::Zero();  ///< [m] the coupling's end, if any
+    std::array<double, 4> orientation_WT_wxyz = link::kIdentity;
     Fault fault = Fault::kNone;
   };
 
@@ -97,6 +100,9 @@ class ServoLoop {
                                        const Eigen::Vector3d& position_W,
                                        const Eigen::Vector3d& object_force_W) noexcept;
   Eigen::Vector3d gravity_torque_Nm(double elapsed_s, const driver::ArmPose& pose) noexcept;
+  std::optional<SampleIntake::ToolPose> tool_pose(const SensedTool& tool) const noexcept;
+  Eigen::Vector3d tool_torque_W_Nm(const SensedTool& tool,
+                                   const driver::LimitedForce& limited) const noexcept;
   void describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept;
   void end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord& record) noexcept;
 

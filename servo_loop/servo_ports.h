@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <limits>
@@ -26,6 +28,13 @@ struct ArrivedSample {
   Sample sample;
   bool in_contact = false;  ///< whether the tool touched the object
   rt::TimePoint arrived{};  ///< when the link thread received it
+  // Of a simulator that knows how the tool is turned; see link::ForceSample.
+  bool has_torque = false;
+  bool has_rotational_stiffness = false;
+  Eigen::Vector3d torque_W_Nm = Eigen::Vector3d::Zero();  ///< on the tool, about sample.position_W
+  std::array<double, 4> orientation_WT_wxyz = link::kIdentity;  ///< that it was computed for
+  /// d(torque)/d(theta) at a fixed position.
+  Eigen::Matrix3d rotational_stiffness_W_Nm_per_rad = Eigen::Matrix3d::Zero();
 };
 
 /// What the servo loop exchanges with other threads, all of it lock-free. The loop pops `samples`,

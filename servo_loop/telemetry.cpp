@@ -149,6 +149,9 @@ void Telemetry::take_orientation(const CycleRecord& record) {
   const Triple& w = record.angular_velocity_W_rad_per_s;
   seen.largest_speed_rad_per_s =
       std::max(seen.largest_speed_rad_per_s, std::hypot(w[0], w[1], w[2]));
+  const Triple& torque = record.tool_torque_W_Nm;
+  seen.largest_torque_Nm =
+      std::max(seen.largest_torque_Nm, std::hypot(torque[0], torque[1], torque[2]));
   seen.cycles_suspected += record.suspected_wrist_encoders != 0 ? 1 : 0;
   for (int i = 0; i < 3; ++i) {
     const auto bit = static_cast<std::uint8_t>(1U << i);

@@ -59,6 +59,7 @@ struct OrientationStatistics {
   std::uint64_t cycles_suspected = 0;    ///< in which one of its encoders was, see WristGuard
   std::uint8_t suspected_encoders = 0;   ///< those that have been: bits 0, 1, 2 for d, e, f
   double largest_speed_rad_per_s = 0.0;  ///< of the tool's frame
+  double largest_torque_Nm = 0.0;        ///< of the object on the tool
   std::array<double, 4> last_WT_wxyz{1.0, 0.0, 0.0, 0.0};
   std::uint64_t button_presses = 0;  ///< of any button
 };

@@ -121,6 +121,8 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
       several("/cycles/angular_velocity_W_rad_per_s", T::kFloat32,
               &CycleRecord::angular_velocity_W_rad_per_s,
               "of the tool's frame, in the workspace frame"),
+      several("/cycles/tool_torque_W_Nm", T::kFloat64, &CycleRecord::tool_torque_W_Nm,
+              "of the object on the tool about its position, with the force that was sent"),
       several("/cycles/gimbal_angle_rad", T::kFloat64, &CycleRecord::gimbal_angle_rad,
               "of the wrist's joints from the arm outward"),
       several("/cycles/gimbal_counts", T::kInt32, &CycleRecord::gimbal_counts,
@@ -236,7 +238,17 @@ std::vector<Source<ArrivedSample>> sample_sources(std::int64_t start_ns) {
       source("/samples/converged", T::kUint8, {}, "1 if the simulator reached its tolerance",
              [](const Row& row, Out& to) { to.push_back(row.sample.converged); }),
       source("/samples/from_query", T::kUint8, {}, "1 if a method asked for it",
-             [](const Row& row, Out& to) { to.push_back(row.sample.from_query); })};
+             [](const Row& row, Out& to) { to.push_back(row.sample.from_query); }),
+      source("/samples/has_torque", T::kUint8, {}, "1 if torque_W_Nm is known",
+             [](const Row& row, Out& to) { to.push_back(row.has_torque); }),
+      source("/samples/torque_W_Nm", T::kFloat64, {3},
+             "of the object on the tool, about position_W_m",
+             [](const Row& row, Out& to) { take_vector(row.torque_W_Nm, to); }),
+      source("/samples/orientation_WT_wxyz", T::kFloat64, {4},
+             "unit quaternion of the tool that the torque was computed for",
+             [](const Row& row, Out& to) {
+               to.insert(to.end(), row.orientation_WT_wxyz.begin(), row.orientation_WT_wxyz.end());
+             })};
 }
 
 template <typename Row>

@@ -34,6 +34,11 @@ void collect_counts(const RunCounters& counters, const std::string& method, doub
   for (const std::string& text : counters.watch.notes()) {
     note(text);
   }
+  if (!counters.link.simulator_knows_poses()) {
+    note(
+        "the simulator speaks an older version of the link: it does not get the tool's "
+        "orientation, and its answers have no torque");
+  }
   summary.cycles_kept = records.size();
   if (summary.cycles_kept < counters.telemetry.statistics().cycles) {
     note("only the last " + std::to_string(summary.cycles_kept) +

@@ -126,6 +126,7 @@ json orientation_json(const servo::OrientationStatistics& orientation) {
   return {{"has_orientation", orientation.known},
           {"final_WT_wxyz", orientation.last_WT_wxyz},
           {"largest_speed_rad_per_s", orientation.largest_speed_rad_per_s},
+          {"largest_torque_mNm", 1e3 * orientation.largest_torque_Nm},
           {"suspected_encoders", suspected},
           {"cycles_suspected", orientation.cycles_suspected},
           {"button_presses", orientation.button_presses}};

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 
@@ -103,6 +104,46 @@ TEST(LinkThread, TellsWhereTheOtherToolsAreBesideTheSamples) {
   EXPECT_EQ(link.others().tools[0].position_W_m[1], 0.25);
   EXPECT_EQ(link.samples_accepted(), 1U);
   EXPECT_EQ(link.barred(), LinkThread::Barred::kNo);
+}
+
+TEST(LinkThread, CarriesAPoseOutAndATorqueIn) {
+  ServoPorts ports;
+  link::SimulatorEndpoint simulator("127.0.0.1:0");
+  LinkThread link(link::to_string(simulator.address()), ports);
+  link.start();
+  std::optional<link::ToolState> newest;
+  for (std::uint32_t i = 1; i < kPatience && !(newest && newest->has_orientation); ++i) {
+    ports.tool.publish(link::ToolState{.sequence = i,
+                                       .servo_time_ns = i,
+                                       .has_orientation = true,
+                                       .has_buttons = true,
+                                       .orientation_WT = {0.6, 0.0, 0.8, 0.0},
+                                       .angular_velocity_W_rad_per_s = {0.0, 2.0, 0.0},
+                                       .buttons = 1});
+    newest = simulator.receive(100ms).tool_state;
+  }
+  ASSERT_TRUE(newest && newest->has_orientation);
+  EXPECT_EQ(newest->orientation_WT, (link::Quaternion{0.6, 0.0, 0.8, 0.0}));
+  EXPECT_EQ(newest->buttons, 1u);
+  link::ForceSample answer = link::answer_to(*newest);
+  answer.in_contact = true;
+  answer.has_torque = true;
+  answer.torque_W_Nm = {0.25, -0.5, 0.125};
+  answer.orientation_WT = newest->orientation_WT;
+  answer.has_rotational_stiffness = true;
+  answer.rotational_stiffness_W_Nm_per_rad = {1, 2, 3, 4, 5, 6, 7, 8, 9};
+  ASSERT_EQ(simulator.send(answer), link::SendStatus::kSent);
+  ArrivedSample sample;
+  for (int i = 0; i < kPatience && !ports.samples.pop(sample); ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
+  link.stop();
+  EXPECT_TRUE(sample.has_torque);
+  EXPECT_EQ(sample.torque_W_Nm, Eigen::Vector3d(0.25, -0.5, 0.125));
+  EXPECT_EQ(sample.orientation_WT_wxyz, (std::array<double, 4>{0.6, 0.0, 0.8, 0.0}));
+  EXPECT_TRUE(sample.has_rotational_stiffness);
+  EXPECT_EQ(sample.rotational_stiffness_W_Nm_per_rad(1, 2), 6.0);
+  EXPECT_TRUE(link.simulator_knows_poses());
 }
 
 TEST(LinkThread, TellsWhyTheSimulatorDoesNotServeIt) {

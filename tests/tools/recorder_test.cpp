@@ -44,6 +44,7 @@ CycleRecord cycle(std::uint64_t i) {
   record.gimbal_angle_rad = {0.1, 0.2, 0.3};
   record.gimbal_counts = {-4, 5, static_cast<std::int32_t>(i)};
   record.buttons = 3;
+  record.tool_torque_W_Nm = {0.0, -0.125, 0.5};
   record.position_W_m = {2e-4 * static_cast<double>(i), 0.01, -0.02};
   record.method_force_W_N[0] = {-2.5, 0.0, 0.0};
   record.method_force_W_N[1] = {-3.0, 0.5, 0.25};
@@ -77,6 +78,9 @@ TEST(Recorder, KeepsEveryCycleAndSampleWithUnitsInTheNames) {
     sample.arrived = rt::Clock::now();
     sample.sample.force_W = {1.0, 2.0, 3.0};
     sample.sample.stiffness_W << 1, 2, 3, 4, 5, 6, 7, 8, 9;
+    sample.has_torque = true;
+    sample.torque_W_Nm = {0.25, -0.5, 1.0};
+    sample.orientation_WT_wxyz = {0.0, 0.6, 0.0, 0.8};
     recorder.push(sample);
     const RecorderEnd& end = recorder.finish();
     EXPECT_EQ(end.cycles, kCycles);
@@ -123,6 +127,9 @@ TEST(Recorder, KeepsEveryCycleAndSampleWithUnitsInTheNames) {
   EXPECT_NEAR(work_J.back(), -2.0 * 2e-4 * (kCycles - 1), kRounding_J);
   EXPECT_EQ(reader.numbers("/samples/stiffness_W_N_per_m", 1)[5], 6.0);
   EXPECT_EQ(reader.numbers("/samples/force_W_N", 1)[2], 3.0);
+  EXPECT_EQ(reader.numbers("/samples/torque_W_Nm", 1)[1], -0.5);
+  EXPECT_EQ(reader.numbers("/samples/orientation_WT_wxyz", 1)[3], 0.8);
+  EXPECT_EQ(reader.numbers("/cycles/tool_torque_W_Nm", 1)[1], -0.125);
 }
 
 // Records in a process of its own until it is killed.
