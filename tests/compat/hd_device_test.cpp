@@ -348,7 +348,7 @@ TEST(HdDevice, HasTheRotationGimbalAnglesAndButtonOfAWrist) {
   EXPECT_NEAR(gimbal[2], -0.8, kCount_rad);
   EXPECT_LT(std::hypot(turning[0], turning[1], turning[2]), 0.3) << "the hand keeps still";
   // The emulator's rotation in D, with D's y, z, x as HD's x, y, z on both sides.
-  const auto& wxyz = rig.report().wrist->orientation_wxyz;
+  const auto wxyz = rig.report().wrist->orientation_wxyz;
   const Eigen::Matrix3d in_D =
       Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).toRotationMatrix();
   constexpr int kAxis_D[3] = {1, 2, 0};

@@ -56,6 +56,7 @@ Rig::Rig(const RigOptions& options) : folder_(fresh_folder("hd")) {
   file << options.lines;
   for (int i = 0; i < options.arms; ++i) {
     file << "[device." << kNames[i] << "]\nurl = \"usbip://" << server_->address() << "/1-" << i + 1
+         << "\"\nprofile = \"" << options.profile
          << "\"\ncalibrated = " << (options.calibrated ? "true" : "false") << "\n";
   }
   setenv("XDG_CONFIG_HOME", folder_.c_str(), 1);
