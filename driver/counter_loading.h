@@ -44,4 +44,12 @@ inline constexpr int kCounterTolerance = 200;
   return taken(3, 6) ? CountersTaken::kAll : CountersTaken::kArmOnly;
 }
 
+/// What to tell and to do. Static text.
+[[nodiscard]] inline const char* why_not_taken(bool arm_only) noexcept {
+  return arm_only ? "it took the arm's counters but not those of the wrist, d, e and f: it has no "
+                    "encoders there; use a profile without [gimbal]"
+                  : "it did not take the encoder counters; hold the arm still in its calibration "
+                    "pose and try again";
+}
+
 }  // namespace forcegrid::driver

@@ -49,6 +49,7 @@ struct DeviceReport {
 struct MotorCommand {
   std::array<double, 3> current_A{};
   std::array<double, 3> joint_torque_Nm{};
+  std::array<double, 3> wrist_current_A{};  ///< of the motors in a wrist; W6 alone has them
   /// When the servo will read the next report. Until then the I/O thread starts no exchange that
   /// would not be finished by that time. Zero (the clock's epoch): unknown.
   rt::TimePoint next_read{};

@@ -16,7 +16,7 @@ std::int16_t word_at(std::span<const std::uint8_t> bytes, std::size_t index) noe
       static_cast<std::uint16_t>(bytes[2 * index] | (bytes[2 * index + 1] << 8)));
 }
 
-void put_word(ReportBytes& bytes, std::size_t index, std::int16_t value) noexcept {
+void put_word(std::span<std::uint8_t> bytes, std::size_t index, std::int16_t value) noexcept {
   const auto bits = static_cast<std::uint16_t>(value);
   bytes[2 * index] = static_cast<std::uint8_t>(bits & 0xFF);
   bytes[2 * index + 1] = static_cast<std::uint8_t>(bits >> 8);
@@ -63,6 +63,16 @@ ReportBytes encode_currents(const std::array<std::int16_t, 3>& current_mA) noexc
   ReportBytes bytes{};
   for (std::size_t i = 0; i < 3; ++i) {
     put_word(bytes, i, current_mA[i]);
+  }
+  return bytes;
+}
+
+OutBytes out_bytes(const ReportBytes& report,
+                   const std::array<std::int16_t, 3>& wrist_mA) noexcept {
+  OutBytes bytes{};
+  std::copy(report.begin(), report.end(), bytes.begin());
+  for (std::size_t i = 0; i < wrist_mA.size(); ++i) {
+    put_word(bytes, kReportBytes / 2 + i, wrist_mA[i]);
   }
   return bytes;
 }

@@ -12,10 +12,15 @@ namespace forcegrid::driver::w2 {
 inline constexpr std::size_t kReportBytes = 14;
 /// W3 sends the same 14 bytes first in reports of this length; the rest means nothing.
 inline constexpr std::size_t kW3ReportBytes = 64;
+/// W6, this project's own, sends a W2's reports in this length. OUT has the currents of the motors
+/// in a wrist behind them, int16 little-endian [mA]; IN has zeros there.
+inline constexpr std::size_t kW6ReportBytes = 20;
 /// Bytes of the older W1 report, which this driver refuses.
 inline constexpr std::size_t kW1ReportBytes = 8;
 
 using ReportBytes = std::array<std::uint8_t, kReportBytes>;
+/// A report to any of these devices, which reads as much of it as it knows. All zeros: no current.
+using OutBytes = std::array<std::uint8_t, kW6ReportBytes>;
 
 /// A device-to-host report: six counters, low 16 bits of the device's 32, and the info word.
 /// Layout: int16 little-endian a, b, c, d, e, f, info. Source: haptikfabrikenapi firmware/main.cpp.
@@ -55,6 +60,10 @@ struct Currents {
 
 /// Host-to-device report: int16 little-endian current a, b, c [mA], command 0, three zeros.
 [[nodiscard]] ReportBytes encode_currents(const std::array<std::int16_t, 3>& current_mA) noexcept;
+
+/// The report with a wrist's currents [mA] behind it.
+[[nodiscard]] OutBytes out_bytes(const ReportBytes& report,
+                                 const std::array<std::int16_t, 3>& wrist_mA = {}) noexcept;
 
 /// Host-to-device report of command 1: loads the six counters (d, e and f travel in the current
 /// fields; the device sets its motors to zero current) and clears the info word.

@@ -48,6 +48,7 @@ class W2Device final : public IoThreadDevice {
                        "check the cable and the device's power, then open it again"),
         transport_(std::move(transport)),
         max_current_A_(profile.motors.max_current_A),
+        max_wrist_current_A_(profile.gimbal_motors.max_current_A),
         wire_bytes_(static_cast<std::size_t>(profile.usb.report_bytes)),
         has_stylus_button_(profile.gimbal.stylus_button),
         frame_(std::chrono::microseconds(profile.usb.frame_period_us)),
@@ -84,12 +85,7 @@ class W2Device final : public IoThreadDevice {
       }
       // The I/O thread gives up at the deadline; a little later it can't succeed any more.
       if (rt::Clock::now() > deadline + kReadTimeout + options_.write_timeout) {
-        throw DeviceError("device '" + identity_.url +
-                          (arm_only_ ? "': it took the arm's counters but not those of the wrist, "
-                                       "d, e and f: it has no encoders there; use a profile "
-                                       "without [gimbal]"
-                                     : "': it did not take the encoder counters; hold the arm "
-                                       "still in its calibration pose and try again"));
+        throw DeviceError("device '" + identity_.url + "': " + why_not_taken(arm_only_));
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
@@ -119,7 +115,7 @@ class W2Device final : public IoThreadDevice {
 
   // --- one exchange ---
 
-  WriteResult send(const w2::ReportBytes& bytes, bool last_zero = false) noexcept {
+  WriteResult send(const w2::OutBytes& bytes, bool last_zero = false) noexcept {
     std::array<std::uint8_t, w2::kW3ReportBytes> padded{};
     std::copy(bytes.begin(), bytes.end(), padded.begin());
     const rt::TimePoint begun = rt::Clock::now();
@@ -254,7 +250,7 @@ class W2Device final : public IoThreadDevice {
       if (status == TransportStatus::kTimeout) {
         count(statistics_.kicks);
       }
-      const WriteResult sent = send(w2::encode_currents({}));
+      const WriteResult sent = send({});
       if (sent.status != TransportStatus::kOk && sent.status != TransportStatus::kTimeout) {
         throw DeviceError(transport_->failure());
       }
@@ -310,7 +306,7 @@ class W2Device final : public IoThreadDevice {
           TransportStatus::kOk) {
         count(statistics_.reports_discarded);
       }
-      if (send(w2::encode_currents({}), true).status != TransportStatus::kOk) {
+      if (send({}, true).status != TransportStatus::kOk) {
         return false;
       }
       const rt::TimePoint deadline = rt::Clock::now() + kReadTimeout;
@@ -402,35 +398,38 @@ class W2Device final : public IoThreadDevice {
     return std::chrono::duration_cast<rt::Duration>(frames * frame_);
   }
 
-  w2::ReportBytes bytes_for(Reason reason) noexcept {
+  w2::OutBytes bytes_for(Reason reason) noexcept {
     if (reason == Reason::kCounters) {
       commanded_ = false;
       unwrapper_.restart(counter_request_.counts);
-      return w2::encode_load_counters(counter_request_.counts);
+      return w2::out_bytes(w2::encode_load_counters(counter_request_.counts));
     }
     if (!commanded_) {
-      return w2::encode_currents({});
+      return {};
     }
     if (rt::Clock::now() >= latest_.issued + options_.servo_silence) {
       count(statistics_.commands_starved);
-      return w2::encode_currents({});
+      return {};
     }
-    const w2::Currents currents = w2::report_currents(latest_.command.current_A, max_current_A_);
-    if (reason == Reason::kCommand) {
-      if (!currents.finite) {
-        count(statistics_.commands_not_finite);
-      }
-      if (currents.clamped) {
-        count(statistics_.commands_clamped);
-      }
+    const auto& [current_A, torque_Nm, wrist_A, next_read] = latest_.command;
+    const w2::Currents arm = w2::report_currents(current_A, max_current_A_);
+    const w2::Currents wrist = w2::report_currents(wrist_A, max_wrist_current_A_);
+    const bool finite = arm.finite && wrist.finite;
+    if (reason == Reason::kCommand && !finite) {
+      count(statistics_.commands_not_finite);
+    }
+    if (reason == Reason::kCommand && (arm.clamped || wrist.clamped)) {
+      count(statistics_.commands_clamped);
     }
     // Read last: a fault that another thread has noticed in between must not let a current pass.
-    return w2::encode_currents(running() ? currents.current_mA : std::array<std::int16_t, 3>{});
+    return finite && running()
+               ? w2::out_bytes(w2::encode_currents(arm.current_mA), wrist.current_mA)
+               : w2::OutBytes{};
   }
 
   WriteResult send_for(Reason reason) noexcept {
     held_back_ = false;
-    const w2::ReportBytes bytes = bytes_for(reason);
+    const w2::OutBytes bytes = bytes_for(reason);
     const rt::TimePoint begun = rt::Clock::now();
     const WriteResult sent = send(bytes);
     if (reason == Reason::kRefresh) {
@@ -528,7 +527,7 @@ class W2Device final : public IoThreadDevice {
         open_outs_.doubt();
       }
       kicked = true;
-      sent = send(w2::encode_currents({}));
+      sent = send({});
     }
   }
 
@@ -641,8 +640,9 @@ class W2Device final : public IoThreadDevice {
 
   std::unique_ptr<Transport> transport_;
   const std::array<double, 3> max_current_A_;
-  const std::size_t wire_bytes_;  ///< length of a report: 14 (W2) or 64 (W3)
-  const bool has_stylus_button_;  ///< counter d carries it
+  const std::array<double, 3> max_wrist_current_A_;  ///< zero without motors there
+  const std::size_t wire_bytes_;                     ///< length of a report: 14 (W2) or 64 (W3)
+  const bool has_stylus_button_;                     ///< counter d carries it
   const rt::Duration frame_;
 
   // I/O thread (and opening thread before it starts).

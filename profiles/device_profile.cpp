@@ -143,9 +143,10 @@ DeviceProfile::Usb read_usb(const Table& root, DeviceKind kind) {
   DeviceProfile::Usb usb;
   usb.protocol = table.text("protocol");
   const bool delta = kind == DeviceKind::kDelta;
-  if (delta ? usb.protocol != "falcon" : usb.protocol != "w2" && usb.protocol != "w3") {
+  if (delta ? usb.protocol != "falcon"
+            : usb.protocol != "w2" && usb.protocol != "w3" && usb.protocol != "w6") {
     table.refuse("protocol", "'" + usb.protocol + "' is unknown",
-                 delta ? "write \"falcon\"" : "write \"w2\" or \"w3\"");
+                 delta ? "write \"falcon\"" : "write \"w2\", \"w3\" or \"w6\"");
   }
   usb.vendor_id = word(table, "vendor_id");
   usb.product_id = word(table, "product_id");
@@ -157,9 +158,9 @@ DeviceProfile::Usb read_usb(const Table& root, DeviceKind kind) {
     usb.usage_page = word(table, "usage_page");
     usb.usage = word(table, "usage");
     usb.report_bytes = static_cast<int>(table.integer("report_bytes", 1, 64));
-    if (usb.report_bytes != (usb.protocol == "w3" ? 64 : 14)) {
+    if (usb.report_bytes != (usb.protocol == "w3" ? 64 : usb.protocol == "w6" ? 20 : 14)) {
       table.refuse("report_bytes", std::to_string(usb.report_bytes) + " is impossible",
-                   "write 14 with protocol \"w2\" and 64 with \"w3\"");
+                   "write 14 with protocol \"w2\", 64 with \"w3\" and 20 with \"w6\"");
     }
   }
   usb.frame_period_us = static_cast<int>(table.integer("frame_period_us", 125, 1000));
@@ -601,14 +602,14 @@ std::string find_file(const std::string& name_or_path) {
 
 DeviceProfile read_profile(const toml::table& parsed, const std::string& file) {
   const DeviceKind kind = read_kind(parsed, file);
-  const Table root =
-      kind == DeviceKind::kDelta
-          ? Table(parsed, file, "",
-                  {"name", "description", "source", "kind", "usb", "delta", "falcon", "limits",
-                   "dynamics", "firm_hand", "light_hand"})
-          : Table(parsed, file, "",
-                  {"name", "description", "source", "kind", "usb", "kinematics", "gimbal", "motors",
-                   "limits", "calibration", "gravity", "dynamics", "firm_hand", "light_hand"});
+  const Table root = kind == DeviceKind::kDelta
+                         ? Table(parsed, file, "",
+                                 {"name", "description", "source", "kind", "usb", "delta", "falcon",
+                                  "limits", "dynamics", "firm_hand", "light_hand"})
+                         : Table(parsed, file, "",
+                                 {"name", "description", "source", "kind", "usb", "kinematics",
+                                  "gimbal", "gimbal_motors", "motors", "limits", "calibration",
+                                  "gravity", "dynamics", "firm_hand", "light_hand"});
   DeviceProfile profile;
   profile.file = file;
   profile.name = root.text("name");
@@ -626,6 +627,7 @@ DeviceProfile read_profile(const toml::table& parsed, const std::string& file) {
     profile.limits = read_limits(root, profile);
     profile.calibration = read_calibration(root, profile.kinematics);
     profile.gimbal = read_gimbal(root, profile.calibration.pose_counts);
+    profile.gimbal_motors = read_gimbal_motors(root, profile);
     profile.gravity = read_gravity(root, profile.kinematics);
   }
   profile.dynamics = read_dynamics(root, kind);

@@ -56,7 +56,8 @@ struct DeviceProfile {
   DeviceKind kind = DeviceKind::kArm;
 
   struct Usb {
-    /// Arm: "w2", or "w3" (the same in reports of 64 bytes). Delta: "falcon", which is not a HID
+    /// Arm: "w2", "w3" (the same in reports of 64 bytes), or "w6" (the same in reports of 20 bytes,
+    /// with the currents of three motors more). Delta: "falcon", which is not a HID
     /// device and has no usage page, usage or report length.
     std::string protocol;
     std::uint16_t vendor_id = 0;
@@ -119,6 +120,23 @@ struct DeviceProfile {
     /// below 5000 otherwise.
     bool stylus_button = false;
   } gimbal;
+
+  /// The motors of a wrist that has them, and what the emulated hand does about them. Joint torque
+  /// = encoder_sign_i torque_constant_i ratio_i I_i. They share the arm's full_scale_current_A.
+  struct GimbalMotors {
+    bool present = false;  ///< false: the file has no [gimbal_motors]; the rest is zero
+    Axes torque_constant_Nm_per_A{};
+    Axes ratio{};          ///< motor turns of one turn of the joint
+    Axes max_current_A{};  ///< that the motors withstand indefinitely
+    Axes max_joint_torque_Nm{};
+    double max_torque_Nm = 0.0;  ///< of the torque at the tool
+    double max_torque_rate_Nm_per_s = 0.0;
+    // The emulated arm only, see emulator::DrivenWrist.
+    double joint_inertia_kg_m2 = 0.0;
+    double joint_damping_Nm_s_per_rad = 0.0;
+    double hand_stiffness_Nm_per_rad = 0.0;
+    double hand_damping_Nm_s_per_rad = 0.0;
+  } gimbal_motors;
 
   /// Mechanism of a delta. In leg i's own frame u points out of the base at azimuth phi_i, v is u
   /// turned by +90 degrees, and w is z of the base frame B: x to the user's right, y up, z out of

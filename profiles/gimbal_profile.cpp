@@ -28,6 +28,19 @@ constexpr Range kWristSpeed_rad_per_s{text::kAboveZero, 1000.0,
 constexpr Range kWristAcceleration_rad_per_s2{text::kAboveZero, 1e6,
                                               "an acceleration in rad/s^2 above 0 and at most 1e6"};
 
+constexpr Range kWristTorqueConstant_Nm_per_A{1e-4, 10.0,
+                                              "a torque constant in N m/A from 0.0001 to 10"};
+constexpr Range kRatio{1.0, 1000.0, "motor turns of one turn of the joint, from 1 to 1000"};
+constexpr Range kWristCurrent_A{text::kAboveZero, 32.0,
+                                "a current in amperes above 0 and at most 32"};
+constexpr Range kWristTorque_Nm{text::kAboveZero, 10.0, "a torque in N m above 0 and at most 10"};
+constexpr Range kTorqueRate_Nm_per_s{text::kAboveZero, 1e4,
+                                     "a rate in N m/s above 0 and at most 1e4"};
+constexpr Range kWristInertia_kg_m2{1e-7, 0.1, "an inertia in kg m^2 from 1e-7 to 0.1"};
+constexpr Range kWristDamping_Nm_s_per_rad{0.0, 10.0, "a damping in N m s/rad from 0 to 10"};
+constexpr Range kWristStiffness_Nm_per_rad{text::kAboveZero, 100.0,
+                                           "a stiffness in N m/rad above 0 and at most 100"};
+
 std::string at(std::size_t i) { return " in place " + std::to_string(i + 1); }
 
 /// Which counters measure the joints: each of d, e, f once, as "fed".
@@ -141,6 +154,54 @@ DeviceProfile::Gimbal read_gimbal(const Table& root, const std::array<int, 6>& p
   gimbal.stylus_button = table.flag("stylus_button");
   check_stops(table, gimbal, pose_counts);
   return gimbal;
+}
+
+DeviceProfile::GimbalMotors read_gimbal_motors(const Table& root, const DeviceProfile& profile) {
+  DeviceProfile::GimbalMotors motors;
+  motors.present = root.has("gimbal_motors");
+  if (motors.present != (profile.usb.protocol == "w6")) {
+    root.refuse(motors.present ? "gimbal_motors" : "usb",
+                motors.present
+                    ? "reports of protocol '" + profile.usb.protocol + "' have no currents for them"
+                    : "protocol 'w6' has currents for motors of a wrist, and there is no "
+                      "[gimbal_motors]",
+                "write protocol \"w6\" and [gimbal_motors], or neither");
+  }
+  if (!motors.present) {
+    return motors;
+  }
+  const Table table = root.table(
+      "gimbal_motors",
+      {"torque_constant_Nm_per_A", "ratio", "max_current_A", "max_joint_torque_Nm", "max_torque_Nm",
+       "max_torque_rate_Nm_per_s", "joint_inertia_kg_m2", "joint_damping_Nm_s_per_rad",
+       "hand_stiffness_Nm_per_rad", "hand_damping_Nm_s_per_rad"});
+  if (!profile.gimbal.present) {
+    root.refuse("gimbal_motors", "there is no [gimbal] that they could turn",
+                "describe the wrist in [gimbal], or leave [gimbal_motors] out");
+  }
+  motors.torque_constant_Nm_per_A =
+      table.axes("torque_constant_Nm_per_A", kWristTorqueConstant_Nm_per_A);
+  motors.ratio = table.axes("ratio", kRatio);
+  motors.max_current_A = table.axes("max_current_A", kWristCurrent_A);
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (motors.max_current_A[i] > profile.motors.full_scale_current_A) {
+      table.refuse(
+          "max_current_A",
+          number_text(motors.max_current_A[i]) + at(i) + " is above motors.full_scale_current_A",
+          "write at most " + number_text(profile.motors.full_scale_current_A));
+    }
+  }
+  motors.max_joint_torque_Nm = table.axes("max_joint_torque_Nm", kWristTorque_Nm);
+  motors.max_torque_Nm = table.number("max_torque_Nm", kWristTorque_Nm);
+  motors.max_torque_rate_Nm_per_s = table.number("max_torque_rate_Nm_per_s", kTorqueRate_Nm_per_s);
+  motors.joint_inertia_kg_m2 = table.number("joint_inertia_kg_m2", kWristInertia_kg_m2);
+  motors.joint_damping_Nm_s_per_rad =
+      table.number("joint_damping_Nm_s_per_rad", kWristDamping_Nm_s_per_rad);
+  motors.hand_stiffness_Nm_per_rad =
+      table.number("hand_stiffness_Nm_per_rad", kWristStiffness_Nm_per_rad);
+  motors.hand_damping_Nm_s_per_rad =
+      table.number("hand_damping_Nm_s_per_rad", kWristDamping_Nm_s_per_rad);
+  return motors;
 }
 
 }  // namespace forcegrid::profiles

@@ -15,4 +15,11 @@ namespace forcegrid::profiles {
 DeviceProfile::Gimbal read_gimbal(const text::TomlTable& root,
                                   const std::array<int, 6>& pose_counts);
 
+/// Reads and checks the optional table [gimbal_motors]; not present if `root` has none. It goes
+/// with [gimbal] and with the protocol "w6", whose reports have the currents, and they with it.
+/// @param profile  its usb, motors and gimbal have been read.
+/// @throws text::TomlError. Real-time: no. Threads: any.
+DeviceProfile::GimbalMotors read_gimbal_motors(const text::TomlTable& root,
+                                               const DeviceProfile& profile);
+
 }  // namespace forcegrid::profiles

@@ -575,6 +575,37 @@ TEST_F(W2Wrist, RefusesADeviceWithoutEncodersThere) {
   }
 }
 
+class W6 : public W2 {
+ protected:
+  W6() {
+    profile_ = profiles::load_device_profile("emulated_6dof");
+    script_.wire_bytes = 20;
+    script_.strings = {"haptic-emu", "6-DOF arm (emulated)", "6DOF0001"};
+    // Vendor 0x1209, product 0x0006; 20 bytes each way.
+    script_.device_descriptor[8] = 0x09;
+    script_.device_descriptor[9] = 0x12;
+    script_.report_descriptor[15] = 20;
+    script_.report_descriptor[21] = 20;
+  }
+};
+
+TEST_F(W6, SendsTheWristsCurrentsBehindThoseOfTheArmAndLimitsThem) {
+  const auto device = open();
+  device->command({.current_A = {-1.797, 0.172, 0.330}, .wrist_current_A = {0.1, -0.1, 40.0}});
+  Bytes expected = currents(-1797, 172, 330);
+  // 100, -100, and one milliampere below the profile's 1 A.
+  for (const std::uint8_t byte : {0x64, 0x00, 0x9C, 0xFF, 0xE7, 0x03}) {
+    expected.push_back(byte);
+  }
+  EXPECT_TRUE(eventually([&] { return last_out() == expected; }));
+  EXPECT_EQ(device->statistics().commands_clamped, 1U);
+  device->command({.current_A = {1.0, 0.0, 0.0}, .wrist_current_A = {0.0, std::nan(""), 0.0}});
+  EXPECT_TRUE(eventually([&] { return last_out() == Bytes(20); }));
+  EXPECT_EQ(device->statistics().commands_not_finite, 1U);
+  EXPECT_TRUE(device->stop());
+  EXPECT_EQ(last_out(), Bytes(20));
+}
+
 TEST_F(W2Wrist, ReportsTheStylusButtonAndTheCounterWithoutIt) {
   server().set_counts({0, 0, 6000, 9877, 7, 8});
   const auto device = open();

@@ -17,6 +17,7 @@ namespace {
 using testing::HasSubstr;
 
 constexpr const char* kWrist = "woodenhaptics_v2015_wrist";
+constexpr const char* kDriven = "emulated_6dof";
 
 std::vector<std::string> lines_of(const std::string& profile) {
   std::ifstream stream(load_device_profile(profile).file);
@@ -60,7 +61,7 @@ TEST(GimbalProfile, IsTheArmWithoutAWristOtherwise) {
 
 TEST(GimbalProfile, IsAbsentFromEveryOtherDevice) {
   for (const std::string& name : available_profiles()) {
-    if (name != kWrist) {
+    if (name != kWrist && name != kDriven) {
       EXPECT_FALSE(has_wrist(load_device_profile(name))) << name;
     }
   }
@@ -75,6 +76,45 @@ TEST(GimbalProfile, BelongsToAnArm) {
   } catch (const ProfileError& error) {
     EXPECT_THAT(error.what(), HasSubstr("gimbal"));
   }
+}
+
+TEST(GimbalProfile, HasMotorsWithTheReportsThatCarryTheirCurrents) {
+  const DeviceProfile driven = load_device_profile(kDriven);
+  EXPECT_EQ(driven.usb.protocol, "w6");
+  EXPECT_EQ(driven.usb.report_bytes, 20);
+  ASSERT_TRUE(driven.gimbal_motors.present);
+  EXPECT_EQ(driven.gimbal_motors.max_torque_Nm, 0.188);
+  EXPECT_FALSE(load_device_profile(kWrist).gimbal_motors.present);
+  const auto error_of = [](const std::vector<std::string>& lines) -> std::string {
+    try {
+      static_cast<void>(load_device_profile(written(lines)));
+    } catch (const ProfileError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  std::vector<std::string> lines = lines_of(kDriven);
+  const auto motors = std::find(lines.begin(), lines.end(), "[gimbal_motors]");
+  auto current = std::find_if(motors, lines.end(), [](const std::string& line) {
+    return line.starts_with("max_current_A");
+  });
+  ASSERT_NE(current, lines.end());
+  *current = "max_current_A = [1.0, 7.0, 1.0]";
+  EXPECT_THAT(error_of(lines), HasSubstr("7 in place 2 is above motors.full_scale_current_A"));
+
+  lines = lines_of(kDriven);
+  std::replace(lines.begin(), lines.end(), std::string("protocol = \"w6\""),
+               std::string("protocol = \"w2\""));
+  std::replace(lines.begin(), lines.end(), std::string("report_bytes = 20"),
+               std::string("report_bytes = 14"));
+  EXPECT_THAT(error_of(lines), HasSubstr("reports of protocol 'w2' have no currents for them"));
+
+  lines = lines_of(kWrist);
+  std::replace(lines.begin(), lines.end(), std::string("protocol = \"w2\""),
+               std::string("protocol = \"w6\""));
+  std::replace(lines.begin(), lines.end(), std::string("report_bytes = 14"),
+               std::string("report_bytes = 20"));
+  EXPECT_THAT(error_of(lines), HasSubstr("there is no [gimbal_motors]"));
 }
 
 struct Broken {
