@@ -52,7 +52,8 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
                 .interface_class = kInterfaceClassHid},
       usb_(options.profile.usb),
       firmware_(options.profile.motors.full_scale_current_A,
-                static_cast<std::size_t>(options.profile.usb.report_bytes)),
+                static_cast<std::size_t>(options.profile.usb.report_bytes),
+                options.profile.gimbal_motors.present),
       arm_(options.profile, options.hand_profile(),
            ArmKinematics(options.profile.kinematics)
                .joint_angle_rad(calibration_counts(options.profile)),
@@ -75,6 +76,14 @@ EmulatedW2::EmulatedW2(const DeviceOptions& options, rt::TimePoint start)
       now_(start),
       counters_are_true_(options.operator_script.calibrated) {
   arm_.attach_tip_mass(options.tip_mass_kg);
+  if (const auto& motors = options.profile.gimbal_motors; motors.present) {
+    driven_wrist_.emplace(options.profile, gimbal_rad_);
+    driven_wrist_->hold(hand_ != HandKind::kNone);
+    wrist_torque_per_current_Nm_per_A_ =
+        rt::to_vector(options.profile.gimbal.encoder_sign)
+            .cwiseProduct(rt::to_vector(motors.torque_constant_Nm_per_A))
+            .cwiseProduct(rt::to_vector(motors.ratio));
+  }
   identity_.interfaces = usb_.interfaces();
   firmware_.turn_encoders(encoder_positions());
   firmware_.set_counters(power_up_counters(options));
@@ -95,18 +104,37 @@ std::array<std::int64_t, 6> EmulatedW2::encoder_positions() const noexcept {
           wrist[2]};
 }
 
-Eigen::Matrix3d EmulatedW2::tool_axes_D() const noexcept {
-  const Vector3d theta_rad =
-      arm_.kinematics().motion(arm_.joint_angle_rad(), Vector3d::Zero()).linkage_angle_rad;
-  return wrist_.tool_axes_D(theta_rad, gimbal_rad_);
+Vector3d EmulatedW2::linkage_angle_rad() const noexcept {
+  return arm_.kinematics().motion(arm_.joint_angle_rad(), Vector3d::Zero()).linkage_angle_rad;
 }
 
-void EmulatedW2::turn_wrist(const OperatorScript::Action& action) noexcept {
-  if (!wrist_.present() || hand_ == HandKind::kNone) {
+Eigen::Matrix3d EmulatedW2::tool_axes_D() const noexcept {
+  return wrist_.tool_axes_D(linkage_angle_rad(), gimbal_rad_);
+}
+
+// Of the motors, and of the moment with which the hand holds the handle of a driven wrist.
+Vector3d EmulatedW2::arm_torque_Nm() const noexcept {
+  const Vector3d motors_Nm = current_A_.cwiseProduct(torque_per_current_Nm_per_A_);
+  return driven_wrist_
+             ? Vector3d(motors_Nm + driven_wrist_->arm_torque_Nm(linkage_angle_rad(),
+                                                                 arm_.kinematics().linkage_sign()))
+             : motors_Nm;
+}
+
+void EmulatedW2::turn_wrist(const OperatorScript::Action& action, double duration_s) noexcept {
+  if (!wrist_.present()) {
     return;
   }
-  gimbal_rad_ = wrist_.within_stops(action.gimbal_rad);
-  const bool down = has_stylus_button_ && action.stylus_pressed;
+  const Vector3d wanted_rad = wrist_.within_stops(action.gimbal_rad);
+  if (driven_wrist_) {
+    driven_wrist_->advance(duration_s,
+                           wrist_current_A_.cwiseProduct(wrist_torque_per_current_Nm_per_A_),
+                           wanted_rad, linkage_angle_rad());
+    gimbal_rad_ = driven_wrist_->angle_rad();
+  } else if (hand_ != HandKind::kNone) {
+    gimbal_rad_ = wanted_rad;
+  }
+  const bool down = has_stylus_button_ && action.stylus_pressed && hand_ != HandKind::kNone;
   stylus_clicks_ += down && !stylus_down_ ? 1 : 0;
   stylus_down_ = down;
   firmware_.hold_stylus_button(down);
@@ -139,12 +167,14 @@ void EmulatedW2::advance_to(rt::TimePoint now) noexcept {
     }
     if (action.let_go) {
       arm_.release_hand();
+      if (driven_wrist_) {
+        driven_wrist_->hold(false);
+      }
     }
-    arm_.advance(rt::seconds(end - now_), current_A_.cwiseProduct(torque_per_current_Nm_per_A_),
-                 action.target_D);
-    turn_wrist(action);
+    arm_.advance(rt::seconds(end - now_), arm_torque_Nm(), action.target_D);
+    turn_wrist(action, rt::seconds(end - now_));
     now_ = end;
-    if (!current_A_.isZero(0.0)) {
+    if (motors_on()) {
       motors_last_nonzero_ = now_;
     }
     if (firmware_.check_watchdog(now_)) {
@@ -208,6 +238,9 @@ void EmulatedW2::hold_with(HandKind hand) noexcept {
     script_.take_at(arm_.position_D());
   }
   arm_.change_hand(hands_[static_cast<std::size_t>(hand)]);
+  if (driven_wrist_) {
+    driven_wrist_->hold(hand != HandKind::kNone);
+  }
   hand_ = hand;
 }
 
@@ -266,20 +299,47 @@ void EmulatedW2::run_core(rt::TimePoint now) noexcept {
   }
 }
 
-void EmulatedW2::drive_motors() noexcept {
+double EmulatedW2::current_of(std::size_t motor) noexcept {
   const W2Firmware::Outputs& outputs = firmware_.outputs();
+  const double fraction = (outputs.duty[motor] - W2Firmware::kZeroCurrentDuty) / kDutyFullScale;
+  if (!outputs.motor_enable) {
+    return 0.0;
+  }
+  if (!(std::abs(fraction) <= 1.0 + kDutyMargin)) {
+    ++out_of_range_currents_;
+    return 0.0;
+  }
+  return full_scale_current_A_ * fraction;
+}
+
+void EmulatedW2::drive_motors() noexcept {
   for (std::size_t i = 0; i < 3; ++i) {
-    const double fraction = (outputs.duty[i] - W2Firmware::kZeroCurrentDuty) / kDutyFullScale;
-    double current_A = full_scale_current_A_ * fraction;
-    if (!outputs.motor_enable) {
-      current_A = 0.0;
-    } else if (!(std::abs(fraction) <= 1.0 + kDutyMargin)) {
-      current_A = 0.0;
-      ++out_of_range_currents_;
-    }
-    current_A_[static_cast<Eigen::Index>(i)] = current_A;
+    const auto axis = static_cast<Eigen::Index>(i);
+    current_A_[axis] = current_of(i);
+    wrist_current_A_[axis] = driven_wrist_ ? current_of(i + 3) : 0.0;
   }
   max_abs_current_A_ = max_abs_current_A_.cwiseMax(current_A_.cwiseAbs());
+  max_abs_wrist_current_A_ = max_abs_wrist_current_A_.cwiseMax(wrist_current_A_.cwiseAbs());
+}
+
+void EmulatedW2::describe_wrist(EmulatorReport& report) const {
+  if (!wrist_.present()) {
+    return;
+  }
+  const Eigen::Matrix3d axes_D = tool_axes_D();
+  const Eigen::Quaterniond q(axes_D);
+  WristReport wrist;
+  wrist.angle_rad = rt::to_array(gimbal_rad_);
+  wrist.orientation_wxyz = {q.w(), q.x(), q.y(), q.z()};
+  wrist.stylus_clicks = stylus_clicks_;
+  if (driven_wrist_) {
+    wrist.final_current_mA = rt::to_array(1e3 * wrist_current_A_);
+    wrist.max_abs_current_mA = rt::to_array(1e3 * max_abs_wrist_current_A_);
+    wrist.final_torque_Nm =
+        rt::to_array(wrist_current_A_.cwiseProduct(wrist_torque_per_current_Nm_per_A_));
+    wrist.hand_torque_Nm = rt::to_array(driven_wrist_->hand_torque_D());
+  }
+  report.wrist = wrist;
 }
 
 EmulatorReport EmulatedW2::report() const {
@@ -297,7 +357,7 @@ EmulatorReport EmulatedW2::report() const {
   }
   report.motor_energy_delivered_J = arm_.work().motor_positive_J;
   report.motor_energy_absorbed_J = arm_.work().motor_negative_J;
-  if (!current_A_.isZero(0.0)) {
+  if (motors_on()) {
     report.seconds_since_motors_nonzero = 0.0;
   } else if (motors_last_nonzero_) {
     report.seconds_since_motors_nonzero = rt::seconds(now_ - *motors_last_nonzero_);
@@ -312,12 +372,7 @@ EmulatorReport EmulatedW2::report() const {
   report.reports_drained = statistics.reports_drained;
   report.counters_loaded = statistics.counters_loaded;
   report.physics_skipped_s = physics_skipped_s_;
-  if (wrist_.present()) {
-    const Eigen::Quaterniond q(tool_axes_D());
-    report.wrist = WristReport{.angle_rad = rt::to_array(gimbal_rad_),
-                               .orientation_wxyz = {q.w(), q.x(), q.y(), q.z()},
-                               .stylus_clicks = stylus_clicks_};
-  }
+  describe_wrist(report);
   if (core_) {
     report.core = core_use_;
     report.core->broken_frames = core_->broken_frames();

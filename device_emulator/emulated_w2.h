@@ -12,6 +12,7 @@
 #include "device_emulator/arm_model.h"
 #include "device_emulator/core_line.h"
 #include "device_emulator/counter_samples.h"
+#include "device_emulator/driven_wrist.h"
 #include "device_emulator/emulated_device.h"
 #include "device_emulator/operator_script.h"
 #include "device_emulator/w2_firmware.h"
@@ -26,7 +27,8 @@ namespace forcegrid::emulator {
 /// k_i I_i D_i / d_i with I_i = I_full (duty_i - 0.5) / 0.4 for a duty within 10..90 %. The servo
 /// amplifier (ESCON) treats any other duty as out of range: zero current, counted.
 ///
-/// A wrist's joints are where the hand turns them, within their stops; see Wrist.
+/// A wrist's joints are where the hand turns them, within their stops; see Wrist. One with motors
+/// moves by its physics; see DrivenWrist.
 ///
 /// With DeviceOptions::core, a second processor computes the currents: every kCorePeriod, while the
 /// host sends reports and the counters are true, it is sent the counters, and its newest answer
@@ -62,7 +64,9 @@ class EmulatedW2 final : public EmulatedDevice {
   void bus_reset(rt::TimePoint now) noexcept override;
 
   void power_cycle(rt::TimePoint now) noexcept override;
-  [[nodiscard]] bool motors_on() const override { return !current_A_.isZero(0.0); }
+  [[nodiscard]] bool motors_on() const override {
+    return !current_A_.isZero(0.0) || !wrist_current_A_.isZero(0.0);
+  }
 
   void press_calibration_button() noexcept override { firmware_.press_calibration_button(); }
 
@@ -85,7 +89,11 @@ class EmulatedW2 final : public EmulatedDevice {
 
  private:
   std::array<std::int64_t, 6> encoder_positions() const noexcept;
-  void turn_wrist(const OperatorScript::Action& action) noexcept;
+  void turn_wrist(const OperatorScript::Action& action, double duration_s) noexcept;
+  [[nodiscard]] Eigen::Vector3d linkage_angle_rad() const noexcept;
+  [[nodiscard]] Eigen::Vector3d arm_torque_Nm() const noexcept;
+  [[nodiscard]] double current_of(std::size_t motor) noexcept;
+  void describe_wrist(EmulatorReport& report) const;
   void run_firmware(rt::TimePoint now) noexcept;
   void drive_motors() noexcept;
   void run_core(rt::TimePoint now) noexcept;
@@ -97,6 +105,7 @@ class EmulatedW2 final : public EmulatedDevice {
   W2Firmware firmware_;
   ArmModel arm_;
   Wrist wrist_;
+  std::optional<DrivenWrist> driven_wrist_;  ///< nothing: no motors in it
   OperatorScript script_;
   Hands hands_;
   HandKind hand_;
@@ -110,6 +119,9 @@ class EmulatedW2 final : public EmulatedDevice {
   bool stylus_down_ = false;
   std::uint64_t stylus_clicks_ = 0;
   Eigen::Vector3d gimbal_rad_;  ///< joint angles of the wrist
+  Eigen::Vector3d wrist_torque_per_current_Nm_per_A_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d wrist_current_A_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d max_abs_wrist_current_A_ = Eigen::Vector3d::Zero();
 
   rt::TimePoint now_;
   Eigen::Vector3d current_A_ = Eigen::Vector3d::Zero();

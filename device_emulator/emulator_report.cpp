@@ -56,7 +56,11 @@ void to_json(nlohmann::json& json, const EmulatorReport& report) {
   if (report.wrist) {
     json["wrist"] = {{"angle_rad", report.wrist->angle_rad},
                      {"orientation_wxyz", report.wrist->orientation_wxyz},
-                     {"stylus_clicks", report.wrist->stylus_clicks}};
+                     {"stylus_clicks", report.wrist->stylus_clicks},
+                     {"final_current_mA", report.wrist->final_current_mA},
+                     {"max_abs_current_mA", report.wrist->max_abs_current_mA},
+                     {"final_torque_Nm", report.wrist->final_torque_Nm},
+                     {"hand_torque_Nm", report.wrist->hand_torque_Nm}};
   }
   if (report.core) {
     json["core"] = {{"cycles", report.core->cycles},

@@ -61,6 +61,11 @@ struct WristReport {
   std::array<double, 3> angle_rad{};
   std::array<double, 4> orientation_wxyz{1.0, 0.0, 0.0, 0.0};  ///< of the tool's frame in D
   std::uint64_t stylus_clicks = 0;  ///< how often the button on the stylus has gone down
+  // Of a wrist with motors, see DrivenWrist; else zero.
+  std::array<double, 3> final_current_mA{};
+  std::array<double, 3> max_abs_current_mA{};
+  std::array<double, 3> final_torque_Nm{};  ///< of the motors at the joints
+  std::array<double, 3> hand_torque_Nm{};   ///< of the hand on the tool, frame D
 };
 
 /// What came for the hand, see HandTargetSocket.

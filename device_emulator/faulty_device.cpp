@@ -43,7 +43,7 @@ void put_word(std::span<std::uint8_t> bytes, std::size_t index, std::int16_t val
 /// Refuses faults that a device of `protocol` can't have.
 void check_fits(const FaultSpec& spec, const std::string& protocol) {
   const FaultKind kind = spec.kind;
-  const bool hid = protocol == "w2" || protocol == "w3";
+  const bool hid = protocol == "w2" || protocol == "w3" || protocol == "w6";
   const bool falcon = protocol == "falcon";
   const auto refuse = [&](const char* why, const char* with) {
     throw std::invalid_argument(std::string("fault '") + name_of(kind) + "' " + why +

@@ -13,12 +13,15 @@ std::int16_t read_int16(const std::uint8_t* bytes) noexcept {
 
 constexpr std::int16_t kLoadCounters = 1;
 constexpr std::size_t kStylusCounter = 3;  // d
+constexpr std::size_t kSixMotorBytes = 20;
 
 }  // namespace
 
-W2Firmware::W2Firmware(double full_scale_current_A, std::size_t wire_bytes) noexcept
+W2Firmware::W2Firmware(double full_scale_current_A, std::size_t wire_bytes,
+                       bool six_motors) noexcept
     : full_scale_current_A_(full_scale_current_A),
-      wire_bytes_(std::clamp(wire_bytes, kReportBytes, kPacketBytes)) {}
+      wire_bytes_(std::clamp(wire_bytes, kReportBytes, kPacketBytes)),
+      six_motors_(six_motors && wire_bytes_ >= kSixMotorBytes) {}
 
 void W2Firmware::turn_encoders(const std::array<std::int64_t, 6>& position_counts) noexcept {
   if (encoders_) {
@@ -173,23 +176,27 @@ void W2Firmware::act_on(const Packet& packet, rt::TimePoint now) noexcept {
     ++statistics_.counters_loaded;
     return;
   }
-  if (!handed_over_) {
-    drive({read_int16(bytes), read_int16(bytes + 2), read_int16(bytes + 4)});
+  if (handed_over_) {
+    return;
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    drive(i, read_int16(bytes + 2 * i));
+    if (six_motors_) {
+      drive(i + 3, read_int16(bytes + kReportBytes + 2 * i));
+    }
   }
 }
 
 void W2Firmware::apply(const std::array<std::int16_t, 3>& current_mA) noexcept {
-  if (handed_over_ && watchdog_running_) {
-    drive(current_mA);
+  for (std::size_t i = 0; i < current_mA.size() && handed_over_ && watchdog_running_; ++i) {
+    drive(i, current_mA[i]);
   }
 }
 
 // Not clamped, as in the device: beyond I_full the duty leaves the amplifier's range.
-void W2Firmware::drive(const std::array<std::int16_t, 3>& current_mA) noexcept {
-  for (std::size_t i = 0; i < 3; ++i) {
-    const double current_A = 1e-3 * current_mA[i];
-    outputs_.duty[i] = kZeroCurrentDuty + 0.4 * current_A / full_scale_current_A_;
-  }
+void W2Firmware::drive(std::size_t motor, std::int16_t current_mA) noexcept {
+  const double current_A = 1e-3 * current_mA;
+  outputs_.duty[motor] = kZeroCurrentDuty + 0.4 * current_A / full_scale_current_A_;
 }
 
 }  // namespace forcegrid::emulator

@@ -20,8 +20,9 @@ namespace forcegrid::emulator {
 /// from the next three and d, e, f from the currents; anything else: apply the currents), attr0..2.
 /// W3 has the same two reports in 64 bytes: zeros follow IN, and what follows OUT is ignored, since
 /// hosts send whatever their memory holds there. Its program is not published; hosts treat it as
-/// W2. Source: haptikfabrikenapi `firmware/main.cpp` (b8d6c94), by way of its fact sheet.
-/// Real-time: no allocation, lock or throw after construction. Threads: one.
+/// W2. W6, which is this project's own, has them in 20 bytes: OUT has the currents of three motors
+/// more behind a W2's report. Source: haptikfabrikenapi `firmware/main.cpp` (b8d6c94), by way of
+/// its fact sheet. Real-time: no allocation, lock or throw after construction. Threads: one.
 class W2Firmware {
  public:
   static constexpr std::size_t kReportBytes = 14;  ///< of both reports that are used
@@ -53,7 +54,9 @@ class W2Firmware {
   /// What the pins of the motor amplifiers see.
   struct Outputs {
     bool motor_enable = false;
-    std::array<double, 3> duty{kZeroCurrentDuty, kZeroCurrentDuty, kZeroCurrentDuty};
+    /// Of motors a, b, c, and of a W6's wrist.
+    std::array<double, 6> duty{kZeroCurrentDuty, kZeroCurrentDuty, kZeroCurrentDuty,
+                               kZeroCurrentDuty, kZeroCurrentDuty, kZeroCurrentDuty};
   };
 
   struct Statistics {
@@ -69,7 +72,9 @@ class W2Firmware {
 
   /// @param full_scale_current_A I_full, the current at a duty of 90 %; positive.
   /// @param wire_bytes length of a report on the wire, 14 (W2) to 64 (W3).
-  explicit W2Firmware(double full_scale_current_A, std::size_t wire_bytes = kReportBytes) noexcept;
+  /// @param six_motors bytes 14 to 19 of OUT are the wrist's currents (W6).
+  explicit W2Firmware(double full_scale_current_A, std::size_t wire_bytes = kReportBytes,
+                      bool six_motors = false) noexcept;
 
   /// Positions of the six encoders [counts] as the quadrature decoders see them. The counters
   /// change by the difference from the last call, and start from the first.
@@ -138,10 +143,11 @@ class W2Firmware {
 
   Report sample() const noexcept;
   void act_on(const Packet& packet, rt::TimePoint now) noexcept;
-  void drive(const std::array<std::int16_t, 3>& current_mA) noexcept;
+  void drive(std::size_t motor, std::int16_t current_mA) noexcept;
 
   double full_scale_current_A_;
   std::size_t wire_bytes_;
+  bool six_motors_;
   State state_ = State::kAwaitConfiguration;
   bool configured_ = false;
   rt::TimePoint started_{};

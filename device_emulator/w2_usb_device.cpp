@@ -60,11 +60,15 @@ UsbEndpoint interrupt(std::uint8_t address, std::size_t packet_bytes) {
 
 W2UsbDevice::W2UsbDevice(const profiles::DeviceProfile::Usb& usb)
     : teensy_(usb.protocol == "w3"), high_speed_(usb.frame_period_us < 1000) {
-  if (usb.report_bytes != (teensy_ ? 64 : 14) || (!teensy_ && usb.protocol != "w2")) {
+  const bool six_motors = usb.protocol == "w6";
+  if (usb.report_bytes != (teensy_      ? 64
+                           : six_motors ? 20
+                                        : 14) ||
+      (!teensy_ && !six_motors && usb.protocol != "w2")) {
     throw std::invalid_argument("protocol '" + usb.protocol + "' with reports of " +
                                 std::to_string(usb.report_bytes) +
-                                " bytes can't be emulated; the emulator speaks 'w2' with 14 bytes "
-                                "and 'w3' with 64");
+                                " bytes can't be emulated; the emulator speaks 'w2' with 14 "
+                                "bytes, 'w3' with 64 and 'w6' with 20");
   }
   const std::uint16_t vendor = usb.vendor_id;
   const std::uint16_t product = usb.product_id;

@@ -73,4 +73,17 @@ Matrix3d Wrist::tool_axes_D(const Vector3d& linkage_angle_rad,
   return axes;
 }
 
+Matrix3d Wrist::joint_axes_D(const Vector3d& linkage_angle_rad,
+                             const Vector3d& angle_rad) const noexcept {
+  Matrix3d frame = elementary(2, linkage_angle_rad[0]) *
+                   elementary(1, 0.25 * kCircle_rad - linkage_angle_rad[2]);
+  Matrix3d axes;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto joint = static_cast<Eigen::Index>(i);
+    axes.col(joint) = frame.col(gimbal_.axis[i]);
+    frame = frame * elementary(gimbal_.axis[i], angle_rad[joint]);
+  }
+  return axes;
+}
+
 }  // namespace forcegrid::emulator

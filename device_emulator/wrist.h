@@ -37,6 +37,10 @@ class Wrist {
   [[nodiscard]] Eigen::Matrix3d tool_axes_D(const Eigen::Vector3d& linkage_angle_rad,
                                             const Eigen::Vector3d& angle_rad) const noexcept;
 
+  /// The joints' axes in D at the same angles: columns 1, 2, 3.
+  [[nodiscard]] Eigen::Matrix3d joint_axes_D(const Eigen::Vector3d& linkage_angle_rad,
+                                             const Eigen::Vector3d& angle_rad) const noexcept;
+
  private:
   profiles::DeviceProfile::Gimbal gimbal_;
 };

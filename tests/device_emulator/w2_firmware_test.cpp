@@ -175,6 +175,26 @@ TEST(W3Firmware, ReportsAreTheSameIn64BytesAndWhatFollowsThemIsIgnored) {
   EXPECT_EQ(firmware.statistics().reports_received, 1U);
 }
 
+TEST(W6Firmware, DrivesSixMotorsFromReportsOf20BytesAndItsWatchdogEndsAll) {
+  W2Firmware firmware(6.0, 20, true);
+  firmware.set_configured(true, at(0));
+  static_cast<void>(firmware.run(at(0)));
+  static_cast<void>(firmware.run(at(1000)));
+  ASSERT_TRUE(firmware.collect_in().has_value());
+  // 330 mA in motor c; 100, -100 and 1 mA in the wrist's.
+  const auto out = hex("00 00 00 00 4A 01 00 00 00 00 00 00 00 00 64 00 9C FF 01 00");
+  ASSERT_TRUE(firmware.offer_out(out));
+  static_cast<void>(firmware.run(at(1001)));
+  const auto& duty = firmware.outputs().duty;
+  EXPECT_NEAR(duty[2], 0.522, 1e-12);
+  EXPECT_NEAR(duty[3], 0.5 + 0.4 * 0.1 / 6.0, 1e-12);
+  EXPECT_NEAR(duty[4], 0.5 - 0.4 * 0.1 / 6.0, 1e-12);
+  EXPECT_NEAR(duty[5], 0.5 + 0.4 * 0.001 / 6.0, 1e-12);
+  EXPECT_TRUE(firmware.check_watchdog(at(1501)));
+  EXPECT_THAT(firmware.outputs().duty, testing::Each(0.5));
+  EXPECT_FALSE(firmware.outputs().motor_enable);
+}
+
 TEST(W3Firmware, AReportOf14BytesReleasesTheNextButFeedsNothing) {
   W2Firmware firmware(6.0, 64);
   firmware.set_configured(true, at(0));
