@@ -57,6 +57,7 @@ struct CycleRecord {
   HeldBack held_back = HeldBack::kNoSamples;
   Triple commanded_force_D_N{};  ///< after ramp, fade and every limit
   Triple current_A{};
+  Triple wrist_current_A{};       ///< of a wrist's motors
   std::uint8_t limits_acted = 0;  ///< driver::LimitFlag bits
   /// Energy given to the hand by the rendered force in this contact, see PassivityGuard.
   double energy_to_hand_J = 0.0;

@@ -45,6 +45,11 @@ Eigen::Vector3d ForceRenderer::touching_W(const Eigen::Vector3d& position_W) con
   return coupling_ ? coupling_->proxy_W(position_W) : position_W;
 }
 
+bool ForceRenderer::in_workspace(const driver::ArmPose& pose) const noexcept {
+  return (pose.position_D.array() >= box_min_D_.array()).all() &&
+         (pose.position_D.array() <= box_max_D_.array()).all();
+}
+
 Eigen::Vector3d ForceRenderer::force(const Cycle& cycle, const driver::ArmPose& pose) noexcept {
   ladder_.update(cycle.elapsed_s, cycle.sample_age_s, cycle.sample_period_s, cycle.held_back);
   account_for_contact(cycle);
@@ -56,8 +61,7 @@ Eigen::Vector3d ForceRenderer::force(const Cycle& cycle, const driver::ArmPose& 
   guard_.set_resolution(resolution_W_m);
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
   Eigen::Vector3d damping_W = Eigen::Vector3d::Zero();
-  if ((pose.position_D.array() >= box_min_D_.array()).all() &&
-      (pose.position_D.array() <= box_max_D_.array()).all()) {
+  if (in_workspace(pose)) {
     force_W = ladder_.force_gain() * cycle.method_force_W;
     damping_W = ladder_.damping_gain() * damping_field_.force_W(cycle.velocity_W, resolution_W_m);
   }

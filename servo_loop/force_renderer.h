@@ -61,6 +61,9 @@ class ForceRenderer {
   /// [N] The wanted force on the hand; zero outside the profile's box.
   [[nodiscard]] Eigen::Vector3d force(const Cycle& cycle, const driver::ArmPose& pose) noexcept;
 
+  /// Whether the tip is within the profile's box, outside of which there is no force.
+  [[nodiscard]] bool in_workspace(const driver::ArmPose& pose) const noexcept;
+
   /// The force [N] that the limits have left of the last one.
   void set_rendered(const Eigen::Vector3d& force_W) noexcept { guard_.set_rendered(force_W); }
 

@@ -54,6 +54,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
       motor_check_(profile, rt::from_seconds(1.0 / options.rate_Hz)),
       renderer_(profile, options.rendering),
       limiter_(profile, options.watch_encoders),
+      wrist_limiter_(profile),
       emergency_stop_(options.emergency_stop != nullptr ? options.emergency_stop
                                                         : &own_emergency_stop_),
       button_(profile),
@@ -90,6 +91,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   if (held_back == HeldBack::kDeadMan && options_.dead_man == DeadMan::kSwitch) {
     renderer_.drop();  // off is off: no fade, and no slew limit on the way down
     limiter_.restart();
+    wrist_limiter_.reset();
   }
 
   // Ramp, fade, workspace bound, passivity.
@@ -98,6 +100,8 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
       renderer_.force(cycle_to_render(now, elapsed_s, tool.position_W, object_force_W), tool.pose);
   wanted.extra_torque_Nm = gravity_torque_Nm(elapsed_s, tool.pose) + motor_check_.joint_torque_Nm();
   wanted.zero = fault != Fault::kNone;
+  const driver::LimitedTorque torque = limit_tool_torque(elapsed_s, tool, wanted);
+  wanted.extra_torque_Nm += torque.arm_torque_Nm;
 
   // Every limit of the profile, torque to current, warm motors, stuck encoders.
   const driver::LimitedForce limited = limiter_.apply(now, elapsed_s, wanted, tool.pose);
@@ -110,6 +114,11 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   command.next_read = next_read;
   command.current_A = limited.current_A;
   command.joint_torque_Nm = rt::to_array(limited.joint_torque_Nm);
+  // The limits of the arm's joints shorten force and torque alike.
+  const double torque_scale = fault == Fault::kNone ? limited.torque_scale : 0.0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    command.wrist_current_A[i] = torque_scale * torque.current_A[i];
+  }
   device_->command(command);
   renderer_.set_rendered(limited.torque_scale * limited.force_D);
 
@@ -123,11 +132,14 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
 
   if (tool.pose.has_orientation && fault == Fault::kNone) {
-    record.tool_torque_W_Nm = rt::to_array(tool_torque_W_Nm(tool, limited));
+    record.tool_torque_W_Nm = rt::to_array(
+        wrist_limiter_.drives() ? Eigen::Vector3d(torque_scale * torque.torque_D_Nm)
+                                : tool_torque_W_Nm(tool, limited.torque_scale * limited.force_D));
   }
   record.commanded_force_D_N = rt::to_array(limited.force_D);
   record.current_A = command.current_A;
-  record.limits_acted = limited.acted;
+  record.wrist_current_A = command.wrist_current_A;
+  record.limits_acted = limited.acted | torque.acted;
   record.fault = fault;
   end_cycle(now, tool, record);
   return fault;
@@ -263,11 +275,22 @@ std::optional<SampleIntake::ToolPose> ServoLoop::tool_pose(const SensedTool& too
 }
 
 Eigen::Vector3d ServoLoop::tool_torque_W_Nm(const SensedTool& tool,
-                                            const driver::LimitedForce& limited) const noexcept {
+                                            const Eigen::Vector3d& force_W) const noexcept {
   const auto& [w, x, y, z] = tool.orientation_WT_wxyz;
-  return intake_.tool_torque().torque_W_Nm(Eigen::Quaterniond(w, x, y, z),
-                                           limited.torque_scale * limited.force_D,
+  return intake_.tool_torque().torque_W_Nm(Eigen::Quaterniond(w, x, y, z), force_W,
                                            renderer_.ladder().force_gain());
+}
+
+// What the motors of a wrist may exert: nothing with a fault, outside of the workspace, without
+// force, or while an encoder that tells where they push may be wrong.
+driver::LimitedTorque ServoLoop::limit_tool_torque(double elapsed_s, const SensedTool& tool,
+                                                   const CommandLimiter::Wanted& wanted) noexcept {
+  if (!wrist_limiter_.drives() || wanted.zero || wrist_.suspected() != 0 ||
+      !renderer_.in_workspace(tool.pose) || renderer_.ladder().force_gain() <= 0.0) {
+    wrist_limiter_.reset();
+    return {};
+  }
+  return wrist_limiter_.apply(tool_torque_W_Nm(tool, wanted.force_D), tool.pose, elapsed_s);
 }
 
 void ServoLoop::describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept {
@@ -355,6 +378,7 @@ void ServoLoop::continue_with(driver::Device& device) {
   guard_ = MotionGuard(profile_, options_.report_timeout);
   wrist_ = WristGuard(profile_);
   limiter_.restart();
+  wrist_limiter_.reset();
   button_.restart();
   motor_check_ = MotorCheck(profile_, rt::from_seconds(1.0 / options_.rate_Hz));
   motors_checked_ = false;
@@ -370,6 +394,7 @@ void ServoLoop::continue_with(driver::Device& device) {
 void ServoLoop::start_anew() noexcept {
   ++stalls_;
   limiter_.restart();
+  wrist_limiter_.reset();
   motor_check_.restart();
   first_touch_.forget();
   renderer_.drop();

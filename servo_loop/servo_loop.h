@@ -12,6 +12,7 @@
 
 #include "driver/device.h"
 #include "driver/mechanism.h"
+#include "driver/wrist_limiter.h"
 #include "forcegrid/core/force_method.h"
 #include "profiles/device_profile.h"
 #include "rt/clock.h"
@@ -102,7 +103,9 @@ class ServoLoop {
   Eigen::Vector3d gravity_torque_Nm(double elapsed_s, const driver::ArmPose& pose) noexcept;
   std::optional<SampleIntake::ToolPose> tool_pose(const SensedTool& tool) const noexcept;
   Eigen::Vector3d tool_torque_W_Nm(const SensedTool& tool,
-                                   const driver::LimitedForce& limited) const noexcept;
+                                   const Eigen::Vector3d& force_W) const noexcept;
+  driver::LimitedTorque limit_tool_torque(double elapsed_s, const SensedTool& tool,
+                                          const CommandLimiter::Wanted& wanted) noexcept;
   void describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept;
   void end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord& record) noexcept;
 
@@ -125,6 +128,7 @@ class ServoLoop {
   MotorCheck motor_check_;
   ForceRenderer renderer_;
   CommandLimiter limiter_;
+  driver::WristLimiter wrist_limiter_;
   EmergencyStop own_emergency_stop_;
   EmergencyStop* emergency_stop_;
   DeviceButton button_;

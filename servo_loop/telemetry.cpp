@@ -141,7 +141,7 @@ void Telemetry::take_orientation(const CycleRecord& record) {
   OrientationStatistics& seen = statistics_.orientation;
   seen.button_presses += (record.buttons & ~last_buttons_) != 0 ? 1 : 0;
   last_buttons_ = record.buttons;
-  if (!record.has_orientation) {
+  if (!record.has_orientation || record.fault != Fault::kNone) {
     return;
   }
   seen.known = true;

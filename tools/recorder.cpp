@@ -159,6 +159,8 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
       several("/cycles/sent_force_D_N", T::kFloat64, &CycleRecord::commanded_force_D_N,
               "after ramp, fade and every limit, in the device frame"),
       several("/cycles/current_A", T::kFloat32, &CycleRecord::current_A, "sent to motors a, b, c"),
+      several("/cycles/wrist_current_A", T::kFloat32, &CycleRecord::wrist_current_A,
+              "sent to the motors of a wrist"),
       number("/cycles/limits_acted", T::kUint8, &CycleRecord::limits_acted,
              "bits of the limits that acted"),
       number("/cycles/in_contact", T::kUint8, &CycleRecord::in_contact, "1 in contact"),
