@@ -5,9 +5,10 @@
 
 namespace forcegrid::session {
 
-void CommandedForce::command(const Eigen::Vector3d& force_W, rt::TimePoint now,
-                             rt::Duration hold) noexcept {
+void CommandedForce::command(const Eigen::Vector3d& force_W, const Eigen::Vector3d& torque_W_Nm,
+                             rt::TimePoint now, rt::Duration hold) noexcept {
   commands_.publish({.force_W_N = {force_W.x(), force_W.y(), force_W.z()},
+                     .torque_W_Nm = {torque_W_Nm.x(), torque_W_Nm.y(), torque_W_Nm.z()},
                      .time_s = rt::seconds(now.time_since_epoch()),
                      .hold_s = rt::seconds(hold)});
 }
@@ -28,13 +29,19 @@ void CommandedForce::observe(double time_s, const Eigen::Vector3d& /*position_W*
 ForceEstimate CommandedForce::force(double time_s,
                                     const Eigen::Vector3d& /*position_W*/) const noexcept {
   ForceEstimate estimate;
-  const double over_s = time_s - newest_.time_s - newest_.hold_s;
-  const double share = std::clamp(1.0 - over_s / kFade_s, 0.0, 1.0);
-  estimate.force_W =
-      share * Eigen::Vector3d(newest_.force_W_N[0], newest_.force_W_N[1], newest_.force_W_N[2]);
+  estimate.force_W = share_at(time_s) * Eigen::Vector3d(newest_.force_W_N);
   estimate.status = EstimateStatus::kOk;
   estimate.uncertainty_N = 0.0;
   return estimate;
+}
+
+double CommandedForce::share_at(double time_s) const noexcept {
+  const double over_s = time_s - newest_.time_s - newest_.hold_s;
+  return std::clamp(1.0 - over_s / kFade_s, 0.0, 1.0);
+}
+
+Eigen::Vector3d CommandedForce::torque_W_Nm(double time_s) const noexcept {
+  return share_at(time_s) * Eigen::Vector3d(newest_.torque_W_Nm);
 }
 
 }  // namespace forcegrid::session

@@ -161,7 +161,9 @@ class Session final : public DeviceSession, private servo::CycleListener {
   bool wait_for_cycle(std::uint64_t cycle, rt::TimePoint deadline) noexcept override;
   void enable_force(bool on) noexcept override { switch_.turn(on); }
   bool force_enabled() const noexcept override { return switch_.turned_on(); }
-  bool command_force(const std::array<double, 3>& force_D_N, rt::Duration hold) noexcept override;
+  bool command_wrench(const std::array<double, 3>& force_D_N,
+                      const std::array<double, 3>& torque_D_Nm,
+                      rt::Duration hold) noexcept override;
   bool push_sample(std::int64_t time_ns, const std::array<double, 3>& position_D_m,
                    const std::array<double, 3>& force_D_N) noexcept override;
   void busy() noexcept override { commanded_.busy(rt::Clock::now()); }
@@ -250,6 +252,7 @@ servo::ServoOptions Session::servo_options() noexcept {
   result.dead_man = servo::DeadMan::kSwitch;
   result.force_switch = &switch_;
   result.needs_samples = !options_.method.empty();
+  result.torque = options_.method.empty() ? &commanded_ : nullptr;
   result.listener = this;
   result.lock_memory = false;  // the program's memory is the program's
   result.realtime = options_.realtime;
@@ -280,9 +283,11 @@ bool Session::wait_for_cycle(std::uint64_t cycle, rt::TimePoint deadline) noexce
   }
 }
 
-bool Session::command_force(const std::array<double, 3>& force_D_N, rt::Duration hold) noexcept {
+bool Session::command_wrench(const std::array<double, 3>& force_D_N,
+                             const std::array<double, 3>& torque_D_Nm, rt::Duration hold) noexcept {
   Eigen::Vector3d force_D = rt::to_vector(force_D_N);
-  if (method_ || !force_D.allFinite()) {
+  const Eigen::Vector3d torque_D = rt::to_vector(torque_D_Nm);
+  if (method_ || !force_D.allFinite() || !torque_D.allFinite()) {
     return false;
   }
   const double most_N = profile_.limits.max_force_N;
@@ -291,7 +296,7 @@ bool Session::command_force(const std::array<double, 3>& force_D_N, rt::Duration
     force_D = std::isfinite(wanted_N) ? Eigen::Vector3d(force_D * (most_N / wanted_N))
                                       : Eigen::Vector3d(force_D.stableNormalized() * most_N);
   }
-  commanded_.command(force_D, rt::Clock::now(), hold);
+  commanded_.command(force_D, torque_D, rt::Clock::now(), hold);
   return true;
 }
 
@@ -349,6 +354,9 @@ void Session::cycle_ended(const servo::CycleRecord& record, const driver::Device
     }
   }
   state.commanded_force_D_N = record.commanded_force_D_N;
+  if (profile_.gimbal_motors.present) {
+    state.commanded_torque_D_Nm = record.tool_torque_W_Nm;
+  }
   state.current_A = record.current_A;
   state.counts = report.counts;
   state.motor_warmth = record.motor_warmth;
@@ -369,6 +377,7 @@ void Session::publish_rest(servo::Fault fault) noexcept {
   last_.velocity_D_m_per_s = {};
   last_.angular_velocity_D_rad_per_s = {};
   last_.commanded_force_D_N = {};
+  last_.commanded_torque_D_Nm = {};
   last_.current_A = {};
   last_.force_gain = 0.0;
   last_.buttons = 0;

@@ -76,8 +76,9 @@ struct ToolState {
   std::array<double, 3> angular_velocity_D_rad_per_s{};           ///< of the tool frame
   std::array<double, 3> gimbal_angle_rad{};  ///< of the wrist's joints from the arm outward
   std::array<double, 3> joint_angle_rad{};
-  std::array<double, 9> jacobian_D_m_per_rad{};  ///< row-major d(position)/dq
-  std::array<double, 3> commanded_force_D_N{};   ///< after every limit
+  std::array<double, 9> jacobian_D_m_per_rad{};   ///< row-major d(position)/dq
+  std::array<double, 3> commanded_force_D_N{};    ///< after every limit
+  std::array<double, 3> commanded_torque_D_Nm{};  ///< after every limit; zero without such motors
   std::array<double, 3> current_A{};
   std::array<std::int32_t, 6> counts{};
   double motor_warmth = 0.0;           ///< of the warmest, 1: its limit
@@ -134,8 +135,14 @@ class DeviceSession {
   /// Real-time. The force of the device on the hand from now on, for `hold`, then falling to zero.
   /// Non-finite: refused. Longer than the profile's largest force: shortened, with its direction.
   /// @returns whether it was taken.
-  virtual bool command_force(const std::array<double, 3>& force_D_N,
-                             rt::Duration hold) noexcept = 0;
+  bool command_force(const std::array<double, 3>& force_D_N, rt::Duration hold) noexcept {
+    return command_wrench(force_D_N, {}, hold);
+  }
+  /// Real-time. The same, and the torque about the tip. A device without motors in its wrist takes
+  /// it and exerts none.
+  virtual bool command_wrench(const std::array<double, 3>& force_D_N,
+                              const std::array<double, 3>& torque_D_Nm,
+                              rt::Duration hold) noexcept = 0;
   /// Real-time. One force of the object at a place of the tool, for SessionOptions::method.
   /// @param time_ns CLOCK_MONOTONIC, when the tool was there. @returns whether it was taken.
   virtual bool push_sample(std::int64_t time_ns, const std::array<double, 3>& position_D_m,

@@ -100,7 +100,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
       renderer_.force(cycle_to_render(now, elapsed_s, tool.position_W, object_force_W), tool.pose);
   wanted.extra_torque_Nm = gravity_torque_Nm(elapsed_s, tool.pose) + motor_check_.joint_torque_Nm();
   wanted.zero = fault != Fault::kNone;
-  const driver::LimitedTorque torque = limit_tool_torque(elapsed_s, tool, wanted);
+  const driver::LimitedTorque torque = limit_tool_torque(now, elapsed_s, tool, wanted);
   wanted.extra_torque_Nm += torque.arm_torque_Nm;
 
   // Every limit of the profile, torque to current, warm motors, stuck encoders.
@@ -283,14 +283,19 @@ Eigen::Vector3d ServoLoop::tool_torque_W_Nm(const SensedTool& tool,
 
 // What the motors of a wrist may exert: nothing with a fault, outside of the workspace, without
 // force, or while an encoder that tells where they push may be wrong.
-driver::LimitedTorque ServoLoop::limit_tool_torque(double elapsed_s, const SensedTool& tool,
+driver::LimitedTorque ServoLoop::limit_tool_torque(rt::TimePoint now, double elapsed_s,
+                                                   const SensedTool& tool,
                                                    const CommandLimiter::Wanted& wanted) noexcept {
   if (!wrist_limiter_.drives() || wanted.zero || wrist_.suspected() != 0 ||
       !renderer_.in_workspace(tool.pose) || renderer_.ladder().force_gain() <= 0.0) {
     wrist_limiter_.reset();
     return {};
   }
-  return wrist_limiter_.apply(tool_torque_W_Nm(tool, wanted.force_D), tool.pose, elapsed_s);
+  const Eigen::Vector3d torque_W =
+      options_.torque != nullptr ? Eigen::Vector3d(renderer_.ladder().force_gain() *
+                                                   options_.torque->torque_W_Nm(servo_time_s(now)))
+                                 : tool_torque_W_Nm(tool, wanted.force_D);
+  return wrist_limiter_.apply(torque_W, tool.pose, elapsed_s);
 }
 
 void ServoLoop::describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept {

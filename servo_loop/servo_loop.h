@@ -104,7 +104,8 @@ class ServoLoop {
   std::optional<SampleIntake::ToolPose> tool_pose(const SensedTool& tool) const noexcept;
   Eigen::Vector3d tool_torque_W_Nm(const SensedTool& tool,
                                    const Eigen::Vector3d& force_W) const noexcept;
-  driver::LimitedTorque limit_tool_torque(double elapsed_s, const SensedTool& tool,
+  driver::LimitedTorque limit_tool_torque(rt::TimePoint now, double elapsed_s,
+                                          const SensedTool& tool,
                                           const CommandLimiter::Wanted& wanted) noexcept;
   void describe_wrist(const SensedTool& tool, CycleRecord& record) const noexcept;
   void end_cycle(rt::TimePoint now, const SensedTool& tool, CycleRecord& record) noexcept;

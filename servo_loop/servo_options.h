@@ -10,6 +10,7 @@
 #include "servo_loop/dead_man.h"
 #include "servo_loop/emergency_stop.h"
 #include "servo_loop/force_renderer.h"
+#include "servo_loop/torque_source.h"
 
 namespace forcegrid::servo {
 #pragma GCC visibility push(default)
@@ -54,8 +55,11 @@ struct ServoOptions {
   /// False: the rendered method answers for the age of what it renders by itself, and no sample
   /// need come before or while it is rendered.
   bool needs_samples = true;
-  bool realtime = true;               ///< ask for SCHED_FIFO
-  bool lock_memory = true;            ///< of the whole process
+  bool realtime = true;     ///< ask for SCHED_FIFO
+  bool lock_memory = true;  ///< of the whole process
+  /// Wants the torque at the tool, which the ladder fades with the force. Null: the simulator's
+  /// samples do, see ToolTorque. Must outlive the loop.
+  const TorqueSource* torque = nullptr;
   CycleListener* listener = nullptr;  ///< told of each cycle at its end; must outlive the loop
   WorkspaceMap workspace;
 };

@@ -143,6 +143,7 @@ forcegrid_state state_of(const ToolState& from, std::uint32_t tool, forcegrid_st
             to.angular_velocity_rad_per_s);
   std::copy(from.velocity_D_m_per_s.begin(), from.velocity_D_m_per_s.end(), to.velocity_m_per_s);
   std::copy(from.commanded_force_D_N.begin(), from.commanded_force_D_N.end(), to.force_N);
+  std::copy(from.commanded_torque_D_Nm.begin(), from.commanded_torque_D_Nm.end(), to.torque_Nm);
   std::copy(from.joint_angle_rad.begin(), from.joint_angle_rad.end(), to.joint_angle_rad);
   std::copy(from.gimbal_angle_rad.begin(), from.gimbal_angle_rad.end(), to.joint_angle_rad + 3);
   to.force_gain = from.force_gain;
@@ -173,8 +174,9 @@ forcegrid_status command(DeviceSession& session, const forcegrid_force& force) n
     return bad("forcegrid_command: force, torque and hold_s must be finite");
   }
   const double hold_s = force.hold_s > 0.0 ? std::min(force.hold_s, kLongestWait_s) : kHold_s;
-  return session.command_force({force.force_N[0], force.force_N[1], force.force_N[2]},
-                               rt::from_seconds(hold_s))
+  return session.command_wrench({force.force_N[0], force.force_N[1], force.force_N[2]},
+                                {force.torque_Nm[0], force.torque_Nm[1], force.torque_Nm[2]},
+                                rt::from_seconds(hold_s))
              ? FORCEGRID_OK
              : fail(FORCEGRID_REFUSED,
                     "forcegrid_command: this device renders a method; use forcegrid_add_sample()");
@@ -504,6 +506,7 @@ forcegrid_status forcegrid_get_limits(forcegrid_device* device, forcegrid_limits
   forcegrid_limits value{};
   value.tool = device->tool;
   value.max_force_N = from.max_force_N;
+  value.max_torque_Nm = device->session->profile().gimbal_motors.max_torque_Nm;
   value.max_stiffness_N_per_m = from.max_stiffness_N_per_m;
   value.max_damping_N_s_per_m = from.max_damping_N_s_per_m;
   value.max_speed_m_per_s = from.max_speed_m_per_s;

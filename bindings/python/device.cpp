@@ -104,8 +104,10 @@ class Device {
     }
   }
 
-  bool command(const std::array<double, 3>& force_D_N, double hold_s) {
-    return forces_.alone([&] { return session_->command_force(force_D_N, duration_of_s(hold_s)); });
+  bool command(const std::array<double, 3>& force_D_N, double hold_s,
+               const std::array<double, 3>& torque_D_Nm = {}) {
+    return forces_.alone(
+        [&] { return session_->command_wrench(force_D_N, torque_D_Nm, duration_of_s(hold_s)); });
   }
 
   bool push_sample(std::int64_t time_ns, const std::array<double, 3>& position_D_m,
@@ -200,11 +202,14 @@ bool wait(Device& self, std::uint64_t cycle, double timeout_s) {
   return self.wait(cycle, rt::Clock::now() + duration_of(timeout_s, "timeout_s"));
 }
 
-void command_force(Device& self, const py::object& force_D_N, double hold_s) {
+void command_force(Device& self, const py::object& force_D_N, double hold_s,
+                   const py::object& torque_D_Nm = py::none()) {
   if (!(hold_s >= 0.0 && hold_s <= 1e6)) {
     throw py::value_error("hold_s: expected 0 s to 1e6 s");
   }
-  if (!self.command(link_vector(force_D_N, "force_D_N"), hold_s)) {
+  const std::array<double, 3> torque_Nm =
+      torque_D_Nm.is_none() ? std::array<double, 3>{} : link_vector(torque_D_Nm, "torque_D_Nm");
+  if (!self.command(link_vector(force_D_N, "force_D_N"), hold_s, torque_Nm)) {
     throw py::value_error(self.renders_samples()
                               ? "force_D_N: this device renders the method '" +
                                     self.options().method + "'; use push_sample()"
@@ -424,6 +429,10 @@ read(out=state) and run() overwrite: copy() what has to stay.)")
                              "d(position)/dq, shape (3, 3)")
       .def_property_readonly("commanded_force_D_N", vector_view<&ToolState::commanded_force_D_N>(),
                              "[N] after every limit, shape (3,)")
+      .def_property_readonly(
+          "commanded_torque_D_Nm", vector_view<&ToolState::commanded_torque_D_Nm>(),
+          "[N m] about the tip, after every limit, shape (3,); zero without motors "
+          "in a wrist")
       .def_property_readonly("current_A", vector_view<&ToolState::current_A>(), "[A] shape (3,)")
       .def_property_readonly("counts", vector_view<&ToolState::counts>({6}),
                              "Encoder counts, int32 of shape (6,)")
@@ -484,10 +493,12 @@ void add_forces(py::class_<Device>& type) {
       .def_property_readonly("force_enabled",
                              [](Device& self) { return self.session().force_enabled(); })
       .def("command_force", &command_force, py::arg("force_D_N"), py::arg("hold_s") = 0.1,
+           py::arg("torque_D_Nm") = py::none(),
            R"(The force of the device on the hand from now on, for hold_s [s], then falling to zero.
 
-force_D_N: [N] three numbers, frame D; longer than the profile's max_force_N: shortened. Raises
-ValueError for what is not finite.)")
+force_D_N: [N] three numbers, frame D; longer than the profile's max_force_N: shortened.
+torque_D_Nm: [N m] about the tip, exerted by a device with motors in its wrist. Raises ValueError for
+what is not finite.)")
       .def("push_sample", &push_sample, py::arg("time_ns"), py::arg("position_D_m"),
            py::arg("force_D_N"),
            R"(One force of the object on a tool at a place, for the device's method.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <tuple>
 
@@ -87,6 +89,46 @@ INSTANTIATE_TEST_SUITE_P(ToolAndCoupling, CycleAllocations,
                            return std::string(std::get<0>(test.param) ? "coupling" : "tool") +
                                   (std::get<1>(test.param) ? "_that_slides" : "_that_sticks");
                          });
+
+// The same of a wrist with motors, whose torque follows the simulator's samples.
+TEST(WristCycleAllocations, AreNone) {
+  ServoOptions options;
+  options.check_motors = false;
+  options.watch_encoders = false;
+  const auto profile = profiles::load_device_profile("emulated_6dof");
+  ScriptedDevice device(profile);
+  const auto rendered = make_force_method("hold", MethodOptions());
+  ServoPorts ports;
+  ServoLoop loop(device, profile, {rendered.get()}, ports, options);
+  rt::TimePoint now(std::chrono::seconds(10));
+  std::uint64_t allocations = 0;
+  double largest_A = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    now += std::chrono::milliseconds(2);
+    device.show(Eigen::Vector3d::Zero(), now);
+    device.report.counts[4] = i / 10;
+    if (i == 900) {
+      device.report.counts[4] = 5000;  // a fault does not allocate, either
+    }
+    ArrivedSample arrived;
+    arrived.sample.time_s = rt::seconds(now.time_since_epoch());
+    arrived.sample.force_W = Eigen::Vector3d(0.0, 0.0, 1.0);
+    arrived.sample.contact_epoch = 1;
+    arrived.in_contact = arrived.has_torque = true;
+    arrived.torque_W_Nm = Eigen::Vector3d(0.05, -0.02, 0.03);
+    arrived.arrived = now;
+    ASSERT_TRUE(ports.samples.push(arrived));
+    const testing::AllocationCount count;
+    static_cast<void>(loop.run_cycle(now, now + std::chrono::milliseconds(2)));
+    allocations += count.value();
+    for (CycleRecord record; ports.records.pop(record);) {
+      largest_A = std::max(largest_A, std::abs(record.wrist_current_A[0]));
+    }
+  }
+  EXPECT_EQ(allocations, 0u);
+  EXPECT_GT(largest_A, 0.05) << "its motors had current";
+  EXPECT_EQ(device.commands.back().wrist_current_A, (std::array<double, 3>{}));
+}
 
 TEST(AllocationCount, SeesWhatTheCycleIsCheckedFor) {
   const testing::AllocationCount count;

@@ -115,6 +115,46 @@ TEST(CApi, ReadsTheOrientationOfAWristAndTheButtonOfItsStylus) {
   EXPECT_LT(std::hypot(w[0], w[1], w[2]), 10.0);
 }
 
+TEST(CApi, ExertsATorqueWithMotorsInTheWrist) {
+  const std::string summary = testing::fresh_folder("c_torque") + "/emulator.json";
+  forcegrid_options options = default_options();
+  options.device = "emulated:emulated_6dof";
+  options.emulator_summary = summary.c_str();
+  options.check_motors = 0;
+  forcegrid_device* device = nullptr;
+  ASSERT_EQ(forcegrid_open(&options, &device), FORCEGRID_OK) << forcegrid_last_error();
+  forcegrid_limits limits{};
+  limits.size = sizeof limits;
+  ASSERT_EQ(forcegrid_get_limits(device, &limits), FORCEGRID_OK);
+  EXPECT_EQ(limits.max_torque_Nm, 0.188);
+  forcegrid_state state{};
+  state.size = sizeof state;
+  ASSERT_TRUE(wait_until([&] {  // outside of the workspace, where it begins, there is no torque
+    return forcegrid_read(device, &state) == FORCEGRID_OK && std::abs(state.position_m[2]) < 0.002;
+  }));
+  ASSERT_EQ(forcegrid_enable(device, 1), FORCEGRID_OK);
+  forcegrid_force force{};
+  forcegrid_force_init(&force, sizeof force);
+  force.torque_Nm[1] = 0.06;
+  force.hold_s = 30.0;
+  ASSERT_EQ(forcegrid_command(device, &force), FORCEGRID_OK);
+  ASSERT_TRUE(wait_until([&] {
+    return forcegrid_read(device, &state) == FORCEGRID_OK &&
+           std::abs(state.torque_Nm[1] - 0.06) < 1e-3;
+  }));
+  // The hand's 0.8 N m/rad give way by 75 mrad.
+  EXPECT_TRUE(wait_until([&] {
+    return forcegrid_read(device, &state) == FORCEGRID_OK &&
+           std::abs(state.joint_angle_rad[4] - 0.06 / 0.8) < 0.01;
+  })) << state.joint_angle_rad[4];
+  force.torque_Nm[1] = std::nan("");
+  EXPECT_EQ(forcegrid_command(device, &force), FORCEGRID_BAD_ARGUMENT);
+  EXPECT_EQ(forcegrid_close(device), FORCEGRID_OK);
+  const auto report = nlohmann::json::parse(testing::text_of(summary));
+  EXPECT_EQ(report.at("wrist").at("final_current_mA"), (std::vector<double>{0, 0, 0}));
+  EXPECT_GT(report.at("wrist").at("max_abs_current_mA").at(1), 200.0);
+}
+
 TEST(CApi, GivesTheIdentityForAnArmWithoutAWrist) {
   const Opened arm;
   const forcegrid_state state = arm.state();

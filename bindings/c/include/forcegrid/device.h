@@ -124,7 +124,7 @@ typedef struct forcegrid_limits {
   uint32_t size;
   uint32_t tool;
   double max_force_N;
-  double max_torque_Nm;
+  double max_torque_Nm; /* 0 for an arm without motors in its wrist */
   double max_stiffness_N_per_m;
   double max_damping_N_s_per_m;
   double max_speed_m_per_s;
