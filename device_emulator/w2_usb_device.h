@@ -26,9 +26,9 @@ namespace forcegrid::emulator {
 /// Real-time: no (answers are byte vectors). Threads: one.
 class W2UsbDevice {
  public:
-  /// @throws std::invalid_argument when the profile's protocol is not "w2" with reports of 14 bytes,
-  ///         "w3" with 64 or "w6" (as W2) with 20, or a string has a non-ASCII character or more
-  ///         than 126 characters.
+  /// @throws std::invalid_argument unless the profile's protocol is "w2", "w3" or "w6" with reports
+  ///         of 14, 64 or 20 bytes ("w6" has W2's descriptors otherwise), or when a string has a
+  ///         non-ASCII character or more than 126 characters.
   explicit W2UsbDevice(const profiles::DeviceProfile::Usb& usb);
 
   /// Executes one control transfer. `data` is what the host sent in the data stage.
