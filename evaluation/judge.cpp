@@ -6,69 +6,19 @@
 #include <deque>
 #include <limits>
 
+#include "evaluation/error_figures.h"
+#include "evaluation/stopwatch.h"
 #include "forcegrid/core/sample_gate.h"
-#include "rt/clock.h"
 
 namespace forcegrid::evaluation {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kAdaptationWindow_s = 0.5;
-constexpr double kAdapted_percent = 5.0;
 constexpr int kAllWork = 1 << 30;
 // A query faster than this is timed as the mean of a few: clocks tick in steps of up to 10 ns.
 constexpr double kShortQuery_ns = 1000.0;
 constexpr std::size_t kQueriesInARow = 8;
-constexpr double kClockUnit_ns = 1.0;  // in which rt::Clock counts
-
-// The smallest value that a fraction `p` of `values` does not exceed; NaN without values. Reorders.
-double percentile(std::vector<double>& values, double p) {
-  if (values.empty()) {
-    return kNan;
-  }
-  const auto wanted = static_cast<std::size_t>(std::ceil(p * static_cast<double>(values.size())));
-  const auto nth =
-      values.begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(wanted, 1) - 1);
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
-
-// Times calls. The mean cost of reading the clock is subtracted. The clock's step may be as long as
-// a call, so a single time may be wrong by a step and even be negative.
-class Stopwatch {
- public:
-  Stopwatch() {
-    std::vector<double> readings_ns;
-    for (int i = 0; i < 2000; ++i) {
-      readings_ns.push_back(ns_of([] {}));
-    }
-    std::sort(readings_ns.begin(), readings_ns.end());
-    for (std::size_t i = 500; i < 1500; ++i) {  // the middle half: no interruptions
-      overhead_ns_ += readings_ns[i] / 1000.0;
-    }
-    for (std::size_t i = 1; i < readings_ns.size(); ++i) {
-      const double step_ns = std::round(readings_ns[i] - readings_ns[i - 1]);
-      floor_ns_ = step_ns > 0.0 && (floor_ns_ == 0.0 || step_ns < floor_ns_) ? step_ns : floor_ns_;
-    }
-    floor_ns_ = std::max(floor_ns_, kClockUnit_ns);
-  }
-
-  // The smallest step between readings.
-  double floor_ns() const noexcept { return floor_ns_; }
-
-  template <typename Call>
-  double ns_of(const Call& call) const {
-    const rt::TimePoint before = rt::Clock::now();
-    call();
-    const rt::TimePoint after = rt::Clock::now();
-    return 1e9 * rt::seconds(after - before) - overhead_ns_;
-  }
-
- private:
-  double overhead_ns_ = 0.0;
-  double floor_ns_ = 0.0;
-};
 
 // A stretch of the trace within one contact or without any.
 struct Phase {
@@ -354,59 +304,12 @@ class Play {
   Verdict verdict_;
 };
 
-// RMS, 95th percentile and maximum of some instants' error, in % of the reference's RMS.
-struct ErrorFigures {
-  double rms_percent = kNan;
-  double p95_percent = kNan;
-  double max_percent = kNan;
-};
-
-ErrorFigures figures_of(std::vector<double> error_N, double reference_rms_N) {
-  ErrorFigures figures;
-  if (error_N.empty() || !(reference_rms_N > 0.0)) {
-    return figures;
-  }
-  double sum = 0.0;
-  double largest_N = 0.0;
-  for (const double error : error_N) {
-    sum += error * error;
-    largest_N = error <= largest_N ? largest_N : error;  // a NaN remains
-  }
-  const double to_percent = 100.0 / reference_rms_N;
-  figures.rms_percent = to_percent * std::sqrt(sum / static_cast<double>(error_N.size()));
-  figures.p95_percent = to_percent * percentile(error_N, 0.95);
-  figures.max_percent = to_percent * largest_N;
-  return figures;
-}
-
-double adaptation_of(const std::vector<ServoInstant>& servo, const std::vector<double>& error_N,
-                     double reference_rms_N) {
-  const double begin_s = servo.front().time_s;
-  double adapted_s = kNan;
-  for (std::size_t i = 0; i < servo.size();) {
-    const double window = std::floor((servo[i].time_s - begin_s) / kAdaptationWindow_s);
-    const double end_s = (window + 1.0) * kAdaptationWindow_s;
-    std::vector<double> within;
-    for (; i < servo.size() && servo[i].time_s - begin_s < end_s; ++i) {
-      within.push_back(error_N[i]);
-    }
-    if (within.empty()) {
-      within.push_back(error_N[i++]);  // an instant that rounding moved onto the window's end
-    }
-    if (!(figures_of(within, reference_rms_N).rms_percent < kAdapted_percent)) {
-      adapted_s = kNan;
-    } else if (std::isnan(adapted_s)) {
-      adapted_s = end_s;
-    }
-  }
-  return adapted_s;
-}
-
 void add_errors(const std::vector<ServoInstant>& servo, Verdict& verdict) {
   if (servo.empty()) {
     return;
   }
   double reference_sum = 0.0;
+  std::vector<double> since_start_s;
   std::vector<double> error_N;
   std::vector<double> first_N;
   std::vector<double> after_N;
@@ -415,8 +318,9 @@ void add_errors(const std::vector<ServoInstant>& servo, Verdict& verdict) {
   for (std::size_t i = 0; i < servo.size(); ++i) {
     reference_sum += servo[i].force_W.squaredNorm();
     const Eigen::Vector3d error_W = verdict.forces_W[i] - servo[i].force_W;
+    since_start_s.push_back(servo[i].time_s - servo.front().time_s);
     error_N.push_back(error_W.norm());
-    if (servo[i].time_s - servo.front().time_s < 1.0) {
+    if (since_start_s.back() < 1.0) {
       first_N.push_back(error_N.back());
     } else {
       if (!after_N.empty()) {
@@ -428,12 +332,12 @@ void add_errors(const std::vector<ServoInstant>& servo, Verdict& verdict) {
     error_before_W = error_W;
   }
   verdict.reference_rms_N = std::sqrt(reference_sum / static_cast<double>(servo.size()));
-  verdict.adaptation_s = adaptation_of(servo, error_N, verdict.reference_rms_N);
-  const ErrorFigures first = figures_of(std::move(first_N), verdict.reference_rms_N);
+  verdict.adaptation_s = adaptation_s(since_start_s, error_N, verdict.reference_rms_N);
+  const ErrorFigures first = error_figures(std::move(first_N), verdict.reference_rms_N);
   verdict.rms_error_percent_first_1s = first.rms_percent;
   verdict.p95_error_percent_first_1s = first.p95_percent;
   verdict.max_error_percent_first_1s = first.max_percent;
-  const ErrorFigures after = figures_of(std::move(after_N), verdict.reference_rms_N);
+  const ErrorFigures after = error_figures(std::move(after_N), verdict.reference_rms_N);
   verdict.rms_error_percent_after_1s = after.rms_percent;
   verdict.p95_error_percent_after_1s = after.p95_percent;
   verdict.max_error_percent_after_1s = after.max_percent;
