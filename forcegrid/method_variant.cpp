@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 
 namespace forcegrid {
 namespace {
@@ -135,8 +136,9 @@ void set_option(MethodOptions& options, const std::string& method, const std::st
   } else if (key == "nug") {
     options.nugget = positive(word, plain_number(word, value));
   } else if (key == "samples") {
-    options.samples = whole_number(
-        word, value, 2, method == "kriging-store" || method == "forcegrid-kriging" ? 48 : 32);
+    const bool many = method == "kriging-store" || method == "forcegrid-kriging" ||
+                      method == "kriging-6d" || method == "auto-6d";
+    options.samples = whole_number(word, value, 2, many ? 48 : 32);
   } else if (key == "spacing") {
     options.spacing_m = length_m(word, value);
   } else if (key == "spacing_N") {
@@ -152,22 +154,32 @@ void set_option(MethodOptions& options, const std::string& method, const std::st
   }
 }
 
-}  // namespace
-
-MethodVariant parse_method_variant(std::string_view text, const MethodOptions& base) {
+// @param check throws for a name that is not known.
+MethodVariant parse(std::string_view text, const MethodOptions& base, const std::string& known,
+                    void (*check)(const std::string& name)) {
   std::istringstream words{std::string{text}};
   MethodVariant variant;
   variant.options = base;
   if (!(words >> variant.name)) {
-    throw std::invalid_argument("a method has no name; " + known_methods());
+    throw std::invalid_argument("a method has no name; " + known);
   }
-  check_method_name(variant.name);
+  check(variant.name);
   variant.text = variant.name;
   for (std::string word; words >> word;) {
     set_option(variant.options, variant.name, word);
     variant.text += " " + word;
   }
   return variant;
+}
+
+}  // namespace
+
+MethodVariant parse_method_variant(std::string_view text, const MethodOptions& base) {
+  return parse(text, base, known_methods(), check_method_name);
+}
+
+MethodVariant parse_pair_variant(std::string_view text, const MethodOptions& base) {
+  return parse(text, base, known_pair_methods(), check_pair_method_name);
 }
 
 }  // namespace forcegrid

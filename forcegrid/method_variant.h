@@ -24,5 +24,8 @@ struct MethodVariant {
 /// @throws std::invalid_argument naming the word that can't be used and the known ones.
 MethodVariant parse_method_variant(std::string_view text, const MethodOptions& base);
 
+/// The same for two tools: the name is one of pair_method_names() or of method_names().
+MethodVariant parse_pair_variant(std::string_view text, const MethodOptions& base);
+
 #pragma GCC visibility pop
 }  // namespace forcegrid

@@ -5,6 +5,7 @@
 
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 #include "tests/support/allocation_count.h"
 
 namespace forcegrid {
@@ -57,6 +58,32 @@ TEST(ForceMethods, NeverAllocateAfterConstruction) {
       sum += method->force(i, at).force_W.x();
     }
     method->contact_lost();
+    EXPECT_EQ(count.value(), 0u) << name;
+    EXPECT_NE(sum, 0.0) << name;
+  }
+}
+
+TEST(PairForceMethods, NeverAllocateAfterConstruction) {
+  for (const std::string& name : pair_method_names()) {
+    const auto method = make_pair_force_method(name, {});
+    double sum = 0.0;
+    AllocationCount count;
+    for (int i = 0; i < 200; ++i) {
+      const PairVector at =
+          PairVector(0.0002 * i * PairVector::Unit(i % 6) + 0.01 * PairVector::Unit((i / 7) % 6));
+      if (i % 100 == 0) {
+        method->contacts_made(static_cast<std::uint32_t>(i), PairVector::Zero());
+      }
+      PairSample sample;
+      sample.time_s = i;
+      sample.positions_W = at;
+      sample.forces_W = (i % 50 < 25 ? -300.0 : -100.0) * at;  // a surprise now and then
+      method->take_sample(sample);
+      method->observe(i, at);
+      method->work(20000);
+      sum += method->forces(i, at).forces_W.norm();
+    }
+    method->contacts_lost();
     EXPECT_EQ(count.value(), 0u) << name;
     EXPECT_NE(sum, 0.0) << name;
   }

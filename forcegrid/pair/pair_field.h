@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "forcegrid/core/pair_force_method.h"
+#include "forcegrid/kriging/kriging_factor.h"
+#include "forcegrid/kriging/sample_spacing.h"
+#include "forcegrid/pair/pair_kernel.h"
+#include "forcegrid/pair/pair_simd.h"
+
+namespace forcegrid::pair {
+
+struct PairFieldSettings {
+  PairKernel kernel;
+  double nugget_N2 = 1e-6;         ///< variance of the noise of a sample, per component
+  int samples = 32;                ///< capacity of the dictionary, 2 to PairField::kMaxSamples
+  kriging::SampleSpacing spacing;  ///< of distances in R^6
+  double surprise = 25.0;  ///< from this normalised squared innovation on, old samples are doubted
+};
+
+/// What the field said of a sample before it took it.
+struct PairInnovation {
+  bool predicted = false;   ///< there was something to predict from
+  double error_N = 0.0;     ///< |F - prediction|
+  double normalised = 0.0;  ///< e^T V^-1 e / 6
+  bool surprised = false;
+};
+
+/// Kriging over the positions of two tools: PairKernel's covariance over a dictionary of samples,
+/// six rows each,
+///
+///   alpha = (K + diag(nugget + q_i))^-1 F,   F(p) = sum_i K(p, p_i) alpha_i
+///
+/// Dictionary, doubt and surprise are those of kriging::DictionaryField in R^6: the newest sample
+/// is transient; a full dictionary drops the one that is near others, far from the tools or
+/// doubted; a normalised squared innovation N above `surprise` adds |e|^2/6 (1 - surprise/N)
+/// exp(-d^2/(2 (2 l)^2)) to the noise q_i of the samples.
+///
+/// A sample is taken in pieces: begin() and then prepare() until it returns false. Until then
+/// read() answers from the samples before. Fitted in double, read in single precision.
+/// Failure: kinks within l of the samples; forces that depend on more than both positions.
+/// Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, chapter 2.
+/// Real-time: no allocation, lock or throw. Threads: one.
+class PairField {
+ public:
+  static constexpr int kMaxSamples = 48;
+  static constexpr int kAppendsAPiece = 4;
+
+  /// @param settings must be usable: positive nugget, lengths and spacings.
+  explicit PairField(const PairFieldSettings& settings) noexcept;
+
+  const PairFieldSettings& settings() const noexcept { return settings_; }
+  int sample_count() const noexcept { return sample_count_; }
+  int row_count() const noexcept { return factor_.rows(); }
+
+  /// Forgets everything.
+  void clear() noexcept;
+
+  /// Begins to take a sample. Needs ready().
+  /// @param positions_m relative to where the tools touched. @param forces_N on the tools.
+  void begin(const PairVector& positions_m, const PairVector& forces_N) noexcept;
+
+  /// Does the next piece: one solve for six right-hand sides, the removal of one sample's rows, the
+  /// appending of at most kAppendsAPiece, or the weights. At most five pieces, and after a surprise
+  /// those of a whole factorisation. @returns false if nothing was left.
+  bool prepare() noexcept;
+  bool ready() const noexcept { return stage_ == Stage::kReady; }
+
+  /// Of the sample that was taken last, once the field is ready().
+  const PairInnovation& innovation() const noexcept { return innovation_; }
+
+  /// Whether a sample has been taken completely, so that there is something to read.
+  bool readable() const noexcept { return lanes_used_ > 0; }
+
+  struct Reading {
+    PairVector forces_N;
+    double nearest_m;  ///< distance of the nearest sample in R^6
+  };
+  /// Needs readable().
+  Reading read(const PairVector& positions_m) const noexcept;
+
+  /// [N/m] dF/dp of read(), 6x6 and symmetric: its off-diagonal blocks are how each tool's force
+  /// changes with the other's position.
+  Matrix6 stiffness_N_per_m(const PairVector& positions_m) const noexcept;
+
+ private:
+  static constexpr int kRows = 6;
+  static constexpr int kMaxRows = kRows * kMaxSamples;
+  static constexpr int kNone = -1;
+  static constexpr int kStride = kMaxSamples;
+  static_assert(kStride % kPairLanes == 0);
+  using Factor = kriging::GrowingCholesky<kMaxRows>;
+
+  enum class Stage : std::uint8_t {
+    kReady,
+    kPredict,
+    kSettle,
+    kMakeRoom,
+    kAppend,
+    kRefactor,
+    kFit
+  };
+
+  /// A slot of the dictionary, as kriging/dictionary_rules.h expects it.
+  struct Stored {
+    PairVector position_m;
+    PairVector force_N;
+    PairVector first_position_m;
+    PairVector first_force_N;
+    double doubt_N2 = 0.0;
+    bool used = false;
+  };
+
+  const Stored& of_block(int block) const noexcept {
+    return stored_[static_cast<std::size_t>(blocks_[static_cast<std::size_t>(block)])];
+  }
+  void solve_covariances(const PairVector& position_m) noexcept;
+  void predict() noexcept;
+  void doubt_samples(const PairVector& error_N) noexcept;
+  void settle_transient() noexcept;
+  void make_room() noexcept;
+  void append_new() noexcept;
+  void append(int slot) noexcept;
+  void remove(int slot) noexcept;
+  void begin_factor() noexcept;
+  void fit() noexcept;
+
+  PairFieldSettings settings_;
+  std::array<Stored, kMaxSamples> stored_{};
+  std::array<int, kMaxSamples> blocks_{};  ///< slots in the order of the factor's rows
+  int block_count_ = 0;                    ///< of them in the factor
+  int sample_count_ = 0;
+  int transient_ = kNone;
+  int takes_since_factorisation_ = 0;
+
+  Stage stage_ = Stage::kReady;
+  PairVector new_position_m_ = PairVector::Zero();
+  PairVector new_force_N_ = PairVector::Zero();
+  bool factor_stale_ = false;  ///< samples' noise has changed: the factor must be made anew
+  bool solved_ = false;        ///< x_ is of the new position and the present rows
+  PairInnovation innovation_;
+
+  Factor factor_;
+  Factor::Columns x_;
+  std::array<double, kMaxRows + kriging::kLanePadding> alpha_{};
+
+  alignas(64) std::array<std::array<float, kStride>, 12> lanes_{};  // as PairTerms
+  int lanes_used_ = 0;
+  Eigen::Matrix<float, 6, 6> linear_N_per_m_ = Eigen::Matrix<float, 6, 6>::Zero();
+  Eigen::Matrix<float, 6, 1> constant_N_ = Eigen::Matrix<float, 6, 1>::Zero();
+};
+
+}  // namespace forcegrid::pair

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forcegrid/pair/pair_kriging_method.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace forcegrid {
+namespace {
+
+constexpr double kNoScore = -1.0;
+constexpr double kLongAgo_s = -std::numeric_limits<double>::max();
+
+double smoothstep(double t) noexcept { return t * t * (3.0 - 2.0 * t); }
+
+}  // namespace
+
+PairKrigingMethod::PairKrigingMethod(const char* name,
+                                     std::span<const pair::PairFieldSettings> candidates)
+    : name_(name), scores_N2_(candidates.size(), kNoScore), newest_s_(kLongAgo_s) {
+  fields_.reserve(candidates.size());
+  for (const pair::PairFieldSettings& settings : candidates) {
+    fields_.emplace_back(settings);
+  }
+}
+
+std::size_t PairKrigingMethod::memory_bytes() const noexcept {
+  return sizeof(*this) + fields_.capacity() * sizeof(pair::PairField) +
+         scores_N2_.capacity() * sizeof(double);
+}
+
+void PairKrigingMethod::take_sample(const PairSample& sample) noexcept {
+  if (!in_contact_ || !std::isfinite(sample.time_s) || !sample.positions_W.allFinite() ||
+      !sample.forces_W.allFinite() || sample.time_s < newest_s_) {
+    return;
+  }
+  newest_s_ = sample.time_s;
+  if (queued_ - next_ == kQueue) {
+    ++next_;
+    ++counters_[0].value;
+  }
+  queue_[queued_++ % kQueue] = {sample.positions_W - points_W_, sample.forces_W};
+}
+
+void PairKrigingMethod::contacts_made(std::uint32_t /*epoch*/,
+                                      const PairVector& points_W) noexcept {
+  known_ = true;
+  in_contact_ = true;
+  points_W_ = points_W;
+  for (pair::PairField& field : fields_) {
+    field.clear();
+  }
+  std::fill(scores_N2_.begin(), scores_N2_.end(), kNoScore);
+  rendered_ = 0;
+  next_ = queued_;
+  taking_ = false;
+  left_N_.setZero();
+}
+
+void PairKrigingMethod::contacts_lost() noexcept {
+  known_ = true;
+  in_contact_ = false;
+}
+
+int PairKrigingMethod::work(int budget) noexcept {
+  int done = 0;
+  while (done < budget) {
+    const int units = piece();
+    if (units == 0) {
+      break;
+    }
+    done += units;
+  }
+  return done;
+}
+
+// @returns the units of the piece that was done; 0 if nothing was left.
+int PairKrigingMethod::piece() noexcept {
+  for (pair::PairField& field : fields_) {
+    if (!field.ready()) {
+      field.prepare();
+      return 1 + field.row_count() * field.row_count() / 2;
+    }
+  }
+  if (taking_) {
+    finish_sample();
+    return 1;
+  }
+  if (next_ == queued_ || !in_contact_) {
+    return 0;
+  }
+  const Queued& next = queue_[next_++ % kQueue];
+  for (pair::PairField& field : fields_) {
+    field.begin(next.positions_m, next.forces_N);
+  }
+  taking_ = true;
+  return 1;
+}
+
+void PairKrigingMethod::finish_sample() noexcept {
+  taking_ = false;
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    const pair::PairInnovation& innovation = fields_[i].innovation();
+    if (!innovation.predicted) {
+      continue;
+    }
+    const double error_N2 = innovation.error_N * innovation.error_N;
+    scores_N2_[i] =
+        scores_N2_[i] < 0.0 ? error_N2 : scores_N2_[i] + kNewest * (error_N2 - scores_N2_[i]);
+  }
+  const auto best = static_cast<std::size_t>(
+      std::min_element(scores_N2_.begin(), scores_N2_.end()) - scores_N2_.begin());
+  if (best != rendered_ && scores_N2_[best] < kBetter * scores_N2_[rendered_]) {
+    render(best);
+  }
+}
+
+void PairKrigingMethod::render(std::size_t candidate) noexcept {
+  const PairVector before_N = fields_[rendered_].read(now_m_).forces_N + fading_N(now_s_);
+  left_N_ = before_N - fields_[candidate].read(now_m_).forces_N;
+  changed_s_ = now_s_;
+  rendered_ = candidate;
+  ++counters_[1].value;
+}
+
+PairVector PairKrigingMethod::fading_N(double time_s) const noexcept {
+  return left_N_ * std::exp(-std::max(0.0, time_s - changed_s_) / kFade_s);
+}
+
+void PairKrigingMethod::observe(double time_s, const PairVector& positions_W) noexcept {
+  if (std::isfinite(time_s) && positions_W.allFinite()) {
+    now_s_ = time_s;
+    now_m_ = positions_W - points_W_;
+  }
+}
+
+PairEstimate PairKrigingMethod::forces(double time_s,
+                                       const PairVector& positions_W) const noexcept {
+  PairEstimate estimate;
+  if (!std::isfinite(time_s) || !positions_W.allFinite()) {
+    estimate.status = EstimateStatus::kNotFinite;
+    return estimate;
+  }
+  const pair::PairField& field = fields_[rendered_];
+  if (!in_contact_ || !field.readable()) {
+    estimate.status = known_ && !in_contact_ ? EstimateStatus::kOk : EstimateStatus::kUnknown;
+    return estimate;
+  }
+  const pair::PairField::Reading reading = field.read(positions_W - points_W_);
+  if (!(reading.nearest_m < kUnknown_m)) {
+    return estimate;
+  }
+  const double beyond = std::max(0.0, reading.nearest_m - kFade_m) / (kUnknown_m - kFade_m);
+  estimate.forces_W = smoothstep(1.0 - beyond) * (reading.forces_N + fading_N(time_s));
+  estimate.status = beyond > 0.0 ? EstimateStatus::kPartlyKnown : EstimateStatus::kOk;
+  if (!estimate.forces_W.allFinite()) {
+    estimate.forces_W.setZero();
+    estimate.status = EstimateStatus::kNotFinite;
+  }
+  return estimate;
+}
+
+}  // namespace forcegrid

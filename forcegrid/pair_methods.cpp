@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forcegrid/pair_methods.h"
+
+#include <algorithm>
+#include <span>
+#include <stdexcept>
+#include <utility>
+
+#include "forcegrid/methods.h"
+#include "forcegrid/pair/pair_kriging_method.h"
+#include "forcegrid/pair/uncoupled_pair.h"
+
+namespace forcegrid {
+namespace {
+
+std::unique_ptr<PairForceMethod> make_uncoupled(const std::string& name,
+                                                const MethodOptions& options) {
+  std::unique_ptr<ForceMethod> first = make_force_method(name, options);
+  const MethodNeeds needs = first->needs();
+  if (needs.requests || needs.stiffness) {
+    throw std::invalid_argument(
+        "method '" + name + "' needs " +
+        (needs.requests ? "answers to requests" : "the samples' stiffness") +
+        ", which samples of two tools do not have; choose a method that needs only forces");
+  }
+  return std::make_unique<UncoupledPair>(std::move(first), make_force_method(name, options));
+}
+
+pair::PairFieldSettings field_settings(const MethodOptions& options) {
+  pair::PairFieldSettings settings;
+  settings.nugget_N2 = options.nugget.value_or(settings.nugget_N2);
+  settings.samples = options.samples.value_or(settings.samples);
+  settings.spacing.metres = options.spacing_m.value_or(settings.spacing.metres);
+  settings.spacing.newtons = options.spacing_N.value_or(settings.spacing.newtons);
+  if (!(settings.nugget_N2 > 0.0 && settings.spacing.metres > 0.0 &&
+        settings.spacing.newtons > 0.0)) {
+    throw std::invalid_argument("nug, spacing and spacing_N have to be above zero");
+  }
+  if (settings.samples < 2 || settings.samples > pair::PairField::kMaxSamples) {
+    throw std::invalid_argument("samples has to be 2 to " +
+                                std::to_string(pair::PairField::kMaxSamples));
+  }
+  return settings;
+}
+
+std::unique_ptr<PairForceMethod> make_kriging_6d(const MethodOptions& options) {
+  const pair::PairFieldSettings settings = field_settings(options);
+  return std::make_unique<PairKrigingMethod>("kriging-6d", std::span(&settings, 1));
+}
+
+// [N^2] What samples may be noisy by: a solver's rounding up to some 30 mN.
+constexpr double kNuggets_N2[] = {1e-6, 1e-7, 1e-5, 1e-4, 1e-3};
+
+std::unique_ptr<PairForceMethod> make_auto_6d(const MethodOptions& options) {
+  if (options.nugget) {
+    throw std::invalid_argument(
+        "auto-6d chooses the noise itself; leave nug out, or use kriging-6d");
+  }
+  std::vector<pair::PairFieldSettings> candidates;
+  for (const double nugget_N2 : kNuggets_N2) {
+    candidates.push_back(field_settings(options));
+    candidates.back().nugget_N2 = nugget_N2;
+  }
+  return std::make_unique<PairKrigingMethod>("auto-6d", candidates);
+}
+
+struct NamedPairMethod {
+  const char* name;
+  std::unique_ptr<PairForceMethod> (*make)(const MethodOptions& options);
+};
+
+constexpr NamedPairMethod kPairMethods[] = {{"auto-6d", make_auto_6d},
+                                            {"kriging-6d", make_kriging_6d}};
+
+}  // namespace
+
+const std::vector<std::string>& pair_method_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all;
+    for (const NamedPairMethod& method : kPairMethods) {
+      all.emplace_back(method.name);
+    }
+    return all;
+  }();
+  return names;
+}
+
+bool is_pair_method(const std::string& name) {
+  const std::vector<std::string>& names = pair_method_names();
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string known_pair_methods() {
+  std::string names;
+  for (const std::vector<std::string>& some : {pair_method_names(), method_names()}) {
+    for (const std::string& name : some) {
+      names += (names.empty() ? "" : ", ") + name;
+    }
+  }
+  return "known methods: " + names;
+}
+
+void check_pair_method_name(const std::string& name) {
+  const std::vector<std::string>& single = method_names();
+  if (!is_pair_method(name) && std::find(single.begin(), single.end(), name) == single.end()) {
+    throw std::invalid_argument("method '" + name + "' is not known; " + known_pair_methods());
+  }
+}
+
+std::unique_ptr<PairForceMethod> make_pair_force_method(const std::string& name,
+                                                        const MethodOptions& options) {
+  for (const NamedPairMethod& method : kPairMethods) {
+    if (name == method.name) {
+      return method.make(options);
+    }
+  }
+  return make_uncoupled(name, options);
+}
+
+}  // namespace forcegrid

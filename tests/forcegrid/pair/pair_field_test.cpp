@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forcegrid/pair/pair_field.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <memory>
+#include <vector>
+
+#include "tests/forcegrid/pair/series_springs.h"
+
+namespace forcegrid::pair {
+namespace {
+
+using testing::HardeningPair;
+using testing::RandomPositions;
+using testing::SeriesSprings;
+
+constexpr unsigned kSeed = 11;
+constexpr double kReach_m = 0.012;
+
+std::unique_ptr<PairField> field(double nugget_N2 = 1e-6, int samples = 32) {
+  PairFieldSettings settings;
+  settings.nugget_N2 = nugget_N2;
+  settings.samples = samples;
+  return std::make_unique<PairField>(settings);
+}
+
+void take(PairField& field, const PairVector& p_m, const PairVector& f_N) {
+  field.begin(p_m, f_N);
+  while (field.prepare()) {
+  }
+}
+
+// Only the left tool moves, so the right one's own stiffness stays unknown. But how the left
+// tool's force depends on the right one's place follows from what the right one felt, since one
+// energy has dF_1/dP_2 = (dF_2/dP_1)^T.
+TEST(PairField, LearnsOneToolsForceFromWhatTheOtherFelt) {
+  const SeriesSprings object;
+  const auto learnt = field();
+  RandomPositions positions(kSeed, kReach_m);
+  for (int i = 0; i < 12; ++i) {
+    PairVector p = positions.next();
+    p.tail<3>().setZero();
+    take(*learnt, p, object.forces_N(p));
+  }
+  PairVector right = PairVector::Zero();
+  right.tail<3>() << 0.002, -0.001, 0.0015;
+  const Eigen::Vector3d expected_N = object.forces_N(right).head<3>();  // c P_2, never sampled
+  const Eigen::Vector3d found_N = learnt->read(right).forces_N.head<3>();
+  EXPECT_LT((found_N - expected_N).norm(), 0.05 * expected_N.norm());
+  const Matrix6 stiffness = learnt->stiffness_N_per_m(PairVector::Zero());
+  EXPECT_LT(
+      (stiffness.topRightCorner<3, 3>() - object.c_N_per_m * Eigen::Matrix3d::Identity()).norm(),
+      0.02 * object.c_N_per_m);
+}
+
+TEST(PairField, IsExactOnSpringsInSeriesWithinTheNugget) {
+  const SeriesSprings object;
+  const auto learnt = field();
+  RandomPositions positions(kSeed, kReach_m);
+  for (int i = 0; i < 30; ++i) {
+    const PairVector p = positions.next();
+    take(*learnt, p, object.forces_N(p));
+  }
+  for (int i = 0; i < 30; ++i) {
+    const PairVector p = positions.next();
+    EXPECT_LT((learnt->read(p).forces_N - object.forces_N(p)).norm(), 0.01) << i;  // of some 3 N
+  }
+}
+
+// alpha = (K + nugget I)^-1 F by a dense factorisation over the same samples.
+TEST(PairField, IsDenseKrigingWhileTheDictionaryHoldsAll) {
+  const HardeningPair object;
+  const auto grown = field();
+  const PairKernel& kernel = grown->settings().kernel;
+  RandomPositions positions(kSeed, kReach_m);
+  std::vector<PairVector> at;
+  constexpr int kSamples = 20;
+  Eigen::VectorXd data(6 * kSamples);
+  for (int i = 0; i < kSamples; ++i) {
+    at.push_back(positions.next());
+    data.segment<6>(6 * i) = object.forces_N(at.back());
+    take(*grown, at.back(), object.forces_N(at.back()));
+    EXPECT_FALSE(grown->innovation().surprised);
+  }
+  ASSERT_EQ(grown->sample_count(), kSamples);
+  Eigen::MatrixXd k(6 * kSamples, 6 * kSamples);
+  for (int i = 0; i < kSamples; ++i) {
+    for (int j = 0; j < kSamples; ++j) {
+      k.block<6, 6>(6 * i, 6 * j) =
+          kernel.force_force(at[static_cast<std::size_t>(i)], at[static_cast<std::size_t>(j)]);
+    }
+  }
+  k.diagonal().array() += grown->settings().nugget_N2;
+  const Eigen::VectorXd alpha = k.llt().solve(data);
+  for (int trial = 0; trial < 20; ++trial) {
+    const PairVector p = positions.next();
+    PairVector expected_N = PairVector::Zero();
+    for (int i = 0; i < kSamples; ++i) {
+      expected_N +=
+          kernel.force_force(p, at[static_cast<std::size_t>(i)]) * alpha.segment<6>(6 * i);
+    }
+    // Single precision of weights of some 100 N.
+    EXPECT_LT((grown->read(p).forces_N - expected_N).norm(), 2e-3);
+  }
+}
+
+TEST(PairField, HasASymmetricStiffnessThatIsTheSlopeOfItsForce) {
+  const HardeningPair object;
+  const auto learnt = field(1e-4);
+  RandomPositions positions(kSeed, kReach_m);
+  for (int i = 0; i < 40; ++i) {
+    const PairVector p = positions.next();
+    take(*learnt, p, object.forces_N(p));
+  }
+  constexpr double kStep_m = 1e-3;  // single precision of the force, 1e-6 N, leaves 1e-3 N/m
+  const PairVector p = 0.3 * positions.next();
+  const Matrix6 exact = learnt->stiffness_N_per_m(p);
+  EXPECT_LT((exact - exact.transpose()).norm(), 1e-3 * exact.norm());
+  for (int c = 0; c < 6; ++c) {
+    const PairVector step = kStep_m * PairVector::Unit(c);
+    const PairVector slope =
+        (learnt->read(p + step).forces_N - learnt->read(p - step).forces_N) / (2.0 * kStep_m);
+    EXPECT_LT((exact.col(c) - slope).norm(), 0.01 * exact.norm()) << c;
+  }
+}
+
+TEST(PairField, KeepsItsAnswerUntilTheLastPieceOfASample) {
+  const HardeningPair object;
+  const auto learnt = field();
+  RandomPositions positions(kSeed, kReach_m);
+  for (int i = 0; i < 50; ++i) {  // with a full dictionary, rows are removed as well
+    const PairVector p = positions.next();
+    take(*learnt, p, object.forces_N(p));
+  }
+  const PairVector p = positions.next();
+  const PairVector before_N = learnt->read(p).forces_N;
+  const Matrix6 slope_before = learnt->stiffness_N_per_m(p);
+  learnt->begin(p, object.forces_N(p));
+  int pieces = 0;
+  while (!learnt->ready()) {
+    EXPECT_EQ(learnt->read(p).forces_N, before_N);
+    EXPECT_EQ(learnt->stiffness_N_per_m(p), slope_before);
+    EXPECT_TRUE(learnt->prepare());
+    ++pieces;
+  }
+  EXPECT_LE(pieces, 5);
+  EXPECT_FALSE(learnt->prepare());
+  EXPECT_NE(learnt->read(p).forces_N, before_N);
+  EXPECT_LT((learnt->read(p).forces_N - object.forces_N(p)).norm(), 0.01);
+}
+
+TEST(PairField, NeverKeepsMoreThanItsDictionaryAndKnowsTheNewest) {
+  const HardeningPair object;
+  RandomPositions positions(kSeed, kReach_m);
+  for (const int capacity : {2, 16, 48}) {
+    const auto learnt = field(1e-6, capacity);
+    for (int i = 0; i < 120; ++i) {
+      const PairVector p = positions.next();
+      take(*learnt, p, object.forces_N(p));
+      ASSERT_LE(learnt->sample_count(), capacity);
+      ASSERT_EQ(learnt->row_count(), 6 * learnt->sample_count());
+      EXPECT_LT((learnt->read(p).forces_N - object.forces_N(p)).norm(), 0.02) << i;
+    }
+    EXPECT_EQ(learnt->sample_count(), capacity);
+  }
+}
+
+// Hands at rest repeat one sample; the dictionary keeps the place once.
+TEST(PairField, ReplacesASampleOfTheSamePlace) {
+  const SeriesSprings object;
+  const auto learnt = field();
+  PairVector p = PairVector::Zero();
+  for (int i = 0; i < 20; ++i) {
+    p[0] = 1e-5 * i;
+    take(*learnt, p, object.forces_N(p));
+  }
+  EXPECT_LE(learnt->sample_count(), 2);
+}
+
+// The object becomes half as stiff. Afterwards the field comes close to one that has only ever
+// seen the object as it is; one that never doubts is not.
+TEST(PairField, ForgetsWhatASurpriseContradicts) {
+  const HardeningPair object;
+  PairFieldSettings trusting_settings;
+  trusting_settings.surprise = 1e12;
+  const auto learnt = field();
+  const auto trusting = std::make_unique<PairField>(trusting_settings);
+  const auto fresh = field();
+  RandomPositions positions(kSeed, kReach_m);
+  for (int i = 0; i < 40; ++i) {
+    const PairVector p = positions.next();
+    take(*learnt, p, object.forces_N(p));
+    take(*trusting, p, object.forces_N(p));
+  }
+  int surprises = 0;
+  double learnt_N = 0.0;
+  double trusting_N = 0.0;
+  double fresh_N = 0.0;
+  for (int i = 0; i < 40; ++i) {
+    const PairVector p = positions.next();
+    const PairVector f = 0.5 * object.forces_N(p);
+    for (PairField* each : {learnt.get(), trusting.get(), fresh.get()}) {
+      take(*each, p, f);
+    }
+    surprises += learnt->innovation().surprised ? 1 : 0;
+    if (i >= 20) {  // the dictionary still has room for samples of before
+      learnt_N += learnt->innovation().error_N;
+      trusting_N += trusting->innovation().error_N;
+      fresh_N += fresh->innovation().error_N;
+    }
+  }
+  EXPECT_GT(surprises, 0);
+  EXPECT_LT(learnt_N, 4.0 * fresh_N);
+  EXPECT_GT(trusting_N, 2.0 * learnt_N);
+}
+
+TEST(PairField, ForgetsEverythingWhenCleared) {
+  const SeriesSprings object;
+  const auto learnt = field();
+  take(*learnt, PairVector::Constant(0.001), object.forces_N(PairVector::Constant(0.001)));
+  EXPECT_TRUE(learnt->readable());
+  learnt->begin(PairVector::Zero(), PairVector::Zero());
+  learnt->clear();
+  EXPECT_TRUE(learnt->ready());
+  EXPECT_FALSE(learnt->readable());
+  EXPECT_EQ(learnt->sample_count(), 0);
+  EXPECT_EQ(learnt->row_count(), 0);
+}
+
+}  // namespace
+}  // namespace forcegrid::pair
