@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "cli/charts/evaluate_pair.h"
 #include "cli/common/budget_option.h"
 #include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
@@ -18,11 +19,13 @@
 #include "cli/common/tools_names.h"
 #include "cli/run/reference_forces.h"
 #include "evaluation/judge.h"
+#include "evaluation/pair_trace.h"
 #include "evaluation/text_file.h"
 #include "evaluation/trace.h"
 #include "evaluation/trace_workspace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 #include "log/log.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/reference/reference_solution.h"
@@ -35,12 +38,6 @@ using evaluation::Trace;
 using evaluation::TraceError;
 using evaluation::Verdict;
 using nlohmann::ordered_json;
-
-// A request on the command line that no trace can fulfil.
-class UsageError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 GridGeometry asked_workspace(const std::vector<double>& corners_m) {
   GridGeometry grid = evaluation::default_trace_workspace();
@@ -78,13 +75,11 @@ std::string flags_as_words(const EvaluateOptions& options) {
   return words;
 }
 
-struct NamedVariant {
-  std::string text;  ///< as given by the user, without the flags' additions
-  MethodVariant variant;
-};
-
 // Each method once. The flags come first, so that the method's own options override them.
-std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const MethodOptions& base) {
+// `parse` knows the names that the trace can have.
+std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const MethodOptions& base,
+                                      MethodVariant (*parse)(std::string_view,
+                                                             const MethodOptions&)) {
   const std::string flags = flags_as_words(options);
   std::vector<NamedVariant> variants;
   for (const std::string& asked : options.methods) {
@@ -96,13 +91,17 @@ std::vector<NamedVariant> variants_of(const EvaluateOptions& options, const Meth
           "method 'direct' is the simulator itself, evaluated in every cycle, and a trace holds no "
           "object to evaluate; use 'forcegrid chart accuracy'");
     }
+    if (parse == parse_method_variant && is_pair_method(name)) {
+      throw UsageError("method '" + name + "' is for two tools, and " + options.trace +
+                       " is of one; give a trace with the columns p1x_m to f2z_N");
+    }
     const std::string own = end == std::string::npos ? "" : asked.substr(end);
     try {
-      const std::string text = parse_method_variant(asked, base).text;
+      const std::string text = parse(asked, base).text;
       const bool known = std::any_of(variants.begin(), variants.end(),
                                      [&](const auto& other) { return other.text == text; });
       if (!known) {
-        variants.push_back({text, parse_method_variant(name + flags + own, base)});
+        variants.push_back({text, parse(name + flags + own, base)});
       }
     } catch (const std::invalid_argument& error) {
       throw UsageError(error.what());
@@ -247,14 +246,27 @@ std::vector<Eigen::Vector3d> solve_reference(ProgressLine& line, const std::stri
   return simulator::simulate_reference(positions_W, options).forces_W;
 }
 
+void print(const ordered_json& result) {
+  std::printf("%s\n", result.dump(2).c_str());
+  if (std::fflush(stdout) != 0) {
+    throw std::runtime_error(std::string("standard output: ") + std::strerror(errno));
+  }
+}
+
 void note(const std::string& text) { log::info("evaluation", "Note: " + text); }
 
 void evaluate(const EvaluateOptions& options) {
   MethodOptions base;
   base.grid = asked_workspace(options.workspace_m);
   base.budget_reads = asked_budget(options);
-  std::vector<NamedVariant> variants =
-      variants_of(options, base);  // before the trace is read, which may take long
+  if (evaluation::is_pair_trace(options.trace)) {
+    print(evaluate_pair(options, base, [&options](const MethodOptions& changed) {
+      return variants_of(options, changed, parse_pair_variant);
+    }));
+    return;
+  }
+  std::vector<NamedVariant> variants = variants_of(
+      options, base, parse_method_variant);  // before the trace is read, which may take long
   ProgressLine line;
   line.begin("Reading " + options.trace);
   const Trace trace = tools::is_recording_name(options.trace)
@@ -267,7 +279,7 @@ void evaluate(const EvaluateOptions& options) {
   const std::size_t outside = evaluation::positions_outside(base.grid, trace);
   if (outside > 0 && options.workspace_m.empty()) {
     base.grid = evaluation::box_around(trace);
-    variants = variants_of(options, base);
+    variants = variants_of(options, base, parse_method_variant);
   } else if (outside > 0) {
     note(std::to_string(outside) + " of " +
          std::to_string(trace.servo.size() + trace.samples.size()) +
@@ -304,11 +316,7 @@ void evaluate(const EvaluateOptions& options) {
   if (!options.out.empty()) {
     write_forces(options.out, trace, names, verdicts);
   }
-  const ordered_json& result = variants.size() == 1 ? all.front() : all;
-  std::printf("%s\n", result.dump(2).c_str());
-  if (std::fflush(stdout) != 0) {
-    throw std::runtime_error(std::string("standard output: ") + std::strerror(errno));
-  }
+  print(variants.size() == 1 ? all.front() : all);
 }
 
 }  // namespace
@@ -319,13 +327,16 @@ void add_evaluate(Command& app, EvaluateOptions& o, std::function<int()>& action
       .add_option("--method", o.methods,
                   "Force methods, each optionally followed by changes to its options, e.g. "
                   "\"forcegrid unit=m\": " +
-                      joined(method_names()))
+                      joined(method_names()) +
+                      "; on a trace of two tools these for each tool, or " +
+                      joined(pair_method_names()))
       ->required();
   evaluate
       .add_option("--trace", o.trace,
                   "Recording of forcegrid record (.h5), or CSV, gzipped if it ends in .gz: "
                   "kind,t_s,delivered_s,x_m,y_m,z_m,fx_N,fy_N,fz_N"
-                  "[,j00_N_per_m,...,j22_N_per_m][,residual]")
+                  "[,j00_N_per_m,...,j22_N_per_m][,residual]; of two tools: "
+                  "kind,t_s,delivered_s,p1x_m,...,p2z_m,f1x_N,...,f2z_N[,residual]")
       ->required();
   evaluate
       .add_option("--workspace", o.workspace_m,

@@ -11,7 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/pair_trace.h"
 #include "evaluation/trace.h"
+#include "tests/evaluation/pair_ramp.h"
 #include "tests/evaluation/ramp_trace.h"
 #include "tests/support/program.h"
 
@@ -22,6 +24,7 @@ using nlohmann::json;
 using ::testing::ElementsAre;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
+using testing::PairRamp;
 using testing::Program;
 using testing::Ramp;
 
@@ -257,6 +260,78 @@ TEST_F(Evaluate, SaysWhenATraceLeavesFiguresOpen) {
   EXPECT_EQ(figures["samples_taken"], 0);
   EXPECT_TRUE(figures["sample_us_median"].is_null());
   EXPECT_THAT(error_, HasSubstr("no 'sample' row"));
+}
+
+class EvaluatePair : public Evaluate {
+ protected:
+  std::string pair(const evaluation::PairTrace& trace) {
+    const std::string file = folder_ + "/pair.csv.gz";
+    evaluation::write_pair_trace(file, trace);
+    return file;
+  }
+};
+
+TEST_F(EvaluatePair, PrintsTheErrorsOfBothToolsTogetherAndOfEach) {
+  const PairRamp ramp;
+  const json figures = result({"--method", "hold", "--trace", pair(ramp.trace())});
+  // The oldest sample is 19 cycles old, and the reference grows with time: see pair_judge_test.cpp.
+  const double last = ramp.cycles() - 1.0;
+  const double rms_s =
+      0.002 * std::sqrt(last * (last + 1.0) * (2.0 * last + 1.0) / 6.0 / ramp.cycles());
+  const double expected = 100.0 * 0.038 / rms_s;
+  EXPECT_NEAR(figures["max_error_percent_after_1s"].get<double>(), expected, 1e-6);
+  ASSERT_EQ(figures["tools"].size(), 2U);
+  for (const json& tool : figures["tools"]) {
+    EXPECT_NEAR(tool["max_error_percent_after_1s"].get<double>(), expected, 1e-6);
+  }
+  EXPECT_EQ(figures["coupled"], false);
+  EXPECT_EQ(figures["samples_taken"], 99);
+  EXPECT_GT(figures["memory_bytes"].get<double>(), 0.0);
+  EXPECT_EQ(error_, "");
+}
+
+TEST_F(EvaluatePair, KnowsMethodsOfBothToolsBesideThoseOfEach) {
+  const json figures = result({"--method", "kriging-6d", "--method", "auto-6d samples=16",
+                               "--method", "rls", "--trace", pair(PairRamp{}.trace())});
+  EXPECT_EQ(figures.at("kriging-6d").at("coupled"), true);
+  EXPECT_EQ(figures.at("rls").at("coupled"), false);
+  // A linear object: all of its error is the noise that the methods expect.
+  EXPECT_LT(figures.at("kriging-6d").at("rms_error_percent_after_1s").get<double>(), 0.1);
+  EXPECT_LT(figures.at("auto-6d samples=16").at("rms_error_percent_after_1s").get<double>(), 0.1);
+}
+
+TEST_F(EvaluatePair, WritesTheForcesOfBothTools) {
+  const std::string out = folder_ + "/forces.csv";
+  result({"--method", "hold", "--trace", pair(PairRamp{}.trace()), "--out", out});
+  std::ifstream file(out);
+  std::string header;
+  std::getline(file, header);
+  EXPECT_EQ(header,
+            "t_s,p1x_m,p1y_m,p1z_m,p2x_m,p2y_m,p2z_m,offline_1x_N,offline_1y_N,offline_1z_N,"
+            "offline_2x_N,offline_2y_N,offline_2z_N,hold_1x_N,hold_1y_N,hold_1z_N,hold_2x_N,"
+            "hold_2y_N,hold_2z_N");
+  int rows = 0;
+  for (std::string line; std::getline(file, line);) {
+    ++rows;
+  }
+  EXPECT_EQ(rows, PairRamp{}.cycles());
+}
+
+TEST_F(EvaluatePair, RefusesWhatItsTraceCannotServe) {
+  const std::string two = pair(PairRamp{}.trace());
+  run({"--method", "tangent", "--trace", two}, 2);
+  EXPECT_THAT(error_, HasSubstr("stiffness, which samples of two tools do not have"));
+  run({"--method", "direct", "--trace", two}, 2);
+  EXPECT_THAT(error_, HasSubstr("a trace holds no object"));
+  run({"--method", "kriging-9d", "--trace", two}, 2);
+  EXPECT_THAT(error_, HasSubstr("known methods: auto-6d"));
+  run({"--method", "kriging-6d", "--trace", written(Ramp{}.trace())}, 2);
+  EXPECT_THAT(error_, HasSubstr("'kriging-6d' is for two tools, and "));
+  EXPECT_THAT(error_, HasSubstr("columns p1x_m to f2z_N"));
+  const std::string bad = folder_ + "/bad.csv";
+  std::ofstream(bad) << "kind,t_s,delivered_s,p1x_m,p1y_m,p1z_m,f1x_N,f1y_N,f1z_N\n";
+  run({"--method", "kriging-6d", "--trace", bad}, 1);
+  EXPECT_THAT(error_, HasSubstr("bad.csv, line 1: column 'p2x_m': is missing from the header"));
 }
 
 }  // namespace
