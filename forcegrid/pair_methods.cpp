@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "forcegrid/methods.h"
+#include "forcegrid/pair/pair_grid_method.h"
 #include "forcegrid/pair/pair_kriging_method.h"
 #include "forcegrid/pair/uncoupled_pair.h"
 
@@ -64,13 +65,32 @@ std::unique_ptr<PairForceMethod> make_auto_6d(const MethodOptions& options) {
   return std::make_unique<PairKrigingMethod>("auto-6d", candidates);
 }
 
+std::unique_ptr<PairForceMethod> make_forcegrid_6d(const MethodOptions& options) {
+  PairGridOptions grid;
+  grid.spacing_m = options.vertex_spacing_m.value_or(grid.spacing_m);
+  grid.radius_m = options.influence_radius_m > 0.0 ? options.influence_radius_m : grid.radius_m;
+  grid.unit_m = options.unit_m;
+  grid.blocks = options.pool_blocks > 0 ? options.pool_blocks : grid.blocks;
+  if (!(grid.spacing_m >= 1e-3 && grid.spacing_m <= 0.05)) {
+    throw std::invalid_argument(
+        "h, the distance of the dense grid's vertices, has to be 1 to 50 mm");
+  }
+  if (!(grid.radius_m <= pair::PairGrid::kMostRadius * grid.spacing_m)) {
+    throw std::invalid_argument(
+        "r has to be at most 4 h: a sample would reach more than 50,000 vertices in six "
+        "dimensions");
+  }
+  return std::make_unique<PairGridMethod>(grid);
+}
+
 struct NamedPairMethod {
   const char* name;
   std::unique_ptr<PairForceMethod> (*make)(const MethodOptions& options);
 };
 
 constexpr NamedPairMethod kPairMethods[] = {{"auto-6d", make_auto_6d},
-                                            {"kriging-6d", make_kriging_6d}};
+                                            {"kriging-6d", make_kriging_6d},
+                                            {"forcegrid-6d", make_forcegrid_6d}};
 
 }  // namespace
 

@@ -3,13 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace forcegrid {
 namespace {
 
 constexpr double kNoScore = -1.0;
-constexpr double kLongAgo_s = -std::numeric_limits<double>::max();
 
 double smoothstep(double t) noexcept { return t * t * (3.0 - 2.0 * t); }
 
@@ -17,7 +15,7 @@ double smoothstep(double t) noexcept { return t * t * (3.0 - 2.0 * t); }
 
 PairKrigingMethod::PairKrigingMethod(const char* name,
                                      std::span<const pair::PairFieldSettings> candidates)
-    : name_(name), scores_N2_(candidates.size(), kNoScore), newest_s_(kLongAgo_s) {
+    : name_(name), scores_N2_(candidates.size(), kNoScore) {
   fields_.reserve(candidates.size());
   for (const pair::PairFieldSettings& settings : candidates) {
     fields_.emplace_back(settings);

@@ -79,7 +79,7 @@ class PairKrigingMethod final : public PairForceMethod {
   std::uint64_t queued_ = 0;  ///< samples ever queued
   std::uint64_t next_ = 0;    ///< the one that the fields take next
   bool taking_ = false;
-  double newest_s_ = 0.0;
+  double newest_s_ = -1e300;
 
   bool known_ = false;  ///< a contact has been made or lost
   bool in_contact_ = false;
