@@ -13,6 +13,16 @@ bool holds(const GridGeometry& grid, const Eigen::Vector3d& position_W) {
          (position_W.array() <= grid.max_W.array()).all();
 }
 
+// A trace with the positions of both tools.
+Trace positions_of(const PairTrace& pair) {
+  Trace both;
+  for (const PairInstant& instant : pair.servo) {
+    both.servo.push_back({instant.time_s, instant.positions_W.head<3>(), {}});
+    both.servo.push_back({instant.time_s, instant.positions_W.tail<3>(), {}});
+  }
+  return both;
+}
+
 }  // namespace
 
 GridGeometry default_trace_workspace() {
@@ -47,6 +57,14 @@ GridGeometry box_around(const Trace& trace) {
   grid.min_W.array() -= kMargin_m;
   grid.max_W.array() += kMargin_m;
   return grid;
+}
+
+std::size_t positions_outside(const GridGeometry& grid, const PairTrace& trace) {
+  return positions_outside(grid, positions_of(trace));
+}
+
+GridGeometry workspace_of(const PairTrace& trace, const GridGeometry& grid) {
+  return positions_outside(grid, trace) == 0 ? grid : box_around(positions_of(trace));
 }
 
 }  // namespace forcegrid::evaluation

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 
+#include "evaluation/pair_trace.h"
 #include "evaluation/trace.h"
 #include "forcegrid/core/grid_geometry.h"
 
@@ -17,5 +18,11 @@ std::size_t positions_outside(const GridGeometry& grid, const Trace& trace);
 
 /// The box of all positions of a trace, 30 mm wider on every side, with 49 cells along each axis.
 GridGeometry box_around(const Trace& trace);
+
+/// Positions of servo instants of either tool that lie outside `grid`.
+std::size_t positions_outside(const GridGeometry& grid, const PairTrace& trace);
+
+/// `grid` if it holds every position of both tools of the trace, else box_around() them.
+GridGeometry workspace_of(const PairTrace& trace, const GridGeometry& grid);
 
 }  // namespace forcegrid::evaluation

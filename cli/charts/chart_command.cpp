@@ -260,6 +260,7 @@ void add_chart(Command& app, ChartCommandOptions& options, std::function<int()>&
   add_chart_solvers(chart, options.solvers, action);
   add_chart_wrist(chart, options.wrist, action);
   add_chart_stability(chart, options.stability, action);
+  add_chart_two_tools(chart, options.two_tools, action);
 }
 
 int chart_accuracy_command(const ChartAccuracyOptions& asked) {

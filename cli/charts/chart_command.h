@@ -8,6 +8,7 @@
 #include "cli/charts/chart_solvers_command.h"
 #include "cli/charts/chart_stability_command.h"
 #include "cli/charts/chart_support.h"
+#include "cli/charts/chart_two_tools_command.h"
 #include "cli/charts/chart_wrist_command.h"
 #include "cli/common/options.h"
 
@@ -30,10 +31,11 @@ struct ChartCommandOptions {
   ChartSolversOptions solvers;
   ChartWristOptions wrist;
   ChartStabilityOptions stability;
+  ChartTwoToolsOptions two_tools;
 };
 
-/// Adds the subcommand `chart` with its subcommands `accuracy`, `stability`, `solvers` and `wrist`,
-/// which set `action`.
+/// Adds the subcommand `chart` with its subcommands `accuracy`, `stability`, `solvers`, `two-tools`
+/// and `wrist`, which set `action`.
 void add_chart(Command& app, ChartCommandOptions& options, std::function<int()>& action);
 
 /// Evaluates force methods on the chart's objects, motions and networks, and writes tables,

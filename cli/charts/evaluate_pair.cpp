@@ -25,16 +25,6 @@ constexpr const char* kComponents[6] = {"1x", "1y", "1z", "2x", "2y", "2z"};
 
 void note(const std::string& text) { log::info("evaluation", "Note: " + text); }
 
-// The trace as the box of grid methods sees it: every position of either tool.
-evaluation::Trace positions_of(const PairTrace& pair) {
-  evaluation::Trace both;
-  for (const evaluation::PairInstant& instant : pair.servo) {
-    both.servo.push_back({instant.time_s, instant.positions_W.head<3>(), {}});
-    both.servo.push_back({instant.time_s, instant.positions_W.tail<3>(), {}});
-  }
-  return both;
-}
-
 void add_errors(ordered_json& json, const PairErrors& errors) {
   json["rms_error_percent_after_1s"] = errors.after_1s.rms_percent;
   json["rms_error_percent_first_1s"] = errors.first_1s.rms_percent;
@@ -140,13 +130,11 @@ std::unique_ptr<PairForceMethod> made(const NamedVariant& named) {
 
 // The default box, or one around the trace if that does not hold it and no other was asked for.
 void choose_workspace(const EvaluateOptions& options, const PairTrace& trace, GridGeometry& grid) {
-  const evaluation::Trace positions = positions_of(trace);
-  const std::size_t outside = evaluation::positions_outside(grid, positions);
-  if (outside > 0 && options.workspace_m.empty()) {
-    grid = evaluation::box_around(positions);
-  } else if (outside > 0) {
-    note(std::to_string(outside) + " of " + std::to_string(positions.servo.size()) +
-         " positions lie outside --workspace, where grid methods have no force");
+  if (options.workspace_m.empty()) {
+    grid = evaluation::workspace_of(trace, grid);
+  } else if (const std::size_t outside = evaluation::positions_outside(grid, trace); outside > 0) {
+    note(std::to_string(outside) + " of " + std::to_string(2 * trace.servo.size()) +
+         " positions of the tools lie outside --workspace, where grid methods have no force");
   }
 }
 

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "cli/charts/chart_support.h"
+#include "cli/common/options.h"
+
+namespace forcegrid::cli {
+
+/// Options of `forcegrid chart two-tools`; an empty list selects the chart's own.
+struct ChartTwoToolsOptions : ChartChoice {
+  std::vector<std::string> scenes;
+  std::vector<std::string> pairs;
+  std::vector<std::string> methods;
+  std::string goals_for;
+  double seconds = 10.0;
+  double delay_ms = 0.0;
+};
+
+/// Adds the subcommand `two-tools` to `chart`.
+void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& options,
+                         std::function<int()>& action);
+
+/// Solves two tools on one object, writes the traces, and evaluates methods on them; see
+/// docs/two_tools.md. Result and errors are those of chart_accuracy_command().
+int chart_two_tools_command(const ChartTwoToolsOptions& asked);
+
+}  // namespace forcegrid::cli

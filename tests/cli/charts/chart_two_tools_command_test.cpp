@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// `forcegrid chart two-tools` as its user starts it, on the small scene.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/support/program.h"
+
+namespace forcegrid {
+namespace {
+
+using nlohmann::json;
+using testing::fresh_folder;
+using ::testing::HasSubstr;
+using testing::Program;
+using testing::text_of;
+
+constexpr std::chrono::seconds kPatience{200};
+
+class ChartTwoTools : public ::testing::Test {
+ protected:
+  int run(std::vector<std::string> arguments) {
+    Program program = Program::forcegrid(arguments);
+    const auto status = program.wait(kPatience);
+    out_ = program.standard_output();
+    error_ = program.standard_error();
+    return status.value_or(-1);
+  }
+
+  const std::string folder_ = fresh_folder("chart_two_tools");
+  const std::string cache_ = fresh_folder("chart_two_tools_cache");
+  std::string out_;
+  std::string error_;
+};
+
+TEST_F(ChartTwoTools, WritesTracesThatEvaluateReadsWithTheSameErrors) {
+  ASSERT_EQ(run({"chart", "two-tools", "--out", folder_, "--cache", cache_, "--scenes", "small",
+                 "--pairs", "hold_chirp,stretch", "--seconds", "1.5", "--methods",
+                 "hold;kriging-6d samples=8", "--goals-for", "kriging-6d samples=8"}),
+            0)
+      << error_;
+  EXPECT_THAT(out_, HasSubstr("Goals, method kriging-6d samples=8"));
+  EXPECT_THAT(out_, HasSubstr("of 4 goals met"));
+  const json chart = json::parse(text_of(folder_ + "/two_tools.json"));
+  ASSERT_EQ(chart["rows"].size(), 4U);
+  EXPECT_EQ(chart["unconverged_instants"], 0);
+  for (const json& row : chart["rows"]) {
+    ASSERT_EQ(run({"evaluate", "--method", row["method"], "--trace",
+                   folder_ + "/traces/small-" + row["pair"].get<std::string>() + ".csv.gz"}),
+              0)
+        << error_;
+    EXPECT_EQ(json::parse(out_)["rms_error_percent_after_1s"], row["rms_error_percent_after_1s"]);
+  }
+}
+
+TEST_F(ChartTwoTools, DelaysEveryAnswerByTheDelay) {
+  const std::vector<std::string> command{
+      "chart",   "two-tools", "--out",     folder_, "--cache",   cache_, "--scenes",    "small",
+      "--pairs", "stretch",   "--seconds", "1.5",   "--methods", "hold", "--goals-for", "hold"};
+  ASSERT_EQ(run(command), 0) << error_;
+  const json soon = json::parse(text_of(folder_ + "/two_tools.json"));
+  std::vector<std::string> delayed = command;
+  delayed.insert(delayed.end(), {"--delay-ms", "100"});
+  ASSERT_EQ(run(delayed), 0) << error_;
+  const json late = json::parse(text_of(folder_ + "/two_tools.json"));
+  // hold is wrong by what the force changes in a sample's age: 50 ms on average, or 150 ms.
+  EXPECT_GT(late["rows"][0]["rms_error_percent_after_1s"].get<double>(),
+            2.0 * soon["rows"][0]["rms_error_percent_after_1s"].get<double>());
+}
+
+TEST_F(ChartTwoTools, RefusesWhatItDoesNotKnow) {
+  const auto refused = [this](const std::string& flag, const std::string& value) {
+    EXPECT_NE(run({"chart", "two-tools", "--out", folder_, "--cache", cache_, flag, value}), 0);
+    return error_ + out_;
+  };
+  EXPECT_THAT(refused("--pairs", "waltz"), HasSubstr("hold_chirp"));
+  EXPECT_THAT(refused("--scenes", "nowhere"), HasSubstr("'nowhere' is not in the chart"));
+  EXPECT_THAT(refused("--methods", "kriging-7d"), HasSubstr("known methods: auto-6d"));
+  EXPECT_THAT(refused("--seconds", "0.5"), HasSubstr("--seconds"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "/traces"));
+}
+
+}  // namespace
+}  // namespace forcegrid
