@@ -27,6 +27,7 @@ void PairField::clear() noexcept {
   transient_ = kNone;
   takes_since_factorisation_ = 0;
   stage_ = Stage::kReady;
+  fit_due_ = false;
   factor_stale_ = false;
   factor_.clear();
   lanes_used_ = 0;
@@ -45,24 +46,20 @@ bool PairField::prepare() noexcept {
       return false;
     case Stage::kPredict:
       predict();
-      stage_ = Stage::kSettle;
+      stage_ = Stage::kChange;
       return true;
-    case Stage::kSettle:
+    case Stage::kChange:
       settle_transient();
-      stage_ = Stage::kMakeRoom;
-      return true;
-    case Stage::kMakeRoom:
       make_room();
-      stage_ = Stage::kAppend;
-      return true;
-    case Stage::kAppend:
       append_new();
       return true;
     case Stage::kRefactor:
       for (int n = 0; n < kAppendsAPiece && block_count_ < sample_count_; ++n) {
         append(blocks_[static_cast<std::size_t>(block_count_)]);
       }
-      stage_ = block_count_ < sample_count_ ? Stage::kRefactor : Stage::kFit;
+      if (block_count_ == sample_count_) {
+        end_change();
+      }
       return true;
     case Stage::kFit:
       fit();
@@ -172,7 +169,19 @@ void PairField::append_new() noexcept {
     return;
   }
   append(slot);
-  stage_ = Stage::kFit;
+  end_change();
+}
+
+void PairField::end_change() noexcept {
+  fit_due_ = true;
+  stage_ = reads_expected_ ? Stage::kFit : Stage::kReady;
+}
+
+void PairField::expect_reads(bool expected) noexcept {
+  reads_expected_ = expected;
+  if (expected && fit_due_ && stage_ == Stage::kReady) {
+    stage_ = Stage::kFit;
+  }
 }
 
 // The next rows of the factor; `slot` stands in blocks_ already.
@@ -213,6 +222,7 @@ void PairField::begin_factor() noexcept {
 
 // Solves for the weights, and for the sums that do not depend on where the field is read.
 void PairField::fit() noexcept {
+  fit_due_ = false;
   factor_.weights(alpha_.data());
   Matrix6 moment = Matrix6::Zero();
   PairVector sum = PairVector::Zero();

@@ -63,11 +63,15 @@ class PairField {
   /// @param positions_m relative to where the tools touched. @param forces_N on the tools.
   void begin(const PairVector& positions_m, const PairVector& forces_N) noexcept;
 
-  /// Does the next piece: one solve for six right-hand sides, the removal of one sample's rows, the
-  /// appending of at most kAppendsAPiece, or the weights. At most five pieces, and after a surprise
-  /// those of a whole factorisation. @returns false if nothing was left.
+  /// Does the next piece: the prediction; the change of the dictionary, that is the removal of up
+  /// to two samples and the appending of one; or the weights. After a surprise also those of a
+  /// whole factorisation, kAppendsAPiece samples each. @returns false if nothing was left.
   bool prepare() noexcept;
   bool ready() const noexcept { return stage_ == Stage::kReady; }
+
+  /// Whether anybody will call read(). As long as nobody does, the weights are put off; call this
+  /// with true, and prepare(), before read() is called again.
+  void expect_reads(bool expected) noexcept;
 
   /// Of the sample that was taken last, once the field is ready().
   const PairInnovation& innovation() const noexcept { return innovation_; }
@@ -94,15 +98,7 @@ class PairField {
   static_assert(kStride % kPairLanes == 0);
   using Factor = kriging::GrowingCholesky<kMaxRows>;
 
-  enum class Stage : std::uint8_t {
-    kReady,
-    kPredict,
-    kSettle,
-    kMakeRoom,
-    kAppend,
-    kRefactor,
-    kFit
-  };
+  enum class Stage : std::uint8_t { kReady, kPredict, kChange, kRefactor, kFit };
 
   /// A slot of the dictionary, as kriging/dictionary_rules.h expects it.
   struct Stored {
@@ -123,6 +119,7 @@ class PairField {
   void settle_transient() noexcept;
   void make_room() noexcept;
   void append_new() noexcept;
+  void end_change() noexcept;
   void append(int slot) noexcept;
   void remove(int slot) noexcept;
   void begin_factor() noexcept;
@@ -137,6 +134,8 @@ class PairField {
   int takes_since_factorisation_ = 0;
 
   Stage stage_ = Stage::kReady;
+  bool reads_expected_ = true;
+  bool fit_due_ = false;  ///< the weights are not of the dictionary
   PairVector new_position_m_ = PairVector::Zero();
   PairVector new_force_N_ = PairVector::Zero();
   bool factor_stale_ = false;  ///< samples' noise has changed: the factor must be made anew

@@ -20,6 +20,7 @@ PairKrigingMethod::PairKrigingMethod(const char* name,
   for (const pair::PairFieldSettings& settings : candidates) {
     fields_.emplace_back(settings);
   }
+  render_first();
 }
 
 std::size_t PairKrigingMethod::memory_bytes() const noexcept {
@@ -49,7 +50,7 @@ void PairKrigingMethod::contacts_made(std::uint32_t /*epoch*/,
     field.clear();
   }
   std::fill(scores_N2_.begin(), scores_N2_.end(), kNoScore);
-  rendered_ = 0;
+  render_first();
   next_ = queued_;
   taking_ = false;
   left_N_.setZero();
@@ -77,11 +78,15 @@ int PairKrigingMethod::piece() noexcept {
   for (pair::PairField& field : fields_) {
     if (!field.ready()) {
       field.prepare();
-      return 1 + field.row_count() * field.row_count() / 2;
+      return 1 + field.row_count() * field.row_count() / 8;
     }
   }
   if (taking_) {
     finish_sample();
+    return 1;
+  }
+  if (chosen_ != rendered_) {
+    hand_over();
     return 1;
   }
   if (next_ == queued_ || !in_contact_) {
@@ -109,16 +114,27 @@ void PairKrigingMethod::finish_sample() noexcept {
   const auto best = static_cast<std::size_t>(
       std::min_element(scores_N2_.begin(), scores_N2_.end()) - scores_N2_.begin());
   if (best != rendered_ && scores_N2_[best] < kBetter * scores_N2_[rendered_]) {
-    render(best);
+    chosen_ = best;
+    fields_[best].expect_reads(true);
   }
 }
 
-void PairKrigingMethod::render(std::size_t candidate) noexcept {
+// The chosen candidate can be read.
+void PairKrigingMethod::hand_over() noexcept {
   const PairVector before_N = fields_[rendered_].read(now_m_).forces_N + fading_N(now_s_);
-  left_N_ = before_N - fields_[candidate].read(now_m_).forces_N;
+  left_N_ = before_N - fields_[chosen_].read(now_m_).forces_N;
   changed_s_ = now_s_;
-  rendered_ = candidate;
+  fields_[rendered_].expect_reads(false);
+  rendered_ = chosen_;
   ++counters_[1].value;
+}
+
+// Only the rendered field needs its weights.
+void PairKrigingMethod::render_first() noexcept {
+  rendered_ = chosen_ = 0;
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    fields_[i].expect_reads(i == rendered_);
+  }
 }
 
 PairVector PairKrigingMethod::fading_N(double time_s) const noexcept {

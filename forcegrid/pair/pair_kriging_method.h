@@ -67,13 +67,15 @@ class PairKrigingMethod final : public PairForceMethod {
 
   int piece() noexcept;
   void finish_sample() noexcept;
-  void render(std::size_t candidate) noexcept;
+  void hand_over() noexcept;
+  void render_first() noexcept;
   PairVector fading_N(double time_s) const noexcept;
 
   const char* name_;
   std::vector<pair::PairField> fields_;
   std::vector<double> scores_N2_;  ///< of each; negative: no prediction yet
   std::size_t rendered_ = 0;
+  std::size_t chosen_ = 0;  ///< to be rendered as soon as it can be read
 
   std::array<Queued, kQueue> queue_{};
   std::uint64_t queued_ = 0;  ///< samples ever queued
