@@ -51,7 +51,8 @@ void write_table(const fs::path& file, const PairChart& chart) {
   TextWriter out(file.string());
   std::string header = "scene,pair,method,coupled";
   for (const auto& [name, value] : figures_of({})) {
-    header += std::string(",") + name;
+    header += ',';
+    header += name;
   }
   out.write(header + "\n");
   for (const PairChartRow& row : chart.rows) {
@@ -59,7 +60,8 @@ void write_table(const fs::path& file, const PairChart& chart) {
     std::replace(method.begin(), method.end(), ',', ' ');
     std::string line = row.scene + "," + row.pair + "," + method + (row.coupled ? ",1" : ",0");
     for (const auto& [name, value] : figures_of(row)) {
-      line += "," + number(value);
+      line += ',';
+      line += number(value);
     }
     out.write(line + "\n");
   }
@@ -131,19 +133,25 @@ std::string page_of(const PairChart& chart, const std::string& scene) {
     text += "| `" + method + "` |";
     for (const std::string& pair : pairs) {
       const PairChartRow* const row = find(chart, scene, pair, method);
-      text +=
-          " " + (row == nullptr ? "" : readable(row->verdict.together.after_1s.rms_percent)) + " |";
+      text += ' ';
+      text += row == nullptr ? "" : readable(row->verdict.together.after_1s.rms_percent);
+      text += " |";
     }
     const auto most = [&](const auto& figure) {
       return readable(largest(chart, scene, method, figure));
     };
-    text += " " + readable(geometric_mean_percent(chart, scene, method)) + " | " +
-            most([](const PairChartRow& row) { return row.query_reads(); }) + " | " +
-            most([](const PairChartRow& row) { return row.verdict.sample_us_median; }) + " | " +
-            most([](const PairChartRow& row) {
-              return 1e-6 * static_cast<double>(row.verdict.memory_bytes);
-            }) +
-            " |\n";
+    for (const std::string& figure :
+         {readable(geometric_mean_percent(chart, scene, method)),
+          most([](const PairChartRow& row) { return row.query_reads(); }),
+          most([](const PairChartRow& row) { return row.verdict.sample_us_median; }),
+          most([](const PairChartRow& row) {
+            return 1e-6 * static_cast<double>(row.verdict.memory_bytes);
+          })}) {
+      text += ' ';
+      text += figure;
+      text += " |";
+    }
+    text += '\n';
   }
   return text;
 }

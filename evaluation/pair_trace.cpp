@@ -251,7 +251,8 @@ void write_pair_trace(const std::string& file, const PairTrace& trace) {
     TextWriter writer(file);
     std::string header;
     for (const std::string_view name : kNames) {
-      header += (header.empty() ? "" : ",") + std::string(name);
+      header += header.empty() ? "" : ",";
+      header += name;
     }
     writer.write(header + "\n");
     TraceRow text(kColumnCount);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/charts/chart_two_tools_command.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "cli/common/number_check.h"
@@ -10,11 +11,20 @@
 #include "evaluation/pair_motions.h"
 #include "forcegrid/methods.h"
 #include "forcegrid/pair_methods.h"
+#include "stability/pair_limits.h"
 
 namespace forcegrid::cli {
 namespace {
 
 constexpr double kQuickSeconds = 5.0;
+constexpr double kLeastLimit = 0.95;  // goal: of the stiffness that exact rendering has
+constexpr char kErrors[] = "errors";
+constexpr char kStability[] = "stability";
+
+bool has(const ChartTwoToolsOptions& asked, const std::string& part) {
+  return asked.parts.empty() ||
+         std::find(asked.parts.begin(), asked.parts.end(), part) != asked.parts.end();
+}
 
 void print_means(const evaluation::PairChart& chart) {
   std::printf("Error after 1 s, geometric mean over the pairs of motions:\n");
@@ -63,14 +73,52 @@ evaluation::PairChartOptions options_of(const ChartTwoToolsOptions& asked, Progr
   return options;
 }
 
+void chart_errors(const evaluation::PairChartOptions& options, ProgressLine& line) {
+  const evaluation::PairChart chart =
+      resumable([&options] { return evaluation::make_pair_chart(options); });
+  const auto files = evaluation::write_pair_chart(chart, options);
+  line.clear();
+  print_means(chart);
+  print_numbers(chart, options.goals_for);
+  std::printf("%zu rows; open %s; the traces are in %s\n", chart.rows.size(), files.back().c_str(),
+              (options.out / "traces").c_str());
+}
+
+void chart_stability(const evaluation::PairChartOptions& options, bool quick, ProgressLine& line) {
+  stability::PairLimitOptions limits;
+  limits.methods =
+      options.methods.empty() ? evaluation::default_pair_chart_methods() : options.methods;
+  if (std::find(limits.methods.begin(), limits.methods.end(), options.goals_for) ==
+      limits.methods.end()) {
+    limits.methods.push_back(options.goals_for);
+  }
+  limits.quick = quick;
+  limits.jobs = options.jobs;
+  limits.cancel = options.cancel;
+  limits.progress = [&options](double done, double remaining_s) {
+    options.progress("Searching for stiffness limits", done, remaining_s);
+  };
+  const auto rows = resumable([&limits] { return stability::pair_limits(limits); });
+  const auto files = stability::write_pair_limits(options.out, rows);
+  line.clear();
+  std::printf("Largest stable stiffness relative to exact rendering, least of all loops:\n");
+  for (const std::string& method : limits.methods) {
+    std::printf("  %-24s %9.3g\n", method.c_str(), stability::least_relative_limit(rows, method));
+  }
+  const double least = stability::least_relative_limit(rows, options.goals_for);
+  std::printf("Goal, method %s: at least %g, %s\n%zu rows; open %s\n", options.goals_for.c_str(),
+              kLeastLimit, evaluation::goal_verdict(least, kLeastLimit, true).words.c_str(),
+              rows.size(), files.back().c_str());
+}
+
 }  // namespace
 
 void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& o, std::function<int()>& action) {
   Command& command = chart.add_subcommand(
-      "two-tools", "Errors and costs of force methods for two tools on one object");
+      "two-tools", "Errors, costs and stability of force methods for two tools on one object");
   add_chart_choice(command, o,
-                   {.quick = "The small block alone, motions of 5 s",
-                    .jobs = "Threads that solve traces",
+                   {.quick = "The small block alone, motions of 5 s, one hand and servo rate",
+                    .jobs = "Threads that solve traces and search limits",
                     .cached = "solved traces",
                     .seed = "Of random motions"});
   command
@@ -90,6 +138,13 @@ void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& o, std::function<
                       "). Over both tools: " + joined(pair_method_names()) +
                       "; one for each tool: " + joined(method_names()))
       ->separated_by(';');
+  command
+      .add_option(
+          "--parts", o.parts,
+          "Parts of the chart (default all): errors on traces, stability in the closed loop "
+          "of two hands")
+      ->separated_by(',')
+      ->check(one_of({kErrors, kStability}));
   command.add_option("--goals-for", o.goals_for,
                      "Method that is held against the goals (default auto-6d)");
   command.add_option("--seconds", o.seconds, "Length of each trace")
@@ -108,14 +163,12 @@ void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& o, std::function<
 int chart_two_tools_command(const ChartTwoToolsOptions& asked) {
   ProgressLine line;
   const evaluation::PairChartOptions options = options_of(asked, line);
-  const evaluation::PairChart chart =
-      resumable([&options] { return evaluation::make_pair_chart(options); });
-  const auto files = evaluation::write_pair_chart(chart, options);
-  line.clear();
-  print_means(chart);
-  print_numbers(chart, options.goals_for);
-  std::printf("%zu rows; open %s; the traces are in %s\n", chart.rows.size(), files.back().c_str(),
-              (options.out / "traces").c_str());
+  if (has(asked, kErrors)) {
+    chart_errors(options, line);
+  }
+  if (has(asked, kStability)) {
+    chart_stability(options, asked.quick, line);
+  }
   return 0;
 }
 

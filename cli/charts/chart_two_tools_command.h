@@ -15,6 +15,7 @@ struct ChartTwoToolsOptions : ChartChoice {
   std::vector<std::string> scenes;
   std::vector<std::string> pairs;
   std::vector<std::string> methods;
+  std::vector<std::string> parts;  ///< errors, stability
   std::string goals_for;
   double seconds = 10.0;
   double delay_ms = 0.0;
@@ -24,8 +25,9 @@ struct ChartTwoToolsOptions : ChartChoice {
 void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& options,
                          std::function<int()>& action);
 
-/// Solves two tools on one object, writes the traces, and evaluates methods on them; see
-/// docs/two_tools.md. Result and errors are those of chart_accuracy_command().
+/// Solves two tools on one object, writes the traces, evaluates methods on them, and searches for
+/// the largest stable stiffness in the closed loop of two hands; see docs/two_tools.md. Result and
+/// errors are those of chart_accuracy_command().
 int chart_two_tools_command(const ChartTwoToolsOptions& asked);
 
 }  // namespace forcegrid::cli

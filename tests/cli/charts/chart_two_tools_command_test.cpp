@@ -41,8 +41,8 @@ class ChartTwoTools : public ::testing::Test {
 
 TEST_F(ChartTwoTools, WritesTracesThatEvaluateReadsWithTheSameErrors) {
   ASSERT_EQ(run({"chart", "two-tools", "--out", folder_, "--cache", cache_, "--scenes", "small",
-                 "--pairs", "hold_chirp,stretch", "--seconds", "1.5", "--methods",
-                 "hold;kriging-6d samples=8", "--goals-for", "kriging-6d samples=8"}),
+                 "--pairs", "hold_chirp,stretch", "--seconds", "1.5", "--parts", "errors",
+                 "--methods", "hold;kriging-6d samples=8", "--goals-for", "kriging-6d samples=8"}),
             0)
       << error_;
   EXPECT_THAT(out_, HasSubstr("Goals, method kriging-6d samples=8"));
@@ -61,8 +61,9 @@ TEST_F(ChartTwoTools, WritesTracesThatEvaluateReadsWithTheSameErrors) {
 
 TEST_F(ChartTwoTools, DelaysEveryAnswerByTheDelay) {
   const std::vector<std::string> command{
-      "chart",   "two-tools", "--out",     folder_, "--cache",   cache_, "--scenes",    "small",
-      "--pairs", "stretch",   "--seconds", "1.5",   "--methods", "hold", "--goals-for", "hold"};
+      "chart",    "two-tools", "--out",     folder_,   "--cache",     cache_,
+      "--scenes", "small",     "--pairs",   "stretch", "--seconds",   "1.5",
+      "--parts",  "errors",    "--methods", "hold",    "--goals-for", "hold"};
   ASSERT_EQ(run(command), 0) << error_;
   const json soon = json::parse(text_of(folder_ + "/two_tools.json"));
   std::vector<std::string> delayed = command;
@@ -74,6 +75,17 @@ TEST_F(ChartTwoTools, DelaysEveryAnswerByTheDelay) {
             2.0 * soon["rows"][0]["rms_error_percent_after_1s"].get<double>());
 }
 
+TEST_F(ChartTwoTools, SearchesTheStiffnessLimitsOfTwoHands) {
+  ASSERT_EQ(run({"chart", "two-tools", "--out", folder_, "--cache", cache_, "--quick", "--parts",
+                 "stability", "--methods", "hold;kriging-6d", "--goals-for", "kriging-6d"}),
+            0)
+      << error_;
+  EXPECT_THAT(out_, HasSubstr("Goal, method kriging-6d: at least 0.95, met"));
+  EXPECT_THAT(text_of(folder_ + "/stability.md"),
+              HasSubstr("| hand | servo | tools | network | `exact` | `hold` | `kriging-6d` |"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "/two_tools.md"));
+}
+
 TEST_F(ChartTwoTools, RefusesWhatItDoesNotKnow) {
   const auto refused = [this](const std::string& flag, const std::string& value) {
     EXPECT_NE(run({"chart", "two-tools", "--out", folder_, "--cache", cache_, flag, value}), 0);
@@ -82,6 +94,7 @@ TEST_F(ChartTwoTools, RefusesWhatItDoesNotKnow) {
   EXPECT_THAT(refused("--pairs", "waltz"), HasSubstr("hold_chirp"));
   EXPECT_THAT(refused("--scenes", "nowhere"), HasSubstr("'nowhere' is not in the chart"));
   EXPECT_THAT(refused("--methods", "kriging-7d"), HasSubstr("known methods: auto-6d"));
+  EXPECT_THAT(refused("--parts", "cost"), HasSubstr("stability"));
   EXPECT_THAT(refused("--seconds", "0.5"), HasSubstr("--seconds"));
   EXPECT_FALSE(std::filesystem::exists(folder_ + "/traces"));
 }

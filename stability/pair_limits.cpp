@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "stability/pair_limits.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "evaluation/force_table.h"
+#include "evaluation/page_text.h"
+#include "evaluation/text_file.h"
+#include "evaluation/trace_workspace.h"
+#include "forcegrid/method_variant.h"
+#include "forcegrid/pair_methods.h"
+#include "rt/parallel_jobs.h"
+
+namespace forcegrid::stability {
+namespace {
+
+namespace fs = std::filesystem;
+
+const PairNetwork& network_of(const std::string& name) {
+  const auto& all = pair_networks();
+  return *std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.name == name; });
+}
+
+PairMethodMaker maker_of(const std::string& method) {
+  if (method == kExactPair) {
+    return [] { return nullptr; };
+  }
+  MethodOptions base;
+  base.grid = evaluation::default_trace_workspace();  // holds both hands' workspaces
+  const MethodVariant variant = parse_pair_variant(method, base);
+  return [variant] { return make_pair_force_method(variant.name, variant.options); };
+}
+
+PairLoopSetup setup_of(const PairLimitCell& cell) {
+  const PairNetwork& network = network_of(cell.network);
+  PairLoopSetup setup;
+  setup.hand = hand_of(cell.hand);
+  setup.servo_rate_Hz = cell.servo_rate_Hz;
+  setup.timing = device_timing("ideal");
+  setup.together = cell.together;
+  setup.delay_s = network.delay_s;
+  setup.other_age_s = network.other_age_s;
+  return setup;
+}
+
+std::vector<PairLimitCell> cells_of(const PairLimitOptions& options) {
+  std::vector<std::string> methods{kExactPair};
+  methods.insert(methods.end(), options.methods.begin(), options.methods.end());
+  std::vector<PairLimitCell> cells;
+  const auto add = [&](const PairLimitCell& loop) {
+    for (const std::string& method : methods) {
+      cells.push_back(loop);
+      cells.back().method = method;
+    }
+  };
+  for (const char* const hand : {"light", "firm"}) {
+    for (const double rate_Hz : {500.0, 1000.0}) {
+      if (options.quick && (hand != std::string("light") || rate_Hz > 500.0)) {
+        continue;
+      }
+      add({.hand = hand, .servo_rate_Hz = rate_Hz, .together = false});
+      for (const PairNetwork& network : pair_networks()) {
+        add({.hand = hand, .servo_rate_Hz = rate_Hz, .network = network.name});
+      }
+    }
+  }
+  return cells;
+}
+
+PairLimitRow searched(const PairLimitCell& cell, rt::Job& job) {
+  const PairLoopSetup setup = setup_of(cell);
+  const PairMethodMaker maker = maker_of(cell.method);
+  PairLimitRow row{cell, {}, 0.0, std::nan("")};
+  row.limit = find_limit([&](double stiffness_N_per_m) {
+    return job.stopping() ? Behaviour::kDivergence
+                          : run_pair_loop(setup, stiffness_N_per_m, maker).behaviour;
+  });
+  const PairLoopResult at = run_pair_loop(setup, kErrorAt_N_per_m, maker);
+  if (at.behaviour == Behaviour::kStable) {
+    row.force_error_percent = at.force_error_percent;
+  }
+  return row;
+}
+
+bool same_loop(const PairLimitCell& a, const PairLimitCell& b) {
+  return a.hand == b.hand && a.servo_rate_Hz == b.servo_rate_Hz && a.together == b.together &&
+         a.network == b.network;
+}
+
+double scanned_N_per_m(const StiffnessLimit& limit) {
+  return limit.beyond_scan ? StiffnessScan::kMost_N_per_m : limit.largest_stable_N_per_m;
+}
+
+void add_ratios(std::vector<PairLimitRow>& rows) {
+  for (PairLimitRow& row : rows) {
+    const auto exact = std::find_if(rows.begin(), rows.end(), [&](const PairLimitRow& other) {
+      return other.cell.method == kExactPair && same_loop(other.cell, row.cell);
+    });
+    row.relative_to_exact = scanned_N_per_m(row.limit) / scanned_N_per_m(exact->limit);
+  }
+}
+
+std::string limit_text(const PairLimitRow& row) {
+  std::string text = row.limit.beyond_scan ? "above " : "";
+  text += evaluation::readable(scanned_N_per_m(row.limit));
+  text += " (" + evaluation::readable(row.relative_to_exact) + ")";
+  return text;
+}
+
+void write_table(const fs::path& file, const std::vector<PairLimitRow>& rows) {
+  evaluation::TextWriter out(file.string());
+  out.write(
+      "method,servo_rate_Hz,together,largest_stable_N_per_m,beyond_scan,relative_to_exact,"
+      "force_error_percent_at_200_N_per_m,hand,network,failure\n");
+  for (const PairLimitRow& row : rows) {
+    std::string line = row.cell.method;
+    std::replace(line.begin(), line.end(), ',', ' ');
+    for (const double figure :
+         {row.cell.servo_rate_Hz, row.cell.together ? 1.0 : 0.0, scanned_N_per_m(row.limit),
+          row.limit.beyond_scan ? 1.0 : 0.0, row.relative_to_exact, row.force_error_percent}) {
+      line += ',';
+      line += evaluation::number(figure);
+    }
+    for (const std::string& word :
+         {row.cell.hand, row.cell.network, std::string(to_string(row.limit.failure))}) {
+      line += ',';
+      line += word;
+    }
+    out.write(line + "\n");
+  }
+  out.finish();
+}
+
+void write_page(const fs::path& file, const std::vector<PairLimitRow>& rows) {
+  std::string text =
+      "# Two hands on one object: up to which stiffness?\n\nLargest stable stiffness [N/m], and in "
+      "brackets relative to exact rendering in the same loop.\n\n| hand | servo | tools | network "
+      "|";
+  std::string rule = "|---|---|---|---|";
+  std::size_t methods = 0;
+  while (methods < rows.size() && same_loop(rows[methods].cell, rows.front().cell)) {
+    text += " `" + rows[methods++].cell.method + "` |";
+    rule += "---|";
+  }
+  text += "\n" + rule + "\n";
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const PairLimitCell& cell = rows[i].cell;
+    if (i % methods == 0) {
+      text += "| " + cell.hand + " | " + evaluation::readable(cell.servo_rate_Hz) + " Hz | " +
+              (cell.together ? "both" : "one") + " | " + cell.network + " |";
+    }
+    text += ' ';
+    text += limit_text(rows[i]);
+    text += i % methods + 1 == methods ? " |\n" : " |";
+  }
+  evaluation::write_file(file, text);
+}
+
+}  // namespace
+
+const std::vector<PairNetwork>& pair_networks() {
+  static const std::vector<PairNetwork> all{
+      {"local", "both in one process", {0.0, 0.0}, 0.0},
+      {"late", "the right side's answers come 100 ms later", {0.0, 0.1}, 0.0},
+      {"apart", "that, and each knows the other's position of 50 ms ago", {0.0, 0.1}, 0.05}};
+  return all;
+}
+
+std::vector<PairLimitRow> pair_limits(const PairLimitOptions& options) {
+  for (const std::string& method : options.methods) {
+    maker_of(method)();  // refuses before anything is searched
+  }
+  const std::vector<PairLimitCell> cells = cells_of(options);
+  std::vector<PairLimitRow> rows(cells.size());
+  rt::JobOptions jobs{.threads = options.jobs};
+  jobs.progress = options.progress;
+  jobs.cancel = options.cancel;
+  const bool finished = rt::run_jobs(cells.size(), jobs, [&](rt::Job& job) {
+    rows[job.number()] = searched(cells[job.number()], job);
+    return !job.stopping();
+  });
+  if (!finished) {
+    throw evaluation::Stopped();
+  }
+  add_ratios(rows);
+  return rows;
+}
+
+double least_relative_limit(const std::vector<PairLimitRow>& rows, const std::string& method) {
+  double least = std::nan("");
+  for (const PairLimitRow& row : rows) {
+    if (row.cell.method == method && !(row.relative_to_exact >= least)) {
+      least = row.relative_to_exact;
+    }
+  }
+  return least;
+}
+
+std::vector<fs::path> write_pair_limits(const fs::path& folder,
+                                        const std::vector<PairLimitRow>& rows) {
+  if (rows.empty()) {
+    throw std::invalid_argument("stability of two hands: no row to write");
+  }
+  const std::vector<fs::path> files{folder / "stability.csv", folder / "stability.md"};
+  write_table(files[0], rows);
+  write_page(files[1], rows);
+  return files;
+}
+
+}  // namespace forcegrid::stability

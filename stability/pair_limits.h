@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "stability/pair_loop.h"
+#include "stability/search.h"
+
+namespace forcegrid::stability {
+
+/// How far the two sides are from the simulator and from each other.
+struct PairNetwork {
+  std::string name;
+  std::string description;
+  std::array<double, 2> delay_s{0.0, 0.0};  ///< see PairLoopSetup
+  double other_age_s = 0.0;
+};
+
+/// local: both in one process. late: the right side's answers come 100 ms later. apart: that, and
+/// each side knows where the other's tool was 50 ms ago.
+const std::vector<PairNetwork>& pair_networks();
+
+/// One search for the largest stable stiffness.
+struct PairLimitCell {
+  std::string hand;
+  double servo_rate_Hz = 500.0;
+  bool together = true;
+  std::string network = "local";
+  std::string method = {};  ///< as parse_pair_variant() takes it, or kExactPair
+};
+
+/// The object's exact forces in every cycle.
+inline constexpr char kExactPair[] = "exact";
+
+struct PairLimitRow {
+  PairLimitCell cell;
+  StiffnessLimit limit;
+  /// Of the largest stable stiffness to that of exact rendering in the same loop; both count as the
+  /// scan's most where they are beyond it.
+  double relative_to_exact = 0.0;
+  double force_error_percent = 0.0;  ///< at kErrorAt_N_per_m; NaN if that is unstable
+};
+inline constexpr double kErrorAt_N_per_m = 200.0;
+
+struct PairLimitOptions {
+  std::vector<std::string> methods;  ///< exact rendering is always measured, and comes first
+  bool quick = false;                ///< the light hand at 500 Hz alone
+  unsigned jobs = 0;                 ///< threads; 0: one per processor
+  const std::atomic<bool>* cancel = nullptr;
+  std::function<void(double done, double remaining_s)> progress;
+};
+
+/// Searches every cell: hands light and firm, 500 and 1000 Hz, each tool alone and both together on
+/// the local network, and together on the others. In the order of the loops, methods innermost.
+/// @throws std::invalid_argument for a method that can't be made; evaluation::Stopped.
+std::vector<PairLimitRow> pair_limits(const PairLimitOptions& options);
+
+/// The smallest PairLimitRow::relative_to_exact of a method; NaN without rows.
+double least_relative_limit(const std::vector<PairLimitRow>& rows, const std::string& method);
+
+/// Writes stability.csv (a row for each cell) and stability.md (a line for each loop).
+/// @returns the files. @throws evaluation::FileError.
+std::vector<std::filesystem::path> write_pair_limits(const std::filesystem::path& folder,
+                                                     const std::vector<PairLimitRow>& rows);
+
+}  // namespace forcegrid::stability
