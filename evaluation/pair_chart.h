@@ -23,6 +23,7 @@ struct PairChartOptions {
   std::string goals_for = "auto-6d";
   double seconds = 10.0;
   double delay_s = 0.0;  ///< see PairTraceOptions
+  double noise_N = 0.0;  ///< likewise
   std::uint64_t seed = 1;
   unsigned jobs = 0;  ///< threads that solve traces; 0: one per processor
   const std::atomic<bool>* cancel = nullptr;

@@ -72,6 +72,7 @@ nlohmann::ordered_json json_of(const PairChart& chart, const PairChartOptions& o
   using nlohmann::ordered_json;
   ordered_json json{{"seconds", options.seconds},
                     {"delay_s", options.delay_s},
+                    {"noise_N", options.noise_N},
                     {"seed", options.seed},
                     {"goals_for", options.goals_for},
                     {"unconverged_instants", chart.unconverged},

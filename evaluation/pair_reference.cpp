@@ -29,6 +29,9 @@ void check(const PairTraceOptions& options) {
   if (!(options.delay_s >= 0.0 && options.delay_s <= 1.0)) {
     refuse("the delay must be 0 to 1 s, got " + std::to_string(options.delay_s));
   }
+  if (!(options.noise_N >= 0.0 && options.noise_N <= 1.0)) {
+    refuse("the noise must be 0 to 1 N, got " + std::to_string(options.noise_N));
+  }
 }
 
 std::string key_of(const simulator::SpringMesh& mesh, const PairMotion& motion,
@@ -105,7 +108,8 @@ void solve(const simulator::SpringMesh& mesh, const PairMotion& motion,
   }
 }
 
-void add_samples(const PairTraceOptions& options, PairTrace& trace) {
+void add_samples(const PairTraceOptions& options, std::uint64_t seed, PairTrace& trace) {
+  SeededNumbers numbers(seed);
   trace.contacts = {{trace.servo.front().time_s, PairMotion::contact_points_W(), {}}};
   std::size_t at = 0;
   for (std::size_t tick = 0;; ++tick) {
@@ -120,6 +124,9 @@ void add_samples(const PairTraceOptions& options, PairTrace& trace) {
     row.sample.time_s = trace.servo[at].time_s;
     row.sample.positions_W = trace.servo[at].positions_W;
     row.sample.forces_W = trace.servo[at].forces_W;
+    for (double& force_N : row.sample.forces_W) {
+      force_N += options.noise_N * numbers.normal();
+    }
     row.delivered_s = tick_s + 1.0 / options.simulator_rate_Hz + options.delay_s;
     trace.samples.push_back(row);
   }
@@ -147,7 +154,7 @@ PairReference make_pair_trace(const simulator::SpringMesh& mesh, const PairMotio
     }
   }
   reference.trace.samples.clear();
-  add_samples(options, reference.trace);
+  add_samples(options, seed, reference.trace);
   return reference;
 }
 

@@ -19,8 +19,9 @@ struct PairTraceOptions {
   double seconds = 10.0;         ///< above 1, at most PairMotion::kLongest_s
   double servo_rate_Hz = 500.0;  ///< of the reference forces
   double simulator_rate_Hz = 30.0;
-  double delay_s = 0.0;              ///< of an answer beyond the simulator's own period
-  double patch_radius_m = 0.012;     ///< of each tool's grip
+  double delay_s = 0.0;           ///< of an answer beyond the simulator's own period
+  double noise_N = 0.0;           ///< standard deviation of white noise on each force of a sample
+  double patch_radius_m = 0.012;  ///< of each tool's grip
   double relative_tolerance = 1e-6;  ///< of the solver, in double precision
   /// Folder in which the forces are kept and found again; made if it isn't there. Empty: none.
   std::filesystem::path cache;

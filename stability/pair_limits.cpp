@@ -168,6 +168,12 @@ const std::vector<PairNetwork>& pair_networks() {
   return all;
 }
 
+const std::vector<std::string>& default_pair_limit_methods() {
+  static const std::vector<std::string> all{"hold",         "rls",        "kriging",
+                                            "forcegrid-6d", "kriging-6d", "auto-6d"};
+  return all;
+}
+
 std::vector<PairLimitRow> pair_limits(const PairLimitOptions& options) {
   for (const std::string& method : options.methods) {
     maker_of(method)();  // refuses before anything is searched

@@ -47,6 +47,10 @@ struct PairLimitRow {
 };
 inline constexpr double kErrorAt_N_per_m = 200.0;
 
+/// Methods that are searched without being asked. Uncoupled `auto` is not one of them: it takes as
+/// long as all others together.
+const std::vector<std::string>& default_pair_limit_methods();
+
 struct PairLimitOptions {
   std::vector<std::string> methods;  ///< exact rendering is always measured, and comes first
   bool quick = false;                ///< the light hand at 500 Hz alone

@@ -70,6 +70,7 @@ evaluation::PairChartOptions options_of(const ChartTwoToolsOptions& asked, Progr
   }
   options.seconds = asked.quick ? kQuickSeconds : asked.seconds;
   options.delay_s = 1e-3 * asked.delay_ms;
+  options.noise_N = 1e-3 * asked.noise_mN;
   return options;
 }
 
@@ -87,7 +88,7 @@ void chart_errors(const evaluation::PairChartOptions& options, ProgressLine& lin
 void chart_stability(const evaluation::PairChartOptions& options, bool quick, ProgressLine& line) {
   stability::PairLimitOptions limits;
   limits.methods =
-      options.methods.empty() ? evaluation::default_pair_chart_methods() : options.methods;
+      options.methods.empty() ? stability::default_pair_limit_methods() : options.methods;
   if (std::find(limits.methods.begin(), limits.methods.end(), options.goals_for) ==
       limits.methods.end()) {
     limits.methods.push_back(options.goals_for);
@@ -132,11 +133,13 @@ void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& o, std::function<
       ->separated_by(',')
       ->check(one_of(evaluation::pair_motion_names()));
   command
-      .add_option("--methods", o.methods,
-                  "Methods with changes to their options, separated by ';' (default: " +
-                      joined(evaluation::default_pair_chart_methods()) +
-                      "). Over both tools: " + joined(pair_method_names()) +
-                      "; one for each tool: " + joined(method_names()))
+      .add_option(
+          "--methods", o.methods,
+          "Methods with changes to their options, separated by ';' (default: " +
+              joined(evaluation::default_pair_chart_methods()) +
+              "; in the part stability: " + joined(stability::default_pair_limit_methods()) +
+              "). Over both tools: " + joined(pair_method_names()) +
+              "; one for each tool: " + joined(method_names()))
       ->separated_by(';');
   command
       .add_option(
@@ -156,6 +159,12 @@ void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& o, std::function<
                   "Delay of each answer beyond the simulator's own period of 33 ms")
       ->check(between(0.0, 1000.0))
       ->type_name("FLOAT ms")
+      ->show_default();
+  command
+      .add_option("--noise-mN", o.noise_mN,
+                  "Standard deviation of white noise on each force of a sample")
+      ->check(between(0.0, 1000.0))
+      ->type_name("FLOAT mN")
       ->show_default();
   command.callback([&o, &action] { action = [&o] { return chart_two_tools_command(o); }; });
 }

@@ -19,6 +19,7 @@ struct ChartTwoToolsOptions : ChartChoice {
   std::string goals_for;
   double seconds = 10.0;
   double delay_ms = 0.0;
+  double noise_mN = 0.0;
 };
 
 /// Adds the subcommand `two-tools` to `chart`.

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <string>
 
@@ -78,7 +79,7 @@ TEST_P(EveryPairMotion, HasTheForcesOfADenseNewtonMethod) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Pairs, EveryPairMotion, ::testing::ValuesIn(pair_motion_names()),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& each) { return each.param; });
 
 TEST(PairMotion, NamesTheKnownPairs) {
   try {
@@ -111,6 +112,30 @@ TEST(PairReference, SamplesAreOfTheTickAndArriveAPeriodAndTheDelayLater) {
   EXPECT_EQ(made.trace.contacts[0].points_W, PairMotion::contact_points_W());
 }
 
+TEST(PairReference, AddsSeededNoiseToSamplesAlone) {
+  PairTraceOptions options = short_trace();
+  options.servo_rate_Hz = 1000.0;
+  options.simulator_rate_Hz = 1000.0;
+  options.cache = std::filesystem::path(::testing::TempDir()) / "pair_reference_noise";
+  const PairMotion motion("hold_chirp");
+  const PairReference clean = make_pair_trace(little_block(), motion, options, 4);
+  options.noise_N = 0.05;
+  const PairReference noisy = make_pair_trace(little_block(), motion, options, 4);
+  EXPECT_TRUE(noisy.from_cache);
+  double squares_N2 = 0.0;
+  for (std::size_t i = 0; i < clean.trace.samples.size(); ++i) {
+    EXPECT_EQ(noisy.trace.servo[i].forces_W, clean.trace.servo[i].forces_W);
+    squares_N2 += (noisy.trace.samples[i].sample.forces_W - clean.trace.samples[i].sample.forces_W)
+                      .squaredNorm();
+  }
+  // 7,200 numbers: their RMS is within 5 standard deviations, 4 %, of what was asked for.
+  const double count = 6.0 * static_cast<double>(clean.trace.samples.size());
+  EXPECT_NEAR(std::sqrt(squares_N2 / count), 0.05, 5.0 * 0.05 / std::sqrt(2.0 * count));
+  const PairReference again = make_pair_trace(little_block(), motion, options, 4);
+  EXPECT_EQ(again.trace.samples[7].sample.forces_W, noisy.trace.samples[7].sample.forces_W);
+  std::filesystem::remove_all(options.cache);
+}
+
 TEST(PairReference, IsFoundAgainInTheCacheUnlessAnythingDiffers) {
   PairTraceOptions options = short_trace();
   options.cache = std::filesystem::path(::testing::TempDir()) / "pair_reference_cache";
@@ -137,6 +162,9 @@ TEST(PairReference, RefusesWhatItCannotMake) {
   EXPECT_THROW(make_pair_trace(little_block(), motion, options, 1), ChartError);
   options = short_trace();
   options.delay_s = -0.1;
+  EXPECT_THROW(make_pair_trace(little_block(), motion, options, 1), ChartError);
+  options = short_trace();
+  options.noise_N = 2.0;
   EXPECT_THROW(make_pair_trace(little_block(), motion, options, 1), ChartError);
   options = short_trace();
   options.servo_rate_Hz = 20.0;
