@@ -96,17 +96,6 @@ std::vector<Part> divide(std::size_t first, std::size_t end, const std::vector<s
   return parts;
 }
 
-// The solver, set so that it follows a path to convergence.
-SolverOptions solver_options(const ReferenceOptions& options) {
-  SolverOptions solver;
-  solver.relative_tolerance = options.relative_tolerance;
-  solver.max_step_m = options.max_step_m;
-  solver.max_steps = 1000;
-  solver.max_iterations = 2000;
-  solver.max_recovery_steps = 100;
-  return solver;
-}
-
 struct PartResult {
   std::size_t unconverged = 0;
   std::size_t branch_changes = 0;
@@ -178,6 +167,16 @@ void add_up(const std::vector<Part>& parts, const std::vector<PartResult>& resul
 
 }  // namespace
 
+SolverOptions reference_solver_options(const ReferenceOptions& options) {
+  SolverOptions solver;
+  solver.relative_tolerance = options.relative_tolerance;
+  solver.max_step_m = options.max_step_m;
+  solver.max_steps = 1000;
+  solver.max_iterations = 2000;
+  solver.max_recovery_steps = 100;
+  return solver;
+}
+
 ReferenceSolution simulate_reference(const std::vector<Eigen::Vector3d>& positions_W,
                                      const ReferenceOptions& options) {
   const Scene scene = make_scene(options.scene);
@@ -191,7 +190,7 @@ ReferenceSolution simulate_reference(const SpringMesh& mesh,
                                      const ReferenceOptions& options) {
   const rt::TimePoint start = rt::Clock::now();
   check(positions_W, options);
-  const SolverOptions solver = solver_options(options);
+  const SolverOptions solver = reference_solver_options(options);
   // Built here, so that a wrong mesh or option throws before any thread runs.
   const ElasticObject<double> first_object(mesh, solver);
   if (first_object.count_grabbable(options.contact_point_W, options.patch_radius_m) == 0) {

@@ -51,6 +51,9 @@ struct ReferenceSolution {
   nlohmann::json to_json() const;
 };
 
+/// The solver, set so that it follows a path to convergence.
+SolverOptions reference_solver_options(const ReferenceOptions& options);
+
 /// The reference force F_o: the force on the tool at every position of a recorded path, with the
 /// object in equilibrium to `relative_tolerance`, in double precision and warm started along the
 /// path. Same object, contact and force definition as the 30 Hz simulator (ElasticObject).
