@@ -43,8 +43,8 @@ TimedPath path_of(const Hdf5Reader& reader, const RecordingHeader& header) {
 }
 
 struct ReplayedPart {
-  TimedPath tool;    ///< positions of the tool
-  TimedPath target;  ///< positions that the hand aimed at
+  TimedPath tool;    ///< positions of the tool, in W
+  TimedPath target;  ///< positions that the hand aimed at, in the device's frame D
 };
 
 // The path from the first contact on (without any: from the start), at most `seconds` long (0:
@@ -67,7 +67,8 @@ ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& read
     part.tool.time_s.push_back(whole.time_s[i]);
     part.tool.position_m.push_back(whole.position_m[i]);
     part.target.time_s.push_back(whole.time_s[i]);
-    part.target.position_m.push_back(whole.position_m[i] - force_N[i] / hand_stiffness_N_per_m);
+    part.target.position_m.push_back(whole.position_m[i] - header.offset_W_m -
+                                     force_N[i] / hand_stiffness_N_per_m);
   }
   if (part.tool.time_s.size() < 2) {
     throw std::runtime_error(options.file +
@@ -119,6 +120,9 @@ RunOptions run_options(const ReplayOptions& options, const RecordingHeader& head
   run.contact_m =
       std::array<double, 3>{path.position_m.front().x(), path.position_m.front().y(),
                             path.position_m.front().z() + operator_defaults.contact_depth_m};
+  const Eigen::Vector3d offset_mm = 1e3 * header.offset_W_m;
+  run.device_offsets_mm = {text_of(offset_mm.x()) + "," + text_of(offset_mm.y()) + "," +
+                           text_of(offset_mm.z())};
   run.record = options.out + "/replay.h5";
   run.no_reference = true;
   run.out = options.out;
@@ -183,15 +187,22 @@ void add_plot(Command& app, PlotOptions& o, std::function<int()>& action) {
 int replay_command(const ReplayOptions& options) {
   ReplayedPart part;
   RunOptions run;
+  int tool_number = 0;
   {
     ProgressLine line;
     line.begin("Reading " + options.file);
     const Hdf5Reader reader(options.file);
     const RecordingHeader header = tools::read_header(reader);
+    tool_number = header.tool_number;
     const std::string profile = options.device.empty() ? header.profile : options.device;
     part = part_to_replay(options, reader, header,
                           profiles::load_device_profile(profile).firm_hand.stiffness_N_per_m);
     run = run_options(options, header, profile, part.target);
+  }
+  if (tool_number > 0) {
+    say_result(options.json, "replay",
+               "Note: " + options.file + " is of tool " + std::to_string(tool_number) +
+                   " of several; the replay has the object to itself, so its force differs");
   }
   make_folder(options.out);
   write_path(options.out + "/replayed_path.csv", part.target);

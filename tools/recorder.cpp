@@ -253,6 +253,28 @@ std::vector<Source<ArrivedSample>> sample_sources(std::int64_t start_ns) {
              })};
 }
 
+std::vector<Source<RecordedTool>> other_tool_sources(std::int64_t start_ns) {
+  using T = Hdf5Type;
+  using Row = RecordedTool;
+  using Out = std::vector<double>;
+  return {
+      {{"/others/time_s", T::kFloat64, {}, "when the simulator's message reached the servo"},
+       [start_ns](const Row& row, Out& to) {
+         to.push_back(1e-9 * static_cast<double>(row.arrived_ns - start_ns));
+       }},
+      {{"/others/tool", T::kUint16, {}, "number of the other tool; 0: it has none"},
+       [](const Row& row, Out& to) { to.push_back(row.tool.tool); }},
+      {{"/others/in_contact", T::kUint8, {}, "1 if that tool touches the object"},
+       [](const Row& row, Out& to) { to.push_back(row.tool.in_contact); }},
+      {{"/others/age_ms",
+        T::kFloat64,
+        {},
+        "how long the simulator had known the position when it sent the message"},
+       [](const Row& row, Out& to) { to.push_back(1e-6 * static_cast<double>(row.tool.age_ns)); }},
+      {{"/others/position_W_m", T::kFloat64, {3}, "of that tool, in the workspace frame"},
+       [](const Row& row, Out& to) { take_vector(rt::to_vector(row.tool.position_W_m), to); }}};
+}
+
 template <typename Row>
 void write_rows(Hdf5Writer& writer, const std::vector<Source<Row>>& sources,
                 const std::vector<Row>& rows) {
@@ -290,7 +312,9 @@ class Recorder::Pages {
       : writer_(options.file),
         cycles_(
             cycle_sources(start_ns, options.method_names.size(), std::make_shared<WorkOnHand>())),
-        samples_(sample_sources(start_ns)) {
+        samples_(sample_sources(start_ns)),
+        other_tools_(options.other_tools ? other_tool_sources(start_ns)
+                                         : std::vector<Source<RecordedTool>>()) {
     std::string methods;
     for (const std::string& name : options.method_names) {
       methods += (methods.empty() ? "" : ";") + name;
@@ -318,6 +342,9 @@ class Recorder::Pages {
     for (auto& source : samples_) {
       source.number = writer_.add_column(source.column, kSamplesPerChunk);
     }
+    for (auto& source : other_tools_) {
+      source.number = writer_.add_column(source.column, kSamplesPerChunk);
+    }
     if (options.surface) {
       surface_.emplace(writer_, start_ns);
     }
@@ -325,9 +352,10 @@ class Recorder::Pages {
   }
 
   void write(const std::vector<CycleRecord>& cycles, const std::vector<ArrivedSample>& samples,
-             const Surfaces& surfaces) {
+             const std::vector<RecordedTool>& other_tools, const Surfaces& surfaces) {
     write_rows(writer_, cycles_, cycles);
     write_rows(writer_, samples_, samples);
+    write_rows(writer_, other_tools_, other_tools);
     for (const RecordedShape& shape : surfaces.shapes) {
       surface_->write(shape);
     }
@@ -342,6 +370,7 @@ class Recorder::Pages {
   Hdf5Writer writer_;
   std::vector<Source<CycleRecord>> cycles_;
   std::vector<Source<ArrivedSample>> samples_;
+  std::vector<Source<RecordedTool>> other_tools_;
   std::optional<SurfaceColumns> surface_;
 };
 
@@ -375,6 +404,18 @@ void Recorder::push(const ArrivedSample& sample) {
     ++end_.samples_lost;
   } else {
     samples_.push_back(sample);
+  }
+}
+
+void Recorder::push(const RecordedTool& tool) {
+  const std::lock_guard lock(mutex_);
+  if (!options_.other_tools) {
+    return;
+  }
+  if (gave_up_ || other_tools_.size() >= kLargestQueue) {
+    ++end_.samples_lost;
+  } else {
+    other_tools_.push_back(tool);
   }
 }
 
@@ -422,6 +463,7 @@ const RecorderEnd& Recorder::finish() {
 void Recorder::write_until_end() {
   std::vector<CycleRecord> cycles;
   std::vector<ArrivedSample> samples;
+  std::vector<RecordedTool> other_tools;
   Surfaces surfaces;
   for (bool last = false; !last;) {
     {
@@ -430,12 +472,14 @@ void Recorder::write_until_end() {
       last = end_requested_;
       cycles.clear();
       samples.clear();
+      other_tools.clear();
       std::swap(cycles, cycles_);
       std::swap(samples, samples_);
+      std::swap(other_tools, other_tools_);
       surfaces = std::exchange(surfaces_, {});
       surface_bytes_ = 0;
     }
-    write(cycles, samples, surfaces);
+    write(cycles, samples, other_tools, surfaces);
   }
   if (pages_) {
     try {
@@ -452,12 +496,13 @@ void Recorder::write_until_end() {
   }
 }
 
-void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample>& samples,
-                     const Surfaces& surfaces) {
+void Recorder::write(const std::vector<CycleRecord>& cycles,
+                     const std::vector<ArrivedSample>& samples,
+                     const std::vector<RecordedTool>& other_tools, const Surfaces& surfaces) {
   if (!pages_) {
     const std::lock_guard lock(mutex_);
     end_.cycles_lost += cycles.size();
-    end_.samples_lost += samples.size();
+    end_.samples_lost += samples.size() + other_tools.size();
     return;
   }
   try {
@@ -468,7 +513,7 @@ void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample
               " MB are free on the disk of " + options_.file +
               "; the recording ends here, complete so far. Free some space");
     } else {
-      pages_->write(cycles, samples, surfaces);
+      pages_->write(cycles, samples, other_tools, surfaces);
       end_.surface_frames += surfaces.frames.size();
       end_.cycles += cycles.size();
       end_.samples += samples.size();
@@ -481,7 +526,7 @@ void Recorder::write(std::vector<CycleRecord>& cycles, std::vector<ArrivedSample
   }
   const std::lock_guard lock(mutex_);
   end_.cycles_lost += cycles.size();
-  end_.samples_lost += samples.size();
+  end_.samples_lost += samples.size() + other_tools.size();
 }
 
 void Recorder::give_up(const std::string& sentence) {

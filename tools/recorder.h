@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "link/messages.h"
 #include "rt/clock.h"
 #include "servo_loop/servo_loop.h"
 #include "tools/surface_recorder.h"
@@ -24,7 +25,8 @@ struct RecorderOptions {
   std::vector<std::string> method_names;  ///< in the loop's order
   /// Facts about the whole run: settings, versions, device.
   std::vector<std::pair<std::string, std::string>> attributes;
-  bool surface = false;  ///< push() gets shapes and frames of surfaces, too
+  bool surface = false;      ///< push() gets shapes and frames of surfaces, too
+  bool other_tools = false;  ///< push() gets where the other tools are, too
   /// Recording ends before the free space falls below this [bytes].
   std::uintmax_t keep_free_bytes = 64 << 20;
   /// Returns the free space [bytes] of the disk that holds `file`; tests supply their own.
@@ -33,12 +35,18 @@ struct RecorderOptions {
   std::function<void(const std::string& sentence)> trouble;
 };
 
+/// Where another tool of the simulation is, as the simulator said.
+struct RecordedTool {
+  std::int64_t arrived_ns = 0;  ///< CLOCK_MONOTONIC, of the message that said so
+  link::OtherTool tool;
+};
+
 /// Outcome of a recording.
 struct RecorderEnd {
   std::uint64_t cycles = 0;   ///< in the file
   std::uint64_t samples = 0;  ///< in the file
   std::uint64_t cycles_lost = 0;
-  std::uint64_t samples_lost = 0;
+  std::uint64_t samples_lost = 0;             ///< and positions of other tools
   std::uint64_t surface_frames = 0;           ///< in the file
   std::uint64_t surface_frames_left_out = 0;  ///< to keep the file small, see SurfaceBound
   bool closed = false;                        ///< properly; otherwise the file is as after a kill
@@ -66,6 +74,7 @@ class Recorder {
 
   void push(const servo::CycleRecord& cycle);
   void push(const servo::ArrivedSample& sample);
+  void push(const RecordedTool& tool);
   void push(RecordedShape shape);
   void push(RecordedFrame frame);
 
@@ -84,8 +93,9 @@ class Recorder {
     std::vector<RecordedShape> shapes;
     std::vector<RecordedFrame> frames;
   };
-  void write(std::vector<servo::CycleRecord>& cycles, std::vector<servo::ArrivedSample>& samples,
-             const Surfaces& surfaces);
+  void write(const std::vector<servo::CycleRecord>& cycles,
+             const std::vector<servo::ArrivedSample>& samples,
+             const std::vector<RecordedTool>& other_tools, const Surfaces& surfaces);
   void give_up(const std::string& sentence);
 
   RecorderOptions options_;
@@ -95,6 +105,7 @@ class Recorder {
   std::condition_variable wake_;
   std::vector<servo::CycleRecord> cycles_;
   std::vector<servo::ArrivedSample> samples_;
+  std::vector<RecordedTool> other_tools_;
   Surfaces surfaces_;
   std::size_t surface_bytes_ = 0;
   SurfaceBound surface_bound_;

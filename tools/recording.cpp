@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <sstream>
 
@@ -18,6 +19,13 @@ std::uint64_t common_rows(const Hdf5Reader& reader, std::initializer_list<const 
     rows = std::min(rows, reader.rows(column));
   }
   return rows;
+}
+
+// "X,Y,Z"; zero for a recording that says nothing.
+Eigen::Vector3d offset_of(const std::string& text) {
+  Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+  const int found = std::sscanf(text.c_str(), "%lf,%lf,%lf", &offset.x(), &offset.y(), &offset.z());
+  return found == 3 && offset.allFinite() ? offset : Eigen::Vector3d::Zero();
 }
 
 struct SampleColumns {
@@ -84,6 +92,9 @@ RecordingHeader read_header(const Hdf5Reader& reader) {
   header.samples = common_rows(reader, {"/samples/time_s", "/samples/from_query"});
   header.complete = !reader.attribute("ended").empty();
   header.has_reference = reader.has("/truth/force_W_N");
+  header.tool_number =
+      static_cast<int>(std::strtol(reader.attribute("tool_number").c_str(), nullptr, 10));
+  header.offset_W_m = 1e-3 * offset_of(reader.attribute("offset_W_mm"));
   return header;
 }
 
@@ -153,6 +164,12 @@ evaluation::Trace trace_of_recording(const std::string& file, const SolveReferen
     throw evaluation::TraceError(file +
                                  ": has no reference forces, which evaluation needs, and names no "
                                  "scene of 'forcegrid simulate' to compute them from");
+  }
+  if (header.tool_number > 0) {
+    throw evaluation::TraceError(
+        file + ": is of tool " + std::to_string(header.tool_number) +
+        " of several and has no reference forces, which depend on the paths of all; record it " +
+        "without --no-reference");
   }
   const std::vector<double> time_s = reader.numbers("/cycles/time_s", header.cycles);
   const std::vector<double> fault = reader.numbers("/cycles/fault", header.cycles);

@@ -27,6 +27,9 @@ struct RecordingHeader {
   std::uint64_t samples = 0;   ///< rows that every column has
   bool complete = false;       ///< closed properly by its writer
   bool has_reference = false;  ///< it holds reference forces
+  int tool_number = 0;         ///< among several tools on one object; 0: the only one
+  /// [m] Where the device's origin was in W.
+  Eigen::Vector3d offset_W_m = Eigen::Vector3d::Zero();
 };
 
 /// Reads the header. @throws Hdf5Error for a file that is not a recording of this program.

@@ -282,6 +282,7 @@ RecordedRun::RecordedRun(const std::string& file) : reader_(file) {
     throw Hdf5Error(file + ": damaged: it names no method");
   }
   methods_ = header.method_names.size();
+  workspace_.W_origin_D = -header.offset_W_m;
   start_ns_ = std::strtoll(reader_.attribute("start_monotonic_ns").c_str(), nullptr, 10);
   std::int64_t newest_ns = std::numeric_limits<std::int64_t>::min();
   for (const double time_s : reader_.numbers("/cycles/time_s", header.cycles)) {
@@ -489,8 +490,7 @@ std::vector<FeedCycle> RecordedRun::cycles(std::size_t first, std::size_t count)
 
 view_link::Frame RecordedRun::arm(std::size_t cycle) {
   const Block& block = block_of(cycle);
-  return arm_frame(*profile_, *mechanism_, servo::WorkspaceMap(),
-                   block.counts.at(cycle - block.first));
+  return arm_frame(*profile_, *mechanism_, workspace_, block.counts.at(cycle - block.first));
 }
 
 }  // namespace forcegrid::cli

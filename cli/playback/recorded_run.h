@@ -13,6 +13,7 @@
 #include "cli/playback/recorded_surface.h"
 #include "driver/mechanism.h"
 #include "profiles/device_profile.h"
+#include "servo_loop/servo_options.h"
 #include "tools/hdf5_file.h"
 #include "view_link/feed_messages.h"
 #include "view_link/frame.h"
@@ -73,6 +74,7 @@ class RecordedRun {
   std::size_t methods_ = 0;
   std::optional<profiles::DeviceProfile> profile_;
   std::unique_ptr<driver::Mechanism> mechanism_;
+  servo::WorkspaceMap workspace_;
   nlohmann::json hello_;
   std::vector<std::int64_t> time_ns_;  ///< of the cycles
   std::vector<std::uint64_t> arrivals_;

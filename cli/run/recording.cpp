@@ -96,6 +96,7 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
   recorder.rate_Hz = options.rate_Hz;
   recorder.method_names = methods;
   recorder.surface = options.record_surface;
+  recorder.other_tools = options.tool_number > 0;
   recorder.trouble = [](const std::string& sentence) {
     log::error("recorder", "--record: " + sentence);
   };
@@ -115,6 +116,13 @@ std::unique_ptr<tools::Recorder> start_recorder(const RunOptions& options,
                          {"device_product", identity.product},
                          {"device_manufacturer", identity.manufacturer},
                          {"device_serial", identity.serial}};
+  const auto& offset_mm = options.offset_W_mm;
+  recorder.attributes.emplace_back("offset_W_mm", std::to_string(offset_mm[0]) + "," +
+                                                      std::to_string(offset_mm[1]) + "," +
+                                                      std::to_string(offset_mm[2]));
+  if (options.tool_number > 0) {
+    recorder.attributes.emplace_back("tool_number", std::to_string(options.tool_number));
+  }
   for (const tools::PartVersion& part : tools::library_versions()) {
     recorder.attributes.emplace_back(version_key(part.name), part.version);
   }

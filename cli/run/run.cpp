@@ -159,7 +159,7 @@ int Run::finish() {
   finish_processes();
 
   ContactCycles cycles = cycles_since(link_->first_contact(), telemetry_->records());
-  judge(options_, methods_->names(), why_no_reference(), link_->first_contact(), cycles, summary_);
+  judge_forces(cycles);
   settle_status();
   write_files(cycles);
   report(errors_text(summary_));
@@ -260,8 +260,12 @@ void Run::connect() {
     own.url = is_emulated(options_) ? url : driver::lasting_url(url, profile_);
     own.offset_W_mm = options_.offset_W_mm;
     link_->on_others([this](const link::OtherTools& others) {
+      const std::int64_t now_ns = rt::Clock::now().time_since_epoch().count();
       for (std::size_t k = 0; k < others.count; ++k) {
         summary_.shared->others_age_ms.add(1e-6 * static_cast<double>(others.tools[k].age_ns));
+        if (recorder_) {
+          recorder_->push(tools::RecordedTool{now_ns, others.tools[k]});
+        }
       }
     });
   }
@@ -334,7 +338,7 @@ void Run::prepare_telemetry() {
         (tap != nullptr ? tap->socket() : processes_->view()->surface_socket()) +
         ", see docs/view_protocol.md");
   }
-  if (records_trace(options_)) {
+  if (records_trace(options_) || shared_ != nullptr) {
     link_->keep_samples(kRecordedSamples);
   }
   if (recorder_ || view_) {

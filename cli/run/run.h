@@ -16,6 +16,7 @@
 #include "cli/run/run_processes.h"
 #include "cli/run/run_summary.h"
 #include "cli/run/run_view.h"
+#include "cli/run/shared_reference_forces.h"
 #include "cli/run/simulator_watch.h"
 #include "cli/run/terminal_keys.h"
 #include "cli/run/view_feed.h"
@@ -39,6 +40,8 @@ struct SharedRun {
   TerminalKeys* keys = nullptr;  ///< while one thread takes the runs through their steps
   bool fault_stops_all = true;
   std::atomic<int> failed_device{0};  ///< number of the first one that a fault has ended; 0: none
+  /// Of all tools together, once every loop is over.
+  std::optional<SharedReferenceForces> reference;
 };
 
 // One run, from its options to its summary. Members that threads write to come before those
@@ -68,6 +71,8 @@ class Run {
   [[nodiscard]] nlohmann::json json() const;
   [[nodiscard]] const RunSummary& summary() const { return summary_; }
   [[nodiscard]] const profiles::DeviceProfile& profile() const { return profile_; }
+  /// What the reference forces of all tools need of this one. Its threads have ended.
+  [[nodiscard]] ToolRun tool_run() const;
   [[nodiscard]] bool makes_requests() const { return servo_options_.requests_per_s > 0.0; }
   /// Where the simulator of this run listens; after prepare().
   [[nodiscard]] const std::string& simulator_address() const {
@@ -101,6 +106,7 @@ class Run {
   void stop_threads();
   void finish_processes();
   [[nodiscard]] std::string why_no_reference() const;
+  void judge_forces(ContactCycles& cycles);
   void write_files(const ContactCycles& cycles);
 
   RunOptions options_;

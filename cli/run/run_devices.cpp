@@ -56,6 +56,17 @@ std::pair<int, std::string> parse_device_fault(const std::string& text) {
   return numbered ? std::pair(text[0] - '0', text.substr(2)) : std::pair(0, text);
 }
 
+// "run.h5" becomes "run_device_2.h5"; a name without a known ending is refused later.
+std::string with_device_number(const std::string& file, std::size_t number) {
+  for (const char* const ending : {".csv.gz", ".csv", ".hdf5", ".h5"}) {
+    if (file.ends_with(ending)) {
+      const std::string stem = file.substr(0, file.size() - std::string(ending).size());
+      return stem + "_device_" + std::to_string(number) + ending;
+    }
+  }
+  return file;
+}
+
 std::string several(const RunOptions& options) {
   return std::to_string(options.devices.size()) + " devices (--device)";
 }
@@ -73,7 +84,8 @@ void check_excluded(const RunOptions& options) {
   }
   refuse(options.view, options, "the live view shows one; leave --view out");
   refuse(options.live, options, "the dashboard shows one; leave --live out");
-  refuse(!options.record.empty(), options, "a recording holds one; leave --record out");
+  refuse(options.record_surface, options,
+         "the surface under several tools is not recorded; leave --record-surface out");
   refuse(options.workers > 0, options, "workers know one tool; leave --workers out");
   refuse(options.reconnect, options,
          "the others would render on without it meanwhile; leave --reconnect out");
@@ -255,7 +267,7 @@ std::vector<RunOptions> options_of_each(const RunOptions& options) {
       own.tool_number = std::max(options.tool_number, 1) + static_cast<int>(k);
       own.started_tools = static_cast<int>(count);
       own.out = options.out + "/device_" + std::to_string(k + 1);
-      own.no_reference = true;
+      own.record = with_device_number(options.record, k + 1);
     }
   }
   if (count > 1) {
@@ -318,6 +330,11 @@ int run_devices(const RunOptions& options) {
     run->begin();
   }
   render_all(runs, shared, keys);
+  std::vector<ToolRun> tools;
+  for (const auto& run : runs) {
+    tools.push_back(run->tool_run());
+  }
+  shared.reference.emplace(paths_of(tools, 1.0 / options.simulator_rate_Hz));
   for (const auto& run : runs) {
     run->finish();
   }

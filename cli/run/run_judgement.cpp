@@ -6,7 +6,6 @@
 
 #include "cli/common/progress_line.h"
 #include "cli/common/stop_request.h"
-#include "cli/run/reference_forces.h"
 #include "rt/checkpoint.h"
 #include "rt/vectors.h"
 
@@ -80,9 +79,9 @@ ContactCycles cycles_since(const std::optional<servo::FirstContact>& contact,
   return cycles;
 }
 
-void judge(const RunOptions& options, const std::vector<std::string>& names,
+void judge(const std::string& scene, const std::vector<std::string>& names,
            const std::string& why_not, const std::optional<servo::FirstContact>& contact,
-           ContactCycles& cycles, RunSummary& summary) {
+           const SolveReference& solve, ContactCycles& cycles, RunSummary& summary) {
   if (!contact || cycles.records.size() < 2) {
     summary.reference = "the tool never touched the object";
     return;
@@ -96,21 +95,16 @@ void judge(const RunOptions& options, const std::vector<std::string>& names,
     return;
   }
   simulator::ReferenceOptions reference_options;
-  reference_options.scene = options.scene;
+  reference_options.scene = scene;
   reference_options.contact_point_W = contact->point_W;
   reference_options.cancel = &StopRequest::stop();
   ProgressLine line;
   reference_options.progress = [&line](double done, double remaining_s) {
     line.show("Reference forces (Ctrl-C skips them)", done, remaining_s);
   };
-  std::vector<double> times_s;
-  for (std::size_t i = 0; i < cycles.records.size(); ++i) {
-    times_s.push_back(cycles.time_s(i));
-  }
   simulator::ReferenceSolution reference;
   try {
-    reference =
-        solve_reference_forces(options.solver, cycles.positions_W, times_s, reference_options);
+    reference = solve(cycles, reference_options);
   } catch (const rt::Interrupted&) {
     reference.cancelled = true;
   }

@@ -5,15 +5,16 @@
 #include <cstdint>
 #include <cstdio>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "cli/common/figures.h"
-#include "cli/run/run_command.h"
 #include "cli/run/run_summary.h"
 #include "servo_loop/link_thread.h"
 #include "servo_loop/servo_loop.h"
+#include "simulator/reference/reference_solution.h"
 
 namespace forcegrid::cli {
 
@@ -25,6 +26,7 @@ struct ContactCycles {
   std::vector<Eigen::Vector3d> positions_W;  ///< [m] one per record
   std::vector<Eigen::Vector3d> reference_W;  ///< [N] one per record; empty: not computed
 
+  /// [s] Since the contact.
   [[nodiscard]] double time_s(std::size_t i) const {
     return 1e-9 * static_cast<double>(records[i]->time_ns - contact_ns);
   }
@@ -36,14 +38,18 @@ struct ContactCycles {
 ContactCycles cycles_since(const std::optional<servo::FirstContact>& contact,
                            const std::deque<servo::CycleRecord>& records);
 
+/// Solves the reference forces along a path; see simulator::simulate_reference().
+using SolveReference = std::function<simulator::ReferenceSolution(
+    const ContactCycles&, const simulator::ReferenceOptions&)>;
+
 /// Computes the reference forces along the cycles' path and writes each method's error into the
 /// summary, or the reason why there is none. Progress goes to
 /// standard error.
 /// @param why_not why no reference forces can be computed; empty: they can
-/// @throws std::exception from the solver, see simulator::reference_forces().
-void judge(const RunOptions& options, const std::vector<std::string>& names,
+/// @throws std::exception from `solve`.
+void judge(const std::string& scene, const std::vector<std::string>& names,
            const std::string& why_not, const std::optional<servo::FirstContact>& contact,
-           ContactCycles& cycles, RunSummary& summary);
+           const SolveReference& solve, ContactCycles& cycles, RunSummary& summary);
 
 /// Makes the rows of the picture of `methods` methods.
 std::vector<FigureRow> figure_rows(const ContactCycles& cycles, std::size_t methods);

@@ -9,6 +9,7 @@
 #include "cli/common/figures.h"
 #include "cli/common/stop_request.h"
 #include "cli/run/recording.h"
+#include "cli/run/reference_forces.h"
 #include "cli/run/run.h"
 #include "cli/run/run_summary_json.h"
 #include "cli/run/run_summary_text.h"
@@ -64,10 +65,7 @@ void Run::finish_processes() {
 
 // Why no reference forces are computed; empty: they are.
 std::string Run::why_no_reference() const {
-  if (shared_ != nullptr) {
-    return "none: reference forces are those of an object under one tool";
-  }
-  if (!processes_->has_simulator()) {
+  if (!options_.simulator.empty()) {
     return "only the scenes of 'forcegrid simulate' have reference forces";
   }
   if (tool_.slides()) {
@@ -82,6 +80,28 @@ std::string Run::why_no_reference() const {
     }
   }
   return options_.no_reference ? "skipped by --no-reference" : "";
+}
+
+ToolRun Run::tool_run() const {
+  return {link_->first_contact(), cycles_since(link_->first_contact(), telemetry_->records()),
+          &link_->samples()};
+}
+
+void Run::judge_forces(ContactCycles& cycles) {
+  const auto solve = [this](const ContactCycles& path,
+                            const simulator::ReferenceOptions& reference_options) {
+    if (shared_ != nullptr) {
+      return shared_->reference->of(static_cast<std::size_t>(options_.device_number - 1),
+                                    reference_options);
+    }
+    std::vector<double> times_s;
+    for (std::size_t i = 0; i < path.records.size(); ++i) {
+      times_s.push_back(path.time_s(i));
+    }
+    return solve_reference_forces(options_.solver, path.positions_W, times_s, reference_options);
+  };
+  judge(options_.scene, methods_->names(), why_no_reference(), link_->first_contact(), solve,
+        cycles, summary_);
 }
 
 void Run::write_files(const ContactCycles& cycles) {

@@ -11,7 +11,7 @@ ViewTitle view_title(const RunOptions& options, const RunMethods& methods,
   ViewTitle title;
   title.version = program_version();
   title.device = options.device;
-  title.scene = processes.has_simulator() ? options.scene : processes.simulator_address();
+  title.scene = options.simulator.empty() ? options.scene : processes.simulator_address();
   title.methods = methods.names();
   for (const char* candidate : methods.rendered().candidates()) {
     title.candidates.emplace_back(candidate);

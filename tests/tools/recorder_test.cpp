@@ -132,6 +132,36 @@ TEST(Recorder, KeepsEveryCycleAndSampleWithUnitsInTheNames) {
   EXPECT_EQ(reader.numbers("/cycles/tool_torque_W_Nm", 1)[1], -0.125);
 }
 
+TEST(Recorder, KeepsWhereTheOtherToolsAre) {
+  const std::string file = fresh_file("others");
+  {
+    RecorderOptions options = options_for(file);
+    options.other_tools = true;
+    Recorder recorder(options);
+    recorder.push(
+        {recorder.start_ns() + 250'000'000,
+         {.tool = 3, .in_contact = true, .age_ns = 1'500'000, .position_W_m = {1, 2, 3}}});
+    EXPECT_EQ(recorder.finish().trouble, "");
+  }
+  const Hdf5Reader reader(file);
+  ASSERT_EQ(reader.rows("/others/tool"), 1U);
+  EXPECT_NEAR(reader.numbers("/others/time_s", 1)[0], 0.25, 1e-12);
+  EXPECT_EQ(reader.numbers("/others/tool", 1)[0], 3.0);
+  EXPECT_EQ(reader.numbers("/others/in_contact", 1)[0], 1.0);
+  EXPECT_EQ(reader.numbers("/others/age_ms", 1)[0], 1.5);
+  EXPECT_EQ(reader.numbers("/others/position_W_m", 1), (std::vector<double>{1, 2, 3}));
+}
+
+TEST(Recorder, OfAnOnlyToolHasNoOthers) {
+  const std::string file = fresh_file("no_others");
+  {
+    Recorder recorder(options_for(file));
+    recorder.push(RecordedTool{});
+    EXPECT_EQ(recorder.finish().trouble, "");
+  }
+  EXPECT_FALSE(Hdf5Reader(file).has("/others/tool"));
+}
+
 // Records in a process of its own until it is killed.
 pid_t start_endless(const std::string& file) {
   const pid_t child = fork();

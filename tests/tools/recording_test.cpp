@@ -8,6 +8,8 @@
 #include <cmath>
 #include <filesystem>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "tools/path_comparison.h"
 #include "tools/recorder.h"
@@ -26,11 +28,14 @@ std::string fresh_file() {
 }
 
 // Half a second along x with a sample every 30 ms from 0.1 s on, released for one at 0.3 s.
-void write_recording(const std::string& file, const std::string& scene) {
+// @param more  attributes
+void write_recording(const std::string& file, const std::string& scene,
+                     const std::vector<std::pair<std::string, std::string>>& more = {}) {
   RecorderOptions options;
   options.file = file;
   options.method_names = {"hold"};
   options.attributes = {{"scene", scene}, {"rate_Hz", "500"}, {"profile_name", "vintage"}};
+  options.attributes.insert(options.attributes.end(), more.begin(), more.end());
   Recorder recorder(options);
   for (int i = 0; i < 250; ++i) {
     servo::CycleRecord cycle;
@@ -109,6 +114,30 @@ TEST(Recording, WithoutSceneOrContactCantBeJudged) {
   } catch (const evaluation::TraceError& error) {
     EXPECT_THAT(error.what(), HasSubstr("never touched"));
   }
+}
+
+TEST(Recording, OfOneOfSeveralToolsNamesItAndItsPlace) {
+  const std::string file = fresh_file();
+  write_recording(file, "small", {{"tool_number", "2"}, {"offset_W_mm", "0,-15,2.5"}});
+  const RecordingHeader header = read_header(Hdf5Reader(file));
+  EXPECT_EQ(header.tool_number, 2);
+  EXPECT_EQ(header.offset_W_m, Eigen::Vector3d(0.0, -0.015, 0.0025));
+  // Forces of this path alone would be another object's.
+  try {
+    static_cast<void>(trace_of_recording(
+        file, [](const auto&, const auto&, const auto& positions) { return positions; }));
+    FAIL();
+  } catch (const evaluation::TraceError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("is of tool 2 of several and has no reference forces"));
+  }
+}
+
+TEST(Recording, OfAnOnlyToolStandsWhereWDoes) {
+  const std::string file = fresh_file();
+  write_recording(file, "small");
+  const RecordingHeader header = read_header(Hdf5Reader(file));
+  EXPECT_EQ(header.tool_number, 0);
+  EXPECT_EQ(header.offset_W_m, Eigen::Vector3d(0.0, 0.0, 0.0));
 }
 
 TEST(PathComparison, FindsTheLagAndWhatIsLeft) {
