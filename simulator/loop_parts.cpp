@@ -47,4 +47,28 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.solve_time_s = answer.equilibrium.solve_time_s;
 }
 
+void show_timed(SurfaceStream& surface, const SurfaceStream::CopyPositions& copy_positions,
+                rt::Percentiles& show_us) {
+  const auto sent = [&surface] {
+    const SurfaceStream::Counts counts = surface.counts();
+    return counts.frames + counts.inside_frames;
+  };
+  const std::uint64_t before = sent();
+  const rt::TimePoint start = rt::Clock::now();
+  surface.show(copy_positions);
+  if (sent() != before) {
+    show_us.add(1e6 * rt::seconds(rt::Clock::now() - start));
+  }
+}
+
+SurfaceUse surface_use(const SurfaceStream& surface, const rt::Percentiles& show_us) {
+  const SurfaceStream::Counts counts = surface.counts();
+  return {.frames = counts.frames,
+          .inside_frames = counts.inside_frames,
+          .dropped = counts.dropped,
+          .view_lost = counts.lost,
+          .mean_ms = 1e-3 * show_us.mean(),
+          .max_ms = 1e-3 * show_us.max()};
+}
+
 }  // namespace forcegrid::simulator

@@ -5,7 +5,10 @@
 
 #include "link/messages.h"
 #include "link/simulator_endpoint.h"
+#include "rt/percentiles.h"
 #include "simulator/run_simulator.h"
+#include "simulator/simulator_summary.h"
+#include "simulator/surface_stream.h"
 #include "simulator/touch/sticky_contact.h"
 
 namespace forcegrid::simulator {
@@ -22,5 +25,12 @@ double time_s(const link::ToolState& state) noexcept;
 
 /// Writes the object's reaction into a sample.
 void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool send_stiffness);
+
+/// Sends the surface and the inside where they are due, and adds how long it took to `show_us` if
+/// anything was sent.
+void show_timed(SurfaceStream& surface, const SurfaceStream::CopyPositions& copy_positions,
+                rt::Percentiles& show_us);
+/// What was sent to the live view. @param show_us  of show_timed().
+SurfaceUse surface_use(const SurfaceStream& surface, const rt::Percentiles& show_us);
 
 }  // namespace forcegrid::simulator

@@ -414,18 +414,13 @@ class Loop {
 
   // After the sample was sent, which must not wait for it.
   void show_surface() {
-    if (!surface_) {
-      return;
-    }
-    const auto frames = [this] {
-      const SurfaceStream::Counts counts = surface_->counts();
-      return counts.frames + counts.inside_frames;
-    };
-    const std::uint64_t before = frames();
-    const rt::TimePoint start = rt::Clock::now();
-    surface_->show(*contact_);
-    if (frames() != before) {
-      surface_us_.add(1e6 * rt::seconds(rt::Clock::now() - start));
+    if (surface_) {
+      show_timed(
+          *surface_,
+          [this](const std::vector<std::int32_t>& vertices, std::vector<Eigen::Vector3d>& at_W) {
+            contact_->copy_positions(vertices, at_W);
+          },
+          surface_us_);
     }
   }
 
@@ -487,13 +482,7 @@ class Loop {
       summary_.workers = scheduler_->pool()->statistics();
     }
     if (surface_) {
-      const SurfaceStream::Counts counts = surface_->counts();
-      summary_.surface = {.frames = counts.frames,
-                          .inside_frames = counts.inside_frames,
-                          .dropped = counts.dropped,
-                          .view_lost = counts.lost,
-                          .mean_ms = 1e-3 * surface_us_.mean(),
-                          .max_ms = 1e-3 * surface_us_.max()};
+      summary_.surface = surface_use(*surface_, surface_us_);
     }
     summary_.delayed = impaired_.counts().delayed;
     summary_.lost_on_purpose = impaired_.counts().lost;

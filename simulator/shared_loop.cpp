@@ -22,6 +22,7 @@
 #include "simulator/loop_parts.h"
 #include "simulator/mesh/error.h"
 #include "simulator/predicted_contact.h"
+#include "simulator/surface_stream.h"
 #include "simulator/touch/shared_contact.h"
 #include "simulator/workers/query_solver.h"
 
@@ -48,9 +49,6 @@ void check_several_tools(const SimulatorOptions& options) {
   if (!options.control.empty()) {
     throw Error(who + "the view's controls know one tool; leave --control out");
   }
-  if (!options.surface.empty()) {
-    throw Error(who + "the live view shows one tool; leave --surface out");
-  }
   if (options.material_tolerance_percent) {
     throw Error(who + "models are compared under one tool; leave --material-tolerance-percent out");
   }
@@ -74,6 +72,9 @@ class SharedLoop::State {
           ImpairedLink(
               [this, place](const ImpairedLink::Message& message) { send(place, message); },
               options.link_conditions, options.link_seed + place)));
+    }
+    if (!options.surface.empty()) {
+      surface_ = std::make_unique<SurfaceStream>(scene.mesh, options.surface);
     }
     summary_.scene = scene.name;
     summary_.tool = tool.shape;
@@ -102,6 +103,7 @@ class SharedLoop::State {
         continue;
       }
       tick();
+      show_surface();
       ++summary_.ticks;
       deadline += period_;
       const rt::TimePoint done = rt::Clock::now();
@@ -256,6 +258,20 @@ class SharedLoop::State {
     }
   }
 
+  // After the samples were sent, which must not wait for it.
+  void show_surface() {
+    if (!surface_) {
+      return;
+    }
+    surface_->touch();
+    show_timed(
+        *surface_,
+        [this](const std::vector<std::int32_t>& vertices, std::vector<Eigen::Vector3d>& at_W) {
+          contact_.copy_positions(vertices, at_W);
+        },
+        surface_us_);
+  }
+
   // A servo of version 1 does not know refusals: its force fades without samples.
   void refuse_all() {
     const link::Refusal refusal = {link::Refusal::Reason::kOtherFault,
@@ -354,6 +370,9 @@ class SharedLoop::State {
       summary_.lost_on_purpose += place->impaired.counts().lost;
       summary_.tools.push_back(place->use);
     }
+    if (surface_) {
+      summary_.surface = surface_use(*surface_, surface_us_);
+    }
     summary_.link = options_.link_conditions;
     summary_.solve_mean_ms = 1e-3 * solve_us_.mean();
     summary_.solve_p50_ms = 1e-3 * solve_us_.at(0.5);
@@ -372,6 +391,8 @@ class SharedLoop::State {
   std::vector<std::unique_ptr<Place>> places_;
   bool warned_of_queries_ = false;
   bool warned_of_strangers_ = false;
+  std::unique_ptr<SurfaceStream> surface_;  // null: nobody watches
+  rt::Percentiles surface_us_;
   rt::Percentiles solve_us_;
   std::uint64_t iterations_ = 0;
   std::uint64_t answers_in_contact_ = 0;

@@ -68,18 +68,25 @@ void SurfaceStream::send_shape() {
 SurfaceStream::~SurfaceStream() = default;
 
 void SurfaceStream::show(ToolContact& contact) {
+  show([&contact](const std::vector<std::int32_t>& vertices, std::vector<Eigen::Vector3d>& at_W) {
+    contact.copy_positions(vertices, at_W);
+  });
+}
+
+void SurfaceStream::show(const CopyPositions& copy_positions) {
   if (sender_->lost()) {
     return;
   }
   const rt::TimePoint now = rt::Clock::now();
   const bool moved = std::exchange(moved_, false);
-  show_surface(contact, now, moved);
-  show_inside(contact, now, moved);
+  show_surface(copy_positions, now, moved);
+  show_inside(copy_positions, now, moved);
 }
 
 // Where they are, into point_W_m_. False: the object is about to be reset.
-bool SurfaceStream::copy_points(ToolContact& contact, const std::vector<std::int32_t>& vertices) {
-  contact.copy_positions(vertices, position_W_);
+bool SurfaceStream::copy_points(const CopyPositions& copy_positions,
+                                const std::vector<std::int32_t>& vertices) {
+  copy_positions(vertices, position_W_);
   point_W_m_.clear();
   for (const Eigen::Vector3d& position_W : position_W_) {
     if (!position_W.allFinite()) {
@@ -90,9 +97,10 @@ bool SurfaceStream::copy_points(ToolContact& contact, const std::vector<std::int
   return true;
 }
 
-void SurfaceStream::show_surface(ToolContact& contact, rt::TimePoint now, bool moved) {
+void SurfaceStream::show_surface(const CopyPositions& copy_positions, rt::TimePoint now,
+                                 bool moved) {
   const bool due = now - sent_ >= kLongestSilence;
-  if ((!moved && !due) || !copy_points(contact, surface_.vertices) ||
+  if ((!moved && !due) || !copy_points(copy_positions, surface_.vertices) ||
       (!due && point_W_m_ == frame_.position_W_m)) {
     return;
   }
@@ -100,7 +108,8 @@ void SurfaceStream::show_surface(ToolContact& contact, rt::TimePoint now, bool m
   send(now);
 }
 
-void SurfaceStream::show_inside(ToolContact& contact, rt::TimePoint now, bool moved) {
+void SurfaceStream::show_inside(const CopyPositions& copy_positions, rt::TimePoint now,
+                                bool moved) {
   if (!inside_wished_.load()) {
     inside_.reset();
     return;
@@ -117,7 +126,7 @@ void SurfaceStream::show_inside(ToolContact& contact, rt::TimePoint now, bool mo
     return;
   }
   inside_moved_ = false;
-  if (!copy_points(contact, inside_->vertices) ||
+  if (!copy_points(copy_positions, inside_->vertices) ||
       (!due && point_W_m_ == inside_frame_.position_W_m)) {
     return;
   }

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -46,8 +47,13 @@ class SurfaceStream {
   /// Tells that the object may have moved since the last show().
   void touch() noexcept { moved_ = true; }
 
+  /// Copies where these vertices of the mesh are, [m] in W, to the vector, which gets their number.
+  using CopyPositions =
+      std::function<void(const std::vector<std::int32_t>&, std::vector<Eigen::Vector3d>&)>;
+
   /// Sends the surface if it has moved since the last frame, or if that was a second ago. Likewise
   /// the inside, if it is wished.
+  void show(const CopyPositions& copy_positions);
   void show(ToolContact& contact);
 
   struct Counts {
@@ -66,10 +72,10 @@ class SurfaceStream {
 
  private:
   void send_shape();
-  void show_surface(ToolContact& contact, rt::TimePoint now, bool moved);
-  void show_inside(ToolContact& contact, rt::TimePoint now, bool moved);
+  void show_surface(const CopyPositions& copy_positions, rt::TimePoint now, bool moved);
+  void show_inside(const CopyPositions& copy_positions, rt::TimePoint now, bool moved);
   void begin_inside();
-  bool copy_points(ToolContact& contact, const std::vector<std::int32_t>& vertices);
+  bool copy_points(const CopyPositions& copy_positions, const std::vector<std::int32_t>& vertices);
   void send(rt::TimePoint now);
 
   const SpringMesh* mesh_;

@@ -501,6 +501,15 @@ const std::vector<std::int32_t>& SharedObject<Real>::patch(std::size_t tool) con
   return implementation_->patch(tool);
 }
 template <typename Real>
+void SharedObject<Real>::copy_positions(const std::vector<std::int32_t>& vertices,
+                                        std::vector<Eigen::Vector3d>& position_W) const {
+  const StateWithSensitivities<Real>& state = implementation_->lead();
+  position_W.resize(vertices.size());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    position_W[i] = state.origin_W() + state.position(static_cast<std::size_t>(vertices[i]));
+  }
+}
+template <typename Real>
 std::vector<Eigen::Vector3d> SharedObject<Real>::positions_W() const {
   const StateWithSensitivities<Real>& state = implementation_->lead();
   std::vector<Eigen::Vector3d> positions_W(state.vertex_count());

@@ -71,6 +71,9 @@ class SharedObject {
   /// The vertices that the tool holds, in the mesh's numbering.
   const std::vector<std::int32_t>& patch(std::size_t tool) const noexcept;
 
+  /// [m] Where these vertices are in W: copied to `position_W`, which gets their number.
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const;
   /// [m] All vertices' positions in W, in the mesh's numbering.
   std::vector<Eigen::Vector3d> positions_W() const;
 

@@ -158,6 +158,11 @@ std::optional<Eigen::Vector3d> SharedContact::expected_touch(std::size_t tool,
   return state_->each[tool]->contact.expected_touch(position_W, velocity_W, within_s);
 }
 
+void SharedContact::copy_positions(const std::vector<std::int32_t>& vertices,
+                                   std::vector<Eigen::Vector3d>& position_W) const {
+  state_->object.copy_positions(vertices, position_W);
+}
+
 std::size_t SharedContact::vertex_count() const noexcept { return state_->object.vertex_count(); }
 std::size_t SharedContact::spring_count() const noexcept { return state_->object.spring_count(); }
 

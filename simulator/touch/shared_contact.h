@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "simulator/mesh/scene.h"
 #include "simulator/mesh/tool_options.h"
@@ -51,6 +52,9 @@ class SharedContact {
   std::optional<Eigen::Vector3d> expected_touch(std::size_t tool, const Eigen::Vector3d& position_W,
                                                 const Eigen::Vector3d& velocity_W,
                                                 double within_s) const noexcept;
+  /// As ToolContact's: under all tools, as of the last solve() or touch.
+  void copy_positions(const std::vector<std::int32_t>& vertices,
+                      std::vector<Eigen::Vector3d>& position_W) const;
   std::size_t vertex_count() const noexcept;
   std::size_t spring_count() const noexcept;
 

@@ -282,7 +282,6 @@ TEST(SharedLoop, SaysWhichOptionKnowsOneToolOnly) {
               HasSubstr("solver local knows one tool; give --solver quasi_static"));
   EXPECT_THAT(refused([](auto& o) { o.workers = "127.0.0.1:0"; }), HasSubstr("--workers out"));
   EXPECT_THAT(refused([](auto& o) { o.control = "/nowhere"; }), HasSubstr("--control out"));
-  EXPECT_THAT(refused([](auto& o) { o.surface = "/nowhere"; }), HasSubstr("--surface out"));
   EXPECT_THAT(refused([](auto& o) { o.material_tolerance_percent = 1.0; }),
               HasSubstr("--material-tolerance-percent out"));
   EXPECT_THAT(refused([](auto& o) { o.tools = 5; }), HasSubstr("at most 4"));

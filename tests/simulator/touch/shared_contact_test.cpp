@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <numeric>
+#include <vector>
 
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
@@ -151,6 +153,32 @@ TEST(SharedContact, PredictsTheTouchOfEachTool) {
       contact.expected_touch(1, kTouch_W[1] + Vector3d(0, 0, kAbove_m), {0, 0, -0.1}, 0.3);
   ASSERT_TRUE(touch_W);
   EXPECT_LT((*touch_W - kTouch_W[1]).norm(), 1e-9);
+}
+
+TEST(SharedContact, ShowsTheObjectUnderBothTools) {
+  const Scene scene = block();
+  SharedContact contact(scene, {}, point(), 2);
+  std::vector<std::int32_t> all(scene.mesh.rest_position_W.size());
+  std::iota(all.begin(), all.end(), 0);
+  std::vector<Vector3d> at_W;
+  contact.copy_positions(all, at_W);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_LT((at_W[i] - scene.mesh.rest_position_W[i]).norm(), 1e-7) << "at rest";
+  }
+  come_down(contact, 0);
+  come_down(contact, 1);
+  const TwoToolNewton::Points moved_W = {Vector3d(-0.001, 0.0015, 0.002),
+                                         Vector3d(0.0, -0.001, 0.003)};
+  contact.move(0, kTouch_W[0] + moved_W[0]);
+  contact.move(1, kTouch_W[1] + moved_W[1]);
+  contact.solve();
+  contact.copy_positions(all, at_W);
+  TwoToolNewton dense(scene.mesh, kTouch_W, scene.patch_radius_m);
+  dense.at(moved_W);
+  // The solver stops at 0.1 % of the force; the largest move is 3.2 mm.
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_LT((at_W[i] - dense.position_W[i]).norm(), 1e-3 * 3.2e-3) << i;
+  }
 }
 
 TEST(SharedContact, RefusesAToolThatSlides) {
