@@ -127,9 +127,10 @@ void Hub::take_feed(const Frame& frame) {
       if (!arm_is_sound(frame.payload)) {
         throw ViewLinkError("its arm is no list of lines with finite points");
       }
-      const SharedBytes message = message_of(PageType::kArm, 0, frame.payload);
+      const auto tool = static_cast<std::uint8_t>(options_.tool);
+      const SharedBytes message = message_of(PageType::kArm, tool, frame.payload);
       newest_arm_ = message;
-      return change_all([&](Outbox& outbox) { outbox.set_arm(message); });
+      return change_all([&](Outbox& outbox) { outbox.set_arm(options_.tool, message); });
     }
     case FeedType::kNote:
       return take_note(object_of(frame, "note"));
@@ -377,13 +378,15 @@ void Hub::feed_lost() {
 // ---- Surfaces ----
 
 void Hub::take_surface(std::uint64_t peer, const Frame& frame) {
-  const auto news = surfaces_.take(peer, frame);
-  if (!news) {
-    return;
+  if (const auto news = options_.surfaces->take(peer, frame)) {
+    show(*news);
   }
+}
+
+void Hub::show(const Surfaces::News& news) {
   for (Viewer* viewer : viewers_) {
-    if (viewer->inside || !news->is_inside()) {
-      news->put(viewer->outbox);
+    if (viewer->inside || !news.is_inside()) {
+      news.put(viewer->outbox);
       if (!quiet_) {
         viewer->wake();
       }
@@ -391,8 +394,10 @@ void Hub::take_surface(std::uint64_t peer, const Frame& frame) {
   }
 }
 
-void Hub::surface_lost(std::uint64_t peer) {
-  for (const std::size_t object : surfaces_.lose(peer)) {
+void Hub::surface_lost(std::uint64_t peer) { show_lost(options_.surfaces->lose(peer)); }
+
+void Hub::show_lost(const std::vector<std::size_t>& objects) {
+  for (const std::size_t object : objects) {
     change_all([&](Outbox& outbox) { outbox.forget_surface(object); });
     say_to_all({{"type", "surface_lost"}, {"object", object}});
   }
@@ -400,8 +405,13 @@ void Hub::surface_lost(std::uint64_t peer) {
 
 // Simulators send it as long as any page shows it.
 void Hub::wish_inside() {
-  surfaces_.wish_inside(std::any_of(viewers_.begin(), viewers_.end(),
-                                    [](const Viewer* viewer) { return viewer->inside; }));
+  options_.surfaces->wish_inside(
+      inside_wished() || (options_.inside_wished_elsewhere && options_.inside_wished_elsewhere()));
+}
+
+bool Hub::inside_wished() const noexcept {
+  return std::any_of(viewers_.begin(), viewers_.end(),
+                     [](const Viewer* viewer) { return viewer->inside; });
 }
 
 // ---- Pages ----
@@ -413,6 +423,7 @@ const char* Hub::role_of(const Viewer& viewer) const noexcept {
 void Hub::say_hello(Viewer& viewer) {
   json hello = hello_;
   hello["role"] = role_of(viewer);
+  hello["tool"] = options_.tool;
   say(viewer, hello);
 }
 
@@ -421,7 +432,7 @@ void Hub::say_role(Viewer& viewer) {
       {{"type", "role"}, {"role", role_of(viewer)}, {"control_is_free", controller_ == nullptr}});
 }
 
-void Hub::join(Viewer& viewer) {
+void Hub::join(Viewer& viewer, bool with_surfaces) {
   viewers_.push_back(&viewer);
   if (controller_ == nullptr) {
     controller_ = &viewer;
@@ -437,7 +448,7 @@ void Hub::join(Viewer& viewer) {
         viewer.outbox.add_row(*newest_row_);
       }
       if (newest_arm_) {
-        viewer.outbox.set_arm(newest_arm_);
+        viewer.outbox.set_arm(options_.tool, newest_arm_);
       }
     }
   }
@@ -447,7 +458,9 @@ void Hub::join(Viewer& viewer) {
   if (feed_ == Feed::kEnded) {
     say(viewer, end_);
   }
-  surfaces_.give(viewer.outbox);
+  if (with_surfaces) {
+    options_.surfaces->give(viewer.outbox);
+  }
   viewer.wake();
 }
 
@@ -464,7 +477,7 @@ void Hub::leave(Viewer& viewer) {
 }
 
 void Hub::forget_viewers() noexcept {
-  surfaces_.stop_telling();
+  options_.surfaces->stop_telling();
   viewers_.clear();
   pending_.clear();
   controller_ = nullptr;
@@ -475,7 +488,9 @@ void Hub::take_page(Viewer& viewer, std::string_view text) {
   if (!command) {
     throw ViewLinkError("a text of " + std::to_string(text.size()) + " bytes that is no command");
   }
-  if (command->what == PageCommand::What::kTakeControl) {
+  if (command->what == PageCommand::What::kTool) {
+    refuse(viewer, *command, "there is one tool");
+  } else if (command->what == PageCommand::What::kTakeControl) {
     take_control(viewer);
   } else if (command->what == PageCommand::What::kField) {
     take_slice_wish(viewer, *command);
@@ -512,7 +527,7 @@ void Hub::take_layers(Viewer& viewer, const PageCommand& command) {
   viewer.inside = command.inside;
   wish_inside();
   if (inside_begins) {
-    surfaces_.give_inside(viewer.outbox);
+    options_.surfaces->give_inside(viewer.outbox);
     viewer.wake();
   } else if (!viewer.inside) {
     for (std::size_t object = 0; object < kMostObjects; ++object) {

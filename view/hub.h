@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "view/messages.h"
@@ -28,11 +30,20 @@ struct Viewer {
   std::optional<SliceWish> slice{};  ///< of the force field that it shows
   bool blocks = false;               ///< it shows the blocks of storage
   bool inside = false;               ///< it shows what is inside of the objects
+  std::size_t tool = 0;              ///< whose scope, field and controls it shows, see ToolHubs
 };
 
-/// What is known of the run and of the surfaces, and who is told. Everything that a peer sends is
-/// checked here; a peer that breaks the protocol is reported as ViewLinkError, and its connection
-/// is to be closed. It knows no sockets. Real-time: no. Threads: one.
+/// Of a hub that is one of several, one per tool.
+struct HubOptions {
+  std::size_t tool = 0;                ///< its place, < kMostTools
+  std::shared_ptr<Surfaces> surfaces;  ///< that all show; null: the hub has its own
+  /// Whether a page of another hub shows the inside of the objects; empty: there is no other.
+  std::function<bool()> inside_wished_elsewhere;
+};
+
+/// What is known of the run with one tool and of the surfaces, and who is told. Everything that a
+/// peer sends is checked here; a peer that breaks the protocol is reported as ViewLinkError, and
+/// its connection is to be closed. It knows no sockets. Real-time: no. Threads: one.
 class Hub {
  public:
   /// Hands a command to the run. `newest`: it may take the place of one of its kind that waits.
@@ -42,7 +53,11 @@ class Hub {
 
   /// @param tell_simulator  that pages show the inside of its objects, or none does any more.
   explicit Hub(SendCommand send_command, Surfaces::Tell tell_simulator = {})
-      : send_command_(std::move(send_command)), surfaces_(std::move(tell_simulator)) {}
+      : Hub(std::move(send_command),
+            {.surfaces = std::make_shared<Surfaces>(std::move(tell_simulator))}) {}
+  /// @param options  with surfaces.
+  Hub(SendCommand send_command, HubOptions options)
+      : send_command_(std::move(send_command)), options_(std::move(options)) {}
 
   /// A frame of the feed. @throws ViewLinkError saying what is wrong with it.
   void take_feed(const view_link::Frame& frame);
@@ -53,15 +68,24 @@ class Hub {
   /// @throws ViewLinkError saying what is wrong with it.
   void take_surface(std::uint64_t peer, const view_link::Frame& frame);
   void surface_lost(std::uint64_t peer);
+  /// What the surfaces that several hubs share have for this one's pages.
+  void show(const Surfaces::News& news);
+  void show_lost(const std::vector<std::size_t>& objects);
 
   /// The first viewer is the controller. `viewer` stays where it is until leave().
-  void join(Viewer& viewer);
+  /// @param with_surfaces  false: it has them from another hub.
+  void join(Viewer& viewer, bool with_surfaces = true);
   void leave(Viewer& viewer);
   /// The same for all, without telling anyone: the server ends.
   void forget_viewers() noexcept;
   /// What a page sends. @throws ViewLinkError for what is no command.
   void take_page(Viewer& viewer, std::string_view text);
 
+  const std::vector<Viewer*>& viewers() const noexcept { return viewers_; }
+  /// Of the run that is connected, or the last one; null before the first.
+  const nlohmann::json& hello() const noexcept { return hello_; }
+  bool is_live() const noexcept { return feed_ == Feed::kLive; }
+  bool inside_wished() const noexcept;
   bool is_controller(const Viewer& viewer) const noexcept { return controller_ == &viewer; }
   /// Of the run's methods; null if the run did not say how they were made.
   const MethodCopies* copies() const noexcept { return copies_ ? &*copies_ : nullptr; }
@@ -104,6 +128,7 @@ class Hub {
   void change_all(const Change& change);
 
   SendCommand send_command_;
+  HubOptions options_;
   std::vector<Viewer*> viewers_;
   Viewer* controller_ = nullptr;
   Feed feed_ = Feed::kWaiting;
@@ -121,7 +146,6 @@ class Hub {
   std::size_t slice_turn_ = 0;
   SharedBytes newest_blocks_;              ///< of storage, that pages were sent
   std::optional<std::int64_t> blocks_ns_;  ///< cycle in which they were looked at last
-  Surfaces surfaces_;
   std::deque<Pending> pending_;
   std::uint64_t next_id_ = 1;
 };

@@ -171,10 +171,6 @@ void LocalListener::closed(std::uint64_t id) {
   options_.on_closed(id);
 }
 
-bool LocalListener::send(const view_link::Frame& frame, int key) {
-  return !connections_.empty() && connections_.begin()->second->send(frame, key);
-}
-
 bool LocalListener::send_to(std::uint64_t id, const view_link::Frame& frame, int key) {
   const auto found = connections_.find(id);
   return found != connections_.end() && found->second->send(frame, key);

@@ -40,10 +40,8 @@ class LocalListener {
   LocalListener(const LocalListener&) = delete;
   LocalListener& operator=(const LocalListener&) = delete;
 
-  /// Sends a frame to the peer that has been there longest. With `key` other than 0, it takes the
-  /// place of one of the same key that waits. False: there is no peer, or 64 KiB wait already.
-  bool send(const view_link::Frame& frame, int key);
-  /// The same to the peer `id`, if it is there.
+  /// Sends a frame to the peer `id`. With `key` other than 0, it takes the place of one of the same
+  /// key that waits. False: it is not there, or 64 KiB wait already.
   bool send_to(std::uint64_t id, const view_link::Frame& frame, int key);
   bool has_peer() const noexcept { return !connections_.empty(); }
   /// Takes no more peers; those that are there stay.

@@ -206,6 +206,17 @@ std::array<std::uint8_t, kSampleBytes> sample_bytes(const view_link::FeedSample&
   return std::bit_cast<std::array<std::uint8_t, kSampleBytes>>(number);
 }
 
+SharedBytes other_tool_message(std::size_t tool, const view_link::FeedCycle& cycle) {
+  std::array<float, 7> number{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    number[axis] = narrow(cycle.position_W_m[axis]);
+    number[3 + axis] = narrow(cycle.commanded_force_W_N[axis]);
+  }
+  number[6] = cycle.in_contact != 0 ? 1.0F : 0.0F;
+  const auto bytes = std::bit_cast<std::array<std::uint8_t, sizeof number>>(number);
+  return message_of(PageType::kOtherTool, static_cast<std::uint8_t>(tool), bytes);
+}
+
 bool arm_is_sound(std::span<const std::uint8_t> payload) {
   view_link::Reader reader(payload);
   const auto lines = reader.take<std::uint32_t>();
@@ -288,6 +299,11 @@ std::optional<PageCommand> parse_command(std::string_view text) {
   } else if (name == "set") {
     command.what = What::kSet;
     complete = read_setting(*object, command);
+  } else if (name == "tool") {
+    command.what = What::kTool;
+    const auto tool = count_of(*object, "tool");
+    complete = tool.has_value() && *tool < kMostTools;
+    command.tool = tool.value_or(0);
   } else if (name == "field") {
     command.what = What::kField;
     complete = read_slice(*object, command);
@@ -325,6 +341,8 @@ const char* name_of(What what) noexcept {
       return "seek";
     case What::kSet:
       return "set";
+    case What::kTool:
+      return "tool";
   }
   return "";
 }

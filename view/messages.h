@@ -32,10 +32,12 @@ enum class PageType : std::uint8_t {
   kBlocks = 7,
   kInsideLines = 8,
   kInsideFrame = 9,
+  kOtherTool = 10,
 };
 
 using SharedBytes = std::shared_ptr<const view_link::Bytes>;
 
+inline constexpr std::size_t kMostTools = 4;     ///< that one view shows
 inline constexpr std::size_t kSampleBytes = 48;  ///< of one sample in a message of type 4
 inline constexpr std::size_t kLargestPageText = 4096;
 
@@ -53,6 +55,10 @@ SharedBytes message_of(PageType type, std::uint8_t object, std::span<const std::
 /// A sample for the page. @param time_s  when it arrived, since the feed's first cycle.
 std::array<std::uint8_t, kSampleBytes> sample_bytes(const view_link::FeedSample& sample,
                                                     double time_s);
+
+/// Where a tool is that the page does not show the scope of, its force and whether it is in
+/// contact.
+SharedBytes other_tool_message(std::size_t tool, const view_link::FeedCycle& cycle);
 
 /// Whether the payload is a number of lines with finite points and nothing else.
 bool arm_is_sound(std::span<const std::uint8_t> payload);
@@ -76,7 +82,8 @@ struct PageCommand {
     kMethod,
     kPlay,
     kSeek,
-    kSet
+    kSet,
+    kTool
   };
   What what = What::kStop;
   std::uint64_t id = 0;  ///< of the page; 0 if it gives none
@@ -92,6 +99,7 @@ struct PageCommand {
   double time_s = 0.0;                              ///< where to go in it, since its first cycle
   std::string setting;                              ///< its name
   nlohmann::json value;                             ///< a finite number, a short text or null
+  std::size_t tool = 0;                             ///< that the page is to show, < kMostTools
 };
 
 /// Nothing for what is too long, unknown, incomplete or out of range; a target is finite and within

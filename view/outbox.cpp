@@ -11,9 +11,11 @@ namespace forcegrid::view {
 namespace {
 
 constexpr std::size_t kMostRowsOfAMessage = 1024;
-constexpr std::size_t kFirstSurface = 5;  // after rows, samples, arm, field, blocks
+constexpr std::size_t kFirstSurface = 4;  // after rows, samples, field, blocks
 constexpr std::size_t kFirstInside = kFirstSurface + kMostObjects;
-constexpr std::size_t kTurns = kFirstInside + kMostObjects;
+constexpr std::size_t kFirstArm = kFirstInside + kMostObjects;
+constexpr std::size_t kFirstTool = kFirstArm + kMostTools;
+constexpr std::size_t kTurns = kFirstTool + kMostTools;
 
 std::optional<PageMessage> take_binary(SharedBytes& waiting) {
   if (!waiting) {
@@ -45,9 +47,14 @@ void Outbox::add_sample(const std::array<std::uint8_t, kSampleBytes>& sample) {
   samples_.push_back(sample);
 }
 
-void Outbox::set_arm(SharedBytes message) {
-  dropped_ += arm_ ? 1 : 0;
-  arm_ = std::move(message);
+void Outbox::set_arm(std::size_t tool, SharedBytes message) {
+  dropped_ += arms_[tool] ? 1 : 0;
+  arms_[tool] = std::move(message);
+}
+
+void Outbox::set_other_tool(std::size_t tool, SharedBytes message) {
+  dropped_ += other_tools_[tool] ? 1 : 0;
+  other_tools_[tool] = std::move(message);
 }
 
 void Outbox::set_field(SharedBytes message) {
@@ -94,7 +101,8 @@ void Outbox::forget_inside(std::size_t object) {
 void Outbox::forget_run() {
   rows_.clear();
   samples_.clear();
-  arm_ = nullptr;
+  arms_.fill(nullptr);
+  other_tools_.fill(nullptr);
   field_ = nullptr;
   blocks_ = nullptr;
 }
@@ -135,14 +143,14 @@ std::optional<PageMessage> Outbox::next_in_turn() {
     case 1:
       return take_samples();
     case 2:
-      return take_binary(arm_);
-    case 3:
       return take_binary(field_);
-    case 4:
+    case 3:
       return take_binary(blocks_);
     default:
       return take_binary(turn_ < kFirstInside ? surfaces_[turn_ - kFirstSurface]
-                                              : inside_frames_[turn_ - kFirstInside]);
+                         : turn_ < kFirstArm  ? inside_frames_[turn_ - kFirstInside]
+                         : turn_ < kFirstTool ? arms_[turn_ - kFirstArm]
+                                              : other_tools_[turn_ - kFirstTool]);
   }
 }
 

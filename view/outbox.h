@@ -22,8 +22,8 @@ struct PageMessage {
 };
 
 /// What waits for one page. It is bounded: a page that does not read keeps the newest scope rows
-/// and samples, and of surfaces, insides, arm, field and blocks the newest alone. Real-time: no.
-/// Threads: one.
+/// and samples, and of surfaces, insides, arms, tools, field and blocks the newest alone.
+/// Real-time: no. Threads: one.
 class Outbox {
  public:
   static constexpr std::size_t kMostTextBytes = std::size_t{512} << 10;
@@ -34,7 +34,9 @@ class Outbox {
   void add_text(std::string text, bool after_rows = false);
   void add_row(const ScopeRow& row);
   void add_sample(const std::array<std::uint8_t, kSampleBytes>& sample);
-  void set_arm(SharedBytes message);
+  /// @param tool  < kMostTools
+  void set_arm(std::size_t tool, SharedBytes message);
+  void set_other_tool(std::size_t tool, SharedBytes message);
   void set_field(SharedBytes message);   ///< nothing: the page wants none any more
   void set_blocks(SharedBytes message);  ///< likewise
   /// A shape also takes the place of its object's frame and inside that wait.
@@ -46,7 +48,7 @@ class Outbox {
   void set_inside_lines(std::size_t object, SharedBytes message);
   void set_inside_frame(std::size_t object, SharedBytes message);
   void forget_inside(std::size_t object);
-  /// Drops rows, samples, arm, field and blocks: another run begins.
+  /// Drops rows, samples, arms, tools, field and blocks: another run begins.
   void forget_run();
 
   /// Texts first, then shapes, then lines, then the other kinds in turn. Nothing: nothing waits.
@@ -69,13 +71,14 @@ class Outbox {
   std::size_t text_bytes_ = 0;
   std::deque<ScopeRow> rows_;
   std::deque<std::array<std::uint8_t, kSampleBytes>> samples_;
-  SharedBytes arm_;
   SharedBytes field_;
   SharedBytes blocks_;
   std::array<SharedBytes, kMostObjects> shapes_;
   std::array<SharedBytes, kMostObjects> surfaces_;
   std::array<SharedBytes, kMostObjects> inside_lines_;
   std::array<SharedBytes, kMostObjects> inside_frames_;
+  std::array<SharedBytes, kMostTools> arms_;
+  std::array<SharedBytes, kMostTools> other_tools_;
   std::size_t turn_ = 0;
   std::uint64_t dropped_ = 0;
 };

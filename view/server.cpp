@@ -46,8 +46,8 @@ Server::Server(const Options& options, std::optional<Certificate> certificate, s
                PageFiles files, std::string folder)
     : http_{{.address = options.address, .port = options.port}, std::move(token), std::move(files)},
       folder_(std::move(folder)),
-      hub_([this](const view_link::Frame& frame, PageCommand::What what,
-                  bool newest) { return send_to_run(frame, what, newest); },
+      hub_([this](std::uint64_t run, const view_link::Frame& frame, PageCommand::What what,
+                  bool newest) { return send_to_run(run, frame, what, newest); },
            [this](std::uint64_t simulator, const view_link::Frame& wish) {
              // One that does not read its wishes lacks nothing else.
              static_cast<void>(surface_ && surface_->send_to(simulator, wish, 1));
@@ -89,21 +89,22 @@ void Server::listen_for_browsers(const Options& options) {
 
 void Server::listen_for_peers() {
   try {
-    feed_.emplace(context_,
-                  LocalListener::Options{
-                      .path = folder_ + "/feed",
-                      .peer = "run",
-                      .largest_payload = view_link::kLargestFeedPayload,
-                      .most_connections = 1,
-                      .on_frame = [this](std::uint64_t,
-                                         const view_link::Frame& frame) { hub_.take_feed(frame); },
-                      .on_closed =
-                          [this](std::uint64_t) {
-                            hub_.feed_lost();
-                            if (stopping_) {
-                              finish_pages();
-                            }
-                          }});
+    feed_.emplace(context_, LocalListener::Options{
+                                .path = folder_ + "/feed",
+                                .peer = "run",
+                                .largest_payload = view_link::kLargestFeedPayload,
+                                .most_connections = kMostTools,
+                                .on_frame =
+                                    [this](std::uint64_t run, const view_link::Frame& frame) {
+                                      hub_.take_feed(run, frame);
+                                    },
+                                .on_closed =
+                                    [this](std::uint64_t run) {
+                                      hub_.feed_lost(run);
+                                      if (stopping_ && !feed_->has_peer()) {
+                                        finish_pages();
+                                      }
+                                    }});
     surface_.emplace(
         context_,
         LocalListener::Options{
@@ -124,8 +125,9 @@ std::string Server::ready_line() const {
          folder_ + " token " + http_.token + (tls_ ? " certificate " + certificate_sha256_ : "");
 }
 
-bool Server::send_to_run(const view_link::Frame& frame, PageCommand::What what, bool newest) {
-  return feed_ && feed_->send(frame, newest ? 1 + static_cast<int>(what) : 0);
+bool Server::send_to_run(std::uint64_t run, const view_link::Frame& frame, PageCommand::What what,
+                         bool newest) {
+  return feed_ && feed_->send_to(run, frame, newest ? 1 + static_cast<int>(what) : 0);
 }
 
 void Server::run() {

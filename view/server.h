@@ -8,6 +8,7 @@
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,14 +17,14 @@
 #include "view/browser_stream.h"
 #include "view/certificate.h"
 #include "view/http_answer.h"
-#include "view/hub.h"
 #include "view/local_stream.h"
 #include "view/options.h"
+#include "view/tool_hubs.h"
 #include "view/web_socket_session.h"
 
 namespace forcegrid::view {
 
-/// The live view: browsers on a TCP port, the run and simulators on two Unix sockets, all on the
+/// The live view: browsers on a TCP port, runs and simulators on two Unix sockets, all on the
 /// thread that calls run(). Real-time: no. Threads: one.
 class Server {
  public:
@@ -51,7 +52,8 @@ class Server {
   void take_browser(boost::asio::ip::tcp::socket socket);
   void open_web_socket(BrowserStream stream, ConnectionSlot slot,
                        const WebSocketSession::Request& request);
-  bool send_to_run(const view_link::Frame& frame, PageCommand::What what, bool newest);
+  bool send_to_run(std::uint64_t run, const view_link::Frame& frame, PageCommand::What what,
+                   bool newest);
   void wait_for_signals();
   void watch_standard_input();
   void stop();
@@ -63,7 +65,7 @@ class Server {
   std::string certificate_sha256_;
   std::optional<boost::asio::ssl::context> tls_;
   std::string folder_;
-  Hub hub_;
+  ToolHubs hub_;
   boost::asio::io_context context_{1};
   boost::asio::ip::tcp::acceptor acceptor_;
   boost::asio::steady_timer retry_;

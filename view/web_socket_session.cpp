@@ -20,7 +20,7 @@ constexpr std::chrono::seconds kSilence{30};
 
 }  // namespace
 
-WebSocketSession::WebSocketSession(BrowserStream stream, Hub& hub, ConnectionSlot slot)
+WebSocketSession::WebSocketSession(BrowserStream stream, ToolHubs& hub, ConnectionSlot slot)
     : stream_(std::move(stream)), hub_(hub), slot_(std::move(slot)) {
   viewer_.wake = [this] { write(); };
 }

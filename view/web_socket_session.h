@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "view/browser_stream.h"
-#include "view/hub.h"
+#include "view/tool_hubs.h"
 
 namespace forcegrid::view {
 
@@ -23,7 +23,7 @@ class WebSocketSession : public std::enable_shared_from_this<WebSocketSession> {
   using Request = boost::beast::http::request<boost::beast::http::empty_body>;
 
   /// @param hub  outlives the io_context's run.
-  WebSocketSession(BrowserStream stream, Hub& hub, ConnectionSlot slot);
+  WebSocketSession(BrowserStream stream, ToolHubs& hub, ConnectionSlot slot);
   ~WebSocketSession();
   WebSocketSession(const WebSocketSession&) = delete;
   WebSocketSession& operator=(const WebSocketSession&) = delete;
@@ -42,7 +42,7 @@ class WebSocketSession : public std::enable_shared_from_this<WebSocketSession> {
 
   // Pages are of this machine or near: compression would only cost.
   boost::beast::websocket::stream<BrowserStream, false> stream_;
-  Hub& hub_;
+  ToolHubs& hub_;
   ConnectionSlot slot_;
   Viewer viewer_;
   boost::beast::flat_buffer buffer_;

@@ -32,6 +32,9 @@ TEST(PageCommands, AreTaken) {
   EXPECT_FALSE(let_go->target_W_m);
   EXPECT_EQ(parse_command(R"({"what":"shown","cycle":16777215})")->cycle, 16'777'215U);
   EXPECT_EQ(parse_command(R"({"what":"take_control"})")->what, What::kTakeControl);
+  EXPECT_EQ(parse_command(R"({"what":"tool","tool":3})")->tool, 3U);
+  EXPECT_FALSE(parse_command(R"({"what":"tool","tool":4})"));
+  EXPECT_FALSE(parse_command(R"({"what":"tool"})"));
   const auto play = parse_command(R"({"what":"play","value":true,"speed":0.25})");
   EXPECT_TRUE(play->play);
   EXPECT_EQ(play->speed, 0.25);

@@ -113,7 +113,7 @@ TEST(Outbox, KeepsTheNewestSurfaceOfEachObjectAndTheNewestArm) {
   for (std::uint8_t number = 1; number <= 9; ++number) {
     outbox.set_surface(0, surface(0, number));
     outbox.set_surface(3, surface(3, number));
-    outbox.set_arm(message_of(PageType::kArm, 0, view_link::Bytes{number}));
+    outbox.set_arm(0, message_of(PageType::kArm, 0, view_link::Bytes{number}));
   }
   EXPECT_EQ(outbox.dropped(), 24U);
   std::multiset<std::pair<int, int>> seen;
@@ -166,7 +166,7 @@ TEST(Outbox, TakesTurnsSoThatNoKindWaitsForEver) {
     // Each time, everything is there anew.
     outbox.add_row(row_at(i));
     outbox.add_sample({});
-    outbox.set_arm(message_of(PageType::kArm, 0, view_link::Bytes{}));
+    outbox.set_arm(0, message_of(PageType::kArm, 0, view_link::Bytes{}));
     outbox.set_surface(0, surface(0, 1));
     seen.insert(outbox.next()->bytes->front());
   }
@@ -191,7 +191,7 @@ TEST(Outbox, ForgetsARunAndASurface) {
   Outbox outbox;
   outbox.add_row(row_at(1));
   outbox.add_sample({});
-  outbox.set_arm(message_of(PageType::kArm, 0, view_link::Bytes{}));
+  outbox.set_arm(0, message_of(PageType::kArm, 0, view_link::Bytes{}));
   outbox.set_surface(2, surface(2, 1));
   outbox.forget_run();
   EXPECT_EQ(outbox.next()->bytes->front(), 3);

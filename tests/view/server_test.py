@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """forcegrid-view as browsers, a run and simulators meet it, hostile ones among them.
 usage: server_test.py FORCEGRID_VIEW [TEST...]"""
+import json
 import os
 import pathlib
 import random
@@ -255,12 +256,33 @@ class Feeds(WithView):
             page.send({"id": 2, "what": "stop"})
             self.assertEqual(again.command()["what"], "stop")
 
-    def test_are_one_at_a_time(self):
+    def test_are_one_at_a_time_for_each_tool(self):
         page, run = self.live_page()
         with Peer(self.view.folder + "/feed") as second:
+            second.send(FEED["hello"], HELLO)
             self.assertTrue(second.is_closed())
+        self.view.wait_until_it_says("a hello of tool 0, which another run shows")
         page.send({"id": 2, "what": "stop"})
         self.assertEqual(run.command()["what"], "stop")
+
+    def test_of_two_tools_get_the_commands_of_the_pages_that_chose_them(self):
+        page, first = self.live_page()
+        second = Peer(self.view.folder + "/feed")
+        self.addCleanup(second.connection.close)
+        second.connection.sendall(peers.frame_bytes(FEED["hello"], {**HELLO, "device": "two"}, 1))
+        self.assertEqual([tool["device"] for tool in page.receive_type("tools")["tools"]],
+                         [HELLO["device"], "two"])
+        page.send({"what": "tool", "tool": 1})
+        self.assertEqual(page.receive_type("hello")["device"], "two")
+        page.send({"id": 3, "what": "stop"})
+        kind, payload = second.receive()
+        self.assertEqual((kind, json.loads(payload)["what"]), (FEED["command"], "stop"))
+        second.connection.close()
+        self.assertFalse(page.receive_type("tools")["tools"][1]["live"])
+        page.send({"what": "tool", "tool": 0})
+        self.assertEqual(page.receive_type("hello")["device"], HELLO["device"])
+        page.send({"id": 4, "what": "stop"})
+        self.assertEqual(first.command()["what"], "stop")
 
     def test_end_with_a_reason_if_they_break_the_protocol(self):
         for bad, words in ((peers.frame_bytes(2, cycle_bytes(1, 1)), "before the hello"),

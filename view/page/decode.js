@@ -11,6 +11,7 @@ export const kField = 6;
 export const kBlocks = 7;
 export const kInsideLines = 8;
 export const kInsideFrame = 9;
+export const kOtherTool = 10;
 export const kSampleValues = 12;
 
 /** Rows of the scope: values[row * columns + column], float32; base_s [s] is added to each time. */
@@ -59,7 +60,7 @@ function decode_samples(buffer, view) {
   return {type: kSamples, count, values: new Float32Array(buffer, 8, kSampleValues * count)};
 }
 
-/** The arm's links: a list of lines, each a Float32Array of x, y, z [m] in W. */
+/** A tool's arm: a list of lines, its links, each a Float32Array of x, y, z [m] in W. */
 function decode_arm(buffer, view) {
   const lines = [];
   let at = 8;
@@ -74,7 +75,14 @@ function decode_arm(buffer, view) {
     lines.push(new Float32Array(buffer, at + 4, 3 * points));
     at += 4 + 12 * points;
   }
-  return {type: kArm, lines};
+  return {type: kArm, tool: view.getUint8(1), lines};
+}
+
+/** Where another tool is, and the force on its hand. */
+function decode_other_tool(buffer, view) {
+  const vector = (at) => [0, 4, 8].map((axis) => view.getFloat32(at + axis, true));
+  return {type: kOtherTool, tool: view.getUint8(1), position_W_m: vector(4),
+          force_W_N: vector(16), in_contact: view.getFloat32(28, true) > 0};
 }
 
 /** A slice of the force field: points x points values of force x, y, z [N], uncertainty [N] and
@@ -124,6 +132,7 @@ const kDecoders = {
   [kBlocks]: [8, decode_blocks],
   [kInsideLines]: [24, decode_lines],
   [kInsideFrame]: [48, decode_frame],
+  [kOtherTool]: [32, decode_other_tool],
 };
 
 /** A message of any type, as an object with its `type`. Its arrays share the buffer's memory. */

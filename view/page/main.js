@@ -4,8 +4,8 @@
 
 import {Connection} from '/connection.js';
 import {Pause, Rendered, Stop, listen_to_keys} from '/controls.js';
-import {decode, kArm, kBlocks, kField, kFrame, kInsideFrame, kInsideLines, kSamples, kScope,
-        kShape} from '/decode.js';
+import {decode, kArm, kBlocks, kField, kFrame, kInsideFrame, kInsideLines, kOtherTool, kSamples,
+        kScope, kShape} from '/decode.js';
 import {save_csv, save_png} from '/export.js';
 import {ExportedRecording} from '/exported.js';
 import {FieldChoice} from '/field_choice.js';
@@ -20,6 +20,7 @@ import {Scene3d} from '/scene3d.js';
 import {Scope} from '/scope.js';
 import {Settings} from '/settings.js';
 import {palette, start_theme} from '/theme.js';
+import {ToolChoice} from '/tool_choice.js';
 import {Tour} from '/tour.js';
 
 const kScopeInterval_ms = 40;        // one panel each time
@@ -48,7 +49,8 @@ class Page {
     this.waiting_frames = new Map();
     this.waiting_insides = new Map();
     this.waiting_samples = [];
-    this.waiting_arm = null;
+    this.waiting_arms = new Map();
+    this.waiting_tools = new Map();
     this.new_rows = false;
     this.last = {scope_ms: 0, readout_ms: 0, shown_ms: 0, cycle: -1, tick_ms: 0, drew: false};
     this.scene = new Scene3d(by_id('scene'));
@@ -68,6 +70,9 @@ class Page {
         this.connection.send('hand', {target_W_m}, target_W_m !== null));
     this.stop = new Stop(this.connection, by_id('stop'), by_id('stop-word'), by_id('stop-status'),
                          () => this.state === 'live');
+    this.tool_choice = new ToolChoice(
+        this.connection, {label: by_id('tool-choice'), list: by_id('tool')},
+        () => this.mouse.let_go());
     this.field = new FieldChoice(this.connection, this.scene);
     this.layers = new Layers(this.connection, this.scene);
     this.rendered = new Rendered(this.connection, by_id('rendered'));
@@ -135,6 +140,7 @@ class Page {
 
   on_open() {
     this.scene.clear_surfaces();
+    this.tool_choice.on_open();
     this.wait();
   }
 
@@ -173,6 +179,7 @@ class Page {
       settings: () => this.settings.on_settings(message),
       end: () => this.on_end(message),
       playback: () => this.playback.take(message),
+      tools: () => this.on_tools(message),
       waiting: () => this.wait(),
       surface_lost: () => this.scene.lose_surface(message.object),
     }[message.type];
@@ -181,8 +188,15 @@ class Page {
     }
   }
 
+  on_tools(message) {
+    this.tool_choice.take(message);
+    this.scene.keep_other_tools(this.tool_choice.others);
+  }
+
   on_hello(hello) {
     this.hello = hello;
+    this.tool_choice.set_run(hello);
+    this.scene.keep_other_tools(this.tool_choice.others);
     this.playback.set_run(hello);
     this.scene.set_recorded_time(this.playback.shown ? 0 : null);
     this.history.reset(hello.columns || []);
@@ -268,7 +282,9 @@ class Page {
       this.waiting_samples.push(message);
       this.waiting_samples.splice(0, this.waiting_samples.length - kMostWaitingSamples);
     } else if (message.type === kArm) {
-      this.waiting_arm = message;
+      this.waiting_arms.set(message.tool, message);
+    } else if (message.type === kOtherTool) {
+      this.waiting_tools.set(message.tool, message);
     } else if (message.type === kField) {
       this.field.take(message);
     } else if (message.type === kBlocks) {
@@ -294,10 +310,7 @@ class Page {
     this.waiting_insides.clear();
     this.waiting_samples.forEach((message) => this.scene.add_samples(message, now_ms));
     this.waiting_samples = [];
-    if (this.waiting_arm) {
-      this.scene.set_arm(this.waiting_arm);
-      this.waiting_arm = null;
-    }
+    this.take_arms_and_tools();
     if (this.new_rows) {
       const position =
           ['x', 'y', 'z'].map((axis) => this.history.newest(`position_${axis}_mm`) / 1000);
@@ -310,6 +323,25 @@ class Page {
       this.pause.set_paused(is_paused(this.history, this.hello));
     }
     return arrived_ms;
+  }
+
+  /** Those that are not of the shown tool are drawn as long as the live view lists them. */
+  take_arms_and_tools() {
+    const {shown, others} = this.tool_choice;
+    this.waiting_arms.forEach((message, tool) => {
+      if (tool === shown) {
+        this.scene.set_arm(message);
+      } else if (others.has(tool)) {
+        this.scene.set_other_arm(message);
+      }
+    });
+    this.waiting_tools.forEach((message, tool) => {
+      if (others.has(tool)) {
+        this.scene.set_other_tool(message);
+      }
+    });
+    this.waiting_arms.clear();
+    this.waiting_tools.clear();
   }
 
   tick(now_ms) {
@@ -487,6 +519,13 @@ function interface_for_scripts(page) {
     get tour_visited() { return page.tour.visited; },
     get tour_ready() { return page.tour.ready; },
     get in_contact() { return page.history.newest('in_contact') > 0; },
+    /** The place of the tool that is shown, and where the others are. */
+    get tool() { return page.tool_choice.shown; },
+    get other_tools() {
+      return [...page.scene.others.parts].map(([tool, {at_W_m, force_W_N, in_contact, arm}]) => (
+          {tool, position_W_m: at_W_m, force_W_N, in_contact,
+           links: arm.links.filter((link) => link.visible).length}));
+    },
     /** How long the parts of the page's work take; clear_times() begins anew. */
     get times() { return page.times.summary; },
     clear_times: () => page.times.clear(),

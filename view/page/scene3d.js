@@ -7,6 +7,7 @@ import {Blocks} from '/blocks.js';
 import {Insides} from '/inside.js';
 import {Orbit} from '/orbit.js';
 import {Field} from '/field.js';
+import {OtherTools} from '/other_tools.js';
 import {Arm, Arrow, ContactPoint, Samples, Tool, Wall, workspace_lines} from '/parts.js';
 import {Scale} from '/scale.js';
 import {Surface} from '/surface.js';
@@ -87,6 +88,7 @@ export class Scene3d {
     this.samples = new Samples();
     this.recorded_s = null;
     this.tool = new Tool();
+    this.others = new OtherTools();
     this.field = new Field();
     this.blocks = new Blocks();
     this.insides = new Insides();
@@ -101,7 +103,7 @@ export class Scene3d {
     this.scene.add(this.surface_group, this.mesh_group, this.arm.group, this.samples.points,
                    this.tool.group, this.arrow_group, this.workspace, this.field.mesh,
                    this.blocks.lines, this.insides.group, this.contact_point.cross,
-                   this.wall.group);
+                   this.wall.group, this.others.group);
   }
 
   /** Takes the workspace and the largest force of a hello message. */
@@ -222,6 +224,22 @@ export class Scene3d {
     this.dirty = true;
   }
 
+  set_other_arm(message) {
+    this.others.set_arm(message, this.radius_m);
+    this.dirty = true;
+  }
+
+  set_other_tool(message) {
+    this.others.set_place(message);
+    this.dirty = true;
+  }
+
+  /** @param tools a Set of the places of those that are there. */
+  keep_other_tools(tools) {
+    this.others.keep(tools);
+    this.dirty = true;
+  }
+
   /** Shows a slice of the field; null hides it. */
   set_field(message) {
     if (message) {
@@ -315,6 +333,7 @@ export class Scene3d {
     this.blocks.set_theme(palette);
     this.insides.set_theme(palette);
     this.tool.set_theme(palette);
+    this.others.set_theme(palette);
     this.wall.set_theme(palette);
     this.contact_point.cross.material.color.set(palette.touch);
     this.samples.uniforms.asked_colour.value.set(palette.accent);
@@ -443,6 +462,7 @@ export class Scene3d {
     this.place_arrows();
     this.tool.update(this.tool_at, this.target_at, this.in_contact && this.live, this.tool_radius_m,
                      this.camera);
+    this.others.update(this.shown, this, this.camera);
     this.contact_point.update(this.live ? this.samples.contact_W_m : null, this.tool_radius_m,
                               this.camera);
     this.wall.place(this.wall_m, 2 * this.radius_m);
@@ -454,8 +474,12 @@ export class Scene3d {
     return true;
   }
 
+  get metres_per_N() {
+    return kLongestArrow * this.radius_m / this.force_scale.full;
+  }
+
   place_arrows() {
-    const metres_per_N = kLongestArrow * this.radius_m / this.force_scale.full;
+    const {metres_per_N} = this;
     this.arrows.forEach((arrow, i) => {
       arrow.update(this.tool_at, this.forces[i] || [NaN, NaN, NaN], metres_per_N,
                    this.radius_m * (i === 0 ? 0.018 : 0.0075));
