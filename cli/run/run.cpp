@@ -126,7 +126,9 @@ int Run::finish() {
   if (options_.device_number > 0) {
     report("\nDevice " + std::to_string(options_.device_number) + ", " + options_.device + ":");
   }
-  end_view();
+  if (shared_ == nullptr) {
+    end_view();
+  }
   if (processes_->surface_tap() != nullptr) {
     processes_->surface_tap()->record(nullptr);
   }
@@ -333,7 +335,7 @@ void Run::prepare_telemetry() {
   if (tap != nullptr) {
     tap->record(recorder_.get());
   }
-  if (!processes_->has_simulator() && (tap != nullptr || view_)) {
+  if (!options_.simulator.empty() && options_.device_number <= 1 && (tap != nullptr || view_)) {
     say("The simulator may send its surface to " +
         (tap != nullptr ? tap->socket() : processes_->view()->surface_socket()) +
         ", see docs/view_protocol.md");
@@ -400,7 +402,9 @@ void Run::start_view() {
   };
   view_ = std::make_unique<ViewFeed>(process->feed_socket(), title, profile_,
                                      servo_options_.workspace, ports_);
-  std::fputs(process->address_text().c_str(), stderr);  // not to the log: it has the token
+  if (options_.device_number <= 1) {
+    std::fputs(process->address_text().c_str(), stderr);  // not to the log: it has the token
+  }
   const std::string why_not = options_.open_view ? process->open_browser() : "";
   if (!why_not.empty()) {
     say("--open: " + why_not + "; open the address yourself", log::Level::kWarn);

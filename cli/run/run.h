@@ -65,6 +65,9 @@ class Run {
   void begin();
   /// Runs the loop until it is over. Every way out has written zero current.
   void render();
+  /// Tells the live view how the run ended, if there is one. Several runs call it before the first
+  /// finish(), which may take long.
+  void end_view();
   /// Ends the rest and writes the files. @returns the exit status of this run alone.
   int finish();
 
@@ -95,7 +98,6 @@ class Run {
   void prepare_telemetry();
   void start_dashboard();
   void start_view();
-  void end_view();
   void run_until_over();
   servo::ServoOutcome run_loop(double for_s);
   bool connect_again(rt::TimePoint ended);

@@ -82,10 +82,8 @@ void check_excluded(const RunOptions& options) {
     throw std::runtime_error(several(options) + ": a simulator serves at most " +
                              std::to_string(kMostDevices) + " tools");
   }
-  refuse(options.view, options, "the live view shows one; leave --view out");
+  refuse(options.tour, options, "the tour is for one; leave --tour out");
   refuse(options.live, options, "the dashboard shows one; leave --live out");
-  refuse(options.record_surface, options,
-         "the surface under several tools is not recorded; leave --record-surface out");
   refuse(options.workers > 0, options, "workers know one tool; leave --workers out");
   refuse(options.reconnect, options,
          "the others would render on without it meanwhile; leave --reconnect out");
@@ -267,6 +265,8 @@ std::vector<RunOptions> options_of_each(const RunOptions& options) {
       own.tool_number = std::max(options.tool_number, 1) + static_cast<int>(k);
       own.started_tools = static_cast<int>(count);
       own.out = options.out + "/device_" + std::to_string(k + 1);
+      own.open_view = options.open_view && k == 0;
+      own.record_surface = options.record_surface && k == 0;  // it has started the simulator
       own.record = with_device_number(options.record, k + 1);
     }
   }
@@ -298,14 +298,14 @@ RunOptions the_only_device(const RunOptions& options) {
 
 int run_devices(const RunOptions& options) {
   const std::vector<RunOptions> each = options_of_each(options);
-  std::unique_ptr<ViewProcess> no_view;
+  std::unique_ptr<ViewProcess> view;  // of all: it outlives every run
   SharedRun shared;
   shared.fault_stops_all = options.fault_stops == "all";
   TerminalKeys keys;
   shared.keys = &keys;
   std::vector<std::unique_ptr<Run>> runs;
   for (const RunOptions& own : each) {
-    runs.push_back(std::make_unique<Run>(own, no_view, &shared));
+    runs.push_back(std::make_unique<Run>(own, view, &shared));
     if (runs.back()->makes_requests()) {
       throw std::runtime_error("method " + own.method +
                                " makes requests, which a simulator of several tools does not "
@@ -332,6 +332,7 @@ int run_devices(const RunOptions& options) {
   render_all(runs, shared, keys);
   std::vector<ToolRun> tools;
   for (const auto& run : runs) {
+    run->end_view();
     tools.push_back(run->tool_run());
   }
   shared.reference.emplace(paths_of(tools, 1.0 / options.simulator_rate_Hz));

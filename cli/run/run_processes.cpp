@@ -64,7 +64,7 @@ std::unique_ptr<ChildProcess> start_emulator(const RunOptions& options, const st
                                        std::to_string(at_m[2])});
   }
   if (view != nullptr) {
-    arguments.insert(arguments.end(), {"--hand-target", view->hand_socket()});
+    arguments.insert(arguments.end(), {"--hand-target", view->hand_socket(options.device_number)});
   }
   if (options.gravity_compensation) {
     arguments.push_back("--unsupported-weight");  // otherwise both would carry it
@@ -109,7 +109,7 @@ std::unique_ptr<ChildProcess> start_simulator(const RunOptions& options,
   if (!surface_socket.empty()) {
     arguments.insert(arguments.end(), {"--surface", surface_socket});
   }
-  if (view != nullptr) {
+  if (view != nullptr && options.started_tools == 1) {
     arguments.insert(arguments.end(), {"--control", view->simulator_socket()});
   }
   if (options.workers > 0) {

@@ -2,6 +2,7 @@
 #include "cli/run/run_view.h"
 
 #include <algorithm>
+#include <cstdint>
 
 #include "cli/run/reference_forces.h"
 #include "cli/run/view_title.h"
@@ -52,9 +53,9 @@ ControlFacts control_facts(const RunOptions& options, const RunProcesses& proces
   ControlFacts facts;
   facts.emulated = processes.has_emulator();
   facts.own_simulator = processes.has_simulator();
-  facts.hand_socket = processes.has_emulator() ? view.hand_socket() : "";
+  facts.hand_socket = processes.has_emulator() ? view.hand_socket(options.device_number) : "";
   facts.simulator_socket = view.simulator_socket();
-  facts.run_socket = view.run_socket();
+  facts.run_socket = view.run_socket(options.device_number);
   facts.rate_Hz = options.rate_Hz;
   facts.simulator_rate_Hz = options.simulator_rate_Hz;
   facts.delay_ms = options.simulator_delay_ms;
@@ -67,6 +68,9 @@ ControlFacts control_facts(const RunOptions& options, const RunProcesses& proces
   facts.hand = options.hand;
   facts.scene = processes.has_simulator() ? options.scene : "";
   facts.scenes = simulator::scene_names();
+  if (options.device_number > 0) {
+    facts.why_same_simulator = "several devices share the simulator: it stays as it began";
+  }
   if (!options.record.empty()) {
     facts.why_one_scene = "a recording has one scene";
   }
@@ -91,7 +95,10 @@ ViewTitle live_title(const RunOptions& options, const RunProcesses& processes,
                      const RunMethods& methods, const MethodOptions& method_options,
                      const servo::ServoOptions& servo_options, const simulator::ToolOptions& tool) {
   ViewTitle title = view_title(options, methods, method_options, servo_options, processes);
-  title.hand_socket = processes.has_emulator() ? processes.view()->hand_socket() : "";
+  title.hand_socket =
+      processes.has_emulator() ? processes.view()->hand_socket(options.device_number) : "";
+  title.tool = static_cast<std::uint16_t>(std::max(options.device_number, 1) - 1);
+
   title.controls = control_facts(options, processes, methods, method_options, servo_options, tool);
   title.tour = options.tour;
   return title;

@@ -121,8 +121,10 @@ void ViewControls::make_settings(const ControlFacts& facts) {
 }
 
 void ViewControls::make_link_settings(const ControlFacts& facts) {
-  std::string why_not;
-  if (!facts.own_simulator) {
+  std::string why_not = facts.why_same_simulator;
+  if (!why_not.empty()) {
+    // That is why.
+  } else if (!facts.own_simulator) {
     why_not = "this run did not start the simulator";
   } else if (!facts.emulated) {
     why_not = "a person holds this device: only an emulated one gets a bad link";

@@ -43,6 +43,7 @@ struct ControlFacts {
   std::string hand;
   std::string scene;
   std::vector<std::string> scenes;  ///< that may be chosen
+  std::string why_same_simulator;   ///< empty: its rate, link, wall, cut and scene may change
   std::string why_one_scene;        ///< empty: another one may be chosen
   std::string why_whole;            ///< empty: the object may be cut
 };

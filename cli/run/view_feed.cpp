@@ -216,9 +216,11 @@ ViewFeed::ViewFeed(const std::string& socket, const ViewTitle& title,
           .restart = title.restart});
   const std::lock_guard lock(mutex_);  // a command waits until the sender is there to answer
   sender_ = std::make_unique<view_link::FrameSender>(std::move(options));
-  sender_->push(
+  view_link::Frame hello =
       view_link::text_frame(type_of(FeedType::kHello),
-                            view_hello(title, profile, workspace, controls_->settings()).dump()));
+                            view_hello(title, profile, workspace, controls_->settings()).dump());
+  hello.object = title.tool;
+  sender_->push(hello);
 }
 
 ViewFeed::~ViewFeed() {

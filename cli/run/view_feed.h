@@ -45,6 +45,8 @@ struct ViewTitle {
   /// The run is to end and to begin again with this scene.
   std::function<void(const std::string& scene)> restart = [](const std::string&) {};
   bool tour = false;  ///< the page shows the steps of a tour
+  /// Place of the device among those that the view shows, from 0 on.
+  std::uint16_t tool = 0;
 };
 
 /// What the live view is told first: the keys of docs/view_protocol.md, "Hello".

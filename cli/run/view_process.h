@@ -35,17 +35,19 @@ class ViewProcess {
   /// for a log: it has the token.
   [[nodiscard]] std::string address_text() const;
   /// What its sockets are called, each in the private folder.
+  /// @param device  number of the device that has them to itself; 0: the only one
   [[nodiscard]] std::string feed_socket() const { return folder_ + "/feed"; }
   [[nodiscard]] std::string surface_socket() const { return folder_ + "/surface"; }
-  [[nodiscard]] std::string hand_socket() const { return folder_ + "/hand"; }
+  [[nodiscard]] std::string hand_socket(int device) const { return folder_ + "/hand" + of(device); }
   [[nodiscard]] std::string simulator_socket() const { return folder_ + "/simulator"; }
-  [[nodiscard]] std::string run_socket() const { return folder_ + "/run"; }
+  [[nodiscard]] std::string run_socket(int device) const { return folder_ + "/run" + of(device); }
 
   /// Shows the page in the person's browser (xdg-open). @returns why not; empty: it was asked to.
   [[nodiscard]] std::string open_browser() const;
 
  private:
   void read_facts();
+  static std::string of(int device) { return device > 0 ? "_" + std::to_string(device) : ""; }
 
   ChildProcess process_;
   std::string folder_;

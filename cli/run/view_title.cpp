@@ -10,7 +10,9 @@ ViewTitle view_title(const RunOptions& options, const RunMethods& methods,
                      const RunProcesses& processes) {
   ViewTitle title;
   title.version = program_version();
-  title.device = options.device;
+  title.device =
+      (options.device_number > 0 ? "device " + std::to_string(options.device_number) + ": " : "") +
+      options.device;
   title.scene = options.simulator.empty() ? options.scene : processes.simulator_address();
   title.methods = methods.names();
   for (const char* candidate : methods.rendered().candidates()) {

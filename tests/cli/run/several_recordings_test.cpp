@@ -25,10 +25,27 @@ using testing::Program;
 constexpr auto kTimeout = std::chrono::seconds(120);
 constexpr char kArm[] = "emulated:woodenhaptics_v2015";
 
-Program run_of_two(const std::string& folder, const std::string& record, const std::string& seed) {
-  return Program::forcegrid({"run", "--device", kArm, "--device", kArm, "--scene", "small", "--out",
-                             folder, "--json", folder + "/run.json", "--device-timeout-ms", "400",
-                             "--seconds", "6", "--record", record, "--seed", seed});
+Program run_of_two(const std::string& folder, const std::string& record,
+                   std::vector<std::string> more) {
+  std::vector<std::string> arguments = {"run",
+                                        "--device",
+                                        kArm,
+                                        "--device",
+                                        kArm,
+                                        "--scene",
+                                        "small",
+                                        "--out",
+                                        folder,
+                                        "--json",
+                                        folder + "/run.json",
+                                        "--device-timeout-ms",
+                                        "400",
+                                        "--seconds",
+                                        "6",
+                                        "--record",
+                                        record};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return Program::forcegrid(arguments);
 }
 
 // [m] Where a recorded tool was, between two of its cycles, on the clock of the whole machine.
@@ -61,7 +78,7 @@ void others_are_where_their_own_recordings_say(const std::string& of, const std:
 
 TEST(SeveralRecordings, EachDeviceHasAFileOfItsOwnWithReferenceForcesUnderBothTools) {
   const std::string folder = fresh_folder("two_recordings");
-  Program run = run_of_two(folder, folder + "/run.h5", "1");
+  Program run = run_of_two(folder, folder + "/run.h5", {"--record-surface"});
   ASSERT_EQ(run.wait(kTimeout), 0) << run.standard_error();
   const json devices = json::parse(testing::text_of(folder + "/run.json")).at("devices");
   const std::vector<std::string> files = {folder + "/run_device_1.h5", folder + "/run_device_2.h5"};
@@ -84,6 +101,11 @@ TEST(SeveralRecordings, EachDeviceHasAFileOfItsOwnWithReferenceForcesUnderBothTo
     EXPECT_EQ(header.tool_number, static_cast<int>(k) + 1);
     EXPECT_EQ(header.offset_W_m, Eigen::Vector3d(0.0, k == 0 ? -0.015 : 0.015, 0.0));
     EXPECT_THAT(run.standard_output(), HasSubstr("Wrote " + files[k]));
+    // The surface of the one object is in the first device's file.
+    ASSERT_EQ(reader.has("/surface/frame_time_s"), k == 0);
+    if (k == 0) {
+      EXPECT_GT(reader.rows("/surface/frame_time_s"), 30U);
+    }
   }
   others_are_where_their_own_recordings_say(files[0], files[1]);
   others_are_where_their_own_recordings_say(files[1], files[0]);
@@ -94,7 +116,7 @@ TEST(SeveralRecordings, EachDeviceHasAFileOfItsOwnWithReferenceForcesUnderBothTo
 // another program, in another order, from recorded positions alone.
 TEST(SeveralRecordings, ReferenceForcesAgreeWithTheSimulatorsSamples) {
   const std::string folder = fresh_folder("two_traces");
-  Program run = run_of_two(folder, folder + "/run.csv.gz", "7");
+  Program run = run_of_two(folder, folder + "/run.csv.gz", {"--seed", "7"});
   ASSERT_EQ(run.wait(kTimeout), 0) << run.standard_error();
   for (const char* const name : {"/run_device_1.csv.gz", "/run_device_2.csv.gz"}) {
     SCOPED_TRACE(name);
