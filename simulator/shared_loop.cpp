@@ -99,7 +99,9 @@ class SharedLoop::State {
         place->impaired.send_due(now);
       }
       if (now < deadline) {
-        wait_until(std::min(deadline, now + kPoll));
+        if (!answer_query(now, deadline)) {
+          wait_until(std::min(deadline, now + kPoll));
+        }
         continue;
       }
       tick();
@@ -162,18 +164,10 @@ class SharedLoop::State {
         place.heard = now;
         place.use.tool = endpoint_.tool(p);
       }
-      while (endpoint_.next_query(p)) {
-        ++summary_.queries_refused;
-      }
       if (place.served && !endpoint_.servo_alive(p)) {
         fail(place.use.tool, "has fallen silent");
         let_go(p);
       }
-    }
-    if (summary_.queries_refused > 0 && !std::exchange(warned_of_queries_, true)) {
-      log::warn("simulator",
-                "simulator: queries are not answered: the force depends on the other tools, too; "
-                "use a method without queries");
     }
     report_strangers();
   }
@@ -256,6 +250,35 @@ class SharedLoop::State {
         places_[p]->newest.reset();
       }
     }
+  }
+
+  // One query of the next tool that has one, if there is time. The state is as of the last tick.
+  bool answer_query(rt::TimePoint now, rt::TimePoint deadline) {
+    if (stopped() || now + longest_query_ >= deadline) {
+      return false;
+    }
+    for (std::size_t tried = 0; tried < places_.size(); ++tried) {
+      turn_ = (turn_ + 1) % places_.size();
+      const auto query = endpoint_.next_query(turn_);
+      if (!query) {
+        continue;
+      }
+      const SharedContact::Answer answer = contact_.ask(turn_, rt::to_vector(query->position_W_m));
+      if (!finite(answer.equilibrium)) {
+        ++summary_.not_finite;
+        contact_.start_over();
+        return true;
+      }
+      const rt::TimePoint done = rt::Clock::now();
+      longest_query_ = std::max(done - now, longest_query_ - longest_query_ / 8);
+      link::ForceSample sample = link::answer_to(*query);
+      fill(sample, answer, options_.send_stiffness);
+      sample.solve_time_s = rt::seconds(done - now);
+      places_[turn_]->impaired.send(sample, done);
+      receive();
+      return true;
+    }
+    return false;
   }
 
   // After the samples were sent, which must not wait for it.
@@ -352,8 +375,12 @@ class SharedLoop::State {
     if (const auto* const sample = std::get_if<link::ForceSample>(&message)) {
       status = endpoint_.send(*sample, p);
       const bool sent = status == link::SendStatus::kSent;
-      summary_.answers += sent ? 1 : 0;
-      places_[p]->use.answers += sent ? 1 : 0;
+      if (sample->query_id != 0) {
+        summary_.replies += sent ? 1 : 0;
+      } else {
+        summary_.answers += sent ? 1 : 0;
+        places_[p]->use.answers += sent ? 1 : 0;
+      }
     } else if (const auto* const patch = std::get_if<link::SurfacePatch>(&message)) {
       status = endpoint_.send(*patch, p);
       summary_.patches += status == link::SendStatus::kSent ? 1 : 0;
@@ -389,7 +416,8 @@ class SharedLoop::State {
   SharedContact contact_;
   rt::Duration period_;
   std::vector<std::unique_ptr<Place>> places_;
-  bool warned_of_queries_ = false;
+  std::size_t turn_ = 0;           // of the place whose query was answered last
+  rt::Duration longest_query_{0};  // of the newest ones
   bool warned_of_strangers_ = false;
   std::unique_ptr<SurfaceStream> surface_;  // null: nobody watches
   rt::Percentiles surface_us_;

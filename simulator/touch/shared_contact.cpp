@@ -123,6 +123,39 @@ void SharedContact::solve() {
   }
 }
 
+SharedContact::Answer SharedContact::ask(std::size_t tool_number,
+                                         const Eigen::Vector3d& position_W) {
+  State::Tool& tool = *state_->each[tool_number];
+  Answer answer;
+  answer.point_W = tool.answer.point_W;
+  answer.position_W = position_W;
+  answer.equilibrium.converged = true;
+  if (!tool.contact.in_contact() || !position_W.allFinite()) {
+    return answer;
+  }
+  answer.epoch = tool.answer.epoch;
+  const Eigen::Vector3d before_W = state_->object.equilibrium(tool_number).displacement_W;
+  bool left_branch = false;
+  const auto move = [&](const Eigen::Vector3d& displacement_W) -> const Equilibrium& {
+    state_->object.aim(tool_number, displacement_W);
+    state_->object.solve();
+    const Equilibrium& found = state_->object.equilibrium(tool_number);
+    left_branch = left_branch || found.left_branch;
+    return found;
+  };
+  answer.in_contact = true;
+  answer.equilibrium = move(position_W - answer.point_W);
+  answer.position_W = answer.point_W + answer.equilibrium.displacement_W;
+  move(before_W);
+  for (const auto& each : state_->each) {
+    if (left_branch && each->contact.in_contact()) {
+      ++each->more_epochs;
+      ++each->answer.epoch;
+    }
+  }
+  return answer;
+}
+
 const SharedContact::Answer& SharedContact::answer(std::size_t tool) const noexcept {
   return state_->each[tool]->answer;
 }

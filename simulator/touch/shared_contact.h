@@ -42,6 +42,12 @@ class SharedContact {
   /// The object's reaction to this tool since the last solve().
   const Answer& answer(std::size_t tool) const noexcept;
 
+  /// What the object would answer this tool at `position_W` [m], with the other tools where they
+  /// are; zero force if it is not in contact, or for a position that is not finite. Costs two
+  /// solutions: there and back, so that the state is as before, to the solver's tolerance. If the
+  /// object leaves its branch on the way, a new epoch begins for all tools in contact.
+  Answer ask(std::size_t tool_number, const Eigen::Vector3d& position_W);
+
   /// Starts a new run of this tool: no contact, epoch 0. The object goes on under the others.
   void reset(std::size_t tool_number);
   /// Every tool lets go and the object is at rest; the tools' epochs go on.

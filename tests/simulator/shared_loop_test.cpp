@@ -46,7 +46,7 @@ class Servo {
   // The newest sample that has come.
   void listen() {
     while (const auto sample = endpoint.receive()) {
-      newest = sample;
+      (sample->query_id != 0 ? reply : newest) = sample;
     }
     if (const auto told = endpoint.next_others()) {
       others = told;
@@ -57,6 +57,7 @@ class Servo {
   std::uint32_t sequence = 0;
   Vector3d at_W = Vector3d::Zero();
   std::optional<link::ForceSample> newest;
+  std::optional<link::ForceSample> reply;  ///< to a query
   std::optional<link::OtherTools> others;
 };
 
@@ -145,6 +146,51 @@ TEST_F(TwoServos, HoldOneObjectAndFeelEachOther) {
   EXPECT_EQ(summary.tools[1].tool, 2U);
   EXPECT_EQ(summary.tools[0].answers + summary.tools[1].answers, summary.answers);
   EXPECT_EQ(to_json(summary)["tools"][1]["contacts"], 1);
+}
+
+TEST_F(TwoServos, GetTheForceWhereTheyAskForItWithTheOtherToolWhereItIs) {
+  bring_both_down();
+  right_.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return is_at(left_) && is_at(right_); }));
+  const std::uint32_t sequence = right_.sequence;
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return right_.newest->echo_sequence > sequence; }));
+  const Vector3d asked_W = kLeft_W + Vector3d(0.002, 0.0, 0.004);
+  left_.endpoint.send(link::Query{
+      .query_id = 7, .servo_time_ns = 5'000'000, .position_W_m = rt::to_array(asked_W)});
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return left_.reply.has_value(); }));
+  EXPECT_FALSE(right_.reply) << "the query is the left one's";
+  const link::ForceSample reply = *left_.reply;
+  EXPECT_EQ(reply.query_id, 7U);
+  EXPECT_TRUE(reply.in_contact);
+  EXPECT_EQ(reply.contact_epoch, left_.newest->contact_epoch);
+  EXPECT_LT((rt::to_vector(reply.position_W_m) - asked_W).norm(), 1e-6);
+  SharedObject<double> reference(make_scene("small").mesh, {}, 2);
+  reference.grab(0, kLeft_W - Vector3d(0, 0, 0.0001), 0.012);
+  reference.grab(1, kRight_W - Vector3d(0, 0, 0.0001), 0.012);
+  reference.aim(0, asked_W - rt::to_vector(left_.newest->contact_point_W_m));
+  reference.aim(1, right_.at_W - rt::to_vector(right_.newest->contact_point_W_m));
+  reference.solve();
+  const Vector3d expected_W = reference.equilibrium(0).force_W;
+  ASSERT_GT(expected_W.norm(), 0.1);
+  EXPECT_LT((rt::to_vector(reply.force_W_N) - expected_W).norm(), 3e-3 * expected_W.norm());
+  // The next sample is of where the tool is, as before.
+  const std::uint32_t later = left_.sequence;
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return left_.newest->echo_sequence > later; }));
+  EXPECT_TRUE(is_at(left_));
+  const SimulatorSummary summary = simulator_.stop();
+  EXPECT_EQ(summary.replies, 1U);
+  EXPECT_EQ(summary.queries_refused, 0U);
+}
+
+TEST_F(TwoServos, InTheAirTheyGetZeroWhereTheyAsk) {
+  left_.at_W = kLeft_W + kUp_W;
+  right_.at_W = kRight_W + kUp_W;
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return is_at(left_) && is_at(right_); }));
+  left_.endpoint.send(link::Query{
+      .query_id = 9, .servo_time_ns = 5'000'000, .position_W_m = rt::to_array(kLeft_W)});
+  ASSERT_TRUE(until({&left_, &right_}, [&] { return left_.reply.has_value(); }));
+  EXPECT_FALSE(left_.reply->in_contact);
+  EXPECT_EQ(left_.reply->force_W_N, (link::Vector3{0.0, 0.0, 0.0}));
 }
 
 TEST_F(TwoServos, AreToldWhereTheOtherIs) {

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <limits>
 #include <numeric>
 #include <vector>
@@ -153,6 +154,49 @@ TEST(SharedContact, PredictsTheTouchOfEachTool) {
       contact.expected_touch(1, kTouch_W[1] + Vector3d(0, 0, kAbove_m), {0, 0, -0.1}, 0.3);
   ASSERT_TRUE(touch_W);
   EXPECT_LT((*touch_W - kTouch_W[1]).norm(), 1e-9);
+}
+
+// Asked for elsewhere, it answers what a dense Newton method gives with the other tool where it is,
+// and is afterwards where it was.
+TEST(SharedContact, AnswersForAPlaceWhereTheToolIsNot) {
+  const Scene scene = block();
+  SharedContact contact(scene, {}, point(), 2);
+  come_down(contact, 0);
+  come_down(contact, 1);
+  const TwoToolNewton::Points moved_W = {Vector3d(-0.001, 0.0015, 0.002),
+                                         Vector3d(0.0, -0.001, 0.003)};
+  contact.move(0, kTouch_W[0] + moved_W[0]);
+  contact.move(1, kTouch_W[1] + moved_W[1]);
+  contact.solve();
+  const std::array<SharedContact::Answer, 2> before = {contact.answer(0), contact.answer(1)};
+  const Vector3d asked_W(0.001, 0.0, 0.004);
+  const SharedContact::Answer found = contact.ask(0, kTouch_W[0] + asked_W);
+  TwoToolNewton dense(scene.mesh, kTouch_W, scene.patch_radius_m);
+  const Vector3d expected_W = dense.at({asked_W, moved_W[1]}).tool_W[0];
+  EXPECT_TRUE(found.in_contact);
+  EXPECT_EQ(found.epoch, before[0].epoch);
+  EXPECT_LT((found.position_W - kTouch_W[0] - asked_W).norm(), 1e-9);
+  EXPECT_LT((found.equilibrium.force_W - expected_W).norm(), 1e-3 * expected_W.norm());
+  EXPECT_GT((found.equilibrium.force_W - before[0].equilibrium.force_W).norm(), 0.1);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(contact.answer(k).equilibrium.force_W, before[k].equilibrium.force_W);
+  }
+  contact.solve();
+  for (std::size_t k = 0; k < 2; ++k) {
+    const Vector3d& was_W = before[k].equilibrium.force_W;
+    EXPECT_LT((contact.answer(k).equilibrium.force_W - was_W).norm(), 2e-3 * was_W.norm());
+    EXPECT_EQ(contact.answer(k).epoch, before[k].epoch);
+  }
+}
+
+TEST(SharedContact, InTheAirAskedForAPlaceItAnswersZero) {
+  SharedContact contact(block(), {}, point(), 2);
+  come_down(contact, 1);
+  contact.solve();
+  const SharedContact::Answer found = contact.ask(0, kTouch_W[0]);
+  EXPECT_FALSE(found.in_contact);
+  EXPECT_EQ(found.epoch, 0U);
+  EXPECT_TRUE(found.equilibrium.force_W.isZero(0.0));
 }
 
 TEST(SharedContact, ShowsTheObjectUnderBothTools) {
