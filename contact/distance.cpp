@@ -208,4 +208,28 @@ bool between_jaws(const ToolShape& tool, const Eigen::Vector3d& from_tool_W) noe
          jaws[0].radius_m;
 }
 
+ToolToTool nearest(const ToolShape& first, const Eigen::Vector3d& first_W, const ToolShape& second,
+                   const Eigen::Vector3d& second_W) noexcept {
+  ToolToTool best;
+  best.gap_m = std::numeric_limits<double>::infinity();
+  for (const Capsule& one : first.parts()) {
+    const Eigen::Vector3d from_1 = first_W + one.from_T;
+    const Eigen::Vector3d path_1 = one.to_T - one.from_T;
+    for (const Capsule& other : second.parts()) {
+      const Eigen::Vector3d from_2 = second_W + other.from_T;
+      const Eigen::Vector3d path_2 = other.to_T - other.from_T;
+      const auto [s, t] = nearest_on_segments(from_1, path_1, from_2, path_2);
+      const Eigen::Vector3d apart = from_1 + s * path_1 - from_2 - t * path_2;
+      const double distance_m = apart.norm();
+      const double gap_m = distance_m - one.radius_m - other.radius_m;
+      if (gap_m < best.gap_m) {
+        best.gap_m = gap_m;
+        best.normal_W = distance_m > kSmallest_m ? Eigen::Vector3d(apart / distance_m)
+                                                 : Eigen::Vector3d(Eigen::Vector3d::Zero());
+      }
+    }
+  }
+  return best;
+}
+
 }  // namespace forcegrid::contact

@@ -48,6 +48,21 @@ struct Touch {
 Touch nearest(const ToolShape& tool, const Eigen::Vector3d& position_W,
               const Corners& corners_W) noexcept;
 
+/// Position of one tool relative to another.
+struct ToolToTool {
+  /// [m] Between the surfaces of the two nearest parts, or by how much the deepest two overlap,
+  /// negative. At least minus the sum of their radii.
+  double gap_m = 0.0;
+  /// Unit, from the second tool to the first one, along which the gap opens; zero where their axes
+  /// meet, and nothing says which way that is.
+  Eigen::Vector3d normal_W = Eigen::Vector3d::Zero();
+};
+
+/// The two tools at these positions [m]. The gap is a function of where one is relative to the
+/// other, so that a force along the normal that depends on the gap alone has a potential.
+ToolToTool nearest(const ToolShape& first, const Eigen::Vector3d& first_W, const ToolShape& second,
+                   const Eigen::Vector3d& second_W) noexcept;
+
 /// Position of a point relative to the tool at `position_W` [m].
 struct PointInTool {
   double gap_m = 0.0;  ///< signed distance from the tool's surface, negative inside

@@ -48,6 +48,7 @@ struct CycleRecord {
   std::array<Triple, kMaxMethods> method_force_W_N{};  ///< each method's own, before any limit
   std::array<EstimateStatus, kMaxMethods> method_status{};
   std::array<double, kMaxMethods> method_uncertainty_N{};  ///< NaN: it can't tell
+  Triple tool_force_W_N{};  ///< of the other devices' tools on this one, before gain and limits
   std::uint8_t rendered_method = 0;     ///< index of the method that is rendered, or faded to
   std::uint8_t rendered_candidate = 0;  ///< index in the first method's candidates()
   ChoiceReason rendered_reason = ChoiceReason::kFirst;

@@ -61,8 +61,10 @@ Eigen::Vector3d ForceRenderer::force(const Cycle& cycle, const driver::ArmPose& 
   guard_.set_resolution(resolution_W_m);
   Eigen::Vector3d force_W = Eigen::Vector3d::Zero();
   Eigen::Vector3d damping_W = Eigen::Vector3d::Zero();
+  tool_force_W_.setZero();
   if (in_workspace(pose)) {
     force_W = ladder_.force_gain() * cycle.method_force_W;
+    tool_force_W_ = ladder_.force_gain() * cycle.tool_force_W;
     damping_W = ladder_.damping_gain() * damping_field_.force_W(cycle.velocity_W, resolution_W_m);
   }
   if (coupling_) {
@@ -71,7 +73,17 @@ Eigen::Vector3d ForceRenderer::force(const Cycle& cycle, const driver::ArmPose& 
   force_W = guard_.apply(cycle.elapsed_s, cycle.position_W, force_W);
   cycles_damped_ += guard_.damping_N_s_per_m() > 0.0 ? 1 : 0;
   cycles_shortened_ += guard_.scale() < 1.0 ? 1 : 0;
-  return force_W + damping_W;
+  wanted_W_ = force_W + damping_W + tool_force_W_;
+  return wanted_W_;
+}
+
+// The limits shorten the force and let it rise slowly; what is left is shared by its parts.
+void ForceRenderer::set_rendered(const Eigen::Vector3d& force_W) noexcept {
+  const double wanted_N2 = wanted_W_.squaredNorm();
+  const double left =
+      wanted_N2 > 0.0 ? std::clamp(force_W.dot(wanted_W_) / wanted_N2, 0.0, 1.0) : 0.0;
+  tool_force_share_ = tool_force_W_.isZero(0.0) ? 0.0 : left * ladder_.force_gain();
+  guard_.set_rendered(force_W - left * tool_force_W_);
 }
 
 // Elastic energy that the hand has put in stays its own through a fade; only the end of the contact
@@ -85,6 +97,8 @@ void ForceRenderer::account_for_contact(const Cycle& cycle) noexcept {
 
 void ForceRenderer::drop() noexcept {
   ladder_.drop();
+  wanted_W_.setZero();
+  tool_force_W_.setZero();
   guard_.restart();
   if (coupling_) {
     coupling_->reset();

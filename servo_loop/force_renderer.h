@@ -38,6 +38,9 @@ class ForceRenderer {
     Eigen::Vector3d position_W = Eigen::Vector3d::Zero();  ///< [m] of the tool
     Eigen::Vector3d velocity_W = Eigen::Vector3d::Zero();  ///< [m/s] of MotionGuard
     Eigen::Vector3d method_force_W = Eigen::Vector3d::Zero();
+    /// [N] Of other devices' tools, see ToolTouch, which counts its energy. It gets the ladder's
+    /// gain and the workspace's bound as the method's does; PassivityGuard does not see it.
+    Eigen::Vector3d tool_force_W = Eigen::Vector3d::Zero();
     double sample_age_s = 0.0;     ///< see DegradationLadder::update()
     double sample_period_s = 0.0;  ///< of the simulator
     HeldBack held_back = HeldBack::kNot;
@@ -65,7 +68,9 @@ class ForceRenderer {
   [[nodiscard]] bool in_workspace(const driver::ArmPose& pose) const noexcept;
 
   /// The force [N] that the limits have left of the last one.
-  void set_rendered(const Eigen::Vector3d& force_W) noexcept { guard_.set_rendered(force_W); }
+  void set_rendered(const Eigen::Vector3d& force_W) noexcept;
+  /// How much of the last cycle's tool_force_W the hand gets, 0..1.
+  [[nodiscard]] double tool_force_share() const noexcept { return tool_force_share_; }
 
   /// Drops the force at once; it comes back by the ramp.
   void drop() noexcept;
@@ -86,6 +91,9 @@ class ForceRenderer {
   std::optional<VirtualCoupling> coupling_;
   Eigen::Matrix3d angle_per_count_rad_;  ///< diagonal, unsigned
   Eigen::Vector3d box_min_D_, box_max_D_;
+  Eigen::Vector3d wanted_W_ = Eigen::Vector3d::Zero();      ///< the last force()
+  Eigen::Vector3d tool_force_W_ = Eigen::Vector3d::Zero();  ///< its part of other tools
+  double tool_force_share_ = 0.0;
   double out_of_contact_s_ = 0.0;
   std::uint64_t cycles_damped_ = 0;
   std::uint64_t cycles_shortened_ = 0;

@@ -51,6 +51,7 @@ ServoLoop::ServoLoop(driver::Device& device, const profiles::DeviceProfile& prof
                .simulator_rate_Hz = options.simulator_rate_Hz,
                .requests_per_s = options.requests_per_s}),
       first_touch_(profile.limits.max_force_N),
+      tool_touch_(options.tool_touch),
       motor_check_(profile, rt::from_seconds(1.0 / options.rate_Hz)),
       renderer_(profile, options.rendering),
       limiter_(profile, options.watch_encoders),
@@ -80,6 +81,13 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   const Eigen::Vector3d object_force_W =
       first_touch_.force_W(servo_time_s(now), tool.touching_W, method_force_W);
 
+  // What other devices' tools push this one with, which know it where it is plausible alone.
+  Eigen::Vector3d tool_force_W = Eigen::Vector3d::Zero();
+  if (fault == Fault::kNone) {
+    tool_force_W =
+        tool_touch_.force_W(now, elapsed_s, tool.position_W, renderer_.ladder().force_gain());
+  }
+
   // No force is rendered before the motors are known to push the right way.
   const HeldBack held_back = why_held_back(now);
   if (held_back == HeldBack::kDeadMan || held_back == HeldBack::kPaused) {
@@ -96,8 +104,9 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
 
   // Ramp, fade, workspace bound, passivity.
   CommandLimiter::Wanted wanted;
-  wanted.force_D =
-      renderer_.force(cycle_to_render(now, elapsed_s, tool.position_W, object_force_W), tool.pose);
+  ForceRenderer::Cycle to_render = cycle_to_render(now, elapsed_s, tool.position_W, object_force_W);
+  to_render.tool_force_W = tool_force_W;
+  wanted.force_D = renderer_.force(to_render, tool.pose);
   wanted.extra_torque_Nm = gravity_torque_Nm(elapsed_s, tool.pose) + motor_check_.joint_torque_Nm();
   wanted.zero = fault != Fault::kNone;
   const driver::LimitedTorque torque = limit_tool_torque(now, elapsed_s, tool, wanted);
@@ -121,6 +130,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   }
   device_->command(command);
   renderer_.set_rendered(limited.torque_scale * limited.force_D);
+  tool_touch_.set_share(renderer_.tool_force_share());
 
   if (fault == Fault::kNone) {
     intake_.query_if_due(now, tool.touching_W);
@@ -136,6 +146,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
         wrist_limiter_.drives() ? Eigen::Vector3d(torque_scale * torque.torque_D_Nm)
                                 : tool_torque_W_Nm(tool, limited.torque_scale * limited.force_D));
   }
+  record.tool_force_W_N = rt::to_array(tool_force_W);
   record.commanded_force_D_N = rt::to_array(limited.force_D);
   record.current_A = command.current_A;
   record.wrist_current_A = command.wrist_current_A;
@@ -485,6 +496,8 @@ void ServoLoop::add_counts(ServoOutcome& outcome) const noexcept {
   outcome.damped_energy_J = guard.damped_energy_J();
   outcome.cycles_damped = renderer_.cycles_damped();
   outcome.cycles_shortened = renderer_.cycles_shortened();
+  outcome.cycles_touching_tools = tool_touch_.cycles_touching();
+  outcome.largest_tool_force_N = tool_touch_.largest_force_N();
 }
 
 }  // namespace forcegrid::servo

@@ -30,6 +30,7 @@
 #include "servo_loop/servo_options.h"
 #include "servo_loop/servo_outcome.h"
 #include "servo_loop/servo_ports.h"
+#include "servo_loop/tool_touch.h"
 #include "servo_loop/wrist_guard.h"
 
 namespace forcegrid::servo {
@@ -126,6 +127,7 @@ class ServoLoop {
   SampleIntake intake_;
   MethodFade method_fade_;
   FirstTouch first_touch_;
+  ToolTouch tool_touch_;
   MotorCheck motor_check_;
   ForceRenderer renderer_;
   CommandLimiter limiter_;

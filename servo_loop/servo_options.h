@@ -10,6 +10,7 @@
 #include "servo_loop/dead_man.h"
 #include "servo_loop/emergency_stop.h"
 #include "servo_loop/force_renderer.h"
+#include "servo_loop/tool_touch.h"
 #include "servo_loop/torque_source.h"
 
 namespace forcegrid::servo {
@@ -61,6 +62,7 @@ struct ServoOptions {
   /// samples do, see ToolTorque. Must outlive the loop.
   const TorqueSource* torque = nullptr;
   CycleListener* listener = nullptr;  ///< told of each cycle at its end; must outlive the loop
+  ToolTouchOptions tool_touch;        ///< how the tools of one program's devices touch each other
   WorkspaceMap workspace;
 };
 

@@ -26,11 +26,13 @@ struct ServoOutcome {
   FirstTouch::Counts first_touches;
   /// How often a joint's torque was removed because its encoder seemed stuck, see EncoderWatch.
   std::uint64_t suspected_stuck_encoders = 0;
-  double energy_to_hand_J = 0.0;          ///< by the rendered force, over the whole run
-  double largest_energy_to_hand_J = 0.0;  ///< in any one contact, at any time
-  double damped_energy_J = 0.0;           ///< by the passivity guard
-  std::uint64_t cycles_damped = 0;        ///< by the passivity guard
-  std::uint64_t cycles_shortened = 0;     ///< cycles whose force the passivity guard shortened
+  double energy_to_hand_J = 0.0;            ///< by the rendered force, over the whole run
+  double largest_energy_to_hand_J = 0.0;    ///< in any one contact, at any time
+  double damped_energy_J = 0.0;             ///< by the passivity guard
+  std::uint64_t cycles_damped = 0;          ///< by the passivity guard
+  std::uint64_t cycles_shortened = 0;       ///< cycles whose force the passivity guard shortened
+  std::uint64_t cycles_touching_tools = 0;  ///< in which another device's tool was felt
+  double largest_tool_force_N = 0.0;        ///< of those tools, before gain and limits
   rt::Scheduling scheduling;
   std::string memory_lock_refused;  ///< why memory could not be locked; empty if it is
   std::string awake_refused;        ///< see rt::ProcessorsAwake

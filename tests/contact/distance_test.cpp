@@ -173,5 +173,51 @@ TEST(PointInTool, ItsNormalIsTheGapsGradientAndTurnsAsTheSecondDerivativeSays) {
   EXPECT_GT(compared, 280);
 }
 
+// Of two upright capsules and two crossed ones the nearest points are known.
+TEST(ToolToTool, GapsOfRodsInClosedForm) {
+  const ToolShape upright = ToolShape::capsule(0.002, 0.040);
+  // The axes are 5 mm apart beside each other.
+  const ToolToTool beside = nearest(upright, {0.003, 0.004, 0.02}, upright, {0.0, 0.0, 0.0});
+  EXPECT_NEAR(beside.gap_m, 0.001, 1e-15);
+  EXPECT_LT((beside.normal_W - Eigen::Vector3d(0.6, 0.8, 0.0)).norm(), 1e-12);
+  // One above the other: 40 mm of axis, then 3 mm.
+  const ToolToTool above = nearest(upright, {0.0, 0.0, 0.043}, upright, {0.0, 0.0, 0.0});
+  EXPECT_NEAR(above.gap_m, -0.001, 1e-15);
+  EXPECT_LT((above.normal_W - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+  // Crossed at right angles, 10 mm apart along y.
+  const ToolShape lying = ToolShape::capsule(0.003, 0.100, Eigen::Vector3d::UnitX());
+  const ToolToTool crossed = nearest(lying, {-0.05, 0.010, 0.02}, upright, {0.0, 0.0, 0.0});
+  EXPECT_NEAR(crossed.gap_m, 0.010 - 0.005, 1e-12);
+  EXPECT_LT((crossed.normal_W - Eigen::Vector3d::UnitY()).norm(), 1e-9);
+}
+
+TEST(ToolToTool, IsOppositeSeenFromTheOther) {
+  const ToolShape grasper = ToolShape::grasper(0.004, 0.03, 0.5);
+  const ToolShape ball = ToolShape::sphere(0.006);
+  const Eigen::Vector3d at_W(0.011, -0.004, 0.013);
+  const ToolToTool one = nearest(grasper, at_W, ball, {0.0, 0.0, 0.0});
+  const ToolToTool other = nearest(ball, {0.0, 0.0, 0.0}, grasper, at_W);
+  EXPECT_NEAR(one.gap_m, other.gap_m, 1e-15);
+  EXPECT_LT((one.normal_W + other.normal_W).norm(), 1e-12);
+}
+
+// The normal is the gap's gradient, so that a force along it has a potential.
+TEST(ToolToTool, TheNormalIsTheGapsGradient) {
+  const ToolShape grasper = ToolShape::grasper(0.004, 0.03, 0.5);
+  const Eigen::Vector3d at_W(0.009, -0.007, 0.021);
+  const ToolToTool found = nearest(grasper, at_W, grasper, {0.0, 0.0, 0.0});
+  constexpr double kStep_m = 1e-6;
+  for (int axis = 0; axis < 3; ++axis) {
+    Eigen::Vector3d ahead_W = at_W;
+    Eigen::Vector3d behind_W = at_W;
+    ahead_W[axis] += kStep_m;
+    behind_W[axis] -= kStep_m;
+    const double slope = (nearest(grasper, ahead_W, grasper, {0.0, 0.0, 0.0}).gap_m -
+                          nearest(grasper, behind_W, grasper, {0.0, 0.0, 0.0}).gap_m) /
+                         (2.0 * kStep_m);
+    EXPECT_NEAR(found.normal_W[axis], slope, 1e-6);
+  }
+}
+
 }  // namespace
 }  // namespace forcegrid::contact

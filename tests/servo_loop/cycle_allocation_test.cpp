@@ -40,6 +40,9 @@ TEST_P(CycleAllocations, AreNone) {
   if (with_coupling) {
     options.rendering.coupling = CouplingOptions{};
   }
+  ToolExchange exchange(2);  // another tool comes 2 mm behind
+  options.tool_touch.exchange = &exchange;
+  options.tool_touch.stiffness_N_per_m = 200.0;
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   ScriptedDevice device(profile);
   MethodOptions grid;
@@ -54,6 +57,7 @@ TEST_P(CycleAllocations, AreNone) {
   rt::TimePoint now(std::chrono::seconds(10));
   std::uint64_t allocations = 0;
   bool guard_acted = false;
+  bool pushed_on = false;
   for (int i = 0; i < 1000; ++i) {
     now += std::chrono::milliseconds(2);
     device.show(Eigen::Vector3d(0.0, 0.0, -0.00001 * i), now);
@@ -70,15 +74,21 @@ TEST_P(CycleAllocations, AreNone) {
     if (i == 900) {
       device.state = driver::DeviceHealth::kUnplugged;  // a fault does not allocate, either
     }
+    exchange.publish(1, 0,
+                     {.position_W_m = {0.0, 0.0, 0.002 - 0.00001 * i},
+                      .time_ns = now.time_since_epoch().count(),
+                      .gain = 1.0});
     const testing::AllocationCount count;
     static_cast<void>(loop.run_cycle(now, now + std::chrono::milliseconds(2)));
     allocations += count.value();
     for (CycleRecord record; ports.records.pop(record);) {
       guard_acted = guard_acted || record.passivity_scale < 1.0;
+      pushed_on = pushed_on || record.tool_force_W_N[2] < 0.0;
     }
   }
   EXPECT_EQ(allocations, 0u);
   EXPECT_TRUE(guard_acted);
+  EXPECT_TRUE(pushed_on);
   const std::atomic<bool> stop{true};
   EXPECT_GT(loop.run(stop, 0.0).first_touches.touches, 0u);
 }
