@@ -20,6 +20,7 @@
 #include "driver/device_url.h"
 #include "driver/discovery.h"
 #include "rt/thread.h"
+#include "simulator/touch/tool_contact.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -74,6 +75,15 @@ Run::Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view, SharedRu
   if (!realtime_refused_.empty() && options_.device_number <= 1) {
     say("No real-time scheduling: " + realtime_refused_);
   }
+}
+
+void Run::touch_others(servo::ToolExchange& exchange, double stiffness_N_per_m) {
+  servo::ToolTouchOptions& touch = servo_options_.tool_touch;
+  touch.exchange = &exchange;
+  touch.tool = static_cast<std::size_t>(options_.device_number - 1);
+  touch.transport_delay_s = 1e-6 * profile_.usb.frame_period_us;
+  touch.stiffness_N_per_m = stiffness_N_per_m;
+  touch.shape = simulator::tool_shape(tool_);
 }
 
 int Run::execute() {
@@ -261,6 +271,7 @@ void Run::connect() {
     own.serial = unit.serial;
     own.url = is_emulated(options_) ? url : driver::lasting_url(url, profile_);
     own.offset_W_mm = options_.offset_W_mm;
+    own.tool_stiffness_N_per_m = servo_options_.tool_touch.stiffness_N_per_m;
     link_->on_others([this](const link::OtherTools& others) {
       const std::int64_t now_ns = rt::Clock::now().time_since_epoch().count();
       for (std::size_t k = 0; k < others.count; ++k) {

@@ -56,6 +56,10 @@ class Run {
   /// @returns the program's exit status.
   int execute();
 
+  /// Of several devices: their tools touch each other with this stiffness [N/m]; 0: they do not.
+  /// Before begin(). `exchange` outlives this.
+  void touch_others(servo::ToolExchange& exchange, double stiffness_N_per_m);
+
   // Its steps. Those of several runs are taken in turn by one thread, render() by one each.
   /// Starts processes, opens and calibrates the device. False: stopped before the arm was
   /// calibrated; then finish_uncalibrated() follows.
@@ -76,7 +80,6 @@ class Run {
   [[nodiscard]] const profiles::DeviceProfile& profile() const { return profile_; }
   /// What the reference forces of all tools need of this one. Its threads have ended.
   [[nodiscard]] ToolRun tool_run() const;
-  [[nodiscard]] bool makes_requests() const { return servo_options_.requests_per_s > 0.0; }
   /// Where the simulator of this run listens; after prepare().
   [[nodiscard]] const std::string& simulator_address() const {
     return processes_->simulator_address();

@@ -21,8 +21,11 @@ struct RunOptions {
   /// All devices of one simulation, in the order of the flags; the others describe each of them.
   std::vector<std::string> devices{"emulated:woodenhaptics_v2015"};
   std::vector<std::string> device_offsets_mm;  ///< "X,Y,Z" of each; fewer: default_offsets_mm()
-  std::string fault_stops = "all";             ///< or "one": whom a device's fault brings to zero
-  int tool_number = 0;                         ///< of the first device at the simulator; 0: only
+  /// [N/m] Between the tools of several devices; 0: they pass through each other. Nothing:
+  /// kToolStiffness_N_per_m, or less where the devices ask for it.
+  std::optional<double> tool_stiffness_N_per_m;
+  std::string fault_stops = "all";  ///< or "one": whom a device's fault brings to zero
+  int tool_number = 0;              ///< of the first device at the simulator; 0: only
   // Of one device among them; of several, run_command() sets these.
   std::string device = "emulated:woodenhaptics_v2015";
   int device_number = 0;                ///< from 1 on; 0: it is the only one

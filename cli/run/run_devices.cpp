@@ -24,6 +24,8 @@
 #include "log/log.h"
 #include "rt/thread.h"
 #include "rt/vectors.h"
+#include "servo_loop/tool_exchange.h"
+#include "servo_loop/tool_touch.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -131,9 +133,30 @@ void check_apart(const std::vector<RunOptions>& each) {
   }
 }
 
-// Where two devices' workspaces overlap their tools may meet; nothing else keeps them apart.
+// [N/m] As asked for, or what every device allows.
+double tool_stiffness_N_per_m(const RunOptions& options,
+                              const std::vector<std::unique_ptr<Run>>& runs) {
+  double largest_N_per_m = kLargestToolStiffness_N_per_m;
+  for (const auto& run : runs) {
+    largest_N_per_m = std::min(
+        largest_N_per_m, servo::largest_tool_stiffness_N_per_m(run->profile(), options.rate_Hz));
+  }
+  const double asked_N_per_m =
+      options.tool_stiffness_N_per_m.value_or(std::min(kToolStiffness_N_per_m, largest_N_per_m));
+  if (asked_N_per_m > largest_N_per_m) {
+    throw std::runtime_error("--tool-stiffness-N-per-m " +
+                             std::to_string(std::lround(asked_N_per_m)) +
+                             ": between two light hands of these devices at --rate " +
+                             std::to_string(std::lround(options.rate_Hz)) + " more than " +
+                             std::to_string(std::lround(std::floor(largest_N_per_m))) +
+                             " N/m would shake; give at most that, or a higher --rate");
+  }
+  return asked_N_per_m;
+}
+
+// Where two devices' workspaces overlap their tools may meet.
 void say_overlaps(const std::vector<std::unique_ptr<Run>>& runs,
-                  const std::vector<RunOptions>& each) {
+                  const std::vector<RunOptions>& each, bool touch) {
   const auto corner = [&](std::size_t k, bool upper) {
     const auto& limits = runs[k]->profile().limits;
     return Eigen::Vector3d(
@@ -148,8 +171,9 @@ void say_overlaps(const std::vector<std::unique_ptr<Run>>& runs,
         char text[200];
         std::snprintf(text, sizeof text,
                       "The workspaces of devices %zu and %zu have %.0f x %.0f x %.0f mm of the "
-                      "scene in common, where their tools pass through each other.",
-                      a + 1, b + 1, common_mm.x(), common_mm.y(), common_mm.z());
+                      "scene in common, where their tools %s each other.",
+                      a + 1, b + 1, common_mm.x(), common_mm.y(), common_mm.z(),
+                      touch ? "touch" : "pass through");
         log::info("run", text);
       }
     }
@@ -303,16 +327,16 @@ int run_devices(const RunOptions& options) {
   shared.fault_stops_all = options.fault_stops == "all";
   TerminalKeys keys;
   shared.keys = &keys;
+  servo::ToolExchange exchange(each.size());  // outlives the loops
   std::vector<std::unique_ptr<Run>> runs;
   for (const RunOptions& own : each) {
     runs.push_back(std::make_unique<Run>(own, view, &shared));
-    if (runs.back()->makes_requests()) {
-      throw std::runtime_error("method " + own.method +
-                               " makes requests, which a simulator of several tools does not "
-                               "answer; choose another method");
-    }
   }
-  say_overlaps(runs, each);
+  const double stiffness_N_per_m = tool_stiffness_N_per_m(options, runs);
+  for (const auto& run : runs) {
+    run->touch_others(exchange, stiffness_N_per_m);
+  }
+  say_overlaps(runs, each, stiffness_N_per_m > 0.0);
   std::size_t prepared = 0;
   while (prepared < runs.size() && runs[prepared]->prepare()) {
     shared.simulator = runs[prepared++]->simulator_address();

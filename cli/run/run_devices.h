@@ -14,6 +14,9 @@ namespace forcegrid::cli {
 /// Devices of one run, at most: as many as a simulator serves tools.
 inline constexpr std::size_t kMostDevices = 4;
 
+inline constexpr double kToolStiffness_N_per_m = 200.0;  ///< between tools, by default
+inline constexpr double kLargestToolStiffness_N_per_m = 5000.0;
+
 /// Renders one scene through several devices: a servo loop each, in this process, and one simulator
 /// for all. A signal, the emergency stop or the end of the time ends all loops; a fault of one ends
 /// all or only that one (RunOptions::fault_stops). Prints a summary of each; the JSON has them as

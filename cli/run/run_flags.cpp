@@ -36,6 +36,12 @@ void add_device(Command& run, RunOptions& o) {
                  "(default 0,0,0; several devices 30 mm apart from left to right)")
       ->repeatable()
       ->check(offset_check());
+  run.add_option("--tool-stiffness-N-per-m", o.tool_stiffness_N_per_m,
+                 "Between the tools of several devices where they touch each other; 0: they pass "
+                 "through (default: 200, or what the devices' hands and rates allow if that is "
+                 "less)")
+      ->check(between(0.0, kLargestToolStiffness_N_per_m))
+      ->type_name("FLOAT N/m");
   run.add_option("--fault-stops", o.fault_stops,
                  "Of several devices: whom a fault of one brings to zero force, all or one")
       ->check(one_of({"all", "one"}))

@@ -41,9 +41,10 @@ struct SeveralTools {
   std::string serial;
   std::string url;  ///< finds the unit again
   std::array<double, 3> offset_W_mm{};
-  std::uint64_t others_told = 0;  ///< messages about the other tools
-  rt::Percentiles others_age_ms;  ///< of their positions on arrival
-  link::OtherTools others;        ///< the newest
+  double tool_stiffness_N_per_m = 0.0;  ///< between this program's tools; 0: they do not touch
+  std::uint64_t others_told = 0;        ///< messages about the other tools
+  rt::Percentiles others_age_ms;        ///< of their positions on arrival
+  link::OtherTools others;              ///< the newest
 };
 
 /// Everything that a run reports, in the order in which it becomes known.

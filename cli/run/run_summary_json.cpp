@@ -46,7 +46,7 @@ json recovered_json(const RunSummary& summary) {
   return recovered;
 }
 
-json shared_json(const SeveralTools& shared) {
+json shared_json(const SeveralTools& shared, const servo::ServoOutcome& outcome) {
   json newest = json::array();
   for (std::size_t k = 0; k < shared.others.count; ++k) {
     const link::OtherTool& other = shared.others.tools[k];
@@ -62,6 +62,10 @@ json shared_json(const SeveralTools& shared) {
             {"serial", shared.serial},
             {"url", shared.url}}},
           {"offset_W_mm", shared.offset_W_mm},
+          {"tool_touch",
+           {{"stiffness_N_per_m", shared.tool_stiffness_N_per_m},
+            {"cycles", outcome.cycles_touching_tools},
+            {"largest_force_N", outcome.largest_tool_force_N}}},
           {"other_tools",
            {{"messages", shared.others_told},
             {"age_ms", percentiles_json(shared.others_age_ms)},
@@ -267,7 +271,7 @@ nlohmann::json to_json(const RunSummary& summary, const servo::TelemetryStatisti
                                   {"p99", summary.picture_delay->p99_ms}};
   }
   if (summary.shared) {
-    result["several_tools"] = shared_json(*summary.shared);
+    result["several_tools"] = shared_json(*summary.shared, summary.outcome);
   }
   result["setting_changes"] = summary.setting_changes;
   add_deprecated(result);

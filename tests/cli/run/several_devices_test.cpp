@@ -85,6 +85,7 @@ TEST(SeveralDevices, HoldOneObjectInOneProgram) {
   }
   EXPECT_NE(summary["devices"][0]["several_tools"]["unit"]["url"],
             summary["devices"][1]["several_tools"]["unit"]["url"]);
+  EXPECT_EQ(summary["devices"][0]["several_tools"]["tool_touch"]["stiffness_N_per_m"], 200.0);
   const json& tools = summary.at("devices").at(0).at("simulator").at("tools");
   ASSERT_EQ(tools.size(), 2U);
   EXPECT_EQ(tools.at(0).at("contacts"), 1);
@@ -206,6 +207,8 @@ INSTANTIATE_TEST_SUITE_P(
         Complaint{"Tour", two_with({"--view", "--tour"}), "leave --tour out"},
         Complaint{"RecordWithoutAKnownEnding", two_with({"--record", "x.txt"}),
                   "the name must end in .h5"},
+        Complaint{"StiffTools", two_with({"--tool-stiffness-N-per-m", "4000"}),
+                  "N/m would shake; give at most that, or a higher --rate"},
         Complaint{"Workers", two_with({"--workers", "1"}), "leave --workers out"},
         Complaint{"Reconnect", two_with({"--reconnect"}), "leave --reconnect out"},
         Complaint{"SecondProcessor", two_with({"--core", "/tmp/line"}), "leave --core out"},
@@ -213,7 +216,6 @@ INSTANTIATE_TEST_SUITE_P(
                   "choose another method"},
         Complaint{"Sliding", two_with({"--scene", "small_slide"}), "use --contact sticky"},
         Complaint{"Solver", two_with({"--solver", "local"}), "leave --solver out"},
-        Complaint{"Requests", two_with({"--requests-per-s", "100"}), "makes requests"},
         Complaint{"FaultOfAMissingDevice", two_with({"--fault", "3:babble"}),
                   "there is no device 3"},
         Complaint{"UnknownFault", two_with({"--fault", "2:sneeze"}), "'sneeze' is unknown"},
