@@ -96,6 +96,25 @@ TEST(SeveralDevices, HoldOneObjectInOneProgram) {
               HasSubstr("The workspaces of devices 1 and 2 have 120 x 130 x 120 mm"));
 }
 
+// The simulator answers each, with the other tool where it is.
+TEST(SeveralDevices, MakeRequests) {
+  const std::string folder = fresh_folder("two_with_requests");
+  Program run =
+      Program::forcegrid(run_of_two(folder, {"--seconds", "5", "--method", "forcegrid+request",
+                                             "--requests-per-s", "60", "--no-reference"}));
+  ASSERT_EQ(run.wait(kTimeout), 0) << run.standard_error();
+  const json devices = summary_in(folder).at("devices");
+  for (const json& device : devices) {
+    EXPECT_EQ(device.at("ended_by"), "time");
+    EXPECT_GT(device.at("requests_made"), 30);
+    EXPECT_GT(device.at("answers_taken"), 10);
+    expect_motors_off(device);
+  }
+  const json& simulator = devices.at(0).at("simulator");
+  EXPECT_GE(simulator.at("replies").get<int>(),
+            devices[0]["answers_taken"].get<int>() + devices[1]["answers_taken"].get<int>());
+}
+
 TEST(SeveralDevices, AFaultOfOneInMidForceBringsAllToZeroForce) {
   const std::string folder = fresh_folder("two_fault");
   Program run = Program::forcegrid(
