@@ -21,9 +21,9 @@ namespace forcegrid::simulator {
 /// SimulatorOptions::fault_stops_all the others then get refusals in place of answers, so that
 /// their runs end at zero force, until those that were there have gone. Else they go on.
 ///
-/// A query gets the force on its tool at the place it asks for, with the other tools where they are.
-/// Queries are answered between two deadlines, as long as the time lasts, the tools in turn. Without
-/// contact the answer is zero.
+/// A query gets the force on its tool at the place it asks for, with the other tools where they
+/// are. Queries are answered between two deadlines, as long as the time lasts, the tools in turn.
+/// Without contact the answer is zero.
 ///
 /// Real-time: no. Threads: one.
 class SharedLoop {

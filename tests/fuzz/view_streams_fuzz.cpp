@@ -3,7 +3,7 @@
 #include <string>
 
 #include "tests/fuzz/fuzz_targets.h"
-#include "view/hub.h"
+#include "view/tool_hubs.h"
 #include "view_link/frame.h"
 #include "view_link/inside_messages.h"
 #include "view_link/surface_messages.h"
@@ -19,7 +19,7 @@ void check_outbox(view::Outbox& outbox) {
       require(text.is_object() && text.contains("type"), "each text has a type");
     } else {
       require(message->bytes->size() >= 4 && message->bytes->front() >= 1 &&
-                  message->bytes->front() <= 9,
+                  message->bytes->front() <= 10,
               "each binary message has a known type");
     }
   }
@@ -55,33 +55,39 @@ void view_streams(Input input) {
     return;
   }
   const bool is_feed = input.front() % 2 == 0;
-  view::Hub hub([](const view_link::Frame&, view::PageCommand::What, bool) { return true; },
-                [](std::uint64_t, const view_link::Frame& wish) {
-                  require(view_link::decode_wish(wish.payload).has_value(), "a wish can be read");
-                });
+  view::ToolHubs hub([](auto...) { return true; },
+                     [](std::uint64_t, const view_link::Frame& wish) {
+                       require(view_link::decode_wish(wish.payload).has_value(),
+                               "a wish can be read");
+                     });
   view::Viewer page;
-  page.wake = [] {};
+  view::Viewer other;  // looks at another tool: it is told of the first one, too
+  page.wake = other.wake = [] {};
   hub.join(page);
+  hub.join(other);
+  hub.take_page(other, R"({"what":"tool","tool":1})");
   hub.take_page(page, R"({"what":"layers","blocks":false,"inside":true})");
   view_link::FrameReader reader(view_link::kLargestFeedPayload);
   try {
     reader.add(input.subspan(1));
     while (const auto frame = reader.next()) {
       if (is_feed) {
-        hub.take_feed(*frame);
+        hub.take_feed(1, *frame);
       } else {
         check_surface(*frame);
         hub.take_surface(1, *frame);
       }
       check_outbox(page.outbox);
+      check_outbox(other.outbox);
     }
   } catch (const view_link::ViewLinkError&) {
     // A stream that is refused is what most inputs are.
   }
-  hub.feed_lost();
+  hub.feed_lost(1);
   hub.surface_lost(1);
   check_outbox(page.outbox);
   hub.leave(page);
+  hub.leave(other);
 }
 
 }  // namespace forcegrid::fuzz

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two loops in one process, each with a link of its own to one simulator: what they share is the
-// stop. Also for ThreadSanitizer, which sees whatever else they share.
+// stop, and where their tools are. Also for ThreadSanitizer, which sees whatever else they share.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -22,6 +22,7 @@ using namespace std::chrono_literals;
 
 constexpr auto kPatience = 60s;
 constexpr double kOffset_m = 0.02;
+constexpr double kRadius_m = 0.03;  // spheres that overlap by 20 mm
 
 /// Counts the samples, and those that are another tool's; renders nothing.
 class CountingMethod final : public ForceMethod {
@@ -52,7 +53,7 @@ class CountingMethod final : public ForceMethod {
 
 /// One device with everything that is its own.
 struct Arm {
-  Arm(const std::string& simulator, link::ToolId tool)
+  Arm(const std::string& simulator, link::ToolId tool, ToolExchange& exchange)
       : profile(profiles::load_device_profile("woodenhaptics_v2015")),
         device(profile),
         method(tool),
@@ -62,6 +63,10 @@ struct Arm {
     options.watch_encoders = false;
     options.report_timeout = 600s;  // the device's one report lasts for the test
     options.workspace.W_origin_D = {0.0, tool == 1 ? kOffset_m : -kOffset_m, 0.0};
+    options.tool_touch = {.exchange = &exchange,
+                          .tool = tool - 1U,
+                          .stiffness_N_per_m = 10.0,
+                          .shape = contact::ToolShape::sphere(kRadius_m)};
     device.show(Eigen::Vector3d::Zero(), rt::Clock::now());
     loop = std::make_unique<ServoLoop>(device, profile, std::vector<ForceMethod*>{&method}, ports,
                                        options);
@@ -97,8 +102,9 @@ TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
     }
   });
   const std::string address = link::to_string(endpoint.address());
-  std::array<std::unique_ptr<Arm>, 2> arms = {std::make_unique<Arm>(address, 1),
-                                              std::make_unique<Arm>(address, 2)};
+  ToolExchange exchange(2);
+  std::array<std::unique_ptr<Arm>, 2> arms = {std::make_unique<Arm>(address, 1, exchange),
+                                              std::make_unique<Arm>(address, 2, exchange)};
   std::atomic<bool> stop{false};
   const auto give_up = rt::Clock::now() + kPatience;
   {
@@ -126,6 +132,8 @@ TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
   for (const auto& arm : arms) {
     EXPECT_GE(arm->method.samples, 20);
     EXPECT_EQ(arm->method.strange, 0) << "a sample of the other tool";
+    EXPECT_GT(arm->outcome.cycles_touching_tools, 0U);
+    EXPECT_LE(arm->outcome.largest_tool_force_N, 10.0 * 0.02 + 1e-3);
     EXPECT_EQ(arm->outcome.fault, Fault::kNone);
     EXPECT_TRUE(arm->outcome.zero_current_delivered);
     EXPECT_TRUE(arm->device.stopped);

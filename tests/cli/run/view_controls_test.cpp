@@ -290,5 +290,19 @@ TEST_F(ViewControlsTest, LeaveASimulatorOfSomebodyElsesAlone) {
   EXPECT_EQ(next().text, "this run did not start the simulator");
 }
 
+TEST_F(ViewControlsTest, LeaveASimulatorOfSeveralDevicesAlone) {
+  facts_.why_same_simulator = "several devices share the simulator";
+  ViewControls& controls = start();
+  for (const auto& [name, value] : {std::pair<std::string, json>{"delay_ms", 5},
+                                    {"wall_mm", 20},
+                                    {"cut", "yes"},
+                                    {"scene", "small"}}) {
+    controls.set(1, name, value);
+    const Done done = next();
+    EXPECT_FALSE(done.done) << name;
+    EXPECT_EQ(done.text, "several devices share the simulator") << name;
+  }
+}
+
 }  // namespace
 }  // namespace forcegrid::cli
