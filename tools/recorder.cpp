@@ -264,7 +264,7 @@ std::vector<Source<RecordedTool>> other_tool_sources(std::int64_t start_ns) {
        [start_ns](const Row& row, Out& to) {
          to.push_back(1e-9 * static_cast<double>(row.arrived_ns - start_ns));
        }},
-      {{"/others/tool", T::kUint16, {}, "number of the other tool; 0: it has none"},
+      {{"/others/tool", T::kUint32, {}, "number of the other tool; 0: it has none"},
        [](const Row& row, Out& to) { to.push_back(row.tool.tool); }},
       {{"/others/in_contact", T::kUint8, {}, "1 if that tool touches the object"},
        [](const Row& row, Out& to) { to.push_back(row.tool.in_contact); }},
