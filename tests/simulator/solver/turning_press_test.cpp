@@ -106,14 +106,14 @@ class TwistingGrasp : public ::testing::Test {
  protected:
   TwistingGrasp() : object_(mesh_, ToolShape::grasper(0.002, 0.02, 0.8), tight(0.0)) {
     object_.reset({0.0, 0.0, 0.003}, Quaterniond::Identity());
-    object_.move_to(kPlace_W);
+    object_.move_to(place_W_);
     EXPECT_GT(object_.grasp(), 3);
   }
 
   Pressed turned_to(double angle_rad) {
     Pressed found;
     for (int again = 0; again < 10; ++again) {  // what one answer leaves over is done in the next
-      found = object_.move_to(kPlace_W, about(Vector3d::UnitZ(), angle_rad));
+      found = object_.move_to(place_W_, about(Vector3d::UnitZ(), angle_rad));
       if (found.equilibrium.converged) {
         break;
       }
@@ -122,7 +122,7 @@ class TwistingGrasp : public ::testing::Test {
     return found;
   }
 
-  const Vector3d kPlace_W{0.0, 0.0, -0.004};
+  const Vector3d place_W_{0.0, 0.0, -0.004};
   SpringMesh mesh_ = regular_block();
   PressedObject object_;
 };
@@ -139,7 +139,7 @@ TEST_F(TwistingGrasp, TurnsTheToolBackAndTheGroundTheOtherWay) {
     Vector3d on_ground_Nm = Vector3d::Zero();
     for (std::size_t i = 0; i < x_W.size(); ++i) {
       if (mesh_.fixed[i] != 0) {
-        on_ground_Nm += (x_W[i] - kPlace_W).cross(force_W[i]);
+        on_ground_Nm += (x_W[i] - place_W_).cross(force_W[i]);
       }
     }
     EXPECT_LE((twisted.equilibrium.torque_W_Nm + on_ground_Nm).norm(), 2e-3 * on_ground_Nm.norm());
