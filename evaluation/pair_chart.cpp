@@ -78,7 +78,7 @@ PairReference solve(const Cell& cell, const PairChartOptions& options, rt::Job& 
 
 void make_traces(std::vector<Cell>& cells, const PairChartOptions& options, PairChart& chart) {
   const fs::path folder = options.out / "traces";
-  fs::create_directories(folder);
+  make_trace_folder(folder);
   std::vector<std::size_t> unconverged(cells.size(), 0);
   std::vector<std::size_t> branch_changes(cells.size(), 0);
   rt::JobOptions jobs{.threads = options.jobs};

@@ -2,6 +2,7 @@
 #include "evaluation/pair_reference.h"
 
 #include <cmath>
+#include <system_error>
 #include <utility>
 
 #include "evaluation/error.h"
@@ -134,6 +135,15 @@ void add_samples(const PairTraceOptions& options, std::uint64_t seed, PairTrace&
 
 }  // namespace
 
+void make_trace_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) {
+    throw ChartError("folder " + folder.string() + " can't be made (" + error.message() +
+                     "); name another one");
+  }
+}
+
 PairReference make_pair_trace(const simulator::SpringMesh& mesh, const PairMotion& motion,
                               const PairTraceOptions& options, std::uint64_t seed) {
   check(options);
@@ -141,7 +151,7 @@ PairReference make_pair_trace(const simulator::SpringMesh& mesh, const PairMotio
   reference.key = key_of(mesh, motion, options, seed);
   std::filesystem::path kept;
   if (!options.cache.empty()) {
-    std::filesystem::create_directories(options.cache);
+    make_trace_folder(options.cache);
     kept = options.cache / ("two-tools-" + reference.key + ".csv.gz");
   }
   if (!kept.empty() && std::filesystem::exists(kept)) {

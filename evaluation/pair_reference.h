@@ -40,6 +40,10 @@ struct PairReference {
       0;  ///< instants at which the object snapped into another equilibrium
 };
 
+/// Makes a folder, and those that it is in, unless it is there.
+/// @throws ChartError naming the folder, the system's reason and the remedy.
+void make_trace_folder(const std::filesystem::path& folder);
+
 /// Solves `mesh` under two tools that follow `motion`, both from the grab on, at every servo
 /// instant (SharedObject<double>): the reference forces. The simulator's samples are the forces at
 /// the first servo instant at or after each of its ticks, and arrive one simulator period and the

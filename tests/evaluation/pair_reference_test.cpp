@@ -170,6 +170,9 @@ TEST(PairReference, RefusesWhatItCannotMake) {
   options.servo_rate_Hz = 20.0;
   EXPECT_THROW(make_pair_trace(little_block(), motion, options, 1), ChartError);
   options = short_trace();
+  options.cache = "/proc/no folder";
+  EXPECT_THROW(make_pair_trace(little_block(), motion, options, 1), ChartError);
+  options = short_trace();
   options.patch_radius_m = 1e-4;
   simulator::SpringMesh aside = little_block();
   for (Vector3d& position_W : aside.rest_position_W) {
