@@ -35,7 +35,7 @@ std::vector<Cell> cells_of(const PairChartOptions& options) {
   std::vector<Cell> cells;
   for (const std::string& scene : options.scenes) {
     for (const std::string& pair : options.pairs.empty() ? pair_motion_names() : options.pairs) {
-      PairMotion(pair, options.seed);  // refuses an unknown one
+      static_cast<void>(PairMotion(pair, options.seed));  // refuses an unknown one
       cells.push_back({chart_scene(scene).name, pair, {}});
     }
   }

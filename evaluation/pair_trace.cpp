@@ -229,9 +229,10 @@ bool is_pair_trace(const std::string& file) {
   try {
     LineReader lines(file);
     std::string_view header;
-    return lines.next(header) &&
-           std::any_of(kNames.begin() + kPosition, kNames.begin() + kResidual,
-                       [&](std::string_view name) { return header.find(name) != header.npos; });
+    return lines.next(header) && std::any_of(kNames.begin() + kPosition, kNames.begin() + kResidual,
+                                             [&](std::string_view name) {
+                                               return header.find(name) != std::string_view::npos;
+                                             });
   } catch (const FileError&) {
     return false;
   }

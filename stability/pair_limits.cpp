@@ -139,9 +139,12 @@ void write_page(const fs::path& file, const std::vector<PairLimitRow>& rows) {
       "brackets relative to exact rendering in the same loop.\n\n| hand | servo | tools | network "
       "|";
   std::string rule = "|---|---|---|---|";
-  std::size_t methods = 0;
+  std::size_t methods = 1;  // of a loop; the first one has exact rendering at least
   while (methods < rows.size() && same_loop(rows[methods].cell, rows.front().cell)) {
-    text += " `" + rows[methods++].cell.method + "` |";
+    ++methods;
+  }
+  for (std::size_t i = 0; i < methods; ++i) {
+    text += " `" + rows[i].cell.method + "` |";
     rule += "---|";
   }
   text += "\n" + rule + "\n";

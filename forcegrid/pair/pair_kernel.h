@@ -30,8 +30,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 /// Source: Wahlstrom et al., Modeling magnetic fields using Gaussian processes, 2013.
 /// Real-time: all functions. Threads: any.
 struct PairKernel {
-  /// l, of the distance in R^6. Shorter than for one tool, since both tools' ways add up in it:
-  /// measured on traces of six pairs of motions, docs/two_tools.md.
+  /// l, of the distance in R^6. Shorter than for one tool, since both tools' ways add up in it.
   double length_m = 0.020;
   double stiffness_prior = 400.0;  ///< kappa [N^2]: sqrt(kappa)/l is about 1000 N/m
   double constant_N2 = 1.0;        ///< variance of the constant force

@@ -25,7 +25,7 @@ constexpr std::chrono::seconds kPatience{200};
 
 class ChartTwoTools : public ::testing::Test {
  protected:
-  int run(std::vector<std::string> arguments) {
+  int run(const std::vector<std::string>& arguments) {
     Program program = Program::forcegrid(arguments);
     const auto status = program.wait(kPatience);
     out_ = program.standard_output();
