@@ -18,6 +18,13 @@ namespace {
 // again after a longer pause.
 constexpr rt::Duration kStall = std::chrono::milliseconds(50);
 
+// Where ForceRenderer renders a force.
+bool in_box(const profiles::DeviceProfile& profile, const Eigen::Vector3d& position_D) noexcept {
+  const auto& limits = profile.limits;
+  return (position_D.array() >= rt::to_vector(limits.workspace_min_m).array()).all() &&
+         (position_D.array() <= rt::to_vector(limits.workspace_max_m).array()).all();
+}
+
 double to_us(rt::Duration duration) noexcept { return 1e6 * rt::seconds(duration); }
 
 const ServoOptions& usable(const ServoOptions& options, const profiles::DeviceProfile& profile) {
@@ -84,8 +91,9 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   // What other devices' tools push this one with, which know it where it is plausible alone.
   Eigen::Vector3d tool_force_W = Eigen::Vector3d::Zero();
   if (fault == Fault::kNone) {
-    tool_force_W =
-        tool_touch_.force_W(now, elapsed_s, tool.position_W, renderer_.ladder().force_gain());
+    const double gain =
+        in_box(profile_, tool.pose.position_D) ? renderer_.ladder().force_gain() : 0.0;
+    tool_force_W = tool_touch_.force_W(now, elapsed_s, tool.position_W, gain);
   }
 
   // No force is rendered before the motors are known to push the right way.

@@ -81,6 +81,37 @@ struct Arm {
   ServoOutcome outcome;
 };
 
+// What a loop tells the other ones of how much its hand gets.
+double told_gain(const Eigen::Vector3d& position_D) {
+  const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
+  ScriptedDevice device(profile);
+  CountingMethod method(1.0);
+  ServoPorts ports;
+  ToolExchange exchange(2);
+  ServoOptions options;
+  options.check_motors = false;
+  options.needs_samples = false;
+  options.tool_touch = {.exchange = &exchange, .tool = 0, .stiffness_N_per_m = 10.0};
+  ServoLoop loop(device, profile, {&method}, ports, options);
+  rt::TimePoint now(10s);
+  for (int i = 0; i < 500; ++i) {
+    now += 2ms;
+    device.show(position_D, now);
+    EXPECT_EQ(loop.run_cycle(now, now + 2ms), Fault::kNone);
+    for (CycleRecord record; ports.records.pop(record);) {
+    }
+  }
+  ToolPlace place;
+  EXPECT_TRUE(exchange.fetch(1, 0, place));
+  EXPECT_NEAR(place.position_W_m[2], position_D.z(), 1e-4);
+  return place.gain;
+}
+
+TEST(ToolsOfLoops, AHandBeyondItsBoxGetsNoForceAndSaysSo) {
+  EXPECT_EQ(told_gain(Eigen::Vector3d::Zero()), 1.0);
+  EXPECT_EQ(told_gain({0.0, 0.0, 0.061}), 0.0) << "the box ends at 60 mm";
+}
+
 TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
   link::SimulatorEndpoint endpoint("127.0.0.1:0", 1h, {}, 2);
   std::atomic<bool> simulated{true};
