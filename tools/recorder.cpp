@@ -146,7 +146,7 @@ std::vector<Source<CycleRecord>> cycle_sources(std::int64_t start_ns, std::size_
                    to.push_back(row.method_uncertainty_N[i]);
                  }),
       several("/cycles/tool_force_W_N", T::kFloat64, &CycleRecord::tool_force_W_N,
-             "of other devices' tools on this one, before gain and limits"),
+              "of other devices' tools on this one, before gain and limits"),
       number("/cycles/rendered_member", T::kUint8, &CycleRecord::rendered_candidate,
              "candidate of the rendered method that was rendered"),
       number("/cycles/rendered_reason", T::kUint8, &CycleRecord::rendered_reason,
