@@ -80,9 +80,8 @@ TEST(PairLoop, HasTheLimitsOfTheEigenvaluesOfItsNormalModes) {
   setup.together = false;
   EXPECT_NEAR(limit_N_per_m(setup, kExact) / spring_N_per_m, 1.0, 2.0 * kScanStep);
   setup.together = true;
-  constexpr double c = SpringPair::kBetween;
-  EXPECT_NEAR(limit_N_per_m(setup, kExact) / spring_N_per_m, (1.0 + c) / (1.0 + 2.0 * c),
-              2.0 * kScanStep);
+  EXPECT_NEAR(limit_N_per_m(setup, kExact) / spring_N_per_m,
+              (1.0 + SpringPair::kBetween) / (1.0 + 2.0 * SpringPair::kBetween), 2.0 * kScanStep);
 }
 
 // hold renews its force at the simulator's ticks, a period late: the same theory with that period
