@@ -45,7 +45,19 @@ TimedPath path_of(const Hdf5Reader& reader, const RecordingHeader& header) {
 struct ReplayedPart {
   TimedPath tool;    ///< positions of the tool, in W
   TimedPath target;  ///< positions that the hand aimed at, in the device's frame D
+  /// [rad] Joint angles of the wrist at the same times; empty: the recorded device has none.
+  std::vector<Eigen::Vector3d> gimbal_rad;
 };
+
+// Of a device with a wrist; a recording of an earlier version has no such column.
+std::vector<Eigen::Vector3d> gimbal_angles(const Hdf5Reader& reader,
+                                           const RecordingHeader& header) {
+  if (!reader.has("/cycles/has_orientation") || header.cycles == 0 ||
+      reader.numbers("/cycles/has_orientation", 1)[0] == 0.0) {
+    return {};
+  }
+  return tools::read_vectors(reader, "/cycles/gimbal_angle_rad", header.cycles);
+}
 
 // The path from the first contact on (without any: from the start), at most `seconds` long (0:
 // all). The force sent deflected the hand by its stiffness, so the hand's target lies beyond the
@@ -54,6 +66,7 @@ ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& read
                             const RecordingHeader& header, double hand_stiffness_N_per_m) {
   const TimedPath whole = path_of(reader, header);
   const auto force_N = tools::read_vectors(reader, "/cycles/sent_force_D_N", header.cycles);
+  const std::vector<Eigen::Vector3d> gimbal_rad = gimbal_angles(reader, header);
   const std::vector<double> in_contact = reader.numbers("/cycles/in_contact", header.cycles);
   const auto touched = std::find(in_contact.begin(), in_contact.end(), 1.0);
   ReplayedPart part;
@@ -69,6 +82,9 @@ ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& read
     part.target.time_s.push_back(whole.time_s[i]);
     part.target.position_m.push_back(whole.position_m[i] - header.offset_W_m -
                                      force_N[i] / hand_stiffness_N_per_m);
+    if (!gimbal_rad.empty()) {
+      part.gimbal_rad.push_back(gimbal_rad[i]);
+    }
   }
   if (part.tool.time_s.size() < 2) {
     throw std::runtime_error(options.file +
@@ -78,13 +94,20 @@ ReplayedPart part_to_replay(const ReplayOptions& options, const Hdf5Reader& read
   return part;
 }
 
-void write_path(const std::string& file, const TimedPath& path) {
+void write_path(const std::string& file, const TimedPath& path,
+                const std::vector<Eigen::Vector3d>& gimbal_rad) {
   text::OutputFile output(file);
   std::ostream& stream = output.stream();
-  stream << "time_s,x_m,y_m,z_m\n" << std::setprecision(12);
+  stream << "time_s,x_m,y_m,z_m" << std::setprecision(12)
+         << (gimbal_rad.empty() ? "\n" : ",gimbal_1_rad,gimbal_2_rad,gimbal_3_rad\n");
   for (std::size_t i = 0; i < path.time_s.size(); ++i) {
     const Eigen::Vector3d& p = path.position_m[i];
-    stream << path.time_s[i] << ',' << p.x() << ',' << p.y() << ',' << p.z() << '\n';
+    stream << path.time_s[i] << ',' << p.x() << ',' << p.y() << ',' << p.z();
+    if (!gimbal_rad.empty()) {
+      const Eigen::Vector3d& g = gimbal_rad[i];
+      stream << ',' << g.x() << ',' << g.y() << ',' << g.z();
+    }
+    stream << '\n';
   }
   output.finish();
 }
@@ -205,7 +228,7 @@ int replay_command(const ReplayOptions& options) {
                    " of several; the replay has the object to itself, so its force differs");
   }
   make_folder(options.out);
-  write_path(options.out + "/replayed_path.csv", part.target);
+  write_path(options.out + "/replayed_path.csv", part.target, part.gimbal_rad);
   const int status = run_command(run);
 
   ProgressLine line;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -129,6 +130,29 @@ TEST(RecordCommand, KeepsARunThatCanBeJudgedDrawnAndReplayed) {
   // The chirp reaches 20 mm; another method's force lets the hand give way differently.
   EXPECT_LT(replayed.at("followed_rms_mm").get<double>(), 2.0);
   EXPECT_TRUE(std::filesystem::exists(out + "/replay/replay.h5"));
+}
+
+TEST(RecordCommand, ReplaysTheTurnsOfAWrist) {
+  const std::string out = fresh_folder("record_wrist");
+  const std::string file = out + "/run.h5";
+  Program record = Program::forcegrid(
+      {"record", file, "--device", "emulated:woodenhaptics_v2015_wrist", "--scene", "small",
+       "--wrist", "twist", "--seconds", "5", "--no-reference", "--out", out});
+  ASSERT_EQ(record.wait(kTimeout), 0) << record.standard_error();
+  Program replay =
+      Program::forcegrid({"replay", file, "--method", "hold", "--out", out + "/replay", "--json"});
+  ASSERT_EQ(replay.wait(kTimeout), 0) << replay.standard_error();
+  const std::string path = text_of(out + "/replay/replayed_path.csv");
+  EXPECT_THAT(path,
+              ::testing::StartsWith("time_s,x_m,y_m,z_m,gimbal_1_rad,gimbal_2_rad,gimbal_3_rad"));
+  // Twist: joint 3 alone, by a radian. The emulated wrist ends where the path does.
+  const std::string last = path.substr(path.rfind('\n', path.size() - 2) + 1);
+  const double last_rad = std::stod(last.substr(last.rfind(',') + 1));
+  const json run = json::parse(text_of(out + "/replay/replay_run.json"));
+  const auto angle_rad = run.at("emulator").at("wrist").at("angle_rad").get<std::vector<double>>();
+  EXPECT_GT(std::abs(last_rad), 0.1);
+  EXPECT_NEAR(angle_rad.at(2), last_rad, 0.01);
+  EXPECT_NEAR(angle_rad.at(0), 0.0, 0.01);
 }
 
 TEST(RecordCommand, LeavesAReadableFileWhenTheRunIsKilled) {
