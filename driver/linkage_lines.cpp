@@ -18,7 +18,12 @@ std::vector<LinkageLine> lines_of_arm(const profiles::DeviceProfile::Kinematics&
   const double length_b_m = arm.link_length_m[1];
   const Eigen::Vector3d elbow =
       shoulder + out_m(length_b_m * std::sin(theta[1]), length_b_m * std::cos(theta[1]));
-  return {{-origin, shoulder - origin, elbow - origin, pose.position_D}};
+  std::vector<LinkageLine> lines = {{-origin, shoulder - origin, elbow - origin, pose.position_D}};
+  if (pose.has_orientation) {
+    lines.push_back({pose.position_D + kStylus_m * pose.rotation_DT.col(0), pose.position_D});
+    lines.push_back({pose.position_D + kPointer_m * pose.rotation_DT.col(2), pose.position_D});
+  }
+  return lines;
 }
 
 // D's axes are the base frame's in another order, from the profile's centre.

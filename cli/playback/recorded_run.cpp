@@ -215,9 +215,13 @@ class CycleColumns {
     cycle.rendered_method = rendered_method_.whole<std::uint8_t>(i);
     return cycle;
   }
-  std::array<std::int32_t, 3> counts(std::size_t i) const {
-    return {counts_.whole<std::int32_t>(i, 0), counts_.whole<std::int32_t>(i, 1),
-            counts_.whole<std::int32_t>(i, 2)};
+  std::array<std::int32_t, 6> counts(std::size_t i) const {
+    std::array<std::int32_t, 6> counts{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      counts[k] = counts_.whole<std::int32_t>(i, k);
+      counts[k + 3] = gimbal_counts_.whole<std::int32_t>(i, k);
+    }
+    return counts;
   }
 
  private:
@@ -262,6 +266,7 @@ class CycleColumns {
   Column fault_ = column("fault");
   Column rendered_method_ = column("rendered_method", 1, 0.0);
   Column counts_ = column("counts", 3);
+  Column gimbal_counts_ = column("gimbal_counts", 3, 0.0);
 };
 
 }  // namespace
@@ -270,7 +275,7 @@ class CycleColumns {
 struct RecordedRun::Block {
   std::size_t first = 0;
   std::vector<FeedCycle> cycles;
-  std::vector<std::array<std::int32_t, 3>> counts;
+  std::vector<std::array<std::int32_t, 6>> counts;
 };
 
 RecordedRun::RecordedRun(const std::string& file) : reader_(file) {

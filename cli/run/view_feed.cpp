@@ -109,10 +109,8 @@ json view_hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
 
 view_link::Frame arm_frame(const profiles::DeviceProfile& profile, driver::Mechanism& mechanism,
                            const servo::WorkspaceMap& workspace,
-                           const std::array<std::int32_t, 3>& counts) {
-  std::array<std::int32_t, 6> all_counts{};
-  std::copy(counts.begin(), counts.end(), all_counts.begin());
-  const auto lines = driver::linkage_lines(profile, mechanism.forward(all_counts));
+                           const std::array<std::int32_t, 6>& counts) {
+  const auto lines = driver::linkage_lines(profile, mechanism.forward(counts));
   view_link::Frame frame{type_of(FeedType::kArm), 0, {}};
   view_link::append(frame.payload, static_cast<std::uint32_t>(lines.size()));
   for (const driver::LinkageLine& line : lines) {
@@ -292,7 +290,9 @@ void ViewFeed::send_cycles() {
 }
 
 void ViewFeed::send_arm(const servo::CycleRecord& cycle) {
-  sender_->push_newest(arm_frame(profile_, *mechanism_, workspace_, cycle.counts));
+  const auto& [a, b, c] = cycle.counts;
+  const auto& [d, e, f] = cycle.gimbal_counts;
+  sender_->push_newest(arm_frame(profile_, *mechanism_, workspace_, {a, b, c, d, e, f}));
 }
 
 // With mutex_ held: the servo's own record says that it has obeyed.

@@ -55,10 +55,10 @@ nlohmann::json view_hello(const ViewTitle& title, const profiles::DeviceProfile&
                           const servo::WorkspaceMap& workspace,
                           const nlohmann::json& settings = nlohmann::json::array());
 
-/// The arm as lines, at encoder counts. @param mechanism  of the profile.
+/// The arm as lines, at encoder counts a to f. @param mechanism  of the profile.
 view_link::Frame arm_frame(const profiles::DeviceProfile& profile, driver::Mechanism& mechanism,
                            const servo::WorkspaceMap& workspace,
-                           const std::array<std::int32_t, 3>& counts);
+                           const std::array<std::int32_t, 6>& counts);
 
 /// A cycle and a sample as they go to the live view.
 view_link::FeedCycle cycle_of(const servo::CycleRecord& record);

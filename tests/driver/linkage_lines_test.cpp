@@ -57,6 +57,26 @@ TEST(LinkageLines, OfADeltaCloseItsThreeLegs) {
   }
 }
 
+TEST(LinkageLines, OfAWristShowWhereTheStylusPoints) {
+  const auto profile = profiles::load_device_profile("woodenhaptics_v2015_wrist");
+  // Joint E, counter e, dips the stylus by an eighth of a turn.
+  const ArmPose pose = make_mechanism(profile)->forward({0, 0, 6000, 0, 128, 0});
+  const auto lines = linkage_lines(profile, pose);
+  ASSERT_EQ(lines.size(), 3U);
+  EXPECT_EQ(lines[0].size(), 4U);
+  EXPECT_EQ(lines[1].back(), pose.position_D);
+  const Eigen::Vector3d stylus_D = lines[1].front() - pose.position_D;
+  EXPECT_NEAR((stylus_D - 0.05 * std::sqrt(0.5) * Eigen::Vector3d(1.0, 0.0, -1.0)).norm(), 0.0,
+              1e-12);
+  const ArmPose rolled = make_mechanism(profile)->forward({0, 0, 6000, 256, 0, 0});
+  const auto rolled_lines = linkage_lines(profile, rolled);
+  EXPECT_NEAR(length_m(rolled_lines[2], 0), 0.015, 1e-12);
+  // z of the tool, rolled by a quarter turn about x, is -y.
+  EXPECT_NEAR(
+      (rolled_lines[2].front() - rolled.position_D - Eigen::Vector3d(0.0, -0.015, 0.0)).norm(), 0.0,
+      1e-12);
+}
+
 TEST(LinkageLines, OfAPoseThatIsNotValidAreNone) {
   const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
   EXPECT_TRUE(linkage_lines(profile, ArmPose{}).empty());
