@@ -25,8 +25,8 @@ struct ChartWristOptions {
 /// Adds the subcommand `wrist` to `chart`.
 void add_chart_wrist(Command& chart, ChartWristOptions& options, std::function<int()>& action);
 
-/// Measures the torque of a twisting grasp at servo rate; see docs/turning.md. Result and errors are
-/// those of chart_accuracy_command().
+/// Measures the torque of a twisting grasp at servo rate; see docs/turning.md. Result and errors
+/// are those of chart_accuracy_command().
 int chart_wrist_command(const ChartWristOptions& asked);
 
 }  // namespace forcegrid::cli

@@ -44,10 +44,11 @@ void add_tool(Command& command, ToolChoice& choice) {
                   "0.3)")
       ->check(between(0.0, simulator::ToolOptions::kMaxFriction))
       ->type_name("FLOAT");
-  command.add_flag("--tool-turns", choice.turns,
-                   "The tool turns with the hand of a device that has a wrist, and the simulator "
-                   "sends a torque, see docs/turning.md (default: as the scene's tool does, else it "
-                   "stays upright)");
+  command.add_flag(
+      "--tool-turns", choice.turns,
+      "The tool turns with the hand of a device that has a wrist, and the simulator "
+      "sends a torque, see docs/turning.md (default: as the scene's tool does, else it "
+      "stays upright)");
 }
 
 simulator::ToolOptions tool_options(const ToolChoice& choice, simulator::ToolOptions of_scene) {
