@@ -361,6 +361,9 @@ class ServoLink:
         servo_time_ns: int,
         position_W_m: _Vector,
         velocity_W_m_per_s: _Vector = (0.0, 0.0, 0.0),
+        orientation_WT: _Vector | None = None,
+        angular_velocity_W_rad_per_s: _Vector = (0.0, 0.0, 0.0),
+        buttons: int | None = None,
     ) -> int: ...
     def send_query(self, servo_time_ns: int, position_W_m: _Vector) -> int: ...
     def receive(self, timeout_s: float = 0.0) -> ForceSample | None: ...
