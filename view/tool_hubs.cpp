@@ -22,7 +22,7 @@ bool is_of(FeedType type, const Frame& frame) {
 
 }  // namespace
 
-ToolHubs::ToolHubs(SendCommand send_command, Surfaces::Tell tell_simulator)
+ToolHubs::ToolHubs(const SendCommand& send_command, Surfaces::Tell tell_simulator)
     : surfaces_(std::make_shared<Surfaces>(std::move(tell_simulator))) {
   for (std::size_t k = 0; k < tools_.size(); ++k) {
     Tool& tool = tools_[k];

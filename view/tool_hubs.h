@@ -28,7 +28,7 @@ class ToolHubs {
   using SendCommand = std::function<bool(std::uint64_t peer, const view_link::Frame& frame,
                                          PageCommand::What what, bool newest)>;
 
-  explicit ToolHubs(SendCommand send_command, Surfaces::Tell tell_simulator = {});
+  explicit ToolHubs(const SendCommand& send_command, Surfaces::Tell tell_simulator = {});
 
   /// A frame of the run `peer`, any number but 0. The object of its hello is the place of its tool,
   /// which belongs to it until it is lost. @throws ViewLinkError saying what is wrong with it.
