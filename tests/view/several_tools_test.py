@@ -37,7 +37,8 @@ class SeveralTools(unittest.TestCase):
         cls.downloads.cleanup()
 
     def view(self, name):
-        return self.browser.execute_script(f"return window.forcegridView && window.forcegridView.{name}")
+        return self.browser.execute_script(
+            f"return window.forcegridView && window.forcegridView.{name}")
 
     def take(self, name):
         if FOLDER:
@@ -129,7 +130,8 @@ class SeveralTools(unittest.TestCase):
         finally:
             run.close()
             errors = [entry["message"] for entry in self.browser.get_log("browser")
-                      if entry["level"] == "SEVERE" and "WebSocket connection" not in entry["message"]]
+                      if entry["level"] == "SEVERE"
+                      and "WebSocket connection" not in entry["message"]]
             self.assertEqual(errors, [], "the browser's console has errors")
 
 

@@ -16,7 +16,7 @@ constexpr std::int64_t kMs = 1'000'000;  // in ns
 
 // A tool with a cycle every 2 ms from its touch at `touch_ms` on, and its samples.
 struct Left {
-  Left(std::int64_t touch_ms, std::int64_t end_ms, std::vector<std::int64_t> sample_ms) {
+  Left(std::int64_t touch_ms, std::int64_t end_ms, const std::vector<std::int64_t>& sample_ms) {
     for (std::int64_t at_ms = touch_ms; at_ms < end_ms; at_ms += 2) {
       servo::CycleRecord record;
       record.time_ns = at_ms * kMs;

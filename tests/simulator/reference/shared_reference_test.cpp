@@ -189,7 +189,7 @@ TEST(SharedReference, IsWhatTheSimulatorOfSeveralToolsAnswers) {
 }
 
 TEST(SharedReference, RefusesPathsThatCannotBeFollowed) {
-  const auto complains = [](std::vector<ToolPath> paths, const char* of) {
+  const auto complains = [](const std::vector<ToolPath>& paths, const char* of) {
     try {
       static_cast<void>(simulate_shared_reference(chain(), paths, tight()));
       ADD_FAILURE() << "no complaint of " << of;
