@@ -100,7 +100,7 @@ TEST(SeveralDevices, HoldOneObjectInOneProgram) {
 TEST(SeveralDevices, MakeRequests) {
   const std::string folder = fresh_folder("two_with_requests");
   Program run =
-      Program::forcegrid(run_of_two(folder, {"--seconds", "5", "--method", "forcegrid+request",
+      Program::forcegrid(run_of_two(folder, {"--seconds", "4", "--method", "forcegrid+request",
                                              "--requests-per-s", "60", "--no-reference"}));
   ASSERT_EQ(run.wait(kTimeout), 0) << run.standard_error();
   const json devices = summary_in(folder).at("devices");
@@ -135,7 +135,7 @@ TEST(SeveralDevices, AFaultOfOneInMidForceBringsAllToZeroForce) {
 TEST(SeveralDevices, OrOnlyThatOneAsAsked) {
   const std::string folder = fresh_folder("two_fault_one");
   Program run =
-      Program::forcegrid(run_of_two(folder, {"--seconds", "6", "--fault-stops", "one", "--fault",
+      Program::forcegrid(run_of_two(folder, {"--seconds", "5", "--fault-stops", "one", "--fault",
                                              "1:connection-closed:when=motors"}));
   ASSERT_EQ(run.wait(kTimeout), 1) << run.standard_error();
   const json summary = summary_in(folder);

@@ -41,7 +41,7 @@ Program run_of_two(const std::string& folder, const std::string& record,
                                         "--device-timeout-ms",
                                         "400",
                                         "--seconds",
-                                        "6",
+                                        "4.5",
                                         "--record",
                                         record};
   arguments.insert(arguments.end(), more.begin(), more.end());

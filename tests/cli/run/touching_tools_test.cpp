@@ -24,7 +24,8 @@ constexpr char kArm[] = "emulated:woodenhaptics_v2015";
 constexpr double kApart_mm = 12.0;  // spheres of 8 mm overlap by 4 mm
 constexpr double kRadius_m = 0.008;
 
-json run_of_two(const std::string& folder, const std::string& stiffness_N_per_m) {
+json run_of_two(const std::string& folder, const std::string& stiffness_N_per_m,
+                const std::string& seconds) {
   const std::string half_mm = std::to_string(0.5 * kApart_mm);
   Program run = Program::forcegrid({"run",
                                     "--device",
@@ -52,7 +53,7 @@ json run_of_two(const std::string& folder, const std::string& stiffness_N_per_m)
                                     "--device-timeout-ms",
                                     "400",
                                     "--seconds",
-                                    "5",
+                                    seconds,
                                     "--no-reference",
                                     "--tool-stiffness-N-per-m",
                                     stiffness_N_per_m});
@@ -83,7 +84,7 @@ struct Recorded {
 TEST(TouchingTools, PushEachOtherAwayWithTheSpringBetweenTwoSpheres) {
   const std::string folder = fresh_folder("touching");
   constexpr double kStiffness_N_per_m = 150.0;
-  const json devices = run_of_two(folder, "150");
+  const json devices = run_of_two(folder, "150", "5");
   for (const json& device : devices) {
     const json& touch = device.at("several_tools").at("tool_touch");
     EXPECT_EQ(touch.at("stiffness_N_per_m"), kStiffness_N_per_m);
@@ -114,7 +115,7 @@ TEST(TouchingTools, PushEachOtherAwayWithTheSpringBetweenTwoSpheres) {
 }
 
 TEST(TouchingTools, PassThroughEachOtherIfAsked) {
-  const json devices = run_of_two(fresh_folder("passing"), "0");
+  const json devices = run_of_two(fresh_folder("passing"), "0", "2");
   for (const json& device : devices) {
     const json& touch = device.at("several_tools").at("tool_touch");
     EXPECT_EQ(touch, (json{{"stiffness_N_per_m", 0.0}, {"cycles", 0}, {"largest_force_N", 0.0}}));

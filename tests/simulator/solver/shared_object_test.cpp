@@ -153,7 +153,7 @@ TEST_P(TwoToolReference, GivesTheForcesOfADenseNewtonMethod) {
   ASSERT_EQ(object.grab(1, kTouch_W[1], kPatchRadius_m),
             static_cast<int>(reference.held[1].size()));
   ASSERT_GT(reference.held[0].size() * reference.held[1].size(), 0U);
-  for (int n = 1; n <= 8; ++n) {
+  for (int n = 1; n <= 7; n += 2) {
     const double phase = 0.25 * std::numbers::pi * n;
     const Points to_W = {0.001 * n * Vector3d(-0.5, std::cos(phase), 1.0),
                          0.006 * Vector3d(std::sin(phase), 0.4, -std::cos(phase))};
