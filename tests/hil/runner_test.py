@@ -136,7 +136,7 @@ class Runner(unittest.TestCase):
     def test_what_a_session_cannot_have_is_refused_before_the_guest_starts(self):
         for arguments, words in (
                 (["--run", "true", "--device", "woodenhaptic"],
-                 "--device woodenhaptic: neither a file nor one of: falcon, "),
+                 "--device woodenhaptic: neither a file nor one of: emulated_6dof, falcon, "),
                 (["--run", "true", "--add", "/no/such/program"],
                  "--add /no/such/program: no such file"),
                 (["--add", "/bin/true"], "--device, --emulator-flags and --add go with --shell")):
