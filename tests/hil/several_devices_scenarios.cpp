@@ -80,7 +80,7 @@ TEST_F(LongTwoDevices, StopBothWhenOneIsUnpluggedInMidForce) {
   const std::string folder = forcegrid::testing::fresh_folder("two");
   Program program =
       Program::forcegrid(run_arguments(first(bench_), 60.0, folder, and_second(bench_)));
-  program.wait_for_line("Simulator: ");
+  program.wait_for_line("device 1: Simulator: ");
   // The operators are at the object 1.7 s after the first command, and stay there.
   std::this_thread::sleep_for(seconds(4));
   bench_.unplug();
