@@ -178,16 +178,6 @@ void StateWithSensitivities<Real>::set_patch_anchor(
 }
 
 template <typename Real>
-void StateWithSensitivities<Real>::set_sensitivity(std::size_t i,
-                                                   const Eigen::Matrix3d& sensitivity) noexcept {
-  for (int c = 0; c < 3; ++c) {
-    for (int j = 0; j < 3; ++j) {
-      state_[i].component[c][1 + j] = static_cast<float>(sensitivity(c, j));
-    }
-  }
-}
-
-template <typename Real>
 void StateWithSensitivities<Real>::release() noexcept {
   patch_.clear();
   patch_anchor_.clear();

@@ -89,7 +89,13 @@ class StateWithSensitivities {
   /// advance_to() on: for a tool that turns. As many as the patch has.
   void set_patch_anchor(const std::vector<Eigen::Vector3d>& anchor) noexcept;
   /// For a vertex that is held, as one whose place is not the tool's displacement alone.
-  void set_sensitivity(std::size_t i, const Eigen::Matrix3d& sensitivity) noexcept;
+  void set_sensitivity(std::size_t i, const Eigen::Matrix3d& sensitivity) noexcept {
+    for (int c = 0; c < 3; ++c) {
+      for (int j = 0; j < 3; ++j) {
+        state_[i].component[c][1 + j] = static_cast<float>(sensitivity(c, j));
+      }
+    }
+  }
   /// Whether nothing holds this vertex.
   bool is_free(std::size_t i) const noexcept { return free_[i] != 0; }
   /// Lets go: every vertex is at rest, the former state is forgotten, the region is the whole
