@@ -186,7 +186,7 @@ class GrowingCholesky {
     }
   }
 
-  /// Removes `count` rows from `first` on. The last rows go without any work.
+  /// Removes `count` rows, a multiple of three, from `first` on. The last rows go without any work.
   void remove(int first, int count) noexcept {
     const int behind = rows_ - first - count;
     if (behind == 0) {
@@ -198,8 +198,8 @@ class GrowingCholesky {
       double* at = l.column(j) + first;
       std::memmove(at, at + count, static_cast<std::size_t>(behind) * sizeof(double));
     }
-    for (int row = first + count - 1; row >= first; --row) {
-      remove_row(row, first);
+    for (int end = first + count; end > first; end -= 3) {
+      remove_three(end - 3, first);
     }
   }
 
@@ -212,49 +212,70 @@ class GrowingCholesky {
             rows_ - first};
   }
 
-  // In the columns before `from` the rows behind have been moved already.
-  void remove_row(int row, int from) noexcept {
+  // Removes the rows from `row` on. In the columns before `from` the rows behind have been moved
+  // already.
+  void remove_three(int row, int from) noexcept {
     const PackedLower l = lower();
-    const int behind = rows_ - row - 1;
+    const int behind = rows_ - row - 3;
     for (int j = from; j < row; ++j) {
       double* at = l.column(j) + row;
-      std::memmove(at, at + 1, static_cast<std::size_t>(behind) * sizeof(double));
+      std::memmove(at, at + 3, static_cast<std::size_t>(behind) * sizeof(double));
     }
-    // L' L'^T = L L^T + v v^T for the rows behind, where v is the removed row's column.
-    std::copy_n(l.column(row) + row + 1, behind, removed_.data());
-    double removed_y = y_[static_cast<std::size_t>(row)];
-    std::array<double, kMore> removed_more;
-    for (std::size_t j = 0; j < more_.size(); ++j) {
-      removed_more[j] = more_[j][static_cast<std::size_t>(row)];
-    }
-    for (int k = 0; k < behind; ++k) {
-      const int old_column = row + 1 + k;
-      const double* column = l.column(old_column) + old_column;
-      double* moved = l.column(old_column - 1) + old_column - 1;
-      const double v = removed_[static_cast<std::size_t>(k)];
-      const double diagonal = std::sqrt(column[0] * column[0] + v * v);
-      const double c = column[0] / diagonal;
-      const double s = v / diagonal;
-      rotate(column + 1, removed_.data() + k + 1, moved + 1, behind - k - 1, c, s);
-      moved[0] = diagonal;
-      inverse_diagonal_[static_cast<std::size_t>(old_column - 1)] = 1.0 / diagonal;
-      const double y = y_[static_cast<std::size_t>(old_column)];
-      y_[static_cast<std::size_t>(old_column - 1)] = c * y + s * removed_y;
-      removed_y = c * removed_y - s * y;
+    // L' L'^T = L L^T + sum_i v_i v_i^T for the rows behind, where v_i are the removed rows'
+    // columns, the last one's first.
+    std::array<double, 3> removed_y;
+    std::array<std::array<double, 3>, kMore> removed_more;
+    for (int i = 0; i < 3; ++i) {
+      const auto at = static_cast<std::size_t>(2 - i);
+      const auto removed_row = static_cast<std::size_t>(row + i);
+      std::copy_n(l.column(row + i) + row + 3, behind, removed_[at].data());
+      removed_y[at] = y_[removed_row];
       for (std::size_t j = 0; j < more_.size(); ++j) {
-        const double other = more_[j][static_cast<std::size_t>(old_column)];
-        more_[j][static_cast<std::size_t>(old_column - 1)] = c * other + s * removed_more[j];
-        removed_more[j] = c * removed_more[j] - s * other;
+        removed_more[j][at] = more_[j][removed_row];
       }
     }
-    --rows_;
+    for (int k = 0; k < behind; ++k) {
+      const int old = row + 3 + k;
+      const auto old_row = static_cast<std::size_t>(old);
+      const double* column = l.column(old) + old;
+      double* moved = l.column(old - 3) + old - 3;
+      Rotations by;
+      double diagonal = column[0];
+      for (std::size_t i = 0; i < 3; ++i) {
+        const double v = removed_[i][static_cast<std::size_t>(k)];
+        const double longer = std::sqrt(diagonal * diagonal + v * v);
+        by.c[i] = diagonal / longer;
+        by.s[i] = v / longer;
+        diagonal = longer;
+      }
+      double* const others[3] = {removed_[0].data() + k + 1, removed_[1].data() + k + 1,
+                                 removed_[2].data() + k + 1};
+      rotate(column + 1, others, moved + 1, behind - k - 1, by);
+      moved[0] = diagonal;
+      inverse_diagonal_[old_row - 3] = 1.0 / diagonal;
+      y_[old_row - 3] = rotated(y_[old_row], removed_y, by);
+      for (std::size_t j = 0; j < more_.size(); ++j) {
+        more_[j][old_row - 3] = rotated(more_[j][old_row], removed_more[j], by);
+      }
+    }
+    rows_ -= 3;
+  }
+
+  // rotate() of single numbers. @returns the first one.
+  static double rotated(double first, std::array<double, 3>& others, const Rotations& by) noexcept {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double before = first;
+      first = by.c[i] * before + by.s[i] * others[i];
+      others[i] = by.c[i] * others[i] - by.s[i] * before;
+    }
+    return first;
   }
 
   alignas(64) std::array<double, kMaxRows*(kMaxRows + 1) / 2 + kLanePadding> data_{};
   std::array<double, kStride> inverse_diagonal_{};
   std::array<double, kStride> y_{};
   std::array<std::array<double, kStride>, kMore> more_{};
-  std::array<double, kStride> removed_{};
+  std::array<std::array<double, kStride>, 3> removed_{};
   int rows_ = 0;
 };
 

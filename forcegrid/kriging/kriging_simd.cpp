@@ -320,25 +320,31 @@ void solve_upper_lanes(const PackedLower& l, double* x) {
   }
 }
 
-void rotate_lanes(const double* column, double* other, double* moved, int count, double c,
-                  double s) {
+void rotate_lanes(const double* column, double* const others[3], double* moved, int count,
+                  const Rotations& by) {
   const hn::CappedTag<double, kLanePadding> d;
   using V = hn::Vec<decltype(d)>;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const V cv = hn::Set(d, c);
-  const V sv = hn::Set(d, s);
-  int r = 0;
-  for (; r + lanes <= count; r += lanes) {
-    const V a = hn::LoadU(d, column + r);
-    const V b = hn::LoadU(d, other + r);
-    hn::StoreU(hn::MulAdd(cv, a, hn::Mul(sv, b)), d, moved + r);
-    hn::StoreU(hn::NegMulAdd(sv, a, hn::Mul(cv, b)), d, other + r);
-  }
-  for (; r < count; ++r) {
-    const double a = column[r];
-    const double b = other[r];
-    moved[r] = c * a + s * b;
-    other[r] = c * b - s * a;
+  const V c0 = hn::Set(d, by.c[0]);
+  const V c1 = hn::Set(d, by.c[1]);
+  const V c2 = hn::Set(d, by.c[2]);
+  const V s0 = hn::Set(d, by.s[0]);
+  const V s1 = hn::Set(d, by.s[1]);
+  const V s2 = hn::Set(d, by.s[2]);
+  double* const other0 = others[0];
+  double* const other1 = others[1];
+  double* const other2 = others[2];
+  const auto rotate_one = [&](V a, double* other, V c, V s) {
+    const V b = hn::LoadU(d, other);
+    hn::StoreU(hn::NegMulAdd(s, a, hn::Mul(c, b)), d, other);
+    return hn::MulAdd(c, a, hn::Mul(s, b));
+  };
+  for (int r = 0; r < count; r += lanes) {
+    V a = hn::LoadU(d, column + r);
+    a = rotate_one(a, other0 + r, c0, s0);
+    a = rotate_one(a, other1 + r, c1, s1);
+    a = rotate_one(a, other2 + r, c2, s2);
+    hn::StoreU(a, d, moved + r);
   }
 }
 
@@ -384,9 +390,9 @@ void solve_upper(const PackedLower& l, double* x) noexcept {
   HWY_DYNAMIC_DISPATCH(solve_upper_lanes)(l, x);
 }
 
-void rotate(const double* column, double* other, double* moved, int count, double c,
-            double s) noexcept {
-  HWY_DYNAMIC_DISPATCH(rotate_lanes)(column, other, moved, count, c, s);
+void rotate(const double* column, double* const others[3], double* moved, int count,
+            const Rotations& by) noexcept {
+  HWY_DYNAMIC_DISPATCH(rotate_lanes)(column, others, moved, count, by);
 }
 
 const char* instruction_set() noexcept { return HWY_DYNAMIC_DISPATCH(target_name)(); }

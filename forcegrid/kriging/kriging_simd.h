@@ -93,13 +93,21 @@ void solve_lower_scalar(const PackedLower& l, double* const x[3]) noexcept;
 void solve_upper(const PackedLower& l, double* x) noexcept;
 void solve_upper_scalar(const PackedLower& l, double* x) noexcept;
 
-/// One Givens rotation of two columns of `count` numbers:
-///   moved <- c column + s other,   other <- c other - s column.
-/// `moved` may lie below `column` in the same array.
-void rotate(const double* column, double* other, double* moved, int count, double c,
-            double s) noexcept;
-void rotate_scalar(const double* column, double* other, double* moved, int count, double c,
-                   double s) noexcept;
+/// Three Givens rotations, one after the other.
+struct Rotations {
+  double c[3];
+  double s[3];
+};
+
+/// Rotates a column of `count` numbers with each of three others in turn:
+///   column <- c_i column + s_i other_i,   other_i <- c_i other_i - s_i column (as it was),
+/// and writes the column to `moved`, which may lie below it in the same array, as far as three of
+/// PackedLower's columns do. Behind each of them kLanePadding finite numbers may be read, and those
+/// behind `moved` and the others are overwritten.
+void rotate(const double* column, double* const others[3], double* moved, int count,
+            const Rotations& by) noexcept;
+void rotate_scalar(const double* column, double* const others[3], double* moved, int count,
+                   const Rotations& by) noexcept;
 
 /// Name of the instruction set in use, e.g. "AVX2".
 const char* instruction_set() noexcept;

@@ -18,9 +18,9 @@ RadialSlope<double> radial_slope(const RadialTerms<double>& terms, const double 
 }
 void solve_lower(const PackedLower& l, double* const x[3]) noexcept { solve_lower_scalar(l, x); }
 void solve_upper(const PackedLower& l, double* x) noexcept { solve_upper_scalar(l, x); }
-void rotate(const double* column, double* other, double* moved, int count, double c,
-            double s) noexcept {
-  rotate_scalar(column, other, moved, count, c, s);
+void rotate(const double* column, double* const others[3], double* moved, int count,
+            const Rotations& by) noexcept {
+  rotate_scalar(column, others, moved, count, by);
 }
 const char* instruction_set() noexcept { return "plain"; }
 

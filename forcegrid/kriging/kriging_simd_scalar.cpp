@@ -124,13 +124,16 @@ void solve_upper_scalar(const PackedLower& l, double* x) noexcept {
   }
 }
 
-void rotate_scalar(const double* column, double* other, double* moved, int count, double c,
-                   double s) noexcept {
+void rotate_scalar(const double* column, double* const others[3], double* moved, int count,
+                   const Rotations& by) noexcept {
   for (int r = 0; r < count; ++r) {
-    const double a = column[r];
-    const double b = other[r];
-    moved[r] = c * a + s * b;
-    other[r] = c * b - s * a;
+    double a = column[r];
+    for (int i = 0; i < 3; ++i) {
+      const double b = others[i][r];
+      others[i][r] = by.c[i] * b - by.s[i] * a;
+      a = by.c[i] * a + by.s[i] * b;
+    }
+    moved[r] = a;
   }
 }
 

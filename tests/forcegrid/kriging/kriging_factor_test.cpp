@@ -5,6 +5,8 @@
 #include <hwy/targets.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
 #include <random>
 #include <vector>
 
@@ -229,19 +231,32 @@ TEST_P(Lanes, SolveLikePlainLoops) {
   }
 }
 
-TEST_P(Lanes, RotateLikePlainLoopsAlsoIntoTheColumnBelow) {
+TEST_P(Lanes, RotateLikePlainLoopsAlsoIntoTheColumnsBelow) {
+  const Rotations by = {{0.6, 0.28, -0.8}, {0.8, 0.96, 0.6}};
   for (const int count : {0, 1, 5, 8, 37}) {
-    std::vector<double> column(64), other(64);
-    for (std::size_t i = 0; i < 64; ++i) {
-      column[i] = number();
-      other[i] = number();
+    std::array<std::vector<double>, 2> column;
+    std::array<std::array<std::vector<double>, 3>, 2> others;
+    // Three columns of a PackedLower, each longer than the one behind it.
+    const std::size_t above = 3 * static_cast<std::size_t>(count) + 6;
+    column[0].resize(above + 64);
+    std::generate(column[0].begin(), column[0].end(), [this] { return number(); });
+    for (std::vector<double>& other : others[0]) {
+      other.resize(64);
+      std::generate(other.begin(), other.end(), [this] { return number(); });
     }
-    std::vector<double> column2 = column, other2 = other;
-    rotate(column.data() + 3, other.data(), column.data(), count, 0.6, 0.8);
-    rotate_scalar(column2.data() + 3, other2.data(), column2.data(), count, 0.6, 0.8);
-    for (std::size_t i = 0; i < 64; ++i) {
-      EXPECT_NEAR(column[i], column2[i], 1e-15) << count;
-      EXPECT_NEAR(other[i], other2[i], 1e-15) << count;
+    column[1] = column[0];
+    others[1] = others[0];
+    for (const std::size_t way : {0U, 1U}) {
+      double* const three[3] = {others[way][0].data(), others[way][1].data(),
+                                others[way][2].data()};
+      double* const at = column[way].data();
+      (way == 0 ? rotate : rotate_scalar)(at + above, three, at, count, by);
+    }
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+      EXPECT_NEAR(column[0][i], column[1][i], 1e-15) << count;
+      for (std::size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(others[0][c][i], others[1][c][i], 1e-15) << count;
+      }
     }
   }
 }
