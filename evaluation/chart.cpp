@@ -37,6 +37,7 @@ constexpr double kComparedEvery_s = 0.1;
 constexpr int kRandomComparisons = 60;
 constexpr double kLargestDifference_percent = 0.1;
 constexpr double kTouchKnown_s = 0.2;
+constexpr int kSplitRuns = 5;  // their percentiles are of the least that each cycle took
 // Increase when the meaning of a row changes.
 constexpr std::uint64_t kRowVersion = 3;
 
@@ -181,11 +182,16 @@ SplitCost split_cost(const Object& object, const Trace& trace, JudgeOptions judg
     return {at_once.cycle_ns, at_once.cycle_ns_p99, at_once.cycle_ns_p999,
             at_once.rms_error_percent_after_1s};
   }
-  const std::unique_ptr<ForceMethod> made =
-      make(method, object.known.mesh, object.scene.patch_radius_m);
   judging.work_budget = kServoWorkBudget;
   judging.keep_forces = false;
-  const Verdict verdict = judge(*made, trace, judging);
+  std::vector<double> least_cycle_ns;
+  judging.least_cycle_ns = &least_cycle_ns;
+  Verdict verdict;
+  for (int i = 0; i < kSplitRuns; ++i) {
+    const std::unique_ptr<ForceMethod> made =
+        make(method, object.known.mesh, object.scene.patch_radius_m);
+    verdict = judge(*made, trace, judging);
+  }
   return {verdict.cycle_ns, verdict.cycle_ns_p99, verdict.cycle_ns_p999,
           verdict.rms_error_percent_after_1s};
 }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <deque>
 #include <limits>
+#include <stdexcept>
+#include <string>
 
 #include "evaluation/error_figures.h"
 #include "evaluation/stopwatch.h"
@@ -253,7 +255,24 @@ class Play {
     }
   }
 
+  void take_least(std::vector<double>& least_ns) {
+    if (least_ns.empty()) {
+      least_ns = cycle_ns_;
+    }
+    if (least_ns.size() != cycle_ns_.size()) {
+      throw std::invalid_argument("least_cycle_ns holds " + std::to_string(least_ns.size()) +
+                                  " cycles, but the trace has " +
+                                  std::to_string(cycle_ns_.size()));
+    }
+    for (std::size_t i = 0; i < cycle_ns_.size(); ++i) {
+      cycle_ns_[i] = least_ns[i] = std::min(least_ns[i], cycle_ns_[i]);
+    }
+  }
+
   void add_times() {
+    if (options_.least_cycle_ns != nullptr) {
+      take_least(*options_.least_cycle_ns);
+    }
     const double floor_ns = stopwatch_.floor_ns();
     const double floor_of_query_ns = floor_ns / static_cast<double>(kQueriesInARow);
     const auto at_least = [](double least_ns, double ns) {

@@ -39,6 +39,10 @@ struct JudgeOptions {
   double request_delay_s = 0.0;     ///< until an answer arrives
   bool stiffness_to_method = true;  ///< false: samples reach the method without dF/dP
   bool keep_forces = false;         ///< fill Verdict::forces_W
+  /// Takes part in measuring: the least that each cycle took in this call and in earlier ones with
+  /// the same trace and a new method of the same kind, which do the same work. What else a machine
+  /// does lengthens a cycle now and then, but seldom the same one each time. Begins empty.
+  std::vector<double>* least_cycle_ns = nullptr;
 };
 
 /// Errors and costs of a method on a trace. Percentages refer to the RMS of |F_o| over the whole
@@ -90,6 +94,7 @@ struct Verdict {
 /// zero, counts as that floor.
 /// Source: the forcegrid paper, section 6, which also compares with the reference force F_o.
 /// Real-time: no. Threads: one.
+/// @throws std::invalid_argument if least_cycle_ns is of a trace with another number of instants.
 Verdict judge(ForceMethod& method, const Trace& trace, const JudgeOptions& options = {});
 
 }  // namespace forcegrid::evaluation

@@ -21,12 +21,12 @@ using ::testing::ElementsAre;
 
 constexpr double kRounding = 1e-9;  // relative to figures of order 1 to 100
 
-Verdict judged(const std::string& name, const Trace& trace) {
+Verdict judged(const std::string& name, const Trace& trace, const JudgeOptions& judging = {}) {
   MethodOptions options;
   options.grid.max_W.setConstant(0.1);
   options.grid.cells.setConstant(10);
   const auto method = make_force_method(name, options);
-  return judge(*method, trace);
+  return judge(*method, trace, judging);
 }
 
 // Records its calls in words, and gives the force that a test wants.
@@ -166,6 +166,29 @@ TEST(Judge, MeasuresTimesAndMemory) {
   EXPECT_GE(verdict.timer_floor_ns, 1.0);
   EXPECT_LT(verdict.timer_floor_ns, 1000.0);
   EXPECT_GT(verdict.memory_bytes, 11u * 11u * 11u * 16u);
+}
+
+TEST(Judge, TakesTheLeastOfEachCyclesTimesIfAsked) {
+  const Trace trace = Ramp{}.trace();
+  const auto judge_with = [&](std::vector<double>& least_ns) {
+    JudgeOptions options;
+    options.least_cycle_ns = &least_ns;
+    return judged("hold", trace, options);
+  };
+  std::vector<double> least_ns;
+  const Verdict first = judge_with(least_ns);
+  ASSERT_EQ(least_ns.size(), trace.servo.size());
+  EXPECT_GE(first.cycle_ns_p999, first.cycle_ns_median);
+
+  std::fill(least_ns.begin(), least_ns.end(), 1e12);  // longer than any cycle takes
+  EXPECT_LT(judge_with(least_ns).cycle_ns_p999, 1e12);
+  std::fill(least_ns.begin(), least_ns.end(), 0.0);
+  const Verdict none = judge_with(least_ns);
+  EXPECT_EQ(none.cycle_ns_p999, none.timer_floor_ns);
+  EXPECT_EQ(*std::max_element(least_ns.begin(), least_ns.end()), 0.0);
+
+  least_ns.pop_back();
+  EXPECT_THROW(judge_with(least_ns), std::invalid_argument);
 }
 
 TEST(Judge, TellsWhenAMethodHasAdapted) {
