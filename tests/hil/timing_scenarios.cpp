@@ -355,9 +355,8 @@ ViewedRun run_with_onlooker(const std::string& seconds) {
 }
 
 // The same run without and with a live view, to which a page is connected.
-TEST(LongTiming, OfTheServoLoopWithItsLiveView) {
+void compare_with_a_viewed_run(double most_rarely_added_us) {
   constexpr double kMostAdded_us = 1.0;
-  constexpr double kMostRarelyAdded_us = 20.0;
   constexpr double kMostShare = 0.15;
   const char* const asked = std::getenv("HIL_TIMING_SECONDS");
   const std::string seconds = asked == nullptr ? "10" : asked;
@@ -382,11 +381,15 @@ TEST(LongTiming, OfTheServoLoopWithItsLiveView) {
              alone.summary.at("wakeup_us").at(part).get<double>();
     };
     EXPECT_LE(added_us("p99"), kMostAdded_us);
-    // Three processes more share the one processor, and now and then one of them is in the kernel.
-    EXPECT_LE(added_us("p999"), kMostRarelyAdded_us);
+    EXPECT_LE(added_us("p999"), most_rarely_added_us);
     EXPECT_LE(viewed.view_share, kMostShare);
   }
 }
+
+// Three processes more share the one processor. Now and then one of them is in the kernel, where
+// the stock one lets nobody preempt it.
+TEST(LongTiming, OfTheServoLoopWithItsLiveView) { compare_with_a_viewed_run(20.0); }
+TEST(PreemptRtTiming, OfTheServoLoopWithItsLiveView) { compare_with_a_viewed_run(1.0); }
 
 // What this kernel on this machine can do at all, and what the servo loop makes of it, one after
 // the other in the same boot: both sleep to absolute times with real-time priority 80, 500 times a
