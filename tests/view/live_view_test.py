@@ -154,6 +154,18 @@ class LiveView(unittest.TestCase):
             canvas, round(at["x"] - box[0]), round(at["y"] - box[1])).click_and_hold(
             ).move_by_offset(right_px, -up_px).perform()
 
+    def expect_strokes_along_the_force(self):
+        """The tool rests, so the slice's stroke beside it has the direction of the force on it."""
+        position_m = [1e-3 * each for each in self.view("position_mm")]
+        strokes = self.view("directions")
+        self.assertGreater(len(strokes), 8)
+        nearest = min(strokes, key=lambda stroke: math.dist(stroke[:3], position_m))
+        self.assertLess(math.dist(nearest[:3], position_m), 6e-3)
+        way = [tip - foot for foot, tip in zip(nearest[:3], nearest[3:])]
+        force_N = self.view("force_N")
+        along = sum(a * b for a, b in zip(way, force_N))
+        self.assertGreater(along, 0.9 * math.hypot(*way) * math.hypot(*force_N))
+
     def test_shows_a_run_and_does_what_the_person_wants(self):
         run = Run("--seconds", "120", "--motion", "still", "--hand", "light")
         try:
@@ -181,6 +193,11 @@ class LiveView(unittest.TestCase):
                 self.assertTrue(field["exact"])
                 self.assertGreater(field["known"] + field["partly"], 0.0)
                 self.assertGreater(field["top_N"], 0.1)
+
+            with self.subTest("its strokes point where the force does"):
+                self.expect_strokes_along_the_force()
+                self.browser.execute_script("document.getElementById('field-directions').click()")
+                self.assertEqual(self.view("directions"), [])
 
             with self.subTest("the force pauses and comes back"):
                 press_p = lambda: ActionChains(self.browser).send_keys("p").perform()

@@ -3,6 +3,7 @@
 // method would answer there. Where it knows nothing the square is hatched.
 
 import * as THREE from '/three.module.js';
+import {Directions} from '/directions.js';
 
 const kKnown = 0;          // numbers of hello.statuses
 const kPartlyKnown = 1;
@@ -85,16 +86,19 @@ export class Field {
     this.mesh.frustumCulled = false;
     this.mesh.renderOrder = 5;
     this.mesh.visible = false;
+    this.directions = new Directions();
   }
 
   hide() {
     this.mesh.visible = false;
+    this.directions.hide();
     this.message = null;
     this.top_N = 0;
   }
 
   set_theme(palette) {
     palette.ramp.forEach((colour, i) => this.uniforms.ramp.value[i].set(colour));
+    this.directions.set_theme(palette);
   }
 
   show_cells(shown) {
@@ -114,6 +118,7 @@ export class Field {
     this.message = message;
     this.place(message);
     this.colour(message);
+    this.directions.show(message);
     this.mesh.visible = true;
   }
 

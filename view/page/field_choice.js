@@ -38,6 +38,11 @@ export class FieldChoice {
     });
     this.cells = by_id('field-cells');
     this.cells.addEventListener('change', () => this.show_cells());
+    this.directions = by_id('field-directions');
+    this.directions.addEventListener('change', () => {
+      this.scene.field.directions.set_wanted(this.directions.checked);
+      this.scene.dirty = true;
+    });
     this.quantity.addEventListener('change', () => {
       this.scene.set_field_quantity(this.quantity.value);
       this.show_scale();

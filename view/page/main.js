@@ -487,6 +487,11 @@ function interface_for_scripts(page) {
       return {shown: mesh.visible, top_N, exact: message !== null && message.exact,
               ...page.scene.field.shares()};
     },
+    /** The strokes that show where the slice's forces point: both ends of each in W [m]. */
+    get directions() {
+      const {lines, strokes} = page.scene.field.directions;
+      return lines.visible ? strokes : [];
+    },
     /** The method's number of each block of storage that is drawn; how many are in use. */
     get blocks() {
       const {methods, in_use, lines} = page.scene.blocks;

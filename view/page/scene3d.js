@@ -102,8 +102,8 @@ export class Scene3d {
     this.workspace = new THREE.Group();
     this.scene.add(this.surface_group, this.mesh_group, this.arm.group, this.samples.points,
                    this.tool.group, this.arrow_group, this.workspace, this.field.mesh,
-                   this.blocks.lines, this.insides.group, this.contact_point.cross,
-                   this.wall.group, this.others.group);
+                   this.field.directions.lines, this.blocks.lines, this.insides.group,
+                   this.contact_point.cross, this.wall.group, this.others.group);
   }
 
   /** Takes the workspace and the largest force of a hello message. */
