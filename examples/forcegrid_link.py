@@ -27,7 +27,8 @@ rest where it catches the tool:
 
 Units are SI; vectors are (x, y, z) in the workspace frame W: x toward the operator, y to the operator's
 right, z up. Quaternions are (w, x, y, z). A servo whose device has a wrist tells its tool's orientation
-and takes torques. Not thread-safe.
+and takes torques (version 3 of the protocol). Version 4 is dropped; a servo that tries it falls back to
+3 or 1 within 1.2 s. Not thread-safe.
 """
 import collections
 import dataclasses

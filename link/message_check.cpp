@@ -37,7 +37,15 @@ bool nothing_undeclared(const ForceSample& message) noexcept {
          (message.has_torque ||
           (within(message.torque_W_Nm, 0.0) && !message.has_rotational_stiffness)) &&
          (message.has_rotational_stiffness ||
-          within(message.rotational_stiffness_W_Nm_per_rad, 0.0));
+          within(message.rotational_stiffness_W_Nm_per_rad, 0.0)) &&
+         (message.has_torque_gradient ? message.has_torque
+                                      : within(message.torque_gradient_W_N, 0.0)) &&
+         std::ranges::all_of(std::span(message.influences).subspan(message.influence_count),
+                             [](const ToolInfluence& rest) {
+                               return rest.tool == 0 && rest.echo_sequence == 0 &&
+                                      within(rest.position_W_m, 0.0) &&
+                                      within(rest.stiffness_W_N_per_m, 0.0);
+                             });
 }
 
 // Everything beyond the counts must be zero, so that a message has one form.
@@ -90,11 +98,22 @@ WireStatus check(const Query& message) noexcept {
 }
 
 WireStatus check(const ForceSample& message) noexcept {
+  if (message.influence_count > message.influences.size()) {
+    return WireStatus::kOutOfRange;
+  }
+  const auto influence_finite = [](const ToolInfluence& other) {
+    return finite(other.position_W_m) && finite(other.stiffness_W_N_per_m);
+  };
+  const auto influence_usual = [](const ToolInfluence& other) {
+    return other.tool <= kMaxToolId && within(other.position_W_m, kMaxPosition_m) &&
+           within(other.stiffness_W_N_per_m, kMaxStiffness_N_per_m);
+  };
   if (!finite(message.position_W_m) || !finite(message.force_W_N) ||
       !finite(message.stiffness_W_N_per_m) || !finite(message.contact_point_W_m) ||
       !std::isfinite(message.relative_residual) || !std::isfinite(message.solve_time_s) ||
       !finite(message.torque_W_Nm) || !finite(message.orientation_WT) ||
-      !finite(message.rotational_stiffness_W_Nm_per_rad)) {
+      !finite(message.rotational_stiffness_W_Nm_per_rad) || !finite(message.torque_gradient_W_N) ||
+      !std::ranges::all_of(message.influences, influence_finite)) {
     return WireStatus::kNotFinite;
   }
   if (!nothing_undeclared(message)) {
@@ -106,7 +125,9 @@ WireStatus check(const ForceSample& message) noexcept {
       !within(message.contact_point_W_m, kMaxPosition_m) || message.relative_residual < 0.0 ||
       message.solve_time_s < 0.0 || message.solve_time_s > kMaxSolveTime_s ||
       !within(message.torque_W_Nm, kMaxTorque_Nm) || !is_unit(message.orientation_WT) ||
-      !within(message.rotational_stiffness_W_Nm_per_rad, kMaxRotationalStiffness_Nm_per_rad)) {
+      !within(message.rotational_stiffness_W_Nm_per_rad, kMaxRotationalStiffness_Nm_per_rad) ||
+      !within(message.torque_gradient_W_N, kMaxTorqueGradient_N) ||
+      !std::ranges::all_of(message.influences, influence_usual)) {
     return WireStatus::kOutOfRange;
   }
   return WireStatus::kOk;

@@ -18,6 +18,8 @@ inline constexpr Quaternion kIdentity = {1.0, 0.0, 0.0, 0.0};
 enum class Content : std::uint8_t {
   kPosition,  ///< versions 1 and 2 of the protocol: positions and forces
   kPose,      ///< version 3: orientations, buttons and torques, too
+  /// Version 4: also how force and torque change with what a sample's own stiffness is not about.
+  kSensitivities,
 };
 
 /// The number of a tool among those of one simulation, chosen by its servo. 0: the only tool, of a
@@ -50,6 +52,16 @@ struct Query {
   Vector3 position_W_m{};
 };
 
+/// How a sample's force depends on another tool that holds the object, too.
+struct ToolInfluence {
+  ToolId tool = 0;
+  /// ToolState::sequence of that tool's state that `position_W_m` answers: its servo's sample of
+  /// the same solution echoes it.
+  std::uint32_t echo_sequence = 0;
+  Vector3 position_W_m{};         ///< where the simulator had that tool for this force
+  Matrix3 stiffness_W_N_per_m{};  ///< d(this tool's force)/d(that tool's position), row major
+};
+
 /// Simulator -> servo: the force that the object exerts on the tool at `position_W_m`.
 struct ForceSample {
   std::uint32_t sequence = 0;           ///< the simulator's own count of samples
@@ -80,6 +92,13 @@ struct ForceSample {
   /// d(torque)/d(theta), row major, at a fixed position; theta [rad] is the rotation vector in W by
   /// which the tool turns on from `orientation_WT`. Zero unless has_rotational_stiffness.
   Matrix3 rotational_stiffness_W_Nm_per_rad{};
+  // From here on version 4 only.
+  bool has_torque_gradient = false;  ///< not without a torque
+  /// d(torque)/dP [N], row major, at a fixed orientation; zero unless has_torque_gradient. Where
+  /// the object's forces have an energy, its transpose is d(force)/d(theta) [N/rad].
+  Matrix3 torque_gradient_W_N{};
+  std::uint32_t influence_count = 0;  ///< of the others on this tool's force; 0 in a reply
+  std::array<ToolInfluence, kMostTools - 1> influences{};  ///< the first of these; the rest is zero
 };
 
 /// Where one of the other tools of the simulation is.

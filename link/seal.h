@@ -22,8 +22,9 @@ inline constexpr std::size_t kSealHeadBytes = 56;
 inline constexpr std::size_t kSealTimesBytes = 24;
 inline constexpr std::size_t kSealTagBytes = 16;
 inline constexpr std::size_t kSealOverheadBytes = kSealHeadBytes + kSealTimesBytes + kSealTagBytes;
-static_assert(kForceSampleBytes + kSealOverheadBytes <= kMaxDatagramBytes);
-static_assert(kSurfacePatchBytes + kSealOverheadBytes <= kMaxDatagramBytes);
+static_assert(kPoseForceSampleBytes + kSealOverheadBytes <= kMaxOlderDatagramBytes);
+static_assert(kSurfacePatchBytes + kSealOverheadBytes <= kMaxOlderDatagramBytes);
+static_assert(kSensitivitiesForceSampleBytes + kSealOverheadBytes <= kMaxDatagramBytes);
 
 /// What became of a datagram that arrived, in the order in which it is checked.
 enum class SealStatus : std::uint8_t {

@@ -3,6 +3,7 @@
 
 #include <sys/random.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cmath>
@@ -63,10 +64,11 @@ Address checked_simulator(const Address& address, Reach reach) {
 
 struct ServoEndpoint::State {
   State(const Address& simulator_address, std::uint64_t session, std::vector<LinkKey> keys,
-        ToolId own_tool)
+        ToolId own_tool, Content newest_content)
       : simulator(checked_simulator(simulator_address, reach_with(keys))),
         session_id(session),
         tool(own_tool),
+        newest(newest_content),
         transport(LinkEnd::kServo, local_for(simulator), std::move(keys)) {
     if (session_id == 0) {
       throw LinkError("link to " + to_string(simulator) +
@@ -84,6 +86,10 @@ struct ServoEndpoint::State {
     ToolId tool = 0;
     Content content = Content::kPosition;
   };
+  /// What this end has to ask for.
+  [[nodiscard]] Content wanted() const noexcept;
+  /// Whether something is asked in this content's version, the wanted one or an older one.
+  [[nodiscard]] bool asks(Content content) const noexcept;
   /// The newest one that the simulator is not known to be without.
   [[nodiscard]] Speech own_speech() const noexcept;
   /// Of the next tool state: now and then an older one.
@@ -105,6 +111,7 @@ struct ServoEndpoint::State {
   Address simulator;
   std::uint64_t session_id;
   ToolId tool;
+  Content newest;
   Transport transport;
   SealedPeer peer;
   ClockFilter clock;
@@ -130,9 +137,9 @@ struct ServoEndpoint::State {
   std::uint64_t refusals_accepted = 0;
   bool own_tool_answered = false;
   int answers_without_tool = 0;
-  bool has_pose = false;  ///< a tool state had an orientation or buttons
-  bool pose_answered = false;
-  int answers_without_pose = 0;
+  bool has_pose = false;                  ///< a tool state had an orientation or buttons
+  Content answered = Content::kPosition;  ///< the newest that the simulator has answered in
+  int older_answers = 0;                  ///< samples in versions older than the wanted one
   std::uint32_t unanswered_tool_states = 0;
   bool simulator_ended = false;
   bool goodbye_said = false;
@@ -148,29 +155,47 @@ SendStatus ServoEndpoint::State::transmit(const Message& message, Speech speech)
   return status;
 }
 
+Content ServoEndpoint::State::wanted() const noexcept {
+  const bool more_than_positions = tool != 0 || has_pose;
+  return newest == Content::kSensitivities && more_than_positions ? Content::kSensitivities
+         : newest != Content::kPosition && has_pose               ? Content::kPose
+                                                                  : Content::kPosition;
+}
+
+bool ServoEndpoint::State::asks(Content content) const noexcept {
+  // Without a pose the next older version after 4 is 2.
+  return content <= wanted() && (content != Content::kPose || has_pose);
+}
+
 ServoEndpoint::State::Speech ServoEndpoint::State::own_speech() const noexcept {
-  const bool poses_refused = !pose_answered && answers_without_pose >= kAnswersOfOlderVersion;
-  return {tool, has_pose && !poses_refused ? Content::kPose : Content::kPosition};
+  const bool refused = answered < wanted() && older_answers >= kAnswersOfOlderVersion;
+  return {tool, refused ? answered : wanted()};
 }
 
 ServoEndpoint::State::Speech ServoEndpoint::State::next_speech() noexcept {
   const Speech own = own_speech();
-  const bool try_without_tool = tool != 0 && !own_tool_answered;
-  const bool try_without_pose = own.content == Content::kPose && !pose_answered;
-  if ((!try_without_tool && !try_without_pose) ||
-      ++unanswered_tool_states % kTryOlderVersionEvery != 0) {
-    return own;
+  std::array<Speech, 3> older{};
+  std::size_t count = 0;
+  if (answered < own.content && own.content == Content::kSensitivities && has_pose) {
+    older[count++] = {tool, Content::kPose};
+  }
+  if (answered < own.content) {
+    older[count++] = {tool, Content::kPosition};
   }
   // In turns, since a simulator of version 1 drops what names a tool.
-  const bool odd_try = unanswered_tool_states / kTryOlderVersionEvery % 2 != 0;
-  return try_without_pose && (odd_try || !try_without_tool) ? Speech{tool, Content::kPosition}
-                                                            : Speech{0, Content::kPosition};
+  if (tool != 0 && !own_tool_answered) {
+    older[count++] = {0, Content::kPosition};
+  }
+  if (count == 0 || ++unanswered_tool_states % kTryOlderVersionEvery != 0) {
+    return own;
+  }
+  return older[(unanswered_tool_states / kTryOlderVersionEvery - 1) % count];
 }
 
 bool ServoEndpoint::State::answers_own_speech(const Decoded& decoded) noexcept {
   std::uint64_t& bad_version =
       statistics.malformed[static_cast<std::size_t>(WireStatus::kBadVersion)];
-  if (decoded.content == Content::kPose && !has_pose) {
+  if (!asks(decoded.content)) {
     ++bad_version;
     return false;
   }
@@ -181,7 +206,7 @@ bool ServoEndpoint::State::answers_own_speech(const Decoded& decoded) noexcept {
     return false;
   }
   own_tool_answered = true;
-  pose_answered = pose_answered || decoded.content == Content::kPose;
+  answered = std::max(answered, decoded.content);
   return true;
 }
 
@@ -290,13 +315,13 @@ bool ServoEndpoint::State::accept_reply(const ForceSample& reply) noexcept {
 }
 
 ServoEndpoint::ServoEndpoint(const Address& simulator, std::uint64_t session_id,
-                             std::vector<LinkKey> keys, ToolId tool)
-    : state_(std::make_unique<State>(simulator, session_id, std::move(keys), tool)) {}
+                             std::vector<LinkKey> keys, ToolId tool, Content newest)
+    : state_(std::make_unique<State>(simulator, session_id, std::move(keys), tool, newest)) {}
 
 ServoEndpoint::ServoEndpoint(std::string_view simulator, std::uint64_t session_id,
-                             std::vector<LinkKey> keys, ToolId tool)
+                             std::vector<LinkKey> keys, ToolId tool, Content newest)
     : state_(std::make_unique<State>(parse_address(simulator, PortZero::kRefused, reach_with(keys)),
-                                     session_id, std::move(keys), tool)) {}
+                                     session_id, std::move(keys), tool, newest)) {}
 
 ServoEndpoint::~ServoEndpoint() { say_goodbye(); }
 
@@ -400,7 +425,7 @@ std::optional<ForceSample> ServoEndpoint::receive() noexcept {
       own.take(decoded);
     } else if (own.accept(*sample)) {
       ++own.statistics.accepted;
-      own.answers_without_pose += decoded.content == Content::kPosition && own.has_pose ? 1 : 0;
+      own.older_answers += decoded.content < own.wanted() ? 1 : 0;
       own.simulator_ended = false;
       own.refusal.reset();
       return *sample;
@@ -432,7 +457,12 @@ bool ServoEndpoint::simulator_knows_one_tool() const noexcept {
 }
 
 bool ServoEndpoint::simulator_knows_poses() const noexcept {
-  return !state_->has_pose || state_->own_speech().content == Content::kPose;
+  return !state_->has_pose || state_->own_speech().content >= Content::kPose;
+}
+
+bool ServoEndpoint::simulator_knows_sensitivities() const noexcept {
+  return state_->own_speech().content == Content::kSensitivities ||
+         state_->wanted() != Content::kSensitivities;
 }
 
 bool ServoEndpoint::wait(std::chrono::nanoseconds timeout) noexcept {

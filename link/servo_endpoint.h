@@ -44,6 +44,11 @@ inline constexpr std::size_t kRememberedQueries = 1024;
 /// simulator that answers three of these and nothing else gets all others without them, too: see
 /// simulator_knows_poses().
 ///
+/// A servo that asks for sensitivities speaks version 4 instead, if it has a tool's number, an
+/// orientation or buttons; a simulator's only tool without these has none. Every 64th tool state
+/// then goes out in the older versions in turn, the newest first, and three answers in these and
+/// none in version 4 end it: see simulator_knows_sensitivities().
+///
 /// Threads: one at a time.
 class ServoEndpoint {
  public:
@@ -54,12 +59,15 @@ class ServoEndpoint {
   /// @param keys        datagrams are sealed with the first one, or with the one that the simulator
   ///   uses (sealed_channel.h); none: not sealed
   /// @param tool        1 to kMaxToolId, unlike the other servos'; 0: the simulator's only one
+  /// @param newest      what it asks for at most; kPosition leaves orientations and buttons out
   /// @throws LinkError for an address beyond loopback without a key, port 0, session 0, a tool out
   ///   of range, or no socket.
   explicit ServoEndpoint(const Address& simulator, std::uint64_t session_id = random_session_id(),
-                         std::vector<LinkKey> keys = {}, ToolId tool = 0);
+                         std::vector<LinkKey> keys = {}, ToolId tool = 0,
+                         Content newest = Content::kPose);
   explicit ServoEndpoint(std::string_view simulator, std::uint64_t session_id = random_session_id(),
-                         std::vector<LinkKey> keys = {}, ToolId tool = 0);
+                         std::vector<LinkKey> keys = {}, ToolId tool = 0,
+                         Content newest = Content::kPose);
   /// Says goodbye to the simulator unless say_goodbye() has.
   ~ServoEndpoint();
   ServoEndpoint(const ServoEndpoint&) = delete;
@@ -100,6 +108,8 @@ class ServoEndpoint {
   /// version 3 of the protocol, or not shown yet that it only speaks an older one. True for a servo
   /// that has none to send. Real-time: yes.
   [[nodiscard]] bool simulator_knows_poses() const noexcept;
+  /// The same of sensitivities and version 4.
+  [[nodiscard]] bool simulator_knows_sensitivities() const noexcept;
 
   /// Waits until something has arrived, `timeout` has passed or a signal came. Zero or less: does
   /// not wait.

@@ -240,9 +240,7 @@ Place* SimulatorEndpoint::State::place_of(const Address& sender, const Decoded& 
       }
       known->tool = decoded.tool;
     }
-    if (decoded.content == Content::kPose) {
-      known->content = Content::kPose;
-    }
+    known->content = std::max(known->content, decoded.content);
     known->last_heard = std::chrono::steady_clock::now();
     return &*known;
   }
@@ -302,7 +300,7 @@ void SimulatorEndpoint::State::take(const ToolState& state, Content content, Pla
   }
   place.tool_state_seen = true;
   place.newest_tool_state =
-      content == Content::kPose ? state : with_pose_of(place.newest_tool_state, state);
+      content == Content::kPosition ? with_pose_of(place.newest_tool_state, state) : state;
   news.tool_state = place.newest_tool_state;
   place.path.push(place.newest_tool_state);
 }
@@ -480,7 +478,11 @@ ToolId SimulatorEndpoint::tool(std::size_t place) const noexcept {
 }
 
 bool SimulatorEndpoint::knows_poses(std::size_t place) const noexcept {
-  return state_->places[place].content == Content::kPose;
+  return state_->places[place].content >= Content::kPose;
+}
+
+bool SimulatorEndpoint::knows_sensitivities(std::size_t place) const noexcept {
+  return state_->places[place].content == Content::kSensitivities;
 }
 
 std::uint64_t SimulatorEndpoint::session_count() const noexcept { return state_->session_count; }

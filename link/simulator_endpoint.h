@@ -53,9 +53,9 @@ struct Access {
 /// come back. With keys a session goes on under the key that it began with. Each place has sequence
 /// numbers, a path and queries of its own.
 ///
-/// A servo that has told of poses (version 3 of the protocol) is answered in that version. What it
-/// sends in an older version before its first answer keeps the orientation and the buttons of the
-/// tool state before.
+/// A servo is answered in the newest version that it has spoken: version 3 of the protocol if it
+/// has told of poses, version 4 if it asks for sensitivities. What it sends in version 1 or 2
+/// before its first answer keeps the orientation and the buttons of the tool state before.
 ///
 /// Threads: one at a time.
 class SimulatorEndpoint {
@@ -122,6 +122,8 @@ class SimulatorEndpoint {
   [[nodiscard]] ToolId tool(std::size_t place) const noexcept;
   /// Whether torques reach the place's servo, because it has told of poses. Real-time: yes.
   [[nodiscard]] bool knows_poses(std::size_t place = 0) const noexcept;
+  /// Whether d(torque)/dP and the other tools' influences reach it. Real-time: yes.
+  [[nodiscard]] bool knows_sensitivities(std::size_t place = 0) const noexcept;
   /// Sessions since the start; 0 before the first. Real-time: yes.
   [[nodiscard]] std::uint64_t session_count() const noexcept;
   [[nodiscard]] std::uint64_t session_id(std::size_t place = 0) const noexcept;  ///< 0: no servo

@@ -25,6 +25,7 @@ constexpr std::uint32_t kKnownFlags = kFlagInContact | kFlagConverged | kFlagHas
 constexpr std::uint32_t kFlagHasTorque = 1U << 3U;
 constexpr std::uint32_t kFlagHasRotationalStiffness = 1U << 4U;
 constexpr std::uint32_t kPoseFlags = kFlagHasTorque | kFlagHasRotationalStiffness;
+constexpr std::uint32_t kFlagHasTorqueGradient = 1U << 5U;
 constexpr std::uint32_t kStateHasOrientation = 1U << 0U;
 constexpr std::uint32_t kStateHasButtons = 1U << 1U;
 
@@ -109,14 +110,15 @@ bool same_bits(const std::array<double, N>& a, const std::array<double, N>& b) n
 }
 
 constexpr std::size_t size_bytes(MessageType type, Content content) noexcept {
-  const bool pose = content == Content::kPose;
   switch (type) {
     case MessageType::kToolState:
-      return pose ? kPoseToolStateBytes : kToolStateBytes;
+      return content == Content::kPosition ? kToolStateBytes : kPoseToolStateBytes;
     case MessageType::kQuery:
       return kQueryBytes;
     case MessageType::kForceSample:
-      return pose ? kPoseForceSampleBytes : kForceSampleBytes;
+      return content == Content::kPosition ? kForceSampleBytes
+             : content == Content::kPose   ? kPoseForceSampleBytes
+                                           : kSensitivitiesForceSampleBytes;
     case MessageType::kGoodbye:
       return kGoodbyeBytes;
     case MessageType::kSurfacePatch:
@@ -134,14 +136,34 @@ constexpr bool needs_no_tool(MessageType type) noexcept {
 }
 
 constexpr std::uint16_t version_of(ToolId tool, Content content) noexcept {
-  return content == Content::kPose ? kPoseVersion : tool == 0 ? kProtocolVersion : kToolsVersion;
+  switch (content) {
+    case Content::kSensitivities:
+      return kSensitivitiesVersion;
+    case Content::kPose:
+      return kPoseVersion;
+    case Content::kPosition:
+      break;
+  }
+  return tool == 0 ? kProtocolVersion : kToolsVersion;
+}
+
+constexpr Content content_of(std::uint16_t version) noexcept {
+  return version == kSensitivitiesVersion ? Content::kSensitivities
+         : version == kPoseVersion        ? Content::kPose
+                                          : Content::kPosition;
+}
+
+constexpr std::uint32_t known_flags(Content content) noexcept {
+  return content == Content::kPosition ? kKnownFlags
+         : content == Content::kPose   ? kKnownFlags | kPoseFlags
+                                       : kKnownFlags | kPoseFlags | kFlagHasTorqueGradient;
 }
 
 void put_payload(Writer& writer, const ToolState& message, Content content) noexcept {
   writer.put(message.servo_time_ns);
   writer.put(message.position_W_m);
   writer.put(message.velocity_W_m_per_s);
-  if (content == Content::kPose) {
+  if (content != Content::kPosition) {
     writer.put(message.orientation_WT);
     writer.put(message.angular_velocity_W_rad_per_s);
     writer.put(message.buttons);
@@ -156,26 +178,40 @@ void put_payload(Writer& writer, const Query& message, Content) noexcept {
 }
 
 void put_payload(Writer& writer, const ForceSample& message, Content content) noexcept {
-  const bool pose = content == Content::kPose;
   writer.put(message.echo_servo_time_ns);
   writer.put(message.echo_sequence);
   writer.put(message.query_id);
   writer.put(message.contact_epoch);
-  writer.put((message.in_contact ? kFlagInContact : 0U) |
-             (message.converged ? kFlagConverged : 0U) |
-             (message.has_stiffness ? kFlagHasStiffness : 0U) |
-             (pose && message.has_torque ? kFlagHasTorque : 0U) |
-             (pose && message.has_rotational_stiffness ? kFlagHasRotationalStiffness : 0U));
+  writer.put(((message.in_contact ? kFlagInContact : 0U) |
+              (message.converged ? kFlagConverged : 0U) |
+              (message.has_stiffness ? kFlagHasStiffness : 0U) |
+              (message.has_torque ? kFlagHasTorque : 0U) |
+              (message.has_rotational_stiffness ? kFlagHasRotationalStiffness : 0U) |
+              (message.has_torque_gradient ? kFlagHasTorqueGradient : 0U)) &
+             known_flags(content));
   writer.put(message.position_W_m);
   writer.put(message.force_W_N);
   writer.put(message.contact_point_W_m);
   writer.put(message.relative_residual);
   writer.put(message.solve_time_s);
   writer.put(message.stiffness_W_N_per_m);
-  if (pose) {
-    writer.put(message.torque_W_Nm);
-    writer.put(message.has_torque ? message.orientation_WT : kIdentity);
-    writer.put(message.rotational_stiffness_W_Nm_per_rad);
+  if (content == Content::kPosition) {
+    return;
+  }
+  writer.put(message.torque_W_Nm);
+  writer.put(message.has_torque ? message.orientation_WT : kIdentity);
+  writer.put(message.rotational_stiffness_W_Nm_per_rad);
+  if (content == Content::kPose) {
+    return;
+  }
+  writer.put(message.torque_gradient_W_N);
+  writer.put(message.influence_count);
+  for (const ToolInfluence& other : message.influences) {
+    writer.put(other.tool);
+    writer.put(std::uint16_t{0});
+    writer.put(other.echo_sequence);
+    writer.put(other.position_W_m);
+    writer.put(other.stiffness_W_N_per_m);
   }
 }
 
@@ -293,15 +329,28 @@ WireStatus get_payload(Reader& reader, std::uint32_t sequence, Content content,
   reader.get(message.relative_residual);
   reader.get(message.solve_time_s);
   reader.get(message.stiffness_W_N_per_m);
-  bool known = (flags & ~kKnownFlags) == 0;
-  if (content == Content::kPose) {
+  bool known = (flags & ~known_flags(content)) == 0;
+  if (content != Content::kPosition) {
     message.has_torque = (flags & kFlagHasTorque) != 0;
     message.has_rotational_stiffness = (flags & kFlagHasRotationalStiffness) != 0;
     reader.get(message.torque_W_Nm);
     reader.get(message.orientation_WT);
     reader.get(message.rotational_stiffness_W_Nm_per_rad);
-    known = (flags & ~(kKnownFlags | kPoseFlags)) == 0 &&
-            (message.has_torque || same_bits(message.orientation_WT, kIdentity));
+    known = known && (message.has_torque || same_bits(message.orientation_WT, kIdentity));
+  }
+  if (content == Content::kSensitivities) {
+    message.has_torque_gradient = (flags & kFlagHasTorqueGradient) != 0;
+    reader.get(message.torque_gradient_W_N);
+    reader.get(message.influence_count);
+    for (ToolInfluence& other : message.influences) {
+      std::uint16_t reserved = 0;
+      reader.get(other.tool);
+      reader.get(reserved);
+      reader.get(other.echo_sequence);
+      reader.get(other.position_W_m);
+      reader.get(other.stiffness_W_N_per_m);
+      known = known && reserved == 0;
+    }
   }
   return known ? check(message) : WireStatus::kBadReserved;
 }
@@ -438,13 +487,14 @@ Decoded decode(std::span<const std::byte> datagram) noexcept {
   reader.get(tool);
   reader.get(sequence);
   reader.get(session_id);
-  if (version < kProtocolVersion || version > kPoseVersion) {
+  if (version < kProtocolVersion || version > kSensitivitiesVersion) {
     return refused(WireStatus::kBadVersion);
   }
   const auto type = static_cast<MessageType>(type_number);
-  const Content content = version == kPoseVersion ? Content::kPose : Content::kPosition;
+  const Content content = content_of(version);
   const std::size_t size = size_bytes(type, content);
-  const bool names_a_tool = version == kToolsVersion || (version == kPoseVersion && tool != 0);
+  const bool names_a_tool =
+      version == kToolsVersion || (content != Content::kPosition && tool != 0);
   if (size == 0 || (!names_a_tool && !needs_no_tool(type))) {
     return refused(WireStatus::kBadType);
   }

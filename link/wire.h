@@ -23,6 +23,8 @@ inline constexpr std::uint16_t kProtocolVersion = 1;
 inline constexpr std::uint16_t kToolsVersion = 2;
 /// Of a link that tells poses and torques; it may name its tool.
 inline constexpr std::uint16_t kPoseVersion = 3;
+/// Of a link that tells sensitivities, too; it may name its tool.
+inline constexpr std::uint16_t kSensitivitiesVersion = 4;
 
 inline constexpr std::size_t kHeaderBytes = 24;
 inline constexpr std::size_t kChecksumBytes = 4;
@@ -35,9 +37,13 @@ inline constexpr std::size_t kOtherToolsBytes = kHeaderBytes + 128 + kChecksumBy
 inline constexpr std::size_t kRefusalBytes = kHeaderBytes + 8 + kChecksumBytes;
 inline constexpr std::size_t kPoseToolStateBytes = kHeaderBytes + 120 + kChecksumBytes;
 inline constexpr std::size_t kPoseForceSampleBytes = kHeaderBytes + 312 + kChecksumBytes;
-/// No datagram of this or a later version is longer; it fits every path without fragmentation.
-inline constexpr std::size_t kMaxDatagramBytes = 511;
-static_assert(kPoseForceSampleBytes <= kMaxDatagramBytes);
+inline constexpr std::size_t kSensitivitiesForceSampleBytes = kHeaderBytes + 700 + kChecksumBytes;
+/// No datagram is longer; it fits every path without fragmentation.
+inline constexpr std::size_t kMaxDatagramBytes = 1023;
+/// Nor one of versions 1 to 3.
+inline constexpr std::size_t kMaxOlderDatagramBytes = 511;
+static_assert(kPoseForceSampleBytes <= kMaxOlderDatagramBytes);
+static_assert(kSensitivitiesForceSampleBytes <= kMaxDatagramBytes);
 
 /// Bounds of what is believed, both ways; each holds for the absolute value of every component.
 inline constexpr double kMaxPosition_m = 10.0;
@@ -48,6 +54,7 @@ inline constexpr double kMaxSolveTime_s = 3600.0;  ///< and not below zero
 inline constexpr double kMaxAngularVelocity_rad_per_s = 1000.0;
 inline constexpr double kMaxTorque_Nm = 1000.0;
 inline constexpr double kMaxRotationalStiffness_Nm_per_rad = 1e7;
+inline constexpr double kMaxTorqueGradient_N = 1e7;
 /// How far the sum of a unit quaternion's squares may be from 1.
 inline constexpr double kMaxNormError = 1e-6;
 
@@ -96,7 +103,7 @@ struct Decoded {
                Refusal>
       message;
   ToolId tool = 0;                       ///< 0: the datagram names no tool
-  Content content = Content::kPosition;  ///< kPose: the datagram is of version 3
+  Content content = Content::kPosition;  ///< of the datagram's version
 };
 
 /// Checks a received datagram completely and reads it. Safe for any bytes of any length.
@@ -113,7 +120,8 @@ struct Encoded {
 /// shows on the side that made it; kTooShort means that the buffer is too small.
 /// @param session_id  the servo's number for this run, not zero
 /// @param tool  0 names no tool
-/// @param content  kPosition writes version 1, or 2 with a tool's number; kPose writes version 3
+/// @param content  kPosition writes version 1, or 2 with a tool's number; kPose writes version 3,
+///   kSensitivities version 4
 /// Real-time: bounded, no allocation, lock or throw. Threads: any.
 [[nodiscard]] Encoded encode(const ToolState& message, std::uint64_t session_id,
                              std::span<std::byte> buffer, ToolId tool = 0,

@@ -23,10 +23,11 @@ bool taken_by_c_header(std::span<const std::byte> datagram) {
   return event == FG_TOOL_STATE || event == FG_QUERY;
 }
 
-// Without a tool's number, which the C header does not know.
+// Without a tool's number and in version 1 or 3, which the C header knows.
 bool opens_a_session_of_the_only_tool(const link::Decoded& decoded) {
-  return decoded.tool == 0 && (std::holds_alternative<link::ToolState>(decoded.message) ||
-                               std::holds_alternative<link::Query>(decoded.message));
+  return decoded.tool == 0 && decoded.content != link::Content::kSensitivities &&
+         (std::holds_alternative<link::ToolState>(decoded.message) ||
+          std::holds_alternative<link::Query>(decoded.message));
 }
 
 void check(std::span<const std::byte> datagram) {
@@ -50,6 +51,9 @@ void check(std::span<const std::byte> datagram) {
       },
       decoded.message);
   require(encoded.status == link::WireStatus::kOk, "what is accepted can be sent");
+  require(decoded.content == link::Content::kSensitivities ||
+              datagram.size() <= link::kMaxOlderDatagramBytes,
+          "older versions keep their bound");
   require(encoded.size_bytes == datagram.size() &&
               std::equal(datagram.begin(), datagram.end(), again.begin()),
           "a message has one form");

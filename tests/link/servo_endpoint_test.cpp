@@ -139,7 +139,7 @@ TEST_F(ServoEndpointTest, CountsEachKindOfMalformedDatagramAndGoesOn) {
   simulator_.send_to(port, {});
   simulator_.send_to(port, std::span(good).first(27));
   simulator_.send_to(port, std::span(good).first(211));
-  simulator_.send_to(port, std::vector<std::byte>(512, std::byte{0}));
+  simulator_.send_to(port, std::vector<std::byte>(kMaxDatagramBytes + 1, std::byte{0}));
   simulator_.send_to(port, std::vector<std::byte>(9000, std::byte{0}));
   auto corrupted = good;
   corrupted[80] ^= std::byte{4};

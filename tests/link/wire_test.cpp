@@ -282,7 +282,7 @@ TEST(Decode, SaysWhatIsWrongWithAHeader) {
   for (const Bytes& datagram : kEveryType) {
     EXPECT_EQ(decode(with<char>(datagram, 3, 'X')).status, WireStatus::kBadMagic);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 0)).status, WireStatus::kBadVersion);
-    EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 4)).status, WireStatus::kBadVersion);
+    EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 5)).status, WireStatus::kBadVersion);
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 4, 2)).status, WireStatus::kOutOfRange)
         << "version 2 without a tool";
     EXPECT_EQ(decode(with<std::uint16_t>(datagram, 6, 0)).status, WireStatus::kBadType);
