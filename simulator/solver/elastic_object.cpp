@@ -300,6 +300,7 @@ class ElasticObject<Real>::Implementation {
     last_.torque_known = last_.rotational_stiffness_known = found.known;
     last_.torque_W_Nm = found.torque_W_Nm;
     last_.rotational_stiffness_W_Nm_per_rad = found.stiffness_W_Nm_per_rad;
+    last_.torque_gradient_W_N = found.gradient_W_N;
     last_.iterations += found.iterations;
   }
 

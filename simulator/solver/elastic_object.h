@@ -83,6 +83,9 @@ struct Equilibrium {
   /// d(torque)/d(theta) at a fixed position; theta is the rotation vector by which the tool turns
   /// on. Not symmetric: sum over the patch of (theta x l) x f is part of it.
   Eigen::Matrix3d rotational_stiffness_W_Nm_per_rad = Eigen::Matrix3d::Zero();
+  /// d(torque)/dP [N] at a fixed orientation, known with the above: -T^T K S. Without friction its
+  /// transpose is d(force)/d(theta).
+  Eigen::Matrix3d torque_gradient_W_N = Eigen::Matrix3d::Zero();
   double solve_time_s = 0.0;  ///< wall time of the move
   bool reached = true;        ///< the tool reached its target; false: see displacement_W
   bool converged = false;     ///< relative_residual <= relative_tolerance and everything is finite

@@ -244,6 +244,7 @@ class PressedObject::Implementation {
     Equilibrium& result = last_.equilibrium;
     result.rotational_stiffness_known = false;
     result.rotational_stiffness_W_Nm_per_rad.setZero();
+    result.torque_gradient_W_N.setZero();
     if (!turning_ || !contacts_.any() || !result.converged || !last_.stiffness_known) {
       return;
     }
@@ -253,6 +254,7 @@ class PressedObject::Implementation {
     result.rotational_stiffness_known = found.known;
     if (found.known) {
       result.rotational_stiffness_W_Nm_per_rad = found.stiffness_W_Nm_per_rad;
+      result.torque_gradient_W_N = found.gradient_W_N;
     }
   }
 

@@ -30,10 +30,10 @@ Eigen::Vector3d PressedTurning::place(const PointLoad& load) const noexcept {
   return place;
 }
 
-Eigen::Matrix3d PressedTurning::lag(const PointLoad& load) const noexcept {
+Eigen::Matrix3d PressedTurning::lag(const PointLoad& load, const PressedSprings& springs) noexcept {
   Eigen::Matrix3d lag = load.tool_motion_W;
   for (std::size_t k = 0; k < 3; ++k) {
-    lag -= load.weight[k] * springs_.sensitivity(static_cast<std::size_t>(load.vertex[k]));
+    lag -= load.weight[k] * springs.sensitivity(static_cast<std::size_t>(load.vertex[k]));
   }
   return lag;
 }
@@ -41,7 +41,7 @@ Eigen::Matrix3d PressedTurning::lag(const PointLoad& load) const noexcept {
 double PressedTurning::substitute() noexcept {
   double largest_m = 0.0;
   for (PointLoad& load : loads_) {
-    const Eigen::Matrix3d pull = load.reaction.rigid_stiffness_W * lag(load);
+    const Eigen::Matrix3d pull = load.reaction.rigid_stiffness_W * lag(load, springs_);
     load.known_pull_W += pull;
     largest_m = std::max(largest_m, pull.norm() / load.reaction.rigid_stiffness_W.norm());
   }
@@ -82,14 +82,21 @@ PressedTurning::Found PressedTurning::solve(const PressedSprings& lead,
     lag_m = substitute();
     springs_.evaluate(loads_, false);
   }
+  for (std::size_t p = 0; p < loads.size(); ++p) {
+    const PointLoad& load = loads[p];
+    const Eigen::Matrix3d behind = lag(load, lead);
+    found.gradient_W_N +=
+        loads_[p].tool_motion_W * (load.reaction.stiffness_W * behind + load.known_pull_W) -
+        cross_matrix(load.reaction.force_W) * behind;
+  }
   for (const PointLoad& load : loads_) {
-    const Eigen::Matrix3d turned = load.tool_motion_W - lag(load);
+    const Eigen::Matrix3d turned = load.tool_motion_W - lag(load, springs_);
     found.stiffness_W_Nm_per_rad +=
         cross_matrix(load.reaction.force_W) * turned +
-        load.tool_motion_W * (load.reaction.stiffness_W * lag(load) + load.known_pull_W);
+        load.tool_motion_W * (load.reaction.stiffness_W * lag(load, springs_) + load.known_pull_W);
   }
-  found.known =
-      stable && settled() && springs_.finite() && found.stiffness_W_Nm_per_rad.allFinite();
+  found.known = stable && settled() && springs_.finite() &&
+                found.stiffness_W_Nm_per_rad.allFinite() && found.gradient_W_N.allFinite();
   return found;
 }
 

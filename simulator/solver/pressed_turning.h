@@ -16,6 +16,10 @@ namespace forcegrid::simulator {
 ///   torque = -sum_p l x R_p,
 ///   d(torque)/d(theta) = sum_p ([R_p]x T_p - [l]x (C_p (M_p - T_p) + L_p))
 ///
+/// S = dx/dP is the first one's; with it, C_p and L_p for M_p = 1,
+///
+///   d(torque)/dP = sum_p ([R_p]x (S_p - 1) - [l]x (C_p (1 - S_p) + L_p))
+///
 /// L_p is that part of the force's change which C_p does not have: -[R_p]x of a point that is
 /// pressed on, whose force turns with the tool, and the constraint's own change, found by the same
 /// repeated substitution as ContactPoint::pull_W. The right-hand sides are solved in the lanes of a
@@ -37,7 +41,8 @@ class PressedTurning {
   struct Found {
     bool known = false;  ///< finite, and the constraints' changes have settled
     Eigen::Matrix3d stiffness_W_Nm_per_rad = Eigen::Matrix3d::Zero();
-    int iterations = 0;  ///< conjugate-gradient iterations
+    Eigen::Matrix3d gradient_W_N = Eigen::Matrix3d::Zero();  ///< d(torque)/dP
+    int iterations = 0;                                      ///< conjugate-gradient iterations
   };
   /// @param lead   the springs in equilibrium under `loads`.
   /// @param tool_place  [m] P, from the springs' origin.
@@ -48,7 +53,8 @@ class PressedTurning {
 
  private:
   Eigen::Vector3d place(const PointLoad& load) const noexcept;
-  Eigen::Matrix3d lag(const PointLoad& load) const noexcept;
+  /// How far a point stays behind what the tool does there.
+  static Eigen::Matrix3d lag(const PointLoad& load, const PressedSprings& springs) noexcept;
   /// Adds to each L_p what its constraint still gives. @returns the largest, over its stiffness.
   double substitute() noexcept;
 

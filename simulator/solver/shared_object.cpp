@@ -8,9 +8,11 @@
 #include <utility>
 
 #include "rt/checkpoint.h"
+#include "rt/rotation.h"
 #include "simulator/mesh/error.h"
 #include "simulator/solver/energy_descent.h"
 #include "simulator/solver/state_with_sensitivities.h"
+#include "simulator/solver/turning_sensitivities.h"
 
 namespace forcegrid::simulator {
 namespace {
@@ -79,6 +81,7 @@ class SharedObject<Real>::Implementation {
     }
     tool.patch = std::move(patch);
     tool.aim.setZero();
+    tool.pivot = point_W - tool.state.origin_W();
     share(&tool);
     settle_anew();
     return static_cast<int>(tool.patch.size());
@@ -92,6 +95,11 @@ class SharedObject<Real>::Implementation {
     tool.patch.clear();
     tool.anchor.clear();
     tool.aim.setZero();
+    tool.turn_aim = tool.turn = tool.saved_turn = Eigen::Quaterniond::Identity();
+    tool.has_turned = false;
+    if (tool.turning) {
+      tool.turning->release();
+    }
     tool.last = Equilibrium{};
     tool.last.converged = true;
     tool.state.release();
@@ -119,10 +127,37 @@ class SharedObject<Real>::Implementation {
   const Equilibrium& equilibrium(std::size_t tool) const noexcept { return tools_[tool]->last; }
   std::size_t tool_count() const noexcept { return tools_.size(); }
 
+  void turn(const SpringMesh& mesh) {
+    if (!holders_.empty()) {
+      throw Error("shared object: a tool holds a patch already; call turn() before grab()");
+    }
+    for (const auto& tool : tools_) {
+      tool->turning = std::make_unique<TurningSensitivities<Real>>(mesh);
+    }
+  }
+  bool turns() const noexcept { return tools_.front()->turning != nullptr; }
+
   void aim(std::size_t tool, const Eigen::Vector3d& displacement_W) noexcept {
     if (displacement_W.allFinite()) {
       tools_[tool]->aim = displacement_W;
     }
+  }
+  void aim(std::size_t tool, const Eigen::Vector3d& displacement_W,
+           const Eigen::Quaterniond& turn_W) noexcept {
+    if (turns() && displacement_W.allFinite() && turn_W.coeffs().allFinite()) {
+      tools_[tool]->aim = displacement_W;
+      tools_[tool]->turn_aim = turn_W;
+    }
+  }
+
+  std::optional<Eigen::Matrix3d> stiffness_W(std::size_t tool, std::size_t other) const noexcept {
+    const Tool& of = *tools_[tool];
+    const Tool& by = *tools_[other];
+    if (of.patch.empty() || by.patch.empty() || !of.last.converged || !by.last.converged) {
+      return std::nullopt;
+    }
+    const Eigen::Matrix3d found = of.state.mixed_stiffness(by.state);
+    return found.allFinite() ? std::optional(found) : std::nullopt;
   }
 
   // The move in steps of at most max_step_m, or half as long where a step met an unstable state.
@@ -160,6 +195,7 @@ class SharedObject<Real>::Implementation {
         break;
       }
     }
+    find_torques();
     counts_.solve_time_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     hand_out_counts();
@@ -179,6 +215,13 @@ class SharedObject<Real>::Implementation {
     std::vector<Eigen::Vector3d> others;  // where the other tools' vertices are; scratch
     Eigen::Vector3d aim = Eigen::Vector3d::Zero();
     Eigen::Vector3d next = Eigen::Vector3d::Zero();
+    std::unique_ptr<TurningSensitivities<Real>> turning;  // null: tools do not turn
+    Eigen::Vector3d pivot = Eigen::Vector3d::Zero();      // the tool's position at the grab
+    Eigen::Quaterniond turn_aim = Eigen::Quaterniond::Identity();
+    Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+    Eigen::Quaterniond saved_turn = Eigen::Quaterniond::Identity();
+    Eigen::Vector3d theta_W_rad = Eigen::Vector3d::Zero();  // of the present step
+    bool has_turned = false;  // until then the patch stands where it was grabbed, to the last digit
     Evaluation found;
     double force_scale_N = 1.0;
     double stiffness_scale_N_per_m = 1.0;
@@ -201,7 +244,12 @@ class SharedObject<Real>::Implementation {
         }
       }
       tool->others.resize(others.size());
-      tool->state.share(tool->patch, tool->anchor, std::move(others), tool == anew);
+      tool->state.share(tool->patch, tool->anchor, others, tool == anew);
+      if (tool->turning && tool == anew) {
+        tool->turning->hold(tool->state, tool->pivot, others);
+      } else if (tool->turning) {
+        tool->turning->share(tool->state, others);
+      }
     }
     since_preconditioner_m_ = 0.0;
   }
@@ -214,6 +262,7 @@ class SharedObject<Real>::Implementation {
       tool->state.invert_coarse();
     }
     const Outcome outcome = settle();
+    find_torques();
     hand_out_counts();
     return outcome;
   }
@@ -228,6 +277,7 @@ class SharedObject<Real>::Implementation {
     for (Tool* const tool : holders_) {
       Equilibrium& last = tool->last;
       last.displacement_W = tool->state.displacement_W();
+      last.turn_W = tool->turn;
       last.steps = counts_.steps;
       last.evaluations = counts_.evaluations;
       last.iterations = counts_.iterations;
@@ -240,9 +290,39 @@ class SharedObject<Real>::Implementation {
   double longest_way_m() const noexcept {
     double longest_m = 0.0;
     for (const Tool* const tool : holders_) {
-      longest_m = std::max(longest_m, (tool->aim - tool->state.displacement_W()).norm());
+      double way_m = (tool->aim - tool->state.displacement_W()).norm();
+      if (tool->turning) {
+        way_m +=
+            rt::rotation_vector_rad(tool->turn, tool->turn_aim).norm() * tool->turning->reach_m();
+      }
+      longest_m = std::max(longest_m, way_m);
     }
     return longest_m;
+  }
+
+  // The tool's patch where it is turned to.
+  static void place_turned(Tool& tool) noexcept {
+    if (tool.has_turned) {
+      tool.anchor = tool.turning->anchor(tool.turn);  // as many as before
+      tool.state.set_patch_anchor(tool.anchor);
+    }
+  }
+
+  void find_torques() noexcept {
+    int iterations = 0;
+    for (Tool* const tool : holders_) {
+      if (!tool->turning) {
+        continue;
+      }
+      const auto found = tool->turning->solve(
+          tool->state, tool->found, options_.sensitivity_tolerance, options_.max_iterations);
+      iterations = std::max(iterations, found.iterations);
+      tool->last.torque_known = tool->last.rotational_stiffness_known = found.known;
+      tool->last.torque_W_Nm = found.torque_W_Nm;
+      tool->last.rotational_stiffness_W_Nm_per_rad = found.stiffness_W_Nm_per_rad;
+      tool->last.torque_gradient_W_N = found.gradient_W_N;
+    }
+    counts_.iterations += iterations;
   }
 
   void copy_positions(const StateWithSensitivities<Real>& from,
@@ -265,6 +345,14 @@ class SharedObject<Real>::Implementation {
       const Eigen::Vector3d& from = tool->state.displacement_W();
       tool->next = pieces > 1.0 ? Eigen::Vector3d(from + (tool->aim - from) / pieces) : tool->aim;
       moved_m += (tool->next - from).norm();
+      if (tool->turning) {
+        tool->saved_turn = tool->turn;
+        tool->turn = pieces > 1.0 ? tool->turn.slerp(1.0 / pieces, tool->turn_aim) : tool->turn_aim;
+        tool->theta_W_rad = rt::rotation_vector_rad(tool->saved_turn, tool->turn);
+        tool->has_turned = tool->has_turned || !tool->theta_W_rad.isZero(0.0);
+        moved_m += tool->theta_W_rad.norm() * tool->turning->reach_m();
+        place_turned(*tool);
+      }
     }
     since_preconditioner_m_ += moved_m;
     if (since_preconditioner_m_ > kPreconditionerReach_m) {
@@ -282,6 +370,9 @@ class SharedObject<Real>::Implementation {
       }
       tool->state.place_others(tool->others);
       tool->state.advance_to(tool->next);
+      if (tool->has_turned) {
+        tool->turning->predict(tool->theta_W_rad, tool->state);
+      }
     }
     if (holders_.size() < 2) {
       return;
@@ -307,6 +398,10 @@ class SharedObject<Real>::Implementation {
     for (Tool* const tool : holders_) {
       tool->state.restore();
       tool->state.forget_preconditioner();
+      if (tool->turning) {
+        tool->turn = tool->saved_turn;
+        place_turned(*tool);
+      }
     }
   }
 
@@ -487,6 +582,24 @@ bool SharedObject<Real>::grabbed(std::size_t tool) const noexcept {
 template <typename Real>
 void SharedObject<Real>::aim(std::size_t tool, const Eigen::Vector3d& displacement_W) noexcept {
   implementation_->aim(tool, displacement_W);
+}
+template <typename Real>
+void SharedObject<Real>::aim(std::size_t tool, const Eigen::Vector3d& displacement_W,
+                             const Eigen::Quaterniond& turn_W) noexcept {
+  implementation_->aim(tool, displacement_W, turn_W);
+}
+template <typename Real>
+void SharedObject<Real>::turn(const SpringMesh& mesh) {
+  implementation_->turn(mesh);
+}
+template <typename Real>
+bool SharedObject<Real>::turns() const noexcept {
+  return implementation_->turns();
+}
+template <typename Real>
+std::optional<Eigen::Matrix3d> SharedObject<Real>::stiffness_W(std::size_t tool,
+                                                               std::size_t other) const noexcept {
+  return implementation_->stiffness_W(tool, other);
 }
 template <typename Real>
 void SharedObject<Real>::solve() noexcept {

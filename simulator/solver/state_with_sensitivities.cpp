@@ -28,18 +28,6 @@ constexpr int kIterationsWithoutCoarse = 8;
 // A lane below this fraction of its initial value is at the limit of single precision.
 constexpr double kFinishedLane = 1e-13;
 
-// The change of one vertex, with the tool `way` [m] further on: x in lane 0, S in the others.
-Lanes difference(const Neighbourhood::Vertex& was, const Neighbourhood::Vertex& is,
-                 const Eigen::Vector3f& way) noexcept {
-  const Eigen::Matrix3f s = is.sensitivity_W - was.sensitivity_W;
-  const Eigen::Vector3f x = is.position_W - was.position_W + s * way;
-  Lanes lanes{};
-  for (int c = 0; c < 3; ++c) {
-    lanes.component[c] = kernels::Float4{x[c], s(c, 0), s(c, 1), s(c, 2)};
-  }
-  return lanes;
-}
-
 }  // namespace
 
 bool Evaluation::finite() const noexcept {
@@ -95,9 +83,9 @@ std::size_t StateWithSensitivities<Real>::memory_bytes() const noexcept {
   }
   return sizeof *this + models +
          bytes(rest_, fixed_, free_, patch_, patch_anchor_, others_, others_place_, mesh_number_,
-               own_number_, models_, vertex_force_, home_N_per_m_, constrained_, state_, residual_,
-               direction_, product_, saved_state_, inverse_, position_, saved_position_, force_,
-               single_position_, coarse_.place, coarse_.cell, coarse_.member,
+               own_number_, models_, vertex_force_, home_N_per_m_, constrained_, pull_, state_,
+               residual_, direction_, product_, saved_state_, inverse_, position_, saved_position_,
+               force_, single_position_, coarse_.place, coarse_.cell, coarse_.member,
                coarse_.inverse_m_per_N, coarse_residual_, coarse_correction_);
 }
 
@@ -116,6 +104,7 @@ void StateWithSensitivities<Real>::hold(std::vector<std::int32_t> patch, bool nu
       state_[at].component[c][1 + c] = 1.0F;
     }
   }
+  pull_.resize(constrained_.size());
 }
 
 template <typename Real>
@@ -157,6 +146,7 @@ void StateWithSensitivities<Real>::share(std::vector<std::int32_t> patch,
       constrained_.push_back(i);
     }
   }
+  pull_.resize(constrained_.size());
   if (anew) {
     displacement_.setZero();
   }
@@ -203,6 +193,7 @@ void StateWithSensitivities<Real>::stand_at_rest() noexcept {
     state_[i] = Lanes{};
     set_position(i, rest_[i]);
   }
+  pull_.resize(constrained_.size());
 }
 
 // Grabbed first, then ring by ring, so that a region is the head of every array.
@@ -523,10 +514,34 @@ Evaluation StateWithSensitivities<Real>::evaluate() noexcept {
   found.residual_N = std::sqrt(sums.residual_squared_N2);
   found.sensitivity_residual_N_per_m = std::sqrt(sensitivity_squared);
   found.border_work_N = silence_border();
-  for (const std::int32_t i : constrained_) {
-    residual_[static_cast<std::size_t>(i)] = Lanes{};
+  for (std::size_t n = 0; n < constrained_.size(); ++n) {
+    const auto at = static_cast<std::size_t>(constrained_[n]);
+    pull_[n] = std::exchange(residual_[at], Lanes{});
   }
   return found;
+}
+
+template <typename Real>
+Eigen::Matrix3d StateWithSensitivities<Real>::mixed_stiffness(
+    const StateWithSensitivities& other) const noexcept {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  const auto add = [this, &sum](std::size_t i, const Lanes& pull) {
+    for (int c = 0; c < 3; ++c) {
+      for (int j = 0; j < 3; ++j) {
+        for (int k = 0; k < 3; ++k) {
+          sum(j, k) += static_cast<double>(state_[i].component[c][1 + j]) *
+                       static_cast<double>(pull.component[c][1 + k]);
+        }
+      }
+    }
+  };
+  for (std::size_t i = 0; i < state_.size(); ++i) {
+    add(i, other.residual_[i]);
+  }
+  for (std::size_t n = 0; n < other.constrained_.size(); ++n) {
+    add(static_cast<std::size_t>(other.constrained_[n]), other.pull_[n]);
+  }
+  return sum;
 }
 
 // The ring outside the region is evaluated, but not solved.
@@ -638,57 +653,6 @@ Descent StateWithSensitivities<Real>::descend(int max_iterations, double residua
     next_direction(beta, coarsely ? coarse() : no_coarse_);
   }
   return result;
-}
-
-template <typename Real>
-void StateWithSensitivities<Real>::copy(const std::vector<std::int32_t>& vertices,
-                                        Neighbourhood& copy) const noexcept {
-  copy.displacement_W = displacement_;
-  const std::size_t count = std::min(vertices.size(), copy.vertices.size());
-  for (std::size_t n = 0; n < count; ++n) {
-    const std::size_t i = own_number_[static_cast<std::size_t>(vertices[n])];
-    copy.vertices[n].position_W = standing_position(i).template cast<float>();
-    copy.vertices[n].sensitivity_W = sensitivity(i).template cast<float>();
-  }
-}
-
-template <typename Real>
-void StateWithSensitivities<Real>::correct(const Neighbourhood& was,
-                                           const Neighbourhood& is) noexcept {
-  const auto count = static_cast<std::int32_t>(std::min(was.vertices.size(), is.vertices.size()));
-  const std::int32_t solved = std::min(count, extent_.reach);
-  const Eigen::Vector3f way = (displacement_ - was.displacement_W).template cast<float>();
-  const Eigen::Vector3f saved_way =
-      (saved_displacement_ - was.displacement_W).template cast<float>();
-  for (std::int32_t i = 0; i < solved; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    if (free_[at] == 0) {
-      continue;
-    }
-    Lanes by = difference(was.vertices[at], is.vertices[at], way);
-    // Changes both states, so that a correction all at once is no trend.
-    Lanes saved_by = difference(was.vertices[at], is.vertices[at], saved_way);
-    for (int c = 0; c < 3; ++c) {
-      if constexpr (kDouble) {
-        position_[at].xyz[c] += static_cast<double>(by.component[c][0]);
-        saved_position_[at].xyz[c] += static_cast<double>(saved_by.component[c][0]);
-        by.component[c][0] = saved_by.component[c][0] = 0.0F;
-      }
-      state_[at].component[c] += by.component[c];
-      saved_state_[at].component[c] += saved_by.component[c];
-    }
-  }
-  for (std::int32_t i = solved; i < count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const Neighbourhood::Vertex& there = is.vertices[at];
-    set_position(at, there.position_W.template cast<double>());
-    for (int c = 0; c < 3; ++c) {
-      for (int j = 0; j < 3; ++j) {
-        state_[at].component[c][1 + j] = there.sensitivity_W(c, j);
-      }
-    }
-  }
-  region_.leave_at(solved, count, is.displacement_W);
 }
 
 template class StateWithSensitivities<float>;

@@ -130,6 +130,12 @@ class StateWithSensitivities {
   /// millimetres also a new preconditioner.
   Evaluation evaluate() noexcept;
 
+  /// -A^T K B over the vertices that are free or held, A the sensitivities of this state and B
+  /// those of `other`, as of its last evaluate(): how the force that A stands for changes with what
+  /// B stands for. Row: component of A's. Of second order in both errors. `other` has the same
+  /// vertices in the same order, the whole object is its region.
+  Eigen::Matrix3d mixed_stiffness(const StateWithSensitivities& other) const noexcept;
+
   /// Preconditioned conjugate gradients on all four lanes from evaluate()'s residual, until lane 0
   /// is at `residual_aim_N` and the others at `sensitivity_aim_N_per_m`.
   Descent descend(int max_iterations, double residual_aim_N,
@@ -189,6 +195,7 @@ class StateWithSensitivities {
   std::vector<std::size_t> own_number_;    // by the mesh's number
   Region region_;
   std::vector<std::int32_t> constrained_;  // fixed vertices and the patch
+  std::vector<kernels::Lanes> pull_;       // what pulls on these, as residual_, by evaluate()
   std::size_t springs_ = 0;
   std::vector<std::unique_ptr<ForceModel<Real>>> models_;
   kernels::Extent extent_;

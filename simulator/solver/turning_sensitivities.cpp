@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "simulator/solver/cross_matrix.h"
 
@@ -15,7 +16,8 @@ constexpr double kTurningAimBelowTolerance = 0.5;
 }  // namespace
 
 template <typename Real>
-void TurningSensitivities<Real>::hold(const State& lead, const Eigen::Vector3d& pivot) {
+void TurningSensitivities<Real>::hold(const State& lead, const Eigen::Vector3d& pivot,
+                                      const std::vector<std::int32_t>& others) {
   pivot_ = pivot;
   patch_ = lead.patch();
   arm_.clear();
@@ -25,9 +27,22 @@ void TurningSensitivities<Real>::hold(const State& lead, const Eigen::Vector3d& 
     reach_m_ = std::max(reach_m_, arm_.back().norm());
   }
   anchor_.resize(arm_.size());
+  take_hold(lead, others, true);
+}
+
+template <typename Real>
+void TurningSensitivities<Real>::share(const State& lead, const std::vector<std::int32_t>& others) {
+  take_hold(lead, others, false);
+}
+
+template <typename Real>
+void TurningSensitivities<Real>::take_hold(const State& lead,
+                                           const std::vector<std::int32_t>& others, bool anew) {
   // Held, but not by a displacement: its own places and sensitivities are set each time.
-  state_.share({}, {}, patch_, true);
-  follow(lead, pivot);
+  std::vector<std::int32_t> held = patch_;
+  held.insert(held.end(), others.begin(), others.end());
+  state_.share({}, {}, std::move(held), anew);
+  follow(lead, pivot_ + lead.displacement_W());
   static_cast<void>(state_.evaluate());
   state_.invert_coarse();
 }
@@ -102,7 +117,9 @@ typename TurningSensitivities<Real>::Found TurningSensitivities<Real>::solve(
   found.torque_W_Nm = evaluation.force_W;
   found.stiffness_W_Nm_per_rad =
       evaluation.stiffness_W + arms - arms.trace() * Eigen::Matrix3d::Identity();
-  found.known = stable && evaluation.finite() && found.stiffness_W_Nm_per_rad.allFinite();
+  found.gradient_W_N = state_.mixed_stiffness(lead);
+  found.known = stable && evaluation.finite() && found.stiffness_W_Nm_per_rad.allFinite() &&
+                found.gradient_W_N.allFinite();
   return found;
 }
 

@@ -18,10 +18,12 @@ namespace forcegrid::simulator {
 ///   T_g = -[x_g - P]x on the patch,  K_ff T_f = -K_fg T_g,
 ///   torque = sum_i T_i^T r_i = sum_g (x_g - P) x r_g in equilibrium,
 ///   d(torque)/d(theta) = -T^T K T + sum_g (l r_g^T - (l . r_g) 1),  l = x_g - P
+///   d(torque)/dP       = -T^T K S
 ///
-/// The last sum is that of (theta x l) x r_g: the patch's forces keep their direction while their
-/// lever arms turn. The three right-hand sides are solved in the lanes of a second
-/// StateWithSensitivities, whose positions are copied from the first one's.
+/// T_g does not depend on P, so the last line has no more terms. The last sum is that of (theta x
+/// l) x r_g: the patch's forces keep their direction while their lever arms turn. The three
+/// right-hand sides are solved in the lanes of a second StateWithSensitivities, whose positions are
+/// copied from the first one's.
 ///
 /// Real-time: no allocation after construction except in hold() and release(). Threads: one.
 template <typename Real>
@@ -36,11 +38,16 @@ class TurningSensitivities {
     bool known = false;  ///< finite, and T was solved for
     Eigen::Vector3d torque_W_Nm = Eigen::Vector3d::Zero();
     Eigen::Matrix3d stiffness_W_Nm_per_rad = Eigen::Matrix3d::Zero();
-    int iterations = 0;  ///< conjugate-gradient iterations
+    Eigen::Matrix3d gradient_W_N = Eigen::Matrix3d::Zero();  ///< d(torque)/dP
+    int iterations = 0;                                      ///< conjugate-gradient iterations
   };
 
   /// `lead` has just taken hold of its patch, with the tool at `pivot` [m, from the origin].
-  void hold(const State& lead, const Eigen::Vector3d& pivot);
+  /// @param others  vertices that other tools hold (SharedObject), where T is zero.
+  void hold(const State& lead, const Eigen::Vector3d& pivot,
+            const std::vector<std::int32_t>& others = {});
+  /// Other tools hold `others` from now on; T stays elsewhere. Allocates.
+  void share(const State& lead, const std::vector<std::int32_t>& others);
   void release() noexcept;
 
   std::size_t memory_bytes() const noexcept;  ///< that it holds, itself included
@@ -60,6 +67,7 @@ class TurningSensitivities {
               int max_iterations) noexcept;
 
  private:
+  void take_hold(const State& lead, const std::vector<std::int32_t>& others, bool anew);
   void follow(const State& lead, const Eigen::Vector3d& pivot) noexcept;
 
   State state_;

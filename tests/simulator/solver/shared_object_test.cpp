@@ -186,6 +186,15 @@ TEST_P(TwoToolReference, HasTheSlopesOfItAndTheyAreSymmetric) {
   solver(at_W);
   const std::array<Matrix3d, 2> own = {object.equilibrium(0).stiffness_W,
                                        object.equilibrium(1).stiffness_W};
+  std::array<std::array<Matrix3d, 2>, 2> mixed;
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (std::size_t j = 0; j < 2; ++j) {
+      const auto known = object.stiffness_W(i, j);
+      ASSERT_TRUE(known);
+      mixed[i][j] = *known;
+    }
+    EXPECT_LT((mixed[i][i] - own[i]).norm(), 1e-5 * own[i].norm());
+  }
   constexpr double kStep_m = 2e-5;
   std::array<std::array<Matrix3d, 2>, 2> found;
   for (std::size_t i = 0; i < 2; ++i) {
@@ -195,6 +204,9 @@ TEST_P(TwoToolReference, HasTheSlopesOfItAndTheyAreSymmetric) {
       found[i][j] = slope(solver, at_W, i, j, kStep_m);
       EXPECT_GT(expected.norm(), 0.5) << "N/m: the tools feel each other";
       EXPECT_LT((found[i][j] - expected).norm(), 1e-3 * expected.norm());
+      EXPECT_LT((mixed[i][j] - expected).norm(), 1e-3 * expected.norm())
+          << mixed[i][j] << "\nby differences\n"
+          << expected;
     }
     EXPECT_LT((own[i] - found[i][i]).norm(), 1e-3 * own[i].norm());
     EXPECT_LT((found[i][i] - found[i][i].transpose()).norm(), 1e-3 * own[i].norm());

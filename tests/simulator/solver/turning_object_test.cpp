@@ -194,6 +194,36 @@ TEST_F(TurningBlock, TheStiffnessIsTheTorquesDerivative) {
   }
 }
 
+// The torque's, and by the energy's symmetry the force's by the turn.
+TEST_F(TurningBlock, TheGradientIsTheTorquesDerivativeByThePlaceAndTheForcesByTheTurn) {
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
+  constexpr double kStep_m = 2e-6;
+  constexpr double kStep_rad = 1e-4;
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d displacement_W = random_vector(0.003);
+    const Quaterniond turn_W = random_turn(0.3);
+    const Matrix3d gradient_N = at(displacement_W, turn_W).torque_gradient_W_N;
+    Matrix3d by_place;
+    Matrix3d by_turn;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto torque_Nm = [&](double step_m) {
+        return at(displacement_W + step_m * Vector3d::Unit(axis), turn_W).torque_W_Nm;
+      };
+      const auto force_N = [&](double step_rad) {
+        return at(displacement_W, Quaterniond(AngleAxisd(step_rad, Vector3d::Unit(axis))) * turn_W)
+            .force_W;
+      };
+      by_place.col(axis) = (torque_Nm(kStep_m) - torque_Nm(-kStep_m)) / (2.0 * kStep_m);
+      by_turn.col(axis) = (force_N(kStep_rad) - force_N(-kStep_rad)) / (2.0 * kStep_rad);
+    }
+    EXPECT_GT(by_place.norm(), 0.05) << "N: a shift matters";
+    EXPECT_LE((gradient_N - by_place).norm(), 1e-4 * by_place.norm())
+        << gradient_N << "\nby differences\n"
+        << by_place;
+    EXPECT_LE((gradient_N - by_turn.transpose()).norm(), 1e-4 * by_turn.norm());
+  }
+}
+
 TEST_F(TurningBlock, GoesFarInStepsAndComesBack) {
   const Vector3d down(0.0, 0.0, -0.002);
   const Equilibrium before = at(down, Quaterniond::Identity());

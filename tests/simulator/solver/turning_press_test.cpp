@@ -166,10 +166,10 @@ TEST_F(TwistingGrasp, HasTheTorqueThatTheEnergyIsSpentOn) {
 // Central differences of the torque about an axis, beside the solver's own derivative.
 void expect_the_derivative_of_the_torque(PressedObject& object, const Vector3d& position_W,
                                          const Quaterniond& orientation_WT) {
-  const auto at = [&](const Quaterniond& turn_W) {
+  const auto pressed_at = [&](const Vector3d& shift_W, const Quaterniond& turn_W) {
     Pressed found;
     for (int again = 0; again < 10; ++again) {
-      found = object.move_to(position_W, turn_W * orientation_WT);
+      found = object.move_to(position_W + shift_W, turn_W * orientation_WT);
       if (found.equilibrium.converged) {
         break;
       }
@@ -177,9 +177,16 @@ void expect_the_derivative_of_the_torque(PressedObject& object, const Vector3d& 
     EXPECT_TRUE(found.equilibrium.converged);
     return found.equilibrium;
   };
+  const auto at = [&](const Quaterniond& turn_W) { return pressed_at(Vector3d::Zero(), turn_W); };
   constexpr double kStep_rad = 2e-3;
+  constexpr double kStep_m = 2e-5;
   Eigen::Matrix3d differences;
+  Eigen::Matrix3d by_place_N;
   for (int axis = 0; axis < 3; ++axis) {
+    const auto shifted_Nm = [&](double step_m) {
+      return pressed_at(step_m * Vector3d::Unit(axis), Quaterniond::Identity()).torque_W_Nm;
+    };
+    by_place_N.col(axis) = (shifted_Nm(kStep_m) - shifted_Nm(-kStep_m)) / (2.0 * kStep_m);
     const Vector3d ahead_Nm = at(about(Vector3d::Unit(axis), kStep_rad)).torque_W_Nm;
     const Vector3d behind_Nm = at(about(Vector3d::Unit(axis), -kStep_rad)).torque_W_Nm;
     differences.col(axis) = (ahead_Nm - behind_Nm) / (2.0 * kStep_rad);
@@ -190,6 +197,9 @@ void expect_the_derivative_of_the_torque(PressedObject& object, const Vector3d& 
   EXPECT_LE((here.rotational_stiffness_W_Nm_per_rad - differences).norm(), 0.1 * differences.norm())
       << here.rotational_stiffness_W_Nm_per_rad << "\nby differences\n"
       << differences;
+  EXPECT_LE((here.torque_gradient_W_N - by_place_N).norm(), 0.1 * by_place_N.norm())
+      << here.torque_gradient_W_N << "\nby differences\n"
+      << by_place_N;
 }
 
 TEST(TurningPress, HasTheDerivativeOfTheTorqueOfABladeThatPresses) {
