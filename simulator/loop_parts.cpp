@@ -26,8 +26,7 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.force_W_N = rt::to_array(answer.equilibrium.force_W);
   sample.has_stiffness = send_stiffness && answer.stiffness_known;
   if (sample.has_stiffness) {
-    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(sample.stiffness_W_N_per_m.data()) =
-        answer.equilibrium.stiffness_W;
+    to_row_major(answer.equilibrium.stiffness_W, sample.stiffness_W_N_per_m);
   }
   const Equilibrium& found = answer.equilibrium;
   sample.has_torque = found.torque_known;
@@ -39,8 +38,11 @@ void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool s
   sample.has_rotational_stiffness =
       send_stiffness && found.torque_known && found.rotational_stiffness_known;
   if (sample.has_rotational_stiffness) {
-    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
-        sample.rotational_stiffness_W_Nm_per_rad.data()) = found.rotational_stiffness_W_Nm_per_rad;
+    to_row_major(found.rotational_stiffness_W_Nm_per_rad, sample.rotational_stiffness_W_Nm_per_rad);
+  }
+  sample.has_torque_gradient = sample.has_rotational_stiffness;
+  if (sample.has_torque_gradient) {
+    to_row_major(found.torque_gradient_W_N, sample.torque_gradient_W_N);
   }
   sample.contact_point_W_m = rt::to_array(answer.point_W);
   sample.relative_residual = answer.equilibrium.relative_residual;

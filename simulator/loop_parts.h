@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <chrono>
 
 #include "link/messages.h"
@@ -22,6 +23,11 @@ link::Access access_of(const SimulatorOptions& options);
 
 /// [s] When the tool was there, by the servo's clock.
 double time_s(const link::ToolState& state) noexcept;
+
+/// Writes a matrix as messages carry it.
+inline void to_row_major(const Eigen::Matrix3d& from, link::Matrix3& to) {
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(to.data()) = from;
+}
 
 /// Writes the object's reaction into a sample.
 void fill(link::ForceSample& sample, const StickyContact::Answer& answer, bool send_stiffness);

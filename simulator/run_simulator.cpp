@@ -563,10 +563,6 @@ ModelChoice exchange_model(const SimulatorOptions& options, const ToolOptions& t
 
 // A tool that turns and sticks is solved on the whole object, at its equilibria.
 void check_turning(const SimulatorOptions& options, const ToolOptions& tool) {
-  if (tool.turns && options.tools > 1) {
-    throw Error("simulator: --tools " + std::to_string(options.tools) +
-                ": several tools stay upright; leave --tool-turns out");
-  }
   if (tool.turns && !tool.slides() &&
       options.solver_kind.value_or(SolverKind::kQuasiStatic) != SolverKind::kQuasiStatic) {
     throw Error(std::string("simulator: solver ") + to_string(*options.solver_kind) +

@@ -131,6 +131,7 @@ class SharedLoop::State {
     std::optional<link::ToolState> newest;  // not answered yet
     link::ToolState last;                   // the newest of all
     rt::TimePoint heard{};                  // when it came
+    std::uint32_t moved_by = 0;             // number of the state at which the tool stands
     SimulatorSummary::ToolUse use;
   };
 
@@ -221,7 +222,7 @@ class SharedLoop::State {
     for (std::size_t p = 0; p < places_.size(); ++p) {
       if (places_[p]->newest) {
         const bool was_in_contact = contact_.in_contact(p);
-        contact_.move(p, rt::to_vector(places_[p]->newest->position_W_m));
+        move(p, *places_[p]->newest);
         const bool made = contact_.in_contact(p) && !was_in_contact;
         made_contact = made_contact || made;
         places_[p]->use.contacts += made ? 1 : 0;
@@ -250,6 +251,15 @@ class SharedLoop::State {
         places_[p]->newest.reset();
       }
     }
+  }
+
+  void move(std::size_t p, const link::ToolState& state) {
+    if (state.has_orientation) {
+      const link::Quaternion& q = state.orientation_WT;
+      contact_.turn_to(p, Eigen::Quaterniond(q[0], q[1], q[2], q[3]));
+    }
+    contact_.move(p, rt::to_vector(state.position_W_m));
+    places_[p]->moved_by = state.sequence;
   }
 
   // One query of the next tool that has one, if there is time. The state is as of the last tick.
@@ -327,6 +337,9 @@ class SharedLoop::State {
       sample.contact_point_W_m = rt::to_array(*place.predicted.expected_W());
     }
     sample.solve_time_s = solve_s;
+    if (options_.send_stiffness && endpoint_.knows_sensitivities(p)) {
+      tell_influences(p, sample);
+    }
     const rt::TimePoint now = rt::Clock::now();
     place.impaired.send(sample, now);
     link::SurfacePatch patch = link::patch_for(state);
@@ -340,6 +353,20 @@ class SharedLoop::State {
     const link::OtherTools others = others_of(p, now);
     if (others.count > 0) {
       place.impaired.send(others, now);
+    }
+  }
+
+  // How the force changes with each of the other tools in contact.
+  void tell_influences(std::size_t p, link::ForceSample& sample) const {
+    for (std::size_t other = 0; other < places_.size(); ++other) {
+      const auto stiffness_W = other == p ? std::nullopt : contact_.stiffness_W(p, other);
+      if (stiffness_W) {
+        link::ToolInfluence& influence = sample.influences[sample.influence_count++];
+        influence.tool = places_[other]->use.tool;
+        influence.echo_sequence = places_[other]->moved_by;
+        influence.position_W_m = rt::to_array(contact_.answer(other).position_W);
+        to_row_major(*stiffness_W, influence.stiffness_W_N_per_m);
+      }
     }
   }
 

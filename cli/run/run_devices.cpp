@@ -99,7 +99,6 @@ void check_excluded(const RunOptions& options) {
          "method direct solves the object under one tool; choose another method");
   refuse(tool_of(options).slides(), options,
          "a tool that slides is solved alone with its object; use --contact sticky");
-  refuse(tool_of(options).turns, options, "several tools stay upright; leave --tool-turns out");
   refuse(options.device_offsets_mm.size() > options.devices.size(), options,
          "--device-offset-mm is given more often than --device");
 }

@@ -21,15 +21,25 @@ class ShareOfObject {
   int grab(const Eigen::Vector3d& point_W, double radius_m) {
     return object_.grab(tool_, point_W, radius_m);
   }
+  bool turns() const noexcept { return object_.turns(); }
   Equilibrium move_to(const Eigen::Vector3d& displacement_W) noexcept {
     object_.aim(tool_, displacement_W);
-    Equilibrium last = object_.equilibrium(tool_);
-    last.left_branch = false;  // solve() says it once
-    return last;
+    return last();
+  }
+  Equilibrium move_to(const Eigen::Vector3d& displacement_W,
+                      const Eigen::Quaterniond& turn_W) noexcept {
+    object_.aim(tool_, displacement_W, turn_W);
+    return last();
   }
   void release() noexcept { object_.release(tool_); }
 
  private:
+  Equilibrium last() const noexcept {
+    Equilibrium found = object_.equilibrium(tool_);
+    found.left_branch = false;  // solve() says it once
+    return found;
+  }
+
   SharedObject<float>& object_;
   std::size_t tool_;
 };
@@ -40,7 +50,10 @@ class SharedContact::State {
  public:
   State(const Scene& scene, const SolverOptions& solver, const ToolOptions& options,
         std::size_t tools)
-      : object(scene.mesh, solver, tools), way_in(scene.mesh, tool_shape(options)) {
+      : object(scene.mesh, solver, tools) {
+    if (options.turns) {
+      object.turn(scene.mesh);
+    }
     const ContactOptions contact{.patch_radius_m = scene.patch_radius_m,
                                  .tool = tool_shape(options)};
     for (std::size_t k = 0; k < tools; ++k) {
@@ -51,10 +64,11 @@ class SharedContact::State {
   struct Tool {
     Tool(SharedObject<float>& object, std::size_t number, const SpringMesh& mesh,
          const ContactOptions& options)
-        : share(object, number), contact(mesh, options) {}
+        : share(object, number), contact(mesh, options), way_in(mesh, options.tool) {}
 
     ShareOfObject share;
     StickyContact contact;
+    WayIn way_in;
     std::optional<Eigen::Vector3d> last_position_W;
     std::uint32_t more_epochs = 0;  // beside the contact's own
     Answer answer;
@@ -70,7 +84,6 @@ class SharedContact::State {
   }
 
   SharedObject<float> object;
-  WayIn way_in;
   std::vector<std::unique_ptr<Tool>> each;
 };
 
@@ -85,11 +98,20 @@ SharedContact::SharedContact(const Scene& scene, const SolverOptions& solver,
 
 SharedContact::~SharedContact() = default;
 
+void SharedContact::turn_to(std::size_t tool_number,
+                            const Eigen::Quaterniond& orientation_WT) noexcept {
+  State::Tool& tool = *state_->each[tool_number];
+  if (state_->object.turns() && orientation_WT.coeffs().allFinite()) {
+    tool.contact.turn_to(orientation_WT);
+    tool.way_in.turn_to(orientation_WT.normalized());
+  }
+}
+
 void SharedContact::move(std::size_t tool_number, const Eigen::Vector3d& position_W) {
   State::Tool& tool = *state_->each[tool_number];
   const bool held = tool.contact.in_contact();
   if (!held && tool.last_position_W && position_W.allFinite()) {
-    if (const auto touch_W = state_->way_in.between(*tool.last_position_W, position_W)) {
+    if (const auto touch_W = tool.way_in.between(*tool.last_position_W, position_W)) {
       tool.contact.step(tool.share, *touch_W);
     }
   }
@@ -114,6 +136,7 @@ void SharedContact::solve() {
     tool.answer.equilibrium = found;
     // Where the force was computed, which is short of the tool's position after a long move.
     tool.answer.position_W = tool.answer.point_W + found.displacement_W;
+    tool.answer.orientation_WT = tool.contact.turned_WT(found.turn_W);
     tool.more_epochs += found.left_branch ? 1 : 0;
   }
   for (const auto& tool : state_->each) {
@@ -146,6 +169,7 @@ SharedContact::Answer SharedContact::ask(std::size_t tool_number,
   answer.in_contact = true;
   answer.equilibrium = move(position_W - answer.point_W);
   answer.position_W = answer.point_W + answer.equilibrium.displacement_W;
+  answer.orientation_WT = tool.contact.turned_WT(answer.equilibrium.turn_W);
   move(before_W);
   for (const auto& each : state_->each) {
     if (left_branch && each->contact.in_contact()) {
@@ -160,12 +184,18 @@ const SharedContact::Answer& SharedContact::answer(std::size_t tool) const noexc
   return state_->each[tool]->answer;
 }
 
+std::optional<Eigen::Matrix3d> SharedContact::stiffness_W(std::size_t tool,
+                                                          std::size_t other) const noexcept {
+  return state_->object.stiffness_W(tool, other);
+}
+
 void SharedContact::reset(std::size_t tool_number) {
   State::Tool& tool = *state_->each[tool_number];
   if (tool.contact.in_contact()) {
     state_->begin_epochs_but_of(tool);
   }
   tool.contact.reset(tool.share);
+  tool.way_in.turn_to(Eigen::Quaterniond::Identity());
   tool.last_position_W.reset();
   tool.more_epochs = 0;
   tool.answer = Answer{};
@@ -175,6 +205,7 @@ void SharedContact::start_over() {
   for (const auto& tool : state_->each) {
     tool->more_epochs += tool->contact.epoch() + (tool->contact.in_contact() ? 1 : 0);
     tool->contact.reset(tool->share);
+    tool->way_in.turn_to(Eigen::Quaterniond::Identity());
     tool->last_position_W.reset();
     tool->answer = Answer{};
   }

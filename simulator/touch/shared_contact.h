@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -35,12 +36,18 @@ class SharedContact {
   SharedContact(const SharedContact&) = delete;
   SharedContact& operator=(const SharedContact&) = delete;
 
+  /// How the tool is turned from the next move() on: tools that may turn (ToolOptions::turns) do so
+  /// about their positions with what they hold. Others stay upright.
+  void turn_to(std::size_t tool_number, const Eigen::Quaterniond& orientation_WT) noexcept;
   /// Where the tool is at the next solve(), [m]. Touches there if the rule says so.
   void move(std::size_t tool_number, const Eigen::Vector3d& position_W);
   /// Solves for all tools at once, where move() has put them; those that were not moved stay.
   void solve();
   /// The object's reaction to this tool since the last solve().
   const Answer& answer(std::size_t tool) const noexcept;
+  /// [N/m] At the last solve(): d(force on `tool`)/d(position of `other`). Nothing unless both are
+  /// in contact and the solution has converged.
+  std::optional<Eigen::Matrix3d> stiffness_W(std::size_t tool, std::size_t other) const noexcept;
 
   /// What the object would answer this tool at `position_W` [m], with the other tools where they
   /// are; zero force if it is not in contact, or for a position that is not finite. Costs two

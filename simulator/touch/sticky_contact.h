@@ -84,6 +84,11 @@ class StickyContact {
                                                 const Eigen::Vector3d& velocity_W,
                                                 double within_s) const noexcept;
 
+  /// The tool's orientation when it has turned by `turn_W` since it touched.
+  Eigen::Quaterniond turned_WT(const Eigen::Quaterniond& turn_W) const noexcept {
+    return turn_W * touched_WT_;
+  }
+
   bool in_contact() const noexcept { return in_contact_; }
   /// Of the last answer.
   std::uint32_t epoch() const noexcept { return epoch_; }

@@ -31,7 +31,7 @@ StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d&
       answer.equilibrium.displacement_W.setZero();
     }
     answer.position_W = answer.point_W + answer.equilibrium.displacement_W;
-    answer.orientation_WT = answer.equilibrium.turn_W * touched_WT_;
+    answer.orientation_WT = turned_WT(answer.equilibrium.turn_W);
     return answer;
   }
   if (!in_contact_) {
@@ -64,7 +64,7 @@ StickyContact::Answer StickyContact::step(Object& object, const Eigen::Vector3d&
     answer.equilibrium.converged = true;
   }
   answer.epoch = epoch_;
-  answer.orientation_WT = in_contact_ ? answer.equilibrium.turn_W * touched_WT_ : orientation_WT_;
+  answer.orientation_WT = in_contact_ ? turned_WT(answer.equilibrium.turn_W) : orientation_WT_;
   return answer;
 }
 

@@ -32,8 +32,8 @@ SimulatorOptions two_tools() {
 // A servo in the test's hands that keeps its tool at one place.
 class Servo {
  public:
-  Servo(RunningSimulator& simulator, link::ToolId tool)
-      : endpoint(simulator.address(), link::ServoEndpoint::random_session_id(), {}, tool) {}
+  Servo(RunningSimulator& simulator, link::ToolId tool, link::Content newest = link::Content::kPose)
+      : endpoint(simulator.address(), link::ServoEndpoint::random_session_id(), {}, tool, newest) {}
 
   void say(const Vector3d& position_W) {
     at_W = position_W;
@@ -91,7 +91,9 @@ const Vector3d kUp_W{0, 0, 0.01};
 
 class TwoServos : public testing::Test {
  protected:
-  explicit TwoServos(const SimulatorOptions& options = two_tools()) : simulator_(options) {}
+  explicit TwoServos(const SimulatorOptions& options = two_tools(),
+                     link::Content newest = link::Content::kPose)
+      : simulator_(options), left_(simulator_, 1, newest), right_(simulator_, 2, newest) {}
 
   void bring_both_down() {
     for (const double z_m : {0.01, -0.0001}) {
@@ -103,8 +105,13 @@ class TwoServos : public testing::Test {
   }
 
   RunningSimulator simulator_;
-  Servo left_{simulator_, 1};
-  Servo right_{simulator_, 2};
+  Servo left_;
+  Servo right_;
+};
+
+class TwoServosThatAskForSensitivities : public TwoServos {
+ protected:
+  TwoServosThatAskForSensitivities() : TwoServos(two_tools(), link::Content::kSensitivities) {}
 };
 
 TEST_F(TwoServos, HoldOneObjectAndFeelEachOther) {
@@ -146,6 +153,58 @@ TEST_F(TwoServos, HoldOneObjectAndFeelEachOther) {
   EXPECT_EQ(summary.tools[1].tool, 2U);
   EXPECT_EQ(summary.tools[0].answers + summary.tools[1].answers, summary.answers);
   EXPECT_EQ(to_json(summary)["tools"][1]["contacts"], 1);
+}
+
+// dF_i/dP_j by central differences of the reference solution.
+TEST_F(TwoServosThatAskForSensitivities, LearnHowTheOtherToolChangesTheirForce) {
+  bring_both_down();
+  left_.at_W = kLeft_W + Vector3d(-0.001, 0.0, 0.002);
+  right_.at_W = kRight_W + Vector3d(0.001, 0.001, 0.006);
+  const std::array<const Servo*, 2> servos = {&left_, &right_};
+  const auto knows_where_the_other_is = [&](std::size_t k) {
+    const auto& sample = servos[k]->newest;
+    return is_at(*servos[k]) && sample->converged && sample->influence_count == 1 &&
+           sample->influences[0].position_W_m == rt::to_array(servos[1 - k]->at_W);
+  };
+  ASSERT_TRUE(until({&left_, &right_},
+                    [&] { return knows_where_the_other_is(0) && knows_where_the_other_is(1); }));
+  SolverOptions tight;
+  tight.relative_tolerance = 1e-8;
+  tight.max_iterations = 4000;
+  SharedObject<double> reference(make_scene("small").mesh, tight, 2);
+  reference.grab(0, kLeft_W, 0.012);
+  reference.grab(1, kRight_W, 0.012);
+  const std::array<Vector3d, 2> at_W = {left_.at_W - kLeft_W, right_.at_W - kRight_W};
+  constexpr double kStep_m = 2e-5;
+  for (std::size_t k = 0; k < 2; ++k) {
+    SCOPED_TRACE(testing::Message() << "tool " << k + 1);
+    const link::ToolInfluence& other = servos[k]->newest->influences[0];
+    EXPECT_EQ(other.tool, 2U - k);
+    EXPECT_LE(other.echo_sequence, servos[1 - k]->sequence);
+    EXPECT_GT(other.echo_sequence, 0U);
+    Eigen::Matrix3d expected;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto force_W = [&](double step_m) {
+        reference.aim(k, at_W[k]);
+        reference.aim(1 - k, at_W[1 - k] + step_m * Vector3d::Unit(axis));
+        reference.solve();
+        return reference.equilibrium(k).force_W;
+      };
+      expected.col(axis) = (force_W(kStep_m) - force_W(-kStep_m)) / (2.0 * kStep_m);
+    }
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> found(
+        other.stiffness_W_N_per_m.data());
+    EXPECT_GT(expected.norm(), 1.0);
+    EXPECT_LT((found - expected).norm(), 0.01 * expected.norm()) << found << "\nby differences\n"
+                                                                 << expected;
+    const double relative = (found - expected).norm() / expected.norm();
+    RecordProperty("relative_error_" + std::to_string(k + 1), std::to_string(relative));
+  }
+}
+
+TEST_F(TwoServos, AreNotToldHowTheOtherToolChangesTheirForceUnlessTheyAsk) {
+  bring_both_down();
+  EXPECT_EQ(left_.newest->influence_count, 0U);
 }
 
 TEST_F(TwoServos, GetTheForceWhereTheyAskForItWithTheOtherToolWhereItIs) {

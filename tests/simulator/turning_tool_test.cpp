@@ -55,9 +55,10 @@ SimulatorOptions turning(ToolOptions tool = {}) {
   return options;
 }
 
-TEST(TurningTool, AHeldPatchThatIsTwistedSendsTorqueAndItsDerivative) {
+TEST(TurningTool, AHeldPatchThatIsTwistedSendsTorqueAndItsDerivatives) {
   RunningSimulator simulator(turning());
-  link::ServoEndpoint servo(simulator.address());
+  link::ServoEndpoint servo(simulator.address(), link::ServoEndpoint::random_session_id(), {}, 0,
+                            link::Content::kSensitivities);
   std::uint32_t sequence = 0;
   const Quaterniond held_at(AngleAxisd(0.3, Vector3d::UnitX()));
   const auto above = answer_to(servo, sequence, {0.001, 0.002, 0.02}, held_at);
@@ -90,6 +91,12 @@ TEST(TurningTool, AHeldPatchThatIsTwistedSendsTorqueAndItsDerivative) {
       twisted->rotational_stiffness_W_Nm_per_rad.data());
   EXPECT_LE((stiffness - expected.rotational_stiffness_W_Nm_per_rad).norm(),
             0.02 * expected.rotational_stiffness_W_Nm_per_rad.norm());
+  ASSERT_TRUE(twisted->has_torque_gradient);
+  const Matrix3d gradient_N = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
+      twisted->torque_gradient_W_N.data());
+  EXPECT_LE((gradient_N - expected.torque_gradient_W_N).norm(),
+            0.02 * expected.torque_gradient_W_N.norm());
+  EXPECT_EQ(twisted->influence_count, 0U);
   EXPECT_EQ(simulator.stop().solver, "quasi_static");
 }
 
@@ -166,9 +173,6 @@ TEST(TurningTool, RefusesWhatExcludesIt) {
     }
     return "";
   };
-  SimulatorOptions several = turning();
-  several.tools = 2;
-  EXPECT_THAT(message(several), HasSubstr("--tool-turns"));
   SimulatorOptions local = turning();
   local.solver_kind = SolverKind::kLocal;
   EXPECT_THAT(message(local), HasSubstr("quasi_static"));
