@@ -22,7 +22,8 @@ namespace {
 constexpr double kAfter_s = 1.0;
 constexpr double kExactResidual = 1e-7;
 // Bounds that no torque here reaches: what is measured are the ways, not the limits.
-constexpr servo::ToolTorqueOptions kUnbounded = {.max_torque_Nm = 100.0, .max_lever_m = 1.0};
+constexpr servo::ToolTorqueOptions kUnbounded = {
+    .max_torque_Nm = 100.0, .max_lever_m = 1.0, .max_shift_m = 1.0};
 
 /// What the simulator has sent for one of its ticks.
 struct SentWrench {
@@ -67,14 +68,19 @@ simulator::ElasticObject<Real> held(const simulator::Scene& scene,
   return object;
 }
 
-SentWrench wrench_of(const simulator::Equilibrium& found, double delivered_s) {
+SentWrench wrench_of(const simulator::Equilibrium& found, const Eigen::Vector3d& position_W,
+                     double delivered_s) {
   SentWrench sent;
   sent.delivered_s = delivered_s;
+  sent.wrench.position_W = position_W;
   sent.wrench.force_W = found.force_W;
   sent.wrench.torque_W_Nm = found.torque_W_Nm;
   sent.wrench.orientation_WT = found.turn_W;  // upright when it took hold
   sent.wrench.has_rotational_stiffness = true;
   sent.wrench.rotational_stiffness_W_Nm_per_rad = found.rotational_stiffness_W_Nm_per_rad;
+  sent.wrench.has_gradient = true;
+  sent.wrench.gradient_W_N = found.torque_gradient_W_N;
+  sent.wrench.stiffness_W_N_per_m = found.stiffness_W;
   return sent;
 }
 
@@ -115,7 +121,7 @@ SolvedTwist solve(const TorqueChartOptions& options, const simulator::Scene& sce
       sample.relative_residual = sampled.relative_residual;
       sample.converged = sampled.converged;
       solved.trace.samples.push_back({sample, time_s + period_s});
-      solved.wrenches.push_back(wrench_of(sampled, time_s + period_s));
+      solved.wrenches.push_back(wrench_of(sampled, sample.position_W, time_s + period_s));
       ++tick;
     }
     solved.instants.push_back(instant);
@@ -126,6 +132,7 @@ SolvedTwist solve(const TorqueChartOptions& options, const simulator::Scene& sce
 
 // Fills in what each way renders, with the force that the method renders.
 void render(const std::vector<Eigen::Vector3d>& forces_W, SolvedTwist& solved) {
+  servo::ToolTorque with_gradient(kUnbounded);
   servo::ToolTorque with_stiffness(kUnbounded);
   servo::ToolTorque in_tool_frame(kUnbounded);
   Eigen::Vector3d held_W_Nm = Eigen::Vector3d::Zero();
@@ -135,11 +142,14 @@ void render(const std::vector<Eigen::Vector3d>& forces_W, SolvedTwist& solved) {
     for (; next < solved.wrenches.size() && solved.wrenches[next].delivered_s <= instant.time_s;
          ++next) {
       servo::ToolTorque::Wrench wrench = solved.wrenches[next].wrench;
+      with_gradient.take(wrench);
+      wrench.has_gradient = false;
       with_stiffness.take(wrench);
       wrench.has_rotational_stiffness = false;
       in_tool_frame.take(wrench);
       held_W_Nm = wrench.torque_W_Nm;
     }
+    const Eigen::Vector3d& position_W = solved.trace.servo[cycle].position_W;
     const Eigen::Quaterniond& turn_W = instant.pose.turn_W;
     const Eigen::Vector3d& force_W = forces_W[cycle];
     const auto put = [&instant](TorqueWay way, const Eigen::Vector3d& torque_W_Nm) {
@@ -147,8 +157,9 @@ void render(const std::vector<Eigen::Vector3d>& forces_W, SolvedTwist& solved) {
     };
     put(TorqueWay::kHeld, held_W_Nm);
     put(TorqueWay::kLever, with_stiffness.lever_W().cross(force_W));
-    put(TorqueWay::kToolFrame, in_tool_frame.torque_W_Nm(turn_W, force_W, 1.0));
-    put(TorqueWay::kStiffness, with_stiffness.torque_W_Nm(turn_W, force_W, 1.0));
+    put(TorqueWay::kToolFrame, in_tool_frame.torque_W_Nm(position_W, turn_W, force_W, 1.0));
+    put(TorqueWay::kStiffness, with_stiffness.torque_W_Nm(position_W, turn_W, force_W, 1.0));
+    put(TorqueWay::kGradient, with_gradient.torque_W_Nm(position_W, turn_W, force_W, 1.0));
   }
 }
 
@@ -204,6 +215,8 @@ const char* to_string(TorqueWay way) noexcept {
       return "tool_frame";
     case TorqueWay::kStiffness:
       return "stiffness";
+    case TorqueWay::kGradient:
+      return "gradient";
   }
   return "unknown way";
 }

@@ -21,10 +21,12 @@ enum class TorqueWay : std::uint8_t {
   kLever,      ///< the lever arm of its central axis, with the force that the method renders
   kToolFrame,  ///< servo::ToolTorque without a stiffness: lever arm and couple turn with the tool
   kStiffness,  ///< servo::ToolTorque with the sample's rotational stiffness
+  kGradient,   ///< with its d(torque)/dP, too: what the loop renders
 };
-inline constexpr std::array<TorqueWay, 4> kTorqueWays = {
-    TorqueWay::kHeld, TorqueWay::kLever, TorqueWay::kToolFrame, TorqueWay::kStiffness};
-/// "held", "lever", "tool_frame", "stiffness": as in files.
+inline constexpr std::array<TorqueWay, 5> kTorqueWays = {
+    TorqueWay::kHeld, TorqueWay::kLever, TorqueWay::kToolFrame, TorqueWay::kStiffness,
+    TorqueWay::kGradient};
+/// "held", "lever", "tool_frame", "stiffness", "gradient": as in files.
 const char* to_string(TorqueWay way) noexcept;
 
 struct TorqueChartOptions {
@@ -58,7 +60,7 @@ struct TorqueRow {
   std::vector<TorqueInstant> instants;  ///< all, from 0 on
 };
 
-/// Turns a grasp on the scene's object and renders its torque in four ways.
+/// Turns a grasp on the scene's object and renders its torque in five ways.
 ///
 /// The tool holds the patch at the scene's top. The exact torque is solved at every cycle by
 /// ElasticObject in double precision to a residual of 1e-7. Samples are those of the simulator:

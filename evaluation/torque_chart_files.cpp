@@ -22,7 +22,8 @@ constexpr std::array<WayLook, kTorqueWays.size()> kLooks = {
     {{"held torque", "#888888"},
      {"lever arm alone", "#d95f02"},
      {"held in the tool's frame", "#7a5195"},
-     {"lever arm + stiffness", "#1b6ca8"}}};
+     {"lever arm + stiffness", "#1b6ca8"},
+     {"the same + d(torque)/dP", "#1a9641"}}};
 constexpr double kShown_s = 1.0;  // the end of the motion
 
 void append_vector(std::string& text, const Eigen::Vector3d& vector) {

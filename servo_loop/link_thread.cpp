@@ -17,17 +17,21 @@ constexpr auto kPoll = std::chrono::milliseconds(1);
 // simulator that floods the link still gets the tool's position.
 constexpr int kSamplesPerExchange = 64;
 
+Eigen::Matrix3d to_matrix(const link::Matrix3& row_major) noexcept {
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(row_major.data());
+}
+
 ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
   ArrivedSample arrived;
   arrived.arrived = now;
   arrived.in_contact = from.in_contact;
+  arrived.echo_sequence = from.echo_sequence;
   Sample& to = arrived.sample;
   to.time_s = 1e-9 * static_cast<double>(from.echo_servo_time_ns);
   to.position_W = rt::to_vector(from.position_W_m);
   to.force_W = rt::to_vector(from.force_W_N);
   to.has_stiffness = from.has_stiffness;
-  to.stiffness_W = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
-      from.stiffness_W_N_per_m.data());
+  to.stiffness_W = to_matrix(from.stiffness_W_N_per_m);
   to.contact_epoch = from.contact_epoch;
   to.contact_point_W = rt::to_vector(from.contact_point_W_m);
   to.relative_residual = from.relative_residual;
@@ -37,9 +41,17 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
   arrived.has_rotational_stiffness = from.has_rotational_stiffness;
   arrived.torque_W_Nm = rt::to_vector(from.torque_W_Nm);
   arrived.orientation_WT_wxyz = from.orientation_WT;
-  arrived.rotational_stiffness_W_Nm_per_rad =
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
-          from.rotational_stiffness_W_Nm_per_rad.data());
+  arrived.rotational_stiffness_W_Nm_per_rad = to_matrix(from.rotational_stiffness_W_Nm_per_rad);
+  arrived.has_torque_gradient = from.has_torque_gradient;
+  arrived.torque_gradient_W_N = to_matrix(from.torque_gradient_W_N);
+  arrived.influence_count = from.influence_count;
+  for (std::size_t other = 0; other < from.influence_count; ++other) {
+    const link::ToolInfluence& influence = from.influences[other];
+    arrived.influences[other] = {.tool = influence.tool,
+                                 .echo_sequence = influence.echo_sequence,
+                                 .position_W = rt::to_vector(influence.position_W_m),
+                                 .stiffness_W = to_matrix(influence.stiffness_W_N_per_m)};
+  }
   return arrived;
 }
 
@@ -48,8 +60,8 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
 LinkThread::LinkThread(std::string_view simulator_address, ServoPorts& ports,
                        std::vector<link::LinkKey> keys, link::ToolId tool)
     : ports_(ports),
-      endpoint_(simulator_address, link::ServoEndpoint::random_session_id(), std::move(keys),
-                tool) {}
+      endpoint_(simulator_address, link::ServoEndpoint::random_session_id(), std::move(keys), tool,
+                link::Content::kSensitivities) {}
 
 LinkThread::~LinkThread() { stop(); }
 

@@ -96,12 +96,15 @@ void SampleIntake::take_torque(const ArrivedSample& arrived) noexcept {
     return;
   }
   const auto& [w, x, y, z] = arrived.orientation_WT_wxyz;
-  tool_torque_.take(
-      {.force_W = arrived.sample.force_W,
-       .torque_W_Nm = arrived.torque_W_Nm,
-       .orientation_WT = Eigen::Quaterniond(w, x, y, z),
-       .has_rotational_stiffness = arrived.has_rotational_stiffness,
-       .rotational_stiffness_W_Nm_per_rad = arrived.rotational_stiffness_W_Nm_per_rad});
+  tool_torque_.take({.position_W = arrived.sample.position_W,
+                     .force_W = arrived.sample.force_W,
+                     .torque_W_Nm = arrived.torque_W_Nm,
+                     .orientation_WT = Eigen::Quaterniond(w, x, y, z),
+                     .has_rotational_stiffness = arrived.has_rotational_stiffness,
+                     .rotational_stiffness_W_Nm_per_rad = arrived.rotational_stiffness_W_Nm_per_rad,
+                     .has_gradient = arrived.has_torque_gradient && arrived.sample.has_stiffness,
+                     .gradient_W_N = arrived.torque_gradient_W_N,
+                     .stiffness_W_N_per_m = arrived.sample.stiffness_W});
 }
 
 void SampleIntake::take_contact(const ArrivedSample& arrived) noexcept {

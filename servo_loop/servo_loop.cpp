@@ -296,7 +296,7 @@ std::optional<SampleIntake::ToolPose> ServoLoop::tool_pose(const SensedTool& too
 Eigen::Vector3d ServoLoop::tool_torque_W_Nm(const SensedTool& tool,
                                             const Eigen::Vector3d& force_W) const noexcept {
   const auto& [w, x, y, z] = tool.orientation_WT_wxyz;
-  return intake_.tool_torque().torque_W_Nm(Eigen::Quaterniond(w, x, y, z), force_W,
+  return intake_.tool_torque().torque_W_Nm(tool.touching_W, Eigen::Quaterniond(w, x, y, z), force_W,
                                            renderer_.ladder().force_gain());
 }
 

@@ -36,13 +36,16 @@ ToolTorque::ToolTorque(const ToolTorqueOptions& options) : options_(options) {
   require(options.max_lever_m >= 0.0, "max_lever_m", options.max_lever_m, "0 m or more");
   require(options.max_rotation_rad >= 0.0, "max_rotation_rad", options.max_rotation_rad,
           "0 rad or more");
+  require(options.max_shift_m >= 0.0, "max_shift_m", options.max_shift_m, "0 m or more");
 }
 
 void ToolTorque::take(const Wrench& wrench) noexcept {
   known_ =
-      wrench.force_W.allFinite() && wrench.torque_W_Nm.allFinite() &&
-      is_unit(wrench.orientation_WT) &&
-      (!wrench.has_rotational_stiffness || wrench.rotational_stiffness_W_Nm_per_rad.allFinite());
+      wrench.position_W.allFinite() && wrench.force_W.allFinite() &&
+      wrench.torque_W_Nm.allFinite() && is_unit(wrench.orientation_WT) &&
+      (!wrench.has_rotational_stiffness || wrench.rotational_stiffness_W_Nm_per_rad.allFinite()) &&
+      (!wrench.has_gradient ||
+       (wrench.gradient_W_N.allFinite() && wrench.stiffness_W_N_per_m.allFinite()));
   if (!known_) {
     return;
   }
@@ -55,12 +58,20 @@ void ToolTorque::take(const Wrench& wrench) noexcept {
   lever_W_ = lever_W.allFinite() ? shortened(lever_W, options_.max_lever_m)
                                  : Eigen::Vector3d(Eigen::Vector3d::Zero());
   couple_W_Nm_ = wrench.torque_W_Nm - lever_W_.cross(wrench.force_W);
+  couple_gradient_W_N_.setZero();
+  for (int axis = 0; wrench.has_gradient && axis < 3; ++axis) {
+    couple_gradient_W_N_.col(axis) =
+        wrench.gradient_W_N.col(axis) -
+        lever_W_.cross(Eigen::Vector3d(wrench.stiffness_W_N_per_m.col(axis)));
+  }
 }
 
-Eigen::Vector3d ToolTorque::torque_W_Nm(const Eigen::Quaterniond& orientation_WT,
+Eigen::Vector3d ToolTorque::torque_W_Nm(const Eigen::Vector3d& position_W,
+                                        const Eigen::Quaterniond& orientation_WT,
                                         const Eigen::Vector3d& force_W,
                                         double gain) const noexcept {
-  if (!known_ || !is_unit(orientation_WT) || !force_W.allFinite() || !std::isfinite(gain)) {
+  if (!known_ || !position_W.allFinite() || !is_unit(orientation_WT) || !force_W.allFinite() ||
+      !std::isfinite(gain)) {
     return Eigen::Vector3d::Zero();
   }
   const double share = std::clamp(gain, 0.0, 1.0);
@@ -68,8 +79,11 @@ Eigen::Vector3d ToolTorque::torque_W_Nm(const Eigen::Quaterniond& orientation_WT
   if (wrench_.has_rotational_stiffness) {
     const Eigen::Vector3d theta_W_rad = shortened(
         rt::rotation_vector_rad(wrench_.orientation_WT, orientation_WT), options_.max_rotation_rad);
+    const Eigen::Vector3d shift_W =
+        shortened(position_W - wrench_.position_W, options_.max_shift_m);
     torque_W_Nm = lever_W_.cross(force_W) +
-                  share * (couple_W_Nm_ + wrench_.rotational_stiffness_W_Nm_per_rad * theta_W_rad);
+                  share * (couple_W_Nm_ + wrench_.rotational_stiffness_W_Nm_per_rad * theta_W_rad +
+                           couple_gradient_W_N_ * shift_W);
   } else {
     const Eigen::Quaterniond turn =
         (orientation_WT * wrench_.orientation_WT.conjugate()).normalized();

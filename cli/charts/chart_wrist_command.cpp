@@ -37,7 +37,7 @@ void print(const evaluation::TorqueChartOptions& options,
 
 void add_chart_wrist(Command& chart, ChartWristOptions& o, std::function<int()>& action) {
   Command& wrist = chart.add_subcommand(
-      "wrist", "Torque of a twisting grasp, rendered from the simulator's samples in four ways");
+      "wrist", "Torque of a twisting grasp, rendered from the simulator's samples in five ways");
   wrist.add_option("--out", o.out, "Folder for tables and picture")->required();
   wrist.add_option("--scene", o.scene, "What is grasped: " + scene_help())
       ->check(scene_check())

@@ -21,6 +21,7 @@ constexpr double kDuration_s = 1.5;
 constexpr auto kHeld = static_cast<std::size_t>(TorqueWay::kHeld);
 constexpr auto kLever = static_cast<std::size_t>(TorqueWay::kLever);
 constexpr auto kStiffness = static_cast<std::size_t>(TorqueWay::kStiffness);
+constexpr auto kGradient = static_cast<std::size_t>(TorqueWay::kGradient);
 
 std::string text_of(const std::filesystem::path& file) {
   std::ifstream stream(file);
@@ -117,6 +118,11 @@ TEST(TorqueChart, TheStiffnessBeatsTheHeldTorqueAndALeverArmCannotTwist) {
   const TorqueRow& twist = rows().front();
   EXPECT_LT(twist.rms_error_percent[kStiffness], 0.25 * twist.rms_error_percent[kHeld]);
   EXPECT_GT(twist.rms_error_percent[kLever], 90.0) << "a twist about the force has no lever arm";
+}
+
+TEST(TorqueChart, TheGradientFollowsTheHandsWayToo) {
+  const TorqueRow& random = rows().back();
+  EXPECT_LT(random.rms_error_percent[kGradient], 0.5 * random.rms_error_percent[kStiffness]);
 }
 
 TEST(TorqueChart, WritesItsRowsEveryCycleAndThePicture) {

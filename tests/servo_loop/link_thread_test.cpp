@@ -146,6 +146,42 @@ TEST(LinkThread, CarriesAPoseOutAndATorqueIn) {
   EXPECT_TRUE(link.simulator_knows_poses());
 }
 
+TEST(LinkThread, CarriesTheGradientAndTheInfluenceOfAnotherToolIn) {
+  ServoPorts ports;
+  link::SimulatorEndpoint simulator("127.0.0.1:0");
+  LinkThread link(link::to_string(simulator.address()), ports, {}, 2);
+  link.start();
+  std::optional<link::ToolState> newest;
+  for (std::uint32_t i = 1; i < kPatience && !newest; ++i) {
+    ports.tool.publish(link::ToolState{.sequence = i, .servo_time_ns = i});
+    newest = simulator.receive(100ms).tool_state;
+  }
+  ASSERT_TRUE(newest && simulator.knows_sensitivities());
+  link::ForceSample answer = link::answer_to(*newest);
+  answer.has_torque = answer.has_torque_gradient = true;
+  answer.torque_gradient_W_N = {1, 2, 3, 4, 5, 6, 7, 8, 9};
+  answer.influence_count = 1;
+  answer.influences[0] = {.tool = 5,
+                          .echo_sequence = 77,
+                          .position_W_m = {0.25, -0.5, 0.125},
+                          .stiffness_W_N_per_m = {9, 8, 7, 6, 5, 4, 3, 2, 1}};
+  ASSERT_EQ(simulator.send(answer), link::SendStatus::kSent);
+  ArrivedSample sample;
+  for (int i = 0; i < kPatience && !ports.samples.pop(sample); ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
+  link.stop();
+  EXPECT_EQ(sample.echo_sequence, newest->sequence);
+  EXPECT_TRUE(sample.has_torque_gradient);
+  EXPECT_EQ(sample.torque_gradient_W_N(1, 2), 6.0);
+  ASSERT_EQ(sample.influence_count, 1U);
+  const ToolInfluence& other = sample.influences[0];
+  EXPECT_EQ(other.tool, 5U);
+  EXPECT_EQ(other.echo_sequence, 77U);
+  EXPECT_EQ(other.position_W, Eigen::Vector3d(0.25, -0.5, 0.125));
+  EXPECT_EQ(other.stiffness_W(0, 1), 8.0);
+}
+
 TEST(LinkThread, TellsWhyTheSimulatorDoesNotServeIt) {
   ServoPorts ports;
   link::SimulatorEndpoint simulator("127.0.0.1:0", 1h, {}, 2);
