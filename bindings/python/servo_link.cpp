@@ -27,9 +27,11 @@ using link::SurfacePatch;
 // The servo's end, which numbers its messages itself.
 class ServoLink {
  public:
-  ServoLink(const std::string& simulator, const std::vector<std::string>& key_files)
-      : endpoint_(std::make_unique<ServoEndpoint>(simulator, ServoEndpoint::random_session_id(),
-                                                  link::load_keys(key_files))) {}
+  ServoLink(const std::string& simulator, const std::vector<std::string>& key_files,
+            bool sensitivities)
+      : endpoint_(std::make_unique<ServoEndpoint>(
+            simulator, ServoEndpoint::random_session_id(), link::load_keys(key_files), 0,
+            sensitivities ? link::Content::kSensitivities : link::Content::kPose)) {}
 
   ServoEndpoint& endpoint() {
     if (!endpoint_) {
@@ -165,7 +167,14 @@ void bind_sample(py::module_& module) {
                        ? py::object(rows_of(self.rotational_stiffness_W_Nm_per_rad))
                        : py::none();
           },
-          "[N m/rad] d(torque)/d(theta), nine numbers row by row; None if it was not sent");
+          "[N m/rad] d(torque)/d(theta), nine numbers row by row; None if it was not sent")
+      .def_property_readonly(
+          "torque_gradient_W_N",
+          [](const ForceSample& self) {
+            return self.has_torque_gradient ? py::object(rows_of(self.torque_gradient_W_N))
+                                            : py::none();
+          },
+          "[N] d(torque)/dP, nine numbers row by row; None if it was not sent");
 }
 
 py::tuple vertices_of(const SurfacePatch& patch) {
@@ -253,11 +262,13 @@ void bind_servo_link(py::module_& module) {
         sample = link.receive(timeout_s=0.1)
 
 What a sample has to be to be taken: docs/link_protocol.md. Threads: calls wait for each other.)")
-      .def(py::init<const std::string&, const std::vector<std::string>&>(), py::arg("simulator"),
-           py::arg("key_files") = std::vector<std::string>{},
+      .def(py::init<const std::string&, const std::vector<std::string>&, bool>(),
+           py::arg("simulator"), py::arg("key_files") = std::vector<std::string>{},
+           py::arg("sensitivities") = false,
            R"(simulator: "127.0.0.1:24870", where it listens; it need not run yet.
 
-key_files: files of `forcegrid keygen`; without one only addresses of this machine. Raises LinkError
+key_files: files of `forcegrid keygen`; without one only addresses of this machine. sensitivities:
+asks for ForceSample.torque_gradient_W_N, too, once a tool state had an orientation. Raises LinkError
 saying what to do.)")
       .def("send_tool_state", &send_tool_state, py::arg("servo_time_ns"), py::arg("position_W_m"),
            py::arg("velocity_W_m_per_s") = py::make_tuple(0.0, 0.0, 0.0),

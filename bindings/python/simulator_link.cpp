@@ -86,7 +86,8 @@ ForceSample answer_to_any(const py::object& request) {
 
 void set_torque(ForceSample& sample, const py::object& torque_W_Nm,
                 const py::object& orientation_WT,
-                const py::object& rotational_stiffness_W_Nm_per_rad) {
+                const py::object& rotational_stiffness_W_Nm_per_rad,
+                const py::object& torque_gradient_W_N) {
   if (!torque_W_Nm.is_none()) {
     sample.has_torque = true;
     sample.torque_W_Nm = link_vector(torque_W_Nm, "torque_W_Nm");
@@ -104,6 +105,14 @@ void set_torque(ForceSample& sample, const py::object& torque_W_Nm,
         link_numbers<9>(rotational_stiffness_W_Nm_per_rad, "rotational_stiffness_W_Nm_per_rad",
                         "9 numbers, row by row");
   }
+  if (!torque_gradient_W_N.is_none()) {
+    if (!sample.has_torque) {
+      throw py::value_error("torque_gradient_W_N needs a torque_W_Nm");
+    }
+    sample.has_torque_gradient = true;
+    sample.torque_gradient_W_N =
+        link_numbers<9>(torque_gradient_W_N, "torque_gradient_W_N", "9 numbers, row by row");
+  }
 }
 
 void answer(SimulatorLink& self, const py::object& request, const py::object& force_W_N,
@@ -111,7 +120,8 @@ void answer(SimulatorLink& self, const py::object& request, const py::object& fo
             const py::object& position_W_m, const py::object& contact_point_W_m,
             std::uint32_t contact_epoch, double relative_residual, double solve_time_s,
             const py::object& torque_W_Nm, const py::object& orientation_WT,
-            const py::object& rotational_stiffness_W_Nm_per_rad) {
+            const py::object& rotational_stiffness_W_Nm_per_rad,
+            const py::object& torque_gradient_W_N) {
   ForceSample sample = answer_to_any(request);
   sample.force_W_N = link_vector(force_W_N, "force_W_N");
   sample.in_contact = in_contact;
@@ -130,7 +140,8 @@ void answer(SimulatorLink& self, const py::object& request, const py::object& fo
     sample.stiffness_W_N_per_m =
         link_numbers<9>(stiffness_W_N_per_m, "stiffness_W_N_per_m", "9 numbers, row by row");
   }
-  set_torque(sample, torque_W_Nm, orientation_WT, rotational_stiffness_W_Nm_per_rad);
+  set_torque(sample, torque_W_Nm, orientation_WT, rotational_stiffness_W_Nm_per_rad,
+             torque_gradient_W_N);
   send(self, sample, "the answer");
 }
 
@@ -238,6 +249,7 @@ void add_answers(py::class_<SimulatorLink>& type) {
            py::arg("solve_time_s") = 0.0, py::arg("torque_W_Nm") = py::none(),
            py::arg("orientation_WT") = py::none(),
            py::arg("rotational_stiffness_W_Nm_per_rad") = py::none(),
+           py::arg("torque_gradient_W_N") = py::none(),
            R"(Answers a ToolState or a Query. Without a servo it does nothing.
 
 force_W_N: [N] of the object on the tool, three numbers, frame W. in_contact: the tool touches the
@@ -248,7 +260,9 @@ contact_point_W_m: where the tool touched; None: the position. torque_W_Nm: [N m
 position_W_m; a servo without a wrist does not get it. orientation_WT: (w, x, y, z) for which it was
 computed; None: the request's. rotational_stiffness_W_Nm_per_rad, with a torque only:
 d(torque)/d(theta), 9 numbers row by row; theta is the rotation vector in W by which the tool turns
-on. Raises ValueError for what the servo would refuse.)");
+on. torque_gradient_W_N, with a torque only: d(torque)/dP at a fixed orientation, 9 numbers row by
+row; a servo that does not ask for it does not get it. Raises ValueError for what the servo would
+refuse.)");
   type.def("show_surface", &show_surface, py::arg("tool_state"), py::arg("vertices_W_m"),
            py::arg("triangles"), py::arg("contact_epoch") = 0, py::arg("tool_radius_m") = 0.0,
            py::arg("tool_length_m") = 0.0, py::arg("stiffness_W_N_per_m") = py::none(),

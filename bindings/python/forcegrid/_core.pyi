@@ -279,6 +279,7 @@ class SimulatorLink:
         torque_W_Nm: _Vector | None = None,
         orientation_WT: _Vector | None = None,
         rotational_stiffness_W_Nm_per_rad: ArrayLike | None = None,
+        torque_gradient_W_N: ArrayLike | None = None,
     ) -> None: ...
     def show_surface(
         self,
@@ -327,6 +328,8 @@ class ForceSample:
     def orientation_WT(self) -> tuple[float, float, float, float]: ...
     @property
     def rotational_stiffness_W_Nm_per_rad(self) -> tuple[float, ...] | None: ...
+    @property
+    def torque_gradient_W_N(self) -> tuple[float, ...] | None: ...
 
 class SurfacePatch:
     @property
@@ -355,7 +358,9 @@ class SurfacePatch:
     def press_forces_W_N(self) -> tuple[_Tuple3, _Tuple3] | None: ...
 
 class ServoLink:
-    def __init__(self, simulator: str, key_files: Sequence[str] = []) -> None: ...
+    def __init__(
+        self, simulator: str, key_files: Sequence[str] = [], sensitivities: bool = False
+    ) -> None: ...
     def send_tool_state(
         self,
         servo_time_ns: int,

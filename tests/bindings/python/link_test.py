@@ -29,10 +29,11 @@ class BothEnds:
     def simulator(self, **options):
         raise NotImplementedError
 
-    def with_both(self, key_files=()):
+    def with_both(self, key_files=(), **asking):
         simulator = self.simulator(host="127.0.0.1", port=0, key_files=list(key_files))
         self.addCleanup(simulator.close)
-        servo = forcegrid.ServoLink("127.0.0.1:%d" % simulator.port, list(key_files))
+        servo = forcegrid.ServoLink("127.0.0.1:%d" % simulator.port, list(key_files),
+                                     **asking)
         self.addCleanup(servo.close)
         return simulator, servo
 
@@ -95,6 +96,18 @@ class BothEnds:
                      {"angular_velocity_W_rad_per_s": (0, 1, 0)}):
             with self.assertRaises(ValueError):
                 servo.send_tool_state(time.monotonic_ns(), (0, 0, 0), **pose)
+
+    def test_tell_how_the_torque_changes_with_the_place_if_asked(self):
+        for asks in (True, False):
+            simulator, servo = self.with_both(sensitivities=asks)
+            state = self.tool_state(simulator, servo, (0, 0, 0.5), orientation_WT=(1, 0, 0, 0)).tool_state
+            simulator.answer(state, (1, 0, 0), in_contact=True, converged=True,
+                             torque_W_Nm=(0, 1, 0), torque_gradient_W_N=STIFFNESS)
+            sample = servo.receive(PATIENCE_S)
+            self.assertEqual(sample.torque_gradient_W_N, STIFFNESS if asks else None)
+            with self.assertRaises(ValueError):
+                simulator.answer(state, (1, 0, 0), in_contact=True, converged=True,
+                                 torque_gradient_W_N=STIFFNESS)
 
     def test_tell_no_torque_without_a_wrist(self):
         simulator, servo = self.with_both()
