@@ -83,7 +83,7 @@ void Arm::begin_frame(bool in_servo_thread) noexcept {
   frame.last = frame.state;
   frame.state = latch();
   frame.set_force = false;
-  frame.force_D_N = {};
+  frame.force_D_N = frame.torque_D_Nm = {};
 }
 
 HDerror Arm::end_frame(bool in_servo_thread) noexcept {
@@ -102,8 +102,10 @@ void Arm::complete(Frame& frame, bool in_callback) noexcept {
     frame.force_D_N = clamped(frame.force_D_N);
   }
   last_force_D_N_ = frame.force_D_N;
-  rule_.frame_ended(in_callback, frame.set_force,
-                    {frame.force_D_N, frame.state.position_D_m, frame.state.time_ns});
+  last_torque_D_Nm_ = frame.torque_D_Nm;
+  rule_.frame_ended(
+      in_callback, frame.set_force,
+      {frame.force_D_N, frame.state.position_D_m, frame.state.time_ns, frame.torque_D_Nm});
 }
 
 std::array<double, 3> Arm::clamped(const std::array<double, 3>& force_D_N) noexcept {
@@ -130,9 +132,11 @@ Reading Arm::read(Moment moment, bool in_servo_thread) const noexcept {
   if (moment == Moment::kLast) {
     reading.state = frame.depth > 0 ? frame.last : state_before_tick_;
     reading.force_D_N = last_force_D_N_;
+    reading.torque_D_Nm = last_torque_D_Nm_;
   } else if (moment == Moment::kCurrent) {
     reading.state = frame.depth > 0 ? frame.state : latch();
     reading.force_D_N = frame.depth > 0 ? frame.force_D_N : last_force_D_N_;
+    reading.torque_D_Nm = frame.depth > 0 ? frame.torque_D_Nm : last_torque_D_Nm_;
   }
   return reading;
 }
@@ -154,6 +158,20 @@ HDerror Arm::set(const Parameter& parameter, const double* values, bool in_servo
         return HD_INVALID_VALUE;
       }
       frame.force_D_N = force_D_N;
+      frame.set_force = true;
+      return HD_SUCCESS;
+    }
+    case Setting::kTorque: {
+      if (!facts_.has_wrist_motors) {
+        return HD_SUCCESS;  // programs set it in every tick, whatever the device
+      }
+      if (frame.depth == 0) {
+        return HD_FRAME_ERROR;
+      }
+      const std::array<double, 3> torque_D_mNm = to_device({values[0], values[1], values[2]});
+      for (std::size_t i = 0; i < 3; ++i) {
+        frame.torque_D_Nm[i] = torque_D_mNm[i] / kMm_per_m;
+      }
       frame.set_force = true;
       return HD_SUCCESS;
     }
@@ -240,14 +258,14 @@ void Arm::tick_ended() noexcept {
   if (command.kind != FrameRule::Kind::kHold) {
     send(command.force);
   } else if (zero_is_due_) {
-    session_->command_force({}, hold_);
+    session_->command_force({}, hold_);  // and no torque
   }
   zero_is_due_ = false;
 }
 
 void Arm::send(const FrameForce& force) noexcept {
   if (!with_method_) {
-    session_->command_force(force.force_D_N, hold_);
+    session_->command_wrench(force.force_D_N, force.torque_D_Nm, hold_);
     return;
   }
   const bool is_new = !has_sample_ || force.force_D_N != last_sample_.force_D_N ||

@@ -72,6 +72,7 @@ class Arm {
     int depth = 0;
     bool set_force = false;
     std::array<double, 3> force_D_N{};
+    std::array<double, 3> torque_D_Nm{};
     session::ToolState state;  ///< of this frame
     session::ToolState last;   ///< of the one before
   };
@@ -91,6 +92,7 @@ class Arm {
 
   std::array<Frame, 2> frames_{};           ///< [1] of the servo thread
   std::array<double, 3> last_force_D_N_{};  ///< of the last completed frame
+  std::array<double, 3> last_torque_D_Nm_{};
   session::ToolState tick_state_;
   session::ToolState state_before_tick_;
   FrameRule rule_;

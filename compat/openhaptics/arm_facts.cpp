@@ -64,6 +64,8 @@ ArmFacts facts_of(const session::DeviceSession& session, const DeviceEntry& entr
   facts.max_force_N = profile.limits.max_force_N;
   facts.continuous_force_N = facts.max_force_N * continuous_share(profile);
   facts.has_wrist = has_wrist(profile);
+  facts.has_wrist_motors = profile.gimbal_motors.present;
+  facts.max_torque_mNm = kMm_per_m * profile.gimbal_motors.max_torque_Nm;
   facts.has_joints = !is_delta(profile);
   if (facts.has_joints) {
     const auto& sign = profile.kinematics.linkage_sign;

@@ -48,6 +48,8 @@ struct ArmFacts {
   std::array<double, 3> joint_sign{};        ///< d(HD angle)/dq, +1 or -1
   std::array<double, 3> joint_offset_rad{};  ///< HD angle at q = 0
   bool has_wrist = false;                    ///< else the orientation is the identity
+  bool has_wrist_motors = false;             ///< torques are exerted
+  double max_torque_mNm = 0.0;               ///< at the tool; 0 without motors in the wrist
 };
 
 /// HD's joint angles are the turret's to the left, the thigh's above the horizontal, and the

@@ -8,7 +8,7 @@ void FrameRule::frame_ended(bool in_callback, bool set_force, const FrameForce& 
     command_ = {Kind::kForce, frame};
   } else if (in_callback) {
     forceless_ = frame;
-    forceless_->force_D_N = {};
+    forceless_->force_D_N = forceless_->torque_D_Nm = {};
   }
 }
 

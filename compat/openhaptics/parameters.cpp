@@ -7,8 +7,8 @@
 namespace forcegrid::openhaptics {
 namespace {
 
-constexpr int kAxes = 3;           // of every device's force, and of what it senses without a wrist
-constexpr int kAxesWithWrist = 6;  // that it senses
+constexpr int kAxes = 3;           // of a device without a wrist
+constexpr int kAxesWithWrist = 6;  // that it senses, and of its force where the wrist has motors
 
 void zeros(double* values, int count) noexcept { std::fill_n(values, count, 0.0); }
 
@@ -85,6 +85,13 @@ void joint_angles(const Reading& r, double* values) noexcept {
 
 void force(const Reading& r, double* values) noexcept { write3(values, to_hd(r.force_D_N)); }
 
+void torque(const Reading& r, double* values) noexcept {
+  write3(values, to_hd(r.torque_D_Nm));
+  for (int i = 0; i < kAxes; ++i) {
+    values[i] *= kMm_per_m;
+  }
+}
+
 void joint_torque(const Reading& r, double* values) noexcept {
   write3(values, joint_torque_mNm(*r.facts, r.state, r.force_D_N));
 }
@@ -97,7 +104,9 @@ void workspace(const Reading& r, double* values) noexcept {
 
 void tabletop(const Reading& r, double* values) noexcept { values[0] = r.facts->tabletop_mm; }
 
-void output_axes(const Reading& /*reading*/, double* values) noexcept { values[0] = kAxes; }
+void output_axes(const Reading& r, double* values) noexcept {
+  values[0] = r.facts->has_wrist_motors ? kAxesWithWrist : kAxes;
+}
 void input_axes(const Reading& r, double* values) noexcept {
   values[0] = r.facts->has_wrist ? kAxesWithWrist : kAxes;
 }
@@ -114,6 +123,7 @@ void measured_rate(const Reading& r, double* values) noexcept {
 
 void stiffness(const Reading& r, double* v) noexcept { v[0] = r.facts->max_stiffness_N_per_mm; }
 void damping(const Reading& r, double* v) noexcept { v[0] = r.facts->max_damping_N_s_per_mm; }
+void max_torque(const Reading& r, double* v) noexcept { v[0] = r.facts->max_torque_mNm; }
 void max_force(const Reading& r, double* v) noexcept { v[0] = r.facts->max_force_N; }
 void continuous(const Reading& r, double* v) noexcept { v[0] = r.facts->continuous_force_N; }
 void warmth(const Reading& r, double* v) noexcept { std::fill_n(v, kAxes, r.state.motor_warmth); }
@@ -172,15 +182,15 @@ constexpr Parameter kParameters[] = {
     {HD_NOMINAL_MAX_DAMPING, F::kReal, 1, M::kDevice, S::kNone, damping},
     {HD_NOMINAL_MAX_TORQUE_STIFFNESS, F::kReal, 1, M::kDevice, S::kNone, zero<1>},
     {HD_NOMINAL_MAX_TORQUE_DAMPING, F::kReal, 1, M::kDevice, S::kNone, zero<1>},
-    {HD_NOMINAL_MAX_TORQUE_FORCE, F::kReal, 1, M::kDevice, S::kNone, zero<1>},
-    {HD_NOMINAL_MAX_TORQUE_CONTINUOUS_FORCE, F::kReal, 1, M::kDevice, S::kNone, zero<1>},
+    {HD_NOMINAL_MAX_TORQUE_FORCE, F::kReal, 1, M::kDevice, S::kNone, max_torque},
+    {HD_NOMINAL_MAX_TORQUE_CONTINUOUS_FORCE, F::kReal, 1, M::kDevice, S::kNone, max_torque},
     {HD_CURRENT_FORCE, F::kReal, 3, M::kCurrent, S::kForce, force},
-    {HD_CURRENT_TORQUE, F::kReal, 3, M::kCurrent, S::kIgnored, zero<3>},
+    {HD_CURRENT_TORQUE, F::kReal, 3, M::kCurrent, S::kTorque, torque},
     {HD_JOINT_ANGLE_REFERENCES, F::kReal, 3, M::kDevice, S::kNone, zero<3>},
     {HD_CURRENT_JOINT_TORQUE, F::kReal, 3, M::kCurrent, S::kJointTorque, joint_torque},
     {HD_CURRENT_GIMBAL_TORQUE, F::kReal, 3, M::kCurrent, S::kIgnored, zero<3>},
     {HD_LAST_FORCE, F::kReal, 3, M::kLast, S::kNone, force},
-    {HD_LAST_TORQUE, F::kReal, 3, M::kLast, S::kNone, zero<3>},
+    {HD_LAST_TORQUE, F::kReal, 3, M::kLast, S::kNone, torque},
     {HD_LAST_JOINT_TORQUE, F::kReal, 3, M::kLast, S::kNone, joint_torque},
     {HD_LAST_GIMBAL_TORQUE, F::kReal, 3, M::kLast, S::kNone, zero<3>},
     {HD_USER_STATUS_LIGHT, F::kInteger, 1, M::kDevice, S::kLight, light},

@@ -30,7 +30,8 @@ enum class Setting : std::uint8_t {
   kNone,
   kForce,        ///< in a frame only
   kJointTorque,  ///< likewise
-  kIgnored,      ///< the torques of a gimbal: taken, without effect on an arm of three axes
+  kTorque,       ///< likewise; without motors in the wrist taken anywhere, without effect
+  kIgnored,      ///< the torques of a gimbal's joints: taken, without effect
   kLimit,        ///< kept, and read back
   kLight,
 };
@@ -47,7 +48,8 @@ struct ArmSettings {
 struct Reading {
   session::ToolState state;           ///< of the parameter's moment
   std::array<double, 3> force_D_N{};  ///< of the program, likewise
-  const ArmFacts* facts = nullptr;    ///< null: no device
+  std::array<double, 3> torque_D_Nm{};
+  const ArmFacts* facts = nullptr;  ///< null: no device
   const ArmSettings* settings = nullptr;
   double rate_Hz = 0.0;
   double measured_rate_Hz = 0.0;

@@ -482,6 +482,52 @@ TEST(HdForce, SurvivesTheProgramsCallbacks) {
   }
 }
 
+TEST(HdForce, ExertsTheTorqueOfAProgramWhereTheWristHasMotors) {
+  RigOptions options;
+  options.profile = "emulated_6dof";
+  Rig rig(options);
+  const HHD arm = ready(rig);
+  HDint axes = 0;
+  hdGetIntegerv(HD_OUTPUT_DOF, &axes);
+  EXPECT_EQ(axes, 6);
+  HDdouble most_mNm = 0.0;
+  hdGetDoublev(HD_NOMINAL_MAX_TORQUE_FORCE, &most_mNm);
+  EXPECT_NEAR(most_mNm, 188.0, 1e-9);
+  const HDdouble torque_mNm[3] = {60.0, 0.0, 20.0};  // HD's x and z are D's y and x
+  hdSetDoublev(HD_CURRENT_TORQUE, torque_mNm);
+  EXPECT_EQ(last_error(), static_cast<HDerror>(HD_FRAME_ERROR)) << "outside of a frame";
+  std::atomic<bool> pushes{true};
+  std::atomic<bool> reads_back{true};
+  rig.recurring([&] {
+    HDdouble now[3] = {};
+    hdBeginFrame(arm);
+    if (pushes) {
+      hdSetDoublev(HD_CURRENT_TORQUE, torque_mNm);
+      hdGetDoublev(HD_CURRENT_TORQUE, now);
+      reads_back = reads_back && now[0] == torque_mNm[0] && now[2] == torque_mNm[2];
+    }
+    hdEndFrame(arm);
+    return kAgain;
+  });
+  const auto hand_turns_back_with = [&](const Vector3d& torque_D_Nm) {
+    return wait_until([&] {
+      const auto wrist = rig.report().wrist;
+      return wrist && (Vector3d(wrist->hand_torque_Nm.data()) + torque_D_Nm).norm() < 0.004;
+    });
+  };
+  EXPECT_TRUE(hand_turns_back_with({0.02, 0.06, 0.0}));
+  EXPECT_TRUE(reads_back);
+  EXPECT_LT(rig.felt_N().norm(), 0.3) << "a torque alone";
+  pushes = false;
+  EXPECT_TRUE(hand_turns_back_with(Vector3d::Zero())) << "frames without one";
+  pushes = true;
+  EXPECT_TRUE(hand_turns_back_with({0.02, 0.06, 0.0}));
+  hdDisable(HD_FORCE_OUTPUT);
+  EXPECT_TRUE(
+      wait_until([&] { return rig.report().wrist->final_current_mA == std::array<double, 3>{}; }));
+  EXPECT_EQ(count_errors(), 0);
+}
+
 // A program that computes its force at 60 Hz: the method renders it at 1 kHz.
 TEST(HdForce, WithAMethodSlowForcesAreTakenAsSamples) {
   constexpr double kStiffness_N_per_mm = 0.12;
