@@ -66,4 +66,32 @@ double adaptation_s(const std::vector<double>& since_start_s, const std::vector<
   return adapted_s;
 }
 
+ForceErrors force_errors(const std::vector<ErrorInstant>& instants) {
+  ForceErrors errors;
+  errors.largest_step_N = std::numeric_limits<double>::quiet_NaN();
+  double reference_sum = 0.0;
+  std::vector<double> since_start_s;
+  std::vector<double> error_N;
+  std::vector<double> first_N;
+  std::vector<double> after_N;
+  for (const ErrorInstant& instant : instants) {
+    reference_sum += instant.reference_N2;
+    since_start_s.push_back(instant.time_s - instants.front().time_s);
+    error_N.push_back(instant.error_N);
+    if (since_start_s.back() < 1.0) {
+      first_N.push_back(instant.error_N);
+      continue;
+    }
+    if (!after_N.empty() && !(instant.step_N <= errors.largest_step_N)) {
+      errors.largest_step_N = instant.step_N;
+    }
+    after_N.push_back(instant.error_N);
+  }
+  errors.reference_rms_N = std::sqrt(reference_sum / static_cast<double>(instants.size()));
+  errors.adaptation_s = adaptation_s(since_start_s, error_N, errors.reference_rms_N);
+  errors.first_1s = error_figures(std::move(first_N), errors.reference_rms_N);
+  errors.after_1s = error_figures(std::move(after_N), errors.reference_rms_N);
+  return errors;
+}
+
 }  // namespace forcegrid::evaluation

@@ -27,4 +27,26 @@ ErrorFigures error_figures(std::vector<double> error_N, double reference_rms_N);
 double adaptation_s(const std::vector<double>& since_start_s, const std::vector<double>& error_N,
                     double reference_rms_N);
 
+/// What one servo instant says about a method's error. The magnitudes are of one tool's force, or
+/// of several tools' forces as one vector.
+struct ErrorInstant {
+  double time_s = 0.0;
+  double reference_N2 = 0.0;  ///< square of the reference's magnitude
+  double error_N = 0.0;
+  double step_N = 0.0;  ///< by which the error differs from that of the instant before
+};
+
+/// Errors of forces on a trace. Percentages refer to the RMS of the reference's magnitude over the
+/// whole trace; "after" starts one second after the first servo instant.
+struct ForceErrors {
+  double reference_rms_N = 0.0;
+  ErrorFigures first_1s;
+  ErrorFigures after_1s;
+  double adaptation_s = 0.0;    ///< see adaptation_s()
+  double largest_step_N = 0.0;  ///< of the error between two cycles, after 1 s; NaN: none
+};
+
+/// @param instants  times strictly rising; not empty.
+ForceErrors force_errors(const std::vector<ErrorInstant>& instants);
+
 }  // namespace forcegrid::evaluation

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/method_costs.h"
 #include "evaluation/trace.h"
 #include "forcegrid/core/force_method.h"
 
@@ -49,7 +50,7 @@ struct JudgeOptions {
 /// trace; "after" starts one second after the first servo instant. A figure is NaN if there is
 /// nothing to measure: the errors after 1 s of a shorter trace, all errors if every F_o is zero,
 /// and the cost of samples if none arrived.
-struct Verdict {
+struct Verdict : MethodCosts {
   double reference_rms_N = 0.0;
   double rms_error_percent_first_1s = 0.0;
   double p95_error_percent_first_1s = 0.0;
@@ -59,19 +60,7 @@ struct Verdict {
   double max_error_percent_after_1s = 0.0;
   double adaptation_s = 0.0;  ///< end of the first half second from which on the RMS error of every
                               ///< half second is below 5 %; NaN: never
-  double largest_step_N = 0.0;   ///< of the error between two cycles, after 1 s
-  double query_ns_median = 0.0;  ///< force()
-  double query_ns_p99 = 0.0;
-  double sample_us_median = 0.0;  ///< take_sample() and the work() that it caused
-  double sample_us_p99 = 0.0;
-  double cycle_ns = 0.0;  ///< mean time per cycle in the method, samples included
-  double cycle_ns_median = 0.0;
-  double cycle_ns_p99 = 0.0;
-  double cycle_ns_p999 = 0.0;
-  /// The timer's floor: the smallest step between two readings of the clock. No time of a call, and
-  /// no mean of a cycle, is reported below it; that of a query, a mean of eight, not below an
-  /// eighth of it.
-  double timer_floor_ns = 0.0;
+  double largest_step_N = 0.0;  ///< of the error between two cycles, after 1 s
   std::size_t memory_bytes = 0;
   std::size_t samples_taken = 0;      ///< along the path
   std::size_t samples_not_taken = 0;  ///< of no contact, or of a contact that has ended
@@ -90,7 +79,7 @@ struct Verdict {
 ///
 /// Times are measured with rt::Clock around each call, minus the cost of reading the clock. For
 /// queries below 1 us the time is the mean of eight successive queries along the path, because of
-/// the clock's resolution. What the subtraction leaves below Verdict::timer_floor_ns, or even below
+/// the clock's resolution. What the subtraction leaves below timer_floor_ns, or even below
 /// zero, counts as that floor.
 /// Source: the forcegrid paper, section 6, which also compares with the reference force F_o.
 /// Real-time: no. Threads: one.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "evaluation/error_figures.h"
+#include "evaluation/method_costs.h"
 #include "evaluation/pair_trace.h"
 #include "forcegrid/core/pair_force_method.h"
 
@@ -18,30 +19,11 @@ struct PairJudgeOptions {
   bool keep_forces = false;  ///< fill PairVerdict::forces_W
 };
 
-/// Errors of one tool's force, or of both together. Percentages refer to the RMS of the reference's
-/// magnitude over the whole trace; "after" starts one second after the first servo instant.
-struct PairErrors {
-  double reference_rms_N = 0.0;
-  ErrorFigures first_1s;
-  ErrorFigures after_1s;
-  double adaptation_s = 0.0;    ///< see adaptation_s() in error_figures.h
-  double largest_step_N = 0.0;  ///< of the error between two cycles, after 1 s; NaN: none
-};
-
 /// Errors and costs of a method on a trace of two tools. A figure is NaN if there is nothing to
 /// measure.
-struct PairVerdict {
-  PairErrors together;  ///< of (F_1, F_2) as one vector
-  std::array<PairErrors, 2> tools;
-  double query_ns_median = 0.0;  ///< forces(), for both tools
-  double query_ns_p99 = 0.0;
-  double sample_us_median = 0.0;  ///< take_sample() and the work() that it caused
-  double sample_us_p99 = 0.0;
-  double cycle_ns = 0.0;  ///< mean time per cycle in the method, samples included
-  double cycle_ns_median = 0.0;
-  double cycle_ns_p99 = 0.0;
-  double cycle_ns_p999 = 0.0;
-  double timer_floor_ns = 0.0;  ///< no time is reported below it; a query not below an eighth of it
+struct PairVerdict : MethodCosts {
+  ForceErrors together;  ///< of (F_1, F_2) as one vector
+  std::array<ForceErrors, 2> tools;
   std::size_t memory_bytes = 0;
   std::size_t samples_taken = 0;
   std::size_t samples_not_taken = 0;              ///< of an earlier contact

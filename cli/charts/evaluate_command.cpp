@@ -2,6 +2,7 @@
 #include "cli/charts/evaluate_command.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cerrno>
 #include <cstdio>
@@ -9,7 +10,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <string_view>
 
+#include "cli/charts/evaluate_output.h"
 #include "cli/charts/evaluate_pair.h"
 #include "cli/common/budget_option.h"
 #include "cli/common/number_check.h"
@@ -20,7 +23,6 @@
 #include "cli/run/reference_forces.h"
 #include "evaluation/judge.h"
 #include "evaluation/pair_trace.h"
-#include "evaluation/text_file.h"
 #include "evaluation/trace.h"
 #include "evaluation/trace_workspace.h"
 #include "forcegrid/method_variant.h"
@@ -38,6 +40,8 @@ using evaluation::Trace;
 using evaluation::TraceError;
 using evaluation::Verdict;
 using nlohmann::ordered_json;
+
+constexpr std::array<std::string_view, 3> kComponents = {"x", "y", "z"};
 
 GridGeometry asked_workspace(const std::vector<double>& corners_m) {
   GridGeometry grid = evaluation::default_trace_workspace();
@@ -146,85 +150,48 @@ std::unique_ptr<ForceMethod> made(const NamedVariant& named, const EvaluateOptio
   return method;
 }
 
-ordered_json counters_of(const ForceMethod& method) {
-  ordered_json counters = ordered_json::object();
-  for (const NamedCounter& counter : method.counters()) {
-    counters[counter.name] = counter.value;
-  }
-  return counters;
-}
-
 ordered_json json_of(const std::string& text, const Verdict& v, const ForceMethod& method,
                      const GridGeometry& grid) {
-  const auto cycles = [&](EstimateStatus status) {
-    return v.cycles_by_status[static_cast<std::size_t>(status)];
-  };
   // nlohmann writes NaN, "nothing to measure", as null.
-  return {{"method", text},
-          {"rms_error_percent_after_1s", v.rms_error_percent_after_1s},
-          {"rms_error_percent_first_1s", v.rms_error_percent_first_1s},
-          {"max_error_percent_after_1s", v.max_error_percent_after_1s},
-          {"query_ns_median", v.query_ns_median},
-          {"sample_us_median", v.sample_us_median},
-          {"memory_bytes", v.memory_bytes},
-          {"p95_error_percent_after_1s", v.p95_error_percent_after_1s},
-          {"p95_error_percent_first_1s", v.p95_error_percent_first_1s},
-          {"max_error_percent_first_1s", v.max_error_percent_first_1s},
-          {"adaptation_s", v.adaptation_s},
-          {"largest_step_N", v.largest_step_N},
-          {"query_ns_p99", v.query_ns_p99},
-          {"sample_us_p99", v.sample_us_p99},
-          {"cycle_ns", v.cycle_ns},
-          {"cycle_ns_median", v.cycle_ns_median},
-          {"cycle_ns_p99", v.cycle_ns_p99},
-          {"cycle_ns_p999", v.cycle_ns_p999},
-          {"timer_floor_ns", v.timer_floor_ns},
-          {"samples_taken", v.samples_taken},
-          {"samples_not_taken", v.samples_not_taken},
-          {"samples_refused", v.samples_refused},
-          {"counters", counters_of(method)},
-          {"cycles_known", cycles(EstimateStatus::kOk)},
-          {"cycles_partly_known", cycles(EstimateStatus::kPartlyKnown)},
-          {"cycles_unknown", cycles(EstimateStatus::kUnknown)},
-          {"cycles_outside_workspace", cycles(EstimateStatus::kOutside)},
-          {"cycles_not_finite", cycles(EstimateStatus::kNotFinite)},
-          {"reference_rms_N", v.reference_rms_N},
-          {"truth_rms_N", v.reference_rms_N},
-          {"workspace_m",
-           {grid.min_W.x(), grid.min_W.y(), grid.min_W.z(), grid.max_W.x(), grid.max_W.y(),
-            grid.max_W.z()}}};
+  ordered_json json{{"method", text},
+                    {"rms_error_percent_after_1s", v.rms_error_percent_after_1s},
+                    {"rms_error_percent_first_1s", v.rms_error_percent_first_1s},
+                    {"max_error_percent_after_1s", v.max_error_percent_after_1s},
+                    {"query_ns_median", v.query_ns_median},
+                    {"sample_us_median", v.sample_us_median},
+                    {"memory_bytes", v.memory_bytes},
+                    {"p95_error_percent_after_1s", v.p95_error_percent_after_1s},
+                    {"p95_error_percent_first_1s", v.p95_error_percent_first_1s},
+                    {"max_error_percent_first_1s", v.max_error_percent_first_1s},
+                    {"adaptation_s", v.adaptation_s},
+                    {"largest_step_N", v.largest_step_N},
+                    {"query_ns_p99", v.query_ns_p99},
+                    {"sample_us_p99", v.sample_us_p99}};
+  add_cycle_costs(json, v);
+  json["samples_taken"] = v.samples_taken;
+  json["samples_not_taken"] = v.samples_not_taken;
+  json["samples_refused"] = v.samples_refused;
+  add_counters(json, method.counters(), v.cycles_by_status);
+  json["reference_rms_N"] = v.reference_rms_N;
+  json["truth_rms_N"] = v.reference_rms_N;
+  json["workspace_m"] = json_of_workspace(grid);
+  return json;
 }
 
-void append_columns(std::string& line, const Eigen::Vector3d& v) {
-  for (const double value : {v.x(), v.y(), v.z()}) {
-    line += ',';
-    evaluation::append_number(line, value);
-  }
-}
-
-// t_s, position, reference force, then each method's force. Commas in a method's text become
-// blanks.
 void write_forces(const std::string& file, const Trace& trace,
                   const std::vector<std::string>& names, const std::vector<Verdict>& verdicts) {
-  evaluation::TextWriter writer(file);
-  std::string line = "t_s,x_m,y_m,z_m,offline_x_N,offline_y_N,offline_z_N";
-  for (std::string name : names) {
-    std::replace(name.begin(), name.end(), ',', ' ');
-    line += "," + name + "_x_N," + name + "_y_N," + name + "_z_N";
-  }
-  writer.write(line + "\n");
-  for (std::size_t i = 0; i < trace.servo.size(); ++i) {
-    line.clear();
-    evaluation::append_number(line, trace.servo[i].time_s);
-    append_columns(line, trace.servo[i].position_W);
-    append_columns(line, trace.servo[i].force_W);
-    for (const Verdict& verdict : verdicts) {
-      append_columns(line, verdict.forces_W[i]);
-    }
-    line += '\n';
-    writer.write(line);
-  }
-  writer.finish();
+  write_force_columns(file, {"", kComponents}, names, trace.servo.size(),
+                      [&](std::size_t i, std::vector<double>& numbers) {
+                        const auto add = [&](const Eigen::Vector3d& v) {
+                          numbers.insert(numbers.end(), v.begin(), v.end());
+                        };
+                        numbers.push_back(trace.servo[i].time_s);
+                        add(trace.servo[i].position_W);
+                        add(trace.servo[i].force_W);
+                        for (const Verdict& verdict : verdicts) {
+                          add(verdict.forces_W[i]);
+                        }
+                      });
 }
 
 std::vector<Eigen::Vector3d> solve_reference(ProgressLine& line, const std::string& scene,
@@ -253,8 +220,6 @@ void print(const ordered_json& result) {
   }
 }
 
-void note(const std::string& text) { log::info("evaluation", "Note: " + text); }
-
 void evaluate(const EvaluateOptions& options) {
   MethodOptions base;
   base.grid = asked_workspace(options.workspace_m);
@@ -281,12 +246,13 @@ void evaluate(const EvaluateOptions& options) {
     base.grid = evaluation::box_around(trace);
     variants = variants_of(options, base, parse_method_variant);
   } else if (outside > 0) {
-    note(std::to_string(outside) + " of " +
-         std::to_string(trace.servo.size() + trace.samples.size()) +
-         " positions lie outside --workspace, where grid methods have no force");
+    note_of_evaluation(std::to_string(outside) + " of " +
+                       std::to_string(trace.servo.size() + trace.samples.size()) +
+                       " positions lie outside --workspace, where grid methods have no force");
   }
   if (trace.samples.empty()) {
-    note(options.trace + " has no 'sample' row, so no method learns anything from it");
+    note_of_evaluation(options.trace +
+                       " has no 'sample' row, so no method learns anything from it");
   }
 
   evaluation::JudgeOptions judging;
@@ -295,28 +261,25 @@ void evaluate(const EvaluateOptions& options) {
   if (options.budget.us) {
     judging.work_budget = evaluation::kServoWorkBudget;  // what a budget is about
   }
-  ordered_json all;
-  std::vector<std::string> names;
+  const std::vector<std::string> names = texts_of(variants);
   std::vector<Verdict> verdicts;
-  for (const NamedVariant& named : variants) {
-    line.show("Evaluating",
-              static_cast<double>(names.size()) / static_cast<double>(variants.size()));
-    const std::unique_ptr<ForceMethod> method = made(named, options, trace);
+  const ordered_json result = evaluate_each(names, [&](std::size_t i) {
+    const std::unique_ptr<ForceMethod> method = made(variants[i], options, trace);
     verdicts.push_back(judge(*method, trace, judging));
-    names.push_back(named.text);
-    all[named.text] = json_of(named.text, verdicts.back(), *method, base.grid);
-  }
-  line.clear();
+    return json_of(names[i], verdicts.back(), *method, base.grid);
+  });
   if (!(verdicts.front().reference_rms_N > 0.0)) {
-    note(options.trace + " has only zero reference forces, so errors have no percentage");
+    note_of_evaluation(options.trace +
+                       " has only zero reference forces, so errors have no percentage");
   } else if (trace.servo.back().time_s - trace.servo.front().time_s < 1.0) {
-    note(options.trace +
-         " is not longer than one second, so the errors after the first second are unknown");
+    note_of_evaluation(
+        options.trace +
+        " is not longer than one second, so the errors after the first second are unknown");
   }
   if (!options.out.empty()) {
     write_forces(options.out, trace, names, verdicts);
   }
-  print(variants.size() == 1 ? all.front() : all);
+  print(result);
 }
 
 }  // namespace

@@ -23,6 +23,8 @@ struct NamedVariant {
   MethodVariant variant;
 };
 
+std::vector<std::string> texts_of(const std::vector<NamedVariant>& variants);
+
 /// The methods asked for, with these options where they say nothing else.
 using VariantsOf = std::function<std::vector<NamedVariant>(const MethodOptions& base)>;
 
