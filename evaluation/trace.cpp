@@ -87,12 +87,8 @@ class TraceReader {
   void read_sample() {
     DeliveredSample row;
     row.sample.time_s = rows_.number(kTime);
-    row.delivered_s = rows_.number(kDelivered);
-    if (row.delivered_s < row.sample.time_s) {
-      rows_.refuse(kDelivered, "expected " + std::string(rows_.field(kTime)) +
-                                   " s or later, the time that the force was computed for, found " +
-                                   std::string(rows_.field(kDelivered)));
-    }
+    row.delivered_s =
+        rows_.not_before(kDelivered, kTime, ", the time that the force was computed for");
     row.sample.position_W = rows_.vector(kX);
     row.sample.force_W = rows_.vector(kForceX);
     for (std::size_t column = kStiffness; column < kResidual; ++column) {
@@ -108,22 +104,13 @@ class TraceReader {
             rows_.number(column);
       }
     }
-    row.sample.relative_residual = rows_.optional_number(kResidual).value_or(0.0);
-    if (row.sample.relative_residual < 0.0) {
-      rows_.refuse(kResidual,
-                   "expected zero or more, found " + std::string(rows_.field(kResidual)));
-    }
+    row.sample.relative_residual = rows_.zero_or_more(kResidual);
     trace_.samples.push_back(row);
   }
 
   void read_servo() {
     ServoInstant row;
-    row.time_s = rows_.number(kTime);
-    if (!trace_.servo.empty() && row.time_s <= trace_.servo.back().time_s) {
-      rows_.refuse(kTime, "expected more than " + number_text(trace_.servo.back().time_s) +
-                              " s, the time of the servo row before, found " +
-                              std::string(rows_.field(kTime)));
-    }
+    row.time_s = rows_.time_after(kTime, last_time_s(trace_.servo), "servo");
     row.position_W = rows_.vector(kX);
     row.force_W = rows_.vector(kForceX);
     trace_.servo.push_back(row);
@@ -139,10 +126,8 @@ class TraceReader {
                               " s or more, the time of the contact or release row before, found " +
                               std::string(rows_.field(kTime)));
     }
-    event.delivered_s = rows_.optional_number(kDelivered);
-    if (event.delivered_s && *event.delivered_s < event.time_s) {
-      rows_.refuse(kDelivered, "expected " + std::string(rows_.field(kTime)) +
-                                   " s or later, found " + std::string(rows_.field(kDelivered)));
+    if (!rows_.empty(kDelivered)) {
+      event.delivered_s = rows_.not_before(kDelivered, kTime, "");
     }
     if (made) {
       event.point_W = rows_.vector(kX);
@@ -157,20 +142,9 @@ class TraceReader {
 
 // Rejects a trace that read_trace() would reject.
 void check(const std::string& file, const Trace& trace) {
-  const auto refuse = [&](const std::string& kind, std::size_t index, const std::string& what) {
-    throw TraceError(file + ": not written; " + kind + " " + std::to_string(index) + " " + what);
-  };
-  if (trace.servo.empty()) {
-    throw TraceError(file + ": not written; the trace has no servo instant");
-  }
-  for (std::size_t i = 0; i < trace.servo.size(); ++i) {
-    const ServoInstant& row = trace.servo[i];
-    if (!std::isfinite(row.time_s) || !row.position_W.allFinite() || !row.force_W.allFinite()) {
-      refuse("servo instant", i, "is not finite");
-    }
-    if (i > 0 && row.time_s <= trace.servo[i - 1].time_s) {
-      refuse("servo instant", i, "is not later than the one before");
-    }
+  TraceCheck rows(file, trace.servo.size());
+  for (const ServoInstant& row : trace.servo) {
+    rows.servo_instant(row.time_s, row.position_W.allFinite() && row.force_W.allFinite());
   }
   for (std::size_t i = 0; i < trace.samples.size(); ++i) {
     const DeliveredSample& row = trace.samples[i];
@@ -179,10 +153,10 @@ void check(const std::string& file, const Trace& trace) {
         !sample.position_W.allFinite() || !sample.force_W.allFinite() ||
         (sample.has_stiffness && !sample.stiffness_W.allFinite()) ||
         !std::isfinite(sample.relative_residual)) {
-      refuse("sample", i, "is not finite");
+      rows.refuse("sample", i, "is not finite");
     }
     if (row.delivered_s < sample.time_s || sample.relative_residual < 0.0) {
-      refuse("sample", i, "arrives before its own time or has a negative residual");
+      rows.refuse("sample", i, "arrives before its own time or has a negative residual");
     }
   }
   double before_s = kNoTime;
@@ -191,22 +165,16 @@ void check(const std::string& file, const Trace& trace) {
     const ContactEvent& row = trace.events[i];
     if (!std::isfinite(row.time_s) || !row.point_W.allFinite() ||
         !std::isfinite(row.delivered_s.value_or(row.time_s))) {
-      refuse("contact event", i, "is not finite");
+      rows.refuse("contact event", i, "is not finite");
     }
     const double arrival_s = row.delivered_s.value_or(row.time_s);
     if (arrival_s < row.time_s || row.time_s < before_s || arrival_s < before_arrival_s) {
-      refuse("contact event", i, "is out of order");
+      rows.refuse("contact event", i, "is out of order");
     }
     before_s = row.time_s;
     before_arrival_s = arrival_s;
   }
 }
-
-struct Row {
-  double arrival_s;
-  int rank;  ///< order of rows that arrive at the same time: events, samples, servo instant
-  std::size_t index;
-};
 
 void write_rows(TextWriter& writer, const Trace& trace) {
   const auto any_sample = [&](auto&& test) {
@@ -224,36 +192,18 @@ void write_rows(TextWriter& writer, const Trace& trace) {
   }
   writer.write(header + "\n");
 
-  std::vector<Row> rows;
-  rows.reserve(trace.servo.size() + trace.samples.size() + trace.events.size());
-  for (std::size_t i = 0; i < trace.events.size(); ++i) {
-    rows.push_back({trace.events[i].delivered_s.value_or(trace.events[i].time_s), 0, i});
-  }
-  for (std::size_t i = 0; i < trace.samples.size(); ++i) {
-    rows.push_back({trace.samples[i].delivered_s, 1, i});
-  }
-  for (std::size_t i = 0; i < trace.servo.size(); ++i) {
-    rows.push_back({trace.servo[i].time_s, 2, i});
-  }
-  std::stable_sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
-    return a.arrival_s != b.arrival_s ? a.arrival_s < b.arrival_s : a.rank < b.rank;
-  });
-
   TraceRow text(kStiffness + (stiffness ? 9 : 0) + (residual ? 1 : 0));
-  for (const Row& row : rows) {
-    if (row.rank == 0) {
+  for (const TraceRowPlace& row :
+       rows_in_order(arrivals_of(trace.events, trace.samples, trace.servo))) {
+    if (row.kind == TraceRowPlace::Kind::kContact) {
       const ContactEvent& event = trace.events[row.index];
-      text.start(event.made ? "contact" : "release");
-      text.add(event.time_s);
-      event.delivered_s ? text.add(*event.delivered_s) : text.skip();
+      text.start(event.made ? "contact" : "release", event.time_s, event.delivered_s);
       if (event.made) {
         text.add(event.point_W);
       }
-    } else if (row.rank == 1) {
+    } else if (row.kind == TraceRowPlace::Kind::kSample) {
       const Sample& sample = trace.samples[row.index].sample;
-      text.start("sample");
-      text.add(sample.time_s);
-      text.add(trace.samples[row.index].delivered_s);
+      text.start("sample", sample.time_s, trace.samples[row.index].delivered_s);
       text.add(sample.position_W);
       text.add(sample.force_W);
       for (int i = 0; stiffness && i < 9; ++i) {
@@ -264,9 +214,7 @@ void write_rows(TextWriter& writer, const Trace& trace) {
       }
     } else {
       const ServoInstant& instant = trace.servo[row.index];
-      text.start("servo");
-      text.add(instant.time_s);
-      text.skip();
+      text.start("servo", instant.time_s, std::nullopt);
       text.add(instant.position_W);
       text.add(instant.force_W);
     }

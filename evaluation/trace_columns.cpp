@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <system_error>
+#include <utility>
 
 #include "evaluation/trace.h"
 
@@ -143,9 +144,39 @@ Eigen::Vector3d TraceColumns::vector(std::size_t first) const {
   return {number(first), number(first + 1), number(first + 2)};
 }
 
-void TraceRow::start(std::string_view kind) {
+double TraceColumns::zero_or_more(std::size_t column) const {
+  const double value = optional_number(column).value_or(0.0);
+  if (value < 0.0) {
+    refuse(column, "expected zero or more, found " + std::string(field(column)));
+  }
+  return value;
+}
+
+double TraceColumns::time_after(std::size_t column, std::optional<double> before_s,
+                                std::string_view kind) const {
+  const double time_s = number(column);
+  if (before_s && time_s <= *before_s) {
+    refuse(column, "expected more than " + number_text(*before_s) + " s, the time of the " +
+                       std::string(kind) + " row before, found " + std::string(field(column)));
+  }
+  return time_s;
+}
+
+double TraceColumns::not_before(std::size_t column, std::size_t since,
+                                std::string_view what) const {
+  const double time_s = number(column);
+  if (time_s < number(since)) {
+    refuse(column, "expected " + std::string(field(since)) + " s or later" + std::string(what) +
+                       ", found " + std::string(field(column)));
+  }
+  return time_s;
+}
+
+void TraceRow::start(std::string_view kind, double time_s, std::optional<double> delivered_s) {
   text_ = kind;
   fields_ = 1;
+  add(time_s);
+  delivered_s ? add(*delivered_s) : skip();
 }
 
 void TraceRow::add(double value) {
@@ -171,6 +202,44 @@ const std::string& TraceRow::finish() {
   }
   text_ += '\n';
   return text_;
+}
+
+TraceCheck::TraceCheck(std::string file, std::size_t servo_instants) : file_(std::move(file)) {
+  if (servo_instants == 0) {
+    throw TraceError(file_ + ": not written; the trace has no servo instant");
+  }
+}
+
+void TraceCheck::servo_instant(double time_s, bool finite) {
+  if (!std::isfinite(time_s) || !finite) {
+    refuse("servo instant", instants_, "is not finite");
+  }
+  if (instants_ > 0 && time_s <= before_s_) {
+    refuse("servo instant", instants_, "is not later than the one before");
+  }
+  before_s_ = time_s;
+  ++instants_;
+}
+
+void TraceCheck::refuse(const char* kind, std::size_t index, const char* what) const {
+  throw TraceError(file_ + ": not written; " + kind + " " + std::to_string(index) + " " + what);
+}
+
+std::vector<TraceRowPlace> rows_in_order(const TraceArrivals& arrivals) {
+  std::vector<TraceRowPlace> rows;
+  rows.reserve(arrivals.contacts_s.size() + arrivals.samples_s.size() + arrivals.servo_s.size());
+  const auto add = [&rows](TraceRowPlace::Kind kind, const std::vector<double>& arrivals_s) {
+    for (std::size_t i = 0; i < arrivals_s.size(); ++i) {
+      rows.push_back({arrivals_s[i], kind, i});
+    }
+  };
+  add(TraceRowPlace::Kind::kContact, arrivals.contacts_s);
+  add(TraceRowPlace::Kind::kSample, arrivals.samples_s);
+  add(TraceRowPlace::Kind::kServo, arrivals.servo_s);
+  std::stable_sort(rows.begin(), rows.end(), [](const TraceRowPlace& a, const TraceRowPlace& b) {
+    return a.arrival_s != b.arrival_s ? a.arrival_s < b.arrival_s : a.kind < b.kind;
+  });
+  return rows;
 }
 
 }  // namespace forcegrid::evaluation

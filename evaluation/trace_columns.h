@@ -39,6 +39,14 @@ class TraceColumns {
   std::optional<double> optional_number(std::size_t column) const;
   /// Three numbers from column `first` on.
   Eigen::Vector3d vector(std::size_t first) const;
+  /// A number, or zero for an empty field. @throws TraceError for a negative one.
+  double zero_or_more(std::size_t column) const;
+  /// A time after that of the row before. @param kind of the row before, for the message.
+  double time_after(std::size_t column, std::optional<double> before_s,
+                    std::string_view kind) const;
+  /// A time that is not before that of column `since`. @param what that is, for the message: empty,
+  /// or ", the time of ...".
+  double not_before(std::size_t column, std::size_t since, std::string_view what) const;
 
   /// @throws TraceError: "FILE, line N: what", or "FILE, line N: column 'c': what".
   [[noreturn]] void refuse(const std::string& what) const;
@@ -56,12 +64,19 @@ class TraceColumns {
   std::vector<std::string_view> fields_;
 };
 
+/// Time of the last of some rows, if there is one.
+template <typename Rows>
+std::optional<double> last_time_s(const Rows& rows) {
+  return rows.empty() ? std::nullopt : std::optional<double>(rows.back().time_s);
+}
+
 /// Text of one row of a trace with `column_count` columns; what is not added is left empty.
 class TraceRow {
  public:
   explicit TraceRow(std::size_t column_count) : column_count_(column_count) {}
 
-  void start(std::string_view kind);
+  /// The first three columns. @param delivered_s  nothing: left empty
+  void start(std::string_view kind, double time_s, std::optional<double> delivered_s);
   void add(double value);
   void add(const Eigen::Vector3d& values);
   void skip();
@@ -73,6 +88,59 @@ class TraceRow {
   std::string text_;
   std::size_t fields_ = 0;
 };
+
+/// Refuses what would not read back before a trace is written.
+class TraceCheck {
+ public:
+  /// @throws TraceError, as all functions, which name the file: here for a trace without servo
+  /// instants.
+  TraceCheck(std::string file, std::size_t servo_instants);
+
+  /// The next instant.
+  void servo_instant(double time_s, bool finite);
+  [[noreturn]] void refuse(const char* kind, std::size_t index, const char* what) const;
+
+ private:
+  std::string file_;
+  std::size_t instants_ = 0;
+  double before_s_ = 0.0;
+};
+
+/// A row of a trace that is to be written, and its place among those of its kind.
+struct TraceRowPlace {
+  /// The order of rows that arrive at the same time.
+  enum class Kind { kContact, kSample, kServo };
+
+  double arrival_s = 0.0;
+  Kind kind = Kind::kContact;
+  std::size_t index = 0;
+};
+
+/// When the rows of a trace arrive [s], each kind in its order.
+struct TraceArrivals {
+  std::vector<double> contacts_s;
+  std::vector<double> samples_s;
+  std::vector<double> servo_s;
+};
+
+/// @param contacts, samples, servo  of a trace of any number of tools.
+template <typename Contacts, typename Samples, typename Instants>
+TraceArrivals arrivals_of(const Contacts& contacts, const Samples& samples, const Instants& servo) {
+  TraceArrivals arrivals;
+  for (const auto& contact : contacts) {
+    arrivals.contacts_s.push_back(contact.delivered_s.value_or(contact.time_s));
+  }
+  for (const auto& sample : samples) {
+    arrivals.samples_s.push_back(sample.delivered_s);
+  }
+  for (const auto& instant : servo) {
+    arrivals.servo_s.push_back(instant.time_s);
+  }
+  return arrivals;
+}
+
+/// All rows in the order in which they are written, that of their arrival.
+std::vector<TraceRowPlace> rows_in_order(const TraceArrivals& arrivals);
 
 /// A number as traces write it: the shortest text that reads back as exactly `value`.
 std::string number_text(double value);
