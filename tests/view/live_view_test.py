@@ -18,7 +18,7 @@ import unittest
 import peers
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "page"))
-from page_test import CHROMIUM, DRIVER, start_browser, webdriver
+from browser import CHROMIUM, DRIVER, BrowserCase, start_browser, webdriver
 
 if webdriver:
     from selenium.webdriver.common.action_chains import ActionChains
@@ -87,21 +87,7 @@ def wait_until(wanted, what, said=()):
     raise AssertionError(f"{what} did not come within {PATIENCE_S} s\n" + "\n".join(said))
 
 
-class LiveView(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.browser = start_browser(cls.folder.name)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.browser.quit()
-        cls.folder.cleanup()
-
-    def view(self, name, *arguments):
-        return self.browser.execute_script(
-            f"return window.forcegridView && window.forcegridView.{name}", *arguments)
-
+class LiveView(BrowserCase):
     def open(self, run, more=""):
         self.browser.get(run.url + more)
         self.wait_live(run)

@@ -23,7 +23,7 @@ import peers
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "page"))
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from live_view_test import PATIENCE_S, SURFACE_OF_SMALL, wait_until
-from page_test import CHROMIUM, DRIVER, start_browser, webdriver
+from browser import CHROMIUM, DRIVER, BrowserCase, webdriver
 
 try:
     import h5py
@@ -125,22 +125,15 @@ def make_old(new, old):
         del data.attrs["names_held_back"]
 
 
-class Page(unittest.TestCase):
+class Page(BrowserCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.path = pathlib.Path(cls.folder.name)
+        super().setUpClass()
         cls.new = cls.path / "run.h5"
         record(cls.new, cls.path / "out", SECONDS, "--record-surface")
         cls.truth = Recording(cls.new)
         cls.old = cls.path / "old.h5"
         make_old(cls.new, cls.old)
-        cls.browser = start_browser(cls.folder.name)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.browser.quit()
-        cls.folder.cleanup()
 
     def tearDown(self):
         errors = [entry["message"] for entry in self.browser.get_log("browser")
@@ -148,12 +141,6 @@ class Page(unittest.TestCase):
                   and "WebSocket connection" not in entry["message"]
                   and "GPU stall" not in entry["message"]]
         self.assertEqual(errors, [], "the browser's console")
-
-    def script(self, text, *arguments):
-        return self.browser.execute_script(text, *arguments)
-
-    def view(self, name):
-        return self.script(f"return window.forcegridView && window.forcegridView.{name}")
 
     def wait_live(self, lines=()):
         wait_until(lambda: self.script("return document.body.dataset.state") == "live",

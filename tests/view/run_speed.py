@@ -19,7 +19,7 @@ import time
 
 import live_view_test
 from live_view_test import Run, wait_until
-from page_test import start_browser
+from browser import start_browser
 
 # From the time stamp of the key to the page's turn to handle it, to the text of the acknowledgement,
 # and to the task after the frame that draws it.

@@ -5,13 +5,12 @@ usage: several_tools_test.py FORCEGRID [FOLDER]     pictures go to FOLDER; ends 
                                                     Chromium or selenium is missing"""
 import pathlib
 import sys
-import tempfile
 import time
 import unittest
 
 import live_view_test
-from live_view_test import CHROMIUM, DRIVER, Run, start_browser, wait_until, webdriver
-from page_test import CONTRAST, OVERLAPS, SIZES_PX
+from live_view_test import CHROMIUM, DRIVER, BrowserCase, Run, wait_until, webdriver
+from layout_checks import CONTRAST, OVERLAPS, SIZES_PX
 
 if webdriver:
     from selenium.webdriver.common.action_chains import ActionChains
@@ -25,29 +24,11 @@ APART_M = 0.03  # default, along y
 STILL_MM = 3.0
 
 
-class SeveralTools(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.downloads = tempfile.TemporaryDirectory()
-        cls.browser = start_browser(cls.downloads.name)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.browser.quit()
-        cls.downloads.cleanup()
-
-    def view(self, name):
-        return self.browser.execute_script(
-            f"return window.forcegridView && window.forcegridView.{name}")
-
+class SeveralTools(BrowserCase):
     def take(self, name):
         if FOLDER:
             FOLDER.mkdir(parents=True, exist_ok=True)
             (FOLDER / (name + ".png")).write_bytes(self.browser.get_screenshot_as_png())
-
-    def size(self, width, height):
-        self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
-            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": False})
 
     def other(self):
         others = self.view("other_tools")
@@ -129,9 +110,7 @@ class SeveralTools(unittest.TestCase):
                     self.assertEqual(device["emulator"]["final_current_mA"], [0.0, 0.0, 0.0])
         finally:
             run.close()
-            errors = [entry["message"] for entry in self.browser.get_log("browser")
-                      if entry["level"] == "SEVERE"
-                      and "WebSocket connection" not in entry["message"]]
+            errors = self.console_errors("WebSocket connection")
             self.assertEqual(errors, [], "the browser's console has errors")
 
 

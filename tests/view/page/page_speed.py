@@ -9,7 +9,7 @@ import statistics
 import tempfile
 import time
 
-from page_test import start_browser
+from browser import start_browser
 from stand_in_server import StandIn
 
 

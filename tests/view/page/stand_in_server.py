@@ -176,6 +176,7 @@ class StandIn:
         self.block, self.port, self.token = Block(vertices), port, token
         self.feed_scope, self.pictures_per_s = feed_scope, pictures_per_s
         self.commands, self.frozen, self.paused, self.stopped = [], None, False, False
+        self.hurt = False  # a test says so: its page is not as others expect it
         self.says_paused_by_held_back = False
         self.settings = {one["name"]: dict(one) for one in SETTINGS}
         self.answers_settings, self.tour, self.method = True, False, 0
