@@ -333,7 +333,7 @@ void Hub::begin_anew(const json& playback) {
   newest_row_.reset();
   newest_arm_ = nullptr;
   for (Viewer* viewer : viewers_) {
-    viewer->outbox.forget_run();
+    viewer->outbox.forget_run(options_.tool);
   }
 }
 

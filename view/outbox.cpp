@@ -98,11 +98,10 @@ void Outbox::forget_inside(std::size_t object) {
   inside_frames_[object] = nullptr;
 }
 
-void Outbox::forget_run() {
+void Outbox::forget_run(std::size_t tool) {
   rows_.clear();
   samples_.clear();
-  arms_.fill(nullptr);
-  other_tools_.fill(nullptr);
+  arms_[tool] = nullptr;
   field_ = nullptr;
   blocks_ = nullptr;
 }

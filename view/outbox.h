@@ -48,8 +48,9 @@ class Outbox {
   void set_inside_lines(std::size_t object, SharedBytes message);
   void set_inside_frame(std::size_t object, SharedBytes message);
   void forget_inside(std::size_t object);
-  /// Drops rows, samples, arms, tools, field and blocks: another run begins.
-  void forget_run();
+  /// Drops rows, samples, field, blocks and the arm of the tool: another run of it begins.
+  /// @param tool  < kMostTools
+  void forget_run(std::size_t tool);
 
   /// Texts first, then shapes, then lines, then the other kinds in turn. Nothing: nothing waits.
   std::optional<PageMessage> next();

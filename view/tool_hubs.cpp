@@ -39,6 +39,10 @@ ToolHubs::ToolHubs(const SendCommand& send_command, Surfaces::Tell tell_simulato
   }
 }
 
+std::size_t ToolHubs::number_of(const Tool& tool) const noexcept {
+  return static_cast<std::size_t>(&tool - tools_.data());
+}
+
 // ---- The feeds ----
 
 ToolHubs::Tool* ToolHubs::tool_of(std::uint64_t peer) noexcept {
@@ -70,6 +74,8 @@ void ToolHubs::take_feed(std::uint64_t peer, const Frame& frame) {
   tool.hub->take_feed(frame);
   if (is_of(FeedType::kHello, frame)) {
     tool.shown_ns.reset();
+    tool.arm = nullptr;
+    tool.newest.reset();
     say_list();
   } else {
     show_to_others(tool, frame);
@@ -99,25 +105,47 @@ void ToolHubs::change_others(const Tool& tool, const Change& change) {
 
 // Its hub has checked the frame.
 void ToolHubs::show_to_others(Tool& tool, const Frame& frame) {
-  const auto number = static_cast<std::size_t>(&tool - tools_.data());
+  const std::size_t number = number_of(tool);
   if (is_of(FeedType::kArm, frame)) {
-    const SharedBytes arm =
-        message_of(PageType::kArm, static_cast<std::uint8_t>(number), frame.payload);
-    change_others(tool, [&](Outbox& outbox) { outbox.set_arm(number, arm); });
+    tool.arm = message_of(PageType::kArm, static_cast<std::uint8_t>(number), frame.payload);
+    change_others(tool, [&](Outbox& outbox) { outbox.set_arm(number, tool.arm); });
   } else if (is_of(FeedType::kCycles, frame)) {
-    view_link::FeedCycle newest;
+    view_link::FeedCycle& newest = tool.newest.emplace();
     std::memcpy(&newest, frame.payload.data() + frame.payload.size() - sizeof newest,
                 sizeof newest);
     const auto since_ns = static_cast<std::int64_t>(
         static_cast<std::uint64_t>(newest.time_ns) -
         static_cast<std::uint64_t>(tool.shown_ns.value_or(0)));  // of times that may be any
-    if (tool.shown_ns && since_ns >= 0 && since_ns < kOtherTool_ns) {
-      return;
+    if (!tool.shown_ns || since_ns < 0 || since_ns >= kOtherTool_ns) {
+      show_place(tool);
     }
-    tool.shown_ns = newest.time_ns;
-    const SharedBytes place = other_tool_message(number, newest);
-    change_others(tool, [&](Outbox& outbox) { outbox.set_other_tool(number, place); });
+  } else if (is_of(FeedType::kPlayback, frame) && tool.newest) {
+    show_place(tool);  // a recording that stands still sends no cycle that would
   }
+}
+
+void ToolHubs::show_place(Tool& tool) {
+  const std::size_t number = number_of(tool);
+  tool.shown_ns = tool.newest->time_ns;
+  const SharedBytes place = other_tool_message(number, *tool.newest);
+  change_others(tool, [&](Outbox& outbox) { outbox.set_other_tool(number, place); });
+}
+
+// What a page that comes would have been told of the tools beside the one that it shows.
+void ToolHubs::give_others(Viewer& viewer) {
+  for (const Tool& tool : tools_) {
+    const std::size_t number = number_of(tool);
+    if (number == viewer.tool || tool.peer == 0) {
+      continue;
+    }
+    if (tool.arm) {
+      viewer.outbox.set_arm(number, tool.arm);
+    }
+    if (tool.newest) {
+      viewer.outbox.set_other_tool(number, other_tool_message(number, *tool.newest));
+    }
+  }
+  viewer.wake();
 }
 
 // ---- Surfaces ----
@@ -176,7 +204,7 @@ void ToolHubs::join(Viewer& viewer) {
   tools_[0].hub->join(viewer);
   if (has_several()) {
     viewer.outbox.add_text(list().dump());
-    viewer.wake();
+    give_others(viewer);
   }
 }
 
@@ -194,11 +222,12 @@ void ToolHubs::choose(Viewer& viewer, std::size_t tool) {
     return;
   }
   Hub& before = *tools_[viewer.tool].hub;
-  viewer.tool = tool;
   viewer.slice.reset();
   viewer.blocks = false;
-  viewer.outbox.forget_run();
+  viewer.outbox.forget_run(viewer.tool);
+  viewer.tool = tool;
   tools_[tool].hub->join(viewer, false);  // first, so that a simulator need not stop what it sends
+  give_others(viewer);
   before.leave(viewer);
 }
 

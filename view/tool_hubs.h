@@ -50,15 +50,20 @@ class ToolHubs {
     std::unique_ptr<Hub> hub;
     std::uint64_t peer = 0;                ///< its run's; 0: none
     std::optional<std::int64_t> shown_ns;  ///< cycle in which other pages were last told of it
+    SharedBytes arm;                       ///< the newest, for pages that come to show another tool
+    std::optional<view_link::FeedCycle> newest;  ///< likewise
   };
 
   Tool* tool_of(std::uint64_t peer) noexcept;
+  std::size_t number_of(const Tool& tool) const noexcept;
   Tool& begin(std::uint64_t peer, const view_link::Frame& hello);
   void choose(Viewer& viewer, std::size_t tool);
   [[nodiscard]] nlohmann::json list() const;
   [[nodiscard]] bool has_several() const;
   void say_list();
   void show_to_others(Tool& tool, const view_link::Frame& frame);
+  void show_place(Tool& tool);
+  void give_others(Viewer& viewer);
   template <typename Change>
   void change_others(const Tool& tool, const Change& change);
 

@@ -192,9 +192,12 @@ TEST(Outbox, ForgetsARunAndASurface) {
   outbox.add_row(row_at(1));
   outbox.add_sample({});
   outbox.set_arm(0, message_of(PageType::kArm, 0, view_link::Bytes{}));
+  outbox.set_arm(1, message_of(PageType::kArm, 1, view_link::Bytes{}));
   outbox.set_surface(2, surface(2, 1));
-  outbox.forget_run();
+  outbox.forget_run(0);
   EXPECT_EQ(outbox.next()->bytes->front(), 3);
+  EXPECT_EQ(outbox.next()->bytes->at(1), 1) << "the arm of another tool stays";
+  EXPECT_FALSE(outbox.next());
   outbox.set_shape(2, message_of(PageType::kShape, 2, view_link::Bytes{}));
   outbox.set_surface(2, surface(2, 1));
   outbox.forget_surface(2);

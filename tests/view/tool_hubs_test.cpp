@@ -150,6 +150,66 @@ TEST_F(HubsOfTwoTools, AChosenToolIsShownAndCommanded) {
   EXPECT_EQ(waiting(PageType::kOtherTool).size(), 1U);
 }
 
+TEST_F(HubsOfTwoTools, APageThatComesOrChoosesSeesWhereTheOthersStand) {
+  hubs_.take_feed(kLeft, arm_at(0.25F));
+  hubs_.take_feed(kLeft, cycle(1, 1'000'000'000));
+  hubs_.take_feed(kRight, arm_at(0.75F));
+  hubs_.take_feed(kRight, cycle(1, 1'000'000'000));
+  page_.texts();
+  page_.binary.clear();
+  hubs_.take_page(page_, R"({"what":"tool","tool":1})");
+  page_.texts();
+  ASSERT_EQ(page_.binary.size(), 2U) << "arm and place of the left one";
+  for (const view_link::Bytes& bytes : page_.binary) {
+    EXPECT_EQ(bytes[1], 0);
+  }
+  Page late;
+  hubs_.join(late);
+  late.texts();
+  ASSERT_EQ(late.binary.size(), 2U) << "arm and place of the right one";
+  for (const view_link::Bytes& bytes : late.binary) {
+    EXPECT_EQ(bytes[1], 1);
+  }
+  hubs_.leave(late);
+}
+
+TEST(HubsOfARecording, ShowWhereTheOthersAreWhenItStandsStill) {
+  ToolHubs hubs([](auto...) { return true; });
+  const auto hello = [](std::uint16_t tool) {
+    Frame frame =
+        text(FeedType::kHello, R"({"methods":["auto"],"recording":{"first_ns":0,"duration_s":1}})");
+    frame.object = tool;
+    return frame;
+  };
+  hubs.take_feed(kLeft, hello(0));
+  hubs.take_feed(kRight, hello(1));
+  Page page;
+  hubs.join(page);
+  view_link::FeedCycle one;
+  one.position_W_m = {0.25, 0.0, 0.0};
+  hubs.take_feed(kRight, structs(FeedType::kCycles, std::vector{one}));
+  one.time_ns = 2'000'000;  // sooner than places are told
+  one.position_W_m = {0.5, 0.0, 0.0};
+  hubs.take_feed(kRight, structs(FeedType::kCycles, std::vector{one}));
+  page.texts();
+  ASSERT_EQ(page.binary.size(), 1U);
+  EXPECT_EQ(number_at(page.binary[0], 4), 0.25F);
+  page.binary.clear();
+  hubs.take_feed(kRight, text(FeedType::kPlayback, R"({"state":"paused","time_s":0.002})"));
+  page.texts();
+  ASSERT_EQ(page.binary.size(), 1U);
+  EXPECT_EQ(number_at(page.binary[0], 4), 0.5F);
+  // That the left one goes elsewhere takes nothing of the right one away.
+  hubs.take_feed(kRight, text(FeedType::kPlayback, R"({"state":"paused","time_s":0.002})"));
+  hubs.take_feed(kLeft, text(FeedType::kPlayback,
+                             R"({"state":"seeking","time_s":0,"anew":{"missed_deadlines":0}})"));
+  page.binary.clear();
+  page.texts();
+  ASSERT_EQ(page.binary.size(), 1U);
+  EXPECT_EQ(page.binary[0][1], 1);
+  hubs.leave(page);
+}
+
 TEST_F(HubsOfTwoTools, EachHasAControllerOfItsOwn) {
   Page second;
   hubs_.join(second);
