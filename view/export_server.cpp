@@ -38,10 +38,10 @@ class Exporter {
         feed_(context_, {.path = folder + "/feed",
                          .peer = "run",
                          .largest_payload = view_link::kLargestFeedPayload,
-                         .most_connections = 1,
+                         .most_connections = kMostTools,
                          .on_frame =
-                             [this](std::uint64_t, const view_link::Frame& frame) {
-                               record_.take_feed(frame);
+                             [this](std::uint64_t peer, const view_link::Frame& frame) {
+                               record_.take_feed(peer, frame);
                                look(static_cast<view_link::FeedType>(frame.type) ==
                                     view_link::FeedType::kEnd);
                              },
@@ -146,7 +146,7 @@ void serve_export(const Options& options, const PageFiles& files, const std::str
   for (const auto& [name, kind] :
        {std::pair{"rows", ExportKind::kRows}, std::pair{"samples", ExportKind::kSamples},
         std::pair{"arm", ExportKind::kArm}, std::pair{"surface", ExportKind::kSurface},
-        std::pair{"field", ExportKind::kField}}) {
+        std::pair{"field", ExportKind::kField}, std::pair{"places", ExportKind::kPlaces}}) {
     const ExportRecord::Kept count = record.kept(kind);
     kept[name] = {{"kept", count.kept}, {"of", count.all}};
   }

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
-#include <cstdint>
 #include <deque>
 #include <functional>
 #include <memory>
@@ -14,35 +13,33 @@
 #include <string>
 #include <vector>
 
+#include "cli/playback/played_recording.h"
 #include "cli/playback/recorded_run.h"
 #include "view_link/frame_sender.h"
 
 namespace forcegrid::cli {
 
-/// Plays a recording into the live view as a run would feed it (docs/view_protocol.md), and does
-/// what a page asks for: play, stand still, go elsewhere.
+/// Plays the recordings of one run into the live view, one per tool, as the run would feed it
+/// (docs/view_protocol.md), by one clock, and does what a page asks for: play, stand still, go
+/// elsewhere. The surface is that of the first recording that has one.
 ///
-/// The view's copies of the force methods need what came before. To go back, or far ahead, the
-/// player begins anew up to kMostReplayed cycles before the place, without waiting for their time.
+/// The view's copies of the force methods need what came before a place:
+/// PlayedRecording::begin_seek() replays it without waiting for its time.
 /// Real-time: no. Threads: run() on one; the view's commands come on another.
 class Player {
  public:
-  /// Cycles that are replayed before the place that a person goes to: a minute at 500 Hz. The field
-  /// is exact if the recording begins there or later.
-  static constexpr std::size_t kMostReplayed = 30'000;
-
   struct Options {
     std::string feed_socket;     ///< of forcegrid-view
     std::string surface_socket;  ///< likewise
   };
 
-  /// Connects and says what was recorded. @param run  outlives this.
+  /// Connects and says what was recorded. @param runs  at least one; they outlive this.
   /// @throws view_link::ViewLinkError naming the socket.
-  Player(RecordedRun& run, const Options& options);
+  Player(const RecordedRuns& runs, const Options& options);
 
   /// Plays from the beginning until `stop()` says so, or the view is gone.
   /// @returns why it ended; empty: `stop`.
-  /// @throws tools::Hdf5Error for a part of the recording that can't be read.
+  /// @throws tools::Hdf5Error for a part of a recording that can't be read.
   std::string play(const std::function<bool()>& stop);
 
   /// Sends everything as fast as the view takes it, then the end.
@@ -58,43 +55,43 @@ class Player {
  private:
   using Clock = std::chrono::steady_clock;
   enum class State { kPlaying, kPaused };
+  struct Command {
+    std::size_t tool;  ///< whose page sent it
+    nlohmann::json what;
+  };
 
-  void take_command(const view_link::Frame& frame);
-  void obey(const nlohmann::json& command);
+  void take_command(std::size_t tool, const nlohmann::json& command);
+  void obey(const Command& command);
   bool another_place_is_wanted();
   void play_on(const std::function<bool()>& stop);
   void seek(double time_s, const std::function<bool()>& stop);
-  std::size_t start_before(std::size_t cycle) const;
-  bool send_until(std::size_t end, const std::function<bool()>& stop);
-  void send_cycles(std::size_t end);
-  void send_arm();
+  bool over() const;
+  void send_arms();
   void send_surface();
+  bool send_surfaces_until(double time_s, const std::function<bool()>& stop);
   nlohmann::json state_now() const;
-  void say(const nlohmann::json& playback);
-  static bool wait_for_room(const view_link::FrameSender& sender,
-                            const std::function<bool()>& stop);
+  void say_state();
   double now_s() const;
   void hold_clock(double time_s);
 
-  RecordedRun& run_;
+  double duration_s_;
   std::mutex mutex_;  ///< of the next three
   std::condition_variable wake_;
-  std::deque<nlohmann::json> commands_;
+  std::deque<Command> commands_;
   bool lost_ = false;
 
   State state_ = State::kPlaying;
   double speed_ = 1.0;
-  double held_s_ = 0.0;  ///< time of the recording at held_at_
+  double held_s_ = 0.0;  ///< time of the recordings at held_at_
   Clock::time_point held_at_ = Clock::now();
-  std::optional<double> wanted_s_;     ///< where a person wants to go
-  std::size_t next_cycle_ = 0;         ///< that is sent next
-  std::size_t next_sample_ = 0;        ///< likewise
-  std::uint64_t arrivals_before_ = 0;  ///< that the view was not sent
-  std::vector<std::size_t> shown_;     ///< entries of the surface
-  Clock::time_point said_at_{};        ///< the last state
+  std::optional<double> wanted_s_;  ///< where a person wants to go
+  std::vector<std::size_t> shown_;  ///< entries of the surface
+  std::size_t next_surface_ = 0;    ///< of send_all()
+  Clock::time_point said_at_{};     ///< the last state
   Clock::time_point arm_at_{};
+  const RecordedSurface* recorded_surface_ = nullptr;
   std::unique_ptr<view_link::FrameSender> surface_;
-  std::unique_ptr<view_link::FrameSender> feed_;
+  std::deque<PlayedRecording> tools_;
 };
 
 }  // namespace forcegrid::cli

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -22,7 +23,6 @@
 #include "log/log.h"
 #include "servo_loop/servo_options.h"
 #include "tools/config_file.h"
-#include "tools/recording.h"
 
 namespace forcegrid::cli {
 namespace {
@@ -278,19 +278,19 @@ struct RecordedRun::Block {
   std::vector<std::array<std::int32_t, 6>> counts;
 };
 
-RecordedRun::RecordedRun(const std::string& file) : reader_(file) {
-  const tools::RecordingHeader header = tools::read_header(reader_);
-  if (header.cycles == 0) {
+RecordedRun::RecordedRun(const std::string& file)
+    : reader_(file), header_(tools::read_header(reader_)) {
+  if (header_.cycles == 0) {
     throw Hdf5Error(file + ": the recording has no cycle; there is nothing to show");
   }
-  if (header.method_names.empty()) {
+  if (header_.method_names.empty()) {
     throw Hdf5Error(file + ": damaged: it names no method");
   }
-  methods_ = header.method_names.size();
-  workspace_.W_origin_D = -header.offset_W_m;
+  methods_ = header_.method_names.size();
+  workspace_.W_origin_D = -header_.offset_W_m;
   start_ns_ = std::strtoll(reader_.attribute("start_monotonic_ns").c_str(), nullptr, 10);
   std::int64_t newest_ns = std::numeric_limits<std::int64_t>::min();
-  for (const double time_s : reader_.numbers("/cycles/time_s", header.cycles)) {
+  for (const double time_s : reader_.numbers("/cycles/time_s", header_.cycles)) {
     if (!(std::abs(time_s) < kLongest_s)) {
       throw Hdf5Error(file + ": damaged: /cycles/time_s has a time that is none");
     }
@@ -298,28 +298,50 @@ RecordedRun::RecordedRun(const std::string& file) : reader_(file) {
     time_ns_.push_back(newest_ns);
   }
   std::uint32_t missed = 0;
-  for (const double deadlines : reader_.numbers("/cycles/missed_deadlines", header.cycles)) {
+  for (const double deadlines : reader_.numbers("/cycles/missed_deadlines", header_.cycles)) {
     missed += static_cast<std::uint32_t>(std::clamp(deadlines, 0.0, 1e6));
     missed_.push_back(missed);
   }
   read_samples();
   read_arrivals();
   read_hello();
-  surface_.emplace(reader_, 1e-9 * static_cast<double>(time_ns_.front() - start_ns_));
-  hello_["recording"] = {{"file", std::filesystem::path(file).filename().string()},
-                         {"started_utc", reader_.attribute("started_utc")},
-                         {"first_ns", time_ns_.front()},
-                         {"duration_s", duration_s()},
-                         {"complete", header.complete},
-                         {"surface", !surface_->entries().empty()},
-                         {"surface_frames", surface_->entries().size()}};
   hello_["controls"] = {"play", "seek"};
+  shared_ = {0, 1, time_ns_.front(), time_ns_.back(), 0};
+  surface_.emplace(reader_, 1e-9 * static_cast<double>(time_ns_.front() - start_ns_));
+  shared_.surface_frames = surface_->entries().size();
+  describe_recording();
+}
+
+void RecordedRun::share(const SharedPlace& shared) {
+  shared_ = shared;
+  surface_.emplace(reader_, 1e-9 * static_cast<double>(shared.first_ns - start_ns_));
+  describe_recording();
+}
+
+void RecordedRun::describe_recording() {
+  hello_["recording"] = {{"file", std::filesystem::path(file()).filename().string()},
+                         {"started_utc", reader_.attribute("started_utc")},
+                         {"first_ns", shared_.first_ns},
+                         {"duration_s", duration_s()},
+                         {"complete", header_.complete},
+                         {"tools", shared_.tools},
+                         {"surface", shared_.surface_frames > 0},
+                         {"surface_frames", shared_.surface_frames}};
+}
+
+std::optional<double> RecordedRun::clock_zero_utc_s() const {
+  std::tm started{};
+  const std::string text = reader_.attribute("started_utc");
+  if (::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%SZ", &started) == nullptr) {
+    return std::nullopt;
+  }
+  return static_cast<double>(::timegm(&started)) - 1e-9 * static_cast<double>(start_ns_);
 }
 
 RecordedRun::~RecordedRun() = default;
 
 void RecordedRun::read_samples() {
-  const std::size_t rows = tools::read_header(reader_).samples;
+  const std::size_t rows = header_.samples;
   const auto column = [&](const char* name, std::size_t width) {
     return Column(reader_, name, rows, 0, width);
   };
@@ -441,9 +463,9 @@ json RecordedRun::hello_of_old_recording() {
 
 std::size_t RecordedRun::cycle_at(double time_s) const noexcept {
   const double clamped_s = std::clamp(time_s, 0.0, kLongest_s);
-  return static_cast<std::size_t>(
-      std::lower_bound(time_ns_.begin(), time_ns_.end(), time_ns_[0] + nanoseconds(clamped_s)) -
-      time_ns_.begin());
+  return static_cast<std::size_t>(std::lower_bound(time_ns_.begin(), time_ns_.end(),
+                                                   shared_.first_ns + nanoseconds(clamped_s)) -
+                                  time_ns_.begin());
 }
 
 std::uint64_t RecordedRun::missed_deadlines_before(std::size_t cycle) const {

@@ -15,10 +15,21 @@
 #include "profiles/device_profile.h"
 #include "servo_loop/servo_options.h"
 #include "tools/hdf5_file.h"
+#include "tools/recording.h"
 #include "view_link/feed_messages.h"
 #include "view_link/frame.h"
 
 namespace forcegrid::cli {
+
+/// What the recordings of one run with several devices share, so that they are shown together.
+struct SharedPlace {
+  std::size_t place = 0;      ///< of the recording's tool among them, counted from 0
+  std::size_t tools = 1;      ///< so many recordings are shown
+  std::int64_t first_ns = 0;  ///< of their clock: the earliest first cycle
+  std::int64_t last_ns = 0;   ///< of their clock: the latest last cycle
+  /// Shapes and frames of the surface that is shown, which one of them has.
+  std::size_t surface_frames = 0;
+};
 
 /// A recording (docs/recording.md) as what its run would send to the live view. Times are those of
 /// the run's clock, as far as the file's doubles hold them.
@@ -38,14 +49,29 @@ class RecordedRun {
   /// As ViewFeed's, with the key `recording`.
   const nlohmann::json& hello() const noexcept { return hello_; }
 
+  /// What tells the run and the tool.
+  const std::string& file() const noexcept { return reader_.file(); }
+  const tools::RecordingHeader& header() const noexcept { return header_; }
+  std::int64_t first_ns() const noexcept { return time_ns_.front(); }
+  std::int64_t last_ns() const noexcept { return time_ns_.back(); }
+  /// [s] Of the world's clock when the run's clock was zero, to about a second; nothing if the file
+  /// does not say when it was begun.
+  std::optional<double> clock_zero_utc_s() const;
+
+  /// Shows it together with others: times count from the first cycle of all.
+  void share(const SharedPlace& shared);
+  std::size_t place() const noexcept { return shared_.place; }
+
   std::size_t cycles() const noexcept { return time_ns_.size(); }
-  /// [s] From the first cycle to the last.
-  double duration_s() const noexcept { return seconds_of(time_ns_.size() - 1); }
-  /// [s] Of a cycle, since the first.
-  double seconds_of(std::size_t cycle) const noexcept {
-    return 1e-9 * static_cast<double>(time_ns_[cycle] - time_ns_[0]);
+  /// [s] From the first cycle to the last, of all recordings that are shown.
+  double duration_s() const noexcept {
+    return 1e-9 * static_cast<double>(shared_.last_ns - shared_.first_ns);
   }
-  /// The first cycle at or after a time since the first; cycles() if there is none.
+  /// [s] Of a cycle, since the first one of all recordings that are shown.
+  double seconds_of(std::size_t cycle) const noexcept {
+    return 1e-9 * static_cast<double>(time_ns_[cycle] - shared_.first_ns);
+  }
+  /// The first cycle at or after such a time; cycles() if there is none.
   std::size_t cycle_at(double time_s) const noexcept;
   std::uint64_t missed_deadlines_before(std::size_t cycle) const;
 
@@ -65,11 +91,14 @@ class RecordedRun {
   void read_samples();
   void read_hello();
   void read_arrivals();
+  void describe_recording();
   nlohmann::json hello_of_old_recording();
   const Block& block_of(std::size_t cycle);
   std::unique_ptr<Block> read_block(std::size_t first);
 
   tools::Hdf5Reader reader_;
+  tools::RecordingHeader header_;
+  SharedPlace shared_;
   std::int64_t start_ns_ = 0;  ///< of the recording, on the run's clock
   std::size_t methods_ = 0;
   std::optional<profiles::DeviceProfile> profile_;
@@ -83,5 +112,8 @@ class RecordedRun {
   std::optional<RecordedSurface> surface_;
   std::vector<std::unique_ptr<Block>> blocks_;  ///< the newest ones that were asked for
 };
+
+/// Of one run, by the place of the tool.
+using RecordedRuns = std::vector<std::unique_ptr<RecordedRun>>;
 
 }  // namespace forcegrid::cli

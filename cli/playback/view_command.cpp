@@ -10,8 +10,8 @@
 #include "cli/common/number_check.h"
 #include "cli/common/progress_line.h"
 #include "cli/common/stop_request.h"
+#include "cli/playback/one_run.h"
 #include "cli/playback/player.h"
-#include "cli/playback/recorded_run.h"
 #include "cli/run/view_process.h"
 #include "log/log.h"
 #include "tools/hdf5_file.h"
@@ -21,9 +21,9 @@ namespace {
 
 bool stops() { return StopRequest::stop().load(); }
 
-int show(RecordedRun& run, const ViewOptions& options) {
+int show(const RecordedRuns& runs, const ViewOptions& options) {
   const ViewProcess process(options.listen, options.view_key);
-  Player player(run, {process.feed_socket(), process.surface_socket()});
+  Player player(runs, {process.feed_socket(), process.surface_socket()});
   std::fputs(process.address_text().c_str(), stderr);  // not to the log: it has the token
   if (options.open) {
     const std::string why_not = process.open_browser();
@@ -54,11 +54,11 @@ std::string size_text(double bytes) {
   return text;
 }
 
-int write_page(RecordedRun& run, const ViewOptions& options) {
+int write_page(const RecordedRuns& runs, const ViewOptions& options) {
   ViewProcess process(options.export_file, options.export_MB);
   ProgressLine line;
-  line.begin("Exporting " + options.file);
-  Player player(run, {process.feed_socket(), process.surface_socket()});
+  line.begin("Exporting " + options.export_file);
+  Player player(runs, {process.feed_socket(), process.surface_socket()});
   if (player.send_all(stops)) {
     player.end("", 0);
     while (!stops() && !player.finish(0.1)) {
@@ -87,8 +87,10 @@ int write_page(RecordedRun& run, const ViewOptions& options) {
 }  // namespace
 
 void add_view(Command& app, ViewOptions& o, std::function<int()>& action) {
-  Command& view = app.add_subcommand("view", "Show a recording in a browser: play, scrub, export");
-  view.add_option("FILE", o.file, "Recording of forcegrid record; also of a run that was killed")
+  Command& view = app.add_subcommand("view", "Show recordings in a browser: play, scrub, export");
+  view.add_option("FILE", o.files,
+                  "Recording of forcegrid record; also of a run that was killed. Several: those of "
+                  "one run with several devices")
       ->required();
   view.add_option("--listen", o.listen,
                   "ADDR:PORT of the page; without --view-key loopback only; port 0: a free one")
@@ -117,10 +119,10 @@ void add_view(Command& app, ViewOptions& o, std::function<int()>& action) {
 
 int view_command(const ViewOptions& options) {
   ProgressLine line;
-  line.begin("Reading " + options.file);
-  RecordedRun run(options.file);
+  line.begin("Reading " + options.files.front());
+  const RecordedRuns runs = recordings_of_one_run(options.files);
   line.clear();
-  return options.export_file.empty() ? show(run, options) : write_page(run, options);
+  return options.export_file.empty() ? show(runs, options) : write_page(runs, options);
 }
 
 }  // namespace forcegrid::cli

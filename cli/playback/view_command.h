@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "cli/common/json_target.h"
 #include "cli/common/options.h"
@@ -10,7 +11,7 @@
 namespace forcegrid::cli {
 
 struct ViewOptions {
-  std::string file;                    ///< a recording
+  std::vector<std::string> files;      ///< a recording, or those of one run with several devices
   std::string listen = "127.0.0.1:0";  ///< ADDR:PORT of the page
   std::string view_key;                ///< PEM file that encrypts the page; empty: it is not
   bool open = false;                   ///< ask the desktop to open it
@@ -21,7 +22,7 @@ struct ViewOptions {
 
 void add_view(Command& app, ViewOptions& o, std::function<int()>& action);
 
-/// Shows a recording in a browser until it is asked to stop, or writes it as a page.
+/// Shows recordings in a browser until it is asked to stop, or writes them as a page.
 /// @returns the program's exit status: 0, or 1 if the live view broke off.
 /// @throws std::exception with a sentence for the user.
 int view_command(const ViewOptions& options);

@@ -12,6 +12,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <array>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
@@ -40,6 +41,7 @@ constexpr std::int64_t kFirst_ns = 5'000'000'000;
 struct Message {
   double time_s;
   bool is_text;
+  std::uint32_t tool;
   Bytes bytes;
 };
 
@@ -50,11 +52,12 @@ std::vector<Message> unpacked(const Bytes& packed) {
   for (std::size_t at = 4; at < packed.size();) {
     Message message;
     std::uint32_t size = 0;
-    std::uint32_t is_text = 0;
+    std::uint32_t kind = 0;
     std::memcpy(&message.time_s, packed.data() + at, 8);
     std::memcpy(&size, packed.data() + at + 8, 4);
-    std::memcpy(&is_text, packed.data() + at + 12, 4);
-    message.is_text = is_text == 1;
+    std::memcpy(&kind, packed.data() + at + 12, 4);
+    message.is_text = kind % 256 == 1;
+    message.tool = kind / 256;
     const auto begin = packed.begin() + static_cast<std::ptrdiff_t>(at + 16);
     message.bytes.assign(begin, begin + size);
     found.push_back(message);
@@ -67,23 +70,25 @@ Frame text(FeedType type, const json& content) {
   return view_link::text_frame(static_cast<std::uint16_t>(type), content.dump());
 }
 
-Frame hello(std::uint64_t surface_frames) {
-  return text(FeedType::kHello,
-              {{"methods", {"hold"}},
-               {"largest_force_N", 5},
-               {"simulator_rate_Hz", 30},
-               {"recording",
-                {{"first_ns", kFirst_ns}, {"duration_s", 2.0}, {"surface_frames", surface_frames}}},
-               {"copies",
-                {{"low_W_m", {-0.1, -0.1, -0.1}},
-                 {"high_W_m", {0.1, 0.1, 0.1}},
-                 {"cells", {20, 20, 20}},
-                 {"influence_radius_m", 0.03},
-                 {"unit_m", 0.001},
-                 {"samples_per_cell", 0},
-                 {"budget_reads", nullptr},
-                 {"fill_budget", 1000},
-                 {"requests_per_s", 0}}}});
+Frame hello(std::uint64_t surface_frames, std::size_t tools = 1) {
+  return text(FeedType::kHello, {{"methods", {"hold"}},
+                                 {"largest_force_N", 5},
+                                 {"simulator_rate_Hz", 30},
+                                 {"recording",
+                                  {{"first_ns", kFirst_ns},
+                                   {"duration_s", 2.0},
+                                   {"tools", tools},
+                                   {"surface_frames", surface_frames}}},
+                                 {"copies",
+                                  {{"low_W_m", {-0.1, -0.1, -0.1}},
+                                   {"high_W_m", {0.1, 0.1, 0.1}},
+                                   {"cells", {20, 20, 20}},
+                                   {"influence_radius_m", 0.03},
+                                   {"unit_m", 0.001},
+                                   {"samples_per_cell", 0},
+                                   {"budget_reads", nullptr},
+                                   {"fill_budget", 1000},
+                                   {"requests_per_s", 0}}}});
 }
 
 // A recording of so many seconds at 500 Hz, with a picture of the surface every 32 ms.
@@ -91,7 +96,7 @@ void feed(ExportRecord& record, double length_s) {
   const view_link::SurfaceShape shape{3, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}};
   const auto cycles = static_cast<std::uint64_t>(500 * length_s);
   const std::uint64_t pictures = (cycles + 15) / 16;
-  record.take_feed(hello(1 + pictures));
+  record.take_feed(1, hello(1 + pictures));
   record.take_surface(1, encode(shape));
   for (std::uint64_t i = 0; i < cycles; ++i) {
     view_link::FeedCycle cycle;
@@ -99,15 +104,15 @@ void feed(ExportRecord& record, double length_s) {
     cycle.time_ns = kFirst_ns + static_cast<std::int64_t>(i) * 2'000'000;
     Frame frame{static_cast<std::uint16_t>(FeedType::kCycles), 0, {}};
     view_link::append(frame.payload, cycle);
-    record.take_feed(frame);
+    record.take_feed(1, frame);
     if (i % 16 == 0) {
       const double time_s = 0.002 * static_cast<double>(i);
       record.take_surface(
           1, encode(view_link::SurfaceFrame{3, time_s, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5F}}}));
-      record.take_feed({static_cast<std::uint16_t>(FeedType::kArm), 0, {0, 0, 0, 0}});
+      record.take_feed(1, {static_cast<std::uint16_t>(FeedType::kArm), 0, {0, 0, 0, 0}});
     }
   }
-  record.take_feed(text(FeedType::kEnd, {{"text", ""}}));
+  record.take_feed(1, text(FeedType::kEnd, {{"text", ""}}));
 }
 
 TEST(ExportRecord, HoldsWhatAPageWouldBeToldWithItsTimes) {
@@ -139,12 +144,59 @@ TEST(ExportRecord, HoldsWhatAPageWouldBeToldWithItsTimes) {
 
 TEST(ExportRecord, WaitsForEveryPictureOfTheSurface) {
   ExportRecord record(1 << 20);
-  record.take_feed(hello(1));
-  record.take_feed(text(FeedType::kEnd, {{"text", ""}}));
+  record.take_feed(1, hello(1));
+  record.take_feed(1, text(FeedType::kEnd, {{"text", ""}}));
   EXPECT_FALSE(record.complete());
   EXPECT_EQ(record.surfaces_missing(), 1U);
   record.take_surface(1, encode(view_link::SurfaceShape{3, {{0, 0, 0}}, {}}));
   EXPECT_TRUE(record.complete());
+}
+
+TEST(ExportRecord, HoldsTheRecordingsOfSeveralTools) {
+  ExportRecord record(std::size_t{50} << 20);
+  const Frame end = text(FeedType::kEnd, {{"text", ""}});
+  for (std::uint16_t tool = 0; tool < 2; ++tool) {
+    Frame begin = hello(0, 2);
+    begin.object = tool;
+    record.take_feed(10 + tool, begin);
+  }
+  for (std::int64_t i = 0; i < 500; ++i) {  // a second; the right tool begins half a second later
+    view_link::FeedCycle cycle;
+    cycle.time_ns = kFirst_ns + i * 2'000'000;
+    for (std::uint16_t tool = 0; tool < 2; ++tool) {
+      cycle.position_W_m = {0.25 * tool, 0.0, 0.0};
+      Frame frame{static_cast<std::uint16_t>(FeedType::kCycles), 0, {}};
+      view_link::append(frame.payload, cycle);
+      if (tool == 0 || i >= 250) {
+        record.take_feed(10 + tool, frame);
+      }
+    }
+  }
+  record.take_feed(10, {static_cast<std::uint16_t>(FeedType::kArm), 0, {0, 0, 0, 0}});
+  record.take_feed(10, end);
+  EXPECT_FALSE(record.complete()) << "the other one goes on";
+  record.take_feed(11, end);
+  EXPECT_TRUE(record.complete());
+  std::map<int, std::array<int, 2>> kinds;
+  for (const Message& message : unpacked(record.pack(""))) {
+    ASSERT_LT(message.tool, 2U);
+    ++kinds[message.is_text ? 0 : message.bytes.at(0)][message.tool];
+    if (!message.is_text && (message.bytes[0] == 5 || message.bytes[0] == 10)) {
+      EXPECT_EQ(message.bytes[1], message.tool);
+    }
+    if (!message.is_text && message.bytes[0] == 10) {
+      float x_m = -1.0F;
+      std::memcpy(&x_m, message.bytes.data() + 4, 4);
+      EXPECT_EQ(x_m, 0.25F * static_cast<float>(message.tool));
+    }
+    EXPECT_GE(message.time_s, message.is_text || message.tool == 0 ? 0.0 : 0.5);
+  }
+  using Both = std::array<int, 2>;
+  EXPECT_EQ(kinds[0], (Both{1, 1})) << "a hello of each";
+  EXPECT_EQ(kinds[1], (Both{100, 50})) << "a row every 10 ms";
+  EXPECT_EQ(kinds[5], (Both{1, 0}));
+  EXPECT_EQ(kinds[6], (Both{5 + 2 * 2, 3 + 2 * 1})) << "slices";
+  EXPECT_EQ(kinds[10], (Both{63, 32})) << "a place every 16 ms";
 }
 
 TEST(ExportRecord, SaysWhatItLeavesOut) {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recording that is in the page itself, in place of a connection: it hands out what the live view
-// would send, by a clock of its own, and does what the player's bar asks for.
+// The recordings of a run that are in the page itself, in place of a connection: it hands out what
+// the live view would send, by a clock of its own, and does what the player's bar asks for.
 
-import {kArm, kField, kFrame, kSamples, kScope, kShape} from '/decode.js';
+import {kArm, kField, kFrame, kOtherTool, kSamples, kScope, kShape} from '/decode.js';
 
 const kMagic = 'FGX1';
-const kRecordHead = 16;       // f64 time, u32 bytes, u32 1 for a text
+const kRecordHead = 16;       // f64 time, u32 bytes, u32 1 for a text + 256 * the tool's place
 const kTick_ms = 16;
 const kSay_ms = 100;
 const kPast_s = 115;          // of the scope's rows that a place needs
@@ -13,6 +13,7 @@ const kSamplePast_s = 20;
 const kSliceHead = 44;
 const kSliceNumbers = 5;      // of each point: force x, y, z, uncertainty, status
 const kNotCompared = 255;
+const kPictures = [kShape, kFrame, kArm, kOtherTool];  // of which the newest alone counts
 
 /** The element's base64, without gzip. */
 async function unpacked(element) {
@@ -22,7 +23,8 @@ async function unpacked(element) {
   return new Response(stream).arrayBuffer();
 }
 
-/** The records in order of time: {time_s, text} or {time_s, kind, bytes: ArrayBuffer}. */
+/** The records in order of time: {time_s, tool, text} or {time_s, tool, kind, object,
+ *  bytes: ArrayBuffer}. */
 function records_of(buffer) {
   const view = new DataView(buffer);
   const letters = new Uint8Array(buffer);
@@ -33,10 +35,11 @@ function records_of(buffer) {
   for (let at = 4; at < buffer.byteLength;) {
     const time_s = view.getFloat64(at, true);
     const size = view.getUint32(at + 8, true);
-    const is_text = view.getUint32(at + 12, true) === 1;
+    const is_text = view.getUint8(at + 12) === 1;
+    const tool = view.getUint8(at + 13);
     const bytes = buffer.slice(at + kRecordHead, at + kRecordHead + size);
-    records.push(is_text ? {time_s, text: JSON.parse(new TextDecoder().decode(bytes))}
-                         : {time_s, kind: new Uint8Array(bytes)[0],
+    records.push(is_text ? {time_s, tool, text: JSON.parse(new TextDecoder().decode(bytes))}
+                         : {time_s, tool, kind: new Uint8Array(bytes)[0],
                             object: new Uint8Array(bytes)[1], bytes});
     at += kRecordHead + size;
   }
@@ -98,22 +101,46 @@ export class ExportedRecording {
                              text: String(error.message || error)});
       return;
     }
-    const of = (kind) => this.records.filter((record) => record.kind === kind);
-    this.rows = of(kScope);
-    this.samples = of(kSamples);
-    this.arms = of(kArm);
-    this.slices = of(kField);
-    this.surfaces = this.records.filter(({kind}) => kind === kShape || kind === kFrame);
+    this.pictures = this.records.filter(({kind}) => kPictures.includes(kind));
+    this.hellos = new Map(this.records.filter(({text}) => text && text.type === 'hello')
+                              .map(({tool, text}) => [tool, text]));
     this.open = true;
     this.handlers.on_open();
-    const texts = this.records.filter(({text}) => text).map(({text}) => text);
-    const hello = texts.find(({type}) => type === 'hello');
-    this.duration_s = hello.recording.duration_s;
-    this.handlers.on_text({...hello, blocks: false, role: 'controller'});
-    texts.filter(({type}) => type === 'note').forEach((note) => this.handlers.on_text(note));
+    this.show_tool(Math.min(...this.hellos.keys()));
+    if (this.hellos.size > 1) {
+      const tools = [...this.hellos].sort(([a], [b]) => a - b)
+                        .map(([tool, {device}]) => ({tool, device, live: true}));
+      this.handlers.on_text({type: 'tools', tools});
+    }
     this.hold(0);
     this.go_to(0);
     setInterval(() => this.tick(), kTick_ms);
+  }
+
+  /** Begins with a tool: scope, samples and field are its own, pictures of all. */
+  show_tool(tool) {
+    const of = (kind) =>
+        this.records.filter((record) => record.kind === kind && record.tool === tool);
+    this.tool = tool;
+    this.rows = of(kScope);
+    this.samples = of(kSamples);
+    this.slices = of(kField);
+    this.wish = this.slice = null;
+    this.given_s = -Infinity;
+    const hello = this.hellos.get(tool);
+    this.duration_s = hello.recording.duration_s;
+    this.handlers.on_text({...hello, blocks: false, role: 'controller'});
+    this.records.filter(({text, tool: its_tool}) => text && text.type === 'note' &&
+                                    (its_tool === tool || text.component === 'export'))
+        .forEach(({text}) => this.handlers.on_text(text));
+  }
+
+  choose(tool) {
+    if (this.hellos.has(tool) && tool !== this.tool) {
+      const time_s = this.now_s;
+      this.show_tool(tool);
+      this.go_to(time_s);
+    }
   }
 
   slow_down() {}
@@ -131,7 +158,7 @@ export class ExportedRecording {
   send(what, fields = {}) {
     const action = {
       play: () => this.play(fields), seek: () => this.go_to(fields.time_s),
-      field: () => this.want(fields),
+      field: () => this.want(fields), tool: () => this.choose(fields.tool),
     }[what];
     if (!action || !this.open) {
       return null;
@@ -189,9 +216,8 @@ export class ExportedRecording {
         count_until(records, time_s));
     between(this.rows, kPast_s).forEach(hand_out);
     between(this.samples, kSamplePast_s).forEach(hand_out);
-    between(this.arms, Infinity).slice(-1).forEach(hand_out);
     const newest = new Map();
-    between(this.surfaces, Infinity).forEach((record) => {
+    between(this.pictures, Infinity).forEach((record) => {
       newest.set(`${record.object} ${record.kind}`, record);
     });
     [...newest.values()].sort((a, b) => a.kind - b.kind).forEach(hand_out);

@@ -41,6 +41,7 @@ class Page {
     this.history = new History();
     this.hello = {};
     this.role = '';
+    this.lacks_past = false;  // of a recording
     this.state = 'connecting';
     this.counted = {frames: 0, pictures: 0, broken: 0};
     this.rates = {frames: 0, pictures: 0, since_ms: performance.now(), frames_per_s: 0, fps: 0};
@@ -178,7 +179,7 @@ class Page {
       acknowledged: () => this.on_acknowledged(message),
       settings: () => this.settings.on_settings(message),
       end: () => this.on_end(message),
-      playback: () => this.playback.take(message),
+      playback: () => this.on_playback(message),
       tools: () => this.on_tools(message),
       waiting: () => this.wait(),
       surface_lost: () => this.scene.lose_surface(message.object),
@@ -195,6 +196,7 @@ class Page {
 
   on_hello(hello) {
     this.hello = hello;
+    this.lacks_past = (hello.tool || 0) !== this.tool_choice.shown;
     this.tool_choice.set_run(hello);
     this.scene.keep_other_tools(this.tool_choice.others);
     this.playback.set_run(hello);
@@ -235,6 +237,15 @@ class Page {
     this.tour.set_allowed(controller);
     by_id('take-control').hidden = controller || role === '';
     by_id('take-control').disabled = control_is_free === false;
+  }
+
+  /** Of a tool that was just chosen, the player is asked for what led to the place. */
+  on_playback(message) {
+    this.playback.take(message);
+    if (this.lacks_past && message.state !== 'seeking') {
+      this.lacks_past = false;
+      this.playback.go_to(message.time_s);
+    }
   }
 
   /** A recording goes elsewhere: what the page holds does not lead there. */
