@@ -2,11 +2,9 @@
 // Version 3 of the link, which carries orientations, buttons and torques: bytes, ranges, and who
 // is served in which version.
 #include <gtest/gtest.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -16,6 +14,7 @@
 #include "link/seal.h"
 #include "link/servo_endpoint.h"
 #include "link/simulator_endpoint.h"
+#include "tests/link/changed_datagrams.h"
 #include "tests/link/raw_peer.h"
 #include "tests/link/worked_datagrams.h"
 
@@ -23,35 +22,12 @@ namespace forcegrid::link {
 namespace {
 
 using namespace std::chrono_literals;
-using Bytes = std::vector<std::byte>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 const Bytes kState = worked::from_hex(worked::kPoseToolStateHex);
 const Bytes kState2 = worked::from_hex(worked::kPoseTool2StateHex);
 const Bytes kSample = worked::from_hex(worked::kPoseForceSampleHex);
-
-template <typename Message>
-Bytes encoded(const Message& message, ToolId tool, Content content,
-              std::uint64_t session_id = worked::kSession) {
-  Bytes buffer(kMaxDatagramBytes);
-  const Encoded result = encode(message, session_id, buffer, tool, content);
-  EXPECT_EQ(result.status, WireStatus::kOk) << to_string(result.status);
-  buffer.resize(result.size_bytes);
-  return buffer;
-}
-
-template <typename T>
-WireStatus status_with(Bytes datagram, std::size_t offset, T value) {
-  const auto bytes = std::bit_cast<std::array<std::byte, sizeof(T)>>(value);
-  std::copy(bytes.begin(), bytes.end(), datagram.begin() + static_cast<std::ptrdiff_t>(offset));
-  const auto crc =
-      static_cast<std::uint32_t>(::crc32(0, reinterpret_cast<const Bytef*>(datagram.data()),
-                                         static_cast<uInt>(datagram.size() - kChecksumBytes)));
-  const auto checksum = std::bit_cast<std::array<std::byte, kChecksumBytes>>(crc);
-  std::copy(checksum.begin(), checksum.end(), datagram.end() - kChecksumBytes);
-  return decode(datagram).status;
-}
 
 void expect_same_pose(const ToolState& a, const ToolState& b) {
   EXPECT_EQ(a.has_orientation, b.has_orientation);

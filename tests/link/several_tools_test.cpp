@@ -3,16 +3,15 @@
 // is served in which version.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <zlib.h>
 
 #include <algorithm>
-#include <bit>
 #include <chrono>
 #include <limits>
 #include <utility>
 
 #include "link/servo_endpoint.h"
 #include "link/simulator_endpoint.h"
+#include "tests/link/changed_datagrams.h"
 #include "tests/link/counting_key.h"
 #include "tests/link/raw_peer.h"
 #include "tests/link/worked_datagrams.h"
@@ -21,32 +20,10 @@ namespace forcegrid::link {
 namespace {
 
 using namespace std::chrono_literals;
-using Bytes = std::vector<std::byte>;
 
 const Bytes kTool2State = worked::from_hex(worked::kTool2StateHex);
 const Bytes kOthers = worked::from_hex(worked::kOtherToolsHex);
 const Bytes kRefusal = worked::from_hex(worked::kRefusalHex);
-
-template <typename Message>
-Bytes encoded(const Message& message, ToolId tool) {
-  Bytes buffer(kMaxDatagramBytes);
-  const Encoded result = encode(message, worked::kSession, buffer, tool);
-  EXPECT_EQ(result.status, WireStatus::kOk) << to_string(result.status);
-  buffer.resize(result.size_bytes);
-  return buffer;
-}
-
-template <typename T>
-WireStatus status_with(Bytes datagram, std::size_t offset, T value) {
-  const auto bytes = std::bit_cast<std::array<std::byte, sizeof(T)>>(value);
-  std::copy(bytes.begin(), bytes.end(), datagram.begin() + static_cast<std::ptrdiff_t>(offset));
-  const auto crc =
-      static_cast<std::uint32_t>(::crc32(0, reinterpret_cast<const Bytef*>(datagram.data()),
-                                         static_cast<uInt>(datagram.size() - kChecksumBytes)));
-  const auto checksum = std::bit_cast<std::array<std::byte, kChecksumBytes>>(crc);
-  std::copy(checksum.begin(), checksum.end(), datagram.end() - kChecksumBytes);
-  return decode(datagram).status;
-}
 
 TEST(ToolsWire, WritesAndReadsTheWorkedDatagrams) {
   EXPECT_EQ(encoded(worked::tool_state(), 2), kTool2State);

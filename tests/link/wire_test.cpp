@@ -3,11 +3,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -16,45 +14,15 @@
 #include <set>
 
 #include "link/seal.h"
+#include "tests/link/changed_datagrams.h"
 #include "tests/link/worked_datagrams.h"
 
 namespace forcegrid::link {
 namespace {
 
-using Bytes = std::vector<std::byte>;
-
 constexpr std::uint32_t kSeed = 20150814;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-template <typename Message>
-Bytes encoded(const Message& message, std::uint64_t session_id = worked::kSession) {
-  Bytes buffer(kMaxDatagramBytes);
-  const Encoded result = encode(message, session_id, buffer);
-  EXPECT_EQ(result.status, WireStatus::kOk) << to_string(result.status);
-  buffer.resize(result.size_bytes);
-  return buffer;
-}
-
-/// Puts a matching checksum under changed bytes, as a faulty or hostile peer would.
-Bytes with_checksum(Bytes datagram) {
-  const std::size_t body = datagram.size() - 4;
-  const auto checksum =
-      ::crc32(0, reinterpret_cast<const Bytef*>(datagram.data()), static_cast<uInt>(body));
-  for (std::size_t i = 0; i < 4; ++i) {
-    datagram[body + i] = static_cast<std::byte>((checksum >> (8 * i)) & 0xFF);
-  }
-  return datagram;
-}
-
-/// Overwrites the bytes at `offset` with the machine's (little-endian) ones of `value`.
-template <typename T>
-Bytes with(Bytes datagram, std::size_t offset, T value) {
-  static_assert(std::endian::native == std::endian::little);
-  const auto bytes = std::bit_cast<std::array<std::byte, sizeof(T)>>(value);
-  std::copy(bytes.begin(), bytes.end(), datagram.begin() + static_cast<std::ptrdiff_t>(offset));
-  return with_checksum(std::move(datagram));
-}
 
 const Bytes kToolState = worked::from_hex(worked::kToolStateHex);
 const Bytes kQuery = worked::from_hex(worked::kQueryHex);
@@ -221,9 +189,9 @@ TEST(Wire, RandomMessagesComeBackUnchanged) {
       std::ranges::generate(sample.stiffness_W_N_per_m,
                             [&] { return real(kMaxStiffness_N_per_m); });
     }
-    expect_decodes_to(encoded(state, session_id), state, session_id);
-    expect_decodes_to(encoded(query, session_id), query, session_id);
-    expect_decodes_to(encoded(sample, session_id), sample, session_id);
+    expect_decodes_to(encoded(state, 0, Content::kPosition, session_id), state, session_id);
+    expect_decodes_to(encoded(query, 0, Content::kPosition, session_id), query, session_id);
+    expect_decodes_to(encoded(sample, 0, Content::kPosition, session_id), sample, session_id);
     if (HasFailure()) {
       break;
     }

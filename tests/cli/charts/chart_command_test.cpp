@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "tests/paper/tiny_scenes.h"
+#include "tests/support/command_test.h"
 #include "tests/support/program.h"
 
 namespace forcegrid {
@@ -30,8 +31,10 @@ using testing::text_of;
 
 constexpr std::chrono::seconds kPatience{200};
 
-class ChartAccuracy : public ::testing::Test {
+class ChartAccuracy : public testing::CommandTest {
  protected:
+  ChartAccuracy() : CommandTest(kPatience) {}
+
   // The force table is made once for all tests of a run.
   static void SetUpTestSuite() { shared_cache = fresh_folder("chart_cache"); }
 
@@ -40,14 +43,6 @@ class ChartAccuracy : public ::testing::Test {
     return {"chart",     "accuracy", "--out",          out,          "--cache",      shared_cache,
             "--scenes",  "small",    "--trajectories", trajectories, "--conditions", conditions,
             "--methods", methods};
-  }
-
-  int run(const std::vector<std::string>& arguments) {
-    Program program = Program::forcegrid(arguments);
-    const auto status = program.wait(kPatience);
-    out_ = program.standard_output();
-    error_ = program.standard_error();
-    return status.value_or(-1);
   }
 
   static json result(const std::string& folder) {
@@ -66,8 +61,6 @@ class ChartAccuracy : public ::testing::Test {
   }
 
   static std::string shared_cache;
-  std::string out_;
-  std::string error_;
 };
 
 std::string ChartAccuracy::shared_cache;

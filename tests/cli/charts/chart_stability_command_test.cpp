@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/program.h"
+#include "tests/support/command_test.h"
 
 namespace forcegrid {
 namespace {
@@ -18,22 +18,17 @@ namespace {
 using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
-using testing::Program;
 using testing::text_of;
 
-constexpr std::chrono::seconds kPatience{150};
-
-class ChartStability : public ::testing::Test {
+class ChartStability : public testing::CommandTest {
  protected:
+  ChartStability() : CommandTest(std::chrono::seconds(150)) {}
+
   static void SetUpTestSuite() { shared_cache = fresh_folder("stability_cache"); }
 
   int run(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), {"chart", "stability", "--quick", "--cache", shared_cache});
-    Program program = Program::forcegrid(arguments);
-    const auto status = program.wait(kPatience);
-    out_ = program.standard_output();
-    error_ = program.standard_error();
-    return status.value_or(-1);
+    return CommandTest::run(arguments);
   }
 
   static const json* row_of(const json& chart, const std::string& part, const std::string& scene,
@@ -47,8 +42,6 @@ class ChartStability : public ::testing::Test {
   }
 
   static std::string shared_cache;
-  std::string out_;
-  std::string error_;
 };
 
 std::string ChartStability::shared_cache;

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/program.h"
+#include "tests/support/command_test.h"
 
 namespace forcegrid {
 namespace {
@@ -18,25 +18,14 @@ namespace {
 using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
-using testing::Program;
 using testing::text_of;
 
-constexpr std::chrono::seconds kPatience{200};
-
-class ChartTwoTools : public ::testing::Test {
+class ChartTwoTools : public testing::CommandTest {
  protected:
-  int run(const std::vector<std::string>& arguments) {
-    Program program = Program::forcegrid(arguments);
-    const auto status = program.wait(kPatience);
-    out_ = program.standard_output();
-    error_ = program.standard_error();
-    return status.value_or(-1);
-  }
+  ChartTwoTools() : CommandTest(std::chrono::seconds(200)) {}
 
   const std::string folder_ = fresh_folder("chart_two_tools");
   const std::string cache_ = fresh_folder("chart_two_tools_cache");
-  std::string out_;
-  std::string error_;
 };
 
 TEST_F(ChartTwoTools, WritesTracesThatEvaluateReadsWithTheSameErrors) {

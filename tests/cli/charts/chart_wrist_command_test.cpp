@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/program.h"
+#include "tests/support/command_test.h"
 
 namespace forcegrid {
 namespace {
@@ -17,17 +17,20 @@ namespace {
 using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
-using testing::Program;
 using testing::text_of;
 
-constexpr std::chrono::seconds kPatience{100};
+class ChartWristCommand : public testing::CommandTest {
+ protected:
+  ChartWristCommand() : CommandTest(std::chrono::seconds(100)) {}
+};
 
-TEST(ChartWristCommand, MeasuresTheMotionsThatAreAskedFor) {
+TEST_F(ChartWristCommand, MeasuresTheMotionsThatAreAskedFor) {
   const std::string out = fresh_folder("chart_wrist");
-  Program chart = Program::forcegrid({"chart", "wrist", "--quick", "--motions", "twist,tilt",
-                                      "--simulator-rate", "60", "--out", out});
-  ASSERT_EQ(chart.wait(kPatience), 0) << chart.standard_error();
-  EXPECT_THAT(chart.standard_output(), HasSubstr("Open " + out + "/wrist.svg"));
+  ASSERT_EQ(run({"chart", "wrist", "--quick", "--motions", "twist,tilt", "--simulator-rate", "60",
+                 "--out", out}),
+            0)
+      << error_;
+  EXPECT_THAT(out_, HasSubstr("Open " + out + "/wrist.svg"));
   const json rows = json::parse(text_of(out + "/wrist.json")).at("rows");
   ASSERT_EQ(rows.size(), 2U);
   for (const json& row : rows) {
@@ -38,12 +41,11 @@ TEST(ChartWristCommand, MeasuresTheMotionsThatAreAskedFor) {
   EXPECT_TRUE(std::filesystem::exists(out + "/wrist.svg"));
 }
 
-TEST(ChartWristCommand, NamesTheKnownMotionsAndMethods) {
+TEST_F(ChartWristCommand, NamesTheKnownMotionsAndMethods) {
   const std::string out = fresh_folder("chart_wrist_words");
-  const auto said = [&out](const std::string& flag, const std::string& value) {
-    Program chart = Program::forcegrid({"chart", "wrist", "--out", out, flag, value});
-    EXPECT_NE(chart.wait(kPatience), 0) << value;
-    return chart.standard_error();
+  const auto said = [&](const std::string& flag, const std::string& value) {
+    EXPECT_NE(run({"chart", "wrist", "--out", out, flag, value}), 0) << value;
+    return error_;
   };
   EXPECT_THAT(said("--motions", "wriggle"), HasSubstr("twist"));
   EXPECT_THAT(said("--method", "wishful"), HasSubstr("known methods"));

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "link/simulator_endpoint.h"
+#include "tests/cli/run/two_arms.h"
 #include "tests/link/raw_peer.h"
 #include "tests/support/program.h"
 
@@ -21,29 +22,12 @@ namespace {
 using nlohmann::json;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
+using testing::kArm;
 using ::testing::Not;
 using testing::Program;
+using testing::run_of_two;
 
 constexpr auto kTimeout = std::chrono::seconds(60);
-constexpr char kArm[] = "emulated:woodenhaptics_v2015";
-
-std::vector<std::string> run_of_two(const std::string& folder, std::vector<std::string> more) {
-  std::vector<std::string> arguments = {"run",
-                                        "--device",
-                                        kArm,
-                                        "--device",
-                                        kArm,
-                                        "--scene",
-                                        "small",
-                                        "--out",
-                                        folder,
-                                        "--json",
-                                        folder + "/run.json",
-                                        "--device-timeout-ms",
-                                        "400"};
-  arguments.insert(arguments.end(), more.begin(), more.end());
-  return arguments;
-}
 
 json summary_in(const std::string& folder) {
   return json::parse(testing::text_of(folder + "/run.json"));

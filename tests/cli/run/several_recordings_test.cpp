@@ -11,6 +11,7 @@
 
 #include "evaluation/trace.h"
 #include "simulator/reference/reference_solution.h"
+#include "tests/cli/run/two_arms.h"
 #include "tests/support/program.h"
 #include "tools/recording.h"
 
@@ -23,27 +24,11 @@ using ::testing::HasSubstr;
 using testing::Program;
 
 constexpr auto kTimeout = std::chrono::seconds(120);
-constexpr char kArm[] = "emulated:woodenhaptics_v2015";
 
 Program run_of_two(const std::string& folder, const std::string& record,
-                   std::vector<std::string> more) {
-  std::vector<std::string> arguments = {"run",
-                                        "--device",
-                                        kArm,
-                                        "--device",
-                                        kArm,
-                                        "--scene",
-                                        "small",
-                                        "--out",
-                                        folder,
-                                        "--json",
-                                        folder + "/run.json",
-                                        "--device-timeout-ms",
-                                        "400",
-                                        "--seconds",
-                                        "4.5",
-                                        "--record",
-                                        record};
+                   const std::vector<std::string>& more) {
+  std::vector<std::string> arguments =
+      testing::run_of_two(folder, {"--seconds", "4.5", "--record", record});
   arguments.insert(arguments.end(), more.begin(), more.end());
   return Program::forcegrid(arguments);
 }
