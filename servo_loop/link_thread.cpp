@@ -2,6 +2,7 @@
 #include "servo_loop/link_thread.h"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 #include "rt/exception_text.h"
@@ -37,6 +38,9 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
   to.relative_residual = from.relative_residual;
   to.converged = from.converged;
   to.from_query = from.query_id != 0;
+  // The simulator of several tools solves for all at once, in a time that it tells each to the
+  // nanosecond.
+  to.solution = to.from_query ? 0 : std::bit_cast<std::uint64_t>(from.solve_time_s);
   arrived.has_torque = from.has_torque;
   arrived.has_rotational_stiffness = from.has_rotational_stiffness;
   arrived.torque_W_Nm = rt::to_vector(from.torque_W_Nm);

@@ -82,7 +82,7 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
 
   // What the simulator has said since the last cycle, and the force there from each method.
   intake_.take(now, first_touch_);
-  const Eigen::Vector3d method_force_W = ask_methods(now, elapsed_s, tool.touching_W, record);
+  const Eigen::Vector3d method_force_W = ask_methods(now, elapsed_s, tool, record);
 
   // Until the simulator answers a new touch, the loop's own copy of the surface gives the force.
   const Eigen::Vector3d object_force_W =
@@ -229,12 +229,14 @@ ServoLoop::SensedTool ServoLoop::sense(rt::TimePoint now) noexcept {
 }
 
 // Returns the force of the method that is rendered.
-Eigen::Vector3d ServoLoop::ask_methods(rt::TimePoint now, double elapsed_s,
-                                       const Eigen::Vector3d& touching_W,
+Eigen::Vector3d ServoLoop::ask_methods(rt::TimePoint now, double elapsed_s, const SensedTool& tool,
                                        CycleRecord& record) noexcept {
   const double time_s = servo_time_s(now);
+  const Eigen::Vector3d& touching_W = tool.touching_W;
   for (std::size_t i = 0; i < methods_.size(); ++i) {
-    methods_[i]->observe(time_s, touching_W);
+    if (tool.fault == Fault::kNone) {  // else the tool may be elsewhere
+      methods_[i]->observe(time_s, touching_W);
+    }
     if (intake_.expected_contact_W()) {
       methods_[i]->expect_contact(time_s, *intake_.expected_contact_W());
     }

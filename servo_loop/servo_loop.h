@@ -89,8 +89,8 @@ class ServoLoop {
   double begin_cycle(rt::TimePoint now, CycleRecord& record) noexcept;
   void take_settings(CycleRecord& record) noexcept;
   SensedTool sense(rt::TimePoint now) noexcept;
-  Eigen::Vector3d ask_methods(rt::TimePoint now, double elapsed_s,
-                              const Eigen::Vector3d& touching_W, CycleRecord& record) noexcept;
+  Eigen::Vector3d ask_methods(rt::TimePoint now, double elapsed_s, const SensedTool& tool,
+                              CycleRecord& record) noexcept;
   bool held_by_person(rt::TimePoint now) const noexcept;
   HeldBack why_held_back(rt::TimePoint now) const noexcept;
   bool has_force_to_render() const noexcept {

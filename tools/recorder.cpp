@@ -325,8 +325,7 @@ class Recorder::Pages {
     writer_.add_attribute("method_names", methods);
     writer_.add_attribute("names_method_status", names<EstimateStatus>(5, forcegrid::to_string));
     writer_.add_attribute("names_rendered_reason",
-                          names<ChoiceReason>(1 + static_cast<int>(ChoiceReason::kAskedBefore),
-                                              forcegrid::to_string));
+                          names<ChoiceReason>(kChoiceReasons, forcegrid::to_string));
     writer_.add_attribute("names_held_back",
                           "force is rendered;no samples;motor check;dead-man's switch;paused");
     writer_.add_attribute(

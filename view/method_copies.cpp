@@ -8,6 +8,7 @@
 
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 #include "rt/vectors.h"
 
 namespace forcegrid::view {
@@ -26,6 +27,11 @@ class NoCopy final : public ForceMethod {
   int work(int) noexcept override { return 0; }
   ForceEstimate force(double, const Eigen::Vector3d&) const noexcept override { return {}; }
 };
+
+// A method over two tools learns from both, and the feed of one device has its own samples only.
+bool has_copy(const std::string& text) {
+  return text != kDirect && !is_pair_method(text.substr(0, text.find(' ')));
+}
 
 servo::ArrivedSample arrived_of(const view_link::FeedSample& sent) {
   servo::ArrivedSample arrived;
@@ -70,7 +76,7 @@ void MethodCopies::begin_anew() {
   methods_.clear();
   budget_reads_ = std::numeric_limits<double>::quiet_NaN();
   for (const std::string& text : options_.methods) {
-    if (text == kDirect) {
+    if (!has_copy(text)) {
       copies_.push_back(std::make_unique<NoCopy>());
     } else {
       const MethodVariant variant = parse_method_variant(text, options_.base);
@@ -151,12 +157,14 @@ void MethodCopies::replay(const view_link::FeedCycle& cycle) {
   take_settings(cycle);
   intake_->take(now, first_touch_);
   for (std::size_t i = 0; i < methods_.size(); ++i) {
-    methods_[i]->observe(time_s_, touching_W);
+    if (cycle.fault == 0) {
+      methods_[i]->observe(time_s_, touching_W);
+    }
     if (intake_->expected_contact_W()) {
       methods_[i]->expect_contact(time_s_, *intake_->expected_contact_W());
     }
     const ForceEstimate estimate = methods_[i]->force(time_s_, touching_W);
-    if (options_.methods[i] != kDirect && i < view_link::kFeedMethods) {
+    if (has_copy(options_.methods[i]) && i < view_link::kFeedMethods) {
       const double difference_N =
           (estimate.force_W - rt::to_vector(cycle.method_force_W_N[i])).norm();
       largest_difference_N_ = std::max(largest_difference_N_, difference_N);

@@ -43,7 +43,8 @@ class MethodCopies {
   /// Larger differences between a copy's force and the servo's are none of rounding.
   static constexpr double kRounding_N = 1e-6;
 
-  /// Method `direct`, which is a simulator, has no copy: its force is unknown everywhere.
+  /// Method `direct`, which is a simulator, has no copy, and neither has one over two tools: its
+  /// force is unknown everywhere.
   /// @throws std::invalid_argument for a method or an option that can't be used.
   explicit MethodCopies(Options options);
 

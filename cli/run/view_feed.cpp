@@ -33,7 +33,6 @@ constexpr std::int64_t kArm_ns = 16'000'000;   // between two pictures of the ar
 constexpr std::size_t kMostCycles = 128;       // in one frame, which holds 64 KiB
 constexpr std::size_t kMostBegun = 16'384;     // cycles that a page may still report: 4 s at 4 kHz
 constexpr int kFaults = static_cast<int>(servo::Fault::kZeroNotDelivered) + 1;
-constexpr int kReasons = static_cast<int>(ChoiceReason::kAskedBefore) + 1;
 constexpr int kStatuses = static_cast<int>(EstimateStatus::kNotFinite) + 1;
 
 static_assert(view_link::kFeedMethods == servo::kMaxMethods);
@@ -85,8 +84,8 @@ json view_hello(const ViewTitle& title, const profiles::DeviceProfile& profile,
       {"simulator_rate_Hz", title.simulator_rate_Hz},
       {"methods", title.methods},
       {"candidates", title.candidates},
-      {"reasons",
-       names_of<ChoiceReason>(kReasons, [](ChoiceReason reason) { return to_string(reason); })},
+      {"reasons", names_of<ChoiceReason>(kChoiceReasons,
+                                         [](ChoiceReason reason) { return to_string(reason); })},
       {"statuses", names_of<EstimateStatus>(
                        kStatuses, [](EstimateStatus status) { return to_string(status); })},
       {"rungs", names_of<servo::Rung>(servo::kRungs,

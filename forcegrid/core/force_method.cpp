@@ -35,6 +35,10 @@ const char* to_string(ChoiceReason reason) noexcept {
       return "knows the place";
     case ChoiceReason::kAskedBefore:
       return "asked before the touch";
+    case ChoiceReason::kBothTools:
+      return "knows both tools";
+    case ChoiceReason::kOneTool:
+      return "knows one tool";
   }
   return "invalid reason";
 }

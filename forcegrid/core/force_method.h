@@ -27,6 +27,8 @@ struct Sample {
   bool from_query = false;  ///< requested by the method, not sampled along the path
   /// The answer to a request before contact: for a tool that had touched at `contact_point_W`.
   bool before_contact = false;
+  /// Samples of several tools with the same number are of one solution of their object; 0: unknown.
+  std::uint64_t solution = 0;
 };
 
 enum class EstimateStatus : std::uint8_t {
@@ -64,7 +66,10 @@ enum class ChoiceReason : std::uint8_t {
   kRemembers,        ///< the tool returns to a place of long ago
   kKnownPlace,       ///< a contact begins where another one was
   kAskedBefore,      ///< a contact begins that it had asked about beforehand
+  kBothTools,        ///< the positions of both tools are known, and so is the force there
+  kOneTool,          ///< the other tool does not hold the object, or too little is known of both
 };
+inline constexpr int kChoiceReasons = 1 + static_cast<int>(ChoiceReason::kOneTool);
 
 /// Static text for messages and files, e.g. "predicted better".
 const char* to_string(ChoiceReason reason) noexcept;
@@ -161,7 +166,8 @@ class ForceMethod {
   /// construction on; empty if there is no choice.
   virtual std::span<const char* const> candidates() const noexcept { return {}; }
 
-  /// The tool's time [s] and position [m], once per servo cycle, before force().
+  /// The tool's time [s] and position [m], once per servo cycle whose position is plausible, before
+  /// force().
   virtual void observe(double time_s, const Eigen::Vector3d& position_W) noexcept {
     static_cast<void>(time_s);
     static_cast<void>(position_W);

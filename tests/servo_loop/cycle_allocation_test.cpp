@@ -7,6 +7,8 @@
 #include <tuple>
 
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
+#include "servo_loop/pair_half.h"
 #include "servo_loop/servo_loop.h"
 #include "tests/servo_loop/scripted_device.h"
 #include "tests/servo_loop/square_patch.h"
@@ -99,6 +101,70 @@ INSTANTIATE_TEST_SUITE_P(ToolAndCoupling, CycleAllocations,
                            return std::string(std::get<0>(test.param) ? "coupling" : "tool") +
                                   (std::get<1>(test.param) ? "_that_slides" : "_that_sticks");
                          });
+
+// Of a method over two tools; the other half is called beside the loop, with its own samples.
+TEST(PairCycleAllocations, AreNone) {
+  for (const std::string& name : pair_method_names()) {
+    ServoOptions options;
+    options.check_motors = false;
+    options.watch_encoders = false;
+    const auto profile = profiles::load_device_profile("woodenhaptics_v2015");
+    ScriptedDevice device(profile);
+    PairExchange exchange;
+    const auto half_of = [&](std::size_t tool) {
+      return PairHalf(make_pair_force_method(name, {}), make_force_method("auto", {}), exchange,
+                      tool);
+    };
+    PairHalf half = half_of(0);
+    PairHalf other = half_of(1);
+    ServoPorts ports;
+    ServoLoop loop(device, profile, {&half}, ports, options);
+    rt::TimePoint now(std::chrono::seconds(10));
+    std::uint64_t allocations = 0;
+    std::uint64_t over_both = 0;
+    for (int i = 0; i < 1000; ++i) {
+      now += std::chrono::milliseconds(2);
+      const Eigen::Vector3d at_W(0.0, 0.01 * std::sin(0.02 * i), -0.01 * std::sin(0.03 * i));
+      const Eigen::Vector3d other_W(0.005 * std::sin(0.01 * i), 0.05, 0.0);
+      device.show(at_W, now);
+      Sample of_other;
+      if (i % 16 == 0) {
+        const int contact = i / 400;
+        ArrivedSample arrived;
+        arrived.sample.time_s = of_other.time_s = servo_time_s(now);
+        arrived.sample.position_W = at_W;
+        arrived.sample.force_W = -200.0 * at_W - 100.0 * (at_W - other_W);
+        arrived.sample.contact_epoch = of_other.contact_epoch =
+            static_cast<std::uint32_t>(1 + contact);
+        arrived.sample.solution = of_other.solution = static_cast<std::uint64_t>(1 + i);
+        arrived.in_contact = true;
+        arrived.arrived = now;
+        of_other.position_W = other_W;
+        of_other.force_W = -200.0 * other_W - 100.0 * (other_W - at_W);
+        ASSERT_TRUE(ports.samples.push(arrived));
+      }
+      const testing::AllocationCount count;
+      if (i % 400 == 0) {
+        other.contact_made(of_other.contact_epoch, other_W);
+      }
+      if (of_other.solution != 0) {
+        other.take_sample(of_other);
+      }
+      if (i % 300 < 250) {  // late now and then
+        other.observe(servo_time_s(now), other_W);
+        static_cast<void>(other.force(servo_time_s(now), other_W));
+        other.work(1000);
+      }
+      static_cast<void>(loop.run_cycle(now, now + std::chrono::milliseconds(2)));
+      allocations += count.value();
+      for (CycleRecord record; ports.records.pop(record);) {
+        over_both += record.rendered_candidate == PairHalf::kBoth ? 1 : 0;
+      }
+    }
+    EXPECT_EQ(allocations, 0U) << name;
+    EXPECT_GT(over_both, 400U) << name;
+  }
+}
 
 // The same of a wrist with motors, whose torque follows the simulator's samples.
 TEST(WristCycleAllocations, AreNone) {

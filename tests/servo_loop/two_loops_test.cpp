@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two loops in one process, each with a link of its own to one simulator: what they share is the
-// stop, and where their tools are. Also for ThreadSanitizer, which sees whatever else they share.
+// stop, where their tools are, and each other's samples. Also for ThreadSanitizer, which sees
+// whatever else they share.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -9,8 +10,11 @@
 #include <memory>
 #include <thread>
 
+#include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 #include "link/simulator_endpoint.h"
 #include "servo_loop/link_thread.h"
+#include "servo_loop/pair_half.h"
 #include "servo_loop/servo_loop.h"
 #include "servo_loop/watched_run.h"
 #include "tests/servo_loop/scripted_device.h"
@@ -53,10 +57,11 @@ class CountingMethod final : public ForceMethod {
 
 /// One device with everything that is its own.
 struct Arm {
-  Arm(const std::string& simulator, link::ToolId tool, ToolExchange& exchange)
+  Arm(const std::string& simulator, link::ToolId tool, ToolExchange& exchange, PairExchange& pair)
       : profile(profiles::load_device_profile("woodenhaptics_v2015")),
         device(profile),
         method(tool),
+        half(make_pair_force_method("auto-6d", {}), make_force_method("hold", {}), pair, tool - 1U),
         link(simulator, ports, {}, tool) {
     ServoOptions options;
     options.check_motors = false;
@@ -68,13 +73,14 @@ struct Arm {
                           .stiffness_N_per_m = 10.0,
                           .shape = contact::ToolShape::sphere(kRadius_m)};
     device.show(Eigen::Vector3d::Zero(), rt::Clock::now());
-    loop = std::make_unique<ServoLoop>(device, profile, std::vector<ForceMethod*>{&method}, ports,
-                                       options);
+    loop = std::make_unique<ServoLoop>(device, profile, std::vector<ForceMethod*>{&method, &half},
+                                       ports, options);
   }
 
   profiles::DeviceProfile profile;
   ScriptedDevice device;
   CountingMethod method;
+  PairHalf half;
   ServoPorts ports;
   LinkThread link;
   std::unique_ptr<ServoLoop> loop;
@@ -117,8 +123,9 @@ TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
   std::atomic<bool> simulated{true};
   std::array<std::atomic<double>, 2> y_m{};
   std::jthread simulator([&] {
-    while (simulated) {
-      const auto news = endpoint.receive_all(10ms);
+    for (int tick = 1; simulated; ++tick) {
+      std::this_thread::sleep_for(5ms);  // so that both are answered by one solution
+      const auto news = endpoint.receive_all(0ms);
       for (std::size_t place = 0; place < 2; ++place) {
         if (news[place].tool_state) {
           link::ForceSample sample = link::answer_to(*news[place].tool_state);
@@ -126,6 +133,7 @@ TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
           sample.converged = true;
           sample.in_contact = true;
           sample.contact_epoch = 1;
+          sample.solve_time_s = 1e-6 * tick;
           endpoint.send(sample, place);
           y_m[endpoint.tool(place) - 1U] = sample.position_W_m[1];
         }
@@ -134,8 +142,9 @@ TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
   });
   const std::string address = link::to_string(endpoint.address());
   ToolExchange exchange(2);
-  std::array<std::unique_ptr<Arm>, 2> arms = {std::make_unique<Arm>(address, 1, exchange),
-                                              std::make_unique<Arm>(address, 2, exchange)};
+  PairExchange pair;
+  std::array<std::unique_ptr<Arm>, 2> arms = {std::make_unique<Arm>(address, 1, exchange, pair),
+                                              std::make_unique<Arm>(address, 2, exchange, pair)};
   std::atomic<bool> stop{false};
   const auto give_up = rt::Clock::now() + kPatience;
   {
@@ -147,7 +156,7 @@ TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
             *arm->loop, stop, 0.0, [&] { stop = true; },
             [&] {
               std::this_thread::sleep_for(2ms);
-              if ((arms[0]->method.samples >= 20 && arms[1]->method.samples >= 20) ||
+              if ((arms[0]->method.samples >= 60 && arms[1]->method.samples >= 60) ||
                   rt::Clock::now() > give_up) {
                 stop = true;
               }
@@ -161,7 +170,8 @@ TEST(TwoLoops, EachFeelsItsOwnToolAndOneStopEndsBothAtZeroCurrent) {
   simulated = false;
   simulator.join();
   for (const auto& arm : arms) {
-    EXPECT_GE(arm->method.samples, 20);
+    EXPECT_GE(arm->method.samples, 60);
+    EXPECT_GT(arm->half.counters()[5].value, 10U) << arm->half.counters()[5].name;
     EXPECT_EQ(arm->method.strange, 0) << "a sample of the other tool";
     EXPECT_GT(arm->outcome.cycles_touching_tools, 0U);
     EXPECT_LE(arm->outcome.largest_tool_force_N, 10.0 * 0.02 + 1e-3);
