@@ -58,6 +58,29 @@ std::pair<int, std::string> parse_device_fault(const std::string& text) {
   return numbered ? std::pair(text[0] - '0', text.substr(2)) : std::pair(0, text);
 }
 
+// "hold,chirp" are two; a recorded path is one, whatever its file is called.
+std::vector<std::string> parse_motions(const std::string& text) {
+  std::vector<std::string> motions;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end =
+        text.starts_with("path:") ? text.size() : std::min(text.find(',', begin), text.size());
+    motions.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return motions;
+}
+
+std::string motion_of(const RunOptions& options, std::size_t device, std::size_t count) {
+  const std::vector<std::string> motions = parse_motions(options.motion);
+  if (motions.size() > 1 && motions.size() != count) {
+    throw std::runtime_error("--motion " + options.motion + " has " +
+                             std::to_string(motions.size()) + " motions for " +
+                             std::to_string(count) + (count == 1 ? " device" : " devices") +
+                             "; give one for all, or one for each");
+  }
+  return motions.size() > 1 ? motions[device] : options.motion;
+}
+
 // "run.h5" becomes "run_device_2.h5"; a name without a known ending is refused later.
 std::string with_device_number(const std::string& file, std::size_t number) {
   for (const char* const ending : {".csv.gz", ".csv", ".hdf5", ".h5"}) {
@@ -261,6 +284,19 @@ Check device_fault_check() {
       "[N:]" + plain.form};
 }
 
+Check motions_check() {
+  const Check one = motion_check();
+  return Check{[one](const std::string& input) {
+                 for (const std::string& motion : parse_motions(input)) {
+                   if (std::string problem = one.problem(motion); !problem.empty()) {
+                     return problem;
+                   }
+                 }
+                 return std::string();
+               },
+               one.form + "[,...]"};
+}
+
 std::vector<RunOptions> options_of_each(const RunOptions& options) {
   const std::size_t count = options.devices.size();
   std::vector<RunOptions> each(count, options);
@@ -272,6 +308,7 @@ std::vector<RunOptions> options_of_each(const RunOptions& options) {
                           ? *parse_offset(options.device_offsets_mm[k])
                           : defaults_mm[k];
     own.seed = options.seed + k;
+    own.motion = motion_of(options, k, count);
     own.faults.clear();
     for (const std::string& text : options.faults) {
       const auto [number, fault] = parse_device_fault(text);

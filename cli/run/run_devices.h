@@ -42,5 +42,7 @@ std::vector<std::array<double, 3>> default_offsets_mm(std::size_t count);
 Check offset_check();
 /// A fault of the emulator, with "N:" before it if it is of device N alone.
 Check device_fault_check();
+/// A motion of every emulated hand, or of each in turn, separated by commas.
+Check motions_check();
 
 }  // namespace forcegrid::cli

@@ -232,8 +232,9 @@ void add_hand(Command& run, RunOptions& o) {
       ->show_default();
   run.add_option("--motion", o.motion,
                  "Motion of the emulated hand: " + joined(motions()) +
-                     "; a sliding tool uses stroke by default")
-      ->check(motion_check())
+                     "; a sliding tool uses stroke by default; of several devices one for all, or "
+                     "one for each, separated by commas")
+      ->check(motions_check())
       ->show_default();
   run.add_option("--wrist", o.wrist,
                  "How the emulated hand turns the wrist of a device that has one: " +
