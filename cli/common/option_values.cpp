@@ -7,7 +7,7 @@
 #include "cli/common/options.h"
 #include "device_emulator/fault_spec.h"
 #include "forcegrid/method_variant.h"
-#include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 
 namespace forcegrid::cli {
 
@@ -28,11 +28,11 @@ Check method_check() {
                    MethodOptions base;
                    base.grid.max_W.setConstant(0.1);
                    base.grid.cells.setConstant(10);
-                   parse_method_variant(input, base);
+                   static_cast<void>(parse_pair_variant(input, base));
                    return std::string();
                  } catch (const std::invalid_argument& error) {
                    const std::string problem = error.what();
-                   return problem.ends_with(known_methods()) ? problem + ", direct" : problem;
+                   return problem.ends_with(known_pair_methods()) ? problem + ", direct" : problem;
                  }
                },
                "METHOD [KEY=VALUE...]"};

@@ -16,10 +16,12 @@
 
 #include "cli/common/budget_option.h"
 #include "cli/run/run_command.h"
+#include "cli/run/run_methods.h"
 #include "cli/run/run_setup.h"
 #include "cli/run/view_feed.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 #include "log/log.h"
 #include "servo_loop/servo_options.h"
 #include "tools/config_file.h"
@@ -122,7 +124,11 @@ void describe(ViewTitle& title, const RunOptions& options) {
   constexpr double kRequests_per_s = 120.0;  // of a method that needs them, if nothing is said
   bool needs_requests = false;
   if (title.methods.front() != kDirect) {
-    const MethodVariant variant = parse_method_variant(title.methods.front(), title.method_options);
+    const MethodVariant variant = parse_pair_variant(title.methods.front(), title.method_options);
+    if (is_pair_method(variant.name)) {
+      title.candidates = {variant.name, kMethodOfOneTool};
+      return;
+    }
     const auto method = make_force_method(variant.name, variant.options);
     needs_requests = method->needs().requests;
     for (const char* name : method->candidates()) {

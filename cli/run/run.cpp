@@ -64,7 +64,7 @@ Run::Run(const RunOptions& options, std::unique_ptr<ViewProcess>& view, SharedRu
 
   servo_options_ = servo_options_of(options_, profile_);
   method_options_ = method_options(options_, profile_, servo_options_.workspace);
-  methods_.emplace(options_, method_options_);
+  methods_.emplace(options_, method_options_, shared_ != nullptr ? &shared_->pairs : nullptr);
   servo_options_.requests_per_s = methods_->requests_per_s(options_, tool_);
   prepare_folder(options_.out);
   check_writable(options_.json);

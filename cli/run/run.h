@@ -39,6 +39,7 @@ struct SharedRun {
   std::string simulator;         ///< address of the one that the first run has started; empty: none
   TerminalKeys* keys = nullptr;  ///< while one thread takes the runs through their steps
   bool fault_stops_all = true;
+  PairExchanges pairs;
   std::atomic<int> failed_device{0};  ///< number of the first one that a fault has ended; 0: none
   /// Of all tools together, once every loop is over.
   std::optional<SharedReferenceForces> reference;

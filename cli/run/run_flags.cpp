@@ -12,6 +12,7 @@
 #include "cli/run/tool_option.h"
 #include "driver/device_url.h"
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
 #include "profiles/device_profile.h"
 #include "simulator/touch/solver_choice.h"
 #include "tools/recording.h"
@@ -140,7 +141,8 @@ void add_force(Command& run, RunOptions& o) {
   run.begin_group("Force");
   run.add_option("--method", o.method,
                  "Force method: " + joined(method_names()) +
-                     ", direct; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
+                     ", direct; over the tools of two devices: " + joined(pair_method_names()) +
+                     "; changes to its options may follow, e.g. \"forcegrid unit=m s=3\"")
       ->check(method_check())
       ->show_default();
   run.add_option(

@@ -9,6 +9,8 @@
 #include "cli/run/reference_forces.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
+#include "forcegrid/pair_methods.h"
+#include "servo_loop/pair_half.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/solver/direct_method.h"
 
@@ -47,9 +49,16 @@ std::unique_ptr<ForceMethod> make_direct(const RunOptions& options) {
   return direct;
 }
 
+// The options of a run are those of grids over one tool; a method over two has its own in its text.
+MethodVariant parse_run_variant(const std::string& text, const MethodOptions& base) {
+  MethodVariant variant = parse_pair_variant(text, base);
+  return is_pair_method(variant.name) ? parse_pair_variant(text, {}) : variant;
+}
+
 }  // namespace
 
-RunMethods::RunMethods(const RunOptions& options, const MethodOptions& base) {
+RunMethods::RunMethods(const RunOptions& options, const MethodOptions& base, PairExchanges* pairs)
+    : pairs_(pairs) {
   add(options.method, options, base);
   for (const std::string& evaluated : options.evaluated) {
     add(evaluated, options, base);
@@ -68,15 +77,36 @@ void RunMethods::add(const std::string& text, const RunOptions& options,
     }
     owned_.push_back(make_direct(options));
   } else {
-    const MethodVariant variant = parse_method_variant(text, base);
+    const MethodVariant variant = parse_run_variant(text, base);
     name = variant.text;
     if (known(name)) {
       return;
     }
-    owned_.push_back(make_force_method(variant.name, variant.options));
+    owned_.push_back(is_pair_method(variant.name)
+                         ? make_half(variant, options, base)
+                         : make_force_method(variant.name, variant.options));
   }
   methods_.push_back(owned_.back().get());
   names_.push_back(std::move(name));
+}
+
+std::unique_ptr<ForceMethod> RunMethods::make_half(const MethodVariant& variant,
+                                                   const RunOptions& options,
+                                                   const MethodOptions& base) const {
+  const std::size_t devices = options.devices.size();
+  if (pairs_ == nullptr || devices != 2) {
+    throw std::runtime_error(
+        "method " + variant.name + " is over the positions of two tools of one program, and " +
+        (devices < 2 ? "there is one device; give a second --device"
+                     : "there are " + std::to_string(devices) + " devices; give two") +
+        ", or choose a method of one tool, such as " + kMethodOfOneTool);
+  }
+  MethodOptions of_one = base;
+  of_one.budget_reads.reset();
+  return std::make_unique<servo::PairHalf>(make_pair_force_method(variant.name, variant.options),
+                                           make_force_method(kMethodOfOneTool, of_one),
+                                           (*pairs_)[variant.text],
+                                           static_cast<std::size_t>(options.device_number - 1));
 }
 
 double RunMethods::requests_per_s(const RunOptions& options,

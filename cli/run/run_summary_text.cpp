@@ -227,6 +227,28 @@ void append_knowledge(std::string& text, const RunSummary& summary,
   }
 }
 
+// How long a method over two tools was rendered, and why not for longer.
+void append_both_tools(std::string& text, const RunSummary& summary) {
+  const std::uint64_t both = counter(summary, "cycles_both_tools");
+  const std::uint64_t off = counter(summary, "cycles_other_off");
+  const std::uint64_t late = counter(summary, "cycles_other_late");
+  const std::uint64_t learning = counter(summary, "cycles_learning");
+  const std::uint64_t all = both + off + late + learning;
+  if (all == 0) {
+    return;
+  }
+  const auto percent = [all](std::uint64_t cycles) {
+    return 100.0 * static_cast<double>(cycles) / static_cast<double>(all);
+  };
+  append(text,
+         "Over both tools in %.1f %% of the cycles in contact; alone in %.1f %% while the other "
+         "tool was off the object, %.1f %% while its place was late, %.1f %% while too little was "
+         "known; %" PRIu64 " of %" PRIu64 " samples found the other tool's\n",
+         percent(both), percent(off), percent(late), percent(learning),
+         counter(summary, "samples_paired"),
+         counter(summary, "samples_paired") + counter(summary, "samples_unpaired"));
+}
+
 // Counters of the rendered method.
 void append_method_counters(std::string& text, const RunSummary& summary) {
   if (summary.samples_overrun > 0) {
@@ -305,6 +327,7 @@ std::string loop_text(const RunSummary& summary, const servo::TelemetryStatistic
   append_disturbances(text, summary, statistics);
   append_knowledge(text, summary, statistics);
   append_candidates(text, summary, statistics);
+  append_both_tools(text, summary);
   append_method_counters(text, summary);
   for (const std::string& note : summary.notes) {
     text += "Note: " + note + "\n";

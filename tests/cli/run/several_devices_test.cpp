@@ -80,6 +80,46 @@ TEST(SeveralDevices, HoldOneObjectInOneProgram) {
               HasSubstr("The workspaces of devices 1 and 2 have 120 x 130 x 120 mm"));
 }
 
+// Each loop renders its tool's force over both, and each knows the other tool in every cycle.
+TEST(SeveralDevices, RenderAForceOverBothTools) {
+  const std::string folder = fresh_folder("two_over_both");
+  Program run =
+      Program::forcegrid(run_of_two(folder, {"--seconds", "9", "--method", "auto-6d", "--evaluate",
+                                             "auto;hold", "--motion", "hold,lissajous"}));
+  ASSERT_EQ(run.wait(kTimeout), 0) << run.standard_error();
+  for (const json& device : summary_in(folder).at("devices")) {
+    EXPECT_EQ(device.at("method"), "auto-6d");
+    EXPECT_EQ(device.at("ended_by"), "time");
+    const json& counters = device.at("counters");
+    EXPECT_GT(counters.at("samples_paired"), 100);
+    EXPECT_GT(counters.at("samples_paired"), 5 * counters.at("samples_unpaired").get<int>());
+    EXPECT_EQ(counters.at("samples_untold"), 0);
+    const json& cycles = device.at("candidate_cycles");
+    EXPECT_GT(cycles.at("auto-6d"), 3 * cycles.at("auto").get<int>());
+    const json& errors = device.at("errors");
+    EXPECT_LT(errors.at("auto-6d").at("rms_error_percent_after_1s"),
+              0.5 * errors.at("auto").at("rms_error_percent_after_1s").get<double>());
+    EXPECT_TRUE(device.at("zero_current_delivered"));
+    expect_motors_off(device);
+  }
+  EXPECT_THAT(run.standard_output(), HasSubstr("Over both tools in "));
+}
+
+// Where one tool lets go for a fault, the other hand is rendered alone.
+TEST(SeveralDevices, RenderOneToolAloneAfterAFaultOfTheOther) {
+  const std::string folder = fresh_folder("two_over_both_fault");
+  Program run = Program::forcegrid(
+      run_of_two(folder, {"--seconds", "6", "--method", "auto-6d", "--fault-stops", "one",
+                          "--fault", "2:connection-closed:when=motors", "--no-reference"}));
+  ASSERT_EQ(run.wait(kTimeout), 1) << run.standard_error();
+  const json devices = summary_in(folder).at("devices");
+  EXPECT_EQ(devices[1]["ended_by"], "fault");
+  EXPECT_EQ(devices[0]["ended_by"], "time");
+  EXPECT_GT(devices[0]["candidate_cycles"]["auto"], 500);
+  EXPECT_TRUE(devices[0]["zero_current_delivered"]);
+  expect_motors_off(devices[0]);
+}
+
 // The simulator answers each, with the other tool where it is.
 TEST(SeveralDevices, MakeRequests) {
   const std::string folder = fresh_folder("two_with_requests");
@@ -215,6 +255,21 @@ INSTANTIATE_TEST_SUITE_P(
         Complaint{"Workers", two_with({"--workers", "1"}), "leave --workers out"},
         Complaint{"Reconnect", two_with({"--reconnect"}), "leave --reconnect out"},
         Complaint{"SecondProcessor", two_with({"--core", "/tmp/line"}), "leave --core out"},
+        Complaint{"ThreeMotions", two_with({"--motion", "hold,chirp,poke"}),
+                  "has 3 motions for 2 devices; give one for all, or one for each"},
+        Complaint{"UnknownMotion", two_with({"--motion", "hold,jump"}), "'jump' is not a motion"},
+        Complaint{"BothToolsOfThree",
+                  {"--device", kArm, "--device", kArm, "--device", kArm, "--method", "auto-6d"},
+                  "method auto-6d is over the positions of two tools of one program, and there are "
+                  "3 devices; give two, or choose a method of one tool, such as auto"},
+        Complaint{"BothToolsOfOne",
+                  {"--method", "kriging-6d"},
+                  "there is one device; give a second --device"},
+        Complaint{"BothToolsEvaluatedOfOne",
+                  {"--evaluate", "forcegrid-6d"},
+                  "method forcegrid-6d is over the positions of two tools"},
+        Complaint{"UnknownMethod", two_with({"--method", "kriging-7d"}),
+                  "known methods: auto-6d, kriging-6d, forcegrid-6d, auto, "},
         Complaint{"Direct", two_with({"--scene", "small", "--method", "direct"}),
                   "choose another method"},
         Complaint{"Sliding", two_with({"--scene", "small_slide"}), "use --contact sticky"},
