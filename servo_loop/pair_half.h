@@ -23,7 +23,7 @@ namespace forcegrid::servo {
 ///   F_both   this tool's force of the pair method, with the other tool where it is now: its newest
 ///            place, moved on by its velocity for the age of that place
 ///   F_alone  of a method of one tool, which always runs beside it
-///   w        rises to 1 within kRise_s while F_both can be rendered, else falls to 0 within kFade_s
+///   w        rises to 1 within kRise_s while F_both can be rendered, else falls within kFade_s
 ///   H, h     the last force before F_both was lost at once; h falls from 1 to 0 within kHandOver_s
 ///
 /// F_both can be rendered while both tools hold the object, the other one's place is at most kOld_s
