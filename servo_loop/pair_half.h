@@ -114,7 +114,7 @@ class PairHalf final : public ForceMethod {
   PairVector both(const Eigen::Vector3d& own, const Eigen::Vector3d& other) const noexcept;
   Eigen::Vector3d own(const PairVector& of_both) const noexcept;
   PairVector positions_W(double time_s, const Eigen::Vector3d& position_W) const noexcept;
-  ForceEstimate mixed(ForceEstimate alone, const PairEstimate& of_both) const noexcept;
+  ForceEstimate mixed(ForceEstimate estimate, const PairEstimate& of_both) const noexcept;
   void tell_place(double time_s, const Eigen::Vector3d& position_W) noexcept;
   void keep_force() noexcept;
   void take_news() noexcept;

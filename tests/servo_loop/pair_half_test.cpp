@@ -164,7 +164,7 @@ TEST(PairHalf, TakesTheOthersNewestPlaceAndMovesItOn) {
   Spoken spoken({[](double) { return Vector3d::Zero(); },
                  [](double time_s) { return Vector3d(0.0, 0.1 * time_s, 0.0); }});
   spoken.two.run_until(1.0);
-  const double now_s = spoken.two.cycles[0].back().time_s - TwoHalves::start_s;
+  const double now_s = spoken.two.cycles[0].back().time_s - TwoHalves::kStart_s;
   const Vector3d other_W = spoken.pairs[0]->asked_W.tail<3>();
   // Half a cycle old, at 0.1 m/s: 0.1 mm behind without its velocity.
   EXPECT_LT((other_W - spoken.two.position_W(1, now_s)).norm(), 1e-6);
@@ -203,7 +203,7 @@ TEST(PairHalf, LetsGoOfAnotherLoopThatIsLateWithoutAStep) {
   EXPECT_EQ(spoken.two.cycles[0].back().estimate.force_W, Vector3d::Constant(1.0));
   EXPECT_EQ(spoken.two.cycles[0].back().estimate.uncertainty_N, 0.25);
   // The old place is moved on for kMostAhead_s at most.
-  const double last_s = spoken.two.cycles[1].back().time_s - TwoHalves::start_s;
+  const double last_s = spoken.two.cycles[1].back().time_s - TwoHalves::kStart_s;
   EXPECT_LT((spoken.pairs[0]->asked_W.tail<3>() - spoken.two.position_W(1, last_s)).norm(),
             0.2 * PairHalf::kMostAhead_s);
   EXPECT_LE(spoken.two.largest_step_N(0, 0.5),

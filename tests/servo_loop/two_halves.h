@@ -64,9 +64,9 @@ class TwoHalves {
 
   void run_until(double end_s) {
     for (; static_cast<double>(half_cycle_) * 0.5 * kPeriod_s < end_s; ++half_cycle_) {
-      const double now_s = start_s + static_cast<double>(half_cycle_) * 0.5 * kPeriod_s;
+      const double now_s = kStart_s + static_cast<double>(half_cycle_) * 0.5 * kPeriod_s;
       const std::size_t tool = half_cycle_ % 2;
-      if (now_s - start_s >= static_cast<double>(tick_) * kTick_s) {
+      if (now_s - kStart_s >= static_cast<double>(tick_) * kTick_s) {
         solve(now_s);
         ++tick_;
       }
@@ -90,7 +90,7 @@ class TwoHalves {
     double error_N2 = 0.0;
     double exact_N2 = 0.0;
     for (const Cycle& cycle : cycles[tool]) {
-      if (cycle.time_s >= start_s + from_s) {
+      if (cycle.time_s >= kStart_s + from_s) {
         const Eigen::Vector3d& force_W = of_ideal ? cycle.ideal_W : cycle.estimate.force_W;
         error_N2 += (force_W - cycle.exact_W).squaredNorm();
         exact_N2 += cycle.exact_W.squaredNorm();
@@ -103,7 +103,7 @@ class TwoHalves {
   double largest_step_N(std::size_t tool, double from_s) const {
     double step_N = 0.0;
     for (std::size_t i = 1; i < cycles[tool].size(); ++i) {
-      if (cycles[tool][i].time_s >= start_s + from_s) {
+      if (cycles[tool][i].time_s >= kStart_s + from_s) {
         step_N = std::max(
             step_N,
             (cycles[tool][i].estimate.force_W - cycles[tool][i - 1].estimate.force_W).norm());
@@ -112,7 +112,7 @@ class TwoHalves {
     return step_N;
   }
 
-  static constexpr double start_s = 100.0;  ///< the clock's time when a run begins
+  static constexpr double kStart_s = 100.0;  ///< the clock's time when a run begins
   PairExchange exchange;
   std::array<std::unique_ptr<PairHalf>, 2> halves;
   std::array<bool, 2> runs{true, true};
@@ -185,7 +185,7 @@ class TwoHalves {
       ideal_under_way_.pop_front();
     }
     PairVector at_W;
-    at_W << position_W(0, now_s - start_s), position_W(1, now_s - start_s);
+    at_W << position_W(0, now_s - kStart_s), position_W(1, now_s - kStart_s);
     ideal_->observe(now_s, at_W);
     const PairVector both_W = ideal_->forces(now_s, at_W).forces_W;
     if (tool == 0) {
@@ -211,10 +211,10 @@ class TwoHalves {
       }
       under_way_[tool].pop_front();
     }
-    const Eigen::Vector3d at_W = position_W(tool, now_s - start_s);
+    const Eigen::Vector3d at_W = position_W(tool, now_s - kStart_s);
     half.observe(now_s, at_W);
     cycles[tool].push_back({now_s, half.force(now_s, at_W),
-                            force_W(tool, at_W, position_W(1 - tool, now_s - start_s)),
+                            force_W(tool, at_W, position_W(1 - tool, now_s - kStart_s)),
                             ideal_W(tool, now_s)});
     half.work(1000);
     seen_W_[tool] = at_W;
