@@ -24,8 +24,8 @@
  * y to the operator's right, z up. Quaternions are w, x, y, z.
  *
  * A servo whose device has a wrist tells its tool's orientation and takes torques (version 3 of the
- * protocol); fg_link answers each servo in its own version. It drops version 4; a servo that tries it
- * falls back to 3 or 1 within 1.2 s.
+ * protocol); fg_link answers each servo in its own version. It drops version 4; a servo that tries
+ * it falls back to 3 or 1 within 1.2 s.
  *
  * Without a key listen on a loopback address only: datagrams are then not authenticated, and forces
  * move real motors. With a key give fg_link_init() an fg_crypto, whose functions are one line each
