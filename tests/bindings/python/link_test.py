@@ -97,18 +97,6 @@ class BothEnds:
             with self.assertRaises(ValueError):
                 servo.send_tool_state(time.monotonic_ns(), (0, 0, 0), **pose)
 
-    def test_tell_how_the_torque_changes_with_the_place_if_asked(self):
-        for asks in (True, False):
-            simulator, servo = self.with_both(sensitivities=asks)
-            state = self.tool_state(simulator, servo, (0, 0, 0.5), orientation_WT=(1, 0, 0, 0)).tool_state
-            simulator.answer(state, (1, 0, 0), in_contact=True, converged=True,
-                             torque_W_Nm=(0, 1, 0), torque_gradient_W_N=STIFFNESS)
-            sample = servo.receive(PATIENCE_S)
-            self.assertEqual(sample.torque_gradient_W_N, STIFFNESS if asks else None)
-            with self.assertRaises(ValueError):
-                simulator.answer(state, (1, 0, 0), in_contact=True, converged=True,
-                                 torque_gradient_W_N=STIFFNESS)
-
     def test_tell_no_torque_without_a_wrist(self):
         simulator, servo = self.with_both()
         state = self.tool_state(simulator, servo, (0, 0, 0)).tool_state
@@ -305,6 +293,18 @@ class Package(BothEnds, unittest.TestCase):
         simulator.close()
         with self.assertRaisesRegex(forcegrid.LinkError, "closed"):
             simulator.receive(0)
+
+    def test_tell_how_the_torque_changes_with_the_place_if_asked(self):
+        for asks in (True, False):
+            simulator, servo = self.with_both(sensitivities=asks)
+            state = self.tool_state(simulator, servo, (0, 0, 0.5), orientation_WT=(1, 0, 0, 0)).tool_state
+            simulator.answer(state, (1, 0, 0), in_contact=True, converged=True,
+                             torque_W_Nm=(0, 1, 0), torque_gradient_W_N=STIFFNESS)
+            sample = servo.receive(PATIENCE_S)
+            self.assertEqual(sample.torque_gradient_W_N, STIFFNESS if asks else None)
+            with self.assertRaises(ValueError):
+                simulator.answer(state, (1, 0, 0), in_contact=True, converged=True,
+                                 torque_gradient_W_N=STIFFNESS)
 
 
 class LooseFile(BothEnds, unittest.TestCase):
