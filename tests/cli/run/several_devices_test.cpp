@@ -91,14 +91,14 @@ TEST(SeveralDevices, RenderAForceOverBothTools) {
     EXPECT_EQ(device.at("method"), "auto-6d");
     EXPECT_EQ(device.at("ended_by"), "time");
     const json& counters = device.at("counters");
-    EXPECT_GT(counters.at("samples_paired"), 60);
+    EXPECT_GT(counters.at("samples_paired"), 100);
     EXPECT_GT(counters.at("samples_paired"), 5 * counters.at("samples_unpaired").get<int>());
     EXPECT_EQ(counters.at("samples_untold"), 0);
     const json& cycles = device.at("candidate_cycles");
     EXPECT_GT(cycles.at("auto-6d"), 3 * cycles.at("auto").get<int>());
     const json& errors = device.at("errors");
     EXPECT_LT(errors.at("auto-6d").at("rms_error_percent_after_1s"),
-              errors.at("auto").at("rms_error_percent_after_1s").get<double>());
+              0.5 * errors.at("auto").at("rms_error_percent_after_1s").get<double>());
     EXPECT_TRUE(device.at("zero_current_delivered"));
     expect_motors_off(device);
   }
