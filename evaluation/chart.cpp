@@ -37,7 +37,8 @@ constexpr double kComparedEvery_s = 0.1;
 constexpr int kRandomComparisons = 60;
 constexpr double kLargestDifference_percent = 0.1;
 constexpr double kTouchKnown_s = 0.2;
-constexpr int kSplitRuns = 5;  // their percentiles are of the least that each cycle took
+// Their percentiles are of the least that each cycle took; a quick chart has the time for one.
+constexpr int kSplitRuns = 5;
 // Increase when the meaning of a row changes.
 constexpr std::uint64_t kRowVersion = 3;
 
@@ -177,7 +178,7 @@ double rms_error_percent_from(double begin_s, const Trace& trace, const Verdict&
 
 // `direct` and the rivals have no work to split.
 SplitCost split_cost(const Object& object, const Trace& trace, JudgeOptions judging,
-                     const ChartMethod& method, const Verdict& at_once) {
+                     const ChartMethod& method, const Verdict& at_once, int runs) {
   if (method.direct) {
     return {at_once.cycle_ns, at_once.cycle_ns_p99, at_once.cycle_ns_p999,
             at_once.rms_error_percent_after_1s};
@@ -187,7 +188,7 @@ SplitCost split_cost(const Object& object, const Trace& trace, JudgeOptions judg
   std::vector<double> least_cycle_ns;
   judging.least_cycle_ns = &least_cycle_ns;
   Verdict verdict;
-  for (int i = 0; i < kSplitRuns; ++i) {
+  for (int i = 0; i < runs; ++i) {
     const std::unique_ptr<ForceMethod> made =
         make(method, object.known.mesh, object.scene.patch_radius_m);
     verdict = judge(*made, trace, judging);
@@ -197,9 +198,8 @@ SplitCost split_cost(const Object& object, const Trace& trace, JudgeOptions judg
 }
 
 ChartRow judge_row(Object& object, const Trajectory& trajectory, const Trace& trace,
-                   JudgeOptions judging, const ChartMethod& method,
-                   const std::atomic<bool>* cancel) {
-  const simulator::MadeRival made = make(method, object.known, cancel);
+                   JudgeOptions judging, const ChartMethod& method, const ChartOptions& options) {
+  const simulator::MadeRival made = make(method, object.known, options.cancel);
   judging.keep_forces = trajectory.is_closed_loop() || trajectory.is_exploration() ||
                         !object.scene.extras.walls.empty();
   ChartRow row;
@@ -208,7 +208,8 @@ ChartRow judge_row(Object& object, const Trajectory& trajectory, const Trace& tr
   row.method = method.text;
   row.precompute_s = made.precompute_s;
   row.verdict = judge(*made.method, trace, judging);
-  row.split = split_cost(object, trace, judging, method, row.verdict);
+  row.split =
+      split_cost(object, trace, judging, method, row.verdict, options.quick ? 1 : kSplitRuns);
   if (!object.scene.extras.walls.empty()) {
     row.after_touch_percent =
         rms_error_percent_from(wall_known_s(object.scene, trace), trace, row.verdict);
@@ -443,7 +444,7 @@ class Judging {
             ? judge_row(object, *trajectory, *trace_,
                         judge_options(*trajectory, object.table, *job.condition, kChartServoRate_Hz,
                                       options_.seed, object.scene.extras),
-                        *job.method, options_.cancel)
+                        *job.method, options_)
             : judge_visits_row(object, *job.condition, *job.method, options_.seed);
     row.key = job.key;
     row.condition = job.condition->name;
