@@ -17,6 +17,7 @@ namespace forcegrid::servo {
 namespace {
 
 constexpr std::int64_t kLine_ns = 1'000'000'000;
+constexpr double kPauseShare = 0.125;  // of a period, from the end of a cycle to a drain
 
 }  // namespace
 
@@ -30,7 +31,9 @@ void Telemetry::start() {
     rt::name_current_thread("telemetry");
     while (!stop_.load(std::memory_order_acquire)) {
       drain_or_give_up();
-      std::this_thread::sleep_for(options_.drain_interval);
+      std::this_thread::sleep_until(next_drain(rt::Clock::now(),
+                                               records_.empty() ? nullptr : &records_.back(),
+                                               options_.drain_interval, options_.rate_Hz));
     }
     drain_or_give_up();
   });
@@ -55,17 +58,34 @@ void Telemetry::drain_or_give_up() noexcept {
         trouble_ = std::current_exception();
       }
       options_.on_cycle = nullptr;
+      options_.on_drained = nullptr;
       options_.on_sentence = nullptr;
       options_.on_live_line = nullptr;
     }
   }
 }
 
+rt::Clock::time_point Telemetry::next_drain(rt::Clock::time_point now, const CycleRecord* newest,
+                                            std::chrono::milliseconds interval, double rate_Hz) {
+  const rt::Clock::time_point earliest = now + interval;
+  if (newest == nullptr) {
+    return earliest;
+  }
+  const double period_ns = 1e9 / rate_Hz;
+  const double end_ns = static_cast<double>(newest->time_ns) + 1e3 * newest->compute_us;
+  const double pause_ns = end_ns + kPauseShare * period_ns;
+  const double wait_ns = static_cast<double>(earliest.time_since_epoch().count()) - pause_ns;
+  const double more_ns = std::ceil(wait_ns / period_ns) * period_ns - wait_ns;
+  return earliest + std::chrono::nanoseconds(std::llround(more_ns));
+}
+
 std::string Telemetry::trouble() const { return rt::text_of(trouble_); }
 
 void Telemetry::drain() {
   CycleRecord record;
+  bool any = false;
   while (ports_.records.pop(record)) {
+    any = true;
     if (statistics_.cycles == 0) {
       first_time_ns_ = record.time_ns;
       last_line_ns_ = record.time_ns;
@@ -101,6 +121,9 @@ void Telemetry::drain() {
       const bool late = record.time_ns >= last_line_ns_ + 2 * kLine_ns;
       last_line_ns_ = late ? record.time_ns : last_line_ns_ + kLine_ns;
     }
+  }
+  if (any && options_.on_drained) {
+    options_.on_drained();
   }
 }
 

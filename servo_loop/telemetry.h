@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "servo_loop/cycle_record.h"
 #include "servo_loop/servo_loop.h"
@@ -23,7 +24,9 @@ namespace forcegrid::servo {
 struct TelemetryOptions {
   std::vector<std::string> method_names;  ///< in the loop's order
   double rate_Hz = 500.0;
-  /// How often records are taken from the loop's ring, which holds 2 s of them at 4 kHz.
+  /// Records are taken from the loop's ring, which holds 2 s of them at 4 kHz, when this long has
+  /// passed and the loop sleeps after its next cycle: what is done with them then holds up none of
+  /// its wake-ups.
   std::chrono::milliseconds drain_interval{20};
   /// How many of the newest cycles are kept; older ones count only in the statistics.
   std::size_t keep_cycles = 300'000;
@@ -35,6 +38,8 @@ struct TelemetryOptions {
   std::function<void(const std::string&)> on_sentence;
   /// Called with every cycle, on the thread that drains; must return soon.
   std::function<void(const CycleRecord&)> on_cycle;
+  /// Called behind the last of each drain's cycles, if there was one; likewise.
+  std::function<void()> on_drained;
 };
 
 /// The rendered method switched to another of its candidates.
@@ -111,6 +116,12 @@ class Telemetry {
   std::string trouble() const;
   /// CycleRecord::time_ns of the first cycle, which need not be kept any more.
   std::int64_t first_time_ns() const noexcept { return first_time_ns_; }
+
+  /// When records are taken next after `now`, see TelemetryOptions::drain_interval.
+  /// @param newest  of the cycles taken so far; null: none was
+  /// @param rate_Hz  of the loop
+  static rt::Clock::time_point next_drain(rt::Clock::time_point now, const CycleRecord* newest,
+                                          std::chrono::milliseconds interval, double rate_Hz);
 
   static constexpr double kFlightRecord_s = 5.0;
   static constexpr std::size_t kChangesKept = 200;

@@ -60,34 +60,45 @@ FrameSender::~FrameSender() {
   ::close(wake_);
 }
 
-void FrameSender::push(const Frame& frame) { push(frame, false); }
-void FrameSender::push_newest(const Frame& frame) { push(frame, true); }
+void FrameSender::push(const Frame& frame) {
+  if (queue(frame, false)) {
+    wake();
+  }
+}
 
-void FrameSender::push(const Frame& frame, bool newest) {
+void FrameSender::push_newest(const Frame& frame) {
+  if (queue(frame, true)) {
+    wake();
+  }
+}
+
+void FrameSender::queue(const Frame& frame) { queue(frame, false); }
+void FrameSender::queue_newest(const Frame& frame) { queue(frame, true); }
+
+// False: it is dropped.
+bool FrameSender::queue(const Frame& frame, bool newest) {
   if (lost_.load() || finishing_.load()) {
-    return;
+    return false;
   }
   Bytes bytes = bytes_of(frame);
-  {
-    const std::lock_guard lock(mutex_);
-    if (newest) {
-      const auto same = std::find_if(waiting_.begin(), waiting_.end(), [&](const Waiting& one) {
-        return one.newest && one.type == frame.type && one.object == frame.object;
-      });
-      if (same != waiting_.end()) {
-        waiting_bytes_ -= same->bytes.size();
-        waiting_.erase(same);
-        dropped_.fetch_add(1);
-      }
-    }
-    if (!waiting_.empty() && waiting_bytes_ + bytes.size() > options_.most_waiting_bytes) {
+  const std::lock_guard lock(mutex_);
+  if (newest) {
+    const auto same = std::find_if(waiting_.begin(), waiting_.end(), [&](const Waiting& one) {
+      return one.newest && one.type == frame.type && one.object == frame.object;
+    });
+    if (same != waiting_.end()) {
+      waiting_bytes_ -= same->bytes.size();
+      waiting_.erase(same);
       dropped_.fetch_add(1);
-      return;
     }
-    waiting_bytes_ += bytes.size();
-    waiting_.push_back({frame.type, frame.object, newest, std::move(bytes)});
   }
-  wake();
+  if (!waiting_.empty() && waiting_bytes_ + bytes.size() > options_.most_waiting_bytes) {
+    dropped_.fetch_add(1);
+    return false;
+  }
+  waiting_bytes_ += bytes.size();
+  waiting_.push_back({frame.type, frame.object, newest, std::move(bytes)});
+  return true;
 }
 
 std::size_t FrameSender::waiting_bytes() const {
@@ -140,7 +151,7 @@ void FrameSender::exchange() {
 // Returns when the view has closed the connection, or after stop_now_.
 void FrameSender::exchange_until_over() {
   FrameReader reader(kLargestFeedPayload);
-  Bytes now;  // the frame that is being sent
+  Bytes now;  // the frames that are being sent, small ones together
   std::size_t sent = 0;
   while (!stop_now_.load()) {
     pollfd fds[2] = {{socket_, POLLIN, 0}, {wake_, POLLIN, 0}};
@@ -168,6 +179,11 @@ bool FrameSender::send_some(Bytes& now, std::size_t& sent) {
       }
       now = std::move(waiting_.front().bytes);
       waiting_.pop_front();
+      while (!waiting_.empty() && now.size() + waiting_.front().bytes.size() <= kPiece) {
+        const Bytes& more = waiting_.front().bytes;
+        now.insert(now.end(), more.begin(), more.end());
+        waiting_.pop_front();
+      }
       sent = 0;
     }
     const ssize_t bytes = ::send(socket_, now.data() + sent, now.size() - sent, MSG_NOSIGNAL);

@@ -43,6 +43,11 @@ class FrameSender {
   void push(const Frame& frame);
   /// Sends `frame` in place of one of the same type and object that still waits.
   void push_newest(const Frame& frame);
+  /// As push() and push_newest(), but `frame` may wait for the next of them or for send(): frames
+  /// that go together wake the thread, and the view, once.
+  void queue(const Frame& frame);
+  void queue_newest(const Frame& frame);
+  void send() const noexcept { wake(); }
 
   /// Sends what waits, for at most `timeout_s`, and joins. Idempotent.
   void finish(double timeout_s = 0.5);
@@ -61,7 +66,7 @@ class FrameSender {
     bool newest;  ///< a newer one may take its place
     Bytes bytes;
   };
-  void push(const Frame& frame, bool newest);
+  bool queue(const Frame& frame, bool newest);
   void exchange();
   void exchange_until_over();
   bool send_some(Bytes& now, std::size_t& sent);

@@ -395,6 +395,7 @@ void Run::prepare_telemetry() {
   };
   if (view_) {
     telemetry_options.drain_interval = kViewDrain;
+    telemetry_options.on_drained = [this] { view_->send(); };
   }
   telemetry_.emplace(ports_, telemetry_options);
 }

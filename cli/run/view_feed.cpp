@@ -28,15 +28,16 @@ using view_link::FeedCycle;
 using view_link::FeedSample;
 using view_link::FeedType;
 
-constexpr std::int64_t kBatch_ns = 5'000'000;  // of cycles in one frame
-constexpr std::int64_t kArm_ns = 16'000'000;   // between two pictures of the arm
-constexpr std::size_t kMostCycles = 128;       // in one frame, which holds 64 KiB
-constexpr std::size_t kMostBegun = 16'384;     // cycles that a page may still report: 4 s at 4 kHz
+constexpr std::int64_t kArm_ns = 16'000'000;  // between two pictures of the arm
+constexpr std::size_t kMostCycles = 128;      // in one frame, which holds 64 KiB
+constexpr std::size_t kMostSamples = 128;     // likewise
+constexpr std::size_t kMostBegun = 16'384;    // cycles that a page may still report: 4 s at 4 kHz
 constexpr int kFaults = static_cast<int>(servo::Fault::kZeroNotDelivered) + 1;
 constexpr int kStatuses = static_cast<int>(EstimateStatus::kNotFinite) + 1;
 
 static_assert(view_link::kFeedMethods == servo::kMaxMethods);
 static_assert(kMostCycles * sizeof(FeedCycle) <= view_link::kLargestFeedPayload);
+static_assert(kMostSamples * sizeof(FeedSample) <= view_link::kLargestFeedPayload);
 
 std::uint16_t type_of(FeedType type) { return static_cast<std::uint16_t>(type); }
 
@@ -237,19 +238,33 @@ void ViewFeed::push(const servo::CycleRecord& cycle) {
   if (begun_.size() > kMostBegun) {
     begun_.pop_front();
   }
-  if (cycle.time_ns - cycles_.front().time_ns >= kBatch_ns || cycles_.size() >= kMostCycles) {
-    send_cycles();
+  if (cycles_.size() >= kMostCycles) {
+    queue_samples();
+    queue_cycles();
   }
-  if (cycle.time_ns - last_arm_ns_ >= kArm_ns) {
-    last_arm_ns_ = cycle.time_ns;
-    send_arm(cycle);
-  }
+  const auto& [a, b, c] = cycle.counts;
+  const auto& [d, e, f] = cycle.gimbal_counts;
+  counts_ = {a, b, c, d, e, f};
+  newest_ns_ = cycle.time_ns;
 }
 
 void ViewFeed::push(const servo::ArrivedSample& sample) {
-  view_link::Frame frame{type_of(FeedType::kSamples), 0, {}};
-  view_link::append(frame.payload, sample_of(sample));
-  sender_->push(frame);
+  const std::lock_guard lock(mutex_);
+  samples_.push_back(sample_of(sample));
+  if (samples_.size() >= kMostSamples) {
+    queue_samples();
+  }
+}
+
+void ViewFeed::send() {
+  const std::lock_guard lock(mutex_);
+  queue_samples();
+  queue_cycles();
+  if (newest_ns_ - last_arm_ns_ >= kArm_ns) {
+    last_arm_ns_ = newest_ns_;
+    queue_arm();
+  }
+  sender_->send();
 }
 
 void ViewFeed::note(const std::string& level, const std::string& component,
@@ -263,7 +278,8 @@ void ViewFeed::finish(const std::string& ended_by, int exit_status, const std::s
                       bool motors_are_off) {
   {
     const std::lock_guard lock(mutex_);
-    send_cycles();
+    queue_samples();
+    queue_cycles();
     if (stop_id_) {
       acknowledge(*stop_id_, "stop", motors_are_off,
                   motors_are_off ? "the device has taken zero current"
@@ -277,21 +293,29 @@ void ViewFeed::finish(const std::string& ended_by, int exit_status, const std::s
   sender_->finish();
 }
 
-// With mutex_ held.
-void ViewFeed::send_cycles() {
+// With mutex_ held, as the next two. Samples go before the cycles that have used them.
+void ViewFeed::queue_samples() {
+  if (samples_.empty()) {
+    return;
+  }
+  view_link::Frame frame{type_of(FeedType::kSamples), 0, {}};
+  view_link::append(frame.payload, std::span<const FeedSample>(samples_));
+  samples_.clear();
+  sender_->queue(frame);
+}
+
+void ViewFeed::queue_cycles() {
   if (cycles_.empty()) {
     return;
   }
   view_link::Frame frame{type_of(FeedType::kCycles), 0, {}};
   view_link::append(frame.payload, std::span<const FeedCycle>(cycles_));
   cycles_.clear();
-  sender_->push(frame);
+  sender_->queue(frame);
 }
 
-void ViewFeed::send_arm(const servo::CycleRecord& cycle) {
-  const auto& [a, b, c] = cycle.counts;
-  const auto& [d, e, f] = cycle.gimbal_counts;
-  sender_->push_newest(arm_frame(profile_, *mechanism_, workspace_, {a, b, c, d, e, f}));
+void ViewFeed::queue_arm() {
+  sender_->queue_newest(arm_frame(profile_, *mechanism_, workspace_, counts_));
 }
 
 // With mutex_ held: the servo's own record says that it has obeyed.

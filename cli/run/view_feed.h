@@ -79,8 +79,11 @@ class ViewFeed {
   ViewFeed(const ViewFeed&) = delete;
   ViewFeed& operator=(const ViewFeed&) = delete;
 
+  /// Both wait for send() unless they become many.
   void push(const servo::CycleRecord& cycle);
   void push(const servo::ArrivedSample& sample);
+  /// Sends what waits, all of it together.
+  void send();
   void note(const std::string& level, const std::string& component, const std::string& text);
   /// The last frames: a stop that still waits is acknowledged, and how the run ended is said.
   /// @param motors_are_off  the device has taken a zero command.
@@ -96,8 +99,9 @@ class ViewFeed {
   void take_command(const view_link::Frame& frame);
   void acknowledge(std::int64_t id, const char* what, bool done, const std::string& text);
   void acknowledge_what_was_done(const servo::CycleRecord& cycle);
-  void send_arm(const servo::CycleRecord& cycle);
-  void send_cycles();
+  void queue_samples();
+  void queue_cycles();
+  void queue_arm();
   void take_shown(std::uint64_t cycle);
   void move_hand(std::int64_t id, const std::optional<servo::Triple>& target_W_m);
 
@@ -109,10 +113,13 @@ class ViewFeed {
   std::string hand_socket_;
   int hand_ = -1;  ///< the socket that sends to it
 
-  std::mutex mutex_;                                          ///< of the next seven
+  std::mutex mutex_;                                          ///< of the next ten
   std::deque<std::pair<std::uint64_t, std::int64_t>> begun_;  ///< cycles, and when each began
   rt::Percentiles picture_delay_ms_;
   std::vector<view_link::FeedCycle> cycles_;
+  std::vector<view_link::FeedSample> samples_;
+  std::array<std::int32_t, 6> counts_{};  ///< of the newest cycle's encoders
+  std::int64_t newest_ns_ = 0;            ///< when it began
   std::int64_t last_arm_ns_ = 0;
   std::optional<std::int64_t> stop_id_;    ///< of a command that waits for the servo to obey
   std::optional<std::int64_t> pause_id_;   ///< likewise

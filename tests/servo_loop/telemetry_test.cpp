@@ -144,6 +144,46 @@ TEST(Telemetry, GoesOnWithoutACallbackThatThrew) {
   EXPECT_EQ(telemetry.records().size(), 100u);
 }
 
+TEST(Telemetry, TellsWhenADrainIsOver) {
+  ServoPorts ports;
+  TelemetryOptions options;
+  std::vector<std::uint64_t> told;
+  int drains = 0;
+  options.on_cycle = [&](const CycleRecord& record) { told.push_back(record.cycle); };
+  options.on_drained = [&] {
+    ++drains;
+    EXPECT_EQ(told.size(), 3u) << "behind the last of the cycles that wait";
+  };
+  Telemetry telemetry(ports, options);
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    ASSERT_TRUE(ports.records.push(record_at(i)));
+  }
+  telemetry.start();
+  telemetry.stop();
+  EXPECT_EQ(drains, 1) << "a drain without a cycle tells nothing";
+}
+
+// A loop of 2 ms whose newest cycle began at 100 ms, 30 us behind its deadline, and took 150 us.
+TEST(Telemetry, DrainsWhileTheLoopSleeps) {
+  using namespace std::chrono_literals;
+  const auto at = [](std::chrono::nanoseconds since) { return rt::TimePoint(since); };
+  CycleRecord newest;
+  newest.time_ns = 100'030'000;
+  newest.compute_us = 150.0;
+  const auto next = [&](std::chrono::nanoseconds now, std::chrono::milliseconds interval) {
+    return Telemetry::next_drain(at(now), &newest, interval, 500.0);
+  };
+  // An eighth of a period behind the end of a cycle: 430 us behind one of the deadlines.
+  EXPECT_EQ(next(100'200us, 5ms), at(106'430us));
+  EXPECT_EQ(next(100'430us, 4ms), at(104'430us)) << "not before the interval, and no period later";
+  EXPECT_EQ(next(100'431us, 4ms), at(106'430us));
+  EXPECT_EQ(Telemetry::next_drain(at(7ms), nullptr, 5ms, 500.0), at(12ms)) << "no cycle yet";
+  // A loop that has ended long ago: still at most one period beside the interval.
+  const auto late = next(10s, 5ms);
+  EXPECT_GE(late, at(10'005ms));
+  EXPECT_LT(late, at(10'007ms));
+}
+
 TEST(Telemetry, SaysWhichFlightRecordCouldNotBeWritten) {
   ServoPorts ports;
   Telemetry telemetry(ports, {});

@@ -104,6 +104,26 @@ std::uint32_t number_of(const Frame& frame) {
   return number;
 }
 
+TEST(FrameSender, SendsQueuedFramesInOrder) {
+  Listener view;
+  FrameSender sender({.path = view.path(), .on_frame = {}, .on_lost = {}});
+  view.accept();
+  sender.queue(numbered(2, 0, 100));
+  sender.queue_newest(numbered(3, 1, 100));
+  sender.queue(numbered(2, 2, 200'000));  // larger than what goes in one piece
+  sender.queue(numbered(2, 3, 100));
+  sender.send();
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    const auto frame = view.receive();
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(number_of(*frame), i);
+    EXPECT_EQ(frame->payload.size(), i == 2 ? 200'000U : 100U);
+  }
+  wait_until([&] { return sender.waiting_bytes() == 0; });
+  EXPECT_EQ(sender.waiting_bytes(), 0U) << "frames that went together are all counted off";
+  EXPECT_EQ(sender.dropped(), 0U);
+}
+
 TEST(FrameSender, SendsInOrder) {
   Listener view;
   FrameSender sender({.path = view.path(), .on_frame = {}, .on_lost = {}});
