@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/judge.h"
-#include "evaluation/trace.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/judge/judge.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/traces/trace.h"
 #include "forcegrid/methods.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/reference/dynamic_reference.h"

@@ -10,7 +10,7 @@
 
 #include "bench/openvdb_peer.h"
 #include "bench/ratios.h"
-#include "evaluation/baseline_cost.h"
+#include "evaluation/judge/baseline_cost.h"
 #include "forcegrid/grid/force_grid.h"
 #include "forcegrid/grid/mls_grid.h"
 

@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/scenarios.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/reference/solver_motion.h"
 #include "simulator/solver/elastic_object.h"

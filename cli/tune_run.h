@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "tools/tuning.h"
 
 namespace forcegrid::cli {

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <optional>
 
-#include "evaluation/chart_plan.h"
-#include "evaluation/page_text.h"
-#include "evaluation/scenarios.h"
+#include "evaluation/charts/chart_plan.h"
+#include "evaluation/charts/page_text.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "simulator/mesh/error.h"
 #include "simulator/rivals/rivals.h"
 

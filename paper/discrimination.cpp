@@ -5,8 +5,8 @@
 #include <map>
 #include <tuple>
 
-#include "evaluation/scenarios.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "paper/recorded_motion.h"
 
 namespace forcegrid::paper {

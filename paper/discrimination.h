@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/force_table.h"
+#include "evaluation/objects/force_table.h"
 #include "paper/observer.h"
 #include "paper/options.h"
 

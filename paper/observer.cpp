@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
 
 namespace forcegrid::paper {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "paper/options.h"
 
-#include "evaluation/chart_plan.h"
-#include "evaluation/force_table.h"
+#include "evaluation/charts/chart_plan.h"
+#include "evaluation/objects/force_table.h"
 
 namespace forcegrid::paper {
 

@@ -6,7 +6,7 @@
 #include <set>
 #include <sstream>
 
-#include "evaluation/gnuplot.h"
+#include "evaluation/files/gnuplot.h"
 
 namespace forcegrid::paper {
 namespace {

@@ -6,10 +6,10 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "evaluation/force_table.h"
-#include "evaluation/page_text.h"
-#include "evaluation/scenarios.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/charts/page_text.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/objects/force_table.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "simulator/reference/reference_solution.h"
 
 namespace forcegrid::paper {

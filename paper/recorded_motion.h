@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/judge.h"
-#include "evaluation/trace.h"
+#include "evaluation/judge/judge.h"
+#include "evaluation/traces/trace.h"
 #include "paper/options.h"
 
 namespace forcegrid::paper {

@@ -8,8 +8,8 @@
 #include <system_error>
 #include <utility>
 
-#include "evaluation/force_table.h"
-#include "evaluation/page_text.h"
+#include "evaluation/charts/page_text.h"
+#include "evaluation/objects/force_table.h"
 #include "paper/pictures.h"
 #include "paper/tables.h"
 

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <set>
 
-#include "evaluation/scenarios.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "simulator/solver/elastic_object.h"
 
 namespace forcegrid::paper {

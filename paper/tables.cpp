@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "evaluation/page_text.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/charts/page_text.h"
+#include "evaluation/motions/trajectories.h"
 #include "paper/pictures.h"
 
 namespace forcegrid::paper {

@@ -7,8 +7,8 @@
 #include <limits>
 #include <vector>
 
-#include "evaluation/baseline_cost.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/judge/baseline_cost.h"
+#include "evaluation/motions/trajectories.h"
 #include "paper/options.h"
 #include "rt/clock.h"
 

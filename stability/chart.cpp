@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "evaluation/row_file.h"
-#include "evaluation/scenarios.h"
+#include "evaluation/charts/row_file.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "rt/parallel_jobs.h"

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/force_table.h"
-#include "evaluation/shard.h"
+#include "evaluation/charts/shard.h"
+#include "evaluation/objects/force_table.h"
 #include "stability/chart_cases.h"
 #include "stability/fault_sweep.h"
 #include "stability/search.h"

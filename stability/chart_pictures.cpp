@@ -6,7 +6,7 @@
 #include <map>
 #include <sstream>
 
-#include "evaluation/gnuplot.h"
+#include "evaluation/files/gnuplot.h"
 #include "stability/theory.h"
 
 namespace forcegrid::stability {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "evaluation/chart_html_parts.h"
-#include "evaluation/page_text.h"
+#include "evaluation/charts/chart_html_parts.h"
+#include "evaluation/charts/page_text.h"
 #include "stability/chart_pictures.h"
 #include "stability/chart_rows.h"
 #include "stability/scenes.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/page_text.h"
+#include "evaluation/charts/page_text.h"
 #include "stability/chart.h"
 
 namespace forcegrid::stability {

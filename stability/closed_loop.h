@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/network.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/scenarios/network.h"
 #include "forcegrid/core/force_method.h"
 #include "forcegrid/core/sample_gate.h"
 #include "servo_loop/passivity.h"

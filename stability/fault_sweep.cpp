@@ -8,8 +8,8 @@
 #include <memory>
 #include <stdexcept>
 
-#include "evaluation/force_table.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/objects/force_table.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "rt/parallel_jobs.h"

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "evaluation/force_table.h"
-#include "evaluation/page_text.h"
-#include "evaluation/text_file.h"
-#include "evaluation/trace_workspace.h"
+#include "evaluation/charts/page_text.h"
+#include "evaluation/files/text_file.h"
+#include "evaluation/objects/force_table.h"
+#include "evaluation/traces/trace_workspace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/pair_methods.h"
 #include "rt/parallel_jobs.h"

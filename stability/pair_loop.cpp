@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "evaluation/pair_motions.h"
+#include "evaluation/motions/pair_motions.h"
 #include "stability/settling.h"
 
 namespace forcegrid::stability {

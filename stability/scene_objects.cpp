@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
-#include "evaluation/variation.h"
-#include "evaluation/wall.h"
+#include "evaluation/motions/variation.h"
+#include "evaluation/objects/wall.h"
 #include "stability/dynamic_object.h"
 
 namespace forcegrid::stability {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "evaluation/network.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/scenarios/network.h"
 #include "forcegrid/core/force_method.h"
 #include "stability/virtual_object.h"
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "evaluation/force_table.h"
+#include "evaluation/objects/force_table.h"
 
 namespace forcegrid::stability {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "tools/hdf5_file.h"
 
 namespace forcegrid::tools {

@@ -9,7 +9,7 @@
 #include <ostream>
 #include <stdexcept>
 
-#include "evaluation/gnuplot.h"
+#include "evaluation/files/gnuplot.h"
 #include "text/output_file.h"
 
 namespace forcegrid::tools {

@@ -8,7 +8,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "evaluation/judge.h"
+#include "evaluation/judge/judge.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "stability/search.h"

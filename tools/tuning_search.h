@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "forcegrid/core/method_options.h"
 #include "tools/tuning.h"
 

@@ -9,9 +9,9 @@
 
 #include "bindings/python/arrays.h"
 #include "bindings/python/bind.h"
-#include "evaluation/judge.h"
-#include "evaluation/trace.h"
-#include "evaluation/trace_workspace.h"
+#include "evaluation/judge/judge.h"
+#include "evaluation/traces/trace.h"
+#include "evaluation/traces/trace_workspace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 #include "tools/hdf5_file.h"

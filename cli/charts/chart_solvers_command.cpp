@@ -11,8 +11,8 @@
 #include "cli/common/options.h"
 #include "cli/common/scene_option.h"
 #include "cli/run/run_checks.h"
-#include "evaluation/scenarios.h"
-#include "evaluation/solver_chart.h"
+#include "evaluation/charts/solver_chart.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "simulator/bench/solver_scaling.h"
 
 namespace forcegrid::cli {

@@ -7,7 +7,7 @@
 #include "cli/charts/chart_support.h"
 #include "cli/common/option_values.h"
 #include "cli/common/options.h"
-#include "evaluation/page_text.h"
+#include "evaluation/charts/page_text.h"
 #include "log/log.h"
 #include "stability/chart.h"
 #include "stability/chart_report.h"

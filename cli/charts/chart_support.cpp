@@ -7,8 +7,8 @@
 
 #include "cli/common/number_check.h"
 #include "cli/common/options.h"
-#include "evaluation/force_table.h"
-#include "evaluation/row_file.h"
+#include "evaluation/charts/row_file.h"
+#include "evaluation/objects/force_table.h"
 
 namespace forcegrid::cli {
 namespace {

@@ -11,8 +11,8 @@
 #include "cli/common/progress_line.h"
 #include "cli/common/stop_request.h"
 #include "cli/run/run_checks.h"
-#include "evaluation/force_table.h"
-#include "evaluation/shard.h"
+#include "evaluation/charts/shard.h"
+#include "evaluation/objects/force_table.h"
 #include "forcegrid/methods.h"
 #include "rt/checkpoint.h"
 

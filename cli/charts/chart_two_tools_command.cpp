@@ -6,9 +6,9 @@
 
 #include "cli/common/number_check.h"
 #include "cli/common/option_values.h"
-#include "evaluation/page_text.h"
-#include "evaluation/pair_chart.h"
-#include "evaluation/pair_motions.h"
+#include "evaluation/charts/page_text.h"
+#include "evaluation/charts/pair_chart.h"
+#include "evaluation/motions/pair_motions.h"
 #include "forcegrid/methods.h"
 #include "forcegrid/pair_methods.h"
 #include "stability/pair_limits.h"

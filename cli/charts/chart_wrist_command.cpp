@@ -7,7 +7,7 @@
 #include "cli/common/number_check.h"
 #include "cli/common/options.h"
 #include "cli/common/scene_option.h"
-#include "evaluation/torque_chart.h"
+#include "evaluation/charts/torque_chart.h"
 
 namespace forcegrid::cli {
 namespace {

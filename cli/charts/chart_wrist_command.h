@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cli/common/options.h"
-#include "evaluation/twist_motions.h"
+#include "evaluation/motions/twist_motions.h"
 
 namespace forcegrid::cli {
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/common/progress_line.h"
-#include "evaluation/text_file.h"
+#include "evaluation/files/text_file.h"
 #include "log/log.h"
 
 namespace forcegrid::cli {

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "evaluation/method_costs.h"
+#include "evaluation/judge/method_costs.h"
 #include "forcegrid/methods.h"
 
 namespace forcegrid::cli {

@@ -7,10 +7,10 @@
 
 #include "cli/charts/evaluate_output.h"
 #include "cli/common/progress_line.h"
-#include "evaluation/judge.h"
-#include "evaluation/pair_judge.h"
-#include "evaluation/pair_trace.h"
-#include "evaluation/trace_workspace.h"
+#include "evaluation/judge/judge.h"
+#include "evaluation/judge/pair_judge.h"
+#include "evaluation/traces/pair_trace.h"
+#include "evaluation/traces/trace_workspace.h"
 #include "forcegrid/pair_methods.h"
 
 namespace forcegrid::cli {

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/common/progress_line.h"
-#include "evaluation/scenarios.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "simulator/bench/bullet_peer.h"
 #include "simulator/bench/solver_bench.h"
 

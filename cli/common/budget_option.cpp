@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "cli/common/number_check.h"
-#include "evaluation/baseline_cost.h"
+#include "evaluation/judge/baseline_cost.h"
 #include "log/log.h"
 
 namespace forcegrid::cli {

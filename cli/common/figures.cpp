@@ -4,7 +4,7 @@
 #include <iomanip>
 #include <ostream>
 
-#include "evaluation/gnuplot.h"
+#include "evaluation/files/gnuplot.h"
 #include "text/output_file.h"
 
 namespace forcegrid::cli {

@@ -12,7 +12,7 @@
 
 #include "cli/common/json_target.h"
 #include "cli/common/revision.h"
-#include "evaluation/text_file.h"
+#include "evaluation/files/text_file.h"
 #include "log/log.h"
 #include "rt/vectors.h"
 #include "tools/hdf5_file.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "cli/run/run_command.h"
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "profiles/device_profile.h"
 #include "servo_loop/servo_loop.h"
 #include "tools/recorder.h"

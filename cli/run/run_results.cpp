@@ -13,7 +13,7 @@
 #include "cli/run/run.h"
 #include "cli/run/run_summary_json.h"
 #include "cli/run/run_summary_text.h"
-#include "evaluation/gnuplot.h"
+#include "evaluation/files/gnuplot.h"
 #include "rt/checkpoint.h"
 #include "rt/thread.h"
 #include "tools/hdf5_file.h"

@@ -6,7 +6,7 @@
 
 #include "cli/run/reference_forces.h"
 #include "cli/run/view_title.h"
-#include "evaluation/baseline_cost.h"
+#include "evaluation/judge/baseline_cost.h"
 #include "simulator/mesh/scene.h"
 
 namespace forcegrid::cli {

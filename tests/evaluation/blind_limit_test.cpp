@@ -2,14 +2,14 @@
 // The errors that no method can be below, against sums over the instants at which nothing can be
 // known.
 
-#include "evaluation/blind_limit.h"
+#include "evaluation/scenarios/blind_limit.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "evaluation/network.h"
-#include "evaluation/scenarios.h"
+#include "evaluation/scenarios/network.h"
+#include "evaluation/scenarios/scenarios.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/chart_requests.h"
+#include "evaluation/charts/chart_requests.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "evaluation/chart_report.h"
+#include "evaluation/charts/chart_report.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/chart.h"
+#include "evaluation/charts/chart.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,13 +11,13 @@
 #include <numbers>
 #include <sstream>
 
-#include "evaluation/chart_plot.h"
-#include "evaluation/chart_report.h"
-#include "evaluation/chart_rows.h"
-#include "evaluation/chart_summary.h"
-#include "evaluation/gnuplot.h"
-#include "evaluation/scenarios.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/charts/chart_plot.h"
+#include "evaluation/charts/chart_report.h"
+#include "evaluation/charts/chart_rows.h"
+#include "evaluation/charts/chart_summary.h"
+#include "evaluation/files/gnuplot.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "tests/paper/tiny_scenes.h"
 
 namespace forcegrid::evaluation {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/exploration.h"
+#include "evaluation/motions/exploration.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
 
 namespace forcegrid::evaluation {
 namespace {

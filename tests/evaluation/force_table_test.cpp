@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/force_table.h"
+#include "evaluation/objects/force_table.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
 #include "simulator/mesh/lattice_block.h"
 
 namespace forcegrid::evaluation {

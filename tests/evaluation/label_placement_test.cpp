@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/label_placement.h"
+#include "evaluation/charts/label_placement.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/network.h"
+#include "evaluation/scenarios/network.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -2,15 +2,15 @@
 // Objects that resist, relax, are cut or slide, and simulators that do not converge, against closed
 // forms.
 
-#include "evaluation/object_effect.h"
+#include "evaluation/objects/object_effect.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "evaluation/network.h"
-#include "evaluation/scenarios.h"
+#include "evaluation/scenarios/network.h"
+#include "evaluation/scenarios/scenarios.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/pair_chart.h"
+#include "evaluation/charts/pair_chart.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,8 +11,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "evaluation/error.h"
-#include "evaluation/pair_judge.h"
+#include "evaluation/files/error.h"
+#include "evaluation/judge/pair_judge.h"
 #include "forcegrid/pair_methods.h"
 
 namespace forcegrid::evaluation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/pair_judge.h"
+#include "evaluation/judge/pair_judge.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "evaluation/pair_trace.h"
+#include "evaluation/traces/pair_trace.h"
 
 namespace forcegrid::testing {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/pair_reference.h"
+#include "evaluation/scenarios/pair_reference.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <string>
 
-#include "evaluation/error.h"
+#include "evaluation/files/error.h"
 #include "simulator/mesh/lattice_block.h"
 #include "tests/simulator/two_tool_newton.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/pair_trace.h"
+#include "evaluation/traces/pair_trace.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <limits>
 #include <string>
 
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "tests/evaluation/pair_ramp.h"
 
 namespace forcegrid::evaluation {

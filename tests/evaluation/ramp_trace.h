@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 
 namespace forcegrid::testing {
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/judge.h"
-#include "evaluation/trace.h"
+#include "evaluation/judge/judge.h"
+#include "evaluation/traces/trace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/shard.h"
+#include "evaluation/charts/shard.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "evaluation/error.h"
-#include "evaluation/row_file.h"
+#include "evaluation/charts/row_file.h"
+#include "evaluation/files/error.h"
 #include "tests/support/program.h"
 
 namespace forcegrid::evaluation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/solver_chart.h"
+#include "evaluation/charts/solver_chart.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "evaluation/force_table.h"
+#include "evaluation/objects/force_table.h"
 
 namespace forcegrid::evaluation {
 namespace {

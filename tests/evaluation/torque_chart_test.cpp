@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/torque_chart.h"
+#include "evaluation/charts/torque_chart.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "evaluation/error.h"
+#include "evaluation/files/error.h"
 
 namespace forcegrid::evaluation {
 namespace {

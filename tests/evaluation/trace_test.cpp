@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "evaluation/force_table.h"
+#include "evaluation/objects/force_table.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/variation.h"
+#include "evaluation/motions/variation.h"
 
 #include <gtest/gtest.h>
 

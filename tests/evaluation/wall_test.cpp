@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "evaluation/wall.h"
+#include "evaluation/objects/wall.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "evaluation/network.h"
-#include "evaluation/scenarios.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/scenarios/network.h"
+#include "evaluation/scenarios/scenarios.h"
 
 namespace forcegrid::evaluation {
 namespace {

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "driver/kinematics.h"
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "firmware/on_board_cycle.h"
 #include "firmware/small_grid.h"
 #include "forcegrid/grid/grid_instances.h"

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <filesystem>
 
-#include "evaluation/force_table.h"
-#include "evaluation/scenarios.h"
-#include "evaluation/trajectories.h"
+#include "evaluation/motions/trajectories.h"
+#include "evaluation/objects/force_table.h"
+#include "evaluation/scenarios/scenarios.h"
 #include "paper/figures.h"
 #include "simulator/solver/elastic_object.h"
 #include "tests/paper/tiny_scenes.h"

@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "evaluation/page_text.h"
+#include "evaluation/charts/page_text.h"
 #include "paper/paper.h"
 #include "paper/tables.h"
 #include "tests/paper/tiny_scenes.h"

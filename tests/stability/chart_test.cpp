@@ -12,7 +12,7 @@
 #include <string>
 #include <utility>
 
-#include "evaluation/page_text.h"
+#include "evaluation/charts/page_text.h"
 #include "stability/chart_numbers.h"
 #include "stability/chart_pictures.h"
 #include "stability/chart_report.h"

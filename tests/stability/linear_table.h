@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "evaluation/force_table.h"
+#include "evaluation/objects/force_table.h"
 
 namespace forcegrid::stability {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/variation.h"
+#include "evaluation/motions/variation.h"
 #include "forcegrid/methods.h"
 #include "stability/chart_cases.h"
 #include "stability/closed_loop.h"

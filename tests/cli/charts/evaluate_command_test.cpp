@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/pair_trace.h"
-#include "evaluation/trace.h"
+#include "evaluation/traces/pair_trace.h"
+#include "evaluation/traces/trace.h"
 #include "tests/evaluation/pair_ramp.h"
 #include "tests/evaluation/ramp_trace.h"
 #include "tests/support/program.h"

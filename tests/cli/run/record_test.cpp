@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "tests/support/program.h"
 
 namespace forcegrid {

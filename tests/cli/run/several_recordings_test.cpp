@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "evaluation/trace.h"
+#include "evaluation/traces/trace.h"
 #include "simulator/reference/reference_solution.h"
 #include "tests/cli/run/two_arms.h"
 #include "tests/support/program.h"
