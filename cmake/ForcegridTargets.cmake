@@ -36,9 +36,25 @@ endif()
 # The presets that look for mistakes compile each source alone.
 option(FORCEGRID_UNITY_BUILD "Compile the sources of a library eight at a time" ON)
 
-# forcegrid_library(NAME sources...): a static library whose headers are included as "folder/header.h".
+option(FORCEGRID_PRECOMPILED_HEADERS "Precompile the headers that most sources include" ON)
+if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  set(FORCEGRID_PRECOMPILED_HEADERS OFF)  # ccache would need other flags
+endif()
+
+# Reading the same headers is a quarter of a library's time, so that they are compiled once for all
+# libraries of the same options. Sources with options of their own need SKIP_PRECOMPILE_HEADERS.
+# `make lint` compiles without them: each source includes what it uses.
+set(FORCEGRID_COMMON_HEADERS
+  <Eigen/Cholesky> <Eigen/Core> <Eigen/Geometry> <Eigen/LU> <algorithm> <array> <atomic> <charconv>
+  <chrono> <cmath> <deque> <filesystem> <fstream> <functional> <map> <memory> <mutex> <optional>
+  <random> <span> <sstream> <string> <thread> <vector>)
+
+# forcegrid_library(NAME [COLD] [OWN_HEADERS] sources...): a static library whose headers are included
+# as "folder/header.h". COLD: what it does is never in a hurry, so little time goes into optimising
+# it. OWN_HEADERS: it has options that other libraries don't have.
 function(forcegrid_library name)
-  add_library(${name} STATIC ${ARGN})
+  cmake_parse_arguments(arg "COLD;OWN_HEADERS" "" "" ${ARGN})
+  add_library(${name} STATIC ${arg_UNPARSED_ARGUMENTS})
   target_compile_features(${name} PUBLIC cxx_std_20)
   target_include_directories(${name} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include/forcegrid>)
@@ -47,6 +63,9 @@ function(forcegrid_library name)
   # Position-independent, so that shared libraries can be made of them, and hidden there, except what
   # headers show. All names are called and inlined as in a program.
   target_compile_options(${name} PRIVATE -fno-semantic-interposition)
+  if(arg_COLD AND CMAKE_BUILD_TYPE STREQUAL "Release")
+    target_compile_options(${name} PRIVATE -O1)
+  endif()
   set_target_properties(${name} PROPERTIES UNITY_BUILD ${FORCEGRID_UNITY_BUILD}
                                            UNITY_BUILD_BATCH_SIZE 8
                                            POSITION_INDEPENDENT_CODE ON
@@ -54,11 +73,30 @@ function(forcegrid_library name)
                                            VISIBILITY_INLINES_HIDDEN ON
                                            INTERFACE_FORCEGRID_LIBRARIES static
                                            COMPATIBLE_INTERFACE_STRING FORCEGRID_LIBRARIES)
+  if(FORCEGRID_PRECOMPILED_HEADERS)
+    if(arg_OWN_HEADERS)
+      target_precompile_headers(${name} PRIVATE ${FORCEGRID_COMMON_HEADERS})
+    elseif(arg_COLD)
+      target_precompile_headers(${name} REUSE_FROM forcegrid_headers_cold)
+    else()
+      target_precompile_headers(${name} REUSE_FROM forcegrid_headers)
+    endif()
+    target_compile_options(${name} PRIVATE -fpch-preprocess)  # for ccache
+  endif()
 endfunction()
+
+if(FORCEGRID_PRECOMPILED_HEADERS)
+  file(WRITE ${PROJECT_BINARY_DIR}/headers.cpp "")
+  forcegrid_library(forcegrid_headers OWN_HEADERS ${PROJECT_BINARY_DIR}/headers.cpp)
+  forcegrid_library(forcegrid_headers_cold COLD OWN_HEADERS ${PROJECT_BINARY_DIR}/headers.cpp)
+  target_precompile_headers(forcegrid_headers_cold PRIVATE <nlohmann/json.hpp>)
+  foreach(target forcegrid_headers forcegrid_headers_cold)
+    target_link_libraries(${target} PRIVATE Eigen3::Eigen)
+  endforeach()
+endif()
 
 # Tests are compiled for a quick build: half of their time goes into the headers of GoogleTest, Eigen
 # and the standard library, and a third into optimising code that runs for milliseconds.
-option(FORCEGRID_PRECOMPILED_HEADERS "Precompile the headers that all tests include" ON)
 function(forcegrid_quick_to_compile name)
   if(CMAKE_BUILD_TYPE STREQUAL "Release")
     target_compile_options(${name} PRIVATE -O1)
