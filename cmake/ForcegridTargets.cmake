@@ -37,8 +37,8 @@ endif()
 option(FORCEGRID_UNITY_BUILD "Compile the sources of a library eight at a time" ON)
 
 option(FORCEGRID_PRECOMPILED_HEADERS "Precompile the headers that most sources include" ON)
-if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  set(FORCEGRID_PRECOMPILED_HEADERS OFF)  # ccache would need other flags
+if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU" OR CMAKE_SYSTEM_PROCESSOR STREQUAL "cortex-m7")
+  set(FORCEGRID_PRECOMPILED_HEADERS OFF)  # ccache would need other flags; firmware has few sources
 endif()
 
 # Reading the same headers is a quarter of a library's time, so that they are compiled once for all
