@@ -24,6 +24,31 @@ Eigen::Vector3d solved_before_W(const ToolRun& run, double time_s) {
   return at_W;
 }
 
+// When others on the object first felt that `run` had ended: the simulator then tells each of a new
+// contact. kNever_s: they had ended themselves before the object was solved again.
+double end_felt_s(const ToolRun& run, const std::vector<ToolRun>& runs, double simulator_period_s) {
+  double felt_s = simulator::ToolPath::kNever_s;
+  for (const ToolRun& other : runs) {
+    std::optional<std::uint32_t> epoch;
+    if (&other == &run || !other.contact) {
+      continue;
+    }
+    for (const servo::ArrivedSample& arrived : *other.samples) {
+      const Sample& sample = arrived.sample;
+      if (!arrived.in_contact || sample.from_query) {
+        continue;
+      }
+      // Its state may be a little older than the end.
+      if (epoch && *epoch != sample.contact_epoch &&
+          sample.time_s > end_s(run) - simulator_period_s) {
+        felt_s = std::min(felt_s, sample.time_s);
+      }
+      epoch = sample.contact_epoch;
+    }
+  }
+  return felt_s;
+}
+
 }  // namespace
 
 std::vector<simulator::ToolPath> paths_of(const std::vector<ToolRun>& runs,
@@ -47,6 +72,8 @@ std::vector<simulator::ToolPath> paths_of(const std::vector<ToolRun>& runs,
     path.contact_point_W = run.contact->point_W;
     if (end_s(run) < newest_end_s - kEndTogether_s) {
       path.let_go_s = end_s(run);
+    } else if (end_s(run) < newest_end_s) {
+      path.let_go_s = end_felt_s(run, runs, simulator_period_s);
     }
     for (const ToolRun& other : runs) {
       path.tools_before_touch_W.push_back(

@@ -24,7 +24,8 @@ struct ToolRun {
 /// A tool that takes hold of the object finds it as the other tools had deformed it in the
 /// simulator's solution before. Where each of them was then is in its newest sample that is at
 /// least half a simulator's period older than the touch. A tool whose loop ended more than 0.1 s
-/// before another one's let go then; one that ended with the others stays where it was last.
+/// before another one's let go then; one that ended with the others stays where it was last, unless
+/// a last solution fell between their ends: the samples of the others then begin a new contact.
 /// @param simulator_period_s  [s] from solution to solution
 std::vector<simulator::ToolPath> paths_of(const std::vector<ToolRun>& runs,
                                           double simulator_period_s);

@@ -68,6 +68,22 @@ TEST(PathsOf, AToolWhoseLoopEndedEarlyLetGo) {
   EXPECT_EQ(paths[1].let_go_s, ToolPath::kNever_s);
 }
 
+// Both loops are told to end, the first does so 12 ms before the second, and the simulator solves
+// the object between: without the first tool, which the second is told as a new contact.
+TEST(PathsOf, AToolWhoseEndTheOtherFeltLetGo) {
+  const Left first(100, 400, {100, 130, 160, 190, 390});
+  Left second(162, 412, {162, 191, 380, 396});
+  second.samples.back().sample.contact_epoch = 1;
+  auto paths = paths_of({first.run, second.run}, kPeriod_s);
+  EXPECT_NEAR(paths[0].let_go_s, 0.396, 1e-12) << "its state in that solution, before the end";
+  EXPECT_EQ(paths[1].let_go_s, ToolPath::kNever_s) << "it ended last";
+  // A new contact long before is no end.
+  second.samples[1].sample.contact_epoch = 1;
+  second.samples[2].sample.contact_epoch = 1;
+  paths = paths_of({first.run, second.run}, kPeriod_s);
+  EXPECT_EQ(paths[0].let_go_s, ToolPath::kNever_s);
+}
+
 TEST(PathsOf, AToolThatNeverTouchedHoldsNothing) {
   const Left first(100, 300, {100});
   ToolRun never;
