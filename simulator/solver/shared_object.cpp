@@ -26,6 +26,13 @@ constexpr double kDivergence = 2.0;
 constexpr double kStall = 0.7;
 constexpr int kMaxStalls = 3;
 constexpr double kOnTheWay = 1e-2;
+// A vertex moves about as far as the tools do. Near an instability S is large, and a prediction
+// from it is not believed beyond this many times the tools' way.
+constexpr double kMostPredicted = 3.0;
+// A state with a larger residual has lost its way: the step begins anew, half as long, or goes on
+// downhill, so many times.
+constexpr double kLost = 0.1;
+constexpr int kMaxDescents = 3;
 // The preconditioner tolerates this much motion of all tools together.
 constexpr double kPreconditionerReach_m = 3e-3;
 
@@ -112,8 +119,7 @@ class SharedObject<Real>::Implementation {
     }
     if (settle_anew() == Outcome::kUnstable) {
       leave_branch();
-      evaluate();
-      settle();
+      settle_on_branch();
     }
     for (Tool* const holder : holders_) {
       holder->last.left_branch = true;  // the force jumps
@@ -160,7 +166,8 @@ class SharedObject<Real>::Implementation {
     return found.allFinite() ? std::optional(found) : std::nullopt;
   }
 
-  // The move in steps of at most max_step_m, or half as long where a step met an unstable state.
+  // The move in steps of at most max_step_m, or half as long where a step met an unstable state;
+  // from rest where that did not help, and downhill in energy where that did not.
   void solve() noexcept {
     if (holders_.empty()) {
       return;
@@ -168,6 +175,7 @@ class SharedObject<Real>::Implementation {
     const auto start = std::chrono::steady_clock::now();
     clear_counts();
     double step_limit_m = options_.max_step_m;
+    bool may_begin_at_rest = true;
     for (;;) {
       const double way_m = longest_way_m();
       const double pieces = std::max(1.0, std::ceil(way_m / step_limit_m * (1.0 - 1e-12)));
@@ -175,7 +183,10 @@ class SharedObject<Real>::Implementation {
       const bool is_last = pieces <= 1.0 || counts_.steps >= options_.max_steps;
       advance(pieces);
       evaluate();
-      const Outcome outcome = is_last ? settle() : relax();
+      Outcome outcome = is_last ? settle() : relax();
+      if (outcome == Outcome::kOutOfIterations && lost()) {
+        outcome = Outcome::kUnstable;
+      }
       if (outcome == Outcome::kUnstable) {
         if (counts_.halvings < kMaxHalvings && way_m > 0.0) {
           restore();
@@ -184,10 +195,15 @@ class SharedObject<Real>::Implementation {
           step_limit_m = 0.5 * way_m / pieces;
           continue;
         }
+        if (std::exchange(may_begin_at_rest, false)) {
+          begin_at_rest();
+          counts_.steps = counts_.halvings = 0;
+          step_limit_m = options_.max_step_m;
+          continue;
+        }
         leave_branch();
         if (is_last) {
-          evaluate();
-          settle();
+          settle_on_branch();
         }
       }
       if (is_last) {
@@ -361,6 +377,39 @@ class SharedObject<Real>::Implementation {
         tool->state.forget_preconditioner();
       }
     }
+    go_to_next();
+    for (Tool* const tool : holders_) {
+      if (tool->has_turned) {
+        tool->turning->predict(tool->theta_W_rad, tool->state);
+      }
+    }
+    // Each state has moved under its own tool; together they have moved by the sum.
+    const StateWithSensitivities<Real>& first = lead();
+    for (std::size_t i = 0; i < correction_m_.size(); ++i) {
+      if (!first.is_free(i)) {
+        continue;
+      }
+      const Eigen::Vector3d before = first.saved_position(i);
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (const Tool* const tool : holders_) {
+        sum += tool->state.position(i) - before;
+      }
+      const double most_m = kMostPredicted * moved_m;
+      const bool too_far = !(sum.squaredNorm() <= most_m * most_m);
+      if (holders_.size() < 2 && !too_far) {
+        continue;
+      }
+      if (too_far) {
+        sum *= sum.allFinite() ? most_m / sum.norm() : 0.0;
+      }
+      for (Tool* const tool : holders_) {
+        tool->state.set_position(i, before + sum);
+      }
+    }
+  }
+
+  // Every patch where its tool is next, and what each state predicts under its own tool.
+  void go_to_next() noexcept {
     for (Tool* const tool : holders_) {
       std::size_t n = 0;
       for (const Tool* const other : holders_) {
@@ -370,28 +419,25 @@ class SharedObject<Real>::Implementation {
       }
       tool->state.place_others(tool->others);
       tool->state.advance_to(tool->next);
-      if (tool->has_turned) {
-        tool->turning->predict(tool->theta_W_rad, tool->state);
+    }
+  }
+
+  // The object left its branch of equilibria: it is at rest, and every tool where it grabbed.
+  void begin_at_rest() noexcept {
+    for (Tool* const tool : holders_) {
+      tool->next.setZero();
+      if (tool->turning) {
+        tool->turn = Eigen::Quaterniond::Identity();
+        place_turned(*tool);
       }
     }
-    if (holders_.size() < 2) {
-      return;
+    go_to_next();
+    for (Tool* const tool : holders_) {
+      tool->state.begin_at_rest();
+      tool->last.left_branch = true;
     }
-    // Each state has moved under its own tool; together they have moved by the sum.
-    const StateWithSensitivities<Real>& first = lead();
-    for (std::size_t i = 0; i < correction_m_.size(); ++i) {
-      if (!first.is_free(i)) {
-        continue;
-      }
-      const Eigen::Vector3d before = first.saved_position(i);
-      Eigen::Vector3d sum = before;
-      for (const Tool* const tool : holders_) {
-        sum += tool->state.position(i) - before;
-      }
-      for (Tool* const tool : holders_) {
-        tool->state.set_position(i, sum);
-      }
-    }
+    evaluate();
+    settle();
   }
 
   void restore() noexcept {
@@ -519,6 +565,7 @@ class SharedObject<Real>::Implementation {
     }
     return converged() ? Outcome::kSettled : Outcome::kOutOfIterations;
   }
+  bool lost() const noexcept { return !(residual_N() <= kLost * force_scale_N()); }
 
   void leave_branch() noexcept {
     const EnergyDescent spent =
@@ -534,6 +581,17 @@ class SharedObject<Real>::Implementation {
       tool->state.forget_preconditioner();
     }
     follow_lead();
+  }
+
+  // After leave_branch(): a state that is far from the new branch's equilibrium goes on downhill.
+  void settle_on_branch() noexcept {
+    for (int more = 0;; ++more) {
+      evaluate();
+      if (settle() == Outcome::kSettled || !lost() || more == kMaxDescents) {
+        return;
+      }
+      leave_branch();
+    }
   }
 
   SolverOptions options_;

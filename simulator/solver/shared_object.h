@@ -27,6 +27,12 @@ namespace forcegrid::simulator {
 ///   J_k = dF_k/dP_k = -S_k^T K S_k      [N/m] with the other tools where they are
 ///   J_kj = dF_k/dP_j = -S_k^T K S_j     [N/m] of tool j's position; J_jk is its transpose
 ///
+/// Where shorter steps do not get past an unstable state, the object begins anew at rest and the
+/// tools come from where they grabbed, in one solve(): the equilibria that begin at rest are those
+/// that reference forces are of. If that meets one, too, it goes downhill in energy to another
+/// branch. Equilibrium::left_branch tells of both. Near such states S is large: the predictor moves
+/// no vertex further than 3 times the tools' way.
+///
 /// Each tool's S is carried by a StateWithSensitivities of its own, whose positions are kept equal.
 /// So an answer costs about as many times that of ElasticObject as tools hold the object. With one
 /// tool the equations are those of ElasticObject.

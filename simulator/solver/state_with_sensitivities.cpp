@@ -363,6 +363,18 @@ void StateWithSensitivities<Real>::restore_under_tool() noexcept {
 }
 
 template <typename Real>
+void StateWithSensitivities<Real>::begin_at_rest() noexcept {
+  for (std::size_t i = 0; i < rest_.size(); ++i) {
+    if (is_free(i)) {
+      state_[i] = Lanes{};
+      set_position(i, rest_[i]);
+    }
+  }
+  forget_trends();
+  forget_preconditioner();
+}
+
+template <typename Real>
 void StateWithSensitivities<Real>::absorb_correction() noexcept {
   if constexpr (kDouble) {
     for (std::size_t i = 0; i < static_cast<std::size_t>(extent_.reach); ++i) {

@@ -117,6 +117,8 @@ class StateWithSensitivities {
   void restore() noexcept;
   /// The same with the patch at its new place: finite, whatever happened since.
   void restore_under_tool() noexcept;
+  /// Every free vertex is at rest, and its S unknown; what is held stays in its place.
+  void begin_at_rest() noexcept;
 
   /// Solves `levels` rings from now on. Vertices that join the region move to where the tool now
   /// is; vertices that leave it keep that place. Between moves, or to a larger region.

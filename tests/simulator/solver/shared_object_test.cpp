@@ -9,10 +9,12 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
+#include "simulator/mesh/scene.h"
 #include "tests/simulator/dense_newton.h"
 #include "tests/simulator/element_block.h"
 #include "tests/simulator/two_tool_newton.h"
@@ -348,6 +350,78 @@ TEST(SharedObject, IgnoresAnAimThatIsNotFiniteAndSaysWhereALongMoveEnded) {
   object.solve();
   EXPECT_TRUE(object.equilibrium(0).reached);
   EXPECT_TRUE(object.equilibrium(0).force_W.allFinite());
+}
+
+// Up to 25 mm, 0.2 to 2 Hz, 12 mm above where it began on the average.
+class Wander {
+ public:
+  explicit Wander(std::uint64_t seed) : random_(seed) {
+    for (auto& axis : axes_) {
+      for (auto& [frequency_Hz, phase_rad] : axis) {
+        frequency_Hz = std::uniform_real_distribution(0.2, 2.0)(random_);
+        phase_rad = std::uniform_real_distribution(0.0, 2.0 * std::numbers::pi)(random_);
+      }
+    }
+  }
+  Vector3d at(double time_s) const {
+    Vector3d place_W(0.0, 0.0, 0.012);
+    for (int c = 0; c < 3; ++c) {
+      for (const auto& [frequency_Hz, phase_rad] : axes_[static_cast<std::size_t>(c)]) {
+        place_W[c] += 0.004 * std::sin(2.0 * std::numbers::pi * frequency_Hz * time_s + phase_rad);
+      }
+    }
+    return -std::expm1(-time_s / 0.5) * place_W;
+  }
+
+ private:
+  std::mt19937_64 random_;
+  std::array<std::array<std::pair<double, double>, 6>, 3> axes_;
+};
+
+// Tools 30 mm apart come near each other, so that what is between them buckles.
+TEST(SharedObject, AfterItBuckledBetweenTheToolsItStandsAsFromRest) {
+  const SpringMesh mesh = make_scene("small").mesh;
+  const Points touch_W = {Vector3d(0, -0.015, 0), Vector3d(0, 0.015, 0)};
+  const auto held = [&]<typename Real>(Real, const SolverOptions& options) {
+    SharedObject<Real> object(mesh, options, 2);
+    object.grab(0, touch_W[0], kPatchRadius_m);
+    object.grab(1, touch_W[1], kPatchRadius_m);
+    return object;
+  };
+  int compared = 0;
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const std::array<Wander, 2> hands = {Wander(seed), Wander(100 + seed)};
+    SharedObject<float> object = held(float{}, SolverOptions{});
+    for (int answer = 1; answer <= 300; ++answer) {
+      const Points at_W = {hands[0].at(answer / 30.0), hands[1].at(answer / 30.0)};
+      move(object, at_W);
+      const Equilibrium& first = object.equilibrium(0);
+      const Equilibrium& second = object.equilibrium(1);
+      EXPECT_LT(first.relative_residual, 0.1) << "seed " << seed << ", answer " << answer;
+      EXPECT_LT(second.relative_residual, 0.1) << "seed " << seed << ", answer " << answer;
+      EXPECT_LT(first.force_W.norm() + second.force_W.norm(), 40.0)
+          << "seed " << seed << ", answer " << answer;
+      if (!first.left_branch || !first.reached || !first.converged || !second.converged) {
+        continue;
+      }
+      SolverOptions fine = tight(1e-5);
+      fine.max_step_m = 1e-3;
+      fine.max_steps = 1000;
+      SharedObject<double> reference = held(double{}, fine);
+      move(reference, at_W);
+      if (reference.equilibrium(0).left_branch) {
+        continue;  // on the way, from which it does not come back
+      }
+      ++compared;
+      for (const std::size_t k : {0U, 1U}) {
+        const Vector3d expected_N = reference.equilibrium(k).force_W;
+        // Near the next instability the float's tolerance of the residual is more of the force.
+        EXPECT_LT((object.equilibrium(k).force_W - expected_N).norm(), 0.05 * expected_N.norm())
+            << "seed " << seed << ", answer " << answer << ", tool " << k;
+      }
+    }
+  }
+  EXPECT_GE(compared, 3);
 }
 
 TEST(SharedObject, RefusesWhatItCannotSolve) {
