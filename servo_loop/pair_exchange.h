@@ -17,7 +17,7 @@ namespace forcegrid::servo {
 struct PairPlace {
   double time_s = 0.0;  ///< of the servo's clock, the cycle that read the position
   Triple position_W_m{};
-  Triple velocity_W_m_per_s{};  ///< filtered
+  Triple velocity_W_m_per_s{};  ///< see PairHalf
   bool in_contact = false;
   std::uint32_t contact_epoch = 0;
   Triple contact_point_W_m{};

@@ -26,6 +26,11 @@ namespace forcegrid::servo {
 ///   w        rises to 1 within kRise_s while F_both can be rendered, else falls within kFade_s
 ///   H, h     the last force before F_both was lost at once; h falls from 1 to 0 within kHandOver_s
 ///
+/// The velocity is that at the end of the last two cycles, v = v1 + h1 / (h1 + h2) (v1 - v2) with
+/// the mean velocities v1, v2 of the last cycle and the one before and their lengths h1, h2
+/// (backward differentiation of second order). What it moves on for a cycle is off by two counts of
+/// the encoders more; a velocity that lags behind costs stability.
+///
 /// F_both can be rendered while both tools hold the object, the other one's place is at most kOld_s
 /// old, and the pair method knows a force there. An older place is moved on for kMostAhead_s and
 /// then kept until w is 0, so no position older than kOld_s + kFade_s is used. F_both is lost at
@@ -51,7 +56,7 @@ class PairHalf final : public ForceMethod {
   static constexpr double kFade_s = 0.03;
   static constexpr double kHandOver_s = 0.05;
   static constexpr double kTogether_s = 0.020;
-  static constexpr double kVelocityTimeConstant_s = 0.005;
+  static constexpr double kShortest_s = 1e-4;  ///< cycle that tells a velocity
   static constexpr std::size_t kPending = 8;
   /// Indices in candidates().
   static constexpr std::uint8_t kBoth = 0;
@@ -132,7 +137,9 @@ class PairHalf final : public ForceMethod {
   bool observed_ = false;
   double time_s_ = 0.0;  ///< of the newest observe(), as what follows
   Eigen::Vector3d position_W_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d velocity_W_m_per_s_ = Eigen::Vector3d::Zero();
+  double elapsed_s_ = 0.0;  ///< of the last cycle that told a velocity; 0: none yet
+  Eigen::Vector3d mean_velocity_W_m_per_s_ = Eigen::Vector3d::Zero();  ///< in it
+  Eigen::Vector3d velocity_W_m_per_s_ = Eigen::Vector3d::Zero();       ///< at its end
 
   bool in_contact_ = false;
   std::uint32_t epoch_ = 0;

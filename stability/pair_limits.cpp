@@ -42,6 +42,10 @@ PairLoopSetup setup_of(const PairLimitCell& cell) {
   setup.together = cell.together;
   setup.delay_s = network.delay_s;
   setup.other_age_s = network.other_age_s;
+  if (network.a_cycle_apart && cell.method != kExactPair) {
+    setup.other_age_s = {0.0, 1.0 / cell.servo_rate_Hz};
+    setup.moved_on = true;
+  }
   return setup;
 }
 
@@ -165,9 +169,17 @@ void write_page(const fs::path& file, const std::vector<PairLimitRow>& rows) {
 
 const std::vector<PairNetwork>& pair_networks() {
   static const std::vector<PairNetwork> all{
-      {"local", "both in one process", {0.0, 0.0}, 0.0},
-      {"late", "the right side's answers come 100 ms later", {0.0, 0.1}, 0.0},
-      {"apart", "that, and each knows the other's position of 50 ms ago", {0.0, 0.1}, 0.05}};
+      {.name = "local", .description = "both in one process, each place known at once"},
+      {.name = "cycles",
+       .description = "in one process, the two ages of places together a cycle",
+       .a_cycle_apart = true},
+      {.name = "late",
+       .description = "the right side's answers come 100 ms later",
+       .delay_s = {0.0, 0.1}},
+      {.name = "apart",
+       .description = "that, and each knows the other's position of 50 ms ago",
+       .delay_s = {0.0, 0.1},
+       .other_age_s = {0.05, 0.05}}};
   return all;
 }
 

@@ -17,12 +17,15 @@ namespace forcegrid::stability {
 struct PairNetwork {
   std::string name;
   std::string description;
-  std::array<double, 2> delay_s{0.0, 0.0};  ///< see PairLoopSetup
-  double other_age_s = 0.0;
+  std::array<double, 2> delay_s{0.0, 0.0};      ///< see PairLoopSetup
+  std::array<double, 2> other_age_s{0.0, 0.0};  ///< likewise
+  bool a_cycle_apart = false;                   ///< instead: one side's is a cycle, and moved on
 };
 
-/// local: both in one process. late: the right side's answers come 100 ms later. apart: that, and
-/// each side knows where the other's tool was 50 ms ago.
+/// local: both in one process, and each knows at once where the other's tool is. cycles: in one
+/// process as servo loops run, each at its own instants. late: the right side's answers come 100 ms
+/// later. apart: that, and each side knows where the other's tool was 50 ms ago. In `cycles` exact
+/// rendering has fresh places all the same, so that it shows what the age costs.
 const std::vector<PairNetwork>& pair_networks();
 
 /// One search for the largest stable stiffness.

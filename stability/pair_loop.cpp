@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "evaluation/motions/pair_motions.h"
+#include "servo_loop/pair_half.h"
 #include "stability/settling.h"
 
 namespace forcegrid::stability {
@@ -69,6 +70,7 @@ class PairRun {
     Plant plant;
     std::unique_ptr<PairForceMethod> method;
     std::deque<Arriving> under_way;
+    std::deque<Vector3d> told_W;            // its places, the newest last
     Vector3d sampled_W = Vector3d::Zero();  // where the counts of the next cycle were taken
     Vector3d force_W = Vector3d::Zero();    // presently acting
     std::vector<Vector3d> held_W;
@@ -81,7 +83,8 @@ class PairRun {
     if (!(setup_.simulator_rate_Hz > 0.0)) {
       throw std::invalid_argument("simulator rate: use more than 0 Hz");
     }
-    for (const double delay_s : {setup_.delay_s[0], setup_.delay_s[1], setup_.other_age_s}) {
+    for (const double delay_s :
+         {setup_.delay_s[0], setup_.delay_s[1], setup_.other_age_s[0], setup_.other_age_s[1]}) {
       if (!(delay_s >= 0.0 && delay_s <= kLongest_s)) {
         throw std::invalid_argument("delay of a side: use 0 to 1 s");
       }
@@ -128,17 +131,32 @@ class PairRun {
 
   // Both positions as a side knows them.
   PairVector known_to(std::size_t tool, const PairVector& measured_W) const {
-    PairVector known_W = past_W_.front();
-    known_W.segment<3>(static_cast<Eigen::Index>(3 * tool)) = of_tool(measured_W, tool);
+    const std::deque<Vector3d>& told_W = sides_[1 - tool].told_W;
+    const std::size_t newest = told_W.size() - 1 - std::min(told_W.size() - 1, age(tool));
+    Vector3d other_W = told_W[newest];
+    if (setup_.moved_on && newest > 1) {
+      const double most = servo::PairHalf::kMostAhead_s * setup_.servo_rate_Hz;
+      const Vector3d a_cycle_W =
+          1.5 * told_W[newest] - 2.0 * told_W[newest - 1] + 0.5 * told_W[newest - 2];
+      other_W += std::min(static_cast<double>(age(tool)), most) * a_cycle_W;
+    }
+    PairVector known_W = measured_W;
+    known_W.segment<3>(static_cast<Eigen::Index>(3 * (1 - tool))) = other_W;
     return known_W;
   }
 
-  void remember(const PairVector& measured_W) {
-    past_W_.push_back(measured_W);
-    const auto kept =
-        1 + static_cast<std::size_t>(std::llround(setup_.other_age_s * setup_.servo_rate_Hz));
-    while (past_W_.size() > kept) {
-      past_W_.pop_front();
+  // [cycles] Of the other tool's place, where `tool` renders.
+  std::size_t age(std::size_t tool) const {
+    return static_cast<std::size_t>(std::llround(setup_.other_age_s[tool] * setup_.servo_rate_Hz));
+  }
+
+  void tell_places(const PairVector& measured_W) {
+    for (std::size_t tool = 0; tool < kSides; ++tool) {
+      std::deque<Vector3d>& told_W = sides_[tool].told_W;
+      told_W.push_back(of_tool(measured_W, tool));
+      if (told_W.size() > 3 + age(1 - tool)) {
+        told_W.pop_front();
+      }
     }
   }
 
@@ -178,7 +196,7 @@ class PairRun {
     measured_W << sides_[0].plant.measured_W(sides_[0].sampled_W),
         sides_[1].plant.measured_W(sides_[1].sampled_W);
     publish(now_s, measured_W);
-    remember(measured_W);
+    tell_places(measured_W);
     PairVector wanted_W;
     wanted_W << rendered_W(0, now_s, measured_W), rendered_W(1, now_s, measured_W);
     judge(now_s, wanted_W, measured_W);
@@ -250,7 +268,6 @@ class PairRun {
   const PairLoopSetup& setup_;
   SpringPair object_;
   std::vector<Side> sides_;
-  std::deque<PairVector> past_W_;  // measured, the oldest of the others' age first
   std::int64_t tick_ = 0;
   double error_N2_ = 0.0;
   double reference_N2_ = 0.0;

@@ -27,8 +27,12 @@ struct PairLoopSetup {
   double simulator_rate_Hz = 30.0;
   /// [s] Until a side gets an answer, beyond the simulator's own period.
   std::array<double, 2> delay_s{0.0, 0.0};
-  /// [s] Age of the other tool's position where a side renders. 0: both are in one process.
-  double other_age_s = 0.0;
+  /// [s] Age of the other tool's place where each side renders, rounded to cycles. In one program
+  /// the two ages are together a cycle where each loop begins its own within the other one's; what
+  /// the loops gain around both sides depends on their sum.
+  std::array<double, 2> other_age_s{0.0, 0.0};
+  /// Moves that place on to the present by its velocity, as servo::PairHalf does.
+  bool moved_on = false;
   /// [s] That the hands keep still; longer where oscillations decay slowly.
   double hold_s = 4.0;
   int fill_budget = 1000;  ///< of PairForceMethod::work() per cycle
@@ -51,7 +55,7 @@ using PairMethodMaker = std::function<std::unique_ptr<PairForceMethod>()>;
 /// it from the start. Each cycle has the order of run_closed_loop(): counts, position, arrived
 /// samples, observe(), forces(), the motors' limit, work(); there is no guard. The simulator takes
 /// both positions at its ticks. A side renders its own tool's force from its present position and
-/// the other's of `other_age_s` ago.
+/// the other's place of `other_age_s` ago.
 /// @param stiffness_N_per_m of SpringPair.
 /// @returns the result; the same arguments give the same result to the last bit.
 /// @throws std::invalid_argument with the remedy for an impossible rate, delay or timing.

@@ -103,8 +103,28 @@ TEST(PairLoop, RendersExactForcesWithoutErrorUnlessTheOthersPositionIsOld) {
   PairLoopSetup setup = textbook();
   setup.hardens_m = SpringPair::kHardens_m;
   EXPECT_EQ(run_pair_loop(setup, 200.0, kExact).force_error_percent, 0.0);
-  setup.other_age_s = 0.05;
+  setup.other_age_s = {0.05, 0.05};
   EXPECT_GT(run_pair_loop(setup, 200.0, kExact).force_error_percent, 1.0);
+}
+
+// Around both sides of a linear loop only the sum of the ages counts, and a place that is moved on
+// costs less.
+TEST(PairLoop, APlaceThatIsACycleOldCostsLittleStiffnessWhereItIsMovedOn) {
+  PairLoopSetup setup;
+  setup.hand = hand_of("light");
+  setup.timing = device_timing("ideal");
+  const double fresh_N_per_m = limit_N_per_m(setup, kExact);
+  const double cycle_s = 1.0 / setup.servo_rate_Hz;
+  setup.other_age_s = {0.0, 2.0 * cycle_s};
+  const double one_side_N_per_m = limit_N_per_m(setup, kExact);
+  setup.other_age_s = {cycle_s, cycle_s};
+  EXPECT_NEAR(limit_N_per_m(setup, kExact) / one_side_N_per_m, 1.0, 0.03);
+  EXPECT_LT(one_side_N_per_m, 0.7 * fresh_N_per_m);
+  setup.other_age_s = {0.0, cycle_s};
+  const double kept_N_per_m = limit_N_per_m(setup, kExact);
+  EXPECT_LT(kept_N_per_m, 0.85 * fresh_N_per_m);
+  setup.moved_on = true;
+  EXPECT_GE(limit_N_per_m(setup, kExact), 0.95 * fresh_N_per_m);
 }
 
 TEST(PairLoop, IsStableWithTheCoupledMethodWhereUncoupledOnesAreNot) {
@@ -137,7 +157,7 @@ TEST(PairLoop, RefusesImpossibleLoops) {
   refused([](PairLoopSetup& s) { s.servo_rate_Hz = 10.0; });
   refused([](PairLoopSetup& s) { s.simulator_rate_Hz = 0.0; });
   refused([](PairLoopSetup& s) { s.delay_s[1] = -0.1; });
-  refused([](PairLoopSetup& s) { s.other_age_s = 2.0; });
+  refused([](PairLoopSetup& s) { s.other_age_s[1] = 2.0; });
   refused([](PairLoopSetup& s) { s.hold_s = 1.0; });
   refused([](PairLoopSetup& s) {
     s.timing = device_timing("w2_full_speed");
