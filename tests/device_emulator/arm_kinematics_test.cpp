@@ -92,6 +92,17 @@ INSTANTIATE_TEST_SUITE_P(
                 {-4321, 3210, 2109},
                 {0.005771455827, -0.108002381793, 0.057895564545}}));
 
+// A stylus gimbal leaves the tip where it is.
+INSTANTIATE_TEST_SUITE_P(
+    PhantomSheetD1WithItsWrist, WorkedExample,
+    testing::Values(Example{"phantom_desktop_wrist", {0, 0, 0}, {0.020, 0.0, -0.020}},
+                    Example{"phantom_desktop_wrist",
+                            {2000, -1500, 1200},
+                            {0.033767867969, 0.052187489339, -0.050943035351}},
+                    Example{"phantom_desktop_wrist",
+                            {1234, -2345, 3456},
+                            {0.079235363235, 0.041113716460, -0.049416989036}}));
+
 // Printed to a millionth of a count, which is less than 6e-11 m at the tip.
 constexpr double kCountsPrinted_m = 2e-10;
 

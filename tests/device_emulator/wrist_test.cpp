@@ -26,12 +26,17 @@ profiles::DeviceProfile wrist_profile() {
   return profiles::load_device_profile("woodenhaptics_v2015_wrist");
 }
 
+profiles::DeviceProfile phantom_profile() {
+  return profiles::load_device_profile("phantom_desktop_wrist");
+}
+
 TEST(Wrist, IsTheSheetsProductOfEigensRotations) {
   const std::uint32_t seed = std::random_device{}();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> angle(-3.0, 3.0);
   const Wrist wrist(wrist_profile().gimbal);
+  const Wrist phantom(phantom_profile().gimbal);
   for (int trial = 0; trial < 500; ++trial) {
     const Vector3d theta(angle(random), angle(random), angle(random));
     const Vector3d g(angle(random), angle(random), angle(random));
@@ -42,6 +47,7 @@ TEST(Wrist, IsTheSheetsProductOfEigensRotations) {
          AngleAxisd(g[2], Vector3d::UnitX()))
             .toRotationMatrix();
     EXPECT_LT((wrist.tool_axes_D(theta, g) - expected).norm(), kRounding);
+    EXPECT_LT((phantom.tool_axes_D(theta, g) - expected).norm(), kRounding) << "same axes";
   }
 }
 
@@ -58,6 +64,20 @@ TEST(Wrist, CountsEachJointOnTheSheetsCounter) {
                Vector3d(quarter, -quarter, 0.5 * quarter))
                   .norm(),
               0.0, kRounding);
+}
+
+TEST(Wrist, OfThePhantomCountsTheStepsOfItsConverters) {
+  const Wrist wrist(phantom_profile().gimbal);
+  const double quarter = 0.5 * std::numbers::pi;
+  // Level; yaw and roll by half a turn would be 635 and 615.5 steps.
+  EXPECT_EQ(wrist.encoder_positions({0.4 * quarter, -quarter, -0.4 * quarter}),
+            (std::array<std::int64_t, 3>{127, -653, -123}));
+  EXPECT_NEAR(
+      (wrist.joint_angle_rad({0, 0, 0, 127, -653, 0}) - Vector3d(0.4 * quarter, -quarter, 0.0))
+          .norm(),
+      0.0, kRounding);
+  // The stylus does not bend back beyond the forearm's line.
+  EXPECT_EQ(wrist.within_stops({3.0, 0.2, -3.0}), Vector3d(2.55, 0.0, -2.61));
 }
 
 TEST(Wrist, OfAnArmWithoutOneKeepsTheAxesOfDAndCountsNothing) {
@@ -85,6 +105,24 @@ TEST(WristMotion, StaysWithinTheStopsAndTurnsEveryJoint) {
   }
   // A third of 2.6, 1.4 and 3.0 rad.
   EXPECT_NEAR((largest - Vector3d(2.6, 1.4, 3.0) / 3.0).norm(), 0.0, 1e-3);
+}
+
+TEST(WristMotion, OfAPhantomTurnsAboutTheLevelStylus) {
+  const auto options = OperatorScript::on_device({}, phantom_profile());
+  const Wrist wrist(phantom_profile().gimbal);
+  const WristMotion turn(WristMotionKind::kTurn, options.wrist_rest_rad, options.wrist_reach_rad,
+                         {});
+  const Vector3d level_rad(0.0, -0.5 * std::numbers::pi, 0.0);
+  EXPECT_NEAR((turn.angle_rad(0.0) - level_rad).norm(), 0.0, kRounding);
+  Vector3d largest = Vector3d::Zero();
+  for (int ms = 0; ms <= 20000; ++ms) {
+    const Vector3d angle = turn.angle_rad(1e-3 * ms);
+    EXPECT_EQ(wrist.within_stops(angle), angle);
+    largest = largest.cwiseMax((angle - level_rad).cwiseAbs());
+  }
+  // A third of the way to the nearer stop: 2.51, 2.46 - pi/2 and 2.61 rad.
+  EXPECT_NEAR((largest - Vector3d(2.51, 2.46 - 0.5 * std::numbers::pi, 2.61) / 3.0).norm(), 0.0,
+              1e-3);
 }
 
 TEST(WristMotion, TwistsTheLastJointAlone) {

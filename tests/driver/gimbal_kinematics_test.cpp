@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <string>
 
 #include "driver/mechanism.h"
 
@@ -188,13 +189,92 @@ TEST(GimbalKinematics, LeavesADeviceWithoutAWristTheIdentity) {
 }
 
 TEST(GimbalKinematics, DoesNotChangeWhereTheArmIs) {
-  const Counts counts = {1000, 2000, 6500, 150, -60, 90};
-  const ArmPose with = pose_at(counts);
-  const ArmPose without =
-      make_mechanism(load_device_profile("woodenhaptics_v2015"))->forward(counts);
-  EXPECT_EQ(with.position_D, without.position_D);
-  EXPECT_EQ(with.jacobian_D, without.jacobian_D);
-  EXPECT_EQ(with.status, without.status);
+  const struct {
+    const char* with;
+    const char* without;
+    Counts counts;
+  } examples[] = {
+      {"woodenhaptics_v2015_wrist", "woodenhaptics_v2015", {1000, 2000, 6500, 150, -60, 90}},
+      {"phantom_desktop_wrist", "phantom_desktop", {2000, -1500, 1200, 300, -700, -200}}};
+  for (const auto& example : examples) {
+    const ArmPose with = make_mechanism(load_device_profile(example.with))->forward(example.counts);
+    const ArmPose without =
+        make_mechanism(load_device_profile(example.without))->forward(example.counts);
+    EXPECT_EQ(with.position_D, without.position_D) << example.with;
+    EXPECT_EQ(with.jacobian_D, without.jacobian_D) << example.with;
+    EXPECT_EQ(with.status, without.status) << example.with;
+  }
+}
+
+// Worked examples of the PHANTOM sheet, D.1, with the stylus turned: the tip stays, and the tool is
+// turned by yaw about the forearm, pitch across it and roll about the handle.
+TEST(PhantomGimbal, TurnsTheToolAtTheSheetsPositions) {
+  constexpr double kPrinted_m = 1e-12;
+  const auto mechanism = make_mechanism(load_device_profile("phantom_desktop_wrist"));
+  const struct {
+    Counts counts;
+    Vector3d joint_angle_rad;
+    Vector3d position_D;
+  } examples[] = {{{0, 0, 0, 0, -653, 0}, {0.0, 0.0, 0.0}, {0.020, 0.0, -0.020}},
+                  {{1000, 0, 0, 300, -653, 0},
+                   {0.170442309765, 0.0, 0.0},
+                   {0.018067737097, 0.022618595807, -0.020}},
+                  {{2000, -1500, 1200, -400, -200, 500},
+                   {0.340884619530, -0.255663464648, 0.204530771718},
+                   {0.033767867969, 0.052187489339, -0.050943035351}},
+                  {{-3500, 2500, -1000, 123, -1000, -321},
+                   {-0.596548084178, 0.426105774413, -0.170442309765},
+                   {-0.031608513720, -0.055509103824, 0.037049542739}},
+                  {{-4321, 3210, 2109, 512, -17, 0},
+                   {-0.736481220495, 0.547119814346, 0.359462831295},
+                   {0.005771455827, -0.108002381793, 0.057895564545}}};
+  for (const auto& example : examples) {
+    SCOPED_TRACE("counter a " + std::to_string(example.counts[0]));
+    const ArmPose pose = mechanism->forward(example.counts);
+    ASSERT_EQ(pose.status, KinematicsStatus::kOk);
+    ASSERT_TRUE(pose.has_orientation);
+    EXPECT_LT((pose.position_D - example.position_D).norm(), 2.0 * kPrinted_m);
+    // theta1 yaws the arm; theta3 is the forearm's angle from straight down toward the user.
+    const double yaw_rad = 2.0 * std::numbers::pi * example.counts[3] / 1270;
+    const double pitch_rad = 2.0 * std::numbers::pi * example.counts[4] / 2612;
+    const double roll_rad = 2.0 * std::numbers::pi * example.counts[5] / 1231;
+    const Matrix3d expected =
+        (AngleAxisd(example.joint_angle_rad[0], Vector3d::UnitZ()) *
+         AngleAxisd(0.5 * std::numbers::pi - example.joint_angle_rad[2], Vector3d::UnitY()) *
+         AngleAxisd(yaw_rad, Vector3d::UnitX()) * AngleAxisd(pitch_rad, Vector3d::UnitY()) *
+         AngleAxisd(roll_rad, Vector3d::UnitX()))
+            .toRotationMatrix();
+    EXPECT_LT((pose.rotation_DT - expected).norm(), 10.0 * kPrinted_m) << "the angles' 12 digits";
+    const Vector3d angle_rad(yaw_rad, pitch_rad, roll_rad);
+    EXPECT_LT((pose.gimbal_angle_rad - angle_rad).norm(), kRounding);
+  }
+}
+
+TEST(PhantomGimbal, PointsItsHandleWhereTheSourcesDo) {
+  const auto mechanism = make_mechanism(load_device_profile("phantom_desktop_wrist"));
+  const auto rotation = [&](const Counts& counts) {
+    return mechanism->forward(counts).rotation_DT;
+  };
+  // In the calibration pose it points at the user, and the tool has the axes of D.
+  EXPECT_LT((rotation({0, 0, 0, 0, -653, 0}) - Matrix3d::Identity()).norm(), kRounding);
+  // In line with the forearm, which hangs.
+  expect_vector(rotation({0, 0, 0, 0, 0, 0}).col(0), -Vector3d::UnitZ());
+  // Folded up as far as it goes, 0.89 rad above level.
+  const Vector3d up_D = rotation({0, 0, 0, 0, -1022, 0}).col(0);
+  EXPECT_NEAR(std::asin(up_D.z()), 2.0 * std::numbers::pi * (1022 - 653) / 2612, kRounding);
+  EXPECT_GT(up_D.x(), 0.0);
+  // Yaw about the forearm, which points down: the handle turns to the user's left.
+  const Vector3d left_D = rotation({0, 0, 0, 100, -653, 0}).col(0);
+  const double yaw_rad = 2.0 * std::numbers::pi * 100 / 1270;
+  expect_vector(left_D, Vector3d(std::cos(yaw_rad), -std::sin(yaw_rad), 0.0));
+  // Roll leaves it where it is.
+  expect_vector(rotation({0, 0, 0, 0, -653, 200}).col(0), Vector3d::UnitX());
+  // The stops, and 0.05 rad more: in line is one.
+  EXPECT_EQ(mechanism->forward(Counts{0, 0, 0, 0, 20, 0}).status, KinematicsStatus::kOk);
+  EXPECT_EQ(mechanism->forward(Counts{0, 0, 0, 0, 21, 0}).status, KinematicsStatus::kOutOfRange);
+  EXPECT_EQ(mechanism->forward(Counts{0, 0, 0, -518, -653, 0}).status,
+            KinematicsStatus::kOutOfRange);
+  EXPECT_EQ(mechanism->forward(Counts{0, 0, 0, 525, -653, 0}).status, KinematicsStatus::kOk);
 }
 
 }  // namespace

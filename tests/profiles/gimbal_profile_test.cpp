@@ -7,8 +7,10 @@
 
 #include <algorithm>
 #include <fstream>
+#include <numbers>
 #include <ostream>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace forcegrid::profiles {
@@ -18,6 +20,7 @@ using testing::HasSubstr;
 
 constexpr const char* kWrist = "woodenhaptics_v2015_wrist";
 constexpr const char* kDriven = "emulated_6dof";
+constexpr const char* kPhantom = "phantom_desktop_wrist";
 
 std::vector<std::string> lines_of(const std::string& profile) {
   std::ifstream stream(load_device_profile(profile).file);
@@ -48,20 +51,57 @@ TEST(GimbalProfile, HoldsTheNumbersOfTheSheet) {
   EXPECT_TRUE(profile.gimbal.stylus_button);
 }
 
+TEST(GimbalProfile, HoldsTheGimbalOfThePhantomsSources) {
+  const DeviceProfile profile = load_device_profile(kPhantom);
+  ASSERT_TRUE(has_wrist(profile));
+  // Yaw about the forearm, pitch across it, roll about the stylus; ranges of touch.urdf: from -2.51
+  // to 2.55, 2.46 from in line with the forearm, 2.61 to either side.
+  EXPECT_EQ(profile.gimbal.axis, (std::array<int, 3>{0, 1, 0}));
+  EXPECT_EQ(profile.gimbal.joint_min_rad, (Axes{-2.51, -2.46, -2.61}));
+  EXPECT_EQ(profile.gimbal.joint_max_rad, (Axes{2.55, 0.0, 2.61}));
+  EXPECT_EQ(profile.gimbal.counter, (std::array<int, 3>{3, 4, 5}));
+  EXPECT_TRUE(profile.gimbal.stylus_button);
+  EXPECT_FALSE(profile.gimbal_motors.present);
+  for (std::size_t i = 0; i < 3; ++i) {
+    // A converter of 10 bits has 1023 steps, and one more count a turn would need more of them.
+    const double range_turns = (profile.gimbal.joint_max_rad[i] - profile.gimbal.joint_min_rad[i]) /
+                               (2.0 * std::numbers::pi);
+    EXPECT_LE(profile.gimbal.encoder_counts_per_turn[i] * range_turns, 1023.0) << i;
+    EXPECT_GT((profile.gimbal.encoder_counts_per_turn[i] + 1) * range_turns, 1023.0) << i;
+  }
+  // Level: a quarter turn from in line with the forearm.
+  EXPECT_EQ(4 * profile.calibration.pose_counts[4], -profile.gimbal.encoder_counts_per_turn[1]);
+}
+
 TEST(GimbalProfile, IsTheArmWithoutAWristOtherwise) {
-  const DeviceProfile with = load_device_profile(kWrist);
-  const DeviceProfile without = load_device_profile("woodenhaptics_v2015");
-  EXPECT_EQ(with.kinematics.link_length_m, without.kinematics.link_length_m);
-  EXPECT_EQ(with.kinematics.origin_m, without.kinematics.origin_m);
-  EXPECT_EQ(with.motors.torque_constant_Nm_per_A, without.motors.torque_constant_Nm_per_A);
-  EXPECT_EQ(with.limits.max_joint_torque_Nm, without.limits.max_joint_torque_Nm);
-  EXPECT_EQ(with.calibration.pose_counts, without.calibration.pose_counts);
-  EXPECT_EQ(with.usb.product_id, without.usb.product_id);
+  for (const auto& [with_name, without_name] :
+       {std::pair{kWrist, "woodenhaptics_v2015"}, std::pair{kPhantom, "phantom_desktop"}}) {
+    SCOPED_TRACE(with_name);
+    const DeviceProfile with = load_device_profile(with_name);
+    const DeviceProfile without = load_device_profile(without_name);
+    EXPECT_EQ(with.kinematics.link_length_m, without.kinematics.link_length_m);
+    EXPECT_EQ(with.kinematics.origin_m, without.kinematics.origin_m);
+    EXPECT_EQ(with.kinematics.linkage_sign, without.kinematics.linkage_sign);
+    EXPECT_EQ(with.kinematics.joint_min_rad, without.kinematics.joint_min_rad);
+    EXPECT_EQ(with.kinematics.joint_max_rad, without.kinematics.joint_max_rad);
+    EXPECT_EQ(with.motors.torque_constant_Nm_per_A, without.motors.torque_constant_Nm_per_A);
+    EXPECT_EQ(with.motors.max_current_A, without.motors.max_current_A);
+    EXPECT_EQ(with.limits.max_joint_torque_Nm, without.limits.max_joint_torque_Nm);
+    EXPECT_EQ(with.limits.max_force_N, without.limits.max_force_N);
+    EXPECT_EQ(with.dynamics.tip_mass_kg, without.dynamics.tip_mass_kg);
+    for (std::size_t i = 0; i < 3; ++i) {  // of the arm
+      EXPECT_EQ(with.calibration.pose_counts[i], without.calibration.pose_counts[i]);
+    }
+    EXPECT_EQ(with.usb.vendor_id, without.usb.vendor_id);
+    EXPECT_EQ(with.usb.product_id, without.usb.product_id);
+  }
+  EXPECT_NE(load_device_profile(kPhantom).usb.product,
+            load_device_profile("phantom_desktop").usb.product);
 }
 
 TEST(GimbalProfile, IsAbsentFromEveryOtherDevice) {
   for (const std::string& name : available_profiles()) {
-    if (name != kWrist && name != kDriven) {
+    if (name != kWrist && name != kDriven && name != kPhantom) {
       EXPECT_FALSE(has_wrist(load_device_profile(name))) << name;
     }
   }
