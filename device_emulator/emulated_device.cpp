@@ -36,8 +36,7 @@ std::unique_ptr<EmulatedDevice> make_emulated_device(const DeviceOptions& option
   if (options.faults.empty()) {
     return device;
   }
-  return std::make_unique<FaultyDevice>(std::move(device), options.profile.usb.protocol,
-                                        options.faults, start);
+  return std::make_unique<FaultyDevice>(std::move(device), options.profile, options.faults, start);
 }
 
 }  // namespace forcegrid::emulator

@@ -17,6 +17,7 @@ constexpr rt::Duration kPushingFor = std::chrono::milliseconds(500);
 constexpr std::size_t kCounters = 3;         // of the arm's joints, or motors
 constexpr std::size_t kCountersOfWrist = 6;  // and those of a wrist behind them, in W2 and W3
 constexpr std::size_t kCommandWord = 3;
+constexpr std::size_t kFirstWristWord = 7;  // currents of the wrist's joints, in W6
 constexpr std::size_t kModemStatusBytes = 2;
 constexpr std::size_t kMostReportBytes = 64;
 
@@ -56,13 +57,13 @@ void check_fits(const FaultSpec& spec, const std::string& protocol) {
     case FaultKind::kWrappingEncoder:
     case FaultKind::kSaturatedEncoder:
     case FaultKind::kWrongWayMotor:
-      if (spec.axis && *spec.axis >= static_cast<int>(kCounters) &&
-          (!hid || kind == FaultKind::kWrongWayMotor)) {
-        refuse(kind == FaultKind::kWrongWayMotor ? "of axis d, e or f needs motors that a wrist "
-                                                   "does not have with"
-                                                 : "of axis d, e or f needs counters that are not "
-                                                   "in a packet of",
-               "w2 or w3");
+      if (spec.axis && *spec.axis >= static_cast<int>(kCounters)) {
+        if (kind == FaultKind::kWrongWayMotor && protocol != "w6") {
+          refuse("of axis d, e or f needs motors that a wrist does not have with", "w6");
+        }
+        if (!hid) {
+          refuse("of axis d, e or f needs counters that are not in a packet of", "w2 or w3");
+        }
       }
       if (!hid && !falcon) {
         refuse("changes counters or motors, and their place in a packet is unknown with",
@@ -196,11 +197,15 @@ class FaultyDevice::Host final : public UsbHost {
   UsbHost& host_;
 };
 
-FaultyDevice::FaultyDevice(std::unique_ptr<EmulatedDevice> device, const std::string& protocol,
+FaultyDevice::FaultyDevice(std::unique_ptr<EmulatedDevice> device,
+                           const profiles::DeviceProfile& profile,
                            const std::vector<FaultSpec>& faults, rt::TimePoint start)
-    : device_(std::move(device)), has_modem_status_(protocol == "falcon"), now_(start) {
+    : device_(std::move(device)), has_modem_status_(profile.usb.protocol == "falcon"), now_(start) {
+  if (profile.gimbal_motors.present) {
+    wrist_motors_ = profile.gimbal.counter;
+  }
   for (const FaultSpec& spec : faults) {
-    check_fits(spec, protocol);
+    check_fits(spec, profile.usb.protocol);
     faults_.emplace_back(spec);
   }
   device_->set_boot_loader_faults(this);
@@ -517,21 +522,35 @@ std::span<const std::uint8_t> FaultyDevice::spoil_out(std::span<const std::uint8
   }
   out_.assign(packet.begin(), packet.end());
   if (wrong_way != nullptr && (has_modem_status_ || word_at(out_, kCommandWord) == 0)) {
-    for (Counters& commands : counters_in(out_, 0)) {
-      for (std::size_t i = 0; i < kCounters; ++i) {
-        if (wrong_way->touches(i)) {
-          const int turned =
-              std::min<int>(-commands.get(i), std::numeric_limits<std::int16_t>::max());
-          commands.put(i, static_cast<std::int16_t>(turned));
-        }
-      }
-    }
+    turn_commands(*wrong_way);
   }
   if (trip != nullptr) {
     // The firmware answers what it takes for a report of another length, and does nothing with it.
     out_.pop_back();
   }
   return out_;
+}
+
+void FaultyDevice::turn_commands(const Fault& wrong_way) {
+  const auto turned = [](std::int16_t command) {
+    return static_cast<std::int16_t>(
+        std::min<int>(-command, std::numeric_limits<std::int16_t>::max()));
+  };
+  for (Counters& commands : counters_in(out_, 0)) {
+    for (std::size_t i = 0; i < kCounters; ++i) {
+      if (wrong_way.touches(i)) {
+        commands.put(i, turned(commands.get(i)));
+      }
+    }
+  }
+  if (!wrist_motors_ || out_.size() < 2 * (kFirstWristWord + wrist_motors_->size())) {
+    return;
+  }
+  for (std::size_t i = 0; i < wrist_motors_->size(); ++i) {
+    if (wrong_way.touches(static_cast<std::size_t>((*wrist_motors_)[i]))) {
+      put_word(out_, kFirstWristWord + i, turned(word_at(out_, kFirstWristWord + i)));
+    }
+  }
 }
 
 EmulatorReport FaultyDevice::report() const {

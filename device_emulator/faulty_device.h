@@ -13,22 +13,23 @@
 
 #include "device_emulator/emulated_device.h"
 #include "device_emulator/fault_spec.h"
+#include "profiles/device_profile.h"
 
 namespace forcegrid::emulator {
 
 /// Injects faults between the firmware and the plug of an emulated device: in packets, endpoints,
 /// descriptors, power and plug of any device; in counters and motors of devices whose packets it
-/// can read (protocols w2, w3 and falcon); in the serial chip and boot loader of a Falcon.
+/// can read (protocols w2, w3, w6 and falcon); in the serial chip and boot loader of a Falcon.
 ///
 /// The report records every fault that has begun, with the time until the motors had no current.
 ///
 /// Real-time: as EmulatedDevice, except run(), which copies packets. Threads: one.
 class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
  public:
-  /// @param protocol of the device's profile.
+  /// @param profile of the device.
   /// @throws std::invalid_argument for a fault that a device of this protocol can't have, naming
   ///         both.
-  FaultyDevice(std::unique_ptr<EmulatedDevice> device, const std::string& protocol,
+  FaultyDevice(std::unique_ptr<EmulatedDevice> device, const profiles::DeviceProfile& profile,
                const std::vector<FaultSpec>& faults, rt::TimePoint start);
   ~FaultyDevice() override;
 
@@ -77,6 +78,8 @@ class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
   /// @returns what give_in() returns to the device.
   bool give_in(UsbHost& host, std::uint8_t endpoint_address, std::span<const std::uint8_t> packet);
   std::span<const std::uint8_t> spoil_out(std::span<const std::uint8_t> packet);
+  /// Turns the commands in out_ round that `wrong_way` touches.
+  void turn_commands(const Fault& wrong_way);
   void deliver_late_reports(UsbHost& host);
 
   struct LateReport {
@@ -86,6 +89,7 @@ class FaultyDevice final : public EmulatedDevice, private BootLoaderFaults {
   };
 
   std::unique_ptr<EmulatedDevice> device_;
+  std::optional<std::array<int, 3>> wrist_motors_;  ///< counters of the joints that they turn
   bool has_modem_status_;  ///< each IN packet begins with the two status bytes of a serial chip
   std::vector<Fault> faults_;
   rt::TimePoint now_;

@@ -340,6 +340,22 @@ TEST(FaultyDevice, TurnsTheCurrentsOfItsMotorsRoundButNotTheCountersThatItIsGive
   EXPECT_EQ(bus.device->report().counters[4], 5);
 }
 
+TEST(FaultyDevice, TurnsTheMotorsOfAWristRoundOneByOne) {
+  Bus bus("wrong-way-motor:axis=e", "emulated_6dof");
+  Bytes out(20, 0);
+  for (const std::size_t motor : {0, 1, 2, 7, 8, 9}) {  // words of the report, docs/wrist.md
+    out[2 * motor] = 100;                               // mA
+  }
+  bus.frame(&out);
+  bus.frame(&out);
+  const EmulatorReport report = bus.device->report();
+  const auto& wrist_mA = report.wrist->final_current_mA;
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(report.final_current_mA[i], 100.0, 1e-6) << i;
+    EXPECT_NEAR(wrist_mA[i], i == 1 ? -100.0 : 100.0, 1e-6) << i;
+  }
+}
+
 TEST(FaultyDevice, LosesItsCountersWithItsPowerAndIsGoneForAWhile) {
   Bus bus("firmware-reboot:ms=100,when=1.2");
   bus.drive(190);
@@ -382,7 +398,9 @@ TEST(FaultyDevice, RefusesFaultsThatItsDeviceCannotHave) {
   options.profile = profiles::load_device_profile("woodenhaptics_v2015");
   const auto refusal_of = [&](const char* fault, const char* protocol) -> std::string {
     try {
-      FaultyDevice(make_emulated_device(options, at(0)), protocol, {parse_fault(fault)}, at(0));
+      profiles::DeviceProfile profile = options.profile;
+      profile.usb.protocol = protocol;
+      FaultyDevice(make_emulated_device(options, at(0)), profile, {parse_fault(fault)}, at(0));
     } catch (const std::invalid_argument& error) {
       return error.what();
     }
@@ -399,6 +417,8 @@ TEST(FaultyDevice, RefusesFaultsThatItsDeviceCannotHave) {
   }
   EXPECT_EQ(refusal_of("nak-out", "another"), "");
   EXPECT_NE(refusal_of("wrong-way-motor:axis=d", "w2").find("a wrist does not have"),
+            std::string::npos);
+  EXPECT_NE(refusal_of("wrong-way-motor:axis=d", "w2").find("use it with a w6 device"),
             std::string::npos);
   EXPECT_NE(refusal_of("frozen-encoder:axis=d", "falcon").find("use it with a w2 or w3 device"),
             std::string::npos);
