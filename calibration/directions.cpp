@@ -13,7 +13,7 @@ std::array<MotorCheck::Verdict, 3> check_directions(Rig& rig,
   constexpr double kNoLonger_s = 20.0;
   constexpr rt::Duration kPause = std::chrono::milliseconds(8);  // a push with a gap is void
   const MotorUnits units(profile);
-  MotorCheck check(profile, rig.period());
+  MotorCheck check(profile, rig.period(), MotorCheck::Motors::kArm);
   std::array<MotorCheck::Verdict, 3> verdicts{};
   driver::DeviceReport report = rig.step({});
   const rt::TimePoint begin = report.released;

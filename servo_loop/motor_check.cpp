@@ -13,11 +13,39 @@ constexpr double kFrictions = 2.0;
 
 }  // namespace
 
-MotorCheck::MotorCheck(const profiles::DeviceProfile& profile, rt::Duration period) noexcept
+MotorCheck::MotorCheck(const profiles::DeviceProfile& profile, rt::Duration period,
+                       Motors motors) noexcept
     : friction_Nm_(profile.dynamics.coulomb_friction_Nm),
       push_cycles_(std::max(kLeastPushCycles,
                             static_cast<int>(std::lround(rt::seconds(kPushTime) /
-                                                         std::max(1e-6, rt::seconds(period)))))) {}
+                                                         std::max(1e-6, rt::seconds(period)))))) {
+  if (motors == Motors::kArm || !profile.gimbal_motors.present) {
+    return;
+  }
+  const auto& wrist = profile.gimbal_motors;
+  joints_ = 2 * kArmJoints;
+  counter_ = profile.gimbal.counter;
+  wrist_push_Nm_ = kWristPush * wrist.max_torque_Nm;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double torque_per_current = wrist.torque_constant_Nm_per_A[i] * wrist.ratio[i];
+    wrist_most_Nm_[i] =
+        std::min(wrist.max_joint_torque_Nm[i], wrist.max_current_A[i] * torque_per_current);
+    wrist_A_per_Nm_[i] = profile.gimbal.encoder_sign[i] / torque_per_current;
+  }
+}
+
+int MotorCheck::joint() const noexcept {
+  const int of_wrist = joint_ - kArmJoints;
+  return of_wrist >= 0 && joint_ < joints_ ? counter_[static_cast<std::size_t>(of_wrist)] : joint_;
+}
+
+std::array<double, 3> MotorCheck::wrist_current_A() const noexcept {
+  std::array<double, 3> current_A{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    current_A[i] = wrist_A_per_Nm_[i] * torque_Nm_[kArmJoints + static_cast<Eigen::Index>(i)];
+  }
+  return current_A;
+}
 
 void MotorCheck::restart() noexcept {
   if (verdict_ == Verdict::kRunning) {
@@ -33,18 +61,36 @@ void MotorCheck::begin_attempt() noexcept {
   torque_Nm_.setZero();
 }
 
+MotorCheck::Course MotorCheck::course(rt::TimePoint now, const driver::DeviceReport& report,
+                                      const driver::ArmPose& pose) const noexcept {
+  Course here;
+  here.time_s = rt::seconds(now.time_since_epoch());
+  here.angle_rad << pose.joint_angle_rad, pose.gimbal_angle_rad;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto joint = static_cast<Eigen::Index>(i);
+    here.counts[joint] = report.counts[i];
+    here.counts[kArmJoints + joint] = report.counts[static_cast<std::size_t>(counter_[i])];
+  }
+  return here;
+}
+
+double MotorCheck::push_Nm(const driver::ArmPose& pose) const noexcept {
+  const double harder = std::pow(kHarder, attempt_);
+  if (joint_ >= kArmJoints) {
+    return std::min(harder * wrist_push_Nm_,
+                    wrist_most_Nm_[static_cast<std::size_t>(joint_ - kArmJoints)]);
+  }
+  return harder * (kPush_N * pose.jacobian_D.col(joint_).norm() +
+                   kFrictions * friction_Nm_[static_cast<std::size_t>(joint_)]);
+}
+
 MotorCheck::Verdict MotorCheck::update(rt::TimePoint now, const driver::DeviceReport& report,
                                        const driver::ArmPose& pose) noexcept {
   torque_Nm_.setZero();
   if (verdict_ != Verdict::kRunning) {
     return verdict_;
   }
-  const auto axis = static_cast<Eigen::Index>(joint_);
-  const Course here{
-      .time_s = rt::seconds(now.time_since_epoch()),
-      .angle_rad = pose.joint_angle_rad,
-      .counts = {static_cast<double>(report.counts[0]), static_cast<double>(report.counts[1]),
-                 static_cast<double>(report.counts[2])}};
+  const Course here = course(now, report, pose);
   const int rest = kRestPushes * push_cycles_;
   if (cycle_ == rest - push_cycles_) {
     before_ = here;
@@ -66,9 +112,7 @@ MotorCheck::Verdict MotorCheck::update(rt::TimePoint now, const driver::DeviceRe
     }
   }
   if (cycle_ >= rest) {
-    torque_Nm_[axis] = kSigns[static_cast<std::size_t>(push_)] * std::pow(kHarder, attempt_) *
-                       (kPush_N * pose.jacobian_D.col(axis).norm() +
-                        kFrictions * friction_Nm_[static_cast<std::size_t>(joint_)]);
+    torque_Nm_[joint_] = kSigns[static_cast<std::size_t>(push_)] * push_Nm(pose);
   }
   ++cycle_;
   return verdict_;
@@ -76,8 +120,8 @@ MotorCheck::Verdict MotorCheck::update(rt::TimePoint now, const driver::DeviceRe
 
 // A joint whose motor or encoder seems to be exchanged with another's; negative: none.
 int MotorCheck::crossed_joint() const noexcept {
-  for (Eigen::Index i = 0; i < 3; ++i) {
-    for (Eigen::Index j = i + 1; j < 3; ++j) {
+  for (Eigen::Index i = 0; i < joints_; ++i) {
+    for (Eigen::Index j = i + 1; j < joints_; ++j) {
       const double cross = answers_rad_(i, j) * answers_rad_(j, i);
       const double own = answers_rad_(i, i) * answers_rad_(j, j);
       const double counts =
@@ -90,7 +134,7 @@ int MotorCheck::crossed_joint() const noexcept {
   return -1;
 }
 
-// All three joints have passed, each by itself.
+// All joints have passed, each by itself.
 MotorCheck::Verdict MotorCheck::judge_all() noexcept {
   const int crossed = crossed_joint();
   if (crossed < 0) {
@@ -113,7 +157,7 @@ MotorCheck::Verdict MotorCheck::judge() noexcept {
     negative_ = 0;
     answers_rad_.col(axis) = answer_rad_;
     answers_counts_.col(axis) = answer_counts_;
-    if (++joint_ == 3) {
+    if (++joint_ == joints_) {
       verdict_ = judge_all();
     }
   } else {

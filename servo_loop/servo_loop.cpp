@@ -133,8 +133,9 @@ Fault ServoLoop::run_cycle(rt::TimePoint now, rt::TimePoint next_read) noexcept 
   command.joint_torque_Nm = rt::to_array(limited.joint_torque_Nm);
   // The limits of the arm's joints shorten force and torque alike.
   const double torque_scale = fault == Fault::kNone ? limited.torque_scale : 0.0;
+  const std::array<double, 3> wrist_push_A = motor_check_.wrist_current_A();
   for (std::size_t i = 0; i < 3; ++i) {
-    command.wrist_current_A[i] = torque_scale * torque.current_A[i];
+    command.wrist_current_A[i] = torque_scale * (torque.current_A[i] + wrist_push_A[i]);
   }
   device_->command(command);
   renderer_.set_rendered(limited.torque_scale * limited.force_D);

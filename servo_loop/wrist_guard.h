@@ -22,10 +22,10 @@ namespace forcegrid::servo {
 ///
 ///   |g_2 - g_1| > min(V, |v| + A T) T + kJumpFloor_counts c
 ///
-/// MotorCheck pushes no wrist, so no push can show that an encoder counts. But a tool does not
-/// travel kSuspectTravel_m without any of its joints' encoders counting once: the arm turns under
-/// the hand. An encoder that has not counted for so long is suspected until it does. That is no
-/// fault, since forces do not depend on the orientation; the orientation is marked instead.
+/// MotorCheck pushes a wrist with motors alone, and only before the first force. But a tool does
+/// not travel kSuspectTravel_m without any of its joints' encoders counting once: the arm turns
+/// under the hand. An encoder that has not counted for so long is suspected until it does. That is
+/// no fault, since forces do not depend on the orientation; the orientation is marked instead.
 ///
 /// Real-time: no allocation, lock or throw. Threads: one.
 class WristGuard {

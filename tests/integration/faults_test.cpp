@@ -247,6 +247,51 @@ TEST(WrongWayMotor, IsFoundByAPushBeforeAnyForceIsRendered) {
   EXPECT_LE(run.motors_off_after_ms(), kReaction_ms + run.held_up_ms);
 }
 
+/// All six currents, of a device whose wrist has motors.
+bool all_off(const FaultyRun& run) {
+  return is_off(run) && run.emulator.wrist &&
+         run.emulator.wrist->final_current_mA == std::array<double, 3>{};
+}
+
+FaultyRun run_6dof(const char* fault, double seconds) {
+  return FaultBench(fault, emulator::MotionKind::kLissajous, "emulated_6dof").run(seconds, true);
+}
+
+TEST(WrongWayMotor, OfAWristIsFoundByAPushBeforeAnyForceIsRendered) {
+  const FaultyRun run = run_6dof("wrong-way-motor:axis=e", kLongest_s);
+  EXPECT_EQ(run.outcome.fault, Fault::kMotorWrongWay) << servo::name_of(run.outcome.fault);
+  EXPECT_EQ(run.outcome.joint, 4);
+  EXPECT_NE(servo::sentence_for(run.outcome.fault, run.outcome.joint).find("joint e"),
+            std::string::npos);
+  EXPECT_TRUE(run.outcome.zero_current_delivered);
+  for (const auto& record : run.records) {
+    EXPECT_EQ(record.gain, 0.0);
+  }
+  EXPECT_GT(run.emulator.wrist->max_abs_current_mA[1], 100.0) << "it was pushed";
+  EXPECT_TRUE(all_off(run));
+  EXPECT_LE(run.motors_off_after_ms(), kReaction_ms + run.held_up_ms);
+}
+
+TEST(DeadEncoder, OfAWristIsFoundByAPushBeforeAnyForceIsRendered) {
+  const FaultyRun run = run_6dof("frozen-encoder:axis=f,when=power-up", kLongest_s);
+  EXPECT_EQ(run.outcome.fault, Fault::kMotorNoAnswer) << servo::name_of(run.outcome.fault);
+  EXPECT_EQ(run.outcome.joint, 5);
+  for (const auto& record : run.records) {
+    EXPECT_EQ(record.gain, 0.0);
+  }
+  EXPECT_TRUE(all_off(run));
+}
+
+TEST(SixMotors, PassTheirCheckAndAForceFollows) {
+  const FaultyRun run = run_6dof("", 4.0);
+  EXPECT_EQ(run.outcome.fault, Fault::kNone) << servo::name_of(run.outcome.fault);
+  EXPECT_GT(run.last().gain, 0.5);
+  for (const double most_mA : run.emulator.wrist->max_abs_current_mA) {
+    EXPECT_GT(most_mA, 200.0) << "each was pushed";
+  }
+  EXPECT_TRUE(all_off(run));
+}
+
 TEST(StallOnControl, IsRefusedWhenTheDeviceIsOpened) {
   try {
     FaultBench("stall-control").run(1.0);

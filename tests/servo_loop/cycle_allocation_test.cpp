@@ -205,6 +205,56 @@ TEST(WristCycleAllocations, AreNone) {
   EXPECT_GT(largest_A, 0.05) << "its motors had current";
 }
 
+// The pushes of all six motors, answered as springs answer them; and with a motor that turns the
+// wrong way.
+TEST(MotorCheckAllocations, AreNone) {
+  constexpr double kArm_counts_per_A = 20.0;
+  constexpr double kWrist_counts_per_A = 50.0;
+  const auto profile = profiles::load_device_profile("emulated_6dof");
+  for (const double sign_of_last : {1.0, -1.0}) {
+    ServoOptions options;
+    options.watch_encoders = false;
+    ScriptedDevice device(profile);
+    const auto rendered = make_force_method("hold", MethodOptions());
+    ServoPorts ports;
+    ServoLoop loop(device, profile, {rendered.get()}, ports, options);
+    rt::TimePoint now(std::chrono::seconds(10));
+    std::uint64_t allocations = 0;
+    Fault fault = Fault::kNone;
+    HeldBack held_back = HeldBack::kMotorCheck;
+    for (int i = 0; i < 1000 && fault == Fault::kNone && held_back != HeldBack::kNot; ++i) {
+      now += std::chrono::milliseconds(2);
+      device.show(Eigen::Vector3d::Zero(), now);
+      if (!device.commands.empty()) {
+        const driver::MotorCommand& last = device.commands.back();
+        for (std::size_t joint = 0; joint < 3; ++joint) {
+          const double sign = joint == 2 ? sign_of_last : 1.0;
+          device.report.counts[joint] +=
+              static_cast<std::int32_t>(std::lround(kArm_counts_per_A * last.current_A[joint]));
+          device.report.counts[3 + joint] = static_cast<std::int32_t>(
+              std::lround(sign * kWrist_counts_per_A * last.wrist_current_A[joint]));
+        }
+      }
+      ArrivedSample arrived;
+      arrived.sample.time_s = rt::seconds(now.time_since_epoch());
+      arrived.sample.contact_epoch = 1;
+      arrived.in_contact = true;
+      arrived.arrived = now;
+      ASSERT_TRUE(ports.samples.push(arrived));
+      const testing::AllocationCount count;
+      fault = loop.run_cycle(now, now + std::chrono::milliseconds(2));
+      allocations += count.value();
+      for (CycleRecord record; ports.records.pop(record);) {
+        held_back = record.held_back;
+      }
+    }
+    EXPECT_EQ(allocations, 0u);
+    EXPECT_EQ(fault, sign_of_last > 0.0 ? Fault::kNone : Fault::kMotorWrongWay) << name_of(fault);
+    EXPECT_EQ(held_back == HeldBack::kNot, sign_of_last > 0.0) << "the check has come to its end";
+    EXPECT_EQ(device.commands.back().wrist_current_A, (std::array<double, 3>{}));
+  }
+}
+
 TEST(AllocationCount, SeesWhatTheCycleIsCheckedFor) {
   const testing::AllocationCount count;
   std::string allocating(1000, 'x');
