@@ -155,6 +155,45 @@ TEST(RecordCommand, ReplaysTheTurnsOfAWrist) {
   EXPECT_NEAR(angle_rad.at(0), 0.0, 0.01);
 }
 
+// The recorded orientation is the product of the rotations of the recorded counts, worked out here
+// in numpy from the PHANTOM sheet and the gimbal's axes.
+TEST(RecordCommand, RecordsHowTheStylusOfAPhantomIsTurned) {
+  const std::string out = fresh_folder("record_phantom_wrist");
+  const std::string file = out + "/run.h5";
+  Program record = Program::forcegrid({"record", file, "--device", "emulated:phantom_desktop_wrist",
+                                       "--scene", "small", "--seconds", "5", "--no-reference",
+                                       "--out", out, "--json", out + "/summary.json"});
+  ASSERT_EQ(record.wait(kTimeout), 0) << record.standard_error();
+  const json orientation = json::parse(text_of(out + "/summary.json")).at("orientation");
+  EXPECT_TRUE(orientation.at("has_orientation").get<bool>()) << orientation;
+  EXPECT_GT(orientation.at("largest_speed_rad_per_s").get<double>(), 0.2);
+  Program python(
+      {"/usr/bin/python3", "-c",
+       "import sys, h5py, numpy as np\n"
+       "f = h5py.File(sys.argv[1]); c = f['cycles']\n"
+       "assert c['has_orientation'][:].all()\n"
+       "arm = 2 * np.pi / 4096 / 9 * c['counts'][:]\n"
+       "g = 2 * np.pi * c['gimbal_counts'][:] / np.array([1270, 2612, 1231])\n"
+       "assert np.abs(g - c['gimbal_angle_rad'][:]).max() < 1e-12\n"
+       "def about(axis, angle):\n"
+       "    q = np.zeros((len(angle), 4)); q[:, 0] = np.cos(angle / 2)\n"
+       "    q[:, 1 + axis] = np.sin(angle / 2); return q\n"
+       "def times(a, b):\n"
+       "    v, w = np.cross(a[:, 1:], b[:, 1:]), a[:, :1] * b[:, :1]\n"
+       "    w = w - (a[:, 1:] * b[:, 1:]).sum(1, keepdims=True)\n"
+       "    return np.hstack([w, v + a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:]])\n"
+       "q = about(2, arm[:, 0])\n"
+       "for turn in (about(1, np.pi / 2 - arm[:, 2]), about(0, g[:, 0]), about(1, g[:, 1]),\n"
+       "             about(0, g[:, 2])):\n"
+       "    q = times(q, turn)\n"
+       "same = np.abs((q * c['orientation_WT_wxyz'][:]).sum(1))\n"
+       "assert np.abs(same - 1).max() < 1e-12, same\n"
+       "print(np.ptp(g, axis=0).min())\n",
+       file});
+  ASSERT_EQ(python.wait(kTimeout), 0) << python.standard_error();
+  EXPECT_GT(std::stod(python.standard_output()), 0.1) << "the hand turned every joint";
+}
+
 TEST(RecordCommand, LeavesAReadableFileWhenTheRunIsKilled) {
   const std::string out = fresh_folder("record_killed");
   const std::string file = out + "/run.h5";
