@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <numbers>
 
+#include "driver/mechanism.h"
 #include "rt/vectors.h"
 
 namespace forcegrid::openhaptics {
@@ -22,6 +23,17 @@ double continuous_share(const profiles::DeviceProfile& profile) {
     }
   }
   return share;
+}
+
+// Right is a positive turn about an axis that points up. An axis that is level keeps its sign.
+double yaw_sign(const profiles::DeviceProfile& profile) {
+  std::array<std::int32_t, 6> pose{};
+  std::copy(profile.calibration.pose_counts.begin(), profile.calibration.pose_counts.end(),
+            pose.begin());
+  constexpr double kSteep = 0.5;
+  const Eigen::Vector3d axis_D =
+      driver::make_mechanism(profile)->forward(pose).gimbal_axis_D.col(0);
+  return axis_D.z() < -kSteep ? -1.0 : 1.0;
 }
 
 // The release number of the USB device is binary-coded decimal: 0x0123 is 1.23.
@@ -64,6 +76,9 @@ ArmFacts facts_of(const session::DeviceSession& session, const DeviceEntry& entr
   facts.max_force_N = profile.limits.max_force_N;
   facts.continuous_force_N = facts.max_force_N * continuous_share(profile);
   facts.has_wrist = has_wrist(profile);
+  if (facts.has_wrist) {
+    facts.gimbal_sign = {yaw_sign(profile), 1.0, -1.0};
+  }
   facts.has_wrist_motors = profile.gimbal_motors.present;
   facts.max_torque_mNm = kMm_per_m * profile.gimbal_motors.max_torque_Nm;
   facts.has_joints = !is_delta(profile);

@@ -26,9 +26,10 @@ constexpr std::array<double, 3> to_device(const std::array<double, 3>& vector_HD
 std::array<double, 9> rotation_hd(const std::array<double, 4>& orientation_DT_wxyz) noexcept;
 
 /// HD's gimbal angles [rad] of the wrist's joints from the arm outward: right, down and clockwise
-/// (seen by the user) are positive. Real-time.
-constexpr std::array<double, 3> gimbal_angles_hd(const std::array<double, 3>& gimbal_rad) noexcept {
-  return {gimbal_rad[0], gimbal_rad[1], -gimbal_rad[2]};
+/// (seen by the user) are positive. @param sign  ArmFacts::gimbal_sign. Real-time.
+constexpr std::array<double, 3> gimbal_angles_hd(const std::array<double, 3>& gimbal_rad,
+                                                 const std::array<double, 3>& sign) noexcept {
+  return {sign[0] * gimbal_rad[0], sign[1] * gimbal_rad[1], sign[2] * gimbal_rad[2]};
 }
 
 /// What does not change about an open device, in HD's units.
@@ -48,6 +49,7 @@ struct ArmFacts {
   std::array<double, 3> joint_sign{};        ///< d(HD angle)/dq, +1 or -1
   std::array<double, 3> joint_offset_rad{};  ///< HD angle at q = 0
   bool has_wrist = false;                    ///< else the orientation is the identity
+  std::array<double, 3> gimbal_sign{};       ///< d(HD angle)/dg of the wrist's joints, +1 or -1
   bool has_wrist_motors = false;             ///< torques are exerted
   double max_torque_mNm = 0.0;               ///< at the tool; 0 without motors in the wrist
 };
@@ -55,6 +57,8 @@ struct ArmFacts {
 /// HD's joint angles are the turret's to the left, the thigh's above the horizontal, and the
 /// shin's from straight down toward the user:
 ///   [0] = -theta_a,  [1] = pi/2 - theta_b,  [2] = theta_c     (theta: driver/kinematics.h)
+/// Its gimbal angles are those of the wrist's joints; the first one's sign is turned where its axis
+/// points down in the calibration pose, so that right is positive there, too.
 /// The continuous force is the largest one times the smallest ratio of a motor's continuous to its
 /// largest current. The table is where the arm's base stands.
 ArmFacts facts_of(const session::DeviceSession& session, const DeviceEntry& entry);

@@ -62,8 +62,9 @@ void angular_velocity(const Reading& r, double* values) noexcept {
 }
 
 void gimbal_angles(const Reading& r, double* values) noexcept {
-  write3(values,
-         r.facts->has_wrist ? gimbal_angles_hd(r.state.gimbal_angle_rad) : std::array<double, 3>{});
+  write3(values, r.facts->has_wrist
+                     ? gimbal_angles_hd(r.state.gimbal_angle_rad, r.facts->gimbal_sign)
+                     : std::array<double, 3>{});
 }
 
 void jacobian(const Reading& r, double* values) noexcept {

@@ -310,10 +310,10 @@ TEST(HdDevice, N18_N19_EveryParameterWritesItsCountByEveryCall) {
   EXPECT_EQ(out, 1);
 }
 
-TEST(HdDevice, HasTheRotationGimbalAnglesAndButtonOfAWrist) {
-  const Eigen::Vector3d gimbal_rad(0.5, -0.4, 0.8);
+void expect_wrist(const char* profile, const Eigen::Vector3d& gimbal_rad,
+                  const Eigen::Vector3d& gimbal_HD_rad) {
   RigOptions options;
-  options.profile = "woodenhaptics_v2015_wrist";
+  options.profile = profile;
   options.motion = emulator::MotionKind::kPath;
   options.path = {{0.0, Eigen::Vector3d::Zero(), gimbal_rad},
                   {1.0, Eigen::Vector3d::Zero(), gimbal_rad}};
@@ -343,9 +343,9 @@ TEST(HdDevice, HasTheRotationGimbalAnglesAndButtonOfAWrist) {
   hdEndFrame(hdGetCurrentDevice());
   // Right, down and clockwise are positive; a count of the wrist is 6.1 mrad.
   constexpr double kCount_rad = 0.0062;
-  EXPECT_NEAR(gimbal[0], 0.5, kCount_rad);
-  EXPECT_NEAR(gimbal[1], -0.4, kCount_rad);
-  EXPECT_NEAR(gimbal[2], -0.8, kCount_rad);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(gimbal[i], gimbal_HD_rad[static_cast<Eigen::Index>(i)], kCount_rad) << i;
+  }
   EXPECT_LT(std::hypot(turning[0], turning[1], turning[2]), 0.3) << "the hand keeps still";
   // The emulator's rotation in D, with D's y, z, x as HD's x, y, z on both sides.
   const auto wxyz = rig.report().wrist->orientation_wxyz;
@@ -359,6 +359,15 @@ TEST(HdDevice, HasTheRotationGimbalAnglesAndButtonOfAWrist) {
           << row << ", " << column;
     }
   }
+}
+
+TEST(HdDevice, HasTheRotationGimbalAnglesAndButtonOfAWrist) {
+  expect_wrist("woodenhaptics_v2015_wrist", {0.5, -0.4, 0.8}, {0.5, -0.4, -0.8});
+}
+
+// Its first axis, the forearm's, points down: a positive turn is to the left.
+TEST(HdDevice, HasTheGimbalOfAPhantom) {
+  expect_wrist("phantom_desktop_wrist", {0.5, -1.2, 0.8}, {-0.5, -1.2, -0.8});
 }
 
 TEST(HdDevice, GivesTheIdentityWithoutAWrist) {
