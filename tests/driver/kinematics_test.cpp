@@ -24,8 +24,9 @@ using profiles::load_device_profile;
 
 constexpr double kPrinted = 1e-12;       // the sheets print 12 decimals
 constexpr double kPrintedCounts = 1e-6;  // and 6 of counts
-constexpr std::array<const char*, 5> kProfiles = {"woodenhaptics_v2015", "woodenhaptics_v2019",
-                                                  "polhem_v1", "vintage", "phantom_desktop"};
+constexpr std::array<const char*, 6> kProfiles = {"woodenhaptics_v2015", "woodenhaptics_v2019",
+                                                  "polhem_v1",           "vintage",
+                                                  "phantom_desktop",     "phantom_desktop_wrist"};
 
 void expect_near(const Vector3d& actual, const Vector3d& expected, double tolerance) {
   for (Eigen::Index i = 0; i < 3; ++i) {

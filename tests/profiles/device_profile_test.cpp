@@ -17,7 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-constexpr std::array<const char*, 5> kNames = {"phantom_desktop", "polhem_v1", "vintage",
+constexpr std::array<const char*, 6> kNames = {"phantom_desktop",     "phantom_desktop_wrist",
+                                               "polhem_v1",           "vintage",
                                                "woodenhaptics_v2015", "woodenhaptics_v2019"};
 
 std::vector<std::string> read_lines(const fs::path& path) {

@@ -9,7 +9,8 @@ import forcegrid
 
 PRINTED = 1e-12  # the sheets print 12 decimals
 PRINTED_COUNTS = 1e-6
-ARMS = ("woodenhaptics_v2015", "woodenhaptics_v2019", "polhem_v1", "vintage", "phantom_desktop")
+ARMS = ("woodenhaptics_v2015", "woodenhaptics_v2019", "polhem_v1", "vintage", "phantom_desktop",
+        "phantom_desktop_wrist")
 
 # profile, counts, joint angles [rad], position in D [m]: as tests/driver/kinematics_test.cpp has them.
 FORWARD = (
