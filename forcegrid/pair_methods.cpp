@@ -21,8 +21,9 @@ std::unique_ptr<PairForceMethod> make_uncoupled(const std::string& name,
   if (needs.requests || needs.stiffness) {
     throw std::invalid_argument(
         "method '" + name + "' needs " +
-        (needs.requests ? "answers to requests" : "the samples' stiffness") +
-        ", which samples of two tools do not have; choose a method that needs only forces");
+        (needs.requests ? "answers to requests, which samples of two tools are not"
+                        : "the samples' stiffness, which not all samples of two tools have") +
+        "; choose a method that needs only forces");
   }
   return std::make_unique<UncoupledPair>(std::move(first), make_force_method(name, options));
 }
@@ -44,13 +45,20 @@ pair::PairFieldSettings field_settings(const MethodOptions& options) {
   return settings;
 }
 
+// How many of the newest samples keep their stiffness as data.
+constexpr int kStiffnessSamples = 4;
+constexpr int kCandidateStiffnessSamples = 2;
+
 std::unique_ptr<PairForceMethod> make_kriging_6d(const MethodOptions& options) {
-  const pair::PairFieldSettings settings = field_settings(options);
+  pair::PairFieldSettings settings = field_settings(options);
+  settings.stiffness_samples = kStiffnessSamples;
   return std::make_unique<PairKrigingMethod>("kriging-6d", std::span(&settings, 1));
 }
 
 // [N^2] What samples may be noisy by: a solver's rounding up to some 30 mN.
 constexpr double kNuggets_N2[] = {1e-6, 1e-7, 1e-5, 1e-4, 1e-3};
+// With stiffness the noise of the forces matters less, so two do.
+constexpr double kNuggetsWithStiffness_N2[] = {1e-6, 1e-3};
 
 std::unique_ptr<PairForceMethod> make_auto_6d(const MethodOptions& options) {
   if (options.nugget) {
@@ -58,9 +66,16 @@ std::unique_ptr<PairForceMethod> make_auto_6d(const MethodOptions& options) {
         "auto-6d chooses the noise itself; leave nug out, or use kriging-6d");
   }
   std::vector<pair::PairFieldSettings> candidates;
-  for (const double nugget_N2 : kNuggets_N2) {
+  const auto add = [&](double nugget_N2, int stiffness_samples) {
     candidates.push_back(field_settings(options));
     candidates.back().nugget_N2 = nugget_N2;
+    candidates.back().stiffness_samples = stiffness_samples;
+  };
+  for (const double nugget_N2 : kNuggets_N2) {
+    add(nugget_N2, 0);
+  }
+  for (const double nugget_N2 : kNuggetsWithStiffness_N2) {
+    add(nugget_N2, kCandidateStiffnessSamples);
   }
   return std::make_unique<PairKrigingMethod>("auto-6d", candidates);
 }

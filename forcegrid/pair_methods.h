@@ -27,7 +27,7 @@ void check_pair_method_name(const std::string& name);
 /// Makes the method for two tools: the pair method of this name, or for a method of one tool an
 /// UncoupledPair of two.
 /// @throws std::invalid_argument for an unknown name, unusable options, or a method of one tool
-/// that needs requests or stiffness, which samples of two tools do not have.
+/// that needs requests, or stiffness, which not all samples of two tools have.
 std::unique_ptr<PairForceMethod> make_pair_force_method(const std::string& name,
                                                         const MethodOptions& options);
 

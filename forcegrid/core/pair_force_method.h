@@ -14,6 +14,8 @@ namespace forcegrid {
 
 /// A quantity of two tools: x, y, z of the first, then of the second, each in W.
 using PairVector = Eigen::Matrix<double, 6, 1>;
+/// How a PairVector of forces changes with one of positions.
+using PairMatrix = Eigen::Matrix<double, 6, 6>;
 
 /// One answer of a simulator whose object two tools hold: the forces that it exerts on both with
 /// both where they are. W is the workspace frame; metres, newtons, seconds of the servo's clock.
@@ -21,6 +23,10 @@ struct PairSample {
   double time_s = 0.0;  ///< when the tools were at `positions_W`
   PairVector positions_W = PairVector::Zero();
   PairVector forces_W = PairVector::Zero();
+  bool has_stiffness = false;
+  /// dF_i/dP_j [N/m]: each tool's own in the blocks on the diagonal, the other tool's effect
+  /// beside.
+  PairMatrix stiffness_W = PairMatrix::Zero();
   std::uint32_t contact_epoch = 0;  ///< a new number when either tool touches anew
   PairVector contact_points_W = PairVector::Zero();
   double relative_residual = 0.0;

@@ -19,6 +19,7 @@ PairKrigingMethod::PairKrigingMethod(const char* name,
   fields_.reserve(candidates.size());
   for (const pair::PairFieldSettings& settings : candidates) {
     fields_.emplace_back(settings);
+    plain_count_ += settings.stiffness_samples > 0 ? 0 : 1;
   }
   render_first();
 }
@@ -38,7 +39,9 @@ void PairKrigingMethod::take_sample(const PairSample& sample) noexcept {
     ++next_;
     ++counters_[0].value;
   }
-  queue_[queued_++ % kQueue] = {sample.positions_W - points_W_, sample.forces_W};
+  queue_[queued_++ % kQueue] = {sample.positions_W - points_W_, sample.forces_W,
+                                sample.has_stiffness && sample.stiffness_W.allFinite(),
+                                sample.stiffness_W};
 }
 
 void PairKrigingMethod::contacts_made(std::uint32_t /*epoch*/,
@@ -52,7 +55,9 @@ void PairKrigingMethod::contacts_made(std::uint32_t /*epoch*/,
   std::fill(scores_N2_.begin(), scores_N2_.end(), kNoScore);
   render_first();
   next_ = queued_;
-  taking_ = false;
+  taking_ = stiffness_seen_ = any_taken_ = false;
+  compared_ = 0;
+  log_ratio_ = 0.0;
   left_N_.setZero();
 }
 
@@ -75,11 +80,18 @@ int PairKrigingMethod::work(int budget) noexcept {
 
 // @returns the units of the piece that was done; 0 if nothing was left.
 int PairKrigingMethod::piece() noexcept {
-  for (pair::PairField& field : fields_) {
-    if (!field.ready()) {
-      field.prepare();
-      return 1 + field.row_count() * field.row_count() / 8;
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    pair::PairField& field = fields_[i];
+    if (field.ready()) {
+      continue;
     }
+    field.prepare();
+    int units = 1 + field.row_count() * field.row_count() / 8;
+    // Two pieces of a field without stiffness are still less than one of a field with it.
+    if (stiffness_seen_ && !takes_stiffness(i) && field.prepare()) {
+      units *= 2;
+    }
+    return units;
   }
   if (taking_) {
     finish_sample();
@@ -93,27 +105,81 @@ int PairKrigingMethod::piece() noexcept {
     return 0;
   }
   const Queued& next = queue_[next_++ % kQueue];
-  for (pair::PairField& field : fields_) {
-    field.begin(next.positions_m, next.forces_N);
+  if (next.has_stiffness && !stiffness_seen_) {
+    see_stiffness();
   }
-  taking_ = true;
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    if (awake(i)) {
+      fields_[i].begin(next.positions_m, next.forces_N,
+                       next.has_stiffness ? &next.stiffness_N_per_m : nullptr);
+    }
+  }
+  taking_ = any_taken_ = true;
   return 1;
+}
+
+// The fields with stiffness as data wake.
+void PairKrigingMethod::see_stiffness() noexcept {
+  stiffness_seen_ = true;
+  if (!any_taken_ && plain_count_ < fields_.size()) {
+    fields_[rendered_].expect_reads(false);
+    rendered_ = chosen_ = stiff_;
+    fields_[rendered_].expect_reads(true);
+  }
 }
 
 void PairKrigingMethod::finish_sample() noexcept {
   taking_ = false;
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     const pair::PairInnovation& innovation = fields_[i].innovation();
-    if (!innovation.predicted) {
+    if (!awake(i) || !innovation.predicted) {
       continue;
     }
     const double error_N2 = innovation.error_N * innovation.error_N;
     scores_N2_[i] =
         scores_N2_[i] < 0.0 ? error_N2 : scores_N2_[i] + kNewest * (error_N2 - scores_N2_[i]);
   }
-  const auto best = static_cast<std::size_t>(
-      std::min_element(scores_N2_.begin(), scores_N2_.end()) - scores_N2_.begin());
-  if (best != rendered_ && scores_N2_[best] < kBetter * scores_N2_[rendered_]) {
+  choose();
+}
+
+// Moves `preferred`, one of the fields from `first` to `end`, to one with a better score.
+void PairKrigingMethod::prefer_better(std::size_t first, std::size_t end,
+                                      std::size_t& preferred) const noexcept {
+  std::size_t best = preferred;
+  for (std::size_t i = first; i < end; ++i) {
+    if (scores_N2_[i] >= 0.0 && scores_N2_[i] < scores_N2_[best]) {
+      best = i;
+    }
+  }
+  if (scores_N2_[best] < kBetter * scores_N2_[preferred]) {
+    preferred = best;
+  }
+}
+
+void PairKrigingMethod::choose() noexcept {
+  prefer_better(0, plain_count_, plain_);
+  prefer_better(plain_count_, fields_.size(), stiff_);
+  bool renders_stiff = rendered_ >= plain_count_;
+  const bool has_both = plain_count_ > 0 && plain_count_ < fields_.size();
+  if (has_both && scores_N2_[plain_] >= 0.0 && scores_N2_[stiff_] >= 0.0) {
+    const auto error_N2 = [this](std::size_t field) {
+      const double error_N = fields_[field].innovation().error_N;
+      return error_N * error_N + kLeastError_N * kLeastError_N;
+    };
+    // The first prediction of a field without stiffness is of one sample: the same force again.
+    const bool first = compared_++ == 0 && fields_[plain_].innovation().error_N > kChanged_N;
+    const double expected = first ? 2.0 * std::log(kFirstBetter) : 0.0;
+    log_ratio_ += std::max(kNewest, 1.0 / compared_) *
+                  (std::log(error_N2(stiff_) / error_N2(plain_)) + expected - log_ratio_);
+    if (renders_stiff) {
+      renders_stiff =
+          -log_ratio_ > std::log(kBetter) && kBetter * scores_N2_[stiff_] < scores_N2_[plain_];
+    } else {
+      renders_stiff = log_ratio_ < std::log(kBetter) && scores_N2_[stiff_] < scores_N2_[plain_];
+    }
+  }
+  const std::size_t best = renders_stiff ? stiff_ : plain_;
+  if (best != rendered_) {
     chosen_ = best;
     fields_[best].expect_reads(true);
   }
@@ -131,7 +197,8 @@ void PairKrigingMethod::hand_over() noexcept {
 
 // Only the rendered field needs its weights.
 void PairKrigingMethod::render_first() noexcept {
-  rendered_ = chosen_ = 0;
+  plain_ = rendered_ = chosen_ = 0;
+  stiff_ = plain_count_ < fields_.size() ? plain_count_ : 0;
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     fields_[i].expect_reads(i == rendered_);
   }

@@ -50,6 +50,51 @@ HWY_INLINE void accumulate(ToolLanes<V>& sum, V phi, const ToolLanes<V>& a, V al
   sum.z = hn::MulAdd(phi, a.z, hn::NegMulAdd(along, d.z, sum.z));
 }
 
+// Adds the force of the samples' stiffness.
+HWY_INLINE void add_few(const PairTerms& terms, const float* p, float* f) {
+  const hn::CappedTag<float, kPairFewLanes> d;
+  using W = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  W sum[6];
+  for (W& each : sum) {
+    each = hn::Zero(d);
+  }
+  for (int i = 0; i < terms.few; i += lanes) {
+    W u[6];
+    W along[6];
+    W r2 = hn::Zero(d);
+    W trace = hn::Zero(d);
+    for (int a = 0; a < 6; ++a) {
+      u[a] = hn::Sub(hn::Set(d, p[a]), hn::Load(d, terms.few_position(a) + i));
+      r2 = hn::MulAdd(u[a], u[a], r2);
+      along[a] = hn::Zero(d);
+    }
+    int number = 0;
+    for (int a = 0; a < 6; ++a) {
+      const W diagonal = hn::Load(d, terms.few_weight(number++) + i);
+      trace = hn::Add(trace, diagonal);
+      along[a] = hn::MulAdd(diagonal, u[a], along[a]);
+      for (int b = a + 1; b < 6; ++b) {
+        const W entry = hn::Load(d, terms.few_weight(number++) + i);
+        along[a] = hn::MulAdd(entry, u[b], along[a]);
+        along[b] = hn::MulAdd(entry, u[a], along[b]);
+      }
+    }
+    for (int a = 0; a < 6; ++a) {
+      trace = hn::NegMulAdd(u[a], along[a], trace);
+    }
+    const W phi = hn::Exp(d, hn::Mul(r2, hn::Set(d, -0.5F)));
+    const W twice = hn::Add(phi, phi);
+    const W rest = hn::Mul(phi, trace);
+    for (int a = 0; a < 6; ++a) {
+      sum[a] = hn::MulAdd(twice, along[a], hn::MulAdd(rest, u[a], sum[a]));
+    }
+  }
+  for (int a = 0; a < 6; ++a) {
+    f[a] += hn::GetLane(hn::SumOfLanes(d, sum[a]));
+  }
+}
+
 PairSum pair_sum_lanes(const PairTerms& terms, const float* p) {
   const hn::CappedTag<float, kPairLanes> d;
   using V = hn::Vec<decltype(d)>;
@@ -79,6 +124,9 @@ PairSum pair_sum_lanes(const PairTerms& terms, const float* p) {
   sum.force_N[4] = hn::GetLane(hn::SumOfLanes(d, f2.y));
   sum.force_N[5] = hn::GetLane(hn::SumOfLanes(d, f2.z));
   sum.nearest2 = hn::GetLane(hn::MinOfLanes(d, nearest));
+  if (terms.few > 0) {
+    add_few(terms, p, sum.force_N);
+  }
   return sum;
 }
 
@@ -89,6 +137,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 #include <algorithm>
 #include <cmath>
+
+#include "forcegrid/pair/pair_kernel.h"
 
 namespace forcegrid::pair {
 
@@ -113,6 +163,34 @@ PairSum pair_sum_scalar(const PairTerms& terms, const float p[6]) noexcept {
     const float phi = std::exp(-0.5F * r2);
     for (int a = 0; a < 6; ++a) {
       sum.force_N[a] += phi * (terms.weight(a)[i] - along * d[a]);
+    }
+  }
+  for (int i = 0; i < terms.few; ++i) {
+    float d[6];
+    float along[6] = {};
+    float r2 = 0.0F;
+    float rest = 0.0F;
+    for (int a = 0; a < 6; ++a) {
+      d[a] = p[a] - terms.few_position(a)[i];
+      r2 += d[a] * d[a];
+    }
+    for (int number = 0; number < kStiffnessNumbers; ++number) {
+      const int a = kStiffnessRow[number];
+      const int b = kStiffnessColumn[number];
+      const float entry = terms.few_weight(number)[i];
+      along[a] += entry * d[b];
+      if (a == b) {
+        rest += entry;
+      } else {
+        along[b] += entry * d[a];
+      }
+    }
+    for (int a = 0; a < 6; ++a) {
+      rest -= d[a] * along[a];
+    }
+    const float phi = std::exp(-0.5F * r2);
+    for (int a = 0; a < 6; ++a) {
+      sum.force_N[a] += phi * (2.0F * along[a] + rest * d[a]);
     }
   }
   return sum;

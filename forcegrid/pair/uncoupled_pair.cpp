@@ -27,6 +27,9 @@ void UncoupledPair::take_sample(const PairSample& sample) noexcept {
     own.time_s = sample.time_s;
     own.position_W = of_tool(sample.positions_W, tool);
     own.force_W = of_tool(sample.forces_W, tool);
+    own.has_stiffness = sample.has_stiffness;
+    own.stiffness_W = sample.stiffness_W.block<3, 3>(static_cast<Eigen::Index>(3 * tool),
+                                                     static_cast<Eigen::Index>(3 * tool));
     own.contact_epoch = sample.contact_epoch;
     own.contact_point_W = of_tool(sample.contact_points_W, tool);
     own.relative_residual = sample.relative_residual;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -26,8 +27,16 @@ std::unique_ptr<PairField> field(double nugget_N2 = 1e-6, int samples = 32) {
   return std::make_unique<PairField>(settings);
 }
 
-void take(PairField& field, const PairVector& p_m, const PairVector& f_N) {
-  field.begin(p_m, f_N);
+std::unique_ptr<PairField> field_with_stiffness(int stiffness_samples, int samples = 32) {
+  PairFieldSettings settings;
+  settings.samples = samples;
+  settings.stiffness_samples = stiffness_samples;
+  return std::make_unique<PairField>(settings);
+}
+
+void take(PairField& field, const PairVector& p_m, const PairVector& f_N,
+          const Matrix6* j_N_per_m = nullptr) {
+  field.begin(p_m, f_N, j_N_per_m);
   while (field.prepare()) {
   }
 }
@@ -106,13 +115,156 @@ TEST(PairField, IsDenseKrigingWhileTheDictionaryHoldsAll) {
   }
 }
 
+TEST(PairField, KnowsAQuadraticEnergyAfterOneSampleWithItsStiffness) {
+  const SeriesSprings object;
+  RandomPositions positions(kSeed, kReach_m);
+  const PairVector at_m = positions.next();
+  const Matrix6 stiffness = object.stiffness_N_per_m();
+  const auto without = field();
+  const auto with = field_with_stiffness(1);
+  take(*without, at_m, object.forces_N(at_m));
+  take(*with, at_m, object.forces_N(at_m), &stiffness);
+  double without_N2 = 0.0;
+  for (int i = 0; i < 30; ++i) {
+    const PairVector p = at_m + 0.5 * positions.next();
+    // 1 N/m of noise over some 10 mm.
+    EXPECT_LT((with->read(p).forces_N - object.forces_N(p)).norm(), 0.02) << i;
+    without_N2 += (without->read(p).forces_N - object.forces_N(p)).squaredNorm();
+  }
+  EXPECT_GT(std::sqrt(without_N2 / 30.0), 0.5);
+  EXPECT_LT((with->stiffness_N_per_m(at_m) - stiffness).norm(), 0.02 * stiffness.norm());
+}
+
+// As IsDenseKrigingWhileTheDictionaryHoldsAll, with 21 more rows for each of the newest samples.
+TEST(PairField, IsDenseKrigingOfForcesAndOfTheNewestStiffnesses) {
+  const HardeningPair object;
+  constexpr int kSamples = 12;
+  constexpr int kNewest = 3;
+  const auto grown = field_with_stiffness(kNewest);
+  const PairFieldSettings& settings = grown->settings();
+  const PairKernel& kernel = settings.kernel;
+  RandomPositions positions(kSeed, kReach_m);
+  std::vector<PairVector> at;
+  std::vector<Matrix6> slopes;
+  for (int i = 0; i < kSamples; ++i) {
+    at.push_back(positions.next());
+    slopes.push_back(object.stiffness_N_per_m(at.back()));
+    take(*grown, at.back(), object.forces_N(at.back()), &slopes.back());
+    ASSERT_FALSE(grown->innovation().surprised);
+  }
+  ASSERT_EQ(grown->row_count(), 6 * kSamples + kStiffnessNumbers * kNewest);
+
+  // Each row: a force's component, c < 0, or an entry (a, c) of a stiffness.
+  struct Row {
+    std::size_t sample;
+    int a;
+    int c;
+    int number;  // of the stiffness
+  };
+  std::vector<Row> rows;
+  for (std::size_t i = 0; i < kSamples; ++i) {
+    for (int a = 0; a < 6; ++a) {
+      rows.push_back({i, a, -1, -1});
+    }
+  }
+  for (std::size_t i = kSamples - kNewest; i < kSamples; ++i) {
+    for (int n = 0; n < kStiffnessNumbers; ++n) {
+      rows.push_back({i, kStiffnessRow[n], kStiffnessColumn[n], n});
+    }
+  }
+  const auto covariance = [&](const PairVector& p, const Row& one, const PairVector& q,
+                              const Row& other) {
+    const auto in_part = [](int number) { return number - part_begin(number / 6); };
+    if (one.c < 0 && other.c < 0) {
+      return kernel.force_force(p, q)(one.a, other.a);
+    }
+    if (one.c < 0) {
+      return kernel.force_stiffness(p, q, other.number / 6)(one.a, in_part(other.number));
+    }
+    if (other.c < 0) {
+      return kernel.force_stiffness(q, p, one.number / 6)(other.a, in_part(one.number));
+    }
+    return kernel.stiffness_stiffness(p, one.number / 6, q, other.number / 6)(
+        in_part(one.number), in_part(other.number));
+  };
+  const auto count = static_cast<Eigen::Index>(rows.size());
+  Eigen::MatrixXd k(count, count);
+  Eigen::VectorXd data(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Row& one = rows[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const Row& other = rows[static_cast<std::size_t>(j)];
+      k(i, j) = covariance(at[one.sample], one, at[other.sample], other);
+    }
+    const Matrix6& slope = slopes[one.sample];
+    const double relative = settings.relative_stiffness_noise * slope.norm();
+    const double noise = settings.stiffness_noise_N_per_m;
+    k(i, i) += one.c < 0 ? settings.nugget_N2 : noise * noise + relative * relative;
+    data[i] = one.c < 0 ? object.forces_N(at[one.sample])[one.a] : slope(one.a, one.c);
+  }
+  const Eigen::VectorXd alpha = k.llt().solve(data);
+  for (int trial = 0; trial < 20; ++trial) {
+    const PairVector p = positions.next();
+    PairVector expected_N = PairVector::Zero();
+    for (int a = 0; a < 6; ++a) {
+      for (Eigen::Index j = 0; j < count; ++j) {
+        const Row& other = rows[static_cast<std::size_t>(j)];
+        expected_N[a] += covariance(p, {0, a, -1, -1}, at[other.sample], other) * alpha[j];
+      }
+    }
+    EXPECT_LT((grown->read(p).forces_N - expected_N).norm(), 2e-3);
+  }
+}
+
+// A dictionary that is full and stiffnesses that come and go, against one made from the same
+// samples at once: the surprise that cannot come makes the factor anew.
+TEST(PairField, ForgetsTheStiffnessOfOlderSamplesExactly) {
+  const HardeningPair object;
+  constexpr int kSamples = 8;
+  const auto grown = field_with_stiffness(2, kSamples);
+  const auto fresh = field_with_stiffness(2, kSamples);
+  PairVector p = PairVector::Zero();
+  const auto next = [&](PairField& each, int i) {
+    p.setConstant(1e-3 * i);  // in a line, so that the oldest is the farthest
+    p[1] = 1e-3 * (i % 3);
+    const Matrix6 slope = object.stiffness_N_per_m(p);
+    take(each, p, object.forces_N(p), &slope);
+  };
+  for (int i = 0; i < 30; ++i) {
+    next(*grown, i);
+  }
+  EXPECT_EQ(grown->row_count(), 6 * kSamples + 2 * kStiffnessNumbers);
+  for (int i = 30 - kSamples; i < 30; ++i) {
+    next(*fresh, i);
+  }
+  ASSERT_EQ(fresh->sample_count(), kSamples);
+  const PairVector ahead = p + PairVector::Constant(1e-3);
+  EXPECT_LT((grown->read(ahead).forces_N - fresh->read(ahead).forces_N).norm(),
+            1e-3 * fresh->read(ahead).forces_N.norm());
+}
+
+TEST(PairField, AveragesAStiffnessWithItsTranspose) {
+  const SeriesSprings object;
+  Matrix6 skew = object.stiffness_N_per_m();
+  skew(0, 4) += 40.0;
+  skew(4, 0) -= 40.0;
+  const auto plain = field_with_stiffness(1);
+  const auto skewed = field_with_stiffness(1);
+  const PairVector at_m = PairVector::Constant(1e-3);
+  const Matrix6 straight = object.stiffness_N_per_m();
+  take(*plain, at_m, object.forces_N(at_m), &straight);
+  take(*skewed, at_m, object.forces_N(at_m), &skew);
+  EXPECT_EQ(skewed->read(PairVector::Zero()).forces_N, plain->read(PairVector::Zero()).forces_N);
+}
+
 TEST(PairField, HasASymmetricStiffnessThatIsTheSlopeOfItsForce) {
   const HardeningPair object;
-  const auto learnt = field(1e-4);
+  const auto learnt = field_with_stiffness(3);
   RandomPositions positions(kSeed, kReach_m);
   for (int i = 0; i < 40; ++i) {
     const PairVector p = positions.next();
-    take(*learnt, p, object.forces_N(p));
+    const Matrix6 slope = object.stiffness_N_per_m(p);
+    take(*learnt, p, object.forces_N(p), &slope);
   }
   constexpr double kStep_m = 1e-3;  // single precision of the force, 1e-6 N, leaves 1e-3 N/m
   const PairVector p = 0.3 * positions.next();

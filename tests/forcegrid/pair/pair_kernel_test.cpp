@@ -98,6 +98,50 @@ TEST_F(PairKernelTest, HasNoCurlAcrossTheTools) {
   }
 }
 
+// Cov(F_a(p), J_bc(q)) = d/dq_c Cov(F_a(p), F_b(q)), by central differences.
+TEST_F(PairKernelTest, HasTheStiffnessOfAFieldAsItsDerivative) {
+  for (int i = 0; i < 10; ++i) {
+    const PairVector p = positions_.next();
+    const PairVector q = positions_.next();
+    for (int n = 0; n < kStiffnessNumbers; ++n) {
+      const int b = kStiffnessRow[n];
+      const int c = kStiffnessColumn[n];
+      const PairVector step = kStep_m * PairVector::Unit(c);
+      const PairVector slope =
+          (kernel_.force_force(p, q + step) - kernel_.force_force(p, q - step)).col(b) /
+          (2.0 * kStep_m);
+      const int part = n / 6;
+      EXPECT_LT((kernel_.force_stiffness(p, q, part).col(n - part_begin(part)) - slope).norm(),
+                1e-3)  // of some 1e4 N^2/m
+          << n;
+    }
+  }
+}
+
+// Cov(J_ae(p), J_bc(q)) = d/dp_e Cov(F_a(p), J_bc(q)).
+TEST_F(PairKernelTest, HasTheCovarianceOfTwoStiffnessesAsItsDerivative) {
+  for (int i = 0; i < 10; ++i) {
+    const PairVector p = positions_.next();
+    const PairVector q = positions_.next();
+    for (int part_q = 0; part_q < kStiffnessParts; ++part_q) {
+      std::array<Matrix6, 6> slope;  // along p_e
+      for (int e = 0; e < 6; ++e) {
+        const PairVector step = kStep_m * PairVector::Unit(e);
+        slope[static_cast<std::size_t>(e)] = (kernel_.force_stiffness(p + step, q, part_q) -
+                                              kernel_.force_stiffness(p - step, q, part_q)) /
+                                             (2.0 * kStep_m);
+      }
+      for (int n = 0; n < kStiffnessNumbers; ++n) {
+        const int part_p = n / 6;
+        const Matrix6 exact = kernel_.stiffness_stiffness(p, part_p, q, part_q);
+        const auto& expected = slope[static_cast<std::size_t>(kStiffnessColumn[n])];
+        EXPECT_LT((exact.row(n - part_begin(part_p)) - expected.row(kStiffnessRow[n])).norm(), 0.1)
+            << n;  // of some 1e6 N^2/m^2
+      }
+    }
+  }
+}
+
 TEST_F(PairKernelTest, MakesPositiveSemidefiniteMatrices) {
   constexpr int kSamples = 24;
   std::vector<PairVector> at;
@@ -138,6 +182,28 @@ TEST_F(PairKernelTest, SumsTheSameInLanesAndInPlainLoops) {
       EXPECT_NEAR(lanes.force_N[a], plain.force_N[a], 3e-5F) << samples;  // of sums of order 1
     }
     EXPECT_NEAR(lanes.nearest2, plain.nearest2, 1e-5F);
+  }
+}
+
+TEST_F(PairKernelTest, SumsTheSameOfStiffnessInLanesAndInPlainLoops) {
+  constexpr int kStride = 16;
+  alignas(64) static std::array<float, 12 * kStride> rows;
+  alignas(64) static std::array<float, (6 + kStiffnessNumbers) * kPairFewLanes> few;
+  testing::RandomPositions unit(kSeed, 1.5);
+  for (int count = 1; count <= kPairFewLanes; ++count) {
+    few.fill(0.0F);
+    for (int i = 0; i < count; ++i) {
+      for (std::size_t row = 0; row < 6 + kStiffnessNumbers; ++row) {
+        few[row * kPairFewLanes + static_cast<std::size_t>(i)] = static_cast<float>(unit.next()[0]);
+      }
+    }
+    const Eigen::Matrix<float, 6, 1> p = unit.next().cast<float>();
+    const PairTerms terms{rows.data(), kStride, kStride, few.data(), count};
+    const PairSum lanes = pair_sum(terms, p.data());
+    const PairSum plain = pair_sum_scalar(terms, p.data());
+    for (int a = 0; a < 6; ++a) {
+      EXPECT_NEAR(lanes.force_N[a], plain.force_N[a], 1e-4F) << count;  // of sums of order 10
+    }
   }
 }
 

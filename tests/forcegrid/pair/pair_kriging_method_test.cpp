@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -41,6 +42,15 @@ PairSample sample_at(double time_s, const PairVector& noise_N = PairVector::Zero
   return sample;
 }
 
+// With the stiffness there times `factor`.
+PairSample stiff_sample_at(double time_s, double factor = 1.0,
+                           const PairVector& noise_N = PairVector::Zero()) {
+  PairSample sample = sample_at(time_s, noise_N);
+  sample.has_stiffness = true;
+  sample.stiffness_W = factor * HardeningPair{}.stiffness_N_per_m(path_m(time_s));
+  return sample;
+}
+
 std::unique_ptr<PairForceMethod> made(const std::string& text) {
   MethodOptions options;
   options.grid.max_W.setConstant(0.2);
@@ -49,13 +59,21 @@ std::unique_ptr<PairForceMethod> made(const std::string& text) {
   return make_pair_force_method(variant.name, variant.options);
 }
 
-// RMS error in % of RMS force at 500 Hz after 1 s, with samples at 30 Hz that arrive a period late.
-double error_percent(PairForceMethod& method, double seconds, double noise_N = 0.0) {
+struct Errors {
+  double first_1s_percent;
+  double after_1s_percent;
+};
+
+// RMS errors in % of RMS force at 500 Hz, with samples at 30 Hz that arrive a period late.
+// @param stiffness_factor  0: samples without stiffness
+// @param from_s  when the first second begins to count; the first sample arrives at 0.033 s
+Errors errors_of(PairForceMethod& method, double seconds, double noise_N = 0.0,
+                 double stiffness_factor = 0.0, double from_s = 0.04) {
   std::mt19937 numbers(kSeed);
   std::normal_distribution<double> noise(0.0, noise_N > 0.0 ? noise_N : 1.0);
   method.contacts_made(1, kTouched_W);
-  double squares = 0.0;
-  double reference = 0.0;
+  double squares[2] = {};
+  double reference[2] = {};
   int next = 0;
   for (int i = 0; i < static_cast<int>(500 * seconds); ++i) {
     const double now_s = i / 500.0;
@@ -64,19 +82,28 @@ double error_percent(PairForceMethod& method, double seconds, double noise_N = 0
       for (double& component : error_N) {
         component = noise_N > 0.0 ? noise(numbers) : 0.0;
       }
-      method.take_sample(sample_at(next / 30.0, error_N));
+      method.take_sample(stiffness_factor == 0.0
+                             ? sample_at(next / 30.0, error_N)
+                             : stiff_sample_at(next / 30.0, stiffness_factor, error_N));
       while (method.work(kAllWork) > 0) {
       }
     }
     const PairVector at_W = kTouched_W + path_m(now_s);
     method.observe(now_s, at_W);
     const PairVector exact_N = HardeningPair{}.forces_N(path_m(now_s));
-    if (now_s >= 1.0) {
-      squares += (method.forces(now_s, at_W).forces_W - exact_N).squaredNorm();
-      reference += exact_N.squaredNorm();
+    if (now_s < from_s) {
+      continue;
     }
+    const int later = now_s >= 1.0 ? 1 : 0;
+    squares[later] += (method.forces(now_s, at_W).forces_W - exact_N).squaredNorm();
+    reference[later] += exact_N.squaredNorm();
   }
-  return 100.0 * std::sqrt(squares / reference);
+  return {100.0 * std::sqrt(squares[0] / reference[0]),
+          100.0 * std::sqrt(squares[1] / reference[1])};
+}
+
+double error_percent(PairForceMethod& method, double seconds, double noise_N = 0.0) {
+  return errors_of(method, seconds, noise_N).after_1s_percent;
 }
 
 TEST(PairKriging, FollowsBothToolsWhereUncoupledMethodsCannot) {
@@ -171,22 +198,57 @@ TEST(PairKriging, ExceedsABudgetByAtMostOnePiece) {
       EXPECT_LE(done, 500 + kPiece);
     }
   }
+  // With two samples' stiffness; of fields without it two pieces are done at once.
+  constexpr int kRowsWithStiffness = kRows + 2 * pair::kStiffnessNumbers;
+  constexpr int kLargest = std::max(1 + kRowsWithStiffness * kRowsWithStiffness / 8, 2 * kPiece);
+  for (int i = 60; i < 120; ++i) {
+    method->take_sample(stiff_sample_at(i / 30.0));
+    for (int done = 1; done > 0;) {
+      done = method->work(500);
+      EXPECT_LE(done, 500 + kLargest);
+    }
+  }
 }
 
 // A loop of 500 Hz spends 1000 units a cycle: 16 cycles for each sample.
 TEST(PairAuto, KeepsUpWithThirtySamplesASecondAtFiveHundredHertz) {
-  const auto method = made("auto-6d");
-  method->contacts_made(1, kTouched_W);
-  int next = 0;
-  int busy_cycles = 0;
-  for (int cycle = 0; cycle < 5000; ++cycle) {
-    for (; next / 30.0 <= cycle / 500.0; ++next) {
-      method->take_sample(sample_at(next / 30.0));
+  for (const bool stiffness : {false, true}) {
+    const auto method = made("auto-6d");
+    method->contacts_made(1, kTouched_W);
+    int next = 0;
+    int busy_cycles = 0;
+    for (int cycle = 0; cycle < 5000; ++cycle) {
+      for (; next / 30.0 <= cycle / 500.0; ++next) {
+        method->take_sample(stiffness ? stiff_sample_at(next / 30.0) : sample_at(next / 30.0));
+      }
+      busy_cycles += method->work(1000) > 0 ? 1 : 0;
     }
-    busy_cycles += method->work(1000) > 0 ? 1 : 0;
+    EXPECT_EQ(method->counters()[0].value, 0U) << stiffness;  // passed over
+    EXPECT_LT(busy_cycles, 4500) << stiffness;                // it catches up between samples
   }
-  EXPECT_EQ(method->counters()[0].value, 0U);  // passed over
-  EXPECT_LT(busy_cycles, 4500);                // it catches up between samples
+}
+
+// The same samples, without stiffness from the tenth on: the fields with it go on as well.
+TEST(PairAuto, GoesOnWhereTheStiffnessEndsOrBegins) {
+  for (const bool begins : {false, true}) {
+    const auto method = made("auto-6d");
+    method->contacts_made(1, kTouched_W);
+    double error_N2 = 0.0;
+    double exact_N2 = 0.0;
+    for (int i = 0; i < 90; ++i) {
+      if (i >= 45) {
+        const PairVector exact_N = sample_at(i / 30.0).forces_W;
+        const PairEstimate found = method->forces(i / 30.0, kTouched_W + path_m(i / 30.0));
+        EXPECT_EQ(found.status, EstimateStatus::kOk);
+        error_N2 += (found.forces_W - exact_N).squaredNorm();
+        exact_N2 += exact_N.squaredNorm();
+      }
+      method->take_sample((i < 10) != begins ? stiff_sample_at(i / 30.0) : sample_at(i / 30.0));
+      while (method->work(kAllWork) > 0) {
+      }
+    }
+    EXPECT_LT(error_N2, 0.01 * 0.01 * exact_N2) << begins;
+  }
 }
 
 double noise_chosen_N2(double noise_N) {
@@ -243,6 +305,25 @@ TEST(PairAuto, ChangesItsCandidateWithoutAJump) {
   EXPECT_GT(changes_seen, 0);
 }
 
+TEST(PairKriging, IsBetterWithTheStiffnessOfTheSamples) {
+  for (const char* name : {"kriging-6d", "auto-6d"}) {
+    const Errors without = errors_of(*made(name), 6.0);
+    const Errors with = errors_of(*made(name), 6.0, 0.0, 1.0);
+    EXPECT_LT(with.first_1s_percent, 0.5 * without.first_1s_percent) << name;
+    EXPECT_LT(with.after_1s_percent, 0.9 * without.after_1s_percent) << name;
+  }
+}
+
+TEST(PairAuto, IsHardlyWorseWithAWrongStiffnessThanWithout) {
+  for (const double factor : {0.5, 0.8, 1.5, -1.0}) {
+    constexpr double kCompared_s = 0.1;  // two samples have shown that it is wrong
+    const Errors without = errors_of(*made("auto-6d"), 6.0, 0.0, 0.0, kCompared_s);
+    const Errors wrong = errors_of(*made("auto-6d"), 6.0, 0.0, factor, kCompared_s);
+    EXPECT_LT(wrong.after_1s_percent, 1.05 * without.after_1s_percent) << factor;
+    EXPECT_LT(wrong.first_1s_percent, 1.05 * without.first_1s_percent) << factor;
+  }
+}
+
 TEST(PairMethods, RefuseWhatTheyCannotUse) {
   const auto refusal = [](const std::string& text) {
     try {
@@ -257,7 +338,7 @@ TEST(PairMethods, RefuseWhatTheyCannotUse) {
               HasSubstr("'kriging-7d' is not known; known methods: auto-6d"));
   EXPECT_THAT(refusal("kriging-6d samples=49"), HasSubstr("2 to 48"));
   EXPECT_THAT(refusal("auto-6d nug=1e-4"), HasSubstr("leave nug out"));
-  EXPECT_THAT(refusal("tangent"), HasSubstr("stiffness, which samples of two tools do not have"));
+  EXPECT_THAT(refusal("tangent"), HasSubstr("stiffness, which not all samples of two tools have"));
   EXPECT_THAT(refusal("forcegrid+request"), HasSubstr("answers to requests"));
 }
 

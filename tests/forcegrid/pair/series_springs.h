@@ -24,6 +24,13 @@ struct SeriesSprings {
     f << -a_N_per_m * p_m.head<3>() - between_N, -b_N_per_m * p_m.tail<3>() + between_N;
     return f;
   }
+  PairMatrix stiffness_N_per_m() const {
+    const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
+    PairMatrix j;
+    j << -(a_N_per_m + c_N_per_m) * one, c_N_per_m * one,  //
+        c_N_per_m * one, -(b_N_per_m + c_N_per_m) * one;
+    return j;
+  }
 };
 
 /// A smooth hardening object: U = 1/2 p.Kp + g/4 (|P_1 - P_2|^2 + |P_1|^2 + |P_2|^2)^2.
@@ -37,6 +44,15 @@ struct HardeningPair {
     PairVector gradient;
     gradient << p_m.head<3>() + apart, p_m.tail<3>() - apart;
     return springs.forces_N(p_m) - g_N_per_m3 * s * gradient;
+  }
+  PairMatrix stiffness_N_per_m(const PairVector& p_m) const {
+    const Eigen::Vector3d apart = p_m.head<3>() - p_m.tail<3>();
+    const double s = apart.squaredNorm() + p_m.squaredNorm();
+    PairVector gradient;
+    gradient << p_m.head<3>() + apart, p_m.tail<3>() - apart;
+    const SeriesSprings unit{1.0, 1.0, 1.0};  // d(gradient)/dp = -its stiffness
+    return springs.stiffness_N_per_m() +
+           g_N_per_m3 * (s * unit.stiffness_N_per_m() - 2.0 * gradient * gradient.transpose());
   }
 };
 

@@ -64,6 +64,46 @@ TEST(UncoupledPair, IsAMethodForEachToolThatNeverHearsOfTheOther) {
   }
 }
 
+// Each tool's method gets its own block of the stiffness.
+TEST(UncoupledPair, GivesEachToolItsOwnStiffness) {
+  const testing::SeriesSprings object;
+  const auto both = make_pair_force_method("auto", {});
+  const auto left = make_force_method("auto", {});
+  const PairVector touched = PairVector::Constant(0.05);
+  both->contacts_made(1, touched);
+  left->contact_made(1, touched.head<3>());
+  testing::RandomPositions positions(3, 0.01);
+  for (int i = 0; i < 20; ++i) {
+    const PairVector p = positions.next();
+    PairSample sample;
+    sample.time_s = i / 30.0;
+    sample.positions_W = touched + p;
+    sample.forces_W = object.forces_N(p);
+    sample.has_stiffness = true;
+    sample.stiffness_W = object.stiffness_N_per_m();
+    sample.contact_epoch = 1;
+    sample.contact_points_W = touched;
+    both->take_sample(sample);
+    Sample own;
+    own.time_s = sample.time_s;
+    own.contact_epoch = 1;
+    own.position_W = sample.positions_W.head<3>();
+    own.force_W = sample.forces_W.head<3>();
+    own.has_stiffness = true;
+    own.stiffness_W = sample.stiffness_W.topLeftCorner<3, 3>();
+    own.contact_point_W = touched.head<3>();
+    left->take_sample(own);
+    both->observe(sample.time_s, sample.positions_W);
+    left->observe(sample.time_s, own.position_W);
+    both->work(kAllWork);
+    left->work(kAllWork / 2);
+    const PairVector at = touched + positions.next();
+    EXPECT_EQ(both->forces(sample.time_s, at).forces_W.head<3>(),
+              left->force(sample.time_s, at.head<3>()).force_W)
+        << i;
+  }
+}
+
 // A tool outside of its grid makes the pair's answer partial, and leaves the other's force alone.
 TEST(UncoupledPair, HasTheWorseStatusOfItsTools) {
   MethodOptions options;
