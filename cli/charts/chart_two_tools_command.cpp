@@ -71,6 +71,7 @@ evaluation::PairChartOptions options_of(const ChartTwoToolsOptions& asked, Progr
   options.seconds = asked.quick ? kQuickSeconds : asked.seconds;
   options.delay_s = 1e-3 * asked.delay_ms;
   options.noise_N = 1e-3 * asked.noise_mN;
+  options.stiffness = asked.stiffness;
   return options;
 }
 
@@ -166,6 +167,8 @@ void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& o, std::function<
       ->check(between(0.0, 1000.0))
       ->type_name("FLOAT mN")
       ->show_default();
+  command.add_flag("--stiffness", o.stiffness,
+                   "Samples carry dF_i/dP_j, how each force changes with each tool's position");
   command.callback([&o, &action] { action = [&o] { return chart_two_tools_command(o); }; });
 }
 

@@ -20,6 +20,7 @@ struct ChartTwoToolsOptions : ChartChoice {
   double seconds = 10.0;
   double delay_ms = 0.0;
   double noise_mN = 0.0;
+  bool stiffness = false;  ///< of the samples
 };
 
 /// Adds the subcommand `two-tools` to `chart`.

@@ -299,7 +299,8 @@ void add_evaluate(Command& app, EvaluateOptions& o, std::function<int()>& action
                   "Recording of forcegrid record (.h5), or CSV, gzipped if it ends in .gz: "
                   "kind,t_s,delivered_s,x_m,y_m,z_m,fx_N,fy_N,fz_N"
                   "[,j00_N_per_m,...,j22_N_per_m][,residual]; of two tools: "
-                  "kind,t_s,delivered_s,p1x_m,...,p2z_m,f1x_N,...,f2z_N[,residual]")
+                  "kind,t_s,delivered_s,p1x_m,...,p2z_m,f1x_N,...,f2z_N"
+                  "[,j00_N_per_m,...,j55_N_per_m][,residual]")
       ->required();
   evaluate
       .add_option("--workspace", o.workspace_m,

@@ -129,6 +129,7 @@ ordered_json evaluate_pair(const EvaluateOptions& options, MethodOptions base,
   note_what_is_missing(options, trace);
 
   evaluation::PairJudgeOptions judging;
+  judging.stiffness_to_method = !options.no_stiffness;
   judging.keep_forces = !options.out.empty();
   if (options.budget.us) {
     judging.work_budget = evaluation::kServoWorkBudget;  // what a budget is about

@@ -68,6 +68,7 @@ PairReference solve(const Cell& cell, const PairChartOptions& options, rt::Job& 
   trace.seconds = options.seconds;
   trace.delay_s = options.delay_s;
   trace.noise_N = options.noise_N;
+  trace.stiffness = options.stiffness;
   trace.patch_radius_m = scene.patch_radius_m;
   trace.cache = options.cache;
   trace.progress = [&job](double done) { job.report(done); };

@@ -22,8 +22,9 @@ struct PairChartOptions {
   std::vector<std::string> methods;  ///< as parse_pair_variant() takes them; empty: the chart's
   std::string goals_for = "auto-6d";
   double seconds = 10.0;
-  double delay_s = 0.0;  ///< see PairTraceOptions
-  double noise_N = 0.0;  ///< likewise
+  double delay_s = 0.0;    ///< see PairTraceOptions
+  double noise_N = 0.0;    ///< likewise
+  bool stiffness = false;  ///< likewise
   std::uint64_t seed = 1;
   unsigned jobs = 0;  ///< threads that solve traces; 0: one per processor
   const std::atomic<bool>* cancel = nullptr;

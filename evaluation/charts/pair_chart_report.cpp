@@ -73,6 +73,7 @@ nlohmann::ordered_json json_of(const PairChart& chart, const PairChartOptions& o
   ordered_json json{{"seconds", options.seconds},
                     {"delay_s", options.delay_s},
                     {"noise_N", options.noise_N},
+                    {"stiffness", options.stiffness},
                     {"seed", options.seed},
                     {"goals_for", options.goals_for},
                     {"unconverged_instants", chart.unconverged},

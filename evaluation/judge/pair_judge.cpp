@@ -90,6 +90,7 @@ class PairPlay {
       ++verdict_.samples_not_taken;
       return;
     }
+    sample.has_stiffness = sample.has_stiffness && options_.stiffness_to_method;
     sample.contact_epoch = static_cast<std::uint32_t>(of);
     sample.contact_points_W = contacts_[of - 1].points_W;
     ++verdict_.samples_taken;

@@ -16,6 +16,7 @@ struct PairJudgeOptions {
   /// Units of work() per servo cycle; negative: all pending work at once, which is timed as the
   /// cost of the sample.
   int work_budget = -1;
+  bool stiffness_to_method = true;
   bool keep_forces = false;  ///< fill PairVerdict::forces_W
 };
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "evaluation/files/error.h"
 #include "evaluation/objects/force_table.h"
@@ -47,6 +48,10 @@ std::string key_of(const simulator::SpringMesh& mesh, const PairMotion& motion,
   for (const double number : {options.seconds, options.servo_rate_Hz}) {
     hash.add(number);
   }
+  if (options.stiffness) {
+    hash.add("stiffness at");
+    hash.add(options.simulator_rate_Hz);
+  }
   // What the motion is today: another version's file is not taken for this one's.
   for (const double share : {0.1, 0.37, 0.9}) {
     const PairVector at_W = motion.positions_W(share * options.seconds);
@@ -80,6 +85,45 @@ void grab(simulator::SharedObject<double>& object, double patch_radius_m) {
   }
 }
 
+// Calls take(tick, index) for each tick of the simulator and the servo instant that it samples.
+template <typename Take>
+void for_each_tick(const PairTraceOptions& options, std::size_t instants, const Take& take) {
+  std::size_t at = 0;
+  for (std::size_t tick = 0;; ++tick) {
+    const double tick_s = static_cast<double>(tick) / options.simulator_rate_Hz;
+    while (at < instants && static_cast<double>(at) / options.servo_rate_Hz < tick_s - 1e-9) {
+      ++at;
+    }
+    if (at == instants) {
+      return;
+    }
+    take(tick_s, at);
+  }
+}
+
+// dF_i/dP_j at the last result, if all of it is known.
+void linearise(const simulator::SharedObject<double>& object, PairSample& sample) {
+  sample.has_stiffness = true;
+  for (std::size_t tool = 0; tool < kTools; ++tool) {
+    for (std::size_t other = 0; other < kTools; ++other) {
+      const auto stiffness_W = object.stiffness_W(tool, other);
+      sample.has_stiffness = sample.has_stiffness && stiffness_W.has_value();
+      sample.stiffness_W.block<3, 3>(static_cast<Eigen::Index>(3 * tool),
+                                     static_cast<Eigen::Index>(3 * other)) =
+          stiffness_W.value_or(Eigen::Matrix3d::Zero());
+    }
+  }
+}
+
+PairSample sample_of(const PairInstant& instant) {
+  PairSample sample;
+  sample.time_s = instant.time_s;
+  sample.positions_W = instant.positions_W;
+  sample.forces_W = instant.forces_W;
+  return sample;
+}
+
+// The instants, and at those that are sampled the stiffness, if that is asked for.
 void solve(const simulator::SpringMesh& mesh, const PairMotion& motion,
            const PairTraceOptions& options, PairReference& reference) {
   simulator::SharedObject<double> object(mesh, solver_options(options), kTools);
@@ -87,6 +131,8 @@ void solve(const simulator::SpringMesh& mesh, const PairMotion& motion,
   const PairVector touched_W = PairMotion::contact_points_W();
   const auto instants =
       static_cast<std::size_t>(std::floor(options.seconds * options.servo_rate_Hz + 1e-9));
+  std::vector<bool> sampled(instants, false);
+  for_each_tick(options, instants, [&](double, std::size_t at) { sampled[at] = true; });
   for (std::size_t i = 0; i < instants; ++i) {
     if (options.cancel != nullptr && options.cancel->load()) {
       throw Stopped();
@@ -103,34 +149,39 @@ void solve(const simulator::SpringMesh& mesh, const PairMotion& motion,
     reference.unconverged += converged ? 0 : 1;
     reference.branch_changes += object.equilibrium(0).left_branch ? 1 : 0;
     reference.trace.servo.push_back(instant);
+    if (options.stiffness && sampled[i]) {
+      DeliveredPairSample row{sample_of(instant), instant.time_s};
+      linearise(object, row.sample);
+      reference.trace.samples.push_back(row);
+    }
     if (options.progress && i % kInstantsBetweenReports == 0) {
       options.progress(static_cast<double>(i) / static_cast<double>(instants));
     }
   }
 }
 
+// Replaces the samples, exact ones with their stiffness if that is asked for, by delivered ones.
 void add_samples(const PairTraceOptions& options, std::uint64_t seed, PairTrace& trace) {
+  const std::vector<DeliveredPairSample> exact = std::exchange(trace.samples, {});
   SeededNumbers numbers(seed);
   trace.contacts = {{trace.servo.front().time_s, PairMotion::contact_points_W(), {}}};
-  std::size_t at = 0;
-  for (std::size_t tick = 0;; ++tick) {
-    const double tick_s = static_cast<double>(tick) / options.simulator_rate_Hz;
-    while (at < trace.servo.size() && trace.servo[at].time_s < tick_s - 1e-9) {
-      ++at;
+  auto next = exact.begin();
+  for_each_tick(options, trace.servo.size(), [&](double tick_s, std::size_t at) {
+    DeliveredPairSample row{sample_of(trace.servo[at]), 0.0};
+    while (next != exact.end() && next->sample.time_s < row.sample.time_s - 1e-9) {
+      ++next;
     }
-    if (at == trace.servo.size()) {
-      return;
+    if (options.stiffness && next != exact.end() &&
+        next->sample.time_s < row.sample.time_s + 1e-9) {
+      row.sample.has_stiffness = next->sample.has_stiffness;
+      row.sample.stiffness_W = next->sample.stiffness_W;
     }
-    DeliveredPairSample row;
-    row.sample.time_s = trace.servo[at].time_s;
-    row.sample.positions_W = trace.servo[at].positions_W;
-    row.sample.forces_W = trace.servo[at].forces_W;
     for (double& force_N : row.sample.forces_W) {
       force_N += options.noise_N * numbers.normal();
     }
     row.delivered_s = tick_s + 1.0 / options.simulator_rate_Hz + options.delay_s;
     trace.samples.push_back(row);
-  }
+  });
 }
 
 }  // namespace
@@ -163,7 +214,6 @@ PairReference make_pair_trace(const simulator::SpringMesh& mesh, const PairMotio
       write_pair_trace(kept.string(), reference.trace);
     }
   }
-  reference.trace.samples.clear();
   add_samples(options, seed, reference.trace);
   return reference;
 }

@@ -21,6 +21,7 @@ struct PairTraceOptions {
   double simulator_rate_Hz = 30.0;
   double delay_s = 0.0;           ///< of an answer beyond the simulator's own period
   double noise_N = 0.0;           ///< standard deviation of white noise on each force of a sample
+  bool stiffness = false;         ///< samples carry dF_i/dP_j of the solver's linearisation
   double patch_radius_m = 0.012;  ///< of each tool's grip
   double relative_tolerance = 1e-6;  ///< of the solver, in double precision
   /// Folder in which the forces are kept and found again; made if it isn't there. Empty: none.
@@ -47,8 +48,9 @@ void make_trace_folder(const std::filesystem::path& folder);
 /// Solves `mesh` under two tools that follow `motion`, both from the grab on, at every servo
 /// instant (SharedObject<double>): the reference forces. The simulator's samples are the forces at
 /// the first servo instant at or after each of its ticks, and arrive one simulator period and the
-/// delay after the tick. Deterministic: the same options give the same trace. A trace that did not
-/// converge everywhere, or changed its branch of equilibria, is not kept in the cache.
+/// delay after the tick. Noise is of the forces alone. Deterministic: the same options give the
+/// same trace. A trace that did not converge everywhere, or changed its branch of equilibria, is
+/// not kept in the cache.
 /// @throws ChartError for options out of range or tools that have nothing to hold; Stopped;
 /// TraceError for a cache that can't be written; simulator::Error for a mesh that can't be solved.
 PairReference make_pair_trace(const simulator::SpringMesh& mesh, const PairMotion& motion,

@@ -19,24 +19,43 @@ enum Column : std::size_t {
   kDelivered,
   kPosition,
   kForce = kPosition + 6,
-  kResidual = kForce + 6,
+  kStiffness = kForce + 6,
+  kResidual = kStiffness + 36,
   kColumnCount,
 };
 
 constexpr std::array<std::string_view, kColumnCount> kNames = {
-    "kind",  "t_s",   "delivered_s", "p1x_m", "p1y_m", "p1z_m", "p2x_m", "p2y_m",
-    "p2z_m", "f1x_N", "f1y_N",       "f1z_N", "f2x_N", "f2y_N", "f2z_N", "residual"};
+    "kind",        "t_s",         "delivered_s", "p1x_m",       "p1y_m",       "p1z_m",
+    "p2x_m",       "p2y_m",       "p2z_m",       "f1x_N",       "f1y_N",       "f1z_N",
+    "f2x_N",       "f2y_N",       "f2z_N",       "j00_N_per_m", "j01_N_per_m", "j02_N_per_m",
+    "j03_N_per_m", "j04_N_per_m", "j05_N_per_m", "j10_N_per_m", "j11_N_per_m", "j12_N_per_m",
+    "j13_N_per_m", "j14_N_per_m", "j15_N_per_m", "j20_N_per_m", "j21_N_per_m", "j22_N_per_m",
+    "j23_N_per_m", "j24_N_per_m", "j25_N_per_m", "j30_N_per_m", "j31_N_per_m", "j32_N_per_m",
+    "j33_N_per_m", "j34_N_per_m", "j35_N_per_m", "j40_N_per_m", "j41_N_per_m", "j42_N_per_m",
+    "j43_N_per_m", "j44_N_per_m", "j45_N_per_m", "j50_N_per_m", "j51_N_per_m", "j52_N_per_m",
+    "j53_N_per_m", "j54_N_per_m", "j55_N_per_m", "residual"};
 
 constexpr char kHeaderForm[] =
     "kind,t_s,delivered_s,p1x_m,p1y_m,p1z_m,p2x_m,p2y_m,p2z_m,f1x_N,f1y_N,f1z_N,f2x_N,f2y_N,f2z_N"
-    "[,residual]";
+    "[,j00_N_per_m,...,j55_N_per_m][,residual]";
 
 constexpr std::string_view kRowTime = ", the row's time";
 
 class PairTraceReader {
  public:
   explicit PairTraceReader(const std::string& file)
-      : file_(file), rows_(file, kNames, kResidual, kHeaderForm) {}
+      : file_(file), rows_(file, kNames, kStiffness, kHeaderForm) {
+    bool any_stiffness = false;
+    for (std::size_t column = kStiffness; column < kResidual; ++column) {
+      any_stiffness = any_stiffness || rows_.has(column);
+    }
+    for (std::size_t column = kStiffness; column < kResidual; ++column) {
+      if (any_stiffness && !rows_.has(column)) {
+        rows_.refuse(column,
+                     "is missing from the header; give all 36 columns of the stiffness or none");
+      }
+    }
+  }
 
   PairTrace read() {
     while (rows_.next()) {
@@ -82,8 +101,23 @@ class PairTraceReader {
     row.delivered_s = rows_.not_before(kDelivered, kTime, kRowTime);
     row.sample.positions_W = six(kPosition);
     row.sample.forces_W = six(kForce);
+    read_stiffness(row.sample);
     row.sample.relative_residual = rows_.zero_or_more(kResidual);
     trace_.samples.push_back(row);
+  }
+
+  void read_stiffness(PairSample& sample) const {
+    for (std::size_t column = kStiffness; column < kResidual; ++column) {
+      sample.has_stiffness = sample.has_stiffness || !rows_.empty(column);
+    }
+    for (std::size_t i = 0; sample.has_stiffness && i < 36; ++i) {
+      const std::size_t column = kStiffness + i;
+      if (rows_.empty(column)) {
+        rows_.refuse(column, "is empty; give all 36 entries of a stiffness or none");
+      }
+      sample.stiffness_W(static_cast<Eigen::Index>(i / 6), static_cast<Eigen::Index>(i % 6)) =
+          rows_.number(column);
+    }
   }
 
   void read_servo() {
@@ -119,6 +153,7 @@ void check(const std::string& file, const PairTrace& trace) {
     const auto& [sample, delivered_s] = trace.samples[i];
     if (!std::isfinite(sample.time_s) || !std::isfinite(delivered_s) ||
         !sample.positions_W.allFinite() || !sample.forces_W.allFinite() ||
+        (sample.has_stiffness && !sample.stiffness_W.allFinite()) ||
         !(sample.relative_residual >= 0.0) || !(delivered_s >= sample.time_s)) {
       rows.refuse("sample", i,
                   "is not finite, arrives before its own time or has a negative residual");
@@ -139,7 +174,9 @@ void add(TraceRow& text, const PairVector& both) {
   text.add(Eigen::Vector3d(both.tail<3>()));
 }
 
-const std::string& text_of(const TraceRowPlace& row, const PairTrace& trace, TraceRow& text) {
+// @param stiffness  whether the file has its columns
+const std::string& text_of(const TraceRowPlace& row, const PairTrace& trace, bool stiffness,
+                           TraceRow& text) {
   if (row.kind == TraceRowPlace::Kind::kContact) {
     const PairContact& contact = trace.contacts[row.index];
     text.start("contact", contact.time_s, contact.delivered_s);
@@ -149,6 +186,9 @@ const std::string& text_of(const TraceRowPlace& row, const PairTrace& trace, Tra
     text.start("sample", sample.time_s, delivered_s);
     add(text, sample.positions_W);
     add(text, sample.forces_W);
+    for (Eigen::Index i = 0; stiffness && i < 36; ++i) {
+      sample.has_stiffness ? text.add(sample.stiffness_W(i / 6, i % 6)) : text.skip();
+    }
     text.add(sample.relative_residual);
   } else {
     const PairInstant& instant = trace.servo[row.index];
@@ -165,10 +205,10 @@ bool is_pair_trace(const std::string& file) {
   try {
     LineReader lines(file);
     std::string_view header;
-    return lines.next(header) && std::any_of(kNames.begin() + kPosition, kNames.begin() + kResidual,
-                                             [&](std::string_view name) {
-                                               return header.find(name) != std::string_view::npos;
-                                             });
+    return lines.next(header) &&
+           std::any_of(
+               kNames.begin() + kPosition, kNames.begin() + kStiffness,
+               [&](std::string_view name) { return header.find(name) != std::string_view::npos; });
   } catch (const FileError&) {
     return false;
   }
@@ -186,16 +226,20 @@ void write_pair_trace(const std::string& file, const PairTrace& trace) {
   check(file, trace);
   try {
     TextWriter writer(file);
+    const bool stiffness = std::any_of(trace.samples.begin(), trace.samples.end(),
+                                       [](const auto& row) { return row.sample.has_stiffness; });
     std::string header;
-    for (const std::string_view name : kNames) {
-      header += header.empty() ? "" : ",";
-      header += name;
+    for (std::size_t column = 0; column < kColumnCount; ++column) {
+      if (stiffness || column < kStiffness || column >= kResidual) {
+        header += header.empty() ? "" : ",";
+        header += kNames[column];
+      }
     }
     writer.write(header + "\n");
-    TraceRow text(kColumnCount);
+    TraceRow text(stiffness ? kColumnCount : kColumnCount - 36);
     for (const TraceRowPlace& row :
          rows_in_order(arrivals_of(trace.contacts, trace.samples, trace.servo))) {
-      writer.write(text_of(row, trace, text));
+      writer.write(text_of(row, trace, stiffness, text));
     }
     writer.finish();
   } catch (const FileError& error) {

@@ -42,8 +42,8 @@ struct PairTrace {
 bool is_pair_trace(const std::string& file);
 
 /// Reads CSV, gzipped if the name ends in .gz, with the header
-/// `kind,t_s,delivered_s,p1x_m,p1y_m,p1z_m,p2x_m,...,p2z_m,f1x_N,...,f2z_N[,residual]`.
-/// Kinds: sample, servo and contact. The format is in docs/traces.md.
+/// `kind,t_s,delivered_s,p1x_m,p1y_m,p1z_m,p2x_m,...,p2z_m,f1x_N,...,f2z_N[,j00_N_per_m,...,
+/// j55_N_per_m][,residual]`. Kinds: sample, servo and contact. The format is in docs/traces.md.
 /// @throws TraceError naming file, line, column and what was expected.
 PairTrace read_pair_trace(const std::string& file);
 

@@ -136,6 +136,48 @@ TEST(PairReference, AddsSeededNoiseToSamplesAlone) {
   std::filesystem::remove_all(options.cache);
 }
 
+// The solver's linearisation against differences of forces that a dense Newton method finds.
+TEST(PairReference, TellsHowTheForcesChangeAtEachSampleIfAsked) {
+  PairTraceOptions options = short_trace();
+  options.simulator_rate_Hz = 10.0;
+  options.cache = std::filesystem::path(::testing::TempDir()) / "pair_reference_stiffness";
+  std::filesystem::remove_all(options.cache);
+  const PairMotion motion("lissajous");
+  EXPECT_FALSE(
+      make_pair_trace(little_block(), motion, options, 1).trace.samples[3].sample.has_stiffness);
+  options.stiffness = true;
+  const PairReference made = make_pair_trace(little_block(), motion, options, 1);
+  EXPECT_FALSE(made.from_cache);
+  const PairVector touched_W = PairMotion::contact_points_W();
+  simulator::TwoToolNewton newton(little_block(),
+                                  {Vector3d(touched_W.head<3>()), Vector3d(touched_W.tail<3>())},
+                                  kPatchRadius_m);
+  const auto forces_N = [&](const PairVector& moved_m) {
+    const auto found = newton.at({Vector3d(moved_m.head<3>()), Vector3d(moved_m.tail<3>())});
+    PairVector both;
+    both << found.tool_W[0], found.tool_W[1];
+    return both;
+  };
+  const PairSample& sample = made.trace.samples[7].sample;
+  ASSERT_TRUE(sample.has_stiffness);
+  constexpr double kStep_m = 1e-4;
+  PairMatrix expected;
+  for (int c = 0; c < 6; ++c) {
+    const PairVector step = kStep_m * PairVector::Unit(c);
+    const PairVector at_m = sample.positions_W - touched_W;
+    expected.col(c) = (forces_N(at_m + step) - forces_N(at_m - step)) / (2.0 * kStep_m);
+  }
+  // The square of the tolerance of the sensitivities, 5 %, and as much for the differences.
+  EXPECT_LT((sample.stiffness_W - expected).norm(), 0.005 * expected.norm());
+  const PairReference again = make_pair_trace(little_block(), motion, options, 1);
+  EXPECT_TRUE(again.from_cache);
+  for (std::size_t i = 0; i < made.trace.samples.size(); ++i) {
+    EXPECT_EQ(again.trace.samples[i].sample.stiffness_W, made.trace.samples[i].sample.stiffness_W);
+    EXPECT_TRUE(again.trace.samples[i].sample.has_stiffness);
+  }
+  std::filesystem::remove_all(options.cache);
+}
+
 TEST(PairReference, IsFoundAgainInTheCacheUnlessAnythingDiffers) {
   PairTraceOptions options = short_trace();
   options.cache = std::filesystem::path(::testing::TempDir()) / "pair_reference_cache";

@@ -75,6 +75,44 @@ TEST_F(PairTraceFile, MeansWhatItsColumnsSay) {
   EXPECT_EQ(trace.servo[0].forces_W, -count);
 }
 
+std::string stiffness_columns() {
+  std::string columns;
+  for (const char row : std::string("012345")) {
+    for (const char column : std::string("012345")) {
+      columns += std::string(",j") + row + column + "_N_per_m";
+    }
+  }
+  return columns;
+}
+
+TEST_F(PairTraceFile, HasTheStiffnessOfEachSampleOrNone) {
+  std::string entries;
+  for (int i = 0; i < 36; ++i) {
+    entries += "," + std::to_string(i);
+  }
+  const std::string none(36, ',');
+  const std::string header = std::string(kHeader) + stiffness_columns() + "\n";
+  const std::string numbers = ".1,.2,.3,.4,.5,.6,1,2,3,4,5,6";
+  const PairTrace trace =
+      read_pair_trace(written(header + "sample,0.5,0.6," + numbers + entries + "\nsample,0.6,0.7," +
+                              numbers + none + "\nservo,0.7,," + numbers + none + "\n"));
+  ASSERT_EQ(trace.samples.size(), 2U);
+  EXPECT_TRUE(trace.samples[0].sample.has_stiffness);
+  EXPECT_FALSE(trace.samples[1].sample.has_stiffness);
+  for (int i = 0; i < 36; ++i) {
+    EXPECT_EQ(trace.samples[0].sample.stiffness_W(i / 6, i % 6), i);
+  }
+  write_pair_trace(file("again.csv"), trace);
+  const PairTrace again = read_pair_trace(file("again.csv"));
+  EXPECT_EQ(again.samples[0].sample.stiffness_W, trace.samples[0].sample.stiffness_W);
+  EXPECT_FALSE(again.samples[1].sample.has_stiffness);
+
+  EXPECT_THAT(refusal(header + "sample,0.5,0.6," + numbers + ",1" + none.substr(1) + "\n"),
+              HasSubstr("column 'j01_N_per_m': is empty; give all 36 entries of a stiffness"));
+  EXPECT_THAT(refusal(std::string(kHeader) + ",j00_N_per_m\n"),
+              HasSubstr("'j01_N_per_m': is missing from the header; give all 36 columns"));
+}
+
 TEST_F(PairTraceFile, ReadsBackExactlyWhatWasWritten) {
   PairTrace trace = testing::PairRamp().trace();
   trace.contacts = {{0.0, trace.servo.front().positions_W / 3.0, 0.001}};

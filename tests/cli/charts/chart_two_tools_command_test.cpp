@@ -48,6 +48,31 @@ TEST_F(ChartTwoTools, WritesTracesThatEvaluateReadsWithTheSameErrors) {
   }
 }
 
+TEST_F(ChartTwoTools, GivesTheSamplesTheirStiffnessIfAsked) {
+  const std::vector<std::string> command{
+      "chart",    "two-tools", "--out",     folder_,   "--cache",     cache_,
+      "--scenes", "small",     "--pairs",   "stretch", "--seconds",   "1.5",
+      "--parts",  "errors",    "--methods", "auto-6d", "--goals-for", "auto-6d"};
+  ASSERT_EQ(run(command), 0) << error_;
+  const json without = json::parse(text_of(folder_ + "/two_tools.json"));
+  EXPECT_EQ(without["stiffness"], false);
+  std::vector<std::string> with_stiffness = command;
+  with_stiffness.push_back("--stiffness");
+  ASSERT_EQ(run(with_stiffness), 0) << error_;
+  const json with = json::parse(text_of(folder_ + "/two_tools.json"));
+  EXPECT_EQ(with["stiffness"], true);
+  EXPECT_LT(with["rows"][0]["rms_error_percent_first_1s"].get<double>(),
+            0.7 * without["rows"][0]["rms_error_percent_first_1s"].get<double>());
+  const std::string trace = folder_ + "/traces/small-stretch.csv.gz";
+  ASSERT_EQ(run({"evaluate", "--method", "auto-6d", "--trace", trace}), 0) << error_;
+  EXPECT_EQ(json::parse(out_)["rms_error_percent_first_1s"],
+            with["rows"][0]["rms_error_percent_first_1s"]);
+  ASSERT_EQ(run({"evaluate", "--method", "auto-6d", "--trace", trace, "--no-stiffness"}), 0)
+      << error_;
+  EXPECT_EQ(json::parse(out_)["rms_error_percent_first_1s"],
+            without["rows"][0]["rms_error_percent_first_1s"]);
+}
+
 TEST_F(ChartTwoTools, DelaysEveryAnswerByTheDelay) {
   const std::vector<std::string> command{
       "chart",    "two-tools", "--out",     folder_,   "--cache",     cache_,
