@@ -56,6 +56,11 @@ ArrivedSample arrived_sample(const link::ForceSample& from, rt::TimePoint now) {
                                  .position_W = rt::to_vector(influence.position_W_m),
                                  .stiffness_W = to_matrix(influence.stiffness_W_N_per_m)};
   }
+  to.has_influence = arrived.influence_count == 1;
+  if (to.has_influence) {
+    to.influence_W = arrived.influences[0].stiffness_W;
+    to.other_position_W = arrived.influences[0].position_W;
+  }
   return arrived;
 }
 

@@ -15,6 +15,12 @@ bool known(EstimateStatus status) noexcept {
   return status == EstimateStatus::kOk || status == EstimateStatus::kPartlyKnown;
 }
 
+// Whether a sample has what it takes for its tool's half of the stiffness of both.
+bool tells_stiffness(const Sample& own, const Sample& other) noexcept {
+  return own.has_stiffness && own.has_influence &&
+         (own.other_position_W - other.position_W).norm() <= PairHalf::kSamePlace_m;
+}
+
 Eigen::Vector3d or_else(const Eigen::Vector3d& wanted, const Eigen::Vector3d& otherwise) noexcept {
   return wanted.allFinite() ? wanted : otherwise;
 }
@@ -50,6 +56,17 @@ PairHalf::PairHalf(std::unique_ptr<PairForceMethod> both, std::unique_ptr<ForceM
 
 std::size_t PairHalf::memory_bytes() const noexcept {
   return sizeof(*this) + both_->memory_bytes() + alone_->memory_bytes();
+}
+
+PairMatrix PairHalf::stiffness_W(const Sample& mine, const Sample& theirs) const noexcept {
+  const auto own = static_cast<Eigen::Index>(3 * tool_);
+  const auto other = static_cast<Eigen::Index>(3 * (1 - tool_));
+  PairMatrix of_both;
+  of_both.block<3, 3>(own, own) = mine.stiffness_W;
+  of_both.block<3, 3>(own, other) = mine.influence_W;
+  of_both.block<3, 3>(other, own) = theirs.influence_W;
+  of_both.block<3, 3>(other, other) = theirs.stiffness_W;
+  return of_both;
 }
 
 PairVector PairHalf::both(const Eigen::Vector3d& own, const Eigen::Vector3d& other) const noexcept {
@@ -218,6 +235,10 @@ void PairHalf::take_pair(const Sample& mine, const Sample& theirs) noexcept {
   pair.time_s = std::max(mine.time_s, theirs.time_s);
   pair.positions_W = both(mine.position_W, theirs.position_W);
   pair.forces_W = both(mine.force_W, theirs.force_W);
+  pair.has_stiffness = tells_stiffness(mine, theirs) && tells_stiffness(theirs, mine);
+  if (pair.has_stiffness) {
+    pair.stiffness_W = stiffness_W(mine, theirs);
+  }
   pair.contact_epoch = pair_epoch_;
   pair.contact_points_W = both(mine.contact_point_W, theirs.contact_point_W);
   pair.relative_residual = std::max(mine.relative_residual, theirs.relative_residual);

@@ -39,7 +39,9 @@ namespace forcegrid::servo {
 ///
 /// Two samples are one PairSample if they are of one solution (Sample::solution), belong to the
 /// contacts that last, and their tools were there at most kTogether_s apart. What has found no
-/// partner among the last kPending samples of the other tool is left to F_alone.
+/// partner among the last kPending samples of the other tool is left to F_alone. The pair has a
+/// stiffness if each of the two has its own and the influence of the other tool where that one's
+/// sample is, within kSamePlace_m: all four blocks are of one solution then.
 ///
 /// Requests: none. Candidates: the pair method and the method alone, so that records tell which of
 /// them is rendered (w >= 1/2), with ChoiceReason kBothTools or kOneTool. Uncertainty: of F_alone
@@ -57,6 +59,7 @@ class PairHalf final : public ForceMethod {
   static constexpr double kHandOver_s = 0.05;
   static constexpr double kTogether_s = 0.020;
   static constexpr double kShortest_s = 1e-4;  ///< cycle that tells a velocity
+  static constexpr double kSamePlace_m = 1e-9;
   static constexpr std::size_t kPending = 8;
   /// Indices in candidates().
   static constexpr std::uint8_t kBoth = 0;
@@ -118,6 +121,7 @@ class PairHalf final : public ForceMethod {
   std::uint64_t& count(Counted what) noexcept { return counters_[what].value; }
   PairVector both(const Eigen::Vector3d& own, const Eigen::Vector3d& other) const noexcept;
   Eigen::Vector3d own(const PairVector& of_both) const noexcept;
+  PairMatrix stiffness_W(const Sample& mine, const Sample& theirs) const noexcept;
   PairVector positions_W(double time_s, const Eigen::Vector3d& position_W) const noexcept;
   ForceEstimate mixed(ForceEstimate estimate, const PairEstimate& of_both) const noexcept;
   void tell_place(double time_s, const Eigen::Vector3d& position_W) noexcept;

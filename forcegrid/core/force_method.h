@@ -29,6 +29,11 @@ struct Sample {
   bool before_contact = false;
   /// Samples of several tools with the same number are of one solution of their object; 0: unknown.
   std::uint64_t solution = 0;
+  /// Beside one other tool that holds the object: how the force changes with that one's position,
+  /// and the position it was computed for. For methods over two tools.
+  bool has_influence = false;
+  Eigen::Matrix3d influence_W = Eigen::Matrix3d::Zero();  ///< dF/dP_other [N/m]
+  Eigen::Vector3d other_position_W = Eigen::Vector3d::Zero();
 };
 
 enum class EstimateStatus : std::uint8_t {

@@ -180,6 +180,9 @@ TEST(LinkThread, CarriesTheGradientAndTheInfluenceOfAnotherToolIn) {
   EXPECT_EQ(other.echo_sequence, 77U);
   EXPECT_EQ(other.position_W, Eigen::Vector3d(0.25, -0.5, 0.125));
   EXPECT_EQ(other.stiffness_W(0, 1), 8.0);
+  EXPECT_TRUE(sample.sample.has_influence);
+  EXPECT_EQ(sample.sample.influence_W, other.stiffness_W);
+  EXPECT_EQ(sample.sample.other_position_W, other.position_W);
 }
 
 TEST(LinkThread, TellsWhyTheSimulatorDoesNotServeIt) {

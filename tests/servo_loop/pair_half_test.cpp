@@ -160,6 +160,45 @@ TEST(PairHalf, PairsTheTwoAnswersOfASolutionAndNoOthers) {
             lossy.error_percent(0, 1.0, true) + kOfKnowingLess_percent);
 }
 
+TEST(PairHalf, PairsTheStiffnessOfOneSolutionOnly) {
+  Spoken spoken;
+  spoken.two.tells_stiffness = true;
+  // Of five answers each: one tool's has none of its own, the other one's no influence, one was
+  // solved for the other tool elsewhere; two are whole.
+  spoken.two.change_answer = [](std::size_t tool, std::uint64_t tick, Sample& sample) {
+    sample.has_stiffness = !(tick % 5 == 0 && tool == 0);
+    sample.has_influence = !(tick % 5 == 1 && tool == 1);
+    if (tick % 5 == 2 && tool == 0) {
+      sample.other_position_W.x() += 1e-6;
+    }
+  };
+  spoken.two.run_until(4.0);
+  const stability::SpringPair object(TwoHalves::kStiffness_N_per_m);
+  PairVector points;
+  points << TwoHalves::point_W(0), TwoHalves::point_W(1);
+  for (std::size_t tool = 0; tool < 2; ++tool) {
+    const auto& samples = spoken.pairs[tool]->samples;
+    ASSERT_GT(samples.size(), 110U);
+    std::size_t with = 0;
+    for (const PairSample& sample : samples) {
+      with += sample.has_stiffness ? 1 : 0;
+      if (!sample.has_stiffness) {
+        continue;
+      }
+      constexpr double kStep_m = 1e-4;
+      for (Eigen::Index c = 0; c < 6; ++c) {
+        const PairVector step = kStep_m * PairVector::Unit(c);
+        const PairVector at_m = sample.positions_W - points;
+        const PairVector slope =
+            (object.forces_N(at_m + step) - object.forces_N(at_m - step)) / (2.0 * kStep_m);
+        // Central differences of a cubic law over 0.1 mm.
+        EXPECT_LT((sample.stiffness_W.col(c) - slope).norm(), 0.05) << tool << ' ' << c;
+      }
+    }
+    EXPECT_NEAR(static_cast<double>(with), 0.4 * static_cast<double>(samples.size()), 2.0);
+  }
+}
+
 TEST(PairHalf, TakesTheOthersNewestPlaceAndMovesItOn) {
   Spoken spoken({[](double) { return Vector3d::Zero(); },
                  [](double time_s) { return Vector3d(0.0, 0.1 * time_s, 0.0); }});

@@ -120,6 +120,10 @@ class TwoHalves {
   /// Whether the answer to this tool of this tick is lost on the way.
   std::function<bool(std::size_t tool, std::uint64_t tick)> lost = [](auto...) { return false; };
   bool tells_solution = true;
+  bool tells_stiffness = false;
+  /// What becomes of an answer with a stiffness on the way.
+  std::function<void(std::size_t tool, std::uint64_t tick, Sample& sample)> change_answer =
+      [](std::size_t, std::uint64_t, Sample&) {};
   std::array<std::vector<Cycle>, 2> cycles;
 
  private:
@@ -146,6 +150,20 @@ class TwoHalves {
     return of_tool(object_.forces_N(displacements), tool);
   }
 
+  // By central differences of the forces.
+  PairMatrix stiffness_W() const {
+    PairVector at_m;
+    at_m << seen_W_[0] - point_W(0), seen_W_[1] - point_W(1);
+    constexpr double kStep_m = 1e-5;
+    PairMatrix slope;
+    for (Eigen::Index c = 0; c < 6; ++c) {
+      const PairVector step = kStep_m * PairVector::Unit(c);
+      slope.col(c) =
+          (object_.forces_N(at_m + step) - object_.forces_N(at_m - step)) / (2.0 * kStep_m);
+    }
+    return slope;
+  }
+
   // As SharedContact: when one tool's contact changes, the other one's epoch does, too.
   void solve(double now_s) {
     for (std::size_t tool = 0; tool < 2; ++tool) {
@@ -168,6 +186,16 @@ class TwoHalves {
       answer.sample.contact_point_W = point_W(tool);
       answer.sample.converged = true;
       answer.sample.solution = tells_solution ? 1 + tick_ : 0;
+      if (tells_stiffness && holds[0] && holds[1]) {
+        const PairMatrix slope = stiffness_W();
+        const auto own = static_cast<Eigen::Index>(3 * tool);
+        const auto other = static_cast<Eigen::Index>(3 * (1 - tool));
+        answer.sample.has_stiffness = answer.sample.has_influence = true;
+        answer.sample.stiffness_W = slope.block<3, 3>(own, own);
+        answer.sample.influence_W = slope.block<3, 3>(own, other);
+        answer.sample.other_position_W = seen_W_[1 - tool];
+        change_answer(tool, tick_, answer.sample);
+      }
       under_way_[tool].push_back(answer);
     }
     if (!lost(0, tick_) && !lost(1, tick_) && seen_[0] && seen_[1]) {
