@@ -42,8 +42,9 @@ PairHalf::PairHalf(std::unique_ptr<PairForceMethod> both, std::unique_ptr<ForceM
       tool_(tool),
       names_{both_->name(), alone_->name()} {
   constexpr const char* kNames[kOwnCounters] = {
-      "cycles_both_tools",   "cycles_other_off", "cycles_other_late", "cycles_learning",
-      "returns_to_one_tool", "samples_paired",   "samples_unpaired",  "samples_untold"};
+      "cycles_both_tools", "cycles_other_off",    "cycles_other_late",
+      "cycles_learning",   "returns_to_one_tool", "samples_paired",
+      "samples_unpaired",  "samples_untold",      "samples_with_stiffness"};
   for (const char* name : kNames) {
     counters_[counter_count_++] = {name, 0};
   }
@@ -237,6 +238,7 @@ void PairHalf::take_pair(const Sample& mine, const Sample& theirs) noexcept {
   pair.forces_W = both(mine.force_W, theirs.force_W);
   pair.has_stiffness = tells_stiffness(mine, theirs) && tells_stiffness(theirs, mine);
   if (pair.has_stiffness) {
+    ++count(kWithStiffness);
     pair.stiffness_W = stiffness_W(mine, theirs);
   }
   pair.contact_epoch = pair_epoch_;

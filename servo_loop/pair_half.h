@@ -88,7 +88,8 @@ class PairHalf final : public ForceMethod {
   /// its place is too old, `cycles_learning` both are known but not yet the force. Then
   /// `returns_to_one_tool`: how often w fell below 1/2 while this tool held on; `samples_paired`,
   /// `samples_unpaired`: of this tool while both hold on; `samples_untold`: that the other loop did
-  /// not fetch in time. Then the pair method's own counters.
+  /// not fetch in time; `samples_with_stiffness`: of those paired. Then the pair method's own
+  /// counters.
   std::span<const NamedCounter> counters() const noexcept override {
     return std::span(counters_).first(counter_count_);
   }
@@ -103,6 +104,7 @@ class PairHalf final : public ForceMethod {
     kPaired,
     kUnpaired,
     kUntold,
+    kWithStiffness,
     kOwnCounters
   };
   static constexpr std::size_t kMostCounters = 16;

@@ -195,6 +195,7 @@ TEST(PairHalf, PairsTheStiffnessOfOneSolutionOnly) {
         EXPECT_LT((sample.stiffness_W.col(c) - slope).norm(), 0.05) << tool << ' ' << c;
       }
     }
+    EXPECT_EQ(spoken.two.counted(tool, "samples_with_stiffness"), with);
     EXPECT_NEAR(static_cast<double>(with), 0.4 * static_cast<double>(samples.size()), 2.0);
   }
 }

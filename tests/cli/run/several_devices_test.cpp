@@ -94,6 +94,7 @@ TEST(SeveralDevices, RenderAForceOverBothTools) {
     EXPECT_GT(counters.at("samples_paired"), 100);
     EXPECT_GT(counters.at("samples_paired"), 5 * counters.at("samples_unpaired").get<int>());
     EXPECT_EQ(counters.at("samples_untold"), 0);
+    EXPECT_EQ(counters.at("samples_with_stiffness"), counters.at("samples_paired"));
     const json& cycles = device.at("candidate_cycles");
     EXPECT_GT(cycles.at("auto-6d"), 3 * cycles.at("auto").get<int>());
     const json& errors = device.at("errors");
