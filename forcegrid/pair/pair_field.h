@@ -61,7 +61,7 @@ struct PairInnovation {
 class PairField {
  public:
   static constexpr int kMaxSamples = 48;
-  static constexpr int kMaxStiffness = kPairFewLanes;
+  static constexpr int kMaxStiffness = 4;
   static constexpr int kAppendsAPiece = 4;  ///< of six rows; at most half as many of a stiffness
 
   /// @param settings must be usable: positive nugget, lengths and spacings.
@@ -115,6 +115,7 @@ class PairField {
   static constexpr int kNone = -1;
   static constexpr int kStride = kMaxSamples;
   static_assert(kStride % kPairLanes == 0);
+  static_assert(kMaxStiffness <= kPairFewLanes);
   using Factor = kriging::GrowingCholesky<kMaxRows>;
 
   enum class Stage : std::uint8_t { kReady, kPredict, kChange, kAppend, kFit };
