@@ -78,6 +78,8 @@ TEST(PairForceMethods, NeverAllocateAfterConstruction) {
       sample.time_s = i;
       sample.positions_W = at;
       sample.forces_W = (i % 50 < 25 ? -300.0 : -100.0) * at;  // a surprise now and then
+      sample.has_stiffness = i >= 100;
+      sample.stiffness_W = -300.0 * PairMatrix::Identity();
       method->take_sample(sample);
       method->observe(i, at);
       method->work(20000);

@@ -320,7 +320,7 @@ TEST_F(EvaluatePair, WritesTheForcesOfBothTools) {
 TEST_F(EvaluatePair, RefusesWhatItsTraceCannotServe) {
   const std::string two = pair(PairRamp{}.trace());
   run({"--method", "tangent", "--trace", two}, 2);
-  EXPECT_THAT(error_, HasSubstr("stiffness, which samples of two tools do not have"));
+  EXPECT_THAT(error_, HasSubstr("stiffness, which not all samples of two tools have"));
   run({"--method", "direct", "--trace", two}, 2);
   EXPECT_THAT(error_, HasSubstr("a trace holds no object"));
   run({"--method", "kriging-9d", "--trace", two}, 2);
