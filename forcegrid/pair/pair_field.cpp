@@ -198,7 +198,7 @@ void PairField::append_new() noexcept {
     begin_factor();
   }
   blocks_[static_cast<std::size_t>(block_total_++)] = {slot, Block::kForce};
-  for (std::int8_t part = 0; new_has_stiffness_ && part < kStiffnessParts; ++part) {
+  for (std::int16_t part = 0; new_has_stiffness_ && part < kStiffnessParts; ++part) {
     blocks_[static_cast<std::size_t>(block_total_++)] = {slot, part};
   }
   stage_ = Stage::kAppend;

@@ -135,7 +135,7 @@ class PairField {
   struct Block {
     static constexpr int kForce = -1;
     std::int16_t slot;
-    std::int8_t part;
+    std::int16_t part;
     int rows() const noexcept { return part == kForce ? kRows : part_size(part); }
   };
 
