@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -17,11 +18,20 @@ namespace forcegrid::servo {
 struct PairPlace {
   double time_s = 0.0;  ///< of the servo's clock, the cycle that read the position
   Triple position_W_m{};
-  Triple velocity_W_m_per_s{};  ///< see PairHalf
+  Triple velocity_W_m_per_s{};  ///< by end_velocity()
   bool in_contact = false;
   std::uint32_t contact_epoch = 0;
   Triple contact_point_W_m{};
 };
+
+/// Velocity [m/s] at the end of two cycles, v = v1 + h1 / (h1 + h2) (v1 - v2), by backward
+/// differentiation of second order: exact for a steady acceleration. Real-time: yes.
+/// @param last, before  mean velocities v1, v2 of the last cycle and the one before.
+/// @param last_s, before_s  their lengths h1, h2 [s], above zero.
+inline Eigen::Vector3d end_velocity(const Eigen::Vector3d& last, double last_s,
+                                    const Eigen::Vector3d& before, double before_s) noexcept {
+  return last + last_s / (last_s + before_s) * (last - before);
+}
 
 /// Lock-free queues between the two servo loops of one program that render a force over both
 /// tools: the newest place of each, and each one's samples in order. One for each such method.

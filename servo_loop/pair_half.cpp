@@ -148,8 +148,9 @@ void PairHalf::observe(double time_s, const Eigen::Vector3d& position_W) noexcep
 void PairHalf::tell_place(double time_s, const Eigen::Vector3d& position_W) noexcept {
   if (const double elapsed_s = time_s - time_s_; observed_ && elapsed_s >= kShortest_s) {
     const Eigen::Vector3d mean_W = (position_W - position_W_) / elapsed_s;
-    const double share = elapsed_s_ > 0.0 ? elapsed_s / (elapsed_s + elapsed_s_) : 0.0;
-    velocity_W_m_per_s_ = mean_W + share * (mean_W - mean_velocity_W_m_per_s_);
+    velocity_W_m_per_s_ =
+        elapsed_s_ > 0.0 ? end_velocity(mean_W, elapsed_s, mean_velocity_W_m_per_s_, elapsed_s_)
+                         : mean_W;
     mean_velocity_W_m_per_s_ = mean_W;
     elapsed_s_ = elapsed_s;
   }

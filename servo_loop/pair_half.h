@@ -26,10 +26,8 @@ namespace forcegrid::servo {
 ///   w        rises to 1 within kRise_s while F_both can be rendered, else falls within kFade_s
 ///   H, h     the last force before F_both was lost at once; h falls from 1 to 0 within kHandOver_s
 ///
-/// The velocity is that at the end of the last two cycles, v = v1 + h1 / (h1 + h2) (v1 - v2) with
-/// the mean velocities v1, v2 of the last cycle and the one before and their lengths h1, h2
-/// (backward differentiation of second order). What it moves on for a cycle is off by two counts of
-/// the encoders more; a velocity that lags behind costs stability.
+/// The velocity is that at the end of the last two cycles (end_velocity()). What it moves on for a
+/// cycle is off by two counts of the encoders more; one that lags behind costs stability.
 ///
 /// F_both can be rendered while both tools hold the object, the other one's place is at most kOld_s
 /// old, and the pair method knows a force there. An older place is moved on for kMostAhead_s and

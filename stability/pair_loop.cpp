@@ -136,8 +136,8 @@ class PairRun {
     Vector3d other_W = told_W[newest];
     if (setup_.moved_on && newest > 1) {
       const double most = servo::PairHalf::kMostAhead_s * setup_.servo_rate_Hz;
-      const Vector3d a_cycle_W =
-          1.5 * told_W[newest] - 2.0 * told_W[newest - 1] + 0.5 * told_W[newest - 2];
+      const Vector3d a_cycle_W = servo::end_velocity(told_W[newest] - told_W[newest - 1], 1.0,
+                                                     told_W[newest - 1] - told_W[newest - 2], 1.0);
       other_W += std::min(static_cast<double>(age(tool)), most) * a_cycle_W;
     }
     PairVector known_W = measured_W;

@@ -45,16 +45,7 @@ class PairTraceReader {
  public:
   explicit PairTraceReader(const std::string& file)
       : file_(file), rows_(file, kNames, kStiffness, kHeaderForm) {
-    bool any_stiffness = false;
-    for (std::size_t column = kStiffness; column < kResidual; ++column) {
-      any_stiffness = any_stiffness || rows_.has(column);
-    }
-    for (std::size_t column = kStiffness; column < kResidual; ++column) {
-      if (any_stiffness && !rows_.has(column)) {
-        rows_.refuse(column,
-                     "is missing from the header; give all 36 columns of the stiffness or none");
-      }
-    }
+    rows_.all_or_none(kStiffness, kResidual, "36");
   }
 
   PairTrace read() {
@@ -101,23 +92,13 @@ class PairTraceReader {
     row.delivered_s = rows_.not_before(kDelivered, kTime, kRowTime);
     row.sample.positions_W = six(kPosition);
     row.sample.forces_W = six(kForce);
-    read_stiffness(row.sample);
+    Eigen::MatrixXd stiffness_W(6, 6);
+    row.sample.has_stiffness = rows_.stiffness(kStiffness, stiffness_W, "36");
+    if (row.sample.has_stiffness) {
+      row.sample.stiffness_W = stiffness_W;
+    }
     row.sample.relative_residual = rows_.zero_or_more(kResidual);
     trace_.samples.push_back(row);
-  }
-
-  void read_stiffness(PairSample& sample) const {
-    for (std::size_t column = kStiffness; column < kResidual; ++column) {
-      sample.has_stiffness = sample.has_stiffness || !rows_.empty(column);
-    }
-    for (std::size_t i = 0; sample.has_stiffness && i < 36; ++i) {
-      const std::size_t column = kStiffness + i;
-      if (rows_.empty(column)) {
-        rows_.refuse(column, "is empty; give all 36 entries of a stiffness or none");
-      }
-      sample.stiffness_W(static_cast<Eigen::Index>(i / 6), static_cast<Eigen::Index>(i % 6)) =
-          rows_.number(column);
-    }
   }
 
   void read_servo() {

@@ -39,16 +39,7 @@ class TraceReader {
  public:
   explicit TraceReader(const std::string& file)
       : file_(file), rows_(file, kNames, kStiffness, kHeaderForm) {
-    bool any_stiffness = false;
-    for (std::size_t column = kStiffness; column < kResidual; ++column) {
-      any_stiffness = any_stiffness || rows_.has(column);
-    }
-    for (std::size_t column = kStiffness; column < kResidual; ++column) {
-      if (any_stiffness && !rows_.has(column)) {
-        rows_.refuse(column,
-                     "is missing from the header; give all nine columns of the stiffness or none");
-      }
-    }
+    rows_.all_or_none(kStiffness, kResidual, "nine");
   }
 
   Trace read() {
@@ -91,18 +82,10 @@ class TraceReader {
         rows_.not_before(kDelivered, kTime, ", the time that the force was computed for");
     row.sample.position_W = rows_.vector(kX);
     row.sample.force_W = rows_.vector(kForceX);
-    for (std::size_t column = kStiffness; column < kResidual; ++column) {
-      row.sample.has_stiffness = row.sample.has_stiffness || !rows_.empty(column);
-    }
+    Eigen::MatrixXd stiffness_W(3, 3);
+    row.sample.has_stiffness = rows_.stiffness(kStiffness, stiffness_W, "nine");
     if (row.sample.has_stiffness) {
-      for (std::size_t i = 0; i < 9; ++i) {
-        const std::size_t column = kStiffness + i;
-        if (rows_.empty(column)) {
-          rows_.refuse(column, "is empty; give all nine entries of a stiffness or none");
-        }
-        row.sample.stiffness_W(static_cast<Eigen::Index>(i / 3), static_cast<Eigen::Index>(i % 3)) =
-            rows_.number(column);
-      }
+      row.sample.stiffness_W = stiffness_W;
     }
     row.sample.relative_residual = rows_.zero_or_more(kResidual);
     trace_.samples.push_back(row);

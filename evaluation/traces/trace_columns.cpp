@@ -60,6 +60,37 @@ void TraceColumns::refuse(std::size_t column, const std::string& what) const {
   refuse("column '" + std::string(names_[column]) + "': " + what);
 }
 
+void TraceColumns::all_or_none(std::size_t first, std::size_t end,
+                               const std::string& how_many) const {
+  bool any = false;
+  for (std::size_t column = first; column < end; ++column) {
+    any = any || has(column);
+  }
+  for (std::size_t column = first; column < end; ++column) {
+    if (any && !has(column)) {
+      refuse(column, "is missing from the header; give all " + how_many +
+                         " columns of the stiffness or none");
+    }
+  }
+}
+
+bool TraceColumns::stiffness(std::size_t first, Eigen::Ref<Eigen::MatrixXd> entries,
+                             const std::string& how_many) const {
+  const auto count = static_cast<std::size_t>(entries.size());
+  bool any = false;
+  for (std::size_t i = 0; i < count; ++i) {
+    any = any || !empty(first + i);
+  }
+  for (std::size_t i = 0; any && i < count; ++i) {
+    if (empty(first + i)) {
+      refuse(first + i, "is empty; give all " + how_many + " entries of a stiffness or none");
+    }
+    const auto at = static_cast<Eigen::Index>(i);
+    entries(at / entries.cols(), at % entries.cols()) = number(first + i);
+  }
+  return any;
+}
+
 void TraceColumns::read_header(std::string_view line, std::size_t required,
                                const std::string& header_form) {
   if (line.substr(0, 3) == "\xEF\xBB\xBF") {

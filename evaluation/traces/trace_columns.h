@@ -39,6 +39,14 @@ class TraceColumns {
   std::optional<double> optional_number(std::size_t column) const;
   /// Three numbers from column `first` on.
   Eigen::Vector3d vector(std::size_t first) const;
+  /// @throws TraceError if the header has some of the columns `first` to before `end`, but not all.
+  /// @param how_many  they are, in words.
+  void all_or_none(std::size_t first, std::size_t end, const std::string& how_many) const;
+  /// A stiffness [N/m], row after row from column `first` on. @returns false if all fields are
+  /// empty.
+  /// @throws TraceError if some are. @param how_many  entries it has, in words.
+  bool stiffness(std::size_t first, Eigen::Ref<Eigen::MatrixXd> entries,
+                 const std::string& how_many) const;
   /// A number, or zero for an empty field. @throws TraceError for a negative one.
   double zero_or_more(std::size_t column) const;
   /// A time after that of the row before. @param kind of the row before, for the message.

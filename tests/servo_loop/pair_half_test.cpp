@@ -210,6 +210,29 @@ TEST(PairHalf, TakesTheOthersNewestPlaceAndMovesItOn) {
   EXPECT_LT((other_W - spoken.two.position_W(1, now_s)).norm(), 1e-6);
 }
 
+// Of a steady acceleration a velocity that does not lag leaves 1/2 a h^2 after half a cycle h; the
+// mean velocity of the last cycle would leave three times as much.
+TEST(PairHalf, MovesItOnByAVelocityThatDoesNotLag) {
+  constexpr double kAcceleration_m_per_s2 = 2.0;
+  Spoken spoken({[](double) { return Vector3d::Zero(); },
+                 [](double time_s) {
+                   return Vector3d(0.0, 0.5 * kAcceleration_m_per_s2 * time_s * time_s, 0.0);
+                 }});
+  spoken.two.run_until(0.5);
+  const double now_s = spoken.two.cycles[0].back().time_s - TwoHalves::kStart_s;
+  const Vector3d behind_W = spoken.two.position_W(1, now_s) - spoken.pairs[0]->asked_W.tail<3>();
+  const double half_cycle_s = 0.5 * TwoHalves::kPeriod_s;
+  EXPECT_NEAR(behind_W.y(), 0.5 * kAcceleration_m_per_s2 * half_cycle_s * half_cycle_s, 1e-9);
+}
+
+TEST(PairHalf, VelocityAtTheEndOfUnequalCyclesIsExactForASteadyAcceleration) {
+  const auto place_W = [](double t) { return Vector3d(0.3 * t - 2.0 * t * t, 0.1, 5.0 * t * t); };
+  const Vector3d before = (place_W(0.003) - place_W(0.001)) / 0.002;
+  const Vector3d last = (place_W(0.0035) - place_W(0.003)) / 0.0005;
+  const Vector3d exact(0.3 - 4.0 * 0.0035, 0.0, 10.0 * 0.0035);
+  EXPECT_LT((end_velocity(last, 0.0005, before, 0.002) - exact).norm(), 1e-12);
+}
+
 TEST(PairHalf, IsTheMethodAloneWhileTheOtherToolIsOffTheObject) {
   TwoHalves two("kriging-6d", "kriging", {left_moves, right_moves});
   two.holds = {true, false};
