@@ -125,7 +125,7 @@ TEST(SeveralDevices, RenderOneToolAloneAfterAFaultOfTheOther) {
 TEST(SeveralDevices, MakeRequests) {
   const std::string folder = fresh_folder("two_with_requests");
   Program run =
-      Program::forcegrid(run_of_two(folder, {"--seconds", "4", "--method", "forcegrid+request",
+      Program::forcegrid(run_of_two(folder, {"--seconds", "10", "--method", "forcegrid+request",
                                              "--requests-per-s", "60", "--no-reference"}));
   ASSERT_EQ(run.wait(kTimeout), 0) << run.standard_error();
   const json devices = summary_in(folder).at("devices");
