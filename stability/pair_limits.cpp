@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 #include "evaluation/charts/page_text.h"
@@ -33,9 +34,12 @@ PairMethodMaker maker_of(const std::string& method) {
   return [variant] { return make_pair_force_method(variant.name, variant.options); };
 }
 
-PairLoopSetup setup_of(const PairLimitCell& cell) {
+PairLoopSetup setup_of(const PairLimitCell& cell, const PairLimitOptions& options,
+                       const PairObjectMaker& object) {
   const PairNetwork& network = network_of(cell.network);
   PairLoopSetup setup;
+  setup.object = object;
+  setup.stiffness = options.stiffness;
   setup.hand = hand_of(cell.hand);
   setup.servo_rate_Hz = cell.servo_rate_Hz;
   setup.timing = device_timing("ideal");
@@ -53,34 +57,64 @@ std::vector<PairLimitCell> cells_of(const PairLimitOptions& options) {
   std::vector<std::string> methods{kExactPair};
   methods.insert(methods.end(), options.methods.begin(), options.methods.end());
   std::vector<PairLimitCell> cells;
-  const auto add = [&](const PairLimitCell& loop) {
+  const auto add = [&](PairLimitCell loop, const std::string& object) {
+    loop.object = object;
     for (const std::string& method : methods) {
       cells.push_back(loop);
       cells.back().method = method;
     }
   };
-  for (const char* const hand : {"light", "firm"}) {
-    for (const double rate_Hz : {500.0, 1000.0}) {
-      if (options.quick && (hand != std::string("light") || rate_Hz > 500.0)) {
-        continue;
-      }
-      add({.hand = hand, .servo_rate_Hz = rate_Hz, .together = false});
-      for (const PairNetwork& network : pair_networks()) {
-        add({.hand = hand, .servo_rate_Hz = rate_Hz, .network = network.name});
+  for (const std::string& object : options.objects) {
+    for (const char* const hand : {"light", "firm"}) {
+      for (const double rate_Hz : {500.0, 1000.0}) {
+        if (options.quick && (hand != std::string("light") || rate_Hz > 500.0)) {
+          continue;
+        }
+        add({.hand = hand, .servo_rate_Hz = rate_Hz, .together = false}, object);
+        for (const PairNetwork& network : pair_networks()) {
+          add({.hand = hand, .servo_rate_Hz = rate_Hz, .network = network.name}, object);
+        }
       }
     }
   }
   return cells;
 }
 
-PairLimitRow searched(const PairLimitCell& cell, rt::Job& job) {
-  const PairLoopSetup setup = setup_of(cell);
+// Of the cell whose search is this one's as well: exact rendering knows no answers, only ages.
+std::size_t searched_as(const std::vector<PairLimitCell>& cells, std::size_t number) {
+  const PairLimitCell& cell = cells[number];
+  const auto no_age = [](const PairLimitCell& c) {
+    return network_of(c.network).other_age_s == std::array{0.0, 0.0};
+  };
+  if (cell.method != kExactPair || !no_age(cell)) {
+    return number;
+  }
+  const auto first = std::find_if(cells.begin(), cells.end(), [&](const PairLimitCell& c) {
+    return c.method == kExactPair && no_age(c) && c.object == cell.object && c.hand == cell.hand &&
+           c.servo_rate_Hz == cell.servo_rate_Hz && c.together == cell.together;
+  });
+  return static_cast<std::size_t>(first - cells.begin());
+}
+
+// A run of a solved object takes seconds.
+double first_N_per_m(const std::string& object) {
+  return object == kSprings ? StiffnessScan::kLeast_N_per_m : 64.0 * StiffnessScan::kLeast_N_per_m;
+}
+
+PairLimitRow searched(const PairLimitCell& cell, const PairLimitOptions& options,
+                      const PairObjectMaker& object, rt::Job& job) {
+  PairLoopSetup setup = setup_of(cell, options, object);
+  setup.stopping = [&job] { return job.stopping(); };
+  setup.judged = false;
   const PairMethodMaker maker = maker_of(cell.method);
   PairLimitRow row{cell, {}, 0.0, std::nan("")};
-  row.limit = find_limit([&](double stiffness_N_per_m) {
-    return job.stopping() ? Behaviour::kDivergence
-                          : run_pair_loop(setup, stiffness_N_per_m, maker).behaviour;
-  });
+  row.limit = find_limit(
+      [&](double stiffness_N_per_m) {
+        return job.stopping() ? Behaviour::kDivergence
+                              : run_pair_loop(setup, stiffness_N_per_m, maker).behaviour;
+      },
+      first_N_per_m(cell.object));
+  setup.judged = true;
   const PairLoopResult at = run_pair_loop(setup, kErrorAt_N_per_m, maker);
   if (at.behaviour == Behaviour::kStable) {
     row.force_error_percent = at.force_error_percent;
@@ -89,8 +123,8 @@ PairLimitRow searched(const PairLimitCell& cell, rt::Job& job) {
 }
 
 bool same_loop(const PairLimitCell& a, const PairLimitCell& b) {
-  return a.hand == b.hand && a.servo_rate_Hz == b.servo_rate_Hz && a.together == b.together &&
-         a.network == b.network;
+  return a.object == b.object && a.hand == b.hand && a.servo_rate_Hz == b.servo_rate_Hz &&
+         a.together == b.together && a.network == b.network;
 }
 
 double scanned_N_per_m(const StiffnessLimit& limit) {
@@ -117,7 +151,7 @@ void write_table(const fs::path& file, const std::vector<PairLimitRow>& rows) {
   evaluation::TextWriter out(file.string());
   out.write(
       "method,servo_rate_Hz,together,largest_stable_N_per_m,beyond_scan,relative_to_exact,"
-      "force_error_percent_at_200_N_per_m,hand,network,failure\n");
+      "force_error_percent_at_200_N_per_m,hand,network,failure,object\n");
   for (const PairLimitRow& row : rows) {
     std::string line = row.cell.method;
     std::replace(line.begin(), line.end(), ',', ' ');
@@ -127,8 +161,8 @@ void write_table(const fs::path& file, const std::vector<PairLimitRow>& rows) {
       line += ',';
       line += evaluation::number(figure);
     }
-    for (const std::string& word :
-         {row.cell.hand, row.cell.network, std::string(to_string(row.limit.failure))}) {
+    for (const std::string& word : {row.cell.hand, row.cell.network,
+                                    std::string(to_string(row.limit.failure)), row.cell.object}) {
       line += ',';
       line += word;
     }
@@ -140,9 +174,10 @@ void write_table(const fs::path& file, const std::vector<PairLimitRow>& rows) {
 void write_page(const fs::path& file, const std::vector<PairLimitRow>& rows) {
   std::string text =
       "# Two hands on one object: up to which stiffness?\n\nLargest stable stiffness [N/m], and in "
-      "brackets relative to exact rendering in the same loop.\n\n| hand | servo | tools | network "
+      "brackets relative to exact rendering in the same loop.\n\n| object | hand | servo | tools | "
+      "network "
       "|";
-  std::string rule = "|---|---|---|---|";
+  std::string rule = "|---|---|---|---|---|";
   std::size_t methods = 1;  // of a loop; the first one has exact rendering at least
   while (methods < rows.size() && same_loop(rows[methods].cell, rows.front().cell)) {
     ++methods;
@@ -155,7 +190,8 @@ void write_page(const fs::path& file, const std::vector<PairLimitRow>& rows) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const PairLimitCell& cell = rows[i].cell;
     if (i % methods == 0) {
-      text += "| " + cell.hand + " | " + evaluation::readable(cell.servo_rate_Hz) + " Hz | " +
+      text += "| " + cell.object + " | " + cell.hand + " | " +
+              evaluation::readable(cell.servo_rate_Hz) + " Hz | " +
               (cell.together ? "both" : "one") + " | " + cell.network + " |";
     }
     text += ' ';
@@ -194,25 +230,39 @@ std::vector<PairLimitRow> pair_limits(const PairLimitOptions& options) {
     maker_of(method)();  // refuses before anything is searched
   }
   const std::vector<PairLimitCell> cells = cells_of(options);
+  std::map<std::string, PairObjectMaker> objects;
+  for (const std::string& name : options.objects) {
+    objects[name] = pair_object_of(name);
+    objects[name](kErrorAt_N_per_m);  // refuses one that the tools do not hold
+  }
   std::vector<PairLimitRow> rows(cells.size());
   rt::JobOptions jobs{.threads = options.jobs};
   jobs.progress = options.progress;
   jobs.cancel = options.cancel;
   const bool finished = rt::run_jobs(cells.size(), jobs, [&](rt::Job& job) {
-    rows[job.number()] = searched(cells[job.number()], job);
+    if (searched_as(cells, job.number()) == job.number()) {
+      const PairLimitCell& cell = cells[job.number()];
+      rows[job.number()] = searched(cell, options, objects.at(cell.object), job);
+    }
     return !job.stopping();
   });
   if (!finished) {
     throw evaluation::Stopped();
   }
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    rows[i] = rows[searched_as(cells, i)];
+    rows[i].cell = cells[i];
+  }
   add_ratios(rows);
   return rows;
 }
 
-double least_relative_limit(const std::vector<PairLimitRow>& rows, const std::string& method) {
+double least_relative_limit(const std::vector<PairLimitRow>& rows, const std::string& object,
+                            const std::string& method) {
   double least = std::nan("");
   for (const PairLimitRow& row : rows) {
-    if (row.cell.method == method && !(row.relative_to_exact >= least)) {
+    if (row.cell.object == object && row.cell.method == method &&
+        !(row.relative_to_exact >= least)) {
       least = row.relative_to_exact;
     }
   }

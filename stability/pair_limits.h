@@ -30,7 +30,8 @@ const std::vector<PairNetwork>& pair_networks();
 
 /// One search for the largest stable stiffness.
 struct PairLimitCell {
-  std::string hand;
+  std::string object = kSprings;  ///< as pair_object_of() takes it
+  std::string hand = {};
   double servo_rate_Hz = 500.0;
   bool together = true;
   std::string network = "local";
@@ -55,20 +56,25 @@ inline constexpr double kErrorAt_N_per_m = 200.0;
 const std::vector<std::string>& default_pair_limit_methods();
 
 struct PairLimitOptions {
+  std::vector<std::string> objects{kSprings};  ///< as pair_object_of() takes them
   std::vector<std::string> methods;  ///< exact rendering is always measured, and comes first
+  bool stiffness = false;            ///< samples carry dF_i/dP_j
   bool quick = false;                ///< the light hand at 500 Hz alone
   unsigned jobs = 0;                 ///< threads; 0: one per processor
   const std::atomic<bool>* cancel = nullptr;
   std::function<void(double done, double remaining_s)> progress;
 };
 
-/// Searches every cell: hands light and firm, 500 and 1000 Hz, each tool alone and both together on
-/// the local network, and together on the others. In the order of the loops, methods innermost.
-/// @throws std::invalid_argument for a method that can't be made; evaluation::Stopped.
+/// Searches every cell: each object, hands light and firm, 500 and 1000 Hz, each tool alone and
+/// both together on the local network, and together on the others. In the order of the loops,
+/// methods innermost. Exact rendering does not depend on the simulator's answers, so the networks
+/// without ages share one search of it.
+/// @throws std::invalid_argument for a method or object that can't be made; evaluation::Stopped.
 std::vector<PairLimitRow> pair_limits(const PairLimitOptions& options);
 
-/// The smallest PairLimitRow::relative_to_exact of a method; NaN without rows.
-double least_relative_limit(const std::vector<PairLimitRow>& rows, const std::string& method);
+/// The smallest PairLimitRow::relative_to_exact of a method on an object; NaN without rows.
+double least_relative_limit(const std::vector<PairLimitRow>& rows, const std::string& object,
+                            const std::string& method);
 
 /// Writes stability.csv (a row for each cell) and stability.md (a line for each loop).
 /// @returns the files. @throws evaluation::FileError.

@@ -36,8 +36,9 @@ Vector3d target_W(std::size_t tool, double time_s) {
 class PairRun {
  public:
   PairRun(const PairLoopSetup& setup, double stiffness_N_per_m, const PairMethodMaker& make_method)
-      : setup_(setup), object_(stiffness_N_per_m, setup.hardens_m) {
+      : setup_(setup) {
     check();
+    object_ = setup.object(stiffness_N_per_m);
     for (std::size_t tool = 0; tool < kSides; ++tool) {
       Side& side =
           sides_.emplace_back(Plant(setup.device, setup.hand, of_tool(contact_points_W(), tool)));
@@ -45,6 +46,8 @@ class PairRun {
       side.method = make_method();
       if (side.method != nullptr) {
         side.method->contacts_made(1, contact_points_W());
+      } else if (age(tool) > 0) {
+        side.exact = setup.object(stiffness_N_per_m);
       }
     }
   }
@@ -69,6 +72,8 @@ class PairRun {
 
     Plant plant;
     std::unique_ptr<PairForceMethod> method;
+    // Without a method: of what this side knows, which is a path of its own where places are old.
+    std::unique_ptr<PairObject> exact;
     std::deque<Arriving> under_way;
     std::deque<Vector3d> told_W;            // its places, the newest last
     Vector3d sampled_W = Vector3d::Zero();  // where the counts of the next cycle were taken
@@ -106,11 +111,16 @@ class PairRun {
   bool moves(std::size_t tool) const { return tool == 0 || setup_.together; }
 
   bool diverged() const {
-    return std::any_of(sides_.begin(), sides_.end(), [](const Side& side) {
-      const Vector3d away_W = side.plant.position_W() - side.plant.target_W();
-      return !away_W.allFinite() || !side.force_W.allFinite() ||
-             away_W.norm() > StatedRun::kDivergence_m;
-    });
+    return (setup_.stopping && setup_.stopping()) ||
+           std::any_of(sides_.begin(), sides_.end(), [](const Side& side) {
+             const Vector3d away_W = side.plant.position_W() - side.plant.target_W();
+             return !away_W.allFinite() || !side.force_W.allFinite() ||
+                    away_W.norm() > StatedRun::kDivergence_m;
+           });
+  }
+
+  static PairVector forces_N(PairObject& object, const PairVector& positions_W) {
+    return object.forces_N(positions_W - contact_points_W());
   }
 
   void publish(double now_s, const PairVector& measured_W) {
@@ -119,7 +129,10 @@ class PairRun {
       PairSample sample;
       sample.time_s = now_s;
       sample.positions_W = measured_W;
-      sample.forces_W = object_.forces_N(measured_W - contact_points_W());
+      sample.forces_W = forces_N(*object_, measured_W);
+      const auto stiffness_W = setup_.stiffness ? object_->stiffness_N_per_m() : std::nullopt;
+      sample.has_stiffness = stiffness_W.has_value();
+      sample.stiffness_W = stiffness_W.value_or(PairMatrix::Zero());
       sample.contact_epoch = 1;
       sample.contact_points_W = contact_points_W();
       for (std::size_t tool = 0; tool < kSides; ++tool) {
@@ -165,7 +178,7 @@ class PairRun {
     const PairVector known_W = known_to(tool, measured_W);
     PairVector both_N;
     if (side.method == nullptr) {
-      both_N = object_.forces_N(known_W - contact_points_W());
+      both_N = forces_N(side.exact != nullptr ? *side.exact : *object_, known_W);
     } else {
       while (!side.under_way.empty() && side.under_way.front().arrives_s <= now_s + 1e-9) {
         side.method->take_sample(side.under_way.front().sample);
@@ -178,8 +191,8 @@ class PairRun {
   }
 
   void judge(double now_s, const PairVector& rendered_W, const PairVector& measured_W) {
-    if (now_s >= kErrorsFrom_s) {
-      const PairVector exact_W = object_.forces_N(measured_W - contact_points_W());
+    if (setup_.judged && now_s >= kErrorsFrom_s) {
+      const PairVector exact_W = forces_N(*object_, measured_W);
       for (std::size_t tool = 0; tool < kSides; ++tool) {
         if (moves(tool)) {
           error_N2_ += (of_tool(rendered_W, tool) - of_tool(exact_W, tool)).squaredNorm();
@@ -266,7 +279,7 @@ class PairRun {
   }
 
   const PairLoopSetup& setup_;
-  SpringPair object_;
+  std::unique_ptr<PairObject> object_;  // in the simulator, and for the judge
   std::vector<Side> sides_;
   std::int64_t tick_ = 0;
   double error_N2_ = 0.0;

@@ -23,7 +23,9 @@ struct PairLoopSetup {
   DeviceDynamics device;
   Hand hand;
   bool together = true;  ///< false: the second tool stands still where it touched
-  double hardens_m = SpringPair::kHardens_m;  ///< see SpringPair
+  PairObjectMaker object = pair_object_of(kSprings);
+  /// Samples carry the object's dF_i/dP_j.
+  bool stiffness = false;
   double simulator_rate_Hz = 30.0;
   /// [s] Until a side gets an answer, beyond the simulator's own period.
   std::array<double, 2> delay_s{0.0, 0.0};
@@ -36,6 +38,9 @@ struct PairLoopSetup {
   /// [s] That the hands keep still; longer where oscillations decay slowly.
   double hold_s = 4.0;
   int fill_budget = 1000;  ///< of PairForceMethod::work() per cycle
+  bool judged = true;      ///< false: force_error_percent is NaN, which saves the exact forces
+  /// Asked in every cycle; the run that it ends counts as a divergence.
+  std::function<bool()> stopping;
 };
 
 struct PairLoopResult {
@@ -51,12 +56,12 @@ struct PairLoopResult {
 using PairMethodMaker = std::function<std::unique_ptr<PairForceMethod>()>;
 
 /// The standard run (StatedRun) with two hands in simulated time. The second hand's target is the
-/// first one's with x and y exchanged and turned round. The object is SpringPair; both tools hold
-/// it from the start. Each cycle has the order of run_closed_loop(): counts, position, arrived
-/// samples, observe(), forces(), the motors' limit, work(); there is no guard. The simulator takes
-/// both positions at its ticks. A side renders its own tool's force from its present position and
-/// the other's place of `other_age_s` ago.
-/// @param stiffness_N_per_m of SpringPair.
+/// first one's with x and y exchanged and turned round. Both tools hold the object from the start.
+/// Each cycle has the order of run_closed_loop(): counts, position, arrived samples, observe(),
+/// forces(), the motors' limit, work(); there is no guard. The simulator takes both positions at
+/// its ticks. A side renders its own tool's force from its present position and the other's place
+/// of `other_age_s` ago.
+/// @param stiffness_N_per_m of PairLoopSetup::object.
 /// @returns the result; the same arguments give the same result to the last bit.
 /// @throws std::invalid_argument with the remedy for an impossible rate, delay or timing.
 PairLoopResult run_pair_loop(const PairLoopSetup& setup, double stiffness_N_per_m,

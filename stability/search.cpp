@@ -5,10 +5,10 @@
 
 namespace forcegrid::stability {
 
-StiffnessLimit find_limit(const std::function<Behaviour(double)>& behaviour) {
+StiffnessLimit find_limit(const std::function<Behaviour(double)>& behaviour, double first_N_per_m) {
   StiffnessLimit limit;
   double unstable_N_per_m = std::nan("");
-  for (double stiffness = StiffnessScan::kLeast_N_per_m; stiffness <= StiffnessScan::kMost_N_per_m;
+  for (double stiffness = first_N_per_m; stiffness <= StiffnessScan::kMost_N_per_m;
        stiffness *= 2.0) {
     limit.failure = behaviour(stiffness);
     if (limit.failure != Behaviour::kStable) {
@@ -16,6 +16,9 @@ StiffnessLimit find_limit(const std::function<Behaviour(double)>& behaviour) {
       break;
     }
     limit.largest_stable_N_per_m = stiffness;
+  }
+  if (limit.largest_stable_N_per_m == 0.0 && first_N_per_m > StiffnessScan::kLeast_N_per_m) {
+    return find_limit(behaviour);
   }
   limit.beyond_scan = std::isnan(unstable_N_per_m);
   for (int i = 0;

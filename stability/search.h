@@ -16,7 +16,7 @@ struct StiffnessLimit {
   Behaviour failure = Behaviour::kStable;  ///< there
 };
 
-/// The scan tries octaves of stiffness from kLeast_N_per_m upwards until one is unstable. It then
+/// The scan tries octaves of stiffness from its first one upwards until one is unstable. It then
 /// bisects that octave to a factor of 2^(1/32), 2.2 %.
 struct StiffnessScan {
   static constexpr double kLeast_N_per_m = 2.5;
@@ -25,6 +25,9 @@ struct StiffnessScan {
 };
 
 /// Runs the scan. @param behaviour runs the loop once with a stiffness [N/m].
-StiffnessLimit find_limit(const std::function<Behaviour(double stiffness_N_per_m)>& behaviour);
+/// @param first_N_per_m an octave of the scan where runs take long: those below are tried only if
+/// it is unstable.
+StiffnessLimit find_limit(const std::function<Behaviour(double stiffness_N_per_m)>& behaviour,
+                          double first_N_per_m = StiffnessScan::kLeast_N_per_m);
 
 }  // namespace forcegrid::stability

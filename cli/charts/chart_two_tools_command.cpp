@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kQuickSeconds = 5.0;
 constexpr double kLeastLimit = 0.95;  // goal: of the stiffness that exact rendering has
+constexpr char kGoalsObject[] = "block";
 constexpr char kErrors[] = "errors";
 constexpr char kStability[] = "stability";
 
@@ -86,15 +87,24 @@ void chart_errors(const evaluation::PairChartOptions& options, ProgressLine& lin
               (options.out / "traces").c_str());
 }
 
-void chart_stability(const evaluation::PairChartOptions& options, bool quick, ProgressLine& line) {
+void chart_stability(const evaluation::PairChartOptions& options, const ChartTwoToolsOptions& asked,
+                     ProgressLine& line) {
   stability::PairLimitOptions limits;
+  limits.objects = asked.objects;
+  if (limits.objects.empty()) {
+    limits.objects = {stability::kSprings};
+    if (!asked.quick) {
+      limits.objects.push_back(kGoalsObject);
+    }
+  }
+  limits.stiffness = options.stiffness;
   limits.methods =
       options.methods.empty() ? stability::default_pair_limit_methods() : options.methods;
   if (std::find(limits.methods.begin(), limits.methods.end(), options.goals_for) ==
       limits.methods.end()) {
     limits.methods.push_back(options.goals_for);
   }
-  limits.quick = quick;
+  limits.quick = asked.quick;
   limits.jobs = options.jobs;
   limits.cancel = options.cancel;
   limits.progress = [&options](double done, double remaining_s) {
@@ -104,13 +114,18 @@ void chart_stability(const evaluation::PairChartOptions& options, bool quick, Pr
   const auto files = stability::write_pair_limits(options.out, rows);
   line.clear();
   std::printf("Largest stable stiffness relative to exact rendering, least of all loops:\n");
-  for (const std::string& method : limits.methods) {
-    std::printf("  %-24s %9.3g\n", method.c_str(), stability::least_relative_limit(rows, method));
+  for (const std::string& object : limits.objects) {
+    for (const std::string& method : limits.methods) {
+      std::printf("  %-10s %-24s %9.3g\n", object.c_str(), method.c_str(),
+                  stability::least_relative_limit(rows, object, method));
+    }
   }
-  const double least = stability::least_relative_limit(rows, options.goals_for);
-  std::printf("Goal, method %s: at least %g, %s\n%zu rows; open %s\n", options.goals_for.c_str(),
-              kLeastLimit, evaluation::goal_verdict(least, kLeastLimit, true).words.c_str(),
-              rows.size(), files.back().c_str());
+  const std::string& goals_of = limits.objects.back();
+  const double least = stability::least_relative_limit(rows, goals_of, options.goals_for);
+  std::printf("Goal, method %s on %s: at least %g, %s\n%zu rows; open %s\n",
+              options.goals_for.c_str(), goals_of.c_str(), kLeastLimit,
+              evaluation::goal_verdict(least, kLeastLimit, true).words.c_str(), rows.size(),
+              files.back().c_str());
 }
 
 }  // namespace
@@ -149,6 +164,12 @@ void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& o, std::function<
           "of two hands")
       ->separated_by(',')
       ->check(one_of({kErrors, kStability}));
+  command
+      .add_option("--objects", o.objects,
+                  "Objects of the closed loop (default springs, block; the goal is of the last "
+                  "one): 'springs', in closed form, or scenes as for --scenes, solved in every "
+                  "cycle")
+      ->separated_by(',');
   command.add_option("--goals-for", o.goals_for,
                      "Method that is held against the goals (default auto-6d)");
   command.add_option("--seconds", o.seconds, "Length of each trace")
@@ -179,7 +200,7 @@ int chart_two_tools_command(const ChartTwoToolsOptions& asked) {
     chart_errors(options, line);
   }
   if (has(asked, kStability)) {
-    chart_stability(options, asked.quick, line);
+    chart_stability(options, asked, line);
   }
   return 0;
 }

@@ -15,7 +15,8 @@ struct ChartTwoToolsOptions : ChartChoice {
   std::vector<std::string> scenes;
   std::vector<std::string> pairs;
   std::vector<std::string> methods;
-  std::vector<std::string> parts;  ///< errors, stability
+  std::vector<std::string> objects;  ///< of the closed loop
+  std::vector<std::string> parts;    ///< errors, stability
   std::string goals_for;
   double seconds = 10.0;
   double delay_ms = 0.0;

@@ -8,12 +8,11 @@
 
 #include "evaluation/files/error.h"
 #include "evaluation/objects/force_table.h"
-#include "simulator/solver/shared_object.h"
+#include "evaluation/scenarios/solved_pair.h"
 
 namespace forcegrid::evaluation {
 namespace {
 
-constexpr std::size_t kTools = 2;
 // Short enough that every state stays on the branch of equilibria that starts at rest.
 constexpr double kMaxStep_m = 1.5e-3;
 constexpr std::size_t kInstantsBetweenReports = 25;
@@ -72,19 +71,6 @@ simulator::SolverOptions solver_options(const PairTraceOptions& options) {
   return solver;
 }
 
-void grab(simulator::SharedObject<double>& object, double patch_radius_m) {
-  const PairVector points_W = PairMotion::contact_points_W();
-  for (std::size_t tool = 0; tool < kTools; ++tool) {
-    const Eigen::Vector3d point_W = points_W.segment<3>(static_cast<Eigen::Index>(3 * tool));
-    if (object.grab(tool, point_W, patch_radius_m) == 0) {
-      throw ChartError("trace of two tools: the object has no vertex within " +
-                       std::to_string(1e3 * patch_radius_m) + " mm of where tool " +
-                       std::to_string(tool + 1) +
-                       " touches; choose a scene whose top is 75 mm wide, such as small or block");
-    }
-  }
-}
-
 // Calls take(tick, index) for each tick of the simulator and the servo instant that it samples.
 template <typename Take>
 void for_each_tick(const PairTraceOptions& options, std::size_t instants, const Take& take) {
@@ -101,20 +87,6 @@ void for_each_tick(const PairTraceOptions& options, std::size_t instants, const 
   }
 }
 
-// dF_i/dP_j at the last result, if all of it is known.
-void linearise(const simulator::SharedObject<double>& object, PairSample& sample) {
-  sample.has_stiffness = true;
-  for (std::size_t tool = 0; tool < kTools; ++tool) {
-    for (std::size_t other = 0; other < kTools; ++other) {
-      const auto stiffness_W = object.stiffness_W(tool, other);
-      sample.has_stiffness = sample.has_stiffness && stiffness_W.has_value();
-      sample.stiffness_W.block<3, 3>(static_cast<Eigen::Index>(3 * tool),
-                                     static_cast<Eigen::Index>(3 * other)) =
-          stiffness_W.value_or(Eigen::Matrix3d::Zero());
-    }
-  }
-}
-
 PairSample sample_of(const PairInstant& instant) {
   PairSample sample;
   sample.time_s = instant.time_s;
@@ -126,8 +98,7 @@ PairSample sample_of(const PairInstant& instant) {
 // The instants, and at those that are sampled the stiffness, if that is asked for.
 void solve(const simulator::SpringMesh& mesh, const PairMotion& motion,
            const PairTraceOptions& options, PairReference& reference) {
-  simulator::SharedObject<double> object(mesh, solver_options(options), kTools);
-  grab(object, options.patch_radius_m);
+  SolvedPair<double> object(mesh, solver_options(options), options.patch_radius_m);
   const PairVector touched_W = PairMotion::contact_points_W();
   const auto instants =
       static_cast<std::size_t>(std::floor(options.seconds * options.servo_rate_Hz + 1e-9));
@@ -140,18 +111,16 @@ void solve(const simulator::SpringMesh& mesh, const PairMotion& motion,
     PairInstant instant;
     instant.time_s = static_cast<double>(i) / options.servo_rate_Hz;
     instant.positions_W = motion.positions_W(instant.time_s);
-    const PairVector moved_m = instant.positions_W - touched_W;
-    object.aim(0, moved_m.head<3>());
-    object.aim(1, moved_m.tail<3>());
-    object.solve();
-    instant.forces_W << object.equilibrium(0).force_W, object.equilibrium(1).force_W;
-    const bool converged = object.equilibrium(0).converged && object.equilibrium(1).converged;
-    reference.unconverged += converged ? 0 : 1;
-    reference.branch_changes += object.equilibrium(0).left_branch ? 1 : 0;
+    object.move(instant.positions_W - touched_W);
+    instant.forces_W = object.forces_N();
+    reference.unconverged += object.converged() ? 0 : 1;
+    reference.branch_changes += object.left_branch() ? 1 : 0;
     reference.trace.servo.push_back(instant);
     if (options.stiffness && sampled[i]) {
       DeliveredPairSample row{sample_of(instant), instant.time_s};
-      linearise(object, row.sample);
+      const auto stiffness_W = object.stiffness_N_per_m();
+      row.sample.has_stiffness = stiffness_W.has_value();
+      row.sample.stiffness_W = stiffness_W.value_or(PairMatrix::Zero());
       reference.trace.samples.push_back(row);
     }
     if (options.progress && i % kInstantsBetweenReports == 0) {

@@ -13,7 +13,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "evaluation/files/error.h"
+#include "evaluation/motions/pair_motions.h"
+#include "evaluation/objects/force_table.h"
 #include "forcegrid/pair_methods.h"
+#include "simulator/mesh/error.h"
+#include "simulator/mesh/scene.h"
+#include "simulator/solver/shared_object.h"
 #include "stability/pair_limits.h"
 #include "stability/search.h"
 #include "stability/theory.h"
@@ -32,6 +38,10 @@ PairMethodMaker maker(const std::string& name) {
   return [name] { return make_pair_force_method(name, {}); };
 }
 
+PairObjectMaker springs(double hardens_m) {
+  return [hardens_m](double k) { return std::make_unique<SpringPair>(k, hardens_m); };
+}
+
 // Exact, linear and without quantisation: what the theory of sampled springs is about.
 PairLoopSetup textbook() {
   PairLoopSetup setup;
@@ -39,7 +49,7 @@ PairLoopSetup textbook() {
   setup.timing = device_timing("ideal");
   setup.device.position_step_m = 0.0;
   setup.device.max_force_N = kLinear;
-  setup.hardens_m = kLinear;
+  setup.object = springs(kLinear);
   return setup;
 }
 
@@ -49,7 +59,7 @@ double limit_N_per_m(const PairLoopSetup& setup, const PairMethodMaker& make) {
 }
 
 TEST(SpringPair, IsTheGradientOfItsEnergy) {
-  const SpringPair object(300.0);
+  SpringPair object(300.0);
   const double k = 300.0 / (1.0 + SpringPair::kBetween);
   const auto well_J = [k](const Vector3d& d) {
     const double r2 = d.squaredNorm();
@@ -69,6 +79,71 @@ TEST(SpringPair, IsTheGradientOfItsEnergy) {
   }
   // K is what a tool feels at rest while the other one stands still.
   EXPECT_NEAR(object.forces_N(1e-6 * PairVector::Unit(1))[1], -300.0 * 1e-6, 1e-9);
+}
+
+void expect_stiffness_is_the_forces_gradient(PairObject& object, const PairVector& at,
+                                             double step_m, double tolerance_N_per_m) {
+  object.forces_N(at);
+  const PairMatrix stiffness = object.stiffness_N_per_m().value();
+  for (int c = 0; c < 6; ++c) {
+    const PairVector step = step_m * PairVector::Unit(c);
+    const PairVector numerical =
+        (object.forces_N(at + step) - object.forces_N(at - step)) / (2.0 * step_m);
+    EXPECT_LT((stiffness.col(c) - numerical).cwiseAbs().maxCoeff(), tolerance_N_per_m) << c;
+  }
+}
+
+const PairVector kAside_m = (PairVector() << 0.004, -0.003, 0.006, -0.002, 0.005, 0.001).finished();
+
+TEST(SpringPair, KnowsItsStiffness) {
+  SpringPair object(300.0);
+  expect_stiffness_is_the_forces_gradient(object, kAside_m, 1e-5, 1e-3);
+}
+
+TEST(ScenePair, HasTheStiffnessItIsAskedForAndKnowsHowItChanges) {
+  const auto object = pair_object_of("small")(300.0);
+  EXPECT_LT(object->forces_N(PairVector::Zero()).norm(), 1e-3);
+  EXPECT_NEAR(object->forces_N(1e-3 * PairVector::Unit(2))[2], -0.3, 0.02);
+  // The solver's tolerance for sensitivities is 5 %.
+  expect_stiffness_is_the_forces_gradient(*object, kAside_m, 2e-4, 0.05 * 300.0);
+}
+
+// In double precision, to 1e-6, and in one go from rest instead of along the loop's path.
+TEST(ScenePair, HasTheForcesOfTheReferenceSolution) {
+  const auto object = pair_object_of("small")(1.0);
+  object->forces_N(0.5 * kAside_m);
+  const PairVector found_N = object->forces_N(kAside_m);
+
+  const auto scene = simulator::make_scene("small", evaluation::first_contact_point_W());
+  simulator::SolverOptions exactly;
+  exactly.relative_tolerance = 1e-6;
+  exactly.max_iterations = 2000;
+  simulator::SharedObject<double> reference(scene.mesh, exactly, 2);
+  const PairVector points_W = evaluation::PairMotion::contact_points_W();
+  reference.grab(0, points_W.head<3>(), scene.patch_radius_m);
+  reference.grab(1, points_W.tail<3>(), scene.patch_radius_m);
+  reference.solve();
+  const double stiffness_N_per_m = -reference.equilibrium(0).stiffness_W(2, 2);
+  reference.aim(0, kAside_m.head<3>());
+  reference.aim(1, kAside_m.tail<3>());
+  reference.solve();
+  PairVector expected_N;
+  expected_N << reference.equilibrium(0).force_W, reference.equilibrium(1).force_W;
+  expected_N /= stiffness_N_per_m;
+  EXPECT_LT((found_N - expected_N).norm(), 2e-3 * expected_N.norm());
+}
+
+TEST(ScenePair, RefusesScenesThatTwoToolsCannotHold) {
+  EXPECT_THROW(pair_object_of("no_such_scene"), simulator::Error);
+  EXPECT_THROW(pair_object_of("small_slide"), simulator::Error);
+
+  const std::filesystem::path file =
+      std::filesystem::path(::testing::TempDir()) / "narrow_scene.toml";
+  std::ofstream(file) << "description = \"Cube of 20 mm\"\n[[object]]\nshape = \"block\"\n"
+                         "vertex_count = [5, 5, 5]\nsize_m = [0.02, 0.02, 0.02]\n"
+                         "stiffness_N_per_m = 20.0\nlaw = \"linear\"\n";
+  EXPECT_THROW(pair_object_of(file.string())(100.0), evaluation::ChartError);
+  std::filesystem::remove(file);
 }
 
 // One tool moves: the loop is that of a spring K. Both move: the normal mode in which they move
@@ -101,7 +176,7 @@ TEST(PairLoop, HasTheLimitOfHoldAtTheSimulatorsRateAndDelay) {
 
 TEST(PairLoop, RendersExactForcesWithoutErrorUnlessTheOthersPositionIsOld) {
   PairLoopSetup setup = textbook();
-  setup.hardens_m = SpringPair::kHardens_m;
+  setup.object = springs(SpringPair::kHardens_m);
   EXPECT_EQ(run_pair_loop(setup, 200.0, kExact).force_error_percent, 0.0);
   setup.other_age_s = {0.05, 0.05};
   EXPECT_GT(run_pair_loop(setup, 200.0, kExact).force_error_percent, 1.0);
@@ -148,6 +223,49 @@ TEST(PairLoop, GivesTheSameResultToTheLastBit) {
   EXPECT_EQ(once.hold_peak_to_peak_m, again.hold_peak_to_peak_m);
 }
 
+// A mesh that is solved in every cycle, and at the simulator's ticks for the methods.
+TEST(PairLoop, RunsOnASolvedObject) {
+  PairLoopSetup setup;
+  setup.hand = hand_of("light");
+  setup.timing = device_timing("ideal");
+  setup.object = pair_object_of("small");
+  const PairLoopResult exact = run_pair_loop(setup, 500.0, kExact);
+  EXPECT_EQ(exact.behaviour, Behaviour::kStable);
+  EXPECT_EQ(exact.force_error_percent, 0.0);
+  const PairLoopResult coupled = run_pair_loop(setup, 500.0, maker("auto-6d"));
+  EXPECT_EQ(coupled.behaviour, Behaviour::kStable);
+  const PairLoopResult uncoupled = run_pair_loop(setup, 500.0, maker("kriging"));
+  EXPECT_LT(coupled.force_error_percent, 0.5 * uncoupled.force_error_percent);
+  setup.judged = false;
+  EXPECT_NE(run_pair_loop(setup, 500.0, maker("hold")).behaviour, Behaviour::kStable);
+}
+
+TEST(PairLoop, GivesTheObjectsStiffnessWithItsSamples) {
+  PairLoopSetup setup;
+  setup.hand = hand_of("light");
+  setup.timing = device_timing("ideal");
+  const double without = run_pair_loop(setup, 500.0, maker("auto-6d")).force_error_percent;
+  setup.stiffness = true;
+  EXPECT_LT(run_pair_loop(setup, 500.0, maker("auto-6d")).force_error_percent, without);
+}
+
+// Exact rendering that is found once for all networks without ages is that of each of them.
+TEST(PairLimits, ShareTheSearchOfExactRendering) {
+  PairLimitOptions options;
+  options.methods = {"hold"};
+  options.quick = true;
+  const auto rows = pair_limits(options);
+  PairLoopSetup late;
+  late.hand = hand_of("light");
+  late.timing = device_timing("ideal");
+  late.delay_s = {0.0, 0.1};
+  for (const PairLimitRow& row : rows) {
+    if (row.cell.method == kExactPair && row.cell.network == "late") {
+      EXPECT_EQ(row.limit.largest_stable_N_per_m, limit_N_per_m(late, kExact));
+    }
+  }
+}
+
 TEST(PairLoop, RefusesImpossibleLoops) {
   const auto refused = [](void (*change)(PairLoopSetup&)) {
     PairLoopSetup setup = textbook();
@@ -178,8 +296,8 @@ TEST(PairLimits, CompareEveryLoopWithExactRendering) {
     EXPECT_EQ(rows[i + 1].relative_to_exact,
               rows[i + 1].limit.largest_stable_N_per_m / rows[i].limit.largest_stable_N_per_m);
   }
-  EXPECT_GT(least_relative_limit(rows, "kriging-6d samples=8"), 0.9);
-  EXPECT_TRUE(std::isnan(least_relative_limit(rows, "hold")));
+  EXPECT_GT(least_relative_limit(rows, kSprings, "kriging-6d samples=8"), 0.9);
+  EXPECT_TRUE(std::isnan(least_relative_limit(rows, kSprings, "hold")));
 
   const std::filesystem::path folder =
       std::filesystem::path(::testing::TempDir()) / "pair_limits_test";
@@ -190,7 +308,8 @@ TEST(PairLimits, CompareEveryLoopWithExactRendering) {
     return std::string(std::istreambuf_iterator<char>(stream), {});
   };
   EXPECT_THAT(content(files[0]), ::testing::HasSubstr("\nexact,500,0,"));
-  EXPECT_THAT(content(files[1]), ::testing::HasSubstr("| light | 500 Hz | one | local | "));
+  EXPECT_THAT(content(files[1]),
+              ::testing::HasSubstr("| springs | light | 500 Hz | one | local | "));
   std::filesystem::remove_all(folder);
 }
 

@@ -40,6 +40,23 @@ TEST(FindLimit, TellsNothingStableFromNothingUnstable) {
   EXPECT_TRUE(all.beyond_scan);
 }
 
+TEST(FindLimit, BeginsWhereItIsToldAndFindsTheSame) {
+  for (const double boundary_N_per_m : {30.0, 777.0}) {
+    int runs = 0;
+    const auto behaviour = [&](double K) {
+      ++runs;
+      return K < boundary_N_per_m ? Behaviour::kStable : Behaviour::kLimitCycle;
+    };
+    const StiffnessLimit all = find_limit(behaviour);
+    const int runs_of_all = runs;
+    runs = 0;
+    const StiffnessLimit begun = find_limit(behaviour, 160.0);
+    EXPECT_EQ(begun.largest_stable_N_per_m, all.largest_stable_N_per_m);
+    EXPECT_EQ(begun.smallest_unstable_N_per_m, all.smallest_unstable_N_per_m);
+    EXPECT_EQ(runs, boundary_N_per_m < 160.0 ? runs_of_all + 1 : runs_of_all - 6);
+  }
+}
+
 std::vector<Eigen::Vector3d> moving(const std::function<double(double)>& z_of_t) {
   std::vector<Eigen::Vector3d> positions_W;
   for (int i = 0; i < 1000; ++i) {

@@ -113,5 +113,12 @@ TEST_F(ChartTwoTools, RefusesWhatItDoesNotKnow) {
   EXPECT_FALSE(std::filesystem::exists(folder_ + "/traces"));
 }
 
+TEST_F(ChartTwoTools, RefusesAnObjectThatHasNoForceOfPositions) {
+  EXPECT_EQ(run({"chart", "two-tools", "--out", folder_, "--parts", "stability", "--quick",
+                 "--objects", "springs,small_slide"}),
+            1);
+  EXPECT_THAT(error_, HasSubstr("scene small_slide: its tool slides"));
+}
+
 }  // namespace
 }  // namespace forcegrid
