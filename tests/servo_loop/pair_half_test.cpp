@@ -138,7 +138,7 @@ TEST(PairHalf, PairsTheTwoAnswersOfASolutionAndNoOthers) {
   // A third of one tool's answers and a quarter of the other one's are lost.
   spoken.two.lost = [](std::size_t tool, std::uint64_t tick) { return tick % (3 + tool) == 1; };
   spoken.two.run_until(10.0);
-  const stability::SpringPair object(TwoHalves::kStiffness_N_per_m);
+  stability::SpringPair object(TwoHalves::kStiffness_N_per_m);
   PairVector points;
   points << TwoHalves::point_W(0), TwoHalves::point_W(1);
   for (std::size_t tool = 0; tool < 2; ++tool) {
@@ -173,7 +173,7 @@ TEST(PairHalf, PairsTheStiffnessOfOneSolutionOnly) {
     }
   };
   spoken.two.run_until(4.0);
-  const stability::SpringPair object(TwoHalves::kStiffness_N_per_m);
+  stability::SpringPair object(TwoHalves::kStiffness_N_per_m);
   PairVector points;
   points << TwoHalves::point_W(0), TwoHalves::point_W(1);
   for (std::size_t tool = 0; tool < 2; ++tool) {

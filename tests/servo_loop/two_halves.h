@@ -139,7 +139,7 @@ class TwoHalves {
 
   // On a tool that holds the object; the other one may be off it.
   Eigen::Vector3d force_W(std::size_t tool, const Eigen::Vector3d& own_W,
-                          const Eigen::Vector3d& other_W) const {
+                          const Eigen::Vector3d& other_W) {
     if (!holds[1 - tool]) {
       return -kStiffness_N_per_m * (own_W - point_W(tool));  // softer or stiffer: another object
     }
@@ -150,18 +150,11 @@ class TwoHalves {
     return of_tool(object_.forces_N(displacements), tool);
   }
 
-  // By central differences of the forces.
-  PairMatrix stiffness_W() const {
+  PairMatrix stiffness_W() {
     PairVector at_m;
     at_m << seen_W_[0] - point_W(0), seen_W_[1] - point_W(1);
-    constexpr double kStep_m = 1e-5;
-    PairMatrix slope;
-    for (Eigen::Index c = 0; c < 6; ++c) {
-      const PairVector step = kStep_m * PairVector::Unit(c);
-      slope.col(c) =
-          (object_.forces_N(at_m + step) - object_.forces_N(at_m - step)) / (2.0 * kStep_m);
-    }
-    return slope;
+    object_.forces_N(at_m);
+    return object_.stiffness_N_per_m().value();
   }
 
   // As SharedContact: when one tool's contact changes, the other one's epoch does, too.
