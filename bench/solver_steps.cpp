@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "evaluation/scenarios/scenarios.h"
+#include "rt/thread_time.h"
 #include "simulator/mesh/scene.h"
 #include "simulator/reference/solver_motion.h"
 #include "simulator/solver/elastic_object.h"
@@ -48,9 +49,9 @@ std::vector<Step> follow(const Scene& scene, const std::vector<Vector3d>& displa
   }
   std::vector<Step> steps;
   for (const Vector3d& displacement_W : displacements_W) {
-    const double start_s = thread_time_s();
+    const double start_s = rt::thread_time_s();
     const Vector3d force_W = object.move_to(displacement_W).force_W;
-    steps.push_back({force_W, 1e3 * (thread_time_s() - start_s)});
+    steps.push_back({force_W, 1e3 * (rt::thread_time_s() - start_s)});
   }
   return steps;
 }

@@ -17,6 +17,7 @@
 #include "rt/clock.h"
 #include "rt/percentiles.h"
 #include "rt/thread.h"
+#include "rt/thread_time.h"
 #include "rt/vectors.h"
 #include "simulator/impaired_link.h"
 #include "simulator/loop_parts.h"
@@ -31,6 +32,8 @@ namespace {
 
 // Between looks at the socket: how old a tool's position may look younger than it is.
 constexpr auto kPoll = std::chrono::milliseconds(2);
+// What is kept of the longest query's time, a tick and a query.
+constexpr double kForgetting = 7.0 / 8.0;
 
 std::string name_of_tool(link::ToolId tool) {
   return tool == 0 ? "the tool without a number" : "tool " + std::to_string(tool);
@@ -107,7 +110,7 @@ class SharedLoop::State {
       tick();
       show_surface();
       ++summary_.ticks;
-      longest_query_ -= longest_query_ / 8;  // one that stood still does not bar all that come
+      longest_query_s_ *= kForgetting;  // one long query does not bar all that come
       deadline += period_;
       const rt::TimePoint done = rt::Clock::now();
       summary_.late_ticks += done >= deadline ? 1 : 0;
@@ -265,7 +268,7 @@ class SharedLoop::State {
 
   // One query of the next tool that has one, if there is time. The state is as of the last tick.
   bool answer_query(rt::TimePoint now, rt::TimePoint deadline) {
-    if (stopped() || now + longest_query_ >= deadline) {
+    if (stopped() || now + rt::from_seconds(longest_query_s_) >= deadline) {
       return false;
     }
     for (std::size_t tried = 0; tried < places_.size(); ++tried) {
@@ -274,6 +277,8 @@ class SharedLoop::State {
       if (!query) {
         continue;
       }
+      // Its own work: where others hold the core, a tick is late whatever came before it.
+      const double start_s = rt::thread_time_s();
       const SharedContact::Answer answer = contact_.ask(turn_, rt::to_vector(query->position_W_m));
       if (!finite(answer.equilibrium)) {
         ++summary_.not_finite;
@@ -281,7 +286,7 @@ class SharedLoop::State {
         return true;
       }
       const rt::TimePoint done = rt::Clock::now();
-      longest_query_ = std::max(done - now, longest_query_ - longest_query_ / 8);
+      longest_query_s_ = std::max(rt::thread_time_s() - start_s, kForgetting * longest_query_s_);
       link::ForceSample sample = link::answer_to(*query);
       fill(sample, answer, options_.send_stiffness);
       sample.solve_time_s = rt::seconds(done - now);
@@ -444,8 +449,8 @@ class SharedLoop::State {
   SharedContact contact_;
   rt::Duration period_;
   std::vector<std::unique_ptr<Place>> places_;
-  std::size_t turn_ = 0;           // of the place whose query was answered last
-  rt::Duration longest_query_{0};  // of the newest ones
+  std::size_t turn_ = 0;          // of the place whose query was answered last
+  double longest_query_s_ = 0.0;  // [s] processor time, of the newest ones
   bool warned_of_strangers_ = false;
   std::unique_ptr<SurfaceStream> surface_;  // null: nobody watches
   rt::Percentiles surface_us_;

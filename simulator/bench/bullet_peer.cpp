@@ -9,6 +9,7 @@
 #include <string>
 
 #include "rt/checkpoint.h"
+#include "rt/thread_time.h"
 #include "simulator/mesh/tetrahedra.h"
 #include "text/text.h"
 
@@ -140,11 +141,11 @@ std::vector<StepPoint> run(const Scene& scene, double relaxation, int steps,
   double time_ms = 0.0;
   for (int done = 0; done < steps; done += kStepsBetweenLooks) {
     rt::checkpoint(static_cast<std::size_t>(done), static_cast<std::size_t>(steps));
-    const double start_s = thread_time_s();
+    const double start_s = rt::thread_time_s();
     for (int i = 0; i < kStepsBetweenLooks; ++i) {
       body.step(displacement_W);
     }
-    time_ms += 1e3 * (thread_time_s() - start_s);
+    time_ms += 1e3 * (rt::thread_time_s() - start_s);
     points.push_back(body.look(converged_W));
     points.back().time_ms = time_ms;
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "rt/checkpoint.h"
+#include "rt/thread_time.h"
 #include "simulator/bench/solver_bench.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/tetrahedra.h"
@@ -38,9 +39,9 @@ void measure_motion(DynamicObject& object, const std::vector<Vector3d>& displace
   std::size_t done = 0;
   for (const Vector3d& displacement_W : displacements_W) {
     rt::checkpoint(done++, displacements_W.size());
-    const double start_s = thread_time_s();
+    const double start_s = rt::thread_time_s();
     const Equilibrium moved = object.advance(period_s, displacement_W);
-    const double time_ms = 1e3 * (thread_time_s() - start_s);
+    const double time_ms = 1e3 * (rt::thread_time_s() - start_s);
     spent_ms += time_ms;
     row.max_ms = std::max(row.max_ms, time_ms / moved.steps);
     row.steps += static_cast<std::size_t>(moved.steps);

@@ -7,6 +7,7 @@
 
 #include "rt/checkpoint.h"
 #include "rt/percentiles.h"
+#include "rt/thread_time.h"
 #include "simulator/bench/solver_bench.h"
 #include "simulator/mesh/error.h"
 #include "simulator/reference/solver_motion.h"
@@ -41,10 +42,10 @@ ReducedBench::ReducedBench(const Scene& scene, const std::vector<Eigen::Vector3d
     rt::checkpoint(done++, training_W.size());
     add_state(scene.mesh, full, full.move_to(displacement_W), {}, set);
   }
-  const double start_s = thread_time_s();
+  const double start_s = rt::thread_time_s();
   parts_ = std::make_unique<Parts>(Parts{scene, train_reduced_model(scene.mesh, set), {}});
   ReducedRow& row = parts_->row;
-  row.training_s = thread_time_s() - start_s;
+  row.training_s = rt::thread_time_s() - start_s;
   row.states = set.snapshots.size();
   row.modes = parts_->training.model->modes();
   row.springs = parts_->training.model->springs();

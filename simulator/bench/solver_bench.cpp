@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "rt/checkpoint.h"
+#include "rt/thread_time.h"
 #include "simulator/mesh/error.h"
 #include "simulator/reference/solver_motion.h"
 #include "simulator/solver/direct_method.h"
@@ -190,9 +191,9 @@ std::vector<StepPoint> step_points(const std::function<SolverSubject(double tole
       rt::checkpoint(static_cast<std::size_t>(k * kStepRepeats + repeat),
                      static_cast<std::size_t>(kTolerances * kStepRepeats));
       const SolverSubject subject = make(std::pow(10.0, exponent));
-      const double start_s = thread_time_s();
+      const double start_s = rt::thread_time_s();
       const SolverSubject::Answer answer = subject.move_to(displacement_W);
-      point.time_ms = std::min(point.time_ms, 1e3 * (thread_time_s() - start_s));
+      point.time_ms = std::min(point.time_ms, 1e3 * (rt::thread_time_s() - start_s));
       point.relative_residual = answer.relative_residual;
       point.error_percent = 100.0 * (answer.force_W - converged_W).norm() / converged_W.norm();
     }

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <memory>
 #include <utility>
 
 #include "rt/checkpoint.h"
 #include "rt/percentiles.h"
+#include "rt/thread_time.h"
 #include "simulator/mesh/error.h"
 #include "simulator/reference/reference_solution.h"
 #include "simulator/solver/newton_cg_baseline.h"
@@ -40,9 +40,9 @@ class OtherProcessor {
   double tick(double period_s) {
     double time_s = 0.0;
     if (ticks_left_ == 0 && object_.whole_is_due()) {
-      const double start_s = thread_time_s();
+      const double start_s = rt::thread_time_s();
       object_.solve_whole();
-      time_s = thread_time_s() - start_s;
+      time_s = rt::thread_time_s() - start_s;
       ticks_left_ = std::max(1, static_cast<int>(std::ceil(time_s / period_s)));
     }
     if (ticks_left_ > 0 && --ticks_left_ == 0) {
@@ -57,12 +57,6 @@ class OtherProcessor {
 };
 
 }  // namespace
-
-double thread_time_s() {
-  timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 SolverSubject elastic_subject(const Scene& scene, const SolverOptions& options,
                               std::string setting) {
@@ -193,9 +187,9 @@ MotionRow SolverMotion::run(const SolverSubject& subject, std::vector<double>& t
   double whole_solutions = 0.0;
   for (std::size_t tick = 0; tick < displacements_W_.size(); ++tick) {
     rt::checkpoint(tick, displacements_W_.size());
-    const double start_s = thread_time_s();
+    const double start_s = rt::thread_time_s();
     const SolverSubject::Answer answer = subject.move_to(displacements_W_[tick]);
-    const double time_ms = 1e3 * (thread_time_s() - start_s);
+    const double time_ms = 1e3 * (rt::thread_time_s() - start_s);
     const double whole_ms = subject.meanwhile ? subject.meanwhile(1.0 / rate_Hz_) : 0.0;
     if (tick < first_) {
       continue;

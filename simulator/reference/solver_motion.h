@@ -93,9 +93,6 @@ class SolverMotion {
   double mean_square_N2_ = 0.0;
 };
 
-/// [s] Processor time of the calling thread.
-double thread_time_s();
-
 /// @throws Error if the tool has taken hold of no vertex of the scene (`held` is 0).
 void require_held(int held, const Scene& scene);
 

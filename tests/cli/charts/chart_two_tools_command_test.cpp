@@ -94,9 +94,10 @@ TEST_F(ChartTwoTools, SearchesTheStiffnessLimitsOfTwoHands) {
                  "stability", "--methods", "hold;kriging-6d", "--goals-for", "kriging-6d"}),
             0)
       << error_;
-  EXPECT_THAT(out_, HasSubstr("Goal, method kriging-6d: at least 0.95, met"));
-  EXPECT_THAT(text_of(folder_ + "/stability.md"),
-              HasSubstr("| hand | servo | tools | network | `exact` | `hold` | `kriging-6d` |"));
+  EXPECT_THAT(out_, HasSubstr("Goal, method kriging-6d on springs: at least 0.95, met"));
+  EXPECT_THAT(
+      text_of(folder_ + "/stability.md"),
+      HasSubstr("| object | hand | servo | tools | network | `exact` | `hold` | `kriging-6d` |"));
   EXPECT_FALSE(std::filesystem::exists(folder_ + "/two_tools.md"));
 }
 

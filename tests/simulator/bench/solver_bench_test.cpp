@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "rt/thread_time.h"
 #include "simulator/bench/bullet_peer.h"
 #include "simulator/mesh/error.h"
 #include "simulator/mesh/lattice_block.h"
@@ -218,8 +219,8 @@ TEST(SolverMotion, OfSeveralPassesTheShortestTimeOfEachTickCounts) {
     order += name;
     const double busy_s = std::array{3e-3, 1e-3, 6e-3}.at(static_cast<std::size_t>(made++ / 2));
     return SolverSubject{std::string(1, name), std::to_string(made), [busy_s](const Vector3d&) {
-                           const double end_s = thread_time_s() + busy_s;
-                           while (thread_time_s() < end_s) {
+                           const double end_s = rt::thread_time_s() + busy_s;
+                           while (rt::thread_time_s() < end_s) {
                            }
                            return SolverSubject::Answer{};
                          }};
