@@ -14,7 +14,7 @@ namespace {
 
 TEST(FindLimit, BracketsABoundaryToTwoPercent) {
   const StiffnessLimit limit =
-      find_limit([](double K) { return K < 777.0 ? Behaviour::kStable : Behaviour::kLimitCycle; });
+      find_limit([](double k) { return k < 777.0 ? Behaviour::kStable : Behaviour::kLimitCycle; });
   EXPECT_LT(limit.largest_stable_N_per_m, 777.0);
   EXPECT_GE(limit.smallest_unstable_N_per_m, 777.0);
   EXPECT_NEAR(limit.smallest_unstable_N_per_m / limit.largest_stable_N_per_m, std::exp2(1.0 / 32.0),
@@ -25,7 +25,7 @@ TEST(FindLimit, BracketsABoundaryToTwoPercent) {
 
 TEST(FindLimit, StopsAtTheFirstUnstableOctaveAlthoughHigherOnesAreStable) {
   const StiffnessLimit limit = find_limit(
-      [](double K) { return K > 30.0 && K < 100.0 ? Behaviour::kDivergence : Behaviour::kStable; });
+      [](double k) { return k > 30.0 && k < 100.0 ? Behaviour::kDivergence : Behaviour::kStable; });
   EXPECT_LT(limit.largest_stable_N_per_m, 30.0);
   EXPECT_EQ(limit.failure, Behaviour::kDivergence);
 }
@@ -43,9 +43,9 @@ TEST(FindLimit, TellsNothingStableFromNothingUnstable) {
 TEST(FindLimit, BeginsWhereItIsToldAndFindsTheSame) {
   for (const double boundary_N_per_m : {30.0, 777.0}) {
     int runs = 0;
-    const auto behaviour = [&](double K) {
+    const auto behaviour = [&](double k) {
       ++runs;
-      return K < boundary_N_per_m ? Behaviour::kStable : Behaviour::kLimitCycle;
+      return k < boundary_N_per_m ? Behaviour::kStable : Behaviour::kLimitCycle;
     };
     const StiffnessLimit all = find_limit(behaviour);
     const int runs_of_all = runs;
