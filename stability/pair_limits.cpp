@@ -12,6 +12,7 @@
 #include "evaluation/traces/trace_workspace.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/pair_methods.h"
+#include "rt/checkpoint.h"
 #include "rt/parallel_jobs.h"
 
 namespace forcegrid::stability {
@@ -247,7 +248,7 @@ std::vector<PairLimitRow> pair_limits(const PairLimitOptions& options) {
     return !job.stopping();
   });
   if (!finished) {
-    throw evaluation::Stopped();
+    throw rt::Interrupted();  // not evaluation::Stopped: no row is kept
   }
   for (std::size_t i = 0; i < cells.size(); ++i) {
     rows[i] = rows[searched_as(cells, i)];

@@ -69,7 +69,8 @@ struct PairLimitOptions {
 /// both together on the local network, and together on the others. In the order of the loops,
 /// methods innermost. Exact rendering does not depend on the simulator's answers, so the networks
 /// without ages share one search of it.
-/// @throws std::invalid_argument for a method or object that can't be made; evaluation::Stopped.
+/// @throws std::invalid_argument for a method that can't be made; what pair_object_of() and its
+/// makers throw for an object; rt::Interrupted where it is cancelled, and then no row is kept.
 std::vector<PairLimitRow> pair_limits(const PairLimitOptions& options);
 
 /// The smallest PairLimitRow::relative_to_exact of a method on an object; NaN without rows.

@@ -110,7 +110,7 @@ void chart_stability(const evaluation::PairChartOptions& options, const ChartTwo
   limits.progress = [&options](double done, double remaining_s) {
     options.progress("Searching for stiffness limits", done, remaining_s);
   };
-  const auto rows = resumable([&limits] { return stability::pair_limits(limits); });
+  const auto rows = stability::pair_limits(limits);
   const auto files = stability::write_pair_limits(options.out, rows);
   line.clear();
   std::printf("Largest stable stiffness relative to exact rendering, least of all loops:\n");

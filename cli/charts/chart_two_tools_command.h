@@ -30,7 +30,7 @@ void add_chart_two_tools(Command& chart, ChartTwoToolsOptions& options,
 
 /// Solves two tools on one object, writes the traces, evaluates methods on them, and searches for
 /// the largest stable stiffness in the closed loop of two hands; see docs/two_tools.md. Result and
-/// errors are those of chart_accuracy_command().
+/// errors are those of chart_accuracy_command(), but a search that is stopped keeps nothing.
 int chart_two_tools_command(const ChartTwoToolsOptions& asked);
 
 }  // namespace forcegrid::cli

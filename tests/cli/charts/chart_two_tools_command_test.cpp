@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <chrono>
 #include <filesystem>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "tests/support/command_test.h"
+#include "tests/support/program.h"
 
 namespace forcegrid {
 namespace {
@@ -119,6 +121,18 @@ TEST_F(ChartTwoTools, RefusesAnObjectThatHasNoForceOfPositions) {
                  "--objects", "springs,small_slide"}),
             1);
   EXPECT_THAT(error_, HasSubstr("scene small_slide: its tool slides"));
+}
+
+// Traces are kept, so that "repeat the command to continue" is true of them alone.
+TEST_F(ChartTwoTools, DoesNotSayThatAStoppedSearchIsKept) {
+  testing::Program program =
+      testing::Program::forcegrid({"chart", "two-tools", "--out", folder_, "--cache", cache_,
+                                   "--parts", "stability", "--objects", "small", "--quick"});
+  ASSERT_TRUE(program.wait_for_text("Searching for stiffness limits"));
+  program.send_signal(SIGINT);
+  EXPECT_EQ(program.wait(std::chrono::seconds(20)), 130);
+  EXPECT_THAT(program.standard_error(), HasSubstr("forcegrid: stopped by SIGINT"));
+  EXPECT_THAT(program.standard_error(), ::testing::Not(HasSubstr("kept")));
 }
 
 }  // namespace
