@@ -39,6 +39,8 @@ const char* to_string(ChoiceReason reason) noexcept {
       return "knows both tools";
     case ChoiceReason::kOneTool:
       return "knows one tool";
+    case ChoiceReason::kWeaker:
+      return "found it weaker";
   }
   return "invalid reason";
 }

@@ -73,8 +73,9 @@ enum class ChoiceReason : std::uint8_t {
   kAskedBefore,      ///< a contact begins that it had asked about beforehand
   kBothTools,        ///< the positions of both tools are known, and so is the force there
   kOneTool,          ///< the other tool does not hold the object, or too little is known of both
+  kWeaker,           ///< it alone explains a force: the same object, weaker than before
 };
-inline constexpr int kChoiceReasons = 1 + static_cast<int>(ChoiceReason::kOneTool);
+inline constexpr int kChoiceReasons = 1 + static_cast<int>(ChoiceReason::kWeaker);
 
 /// Static text for messages and files, e.g. "predicted better".
 const char* to_string(ChoiceReason reason) noexcept;

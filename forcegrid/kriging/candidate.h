@@ -10,6 +10,7 @@
 #include <span>
 #include <utility>
 
+#include "forcegrid/core/force_method.h"
 #include "forcegrid/kriging/ensemble_thresholds.h"
 #include "forcegrid/kriging/history.h"
 #include "forcegrid/kriging/kriging_field.h"
@@ -29,7 +30,8 @@ struct PathAtSample {
 struct Peers {
   /// [N^2] Least long score of the candidates of weight one, which know the position alone.
   double general_long_score_N2 = 0.0;
-  std::uint64_t long_scored = 0;  ///< samples in the long scores
+  double newest_long_score_N2 = 0.0;  ///< [N^2] the same of `newest`
+  std::uint64_t long_scored = 0;      ///< samples in the long scores
 };
 
 /// Squared errors [N^2] of all candidates at one sample; kNotTaken_N2 for those that do not use it.
@@ -75,6 +77,12 @@ class Candidate {
   virtual bool served_early() const noexcept { return false; }
   /// Whether the force depends on more than the position.
   virtual bool knows_path() const noexcept { return false; }
+  /// Whether it explained what no other can, and was right since.
+  virtual bool claims() const noexcept { return false; }
+  /// Why it takes over when it alone explains a sample.
+  virtual ChoiceReason claim() const noexcept { return ChoiceReason::kFoundWall; }
+  /// Whether its field keeps samples while it sleeps.
+  virtual bool remembers() const noexcept { return false; }
   virtual std::size_t memory_bytes() const noexcept;
 
   const char* name() const noexcept { return name_; }
@@ -144,13 +152,13 @@ class Candidate {
 /// Share of recent samples that surprised a field, averaged as a score of ones and zeros.
 class SurpriseRate {
  public:
-  explicit SurpriseRate(double kept) noexcept : kept_(kept) {}
+  explicit SurpriseRate(double kept, double first = 0.0) noexcept : kept_(kept), rate_(first) {}
   void add(bool surprised) noexcept { rate_ = kept_ * rate_ + (surprised ? 1.0 - kept_ : 0.0); }
   double rate() const noexcept { return rate_; }
 
  private:
   double kept_;
-  double rate_ = 0.0;
+  double rate_;
 };
 
 }  // namespace forcegrid::kriging

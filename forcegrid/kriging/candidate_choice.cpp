@@ -46,6 +46,9 @@ Peers CandidateChoice::peers() const noexcept {
   Peers peers;
   peers.long_scored = long_scored_;
   peers.general_long_score_N2 = std::numeric_limits<double>::max();
+  peers.newest_long_score_N2 = candidates_.newest == Candidates::kNone
+                                   ? std::numeric_limits<double>::max()
+                                   : candidates_.all[candidates_.newest]->long_score_N2;
   for (const auto& candidate : candidates_.all) {
     if (candidate->awake() && !(candidate->weight() > 1.0)) {
       peers.general_long_score_N2 = std::min(peers.general_long_score_N2, candidate->long_score_N2);
@@ -128,7 +131,8 @@ bool CandidateChoice::memory_takes_over(const Eigen::Vector3d& ahead_m,
                                         std::size_t rendered) noexcept {
   Candidate& memory = *candidates_.all[candidates_.memory];
   const Candidate& other = *candidates_.all[rendered];
-  if (candidates_.memory_role->outdated() || other.knows_path() || other.field().knows_walls() ||
+  if (candidates_.memory_role->outdated() || other.knows_path() || other.claims() ||
+      other.field().knows_walls() ||
       memory.score_N2 > thresholds_.no_worse * thresholds_.no_worse * other.score_N2) {
     return false;
   }

@@ -25,9 +25,11 @@ struct Candidates {
   std::size_t walls = kNone;       ///< the same
   std::size_t unfinished = kNone;  ///< the same
   std::size_t newest = kNone;      ///< the same
+  std::size_t moved = kNone;       ///< the same
   std::size_t alone = 0;           ///< the same: it begins, while the others sleep
   MemoryCandidate* memory_role = nullptr;
   RelaxationCandidate* relaxation = nullptr;
+  MovedCandidate* moved_role = nullptr;
 };
 
 /// A sample as the candidates have evaluated it.

@@ -197,6 +197,56 @@ Candidate::Accept NewestCandidate::accept(const QueuedSample& sample, const Path
   return sample.before_contact || sample.observation.from_query ? Accept::kNoUse : Accept::kTake;
 }
 
+MovedCandidate::MovedCandidate(const char* name, const FieldSettings& settings,
+                               const EnsembleThresholds& thresholds)
+    : MovedCandidate(name, thresholds, std::make_unique<MovedField>(settings)) {}
+
+MovedCandidate::MovedCandidate(const char* name, const EnsembleThresholds& thresholds,
+                               std::unique_ptr<MovedField> field)
+    : Candidate(name, std::move(field), thresholds.specialist_weight, thresholds),
+      field_(static_cast<MovedField*>(&this->field())),
+      surprises_(thresholds.score_kept, 1.0) {}
+
+Candidate::Accept MovedCandidate::accept(const QueuedSample& sample, const PathAtSample& /*path*/,
+                                         Observation& /*observation*/) const noexcept {
+  return sample.before_contact || sample.observation.from_query ? Accept::kNoUse : Accept::kTake;
+}
+
+bool MovedCandidate::on_taken(const Innovation& innovation, bool from_query) noexcept {
+  if (from_query) {
+    return false;
+  }
+  const double left = field_->strength() / strength_;
+  strength_ = field_->strength();
+  // The first sample may have been of a small force.
+  const bool refines = innovation.explained && claimed_ && left > thresholds().weaker_refined;
+  surprises_.add(innovation.surprised && !refines);
+  const bool claims = innovation.explained && surprises_.rate() < thresholds().wall_calm &&
+                      (refines || left < thresholds().weaker_left);
+  claimed_ = claims || (claimed_ && !innovation.surprised);
+  return claims;
+}
+
+void MovedCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept {
+  double others_N2 = std::numeric_limits<double>::max();
+  for (std::size_t i = 0; i < errors_N2.size(); ++i) {
+    if (i != own) {
+      others_N2 = std::min(others_N2, errors_N2[i]);
+    }
+  }
+  claimed_ = claimed_ &&
+             errors_N2[own] <= thresholds().wall_refuted * others_N2 + thresholds().wall_refuted_N2;
+}
+
+double MovedCandidate::rate(const Peers& peers) const noexcept {
+  const bool proven =
+      peers.long_scored >= thresholds().long_enough &&
+      peers.general_long_score_N2 > thresholds().path_wrong_N2 &&
+      long_score_N2 < thresholds().path_better_for_long *
+                          std::min(peers.general_long_score_N2, peers.newest_long_score_N2);
+  return claimed_ || proven ? score_N2 : weight() * score_N2;
+}
+
 PlacesCandidate::PlacesCandidate(const char* name, const FieldSettings& settings,
                                  const EnsembleThresholds& thresholds)
     : Candidate(name, std::make_unique<ContactIndexedField>(settings), thresholds.places_weight,

@@ -7,6 +7,7 @@
 #include "forcegrid/kriging/candidate.h"
 #include "forcegrid/kriging/history.h"
 #include "forcegrid/kriging/kriging_store.h"
+#include "forcegrid/kriging/moved_field.h"
 
 namespace forcegrid::kriging {
 
@@ -37,6 +38,7 @@ class MemoryCandidate final : public Candidate {
                   const EnsembleThresholds& thresholds);
   bool on_taken(const Innovation& innovation, bool from_query) noexcept override;
   double rate(const Peers& peers) const noexcept override;
+  bool remembers() const noexcept override { return true; }
   std::size_t memory_bytes() const noexcept override;
 
   bool outdated() const noexcept { return surprises_.rate() > thresholds().outdated; }
@@ -117,6 +119,35 @@ class NewestCandidate final : public Candidate {
   bool served_early() const noexcept override { return true; }  // it takes no time
   Accept accept(const QueuedSample& sample, const PathAtSample& path,
                 Observation& observation) const noexcept override;
+};
+
+/// `moved`: the same object, moved or weaker (MovedField). It claims a sample that a weaker object
+/// explains, and its score counts once from then on until another candidate proves to be better, or
+/// while its long score is far below that of the general candidates; else as a specialist's.
+class MovedCandidate final : public Candidate {
+ public:
+  MovedCandidate(const char* name, const FieldSettings& settings,
+                 const EnsembleThresholds& thresholds);
+  Accept accept(const QueuedSample& sample, const PathAtSample& path,
+                Observation& observation) const noexcept override;
+  bool on_taken(const Innovation& innovation, bool from_query) noexcept override;
+  void on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept override;
+  double rate(const Peers& peers) const noexcept override;
+  ChoiceReason claim() const noexcept override { return ChoiceReason::kWeaker; }
+  bool remembers() const noexcept override { return true; }
+  bool claims() const noexcept override { return claimed_; }
+
+  /// Call once per servo cycle.
+  void set_time(double time_s) noexcept { field_->set_time(time_s); }
+
+ private:
+  MovedCandidate(const char* name, const EnsembleThresholds& thresholds,
+                 std::unique_ptr<MovedField> field);
+
+  MovedField* field_;
+  double strength_ = 1.0;  ///< before the last sample
+  SurpriseRate surprises_;
+  bool claimed_ = false;
 };
 
 /// `places`: distinguishes contact points (ContactIndexedField), so it uses answers to queries

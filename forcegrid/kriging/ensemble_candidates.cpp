@@ -64,6 +64,11 @@ class Builder {
       add<PlacesCandidate>("places", places, thresholds_);
       candidates_.newest = candidates_.all.size();
       add<NewestCandidate>("newest", settings_, thresholds_);
+      FieldSettings moved = settings_;
+      moved.nugget_N2 = kExactNugget_N2;
+      moved.stiffness_samples = kCandidateStiffnessSamples;
+      candidates_.moved = candidates_.all.size();
+      candidates_.moved_role = add<MovedCandidate>("moved", moved, thresholds_);
     }
     return std::move(candidates_);
   }

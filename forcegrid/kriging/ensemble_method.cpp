@@ -122,6 +122,9 @@ void EnsembleMethod::observe(double time_s, const Eigen::Vector3d& position_W) n
       observe_path();
     }
     follower_.tool_moved(motion_);
+    if (candidates_.moved_role != nullptr && candidates_.moved_role->awake()) {
+      candidates_.moved_role->set_time(time_s);
+    }
   }
 }
 
@@ -284,8 +287,11 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
     if (index != rendered_ && (entry.surprised || settled) &&
         choice_.trusts(candidate, rendered_)) {
-      hand_over(index, ChoiceReason::kFoundWall);
-      wall_found_at_ = number;
+      if (candidate.claim() == ChoiceReason::kWeaker) {  // its law was not wrong so far
+        candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
+      }
+      hand_over(index, candidate.claim());
+      claimed_at_ = number;
     }
   }
   const bool follows = index == candidates_.memory && candidate.next_sample() == queue_.taken();
@@ -333,8 +339,9 @@ void EnsembleMethod::score() noexcept {
     choice_.score(entry, rendered_);
     const std::size_t best = choice_.best(rendered_);
     // Samples from before a wall was found say nothing about it.
-    const bool before_wall = reason_ == ChoiceReason::kFoundWall && number < wall_found_at_;
-    if (best != rendered_ && !before_wall) {
+    const bool before_claim =
+        reason_ == candidates_.all[rendered_]->claim() && number < claimed_at_;
+    if (best != rendered_ && !before_claim) {
       hand_over(best, ChoiceReason::kPredictedBetter);
       until = evaluated_by_all();  // whom that woke takes the last samples first
     }
@@ -387,7 +394,8 @@ void EnsembleMethod::wake(std::size_t index) noexcept {
   begins_[index] =
       !from_now_on && candidate.field().can_begin_with() && candidate.next_sample() > 0;
   // Once for each sample that came: hand-overs wake and put to sleep, and could go on for ever.
-  if (!from_now_on && scored_again_at_ != taken) {
+  const bool first_of_moved = index == candidates_.moved && !wake_rule_.woken();
+  if (!from_now_on && !first_of_moved && scored_again_at_ != taken) {
     scored_again_at_ = taken;
     scored_ = std::min(scored_, taken - std::min(kScoredAtOnce, taken));
   }
@@ -411,24 +419,31 @@ int EnsembleMethod::begin(std::size_t index) noexcept {
   return candidate.piece_units();
 }
 
-// While `memory` sleeps, its store keeps what it will be asked for.
-bool EnsembleMethod::memory_has_missed() const noexcept {
-  if (candidates_.memory == Candidates::kNone) {
-    return false;
-  }
-  const Candidate& memory = *candidates_.all[candidates_.memory];
-  return !memory.awake() && memory.next_sample() < queue_.taken();
+// Whether it sleeps and has missed a sample. `memory` keeps all that it will be asked for; others
+// leave those that they would be scored by if they were woken.
+bool EnsembleMethod::has_missed(std::size_t index) const noexcept {
+  const Candidate& candidate = *candidates_.all[index];
+  const std::uint64_t left = index == candidates_.memory ? 0 : kScoredAtOnce;
+  return candidate.remembers() && !candidate.awake() &&
+         candidate.next_sample() + left < queue_.taken();
 }
 
-// @returns the units of work done.
+// @returns the units of work done; 0 if nobody has missed anything.
 int EnsembleMethod::remember() noexcept {
-  Candidate& memory = *candidates_.all[candidates_.memory];
-  const kriging::QueuedSample& sample = queue_.at(memory.next_sample());
-  memory.advance();
-  if (!sample.before_contact) {
-    memory.field().remember(sample.observation);
+  int done = 0;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    if (has_missed(i)) {
+      Candidate& candidate = *candidates_.all[i];
+      const kriging::QueuedSample& sample = queue_.at(candidate.next_sample());
+      candidate.advance();
+      const bool lags = i == candidates_.moved && sample.unfinished;
+      if (!sample.before_contact && !lags) {
+        candidate.field().remember(sample.observation);
+      }
+      ++done;
+    }
   }
-  return 1;
+  return done;
 }
 
 void EnsembleMethod::hand_over(std::size_t index, ChoiceReason reason) noexcept {
@@ -494,7 +509,8 @@ bool EnsembleMethod::is_paid_for(std::size_t next) const noexcept {
 // @returns the units of work done; 0 if there was nothing to do.
 int EnsembleMethod::do_piece(std::size_t next, int budget) noexcept {
   if (next == Candidates::kNone) {
-    return memory_has_missed() ? remember() : may_follow() ? follow() : 0;
+    const int remembered = remember();
+    return remembered > 0 ? remembered : may_follow() ? follow() : 0;
   }
   int done = 0;
   if (begins_[next]) {

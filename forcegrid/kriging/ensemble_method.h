@@ -31,9 +31,10 @@ namespace forcegrid {
 ///
 /// - `kriging-bank`: nine candidates for noise, kinks, objects that remember, and one-sided
 ///   constraints. Needs: force.
-/// - `auto`: without the two of these that gain nothing beside the others, and with four more, for
-///   places touched long ago, for a simulator that has not converged, for relaxation, and for
-///   places of first touch. Needs: force; contact point and requests before contact if available.
+/// - `auto`: without the two of these that gain nothing beside the others, and with six more, for
+///   places touched long ago, for a simulator that has not converged, for relaxation, for places of
+///   first touch, and for objects that change all the time or are moved or weakened. Needs: force;
+///   contact point and requests before contact if available.
 ///
 /// kriging::make_candidates() makes the candidates. kriging::CandidateChoice scores them and
 /// decides when another takes over; kriging::Candidate, what a role changes in that;
@@ -146,7 +147,7 @@ class EnsembleMethod final : public ForceMethod {
   bool is_paid_for(std::size_t next) const noexcept;
   bool all_ready() const noexcept;
   int do_piece(std::size_t next, int budget) noexcept;
-  bool memory_has_missed() const noexcept;
+  bool has_missed(std::size_t index) const noexcept;
   int remember() noexcept;
   std::size_t next_to_serve() const noexcept;
   int take_next(std::size_t index) noexcept;
@@ -188,7 +189,7 @@ class EnsembleMethod final : public ForceMethod {
   std::array<EvaluatedSample, kriging::SampleQueue::kLength> evaluated_{};
   std::uint64_t scored_ = 0;           ///< samples whose errors are in the scores
   std::uint64_t scored_again_at_ = 0;  ///< queue_.taken() when the last were scored once more
-  std::uint64_t wall_found_at_ = 0;    ///< number of the sample that `walls` took over with
+  std::uint64_t claimed_at_ = 0;       ///< number of the sample that one alone explained, last
   kriging::WakeRule wake_rule_;
   std::array<std::uint64_t, kMaxCandidates> level_at_{};  ///< a woken one catches up until there
   std::array<bool, kMaxCandidates> begins_{};             ///< woken, and not begun yet

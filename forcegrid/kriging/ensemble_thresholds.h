@@ -82,6 +82,14 @@ struct EnsembleThresholds {
   /// was below the rendered one's. [choice]
   double wall_trusted = 0.1;
 
+  // The same object, moved or weaker: `moved`.
+
+  /// It claims a sample that leaves less than this of the object's strength ... [choice]
+  double weaker_left = 0.8;
+  /// ... and the next ones, if they leave more than this. [choice]
+  double weaker_refined = 0.9;
+  int moved_samples = 30;  ///< before it wakes with all others. [choice]
+
   // Candidates that know the tool's path.
 
   /// As score_kept, for the long score: an average over about 12 samples. [jelly]

@@ -53,6 +53,7 @@ struct Observation {
   bool has_stiffness = false;
   Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
   bool from_query = false;
+  double time_s = 0.0;  ///< of the servo's clock
   /// How much the force has risen since the simulator's previous answer, if that was of this
   /// contact.
   bool has_rise = false;

@@ -32,6 +32,7 @@ void SampleQueue::push(const Sample& sample, const ContactState& contact,
   o.origin_W = entry.before_contact ? sample.contact_point_W : contact.origin_W();
   o.position_m = sample.position_W - o.origin_W;
   o.force_N = sample.force_W;
+  o.time_s = sample.time_s;
   o.from_query = sample.from_query;
   o.contact = contact.number();
   o.has_stiffness = sample.has_stiffness && sample.stiffness_W.allFinite();

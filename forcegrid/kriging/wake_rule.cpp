@@ -272,7 +272,17 @@ bool WakeRule::path_needed_lately() const noexcept {
   return false;
 }
 
+// At first there is nothing that could have moved, and answers that have not converged lag behind
+// as if the object had.
+bool WakeRule::moved_is_no_cause() const noexcept {
+  return unfinished_for_ > 0 ||
+         (!woken() && queued_ < static_cast<std::uint64_t>(thresholds_.moved_samples));
+}
+
 bool WakeRule::awake(std::size_t index) const noexcept {
+  if (index == candidates_.moved && enabled_ && index != rendered_ && moved_is_no_cause()) {
+    return false;
+  }
   if ((all_awake_ && !hopeless_[index]) || index == rendered_ || index == auditioned_ ||
       index == candidates_.newest) {
     return true;

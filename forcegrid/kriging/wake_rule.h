@@ -14,11 +14,11 @@ namespace forcegrid::kriging {
 
 /// Which candidates of `auto` are awake. The others take no samples and cost nothing.
 ///
-/// Everybody is awake for the first samples and, later, from the moment at which the rendered
-/// candidate's innovations are larger than it says (Misfit). All sleep once that was no use: over
-/// the last samples the rendered candidate alone would have done as well as the choice between all
-/// has done, and no other one alone better. As long as a candidate that knows the path has been
-/// rendered lately, nobody sleeps for that reason.
+/// Everybody but `moved` is awake for the first samples and everybody, later, from the moment at
+/// which the rendered candidate's innovations are larger than it says (Misfit). All sleep once that
+/// was no use: over the last samples the rendered candidate alone would have done as well as the
+/// choice between all has done, and no other one alone better. As long as a candidate that knows
+/// the path has been rendered lately, nobody sleeps for that reason.
 ///
 /// Single candidates sleep while the others are awake if they are hopeless: over the last samples
 /// their squared errors are `hopeless` times those of the rendered one, not by a few samples alone,
@@ -64,6 +64,8 @@ class WakeRule {
 
   bool awake(std::size_t index) const noexcept;
   bool all_awake() const noexcept { return all_awake_; }
+  /// Whether all woke again after the first samples.
+  bool woken() const noexcept { return all_woken_ != 0; }
   /// Whether `places` sleeps while a contact begins whose samples it should remember.
   bool places_misses() const noexcept { return places_learn_ && !awake(candidates_.places); }
   /// The multiple of the rendered candidate's score that a woken candidate begins with.
@@ -93,6 +95,7 @@ class WakeRule {
   bool rendered_within(std::size_t index, int samples) const noexcept;
   bool kept_lately(std::size_t index) const noexcept;
   bool path_needed_lately() const noexcept;
+  bool moved_is_no_cause() const noexcept;
 
   const Candidates& candidates_;
   const EnsembleThresholds& thresholds_;

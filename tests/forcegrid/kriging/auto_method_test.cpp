@@ -25,7 +25,7 @@ TEST(AutoMethod, IsTheDefaultAndNamesItsCandidates) {
   EXPECT_STREQ(kDefaultMethod, "auto");
   const auto method = make_force_method(kDefaultMethod, {});
   EXPECT_STREQ(method->name(), "auto");
-  EXPECT_EQ(method->candidates().size(), 12u);
+  EXPECT_EQ(method->candidates().size(), 13u);
   EXPECT_TRUE(method->needs().requests_before_contact);
   EXPECT_FALSE(method->needs().requests);
   EXPECT_FALSE(method->needs().stiffness);

@@ -155,9 +155,9 @@ TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
 }
 
 TEST_F(CandidateChoiceTest, NamesItsCandidatesInAFixedOrder) {
-  const char* const names[] = {"smooth",     "exact",         "noisy",  "very noisy",
-                               "viscous",    "noisy viscous", "walls",  "memory",
-                               "unfinished", "relaxing",      "places", "newest"};
+  const char* const names[] = {"smooth",        "exact",  "noisy",  "very noisy", "viscous",
+                               "noisy viscous", "walls",  "memory", "unfinished", "relaxing",
+                               "places",        "newest", "moved"};
   ASSERT_EQ(candidates_.all.size(), std::size(names));
   for (std::size_t i = 0; i < std::size(names); ++i) {
     EXPECT_STREQ(candidates_.all[i]->name(), names[i]);

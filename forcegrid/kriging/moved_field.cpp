@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forcegrid/kriging/moved_field.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace forcegrid::kriging {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr int kIterations = 3;
+constexpr double kAnything_N = 1.0;  // deviation of a change that has another cause
+constexpr double kClearly_nats = 3.0;
+
+// ln N(e; 0, S) but for a constant.
+double log_likelihood(const Vector3d& e, const Matrix3d& s) noexcept {
+  return -0.5 * (e.dot(s.inverse() * e) + std::log(s.determinant()));
+}
+
+}  // namespace
+
+MovedField::MovedField(const FieldSettings& settings) noexcept : Base(settings) {}
+
+Observation MovedField::in_own_frame(const Observation& observation) const noexcept {
+  Observation own = observation;
+  own.position_m -= shift_m_;
+  own.force_N /= strength_;
+  own.stiffness_N_per_m /= strength_;
+  return own;
+}
+
+bool MovedField::seeks_explanation(const Observation& /*observation*/, const Vector3d& /*error_N*/,
+                                   const Innovation& /*innovation*/) noexcept {
+  return seeks_;
+}
+
+void MovedField::set_time(double time_s) noexcept {
+  ahead_m_ = shift_m_;
+  if (open_) {
+    ahead_m_ += std::clamp(time_s - time_s_, 0.0, kLongest_s) * velocity_m_per_s_;
+  }
+}
+
+Innovation MovedField::take(const Observation& observation) noexcept {
+  finish();
+  nearest_pair_m2_ = -1.0;
+  Innovation innovation;
+  if (open_ && moves_on(observation) && sample_count_ > 0) {
+    innovation = take_open(observation);
+  } else {
+    innovation = Base::take(in_own_frame(observation));
+    innovation.error_N *= strength_;
+    if (innovation.unfinished) {
+      innovation.unfinished = false;
+      explain(observation, innovation);
+    }
+  }
+  if (!observation.from_query) {
+    time_s_ = observation.time_s;
+    moved_contact_ = observation.contact;
+  }
+  set_time(time_s_);
+  return innovation;
+}
+
+// Advances the filter to the sample's time. @returns false, and closes it, if it can't.
+bool MovedField::moves_on(const Observation& observation) noexcept {
+  const double dt_s = observation.from_query ? 0.0 : observation.time_s - time_s_;
+  if (observation.contact != moved_contact_ || !(dt_s >= 0.0 && dt_s < kLongest_s)) {
+    close();
+    return false;
+  }
+  shift_m_ += dt_s * velocity_m_per_s_;
+  Covariance step = Covariance::Identity();
+  step.topRightCorner<3, 3>().diagonal().setConstant(dt_s);
+  covariance_ = step * covariance_ * step.transpose();
+  if (dt_s > 0.0) {
+    const double change = kUnsteady * velocity_m_per_s_.norm() + kUnsteady_m_per_s;
+    covariance_.bottomRightCorner<3, 3>().diagonal().array() += change * change;
+  }
+  return true;
+}
+
+// Needs the covariances of the observation with the rows, solved, in x_.
+MovedField::Prediction MovedField::prediction(const Observation& own) noexcept {
+  Prediction prediction;
+  prediction.mean_N = factor_.template mean<3>(x_);
+  prediction.error_N = own.force_N - prediction.mean_N;
+  prediction.variance_N2 =
+      (settings().kernel.force_force(own.position_m, own.history, own.position_m, own.history) -
+       factor_.template explained<3>(x_)) *
+      data_scale();
+  prediction.variance_N2.diagonal().array() += settings().nugget_N2;
+  const bool put_off = collapse_due_;
+  if (put_off) {
+    Base::expect_reads(true);
+  }
+  prediction.slope_N_per_m = Base::stiffness_N_per_m(own.position_m, own.history);
+  if (put_off) {
+    Base::expect_reads(false);
+  }
+  return prediction;
+}
+
+MovedField::Prediction MovedField::predict(const Observation& observation) noexcept {
+  const Observation own = in_own_frame(observation);
+  covariances_of_force(own.position_m, own.history, x_);
+  factor_.solve(x_, 3);
+  return prediction(own);
+}
+
+Innovation MovedField::take_open(const Observation& observation) noexcept {
+  const Prediction p = predict(observation);
+  Innovation innovation;
+  innovation.predicted = true;
+  innovation.error_N = strength_ * p.error_N.norm();
+  const Matrix3d s = p.variance_N2 + p.slope_N_per_m * covariance_.topLeftCorner<3, 3>() *
+                                         p.slope_N_per_m.transpose();
+  innovation.normalised = p.error_N.dot(s.inverse() * p.error_N) / 3.0;
+  innovation.surprised = innovation.normalised > settings().surprise;
+  if (innovation.surprised) {
+    explain(observation, innovation);
+    return innovation;
+  }
+  const bool teaches_f = teaches(p);
+  if (!correct_shift(observation, p)) {
+    close();
+  } else {
+    close_if_at_rest();
+  }
+  if (teaches_f) {
+    seeks_ = false;
+    innovation.doubt_N2 = Base::take(in_own_frame(observation)).doubt_N2;
+    seeks_ = true;
+  }
+  return innovation;
+}
+
+// A surprise: finds its cause, and lets f take the sample if that leaves something to learn.
+void MovedField::explain(const Observation& observation, Innovation& innovation) noexcept {
+  const Prediction p = predict(observation);
+  if (!open_) {
+    covariance_.setZero();
+    velocity_m_per_s_.setZero();
+  }
+  Covariance wider = covariance_;
+  wider.diagonal().head<3>().array() += kOpen_m * kOpen_m;
+  wider.diagonal().tail<3>().array() += kOpen_m_per_s * kOpen_m_per_s;
+  const double moved_nats =
+      log_likelihood(p.error_N, p.variance_N2 + p.slope_N_per_m * wider.topLeftCorner<3, 3>() *
+                                                    p.slope_N_per_m.transpose());
+  const Matrix3d weaker_N2 = p.variance_N2 + kWeaker * kWeaker * p.mean_N * p.mean_N.transpose();
+  const double weaker_nats = log_likelihood(p.error_N, weaker_N2);
+  Matrix3d anything_N2 = p.variance_N2;
+  anything_N2.diagonal().array() += kAnything_N * kAnything_N;
+  const double anything_nats = log_likelihood(p.error_N, anything_N2);
+  const double change = kWeaker * kWeaker * p.mean_N.dot(weaker_N2.inverse() * p.error_N);
+  bool teaches_f = true;
+  bool weaker =
+      weaker_nats > moved_nats && change < 0.0 && (1.0 + change) * strength_ > kLeastStrength;
+  if (weaker) {
+    strength_ *= 1.0 + change;
+  } else {
+    const Covariance before = covariance_;
+    covariance_ = wider;
+    teaches_f = teaches(p);
+    if (correct_shift(observation, p)) {
+      open_ = true;
+    } else {
+      covariance_ = before;
+      teaches_f = true;
+    }
+  }
+  if (teaches_f) {
+    seeks_ = false;
+    const Innovation taken = Base::take(in_own_frame(observation));
+    seeks_ = true;
+    innovation.doubt_N2 = taken.doubt_N2;
+    innovation.explained = weaker && !taken.surprised &&
+                           weaker_nats - std::max(moved_nats, anything_nats) > kClearly_nats;
+  }
+}
+
+// Whether f is less certain than the shift.
+bool MovedField::teaches(const Prediction& p) const noexcept {
+  return p.variance_N2.trace() >
+         (p.slope_N_per_m * covariance_.topLeftCorner<3, 3>() * p.slope_N_per_m.transpose())
+             .trace();
+}
+
+bool MovedField::correct_shift(const Observation& observation, const Prediction& p) noexcept {
+  const bool put_off = collapse_due_;
+  if (put_off) {
+    Base::expect_reads(true);
+  }
+  const Matrix3d before_m2 = covariance_.topLeftCorner<3, 3>();
+  Vector3d correction_m = Vector3d::Zero();
+  Vector3d scaled_N = Vector3d::Zero();
+  Matrix3d slope = p.slope_N_per_m;
+  Matrix3d inverse = Matrix3d::Zero();
+  Vector3d error_N = p.error_N;
+  for (int i = 0; i < kIterations; ++i) {
+    if (i > 0) {
+      const Vector3d at_m = observation.position_m - shift_m_ - correction_m;
+      slope = Base::stiffness_N_per_m(at_m, observation.history);
+      error_N = observation.force_N / strength_ - Base::read(at_m, observation.history).force_N;
+    }
+    inverse = (slope * before_m2 * slope.transpose() + p.variance_N2).inverse();
+    scaled_N = inverse * (error_N - slope * correction_m);
+    correction_m = -before_m2 * slope.transpose() * scaled_N;
+  }
+  if (put_off) {
+    Base::expect_reads(false);
+  }
+  if (!(correction_m.norm() < kFurthest_m)) {
+    return false;
+  }
+  const Eigen::Matrix<double, 6, 3> across = covariance_.leftCols<3>() * slope.transpose();
+  shift_m_ += correction_m;
+  velocity_m_per_s_ -= across.bottomRows<3>() * scaled_N;
+  // In Joseph's form, which stays positive.
+  const Eigen::Matrix<double, 6, 3> gain = across * inverse;
+  Covariance kept = Covariance::Identity();
+  kept.leftCols<3>() -= gain * slope;
+  covariance_ = kept * covariance_ * kept.transpose() + gain * p.variance_N2 * gain.transpose();
+  return true;
+}
+
+void MovedField::close_if_at_rest() noexcept {
+  if (velocity_m_per_s_.norm() < kRests_m_per_s &&
+      covariance_.topLeftCorner<3, 3>().trace() < 3.0 * kKnown_m * kKnown_m) {
+    close();
+  }
+}
+
+void MovedField::close() noexcept {
+  open_ = false;
+  velocity_m_per_s_.setZero();
+  covariance_.setZero();
+}
+
+// Keeps the samples as far apart as possible: another one comes in for that which is nearest to its
+// neighbour, if it is further from all. Near another sample the newer one stays.
+void MovedField::remember(const Observation& observation) noexcept {
+  if (observation.from_query) {
+    return;
+  }
+  transient_ = kNone;
+  const Observation own = in_own_frame(observation);
+  int nearest = kNone;
+  double nearest_m2 = std::numeric_limits<double>::max();
+  for (int i = 0; i < kMaxSamplesHeld; ++i) {
+    const Stored& s = stored_[static_cast<std::size_t>(i)];
+    const double d2 = s.used ? distance_m2(s, own.position_m, own.history, own.force_N)
+                             : std::numeric_limits<double>::max();
+    if (d2 < nearest_m2) {
+      nearest_m2 = d2;
+      nearest = i;
+    }
+  }
+  int leaves = kNone;
+  if (nearest != kNone && !settings().spacing.apart(nearest_m2)) {
+    leaves = nearest;
+  } else if (sample_count_ + 1 >= settings().samples) {
+    if (nearest_pair_m2_ < 0.0) {
+      find_nearest_pair();
+    }
+    if (nearest_m2 <= nearest_pair_m2_) {
+      return;
+    }
+    leaves = nearest_pair_;
+  }
+  if (leaves != kNone) {
+    stored_[static_cast<std::size_t>(leaves)].used = false;
+    --sample_count_;
+  }
+  place(own);
+  nearest_pair_m2_ = -1.0;
+}
+
+void MovedField::find_nearest_pair() noexcept {
+  nearest_pair_m2_ = std::numeric_limits<double>::max();
+  for (int i = 0; i < kMaxSamplesHeld; ++i) {
+    const Stored& a = stored_[static_cast<std::size_t>(i)];
+    for (int j = a.used ? i + 1 : kMaxSamplesHeld; j < kMaxSamplesHeld; ++j) {
+      const Stored& b = stored_[static_cast<std::size_t>(j)];
+      const double d2 = b.used ? distance_m2(a, b.position_m, b.history, b.force_N)
+                               : std::numeric_limits<double>::max();
+      if (d2 < nearest_pair_m2_) {
+        nearest_pair_m2_ = d2;
+        nearest_pair_ = a.order < b.order ? i : j;
+      }
+    }
+  }
+}
+
+bool MovedField::begin_with(std::span<const Observation> observations) noexcept {
+  block_count_ = 0;
+  blocks_due_ = 0;
+  begin_factor();
+  transient_ = kNone;
+  if (!observations.empty()) {
+    contact_ = observations.back().contact;
+  }
+  scale_ = 1.0;
+  scale_variance_ = 0.0;
+  close();
+  for (int i = 0; i < kMaxSamplesHeld; ++i) {
+    if (stored_[static_cast<std::size_t>(i)].used) {
+      append_later(i, false);
+      scale_variance_ = stored_[static_cast<std::size_t>(i)].contact == contact_
+                            ? scale_variance_
+                            : expected_scale_variance_;
+    }
+  }
+  finish_if_read();
+  return true;
+}
+
+Reading MovedField::read(const Vector3d& position_m, const History& history) const noexcept {
+  Reading reading = Base::read(position_m - ahead_m_, history);
+  reading.force_N *= strength_;
+  return reading;
+}
+
+Matrix3d MovedField::stiffness_N_per_m(const Vector3d& position_m,
+                                       const History& history) const noexcept {
+  return strength_ * Base::stiffness_N_per_m(position_m - ahead_m_, history);
+}
+
+double MovedField::deviation_N(const Vector3d& position_m, const History& history) const noexcept {
+  return strength_ * Base::deviation_N(position_m - ahead_m_, history);
+}
+
+}  // namespace forcegrid::kriging

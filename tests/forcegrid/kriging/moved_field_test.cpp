@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// An object in closed form that slides away or gets weaker: what the field says of it, against what
+// was done to it.
+
+#include "forcegrid/kriging/moved_field.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "forcegrid/kriging/ensemble_method.h"
+#include "tests/forcegrid/kriging/kriging_play.h"
+#include "tests/forcegrid/kriging/kriging_support.h"
+
+namespace forcegrid::kriging {
+namespace {
+
+using Eigen::Vector3d;
+using forcegrid::testing::AnchoredSprings;
+
+using forcegrid::testing::kPeriod_s;
+
+constexpr unsigned kSeed = 11;
+
+FieldSettings settings() {
+  FieldSettings settings;
+  settings.nugget_N2 = 1e-6;
+  return settings;
+}
+
+// A tool that goes around in some millimetres, as a hand that explores does.
+Vector3d hand_m(double time_s) {
+  return {0.006 * std::sin(1.3 * time_s), 0.005 * std::sin(1.7 * time_s + 1.0),
+          0.006 + 0.004 * std::sin(2.3 * time_s)};
+}
+
+// Thirty samples per second along that motion, of an object that is moved and weakened.
+struct Scene {
+  AnchoredSprings object{kSeed};
+  double strength = 1.0;
+  Vector3d moved_m = Vector3d::Zero();
+  int number = 0;
+
+  Vector3d force_N(const Vector3d& position_m) const {
+    return strength * object.force_N(position_m - moved_m);
+  }
+  Observation next() {
+    Observation o;
+    o.time_s = kPeriod_s * ++number;
+    o.position_m = hand_m(o.time_s);
+    o.force_N = force_N(o.position_m);
+    o.contact = 1;
+    return o;
+  }
+};
+
+// The largest error [N] at the places of the last `count` samples.
+double largest_error_N(const MovedField& field, const Scene& scene, int count) {
+  double largest_N = 0.0;
+  for (int i = 0; i < count; ++i) {
+    const Vector3d at_m = hand_m(kPeriod_s * (scene.number - i));
+    largest_N = std::max(largest_N,
+                         (field.read(at_m, History::Zero()).force_N - scene.force_N(at_m)).norm());
+  }
+  return largest_N;
+}
+
+TEST(MovedField, IsAnOrdinaryFieldOfAnObjectThatStays) {
+  Scene scene;
+  MovedField field(settings());
+  DictionaryField<float, 32, 4> plain(settings());
+  for (int i = 0; i < 60; ++i) {
+    const Observation o = scene.next();
+    EXPECT_EQ(field.take(o).error_N, plain.take(o).error_N);
+  }
+  const Vector3d at_m(0.002, -0.001, 0.004);
+  EXPECT_EQ(field.read(at_m, History::Zero()).force_N, plain.read(at_m, History::Zero()).force_N);
+  EXPECT_EQ(field.shift_m(), Vector3d::Zero());
+  EXPECT_EQ(field.strength(), 1.0);
+}
+
+TEST(MovedField, KnowsAllOfAWeakerObjectFromOneSample) {
+  Scene scene;
+  MovedField field(settings());
+  for (int i = 0; i < 240; ++i) {
+    field.take(scene.next());
+  }
+  const double before_N = largest_error_N(field, scene, 60);
+  ASSERT_FALSE(field.open());
+  const double strength = field.strength();
+  scene.strength = 0.6;
+  const Innovation innovation = field.take(scene.next());
+  EXPECT_TRUE(innovation.surprised);
+  EXPECT_TRUE(innovation.explained);
+  EXPECT_NEAR(field.strength(), 0.6 * strength, 0.005);
+  EXPECT_LT(largest_error_N(field, scene, 60), before_N + 0.01);
+}
+
+TEST(MovedField, FollowsAnObjectThatSlidesAndForeseesWhereItIs) {
+  Scene scene;
+  MovedField field(settings());
+  for (int i = 0; i < 240; ++i) {
+    field.take(scene.next());
+  }
+  const Vector3d from_m = field.shift_m();
+  const Vector3d velocity_m_per_s(2e-3, -1.5e-3, 0.5e-3);
+  Observation o;
+  for (int i = 1; i <= 60; ++i) {
+    scene.moved_m = kPeriod_s * i * velocity_m_per_s;
+    o = scene.next();
+    field.take(o);
+  }
+  EXPECT_TRUE(field.open());
+  EXPECT_LT((field.shift_m() - from_m - scene.moved_m).norm(), 0.15 * scene.moved_m.norm());
+  EXPECT_LT((field.velocity_m_per_s() - velocity_m_per_s).norm(), 0.4 * velocity_m_per_s.norm());
+  // Two periods later, which is as late as a sample may be, at the newest place.
+  scene.moved_m += 2.0 * kPeriod_s * velocity_m_per_s;
+  const double stale_N =
+      (field.read(o.position_m, History::Zero()).force_N - scene.force_N(o.position_m)).norm();
+  field.set_time(o.time_s + 2.0 * kPeriod_s);
+  const double foreseen_N =
+      (field.read(o.position_m, History::Zero()).force_N - scene.force_N(o.position_m)).norm();
+  EXPECT_LT(foreseen_N, 0.5 * stale_N);
+}
+
+TEST(MovedField, ComesToRestWithTheObject) {
+  Scene scene;
+  MovedField field(settings());
+  for (int i = 0; i < 240; ++i) {
+    field.take(scene.next());
+  }
+  for (int i = 1; i <= 30; ++i) {
+    scene.moved_m = kPeriod_s * i * Vector3d(3e-3, 0.0, 0.0);
+    field.take(scene.next());
+  }
+  for (int i = 0; i < 60; ++i) {
+    field.take(scene.next());
+  }
+  EXPECT_FALSE(field.open());
+  EXPECT_LT(largest_error_N(field, scene, 30), 0.02);
+}
+
+TEST(MovedField, TakesAStrongerForceForNoWeakerObject) {
+  Scene scene;
+  MovedField field(settings());
+  for (int i = 0; i < 240; ++i) {
+    field.take(scene.next());
+  }
+  scene.strength = 1.5;
+  EXPECT_FALSE(field.take(scene.next()).explained);
+  EXPECT_EQ(field.strength(), 1.0);
+}
+
+TEST(MovedField, BeginsWithWhatItRemembers) {
+  Scene scene;
+  MovedField field(settings());
+  for (int i = 0; i < 300; ++i) {
+    field.remember(scene.next());
+  }
+  EXPECT_LT(field.sample_count(), settings().samples);
+  EXPECT_TRUE(field.begin_with({}));
+  EXPECT_EQ(field.row_count(), 3 * field.sample_count());
+  EXPECT_LT(largest_error_N(field, scene, 300), 0.02);
+}
+
+// What the candidate is for: after a cut the force is right at once, also where the tool has not
+// been since.
+TEST(AutoMethod, RendersAWeakerObjectWhereItHasNotBeenSince) {
+  const AnchoredSprings object(kSeed);
+  constexpr double kCut_s = 8.0;
+  forcegrid::testing::Play play;
+  play.displacement_m = hand_m;
+  play.force_N = [&object](double time_s, const Vector3d& d_m) -> Vector3d {
+    return (time_s < kCut_s ? 1.0 : 0.5) * object.force_N(d_m);
+  };
+  play.duration_s = 10.0;
+  play.first_s =
+      kCut_s + 0.11;  // three periods: one until a sample shows it, one until it is there
+  EnsembleMethod method(EnsembleMethod::Kind::kAuto, {});
+  play.run(method);
+  EXPECT_STREQ(method.candidates()[method.rendered()], "moved");
+  EXPECT_LT(play.error_after_1s, 2e-3);
+}
+
+}  // namespace
+}  // namespace forcegrid::kriging
