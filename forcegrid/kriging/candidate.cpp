@@ -47,4 +47,10 @@ History Candidate::history_at(const Eigen::Vector3d& position_W,
   return history;
 }
 
+bool Candidate::is_proven(const Peers& peers, double others_N2) const noexcept {
+  return peers.long_scored >= thresholds_.long_enough &&
+         peers.general_long_score_N2 > thresholds_.path_wrong_N2 &&
+         long_score_N2 < thresholds_.path_better_for_long * others_N2;
+}
+
 }  // namespace forcegrid::kriging

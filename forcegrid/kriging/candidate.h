@@ -78,9 +78,9 @@ class Candidate {
   /// Whether the force depends on more than the position.
   virtual bool knows_path() const noexcept { return false; }
   /// Whether it explained what no other can, and was right since.
-  virtual bool claims() const noexcept { return false; }
+  virtual bool claim_stands() const noexcept { return false; }
   /// Why it takes over when it alone explains a sample.
-  virtual ChoiceReason claim() const noexcept { return ChoiceReason::kFoundWall; }
+  virtual ChoiceReason claim_reason() const noexcept { return ChoiceReason::kFoundWall; }
   /// Whether its field keeps samples while it sleeps.
   virtual bool remembers() const noexcept { return false; }
   virtual std::size_t memory_bytes() const noexcept;
@@ -132,6 +132,9 @@ class Candidate {
   int first_touches = 0;  ///< samples of its own in that average, which begins at zero
 
  protected:
+  /// Whether its long score is so far below `others_N2` that luck is no explanation, where the
+  /// general candidates are wrong.
+  bool is_proven(const Peers& peers, double others_N2) const noexcept;
   const EnsembleThresholds& thresholds() const noexcept { return thresholds_; }
   double least_uncertainty_N_;
   const ToolHistory* path_ = nullptr;  ///< of fields with history features

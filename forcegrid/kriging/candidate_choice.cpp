@@ -131,7 +131,7 @@ bool CandidateChoice::memory_takes_over(const Eigen::Vector3d& ahead_m,
                                         std::size_t rendered) noexcept {
   Candidate& memory = *candidates_.all[candidates_.memory];
   const Candidate& other = *candidates_.all[rendered];
-  if (candidates_.memory_role->outdated() || other.knows_path() || other.claims() ||
+  if (candidates_.memory_role->outdated() || other.knows_path() || other.claim_stands() ||
       other.field().knows_walls() ||
       memory.score_N2 > thresholds_.no_worse * thresholds_.no_worse * other.score_N2) {
     return false;

@@ -27,6 +27,16 @@ ToolHistory::TimeConstants force_time_constants_s() {
   return time_constants_s;
 }
 
+double least_of_others_N2(SquaredErrors errors_N2, std::size_t own) noexcept {
+  double least_N2 = std::numeric_limits<double>::max();
+  for (std::size_t i = 0; i < errors_N2.size(); ++i) {
+    if (i != own) {
+      least_N2 = std::min(least_N2, errors_N2[i]);
+    }
+  }
+  return least_N2;
+}
+
 }  // namespace
 
 ConstraintCandidate::ConstraintCandidate(const char* name, const FieldSettings& settings,
@@ -44,12 +54,7 @@ bool ConstraintCandidate::on_taken(const Innovation& innovation, bool from_query
 
 // A constraint is proven by samples that no candidate without it predicts well.
 void ConstraintCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept {
-  double others_N2 = std::numeric_limits<double>::max();
-  for (std::size_t i = 0; i < errors_N2.size(); ++i) {
-    if (i != own) {
-      others_N2 = std::min(others_N2, errors_N2[i]);
-    }
-  }
+  const double others_N2 = least_of_others_N2(errors_N2, own);
   const double own_N2 = errors_N2[own];
   if (!field().knows_walls() ||
       own_N2 > thresholds().wall_refuted * others_N2 + thresholds().wall_refuted_N2) {
@@ -107,11 +112,7 @@ Candidate::Accept UnfinishedCandidate::accept(const QueuedSample& sample,
 }
 
 double PathCandidate::rate(const Peers& peers) const noexcept {
-  const bool proven =
-      peers.long_scored >= thresholds().long_enough &&
-      peers.general_long_score_N2 > thresholds().path_wrong_N2 &&
-      long_score_N2 < thresholds().path_better_for_long * peers.general_long_score_N2;
-  return proven ? score_N2 : weight() * score_N2;
+  return is_proven(peers, peers.general_long_score_N2) ? score_N2 : weight() * score_N2;
 }
 
 HistoryCandidate::HistoryCandidate(const char* name, const FieldSettings& settings,
@@ -228,23 +229,14 @@ bool MovedCandidate::on_taken(const Innovation& innovation, bool from_query) noe
 }
 
 void MovedCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept {
-  double others_N2 = std::numeric_limits<double>::max();
-  for (std::size_t i = 0; i < errors_N2.size(); ++i) {
-    if (i != own) {
-      others_N2 = std::min(others_N2, errors_N2[i]);
-    }
-  }
+  const double others_N2 = least_of_others_N2(errors_N2, own);
   claimed_ = claimed_ &&
              errors_N2[own] <= thresholds().wall_refuted * others_N2 + thresholds().wall_refuted_N2;
 }
 
 double MovedCandidate::rate(const Peers& peers) const noexcept {
-  const bool proven =
-      peers.long_scored >= thresholds().long_enough &&
-      peers.general_long_score_N2 > thresholds().path_wrong_N2 &&
-      long_score_N2 < thresholds().path_better_for_long *
-                          std::min(peers.general_long_score_N2, peers.newest_long_score_N2);
-  return claimed_ || proven ? score_N2 : weight() * score_N2;
+  const double others_N2 = std::min(peers.general_long_score_N2, peers.newest_long_score_N2);
+  return claimed_ || is_proven(peers, others_N2) ? score_N2 : weight() * score_N2;
 }
 
 PlacesCandidate::PlacesCandidate(const char* name, const FieldSettings& settings,

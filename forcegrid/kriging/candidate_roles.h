@@ -123,7 +123,8 @@ class NewestCandidate final : public Candidate {
 
 /// `moved`: the same object, moved or weaker (MovedField). It claims a sample that a weaker object
 /// explains, and its score counts once from then on until another candidate proves to be better, or
-/// while its long score is far below that of the general candidates; else as a specialist's.
+/// while its long score is far below that of the general candidates and of `newest`; else as a
+/// specialist's.
 class MovedCandidate final : public Candidate {
  public:
   MovedCandidate(const char* name, const FieldSettings& settings,
@@ -133,9 +134,9 @@ class MovedCandidate final : public Candidate {
   bool on_taken(const Innovation& innovation, bool from_query) noexcept override;
   void on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept override;
   double rate(const Peers& peers) const noexcept override;
-  ChoiceReason claim() const noexcept override { return ChoiceReason::kWeaker; }
+  ChoiceReason claim_reason() const noexcept override { return ChoiceReason::kWeaker; }
   bool remembers() const noexcept override { return true; }
-  bool claims() const noexcept override { return claimed_; }
+  bool claim_stands() const noexcept override { return claimed_; }
 
   /// Call once per servo cycle.
   void set_time(double time_s) noexcept { field_->set_time(time_s); }

@@ -287,10 +287,11 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
     if (index != rendered_ && (entry.surprised || settled) &&
         choice_.trusts(candidate, rendered_)) {
-      if (candidate.claim() == ChoiceReason::kWeaker) {  // its law was not wrong so far
+      if (candidate.claim_reason() == ChoiceReason::kWeaker) {
+        // Nobody was wrong so far: whose score is less by luck must not take over from it.
         candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       }
-      hand_over(index, candidate.claim());
+      hand_over(index, candidate.claim_reason());
       claimed_at_ = number;
     }
   }
@@ -340,7 +341,7 @@ void EnsembleMethod::score() noexcept {
     const std::size_t best = choice_.best(rendered_);
     // Samples from before a wall was found say nothing about it.
     const bool before_claim =
-        reason_ == candidates_.all[rendered_]->claim() && number < claimed_at_;
+        reason_ == candidates_.all[rendered_]->claim_reason() && number < claimed_at_;
     if (best != rendered_ && !before_claim) {
       hand_over(best, ChoiceReason::kPredictedBetter);
       until = evaluated_by_all();  // whom that woke takes the last samples first

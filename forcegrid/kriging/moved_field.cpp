@@ -56,7 +56,7 @@ Innovation MovedField::take(const Observation& observation) noexcept {
     innovation.error_N *= strength_;
     if (innovation.unfinished) {
       innovation.unfinished = false;
-      explain(observation, innovation);
+      explain(observation, predict(in_own_frame(observation)), innovation);
     }
   }
   if (!observation.from_query) {
@@ -85,8 +85,9 @@ bool MovedField::moves_on(const Observation& observation) noexcept {
   return true;
 }
 
-// Needs the covariances of the observation with the rows, solved, in x_.
-MovedField::Prediction MovedField::prediction(const Observation& own) noexcept {
+MovedField::Prediction MovedField::predict(const Observation& own) noexcept {
+  covariances_of_force(own.position_m, own.history, x_);
+  factor_.solve(x_, 3);
   Prediction prediction;
   prediction.mean_N = factor_.template mean<3>(x_);
   prediction.error_N = own.force_N - prediction.mean_N;
@@ -106,15 +107,8 @@ MovedField::Prediction MovedField::prediction(const Observation& own) noexcept {
   return prediction;
 }
 
-MovedField::Prediction MovedField::predict(const Observation& observation) noexcept {
-  const Observation own = in_own_frame(observation);
-  covariances_of_force(own.position_m, own.history, x_);
-  factor_.solve(x_, 3);
-  return prediction(own);
-}
-
 Innovation MovedField::take_open(const Observation& observation) noexcept {
-  const Prediction p = predict(observation);
+  const Prediction p = predict(in_own_frame(observation));
   Innovation innovation;
   innovation.predicted = true;
   innovation.error_N = strength_ * p.error_N.norm();
@@ -123,7 +117,7 @@ Innovation MovedField::take_open(const Observation& observation) noexcept {
   innovation.normalised = p.error_N.dot(s.inverse() * p.error_N) / 3.0;
   innovation.surprised = innovation.normalised > settings().surprise;
   if (innovation.surprised) {
-    explain(observation, innovation);
+    explain(observation, p, innovation);
     return innovation;
   }
   const bool teaches_f = teaches(p);
@@ -141,8 +135,8 @@ Innovation MovedField::take_open(const Observation& observation) noexcept {
 }
 
 // A surprise: finds its cause, and lets f take the sample if that leaves something to learn.
-void MovedField::explain(const Observation& observation, Innovation& innovation) noexcept {
-  const Prediction p = predict(observation);
+void MovedField::explain(const Observation& observation, const Prediction& p,
+                         Innovation& innovation) noexcept {
   if (!open_) {
     covariance_.setZero();
     velocity_m_per_s_.setZero();
@@ -160,7 +154,7 @@ void MovedField::explain(const Observation& observation, Innovation& innovation)
   const double anything_nats = log_likelihood(p.error_N, anything_N2);
   const double change = kWeaker * kWeaker * p.mean_N.dot(weaker_N2.inverse() * p.error_N);
   bool teaches_f = true;
-  bool weaker =
+  const bool weaker =
       weaker_nats > moved_nats && change < 0.0 && (1.0 + change) * strength_ > kLeastStrength;
   if (weaker) {
     strength_ *= 1.0 + change;
@@ -239,6 +233,7 @@ void MovedField::close_if_at_rest() noexcept {
 
 void MovedField::close() noexcept {
   open_ = false;
+  ahead_m_ = shift_m_;
   velocity_m_per_s_.setZero();
   covariance_.setZero();
 }

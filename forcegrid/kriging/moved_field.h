@@ -31,8 +31,8 @@ namespace forcegrid::kriging {
 /// Asleep, it keeps samples by remember(): its dictionary without a factor, as far apart from each
 /// other as possible. begin_with() factorises that.
 ///
-/// Positions are relative to the contact point, and d is as well. Failure: turns, and a part of an
-/// object that moves against the rest.
+/// Positions are relative to the contact point, and d is as well. Failure: turns; a part of an
+/// object that moves against the rest; one that recovers, which f then learns anew.
 /// Cost: as DictionaryField; while it is open half as much more. Real-time: as Field. Threads: one.
 /// Source: Jazwinski, Stochastic Processes and Filtering Theory (1970), section 8.3, for the
 /// iterated filter; docs/kriging.md, "Moved or weaker".
@@ -86,9 +86,9 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   bool seeks_explanation(const Observation& observation, const Eigen::Vector3d& error_N,
                          const Innovation& innovation) noexcept override;
   Innovation take_open(const Observation& observation) noexcept;
-  void explain(const Observation& observation, Innovation& innovation) noexcept;
-  Prediction prediction(const Observation& own) noexcept;
-  Prediction predict(const Observation& observation) noexcept;
+  void explain(const Observation& observation, const Prediction& prediction,
+               Innovation& innovation) noexcept;
+  Prediction predict(const Observation& own) noexcept;
   bool moves_on(const Observation& observation) noexcept;
   bool correct_shift(const Observation& observation, const Prediction& prediction) noexcept;
   bool teaches(const Prediction& prediction) const noexcept;

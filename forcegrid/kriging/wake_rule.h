@@ -14,11 +14,12 @@ namespace forcegrid::kriging {
 
 /// Which candidates of `auto` are awake. The others take no samples and cost nothing.
 ///
-/// Everybody but `moved` is awake for the first samples and everybody, later, from the moment at
-/// which the rendered candidate's innovations are larger than it says (Misfit). All sleep once that
-/// was no use: over the last samples the rendered candidate alone would have done as well as the
-/// choice between all has done, and no other one alone better. As long as a candidate that knows
-/// the path has been rendered lately, nobody sleeps for that reason.
+/// Everybody but `moved` is awake for the first samples, `moved` some samples later, and never
+/// while the simulator has not converged. Everybody is awake, later, from the moment at which the
+/// rendered candidate's innovations are larger than it says (Misfit). All sleep once that was no
+/// use: over the last samples the rendered candidate alone would have done as well as the choice
+/// between all has done, and no other one alone better. As long as a candidate that knows the path
+/// has been rendered lately, nobody sleeps for that reason.
 ///
 /// Single candidates sleep while the others are awake if they are hopeless: over the last samples
 /// their squared errors are `hopeless` times those of the rendered one, not by a few samples alone,

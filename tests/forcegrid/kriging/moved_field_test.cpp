@@ -53,6 +53,12 @@ struct Scene {
     o.contact = 1;
     return o;
   }
+  // Eight seconds of the object as it is.
+  void teach(MovedField& field) {
+    for (int i = 0; i < 240; ++i) {
+      field.take(next());
+    }
+  }
 };
 
 // The largest error [N] at the places of the last `count` samples.
@@ -83,9 +89,7 @@ TEST(MovedField, IsAnOrdinaryFieldOfAnObjectThatStays) {
 TEST(MovedField, KnowsAllOfAWeakerObjectFromOneSample) {
   Scene scene;
   MovedField field(settings());
-  for (int i = 0; i < 240; ++i) {
-    field.take(scene.next());
-  }
+  scene.teach(field);
   const double before_N = largest_error_N(field, scene, 60);
   ASSERT_FALSE(field.open());
   const double strength = field.strength();
@@ -100,9 +104,7 @@ TEST(MovedField, KnowsAllOfAWeakerObjectFromOneSample) {
 TEST(MovedField, FollowsAnObjectThatSlidesAndForeseesWhereItIs) {
   Scene scene;
   MovedField field(settings());
-  for (int i = 0; i < 240; ++i) {
-    field.take(scene.next());
-  }
+  scene.teach(field);
   const Vector3d from_m = field.shift_m();
   const Vector3d velocity_m_per_s(2e-3, -1.5e-3, 0.5e-3);
   Observation o;
@@ -127,9 +129,7 @@ TEST(MovedField, FollowsAnObjectThatSlidesAndForeseesWhereItIs) {
 TEST(MovedField, ComesToRestWithTheObject) {
   Scene scene;
   MovedField field(settings());
-  for (int i = 0; i < 240; ++i) {
-    field.take(scene.next());
-  }
+  scene.teach(field);
   for (int i = 1; i <= 30; ++i) {
     scene.moved_m = kPeriod_s * i * Vector3d(3e-3, 0.0, 0.0);
     field.take(scene.next());
@@ -144,9 +144,7 @@ TEST(MovedField, ComesToRestWithTheObject) {
 TEST(MovedField, TakesAStrongerForceForNoWeakerObject) {
   Scene scene;
   MovedField field(settings());
-  for (int i = 0; i < 240; ++i) {
-    field.take(scene.next());
-  }
+  scene.teach(field);
   scene.strength = 1.5;
   EXPECT_FALSE(field.take(scene.next()).explained);
   EXPECT_EQ(field.strength(), 1.0);
