@@ -162,8 +162,8 @@ TEST(LongFalconFault, FirmwareSlowBy20msIsEndured) {
   expect_endured(run_with("slow-firmware:ms=20"));
 }
 
-TEST(LongFalconFault, PacketsLateBy50msEndTheRun) {
-  expect_motors_off(run_with("late-report:ms=50", 5.0), {"late_reports"}, 2.0);
+TEST(LongFalconFault, PacketsLateBy70msEndTheRun) {
+  expect_motors_off(run_with("late-report:ms=70", 5.0), {"late_reports"}, 2.0);
 }
 
 TEST(LongFalconFault, PacketsLateBy500msEndTheRun) {

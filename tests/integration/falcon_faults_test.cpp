@@ -212,9 +212,11 @@ INSTANTIATE_TEST_SUITE_P(
              kReplyWait_ms, false},
         Stop{"StatusOnly", "status-only:when=motors", Fault::kStaleReports, "no packet for 100 ms",
              140.0, kReplyWait_ms, false},
-        // Half of the time is allowed to be late; 50 ms every 50 ms uses a quarter of a second up,
-        // and longer as packets are close together: 0.9 to 1.2 s.
-        Stop{"LateByFiftyMilliseconds", "late-report:ms=50", Fault::kLateReports, "", 1500.0,
+        // Half of the time is allowed to be late; being late all the time uses a quarter of a
+        // second up in half a second. The driver sends anew after 40 ms, so that replies 70 ms late
+        // come in turns of at most 40 and at least 30 ms: each is late, in whatever phase. (Of 50
+        // ms every second one can be in time.)
+        Stop{"LateBySeventyMilliseconds", "late-report:ms=70", Fault::kLateReports, "", 700.0,
              kReplyWait_ms},
         Stop{"Corrupt", "corrupt-report", Fault::kImplausibleJump, "", 0.0, 0.0},
         Stop{"EncoderJumps", "jumping-encoder", Fault::kImplausibleJump, "", 0.0, 0.0},
