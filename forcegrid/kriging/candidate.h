@@ -81,6 +81,10 @@ class Candidate {
   virtual bool claim_stands() const noexcept { return false; }
   /// Why it takes over when it alone explains a sample.
   virtual ChoiceReason claim_reason() const noexcept { return ChoiceReason::kFoundWall; }
+  /// Whether it knows something of its own, for which it may be asked while all sleep.
+  virtual bool differs() const noexcept { return true; }
+  /// Called when its field has kept a sample while it sleeps.
+  virtual void on_remembered() noexcept {}
   /// Whether its field keeps samples while it sleeps.
   virtual bool remembers() const noexcept { return false; }
   virtual std::size_t memory_bytes() const noexcept;

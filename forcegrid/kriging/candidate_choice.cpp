@@ -77,7 +77,8 @@ std::size_t CandidateChoice::runner_up(std::size_t rendered) const noexcept {
   double least_N2 = std::numeric_limits<double>::max();
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const double rated_N2 = candidates_.all[i]->rate(peers);
-    if (i != rendered && candidates_.all[i]->awake() && rated_N2 < least_N2) {
+    if (i != rendered && candidates_.all[i]->awake() && candidates_.all[i]->differs() &&
+        rated_N2 < least_N2) {
       best = i;
       least_N2 = rated_N2;
     }

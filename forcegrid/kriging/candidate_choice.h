@@ -67,7 +67,7 @@ class CandidateChoice {
   void score(const EvaluatedSample& sample, std::size_t rendered) noexcept;
   /// The rendered candidate unless another is clearly better.
   std::size_t best(std::size_t rendered) const noexcept;
-  /// The best of the others that are awake.
+  /// The best of the others that are awake and know something of their own.
   std::size_t runner_up(std::size_t rendered) const noexcept;
   /// The candidate that begins a contact: `places` if it was asked about or knows the place, else
   /// the best at first touches. Restarts the scores from the record of first touches. Needs

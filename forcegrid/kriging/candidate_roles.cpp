@@ -236,7 +236,8 @@ void MovedCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own) noex
 
 double MovedCandidate::rate(const Peers& peers) const noexcept {
   const double others_N2 = std::min(peers.general_long_score_N2, peers.newest_long_score_N2);
-  return claimed_ || is_proven(peers, others_N2) ? score_N2 : weight() * score_N2;
+  const bool proven = differs() && is_proven(peers, others_N2);
+  return claimed_ || proven ? score_N2 : weight() * score_N2;
 }
 
 PlacesCandidate::PlacesCandidate(const char* name, const FieldSettings& settings,

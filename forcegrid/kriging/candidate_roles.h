@@ -133,8 +133,11 @@ class MovedCandidate final : public Candidate {
                 Observation& observation) const noexcept override;
   bool on_taken(const Innovation& innovation, bool from_query) noexcept override;
   void on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept override;
+  /// What surprises nobody that is awake wakes nobody.
+  void on_remembered() noexcept override { surprises_.add(false); }
   double rate(const Peers& peers) const noexcept override;
   ChoiceReason claim_reason() const noexcept override { return ChoiceReason::kWeaker; }
+  bool differs() const noexcept override { return field_->has_changed(); }
   bool remembers() const noexcept override { return true; }
   bool claim_stands() const noexcept override { return claimed_; }
 

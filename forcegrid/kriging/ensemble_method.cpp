@@ -440,6 +440,7 @@ int EnsembleMethod::remember() noexcept {
       const bool lags = i == candidates_.moved && sample.unfinished;
       if (!sample.before_contact && !lags) {
         candidate.field().remember(sample.observation);
+        candidate.on_remembered();
       }
       ++done;
     }

@@ -71,6 +71,8 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   const Eigen::Vector3d& velocity_m_per_s() const noexcept { return velocity_m_per_s_; }
   double strength() const noexcept { return strength_; }  ///< s
   bool open() const noexcept { return open_; }
+  /// Whether the object ever moved or got weaker; else this is one more DictionaryField.
+  bool has_changed() const noexcept { return open_ || strength_ < 1.0 || !shift_m_.isZero(); }
 
  private:
   using Base = DictionaryField<float, 32, 4>;

@@ -294,6 +294,7 @@ bool WakeRule::awake(std::size_t index) const noexcept {
     return contact_begins_;
   }
   return kept_lately(index) || (index == candidates_.unfinished && unfinished_for_ > 0) ||
+         (index == candidates_.moved && queued_ < walls_until_) ||
          (index == candidates_.walls &&
           (queued_ < walls_until_ || candidates_.all[index]->field().knows_walls()));
 }
