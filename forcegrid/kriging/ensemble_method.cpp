@@ -285,9 +285,10 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
     entry.explained = true;
     const bool settled =
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
-    if (index != rendered_ && (entry.surprised || settled) &&
+    const bool weaker = candidate.claim_reason() == ChoiceReason::kWeaker;
+    if (index != rendered_ && (entry.surprised || settled || weaker) &&
         choice_.trusts(candidate, rendered_)) {
-      if (candidate.claim_reason() == ChoiceReason::kWeaker) {
+      if (weaker) {
         // Nobody was wrong so far: whose score is less by luck must not take over from it.
         candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       }
