@@ -12,7 +12,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kOtherForce_N = 0.1;
-constexpr double kOtherForce = 0.01;  // of the true force
+constexpr double kOtherForce = 0.01;  // of the true force, ...
+constexpr double kNoForce_N = 1e-3;   // ... unless that is less than the simulator's own error
 
 class Blind {
  public:
@@ -26,7 +27,8 @@ class Blind {
       known_->slid_until_s = std::max(known_->slid_until_s, time_s);
     }
     const double other_N = (true_N - force_W(time_s, position_W)).norm();
-    if (other_N > kOtherForce_N || other_N > kOtherForce * true_N.norm()) {
+    if (!known_ || other_N > kOtherForce_N ||
+        other_N > std::max(kNoForce_N, kOtherForce * true_N.norm())) {
       known_ = object_.law_with_sample(known_.value_or(ForceLaw{}), time_s, position_W);
     }
   }
