@@ -288,10 +288,8 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
     const bool weaker = candidate.claim_reason() == ChoiceReason::kWeaker;
     if (index != rendered_ && (entry.surprised || settled || weaker) &&
         choice_.trusts(candidate, rendered_)) {
-      if (weaker) {
-        // Nobody was wrong so far: whose score is less by luck must not take over from it.
-        candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
-      }
+      // Nobody was wrong so far: whose score is less by luck must not take over from it.
+      candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       hand_over(index, candidate.claim_reason());
       claimed_at_ = number;
     }

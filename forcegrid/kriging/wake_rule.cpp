@@ -78,6 +78,7 @@ void WakeRule::rendered_had_no_use() noexcept {
 void WakeRule::wake_all() noexcept {
   all_awake_ = true;
   all_woken_ = queued_;
+  path_explained_ = path_needed_lately();
   auditioned_ = Candidates::kNone;
   restart_sums();
   worse_.fill(0.0);
@@ -272,11 +273,15 @@ bool WakeRule::path_needed_lately() const noexcept {
   return false;
 }
 
-// At first there is nothing that could have moved, and answers that have not converged lag behind
-// as if the object had.
+// At first there is nothing that could have moved; answers that have not converged lag behind as if
+// the object had, and so does a force that depends on the path.
 bool WakeRule::moved_is_no_cause() const noexcept {
-  return unfinished_for_ > 0 ||
-         (!woken() && queued_ < static_cast<std::uint64_t>(thresholds_.moved_samples));
+  if (unfinished_for_ > 0) {
+    return true;
+  }
+  return woken() ? path_explained_
+                 : path_needed_lately() ||
+                       queued_ < static_cast<std::uint64_t>(thresholds_.moved_samples);
 }
 
 bool WakeRule::awake(std::size_t index) const noexcept {

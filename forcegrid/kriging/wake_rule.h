@@ -113,6 +113,7 @@ class WakeRule {
 
   bool all_awake_ = true;
   std::uint64_t all_woken_ = 0;                    ///< number + 1 of the sample; 0: never again
+  bool path_explained_ = false;                    ///< a candidate that knows the path, until then
   int awake_for_ = 0;                              ///< scored samples, of the sums below
   double chosen_N2_ = 0.0;                         ///< squared errors of what was rendered, summed
   std::array<double, kMaxCandidates> alone_N2_{};  ///< the same of each candidate
