@@ -62,13 +62,22 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   std::size_t best = rendered;
   double least_N2 = thresholds_.hysteresis * candidates_.all[rendered]->rate(peers);
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
-    const double rated_N2 = candidates_.all[i]->rate(peers);
+    const double weight = is_lucky(i, rendered) ? thresholds_.lucky_weight : 1.0;
+    const double rated_N2 = weight * candidates_.all[i]->rate(peers);
     if (candidates_.all[i]->awake() && rated_N2 < least_N2) {
       best = i;
       least_N2 = rated_N2;
     }
   }
   return best;
+}
+
+// Whether it may be better than the rendered one by luck: over more samples it was worse. `walls`
+// and `newest` are right at once, or not at all.
+bool CandidateChoice::is_lucky(std::size_t index, std::size_t rendered) const noexcept {
+  return long_scored_ >= thresholds_.long_enough && index != rendered &&
+         index != candidates_.walls && index != candidates_.newest &&
+         candidates_.all[index]->long_score_N2 > candidates_.all[rendered]->long_score_N2;
 }
 
 std::size_t CandidateChoice::runner_up(std::size_t rendered) const noexcept {

@@ -84,6 +84,7 @@ class CandidateChoice {
 
  private:
   Peers peers() const noexcept;
+  bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
 
   Candidates& candidates_;
   const EnsembleThresholds& thresholds_;

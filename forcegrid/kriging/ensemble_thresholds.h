@@ -55,6 +55,8 @@ struct EnsembleThresholds {
   /// Another candidate takes over when its rating is below this share of the rendered one's, so
   /// that the choice does not flicker. [traces]
   double hysteresis = 0.9;
+  /// The same of one whose long score is above the rendered one's, with this weight. [wake]
+  double lucky_weight = 4.0;
   /// Weight of candidates that are seldom needed: elsewhere a lucky run of theirs costs accuracy.
   /// [traces]
   double specialist_weight = 3.0;
