@@ -97,44 +97,60 @@ std::size_t CandidateChoice::runner_up(std::size_t rendered) const noexcept {
 
 CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool origin_known,
                                                      std::size_t rendered) noexcept {
-  double least_N2 = std::numeric_limits<double>::max();
   // A candidate that slept at some first touches was averaged over fewer of them, from zero: as if
   // it had erred less.
   const auto weight_of = [this](const Candidate& candidate) {
     return 1.0 - std::pow(thresholds_.first_touch_kept, candidate.first_touches);
   };
+  // `places` is asked though it sleeps: first touches are what it is for.
+  const auto is_asked = [this](const auto& candidate) {
+    return candidate->awake() || candidate == candidates_.all[candidates_.places];
+  };
   double most_N2 = 0.0;
   double most_weight = 0.0;
   for (const auto& candidate : candidates_.all) {
-    if (candidate->awake()) {
+    if (is_asked(candidate)) {
       most_N2 = std::max(most_N2, candidate->first_touch_score_N2);
       most_weight = std::max(most_weight, weight_of(*candidate));
     }
   }
   for (const auto& candidate : candidates_.all) {
-    if (!candidate->awake()) {
-      continue;
-    }
-    if (first_touch_scored_) {
+    if (first_touch_scored_ && is_asked(candidate)) {
       const double weight = weight_of(*candidate);
       const double own_N2 = candidate->first_touch_score_N2;
       candidate->score_N2 = weight > 0.0 ? own_N2 * (most_weight / weight) : most_N2;
     }
-    least_N2 = std::min(least_N2, candidate->score_N2);
   }
-  Candidate& places = *candidates_.all[candidates_.places];
   if (answers_before >= thresholds_.enough_answers) {
-    places.score_N2 = least_N2 / places.weight();
+    Candidate& places = *candidates_.all[candidates_.places];
+    places.score_N2 = least_score_N2() / places.weight();
     return {candidates_.places, ChoiceReason::kAskedBefore};
   }
-  if (origin_known && places.field().sample_count() > 0 &&
-      places.score_N2 <= thresholds_.no_worse * least_N2 &&
-      places.field().deviation_N(thresholds_.probe_m, History::Zero()) <
-          thresholds_.known_place_N) {
-    places.score_N2 = least_N2 / places.weight();
+  if (origin_known && place_is_known()) {
     return {candidates_.places, ChoiceReason::kKnownPlace};
   }
   return {best(rendered), ChoiceReason::kFirstTouches};
+}
+
+// Of `places` and all that are awake.
+double CandidateChoice::least_score_N2() const noexcept {
+  double least_N2 = candidates_.all[candidates_.places]->score_N2;
+  for (const auto& candidate : candidates_.all) {
+    least_N2 = candidate->awake() ? std::min(least_N2, candidate->score_N2) : least_N2;
+  }
+  return least_N2;
+}
+
+bool CandidateChoice::place_is_known() noexcept {
+  Candidate& places = *candidates_.all[candidates_.places];
+  const double least_N2 = least_score_N2();
+  if (places.field().sample_count() == 0 || places.score_N2 > thresholds_.no_worse * least_N2 ||
+      !(places.field().deviation_N(thresholds_.probe_m, History::Zero()) <
+        thresholds_.known_place_N)) {
+    return false;
+  }
+  places.score_N2 = least_N2 / places.weight();
+  return true;
 }
 
 bool CandidateChoice::memory_takes_over(const Eigen::Vector3d& ahead_m,

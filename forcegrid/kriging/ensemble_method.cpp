@@ -182,6 +182,9 @@ void EnsembleMethod::contact_made(std::uint32_t /*epoch*/,
   answers_before_ = 0;
   wake_rule_.contact_made();
   follow_wake_rule();
+  place_undecided_ = asks_before_contact() && rendered_ != candidates_.places &&
+                     candidates_.all[candidates_.places]->awake() &&
+                     !candidates_.all[candidates_.places]->field().ready();
   update_uncertainty();
 }
 
@@ -477,7 +480,19 @@ int EnsembleMethod::prepare(std::size_t index, int budget) noexcept {
   if (candidate.expects_result() && candidate.field().ready()) {
     taken(index, candidate.take_result(), candidate.field().taken());
   }
+  if (place_undecided_ && index == candidates_.places && candidate.field().ready()) {
+    decide_on_place();
+  }
   return done;
+}
+
+// `places` has found out what it knows of a contact that has begun.
+void EnsembleMethod::decide_on_place() noexcept {
+  place_undecided_ = false;
+  if (contact_.in_contact() && contact_.has_origin() && rendered_ != candidates_.places &&
+      choice_.place_is_known()) {
+    hand_over(candidates_.places, ChoiceReason::kKnownPlace);
+  }
 }
 
 // Whether `memory` may have samples to exchange.
@@ -590,6 +605,9 @@ bool EnsembleMethod::plan_request(double time_s, const Eigen::Vector3d& position
   if (!asks_before_contact() || !contact_.expects(time_s)) {
     return false;
   }
+  wake_rule_.asked_before_contact();
+  follow_wake_rule();
+  idle_ = false;
   const kriging::Field& places = candidates_.all[candidates_.places]->field();
   return places.ready() &&
          requests_.plan_before_contact(

@@ -158,6 +158,7 @@ class EnsembleMethod final : public ForceMethod {
   void score() noexcept;
   void hand_over(std::size_t index, ChoiceReason reason) noexcept;
   int prepare(std::size_t index, int budget) noexcept;
+  void decide_on_place() noexcept;
   bool may_follow() const noexcept;
   int follow() noexcept;
   void update_uncertainty() noexcept;
@@ -184,7 +185,8 @@ class EnsembleMethod final : public ForceMethod {
   double force_observed_s_ = -1e300;
   kriging::ToolMotion motion_;
   kriging::ContactState contact_;
-  int answers_before_ = 0;  ///< for the expected contact
+  int answers_before_ = 0;        ///< for the expected contact
+  bool place_undecided_ = false;  ///< a contact has begun, and `places` is not ready
   kriging::SampleQueue queue_;
   std::array<EvaluatedSample, kriging::SampleQueue::kLength> evaluated_{};
   std::uint64_t scored_ = 0;           ///< samples whose errors are in the scores

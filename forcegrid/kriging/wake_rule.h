@@ -62,6 +62,8 @@ class WakeRule {
   bool scored(const CandidateChoice& choice) noexcept;
   void handed_over(std::size_t rendered) noexcept;
   void contact_made() noexcept;
+  /// Requests can be made for a contact that is expected: `places` says where.
+  void asked_before_contact() noexcept { contact_begins_ = true; }
 
   bool awake(std::size_t index) const noexcept;
   bool all_awake() const noexcept { return all_awake_; }

@@ -21,6 +21,23 @@ std::string rendered(const ForceMethod& method, const Vector3d& at_W) {
   return method.candidates()[method.force(100.0, at_W).candidate];
 }
 
+// A hand on springs for five seconds; `answer` makes the sample.
+template <typename Answer>
+void play(ForceMethod& method, const Answer& answer, double begin_s = 0.0) {
+  const HandMotion hand(kSeed);
+  method.contact_made(1, kPlace_W);
+  for (int i = 0; i < 2500; ++i) {
+    const double time_s = begin_s + 0.002 * i;
+    const Vector3d d_m = hand.position_m(0.002 * i);
+    method.observe(time_s, kPlace_W + d_m);
+    const Sample sample = answer(sample_at(time_s, kPlace_W, d_m));
+    if (i % 17 == 0) {
+      method.take_sample(sample);
+    }
+    work(method);
+  }
+}
+
 TEST(AutoMethod, IsTheDefaultAndNamesItsCandidates) {
   EXPECT_STREQ(kDefaultMethod, "auto");
   const auto method = make_force_method(kDefaultMethod, {});
@@ -45,45 +62,77 @@ TEST(AutoMethod, BeginsWithThePlaceThatItKnows) {
   EXPECT_LT(error_before_the_first_sample(*method, again_W), 0.03);
 }
 
-TEST(AutoMethod, BeginsWithWhatItHasAskedAbout) {
+// What `places` knows of the place where the tool is now is not there when the contact begins.
+TEST(AutoMethod, KnowsAPlaceAgainThatItLeftForAnother) {
   const auto method = make_auto();
-  double time_s = 10.0;
+  std::uint32_t contact = 0;
+  const auto hold_at = [&](const Vector3d& point_W) {
+    hold(*method, ++contact, point_W, 2.0 * contact);
+  };
+  const Vector3d there_W = kPlace_W + Vector3d(0.020, 0.0, 0.0);
+  for (const double aside_m : {0.0, 0.004, -0.003, 0.002}) {
+    hold_at(there_W + Vector3d(0.0, aside_m, 0.0));
+  }
+  for (int i = 0; i < 9; ++i) {  // more than its neighbours, so that none of these are left
+    hold_at(kPlace_W + Vector3d(0.0, 0.001 * (i - 4), 0.0));
+  }
+  play(
+      *method, [](const Sample& sample) { return sample; }, 2.0 * ++contact);
+  ASSERT_NE(rendered(*method, kPlace_W), "places") << "it is not served first";
+  const Vector3d again_W = there_W + Vector3d(0.0, 0.001, 0.0);
+  method->contact_made(++contact, again_W);
+  work(*method);
+  EXPECT_EQ(rendered(*method, again_W), "places");
+  EXPECT_EQ(method->force(40.0, again_W).reason, ChoiceReason::kKnownPlace);
+  EXPECT_LT(error_before_the_first_sample(*method, again_W), 0.03);
+}
+
+// The tool comes near an unknown place. @returns how many requests were made and answered.
+int approach(ForceMethod& method, const Vector3d& point_W, double& time_s) {
   int asked = 0;
   for (int i = 0; i < 30; ++i) {
     time_s += 0.008;
-    const Vector3d above_W = kPlace_W + Vector3d(0.0, 0.0, 0.01);
-    method->observe(time_s, above_W);
-    method->expect_contact(time_s, kPlace_W);
-    work(*method);
+    const Vector3d above_W = point_W + Vector3d(0.0, 0.0, 0.01);
+    method.observe(time_s, above_W);
+    method.expect_contact(time_s, point_W);
+    work(method);
     Vector3d wanted_W;
-    if (method->plan_request(time_s, above_W, wanted_W)) {
-      method->take_sample(answer_at(time_s, kPlace_W, wanted_W));
+    if (method.plan_request(time_s, above_W, wanted_W)) {
+      method.take_sample(answer_at(time_s, point_W, wanted_W));
       ++asked;
     }
   }
-  EXPECT_GE(asked, 4);
-  method->contact_made(1, kPlace_W);
-  work(*method);
-  EXPECT_EQ(rendered(*method, kPlace_W), "places");
-  EXPECT_EQ(method->force(time_s, kPlace_W).reason, ChoiceReason::kAskedBefore);
-  EXPECT_LT(error_before_the_first_sample(*method, kPlace_W), 0.1);
+  return asked;
 }
 
-// A hand on springs for five seconds; `answer` makes the sample.
-template <typename Answer>
-void play(ForceMethod& method, const Answer& answer) {
-  const HandMotion hand(kSeed);
-  method.contact_made(1, kPlace_W);
-  for (int i = 0; i < 2500; ++i) {
-    const double time_s = 0.002 * i;
-    const Vector3d d_m = hand.position_m(time_s);
-    method.observe(time_s, kPlace_W + d_m);
-    const Sample sample = answer(sample_at(time_s, kPlace_W, d_m));
-    if (i % 17 == 0) {
-      method.take_sample(sample);
-    }
-    work(method);
+void expect_begins_with_answers(ForceMethod& method, std::uint32_t contact, const Vector3d& point_W,
+                                double time_s, double at_most) {
+  method.contact_made(contact, point_W);
+  work(method);
+  EXPECT_EQ(rendered(method, point_W), "places");
+  EXPECT_EQ(method.force(time_s, point_W).reason, ChoiceReason::kAskedBefore);
+  EXPECT_LT(error_before_the_first_sample(method, point_W), at_most);
+}
+
+TEST(AutoMethod, BeginsWithWhatItHasAskedAbout) {
+  const auto method = make_auto();
+  double time_s = 10.0;
+  EXPECT_GE(approach(*method, kPlace_W, time_s), 4);
+  expect_begins_with_answers(*method, 1, kPlace_W, time_s, 0.1);
+}
+
+TEST(AutoMethod, AsksBeforeAContactThoughPlacesSlept) {
+  const auto method = make_auto();
+  play(*method, [](const Sample& sample) { return sample; });  // five seconds: all fall asleep
+  method->contact_lost();
+  for (std::uint32_t contact = 2; contact < 8; ++contact) {
+    hold(*method, contact, kPlace_W, 4.0 + 2.0 * contact);
   }
+  double time_s = 30.0;
+  const Vector3d elsewhere_W = kPlace_W + Vector3d(0.020, 0.0, 0.0);
+  EXPECT_GE(approach(*method, elsewhere_W, time_s), 4);
+  // Fewer requests than about the first place, which is half as stiff: without any, 0.5.
+  expect_begins_with_answers(*method, 8, elsewhere_W, time_s, 0.2);
 }
 
 TEST(AutoMethod, CorrectsASimulatorThatHasNotConverged) {

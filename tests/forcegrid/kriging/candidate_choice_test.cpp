@@ -60,6 +60,36 @@ TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
   EXPECT_EQ(candidates_.all[1]->score_N2, 0.0);
 }
 
+TEST_F(CandidateChoiceTest, TakesAFewBetterSamplesOfOneThatWasWorseForLuck) {
+  const std::size_t exact = index("exact");
+  const auto better = [&](double error_N2) {
+    for (int i = 0; i < 7; ++i) {
+      choice_.score(sample(1.0, exact, error_N2), 0);
+    }
+    return choice_.best(0);
+  };
+  for (int i = 0; i < 100; ++i) {
+    choice_.score(sample(1.0, exact, 4.0), 0);
+  }
+  EXPECT_EQ(better(0.05), 0u) << "1.05 of the score, 2.7 of the long one";
+  EXPECT_EQ(better(0.05), 0u) << "0.37, 1.5: luck";
+  EXPECT_EQ(better(0.05), exact) << "0.15, 0.87: no longer";
+  const std::size_t walls = index("walls");
+  for (int i = 0; i < 100; ++i) {
+    choice_.score(sample(1.0, walls, 4.0), 0);
+  }
+  for (int i = 0; i < 15; ++i) {
+    choice_.score(sample(1.0, walls, 0.0), 0);
+  }
+  EXPECT_GT(candidates_.all[walls]->long_score_N2, 1.0);
+  EXPECT_EQ(choice_.best(0), 0u) << "three times 0.35";
+  for (int i = 0; i < 1; ++i) {
+    choice_.score(sample(1.0, walls, 0.0), 0);
+  }
+  EXPECT_GT(candidates_.all[walls]->long_score_N2, 1.0);
+  EXPECT_EQ(choice_.best(0), walls) << "three times 0.297, not twelve";
+}
+
 TEST_F(CandidateChoiceTest, CountsTheErrorsOfSpecialistsMore) {
   const std::size_t viscous = index("viscous");
   for (int i = 0; i < 5; ++i) {  // too few to prove that the path counts

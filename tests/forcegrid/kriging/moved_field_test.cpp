@@ -181,5 +181,27 @@ TEST(AutoMethod, RendersAWeakerObjectWhereItHasNotBeenSince) {
   EXPECT_LT(play.error_after_1s, 2e-3);
 }
 
+// It slept, and the rendered one hardly errs: the first sample that shows the cut is of a small
+// force. 60 ms later the force is large, and half of what it was.
+TEST(AutoMethod, KnowsAWeakerObjectByASmallForceBeforeALargeOne) {
+  const AnchoredSprings object(kSeed);
+  constexpr double kCut_s = 8.0;
+  constexpr double kDeeper_s = kCut_s + 2.2 * kPeriod_s;
+  forcegrid::testing::Play play;
+  play.displacement_m = [](double time_s) -> Vector3d {
+    const bool rests = time_s > kCut_s - 0.5 && time_s < kDeeper_s;
+    return rests ? Vector3d(0.0, 0.0, 0.0003) : hand_m(time_s);
+  };
+  play.force_N = [&object](double time_s, const Vector3d& d_m) -> Vector3d {
+    return (time_s < kCut_s ? 1.0 : 0.5) * object.force_N(d_m);
+  };
+  play.duration_s = kDeeper_s + kPeriod_s;
+  play.first_s = kDeeper_s;
+  EnsembleMethod method(EnsembleMethod::Kind::kAuto, {});
+  play.run(method);
+  EXPECT_STREQ(method.candidates()[method.rendered()], "moved");
+  EXPECT_LT(play.error_after_1s, 0.02);
+}
+
 }  // namespace
 }  // namespace forcegrid::kriging

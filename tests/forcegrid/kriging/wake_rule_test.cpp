@@ -581,5 +581,49 @@ TEST(Auditions, OfTheRunnerUpTakeTwelveSamplesWithPausesThatDoubleUpTo192) {
   EXPECT_THAT(begun, ElementsAre(24, 60, 120, 228, 432, 636));
 }
 
+TEST(Auditions, AreNotForAFieldOfAnObjectThatHasNeverMoved) {
+  Sleepers s;
+  for (const auto& candidate : s.candidates.all) {
+    candidate->score_N2 = 2.0;
+  }
+  s.candidates.all[s.index("moved")]->score_N2 = 1.0;
+  s.all_fall_asleep();
+  for (int sample = 0; sample < 800; ++sample) {
+    s.queued("exact", kLongInContact_s, {});
+    ASSERT_FALSE(s.awake("moved")) << sample;
+  }
+}
+
+// Somebody must sleep for everybody to wake.
+void all_wake(Sleepers& s) {
+  s.rule.rendered_had_no_use();
+  ASSERT_TRUE(s.rule.woken());
+}
+
+TEST(Moved, SleepsForTheFirst30Samples) {
+  Sleepers s;
+  s.samples(29, "exact", {{"smooth", 0.5}});
+  EXPECT_FALSE(s.awake("moved"));
+  s.sample("exact", {{"smooth", 0.5}});
+  EXPECT_TRUE(s.awake("moved"));
+}
+
+TEST(Moved, WakesWithAllOthersUnlessTheForceDependedOnThePath) {
+  Sleepers s;
+  s.all_fall_asleep();
+  all_wake(s);
+  EXPECT_TRUE(s.awake("moved"));
+  Sleepers damped;
+  damped.samples(5, "viscous", {});
+  damped.rule.handed_over(damped.index("exact"));
+  damped.samples(70, "exact", {});  // until the path is no longer needed
+  ASSERT_FALSE(damped.rule.all_awake());
+  damped.rule.handed_over(damped.index("viscous"));
+  damped.sample("viscous", {});
+  all_wake(damped);
+  EXPECT_FALSE(damped.awake("moved"));
+  EXPECT_TRUE(damped.awake("smooth"));
+}
+
 }  // namespace
 }  // namespace forcegrid::kriging
