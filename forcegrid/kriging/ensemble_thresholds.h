@@ -44,6 +44,9 @@ struct EnsembleThresholds {
   int longest_contact_pause = 4;     ///< contacts, of `places` and `memory`. [choice]
   int audition_pause = 24;  ///< samples before the first two, then twice as many each. [wake]
   int longest_audition_pause = 192;  ///< samples. [choice]
+  /// [N] Deviation of the rendered candidate's force around the tool above which `memory` is asked.
+  /// [wake]
+  double unsure_N = 0.01;
   /// An auditioned candidate, `places` and `memory` begin with this multiple of the rendered one's
   /// score when they wake. [wake]
   double audition_handicap = 2.0;

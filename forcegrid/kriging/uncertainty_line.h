@@ -35,7 +35,9 @@ class UncertaintyLine {
         speed > 0.0 ? Eigen::Vector3d(motion.velocity_W() / speed) : Eigen::Vector3d::UnitX();
     const Eigen::Vector3d ahead_W = from_W_ + ahead_m * direction;
     from_N_ = deviation_at_N(from_W_);
-    slope_N_per_m_ = (deviation_at_N(ahead_W) - from_N_) / ahead_m;
+    const double ahead_N = deviation_at_N(ahead_W);
+    largest_N_ = std::max(from_N_, ahead_N);
+    slope_N_per_m_ = (ahead_N - from_N_) / ahead_m;
     direction_ = moves_m < kLeastAhead_m ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : direction;
   }
 
@@ -48,10 +50,14 @@ class UncertaintyLine {
                     from_N_ + slope_N_per_m_ * along_m + std::abs(slope_N_per_m_) * beside_m);
   }
 
+  /// [N] The larger one of the two.
+  double largest_N() const noexcept { return largest_N_; }
+
  private:
   Eigen::Vector3d from_W_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction_ = Eigen::Vector3d::Zero();
   double from_N_ = 0.0;
+  double largest_N_ = 0.0;
   double slope_N_per_m_ = 0.0;
 };
 

@@ -49,6 +49,22 @@ void WakeRule::audition() noexcept {
   audition_at_contact_ = false;
 }
 
+// The tool may be back at a place that `memory` has kept, unless there was an event since. Where a
+// contact begins, that is for `places`.
+void WakeRule::rendered_is_unsure() noexcept {
+  const bool event = all_awake_ || woken();
+  const bool begins = places_learn_ || contact_begins_ || rendered_ == candidates_.places;
+  const bool asked = queued_ < asked_until_ || rendered_ == candidates_.memory ||
+                     auditioned_ == candidates_.memory;
+  if (!enabled_ || event || begins || asked) {
+    return;
+  }
+  auditioned_ = candidates_.memory;
+  until_audition_ = thresholds_.audition_samples;
+  asked_until_ = queued_ + static_cast<std::uint64_t>(thresholds_.audition_samples +
+                                                      thresholds_.audition_pause);
+}
+
 void WakeRule::rendered_took(const Innovation& innovation) noexcept {
   if (!enabled_ || !innovation.predicted) {
     return;
@@ -234,6 +250,7 @@ bool WakeRule::AskedAtContact::next(int longest_pause) noexcept {
 void WakeRule::contact_made() noexcept {
   places_asked_ = ask_places_.next(thresholds_.longest_contact_pause);
   contact_begins_ = places_asked_;
+  places_learn_ = true;
   // The place may be known from long ago.
   if (ask_memory_.next(thresholds_.longest_contact_pause) && auditioned_ == Candidates::kNone) {
     until_audition_ = 1;

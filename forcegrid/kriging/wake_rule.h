@@ -62,6 +62,8 @@ class WakeRule {
   bool scored(const CandidateChoice& choice) noexcept;
   void handed_over(std::size_t rendered) noexcept;
   void contact_made() noexcept;
+  /// The rendered candidate does not know the force where the tool is or is going.
+  void rendered_is_unsure() noexcept;
   /// Requests can be made for a contact that is expected: `places` says where.
   void asked_before_contact() noexcept { contact_begins_ = true; }
 
@@ -135,6 +137,7 @@ class WakeRule {
   int until_audition_ = 0;  ///< samples, or those until the end of the present one
   int next_audition_ = 0;
   bool audition_at_contact_ = false;  ///< the next one
+  std::uint64_t asked_until_ = 0;     ///< number of a sample: `memory` was, where one was unsure
 };
 
 }  // namespace forcegrid::kriging

@@ -594,6 +594,37 @@ TEST(Auditions, AreNotForAFieldOfAnObjectThatHasNeverMoved) {
   }
 }
 
+TEST(Auditions, OfMemoryBeginWhereTheRenderedOneIsUnsureAndAtMostEvery36Samples) {
+  Sleepers s;
+  s.all_fall_asleep();
+  s.queued("exact", kLongInContact_s, {});
+  ASSERT_FALSE(s.awake("memory"));
+  s.rule.rendered_is_unsure();
+  int awake = 0;
+  for (int sample = 0; sample < 20; ++sample) {  // no other audition began
+    awake += s.awake("memory") ? 1 : 0;
+    s.queued("exact", kLongInContact_s, {});
+    s.rule.rendered_is_unsure();
+  }
+  EXPECT_EQ(awake, 12);
+  for (int sample = 0; sample < 16; ++sample) {
+    s.queued("exact", kLongInContact_s, {});
+  }
+  s.rule.rendered_is_unsure();
+  EXPECT_TRUE(s.awake("memory"));
+}
+
+TEST(Auditions, OfMemoryAreNotForAnObjectThatHasSurprised) {
+  Sleepers s;
+  s.all_fall_asleep();
+  s.rule.rendered_had_no_use();
+  ASSERT_TRUE(s.rule.woken());
+  s.samples(30, "exact", {});
+  ASSERT_FALSE(s.rule.all_awake());
+  s.rule.rendered_is_unsure();
+  EXPECT_FALSE(s.awake("memory"));
+}
+
 // Somebody must sleep for everybody to wake.
 void all_wake(Sleepers& s) {
   s.rule.rendered_had_no_use();
