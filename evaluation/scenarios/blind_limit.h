@@ -20,9 +20,9 @@ struct BlindLimit {
 /// cut, another place's stiffness, a slide. It renders the law that it knows until a sample arrives
 /// whose true force differs from that law's by more than 0.1 N or by more than 1 % of itself and 1
 /// mN, which is a converged simulator's own error; then it knows the walls that push there and how
-/// stiff the object is. In a slide it takes the object
-/// to be where the newest sample saw it. A method that makes requests, is given stiffness or
-/// touches that the loop sees, or extrapolates a slide may be better.
+/// stiff the object is. In a slide it takes the object to be where the newest sample saw it. A
+/// method that makes requests, is given stiffness or touches that the loop sees, or extrapolates a
+/// slide may be better.
 /// @throws ChartError for a trajectory that leaves the object's table.
 BlindLimit blind_limit(const TouchedObject& object, const Trace& trace);
 

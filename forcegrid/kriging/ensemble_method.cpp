@@ -486,10 +486,12 @@ int EnsembleMethod::prepare(std::size_t index, int budget) noexcept {
   return done;
 }
 
-// `places` has found out what it knows of a contact that has begun.
+// `places` has found out what it knows of a contact that has begun just now.
 void EnsembleMethod::decide_on_place() noexcept {
   place_undecided_ = false;
-  if (contact_.in_contact() && contact_.has_origin() && rendered_ != candidates_.places &&
+  const bool begins =
+      contact_.in_contact() && motion_.time_s() < contact_.begun_s() + thresholds_.places_learn_s;
+  if (begins && contact_.has_origin() && rendered_ != candidates_.places &&
       choice_.place_is_known()) {
     hand_over(candidates_.places, ChoiceReason::kKnownPlace);
   }
