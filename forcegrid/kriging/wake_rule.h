@@ -14,8 +14,9 @@ namespace forcegrid::kriging {
 
 /// Which candidates of `auto` are awake. The others take no samples and cost nothing.
 ///
-/// Everybody but `moved` is awake for the first samples, `moved` some samples later, and never
-/// while the simulator has not converged. Everybody is awake, later, from the moment at which the
+/// Everybody but `moved` is awake for the first samples, `moved` some samples later, and not
+/// where a lag looks like motion: while the simulator has not converged, and where the path
+/// explained the force when all woke. Everybody is awake, later, from the moment at which the
 /// rendered candidate's innovations are larger than it says (Misfit). All sleep once that was no
 /// use: over the last samples the rendered candidate alone would have done as well as the choice
 /// between all has done, and no other one alone better. As long as a candidate that knows the path
@@ -32,14 +33,16 @@ namespace forcegrid::kriging {
 ///   the one that began only if it was chosen or sufficed, or beside a specialist or others. They,
 ///   too, sleep once that was no use, unless everybody was woken lately;
 /// - `newest`, which costs nothing;
-/// - `walls` for some samples after each surprise, because walls can't wait, and while it knows
-///   one;
+/// - `walls` and `moved` for some samples after each surprise, because walls and cuts can't wait,
+///   and `walls` while it knows one;
 /// - `unfinished` while the simulator says that it has not converged;
-/// - `places` before a contact and at its beginning, after a win at every contact, and if it wins
+/// - `places` before a contact about which requests can be made, and at its beginning, after a win
+/// at every contact, and if it wins
 ///   nothing two and then four contacts apart;
 /// - one candidate at a time for an audition: what innovations do not show is that another one
 ///   knows more. It is the last runner-up, else `memory`, and `memory` where a contact begins.
-///   Auditions that nobody wins become seldom.
+///   Auditions that nobody wins become seldom. `memory` has one, too, where the rendered candidate
+///   is unsure.
 ///
 /// docs/kriging.md, "Who is awake". Real-time: nothing allocates, locks or throws. Threads: one.
 class WakeRule {
