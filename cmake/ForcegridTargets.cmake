@@ -128,13 +128,14 @@ endfunction()
 # All tests labelled unit that are configured.
 add_custom_target(forcegrid_unit_tests)
 
-# forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [LIVE] [SINGLE_THREADED] [TIMEOUT s])
+# forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [ALONE] [LIVE] [SINGLE_THREADED] [TIMEOUT s])
 # SERIAL: the test keeps deadlines; no other such test runs beside it.
+# ALONE: no test at all runs beside it.
 # LIVE: what it tests runs in real time, as all does that is labelled emulator: a failure while the
 # machine stood still is tried again (tests/support/live_main.cpp).
 # SINGLE_THREADED: it starts no thread, so that ThreadSanitizer has nothing to see in it.
 function(forcegrid_test name)
-  cmake_parse_arguments(arg "SERIAL;LIVE;SINGLE_THREADED" "TIMEOUT" "LABELS;SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(arg "SERIAL;ALONE;LIVE;SINGLE_THREADED" "TIMEOUT" "LABELS;SOURCES;LIBS" ${ARGN})
   if(arg_SINGLE_THREADED AND FORCEGRID_SANITIZE STREQUAL "thread")
     return()
   endif()
@@ -165,6 +166,9 @@ function(forcegrid_test name)
   set(properties LABELS "${arg_LABELS}")
   if(arg_SERIAL)
     list(APPEND properties RESOURCE_LOCK deadlines)
+  endif()
+  if(arg_ALONE)
+    list(APPEND properties RUN_SERIAL ON)
   endif()
   if(arg_LABELS STREQUAL "unit" AND NOT arg_LIVE AND NOT FORCEGRID_TESTS_ONE_BY_ONE)
     math(EXPR arg_TIMEOUT "4 * ${arg_TIMEOUT}")

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "evaluation/scenarios/network.h"
@@ -109,6 +110,29 @@ TEST(BlindLimit, IsWhatACutTakesUntilASampleArrives) {
     EXPECT_GT(expected_percent, 1.0);
     EXPECT_NEAR(cut.limit.after_1s_percent, expected_percent, 1e-6) << condition;
   }
+}
+
+// A converged simulator's own error is of a millinewton's size: a sample of less does not show a
+// cut, though it differs by more than 1 %; one of 12 mN does.
+TEST(BlindLimit, LearnsOfACutOnlyFromAForce) {
+  const SceneExtras extras = extras_of("cut");
+  Case cut = limit_of("hold", extras);
+  const auto limit_with_force_of = [&](double force_N) {
+    Trace trace = cut.trace;
+    DeliveredSample early;
+    early.sample.time_s = 7.001;
+    early.sample.position_W =
+        first_contact_point_W() + Vector3d(force_N / kStiffness_N_per_m, 0.0, 0.0);
+    early.delivered_s = 7.002;
+    const auto later =
+        std::find_if(trace.samples.begin(), trace.samples.end(),
+                     [&](const auto& sample) { return sample.delivered_s > early.delivered_s; });
+    trace.samples.insert(later, early);
+    return blind_limit(TouchedObject(cut.trajectory, springs(), extras, kServo_Hz), trace)
+        .after_1s_percent;
+  };
+  EXPECT_EQ(limit_with_force_of(0.5e-3), cut.limit.after_1s_percent);
+  EXPECT_LT(limit_with_force_of(12e-3), 0.8 * cut.limit.after_1s_percent);
 }
 
 // A slide at a constant velocity: a sample tells where the object was one period before it arrives.

@@ -20,12 +20,14 @@ namespace forcegrid {
 namespace {
 
 using nlohmann::json;
+using testing::address_in;
 using testing::fresh_folder;
 using ::testing::HasSubstr;
 using testing::kArm;
 using ::testing::Not;
 using testing::Program;
 using testing::run_of_two;
+using testing::servo_at;
 
 constexpr auto kTimeout = std::chrono::seconds(60);
 
@@ -281,31 +283,6 @@ INSTANTIATE_TEST_SUITE_P(
         Complaint{"ToolNumberAlone", {"--tool-number", "2"}, "--tool-number: the simulator"}),
     [](const auto& complaint) { return std::string(complaint.param.name); });
 
-std::vector<std::string> servo_at(const std::string& simulator, const std::string& number,
-                                  const std::string& y_mm, const std::string& folder,
-                                  const std::string& seconds) {
-  return {"run",
-          "--simulator",
-          simulator,
-          "--tool-number",
-          number,
-          "--out",
-          folder,
-          "--json",
-          folder + "/run.json",
-          "--seconds",
-          seconds,
-          "--device-offset-mm",
-          "0," + y_mm + ",0",
-          "--device-timeout-ms",
-          "400"};
-}
-
-std::string address_in(const std::string& line) {
-  const std::size_t begin = line.find(' ') + 1;
-  return line.substr(begin, line.find(' ', begin) - begin);
-}
-
 // As two surgeons do on two machines; here both are on this one.
 TEST(SeveralRuns, ShareOneSimulatorAndOneObject) {
   Program simulator = Program::forcegrid(
@@ -340,39 +317,6 @@ TEST(SeveralRuns, ShareOneSimulatorAndOneObject) {
   EXPECT_EQ(report.at("tools").at(0).at("contacts").get<int>() +
                 report.at("tools").at(1).at("contacts").get<int>(),
             2);
-}
-
-// A simulator that stood still while it answered a request must not take every later one for as
-// long.
-TEST(SeveralRuns, GetTheirRequestsAnsweredAfterTheSimulatorStoodStill) {
-  Program simulator = Program::forcegrid(
-      {"simulate", "--tools", "2", "--scene", "small", "--listen", "127.0.0.1:0"});
-  const std::string address = address_in(simulator.wait_for_line("listening "));
-  const auto with_requests = [&](const char* tool, const char* y_mm, const std::string& folder) {
-    std::vector<std::string> arguments = servo_at(address, tool, y_mm, folder, "8");
-    for (const char* more : {"--method", "forcegrid+request", "--requests-per-s", "60"}) {
-      arguments.emplace_back(more);
-    }
-    return arguments;
-  };
-  const std::string left_folder = fresh_folder("left_requests");
-  const std::string right_folder = fresh_folder("right_requests");
-  Program left = Program::forcegrid(with_requests("1", "-15", left_folder));
-  Program right = Program::forcegrid(with_requests("2", "15", right_folder));
-  ASSERT_TRUE(left.wait_for_text("Samples come"));
-  ASSERT_TRUE(right.wait_for_text("Samples come"));
-  for (int stop = 0; stop < 20; ++stop) {  // one of them hits an answer
-    simulator.send_signal(SIGSTOP);
-    std::this_thread::sleep_for(std::chrono::milliseconds(60));
-    simulator.send_signal(SIGCONT);
-    std::this_thread::sleep_for(std::chrono::milliseconds(40));
-  }
-  EXPECT_EQ(left.wait(kTimeout), 0) << left.standard_error();
-  EXPECT_EQ(right.wait(kTimeout), 0) << right.standard_error();
-  for (const std::string& folder : {left_folder, right_folder}) {
-    const json summary = summary_in(folder);
-    EXPECT_GT(4 * summary.at("answers_taken").get<int>(), summary.at("requests_made").get<int>());
-  }
 }
 
 TEST(SeveralRuns, AFaultOfOneBringsTheOtherToZeroForceToo) {
