@@ -289,8 +289,10 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
     const bool settled =
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
     const bool weaker = candidate.claim_reason() == ChoiceReason::kWeaker;
-    if (index != rendered_ && (entry.surprised || settled || weaker) &&
-        choice_.trusts(candidate, rendered_)) {
+    if (index == rendered_) {
+      reason_ = candidate.claim_reason();
+      claimed_at_ = number;
+    } else if ((entry.surprised || settled || weaker) && choice_.trusts(candidate, rendered_)) {
       // Nobody was wrong so far: whose score is less by luck must not take over from it.
       candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       hand_over(index, candidate.claim_reason());
@@ -341,7 +343,7 @@ void EnsembleMethod::score() noexcept {
     wake_rule_.evaluated(entry);
     choice_.score(entry, rendered_);
     const std::size_t best = choice_.best(rendered_);
-    // Samples from before a wall was found say nothing about it.
+    // Samples from before an event say nothing about who explains it.
     const bool before_claim =
         reason_ == candidates_.all[rendered_]->claim_reason() && number < claimed_at_;
     if (best != rendered_ && !before_claim) {
