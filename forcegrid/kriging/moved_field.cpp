@@ -38,10 +38,16 @@ bool MovedField::seeks_explanation(const Observation& /*observation*/, const Vec
   return seeks_;
 }
 
+void MovedField::enter_contact(std::uint64_t contact, const Vector3d& point_W) noexcept {
+  Base::enter_contact(contact, point_W);
+  entered_contact_ = contact;
+}
+
 void MovedField::set_time(double time_s) noexcept {
   ahead_m_ = shift_m_;
   if (open_) {
-    ahead_m_ += std::clamp(time_s - time_s_, 0.0, kLongest_s) * velocity_m_per_s_;
+    const double longest_s = entered_contact_ == moved_contact_ ? kLongest_s : kLongestUnseen_s;
+    ahead_m_ += std::clamp(time_s - time_s_, 0.0, longest_s) * velocity_m_per_s_;
   }
 }
 
@@ -70,7 +76,7 @@ Innovation MovedField::take(const Observation& observation) noexcept {
 // Advances the filter to the sample's time. @returns false, and closes it, if it can't.
 bool MovedField::moves_on(const Observation& observation) noexcept {
   const double dt_s = observation.from_query ? 0.0 : observation.time_s - time_s_;
-  if (observation.contact != moved_contact_ || !(dt_s >= 0.0 && dt_s < kLongest_s)) {
+  if (!(dt_s >= 0.0 && dt_s < kLongestUnseen_s)) {
     close();
     return false;
   }
@@ -79,8 +85,12 @@ bool MovedField::moves_on(const Observation& observation) noexcept {
   step.topRightCorner<3, 3>().diagonal().setConstant(dt_s);
   covariance_ = step * covariance_ * step.transpose();
   if (dt_s > 0.0) {
-    const double change = kUnsteady * velocity_m_per_s_.norm() + kUnsteady_m_per_s;
+    const double unsteady = dt_s < kLongest_s ? kUnsteady : 1.0;  // it may have come to rest
+    const double change = unsteady * velocity_m_per_s_.norm() + kUnsteady_m_per_s;
     covariance_.bottomRightCorner<3, 3>().diagonal().array() += change * change;
+    if (!(dt_s < kLongest_s)) {
+      covariance_.topLeftCorner<3, 3>().diagonal().array() += change * dt_s * change * dt_s;
+    }
   }
   return true;
 }

@@ -49,10 +49,13 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   static constexpr double kKnown_m = 0.05e-3;       ///< with d known as well, it is closed
   static constexpr double kFurthest_m = 5e-3;       ///< from one sample to the next
   static constexpr double kLongest_s = 0.2;  ///< between samples, and of what read() foresees
+  /// Between the last sample of a contact and the first of the next: then it is closed.
+  static constexpr double kLongestUnseen_s = 2.0;
 
   explicit MovedField(const FieldSettings& settings) noexcept;
 
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
+  void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept override;
   /// Innovation::explained: it is weaker now, and nothing else is as likely.
   Innovation take(const Observation& observation) noexcept override;
   void remember(const Observation& observation) noexcept override;
@@ -105,6 +108,7 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   Covariance covariance_ = Covariance::Zero();
   double time_s_ = 0.0;                                ///< of d_k
   std::uint64_t moved_contact_ = 0;                    ///< of d_k
+  std::uint64_t entered_contact_ = 0;                  ///< at present
   Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< d at present
   double nearest_pair_m2_ = -1.0;  ///< of the samples that are remembered; negative: not known
   int nearest_pair_ = 0;           ///< slot of the older one
