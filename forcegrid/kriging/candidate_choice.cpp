@@ -126,7 +126,7 @@ CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool or
     places.score_N2 = least_score_N2() / places.weight();
     return {candidates_.places, ChoiceReason::kAskedBefore};
   }
-  if (origin_known && place_is_known()) {
+  if (origin_known && place_is_known(rendered)) {
     return {candidates_.places, ChoiceReason::kKnownPlace};
   }
   return {best(rendered), ChoiceReason::kFirstTouches};
@@ -141,7 +141,10 @@ double CandidateChoice::least_score_N2() const noexcept {
   return least_N2;
 }
 
-bool CandidateChoice::place_is_known() noexcept {
+bool CandidateChoice::place_is_known(std::size_t rendered) noexcept {
+  if (rendered == candidates_.moved && candidates_.all[rendered]->differs()) {
+    return false;  // as it was before
+  }
   Candidate& places = *candidates_.all[candidates_.places];
   const double least_N2 = least_score_N2();
   if (places.field().sample_count() == 0 || places.score_N2 > thresholds_.no_worse * least_N2 ||

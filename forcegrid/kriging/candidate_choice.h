@@ -75,8 +75,9 @@ class CandidateChoice {
   /// @param answers_before for the expected contact; `origin_known` of the contact.
   Choice for_contact(int answers_before, bool origin_known, std::size_t rendered) noexcept;
   /// Whether `places` knows the present place, by its field as it is now, and is no worse than the
-  /// best of the others; adapts its score then. Needs Candidates::places.
-  bool place_is_known() noexcept;
+  /// best of the others; adapts its score then. Not while `moved` has found that the object is not
+  /// as it was. Needs Candidates::places.
+  bool place_is_known(std::size_t rendered) noexcept;
   /// Whether `memory` knows the force at `ahead_m` so much better than the rendered candidate that
   /// it takes over; adapts its score then. Needs Candidates::memory.
   bool memory_takes_over(const Eigen::Vector3d& ahead_m, std::size_t rendered) noexcept;

@@ -494,7 +494,7 @@ void EnsembleMethod::decide_on_place() noexcept {
   const bool begins =
       contact_.in_contact() && motion_.time_s() < contact_.begun_s() + thresholds_.places_learn_s;
   if (begins && contact_.has_origin() && rendered_ != candidates_.places &&
-      choice_.place_is_known()) {
+      choice_.place_is_known(rendered_)) {
     hand_over(candidates_.places, ChoiceReason::kKnownPlace);
   }
 }
