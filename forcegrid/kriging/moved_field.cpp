@@ -85,12 +85,12 @@ bool MovedField::moves_on(const Observation& observation) noexcept {
   step.topRightCorner<3, 3>().diagonal().setConstant(dt_s);
   covariance_ = step * covariance_ * step.transpose();
   if (dt_s > 0.0) {
-    const double unsteady = dt_s < kLongest_s ? kUnsteady : 1.0;  // it may have come to rest
-    const double change = unsteady * velocity_m_per_s_.norm() + kUnsteady_m_per_s;
-    covariance_.bottomRightCorner<3, 3>().diagonal().array() += change * change;
-    if (!(dt_s < kLongest_s)) {
-      covariance_.topLeftCorner<3, 3>().diagonal().array() += change * dt_s * change * dt_s;
+    double change_m_per_s = kUnsteady_m_per_s;
+    if (!(dt_s < kLongest_s)) {  // it may have come to rest
+      change_m_per_s += velocity_m_per_s_.norm();
+      covariance_.topLeftCorner<3, 3>().diagonal().array() += std::pow(change_m_per_s * dt_s, 2);
     }
+    covariance_.bottomRightCorner<3, 3>().diagonal().array() += std::pow(change_m_per_s, 2);
   }
   return true;
 }

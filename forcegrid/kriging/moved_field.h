@@ -42,12 +42,10 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   static constexpr double kLeastStrength = 0.02;
   static constexpr double kOpen_m = 1e-3;
   static constexpr double kOpen_m_per_s = 0.03;
-  /// Deviation of the velocity's change from sample to sample: a share of itself, and more.
-  static constexpr double kUnsteady = 0.3;
-  static constexpr double kUnsteady_m_per_s = 0.5e-3;
-  static constexpr double kRests_m_per_s = 0.3e-3;  ///< below that, and
-  static constexpr double kKnown_m = 0.05e-3;       ///< with d known as well, it is closed
-  static constexpr double kFurthest_m = 5e-3;       ///< from one sample to the next
+  static constexpr double kUnsteady_m_per_s = 0.7e-3;  ///< of the velocity, from sample to sample
+  static constexpr double kRests_m_per_s = 0.3e-3;     ///< below that, and
+  static constexpr double kKnown_m = 0.05e-3;          ///< with d known as well, it is closed
+  static constexpr double kFurthest_m = 5e-3;          ///< from one sample to the next
   static constexpr double kLongest_s = 0.2;  ///< between samples, and of what read() foresees
   /// Between the last sample of a contact and the first of the next: then it is closed.
   static constexpr double kLongestUnseen_s = 2.0;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 
 #include "forcegrid/kriging/ensemble_candidates.h"
@@ -117,6 +118,34 @@ TEST_F(CandidateChoiceTest, BeginsAContactWithThePlaceThatItWasAskedAbout) {
   EXPECT_EQ(asked.reason, ChoiceReason::kAskedBefore);
   const auto not_asked = choice_.for_contact(0, true, 0);
   EXPECT_EQ(not_asked.reason, ChoiceReason::kFirstTouches) << "places has no sample";
+}
+
+// Samples of a spring, which a field takes with all that follows from them.
+void press(Field& field, double stiffness_N_per_m, int samples) {
+  field.enter_contact(1, Eigen::Vector3d::Zero());
+  for (int i = 0; i < samples; ++i) {
+    Observation o;
+    o.time_s = i / 30.0;
+    o.contact = 1;
+    o.position_m = {0.003 * std::sin(0.3 * i), 0.003 * std::cos(0.4 * i), 0.004 + 0.0001 * i};
+    o.force_N = -stiffness_N_per_m * o.position_m;
+    field.take(o);
+    for (int piece = 0; piece < 1000 && !field.ready(); ++piece) {
+      field.prepare();
+    }
+  }
+}
+
+TEST_F(CandidateChoiceTest, KnowsNoPlaceOfAnObjectThatGotWeakerSince) {
+  const std::size_t moved = index("moved");
+  press(candidates_.all[index("places")]->field(), 100.0, 20);
+  press(candidates_.all[moved]->field(), 100.0, 20);
+  EXPECT_EQ(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
+  EXPECT_EQ(choice_.for_contact(0, true, moved).reason, ChoiceReason::kKnownPlace);
+  press(candidates_.all[moved]->field(), 50.0, 1);
+  ASSERT_TRUE(candidates_.all[moved]->differs());
+  EXPECT_EQ(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
+  EXPECT_NE(choice_.for_contact(0, true, moved).reason, ChoiceReason::kKnownPlace);
 }
 
 TEST_F(CandidateChoiceTest, BeginsAContactWithTheBestOfFirstTouches) {

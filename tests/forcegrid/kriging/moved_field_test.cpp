@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "forcegrid/kriging/ensemble_method.h"
 #include "tests/forcegrid/kriging/kriging_play.h"
@@ -126,6 +127,47 @@ TEST(MovedField, FollowsAnObjectThatSlidesAndForeseesWhereItIs) {
   EXPECT_LT(foreseen_N, 0.5 * stale_N);
 }
 
+// An object that slides on while the tool is away for half a second, and in the next contact.
+TEST(MovedField, FollowsAnObjectThatSlidesOnBetweenContacts) {
+  Scene scene;
+  MovedField field(settings());
+  scene.teach(field);
+  const Vector3d velocity_m_per_s(2e-3, -1.5e-3, 0.5e-3);
+  const int slides_from = scene.number;
+  const auto slid_m = [&] { return kPeriod_s * (scene.number - slides_from) * velocity_m_per_s; };
+  const auto next = [&](std::uint64_t contact) {
+    ++scene.number;
+    scene.moved_m = slid_m();
+    --scene.number;
+    Observation o = scene.next();
+    o.contact = contact;
+    return o;
+  };
+  for (int i = 0; i < 30; ++i) {
+    field.take(next(1));
+  }
+  const double in_contact_N = largest_error_N(field, scene, 1);
+  scene.number += 15;
+  const Observation first = next(2);
+  field.enter_contact(2, Vector3d::Zero());
+  const auto error_N = [&] {
+    return (field.read(first.position_m, History::Zero()).force_N - first.force_N).norm();
+  };
+  const double as_it_was_N = error_N();
+  field.set_time(first.time_s);
+  EXPECT_LT(error_N(), 0.4 * as_it_was_N);
+  field.take(first);
+  EXPECT_TRUE(field.open());
+  for (int i = 0; i < 30; ++i) {
+    field.take(next(2));
+  }
+  EXPECT_LT(largest_error_N(field, scene, 1), in_contact_N + 0.02);
+  // Unseen for longer it is taken to be at rest.
+  scene.number += 90;
+  field.take(next(3));
+  EXPECT_EQ(field.velocity_m_per_s(), Vector3d::Zero());
+}
+
 TEST(MovedField, ComesToRestWithTheObject) {
   Scene scene;
   MovedField field(settings());
@@ -194,6 +236,30 @@ TEST(AutoMethod, KnowsAWeakerObjectByASmallForceBeforeALargeOne) {
   };
   play.force_N = [&object](double time_s, const Vector3d& d_m) -> Vector3d {
     return (time_s < kCut_s ? 1.0 : 0.5) * object.force_N(d_m);
+  };
+  play.duration_s = kDeeper_s + kPeriod_s;
+  play.first_s = kDeeper_s;
+  EnsembleMethod method(EnsembleMethod::Kind::kAuto, {});
+  play.run(method);
+  EXPECT_STREQ(method.candidates()[method.rendered()], "moved");
+  EXPECT_LT(play.error_after_1s, 0.02);
+}
+
+// The same while it is rendered because the object slid before: who wakes at the cut was right
+// about the samples from before, and does not know it.
+TEST(AutoMethod, KeepsToTheObjectThatMovedWhenThatGetsWeaker) {
+  const AnchoredSprings object(kSeed);
+  constexpr double kSlides_s = 8.0;
+  constexpr double kCut_s = 10.5;
+  constexpr double kDeeper_s = kCut_s + 2.2 * kPeriod_s;
+  forcegrid::testing::Play play;
+  play.displacement_m = [](double time_s) -> Vector3d {
+    const bool rests = time_s > kCut_s - 0.5 && time_s < kDeeper_s;
+    return rests ? Vector3d(0.0, 0.0, 0.0003) : hand_m(time_s);
+  };
+  play.force_N = [&object](double time_s, const Vector3d& d_m) -> Vector3d {
+    const double slid_m = 3e-3 * std::clamp(time_s - kSlides_s, 0.0, 1.0);
+    return (time_s < kCut_s ? 1.0 : 0.5) * object.force_N(d_m - Vector3d(slid_m, 0.0, 0.0));
   };
   play.duration_s = kDeeper_s + kPeriod_s;
   play.first_s = kDeeper_s;
