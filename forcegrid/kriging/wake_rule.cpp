@@ -235,6 +235,9 @@ void WakeRule::handed_over(std::size_t rendered) noexcept {
   ask_memory_.won = ask_memory_.won || rendered == candidates_.memory;
   awake_for_ = all_awake_ ? awake_for_ : 0;
   misfit_.restart();
+  if (enabled_ && !all_awake_ && rendered == candidates_.newest) {
+    wake_all();  // nobody who is awake knows the object
+  }
 }
 
 bool WakeRule::AskedAtContact::next(int longest_pause) noexcept {

@@ -17,7 +17,8 @@ namespace forcegrid::kriging {
 /// Everybody but `moved` is awake for the first samples, `moved` some samples later, and not
 /// where a lag looks like motion: while the simulator has not converged, and where the path
 /// explained the force when all woke. Everybody is awake, later, from the moment at which the
-/// rendered candidate's innovations are larger than it says (Misfit). All sleep once that was no
+/// rendered candidate's innovations are larger than it says (Misfit), or `newest` takes over among
+/// few. All sleep once that was no
 /// use: over the last samples the rendered candidate alone would have done as well as the choice
 /// between all has done, and no other one alone better. As long as a candidate that knows the path
 /// has been rendered lately, nobody sleeps for that reason.
@@ -36,9 +37,8 @@ namespace forcegrid::kriging {
 /// - `walls` and `moved` for some samples after each surprise, because walls and cuts can't wait,
 ///   and `walls` while it knows one;
 /// - `unfinished` while the simulator says that it has not converged;
-/// - `places` before a contact about which requests can be made, and at its beginning, after a win
-/// at every contact, and if it wins
-///   nothing two and then four contacts apart;
+/// - `places` before a contact about which requests can be made, and at its beginning: after a win
+///   at every contact, and if it wins nothing two and then four contacts apart;
 /// - one candidate at a time for an audition: what innovations do not show is that another one
 ///   knows more. It is the last runner-up, else `memory`, and `memory` where a contact begins.
 ///   Auditions that nobody wins become seldom. `memory` has one, too, where the rendered candidate

@@ -631,6 +631,16 @@ void all_wake(Sleepers& s) {
   ASSERT_TRUE(s.rule.woken());
 }
 
+// It is best where nobody who is awake knows the object.
+TEST(WakeRule, WakesEverybodyWhenTheNewestSampleIsTheBestThatIsKnown) {
+  Sleepers s;
+  s.all_fall_asleep();
+  s.rule.handed_over(s.index("memory"));
+  ASSERT_FALSE(s.rule.all_awake());
+  s.rule.handed_over(s.index("newest"));
+  EXPECT_TRUE(s.rule.all_awake());
+}
+
 TEST(Moved, SleepsForTheFirst30Samples) {
   Sleepers s;
   s.samples(29, "exact", {{"smooth", 0.5}});
