@@ -22,8 +22,9 @@ namespace forcegrid::kriging {
 ///
 /// with the innovation e = F / s - f, its predicted covariance V and the stiffness J of f there. A
 /// strength only falls: what adds to a force is another object (UnilateralConstraintField). From a
-/// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests. As
-/// long as it is open, a sample teaches f only where f is less certain than d.
+/// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests, also
+/// from one contact to the next. As long as it is open, a sample teaches f only where f is less
+/// certain than d.
 ///
 /// So f never forgets what a change has not made wrong. But some shift explains any surprise: use
 /// it only as a candidate that has to prove itself.

@@ -17,11 +17,10 @@ namespace forcegrid::kriging {
 /// Everybody but `moved` is awake for the first samples, `moved` some samples later, and not
 /// where a lag looks like motion: while the simulator has not converged, and where the path
 /// explained the force when all woke. Everybody is awake, later, from the moment at which the
-/// rendered candidate's innovations are larger than it says (Misfit), or `newest` takes over among
-/// few. All sleep once that was no
-/// use: over the last samples the rendered candidate alone would have done as well as the choice
-/// between all has done, and no other one alone better. As long as a candidate that knows the path
-/// has been rendered lately, nobody sleeps for that reason.
+/// rendered candidate's innovations are larger than it says (Misfit), or at which `newest` takes
+/// over. All sleep once that was no use: over the last samples the rendered candidate alone would
+/// have done as well as the choice between all has done, and no other one alone better. As long as
+/// a candidate that knows the path has been rendered lately, nobody sleeps for that reason.
 ///
 /// Single candidates sleep while the others are awake if they are hopeless: over the last samples
 /// their squared errors are `hopeless` times those of the rendered one, not by a few samples alone,
