@@ -54,11 +54,12 @@ TEST(AutoMethod, BeginsWithThePlaceThatItKnows) {
   hold(*method, 1, kPlace_W, 0.0);
   hold(*method, 2, kPlace_W + Vector3d(0.010, 0.0, 0.0), 2.0);
   hold(*method, 3, kPlace_W + Vector3d(-0.008, 0.006, 0.0), 4.0);
+  hold(*method, 4, kPlace_W + Vector3d(0.010, 0.001, 0.0), 6.0);
   const Vector3d again_W = kPlace_W + Vector3d(0.009, 0.001, 0.0);
-  method->contact_made(4, again_W);
+  method->contact_made(5, again_W);
   work(*method);
   EXPECT_EQ(rendered(*method, again_W), "places");
-  EXPECT_EQ(method->force(6.0, again_W).reason, ChoiceReason::kKnownPlace);
+  EXPECT_EQ(method->force(8.0, again_W).reason, ChoiceReason::kKnownPlace);
   EXPECT_LT(error_before_the_first_sample(*method, again_W), 0.03);
 }
 
