@@ -592,8 +592,8 @@ void EnsembleMethod::update_uncertainty() noexcept {
   if (contact_.has_origin() && candidate.field().sample_count() > 0) {
     rendering_.uncertainty().update(
         tool_W(), motion_, [&](const Eigen::Vector3d& p_W) { return deviation_N(candidate, p_W); });
-    if (contact_.in_contact() && rendering_.uncertainty().largest_N() > thresholds_.unsure_N) {
-      wake_rule_.rendered_is_unsure();
+    if (contact_.in_contact() &&
+        wake_rule_.rendered_deviates(rendering_.uncertainty().largest_N())) {
       follow_wake_rule();
     }
   }

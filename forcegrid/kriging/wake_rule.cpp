@@ -50,19 +50,23 @@ void WakeRule::audition() noexcept {
 }
 
 // The tool may be back at a place that `memory` has kept, unless there was an event since. Where a
-// contact begins, that is for `places`.
-void WakeRule::rendered_is_unsure() noexcept {
+// contact begins, that is for `places`. Who errs by as much anyway has noisy samples, here as
+// anywhere.
+bool WakeRule::rendered_deviates(double deviation_N) noexcept {
+  const double errs_N = std::sqrt(candidates_.all[rendered_]->long_score_N2);
+  const bool unsure = deviation_N > std::max(thresholds_.unsure_N, errs_N);
   const bool event = all_awake_ || woken();
   const bool begins = places_learn_ || contact_begins_ || rendered_ == candidates_.places;
   const bool asked = queued_ < asked_until_ || rendered_ == candidates_.memory ||
                      auditioned_ == candidates_.memory;
-  if (!enabled_ || event || begins || asked) {
-    return;
+  if (!enabled_ || !unsure || event || begins || asked) {
+    return false;
   }
   auditioned_ = candidates_.memory;
   until_audition_ = thresholds_.audition_samples;
   asked_until_ = queued_ + static_cast<std::uint64_t>(thresholds_.audition_samples +
                                                       thresholds_.audition_pause);
+  return true;
 }
 
 void WakeRule::rendered_took(const Innovation& innovation) noexcept {

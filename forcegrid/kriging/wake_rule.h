@@ -64,8 +64,9 @@ class WakeRule {
   bool scored(const CandidateChoice& choice) noexcept;
   void handed_over(std::size_t rendered) noexcept;
   void contact_made() noexcept;
-  /// The rendered candidate does not know the force where the tool is or is going.
-  void rendered_is_unsure() noexcept;
+  /// The rendered candidate's largest deviation where the tool is and is going. @returns whether
+  /// `memory` wakes because of it.
+  bool rendered_deviates(double deviation_N) noexcept;
   /// Requests can be made for a contact that is expected: `places` says where.
   void asked_before_contact() noexcept { contact_begins_ = true; }
 

@@ -241,6 +241,7 @@ using ::testing::ElementsAre;
 using Errors_N2 = std::map<std::string, double>;  // squared; all others err by `others`
 
 constexpr double kLongInContact_s = 10.0;
+constexpr double kUnsure_N = 0.011;
 
 // The rule of `auto`, and the samples that it hears of.
 class Sleepers {
@@ -599,18 +600,30 @@ TEST(Auditions, OfMemoryBeginWhereTheRenderedOneIsUnsureAndAtMostEvery36Samples)
   s.all_fall_asleep();
   s.queued("exact", kLongInContact_s, {});
   ASSERT_FALSE(s.awake("memory"));
-  s.rule.rendered_is_unsure();
+  s.rule.rendered_deviates(kUnsure_N);
   int awake = 0;
   for (int sample = 0; sample < 20; ++sample) {  // no other audition began
     awake += s.awake("memory") ? 1 : 0;
     s.queued("exact", kLongInContact_s, {});
-    s.rule.rendered_is_unsure();
+    s.rule.rendered_deviates(kUnsure_N);
   }
   EXPECT_EQ(awake, 12);
   for (int sample = 0; sample < 16; ++sample) {
     s.queued("exact", kLongInContact_s, {});
   }
-  s.rule.rendered_is_unsure();
+  s.rule.rendered_deviates(kUnsure_N);
+  EXPECT_TRUE(s.awake("memory"));
+}
+
+TEST(Auditions, OfMemoryAreNotForAFieldThatErrsByAsMuchAnyway) {
+  Sleepers s;
+  s.all_fall_asleep();
+  s.queued("exact", kLongInContact_s, {});
+  EXPECT_FALSE(s.rule.rendered_deviates(0.009));
+  s.candidates.all[s.index("exact")]->long_score_N2 = 0.03 * 0.03;  // noise
+  EXPECT_FALSE(s.rule.rendered_deviates(0.029));
+  EXPECT_FALSE(s.awake("memory"));
+  EXPECT_TRUE(s.rule.rendered_deviates(0.031));
   EXPECT_TRUE(s.awake("memory"));
 }
 
@@ -621,7 +634,7 @@ TEST(Auditions, OfMemoryAreNotForAnObjectThatHasSurprised) {
   ASSERT_TRUE(s.rule.woken());
   s.samples(30, "exact", {});
   ASSERT_FALSE(s.rule.all_awake());
-  s.rule.rendered_is_unsure();
+  s.rule.rendered_deviates(kUnsure_N);
   EXPECT_FALSE(s.awake("memory"));
 }
 
