@@ -22,9 +22,9 @@ namespace forcegrid::kriging {
 ///
 /// with the innovation e = F / s - f, its predicted covariance V and the stiffness J of f there. A
 /// strength only falls: what adds to a force is another object (UnilateralConstraintField). From a
-/// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests, also
-/// from one contact to the next. As long as it is open, a sample teaches f only where f is less
-/// certain than d.
+/// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests,
+/// also from one contact to the next. As long as it is open, a sample teaches f only where f is
+/// less certain than d.
 ///
 /// So f never forgets what a change has not made wrong. But some shift explains any surprise: use
 /// it only as a candidate that has to prove itself.
@@ -47,8 +47,9 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   static constexpr double kRests_m_per_s = 0.3e-3;     ///< below that, and
   static constexpr double kKnown_m = 0.05e-3;          ///< with d known as well, it is closed
   static constexpr double kFurthest_m = 5e-3;          ///< from one sample to the next
-  static constexpr double kLongest_s = 0.2;  ///< between samples, and of what read() foresees
-  /// Between the last sample of a contact and the first of the next: then it is closed.
+  static constexpr double kLongest_s = 0.2;  ///< between samples of an object that moves steadily,
+                                             ///< and of what read() foresees within a contact
+  /// Between two samples, of two contacts, too: after longer it is closed.
   static constexpr double kLongestUnseen_s = 2.0;
 
   explicit MovedField(const FieldSettings& settings) noexcept;

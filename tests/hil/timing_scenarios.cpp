@@ -390,8 +390,8 @@ std::optional<Wakeups> compare_with_a_viewed_run(const std::string& seconds) {
 }
 
 // A run of 10 s has five wake-ups above its 99.9th percentile, which so differs by 2 us from run to
-// run, with or without a view. Of three times as long ones it differs by half a microsecond; what
-// is above the goal even so is measured once more.
+// run, with or without a view. Of three times as long ones it differs by at most 1 us, in six
+// pairs; what is above the goal even so is measured once more.
 void compare_with_viewed_runs() {
   constexpr double kMostAdded_us = 1.0;
   const char* const asked = std::getenv("HIL_TIMING_SECONDS");
