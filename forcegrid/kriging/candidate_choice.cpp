@@ -143,7 +143,7 @@ double CandidateChoice::least_score_N2() const noexcept {
 
 bool CandidateChoice::place_is_known(std::size_t rendered) noexcept {
   if (rendered == candidates_.moved && candidates_.all[rendered]->differs()) {
-    return false;  // as it was before
+    return false;  // it has changed since `places` learnt it
   }
   Candidate& places = *candidates_.all[candidates_.places];
   const double least_N2 = least_score_N2();

@@ -50,8 +50,8 @@ void WakeRule::audition() noexcept {
 }
 
 // The tool may be back at a place that `memory` has kept, unless there was an event since. Where a
-// contact begins, that is for `places`. Who errs by as much anyway has noisy samples, here as
-// anywhere.
+// contact begins, that is for `places`. A deviation no larger than the candidate's recent errors
+// shows that samples are noisy, wherever the tool is.
 bool WakeRule::rendered_deviates(double deviation_N) noexcept {
   const double errs_N = std::sqrt(candidates_.all[rendered_]->long_score_N2);
   const bool unsure = deviation_N > std::max(thresholds_.unsure_N, errs_N);

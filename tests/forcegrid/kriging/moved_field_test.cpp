@@ -223,50 +223,40 @@ TEST(AutoMethod, RendersAWeakerObjectWhereItHasNotBeenSince) {
   EXPECT_LT(play.error_after_1s, 2e-3);
 }
 
-// It slept, and the rendered one hardly errs: the first sample that shows the cut is of a small
-// force. 60 ms later the force is large, and half of what it was.
-TEST(AutoMethod, KnowsAWeakerObjectByASmallForceBeforeALargeOne) {
+// An object that slides by 3 mm in the second from `slides_s` on and that is cut at `cut_s`. The
+// tool rests in the cut, so that the first sample that shows it is of a small force. 60 ms later it
+// presses, and the force is half of what it was: what `auto` renders until the next sample is
+// judged.
+void expect_known_by_a_small_force(double slides_s, double cut_s) {
   const AnchoredSprings object(kSeed);
-  constexpr double kCut_s = 8.0;
-  constexpr double kDeeper_s = kCut_s + 2.2 * kPeriod_s;
+  const double presses_s = cut_s + 2.2 * kPeriod_s;
   forcegrid::testing::Play play;
-  play.displacement_m = [](double time_s) -> Vector3d {
-    const bool rests = time_s > kCut_s - 0.5 && time_s < kDeeper_s;
+  play.displacement_m = [&](double time_s) -> Vector3d {
+    const bool rests = time_s > cut_s - 0.5 && time_s < presses_s;
     return rests ? Vector3d(0.0, 0.0, 0.0003) : hand_m(time_s);
   };
-  play.force_N = [&object](double time_s, const Vector3d& d_m) -> Vector3d {
-    return (time_s < kCut_s ? 1.0 : 0.5) * object.force_N(d_m);
+  play.force_N = [&](double time_s, const Vector3d& d_m) -> Vector3d {
+    const double slid_m = 3e-3 * std::clamp(time_s - slides_s, 0.0, 1.0);
+    return (time_s < cut_s ? 1.0 : 0.5) * object.force_N(d_m - Vector3d(slid_m, 0.0, 0.0));
   };
-  play.duration_s = kDeeper_s + kPeriod_s;
-  play.first_s = kDeeper_s;
+  play.duration_s = presses_s + kPeriod_s;
+  play.first_s = presses_s;
   EnsembleMethod method(EnsembleMethod::Kind::kAuto, {});
   play.run(method);
   EXPECT_STREQ(method.candidates()[method.rendered()], "moved");
   EXPECT_LT(play.error_after_1s, 0.02);
 }
 
-// The same while it is rendered because the object slid before: who wakes at the cut was right
-// about the samples from before, and does not know it.
+// "moved" sleeps, and the rendered candidate hardly errs.
+TEST(AutoMethod, KnowsAWeakerObjectByASmallForceBeforeALargeOne) {
+  constexpr double kNever_s = 1e3;
+  expect_known_by_a_small_force(kNever_s, 8.0);
+}
+
+// "moved" is rendered because the object slid before. Candidates that wake at the cut predict the
+// samples from before it better.
 TEST(AutoMethod, KeepsToTheObjectThatMovedWhenThatGetsWeaker) {
-  const AnchoredSprings object(kSeed);
-  constexpr double kSlides_s = 8.0;
-  constexpr double kCut_s = 10.5;
-  constexpr double kDeeper_s = kCut_s + 2.2 * kPeriod_s;
-  forcegrid::testing::Play play;
-  play.displacement_m = [](double time_s) -> Vector3d {
-    const bool rests = time_s > kCut_s - 0.5 && time_s < kDeeper_s;
-    return rests ? Vector3d(0.0, 0.0, 0.0003) : hand_m(time_s);
-  };
-  play.force_N = [&object](double time_s, const Vector3d& d_m) -> Vector3d {
-    const double slid_m = 3e-3 * std::clamp(time_s - kSlides_s, 0.0, 1.0);
-    return (time_s < kCut_s ? 1.0 : 0.5) * object.force_N(d_m - Vector3d(slid_m, 0.0, 0.0));
-  };
-  play.duration_s = kDeeper_s + kPeriod_s;
-  play.first_s = kDeeper_s;
-  EnsembleMethod method(EnsembleMethod::Kind::kAuto, {});
-  play.run(method);
-  EXPECT_STREQ(method.candidates()[method.rendered()], "moved");
-  EXPECT_LT(play.error_after_1s, 0.02);
+  expect_known_by_a_small_force(8.0, 10.5);
 }
 
 }  // namespace
