@@ -284,15 +284,21 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
       follow_wake_rule();
     }
   }
-  if (candidate.on_taken(innovation, from_query)) {
+  // A cut may begin with a force so small that it surprises nobody. But who woke just now and takes
+  // old samples must not explain those that the rendered candidate was right about.
+  const bool may_be_weaker = candidate.claim_reason() == ChoiceReason::kWeaker &&
+                             (index == rendered_ || entry.surprised ||
+                              entry.error_N2[rendered_] > thresholds_.path_wrong_N2);
+  const bool may_claim = candidate.claim_reason() != ChoiceReason::kWeaker || may_be_weaker;
+  if (candidate.on_taken(innovation, from_query) && may_claim) {
     entry.explained = true;
     const bool settled =
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
-    const bool weaker = candidate.claim_reason() == ChoiceReason::kWeaker;
     if (index == rendered_) {
       reason_ = candidate.claim_reason();
       claimed_at_ = number;
-    } else if ((entry.surprised || settled || weaker) && choice_.trusts(candidate, rendered_)) {
+    } else if ((entry.surprised || settled || may_be_weaker) &&
+               choice_.trusts(candidate, rendered_)) {
       // Nobody was wrong so far: whose score is less by luck must not take over from it.
       candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       hand_over(index, candidate.claim_reason());
@@ -343,10 +349,11 @@ void EnsembleMethod::score() noexcept {
     wake_rule_.evaluated(entry);
     choice_.score(entry, rendered_);
     const std::size_t best = choice_.best(rendered_);
-    // Samples from before an event say nothing about who explains it.
+    // Samples from before an event say nothing about who explains it, nor do single ones of those
+    // that all are scored by once more.
     const bool before_claim =
         reason_ == candidates_.all[rendered_]->claim_reason() && number < claimed_at_;
-    if (best != rendered_ && !before_claim) {
+    if (best != rendered_ && !before_claim && number + 1 >= scored_again_at_) {
       hand_over(best, ChoiceReason::kPredictedBetter);
       until = evaluated_by_all();  // whom that woke takes the last samples first
     }
@@ -599,16 +606,29 @@ void EnsembleMethod::update_uncertainty() noexcept {
   }
 }
 
+// Requests ask about places. Until it is decided who is rendered, that may be a candidate that
+// knows the path, which is uncertain about more than these.
+std::size_t EnsembleMethod::requests_planner() const noexcept {
+  if (!wake_rule_.undecided()) {
+    return rendered_;
+  }
+  const std::size_t general = wake_rule_.best_general();
+  const bool knows = general != Candidates::kNone && candidates_.all[general]->awake() &&
+                     candidates_.all[general]->field().ready() &&
+                     candidates_.all[general]->field().sample_count() > 0;
+  return knows ? general : rendered_;
+}
+
 bool EnsembleMethod::plan_request(double time_s, const Eigen::Vector3d& position_W,
                                   Eigen::Vector3d& wanted_W) noexcept {
   if (!contact_.has_origin() || !std::isfinite(time_s) || !position_W.allFinite()) {
     return false;
   }
   if (contact_.in_contact()) {
+    const Candidate& planner = *candidates_.all[requests_planner()];
     return requests_.plan(
         time_s, position_W, contact_.origin_W(), motion_,
-        [&](const Eigen::Vector3d& p_W) { return deviation_N(rendered_candidate(), p_W); },
-        wanted_W);
+        [&](const Eigen::Vector3d& p_W) { return deviation_N(planner, p_W); }, wanted_W);
   }
   if (!asks_before_contact() || !contact_.expects(time_s)) {
     return false;

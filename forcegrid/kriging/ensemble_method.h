@@ -162,6 +162,7 @@ class EnsembleMethod final : public ForceMethod {
   bool may_follow() const noexcept;
   int follow() noexcept;
   void update_uncertainty() noexcept;
+  std::size_t requests_planner() const noexcept;
   double deviation_N(const Candidate& candidate, const Eigen::Vector3d& position_W) const noexcept;
   Eigen::Vector3d force_N(const Candidate& candidate) const noexcept;
   /// Where the tool was last observed or, without observations, last sampled.

@@ -58,6 +58,7 @@ struct EnsembleThresholds {
   /// Another candidate takes over when its rating is below this share of the rendered one's, so
   /// that the choice does not flicker. [traces]
   double hysteresis = 0.9;
+  int own_samples = 2;  ///< that a candidate must have predicted since it woke. [wake]
   /// The same of one whose long score is above the rendered one's, with this weight. [wake]
   double lucky_weight = 4.0;
   /// Weight of candidates that are seldom needed: elsewhere a lucky run of theirs costs accuracy.
@@ -78,14 +79,14 @@ struct EnsembleThresholds {
   double wall_refuted = 4.0;
   double wall_refuted_N2 = 1e-3;     ///< ... plus this [N^2], (32 mN)^2. [choice]
   int wall_proofs = 2;               ///< proofs that make a constraint proven. [choice]
-  double wall_proven_weight = 0.05;  ///< weight of the score with a proven constraint. [choice]
+  double wall_proven_weight = 0.01;  ///< weight of the score with a proven constraint. [wake]
   double wall_calm_weight = 0.2;     ///< weight with a constraint, while calm. [choice]
   /// Calm: the surprise rate is below this. One surprise (0.15) leaves the candidate calm, a second
   /// within about 12 samples does not. [choice]
   double wall_calm = 0.17;
   /// A candidate that explains a surprise takes over at once if this share of its previous score
-  /// was below the rendered one's. [choice]
-  double wall_trusted = 0.1;
+  /// was below the rendered one's. [wake]
+  double wall_trusted = 0.09;
 
   // The same object, moved or weaker: `moved`.
 

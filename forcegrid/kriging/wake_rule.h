@@ -71,6 +71,11 @@ class WakeRule {
   void asked_before_contact() noexcept { contact_begins_ = true; }
 
   bool awake(std::size_t index) const noexcept;
+  /// Whether all woke so few samples ago that the choice between them changes often.
+  bool undecided() const noexcept { return all_awake_ && awake_for_ < thresholds_.awake_samples; }
+  /// The best of the candidates that know the position alone, over the samples since all woke.
+  std::size_t best_general() const noexcept;
+
   bool all_awake() const noexcept { return all_awake_; }
   /// Whether all woke again after the first samples.
   bool woken() const noexcept { return all_woken_ != 0; }
@@ -98,7 +103,6 @@ class WakeRule {
   bool hopeless_sleep() noexcept;
   bool dismiss_kept() noexcept;
   void restart_sums() noexcept;
-  std::size_t best_general() const noexcept;
   bool rendered_suffices() const noexcept;
   bool rendered_within(std::size_t index, int samples) const noexcept;
   bool kept_lately(std::size_t index) const noexcept;

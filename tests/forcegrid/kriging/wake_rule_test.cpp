@@ -645,6 +645,22 @@ void all_wake(Sleepers& s) {
 }
 
 // It is best where nobody who is awake knows the object.
+TEST(WakeRule, IsUndecidedForThe30SamplesAfterAllWoke) {
+  Sleepers s;
+  const Errors_N2 errors_N2{{"viscous", 0.1}, {"smooth", 0.5}, {"exact", 0.2}, {"memory", 0.1}};
+  s.samples(29, "viscous", errors_N2);
+  EXPECT_TRUE(s.rule.undecided());
+  EXPECT_EQ(s.rule.best_general(), s.index("exact")) << "\"memory\" keeps what others forget";
+  s.sample("viscous", errors_N2);
+  EXPECT_TRUE(s.rule.all_awake());
+  EXPECT_FALSE(s.rule.undecided());
+  Sleepers asleep;
+  asleep.all_fall_asleep();
+  EXPECT_FALSE(asleep.rule.undecided());
+  asleep.rule.rendered_had_no_use();
+  EXPECT_TRUE(asleep.rule.undecided());
+}
+
 TEST(WakeRule, WakesEverybodyWhenTheNewestSampleIsTheBestThatIsKnown) {
   Sleepers s;
   s.all_fall_asleep();
