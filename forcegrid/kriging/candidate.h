@@ -126,7 +126,6 @@ class Candidate {
   void wake(std::uint64_t number) noexcept {
     awake_ = true;
     next_ = number;
-    predicted = 0;
   }
 
   // Its errors so far, squared and averaged [N^2]: over some samples, over some seconds, and over
@@ -135,7 +134,6 @@ class Candidate {
   double long_score_N2 = 0.0;
   double first_touch_score_N2 = 0.0;
   int first_touches = 0;  ///< samples of its own in that average, which begins at zero
-  int predicted = 0;      ///< samples of its own that it was scored by since it woke
 
  protected:
   /// Whether its long score is so far below `others_N2` that luck is no explanation, where the

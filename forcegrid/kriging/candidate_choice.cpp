@@ -27,13 +27,12 @@ void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered)
     if (!candidate.awake()) {
       continue;
     }
-    const bool took = errors_N2[i] != EvaluatedSample::kNotTaken_N2;
-    const double error_N2 = took ? errors_N2[i] : otherwise_N2;
-    candidate.predicted += took ? 1 : 0;
+    const double error_N2 =
+        errors_N2[i] == EvaluatedSample::kNotTaken_N2 ? otherwise_N2 : errors_N2[i];
     candidate.score_N2 = averaged(thresholds_.score_kept, candidate.score_N2, error_N2);
     candidate.long_score_N2 =
         averaged(thresholds_.long_score_kept, candidate.long_score_N2, error_N2);
-    if (sample.first_touch && took) {
+    if (sample.first_touch && errors_N2[i] != EvaluatedSample::kNotTaken_N2) {
       candidate.first_touch_score_N2 =
           averaged(thresholds_.first_touch_kept, candidate.first_touch_score_N2, error_N2);
       ++candidate.first_touches;
@@ -65,7 +64,7 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const double weight = is_lucky(i, rendered) ? thresholds_.lucky_weight : 1.0;
     const double rated_N2 = weight * candidates_.all[i]->rate(peers);
-    if (candidates_.all[i]->awake() && rated_N2 < least_N2 && has_shown_enough(i)) {
+    if (candidates_.all[i]->awake() && rated_N2 < least_N2) {
       best = i;
       least_N2 = rated_N2;
     }
@@ -73,14 +72,8 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   return best;
 }
 
-// A candidate that woke just now has the rendered one's score: a single sample of its own shows
-// nothing. `walls` and `newest` are right at once, or not at all.
-bool CandidateChoice::has_shown_enough(std::size_t index) const noexcept {
-  return index == candidates_.walls || index == candidates_.newest ||
-         candidates_.all[index]->predicted >= thresholds_.own_samples;
-}
-
-// Whether it may be better than the rendered one by luck: over more samples it was worse.
+// Whether it may be better than the rendered one by luck: over more samples it was worse. `walls`
+// and `newest` are right at once, or not at all.
 bool CandidateChoice::is_lucky(std::size_t index, std::size_t rendered) const noexcept {
   return long_scored_ >= thresholds_.long_enough && index != rendered &&
          index != candidates_.walls && index != candidates_.newest &&

@@ -90,7 +90,6 @@ class CandidateChoice {
   Peers peers() const noexcept;
   double least_score_N2() const noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
-  bool has_shown_enough(std::size_t index) const noexcept;
 
   Candidates& candidates_;
   const EnsembleThresholds& thresholds_;

@@ -58,7 +58,6 @@ struct EnsembleThresholds {
   /// Another candidate takes over when its rating is below this share of the rendered one's, so
   /// that the choice does not flicker. [traces]
   double hysteresis = 0.9;
-  int own_samples = 2;  ///< that a candidate must have predicted since it woke. [wake]
   /// The same of one whose long score is above the rendered one's, with this weight. [wake]
   double lucky_weight = 4.0;
   /// Weight of candidates that are seldom needed: elsewhere a lucky run of theirs costs accuracy.

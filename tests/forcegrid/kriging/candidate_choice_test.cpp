@@ -61,22 +61,6 @@ TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
   EXPECT_EQ(candidates_.all[1]->score_N2, 0.0);
 }
 
-TEST_F(CandidateChoiceTest, AsksOneThatWokeJustNowForTwoSamples) {
-  const std::size_t exact = index("exact");
-  for (int i = 0; i < 100; ++i) {
-    choice_.score(sample(1.0, exact, 1.0), 0);
-  }
-  candidates_.all[exact]->sleep();
-  candidates_.all[exact]->wake(100);
-  choice_.score(sample(1.0, exact, 0.0), 0);
-  EXPECT_LT(candidates_.all[exact]->score_N2, thresholds_.hysteresis);
-  EXPECT_EQ(choice_.best(0), 0u);
-  choice_.score(sample(1.0, exact, EvaluatedSample::kNotTaken_N2), 0);
-  EXPECT_EQ(choice_.best(0), 0u) << "not a sample of its own";
-  choice_.score(sample(1.0, exact, 0.0), 0);
-  EXPECT_EQ(choice_.best(0), exact);
-}
-
 TEST_F(CandidateChoiceTest, TakesAFewBetterSamplesOfOneThatWasWorseForLuck) {
   const std::size_t exact = index("exact");
   const auto better = [&](double error_N2) {
@@ -194,7 +178,6 @@ TEST_F(CandidateChoiceTest, BeginsNoContactWithOneThatSleptAtAllFirstTouches) {
   candidates_.all[slept]->sleep();
   EvaluatedSample first = sample(1.0, 2, 0.1);
   first.first_touch = true;
-  choice_.score(first, 0);
   choice_.score(first, 0);
   candidates_.all[slept]->wake(0);
   EXPECT_EQ(choice_.for_contact(0, true, 0).candidate, 2u);
