@@ -286,19 +286,17 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
   }
   // A cut may begin with a force so small that it surprises nobody. But who woke just now and takes
   // old samples must not explain those that the rendered candidate was right about.
-  const bool may_be_weaker = candidate.claim_reason() == ChoiceReason::kWeaker &&
-                             (index == rendered_ || entry.surprised ||
-                              entry.error_N2[rendered_] > thresholds_.path_wrong_N2);
-  const bool may_claim = candidate.claim_reason() != ChoiceReason::kWeaker || may_be_weaker;
-  if (candidate.on_taken(innovation, from_query) && may_claim) {
+  const bool weaker = candidate.claim_reason() == ChoiceReason::kWeaker;
+  const bool was_right = index != rendered_ && !entry.surprised &&
+                         !(entry.error_N2[rendered_] > thresholds_.path_wrong_N2);
+  if (candidate.on_taken(innovation, from_query) && !(weaker && was_right)) {
     entry.explained = true;
     const bool settled =
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
     if (index == rendered_) {
       reason_ = candidate.claim_reason();
       claimed_at_ = number;
-    } else if ((entry.surprised || settled || may_be_weaker) &&
-               choice_.trusts(candidate, rendered_)) {
+    } else if ((entry.surprised || settled || weaker) && choice_.trusts(candidate, rendered_)) {
       // Nobody was wrong so far: whose score is less by luck must not take over from it.
       candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       hand_over(index, candidate.claim_reason());

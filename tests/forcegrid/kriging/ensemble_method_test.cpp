@@ -55,8 +55,9 @@ TEST(EnsembleMethods, LetTheEnsembleFindTheCandidateThatKnowsDamping) {
   EXPECT_LT(play.error_after_1s, 0.025);
 }
 
-// Against a wall, an error of some millinewtons wakes all. "moved", which takes the last samples
-// then, explains one by a weaker object that had been predicted well (quarter of a newton wrong).
+// Against a wall, an error of some millinewtons wakes all. "moved" then takes the last samples, of
+// which one surprises it that had been predicted well. If it explained that one by a weaker object,
+// and were rendered, the force would be wrong by a quarter of a newton.
 TEST(EnsembleMethods, TakeNoOldSampleForACut) {
   const AnchoredSprings object(190);
   constexpr double kUp_m = 0.011;
