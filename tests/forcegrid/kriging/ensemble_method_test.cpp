@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -53,6 +54,40 @@ TEST(EnsembleMethods, LetTheEnsembleFindTheCandidateThatKnowsDamping) {
   EXPECT_GT(ensemble.candidate(ensemble.rendered()).field().settings().kernel.history_gain, 0.0);
   EXPECT_LT(play.error_after_1s, 0.4 * single_error);
   EXPECT_LT(play.error_after_1s, 0.025);
+}
+
+// On an object that damps, a candidate that knows the path is rendered, and uncertain about
+// velocities, too. The first requests are made where one that knows the position alone is
+// uncertain.
+TEST(EnsembleMethods, AskFirstAboutPlacesThatAreUnknown) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  EnsembleMethod ensemble(Kind::kAuto, {});
+  Play play;
+  int requests_of_path = 0;
+  play.displacement_m = [&](double t_s) {
+    const Vector3d d_m = motion.position_m(t_s);
+    Vector3d wanted_W;
+    const bool knows_path = ensemble.candidate(ensemble.rendered()).knows_path();
+    if (t_s > 0.2 && knows_path && ensemble.plan_request(t_s, kPoint_W + d_m, wanted_W)) {
+      ++requests_of_path;
+      double most_N = 0.0;
+      for (std::size_t i = 0; i < 4; ++i) {  // smooth, exact, noisy, very noisy
+        most_N = std::max(most_N, ensemble.candidate(i).field().deviation_N(
+                                      wanted_W - kPoint_W, kriging::History::Zero()));
+      }
+      EXPECT_GT(most_N, kriging::FieldRequests::kAsk_N) << "at " << t_s << " s";
+    }
+    return d_m;
+  };
+  play.force_N = [&](double t_s, const Vector3d& d_m) -> Vector3d {
+    const Vector3d moved_m = motion.position_m(t_s + 1e-4) - motion.position_m(t_s - 1e-4);
+    return object.force_N(d_m) - 3.0 * moved_m / 2e-4;
+  };
+  play.duration_s = 0.9;  // fewer than 30 samples
+  play.first_s = 0.5;
+  play.run(ensemble);
+  EXPECT_GT(requests_of_path, 0);
 }
 
 // Against a wall, an error of some millinewtons wakes all. "moved" then takes the last samples, of
