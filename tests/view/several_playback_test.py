@@ -178,9 +178,11 @@ class SeveralTools(BrowserCase):
     def test_recordings_of_different_runs_are_refused(self):
         other = self.path / "other.h5"
         shutil.copy(self.files[1], other)
-        with h5py.File(other, "r+") as data:
+        with h5py.File(self.files[0], "r") as first, h5py.File(other, "r+") as data:
+            # The first one's clock: both start times are of whole seconds, each its own.
+            data.attrs["started_utc"] = first.attrs["started_utc"]
             data.attrs["start_monotonic_ns"] = numpy.bytes_(
-                str(int(data.attrs["start_monotonic_ns"]) + 3_600_000_000_000))
+                str(int(first.attrs["start_monotonic_ns"]) + 3_600_000_000_000))
         done = run("view", self.files[0], other)
         self.assertEqual(done.returncode, 1, done.stderr)
         for part in ("run_device_1.h5", "other.h5", "not of one run",
