@@ -383,7 +383,8 @@ bool ContactIndexedField::surprised(const Observation& o, const Eigen::Vector3d&
   const double doubt_N2 = error_N.squaredNorm() / 3.0 * (1.0 - settings_.surprise / normalised);
   const double reach_m = 2.0 * settings_.kernel.length_m;
   for (Stored& s : stored_) {
-    if (s.used) {
+    // An answer from elsewhere does not contradict what the tool has felt here.
+    if (s.used && (s.kept != nullptr || s.from_query || !o.from_query)) {
       const double d2 = (s.position_m - o.position_m).squaredNorm();
       s.doubt_N2 +=
           doubt_N2 * s.similarity * s.similarity * std::exp(-0.5 * d2 / (reach_m * reach_m));

@@ -36,8 +36,9 @@ namespace forcegrid::kriging {
 /// bounded pieces, see prepare(). Until it is ready, the field reads from the last one at the new
 /// contact point. The same holds for a factor that a surprise has made obsolete. The dictionary of
 /// the contact itself is DictionaryField's, with D instead of the distance: transient newest
-/// sample, spacing, refreshing, surprise (the doubt of other contacts' samples counts g^2). The
-/// sample with the least of the value above, taken at the tool, makes room.
+/// sample, spacing, refreshing, surprise (the doubt of other contacts' samples counts g^2, and an
+/// answer to a query doubts nothing that the tool has felt in this contact). The sample with the
+/// least of the value above, taken at the tool, makes room.
 ///
 /// The zero. A contact whose samples contradict F = 0 at the contact point has its own offset b ~
 /// N(0, kOffset_N2): the covariance of its samples with each other grows by that. The offset is

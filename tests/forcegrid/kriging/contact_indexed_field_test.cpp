@@ -398,6 +398,42 @@ TEST(ContactIndexedField, ForgetsWhatAChangedObjectContradicts) {
   EXPECT_LT(std::sqrt(squares_N2 / reference_N2), 0.03);
 }
 
+// Other places were softer. An answer from 20 mm away shows it; what the tool has felt here stands.
+TEST(ContactIndexedField, DoesNotDoubtWhatTheToolHasFeltByAnAnswerFromElsewhere) {
+  const AnchoredSprings object(kSeed);
+  ContactIndexedField field({});
+  const auto touch = [&](std::uint64_t contact, double strength) {
+    const Vector3d point_W(0.03 * static_cast<double>(contact), 0.0, 0.0);
+    field.enter_contact(contact, point_W);
+    Observation o;
+    o.contact = contact;
+    o.origin_W = point_W;
+    for (int i = 0; i < 12; ++i) {
+      o.position_m = Vector3d(0.002 * (i % 3 - 1), 0.002 * (i / 3 % 2), 0.002 * (i / 3));
+      o.force_N = strength * object.force_N(o.position_m);
+      field.take(o);
+    }
+    while (field.prepare()) {
+    }
+    return o;
+  };
+  touch(1, 1.0);
+  touch(2, 1.0);
+  Observation answer = touch(3, 1.5);
+  const Vector3d felt_m(0.0, 0.0, 0.003);
+  const auto error_N = [&] {
+    return (field.read(felt_m, kNoHistory).force_N - 1.5 * object.force_N(felt_m)).norm();
+  };
+  const double before_N = error_N();
+  answer.from_query = true;
+  answer.position_m = Vector3d(0.02, 0.0, 0.005);
+  answer.force_N = 1.5 * object.force_N(answer.position_m);
+  ASSERT_TRUE(field.take(answer).surprised);
+  while (field.prepare()) {
+  }
+  EXPECT_LT(error_N(), before_N + 0.002);
+}
+
 TEST(ContactIndexedField, KeepsAHundredAndTwentyEightContactsAndNeverMoreThanItsWorkingSet) {
   const VariedSprings object;
   const auto field = plain_field();
