@@ -132,6 +132,7 @@ class Candidate {
   // the first instants of contacts.
   double score_N2 = 0.0;
   double long_score_N2 = 0.0;
+  bool scored_by_own = true;  ///< it took the sample that was scored last
   double first_touch_score_N2 = 0.0;
   int first_touches = 0;  ///< samples of its own in that average, which begins at zero
 

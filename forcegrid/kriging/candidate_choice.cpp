@@ -29,6 +29,7 @@ void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered)
     }
     const double error_N2 =
         errors_N2[i] == EvaluatedSample::kNotTaken_N2 ? otherwise_N2 : errors_N2[i];
+    candidate.scored_by_own = errors_N2[i] != EvaluatedSample::kNotTaken_N2;
     candidate.score_N2 = averaged(thresholds_.score_kept, candidate.score_N2, error_N2);
     candidate.long_score_N2 =
         averaged(thresholds_.long_score_kept, candidate.long_score_N2, error_N2);
@@ -64,7 +65,7 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const double weight = is_lucky(i, rendered) ? thresholds_.lucky_weight : 1.0;
     const double rated_N2 = weight * candidates_.all[i]->rate(peers);
-    if (candidates_.all[i]->awake() && rated_N2 < least_N2) {
+    if (candidates_.all[i]->awake() && candidates_.all[i]->scored_by_own && rated_N2 < least_N2) {
       best = i;
       least_N2 = rated_N2;
     }

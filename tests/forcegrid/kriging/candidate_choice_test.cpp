@@ -214,6 +214,29 @@ TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
 }
 
 TEST_F(CandidateChoiceTest, NamesItsCandidatesInAFixedOrder) {
+// Its score is made of the errors of those that were rendered. When the best of them fails, it seems
+// to be the best, but knows nothing.
+TEST_F(CandidateChoiceTest, DoesNotChooseOneThatTookNoSample) {
+  const std::size_t best = 0;
+  const std::size_t noisy = index("noisy");
+  const std::size_t unfinished = index("unfinished");
+  const auto score = [&](double best_N2, double unfinished_N2, std::size_t rendered) {
+    EvaluatedSample sample = this->sample(7.0, best, best_N2);
+    sample.error_N2[noisy] = 6.0;
+    sample.error_N2[unfinished] = unfinished_N2;
+    choice_.score(sample, rendered);
+  };
+  for (int i = 0; i < 30; ++i) {
+    score(1.0, EvaluatedSample::kNotTaken_N2, best);
+  }
+  score(100.0, EvaluatedSample::kNotTaken_N2, noisy);
+  ASSERT_LT(thresholds_.specialist_weight * candidates_.all[unfinished]->score_N2,
+            thresholds_.hysteresis * candidates_.all[noisy]->score_N2);
+  EXPECT_EQ(choice_.best(noisy), noisy);
+  score(100.0, 0.1, noisy);
+  EXPECT_EQ(choice_.best(noisy), unfinished) << "it has taken one";
+}
+
   const char* const names[] = {"smooth",        "exact",  "noisy",  "very noisy", "viscous",
                                "noisy viscous", "walls",  "memory", "unfinished", "relaxing",
                                "places",        "newest", "moved"};
